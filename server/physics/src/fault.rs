@@ -1,0 +1,21 @@
+//! Quarantine: non-finite state is caught at the end of a solve, rolled back and reported.
+
+/// What was found and undone.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// Step at which it was found.
+    pub step: u64,
+    /// Name of the object whose state was rolled back.
+    pub object: String,
+    /// What was not finite.
+    pub what: FaultKind,
+}
+
+/// The quantity that was found not finite.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FaultKind {
+    /// A node's velocity or position after the solve.
+    NodeState,
+    /// A wrench on a tool.
+    ToolWrench,
+}

@@ -1,0 +1,269 @@
+//! Fine voxels and the links between face neighbours: the topology of one object.
+//!
+//! Invariants: a link is one record shared by its two voxels and is either intact or has a crossing;
+//! a crossing never goes away; voxels are never added or removed. Voxel `(i, j, k)` is the cube
+//! `origin + h [i, i+1] x [j, j+1] x [k, k+1]` of the reference configuration.
+
+pub mod voxelize;
+
+use crate::Vec3;
+
+/// Integer coordinates of a voxel.
+pub type Ijk = [i32; 3];
+
+/// Index of a voxel in [`Grid::voxels`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct VoxelId(pub u32);
+
+impl VoxelId {
+    /// As a slice index.
+    #[must_use]
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// One fine voxel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Voxel {
+    /// Integer coordinates, each in `0..dims[axis]`.
+    pub ijk: Ijk,
+    /// Index into the object's material list (0 = the object's own, then its regions in order).
+    pub material: u16,
+}
+
+/// A link of the lattice: the segment from the centre of cell `cell` to that of its neighbour in
+/// `+axis`. Either end may be outside the object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct LinkId {
+    /// Cell at the link's lower end; coordinates from -1.
+    pub cell: Ijk,
+    /// 0, 1, 2 for x, y, z.
+    pub axis: u8,
+}
+
+impl LinkId {
+    /// The cell at the link's upper end.
+    #[must_use]
+    pub fn upper(self) -> Ijk {
+        let mut cell = self.cell;
+        cell[self.axis as usize] += 1;
+        cell
+    }
+}
+
+/// Where a surface crosses a link, and its normal there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crossing {
+    /// Position along the link from its lower end, in 0..=1.
+    pub t: f32,
+    /// Unit normal of the surface in the reference configuration. On a link to the outside it points
+    /// out of the object; on a parted link it points from the lower to the upper end's side.
+    pub normal: [f32; 3],
+}
+
+/// State of a link that has at least one end inside the object.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Link {
+    /// Both ends inside, material connected.
+    Intact,
+    /// Both ends inside, parted by a blade.
+    Parted(Crossing),
+    /// One end outside: the object's own surface.
+    Boundary(Crossing),
+    /// Both ends outside.
+    Outside,
+}
+
+const NO_VOXEL: u32 = u32::MAX;
+const NO_CROSSING: u32 = u32::MAX;
+
+/// Voxels, links and crossings of one object.
+#[derive(Clone, Debug)]
+pub struct Grid {
+    voxel_size_m: f64,
+    origin_m: Vec3,
+    dims: [i32; 3],
+    voxels: Vec<Voxel>,
+    /// Voxel at each cell of the box `-1..dims + 1`, x fastest.
+    voxel_at: Vec<u32>,
+    /// Crossing of each of a cell's three `+axis` links, same box.
+    crossing_at: Vec<[u32; 3]>,
+    crossings: Vec<Crossing>,
+    /// Signed distance at the centre of each cell of the same box, m, negative inside.
+    signed_distance_m: Vec<f32>,
+}
+
+impl Grid {
+    /// A grid of `voxels` in a box of `dims` cells. `signed_distance_m(ijk)` is sampled at the cell
+    /// centres of the box `-1..dims + 1`; `boundary(link)` gives the crossing of each link that has
+    /// exactly one end inside.
+    #[must_use]
+    pub fn new(
+        voxel_size_m: f64,
+        origin_m: Vec3,
+        dims: [i32; 3],
+        voxels: Vec<Voxel>,
+        signed_distance_m: impl Fn(Ijk) -> f32,
+        boundary: impl Fn(LinkId) -> Crossing,
+    ) -> Self {
+        let cells = dims.iter().map(|d| (d + 2) as usize).product();
+        let mut grid = Self {
+            voxel_size_m,
+            origin_m,
+            dims,
+            voxels,
+            voxel_at: vec![NO_VOXEL; cells],
+            crossing_at: vec![[NO_CROSSING; 3]; cells],
+            crossings: Vec::new(),
+            signed_distance_m: Vec::with_capacity(cells),
+        };
+        for (id, voxel) in grid.voxels.iter().enumerate() {
+            let slot = grid.slot(voxel.ijk).expect("voxel lies in the box");
+            grid.voxel_at[slot] = id as u32;
+        }
+        for k in -1..=dims[2] {
+            for j in -1..=dims[1] {
+                for i in -1..=dims[0] {
+                    let cell = [i, j, k];
+                    grid.signed_distance_m.push(signed_distance_m(cell));
+                    for axis in 0..3u8 {
+                        let link = LinkId { cell, axis };
+                        if grid.voxel_at(cell).is_some() != grid.voxel_at(link.upper()).is_some() {
+                            grid.set_crossing(link, boundary(link));
+                        }
+                    }
+                }
+            }
+        }
+        grid
+    }
+
+    fn slot(&self, cell: Ijk) -> Option<usize> {
+        let mut slot = 0usize;
+        for axis in (0..3).rev() {
+            if cell[axis] < -1 || cell[axis] > self.dims[axis] {
+                return None;
+            }
+            slot = slot * (self.dims[axis] + 2) as usize + (cell[axis] + 1) as usize;
+        }
+        Some(slot)
+    }
+
+    fn set_crossing(&mut self, link: LinkId, crossing: Crossing) {
+        let slot = self.slot(link.cell).expect("link lies in the box");
+        self.crossing_at[slot][link.axis as usize] = self.crossings.len() as u32;
+        self.crossings.push(crossing);
+    }
+
+    /// Edge length of a voxel, m.
+    #[must_use]
+    pub fn voxel_size_m(&self) -> f64 {
+        self.voxel_size_m
+    }
+
+    /// Reference position of the corner (0, 0, 0) of voxel (0, 0, 0), m.
+    #[must_use]
+    pub fn origin_m(&self) -> Vec3 {
+        self.origin_m
+    }
+
+    /// Extent of the box that holds every voxel, in voxels.
+    #[must_use]
+    pub fn dims(&self) -> [i32; 3] {
+        self.dims
+    }
+
+    /// Every voxel.
+    #[must_use]
+    pub fn voxels(&self) -> &[Voxel] {
+        &self.voxels
+    }
+
+    /// The voxel at `cell`, if the object fills it.
+    #[must_use]
+    pub fn voxel_at(&self, cell: Ijk) -> Option<VoxelId> {
+        let id = self.voxel_at[self.slot(cell)?];
+        (id != NO_VOXEL).then_some(VoxelId(id))
+    }
+
+    /// Centre of a cell in the reference configuration, m.
+    #[must_use]
+    pub fn centre_m(&self, cell: Ijk) -> Vec3 {
+        self.origin_m + Vec3::from_fn(|a, _| (f64::from(cell[a]) + 0.5) * self.voxel_size_m)
+    }
+
+    /// The cell that holds a reference position.
+    #[must_use]
+    pub fn cell_of(&self, position_m: &Vec3) -> Ijk {
+        let local = (position_m - self.origin_m) / self.voxel_size_m;
+        [local.x.floor() as i32, local.y.floor() as i32, local.z.floor() as i32]
+    }
+
+    /// State of a link.
+    #[must_use]
+    pub fn link(&self, link: LinkId) -> Link {
+        let lower = self.voxel_at(link.cell).is_some();
+        let upper = self.voxel_at(link.upper()).is_some();
+        let crossing = || {
+            let slot = self.slot(link.cell)?;
+            self.crossings.get(self.crossing_at[slot][link.axis as usize] as usize).copied()
+        };
+        match (lower, upper) {
+            (false, false) => Link::Outside,
+            (true, true) => crossing().map_or(Link::Intact, Link::Parted),
+            _ => Link::Boundary(crossing().expect("a boundary link has a crossing from the start")),
+        }
+    }
+
+    /// Whether the face neighbours at the link's ends are both inside and connected.
+    #[must_use]
+    pub fn is_intact(&self, link: LinkId) -> bool {
+        let (Some(slot), Some(_)) = (self.slot(link.cell), self.voxel_at(link.upper())) else { return false };
+        self.voxel_at[slot] != NO_VOXEL && self.crossing_at[slot][link.axis as usize] == NO_CROSSING
+    }
+
+    /// Parts an intact link; a link that is parted already keeps its first crossing.
+    /// Returns whether the link was intact.
+    pub fn part(&mut self, link: LinkId, crossing: Crossing) -> bool {
+        let intact = self.is_intact(link);
+        if intact {
+            self.set_crossing(link, crossing);
+        }
+        intact
+    }
+
+    /// The six links of a cell with their other ends: -x, +x, -y, +y, -z, +z.
+    pub fn links_of(cell: Ijk) -> impl Iterator<Item = (LinkId, Ijk)> {
+        (0..6u8).map(move |face| {
+            let axis = (face / 2) as usize;
+            let mut other = cell;
+            other[axis] += if face % 2 == 0 { -1 } else { 1 };
+            let lower = if face % 2 == 0 { other } else { cell };
+            (LinkId { cell: lower, axis: axis as u8 }, other)
+        })
+    }
+
+    /// Signed distance to the object's own (uncut) surface at a reference position, m, negative
+    /// inside; trilinear between cell centres, `f64::INFINITY` outside the sampled box.
+    #[must_use]
+    pub fn signed_distance_m(&self, position_m: &Vec3) -> f64 {
+        let local = (position_m - self.origin_m) / self.voxel_size_m - Vec3::repeat(0.5);
+        let base = local.map(f64::floor);
+        let frac = local - base;
+        let base = [base.x as i32, base.y as i32, base.z as i32];
+        let mut value = 0.0;
+        for corner in 0..8 {
+            let mut weight = 1.0;
+            let mut cell = base;
+            for axis in 0..3 {
+                let up = (corner >> axis) & 1;
+                cell[axis] += up;
+                weight *= if up == 1 { frac[axis] } else { 1.0 - frac[axis] };
+            }
+            let Some(slot) = self.slot(cell) else { return f64::INFINITY };
+            value += weight * f64::from(self.signed_distance_m[slot]);
+        }
+        value
+    }
+}

@@ -1,0 +1,1 @@
+//! From a scene's shapes to voxels, links and signed distances.

@@ -1,0 +1,32 @@
+//! The physics of one Kerf scene: composite-FEM tissue, blades, fracture and the surface that is seen.
+//!
+//! Deliberately absent: I/O, clocks, async, hash order and threads of its own. Input comes in as
+//! values ([`StepInputs`]), time through [`StageClock`], threads as [`Workers`]; the same scene and
+//! the same inputs give the same bits.
+//!
+//! Conventions: SI units; scene frame right-handed, +y up, +z toward the user; `f64` for state,
+//! forces and residuals, `f32` inside preconditioners and in what leaves for the wire.
+
+pub mod contact;
+pub mod fault;
+pub mod fem;
+pub mod fracture;
+pub mod grid;
+pub mod hash;
+pub mod math;
+pub mod params;
+pub mod scene;
+pub mod solve;
+pub mod stage;
+pub mod step_io;
+pub mod surface;
+pub mod tool;
+pub mod workers;
+pub mod world;
+
+pub use math::{Mat3, Quat, Vec3};
+pub use scene::{Scene, SceneDesc, SceneError};
+pub use stage::{NoClock, Stage, StageClock, StepProfile};
+pub use step_io::{StepInputs, StepOutput, ToolInput};
+pub use workers::Workers;
+pub use world::World;

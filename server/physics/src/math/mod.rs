@@ -1,0 +1,8 @@
+//! Vector types and the few numerical helpers that more than one module needs.
+
+/// A vector or point, `f64`.
+pub type Vec3 = nalgebra::Vector3<f64>;
+/// A 3x3 matrix, `f64`.
+pub type Mat3 = nalgebra::Matrix3<f64>;
+/// A unit quaternion; stored xyzw.
+pub type Quat = nalgebra::UnitQuaternion<f64>;

@@ -1,0 +1,314 @@
+//! The description of a scene: one TOML file, version 1.
+
+use serde::{Deserialize, Serialize};
+
+/// A scene with everything it refers to: what [`crate::World::new`] is built from.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// The validated description.
+    pub desc: SceneDesc,
+    /// Triangle meshes by the `file` their shape names.
+    pub meshes: std::collections::BTreeMap<String, TriangleMesh>,
+}
+
+/// A triangle mesh as read from a file, before scaling.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TriangleMesh {
+    /// Vertex positions in the file's units.
+    pub positions: Vec<[f64; 3]>,
+    /// Vertex indices of each triangle.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// What is wrong with a scene.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum SceneError {
+    /// The text is not the TOML of a scene.
+    #[error("{file}: {message}")]
+    Parse {
+        /// The file's name as given.
+        file: String,
+        /// Line, column and field, as the parser tells them.
+        message: String,
+    },
+    /// A field has a value that is not supported.
+    #[error("{field}: {message}")]
+    Field {
+        /// Path of the field, as `objects[0].material.poisson_ratio`.
+        field: String,
+        /// The value, the limit and the reason.
+        message: String,
+    },
+}
+
+/// A scene. Every number is in SI units, named in the field.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneDesc {
+    /// Version of the format: 1.
+    pub version: u32,
+    /// Short name.
+    pub name: String,
+    /// One sentence for people.
+    #[serde(default)]
+    pub description: String,
+    /// Steps per simulated second, Hz.
+    #[serde(default = "default_rate_hz")]
+    pub rate_hz: f64,
+    /// Gravity, m/s^2, scene frame.
+    #[serde(default)]
+    pub gravity_m_per_s2: [f64; 3],
+    /// The velocity solver.
+    #[serde(default)]
+    pub solver: SolverDesc,
+    /// The soft bodies.
+    pub objects: Vec<ObjectDesc>,
+    /// The tools that may enter the scene.
+    #[serde(default)]
+    pub tools: Vec<ToolDesc>,
+    /// Points whose displacement is reported.
+    #[serde(default)]
+    pub probes: Vec<ProbeDesc>,
+}
+
+fn default_rate_hz() -> f64 {
+    1000.0
+}
+
+/// The velocity solver of a scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SolverDesc {
+    /// Relative residual at which a solve ends.
+    pub relative_tolerance: f64,
+    /// Iterations after which a solve ends whatever its residual.
+    pub max_iterations: u32,
+}
+
+impl Default for SolverDesc {
+    fn default() -> Self {
+        Self { relative_tolerance: 1e-3, max_iterations: 200 }
+    }
+}
+
+/// A soft body.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ObjectDesc {
+    /// Name, unique in the scene.
+    pub name: String,
+    /// Its shape at rest.
+    pub shape: ShapeDesc,
+    /// Edge length of a fine voxel, m. Exactly one of this and `resolution` is given.
+    #[serde(default)]
+    pub voxel_size_m: Option<f64>,
+    /// Voxels along the longest edge of the shape's bounding box.
+    #[serde(default)]
+    pub resolution: Option<u32>,
+    /// Composite elements are grouped from 2^level voxels a side; 0 is full FEM.
+    #[serde(default = "default_level")]
+    pub level: u8,
+    /// Material where no region says otherwise.
+    pub material: MaterialDesc,
+    /// Shapes within which another material holds; where they overlap the last one wins.
+    #[serde(default)]
+    pub regions: Vec<RegionDesc>,
+    /// Voxels whose centre lies in one of these shapes are held where they are.
+    #[serde(default)]
+    pub fixed: Vec<ShapeDesc>,
+    /// Loads other than gravity.
+    #[serde(default)]
+    pub loads: Vec<LoadDesc>,
+}
+
+fn default_level() -> u8 {
+    2
+}
+
+/// A material.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MaterialDesc {
+    /// Young's modulus at small strain, Pa.
+    pub young_modulus_pa: f64,
+    /// Poisson's ratio.
+    pub poisson_ratio: f64,
+    /// Density, kg/m^3.
+    #[serde(default = "default_density")]
+    pub density_kg_per_m3: f64,
+    /// Rayleigh damping in proportion to mass, 1/s.
+    #[serde(default)]
+    pub rayleigh_alpha_per_s: f64,
+    /// Rayleigh damping in proportion to stiffness, s.
+    #[serde(default)]
+    pub rayleigh_beta_s: f64,
+    /// Fracture energy Gc, J/m^2; absent: the material cannot be cut.
+    #[serde(default)]
+    pub fracture_energy_j_per_m2: Option<f64>,
+    /// Energy release rate at which a front starts, over Gc; at least 1.
+    #[serde(default = "default_initiation_ratio")]
+    pub initiation_ratio: f64,
+    /// Coefficient c of the strain-stiffening law (uniaxially sigma = E eps exp(c eps^2));
+    /// 0: linear co-rotational.
+    #[serde(default)]
+    pub strain_stiffening: f64,
+}
+
+fn default_density() -> f64 {
+    1000.0
+}
+
+fn default_initiation_ratio() -> f64 {
+    2.0
+}
+
+/// A shape within which another material holds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RegionDesc {
+    /// Name.
+    pub name: String,
+    /// Where it holds.
+    pub shape: ShapeDesc,
+    /// What holds there.
+    pub material: MaterialDesc,
+}
+
+/// A solid shape, scene frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub enum ShapeDesc {
+    /// Axis-aligned box.
+    Box {
+        /// Lower corner, m.
+        min_m: [f64; 3],
+        /// Upper corner, m.
+        max_m: [f64; 3],
+    },
+    /// Sphere.
+    Sphere {
+        /// Centre, m.
+        center_m: [f64; 3],
+        /// Radius, m.
+        radius_m: f64,
+    },
+    /// Axis-aligned ellipsoid.
+    Ellipsoid {
+        /// Centre, m.
+        center_m: [f64; 3],
+        /// Semi-axes, m.
+        semi_axes_m: [f64; 3],
+    },
+    /// Capsule: all points within `radius_m` of a segment.
+    Capsule {
+        /// One end of the segment, m.
+        from_m: [f64; 3],
+        /// The other end, m.
+        to_m: [f64; 3],
+        /// Radius, m.
+        radius_m: f64,
+    },
+    /// Smooth union of shapes.
+    SmoothUnion {
+        /// Distance over which surfaces blend, m; 0: plain union.
+        blend_m: f64,
+        /// What is united; no meshes, no unions.
+        parts: Vec<ShapeDesc>,
+    },
+    /// A closed triangle mesh from an OBJ, STL or PLY file.
+    Mesh {
+        /// Path, relative to the scene file.
+        file: String,
+        /// Metres per unit of the file.
+        scale_m_per_unit: f64,
+        /// Scene position of the file's origin, m.
+        #[serde(default)]
+        offset_m: [f64; 3],
+    },
+}
+
+/// A load other than gravity.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub enum LoadDesc {
+    /// Force per area on the boundary faces of voxels whose outward face normal is `face` and whose
+    /// centre lies in `region`.
+    Traction {
+        /// Which voxels.
+        region: ShapeDesc,
+        /// Which of their faces.
+        face: Face,
+        /// Traction, Pa, scene frame, dead (it does not turn with the face).
+        traction_pa: [f64; 3],
+    },
+    /// Force per volume on the voxels in `region`.
+    BodyForce {
+        /// Which voxels.
+        region: ShapeDesc,
+        /// Force density, N/m^3, scene frame.
+        force_n_per_m3: [f64; 3],
+    },
+}
+
+/// A face of a voxel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Face {
+    /// -x.
+    MinX,
+    /// +x.
+    MaxX,
+    /// -y.
+    MinY,
+    /// +y.
+    MaxY,
+    /// -z.
+    MinZ,
+    /// +z.
+    MaxZ,
+}
+
+/// A tool that may enter the scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ToolDesc {
+    /// Name, unique in the scene.
+    pub name: String,
+    /// Its blade.
+    pub blade: BladeDesc,
+}
+
+/// A straight blade.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BladeDesc {
+    /// Length of the edge, m.
+    pub width_m: f64,
+    /// Height of the flanks above the edge, m.
+    pub height_m: f64,
+    /// Half-width of the edge, m: the contact's length scale.
+    #[serde(default = "default_edge_half_width_m")]
+    pub edge_half_width_m: f64,
+    /// Thickness of the blade behind its edge, m.
+    #[serde(default)]
+    pub thickness_m: f64,
+    /// Coulomb friction of the flanks.
+    #[serde(default)]
+    pub flank_friction: f64,
+}
+
+fn default_edge_half_width_m() -> f64 {
+    5e-5
+}
+
+/// A point whose displacement is reported.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProbeDesc {
+    /// Name, unique in the scene.
+    pub name: String,
+    /// Object it belongs to.
+    pub object: String,
+    /// Material point, reference configuration, m.
+    pub position_m: [f64; 3],
+}

@@ -1,0 +1,105 @@
+//! The stages of a step and the profile of what each one took.
+
+/// One stage of [`crate::World::step`], in the order of execution.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(usize)]
+pub enum Stage {
+    /// Tool poses at t + dt.
+    ApplyInputs,
+    /// Broad and narrow phase of tool-tissue contact.
+    Contact,
+    /// Element rotations and exact co-rotational forces.
+    Rotations,
+    /// The implicit velocity solve, contact active set included.
+    Velocities,
+    /// New positions, quarantine of non-finite state, wrenches and energies.
+    Integrate,
+    /// Fronts advance, links part.
+    Fracture,
+    /// Parts, nodes, operators and preconditioner where links parted.
+    Topology,
+    /// Surface rebuilt where links parted.
+    Surface,
+}
+
+impl Stage {
+    /// Every stage, in the order of execution.
+    pub const ALL: [Stage; 8] = [
+        Stage::ApplyInputs,
+        Stage::Contact,
+        Stage::Rotations,
+        Stage::Velocities,
+        Stage::Integrate,
+        Stage::Fracture,
+        Stage::Topology,
+        Stage::Surface,
+    ];
+
+    /// Name used as a column header and metric label.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Stage::ApplyInputs => "apply_inputs",
+            Stage::Contact => "contact",
+            Stage::Rotations => "rotations",
+            Stage::Velocities => "velocities",
+            Stage::Integrate => "integrate",
+            Stage::Fracture => "fracture",
+            Stage::Topology => "topology",
+            Stage::Surface => "surface",
+        }
+    }
+}
+
+/// Where a step asks for the time; the core has no clock of its own.
+pub trait StageClock {
+    /// Nanoseconds since an arbitrary origin, monotonic.
+    fn now_ns(&self) -> u64;
+}
+
+/// A clock that stands still, for runs that need no profile.
+pub struct NoClock;
+
+impl StageClock for NoClock {
+    fn now_ns(&self) -> u64 {
+        0
+    }
+}
+
+/// Nanoseconds per stage of one step; `None` for a stage that did not run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StepProfile {
+    /// Indexed by `Stage as usize`.
+    pub stage_ns: [Option<u64>; Stage::ALL.len()],
+}
+
+impl StepProfile {
+    /// Sum over the stages that ran.
+    #[must_use]
+    pub fn total_ns(&self) -> u64 {
+        self.stage_ns.iter().flatten().sum()
+    }
+}
+
+/// Takes a lap at the end of each stage.
+pub(crate) struct Lap<'a> {
+    clock: &'a dyn StageClock,
+    last_ns: u64,
+    profile: StepProfile,
+}
+
+impl<'a> Lap<'a> {
+    pub(crate) fn start(clock: &'a dyn StageClock) -> Self {
+        Self { last_ns: clock.now_ns(), clock, profile: StepProfile::default() }
+    }
+
+    pub(crate) fn end(&mut self, stage: Stage) {
+        let now = self.clock.now_ns();
+        *self.profile.stage_ns[stage as usize].get_or_insert(0) += now.saturating_sub(self.last_ns);
+        self.last_ns = now;
+    }
+
+    pub(crate) fn finish(self) -> StepProfile {
+        self.profile
+    }
+}

@@ -1,0 +1,153 @@
+//! All that crosses the border of a step: [`StepInputs`] in, [`StepOutput`] out.
+
+use crate::fault::Fault;
+use crate::stage::StepProfile;
+use crate::tool::Pose;
+use crate::Vec3;
+
+/// Input of one step.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct StepInputs<'a> {
+    /// At most one entry per tool; a tool without one keeps its last pose.
+    pub tools: &'a [ToolInput],
+}
+
+/// What became known of one tool since the last step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToolInput {
+    /// Index into [`crate::SceneDesc::tools`].
+    pub tool: usize,
+    /// What the tool does in this step.
+    pub motion: ToolMotion,
+}
+
+/// How a tool gets to where it is at t + dt.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ToolMotion {
+    /// Moves to this pose, touching what lies between.
+    MoveTo(Pose),
+    /// Is lifted and put down at this pose, touching nothing between (first pose, teleport).
+    EnterAt(Pose),
+    /// Leaves the scene; it touches nothing until it enters again.
+    Lift,
+}
+
+/// Force and torque on a tool, scene frame, torque about the tool's reference point.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wrench {
+    /// Force on the tool, N.
+    pub force_n: Vec3,
+    /// Torque on the tool about its reference point, N m.
+    pub torque_nm: Vec3,
+}
+
+/// Local model of the contact that a station evaluates at its servo rate:
+/// `wrench(pose) = wrench - stiffness * (pose - reference) - damping * velocity`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactModel {
+    /// Tool pose that `wrench` belongs to.
+    pub reference: Pose,
+    /// Wrench on the tool at the reference pose.
+    pub wrench: Wrench,
+    /// Symmetric 6x6, row-major, [translation m; rotation rad] -> [N; N m].
+    pub stiffness: [[f64; 6]; 6],
+    /// Isotropic translational damping, N s/m.
+    pub damping_n_s_per_m: f64,
+    /// While cutting: the force along `cap_direction` does not exceed this, N.
+    pub force_cap_n: Option<f64>,
+    /// Unit vector of the cap, scene frame: the tool's cutting direction, reversed.
+    pub cap_direction: Vec3,
+    /// Distance from the reference pose within which the model holds, m.
+    pub validity_radius_m: f64,
+}
+
+/// State of one tool after a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ToolOutput {
+    /// Pose at t + dt; `None` while lifted.
+    pub pose: Option<Pose>,
+    /// Wrench on the tool, from the forces the solver applied.
+    pub wrench: Wrench,
+    /// Present while the tool touches tissue.
+    pub contact: Option<ContactModel>,
+    /// Length of the edge whose front is yielding, m.
+    pub cutting_length_m: f64,
+}
+
+/// Energy booked in one step, J; positive terms leave the first line and enter the others:
+/// `tool + gravity + load = d elastic + d contact + d kinetic + fracture + front_slip + initiation
+///  + friction + damping + numerical + residual`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct EnergyStep {
+    /// Work done by tools on the tissue.
+    pub tool_work_j: f64,
+    /// Work done by gravity.
+    pub gravity_work_j: f64,
+    /// Work done by tractions and body forces.
+    pub load_work_j: f64,
+    /// Elastic energy after the step (a level, not a difference).
+    pub elastic_j: f64,
+    /// Energy in contact springs and held voxels after the step (a level).
+    pub contact_j: f64,
+    /// Kinetic energy after the step (a level).
+    pub kinetic_j: f64,
+    /// Gc times the area that parted.
+    pub fracture_j: f64,
+    /// Work of the capped force on material that slipped past the edge, less `fracture_j`.
+    pub front_slip_j: f64,
+    /// Energy set free when the front dropped from its initiation to its propagation value.
+    pub initiation_j: f64,
+    /// Heat of flank friction.
+    pub friction_j: f64,
+    /// Rayleigh damping.
+    pub damping_j: f64,
+    /// Dissipation of the implicit Euler step and its linearisation, computed, not by difference.
+    pub numerical_j: f64,
+    /// What the terms above leave unexplained.
+    pub residual_j: f64,
+}
+
+/// How the velocity solve went.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SolveReport {
+    /// PCG iterations of all solves of the step.
+    pub iterations: u32,
+    /// Solves of the step: 1 + the number of times the contact's active set changed.
+    pub solves: u32,
+    /// Relative residual that was reached by the last solve.
+    pub relative_residual: f64,
+}
+
+/// What parted in one step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FractureStep {
+    /// Links that parted.
+    pub parted_links: u32,
+    /// Area that the fronts swept through intact material, m^2, reference configuration.
+    pub cut_area_m2: f64,
+}
+
+/// Everything a step reports. Owned by the world and reused.
+#[derive(Clone, Debug, Default)]
+pub struct StepOutput {
+    /// Steps taken so far, this one included.
+    pub step: u64,
+    /// Simulated time at the end of the step, s.
+    pub sim_time_s: f64,
+    /// One entry per tool of the scene.
+    pub tools: Vec<ToolOutput>,
+    /// Energy booked.
+    pub energy: EnergyStep,
+    /// One displacement per probe of the scene, m, scene frame.
+    pub probe_displacement_m: Vec<Vec3>,
+    /// How the solve went.
+    pub solve: SolveReport,
+    /// What parted.
+    pub fracture: FractureStep,
+    /// Rises by one each time links part.
+    pub topology_version: u64,
+    /// Set when non-finite state was found and rolled back.
+    pub fault: Option<Fault>,
+    /// Nanoseconds per stage.
+    pub profile: StepProfile,
+}

@@ -1,0 +1,105 @@
+//! What leaves for the viewers: the lattice (nodes, elements) and the surface bound to it.
+//!
+//! A keyframe binds surface vertices to elements and elements to nodes; per step only node
+//! displacements go out; when links part a patch says what changed in the structure.
+
+use super::{Quad, QuadId, VertexId};
+
+/// A surface vertex bound to a composite element.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoundVertex {
+    /// Stable id.
+    pub id: VertexId,
+    /// Element it moves with.
+    pub element: u32,
+    /// Trilinear coordinates in the element, 0..=1 inside it; corner `c` of the element has
+    /// coordinates `(c & 1, c >> 1 & 1, c >> 2)`.
+    pub local: [f32; 3],
+}
+
+/// An element's nodes, corner `c` at `(c & 1, c >> 1 & 1, c >> 2)`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LatticeElement {
+    /// Element id.
+    pub id: u32,
+    /// Node ids.
+    pub nodes: [u32; 8],
+}
+
+/// A node at rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LatticeNode {
+    /// Node id; also the index of its displacement in [`crate::World::node_displacements_m`].
+    pub id: u32,
+    /// Reference position, m.
+    pub rest_m: [f32; 3],
+}
+
+/// A quad and its id.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BoundQuad {
+    /// Stable id.
+    pub id: QuadId,
+    /// Vertex ids, counter-clockwise seen from outside.
+    pub vertices: Quad,
+}
+
+/// Structure of one object: the whole of it in a keyframe, what changed in a patch.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BodyStructure {
+    /// New or changed nodes, ids ascending.
+    pub nodes: Vec<LatticeNode>,
+    /// New or changed elements, ids ascending.
+    pub elements: Vec<LatticeElement>,
+    /// New or changed vertices, ids ascending.
+    pub vertices: Vec<BoundVertex>,
+    /// New or changed quads, ids ascending.
+    pub quads: Vec<BoundQuad>,
+    /// Vertices that are gone (patches only).
+    pub removed_vertices: Vec<VertexId>,
+    /// Quads that are gone (patches only).
+    pub removed_quads: Vec<QuadId>,
+    /// Number of node slots: length of the displacement array over three.
+    pub node_count: u32,
+}
+
+/// Structure of every object at one topology version.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Keyframe {
+    /// Topology version it describes.
+    pub topology_version: u64,
+    /// One entry per object of the scene.
+    pub bodies: Vec<BodyStructure>,
+    /// Hash of the surface, to check a replica by.
+    pub surface_hash: u64,
+}
+
+/// What changed from one topology version to the next.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TopologyPatch {
+    /// Version it applies to.
+    pub from_version: u64,
+    /// Version it leads to: `from_version + 1`.
+    pub to_version: u64,
+    /// One entry per object of the scene.
+    pub bodies: Vec<BodyStructure>,
+    /// Hash of the surface after it.
+    pub surface_hash: u64,
+}
+
+/// Hash of a surface's structure, the same in the server and in a replica: over every body in order,
+/// vertices by id (id, element, bits of the local coordinates), then quads by id (id, vertices).
+pub fn hash_body(
+    hasher: &mut crate::hash::StateHasher,
+    vertices: impl Iterator<Item = BoundVertex>,
+    quads: impl Iterator<Item = BoundQuad>,
+) {
+    for vertex in vertices {
+        hasher.word(u64::from(vertex.id) << 32 | u64::from(vertex.element));
+        vertex.local.iter().for_each(|c| hasher.word(u64::from(c.to_bits())));
+    }
+    for quad in quads {
+        hasher.word(u64::from(quad.id));
+        quad.vertices.iter().for_each(|v| hasher.word(u64::from(*v)));
+    }
+}

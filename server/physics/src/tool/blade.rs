@@ -1,0 +1,1 @@
+//! The blade's shape.

@@ -1,0 +1,35 @@
+//! Threads lent to the core by whoever owns them.
+
+use rayon::ThreadPool;
+use rayon::prelude::*;
+
+/// The threads a step may use. Work is split into fixed chunks whatever their number, so the result
+/// has the same bits at any thread count.
+#[derive(Clone, Copy, Default)]
+pub struct Workers<'a> {
+    pool: Option<&'a ThreadPool>,
+}
+
+impl<'a> Workers<'a> {
+    /// Everything runs on the calling thread.
+    #[must_use]
+    pub fn serial() -> Self {
+        Self { pool: None }
+    }
+
+    /// Chunks are shared out to the threads of `pool`; a pool of one thread counts as serial.
+    #[must_use]
+    pub fn of(pool: &'a ThreadPool) -> Self {
+        Self { pool: (pool.current_num_threads() > 1).then_some(pool) }
+    }
+
+    /// Calls `work(index, chunk)` for each element of `chunks`, in parallel where threads are lent.
+    pub fn for_each<T: Send, F: Fn(usize, &mut T) + Sync>(&self, chunks: &mut [T], work: F) {
+        match self.pool {
+            Some(pool) if chunks.len() > 1 => {
+                pool.install(|| chunks.par_iter_mut().enumerate().for_each(|(i, chunk)| work(i, chunk)));
+            }
+            _ => chunks.iter_mut().enumerate().for_each(|(i, chunk)| work(i, chunk)),
+        }
+    }
+}

@@ -1,0 +1,1 @@
+//! Tests that run the whole system; see the files beside this one.
