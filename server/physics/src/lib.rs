@@ -7,12 +7,14 @@
 //! Conventions: SI units; scene frame right-handed, +y up, +z toward the user; `f64` for state,
 //! forces and residuals, `f32` inside preconditioners and in what leaves for the wire.
 
+pub mod body;
 pub mod contact;
 pub mod fault;
 pub mod fem;
 pub mod fracture;
 pub mod grid;
 pub mod hash;
+pub mod ledger;
 pub mod math;
 pub mod params;
 pub mod scene;

@@ -292,9 +292,6 @@ pub struct BladeDesc {
     /// Thickness of the blade behind its edge, m.
     #[serde(default)]
     pub thickness_m: f64,
-    /// Coulomb friction of the flanks.
-    #[serde(default)]
-    pub flank_friction: f64,
 }
 
 fn default_edge_half_width_m() -> f64 {

@@ -8,12 +8,12 @@ pub enum Stage {
     ApplyInputs,
     /// Broad and narrow phase of tool-tissue contact.
     Contact,
-    /// Element rotations and exact co-rotational forces.
-    Rotations,
     /// The implicit velocity solve, contact active set included.
     Velocities,
-    /// New positions, quarantine of non-finite state, wrenches and energies.
+    /// New positions, quarantine of non-finite state, wrenches.
     Integrate,
+    /// Element rotations and exact co-rotational forces at the new positions, the system matrix.
+    Rotations,
     /// Fronts advance, links part.
     Fracture,
     /// Parts, nodes, operators and preconditioner where links parted.
@@ -27,9 +27,9 @@ impl Stage {
     pub const ALL: [Stage; 8] = [
         Stage::ApplyInputs,
         Stage::Contact,
-        Stage::Rotations,
         Stage::Velocities,
         Stage::Integrate,
+        Stage::Rotations,
         Stage::Fracture,
         Stage::Topology,
         Stage::Surface,
@@ -41,9 +41,9 @@ impl Stage {
         match self {
             Stage::ApplyInputs => "apply_inputs",
             Stage::Contact => "contact",
-            Stage::Rotations => "rotations",
             Stage::Velocities => "velocities",
             Stage::Integrate => "integrate",
+            Stage::Rotations => "rotations",
             Stage::Fracture => "fracture",
             Stage::Topology => "topology",
             Stage::Surface => "surface",

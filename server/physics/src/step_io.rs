@@ -1,9 +1,9 @@
 //! All that crosses the border of a step: [`StepInputs`] in, [`StepOutput`] out.
 
+use crate::Vec3;
 use crate::fault::Fault;
 use crate::stage::StepProfile;
 use crate::tool::Pose;
-use crate::Vec3;
 
 /// Input of one step.
 #[derive(Clone, Copy, Debug, Default)]
@@ -75,15 +75,13 @@ pub struct ToolOutput {
 }
 
 /// Energy booked in one step, J; positive terms leave the first line and enter the others:
-/// `tool + gravity + load = d elastic + d contact + d kinetic + fracture + front_slip + initiation
-///  + friction + damping + numerical + residual`.
+/// `tool + load = d elastic + d contact + d kinetic + fracture + front_slip + initiation + damping
+///  + parting + numerical + residual`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EnergyStep {
     /// Work done by tools on the tissue.
     pub tool_work_j: f64,
-    /// Work done by gravity.
-    pub gravity_work_j: f64,
-    /// Work done by tractions and body forces.
+    /// Work done by gravity, tractions and body forces.
     pub load_work_j: f64,
     /// Elastic energy after the step (a level, not a difference).
     pub elastic_j: f64,
@@ -97,10 +95,11 @@ pub struct EnergyStep {
     pub front_slip_j: f64,
     /// Energy set free when the front dropped from its initiation to its propagation value.
     pub initiation_j: f64,
-    /// Heat of flank friction.
-    pub friction_j: f64,
     /// Rayleigh damping.
     pub damping_j: f64,
+    /// Elastic energy that vanished as composite elements were split: what holding both sides in one
+    /// trilinear field had cost.
+    pub parting_j: f64,
     /// Dissipation of the implicit Euler step and its linearisation, computed, not by difference.
     pub numerical_j: f64,
     /// What the terms above leave unexplained.

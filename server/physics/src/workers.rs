@@ -23,13 +23,14 @@ impl<'a> Workers<'a> {
         Self { pool: (pool.current_num_threads() > 1).then_some(pool) }
     }
 
-    /// Calls `work(index, chunk)` for each element of `chunks`, in parallel where threads are lent.
-    pub fn for_each<T: Send, F: Fn(usize, &mut T) + Sync>(&self, chunks: &mut [T], work: F) {
+    /// Calls `work(chunk index, chunk)` for each chunk of `size` elements, in parallel where threads
+    /// are lent.
+    pub fn for_chunks<T: Send, F: Fn(usize, &mut [T]) + Sync>(&self, data: &mut [T], size: usize, work: F) {
         match self.pool {
-            Some(pool) if chunks.len() > 1 => {
-                pool.install(|| chunks.par_iter_mut().enumerate().for_each(|(i, chunk)| work(i, chunk)));
+            Some(pool) if data.len() > size => {
+                pool.install(|| data.par_chunks_mut(size).enumerate().for_each(|(i, chunk)| work(i, chunk)));
             }
-            _ => chunks.iter_mut().enumerate().for_each(|(i, chunk)| work(i, chunk)),
+            _ => data.chunks_mut(size).enumerate().for_each(|(i, chunk)| work(i, chunk)),
         }
     }
 }

@@ -1,1 +1,6 @@
-//! Placeholder of the module's first commit.
+//! Composite finite elements: material, element matrices, rotations and forces.
+
+pub mod composite;
+pub mod corotation;
+pub mod lanes;
+pub mod material;

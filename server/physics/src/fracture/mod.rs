@@ -1,1 +1,4 @@
-//! Placeholder of the module's first commit.
+//! Fracture: the force-capped front along a blade's edge and the links it parts.
+
+pub mod front;
+pub mod sweep;

@@ -1,1 +1,7 @@
-//! Placeholder of the module's first commit.
+//! The implicit velocity solve: matrix-free operators on every level of the hierarchy, a multigrid
+//! preconditioner over them, and preconditioned conjugate gradients.
+
+pub mod coarsest;
+pub mod multigrid;
+pub mod operator;
+pub mod pcg;

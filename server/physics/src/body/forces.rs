@@ -1,0 +1,303 @@
+//! The body's share of a step: forces at the current state, the system matrix, the right side, the
+//! solve and the new state.
+
+use super::Body;
+use crate::contact::{Contact, Mode};
+use crate::fem::corotation::{LANES, StepEnergies, rotation_matrix};
+use crate::fem::lanes::for_packed;
+use crate::solve::operator::{LANES as OPERATOR_LANES, PointSpring};
+use crate::solve::pcg::PcgReport;
+use crate::step_io::SolveReport;
+use crate::workers::Workers;
+
+/// Blocks of elements per chunk of parallel work.
+const BLOCKS_PER_CHUNK: usize = 32;
+/// Elements whose stiffening factor is within this of 1 keep the matrix of the rest state.
+const STIFFENING_THRESHOLD: f64 = 0.02;
+/// Coarse matrices follow an element's stiffening only when it has changed by this factor: they
+/// precondition, and a spectrally close matrix does as well.
+const COARSE_STIFFENING_FACTOR: f64 = 1.5;
+
+/// Energies of a body, J.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BodyEnergy {
+    /// Elastic.
+    pub elastic_j: f64,
+    /// In the springs of held voxels.
+    pub hold_j: f64,
+    /// Kinetic.
+    pub kinetic_j: f64,
+}
+
+impl Body {
+    /// Rotations, forces, energies and velocity terms of every element at the current state.
+    pub fn evaluate(&mut self, workers: &Workers<'_>, rotation_iterations: u32) {
+        let (blocks, x, v) = (&self.blocks, &self.position_m, &self.velocity_m_per_s);
+        let dt = self.params.dt_s;
+        workers.for_chunks(&mut self.states, BLOCKS_PER_CHUNK, |chunk, states| {
+            for (state, block) in states.iter_mut().zip(&blocks[chunk * BLOCKS_PER_CHUNK..]) {
+                block.evaluate(state, x, v, dt, rotation_iterations);
+            }
+        });
+    }
+
+    /// Energies at the state that was last evaluated.
+    #[must_use]
+    pub fn energy(&self) -> BodyEnergy {
+        let mut energy = BodyEnergy::default();
+        for (element, data) in self.base().elements.iter().enumerate() {
+            let (state, lane) = (&self.states[element / LANES], element % LANES);
+            energy.elastic_j += state.energy_j.as_array()[lane];
+            for (corner, &node) in data.nodes.iter().enumerate() {
+                for i in 0..3 {
+                    energy.kinetic_j +=
+                        0.5 * self.velocity_m_per_s[node as usize][i] * state.momentum[3 * corner + i].as_array()[lane];
+                }
+            }
+        }
+        for (element, hold) in &self.holds {
+            let u = self.element_displacements(*element as usize);
+            energy.hold_j += (0..3).map(|i| 0.5 * quadratic(hold, |a| u[a][i], |b| u[b][i])).sum::<f64>();
+        }
+        energy
+    }
+
+    /// Sum of the elastic force at each node, N; what internal forces alone do.
+    #[must_use]
+    pub fn elastic_forces_n(&self) -> super::Nodal {
+        let mut forces = vec![[0.0; 3]; self.node_count()];
+        self.for_each_corner(|state, lane, corner, node| {
+            (0..3).for_each(|i| forces[node][i] += state.force_n[3 * corner + i].as_array()[lane]);
+        });
+        forces
+    }
+
+    /// What the elements' nodes carry under a constant stress, `-sum_e V sigma d_a`, N: the reference
+    /// of the patch test.
+    #[must_use]
+    pub fn constant_stress_forces_n(&self, stress_pa: &crate::Mat3) -> super::Nodal {
+        let mut forces = vec![[0.0; 3]; self.node_count()];
+        for (element, data) in self.base().elements.iter().enumerate() {
+            let (block, lane) = (&self.blocks[element / LANES], element % LANES);
+            for (corner, &node) in data.nodes.iter().enumerate() {
+                let d = crate::Vec3::from(block.mean_gradient[corner].map(|g| g.as_array()[lane]));
+                let f = stress_pa * d * block.volume_m3.as_array()[lane];
+                (0..3).for_each(|i| forces[node as usize][i] -= f[i]);
+            }
+        }
+        forces
+    }
+
+    /// Momentum of each node's share of the mass, N s.
+    #[must_use]
+    pub fn nodal_momentum(&self) -> super::Nodal {
+        let mut momentum = vec![[0.0; 3]; self.node_count()];
+        self.for_each_corner(|state, lane, corner, node| {
+            (0..3).for_each(|i| momentum[node][i] += state.momentum[3 * corner + i].as_array()[lane]);
+        });
+        momentum
+    }
+
+    fn for_each_corner(&self, mut visit: impl FnMut(&crate::fem::corotation::ElementState, usize, usize, usize)) {
+        for (element, data) in self.base().elements.iter().enumerate() {
+            for (corner, &node) in data.nodes.iter().enumerate() {
+                visit(&self.states[element / LANES], element % LANES, corner, node as usize);
+            }
+        }
+    }
+
+    fn element_displacements(&self, element: usize) -> [[f64; 3]; 8] {
+        self.base().elements[element].nodes.map(|n| {
+            let rest = self.rest_position_m(n as usize);
+            let x = self.position_m[n as usize];
+            [0, 1, 2].map(|i| x[i] - rest[i])
+        })
+    }
+
+    /// `A_e = (1 + alpha dt) M + (dt^2 + beta dt) K' + dt^2 H` of one element, with the tangent
+    /// `K' = K + (psi' - 1) K_G + psi'' / V f_G f_G^T`, into the solver's operator.
+    pub(super) fn write_matrix(&mut self, element: usize) {
+        let (block, state, lane) = (&self.blocks[element / LANES], &self.states[element / LANES], element % LANES);
+        let dt = self.params.dt_s;
+        let at = |v: &wide::f64x8| v.as_array()[lane];
+        let mass_factor = 1.0 + dt * at(&block.alpha_per_s);
+        let stiffness_factor = dt * (dt + at(&block.beta_s));
+        let stiffening = at(&state.stiffening) - 1.0;
+        let active = stiffening > STIFFENING_THRESHOLD;
+        let curvature = if active { at(&state.curvature) } else { 0.0 };
+        let hold = self.holds.binary_search_by_key(&(element as u32), |h| h.0).ok().map(|i| &self.holds[i].1);
+        let mut packed = [0.0; crate::fem::lanes::PACKED];
+        for_packed(|index, row, column| {
+            let mut k = at(&block.stiffness[index]);
+            if active && let Some(data) = &block.stiffening {
+                k += stiffening * at(&data.galerkin[index])
+                    + curvature * at(&state.galerkin_force_n[row]) * at(&state.galerkin_force_n[column]);
+            }
+            packed[index] = stiffness_factor * k;
+            if row % 3 == column % 3 {
+                let (a, b) = (row / 3, column / 3);
+                let entry = a * (a + 1) / 2 + b;
+                packed[index] += mass_factor * at(&block.mass_kg[entry]);
+                packed[index] += hold.map_or(0.0, |h| dt * dt * h[entry]);
+            }
+        });
+        self.applied_stiffening[element] = if active { 1.0 + stiffening } else { 1.0 };
+        self.multigrid.operator_mut().set_matrix(element, &packed);
+    }
+
+    /// Rotations of all elements into the solver's operator.
+    pub(super) fn write_rotations(&mut self) {
+        for (pair, block) in self.states.chunks(2).zip(&mut self.multigrid.operator_mut().blocks) {
+            for (half, state) in pair.iter().enumerate() {
+                let r = rotation_matrix(&state.rotation);
+                for (slot, values) in block.rotation.iter_mut().zip(&r) {
+                    let target = &mut slot.as_mut_array()[half * LANES..(half + 1) * LANES];
+                    for (t, value) in target.iter_mut().zip(values.as_array()) {
+                        *t = *value as f32;
+                    }
+                }
+            }
+        }
+        const { assert!(OPERATOR_LANES == 2 * LANES) };
+    }
+
+    /// Brings the solver's operator and its preconditioner to the evaluated state.
+    pub fn refresh_operator(&mut self, workers: &Workers<'_>) {
+        self.scratch.stale_parents.clear();
+        if self.blocks.iter().any(|b| b.stiffening.is_some()) {
+            for element in 0..self.base().elements.len() {
+                let stiffening = self.states[element / LANES].stiffening.as_array()[element % LANES];
+                let active = stiffening - 1.0 > STIFFENING_THRESHOLD;
+                if active || self.applied_stiffening[element] != 1.0 {
+                    self.write_matrix(element);
+                }
+                let ratio = self.applied_stiffening[element] / self.coarse_stiffening[element];
+                if !(1.0 / COARSE_STIFFENING_FACTOR..=COARSE_STIFFENING_FACTOR).contains(&ratio) {
+                    self.coarse_stiffening[element] = self.applied_stiffening[element];
+                    if let Some(above) = self.levels.get(1) {
+                        self.scratch.stale_parents.push(above.owner[element]);
+                    }
+                }
+            }
+        }
+        if !self.scratch.stale_parents.is_empty() {
+            let mut parents = std::mem::take(&mut self.scratch.stale_parents);
+            parents.sort_unstable();
+            parents.dedup();
+            self.multigrid.rebuild_coarse(&self.levels, parents);
+        }
+        self.write_rotations();
+        self.multigrid.update_rotations_and_diagonals(workers);
+    }
+
+    /// Replaces the springs of the solver's operator by those of the contacts that act.
+    pub fn set_springs<'a>(&mut self, workers: &Workers<'_>, contacts: impl Iterator<Item = &'a Contact>) {
+        let dt2 = self.params.dt_s * self.params.dt_s;
+        let springs = &mut self.multigrid.operator_mut().springs;
+        let mut count = 0;
+        for contact in contacts.filter(|c| c.mode == Mode::Spring) {
+            if springs.len() == count {
+                springs.push(PointSpring::default());
+            }
+            let spring = &mut springs[count];
+            spring.direction = contact.direction.map(|c| c as f32).into();
+            spring.stiffness = (dt2 * contact.stiffness_n_per_m) as f32;
+            spring.weights.clear();
+            spring.weights.extend(contact.weights.iter().map(|(node, w)| (node, w as f32)));
+            count += 1;
+        }
+        springs.truncate(count);
+        self.multigrid.update_springs_and_diagonals(workers);
+    }
+
+    /// Writes `dt (f_elastic + f_external + f_hold - drag)` at every node: the right side but for
+    /// contact.
+    pub fn assemble_right_side(&mut self) {
+        let dt = self.params.dt_s;
+        let mut b = std::mem::take(&mut self.scratch.right_side);
+        b.clear();
+        b.extend(self.external_n.iter().map(|f| f.map(|c| c * dt)));
+        self.for_each_corner(|state, lane, corner, node| {
+            for i in 0..3 {
+                let slot = 3 * corner + i;
+                b[node][i] += dt * (state.force_n[slot].as_array()[lane] - state.drag_n[slot].as_array()[lane]);
+            }
+        });
+        for (element, hold) in &self.holds {
+            let nodes = self.base().elements[*element as usize].nodes;
+            let u = self.element_displacements(*element as usize);
+            for a in 0..8 {
+                for i in 0..3 {
+                    // The hold acts at the end of the step: its displacement includes dt v.
+                    let force: f64 = (0..8)
+                        .map(|c| entry(hold, a, c) * (u[c][i] + dt * self.velocity_m_per_s[nodes[c] as usize][i]))
+                        .sum();
+                    b[nodes[a] as usize][i] -= dt * force;
+                }
+            }
+        }
+        self.scratch.right_side = b;
+    }
+
+    /// Solves for the change of velocity with contact impulses `impulse` (node, N s) added to the
+    /// right side; `velocity_change` starts as the guess and ends as the solution.
+    pub fn solve_velocity_change(
+        &mut self,
+        workers: &Workers<'_>,
+        impulses: &[(u32, [f64; 3])],
+        velocity_change: &mut super::Nodal,
+    ) -> SolveReport {
+        let scratch = &mut self.scratch;
+        scratch.right_side_f32.clear();
+        scratch.right_side_f32.extend(scratch.right_side.iter().map(|b| b.map(|c| c as f32)));
+        for (node, impulse) in impulses {
+            (0..3).for_each(|i| scratch.right_side_f32[*node as usize][i] += impulse[i] as f32);
+        }
+        scratch.solution.clear();
+        scratch.solution.extend(velocity_change.iter().map(|v| v.map(|c| c as f32)));
+        let PcgReport { iterations, relative_residual } = self.pcg.solve(
+            workers,
+            &mut self.multigrid,
+            &scratch.right_side_f32,
+            &mut scratch.solution,
+            self.params.relative_tolerance,
+            self.params.max_iterations,
+        );
+        velocity_change.clear();
+        velocity_change.extend(self.scratch.solution.iter().map(|v| v.map(f64::from)));
+        SolveReport { iterations, solves: 1, relative_residual }
+    }
+
+    /// What a step from the evaluated state with `velocity_change` does to the elements' energies.
+    #[must_use]
+    pub fn step_energies(&self, velocity_change: &super::Nodal) -> StepEnergies {
+        let mut sum = StepEnergies::default();
+        let dt = self.params.dt_s;
+        for (block, state) in self.blocks.iter().zip(&self.states) {
+            block.add_step_energies(state, &self.velocity_m_per_s, velocity_change, dt, &mut sum);
+        }
+        for (element, hold) in &self.holds {
+            let nodes = self.base().elements[*element as usize].nodes;
+            let dx = nodes.map(|n| {
+                let (v, dv) = (self.velocity_m_per_s[n as usize], velocity_change[n as usize]);
+                [0, 1, 2].map(|i| dt * (v[i] + dv[i]))
+            });
+            sum.hold_j += (0..3).map(|i| 0.5 * quadratic(hold, |a| dx[a][i], |b| dx[b][i])).sum::<f64>();
+        }
+        sum
+    }
+
+    /// Work of the external loads, gravity included, over nodal displacements, J.
+    #[must_use]
+    pub fn external_work_j(&self, displacement_m: impl Iterator<Item = [f64; 3]>) -> f64 {
+        self.external_n.iter().zip(displacement_m).map(|(f, u)| (0..3).map(|i| f[i] * u[i]).sum::<f64>()).sum()
+    }
+}
+
+fn entry(packed: &[f64; 36], a: usize, b: usize) -> f64 {
+    if b <= a { packed[a * (a + 1) / 2 + b] } else { packed[b * (b + 1) / 2 + a] }
+}
+
+fn quadratic(packed: &[f64; 36], u: impl Fn(usize) -> f64, v: impl Fn(usize) -> f64) -> f64 {
+    (0..8).map(|a| u(a) * (0..8).map(|b| entry(packed, a, b) * v(b)).sum::<f64>()).sum()
+}

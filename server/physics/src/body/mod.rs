@@ -1,0 +1,413 @@
+//! One soft body: its voxels, its hierarchy of elements, their matrices and their state.
+
+mod forces;
+mod interpolate;
+mod relax;
+mod rigid;
+mod topology;
+
+pub use forces::BodyEnergy;
+pub use interpolate::MaterialPoint;
+pub use topology::TopologyChange;
+
+use crate::Vec3;
+use crate::fem::composite::{CompositeTables, shape_functions};
+use crate::fem::corotation::{ElementBlock, ElementLaw, ElementState, LANES};
+use crate::fem::material::Elastic;
+use crate::grid::levels::{Level, Units, VoxelUnits};
+use crate::grid::{Grid, VoxelId, voxelize};
+use crate::params::StepParams;
+use crate::scene::{Face, LoadDesc, MaterialDesc, ObjectDesc, Scene, SceneError, ShapeDesc};
+use crate::solve::multigrid::Multigrid;
+use crate::solve::pcg::PcgScratch;
+use crate::workers::Workers;
+
+/// Coarsening stops at this many nodes: a dense factor of that size costs less than another level.
+const COARSEST_NODES: usize = 60;
+/// Stiffness of a held voxel over `E h`: its compliance adds less than a hundredth of a voxel of
+/// tissue to what it holds.
+const HOLD_STIFFNESS: f64 = 300.0;
+
+/// A node-wise vector in `f64`.
+pub type Nodal = Vec<[f64; 3]>;
+
+/// Material of a voxel as the step uses it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Material {
+    /// Young's modulus, Pa.
+    pub young_modulus_pa: f64,
+    /// Poisson's ratio.
+    pub poisson_ratio: f64,
+    /// Lame constants and density.
+    pub elastic: Elastic,
+    /// Damping and stiffening.
+    pub law: ElementLaw,
+    /// Fracture energy, J/m^2; `None`: cannot be cut.
+    pub fracture_energy_j_per_m2: Option<f64>,
+    /// Energy release rate at which a front starts over the fracture energy.
+    pub initiation_ratio: f64,
+}
+
+impl From<&MaterialDesc> for Material {
+    fn from(desc: &MaterialDesc) -> Self {
+        Self {
+            young_modulus_pa: desc.young_modulus_pa,
+            poisson_ratio: desc.poisson_ratio,
+            elastic: Elastic::new(desc.young_modulus_pa, desc.poisson_ratio, desc.density_kg_per_m3),
+            law: ElementLaw {
+                alpha_per_s: desc.rayleigh_alpha_per_s,
+                beta_s: desc.rayleigh_beta_s,
+                stiffening_rate_per_pa: 2.0 * desc.strain_stiffening / desc.young_modulus_pa,
+            },
+            fracture_energy_j_per_m2: desc.fracture_energy_j_per_m2,
+            initiation_ratio: desc.initiation_ratio,
+        }
+    }
+}
+
+/// What acts on a voxel besides its elasticity.
+#[derive(Clone, Copy, Debug, Default)]
+struct VoxelLoad {
+    held: bool,
+    /// Force on the voxel other than gravity, N.
+    force_n: Vec3,
+}
+
+/// One soft body.
+pub struct Body {
+    /// Name in the scene.
+    pub name: String,
+    /// Voxels and links.
+    pub grid: Grid,
+    /// Composite elements: the level that is solved on, then the levels above it.
+    pub levels: Vec<Level>,
+    /// Materials by voxel's material index.
+    pub materials: Vec<Material>,
+    /// Node positions, m, scene frame.
+    pub position_m: Nodal,
+    /// Node velocities, m/s, scene frame.
+    pub velocity_m_per_s: Nodal,
+    /// Loads of each node other than contact, N.
+    external_n: Nodal,
+    voxel_loads: Vec<VoxelLoad>,
+    gravity_m_per_s2: Vec3,
+    tables: CompositeTables,
+    blocks: Vec<ElementBlock>,
+    states: Vec<ElementState>,
+    /// Elements with held voxels and their 8x8 penalty, lower triangle by rows, N/m.
+    holds: Vec<(u32, [f64; 36])>,
+    multigrid: Multigrid,
+    pcg: PcgScratch,
+    /// `psi'` that the solver's matrix and the coarse matrices were last made with.
+    applied_stiffening: Vec<f64>,
+    coarse_stiffening: Vec<f64>,
+    rigid: rigid::RigidParts,
+    scratch: Scratch,
+    params: StepParams,
+}
+
+#[derive(Default)]
+struct Scratch {
+    right_side: Nodal,
+    right_side_f32: Vec<[f32; 3]>,
+    solution: Vec<[f32; 3]>,
+    stale_parents: Vec<u32>,
+}
+
+impl Body {
+    /// Voxelises an object of the scene and builds its elements at rest.
+    ///
+    /// # Errors
+    /// What is wrong with the object's shape.
+    pub fn new(scene: &Scene, index: usize, params: StepParams, workers: &Workers<'_>) -> Result<Self, SceneError> {
+        let object = &scene.desc.objects[index];
+        let mesh = |shape: &ShapeDesc| match shape {
+            ShapeDesc::Mesh { file, .. } => scene.meshes.get(file),
+            _ => None,
+        };
+        let grid = voxelize::voxelize(object, mesh(&object.shape))?;
+        let loads = voxel_loads(&grid, object, &mesh);
+        let mut body = Self::at_rest(&object.name, grid, object, loads, scene.desc.gravity_m_per_s2.into(), params);
+        body.rebuild_all(workers);
+        Ok(body)
+    }
+
+    fn at_rest(
+        name: &str,
+        grid: Grid,
+        object: &ObjectDesc,
+        voxel_loads: Vec<VoxelLoad>,
+        gravity_m_per_s2: Vec3,
+        params: StepParams,
+    ) -> Self {
+        let exponent = object.level;
+        let levels = build_levels(&grid, exponent);
+        let materials = std::iter::once(&object.material)
+            .chain(object.regions.iter().map(|r| &r.material))
+            .map(Material::from)
+            .collect();
+        let mut body = Self {
+            name: name.to_owned(),
+            tables: CompositeTables::new(exponent, grid.voxel_size_m()),
+            multigrid: Multigrid::new(&levels),
+            grid,
+            levels,
+            materials,
+            position_m: Vec::new(),
+            velocity_m_per_s: Vec::new(),
+            external_n: Vec::new(),
+            voxel_loads,
+            gravity_m_per_s2,
+            blocks: Vec::new(),
+            states: Vec::new(),
+            holds: Vec::new(),
+            pcg: PcgScratch::default(),
+            applied_stiffening: Vec::new(),
+            coarse_stiffening: Vec::new(),
+            rigid: rigid::RigidParts::default(),
+            scratch: Scratch::default(),
+            params,
+        };
+        body.position_m = (0..body.node_count()).map(|n| body.rest_position_m(n).into()).collect();
+        body.velocity_m_per_s = vec![[0.0; 3]; body.node_count()];
+        body
+    }
+
+    /// The level that is solved on.
+    #[must_use]
+    pub fn base(&self) -> &Level {
+        &self.levels[0]
+    }
+
+    /// Time step, s.
+    #[must_use]
+    pub fn dt_s(&self) -> f64 {
+        self.params.dt_s
+    }
+
+    /// Factor by which strain has stiffened an element.
+    #[must_use]
+    pub fn stiffening(&self, element: usize) -> f64 {
+        self.states[element / LANES].stiffening.as_array()[element % LANES]
+    }
+
+    /// Edge of a composite element, m.
+    #[must_use]
+    pub fn element_edge_m(&self) -> f64 {
+        self.grid.voxel_size_m() * f64::from(1u32 << self.base().exponent)
+    }
+
+    /// Number of nodes.
+    #[must_use]
+    pub fn node_count(&self) -> usize {
+        self.base().nodes.len()
+    }
+
+    /// Reference position of a node, m.
+    #[must_use]
+    pub fn rest_position_m(&self, node: usize) -> Vec3 {
+        let edge = self.element_edge_m();
+        self.grid.origin_m() + Vec3::from(self.base().nodes[node].map(|c| f64::from(c) * edge))
+    }
+
+    /// Material of a voxel.
+    #[must_use]
+    pub fn material_of(&self, voxel: VoxelId) -> &Material {
+        &self.materials[self.grid.voxels()[voxel.index()].material as usize]
+    }
+
+    /// Number of separate pieces.
+    #[must_use]
+    pub fn part_count(&self) -> u32 {
+        self.rigid.part_count()
+    }
+
+    /// Total mass, kg.
+    #[must_use]
+    pub fn mass_kg(&self) -> f64 {
+        let volume = self.grid.voxel_size_m().powi(3);
+        (0..self.grid.voxels().len())
+            .map(|v| self.material_of(VoxelId(v as u32)).elastic.density_kg_per_m3 * volume)
+            .sum()
+    }
+
+    /// Voxels of an element, in the order of its cell.
+    fn voxels_of(&self, element: usize) -> Vec<VoxelId> {
+        let base = self.base();
+        let units = VoxelUnits { grid: &self.grid, exponent: base.exponent };
+        let mut voxels = Vec::new();
+        units.in_cell(base.elements[element].cell, &mut |v| {
+            if base.owner[v as usize] as usize == element {
+                voxels.push(VoxelId(v));
+            }
+        });
+        voxels
+    }
+
+    /// Recomputes the matrices, the hold and the loads of an element from its voxels.
+    fn rebuild_element(&mut self, element: usize) {
+        let voxels = self.voxels_of(element);
+        let filled: Vec<(usize, Elastic)> = voxels
+            .iter()
+            .map(|&v| (self.tables.position(self.grid.voxels()[v.index()].ijk), self.material_of(v).elastic))
+            .collect();
+        let matrices = self.tables.assemble(&filled);
+        let law = self.mean_law(&voxels);
+        let edge = self.element_edge_m();
+        self.blocks[element / LANES].set_matrices(element % LANES, edge, &matrices, law);
+        self.holds.retain(|(e, _)| *e as usize != element);
+        if voxels.iter().any(|v| self.voxel_loads[v.index()].held) {
+            let hold = self.hold_matrix(&voxels);
+            self.holds.push((element as u32, hold));
+            self.holds.sort_unstable_by_key(|h| h.0);
+        }
+    }
+
+    /// Damping and stiffening of an element: means over its voxels.
+    fn mean_law(&self, voxels: &[VoxelId]) -> ElementLaw {
+        let mut mean = ElementLaw { alpha_per_s: 0.0, beta_s: 0.0, stiffening_rate_per_pa: 0.0 };
+        let share = 1.0 / voxels.len() as f64;
+        for &voxel in voxels {
+            let law = self.material_of(voxel).law;
+            mean.alpha_per_s += share * law.alpha_per_s;
+            mean.beta_s += share * law.beta_s;
+            mean.stiffening_rate_per_pa += share * law.stiffening_rate_per_pa;
+        }
+        mean
+    }
+
+    /// Coordinates of a reference position in the cell of an element; 0..=1 inside it.
+    #[must_use]
+    pub fn local_coordinates(&self, element: usize, position_m: &Vec3) -> [f64; 3] {
+        let cell = self.base().elements[element].cell;
+        let local = (position_m - self.grid.origin_m()) / self.element_edge_m();
+        [0, 1, 2].map(|a| local[a] - f64::from(cell[a]))
+    }
+
+    /// A held voxel is held at its eight corners, through the interpolation of its element.
+    fn hold_matrix(&self, voxels: &[VoxelId]) -> [f64; 36] {
+        let mut hold = [0.0; 36];
+        let h = self.grid.voxel_size_m();
+        for &voxel in voxels.iter().filter(|v| self.voxel_loads[v.index()].held) {
+            let stiffness = HOLD_STIFFNESS * self.material_of(voxel).young_modulus_pa * h / 8.0;
+            let element = self.base().owner[voxel.index()] as usize;
+            let centre = self.grid.centre_m(self.grid.voxels()[voxel.index()].ijk);
+            for corner in 0..8 {
+                let offset = Vec3::from([0, 1, 2].map(|a| ((corner >> a & 1) as f64 - 0.5) * h));
+                let n = shape_functions(self.local_coordinates(element, &(centre + offset)));
+                for a in 0..8 {
+                    for b in 0..=a {
+                        hold[a * (a + 1) / 2 + b] += stiffness * n[a] * n[b];
+                    }
+                }
+            }
+        }
+        hold
+    }
+
+    /// Loads at the nodes, from gravity and every voxel's own force.
+    fn rebuild_external_forces(&mut self) {
+        let volume = self.grid.voxel_size_m().powi(3);
+        let mut external = vec![[0.0; 3]; self.node_count()];
+        for (index, voxel) in self.grid.voxels().iter().enumerate() {
+            let id = VoxelId(index as u32);
+            let weight = self.gravity_m_per_s2 * (self.material_of(id).elastic.density_kg_per_m3 * volume);
+            let force = weight + self.voxel_loads[index].force_n;
+            if force == Vec3::zeros() {
+                continue;
+            }
+            let element = self.base().owner[index] as usize;
+            // N at the centre is the mean of N over the voxel: trilinear along each axis.
+            let n = shape_functions(self.local_coordinates(element, &self.grid.centre_m(voxel.ijk)));
+            for (corner, &node) in self.base().elements[element].nodes.iter().enumerate() {
+                (0..3).for_each(|i| external[node as usize][i] += n[corner] * force[i]);
+            }
+        }
+        self.external_n = external;
+    }
+
+    /// Builds every matrix from scratch and evaluates forces at the current state.
+    fn rebuild_all(&mut self, workers: &Workers<'_>) {
+        self.resize_blocks();
+        for element in 0..self.base().elements.len() {
+            self.rebuild_element(element);
+        }
+        self.rebuild_external_forces();
+        self.rigid = rigid::RigidParts::new(self);
+        self.evaluate(workers, 20);
+        for element in 0..self.base().elements.len() {
+            self.write_matrix(element);
+        }
+        self.write_rotations();
+        self.multigrid.rebuild(workers, &self.levels);
+    }
+
+    fn resize_blocks(&mut self) {
+        let elements = self.base().elements.len();
+        let blocks = elements.div_ceil(LANES);
+        self.blocks.resize_with(blocks, ElementBlock::default);
+        self.states.resize_with(blocks, ElementState::default);
+        for element in 0..elements {
+            self.blocks[element / LANES].set_nodes(element % LANES, &self.levels[0].elements[element].nodes);
+        }
+        self.applied_stiffening.resize(elements, 1.0);
+        self.coarse_stiffening.resize(elements, 1.0);
+    }
+}
+
+fn build_levels(grid: &Grid, exponent: u8) -> Vec<Level> {
+    let cells = |e: u8| grid.dims().map(|d| (d + (1 << e) - 1) >> e);
+    let mut levels = vec![Level::build(&VoxelUnits { grid, exponent }, exponent, cells(exponent))];
+    loop {
+        let last = &levels[levels.len() - 1];
+        if last.nodes.len() <= COARSEST_NODES || last.dims().iter().all(|d| *d <= 1) {
+            return levels;
+        }
+        let above = Level::build(last, last.exponent + 1, cells(last.exponent + 1));
+        levels.push(above);
+    }
+}
+
+fn voxel_loads<'a>(
+    grid: &Grid,
+    object: &ObjectDesc,
+    mesh: &impl Fn(&ShapeDesc) -> Option<&'a crate::scene::TriangleMesh>,
+) -> Vec<VoxelLoad> {
+    let mut loads = vec![VoxelLoad::default(); grid.voxels().len()];
+    for shape in &object.fixed {
+        for voxel in voxelize::region_voxels(grid, shape, mesh(shape)) {
+            loads[voxel.index()].held = true;
+        }
+    }
+    let h = grid.voxel_size_m();
+    for load in &object.loads {
+        match load {
+            LoadDesc::BodyForce { region, force_n_per_m3 } => {
+                for voxel in voxelize::region_voxels(grid, region, mesh(region)) {
+                    loads[voxel.index()].force_n += Vec3::from(*force_n_per_m3) * h.powi(3);
+                }
+            }
+            LoadDesc::Traction { region, face, traction_pa } => {
+                for voxel in voxelize::region_voxels(grid, region, mesh(region)) {
+                    if grid.voxel_at(across(grid.voxels()[voxel.index()].ijk, *face)).is_none() {
+                        loads[voxel.index()].force_n += Vec3::from(*traction_pa) * h * h;
+                    }
+                }
+            }
+        }
+    }
+    loads
+}
+
+fn across(mut cell: crate::grid::Ijk, face: Face) -> crate::grid::Ijk {
+    let (axis, step) = match face {
+        Face::MinX => (0, -1),
+        Face::MaxX => (0, 1),
+        Face::MinY => (1, -1),
+        Face::MaxY => (1, 1),
+        Face::MinZ => (2, -1),
+        Face::MaxZ => (2, 1),
+    };
+    cell[axis] += step;
+    cell
+}

@@ -1,0 +1,82 @@
+//! Static equilibrium under the loads, without contact.
+
+use super::Body;
+use crate::workers::Workers;
+
+/// Unbalanced force over the load's norm at which the body counts as at rest.
+const REST: f64 = 1e-8;
+const MAX_ROUNDS: u32 = 400;
+
+impl Body {
+    /// Newton steps with a mass term, `(M / tau^2 + K) dx = f`; tau grows while the energy falls and
+    /// shrinks where it rises. Velocities are zero at the end. Returns whether rest was reached.
+    pub fn relax(&mut self, workers: &Workers<'_>, progress: &mut dyn FnMut(f64)) -> bool {
+        let params = self.params;
+        let mut tau = 0.02;
+        self.set_time_step(workers, tau);
+        let mut best = self.potential_j();
+        let mut change = vec![[0.0; 3]; self.node_count()];
+        let mut reached = false;
+        for _ in 0..MAX_ROUNDS {
+            self.assemble_right_side();
+            let unbalanced = self.unbalanced_force();
+            progress(unbalanced);
+            reached = unbalanced < REST;
+            if reached {
+                break;
+            }
+            change.iter_mut().for_each(|v| *v = [0.0; 3]);
+            self.solve_velocity_change(workers, &[], &mut change);
+            let saved = self.position_m.clone();
+            for (x, v) in self.position_m.iter_mut().zip(&change) {
+                (0..3).for_each(|i| x[i] += tau * v[i]);
+            }
+            self.evaluate(workers, 20);
+            let energy = self.potential_j();
+            if energy <= best + 1e-12 * best.abs() {
+                best = energy;
+                let grown = (4.0 * tau).min(1e3);
+                if grown > tau {
+                    tau = grown;
+                    self.set_time_step(workers, tau);
+                } else {
+                    self.refresh_operator(workers);
+                }
+            } else {
+                self.position_m = saved;
+                self.evaluate(workers, 20);
+                tau *= 0.25;
+                self.set_time_step(workers, tau);
+            }
+        }
+        self.params = params;
+        self.set_time_step(workers, params.dt_s);
+        reached
+    }
+
+    fn potential_j(&self) -> f64 {
+        let energy = self.energy();
+        let displacement = (0..self.node_count()).map(|n| {
+            let rest = self.rest_position_m(n);
+            [0, 1, 2].map(|i| self.position_m[n][i] - rest[i])
+        });
+        energy.elastic_j + energy.hold_j - self.external_work_j(displacement)
+    }
+
+    fn unbalanced_force(&self) -> f64 {
+        let norm = |v: &[[f64; 3]]| v.iter().flatten().map(|c| c * c).sum::<f64>().sqrt();
+        norm(&self.scratch.right_side) / (self.params.dt_s * norm(&self.external_n)).max(f64::MIN_POSITIVE)
+    }
+
+    fn set_time_step(&mut self, workers: &Workers<'_>, dt_s: f64) {
+        self.params.dt_s = dt_s;
+        self.velocity_m_per_s.iter_mut().for_each(|v| *v = [0.0; 3]);
+        self.evaluate(workers, 2);
+        for element in 0..self.base().elements.len() {
+            self.write_matrix(element);
+            self.coarse_stiffening[element] = self.applied_stiffening[element];
+        }
+        self.write_rotations();
+        self.multigrid.rebuild(workers, &self.levels);
+    }
+}

@@ -1,0 +1,144 @@
+//! Free parts keep their momentum whatever the tolerance of the solve.
+//!
+//! A relative tolerance leaves a residual in every mode, rigid ones included: a free spinning
+//! fragment would fall too slowly. After a solve each part that nothing outside holds or touches gets
+//! the rigid velocity change that makes its linear and angular momentum what the loads say.
+
+use super::{Body, Nodal};
+use crate::fem::corotation::LANES;
+use crate::grid::levels::NONE;
+use crate::{Mat3, Vec3};
+
+/// The separate pieces of a body.
+#[derive(Clone, Debug, Default)]
+pub(super) struct RigidParts {
+    element_part: Vec<u32>,
+    node_part: Vec<u32>,
+    held: Vec<bool>,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Totals {
+    mass: f64,
+    centre: Vec3,
+    linear: Vec3,
+    angular: Vec3,
+    inertia: Mat3,
+}
+
+impl RigidParts {
+    pub(super) fn new(body: &Body) -> Self {
+        let (element_part, count) = body.base().parts();
+        let mut node_part = vec![NONE; body.node_count()];
+        for (element, data) in body.base().elements.iter().enumerate() {
+            data.nodes.iter().for_each(|n| node_part[*n as usize] = element_part[element]);
+        }
+        let mut held = vec![false; count as usize];
+        body.holds.iter().for_each(|(element, _)| held[element_part[*element as usize] as usize] = true);
+        Self { element_part, node_part, held }
+    }
+
+    pub(super) fn part_count(&self) -> u32 {
+        self.held.len() as u32
+    }
+}
+
+impl Body {
+    /// Corrects `dv` on every part that is neither held nor touched (`touched_nodes`).
+    pub fn correct_rigid_motion(&self, touched_nodes: impl Iterator<Item = u32>, dv: &mut Nodal) {
+        let parts = &self.rigid;
+        if parts.held.iter().all(|h| *h) {
+            return;
+        }
+        let mut skip = parts.held.clone();
+        touched_nodes.for_each(|n| skip[parts.node_part[n as usize] as usize] = true);
+        if skip.iter().all(|s| *s) {
+            return;
+        }
+        let mut totals = vec![Totals::default(); skip.len()];
+        self.add_mass_moments(&mut totals);
+        let dt = self.params.dt_s;
+        // The change of momentum that the solve should have made: loads less mass damping.
+        self.for_each_mass(|part, node, other, mass| {
+            let (total, x) = (&mut totals[part], Vec3::from(self.position_m[node]));
+            let change = Vec3::from(dv[other]) * mass;
+            total.linear -= change;
+            total.angular -= (x - total.centre).cross(&change);
+        });
+        for (node, f) in self.external_n.iter().enumerate() {
+            if parts.node_part[node] == NONE {
+                continue;
+            }
+            let total = &mut totals[parts.node_part[node] as usize];
+            let impulse = Vec3::from(*f) * dt;
+            total.linear += impulse;
+            total.angular += (Vec3::from(self.position_m[node]) - total.centre).cross(&impulse);
+        }
+        self.add_mass_damping(&mut totals, dv);
+        for (node, change) in dv.iter_mut().enumerate() {
+            let part = parts.node_part[node];
+            if part == NONE || skip[part as usize] {
+                continue;
+            }
+            let total = &totals[part as usize];
+            let spin = total.inertia.lu().solve(&total.angular).unwrap_or_default();
+            let add = total.linear / total.mass + spin.cross(&(Vec3::from(self.position_m[node]) - total.centre));
+            (0..3).for_each(|i| change[i] += add[i]);
+        }
+    }
+
+    /// `M alpha dt (v + dv)`: what mass-proportional damping takes.
+    fn add_mass_damping(&self, totals: &mut [Totals], dv: &Nodal) {
+        let dt = self.params.dt_s;
+        for (element, data) in self.base().elements.iter().enumerate() {
+            let (block, lane) = (&self.blocks[element / LANES], element % LANES);
+            let alpha = block.alpha_per_s.as_array()[lane];
+            if alpha == 0.0 {
+                continue;
+            }
+            let total = &mut totals[self.rigid.element_part[element] as usize];
+            for a in 0..8 {
+                for b in 0..8 {
+                    let (i, j) = (data.nodes[a] as usize, data.nodes[b] as usize);
+                    let mass = block.mass_kg[packed_index(a, b)].as_array()[lane];
+                    let v = Vec3::from(self.velocity_m_per_s[j]) + Vec3::from(dv[j]);
+                    let loss = v * (dt * alpha * mass);
+                    total.linear -= loss;
+                    total.angular -= (Vec3::from(self.position_m[i]) - total.centre).cross(&loss);
+                }
+            }
+        }
+    }
+
+    fn add_mass_moments(&self, totals: &mut [Totals]) {
+        self.for_each_mass(|part, node, _, mass| {
+            totals[part].mass += mass;
+            totals[part].centre += Vec3::from(self.position_m[node]) * mass;
+        });
+        totals.iter_mut().for_each(|t| t.centre /= t.mass);
+        self.for_each_mass(|part, node, other, mass| {
+            let total = &mut totals[part];
+            let a = Vec3::from(self.position_m[node]) - total.centre;
+            let b = Vec3::from(self.position_m[other]) - total.centre;
+            total.inertia += (Mat3::identity() * a.dot(&b) - b * a.transpose()) * mass;
+        });
+    }
+
+    /// Visits `(part, node, node, mass entry)` of the consistent mass.
+    fn for_each_mass(&self, mut visit: impl FnMut(usize, usize, usize, f64)) {
+        for (element, data) in self.base().elements.iter().enumerate() {
+            let (block, lane) = (&self.blocks[element / LANES], element % LANES);
+            let part = self.rigid.element_part[element] as usize;
+            for a in 0..8 {
+                for b in 0..8 {
+                    let mass = block.mass_kg[packed_index(a, b)].as_array()[lane];
+                    visit(part, data.nodes[a] as usize, data.nodes[b] as usize, mass);
+                }
+            }
+        }
+    }
+}
+
+fn packed_index(a: usize, b: usize) -> usize {
+    if b <= a { a * (a + 1) / 2 + b } else { b * (b + 1) / 2 + a }
+}

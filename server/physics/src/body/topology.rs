@@ -1,0 +1,101 @@
+//! What happens when links part: only what changed is rebuilt.
+
+use super::{Body, rigid};
+use crate::fem::corotation::{ElementState, LANES};
+use crate::grid::levels::{Level, LevelChange, VoxelUnits};
+use crate::grid::{Grid, Ijk, LinkId, VoxelId};
+use crate::workers::Workers;
+
+/// What a topology update changed, for whoever follows the body from outside.
+#[derive(Clone, Debug, Default)]
+pub struct TopologyChange {
+    /// Elements whose nodes or voxels changed, ascending; new ones included.
+    pub elements: Vec<u32>,
+    /// New nodes, ascending.
+    pub nodes: Vec<u32>,
+    /// Voxels that moved to another element.
+    pub rebound_voxels: Vec<VoxelId>,
+}
+
+impl Body {
+    /// Rebuilds parts, nodes, matrices and preconditioner after `parted` links were parted in the
+    /// grid. New nodes start where the nodes they split from are, with their velocity, so nothing
+    /// jumps.
+    pub fn update_topology(&mut self, workers: &Workers<'_>, parted: &[LinkId]) -> TopologyChange {
+        let changes = self.update_levels(parted);
+        let base = &changes[0];
+        for &(_, from) in &base.split_nodes {
+            self.position_m.push(self.position_m[from as usize]);
+            self.velocity_m_per_s.push(self.velocity_m_per_s[from as usize]);
+        }
+        self.resize_blocks();
+        for &(new, from) in &base.split_elements {
+            self.copy_state(from as usize, new as usize);
+        }
+        for &element in &base.changed_elements {
+            self.rebuild_element(element as usize);
+        }
+        self.rebuild_external_forces();
+        self.rigid = rigid::RigidParts::new(self);
+        let mut elements: Vec<u32> = base.changed_elements.iter().chain(&base.renoded_elements).copied().collect();
+        elements.sort_unstable();
+        elements.dedup();
+        self.evaluate_touched(&elements);
+        for &element in &elements {
+            self.write_matrix_of_changed(element as usize);
+        }
+        self.write_rotations();
+        self.multigrid.update_topology(workers, &self.levels, &changes);
+        let rebound_voxels = base.split_elements.iter().flat_map(|&(new, _)| self.voxels_of(new as usize)).collect();
+        TopologyChange { elements, nodes: base.split_nodes.iter().map(|s| s.0).collect(), rebound_voxels }
+    }
+
+    fn update_levels(&mut self, parted: &[LinkId]) -> Vec<LevelChange> {
+        let exponent = self.levels[0].exponent;
+        let voxels = parted.iter().flat_map(|link| [link.cell, link.upper()]);
+        let touched: Vec<Ijk> = voxels.map(|c| c.map(|x| x >> exponent)).collect();
+        let units = VoxelUnits { grid: &self.grid, exponent };
+        let mut changes = vec![self.levels[0].update(&units, touched)];
+        for i in 1..self.levels.len() {
+            let touched = changes[i - 1].touched_cells.iter().map(|c| c.map(|x| x >> 1)).collect();
+            let (below, above) = self.levels.split_at_mut(i);
+            let child: &Level = &below[i - 1];
+            changes.push(above[0].update(child, touched));
+        }
+        changes
+    }
+
+    fn copy_state(&mut self, from: usize, to: usize) {
+        let rotation = self.states[from / LANES].rotation.map(|q| q.as_array()[from % LANES]);
+        let target: &mut ElementState = &mut self.states[to / LANES];
+        for (slot, value) in target.rotation.iter_mut().zip(rotation) {
+            slot.as_mut_array()[to % LANES] = value;
+        }
+    }
+
+    /// Re-evaluates the blocks that hold changed elements.
+    fn evaluate_touched(&mut self, elements: &[u32]) {
+        let mut blocks: Vec<usize> = elements.iter().map(|e| *e as usize / LANES).collect();
+        blocks.dedup();
+        for block in blocks {
+            self.blocks[block].evaluate(
+                &mut self.states[block],
+                &self.position_m,
+                &self.velocity_m_per_s,
+                self.params.dt_s,
+                2,
+            );
+        }
+    }
+
+    fn write_matrix_of_changed(&mut self, element: usize) {
+        self.write_matrix(element);
+        self.coarse_stiffening[element] = self.applied_stiffening[element];
+    }
+
+    /// Parts links of the grid; returns those that were intact.
+    pub fn part_links(&mut self, links: &[(LinkId, crate::grid::Crossing)]) -> Vec<LinkId> {
+        let grid: &mut Grid = &mut self.grid;
+        links.iter().filter(|(link, crossing)| grid.part(*link, *crossing)).map(|(link, _)| *link).collect()
+    }
+}

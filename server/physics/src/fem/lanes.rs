@@ -1,0 +1,169 @@
+//! Symmetric 24x24 matrices of several elements side by side, one element per SIMD lane.
+//!
+//! Nested loops over small arrays do not vectorise by themselves; with an element per lane every
+//! operation is a whole vector, and the bits do not depend on the width of the machine's registers.
+
+use super::composite::Matrix24;
+use std::ops::{Add, Mul};
+
+/// Entries of a packed symmetric 24x24 matrix: by node blocks, row block `a`, first the lower
+/// triangle of (a, a), then for each b < a the nine entries of (a, b), row-major.
+pub const PACKED: usize = 300;
+
+/// A vector of floating-point lanes.
+pub trait Lane: Copy + Add<Output = Self> + Mul<Output = Self> {
+    /// All lanes zero.
+    const ZERO: Self;
+    /// `self * factor + term`, rounded once.
+    #[must_use]
+    fn fma(self, factor: Self, term: Self) -> Self;
+}
+
+impl Lane for wide::f64x8 {
+    const ZERO: Self = Self::ZERO;
+    #[inline(always)]
+    fn fma(self, factor: Self, term: Self) -> Self {
+        self.mul_add(factor, term)
+    }
+}
+
+impl Lane for wide::f32x16 {
+    const ZERO: Self = Self::ZERO;
+    #[inline(always)]
+    fn fma(self, factor: Self, term: Self) -> Self {
+        self.mul_add(factor, term)
+    }
+}
+
+impl Lane for f64 {
+    const ZERO: Self = 0.0;
+    #[inline(always)]
+    fn fma(self, factor: Self, term: Self) -> Self {
+        self.mul_add(factor, term)
+    }
+}
+
+/// Visits the packed entries as (index, row, column).
+pub fn for_packed(mut visit: impl FnMut(usize, usize, usize)) {
+    let mut index = 0;
+    for a in 0..8 {
+        for i in 0..3 {
+            for j in 0..=i {
+                visit(index, 3 * a + i, 3 * a + j);
+                index += 1;
+            }
+        }
+        for b in 0..a {
+            for i in 0..3 {
+                for j in 0..3 {
+                    visit(index, 3 * a + i, 3 * b + j);
+                    index += 1;
+                }
+            }
+        }
+    }
+}
+
+/// Packs a symmetric matrix.
+#[must_use]
+pub fn pack(matrix: &Matrix24) -> [f64; PACKED] {
+    let mut packed = [0.0; PACKED];
+    for_packed(|index, row, column| packed[index] = matrix[row][column]);
+    packed
+}
+
+/// The full matrix of a packed one.
+#[must_use]
+pub fn unpack(packed: &[f64; PACKED]) -> Box<Matrix24> {
+    let mut matrix = Box::new([[0.0; 24]; 24]);
+    for_packed(|index, row, column| {
+        matrix[row][column] = packed[index];
+        matrix[column][row] = packed[index];
+    });
+    matrix
+}
+
+/// `y = K u` for the packed matrix of every lane.
+#[inline(always)]
+pub fn apply<L: Lane>(k: &[L; PACKED], u: &[L; 24]) -> [L; 24] {
+    let mut y = [L::ZERO; 24];
+    let mut index = 0;
+    for a in 0..8 {
+        let ua = [u[3 * a], u[3 * a + 1], u[3 * a + 2]];
+        let d = &k[index..index + 6];
+        let mut ya = [
+            d[0].fma(ua[0], d[1].fma(ua[1], d[3] * ua[2])),
+            d[1].fma(ua[0], d[2].fma(ua[1], d[4] * ua[2])),
+            d[3].fma(ua[0], d[4].fma(ua[1], d[5] * ua[2])),
+        ];
+        index += 6;
+        for b in 0..a {
+            let m = &k[index..index + 9];
+            let ub = [u[3 * b], u[3 * b + 1], u[3 * b + 2]];
+            for i in 0..3 {
+                ya[i] = m[3 * i].fma(ub[0], m[3 * i + 1].fma(ub[1], m[3 * i + 2].fma(ub[2], ya[i])));
+            }
+            for j in 0..3 {
+                y[3 * b + j] = m[j].fma(ua[0], m[3 + j].fma(ua[1], m[6 + j].fma(ua[2], y[3 * b + j])));
+            }
+            index += 9;
+        }
+        for i in 0..3 {
+            y[3 * a + i] = ya[i];
+        }
+    }
+    y
+}
+
+/// Rotates 8 vectors: `out_a = R u_a`, `r` row-major.
+#[inline(always)]
+pub fn rotate<L: Lane>(r: &[L; 9], u: &[L; 24]) -> [L; 24] {
+    let mut out = [L::ZERO; 24];
+    for a in 0..8 {
+        for i in 0..3 {
+            out[3 * a + i] = r[3 * i].fma(u[3 * a], r[3 * i + 1].fma(u[3 * a + 1], r[3 * i + 2] * u[3 * a + 2]));
+        }
+    }
+    out
+}
+
+/// Rotates 8 vectors back: `out_a = R^T u_a`.
+#[inline(always)]
+pub fn rotate_back<L: Lane>(r: &[L; 9], u: &[L; 24]) -> [L; 24] {
+    rotate(&[r[0], r[3], r[6], r[1], r[4], r[7], r[2], r[5], r[8]], u)
+}
+
+/// Dot product of two local vectors.
+#[inline(always)]
+pub fn dot<L: Lane>(a: &[L; 24], b: &[L; 24]) -> L {
+    let mut sum = L::ZERO;
+    for i in 0..24 {
+        sum = a[i].fma(b[i], sum);
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn packed_product_equals_the_full_matrix_product() {
+        let mut full = [[0.0; 24]; 24];
+        for i in 0..24 {
+            for j in 0..=i {
+                let value = ((i * 31 + j * 17) % 23) as f64 - 11.0;
+                full[i][j] = value;
+                full[j][i] = value;
+            }
+        }
+        let u: [f64; 24] = std::array::from_fn(|i| (i as f64 * 0.7).sin());
+        let packed = pack(&full);
+        assert_eq!(*unpack(&packed), full);
+        let y = apply(&packed, &u);
+        for i in 0..24 {
+            let expected: f64 = (0..24).map(|j| full[i][j] * u[j]).sum();
+            assert!((y[i] - expected).abs() < 1e-12, "row {i}: {} against {expected}", y[i]);
+        }
+    }
+}

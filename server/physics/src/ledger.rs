@@ -1,0 +1,80 @@
+//! The energy ledger: every joule of a step, computed term by term; what is left is reported as the
+//! residual.
+
+use crate::body::BodyEnergy;
+use crate::fem::corotation::StepEnergies;
+use crate::fracture::front::FrontBook;
+use crate::step_io::EnergyStep;
+
+/// Energies of one body around a step.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct BodyLedger {
+    /// Before the step.
+    pub before: BodyEnergy,
+    /// After the solve, before links parted.
+    pub solved: BodyEnergy,
+    /// After links parted.
+    pub after: BodyEnergy,
+    /// What the step did to the elements.
+    pub step: StepEnergies,
+    /// Work of the external loads, J.
+    pub load_work_j: f64,
+}
+
+/// Contact's share of a step.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ContactLedger {
+    /// Work of the tools, J.
+    pub tool_work_j: f64,
+    /// Of the fronts.
+    pub front: FrontBook,
+    /// Energy in the flanks' springs at the end of the step, J.
+    pub flank_stored_j: f64,
+    /// Work of the flanks' springs, `sum f d gap`, J.
+    pub flank_work_j: f64,
+}
+
+/// The ledger of a step. `before` is the ledger of the step before it.
+#[must_use]
+pub fn book(bodies: &[BodyLedger], contact: &ContactLedger, before: &EnergyStep, flank_before_j: f64) -> EnergyStep {
+    let sum = |f: &dyn Fn(&BodyLedger) -> f64| bodies.iter().map(f).sum::<f64>();
+    let elastic_before = sum(&|b| b.before.elastic_j);
+    let hold_before = sum(&|b| b.before.hold_j);
+    let kinetic_before = sum(&|b| b.before.kinetic_j);
+    let mut energy = EnergyStep {
+        tool_work_j: contact.tool_work_j,
+        load_work_j: sum(&|b| b.load_work_j),
+        elastic_j: sum(&|b| b.after.elastic_j),
+        contact_j: sum(&|b| b.after.hold_j) + contact.front.stored_j + contact.flank_stored_j,
+        kinetic_j: sum(&|b| b.after.kinetic_j),
+        fracture_j: contact.front.fracture_j,
+        front_slip_j: contact.front.slip_j,
+        initiation_j: contact.front.initiation_j,
+        damping_j: sum(&|b| b.step.damping_j),
+        parting_j: sum(&|b| {
+            b.solved.elastic_j - b.after.elastic_j + b.solved.kinetic_j - b.after.kinetic_j + b.solved.hold_j
+                - b.after.hold_j
+        }),
+        numerical_j: contact.front.numerical_j,
+        residual_j: 0.0,
+    };
+    // Implicit Euler loses 1/2 dv^T M dv + 1/2 dx^T K dx, but for what linearising the elastic force
+    // leaves: dU + f . dx - 1/2 dx^T K dx.
+    energy.numerical_j += sum(&|b| {
+        let linearisation = b.solved.elastic_j - b.before.elastic_j + b.step.force_work_j - b.step.elastic_j;
+        b.step.inertial_j + b.step.elastic_j + b.step.hold_j - linearisation
+    });
+    energy.numerical_j += contact.flank_work_j - (contact.flank_stored_j - flank_before_j);
+    let contact_before = hold_before + (before.contact_j - hold_before);
+    let stored =
+        energy.elastic_j - elastic_before + energy.kinetic_j - kinetic_before + energy.contact_j - contact_before;
+    energy.residual_j = energy.tool_work_j + energy.load_work_j
+        - stored
+        - energy.fracture_j
+        - energy.front_slip_j
+        - energy.initiation_j
+        - energy.damping_j
+        - energy.parting_j
+        - energy.numerical_j;
+    energy
+}

@@ -1,0 +1,381 @@
+//! A symmetric V-cycle over the levels of composite elements: the preconditioner of the solve.
+//!
+//! Coarse operators are Galerkin products of the one below, element by element and in the rest frame,
+//! turned by each coarse element's own rotation; parts are never joined through a coarse cell because
+//! coarse elements are components of linked children. The smoother is the 4th-kind Chebyshev
+//! iteration (Lottes 2023) with optimised weights on the block-diagonal-scaled matrix.
+
+use super::coarsest::Coarsest;
+use super::operator::{NodeVector, Operator};
+use super::pcg::dot;
+use crate::fem::composite::shape_functions;
+use crate::fem::lanes::{PACKED, pack, unpack};
+use crate::grid::levels::{Level, LevelChange};
+use crate::workers::Workers;
+
+/// Optimised weights of the 4th-kind Chebyshev smoother of degree 2.
+const CHEBYSHEV_BETA: [f32; 2] = [1.023_872_9, 1.264_089_1];
+/// Safety on the estimated largest eigenvalue, which the power iteration approaches from below.
+const EIGENVALUE_MARGIN: f32 = 1.12;
+
+/// Interpolation of one node from the level above.
+#[derive(Clone, Copy, Debug, Default)]
+struct Prolongation {
+    nodes: [u32; 8],
+    weights: [f32; 8],
+    count: u8,
+}
+
+/// One level of the cycle.
+struct CycleLevel {
+    operator: Operator,
+    /// To the level above; empty on the coarsest.
+    prolongation: Vec<Prolongation>,
+    /// Element of the level above for each element.
+    parent: Vec<u32>,
+    octant: Vec<u8>,
+    largest_eigenvalue: f32,
+    /// Approximate eigenvector to the largest eigenvalue: the next estimate starts from it.
+    eigenvector: NodeVector,
+    x: NodeVector,
+    b: NodeVector,
+    r: NodeVector,
+    step: NodeVector,
+}
+
+/// The levels of one object, the finest (the one that is solved on) first.
+pub struct Multigrid {
+    levels: Vec<CycleLevel>,
+    coarsest: Coarsest,
+}
+
+/// `A_parent += P^T A_child P` weights: corner `c` of a child in `octant` from the parent's corners.
+fn octant_weights(octant: usize) -> [[f64; 8]; 8] {
+    std::array::from_fn(|c| shape_functions([0, 1, 2].map(|a| 0.5 * ((octant >> a & 1) as f64 + (c >> a & 1) as f64))))
+}
+
+/// `P^T A P` with `P = weights (x) I3`, packed in and out.
+fn galerkin(child: &[f64; PACKED], weights: &[[f64; 8]; 8]) -> [f64; PACKED] {
+    let full = unpack(child);
+    let mut half = [[0.0; 24]; 24];
+    for a in 0..8 {
+        for p in 0..8 {
+            let w = weights[a][p];
+            if w != 0.0 {
+                for i in 0..3 {
+                    for column in 0..24 {
+                        half[3 * p + i][column] += w * full[3 * a + i][column];
+                    }
+                }
+            }
+        }
+    }
+    let mut out = [[0.0; 24]; 24];
+    for b in 0..8 {
+        for q in 0..8 {
+            let w = weights[b][q];
+            if w != 0.0 {
+                for row in 0..24 {
+                    for j in 0..3 {
+                        out[row][3 * q + j] += w * half[row][3 * b + j];
+                    }
+                }
+            }
+        }
+    }
+    pack(&out)
+}
+
+impl CycleLevel {
+    fn new(level: &Level) -> Self {
+        let nodes = level.nodes.len();
+        let zero = vec![[0.0; 3]; nodes];
+        Self {
+            operator: Operator::new(level.elements.iter().map(|e| e.nodes).collect(), nodes),
+            prolongation: Vec::new(),
+            parent: Vec::new(),
+            octant: Vec::new(),
+            largest_eigenvalue: 1.0,
+            eigenvector: Vec::new(),
+            x: zero.clone(),
+            b: zero.clone(),
+            r: zero.clone(),
+            step: zero,
+        }
+    }
+
+    fn set_topology(&mut self, level: &Level, above: Option<&Level>) {
+        let nodes = level.nodes.len();
+        self.operator.set_topology(level.elements.iter().map(|e| e.nodes).collect(), nodes);
+        for v in [&mut self.x, &mut self.b, &mut self.r, &mut self.step] {
+            v.resize(nodes, [0.0; 3]);
+        }
+        let Some(above) = above else { return };
+        self.parent.clone_from(&above.owner);
+        self.octant = level.elements.iter().map(|e| octant_of(e.cell)).collect();
+        self.prolongation.resize(nodes, Prolongation::default());
+        for (element, data) in level.elements.iter().enumerate() {
+            let parent = &above.elements[above.owner[element] as usize];
+            let weights = octant_weights(self.octant[element] as usize);
+            for (corner, &node) in data.nodes.iter().enumerate() {
+                self.prolongation[node as usize] = Prolongation::new(&parent.nodes, &weights[corner]);
+            }
+        }
+    }
+
+    /// Estimates the largest eigenvalue of `D^-1 A` by `rounds` power iterations.
+    fn estimate_eigenvalue(&mut self, workers: &Workers<'_>, rounds: u32) {
+        let n = self.operator.node_count();
+        for node in self.eigenvector.len()..n {
+            // Any start with all frequencies in it; the same one every time.
+            let h = (node as u32).wrapping_mul(2_654_435_761);
+            self.eigenvector.push([0, 8, 16].map(|s| (h >> s & 255) as f32 / 128.0 - 1.0));
+        }
+        for _ in 0..rounds {
+            self.operator.apply(workers, &self.eigenvector, &mut self.r);
+            for node in 0..n {
+                self.step[node] = self.operator.precondition_node(node, self.r[node]);
+            }
+            let along = dot(&self.step, &self.r);
+            let size = dot(&self.step, &self.step).sqrt();
+            let norm = dot(&self.eigenvector, &self.r);
+            if size == 0.0 || norm <= 0.0 {
+                return;
+            }
+            // Rayleigh quotient of the next vector's energy: between the last two power steps.
+            self.largest_eigenvalue = EIGENVALUE_MARGIN * (along / norm) as f32;
+            let scale = (1.0 / size) as f32;
+            for (v, s) in self.eigenvector.iter_mut().zip(&self.step) {
+                *v = s.map(|c| c * scale);
+            }
+        }
+    }
+
+    /// Chebyshev steps on `A x = b`; `x` starts from zero where `fresh`.
+    fn smooth(&mut self, workers: &Workers<'_>, fresh: bool) {
+        let n = self.operator.node_count();
+        if fresh {
+            self.x.iter_mut().for_each(|x| *x = [0.0; 3]);
+        }
+        for (index, beta) in CHEBYSHEV_BETA.iter().enumerate() {
+            self.residual(workers, fresh && index == 0);
+            let k = (index + 1) as f32;
+            let (carry, gain) = ((2.0 * k - 3.0) / (2.0 * k + 1.0), (8.0 * k - 4.0) / (2.0 * k + 1.0));
+            let carry = if index == 0 { 0.0 } else { carry };
+            let gain = gain / self.largest_eigenvalue;
+            for node in 0..n {
+                let z = self.operator.precondition_node(node, self.r[node]);
+                let (step, x) = (&mut self.step[node], &mut self.x[node]);
+                for i in 0..3 {
+                    // The old step is not read at the first index: it may belong to another solve.
+                    step[i] = if index == 0 { gain * z[i] } else { carry * step[i] + gain * z[i] };
+                    x[i] += beta * step[i];
+                }
+            }
+        }
+    }
+
+    fn residual(&mut self, workers: &Workers<'_>, x_is_zero: bool) {
+        if x_is_zero {
+            self.r.copy_from_slice(&self.b);
+            return;
+        }
+        self.operator.apply(workers, &self.x, &mut self.r);
+        for (r, b) in self.r.iter_mut().zip(&self.b) {
+            *r = [b[0] - r[0], b[1] - r[1], b[2] - r[2]];
+        }
+    }
+}
+
+impl Prolongation {
+    fn new(parent_nodes: &[u32; 8], weights: &[f64; 8]) -> Self {
+        let mut entry = Self::default();
+        for (node, weight) in parent_nodes.iter().zip(weights) {
+            if *weight != 0.0 {
+                entry.nodes[entry.count as usize] = *node;
+                entry.weights[entry.count as usize] = *weight as f32;
+                entry.count += 1;
+            }
+        }
+        entry
+    }
+
+    fn iter(&self) -> impl Iterator<Item = (usize, f32)> + '_ {
+        (0..self.count as usize).map(|i| (self.nodes[i] as usize, self.weights[i]))
+    }
+}
+
+fn octant_of(cell: [i32; 3]) -> u8 {
+    ((cell[0] & 1) | (cell[1] & 1) << 1 | (cell[2] & 1) << 2) as u8
+}
+
+impl Multigrid {
+    /// Builds the cycle over `hierarchy`, finest first. The matrices of the finest level are to be set
+    /// through [`Self::set_matrix`] and then [`Self::refresh`]ed.
+    #[must_use]
+    pub fn new(hierarchy: &[Level]) -> Self {
+        let mut levels: Vec<CycleLevel> = hierarchy.iter().map(CycleLevel::new).collect();
+        for (i, level) in levels.iter_mut().enumerate() {
+            level.set_topology(&hierarchy[i], hierarchy.get(i + 1));
+        }
+        let coarsest = Coarsest::new(&levels[levels.len() - 1].operator);
+        Self { levels, coarsest }
+    }
+
+    /// The finest level's operator.
+    #[must_use]
+    pub fn operator(&self) -> &Operator {
+        &self.levels[0].operator
+    }
+
+    /// The finest level's operator.
+    pub fn operator_mut(&mut self) -> &mut Operator {
+        &mut self.levels[0].operator
+    }
+
+    /// Takes the topology of `hierarchy` after the changes in `changes`, which the matrices of the
+    /// finest level already reflect.
+    pub fn update_topology(&mut self, workers: &Workers<'_>, hierarchy: &[Level], changes: &[LevelChange]) {
+        for (i, level) in self.levels.iter_mut().enumerate() {
+            level.set_topology(&hierarchy[i], hierarchy.get(i + 1));
+        }
+        let touched: Vec<u32> =
+            changes[1..].first().map_or(Vec::new(), |c| elements_in_cells(&hierarchy[1], &c.touched_cells));
+        self.rebuild_coarse(hierarchy, touched);
+        self.factor_coarsest();
+        self.update_rotations_and_diagonals(workers);
+        self.levels.iter_mut().for_each(|l| l.estimate_eigenvalue(workers, 2));
+    }
+
+    /// Recomputes the coarse matrices above all elements, the coarsest factor and the eigenvalues.
+    pub fn rebuild(&mut self, workers: &Workers<'_>, hierarchy: &[Level]) {
+        let all = hierarchy.get(1).map_or(Vec::new(), |level| (0..level.elements.len() as u32).collect());
+        self.rebuild_coarse(hierarchy, all);
+        self.factor_coarsest();
+        self.update_rotations_and_diagonals(workers);
+        self.levels.iter_mut().for_each(|l| l.estimate_eigenvalue(workers, 20));
+    }
+
+    fn factor_coarsest(&mut self) {
+        self.coarsest = Coarsest::new(&self.levels[self.levels.len() - 1].operator);
+    }
+
+    /// Recomputes the matrices of `elements` of the second level and of everything above them.
+    pub fn rebuild_coarse(&mut self, hierarchy: &[Level], mut elements: Vec<u32>) {
+        for i in 1..self.levels.len() {
+            let (below, above) = self.levels.split_at_mut(i);
+            let (child, parent) = (&below[i - 1], &mut above[0]);
+            for &element in &elements {
+                let mut sum = [0.0; PACKED];
+                let cell = hierarchy[i].elements[element as usize].cell;
+                for octant in 0..8 {
+                    let child_cell = [0, 1, 2].map(|a| 2 * cell[a] + (octant >> a & 1) as i32);
+                    for c in hierarchy[i - 1].elements_in(child_cell) {
+                        if child.parent[c as usize] == element {
+                            let part = galerkin(&child.operator.matrix(c as usize), &octant_weights(octant));
+                            (0..PACKED).for_each(|j| sum[j] += part[j]);
+                        }
+                    }
+                }
+                parent.operator.set_matrix(element as usize, &sum);
+            }
+            elements = elements.iter().filter_map(|e| parent.parent.get(*e as usize).copied()).collect();
+            elements.sort_unstable();
+            elements.dedup();
+        }
+    }
+
+    /// Coarse rotations and springs from the finest level's, then every diagonal.
+    pub fn update_rotations_and_diagonals(&mut self, workers: &Workers<'_>) {
+        for i in 1..self.levels.len() {
+            let (below, above) = self.levels.split_at_mut(i);
+            inherit_rotations(&below[i - 1], &mut above[0].operator);
+        }
+        self.update_springs_and_diagonals(workers);
+        let last = self.levels.len() - 1;
+        self.coarsest.update_rotations(&self.levels[last].operator);
+    }
+
+    /// Coarse springs from the finest level's, then every diagonal.
+    pub fn update_springs_and_diagonals(&mut self, workers: &Workers<'_>) {
+        for i in 1..self.levels.len() {
+            let (below, above) = self.levels.split_at_mut(i);
+            inherit_springs(&below[i - 1], &mut above[0].operator);
+        }
+        self.levels.iter_mut().for_each(|l| l.operator.update_diagonal(workers));
+    }
+
+    /// `z` = one V-cycle on `A z = r` from zero.
+    pub fn precondition(&mut self, workers: &Workers<'_>, r: &[[f32; 3]], z: &mut [[f32; 3]]) {
+        self.levels[0].b.copy_from_slice(r);
+        self.cycle(workers, 0);
+        z.copy_from_slice(&self.levels[0].x);
+    }
+
+    fn cycle(&mut self, workers: &Workers<'_>, i: usize) {
+        if i + 1 == self.levels.len() {
+            let level = &mut self.levels[i];
+            if i > 0 {
+                self.coarsest.solve(&level.b, &mut level.x);
+            } else {
+                level.smooth(workers, true);
+            }
+            return;
+        }
+        let level = &mut self.levels[i];
+        level.smooth(workers, true);
+        level.residual(workers, false);
+        let (fine, coarse) = self.levels.split_at_mut(i + 1);
+        let (fine, coarse) = (&mut fine[i], &mut coarse[0]);
+        coarse.b.iter_mut().for_each(|b| *b = [0.0; 3]);
+        for (entry, r) in fine.prolongation.iter().zip(&fine.r) {
+            for (node, w) in entry.iter() {
+                (0..3).for_each(|a| coarse.b[node][a] += w * r[a]);
+            }
+        }
+        self.cycle(workers, i + 1);
+        let (fine, coarse) = self.levels.split_at_mut(i + 1);
+        let (fine, coarse) = (&mut fine[i], &coarse[0]);
+        for (entry, x) in fine.prolongation.iter().zip(&mut fine.x) {
+            for (node, w) in entry.iter() {
+                (0..3).for_each(|a| x[a] += w * coarse.x[node][a]);
+            }
+        }
+        fine.smooth(workers, false);
+    }
+}
+
+fn elements_in_cells(level: &Level, cells: &[[i32; 3]]) -> Vec<u32> {
+    let mut elements: Vec<u32> = cells.iter().flat_map(|&cell| level.elements_in(cell)).collect();
+    elements.sort_unstable();
+    elements
+}
+
+/// The rotation of a coarse element is the normalised sum of its children's.
+fn inherit_rotations(child: &CycleLevel, parent: &mut Operator) {
+    let mut sums = vec![[0.0f64; 9]; parent.element_count()];
+    for (element, &above) in child.parent.iter().enumerate() {
+        let r = child.operator.rotation(element);
+        (0..9).for_each(|i| sums[above as usize][i] += r[i]);
+    }
+    for (element, sum) in sums.iter().enumerate() {
+        parent.set_rotation(element, &super::coarsest::orthonormal(sum));
+    }
+}
+
+fn inherit_springs(child: &CycleLevel, parent: &mut Operator) {
+    parent.springs.resize_with(child.operator.springs.len(), Default::default);
+    for (fine, coarse) in child.operator.springs.iter().zip(&mut parent.springs) {
+        coarse.direction = fine.direction;
+        coarse.stiffness = fine.stiffness;
+        coarse.weights.clear();
+        for &(node, w) in &fine.weights {
+            for (above, share) in child.prolongation[node as usize].iter() {
+                match coarse.weights.iter_mut().find(|entry| entry.0 as usize == above) {
+                    Some(entry) => entry.1 += w * share,
+                    None => coarse.weights.push((above as u32, w * share)),
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! Scenes and helpers of the physics tests.
+#![allow(dead_code, reason = "each test file uses its share")]
+
+use kerf_physics::body::Body;
+use kerf_physics::params::StepParams;
+use kerf_physics::scene::{MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc};
+use kerf_physics::{StepInputs, Vec3, Workers, World};
+
+/// Knuth's linear congruential generator: test inputs that a seed reproduces.
+pub struct Lcg(pub u64);
+
+impl Lcg {
+    /// Next value in 0..1.
+    pub fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+pub fn params(dt_s: f64) -> StepParams {
+    StepParams { dt_s, relative_tolerance: 1e-6, max_iterations: 500 }
+}
+
+pub fn material() -> MaterialDesc {
+    MaterialDesc {
+        young_modulus_pa: 1e6,
+        poisson_ratio: 0.45,
+        density_kg_per_m3: 1000.0,
+        rayleigh_alpha_per_s: 0.0,
+        rayleigh_beta_s: 0.0,
+        fracture_energy_j_per_m2: None,
+        initiation_ratio: 2.0,
+        strain_stiffening: 0.0,
+    }
+}
+
+pub fn object(min_m: [f64; 3], max_m: [f64; 3], h: f64, level: u8) -> ObjectDesc {
+    ObjectDesc {
+        name: "block".into(),
+        shape: ShapeDesc::Box { min_m, max_m },
+        voxel_size_m: Some(h),
+        resolution: None,
+        level,
+        material: material(),
+        regions: Vec::new(),
+        fixed: Vec::new(),
+        loads: Vec::new(),
+    }
+}
+
+pub fn scene(objects: Vec<ObjectDesc>) -> Scene {
+    Scene {
+        desc: SceneDesc {
+            version: 1,
+            name: "test".into(),
+            description: String::new(),
+            rate_hz: 1000.0,
+            gravity_m_per_s2: [0.0; 3],
+            solver: SolverDesc { relative_tolerance: 1e-6, max_iterations: 500 },
+            objects,
+            tools: Vec::new(),
+            probes: Vec::new(),
+        },
+        meshes: Default::default(),
+    }
+}
+
+pub fn body(object: &ObjectDesc, params: StepParams) -> Body {
+    Body::new(&scene(vec![object.clone()]), 0, params, &Workers::serial()).expect("a valid object")
+}
+
+/// Tip deflection of the cantilever under a hundredth of its weight and what beam theory says, m.
+pub fn beam(level: u8, h: f64, poisson_ratio: f64) -> (f64, f64) {
+    let (length, side, young, density) = (0.2, 0.02, 2e6, 1100.0);
+    let clamp = h * f64::from(1 << level);
+    let mut desc = object([0.0; 3], [side, side, length + clamp], h, level);
+    desc.material.young_modulus_pa = young;
+    desc.material.poisson_ratio = poisson_ratio;
+    desc.material.density_kg_per_m3 = density;
+    desc.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 1.0, clamp] }];
+    let mut scene = scene(vec![desc]);
+    let g = 0.0981;
+    scene.desc.gravity_m_per_s2 = [0.0, -g, 0.0];
+    let mut world = World::new(&scene).expect("a valid scene");
+    world.relax(&Workers::serial(), &mut |_| ());
+    let body = &world.bodies()[0];
+    let tip: Vec<f64> = (0..body.node_count())
+        .filter(|n| (body.rest_position_m(*n).z - (length + clamp)).abs() < 1e-9)
+        .map(|n| body.position_m[n][1] - body.rest_position_m(n).y)
+        .collect();
+    let deflection = -tip.iter().sum::<f64>() / tip.len() as f64;
+    let q = density * g * side * side;
+    let inertia = side.powi(4) / 12.0;
+    let shear_modulus = young / (2.0 * (1.0 + poisson_ratio));
+    let bending = q * length.powi(4) / (8.0 * young * inertia);
+    let shear = q * length * length / (2.0 * (5.0 / 6.0) * shear_modulus * side * side);
+    (deflection, bending + shear)
+}
+
+/// Steps a world without input.
+pub fn run(world: &mut World, steps: usize) {
+    for _ in 0..steps {
+        world.step(&Workers::serial(), &kerf_physics::NoClock, &StepInputs::default());
+    }
+}
+
+pub fn up(y: f64) -> Vec3 {
+    Vec3::new(0.0, y, 0.0)
+}
