@@ -1,9 +1,9 @@
 //! All that crosses the border of a step: [`StepInputs`] in, [`StepOutput`] out.
 
+use crate::Vec3;
 use crate::fault::Fault;
 use crate::stage::StepProfile;
 use crate::tool::Pose;
-use crate::Vec3;
 
 /// Input of one step.
 #[derive(Clone, Copy, Debug, Default)]
