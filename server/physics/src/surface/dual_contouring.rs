@@ -24,6 +24,18 @@ struct Stencil {
 
 const OUTSIDE: u8 = 15;
 
+impl Stencil {
+    fn around(grid: &Grid, dual_cell: Ijk) -> Self {
+        let corners: [_; 8] = std::array::from_fn(|corner| grid.voxel_at(corner_cell(dual_cell, corner)));
+        let links = DUAL_CELL_LINKS.map(|(corner, axis)| match (corners[corner], corners[corner | 1 << axis]) {
+            // A third of the links at a smooth surface, at no cost.
+            (None, None) => Link::Outside,
+            _ => grid.link(LinkId { cell: corner_cell(dual_cell, corner), axis }),
+        });
+        Self { corners, links }
+    }
+}
+
 impl Components {
     /// Joins the inside corners by the intact links.
     fn connected(stencil: &Stencil) -> Self {
@@ -54,10 +66,7 @@ impl Components {
 
 /// Contours the dual cell with this lowest corner.
 pub(super) fn contour(grid: &Grid, dual_cell: Ijk) -> DualCell {
-    let stencil = Stencil {
-        corners: std::array::from_fn(|corner| grid.voxel_at(corner_cell(dual_cell, corner))),
-        links: DUAL_CELL_LINKS.map(|(corner, axis)| grid.link(LinkId { cell: corner_cell(dual_cell, corner), axis })),
-    };
+    let stencil = Stencil::around(grid, dual_cell);
     let components = Components::connected(&stencil);
     let vertices = std::array::from_fn(|component| {
         // A component is numbered by its lowest corner, so any other corner has none of its own.

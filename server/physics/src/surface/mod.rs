@@ -132,7 +132,8 @@ impl Surface {
     /// Reports the vertices that move with one of these voxels.
     fn report_rebound(&self, grid: &Grid, rebound: &[VoxelId], change: &mut SurfaceChange) {
         for voxel in rebound {
-            for dual_cell in self.lattice.dual_cells_of(grid.voxels()[voxel.index()].ijk) {
+            let dual_cells = self.lattice.dual_cells_of(grid.voxels()[voxel.index()].ijk);
+            for dual_cell in dual_cells.into_iter().filter(|cell| self.components[*cell as usize].is_some()) {
                 let ids = dual_cell * 8..dual_cell * 8 + 8;
                 let bound = self.vertices.range(ids).filter(|(_, vertex)| vertex.voxel == *voxel);
                 change.upserted_vertices.extend(bound.map(|(id, _)| *id));
@@ -213,17 +214,10 @@ pub fn triangulate(quad: Quad, position_m: impl Fn(VertexId) -> [f32; 3]) -> [[V
     if ac < bd || (ac == bd && a.min(c) < b.min(d)) { [[a, b, c], [a, c, d]] } else { [[b, c, d], [b, d, a]] }
 }
 
-/// Every link with a crossing.
+/// Every link with a crossing; a parted one twice, once for each of its voxels.
 fn crossed_links(grid: &Grid) -> Vec<LinkId> {
-    let links = grid.voxels().iter().flat_map(|voxel| {
-        Grid::links_of(voxel.ijk).filter(|(link, _)| match grid.link(*link) {
-            Link::Boundary(_) => true,
-            // Both ends are voxels; the lower one brings it.
-            Link::Parted(_) => link.cell == voxel.ijk,
-            Link::Intact | Link::Outside => false,
-        })
-    });
-    links.map(|(link, _)| link).collect()
+    let links = grid.voxels().iter().flat_map(|voxel| Grid::links_of(voxel.ijk));
+    links.map(|(link, _)| link).filter(|link| !grid.is_intact(*link)).collect()
 }
 
 fn sort_dedup(ids: &mut Vec<u32>) {
