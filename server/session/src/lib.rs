@@ -1,1 +1,4 @@
-//! Placeholder of the crate's first commit.
+//! Sessions of Kerf: where scenes come from and what runs them.
+
+pub mod catalog;
+mod mesh_file;

@@ -17,7 +17,7 @@ use crate::fem::material::Elastic;
 use crate::grid::levels::{Level, Units, VoxelUnits};
 use crate::grid::{Grid, VoxelId, voxelize};
 use crate::params::StepParams;
-use crate::scene::{Face, LoadDesc, MaterialDesc, ObjectDesc, Scene, SceneError, ShapeDesc};
+use crate::scene::{Face, LoadDesc, MaterialDesc, Meshes, ObjectDesc, Scene, SceneError};
 use crate::solve::multigrid::Multigrid;
 use crate::solve::pcg::PcgScratch;
 use crate::workers::Workers;
@@ -121,12 +121,8 @@ impl Body {
     /// What is wrong with the object's shape.
     pub fn new(scene: &Scene, index: usize, params: StepParams, workers: &Workers<'_>) -> Result<Self, SceneError> {
         let object = &scene.desc.objects[index];
-        let mesh = |shape: &ShapeDesc| match shape {
-            ShapeDesc::Mesh { file, .. } => scene.meshes.get(file),
-            _ => None,
-        };
-        let grid = voxelize::voxelize(object, mesh(&object.shape))?;
-        let loads = voxel_loads(&grid, object, &mesh);
+        let grid = voxelize::voxelize(object, &scene.meshes)?;
+        let loads = voxel_loads(&grid, object, &scene.meshes)?;
         let mut body = Self::at_rest(&object.name, grid, object, loads, scene.desc.gravity_m_per_s2.into(), params);
         body.rebuild_all(workers);
         Ok(body)
@@ -368,14 +364,10 @@ fn build_levels(grid: &Grid, exponent: u8) -> Vec<Level> {
     }
 }
 
-fn voxel_loads<'a>(
-    grid: &Grid,
-    object: &ObjectDesc,
-    mesh: &impl Fn(&ShapeDesc) -> Option<&'a crate::scene::TriangleMesh>,
-) -> Vec<VoxelLoad> {
+fn voxel_loads(grid: &Grid, object: &ObjectDesc, meshes: &Meshes) -> Result<Vec<VoxelLoad>, SceneError> {
     let mut loads = vec![VoxelLoad::default(); grid.voxels().len()];
     for shape in &object.fixed {
-        for voxel in voxelize::region_voxels(grid, shape, mesh(shape)) {
+        for voxel in voxelize::region_voxels(grid, shape, meshes)? {
             loads[voxel.index()].held = true;
         }
     }
@@ -383,12 +375,12 @@ fn voxel_loads<'a>(
     for load in &object.loads {
         match load {
             LoadDesc::BodyForce { region, force_n_per_m3 } => {
-                for voxel in voxelize::region_voxels(grid, region, mesh(region)) {
+                for voxel in voxelize::region_voxels(grid, region, meshes)? {
                     loads[voxel.index()].force_n += Vec3::from(*force_n_per_m3) * h.powi(3);
                 }
             }
             LoadDesc::Traction { region, face, traction_pa } => {
-                for voxel in voxelize::region_voxels(grid, region, mesh(region)) {
+                for voxel in voxelize::region_voxels(grid, region, meshes)? {
                     if grid.voxel_at(across(grid.voxels()[voxel.index()].ijk, *face)).is_none() {
                         loads[voxel.index()].force_n += Vec3::from(*traction_pa) * h * h;
                     }
@@ -396,7 +388,7 @@ fn voxel_loads<'a>(
             }
         }
     }
-    loads
+    Ok(loads)
 }
 
 fn across(mut cell: crate::grid::Ijk, face: Face) -> crate::grid::Ijk {

@@ -4,7 +4,10 @@
 //! a crossing never goes away; voxels are never added or removed. Voxel `(i, j, k)` is the cube
 //! `origin + h [i, i+1] x [j, j+1] x [k, k+1]` of the reference configuration.
 
+pub mod implicit;
+pub mod lattice;
 pub mod levels;
+mod mesh;
 pub mod voxelize;
 
 use crate::Vec3;
@@ -149,6 +152,11 @@ impl Grid {
             slot = slot * (self.dims[axis] + 2) as usize + (cell[axis] + 1) as usize;
         }
         Some(slot)
+    }
+
+    /// Gives voxels a material.
+    fn set_material(&mut self, voxels: &[VoxelId], material: u16) {
+        voxels.iter().for_each(|id| self.voxels[id.index()].material = material);
     }
 
     fn set_crossing(&mut self, link: LinkId, crossing: Crossing) {

@@ -1,60 +1,259 @@
 //! From a scene's shapes to voxels, links and signed distances.
 
-use super::{Crossing, Grid, Ijk, Voxel, VoxelId};
+use super::implicit::Implicit;
+use super::lattice::{Bounds, Lattice};
+use super::mesh::{self, Columns, MeshSolid};
+use super::{Crossing, Grid, Ijk, LinkId, Voxel, VoxelId};
 use crate::Vec3;
-use crate::scene::{ObjectDesc, SceneError, ShapeDesc, TriangleMesh};
+use crate::scene::{Meshes, ObjectDesc, SceneError, ShapeDesc, TriangleMesh};
 
-fn sd(shape: &ShapeDesc, p: &Vec3) -> f64 {
-    match shape {
-        ShapeDesc::Box { min_m, max_m } => {
-            (0..3).map(|a| (min_m[a] - p[a]).max(p[a] - max_m[a])).fold(f64::NEG_INFINITY, f64::max)
+/// Cells from a mesh's surface within which its signed distance is exact; beyond, it is this many
+/// voxels with the right sign.
+const BAND_CELLS: i32 = 4;
+/// Steps in which a link is searched for its first crossing.
+const LINK_STEPS: u32 = 8;
+/// Halvings of such a step: 1/8 of a link to the last bit of an `f32`.
+const HALVINGS: u32 = 21;
+
+/// Voxelizes an object: a voxel is inside where its centre is.
+///
+/// The lattice is centred on the shape's bounding box, so a box of a whole number of voxels is filled
+/// by exactly those voxels. Voxels are ordered by z, then y, then x.
+///
+/// # Errors
+/// A field of the object that cannot be voxelized, with the reason: a mesh that is absent, open or
+/// degenerate, a lattice beyond the limit, a shape that holds no voxel's centre.
+pub fn voxelize(object: &ObjectDesc, meshes: &Meshes) -> Result<Grid, SceneError> {
+    voxelize_shape(object, meshes).map_err(|e| e.within(&format!("objects[{:?}]", object.name)))
+}
+
+/// The voxels whose centre lies in a shape, ascending.
+///
+/// # Errors
+/// A mesh that is absent, open or degenerate.
+pub fn region_voxels(grid: &Grid, shape: &ShapeDesc, meshes: &Meshes) -> Result<Vec<VoxelId>, SceneError> {
+    let lattice = Lattice::of(grid);
+    let ids = (0..grid.voxels().len() as u32).map(VoxelId);
+    let cell = |id: &VoxelId| grid.voxels()[id.index()].ijk;
+    Ok(match Solid::new(shape, meshes)? {
+        Solid::Implicit(shape) => ids.filter(|id| shape.sample(&grid.centre_m(cell(id))).distance_m < 0.0).collect(),
+        Solid::Mesh(solid) => {
+            let inside = solid.cut_by(lattice).inside().map_err(shape_error)?;
+            ids.filter(|id| inside[lattice.slot(cell(id))]).collect()
         }
-        ShapeDesc::Ellipsoid { center_m, semi_axes_m } => {
-            let q: f64 = (0..3).map(|a| ((p[a] - center_m[a]) / semi_axes_m[a]).powi(2)).sum::<f64>().sqrt();
-            (q - 1.0) * semi_axes_m.iter().copied().fold(f64::INFINITY, f64::min)
+    })
+}
+
+/// Edge length of an object's voxels, m; `None` where it depends on a mesh that is not in `meshes`.
+///
+/// # Errors
+/// A mesh that cannot be used, or a lattice beyond the limit of cells.
+pub fn voxel_size_m(object: &ObjectDesc, meshes: &Meshes) -> Result<Option<f64>, SceneError> {
+    if let ShapeDesc::Mesh { file, .. } = &object.shape
+        && !meshes.contains_key(file)
+    {
+        return Ok(object.voxel_size_m);
+    }
+    let (bounds, bulge_m) = extent(&object.shape, meshes)?;
+    let size_m = size_within(object, &bounds);
+    Lattice::over(&bounds, bulge_m, size_m)?;
+    Ok(Some(size_m))
+}
+
+fn size_within(object: &ObjectDesc, bounds: &Bounds) -> f64 {
+    let by_resolution = || bounds.extent_m().max() / f64::from(object.resolution.unwrap_or(1));
+    object.voxel_size_m.unwrap_or_else(by_resolution)
+}
+
+fn extent(shape: &ShapeDesc, meshes: &Meshes) -> Result<(Bounds, f64), SceneError> {
+    match (shape, Implicit::new(shape)) {
+        (_, Some(implicit)) => Ok((implicit.bounds(), implicit.bulge_m())),
+        (ShapeDesc::Mesh { file, scale_m_per_unit, offset_m }, None) => {
+            let mesh = find(meshes, file)?;
+            let bounds = mesh::bounds(mesh, *scale_m_per_unit, &Vec3::from(*offset_m)).map_err(shape_error)?;
+            Ok((bounds, 0.0))
         }
-        _ => 1.0,
+        _ => Err(shape_error("a part of a union is a box, sphere, ellipsoid or capsule".into())),
     }
 }
 
-/// Voxelises an object.
-pub fn voxelize(object: &ObjectDesc, _mesh: Option<&TriangleMesh>) -> Result<Grid, SceneError> {
-    let (min, max) = match &object.shape {
-        ShapeDesc::Box { min_m, max_m } => (Vec3::from(*min_m), Vec3::from(*max_m)),
-        ShapeDesc::Ellipsoid { center_m, semi_axes_m } => {
-            (Vec3::from(*center_m) - Vec3::from(*semi_axes_m), Vec3::from(*center_m) + Vec3::from(*semi_axes_m))
+fn find<'a>(meshes: &'a Meshes, file: &str) -> Result<&'a TriangleMesh, SceneError> {
+    meshes.get(file).ok_or_else(|| shape_error(format!("the mesh `{file}` was not read")))
+}
+
+fn shape_error(message: String) -> SceneError {
+    SceneError::Field { field: "shape".into(), message }
+}
+
+/// A shape ready to be sampled.
+enum Solid {
+    Implicit(Implicit),
+    Mesh(Box<MeshSolid>),
+}
+
+impl Solid {
+    fn new(shape: &ShapeDesc, meshes: &Meshes) -> Result<Self, SceneError> {
+        match (shape, Implicit::new(shape)) {
+            (_, Some(implicit)) => Ok(Self::Implicit(implicit)),
+            (ShapeDesc::Mesh { file, scale_m_per_unit, offset_m }, None) => {
+                let mesh = find(meshes, file)?;
+                let solid = MeshSolid::new(mesh, *scale_m_per_unit, &Vec3::from(*offset_m)).map_err(shape_error)?;
+                Ok(Self::Mesh(Box::new(solid)))
+            }
+            _ => Err(shape_error("a part of a union is a box, sphere, ellipsoid or capsule".into())),
         }
-        _ => unreachable!(),
-    };
-    let h = object.voxel_size_m.unwrap();
-    let dims: Ijk = [0, 1, 2].map(|a| ((max[a] - min[a]) / h - 1e-6).ceil() as i32);
-    let centre = |c: Ijk| min + Vec3::from(c.map(|x| (f64::from(x) + 0.5) * h));
-    let mut voxels = Vec::new();
-    for k in 0..dims[2] {
-        for j in 0..dims[1] {
-            for i in 0..dims[0] {
-                let p = centre([i, j, k]);
-                if sd(&object.shape, &p) < 0.0 {
-                    let material = object.regions.iter().rposition(|r| sd(&r.shape, &p) < 0.0).map_or(0, |r| r + 1);
-                    voxels.push(Voxel { ijk: [i, j, k], material: material as u16 });
-                }
+    }
+}
+
+/// A shape sampled at the cells of a lattice.
+struct Samples {
+    lattice: Lattice,
+    /// Whether each cell's centre is inside.
+    inside: Vec<bool>,
+    /// Signed distance at each cell's centre, m.
+    distance_m: Vec<f32>,
+    surface: Surface,
+}
+
+/// What the crossings are found from.
+enum Surface {
+    Implicit(Implicit),
+    Mesh(Box<MeshSolid>, Box<Columns>),
+}
+
+impl Samples {
+    fn new(solid: Solid, lattice: Lattice) -> Result<Self, SceneError> {
+        Ok(match solid {
+            Solid::Implicit(shape) => {
+                let sample = |cell| shape.sample(&lattice.centre_m(cell)).distance_m;
+                let (inside, distance_m) = lattice.cells().map(sample).map(|d| (d < 0.0, d as f32)).unzip();
+                Self { lattice, inside, distance_m, surface: Surface::Implicit(shape) }
+            }
+            Solid::Mesh(solid) => {
+                let columns = solid.cut_by(lattice);
+                let inside = columns.inside().map_err(shape_error)?;
+                let distance_m = mesh_distances(&solid, &lattice, &inside);
+                Self { lattice, inside, distance_m, surface: Surface::Mesh(solid, Box::new(columns)) }
+            }
+        })
+    }
+
+    fn is_inside(&self, cell: Ijk) -> bool {
+        self.inside[self.lattice.slot(cell)]
+    }
+
+    /// First and last cell, per axis, of the box that holds every inside cell.
+    fn occupied(&self) -> Option<(Ijk, Ijk)> {
+        let inside = self.lattice.cells().zip(&self.inside).filter(|(_, inside)| **inside);
+        inside.map(|(cell, _)| (cell, cell)).reduce(|(first, last), (cell, _)| {
+            let lower = std::array::from_fn(|a| first[a].min(cell[a]));
+            (lower, std::array::from_fn(|a| last[a].max(cell[a])))
+        })
+    }
+
+    /// Crossing of a link with exactly one end inside.
+    fn crossing(&self, link: LinkId) -> Crossing {
+        let lower_is_inside = self.is_inside(link.cell);
+        match &self.surface {
+            Surface::Mesh(solid, columns) => columns.crossing(solid, link, lower_is_inside),
+            Surface::Implicit(shape) => {
+                let (lower_m, upper_m) = (self.lattice.centre_m(link.cell), self.lattice.centre_m(link.upper()));
+                let (from_m, to_m) = if lower_is_inside { (lower_m, upper_m) } else { (upper_m, lower_m) };
+                let share = first_crossing(shape, &from_m, &to_m);
+                let t = if lower_is_inside { share } else { 1.0 - share };
+                let normal = shape.sample(&(from_m + (to_m - from_m) * share)).normal;
+                Crossing { t: t as f32, normal: normal.cast().into() }
             }
         }
     }
-    Ok(Grid::new(
-        h,
-        min,
-        dims,
-        voxels,
-        |c| sd(&object.shape, &centre(c)) as f32,
-        |_| Crossing { t: 0.5, normal: [0.0, 1.0, 0.0] },
-    ))
 }
 
-/// Voxels in a region.
-pub fn region_voxels(grid: &Grid, shape: &ShapeDesc, _mesh: Option<&TriangleMesh>) -> Vec<VoxelId> {
-    (0..grid.voxels().len() as u32)
-        .map(VoxelId)
-        .filter(|v| sd(shape, &grid.centre_m(grid.voxels()[v.index()].ijk)) < 0.0)
-        .collect()
+/// Share of the way from an inside to an outside point at which a shape is first left.
+fn first_crossing(shape: &Implicit, from_m: &Vec3, to_m: &Vec3) -> f64 {
+    let is_inside = |share: f64| shape.sample(&(from_m + (to_m - from_m) * share)).distance_m < 0.0;
+    let steps = (1..LINK_STEPS).map(|step| f64::from(step) / f64::from(LINK_STEPS));
+    let mut outside = steps.into_iter().find(|share| !is_inside(*share)).unwrap_or(1.0);
+    let mut inside = outside - 1.0 / f64::from(LINK_STEPS);
+    for _ in 0..HALVINGS {
+        let middle = (inside + outside) / 2.0;
+        *(if is_inside(middle) { &mut inside } else { &mut outside }) = middle;
+    }
+    (inside + outside) / 2.0
+}
+
+/// Signed distances to a mesh: exact in a band about the surface, of the right sign beyond.
+fn mesh_distances(solid: &MeshSolid, lattice: &Lattice, inside: &[bool]) -> Vec<f32> {
+    let near = near_surface(lattice, inside);
+    let far_m = f64::from(BAND_CELLS) * lattice.voxel_size_m;
+    let distance = |(cell, (inside, near)): (Ijk, (&bool, bool))| {
+        let size_m = if near { solid.distance_m(&lattice.centre_m(cell)) } else { far_m };
+        (if *inside { -size_m } else { size_m }) as f32
+    };
+    lattice.cells().zip(inside.iter().zip(near)).map(distance).collect()
+}
+
+/// The cells within [`BAND_CELLS`], along each axis, of one that differs from a face neighbour.
+fn near_surface(lattice: &Lattice, inside: &[bool]) -> Vec<bool> {
+    let mut near = vec![false; lattice.len()];
+    for axis in 0..3 {
+        for cell in lattice.cells().filter(|cell| cell[axis] < lattice.dims[axis]) {
+            let (here, next) = (lattice.slot(cell), lattice.slot(LinkId { cell, axis: axis as u8 }.upper()));
+            if inside[here] != inside[next] {
+                (near[here], near[next]) = (true, true);
+            }
+        }
+    }
+    for axis in 0..3 {
+        near = widened(lattice, &near, axis);
+    }
+    near
+}
+
+/// Marks every cell within [`BAND_CELLS`] of a marked one along an axis.
+fn widened(lattice: &Lattice, marked: &[bool], axis: usize) -> Vec<bool> {
+    let mut wide = vec![false; marked.len()];
+    for cell in lattice.cells().filter(|cell| marked[lattice.slot(*cell)]) {
+        let mut other = cell;
+        for i in (cell[axis] - BAND_CELLS).max(-1)..=(cell[axis] + BAND_CELLS).min(lattice.dims[axis]) {
+            other[axis] = i;
+            wide[lattice.slot(other)] = true;
+        }
+    }
+    wide
+}
+
+fn voxelize_shape(object: &ObjectDesc, meshes: &Meshes) -> Result<Grid, SceneError> {
+    let (bounds, bulge_m) = extent(&object.shape, meshes)?;
+    let size_m = size_within(object, &bounds);
+    let samples = Samples::new(Solid::new(&object.shape, meshes)?, Lattice::over(&bounds, bulge_m, size_m)?)?;
+    let Some((first, last)) = samples.occupied() else {
+        let extent_m = bounds.extent_m();
+        let message = format!(
+            "no voxel's centre lies inside: the shape, {:.3e} x {:.3e} x {:.3e} m, is empty or thinner than a \
+             voxel of {size_m:.3e} m",
+            extent_m.x, extent_m.y, extent_m.z,
+        );
+        return Err(shape_error(message));
+    };
+    let lattice = samples.lattice.part(first, last);
+    let within_samples = |cell: Ijk| std::array::from_fn(|a| cell[a] + first[a]);
+    let filled = lattice.cells().filter(|cell| samples.is_inside(within_samples(*cell)));
+    let grid = Grid::new(
+        size_m,
+        lattice.origin_m,
+        lattice.dims,
+        filled.map(|ijk| Voxel { ijk, material: 0 }).collect(),
+        |cell| samples.distance_m[samples.lattice.slot(within_samples(cell))],
+        |link| samples.crossing(LinkId { cell: within_samples(link.cell), axis: link.axis }),
+    );
+    assign_materials(grid, object, meshes)
+}
+
+/// Gives each voxel the material of the last region that holds it.
+fn assign_materials(mut grid: Grid, object: &ObjectDesc, meshes: &Meshes) -> Result<Grid, SceneError> {
+    for (i, region) in object.regions.iter().enumerate() {
+        let held = region_voxels(&grid, &region.shape, meshes).map_err(|e| e.within(&format!("regions[{i}]")))?;
+        grid.set_material(&held, i as u16 + 1);
+    }
+    Ok(grid)
 }

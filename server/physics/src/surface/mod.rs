@@ -1,15 +1,44 @@
 //! The dual-contoured surface: one vertex per connected component of the voxels of a dual cell,
 //! one quad per boundary link, two opposite quads per parted link.
 //!
-//! Ids are a pure function of the lattice, so that a stream does not depend on when a viewer joined.
+//! A dual cell is the cube whose eight corners are the centres of 2x2x2 cells; it is named by its
+//! lowest corner. The inside corners, joined by the intact ones of its twelve links, fall into
+//! components; each component with a crossing has a vertex. Around a link lie four dual cells, and
+//! the quad of one of its ends joins, in each of them, the vertex of the component that end is in.
+//!
+//! Invariants:
+//! - Ids are a pure function of the lattice, so that a stream does not depend on when a viewer
+//!   joined, and a surface rebuilt piece by piece equals one built at once.
+//! - Every directed edge is cancelled by its opposite. In a face shared by two dual cells the links
+//!   are common to both, so a run of corners joined within the face is in one component on either
+//!   side; the run ends at two crossings, whose quads pass the face in opposite directions.
+//! - Ids only appear. A crossing never goes away, and parting a component leaves its lowest corner
+//!   in a component that keeps the number and gains a crossing.
+//!
+//! Deliberately absent: normals (a viewer computes them from the deformed quads) and adaptation of
+//! the grid, which stays as it was voxelized.
 
 pub mod delta;
+mod dual_contouring;
+mod lattice;
+mod qef;
+#[cfg(test)]
+mod test_solids;
+#[cfg(test)]
+mod tests;
 
-use crate::grid::VoxelId;
+use std::collections::BTreeMap;
 
-/// Id of a surface vertex: `dual cell index * 8 + component`.
+use crate::grid::{Grid, Link, LinkId, VoxelId};
+use dual_contouring::Components;
+use lattice::Lattice;
+
+/// Id of a surface vertex: `dual cell index * 8 + component`. Cells of the box `-1..dims + 1` are
+/// numbered x fastest, a dual cell has the number of its lowest corner, and a component that of its
+/// lowest corner among the eight (corner `c` at `(c & 1, c >> 1 & 1, c >> 2)`).
 pub type VertexId = u32;
-/// Id of a quad: `(lower cell index of its link * 3 + axis) * 2 + side`.
+/// Id of a quad: `(lower cell index of its link * 3 + axis) * 2 + side`; side 0 bounds the material
+/// at the link's lower end, side 1 that at its upper end.
 pub type QuadId = u32;
 
 /// A vertex of the surface, in the reference configuration.
@@ -24,15 +53,174 @@ pub struct SurfaceVertex {
 /// Four vertices, counter-clockwise seen from outside the material.
 pub type Quad = [VertexId; 4];
 
-/// What [`rebuild`](self) changed; an id occurs at most once in each list, ascending.
+/// What [`Surface::rebuild_touched`] changed; an id occurs at most once in each list, ascending.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SurfaceChange {
-    /// Vertices that are gone.
+    /// Vertices that are gone; none as long as crossings never go away.
     pub removed_vertices: Vec<VertexId>,
-    /// Vertices that are new or have moved or are bound to another voxel.
+    /// Vertices that are new or have moved or are bound to another voxel or element.
     pub upserted_vertices: Vec<VertexId>,
-    /// Quads that are gone.
+    /// Quads that are gone; none as long as crossings never go away.
     pub removed_quads: Vec<QuadId>,
     /// Quads that are new or join other vertices.
     pub upserted_quads: Vec<QuadId>,
+}
+
+/// The surface of one object.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Surface {
+    lattice: Lattice,
+    /// Components of each dual cell; `None` where no crossing is known.
+    components: Vec<Option<Components>>,
+    vertices: BTreeMap<VertexId, SurfaceVertex>,
+    quads: BTreeMap<QuadId, Quad>,
+}
+
+impl Surface {
+    /// The surface of a grid as it stands.
+    #[must_use]
+    pub fn build(grid: &Grid) -> Self {
+        let lattice = Lattice::new(grid);
+        let mut surface = Self {
+            lattice,
+            components: vec![None; lattice.cell_count()],
+            vertices: BTreeMap::new(),
+            quads: BTreeMap::new(),
+        };
+        surface.rebuild_touched(grid, &crossed_links(grid), &[]);
+        surface
+    }
+
+    /// Brings the surface up to date after the links `parted` were parted and the composite element
+    /// of the voxels `rebound` was replaced. Costs in proportion to these lists, whose order and
+    /// repetitions do not matter.
+    pub fn rebuild_touched(&mut self, grid: &Grid, parted: &[LinkId], rebound: &[VoxelId]) -> SurfaceChange {
+        let mut change = SurfaceChange::default();
+        let mut links: Vec<u32> = parted.iter().map(|link| self.lattice.link_index(*link)).collect();
+        let mut dual_cells: Vec<u32> =
+            parted.iter().flat_map(|link| self.lattice.around(*link).map(|(dual_cell, _)| dual_cell)).collect();
+        sort_dedup(&mut dual_cells);
+        for dual_cell in dual_cells {
+            if self.contour(grid, dual_cell, &mut change) {
+                links.extend(self.lattice.links_of(dual_cell));
+            }
+        }
+        self.report_rebound(grid, rebound, &mut change);
+        sort_dedup(&mut change.upserted_vertices);
+        sort_dedup(&mut links);
+        for link in links {
+            self.join(grid, self.lattice.link(link), &mut change);
+        }
+        change
+    }
+
+    /// Computes a dual cell's vertices anew. Returns whether quads that stood around it before may
+    /// join other vertices now.
+    fn contour(&mut self, grid: &Grid, dual_cell: u32, change: &mut SurfaceChange) -> bool {
+        let contoured = dual_contouring::contour(grid, self.lattice.cell(dual_cell));
+        for (component, vertex) in contoured.vertices.iter().enumerate() {
+            let Some(vertex) = *vertex else { continue };
+            let id = dual_cell * 8 + component as u32;
+            if self.vertices.insert(id, vertex) != Some(vertex) {
+                change.upserted_vertices.push(id);
+            }
+        }
+        let before = self.components[dual_cell as usize].replace(contoured.components);
+        before.is_some_and(|before| before != contoured.components)
+    }
+
+    /// Reports the vertices that move with one of these voxels.
+    fn report_rebound(&self, grid: &Grid, rebound: &[VoxelId], change: &mut SurfaceChange) {
+        for voxel in rebound {
+            let dual_cells = self.lattice.dual_cells_of(grid.voxels()[voxel.index()].ijk);
+            for dual_cell in dual_cells.into_iter().filter(|cell| self.components[*cell as usize].is_some()) {
+                let ids = dual_cell * 8..dual_cell * 8 + 8;
+                let bound = self.vertices.range(ids).filter(|(_, vertex)| vertex.voxel == *voxel);
+                change.upserted_vertices.extend(bound.map(|(id, _)| *id));
+            }
+        }
+    }
+
+    /// Sets the quads of a link.
+    fn join(&mut self, grid: &Grid, link: LinkId, change: &mut SurfaceChange) {
+        let sides = match grid.link(link) {
+            Link::Parted(_) => 0..2,
+            Link::Boundary(_) if grid.voxel_at(link.cell).is_some() => 0..1,
+            Link::Boundary(_) => 1..2,
+            Link::Intact | Link::Outside => 0..0,
+        };
+        for side in sides {
+            let id = self.lattice.link_index(link) * 2 + side;
+            let quad = self.quad_around(link, side);
+            if self.quads.insert(id, quad) != Some(quad) {
+                change.upserted_quads.push(id);
+            }
+        }
+    }
+
+    fn quad_around(&self, link: LinkId, side: u32) -> Quad {
+        let mut quad = self.lattice.around(link).map(|(dual_cell, lower_corner)| {
+            let corner = lower_corner | (side as usize) << link.axis;
+            let components = self.components[dual_cell as usize].expect("dual cells around a crossing are contoured");
+            dual_cell * 8 + components.of(corner)
+        });
+        if side == 1 {
+            quad.reverse();
+        }
+        quad
+    }
+
+    /// Every vertex, ids ascending.
+    pub fn vertices(&self) -> impl ExactSizeIterator<Item = (VertexId, &SurfaceVertex)> {
+        self.vertices.iter().map(|(id, vertex)| (*id, vertex))
+    }
+
+    /// Every quad, ids ascending.
+    pub fn quads(&self) -> impl ExactSizeIterator<Item = (QuadId, &Quad)> {
+        self.quads.iter().map(|(id, quad)| (*id, quad))
+    }
+
+    /// A vertex by its id.
+    #[must_use]
+    pub fn vertex(&self, id: VertexId) -> Option<&SurfaceVertex> {
+        self.vertices.get(&id)
+    }
+
+    /// A quad by its id.
+    #[must_use]
+    pub fn quad(&self, id: QuadId) -> Option<&Quad> {
+        self.quads.get(&id)
+    }
+
+    /// The link a quad stands on: parted where the quad is a cut face, else of the object's own
+    /// surface.
+    #[must_use]
+    pub fn link_of(&self, quad: QuadId) -> LinkId {
+        self.lattice.link(quad / 2)
+    }
+}
+
+/// Splits a quad along its shorter diagonal, in the configuration `position_m` gives. Meant for the
+/// reference configuration, where the split never changes as the tissue moves. Opposite quads on the
+/// same vertices are split along the same diagonal: of two equal ones, the one at the lowest id.
+#[must_use]
+pub fn triangulate(quad: Quad, position_m: impl Fn(VertexId) -> [f32; 3]) -> [[VertexId; 3]; 2] {
+    let [a, b, c, d] = quad;
+    let length2 = |from: VertexId, to: VertexId| -> f32 {
+        let (from, to) = (position_m(from), position_m(to));
+        (0..3).map(|axis| (to[axis] - from[axis]).powi(2)).sum()
+    };
+    let (ac, bd) = (length2(a, c), length2(b, d));
+    if ac < bd || (ac == bd && a.min(c) < b.min(d)) { [[a, b, c], [a, c, d]] } else { [[b, c, d], [b, d, a]] }
+}
+
+/// Every link with a crossing; a parted one twice, once for each of its voxels.
+fn crossed_links(grid: &Grid) -> Vec<LinkId> {
+    let links = grid.voxels().iter().flat_map(|voxel| Grid::links_of(voxel.ijk));
+    links.map(|(link, _)| link).filter(|link| !grid.is_intact(*link)).collect()
+}
+
+fn sort_dedup(ids: &mut Vec<u32>) {
+    ids.sort_unstable();
+    ids.dedup();
 }

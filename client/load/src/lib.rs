@@ -1,0 +1,3 @@
+//! What `kerf-load` is made of.
+
+pub mod plot;

@@ -1,0 +1,3 @@
+//! What `kerf-server` is made of.
+
+pub mod glb;

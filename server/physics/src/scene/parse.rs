@@ -1,0 +1,144 @@
+//! From TOML text to a [`SceneDesc`], with the place of what does not fit.
+
+use super::{SCENE_VERSION, SceneDesc, SceneError};
+
+impl SceneDesc {
+    /// Reads a scene. Unknown fields are refused; values are not judged (see [`Self::validate`]).
+    /// `file` is only used to name the place of an error.
+    ///
+    /// # Errors
+    /// [`SceneError::Parse`] with file, line, column and field of the first thing that does not fit.
+    pub fn from_toml(file: &str, text: &str) -> Result<Self, SceneError> {
+        let syntax_error = |e: toml::de::Error| parse_error(file, text, "syntax", &e);
+        // A file of another version would drown its reader in unknown fields: look at that first.
+        let table: toml::Table = toml::from_str(text).map_err(syntax_error)?;
+        if let Some(version) = table.get("version").and_then(toml::Value::as_integer)
+            && version != i64::from(SCENE_VERSION)
+        {
+            let message = format!("version {version} is not supported; this program reads {SCENE_VERSION}");
+            return Err(SceneError::Field { field: format!("{file}: version"), message });
+        }
+        let deserializer = toml::Deserializer::parse(text).map_err(syntax_error)?;
+        serde_path_to_error::deserialize(deserializer)
+            .map_err(|e| parse_error(file, text, &e.path().to_string(), e.inner()))
+    }
+}
+
+fn parse_error(file: &str, text: &str, path: &str, error: &toml::de::Error) -> SceneError {
+    let (line, column) = line_and_column(text, error.span().map_or(0, |span| span.start));
+    let field = if path == "." { "scene" } else { path };
+    SceneError::Parse {
+        file: file.to_owned(),
+        line,
+        column,
+        field: field.to_owned(),
+        message: error.message().trim_end().replace('\n', "; "),
+    }
+}
+
+/// Line and column (in characters) of a byte offset, both from 1.
+fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
+    let before = text.get(..offset).unwrap_or(text);
+    let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
+    (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SCENE: &str = r#"
+version = 1
+name = "block"
+[[objects]]
+name = "block"
+shape = { box = { min_m = [0.0, 0.0, 0.0], max_m = [0.1, 0.1, 0.1] } }
+voxel_size_m = 0.01
+[objects.material]
+young_modulus_pa = 1e5
+poisson_ratio = 0.4
+"#;
+
+    fn place(text: &str) -> (usize, String, String) {
+        match SceneDesc::from_toml("block.toml", text).unwrap_err() {
+            SceneError::Parse { file, line, field, message, .. } => {
+                assert_eq!(file, "block.toml");
+                (line, field, message)
+            }
+            other => panic!("{other}"),
+        }
+    }
+
+    #[test]
+    fn a_minimal_scene_gets_the_documented_defaults() {
+        let scene = SceneDesc::from_toml("block.toml", SCENE).unwrap();
+        assert_eq!(scene.rate_hz, 1000.0);
+        assert_eq!(scene.gravity_m_per_s2, [0.0; 3]);
+        assert_eq!(scene.solver.relative_tolerance, 1e-3);
+        assert_eq!(scene.solver.max_iterations, 200);
+        let object = &scene.objects[0];
+        assert_eq!(object.level, 2);
+        assert_eq!(object.material.density_kg_per_m3, 1000.0);
+        assert_eq!(object.material.initiation_ratio, 2.0);
+        assert_eq!(object.material.strain_stiffening, 0.0);
+        assert_eq!(object.material.fracture_energy_j_per_m2, None);
+    }
+
+    #[test]
+    fn a_scene_survives_the_way_through_toml() {
+        let scene = SceneDesc::from_toml("block.toml", SCENE).unwrap();
+        let text = toml::to_string(&scene).unwrap();
+        assert_eq!(SceneDesc::from_toml("again.toml", &text).unwrap(), scene);
+    }
+
+    #[test]
+    fn an_unknown_field_is_named_with_its_line() {
+        let (line, field, message) = place(&SCENE.replace("poisson_ratio", "poisson"));
+        assert_eq!(line, 10);
+        assert!(field.starts_with("objects[0].material"), "{field}");
+        assert!(message.contains("unknown field `poisson`") && message.contains("`poisson_ratio`"), "{message}");
+    }
+
+    #[test]
+    fn a_wrong_type_is_named_with_its_field() {
+        let (line, field, message) = place(&SCENE.replace("1e5", "\"stiff\""));
+        assert_eq!((line, field.as_str()), (9, "objects[0].material.young_modulus_pa"));
+        assert!(message.contains("expected f64"), "{message}");
+    }
+
+    #[test]
+    fn an_unknown_shape_lists_the_known_ones() {
+        let (line, field, message) = place(&SCENE.replace("{ box", "{ cone"));
+        assert_eq!(line, 6);
+        assert!(field.starts_with("objects[0].shape"), "{field}");
+        assert!(message.contains("`cone`") && message.contains("`smooth_union`"), "{message}");
+    }
+
+    #[test]
+    fn an_unknown_field_inside_a_shape_is_named() {
+        let (line, field, message) = place(&SCENE.replace("max_m", "upper_m"));
+        assert_eq!(line, 6);
+        assert!(field.starts_with("objects[0].shape.box"), "{field}");
+        assert!(message.contains("upper_m") && message.contains("max_m"), "{message}");
+    }
+
+    #[test]
+    fn a_missing_field_is_named_with_its_table() {
+        let (_, field, message) = place(&SCENE.replace("poisson_ratio = 0.4", ""));
+        assert_eq!(field, "objects[0].material");
+        assert!(message.contains("missing field `poisson_ratio`"), "{message}");
+    }
+
+    #[test]
+    fn broken_toml_is_told_with_its_line() {
+        let (line, field, _) = place(&SCENE.replace("[[objects]]", "[[objects"));
+        assert_eq!((line, field.as_str()), (4, "syntax"));
+    }
+
+    #[test]
+    fn another_version_is_refused_before_its_fields() {
+        let text = SCENE.replace("version = 1", "version = 2\nfuture = true");
+        let error = SceneDesc::from_toml("block.toml", &text).unwrap_err();
+        assert!(error.to_string().contains("version 2 is not supported"), "{error}");
+    }
+}

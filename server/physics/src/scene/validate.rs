@@ -1,0 +1,409 @@
+//! What is wrong with a scene's values: every field that is out of its range, with value and limit.
+
+use std::collections::BTreeSet;
+use std::ops::RangeInclusive;
+
+use super::toughness::{carried_over_eh, composite_edge_m, gc_over_eh};
+use super::{
+    BladeDesc, LoadDesc, MaterialDesc, Meshes, ObjectDesc, SCENE_VERSION, Scene, SceneDesc, SceneError, ShapeDesc,
+};
+use crate::grid::voxelize::voxel_size_m;
+
+/// Bodies are stepped one after the other; more than this is another kind of simulation.
+pub const MAX_OBJECTS: usize = 64;
+/// A tool's output is kept per step and per viewer.
+pub const MAX_TOOLS: usize = 16;
+/// A probe's output is kept per step.
+pub const MAX_PROBES: usize = 1024;
+/// Each region is tested at each voxel; material indices are 16 bits wide.
+pub const MAX_REGIONS: usize = 256;
+/// Fixed shapes and loads are each tested at each voxel.
+pub const MAX_SHAPES: usize = 256;
+/// Parts of a smooth union: each is evaluated at each cell.
+pub const MAX_PARTS: usize = 64;
+/// Names are printed in tables and used as labels of metrics.
+pub const MAX_NAME_CHARS: usize = 64;
+
+/// Largest coordinate and length, m. Beyond it voxels of the smallest size lose their digits in `f32`.
+const MAX_LENGTH_M: f64 = 1e3;
+/// Smallest length that a shape may have, m.
+const MIN_LENGTH_M: f64 = 1e-6;
+
+impl SceneDesc {
+    /// The first of [`Self::problems`], if there is any.
+    ///
+    /// # Errors
+    /// A [`SceneError::Field`] naming field, value and limit.
+    pub fn validate(&self) -> Result<(), SceneError> {
+        self.problems().into_iter().next().map_or(Ok(()), Err)
+    }
+
+    /// Everything that is wrong with the values, in the order of the fields. What depends on the
+    /// size of a mesh is judged by [`Scene::problems`].
+    #[must_use]
+    pub fn problems(&self) -> Vec<SceneError> {
+        problems(self, &Meshes::new())
+    }
+}
+
+impl Scene {
+    /// Everything that is wrong with the values, meshes taken into account.
+    #[must_use]
+    pub fn problems(&self) -> Vec<SceneError> {
+        problems(&self.desc, &self.meshes)
+    }
+}
+
+fn problems(scene: &SceneDesc, meshes: &Meshes) -> Vec<SceneError> {
+    let mut report = Report::default();
+    if scene.version != SCENE_VERSION {
+        report.refuse("version", format!("{} is not supported; this program reads {SCENE_VERSION}", scene.version));
+    }
+    report.name("name", &scene.name);
+    report.number("rate_hz", scene.rate_hz, 10.0..=10_000.0);
+    report.vector("gravity_m_per_s2", &scene.gravity_m_per_s2, 1e3);
+    report.number("solver.relative_tolerance", scene.solver.relative_tolerance, 1e-12..=0.5);
+    report.number("solver.max_iterations", f64::from(scene.solver.max_iterations), 1.0..=1e5);
+
+    report.count("objects", scene.objects.len(), 1..=MAX_OBJECTS);
+    report.unique("objects", scene.objects.iter().map(|o| o.name.as_str()));
+    for (i, object) in scene.objects.iter().enumerate() {
+        report.object(&format!("objects[{i}]"), object, meshes);
+    }
+    report.count("tools", scene.tools.len(), 0..=MAX_TOOLS);
+    report.unique("tools", scene.tools.iter().map(|t| t.name.as_str()));
+    for (i, tool) in scene.tools.iter().enumerate() {
+        report.blade(&format!("tools[{i}].blade"), &tool.blade);
+    }
+    report.count("probes", scene.probes.len(), 0..=MAX_PROBES);
+    report.unique("probes", scene.probes.iter().map(|p| p.name.as_str()));
+    for (i, probe) in scene.probes.iter().enumerate() {
+        report.vector(&format!("probes[{i}].position_m"), &probe.position_m, MAX_LENGTH_M);
+        if !scene.objects.iter().any(|o| o.name == probe.object) {
+            report.refuse(format!("probes[{i}].object"), format!("there is no object named `{}`", probe.object));
+        }
+    }
+    report.problems
+}
+
+/// Collects problems; each method judges one kind of field.
+#[derive(Default)]
+struct Report {
+    problems: Vec<SceneError>,
+}
+
+impl Report {
+    fn refuse(&mut self, field: impl Into<String>, message: impl Into<String>) {
+        self.problems.push(SceneError::Field { field: field.into(), message: message.into() });
+    }
+
+    /// A finite number within a range. Returns whether it is.
+    fn number(&mut self, field: &str, value: f64, range: RangeInclusive<f64>) -> bool {
+        let fits = range.contains(&value);
+        if !fits {
+            self.refuse(field, format!("{value} is not between {} and {}", range.start(), range.end()));
+        }
+        fits
+    }
+
+    fn vector(&mut self, field: &str, value: &[f64; 3], limit: f64) -> bool {
+        let fits = value.iter().all(|v| v.abs() <= limit);
+        if !fits {
+            self.refuse(field, format!("{value:?} is not within +-{limit} in each component"));
+        }
+        fits
+    }
+
+    fn length(&mut self, field: &str, value_m: f64) -> bool {
+        self.number(field, value_m, MIN_LENGTH_M..=MAX_LENGTH_M)
+    }
+
+    fn count(&mut self, field: &str, count: usize, range: RangeInclusive<usize>) {
+        if !range.contains(&count) {
+            self.refuse(field, format!("{count} entries are not between {} and {}", range.start(), range.end()));
+        }
+    }
+
+    fn name(&mut self, field: &str, name: &str) {
+        if name.is_empty() || name.chars().count() > MAX_NAME_CHARS || name.chars().any(char::is_control) {
+            self.refuse(field, format!("{name:?} is not a name of 1 to {MAX_NAME_CHARS} printable characters"));
+        }
+    }
+
+    fn unique<'a>(&mut self, field: &str, names: impl Iterator<Item = &'a str>) {
+        let mut seen = BTreeSet::new();
+        for (i, name) in names.enumerate() {
+            let field = format!("{field}[{i}].name");
+            self.name(&field, name);
+            if !seen.insert(name) {
+                self.refuse(field, format!("`{name}` is taken by an earlier entry"));
+            }
+        }
+    }
+
+    fn object(&mut self, field: &str, object: &ObjectDesc, meshes: &Meshes) {
+        let shape_is_sound = self.shape(&format!("{field}.shape"), &object.shape);
+        let size_is_sound = self.voxel_size(field, object);
+        let level_is_sound = self.number(&format!("{field}.level"), f64::from(object.level), 0.0..=4.0);
+        self.material(&format!("{field}.material"), &object.material);
+        self.count(&format!("{field}.regions"), object.regions.len(), 0..=MAX_REGIONS);
+        self.unique(&format!("{field}.regions"), object.regions.iter().map(|r| r.name.as_str()));
+        for (i, region) in object.regions.iter().enumerate() {
+            self.shape(&format!("{field}.regions[{i}].shape"), &region.shape);
+            self.material(&format!("{field}.regions[{i}].material"), &region.material);
+        }
+        self.count(&format!("{field}.fixed"), object.fixed.len(), 0..=MAX_SHAPES);
+        for (i, shape) in object.fixed.iter().enumerate() {
+            self.shape(&format!("{field}.fixed[{i}]"), shape);
+        }
+        self.count(&format!("{field}.loads"), object.loads.len(), 0..=MAX_SHAPES);
+        for (i, load) in object.loads.iter().enumerate() {
+            self.load(&format!("{field}.loads[{i}]"), load);
+        }
+        if shape_is_sound && size_is_sound && level_is_sound {
+            self.elements(field, object, meshes);
+        }
+    }
+
+    fn voxel_size(&mut self, field: &str, object: &ObjectDesc) -> bool {
+        match (object.voxel_size_m, object.resolution) {
+            (Some(size_m), None) => self.number(&format!("{field}.voxel_size_m"), size_m, 1e-5..=1.0),
+            (None, Some(count)) => self.number(&format!("{field}.resolution"), f64::from(count), 1.0..=4096.0),
+            (given, _) => {
+                let found = if given.is_some() { "both are" } else { "neither is" };
+                let message = format!("give exactly one of voxel_size_m and resolution; {found} given");
+                self.refuse(format!("{field}.voxel_size_m"), message);
+                false
+            }
+        }
+    }
+
+    /// What depends on the size of the elements: the lattice's extent and each material's toughness.
+    fn elements(&mut self, field: &str, object: &ObjectDesc, meshes: &Meshes) {
+        let size_m = match voxel_size_m(object, meshes) {
+            Ok(Some(size_m)) => size_m,
+            Ok(None) => return, // a mesh that is not at hand: judged when it is
+            Err(problem) => return self.problems.push(problem.within(field)),
+        };
+        self.toughness(&format!("{field}.material"), &object.material, size_m, object.level);
+        for (i, region) in object.regions.iter().enumerate() {
+            self.toughness(&format!("{field}.regions[{i}].material"), &region.material, size_m, object.level);
+        }
+    }
+
+    fn toughness(&mut self, field: &str, material: &MaterialDesc, voxel_size_m: f64, level: u8) {
+        let Some(ratio) = gc_over_eh(material, composite_edge_m(voxel_size_m, level)) else { return };
+        let asked = ratio * material.initiation_ratio;
+        let carried = carried_over_eh(material, level);
+        if asked > carried {
+            let message = format!(
+                "Gc/(E H) = {ratio:.3} with H = 2^{level} voxels of {voxel_size_m} m, times initiation_ratio {} = \
+                 {asked:.3}, is more than the {carried:.3} that the element law carries with strain_stiffening {} \
+                 at this level: the elements would fold under the blade before they part; raise \
+                 strain_stiffening (10 carries the most) or lower fracture_energy_j_per_m2",
+                material.initiation_ratio, material.strain_stiffening,
+            );
+            self.refuse(format!("{field}.fracture_energy_j_per_m2"), message);
+        }
+    }
+
+    fn material(&mut self, field: &str, material: &MaterialDesc) {
+        let mut number = |name: &str, value: f64, range| self.number(&format!("{field}.{name}"), value, range);
+        number("young_modulus_pa", material.young_modulus_pa, 1e2..=1e10);
+        number("poisson_ratio", material.poisson_ratio, 0.0..=0.4999);
+        number("density_kg_per_m3", material.density_kg_per_m3, 1.0..=2e4);
+        number("rayleigh_alpha_per_s", material.rayleigh_alpha_per_s, 0.0..=1e4);
+        number("rayleigh_beta_s", material.rayleigh_beta_s, 0.0..=10.0);
+        if let Some(gc) = material.fracture_energy_j_per_m2 {
+            number("fracture_energy_j_per_m2", gc, 1e-3..=1e7);
+        }
+        number("initiation_ratio", material.initiation_ratio, 1.0..=10.0);
+        number("strain_stiffening", material.strain_stiffening, 0.0..=50.0);
+    }
+
+    fn shape(&mut self, field: &str, shape: &ShapeDesc) -> bool {
+        let before = self.problems.len();
+        match shape {
+            ShapeDesc::Box { min_m, max_m } => {
+                let finite = self.vector(&format!("{field}.box.min_m"), min_m, MAX_LENGTH_M)
+                    & self.vector(&format!("{field}.box.max_m"), max_m, MAX_LENGTH_M);
+                if finite && (0..3).any(|a| max_m[a] - min_m[a] < MIN_LENGTH_M) {
+                    let limit = format!("{max_m:?} does not exceed min_m {min_m:?} by {MIN_LENGTH_M} on each axis");
+                    self.refuse(format!("{field}.box.max_m"), limit);
+                }
+            }
+            ShapeDesc::Sphere { center_m, radius_m } => {
+                self.vector(&format!("{field}.sphere.center_m"), center_m, MAX_LENGTH_M);
+                self.length(&format!("{field}.sphere.radius_m"), *radius_m);
+            }
+            ShapeDesc::Ellipsoid { center_m, semi_axes_m } => {
+                self.vector(&format!("{field}.ellipsoid.center_m"), center_m, MAX_LENGTH_M);
+                for (a, axis_m) in semi_axes_m.iter().enumerate() {
+                    self.length(&format!("{field}.ellipsoid.semi_axes_m[{a}]"), *axis_m);
+                }
+            }
+            ShapeDesc::Capsule { from_m, to_m, radius_m } => {
+                self.vector(&format!("{field}.capsule.from_m"), from_m, MAX_LENGTH_M);
+                self.vector(&format!("{field}.capsule.to_m"), to_m, MAX_LENGTH_M);
+                self.length(&format!("{field}.capsule.radius_m"), *radius_m);
+            }
+            ShapeDesc::SmoothUnion { blend_m, parts } => self.union(&format!("{field}.smooth_union"), *blend_m, parts),
+            ShapeDesc::Mesh { file, scale_m_per_unit, offset_m } => {
+                if file.is_empty() {
+                    self.refuse(format!("{field}.mesh.file"), "is empty");
+                }
+                self.number(&format!("{field}.mesh.scale_m_per_unit"), *scale_m_per_unit, 1e-9..=1e6);
+                self.vector(&format!("{field}.mesh.offset_m"), offset_m, MAX_LENGTH_M);
+            }
+        }
+        self.problems.len() == before
+    }
+
+    fn union(&mut self, field: &str, blend_m: f64, parts: &[ShapeDesc]) {
+        self.number(&format!("{field}.blend_m"), blend_m, 0.0..=MAX_LENGTH_M);
+        self.count(&format!("{field}.parts"), parts.len(), 1..=MAX_PARTS);
+        for (i, part) in parts.iter().enumerate() {
+            let field = format!("{field}.parts[{i}]");
+            if matches!(part, ShapeDesc::SmoothUnion { .. } | ShapeDesc::Mesh { .. }) {
+                self.refuse(field, "a part of a union is a box, sphere, ellipsoid or capsule");
+            } else {
+                self.shape(&field, part);
+            }
+        }
+    }
+
+    fn load(&mut self, field: &str, load: &LoadDesc) {
+        match load {
+            LoadDesc::Traction { region, traction_pa, .. } => {
+                self.shape(&format!("{field}.traction.region"), region);
+                self.vector(&format!("{field}.traction.traction_pa"), traction_pa, 1e9);
+            }
+            LoadDesc::BodyForce { region, force_n_per_m3 } => {
+                self.shape(&format!("{field}.body_force.region"), region);
+                self.vector(&format!("{field}.body_force.force_n_per_m3"), force_n_per_m3, 1e9);
+            }
+        }
+    }
+
+    fn blade(&mut self, field: &str, blade: &BladeDesc) {
+        self.number(&format!("{field}.width_m"), blade.width_m, 1e-4..=10.0);
+        self.number(&format!("{field}.height_m"), blade.height_m, 1e-4..=10.0);
+        self.number(&format!("{field}.edge_half_width_m"), blade.edge_half_width_m, 1e-8..=1e-2);
+        self.number(&format!("{field}.thickness_m"), blade.thickness_m, 0.0..=0.1);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SCENE: &str = r#"
+version = 1
+name = "block"
+[[objects]]
+name = "block"
+shape = { box = { min_m = [0.0, 0.0, 0.0], max_m = [0.1, 0.1, 0.1] } }
+voxel_size_m = 0.01
+level = 1
+material = { young_modulus_pa = 1e5, poisson_ratio = 0.4, fracture_energy_j_per_m2 = 400.0 }
+[[tools]]
+name = "knife"
+blade = { width_m = 0.05, height_m = 0.05 }
+[[probes]]
+name = "top"
+object = "block"
+position_m = [0.05, 0.1, 0.05]
+"#;
+
+    fn scene() -> SceneDesc {
+        SceneDesc::from_toml("block.toml", SCENE).unwrap()
+    }
+
+    /// The fields that are refused after a change.
+    fn refused(change: impl FnOnce(&mut SceneDesc)) -> Vec<String> {
+        let mut scene = scene();
+        change(&mut scene);
+        let field = |e: &SceneError| match e {
+            SceneError::Field { field, .. } => field.clone(),
+            SceneError::Parse { .. } => unreachable!("values are judged, not text"),
+        };
+        scene.problems().iter().map(field).collect()
+    }
+
+    #[test]
+    fn a_sound_scene_has_no_problems() {
+        assert_eq!(scene().problems(), []);
+    }
+
+    #[test]
+    fn numbers_out_of_range_or_not_finite_are_refused() {
+        assert_eq!(refused(|s| s.rate_hz = 9.0), ["rate_hz"]);
+        assert_eq!(refused(|s| s.rate_hz = f64::NAN), ["rate_hz"]);
+        assert_eq!(refused(|s| s.gravity_m_per_s2[1] = f64::INFINITY), ["gravity_m_per_s2"]);
+        assert_eq!(refused(|s| s.objects[0].level = 5), ["objects[0].level"]);
+        let material = |change: fn(&mut MaterialDesc)| refused(|s| change(&mut s.objects[0].material));
+        assert_eq!(material(|m| m.poisson_ratio = 0.5), ["objects[0].material.poisson_ratio"]);
+        assert_eq!(material(|m| m.density_kg_per_m3 = 0.0), ["objects[0].material.density_kg_per_m3"]);
+        assert_eq!(material(|m| m.initiation_ratio = 0.9), ["objects[0].material.initiation_ratio"]);
+        assert_eq!(material(|m| m.rayleigh_beta_s = -1e-9), ["objects[0].material.rayleigh_beta_s"]);
+        assert_eq!(refused(|s| s.tools[0].blade.width_m = 0.0), ["tools[0].blade.width_m"]);
+        assert_eq!(refused(|s| s.version = 3), ["version"]);
+    }
+
+    #[test]
+    fn every_problem_is_told_at_once() {
+        let fields = refused(|s| {
+            s.rate_hz = 0.0;
+            s.objects[0].material.poisson_ratio = -0.1;
+            s.probes[0].object = "elsewhere".into();
+        });
+        assert_eq!(fields, ["rate_hz", "objects[0].material.poisson_ratio", "probes[0].object"]);
+    }
+
+    #[test]
+    fn exactly_one_of_voxel_size_and_resolution_is_wanted() {
+        assert_eq!(refused(|s| s.objects[0].voxel_size_m = None), ["objects[0].voxel_size_m"]);
+        assert_eq!(refused(|s| s.objects[0].resolution = Some(10)), ["objects[0].voxel_size_m"]);
+    }
+
+    #[test]
+    fn names_are_unique_within_their_kind() {
+        assert_eq!(refused(|s| s.tools.push(s.tools[0].clone())), ["tools[1].name"]);
+        assert_eq!(refused(|s| s.probes[0].name = String::new()), ["probes[0].name"]);
+    }
+
+    #[test]
+    fn shapes_without_extent_are_refused() {
+        let fields = refused(|s| s.objects[0].shape = ShapeDesc::Box { min_m: [0.0; 3], max_m: [0.1, 0.0, 0.1] });
+        assert_eq!(fields, ["objects[0].shape.box.max_m"]);
+        let fields = refused(|s| s.objects[0].fixed.push(ShapeDesc::Sphere { center_m: [0.0; 3], radius_m: -1.0 }));
+        assert_eq!(fields, ["objects[0].fixed[0].sphere.radius_m"]);
+    }
+
+    #[test]
+    fn a_union_holds_no_unions() {
+        let inner = ShapeDesc::SmoothUnion { blend_m: 0.0, parts: vec![] };
+        let fields = refused(|s| s.objects[0].shape = ShapeDesc::SmoothUnion { blend_m: 0.0, parts: vec![inner] });
+        assert_eq!(fields, ["objects[0].shape.smooth_union.parts[0]"]);
+    }
+
+    #[test]
+    fn a_lattice_beyond_the_limit_is_refused() {
+        assert_eq!(refused(|s| s.objects[0].voxel_size_m = Some(2e-5)), ["objects[0].voxel_size_m"]);
+    }
+
+    #[test]
+    fn toughness_beyond_what_the_law_carries_is_refused() {
+        // E H = 1e5 Pa * 0.02 m = 2000 N/m; the linear law carries 0.9 of it at level 1.
+        let gc = |gc, stiffening| {
+            refused(|s| {
+                s.objects[0].material.fracture_energy_j_per_m2 = Some(gc);
+                s.objects[0].material.strain_stiffening = stiffening;
+            })
+        };
+        assert_eq!(gc(890.0, 0.0), [""; 0]);
+        assert_eq!(gc(910.0, 0.0), ["objects[0].material.fracture_energy_j_per_m2"]);
+        assert_eq!(gc(29_000.0, 10.0), [""; 0]);
+        assert_eq!(gc(31_000.0, 10.0), ["objects[0].material.fracture_energy_j_per_m2"]);
+    }
+}

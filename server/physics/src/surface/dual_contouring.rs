@@ -1,0 +1,119 @@
+//! Components and vertices of one dual cell (Ju et al. 2002, with a vertex per component).
+
+use super::SurfaceVertex;
+use super::lattice::{DUAL_CELL_LINKS, corner_cell};
+use super::qef::Qef;
+use crate::Vec3;
+use crate::grid::{Grid, Ijk, Link, LinkId, VoxelId};
+
+/// The component of each corner of a dual cell: its lowest corner; four bits a corner.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Components(u32);
+
+/// A dual cell with the vertices of its components, at the components' numbers.
+pub(super) struct DualCell {
+    pub(super) components: Components,
+    pub(super) vertices: [Option<SurfaceVertex>; 8],
+}
+
+/// What a dual cell is contoured from.
+struct Stencil {
+    corners: [Option<VoxelId>; 8],
+    links: [Link; 12],
+}
+
+const OUTSIDE: u8 = 15;
+
+impl Stencil {
+    fn around(grid: &Grid, dual_cell: Ijk) -> Self {
+        let corners: [_; 8] = std::array::from_fn(|corner| grid.voxel_at(corner_cell(dual_cell, corner)));
+        let links = DUAL_CELL_LINKS.map(|(corner, axis)| match (corners[corner], corners[corner | 1 << axis]) {
+            // A third of the links at a smooth surface, at no cost.
+            (None, None) => Link::Outside,
+            _ => grid.link(LinkId { cell: corner_cell(dual_cell, corner), axis }),
+        });
+        Self { corners, links }
+    }
+}
+
+impl Components {
+    /// Joins the inside corners by the intact links.
+    fn connected(stencil: &Stencil) -> Self {
+        let mut lowest: [u8; 8] =
+            std::array::from_fn(|corner| stencil.corners[corner].map_or(OUTSIDE, |_| corner as u8));
+        // The lowest number spreads by at least one link a pass; no path has more than seven.
+        loop {
+            let before = lowest;
+            for ((corner, axis), link) in DUAL_CELL_LINKS.into_iter().zip(&stencil.links) {
+                if *link == Link::Intact {
+                    let other = corner | 1 << axis;
+                    let joined = lowest[corner].min(lowest[other]);
+                    (lowest[corner], lowest[other]) = (joined, joined);
+                }
+            }
+            if lowest == before {
+                break;
+            }
+        }
+        Self(lowest.iter().rev().fold(0, |packed, label| packed << 4 | u32::from(*label)))
+    }
+
+    /// Number of the component an inside corner is in.
+    pub(super) fn of(self, corner: usize) -> u32 {
+        self.0 >> (4 * corner) & 0xf
+    }
+}
+
+/// Contours the dual cell with this lowest corner.
+pub(super) fn contour(grid: &Grid, dual_cell: Ijk) -> DualCell {
+    let stencil = Stencil::around(grid, dual_cell);
+    let components = Components::connected(&stencil);
+    let vertices = std::array::from_fn(|component| {
+        // A component is numbered by its lowest corner, so any other corner has none of its own.
+        let exists = components.of(component) == component as u32;
+        exists.then(|| vertex(grid, dual_cell, &stencil, components, component as u32)).flatten()
+    });
+    DualCell { components, vertices }
+}
+
+/// The vertex of a component, if a crossing touches it. A parted link counts for the components of
+/// both its ends, and once where both are in the same one, which is then at the front of a cut. There
+/// the vertex goes as far from the crossings as it will be when the front has moved on, so that it
+/// stays in place when it becomes two.
+fn vertex(
+    grid: &Grid,
+    dual_cell: Ijk,
+    stencil: &Stencil,
+    components: Components,
+    component: u32,
+) -> Option<SurfaceVertex> {
+    let mut qef = Qef::default();
+    let mut at_front = false;
+    for ((corner, axis), link) in DUAL_CELL_LINKS.into_iter().zip(&stencil.links) {
+        let (Link::Parted(crossing) | Link::Boundary(crossing)) = link else { continue };
+        let ends = [corner, corner | 1 << axis].map(|end| components.of(end) == component);
+        if ends == [false; 2] {
+            continue;
+        }
+        at_front |= ends == [true; 2];
+        let mut point = corner_position(corner);
+        point[axis as usize] += f64::from(crossing.t);
+        qef.add(point, Vec3::from(crossing.normal.map(f64::from)));
+    }
+    if qef.is_empty() {
+        return None;
+    }
+    let local = qef.minimise(&if at_front { Vec3::zeros() } else { qef.mean() });
+    let position_m = grid.centre_m(dual_cell) + (local - corner_position(0)) * grid.voxel_size_m();
+    let distance2 = |corner: &usize| (corner_position(*corner) - local).norm_squared();
+    let nearest = (0..8)
+        .filter(|corner| components.of(*corner) == component)
+        // The first of equals, hence the lowest corner.
+        .min_by(|a, b| distance2(a).total_cmp(&distance2(b)))?;
+    Some(SurfaceVertex { position_m: position_m.map(|c| c as f32).into(), voxel: stencil.corners[nearest]? })
+}
+
+/// Corner of a dual cell, in voxels from its centre.
+fn corner_position(corner: usize) -> Vec3 {
+    Vec3::from_fn(|axis, _| (corner >> axis & 1) as f64 - 0.5)
+}

@@ -1,0 +1,189 @@
+//! The scenes that come with the program, and scenes from files.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use kerf_physics::scene::{Meshes, ShapeDesc, TriangleMesh};
+use kerf_physics::{Scene, SceneDesc, SceneError};
+
+use crate::mesh_file;
+
+/// Largest scene file, bytes: a thousand times a large scene written by hand.
+pub const MAX_SCENE_BYTES: u64 = 4 << 20;
+/// Largest mesh file, bytes: some five million triangles in binary.
+pub const MAX_MESH_BYTES: u64 = 256 << 20;
+
+const BUILTIN: [(&str, &str); 6] = [
+    ("jelly", include_str!("../scenes/jelly.toml")),
+    ("tofu", include_str!("../scenes/tofu.toml")),
+    ("rubber", include_str!("../scenes/rubber.toml")),
+    ("cuboid", include_str!("../scenes/cuboid.toml")),
+    ("liver", include_str!("../scenes/liver.toml")),
+    ("liver-tissue", include_str!("../scenes/liver-tissue.toml")),
+];
+
+/// Why a scene cannot be had.
+#[derive(Debug, thiserror::Error)]
+pub enum CatalogError {
+    /// Neither a built-in scene nor a file.
+    #[error("`{name}` is neither a file nor one of the built-in scenes: {}", builtin_names().join(", "))]
+    NotFound {
+        /// What was asked for.
+        name: String,
+    },
+    /// A file cannot be read.
+    #[error("{}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// A file is larger than the limit.
+    #[error("{}: {bytes} bytes are more than the limit of {limit}", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Its size.
+        bytes: u64,
+        /// [`MAX_SCENE_BYTES`] or [`MAX_MESH_BYTES`].
+        limit: u64,
+    },
+    /// A mesh file does not hold a mesh.
+    #[error("{}: {message}", path.display())]
+    Mesh {
+        /// The file.
+        path: PathBuf,
+        /// In the words of the format's reader.
+        message: String,
+    },
+    /// The file is not the TOML of a scene.
+    #[error(transparent)]
+    Parse(#[from] SceneError),
+    /// Values that are not supported.
+    #[error("{name}: {}", problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
+    Invalid {
+        /// Built-in name or path.
+        name: String,
+        /// All of them; at least one.
+        problems: Vec<SceneError>,
+    },
+}
+
+/// Names of the built-in scenes.
+#[must_use]
+pub fn builtin_names() -> [&'static str; BUILTIN.len()] {
+    BUILTIN.map(|(name, _)| name)
+}
+
+/// A built-in scene. The only way to a scene that touches no file: names from the network go here.
+///
+/// # Errors
+/// [`CatalogError::NotFound`] for any other name.
+pub fn builtin(name: &str) -> Result<Scene, CatalogError> {
+    let found = BUILTIN.iter().find(|(known, _)| *known == name);
+    let (name, text) = found.ok_or_else(|| CatalogError::NotFound { name: name.to_owned() })?;
+    sound(name, Scene { desc: SceneDesc::from_toml(&format!("{name}.toml"), text)?, meshes: Meshes::new() })
+}
+
+/// A scene by its built-in name or the path of its file, with its meshes, ready for a world.
+///
+/// # Errors
+/// The first file that cannot be had or read, or every value that is not supported.
+pub fn load(name_or_path: &str) -> Result<Scene, CatalogError> {
+    if builtin_names().contains(&name_or_path) {
+        return builtin(name_or_path);
+    }
+    sound(name_or_path, open(Path::new(name_or_path))?)
+}
+
+/// A scene from a file with its meshes; its values are not judged.
+///
+/// # Errors
+/// The first file that cannot be had or read.
+pub fn open(path: &Path) -> Result<Scene, CatalogError> {
+    let name = path.display().to_string();
+    if !path.is_file() {
+        return Err(CatalogError::NotFound { name });
+    }
+    let text = String::from_utf8(read(path, MAX_SCENE_BYTES)?)
+        .map_err(|e| CatalogError::Read { path: path.to_owned(), source: io::Error::other(e) })?;
+    let desc = SceneDesc::from_toml(&name, &text)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut meshes = Meshes::new();
+    for file in mesh_files(&desc) {
+        if !meshes.contains_key(file) {
+            meshes.insert(file.to_owned(), read_mesh(&folder.join(file))?);
+        }
+    }
+    Ok(Scene { desc, meshes })
+}
+
+/// Reads one mesh file.
+///
+/// # Errors
+/// The file cannot be read, is too large, or is not the mesh that its extension says.
+pub fn read_mesh(path: &Path) -> Result<TriangleMesh, CatalogError> {
+    let bytes = read(path, MAX_MESH_BYTES)?;
+    mesh_file::parse(path, &bytes).map_err(|message| CatalogError::Mesh { path: path.to_owned(), message })
+}
+
+fn sound(name: &str, scene: Scene) -> Result<Scene, CatalogError> {
+    let problems = scene.problems();
+    if problems.is_empty() { Ok(scene) } else { Err(CatalogError::Invalid { name: name.to_owned(), problems }) }
+}
+
+fn read(path: &Path, limit: u64) -> Result<Vec<u8>, CatalogError> {
+    let failed = |source| CatalogError::Read { path: path.to_owned(), source };
+    let bytes = std::fs::metadata(path).map_err(failed)?.len();
+    if bytes > limit {
+        return Err(CatalogError::TooLarge { path: path.to_owned(), bytes, limit });
+    }
+    std::fs::read(path).map_err(failed)
+}
+
+/// The file of each mesh that a scene names.
+fn mesh_files(desc: &SceneDesc) -> impl Iterator<Item = &str> {
+    desc.objects.iter().flat_map(|object| object.shapes()).filter_map(|shape| match shape {
+        ShapeDesc::Mesh { file, .. } => Some(file.as_str()),
+        _ => None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_builtin_scene_is_sound_and_bears_its_name() {
+        for name in builtin_names() {
+            let scene = load(name).unwrap_or_else(|e| panic!("{e}"));
+            assert_eq!(scene.desc.name, name);
+            assert_eq!(scene.desc.rate_hz, 1000.0);
+            assert_eq!(scene.desc.tools.len(), 1, "{name}");
+            assert!(!scene.desc.probes.is_empty() && !scene.desc.description.is_empty(), "{name}");
+        }
+    }
+
+    #[test]
+    fn every_builtin_scene_can_be_solved_at_every_finer_level() {
+        for name in builtin_names() {
+            let mut scene = load(name).unwrap();
+            for level in 0..=scene.desc.objects[0].level {
+                scene.desc.objects[0].level = level;
+                assert_eq!(scene.problems(), [], "{name} at level {level}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_unknown_name_lists_the_known_ones() {
+        let message = load("livre").unwrap_err().to_string();
+        assert!(message.contains("`livre`") && message.contains("liver-tissue"), "{message}");
+    }
+
+    #[test]
+    fn names_from_outside_reach_no_file() {
+        assert!(matches!(builtin("/etc/passwd"), Err(CatalogError::NotFound { .. })));
+    }
+}
