@@ -1,8 +1,8 @@
 //! A surface as binary glTF 2.0: positions, normals and a colour per vertex, metres, +y up.
 //!
-//! Skin and cut faces do not share vertices, nor do faces that meet at an angle above
-//! [`CREASE_ANGLE_COS`]: each such group round a vertex gets a copy of it with a normal of its own.
-//! So the lips of a cut are crisp, and its two sides are shaded apart where they meet at the front.
+//! Skin and cut faces do not share vertices, nor do faces that meet at more than 50 degrees: each such
+//! group round a vertex gets a copy of it with a normal of its own. So the lips of a cut are crisp, and
+//! its two sides are shaded apart where they meet at the front.
 
 use std::path::Path;
 

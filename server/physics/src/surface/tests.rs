@@ -103,7 +103,8 @@ fn a_plane_cut_through_a_box_leaves_two_closed_pieces_of_the_geometric_volumes()
     let (min_m, max_m) = (Vec3::repeat(0.012), Vec3::new(0.128, 0.088, 0.097));
     let d = max_m - min_m;
     let middle_m = (min_m + max_m) / 2.0;
-    // Planes in which y or z is free pass half way through the box at `middle_m`.
+    // A tilted plane that meets no x face parts the volume as an upright one through the same point
+    // of the middle line does.
     for (normal, tolerance) in [(Vec3::x(), 1e-4), (Vec3::new(1.0, 0.4, 0.0), 3e-3), (Vec3::new(1.0, -0.3, 0.6), 3e-3)]
     {
         let mut grid = box_solid([14, 10, 11], 0.01, min_m, max_m);
