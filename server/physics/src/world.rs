@@ -6,6 +6,34 @@ use crate::step_io::{StepInputs, StepOutput};
 use crate::surface::delta::{Keyframe, TopologyPatch};
 use crate::workers::Workers;
 
+/// Sizes of a scene as it is now, over all its objects.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WorldCounts {
+    /// Fine voxels.
+    pub voxels: usize,
+    /// Composite elements.
+    pub composite_elements: usize,
+    /// Nodes of the composite elements.
+    pub nodes: usize,
+    /// Vertices of the surface.
+    pub surface_vertices: usize,
+    /// Triangles of the surface.
+    pub surface_triangles: usize,
+    /// Pieces that hang together.
+    pub parts: usize,
+}
+
+/// How a search for rest ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Relaxation {
+    /// Solves that were made.
+    pub solves: u32,
+    /// Relative residual of the forces at the end.
+    pub relative_residual: f64,
+    /// Whether the residual came below the scene's tolerance.
+    pub converged: bool,
+}
+
 /// One scene: its objects, its tools and their state.
 pub struct World {
     output: StepOutput,
@@ -16,14 +44,32 @@ impl World {
     ///
     /// # Errors
     /// A field of the scene whose value is not supported, with the field and the limit named.
-    pub fn new(_scene: &Scene) -> Result<Self, SceneError> {
-        Ok(Self { output: StepOutput::default() })
+    pub fn new(scene: &Scene) -> Result<Self, SceneError> {
+        let output = StepOutput {
+            tools: vec![Default::default(); scene.desc.tools.len()],
+            probe_displacement_m: vec![Default::default(); scene.desc.probes.len()],
+            ..StepOutput::default()
+        };
+        Ok(Self { output })
     }
 
     /// Advances the scene by one time step.
     pub fn step(&mut self, _workers: &Workers<'_>, _clock: &dyn StageClock, _inputs: &StepInputs<'_>) -> &StepOutput {
         self.output.step += 1;
         &self.output
+    }
+
+    /// Takes the scene to rest under its loads, tools lifted, whatever the way there. `progress` is
+    /// told the relative residual after each solve.
+    pub fn relax(&mut self, _workers: &Workers<'_>, progress: &mut dyn FnMut(f64)) -> Relaxation {
+        progress(0.0);
+        Relaxation { solves: 0, relative_residual: 0.0, converged: true }
+    }
+
+    /// Sizes of the scene as it is now.
+    #[must_use]
+    pub fn counts(&mut self) -> WorldCounts {
+        WorldCounts::default()
     }
 
     /// What the last step reported.
