@@ -1,3 +1,6 @@
-//! What `kerf-server` is made of.
+//! What `kerf-server` is made of: one module per subcommand, and what they share.
 
+pub mod check;
 pub mod glb;
+pub mod scenes;
+pub mod simulate;
