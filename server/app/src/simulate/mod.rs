@@ -130,7 +130,8 @@ fn step(
         script.advance(index as f64 / rate_hz, &mut inputs);
         let output = world.step(workers, &clock, &StepInputs { tools: &inputs });
         if let Some(fault) = &output.fault {
-            progress.println(format!("step {}: {:?} in {}, rolled back", fault.step, fault.what, fault.object));
+            // Not `println` of the bar: that says nothing where there is no terminal.
+            progress.suspend(|| eprintln!("step {}: {:?} in {}, rolled back", fault.step, fault.what, fault.object));
         }
         tally.push(output);
         tables.push(output)?;
