@@ -15,12 +15,11 @@ type Term = (&'static str, fn(&EnergyStep) -> f64);
 /// Terms of the ledger that are booked per step; the table holds their sums.
 const BOOKED: [Term; 10] = [
     ("tool_work_j", |e| e.tool_work_j),
-    ("gravity_work_j", |e| e.gravity_work_j),
     ("load_work_j", |e| e.load_work_j),
     ("fracture_j", |e| e.fracture_j),
     ("front_slip_j", |e| e.front_slip_j),
     ("initiation_j", |e| e.initiation_j),
-    ("friction_j", |e| e.friction_j),
+    ("parting_j", |e| e.parting_j),
     ("damping_j", |e| e.damping_j),
     ("numerical_j", |e| e.numerical_j),
     ("residual_j", |e| e.residual_j),
