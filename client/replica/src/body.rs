@@ -51,23 +51,35 @@ impl Body {
         self.rest_m.len()
     }
 
+    /// Where a vertex is at rest, m, scene frame.
+    #[must_use]
+    pub fn rest_position_m(&self, vertex: &Vertex) -> [f32; 3] {
+        self.interpolate(vertex, |node| self.rest_m[node].unwrap_or_default())
+    }
+
     /// Where a vertex is now, m, scene frame.
     #[must_use]
     pub fn position_m(&self, vertex: &Vertex) -> [f32; 3] {
-        let mut position_m = [0.0; 3];
+        self.interpolate(vertex, |node| {
+            let (rest_m, moved_m) = (self.rest_m[node].unwrap_or_default(), self.displacement_m[node]);
+            [rest_m[0] + moved_m[0], rest_m[1] + moved_m[1], rest_m[2] + moved_m[2]]
+        })
+    }
+
+    fn interpolate(&self, vertex: &Vertex, at_node: impl Fn(usize) -> [f32; 3]) -> [f32; 3] {
+        let mut sum = [0.0; 3];
         for (corner, &node) in self.elements[&vertex.element].iter().enumerate() {
             let weight = corner_weight(corner, vertex.local);
-            let rest_m = self.rest_m[node as usize].unwrap_or_default();
-            let displacement_m = self.displacement_m[node as usize];
+            let value = at_node(node as usize);
             for axis in 0..3 {
-                position_m[axis] += weight * (rest_m[axis] + displacement_m[axis]);
+                sum[axis] += weight * value[axis];
             }
         }
-        position_m
+        sum
     }
 
     /// Folds the surface's structure into a hash.
-    pub fn hash(&self, hasher: &mut SurfaceHasher) {
+    pub fn hash_surface(&self, hasher: &mut SurfaceHasher) {
         for (&id, vertex) in &self.vertices {
             hasher.word(u64::from(id) << 32 | u64::from(vertex.element));
             vertex.local.iter().for_each(|c| hasher.word(u64::from(c.to_bits())));

@@ -1,7 +1,7 @@
 //! A replica fed with messages made by hand: one element, one quad, and what can go wrong.
 
 use kerf_proto::v1;
-use kerf_replica::{Problem, Replica, ReplicaError, SurfaceHasher};
+use kerf_replica::{Face, Problem, Replica, ReplicaError, SurfaceHasher};
 
 const CORNERS: u32 = 8;
 
@@ -106,8 +106,37 @@ fn surface_follows_the_nodes() {
     replica.apply_state(&state(3, displacements_m)).expect("matching state");
     let surface = &replica.surfaces().expect("state came")[0];
     assert_eq!(surface.positions_m, [[0.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.5, 1.25, 0.5], [1.0, 1.0, 0.0]]);
-    assert_eq!(surface.triangles, [[0, 1, 2], [0, 2, 3]]);
+    let triangles: Vec<_> = surface.triangles.iter().map(|triangle| triangle.vertices).collect();
+    assert_eq!(triangles, [[0, 1, 2], [0, 2, 3]]);
     assert_eq!(replica.moment().map(|moment| moment.step), Some(42));
+}
+
+#[test]
+fn quads_on_both_sides_of_a_link_are_cut_faces() {
+    let body = v1::BodyStructure {
+        quad_ids: vec![2, 6, 7],
+        quad_vertices: vec![10, 20, 30, 40, 10, 20, 30, 40, 40, 30, 20, 10],
+        ..cube()
+    };
+    let mut replica = Replica::default();
+    replica.apply_keyframe(&keyframe(body)).expect("valid");
+    replica.apply_state(&state(3, vec![0.0; 24])).expect("matching state");
+    let surface = &replica.surfaces().expect("state came")[0];
+    let faces: Vec<_> = surface.triangles.iter().map(|triangle| triangle.face).collect();
+    assert_eq!(faces, [Face::Skin, Face::Skin, Face::Cut, Face::Cut, Face::Cut, Face::Cut]);
+}
+
+#[test]
+fn quads_are_split_along_the_diagonal_that_is_shorter_at_rest() {
+    let mut body = cube();
+    // Vertex 20 moves to the middle: its diagonal, to 40, gets the shorter one.
+    body.vertex_local[3..6].copy_from_slice(&[0.4, 1.0, 0.6]);
+    let mut replica = Replica::default();
+    replica.apply_keyframe(&keyframe(body)).expect("valid");
+    replica.apply_state(&state(3, vec![0.0; 24])).expect("matching state");
+    let surface = &replica.surfaces().expect("state came")[0];
+    let triangles: Vec<_> = surface.triangles.iter().map(|triangle| triangle.vertices).collect();
+    assert_eq!(triangles, [[1, 2, 3], [1, 3, 0]]);
 }
 
 #[test]
