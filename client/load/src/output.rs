@@ -17,6 +17,7 @@ pub fn write(dir: &Path, finished: &Finished) -> anyhow::Result<Vec<PathBuf>> {
     let (report, force) = (dir.join("report.json"), dir.join("force.csv"));
     write_report(&report, &finished.report)?;
     write_forces(&force, &finished.contacts.samples)?;
+    // The plot (from the samples) and `surface.glb` (`write_surface`, from `finished.surfaces`) join here.
     Ok(vec![report, force])
 }
 

@@ -55,7 +55,7 @@ fn text_has_every_number_that_was_asked_for() {
     let text = report(&contacts(), &view()).to_string();
     let expected = "\
 2 strokes of seed 1 on liver, 2.0 s
-round trip   p50 5.00 ms, p99 9.91 ms, p99.9 10.00 ms, max 10.00 ms (1000 poses)
+round trip   p50 5.00 ms, p99 9.90 ms, p99.9 9.99 ms, max 10.00 ms (1000 poses)
 poses        495 sent, 247.5 Hz; 3 late, 4 skipped, 1 dropped, 0 rejected
 contacts     500 received, 250.0 Hz, 20.0 kB/s
 view         2 viewer(s): 2 keyframes, 9 patches, 240 states at 60.0 Hz, 1.5 MB/s; 0 mismatches

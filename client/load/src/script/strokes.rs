@@ -18,6 +18,9 @@ const DEFAULT_DEPTH_SHARE: f64 = 0.5;
 const MAX_YAW_JITTER_RAD: f64 = 0.15;
 /// Fastest turn of the blade between strokes.
 const MAX_TURN_RAD_PER_S: f64 = 1.0;
+/// Shorter ways are left out: rounding makes them of poses that are meant to be equal, and times that
+/// far apart would be the same number.
+const MIN_SEGMENT_S: f64 = 1e-6;
 /// Most strokes: they would be less than a voxel apart.
 pub const MAX_STROKES: u32 = 1000;
 
@@ -193,7 +196,7 @@ impl Path<'_> {
         let distance_m = (pose.position_m - last.pose.position_m).norm();
         let angle_rad = last.pose.orientation.angle_to(&pose.orientation);
         let duration_s = f64::max(distance_m / speed_m_per_s, angle_rad / MAX_TURN_RAD_PER_S);
-        if duration_s > 0.0 {
+        if duration_s > MIN_SEGMENT_S {
             self.keys.push(Key { time_s: last.time_s + duration_s, pose });
         }
     }

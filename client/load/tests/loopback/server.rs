@@ -176,7 +176,7 @@ impl ControlService for Server {
 }
 
 fn answer(pose: &v1::ToolPose, behaviour: Behaviour) -> down::Message {
-    if behaviour == Behaviour::RejectsPoses && pose.seq % 5 == 0 {
+    if behaviour == Behaviour::RejectsPoses && pose.seq.is_multiple_of(5) {
         let (field, limit) = ("pose.position_m.x".to_owned(), "at most 1 m".to_owned());
         return down::Message::Rejected(v1::PoseRejected { tool_id: pose.tool_id, seq: pose.seq, field, limit });
     }
