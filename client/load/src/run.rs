@@ -19,7 +19,7 @@ use crate::metrics::ContactMetrics;
 use crate::progress::{self, Progress};
 use crate::report::{Report, Run};
 use crate::script::strokes::{self, Target};
-use crate::script::{Script, csv};
+use crate::script::{self, Script, csv};
 use crate::sender::{self, SendTotals, Timetable};
 use crate::session::{self, Session};
 use crate::viewer::{self, SharedTotals};
@@ -189,11 +189,8 @@ fn make_script(args: &Args, scene: &v1::SceneSummary, surfaces: &[Surface]) -> a
     let names: Vec<String> = scene.tools.iter().map(|tool| tool.name.clone()).collect();
     let (target, name) = target(scene, surfaces)?;
     if args.script.as_os_str() == "strokes" {
-        let by_name = names.iter().position(|name| *name == args.tool);
-        let by_index = || args.tool.parse().ok().filter(|&index: &usize| index < names.len());
-        let tool = by_name.or_else(by_index);
-        let tool = tool.with_context(|| format!("tool {:?} is not one of {names:?}", args.tool))?;
-        strokes::strokes(tool as u32, &target, &args.strokes.params()).with_context(|| format!("strokes in {name}"))
+        let tool_id = script::tool_id(&args.tool, &names)?;
+        strokes::strokes(tool_id, &target, &args.strokes.params()).with_context(|| format!("strokes in {name}"))
     } else {
         let path = args.script.display();
         let file = File::open(&args.script).with_context(|| format!("cannot open {path}"))?;

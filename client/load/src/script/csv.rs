@@ -5,7 +5,7 @@ use std::io::Read;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use serde::Deserialize;
 
-use super::{Datum, Key, MAX_DURATION_S, Pose, Script, ScriptError, Track};
+use super::{Datum, Key, MAX_DURATION_S, Pose, Script, ScriptError, Track, tool_id};
 
 /// Most lines: a quarter of an hour at 1 kHz takes 900,000, and about 100 MB as poses.
 const MAX_LINES: u64 = 1_000_000;
@@ -39,7 +39,7 @@ pub fn read(input: impl Read, tool_names: &[String], surface_height_m: f64) -> R
         if line > MAX_LINES {
             return Err(line_error(line, &format!("more than {MAX_LINES} lines")));
         }
-        let tool_id = tool_id(&row.tool, tool_names).map_err(|message| line_error(line, &message))?;
+        let tool_id = tool_id(&row.tool, tool_names).map_err(|error| line_error(line, &error.to_string()))?;
         let key = key(&row).map_err(|message| line_error(line, &message))?;
         match tracks.iter_mut().find(|track| track.tool_id == tool_id) {
             None => tracks.push(Track { tool_id, keys: vec![key] }),
@@ -59,13 +59,6 @@ fn line_of(error: &csv::Error) -> u64 {
 
 fn line_error(line: u64, message: &str) -> ScriptError {
     ScriptError::Line { line, message: message.to_owned() }
-}
-
-fn tool_id(tool: &str, names: &[String]) -> Result<u32, String> {
-    let by_name = names.iter().position(|name| name == tool);
-    let by_index = || tool.parse().ok().filter(|&index: &usize| index < names.len());
-    let index = by_name.or_else(by_index).ok_or_else(|| format!("tool {tool:?} is not one of {names:?}"))?;
-    Ok(index as u32)
 }
 
 fn key(row: &Row) -> Result<Key, String> {

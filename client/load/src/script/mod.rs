@@ -129,6 +129,18 @@ impl Script {
     }
 }
 
+/// Index of a tool that is given by its name or its index.
+///
+/// # Errors
+/// There is no such tool; the ones there are are named.
+pub fn tool_id(tool: &str, names: &[String]) -> Result<u32, ScriptError> {
+    let by_name = names.iter().position(|name| name == tool);
+    let by_index = || tool.parse().ok().filter(|&index: &usize| index < names.len());
+    let index = by_name.or_else(by_index);
+    let index = index.ok_or_else(|| ScriptError::Parameter(format!("tool {tool:?} is not one of {names:?}")))?;
+    Ok(index as u32)
+}
+
 fn interpolate(from: &Key, to: &Key, time_s: f64) -> Pose {
     let share = (time_s - from.time_s) / (to.time_s - from.time_s);
     let (a, b) = (&from.pose, &to.pose);
