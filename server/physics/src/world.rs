@@ -325,7 +325,7 @@ impl World {
             output.pose = tool.pose;
             output.wrench = wrench;
             output.contact = model.and_then(|m| m.finish(wrench));
-            output.cutting_length_m = 0.0;
+            output.cutting_length_m = self.slots.iter().map(|s| s.contacts[index].front.cutting_length_m()).sum();
         }
     }
 
@@ -377,7 +377,7 @@ impl World {
     #[must_use]
     pub fn counts(&mut self) -> WorldCounts {
         let mut counts = WorldCounts::default();
-        for surface in self.surfaces() {
+        for (_, surface) in self.bodies_and_surfaces() {
             counts.surface_vertices += surface.vertices().len();
             counts.surface_triangles += 2 * surface.quads().len();
         }
@@ -394,9 +394,11 @@ impl World {
         self.view.get_or_insert_with(|| View::new(self.slots.iter().map(|s| &s.body)))
     }
 
-    /// The surface of each body, reference configuration.
-    pub fn surfaces(&mut self) -> &[Surface] {
-        self.view().surfaces()
+    /// Each body with its surface, which is contoured if nobody has yet.
+    pub fn bodies_and_surfaces(&mut self) -> impl Iterator<Item = (&Body, &Surface)> {
+        self.view();
+        let view = self.view.as_ref().expect("made above");
+        self.slots.iter().map(|s| &s.body).zip(view.surfaces())
     }
 
     /// Structure of the scene as it is now. From the first call on, steps that part links make a
