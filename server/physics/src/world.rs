@@ -6,6 +6,21 @@ use crate::step_io::{StepInputs, StepOutput};
 use crate::surface::delta::{Keyframe, TopologyPatch};
 use crate::workers::Workers;
 
+/// What an object of a scene consists of at rest.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ObjectStats {
+    /// Lower corner of its bounding box, m.
+    pub rest_min_m: [f64; 3],
+    /// Upper corner of its bounding box, m.
+    pub rest_max_m: [f64; 3],
+    /// Edge length of a fine voxel, m.
+    pub voxel_size_m: f64,
+    /// Fine voxels.
+    pub voxels: u32,
+    /// Composite elements.
+    pub composite_elements: u32,
+}
+
 /// One scene: its objects, its tools and their state.
 pub struct World {
     output: StepOutput,
@@ -30,6 +45,12 @@ impl World {
     #[must_use]
     pub fn output(&self) -> &StepOutput {
         &self.output
+    }
+
+    /// What each object consisted of at rest.
+    #[must_use]
+    pub fn object_stats(&self) -> Vec<ObjectStats> {
+        Vec::new()
     }
 
     /// Structure of the scene as it is now.

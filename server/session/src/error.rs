@@ -3,7 +3,7 @@
 use kerf_physics::SceneError;
 
 /// A request that a session or the registry could not serve.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[derive(Debug, PartialEq, thiserror::Error)]
 pub enum SessionError {
     /// The server holds as many sessions as it may.
     #[error("the server runs {limit} sessions, as many as it may (max_sessions)")]
@@ -29,17 +29,19 @@ pub enum SessionError {
         /// `max_commands`.
         limit: usize,
     },
-    /// The session did not answer in time.
-    #[error("the session did not answer within {limit_s} s (command_timeout_s)")]
-    Unresponsive {
-        /// `command_timeout_s`.
-        limit_s: f64,
-    },
     /// No session has this id.
     #[error("no session {id}")]
     NoSession {
         /// The id asked for.
         id: String,
+    },
+    /// The scene asks for a step rate that the server does not grant.
+    #[error("rate_hz = {rate_hz}: must be 1 to {limit_hz} (max_rate_hz)")]
+    Rate {
+        /// The scene's rate, Hz.
+        rate_hz: f64,
+        /// `max_rate_hz`.
+        limit_hz: f64,
     },
     /// The scene has no such tool.
     #[error("tool {tool}: the scene has {tools} tools")]
@@ -71,7 +73,7 @@ pub enum SessionError {
     },
     /// The scene cannot be simulated.
     #[error(transparent)]
-    Scene(#[from] SceneErrorShared),
+    Scene(#[from] SceneError),
     /// The operating system refused a thread.
     #[error("no thread for the session: {message}")]
     NoThread {
@@ -79,6 +81,3 @@ pub enum SessionError {
         message: String,
     },
 }
-
-/// A scene's error that can be handed to several callers.
-pub type SceneErrorShared = std::sync::Arc<SceneError>;

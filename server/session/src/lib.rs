@@ -26,12 +26,12 @@ mod tool_slot;
 pub use error::SessionError;
 pub use inbox::Probe;
 pub use limits::{PoseLimits, SessionLimits};
-pub use outbox::{StepReport, ToolReport, ViewEvent, ViewState, Viewer};
+pub use outbox::{SceneEvent, StepReport, ToolReport, ViewEvent, ViewMessage, ViewState, Viewer};
 pub use pose_check::{PoseRefusal, PoseSample};
 pub use recorder::InputLog;
 pub use registry::{Registry, SessionId, SessionOptions};
 pub use session::{Driver, Session};
-pub use status::{SessionStatus, Phase};
+pub use status::{Phase, SessionStatus, StepTimes};
 pub use tool_slot::{DriverId, Echo};
 
 use std::sync::{Mutex, MutexGuard, PoisonError};

@@ -21,9 +21,6 @@ pub struct SessionLimits {
     /// Commands waiting for the next tick. Default 64: a tick takes milliseconds, so a fuller queue
     /// means that the session does not live.
     pub max_commands: usize,
-    /// How long a caller waits for a command to be answered, s. Default 10: a reset rebuilds the
-    /// scene, which takes seconds for the largest.
-    pub command_timeout_s: f64,
     /// A tool that no pose arrived for in this time is lifted and its lease freed, s. Default 2:
     /// longer than a Wi-Fi handover, shorter than a surgeon waits for a tool that hangs.
     pub lease_s: f64,
@@ -38,6 +35,9 @@ pub struct SessionLimits {
     pub max_log_patches: usize,
     /// Bytes those patches may hold. Default 16 MiB: ten times a keyframe of the largest scene.
     pub max_log_bytes: usize,
+    /// Events (paused, tool taken, fault, ...) kept for readers that are behind. Default 64: they
+    /// are rare, and a reader that misses one is told of none of the session's state wrongly.
+    pub max_log_events: usize,
     /// Shortest time between keyframes taken for readers that fell off the log, s. Default 0.25:
     /// a keyframe costs several steps' time, and everybody shares it.
     pub min_keyframe_interval_s: f64,
@@ -56,13 +56,13 @@ impl Default for SessionLimits {
             max_rate_hz: 4000.0,
             max_lag_s: 0.1,
             max_commands: 64,
-            command_timeout_s: 10.0,
             lease_s: 2.0,
             max_drivers: 8,
             max_viewers: 16,
             view_rate_hz: 60.0,
             max_log_patches: 256,
             max_log_bytes: 16 << 20,
+            max_log_events: 64,
             min_keyframe_interval_s: 0.25,
             max_recorded_motions: 120_000,
             pose: PoseLimits::default(),
@@ -132,13 +132,13 @@ impl SessionLimits {
             ("max_rate_hz", self.max_rate_hz),
             ("max_lag_s", self.max_lag_s),
             ("max_commands", self.max_commands as f64),
-            ("command_timeout_s", self.command_timeout_s),
             ("lease_s", self.lease_s),
             ("max_drivers", self.max_drivers as f64),
             ("max_viewers", self.max_viewers as f64),
             ("view_rate_hz", self.view_rate_hz),
             ("max_log_patches", self.max_log_patches as f64),
             ("max_log_bytes", self.max_log_bytes as f64),
+            ("max_log_events", self.max_log_events as f64),
             ("min_keyframe_interval_s", self.min_keyframe_interval_s),
             ("pose.workspace_half_extent_m", pose.workspace_half_extent_m),
             ("pose.quaternion_norm_tolerance", pose.quaternion_norm_tolerance),

@@ -50,6 +50,12 @@ pub enum PoseRefusal {
         /// `lease_s`.
         lease_s: f64,
     },
+    /// The driver did not ask for the tool.
+    #[error("tool {tool}: not among the tools that the driver claimed")]
+    NotClaimed {
+        /// The tool named.
+        tool: u64,
+    },
     /// The sequence number did not rise.
     #[error("seq {seq}: must be greater than the last accepted {last}")]
     SeqNotRising {
@@ -99,14 +105,14 @@ pub enum PoseRefusal {
 }
 
 impl PoseRefusal {
-    /// Name of the field that was refused, as on the wire.
+    /// Path of the field that was refused, as on the wire.
     #[must_use]
     pub fn field(&self) -> &'static str {
         match self {
-            Self::NoTool { .. } | Self::ToolTaken { .. } => "tool_id",
+            Self::NoTool { .. } | Self::ToolTaken { .. } | Self::NotClaimed { .. } => "tool_id",
             Self::SeqNotRising { .. } => "seq",
-            Self::PositionNotFinite | Self::OutsideWorkspace { .. } | Self::TooFast { .. } => "position_m",
-            Self::OrientationNotFinite | Self::NotUnit { .. } | Self::TurnedTooFast { .. } => "orientation",
+            Self::PositionNotFinite | Self::OutsideWorkspace { .. } | Self::TooFast { .. } => "pose.position_m",
+            Self::OrientationNotFinite | Self::NotUnit { .. } | Self::TurnedTooFast { .. } => "pose.orientation",
         }
     }
 
@@ -116,6 +122,7 @@ impl PoseRefusal {
         match self {
             Self::NoTool { tools, .. } => format!("less than {tools}, the scene's number of tools"),
             Self::ToolTaken { lease_s, .. } => format!("driven by another client; lease {lease_s} s"),
+            Self::NotClaimed { .. } => "among the tools claimed".into(),
             Self::SeqNotRising { last, .. } => format!("greater than {last}"),
             Self::PositionNotFinite | Self::OrientationNotFinite => "finite".into(),
             Self::NotUnit { tolerance, .. } => format!("norm within {tolerance} of 1"),
@@ -189,11 +196,11 @@ mod tests {
     fn a_pose_that_is_none_is_refused_with_its_field() {
         let limits = PoseLimits::default();
         let field = |sample: PoseSample| check_shape(&sample, &limits).unwrap_err().field();
-        assert_eq!(field(PoseSample { position_m: [0.0, f64::NAN, 0.0], ..AT_REST }), "position_m");
-        assert_eq!(field(PoseSample { position_m: [0.0, 0.0, -1e6], ..AT_REST }), "position_m");
-        assert_eq!(field(PoseSample { orientation_xyzw: [0.0, 0.0, 0.0, 0.5], ..AT_REST }), "orientation");
-        assert_eq!(field(PoseSample { orientation_xyzw: [1e300; 4], ..AT_REST }), "orientation");
-        assert_eq!(field(PoseSample { orientation_xyzw: [f64::INFINITY, 0.0, 0.0, 1.0], ..AT_REST }), "orientation");
+        assert_eq!(field(PoseSample { position_m: [0.0, f64::NAN, 0.0], ..AT_REST }), "pose.position_m");
+        assert_eq!(field(PoseSample { position_m: [0.0, 0.0, -1e6], ..AT_REST }), "pose.position_m");
+        assert_eq!(field(PoseSample { orientation_xyzw: [0.0, 0.0, 0.0, 0.5], ..AT_REST }), "pose.orientation");
+        assert_eq!(field(PoseSample { orientation_xyzw: [1e300; 4], ..AT_REST }), "pose.orientation");
+        assert_eq!(field(PoseSample { orientation_xyzw: [f64::INFINITY, 0.0, 0.0, 1.0], ..AT_REST }), "pose.orientation");
     }
 
     #[test]

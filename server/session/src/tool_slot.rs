@@ -41,6 +41,16 @@ pub(crate) struct ToolSlot {
     pending: Option<ToolMotion>,
     /// Whether the tool is in the scene once `pending` is applied.
     in_scene: bool,
+    /// Whether `pending` puts down a tool that had jumped.
+    jumped: bool,
+}
+
+/// What a tool does in the coming step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct SlotMotion {
+    pub motion: ToolMotion,
+    /// The tool had jumped, and is put down where it went.
+    pub jumped: bool,
 }
 
 impl ToolSlot {
@@ -72,11 +82,9 @@ impl ToolSlot {
         let pose = check_shape(sample, limits)?;
         let timed = TimedPose { pose, seq: sample.seq, client_ns: sample.client_ns, arrived_ns: now_ns };
         let enters = self.enters_by(&timed, limits)?;
-        if let Some(lease) = &mut self.lease {
-            lease.heard_ns = now_ns;
-        }
+        self.heard(now_ns);
         self.last = Some(timed);
-        self.jumped_to = None;
+        self.jumped |= enters && self.jumped_to.take().is_some();
         // A tool that was put down since the last tick has touched nothing before its newest pose.
         let was_put_down = matches!(self.pending, Some(ToolMotion::EnterAt(_)));
         self.pending = Some(if enters || was_put_down || !self.in_scene {
@@ -88,12 +96,28 @@ impl ToolSlot {
         Ok(())
     }
 
+    /// Takes the tool out of the scene until its next pose; the lease goes on.
+    pub fn lift(&mut self, now_ns: u64) {
+        self.heard(now_ns);
+        self.leave_scene();
+    }
+
+    /// Counts as a sign of life of the driver.
+    pub fn heard(&mut self, now_ns: u64) {
+        if let Some(lease) = &mut self.lease {
+            lease.heard_ns = now_ns;
+        }
+    }
+
     /// Whether the tool is put down at the new pose instead of moving there. A single pose that is
     /// too far away is refused, as it may be a glitch; a second one near it means that the tool is
     /// really there.
     fn enters_by(&mut self, to: &TimedPose, limits: &PoseLimits) -> Result<bool, PoseRefusal> {
-        let Some(last) = &self.last else { return Ok(true) };
-        let Err(refusal) = check_motion(last, to, limits) else { return Ok(false) };
+        let Some(last) = self.last.as_ref().filter(|_| self.in_scene) else { return Ok(true) };
+        let Err(refusal) = check_motion(last, to, limits) else {
+            self.jumped_to = None;
+            return Ok(false);
+        };
         let settled = self.jumped_to.is_some_and(|jump| check_motion(&jump, to, limits).is_ok());
         if settled {
             return Ok(true);
@@ -124,7 +148,12 @@ impl ToolSlot {
     fn free(&mut self) {
         self.lease = None;
         self.last = None;
+        self.leave_scene();
+    }
+
+    fn leave_scene(&mut self) {
         self.jumped_to = None;
+        self.jumped = false;
         if self.in_scene {
             self.pending = Some(ToolMotion::Lift);
             self.in_scene = false;
@@ -147,8 +176,9 @@ impl ToolSlot {
     }
 
     /// What the tool does in the coming step.
-    pub fn take_motion(&mut self) -> Option<ToolMotion> {
-        self.pending.take()
+    pub fn take_motion(&mut self) -> Option<SlotMotion> {
+        let motion = self.pending.take()?;
+        Some(SlotMotion { motion, jumped: std::mem::take(&mut self.jumped) })
     }
 
     /// Of the last accepted pose.
@@ -174,13 +204,20 @@ mod tests {
         let mut slot = ToolSlot::default();
         assert!(slot.claim(A, 0));
         slot.accept(&at(1, 0.0), 0, &PoseLimits::default()).unwrap();
-        assert!(matches!(slot.take_motion(), Some(ToolMotion::EnterAt(_))));
+        assert!(entered_at_x_m(&mut slot).is_some());
         slot
     }
 
-    fn target_x_m(motion: Option<ToolMotion>) -> Option<f64> {
-        match motion {
-            Some(ToolMotion::MoveTo(pose)) => Some(pose.position_m.x),
+    fn moved_to_x_m(slot: &mut ToolSlot) -> Option<f64> {
+        match slot.take_motion()?.motion {
+            ToolMotion::MoveTo(pose) => Some(pose.position_m.x),
+            _ => None,
+        }
+    }
+
+    fn entered_at_x_m(slot: &mut ToolSlot) -> Option<f64> {
+        match slot.take_motion()?.motion {
+            ToolMotion::EnterAt(pose) => Some(pose.position_m.x),
             _ => None,
         }
     }
@@ -191,7 +228,7 @@ mod tests {
         for seq in 2..6 {
             slot.accept(&at(seq, seq as f64 * 1e-3), seq * MS, &PoseLimits::default()).unwrap();
         }
-        assert_eq!(target_x_m(slot.take_motion()), Some(5e-3));
+        assert_eq!(moved_to_x_m(&mut slot), Some(5e-3));
         assert_eq!(slot.take_motion(), None);
         assert_eq!(slot.echo().map(|e| (e.seq, e.client_ns)), Some((5, 5)));
     }
@@ -202,7 +239,7 @@ mod tests {
         slot.claim(A, 0);
         slot.accept(&at(1, 0.0), 0, &PoseLimits::default()).unwrap();
         slot.accept(&at(2, 1e-3), MS, &PoseLimits::default()).unwrap();
-        assert!(matches!(slot.take_motion(), Some(ToolMotion::EnterAt(pose)) if pose.position_m.x == 1e-3));
+        assert_eq!(entered_at_x_m(&mut slot), Some(1e-3));
     }
 
     #[test]
@@ -218,7 +255,7 @@ mod tests {
         let mut slot = entered();
         assert!(slot.accept(&at(2, 0.5), MS, &PoseLimits::default()).is_err());
         slot.accept(&at(3, 1e-3), 2 * MS, &PoseLimits::default()).unwrap();
-        assert_eq!(target_x_m(slot.take_motion()), Some(1e-3));
+        assert_eq!(moved_to_x_m(&mut slot), Some(1e-3));
     }
 
     #[test]
@@ -226,9 +263,11 @@ mod tests {
         let mut slot = entered();
         assert!(slot.accept(&at(2, 0.5), MS, &PoseLimits::default()).is_err());
         slot.accept(&at(3, 0.501), 2 * MS, &PoseLimits::default()).unwrap();
-        assert!(matches!(slot.take_motion(), Some(ToolMotion::EnterAt(pose)) if pose.position_m.x == 0.501));
+        let put_down = slot.take_motion().unwrap();
+        assert!(put_down.jumped);
+        assert!(matches!(put_down.motion, ToolMotion::EnterAt(pose) if pose.position_m.x == 0.501));
         slot.accept(&at(4, 0.502), 3 * MS, &PoseLimits::default()).unwrap();
-        assert_eq!(target_x_m(slot.take_motion()), Some(0.502));
+        assert_eq!(moved_to_x_m(&mut slot), Some(0.502));
     }
 
     #[test]
@@ -236,7 +275,7 @@ mod tests {
         let mut slot = entered();
         assert!(!slot.expire(1999 * MS, 2000 * MS));
         assert!(slot.expire(2000 * MS, 2000 * MS));
-        assert_eq!(slot.take_motion(), Some(ToolMotion::Lift));
+        assert_eq!(slot.take_motion().map(|m| m.motion), Some(ToolMotion::Lift));
         assert!(slot.take_eviction(A));
         assert!(!slot.take_eviction(A));
         assert!(slot.claim(B, 2000 * MS));
@@ -260,7 +299,7 @@ mod tests {
         assert!(slot.claim(B, MS));
         // A new lease starts a new sequence.
         slot.accept(&at(1, 0.3), MS, &PoseLimits::default()).unwrap();
-        assert!(matches!(slot.take_motion(), Some(ToolMotion::EnterAt(_))));
+        assert!(entered_at_x_m(&mut slot).is_some());
     }
 
     #[test]
@@ -269,8 +308,20 @@ mod tests {
         slot.reenter();
         slot.accept(&at(2, 1e-3), MS, &PoseLimits::default()).unwrap();
         slot.reenter();
-        assert!(matches!(slot.take_motion(), Some(ToolMotion::EnterAt(_))));
+        assert!(entered_at_x_m(&mut slot).is_some());
         slot.accept(&at(3, 2e-3), 2 * MS, &PoseLimits::default()).unwrap();
-        assert_eq!(target_x_m(slot.take_motion()), Some(2e-3));
+        assert_eq!(moved_to_x_m(&mut slot), Some(2e-3));
+    }
+
+    #[test]
+    fn a_lifted_tool_may_come_down_anywhere_but_its_sequence_goes_on() {
+        let mut slot = entered();
+        slot.lift(MS);
+        assert_eq!(slot.take_motion().map(|m| m.motion), Some(ToolMotion::Lift));
+        assert!(slot.accept(&at(1, 0.5), 2 * MS, &PoseLimits::default()).is_err());
+        slot.accept(&at(2, 0.5), 2 * MS, &PoseLimits::default()).unwrap();
+        let put_down = slot.take_motion().unwrap();
+        assert!(matches!(put_down.motion, ToolMotion::EnterAt(_)));
+        assert!(!put_down.jumped);
     }
 }
