@@ -30,7 +30,7 @@ pub use outbox::{SceneEvent, StepReport, ToolReport, ViewEvent, ViewMessage, Vie
 pub use pose_check::{PoseRefusal, PoseSample};
 pub use recorder::InputLog;
 pub use registry::{Registry, SessionId, SessionOptions};
-pub use session::{Driver, Session};
+pub use session::{Driver, Reports, Session};
 pub use status::{Phase, SessionStatus, StepTimes};
 pub use tool_slot::{DriverId, Echo};
 

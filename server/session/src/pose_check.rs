@@ -200,7 +200,10 @@ mod tests {
         assert_eq!(field(PoseSample { position_m: [0.0, 0.0, -1e6], ..AT_REST }), "pose.position_m");
         assert_eq!(field(PoseSample { orientation_xyzw: [0.0, 0.0, 0.0, 0.5], ..AT_REST }), "pose.orientation");
         assert_eq!(field(PoseSample { orientation_xyzw: [1e300; 4], ..AT_REST }), "pose.orientation");
-        assert_eq!(field(PoseSample { orientation_xyzw: [f64::INFINITY, 0.0, 0.0, 1.0], ..AT_REST }), "pose.orientation");
+        assert_eq!(
+            field(PoseSample { orientation_xyzw: [f64::INFINITY, 0.0, 0.0, 1.0], ..AT_REST }),
+            "pose.orientation"
+        );
     }
 
     #[test]
@@ -214,7 +217,10 @@ mod tests {
     fn motion_is_judged_by_elapsed_time() {
         let limits = PoseLimits::default();
         let from = timed(0.0, 0.0, 0, 0);
-        assert!(matches!(check_motion(&from, &timed(0.01, 0.0, 1_000_000, 0), &limits), Err(PoseRefusal::TooFast { .. })));
+        assert!(matches!(
+            check_motion(&from, &timed(0.01, 0.0, 1_000_000, 0), &limits),
+            Err(PoseRefusal::TooFast { .. })
+        ));
         assert_eq!(check_motion(&from, &timed(0.01, 0.0, 10_000_000, 0), &limits), Ok(()));
         let turned = check_motion(&from, &timed(0.0, 3.0, 1_000_000, 0), &limits);
         assert!(matches!(turned, Err(PoseRefusal::TurnedTooFast { .. })));

@@ -324,7 +324,11 @@ impl Runner {
 
     /// A panic ends the stepping, not the thread: the session can still be described, reset, closed.
     fn fail(&mut self, message: &str) {
-        tracing::error!(step = self.world.output().step, message, "a step panicked; the session stands until it is reset");
+        tracing::error!(
+            step = self.world.output().step,
+            message,
+            "a step panicked; the session stands until it is reset"
+        );
         let message: Arc<str> = message.into();
         self.set_phase(Phase::Failed { message: Arc::clone(&message) }, SceneEvent::Failed);
         self.publisher.report(self.report(Some(message)));

@@ -242,6 +242,12 @@ pub struct Driver {
 }
 
 impl Driver {
+    /// Its id, as in the echoes of its poses.
+    #[must_use]
+    pub fn id(&self) -> DriverId {
+        self.id
+    }
+
     /// Tools that the driver has claimed.
     #[must_use]
     pub fn tools(&self) -> &[usize] {
@@ -260,7 +266,11 @@ impl Driver {
     /// A tool is not there or taken.
     pub fn claim(&mut self, tools: &[usize]) -> Result<(), SessionError> {
         self.session.inbox.claim(self.id, tools, MonotonicClock::now_ns())?;
-        self.tools.extend(tools.iter().filter(|tool| !self.tools.contains(tool)).copied().collect::<Vec<_>>());
+        for &tool in tools {
+            if !self.tools.contains(&tool) {
+                self.tools.push(tool);
+            }
+        }
         Ok(())
     }
 
@@ -298,11 +308,10 @@ impl Driver {
         self.tools.iter().copied().filter(|tool| self.session.inbox.take_eviction(self.id, *tool)).collect()
     }
 
-    /// The newest report, once there is one that this driver has not seen; `None` once the session
-    /// has ended.
-    pub async fn next_report(&mut self) -> Option<Arc<StepReport>> {
-        self.reports.changed().await.ok()?;
-        Some(Arc::clone(&self.reports.borrow_and_update()))
+    /// The session's reports from now on.
+    #[must_use]
+    pub fn reports(&self) -> Reports {
+        Reports { receiver: self.reports.clone() }
     }
 
     /// The newest report.
@@ -315,5 +324,18 @@ impl Driver {
 impl Drop for Driver {
     fn drop(&mut self) {
         self.session.inbox.disconnect_driver(self.id);
+    }
+}
+
+/// The reports of a session, latest-wins: who is slow misses some.
+pub struct Reports {
+    receiver: watch::Receiver<Arc<StepReport>>,
+}
+
+impl Reports {
+    /// The newest report, once there is one that was not seen; `None` once the session has ended.
+    pub async fn next(&mut self) -> Option<Arc<StepReport>> {
+        self.receiver.changed().await.ok()?;
+        Some(Arc::clone(&self.receiver.borrow_and_update()))
     }
 }

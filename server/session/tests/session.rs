@@ -50,10 +50,11 @@ fn pose(seq: u64, x_m: f64) -> PoseSample {
     PoseSample { seq, client_ns: seq * 10, position_m: [x_m, 0.1, 0.0], orientation_xyzw: [0.0, 0.0, 0.0, 1.0] }
 }
 
-async fn report_where(driver: &mut Driver, holds: impl Fn(&StepReport) -> bool) -> Arc<StepReport> {
+async fn report_where(driver: &Driver, holds: impl Fn(&StepReport) -> bool) -> Arc<StepReport> {
+    let mut reports = driver.reports();
     let search = async {
         loop {
-            let report = driver.next_report().await.expect("the session lives");
+            let report = reports.next().await.expect("the session lives");
             if holds(&report) {
                 return report;
             }
@@ -92,9 +93,9 @@ async fn a_session_steps_at_the_rate_of_its_scene() {
 #[tokio::test]
 async fn a_report_echoes_the_pose_that_its_step_used() {
     let (_registry, session) = session_with(limits()).await;
-    let mut driver = session.drive(&[1]).unwrap();
+    let driver = session.drive(&[1]).unwrap();
     driver.submit(1, &pose(7, 0.0)).unwrap();
-    let report = report_where(&mut driver, |report| report.tools[1].echo.is_some()).await;
+    let report = report_where(&driver, |report| report.tools[1].echo.is_some()).await;
     let echo = report.tools[1].echo.unwrap();
     assert_eq!((echo.seq, echo.client_ns), (7, 70));
     assert_eq!(report.tools[0].echo, None);
@@ -103,12 +104,13 @@ async fn a_report_echoes_the_pose_that_its_step_used() {
 #[tokio::test]
 async fn a_silent_driver_loses_its_lease_and_another_takes_the_tool() {
     let (_registry, session) = session_with(limits()).await;
-    let mut silent = session.drive(&[0]).unwrap();
+    let silent = session.drive(&[0]).unwrap();
     assert!(matches!(session.drive(&[0]), Err(SessionError::ToolTaken { tool: 0, .. })));
     silent.submit(0, &pose(1, 0.0)).unwrap();
+    let mut reports = silent.reports();
     let lost = async {
         while silent.take_lost_tools().is_empty() {
-            silent.next_report().await.unwrap();
+            reports.next().await.unwrap();
         }
     };
     tokio::time::timeout(Duration::from_secs(5), lost).await.expect("the lease runs out");
@@ -136,12 +138,12 @@ async fn only_claimed_tools_of_the_scene_are_driven() {
 #[tokio::test]
 async fn a_tool_that_jumps_is_put_down_where_it_went() {
     let (_registry, session) = session_with(limits()).await;
-    let mut driver = session.drive(&[0]).unwrap();
+    let driver = session.drive(&[0]).unwrap();
     driver.submit(0, &pose(1, 0.0)).unwrap();
-    report_where(&mut driver, |report| report.tools[0].echo.is_some()).await;
+    report_where(&driver, |report| report.tools[0].echo.is_some()).await;
     assert!(matches!(driver.submit(0, &pose(2, 0.8)), Err(PoseRefusal::TooFast { .. })));
     driver.submit(0, &pose(3, 0.8)).unwrap();
-    let report = report_where(&mut driver, |report| report.tools[0].jumps == 1).await;
+    let report = report_where(&driver, |report| report.tools[0].jumps == 1).await;
     assert_eq!(report.tools[0].echo.map(|echo| echo.seq), Some(3));
 }
 
@@ -204,11 +206,12 @@ async fn closing_ends_viewers_and_drivers_and_frees_the_place() {
     let full = registry.create(block(), SessionOptions::default()).await;
     assert!(matches!(full, Err(SessionError::TooManySessions { limit: 1 })));
     let mut viewer = session.view().unwrap();
-    let mut driver = session.drive(&[0]).unwrap();
+    let driver = session.drive(&[0]).unwrap();
     registry.close(&session.id().to_string()).await.unwrap();
     message_where(&mut viewer, |message| is_event(message, &SceneEvent::Closing)).await;
     assert!(viewer.next().await.is_none());
-    while driver.next_report().await.is_some() {}
+    let mut reports = driver.reports();
+    while reports.next().await.is_some() {}
     assert_eq!(session.pause().await, Err(SessionError::Closed));
     assert!(registry.create(block(), SessionOptions::default()).await.is_ok());
 }
@@ -218,10 +221,10 @@ async fn a_panic_fails_its_session_until_a_reset_and_others_live() {
     let registry = Registry::new(limits()).unwrap();
     let broken = registry.create(block(), SessionOptions::default()).await.unwrap();
     let other = registry.create(block(), SessionOptions::default()).await.unwrap();
-    let mut driver = broken.drive(&[0]).unwrap();
+    let driver = broken.drive(&[0]).unwrap();
     let answer = broken.query(|_| -> u64 { panic!("a test's panic") }).await;
     assert!(matches!(answer, Err(SessionError::Failed { .. })));
-    let report = report_where(&mut driver, |report| report.failure.is_some()).await;
+    let report = report_where(&driver, |report| report.failure.is_some()).await;
     assert_eq!(report.failure.as_deref(), Some("a test's panic"));
     assert!(matches!(broken.phase(), Phase::Failed { .. }));
     assert!(matches!(broken.resume().await, Err(SessionError::Failed { .. })));
@@ -230,7 +233,7 @@ async fn a_panic_fails_its_session_until_a_reset_and_others_live() {
     assert!(other.describe().await.unwrap().step > before);
     broken.reset().await.unwrap();
     broken.resume().await.unwrap();
-    report_where(&mut driver, |report| report.failure.is_none() && report.step > 0).await;
+    report_where(&driver, |report| report.failure.is_none() && report.step > 0).await;
 }
 
 #[tokio::test]
