@@ -5,9 +5,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
-use kerf_proto::v1::control_service_server::ControlServiceServer;
-use kerf_proto::v1::session_service_server::SessionServiceServer;
-use kerf_proto::v1::view_service_server::ViewServiceServer;
+use kerf_proto::v1::control_service_server::{ControlServiceServer, SERVICE_NAME as CONTROL_SERVICE};
+use kerf_proto::v1::session_service_server::{SERVICE_NAME as SESSION_SERVICE, SessionServiceServer};
+use kerf_proto::v1::view_service_server::{SERVICE_NAME as VIEW_SERVICE, ViewServiceServer};
 use kerf_session::Registry;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
@@ -114,7 +114,9 @@ impl Server {
     /// Accepts nothing new, ends all sessions and with them their streams, and waits for clients to
     /// take what they were sent, for as long as the limit says.
     pub async fn stop(mut self) -> Drained {
-        self.health.set_service_status("", ServingStatus::NotServing).await;
+        for service in ["", SESSION_SERVICE, CONTROL_SERVICE, VIEW_SERVICE] {
+            self.health.set_service_status(service, ServingStatus::NotServing).await;
+        }
         self.registry.refuse_new();
         // The transport is told by the sender's end as well; either way it accepts no more.
         drop(self.stop);
@@ -153,9 +155,9 @@ async fn routes(registry: &Arc<Registry>, config: &Arc<ServerConfig>) -> Result<
         .max_decoding_message_size(limits.max_incoming_bytes)
         .max_encoding_message_size(limits.max_outgoing_bytes);
     let (health, health_service) = health_reporter();
-    health.set_serving::<SessionServiceServer<SessionService>>().await;
-    health.set_serving::<ControlServiceServer<ControlService>>().await;
-    health.set_serving::<ViewServiceServer<ViewService>>().await;
+    for service in [SESSION_SERVICE, CONTROL_SERVICE, VIEW_SERVICE] {
+        health.set_service_status(service, ServingStatus::Serving).await;
+    }
     let reflection = || {
         tonic_reflection::server::Builder::configure()
             .register_encoded_file_descriptor_set(kerf_proto::FILE_DESCRIPTOR_SET)

@@ -182,11 +182,17 @@ impl Session {
     /// A driver that holds `tools`, all or none.
     ///
     /// # Errors
-    /// A tool is not there or taken, the session has ended or has as many drivers as it may.
+    /// A tool is not there or taken, the session has ended, failed or has as many drivers as it may.
     pub fn drive(self: &Arc<Self>, tools: &[usize]) -> Result<Driver, SessionError> {
+        if let Phase::Failed { message } = self.phase() {
+            return Err(SessionError::Failed { message: message.to_string() });
+        }
         let id = self.inbox.connect_driver()?;
         // From here on the driver's end disconnects it.
-        let mut driver = Driver { session: Arc::clone(self), id, tools: Vec::new(), reports: self.reports.clone() };
+        let mut reports = self.reports.clone();
+        // Reports go out while there are drivers: the newest may be older than this one.
+        reports.mark_unchanged();
+        let mut driver = Driver { session: Arc::clone(self), id, tools: Vec::new(), reports };
         driver.claim(tools)?;
         Ok(driver)
     }
@@ -308,16 +314,18 @@ impl Driver {
         self.tools.iter().copied().filter(|tool| self.session.inbox.take_eviction(self.id, *tool)).collect()
     }
 
-    /// The session's reports from now on.
+    /// The session's reports since this driver began.
     #[must_use]
     pub fn reports(&self) -> Reports {
         Reports { receiver: self.reports.clone() }
     }
 
-    /// The newest report.
+    /// The newest report since this driver began; `None` before the first.
     #[must_use]
-    pub fn last_report(&self) -> Arc<StepReport> {
-        Arc::clone(&self.reports.borrow())
+    pub fn last_report(&self) -> Option<Arc<StepReport>> {
+        // Never marked as seen, so that this stays true from the first report on.
+        let reported = self.reports.has_changed().unwrap_or(false);
+        reported.then(|| Arc::clone(&self.reports.borrow()))
     }
 }
 

@@ -36,7 +36,7 @@ fn block() -> Scene {
 }
 
 fn limits() -> SessionLimits {
-    SessionLimits { max_sessions: 2, max_viewers: 2, lease_s: 0.2, ..SessionLimits::default() }
+    SessionLimits { max_sessions: 2, max_viewers: 2, ..SessionLimits::default() }
 }
 
 async fn session_with(limits: SessionLimits) -> (Registry, Arc<Session>) {
@@ -86,7 +86,9 @@ async fn a_session_steps_at_the_rate_of_its_scene() {
     tokio::time::sleep(Duration::from_millis(500)).await;
     let steps = session.describe().await.unwrap().step - from;
     let due = started.elapsed().as_secs_f64() * 500.0;
-    assert!(steps as f64 <= due + 2.0, "{steps} steps, {due} due");
+    // What the session was behind at the beginning it may have caught up.
+    let caught_up = limits().max_lag_s * 500.0 + 2.0;
+    assert!(steps as f64 <= due + caught_up, "{steps} steps, {due} due");
     assert!(steps > 0);
 }
 
@@ -103,7 +105,7 @@ async fn a_report_echoes_the_pose_that_its_step_used() {
 
 #[tokio::test]
 async fn a_silent_driver_loses_its_lease_and_another_takes_the_tool() {
-    let (_registry, session) = session_with(limits()).await;
+    let (_registry, session) = session_with(SessionLimits { lease_s: 0.2, ..limits() }).await;
     let silent = session.drive(&[0]).unwrap();
     assert!(matches!(session.drive(&[0]), Err(SessionError::ToolTaken { tool: 0, .. })));
     silent.submit(0, &pose(1, 0.0)).unwrap();
@@ -231,8 +233,12 @@ async fn a_panic_fails_its_session_until_a_reset_and_others_live() {
     let before = other.describe().await.unwrap().step;
     tokio::time::sleep(Duration::from_millis(50)).await;
     assert!(other.describe().await.unwrap().step > before);
+    assert!(matches!(broken.drive(&[1]), Err(SessionError::Failed { .. })));
     broken.reset().await.unwrap();
     broken.resume().await.unwrap();
+    // One that begins now hears nothing of the failure before its time.
+    let later = broken.drive(&[1]).unwrap();
+    assert!(later.reports().next().await.unwrap().failure.is_none());
     report_where(&driver, |report| report.failure.is_none() && report.step > 0).await;
 }
 

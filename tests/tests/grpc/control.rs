@@ -4,11 +4,17 @@ use std::time::Duration;
 
 use kerf_proto::v1::control_service_client::ControlServiceClient;
 use kerf_proto::v1::{self, down, send_pose_request, up};
+use kerf_server::config::ServerConfig;
 use tonic::Code;
 
 use crate::harness::{Cable, Harness, Station, connect, hello, pose};
 
 const REENTERED: u32 = v1::ContactFlag::Reentered as u32;
+
+/// Leases that outlast a test: what is freed was freed by the end of its stream.
+fn no_expiry(config: &mut ServerConfig) {
+    config.session.lease_s = 600.0;
+}
 
 #[tokio::test]
 async fn contacts_echo_poses_at_the_granted_rate() {
@@ -26,7 +32,7 @@ async fn contacts_echo_poses_at_the_granted_rate() {
 
 #[tokio::test]
 async fn a_second_driver_is_refused_while_the_first_holds_the_tool() {
-    let mut harness = Harness::start().await;
+    let mut harness = Harness::with(no_expiry).await;
     let session = harness.create().await.unwrap();
     let first = harness.drive(&session, &[0]).await.unwrap();
     let refused = harness.drive(&session, &[0]).await.err().unwrap();
@@ -41,7 +47,7 @@ async fn a_second_driver_is_refused_while_the_first_holds_the_tool() {
 
 #[tokio::test]
 async fn a_client_killed_mid_stream_frees_its_tool_and_harms_nobody() {
-    let mut harness = Harness::start().await;
+    let mut harness = Harness::with(no_expiry).await;
     let session = harness.create().await.unwrap();
     let cable = Cable::to(harness.server.address()).await;
     let mut killed = Station::open(connect(cable.address).await, hello(&session, &[0])).await.unwrap();
@@ -108,7 +114,11 @@ async fn garbage_poses_are_refused_by_field_and_limit_and_the_stream_goes_on() {
 
 #[tokio::test]
 async fn nothing_but_garbage_ends_the_stream() {
-    let mut harness = Harness::with(|config| config.control.max_rejected_in_a_row = 5).await;
+    let mut harness = Harness::with(|config| {
+        no_expiry(config);
+        config.control.max_rejected_in_a_row = 5;
+    })
+    .await;
     let session = harness.create().await.unwrap();
     let station = harness.drive(&session, &[0]).await.unwrap();
     for seq in 1..=5 {
@@ -172,7 +182,7 @@ async fn hellos_are_checked() {
 
 #[tokio::test]
 async fn one_pose_a_call_drives_a_tool_under_its_own_lease() {
-    let mut harness = Harness::with(|config| config.session.lease_s = 0.3).await;
+    let mut harness = Harness::with(|config| config.session.lease_s = 1.0).await;
     let session = harness.create().await.unwrap();
     let mut client = ControlServiceClient::new(harness.channel.clone());
     let request = |lease: &str, pose: v1::ToolPose| v1::SendPoseRequest {
@@ -188,7 +198,7 @@ async fn one_pose_a_call_drives_a_tool_under_its_own_lease() {
     let second = client.send_pose(request(&first.lease, pose(0, 1, 0.0))).await.unwrap().into_inner();
     assert_eq!(second.rejected.map(|rejected| rejected.field), Some("seq".into()));
     assert_eq!(second.contact.map(|contact| contact.echo_seq), Some(1));
-    tokio::time::sleep(Duration::from_millis(400)).await;
+    tokio::time::sleep(Duration::from_millis(1300)).await;
     let late = client.send_pose(request(&first.lease, pose(0, 2, 0.0))).await.unwrap_err();
     assert_eq!(late.code(), Code::FailedPrecondition);
     assert!(client.send_pose(request("", pose(0, 1, 0.0))).await.is_ok());

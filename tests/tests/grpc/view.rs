@@ -60,12 +60,14 @@ async fn after_a_reset_a_keyframe_comes_before_any_state() {
     let mut harness = Harness::start().await;
     let session = harness.create().await.unwrap();
     let mut view = harness.view(harness.channel.clone(), &session).await;
-    let before = state(&mut view).await;
-    tokio::time::sleep(Duration::from_millis(100)).await;
+    harness.until(&session, |described| described.step > 10).await;
+    harness.sessions.pause_session(v1::PauseSessionRequest { session_id: session.clone() }).await.unwrap();
+    event(&mut view, v1::EventKind::Paused).await;
     harness.reset(&session).await;
     event(&mut view, v1::EventKind::Reset).await;
-    let Message::Keyframe(_) = next(&mut view).await else { panic!("a keyframe follows the reset") };
-    assert!(state(&mut view).await.step <= before.step + 25, "steps are counted anew");
+    let Message::Keyframe(keyframe) = next(&mut view).await else { panic!("a keyframe follows the reset") };
+    let Message::State(state) = next(&mut view).await else { panic!("a state follows the keyframe") };
+    assert_eq!((state.step, state.topology_version), (0, keyframe.topology_version));
 }
 
 #[tokio::test]

@@ -103,8 +103,7 @@ impl v1::control_service_server::ControlService for ControlService {
         let lease = self.unary_lease(&request, tool)?;
         let (moved, felt) = self.unary.with(&lease, |driver| {
             let moved = move_tool(driver, motion);
-            let report = driver.last_report();
-            (moved, (report.step > 0).then(|| contact(&report, tool, driver.id(), 0)))
+            (moved, driver.last_report().map(|report| contact(&report, tool, driver.id(), 0)))
         })?;
         let rejected = moved.err().map(|refusal| rejection(tool_id, seq, &refusal));
         Ok(Response::new(v1::SendPoseResponse { lease, contact: felt, rejected }))
