@@ -77,6 +77,21 @@ pub struct World {
     output: StepOutput,
 }
 
+/// What an object of a scene consists of.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ObjectStats {
+    /// Lower corner of its bounding box at rest, m.
+    pub rest_min_m: [f64; 3],
+    /// Upper corner of its bounding box at rest, m.
+    pub rest_max_m: [f64; 3],
+    /// Edge length of a fine voxel, m.
+    pub voxel_size_m: f64,
+    /// Fine voxels.
+    pub voxels: u32,
+    /// Composite elements as they are now.
+    pub composite_elements: u32,
+}
+
 /// Numbers of things in a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WorldCounts {
@@ -388,6 +403,24 @@ impl World {
             counts.parts += slot.body.part_count() as usize;
         }
         counts
+    }
+
+    /// What each object consists of.
+    #[must_use]
+    pub fn object_stats(&self) -> Vec<ObjectStats> {
+        let stats = |slot: &BodySlot| {
+            let grid = &slot.body.grid;
+            let centres = grid.voxels().iter().map(|v| grid.centre_m(v.ijk));
+            let aabb = Aabb::around(centres).grown(0.5 * grid.voxel_size_m());
+            ObjectStats {
+                rest_min_m: aabb.min_m.into(),
+                rest_max_m: aabb.max_m.into(),
+                voxel_size_m: grid.voxel_size_m(),
+                voxels: grid.voxels().len() as u32,
+                composite_elements: slot.body.base().elements.len() as u32,
+            }
+        };
+        self.slots.iter().map(stats).collect()
     }
 
     fn view(&mut self) -> &View {
