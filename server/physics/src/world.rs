@@ -170,7 +170,7 @@ impl World {
         }
         self.solve_velocities(workers);
         lap.end(Stage::Velocities);
-        self.integrate();
+        self.integrate(workers);
         self.write_wrenches();
         lap.end(Stage::Integrate);
         self.evaluate(workers);
@@ -248,14 +248,9 @@ impl World {
         self.output.solve = report;
     }
 
-    fn integrate(&mut self) {
+    fn integrate(&mut self, workers: &Workers<'_>) {
         let dt = self.params.dt_s;
         for slot in &mut self.slots {
-            let finite = slot.velocity_change.iter().flatten().all(|v| v.is_finite());
-            if !finite {
-                slot.roll_back(&mut self.output);
-                continue;
-            }
             slot.ledger.step = slot.body.step_energies(&slot.velocity_change);
             let body = &mut slot.body;
             for (v, dv) in body.velocity_m_per_s.iter_mut().zip(&slot.velocity_change) {
@@ -265,6 +260,9 @@ impl World {
                 (0..3).for_each(|i| x[i] += dt * v[i]);
             }
             slot.ledger.load_work_j = body.external_work_j(body.velocity_m_per_s.iter().map(|v| v.map(|c| dt * c)));
+            if !body.is_finite() {
+                slot.roll_back(workers, &mut self.output);
+            }
         }
     }
 
@@ -272,6 +270,9 @@ impl World {
         for slot in &mut self.slots {
             slot.ledger.before = slot.ledger.after;
             slot.body.evaluate(workers, 2);
+            if !slot.body.save_finite_state() {
+                slot.roll_back(workers, &mut self.output);
+            }
             slot.body.refresh_operator(workers);
             slot.ledger.solved = slot.body.energy();
             slot.ledger.after = slot.ledger.solved;
@@ -532,11 +533,12 @@ impl BodySlot {
         changed
     }
 
-    /// Positions stay those of the last finite step, velocities are zeroed, the tools lifted.
-    fn roll_back(&mut self, output: &mut StepOutput) {
+    /// Positions and rotations go back to the last finite step, velocities are zeroed, the tools lifted.
+    fn roll_back(&mut self, workers: &Workers<'_>, output: &mut StepOutput) {
+        self.body.restore_finite_state(workers);
         self.velocity_change.iter_mut().for_each(|v| *v = [0.0; 3]);
-        self.body.velocity_m_per_s.iter_mut().for_each(|v| *v = [0.0; 3]);
         self.contacts.iter_mut().for_each(ToolContact::lift);
+        self.ledger = BodyLedger { after: self.body.energy(), ..BodyLedger::default() };
         output.fault = Some(Fault { step: output.step, object: self.body.name.clone(), what: FaultKind::NodeState });
     }
 }

@@ -2,6 +2,7 @@
 
 mod forces;
 mod interpolate;
+mod quarantine;
 mod relax;
 mod rigid;
 mod topology;
@@ -104,6 +105,7 @@ pub struct Body {
     coarse_stiffening: Vec<f64>,
     rigid: rigid::RigidParts,
     scratch: Scratch,
+    saved: quarantine::FiniteState,
     params: StepParams,
 }
 
@@ -163,6 +165,7 @@ impl Body {
             coarse_stiffening: Vec::new(),
             rigid: rigid::RigidParts::default(),
             scratch: Scratch::default(),
+            saved: quarantine::FiniteState::default(),
             params,
         };
         body.position_m = (0..body.node_count()).map(|n| body.rest_position_m(n).into()).collect();
@@ -337,6 +340,7 @@ impl Body {
         }
         self.write_rotations();
         self.multigrid.rebuild(workers, &self.levels);
+        self.save_finite_state();
     }
 
     fn resize_blocks(&mut self) {

@@ -24,9 +24,15 @@ const MAX_ADVANCE_VOXELS: f64 = 2.0;
 const RELEASE_VOXELS: f64 = 0.5;
 /// A marker this many voxels beside its edge has lost it.
 const LOST_VOXELS: f64 = 2.0;
-/// The strip that is swept starts this share of a voxel behind the front, so that consecutive strips
-/// overlap and no link slips through between them.
-const OVERLAP_VOXELS: f64 = 0.25;
+/// Neighbouring markers farther apart than this in the material stand in different pieces of it.
+const CHAIN_GAP_VOXELS: f64 = 8.0;
+/// A cut starts this far outside the point where the edge came in, so that the voxels at the surface
+/// part too.
+const START_VOXELS: f64 = 0.5;
+/// Strips are shifted by this share of a voxel toward the blade's positive side: a voxel centre that
+/// lies on the blade's plane, give or take the drift of the front, is on its negative side for every
+/// link and every strip.
+const NUDGE_VOXELS: f64 = 1e-3;
 /// Virgin contact slides sideways where the sideways force exceeds this share of the forward one.
 const EDGE_GRIP: f64 = 1.0;
 /// Least compliance of the contact, times E: keeps the spring finite where the formula goes negative.
@@ -48,6 +54,11 @@ enum Ahead {
 struct Anchor {
     /// Reference position of the front, m.
     position_m: Vec3,
+    /// Where the material that has been swept ends here, m: `position_m` as the last sweep left it.
+    /// Strips start exactly where the last ones ended, so that the cut has no gaps.
+    swept_m: Vec3,
+    /// Where the cut begins here, m; moves with `position_m` until the marker yields.
+    start_m: Vec3,
     /// The voxels at the ends of the next link; the force is shared between them.
     voxels: [VoxelId; 2],
     ahead: Ahead,
@@ -223,97 +234,130 @@ impl Front {
     pub fn advance(&mut self, body: &Body, motion: &BladeMotion<'_>, links: &mut Vec<(LinkId, Crossing)>) -> FrontBook {
         let mut book = FrontBook { numerical_j: self.dropped_j, ..FrontBook::default() };
         let frame = BladeFrame::of(&motion.pose);
-        let old = self.positions();
         for contact in &self.contacts {
             let Marker::On(anchor) = &mut self.markers[contact.marker] else { continue };
+            let virgin = !anchor.yielded;
             let step = settle_marker(body, anchor, contact, &frame, &mut book);
-            anchor.position_m += step;
-        }
-        let new = self.positions();
-        for contact in &self.contacts {
-            if contact.forward.mode == Mode::Yield {
-                self.sweep(body, contact.marker, &old, &new, links, &mut book);
+            if virgin && anchor.yielded {
+                anchor.start_m = anchor.position_m;
+                self.open_beside(body, contact.marker, &frame, links);
+            }
+            if let Marker::On(anchor) = &mut self.markers[contact.marker] {
+                anchor.position_m += step;
             }
         }
+        self.sweep(body, &frame, links, &mut book);
         book.slip_j -= book.fracture_j;
         self.follow_edge(body, motion, &frame);
         self.drop_outside(body);
         book
     }
 
-    fn positions(&self) -> Vec<Option<Vec3>> {
-        let position = |m: &Marker| match m {
-            Marker::On(anchor) => Some(anchor.position_m),
+    fn anchor(&self, index: usize) -> Option<&Anchor> {
+        match self.markers.get(index)? {
+            Marker::On(anchor) => Some(anchor),
             _ => None,
-        };
-        self.markers.iter().map(position).collect()
+        }
     }
 
-    /// Links across the strip of one marker, from the middle to its left neighbour to the middle to
-    /// its right one; the strips of a chain without gaps have no gaps.
-    fn sweep(
-        &self,
-        body: &Body,
-        index: usize,
-        old: &[Option<Vec3>],
-        new: &[Option<Vec3>],
-        links: &mut Vec<(LinkId, Crossing)>,
-        book: &mut FrontBook,
-    ) {
-        let (Some(from), Some(to), Marker::On(anchor)) = (old[index], new[index], &self.markers[index]) else { return };
-        let Some(ahead) = (to - from).try_normalize(0.0) else { return };
-        let back = ahead * (OVERLAP_VOXELS * body.grid.voxel_size_m());
-        let mut area = 0.0;
-        for toward in [-1, 1] {
-            let (a, b) = (self.border(index, toward, old, from), self.border(index, toward, new, to));
-            area += 0.5 * ((b - from).cross(&(to - a))).norm();
-            for triangle in [[from - back, a - back, b], [from - back, b, to]] {
-                links_across(&body.grid, triangle, |link, crossing| {
-                    if body.grid.is_intact(link) && fracture_energy(body, link).is_finite() {
-                        links.push((link, crossing));
-                    }
-                });
+    /// The anchors of two neighbouring markers where they stand in one piece of material.
+    fn segment(&self, body: &Body, left: usize) -> Option<[&Anchor; 2]> {
+        let ends = [self.anchor(left)?, self.anchor(left + 1)?];
+        let gap = (ends[0].swept_m - ends[1].swept_m).norm();
+        (gap < CHAIN_GAP_VOXELS * body.grid.voxel_size_m()).then_some(ends)
+    }
+
+    /// Parts what lies between the surface, the marker `index` that is about to start cutting, and the
+    /// cut of a neighbour that started before it: on a curved surface the edge comes in share by share.
+    fn open_beside(&self, body: &Body, index: usize, frame: &BladeFrame, links: &mut Vec<(LinkId, Crossing)>) {
+        let Some(own) = self.anchor(index) else { return };
+        let out = own.pull_back(body, &frame.forward).normalize() * (-START_VOXELS * body.grid.voxel_size_m());
+        let nudge = own.nudge(body, frame);
+        for left in [index.wrapping_sub(1), index] {
+            let Some(ends) = self.segment(body, left) else { continue };
+            let other = if left == index { ends[1] } else { ends[0] };
+            let [from, to] = [own.start_m + nudge, other.start_m + nudge];
+            part_quad(body, [from, to, to + out, from + out], links);
+            if other.yielded {
+                part_quad(body, [from, to, other.swept_m, own.swept_m], links);
             }
         }
-        if let Ahead::Intact { fracture_energy_j_per_m2, .. } = anchor.ahead {
-            book.area_m2 += area;
-            book.fracture_j += fracture_energy_j_per_m2 * area;
-        }
     }
 
-    /// Border of a marker's share in a chain: half way to its neighbour, or as far beyond its own
-    /// point as the other border is before it.
-    fn border(&self, index: usize, toward: i32, chain: &[Option<Vec3>], at: Vec3) -> Vec3 {
-        let neighbour = |side: i32| {
-            let other = usize::try_from(index as i32 + side).ok()?;
-            let position = (*chain.get(other)?)?;
-            ((position - at).norm() < 4.0 * self.share_m).then_some(position)
-        };
-        match (neighbour(toward), neighbour(-toward)) {
-            (Some(next), _) => 0.5 * (at + next),
-            (None, Some(previous)) => at + 0.5 * (at - previous),
-            (None, None) => at,
+    /// Parts the links between where the chain was and where it is now, and books the area. Neighbours
+    /// share their edges of the strip, consecutive strips the chain between them: no link slips
+    /// through, whichever markers move.
+    fn sweep(&mut self, body: &Body, frame: &BladeFrame, links: &mut Vec<(LinkId, Crossing)>, book: &mut FrontBook) {
+        let count = self.markers.len();
+        let target: Vec<Vec3> =
+            (0..count).map(|i| self.anchor(i).map_or(Vec3::zeros(), |a| a.position_m + a.nudge(body, frame))).collect();
+        for index in 0..count {
+            let Some(own) = self.anchor(index) else { continue };
+            let (from, to) = (own.swept_m, target[index]);
+            let mut area = 0.0;
+            for (side, left) in [(-1.0, index.wrapping_sub(1)), (1.0, index)] {
+                let segment = self.segment(body, left).filter(|ends| ends[0].yielded || ends[1].yielded);
+                if let Some(ends) = segment {
+                    let (other, beside) = if left == index { (ends[1], index + 1) } else { (ends[0], left) };
+                    let (a, b) = (0.5 * (from + other.swept_m), 0.5 * (to + target[beside]));
+                    area += 0.5 * (b - from).cross(&(to - a)).norm();
+                    if left == index {
+                        part_quad(body, [from, other.swept_m, target[beside], to], links);
+                    }
+                } else if own.yielded {
+                    // The chain ends here: half a share beyond at the blade's end, and up to the next
+                    // marker where that one is outside the material.
+                    let half = own.pull_back(body, &frame.along) * (0.5 * side * self.share_m);
+                    area += (to - from).cross(&half).norm();
+                    let beside = if side < 0.0 { index.checked_sub(1) } else { Some(index + 1) };
+                    let outside =
+                        beside.and_then(|i| self.markers.get(i)).is_some_and(|m| matches!(m, Marker::Outside));
+                    let reach = if outside { 2.0 * half } else { half };
+                    part_quad(body, [from, from + reach, to + reach, to], links);
+                }
+            }
+            if let Ahead::Intact { fracture_energy_j_per_m2, .. } = own.ahead
+                && fracture_energy_j_per_m2.is_finite()
+            {
+                book.area_m2 += area;
+                book.fracture_j += fracture_energy_j_per_m2 * area;
+            }
+        }
+        for (marker, target) in self.markers.iter_mut().zip(target) {
+            if let Marker::On(anchor) = marker {
+                anchor.swept_m = target;
+            }
         }
     }
 
     /// Slides markers along the chain to where their share of the edge is now.
     fn follow_edge(&mut self, body: &Body, motion: &BladeMotion<'_>, frame: &BladeFrame) {
-        let chain = self.positions();
+        let chain: Vec<Option<(Vec3, Vec3)>> =
+            (0..self.markers.len()).map(|i| self.anchor(i).map(|a| (a.position_m, a.start_m))).collect();
         let count = self.markers.len();
+        let gap = CHAIN_GAP_VOXELS * body.grid.voxel_size_m();
         for index in 0..count {
             let Marker::On(anchor) = self.markers[index] else { continue };
             let edge = motion.pose.transform(&motion.blade.sample(index, count));
             let slip = (edge - anchor.current_m(body)).dot(&frame.along);
             let next = if slip > 0.0 { index + 1 } else { index.wrapping_sub(1) };
-            let beside = chain.get(next).copied().flatten();
-            let shift = match beside.filter(|p| (p - anchor.position_m).norm() < 4.0 * self.share_m) {
-                Some(position) => (position - anchor.position_m) * (slip.abs() / self.share_m).min(1.0),
-                None => anchor.pull_back(body, &frame.along) * slip,
-            };
+            let beside = chain.get(next).copied().flatten().filter(|b| (b.0 - anchor.position_m).norm() < gap);
             let mut moved = anchor;
-            moved.position_m += shift;
+            match beside {
+                Some((position, start)) => {
+                    let share = (slip.abs() / self.share_m).min(1.0);
+                    moved.position_m += (position - anchor.position_m) * share;
+                    moved.start_m += (start - anchor.start_m) * share;
+                }
+                None => {
+                    let shift = anchor.pull_back(body, &frame.along) * slip;
+                    moved.position_m += shift;
+                    moved.start_m += shift;
+                }
+            }
             if !moved.yielded {
                 moved.position_m = onto_surface(body, moved.position_m);
+                moved.start_m = moved.position_m;
             }
             self.markers[index] = Marker::On(moved);
         }
@@ -408,6 +452,8 @@ impl Edge {
         }
         let mut anchor = Anchor {
             position_m: point.position_m,
+            swept_m: point.position_m,
+            start_m: point.position_m,
             voxels: [point.voxel; 2],
             ahead: Ahead::Outside,
             yielded: false,
@@ -416,7 +462,9 @@ impl Edge {
         };
         let back = anchor.pull_back(body, &self.frame.forward);
         anchor.position_m = surface_behind(body, point.position_m, back, approach);
+        anchor.start_m = anchor.position_m;
         anchor.look_ahead(body, &self.frame);
+        anchor.swept_m = anchor.position_m + anchor.nudge(body, &self.frame);
         Marker::On(anchor)
     }
 
@@ -493,15 +541,25 @@ impl Anchor {
         if length.is_finite() && length > 0.0 { pulled * (length.min(5.0) / length) } else { *direction }
     }
 
-    /// Finds the link that the blade's plane crosses half a voxel ahead.
+    /// The shift of strips that settles on which side a centre on the blade's plane is.
+    fn nudge(&self, body: &Body, frame: &BladeFrame) -> Vec3 {
+        let normal = (self.gradient(body).transpose() * frame.normal).try_normalize(0.0).unwrap_or(frame.normal);
+        normal * (NUDGE_VOXELS * body.grid.voxel_size_m())
+    }
+
+    /// Finds the link that the blade's plane crosses ahead: so far ahead that the crossing of the
+    /// column it is looked for in cannot lie behind the front, where the blade itself has parted it.
     fn look_ahead(&mut self, body: &Body, frame: &BladeFrame) {
         let grid = &body.grid;
         let h = grid.voxel_size_m();
         let f = self.gradient(body);
         let ahead = self.pull_back(body, &frame.forward).normalize();
         let normal = f.transpose() * frame.normal;
-        let at = self.position_m + ahead * (0.5 * h);
         let axis = normal.iamax();
+        // A point of the plane half a voxel off in one of the other axes is this far off along `ahead`.
+        let along = |a: usize| (ahead[a] - ahead[axis] * normal[a] / normal[axis]).abs();
+        let reach = 0.5 * (0..3).filter(|a| *a != axis).map(along).sum::<f64>();
+        let at = self.position_m + ahead * (reach.max(0.5) * h);
         let cell = grid.cell_of(&at);
         let centre = grid.centre_m(cell);
         // The plane's height over the centre of the column, not over the marker.
@@ -523,6 +581,8 @@ impl Anchor {
                     initiation_ratio: material.initiation_ratio,
                 }
             }
+            // Past the last link what held there holds on to the surface.
+            _ if grid.signed_distance_m(&self.position_m) < 0.0 => self.ahead,
             _ => Ahead::Outside,
         };
         // Beyond an old cut the crack is there already: nothing has to be initiated.
@@ -553,6 +613,17 @@ impl Anchor {
         let line = 2.0 * plane / std::f64::consts::PI * ln(body.element_edge_m() / half_width_m);
         let compliance = line - 0.24 + 0.65 * plane / 0.7975 * 4.0 * xi * (1.0 - xi);
         material.young_modulus_pa * body.stiffening(element) / compliance.max(LEAST_COMPLIANCE)
+    }
+}
+
+/// Parts the intact links across a quadrilateral, but for those that cannot be cut.
+fn part_quad(body: &Body, [a, b, c, d]: [Vec3; 4], links: &mut Vec<(LinkId, Crossing)>) {
+    for triangle in [[a, b, c], [a, c, d]] {
+        links_across(&body.grid, triangle, |link, crossing| {
+            if body.grid.is_intact(link) && fracture_energy(body, link).is_finite() {
+                links.push((link, crossing));
+            }
+        });
     }
 }
 

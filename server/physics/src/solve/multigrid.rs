@@ -222,6 +222,18 @@ impl Multigrid {
         Self { levels, coarsest }
     }
 
+    /// Estimates the smoothers' eigenvalues afresh, and higher than they were: after a topology change
+    /// the estimates carry on from the old ones and may lie below the new truth, and a smoother made
+    /// for too short a spectrum is indefinite.
+    pub fn widen_spectrum(&mut self, workers: &Workers<'_>) {
+        for level in &mut self.levels {
+            let before = level.largest_eigenvalue;
+            level.eigenvector.clear();
+            level.estimate_eigenvalue(workers, 20);
+            level.largest_eigenvalue = level.largest_eigenvalue.max(1.3 * before);
+        }
+    }
+
     /// The finest level's operator.
     #[must_use]
     pub fn operator(&self) -> &Operator {
@@ -233,12 +245,16 @@ impl Multigrid {
         &mut self.levels[0].operator
     }
 
-    /// Takes the topology of `hierarchy` after the changes in `changes`, which the matrices of the
-    /// finest level already reflect.
-    pub fn update_topology(&mut self, workers: &Workers<'_>, hierarchy: &[Level], changes: &[LevelChange]) {
+    /// Takes the nodes of elements that were split; makes room for the new ones' matrices.
+    pub fn set_topology(&mut self, hierarchy: &[Level]) {
         for (i, level) in self.levels.iter_mut().enumerate() {
             level.set_topology(&hierarchy[i], hierarchy.get(i + 1));
         }
+    }
+
+    /// Takes the topology of `hierarchy` after the changes in `changes`, which the matrices of the
+    /// finest level already reflect.
+    pub fn update_topology(&mut self, workers: &Workers<'_>, hierarchy: &[Level], changes: &[LevelChange]) {
         let touched: Vec<u32> =
             changes[1..].first().map_or(Vec::new(), |c| elements_in_cells(&hierarchy[1], &c.touched_cells));
         self.rebuild_coarse(hierarchy, touched);

@@ -7,6 +7,9 @@ use super::multigrid::Multigrid;
 use super::operator::{NODES_PER_CHUNK, NodeVector};
 use crate::workers::Workers;
 
+/// Times that a solve mends a preconditioner that turns out indefinite.
+const MAX_REPAIRS: u32 = 3;
+
 /// Vectors of a solve, kept between solves.
 #[derive(Default)]
 pub struct PcgScratch {
@@ -74,24 +77,42 @@ impl PcgScratch {
             *r = [b[0] - ap[0], b[1] - ap[1], b[2] - ap[2]];
         }
         let mut norm_r = dot(&self.r, &self.r).sqrt();
+        if norm_r > norm_b {
+            // The guess is worse than none.
+            x.iter_mut().for_each(|v| *v = [0.0; 3]);
+            self.r.copy_from_slice(b);
+            norm_r = norm_b;
+        }
         let mut rz = 0.0;
         let mut iterations = 0;
+        let mut repairs = 0;
+        let mut fresh = true;
         while norm_r > tolerance * norm_b && iterations < max_iterations {
             multigrid.precondition(workers, &self.r, &mut self.z);
             let next_rz = dot(&self.r, &self.z);
-            let beta = if iterations == 0 { 0.0 } else { (next_rz - dot(&self.previous_r, &self.z)) / rz };
+            if next_rz.is_nan() || next_rz <= 0.0 {
+                // The preconditioner lost definiteness. Mended once or twice it is good again;
+                // going on without would only make the answer worse.
+                if repairs == MAX_REPAIRS {
+                    break;
+                }
+                repairs += 1;
+                multigrid.widen_spectrum(workers);
+                fresh = true;
+                continue;
+            }
+            let beta = if fresh { 0.0 } else { (next_rz - dot(&self.previous_r, &self.z)) / rz };
             rz = next_rz;
             for (p, z) in self.p.iter_mut().zip(&self.z) {
-                let beta = if iterations == 0 { 0.0 } else { beta as f32 };
-                *p = [0, 1, 2].map(|i| z[i] + beta * p[i]);
+                *p = [0, 1, 2].map(|i| if fresh { z[i] } else { z[i] + beta as f32 * p[i] });
             }
             multigrid.operator_mut().apply(workers, &self.p, &mut self.ap);
             let curvature = dot(&self.p, &self.ap);
-            // Not positive (or not a number): the matrix or the preconditioner lost definiteness;
-            // going on would only make the answer worse.
-            if curvature.is_nan() || curvature <= 0.0 || rz.is_nan() || rz <= 0.0 {
+            // Not positive (or not a number): the matrix is not definite along p.
+            if curvature.is_nan() || curvature <= 0.0 {
                 break;
             }
+            fresh = false;
             let alpha = (rz / curvature) as f32;
             add_scaled(x, alpha, &self.p);
             self.previous_r.copy_from_slice(&self.r);
