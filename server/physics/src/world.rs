@@ -432,7 +432,7 @@ impl BodySlot {
             let impulse = contact.direction * contact.impulse(dt_s);
             self.impulses.extend(contact.weights.iter().map(|(node, w)| (node, (impulse * w).into())));
         }
-        self.body.set_springs(workers, self.contacts.iter().flat_map(ToolContact::springs));
+        self.body.set_springs(self.contacts.iter().flat_map(ToolContact::springs));
         self.body.solve_velocity_change(workers, &self.impulses, &mut self.velocity_change)
     }
 

@@ -19,6 +19,7 @@ use crate::grid::{Grid, VoxelId, voxelize};
 use crate::params::StepParams;
 use crate::scene::{Face, LoadDesc, MaterialDesc, Meshes, ObjectDesc, Scene, SceneError};
 use crate::solve::multigrid::Multigrid;
+use crate::solve::operator::NodeVector;
 use crate::solve::pcg::PcgScratch;
 use crate::workers::Workers;
 
@@ -109,8 +110,8 @@ pub struct Body {
 #[derive(Default)]
 struct Scratch {
     right_side: Nodal,
-    right_side_f32: Vec<[f32; 3]>,
-    solution: Vec<[f32; 3]>,
+    right_side_f32: NodeVector,
+    solution: NodeVector,
     stale_parents: Vec<u32>,
 }
 
