@@ -2,7 +2,8 @@
 
 use crate::body::{Body, TopologyChange};
 use crate::contact::broad::{Aabb, SpatialHash};
-use crate::contact::{Contact, Mode, flank};
+use crate::contact::flank::Walls;
+use crate::contact::{Contact, Mode};
 use crate::fault::{Fault, FaultKind};
 use crate::fracture::front::{BladeMotion, Front};
 use crate::grid::{Crossing, LinkId};
@@ -43,8 +44,8 @@ struct BodySlot {
     body: Body,
     /// By tool.
     contacts: Vec<ToolContact>,
-    /// Links that were parted, in the order of parting.
-    cut: Vec<LinkId>,
+    /// Walls of what was cut.
+    walls: Walls,
     velocity_change: body::Nodal,
     impulses: Vec<(u32, [f64; 3])>,
     ledger: BodyLedger,
@@ -190,7 +191,7 @@ impl World {
             for (tool, contact) in self.tools.iter().zip(&mut slot.contacts) {
                 if let (Some(pose), Some(before)) = (tool.pose, tool.before) {
                     let motion = BladeMotion { blade: &tool.blade, before, pose };
-                    contact.detect(&slot.body, &slot.cut, &motion, tool.entered);
+                    contact.detect(&slot.body, &slot.walls, &motion, tool.entered);
                 }
             }
         }
@@ -268,7 +269,7 @@ impl World {
             slot.change = slot.body.update_topology(workers, &parted);
             slot.velocity_change.resize(slot.body.node_count(), [0.0; 3]);
             slot.ledger.after = slot.body.energy();
-            slot.cut.extend(&parted);
+            slot.walls.update(&slot.body, &parted, &slot.change);
             self.output.fracture.parted_links += parted.len() as u32;
         }
         if self.output.fracture.parted_links > 0 {
@@ -419,7 +420,7 @@ impl BodySlot {
             ledger: BodyLedger { after: energy, ..BodyLedger::default() },
             body,
             contacts,
-            cut: Vec::new(),
+            walls: Walls::default(),
             impulses: Vec::new(),
             parting: Vec::new(),
             change: TopologyChange::default(),
@@ -468,7 +469,7 @@ impl ToolContact {
         self.front.contacts.iter().flat_map(|c| [&c.forward, &c.lateral]).chain(&self.flanks)
     }
 
-    fn detect(&mut self, body: &Body, cut: &[LinkId], motion: &BladeMotion<'_>, entered: bool) {
+    fn detect(&mut self, body: &Body, walls: &Walls, motion: &BladeMotion<'_>, entered: bool) {
         let half = 0.5 * motion.blade.width_m;
         let ends = [motion.before, motion.pose]
             .into_iter()
@@ -479,8 +480,8 @@ impl ToolContact {
         }
         self.front.detect(body, &self.hash, motion);
         self.flanks.clear();
-        if !cut.is_empty() {
-            flank::flank_contacts(body, cut, motion.blade, &motion.before, &motion.pose, &mut self.flanks);
+        if !walls.is_empty() {
+            walls.contacts(body, motion.blade, &motion.before, &motion.pose, &mut self.flanks);
         }
     }
 }

@@ -229,7 +229,7 @@ impl Body {
     }
 
     /// Voxels of an element, in the order of its cell.
-    fn voxels_of(&self, element: usize) -> Vec<VoxelId> {
+    pub(crate) fn voxels_of(&self, element: usize) -> Vec<VoxelId> {
         let base = self.base();
         let units = VoxelUnits { grid: &self.grid, exponent: base.exponent };
         let mut voxels = Vec::new();
