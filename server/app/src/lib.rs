@@ -1,3 +1,5 @@
-//! What `kerf-server` is made of.
+//! What `kerf-server` is made of: one module per subcommand, and what they share.
 
-pub mod glb;
+pub mod check;
+pub mod scenes;
+pub mod simulate;

@@ -1,2 +1,43 @@
-//! Placeholder of the crate's first commit.
-fn main() {}
+//! `kerf-server`: soft tissue that can be cut, without a network or (with `serve`) over one.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use kerf_server::{check, scenes, simulate};
+
+/// Cuts soft tissue.
+#[derive(Parser)]
+#[command(version)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Lists the built-in scenes.
+    Scenes,
+    /// Says what is wrong with a scene, and what its elements are asked to carry.
+    Check {
+        /// Path of a scene's TOML file, or the name of a built-in scene.
+        file: PathBuf,
+    },
+    /// Runs a scene without a network and writes tables, the last surface and a summary.
+    Simulate(simulate::Options),
+}
+
+fn main() -> ExitCode {
+    let outcome = match Cli::parse().command {
+        Command::Scenes => scenes::run(),
+        Command::Check { file } => check::run(&file),
+        Command::Simulate(options) => simulate::run(&options),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -23,6 +23,7 @@ pub mod stage;
 pub mod step_io;
 pub mod surface;
 pub mod tool;
+mod view;
 pub mod workers;
 pub mod world;
 

@@ -13,11 +13,15 @@ use crate::params::StepParams;
 use crate::scene::{Scene, SceneError};
 use crate::stage::{Lap, Stage, StageClock};
 use crate::step_io::{ContactModel, FractureStep, StepInputs, StepOutput, ToolMotion, ToolOutput, Wrench};
+use crate::surface::Surface;
 use crate::surface::delta::{Keyframe, TopologyPatch};
 use crate::tool::Pose;
 use crate::tool::blade::Blade;
+use crate::view::View;
 use crate::workers::Workers;
 use crate::{Vec3, body};
+
+pub use crate::body::Relaxation;
 
 /// A step's contact springs are re-solved at most this many times; what still changes then waits for
 /// the next step.
@@ -50,6 +54,8 @@ struct BodySlot {
     impulses: Vec<(u32, [f64; 3])>,
     ledger: BodyLedger,
     parting: Vec<(LinkId, Crossing)>,
+    /// Links that were parted in this step, and what that changed.
+    parted: Vec<LinkId>,
     change: TopologyChange,
 }
 
@@ -65,6 +71,8 @@ pub struct World {
     slots: Vec<BodySlot>,
     tools: Vec<Tool>,
     probes: Vec<Probe>,
+    /// Present from the first keyframe on: nobody watches, nothing is contoured.
+    view: Option<View>,
     contact_ledger: ContactLedger,
     flank_before_j: f64,
     output: StepOutput,
@@ -79,6 +87,10 @@ pub struct WorldCounts {
     pub composite_elements: usize,
     /// Nodes of the levels solved on.
     pub nodes: usize,
+    /// Vertices of the surface.
+    pub surface_vertices: usize,
+    /// Triangles of the surface.
+    pub surface_triangles: usize,
     /// Separate pieces.
     pub parts: usize,
 }
@@ -105,6 +117,7 @@ impl World {
             slots,
             tools: blades.into_iter().map(|blade| Tool { blade, pose: None, before: None, entered: false }).collect(),
             probes: Vec::new(),
+            view: None,
             contact_ledger: ContactLedger::default(),
             flank_before_j: 0.0,
             output: StepOutput::default(),
@@ -156,6 +169,10 @@ impl World {
             self.update_topology(workers);
             lap.end(Stage::Topology);
         }
+        if self.view.is_some() && self.output.fracture.parted_links > 0 {
+            self.update_view();
+            lap.end(Stage::Surface);
+        }
         self.finish();
         self.output.profile = lap.finish();
         &self.output
@@ -165,6 +182,7 @@ impl World {
         self.output.fault = None;
         self.output.fracture = FractureStep::default();
         self.contact_ledger = ContactLedger::default();
+        self.view.iter_mut().for_each(View::clear_patch);
         for tool in &mut self.tools {
             tool.before = tool.pose;
             tool.entered = false;
@@ -261,19 +279,27 @@ impl World {
 
     fn update_topology(&mut self, workers: &Workers<'_>) {
         for slot in &mut self.slots {
-            let parted = slot.body.part_links(&slot.parting);
+            slot.parted = slot.body.part_links(&slot.parting);
             slot.parting.clear();
-            if parted.is_empty() {
+            slot.change = TopologyChange::default();
+            if slot.parted.is_empty() {
                 continue;
             }
-            slot.change = slot.body.update_topology(workers, &parted);
+            slot.change = slot.body.update_topology(workers, &slot.parted);
             slot.velocity_change.resize(slot.body.node_count(), [0.0; 3]);
             slot.ledger.after = slot.body.energy();
-            slot.walls.update(&slot.body, &parted, &slot.change);
-            self.output.fracture.parted_links += parted.len() as u32;
+            slot.walls.update(&slot.body, &slot.parted, &slot.change);
+            self.output.fracture.parted_links += slot.parted.len() as u32;
         }
         if self.output.fracture.parted_links > 0 {
             self.output.topology_version += 1;
+        }
+    }
+
+    fn update_view(&mut self) {
+        if let Some(view) = &mut self.view {
+            let bodies = self.slots.iter().map(|s| (&s.body, s.parted.as_slice(), &s.change));
+            view.update(bodies, self.output.topology_version);
         }
     }
 
@@ -300,7 +326,7 @@ impl World {
             output.pose = tool.pose;
             output.wrench = wrench;
             output.contact = model.and_then(|m| m.finish(wrench));
-            output.cutting_length_m = 0.0;
+            output.cutting_length_m = self.slots.iter().map(|s| s.contacts[index].front.cutting_length_m()).sum();
         }
     }
 
@@ -316,16 +342,19 @@ impl World {
         self.output.sim_time_s = self.output.step as f64 * self.params.dt_s;
     }
 
-    /// Runs to rest under the loads alone: Newton steps damped by a mass term that shrinks as they
-    /// succeed. `progress` is told the norm of the unbalanced force over that of the load after each.
-    /// Returns whether the scene came to rest.
-    pub fn relax(&mut self, workers: &Workers<'_>, progress: &mut dyn FnMut(f64)) -> bool {
-        let mut rest = true;
+    /// Takes the scene to rest under its loads alone, tools lifted. `progress` is told the norm of the
+    /// unbalanced force over that of the loads before each solve.
+    pub fn relax(&mut self, workers: &Workers<'_>, progress: &mut dyn FnMut(f64)) -> Relaxation {
+        let mut total = Relaxation { solves: 0, relative_residual: 0.0, converged: true };
         for slot in &mut self.slots {
-            rest &= slot.body.relax(workers, progress);
+            slot.contacts.iter_mut().for_each(ToolContact::lift);
+            let one = slot.body.relax(workers, progress);
             slot.ledger.after = slot.body.energy();
+            total.solves += one.solves;
+            total.relative_residual = total.relative_residual.max(one.relative_residual);
+            total.converged &= one.converged;
         }
-        rest
+        total
     }
 
     /// What the last step reported.
@@ -345,10 +374,14 @@ impl World {
         &mut self.slots[index].body
     }
 
-    /// Numbers of things in the scene.
+    /// Numbers of things in the scene as it is now; contours the surface if nobody has yet.
     #[must_use]
-    pub fn counts(&self) -> WorldCounts {
+    pub fn counts(&mut self) -> WorldCounts {
         let mut counts = WorldCounts::default();
+        for (_, surface) in self.bodies_and_surfaces() {
+            counts.surface_vertices += surface.vertices().len();
+            counts.surface_triangles += 2 * surface.quads().len();
+        }
         for slot in &self.slots {
             counts.voxels += slot.body.grid.voxels().len();
             counts.composite_elements += slot.body.base().elements.len();
@@ -358,17 +391,31 @@ impl World {
         counts
     }
 
-    /// Structure of the scene as it is now.
+    fn view(&mut self) -> &View {
+        self.view.get_or_insert_with(|| View::new(self.slots.iter().map(|s| &s.body)))
+    }
+
+    /// Each body with its surface, which is contoured if nobody has yet.
+    pub fn bodies_and_surfaces(&mut self) -> impl Iterator<Item = (&Body, &Surface)> {
+        self.view();
+        let view = self.view.as_ref().expect("made above");
+        self.slots.iter().map(|s| &s.body).zip(view.surfaces())
+    }
+
+    /// Structure of the scene as it is now. From the first call on, steps that part links make a
+    /// [`TopologyPatch`].
     #[must_use]
     pub fn keyframe(&mut self) -> Keyframe {
-        Keyframe::default()
+        self.view();
+        let view = self.view.as_ref().expect("made above");
+        view.keyframe(self.slots.iter().map(|s| &s.body), self.output.topology_version)
     }
 
     /// What the last step changed in the structure; `None` where no link parted, or where nobody
     /// has asked for a keyframe yet.
     #[must_use]
     pub fn topology_patch(&self) -> Option<&TopologyPatch> {
-        None
+        self.view.as_ref()?.patch()
     }
 
     /// Displacements of an object's nodes, xyz interleaved, m, scene frame, appended to `out`.
@@ -400,7 +447,9 @@ impl World {
     /// Hash of the surface's structure; see [`crate::surface::delta::hash_body`].
     #[must_use]
     pub fn surface_hash(&mut self) -> u64 {
-        0
+        self.view();
+        let view = self.view.as_ref().expect("made above");
+        view.hash(self.slots.iter().map(|s| &s.body))
     }
 }
 
@@ -423,6 +472,7 @@ impl BodySlot {
             walls: Walls::default(),
             impulses: Vec::new(),
             parting: Vec::new(),
+            parted: Vec::new(),
             change: TopologyChange::default(),
         }
     }

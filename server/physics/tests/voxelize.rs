@@ -246,6 +246,22 @@ fn an_inward_mesh_gives_the_same_voxels_and_outward_normals() {
 }
 
 #[test]
+fn a_mesh_is_placed_by_scale_and_offset() {
+    let shape = ShapeDesc::Mesh { file: "m".into(), scale_m_per_unit: 0.01, offset_m: [1.0, 2.0, 3.0] };
+    let meshes = Meshes::from([("m".to_owned(), sphere_mesh(10.0, 48, 96, 0))]);
+    let grid = voxelize(&object(shape.clone(), 0.01), &meshes).unwrap();
+    let centre = grid.voxels().iter().map(|v| grid.centre_m(v.ijk)).sum::<Vec3>() / grid.voxels().len() as f64;
+    assert!((centre - Vec3::new(1.0, 2.0, 3.0)).norm() < 1e-4);
+    assert!((volume_m3(&grid) / (4.0 / 3.0 * PI * 1e-3) - 1.0).abs() < 0.02);
+
+    let block = grid_of(ShapeDesc::Box { min_m: [0.9, 1.9, 2.9], max_m: [1.3, 2.3, 3.3] }, 0.01);
+    let held = region_voxels(&block, &shape, &meshes).unwrap();
+    let expected = 4.0 / 3.0 * PI * 1e3;
+    assert!((held.len() as f64 / expected - 1.0).abs() < 0.02, "{} of {expected}", held.len());
+    assert!(region_voxels(&block, &shape, &Meshes::new()).unwrap_err().to_string().contains("was not read"));
+}
+
+#[test]
 fn a_small_hole_is_closed_by_the_vote() {
     let closed = voxelize_mesh(sphere_mesh(0.1, 48, 96, 0), 0.005).unwrap();
     let pierced = voxelize_mesh(sphere_mesh(0.1, 48, 96, 4), 0.005).unwrap();

@@ -76,6 +76,27 @@ pub fn builtin_names() -> [&'static str; BUILTIN.len()] {
     BUILTIN.map(|(name, _)| name)
 }
 
+/// What the paper's Table 1 says of a scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PaperCounts {
+    /// Fine voxels.
+    pub voxels: u32,
+    /// Composite elements.
+    pub composite_elements: u32,
+}
+
+/// The paper's counts for a built-in scene that the paper has.
+#[must_use]
+pub fn paper_counts(name: &str) -> Option<PaperCounts> {
+    let (voxels, composite_elements) = match name {
+        "jelly" | "tofu" | "rubber" => (12_676, 240),
+        "cuboid" => (59_248, 144),
+        "liver" => (30_360, 559),
+        _ => return None,
+    };
+    Some(PaperCounts { voxels, composite_elements })
+}
+
 /// A built-in scene. The only way to a scene that touches no file: names from the network go here.
 ///
 /// # Errors

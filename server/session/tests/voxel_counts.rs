@@ -26,14 +26,16 @@ fn parts(grid: &Grid) -> usize {
 #[test]
 fn builtin_scenes_have_the_papers_voxels_in_one_part() {
     let cases = [
-        ("jelly", 12_676, [30, 22, 30]),
-        ("tofu", 12_676, [30, 22, 30]),
-        ("rubber", 12_676, [30, 22, 30]),
-        ("cuboid", 59_248, [46, 28, 46]),
-        ("liver", 30_360, [58, 48, 40]),
-        ("liver-tissue", 30_360, [58, 48, 40]),
+        ("jelly", [30, 22, 30]),
+        ("tofu", [30, 22, 30]),
+        ("rubber", [30, 22, 30]),
+        ("cuboid", [46, 28, 46]),
+        ("liver", [58, 48, 40]),
+        ("liver-tissue", [58, 48, 40]),
     ];
-    for (name, paper, dims) in cases {
+    for (name, dims) in cases {
+        // The paper has no real tissue; its shape is the liver's.
+        let paper = catalog::paper_counts(name.trim_end_matches("-tissue")).unwrap().voxels;
         let scene = catalog::load(name).unwrap();
         let grid = voxelize(&scene.desc.objects[0], &scene.meshes).unwrap();
         let count = grid.voxels().len();

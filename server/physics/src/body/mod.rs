@@ -8,6 +8,7 @@ mod topology;
 
 pub use forces::BodyEnergy;
 pub use interpolate::MaterialPoint;
+pub use relax::Relaxation;
 pub use topology::TopologyChange;
 
 use crate::Vec3;

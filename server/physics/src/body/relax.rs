@@ -7,24 +7,37 @@ use crate::workers::Workers;
 const REST: f64 = 1e-8;
 const MAX_ROUNDS: u32 = 400;
 
+/// How a search for rest ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Relaxation {
+    /// Solves that were made.
+    pub solves: u32,
+    /// Norm of the unbalanced force over that of the loads, at the end.
+    pub relative_residual: f64,
+    /// Whether it fell below the limit at which a body counts as at rest.
+    pub converged: bool,
+}
+
 impl Body {
     /// Newton steps with a mass term, `(M / tau^2 + K) dx = f`; tau grows while the energy falls and
-    /// shrinks where it rises. Velocities are zero at the end. Returns whether rest was reached.
-    pub fn relax(&mut self, workers: &Workers<'_>, progress: &mut dyn FnMut(f64)) -> bool {
+    /// shrinks where it rises. Velocities are zero at the end.
+    pub fn relax(&mut self, workers: &Workers<'_>, progress: &mut dyn FnMut(f64)) -> Relaxation {
         let params = self.params;
         let mut tau = 0.02;
         self.set_time_step(workers, tau);
         let mut best = self.potential_j();
         let mut change = vec![[0.0; 3]; self.node_count()];
-        let mut reached = false;
+        let mut end = Relaxation { solves: 0, relative_residual: 0.0, converged: false };
         for _ in 0..MAX_ROUNDS {
             self.assemble_right_side();
             let unbalanced = self.unbalanced_force();
             progress(unbalanced);
-            reached = unbalanced < REST;
-            if reached {
+            end.relative_residual = unbalanced;
+            end.converged = unbalanced < REST;
+            if end.converged {
                 break;
             }
+            end.solves += 1;
             change.iter_mut().for_each(|v| *v = [0.0; 3]);
             self.solve_velocity_change(workers, &[], &mut change);
             let saved = self.position_m.clone();
@@ -51,7 +64,7 @@ impl Body {
         }
         self.params = params;
         self.set_time_step(workers, params.dt_s);
-        reached
+        end
     }
 
     fn potential_j(&self) -> f64 {

@@ -93,8 +93,6 @@ pub struct FrontBook {
     pub numerical_j: f64,
     /// Area swept through intact material, m^2.
     pub area_m2: f64,
-    /// Length of the edge that is yielding, m.
-    pub cutting_length_m: f64,
 }
 
 impl FrontBook {
@@ -106,7 +104,6 @@ impl FrontBook {
         self.initiation_j += other.initiation_j;
         self.numerical_j += other.numerical_j;
         self.area_m2 += other.area_m2;
-        self.cutting_length_m += other.cutting_length_m;
     }
 }
 
@@ -159,6 +156,13 @@ impl Front {
                 *marker = Marker::Buried;
             }
         }
+    }
+
+    /// Length of the edge that is yielding against intact material, m.
+    #[must_use]
+    pub fn cutting_length_m(&self) -> f64 {
+        let cutting = |c: &&FrontContact| c.forward.mode == Mode::Yield && c.forward.yield_n > 0.0;
+        self.contacts.iter().filter(cutting).count() as f64 * self.share_m
     }
 
     /// Whether any marker is in contact.
@@ -222,7 +226,7 @@ impl Front {
         let old = self.positions();
         for contact in &self.contacts {
             let Marker::On(anchor) = &mut self.markers[contact.marker] else { continue };
-            let step = settle_marker(body, anchor, contact, &frame, self.share_m, &mut book);
+            let step = settle_marker(body, anchor, contact, &frame, &mut book);
             anchor.position_m += step;
         }
         let new = self.positions();
@@ -335,7 +339,6 @@ fn settle_marker(
     anchor: &mut Anchor,
     contact: &FrontContact,
     frame: &BladeFrame,
-    share_m: f64,
     book: &mut FrontBook,
 ) -> Vec3 {
     let forward = &contact.forward;
@@ -345,9 +348,6 @@ fn settle_marker(
     if forward.mode == Mode::Yield {
         advance = (forward.gap_m - forward.yield_n / k).max(0.0);
         advance = advance.min(MAX_ADVANCE_VOXELS * body.grid.voxel_size_m());
-        if forward.yield_n > 0.0 {
-            book.cutting_length_m += share_m;
-        }
     }
     let lateral = 0.5 * contact.lateral.force_n() * contact.lateral.gap_m;
     let stored = if forward.mode == Mode::Off { 0.0 } else { spring(forward.gap_m - advance) } + lateral;

@@ -1,0 +1,139 @@
+//! `kerf-server check`: what is wrong with a scene, and what its elements are asked to carry.
+
+use std::path::Path;
+
+use anyhow::{Result, bail};
+use kerf_physics::grid::Grid;
+use kerf_physics::grid::voxelize::{region_voxels, voxelize};
+use kerf_physics::scene::toughness::{carried_over_eh, composite_edge_m, gc_over_eh};
+use kerf_physics::scene::{MaterialDesc, ObjectDesc};
+use kerf_physics::{Scene, SceneError};
+use kerf_session::catalog;
+
+/// Prints all problems and warnings of a scene, then its sizes.
+///
+/// # Errors
+/// The scene cannot be read, or it has problems; they have been printed.
+pub fn run(file: &Path) -> Result<()> {
+    let name = file.display().to_string();
+    let scene =
+        if catalog::builtin_names().contains(&name.as_str()) { catalog::builtin(&name)? } else { catalog::open(file)? };
+    let report = examine(&scene);
+    report.lines.iter().for_each(|line| println!("{line}"));
+    report.warnings.iter().for_each(|warning| println!("warning: {warning}"));
+    report.problems.iter().for_each(|problem| println!("problem: {problem}"));
+    if !report.problems.is_empty() {
+        bail!("{name}: {} problems", report.problems.len());
+    }
+    println!("{name}: no problems, {} warnings", report.warnings.len());
+    Ok(())
+}
+
+/// What [`examine`] found.
+#[derive(Debug, Default)]
+pub struct Report {
+    /// Sizes and ratios.
+    pub lines: Vec<String>,
+    /// What a scene can run with but hardly means.
+    pub warnings: Vec<String>,
+    /// What a scene cannot run with.
+    pub problems: Vec<SceneError>,
+}
+
+/// Judges a scene's values and, where they allow it, its voxels.
+#[must_use]
+pub fn examine(scene: &Scene) -> Report {
+    let mut report = Report { problems: scene.problems(), ..Report::default() };
+    if !report.problems.is_empty() {
+        return report;
+    }
+    for (i, object) in scene.desc.objects.iter().enumerate() {
+        match voxelize(object, &scene.meshes) {
+            Ok(grid) => report.object(i, scene, &grid),
+            Err(problem) => report.problems.push(problem),
+        }
+    }
+    report
+}
+
+impl Report {
+    fn object(&mut self, index: usize, scene: &Scene, grid: &Grid) {
+        let object = &scene.desc.objects[index];
+        let edge_m = composite_edge_m(grid.voxel_size_m(), object.level);
+        let [nx, ny, nz] = grid.dims();
+        self.lines.push(format!(
+            "object {}: {} voxels of {:.3} mm in {nx} x {ny} x {nz}, level {}: H = {:.2} mm",
+            object.name,
+            grid.voxels().len(),
+            grid.voxel_size_m() * 1e3,
+            object.level,
+            edge_m * 1e3,
+        ));
+        self.material("  material", &object.material, edge_m, object.level);
+        for (i, region) in object.regions.iter().enumerate() {
+            let held = grid.voxels().iter().filter(|v| usize::from(v.material) == i + 1).count();
+            self.material(&format!("  region {} ({held} voxels)", region.name), &region.material, edge_m, object.level);
+            if held == 0 {
+                self.warnings.push(format!("objects[{index}].regions[{i}]: holds no voxel"));
+            }
+        }
+        self.supports(index, object, scene, grid);
+        for (i, probe) in scene.desc.probes.iter().enumerate().filter(|(_, p)| p.object == object.name) {
+            if grid.voxel_at(grid.cell_of(&probe.position_m.into())).is_none() {
+                self.warnings.push(format!("probes[{i}]: {:?} lies in no voxel of the object", probe.position_m));
+            }
+        }
+    }
+
+    fn material(&mut self, what: &str, material: &MaterialDesc, edge_m: f64, level: u8) {
+        let carried = carried_over_eh(material, level);
+        let toughness = gc_over_eh(material, edge_m).map_or("cannot be cut".to_owned(), |ratio| {
+            let start = ratio * material.initiation_ratio;
+            format!("Gc/(E H) {ratio:.3}, {start:.3} to start a cut, of {carried:.2} that the element law carries")
+        });
+        self.lines.push(format!("{what}: E {:.3e} Pa, {toughness}", material.young_modulus_pa));
+    }
+
+    fn supports(&mut self, index: usize, object: &ObjectDesc, scene: &Scene, grid: &Grid) {
+        let mut all = 0;
+        for (i, shape) in object.fixed.iter().enumerate() {
+            match region_voxels(grid, shape, &scene.meshes) {
+                Ok(held) if held.is_empty() => {
+                    self.warnings.push(format!("objects[{index}].fixed[{i}]: holds no voxel"));
+                }
+                Ok(held) => all += held.len(),
+                Err(problem) => self.problems.push(problem.within(&format!("objects[{index}].fixed[{i}]"))),
+            }
+        }
+        self.lines.push(format!("  fixed: {all} voxels"));
+        if all == 0 && scene.desc.gravity_m_per_s2 != [0.0; 3] {
+            self.warnings.push(format!("objects[{index}]: nothing holds it, so it falls without end"));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn builtin_scenes_have_neither_problems_nor_warnings() {
+        for name in catalog::builtin_names() {
+            let report = examine(&catalog::builtin(name).unwrap());
+            assert!(report.problems.is_empty() && report.warnings.is_empty(), "{name}: {report:?}");
+            assert!(report.lines.iter().any(|line| line.contains("Gc/(E H)")), "{name}");
+        }
+    }
+
+    #[test]
+    fn what_holds_nothing_is_warned_of() {
+        let mut scene = catalog::builtin("jelly").unwrap();
+        scene.desc.objects[0].fixed[0] =
+            kerf_physics::scene::ShapeDesc::Sphere { center_m: [9.0, 9.0, 9.0], radius_m: 0.01 };
+        scene.desc.probes[0].position_m = [1.0, 0.0, 0.0];
+        let warnings = examine(&scene).warnings.join("\n");
+        for expected in ["fixed[0]: holds no voxel", "falls without end", "probes[0]"] {
+            assert!(warnings.contains(expected), "{warnings}");
+        }
+    }
+}

@@ -1,0 +1,42 @@
+//! The surface of a world as it is now, for a file.
+
+use kerf_physics::World;
+use kerf_physics::body::MaterialPoint;
+use kerf_physics::grid::{Grid, Link};
+use kerf_physics::surface::{Surface, SurfaceVertex, VertexId, triangulate};
+use kerf_replica::{Face, Triangle};
+
+/// The deformed surface of every object.
+pub fn of(world: &mut World) -> kerf_replica::Surface {
+    let deformed = |(body, surface): (&kerf_physics::body::Body, &Surface)| {
+        triangles(&body.grid, surface, |_, vertex| {
+            let position_m = vertex.position_m.map(f64::from).into();
+            body.current_m(&MaterialPoint { position_m, voxel: vertex.voxel }).map(|c| c as f32).into()
+        })
+    };
+    world.bodies_and_surfaces().map(deformed).collect()
+}
+
+/// One object's surface, each vertex where `position_m` puts it.
+pub fn triangles(
+    grid: &Grid,
+    surface: &Surface,
+    mut position_m: impl FnMut(VertexId, &SurfaceVertex) -> [f32; 3],
+) -> kerf_replica::Surface {
+    let ids: Vec<VertexId> = surface.vertices().map(|(id, _)| id).collect();
+    let index = |id: VertexId| ids.binary_search(&id).expect("a quad's vertices exist") as u32;
+    let rest_m = |id: VertexId| surface.vertex(id).expect("a quad's vertices exist").position_m;
+    let mut out = kerf_replica::Surface {
+        positions_m: surface.vertices().map(|(id, vertex)| position_m(id, vertex)).collect(),
+        triangles: Vec::with_capacity(2 * surface.quads().len()),
+    };
+    for (id, quad) in surface.quads() {
+        let face = match grid.link(surface.link_of(id)) {
+            Link::Parted(_) => Face::Cut,
+            _ => Face::Skin,
+        };
+        let split = triangulate(*quad, rest_m);
+        out.triangles.extend(split.map(|triangle| Triangle { vertices: triangle.map(index), face }));
+    }
+    out
+}

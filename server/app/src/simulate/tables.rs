@@ -1,0 +1,183 @@
+//! The tables of a run: a row per step in each of `tool.csv`, `energy.csv`, `probes.csv` and
+//! `profile.csv`.
+
+use std::fs::File;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use kerf_physics::stage::Stage;
+use kerf_physics::step_io::{EnergyStep, StepOutput};
+use kerf_physics::{SceneDesc, Vec3};
+
+/// A term of the ledger: its column and where it stands.
+type Term = (&'static str, fn(&EnergyStep) -> f64);
+
+/// Terms of the ledger that are booked per step; the table holds their sums.
+const BOOKED: [Term; 9] = [
+    ("tool_work_j", |e| e.tool_work_j),
+    ("load_work_j", |e| e.load_work_j),
+    ("fracture_j", |e| e.fracture_j),
+    ("front_slip_j", |e| e.front_slip_j),
+    ("initiation_j", |e| e.initiation_j),
+    ("parting_j", |e| e.parting_j),
+    ("damping_j", |e| e.damping_j),
+    ("numerical_j", |e| e.numerical_j),
+    ("residual_j", |e| e.residual_j),
+];
+
+/// Open tables of a run.
+pub struct Tables {
+    tool: csv::Writer<File>,
+    energy: csv::Writer<File>,
+    probes: csv::Writer<File>,
+    profile: csv::Writer<File>,
+    tool_names: Vec<String>,
+    booked_j: [f64; BOOKED.len()],
+}
+
+impl Tables {
+    /// Creates the tables in a folder and writes their headers.
+    ///
+    /// # Errors
+    /// A file cannot be written.
+    pub fn create(folder: &Path, scene: &SceneDesc) -> Result<Self> {
+        let create = |name: &str, header: Vec<String>| -> Result<csv::Writer<File>> {
+            let path = folder.join(name);
+            let mut writer = csv::Writer::from_path(&path).with_context(|| path.display().to_string())?;
+            writer.write_record(header)?;
+            Ok(writer)
+        };
+        let probes = scene.probes.iter();
+        let axes = probes.flat_map(|probe| ["x", "y", "z"].map(|axis| format!("{}_u{axis}_m", probe.name)));
+        Ok(Self {
+            tool: create("tool.csv", tool_header())?,
+            energy: create("energy.csv", energy_header())?,
+            probes: create("probes.csv", std::iter::once("time_s".to_owned()).chain(axes).collect())?,
+            profile: create("profile.csv", profile_header())?,
+            tool_names: scene.tools.iter().map(|tool| tool.name.clone()).collect(),
+            booked_j: [0.0; BOOKED.len()],
+        })
+    }
+
+    /// Adds the rows of a step.
+    ///
+    /// # Errors
+    /// A file cannot be written.
+    pub fn push(&mut self, output: &StepOutput) -> Result<()> {
+        self.push_tools(output)?;
+        self.push_energy(output)?;
+        self.push_probes(output)?;
+        self.push_profile(output)
+    }
+
+    /// Writes what is still in memory.
+    ///
+    /// # Errors
+    /// A file cannot be written.
+    pub fn finish(mut self) -> Result<()> {
+        for writer in [&mut self.tool, &mut self.energy, &mut self.probes, &mut self.profile] {
+            writer.flush()?;
+        }
+        Ok(())
+    }
+
+    fn push_tools(&mut self, output: &StepOutput) -> Result<()> {
+        for (name, tool) in self.tool_names.iter().zip(&output.tools) {
+            let pose = tool.pose.map_or([const { String::new() }; 7], |pose| {
+                let [p, q] = [pose.position_m.as_slice(), pose.orientation.coords.as_slice()];
+                std::array::from_fn(|i| if i < 3 { p[i] } else { q[i - 3] }.to_string())
+            });
+            let wrench = [tool.wrench.force_n, tool.wrench.torque_nm];
+            let values = wrench.iter().flat_map(components).chain([tool.cutting_length_m.to_string()]);
+            let row = [time(output), name.clone()].into_iter().chain(pose).chain(values);
+            self.tool.write_record(row)?;
+        }
+        Ok(())
+    }
+
+    fn push_energy(&mut self, output: &StepOutput) -> Result<()> {
+        let energy = &output.energy;
+        for (sum, (_, term)) in self.booked_j.iter_mut().zip(BOOKED) {
+            *sum += term(energy);
+        }
+        let levels = [energy.elastic_j, energy.contact_j, energy.kinetic_j];
+        let values = levels.iter().chain(&self.booked_j).map(f64::to_string);
+        Ok(self.energy.write_record(std::iter::once(time(output)).chain(values))?)
+    }
+
+    fn push_probes(&mut self, output: &StepOutput) -> Result<()> {
+        let values = output.probe_displacement_m.iter().flat_map(components);
+        Ok(self.probes.write_record(std::iter::once(time(output)).chain(values))?)
+    }
+
+    fn push_profile(&mut self, output: &StepOutput) -> Result<()> {
+        let counts = [output.solve.iterations, output.solve.solves, output.fracture.parted_links];
+        let stages = output.profile.stage_ns.iter().map(|ns| ns.map_or(String::new(), |ns| ns.to_string()));
+        let row = [output.step.to_string(), time(output), output.profile.total_ns().to_string()];
+        Ok(self.profile.write_record(row.into_iter().chain(counts.map(|n| n.to_string())).chain(stages))?)
+    }
+}
+
+fn time(output: &StepOutput) -> String {
+    // Nine digits: a nanosecond, so that the product of step and dt prints as it is meant.
+    format!("{:.9}", output.sim_time_s)
+}
+
+fn components(vector: &Vec3) -> impl Iterator<Item = String> {
+    let vector = *vector;
+    (0..3).map(move |axis| vector[axis].to_string())
+}
+
+fn owned<const N: usize>(names: [&str; N]) -> impl Iterator<Item = String> {
+    names.map(str::to_owned).into_iter()
+}
+
+fn tool_header() -> Vec<String> {
+    let pose = owned(["time_s", "tool", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"]);
+    let wrench = ["force_x_n", "force_y_n", "force_z_n", "torque_x_nm", "torque_y_nm", "torque_z_nm"];
+    pose.chain(owned(wrench)).chain(owned(["cutting_length_m"])).collect()
+}
+
+fn energy_header() -> Vec<String> {
+    let booked = BOOKED.iter().map(|(name, _)| format!("total_{name}"));
+    owned(["time_s", "elastic_j", "contact_j", "kinetic_j"]).chain(booked).collect()
+}
+
+fn profile_header() -> Vec<String> {
+    let counts = owned(["step", "time_s", "total_ns", "iterations", "solves", "parted_links"]);
+    counts.chain(Stage::ALL.map(|stage| format!("{}_ns", stage.name()))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use kerf_session::catalog;
+
+    use super::*;
+
+    #[test]
+    fn rows_have_the_headers_width_and_booked_terms_are_summed() {
+        let folder = tempfile::tempdir().unwrap();
+        let scene = catalog::builtin("liver").unwrap().desc;
+        let mut output = StepOutput { sim_time_s: 0.001, ..StepOutput::default() };
+        output.tools.push(Default::default());
+        output.probe_displacement_m = vec![Vec3::x(), Vec3::y()];
+        output.energy.fracture_j = 0.25;
+        output.energy.elastic_j = 3.0;
+        let mut tables = Tables::create(folder.path(), &scene).unwrap();
+        tables.push(&output).unwrap();
+        tables.push(&output).unwrap();
+        tables.finish().unwrap();
+        for name in ["tool", "energy", "probes", "profile"] {
+            let mut reader = csv::Reader::from_path(folder.path().join(format!("{name}.csv"))).unwrap();
+            let header = reader.headers().unwrap().clone();
+            // The reader refuses rows of another width.
+            let rows: Vec<_> = reader.records().collect::<Result<_, _>>().unwrap();
+            assert_eq!(rows.len(), 2, "{name}");
+            if name == "energy" {
+                let column = |name: &str| header.iter().position(|h| h == name).unwrap();
+                assert_eq!(&rows[1][column("total_fracture_j")], "0.5");
+                assert_eq!(&rows[1][column("elastic_j")], "3");
+            }
+        }
+    }
+}

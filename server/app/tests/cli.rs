@@ -1,0 +1,94 @@
+//! The program as a user runs it.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn kerf(arguments: &[&str], folder: &Path) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_kerf-server")).args(arguments).current_dir(folder).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+#[test]
+fn scenes_lists_every_builtin_scene() {
+    let output = kerf(&["scenes"], Path::new("."));
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    for name in ["jelly", "tofu", "rubber", "cuboid", "liver", "liver-tissue"] {
+        assert!(text(&output.stdout).lines().any(|line| line.starts_with(name)), "{name}");
+    }
+}
+
+#[test]
+fn check_tells_all_problems_and_fails() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = "version = 1\nname = 'bad'\n[[objects]]\nname = 'b'\nvoxel_size_m = 0.01\n\
+                 shape = { sphere = { center_m = [0.0, 0.0, 0.0], radius_m = 0.1 } }\n\
+                 material = { young_modulus_pa = 1.0, poisson_ratio = 0.7 }\n";
+    std::fs::write(folder.path().join("bad.toml"), scene).unwrap();
+    let output = kerf(&["check", "bad.toml"], folder.path());
+    assert_eq!(output.status.code(), Some(1));
+    for field in ["objects[0].material.young_modulus_pa: 1 is not", "objects[0].material.poisson_ratio: 0.7 is not"] {
+        assert!(text(&output.stdout).contains(field), "{}", text(&output.stdout));
+    }
+    std::fs::write(folder.path().join("bad.toml"), scene.replace("poisson_ratio", "poisson")).unwrap();
+    let output = kerf(&["check", "bad.toml"], folder.path());
+    assert!(text(&output.stderr).contains("bad.toml:7:"), "{}", text(&output.stderr));
+}
+
+#[test]
+fn simulate_writes_every_file_and_the_summarys_keys() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = kerf(&["simulate", "jelly", "--duration", "0.01", "--out", "run"], folder.path());
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let run = folder.path().join("run");
+    for name in ["tool.csv", "energy.csv", "probes.csv", "profile.csv", "surface.glb"] {
+        assert!(run.join(name).metadata().unwrap().len() > 0, "{name}");
+    }
+    assert_eq!(text(&std::fs::read(run.join("profile.csv")).unwrap()).lines().count(), 11);
+    let summary: serde_json::Value = serde_json::from_slice(&std::fs::read(run.join("summary.json")).unwrap()).unwrap();
+    for key in [
+        "voxels",
+        "composite_elements",
+        "nodes",
+        "surface_vertices",
+        "surface_triangles",
+        "parts",
+        "cut_area_m2",
+        "steps",
+        "fracture_steps",
+        "step_ms_median_without_fracture",
+        "step_ms_median_with_fracture",
+        "step_ms_p99",
+        "solver_iterations_mean",
+        "state_hash",
+        "surface_hash",
+        "version",
+    ] {
+        assert!(summary.get(key).is_some(), "{key}");
+    }
+    assert_eq!(summary["steps"], 10);
+}
+
+#[test]
+fn simulate_refuses_a_script_with_row_and_column() {
+    let folder = tempfile::tempdir().unwrap();
+    let script = "time_s,tool,x_m,y_m,z_m,qx,qy,qz,qw\n0,blade,0,0.1,0,0,0,0,1\n0.1,blade,0,up,0,0,0,0,1\n";
+    std::fs::write(folder.path().join("s.csv"), script).unwrap();
+    let output = kerf(&["simulate", "jelly", "--script", "s.csv", "--out", "run"], folder.path());
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("s.csv: row 3: column y_m: `up`"), "{}", text(&output.stderr));
+}
+
+#[test]
+fn simulate_judges_the_scene_with_its_options_applied() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = kerf(&["simulate", "liver", "--rate", "5", "--out", "run"], folder.path());
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        text(&output.stderr).contains("with --level and --rate applied: rate_hz: 5 is not"),
+        "{}",
+        text(&output.stderr)
+    );
+}
