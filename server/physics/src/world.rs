@@ -2,7 +2,8 @@
 
 use crate::body::{Body, TopologyChange};
 use crate::contact::broad::{Aabb, SpatialHash};
-use crate::contact::{Contact, Mode, flank};
+use crate::contact::flank::Walls;
+use crate::contact::{Contact, Mode};
 use crate::fault::{Fault, FaultKind};
 use crate::fracture::front::{BladeMotion, Front};
 use crate::grid::{Crossing, LinkId};
@@ -47,8 +48,8 @@ struct BodySlot {
     body: Body,
     /// By tool.
     contacts: Vec<ToolContact>,
-    /// Links that were parted, in the order of parting.
-    cut: Vec<LinkId>,
+    /// Walls of what was cut.
+    walls: Walls,
     velocity_change: body::Nodal,
     impulses: Vec<(u32, [f64; 3])>,
     ledger: BodyLedger,
@@ -223,7 +224,7 @@ impl World {
             for (tool, contact) in self.tools.iter().zip(&mut slot.contacts) {
                 if let (Some(pose), Some(before)) = (tool.pose, tool.before) {
                     let motion = BladeMotion { blade: &tool.blade, before, pose };
-                    contact.detect(&slot.body, &slot.cut, &motion, tool.entered);
+                    contact.detect(&slot.body, &slot.walls, &motion, tool.entered);
                 }
             }
         }
@@ -303,7 +304,7 @@ impl World {
             slot.change = slot.body.update_topology(workers, &slot.parted);
             slot.velocity_change.resize(slot.body.node_count(), [0.0; 3]);
             slot.ledger.after = slot.body.energy();
-            slot.cut.extend(&slot.parted);
+            slot.walls.update(&slot.body, &slot.parted, &slot.change);
             self.output.fracture.parted_links += slot.parted.len() as u32;
         }
         if self.output.fracture.parted_links > 0 {
@@ -502,7 +503,7 @@ impl BodySlot {
             ledger: BodyLedger { after: energy, ..BodyLedger::default() },
             body,
             contacts,
-            cut: Vec::new(),
+            walls: Walls::default(),
             impulses: Vec::new(),
             parting: Vec::new(),
             parted: Vec::new(),
@@ -516,7 +517,7 @@ impl BodySlot {
             let impulse = contact.direction * contact.impulse(dt_s);
             self.impulses.extend(contact.weights.iter().map(|(node, w)| (node, (impulse * w).into())));
         }
-        self.body.set_springs(workers, self.contacts.iter().flat_map(ToolContact::springs));
+        self.body.set_springs(self.contacts.iter().flat_map(ToolContact::springs));
         self.body.solve_velocity_change(workers, &self.impulses, &mut self.velocity_change)
     }
 
@@ -553,7 +554,7 @@ impl ToolContact {
         self.front.contacts.iter().flat_map(|c| [&c.forward, &c.lateral]).chain(&self.flanks)
     }
 
-    fn detect(&mut self, body: &Body, cut: &[LinkId], motion: &BladeMotion<'_>, entered: bool) {
+    fn detect(&mut self, body: &Body, walls: &Walls, motion: &BladeMotion<'_>, entered: bool) {
         let half = 0.5 * motion.blade.width_m;
         let ends = [motion.before, motion.pose]
             .into_iter()
@@ -564,8 +565,8 @@ impl ToolContact {
         }
         self.front.detect(body, &self.hash, motion);
         self.flanks.clear();
-        if !cut.is_empty() {
-            flank::flank_contacts(body, cut, motion.blade, &motion.before, &motion.pose, &mut self.flanks);
+        if !walls.is_empty() {
+            walls.contacts(body, motion.blade, &motion.before, &motion.pose, &mut self.flanks);
         }
     }
 }

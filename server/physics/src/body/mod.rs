@@ -21,6 +21,7 @@ use crate::grid::{Grid, VoxelId, voxelize};
 use crate::params::StepParams;
 use crate::scene::{Face, LoadDesc, MaterialDesc, Meshes, ObjectDesc, Scene, SceneError};
 use crate::solve::multigrid::Multigrid;
+use crate::solve::operator::NodeVector;
 use crate::solve::pcg::PcgScratch;
 use crate::workers::Workers;
 
@@ -112,8 +113,8 @@ pub struct Body {
 #[derive(Default)]
 struct Scratch {
     right_side: Nodal,
-    right_side_f32: Vec<[f32; 3]>,
-    solution: Vec<[f32; 3]>,
+    right_side_f32: NodeVector,
+    solution: NodeVector,
     stale_parents: Vec<u32>,
 }
 
@@ -232,7 +233,7 @@ impl Body {
     }
 
     /// Voxels of an element, in the order of its cell.
-    fn voxels_of(&self, element: usize) -> Vec<VoxelId> {
+    pub(crate) fn voxels_of(&self, element: usize) -> Vec<VoxelId> {
         let base = self.base();
         let units = VoxelUnits { grid: &self.grid, exponent: base.exponent };
         let mut voxels = Vec::new();

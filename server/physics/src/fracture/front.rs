@@ -484,6 +484,7 @@ impl Edge {
             gap_m: 0.0,
             limit_n: f64::INFINITY,
             yield_n: 0.0,
+            slack_m: 0.0,
             bilateral: false,
             mode: Mode::Off,
         };
