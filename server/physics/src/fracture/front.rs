@@ -237,7 +237,7 @@ impl Front {
         for contact in &self.contacts {
             let Marker::On(anchor) = &mut self.markers[contact.marker] else { continue };
             let virgin = !anchor.yielded;
-            let step = settle_marker(body, anchor, contact, &frame, &mut book);
+            let step = settle_marker(body, anchor, contact, &frame, self.share_m, &mut book);
             if virgin && anchor.yielded {
                 anchor.start_m = anchor.position_m;
                 self.open_beside(body, contact.marker, &frame, links);
@@ -246,7 +246,7 @@ impl Front {
                 anchor.position_m += step;
             }
         }
-        self.sweep(body, &frame, links, &mut book);
+        self.sweep(body, &frame, links);
         book.slip_j -= book.fracture_j;
         self.follow_edge(body, motion, &frame);
         self.drop_outside(body);
@@ -284,43 +284,32 @@ impl Front {
         }
     }
 
-    /// Parts the links between where the chain was and where it is now, and books the area. Neighbours
+    /// Parts the links between where the chain was and where it is now. Neighbours
     /// share their edges of the strip, consecutive strips the chain between them: no link slips
     /// through, whichever markers move.
-    fn sweep(&mut self, body: &Body, frame: &BladeFrame, links: &mut Vec<(LinkId, Crossing)>, book: &mut FrontBook) {
+    fn sweep(&mut self, body: &Body, frame: &BladeFrame, links: &mut Vec<(LinkId, Crossing)>) {
         let count = self.markers.len();
         let target: Vec<Vec3> =
             (0..count).map(|i| self.anchor(i).map_or(Vec3::zeros(), |a| a.position_m + a.nudge(body, frame))).collect();
         for index in 0..count {
             let Some(own) = self.anchor(index) else { continue };
             let (from, to) = (own.swept_m, target[index]);
-            let mut area = 0.0;
             for (side, left) in [(-1.0, index.wrapping_sub(1)), (1.0, index)] {
                 let segment = self.segment(body, left).filter(|ends| ends[0].yielded || ends[1].yielded);
                 if let Some(ends) = segment {
-                    let (other, beside) = if left == index { (ends[1], index + 1) } else { (ends[0], left) };
-                    let (a, b) = (0.5 * (from + other.swept_m), 0.5 * (to + target[beside]));
-                    area += 0.5 * (b - from).cross(&(to - a)).norm();
                     if left == index {
-                        part_quad(body, [from, other.swept_m, target[beside], to], links);
+                        part_quad(body, [from, ends[1].swept_m, target[index + 1], to], links);
                     }
                 } else if own.yielded {
                     // The chain ends here: half a share beyond at the blade's end, and up to the next
                     // marker where that one is outside the material.
                     let half = own.pull_back(body, &frame.along) * (0.5 * side * self.share_m);
-                    area += (to - from).cross(&half).norm();
                     let beside = if side < 0.0 { index.checked_sub(1) } else { Some(index + 1) };
                     let outside =
                         beside.and_then(|i| self.markers.get(i)).is_some_and(|m| matches!(m, Marker::Outside));
                     let reach = if outside { 2.0 * half } else { half };
                     part_quad(body, [from, from + reach, to + reach, to], links);
                 }
-            }
-            if let Ahead::Intact { fracture_energy_j_per_m2, .. } = own.ahead
-                && fracture_energy_j_per_m2.is_finite()
-            {
-                book.area_m2 += area;
-                book.fracture_j += fracture_energy_j_per_m2 * area;
             }
         }
         for (marker, target) in self.markers.iter_mut().zip(target) {
@@ -383,6 +372,7 @@ fn settle_marker(
     anchor: &mut Anchor,
     contact: &FrontContact,
     frame: &BladeFrame,
+    share_m: f64,
     book: &mut FrontBook,
 ) -> Vec3 {
     let forward = &contact.forward;
@@ -409,6 +399,14 @@ fn settle_marker(
     anchor.mode = forward.mode;
     anchor.yielded |= forward.mode == Mode::Yield;
     let mut step = anchor.pull_back(body, &frame.forward) * advance;
+    if let Ahead::Intact { fracture_energy_j_per_m2, .. } = anchor.ahead
+        && advance > 0.0
+    {
+        // What the front sweeps moving forward; what it slides along itself opens nothing.
+        let area = step.cross(&(anchor.pull_back(body, &frame.along) * share_m)).norm();
+        book.area_m2 += area;
+        book.fracture_j += fracture_energy_j_per_m2 * area;
+    }
     if !anchor.yielded && forward.mode == Mode::Spring {
         let grip = EDGE_GRIP * force / contact.lateral.stiffness_n_per_m;
         let excess = contact.lateral.gap_m - contact.lateral.gap_m.clamp(-grip, grip);
