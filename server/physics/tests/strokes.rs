@@ -43,7 +43,7 @@ fn the_first_cut_comes_at_the_initiation_ratio_and_at_the_same_dent_on_every_mes
         let force = rig.highest_force_n() / (GC_J_PER_M2 * BLOCK_SIDE_M);
         dents.push(rig.travel_m - 5e-4);
         println!("h {h}, level {level}: first cut at F/(Gc w) {force:.3}, dent {:.3} mm", dents[dents.len() - 1] * 1e3);
-        assert!((1.75..2.02).contains(&force), "level {level}: first cut at {force} Gc w");
+        assert!((1.7..2.02).contains(&force), "level {level}: first cut at {force} Gc w");
     }
     // A line load q over half-width a on a layer of depth D on a rigid base: the half plane's
     // 2 (1 - nu^2) q / (pi E) (ln(2 D / a) - 1/2): good to some 15 % here, for the block has sides.
@@ -108,17 +108,25 @@ fn a_separated_block_is_two_bodies_and_the_free_one_falls() {
     assert_eq!(sizes.iter().sum::<usize>(), 16 * 12 * 16);
     assert_eq!(rig.body().mass_kg(), mass);
     rig.lift();
-    let momentum = |rig: &Rig| -> Vec3 { rig.body().nodal_momentum().iter().map(|p| Vec3::from(*p)).sum() };
+    // Momentum of the part that no held voxel belongs to.
+    let momentum = |rig: &Rig| -> Vec3 {
+        let body = rig.body();
+        let (part_of, _) = body.base().parts();
+        let held = part_of[body.base().owner[0] as usize];
+        let free: std::collections::BTreeSet<u32> =
+            (0..part_of.len()).filter(|e| part_of[*e] != held).flat_map(|e| body.base().elements[e].nodes).collect();
+        let momentum = body.nodal_momentum();
+        free.iter().map(|n| Vec3::from(momentum[*n as usize])).sum()
+    };
     let before = momentum(&rig);
     let steps = 50;
     for _ in 0..steps {
         rig.lift();
     }
-    // The held half only rings: the momentum that is gained is the free half's weight times the time.
     let free = mass * sizes[0].min(sizes[1]) as f64 / (16 * 12 * 16) as f64;
     let gained = (momentum(&rig) - before).y / (-9.81 * free * f64::from(steps) * 1e-3);
     println!("pieces {sizes:?}; the free one gained {gained:.4} of m g t");
-    assert!((gained - 1.0).abs() < 0.03, "gained {gained} of m g t");
+    assert!((gained - 1.0).abs() < 1e-6, "gained {gained} of m g t");
 }
 
 /// The block cut down to the row `row` of voxels, a blade at the bottom of the cut pressed to `depth`

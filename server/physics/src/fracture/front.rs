@@ -33,6 +33,9 @@ const START_VOXELS: f64 = 0.5;
 /// lies on the blade's plane, give or take the drift of the front, is on its negative side for every
 /// link and every strip.
 const NUDGE_VOXELS: f64 = 1e-3;
+/// A surface faces the edge where the cosine between its inward normal and the cutting direction is
+/// above this.
+const FACING: f64 = 0.2;
 /// Virgin contact slides sideways where the sideways force exceeds this share of the forward one.
 const EDGE_GRIP: f64 = 1.0;
 /// Least compliance of the contact, times E: keeps the spring finite where the formula goes negative.
@@ -210,7 +213,7 @@ impl Front {
             let was = self.markers[index];
             self.markers[index] = match was {
                 Marker::On(anchor) => edge.keep(body, hash, anchor),
-                Marker::Outside => edge.enter(body, hash),
+                Marker::Outside => edge.enter(body, hash, self.beside(index)),
                 Marker::Buried => match narrow::locate(body, hash, &edge.now_m) {
                     Some(_) => Marker::Buried,
                     None => Marker::Outside,
@@ -254,6 +257,12 @@ impl Front {
             Marker::On(anchor) => Some(anchor),
             _ => None,
         }
+    }
+
+    /// A neighbour of a marker that is in contact, and on which side of the marker it stands.
+    fn beside(&self, index: usize) -> Option<(f64, Anchor)> {
+        let side = |side: f64, at: usize| self.anchor(at).map(|anchor| (side, *anchor));
+        side(-1.0, index.wrapping_sub(1)).or_else(|| side(1.0, index + 1))
     }
 
     /// The anchors of two neighbouring markers where they stand in one piece of material.
@@ -365,7 +374,6 @@ impl Front {
             if let Marker::On(anchor) = marker
                 && anchor.ahead == Ahead::Outside
                 && body.grid.signed_distance_m(&anchor.position_m) > 0.0
-                && anchor.yielded
             {
                 *marker = Marker::Outside;
             }
@@ -407,7 +415,8 @@ fn settle_marker(
     book.stored_j += stored;
     anchor.stored_j = stored;
     anchor.mode = forward.mode;
-    anchor.yielded |= forward.mode == Mode::Yield;
+    // Grazing the outside starts no cut.
+    anchor.yielded |= forward.mode == Mode::Yield && anchor.ahead != Ahead::Outside;
     let mut step = anchor.pull_back(body, &frame.forward) * advance;
     if !anchor.yielded && forward.mode == Mode::Spring {
         let grip = EDGE_GRIP * force / contact.lateral.stiffness_n_per_m;
@@ -441,7 +450,7 @@ impl Edge {
     }
 
     /// A marker that was outside: still is, or the edge has come in through a surface.
-    fn enter(&self, body: &Body, hash: &SpatialHash) -> Marker {
+    fn enter(&self, body: &Body, hash: &SpatialHash, beside: Option<(f64, Anchor)>) -> Marker {
         let Some(point) = narrow::locate(body, hash, &self.now_m) else { return Marker::Outside };
         let (nodes, n) = body.weights(&point);
         let tissue: Vec3 =
@@ -462,10 +471,30 @@ impl Edge {
         };
         let back = anchor.pull_back(body, &self.frame.forward);
         anchor.position_m = surface_behind(body, point.position_m, back, approach);
+        if let Some((side, neighbour)) = beside
+            && grazes(body, &anchor.position_m, &back)
+        {
+            return self.join(body, side, neighbour);
+        }
         anchor.start_m = anchor.position_m;
         anchor.look_ahead(body, &self.frame);
         anchor.swept_m = anchor.position_m + anchor.nudge(body, &self.frame);
         Marker::On(anchor)
+    }
+
+    /// The edge came in through a side of the tissue that bulges along it, past a neighbour that is in
+    /// contact already: the marker goes on with the neighbour's front as soon as there is material
+    /// for it there. (Where the edge itself is, it would stand deeper than the front by the contact's
+    /// compression.)
+    fn join(&self, body: &Body, side: f64, neighbour: Anchor) -> Marker {
+        let mut anchor = neighbour;
+        anchor.position_m -= neighbour.pull_back(body, &self.frame.along) * (side * self.share_m);
+        anchor.start_m = anchor.position_m;
+        anchor.stored_j = 0.0;
+        anchor.ahead = Ahead::Outside;
+        anchor.look_ahead(body, &self.frame);
+        anchor.swept_m = anchor.position_m + anchor.nudge(body, &self.frame);
+        if anchor.ahead == Ahead::Outside { Marker::Outside } else { Marker::On(anchor) }
     }
 
     fn springs(&self, body: &Body, anchor: &Anchor) -> (Contact, Contact) {
@@ -662,14 +691,27 @@ fn surface_behind(body: &Body, inside: Vec3, back: Vec3, approach: f64) -> Vec3 
     inside - back * low
 }
 
+/// Gradient of the signed distance over a voxel around `at`.
+fn outward(body: &Body, at: &Vec3) -> Vec3 {
+    let grid = &body.grid;
+    let h = grid.voxel_size_m();
+    Vec3::from_fn(|a, _| {
+        let offset = Vec3::from_fn(|b, _| if a == b { 0.5 * h } else { 0.0 });
+        (grid.signed_distance_m(&(at + offset)) - grid.signed_distance_m(&(at - offset))) / h
+    })
+}
+
+/// Whether `at` is on a surface that runs along the direction `ahead`, rather than facing it.
+fn grazes(body: &Body, at: &Vec3, ahead: &Vec3) -> bool {
+    let on_surface = body.grid.signed_distance_m(at) > -0.25 * body.grid.voxel_size_m();
+    let normal = outward(body, at);
+    on_surface && normal.dot(ahead) > -FACING * normal.norm() * ahead.norm()
+}
+
 /// Moves a reference point to the object's surface along the signed distance's gradient.
 fn onto_surface(body: &Body, at: Vec3) -> Vec3 {
     let grid = &body.grid;
-    let h = grid.voxel_size_m();
-    let gradient = Vec3::from_fn(|a, _| {
-        let offset = Vec3::from_fn(|b, _| if a == b { 0.5 * h } else { 0.0 });
-        (grid.signed_distance_m(&(at + offset)) - grid.signed_distance_m(&(at - offset))) / h
-    });
+    let gradient = outward(body, &at);
     let size2 = gradient.norm_squared();
     if size2.is_finite() && size2 > 0.01 { at - gradient * (grid.signed_distance_m(&at) / size2) } else { at }
 }
