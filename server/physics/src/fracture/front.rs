@@ -20,6 +20,10 @@ use crate::{Mat3, Vec3};
 const MARKERS_PER_VOXEL: f64 = 2.0;
 /// A front does not advance by more than this many voxels in a step.
 const MAX_ADVANCE_VOXELS: f64 = 2.0;
+/// A front advances through the deformed material in steps of at most this share of a voxel, and in
+/// so many of them at most.
+const MARCH_VOXELS: f64 = 0.25;
+const MAX_MARCH_STEPS: u32 = 64;
 /// A contact that has opened by this share of a voxel is let go where nothing is cut.
 const RELEASE_VOXELS: f64 = 0.5;
 /// A marker this many voxels beside its edge has lost it.
@@ -38,6 +42,8 @@ const NUDGE_VOXELS: f64 = 1e-3;
 const FACING: f64 = 0.2;
 /// Virgin contact slides sideways where the sideways force exceeds this share of the forward one.
 const EDGE_GRIP: f64 = 1.0;
+/// Compression between H and a of a material that stiffens, over `H / sqrt(c)`.
+const SATURATED_GAP: f64 = 1.2;
 /// Least compliance of the contact, times E: keeps the spring finite where the formula goes negative.
 const LEAST_COMPLIANCE: f64 = 0.1;
 
@@ -417,7 +423,7 @@ fn settle_marker(
     anchor.mode = forward.mode;
     // Grazing the outside starts no cut.
     anchor.yielded |= forward.mode == Mode::Yield && anchor.ahead != Ahead::Outside;
-    let mut step = anchor.pull_back(body, &frame.forward) * advance;
+    let mut step = anchor.march(body, frame, advance);
     if !anchor.yielded && forward.mode == Mode::Spring {
         let grip = EDGE_GRIP * force / contact.lateral.stiffness_n_per_m;
         let excess = contact.lateral.gap_m - contact.lateral.gap_m.clamp(-grip, grip);
@@ -570,6 +576,28 @@ impl Anchor {
         if length.is_finite() && length > 0.0 { pulled * (length.min(5.0) / length) } else { *direction }
     }
 
+    /// The reference vector from the front to the point that lies `distance` farther along the cutting
+    /// direction in the scene, at most as far as the material ahead stays what it is. In short steps:
+    /// under the edge soft tissue is squeezed to a third, a few millimetres on it is not.
+    fn march(&self, body: &Body, frame: &BladeFrame, distance: f64) -> Vec3 {
+        let longest = MARCH_VOXELS * body.grid.voxel_size_m();
+        let from = self.current_m(body);
+        let mut ahead = *self;
+        for _ in 0..MAX_MARCH_STEPS {
+            let left = distance - (ahead.current_m(body) - from).dot(&frame.forward);
+            if left <= 1e-3 * distance {
+                break;
+            }
+            let step = ahead.pull_back(body, &frame.forward) * left;
+            ahead.position_m += step * (longest / step.norm()).min(1.0);
+            ahead.look_ahead(body, frame);
+            if ahead.ahead != self.ahead {
+                break;
+            }
+        }
+        ahead.position_m - self.position_m
+    }
+
     /// The shift of strips that settles on which side a centre on the blade's plane is.
     fn nudge(&self, body: &Body, frame: &BladeFrame) -> Vec3 {
         let normal = (self.gradient(body).transpose() * frame.normal).try_normalize(0.0).unwrap_or(frame.normal);
@@ -632,7 +660,10 @@ impl Anchor {
     /// Stiffness of the contact per length of edge: in series with the composite element, it gives
     /// the compliance that a line load of half-width a has on the continuum wherever it stands in
     /// its cell, `k = E / (2 (1 - nu^2) / pi ln(H / a) - 0.24 + 0.65 (1 - nu^2) / 0.7975 4 xi (1 - xi))`,
-    /// H the element's edge, xi the place across the blade in the cell. Stiffened tissue stiffens it.
+    /// H the element's edge, xi the place across the blade in the cell. Stiffened tissue stiffens it;
+    /// and as its strain under the edge saturates, between H and a it gives by no more than
+    /// `H / sqrt(c)` or so at the load at which it is cut (the integral of the strain
+    /// `eps exp(c eps^2) = sigma / E` over that range).
     fn stiffness_n_per_m2(&self, body: &Body, frame: &BladeFrame, half_width_m: f64) -> f64 {
         let material = body.material_of(self.voxels[0]);
         let element = body.element_of(self.voxels[0]);
@@ -641,7 +672,10 @@ impl Anchor {
         let plane = 1.0 - material.poisson_ratio * material.poisson_ratio;
         let line = 2.0 * plane / std::f64::consts::PI * ln(body.element_edge_m() / half_width_m);
         let compliance = line - 0.24 + 0.65 * plane / 0.7975 * 4.0 * xi * (1.0 - xi);
-        material.young_modulus_pa * body.stiffening(element) / compliance.max(LEAST_COMPLIANCE)
+        let small = material.young_modulus_pa * body.stiffening(element) / compliance.max(LEAST_COMPLIANCE);
+        let c = 0.5 * material.law.stiffening_rate_per_pa * material.young_modulus_pa;
+        let load = material.fracture_energy_j_per_m2.unwrap_or(0.0) * material.initiation_ratio;
+        small.max(load * c.sqrt() / (SATURATED_GAP * body.element_edge_m()))
     }
 }
 
