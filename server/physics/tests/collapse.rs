@@ -11,9 +11,9 @@ use support::object;
 const H_M: f64 = 2e-3;
 const YOUNG_PA: f64 = 1e4;
 const HEIGHT_M: f64 = 0.048;
-const WIDTH_M: f64 = 0.016;
+const WIDTH_M: f64 = 0.048;
 
-/// A slab under a blade that does not cut it; x 16 mm, z 64 mm.
+/// A slab under a blade that does not cut it; x 48 mm, z 64 mm.
 fn slab(level: u8, stiffening: f64) -> Rig {
     let mut desc = object([-0.5 * WIDTH_M, 0.0, -0.032], [0.5 * WIDTH_M, HEIGHT_M, 0.032], H_M, level);
     desc.material.young_modulus_pa = YOUNG_PA;
@@ -21,8 +21,7 @@ fn slab(level: u8, stiffening: f64) -> Rig {
     desc.material.rayleigh_alpha_per_s = 5.0;
     desc.material.strain_stiffening = stiffening;
     desc.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 1.01 * H_M, 1.0] }];
-    // Plane strain: the ends are held in no way, the slab is short along the edge on purpose.
-    let scene = cutting_scene(desc, 0.05, 500.0);
+    let scene = cutting_scene(desc, 0.12, 500.0);
     Rig::new(&scene, Vec3::new(0.0, HEIGHT_M, 3e-4), Quat::identity(), 0.1)
 }
 

@@ -192,6 +192,15 @@ fn real_tissue_dents_by_centimetres_and_then_gives_at_gc() {
     let (area, work) = rig.area_and_work_ratio(gc);
     let (residual, residual_abs) = rig.residual_ratios();
     let tool = rig.sum(|s| s.energy.tool_work_j);
+    // Beyond the snap from initiation to propagation.
+    let late = |term: &dyn Fn(&Sample) -> f64| {
+        rig.samples.iter().filter(|s| s.travel_m > first + 0.008).map(term).sum::<f64>()
+    };
+    let steady = late(&|s| s.energy.fracture_j + s.energy.front_slip_j) / late(&|s| s.energy.fracture_j);
+    println!(
+        "tissue: beyond the snap work/(Gc A) {steady:.3}, area {:.2e} m^2 of it before",
+        area - late(&|s| s.area_m2)
+    );
     println!(
         "tissue: gives at {:.1} mm, highest {:.2} Gc w, then F/(Gc w) {plateau:.3}, work/(Gc A) {work:.3}, A {area:.2e} m^2; \
          slip {:+.3} initiation {:.3} parting {:+.3} numerical {:+.3} damping {:.3} of the tool's work, residual {residual:.1e} ({residual_abs:.1e})",
