@@ -512,6 +512,7 @@ impl BodySlot {
     }
 
     fn solve(&mut self, workers: &Workers<'_>, dt_s: f64) -> crate::step_io::SolveReport {
+        self.velocity_change.resize(self.body.node_count(), [0.0; 3]);
         self.impulses.clear();
         for contact in self.contacts.iter().flat_map(ToolContact::springs).filter(|c| c.mode != Mode::Off) {
             let impulse = contact.direction * contact.impulse(dt_s);

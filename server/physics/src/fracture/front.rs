@@ -20,6 +20,10 @@ use crate::{Mat3, Vec3};
 const MARKERS_PER_VOXEL: f64 = 2.0;
 /// A front does not advance by more than this many voxels in a step.
 const MAX_ADVANCE_VOXELS: f64 = 2.0;
+/// A front advances through the deformed material in steps of at most this share of a voxel, and in
+/// so many of them at most.
+const MARCH_VOXELS: f64 = 0.25;
+const MAX_MARCH_STEPS: u32 = 64;
 /// A contact that has opened by this share of a voxel is let go where nothing is cut.
 const RELEASE_VOXELS: f64 = 0.5;
 /// A marker this many voxels beside its edge has lost it.
@@ -33,8 +37,13 @@ const START_VOXELS: f64 = 0.5;
 /// lies on the blade's plane, give or take the drift of the front, is on its negative side for every
 /// link and every strip.
 const NUDGE_VOXELS: f64 = 1e-3;
+/// A surface faces the edge where the cosine between its inward normal and the cutting direction is
+/// above this.
+const FACING: f64 = 0.2;
 /// Virgin contact slides sideways where the sideways force exceeds this share of the forward one.
 const EDGE_GRIP: f64 = 1.0;
+/// Compression between H and a of a material that stiffens, over `H / sqrt(c)`.
+const SATURATED_GAP: f64 = 1.2;
 /// Least compliance of the contact, times E: keeps the spring finite where the formula goes negative.
 const LEAST_COMPLIANCE: f64 = 0.1;
 
@@ -214,7 +223,7 @@ impl Front {
             let was = self.markers[index];
             self.markers[index] = match was {
                 Marker::On(anchor) => edge.keep(body, hash, anchor),
-                Marker::Outside => edge.enter(body, hash),
+                Marker::Outside => edge.enter(body, hash, self.beside(index)),
                 Marker::Buried => match narrow::locate(body, hash, &edge.now_m) {
                     Some(_) => Marker::Buried,
                     None => Marker::Outside,
@@ -258,6 +267,12 @@ impl Front {
             Marker::On(anchor) => Some(anchor),
             _ => None,
         }
+    }
+
+    /// A neighbour of a marker that is in contact, and on which side of the marker it stands.
+    fn beside(&self, index: usize) -> Option<(f64, Anchor)> {
+        let side = |side: f64, at: usize| self.anchor(at).map(|anchor| (side, *anchor));
+        side(-1.0, index.wrapping_sub(1)).or_else(|| side(1.0, index + 1))
     }
 
     /// The anchors of two neighbouring markers where they stand in one piece of material.
@@ -358,7 +373,6 @@ impl Front {
             if let Marker::On(anchor) = marker
                 && anchor.ahead == Ahead::Outside
                 && body.grid.signed_distance_m(&anchor.position_m) > 0.0
-                && anchor.yielded
             {
                 *marker = Marker::Outside;
             }
@@ -397,8 +411,9 @@ fn settle_marker(
     book.stored_j += stored;
     anchor.stored_j = stored;
     anchor.mode = forward.mode;
-    anchor.yielded |= forward.mode == Mode::Yield;
-    let mut step = anchor.pull_back(body, &frame.forward) * advance;
+    // Grazing the outside starts no cut.
+    anchor.yielded |= forward.mode == Mode::Yield && anchor.ahead != Ahead::Outside;
+    let mut step = anchor.march(body, frame, advance);
     if let Ahead::Intact { fracture_energy_j_per_m2, .. } = anchor.ahead
         && advance > 0.0
     {
@@ -439,7 +454,7 @@ impl Edge {
     }
 
     /// A marker that was outside: still is, or the edge has come in through a surface.
-    fn enter(&self, body: &Body, hash: &SpatialHash) -> Marker {
+    fn enter(&self, body: &Body, hash: &SpatialHash, beside: Option<(f64, Anchor)>) -> Marker {
         let Some(point) = narrow::locate(body, hash, &self.now_m) else { return Marker::Outside };
         let (nodes, n) = body.weights(&point);
         let tissue: Vec3 =
@@ -460,10 +475,30 @@ impl Edge {
         };
         let back = anchor.pull_back(body, &self.frame.forward);
         anchor.position_m = surface_behind(body, point.position_m, back, approach);
+        if let Some((side, neighbour)) = beside
+            && grazes(body, &anchor.position_m, &back)
+        {
+            return self.join(body, side, neighbour);
+        }
         anchor.start_m = anchor.position_m;
         anchor.look_ahead(body, &self.frame);
         anchor.swept_m = anchor.position_m + anchor.nudge(body, &self.frame);
         Marker::On(anchor)
+    }
+
+    /// The edge came in through a side of the tissue that bulges along it, past a neighbour that is in
+    /// contact already: the marker goes on with the neighbour's front as soon as there is material
+    /// for it there. (Where the edge itself is, it would stand deeper than the front by the contact's
+    /// compression.)
+    fn join(&self, body: &Body, side: f64, neighbour: Anchor) -> Marker {
+        let mut anchor = neighbour;
+        anchor.position_m -= neighbour.pull_back(body, &self.frame.along) * (side * self.share_m);
+        anchor.start_m = anchor.position_m;
+        anchor.stored_j = 0.0;
+        anchor.ahead = Ahead::Outside;
+        anchor.look_ahead(body, &self.frame);
+        anchor.swept_m = anchor.position_m + anchor.nudge(body, &self.frame);
+        if anchor.ahead == Ahead::Outside { Marker::Outside } else { Marker::On(anchor) }
     }
 
     fn springs(&self, body: &Body, anchor: &Anchor) -> (Contact, Contact) {
@@ -491,16 +526,21 @@ impl Edge {
         forward.mode = if forward.limit_n == 0.0 && forward.gap_predicted_m > 0.0 { Mode::Yield } else { anchor.mode };
         let mut lateral = spring(self.frame.normal);
         lateral.bilateral = true;
+        lateral.mode = lateral_mode(&forward);
         (forward, lateral)
     }
+}
+
+/// The edge holds the material beside it while it presses on material that holds.
+fn lateral_mode(forward: &Contact) -> Mode {
+    if forward.mode != Mode::Off && forward.yield_n > 0.0 { Mode::Spring } else { Mode::Off }
 }
 
 impl FrontContact {
     /// Takes the solution's change of velocity; returns whether a mode had to change.
     pub fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]]) -> bool {
         let changed = self.forward.settle(dt_s, velocity_change);
-        let holds = self.forward.mode != Mode::Off && self.forward.yield_n > 0.0;
-        self.lateral.mode = if holds { Mode::Spring } else { Mode::Off };
+        self.lateral.mode = lateral_mode(&self.forward);
         self.lateral.gap_m = self.lateral.gap_predicted_m
             - dt_s * self.lateral.weights.sum(velocity_change).dot(&self.lateral.direction);
         changed
@@ -538,6 +578,28 @@ impl Anchor {
         let pulled = self.gradient(body).try_inverse().map_or(*direction, |inverse| inverse * direction);
         let length = pulled.norm();
         if length.is_finite() && length > 0.0 { pulled * (length.min(5.0) / length) } else { *direction }
+    }
+
+    /// The reference vector from the front to the point that lies `distance` farther along the cutting
+    /// direction in the scene, at most as far as the material ahead stays what it is. In short steps:
+    /// under the edge soft tissue is squeezed to a third, a few millimetres on it is not.
+    fn march(&self, body: &Body, frame: &BladeFrame, distance: f64) -> Vec3 {
+        let longest = MARCH_VOXELS * body.grid.voxel_size_m();
+        let from = self.current_m(body);
+        let mut ahead = *self;
+        for _ in 0..MAX_MARCH_STEPS {
+            let left = distance - (ahead.current_m(body) - from).dot(&frame.forward);
+            if left <= 1e-3 * distance {
+                break;
+            }
+            let step = ahead.pull_back(body, &frame.forward) * left;
+            ahead.position_m += step * (longest / step.norm()).min(1.0);
+            ahead.look_ahead(body, frame);
+            if ahead.ahead != self.ahead {
+                break;
+            }
+        }
+        ahead.position_m - self.position_m
     }
 
     /// The shift of strips that settles on which side a centre on the blade's plane is.
@@ -602,7 +664,10 @@ impl Anchor {
     /// Stiffness of the contact per length of edge: in series with the composite element, it gives
     /// the compliance that a line load of half-width a has on the continuum wherever it stands in
     /// its cell, `k = E / (2 (1 - nu^2) / pi ln(H / a) - 0.24 + 0.65 (1 - nu^2) / 0.7975 4 xi (1 - xi))`,
-    /// H the element's edge, xi the place across the blade in the cell. Stiffened tissue stiffens it.
+    /// H the element's edge, xi the place across the blade in the cell. Stiffened tissue stiffens it;
+    /// and as its strain under the edge saturates, between H and a it gives by no more than
+    /// `H / sqrt(c)` or so at the load at which it is cut (the integral of the strain
+    /// `eps exp(c eps^2) = sigma / E` over that range).
     fn stiffness_n_per_m2(&self, body: &Body, frame: &BladeFrame, half_width_m: f64) -> f64 {
         let material = body.material_of(self.voxels[0]);
         let element = body.element_of(self.voxels[0]);
@@ -611,7 +676,10 @@ impl Anchor {
         let plane = 1.0 - material.poisson_ratio * material.poisson_ratio;
         let line = 2.0 * plane / std::f64::consts::PI * ln(body.element_edge_m() / half_width_m);
         let compliance = line - 0.24 + 0.65 * plane / 0.7975 * 4.0 * xi * (1.0 - xi);
-        material.young_modulus_pa * body.stiffening(element) / compliance.max(LEAST_COMPLIANCE)
+        let small = material.young_modulus_pa * body.stiffening(element) / compliance.max(LEAST_COMPLIANCE);
+        let c = 0.5 * material.law.stiffening_rate_per_pa * material.young_modulus_pa;
+        let load = material.fracture_energy_j_per_m2.unwrap_or(0.0) * material.initiation_ratio;
+        small.max(load * c.sqrt() / (SATURATED_GAP * body.element_edge_m()))
     }
 }
 
@@ -661,14 +729,27 @@ fn surface_behind(body: &Body, inside: Vec3, back: Vec3, approach: f64) -> Vec3 
     inside - back * low
 }
 
+/// Gradient of the signed distance over a voxel around `at`.
+fn outward(body: &Body, at: &Vec3) -> Vec3 {
+    let grid = &body.grid;
+    let h = grid.voxel_size_m();
+    Vec3::from_fn(|a, _| {
+        let offset = Vec3::from_fn(|b, _| if a == b { 0.5 * h } else { 0.0 });
+        (grid.signed_distance_m(&(at + offset)) - grid.signed_distance_m(&(at - offset))) / h
+    })
+}
+
+/// Whether `at` is on a surface that runs along the direction `ahead`, rather than facing it.
+fn grazes(body: &Body, at: &Vec3, ahead: &Vec3) -> bool {
+    let on_surface = body.grid.signed_distance_m(at) > -0.25 * body.grid.voxel_size_m();
+    let normal = outward(body, at);
+    on_surface && normal.dot(ahead) > -FACING * normal.norm() * ahead.norm()
+}
+
 /// Moves a reference point to the object's surface along the signed distance's gradient.
 fn onto_surface(body: &Body, at: Vec3) -> Vec3 {
     let grid = &body.grid;
-    let h = grid.voxel_size_m();
-    let gradient = Vec3::from_fn(|a, _| {
-        let offset = Vec3::from_fn(|b, _| if a == b { 0.5 * h } else { 0.0 });
-        (grid.signed_distance_m(&(at + offset)) - grid.signed_distance_m(&(at - offset))) / h
-    });
+    let gradient = outward(body, &at);
     let size2 = gradient.norm_squared();
     if size2.is_finite() && size2 > 0.01 { at - gradient * (grid.signed_distance_m(&at) / size2) } else { at }
 }
