@@ -116,6 +116,16 @@ struct Scratch {
     stale_parents: Vec<u32>,
 }
 
+impl Scratch {
+    fn resize(&mut self, elements: usize, nodes: usize) {
+        self.right_side.resize(nodes, [0.0; 3]);
+        self.right_side_f32.resize(nodes, Default::default());
+        self.solution.resize(nodes, Default::default());
+        self.stale_parents.clear();
+        self.stale_parents.reserve(elements);
+    }
+}
+
 impl Body {
     /// Voxelises an object of the scene and builds its elements at rest.
     ///
@@ -348,6 +358,8 @@ impl Body {
         for element in 0..elements {
             self.blocks[element / LANES].set_nodes(element % LANES, &self.levels[0].elements[element].nodes);
         }
+        self.scratch.resize(elements, self.levels[0].nodes.len());
+        self.pcg.resize(self.levels[0].nodes.len());
         self.applied_stiffening.resize(elements, 1.0);
         self.coarse_stiffening.resize(elements, 1.0);
     }

@@ -29,6 +29,7 @@ impl Body {
             self.velocity_m_per_s.push(self.velocity_m_per_s[from as usize]);
         }
         self.resize_blocks();
+        self.multigrid.set_topology(&self.levels);
         for &(new, from) in &base.split_elements {
             self.copy_state(from as usize, new as usize);
         }
@@ -45,7 +46,7 @@ impl Body {
             self.write_matrix_of_changed(element as usize);
         }
         self.write_rotations();
-        self.multigrid.update_topology(workers, &self.levels, &changes);
+        self.multigrid.update_changed(workers, &self.levels, &changes);
         let rebound_voxels = base.split_elements.iter().flat_map(|&(new, _)| self.voxels_of(new as usize)).collect();
         TopologyChange { elements, nodes: base.split_nodes.iter().map(|s| s.0).collect(), rebound_voxels }
     }

@@ -113,6 +113,9 @@ pub struct Front {
     share_m: f64,
     /// Energy in springs that were let go in this step's detection, J.
     dropped_j: f64,
+    /// Positions of the markers before and after the front advanced.
+    old: Vec<Option<Vec3>>,
+    new: Vec<Option<Vec3>>,
     /// Springs of the step that is being taken.
     pub contacts: Vec<FrontContact>,
 }
@@ -137,6 +140,8 @@ impl Front {
             markers: vec![Marker::Outside; count],
             share_m: blade.width_m / count as f64,
             dropped_j: 0.0,
+            old: Vec::with_capacity(count),
+            new: Vec::with_capacity(count),
             contacts: Vec::with_capacity(count),
         }
     }
@@ -223,16 +228,16 @@ impl Front {
     pub fn advance(&mut self, body: &Body, motion: &BladeMotion<'_>, links: &mut Vec<(LinkId, Crossing)>) -> FrontBook {
         let mut book = FrontBook { numerical_j: self.dropped_j, ..FrontBook::default() };
         let frame = BladeFrame::of(&motion.pose);
-        let old = self.positions();
+        write_positions(&self.markers, &mut self.old);
         for contact in &self.contacts {
             let Marker::On(anchor) = &mut self.markers[contact.marker] else { continue };
             let step = settle_marker(body, anchor, contact, &frame, &mut book);
             anchor.position_m += step;
         }
-        let new = self.positions();
+        write_positions(&self.markers, &mut self.new);
         for contact in &self.contacts {
             if contact.forward.mode == Mode::Yield {
-                self.sweep(body, contact.marker, &old, &new, links, &mut book);
+                self.sweep(body, contact.marker, links, &mut book);
             }
         }
         book.slip_j -= book.fracture_j;
@@ -241,12 +246,10 @@ impl Front {
         book
     }
 
-    fn positions(&self) -> Vec<Option<Vec3>> {
-        let position = |m: &Marker| match m {
-            Marker::On(anchor) => Some(anchor.position_m),
-            _ => None,
-        };
-        self.markers.iter().map(position).collect()
+    /// Number of springs that the front may have at most.
+    #[must_use]
+    pub fn most_springs(&self) -> usize {
+        2 * self.markers.len()
     }
 
     /// Links across the strip of one marker, from the middle to its left neighbour to the middle to
@@ -255,17 +258,15 @@ impl Front {
         &self,
         body: &Body,
         index: usize,
-        old: &[Option<Vec3>],
-        new: &[Option<Vec3>],
         links: &mut Vec<(LinkId, Crossing)>,
         book: &mut FrontBook,
     ) {
-        let (Some(from), Some(to), Marker::On(anchor)) = (old[index], new[index], &self.markers[index]) else { return };
+        let (Some(from), Some(to), Marker::On(anchor)) = (self.old[index], self.new[index], &self.markers[index]) else { return };
         let Some(ahead) = (to - from).try_normalize(0.0) else { return };
         let back = ahead * (OVERLAP_VOXELS * body.grid.voxel_size_m());
         let mut area = 0.0;
         for toward in [-1, 1] {
-            let (a, b) = (self.border(index, toward, old, from), self.border(index, toward, new, to));
+            let (a, b) = (self.border(index, toward, &self.old, from), self.border(index, toward, &self.new, to));
             area += 0.5 * ((b - from).cross(&(to - a))).norm();
             for triangle in [[from - back, a - back, b], [from - back, b, to]] {
                 links_across(&body.grid, triangle, |link, crossing| {
@@ -298,14 +299,13 @@ impl Front {
 
     /// Slides markers along the chain to where their share of the edge is now.
     fn follow_edge(&mut self, body: &Body, motion: &BladeMotion<'_>, frame: &BladeFrame) {
-        let chain = self.positions();
         let count = self.markers.len();
         for index in 0..count {
             let Marker::On(anchor) = self.markers[index] else { continue };
             let edge = motion.pose.transform(&motion.blade.sample(index, count));
             let slip = (edge - anchor.current_m(body)).dot(&frame.along);
             let next = if slip > 0.0 { index + 1 } else { index.wrapping_sub(1) };
-            let beside = chain.get(next).copied().flatten();
+            let beside = self.new.get(next).copied().flatten();
             let shift = match beside.filter(|p| (p - anchor.position_m).norm() < 4.0 * self.share_m) {
                 Some(position) => (position - anchor.position_m) * (slip.abs() / self.share_m).min(1.0),
                 None => anchor.pull_back(body, &frame.along) * slip,
@@ -331,6 +331,14 @@ impl Front {
             }
         }
     }
+}
+
+fn write_positions(markers: &[Marker], out: &mut Vec<Option<Vec3>>) {
+    out.clear();
+    out.extend(markers.iter().map(|marker| match marker {
+        Marker::On(anchor) => Some(anchor.position_m),
+        _ => None,
+    }));
 }
 
 /// Books one marker's step and returns how far its point advances, reference configuration.

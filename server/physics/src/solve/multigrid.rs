@@ -255,15 +255,19 @@ impl Multigrid {
         &mut self.levels[0].operator
     }
 
-    /// Takes the topology of `hierarchy` after the changes in `changes`, which the matrices of the
-    /// finest level already reflect.
-    pub fn update_topology(&mut self, workers: &Workers<'_>, hierarchy: &[Level], changes: &[LevelChange]) {
+    /// Takes the elements and nodes of `hierarchy`: there is room for the matrices of new elements of
+    /// the finest level, which are to be set before [`Self::update_changed`].
+    pub fn set_topology(&mut self, hierarchy: &[Level]) {
         for (i, level) in self.levels.iter_mut().enumerate() {
             level.set_topology(&hierarchy[i], hierarchy.get(i + 1));
         }
-        let touched: Vec<u32> =
+    }
+
+    /// Recomputes what `changes` touched above the finest level, whose matrices already reflect them.
+    pub fn update_changed(&mut self, workers: &Workers<'_>, hierarchy: &[Level], changes: &[LevelChange]) {
+        let mut touched: Vec<u32> =
             changes[1..].first().map_or(Vec::new(), |c| elements_in_cells(&hierarchy[1], &c.touched_cells));
-        self.rebuild_coarse(hierarchy, touched);
+        self.rebuild_coarse(hierarchy, &mut touched);
         self.factor_coarsest();
         self.update_rotations_and_diagonals(workers);
         self.levels.iter_mut().for_each(|l| l.estimate_eigenvalue(workers, 2));
@@ -271,8 +275,8 @@ impl Multigrid {
 
     /// Recomputes the coarse matrices above all elements, the coarsest factor and the eigenvalues.
     pub fn rebuild(&mut self, workers: &Workers<'_>, hierarchy: &[Level]) {
-        let all = hierarchy.get(1).map_or(Vec::new(), |level| (0..level.elements.len() as u32).collect());
-        self.rebuild_coarse(hierarchy, all);
+        let mut all = hierarchy.get(1).map_or(Vec::new(), |level| (0..level.elements.len() as u32).collect());
+        self.rebuild_coarse(hierarchy, &mut all);
         self.factor_coarsest();
         self.update_rotations_and_diagonals(workers);
         self.levels.iter_mut().for_each(|l| l.estimate_eigenvalue(workers, 20));
@@ -282,12 +286,13 @@ impl Multigrid {
         self.coarsest = Coarsest::new(&self.levels[self.levels.len() - 1].operator);
     }
 
-    /// Recomputes the matrices of `elements` of the second level and of everything above them.
-    pub fn rebuild_coarse(&mut self, hierarchy: &[Level], mut elements: Vec<u32>) {
+    /// Recomputes the matrices of `elements` of the second level and of everything above them;
+    /// `elements` are used up.
+    pub fn rebuild_coarse(&mut self, hierarchy: &[Level], elements: &mut Vec<u32>) {
         for i in 1..self.levels.len() {
             let (below, above) = self.levels.split_at_mut(i);
             let (child, parent) = (&below[i - 1], &mut above[0]);
-            for &element in &elements {
+            for &element in elements.iter() {
                 let mut sum = [0.0; PACKED];
                 let cell = hierarchy[i].elements[element as usize].cell;
                 for octant in 0..8 {
@@ -301,10 +306,14 @@ impl Multigrid {
                 }
                 parent.operator.set_matrix(element as usize, &sum);
             }
-            elements = elements.iter().filter_map(|e| parent.parent.get(*e as usize).copied()).collect();
+            if parent.parent.is_empty() {
+                break;
+            }
+            elements.iter_mut().for_each(|e| *e = parent.parent[*e as usize]);
             elements.sort_unstable();
             elements.dedup();
         }
+        elements.clear();
     }
 
     /// Coarse rotations from the finest level's, then every diagonal. Springs are dropped.
@@ -316,6 +325,11 @@ impl Multigrid {
         self.levels.iter_mut().for_each(|l| l.operator.update_diagonal(workers));
         let last = self.levels.len() - 1;
         self.coarsest.update_rotations(&self.levels[last].operator);
+    }
+
+    /// Room for `count` springs on every level.
+    pub fn reserve_springs(&mut self, count: usize) {
+        self.levels.iter_mut().for_each(|l| l.operator.reserve_springs(count));
     }
 
     /// Replaces the springs on every level.

@@ -1,6 +1,8 @@
 //! Scenes and helpers of the physics tests.
 #![allow(dead_code, reason = "each test file uses its share")]
 
+pub mod cutting;
+
 use kerf_physics::body::Body;
 use kerf_physics::params::StepParams;
 use kerf_physics::scene::{MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc};
