@@ -20,11 +20,15 @@ pub fn cutting_scene() -> Scene {
     scene
 }
 
-/// Steps with the edge moved to a height, across the block's length and askew.
+/// The edge at a height, along the block's length and askew.
+pub fn pose_at(height_m: f64) -> ToolMotion {
+    let orientation = Quat::from_euler_angles(0.0, 0.3, 0.0);
+    ToolMotion::MoveTo(Pose { position_m: Vec3::new(0.0, height_m, 0.0004), orientation })
+}
+
+/// Steps with the edge moved to a height.
 pub fn press_with<'w>(world: &'w mut World, workers: &Workers<'_>, height_m: f64) -> &'w StepOutput {
-    let orientation = Quat::from_axis_angle(&nalgebra::Vector3::y_axis(), 0.3);
-    let pose = Pose { position_m: Vec3::new(0.0, height_m, 0.0004), orientation };
-    let input = ToolInput { tool: 0, motion: ToolMotion::MoveTo(pose) };
+    let input = ToolInput { tool: 0, motion: pose_at(height_m) };
     world.step(workers, &NoClock, &StepInputs { tools: &[input] })
 }
 
