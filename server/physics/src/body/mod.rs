@@ -14,6 +14,7 @@ pub use topology::TopologyChange;
 use crate::Vec3;
 use crate::fem::composite::{CompositeTables, shape_functions};
 use crate::fem::corotation::{ElementBlock, ElementLaw, ElementState, LANES};
+use crate::fem::lanes::diagonal_entry;
 use crate::fem::material::Elastic;
 use crate::grid::levels::{Level, Units, VoxelUnits};
 use crate::grid::{Grid, VoxelId, voxelize};
@@ -29,6 +30,9 @@ const COARSEST_NODES: usize = 60;
 /// Stiffness of a held voxel over `E h`: its compliance adds less than a hundredth of a voxel of
 /// tissue to what it holds.
 const HOLD_STIFFNESS: f64 = 300.0;
+
+/// A node is firmly held where the hold is this many times as stiff as the element.
+const FIRM_HOLD: f64 = 10.0;
 
 /// A node-wise vector in `f64`.
 pub type Nodal = Vec<[f64; 3]>;
@@ -313,6 +317,19 @@ impl Body {
         hold
     }
 
+    /// Whether a node is held so firmly that it hardly moves.
+    fn held_nodes(&self) -> Vec<bool> {
+        let mut held = vec![false; self.node_count()];
+        for (element, hold) in &self.holds {
+            let (block, lane) = (&self.blocks[*element as usize / LANES], *element as usize % LANES);
+            for (corner, &node) in self.base().elements[*element as usize].nodes.iter().enumerate() {
+                let stiffness = block.stiffness[diagonal_entry(corner)].as_array()[lane];
+                held[node as usize] |= hold[corner * (corner + 3) / 2] > FIRM_HOLD * stiffness;
+            }
+        }
+        held
+    }
+
     /// Loads at the nodes, from gravity and every voxel's own force.
     fn rebuild_external_forces(&mut self) {
         let volume = self.grid.voxel_size_m().powi(3);
@@ -340,6 +357,7 @@ impl Body {
         for element in 0..self.base().elements.len() {
             self.rebuild_element(element);
         }
+        self.multigrid.set_topology(&self.levels, &self.held_nodes());
         self.rebuild_external_forces();
         self.rigid = rigid::RigidParts::new(self);
         self.evaluate(workers, 20);

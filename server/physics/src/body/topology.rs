@@ -29,13 +29,13 @@ impl Body {
             self.velocity_m_per_s.push(self.velocity_m_per_s[from as usize]);
         }
         self.resize_blocks();
-        self.multigrid.set_topology(&self.levels);
         for &(new, from) in &base.split_elements {
             self.copy_state(from as usize, new as usize);
         }
         for &element in &base.changed_elements {
             self.rebuild_element(element as usize);
         }
+        self.multigrid.set_topology(&self.levels, &self.held_nodes());
         self.rebuild_external_forces();
         self.rigid = rigid::RigidParts::new(self);
         let mut elements: Vec<u32> = base.changed_elements.iter().chain(&base.renoded_elements).copied().collect();

@@ -44,6 +44,12 @@ impl Lane for f64 {
     }
 }
 
+/// Packed index of the first diagonal entry of a corner's own block.
+#[must_use]
+pub const fn diagonal_entry(corner: usize) -> usize {
+    6 * corner + 9 * corner * corner.saturating_sub(1) / 2
+}
+
 /// Visits the packed entries as (index, row, column).
 pub fn for_packed(mut visit: impl FnMut(usize, usize, usize)) {
     let mut index = 0;

@@ -109,7 +109,7 @@ impl CycleLevel {
         }
     }
 
-    fn set_topology(&mut self, level: &Level, above: Option<&Level>) {
+    fn set_topology(&mut self, level: &Level, above: Option<&Level>, held: &[bool]) {
         let nodes = level.nodes.len();
         self.operator.set_topology(level.elements.iter().map(|e| e.nodes).collect(), nodes);
         for v in [&mut self.x, &mut self.b, &mut self.r, &mut self.step] {
@@ -124,9 +124,23 @@ impl CycleLevel {
             let parent = &above.elements[above.owner[element] as usize];
             let weights = octant_weights(self.octant[element] as usize);
             for (corner, &node) in data.nodes.iter().enumerate() {
-                self.prolongation[node as usize] = Prolongation::new(&parent.nodes, &weights[corner]);
+                self.prolongation[node as usize] = match held.get(node as usize) {
+                    Some(true) => Prolongation::default(),
+                    _ => Prolongation::new(&parent.nodes, &weights[corner]),
+                };
             }
         }
+    }
+
+    /// Weights of an element's corners among the corners of its parent; zero where a corner is held.
+    fn weights(&self, element: usize) -> [[f64; 8]; 8] {
+        let mut weights = octant_weights(self.octant[element] as usize);
+        for (weights, node) in weights.iter_mut().zip(self.operator.element_nodes(element)) {
+            if self.prolongation[*node as usize].count == 0 {
+                *weights = [0.0; 8];
+            }
+        }
+        weights
     }
 
     /// Estimates the largest eigenvalue of `D^-1 A` by `rounds` power iterations.
@@ -238,7 +252,7 @@ impl Multigrid {
     pub fn new(hierarchy: &[Level]) -> Self {
         let mut levels: Vec<CycleLevel> = hierarchy.iter().map(CycleLevel::new).collect();
         for (i, level) in levels.iter_mut().enumerate() {
-            level.set_topology(&hierarchy[i], hierarchy.get(i + 1));
+            level.set_topology(&hierarchy[i], hierarchy.get(i + 1), &[]);
         }
         let coarsest = Coarsest::new(&levels[levels.len() - 1].operator);
         Self { levels, coarsest }
@@ -256,10 +270,13 @@ impl Multigrid {
     }
 
     /// Takes the elements and nodes of `hierarchy`: there is room for the matrices of new elements of
-    /// the finest level, which are to be set before [`Self::update_changed`].
-    pub fn set_topology(&mut self, hierarchy: &[Level]) {
+    /// the finest level, which are to be set before [`Self::update_changed`]. Coarse corrections leave
+    /// the `held` nodes of the finest level alone: else the stiffness that holds them would keep the
+    /// coarse nodes around them from moving.
+    pub fn set_topology(&mut self, hierarchy: &[Level], held: &[bool]) {
         for (i, level) in self.levels.iter_mut().enumerate() {
-            level.set_topology(&hierarchy[i], hierarchy.get(i + 1));
+            let held = if i == 0 { held } else { &[] };
+            level.set_topology(&hierarchy[i], hierarchy.get(i + 1), held);
         }
     }
 
@@ -299,7 +316,7 @@ impl Multigrid {
                     let child_cell = [0, 1, 2].map(|a| 2 * cell[a] + (octant >> a & 1) as i32);
                     for c in hierarchy[i - 1].elements_in(child_cell) {
                         if child.parent[c as usize] == element {
-                            let part = galerkin(&child.operator.matrix(c as usize), &octant_weights(octant));
+                            let part = galerkin(&child.operator.matrix(c as usize), &child.weights(c as usize));
                             (0..PACKED).for_each(|j| sum[j] += part[j]);
                         }
                     }

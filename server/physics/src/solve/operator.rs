@@ -90,7 +90,7 @@ impl OperatorBlock {
     /// Rows of the diagonal block of a corner in the rest frame.
     #[inline(always)]
     fn corner_block(&self, corner: usize) -> [[f32x8; 3]; 3] {
-        let start = 6 * corner + 9 * (corner * corner - corner) / 2;
+        let start = lanes::diagonal_entry(corner);
         let m = &self.matrix[start..start + 6];
         [[m[0], m[1], m[3]], [m[1], m[2], m[4]], [m[3], m[4], m[5]]]
     }
