@@ -11,6 +11,7 @@ use crate::hash::StateHasher;
 use crate::ledger::{self, BodyLedger, ContactLedger};
 use crate::params::StepParams;
 use crate::scene::{Scene, SceneError};
+use crate::solve::spring::POINT_NODES;
 use crate::stage::{Lap, Stage, StageClock};
 use crate::step_io::{ContactModel, FractureStep, StepInputs, StepOutput, ToolMotion, ToolOutput, Wrench};
 use crate::surface::Surface;
@@ -305,6 +306,7 @@ impl World {
             slot.velocity_change.resize(slot.body.node_count(), [0.0; 3]);
             slot.ledger.after = slot.body.energy();
             slot.walls.update(&slot.body, &slot.parted, &slot.change);
+            slot.reserve();
             self.output.fracture.parted_links += slot.parted.len() as u32;
         }
         if self.output.fracture.parted_links > 0 {
@@ -347,9 +349,9 @@ impl World {
     }
 
     fn finish(&mut self) {
-        let ledgers: Vec<BodyLedger> = self.slots.iter().map(|s| s.ledger).collect();
         let before = self.output.energy;
-        self.output.energy = ledger::book(&ledgers, &self.contact_ledger, &before, self.flank_before_j);
+        let ledgers = self.slots.iter().map(|s| &s.ledger);
+        self.output.energy = ledger::book(ledgers, &self.contact_ledger, &before, self.flank_before_j);
         self.flank_before_j = self.contact_ledger.flank_stored_j;
         for (probe, out) in self.probes.iter().zip(&mut self.output.probe_displacement_m) {
             *out = self.slots[probe.body].body.current_m(&probe.point) - probe.point.position_m;
@@ -498,7 +500,7 @@ impl BodySlot {
             })
             .collect();
         let energy = body.energy();
-        Self {
+        let mut slot = Self {
             velocity_change: vec![[0.0; 3]; body.node_count()],
             ledger: BodyLedger { after: energy, ..BodyLedger::default() },
             body,
@@ -508,7 +510,22 @@ impl BodySlot {
             parting: Vec::new(),
             parted: Vec::new(),
             change: TopologyChange::default(),
+        };
+        slot.reserve();
+        slot
+    }
+
+    /// Room for every contact there may be until links part again: a step in between allocates nothing.
+    fn reserve(&mut self) {
+        for contact in &mut self.contacts {
+            contact.flanks.clear();
+            contact.flanks.reserve(self.walls.len());
+            contact.hash.reserve(self.body.base().elements.len());
         }
+        let springs = self.contacts.iter().map(|c| c.front.most_springs() + self.walls.len()).sum();
+        self.impulses.clear();
+        self.impulses.reserve(POINT_NODES * springs);
+        self.body.reserve_springs(springs);
     }
 
     fn solve(&mut self, workers: &Workers<'_>, dt_s: f64) -> crate::step_io::SolveReport {

@@ -176,13 +176,18 @@ impl Body {
             }
         }
         if !self.scratch.stale_parents.is_empty() {
-            let mut parents = std::mem::take(&mut self.scratch.stale_parents);
+            let parents = &mut self.scratch.stale_parents;
             parents.sort_unstable();
             parents.dedup();
             self.multigrid.rebuild_coarse(&self.levels, parents);
         }
         self.write_rotations();
         self.multigrid.update_rotations_and_diagonals(workers);
+    }
+
+    /// Room for `count` springs in the solver's operators.
+    pub fn reserve_springs(&mut self, count: usize) {
+        self.multigrid.reserve_springs(count);
     }
 
     /// Replaces the springs of the solver's operator by those of the contacts that act.

@@ -15,6 +15,7 @@ pub use topology::TopologyChange;
 use crate::Vec3;
 use crate::fem::composite::{CompositeTables, shape_functions};
 use crate::fem::corotation::{ElementBlock, ElementLaw, ElementState, LANES};
+use crate::fem::lanes::diagonal_entry;
 use crate::fem::material::Elastic;
 use crate::grid::levels::{Level, Units, VoxelUnits};
 use crate::grid::{Grid, VoxelId, voxelize};
@@ -30,6 +31,9 @@ const COARSEST_NODES: usize = 60;
 /// Stiffness of a held voxel over `E h`: its compliance adds less than a hundredth of a voxel of
 /// tissue to what it holds.
 const HOLD_STIFFNESS: f64 = 300.0;
+
+/// A node is firmly held where the hold is this many times as stiff as the element.
+const FIRM_HOLD: f64 = 10.0;
 
 /// A node-wise vector in `f64`.
 pub type Nodal = Vec<[f64; 3]>;
@@ -126,6 +130,16 @@ struct Scratch {
     right_side_f32: NodeVector,
     solution: NodeVector,
     stale_parents: Vec<u32>,
+}
+
+impl Scratch {
+    fn resize(&mut self, elements: usize, nodes: usize) {
+        self.right_side.resize(nodes, [0.0; 3]);
+        self.right_side_f32.resize(nodes, Default::default());
+        self.solution.resize(nodes, Default::default());
+        self.stale_parents.clear();
+        self.stale_parents.reserve(elements);
+    }
 }
 
 impl Body {
@@ -317,6 +331,19 @@ impl Body {
         hold
     }
 
+    /// Whether a node is held so firmly that it hardly moves.
+    fn held_nodes(&self) -> Vec<bool> {
+        let mut held = vec![false; self.node_count()];
+        for (element, hold) in &self.holds {
+            let (block, lane) = (&self.blocks[*element as usize / LANES], *element as usize % LANES);
+            for (corner, &node) in self.base().elements[*element as usize].nodes.iter().enumerate() {
+                let stiffness = block.stiffness[diagonal_entry(corner)].as_array()[lane];
+                held[node as usize] |= hold[corner * (corner + 3) / 2] > FIRM_HOLD * stiffness;
+            }
+        }
+        held
+    }
+
     /// Loads at the nodes, from gravity and every voxel's own force.
     fn rebuild_external_forces(&mut self) {
         let volume = self.grid.voxel_size_m().powi(3);
@@ -354,6 +381,7 @@ impl Body {
         for element in 0..self.base().elements.len() {
             self.rebuild_element(element);
         }
+        self.multigrid.set_topology(&self.levels, &self.held_nodes());
         self.rebuild_external_forces();
         self.rigid = rigid::RigidParts::new(self);
         self.evaluate(workers, 20);
@@ -373,6 +401,8 @@ impl Body {
         for element in 0..elements {
             self.blocks[element / LANES].set_nodes(element % LANES, &self.levels[0].elements[element].nodes);
         }
+        self.scratch.resize(elements, self.levels[0].nodes.len());
+        self.pcg.resize(self.levels[0].nodes.len());
         self.applied_stiffening.resize(elements, 1.0);
         self.coarse_stiffening.resize(elements, 1.0);
     }

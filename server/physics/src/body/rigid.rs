@@ -15,15 +15,20 @@ pub(super) struct RigidParts {
     element_part: Vec<u32>,
     node_part: Vec<u32>,
     held: Vec<bool>,
+    /// Whether a part is left alone this step, and what it is to gain.
+    skip: Vec<bool>,
+    totals: Vec<Totals>,
 }
 
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Totals {
     mass: f64,
     centre: Vec3,
     linear: Vec3,
     angular: Vec3,
     inertia: Mat3,
+    velocity: Vec3,
+    spin: Vec3,
 }
 
 impl RigidParts {
@@ -35,7 +40,8 @@ impl RigidParts {
         }
         let mut held = vec![false; count as usize];
         body.holds.iter().for_each(|(element, _)| held[element_part[*element as usize] as usize] = true);
-        Self { element_part, node_part, held }
+        let (skip, totals) = (held.clone(), vec![Totals::default(); count as usize]);
+        Self { element_part, node_part, held, skip, totals }
     }
 
     pub(super) fn part_count(&self) -> u32 {
@@ -45,18 +51,36 @@ impl RigidParts {
 
 impl Body {
     /// Corrects `dv` on every part that is neither held nor touched (`touched_nodes`).
-    pub fn correct_rigid_motion(&self, touched_nodes: impl Iterator<Item = u32>, dv: &mut Nodal) {
+    pub fn correct_rigid_motion(&mut self, touched_nodes: impl Iterator<Item = u32>, dv: &mut Nodal) {
+        let parts = &mut self.rigid;
+        parts.skip.copy_from_slice(&parts.held);
+        touched_nodes.for_each(|n| parts.skip[parts.node_part[n as usize] as usize] = true);
+        if parts.skip.iter().all(|s| *s) {
+            return;
+        }
+        let mut totals = std::mem::take(&mut parts.totals);
+        totals.fill(Totals::default());
+        self.add_missing_momentum(&mut totals, dv);
+        for total in &mut totals {
+            total.velocity = total.linear / total.mass;
+            total.spin = total.inertia.lu().solve(&total.angular).unwrap_or_default();
+        }
+        for (node, change) in dv.iter_mut().enumerate() {
+            let part = self.rigid.node_part[node];
+            if part == NONE || self.rigid.skip[part as usize] {
+                continue;
+            }
+            let total = &totals[part as usize];
+            let add = total.velocity + total.spin.cross(&(Vec3::from(self.position_m[node]) - total.centre));
+            (0..3).for_each(|i| change[i] += add[i]);
+        }
+        self.rigid.totals = totals;
+    }
+
+    /// Momentum that each part should have gained and has not.
+    fn add_missing_momentum(&self, totals: &mut [Totals], dv: &Nodal) {
         let parts = &self.rigid;
-        if parts.held.iter().all(|h| *h) {
-            return;
-        }
-        let mut skip = parts.held.clone();
-        touched_nodes.for_each(|n| skip[parts.node_part[n as usize] as usize] = true);
-        if skip.iter().all(|s| *s) {
-            return;
-        }
-        let mut totals = vec![Totals::default(); skip.len()];
-        self.add_mass_moments(&mut totals);
+        self.add_mass_moments(totals);
         let dt = self.params.dt_s;
         // The change of momentum that the solve should have made: loads less mass damping.
         self.for_each_mass(|part, node, other, mass| {
@@ -74,17 +98,7 @@ impl Body {
             total.linear += impulse;
             total.angular += (Vec3::from(self.position_m[node]) - total.centre).cross(&impulse);
         }
-        self.add_mass_damping(&mut totals, dv);
-        for (node, change) in dv.iter_mut().enumerate() {
-            let part = parts.node_part[node];
-            if part == NONE || skip[part as usize] {
-                continue;
-            }
-            let total = &totals[part as usize];
-            let spin = total.inertia.lu().solve(&total.angular).unwrap_or_default();
-            let add = total.linear / total.mass + spin.cross(&(Vec3::from(self.position_m[node]) - total.centre));
-            (0..3).for_each(|i| change[i] += add[i]);
-        }
+        self.add_mass_damping(totals, dv);
     }
 
     /// `M alpha dt (v + dv)`: what mass-proportional damping takes.

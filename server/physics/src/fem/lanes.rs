@@ -44,6 +44,12 @@ impl Lane for f64 {
     }
 }
 
+/// Packed index of the first diagonal entry of a corner's own block.
+#[must_use]
+pub const fn diagonal_entry(corner: usize) -> usize {
+    6 * corner + 9 * corner * corner.saturating_sub(1) / 2
+}
+
 /// Visits the packed entries as (index, row, column).
 pub fn for_packed(mut visit: impl FnMut(usize, usize, usize)) {
     let mut index = 0;
@@ -75,8 +81,8 @@ pub fn pack(matrix: &Matrix24) -> [f64; PACKED] {
 
 /// The full matrix of a packed one.
 #[must_use]
-pub fn unpack(packed: &[f64; PACKED]) -> Box<Matrix24> {
-    let mut matrix = Box::new([[0.0; 24]; 24]);
+pub fn unpack(packed: &[f64; PACKED]) -> Matrix24 {
+    let mut matrix = [[0.0; 24]; 24];
     for_packed(|index, row, column| {
         matrix[row][column] = packed[index];
         matrix[column][row] = packed[index];
@@ -179,7 +185,7 @@ mod tests {
         }
         let u: [f64; 24] = std::array::from_fn(|i| (i as f64 * 0.7).sin());
         let packed = pack(&full);
-        assert_eq!(*unpack(&packed), full);
+        assert_eq!(unpack(&packed), full);
         let y = apply(&packed, &u);
         for i in 0..24 {
             let expected: f64 = (0..24).map(|j| full[i][j] * u[j]).sum();

@@ -133,6 +133,9 @@ pub struct Front {
     share_m: f64,
     /// Energy in springs that were let go in this step's detection, J.
     dropped_j: f64,
+    /// Where the chain stands and starts, and where its strip ends: scratch, kept between steps.
+    chain: Vec<Option<(Vec3, Vec3)>>,
+    target: Vec<Vec3>,
     /// Springs of the step that is being taken.
     pub contacts: Vec<FrontContact>,
 }
@@ -157,6 +160,8 @@ impl Front {
             markers: vec![Marker::Outside; count],
             share_m: blade.width_m / count as f64,
             dropped_j: 0.0,
+            chain: Vec::with_capacity(count),
+            target: Vec::with_capacity(count),
             contacts: Vec::with_capacity(count),
         }
     }
@@ -299,13 +304,21 @@ impl Front {
         }
     }
 
+    /// Number of springs that the front may have at most.
+    #[must_use]
+    pub fn most_springs(&self) -> usize {
+        2 * self.markers.len()
+    }
+
     /// Parts the links between where the chain was and where it is now. Neighbours
     /// share their edges of the strip, consecutive strips the chain between them: no link slips
     /// through, whichever markers move.
     fn sweep(&mut self, body: &Body, frame: &BladeFrame, links: &mut Vec<(LinkId, Crossing)>) {
         let count = self.markers.len();
-        let target: Vec<Vec3> =
-            (0..count).map(|i| self.anchor(i).map_or(Vec3::zeros(), |a| a.position_m + a.nudge(body, frame))).collect();
+        let mut target = std::mem::take(&mut self.target);
+        target.clear();
+        target
+            .extend((0..count).map(|i| self.anchor(i).map_or(Vec3::zeros(), |a| a.position_m + a.nudge(body, frame))));
         for index in 0..count {
             let Some(own) = self.anchor(index) else { continue };
             let (from, to) = (own.swept_m, target[index]);
@@ -327,17 +340,19 @@ impl Front {
                 }
             }
         }
-        for (marker, target) in self.markers.iter_mut().zip(target) {
+        for (marker, target) in self.markers.iter_mut().zip(&target) {
             if let Marker::On(anchor) = marker {
-                anchor.swept_m = target;
+                anchor.swept_m = *target;
             }
         }
+        self.target = target;
     }
 
     /// Slides markers along the chain to where their share of the edge is now.
     fn follow_edge(&mut self, body: &Body, motion: &BladeMotion<'_>, frame: &BladeFrame) {
-        let chain: Vec<Option<(Vec3, Vec3)>> =
-            (0..self.markers.len()).map(|i| self.anchor(i).map(|a| (a.position_m, a.start_m))).collect();
+        let mut chain = std::mem::take(&mut self.chain);
+        chain.clear();
+        chain.extend((0..self.markers.len()).map(|i| self.anchor(i).map(|a| (a.position_m, a.start_m))));
         let count = self.markers.len();
         let gap = CHAIN_GAP_VOXELS * body.grid.voxel_size_m();
         for index in 0..count {
@@ -365,6 +380,7 @@ impl Front {
             }
             self.markers[index] = Marker::On(moved);
         }
+        self.chain = chain;
     }
 
     /// Markers that have come out of the material on the other side are outside.

@@ -109,7 +109,7 @@ impl CycleLevel {
         }
     }
 
-    fn set_topology(&mut self, level: &Level, above: Option<&Level>) {
+    fn set_topology(&mut self, level: &Level, above: Option<&Level>, held: &[bool]) {
         let nodes = level.nodes.len();
         self.operator.set_topology(level.elements.iter().map(|e| e.nodes).collect(), nodes);
         for v in [&mut self.x, &mut self.b, &mut self.r, &mut self.step] {
@@ -124,9 +124,23 @@ impl CycleLevel {
             let parent = &above.elements[above.owner[element] as usize];
             let weights = octant_weights(self.octant[element] as usize);
             for (corner, &node) in data.nodes.iter().enumerate() {
-                self.prolongation[node as usize] = Prolongation::new(&parent.nodes, &weights[corner]);
+                self.prolongation[node as usize] = match held.get(node as usize) {
+                    Some(true) => Prolongation::default(),
+                    _ => Prolongation::new(&parent.nodes, &weights[corner]),
+                };
             }
         }
+    }
+
+    /// Weights of an element's corners among the corners of its parent; zero where a corner is held.
+    fn weights(&self, element: usize) -> [[f64; 8]; 8] {
+        let mut weights = octant_weights(self.octant[element] as usize);
+        for (weights, node) in weights.iter_mut().zip(self.operator.element_nodes(element)) {
+            if self.prolongation[*node as usize].count == 0 {
+                *weights = [0.0; 8];
+            }
+        }
+        weights
     }
 
     /// Estimates the largest eigenvalue of `D^-1 A` by `rounds` power iterations.
@@ -238,7 +252,7 @@ impl Multigrid {
     pub fn new(hierarchy: &[Level]) -> Self {
         let mut levels: Vec<CycleLevel> = hierarchy.iter().map(CycleLevel::new).collect();
         for (i, level) in levels.iter_mut().enumerate() {
-            level.set_topology(&hierarchy[i], hierarchy.get(i + 1));
+            level.set_topology(&hierarchy[i], hierarchy.get(i + 1), &[]);
         }
         let coarsest = Coarsest::new(&levels[levels.len() - 1].operator);
         Self { levels, coarsest }
@@ -267,19 +281,22 @@ impl Multigrid {
         &mut self.levels[0].operator
     }
 
-    /// Takes the nodes of elements that were split; makes room for the new ones' matrices.
-    pub fn set_topology(&mut self, hierarchy: &[Level]) {
+    /// Takes the elements and nodes of `hierarchy`: there is room for the matrices of new elements of
+    /// the finest level, which are to be set before [`Self::update_changed`]. Coarse corrections leave
+    /// the `held` nodes of the finest level alone: else the stiffness that holds them would keep the
+    /// coarse nodes around them from moving.
+    pub fn set_topology(&mut self, hierarchy: &[Level], held: &[bool]) {
         for (i, level) in self.levels.iter_mut().enumerate() {
-            level.set_topology(&hierarchy[i], hierarchy.get(i + 1));
+            let held = if i == 0 { held } else { &[] };
+            level.set_topology(&hierarchy[i], hierarchy.get(i + 1), held);
         }
     }
 
-    /// Takes the topology of `hierarchy` after the changes in `changes`, which the matrices of the
-    /// finest level already reflect.
-    pub fn update_topology(&mut self, workers: &Workers<'_>, hierarchy: &[Level], changes: &[LevelChange]) {
-        let touched: Vec<u32> =
+    /// Recomputes what `changes` touched above the finest level, whose matrices already reflect them.
+    pub fn update_changed(&mut self, workers: &Workers<'_>, hierarchy: &[Level], changes: &[LevelChange]) {
+        let mut touched: Vec<u32> =
             changes[1..].first().map_or(Vec::new(), |c| elements_in_cells(&hierarchy[1], &c.touched_cells));
-        self.rebuild_coarse(hierarchy, touched);
+        self.rebuild_coarse(hierarchy, &mut touched);
         self.factor_coarsest();
         self.update_rotations_and_diagonals(workers);
         self.levels.iter_mut().for_each(|l| l.estimate_eigenvalue(workers, 2));
@@ -287,8 +304,8 @@ impl Multigrid {
 
     /// Recomputes the coarse matrices above all elements, the coarsest factor and the eigenvalues.
     pub fn rebuild(&mut self, workers: &Workers<'_>, hierarchy: &[Level]) {
-        let all = hierarchy.get(1).map_or(Vec::new(), |level| (0..level.elements.len() as u32).collect());
-        self.rebuild_coarse(hierarchy, all);
+        let mut all = hierarchy.get(1).map_or(Vec::new(), |level| (0..level.elements.len() as u32).collect());
+        self.rebuild_coarse(hierarchy, &mut all);
         self.factor_coarsest();
         self.update_rotations_and_diagonals(workers);
         self.levels.iter_mut().for_each(|l| l.estimate_eigenvalue(workers, 20));
@@ -298,29 +315,34 @@ impl Multigrid {
         self.coarsest = Coarsest::new(&self.levels[self.levels.len() - 1].operator);
     }
 
-    /// Recomputes the matrices of `elements` of the second level and of everything above them.
-    pub fn rebuild_coarse(&mut self, hierarchy: &[Level], mut elements: Vec<u32>) {
+    /// Recomputes the matrices of `elements` of the second level and of everything above them;
+    /// `elements` are used up.
+    pub fn rebuild_coarse(&mut self, hierarchy: &[Level], elements: &mut Vec<u32>) {
         for i in 1..self.levels.len() {
             let (below, above) = self.levels.split_at_mut(i);
             let (child, parent) = (&below[i - 1], &mut above[0]);
-            for &element in &elements {
+            for &element in elements.iter() {
                 let mut sum = [0.0; PACKED];
                 let cell = hierarchy[i].elements[element as usize].cell;
                 for octant in 0..8 {
                     let child_cell = [0, 1, 2].map(|a| 2 * cell[a] + (octant >> a & 1) as i32);
                     for c in hierarchy[i - 1].elements_in(child_cell) {
                         if child.parent[c as usize] == element {
-                            let part = galerkin(&child.operator.matrix(c as usize), &octant_weights(octant));
+                            let part = galerkin(&child.operator.matrix(c as usize), &child.weights(c as usize));
                             (0..PACKED).for_each(|j| sum[j] += part[j]);
                         }
                     }
                 }
                 parent.operator.set_matrix(element as usize, &sum);
             }
-            elements = elements.iter().filter_map(|e| parent.parent.get(*e as usize).copied()).collect();
+            if parent.parent.is_empty() {
+                break;
+            }
+            elements.iter_mut().for_each(|e| *e = parent.parent[*e as usize]);
             elements.sort_unstable();
             elements.dedup();
         }
+        elements.clear();
     }
 
     /// Coarse rotations from the finest level's, then every diagonal. Springs are dropped.
@@ -332,6 +354,11 @@ impl Multigrid {
         self.levels.iter_mut().for_each(|l| l.operator.update_diagonal(workers));
         let last = self.levels.len() - 1;
         self.coarsest.update_rotations(&self.levels[last].operator);
+    }
+
+    /// Room for `count` springs on every level.
+    pub fn reserve_springs(&mut self, count: usize) {
+        self.levels.iter_mut().for_each(|l| l.operator.reserve_springs(count));
     }
 
     /// Replaces the springs on every level.

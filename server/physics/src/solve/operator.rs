@@ -5,7 +5,7 @@
 //! do not depend on the number of threads and no colouring is needed. Node vectors are padded to four
 //! components: a node is one load, and eight nodes become lanes by a transpose in registers.
 
-use super::spring::PointSpring;
+use super::spring::{POINT_NODES, PointSpring};
 use crate::fem::lanes::{self, PACKED};
 use crate::workers::Workers;
 use wide::{f32x4, f32x8};
@@ -90,7 +90,7 @@ impl OperatorBlock {
     /// Rows of the diagonal block of a corner in the rest frame.
     #[inline(always)]
     fn corner_block(&self, corner: usize) -> [[f32x8; 3]; 3] {
-        let start = 6 * corner + 9 * (corner * corner - corner) / 2;
+        let start = lanes::diagonal_entry(corner);
         let m = &self.matrix[start..start + 6];
         [[m[0], m[1], m[3]], [m[1], m[2], m[4]], [m[3], m[4], m[5]]]
     }
@@ -153,7 +153,6 @@ impl Operator {
         self.spring_diagonal.resize(node_count);
         self.springs.clear();
         self.sprung.clear();
-        self.sprung.reserve(node_count);
         self.first.clear();
         self.first.resize(node_count + 1, 0);
         for (element, nodes) in element_nodes.iter().enumerate() {
@@ -264,6 +263,13 @@ impl Operator {
             let inverted = invert(at(&self.diagonal.on), at(&self.diagonal.off));
             inverse.copy_from_slice(&inverted[..inverse.len()]);
         }
+    }
+
+    /// Room for `count` springs.
+    pub fn reserve_springs(&mut self, count: usize) {
+        self.springs.clear();
+        self.springs.reserve(count);
+        self.sprung.reserve(POINT_NODES * count);
     }
 
     /// Springs that act now.

@@ -57,7 +57,8 @@ fn add_scaled(y: &mut [f32x4], factor: f32, x: &[f32x4]) {
 }
 
 impl PcgScratch {
-    fn resize(&mut self, n: usize) {
+    /// Makes the vectors fit `n` nodes.
+    pub fn resize(&mut self, n: usize) {
         for v in [&mut self.r, &mut self.z, &mut self.p, &mut self.ap] {
             v.resize(n, f32x4::ZERO);
         }
