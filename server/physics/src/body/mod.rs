@@ -96,6 +96,8 @@ pub struct Body {
     /// Loads of each node other than contact, N.
     external_n: Nodal,
     voxel_loads: Vec<VoxelLoad>,
+    /// Each element's share of `external_n`, by corner.
+    element_loads_n: Vec<[[f64; 3]; 8]>,
     gravity_m_per_s2: Vec3,
     tables: CompositeTables,
     blocks: Vec<ElementBlock>,
@@ -169,6 +171,7 @@ impl Body {
             velocity_m_per_s: Vec::new(),
             external_n: Vec::new(),
             voxel_loads,
+            element_loads_n: Vec::new(),
             gravity_m_per_s2,
             blocks: Vec::new(),
             states: Vec::new(),
@@ -259,6 +262,7 @@ impl Body {
     /// Recomputes the matrices, the hold and the loads of an element from its voxels.
     fn rebuild_element(&mut self, element: usize) {
         let voxels = self.voxels_of(element);
+        self.element_loads_n[element] = self.element_loads(element, &voxels);
         let filled: Vec<(usize, Elastic)> = voxels
             .iter()
             .map(|&v| (self.tables.position(self.grid.voxels()[v.index()].ijk), self.material_of(v).elastic))
@@ -330,25 +334,35 @@ impl Body {
         held
     }
 
-    /// Loads at the nodes, from gravity and every voxel's own force.
-    fn rebuild_external_forces(&mut self) {
+    /// Loads at the corners of an element, from gravity and its voxels' own forces.
+    fn element_loads(&self, element: usize, voxels: &[VoxelId]) -> [[f64; 3]; 8] {
         let volume = self.grid.voxel_size_m().powi(3);
-        let mut external = vec![[0.0; 3]; self.node_count()];
-        for (index, voxel) in self.grid.voxels().iter().enumerate() {
-            let id = VoxelId(index as u32);
-            let weight = self.gravity_m_per_s2 * (self.material_of(id).elastic.density_kg_per_m3 * volume);
-            let force = weight + self.voxel_loads[index].force_n;
+        let mut loads = [[0.0; 3]; 8];
+        for &voxel in voxels {
+            let weight = self.gravity_m_per_s2 * (self.material_of(voxel).elastic.density_kg_per_m3 * volume);
+            let force = weight + self.voxel_loads[voxel.index()].force_n;
             if force == Vec3::zeros() {
                 continue;
             }
-            let element = self.base().owner[index] as usize;
             // N at the centre is the mean of N over the voxel: trilinear along each axis.
-            let n = shape_functions(self.local_coordinates(element, &self.grid.centre_m(voxel.ijk)));
-            for (corner, &node) in self.base().elements[element].nodes.iter().enumerate() {
-                (0..3).for_each(|i| external[node as usize][i] += n[corner] * force[i]);
+            let centre = self.grid.centre_m(self.grid.voxels()[voxel.index()].ijk);
+            let n = shape_functions(self.local_coordinates(element, &centre));
+            for (load, n) in loads.iter_mut().zip(n) {
+                (0..3).for_each(|i| load[i] += n * force[i]);
             }
         }
-        self.external_n = external;
+        loads
+    }
+
+    /// Sums the elements' loads at the nodes.
+    fn rebuild_external_forces(&mut self) {
+        self.external_n.clear();
+        self.external_n.resize(self.levels[0].nodes.len(), [0.0; 3]);
+        for (element, loads) in self.levels[0].elements.iter().zip(&self.element_loads_n) {
+            for (&node, load) in element.nodes.iter().zip(loads) {
+                (0..3).for_each(|i| self.external_n[node as usize][i] += load[i]);
+            }
+        }
     }
 
     /// Builds every matrix from scratch and evaluates forces at the current state.
@@ -378,6 +392,7 @@ impl Body {
         }
         self.scratch.resize(elements, self.levels[0].nodes.len());
         self.pcg.resize(self.levels[0].nodes.len());
+        self.element_loads_n.resize(elements, [[0.0; 3]; 8]);
         self.applied_stiffening.resize(elements, 1.0);
         self.coarse_stiffening.resize(elements, 1.0);
     }
