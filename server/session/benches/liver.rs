@@ -83,7 +83,11 @@ fn print_profile(stroke: &mut Stroke) {
         let of = |value: &dyn Fn(&StepOutput) -> f64| median(chosen.iter().map(|o| value(&o.1)).collect());
         let whole = median(chosen.iter().map(|o| o.0).collect());
         let parted = chosen.iter().map(|o| o.1.fracture.parted_links).max().unwrap_or(0);
-        print!("{name}: {} steps, median {whole:.3} ms, iterations {}, ", chosen.len(), of(&|o| o.solve.iterations.into()));
+        print!(
+            "{name}: {} steps, median {whole:.3} ms, iterations {}, ",
+            chosen.len(),
+            of(&|o| o.solve.iterations.into())
+        );
         print!("links parted {} (most {parted});", of(&|o| o.fracture.parted_links.into()));
         for stage in Stage::ALL {
             let us = of(&|o| o.profile.stage_ns[stage as usize].map_or(f64::NAN, |ns| ns as f64 * 1e-3));

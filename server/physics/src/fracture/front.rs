@@ -177,7 +177,7 @@ impl Front {
     }
 
     /// Folds the front's state into a hash.
-    pub fn hash(&self, hasher: &mut crate::hash::StateHasher) {
+    pub fn fold_into(&self, hasher: &mut crate::hash::StateHasher) {
         for marker in &self.markers {
             match marker {
                 Marker::Outside => hasher.word(0),
@@ -254,14 +254,11 @@ impl Front {
 
     /// Links across the strip of one marker, from the middle to its left neighbour to the middle to
     /// its right one; the strips of a chain without gaps have no gaps.
-    fn sweep(
-        &self,
-        body: &Body,
-        index: usize,
-        links: &mut Vec<(LinkId, Crossing)>,
-        book: &mut FrontBook,
-    ) {
-        let (Some(from), Some(to), Marker::On(anchor)) = (self.old[index], self.new[index], &self.markers[index]) else { return };
+    fn sweep(&self, body: &Body, index: usize, links: &mut Vec<(LinkId, Crossing)>, book: &mut FrontBook) {
+        let (Some(from), Some(to), Marker::On(anchor)) = (self.old[index], self.new[index], &self.markers[index])
+        else {
+            return;
+        };
         let Some(ahead) = (to - from).try_normalize(0.0) else { return };
         let back = ahead * (OVERLAP_VOXELS * body.grid.voxel_size_m());
         let mut area = 0.0;
