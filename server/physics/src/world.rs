@@ -229,6 +229,7 @@ impl World {
             }
             let touched = slot.impulses.iter().map(|i| i.0);
             slot.body.correct_rigid_motion(touched, &mut slot.velocity_change);
+            slot.body.stiffen_crumbs(&mut slot.velocity_change);
         }
         self.output.solve = report;
     }

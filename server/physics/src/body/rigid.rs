@@ -15,7 +15,12 @@ pub(super) struct RigidParts {
     element_part: Vec<u32>,
     node_part: Vec<u32>,
     held: Vec<bool>,
+    /// Free pieces of less than half a composite element.
+    crumb: Vec<bool>,
 }
+
+/// A crumb turns by at most this much in a step, rad.
+const CRUMB_TURN_PER_STEP: f64 = 0.3;
 
 #[derive(Clone, Copy, Default)]
 struct Totals {
@@ -35,7 +40,11 @@ impl RigidParts {
         }
         let mut held = vec![false; count as usize];
         body.holds.iter().for_each(|(element, _)| held[element_part[*element as usize] as usize] = true);
-        Self { element_part, node_part, held }
+        let mut voxels = vec![0u32; count as usize];
+        body.base().owner.iter().for_each(|e| voxels[element_part[*e as usize] as usize] += 1);
+        let half_a_cell = (1u32 << (3 * body.base().exponent)) / 2;
+        let crumb = voxels.iter().zip(&held).map(|(n, held)| !held && *n < half_a_cell).collect();
+        Self { element_part, node_part, held, crumb }
     }
 
     pub(super) fn part_count(&self) -> u32 {
@@ -84,6 +93,40 @@ impl Body {
             let spin = total.inertia.lu().solve(&total.angular).unwrap_or_default();
             let add = total.linear / total.mass + spin.cross(&(Vec3::from(self.position_m[node]) - total.centre));
             (0..3).for_each(|i| change[i] += add[i]);
+        }
+    }
+
+    /// Makes crumbs move as rigid bodies. The corners of their cells far from the few voxels that fill
+    /// them weigh and resist next to nothing, so that what a relative tolerance leaves there is
+    /// thrown about at any speed. Their momentum is kept (but for a spin beyond what a step can
+    /// follow), their energy can only fall.
+    pub fn stiffen_crumbs(&self, dv: &mut Nodal) {
+        let parts = &self.rigid;
+        if !parts.crumb.contains(&true) {
+            return;
+        }
+        let dt = self.params.dt_s;
+        let mut totals = vec![Totals::default(); parts.held.len()];
+        self.add_mass_moments(&mut totals);
+        self.for_each_mass(|part, node, other, mass| {
+            let total = &mut totals[part];
+            let momentum = (Vec3::from(self.velocity_m_per_s[other]) + Vec3::from(dv[other])) * mass;
+            total.linear += momentum;
+            total.angular += (Vec3::from(self.position_m[node]) - total.centre).cross(&momentum);
+        });
+        for (node, change) in dv.iter_mut().enumerate() {
+            let part = parts.node_part[node];
+            if part == NONE || !parts.crumb[part as usize] {
+                continue;
+            }
+            let total = &totals[part as usize];
+            let turn = total.inertia.lu().solve(&total.angular).unwrap_or_default() * dt;
+            let turn = turn * (CRUMB_TURN_PER_STEP / turn.norm().max(CRUMB_TURN_PER_STEP));
+            let arm = Vec3::from(self.position_m[node]) - total.centre;
+            // The step's displacement is the rotation itself, so that the shape is kept.
+            let turned = crate::Quat::from_scaled_axis(turn) * arm;
+            let v = total.linear / total.mass + (turned - arm) / dt;
+            (0..3).for_each(|i| change[i] = v[i] - self.velocity_m_per_s[node][i]);
         }
     }
 
