@@ -101,37 +101,8 @@ fn rampage(held: Held, tools: usize, seed: u64, steps: u32) {
             };
             inputs.push(ToolInput { tool, motion });
         }
-        let output = world.step(&Workers::serial(), &NoClock, &StepInputs { tools: &inputs }).clone();
+        let output = world.step(&Workers::serial(), &NoClock, &StepInputs { tools: &inputs });
         let at = format!("{held:?}, {tools} tools, seed {seed}, step {step}");
-        if std::env::var("V").is_ok() {
-            println!(
-                "{at} {:?} {:?} {:.1e} {:.1e} {:.1e} num {:.1e} tool {:.1e} parted {}",
-                output.fault,
-                output.solve,
-                output.energy.elastic_j,
-                output.energy.kinetic_j,
-                output.energy.contact_j,
-                output.energy.numerical_j,
-                output.energy.tool_work_j,
-                output.fracture.parted_links
-            );
-            let b = world.bodies()[0];
-            let (i, m) = (0..b.node_count())
-                .map(|n| (n, (Vec3::from(b.velocity_m_per_s[n])).norm()))
-                .fold((0, 0.0), |a, c| if c.1 > a.1 { c } else { a });
-            println!(
-                "{at} fastest node {i} {m:.1e} at {:?} elements {:?} parts {}",
-                b.position_m[i],
-                b.base()
-                    .elements
-                    .iter()
-                    .enumerate()
-                    .filter(|(_, e)| e.nodes.contains(&(i as u32)))
-                    .map(|(e, _)| (e, b.base().owner.iter().filter(|o| **o as usize == e).count(), b.stiffening(e)))
-                    .collect::<Vec<_>>(),
-                b.part_count()
-            );
-        }
         assert!(output.fault.is_none(), "{at}: {:?}", output.fault);
         let e = &output.energy;
         let finite = output
