@@ -1,6 +1,6 @@
 //! The state of one scene and the order of its step.
 
-use crate::body::{Body, TopologyChange};
+use crate::body::{Body, BodyEnergy, TopologyChange};
 use crate::contact::broad::{Aabb, SpatialHash};
 use crate::contact::{Contact, Mode, flank};
 use crate::fault::{Fault, FaultKind};
@@ -64,6 +64,8 @@ struct BodySlot {
     /// Links that were parted in this step, and what that changed.
     parted: Vec<LinkId>,
     change: TopologyChange,
+    /// Its state was set from outside since the last step.
+    edited: bool,
 }
 
 /// A probe: a material point that is followed.
@@ -155,6 +157,7 @@ impl World {
     /// Advances the scene by one time step.
     pub fn step(&mut self, workers: &Workers<'_>, clock: &dyn StageClock, inputs: &StepInputs<'_>) -> &StepOutput {
         let mut lap = Lap::start(clock);
+        self.slots.iter_mut().filter(|s| s.edited).for_each(|s| s.take_edits(workers));
         self.apply_inputs(inputs);
         lap.end(Stage::ApplyInputs);
         if self.tools.iter().any(|t| t.pose.is_some()) {
@@ -264,12 +267,12 @@ impl World {
         for slot in &mut self.slots {
             slot.ledger.before = slot.ledger.after;
             slot.body.evaluate(workers, 2);
-            slot.bound_energy(workers);
+            slot.ledger.solved = slot.bound_energy(workers);
             if !slot.body.save_finite_state() {
                 slot.roll_back(workers, &mut self.output);
+                slot.ledger.solved = slot.ledger.after;
             }
             slot.body.refresh_operator(workers);
-            slot.ledger.solved = slot.body.energy();
             slot.ledger.after = slot.ledger.solved;
         }
     }
@@ -381,6 +384,7 @@ impl World {
 
     /// A body whose state is to be set from outside: starts that are not at rest.
     pub fn body_mut(&mut self, index: usize) -> &mut Body {
+        self.slots[index].edited = true;
         &mut self.slots[index].body
     }
 
@@ -482,6 +486,7 @@ impl BodySlot {
             parting: Vec::new(),
             parted: Vec::new(),
             change: TopologyChange::default(),
+            edited: false,
         }
     }
 
@@ -509,22 +514,36 @@ impl BodySlot {
         changed
     }
 
+    /// A state that was set from outside is what the next step starts from and goes back to, if it is
+    /// finite.
+    fn take_edits(&mut self, workers: &Workers<'_>) {
+        self.edited = false;
+        self.body.evaluate(workers, 20);
+        if self.body.save_finite_state() {
+            self.body.refresh_operator(workers);
+            self.ledger.after = self.body.energy();
+        }
+    }
+
     /// Takes a step back where it created energy: the linearised step bounds it but where an element
     /// turns or stiffens many times over within one step (few voxels in a cell, hit at metres per
-    /// second). The ledger's residual shows it.
-    fn bound_energy(&mut self, workers: &Workers<'_>) {
+    /// second). The ledger's residual shows it. Returns the energy of the step's end.
+    fn bound_energy(&mut self, workers: &Workers<'_>) -> BodyEnergy {
         let velocity = &self.body.velocity_m_per_s;
         let work = |(node, impulse): &(u32, [f64; 3])| -> f64 {
             (0..3).map(|i| impulse[i] * velocity[*node as usize][i]).sum()
         };
         let put_in = self.impulses.iter().map(|i| work(i).abs()).sum::<f64>() + self.ledger.load_work_j.abs();
         let bound = ENERGY_GROWTH * self.ledger.before.total_j() + 2.0 * put_in + LEAST_ENERGY_J;
+        let mut energy = self.body.energy();
         for _ in 0..MAX_STEPS_BACK {
-            if self.body.energy().total_j() <= bound {
-                return;
+            if energy.total_j() <= bound {
+                break;
             }
             self.body.step_back(workers, 0.25);
+            energy = self.body.energy();
         }
+        energy
     }
 
     /// Positions and rotations go back to the last finite step, velocities are zeroed, the tools lifted.
