@@ -1,6 +1,6 @@
 //! The state of one scene and the order of its step.
 
-use crate::body::{Body, TopologyChange};
+use crate::body::{Body, BodyEnergy, TopologyChange};
 use crate::contact::broad::{Aabb, SpatialHash};
 use crate::contact::flank::Walls;
 use crate::contact::{Contact, Mode};
@@ -27,6 +27,14 @@ pub use crate::body::Relaxation;
 /// A step's contact springs are re-solved at most this many times; what still changes then waits for
 /// the next step.
 const MAX_ACTIVE_SET_SOLVES: u32 = 4;
+
+/// A step may not end with more than this many times the energy it began with, beyond what was put
+/// in; steps that behave end with less than they began with.
+const ENERGY_GROWTH: f64 = 1.5;
+/// Energies below this are left alone, J.
+const LEAST_ENERGY_J: f64 = 1e-9;
+/// A step is taken back to a quarter this many times at most.
+const MAX_STEPS_BACK: u32 = 8;
 
 /// A tool and where it is.
 struct Tool {
@@ -58,6 +66,8 @@ struct BodySlot {
     /// Links that were parted in this step, and what that changed.
     parted: Vec<LinkId>,
     change: TopologyChange,
+    /// Its state was set from outside since the last step.
+    edited: bool,
 }
 
 /// A probe: a material point that is followed.
@@ -164,6 +174,7 @@ impl World {
     /// Advances the scene by one time step.
     pub fn step(&mut self, workers: &Workers<'_>, clock: &dyn StageClock, inputs: &StepInputs<'_>) -> &StepOutput {
         let mut lap = Lap::start(clock);
+        self.slots.iter_mut().filter(|s| s.edited).for_each(|s| s.take_edits(workers));
         self.apply_inputs(inputs);
         lap.end(Stage::ApplyInputs);
         if self.tools.iter().any(|t| t.pose.is_some()) {
@@ -246,6 +257,7 @@ impl World {
             }
             let touched = slot.impulses.iter().map(|i| i.0);
             slot.body.correct_rigid_motion(touched, &mut slot.velocity_change);
+            slot.body.stiffen_crumbs(&mut slot.velocity_change);
         }
         self.output.solve = report;
     }
@@ -272,11 +284,12 @@ impl World {
         for slot in &mut self.slots {
             slot.ledger.before = slot.ledger.after;
             slot.body.evaluate(workers, 2);
+            slot.ledger.solved = slot.bound_energy(workers);
             if !slot.body.save_finite_state() {
                 slot.roll_back(workers, &mut self.output);
+                slot.ledger.solved = slot.ledger.after;
             }
             slot.body.refresh_operator(workers);
-            slot.ledger.solved = slot.body.energy();
             slot.ledger.after = slot.ledger.solved;
         }
     }
@@ -389,6 +402,7 @@ impl World {
 
     /// A body whose state is to be set from outside: starts that are not at rest.
     pub fn body_mut(&mut self, index: usize) -> &mut Body {
+        self.slots[index].edited = true;
         &mut self.slots[index].body
     }
 
@@ -510,6 +524,7 @@ impl BodySlot {
             parting: Vec::new(),
             parted: Vec::new(),
             change: TopologyChange::default(),
+            edited: false,
         };
         slot.reserve();
         slot
@@ -550,6 +565,38 @@ impl BodySlot {
             }
         }
         changed
+    }
+
+    /// A state that was set from outside is what the next step starts from and goes back to, if it is
+    /// finite.
+    fn take_edits(&mut self, workers: &Workers<'_>) {
+        self.edited = false;
+        self.body.evaluate(workers, 20);
+        if self.body.save_finite_state() {
+            self.body.refresh_operator(workers);
+            self.ledger.after = self.body.energy();
+        }
+    }
+
+    /// Takes a step back where it created energy: the linearised step bounds it but where an element
+    /// turns or stiffens many times over within one step (few voxels in a cell, hit at metres per
+    /// second). The ledger's residual shows it. Returns the energy of the step's end.
+    fn bound_energy(&mut self, workers: &Workers<'_>) -> BodyEnergy {
+        let velocity = &self.body.velocity_m_per_s;
+        let work = |(node, impulse): &(u32, [f64; 3])| -> f64 {
+            (0..3).map(|i| impulse[i] * velocity[*node as usize][i]).sum()
+        };
+        let put_in = self.impulses.iter().map(|i| work(i).abs()).sum::<f64>() + self.ledger.load_work_j.abs();
+        let bound = ENERGY_GROWTH * self.ledger.before.total_j() + 2.0 * put_in + LEAST_ENERGY_J;
+        let mut energy = self.body.energy();
+        for _ in 0..MAX_STEPS_BACK {
+            if energy.total_j() <= bound {
+                break;
+            }
+            self.body.step_back(workers, 0.25);
+            energy = self.body.energy();
+        }
+        energy
     }
 
     /// Positions and rotations go back to the last finite step, velocities are zeroed, the tools lifted.

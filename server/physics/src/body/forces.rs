@@ -31,6 +31,14 @@ pub struct BodyEnergy {
     pub kinetic_j: f64,
 }
 
+impl BodyEnergy {
+    /// All of it.
+    #[must_use]
+    pub fn total_j(&self) -> f64 {
+        self.elastic_j + self.hold_j + self.kinetic_j
+    }
+}
+
 impl Body {
     /// Rotations, forces, energies and velocity terms of every element at the current state.
     pub fn evaluate(&mut self, workers: &Workers<'_>, rotation_iterations: u32) {
