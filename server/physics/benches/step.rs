@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use kerf_physics::solve::multigrid::Multigrid;
 use kerf_physics::{Stage, StageClock, StepInputs, StepOutput, ToolInput, Workers, World};
-use support::cutting::{cutting_scene, pose_at};
+use support::pressing::{pressing_scene, pose_at};
 
 /// From just over the block to 32 mm into it at 0.4 m/s.
 const STEPS: u32 = 80;
@@ -24,7 +24,7 @@ impl StageClock for Clock {
 }
 
 fn world(voxel_m: f64) -> World {
-    let mut scene = cutting_scene();
+    let mut scene = pressing_scene();
     scene.desc.objects[0].voxel_size_m = Some(voxel_m);
     World::new(&scene).expect("a valid scene")
 }

@@ -79,6 +79,21 @@ pub struct World {
     output: StepOutput,
 }
 
+/// What an object of a scene consists of.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ObjectStats {
+    /// Lower corner of its bounding box at rest, m.
+    pub rest_min_m: [f64; 3],
+    /// Upper corner of its bounding box at rest, m.
+    pub rest_max_m: [f64; 3],
+    /// Edge length of a fine voxel, m.
+    pub voxel_size_m: f64,
+    /// Fine voxels.
+    pub voxels: u32,
+    /// Composite elements as they are now.
+    pub composite_elements: u32,
+}
+
 /// Numbers of things in a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WorldCounts {
@@ -157,7 +172,7 @@ impl World {
         }
         self.solve_velocities(workers);
         lap.end(Stage::Velocities);
-        self.integrate();
+        self.integrate(workers);
         self.write_wrenches();
         lap.end(Stage::Integrate);
         self.evaluate(workers);
@@ -235,14 +250,9 @@ impl World {
         self.output.solve = report;
     }
 
-    fn integrate(&mut self) {
+    fn integrate(&mut self, workers: &Workers<'_>) {
         let dt = self.params.dt_s;
         for slot in &mut self.slots {
-            let finite = slot.velocity_change.iter().flatten().all(|v| v.is_finite());
-            if !finite {
-                slot.roll_back(&mut self.output);
-                continue;
-            }
             slot.ledger.step = slot.body.step_energies(&slot.velocity_change);
             let body = &mut slot.body;
             for (v, dv) in body.velocity_m_per_s.iter_mut().zip(&slot.velocity_change) {
@@ -252,6 +262,9 @@ impl World {
                 (0..3).for_each(|i| x[i] += dt * v[i]);
             }
             slot.ledger.load_work_j = body.external_work_j(body.velocity_m_per_s.iter().map(|v| v.map(|c| dt * c)));
+            if !body.is_finite() {
+                slot.roll_back(workers, &mut self.output);
+            }
         }
     }
 
@@ -259,6 +272,9 @@ impl World {
         for slot in &mut self.slots {
             slot.ledger.before = slot.ledger.after;
             slot.body.evaluate(workers, 2);
+            if !slot.body.save_finite_state() {
+                slot.roll_back(workers, &mut self.output);
+            }
             slot.body.refresh_operator(workers);
             slot.ledger.solved = slot.body.energy();
             slot.ledger.after = slot.ledger.solved;
@@ -393,6 +409,24 @@ impl World {
         counts
     }
 
+    /// What each object consists of.
+    #[must_use]
+    pub fn object_stats(&self) -> Vec<ObjectStats> {
+        let stats = |slot: &BodySlot| {
+            let grid = &slot.body.grid;
+            let centres = grid.voxels().iter().map(|v| grid.centre_m(v.ijk));
+            let aabb = Aabb::around(centres).grown(0.5 * grid.voxel_size_m());
+            ObjectStats {
+                rest_min_m: aabb.min_m.into(),
+                rest_max_m: aabb.max_m.into(),
+                voxel_size_m: grid.voxel_size_m(),
+                voxels: grid.voxels().len() as u32,
+                composite_elements: slot.body.base().elements.len() as u32,
+            }
+        };
+        self.slots.iter().map(stats).collect()
+    }
+
     fn view(&mut self) -> &View {
         self.view.get_or_insert_with(|| View::new(self.slots.iter().map(|s| &s.body)))
     }
@@ -495,6 +529,7 @@ impl BodySlot {
     }
 
     fn solve(&mut self, workers: &Workers<'_>, dt_s: f64) -> crate::step_io::SolveReport {
+        self.velocity_change.resize(self.body.node_count(), [0.0; 3]);
         self.impulses.clear();
         for contact in self.contacts.iter().flat_map(ToolContact::springs).filter(|c| c.mode != Mode::Off) {
             let impulse = contact.direction * contact.impulse(dt_s);
@@ -517,11 +552,12 @@ impl BodySlot {
         changed
     }
 
-    /// Positions stay those of the last finite step, velocities are zeroed, the tools lifted.
-    fn roll_back(&mut self, output: &mut StepOutput) {
+    /// Positions and rotations go back to the last finite step, velocities are zeroed, the tools lifted.
+    fn roll_back(&mut self, workers: &Workers<'_>, output: &mut StepOutput) {
+        self.body.restore_finite_state(workers);
         self.velocity_change.iter_mut().for_each(|v| *v = [0.0; 3]);
-        self.body.velocity_m_per_s.iter_mut().for_each(|v| *v = [0.0; 3]);
         self.contacts.iter_mut().for_each(ToolContact::lift);
+        self.ledger = BodyLedger { after: self.body.energy(), ..BodyLedger::default() };
         output.fault = Some(Fault { step: output.step, object: self.body.name.clone(), what: FaultKind::NodeState });
     }
 }

@@ -7,7 +7,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use kerf_physics::World;
-use support::cutting::{cutting_scene, press};
+use support::pressing::{pressing_scene, press};
 
 thread_local! {
     static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
@@ -53,7 +53,7 @@ fn stroke(world: &mut World, from_m: f64, speed_m_per_s: f64, steps: usize) -> (
 #[test]
 fn a_step_without_fracture_allocates_nothing() {
     for stiffening in [0.0, 3.0] {
-        let mut scene = cutting_scene();
+        let mut scene = pressing_scene();
         scene.desc.objects[0].material.strain_stiffening = stiffening;
         let mut world = World::new(&scene).expect("a valid scene");
         // Warm-up: the vectors of a solve come into being in the first step.

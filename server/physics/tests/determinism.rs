@@ -3,11 +3,11 @@
 mod support;
 
 use kerf_physics::{Workers, World};
-use support::cutting::{cutting_scene, press_with};
+use support::pressing::{pressing_scene, press_with};
 
 /// State hash every ten steps of a stroke deep into the block.
 fn hashes(workers: &Workers<'_>, level: u8) -> Vec<u64> {
-    let mut scene = cutting_scene();
+    let mut scene = pressing_scene();
     scene.desc.objects[0].level = level;
     let mut world = World::new(&scene).expect("a valid scene");
     let mut parted = 0;

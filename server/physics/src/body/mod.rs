@@ -2,6 +2,7 @@
 
 mod forces;
 mod interpolate;
+mod quarantine;
 mod relax;
 mod rigid;
 mod topology;
@@ -75,7 +76,16 @@ impl From<&MaterialDesc> for Material {
 #[derive(Clone, Copy, Debug, Default)]
 struct VoxelLoad {
     held: bool,
-    /// Force on the voxel other than gravity, N.
+    /// Force at the voxel's centre other than gravity, N.
+    force_n: Vec3,
+}
+
+/// A traction's resultant on one face of a voxel. It acts at the face: half a voxel inside, a bar of
+/// n voxels would stretch by (n - 1) / n of what it should.
+#[derive(Clone, Copy, Debug)]
+struct FaceLoad {
+    voxel: VoxelId,
+    face: Face,
     force_n: Vec3,
 }
 
@@ -98,6 +108,7 @@ pub struct Body {
     voxel_loads: Vec<VoxelLoad>,
     /// Each element's share of `external_n`, by corner.
     element_loads_n: Vec<[[f64; 3]; 8]>,
+    face_loads: Vec<FaceLoad>,
     gravity_m_per_s2: Vec3,
     tables: CompositeTables,
     blocks: Vec<ElementBlock>,
@@ -111,6 +122,7 @@ pub struct Body {
     coarse_stiffening: Vec<f64>,
     rigid: rigid::RigidParts,
     scratch: Scratch,
+    saved: quarantine::FiniteState,
     params: StepParams,
 }
 
@@ -140,7 +152,7 @@ impl Body {
     pub fn new(scene: &Scene, index: usize, params: StepParams, workers: &Workers<'_>) -> Result<Self, SceneError> {
         let object = &scene.desc.objects[index];
         let grid = voxelize::voxelize(object, &scene.meshes)?;
-        let loads = voxel_loads(&grid, object, &scene.meshes)?;
+        let loads = loads_of(&grid, object, &scene.meshes)?;
         let mut body = Self::at_rest(&object.name, grid, object, loads, scene.desc.gravity_m_per_s2.into(), params);
         body.rebuild_all(workers);
         Ok(body)
@@ -150,7 +162,7 @@ impl Body {
         name: &str,
         grid: Grid,
         object: &ObjectDesc,
-        voxel_loads: Vec<VoxelLoad>,
+        (voxel_loads, face_loads): (Vec<VoxelLoad>, Vec<FaceLoad>),
         gravity_m_per_s2: Vec3,
         params: StepParams,
     ) -> Self {
@@ -172,6 +184,7 @@ impl Body {
             external_n: Vec::new(),
             voxel_loads,
             element_loads_n: Vec::new(),
+            face_loads,
             gravity_m_per_s2,
             blocks: Vec::new(),
             states: Vec::new(),
@@ -181,6 +194,7 @@ impl Body {
             coarse_stiffening: Vec::new(),
             rigid: rigid::RigidParts::default(),
             scratch: Scratch::default(),
+            saved: quarantine::FiniteState::default(),
             params,
         };
         body.position_m = (0..body.node_count()).map(|n| body.rest_position_m(n).into()).collect();
@@ -363,6 +377,22 @@ impl Body {
                 (0..3).for_each(|i| self.external_n[node as usize][i] += load[i]);
             }
         }
+        let mut external = std::mem::take(&mut self.external_n);
+        for load in &self.face_loads {
+            let (axis, step) = load.face.axis_and_step();
+            let mut at = self.grid.centre_m(self.grid.voxels()[load.voxel.index()].ijk);
+            at[axis] += 0.5 * f64::from(step) * self.grid.voxel_size_m();
+            self.share_out(&mut external, load.voxel, &at, &load.force_n);
+        }
+        self.external_n = external;
+    }
+
+    /// Shares a force at a reference position out to the nodes of the voxel's element.
+    fn share_out(&self, forces: &mut Nodal, voxel: VoxelId, at_m: &Vec3, force_n: &Vec3) {
+        let (nodes, n) = self.weights(&MaterialPoint { position_m: *at_m, voxel });
+        for (node, n) in nodes.into_iter().zip(n) {
+            (0..3).for_each(|i| forces[node as usize][i] += n * force_n[i]);
+        }
     }
 
     /// Builds every matrix from scratch and evaluates forces at the current state.
@@ -380,6 +410,7 @@ impl Body {
         }
         self.write_rotations();
         self.multigrid.rebuild(workers, &self.levels);
+        self.save_finite_state();
     }
 
     fn resize_blocks(&mut self) {
@@ -411,8 +442,9 @@ fn build_levels(grid: &Grid, exponent: u8) -> Vec<Level> {
     }
 }
 
-fn voxel_loads(grid: &Grid, object: &ObjectDesc, meshes: &Meshes) -> Result<Vec<VoxelLoad>, SceneError> {
+fn loads_of(grid: &Grid, object: &ObjectDesc, meshes: &Meshes) -> Result<(Vec<VoxelLoad>, Vec<FaceLoad>), SceneError> {
     let mut loads = vec![VoxelLoad::default(); grid.voxels().len()];
+    let mut face_loads = Vec::new();
     for shape in &object.fixed {
         for voxel in voxelize::region_voxels(grid, shape, meshes)? {
             loads[voxel.index()].held = true;
@@ -427,26 +459,30 @@ fn voxel_loads(grid: &Grid, object: &ObjectDesc, meshes: &Meshes) -> Result<Vec<
                 }
             }
             LoadDesc::Traction { region, face, traction_pa } => {
+                let (axis, step) = face.axis_and_step();
                 for voxel in voxelize::region_voxels(grid, region, meshes)? {
-                    if grid.voxel_at(across(grid.voxels()[voxel.index()].ijk, *face)).is_none() {
-                        loads[voxel.index()].force_n += Vec3::from(*traction_pa) * h * h;
+                    let mut beyond = grid.voxels()[voxel.index()].ijk;
+                    beyond[axis] += step;
+                    if grid.voxel_at(beyond).is_none() {
+                        face_loads.push(FaceLoad { voxel, face: *face, force_n: Vec3::from(*traction_pa) * h * h });
                     }
                 }
             }
         }
     }
-    Ok(loads)
+    Ok((loads, face_loads))
 }
 
-fn across(mut cell: crate::grid::Ijk, face: Face) -> crate::grid::Ijk {
-    let (axis, step) = match face {
-        Face::MinX => (0, -1),
-        Face::MaxX => (0, 1),
-        Face::MinY => (1, -1),
-        Face::MaxY => (1, 1),
-        Face::MinZ => (2, -1),
-        Face::MaxZ => (2, 1),
-    };
-    cell[axis] += step;
-    cell
+impl Face {
+    /// The axis of the face's normal and which way it points.
+    fn axis_and_step(self) -> (usize, i32) {
+        match self {
+            Face::MinX => (0, -1),
+            Face::MaxX => (0, 1),
+            Face::MinY => (1, -1),
+            Face::MaxY => (1, 1),
+            Face::MinZ => (2, -1),
+            Face::MaxZ => (2, 1),
+        }
+    }
 }

@@ -64,6 +64,7 @@ impl Body {
         }
         self.params = params;
         self.set_time_step(workers, params.dt_s);
+        self.save_finite_state();
         end
     }
 

@@ -47,6 +47,7 @@ impl Body {
         }
         self.write_rotations();
         self.multigrid.update_changed(workers, &self.levels, &changes);
+        self.save_finite_state();
         let rebound_voxels = base.split_elements.iter().flat_map(|&(new, _)| self.voxels_of(new as usize)).collect();
         TopologyChange { elements, nodes: base.split_nodes.iter().map(|s| s.0).collect(), rebound_voxels }
     }

@@ -20,15 +20,30 @@ use crate::{Mat3, Vec3};
 const MARKERS_PER_VOXEL: f64 = 2.0;
 /// A front does not advance by more than this many voxels in a step.
 const MAX_ADVANCE_VOXELS: f64 = 2.0;
+/// A front advances through the deformed material in steps of at most this share of a voxel, and in
+/// so many of them at most.
+const MARCH_VOXELS: f64 = 0.25;
+const MAX_MARCH_STEPS: u32 = 64;
 /// A contact that has opened by this share of a voxel is let go where nothing is cut.
 const RELEASE_VOXELS: f64 = 0.5;
 /// A marker this many voxels beside its edge has lost it.
 const LOST_VOXELS: f64 = 2.0;
-/// The strip that is swept starts this share of a voxel behind the front, so that consecutive strips
-/// overlap and no link slips through between them.
-const OVERLAP_VOXELS: f64 = 0.25;
+/// Neighbouring markers farther apart than this in the material stand in different pieces of it.
+const CHAIN_GAP_VOXELS: f64 = 8.0;
+/// A cut starts this far outside the point where the edge came in, so that the voxels at the surface
+/// part too.
+const START_VOXELS: f64 = 0.5;
+/// Strips are shifted by this share of a voxel toward the blade's positive side: a voxel centre that
+/// lies on the blade's plane, give or take the drift of the front, is on its negative side for every
+/// link and every strip.
+const NUDGE_VOXELS: f64 = 1e-3;
+/// A surface faces the edge where the cosine between its inward normal and the cutting direction is
+/// above this.
+const FACING: f64 = 0.2;
 /// Virgin contact slides sideways where the sideways force exceeds this share of the forward one.
 const EDGE_GRIP: f64 = 1.0;
+/// Compression between H and a of a material that stiffens, over `H / sqrt(c)`.
+const SATURATED_GAP: f64 = 1.2;
 /// Least compliance of the contact, times E: keeps the spring finite where the formula goes negative.
 const LEAST_COMPLIANCE: f64 = 0.1;
 
@@ -48,6 +63,11 @@ enum Ahead {
 struct Anchor {
     /// Reference position of the front, m.
     position_m: Vec3,
+    /// Where the material that has been swept ends here, m: `position_m` as the last sweep left it.
+    /// Strips start exactly where the last ones ended, so that the cut has no gaps.
+    swept_m: Vec3,
+    /// Where the cut begins here, m; moves with `position_m` until the marker yields.
+    start_m: Vec3,
     /// The voxels at the ends of the next link; the force is shared between them.
     voxels: [VoxelId; 2],
     ahead: Ahead,
@@ -113,9 +133,10 @@ pub struct Front {
     share_m: f64,
     /// Energy in springs that were let go in this step's detection, J.
     dropped_j: f64,
-    /// Positions of the markers before and after the front advanced.
-    old: Vec<Option<Vec3>>,
-    new: Vec<Option<Vec3>>,
+    /// Where the strips of a step end, by marker.
+    target: Vec<Vec3>,
+    /// Position and start of every marker before they slide along the edge.
+    chain: Vec<Option<(Vec3, Vec3)>>,
     /// Springs of the step that is being taken.
     pub contacts: Vec<FrontContact>,
 }
@@ -140,8 +161,8 @@ impl Front {
             markers: vec![Marker::Outside; count],
             share_m: blade.width_m / count as f64,
             dropped_j: 0.0,
-            old: Vec::with_capacity(count),
-            new: Vec::with_capacity(count),
+            target: Vec::with_capacity(count),
+            chain: Vec::with_capacity(count),
             contacts: Vec::with_capacity(count),
         }
     }
@@ -208,7 +229,7 @@ impl Front {
             let was = self.markers[index];
             self.markers[index] = match was {
                 Marker::On(anchor) => edge.keep(body, hash, anchor),
-                Marker::Outside => edge.enter(body, hash),
+                Marker::Outside => edge.enter(body, hash, self.beside(index)),
                 Marker::Buried => match narrow::locate(body, hash, &edge.now_m) {
                     Some(_) => Marker::Buried,
                     None => Marker::Outside,
@@ -228,18 +249,19 @@ impl Front {
     pub fn advance(&mut self, body: &Body, motion: &BladeMotion<'_>, links: &mut Vec<(LinkId, Crossing)>) -> FrontBook {
         let mut book = FrontBook { numerical_j: self.dropped_j, ..FrontBook::default() };
         let frame = BladeFrame::of(&motion.pose);
-        write_positions(&self.markers, &mut self.old);
         for contact in &self.contacts {
             let Marker::On(anchor) = &mut self.markers[contact.marker] else { continue };
-            let step = settle_marker(body, anchor, contact, &frame, &mut book);
-            anchor.position_m += step;
-        }
-        write_positions(&self.markers, &mut self.new);
-        for contact in &self.contacts {
-            if contact.forward.mode == Mode::Yield {
-                self.sweep(body, contact.marker, links, &mut book);
+            let virgin = !anchor.yielded;
+            let step = settle_marker(body, anchor, contact, &frame, self.share_m, &mut book);
+            if virgin && anchor.yielded {
+                anchor.start_m = anchor.position_m;
+                self.open_beside(body, contact.marker, &frame, links);
+            }
+            if let Marker::On(anchor) = &mut self.markers[contact.marker] {
+                anchor.position_m += step;
             }
         }
+        self.sweep(body, &frame, links);
         book.slip_j -= book.fracture_j;
         self.follow_edge(body, motion, &frame);
         self.drop_outside(body);
@@ -252,68 +274,114 @@ impl Front {
         2 * self.markers.len()
     }
 
-    /// Links across the strip of one marker, from the middle to its left neighbour to the middle to
-    /// its right one; the strips of a chain without gaps have no gaps.
-    fn sweep(&self, body: &Body, index: usize, links: &mut Vec<(LinkId, Crossing)>, book: &mut FrontBook) {
-        let (Some(from), Some(to), Marker::On(anchor)) = (self.old[index], self.new[index], &self.markers[index])
-        else {
-            return;
-        };
-        let Some(ahead) = (to - from).try_normalize(0.0) else { return };
-        let back = ahead * (OVERLAP_VOXELS * body.grid.voxel_size_m());
-        let mut area = 0.0;
-        for toward in [-1, 1] {
-            let (a, b) = (self.border(index, toward, &self.old, from), self.border(index, toward, &self.new, to));
-            area += 0.5 * ((b - from).cross(&(to - a))).norm();
-            for triangle in [[from - back, a - back, b], [from - back, b, to]] {
-                links_across(&body.grid, triangle, |link, crossing| {
-                    if body.grid.is_intact(link) && fracture_energy(body, link).is_finite() {
-                        links.push((link, crossing));
-                    }
-                });
-            }
-        }
-        if let Ahead::Intact { fracture_energy_j_per_m2, .. } = anchor.ahead {
-            book.area_m2 += area;
-            book.fracture_j += fracture_energy_j_per_m2 * area;
+    fn anchor(&self, index: usize) -> Option<&Anchor> {
+        match self.markers.get(index)? {
+            Marker::On(anchor) => Some(anchor),
+            _ => None,
         }
     }
 
-    /// Border of a marker's share in a chain: half way to its neighbour, or as far beyond its own
-    /// point as the other border is before it.
-    fn border(&self, index: usize, toward: i32, chain: &[Option<Vec3>], at: Vec3) -> Vec3 {
-        let neighbour = |side: i32| {
-            let other = usize::try_from(index as i32 + side).ok()?;
-            let position = (*chain.get(other)?)?;
-            ((position - at).norm() < 4.0 * self.share_m).then_some(position)
-        };
-        match (neighbour(toward), neighbour(-toward)) {
-            (Some(next), _) => 0.5 * (at + next),
-            (None, Some(previous)) => at + 0.5 * (at - previous),
-            (None, None) => at,
+    /// A neighbour of a marker that is in contact, and on which side of the marker it stands.
+    fn beside(&self, index: usize) -> Option<(f64, Anchor)> {
+        let side = |side: f64, at: usize| self.anchor(at).map(|anchor| (side, *anchor));
+        side(-1.0, index.wrapping_sub(1)).or_else(|| side(1.0, index + 1))
+    }
+
+    /// The anchors of two neighbouring markers where they stand in one piece of material.
+    fn segment(&self, body: &Body, left: usize) -> Option<[&Anchor; 2]> {
+        let ends = [self.anchor(left)?, self.anchor(left + 1)?];
+        let gap = (ends[0].swept_m - ends[1].swept_m).norm();
+        (gap < CHAIN_GAP_VOXELS * body.grid.voxel_size_m()).then_some(ends)
+    }
+
+    /// Parts what lies between the surface, the marker `index` that is about to start cutting, and the
+    /// cut of a neighbour that started before it: on a curved surface the edge comes in share by share.
+    fn open_beside(&self, body: &Body, index: usize, frame: &BladeFrame, links: &mut Vec<(LinkId, Crossing)>) {
+        let Some(own) = self.anchor(index) else { return };
+        let out = own.pull_back(body, &frame.forward).normalize() * (-START_VOXELS * body.grid.voxel_size_m());
+        let nudge = own.nudge(body, frame);
+        for left in [index.wrapping_sub(1), index] {
+            let Some(ends) = self.segment(body, left) else { continue };
+            let other = if left == index { ends[1] } else { ends[0] };
+            let [from, to] = [own.start_m + nudge, other.start_m + nudge];
+            part_quad(body, [from, to, to + out, from + out], links);
+            if other.yielded {
+                part_quad(body, [from, to, other.swept_m, own.swept_m], links);
+            }
         }
+    }
+
+    /// Parts the links between where the chain was and where it is now. Neighbours
+    /// share their edges of the strip, consecutive strips the chain between them: no link slips
+    /// through, whichever markers move.
+    fn sweep(&mut self, body: &Body, frame: &BladeFrame, links: &mut Vec<(LinkId, Crossing)>) {
+        let count = self.markers.len();
+        let mut target = std::mem::take(&mut self.target);
+        let place = |anchor: &Anchor| anchor.position_m + anchor.nudge(body, frame);
+        target.clear();
+        target.extend((0..count).map(|i| self.anchor(i).map_or(Vec3::zeros(), place)));
+        for index in 0..count {
+            let Some(own) = self.anchor(index) else { continue };
+            let (from, to) = (own.swept_m, target[index]);
+            for (side, left) in [(-1.0, index.wrapping_sub(1)), (1.0, index)] {
+                let segment = self.segment(body, left).filter(|ends| ends[0].yielded || ends[1].yielded);
+                if let Some(ends) = segment {
+                    if left == index {
+                        part_quad(body, [from, ends[1].swept_m, target[index + 1], to], links);
+                    }
+                } else if own.yielded {
+                    // The chain ends here: half a share beyond at the blade's end, and up to the next
+                    // marker where that one is outside the material.
+                    let half = own.pull_back(body, &frame.along) * (0.5 * side * self.share_m);
+                    let beside = if side < 0.0 { index.checked_sub(1) } else { Some(index + 1) };
+                    let outside =
+                        beside.and_then(|i| self.markers.get(i)).is_some_and(|m| matches!(m, Marker::Outside));
+                    let reach = if outside { 2.0 * half } else { half };
+                    part_quad(body, [from, from + reach, to + reach, to], links);
+                }
+            }
+        }
+        for (marker, target) in self.markers.iter_mut().zip(&target) {
+            if let Marker::On(anchor) = marker {
+                anchor.swept_m = *target;
+            }
+        }
+        self.target = target;
     }
 
     /// Slides markers along the chain to where their share of the edge is now.
     fn follow_edge(&mut self, body: &Body, motion: &BladeMotion<'_>, frame: &BladeFrame) {
+        let mut chain = std::mem::take(&mut self.chain);
+        chain.clear();
+        chain.extend((0..self.markers.len()).map(|i| self.anchor(i).map(|a| (a.position_m, a.start_m))));
         let count = self.markers.len();
+        let gap = CHAIN_GAP_VOXELS * body.grid.voxel_size_m();
         for index in 0..count {
             let Marker::On(anchor) = self.markers[index] else { continue };
             let edge = motion.pose.transform(&motion.blade.sample(index, count));
             let slip = (edge - anchor.current_m(body)).dot(&frame.along);
             let next = if slip > 0.0 { index + 1 } else { index.wrapping_sub(1) };
-            let beside = self.new.get(next).copied().flatten();
-            let shift = match beside.filter(|p| (p - anchor.position_m).norm() < 4.0 * self.share_m) {
-                Some(position) => (position - anchor.position_m) * (slip.abs() / self.share_m).min(1.0),
-                None => anchor.pull_back(body, &frame.along) * slip,
-            };
+            let beside = chain.get(next).copied().flatten().filter(|b| (b.0 - anchor.position_m).norm() < gap);
             let mut moved = anchor;
-            moved.position_m += shift;
+            match beside {
+                Some((position, start)) => {
+                    let share = (slip.abs() / self.share_m).min(1.0);
+                    moved.position_m += (position - anchor.position_m) * share;
+                    moved.start_m += (start - anchor.start_m) * share;
+                }
+                None => {
+                    let shift = anchor.pull_back(body, &frame.along) * slip;
+                    moved.position_m += shift;
+                    moved.start_m += shift;
+                }
+            }
             if !moved.yielded {
                 moved.position_m = onto_surface(body, moved.position_m);
+                moved.start_m = moved.position_m;
             }
             self.markers[index] = Marker::On(moved);
         }
+        self.chain = chain;
     }
 
     /// Markers that have come out of the material on the other side are outside.
@@ -322,20 +390,11 @@ impl Front {
             if let Marker::On(anchor) = marker
                 && anchor.ahead == Ahead::Outside
                 && body.grid.signed_distance_m(&anchor.position_m) > 0.0
-                && anchor.yielded
             {
                 *marker = Marker::Outside;
             }
         }
     }
-}
-
-fn write_positions(markers: &[Marker], out: &mut Vec<Option<Vec3>>) {
-    out.clear();
-    out.extend(markers.iter().map(|marker| match marker {
-        Marker::On(anchor) => Some(anchor.position_m),
-        _ => None,
-    }));
 }
 
 /// Books one marker's step and returns how far its point advances, reference configuration.
@@ -344,6 +403,7 @@ fn settle_marker(
     anchor: &mut Anchor,
     contact: &FrontContact,
     frame: &BladeFrame,
+    share_m: f64,
     book: &mut FrontBook,
 ) -> Vec3 {
     let forward = &contact.forward;
@@ -368,8 +428,17 @@ fn settle_marker(
     book.stored_j += stored;
     anchor.stored_j = stored;
     anchor.mode = forward.mode;
-    anchor.yielded |= forward.mode == Mode::Yield;
-    let mut step = anchor.pull_back(body, &frame.forward) * advance;
+    // Grazing the outside starts no cut.
+    anchor.yielded |= forward.mode == Mode::Yield && anchor.ahead != Ahead::Outside;
+    let mut step = anchor.march(body, frame, advance);
+    if let Ahead::Intact { fracture_energy_j_per_m2, .. } = anchor.ahead
+        && advance > 0.0
+    {
+        // What the front sweeps moving forward; what it slides along itself opens nothing.
+        let area = step.cross(&(anchor.pull_back(body, &frame.along) * share_m)).norm();
+        book.area_m2 += area;
+        book.fracture_j += fracture_energy_j_per_m2 * area;
+    }
     if !anchor.yielded && forward.mode == Mode::Spring {
         let grip = EDGE_GRIP * force / contact.lateral.stiffness_n_per_m;
         let excess = contact.lateral.gap_m - contact.lateral.gap_m.clamp(-grip, grip);
@@ -402,7 +471,7 @@ impl Edge {
     }
 
     /// A marker that was outside: still is, or the edge has come in through a surface.
-    fn enter(&self, body: &Body, hash: &SpatialHash) -> Marker {
+    fn enter(&self, body: &Body, hash: &SpatialHash, beside: Option<(f64, Anchor)>) -> Marker {
         let Some(point) = narrow::locate(body, hash, &self.now_m) else { return Marker::Outside };
         let (nodes, n) = body.weights(&point);
         let tissue: Vec3 =
@@ -413,6 +482,8 @@ impl Edge {
         }
         let mut anchor = Anchor {
             position_m: point.position_m,
+            swept_m: point.position_m,
+            start_m: point.position_m,
             voxels: [point.voxel; 2],
             ahead: Ahead::Outside,
             yielded: false,
@@ -421,8 +492,30 @@ impl Edge {
         };
         let back = anchor.pull_back(body, &self.frame.forward);
         anchor.position_m = surface_behind(body, point.position_m, back, approach);
+        if let Some((side, neighbour)) = beside
+            && grazes(body, &anchor.position_m, &back)
+        {
+            return self.join(body, side, neighbour);
+        }
+        anchor.start_m = anchor.position_m;
         anchor.look_ahead(body, &self.frame);
+        anchor.swept_m = anchor.position_m + anchor.nudge(body, &self.frame);
         Marker::On(anchor)
+    }
+
+    /// The edge came in through a side of the tissue that bulges along it, past a neighbour that is in
+    /// contact already: the marker goes on with the neighbour's front as soon as there is material
+    /// for it there. (Where the edge itself is, it would stand deeper than the front by the contact's
+    /// compression.)
+    fn join(&self, body: &Body, side: f64, neighbour: Anchor) -> Marker {
+        let mut anchor = neighbour;
+        anchor.position_m -= neighbour.pull_back(body, &self.frame.along) * (side * self.share_m);
+        anchor.start_m = anchor.position_m;
+        anchor.stored_j = 0.0;
+        anchor.ahead = Ahead::Outside;
+        anchor.look_ahead(body, &self.frame);
+        anchor.swept_m = anchor.position_m + anchor.nudge(body, &self.frame);
+        if anchor.ahead == Ahead::Outside { Marker::Outside } else { Marker::On(anchor) }
     }
 
     fn springs(&self, body: &Body, anchor: &Anchor) -> (Contact, Contact) {
@@ -450,16 +543,21 @@ impl Edge {
         forward.mode = if forward.limit_n == 0.0 && forward.gap_predicted_m > 0.0 { Mode::Yield } else { anchor.mode };
         let mut lateral = spring(self.frame.normal);
         lateral.bilateral = true;
+        lateral.mode = lateral_mode(&forward);
         (forward, lateral)
     }
+}
+
+/// The edge holds the material beside it while it presses on material that holds.
+fn lateral_mode(forward: &Contact) -> Mode {
+    if forward.mode != Mode::Off && forward.yield_n > 0.0 { Mode::Spring } else { Mode::Off }
 }
 
 impl FrontContact {
     /// Takes the solution's change of velocity; returns whether a mode had to change.
     pub fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]]) -> bool {
         let changed = self.forward.settle(dt_s, velocity_change);
-        let holds = self.forward.mode != Mode::Off && self.forward.yield_n > 0.0;
-        self.lateral.mode = if holds { Mode::Spring } else { Mode::Off };
+        self.lateral.mode = lateral_mode(&self.forward);
         self.lateral.gap_m = self.lateral.gap_predicted_m
             - dt_s * self.lateral.weights.sum(velocity_change).dot(&self.lateral.direction);
         changed
@@ -499,15 +597,47 @@ impl Anchor {
         if length.is_finite() && length > 0.0 { pulled * (length.min(5.0) / length) } else { *direction }
     }
 
-    /// Finds the link that the blade's plane crosses half a voxel ahead.
+    /// The reference vector from the front to the point that lies `distance` farther along the cutting
+    /// direction in the scene, at most as far as the material ahead stays what it is. In short steps:
+    /// under the edge soft tissue is squeezed to a third, a few millimetres on it is not.
+    fn march(&self, body: &Body, frame: &BladeFrame, distance: f64) -> Vec3 {
+        let longest = MARCH_VOXELS * body.grid.voxel_size_m();
+        let from = self.current_m(body);
+        let mut ahead = *self;
+        for _ in 0..MAX_MARCH_STEPS {
+            let left = distance - (ahead.current_m(body) - from).dot(&frame.forward);
+            if left <= 1e-3 * distance {
+                break;
+            }
+            let step = ahead.pull_back(body, &frame.forward) * left;
+            ahead.position_m += step * (longest / step.norm()).min(1.0);
+            ahead.look_ahead(body, frame);
+            if ahead.ahead != self.ahead {
+                break;
+            }
+        }
+        ahead.position_m - self.position_m
+    }
+
+    /// The shift of strips that settles on which side a centre on the blade's plane is.
+    fn nudge(&self, body: &Body, frame: &BladeFrame) -> Vec3 {
+        let normal = (self.gradient(body).transpose() * frame.normal).try_normalize(0.0).unwrap_or(frame.normal);
+        normal * (NUDGE_VOXELS * body.grid.voxel_size_m())
+    }
+
+    /// Finds the link that the blade's plane crosses ahead: so far ahead that the crossing of the
+    /// column it is looked for in cannot lie behind the front, where the blade itself has parted it.
     fn look_ahead(&mut self, body: &Body, frame: &BladeFrame) {
         let grid = &body.grid;
         let h = grid.voxel_size_m();
         let f = self.gradient(body);
         let ahead = self.pull_back(body, &frame.forward).normalize();
         let normal = f.transpose() * frame.normal;
-        let at = self.position_m + ahead * (0.5 * h);
         let axis = normal.iamax();
+        // A point of the plane half a voxel off in one of the other axes is this far off along `ahead`.
+        let along = |a: usize| (ahead[a] - ahead[axis] * normal[a] / normal[axis]).abs();
+        let reach = 0.5 * (0..3).filter(|a| *a != axis).map(along).sum::<f64>();
+        let at = self.position_m + ahead * (reach.max(0.5) * h);
         let cell = grid.cell_of(&at);
         let centre = grid.centre_m(cell);
         // The plane's height over the centre of the column, not over the marker.
@@ -529,6 +659,8 @@ impl Anchor {
                     initiation_ratio: material.initiation_ratio,
                 }
             }
+            // Past the last link what held there holds on to the surface.
+            _ if grid.signed_distance_m(&self.position_m) < 0.0 => self.ahead,
             _ => Ahead::Outside,
         };
         // Beyond an old cut the crack is there already: nothing has to be initiated.
@@ -549,7 +681,10 @@ impl Anchor {
     /// Stiffness of the contact per length of edge: in series with the composite element, it gives
     /// the compliance that a line load of half-width a has on the continuum wherever it stands in
     /// its cell, `k = E / (2 (1 - nu^2) / pi ln(H / a) - 0.24 + 0.65 (1 - nu^2) / 0.7975 4 xi (1 - xi))`,
-    /// H the element's edge, xi the place across the blade in the cell. Stiffened tissue stiffens it.
+    /// H the element's edge, xi the place across the blade in the cell. Stiffened tissue stiffens it;
+    /// and as its strain under the edge saturates, between H and a it gives by no more than
+    /// `H / sqrt(c)` or so at the load at which it is cut (the integral of the strain
+    /// `eps exp(c eps^2) = sigma / E` over that range).
     fn stiffness_n_per_m2(&self, body: &Body, frame: &BladeFrame, half_width_m: f64) -> f64 {
         let material = body.material_of(self.voxels[0]);
         let element = body.element_of(self.voxels[0]);
@@ -558,7 +693,21 @@ impl Anchor {
         let plane = 1.0 - material.poisson_ratio * material.poisson_ratio;
         let line = 2.0 * plane / std::f64::consts::PI * ln(body.element_edge_m() / half_width_m);
         let compliance = line - 0.24 + 0.65 * plane / 0.7975 * 4.0 * xi * (1.0 - xi);
-        material.young_modulus_pa * body.stiffening(element) / compliance.max(LEAST_COMPLIANCE)
+        let small = material.young_modulus_pa * body.stiffening(element) / compliance.max(LEAST_COMPLIANCE);
+        let c = 0.5 * material.law.stiffening_rate_per_pa * material.young_modulus_pa;
+        let load = material.fracture_energy_j_per_m2.unwrap_or(0.0) * material.initiation_ratio;
+        small.max(load * c.sqrt() / (SATURATED_GAP * body.element_edge_m()))
+    }
+}
+
+/// Parts the intact links across a quadrilateral, but for those that cannot be cut.
+fn part_quad(body: &Body, [a, b, c, d]: [Vec3; 4], links: &mut Vec<(LinkId, Crossing)>) {
+    for triangle in [[a, b, c], [a, c, d]] {
+        links_across(&body.grid, triangle, |link, crossing| {
+            if body.grid.is_intact(link) && fracture_energy(body, link).is_finite() {
+                links.push((link, crossing));
+            }
+        });
     }
 }
 
@@ -597,14 +746,27 @@ fn surface_behind(body: &Body, inside: Vec3, back: Vec3, approach: f64) -> Vec3 
     inside - back * low
 }
 
+/// Gradient of the signed distance over a voxel around `at`.
+fn outward(body: &Body, at: &Vec3) -> Vec3 {
+    let grid = &body.grid;
+    let h = grid.voxel_size_m();
+    Vec3::from_fn(|a, _| {
+        let offset = Vec3::from_fn(|b, _| if a == b { 0.5 * h } else { 0.0 });
+        (grid.signed_distance_m(&(at + offset)) - grid.signed_distance_m(&(at - offset))) / h
+    })
+}
+
+/// Whether `at` is on a surface that runs along the direction `ahead`, rather than facing it.
+fn grazes(body: &Body, at: &Vec3, ahead: &Vec3) -> bool {
+    let on_surface = body.grid.signed_distance_m(at) > -0.25 * body.grid.voxel_size_m();
+    let normal = outward(body, at);
+    on_surface && normal.dot(ahead) > -FACING * normal.norm() * ahead.norm()
+}
+
 /// Moves a reference point to the object's surface along the signed distance's gradient.
 fn onto_surface(body: &Body, at: Vec3) -> Vec3 {
     let grid = &body.grid;
-    let h = grid.voxel_size_m();
-    let gradient = Vec3::from_fn(|a, _| {
-        let offset = Vec3::from_fn(|b, _| if a == b { 0.5 * h } else { 0.0 });
-        (grid.signed_distance_m(&(at + offset)) - grid.signed_distance_m(&(at - offset))) / h
-    });
+    let gradient = outward(body, &at);
     let size2 = gradient.norm_squared();
     if size2.is_finite() && size2 > 0.01 { at - gradient * (grid.signed_distance_m(&at) / size2) } else { at }
 }

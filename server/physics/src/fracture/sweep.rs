@@ -2,7 +2,8 @@
 //!
 //! A link is an axis-aligned segment, so a triangle is tested in the plane across the axis: point in
 //! triangle, then the crossing's place along the link. Points on an edge count as inside: adjacent
-//! triangles may both find a link, which parts once, but none is missed.
+//! triangles may both find a link, which parts once, but none is missed. A triangle through a voxel's
+//! centre leaves open which of two links it crosses; whoever sweeps keeps off the centres.
 
 use crate::Vec3;
 use crate::grid::{Crossing, Grid, LinkId};
@@ -30,7 +31,10 @@ pub fn links_across(grid: &Grid, triangle: [Vec3; 3], mut visit: impl FnMut(Link
                     continue;
                 }
                 let offset = unit[b] * (f64::from(j) - p[0][b]) + unit[c] * (f64::from(k) - p[0][c]);
-                let at = p[0][axis] - offset / unit[axis];
+                let exact = p[0][axis] - offset / unit[axis];
+                // A sliver seen almost edge-on: the division must not throw the crossing off it.
+                let ends = p.map(|v| v[axis]);
+                let at = exact.clamp(ends[0].min(ends[1]).min(ends[2]), ends[0].max(ends[1]).max(ends[2]));
                 let lower = at.floor();
                 let mut cell = [0; 3];
                 (cell[axis], cell[b], cell[c]) = (lower as i32, j, k);

@@ -258,6 +258,18 @@ impl Multigrid {
         Self { levels, coarsest }
     }
 
+    /// Estimates the smoothers' eigenvalues afresh, and higher than they were: after a topology change
+    /// the estimates carry on from the old ones and may lie below the new truth, and a smoother made
+    /// for too short a spectrum is indefinite.
+    pub fn widen_spectrum(&mut self, workers: &Workers<'_>) {
+        for level in &mut self.levels {
+            let before = level.largest_eigenvalue;
+            level.eigenvector.clear();
+            level.estimate_eigenvalue(workers, 20);
+            level.largest_eigenvalue = level.largest_eigenvalue.max(1.3 * before);
+        }
+    }
+
     /// The finest level's operator.
     #[must_use]
     pub fn operator(&self) -> &Operator {

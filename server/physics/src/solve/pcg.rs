@@ -8,6 +8,9 @@ use super::operator::{NODES_PER_CHUNK, NodeVector};
 use crate::workers::Workers;
 use wide::{f32x4, f64x4};
 
+/// Times that a solve mends a preconditioner that turns out indefinite.
+const MAX_REPAIRS: u32 = 3;
+
 /// Vectors of a solve, kept between solves.
 #[derive(Default)]
 pub struct PcgScratch {
@@ -82,13 +85,33 @@ impl PcgScratch {
             *r = *b - *ap;
         }
         let mut norm_r = dot(&self.r, &self.r).sqrt();
+        if norm_r > norm_b {
+            // The guess is worse than none.
+            x.iter_mut().for_each(|v| *v = f32x4::ZERO);
+            self.r.copy_from_slice(b);
+            norm_r = norm_b;
+        }
         let (mut rz, mut alpha, mut iterations) = (0.0, 0.0, 0);
+        let mut repairs = 0;
+        let mut fresh = true;
         while norm_r > tolerance * norm_b && iterations < max_iterations {
             multigrid.precondition(workers, &self.r, &mut self.z);
+            let next_rz = dot(&self.r, &self.z);
+            if next_rz.is_nan() || next_rz <= 0.0 {
+                // The preconditioner lost definiteness. Mended once or twice it is good again;
+                // going on without would only make the answer worse.
+                if repairs == MAX_REPAIRS {
+                    break;
+                }
+                repairs += 1;
+                multigrid.widen_spectrum(workers);
+                fresh = true;
+                continue;
+            }
             // The residual changed by -alpha A p: beta = z . (r - r_previous) / (r . z)_previous.
-            let beta = if iterations == 0 { 0.0 } else { -alpha * dot(&self.ap, &self.z) / rz };
-            rz = dot(&self.r, &self.z);
-            if iterations == 0 {
+            let beta = if fresh { 0.0 } else { -alpha * dot(&self.ap, &self.z) / rz };
+            rz = next_rz;
+            if fresh {
                 self.p.copy_from_slice(&self.z);
             } else {
                 let beta = f32x4::splat(beta as f32);
@@ -96,11 +119,11 @@ impl PcgScratch {
             }
             multigrid.operator_mut().apply(workers, &self.p, &mut self.ap);
             let curvature = dot(&self.p, &self.ap);
-            // Not positive (or not a number): the matrix or the preconditioner lost definiteness;
-            // going on would only make the answer worse.
-            if curvature.is_nan() || curvature <= 0.0 || rz.is_nan() || rz <= 0.0 {
+            // Not positive (or not a number): the matrix is not definite along p.
+            if curvature.is_nan() || curvature <= 0.0 {
                 break;
             }
+            fresh = false;
             alpha = rz / curvature;
             add_scaled(x, alpha as f32, &self.p);
             add_scaled(&mut self.r, -alpha as f32, &self.ap);

@@ -1,0 +1,100 @@
+//! A blade cuts a block: force, work and area against Griffith's rule, on several meshes and planes.
+
+mod support;
+
+use kerf_physics::Vec3;
+use support::cutting::*;
+
+const SPEED_M_PER_S: f64 = 0.1;
+/// Start of a stroke above the block.
+const CLEARANCE_M: f64 = 5e-4;
+
+fn rig(h: f64, level: u8, yaw: f64, roll: f64, pitch: f64, off_m: f64, rate_hz: f64) -> Rig {
+    let scene = cutting_scene(block(h, level), 0.12, rate_hz);
+    let orientation = attitude(yaw, roll, pitch);
+    let forward = orientation * -Vec3::y();
+    let normal = orientation * Vec3::z();
+    // Through the block's middle, `off_m` beside it; the edge starts clear of the block.
+    let middle = Vec3::new(0.0, 0.5 * BLOCK_HEIGHT_M, 0.0) + normal * off_m;
+    let half = Vec3::new(0.5 * BLOCK_SIDE_M, 0.5 * BLOCK_HEIGHT_M, 0.5 * BLOCK_SIDE_M);
+    let reach = (0..3).map(|a| half[a] * forward[a].abs()).sum::<f64>() + CLEARANCE_M;
+    Rig::new(&scene, middle - forward * reach, orientation, SPEED_M_PER_S)
+}
+
+fn report(name: &str, rig: &Rig, force_ratio: f64) {
+    let (area, work) = rig.area_and_work_ratio(GC_J_PER_M2);
+    let tool = rig.sum(|s| s.energy.tool_work_j);
+    let share = |term: fn(&Sample) -> f64| rig.sum(term) / tool;
+    let (residual, residual_abs) = rig.residual_ratios();
+    println!(
+        "{name}: F/(Gc w) {force_ratio:.3}, highest {:.3} N, work/(Gc A) {work:.3}, A {area:.3e} m^2; of the tool's \
+         work: fracture {:.3} slip {:+.3} initiation {:.3} damping {:.3} parting {:+.4} numerical {:+.4} residual {residual:+.1e} ({residual_abs:.1e})",
+        rig.highest_force_n(),
+        share(|s| s.energy.fracture_j),
+        share(|s| s.energy.front_slip_j),
+        share(|s| s.energy.initiation_j),
+        share(|s| s.energy.damping_j),
+        share(|s| s.energy.parting_j),
+        share(|s| s.energy.numerical_j),
+    );
+}
+
+#[test]
+fn steady_cutting_takes_gc_per_width_and_gc_per_area_on_every_mesh() {
+    // Off the node planes by a share of a voxel that differs between the meshes.
+    for (h, level, off_m, rate_hz) in [
+        (2.5e-3, 2, 4e-4, 1000.0),
+        (2.5e-3, 2, 4e-4, 2000.0),
+        (2.5e-3, 2, 5e-3, 1000.0),
+        (2.5e-3, 1, -9e-4, 1000.0),
+        (1.25e-3, 2, 1.7e-3, 1000.0),
+    ] {
+        let mut rig = rig(h, level, 0.0, 0.0, 0.0, off_m, rate_hz);
+        rig.drive(0.022);
+        let plateau = rig.mean_force_n(0.008, 0.022) / (GC_J_PER_M2 * BLOCK_SIDE_M);
+        report(&format!("h {h}, level {level}, off {off_m:+.1e}, {rate_hz} Hz"), &rig, plateau);
+        let (_, work) = rig.area_and_work_ratio(GC_J_PER_M2);
+        assert!((plateau - 1.0).abs() < 0.05, "F/(Gc w) = {plateau}");
+        assert!((work - 1.0).abs() < 0.05, "work/(Gc A) = {work}");
+        let start = rig.highest_force_n() / (GC_J_PER_M2 * BLOCK_SIDE_M);
+        // Each share of the edge starts at 2 Gc; the shares at the block's sides, where it gives way
+        // sideways, start first.
+        assert!((1.8..2.02).contains(&start), "the first cut takes {start} Gc w, not the initiation ratio's 2");
+        let (residual, residual_abs) = rig.residual_ratios();
+        assert!(residual_abs < 0.01, "energy residual {residual} ({residual_abs}) of the tool's work");
+    }
+}
+
+#[test]
+fn a_stroke_through_the_block_leaves_two_pieces_and_no_bridge_on_any_plane() {
+    let voxels = (16 * 12 * 16) as f64;
+    let h = 2.5e-3;
+    for (name, yaw, roll, pitch, off_m) in [
+        ("(0, 0, 1) between the centres", 0.0, 0.0, 0.0, 4e-4),
+        ("(0, 0, 1) through the centres", 0.0, 0.0, 0.0, 0.5 * h),
+        ("(0, 0, 1) between the voxels", 0.0, 0.0, 0.0, h),
+        ("(1, 0, 0)", 90.0, 0.0, 0.0, 3e-4),
+        ("(1, 0, 1) through the centres", 45.0, 0.0, 0.0, 0.0),
+        ("(-1, 0, 1)", -45.0, 0.0, 0.0, 4e-4),
+        ("(1, 1, 1)", 45.0, 0.0, -35.26, 3e-4),
+        ("(0, 0, 1), edge oblique", 0.0, 20.0, 0.0, 4e-4),
+        ("(1, 1, 1), edge oblique", 45.0, 30.0, -35.26, 0.0),
+        ("(2, 0, 3)", 33.7, 0.0, 0.0, 1e-4),
+    ] {
+        let mut rig = rig(h, 2, yaw, roll, pitch, off_m, 1000.0);
+        let forward = rig.forward();
+        let half = Vec3::new(0.5 * BLOCK_SIDE_M, 0.5 * BLOCK_HEIGHT_M, 0.5 * BLOCK_SIDE_M);
+        let reach = (0..3).map(|a| half[a] * forward[a].abs()).sum::<f64>();
+        rig.drive(2.0 * reach + 4e-3);
+        let normal = rig.orientation * Vec3::z();
+        let middle = Vec3::new(0.0, 0.5 * BLOCK_HEIGHT_M, 0.0);
+        let polygon = plane_area_in_box(middle + normal * off_m, normal, middle - half, middle + half);
+        let (area, work) = rig.area_and_work_ratio(GC_J_PER_M2);
+        let sizes = pieces(rig.body(), |_| true);
+        report(&format!("{name}: pieces {sizes:?} of {voxels}, A / polygon {:.3}", area / polygon), &rig, 0.0);
+        assert_eq!(sizes.len(), 2, "{name}: pieces of {sizes:?} voxels");
+        assert_eq!(rig.body().part_count(), 2);
+        assert!((area / polygon - 1.0).abs() < 0.08, "{name}: swept {area}, the plane's polygon is {polygon}");
+        assert!((work - 1.0).abs() < 0.05, "{name}: work/(Gc A) = {work}");
+    }
+}

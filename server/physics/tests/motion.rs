@@ -1,0 +1,255 @@
+//! Motion without tools: what implicit Euler keeps exactly, and what bounds the energy.
+
+mod support;
+
+use kerf_physics::body::Body;
+use kerf_physics::fault::FaultKind;
+use kerf_physics::grid::{Crossing, LinkId};
+use kerf_physics::scene::{ObjectDesc, Scene, ShapeDesc};
+use kerf_physics::{NoClock, Quat, StepInputs, Vec3, Workers, World};
+use support::{Lcg, object, run, scene};
+
+const GRAVITY_M_PER_S2: f64 = 9.81;
+
+/// A bar of 12 x 4 x 4 voxels of 1 cm; partly filled cells at level 2 along x where `filled` is less.
+fn bar(level: u8) -> ObjectDesc {
+    object([0.0; 3], [0.12, 0.04, 0.04], 0.01, level)
+}
+
+fn ellipsoid(level: u8) -> ObjectDesc {
+    let mut desc = bar(level);
+    desc.shape = ShapeDesc::Ellipsoid { center_m: [0.0; 3], semi_axes_m: [0.04, 0.03, 0.022] };
+    desc.voxel_size_m = Some(0.005);
+    desc
+}
+
+fn world(desc: ObjectDesc, tolerance: f64) -> (Scene, World) {
+    let mut scene = scene(vec![desc]);
+    scene.desc.solver.relative_tolerance = tolerance;
+    let world = World::new(&scene).expect("a valid scene");
+    (scene, world)
+}
+
+/// Parts every x link between the cells `i` and `i + 1`.
+fn cut_across(body: &mut Body, i: i32) {
+    let [_, ny, nz] = body.grid.dims();
+    let links: Vec<_> = (0..ny * nz)
+        .map(|n| (LinkId { cell: [i, n % ny, n / ny], axis: 0 }, Crossing { t: 0.5, normal: [1.0, 0.0, 0.0] }))
+        .collect();
+    let parted = body.part_links(&links);
+    body.update_topology(&Workers::serial(), &parted);
+}
+
+/// Takes positions and velocities that were set from outside into forces and the system matrix.
+fn take(body: &mut Body) {
+    body.evaluate(&Workers::serial(), 60);
+    body.refresh_operator(&Workers::serial());
+}
+
+/// Linear and angular momentum about the origin of the nodes of `part` of a body cut across.
+fn momenta(body: &Body, in_part: impl Fn(usize) -> bool) -> (Vec3, Vec3) {
+    let mut total = (Vec3::zeros(), Vec3::zeros());
+    for (node, p) in body.nodal_momentum().iter().enumerate().filter(|(n, _)| in_part(*n)) {
+        let p = Vec3::from(*p);
+        total.0 += p;
+        total.1 += Vec3::from(body.position_m[node]).cross(&p);
+    }
+    total
+}
+
+#[test]
+fn a_free_body_and_a_fragment_fall_as_implicit_euler_says_without_strain() {
+    let mut scene = scene(vec![ellipsoid(2), bar(2)]);
+    scene.desc.gravity_m_per_s2 = [0.0, -GRAVITY_M_PER_S2, 0.0];
+    scene.desc.solver.relative_tolerance = 1e-2;
+    scene.desc.objects[1].fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [0.01, 1.0, 1.0] }];
+    scene.desc.objects[1].name = "bar".into();
+    let mut world = World::new(&scene).expect("a valid scene");
+    cut_across(world.body_mut(1), 6);
+    assert_eq!(world.bodies()[1].part_count(), 2);
+    let steps = 200;
+    run(&mut world, steps);
+    let dt = 1e-3;
+    let (speed, fall) =
+        (GRAVITY_M_PER_S2 * dt * steps as f64, GRAVITY_M_PER_S2 * dt * dt * 0.5 * (steps * (steps + 1)) as f64);
+    for (index, body) in world.bodies().iter().enumerate() {
+        let mut worst: (f64, f64) = (0.0, 0.0);
+        let free = |n: usize| index == 0 || fragment(body)[n];
+        for node in (0..body.node_count()).filter(|n| free(*n)) {
+            let drop = Vec3::from(body.position_m[node]) - body.rest_position_m(node) + Vec3::new(0.0, fall, 0.0);
+            let slow = Vec3::from(body.velocity_m_per_s[node]) + Vec3::new(0.0, speed, 0.0);
+            worst = (worst.0.max(drop.amax() / fall), worst.1.max(slow.amax() / speed));
+        }
+        let inside: Vec<bool> = (0..body.node_count()).map(free).collect();
+        let mass = if index == 0 { body.mass_kg() } else { body.mass_kg() * 5.0 / 12.0 };
+        let mean = momenta(body, |n| inside[n]).0 / mass;
+        let mean_off = (mean + Vec3::new(0.0, speed, 0.0)).norm() / speed;
+        println!(
+            "{}: mean speed off by {mean_off:.1e} of {speed:.4} m/s, a node's at most by {:.1e}, its fall by {:.1e} of {fall:.4} m",
+            body.name, worst.1, worst.0
+        );
+        // The momentum is exact whatever the tolerance; strain stays below what the solve's 1e-2 leaves.
+        assert!(mean_off < 1e-12, "{}: {mean_off}", body.name);
+        assert!(worst.0 < 1e-4 && worst.1 < 2e-3, "{}: {worst:?}", body.name);
+    }
+    // The fragment fell by 0.2 m, the held half sags by its own weight: far less than a voxel.
+    let bar = world.bodies()[1];
+    let held = (0..bar.node_count()).filter(|n| !fragment(bar)[*n]);
+    let sag = held.map(|n| (Vec3::from(bar.position_m[n]) - bar.rest_position_m(n)).amax()).fold(0.0, f64::max);
+    assert!(sag < 1e-3, "the held half moved by {sag} m");
+}
+
+/// Nodes of the bar beyond the cut across x link 6.
+fn fragment(body: &Body) -> Vec<bool> {
+    let mut inside = vec![false; body.node_count()];
+    for (voxel, &element) in body.grid.voxels().iter().zip(&body.base().owner) {
+        if voxel.ijk[0] > 6 {
+            body.base().elements[element as usize].nodes.iter().for_each(|n| inside[*n as usize] = true);
+        }
+    }
+    inside
+}
+
+#[test]
+fn tumbling_fragments_keep_their_linear_and_angular_momentum_to_round_off() {
+    let (_, mut world) = world(bar(2), 1e-2);
+    let body = world.body_mut(0);
+    cut_across(body, 6);
+    let far = fragment(body);
+    for (node, far) in far.iter().enumerate() {
+        let x = Vec3::from(body.position_m[node]);
+        let (centre, spin, drift) = if *far {
+            (Vec3::new(0.095, 0.02, 0.02), Vec3::new(8.0, -21.0, 13.0), Vec3::new(0.3, 0.1, -0.2))
+        } else {
+            (Vec3::new(0.035, 0.02, 0.02), Vec3::new(-5.0, 2.0, 9.0), Vec3::new(-0.4, 0.0, 0.1))
+        };
+        body.velocity_m_per_s[node] = (drift + spin.cross(&(x - centre))).into();
+    }
+    take(body);
+    let energy = body.energy();
+    let start = [momenta(body, |n| far[n]), momenta(body, |n| !far[n])];
+    let mut worst = 0.0f64;
+    let mut highest = 0.0f64;
+    for _ in 0..1000 {
+        run(&mut world, 1);
+        let body = world.bodies()[0];
+        let now = [momenta(body, |n| far[n]), momenta(body, |n| !far[n])];
+        for (now, start) in now.iter().zip(&start) {
+            worst = worst.max((now.0 - start.0).norm() / start.0.norm());
+            worst = worst.max((now.1 - start.1).norm() / start.1.norm());
+        }
+        let e = body.energy();
+        highest = highest.max((e.kinetic_j + e.elastic_j) / energy.kinetic_j);
+    }
+    let body = world.bodies()[0];
+    let e = body.energy();
+    let kept = (e.kinetic_j + e.elastic_j) / energy.kinetic_j;
+    println!("1000 steps at 1e-2: momenta off by {worst:.1e}; energy {kept:.4} of the first, at most {highest:.4}");
+    assert!(worst < 1e-10, "momenta off by {worst}");
+    assert!(highest < 1.01, "energy rose to {highest} of the first");
+}
+
+/// Runs a start to rest; the highest energy over the first, and how far from a rigid copy of the rest
+/// shape it ends, in voxels.
+fn recover(start: impl Fn(Vec3, &mut Lcg) -> Vec3, stiffening: f64, steps: usize) -> (f64, f64) {
+    let mut desc = ellipsoid(2);
+    desc.material.young_modulus_pa = 1e4;
+    desc.material.rayleigh_alpha_per_s = 4.0;
+    desc.material.rayleigh_beta_s = 5e-3;
+    desc.material.strain_stiffening = stiffening;
+    let (_, mut world) = world(desc, 1e-3);
+    let body = world.body_mut(0);
+    let mut rng = Lcg(5);
+    for node in 0..body.node_count() {
+        let x = body.rest_position_m(node);
+        body.position_m[node] = start(x, &mut rng).into();
+    }
+    take(body);
+    let first = body.energy().elastic_j;
+    let mut highest = 0.0f64;
+    for _ in 0..steps {
+        run(&mut world, 1);
+        assert!(world.output().fault.is_none(), "{:?}", world.output().fault);
+        let e = world.bodies()[0].energy();
+        highest = highest.max((e.elastic_j + e.kinetic_j) / first);
+    }
+    (highest, shape_error_voxels(world.bodies()[0]))
+}
+
+/// Largest distance of a node from the best rigid copy of the rest shape, in voxels.
+fn shape_error_voxels(body: &Body) -> f64 {
+    let n = body.node_count() as f64;
+    let rest: Vec<Vec3> = (0..body.node_count()).map(|i| body.rest_position_m(i)).collect();
+    let now: Vec<Vec3> = body.position_m.iter().map(|x| Vec3::from(*x)).collect();
+    let (a, b) = (rest.iter().sum::<Vec3>() / n, now.iter().sum::<Vec3>() / n);
+    let covariance =
+        rest.iter().zip(&now).fold(kerf_physics::Mat3::zeros(), |m, (r, x)| m + (x - b) * (r - a).transpose());
+    let turn = Quat::from_matrix_eps(&covariance, 1e-12, 1000, Quat::identity());
+    let error = rest.iter().zip(&now).map(|(r, x)| ((x - b) - turn * (r - a)).norm()).fold(0.0, f64::max);
+    error / body.grid.voxel_size_m()
+}
+
+#[test]
+fn violent_starts_gain_no_energy_and_return_to_the_rest_shape() {
+    type Start = fn(Vec3, &mut Lcg) -> Vec3;
+    let cases: [(&str, Start, f64); 5] = [
+        ("stretched by 1.5", |x, _| Vec3::new(1.5 * x.x, x.y, x.z), 1.02),
+        ("stretched by 5", |x, _| x * 5.0, 1.02),
+        ("collapsed to a plane", |x, _| Vec3::new(x.x, 0.0, x.z), 1.05),
+        ("random nodes", |_, r| 0.08 * Vec3::new(r.unit() - 0.5, r.unit() - 0.5, r.unit() - 0.5), 1.05),
+        ("turned inside out", |x, r| Vec3::new(-x.x, x.y, x.z) + 1e-4 * Vec3::new(r.unit(), r.unit(), r.unit()), 1.05),
+    ];
+    for stiffening in [0.0, 10.0] {
+        // A body mirrored as a whole stores strain energy beyond the stiffening law's exponential part:
+        // its elements' rotations jump while they are 10^4 times as stiff, which no linearised step
+        // survives. The linear law turns it back.
+        let survived = cases.len();
+        for (name, start, bound) in &cases[..survived] {
+            let (highest, shape) = recover(start, stiffening, 1500);
+            println!(
+                "c = {stiffening}, {name}: energy at most {highest:.4} of the first, shape off by {shape:.1e} voxels"
+            );
+            assert!(highest <= *bound, "{name}: energy rose to {highest} of the first");
+            assert!(shape < 0.05, "{name}: ends {shape} voxels off its shape");
+        }
+    }
+}
+
+#[test]
+fn non_finite_state_is_rolled_back_and_reported_and_the_world_goes_on() {
+    let poison: [(&str, fn(&mut Body)); 3] = [
+        ("position", |b| b.position_m[3][1] = f64::NAN),
+        ("velocity", |b| b.velocity_m_per_s[5][0] = f64::INFINITY),
+        ("overflow", |b| b.position_m[3][1] = 1e200),
+    ];
+    for (name, inject) in poison {
+        let mut scene = scene(vec![ellipsoid(2)]);
+        scene.desc.gravity_m_per_s2 = [0.0, -GRAVITY_M_PER_S2, 0.0];
+        let mut world = World::new(&scene).expect("a valid scene");
+        run(&mut world, 20);
+        let before = world.bodies()[0].position_m.clone();
+        inject(world.body_mut(0));
+        // An overflow passes the solve and shows in the forces; it is found one step later.
+        let mut fault = None;
+        for _ in 0..3 {
+            let output = world.step(&Workers::serial(), &NoClock, &StepInputs::default());
+            fault = fault.or(output.fault.clone());
+        }
+        let fault = fault.unwrap_or_else(|| panic!("{name}: no fault was reported"));
+        assert_eq!((fault.what, fault.object.as_str()), (FaultKind::NodeState, "block"), "{name}");
+        let moved = world.bodies()[0].position_m.iter().zip(&before);
+        let worst = moved.map(|(a, b)| (Vec3::from(*a) - Vec3::from(*b)).amax()).fold(0.0, f64::max);
+        assert!(worst < 1e-3, "{name}: {worst} m from the last finite state");
+        run(&mut world, 100);
+        assert!(world.output().fault.is_none(), "{name}: {:?}", world.output().fault);
+        let body = world.bodies()[0];
+        let e = body.energy();
+        assert!(
+            e.elastic_j.is_finite()
+                && e.kinetic_j.is_finite()
+                && body.position_m.iter().flatten().all(|x| x.is_finite())
+        );
+        let speed = momenta(body, |_| true).0.y / body.mass_kg();
+        assert!((speed / GRAVITY_M_PER_S2 + 0.1).abs() < 4e-3, "{name}: falls at {speed} m/s after 0.1 s");
+    }
+}

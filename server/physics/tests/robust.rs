@@ -1,0 +1,147 @@
+//! Whatever a hand does to the tissue: no fault, numbers that are finite, energy that was put in.
+
+mod support;
+
+use kerf_physics::scene::{BladeDesc, ShapeDesc, ToolDesc};
+use kerf_physics::step_io::ToolMotion;
+use kerf_physics::tool::Pose;
+use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use support::{Lcg, object, scene};
+
+const SEMI_AXES_M: [f64; 3] = [0.03, 0.022, 0.025];
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Held {
+    Nothing,
+    Base,
+    Everything,
+}
+
+fn blob(held: Held, tools: usize) -> World {
+    let mut desc = object([0.0; 3], [0.06; 3], 0.004, 2);
+    desc.shape = ShapeDesc::Ellipsoid { center_m: [0.0; 3], semi_axes_m: SEMI_AXES_M };
+    desc.material.young_modulus_pa = 2e4;
+    desc.material.fracture_energy_j_per_m2 = Some(20.0);
+    desc.material.strain_stiffening = 10.0;
+    desc.material.rayleigh_alpha_per_s = 2.0;
+    desc.material.rayleigh_beta_s = 1e-3;
+    desc.fixed = match held {
+        Held::Nothing => Vec::new(),
+        Held::Base => vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, -0.014, 1.0] }],
+        Held::Everything => vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0; 3] }],
+    };
+    let mut scene = scene(vec![desc]);
+    scene.desc.solver.relative_tolerance = 1e-3;
+    let blade = BladeDesc { width_m: 0.03, height_m: 0.04, edge_half_width_m: 5e-5, thickness_m: 1e-3 };
+    scene.desc.tools = (0..tools).map(|i| ToolDesc { name: format!("blade {i}"), blade: blade.clone() }).collect();
+    World::new(&scene).expect("a valid scene")
+}
+
+fn random_vector(rng: &mut Lcg) -> Vec3 {
+    Vec3::from_fn(|_, _| 2.0 * rng.unit() - 1.0)
+}
+
+fn random_pose(rng: &mut Lcg, reach_m: f64) -> Pose {
+    let turn = random_vector(rng) * std::f64::consts::PI;
+    Pose { position_m: random_vector(rng) * reach_m, orientation: Quat::from_scaled_axis(turn) }
+}
+
+/// What a tool is doing: its pose and its motion per step.
+struct Hand {
+    pose: Pose,
+    velocity_m_per_s: Vec3,
+    spin_per_s: Vec3,
+    left: u32,
+}
+
+impl Hand {
+    /// A new stroke of 1 to 10 m/s: from outside through the blob, or put down anywhere.
+    fn start(rng: &mut Lcg) -> (Self, ToolMotion) {
+        let pose = random_pose(rng, 0.05);
+        let speed = 1.0 + 9.0 * rng.unit();
+        let toward = if rng.unit() < 0.7 { -pose.position_m.normalize() } else { random_vector(rng).normalize() };
+        let hand = Self {
+            pose,
+            velocity_m_per_s: toward * speed,
+            spin_per_s: random_vector(rng) * 20.0,
+            left: 5 + (rng.unit() * 20.0) as u32,
+        };
+        (hand, ToolMotion::EnterAt(pose))
+    }
+
+    fn go_on(&mut self, dt_s: f64) -> ToolMotion {
+        self.left -= 1;
+        self.pose.position_m += self.velocity_m_per_s * dt_s;
+        self.pose.orientation = Quat::from_scaled_axis(self.spin_per_s * dt_s) * self.pose.orientation;
+        ToolMotion::MoveTo(self.pose)
+    }
+}
+
+/// Runs random hands; the highest stored energy over what tools put in up to then, J over J.
+fn rampage(held: Held, tools: usize, seed: u64, steps: u32) {
+    let mut world = blob(held, tools);
+    let mut rng = Lcg(seed);
+    let mut hands: Vec<Option<Hand>> = (0..tools).map(|_| None).collect();
+    let (mut put_in, mut worst, mut parted) = (0.0, 0.0f64, 0);
+    let (mut residual, mut booked) = (0.0, 0.0);
+    for step in 0..steps {
+        let mut inputs = Vec::new();
+        for (tool, hand) in hands.iter_mut().enumerate() {
+            let motion = match hand {
+                Some(h) if h.left > 0 => h.go_on(1e-3),
+                Some(_) if rng.unit() < 0.3 => {
+                    *hand = None;
+                    ToolMotion::Lift
+                }
+                _ => {
+                    let (new, motion) = Hand::start(&mut rng);
+                    *hand = Some(new);
+                    motion
+                }
+            };
+            inputs.push(ToolInput { tool, motion });
+        }
+        let output = world.step(&Workers::serial(), &NoClock, &StepInputs { tools: &inputs });
+        let at = format!("{held:?}, {tools} tools, seed {seed}, step {step}");
+        assert!(output.fault.is_none(), "{at}: {:?}", output.fault);
+        let e = &output.energy;
+        let finite = output
+            .tools
+            .iter()
+            .all(|t| t.wrench.force_n.iter().chain(t.wrench.torque_nm.iter()).all(|x| x.is_finite()));
+        assert!(finite && e.elastic_j.is_finite() && e.kinetic_j.is_finite(), "{at}: not finite");
+        put_in += e.tool_work_j.abs() + e.contact_j;
+        booked += e.tool_work_j.abs();
+        residual += e.residual_j.abs();
+        parted += output.fracture.parted_links;
+        worst = worst.max((e.elastic_j + e.kinetic_j) / (put_in + 1e-4));
+    }
+    let body = world.bodies()[0];
+    assert!(body.position_m.iter().flatten().all(|x| x.is_finite()));
+    let sizes: usize = support::cutting::pieces(body, |_| true).iter().sum();
+    assert_eq!(sizes, body.grid.voxels().len());
+    println!(
+        "{held:?}, {tools} tools, seed {seed}: {parted} links parted, {} pieces, energy at most {worst:.2} of what was \
+         put in, residual {:.1e} of the work",
+        body.part_count(),
+        residual / booked
+    );
+    assert!(worst < 1.5, "{held:?}, seed {seed}: {worst} of the energy that was put in");
+}
+
+#[test]
+fn random_strokes_and_teleports_leave_the_state_finite_and_the_energy_bounded() {
+    for seed in 1..=4 {
+        rampage(Held::Base, 1, seed, 300);
+        rampage(Held::Nothing, 1, seed, 300);
+    }
+}
+
+#[test]
+fn two_tools_and_tissue_that_is_held_everywhere_do_no_harm_either() {
+    for seed in 11..=13 {
+        rampage(Held::Base, 2, seed, 250);
+        rampage(Held::Nothing, 2, seed, 250);
+        rampage(Held::Everything, 2, seed, 100);
+    }
+}
