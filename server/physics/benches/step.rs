@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use kerf_physics::solve::multigrid::Multigrid;
 use kerf_physics::{Stage, StageClock, StepInputs, StepOutput, ToolInput, Workers, World};
-use support::pressing::{pressing_scene, pose_at};
+use support::pressing::{pose_at, pressing_scene};
 
 /// From just over the block to 32 mm into it at 0.4 m/s.
 const STEPS: u32 = 80;

@@ -7,7 +7,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use kerf_physics::World;
-use support::pressing::{pressing_scene, press};
+use support::pressing::{press, pressing_scene};
 
 thread_local! {
     static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };

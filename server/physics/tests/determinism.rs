@@ -3,7 +3,7 @@
 mod support;
 
 use kerf_physics::{Workers, World};
-use support::pressing::{pressing_scene, press_with};
+use support::pressing::{press_with, pressing_scene};
 
 /// State hash every ten steps of a stroke deep into the block.
 fn hashes(workers: &Workers<'_>, level: u8) -> Vec<u64> {
