@@ -54,7 +54,7 @@ mod tests {
 
     fn scene(shape: &str) -> String {
         let material = "material = { young_modulus_pa = 1e3, poisson_ratio = 0.4 }";
-        format!("version = 1\nname = \"x\"\n[[objects]]\nname = \"x\"\nshape = {shape}\n{material}\n")
+        format!("version = 1\nname = \"x\"\n[[objects]]\nname = \"x\"\nresolution = 8\nshape = {shape}\n{material}\n")
     }
 
     #[test]

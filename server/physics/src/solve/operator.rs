@@ -344,11 +344,15 @@ pub(super) fn times(columns: &[f32x4; 3], v: f32x4) -> f32x4 {
 #[inline(always)]
 fn invert(on: [f32x4; LANES], off: [f32x4; LANES]) -> [[f32x4; 3]; LANES] {
     let ([xx, yy, zz], [xy, xz, yz]) = (lanes::split(on), lanes::split(off));
+    // Of order one: the cube of a stiff matrix under a long time step is beyond f32.
+    let trace = xx + yy + zz;
+    let scale = f32x8::ONE / trace.simd_gt(f32x8::ZERO).bitselect(trace, f32x8::ONE);
+    let [xx, yy, zz, xy, xz, yz] = [xx, yy, zz, xy, xz, yz].map(|v| v * scale);
     let (c00, c01, c02) = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy);
     let det = xx * c00 + xy * c01 + xz * c02;
     let carries = det.simd_gt(f32x8::ZERO);
     let s = carries.bitselect(f32x8::ONE / carries.bitselect(det, f32x8::ONE), f32x8::ZERO);
     let (c11, c12, c22) = (xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy);
-    let columns = [[c00, c01, c02], [c01, c11, c12], [c02, c12, c22]].map(|c| lanes::join(c.map(|v| v * s)));
+    let columns = [[c00, c01, c02], [c01, c11, c12], [c02, c12, c22]].map(|c| lanes::join(c.map(|v| v * s * scale)));
     std::array::from_fn(|lane| columns.map(|c| c[lane]))
 }
