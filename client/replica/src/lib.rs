@@ -1,1 +1,160 @@
-//! Placeholder of the crate's first commit.
+//! A client's copy of what a session shows: built from a keyframe, kept by patches, moved by states.
+//!
+//! Everything that comes in is checked before it is used, with the field named in the error; after
+//! each change of structure the surface's hash is compared with the server's. A refused message
+//! leaves the replica as it was, except that a patch which fails half-way, or leads to another hash,
+//! drops the structure: [`ReplicaError::needs_keyframe`] says so.
+//!
+//! Deliberately absent: network, threads, and any knowledge of the physics.
+
+mod body;
+mod error;
+pub mod glb;
+mod hash;
+mod surface;
+
+pub use body::{Body, Vertex};
+pub use error::{FieldError, Problem, ReplicaError};
+pub use hash::SurfaceHasher;
+pub use surface::{Face, Surface, Triangle};
+
+use kerf_proto::v1::{self, view_event};
+
+/// The structure and state of every object of a session.
+#[derive(Clone, Debug, Default)]
+pub struct Replica {
+    structure: Option<Structure>,
+    moment: Option<Moment>,
+}
+
+/// All objects at one topology version.
+#[derive(Clone, Debug)]
+struct Structure {
+    topology_version: u64,
+    bodies: Vec<Body>,
+}
+
+/// When the displacements were read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moment {
+    /// Steps taken.
+    pub step: u64,
+    /// Simulated time, s.
+    pub sim_time_s: f64,
+}
+
+impl Replica {
+    /// Applies what an event says of structure and state; events and faults change nothing.
+    ///
+    /// # Errors
+    /// See [`ReplicaError`].
+    pub fn apply(&mut self, message: &view_event::Message) -> Result<(), ReplicaError> {
+        match message {
+            view_event::Message::Keyframe(keyframe) => self.apply_keyframe(keyframe),
+            view_event::Message::Patch(patch) => self.apply_patch(patch),
+            view_event::Message::State(state) => self.apply_state(state),
+            view_event::Message::Event(_) | view_event::Message::Fault(_) => Ok(()),
+        }
+    }
+
+    /// Replaces the whole structure.
+    ///
+    /// # Errors
+    /// A field that is not valid, or a hash that does not match.
+    pub fn apply_keyframe(&mut self, keyframe: &v1::Keyframe) -> Result<(), ReplicaError> {
+        let mut bodies = vec![Body::default(); keyframe.bodies.len()];
+        for (index, (body, structure)) in bodies.iter_mut().zip(&keyframe.bodies).enumerate() {
+            body.change(structure).map_err(|source| ReplicaError::field("keyframe", index, source))?;
+        }
+        check_hash(&bodies, keyframe.topology_version, keyframe.surface_hash)?;
+        self.structure = Some(Structure { topology_version: keyframe.topology_version, bodies });
+        self.moment = None;
+        Ok(())
+    }
+
+    /// Changes the structure.
+    ///
+    /// # Errors
+    /// No keyframe yet, another version, a field that is not valid, or a hash that does not match.
+    pub fn apply_patch(&mut self, patch: &v1::TopologyPatch) -> Result<(), ReplicaError> {
+        let structure = self.structure.as_ref().ok_or(ReplicaError::NoKeyframe)?;
+        if patch.from_version != structure.topology_version || patch.to_version <= patch.from_version {
+            return Err(ReplicaError::PatchOfOtherVersion {
+                have: structure.topology_version,
+                from: patch.from_version,
+                to: patch.to_version,
+            });
+        }
+        check_body_count("patch", structure.bodies.len(), patch.bodies.len())?;
+        // Taken out, so that a patch that fails half-way leaves nothing half-changed behind.
+        let Some(Structure { mut bodies, .. }) = self.structure.take() else { return Err(ReplicaError::NoKeyframe) };
+        self.moment = None;
+        for (index, (body, change)) in bodies.iter_mut().zip(&patch.bodies).enumerate() {
+            body.change(change).map_err(|source| ReplicaError::field("patch", index, source))?;
+        }
+        check_hash(&bodies, patch.to_version, patch.surface_hash)?;
+        self.structure = Some(Structure { topology_version: patch.to_version, bodies });
+        Ok(())
+    }
+
+    /// Moves the nodes.
+    ///
+    /// # Errors
+    /// No keyframe yet, another version, or a field that is not valid.
+    pub fn apply_state(&mut self, state: &v1::State) -> Result<(), ReplicaError> {
+        let structure = self.structure.as_mut().ok_or(ReplicaError::NoKeyframe)?;
+        if state.topology_version != structure.topology_version {
+            return Err(ReplicaError::StateOfOtherVersion {
+                have: structure.topology_version,
+                got: state.topology_version,
+            });
+        }
+        check_body_count("state", structure.bodies.len(), state.bodies.len())?;
+        for (index, (body, moved)) in structure.bodies.iter().zip(&state.bodies).enumerate() {
+            body.check_displacements(&moved.node_displacements_m)
+                .map_err(|source| ReplicaError::field("state", index, source))?;
+        }
+        for (body, moved) in structure.bodies.iter_mut().zip(&state.bodies) {
+            body.displace(&moved.node_displacements_m);
+        }
+        self.moment = Some(Moment { step: state.step, sim_time_s: state.sim_time_s });
+        Ok(())
+    }
+
+    /// Version of the structure; `None` before the first keyframe and after a loss of it.
+    #[must_use]
+    pub fn topology_version(&self) -> Option<u64> {
+        self.structure.as_ref().map(|structure| structure.topology_version)
+    }
+
+    /// When the state was read; `None` until a state has come for the structure as it is now.
+    #[must_use]
+    pub fn moment(&self) -> Option<Moment> {
+        self.moment
+    }
+
+    /// The objects, in the order of the scene; empty before the first keyframe.
+    #[must_use]
+    pub fn bodies(&self) -> &[Body] {
+        self.structure.as_ref().map_or(&[], |structure| &structure.bodies)
+    }
+
+    /// The surface of each object where it is now; `None` until a state has come for the structure
+    /// as it is now, because nodes that are new in a patch have no place before it.
+    #[must_use]
+    pub fn surfaces(&self) -> Option<Vec<Surface>> {
+        self.moment?;
+        Some(self.bodies().iter().map(Surface::of).collect())
+    }
+}
+
+fn check_body_count(message: &'static str, expected: usize, got: usize) -> Result<(), ReplicaError> {
+    if expected == got { Ok(()) } else { Err(ReplicaError::BodyCount { message, expected, got }) }
+}
+
+fn check_hash(bodies: &[Body], topology_version: u64, expected: u64) -> Result<(), ReplicaError> {
+    let mut hasher = SurfaceHasher::default();
+    bodies.iter().for_each(|body| body.hash_surface(&mut hasher));
+    let computed = hasher.finish();
+    if computed == expected { Ok(()) } else { Err(ReplicaError::HashMismatch { topology_version, expected, computed }) }
+}

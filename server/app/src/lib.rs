@@ -1,6 +1,18 @@
-//! What `kerf-server` is made of: one module per subcommand, and what they share.
+//! The Kerf server as a library, so that tests run it in their own process: one module per subcommand,
+//! and what `serve` is made of.
+//!
+//! Services are thin: they turn messages into calls of `kerf-session` and back. Deliberately absent:
+//! physics, pacing, queues of state.
 
 pub mod check;
-pub mod glb;
+pub mod config;
+mod convert;
+mod grpc;
+mod incoming;
+mod scene_source;
 pub mod scenes;
+pub mod serve;
+mod shutdown;
 pub mod simulate;
+mod status;
+mod telemetry;

@@ -4,9 +4,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use kerf_server::serve::{self, ServeArgs};
 use kerf_server::{check, scenes, simulate};
 
-/// Cuts soft tissue.
+/// Simulates soft tissue that is cut.
 #[derive(Parser)]
 #[command(version)]
 struct Cli {
@@ -16,6 +17,8 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Serves sessions over gRPC until it is told to stop.
+    Serve(ServeArgs),
     /// Lists the built-in scenes.
     Scenes,
     /// Says what is wrong with a scene, and what its elements are asked to carry.
@@ -29,6 +32,7 @@ enum Command {
 
 fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
+        Command::Serve(args) => serve::run(args),
         Command::Scenes => scenes::run(),
         Command::Check { file } => check::run(&file),
         Command::Simulate(options) => simulate::run(&options),

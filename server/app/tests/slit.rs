@@ -3,7 +3,8 @@
 use kerf_physics::Vec3;
 use kerf_physics::grid::{Crossing, Grid, Ijk, Link, LinkId, Voxel};
 use kerf_physics::surface::Surface;
-use kerf_server::glb;
+use kerf_replica::{Face, glb};
+use kerf_server::simulate::surface::triangles;
 
 const VOXEL_SIZE_M: f64 = 0.004;
 const CELLS: [i32; 3] = [34, 22, 28];
@@ -80,14 +81,13 @@ fn an_opened_slit_has_clean_lips_and_no_spikes() {
     let skin_triangles = Surface::build(&grid).quads().len() * 2;
     let parted = cut_from_above(&mut grid);
     let surface = Surface::build(&grid);
-    let mut mesh = glb::Mesh::default();
-    mesh.append(&grid, &surface, |_, vertex| {
+    let mesh = triangles(&grid, &surface, |_, vertex| {
         opened_m(vertex.position_m, &grid.centre_m(grid.voxels()[vertex.voxel.index()].ijk))
     });
     let path = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("slit.glb");
     glb::write(&path, &mesh).unwrap();
 
-    let cut_triangles = mesh.triangles.iter().filter(|t| t.face == glb::Face::Cut).count();
+    let cut_triangles = mesh.triangles.iter().filter(|t| t.face == Face::Cut).count();
     assert_eq!((cut_triangles, mesh.triangles.len()), (parted * 4, skin_triangles + parted * 4));
     let at = |index: u32| Vec3::from(mesh.positions_m[index as usize].map(f64::from));
     for triangle in &mesh.triangles {

@@ -36,8 +36,13 @@ pub struct ContactLedger {
 
 /// The ledger of a step. `before` is the ledger of the step before it.
 #[must_use]
-pub fn book(bodies: &[BodyLedger], contact: &ContactLedger, before: &EnergyStep, flank_before_j: f64) -> EnergyStep {
-    let sum = |f: &dyn Fn(&BodyLedger) -> f64| bodies.iter().map(f).sum::<f64>();
+pub fn book<'a>(
+    bodies: impl Iterator<Item = &'a BodyLedger> + Clone,
+    contact: &ContactLedger,
+    before: &EnergyStep,
+    flank_before_j: f64,
+) -> EnergyStep {
+    let sum = |f: &dyn Fn(&BodyLedger) -> f64| bodies.clone().map(f).sum::<f64>();
     let elastic_before = sum(&|b| b.before.elastic_j);
     let hold_before = sum(&|b| b.before.hold_j);
     let kinetic_before = sum(&|b| b.before.kinetic_j);

@@ -2,7 +2,8 @@
 
 use crate::body::{Body, BodyEnergy, TopologyChange};
 use crate::contact::broad::{Aabb, SpatialHash};
-use crate::contact::{Contact, Mode, flank};
+use crate::contact::flank::Walls;
+use crate::contact::{Contact, Mode};
 use crate::fault::{Fault, FaultKind};
 use crate::fracture::front::{BladeMotion, Front};
 use crate::grid::{Crossing, LinkId};
@@ -10,6 +11,7 @@ use crate::hash::StateHasher;
 use crate::ledger::{self, BodyLedger, ContactLedger};
 use crate::params::StepParams;
 use crate::scene::{Scene, SceneError};
+use crate::solve::spring::POINT_NODES;
 use crate::stage::{Lap, Stage, StageClock};
 use crate::step_io::{ContactModel, FractureStep, StepInputs, StepOutput, ToolMotion, ToolOutput, Wrench};
 use crate::surface::Surface;
@@ -55,8 +57,8 @@ struct BodySlot {
     body: Body,
     /// By tool.
     contacts: Vec<ToolContact>,
-    /// Links that were parted, in the order of parting.
-    cut: Vec<LinkId>,
+    /// Walls of what was cut.
+    walls: Walls,
     velocity_change: body::Nodal,
     impulses: Vec<(u32, [f64; 3])>,
     ledger: BodyLedger,
@@ -85,6 +87,21 @@ pub struct World {
     contact_ledger: ContactLedger,
     flank_before_j: f64,
     output: StepOutput,
+}
+
+/// What an object of a scene consists of.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ObjectStats {
+    /// Lower corner of its bounding box at rest, m.
+    pub rest_min_m: [f64; 3],
+    /// Upper corner of its bounding box at rest, m.
+    pub rest_max_m: [f64; 3],
+    /// Edge length of a fine voxel, m.
+    pub voxel_size_m: f64,
+    /// Fine voxels.
+    pub voxels: u32,
+    /// Composite elements as they are now.
+    pub composite_elements: u32,
 }
 
 /// Numbers of things in a scene.
@@ -219,7 +236,7 @@ impl World {
             for (tool, contact) in self.tools.iter().zip(&mut slot.contacts) {
                 if let (Some(pose), Some(before)) = (tool.pose, tool.before) {
                     let motion = BladeMotion { blade: &tool.blade, before, pose };
-                    contact.detect(&slot.body, &slot.cut, &motion, tool.entered);
+                    contact.detect(&slot.body, &slot.walls, &motion, tool.entered);
                 }
             }
         }
@@ -301,7 +318,8 @@ impl World {
             slot.change = slot.body.update_topology(workers, &slot.parted);
             slot.velocity_change.resize(slot.body.node_count(), [0.0; 3]);
             slot.ledger.after = slot.body.energy();
-            slot.cut.extend(&slot.parted);
+            slot.walls.update(&slot.body, &slot.parted, &slot.change);
+            slot.reserve();
             self.output.fracture.parted_links += slot.parted.len() as u32;
         }
         if self.output.fracture.parted_links > 0 {
@@ -339,14 +357,14 @@ impl World {
             output.pose = tool.pose;
             output.wrench = wrench;
             output.contact = model.and_then(|m| m.finish(wrench));
-            output.cutting_length_m = 0.0;
+            output.cutting_length_m = self.slots.iter().map(|s| s.contacts[index].front.cutting_length_m()).sum();
         }
     }
 
     fn finish(&mut self) {
-        let ledgers: Vec<BodyLedger> = self.slots.iter().map(|s| s.ledger).collect();
         let before = self.output.energy;
-        self.output.energy = ledger::book(&ledgers, &self.contact_ledger, &before, self.flank_before_j);
+        let ledgers = self.slots.iter().map(|s| &s.ledger);
+        self.output.energy = ledger::book(ledgers, &self.contact_ledger, &before, self.flank_before_j);
         self.flank_before_j = self.contact_ledger.flank_stored_j;
         for (probe, out) in self.probes.iter().zip(&mut self.output.probe_displacement_m) {
             *out = self.slots[probe.body].body.current_m(&probe.point) - probe.point.position_m;
@@ -392,7 +410,7 @@ impl World {
     #[must_use]
     pub fn counts(&mut self) -> WorldCounts {
         let mut counts = WorldCounts::default();
-        for surface in self.surfaces() {
+        for (_, surface) in self.bodies_and_surfaces() {
             counts.surface_vertices += surface.vertices().len();
             counts.surface_triangles += 2 * surface.quads().len();
         }
@@ -405,13 +423,33 @@ impl World {
         counts
     }
 
+    /// What each object consists of.
+    #[must_use]
+    pub fn object_stats(&self) -> Vec<ObjectStats> {
+        let stats = |slot: &BodySlot| {
+            let grid = &slot.body.grid;
+            let centres = grid.voxels().iter().map(|v| grid.centre_m(v.ijk));
+            let aabb = Aabb::around(centres).grown(0.5 * grid.voxel_size_m());
+            ObjectStats {
+                rest_min_m: aabb.min_m.into(),
+                rest_max_m: aabb.max_m.into(),
+                voxel_size_m: grid.voxel_size_m(),
+                voxels: grid.voxels().len() as u32,
+                composite_elements: slot.body.base().elements.len() as u32,
+            }
+        };
+        self.slots.iter().map(stats).collect()
+    }
+
     fn view(&mut self) -> &View {
         self.view.get_or_insert_with(|| View::new(self.slots.iter().map(|s| &s.body)))
     }
 
-    /// The surface of each body, reference configuration.
-    pub fn surfaces(&mut self) -> &[Surface] {
-        self.view().surfaces()
+    /// Each body with its surface, which is contoured if nobody has yet.
+    pub fn bodies_and_surfaces(&mut self) -> impl Iterator<Item = (&Body, &Surface)> {
+        self.view();
+        let view = self.view.as_ref().expect("made above");
+        self.slots.iter().map(|s| &s.body).zip(view.surfaces())
     }
 
     /// Structure of the scene as it is now. From the first call on, steps that part links make a
@@ -476,18 +514,33 @@ impl BodySlot {
             })
             .collect();
         let energy = body.energy();
-        Self {
+        let mut slot = Self {
             velocity_change: vec![[0.0; 3]; body.node_count()],
             ledger: BodyLedger { after: energy, ..BodyLedger::default() },
             body,
             contacts,
-            cut: Vec::new(),
+            walls: Walls::default(),
             impulses: Vec::new(),
             parting: Vec::new(),
             parted: Vec::new(),
             change: TopologyChange::default(),
             edited: false,
+        };
+        slot.reserve();
+        slot
+    }
+
+    /// Room for every contact there may be until links part again: a step in between allocates nothing.
+    fn reserve(&mut self) {
+        for contact in &mut self.contacts {
+            contact.flanks.clear();
+            contact.flanks.reserve(self.walls.len());
+            contact.hash.reserve(self.body.base().elements.len());
         }
+        let springs = self.contacts.iter().map(|c| c.front.most_springs() + self.walls.len()).sum();
+        self.impulses.clear();
+        self.impulses.reserve(POINT_NODES * springs);
+        self.body.reserve_springs(springs);
     }
 
     fn solve(&mut self, workers: &Workers<'_>, dt_s: f64) -> crate::step_io::SolveReport {
@@ -497,7 +550,7 @@ impl BodySlot {
             let impulse = contact.direction * contact.impulse(dt_s);
             self.impulses.extend(contact.weights.iter().map(|(node, w)| (node, (impulse * w).into())));
         }
-        self.body.set_springs(workers, self.contacts.iter().flat_map(ToolContact::springs));
+        self.body.set_springs(self.contacts.iter().flat_map(ToolContact::springs));
         self.body.solve_velocity_change(workers, &self.impulses, &mut self.velocity_change)
     }
 
@@ -566,7 +619,7 @@ impl ToolContact {
         self.front.contacts.iter().flat_map(|c| [&c.forward, &c.lateral]).chain(&self.flanks)
     }
 
-    fn detect(&mut self, body: &Body, cut: &[LinkId], motion: &BladeMotion<'_>, entered: bool) {
+    fn detect(&mut self, body: &Body, walls: &Walls, motion: &BladeMotion<'_>, entered: bool) {
         let half = 0.5 * motion.blade.width_m;
         let ends = [motion.before, motion.pose]
             .into_iter()
@@ -577,8 +630,8 @@ impl ToolContact {
         }
         self.front.detect(body, &self.hash, motion);
         self.flanks.clear();
-        if !cut.is_empty() {
-            flank::flank_contacts(body, cut, motion.blade, &motion.before, &motion.pose, &mut self.flanks);
+        if !walls.is_empty() {
+            walls.contacts(body, motion.blade, &motion.before, &motion.pose, &mut self.flanks);
         }
     }
 }

@@ -3,7 +3,7 @@
 pub mod script;
 pub mod stroke;
 pub mod summary;
-mod surface;
+pub mod surface;
 pub mod tables;
 
 use std::fs::File;
@@ -14,9 +14,9 @@ use anyhow::{Context, Result, ensure};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use kerf_physics::{Scene, StageClock, StepInputs, Workers, World};
+use kerf_replica::glb;
 use kerf_session::catalog;
 
-use crate::glb;
 use script::Script;
 use summary::{Summary, Tally};
 use tables::Tables;

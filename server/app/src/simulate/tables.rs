@@ -13,7 +13,7 @@ use kerf_physics::{SceneDesc, Vec3};
 type Term = (&'static str, fn(&EnergyStep) -> f64);
 
 /// Terms of the ledger that are booked per step; the table holds their sums.
-const BOOKED: [Term; 10] = [
+const BOOKED: [Term; 9] = [
     ("tool_work_j", |e| e.tool_work_j),
     ("load_work_j", |e| e.load_work_j),
     ("fracture_j", |e| e.fracture_j),

@@ -5,10 +5,12 @@ use super::Body;
 use crate::contact::{Contact, Mode};
 use crate::fem::corotation::{LANES, StepEnergies, rotation_matrix};
 use crate::fem::lanes::for_packed;
-use crate::solve::operator::{LANES as OPERATOR_LANES, PointSpring};
+use crate::solve::operator::LANES as OPERATOR_LANES;
 use crate::solve::pcg::PcgReport;
+use crate::solve::spring::PointSpring;
 use crate::step_io::SolveReport;
 use crate::workers::Workers;
+use wide::{f32x4, f32x8};
 
 /// Blocks of elements per chunk of parallel work.
 const BLOCKS_PER_CHUNK: usize = 32;
@@ -155,18 +157,11 @@ impl Body {
 
     /// Rotations of all elements into the solver's operator.
     pub(super) fn write_rotations(&mut self) {
-        for (pair, block) in self.states.chunks(2).zip(&mut self.multigrid.operator_mut().blocks) {
-            for (half, state) in pair.iter().enumerate() {
-                let r = rotation_matrix(&state.rotation);
-                for (slot, values) in block.rotation.iter_mut().zip(&r) {
-                    let target = &mut slot.as_mut_array()[half * LANES..(half + 1) * LANES];
-                    for (t, value) in target.iter_mut().zip(values.as_array()) {
-                        *t = *value as f32;
-                    }
-                }
-            }
+        const { assert!(OPERATOR_LANES == LANES) };
+        for (state, block) in self.states.iter().zip(&mut self.multigrid.operator_mut().blocks) {
+            let r = rotation_matrix(&state.rotation);
+            block.rotation = r.map(|entry| f32x8::from(entry.to_array().map(|c| c as f32)));
         }
-        const { assert!(OPERATOR_LANES == 2 * LANES) };
     }
 
     /// Brings the solver's operator and its preconditioner to the evaluated state.
@@ -189,7 +184,7 @@ impl Body {
             }
         }
         if !self.scratch.stale_parents.is_empty() {
-            let mut parents = std::mem::take(&mut self.scratch.stale_parents);
+            let parents = &mut self.scratch.stale_parents;
             parents.sort_unstable();
             parents.dedup();
             self.multigrid.rebuild_coarse(&self.levels, parents);
@@ -198,24 +193,18 @@ impl Body {
         self.multigrid.update_rotations_and_diagonals(workers);
     }
 
+    /// Room for `count` springs in the solver's operators.
+    pub fn reserve_springs(&mut self, count: usize) {
+        self.multigrid.reserve_springs(count);
+    }
+
     /// Replaces the springs of the solver's operator by those of the contacts that act.
-    pub fn set_springs<'a>(&mut self, workers: &Workers<'_>, contacts: impl Iterator<Item = &'a Contact>) {
+    pub fn set_springs<'a>(&mut self, contacts: impl Iterator<Item = &'a Contact>) {
         let dt2 = self.params.dt_s * self.params.dt_s;
-        let springs = &mut self.multigrid.operator_mut().springs;
-        let mut count = 0;
-        for contact in contacts.filter(|c| c.mode == Mode::Spring) {
-            if springs.len() == count {
-                springs.push(PointSpring::default());
-            }
-            let spring = &mut springs[count];
-            spring.direction = contact.direction.map(|c| c as f32).into();
-            spring.stiffness = (dt2 * contact.stiffness_n_per_m) as f32;
-            spring.weights.clear();
-            spring.weights.extend(contact.weights.iter().map(|(node, w)| (node, w as f32)));
-            count += 1;
-        }
-        springs.truncate(count);
-        self.multigrid.update_springs_and_diagonals(workers);
+        let springs = contacts
+            .filter(|c| c.mode == Mode::Spring)
+            .map(|c| PointSpring::new(c.weights.iter(), c.direction.into(), dt2 * c.stiffness_n_per_m));
+        self.multigrid.set_springs(springs);
     }
 
     /// Writes `dt (f_elastic + f_external + f_hold - drag)` at every node: the right side but for
@@ -257,12 +246,12 @@ impl Body {
     ) -> SolveReport {
         let scratch = &mut self.scratch;
         scratch.right_side_f32.clear();
-        scratch.right_side_f32.extend(scratch.right_side.iter().map(|b| b.map(|c| c as f32)));
+        scratch.right_side_f32.extend(scratch.right_side.iter().map(narrow));
         for (node, impulse) in impulses {
-            (0..3).for_each(|i| scratch.right_side_f32[*node as usize][i] += impulse[i] as f32);
+            scratch.right_side_f32[*node as usize] += narrow(impulse);
         }
         scratch.solution.clear();
-        scratch.solution.extend(velocity_change.iter().map(|v| v.map(|c| c as f32)));
+        scratch.solution.extend(velocity_change.iter().map(narrow));
         let PcgReport { iterations, relative_residual } = self.pcg.solve(
             workers,
             &mut self.multigrid,
@@ -272,7 +261,10 @@ impl Body {
             self.params.max_iterations,
         );
         velocity_change.clear();
-        velocity_change.extend(self.scratch.solution.iter().map(|v| v.map(f64::from)));
+        velocity_change.extend(self.scratch.solution.iter().map(|v| {
+            let [x, y, z, _] = v.to_array().map(f64::from);
+            [x, y, z]
+        }));
         SolveReport { iterations, solves: 1, relative_residual }
     }
 
@@ -300,6 +292,10 @@ impl Body {
     pub fn external_work_j(&self, displacement_m: impl Iterator<Item = [f64; 3]>) -> f64 {
         self.external_n.iter().zip(displacement_m).map(|(f, u)| (0..3).map(|i| f[i] * u[i]).sum::<f64>()).sum()
     }
+}
+
+fn narrow(v: &[f64; 3]) -> f32x4 {
+    f32x4::new([v[0] as f32, v[1] as f32, v[2] as f32, 0.0])
 }
 
 fn entry(packed: &[f64; 36], a: usize, b: usize) -> f64 {

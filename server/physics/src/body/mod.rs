@@ -15,12 +15,14 @@ pub use topology::TopologyChange;
 use crate::Vec3;
 use crate::fem::composite::{CompositeTables, shape_functions};
 use crate::fem::corotation::{ElementBlock, ElementLaw, ElementState, LANES};
+use crate::fem::lanes::diagonal_entry;
 use crate::fem::material::Elastic;
 use crate::grid::levels::{Level, Units, VoxelUnits};
 use crate::grid::{Grid, VoxelId, voxelize};
 use crate::params::StepParams;
 use crate::scene::{Face, LoadDesc, MaterialDesc, Meshes, ObjectDesc, Scene, SceneError};
 use crate::solve::multigrid::Multigrid;
+use crate::solve::operator::NodeVector;
 use crate::solve::pcg::PcgScratch;
 use crate::workers::Workers;
 
@@ -29,6 +31,9 @@ const COARSEST_NODES: usize = 60;
 /// Stiffness of a held voxel over `E h`: its compliance adds less than a hundredth of a voxel of
 /// tissue to what it holds.
 const HOLD_STIFFNESS: f64 = 300.0;
+
+/// A node is firmly held where the hold is this many times as stiff as the element.
+const FIRM_HOLD: f64 = 10.0;
 
 /// A node-wise vector in `f64`.
 pub type Nodal = Vec<[f64; 3]>;
@@ -122,9 +127,19 @@ pub struct Body {
 #[derive(Default)]
 struct Scratch {
     right_side: Nodal,
-    right_side_f32: Vec<[f32; 3]>,
-    solution: Vec<[f32; 3]>,
+    right_side_f32: NodeVector,
+    solution: NodeVector,
     stale_parents: Vec<u32>,
+}
+
+impl Scratch {
+    fn resize(&mut self, elements: usize, nodes: usize) {
+        self.right_side.resize(nodes, [0.0; 3]);
+        self.right_side_f32.resize(nodes, Default::default());
+        self.solution.resize(nodes, Default::default());
+        self.stale_parents.clear();
+        self.stale_parents.reserve(elements);
+    }
 }
 
 impl Body {
@@ -243,7 +258,7 @@ impl Body {
     }
 
     /// Voxels of an element, in the order of its cell.
-    fn voxels_of(&self, element: usize) -> Vec<VoxelId> {
+    pub(crate) fn voxels_of(&self, element: usize) -> Vec<VoxelId> {
         let base = self.base();
         let units = VoxelUnits { grid: &self.grid, exponent: base.exponent };
         let mut voxels = Vec::new();
@@ -316,6 +331,19 @@ impl Body {
         hold
     }
 
+    /// Whether a node is held so firmly that it hardly moves.
+    fn held_nodes(&self) -> Vec<bool> {
+        let mut held = vec![false; self.node_count()];
+        for (element, hold) in &self.holds {
+            let (block, lane) = (&self.blocks[*element as usize / LANES], *element as usize % LANES);
+            for (corner, &node) in self.base().elements[*element as usize].nodes.iter().enumerate() {
+                let stiffness = block.stiffness[diagonal_entry(corner)].as_array()[lane];
+                held[node as usize] |= hold[corner * (corner + 3) / 2] > FIRM_HOLD * stiffness;
+            }
+        }
+        held
+    }
+
     /// Loads at the nodes, from gravity and every voxel's own force.
     fn rebuild_external_forces(&mut self) {
         let volume = self.grid.voxel_size_m().powi(3);
@@ -353,6 +381,7 @@ impl Body {
         for element in 0..self.base().elements.len() {
             self.rebuild_element(element);
         }
+        self.multigrid.set_topology(&self.levels, &self.held_nodes());
         self.rebuild_external_forces();
         self.rigid = rigid::RigidParts::new(self);
         self.evaluate(workers, 20);
@@ -372,6 +401,8 @@ impl Body {
         for element in 0..elements {
             self.blocks[element / LANES].set_nodes(element % LANES, &self.levels[0].elements[element].nodes);
         }
+        self.scratch.resize(elements, self.levels[0].nodes.len());
+        self.pcg.resize(self.levels[0].nodes.len());
         self.applied_stiffening.resize(elements, 1.0);
         self.coarse_stiffening.resize(elements, 1.0);
     }

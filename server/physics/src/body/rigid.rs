@@ -17,18 +17,23 @@ pub(super) struct RigidParts {
     held: Vec<bool>,
     /// Free pieces of less than half a composite element.
     crumb: Vec<bool>,
+    /// Whether a part is left alone this step, and what it is to gain.
+    skip: Vec<bool>,
+    totals: Vec<Totals>,
 }
 
 /// A crumb turns by at most this much in a step, rad.
 const CRUMB_TURN_PER_STEP: f64 = 0.3;
 
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Totals {
     mass: f64,
     centre: Vec3,
     linear: Vec3,
     angular: Vec3,
     inertia: Mat3,
+    velocity: Vec3,
+    spin: Vec3,
 }
 
 impl RigidParts {
@@ -44,7 +49,8 @@ impl RigidParts {
         body.base().owner.iter().for_each(|e| voxels[element_part[*e as usize] as usize] += 1);
         let half_a_cell = (1u32 << (3 * body.base().exponent)) / 2;
         let crumb = voxels.iter().zip(&held).map(|(n, held)| !held && *n < half_a_cell).collect();
-        Self { element_part, node_part, held, crumb }
+        let (skip, totals) = (held.clone(), vec![Totals::default(); count as usize]);
+        Self { element_part, node_part, held, crumb, skip, totals }
     }
 
     pub(super) fn part_count(&self) -> u32 {
@@ -54,18 +60,36 @@ impl RigidParts {
 
 impl Body {
     /// Corrects `dv` on every part that is neither held nor touched (`touched_nodes`).
-    pub fn correct_rigid_motion(&self, touched_nodes: impl Iterator<Item = u32>, dv: &mut Nodal) {
+    pub fn correct_rigid_motion(&mut self, touched_nodes: impl Iterator<Item = u32>, dv: &mut Nodal) {
+        let parts = &mut self.rigid;
+        parts.skip.copy_from_slice(&parts.held);
+        touched_nodes.for_each(|n| parts.skip[parts.node_part[n as usize] as usize] = true);
+        if parts.skip.iter().all(|s| *s) {
+            return;
+        }
+        let mut totals = std::mem::take(&mut parts.totals);
+        totals.fill(Totals::default());
+        self.add_missing_momentum(&mut totals, dv);
+        for total in &mut totals {
+            total.velocity = total.linear / total.mass;
+            total.spin = total.inertia.lu().solve(&total.angular).unwrap_or_default();
+        }
+        for (node, change) in dv.iter_mut().enumerate() {
+            let part = self.rigid.node_part[node];
+            if part == NONE || self.rigid.skip[part as usize] {
+                continue;
+            }
+            let total = &totals[part as usize];
+            let add = total.velocity + total.spin.cross(&(Vec3::from(self.position_m[node]) - total.centre));
+            (0..3).for_each(|i| change[i] += add[i]);
+        }
+        self.rigid.totals = totals;
+    }
+
+    /// Momentum that each part should have gained and has not.
+    fn add_missing_momentum(&self, totals: &mut [Totals], dv: &Nodal) {
         let parts = &self.rigid;
-        if parts.held.iter().all(|h| *h) {
-            return;
-        }
-        let mut skip = parts.held.clone();
-        touched_nodes.for_each(|n| skip[parts.node_part[n as usize] as usize] = true);
-        if skip.iter().all(|s| *s) {
-            return;
-        }
-        let mut totals = vec![Totals::default(); skip.len()];
-        self.add_mass_moments(&mut totals);
+        self.add_mass_moments(totals);
         let dt = self.params.dt_s;
         // The change of momentum that the solve should have made: loads less mass damping.
         self.for_each_mass(|part, node, other, mass| {
@@ -83,30 +107,20 @@ impl Body {
             total.linear += impulse;
             total.angular += (Vec3::from(self.position_m[node]) - total.centre).cross(&impulse);
         }
-        self.add_mass_damping(&mut totals, dv);
-        for (node, change) in dv.iter_mut().enumerate() {
-            let part = parts.node_part[node];
-            if part == NONE || skip[part as usize] {
-                continue;
-            }
-            let total = &totals[part as usize];
-            let spin = total.inertia.lu().solve(&total.angular).unwrap_or_default();
-            let add = total.linear / total.mass + spin.cross(&(Vec3::from(self.position_m[node]) - total.centre));
-            (0..3).for_each(|i| change[i] += add[i]);
-        }
+        self.add_mass_damping(totals, dv);
     }
 
     /// Makes crumbs move as rigid bodies. The corners of their cells far from the few voxels that fill
     /// them weigh and resist next to nothing, so that what a relative tolerance leaves there is
     /// thrown about at any speed. Their momentum is kept (but for a spin beyond what a step can
     /// follow), their energy can only fall.
-    pub fn stiffen_crumbs(&self, dv: &mut Nodal) {
-        let parts = &self.rigid;
-        if !parts.crumb.contains(&true) {
+    pub fn stiffen_crumbs(&mut self, dv: &mut Nodal) {
+        if !self.rigid.crumb.contains(&true) {
             return;
         }
         let dt = self.params.dt_s;
-        let mut totals = vec![Totals::default(); parts.held.len()];
+        let mut totals = std::mem::take(&mut self.rigid.totals);
+        totals.fill(Totals::default());
         self.add_mass_moments(&mut totals);
         self.for_each_mass(|part, node, other, mass| {
             let total = &mut totals[part];
@@ -114,20 +128,25 @@ impl Body {
             total.linear += momentum;
             total.angular += (Vec3::from(self.position_m[node]) - total.centre).cross(&momentum);
         });
+        for total in &mut totals {
+            total.velocity = total.linear / total.mass;
+            total.spin = total.inertia.lu().solve(&total.angular).unwrap_or_default();
+        }
         for (node, change) in dv.iter_mut().enumerate() {
-            let part = parts.node_part[node];
-            if part == NONE || !parts.crumb[part as usize] {
+            let part = self.rigid.node_part[node];
+            if part == NONE || !self.rigid.crumb[part as usize] {
                 continue;
             }
             let total = &totals[part as usize];
-            let turn = total.inertia.lu().solve(&total.angular).unwrap_or_default() * dt;
+            let turn = total.spin * dt;
             let turn = turn * (CRUMB_TURN_PER_STEP / turn.norm().max(CRUMB_TURN_PER_STEP));
             let arm = Vec3::from(self.position_m[node]) - total.centre;
             // The step's displacement is the rotation itself, so that the shape is kept.
             let turned = crate::Quat::from_scaled_axis(turn) * arm;
-            let v = total.linear / total.mass + (turned - arm) / dt;
+            let v = total.velocity + (turned - arm) / dt;
             (0..3).for_each(|i| change[i] = v[i] - self.velocity_m_per_s[node][i]);
         }
+        self.rigid.totals = totals;
     }
 
     /// `M alpha dt (v + dv)`: what mass-proportional damping takes.

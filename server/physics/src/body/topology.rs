@@ -35,18 +35,18 @@ impl Body {
         for &element in &base.changed_elements {
             self.rebuild_element(element as usize);
         }
+        self.multigrid.set_topology(&self.levels, &self.held_nodes());
         self.rebuild_external_forces();
         self.rigid = rigid::RigidParts::new(self);
         let mut elements: Vec<u32> = base.changed_elements.iter().chain(&base.renoded_elements).copied().collect();
         elements.sort_unstable();
         elements.dedup();
         self.evaluate_touched(&elements);
-        self.multigrid.set_topology(&self.levels);
         for &element in &elements {
             self.write_matrix_of_changed(element as usize);
         }
         self.write_rotations();
-        self.multigrid.update_topology(workers, &self.levels, &changes);
+        self.multigrid.update_changed(workers, &self.levels, &changes);
         self.save_finite_state();
         let rebound_voxels = base.split_elements.iter().flat_map(|&(new, _)| self.voxels_of(new as usize)).collect();
         TopologyChange { elements, nodes: base.split_nodes.iter().map(|s| s.0).collect(), rebound_voxels }

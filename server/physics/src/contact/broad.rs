@@ -40,13 +40,24 @@ impl Aabb {
 #[derive(Default)]
 pub struct SpatialHash {
     cell_m: f64,
-    /// (cell, element), sorted.
+    /// Elements near the tool and their boxes, ascending.
+    boxes: Vec<(u32, Aabb)>,
+    /// (cell, index into `boxes`), sorted.
     entries: Vec<([i32; 3], u32)>,
 }
 
 impl SpatialHash {
+    /// Room for all elements of a body: one of about the size of a cell covers up to eight cells.
+    pub fn reserve(&mut self, elements: usize) {
+        self.boxes.clear();
+        self.boxes.reserve(elements);
+        self.entries.clear();
+        self.entries.reserve(8 * elements);
+    }
+
     /// Fills the hash with the elements of `body` whose boxes meet `near`.
     pub fn rebuild(&mut self, body: &Body, near: &Aabb) {
+        self.boxes.clear();
         self.entries.clear();
         self.cell_m = body.element_edge_m();
         for (id, element) in body.base().elements.iter().enumerate() {
@@ -59,10 +70,11 @@ impl SpatialHash {
             for k in low[2]..=high[2] {
                 for j in low[1]..=high[1] {
                     for i in low[0]..=high[0] {
-                        self.entries.push(([i, j, k], id as u32));
+                        self.entries.push(([i, j, k], self.boxes.len() as u32));
                     }
                 }
             }
+            self.boxes.push((id as u32, aabb));
         }
         self.entries.sort_unstable();
     }
@@ -72,11 +84,12 @@ impl SpatialHash {
         [c.x.floor() as i32, c.y.floor() as i32, c.z.floor() as i32]
     }
 
-    /// Elements whose boxes cover the cell of a point, ascending.
-    pub fn near(&self, point_m: &Vec3) -> impl Iterator<Item = u32> + '_ {
-        let cell = self.cell(point_m);
+    /// Elements whose boxes hold a point, ascending.
+    pub fn around(&self, point_m: &Vec3) -> impl Iterator<Item = u32> + '_ {
+        let (cell, point) = (self.cell(point_m), Aabb { min_m: *point_m, max_m: *point_m });
         let start = self.entries.partition_point(|e| e.0 < cell);
-        self.entries[start..].iter().take_while(move |e| e.0 == cell).map(|e| e.1)
+        let same_cell = self.entries[start..].iter().take_while(move |e| e.0 == cell);
+        same_cell.map(|e| &self.boxes[e.1 as usize]).filter(move |b| b.1.meets(&point)).map(|b| b.0)
     }
 
     /// Whether no element is near.

@@ -1,120 +1,170 @@
 //! Flanks of a blade against the walls of the cut it stands in.
 
-use super::Contact;
+use super::{Contact, Mode};
 use crate::Vec3;
-use crate::body::{Body, MaterialPoint};
-use crate::grid::{Link, LinkId};
+use crate::body::{Body, MaterialPoint, TopologyChange};
+use crate::grid::{Grid, Link, LinkId, VoxelId};
 use crate::tool::Pose;
 use crate::tool::blade::{Blade, BladeFrame};
 
-/// Walls closer to the edge than this many voxels are left to the front.
+/// Walls closer to the edge than this many voxels, or than half an element, are left to the front.
 const FRONT_ZONE_VOXELS: f64 = 2.0;
-/// Stiffness of a wall's contact per area, over `E / h`.
-const WALL_STIFFNESS: f64 = 2.0;
+/// Walls farther than this many voxels from the blade's middle plane are not looked at.
+const REACH_VOXELS: f64 = 2.0;
+/// A wall that is this share of a voxel in or out of the blade need not change its mode within the
+/// step: the next one decides from the gap it predicts. Walls that hang at the blade would otherwise
+/// cost a solve each time they touch.
+const SLACK_VOXELS: f64 = 0.05;
 
-/// Sum over the wall points of one element on one side of a blade.
-struct Wall {
-    key: (u32, bool),
-    points: f64,
-    weights: Vec<(u32, f64)>,
-    depth: f64,
-    tool_point: Vec3,
-    stiffness: f64,
+/// The wall points of one element that look along the same axis, as one.
+#[derive(Clone, Copy, Debug)]
+struct Patch {
+    element: u32,
+    /// Face of the voxels that the wall is on, as in [`Grid::links_of`].
+    face: u8,
+    /// Mean of the crossings, carried by one of the voxels.
+    point: MaterialPoint,
+    /// Mean outward normal, reference configuration.
+    normal: Vec3,
+    /// Area of the crossings, m^2.
+    area_m2: f64,
 }
 
-/// Contacts of the flanks at `pose`, one for each element and side that they press on: the mean of
-/// the element's wall points, with the stiffness of all of them.
-pub fn flank_contacts(body: &Body, cut: &[LinkId], blade: &Blade, before: &Pose, pose: &Pose, out: &mut Vec<Contact>) {
-    let frame = BladeFrame::of(pose);
-    let mut walls: Vec<Wall> = Vec::new();
-    for &link in cut {
-        let Link::Parted(crossing) = body.grid.link(link) else { continue };
-        let lower = body.grid.centre_m(link.cell);
-        let mut at = lower;
-        at[link.axis as usize] += f64::from(crossing.t) * body.grid.voxel_size_m();
-        for (cell, upper) in [(link.cell, false), (link.upper(), true)] {
-            let Some(voxel) = body.grid.voxel_at(cell) else { continue };
-            let point = MaterialPoint { position_m: at, voxel };
-            if let Some(hit) = wall_point(body, &point, upper, crossing.normal, blade, pose, &frame) {
-                add_to_wall(&mut walls, body, &point, hit);
+/// The walls of all cuts of a body, by element.
+#[derive(Default)]
+pub struct Walls {
+    patches: Vec<Patch>,
+}
+
+impl Walls {
+    /// Whether nothing is cut.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.patches.is_empty()
+    }
+
+    /// Number of patches: no blade has more flank contacts.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.patches.len()
+    }
+
+    /// Takes the walls of what `parted` and `change` touched; costs in proportion to that.
+    pub fn update(&mut self, body: &Body, parted: &[LinkId], change: &TopologyChange) {
+        let ends = parted.iter().flat_map(|link| [link.cell, link.upper()]);
+        let owners = ends.filter_map(|cell| body.grid.voxel_at(cell)).map(|v| body.element_of(v) as u32);
+        let mut touched: Vec<u32> = change.elements.iter().copied().chain(owners).collect();
+        touched.sort_unstable();
+        touched.dedup();
+        self.patches.retain(|p| touched.binary_search(&p.element).is_err());
+        touched.iter().for_each(|&element| self.add_element(body, element));
+        self.patches.sort_unstable_by_key(|p| (p.element, p.face));
+    }
+
+    /// Adds the patches of an element that is cut through. One with walls that face each other is
+    /// still in one piece: both would press on the same field.
+    fn add_element(&mut self, body: &Body, element: u32) {
+        let mut faces = [None; 6];
+        for voxel in body.voxels_of(element as usize) {
+            let cell = body.grid.voxels()[voxel.index()].ijk;
+            for (face, (link, _)) in Grid::links_of(cell).enumerate() {
+                if let Link::Parted(crossing) = body.grid.link(link) {
+                    let mut at = body.grid.centre_m(link.cell);
+                    at[link.axis as usize] += f64::from(crossing.t) * body.grid.voxel_size_m();
+                    let normal = Vec3::from(crossing.normal.map(f64::from));
+                    let outward = if face % 2 == 1 { normal } else { -normal };
+                    let area = body.grid.voxel_size_m().powi(2) * normal[link.axis as usize].abs();
+                    faces[face].get_or_insert(Sum::new(voxel)).add(at, outward, area);
+                }
+            }
+        }
+        for face in 0..6 {
+            if let (Some(sum), None) = (&faces[face], &faces[face ^ 1]) {
+                self.patches.push(sum.patch(element, face as u8));
             }
         }
     }
-    walls.sort_unstable_by_key(|w| w.key);
-    out.extend(walls.into_iter().filter_map(|wall| wall.into_contact(&frame, before, pose, body)));
-}
 
-/// A wall point near the flank: whether it belongs on the blade's +normal side, its depth into the
-/// blade and its place on the blade in the tool frame.
-struct Hit {
-    positive_side: bool,
-    depth: f64,
-    local: Vec3,
-}
-
-fn wall_point(
-    body: &Body,
-    point: &MaterialPoint,
-    upper: bool,
-    normal: [f32; 3],
-    blade: &Blade,
-    pose: &Pose,
-    frame: &BladeFrame,
-) -> Option<Hit> {
-    let h = body.grid.voxel_size_m();
-    let local = pose.orientation.inverse() * (body.current_m(point) - pose.position_m);
-    let beside = local.x.abs() <= 0.5 * blade.width_m
-        && (FRONT_ZONE_VOXELS * h..=blade.height_m).contains(&local.y)
-        && local.z.abs() <= FRONT_ZONE_VOXELS * h;
-    if !beside {
-        return None;
+    /// Contacts of the flanks at `pose` with the walls they press on or are about to.
+    pub fn contacts(&self, body: &Body, blade: &Blade, before: &Pose, pose: &Pose, out: &mut Vec<Contact>) {
+        let frame = BladeFrame::of(pose);
+        let place = pose.orientation.inverse();
+        out.extend(self.patches.iter().filter_map(|patch| {
+            let local = place * (body.current_m(&patch.point) - pose.position_m);
+            beside(body, blade, &local).then(|| patch.contact(body, blade, &frame, &local, before, pose))?
+        }));
     }
-    let f = body.deformation_gradient(point);
-    let n = f.try_inverse()?.transpose() * Vec3::from(normal.map(f64::from));
-    let positive_side = (n.dot(&frame.normal) > 0.0) == upper;
-    let outward = if positive_side { local.z } else { -local.z };
-    Some(Hit { positive_side, depth: 0.5 * blade.thickness_m - outward, local })
 }
 
-fn add_to_wall(walls: &mut Vec<Wall>, body: &Body, point: &MaterialPoint, hit: Hit) {
-    let key = (body.element_of(point.voxel) as u32, hit.positive_side);
-    let index = walls.iter().position(|w| w.key == key).unwrap_or_else(|| {
-        let none = Vec3::zeros();
-        walls.push(Wall { key, points: 0.0, weights: Vec::new(), depth: 0.0, tool_point: none, stiffness: 0.0 });
-        walls.len() - 1
-    });
-    let wall = &mut walls[index];
-    let (nodes, n) = body.weights(point);
-    for (node, n) in nodes.into_iter().zip(n) {
-        match wall.weights.iter_mut().find(|e| e.0 == node) {
-            Some(entry) => entry.1 += n,
-            None => wall.weights.push((node, n)),
-        }
-    }
+fn beside(body: &Body, blade: &Blade, local: &Vec3) -> bool {
     let h = body.grid.voxel_size_m();
-    wall.points += 1.0;
-    wall.depth += hit.depth;
-    wall.tool_point += Vec3::new(hit.local.x, hit.local.y, 0.0);
-    wall.stiffness += WALL_STIFFNESS * body.material_of(point.voxel).young_modulus_pa * h;
+    let front = (FRONT_ZONE_VOXELS * h).max(0.5 * body.element_edge_m());
+    local.x.abs() <= 0.5 * blade.width_m
+        && (front..=blade.height_m).contains(&local.y)
+        && local.z.abs() <= REACH_VOXELS * h
 }
 
-impl Wall {
-    fn into_contact(self, frame: &BladeFrame, before: &Pose, pose: &Pose, body: &Body) -> Option<Contact> {
+/// Area-weighted sums over wall points.
+#[derive(Clone, Copy)]
+struct Sum {
+    voxel: VoxelId,
+    position: Vec3,
+    normal: Vec3,
+    area_m2: f64,
+}
+
+impl Sum {
+    fn new(voxel: VoxelId) -> Self {
+        Self { voxel, position: Vec3::zeros(), normal: Vec3::zeros(), area_m2: 0.0 }
+    }
+
+    fn add(&mut self, at: Vec3, outward: Vec3, area: f64) {
+        self.position += at * area;
+        self.normal += outward * area;
+        self.area_m2 += area;
+    }
+
+    fn patch(&self, element: u32, face: u8) -> Patch {
+        let point = MaterialPoint { position_m: self.position / self.area_m2, voxel: self.voxel };
+        Patch { element, face, point, normal: self.normal, area_m2: self.area_m2 }
+    }
+}
+
+impl Patch {
+    /// The spring between the wall and the flank on its side, as stiff as the element behind the wall:
+    /// `E A / H`. It starts in the mode that the tissue's velocity predicts.
+    fn contact(
+        &self,
+        body: &Body,
+        blade: &Blade,
+        frame: &BladeFrame,
+        local: &Vec3,
+        before: &Pose,
+        pose: &Pose,
+    ) -> Option<Contact> {
+        let h = body.grid.voxel_size_m();
+        let turned = body.deformation_gradient(&self.point).try_inverse()?.transpose() * self.normal;
+        // The blade stands where the wall looks.
+        let side = if turned.dot(&frame.normal) < 0.0 { 1.0 } else { -1.0 };
+        let on_blade = Vec3::new(local.x, local.y, 0.0);
+        let young = body.material_of(self.point.voxel).young_modulus_pa;
         let mut contact = Contact {
-            direction: if self.key.1 { frame.normal } else { -frame.normal },
-            stiffness_n_per_m: self.stiffness,
-            gap_before_m: self.depth / self.points,
+            direction: frame.normal * side,
+            tool_point_m: pose.transform(&on_blade),
+            tool_point_before_m: before.transform(&on_blade),
+            stiffness_n_per_m: young * self.area_m2 / body.element_edge_m(),
             limit_n: f64::INFINITY,
+            slack_m: SLACK_VOXELS * h,
             ..Contact::default()
         };
-        self.weights.iter().for_each(|(node, w)| contact.weights.add(*node, w / self.points));
-        let local = self.tool_point / self.points;
-        contact.tool_point_m = pose.transform(&local);
-        contact.tool_point_before_m = before.transform(&local);
-        let tissue = contact.weights.sum(&body.velocity_m_per_s);
-        contact.gap_predicted_m = contact.gap_before_m - body.dt_s() * tissue.dot(&contact.direction);
+        let (nodes, n) = body.weights(&self.point);
+        nodes.into_iter().zip(n).for_each(|(node, n)| contact.weights.add(node, n));
+        let gap = 0.5 * blade.thickness_m - side * local.z;
+        let drift = body.dt_s() * contact.weights.sum(&body.velocity_m_per_s).dot(&contact.direction);
         let travel = (contact.tool_point_m - contact.tool_point_before_m).dot(&contact.direction);
-        contact.gap_before_m -= travel;
-        (contact.gap_predicted_m > -0.5 * body.grid.voxel_size_m()).then_some(contact)
+        contact.gap_before_m = gap - travel;
+        contact.gap_predicted_m = gap - drift;
+        contact.mode = if contact.gap_predicted_m > 0.0 { Mode::Spring } else { Mode::Off };
+        (contact.gap_predicted_m > -0.5 * h).then_some(contact)
     }
 }

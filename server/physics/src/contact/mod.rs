@@ -73,6 +73,8 @@ pub struct Contact {
     pub limit_n: f64,
     /// Force that is left after it has given, N.
     pub yield_n: f64,
+    /// Gap by which the mode may be wrong at the end of the step without another solve, m.
+    pub slack_m: f64,
     /// Whether the spring also pulls.
     pub bilateral: bool,
     /// What it does now.
@@ -105,8 +107,8 @@ impl Contact {
         self.gap_m = self.gap_predicted_m - dt_s * self.weights.sum(velocity_change).dot(&self.direction);
         let force = self.stiffness_n_per_m * self.gap_m;
         let next = match self.mode {
-            Mode::Off if self.gap_m > 0.0 || self.bilateral => Mode::Spring,
-            Mode::Spring if self.gap_m < 0.0 && !self.bilateral => Mode::Off,
+            Mode::Off if self.gap_m > self.slack_m || self.bilateral => Mode::Spring,
+            Mode::Spring if self.gap_m < -self.slack_m && !self.bilateral => Mode::Off,
             Mode::Spring if force > self.limit_n => Mode::Yield,
             Mode::Yield if force < self.yield_n => Mode::Spring,
             mode => mode,

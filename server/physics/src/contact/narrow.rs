@@ -9,7 +9,7 @@ use crate::body::{Body, MaterialPoint};
 /// the element that maps it there, and behind the object's own surface.
 #[must_use]
 pub fn locate(body: &Body, hash: &SpatialHash, point_m: &Vec3) -> Option<MaterialPoint> {
-    hash.near(point_m).find_map(|element| {
+    hash.around(point_m).find_map(|element| {
         let position_m = body.invert_map(element as usize, point_m)?;
         let voxel = body.grid.voxel_at(body.grid.cell_of(&position_m))?;
         let inside = body.element_of(voxel) == element as usize && body.grid.signed_distance_m(&position_m) < 0.0;

@@ -5,6 +5,7 @@
 
 use super::composite::Matrix24;
 use std::ops::{Add, Mul};
+use wide::{f32x4, f32x8};
 
 /// Entries of a packed symmetric 24x24 matrix: by node blocks, row block `a`, first the lower
 /// triangle of (a, a), then for each b < a the nine entries of (a, b), row-major.
@@ -27,7 +28,7 @@ impl Lane for wide::f64x8 {
     }
 }
 
-impl Lane for wide::f32x16 {
+impl Lane for f32x8 {
     const ZERO: Self = Self::ZERO;
     #[inline(always)]
     fn fma(self, factor: Self, term: Self) -> Self {
@@ -41,6 +42,12 @@ impl Lane for f64 {
     fn fma(self, factor: Self, term: Self) -> Self {
         self.mul_add(factor, term)
     }
+}
+
+/// Packed index of the first diagonal entry of a corner's own block.
+#[must_use]
+pub const fn diagonal_entry(corner: usize) -> usize {
+    6 * corner + 9 * corner * corner.saturating_sub(1) / 2
 }
 
 /// Visits the packed entries as (index, row, column).
@@ -74,8 +81,8 @@ pub fn pack(matrix: &Matrix24) -> [f64; PACKED] {
 
 /// The full matrix of a packed one.
 #[must_use]
-pub fn unpack(packed: &[f64; PACKED]) -> Box<Matrix24> {
-    let mut matrix = Box::new([[0.0; 24]; 24]);
+pub fn unpack(packed: &[f64; PACKED]) -> Matrix24 {
+    let mut matrix = [[0.0; 24]; 24];
     for_packed(|index, row, column| {
         matrix[row][column] = packed[index];
         matrix[column][row] = packed[index];
@@ -133,6 +140,25 @@ pub fn rotate_back<L: Lane>(r: &[L; 9], u: &[L; 24]) -> [L; 24] {
     rotate(&[r[0], r[3], r[6], r[1], r[4], r[7], r[2], r[5], r[8]], u)
 }
 
+/// Components x, y and z of eight vectors, one vector per lane.
+#[inline(always)]
+#[must_use]
+pub fn split(v: [f32x4; 8]) -> [f32x8; 3] {
+    let low = f32x4::transpose([v[0], v[1], v[2], v[3]]);
+    let high = f32x4::transpose([v[4], v[5], v[6], v[7]]);
+    [0, 1, 2].map(|i| bytemuck::cast([low[i], high[i]]))
+}
+
+/// Eight vectors from their components: the inverse of [`split`].
+#[inline(always)]
+#[must_use]
+pub fn join(components: [f32x8; 3]) -> [f32x4; 8] {
+    let [x, y, z] = components.map(bytemuck::cast::<f32x8, [f32x4; 2]>);
+    let low = f32x4::transpose([x[0], y[0], z[0], f32x4::ZERO]);
+    let high = f32x4::transpose([x[1], y[1], z[1], f32x4::ZERO]);
+    [low[0], low[1], low[2], low[3], high[0], high[1], high[2], high[3]]
+}
+
 /// Dot product of two local vectors.
 #[inline(always)]
 pub fn dot<L: Lane>(a: &[L; 24], b: &[L; 24]) -> L {
@@ -159,7 +185,7 @@ mod tests {
         }
         let u: [f64; 24] = std::array::from_fn(|i| (i as f64 * 0.7).sin());
         let packed = pack(&full);
-        assert_eq!(*unpack(&packed), full);
+        assert_eq!(unpack(&packed), full);
         let y = apply(&packed, &u);
         for i in 0..24 {
             let expected: f64 = (0..24).map(|j| full[i][j] * u[j]).sum();

@@ -113,8 +113,6 @@ pub struct FrontBook {
     pub numerical_j: f64,
     /// Area swept through intact material, m^2.
     pub area_m2: f64,
-    /// Length of the edge that is yielding, m.
-    pub cutting_length_m: f64,
 }
 
 impl FrontBook {
@@ -126,7 +124,6 @@ impl FrontBook {
         self.initiation_j += other.initiation_j;
         self.numerical_j += other.numerical_j;
         self.area_m2 += other.area_m2;
-        self.cutting_length_m += other.cutting_length_m;
     }
 }
 
@@ -136,6 +133,9 @@ pub struct Front {
     share_m: f64,
     /// Energy in springs that were let go in this step's detection, J.
     dropped_j: f64,
+    /// Where the chain stands and starts, and where its strip ends: scratch, kept between steps.
+    chain: Vec<Option<(Vec3, Vec3)>>,
+    target: Vec<Vec3>,
     /// Springs of the step that is being taken.
     pub contacts: Vec<FrontContact>,
 }
@@ -160,6 +160,8 @@ impl Front {
             markers: vec![Marker::Outside; count],
             share_m: blade.width_m / count as f64,
             dropped_j: 0.0,
+            chain: Vec::with_capacity(count),
+            target: Vec::with_capacity(count),
             contacts: Vec::with_capacity(count),
         }
     }
@@ -179,6 +181,13 @@ impl Front {
                 *marker = Marker::Buried;
             }
         }
+    }
+
+    /// Length of the edge that is yielding against intact material, m.
+    #[must_use]
+    pub fn cutting_length_m(&self) -> f64 {
+        let cutting = |c: &&FrontContact| c.forward.mode == Mode::Yield && c.forward.yield_n > 0.0;
+        self.contacts.iter().filter(cutting).count() as f64 * self.share_m
     }
 
     /// Whether any marker is in contact.
@@ -251,7 +260,7 @@ impl Front {
                 anchor.position_m += step;
             }
         }
-        self.sweep(body, &frame, links, &mut book);
+        self.sweep(body, &frame, links);
         book.slip_j -= book.fracture_j;
         self.follow_edge(body, motion, &frame);
         self.drop_outside(body);
@@ -295,31 +304,34 @@ impl Front {
         }
     }
 
-    /// Parts the links between where the chain was and where it is now, and books the area. Neighbours
+    /// Number of springs that the front may have at most.
+    #[must_use]
+    pub fn most_springs(&self) -> usize {
+        2 * self.markers.len()
+    }
+
+    /// Parts the links between where the chain was and where it is now. Neighbours
     /// share their edges of the strip, consecutive strips the chain between them: no link slips
     /// through, whichever markers move.
-    fn sweep(&mut self, body: &Body, frame: &BladeFrame, links: &mut Vec<(LinkId, Crossing)>, book: &mut FrontBook) {
+    fn sweep(&mut self, body: &Body, frame: &BladeFrame, links: &mut Vec<(LinkId, Crossing)>) {
         let count = self.markers.len();
-        let target: Vec<Vec3> =
-            (0..count).map(|i| self.anchor(i).map_or(Vec3::zeros(), |a| a.position_m + a.nudge(body, frame))).collect();
+        let mut target = std::mem::take(&mut self.target);
+        target.clear();
+        target
+            .extend((0..count).map(|i| self.anchor(i).map_or(Vec3::zeros(), |a| a.position_m + a.nudge(body, frame))));
         for index in 0..count {
             let Some(own) = self.anchor(index) else { continue };
             let (from, to) = (own.swept_m, target[index]);
-            let mut area = 0.0;
             for (side, left) in [(-1.0, index.wrapping_sub(1)), (1.0, index)] {
                 let segment = self.segment(body, left).filter(|ends| ends[0].yielded || ends[1].yielded);
                 if let Some(ends) = segment {
-                    let (other, beside) = if left == index { (ends[1], index + 1) } else { (ends[0], left) };
-                    let (a, b) = (0.5 * (from + other.swept_m), 0.5 * (to + target[beside]));
-                    area += 0.5 * (b - from).cross(&(to - a)).norm();
                     if left == index {
-                        part_quad(body, [from, other.swept_m, target[beside], to], links);
+                        part_quad(body, [from, ends[1].swept_m, target[index + 1], to], links);
                     }
                 } else if own.yielded {
                     // The chain ends here: half a share beyond at the blade's end, and up to the next
                     // marker where that one is outside the material.
                     let half = own.pull_back(body, &frame.along) * (0.5 * side * self.share_m);
-                    area += (to - from).cross(&half).norm();
                     let beside = if side < 0.0 { index.checked_sub(1) } else { Some(index + 1) };
                     let outside =
                         beside.and_then(|i| self.markers.get(i)).is_some_and(|m| matches!(m, Marker::Outside));
@@ -327,24 +339,20 @@ impl Front {
                     part_quad(body, [from, from + reach, to + reach, to], links);
                 }
             }
-            if let Ahead::Intact { fracture_energy_j_per_m2, .. } = own.ahead
-                && fracture_energy_j_per_m2.is_finite()
-            {
-                book.area_m2 += area;
-                book.fracture_j += fracture_energy_j_per_m2 * area;
-            }
         }
-        for (marker, target) in self.markers.iter_mut().zip(target) {
+        for (marker, target) in self.markers.iter_mut().zip(&target) {
             if let Marker::On(anchor) = marker {
-                anchor.swept_m = target;
+                anchor.swept_m = *target;
             }
         }
+        self.target = target;
     }
 
     /// Slides markers along the chain to where their share of the edge is now.
     fn follow_edge(&mut self, body: &Body, motion: &BladeMotion<'_>, frame: &BladeFrame) {
-        let chain: Vec<Option<(Vec3, Vec3)>> =
-            (0..self.markers.len()).map(|i| self.anchor(i).map(|a| (a.position_m, a.start_m))).collect();
+        let mut chain = std::mem::take(&mut self.chain);
+        chain.clear();
+        chain.extend((0..self.markers.len()).map(|i| self.anchor(i).map(|a| (a.position_m, a.start_m))));
         let count = self.markers.len();
         let gap = CHAIN_GAP_VOXELS * body.grid.voxel_size_m();
         for index in 0..count {
@@ -372,6 +380,7 @@ impl Front {
             }
             self.markers[index] = Marker::On(moved);
         }
+        self.chain = chain;
     }
 
     /// Markers that have come out of the material on the other side are outside.
@@ -403,9 +412,6 @@ fn settle_marker(
     if forward.mode == Mode::Yield {
         advance = (forward.gap_m - forward.yield_n / k).max(0.0);
         advance = advance.min(MAX_ADVANCE_VOXELS * body.grid.voxel_size_m());
-        if forward.yield_n > 0.0 {
-            book.cutting_length_m += share_m;
-        }
     }
     let lateral = 0.5 * contact.lateral.force_n() * contact.lateral.gap_m;
     let stored = if forward.mode == Mode::Off { 0.0 } else { spring(forward.gap_m - advance) } + lateral;
@@ -424,6 +430,14 @@ fn settle_marker(
     // Grazing the outside starts no cut.
     anchor.yielded |= forward.mode == Mode::Yield && anchor.ahead != Ahead::Outside;
     let mut step = anchor.march(body, frame, advance);
+    if let Ahead::Intact { fracture_energy_j_per_m2, .. } = anchor.ahead
+        && advance > 0.0
+    {
+        // What the front sweeps moving forward; what it slides along itself opens nothing.
+        let area = step.cross(&(anchor.pull_back(body, &frame.along) * share_m)).norm();
+        book.area_m2 += area;
+        book.fracture_j += fracture_energy_j_per_m2 * area;
+    }
     if !anchor.yielded && forward.mode == Mode::Spring {
         let grip = EDGE_GRIP * force / contact.lateral.stiffness_n_per_m;
         let excess = contact.lateral.gap_m - contact.lateral.gap_m.clamp(-grip, grip);
@@ -519,6 +533,7 @@ impl Edge {
             gap_m: 0.0,
             limit_n: f64::INFINITY,
             yield_n: 0.0,
+            slack_m: 0.0,
             bilateral: false,
             mode: Mode::Off,
         };
@@ -527,16 +542,21 @@ impl Edge {
         forward.mode = if forward.limit_n == 0.0 && forward.gap_predicted_m > 0.0 { Mode::Yield } else { anchor.mode };
         let mut lateral = spring(self.frame.normal);
         lateral.bilateral = true;
+        lateral.mode = lateral_mode(&forward);
         (forward, lateral)
     }
+}
+
+/// The edge holds the material beside it while it presses on material that holds.
+fn lateral_mode(forward: &Contact) -> Mode {
+    if forward.mode != Mode::Off && forward.yield_n > 0.0 { Mode::Spring } else { Mode::Off }
 }
 
 impl FrontContact {
     /// Takes the solution's change of velocity; returns whether a mode had to change.
     pub fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]]) -> bool {
         let changed = self.forward.settle(dt_s, velocity_change);
-        let holds = self.forward.mode != Mode::Off && self.forward.yield_n > 0.0;
-        self.lateral.mode = if holds { Mode::Spring } else { Mode::Off };
+        self.lateral.mode = lateral_mode(&self.forward);
         self.lateral.gap_m = self.lateral.gap_predicted_m
             - dt_s * self.lateral.weights.sum(velocity_change).dot(&self.lateral.direction);
         changed

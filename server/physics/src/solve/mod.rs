@@ -5,3 +5,4 @@ pub mod coarsest;
 pub mod multigrid;
 pub mod operator;
 pub mod pcg;
+pub mod spring;

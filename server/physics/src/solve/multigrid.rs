@@ -8,10 +8,12 @@
 use super::coarsest::Coarsest;
 use super::operator::{NodeVector, Operator};
 use super::pcg::dot;
+use super::spring::PointSpring;
 use crate::fem::composite::shape_functions;
 use crate::fem::lanes::{PACKED, pack, unpack};
 use crate::grid::levels::{Level, LevelChange};
 use crate::workers::Workers;
+use wide::f32x4;
 
 /// Optimised weights of the 4th-kind Chebyshev smoother of degree 2.
 const CHEBYSHEV_BETA: [f32; 2] = [1.023_872_9, 1.264_089_1];
@@ -41,6 +43,8 @@ struct CycleLevel {
     b: NodeVector,
     r: NodeVector,
     step: NodeVector,
+    /// Sums of the rotations of each element's children.
+    rotation_sums: Vec<[f64; 9]>,
 }
 
 /// The levels of one object, the finest (the one that is solved on) first.
@@ -89,7 +93,7 @@ fn galerkin(child: &[f64; PACKED], weights: &[[f64; 8]; 8]) -> [f64; PACKED] {
 impl CycleLevel {
     fn new(level: &Level) -> Self {
         let nodes = level.nodes.len();
-        let zero = vec![[0.0; 3]; nodes];
+        let zero = vec![f32x4::ZERO; nodes];
         Self {
             operator: Operator::new(level.elements.iter().map(|e| e.nodes).collect(), nodes),
             prolongation: Vec::new(),
@@ -101,15 +105,17 @@ impl CycleLevel {
             b: zero.clone(),
             r: zero.clone(),
             step: zero,
+            rotation_sums: Vec::new(),
         }
     }
 
-    fn set_topology(&mut self, level: &Level, above: Option<&Level>) {
+    fn set_topology(&mut self, level: &Level, above: Option<&Level>, held: &[bool]) {
         let nodes = level.nodes.len();
         self.operator.set_topology(level.elements.iter().map(|e| e.nodes).collect(), nodes);
         for v in [&mut self.x, &mut self.b, &mut self.r, &mut self.step] {
-            v.resize(nodes, [0.0; 3]);
+            v.resize(nodes, f32x4::ZERO);
         }
+        self.rotation_sums.resize(level.elements.len(), [0.0; 9]);
         let Some(above) = above else { return };
         self.parent.clone_from(&above.owner);
         self.octant = level.elements.iter().map(|e| octant_of(e.cell)).collect();
@@ -118,9 +124,23 @@ impl CycleLevel {
             let parent = &above.elements[above.owner[element] as usize];
             let weights = octant_weights(self.octant[element] as usize);
             for (corner, &node) in data.nodes.iter().enumerate() {
-                self.prolongation[node as usize] = Prolongation::new(&parent.nodes, &weights[corner]);
+                self.prolongation[node as usize] = match held.get(node as usize) {
+                    Some(true) => Prolongation::default(),
+                    _ => Prolongation::new(&parent.nodes, &weights[corner]),
+                };
             }
         }
+    }
+
+    /// Weights of an element's corners among the corners of its parent; zero where a corner is held.
+    fn weights(&self, element: usize) -> [[f64; 8]; 8] {
+        let mut weights = octant_weights(self.octant[element] as usize);
+        for (weights, node) in weights.iter_mut().zip(self.operator.element_nodes(element)) {
+            if self.prolongation[*node as usize].count == 0 {
+                *weights = [0.0; 8];
+            }
+        }
+        weights
     }
 
     /// Estimates the largest eigenvalue of `D^-1 A` by `rounds` power iterations.
@@ -129,7 +149,8 @@ impl CycleLevel {
         for node in self.eigenvector.len()..n {
             // Any start with all frequencies in it; the same one every time.
             let h = (node as u32).wrapping_mul(2_654_435_761);
-            self.eigenvector.push([0, 8, 16].map(|s| (h >> s & 255) as f32 / 128.0 - 1.0));
+            let [x, y, z] = [0, 8, 16].map(|s| (h >> s & 255) as f32 / 128.0 - 1.0);
+            self.eigenvector.push(f32x4::new([x, y, z, 0.0]));
         }
         for _ in 0..rounds {
             self.operator.apply(workers, &self.eigenvector, &mut self.r);
@@ -144,45 +165,59 @@ impl CycleLevel {
             }
             // Rayleigh quotient of the next vector's energy: between the last two power steps.
             self.largest_eigenvalue = EIGENVALUE_MARGIN * (along / norm) as f32;
-            let scale = (1.0 / size) as f32;
+            let scale = f32x4::splat((1.0 / size) as f32);
             for (v, s) in self.eigenvector.iter_mut().zip(&self.step) {
-                *v = s.map(|c| c * scale);
+                *v = *s * scale;
             }
         }
     }
 
     /// Chebyshev steps on `A x = b`; `x` starts from zero where `fresh`.
     fn smooth(&mut self, workers: &Workers<'_>, fresh: bool) {
-        let n = self.operator.node_count();
-        if fresh {
-            self.x.iter_mut().for_each(|x| *x = [0.0; 3]);
-        }
         for (index, beta) in CHEBYSHEV_BETA.iter().enumerate() {
-            self.residual(workers, fresh && index == 0);
+            if !(fresh && index == 0) {
+                self.residual(workers);
+            }
             let k = (index + 1) as f32;
-            let (carry, gain) = ((2.0 * k - 3.0) / (2.0 * k + 1.0), (8.0 * k - 4.0) / (2.0 * k + 1.0));
-            let carry = if index == 0 { 0.0 } else { carry };
-            let gain = gain / self.largest_eigenvalue;
-            for node in 0..n {
-                let z = self.operator.precondition_node(node, self.r[node]);
-                let (step, x) = (&mut self.step[node], &mut self.x[node]);
-                for i in 0..3 {
-                    // The old step is not read at the first index: it may belong to another solve.
-                    step[i] = if index == 0 { gain * z[i] } else { carry * step[i] + gain * z[i] };
-                    x[i] += beta * step[i];
-                }
+            let gain = f32x4::splat((8.0 * k - 4.0) / ((2.0 * k + 1.0) * self.largest_eigenvalue));
+            let carry = f32x4::splat((2.0 * k - 3.0) / (2.0 * k + 1.0));
+            let beta = f32x4::splat(*beta);
+            let r = if fresh && index == 0 { &self.b } else { &self.r };
+            for (node, ((r, step), x)) in r.iter().zip(&mut self.step).zip(&mut self.x).enumerate() {
+                let z = gain * self.operator.precondition_node(node, *r);
+                // The old step is not read at the first index, nor the old x where it is to be zero:
+                // they may belong to another solve.
+                *step = if index == 0 { z } else { carry.mul_add(*step, z) };
+                let from = if fresh && index == 0 { f32x4::ZERO } else { *x };
+                *x = beta.mul_add(*step, from);
             }
         }
     }
 
-    fn residual(&mut self, workers: &Workers<'_>, x_is_zero: bool) {
-        if x_is_zero {
-            self.r.copy_from_slice(&self.b);
-            return;
-        }
+    /// `r = b - A x`.
+    fn residual(&mut self, workers: &Workers<'_>) {
         self.operator.apply(workers, &self.x, &mut self.r);
         for (r, b) in self.r.iter_mut().zip(&self.b) {
-            *r = [b[0] - r[0], b[1] - r[1], b[2] - r[2]];
+            *r = *b - *r;
+        }
+    }
+}
+
+impl CycleLevel {
+    /// `b = P^T r` on the level above.
+    fn restrict(&self, b: &mut [f32x4]) {
+        b.fill(f32x4::ZERO);
+        for (entry, r) in self.prolongation.iter().zip(&self.r) {
+            for (node, w) in entry.iter() {
+                b[node] = f32x4::splat(w).mul_add(*r, b[node]);
+            }
+        }
+    }
+
+    /// `x += P x` from the level above.
+    fn prolongate(&mut self, above: &[f32x4]) {
+        for (entry, x) in self.prolongation.iter().zip(&mut self.x) {
+            *x = entry.iter().fold(*x, |sum, (node, w)| f32x4::splat(w).mul_add(above[node], sum));
         }
     }
 }
@@ -201,7 +236,8 @@ impl Prolongation {
     }
 
     fn iter(&self) -> impl Iterator<Item = (usize, f32)> + '_ {
-        (0..self.count as usize).map(|i| (self.nodes[i] as usize, self.weights[i]))
+        let count = self.count as usize;
+        self.nodes[..count].iter().zip(&self.weights[..count]).map(|(node, w)| (*node as usize, *w))
     }
 }
 
@@ -216,7 +252,7 @@ impl Multigrid {
     pub fn new(hierarchy: &[Level]) -> Self {
         let mut levels: Vec<CycleLevel> = hierarchy.iter().map(CycleLevel::new).collect();
         for (i, level) in levels.iter_mut().enumerate() {
-            level.set_topology(&hierarchy[i], hierarchy.get(i + 1));
+            level.set_topology(&hierarchy[i], hierarchy.get(i + 1), &[]);
         }
         let coarsest = Coarsest::new(&levels[levels.len() - 1].operator);
         Self { levels, coarsest }
@@ -245,19 +281,22 @@ impl Multigrid {
         &mut self.levels[0].operator
     }
 
-    /// Takes the nodes of elements that were split; makes room for the new ones' matrices.
-    pub fn set_topology(&mut self, hierarchy: &[Level]) {
+    /// Takes the elements and nodes of `hierarchy`: there is room for the matrices of new elements of
+    /// the finest level, which are to be set before [`Self::update_changed`]. Coarse corrections leave
+    /// the `held` nodes of the finest level alone: else the stiffness that holds them would keep the
+    /// coarse nodes around them from moving.
+    pub fn set_topology(&mut self, hierarchy: &[Level], held: &[bool]) {
         for (i, level) in self.levels.iter_mut().enumerate() {
-            level.set_topology(&hierarchy[i], hierarchy.get(i + 1));
+            let held = if i == 0 { held } else { &[] };
+            level.set_topology(&hierarchy[i], hierarchy.get(i + 1), held);
         }
     }
 
-    /// Takes the topology of `hierarchy` after the changes in `changes`, which the matrices of the
-    /// finest level already reflect.
-    pub fn update_topology(&mut self, workers: &Workers<'_>, hierarchy: &[Level], changes: &[LevelChange]) {
-        let touched: Vec<u32> =
+    /// Recomputes what `changes` touched above the finest level, whose matrices already reflect them.
+    pub fn update_changed(&mut self, workers: &Workers<'_>, hierarchy: &[Level], changes: &[LevelChange]) {
+        let mut touched: Vec<u32> =
             changes[1..].first().map_or(Vec::new(), |c| elements_in_cells(&hierarchy[1], &c.touched_cells));
-        self.rebuild_coarse(hierarchy, touched);
+        self.rebuild_coarse(hierarchy, &mut touched);
         self.factor_coarsest();
         self.update_rotations_and_diagonals(workers);
         self.levels.iter_mut().for_each(|l| l.estimate_eigenvalue(workers, 2));
@@ -265,8 +304,8 @@ impl Multigrid {
 
     /// Recomputes the coarse matrices above all elements, the coarsest factor and the eigenvalues.
     pub fn rebuild(&mut self, workers: &Workers<'_>, hierarchy: &[Level]) {
-        let all = hierarchy.get(1).map_or(Vec::new(), |level| (0..level.elements.len() as u32).collect());
-        self.rebuild_coarse(hierarchy, all);
+        let mut all = hierarchy.get(1).map_or(Vec::new(), |level| (0..level.elements.len() as u32).collect());
+        self.rebuild_coarse(hierarchy, &mut all);
         self.factor_coarsest();
         self.update_rotations_and_diagonals(workers);
         self.levels.iter_mut().for_each(|l| l.estimate_eigenvalue(workers, 20));
@@ -276,88 +315,89 @@ impl Multigrid {
         self.coarsest = Coarsest::new(&self.levels[self.levels.len() - 1].operator);
     }
 
-    /// Recomputes the matrices of `elements` of the second level and of everything above them.
-    pub fn rebuild_coarse(&mut self, hierarchy: &[Level], mut elements: Vec<u32>) {
+    /// Recomputes the matrices of `elements` of the second level and of everything above them;
+    /// `elements` are used up.
+    pub fn rebuild_coarse(&mut self, hierarchy: &[Level], elements: &mut Vec<u32>) {
         for i in 1..self.levels.len() {
             let (below, above) = self.levels.split_at_mut(i);
             let (child, parent) = (&below[i - 1], &mut above[0]);
-            for &element in &elements {
+            for &element in elements.iter() {
                 let mut sum = [0.0; PACKED];
                 let cell = hierarchy[i].elements[element as usize].cell;
                 for octant in 0..8 {
                     let child_cell = [0, 1, 2].map(|a| 2 * cell[a] + (octant >> a & 1) as i32);
                     for c in hierarchy[i - 1].elements_in(child_cell) {
                         if child.parent[c as usize] == element {
-                            let part = galerkin(&child.operator.matrix(c as usize), &octant_weights(octant));
+                            let part = galerkin(&child.operator.matrix(c as usize), &child.weights(c as usize));
                             (0..PACKED).for_each(|j| sum[j] += part[j]);
                         }
                     }
                 }
                 parent.operator.set_matrix(element as usize, &sum);
             }
-            elements = elements.iter().filter_map(|e| parent.parent.get(*e as usize).copied()).collect();
+            if parent.parent.is_empty() {
+                break;
+            }
+            elements.iter_mut().for_each(|e| *e = parent.parent[*e as usize]);
             elements.sort_unstable();
             elements.dedup();
         }
+        elements.clear();
     }
 
-    /// Coarse rotations and springs from the finest level's, then every diagonal.
+    /// Coarse rotations from the finest level's, then every diagonal. Springs are dropped.
     pub fn update_rotations_and_diagonals(&mut self, workers: &Workers<'_>) {
         for i in 1..self.levels.len() {
             let (below, above) = self.levels.split_at_mut(i);
-            inherit_rotations(&below[i - 1], &mut above[0].operator);
+            inherit_rotations(&below[i - 1], &mut above[0]);
         }
-        self.update_springs_and_diagonals(workers);
+        self.levels.iter_mut().for_each(|l| l.operator.update_diagonal(workers));
         let last = self.levels.len() - 1;
         self.coarsest.update_rotations(&self.levels[last].operator);
     }
 
-    /// Coarse springs from the finest level's, then every diagonal.
-    pub fn update_springs_and_diagonals(&mut self, workers: &Workers<'_>) {
+    /// Room for `count` springs on every level.
+    pub fn reserve_springs(&mut self, count: usize) {
+        self.levels.iter_mut().for_each(|l| l.operator.reserve_springs(count));
+    }
+
+    /// Replaces the springs on every level.
+    pub fn set_springs(&mut self, springs: impl Iterator<Item = PointSpring>) {
+        self.levels[0].operator.set_springs(springs);
         for i in 1..self.levels.len() {
             let (below, above) = self.levels.split_at_mut(i);
-            inherit_springs(&below[i - 1], &mut above[0].operator);
+            let fine = &below[i - 1];
+            let spread = |node: usize| fine.prolongation[node].iter();
+            above[0].operator.set_springs(fine.operator.springs().iter().map(|s| s.coarsened(spread)));
         }
-        self.levels.iter_mut().for_each(|l| l.operator.update_diagonal(workers));
     }
 
     /// `z` = one V-cycle on `A z = r` from zero.
-    pub fn precondition(&mut self, workers: &Workers<'_>, r: &[[f32; 3]], z: &mut [[f32; 3]]) {
+    pub fn precondition(&mut self, workers: &Workers<'_>, r: &[f32x4], z: &mut [f32x4]) {
         self.levels[0].b.copy_from_slice(r);
         self.cycle(workers, 0);
         z.copy_from_slice(&self.levels[0].x);
     }
 
     fn cycle(&mut self, workers: &Workers<'_>, i: usize) {
-        if i + 1 == self.levels.len() {
-            let level = &mut self.levels[i];
+        let last = i + 1 == self.levels.len();
+        let level = &mut self.levels[i];
+        if last {
             if i > 0 {
-                self.coarsest.solve(&level.b, &mut level.x);
+                self.coarsest.solve(&level.operator, &level.b, &mut level.x);
             } else {
                 level.smooth(workers, true);
             }
             return;
         }
-        let level = &mut self.levels[i];
         level.smooth(workers, true);
-        level.residual(workers, false);
+        level.residual(workers);
         let (fine, coarse) = self.levels.split_at_mut(i + 1);
-        let (fine, coarse) = (&mut fine[i], &mut coarse[0]);
-        coarse.b.iter_mut().for_each(|b| *b = [0.0; 3]);
-        for (entry, r) in fine.prolongation.iter().zip(&fine.r) {
-            for (node, w) in entry.iter() {
-                (0..3).for_each(|a| coarse.b[node][a] += w * r[a]);
-            }
-        }
+        fine[i].restrict(&mut coarse[0].b);
         self.cycle(workers, i + 1);
         let (fine, coarse) = self.levels.split_at_mut(i + 1);
-        let (fine, coarse) = (&mut fine[i], &coarse[0]);
-        for (entry, x) in fine.prolongation.iter().zip(&mut fine.x) {
-            for (node, w) in entry.iter() {
-                (0..3).for_each(|a| x[a] += w * coarse.x[node][a]);
-            }
-        }
-        fine.smooth(workers, false);
+        fine[i].prolongate(&coarse[0].x);
+        fine[i].smooth(workers, false);
     }
 }
 
@@ -368,30 +408,13 @@ fn elements_in_cells(level: &Level, cells: &[[i32; 3]]) -> Vec<u32> {
 }
 
 /// The rotation of a coarse element is the normalised sum of its children's.
-fn inherit_rotations(child: &CycleLevel, parent: &mut Operator) {
-    let mut sums = vec![[0.0f64; 9]; parent.element_count()];
+fn inherit_rotations(child: &CycleLevel, parent: &mut CycleLevel) {
+    parent.rotation_sums.fill([0.0; 9]);
     for (element, &above) in child.parent.iter().enumerate() {
-        let r = child.operator.rotation(element);
-        (0..9).for_each(|i| sums[above as usize][i] += r[i]);
+        let (sum, r) = (&mut parent.rotation_sums[above as usize], child.operator.rotation(element));
+        (0..9).for_each(|i| sum[i] += r[i]);
     }
-    for (element, sum) in sums.iter().enumerate() {
-        parent.set_rotation(element, &super::coarsest::orthonormal(sum));
-    }
-}
-
-fn inherit_springs(child: &CycleLevel, parent: &mut Operator) {
-    parent.springs.resize_with(child.operator.springs.len(), Default::default);
-    for (fine, coarse) in child.operator.springs.iter().zip(&mut parent.springs) {
-        coarse.direction = fine.direction;
-        coarse.stiffness = fine.stiffness;
-        coarse.weights.clear();
-        for &(node, w) in &fine.weights {
-            for (above, share) in child.prolongation[node as usize].iter() {
-                match coarse.weights.iter_mut().find(|entry| entry.0 as usize == above) {
-                    Some(entry) => entry.1 += w * share,
-                    None => coarse.weights.push((above as u32, w * share)),
-                }
-            }
-        }
+    for (element, sum) in parent.rotation_sums.iter().enumerate() {
+        parent.operator.set_rotation(element, &super::coarsest::orthonormal(sum));
     }
 }

@@ -1,43 +1,42 @@
-//! The system matrix of one level, `A = sum_e R_e A_e R_e^T + contacts`, sixteen elements at a time.
+//! The system matrix of one level, `A = sum_e R_e A_e R_e^T + contacts`, eight elements at a time.
 //!
 //! `A_e = (1 + alpha dt) M_e + (dt^2 + beta dt) (K_e + H_e)`: mass, stiffness and held voxels. Element
 //! results go to a buffer of their own and each node sums its entries in a fixed order, so the bits
-//! do not depend on the number of threads and no colouring is needed.
+//! do not depend on the number of threads and no colouring is needed. Node vectors are padded to four
+//! components: a node is one load, and eight nodes become lanes by a transpose in registers.
 
+use super::spring::{POINT_NODES, PointSpring};
 use crate::fem::lanes::{self, PACKED};
 use crate::workers::Workers;
-use wide::f32x16;
+use wide::{f32x4, f32x8};
 
 /// Elements per block.
-pub const LANES: usize = 16;
+pub const LANES: usize = 8;
 /// Blocks per chunk of parallel work.
-const BLOCKS_PER_CHUNK: usize = 16;
+const BLOCKS_PER_CHUNK: usize = 64;
 /// Nodes per chunk of parallel work.
 pub const NODES_PER_CHUNK: usize = 512;
 
-/// A vector with three components per node.
-pub type NodeVector = Vec<[f32; 3]>;
+/// A vector with three components per node; the fourth is zero.
+pub type NodeVector = Vec<f32x4>;
 
-/// Sixteen elements.
+/// Eight elements.
 #[derive(Clone)]
 pub struct OperatorBlock {
     /// Packed `A_e` in the rest frame.
-    pub matrix: Box<[f32x16; PACKED]>,
+    matrix: Box<[f32x8; PACKED]>,
     /// Rotation of each element, row-major.
-    pub rotation: [f32x16; 9],
+    pub rotation: [f32x8; 9],
     nodes: [[u32; LANES]; 8],
 }
 
-/// A spring between a point of the tissue and something outside it: adds
-/// `stiffness w w^T (x) d d^T` to the system matrix.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct PointSpring {
-    /// Nodes and weights of the point.
-    pub weights: Vec<(u32, f32)>,
-    /// Unit direction.
-    pub direction: [f32; 3],
-    /// `(dt^2) k`, kg.
-    pub stiffness: f32,
+/// Diagonal 3x3 blocks of every node: symmetric, so six entries.
+#[derive(Default)]
+struct Diagonal {
+    /// xx, yy, zz.
+    on: NodeVector,
+    /// xy, xz, yz.
+    off: NodeVector,
 }
 
 /// One level's system matrix.
@@ -45,19 +44,26 @@ pub struct Operator {
     /// Blocks of elements, by element id.
     pub blocks: Vec<OperatorBlock>,
     /// Springs that act now.
-    pub springs: Vec<PointSpring>,
+    springs: Vec<PointSpring>,
     element_nodes: Vec<[u32; 8]>,
     /// Entries of node n are `incidence[first[n]..first[n + 1]]`, each `element * 8 + corner`.
     first: Vec<u32>,
     incidence: Vec<u32>,
-    /// Inverse of the diagonal 3x3 block of each node, lower triangle by rows.
-    diagonal_inverse: Vec<[f32; 6]>,
-    results: Vec<[f32x16; 24]>,
+    /// Of the elements alone.
+    diagonal: Diagonal,
+    /// Of the springs alone; zero but while they are summed.
+    spring_diagonal: Diagonal,
+    /// Nodes that carry springs.
+    sprung: Vec<u32>,
+    /// Columns of the inverse diagonal block of each node.
+    inverse: Vec<[f32x4; 3]>,
+    /// Result of every corner, by element.
+    results: Vec<[f32x4; 8 * LANES]>,
 }
 
 impl OperatorBlock {
     fn new() -> Self {
-        let (zero, one) = (f32x16::ZERO, f32x16::ONE);
+        let (zero, one) = (f32x8::ZERO, f32x8::ONE);
         Self {
             matrix: Box::new([zero; PACKED]),
             rotation: [one, zero, zero, zero, one, zero, zero, zero, one],
@@ -66,12 +72,39 @@ impl OperatorBlock {
     }
 
     #[inline(always)]
-    fn gather(&self, x: &[[f32; 3]]) -> [f32x16; 24] {
-        let mut out = [f32x16::ZERO; 24];
+    fn gather(&self, x: &[f32x4]) -> [f32x8; 24] {
+        let mut out = [f32x8::ZERO; 24];
+        for (corner, nodes) in self.nodes.iter().enumerate() {
+            out[3 * corner..3 * corner + 3].copy_from_slice(&lanes::split(nodes.map(|n| x[n as usize])));
+        }
+        out
+    }
+
+    /// `R A_e R^T x` of every lane.
+    #[inline(always)]
+    fn apply(&self, x: &[f32x4]) -> [f32x8; 24] {
+        let u = lanes::rotate_back(&self.rotation, &self.gather(x));
+        lanes::rotate(&self.rotation, &lanes::apply(&self.matrix, &u))
+    }
+
+    /// Rows of the diagonal block of a corner in the rest frame.
+    #[inline(always)]
+    fn corner_block(&self, corner: usize) -> [[f32x8; 3]; 3] {
+        let start = lanes::diagonal_entry(corner);
+        let m = &self.matrix[start..start + 6];
+        [[m[0], m[1], m[3]], [m[1], m[2], m[4]], [m[3], m[4], m[5]]]
+    }
+
+    /// `(R B R^T)_ij` of each corner's diagonal block B for three pairs (i, j).
+    #[inline(always)]
+    fn rotated_diagonal(&self, entries: [(usize, usize); 3]) -> [f32x8; 24] {
+        let row = |i: usize| [self.rotation[3 * i], self.rotation[3 * i + 1], self.rotation[3 * i + 2]];
+        let dot = |a: [f32x8; 3], b: [f32x8; 3]| a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]));
+        let mut out = [f32x8::ZERO; 24];
         for corner in 0..8 {
-            let points: [[f32; 3]; LANES] = std::array::from_fn(|l| x[self.nodes[corner][l] as usize]);
-            for i in 0..3 {
-                out[3 * corner + i] = f32x16::from(points.map(|p| p[i]));
+            let block = self.corner_block(corner);
+            for (slot, (i, j)) in entries.into_iter().enumerate() {
+                out[3 * corner + slot] = dot(block.map(|b| dot(b, row(i))), row(j));
             }
         }
         out
@@ -88,7 +121,10 @@ impl Operator {
             element_nodes: Vec::new(),
             first: Vec::new(),
             incidence: Vec::new(),
-            diagonal_inverse: Vec::new(),
+            diagonal: Diagonal::default(),
+            spring_diagonal: Diagonal::default(),
+            sprung: Vec::new(),
+            inverse: Vec::new(),
             results: Vec::new(),
         };
         operator.set_topology(element_nodes, node_count);
@@ -98,7 +134,7 @@ impl Operator {
     /// Number of nodes.
     #[must_use]
     pub fn node_count(&self) -> usize {
-        self.diagonal_inverse.len()
+        self.inverse.len()
     }
 
     /// Number of elements.
@@ -111,24 +147,31 @@ impl Operator {
     pub fn set_topology(&mut self, element_nodes: Vec<[u32; 8]>, node_count: usize) {
         let blocks = element_nodes.len().div_ceil(LANES);
         self.blocks.resize_with(blocks, OperatorBlock::new);
-        self.results.resize(blocks, [f32x16::ZERO; 24]);
-        self.diagonal_inverse.resize(node_count, [0.0; 6]);
-        let mut count = vec![0u32; node_count + 1];
+        self.results.resize(blocks, [f32x4::ZERO; 8 * LANES]);
+        self.inverse.resize(node_count, [f32x4::ZERO; 3]);
+        self.diagonal.resize(node_count);
+        self.spring_diagonal.resize(node_count);
+        self.springs.clear();
+        self.sprung.clear();
+        self.first.clear();
+        self.first.resize(node_count + 1, 0);
         for (element, nodes) in element_nodes.iter().enumerate() {
             for (corner, &node) in nodes.iter().enumerate() {
                 self.blocks[element / LANES].nodes[corner][element % LANES] = node;
-                count[node as usize + 1] += 1;
+                self.first[node as usize] += 1;
             }
         }
-        for node in 0..node_count {
-            count[node + 1] += count[node];
+        let mut end = 0;
+        for first in &mut self.first {
+            end += *first;
+            *first = end;
         }
-        self.first.clone_from(&count);
+        // Filled from the back, the ends become the beginnings.
         self.incidence.resize(8 * element_nodes.len(), 0);
-        for (element, nodes) in element_nodes.iter().enumerate() {
-            for (corner, &node) in nodes.iter().enumerate() {
-                self.incidence[count[node as usize] as usize] = (8 * element + corner) as u32;
-                count[node as usize] += 1;
+        for (element, nodes) in element_nodes.iter().enumerate().rev() {
+            for (corner, &node) in nodes.iter().enumerate().rev() {
+                self.first[node as usize] -= 1;
+                self.incidence[self.first[node as usize] as usize] = (8 * element + corner) as u32;
             }
         }
         self.element_nodes = element_nodes;
@@ -171,154 +214,141 @@ impl Operator {
     }
 
     /// `y = A x`.
-    pub fn apply(&mut self, workers: &Workers<'_>, x: &[[f32; 3]], y: &mut [[f32; 3]]) {
-        let Self { blocks, results, .. } = self;
-        workers.for_chunks(results, BLOCKS_PER_CHUNK, |chunk, results| {
-            let blocks = &blocks[chunk * BLOCKS_PER_CHUNK..];
-            for (result, block) in results.iter_mut().zip(blocks) {
-                let u = lanes::rotate_back(&block.rotation, &block.gather(x));
-                *result = lanes::rotate(&block.rotation, &lanes::apply(&block.matrix, &u));
-            }
-        });
+    pub fn apply(&mut self, workers: &Workers<'_>, x: &[f32x4], y: &mut [f32x4]) {
+        self.evaluate_blocks(workers, |block| block.apply(x));
         self.sum_at_nodes(workers, y);
         for spring in &self.springs {
             spring.add_to(x, y);
         }
     }
 
-    fn sum_at_nodes(&self, workers: &Workers<'_>, y: &mut [[f32; 3]]) {
-        let results: &[f32] = bytemuck::cast_slice(self.results.as_slice());
-        workers.for_chunks(y, NODES_PER_CHUNK, |chunk, y| {
-            for (i, value) in y.iter_mut().enumerate() {
-                let node = chunk * NODES_PER_CHUNK + i;
-                let mut sum = [0.0f32; 3];
-                for &entry in &self.incidence[self.first[node] as usize..self.first[node + 1] as usize] {
-                    let (element, corner) = (entry as usize / 8, entry as usize % 8);
-                    let base = (element / LANES * 24 + 3 * corner) * LANES + element % LANES;
-                    for axis in 0..3 {
-                        sum[axis] += results[base + axis * LANES];
-                    }
+    fn evaluate_blocks(&mut self, workers: &Workers<'_>, evaluate: impl Fn(&OperatorBlock) -> [f32x8; 24] + Sync) {
+        let Self { blocks, results, .. } = self;
+        workers.for_chunks(results, BLOCKS_PER_CHUNK, |chunk, results| {
+            for (result, block) in results.iter_mut().zip(&blocks[chunk * BLOCKS_PER_CHUNK..]) {
+                let y = evaluate(block);
+                for corner in 0..8 {
+                    let vectors = lanes::join([y[3 * corner], y[3 * corner + 1], y[3 * corner + 2]]);
+                    (0..LANES).for_each(|lane| result[8 * lane + corner] = vectors[lane]);
                 }
-                *value = sum;
             }
         });
     }
 
-    /// Recomputes the inverse diagonal blocks from matrices, rotations and springs.
+    fn sum_at_nodes(&self, workers: &Workers<'_>, y: &mut [f32x4]) {
+        let results = self.results.as_flattened();
+        workers.for_chunks(y, NODES_PER_CHUNK, |chunk, y| {
+            let first = &self.first[chunk * NODES_PER_CHUNK..];
+            for (value, range) in y.iter_mut().zip(first.windows(2)) {
+                let entries = &self.incidence[range[0] as usize..range[1] as usize];
+                *value = entries.iter().fold(f32x4::ZERO, |sum, &entry| sum + results[entry as usize]);
+            }
+        });
+    }
+
+    /// Recomputes the inverse diagonal blocks from matrices and rotations. Springs are dropped.
     pub fn update_diagonal(&mut self, workers: &Workers<'_>) {
-        let Self { blocks, results, .. } = self;
-        // The six entries of each corner's rotated block fit the 24 slots in two passes of four corners.
-        let mut sums = std::mem::take(&mut self.diagonal_inverse);
-        sums.iter_mut().for_each(|s| *s = [0.0; 6]);
-        for half in 0..2 {
-            workers.for_chunks(results, BLOCKS_PER_CHUNK, |chunk, results| {
-                for (result, block) in results.iter_mut().zip(&blocks[chunk * BLOCKS_PER_CHUNK..]) {
-                    *result = rotated_diagonal(block, half);
-                }
-            });
-            let values: &[f32] = bytemuck::cast_slice(results.as_slice());
-            let (first, incidence) = (&self.first, &self.incidence);
-            workers.for_chunks(&mut sums, NODES_PER_CHUNK, |chunk, sums| {
-                for (i, sum) in sums.iter_mut().enumerate() {
-                    let node = chunk * NODES_PER_CHUNK + i;
-                    for &entry in &incidence[first[node] as usize..first[node + 1] as usize] {
-                        let (element, corner) = (entry as usize / 8, entry as usize % 8);
-                        if corner / 4 == half {
-                            let base = (element / LANES * 24 + 6 * (corner % 4)) * LANES + element % LANES;
-                            (0..6).for_each(|j| sum[j] += values[base + j * LANES]);
-                        }
-                    }
-                }
-            });
+        let mut diagonal = std::mem::take(&mut self.diagonal);
+        self.evaluate_blocks(workers, |block| block.rotated_diagonal([(0, 0), (1, 1), (2, 2)]));
+        self.sum_at_nodes(workers, &mut diagonal.on);
+        self.evaluate_blocks(workers, |block| block.rotated_diagonal([(0, 1), (0, 2), (1, 2)]));
+        self.sum_at_nodes(workers, &mut diagonal.off);
+        self.diagonal = diagonal;
+        self.springs.clear();
+        self.sprung.clear();
+        for (first, inverse) in self.inverse.chunks_mut(LANES).enumerate() {
+            let at = |v: &NodeVector| -> [f32x4; LANES] {
+                std::array::from_fn(|i| v.get(first * LANES + i).copied().unwrap_or_default())
+            };
+            let inverted = invert(at(&self.diagonal.on), at(&self.diagonal.off));
+            inverse.copy_from_slice(&inverted[..inverse.len()]);
         }
+    }
+
+    /// Room for `count` springs.
+    pub fn reserve_springs(&mut self, count: usize) {
+        self.springs.clear();
+        self.springs.reserve(count);
+        self.sprung.reserve(POINT_NODES * count);
+    }
+
+    /// Springs that act now.
+    #[must_use]
+    pub fn springs(&self) -> &[PointSpring] {
+        &self.springs
+    }
+
+    /// Replaces the springs; costs in proportion to the nodes that carry one or carried one.
+    pub fn set_springs(&mut self, springs: impl Iterator<Item = PointSpring>) {
+        self.springs.clear();
+        self.springs.extend(springs);
+        let mut sprung = std::mem::take(&mut self.sprung);
+        self.invert_at(&sprung);
+        sprung.clear();
         for spring in &self.springs {
-            spring.add_to_diagonal(&mut sums);
+            let [on, off] = spring.diagonal();
+            for (node, w) in spring.entries() {
+                let square = f32x4::splat(w * w);
+                if self.spring_diagonal.on[node] == f32x4::ZERO {
+                    sprung.push(node as u32);
+                }
+                self.spring_diagonal.on[node] += square * on;
+                self.spring_diagonal.off[node] += square * off;
+            }
         }
-        sums.iter_mut().for_each(|s| *s = invert_symmetric(s));
-        self.diagonal_inverse = sums;
+        self.invert_at(&sprung);
+        for &node in &sprung {
+            self.spring_diagonal.on[node as usize] = f32x4::ZERO;
+            self.spring_diagonal.off[node as usize] = f32x4::ZERO;
+        }
+        self.sprung = sprung;
+    }
+
+    fn invert_at(&mut self, nodes: &[u32]) {
+        for nodes in nodes.chunks(LANES) {
+            let sum = |a: &NodeVector, b: &NodeVector| -> [f32x4; LANES] {
+                std::array::from_fn(|i| nodes.get(i).map_or(f32x4::ZERO, |&n| a[n as usize] + b[n as usize]))
+            };
+            let on = sum(&self.diagonal.on, &self.spring_diagonal.on);
+            let off = sum(&self.diagonal.off, &self.spring_diagonal.off);
+            for (&node, inverse) in nodes.iter().zip(invert(on, off)) {
+                self.inverse[node as usize] = inverse;
+            }
+        }
     }
 
     /// `D^-1 r` at a node.
     #[inline(always)]
     #[must_use]
-    pub fn precondition_node(&self, node: usize, r: [f32; 3]) -> [f32; 3] {
-        let d = &self.diagonal_inverse[node];
-        [
-            d[0] * r[0] + d[1] * r[1] + d[3] * r[2],
-            d[1] * r[0] + d[2] * r[1] + d[4] * r[2],
-            d[3] * r[0] + d[4] * r[1] + d[5] * r[2],
-        ]
+    pub fn precondition_node(&self, node: usize, r: f32x4) -> f32x4 {
+        times(&self.inverse[node], r)
     }
 }
 
-/// Lower triangles of `R A_aa R^T` for corners `4 half..4 half + 4`.
+impl Diagonal {
+    fn resize(&mut self, nodes: usize) {
+        self.on.resize(nodes, f32x4::ZERO);
+        self.off.resize(nodes, f32x4::ZERO);
+    }
+}
+
+/// `B v` of a 3x3 block given by its columns.
 #[inline(always)]
-fn rotated_diagonal(block: &OperatorBlock, half: usize) -> [f32x16; 24] {
-    let mut out = [f32x16::ZERO; 24];
-    let r = &block.rotation;
-    for c in 0..4 {
-        let a = 4 * half + c;
-        let start = 6 * a + 9 * (a * a - a) / 2;
-        let m = &block.matrix[start..start + 6];
-        let full = [m[0], m[1], m[3], m[1], m[2], m[4], m[3], m[4], m[5]];
-        let mut rm = [f32x16::ZERO; 9];
-        for i in 0..3 {
-            for j in 0..3 {
-                rm[3 * i + j] = r[3 * i] * full[j] + r[3 * i + 1] * full[3 + j] + r[3 * i + 2] * full[6 + j];
-            }
-        }
-        let mut slot = 6 * c;
-        for i in 0..3 {
-            for j in 0..=i {
-                out[slot] = rm[3 * i] * r[3 * j] + rm[3 * i + 1] * r[3 * j + 1] + rm[3 * i + 2] * r[3 * j + 2];
-                slot += 1;
-            }
-        }
-    }
-    out
+pub(super) fn times(columns: &[f32x4; 3], v: f32x4) -> f32x4 {
+    let [x, y, z, _] = v.to_array();
+    columns[0].mul_add(f32x4::splat(x), columns[1].mul_add(f32x4::splat(y), columns[2] * f32x4::splat(z)))
 }
 
-fn invert_symmetric(m: &[f32; 6]) -> [f32; 6] {
-    let [a, b, c, d, e, f] = m.map(f64::from);
-    let (c00, c01, c02) = (c * f - e * e, d * e - b * f, b * e - c * d);
-    let det = a * c00 + b * c01 + d * c02;
-    // A node that carries nothing stays where it is.
-    if det <= 0.0 {
-        return [0.0; 6];
-    }
-    let s = 1.0 / det;
-    [c00 * s, c01 * s, (a * f - d * d) * s, c02 * s, (b * d - a * e) * s, (a * c - b * b) * s].map(|x| x as f32)
-}
-
-impl PointSpring {
-    fn add_to(&self, x: &[[f32; 3]], y: &mut [[f32; 3]]) {
-        let d = self.direction;
-        let along: f32 = self
-            .weights
-            .iter()
-            .map(|&(node, w)| {
-                let x = x[node as usize];
-                w * (d[0] * x[0] + d[1] * x[1] + d[2] * x[2])
-            })
-            .sum();
-        let force = self.stiffness * along;
-        for &(node, w) in &self.weights {
-            (0..3).for_each(|i| y[node as usize][i] += force * w * d[i]);
-        }
-    }
-
-    fn add_to_diagonal(&self, sums: &mut [[f32; 6]]) {
-        let d = self.direction;
-        for &(node, w) in &self.weights {
-            let s = self.stiffness * w * w;
-            let sum = &mut sums[node as usize];
-            let mut slot = 0;
-            for i in 0..3 {
-                for j in 0..=i {
-                    sum[slot] += s * d[i] * d[j];
-                    slot += 1;
-                }
-            }
-        }
-    }
+/// Inverses of eight symmetric blocks given by diagonals (xx, yy, zz) and the rest (xy, xz, yz).
+/// A node that carries nothing stays where it is: its inverse is zero.
+#[inline(always)]
+fn invert(on: [f32x4; LANES], off: [f32x4; LANES]) -> [[f32x4; 3]; LANES] {
+    let ([xx, yy, zz], [xy, xz, yz]) = (lanes::split(on), lanes::split(off));
+    let (c00, c01, c02) = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy);
+    let det = xx * c00 + xy * c01 + xz * c02;
+    let carries = det.simd_gt(f32x8::ZERO);
+    let s = carries.bitselect(f32x8::ONE / carries.bitselect(det, f32x8::ONE), f32x8::ZERO);
+    let (c11, c12, c22) = (xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy);
+    let columns = [[c00, c01, c02], [c01, c11, c12], [c02, c12, c22]].map(|c| lanes::join(c.map(|v| v * s)));
+    std::array::from_fn(|lane| columns.map(|c| c[lane]))
 }

@@ -6,6 +6,7 @@
 use super::multigrid::Multigrid;
 use super::operator::{NODES_PER_CHUNK, NodeVector};
 use crate::workers::Workers;
+use wide::{f32x4, f64x4};
 
 /// Times that a solve mends a preconditioner that turns out indefinite.
 const MAX_REPAIRS: u32 = 3;
@@ -17,7 +18,6 @@ pub struct PcgScratch {
     z: NodeVector,
     p: NodeVector,
     ap: NodeVector,
-    previous_r: NodeVector,
 }
 
 /// How a solve ended.
@@ -29,30 +29,38 @@ pub struct PcgReport {
     pub relative_residual: f64,
 }
 
+#[inline(always)]
+fn widen(v: f32x4) -> f64x4 {
+    f64x4::from(v.to_array().map(f64::from))
+}
+
 /// Dot product over fixed chunks, summed in order.
 #[must_use]
-pub fn dot(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
+pub fn dot(a: &[f32x4], b: &[f32x4]) -> f64 {
     let mut total = 0.0;
     for (a, b) in a.chunks(NODES_PER_CHUNK).zip(b.chunks(NODES_PER_CHUNK)) {
-        let mut sum = [0.0f64; 3];
+        let mut sum = f64x4::ZERO;
         for (x, y) in a.iter().zip(b) {
-            (0..3).for_each(|i| sum[i] += f64::from(x[i]) * f64::from(y[i]));
+            sum = widen(*x).mul_add(widen(*y), sum);
         }
-        total += sum[0] + sum[1] + sum[2];
+        let [x, y, z, _] = sum.to_array();
+        total += x + y + z;
     }
     total
 }
 
-fn add_scaled(y: &mut [[f32; 3]], factor: f32, x: &[[f32; 3]]) {
+fn add_scaled(y: &mut [f32x4], factor: f32, x: &[f32x4]) {
+    let factor = f32x4::splat(factor);
     for (y, x) in y.iter_mut().zip(x) {
-        (0..3).for_each(|i| y[i] += factor * x[i]);
+        *y = factor.mul_add(*x, *y);
     }
 }
 
 impl PcgScratch {
-    fn resize(&mut self, n: usize) {
-        for v in [&mut self.r, &mut self.z, &mut self.p, &mut self.ap, &mut self.previous_r] {
-            v.resize(n, [0.0; 3]);
+    /// Makes the vectors fit `n` nodes.
+    pub fn resize(&mut self, n: usize) {
+        for v in [&mut self.r, &mut self.z, &mut self.p, &mut self.ap] {
+            v.resize(n, f32x4::ZERO);
         }
     }
 
@@ -61,30 +69,29 @@ impl PcgScratch {
         &mut self,
         workers: &Workers<'_>,
         multigrid: &mut Multigrid,
-        b: &[[f32; 3]],
-        x: &mut [[f32; 3]],
+        b: &[f32x4],
+        x: &mut [f32x4],
         tolerance: f64,
         max_iterations: u32,
     ) -> PcgReport {
         self.resize(b.len());
         let norm_b = dot(b, b).sqrt();
         if norm_b == 0.0 {
-            x.iter_mut().for_each(|v| *v = [0.0; 3]);
+            x.fill(f32x4::ZERO);
             return PcgReport { iterations: 0, relative_residual: 0.0 };
         }
         multigrid.operator_mut().apply(workers, x, &mut self.ap);
         for ((r, b), ap) in self.r.iter_mut().zip(b).zip(&self.ap) {
-            *r = [b[0] - ap[0], b[1] - ap[1], b[2] - ap[2]];
+            *r = *b - *ap;
         }
         let mut norm_r = dot(&self.r, &self.r).sqrt();
         if norm_r > norm_b {
             // The guess is worse than none.
-            x.iter_mut().for_each(|v| *v = [0.0; 3]);
+            x.iter_mut().for_each(|v| *v = f32x4::ZERO);
             self.r.copy_from_slice(b);
             norm_r = norm_b;
         }
-        let mut rz = 0.0;
-        let mut iterations = 0;
+        let (mut rz, mut alpha, mut iterations) = (0.0, 0.0, 0);
         let mut repairs = 0;
         let mut fresh = true;
         while norm_r > tolerance * norm_b && iterations < max_iterations {
@@ -101,10 +108,14 @@ impl PcgScratch {
                 fresh = true;
                 continue;
             }
-            let beta = if fresh { 0.0 } else { (next_rz - dot(&self.previous_r, &self.z)) / rz };
+            // The residual changed by -alpha A p: beta = z . (r - r_previous) / (r . z)_previous.
+            let beta = if fresh { 0.0 } else { -alpha * dot(&self.ap, &self.z) / rz };
             rz = next_rz;
-            for (p, z) in self.p.iter_mut().zip(&self.z) {
-                *p = [0, 1, 2].map(|i| if fresh { z[i] } else { z[i] + beta as f32 * p[i] });
+            if fresh {
+                self.p.copy_from_slice(&self.z);
+            } else {
+                let beta = f32x4::splat(beta as f32);
+                self.p.iter_mut().zip(&self.z).for_each(|(p, z)| *p = beta.mul_add(*p, *z));
             }
             multigrid.operator_mut().apply(workers, &self.p, &mut self.ap);
             let curvature = dot(&self.p, &self.ap);
@@ -113,10 +124,9 @@ impl PcgScratch {
                 break;
             }
             fresh = false;
-            let alpha = (rz / curvature) as f32;
-            add_scaled(x, alpha, &self.p);
-            self.previous_r.copy_from_slice(&self.r);
-            add_scaled(&mut self.r, -alpha, &self.ap);
+            alpha = rz / curvature;
+            add_scaled(x, alpha as f32, &self.p);
+            add_scaled(&mut self.r, -alpha as f32, &self.ap);
             norm_r = dot(&self.r, &self.r).sqrt();
             iterations += 1;
         }

@@ -2,6 +2,7 @@
 #![allow(dead_code, reason = "each test file uses its share")]
 
 pub mod cutting;
+pub mod press;
 
 use kerf_physics::body::Body;
 use kerf_physics::params::StepParams;

@@ -6,9 +6,9 @@
 
 use std::path::Path;
 
-use kerf_physics::grid::{Grid, Link};
-use kerf_physics::surface::{Surface, SurfaceVertex, VertexId, triangulate};
 use serde_json::json;
+
+use crate::surface::{Face, Surface, Triangle};
 
 /// Cosine of the angle between two faces above which their normals are not blended: 50 degrees.
 const CREASE_ANGLE_COS: f32 = 0.643;
@@ -23,76 +23,25 @@ const UNSIGNED_BYTE: u32 = 5121;
 const UNSIGNED_INT: u32 = 5125;
 const FLOAT: u32 = 5126;
 
-/// What a face of the surface bounds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Face {
-    /// The object's own surface.
-    Skin,
-    /// Material that a blade laid open.
-    Cut,
-}
-
-/// A triangle, counter-clockwise seen from outside.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Triangle {
-    /// Indices into [`Mesh::positions_m`].
-    pub vertices: [u32; 3],
-    /// What it bounds.
-    pub face: Face,
-}
-
-/// Triangles of one or several objects, scene frame.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Mesh {
-    /// Vertex positions, m.
-    pub positions_m: Vec<[f32; 3]>,
-    /// Triangles.
-    pub triangles: Vec<Triangle>,
-}
-
-impl Mesh {
-    /// Adds an object's surface, each vertex where `position_m` puts it.
-    pub fn append(
-        &mut self,
-        grid: &Grid,
-        surface: &Surface,
-        mut position_m: impl FnMut(VertexId, &SurfaceVertex) -> [f32; 3],
-    ) {
-        let first = self.positions_m.len() as u32;
-        let ids: Vec<VertexId> = surface.vertices().map(|(id, _)| id).collect();
-        self.positions_m.extend(surface.vertices().map(|(id, vertex)| position_m(id, vertex)));
-        let index = |id: VertexId| first + ids.binary_search(&id).expect("a quad's vertices exist") as u32;
-        let rest_m = |id: VertexId| surface.vertex(id).expect("a quad's vertices exist").position_m;
-        for (id, quad) in surface.quads() {
-            let face = match grid.link(surface.link_of(id)) {
-                Link::Parted(_) => Face::Cut,
-                _ => Face::Skin,
-            };
-            let split = triangulate(*quad, rest_m);
-            self.triangles.extend(split.map(|triangle| Triangle { vertices: triangle.map(index), face }));
-        }
-    }
-}
-
 /// Writes a mesh as a `.glb` file.
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write(path: &Path, mesh: &Mesh) -> std::io::Result<()> {
-    std::fs::write(path, encode(mesh))
+pub fn write(path: &Path, surface: &Surface) -> std::io::Result<()> {
+    std::fs::write(path, encode(surface))
 }
 
 /// A mesh as the bytes of a `.glb` file. One without triangles becomes an empty scene.
 #[must_use]
-pub fn encode(mesh: &Mesh) -> Vec<u8> {
+pub fn encode(surface: &Surface) -> Vec<u8> {
     let mut document = json!({
         "asset": { "version": "2.0", "generator": "Kerf" },
         "scene": 0,
         "scenes": [{}],
     });
     let mut binary = Vec::new();
-    if !mesh.triangles.is_empty() {
-        describe(&shaded(mesh), &mut document, &mut binary);
+    if !surface.triangles.is_empty() {
+        describe(&shaded(surface), &mut document, &mut binary);
     }
     container(&document, binary)
 }
@@ -107,22 +56,22 @@ struct Shaded {
 }
 
 /// Gives every smooth group of triangles round a vertex a copy of it.
-fn shaded(mesh: &Mesh) -> Shaded {
-    let area_normals: Vec<[f32; 3]> = mesh.triangles.iter().map(|t| area_normal(mesh, t)).collect();
-    let mut corners_at = vec![Vec::new(); mesh.positions_m.len()];
-    for (corner, vertex) in mesh.triangles.iter().flat_map(|t| t.vertices).enumerate() {
+fn shaded(surface: &Surface) -> Shaded {
+    let area_normals: Vec<[f32; 3]> = surface.triangles.iter().map(|t| area_normal(surface, t)).collect();
+    let mut corners_at = vec![Vec::new(); surface.positions_m.len()];
+    for (corner, vertex) in surface.triangles.iter().flat_map(|t| t.vertices).enumerate() {
         corners_at[vertex as usize].push(corner);
     }
-    let mut shaded = Shaded { indices: vec![0; mesh.triangles.len() * 3], ..Shaded::default() };
+    let mut shaded = Shaded { indices: vec![0; surface.triangles.len() * 3], ..Shaded::default() };
     for (vertex, mut corners) in corners_at.into_iter().enumerate() {
         while let Some(first) = corners.pop() {
-            let group = smooth_group(mesh, &area_normals, first, &mut corners);
+            let group = smooth_group(surface, &area_normals, first, &mut corners);
             let index = shaded.positions_m.len() as u32;
             group.iter().for_each(|corner| shaded.indices[*corner] = index);
             let sum = group.iter().fold([0.0; 3], |sum, corner| add(sum, area_normals[corner / 3]));
-            shaded.positions_m.push(mesh.positions_m[vertex]);
+            shaded.positions_m.push(surface.positions_m[vertex]);
             shaded.normals.push(unit(sum).unwrap_or([0.0, 1.0, 0.0]));
-            shaded.colours.push(match mesh.triangles[first / 3].face {
+            shaded.colours.push(match surface.triangles[first / 3].face {
                 Face::Skin => SKIN_COLOUR,
                 Face::Cut => CUT_COLOUR,
             });
@@ -133,12 +82,12 @@ fn shaded(mesh: &Mesh) -> Shaded {
 
 /// Takes out of `corners` those that `first` is joined to by a chain of faces of one kind, each
 /// within the crease angle of another, and returns them with it.
-fn smooth_group(mesh: &Mesh, area_normals: &[[f32; 3]], first: usize, corners: &mut Vec<usize>) -> Vec<usize> {
+fn smooth_group(surface: &Surface, area_normals: &[[f32; 3]], first: usize, corners: &mut Vec<usize>) -> Vec<usize> {
     let smooth = |a: usize, b: usize| {
         let (Some(normal_a), Some(normal_b)) = (unit(area_normals[a / 3]), unit(area_normals[b / 3])) else {
             return true; // A triangle without area has no direction to differ in.
         };
-        mesh.triangles[a / 3].face == mesh.triangles[b / 3].face && dot(normal_a, normal_b) >= CREASE_ANGLE_COS
+        surface.triangles[a / 3].face == surface.triangles[b / 3].face && dot(normal_a, normal_b) >= CREASE_ANGLE_COS
     };
     let mut group = vec![first];
     let mut next = 0;
@@ -151,8 +100,8 @@ fn smooth_group(mesh: &Mesh, area_normals: &[[f32; 3]], first: usize, corners: &
 }
 
 /// Normal of a triangle with twice its area as length.
-fn area_normal(mesh: &Mesh, triangle: &Triangle) -> [f32; 3] {
-    let [a, b, c] = triangle.vertices.map(|v| mesh.positions_m[v as usize]);
+fn area_normal(surface: &Surface, triangle: &Triangle) -> [f32; 3] {
+    let [a, b, c] = triangle.vertices.map(|v| surface.positions_m[v as usize]);
     let (u, v) = (subtract(b, a), subtract(c, a));
     std::array::from_fn(|i| u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3])
 }
@@ -280,7 +229,7 @@ mod tests {
 
     /// A roof of two squares that meet at this angle along x = 0; the right one is laid open by a cut
     /// or is skin too.
-    fn roof(angle_degrees: f32, right: Face) -> Mesh {
+    fn roof(angle_degrees: f32, right: Face) -> Surface {
         let (sin, cos) = angle_degrees.to_radians().sin_cos();
         let x = |x: f32, z: f32| if x > 0.0 { [cos, -sin, z] } else { [x, 0.0, z] };
         let positions_m = vec![x(-1.0, 0.0), x(-1.0, 1.0), x(0.0, 1.0), x(0.0, 0.0), x(1.0, 1.0), x(1.0, 0.0)];
@@ -291,13 +240,13 @@ mod tests {
             triangle([3, 2, 4], right),
             triangle([3, 4, 5], right),
         ];
-        Mesh { positions_m, triangles }
+        Surface { positions_m, triangles }
     }
 
     #[test]
     fn a_mesh_reads_back_with_its_bounds_and_indices_in_range() {
-        let mesh = roof(30.0, Face::Skin);
-        let (document, binary) = parse(&encode(&mesh));
+        let surface = roof(30.0, Face::Skin);
+        let (document, binary) = parse(&encode(&surface));
         let positions = vectors(view(&document, &binary, 0, 12));
         for (axis, (low, high)) in [(-1.0, 0.75f32.sqrt()), (-0.5, 0.0), (0.0, 1.0)].into_iter().enumerate() {
             let bound = |which: &str| document["accessors"][0][which][axis].as_f64().unwrap() as f32;
@@ -307,7 +256,7 @@ mod tests {
             .chunks(4)
             .map(|b| u32::from_le_bytes(b.try_into().unwrap()) as usize)
             .collect();
-        let expected = mesh.triangles.iter().flat_map(|t| t.vertices).map(|v| mesh.positions_m[v as usize]);
+        let expected = surface.triangles.iter().flat_map(|t| t.vertices).map(|v| surface.positions_m[v as usize]);
         assert!(indices.iter().map(|i| positions[*i]).eq(expected));
         for normal in vectors(view(&document, &binary, 1, 12)) {
             assert!((dot(normal, normal) - 1.0).abs() < 1e-5 && normal[1] > 0.8, "{normal:?}");
@@ -325,7 +274,7 @@ mod tests {
 
     #[test]
     fn an_empty_mesh_is_an_empty_scene() {
-        let (document, binary) = parse(&encode(&Mesh::default()));
+        let (document, binary) = parse(&encode(&Surface::default()));
         assert_eq!((document["asset"]["version"].as_str(), binary.len()), (Some("2.0"), 0));
         assert!(document.get("buffers").is_none() && document.get("meshes").is_none());
     }

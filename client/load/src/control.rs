@@ -1,0 +1,113 @@
+//! The driver's stream: hello, poses up, contacts down.
+
+use std::time::Duration;
+
+use anyhow::{Context, bail};
+use kerf_proto::v1::control_service_client::ControlServiceClient;
+use kerf_proto::v1::{self, Down, Up, down, up};
+use prost::Message;
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::Streaming;
+use tonic::transport::Channel;
+
+use crate::clock;
+use crate::metrics::ContactMetrics;
+use crate::script::Script;
+use crate::sender::{QUEUED_POSES, Timetable};
+use crate::session::refused;
+use crate::wire::FRAME_BYTES;
+
+/// A server that accepts a stream answers the hello at once.
+const HELLO_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// An open stream.
+pub struct Control {
+    /// What the server granted.
+    pub hello: v1::ServerHello,
+    /// Where poses go.
+    pub up: mpsc::Sender<Up>,
+    down: Streaming<Down>,
+}
+
+/// Opens a stream and takes the leases of the tools.
+///
+/// # Errors
+/// What the server answers, or another protocol version.
+pub async fn open(
+    channel: Channel,
+    session_id: &str,
+    tool_ids: Vec<u32>,
+    contact_rate_hz: f64,
+) -> anyhow::Result<Control> {
+    let (up, queue) = mpsc::channel(QUEUED_POSES);
+    let hello = v1::ClientHello {
+        protocol_version: kerf_proto::PROTOCOL_VERSION,
+        session_id: session_id.to_owned(),
+        tool_ids,
+        contact_rate_hz,
+    };
+    up.try_send(Up { message: Some(up::Message::Hello(hello)) }).context("the queue is new and has room")?;
+    let answer = async {
+        let mut down = ControlServiceClient::new(channel)
+            .control(ReceiverStream::new(queue))
+            .await
+            .map_err(|status| refused("opening the control stream", &status))?
+            .into_inner();
+        let first = down.message().await.map_err(|status| refused("opening the control stream", &status))?;
+        Ok::<_, anyhow::Error>((down, first))
+    };
+    let (down, first) =
+        tokio::time::timeout(HELLO_TIMEOUT, answer).await.context("the server did not answer the hello")??;
+    let Some(Down { message: Some(down::Message::Hello(hello)) }) = first else {
+        bail!("the server did not begin with a hello");
+    };
+    if hello.protocol_version != kerf_proto::PROTOCOL_VERSION {
+        bail!(
+            "the server speaks version {} of the protocol, this program {}",
+            hello.protocol_version,
+            kerf_proto::PROTOCOL_VERSION
+        );
+    }
+    Ok(Control { hello, up, down })
+}
+
+/// The receiving half of an open stream.
+pub struct Receiver {
+    down: Streaming<Down>,
+}
+
+impl Control {
+    /// Splits the stream: poses are sent from another thread.
+    #[must_use]
+    pub fn split(self) -> (mpsc::Sender<Up>, Receiver) {
+        (self.up, Receiver { down: self.down })
+    }
+}
+
+impl Receiver {
+    /// Waits for the next message and counts it. Safe to drop while waiting.
+    ///
+    /// # Errors
+    /// The stream has ended, a lease was lost, or a message is not valid.
+    pub async fn next(
+        &mut self,
+        metrics: &mut ContactMetrics,
+        script: &Script,
+        timetable: &Timetable,
+    ) -> anyhow::Result<()> {
+        let message = self.down.message().await.map_err(|status| refused("the control stream broke", &status))?;
+        let now_ns = clock::now_ns();
+        let down = message.context("the server ended the control stream")?;
+        metrics.bytes += down.encoded_len() as u64 + FRAME_BYTES;
+        match down.message.context("the server sent an empty message")? {
+            down::Message::Contact(contact) => metrics.contact(&contact, now_ns, script, timetable)?,
+            down::Message::Rejected(rejected) => metrics.rejection(&rejected),
+            down::Message::Fault(_) => metrics.faults += 1,
+            // A script with a pause may lose a lease by silence; its next pose takes it again.
+            down::Message::LeaseLost(_) => metrics.leases_lost += 1,
+            down::Message::Hello(_) => bail!("the server sent a second hello"),
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,356 @@
+//! The report on a run, as text and as JSON.
+
+use std::fmt::{self, Write};
+
+use hdrhistogram::Histogram;
+use serde::Serialize;
+
+use crate::metrics::ContactMetrics;
+use crate::sender::SendTotals;
+use crate::viewer::ViewTotals;
+
+/// The report on a run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// Version of this program.
+    pub version: &'static str,
+    /// Version of the protocol.
+    pub protocol_version: u32,
+    /// Address of the server.
+    pub server_address: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// The session.
+    pub session_id: String,
+    /// What the tool did.
+    pub script: String,
+    /// How long poses were sent, s.
+    pub duration_s: f64,
+    /// Whether the run was broken off from the keyboard.
+    pub interrupted: bool,
+    /// From the sending of a pose to the contact of the first step that used it; absent without any.
+    pub round_trip_ms: Option<RoundTripMs>,
+    /// What was sent.
+    pub poses: Poses,
+    /// What came back.
+    pub contacts: Contacts,
+    /// What the viewers got, all together.
+    pub view: View,
+    /// What the server said of itself.
+    pub server: Server,
+    /// What the tool felt.
+    pub force: Force,
+    /// Limits that were exceeded, in words.
+    pub limits_exceeded: Vec<String>,
+}
+
+/// Quantiles of the round trip, ms.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct RoundTripMs {
+    /// Poses that were measured.
+    pub count: u64,
+    /// Median.
+    pub p50: f64,
+    /// 99th percentile.
+    pub p99: f64,
+    /// 99.9th percentile.
+    pub p999: f64,
+    /// Greatest.
+    pub max: f64,
+}
+
+/// What was sent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Poses {
+    /// Poses handed to the transport.
+    pub sent: u64,
+    /// Poses a second, Hz.
+    pub rate_hz: f64,
+    /// Ticks more than half a period late.
+    pub late: u64,
+    /// Ticks left out because the next one was due.
+    pub skipped: u64,
+    /// Poses that found the transport's queue full.
+    pub dropped: u64,
+    /// Late and skipped ticks over all ticks that were due.
+    pub late_share: f64,
+    /// Poses that the server refused.
+    pub rejected: u64,
+    /// Leases that ran out, or were taken away.
+    pub leases_lost: u64,
+}
+
+/// What came back.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Contacts {
+    /// Contacts that came in.
+    pub received: u64,
+    /// Contacts a second, Hz.
+    pub rate_hz: f64,
+    /// Bytes a second on the control stream.
+    pub bytes_per_s: f64,
+    /// The first refusal of a pose.
+    pub first_rejection: Option<String>,
+}
+
+/// What the viewers got, all together.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct View {
+    /// Viewers.
+    pub viewers: u32,
+    /// Keyframes applied.
+    pub keyframes: u64,
+    /// Patches applied.
+    pub patches: u64,
+    /// States applied.
+    pub states: u64,
+    /// States a second and viewer, Hz.
+    pub state_rate_hz: f64,
+    /// Messages that did not fit a replica.
+    pub mismatches: u64,
+    /// The first of them.
+    pub first_mismatch: Option<String>,
+    /// Bytes a second, all viewers together.
+    pub bytes_per_s: f64,
+    /// Version of the structure in the end.
+    pub topology_version: u64,
+}
+
+/// What the server said of itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Server {
+    /// Steps while it was watched.
+    pub steps: u64,
+    /// Of these, steps that ended after their deadline.
+    pub late_steps: u64,
+    /// Their share.
+    pub late_step_share: f64,
+    /// Mean duration of a step, ms.
+    pub step_mean_ms: f64,
+    /// Longest step, ms.
+    pub step_max_ms: f64,
+    /// Faults that were rolled back.
+    pub faults: u64,
+}
+
+/// What the tool felt.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Force {
+    /// Greatest force, N.
+    pub max_n: f64,
+    /// Greatest force against the cutting direction, N.
+    pub max_resistance_n: f64,
+    /// Fracture energy times the width of the blade: what a steady cut takes, N.
+    pub reference_n: Option<f64>,
+    /// Greatest depth, m.
+    pub max_depth_m: f64,
+}
+
+/// What a report is made from.
+pub struct Run<'a> {
+    /// Address of the server.
+    pub server_address: &'a str,
+    /// Name of the scene.
+    pub scene: &'a str,
+    /// The session.
+    pub session_id: &'a str,
+    /// What the tool did.
+    pub script: String,
+    /// How long poses were sent, s.
+    pub duration_s: f64,
+    /// How long the viewers watched, s.
+    pub watched_s: f64,
+    /// Whether the run was broken off.
+    pub interrupted: bool,
+    /// Viewers.
+    pub viewers: u32,
+    /// Force of a steady cut, N.
+    pub reference_n: Option<f64>,
+    /// What became of the poses.
+    pub sent: SendTotals,
+    /// What came back.
+    pub contacts: &'a ContactMetrics,
+    /// What the viewers got.
+    pub view: &'a ViewTotals,
+}
+
+impl Report {
+    /// Sums up a run; limits are not checked yet.
+    #[must_use]
+    pub fn of(run: &Run<'_>) -> Self {
+        Self {
+            version: env!("CARGO_PKG_VERSION"),
+            protocol_version: kerf_proto::PROTOCOL_VERSION,
+            server_address: run.server_address.to_owned(),
+            scene: run.scene.to_owned(),
+            session_id: run.session_id.to_owned(),
+            script: run.script.clone(),
+            duration_s: run.duration_s,
+            interrupted: run.interrupted,
+            round_trip_ms: RoundTripMs::of(&run.contacts.round_trip_ns),
+            poses: Poses::of(run),
+            contacts: Contacts {
+                received: run.contacts.received,
+                rate_hz: per(run.contacts.received, run.duration_s),
+                bytes_per_s: per(run.contacts.bytes, run.duration_s),
+                first_rejection: run.contacts.first_rejection.clone(),
+            },
+            view: View::of(run),
+            server: Server::of(run),
+            force: Force::of(run),
+            limits_exceeded: Vec::new(),
+        }
+    }
+}
+
+impl RoundTripMs {
+    fn of(histogram_ns: &Histogram<u64>) -> Option<Self> {
+        let ms = |quantile: f64| histogram_ns.value_at_quantile(quantile) as f64 * 1e-6;
+        (!histogram_ns.is_empty()).then(|| Self {
+            count: histogram_ns.len(),
+            p50: ms(0.5),
+            p99: ms(0.99),
+            p999: ms(0.999),
+            max: histogram_ns.max() as f64 * 1e-6,
+        })
+    }
+}
+
+impl Poses {
+    fn of(run: &Run<'_>) -> Self {
+        let SendTotals { sent, dropped, kept } = run.sent;
+        Self {
+            sent,
+            rate_hz: per(sent, run.duration_s),
+            late: kept.late,
+            skipped: kept.skipped,
+            dropped,
+            late_share: per(kept.late + kept.skipped, (kept.ticks + kept.skipped) as f64),
+            rejected: run.contacts.rejected,
+            leases_lost: run.contacts.leases_lost,
+        }
+    }
+}
+
+impl View {
+    fn of(run: &Run<'_>) -> Self {
+        Self {
+            viewers: run.viewers,
+            keyframes: run.view.keyframes,
+            patches: run.view.patches,
+            states: run.view.states,
+            state_rate_hz: per(run.view.states, run.watched_s * f64::from(run.viewers)),
+            mismatches: run.view.mismatches,
+            first_mismatch: run.view.first_mismatch.clone(),
+            bytes_per_s: per(run.view.bytes, run.watched_s),
+            topology_version: run.view.server.map_or(0, |server| server.topology_version),
+        }
+    }
+}
+
+impl Server {
+    fn of(run: &Run<'_>) -> Self {
+        let steps = run.view.server.unwrap_or_default();
+        Self {
+            steps: steps.steps(),
+            late_steps: steps.late_steps(),
+            late_step_share: per(steps.late_steps(), steps.steps() as f64),
+            step_mean_ms: 1e3
+                * if steps.profiled_steps == 0 { 0.0 } else { steps.profiled_s / steps.profiled_steps as f64 },
+            step_max_ms: 1e3 * steps.step_max_s,
+            faults: run.contacts.faults,
+        }
+    }
+}
+
+impl Force {
+    fn of(run: &Run<'_>) -> Self {
+        let samples = &run.contacts.samples;
+        Self {
+            max_n: run.contacts.max_force_n,
+            max_resistance_n: samples.iter().fold(0.0, |max, sample| f64::max(max, sample.resistance_n)),
+            reference_n: run.reference_n,
+            max_depth_m: samples.iter().fold(0.0, |max, sample| f64::max(max, sample.depth_m)),
+        }
+    }
+}
+
+fn per(count: u64, of: f64) -> f64 {
+    if of > 0.0 { count as f64 / of } else { 0.0 }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { poses, contacts, view, server, force, .. } = self;
+        let ended = if self.interrupted { ", interrupted" } else { "" };
+        writeln!(f, "{} on {}, {:.1} s{ended}", self.script, self.scene, self.duration_s)?;
+        match self.round_trip_ms {
+            Some(RoundTripMs { count, p50, p99, p999, max }) => writeln!(
+                f,
+                "round trip   p50 {p50:.2} ms, p99 {p99:.2} ms, p99.9 {p999:.2} ms, max {max:.2} ms ({count} poses)"
+            )?,
+            None => writeln!(f, "round trip   no pose came back")?,
+        }
+        writeln!(
+            f,
+            "poses        {} sent, {:.1} Hz; {} late, {} skipped, {} dropped, {} rejected",
+            poses.sent, poses.rate_hz, poses.late, poses.skipped, poses.dropped, poses.rejected
+        )?;
+        if let Some(rejection) = &contacts.first_rejection {
+            writeln!(f, "             first rejection: {rejection}")?;
+        }
+        writeln!(
+            f,
+            "contacts     {} received, {:.1} Hz, {}/s",
+            contacts.received,
+            contacts.rate_hz,
+            bytes(contacts.bytes_per_s)
+        )?;
+        writeln!(
+            f,
+            "view         {} viewer(s): {} keyframes, {} patches, {} states at {:.1} Hz, {}/s; {} mismatches",
+            view.viewers,
+            view.keyframes,
+            view.patches,
+            view.states,
+            view.state_rate_hz,
+            bytes(view.bytes_per_s),
+            view.mismatches
+        )?;
+        if let Some(mismatch) = &view.first_mismatch {
+            writeln!(f, "             first mismatch: {mismatch}")?;
+        }
+        writeln!(
+            f,
+            "server       {} steps, {} late ({:.1} %), mean {:.2} ms, max {:.2} ms; topology version {}, {} faults",
+            server.steps,
+            server.late_steps,
+            100.0 * server.late_step_share,
+            server.step_mean_ms,
+            server.step_max_ms,
+            view.topology_version,
+            server.faults
+        )?;
+        write!(f, "force        max {:.3} N, against the cut {:.3} N", force.max_n, force.max_resistance_n)?;
+        if let Some(reference_n) = force.reference_n {
+            write!(f, " (steady cut: {reference_n:.3} N)")?;
+        }
+        write!(f, ", {:.1} mm deep", 1e3 * force.max_depth_m)?;
+        self.limits_exceeded.iter().try_for_each(|exceeded| write!(f, "\nEXCEEDED     {exceeded}"))
+    }
+}
+
+/// A number of bytes with a unit that suits it.
+#[must_use]
+pub fn bytes(count: f64) -> String {
+    let (mut scaled, mut unit) = (count, "B");
+    for larger in ["kB", "MB", "GB"] {
+        if scaled >= 1000.0 {
+            (scaled, unit) = (scaled / 1000.0, larger);
+        }
+    }
+    let mut text = String::new();
+    // Writing to a string cannot fail.
+    let _ = write!(text, "{scaled:.*} {unit}", usize::from(unit != "B"));
+    text
+}

@@ -1,0 +1,245 @@
+//! A run from connecting to the report.
+
+use std::fs::File;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use anyhow::{Context, bail, ensure};
+use kerf_proto::v1;
+use kerf_replica::Surface;
+use nalgebra::Vector3;
+use tokio::sync::{oneshot, watch};
+use tonic::transport::Channel;
+
+use crate::args::Args;
+use crate::clock;
+use crate::control::{self, Receiver};
+use crate::metrics::ContactMetrics;
+use crate::progress::{self, Progress};
+use crate::report::{Report, Run};
+use crate::script::strokes::{self, Target};
+use crate::script::{self, Script, csv};
+use crate::sender::{self, SendTotals, Timetable};
+use crate::session::{self, Session};
+use crate::viewer::{self, SharedTotals};
+use crate::wire;
+
+/// From the opening of the streams to the first pose: threads have to start.
+const LEAD_NS: u64 = 100_000_000;
+/// From the last pose until the streams are left: answers to the last poses come in.
+const SETTLE: Duration = Duration::from_millis(300);
+/// How much faster than the server's limit a script may not be, rounding of the wire included.
+const SPEED_MARGIN: f64 = 0.999;
+
+/// What a run leaves.
+pub struct Finished {
+    /// The report, limits checked.
+    pub report: Report,
+    /// Every contact.
+    pub contacts: ContactMetrics,
+    /// The objects' surfaces at the end, as the first viewer's replica has them.
+    pub surfaces: Vec<Surface>,
+}
+
+/// Runs a script against a server. Ends when the script does, at `--duration` or at Ctrl-C.
+///
+/// # Errors
+/// No server, no session, a script that cannot be run there, or a stream that broke.
+pub async fn run(args: &Args) -> anyhow::Result<Finished> {
+    let channel = session::connect(&args.server).await?;
+    let session = session::open(channel.clone(), args.scene.as_deref(), args.session.as_deref()).await?;
+    let outcome = drive(args, &channel, &session).await;
+    if session.created && !args.keep_session {
+        let closed = session::close(channel, &session.description.session_id).await;
+        // What went wrong first is what the user wants to read.
+        if outcome.is_ok() {
+            closed?;
+        }
+    }
+    outcome
+}
+
+async fn drive(args: &Args, channel: &Channel, session: &Session) -> anyhow::Result<Finished> {
+    let session_id = &session.description.session_id;
+    let request = v1::ViewRequest {
+        protocol_version: kerf_proto::PROTOCOL_VERSION,
+        session_id: session_id.clone(),
+        rate_hz: args.view_rate,
+    };
+    let surfaces = viewer::first_surfaces(channel.clone(), request.clone()).await?;
+    let script = Arc::new(make_script(args, &session.scene, &surfaces)?);
+    check_speed(&script, session.description.limits.as_ref())?;
+    let duration_s = f64::min(script.duration_s(), args.duration.unwrap_or(f64::INFINITY));
+
+    let tool_ids = script.tracks.iter().map(|track| track.tool_id).collect();
+    let contact_rate_hz = args.contact_rate.unwrap_or(args.rate);
+    let control = control::open(channel.clone(), session_id, tool_ids, contact_rate_hz).await?;
+    let totals = SharedTotals::default();
+    let (stop_viewers, stop) = watch::channel(false);
+    let watched_from_ns = clock::now_ns();
+    let viewers = viewer::spawn(args.server.clone(), request, args.viewers, totals.clone(), stop)?;
+
+    let timetable = Timetable { start_ns: clock::now_ns() + LEAD_NS, rate_hz: args.rate, duration_s };
+    let progress = Progress::new(args.progress, duration_s);
+    let driven = exchange(control, &script, timetable, progress, &totals).await;
+    // Viewers are told to stop before any error is handed on: their thread ends in each case.
+    let _ = stop_viewers.send(true);
+    let viewed = join(viewers).await;
+    let driven = driven?;
+
+    let run = Run {
+        server_address: &args.server,
+        scene: &session.scene.name,
+        session_id,
+        script: describe(args),
+        duration_s: f64::min(duration_s, driven.sent_for_s),
+        watched_s: (clock::now_ns() - watched_from_ns) as f64 * 1e-9,
+        interrupted: driven.interrupted,
+        viewers: args.viewers,
+        reference_n: steady_cut_n(&session.scene, &script),
+        sent: driven.sent,
+        contacts: &driven.contacts,
+        view: &viewer::snapshot(&totals),
+    };
+    let mut report = Report::of(&run);
+    report.limits_exceeded = args.limits.exceeded(&report);
+    Ok(Finished { report, surfaces: viewed?, contacts: driven.contacts })
+}
+
+/// What came of the driver's stream.
+struct Driven {
+    sent: SendTotals,
+    contacts: ContactMetrics,
+    sent_for_s: f64,
+    interrupted: bool,
+}
+
+/// Sends the script from a thread of its own and receives until it has ended.
+async fn exchange(
+    control: control::Control,
+    script: &Arc<Script>,
+    timetable: Timetable,
+    mut progress: Progress,
+    totals: &SharedTotals,
+) -> anyhow::Result<Driven> {
+    let (up, mut down) = control.split();
+    let stop = Arc::new(AtomicBool::new(false));
+    let (ended, mut end) = oneshot::channel();
+    let sender = {
+        let (script, stop) = (Arc::clone(script), Arc::clone(&stop));
+        std::thread::Builder::new().name("kerf-load-send".to_owned()).spawn(move || {
+            let sent = sender::send(&script, timetable, &up, &stop);
+            // `up` is handed back: dropping it would close the stream before the last answers.
+            let _ = ended.send((sent, up));
+        })?
+    };
+    let mut contacts = ContactMetrics::default();
+    let mut interrupted = false;
+    let mut interrupt = std::pin::pin!(tokio::signal::ctrl_c());
+    let mut ticks = tokio::time::interval(progress::INTERVAL);
+    let ended = loop {
+        tokio::select! {
+            received = down.next(&mut contacts, script, &timetable) => received?,
+            _ = ticks.tick() => progress.show(script_time_s(&timetable), &contacts, &viewer::snapshot(totals)),
+            _ = &mut interrupt, if !interrupted => {
+                interrupted = true;
+                stop.store(true, Ordering::Relaxed);
+            }
+            ended = &mut end => break ended,
+        }
+    };
+    let sent_for_s = script_time_s(&timetable);
+    progress.finish();
+    let (sent, up) = ended.ok().context("the sending thread died")?;
+    settle(&mut down, &mut contacts, script, &timetable).await?;
+    drop(up);
+    ensure!(sender.join().is_ok(), "the sending thread died");
+    Ok(Driven { sent, contacts, sent_for_s, interrupted })
+}
+
+/// Receives the answers to the last poses.
+async fn settle(
+    down: &mut Receiver,
+    contacts: &mut ContactMetrics,
+    script: &Script,
+    timetable: &Timetable,
+) -> anyhow::Result<()> {
+    let receive = async {
+        loop {
+            down.next(contacts, script, timetable).await?;
+        }
+    };
+    tokio::time::timeout(SETTLE, receive).await.unwrap_or(Ok(()))
+}
+
+fn script_time_s(timetable: &Timetable) -> f64 {
+    clock::now_ns().saturating_sub(timetable.start_ns) as f64 * 1e-9
+}
+
+async fn join(thread: std::thread::JoinHandle<anyhow::Result<Vec<Surface>>>) -> anyhow::Result<Vec<Surface>> {
+    let joined = tokio::task::spawn_blocking(move || thread.join()).await?;
+    match joined {
+        Ok(outcome) => outcome,
+        Err(_) => bail!("the viewers' thread died"),
+    }
+}
+
+fn make_script(args: &Args, scene: &v1::SceneSummary, surfaces: &[Surface]) -> anyhow::Result<Script> {
+    let names: Vec<String> = scene.tools.iter().map(|tool| tool.name.clone()).collect();
+    let (target, name) = target(scene, surfaces)?;
+    if args.script.as_os_str() == "strokes" {
+        let tool_id = script::tool_id(&args.tool, &names)?;
+        strokes::strokes(tool_id, &target, &args.strokes.params()).with_context(|| format!("strokes in {name}"))
+    } else {
+        let path = args.script.display();
+        let file = File::open(&args.script).with_context(|| format!("cannot open {path}"))?;
+        csv::read(file, &names, target.max_m.y).with_context(|| path.to_string())
+    }
+}
+
+/// Index of the object that is cut: the first that can be, or the first at all.
+fn target_index(scene: &v1::SceneSummary) -> usize {
+    scene.objects.iter().position(|object| object.fracture_energy_j_per_m2.is_some()).unwrap_or(0)
+}
+
+fn target(scene: &v1::SceneSummary, surfaces: &[Surface]) -> anyhow::Result<(Target, String)> {
+    let index = target_index(scene);
+    let object = scene.objects.get(index).context("the scene has no objects")?;
+    let surface = surfaces.get(index).context("the view shows fewer objects than the scene has")?;
+    let corner = |vertex: u32| Vector3::from(surface.positions_m[vertex as usize].map(f64::from));
+    let target = Target {
+        min_m: wire::vector(object.rest_min_m, "object.rest_min_m")?,
+        max_m: wire::vector(object.rest_max_m, "object.rest_max_m")?,
+        triangles_m: surface.triangles.iter().map(|triangle| triangle.vertices.map(corner)).collect(),
+    };
+    Ok((target, object.name.clone()))
+}
+
+/// Refuses a script that the server would answer with lifted tools.
+fn check_speed(script: &Script, limits: Option<&v1::Limits>) -> anyhow::Result<()> {
+    let Some(limits) = limits else { return Ok(()) };
+    let (speed, limit) = (script.max_speed_m_per_s(), limits.max_tool_speed_m_per_s);
+    ensure!(
+        speed <= SPEED_MARGIN * limit,
+        "the script moves a tool at {speed:.3} m/s, the server takes {limit:.3} m/s"
+    );
+    Ok(())
+}
+
+/// Force of a steady cut: fracture energy times the length of edge that fits across the object, N.
+fn steady_cut_n(scene: &v1::SceneSummary, script: &Script) -> Option<f64> {
+    let object = scene.objects.get(target_index(scene))?;
+    let tool = scene.tools.get(script.tracks.first()?.tool_id as usize)?;
+    let (min_m, max_m) = (object.rest_min_m?, object.rest_max_m?);
+    let across_m = f64::from(f32::min(max_m.x - min_m.x, max_m.z - min_m.z));
+    Some(object.fracture_energy_j_per_m2? * f64::min(tool.blade_width_m, across_m))
+}
+
+fn describe(args: &Args) -> String {
+    if args.script.as_os_str() == "strokes" {
+        format!("{} strokes of seed {}", args.strokes.strokes, args.strokes.seed)
+    } else {
+        args.script.display().to_string()
+    }
+}

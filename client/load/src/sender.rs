@@ -1,0 +1,161 @@
+//! The thread that sends poses: paced by absolute deadlines, never waiting on the network.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use kerf_proto::v1::{self, Up, up};
+use tokio::sync::mpsc::{self, error::TrySendError};
+
+use crate::clock;
+use crate::pacer::{Punctuality, Schedule};
+use crate::script::Script;
+use crate::wire;
+
+/// Poses that may wait for the transport. Only the newest counts, so few; but the runtime's thread
+/// may be a few ticks late on a busy machine, and a dropped pose is a jerk of the tool.
+pub const QUEUED_POSES: usize = 8;
+
+/// When and how often poses are sent.
+#[derive(Clone, Copy, Debug)]
+pub struct Timetable {
+    /// When the script begins, on the monotonic clock, ns.
+    pub start_ns: u64,
+    /// Poses a second and tool, Hz.
+    pub rate_hz: f64,
+    /// When the script ends, s after its start.
+    pub duration_s: f64,
+}
+
+impl Timetable {
+    /// Script time of a tick, s.
+    #[must_use]
+    pub fn time_of_tick_s(&self, tick: u64) -> f64 {
+        tick as f64 / self.rate_hz
+    }
+
+    /// Sequence number of a tick's poses: 0 means "none yet" on the wire.
+    #[must_use]
+    pub fn seq_of_tick(tick: u64) -> u64 {
+        tick + 1
+    }
+
+    /// Script time of a pose by its sequence number, s; `None` for "none yet".
+    #[must_use]
+    pub fn time_of_seq_s(&self, seq: u64) -> Option<f64> {
+        seq.checked_sub(1).map(|tick| self.time_of_tick_s(tick))
+    }
+}
+
+/// What became of the poses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SendTotals {
+    /// Poses handed to the transport.
+    pub sent: u64,
+    /// Poses that found the transport's queue full.
+    pub dropped: u64,
+    /// How well the deadlines were kept.
+    pub kept: Punctuality,
+}
+
+/// Sends a script's poses until it ends, `stop` is set or the stream is gone; then lifts the tools.
+#[must_use]
+pub fn send(script: &Script, timetable: Timetable, up: &mpsc::Sender<Up>, stop: &Arc<AtomicBool>) -> SendTotals {
+    let mut schedule = Schedule::new(timetable.start_ns, timetable.rate_hz);
+    let mut totals = SendTotals::default();
+    let mut down = vec![false; script.tracks.len()];
+    while !stop.load(Ordering::Relaxed) {
+        clock::sleep_until_ns(schedule.deadline_ns());
+        let tick = schedule.take(clock::now_ns());
+        let time_s = timetable.time_of_tick_s(tick);
+        if time_s > timetable.duration_s {
+            break;
+        }
+        for (track, down) in script.tracks.iter().zip(&mut down) {
+            let message = match track.pose_at(time_s) {
+                Some(pose) => up::Message::Pose(v1::ToolPose {
+                    tool_id: track.tool_id,
+                    seq: Timetable::seq_of_tick(tick),
+                    client_ns: clock::now_ns(),
+                    pose: Some(wire::pose_to_wire(&pose)),
+                    buttons: 0,
+                }),
+                None if *down => lift(track.tool_id),
+                None => continue,
+            };
+            *down = matches!(message, up::Message::Pose(_));
+            match up.try_send(Up { message: Some(message) }) {
+                Ok(()) => totals.sent += u64::from(*down),
+                Err(TrySendError::Full(_)) => totals.dropped += 1,
+                Err(TrySendError::Closed(_)) => return SendTotals { kept: schedule.kept(), ..totals },
+            }
+        }
+    }
+    for (track, _) in script.tracks.iter().zip(down).filter(|(_, down)| *down) {
+        // The last message may wait: nothing is paced any more. Closed: the stream lifts them.
+        let _ = up.blocking_send(Up { message: Some(lift(track.tool_id)) });
+    }
+    SendTotals { kept: schedule.kept(), ..totals }
+}
+
+fn lift(tool_id: u32) -> up::Message {
+    up::Message::Lift(v1::LiftTool { tool_id })
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{UnitQuaternion, Vector3};
+
+    use super::*;
+    use crate::script::{Datum, Key, Pose, Track};
+
+    fn script(from_s: f64, to_s: f64) -> Script {
+        let pose = Pose { position_m: Vector3::zeros(), orientation: UnitQuaternion::identity() };
+        let keys = [from_s, to_s].map(|time_s| Key { time_s, pose }).to_vec();
+        Script { tracks: vec![Track { tool_id: 3, keys }], datums: vec![Datum { from_s: 0.0, height_m: 0.0 }] }
+    }
+
+    fn messages(script: &Script, duration_s: f64, capacity: usize) -> (SendTotals, Vec<up::Message>) {
+        let (up, mut received) = mpsc::channel(capacity);
+        let timetable = Timetable { start_ns: clock::now_ns(), rate_hz: 1000.0, duration_s };
+        let totals = send(script, timetable, &up, &Arc::default());
+        drop(up);
+        let messages = std::iter::from_fn(|| received.blocking_recv()).filter_map(|up| up.message).collect();
+        (totals, messages)
+    }
+
+    #[test]
+    fn poses_carry_rising_numbers_and_the_tool_is_lifted_at_the_end() {
+        let (totals, messages) = messages(&script(0.0, 1.0), 0.05, 1000);
+        let (last, poses) = messages.split_last().expect("poses were sent");
+        assert_eq!(*last, lift(3));
+        let seqs: Vec<u64> = poses
+            .iter()
+            .map(|message| match message {
+                up::Message::Pose(pose) => pose.seq,
+                other => panic!("{other:?}"),
+            })
+            .collect();
+        assert!(seqs.windows(2).all(|pair| pair[0] < pair[1]), "{seqs:?}");
+        assert_eq!(totals.sent, poses.len() as u64);
+        // A tick is run or skipped; the one that finds the end is run too. 0..=50 ms make 51 poses.
+        assert!(totals.kept.ticks + totals.kept.skipped >= 52, "{totals:?}");
+    }
+
+    #[test]
+    fn tool_is_lifted_when_its_track_ends_before_the_script() {
+        let (_, messages) = messages(&script(0.0, 0.01), 0.03, 1000);
+        assert_eq!(messages.iter().filter(|message| **message == lift(3)).count(), 1);
+        assert_eq!(messages.last(), Some(&lift(3)));
+    }
+
+    #[test]
+    fn full_queue_drops_poses_instead_of_waiting() {
+        let (up, received) = mpsc::channel(2);
+        let timetable = Timetable { start_ns: clock::now_ns(), rate_hz: 1000.0, duration_s: 0.02 };
+        let sender = std::thread::spawn(move || send(&script(0.0, 0.015), timetable, &up, &Arc::default()));
+        let totals = sender.join().expect("the sender ends though nobody reads");
+        assert_eq!(totals.sent, 2);
+        assert!(totals.dropped > 5, "{totals:?}");
+        drop(received);
+    }
+}

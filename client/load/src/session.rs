@@ -1,0 +1,118 @@
+//! Connecting to a server and getting a session.
+
+use std::path::Path;
+use std::time::Duration;
+
+use anyhow::{Context, anyhow, bail};
+use kerf_proto::v1::session_service_client::SessionServiceClient;
+use kerf_proto::v1::{self, create_session_request};
+use tonic::transport::{Channel, Endpoint};
+
+/// A server that does not answer within this is down, or is not where it was said to be.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
+/// Building the largest scenes takes seconds; a server that is this slow has hung.
+const CREATE_TIMEOUT: Duration = Duration::from_secs(120);
+/// For calls that only ask.
+const CALL_TIMEOUT: Duration = Duration::from_secs(10);
+/// A server that has vanished without a word is noticed after twice this.
+const KEEP_ALIVE: Duration = Duration::from_secs(5);
+/// Flow-control windows: a keyframe of a liver (0.7 MB) shall pass without waiting for updates.
+const WINDOW_BYTES: u32 = 4 << 20;
+
+/// A session and how it came about.
+pub struct Session {
+    /// What the server says of it.
+    pub description: v1::SessionDescription,
+    /// The scene; always there, unlike in the message.
+    pub scene: v1::SceneSummary,
+    /// Whether this program created it.
+    pub created: bool,
+}
+
+/// Connects to a server, given as a URL or as host:port.
+///
+/// # Errors
+/// The address is not one, or nobody answers there.
+pub async fn connect(server: &str) -> anyhow::Result<Channel> {
+    let url = if server.contains("://") { server.to_owned() } else { format!("http://{server}") };
+    Endpoint::from_shared(url)
+        .with_context(|| format!("{server} is not an address"))?
+        .tcp_nodelay(true)
+        .connect_timeout(CONNECT_TIMEOUT)
+        .http2_keep_alive_interval(KEEP_ALIVE)
+        .keep_alive_timeout(KEEP_ALIVE)
+        .keep_alive_while_idle(true)
+        .initial_stream_window_size(WINDOW_BYTES)
+        .initial_connection_window_size(WINDOW_BYTES)
+        .connect()
+        .await
+        .with_context(|| format!("no Kerf server answers at {server}"))
+}
+
+/// Creates a session of a scene, or joins one.
+///
+/// # Errors
+/// What the server answers, or a reply without a scene.
+pub async fn open(channel: Channel, scene: Option<&str>, session: Option<&str>) -> anyhow::Result<Session> {
+    let mut client = SessionServiceClient::new(channel);
+    let (description, created) = match (scene, session) {
+        (Some(scene), None) => (create(&mut client, scene).await?, true),
+        (None, Some(session_id)) => (describe(&mut client, session_id).await?, false),
+        _ => bail!("either a scene or a session has to be given"),
+    };
+    let scene = description.scene.clone().context("the server described a session without its scene")?;
+    Ok(Session { description, scene, created })
+}
+
+/// Ends a session.
+///
+/// # Errors
+/// What the server answers.
+pub async fn close(channel: Channel, session_id: &str) -> anyhow::Result<()> {
+    let request = timed(v1::CloseSessionRequest { session_id: session_id.to_owned() }, CALL_TIMEOUT);
+    SessionServiceClient::new(channel)
+        .close_session(request)
+        .await
+        .map_err(|status| refused(&format!("closing session {session_id}"), &status))?;
+    Ok(())
+}
+
+/// An error that says what was asked and what the server answered.
+#[must_use]
+pub fn refused(what: &str, status: &tonic::Status) -> anyhow::Error {
+    anyhow!("{what}: {}: {}", status.code().description(), status.message())
+}
+
+async fn create(client: &mut SessionServiceClient<Channel>, scene: &str) -> anyhow::Result<v1::SessionDescription> {
+    let path = Path::new(scene);
+    let source = if path.extension().is_some_and(|extension| extension == "toml") {
+        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {scene}"))?;
+        create_session_request::Scene::SceneToml(text)
+    } else {
+        create_session_request::Scene::SceneName(scene.to_owned())
+    };
+    let request = v1::CreateSessionRequest { scene: Some(source), start_paused: false };
+    let reply = client
+        .create_session(timed(request, CREATE_TIMEOUT))
+        .await
+        .map_err(|status| refused(&format!("creating a session of {scene}"), &status))?;
+    reply.into_inner().session.context("the server created a session without describing it")
+}
+
+async fn describe(
+    client: &mut SessionServiceClient<Channel>,
+    session_id: &str,
+) -> anyhow::Result<v1::SessionDescription> {
+    let request = v1::DescribeSessionRequest { session_id: session_id.to_owned() };
+    let reply = client
+        .describe_session(timed(request, CALL_TIMEOUT))
+        .await
+        .map_err(|status| refused(&format!("joining session {session_id}"), &status))?;
+    reply.into_inner().session.context("the server did not describe the session")
+}
+
+fn timed<T>(message: T, timeout: Duration) -> tonic::Request<T> {
+    let mut request = tonic::Request::new(message);
+    request.set_timeout(timeout);
+    request
+}

@@ -1,0 +1,224 @@
+//! Viewers: a view stream each, applied to a replica each.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use anyhow::{Context, bail};
+use kerf_proto::v1::view_service_client::ViewServiceClient;
+use kerf_proto::v1::{self, ViewEvent, view_event};
+use kerf_replica::{Replica, ReplicaError, Surface};
+use prost::Message;
+use tokio::sync::watch;
+use tonic::Streaming;
+use tonic::transport::Channel;
+
+use crate::session::{self, refused};
+use crate::wire::FRAME_BYTES;
+
+/// Times that a viewer starts over after its replica came apart. One is a bug to report; many would
+/// only hide it in keyframes.
+const MAX_RESTARTS: u64 = 10;
+/// The first keyframe and state come at once, also from a paused session.
+const FIRST_SURFACE_TIMEOUT: Duration = Duration::from_secs(30);
+
+/// What the viewers have counted, all of them together.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ViewTotals {
+    /// Keyframes applied.
+    pub keyframes: u64,
+    /// Patches applied.
+    pub patches: u64,
+    /// States applied.
+    pub states: u64,
+    /// Messages that did not fit the replica, or led to another surface than the server's.
+    pub mismatches: u64,
+    /// The first of them, for people.
+    pub first_mismatch: Option<String>,
+    /// Bytes that came in, framing included.
+    pub bytes: u64,
+    /// What the server said of its steps.
+    pub server: Option<ServerSteps>,
+}
+
+/// What the server said of its steps in the states.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ServerSteps {
+    /// Steps and late ones in the first state.
+    pub first: (u64, u64),
+    /// Steps and late ones in the last state.
+    pub last: (u64, u64),
+    /// Version of the structure in the last state.
+    pub topology_version: u64,
+    /// Steps that profiles have summed up.
+    pub profiled_steps: u64,
+    /// Duration of those steps, s.
+    pub profiled_s: f64,
+    /// Longest step, s.
+    pub step_max_s: f64,
+}
+
+/// Totals that viewers add to and the progress line reads.
+pub type SharedTotals = Arc<Mutex<ViewTotals>>;
+
+/// A copy of the totals as they are now.
+#[must_use]
+pub fn snapshot(totals: &SharedTotals) -> ViewTotals {
+    totals.lock().unwrap_or_else(PoisonError::into_inner).clone()
+}
+
+/// The surfaces of a session's objects as they are now, from a stream of its own.
+///
+/// # Errors
+/// The stream cannot be opened, breaks, or does not fit together.
+pub async fn first_surfaces(channel: Channel, request: v1::ViewRequest) -> anyhow::Result<Vec<Surface>> {
+    let read = async {
+        let mut stream = subscribe(channel, request).await?;
+        let mut replica = Replica::default();
+        loop {
+            let event = next(&mut stream).await?;
+            replica.apply(&event.message.context("the server sent an empty view event")?)?;
+            if let Some(surfaces) = replica.surfaces() {
+                return Ok(surfaces);
+            }
+        }
+    };
+    tokio::time::timeout(FIRST_SURFACE_TIMEOUT, read).await.context("the server showed no surface")?
+}
+
+/// Runs viewers on a thread and a connection of their own until `stop` turns true; returns the
+/// surfaces that the first one has in the end.
+///
+/// # Errors
+/// A stream cannot be opened, breaks, or does not fit together too often.
+pub fn spawn(
+    server: String,
+    request: v1::ViewRequest,
+    viewers: u32,
+    totals: SharedTotals,
+    stop: watch::Receiver<bool>,
+) -> std::io::Result<std::thread::JoinHandle<anyhow::Result<Vec<Surface>>>> {
+    std::thread::Builder::new().name("kerf-load-view".to_owned()).spawn(move || {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+        runtime.block_on(async {
+            let channel = session::connect(&server).await?;
+            let mut tasks = Vec::new();
+            for _ in 0..viewers {
+                let (channel, request) = (channel.clone(), request.clone());
+                tasks.push(tokio::spawn(watch_session(channel, request, totals.clone(), stop.clone())));
+            }
+            let mut replicas = Vec::new();
+            for (index, task) in tasks.into_iter().enumerate() {
+                replicas.push(task.await?.with_context(|| format!("viewer {index}"))?);
+            }
+            Ok(replicas.first().and_then(Replica::surfaces).unwrap_or_default())
+        })
+    })
+}
+
+async fn watch_session(
+    channel: Channel,
+    request: v1::ViewRequest,
+    totals: SharedTotals,
+    mut stop: watch::Receiver<bool>,
+) -> anyhow::Result<Replica> {
+    for _ in 0..=MAX_RESTARTS {
+        let mut stream = subscribe(channel.clone(), request.clone()).await?;
+        let mut replica = Replica::default();
+        loop {
+            let event = tokio::select! {
+                _ = stop.wait_for(|stop| *stop) => return Ok(replica),
+                event = next(&mut stream) => event?,
+            };
+            if apply(&event, &mut replica, &totals)? == Replicated::Broken {
+                break;
+            }
+        }
+    }
+    bail!("the replica came apart more than {MAX_RESTARTS} times")
+}
+
+/// Whether a replica can go on.
+#[derive(Debug, PartialEq, Eq)]
+enum Replicated {
+    Intact,
+    Broken,
+}
+
+fn apply(event: &ViewEvent, replica: &mut Replica, totals: &SharedTotals) -> anyhow::Result<Replicated> {
+    let message = event.message.as_ref().context("the server sent an empty view event")?;
+    let outcome = replica.apply(message);
+    let mut totals = totals.lock().unwrap_or_else(PoisonError::into_inner);
+    totals.bytes += event.encoded_len() as u64 + FRAME_BYTES;
+    match outcome {
+        Ok(()) => {
+            totals.count(message);
+            Ok(Replicated::Intact)
+        }
+        Err(error) => {
+            totals.mismatch(&error);
+            Ok(if error.needs_keyframe() { Replicated::Broken } else { Replicated::Intact })
+        }
+    }
+}
+
+impl ViewTotals {
+    fn count(&mut self, message: &view_event::Message) {
+        match message {
+            view_event::Message::Keyframe(_) => self.keyframes += 1,
+            view_event::Message::Patch(_) => self.patches += 1,
+            view_event::Message::State(state) => {
+                self.states += 1;
+                self.server.get_or_insert_with(|| ServerSteps::starting_at(state)).update(state);
+            }
+            // Drivers are told of faults too, and count them.
+            view_event::Message::Event(_) | view_event::Message::Fault(_) => {}
+        }
+    }
+
+    fn mismatch(&mut self, error: &ReplicaError) {
+        self.mismatches += 1;
+        self.first_mismatch.get_or_insert_with(|| error.to_string());
+    }
+}
+
+impl ServerSteps {
+    fn starting_at(state: &v1::State) -> Self {
+        Self { first: (state.step, state.late_steps), ..Self::default() }
+    }
+
+    fn update(&mut self, state: &v1::State) {
+        self.last = (state.step, state.late_steps);
+        self.topology_version = state.topology_version;
+        if let Some(profile) = &state.profile {
+            self.profiled_steps += u64::from(profile.steps);
+            self.profiled_s += f64::from(profile.steps) * f64::from(profile.step_mean_s);
+            self.step_max_s = f64::max(self.step_max_s, f64::from(profile.step_max_s));
+        }
+    }
+
+    /// Steps between the first state and the last one.
+    #[must_use]
+    pub fn steps(&self) -> u64 {
+        self.last.0.saturating_sub(self.first.0)
+    }
+
+    /// Of these, steps that ended after their deadline.
+    #[must_use]
+    pub fn late_steps(&self) -> u64 {
+        self.last.1.saturating_sub(self.first.1)
+    }
+}
+
+async fn subscribe(channel: Channel, request: v1::ViewRequest) -> anyhow::Result<Streaming<ViewEvent>> {
+    let reply = ViewServiceClient::new(channel)
+        .max_decoding_message_size(kerf_proto::MAX_MESSAGE_BYTES)
+        .view(request)
+        .await
+        .map_err(|status| refused("opening the view stream", &status))?;
+    Ok(reply.into_inner())
+}
+
+async fn next(stream: &mut Streaming<ViewEvent>) -> anyhow::Result<ViewEvent> {
+    let event = stream.message().await.map_err(|status| refused("the view stream broke", &status))?;
+    event.context("the server ended the view stream")
+}

@@ -1,0 +1,277 @@
+//! A server of a few lines: a box that pushes back like a spring, and whose top opens once.
+
+use std::pin::Pin;
+use std::time::Duration;
+
+use kerf_proto::v1::control_service_server::{ControlService, ControlServiceServer};
+use kerf_proto::v1::session_service_server::{SessionService, SessionServiceServer};
+use kerf_proto::v1::view_service_server::{ViewService, ViewServiceServer};
+use kerf_proto::v1::{self, Down, Up, ViewEvent, down, up, view_event};
+use kerf_replica::SurfaceHasher;
+use tokio::net::TcpListener;
+use tokio_stream::wrappers::{ReceiverStream, TcpListenerStream};
+use tokio_stream::{Stream, StreamExt};
+use tonic::{Request, Response, Status, Streaming};
+
+/// What goes wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Behaviour {
+    Good,
+    /// Every patch carries a wrong hash.
+    WrongHash,
+    /// The control stream ends after a few contacts.
+    DropsDriver,
+    /// Every fifth pose is rejected.
+    RejectsPoses,
+}
+
+/// Height of the box, m.
+const TOP_M: f32 = 0.05;
+/// Stiffness of its spring, N/m.
+pub const STIFFNESS_N_PER_M: f32 = 100.0;
+const STEP_S: f64 = 1e-3;
+
+#[derive(Clone, Copy)]
+pub struct Server(pub Behaviour);
+
+/// Serves on a free port and returns its address.
+pub async fn start(behaviour: Behaviour) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").await.expect("loopback has free ports");
+    let address = listener.local_addr().expect("bound");
+    let server = Server(behaviour);
+    let routes = tonic::transport::Server::builder()
+        .tcp_nodelay(true)
+        .add_service(SessionServiceServer::new(server))
+        .add_service(ControlServiceServer::new(server))
+        .add_service(ViewServiceServer::new(server));
+    tokio::spawn(routes.serve_with_incoming(TcpListenerStream::new(listener)));
+    address.to_string()
+}
+
+fn vec3(x: f32, y: f32, z: f32) -> v1::Vec3 {
+    v1::Vec3 { x, y, z }
+}
+
+fn scene() -> v1::SceneSummary {
+    v1::SceneSummary {
+        name: "box".to_owned(),
+        dt_s: STEP_S,
+        objects: vec![v1::ObjectSummary {
+            name: "box".to_owned(),
+            rest_min_m: Some(vec3(-0.1, 0.0, -0.05)),
+            rest_max_m: Some(vec3(0.1, TOP_M, 0.05)),
+            fracture_energy_j_per_m2: Some(100.0),
+            ..Default::default()
+        }],
+        tools: vec![v1::ToolSummary { name: "scalpel".to_owned(), blade_width_m: 0.02, ..Default::default() }],
+        ..Default::default()
+    }
+}
+
+fn limits() -> v1::Limits {
+    v1::Limits { max_tool_speed_m_per_s: 1.0, lease_s: 2.0, ..Default::default() }
+}
+
+fn description() -> v1::SessionDescription {
+    v1::SessionDescription {
+        session_id: "one".to_owned(),
+        scene: Some(scene()),
+        limits: Some(limits()),
+        ..Default::default()
+    }
+}
+
+/// The box as one element with top and bottom; `lid` is the id of the top's quad.
+fn structure(lid: u32) -> v1::BodyStructure {
+    let corners = (0..8).map(|c| [c & 1, c >> 1 & 1, c >> 2]);
+    v1::BodyStructure {
+        node_count: 8,
+        node_ids: (0..8).collect(),
+        node_rest_m: corners
+            .clone()
+            .flat_map(|[x, y, z]| [0.2 * x as f32 - 0.1, TOP_M * y as f32, 0.1 * z as f32 - 0.05])
+            .collect(),
+        element_ids: vec![0],
+        element_nodes: (0..8).collect(),
+        vertex_ids: (0..8).collect(),
+        vertex_elements: vec![0; 8],
+        vertex_local: corners.flat_map(|corner| corner.map(|bit| bit as f32)).collect(),
+        quad_ids: vec![0, lid],
+        quad_vertices: vec![0, 1, 5, 4, 2, 6, 7, 3],
+        ..Default::default()
+    }
+}
+
+fn hash(body: &v1::BodyStructure) -> u64 {
+    let mut hasher = SurfaceHasher::default();
+    for (i, &id) in body.vertex_ids.iter().enumerate() {
+        hasher.word(u64::from(id) << 32 | u64::from(body.vertex_elements[i]));
+        body.vertex_local[3 * i..3 * i + 3].iter().for_each(|c| hasher.word(u64::from(c.to_bits())));
+    }
+    for (i, &id) in body.quad_ids.iter().enumerate() {
+        hasher.word(u64::from(id));
+        body.quad_vertices[4 * i..4 * i + 4].iter().for_each(|&v| hasher.word(u64::from(v)));
+    }
+    hasher.finish()
+}
+
+fn keyframe() -> view_event::Message {
+    let body = structure(2);
+    view_event::Message::Keyframe(v1::Keyframe { topology_version: 0, surface_hash: hash(&body), bodies: vec![body] })
+}
+
+fn patch(behaviour: Behaviour) -> view_event::Message {
+    let after = structure(4);
+    let change = v1::BodyStructure {
+        node_count: 8,
+        quad_ids: vec![4],
+        quad_vertices: after.quad_vertices[4..].to_vec(),
+        removed_quad_ids: vec![2],
+        ..Default::default()
+    };
+    view_event::Message::Patch(v1::TopologyPatch {
+        from_version: 0,
+        to_version: 1,
+        bodies: vec![change],
+        surface_hash: hash(&after) ^ u64::from(behaviour == Behaviour::WrongHash),
+    })
+}
+
+fn state(topology_version: u64, step: u64) -> view_event::Message {
+    view_event::Message::State(v1::State {
+        topology_version,
+        step,
+        sim_time_s: step as f64 * STEP_S,
+        bodies: vec![v1::BodyState { node_displacements_m: vec![0.0; 24] }],
+        late_steps: step / 10,
+        profile: Some(v1::StepProfile { steps: 10, step_mean_s: 5e-4, step_max_s: 2e-3, ..Default::default() }),
+        ..Default::default()
+    })
+}
+
+#[tonic::async_trait]
+impl ControlService for Server {
+    type ControlStream = Pin<Box<dyn Stream<Item = Result<Down, Status>> + Send>>;
+
+    async fn control(&self, request: Request<Streaming<Up>>) -> Result<Response<Self::ControlStream>, Status> {
+        let behaviour = self.0;
+        let contacts_left = if behaviour == Behaviour::DropsDriver { 5 } else { usize::MAX };
+        let answers = request.into_inner().filter_map(move |up| match up.ok()?.message? {
+            up::Message::Hello(_) => Some(down::Message::Hello(v1::ServerHello {
+                protocol_version: 1,
+                limits: Some(limits()),
+                scene: Some(scene()),
+                contact_rate_hz: 250.0,
+            })),
+            up::Message::Pose(pose) => Some(answer(&pose, behaviour)),
+            up::Message::Lift(_) => None,
+        });
+        let downs = answers.map(|message| Ok(Down { message: Some(message) })).take(contacts_left);
+        Ok(Response::new(Box::pin(downs)))
+    }
+
+    async fn send_pose(&self, _: Request<v1::SendPoseRequest>) -> Result<Response<v1::SendPoseResponse>, Status> {
+        Err(Status::unimplemented("streams only"))
+    }
+}
+
+fn answer(pose: &v1::ToolPose, behaviour: Behaviour) -> down::Message {
+    if behaviour == Behaviour::RejectsPoses && pose.seq.is_multiple_of(5) {
+        let (field, limit) = ("pose.position_m.x".to_owned(), "at most 1 m".to_owned());
+        return down::Message::Rejected(v1::PoseRejected { tool_id: pose.tool_id, seq: pose.seq, field, limit });
+    }
+    let height_m = pose.pose.and_then(|pose| pose.position_m).map_or(1.0, |position_m| position_m.y);
+    down::Message::Contact(v1::Contact {
+        step: pose.seq,
+        sim_time_s: pose.seq as f64 * STEP_S,
+        echo_seq: pose.seq,
+        echo_ns: pose.client_ns,
+        wrench: Some(v1::Wrench {
+            force_n: Some(vec3(0.0, STIFFNESS_N_PER_M * (TOP_M - height_m).max(0.0), 0.0)),
+            torque_nm: Some(vec3(0.0, 0.0, 0.0)),
+        }),
+        ..Default::default()
+    })
+}
+
+#[tonic::async_trait]
+impl ViewService for Server {
+    type ViewStream = ReceiverStream<Result<ViewEvent, Status>>;
+
+    async fn view(&self, _: Request<v1::ViewRequest>) -> Result<Response<Self::ViewStream>, Status> {
+        let behaviour = self.0;
+        let (events, stream) = tokio::sync::mpsc::channel(1);
+        tokio::spawn(async move {
+            let opening = [keyframe(), state(0, 0), state(0, 10), patch(behaviour), state(1, 20)];
+            let later = (3u64..).map(|n| state(1, 10 * n));
+            for message in opening.into_iter().chain(later) {
+                if events.send(Ok(ViewEvent { message: Some(message) })).await.is_err() {
+                    return;
+                }
+                tokio::time::sleep(Duration::from_millis(10)).await;
+            }
+        });
+        Ok(Response::new(ReceiverStream::new(stream)))
+    }
+}
+
+#[tonic::async_trait]
+impl SessionService for Server {
+    async fn create_session(
+        &self,
+        request: Request<v1::CreateSessionRequest>,
+    ) -> Result<Response<v1::CreateSessionResponse>, Status> {
+        match request.into_inner().scene {
+            Some(v1::create_session_request::Scene::SceneName(name)) if name == "box" => {
+                Ok(Response::new(v1::CreateSessionResponse { session: Some(description()) }))
+            }
+            other => Err(Status::not_found(format!("no scene {other:?}"))),
+        }
+    }
+
+    async fn describe_session(
+        &self,
+        _: Request<v1::DescribeSessionRequest>,
+    ) -> Result<Response<v1::DescribeSessionResponse>, Status> {
+        Ok(Response::new(v1::DescribeSessionResponse { session: Some(description()) }))
+    }
+
+    async fn close_session(
+        &self,
+        _: Request<v1::CloseSessionRequest>,
+    ) -> Result<Response<v1::CloseSessionResponse>, Status> {
+        Ok(Response::new(v1::CloseSessionResponse {}))
+    }
+
+    async fn list_scenes(&self, _: Request<v1::ListScenesRequest>) -> Result<Response<v1::ListScenesResponse>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
+
+    async fn list_sessions(
+        &self,
+        _: Request<v1::ListSessionsRequest>,
+    ) -> Result<Response<v1::ListSessionsResponse>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
+
+    async fn pause_session(
+        &self,
+        _: Request<v1::PauseSessionRequest>,
+    ) -> Result<Response<v1::PauseSessionResponse>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
+
+    async fn resume_session(
+        &self,
+        _: Request<v1::ResumeSessionRequest>,
+    ) -> Result<Response<v1::ResumeSessionResponse>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
+
+    async fn reset_session(
+        &self,
+        _: Request<v1::ResetSessionRequest>,
+    ) -> Result<Response<v1::ResetSessionResponse>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
+}

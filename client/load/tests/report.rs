@@ -1,0 +1,118 @@
+//! What a report says, in words, in JSON and against limits.
+
+use kerf_load::limits::LimitArgs;
+use kerf_load::metrics::ContactMetrics;
+use kerf_load::pacer::Punctuality;
+use kerf_load::report::{Report, Run, bytes};
+use kerf_load::sender::SendTotals;
+use kerf_load::viewer::{ServerSteps, ViewTotals};
+
+fn contacts() -> ContactMetrics {
+    let mut contacts = ContactMetrics::default();
+    (contacts.received, contacts.bytes, contacts.max_force_n) = (500, 40_000, 1.25);
+    (1..=1000).for_each(|n| contacts.round_trip_ns.saturating_record(n * 10_000));
+    contacts
+}
+
+fn view() -> ViewTotals {
+    let server = ServerSteps {
+        first: (100, 1),
+        last: (2100, 51),
+        topology_version: 9,
+        profiled_steps: 2000,
+        profiled_s: 1.5,
+        step_max_s: 0.004,
+    };
+    ViewTotals {
+        keyframes: 2,
+        patches: 9,
+        states: 240,
+        bytes: 3_000_000,
+        server: Some(server),
+        ..ViewTotals::default()
+    }
+}
+
+fn report(contacts: &ContactMetrics, view: &ViewTotals) -> Report {
+    Report::of(&Run {
+        server_address: "http://127.0.0.1:1",
+        scene: "liver",
+        session_id: "s1",
+        script: "2 strokes of seed 1".to_owned(),
+        duration_s: 2.0,
+        watched_s: 2.0,
+        interrupted: false,
+        viewers: 2,
+        reference_n: Some(0.8),
+        sent: SendTotals { sent: 495, dropped: 1, kept: Punctuality { ticks: 496, late: 3, skipped: 4 } },
+        contacts,
+        view,
+    })
+}
+
+#[test]
+fn text_has_every_number_that_was_asked_for() {
+    let text = report(&contacts(), &view()).to_string();
+    let expected = "\
+2 strokes of seed 1 on liver, 2.0 s
+round trip   p50 5.00 ms, p99 9.90 ms, p99.9 9.99 ms, max 10.00 ms (1000 poses)
+poses        495 sent, 247.5 Hz; 3 late, 4 skipped, 1 dropped, 0 rejected
+contacts     500 received, 250.0 Hz, 20.0 kB/s
+view         2 viewer(s): 2 keyframes, 9 patches, 240 states at 60.0 Hz, 1.5 MB/s; 0 mismatches
+server       2000 steps, 50 late (2.5 %), mean 0.75 ms, max 4.00 ms; topology version 9, 0 faults
+force        max 1.250 N, against the cut 0.000 N (steady cut: 0.800 N), 0.0 mm deep";
+    assert_eq!(text, expected);
+}
+
+#[test]
+fn empty_run_is_reported_without_nonsense() {
+    let text = report(&ContactMetrics::default(), &ViewTotals::default()).to_string();
+    assert!(text.contains("no pose came back"), "{text}");
+    assert!(!text.contains("NaN") && !text.contains("inf"), "{text}");
+}
+
+#[test]
+fn json_has_the_same_numbers() {
+    let json = serde_json::to_value(report(&contacts(), &view())).expect("a report is JSON");
+    assert_eq!(json["scene"], "liver");
+    assert_eq!(json["poses"]["skipped"], 4);
+    assert_eq!(json["server"]["late_step_share"], 0.025);
+    assert_eq!(json["view"]["topology_version"], 9);
+    assert_eq!(json["round_trip_ms"]["count"], 1000);
+}
+
+#[test]
+fn limits_name_what_was_exceeded_with_both_numbers() {
+    let report = report(&contacts(), &view());
+    assert_eq!(LimitArgs::default().exceeded(&report), Vec::<String>::new());
+    let limits = LimitArgs {
+        max_p99_ms: Some(5.0),
+        max_late_step_share: Some(0.5),
+        max_late_send_share: Some(0.0),
+        min_contact_rate: Some(300.0),
+        max_mismatches: 0,
+    };
+    let exceeded = limits.exceeded(&report);
+    assert_eq!(exceeded.len(), 3, "{exceeded:?}");
+    assert!(exceeded[0].starts_with("round trip p99 in ms is 9.9"), "{exceeded:?}");
+    assert!(exceeded[0].ends_with("at most 5 was asked for"), "{exceeded:?}");
+    assert!(exceeded[1].starts_with("share of late sends is 0.0140"), "{exceeded:?}");
+    assert_eq!(exceeded[2], "contacts a second are 250.0, at least 300 were asked for");
+}
+
+#[test]
+fn mismatches_exceed_the_default_limits() {
+    let view = ViewTotals { mismatches: 1, ..view() };
+    assert_eq!(LimitArgs::default().exceeded(&report(&contacts(), &view)).len(), 1);
+}
+
+#[test]
+fn run_without_round_trips_exceeds_a_limit_on_them() {
+    let limits = LimitArgs { max_p99_ms: Some(1e9), ..LimitArgs::default() };
+    assert_eq!(limits.exceeded(&report(&ContactMetrics::default(), &view())).len(), 1);
+}
+
+#[test]
+fn bytes_get_a_unit_that_suits_them() {
+    assert_eq!([0.0, 999.0, 1000.0, 1.5e6, 2e9].map(bytes), ["0 B", "999 B", "1.0 kB", "1.5 MB", "2.0 GB"]);
+}

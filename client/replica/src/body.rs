@@ -1,0 +1,242 @@
+//! One object: its lattice, the surface bound to it, and where the nodes are.
+
+use std::collections::BTreeMap;
+
+use kerf_proto::{MAX_MESSAGE_BYTES, v1};
+
+use crate::error::{FieldError, Problem};
+use crate::hash::SurfaceHasher;
+
+/// Most node slots of an object: a state has to carry 12 bytes for each.
+const MAX_NODES: u32 = (MAX_MESSAGE_BYTES / 12) as u32;
+
+/// A surface vertex bound to an element.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vertex {
+    /// Element it moves with.
+    pub element: u32,
+    /// Trilinear coordinates in the element; corner `c` is at `(c & 1, c >> 1 & 1, c >> 2)`.
+    pub local: [f32; 3],
+}
+
+/// One object. Every vertex refers to an element, every element to nodes, every quad to vertices
+/// that exist: checked when they come in, relied on when positions are evaluated.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Body {
+    /// Rest position by slot, m, scene frame; `None` for a slot without a node.
+    rest_m: Vec<Option<[f32; 3]>>,
+    /// Displacement by slot, m, scene frame.
+    displacement_m: Vec<[f32; 3]>,
+    elements: BTreeMap<u32, [u32; 8]>,
+    vertices: BTreeMap<u32, Vertex>,
+    quads: BTreeMap<u32, [u32; 4]>,
+}
+
+impl Body {
+    /// Surface vertices by id.
+    #[must_use]
+    pub fn vertices(&self) -> &BTreeMap<u32, Vertex> {
+        &self.vertices
+    }
+
+    /// Vertex ids of each quad by id, counter-clockwise seen from outside.
+    #[must_use]
+    pub fn quads(&self) -> &BTreeMap<u32, [u32; 4]> {
+        &self.quads
+    }
+
+    /// Number of node slots.
+    #[must_use]
+    pub fn node_slots(&self) -> usize {
+        self.rest_m.len()
+    }
+
+    /// Where a vertex is at rest, m, scene frame.
+    #[must_use]
+    pub fn rest_position_m(&self, vertex: &Vertex) -> [f32; 3] {
+        self.interpolate(vertex, |node| self.rest_m[node].unwrap_or_default())
+    }
+
+    /// Where a vertex is now, m, scene frame.
+    #[must_use]
+    pub fn position_m(&self, vertex: &Vertex) -> [f32; 3] {
+        self.interpolate(vertex, |node| {
+            let (rest_m, moved_m) = (self.rest_m[node].unwrap_or_default(), self.displacement_m[node]);
+            [rest_m[0] + moved_m[0], rest_m[1] + moved_m[1], rest_m[2] + moved_m[2]]
+        })
+    }
+
+    fn interpolate(&self, vertex: &Vertex, at_node: impl Fn(usize) -> [f32; 3]) -> [f32; 3] {
+        let mut sum = [0.0; 3];
+        for (corner, &node) in self.elements[&vertex.element].iter().enumerate() {
+            let weight = corner_weight(corner, vertex.local);
+            let value = at_node(node as usize);
+            for axis in 0..3 {
+                sum[axis] += weight * value[axis];
+            }
+        }
+        sum
+    }
+
+    /// Folds the surface's structure into a hash.
+    pub fn hash_surface(&self, hasher: &mut SurfaceHasher) {
+        for (&id, vertex) in &self.vertices {
+            hasher.word(u64::from(id) << 32 | u64::from(vertex.element));
+            vertex.local.iter().for_each(|c| hasher.word(u64::from(c.to_bits())));
+        }
+        for (&id, corners) in &self.quads {
+            hasher.word(u64::from(id));
+            corners.iter().for_each(|&vertex| hasher.word(u64::from(vertex)));
+        }
+    }
+
+    /// Applies what a keyframe (to an empty body) or a patch says of this object. After an error
+    /// the body is not to be used.
+    pub(crate) fn change(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
+        self.remove(change)?;
+        self.upsert_nodes(change)?;
+        self.upsert_elements(change)?;
+        self.upsert_vertices(change)?;
+        self.upsert_quads(change)?;
+        self.check_removed_are_unused(change)
+    }
+
+    pub(crate) fn check_displacements(&self, displacements_m: &[f32]) -> Result<(), FieldError> {
+        let field = "node_displacements_m";
+        check_length(field, 3 * self.rest_m.len(), displacements_m)?;
+        check_finite(field, displacements_m)
+    }
+
+    /// Takes over displacements that [`Body::check_displacements`] has found valid.
+    pub(crate) fn displace(&mut self, displacements_m: &[f32]) {
+        let (nodes, _) = displacements_m.as_chunks::<3>();
+        self.displacement_m.copy_from_slice(nodes);
+    }
+
+    fn remove(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
+        check_ascending("removed_quad_ids", &change.removed_quad_ids)?;
+        for &id in &change.removed_quad_ids {
+            self.quads.remove(&id).ok_or_else(|| unknown("removed_quad_ids", id))?;
+        }
+        check_ascending("removed_vertex_ids", &change.removed_vertex_ids)?;
+        for &id in &change.removed_vertex_ids {
+            self.vertices.remove(&id).ok_or_else(|| unknown("removed_vertex_ids", id))?;
+        }
+        Ok(())
+    }
+
+    fn upsert_nodes(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
+        // Slots are never taken away: elements that nothing uses any more still refer to them.
+        let min = self.rest_m.len() as u32;
+        if !(min..=MAX_NODES).contains(&change.node_count) {
+            let problem = Problem::Range { min, max: MAX_NODES, got: change.node_count };
+            return Err(FieldError { field: "node_count", problem });
+        }
+        check_finite("node_rest_m", &change.node_rest_m)?;
+        let nodes = zip_ids::<f32, 3>("node_ids", &change.node_ids, "node_rest_m", &change.node_rest_m)?;
+        self.rest_m.resize(change.node_count as usize, None);
+        self.displacement_m.resize(change.node_count as usize, [0.0; 3]);
+        for (id, rest_m) in nodes {
+            *self.rest_m.get_mut(id as usize).ok_or_else(|| unknown("node_ids", id))? = Some(rest_m);
+        }
+        Ok(())
+    }
+
+    fn upsert_elements(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
+        let elements = zip_ids::<u32, 8>("element_ids", &change.element_ids, "element_nodes", &change.element_nodes)?;
+        for (id, nodes) in elements {
+            let missing = nodes.iter().find(|&&node| !matches!(self.rest_m.get(node as usize), Some(Some(_))));
+            if let Some(&node) = missing {
+                return Err(unknown("element_nodes", node));
+            }
+            self.elements.insert(id, nodes);
+        }
+        Ok(())
+    }
+
+    fn upsert_vertices(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
+        check_finite("vertex_local", &change.vertex_local)?;
+        check_length("vertex_elements", change.vertex_ids.len(), &change.vertex_elements)?;
+        let locals = zip_ids::<f32, 3>("vertex_ids", &change.vertex_ids, "vertex_local", &change.vertex_local)?;
+        for ((id, local), &element) in locals.zip(&change.vertex_elements) {
+            if !self.elements.contains_key(&element) {
+                return Err(unknown("vertex_elements", element));
+            }
+            self.vertices.insert(id, Vertex { element, local });
+        }
+        Ok(())
+    }
+
+    fn upsert_quads(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
+        let quads = zip_ids::<u32, 4>("quad_ids", &change.quad_ids, "quad_vertices", &change.quad_vertices)?;
+        for (id, corners) in quads {
+            if let Some(&vertex) = corners.iter().find(|vertex| !self.vertices.contains_key(vertex)) {
+                return Err(unknown("quad_vertices", vertex));
+            }
+            self.quads.insert(id, corners);
+        }
+        Ok(())
+    }
+
+    fn check_removed_are_unused(&self, change: &v1::BodyStructure) -> Result<(), FieldError> {
+        // A vertex may be removed and come back, bound anew, in the same patch.
+        let gone: Vec<u32> =
+            change.removed_vertex_ids.iter().copied().filter(|id| !self.vertices.contains_key(id)).collect();
+        if gone.is_empty() {
+            return Ok(());
+        }
+        for (&quad, corners) in &self.quads {
+            if let Some(&id) = corners.iter().find(|vertex| gone.binary_search(vertex).is_ok()) {
+                return Err(FieldError { field: "removed_vertex_ids", problem: Problem::StillInUse { id, quad } });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Share of corner `c`, at `(c & 1, c >> 1 & 1, c >> 2)`, in a point of an element.
+fn corner_weight(corner: usize, local: [f32; 3]) -> f32 {
+    (0..3).map(|axis| if corner >> axis & 1 == 1 { local[axis] } else { 1.0 - local[axis] }).product()
+}
+
+fn unknown(field: &'static str, id: u32) -> FieldError {
+    FieldError { field, problem: Problem::UnknownId { id } }
+}
+
+fn check_length<T>(field: &'static str, expected: usize, values: &[T]) -> Result<(), FieldError> {
+    if values.len() == expected {
+        Ok(())
+    } else {
+        Err(FieldError { field, problem: Problem::Length { expected, got: values.len() } })
+    }
+}
+
+fn check_finite(field: &'static str, values: &[f32]) -> Result<(), FieldError> {
+    match values.iter().position(|value| !value.is_finite()) {
+        None => Ok(()),
+        Some(index) => Err(FieldError { field, problem: Problem::NotFinite { index } }),
+    }
+}
+
+fn check_ascending(field: &'static str, ids: &[u32]) -> Result<(), FieldError> {
+    match ids.windows(2).position(|pair| pair[0] >= pair[1]) {
+        None => Ok(()),
+        Some(before) => {
+            let index = before + 1;
+            Err(FieldError { field, problem: Problem::NotAscending { index, id: ids[index] } })
+        }
+    }
+}
+
+/// Pairs ascending ids with the `N` values that each of them has.
+fn zip_ids<'a, T: Copy, const N: usize>(
+    id_field: &'static str,
+    ids: &'a [u32],
+    value_field: &'static str,
+    values: &'a [T],
+) -> Result<impl Iterator<Item = (u32, [T; N])> + 'a, FieldError> {
+    check_ascending(id_field, ids)?;
+    check_length(value_field, N * ids.len(), values)?;
+    let (chunks, _) = values.as_chunks::<N>();
+    Ok(ids.iter().copied().zip(chunks.iter().copied()))
+}

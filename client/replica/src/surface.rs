@@ -1,0 +1,74 @@
+//! The surface of an object as triangles.
+
+use crate::body::Body;
+
+/// What a face of the surface bounds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Face {
+    /// The object's own surface.
+    Skin,
+    /// Material that a blade laid open.
+    Cut,
+}
+
+/// A triangle, counter-clockwise seen from outside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Triangle {
+    /// Indices into [`Surface::positions_m`].
+    pub vertices: [u32; 3],
+    /// What it bounds.
+    pub face: Face,
+}
+
+/// The surface of one or several objects where they are now.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Surface {
+    /// Vertex positions, m, scene frame, in the order of the vertices' ids.
+    pub positions_m: Vec<[f32; 3]>,
+    /// Two for each quad, in the order of the quads' ids.
+    pub triangles: Vec<Triangle>,
+}
+
+impl Surface {
+    /// Evaluates an object's surface.
+    #[must_use]
+    pub fn of(body: &Body) -> Self {
+        let ids: Vec<u32> = body.vertices().keys().copied().collect();
+        let rest_m: Vec<[f32; 3]> = body.vertices().values().map(|vertex| body.rest_position_m(vertex)).collect();
+        let positions_m = body.vertices().values().map(|vertex| body.position_m(vertex)).collect();
+        let mut triangles = Vec::with_capacity(2 * body.quads().len());
+        for (id, corners) in body.quads() {
+            // The other side of the link exists only where a blade parted it.
+            let face = if body.quads().contains_key(&(id ^ 1)) { Face::Cut } else { Face::Skin };
+            // Corners exist (see `Body`), so the search always finds them.
+            let corners = corners.map(|id| ids.partition_point(|&other| other < id) as u32);
+            triangles.extend(split(corners, &rest_m).map(|vertices| Triangle { vertices, face }));
+        }
+        Self { positions_m, triangles }
+    }
+}
+
+impl FromIterator<Surface> for Surface {
+    /// Several surfaces side by side as one.
+    fn from_iter<T: IntoIterator<Item = Surface>>(surfaces: T) -> Self {
+        let mut all = Surface::default();
+        for surface in surfaces {
+            let first = all.positions_m.len() as u32;
+            all.positions_m.extend(surface.positions_m);
+            all.triangles.extend(
+                surface.triangles.iter().map(|t| Triangle { vertices: t.vertices.map(|v| first + v), face: t.face }),
+            );
+        }
+        all
+    }
+}
+
+/// Splits a quad along its shorter diagonal; of equal ones, along that with the lower index.
+fn split([a, b, c, d]: [u32; 4], rest_m: &[[f32; 3]]) -> [[u32; 3]; 2] {
+    let length2 = |from: u32, to: u32| -> f32 {
+        let (from, to) = (rest_m[from as usize], rest_m[to as usize]);
+        (0..3).map(|axis| (to[axis] - from[axis]).powi(2)).sum()
+    };
+    let (ac, bd) = (length2(a, c), length2(b, d));
+    if ac < bd || (ac == bd && a.min(c) < b.min(d)) { [[a, b, c], [a, c, d]] } else { [[b, c, d], [b, d, a]] }
+}

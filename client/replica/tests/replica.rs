@@ -1,0 +1,283 @@
+//! A replica fed with messages made by hand: one element, one quad, and what can go wrong.
+
+use kerf_proto::v1;
+use kerf_replica::{Face, Problem, Replica, ReplicaError, SurfaceHasher};
+
+const CORNERS: u32 = 8;
+
+/// The unit cube as one element, with the quad of its top face.
+fn cube() -> v1::BodyStructure {
+    v1::BodyStructure {
+        node_count: CORNERS,
+        node_ids: (0..CORNERS).collect(),
+        node_rest_m: (0..CORNERS).flat_map(|c| [c & 1, c >> 1 & 1, c >> 2].map(|bit| bit as f32)).collect(),
+        element_ids: vec![5],
+        element_nodes: (0..CORNERS).collect(),
+        vertex_ids: vec![10, 20, 30, 40],
+        vertex_elements: vec![5; 4],
+        vertex_local: vec![0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0],
+        quad_ids: vec![7],
+        quad_vertices: vec![10, 20, 30, 40],
+        ..Default::default()
+    }
+}
+
+fn hash_of(bodies: &[v1::BodyStructure]) -> u64 {
+    let mut hasher = SurfaceHasher::default();
+    for body in bodies {
+        for (i, &id) in body.vertex_ids.iter().enumerate() {
+            hasher.word(u64::from(id) << 32 | u64::from(body.vertex_elements[i]));
+            body.vertex_local[3 * i..3 * i + 3].iter().for_each(|c| hasher.word(u64::from(c.to_bits())));
+        }
+        for (i, &id) in body.quad_ids.iter().enumerate() {
+            hasher.word(u64::from(id));
+            body.quad_vertices[4 * i..4 * i + 4].iter().for_each(|&v| hasher.word(u64::from(v)));
+        }
+    }
+    hasher.finish()
+}
+
+fn keyframe(body: v1::BodyStructure) -> v1::Keyframe {
+    let bodies = vec![body];
+    v1::Keyframe { topology_version: 3, surface_hash: hash_of(&bodies), bodies }
+}
+
+fn state(topology_version: u64, node_displacements_m: Vec<f32>) -> v1::State {
+    v1::State {
+        topology_version,
+        step: 42,
+        sim_time_s: 0.042,
+        bodies: vec![v1::BodyState { node_displacements_m }],
+        ..Default::default()
+    }
+}
+
+fn cube_replica() -> Replica {
+    let mut replica = Replica::default();
+    replica.apply_keyframe(&keyframe(cube())).expect("the cube is valid");
+    replica
+}
+
+/// Moves vertex 40 onto a second element, takes vertex 10 and its quad away, adds another quad.
+fn patch() -> v1::TopologyPatch {
+    let change = v1::BodyStructure {
+        node_count: CORNERS + 1,
+        node_ids: vec![8],
+        node_rest_m: vec![2.0, 1.0, 0.0],
+        element_ids: vec![6],
+        element_nodes: vec![0, 8, 2, 3, 4, 5, 6, 7],
+        vertex_ids: vec![40],
+        vertex_elements: vec![6],
+        vertex_local: vec![1.0, 0.0, 0.0],
+        quad_ids: vec![8],
+        quad_vertices: vec![20, 30, 40, 20],
+        removed_vertex_ids: vec![10],
+        removed_quad_ids: vec![7],
+    };
+    let after = v1::BodyStructure {
+        vertex_ids: vec![20, 30, 40],
+        vertex_elements: vec![5, 5, 6],
+        vertex_local: vec![0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0],
+        quad_ids: vec![8],
+        quad_vertices: vec![20, 30, 40, 20],
+        ..Default::default()
+    };
+    v1::TopologyPatch { from_version: 3, to_version: 5, bodies: vec![change], surface_hash: hash_of(&[after]) }
+}
+
+fn problem_of(body: v1::BodyStructure) -> (&'static str, Problem) {
+    match Replica::default().apply_keyframe(&keyframe_unhashed(body)) {
+        Err(ReplicaError::Field { source, .. }) => (source.field, source.problem),
+        other => panic!("expected a field error, got {other:?}"),
+    }
+}
+
+fn keyframe_unhashed(body: v1::BodyStructure) -> v1::Keyframe {
+    v1::Keyframe { topology_version: 3, bodies: vec![body], surface_hash: 0 }
+}
+
+#[test]
+fn surface_follows_the_nodes() {
+    let mut replica = cube_replica();
+    assert_eq!(replica.surfaces(), None, "no state yet");
+    let mut displacements_m = vec![0.0; 24];
+    // Node 7 is the corner (1, 1, 1), where vertex 30 sits.
+    displacements_m[21..24].copy_from_slice(&[0.5, 0.25, -0.5]);
+    replica.apply_state(&state(3, displacements_m)).expect("matching state");
+    let surface = &replica.surfaces().expect("state came")[0];
+    assert_eq!(surface.positions_m, [[0.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.5, 1.25, 0.5], [1.0, 1.0, 0.0]]);
+    let triangles: Vec<_> = surface.triangles.iter().map(|triangle| triangle.vertices).collect();
+    assert_eq!(triangles, [[0, 1, 2], [0, 2, 3]]);
+    assert_eq!(replica.moment().map(|moment| moment.step), Some(42));
+}
+
+#[test]
+fn quads_on_both_sides_of_a_link_are_cut_faces() {
+    let body = v1::BodyStructure {
+        quad_ids: vec![2, 6, 7],
+        quad_vertices: vec![10, 20, 30, 40, 10, 20, 30, 40, 40, 30, 20, 10],
+        ..cube()
+    };
+    let mut replica = Replica::default();
+    replica.apply_keyframe(&keyframe(body)).expect("valid");
+    replica.apply_state(&state(3, vec![0.0; 24])).expect("matching state");
+    let surface = &replica.surfaces().expect("state came")[0];
+    let faces: Vec<_> = surface.triangles.iter().map(|triangle| triangle.face).collect();
+    assert_eq!(faces, [Face::Skin, Face::Skin, Face::Cut, Face::Cut, Face::Cut, Face::Cut]);
+}
+
+#[test]
+fn quads_are_split_along_the_diagonal_that_is_shorter_at_rest() {
+    let mut body = cube();
+    // Vertex 20 moves to the middle: its diagonal, to 40, gets the shorter one.
+    body.vertex_local[3..6].copy_from_slice(&[0.4, 1.0, 0.6]);
+    let mut replica = Replica::default();
+    replica.apply_keyframe(&keyframe(body)).expect("valid");
+    replica.apply_state(&state(3, vec![0.0; 24])).expect("matching state");
+    let surface = &replica.surfaces().expect("state came")[0];
+    let triangles: Vec<_> = surface.triangles.iter().map(|triangle| triangle.vertices).collect();
+    assert_eq!(triangles, [[1, 2, 3], [1, 3, 0]]);
+}
+
+#[test]
+fn interior_point_is_trilinear() {
+    let mut body = cube();
+    body.vertex_local[0..3].copy_from_slice(&[0.5, 0.25, 0.75]);
+    let mut replica = Replica::default();
+    replica.apply_keyframe(&keyframe(body)).expect("valid");
+    let mut displacements_m = vec![0.0; 24];
+    displacements_m[21] = 1.0;
+    replica.apply_state(&state(3, displacements_m)).expect("matching state");
+    let position_m = replica.surfaces().expect("state came")[0].positions_m[0];
+    assert_eq!(position_m, [0.5 + 0.5 * 0.25 * 0.75, 0.25, 0.75]);
+}
+
+#[test]
+fn patch_removes_and_upserts() {
+    let mut replica = cube_replica();
+    replica.apply_patch(&patch()).expect("valid patch");
+    assert_eq!(replica.topology_version(), Some(5));
+    let body = &replica.bodies()[0];
+    assert_eq!(body.vertices().keys().copied().collect::<Vec<_>>(), [20, 30, 40]);
+    assert_eq!(body.quads().keys().copied().collect::<Vec<_>>(), [8]);
+    assert_eq!(body.vertices()[&40].element, 6);
+    assert_eq!(replica.moment(), None, "displacements of the new node are not known");
+    replica.apply_state(&state(5, vec![0.0; 27])).expect("matching state");
+    assert_eq!(replica.surfaces().expect("state came")[0].positions_m[2], [2.0, 1.0, 0.0]);
+}
+
+#[test]
+fn patch_of_another_version_is_refused_and_changes_nothing() {
+    let mut replica = cube_replica();
+    let error = replica.apply_patch(&v1::TopologyPatch { from_version: 4, ..patch() }).expect_err("gap");
+    assert_eq!(error, ReplicaError::PatchOfOtherVersion { have: 3, from: 4, to: 5 });
+    assert!(error.needs_keyframe());
+    replica.apply_patch(&patch()).expect("the right one still applies");
+}
+
+#[test]
+fn patch_that_leads_back_is_refused() {
+    let error = cube_replica().apply_patch(&v1::TopologyPatch { to_version: 3, ..patch() });
+    assert_eq!(error, Err(ReplicaError::PatchOfOtherVersion { have: 3, from: 3, to: 3 }));
+}
+
+#[test]
+fn state_of_another_version_is_refused() {
+    let mut replica = cube_replica();
+    let old = replica.apply_state(&state(2, vec![0.0; 24])).expect_err("older");
+    assert_eq!(old, ReplicaError::StateOfOtherVersion { have: 3, got: 2 });
+    assert!(!old.needs_keyframe(), "a late state costs nothing but itself");
+    let new = replica.apply_state(&state(4, vec![0.0; 24])).expect_err("newer");
+    assert!(new.needs_keyframe(), "a patch was missed");
+}
+
+#[test]
+fn nothing_applies_before_a_keyframe() {
+    let mut replica = Replica::default();
+    assert_eq!(replica.apply_patch(&patch()), Err(ReplicaError::NoKeyframe));
+    assert_eq!(replica.apply_state(&state(3, vec![])), Err(ReplicaError::NoKeyframe));
+}
+
+#[test]
+fn wrong_hash_of_a_keyframe_keeps_the_old_structure() {
+    let mut replica = cube_replica();
+    let wrong = v1::Keyframe { topology_version: 9, surface_hash: 1, ..keyframe(cube()) };
+    let error = replica.apply_keyframe(&wrong).expect_err("hash");
+    assert!(matches!(error, ReplicaError::HashMismatch { topology_version: 9, expected: 1, .. }));
+    assert_eq!(replica.topology_version(), Some(3));
+}
+
+#[test]
+fn wrong_hash_of_a_patch_drops_the_structure_until_a_keyframe() {
+    let mut replica = cube_replica();
+    let error = replica.apply_patch(&v1::TopologyPatch { surface_hash: 1, ..patch() }).expect_err("hash");
+    assert!(error.needs_keyframe());
+    assert_eq!(replica.topology_version(), None);
+    assert_eq!(replica.apply_state(&state(5, vec![0.0; 27])), Err(ReplicaError::NoKeyframe));
+    replica.apply_keyframe(&keyframe(cube())).expect("recovers");
+}
+
+#[test]
+fn truncated_arrays_name_the_field() {
+    let mut body = cube();
+    body.vertex_local.pop();
+    assert_eq!(problem_of(body), ("vertex_local", Problem::Length { expected: 12, got: 11 }));
+    let mut body = cube();
+    body.element_nodes.pop();
+    assert_eq!(problem_of(body), ("element_nodes", Problem::Length { expected: 8, got: 7 }));
+    let mut body = cube();
+    body.vertex_elements.pop();
+    assert_eq!(problem_of(body), ("vertex_elements", Problem::Length { expected: 4, got: 3 }));
+
+    let error = cube_replica().apply_state(&state(3, vec![0.0; 23])).expect_err("short");
+    assert_eq!(error.to_string(), "state.bodies[0].node_displacements_m: 23 entries, 24 expected");
+}
+
+#[test]
+fn references_to_nothing_are_refused() {
+    let body = v1::BodyStructure { node_count: 7, ..cube() };
+    assert_eq!(problem_of(body), ("node_ids", Problem::UnknownId { id: 7 }));
+    let body = v1::BodyStructure { element_nodes: vec![0, 1, 2, 3, 4, 5, 6, 99], ..cube() };
+    assert_eq!(problem_of(body), ("element_nodes", Problem::UnknownId { id: 99 }));
+    let body = v1::BodyStructure { vertex_elements: vec![5, 5, 5, 6], ..cube() };
+    assert_eq!(problem_of(body), ("vertex_elements", Problem::UnknownId { id: 6 }));
+    let body = v1::BodyStructure { quad_vertices: vec![10, 20, 30, 41], ..cube() };
+    assert_eq!(problem_of(body), ("quad_vertices", Problem::UnknownId { id: 41 }));
+    let body = v1::BodyStructure { removed_quad_ids: vec![7], ..cube() };
+    assert_eq!(problem_of(body), ("removed_quad_ids", Problem::UnknownId { id: 7 }));
+}
+
+#[test]
+fn removing_a_vertex_in_use_is_refused() {
+    let mut patch = patch();
+    patch.bodies[0].removed_vertex_ids = vec![10, 30];
+    patch.bodies[0].quad_ids.clear();
+    patch.bodies[0].quad_vertices.clear();
+    patch.bodies[0].removed_quad_ids.clear();
+    let error = cube_replica().apply_patch(&patch).expect_err("in use");
+    assert_eq!(error.to_string(), "patch.bodies[0].removed_vertex_ids: id 10 is removed, quad 7 still refers to it");
+}
+
+#[test]
+fn odd_numbers_are_refused() {
+    let mut body = cube();
+    body.node_rest_m[4] = f32::NAN;
+    assert_eq!(problem_of(body), ("node_rest_m", Problem::NotFinite { index: 4 }));
+    let body = v1::BodyStructure { vertex_ids: vec![10, 30, 30, 40], ..cube() };
+    assert_eq!(problem_of(body), ("vertex_ids", Problem::NotAscending { index: 2, id: 30 }));
+    let (field, problem) = problem_of(v1::BodyStructure { node_count: u32::MAX, ..cube() });
+    assert_eq!(field, "node_count");
+    assert!(matches!(problem, Problem::Range { got: u32::MAX, .. }));
+    let mut displacements_m = vec![0.0; 24];
+    displacements_m[3] = f32::INFINITY;
+    let error = cube_replica().apply_state(&state(3, displacements_m)).expect_err("infinite");
+    assert_eq!(error.to_string(), "state.bodies[0].node_displacements_m: entry 3 is not finite");
+}
+
+#[test]
+fn number_of_bodies_does_not_change() {
+    let mut wrong = state(3, vec![0.0; 24]);
+    wrong.bodies.clear();
+    let error = cube_replica().apply_state(&wrong);
+    assert_eq!(error, Err(ReplicaError::BodyCount { message: "state", expected: 1, got: 0 }));
+}

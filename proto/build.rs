@@ -1,0 +1,17 @@
+//! Compiles the `.proto` files with protox: no protoc has to be installed.
+
+use std::path::PathBuf;
+
+use prost::Message;
+
+const FILES: [&str; 4] =
+    ["kerf/v1/types.proto", "kerf/v1/session.proto", "kerf/v1/control.proto", "kerf/v1/view.proto"];
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    println!("cargo::rerun-if-changed=kerf");
+    let descriptors = protox::compile(FILES, ["."])?;
+    let out_dir = PathBuf::from(std::env::var("OUT_DIR")?);
+    std::fs::write(out_dir.join("kerf_descriptor.bin"), descriptors.encode_to_vec())?;
+    tonic_prost_build::configure().compile_fds(descriptors)?;
+    Ok(())
+}

@@ -1,0 +1,317 @@
+//! The server's configuration: defaults, then a TOML file, then `KERF_*` variables, then flags.
+//!
+//! Every limit stands here or in [`SessionLimits`], with its default and the reason for it. Unknown
+//! fields are refused wherever they come from.
+
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, ensure};
+use kerf_session::SessionLimits;
+use serde::{Deserialize, Serialize};
+use toml::{Table, Value};
+
+/// Variables that begin with this set fields: `KERF_SESSION__LEASE_S=3` is `session.lease_s = 3`.
+const ENV_PREFIX: &str = "KERF_";
+/// Names the file; not a field.
+const ENV_FILE: &str = "KERF_CONFIG";
+
+/// Where settings come from besides the defaults.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct ConfigArgs {
+    /// Configuration file (TOML).
+    #[arg(long, env = ENV_FILE, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Address to listen on; port 0 takes a free one.
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub listen: Option<SocketAddr>,
+    /// Log output: text or json.
+    #[arg(long, value_name = "FORMAT")]
+    pub log_format: Option<String>,
+    /// What is logged, as "info" or "kerf_session=debug,warn".
+    #[arg(long, value_name = "FILTER")]
+    pub log_filter: Option<String>,
+    /// Any field of the configuration, as session.lease_s=3; may be repeated.
+    #[arg(long = "set", value_name = "FIELD=VALUE")]
+    pub set: Vec<String>,
+}
+
+/// The server's configuration.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ServerConfig {
+    /// Address to listen on. Default 127.0.0.1:50051: nothing authenticates clients, so reaching
+    /// further than the machine is a decision for whoever runs the server.
+    pub listen: SocketAddr,
+    /// Threads of the network's runtime. Default 2: the simulation gets the other cores.
+    pub network_threads: usize,
+    /// Logging.
+    pub log: LogConfig,
+    /// Limits of the transport.
+    pub transport: TransportLimits,
+    /// Limits of control streams.
+    pub control: ControlLimits,
+    /// Limits of sessions.
+    pub session: SessionLimits,
+}
+
+impl Default for ServerConfig {
+    fn default() -> Self {
+        Self {
+            listen: SocketAddr::from(([127, 0, 0, 1], 50051)),
+            network_threads: 2,
+            log: LogConfig::default(),
+            transport: TransportLimits::default(),
+            control: ControlLimits::default(),
+            session: SessionLimits::default(),
+        }
+    }
+}
+
+/// Logging.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LogConfig {
+    /// Default text.
+    pub format: LogFormat,
+    /// What is logged. Default "info".
+    pub filter: String,
+}
+
+impl Default for LogConfig {
+    fn default() -> Self {
+        Self { format: LogFormat::Text, filter: "info".into() }
+    }
+}
+
+/// How a log line is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LogFormat {
+    /// For people.
+    Text,
+    /// One object a line, for collectors.
+    Json,
+}
+
+/// Limits of the transport.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TransportLimits {
+    /// Connections at a time; more wait to be accepted. Default 256: a client has one or two.
+    pub max_connections: usize,
+    /// Calls and streams of one connection at a time. Default 32.
+    pub max_streams_per_connection: u32,
+    /// Largest message that is accepted. Default 2 MiB: a scene's text, the largest there is, may
+    /// have 1 MiB.
+    pub max_incoming_bytes: usize,
+    /// Largest message that is sent. Default 64 MiB: what clients accept.
+    pub max_outgoing_bytes: usize,
+    /// Text of a scene that a client sends. Default 1 MiB: as the protocol says.
+    pub max_scene_bytes: usize,
+    /// Time between pings of an idle connection, s. Default 5: a dead peer is noticed about as soon
+    /// as its leases run out.
+    pub keepalive_interval_s: f64,
+    /// Time for the answer to a ping, s. Default 5.
+    pub keepalive_timeout_s: f64,
+    /// Time for a unary call, s. Default 60: the largest scene builds in seconds on a busy machine.
+    pub request_timeout_s: f64,
+    /// Time for streams to end when the server stops, s. Default 5: orchestrators kill after 10 to 30.
+    pub drain_timeout_s: f64,
+}
+
+impl Default for TransportLimits {
+    fn default() -> Self {
+        Self {
+            max_connections: 256,
+            max_streams_per_connection: 32,
+            max_incoming_bytes: 2 << 20,
+            max_outgoing_bytes: kerf_proto::MAX_MESSAGE_BYTES,
+            max_scene_bytes: 1 << 20,
+            keepalive_interval_s: 5.0,
+            keepalive_timeout_s: 5.0,
+            request_timeout_s: 60.0,
+            drain_timeout_s: 5.0,
+        }
+    }
+}
+
+/// Limits of control streams.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ControlLimits {
+    /// Contacts a second and tool when the client states no wish, Hz. Default 250: a station
+    /// evaluates the contact model between them at its own rate.
+    pub default_contact_rate_hz: f64,
+    /// Most contacts a second and tool, Hz. Default 1000: a servo's rate; more carries nothing new.
+    pub max_contact_rate_hz: f64,
+    /// Rejected poses in a row after which the stream ends. Default 100: at 1 kHz a tenth of a
+    /// second of nothing but garbage, which is a broken client and no glitch.
+    pub max_rejected_in_a_row: u32,
+    /// Rejections that wait to be told; more are counted but not told. Default 16.
+    pub max_untold_rejections: usize,
+    /// Time for the first message of a stream, s. Default 5.
+    pub hello_timeout_s: f64,
+    /// A stream that says nothing for this long ends, s. Default 300: a session may be paused for a
+    /// talk, and the leases have long run out.
+    pub idle_timeout_s: f64,
+    /// Drivers that send poses one call at a time, over all sessions. Default 32.
+    pub max_unary_drivers: usize,
+}
+
+impl Default for ControlLimits {
+    fn default() -> Self {
+        Self {
+            default_contact_rate_hz: 250.0,
+            max_contact_rate_hz: 1000.0,
+            max_rejected_in_a_row: 100,
+            max_untold_rejections: 16,
+            hello_timeout_s: 5.0,
+            idle_timeout_s: 300.0,
+            max_unary_drivers: 32,
+        }
+    }
+}
+
+impl ServerConfig {
+    /// Puts the configuration together from file, environment and flags.
+    ///
+    /// # Errors
+    /// What is wrong, and where it came from.
+    pub fn load(args: &ConfigArgs) -> Result<Self> {
+        Self::from_sources(args, std::env::vars())
+    }
+
+    fn from_sources(args: &ConfigArgs, env: impl Iterator<Item = (String, String)>) -> Result<Self> {
+        let mut table = args.config.as_deref().map_or_else(|| Ok(Table::new()), read_file)?;
+        for (name, text) in env {
+            let Some(path) = name.strip_prefix(ENV_PREFIX).filter(|_| name != ENV_FILE) else { continue };
+            set(&mut table, &path.to_lowercase().replace("__", "."), &text, &name)?;
+        }
+        for (field, text) in args.named() {
+            set(&mut table, field, &text, &format!("--{}", field.replace('.', "-")))?;
+        }
+        for setting in &args.set {
+            let (field, text) = setting.split_once('=').with_context(|| format!("--set {setting}: no '='"))?;
+            set(&mut table, field, text, "--set")?;
+        }
+        let config: Self = table.try_into().context("configuration")?;
+        config.validate()?;
+        Ok(config)
+    }
+
+    /// Refuses values that would stop the server from working.
+    ///
+    /// # Errors
+    /// The first field whose value makes no sense.
+    pub fn validate(&self) -> Result<()> {
+        self.session.validate().context("session")?;
+        let (transport, control) = (&self.transport, &self.control);
+        let positive = [
+            ("network_threads", self.network_threads as f64),
+            ("transport.max_connections", transport.max_connections as f64),
+            ("transport.max_streams_per_connection", f64::from(transport.max_streams_per_connection)),
+            ("transport.max_incoming_bytes", transport.max_incoming_bytes as f64),
+            ("transport.max_outgoing_bytes", transport.max_outgoing_bytes as f64),
+            ("transport.max_scene_bytes", transport.max_scene_bytes as f64),
+            ("transport.keepalive_interval_s", transport.keepalive_interval_s),
+            ("transport.keepalive_timeout_s", transport.keepalive_timeout_s),
+            ("transport.request_timeout_s", transport.request_timeout_s),
+            ("transport.drain_timeout_s", transport.drain_timeout_s),
+            ("control.default_contact_rate_hz", control.default_contact_rate_hz),
+            ("control.max_contact_rate_hz", control.max_contact_rate_hz),
+            ("control.max_rejected_in_a_row", f64::from(control.max_rejected_in_a_row)),
+            ("control.max_untold_rejections", control.max_untold_rejections as f64),
+            ("control.hello_timeout_s", control.hello_timeout_s),
+            ("control.idle_timeout_s", control.idle_timeout_s),
+            ("control.max_unary_drivers", control.max_unary_drivers as f64),
+        ];
+        for (field, value) in positive {
+            // Also keeps durations within what the runtime can represent.
+            ensure!(value > 0.0 && value <= 1e12, "{field} = {value}: must be greater than 0 and at most 1e12");
+        }
+        Ok(())
+    }
+}
+
+impl ConfigArgs {
+    /// The flags that stand for one field each.
+    fn named(&self) -> impl Iterator<Item = (&'static str, String)> {
+        let listen = self.listen.map(|listen| ("listen", listen.to_string()));
+        let format = self.log_format.clone().map(|format| ("log.format", format));
+        let filter = self.log_filter.clone().map(|filter| ("log.filter", filter));
+        [listen, format, filter].into_iter().flatten()
+    }
+}
+
+fn read_file(path: &Path) -> Result<Table> {
+    let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+    // Once as what it is to become, for an error that knows its line.
+    toml::from_str::<ServerConfig>(&text).with_context(|| path.display().to_string())?;
+    toml::from_str(&text).with_context(|| path.display().to_string())
+}
+
+/// Sets the field at a dotted path; a text that is no TOML value is taken as a string.
+fn set(table: &mut Table, path: &str, text: &str, source: &str) -> Result<()> {
+    let value = toml::from_str::<Table>(&format!("value = {text}")).ok().and_then(|mut parsed| parsed.remove("value"));
+    let value = value.unwrap_or_else(|| Value::String(text.into()));
+    let (parents, field) = path.rsplit_once('.').map_or(("", path), |(parents, field)| (parents, field));
+    let mut place = table;
+    for parent in parents.split('.').filter(|parent| !parent.is_empty()) {
+        let entry = place.entry(parent).or_insert_with(|| Value::Table(Table::new()));
+        place = entry.as_table_mut().with_context(|| format!("{source}: {path}: {parent} is not a table"))?;
+    }
+    place.insert(field.into(), value);
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    fn load(file: &str, env: &[(&str, &str)], set: &[&str]) -> Result<ServerConfig> {
+        let mut on_disk = tempfile::NamedTempFile::new()?;
+        on_disk.write_all(file.as_bytes())?;
+        let args = ConfigArgs {
+            config: Some(on_disk.path().into()),
+            set: set.iter().map(ToString::to_string).collect(),
+            ..ConfigArgs::default()
+        };
+        ServerConfig::from_sources(&args, env.iter().map(|(name, text)| ((*name).into(), (*text).into())))
+    }
+
+    #[test]
+    fn nothing_given_means_the_defaults() {
+        let config = ServerConfig::from_sources(&ConfigArgs::default(), std::iter::empty()).unwrap();
+        assert_eq!(config, ServerConfig::default());
+    }
+
+    #[test]
+    fn flags_win_over_environment_over_file() {
+        let file = "[session]\nlease_s = 3.0\nmax_viewers = 3\nmax_drivers = 3";
+        let env = [("KERF_SESSION__LEASE_S", "4.0"), ("KERF_SESSION__MAX_VIEWERS", "4"), ("HOME", "/")];
+        let session = load(file, &env, &["session.lease_s=5.0"]).unwrap().session;
+        assert_eq!((session.lease_s, session.max_viewers, session.max_drivers), (5.0, 4, 3));
+    }
+
+    #[test]
+    fn words_and_addresses_need_no_quotes() {
+        let config = load("", &[("KERF_LOG__FORMAT", "json"), ("KERF_LISTEN", "0.0.0.0:9")], &[]).unwrap();
+        assert_eq!((config.log.format, config.listen.port()), (LogFormat::Json, 9));
+    }
+
+    #[test]
+    fn an_unknown_field_is_refused_with_file_and_line() {
+        let error = format!("{:#}", load("[control]\n\nmax_rejected = 3", &[], &[]).unwrap_err());
+        assert!(error.contains("line 3") && error.contains("max_rejected"), "{error}");
+        assert!(load("", &[("KERF_NONSENSE", "1")], &[]).is_err());
+        assert!(load("", &[], &["session.nonsense=1"]).is_err());
+    }
+
+    #[test]
+    fn a_value_that_makes_no_sense_is_refused_with_its_name() {
+        let error = format!("{:#}", load("[transport]\ndrain_timeout_s = -1.0", &[], &[]).unwrap_err());
+        assert!(error.contains("drain_timeout_s"), "{error}");
+    }
+}

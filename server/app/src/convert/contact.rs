@@ -1,0 +1,92 @@
+//! Poses in, contacts out.
+
+use kerf_physics::step_io::ContactModel;
+use kerf_proto::v1;
+use kerf_session::{DriverId, PoseRefusal, PoseSample, StepReport};
+
+use super::{pose, vec3, wrench};
+
+/// A pose as it arrived; what is absent is refused as what is not finite.
+pub fn pose_sample(message: &v1::ToolPose) -> Result<PoseSample, PoseRefusal> {
+    let pose = message.pose.as_ref();
+    let position = pose.and_then(|pose| pose.position_m).ok_or(PoseRefusal::PositionNotFinite)?;
+    let q = pose.and_then(|pose| pose.orientation).ok_or(PoseRefusal::OrientationNotFinite)?;
+    Ok(PoseSample {
+        seq: message.seq,
+        client_ns: message.client_ns,
+        position_m: [position.x, position.y, position.z].map(f64::from),
+        orientation_xyzw: [q.x, q.y, q.z, q.w].map(f64::from),
+    })
+}
+
+pub fn rejection(tool_id: u32, seq: u64, refusal: &PoseRefusal) -> v1::PoseRejected {
+    v1::PoseRejected { tool_id, seq, field: refusal.field().into(), limit: refusal.limit() }
+}
+
+/// What a tool feels. The echo is that of `driver`'s own poses.
+pub fn contact(report: &StepReport, tool: usize, driver: DriverId, flags: u32) -> v1::Contact {
+    let of_tool = report.tools.get(tool).copied().unwrap_or_default();
+    let echo = of_tool.echo.filter(|echo| echo.driver == driver);
+    let lifted = of_tool.output.pose.is_none().then_some(v1::ContactFlag::Lifted as u32);
+    v1::Contact {
+        tool_id: tool as u32,
+        step: report.step,
+        sim_time_s: report.sim_time_s,
+        echo_seq: echo.map_or(0, |echo| echo.seq),
+        echo_ns: echo.map_or(0, |echo| echo.client_ns),
+        wrench: Some(wrench(&of_tool.output.wrench)),
+        model: of_tool.output.contact.as_ref().map(contact_model),
+        cutting_length_m: of_tool.output.cutting_length_m as f32,
+        flags: flags | lifted.unwrap_or(0),
+    }
+}
+
+fn contact_model(model: &ContactModel) -> v1::ContactModel {
+    let upper_row = |row: usize| model.stiffness[row][row..].iter().map(|value| *value as f32);
+    v1::ContactModel {
+        reference: Some(pose(&model.reference)),
+        stiffness: (0..6).flat_map(upper_row).collect(),
+        damping_n_s_per_m: model.damping_n_s_per_m as f32,
+        force_cap_n: model.force_cap_n.map(|force_n| force_n as f32),
+        cap_direction: model.force_cap_n.map(|_| vec3(&model.cap_direction)),
+        validity_radius_m: model.validity_radius_m as f32,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use kerf_physics::Vec3;
+    use kerf_physics::step_io::Wrench;
+    use kerf_physics::tool::Pose;
+
+    #[test]
+    fn stiffness_travels_as_its_upper_triangle_row_by_row() {
+        let mut stiffness = [[0.0; 6]; 6];
+        for (row, values) in stiffness.iter_mut().enumerate() {
+            for (column, value) in values.iter_mut().enumerate() {
+                *value = (row.min(column) * 10 + row.max(column)) as f64;
+            }
+        }
+        let model = ContactModel {
+            reference: Pose::default(),
+            wrench: Wrench::default(),
+            stiffness,
+            damping_n_s_per_m: 1.0,
+            force_cap_n: None,
+            cap_direction: Vec3::y(),
+            validity_radius_m: 0.01,
+        };
+        let sent = contact_model(&model);
+        assert_eq!(sent.stiffness.len(), 21);
+        assert_eq!(sent.stiffness[..8], [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 11.0, 12.0]);
+        assert_eq!((sent.force_cap_n, sent.cap_direction), (None, None));
+    }
+
+    #[test]
+    fn an_absent_orientation_is_refused_by_its_name() {
+        let position_m = Some(v1::Vec3::default());
+        let message = v1::ToolPose { pose: Some(v1::Pose { position_m, orientation: None }), ..Default::default() };
+        assert_eq!(pose_sample(&message).unwrap_err().field(), "pose.orientation");
+    }
+}

@@ -1,0 +1,127 @@
+//! Scenes, limits and sessions as clients are told of them.
+
+use kerf_physics::Stage;
+use kerf_physics::scene::{ObjectDesc, ToolDesc};
+use kerf_physics::step_io::EnergyStep;
+use kerf_physics::world::ObjectStats;
+use kerf_proto::v1;
+use kerf_session::{Phase, Session, SessionStatus};
+
+use super::vec3;
+use crate::config::ControlLimits;
+
+pub fn scene_summary(session: &Session) -> v1::SceneSummary {
+    let desc = &session.scene().desc;
+    let stats = session.object_stats().iter().copied().map(Some).chain(std::iter::repeat(None));
+    v1::SceneSummary {
+        name: desc.name.clone(),
+        description: desc.description.clone(),
+        dt_s: 1.0 / desc.rate_hz,
+        objects: desc.objects.iter().zip(stats).map(|(object, stats)| object_summary(object, stats)).collect(),
+        tools: desc.tools.iter().map(tool_summary).collect(),
+        probe_names: desc.probes.iter().map(|probe| probe.name.clone()).collect(),
+        stage_names: Stage::ALL.iter().map(|stage| stage.name().into()).collect(),
+    }
+}
+
+fn object_summary(object: &ObjectDesc, stats: Option<ObjectStats>) -> v1::ObjectSummary {
+    let stats = stats.unwrap_or_default();
+    let corner = |[x, y, z]: [f64; 3]| Some(v1::Vec3 { x: x as f32, y: y as f32, z: z as f32 });
+    v1::ObjectSummary {
+        name: object.name.clone(),
+        rest_min_m: corner(stats.rest_min_m),
+        rest_max_m: corner(stats.rest_max_m),
+        fracture_energy_j_per_m2: object.material.fracture_energy_j_per_m2,
+        young_modulus_pa: object.material.young_modulus_pa,
+        voxel_size_m: stats.voxel_size_m,
+        voxels: stats.voxels,
+        composite_elements: stats.composite_elements,
+    }
+}
+
+fn tool_summary(tool: &ToolDesc) -> v1::ToolSummary {
+    v1::ToolSummary {
+        name: tool.name.clone(),
+        blade_width_m: tool.blade.width_m,
+        blade_height_m: tool.blade.height_m,
+        blade_thickness_m: tool.blade.thickness_m,
+    }
+}
+
+pub fn limits(session: &Session, control: &ControlLimits) -> v1::Limits {
+    let limits = session.limits();
+    let extent_m = limits.pose.workspace_half_extent_m as f32;
+    v1::Limits {
+        // A step uses the newest pose of each tool and no other.
+        max_pose_rate_hz: session.scene().desc.rate_hz,
+        default_contact_rate_hz: control.default_contact_rate_hz,
+        max_contact_rate_hz: control.max_contact_rate_hz,
+        max_view_rate_hz: limits.view_rate_hz,
+        max_tool_speed_m_per_s: limits.pose.max_speed_m_per_s,
+        workspace_min_m: Some(v1::Vec3 { x: -extent_m, y: -extent_m, z: -extent_m }),
+        workspace_max_m: Some(v1::Vec3 { x: extent_m, y: extent_m, z: extent_m }),
+        lease_s: limits.lease_s,
+        max_rejected_poses_in_a_row: control.max_rejected_in_a_row,
+    }
+}
+
+fn state(phase: &Phase) -> v1::SessionState {
+    match phase {
+        Phase::Running => v1::SessionState::Running,
+        Phase::Paused => v1::SessionState::Paused,
+        Phase::Failed { .. } => v1::SessionState::Failed,
+        Phase::Closing => v1::SessionState::Closing,
+    }
+}
+
+pub fn session_info(session: &Session) -> v1::SessionInfo {
+    v1::SessionInfo {
+        session_id: session.id().to_string(),
+        scene_name: session.scene().desc.name.clone(),
+        state: state(&session.phase()).into(),
+    }
+}
+
+pub fn session_description(
+    session: &Session,
+    status: &SessionStatus,
+    control: &ControlLimits,
+) -> v1::SessionDescription {
+    let failure = match &status.phase {
+        Phase::Failed { message } => message.to_string(),
+        _ => String::new(),
+    };
+    v1::SessionDescription {
+        session_id: session.id().to_string(),
+        state: state(&status.phase).into(),
+        scene: Some(scene_summary(session)),
+        limits: Some(limits(session, control)),
+        step: status.step,
+        sim_time_s: status.sim_time_s,
+        topology_version: status.topology_version,
+        late_steps: status.late_steps,
+        viewers: session.viewers() as u32,
+        leased_tool_ids: session.held_tools().into_iter().map(|tool| tool as u32).collect(),
+        energy: Some(energy_ledger(&status.energy)),
+        probe_displacements_m: status.probe_displacement_m.iter().map(vec3).collect(),
+        state_hash: status.state_hash,
+        failure,
+    }
+}
+
+fn energy_ledger(energy: &EnergyStep) -> v1::EnergyLedger {
+    v1::EnergyLedger {
+        tool_work_j: energy.tool_work_j,
+        load_work_j: energy.load_work_j,
+        elastic_j: energy.elastic_j,
+        contact_j: energy.contact_j,
+        kinetic_j: energy.kinetic_j,
+        fracture_j: energy.fracture_j,
+        front_slip_j: energy.front_slip_j,
+        initiation_j: energy.initiation_j,
+        parting_j: energy.parting_j,
+        damping_j: energy.damping_j,
+        numerical_j: energy.numerical_j,
+        residual_j: energy.residual_j,
+    }
+}

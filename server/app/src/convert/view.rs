@@ -1,0 +1,119 @@
+//! Structure, state and events as viewers get them.
+
+use kerf_physics::step_io::ToolOutput;
+use kerf_physics::surface::delta::{BodyStructure, Keyframe, TopologyPatch};
+use kerf_proto::v1;
+use kerf_proto::v1::view_event::Message;
+use kerf_session::{SceneEvent, StepTimes, ViewEvent, ViewMessage, ViewState};
+
+use super::{fault, pose, wrench};
+
+pub fn view_event(message: &ViewMessage) -> v1::ViewEvent {
+    let message = match message {
+        ViewMessage::Keyframe(structure) => Message::Keyframe(keyframe(structure)),
+        ViewMessage::Patch(change) => Message::Patch(patch(change)),
+        ViewMessage::State(now) => Message::State(state(now)),
+        ViewMessage::Event(happened) => event(happened),
+    };
+    v1::ViewEvent { message: Some(message) }
+}
+
+fn keyframe(keyframe: &Keyframe) -> v1::Keyframe {
+    v1::Keyframe {
+        topology_version: keyframe.topology_version,
+        bodies: keyframe.bodies.iter().map(body).collect(),
+        surface_hash: keyframe.surface_hash,
+    }
+}
+
+fn patch(patch: &TopologyPatch) -> v1::TopologyPatch {
+    v1::TopologyPatch {
+        from_version: patch.from_version,
+        to_version: patch.to_version,
+        bodies: patch.bodies.iter().map(body).collect(),
+        surface_hash: patch.surface_hash,
+    }
+}
+
+fn body(body: &BodyStructure) -> v1::BodyStructure {
+    v1::BodyStructure {
+        node_count: body.node_count,
+        node_ids: body.nodes.iter().map(|node| node.id).collect(),
+        node_rest_m: body.nodes.iter().flat_map(|node| node.rest_m).collect(),
+        element_ids: body.elements.iter().map(|element| element.id).collect(),
+        element_nodes: body.elements.iter().flat_map(|element| element.nodes).collect(),
+        vertex_ids: body.vertices.iter().map(|vertex| vertex.id).collect(),
+        vertex_elements: body.vertices.iter().map(|vertex| vertex.element).collect(),
+        vertex_local: body.vertices.iter().flat_map(|vertex| vertex.local).collect(),
+        quad_ids: body.quads.iter().map(|quad| quad.id).collect(),
+        quad_vertices: body.quads.iter().flat_map(|quad| quad.vertices).collect(),
+        removed_vertex_ids: body.removed_vertices.clone(),
+        removed_quad_ids: body.removed_quads.clone(),
+    }
+}
+
+fn state(state: &ViewState) -> v1::State {
+    let bodies = state.node_displacements_m.iter();
+    v1::State {
+        topology_version: state.topology_version,
+        step: state.step,
+        sim_time_s: state.sim_time_s,
+        bodies: bodies.map(|m| v1::BodyState { node_displacements_m: m.clone() }).collect(),
+        tools: state.tools.iter().map(tool_state).collect(),
+        late_steps: state.late_steps,
+        profile: Some(profile(&state.times)),
+    }
+}
+
+fn tool_state(tool: &ToolOutput) -> v1::ToolState {
+    v1::ToolState {
+        pose: tool.pose.as_ref().map(pose),
+        wrench: Some(wrench(&tool.wrench)),
+        cutting_length_m: tool.cutting_length_m as f32,
+    }
+}
+
+fn profile(times: &StepTimes) -> v1::StepProfile {
+    let steps = f64::from(times.steps.max(1));
+    let mean_s = |sum_ns: u64| (sum_ns as f64 * 1e-9 / steps) as f32;
+    v1::StepProfile {
+        steps: times.steps,
+        stage_mean_s: times.stage_ns.iter().copied().map(mean_s).collect(),
+        step_mean_s: mean_s(times.total_ns),
+        step_max_s: (times.max_ns as f64 * 1e-9) as f32,
+        solver_iterations_mean: (times.solver_iterations as f64 / steps) as f32,
+    }
+}
+
+fn event(happened: &ViewEvent) -> Message {
+    let (kind, tool) = match &happened.event {
+        SceneEvent::Fault(found) => return Message::Fault(fault(found)),
+        SceneEvent::Paused => (v1::EventKind::Paused, 0),
+        SceneEvent::Resumed => (v1::EventKind::Resumed, 0),
+        SceneEvent::Reset => (v1::EventKind::Reset, 0),
+        SceneEvent::Closing => (v1::EventKind::Closing, 0),
+        SceneEvent::Failed => (v1::EventKind::Failed, 0),
+        SceneEvent::Reanchored => (v1::EventKind::Reanchored, 0),
+        SceneEvent::ToolTaken(tool) => (v1::EventKind::ToolTaken, *tool),
+        SceneEvent::ToolReleased(tool) => (v1::EventKind::ToolReleased, *tool),
+    };
+    Message::Event(v1::Event { step: happened.step, kind: kind.into(), tool_id: tool as u32 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_profile_of_no_steps_divides_by_nothing() {
+        let profile = profile(&StepTimes::default());
+        assert_eq!((profile.steps, profile.step_mean_s), (0, 0.0));
+    }
+
+    #[test]
+    fn a_profile_is_a_mean_in_seconds() {
+        let times = StepTimes { steps: 4, total_ns: 8_000_000, max_ns: 5_000_000, ..StepTimes::default() };
+        let profile = profile(&times);
+        assert!((profile.step_mean_s - 2e-3).abs() < 1e-9 && (profile.step_max_s - 5e-3).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,118 @@
+//! Tool poses in, contacts out.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use kerf_proto::v1;
+use kerf_proto::v1::send_pose_request::Motion;
+use kerf_session::{Driver, PoseRefusal, Registry};
+use tonic::{Request, Response, Status, Streaming};
+
+use super::control_stream::{Contacts, outgoing};
+use super::unary_drivers::UnaryDrivers;
+use super::{Outgoing, check_version, grant_rate_hz};
+use crate::config::ControlLimits;
+use crate::convert::contact::{contact, pose_sample, rejection};
+use crate::convert::scene::{limits, scene_summary};
+use crate::status::RequestError;
+
+/// The service.
+pub struct ControlService {
+    registry: Arc<Registry>,
+    limits: ControlLimits,
+    unary: UnaryDrivers,
+}
+
+impl ControlService {
+    pub fn new(registry: Arc<Registry>, limits: ControlLimits) -> Self {
+        let unary = UnaryDrivers::new(limits.max_unary_drivers);
+        Self { registry, limits, unary }
+    }
+
+    /// The first message, which has to be a hello.
+    async fn read_hello(&self, incoming: &mut Streaming<v1::Up>) -> Result<v1::ClientHello, RequestError> {
+        let missing = || RequestError::HelloMissing { limit_s: self.limits.hello_timeout_s };
+        let limit = Duration::from_secs_f64(self.limits.hello_timeout_s);
+        let first = tokio::time::timeout(limit, incoming.message()).await.map_err(|_| missing())?;
+        match first.map_err(|status| RequestError::Transport(Box::new(status)))?.and_then(|up| up.message) {
+            Some(v1::up::Message::Hello(hello)) => Ok(hello),
+            _ => Err(missing()),
+        }
+    }
+
+    /// A driver and the rate of its contacts.
+    fn grant(&self, hello: &v1::ClientHello) -> Result<(Driver, Contacts), RequestError> {
+        check_version(hello.protocol_version)?;
+        if hello.tool_ids.is_empty() {
+            return Err(RequestError::Missing { field: "hello.tool_ids" });
+        }
+        self.unary.purge();
+        let session = self.registry.get(&hello.session_id)?;
+        let step_rate_hz = session.scene().desc.rate_hz;
+        let max_hz = self.limits.max_contact_rate_hz.min(step_rate_hz);
+        let default_hz = self.limits.default_contact_rate_hz;
+        let rate_hz = grant_rate_hz("hello.contact_rate_hz", hello.contact_rate_hz, default_hz, max_hz)?;
+        let tools: Vec<usize> = hello.tool_ids.iter().map(|tool| *tool as usize).collect();
+        let driver = session.drive(&tools)?;
+        Ok((driver, Contacts::new(step_rate_hz, rate_hz)))
+    }
+
+    fn server_hello(&self, driver: &Driver, contacts: &Contacts) -> v1::Down {
+        let session = driver.session();
+        let hello = v1::ServerHello {
+            protocol_version: kerf_proto::PROTOCOL_VERSION,
+            limits: Some(limits(session, &self.limits)),
+            scene: Some(scene_summary(session)),
+            contact_rate_hz: contacts.rate_hz(),
+        };
+        v1::Down { message: Some(v1::down::Message::Hello(hello)) }
+    }
+
+    /// The lease of a unary driver: the one it has, or a new one.
+    fn unary_lease(&self, request: &v1::SendPoseRequest, tool: usize) -> Result<String, RequestError> {
+        if !request.lease.is_empty() {
+            self.unary.with(&request.lease, |driver| driver.claim(&[tool]))??;
+            return Ok(request.lease.clone());
+        }
+        let session = self.registry.get(&request.session_id)?;
+        self.unary.keep(session.drive(&[tool])?)
+    }
+}
+
+#[tonic::async_trait]
+impl v1::control_service_server::ControlService for ControlService {
+    type ControlStream = Outgoing<v1::Down>;
+
+    async fn control(&self, request: Request<Streaming<v1::Up>>) -> Result<Response<Self::ControlStream>, Status> {
+        let mut incoming = request.into_inner();
+        let hello = self.read_hello(&mut incoming).await?;
+        let (driver, contacts) = self.grant(&hello)?;
+        let first = self.server_hello(&driver, &contacts);
+        Ok(Response::new(outgoing(first, driver, contacts, incoming, &self.limits)))
+    }
+
+    async fn send_pose(&self, request: Request<v1::SendPoseRequest>) -> Result<Response<v1::SendPoseResponse>, Status> {
+        let request = request.into_inner();
+        let motion = request.motion.as_ref().ok_or(RequestError::Missing { field: "motion" })?;
+        let (tool_id, seq) = match motion {
+            Motion::Pose(pose) => (pose.tool_id, pose.seq),
+            Motion::Lift(lift) => (lift.tool_id, 0),
+        };
+        let tool = tool_id as usize;
+        self.unary.purge();
+        let lease = self.unary_lease(&request, tool)?;
+        let (moved, felt) = self.unary.with(&lease, |driver| {
+            let moved = move_tool(driver, motion);
+            (moved, driver.last_report().map(|report| contact(&report, tool, driver.id(), 0)))
+        })?;
+        let rejected = moved.err().map(|refusal| rejection(tool_id, seq, &refusal));
+        Ok(Response::new(v1::SendPoseResponse { lease, contact: felt, rejected }))
+    }
+}
+
+fn move_tool(driver: &Driver, motion: &Motion) -> Result<(), PoseRefusal> {
+    match motion {
+        Motion::Pose(pose) => driver.submit(pose.tool_id as usize, &pose_sample(pose)?),
+        Motion::Lift(lift) => driver.lift(lift.tool_id as usize),
+    }
+}

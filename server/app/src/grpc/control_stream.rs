@@ -1,0 +1,271 @@
+//! One control stream: a task reads poses, the answer is a stream that the transport pulls.
+//!
+//! The two halves share the driver; when the client goes away both end, and with them the leases.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::Duration;
+
+use futures_util::stream;
+use kerf_proto::v1;
+use kerf_proto::v1::down::Message;
+use kerf_session::{Driver, PoseRefusal, Reports, SessionError, StepReport};
+use tokio::sync::mpsc;
+use tokio::task::JoinHandle;
+use tonic::{Status, Streaming};
+
+use super::Outgoing;
+use crate::config::ControlLimits;
+use crate::convert::contact::{contact, pose_sample, rejection};
+use crate::convert::fault;
+use crate::status::RequestError;
+
+/// Which reports become contacts.
+pub struct Contacts {
+    step_rate_hz: f64,
+    /// Every so many steps.
+    stride: u64,
+    /// The last report that was told.
+    told: Option<Told>,
+}
+
+#[derive(Clone, Copy)]
+struct Told {
+    step: u64,
+    late_steps: u64,
+}
+
+impl Contacts {
+    pub fn new(step_rate_hz: f64, rate_hz: f64) -> Self {
+        Self { step_rate_hz, stride: (step_rate_hz / rate_hz).round().max(1.0) as u64, told: None }
+    }
+
+    /// The rate that whole steps allow.
+    pub fn rate_hz(&self) -> f64 {
+        self.step_rate_hz / self.stride as f64
+    }
+
+    /// Whether it is time for another; then, the steps that were late since the one before. A step
+    /// below the last one means that the scene was reset.
+    fn take(&mut self, report: &StepReport) -> Option<u64> {
+        let due = self.told.is_none_or(|told| report.step >= told.step + self.stride || report.step < told.step);
+        if !due {
+            return None;
+        }
+        let before = self.told.map_or(report.late_steps, |told| told.late_steps);
+        self.told = Some(Told { step: report.step, late_steps: report.late_steps });
+        Some(report.late_steps.saturating_sub(before))
+    }
+}
+
+/// The answer of a control stream, hello first.
+pub fn outgoing(
+    hello: v1::Down,
+    driver: Driver,
+    contacts: Contacts,
+    incoming: Streaming<v1::Up>,
+    limits: &ControlLimits,
+) -> Outgoing<v1::Down> {
+    let reports = driver.reports();
+    let driver = Arc::new(driver);
+    let (rejected, rejections) = mpsc::channel(limits.max_untold_rejections);
+    let reader = Reader { driver: Arc::clone(&driver), incoming, rejected, limits: limits.clone(), in_a_row: 0 };
+    let half = OutgoingHalf {
+        jumps: vec![0; driver.tools().len()],
+        driver,
+        contacts,
+        reports,
+        rejections,
+        reader: Some(ReaderTask(tokio::spawn(reader.run()))),
+        ready: VecDeque::from([hello]),
+        faults: 0,
+    };
+    Box::pin(stream::unfold(half, |mut half| async move {
+        let next = half.next().await?;
+        Some((next, half))
+    }))
+}
+
+/// Ends the reading task with the stream.
+struct ReaderTask(JoinHandle<Result<(), RequestError>>);
+
+impl Drop for ReaderTask {
+    fn drop(&mut self) {
+        self.0.abort();
+    }
+}
+
+struct OutgoingHalf {
+    driver: Arc<Driver>,
+    contacts: Contacts,
+    reports: Reports,
+    rejections: mpsc::Receiver<v1::PoseRejected>,
+    /// `None` once the stream has said its last.
+    reader: Option<ReaderTask>,
+    /// Messages of one report; the next one is looked at when they are gone.
+    ready: VecDeque<v1::Down>,
+    faults: u64,
+    /// Per claimed tool: jumps that were told.
+    jumps: Vec<u64>,
+}
+
+enum Woken {
+    Rejected(v1::PoseRejected),
+    ReaderEnded(Result<(), RequestError>),
+    Reported(Option<Arc<StepReport>>),
+}
+
+impl OutgoingHalf {
+    async fn next(&mut self) -> Option<Result<v1::Down, Status>> {
+        loop {
+            if let Some(down) = self.ready.pop_front() {
+                return Some(Ok(down));
+            }
+            match self.wait().await? {
+                Woken::Rejected(rejected) => self.say(Message::Rejected(rejected)),
+                Woken::ReaderEnded(ended) => {
+                    self.reader = None;
+                    return ended.err().map(|error| Err(error.into()));
+                }
+                Woken::Reported(Some(report)) => {
+                    if let Some(message) = &report.failure {
+                        self.reader = None;
+                        let error = SessionError::Failed { message: message.to_string() };
+                        return Some(Err(RequestError::from(error).into()));
+                    }
+                    self.tell(&report);
+                }
+                Woken::Reported(None) => {
+                    self.reader = None;
+                    self.say_lost(self.driver.tools().to_vec(), v1::LeaseLostReason::SessionClosing);
+                }
+            }
+        }
+    }
+
+    /// What happens first; `None` when the stream is over.
+    async fn wait(&mut self) -> Option<Woken> {
+        let reader = &mut self.reader.as_mut()?.0;
+        Some(tokio::select! {
+            Some(rejected) = self.rejections.recv() => Woken::Rejected(rejected),
+            ended = reader => Woken::ReaderEnded(ended.unwrap_or(Ok(()))),
+            report = self.reports.next() => Woken::Reported(report),
+        })
+    }
+
+    fn say(&mut self, message: Message) {
+        self.ready.push_back(v1::Down { message: Some(message) });
+    }
+
+    fn say_lost(&mut self, tools: Vec<usize>, reason: v1::LeaseLostReason) {
+        for tool in tools {
+            self.say(Message::LeaseLost(v1::LeaseLost { tool_id: tool as u32, reason: reason.into() }));
+        }
+    }
+
+    fn tell(&mut self, report: &StepReport) {
+        self.say_lost(self.driver.take_lost_tools(), v1::LeaseLostReason::Silence);
+        if report.faults != self.faults {
+            self.faults = report.faults;
+            if let Some(found) = &report.last_fault {
+                self.say(Message::Fault(fault(found)));
+            }
+        }
+        let Some(late_steps) = self.contacts.take(report) else { return };
+        let driver = Arc::clone(&self.driver);
+        for (index, &tool) in driver.tools().iter().enumerate() {
+            let jumps = report.tools.get(tool).map_or(0, |of_tool| of_tool.jumps);
+            let mut flags = 0;
+            if late_steps > 0 {
+                flags |= v1::ContactFlag::Late as u32;
+            }
+            if jumps > self.jumps[index] {
+                flags |= v1::ContactFlag::Reentered as u32;
+            }
+            self.jumps[index] = jumps;
+            self.say(Message::Contact(contact(report, tool, driver.id(), flags)));
+        }
+    }
+}
+
+/// Reads what the client sends until it ends or errs too often.
+struct Reader {
+    driver: Arc<Driver>,
+    incoming: Streaming<v1::Up>,
+    rejected: mpsc::Sender<v1::PoseRejected>,
+    limits: ControlLimits,
+    in_a_row: u32,
+}
+
+impl Reader {
+    async fn run(mut self) -> Result<(), RequestError> {
+        let idle_limit = Duration::from_secs_f64(self.limits.idle_timeout_s);
+        loop {
+            let up = tokio::time::timeout(idle_limit, self.incoming.message()).await;
+            let up = up.map_err(|_| RequestError::Idle { limit_s: self.limits.idle_timeout_s })?;
+            match up.map_err(|status| RequestError::Transport(Box::new(status)))? {
+                None => return Ok(()),
+                Some(up) => self.take(up)?,
+            }
+        }
+    }
+
+    fn take(&mut self, up: v1::Up) -> Result<(), RequestError> {
+        let (tool_id, seq, result) = match up.message {
+            Some(v1::up::Message::Pose(pose)) => (pose.tool_id, pose.seq, self.submit(&pose)),
+            Some(v1::up::Message::Lift(lift)) => (lift.tool_id, 0, self.driver.lift(lift.tool_id as usize)),
+            Some(v1::up::Message::Hello(_)) => return Err(RequestError::HelloRepeated),
+            None => return Err(RequestError::Missing { field: "message" }),
+        };
+        match result {
+            Ok(()) => {
+                self.in_a_row = 0;
+                Ok(())
+            }
+            Err(refusal) => self.reject(rejection(tool_id, seq, &refusal)),
+        }
+    }
+
+    fn submit(&self, pose: &v1::ToolPose) -> Result<(), PoseRefusal> {
+        self.driver.submit(pose.tool_id as usize, &pose_sample(pose)?)
+    }
+
+    fn reject(&mut self, rejected: v1::PoseRejected) -> Result<(), RequestError> {
+        self.in_a_row += 1;
+        if self.in_a_row >= self.limits.max_rejected_in_a_row {
+            let v1::PoseRejected { field, limit, .. } = rejected;
+            return Err(RequestError::TooManyRejected { count: self.in_a_row, field, limit });
+        }
+        // A client that does not read what it did wrong is not told more of it.
+        let _ = self.rejected.try_send(rejected);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told_steps(contacts: &mut Contacts, steps: impl Iterator<Item = u64>) -> Vec<u64> {
+        let report = |step| StepReport { step, ..StepReport::default() };
+        steps.filter(|step| contacts.take(&report(*step)).is_some()).collect()
+    }
+
+    #[test]
+    fn contacts_come_at_the_granted_rate_and_go_on_after_a_reset() {
+        let mut contacts = Contacts::new(1000.0, 250.0);
+        assert_eq!(contacts.rate_hz(), 250.0);
+        assert_eq!(told_steps(&mut contacts, 1..12), [1, 5, 9]);
+        assert_eq!(told_steps(&mut contacts, 1..7), [1, 5]);
+    }
+
+    #[test]
+    fn a_late_step_between_two_contacts_is_told_with_the_second() {
+        let mut contacts = Contacts::new(1000.0, 500.0);
+        let report = |step, late_steps| StepReport { step, late_steps, ..StepReport::default() };
+        assert_eq!(contacts.take(&report(1, 5)), Some(0));
+        assert_eq!(contacts.take(&report(2, 6)), None);
+        assert_eq!(contacts.take(&report(3, 6)), Some(1));
+        assert_eq!(contacts.take(&report(5, 6)), Some(0));
+    }
+}

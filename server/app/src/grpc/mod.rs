@@ -1,0 +1,44 @@
+//! The services: thin, one file each.
+
+pub mod control_service;
+mod control_stream;
+pub mod session_service;
+mod unary_drivers;
+pub mod view_service;
+
+use std::pin::Pin;
+use std::time::Duration;
+
+use futures_util::Stream;
+use kerf_session::SessionError;
+use tonic::Status;
+
+use crate::status::RequestError;
+
+/// What a service answers a stream with: pulled by the transport when it has room, so nothing waits
+/// in between.
+type Outgoing<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
+
+fn check_version(theirs: u32) -> Result<(), RequestError> {
+    match theirs == kerf_proto::PROTOCOL_VERSION {
+        true => Ok(()),
+        false => Err(RequestError::ProtocolVersion { theirs }),
+    }
+}
+
+/// The rate that is granted for a wish: 0 means `default_hz`, and nothing is above `max_hz`.
+fn grant_rate_hz(field: &'static str, wish_hz: f64, default_hz: f64, max_hz: f64) -> Result<f64, RequestError> {
+    if !wish_hz.is_finite() || wish_hz < 0.0 {
+        return Err(RequestError::Rate { field, value: wish_hz });
+    }
+    // Slower than once in a thousand seconds is never meant.
+    Ok(if wish_hz == 0.0 { default_hz } else { wish_hz.max(1e-3) }.min(max_hz))
+}
+
+/// The session's answer, unless it takes too long.
+async fn in_time<T>(limit_s: f64, answer: impl Future<Output = Result<T, SessionError>>) -> Result<T, RequestError> {
+    match tokio::time::timeout(Duration::from_secs_f64(limit_s), answer).await {
+        Ok(answer) => answer.map_err(RequestError::from),
+        Err(_) => Err(RequestError::Unresponsive { limit_s }),
+    }
+}

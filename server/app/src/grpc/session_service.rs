@@ -1,0 +1,117 @@
+//! Scenes and the life of sessions.
+
+use std::sync::Arc;
+
+use kerf_proto::v1;
+use kerf_proto::v1::create_session_request::Scene as Wanted;
+use kerf_session::{Registry, Session, SessionOptions};
+use tonic::{Request, Response, Status};
+
+use super::in_time;
+use crate::config::ServerConfig;
+use crate::convert::scene::{session_description, session_info};
+use crate::scene_source;
+use crate::status::RequestError;
+
+/// The service.
+pub struct SessionService {
+    registry: Arc<Registry>,
+    config: Arc<ServerConfig>,
+}
+
+impl SessionService {
+    pub fn new(registry: Arc<Registry>, config: Arc<ServerConfig>) -> Self {
+        Self { registry, config }
+    }
+
+    fn get(&self, id: &str) -> Result<Arc<Session>, RequestError> {
+        Ok(self.registry.get(id)?)
+    }
+
+    fn limit_s(&self) -> f64 {
+        self.config.transport.request_timeout_s
+    }
+
+    async fn describe(&self, session: &Session) -> Result<v1::SessionDescription, RequestError> {
+        let status = in_time(self.limit_s(), session.describe()).await?;
+        Ok(session_description(session, &status, &self.config.control))
+    }
+}
+
+#[tonic::async_trait]
+impl v1::session_service_server::SessionService for SessionService {
+    async fn list_scenes(
+        &self,
+        _request: Request<v1::ListScenesRequest>,
+    ) -> Result<Response<v1::ListScenesResponse>, Status> {
+        let scenes = scene_source::list().into_iter().map(|(name, description)| v1::SceneInfo { name, description });
+        Ok(Response::new(v1::ListScenesResponse { scenes: scenes.collect() }))
+    }
+
+    async fn create_session(
+        &self,
+        request: Request<v1::CreateSessionRequest>,
+    ) -> Result<Response<v1::CreateSessionResponse>, Status> {
+        let request = request.into_inner();
+        let scene = match request.scene.ok_or(RequestError::Missing { field: "scene" })? {
+            Wanted::SceneName(name) => scene_source::by_name(&name),
+            Wanted::SceneToml(text) => scene_source::from_text(&text, self.config.transport.max_scene_bytes),
+        }?;
+        let options = SessionOptions { start_paused: request.start_paused };
+        let session = in_time(self.limit_s(), self.registry.create(scene, options)).await?;
+        let session = Some(self.describe(&session).await?);
+        Ok(Response::new(v1::CreateSessionResponse { session }))
+    }
+
+    async fn describe_session(
+        &self,
+        request: Request<v1::DescribeSessionRequest>,
+    ) -> Result<Response<v1::DescribeSessionResponse>, Status> {
+        let session = self.get(&request.get_ref().session_id)?;
+        let session = Some(self.describe(&session).await?);
+        Ok(Response::new(v1::DescribeSessionResponse { session }))
+    }
+
+    async fn list_sessions(
+        &self,
+        _request: Request<v1::ListSessionsRequest>,
+    ) -> Result<Response<v1::ListSessionsResponse>, Status> {
+        let sessions = self.registry.list().iter().map(|session| session_info(session)).collect();
+        Ok(Response::new(v1::ListSessionsResponse { sessions }))
+    }
+
+    async fn close_session(
+        &self,
+        request: Request<v1::CloseSessionRequest>,
+    ) -> Result<Response<v1::CloseSessionResponse>, Status> {
+        in_time(self.limit_s(), self.registry.close(&request.get_ref().session_id)).await?;
+        Ok(Response::new(v1::CloseSessionResponse {}))
+    }
+
+    async fn pause_session(
+        &self,
+        request: Request<v1::PauseSessionRequest>,
+    ) -> Result<Response<v1::PauseSessionResponse>, Status> {
+        let session = self.get(&request.get_ref().session_id)?;
+        let step = in_time(self.limit_s(), session.pause()).await?;
+        Ok(Response::new(v1::PauseSessionResponse { step }))
+    }
+
+    async fn resume_session(
+        &self,
+        request: Request<v1::ResumeSessionRequest>,
+    ) -> Result<Response<v1::ResumeSessionResponse>, Status> {
+        let session = self.get(&request.get_ref().session_id)?;
+        let step = in_time(self.limit_s(), session.resume()).await?;
+        Ok(Response::new(v1::ResumeSessionResponse { step }))
+    }
+
+    async fn reset_session(
+        &self,
+        request: Request<v1::ResetSessionRequest>,
+    ) -> Result<Response<v1::ResetSessionResponse>, Status> {
+        let session = self.get(&request.get_ref().session_id)?;
+        in_time(self.limit_s(), session.reset()).await?;
+        Ok(Response::new(v1::ResetSessionResponse {}))
+    }
+}

@@ -1,0 +1,140 @@
+//! The one place where errors become gRPC statuses.
+
+use kerf_session::SessionError;
+use tonic::{Code, Status};
+
+/// Why a call was refused or a stream ended.
+#[derive(Debug, thiserror::Error)]
+pub enum RequestError {
+    /// A session refused.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// The transport failed while a stream was read.
+    #[error("{0}")]
+    Transport(Box<Status>),
+    /// The client speaks another version.
+    #[error("protocol_version {theirs}: this server speaks {}", kerf_proto::PROTOCOL_VERSION)]
+    ProtocolVersion {
+        /// The client's.
+        theirs: u32,
+    },
+    /// A control stream began with something else.
+    #[error("the first message of a control stream must be a ClientHello, within {limit_s} s (hello_timeout_s)")]
+    HelloMissing {
+        /// `hello_timeout_s`.
+        limit_s: f64,
+    },
+    /// A second hello.
+    #[error("a ClientHello may only be the first message of a control stream")]
+    HelloRepeated,
+    /// A required field is absent.
+    #[error("{field}: is required")]
+    Missing {
+        /// The field.
+        field: &'static str,
+    },
+    /// A number is not one.
+    #[error("{field} = {value}: must be 0 or greater")]
+    Rate {
+        /// The field.
+        field: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// Nothing but rejected poses.
+    #[error("{count} poses in a row were rejected, the last for {field}, which must be {limit}")]
+    TooManyRejected {
+        /// How many.
+        count: u32,
+        /// The last rejected field.
+        field: String,
+        /// Its limit.
+        limit: String,
+    },
+    /// Nothing was heard of a control stream.
+    #[error("nothing was heard for {limit_s} s (idle_timeout_s)")]
+    Idle {
+        /// `idle_timeout_s`.
+        limit_s: f64,
+    },
+    /// A unary driver's lease is not known.
+    #[error("lease: unknown or run out; begin anew with an empty one")]
+    UnknownLease,
+    /// Too many drivers that send one pose a call.
+    #[error("{limit} clients send poses one call at a time, as many as may (max_unary_drivers)")]
+    TooManyUnaryDrivers {
+        /// `max_unary_drivers`.
+        limit: usize,
+    },
+    /// No scene of this name.
+    #[error("no scene {name:?}")]
+    NoScene {
+        /// The name.
+        name: String,
+    },
+    /// The text of a scene is not one.
+    #[error("{message}")]
+    SceneText {
+        /// What is wrong and where.
+        message: String,
+    },
+    /// The session did not answer in time.
+    #[error("the session did not answer within {limit_s} s (request_timeout_s)")]
+    Unresponsive {
+        /// `request_timeout_s`.
+        limit_s: f64,
+    },
+}
+
+impl RequestError {
+    fn code(&self) -> Code {
+        match self {
+            Self::Session(error) => session_code(error),
+            Self::Transport(status) => status.code(),
+            Self::ProtocolVersion { .. } | Self::UnknownLease => Code::FailedPrecondition,
+            Self::HelloMissing { .. }
+            | Self::HelloRepeated
+            | Self::Missing { .. }
+            | Self::Rate { .. }
+            | Self::TooManyRejected { .. }
+            | Self::SceneText { .. } => Code::InvalidArgument,
+            Self::Idle { .. } | Self::Unresponsive { .. } => Code::DeadlineExceeded,
+            Self::TooManyUnaryDrivers { .. } => Code::ResourceExhausted,
+            Self::NoScene { .. } => Code::NotFound,
+        }
+    }
+}
+
+fn session_code(error: &SessionError) -> Code {
+    match error {
+        SessionError::TooManySessions { .. }
+        | SessionError::TooManyDrivers { .. }
+        | SessionError::TooManyViewers { .. }
+        | SessionError::TooManyCommands { .. }
+        | SessionError::NoThread { .. } => Code::ResourceExhausted,
+        SessionError::NoSession { .. } | SessionError::NoTool { .. } | SessionError::Closed => Code::NotFound,
+        SessionError::ToolTaken { .. } | SessionError::Failed { .. } => Code::FailedPrecondition,
+        SessionError::Scene(_) | SessionError::Rate { .. } => Code::InvalidArgument,
+        SessionError::Draining => Code::Unavailable,
+    }
+}
+
+impl From<RequestError> for Status {
+    fn from(error: RequestError) -> Self {
+        Self::new(error.code(), error.to_string())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_server_is_told_from_a_bad_request() {
+        let status = Status::from(RequestError::from(SessionError::TooManySessions { limit: 3 }));
+        assert_eq!(status.code(), Code::ResourceExhausted);
+        assert!(status.message().contains("max_sessions"));
+        let taken = SessionError::ToolTaken { tool: 0, lease_s: 2.0 };
+        assert_eq!(Status::from(RequestError::from(taken)).code(), Code::FailedPrecondition);
+    }
+}

@@ -1,0 +1,79 @@
+//! Springs between points of the tissue and something outside it, in the system matrix.
+
+use super::operator::times;
+use wide::f32x4;
+
+/// Most nodes that a point is spread over: the corners of two elements.
+pub const POINT_NODES: usize = 16;
+
+/// A point of the tissue held by springs: adds `w w^T (x) S` to the system matrix.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PointSpring {
+    nodes: [u32; POINT_NODES],
+    weights: [f32; POINT_NODES],
+    count: usize,
+    /// Columns of `S = dt^2 sum k d d^T` over the springs at the point, kg.
+    stiffness: [f32x4; 3],
+}
+
+impl PointSpring {
+    /// A spring of `stiffness` k dt^2 along the unit vector `direction` at a point with `weights`.
+    #[must_use]
+    pub fn new(weights: impl Iterator<Item = (u32, f64)>, direction: [f64; 3], stiffness: f64) -> Self {
+        let mut spring = Self::default();
+        weights.for_each(|(node, w)| spring.add_weight(node, w as f32));
+        spring.add_direction(direction, stiffness);
+        spring
+    }
+
+    /// Adds a spring along another direction at the same point.
+    pub fn add_direction(&mut self, direction: [f64; 3], stiffness: f64) {
+        let [x, y, z] = direction;
+        for (column, along) in self.stiffness.iter_mut().zip(direction) {
+            let k = stiffness * along;
+            *column += f32x4::new([(k * x) as f32, (k * y) as f32, (k * z) as f32, 0.0]);
+        }
+    }
+
+    fn add_weight(&mut self, node: u32, weight: f32) {
+        match self.nodes[..self.count].iter().position(|n| *n == node) {
+            Some(found) => self.weights[found] += weight,
+            None => {
+                (self.nodes[self.count], self.weights[self.count]) = (node, weight);
+                self.count += 1;
+            }
+        }
+    }
+
+    /// The same springs with every node spread over nodes of the level above.
+    #[must_use]
+    pub fn coarsened<I: Iterator<Item = (usize, f32)>>(&self, above: impl Fn(usize) -> I) -> Self {
+        let mut coarse = Self { stiffness: self.stiffness, ..Self::default() };
+        for (node, w) in self.entries() {
+            above(node).for_each(|(parent, share)| coarse.add_weight(parent as u32, w * share));
+        }
+        coarse
+    }
+
+    /// Nodes and weights of the point.
+    #[inline(always)]
+    pub fn entries(&self) -> impl Iterator<Item = (usize, f32)> + '_ {
+        self.nodes[..self.count].iter().zip(&self.weights).map(|(n, w)| (*n as usize, *w))
+    }
+
+    /// Entries (xx, yy, zz) and (xy, xz, yz) of S.
+    #[must_use]
+    pub fn diagonal(&self) -> [f32x4; 2] {
+        let [x, y, z] = self.stiffness.map(|c| c.to_array());
+        [f32x4::new([x[0], y[1], z[2], 0.0]), f32x4::new([y[0], z[0], z[1], 0.0])]
+    }
+
+    /// `y += (w w^T (x) S) x`.
+    pub fn add_to(&self, x: &[f32x4], y: &mut [f32x4]) {
+        let at = self.entries().fold(f32x4::ZERO, |sum, (node, w)| f32x4::splat(w).mul_add(x[node], sum));
+        let force = times(&self.stiffness, at);
+        for (node, w) in self.entries() {
+            y[node] = f32x4::splat(w).mul_add(force, y[node]);
+        }
+    }
+}

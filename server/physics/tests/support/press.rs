@@ -1,0 +1,38 @@
+//! A block under a blade.
+
+use kerf_physics::scene::{BladeDesc, Scene, ShapeDesc, ToolDesc};
+use kerf_physics::step_io::ToolMotion;
+use kerf_physics::tool::Pose;
+use kerf_physics::{NoClock, Quat, StepInputs, StepOutput, ToolInput, Vec3, Workers, World};
+
+/// A block of 80 x 40 x 40 mm, held at its foot, 256 composite elements, under a blade that reaches
+/// over it. It gives before it is pressed in by an element.
+pub fn cutting_scene() -> Scene {
+    let (side, h) = (0.04, 0.0025);
+    let mut block = super::object([-side, 0.0, -0.5 * side], [side, side, 0.5 * side], h, 2);
+    block.material.fracture_energy_j_per_m2 = Some(500.0);
+    block.material.rayleigh_beta_s = 2e-4;
+    block.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 1.01 * h, 1.0] }];
+    let mut scene = super::scene(vec![block]);
+    scene.desc.solver.relative_tolerance = 1e-3;
+    let blade = BladeDesc { width_m: 0.06, height_m: 0.05, edge_half_width_m: 5e-5, thickness_m: 0.0 };
+    scene.desc.tools = vec![ToolDesc { name: "blade".into(), blade }];
+    scene
+}
+
+/// The edge at a height, along the block's length and askew.
+pub fn pose_at(height_m: f64) -> ToolMotion {
+    let orientation = Quat::from_euler_angles(0.0, 0.3, 0.0);
+    ToolMotion::MoveTo(Pose { position_m: Vec3::new(0.0, height_m, 0.0004), orientation })
+}
+
+/// Steps with the edge moved to a height.
+pub fn press_with<'w>(world: &'w mut World, workers: &Workers<'_>, height_m: f64) -> &'w StepOutput {
+    let input = ToolInput { tool: 0, motion: pose_at(height_m) };
+    world.step(workers, &NoClock, &StepInputs { tools: &[input] })
+}
+
+/// The same on the calling thread.
+pub fn press(world: &mut World, height_m: f64) -> &StepOutput {
+    press_with(world, &Workers::serial(), height_m)
+}

@@ -1,0 +1,113 @@
+//! Whole steps of the built-in liver: a stroke of the blade into its right lobe, at 1 kHz on one thread.
+//! Before the timed runs one stroke is taken step by step and its medians are printed.
+#![allow(missing_docs, reason = "criterion's macros write undocumented functions")]
+
+use std::time::{Duration, Instant};
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use kerf_physics::step_io::ToolMotion;
+use kerf_physics::tool::Pose;
+use kerf_physics::{Quat, Scene, Stage, StageClock, StepInputs, StepOutput, ToolInput, Vec3, Workers, World};
+
+const SPEED_M_PER_S: f64 = 0.1;
+/// From just over the lobe to 50 mm into it.
+const STEPS: u32 = 560;
+
+struct Clock(Instant);
+
+impl StageClock for Clock {
+    fn now_ns(&self) -> u64 {
+        u64::try_from(self.0.elapsed().as_nanos()).expect("a run shorter than centuries")
+    }
+}
+
+/// A stroke that begins anew when it is over.
+struct Stroke {
+    scene: Scene,
+    world: World,
+    clock: Clock,
+    step: u32,
+}
+
+impl Stroke {
+    fn new() -> Self {
+        let scene = kerf_session::catalog::load("liver").expect("a built-in scene");
+        let world = World::new(&scene).expect("a valid scene");
+        Self { scene, world, clock: Clock(Instant::now()), step: 0 }
+    }
+
+    fn advance(&mut self) -> (Duration, &StepOutput) {
+        if self.step == STEPS {
+            self.world = World::new(&self.scene).expect("a valid scene");
+            self.step = 0;
+        }
+        let height_m = 0.158 - 1e-3 * SPEED_M_PER_S * f64::from(self.step);
+        self.step += 1;
+        let orientation = Quat::from_euler_angles(0.0, 0.2, 0.0);
+        let pose = Pose { position_m: Vec3::new(-0.0420, height_m, -0.0210), orientation };
+        let input = ToolInput { tool: 0, motion: ToolMotion::MoveTo(pose) };
+        let start = Instant::now();
+        let output = self.world.step(&Workers::serial(), &self.clock, &StepInputs { tools: &[input] });
+        (start.elapsed(), output)
+    }
+
+    /// Time of `steps` steps of one kind.
+    fn time(&mut self, steps: u64, fracture: bool) -> Duration {
+        let (mut total, mut taken) = (Duration::ZERO, 0);
+        while taken < steps {
+            let (time, output) = self.advance();
+            if (output.fracture.parted_links > 0) == fracture {
+                total += time;
+                taken += 1;
+            }
+        }
+        total
+    }
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+fn print_profile(stroke: &mut Stroke) {
+    println!("liver: {:?}", stroke.world.counts());
+    let outputs: Vec<(f64, StepOutput)> = (0..STEPS)
+        .map(|_| {
+            let (time, output) = stroke.advance();
+            (time.as_secs_f64() * 1e3, output.clone())
+        })
+        .collect();
+    for (name, fracture) in [("without fracture", false), ("with fracture", true)] {
+        let chosen: Vec<_> = outputs.iter().filter(|o| (o.1.fracture.parted_links > 0) == fracture).collect();
+        let of = |value: &dyn Fn(&StepOutput) -> f64| median(chosen.iter().map(|o| value(&o.1)).collect());
+        let whole = median(chosen.iter().map(|o| o.0).collect());
+        let parted = chosen.iter().map(|o| o.1.fracture.parted_links).max().unwrap_or(0);
+        print!(
+            "{name}: {} steps, median {whole:.3} ms, iterations {}, ",
+            chosen.len(),
+            of(&|o| o.solve.iterations.into())
+        );
+        print!("links parted {} (most {parted});", of(&|o| o.fracture.parted_links.into()));
+        for stage in Stage::ALL {
+            let us = of(&|o| o.profile.stage_ns[stage as usize].map_or(f64::NAN, |ns| ns as f64 * 1e-3));
+            if us.is_finite() {
+                print!(" {} {us:.0} us", stage.name());
+            }
+        }
+        println!();
+    }
+}
+
+fn liver(criterion: &mut Criterion) {
+    let mut stroke = Stroke::new();
+    print_profile(&mut stroke);
+    let mut group = criterion.benchmark_group("liver");
+    group.sample_size(20);
+    group.bench_function("step_without_fracture", |b| b.iter_custom(|steps| stroke.time(steps, false)));
+    group.bench_function("step_with_fracture", |b| b.iter_custom(|steps| stroke.time(steps, true)));
+    group.finish();
+}
+
+criterion_group!(benches, liver);
+criterion_main!(benches);

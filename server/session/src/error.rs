@@ -1,0 +1,83 @@
+//! What a session refuses, and why.
+
+use kerf_physics::SceneError;
+
+/// A request that a session or the registry could not serve.
+#[derive(Debug, PartialEq, thiserror::Error)]
+pub enum SessionError {
+    /// The server holds as many sessions as it may.
+    #[error("the server runs {limit} sessions, as many as it may (max_sessions)")]
+    TooManySessions {
+        /// `max_sessions`.
+        limit: usize,
+    },
+    /// The session has as many drivers as it may.
+    #[error("the session has {limit} drivers, as many as it may (max_drivers)")]
+    TooManyDrivers {
+        /// `max_drivers`.
+        limit: usize,
+    },
+    /// The session has as many viewers as it may.
+    #[error("the session has {limit} viewers, as many as it may (max_viewers)")]
+    TooManyViewers {
+        /// `max_viewers`.
+        limit: usize,
+    },
+    /// The command queue is full.
+    #[error("{limit} commands wait for the session's next tick, as many as may (max_commands)")]
+    TooManyCommands {
+        /// `max_commands`.
+        limit: usize,
+    },
+    /// No session has this id.
+    #[error("no session {id}")]
+    NoSession {
+        /// The id asked for.
+        id: String,
+    },
+    /// The scene asks for a step rate that the server does not grant.
+    #[error("rate_hz = {rate_hz}: must be 1 to {limit_hz} (max_rate_hz)")]
+    Rate {
+        /// The scene's rate, Hz.
+        rate_hz: f64,
+        /// `max_rate_hz`.
+        limit_hz: f64,
+    },
+    /// The scene has no such tool.
+    #[error("tool {tool}: the scene has {tools} tools")]
+    NoTool {
+        /// The index asked for.
+        tool: usize,
+        /// Tools of the scene.
+        tools: usize,
+    },
+    /// Another driver holds the tool.
+    #[error("tool {tool} is driven by another client; its lease ends {lease_s} s after that client's last pose")]
+    ToolTaken {
+        /// The tool asked for.
+        tool: usize,
+        /// `lease_s`.
+        lease_s: f64,
+    },
+    /// The session is closed or closing.
+    #[error("the session is closed")]
+    Closed,
+    /// The server takes no new sessions because it is going down.
+    #[error("the server is shutting down")]
+    Draining,
+    /// A step panicked; the session waits for a reset or its end.
+    #[error("the session failed and waits for a reset: {message}")]
+    Failed {
+        /// What the panic said.
+        message: String,
+    },
+    /// The scene cannot be simulated.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The operating system refused a thread.
+    #[error("no thread for the session: {message}")]
+    NoThread {
+        /// What the operating system said.
+        message: String,
+    },
+}

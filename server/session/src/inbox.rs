@@ -1,0 +1,344 @@
+//! What reaches a session from outside: poses, latest-wins per tool, and a bounded queue of
+//! commands. The session's thread drains both at the start of a tick and holds no lock while it
+//! steps.
+
+use std::collections::VecDeque;
+use std::sync::{Condvar, Mutex};
+use std::time::Duration;
+
+use kerf_physics::{Scene, ToolInput, World};
+use tokio::sync::oneshot;
+
+use crate::error::SessionError;
+use crate::limits::{SessionLimits, to_ns};
+use crate::lock;
+use crate::pose_check::{PoseRefusal, PoseSample};
+use crate::recorder::InputLog;
+use crate::status::SessionStatus;
+use crate::tool_slot::{DriverId, Echo, ToolSlot};
+
+/// What a query sees between two steps.
+pub struct Probe<'a> {
+    /// The world as the last step left it.
+    pub world: &'a mut World,
+    /// All inputs since the scene was at rest.
+    pub log: &'a InputLog,
+    /// The scene.
+    pub scene: &'a Scene,
+}
+
+/// Something to do at the start of a tick. A caller that has gone away is not an error.
+pub(crate) enum Command {
+    /// Stand; answers with the step after which the session stands.
+    Pause(oneshot::Sender<u64>),
+    /// Step on; answers with the step from which it goes on.
+    Resume(oneshot::Sender<Result<u64, SessionError>>),
+    /// Back to rest.
+    Reset(oneshot::Sender<Result<(), SessionError>>),
+    /// Describe the session.
+    Describe(oneshot::Sender<SessionStatus>),
+    /// Look at the world. The closure holds the answer's channel.
+    Query(Box<dyn FnOnce(&mut Probe<'_>) + Send>),
+}
+
+/// Which poses a tick takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Drain {
+    /// Poses are applied and leases run out.
+    Stepping,
+    /// The session stands: poses wait, leases are kept.
+    Standing,
+}
+
+/// What a tick knows of the tools; reused from tick to tick.
+#[derive(Default)]
+pub(crate) struct Tick {
+    pub inputs: Vec<ToolInput>,
+    /// Per tool: the last accepted pose of its driver.
+    pub echoes: Vec<Option<Echo>>,
+    /// Per tool: put down in this tick after a jump.
+    pub jumped: Vec<bool>,
+    /// Per tool: who drives it.
+    pub holders: Vec<Option<DriverId>>,
+    /// Drivers connected.
+    pub drivers: usize,
+}
+
+struct State {
+    tools: Vec<ToolSlot>,
+    commands: VecDeque<Command>,
+    drivers: usize,
+    next_driver: u64,
+    closing: bool,
+}
+
+pub(crate) struct Inbox {
+    state: Mutex<State>,
+    /// Rung when a command or the end arrives, for a session that stands.
+    bell: Condvar,
+    limits: SessionLimits,
+}
+
+impl Inbox {
+    pub fn new(tools: usize, limits: SessionLimits) -> Self {
+        let state = State {
+            tools: (0..tools).map(|_| ToolSlot::default()).collect(),
+            commands: VecDeque::with_capacity(limits.max_commands),
+            drivers: 0,
+            next_driver: 1,
+            closing: false,
+        };
+        Self { state: Mutex::new(state), bell: Condvar::new(), limits }
+    }
+
+    /// Queues a command for the next tick.
+    pub fn push(&self, command: Command) -> Result<(), SessionError> {
+        let mut state = lock(&self.state);
+        if state.closing {
+            return Err(SessionError::Closed);
+        }
+        if state.commands.len() >= self.limits.max_commands {
+            return Err(SessionError::TooManyCommands { limit: self.limits.max_commands });
+        }
+        state.commands.push_back(command);
+        self.bell.notify_one();
+        Ok(())
+    }
+
+    /// Ends the session at its next tick. Never refused: a full queue must not keep it alive.
+    pub fn close(&self) {
+        lock(&self.state).closing = true;
+        self.bell.notify_one();
+    }
+
+    pub fn connect_driver(&self) -> Result<DriverId, SessionError> {
+        let mut state = lock(&self.state);
+        if state.closing {
+            return Err(SessionError::Closed);
+        }
+        if state.drivers >= self.limits.max_drivers {
+            return Err(SessionError::TooManyDrivers { limit: self.limits.max_drivers });
+        }
+        state.drivers += 1;
+        state.next_driver += 1;
+        Ok(DriverId(state.next_driver - 1))
+    }
+
+    pub fn disconnect_driver(&self, driver: DriverId) {
+        let mut state = lock(&self.state);
+        state.drivers -= 1;
+        state.tools.iter_mut().for_each(|slot| slot.release(driver));
+    }
+
+    /// Gives all of `tools` to `driver`, or none.
+    pub fn claim(&self, driver: DriverId, tools: &[usize], now_ns: u64) -> Result<(), SessionError> {
+        let mut state = lock(&self.state);
+        let count = state.tools.len();
+        for &tool in tools {
+            let slot = state.tools.get(tool).ok_or(SessionError::NoTool { tool, tools: count })?;
+            if slot.driver().is_some_and(|holder| holder != driver) {
+                return Err(SessionError::ToolTaken { tool, lease_s: self.limits.lease_s });
+            }
+        }
+        for &tool in tools {
+            state.tools[tool].claim(driver, now_ns);
+        }
+        Ok(())
+    }
+
+    /// A pose of a tool that `driver` holds, or that is free: a driver whose lease ran out has it
+    /// again with its next pose, unless somebody else was faster.
+    pub fn submit(&self, driver: DriverId, tool: usize, sample: &PoseSample, now_ns: u64) -> Result<(), PoseRefusal> {
+        let mut state = lock(&self.state);
+        let slot = self.held_slot(&mut state, driver, tool, now_ns)?;
+        slot.accept(sample, now_ns, &self.limits.pose)
+    }
+
+    /// Takes a tool that `driver` holds out of the scene.
+    pub fn lift(&self, driver: DriverId, tool: usize, now_ns: u64) -> Result<(), PoseRefusal> {
+        let mut state = lock(&self.state);
+        self.held_slot(&mut state, driver, tool, now_ns)?.lift(now_ns);
+        Ok(())
+    }
+
+    fn held_slot<'a>(
+        &self,
+        state: &'a mut State,
+        driver: DriverId,
+        tool: usize,
+        now_ns: u64,
+    ) -> Result<&'a mut ToolSlot, PoseRefusal> {
+        let tools = state.tools.len();
+        let slot = state.tools.get_mut(tool).ok_or(PoseRefusal::NoTool { tool: tool as u64, tools })?;
+        match slot.claim(driver, now_ns) {
+            true => Ok(slot),
+            false => Err(PoseRefusal::ToolTaken { tool: tool as u64, lease_s: self.limits.lease_s }),
+        }
+    }
+
+    /// Whether `driver` has lost `tool` by silence; true once.
+    pub fn take_eviction(&self, driver: DriverId, tool: usize) -> bool {
+        lock(&self.state).tools.get_mut(tool).is_some_and(|slot| slot.take_eviction(driver))
+    }
+
+    /// Tools that somebody drives.
+    pub fn held_tools(&self) -> Vec<usize> {
+        let state = lock(&self.state);
+        state.tools.iter().enumerate().filter(|(_, slot)| slot.driver().is_some()).map(|(tool, _)| tool).collect()
+    }
+
+    /// Every tool is put down anew by its next motion: the world has lost its pose, or kept one that
+    /// is too old.
+    pub fn reenter_tools(&self) {
+        lock(&self.state).tools.iter_mut().for_each(ToolSlot::reenter);
+    }
+
+    /// Leases run from now on, after a time in which nobody had to speak.
+    pub fn renew_leases(&self, now_ns: u64) {
+        lock(&self.state).tools.iter_mut().for_each(|slot| slot.heard(now_ns));
+    }
+
+    /// Moves the commands that wait into `commands`; `false` once the session is to end.
+    pub fn take_commands(&self, commands: &mut Vec<Command>) -> bool {
+        let mut state = lock(&self.state);
+        commands.extend(state.commands.drain(..));
+        !state.closing
+    }
+
+    pub fn is_closing(&self) -> bool {
+        lock(&self.state).closing
+    }
+
+    /// Moves what is known of the tools into `tick`.
+    pub fn drain(&self, mode: Drain, now_ns: u64, tick: &mut Tick) {
+        tick.inputs.clear();
+        tick.echoes.clear();
+        tick.jumped.clear();
+        tick.holders.clear();
+        let lease_ns = to_ns(self.limits.lease_s);
+        let mut state = lock(&self.state);
+        let state = &mut *state;
+        tick.drivers = state.drivers;
+        for (tool, slot) in state.tools.iter_mut().enumerate() {
+            let mut jumped = false;
+            if mode == Drain::Stepping {
+                slot.expire(now_ns, lease_ns);
+                if let Some(next) = slot.take_motion() {
+                    tick.inputs.push(ToolInput { tool, motion: next.motion });
+                    jumped = next.jumped;
+                }
+            }
+            tick.jumped.push(jumped);
+            tick.echoes.push(slot.echo());
+            tick.holders.push(slot.driver());
+        }
+    }
+
+    /// Waits until a command arrives or `timeout` has passed.
+    pub fn wait(&self, timeout: Duration) {
+        let state = lock(&self.state);
+        let idle = |state: &mut State| state.commands.is_empty() && !state.closing;
+        // A poisoned lock wakes the session early, which does no harm.
+        drop(self.bell.wait_timeout_while(state, timeout, idle));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use kerf_physics::step_io::ToolMotion;
+
+    fn inbox(tools: usize) -> Inbox {
+        Inbox::new(tools, SessionLimits { max_commands: 2, max_drivers: 2, ..SessionLimits::default() })
+    }
+
+    fn at(seq: u64, x_m: f64) -> PoseSample {
+        PoseSample { seq, client_ns: seq, position_m: [x_m, 0.0, 0.0], orientation_xyzw: [0.0, 0.0, 0.0, 1.0] }
+    }
+
+    fn drained(inbox: &Inbox, mode: Drain, now_ns: u64) -> Tick {
+        let mut tick = Tick::default();
+        inbox.drain(mode, now_ns, &mut tick);
+        tick
+    }
+
+    #[test]
+    fn a_full_command_queue_refuses_and_names_its_limit() {
+        let inbox = inbox(0);
+        let push = || inbox.push(Command::Query(Box::new(|_| ())));
+        assert_eq!((push(), push()), (Ok(()), Ok(())));
+        assert_eq!(push(), Err(SessionError::TooManyCommands { limit: 2 }));
+        let mut commands = Vec::new();
+        assert!(inbox.take_commands(&mut commands));
+        assert_eq!(commands.len(), 2);
+        assert_eq!(push(), Ok(()));
+    }
+
+    #[test]
+    fn closing_gets_past_a_full_queue_and_refuses_what_comes_later() {
+        let inbox = inbox(0);
+        while inbox.push(Command::Query(Box::new(|_| ()))).is_ok() {}
+        inbox.close();
+        assert!(!inbox.take_commands(&mut Vec::new()));
+        assert_eq!(inbox.push(Command::Query(Box::new(|_| ()))), Err(SessionError::Closed));
+        assert_eq!(inbox.connect_driver(), Err(SessionError::Closed));
+    }
+
+    #[test]
+    fn a_claim_takes_all_tools_or_none() {
+        let inbox = inbox(2);
+        let (a, b) = (inbox.connect_driver().unwrap(), inbox.connect_driver().unwrap());
+        inbox.claim(a, &[1], 0).unwrap();
+        assert!(matches!(inbox.claim(b, &[0, 1], 0), Err(SessionError::ToolTaken { tool: 1, .. })));
+        assert!(matches!(inbox.claim(b, &[0, 7], 0), Err(SessionError::NoTool { tool: 7, tools: 2 })));
+        assert_eq!(inbox.held_tools(), [1]);
+        assert_eq!(inbox.connect_driver(), Err(SessionError::TooManyDrivers { limit: 2 }));
+    }
+
+    #[test]
+    fn a_driver_that_goes_away_lifts_its_tool_and_frees_it() {
+        let inbox = inbox(1);
+        let a = inbox.connect_driver().unwrap();
+        inbox.submit(a, 0, &at(1, 0.0), 0).unwrap();
+        drained(&inbox, Drain::Stepping, 0);
+        inbox.disconnect_driver(a);
+        let tick = drained(&inbox, Drain::Stepping, 1);
+        assert_eq!(tick.inputs, [ToolInput { tool: 0, motion: ToolMotion::Lift }]);
+        assert_eq!((tick.drivers, tick.holders[0]), (0, None));
+    }
+
+    #[test]
+    fn leases_run_out_while_stepping_and_are_kept_while_standing() {
+        let inbox = inbox(1);
+        let a = inbox.connect_driver().unwrap();
+        inbox.submit(a, 0, &at(1, 0.0), 0).unwrap();
+        let hour_ns = 3_600_000_000_000;
+        assert_eq!(drained(&inbox, Drain::Standing, hour_ns).holders, [Some(a)]);
+        assert_eq!(drained(&inbox, Drain::Stepping, hour_ns).holders, [None]);
+        assert!(inbox.take_eviction(a, 0));
+    }
+
+    #[test]
+    fn a_driver_whose_lease_ran_out_has_the_tool_again_with_its_next_pose() {
+        let inbox = inbox(1);
+        let (a, b) = (inbox.connect_driver().unwrap(), inbox.connect_driver().unwrap());
+        inbox.submit(a, 0, &at(5, 0.0), 0).unwrap();
+        drained(&inbox, Drain::Stepping, 3_000_000_000);
+        inbox.submit(a, 0, &at(6, 0.4), 3_000_000_000).unwrap();
+        assert!(!inbox.take_eviction(a, 0));
+        assert!(matches!(inbox.submit(b, 0, &at(1, 0.0), 3_000_000_000), Err(PoseRefusal::ToolTaken { .. })));
+    }
+
+    #[test]
+    fn a_resumed_session_puts_tools_down_instead_of_sweeping_them_across() {
+        let inbox = inbox(1);
+        let a = inbox.connect_driver().unwrap();
+        inbox.submit(a, 0, &at(1, 0.0), 0).unwrap();
+        drained(&inbox, Drain::Stepping, 0);
+        inbox.submit(a, 0, &at(2, 0.05), 40_000_000).unwrap();
+        assert!(drained(&inbox, Drain::Standing, 50_000_000).inputs.is_empty());
+        inbox.reenter_tools();
+        let tick = drained(&inbox, Drain::Stepping, 50_000_000);
+        assert!(matches!(tick.inputs[0].motion, ToolMotion::EnterAt(_)));
+    }
+}

@@ -1,0 +1,351 @@
+//! What leaves a session: structure as a log, state latest-wins, events as a short ring.
+//!
+//! The session's thread publishes, readers pull; a reader that does not pull costs nothing. State is
+//! handed out only at the topology version that its reader has reached.
+
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
+
+use kerf_physics::fault::Fault;
+use kerf_physics::step_io::ToolOutput;
+use kerf_physics::surface::delta::{Keyframe, TopologyPatch};
+use tokio::sync::watch;
+
+use crate::error::SessionError;
+use crate::limits::SessionLimits;
+use crate::lock;
+use crate::status::StepTimes;
+use crate::structure_log::{Cursor, Next, Place, StructureLog};
+use crate::tool_slot::Echo;
+
+/// What drivers learn of a step.
+#[derive(Clone, Debug, Default)]
+pub struct StepReport {
+    /// Steps taken.
+    pub step: u64,
+    /// Simulated time, s.
+    pub sim_time_s: f64,
+    /// Late steps since the session began or was reset.
+    pub late_steps: u64,
+    /// Faults since the session began or was reset.
+    pub faults: u64,
+    /// The newest of them.
+    pub last_fault: Option<Fault>,
+    /// Set when a step panicked: nothing follows until a reset.
+    pub failure: Option<Arc<str>>,
+    /// One entry per tool of the scene.
+    pub tools: Vec<ToolReport>,
+}
+
+/// What drivers learn of a tool.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ToolReport {
+    /// Pose, wrench and contact model after the step.
+    pub output: ToolOutput,
+    /// The newest pose that the step has used.
+    pub echo: Option<Echo>,
+    /// How often the tool was put down after a jump.
+    pub jumps: u64,
+}
+
+/// Where everything is.
+#[derive(Clone, Debug)]
+pub struct ViewState {
+    pub(crate) place: Place,
+    /// Version of the structure it belongs to.
+    pub topology_version: u64,
+    /// Steps taken.
+    pub step: u64,
+    /// Simulated time, s.
+    pub sim_time_s: f64,
+    /// Late steps since the session began or was reset.
+    pub late_steps: u64,
+    /// Per object: displacement of every node slot, xyz interleaved, m, scene frame.
+    pub node_displacements_m: Vec<Vec<f32>>,
+    /// One entry per tool of the scene.
+    pub tools: Vec<ToolOutput>,
+    /// Durations of the steps since the state before.
+    pub times: StepTimes,
+    /// When it was published, ns on the server's monotonic clock.
+    pub published_ns: u64,
+}
+
+/// Something that happened to a session.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SceneEvent {
+    /// The session stands.
+    Paused,
+    /// The session steps on.
+    Resumed,
+    /// The scene is at rest again.
+    Reset,
+    /// The session ends; nothing follows.
+    Closing,
+    /// A step panicked; the session stands until it is reset.
+    Failed,
+    /// A driver took a tool.
+    ToolTaken(usize),
+    /// A tool has no driver any more.
+    ToolReleased(usize),
+    /// The session gave up time that it had lost.
+    Reanchored,
+    /// Non-finite state was rolled back.
+    Fault(Fault),
+}
+
+/// An event and when it happened.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ViewEvent {
+    /// Step after which it happened.
+    pub step: u64,
+    /// What happened.
+    pub event: SceneEvent,
+}
+
+/// What a viewer gets.
+#[derive(Clone, Debug)]
+pub enum ViewMessage {
+    /// The whole structure.
+    Keyframe(Arc<Keyframe>),
+    /// What changed in the structure.
+    Patch(Arc<TopologyPatch>),
+    /// Where everything is.
+    State(Arc<ViewState>),
+    /// Something happened.
+    Event(ViewEvent),
+}
+
+struct Shelf {
+    log: StructureLog,
+    state: Option<Arc<ViewState>>,
+    events: VecDeque<ViewEvent>,
+    /// Events ever published; the last of `events` has this number less one.
+    event_count: u64,
+}
+
+/// The shared side of a session's output.
+pub(crate) struct Outbox {
+    shelf: Mutex<Shelf>,
+    viewers: AtomicUsize,
+    max_viewers: usize,
+    max_events: usize,
+}
+
+impl Outbox {
+    pub fn new(limits: &SessionLimits) -> Self {
+        let shelf = Shelf {
+            log: StructureLog::new(limits.max_log_patches, limits.max_log_bytes),
+            state: None,
+            events: VecDeque::new(),
+            event_count: 0,
+        };
+        Self {
+            shelf: Mutex::new(shelf),
+            viewers: AtomicUsize::new(0),
+            max_viewers: limits.max_viewers,
+            max_events: limits.max_log_events,
+        }
+    }
+
+    /// Viewers that are connected.
+    pub fn viewers(&self) -> usize {
+        self.viewers.load(Ordering::Acquire)
+    }
+
+    /// A new viewer, which sees events from now on.
+    pub fn join(self: &Arc<Self>, bell: watch::Receiver<u64>) -> Result<Viewer, SessionError> {
+        let shelf = lock(&self.shelf);
+        if self.viewers() >= self.max_viewers {
+            return Err(SessionError::TooManyViewers { limit: self.max_viewers });
+        }
+        self.viewers.fetch_add(1, Ordering::AcqRel);
+        Ok(Viewer {
+            outbox: Arc::clone(self),
+            bell,
+            cursor: Cursor::default(),
+            next_event: shelf.event_count,
+            last_state: None,
+            interval_ns: 0,
+            ended: false,
+        })
+    }
+
+    fn leave(&self) {
+        let mut shelf = lock(&self.shelf);
+        if self.viewers.fetch_sub(1, Ordering::AcqRel) == 1 {
+            // The next viewer gets a keyframe of its own time.
+            shelf.log.clear();
+            shelf.state = None;
+            shelf.events.clear();
+        }
+    }
+}
+
+/// The session's end of its output.
+pub(crate) struct Publisher {
+    outbox: Arc<Outbox>,
+    bell: watch::Sender<u64>,
+    reports: watch::Sender<Arc<StepReport>>,
+}
+
+impl Publisher {
+    /// The publisher, and what new readers are made from. Readers see the end of the session by the
+    /// publisher's end.
+    pub fn new(outbox: Arc<Outbox>) -> (Self, watch::Receiver<u64>, watch::Receiver<Arc<StepReport>>) {
+        let (bell, bell_reader) = watch::channel(0);
+        let (reports, report_reader) = watch::channel(Arc::default());
+        (Self { outbox, bell, reports }, bell_reader, report_reader)
+    }
+
+    /// Whether anybody views.
+    pub fn is_viewed(&self) -> bool {
+        self.outbox.viewers() > 0
+    }
+
+    pub fn report(&self, report: StepReport) {
+        self.reports.send_replace(Arc::new(report));
+    }
+
+    pub fn event(&self, step: u64, event: SceneEvent) {
+        if !self.is_viewed() {
+            return;
+        }
+        let mut shelf = lock(&self.outbox.shelf);
+        shelf.events.push_back(ViewEvent { step, event });
+        shelf.event_count += 1;
+        while shelf.events.len() > self.outbox.max_events {
+            shelf.events.pop_front();
+        }
+        drop(shelf);
+        self.ring();
+    }
+
+    pub fn patch(&self, patch: TopologyPatch) {
+        lock(&self.outbox.shelf).log.push(patch);
+    }
+
+    pub fn keyframe(&self, keyframe: Keyframe) {
+        lock(&self.outbox.shelf).log.set_keyframe(keyframe);
+    }
+
+    pub fn keyframe_wanted(&self) -> bool {
+        lock(&self.outbox.shelf).log.keyframe_wanted()
+    }
+
+    pub fn epoch(&self) -> u64 {
+        lock(&self.outbox.shelf).log.epoch()
+    }
+
+    /// The scene is at rest again.
+    pub fn start_over(&self) {
+        let mut shelf = lock(&self.outbox.shelf);
+        shelf.log.start_over();
+        shelf.state = None;
+    }
+
+    /// Replaces the state; wakes viewers, also for structure that was published before it.
+    pub fn state(&self, state: ViewState) {
+        lock(&self.outbox.shelf).state = Some(Arc::new(state));
+        self.ring();
+    }
+
+    fn ring(&self) {
+        self.bell.send_modify(|rung| *rung = rung.wrapping_add(1));
+    }
+}
+
+/// One viewer of a session. It pulls: what it does not ask for is not kept for it.
+pub struct Viewer {
+    outbox: Arc<Outbox>,
+    bell: watch::Receiver<u64>,
+    cursor: Cursor,
+    next_event: u64,
+    /// The last state it got; cleared by structure, which a state has to follow.
+    last_state: Option<LastState>,
+    interval_ns: u64,
+    ended: bool,
+}
+
+#[derive(Clone, Copy)]
+struct LastState {
+    step: u64,
+    published_ns: u64,
+}
+
+impl Viewer {
+    /// Limits states to one in `interval_ns`.
+    pub fn set_interval_ns(&mut self, interval_ns: u64) {
+        self.interval_ns = interval_ns;
+    }
+
+    /// What comes next, as soon as there is something; `None` once the session has ended.
+    pub async fn next(&mut self) -> Option<ViewMessage> {
+        loop {
+            // Marked as heard before looking, so that nothing published in between is slept through.
+            self.bell.borrow_and_update();
+            if let Some(message) = self.try_next() {
+                return Some(message);
+            }
+            if self.ended || self.bell.changed().await.is_err() {
+                return self.try_next();
+            }
+        }
+    }
+
+    /// What comes next, if there is something. The order: the first keyframe; then events,
+    /// structure, state.
+    pub fn try_next(&mut self) -> Option<ViewMessage> {
+        if self.ended {
+            return None;
+        }
+        let outbox = Arc::clone(&self.outbox);
+        let mut shelf = lock(&outbox.shelf);
+        if let Some(event) = self.take_event(&shelf) {
+            self.ended = event.event == SceneEvent::Closing;
+            return Some(ViewMessage::Event(event));
+        }
+        match shelf.log.next(&mut self.cursor) {
+            Next::Keyframe(keyframe) => {
+                self.last_state = None;
+                Some(ViewMessage::Keyframe(keyframe))
+            }
+            Next::Patch(patch) => {
+                self.last_state = None;
+                Some(ViewMessage::Patch(patch))
+            }
+            Next::UpToDate => self.take_state(&shelf).map(ViewMessage::State),
+            Next::Awaiting => None,
+        }
+    }
+
+    fn take_event(&mut self, shelf: &Shelf) -> Option<ViewEvent> {
+        let oldest = shelf.event_count - shelf.events.len() as u64;
+        let index = self.next_event.max(oldest) - oldest;
+        let event = shelf.events.get(usize::try_from(index).ok()?)?;
+        let before_first_keyframe = self.cursor.place().is_none();
+        if before_first_keyframe && event.event != SceneEvent::Closing {
+            return None;
+        }
+        self.next_event = oldest + index + 1;
+        Some(event.clone())
+    }
+
+    fn take_state(&mut self, shelf: &Shelf) -> Option<Arc<ViewState>> {
+        let state = shelf.state.as_ref().filter(|state| self.cursor.place() == Some(state.place))?;
+        if let Some(last) = self.last_state {
+            let too_early = state.published_ns < last.published_ns.saturating_add(self.interval_ns);
+            if state.step == last.step || too_early {
+                return None;
+            }
+        }
+        self.last_state = Some(LastState { step: state.step, published_ns: state.published_ns });
+        Some(Arc::clone(state))
+    }
+}
+
+impl Drop for Viewer {
+    fn drop(&mut self) {
+        self.outbox.leave();
+    }
+}

@@ -1,0 +1,132 @@
+//! The sessions of a server.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::str::FromStr;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+
+use kerf_physics::Scene;
+use tokio::sync::Semaphore;
+
+use crate::error::SessionError;
+use crate::limits::{LimitError, SessionLimits};
+use crate::lock;
+use crate::session::Session;
+
+/// A session's id, unique while the server runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct SessionId(u64);
+
+impl fmt::Display for SessionId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "session-{}", self.0)
+    }
+}
+
+impl FromStr for SessionId {
+    type Err = SessionError;
+
+    fn from_str(text: &str) -> Result<Self, SessionError> {
+        let number = text.strip_prefix("session-").and_then(|digits| digits.parse().ok());
+        number.map(Self).ok_or_else(|| SessionError::NoSession { id: text.chars().take(64).collect() })
+    }
+}
+
+/// How a session begins.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SessionOptions {
+    /// It takes its first step only when it is resumed.
+    pub start_paused: bool,
+}
+
+/// The sessions of a server, at most [`SessionLimits::max_sessions`] of them.
+pub struct Registry {
+    limits: SessionLimits,
+    sessions: Mutex<BTreeMap<SessionId, Arc<Session>>>,
+    next_id: AtomicU64,
+    /// One permit per thread that may live, held by the thread.
+    permits: Arc<Semaphore>,
+}
+
+impl Registry {
+    /// A registry without sessions.
+    ///
+    /// # Errors
+    /// A limit that makes no sense.
+    pub fn new(limits: SessionLimits) -> Result<Self, LimitError> {
+        limits.validate()?;
+        let permits = Arc::new(Semaphore::new(limits.max_sessions));
+        Ok(Self { limits, sessions: Mutex::default(), next_id: AtomicU64::new(1), permits })
+    }
+
+    /// What every session holds its clients to.
+    #[must_use]
+    pub fn limits(&self) -> &SessionLimits {
+        &self.limits
+    }
+
+    /// Builds a scene and starts a session of it; a large scene takes seconds.
+    ///
+    /// # Errors
+    /// The server is full or shutting down, or the scene cannot be built.
+    pub async fn create(&self, scene: Scene, options: SessionOptions) -> Result<Arc<Session>, SessionError> {
+        let permit = Arc::clone(&self.permits).try_acquire_owned().map_err(|_| match self.permits.is_closed() {
+            true => SessionError::Draining,
+            false => SessionError::TooManySessions { limit: self.limits.max_sessions },
+        })?;
+        let id = SessionId(self.next_id.fetch_add(1, Ordering::Relaxed));
+        let session = Arc::new(Session::start(id, scene, options, self.limits.clone(), permit).await?);
+        let mut sessions = lock(&self.sessions);
+        if self.permits.is_closed() {
+            // The server began to shut down while the scene was being built.
+            return Err(SessionError::Draining);
+        }
+        sessions.insert(id, Arc::clone(&session));
+        tracing::info!(session = %id, scene = session.scene().desc.name, "session created");
+        Ok(session)
+    }
+
+    /// The session of this id.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn get(&self, id: &str) -> Result<Arc<Session>, SessionError> {
+        let session = lock(&self.sessions).get(&id.parse()?).cloned();
+        session.ok_or_else(|| SessionError::NoSession { id: id.into() })
+    }
+
+    /// All sessions, by id.
+    #[must_use]
+    pub fn list(&self) -> Vec<Arc<Session>> {
+        lock(&self.sessions).values().cloned().collect()
+    }
+
+    /// Ends a session and waits for its thread.
+    ///
+    /// # Errors
+    /// There is no such session.
+    pub async fn close(&self, id: &str) -> Result<(), SessionError> {
+        let session = lock(&self.sessions).remove(&id.parse()?);
+        let session = session.ok_or_else(|| SessionError::NoSession { id: id.into() })?;
+        session.close().await;
+        tracing::info!(session = %session.id(), "session closed");
+        Ok(())
+    }
+
+    /// Creates no more sessions.
+    pub fn refuse_new(&self) {
+        self.permits.close();
+    }
+
+    /// Ends all sessions and waits for their threads; none can be created afterwards.
+    pub async fn close_all(&self) {
+        self.refuse_new();
+        let sessions = std::mem::take(&mut *lock(&self.sessions));
+        // All are told before any is waited for.
+        sessions.values().for_each(|session| session.begin_close());
+        for session in sessions.values() {
+            session.close().await;
+        }
+    }
+}

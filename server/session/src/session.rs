@@ -1,0 +1,349 @@
+//! A session as others hold it: commands, drivers, viewers.
+
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+
+use kerf_physics::Scene;
+use kerf_physics::world::ObjectStats;
+use tokio::sync::{OwnedSemaphorePermit, oneshot, watch};
+
+use crate::clock::MonotonicClock;
+use crate::error::SessionError;
+use crate::inbox::{Command, Inbox, Probe};
+use crate::limits::SessionLimits;
+use crate::lock;
+use crate::outbox::{Outbox, Publisher, StepReport, Viewer};
+use crate::pose_check::{PoseRefusal, PoseSample};
+use crate::registry::{SessionId, SessionOptions};
+use crate::runner::{Parts, Runner};
+use crate::status::{Phase, SessionStatus};
+use crate::tool_slot::DriverId;
+
+/// A scene that is simulated on a thread of its own.
+pub struct Session {
+    id: SessionId,
+    scene: Arc<Scene>,
+    objects: Vec<ObjectStats>,
+    limits: SessionLimits,
+    phase: Arc<Mutex<Phase>>,
+    inbox: Arc<Inbox>,
+    outbox: Arc<Outbox>,
+    bell: watch::Receiver<u64>,
+    reports: watch::Receiver<Arc<StepReport>>,
+    thread: Mutex<Option<JoinHandle<()>>>,
+}
+
+impl Session {
+    /// Builds the scene on the session's thread and lets it run. The permit stays with the thread, so
+    /// that a caller who gives up waiting for a large scene does not make room for another.
+    pub(crate) async fn start(
+        id: SessionId,
+        scene: Scene,
+        options: SessionOptions,
+        limits: SessionLimits,
+        permit: OwnedSemaphorePermit,
+    ) -> Result<Self, SessionError> {
+        check_rate(&scene, &limits)?;
+        let scene = Arc::new(scene);
+        let inbox = Arc::new(Inbox::new(scene.desc.tools.len(), limits.clone()));
+        let outbox = Arc::new(Outbox::new(&limits));
+        let (publisher, bell, reports) = Publisher::new(Arc::clone(&outbox));
+        let phase = Arc::new(Mutex::new(if options.start_paused { Phase::Paused } else { Phase::Running }));
+        let parts = Parts {
+            scene: Arc::clone(&scene),
+            limits: limits.clone(),
+            inbox: Arc::clone(&inbox),
+            publisher,
+            phase: Arc::clone(&phase),
+        };
+        let (built, is_built) = oneshot::channel();
+        let body = move || {
+            let _permit = permit;
+            let (answer, runner) = match Runner::build(parts) {
+                Ok(runner) => (Ok(runner.world().object_stats()), Some(runner)),
+                Err(error) => (Err(error), None),
+            };
+            // A session that nobody waits for any more never begins.
+            if built.send(answer).is_ok()
+                && let Some(runner) = runner
+            {
+                runner.run();
+            }
+        };
+        let thread = std::thread::Builder::new().name(format!("kerf-{id}")).spawn(body);
+        let thread = thread.map_err(|error| SessionError::NoThread { message: error.to_string() })?;
+        let objects = is_built.await.map_err(|_| SessionError::Closed)??;
+        let thread = Mutex::new(Some(thread));
+        Ok(Self { id, scene, objects, limits, phase, inbox, outbox, bell, reports, thread })
+    }
+
+    /// Its id.
+    #[must_use]
+    pub fn id(&self) -> SessionId {
+        self.id
+    }
+
+    /// Its scene.
+    #[must_use]
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// What its objects consisted of at rest, in the order of the scene.
+    #[must_use]
+    pub fn object_stats(&self) -> &[ObjectStats] {
+        &self.objects
+    }
+
+    /// What it holds clients to.
+    #[must_use]
+    pub fn limits(&self) -> &SessionLimits {
+        &self.limits
+    }
+
+    /// What it is doing.
+    #[must_use]
+    pub fn phase(&self) -> Phase {
+        lock(&self.phase).clone()
+    }
+
+    /// Viewers that are connected.
+    #[must_use]
+    pub fn viewers(&self) -> usize {
+        self.outbox.viewers()
+    }
+
+    /// Tools that somebody drives.
+    #[must_use]
+    pub fn held_tools(&self) -> Vec<usize> {
+        self.inbox.held_tools()
+    }
+
+    /// Stops stepping; answers with the step after which it stands.
+    ///
+    /// # Errors
+    /// The queue is full or the session has ended.
+    pub async fn pause(&self) -> Result<u64, SessionError> {
+        self.ask(Command::Pause).await
+    }
+
+    /// Steps on; answers with the step from which it goes on.
+    ///
+    /// # Errors
+    /// The queue is full, or the session has ended or failed.
+    pub async fn resume(&self) -> Result<u64, SessionError> {
+        self.ask(Command::Resume).await?
+    }
+
+    /// Puts the scene back to rest.
+    ///
+    /// # Errors
+    /// The queue is full or the session has ended.
+    pub async fn reset(&self) -> Result<(), SessionError> {
+        self.ask(Command::Reset).await?
+    }
+
+    /// Describes the session after its last step.
+    ///
+    /// # Errors
+    /// The queue is full or the session has ended.
+    pub async fn describe(&self) -> Result<SessionStatus, SessionError> {
+        self.ask(Command::Describe).await
+    }
+
+    /// Lets `look` look at the world between two steps. It runs on the session's thread, so its time
+    /// is the session's; a panic in it fails the session as one in a step does.
+    ///
+    /// # Errors
+    /// The queue is full, or the session has ended or fails.
+    pub async fn query<T: Send + 'static>(
+        &self,
+        look: impl FnOnce(&mut Probe<'_>) -> T + Send + 'static,
+    ) -> Result<T, SessionError> {
+        self.ask(|answer| {
+            Command::Query(Box::new(move |probe| {
+                let _ = answer.send(look(probe));
+            }))
+        })
+        .await
+    }
+
+    async fn ask<T>(&self, command: impl FnOnce(oneshot::Sender<T>) -> Command) -> Result<T, SessionError> {
+        let (answer, answered) = oneshot::channel();
+        self.inbox.push(command(answer))?;
+        // A command is dropped unanswered when the session ends or a panic gets in its way.
+        answered.await.map_err(|_| match (self.inbox.is_closing(), self.phase()) {
+            (true, _) => SessionError::Closed,
+            (false, Phase::Failed { message }) => SessionError::Failed { message: message.to_string() },
+            (false, _) => SessionError::Failed { message: "a panic before the command was answered".into() },
+        })
+    }
+
+    /// A driver that holds `tools`, all or none.
+    ///
+    /// # Errors
+    /// A tool is not there or taken, the session has ended, failed or has as many drivers as it may.
+    pub fn drive(self: &Arc<Self>, tools: &[usize]) -> Result<Driver, SessionError> {
+        if let Phase::Failed { message } = self.phase() {
+            return Err(SessionError::Failed { message: message.to_string() });
+        }
+        let id = self.inbox.connect_driver()?;
+        // From here on the driver's end disconnects it.
+        let mut reports = self.reports.clone();
+        // Reports go out while there are drivers: the newest may be older than this one.
+        reports.mark_unchanged();
+        let mut driver = Driver { session: Arc::clone(self), id, tools: Vec::new(), reports };
+        driver.claim(tools)?;
+        Ok(driver)
+    }
+
+    /// A viewer: a keyframe, then what changes.
+    ///
+    /// # Errors
+    /// The session has as many viewers as it may.
+    pub fn view(&self) -> Result<Viewer, SessionError> {
+        self.outbox.join(self.bell.clone())
+    }
+
+    /// Tells the session to end.
+    pub(crate) fn begin_close(&self) {
+        self.inbox.close();
+    }
+
+    /// Ends the session and waits for its thread. A second call finds nothing to do.
+    pub async fn close(&self) {
+        self.begin_close();
+        let mut bell = self.bell.clone();
+        // The bell's end is the thread's last act but its return.
+        while bell.changed().await.is_ok() {}
+        if let Some(thread) = lock(&self.thread).take()
+            && thread.join().is_err()
+        {
+            tracing::error!(session = %self.id, "the session's thread panicked outside a step");
+        }
+    }
+}
+
+impl Drop for Session {
+    /// A session that nobody holds ends; its thread is not waited for.
+    fn drop(&mut self) {
+        self.begin_close();
+    }
+}
+
+fn check_rate(scene: &Scene, limits: &SessionLimits) -> Result<(), SessionError> {
+    let rate_hz = scene.desc.rate_hz;
+    match (1.0..=limits.max_rate_hz).contains(&rate_hz) {
+        true => Ok(()),
+        false => Err(SessionError::Rate { rate_hz, limit_hz: limits.max_rate_hz }),
+    }
+}
+
+/// One who drives tools of a session. Its end lifts and frees them.
+pub struct Driver {
+    session: Arc<Session>,
+    id: DriverId,
+    tools: Vec<usize>,
+    reports: watch::Receiver<Arc<StepReport>>,
+}
+
+impl Driver {
+    /// Its id, as in the echoes of its poses.
+    #[must_use]
+    pub fn id(&self) -> DriverId {
+        self.id
+    }
+
+    /// Tools that the driver has claimed.
+    #[must_use]
+    pub fn tools(&self) -> &[usize] {
+        &self.tools
+    }
+
+    /// Its session.
+    #[must_use]
+    pub fn session(&self) -> &Arc<Session> {
+        &self.session
+    }
+
+    /// Takes more tools, all or none.
+    ///
+    /// # Errors
+    /// A tool is not there or taken.
+    pub fn claim(&mut self, tools: &[usize]) -> Result<(), SessionError> {
+        self.session.inbox.claim(self.id, tools, MonotonicClock::now_ns())?;
+        for &tool in tools {
+            if !self.tools.contains(&tool) {
+                self.tools.push(tool);
+            }
+        }
+        Ok(())
+    }
+
+    /// Where a tool is now.
+    ///
+    /// # Errors
+    /// Why the pose was refused; it has then changed nothing.
+    pub fn submit(&self, tool: usize, sample: &PoseSample) -> Result<(), PoseRefusal> {
+        self.check_claimed(tool)?;
+        self.session.inbox.submit(self.id, tool, sample, MonotonicClock::now_ns())
+    }
+
+    /// A tool leaves the scene until its next pose.
+    ///
+    /// # Errors
+    /// The tool is not this driver's.
+    pub fn lift(&self, tool: usize) -> Result<(), PoseRefusal> {
+        self.check_claimed(tool)?;
+        self.session.inbox.lift(self.id, tool, MonotonicClock::now_ns())
+    }
+
+    fn check_claimed(&self, tool: usize) -> Result<(), PoseRefusal> {
+        let tools = self.session.scene.desc.tools.len();
+        if tool >= tools {
+            return Err(PoseRefusal::NoTool { tool: tool as u64, tools });
+        }
+        match self.tools.contains(&tool) {
+            true => Ok(()),
+            false => Err(PoseRefusal::NotClaimed { tool: tool as u64 }),
+        }
+    }
+
+    /// Tools whose lease was lost by silence since the last call.
+    pub fn take_lost_tools(&self) -> Vec<usize> {
+        self.tools.iter().copied().filter(|tool| self.session.inbox.take_eviction(self.id, *tool)).collect()
+    }
+
+    /// The session's reports since this driver began.
+    #[must_use]
+    pub fn reports(&self) -> Reports {
+        Reports { receiver: self.reports.clone() }
+    }
+
+    /// The newest report since this driver began; `None` before the first.
+    #[must_use]
+    pub fn last_report(&self) -> Option<Arc<StepReport>> {
+        // Never marked as seen, so that this stays true from the first report on.
+        let reported = self.reports.has_changed().unwrap_or(false);
+        reported.then(|| Arc::clone(&self.reports.borrow()))
+    }
+}
+
+impl Drop for Driver {
+    fn drop(&mut self) {
+        self.session.inbox.disconnect_driver(self.id);
+    }
+}
+
+/// The reports of a session, latest-wins: who is slow misses some.
+pub struct Reports {
+    receiver: watch::Receiver<Arc<StepReport>>,
+}
+
+impl Reports {
+    /// The newest report, once there is one that was not seen; `None` once the session has ended.
+    pub async fn next(&mut self) -> Option<Arc<StepReport>> {
+        self.receiver.changed().await.ok()?;
+        Some(Arc::clone(&self.receiver.borrow_and_update()))
+    }
+}

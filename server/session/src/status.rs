@@ -1,0 +1,103 @@
+//! What a session is doing and how it is doing.
+
+use std::sync::Arc;
+
+use kerf_physics::Vec3;
+use kerf_physics::step_io::{EnergyStep, StepOutput};
+
+/// What a session is doing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// It steps.
+    Running,
+    /// It stands until it is resumed.
+    Paused,
+    /// A step panicked; it stands until it is reset.
+    Failed {
+        /// What the panic said.
+        message: Arc<str>,
+    },
+    /// It is about to end.
+    Closing,
+}
+
+/// A session's description of itself.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SessionStatus {
+    /// What it is doing.
+    pub phase: Phase,
+    /// Steps taken.
+    pub step: u64,
+    /// Simulated time, s.
+    pub sim_time_s: f64,
+    /// Rises each time links part.
+    pub topology_version: u64,
+    /// Steps that ended after their deadline, since the session began or was reset.
+    pub late_steps: u64,
+    /// Times that the session gave lost time up, since it began or was reset.
+    pub reanchors: u64,
+    /// Energy booked since the scene was at rest: sums of works, levels as they are.
+    pub energy: EnergyStep,
+    /// Displacement of each probe, m.
+    pub probe_displacement_m: Vec<Vec3>,
+    /// Hash of positions, velocities, fronts and topology.
+    pub state_hash: u64,
+}
+
+/// Adds a step to a ledger: works are summed, the three levels are replaced.
+pub(crate) fn book(ledger: &mut EnergyStep, step: &EnergyStep) {
+    ledger.tool_work_j += step.tool_work_j;
+    ledger.load_work_j += step.load_work_j;
+    ledger.elastic_j = step.elastic_j;
+    ledger.contact_j = step.contact_j;
+    ledger.kinetic_j = step.kinetic_j;
+    ledger.fracture_j += step.fracture_j;
+    ledger.front_slip_j += step.front_slip_j;
+    ledger.initiation_j += step.initiation_j;
+    ledger.parting_j += step.parting_j;
+    ledger.damping_j += step.damping_j;
+    ledger.numerical_j += step.numerical_j;
+    ledger.residual_j += step.residual_j;
+}
+
+/// Durations of steps, summed up between two states that viewers see.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StepTimes {
+    /// Steps summed up.
+    pub steps: u32,
+    /// Time per stage, ns, indexed by `Stage as usize`.
+    pub stage_ns: [u64; kerf_physics::Stage::ALL.len()],
+    /// Time of all steps, ns.
+    pub total_ns: u64,
+    /// Time of the longest step, ns.
+    pub max_ns: u64,
+    /// Solver iterations of all steps.
+    pub solver_iterations: u64,
+}
+
+impl StepTimes {
+    /// Adds a step that took `elapsed_ns` by the session's clock.
+    pub(crate) fn add(&mut self, output: &StepOutput, elapsed_ns: u64) {
+        self.steps += 1;
+        for (sum, stage_ns) in self.stage_ns.iter_mut().zip(output.profile.stage_ns) {
+            *sum += stage_ns.unwrap_or(0);
+        }
+        self.total_ns += elapsed_ns;
+        self.max_ns = self.max_ns.max(elapsed_ns);
+        self.solver_iterations += u64::from(output.solve.iterations);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ledger_sums_works_and_replaces_levels() {
+        let mut ledger = EnergyStep::default();
+        let step = EnergyStep { tool_work_j: 1.0, elastic_j: 2.0, fracture_j: 0.5, ..EnergyStep::default() };
+        book(&mut ledger, &step);
+        book(&mut ledger, &step);
+        assert_eq!((ledger.tool_work_j, ledger.elastic_j, ledger.fracture_j), (2.0, 2.0, 1.0));
+    }
+}

@@ -1,0 +1,289 @@
+//! Sessions as their callers see them. The assertions hold for any scene.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use kerf_physics::{Scene, SceneDesc, Workers};
+use kerf_session::{
+    Driver, Phase, PoseRefusal, PoseSample, Registry, SceneEvent, Session, SessionError, SessionLimits, SessionOptions,
+    StepReport, ViewMessage, Viewer,
+};
+
+const BLOCK: &str = r#"
+version = 1
+name = "block"
+rate_hz = 500.0
+
+[[objects]]
+name = "block"
+shape = { box = { min_m = [-0.01, -0.01, -0.01], max_m = [0.01, 0.01, 0.01] } }
+resolution = 4
+level = 1
+material = { young_modulus_pa = 3000.0, poisson_ratio = 0.4, fracture_energy_j_per_m2 = 5.0 }
+fixed = [{ box = { min_m = [-0.02, -0.02, -0.02], max_m = [0.02, -0.005, 0.02] } }]
+
+[[tools]]
+name = "left"
+blade = { width_m = 0.02, height_m = 0.01 }
+
+[[tools]]
+name = "right"
+blade = { width_m = 0.02, height_m = 0.01 }
+"#;
+
+fn block() -> Scene {
+    Scene { desc: toml::from_str::<SceneDesc>(BLOCK).unwrap(), meshes: Default::default() }
+}
+
+fn limits() -> SessionLimits {
+    SessionLimits { max_sessions: 2, max_viewers: 2, ..SessionLimits::default() }
+}
+
+async fn session_with(limits: SessionLimits) -> (Registry, Arc<Session>) {
+    let registry = Registry::new(limits).unwrap();
+    let session = registry.create(block(), SessionOptions::default()).await.unwrap();
+    (registry, session)
+}
+
+/// Above the block, so that nothing is touched.
+fn pose(seq: u64, x_m: f64) -> PoseSample {
+    PoseSample { seq, client_ns: seq * 10, position_m: [x_m, 0.1, 0.0], orientation_xyzw: [0.0, 0.0, 0.0, 1.0] }
+}
+
+async fn report_where(driver: &Driver, holds: impl Fn(&StepReport) -> bool) -> Arc<StepReport> {
+    let mut reports = driver.reports();
+    let search = async {
+        loop {
+            let report = reports.next().await.expect("the session lives");
+            if holds(&report) {
+                return report;
+            }
+        }
+    };
+    tokio::time::timeout(Duration::from_secs(5), search).await.expect("a report in time")
+}
+
+async fn message_where(viewer: &mut Viewer, holds: impl Fn(&ViewMessage) -> bool) -> ViewMessage {
+    let search = async {
+        loop {
+            let message = viewer.next().await.expect("the session lives");
+            if holds(&message) {
+                return message;
+            }
+        }
+    };
+    tokio::time::timeout(Duration::from_secs(5), search).await.expect("a message in time")
+}
+
+fn is_event(message: &ViewMessage, event: &SceneEvent) -> bool {
+    matches!(message, ViewMessage::Event(happened) if happened.event == *event)
+}
+
+#[tokio::test]
+async fn a_session_steps_at_the_rate_of_its_scene() {
+    let (_registry, session) = session_with(limits()).await;
+    let (from, started) = (session.describe().await.unwrap().step, Instant::now());
+    tokio::time::sleep(Duration::from_millis(500)).await;
+    let steps = session.describe().await.unwrap().step - from;
+    let due = started.elapsed().as_secs_f64() * 500.0;
+    // What the session was behind at the beginning it may have caught up.
+    let caught_up = limits().max_lag_s * 500.0 + 2.0;
+    assert!(steps as f64 <= due + caught_up, "{steps} steps, {due} due");
+    assert!(steps > 0);
+}
+
+#[tokio::test]
+async fn a_report_echoes_the_pose_that_its_step_used() {
+    let (_registry, session) = session_with(limits()).await;
+    let driver = session.drive(&[1]).unwrap();
+    driver.submit(1, &pose(7, 0.0)).unwrap();
+    let report = report_where(&driver, |report| report.tools[1].echo.is_some()).await;
+    let echo = report.tools[1].echo.unwrap();
+    assert_eq!((echo.seq, echo.client_ns), (7, 70));
+    assert_eq!(report.tools[0].echo, None);
+}
+
+#[tokio::test]
+async fn a_silent_driver_loses_its_lease_and_another_takes_the_tool() {
+    let (_registry, session) = session_with(SessionLimits { lease_s: 0.2, ..limits() }).await;
+    let silent = session.drive(&[0]).unwrap();
+    assert!(matches!(session.drive(&[0]), Err(SessionError::ToolTaken { tool: 0, .. })));
+    silent.submit(0, &pose(1, 0.0)).unwrap();
+    let mut reports = silent.reports();
+    let lost = async {
+        while silent.take_lost_tools().is_empty() {
+            reports.next().await.unwrap();
+        }
+    };
+    tokio::time::timeout(Duration::from_secs(5), lost).await.expect("the lease runs out");
+    let next = session.drive(&[0]).unwrap();
+    next.submit(0, &pose(1, 0.3)).unwrap();
+    assert!(matches!(silent.submit(0, &pose(2, 0.0)), Err(PoseRefusal::ToolTaken { .. })));
+}
+
+#[tokio::test]
+async fn a_driver_that_ends_frees_its_tools_at_once() {
+    let (_registry, session) = session_with(limits()).await;
+    drop(session.drive(&[0, 1]).unwrap());
+    assert!(session.drive(&[1]).is_ok());
+}
+
+#[tokio::test]
+async fn only_claimed_tools_of_the_scene_are_driven() {
+    let (_registry, session) = session_with(limits()).await;
+    let driver = session.drive(&[0]).unwrap();
+    assert_eq!(driver.submit(1, &pose(1, 0.0)), Err(PoseRefusal::NotClaimed { tool: 1 }));
+    assert_eq!(driver.submit(9, &pose(1, 0.0)), Err(PoseRefusal::NoTool { tool: 9, tools: 2 }));
+    assert!(matches!(session.drive(&[9]), Err(SessionError::NoTool { .. })));
+}
+
+#[tokio::test]
+async fn a_tool_that_jumps_is_put_down_where_it_went() {
+    let (_registry, session) = session_with(limits()).await;
+    let driver = session.drive(&[0]).unwrap();
+    driver.submit(0, &pose(1, 0.0)).unwrap();
+    report_where(&driver, |report| report.tools[0].echo.is_some()).await;
+    assert!(matches!(driver.submit(0, &pose(2, 0.8)), Err(PoseRefusal::TooFast { .. })));
+    driver.submit(0, &pose(3, 0.8)).unwrap();
+    let report = report_where(&driver, |report| report.tools[0].jumps == 1).await;
+    assert_eq!(report.tools[0].echo.map(|echo| echo.seq), Some(3));
+}
+
+#[tokio::test]
+async fn a_viewer_gets_a_keyframe_then_a_state_of_its_version_then_more_states() {
+    let (_registry, session) = session_with(limits()).await;
+    let mut viewer = session.view().unwrap();
+    let Some(ViewMessage::Keyframe(keyframe)) = viewer.next().await else { panic!("a keyframe comes first") };
+    let Some(ViewMessage::State(first)) = viewer.next().await else { panic!("a state follows") };
+    assert_eq!(first.topology_version, keyframe.topology_version);
+    assert_eq!(first.node_displacements_m.len(), 1);
+    let later = message_where(&mut viewer, |message| matches!(message, ViewMessage::State(_))).await;
+    assert!(matches!(later, ViewMessage::State(state) if state.step > first.step && state.times.steps > 0));
+}
+
+#[tokio::test]
+async fn a_viewer_of_a_standing_session_gets_keyframe_and_state() {
+    let registry = Registry::new(limits()).unwrap();
+    let session = registry.create(block(), SessionOptions { start_paused: true }).await.unwrap();
+    let mut viewer = session.view().unwrap();
+    assert!(matches!(viewer.next().await, Some(ViewMessage::Keyframe(_))));
+    assert!(matches!(viewer.next().await, Some(ViewMessage::State(state)) if state.step == 0));
+    assert_eq!(session.describe().await.unwrap().step, 0);
+}
+
+#[tokio::test]
+async fn viewers_hear_of_tools_that_change_hands() {
+    let (_registry, session) = session_with(limits()).await;
+    let mut viewer = session.view().unwrap();
+    viewer.next().await;
+    let driver = session.drive(&[1]).unwrap();
+    message_where(&mut viewer, |message| is_event(message, &SceneEvent::ToolTaken(1))).await;
+    drop(driver);
+    message_where(&mut viewer, |message| is_event(message, &SceneEvent::ToolReleased(1))).await;
+}
+
+#[tokio::test]
+async fn pause_stands_resume_goes_on_reset_starts_over() {
+    let (_registry, session) = session_with(limits()).await;
+    let mut viewer = session.view().unwrap();
+    viewer.next().await;
+    tokio::time::sleep(Duration::from_millis(50)).await;
+    let stood = session.pause().await.unwrap();
+    message_where(&mut viewer, |message| is_event(message, &SceneEvent::Paused)).await;
+    tokio::time::sleep(Duration::from_millis(50)).await;
+    assert_eq!(session.describe().await.unwrap().step, stood);
+    assert_eq!(session.phase(), Phase::Paused);
+    session.reset().await.unwrap();
+    message_where(&mut viewer, |message| is_event(message, &SceneEvent::Reset)).await;
+    message_where(&mut viewer, |message| matches!(message, ViewMessage::Keyframe(_))).await;
+    assert_eq!(session.describe().await.unwrap().step, 0);
+    assert_eq!(session.resume().await.unwrap(), 0);
+    message_where(&mut viewer, |message| is_event(message, &SceneEvent::Resumed)).await;
+    message_where(&mut viewer, |message| matches!(message, ViewMessage::State(state) if state.step > 0)).await;
+}
+
+#[tokio::test]
+async fn closing_ends_viewers_and_drivers_and_frees_the_place() {
+    let (registry, session) = session_with(SessionLimits { max_sessions: 1, ..limits() }).await;
+    let full = registry.create(block(), SessionOptions::default()).await;
+    assert!(matches!(full, Err(SessionError::TooManySessions { limit: 1 })));
+    let mut viewer = session.view().unwrap();
+    let driver = session.drive(&[0]).unwrap();
+    registry.close(&session.id().to_string()).await.unwrap();
+    message_where(&mut viewer, |message| is_event(message, &SceneEvent::Closing)).await;
+    assert!(viewer.next().await.is_none());
+    let mut reports = driver.reports();
+    while reports.next().await.is_some() {}
+    assert_eq!(session.pause().await, Err(SessionError::Closed));
+    assert!(registry.create(block(), SessionOptions::default()).await.is_ok());
+}
+
+#[tokio::test]
+async fn a_panic_fails_its_session_until_a_reset_and_others_live() {
+    let registry = Registry::new(limits()).unwrap();
+    let broken = registry.create(block(), SessionOptions::default()).await.unwrap();
+    let other = registry.create(block(), SessionOptions::default()).await.unwrap();
+    let driver = broken.drive(&[0]).unwrap();
+    let answer = broken.query(|_| -> u64 { panic!("a test's panic") }).await;
+    assert!(matches!(answer, Err(SessionError::Failed { .. })));
+    let report = report_where(&driver, |report| report.failure.is_some()).await;
+    assert_eq!(report.failure.as_deref(), Some("a test's panic"));
+    assert!(matches!(broken.phase(), Phase::Failed { .. }));
+    assert!(matches!(broken.resume().await, Err(SessionError::Failed { .. })));
+    let before = other.describe().await.unwrap().step;
+    tokio::time::sleep(Duration::from_millis(50)).await;
+    assert!(other.describe().await.unwrap().step > before);
+    assert!(matches!(broken.drive(&[1]), Err(SessionError::Failed { .. })));
+    broken.reset().await.unwrap();
+    broken.resume().await.unwrap();
+    // One that begins now hears nothing of the failure before its time.
+    let later = broken.drive(&[1]).unwrap();
+    assert!(later.reports().next().await.unwrap().failure.is_none());
+    report_where(&driver, |report| report.failure.is_none() && report.step > 0).await;
+}
+
+#[tokio::test]
+async fn viewers_are_limited_and_one_that_leaves_makes_room() {
+    let (_registry, session) = session_with(limits()).await;
+    let first = session.view().unwrap();
+    let _second = session.view().unwrap();
+    assert!(matches!(session.view(), Err(SessionError::TooManyViewers { limit: 2 })));
+    drop(first);
+    assert!(session.view().is_ok());
+}
+
+#[tokio::test]
+async fn the_input_log_replays_to_the_same_state() {
+    let (_registry, session) = session_with(limits()).await;
+    let driver = session.drive(&[0]).unwrap();
+    for seq in 1..40 {
+        // Down through the block's top.
+        let position_m = [0.0, 0.012 - 1e-4 * seq as f64, 0.0];
+        driver.submit(0, &PoseSample { position_m, ..pose(seq, 0.0) }).unwrap();
+        tokio::time::sleep(Duration::from_millis(3)).await;
+    }
+    let recorded = session.query(|probe| (probe.log.clone(), probe.world.state_hash(), probe.world.output().step));
+    let (log, hash, step) = recorded.await.unwrap();
+    assert!(!log.motions().is_empty() && !log.is_full());
+    assert_eq!(log.steps(), step);
+    let replayed = log.replay(session.scene(), &Workers::serial()).unwrap();
+    assert_eq!((replayed.output().step, replayed.state_hash()), (step, hash));
+}
+
+#[tokio::test]
+async fn a_scene_with_a_rate_out_of_bounds_is_refused() {
+    let registry = Registry::new(limits()).unwrap();
+    let mut scene = block();
+    scene.desc.rate_hz = 1e6;
+    let refused = registry.create(scene, SessionOptions::default()).await;
+    assert!(matches!(refused, Err(SessionError::Rate { .. })));
+}
+
+#[tokio::test]
+async fn a_server_that_shuts_down_creates_nothing_and_ends_everything() {
+    let (registry, session) = session_with(limits()).await;
+    registry.close_all().await;
+    assert!(matches!(registry.create(block(), SessionOptions::default()).await, Err(SessionError::Draining)));
+    assert_eq!(session.phase(), Phase::Closing);
+    assert!(registry.list().is_empty());
+}

@@ -1,0 +1,237 @@
+//! A server in this process and clients of it.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use kerf_proto::PROTOCOL_VERSION;
+use kerf_proto::v1::control_service_client::ControlServiceClient;
+use kerf_proto::v1::session_service_client::SessionServiceClient;
+use kerf_proto::v1::view_service_client::ViewServiceClient;
+use kerf_proto::v1::{self, create_session_request, down, up};
+use kerf_server::config::ServerConfig;
+use kerf_server::serve::Server;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::mpsc;
+use tokio::task::JoinHandle;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::transport::{Channel, Endpoint};
+use tonic::{Code, Status, Streaming};
+
+/// Small enough to step in microseconds; held at its lower half.
+pub const BLOCK: &str = r#"
+version = 1
+name = "block"
+rate_hz = 500.0
+
+[[objects]]
+name = "block"
+shape = { box = { min_m = [-0.01, -0.01, -0.01], max_m = [0.01, 0.01, 0.01] } }
+resolution = 4
+level = 1
+material = { young_modulus_pa = 3000.0, poisson_ratio = 0.4, fracture_energy_j_per_m2 = 5.0 }
+fixed = [{ box = { min_m = [-0.02, -0.02, -0.02], max_m = [0.02, -0.005, 0.02] } }]
+
+[[tools]]
+name = "left"
+blade = { width_m = 0.02, height_m = 0.01 }
+
+[[tools]]
+name = "right"
+blade = { width_m = 0.02, height_m = 0.01 }
+"#;
+
+/// Longer than anything here takes on a busy machine.
+pub const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Waits for something, but not for ever.
+pub async fn soon<T>(what: &str, future: impl Future<Output = T>) -> T {
+    match tokio::time::timeout(PATIENCE, future).await {
+        Ok(done) => done,
+        Err(_) => panic!("{what}: nothing within {PATIENCE:?}"),
+    }
+}
+
+pub struct Harness {
+    pub server: Server,
+    pub channel: Channel,
+    pub sessions: SessionServiceClient<Channel>,
+}
+
+impl Harness {
+    pub async fn start() -> Self {
+        Self::with(|_| ()).await
+    }
+
+    /// A server on a free port whose configuration was changed.
+    pub async fn with(change: impl FnOnce(&mut ServerConfig)) -> Self {
+        let mut config = ServerConfig { listen: SocketAddr::from(([127, 0, 0, 1], 0)), ..ServerConfig::default() };
+        change(&mut config);
+        let server = Server::start(config).await.expect("the server starts");
+        let channel = connect(server.address()).await;
+        Self { sessions: SessionServiceClient::new(channel.clone()), server, channel }
+    }
+
+    pub async fn create(&mut self) -> Result<String, Status> {
+        let scene = Some(create_session_request::Scene::SceneToml(BLOCK.into()));
+        let request = v1::CreateSessionRequest { scene, start_paused: false };
+        let created = self.sessions.create_session(request).await?.into_inner();
+        Ok(created.session.expect("a description").session_id)
+    }
+
+    pub async fn describe(&mut self, session_id: &str) -> v1::SessionDescription {
+        let request = v1::DescribeSessionRequest { session_id: session_id.into() };
+        let described = self.sessions.describe_session(request).await.expect("a session").into_inner();
+        described.session.expect("a description")
+    }
+
+    /// Waits until the session's description is as wanted.
+    pub async fn until(&mut self, session_id: &str, holds: impl Fn(&v1::SessionDescription) -> bool) {
+        soon("a description", async {
+            while !holds(&self.describe(session_id).await) {
+                tokio::time::sleep(Duration::from_millis(10)).await;
+            }
+        })
+        .await;
+    }
+
+    pub async fn reset(&mut self, session_id: &str) {
+        let request = v1::ResetSessionRequest { session_id: session_id.into() };
+        self.sessions.reset_session(request).await.expect("a reset");
+    }
+
+    pub async fn drive(&self, session_id: &str, tool_ids: &[u32]) -> Result<Station, Status> {
+        Station::open(self.channel.clone(), hello(session_id, tool_ids)).await
+    }
+
+    pub async fn view(&self, channel: Channel, session_id: &str) -> Streaming<v1::ViewEvent> {
+        let request =
+            v1::ViewRequest { protocol_version: PROTOCOL_VERSION, session_id: session_id.into(), rate_hz: 0.0 };
+        let view = ViewServiceClient::new(channel).view(request).await;
+        view.expect("a view").into_inner()
+    }
+}
+
+pub async fn connect(address: SocketAddr) -> Channel {
+    endpoint(address).connect().await.expect("a connection")
+}
+
+pub fn endpoint(address: SocketAddr) -> Endpoint {
+    Endpoint::from_shared(format!("http://{address}")).expect("an address")
+}
+
+pub fn hello(session_id: &str, tool_ids: &[u32]) -> v1::ClientHello {
+    v1::ClientHello {
+        protocol_version: PROTOCOL_VERSION,
+        session_id: session_id.into(),
+        tool_ids: tool_ids.to_vec(),
+        contact_rate_hz: 0.0,
+    }
+}
+
+/// A pose above the block.
+pub fn pose(tool_id: u32, seq: u64, x_m: f32) -> v1::ToolPose {
+    let position_m = Some(v1::Vec3 { x: x_m, y: 0.1, z: 0.0 });
+    let orientation = Some(v1::Quat { x: 0.0, y: 0.0, z: 0.0, w: 1.0 });
+    let pose = Some(v1::Pose { position_m, orientation });
+    v1::ToolPose { tool_id, seq, client_ns: seq * 1000, pose, buttons: 0 }
+}
+
+/// One end of a control stream.
+pub struct Station {
+    pub hello: v1::ServerHello,
+    up: mpsc::Sender<v1::Up>,
+    down: Streaming<v1::Down>,
+}
+
+impl Station {
+    pub async fn open(channel: Channel, hello: v1::ClientHello) -> Result<Self, Status> {
+        let (up, messages) = mpsc::channel(64);
+        let first = v1::Up { message: Some(up::Message::Hello(hello)) };
+        up.send(first).await.expect("room for the hello");
+        let answer = ControlServiceClient::new(channel).control(ReceiverStream::new(messages)).await?;
+        let mut down = answer.into_inner();
+        match down.message().await?.and_then(|message| message.message) {
+            Some(down::Message::Hello(hello)) => Ok(Self { hello, up, down }),
+            other => panic!("a hello comes first, not {other:?}"),
+        }
+    }
+
+    /// Whether the message was still taken.
+    pub async fn say(&self, message: up::Message) -> bool {
+        self.up.send(v1::Up { message: Some(message) }).await.is_ok()
+    }
+
+    pub async fn send(&self, pose: v1::ToolPose) -> bool {
+        self.say(up::Message::Pose(pose)).await
+    }
+
+    /// The next message, the status that ended the stream, or its good end.
+    pub async fn next(&mut self) -> Option<Result<down::Message, Status>> {
+        let message = soon("a message", self.down.message()).await.transpose()?;
+        Some(message.map(|down| down.message.expect("a message that says something")))
+    }
+
+    /// Skips messages until `pick` takes one.
+    pub async fn pick<T>(&mut self, pick: impl Fn(down::Message) -> Option<T>) -> T {
+        soon("the message", async {
+            loop {
+                let message = self.next().await.expect("the stream goes on").expect("no error");
+                if let Some(picked) = pick(message) {
+                    return picked;
+                }
+            }
+        })
+        .await
+    }
+
+    pub async fn contact_where(&mut self, holds: impl Fn(&v1::Contact) -> bool) -> v1::Contact {
+        self.pick(|message| match message {
+            down::Message::Contact(contact) => Some(contact).filter(|contact| holds(contact)),
+            _ => None,
+        })
+        .await
+    }
+
+    pub async fn rejection(&mut self) -> v1::PoseRejected {
+        self.pick(|message| match message {
+            down::Message::Rejected(rejected) => Some(rejected),
+            _ => None,
+        })
+        .await
+    }
+
+    /// The status with which the stream ends; `Ok` for a good end.
+    pub async fn end(mut self) -> Code {
+        loop {
+            match self.next().await {
+                Some(Ok(_)) => {}
+                Some(Err(status)) => return status.code(),
+                None => return Code::Ok,
+            }
+        }
+    }
+}
+
+/// A cable between a client and the server that can be cut.
+pub struct Cable {
+    pub address: SocketAddr,
+    forwarding: JoinHandle<()>,
+}
+
+impl Cable {
+    pub async fn to(server: SocketAddr) -> Self {
+        let listener = TcpListener::bind(("127.0.0.1", 0)).await.expect("a port");
+        let address = listener.local_addr().expect("an address");
+        let forwarding = tokio::spawn(async move {
+            let (mut near, _) = listener.accept().await.expect("a client");
+            let mut far = TcpStream::connect(server).await.expect("the server");
+            // Either end's end is the cable's.
+            let _ = tokio::io::copy_bidirectional(&mut near, &mut far).await;
+        });
+        Self { address, forwarding }
+    }
+
+    pub fn cut(self) {
+        self.forwarding.abort();
+    }
+}

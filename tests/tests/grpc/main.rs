@@ -1,0 +1,6 @@
+//! The server over real gRPC on loopback: what clients do to it, and that it harms nobody else.
+
+mod control;
+mod harness;
+mod lifecycle;
+mod view;
