@@ -217,7 +217,8 @@ fn violent_starts_gain_no_energy_and_return_to_the_rest_shape() {
 
 #[test]
 fn non_finite_state_is_rolled_back_and_reported_and_the_world_goes_on() {
-    let poison: [(&str, fn(&mut Body)); 3] = [
+    type Poison = fn(&mut Body);
+    let poison: [(&str, Poison); 3] = [
         ("position", |b| b.position_m[3][1] = f64::NAN),
         ("velocity", |b| b.velocity_m_per_s[5][0] = f64::INFINITY),
         ("overflow", |b| b.position_m[3][1] = 1e200),

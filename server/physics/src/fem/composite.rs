@@ -325,7 +325,7 @@ fn condense(galerkin: &Matrix24, coupling: &[[f64; MODES]; DOFS], mut modes: [[f
 /// they were.
 fn stiffen_hourglass(k: &mut Matrix24, stiffness: f64) {
     for mode in [0b011, 0b110, 0b101, 0b111] {
-        let sign = |corner: usize| if (corner & mode).count_ones() % 2 == 0 { 1.0 } else { -1.0 };
+        let sign = |corner: usize| if (corner & mode).count_ones().is_multiple_of(2) { 1.0 } else { -1.0 };
         for a in 0..8 {
             for b in 0..8 {
                 for i in 0..3 {

@@ -325,7 +325,7 @@ impl Multigrid {
                 let mut sum = [0.0; PACKED];
                 let cell = hierarchy[i].elements[element as usize].cell;
                 for octant in 0..8 {
-                    let child_cell = [0, 1, 2].map(|a| 2 * cell[a] + (octant >> a & 1) as i32);
+                    let child_cell = [0, 1, 2].map(|a| 2 * cell[a] + (octant >> a & 1));
                     for c in hierarchy[i - 1].elements_in(child_cell) {
                         if child.parent[c as usize] == element {
                             let part = galerkin(&child.operator.matrix(c as usize), &child.weights(c as usize));
