@@ -18,8 +18,11 @@ const MAX_VIEWERS: u32 = 64;
 #[command(group(ArgGroup::new("what").required(true).args(["scene", "session"])))]
 pub struct Args {
     /// Address of the server
-    #[arg(long, env = "KERF_SERVER", default_value = "http://127.0.0.1:7420")]
+    #[arg(long, env = "KERF_SERVER", default_value = "http://127.0.0.1:50051")]
     pub server: String,
+    /// How long to wait for a server that is still starting, s
+    #[arg(long, default_value_t = 0.0)]
+    pub wait_for_server: f64,
     /// Creates a session of this scene, a name the server knows or a path to a scene file that
     /// refers to no other file, and closes it at the end
     #[arg(long)]

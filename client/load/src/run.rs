@@ -47,7 +47,8 @@ pub struct Finished {
 /// # Errors
 /// No server, no session, a script that cannot be run there, or a stream that broke.
 pub async fn run(args: &Args) -> anyhow::Result<Finished> {
-    let channel = session::connect(&args.server).await?;
+    let channel =
+        session::connect(&args.server, Duration::from_secs_f64(args.wait_for_server.clamp(0.0, 3600.0))).await?;
     let session = session::open(channel.clone(), args.scene.as_deref(), args.session.as_deref()).await?;
     let outcome = drive(args, &channel, &session).await;
     if session.created && !args.keep_session {

@@ -1,13 +1,15 @@
 //! Connecting to a server and getting a session.
 
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow, bail};
 use kerf_proto::v1::session_service_client::SessionServiceClient;
 use kerf_proto::v1::{self, create_session_request};
 use tonic::transport::{Channel, Endpoint};
 
+/// Pause between two attempts to reach a server that is starting.
+const RETRY_PAUSE: Duration = Duration::from_millis(100);
 /// A server that does not answer within this is down, or is not where it was said to be.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 /// Building the largest scenes takes seconds; a server that is this slow has hung.
@@ -29,13 +31,13 @@ pub struct Session {
     pub created: bool,
 }
 
-/// Connects to a server, given as a URL or as host:port.
+/// Connects to a server, given as a URL or as host:port; tries again for `patience` if it is not there.
 ///
 /// # Errors
 /// The address is not one, or nobody answers there.
-pub async fn connect(server: &str) -> anyhow::Result<Channel> {
+pub async fn connect(server: &str, patience: Duration) -> anyhow::Result<Channel> {
     let url = if server.contains("://") { server.to_owned() } else { format!("http://{server}") };
-    Endpoint::from_shared(url)
+    let endpoint = Endpoint::from_shared(url)
         .with_context(|| format!("{server} is not an address"))?
         .tcp_nodelay(true)
         .connect_timeout(CONNECT_TIMEOUT)
@@ -43,10 +45,14 @@ pub async fn connect(server: &str) -> anyhow::Result<Channel> {
         .keep_alive_timeout(KEEP_ALIVE)
         .keep_alive_while_idle(true)
         .initial_stream_window_size(WINDOW_BYTES)
-        .initial_connection_window_size(WINDOW_BYTES)
-        .connect()
-        .await
-        .with_context(|| format!("no Kerf server answers at {server}"))
+        .initial_connection_window_size(WINDOW_BYTES);
+    let deadline = Instant::now() + patience;
+    loop {
+        match endpoint.connect().await {
+            Err(_) if Instant::now() < deadline => tokio::time::sleep(RETRY_PAUSE).await,
+            outcome => return outcome.with_context(|| format!("no Kerf server answers at {server}")),
+        }
+    }
 }
 
 /// Creates a session of a scene, or joins one.

@@ -100,7 +100,7 @@ pub fn spawn(
     std::thread::Builder::new().name("kerf-load-view".to_owned()).spawn(move || {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
         runtime.block_on(async {
-            let channel = session::connect(&server).await?;
+            let channel = session::connect(&server, Duration::ZERO).await?;
             let mut tasks = Vec::new();
             for _ in 0..viewers {
                 let (channel, request) = (channel.clone(), request.clone());

@@ -1,5 +1,6 @@
 //! A block under a blade: whole steps with and without fracture, and the parts they are made of.
 #![allow(missing_docs, reason = "criterion's macros write undocumented functions")]
+#![allow(clippy::disallowed_types, reason = "a benchmark reads the clock")]
 
 #[path = "../tests/support/mod.rs"]
 mod support;

@@ -489,7 +489,7 @@ impl World {
             for element in &slot.body.base().elements {
                 element.nodes.iter().for_each(|n| hasher.word(u64::from(*n)));
             }
-            slot.contacts.iter().for_each(|c| c.front.hash_into(&mut hasher));
+            slot.contacts.iter().for_each(|c| c.front.fold_into(&mut hasher));
         }
         hasher.finish()
     }

@@ -55,15 +55,10 @@ impl Body {
     #[must_use]
     pub fn energy(&self) -> BodyEnergy {
         let mut energy = BodyEnergy::default();
-        for (element, data) in self.base().elements.iter().enumerate() {
-            let (state, lane) = (&self.states[element / LANES], element % LANES);
-            energy.elastic_j += state.energy_j.as_array()[lane];
-            for (corner, &node) in data.nodes.iter().enumerate() {
-                for i in 0..3 {
-                    energy.kinetic_j +=
-                        0.5 * self.velocity_m_per_s[node as usize][i] * state.momentum[3 * corner + i].as_array()[lane];
-                }
-            }
+        // Lanes without an element have zero matrices and add nothing.
+        for state in &self.states {
+            energy.elastic_j += state.energy_j.reduce_add();
+            energy.kinetic_j += state.kinetic_j.reduce_add();
         }
         for (element, hold) in &self.holds {
             let u = self.element_displacements(*element as usize);

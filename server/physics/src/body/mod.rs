@@ -106,7 +106,10 @@ pub struct Body {
     /// Loads of each node other than contact, N.
     external_n: Nodal,
     voxel_loads: Vec<VoxelLoad>,
+    /// By voxel, ascending.
     face_loads: Vec<FaceLoad>,
+    /// Each element's share of `external_n`, by corner.
+    element_loads_n: Vec<[[f64; 3]; 8]>,
     gravity_m_per_s2: Vec3,
     tables: CompositeTables,
     blocks: Vec<ElementBlock>,
@@ -182,6 +185,7 @@ impl Body {
             external_n: Vec::new(),
             voxel_loads,
             face_loads,
+            element_loads_n: Vec::new(),
             gravity_m_per_s2,
             blocks: Vec::new(),
             states: Vec::new(),
@@ -273,6 +277,7 @@ impl Body {
     /// Recomputes the matrices, the hold and the loads of an element from its voxels.
     fn rebuild_element(&mut self, element: usize) {
         let voxels = self.voxels_of(element);
+        self.element_loads_n[element] = self.element_loads(element, &voxels);
         let filled: Vec<(usize, Elastic)> = voxels
             .iter()
             .map(|&v| (self.tables.position(self.grid.voxels()[v.index()].ijk), self.material_of(v).elastic))
@@ -344,34 +349,47 @@ impl Body {
         held
     }
 
-    /// Loads at the nodes, from gravity and every voxel's own force.
-    fn rebuild_external_forces(&mut self) {
+    /// Loads at the corners of an element, from gravity and its voxels' own forces.
+    fn element_loads(&self, element: usize, voxels: &[VoxelId]) -> [[f64; 3]; 8] {
         let volume = self.grid.voxel_size_m().powi(3);
-        let mut external = vec![[0.0; 3]; self.node_count()];
-        for (index, voxel) in self.grid.voxels().iter().enumerate() {
-            let id = VoxelId(index as u32);
-            let weight = self.gravity_m_per_s2 * (self.material_of(id).elastic.density_kg_per_m3 * volume);
-            let force = weight + self.voxel_loads[index].force_n;
+        let mut loads = [[0.0; 3]; 8];
+        for &voxel in voxels {
+            let weight = self.gravity_m_per_s2 * (self.material_of(voxel).elastic.density_kg_per_m3 * volume);
+            let force = weight + self.voxel_loads[voxel.index()].force_n;
             if force == Vec3::zeros() {
                 continue;
             }
             // N at the centre is the mean of N over the voxel: trilinear along each axis.
-            self.share_out(&mut external, id, &self.grid.centre_m(voxel.ijk), &force);
+            self.share_out(&mut loads, element, &self.grid.centre_m(self.grid.voxels()[voxel.index()].ijk), &force);
         }
-        for load in &self.face_loads {
-            let (axis, step) = load.face.axis_and_step();
-            let mut at = self.grid.centre_m(self.grid.voxels()[load.voxel.index()].ijk);
-            at[axis] += 0.5 * f64::from(step) * self.grid.voxel_size_m();
-            self.share_out(&mut external, load.voxel, &at, &load.force_n);
+        for &voxel in voxels {
+            let first = self.face_loads.partition_point(|l| l.voxel < voxel);
+            for load in self.face_loads[first..].iter().take_while(|l| l.voxel == voxel) {
+                let (axis, step) = load.face.axis_and_step();
+                let mut at = self.grid.centre_m(self.grid.voxels()[voxel.index()].ijk);
+                at[axis] += 0.5 * f64::from(step) * self.grid.voxel_size_m();
+                self.share_out(&mut loads, element, &at, &load.force_n);
+            }
         }
-        self.external_n = external;
+        loads
     }
 
-    /// Shares a force at a reference position out to the nodes of the voxel's element.
-    fn share_out(&self, forces: &mut Nodal, voxel: VoxelId, at_m: &Vec3, force_n: &Vec3) {
-        let (nodes, n) = self.weights(&MaterialPoint { position_m: *at_m, voxel });
-        for (node, n) in nodes.into_iter().zip(n) {
-            (0..3).for_each(|i| forces[node as usize][i] += n * force_n[i]);
+    /// Sums the elements' loads at the nodes.
+    fn rebuild_external_forces(&mut self) {
+        self.external_n.clear();
+        self.external_n.resize(self.levels[0].nodes.len(), [0.0; 3]);
+        for (element, loads) in self.levels[0].elements.iter().zip(&self.element_loads_n) {
+            for (&node, load) in element.nodes.iter().zip(loads) {
+                (0..3).for_each(|i| self.external_n[node as usize][i] += load[i]);
+            }
+        }
+    }
+
+    /// Shares a force at a reference position out to the corners of an element.
+    fn share_out(&self, loads: &mut [[f64; 3]; 8], element: usize, at_m: &Vec3, force_n: &Vec3) {
+        let n = shape_functions(self.local_coordinates(element, at_m));
+        for (load, n) in loads.iter_mut().zip(n) {
+            (0..3).for_each(|i| load[i] += n * force_n[i]);
         }
     }
 
@@ -403,6 +421,7 @@ impl Body {
         }
         self.scratch.resize(elements, self.levels[0].nodes.len());
         self.pcg.resize(self.levels[0].nodes.len());
+        self.element_loads_n.resize(elements, [[0.0; 3]; 8]);
         self.applied_stiffening.resize(elements, 1.0);
         self.coarse_stiffening.resize(elements, 1.0);
     }
@@ -449,6 +468,7 @@ fn loads_of(grid: &Grid, object: &ObjectDesc, meshes: &Meshes) -> Result<(Vec<Vo
             }
         }
     }
+    face_loads.sort_by_key(|load: &FaceLoad| load.voxel);
     Ok((loads, face_loads))
 }
 

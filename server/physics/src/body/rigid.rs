@@ -118,35 +118,36 @@ impl Body {
         if !self.rigid.crumb.contains(&true) {
             return;
         }
-        let dt = self.params.dt_s;
         let mut totals = std::mem::take(&mut self.rigid.totals);
-        totals.fill(Totals::default());
-        self.add_mass_moments(&mut totals);
+        totals.iter_mut().for_each(|t| *t = Totals::default());
+        self.move_crumbs(&mut totals, dv);
+        self.rigid.totals = totals;
+    }
+
+    fn move_crumbs(&self, totals: &mut [Totals], dv: &mut Nodal) {
+        let parts = &self.rigid;
+        let dt = self.params.dt_s;
+        self.add_mass_moments(totals);
         self.for_each_mass(|part, node, other, mass| {
             let total = &mut totals[part];
             let momentum = (Vec3::from(self.velocity_m_per_s[other]) + Vec3::from(dv[other])) * mass;
             total.linear += momentum;
             total.angular += (Vec3::from(self.position_m[node]) - total.centre).cross(&momentum);
         });
-        for total in &mut totals {
-            total.velocity = total.linear / total.mass;
-            total.spin = total.inertia.lu().solve(&total.angular).unwrap_or_default();
-        }
         for (node, change) in dv.iter_mut().enumerate() {
-            let part = self.rigid.node_part[node];
-            if part == NONE || !self.rigid.crumb[part as usize] {
+            let part = parts.node_part[node];
+            if part == NONE || !parts.crumb[part as usize] {
                 continue;
             }
             let total = &totals[part as usize];
-            let turn = total.spin * dt;
+            let turn = total.inertia.lu().solve(&total.angular).unwrap_or_default() * dt;
             let turn = turn * (CRUMB_TURN_PER_STEP / turn.norm().max(CRUMB_TURN_PER_STEP));
             let arm = Vec3::from(self.position_m[node]) - total.centre;
             // The step's displacement is the rotation itself, so that the shape is kept.
             let turned = crate::Quat::from_scaled_axis(turn) * arm;
-            let v = total.velocity + (turned - arm) / dt;
+            let v = total.linear / total.mass + (turned - arm) / dt;
             (0..3).for_each(|i| change[i] = v[i] - self.velocity_m_per_s[node][i]);
         }
-        self.rigid.totals = totals;
     }
 
     /// `M alpha dt (v + dv)`: what mass-proportional damping takes.

@@ -58,6 +58,8 @@ pub struct ElementState {
     pub rotation: [f64x8; 4],
     /// Elastic energy, J.
     pub energy_j: f64x8,
+    /// Kinetic energy, J.
+    pub kinetic_j: f64x8,
     /// `psi'`: factor on the Galerkin stiffness' share; 1 where linear.
     pub stiffening: f64x8,
     /// `psi'' / V`, and the local Galerkin force it goes with.
@@ -78,6 +80,7 @@ impl Default for ElementState {
         Self {
             rotation: [zero, zero, zero, f64x8::ONE],
             energy_j: zero,
+            kinetic_j: zero,
             stiffening: f64x8::ONE,
             curvature: zero,
             galerkin_force_n: [zero; 24],
@@ -321,6 +324,7 @@ impl ElementBlock {
     fn evaluate_velocity_terms(&self, state: &mut ElementState, r: &[f64x8; 9], v: &[f64x8; 24], dt_s: f64) {
         let kv = lanes::rotate(r, &self.tangent(state, &lanes::rotate_back(r, v)));
         state.momentum = self.mass_times(v);
+        state.kinetic_j = f64x8::splat(0.5) * lanes::dot(v, &state.momentum);
         let factor = self.beta_s + f64x8::splat(dt_s);
         for i in 0..24 {
             state.drag_n[i] = factor.mul_add(kv[i], self.alpha_per_s * state.momentum[i]);

@@ -197,7 +197,7 @@ impl Front {
     }
 
     /// Folds the front's state into a hash.
-    pub fn hash_into(&self, hasher: &mut crate::hash::StateHasher) {
+    pub fn fold_into(&self, hasher: &mut crate::hash::StateHasher) {
         for marker in &self.markers {
             match marker {
                 Marker::Outside => hasher.word(0),

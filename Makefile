@@ -1,0 +1,26 @@
+# The commands that README.md names; .ci/run calls lint and test.
+.PHONY: demo test lint bench
+
+DEMO_OUT ?= out/demo
+DEMO_ADDRESS ?= 127.0.0.1:50051
+
+# Starts a server, cuts the liver twice through it, leaves plots and the surface, stops the server.
+demo:
+	cargo build --release --bin kerf-server --bin kerf-load
+	@target/release/kerf-server serve --listen $(DEMO_ADDRESS) --log-filter warn & server=$$!; \
+	trap 'kill $$server 2>/dev/null; wait $$server' EXIT; \
+	target/release/kerf-load --server http://$(DEMO_ADDRESS) --scene liver --strokes 2 --jitter 0 \
+		--depth 0.05 --speed 0.05 --wait-for-server 10 --out $(DEMO_OUT)
+
+test:
+	cargo test --workspace
+
+lint:
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
+
+# Medians of one run each; figures belong to the machine they were taken on.
+bench:
+	cargo bench -p kerf-session --bench liver
+	cargo bench -p kerf-physics --bench step
