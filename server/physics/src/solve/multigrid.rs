@@ -247,7 +247,7 @@ fn octant_of(cell: [i32; 3]) -> u8 {
 
 impl Multigrid {
     /// Builds the cycle over `hierarchy`, finest first. The matrices of the finest level are to be set
-    /// through [`Self::set_matrix`] and then [`Self::refresh`]ed.
+    /// through [`Operator::set_matrix`] and then completed by [`Self::rebuild`].
     #[must_use]
     pub fn new(hierarchy: &[Level]) -> Self {
         let mut levels: Vec<CycleLevel> = hierarchy.iter().map(CycleLevel::new).collect();
