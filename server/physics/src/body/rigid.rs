@@ -15,6 +15,8 @@ pub(super) struct RigidParts {
     element_part: Vec<u32>,
     node_part: Vec<u32>,
     held: Vec<bool>,
+    /// Elements of the parts that are not held: all that has to be summed over.
+    loose: Vec<u32>,
     /// Free pieces of less than half a composite element.
     crumb: Vec<bool>,
     /// Whether a part is left alone this step, and what it is to gain.
@@ -50,7 +52,8 @@ impl RigidParts {
         let half_a_cell = (1u32 << (3 * body.base().exponent)) / 2;
         let crumb = voxels.iter().zip(&held).map(|(n, held)| !held && *n < half_a_cell).collect();
         let (skip, totals) = (held.clone(), vec![Totals::default(); count as usize]);
-        Self { element_part, node_part, held, crumb, skip, totals }
+        let loose = (0..element_part.len() as u32).filter(|e| !held[element_part[*e as usize] as usize]).collect();
+        Self { element_part, node_part, held, loose, crumb, skip, totals }
     }
 
     pub(super) fn part_count(&self) -> u32 {
@@ -153,7 +156,8 @@ impl Body {
     /// `M alpha dt (v + dv)`: what mass-proportional damping takes.
     fn add_mass_damping(&self, totals: &mut [Totals], dv: &Nodal) {
         let dt = self.params.dt_s;
-        for (element, data) in self.base().elements.iter().enumerate() {
+        for element in self.rigid.loose.iter().map(|e| *e as usize) {
+            let data = &self.base().elements[element];
             let (block, lane) = (&self.blocks[element / LANES], element % LANES);
             let alpha = block.alpha_per_s.as_array()[lane];
             if alpha == 0.0 {
@@ -189,7 +193,8 @@ impl Body {
 
     /// Visits `(part, node, node, mass entry)` of the consistent mass.
     fn for_each_mass(&self, mut visit: impl FnMut(usize, usize, usize, f64)) {
-        for (element, data) in self.base().elements.iter().enumerate() {
+        for element in self.rigid.loose.iter().map(|e| *e as usize) {
+            let data = &self.base().elements[element];
             let (block, lane) = (&self.blocks[element / LANES], element % LANES);
             let part = self.rigid.element_part[element] as usize;
             for a in 0..8 {

@@ -175,9 +175,11 @@ impl ElementBlock {
     fn gather(&self, values: &[[f64; 3]]) -> [f64x8; 24] {
         let mut out = [f64x8::ZERO; 24];
         for corner in 0..8 {
-            let points: [[f64; 3]; LANES] = std::array::from_fn(|l| values[self.nodes[corner][l] as usize]);
-            for i in 0..3 {
-                out[3 * corner + i] = f64x8::from(points.map(|p| p[i]));
+            for lane in 0..LANES {
+                let point = &values[self.nodes[corner][lane] as usize];
+                for i in 0..3 {
+                    out[3 * corner + i].as_mut_array()[lane] = point[i];
+                }
             }
         }
         out

@@ -75,7 +75,11 @@ impl OperatorBlock {
     fn gather(&self, x: &[f32x4]) -> [f32x8; 24] {
         let mut out = [f32x8::ZERO; 24];
         for (corner, nodes) in self.nodes.iter().enumerate() {
-            out[3 * corner..3 * corner + 3].copy_from_slice(&lanes::split(nodes.map(|n| x[n as usize])));
+            let mut points = [f32x4::ZERO; LANES];
+            for (point, node) in points.iter_mut().zip(nodes) {
+                *point = x[*node as usize];
+            }
+            out[3 * corner..3 * corner + 3].copy_from_slice(&lanes::split(points));
         }
         out
     }
