@@ -44,7 +44,6 @@ pub fn book<'a>(
 ) -> EnergyStep {
     let sum = |f: &dyn Fn(&BodyLedger) -> f64| bodies.clone().map(f).sum::<f64>();
     let elastic_before = sum(&|b| b.before.elastic_j);
-    let hold_before = sum(&|b| b.before.hold_j);
     let kinetic_before = sum(&|b| b.before.kinetic_j);
     let mut energy = EnergyStep {
         tool_work_j: contact.tool_work_j,
@@ -70,9 +69,8 @@ pub fn book<'a>(
         b.step.inertial_j + b.step.elastic_j + b.step.hold_j - linearisation
     });
     energy.numerical_j += contact.flank_work_j - (contact.flank_stored_j - flank_before_j);
-    let contact_before = hold_before + (before.contact_j - hold_before);
     let stored =
-        energy.elastic_j - elastic_before + energy.kinetic_j - kinetic_before + energy.contact_j - contact_before;
+        energy.elastic_j - elastic_before + energy.kinetic_j - kinetic_before + energy.contact_j - before.contact_j;
     energy.residual_j = energy.tool_work_j + energy.load_work_j
         - stored
         - energy.fracture_j

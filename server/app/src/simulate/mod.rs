@@ -8,14 +8,14 @@ pub mod tables;
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
-use kerf_physics::{Scene, StageClock, StepInputs, Workers, World};
+use kerf_physics::{Scene, StepInputs, Workers, World};
 use kerf_replica::glb;
 use kerf_session::catalog;
+use kerf_session::clock::MonotonicClock;
 
 use script::Script;
 use summary::{Summary, Tally};
@@ -119,7 +119,7 @@ fn step(
     steps: u64,
     rate_hz: f64,
 ) -> Result<Summary> {
-    let clock = WallClock(Instant::now());
+    let clock = MonotonicClock;
     let progress = ProgressBar::new(steps).with_style(
         ProgressStyle::with_template("{bar:40} {pos}/{len} steps, {per_sec}, {eta} left {msg}")
             .expect("the template is sound"),
@@ -163,13 +163,4 @@ fn write_results(folder: &Path, world: &mut World, summary: &Summary) -> Result<
     glb::write(&surface, &surface::of(world)).with_context(|| surface.display().to_string())?;
     let path = folder.join("summary.json");
     std::fs::write(&path, serde_json::to_string_pretty(summary)? + "\n").with_context(|| path.display().to_string())
-}
-
-/// Time since the run began.
-struct WallClock(Instant);
-
-impl StageClock for WallClock {
-    fn now_ns(&self) -> u64 {
-        self.0.elapsed().as_nanos() as u64
-    }
 }

@@ -3,6 +3,7 @@
 
 use super::Body;
 use crate::contact::{Contact, Mode};
+use crate::fem::composite::corner_pair;
 use crate::fem::corotation::{LANES, StepEnergies, rotation_matrix};
 use crate::fem::lanes::for_packed;
 use crate::solve::operator::LANES as OPERATOR_LANES;
@@ -294,7 +295,7 @@ fn narrow(v: &[f64; 3]) -> f32x4 {
 }
 
 fn entry(packed: &[f64; 36], a: usize, b: usize) -> f64 {
-    if b <= a { packed[a * (a + 1) / 2 + b] } else { packed[b * (b + 1) / 2 + a] }
+    packed[corner_pair(a, b)]
 }
 
 fn quadratic(packed: &[f64; 36], u: impl Fn(usize) -> f64, v: impl Fn(usize) -> f64) -> f64 {

@@ -5,6 +5,7 @@
 //! the rigid velocity change that makes its linear and angular momentum what the loads say.
 
 use super::{Body, Nodal};
+use crate::fem::composite::corner_pair;
 use crate::fem::corotation::LANES;
 use crate::grid::levels::NONE;
 use crate::{Mat3, Vec3};
@@ -167,7 +168,7 @@ impl Body {
             for a in 0..8 {
                 for b in 0..8 {
                     let (i, j) = (data.nodes[a] as usize, data.nodes[b] as usize);
-                    let mass = block.mass_kg[packed_index(a, b)].as_array()[lane];
+                    let mass = block.mass_kg[corner_pair(a, b)].as_array()[lane];
                     let v = Vec3::from(self.velocity_m_per_s[j]) + Vec3::from(dv[j]);
                     let loss = v * (dt * alpha * mass);
                     total.linear -= loss;
@@ -199,14 +200,10 @@ impl Body {
             let part = self.rigid.element_part[element] as usize;
             for a in 0..8 {
                 for b in 0..8 {
-                    let mass = block.mass_kg[packed_index(a, b)].as_array()[lane];
+                    let mass = block.mass_kg[corner_pair(a, b)].as_array()[lane];
                     visit(part, data.nodes[a] as usize, data.nodes[b] as usize, mass);
                 }
             }
         }
     }
-}
-
-fn packed_index(a: usize, b: usize) -> usize {
-    if b <= a { a * (a + 1) / 2 + b } else { b * (b + 1) / 2 + a }
 }

@@ -91,10 +91,4 @@ impl SpatialHash {
         let same_cell = self.entries[start..].iter().take_while(move |e| e.0 == cell);
         same_cell.map(|e| &self.boxes[e.1 as usize]).filter(move |b| b.1.meets(&point)).map(|b| b.0)
     }
-
-    /// Whether no element is near.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.entries.is_empty()
-    }
 }

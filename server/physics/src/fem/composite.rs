@@ -62,6 +62,12 @@ fn corner_sign(c: usize, axis: usize) -> f64 {
     if c >> axis & 1 == 1 { 1.0 } else { -1.0 }
 }
 
+/// Index of the pair (a, b) of corners in a packed symmetric 8x8 matrix: lower triangle by rows.
+#[must_use]
+pub fn corner_pair(a: usize, b: usize) -> usize {
+    if b <= a { a * (a + 1) / 2 + b } else { b * (b + 1) / 2 + a }
+}
+
 /// Trilinear shape functions at local coordinates in 0..=1.
 #[must_use]
 pub fn shape_functions(local: [f64; 3]) -> [f64; 8] {

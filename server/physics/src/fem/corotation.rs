@@ -4,7 +4,7 @@
 //! mean deformation gradient, `w = 1/2 u^T K_G u / V`, `psi(w) = E/(2c) (exp(2 c w / E) - 1)`: strain
 //! stiffening, uniaxially `sigma = E eps exp(c eps^2)`; the second term is absent for c = 0.
 
-use super::composite::ElementMatrices;
+use super::composite::{ElementMatrices, corner_pair};
 use super::lanes::{self, PACKED, for_packed};
 use wide::f64x8;
 
@@ -290,7 +290,7 @@ impl ElementBlock {
         let mut out = [f64x8::ZERO; 24];
         for a in 0..8 {
             for b in 0..8 {
-                let entry = if b <= a { a * (a + 1) / 2 + b } else { b * (b + 1) / 2 + a };
+                let entry = corner_pair(a, b);
                 for i in 0..3 {
                     out[3 * a + i] = self.mass_kg[entry].mul_add(v[3 * b + i], out[3 * a + i]);
                 }

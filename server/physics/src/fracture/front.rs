@@ -190,12 +190,6 @@ impl Front {
         self.contacts.iter().filter(cutting).count() as f64 * self.share_m
     }
 
-    /// Whether any marker is in contact.
-    #[must_use]
-    pub fn touches(&self) -> bool {
-        self.markers.iter().any(|m| matches!(m, Marker::On(_)))
-    }
-
     /// Folds the front's state into a hash.
     pub fn fold_into(&self, hasher: &mut crate::hash::StateHasher) {
         for marker in &self.markers {
