@@ -5,8 +5,9 @@
 pub struct StepParams {
     /// Time step, s.
     pub dt_s: f64,
-    /// Relative residual at which the velocity solve ends. Default 1e-3: the force on the tool is
-    /// then within 1e-4 of the converged one.
+    /// Residual at which the velocity solve ends, over the right side or, if that is larger, the
+    /// impulses of loads and contacts whose balance it is. Default 1e-3: the force on the tool is then
+    /// within 2e-4 of the converged one.
     pub relative_tolerance: f64,
     /// Iterations after which a solve ends whatever its residual. Default 200.
     pub max_iterations: u32,

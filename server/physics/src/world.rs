@@ -551,7 +551,8 @@ impl BodySlot {
             self.impulses.extend(contact.weights.iter().map(|(node, w)| (node, (impulse * w).into())));
         }
         self.body.set_springs(self.contacts.iter().flat_map(ToolContact::springs));
-        self.body.solve_velocity_change(workers, &self.impulses, &mut self.velocity_change)
+        let scale = self.body.applied_impulse_norm(&self.impulses);
+        self.body.solve_velocity_change(workers, &self.impulses, scale, &mut self.velocity_change)
     }
 
     fn settle_contacts(&mut self, dt_s: f64) -> bool {

@@ -7,7 +7,7 @@ use crate::fem::composite::corner_pair;
 use crate::fem::corotation::{LANES, StepEnergies, rotation_matrix};
 use crate::fem::lanes::for_packed;
 use crate::solve::operator::LANES as OPERATOR_LANES;
-use crate::solve::pcg::PcgReport;
+use crate::solve::pcg::{PcgReport, Stop};
 use crate::solve::spring::PointSpring;
 use crate::step_io::SolveReport;
 use crate::workers::Workers;
@@ -232,12 +232,27 @@ impl Body {
         self.scratch.right_side = b;
     }
 
+    /// Norm of the impulses that loads and contacts `impulses` (node, N s) give the nodes in a step.
+    pub fn applied_impulse_norm(&mut self, impulses: &[(u32, [f64; 3])]) -> f64 {
+        let mut applied = std::mem::take(&mut self.scratch.applied);
+        applied.clear();
+        applied.extend(self.external_n.iter().map(|f| f.map(|c| self.params.dt_s * c)));
+        for (node, impulse) in impulses {
+            (0..3).for_each(|i| applied[*node as usize][i] += impulse[i]);
+        }
+        let squares: f64 = applied.iter().flatten().map(|c| c * c).sum();
+        self.scratch.applied = applied;
+        squares.sqrt()
+    }
+
     /// Solves for the change of velocity with contact impulses `impulse` (node, N s) added to the
-    /// right side; `velocity_change` starts as the guess and ends as the solution.
+    /// right side, to the tolerance relative to it or, if that is larger, to `scale`;
+    /// `velocity_change` starts as the guess and ends as the solution.
     pub fn solve_velocity_change(
         &mut self,
         workers: &Workers<'_>,
         impulses: &[(u32, [f64; 3])],
+        scale: f64,
         velocity_change: &mut super::Nodal,
     ) -> SolveReport {
         let scratch = &mut self.scratch;
@@ -253,8 +268,11 @@ impl Body {
             &mut self.multigrid,
             &scratch.right_side_f32,
             &mut scratch.solution,
-            self.params.relative_tolerance,
-            self.params.max_iterations,
+            Stop {
+                scale,
+                relative_tolerance: self.params.relative_tolerance,
+                max_iterations: self.params.max_iterations,
+            },
         );
         velocity_change.clear();
         velocity_change.extend(self.scratch.solution.iter().map(|v| {

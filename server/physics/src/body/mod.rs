@@ -130,6 +130,7 @@ pub struct Body {
 #[derive(Default)]
 struct Scratch {
     right_side: Nodal,
+    applied: Nodal,
     right_side_f32: NodeVector,
     solution: NodeVector,
     stale_parents: Vec<u32>,
@@ -138,6 +139,7 @@ struct Scratch {
 impl Scratch {
     fn resize(&mut self, elements: usize, nodes: usize) {
         self.right_side.resize(nodes, [0.0; 3]);
+        self.applied.resize(nodes, [0.0; 3]);
         self.right_side_f32.resize(nodes, Default::default());
         self.solution.resize(nodes, Default::default());
         self.stale_parents.clear();

@@ -41,7 +41,7 @@ impl Body {
             }
             end.solves += 1;
             change.iter_mut().for_each(|v| *v = [0.0; 3]);
-            self.solve_velocity_change(workers, &[], &mut change);
+            self.solve_velocity_change(workers, &[], 0.0, &mut change);
             let saved = self.position_m.clone();
             for (x, v) in self.position_m.iter_mut().zip(&change) {
                 (0..3).for_each(|i| x[i] += tau * v[i]);

@@ -109,8 +109,8 @@ fn default_rate_hz() -> f64 {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SolverDesc {
-    /// Relative residual at which a solve ends. Default 1e-3: the force on a tool is then within
-    /// 1e-4 of the converged one.
+    /// Unbalanced force at which a solve ends, relative to the loads and contact forces. Default 1e-3:
+    /// the force on a tool is then within 2e-4 of the converged one.
     pub relative_tolerance: f64,
     /// Iterations after which a solve ends whatever its residual. Default 200: some twenty times
     /// what a warm-started solve takes.

@@ -20,12 +20,24 @@ pub struct PcgScratch {
     ap: NodeVector,
 }
 
+/// When a solve ends.
+#[derive(Clone, Copy, Debug)]
+pub struct Stop {
+    /// Norm of what the right side is the balance of. Where large terms cancel in `b`, a residual that
+    /// is small beside them is small enough.
+    pub scale: f64,
+    /// Residual over the larger of `|b|` and `scale`.
+    pub relative_tolerance: f64,
+    /// Iterations after which it ends whatever the residual.
+    pub max_iterations: u32,
+}
+
 /// How a solve ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PcgReport {
     /// Iterations taken.
     pub iterations: u32,
-    /// Norm of the residual over the norm of the right side.
+    /// Norm of the residual over the larger of `|b|` and [`Stop::scale`].
     pub relative_residual: f64,
 }
 
@@ -64,15 +76,14 @@ impl PcgScratch {
         }
     }
 
-    /// Solves `A x = b` from the initial guess in `x` to `tolerance |b|`.
+    /// Solves `A x = b` from the initial guess in `x` until `stop` says.
     pub fn solve(
         &mut self,
         workers: &Workers<'_>,
         multigrid: &mut Multigrid,
         b: &[f32x4],
         x: &mut [f32x4],
-        tolerance: f64,
-        max_iterations: u32,
+        stop: Stop,
     ) -> PcgReport {
         self.resize(b.len());
         let norm_b = dot(b, b).sqrt();
@@ -91,10 +102,11 @@ impl PcgScratch {
             self.r.copy_from_slice(b);
             norm_r = norm_b;
         }
+        let reference = norm_b.max(stop.scale);
         let (mut rz, mut alpha, mut iterations) = (0.0, 0.0, 0);
         let mut repairs = 0;
         let mut fresh = true;
-        while norm_r > tolerance * norm_b && iterations < max_iterations {
+        while norm_r > stop.relative_tolerance * reference && iterations < stop.max_iterations {
             multigrid.precondition(workers, &self.r, &mut self.z);
             let next_rz = dot(&self.r, &self.z);
             if next_rz.is_nan() || next_rz <= 0.0 {
@@ -130,6 +142,6 @@ impl PcgScratch {
             norm_r = dot(&self.r, &self.r).sqrt();
             iterations += 1;
         }
-        PcgReport { iterations, relative_residual: norm_r / norm_b }
+        PcgReport { iterations, relative_residual: norm_r / reference }
     }
 }
