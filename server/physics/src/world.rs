@@ -1,6 +1,6 @@
 //! The state of one scene and the order of its step.
 
-use crate::body::{Body, BodyEnergy, TopologyChange};
+use crate::body::{Body, PartedLinks, TopologyChange};
 use crate::contact::broad::{Aabb, SpatialHash};
 use crate::contact::flank::Walls;
 use crate::contact::{Contact, Mode};
@@ -27,14 +27,6 @@ pub use crate::body::Relaxation;
 /// A step's contact springs are re-solved at most this many times; what still changes then waits for
 /// the next step.
 const MAX_ACTIVE_SET_SOLVES: u32 = 4;
-
-/// A step may not end with more than this many times the energy it began with, beyond what was put
-/// in; steps that behave end with less than they began with.
-const ENERGY_GROWTH: f64 = 1.5;
-/// Energies below this are left alone, J.
-const LEAST_ENERGY_J: f64 = 1e-9;
-/// A step is taken back to a quarter this many times at most.
-const MAX_STEPS_BACK: u32 = 8;
 
 /// A tool and where it is.
 struct Tool {
@@ -257,7 +249,6 @@ impl World {
             }
             let touched = slot.impulses.iter().map(|i| i.0);
             slot.body.correct_rigid_motion(touched, &mut slot.velocity_change);
-            slot.body.stiffen_crumbs(&mut slot.velocity_change);
         }
         self.output.solve = report;
     }
@@ -284,7 +275,7 @@ impl World {
         for slot in &mut self.slots {
             slot.ledger.before = slot.ledger.after;
             slot.body.evaluate(workers, 2);
-            slot.ledger.solved = slot.bound_energy(workers);
+            slot.ledger.solved = slot.body.energy();
             if !slot.body.save_finite_state() {
                 slot.roll_back(workers, &mut self.output);
                 slot.ledger.solved = slot.ledger.after;
@@ -309,7 +300,9 @@ impl World {
 
     fn update_topology(&mut self, workers: &Workers<'_>) {
         for slot in &mut self.slots {
-            slot.parted = slot.body.part_links(&slot.parting);
+            let PartedLinks { parted, spared } = slot.body.part_links(&slot.parting);
+            slot.parted = parted;
+            self.output.fracture.spared_links += spared as u32;
             slot.parting.clear();
             slot.change = TopologyChange::default();
             if slot.parted.is_empty() {
@@ -341,16 +334,16 @@ impl World {
             let mut model = tool.pose.map(|pose| ContactModelSum::new(pose, &tool.blade));
             for slot in &self.slots {
                 let contact = &slot.contacts[index];
-                for c in contact.springs().filter(|c| c.mode != Mode::Off) {
-                    let force = c.direction * c.force_n();
+                for c in contact.springs().filter(|c| c.force_n != 0.0) {
+                    let force = c.direction * c.force_n;
                     self.contact_ledger.tool_work_j += force.dot(&(c.tool_point_m - c.tool_point_before_m));
                     if let Some(sum) = &mut model {
                         sum.add(c, &mut wrench);
                     }
                 }
                 for c in &contact.flanks {
-                    self.contact_ledger.flank_work_j += c.force_n() * (c.gap_m - c.gap_before_m);
-                    self.contact_ledger.flank_stored_j += 0.5 * c.force_n() * c.gap_m;
+                    self.contact_ledger.flank_work_j += c.force_n * (c.gap_m - c.gap_before_m);
+                    self.contact_ledger.flank_stored_j += 0.5 * c.force_n * c.gap_m;
                 }
             }
             let output = &mut self.output.tools[index];
@@ -362,6 +355,8 @@ impl World {
     }
 
     fn finish(&mut self) {
+        let fronts = self.slots.iter_mut().flat_map(|s| &mut s.contacts).map(|c| &mut c.front);
+        self.contact_ledger.front.numerical_j += fronts.map(Front::take_dropped_j).sum::<f64>();
         let before = self.output.energy;
         let ledgers = self.slots.iter().map(|s| &s.ledger);
         self.output.energy = ledger::book(ledgers, &self.contact_ledger, &before, self.flank_before_j);
@@ -579,27 +574,6 @@ impl BodySlot {
         }
     }
 
-    /// Takes a step back where it created energy: the linearised step bounds it but where an element
-    /// turns or stiffens many times over within one step (few voxels in a cell, hit at metres per
-    /// second). The ledger's residual shows it. Returns the energy of the step's end.
-    fn bound_energy(&mut self, workers: &Workers<'_>) -> BodyEnergy {
-        let velocity = &self.body.velocity_m_per_s;
-        let work = |(node, impulse): &(u32, [f64; 3])| -> f64 {
-            (0..3).map(|i| impulse[i] * velocity[*node as usize][i]).sum()
-        };
-        let put_in = self.impulses.iter().map(|i| work(i).abs()).sum::<f64>() + self.ledger.load_work_j.abs();
-        let bound = ENERGY_GROWTH * self.ledger.before.total_j() + 2.0 * put_in + LEAST_ENERGY_J;
-        let mut energy = self.body.energy();
-        for _ in 0..MAX_STEPS_BACK {
-            if energy.total_j() <= bound {
-                break;
-            }
-            self.body.step_back(workers, 0.25);
-            energy = self.body.energy();
-        }
-        energy
-    }
-
     /// Positions and rotations go back to the last finite step, velocities are zeroed, the tools lifted.
     fn roll_back(&mut self, workers: &Workers<'_>, output: &mut StepOutput) {
         self.body.restore_finite_state(workers);
@@ -663,7 +637,7 @@ impl ContactModelSum {
 
     fn add(&mut self, contact: &Contact, wrench: &mut Wrench) {
         let arm = contact.tool_point_m - self.pose.position_m;
-        let force = -contact.direction * contact.force_n();
+        let force = -contact.direction * contact.force_n;
         wrench.force_n += force;
         wrench.torque_nm += arm.cross(&force);
         self.contacts += 1;

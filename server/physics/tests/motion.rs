@@ -36,7 +36,7 @@ fn cut_across(body: &mut Body, i: i32) {
     let links: Vec<_> = (0..ny * nz)
         .map(|n| (LinkId { cell: [i, n % ny, n / ny], axis: 0 }, Crossing { t: 0.5, normal: [1.0, 0.0, 0.0] }))
         .collect();
-    let parted = body.part_links(&links);
+    let parted = body.part_links(&links).parted;
     body.update_topology(&Workers::serial(), &parted);
 }
 

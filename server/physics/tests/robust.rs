@@ -1,7 +1,9 @@
-//! Whatever a hand does to the tissue: no fault, numbers that are finite, energy that was put in.
+//! Whatever a hand does to the tissue: no fault, numbers that are finite, energy that was put in and is
+//! accounted for, no piece of a few voxels.
 
 mod support;
 
+use kerf_physics::body::LEAST_PIECE_VOXELS;
 use kerf_physics::scene::{BladeDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
@@ -82,7 +84,7 @@ fn rampage(held: Held, tools: usize, seed: u64, steps: u32) {
     let mut world = blob(held, tools);
     let mut rng = Lcg(seed);
     let mut hands: Vec<Option<Hand>> = (0..tools).map(|_| None).collect();
-    let (mut put_in, mut worst, mut parted) = (0.0, 0.0f64, 0);
+    let (mut put_in, mut worst, mut parted, mut spared) = (0.0, 0.0f64, 0, 0);
     let (mut residual, mut booked) = (0.0, 0.0);
     for step in 0..steps {
         let mut inputs = Vec::new();
@@ -114,18 +116,22 @@ fn rampage(held: Held, tools: usize, seed: u64, steps: u32) {
         booked += e.tool_work_j.abs();
         residual += e.residual_j.abs();
         parted += output.fracture.parted_links;
+        spared += output.fracture.spared_links;
         worst = worst.max((e.elastic_j + e.kinetic_j) / (put_in + 1e-4));
     }
     let body = world.bodies()[0];
     assert!(body.position_m.iter().flatten().all(|x| x.is_finite()));
-    let sizes: usize = support::cutting::pieces(body, |_| true).iter().sum();
-    assert_eq!(sizes, body.grid.voxels().len());
+    let sizes = support::cutting::pieces(body, |_| true);
+    assert_eq!(sizes.iter().sum::<usize>(), body.grid.voxels().len());
+    let least = sizes.iter().copied().min().unwrap_or(0);
+    assert!(least >= LEAST_PIECE_VOXELS, "{held:?}, seed {seed}: a piece of {least} voxels");
     println!(
-        "{held:?}, {tools} tools, seed {seed}: {parted} links parted, {} pieces, energy at most {worst:.2} of what was \
-         put in, residual {:.1e} of the work",
-        body.part_count(),
+        "{held:?}, {tools} tools, seed {seed}: {parted} links parted, {spared} spared, {} pieces, the least of {least} \
+         voxels, energy at most {worst:.2} of what was put in, residual {:.1e} of the work",
+        sizes.len(),
         residual / booked
     );
+    assert!(residual < 1e-3 * booked, "{held:?}, seed {seed}: {residual} J of {booked} J are not accounted for");
     assert!(worst < 1.5, "{held:?}, seed {seed}: {worst} of the energy that was put in");
 }
 

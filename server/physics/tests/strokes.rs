@@ -143,7 +143,7 @@ fn pressed_into_a_slot(row: i32, depth: f64) -> (f64, f64) {
         .flat_map(|y| (0..16).map(move |x| LinkId { cell: [x, y, 8], axis: 2 }))
         .map(|link| (link, Crossing { t: 0.66, normal: [0.0, 0.0, 1.0] }))
         .collect();
-    let parted = body.part_links(&links);
+    let parted = body.part_links(&links).parted;
     body.update_topology(&Workers::serial(), &parted);
     rig.drive(depth + 5e-4);
     rig.rest(600);
@@ -217,5 +217,5 @@ fn real_tissue_dents_by_centimetres_and_then_gives_at_gc() {
     // of the force, and is squeezed ahead of it, which is what the work lacks per undeformed area.
     assert!((plateau - 1.0).abs() < 0.1, "F/(Gc w) = {plateau}");
     assert!((0.75..1.05).contains(&work), "work/(Gc A) = {work}");
-    assert!(residual_abs < 0.02, "energy residual {residual} ({residual_abs})");
+    assert!(residual_abs < 1e-3, "energy residual {residual} ({residual_abs})");
 }

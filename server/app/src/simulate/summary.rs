@@ -31,6 +31,8 @@ pub struct Summary {
     pub cut_area_m2: f64,
     /// Links that parted.
     pub parted_links: u64,
+    /// Links that were crossed and spared: parting them would have set free a few voxels.
+    pub spared_links: u64,
     /// Steps taken.
     pub steps: u64,
     /// Steps in which links parted.
@@ -67,6 +69,7 @@ pub struct Tally {
     iterations: u64,
     faults: u64,
     parted_links: u64,
+    spared_links: u64,
     cut_area_m2: f64,
 }
 
@@ -79,6 +82,7 @@ impl Tally {
         self.iterations += u64::from(output.solve.iterations);
         self.faults += u64::from(output.fault.is_some());
         self.parted_links += u64::from(parted);
+        self.spared_links += u64::from(output.fracture.spared_links);
         self.cut_area_m2 += output.fracture.cut_area_m2;
     }
 
@@ -97,6 +101,7 @@ impl Tally {
             parts: counts.parts,
             cut_area_m2: self.cut_area_m2,
             parted_links: self.parted_links,
+            spared_links: self.spared_links,
             steps: steps as u64,
             fracture_steps: fracture_steps as u64,
             faults: self.faults,

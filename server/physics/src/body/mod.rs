@@ -10,7 +10,7 @@ mod topology;
 pub use forces::BodyEnergy;
 pub use interpolate::MaterialPoint;
 pub use relax::Relaxation;
-pub use topology::TopologyChange;
+pub use topology::{LEAST_PIECE_VOXELS, PartedLinks, TopologyChange};
 
 use crate::Vec3;
 use crate::fem::composite::{CompositeTables, shape_functions};

@@ -35,18 +35,6 @@ impl Body {
         finite
     }
 
-    /// Takes back all but `share` of the motion since the remembered state.
-    pub fn step_back(&mut self, workers: &Workers<'_>, share: f64) {
-        for (x, saved) in self.position_m.iter_mut().zip(&self.saved.position_m) {
-            (0..3).for_each(|i| x[i] = saved[i] + share * (x[i] - saved[i]));
-        }
-        self.velocity_m_per_s.iter_mut().for_each(|v| *v = v.map(|c| share * c));
-        for (state, rotation) in self.states.iter_mut().zip(&self.saved.rotation) {
-            state.rotation = *rotation;
-        }
-        self.evaluate(workers, 2);
-    }
-
     /// Goes back to the remembered state at rest; topology is kept.
     pub fn restore_finite_state(&mut self, workers: &Workers<'_>) {
         self.position_m.clone_from(&self.saved.position_m);

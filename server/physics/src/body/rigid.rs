@@ -18,15 +18,10 @@ pub(super) struct RigidParts {
     held: Vec<bool>,
     /// Elements of the parts that are not held: all that has to be summed over.
     loose: Vec<u32>,
-    /// Free pieces of less than half a composite element.
-    crumb: Vec<bool>,
     /// Whether a part is left alone this step, and what it is to gain.
     skip: Vec<bool>,
     totals: Vec<Totals>,
 }
-
-/// A crumb turns by at most this much in a step, rad.
-const CRUMB_TURN_PER_STEP: f64 = 0.3;
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Totals {
@@ -48,13 +43,9 @@ impl RigidParts {
         }
         let mut held = vec![false; count as usize];
         body.holds.iter().for_each(|(element, _)| held[element_part[*element as usize] as usize] = true);
-        let mut voxels = vec![0u32; count as usize];
-        body.base().owner.iter().for_each(|e| voxels[element_part[*e as usize] as usize] += 1);
-        let half_a_cell = (1u32 << (3 * body.base().exponent)) / 2;
-        let crumb = voxels.iter().zip(&held).map(|(n, held)| !held && *n < half_a_cell).collect();
         let (skip, totals) = (held.clone(), vec![Totals::default(); count as usize]);
         let loose = (0..element_part.len() as u32).filter(|e| !held[element_part[*e as usize] as usize]).collect();
-        Self { element_part, node_part, held, loose, crumb, skip, totals }
+        Self { element_part, node_part, held, loose, skip, totals }
     }
 
     pub(super) fn part_count(&self) -> u32 {
@@ -112,46 +103,6 @@ impl Body {
             total.angular += (Vec3::from(self.position_m[node]) - total.centre).cross(&impulse);
         }
         self.add_mass_damping(totals, dv);
-    }
-
-    /// Makes crumbs move as rigid bodies. The corners of their cells far from the few voxels that fill
-    /// them weigh and resist next to nothing, so that what a relative tolerance leaves there is
-    /// thrown about at any speed. Their momentum is kept (but for a spin beyond what a step can
-    /// follow), their energy can only fall.
-    pub fn stiffen_crumbs(&mut self, dv: &mut Nodal) {
-        if !self.rigid.crumb.contains(&true) {
-            return;
-        }
-        let mut totals = std::mem::take(&mut self.rigid.totals);
-        totals.iter_mut().for_each(|t| *t = Totals::default());
-        self.move_crumbs(&mut totals, dv);
-        self.rigid.totals = totals;
-    }
-
-    fn move_crumbs(&self, totals: &mut [Totals], dv: &mut Nodal) {
-        let parts = &self.rigid;
-        let dt = self.params.dt_s;
-        self.add_mass_moments(totals);
-        self.for_each_mass(|part, node, other, mass| {
-            let total = &mut totals[part];
-            let momentum = (Vec3::from(self.velocity_m_per_s[other]) + Vec3::from(dv[other])) * mass;
-            total.linear += momentum;
-            total.angular += (Vec3::from(self.position_m[node]) - total.centre).cross(&momentum);
-        });
-        for (node, change) in dv.iter_mut().enumerate() {
-            let part = parts.node_part[node];
-            if part == NONE || !parts.crumb[part as usize] {
-                continue;
-            }
-            let total = &totals[part as usize];
-            let turn = total.inertia.lu().solve(&total.angular).unwrap_or_default() * dt;
-            let turn = turn * (CRUMB_TURN_PER_STEP / turn.norm().max(CRUMB_TURN_PER_STEP));
-            let arm = Vec3::from(self.position_m[node]) - total.centre;
-            // The step's displacement is the rotation itself, so that the shape is kept.
-            let turned = crate::Quat::from_scaled_axis(turn) * arm;
-            let v = total.linear / total.mass + (turned - arm) / dt;
-            (0..3).for_each(|i| change[i] = v[i] - self.velocity_m_per_s[node][i]);
-        }
     }
 
     /// `M alpha dt (v + dv)`: what mass-proportional damping takes.

@@ -3,8 +3,12 @@
 use super::{Body, rigid};
 use crate::fem::corotation::{ElementState, LANES};
 use crate::grid::levels::{Level, LevelChange, VoxelUnits};
-use crate::grid::{Grid, Ijk, LinkId, VoxelId};
+use crate::grid::{Crossing, Grid, Ijk, LinkId, VoxelId};
 use crate::workers::Workers;
+
+/// No piece of fewer voxels is set free, an eighth of a composite element at k = 4: it could neither be
+/// seen for what it is nor be carried by the elements' corners, which its few voxels hardly load.
+pub const LEAST_PIECE_VOXELS: usize = 8;
 
 /// What a topology update changed, for whoever follows the body from outside.
 #[derive(Clone, Debug, Default)]
@@ -15,6 +19,15 @@ pub struct TopologyChange {
     pub nodes: Vec<u32>,
     /// Voxels that moved to another element.
     pub rebound_voxels: Vec<VoxelId>,
+}
+
+/// What became of the links that a front crossed.
+#[derive(Debug, Default)]
+pub struct PartedLinks {
+    /// Those that parted.
+    pub parted: Vec<LinkId>,
+    /// How many were spared.
+    pub spared: usize,
 }
 
 impl Body {
@@ -95,9 +108,20 @@ impl Body {
         self.coarse_stiffening[element] = self.applied_stiffening[element];
     }
 
-    /// Parts links of the grid; returns those that were intact.
-    pub fn part_links(&mut self, links: &[(LinkId, crate::grid::Crossing)]) -> Vec<LinkId> {
+    /// Parts those of `links` that are intact, but for the ones that would set free a piece of fewer
+    /// than [`LEAST_PIECE_VOXELS`]: such a piece stays with what it held on to last, so that a cut that
+    /// grazes a surface goes around its outermost voxels.
+    pub fn part_links(&mut self, links: &[(LinkId, Crossing)]) -> PartedLinks {
         let grid: &mut Grid = &mut self.grid;
-        links.iter().filter(|(link, crossing)| grid.part(*link, *crossing)).map(|(link, _)| *link).collect()
+        let crossed: Vec<LinkId> = links.iter().filter(|(l, c)| grid.part(*l, *c)).map(|(l, _)| *l).collect();
+        let mut spared = Vec::new();
+        for end in crossed.iter().flat_map(|link| [link.cell, link.upper()]) {
+            let Some(piece) = grid.small_piece(end, LEAST_PIECE_VOXELS) else { continue };
+            let first = spared.len();
+            spared.extend(crossed.iter().filter(|l| piece.contains(&l.cell) != piece.contains(&l.upper())));
+            spared[first..].iter().for_each(|link| grid.rejoin(*link));
+        }
+        let parted = crossed.into_iter().filter(|link| !spared.contains(link)).collect();
+        PartedLinks { parted, spared: spared.len() }
     }
 }

@@ -69,6 +69,9 @@ pub struct Contact {
     pub gap_predicted_m: f64,
     /// Gap at the end of the step, after the solve, m.
     pub gap_m: f64,
+    /// Force along `direction` that the last solve applied, N: a mode that changes after it counts in
+    /// the next one.
+    pub force_n: f64,
     /// Force at which the spring gives, N; infinite: never.
     pub limit_n: f64,
     /// Force that is left after it has given, N.
@@ -82,16 +85,6 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// Force along `direction` that the last solve applied, N.
-    #[must_use]
-    pub fn force_n(&self) -> f64 {
-        match self.mode {
-            Mode::Off => 0.0,
-            Mode::Spring => self.stiffness_n_per_m * self.gap_m,
-            Mode::Yield => self.yield_n,
-        }
-    }
-
     /// Momentum that the contact adds to the right side along `direction`, N s.
     #[must_use]
     pub fn impulse(&self, dt_s: f64) -> f64 {
@@ -102,9 +95,19 @@ impl Contact {
         }
     }
 
+    /// Gap and force of the solution's change of velocity.
+    pub fn take_solution(&mut self, dt_s: f64, velocity_change: &[[f64; 3]]) {
+        self.gap_m = self.gap_predicted_m - dt_s * self.weights.sum(velocity_change).dot(&self.direction);
+        self.force_n = match self.mode {
+            Mode::Off => 0.0,
+            Mode::Spring => self.stiffness_n_per_m * self.gap_m,
+            Mode::Yield => self.yield_n,
+        };
+    }
+
     /// Takes the solution's change of velocity; returns whether the mode had to change.
     pub fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]]) -> bool {
-        self.gap_m = self.gap_predicted_m - dt_s * self.weights.sum(velocity_change).dot(&self.direction);
+        self.take_solution(dt_s, velocity_change);
         let force = self.stiffness_n_per_m * self.gap_m;
         let next = match self.mode {
             Mode::Off if self.gap_m > self.slack_m || self.bilateral => Mode::Spring,

@@ -131,7 +131,7 @@ impl FrontBook {
 pub struct Front {
     markers: Vec<Marker>,
     share_m: f64,
-    /// Energy in springs that were let go in this step's detection, J.
+    /// Energy in springs that were let go since it was last taken, J.
     dropped_j: f64,
     /// Where the chain stands and starts, and where its strip ends: scratch, kept between steps.
     chain: Vec<Option<(Vec3, Vec3)>>,
@@ -168,8 +168,18 @@ impl Front {
 
     /// Forgets every contact; what is inside now counts as put down inside.
     pub fn lift(&mut self) {
-        self.markers.iter_mut().for_each(|m| *m = Marker::Outside);
+        for marker in &mut self.markers {
+            if let Marker::On(anchor) = marker {
+                self.dropped_j += anchor.stored_j;
+            }
+            *marker = Marker::Outside;
+        }
         self.contacts.clear();
+    }
+
+    /// Energy in springs that were let go since this was last asked, J.
+    pub fn take_dropped_j(&mut self) -> f64 {
+        std::mem::take(&mut self.dropped_j)
     }
 
     /// Marks the samples of a blade put down at `pose` inside the tissue as buried.
@@ -207,7 +217,6 @@ impl Front {
     /// Finds which markers touch the tissue and sets up their springs.
     pub fn detect(&mut self, body: &Body, hash: &SpatialHash, motion: &BladeMotion<'_>) {
         self.contacts.clear();
-        self.dropped_j = 0.0;
         let frame = BladeFrame::of(&motion.pose);
         let count = self.markers.len();
         for index in 0..count {
@@ -240,7 +249,7 @@ impl Front {
 
     /// Advances the markers that gave way, finds the links their strips cross, and books the energy.
     pub fn advance(&mut self, body: &Body, motion: &BladeMotion<'_>, links: &mut Vec<(LinkId, Crossing)>) -> FrontBook {
-        let mut book = FrontBook { numerical_j: self.dropped_j, ..FrontBook::default() };
+        let mut book = FrontBook::default();
         let frame = BladeFrame::of(&motion.pose);
         for contact in &self.contacts {
             let Marker::On(anchor) = &mut self.markers[contact.marker] else { continue };
@@ -257,7 +266,7 @@ impl Front {
         self.sweep(body, &frame, links);
         book.slip_j -= book.fracture_j;
         self.follow_edge(body, motion, &frame);
-        self.drop_outside(body);
+        self.drop_outside(body, &mut book);
         book
     }
 
@@ -378,12 +387,14 @@ impl Front {
     }
 
     /// Markers that have come out of the material on the other side are outside.
-    fn drop_outside(&mut self, body: &Body) {
+    fn drop_outside(&mut self, body: &Body, book: &mut FrontBook) {
         for marker in &mut self.markers {
             if let Marker::On(anchor) = marker
                 && anchor.ahead == Ahead::Outside
                 && body.grid.signed_distance_m(&anchor.position_m) > 0.0
             {
+                book.stored_j -= anchor.stored_j;
+                book.numerical_j += anchor.stored_j;
                 *marker = Marker::Outside;
             }
         }
@@ -400,17 +411,17 @@ fn settle_marker(
     book: &mut FrontBook,
 ) -> Vec3 {
     let forward = &contact.forward;
-    let (k, force) = (forward.stiffness_n_per_m, forward.force_n());
+    let (k, force) = (forward.stiffness_n_per_m, forward.force_n);
     let spring = |gap: f64| 0.5 * k * gap.max(0.0) * gap.max(0.0);
     let mut advance = 0.0;
     if forward.mode == Mode::Yield {
         advance = (forward.gap_m - forward.yield_n / k).max(0.0);
         advance = advance.min(MAX_ADVANCE_VOXELS * body.grid.voxel_size_m());
     }
-    let lateral = 0.5 * contact.lateral.force_n() * contact.lateral.gap_m;
+    let lateral = 0.5 * contact.lateral.force_n * contact.lateral.gap_m;
     let stored = if forward.mode == Mode::Off { 0.0 } else { spring(forward.gap_m - advance) } + lateral;
     let work = force * (forward.gap_m - forward.gap_before_m)
-        + contact.lateral.force_n() * (contact.lateral.gap_m - contact.lateral.gap_before_m);
+        + contact.lateral.force_n * (contact.lateral.gap_m - contact.lateral.gap_before_m);
     let lost = work - (stored - anchor.stored_j) - force * advance;
     if forward.mode == Mode::Yield && !anchor.yielded {
         book.initiation_j += lost;
@@ -525,6 +536,7 @@ impl Edge {
             gap_before_m: (self.before_m - at).dot(&direction),
             gap_predicted_m: (self.now_m - at - velocity * body.dt_s()).dot(&direction),
             gap_m: 0.0,
+            force_n: 0.0,
             limit_n: f64::INFINITY,
             yield_n: 0.0,
             slack_m: 0.0,
@@ -550,9 +562,8 @@ impl FrontContact {
     /// Takes the solution's change of velocity; returns whether a mode had to change.
     pub fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]]) -> bool {
         let changed = self.forward.settle(dt_s, velocity_change);
+        self.lateral.take_solution(dt_s, velocity_change);
         self.lateral.mode = lateral_mode(&self.forward);
-        self.lateral.gap_m = self.lateral.gap_predicted_m
-            - dt_s * self.lateral.weights.sum(velocity_change).dot(&self.lateral.direction);
         changed
     }
 }

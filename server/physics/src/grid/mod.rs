@@ -242,6 +242,31 @@ impl Grid {
         intact
     }
 
+    /// Makes a parted link intact again.
+    pub fn rejoin(&mut self, link: LinkId) {
+        let slot = self.slot(link.cell).expect("a parted link lies in the box");
+        self.crossing_at[slot][link.axis as usize] = NO_CROSSING;
+    }
+
+    /// The voxels connected with `voxel` where there are fewer than `limit` of them; else `None`.
+    #[must_use]
+    pub fn small_piece(&self, voxel: Ijk, limit: usize) -> Option<Vec<Ijk>> {
+        let mut piece = vec![voxel];
+        let mut next = 0;
+        while next < piece.len() {
+            for (link, other) in Self::links_of(piece[next]) {
+                if self.is_intact(link) && !piece.contains(&other) {
+                    piece.push(other);
+                    if piece.len() == limit {
+                        return None;
+                    }
+                }
+            }
+            next += 1;
+        }
+        Some(piece)
+    }
+
     /// The six links of a cell with their other ends: -x, +x, -y, +y, -z, +z.
     pub fn links_of(cell: Ijk) -> impl Iterator<Item = (LinkId, Ijk)> {
         (0..6u8).map(move |face| {
