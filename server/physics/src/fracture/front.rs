@@ -439,7 +439,7 @@ fn settle_marker(
         && advance > 0.0
     {
         // What the front sweeps moving forward; what it slides along itself opens nothing.
-        let area = step.cross(&(anchor.pull_back(body, &frame.along) * share_m)).norm();
+        let area = step.norm() * anchor.reference_width_m(body, frame, share_m);
         book.area_m2 += area;
         book.fracture_j += fracture_energy_j_per_m2 * area;
     }
@@ -544,7 +544,7 @@ impl Edge {
             mode: Mode::Off,
         };
         let mut forward = spring(self.frame.forward);
-        (forward.limit_n, forward.yield_n) = anchor.limits_n(self.share_m);
+        (forward.limit_n, forward.yield_n) = anchor.limits_n(body, &self.frame, self.share_m);
         forward.mode = if forward.limit_n == 0.0 && forward.gap_predicted_m > 0.0 { Mode::Yield } else { anchor.mode };
         let mut lateral = spring(self.frame.normal);
         lateral.bilateral = true;
@@ -671,12 +671,23 @@ impl Anchor {
         self.yielded |= self.ahead == Ahead::Parted;
     }
 
-    /// Force at which the marker gives, and the force it goes on at, N.
-    fn limits_n(&self, share_m: f64) -> (f64, f64) {
+    /// Width of the strip that a share of the edge cuts, reference configuration: the material has
+    /// spread along the edge. A blade that goes on at the same force in a state that goes with it
+    /// spends `F dz` on `w dz` of reference area, so that `F = Gc w` is in reference width however the
+    /// material is squeezed ahead of the edge.
+    fn reference_width_m(&self, body: &Body, frame: &BladeFrame, share_m: f64) -> f64 {
+        let ahead = self.pull_back(body, &frame.forward).normalize();
+        ahead.cross(&(self.pull_back(body, &frame.along) * share_m)).norm()
+    }
+
+    /// Force at which the marker gives, and the force it goes on at, N. It starts at a line load on
+    /// the surface as it stands, and goes on at Gc per reference area.
+    fn limits_n(&self, body: &Body, frame: &BladeFrame, share_m: f64) -> (f64, f64) {
         match self.ahead {
             Ahead::Intact { fracture_energy_j_per_m2, initiation_ratio } => {
-                let steady = fracture_energy_j_per_m2 * share_m;
-                (if self.yielded { steady } else { steady * initiation_ratio }, steady)
+                let steady = fracture_energy_j_per_m2 * self.reference_width_m(body, frame, share_m);
+                let start = fracture_energy_j_per_m2 * initiation_ratio * share_m;
+                (if self.yielded { steady } else { start.max(steady) }, steady)
             }
             Ahead::Parted | Ahead::Outside => (0.0, 0.0),
         }
