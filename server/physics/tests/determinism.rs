@@ -1,32 +1,46 @@
-//! The same inputs give the same bits, whatever the number of threads.
+//! The same inputs give the same bits, whatever the number of threads, the profile and the width of
+//! the machine's vectors.
 
 mod support;
 
-use kerf_physics::{Workers, World};
-use support::press::{cutting_scene, press_with};
+use std::path::Path;
+use std::process::Command;
 
-/// State hash every ten steps of a stroke deep into the block.
-fn hashes(workers: &Workers<'_>, level: u8) -> Vec<u64> {
-    let mut scene = cutting_scene();
-    scene.desc.objects[0].level = level;
-    let mut world = World::new(&scene).expect("a valid scene");
-    let mut parted = 0;
-    let mut hashes = Vec::new();
-    for i in 0..60 {
-        parted += press_with(&mut world, workers, 0.041 - 4e-4 * f64::from(i)).fracture.parted_links;
-        if i % 10 == 9 {
-            hashes.push(world.state_hash());
-        }
-    }
-    assert!(parted > 30, "{parted} links parted");
-    hashes
-}
+use kerf_physics::Workers;
+use support::press::{hashes, hashes_of_two_materials};
 
 #[test]
 fn one_and_two_threads_give_the_same_bits() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("two threads");
     // At level 0 the block has 16,384 elements: enough work to be shared out.
     for level in [2, 0] {
-        assert_eq!(hashes(&Workers::serial(), level), hashes(&Workers::of(&pool), level), "level {level}");
+        let serial = hashes(&Workers::serial(), level, 0.0);
+        assert_eq!(serial, hashes(&Workers::of(&pool), level, 0.0), "level {level}");
+    }
+}
+
+/// What the example `state_hashes` prints when it is built in release for `target_cpu`.
+fn hashes_of_a_release_build(target_cpu: &str) -> String {
+    let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join(target_cpu);
+    let output = Command::new(env!("CARGO"))
+        .args(["run", "--quiet", "--release", "--offline", "--package", "kerf-physics", "--example", "state_hashes"])
+        .env("CARGO_TARGET_DIR", &target)
+        .env("CARGO_PROFILE_RELEASE_DEBUG", "false")
+        .env("RUSTFLAGS", format!("-C target-cpu={target_cpu}"))
+        .output()
+        .expect("cargo runs");
+    assert!(output.status.success(), "{target_cpu}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).expect("hashes in hexadecimal").trim().to_owned()
+}
+
+#[test]
+#[cfg(target_arch = "x86_64")]
+fn release_and_debug_and_avx2_and_avx512_give_the_same_bits() {
+    let debug = hashes_of_two_materials();
+    assert_eq!(debug, hashes_of_a_release_build("x86-64-v3"), "release differs from this profile");
+    if is_x86_feature_detected!("avx512f") {
+        assert_eq!(debug, hashes_of_a_release_build("x86-64-v4"), "AVX-512 differs from AVX2");
+    } else {
+        println!("skipped: this machine has no AVX-512");
     }
 }

@@ -36,3 +36,27 @@ pub fn press_with<'w>(world: &'w mut World, workers: &Workers<'_>, height_m: f64
 pub fn press(world: &mut World, height_m: f64) -> &StepOutput {
     press_with(world, &Workers::serial(), height_m)
 }
+
+/// State hash every ten steps of a stroke deep into the block.
+pub fn hashes(workers: &Workers<'_>, level: u8, strain_stiffening: f64) -> Vec<u64> {
+    let mut scene = cutting_scene();
+    scene.desc.objects[0].level = level;
+    scene.desc.objects[0].material.strain_stiffening = strain_stiffening;
+    let mut world = World::new(&scene).expect("a valid scene");
+    let mut parted = 0;
+    let mut hashes = Vec::new();
+    for i in 0..60 {
+        parted += press_with(&mut world, workers, 0.041 - 4e-4 * f64::from(i)).fracture.parted_links;
+        if i % 10 == 9 {
+            hashes.push(world.state_hash());
+        }
+    }
+    assert!(parted > 30, "{parted} links parted");
+    hashes
+}
+
+/// Those of a linear and of a stiffening block, in hexadecimal.
+pub fn hashes_of_two_materials() -> String {
+    let all = [0.0, 10.0].map(|c| hashes(&Workers::serial(), 2, c));
+    all.iter().flatten().map(|h| format!("{h:016x}")).collect::<Vec<_>>().join(" ")
+}
