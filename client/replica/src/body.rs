@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use kerf_proto::{MAX_MESSAGE_BYTES, v1};
 
 use crate::error::{FieldError, Problem};
-use crate::hash::SurfaceHasher;
+use crate::hash;
 
 /// Most node slots of an object: a state has to carry 12 bytes for each.
 const MAX_NODES: u32 = (MAX_MESSAGE_BYTES / 12) as u32;
@@ -30,6 +30,8 @@ pub struct Body {
     elements: BTreeMap<u32, [u32; 8]>,
     vertices: BTreeMap<u32, Vertex>,
     quads: BTreeMap<u32, [u32; 4]>,
+    /// Sum of the hashes of the vertices and quads, kept as they come.
+    hash_sum: u64,
 }
 
 impl Body {
@@ -78,16 +80,9 @@ impl Body {
         sum
     }
 
-    /// Folds the surface's structure into a hash.
-    pub fn hash_surface(&self, hasher: &mut SurfaceHasher) {
-        for (&id, vertex) in &self.vertices {
-            hasher.word(u64::from(id) << 32 | u64::from(vertex.element));
-            vertex.local.iter().for_each(|c| hasher.word(u64::from(c.to_bits())));
-        }
-        for (&id, corners) in &self.quads {
-            hasher.word(u64::from(id));
-            corners.iter().for_each(|&vertex| hasher.word(u64::from(vertex)));
-        }
+    /// Sum of the hashes of the vertices and quads.
+    pub(crate) fn hash_sum(&self) -> u64 {
+        self.hash_sum
     }
 
     /// Applies what a keyframe (to an empty body) or a patch says of this object. After an error
@@ -116,11 +111,13 @@ impl Body {
     fn remove(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
         check_ascending("removed_quad_ids", &change.removed_quad_ids)?;
         for &id in &change.removed_quad_ids {
-            self.quads.remove(&id).ok_or_else(|| unknown("removed_quad_ids", id))?;
+            let corners = self.quads.remove(&id).ok_or_else(|| unknown("removed_quad_ids", id))?;
+            self.exchange_hash(hash::of_quad(id, corners), 0);
         }
         check_ascending("removed_vertex_ids", &change.removed_vertex_ids)?;
         for &id in &change.removed_vertex_ids {
-            self.vertices.remove(&id).ok_or_else(|| unknown("removed_vertex_ids", id))?;
+            let vertex = self.vertices.remove(&id).ok_or_else(|| unknown("removed_vertex_ids", id))?;
+            self.exchange_hash(hash::of_vertex(id, &vertex), 0);
         }
         Ok(())
     }
@@ -162,7 +159,9 @@ impl Body {
             if !self.elements.contains_key(&element) {
                 return Err(unknown("vertex_elements", element));
             }
-            self.vertices.insert(id, Vertex { element, local });
+            let vertex = Vertex { element, local };
+            let before = self.vertices.insert(id, vertex).map_or(0, |before| hash::of_vertex(id, &before));
+            self.exchange_hash(before, hash::of_vertex(id, &vertex));
         }
         Ok(())
     }
@@ -173,9 +172,14 @@ impl Body {
             if let Some(&vertex) = corners.iter().find(|vertex| !self.vertices.contains_key(vertex)) {
                 return Err(unknown("quad_vertices", vertex));
             }
-            self.quads.insert(id, corners);
+            let before = self.quads.insert(id, corners).map_or(0, |before| hash::of_quad(id, before));
+            self.exchange_hash(before, hash::of_quad(id, corners));
         }
         Ok(())
+    }
+
+    fn exchange_hash(&mut self, before: u64, after: u64) {
+        self.hash_sum = self.hash_sum.wrapping_sub(before).wrapping_add(after);
     }
 
     fn check_removed_are_unused(&self, change: &v1::BodyStructure) -> Result<(), FieldError> {

@@ -1,7 +1,7 @@
 //! A replica fed with messages made by hand: one element, one quad, and what can go wrong.
 
 use kerf_proto::v1;
-use kerf_replica::{Face, Problem, Replica, ReplicaError, SurfaceHasher};
+use kerf_replica::{Face, Problem, Replica, ReplicaError, surface_hash};
 
 const CORNERS: u32 = 8;
 
@@ -22,24 +22,9 @@ fn cube() -> v1::BodyStructure {
     }
 }
 
-fn hash_of(bodies: &[v1::BodyStructure]) -> u64 {
-    let mut hasher = SurfaceHasher::default();
-    for body in bodies {
-        for (i, &id) in body.vertex_ids.iter().enumerate() {
-            hasher.word(u64::from(id) << 32 | u64::from(body.vertex_elements[i]));
-            body.vertex_local[3 * i..3 * i + 3].iter().for_each(|c| hasher.word(u64::from(c.to_bits())));
-        }
-        for (i, &id) in body.quad_ids.iter().enumerate() {
-            hasher.word(u64::from(id));
-            body.quad_vertices[4 * i..4 * i + 4].iter().for_each(|&v| hasher.word(u64::from(v)));
-        }
-    }
-    hasher.finish()
-}
-
 fn keyframe(body: v1::BodyStructure) -> v1::Keyframe {
     let bodies = vec![body];
-    v1::Keyframe { topology_version: 3, surface_hash: hash_of(&bodies), bodies }
+    v1::Keyframe { topology_version: 3, surface_hash: surface_hash(&bodies), bodies }
 }
 
 fn state(topology_version: u64, node_displacements_m: Vec<f32>) -> v1::State {
@@ -82,7 +67,7 @@ fn patch() -> v1::TopologyPatch {
         quad_vertices: vec![20, 30, 40, 20],
         ..Default::default()
     };
-    v1::TopologyPatch { from_version: 3, to_version: 5, bodies: vec![change], surface_hash: hash_of(&[after]) }
+    v1::TopologyPatch { from_version: 3, to_version: 5, bodies: vec![change], surface_hash: surface_hash(&[after]) }
 }
 
 fn problem_of(body: v1::BodyStructure) -> (&'static str, Problem) {

@@ -494,12 +494,10 @@ impl World {
         hasher.finish()
     }
 
-    /// Hash of the surface's structure; see [`crate::surface::delta::hash_body`].
+    /// Hash of the surface's structure; see [`crate::surface::hash`].
     #[must_use]
     pub fn surface_hash(&mut self) -> u64 {
-        self.view();
-        let view = self.view.as_ref().expect("made above");
-        view.hash(self.slots.iter().map(|s| &s.body))
+        self.view().hash()
     }
 }
 

@@ -7,7 +7,7 @@ use kerf_proto::v1::control_service_server::{ControlService, ControlServiceServe
 use kerf_proto::v1::session_service_server::{SessionService, SessionServiceServer};
 use kerf_proto::v1::view_service_server::{ViewService, ViewServiceServer};
 use kerf_proto::v1::{self, Down, Up, ViewEvent, down, up, view_event};
-use kerf_replica::SurfaceHasher;
+use kerf_replica::surface_hash;
 use tokio::net::TcpListener;
 use tokio_stream::wrappers::{ReceiverStream, TcpListenerStream};
 use tokio_stream::{Stream, StreamExt};
@@ -103,16 +103,7 @@ fn structure(lid: u32) -> v1::BodyStructure {
 }
 
 fn hash(body: &v1::BodyStructure) -> u64 {
-    let mut hasher = SurfaceHasher::default();
-    for (i, &id) in body.vertex_ids.iter().enumerate() {
-        hasher.word(u64::from(id) << 32 | u64::from(body.vertex_elements[i]));
-        body.vertex_local[3 * i..3 * i + 3].iter().for_each(|c| hasher.word(u64::from(c.to_bits())));
-    }
-    for (i, &id) in body.quad_ids.iter().enumerate() {
-        hasher.word(u64::from(id));
-        body.quad_vertices[4 * i..4 * i + 4].iter().for_each(|&v| hasher.word(u64::from(v)));
-    }
-    hasher.finish()
+    surface_hash(std::slice::from_ref(body))
 }
 
 fn keyframe() -> view_event::Message {

@@ -70,7 +70,7 @@ pub struct Keyframe {
     pub topology_version: u64,
     /// One entry per object of the scene.
     pub bodies: Vec<BodyStructure>,
-    /// Hash of the surface, to check a replica by.
+    /// Hash of the surface, to check a replica by; see [`super::hash`].
     pub surface_hash: u64,
 }
 
@@ -85,21 +85,4 @@ pub struct TopologyPatch {
     pub bodies: Vec<BodyStructure>,
     /// Hash of the surface after it.
     pub surface_hash: u64,
-}
-
-/// Hash of a surface's structure, the same in the server and in a replica: over every body in order,
-/// vertices by id (id, element, bits of the local coordinates), then quads by id (id, vertices).
-pub fn hash_body(
-    hasher: &mut crate::hash::StateHasher,
-    vertices: impl Iterator<Item = BoundVertex>,
-    quads: impl Iterator<Item = BoundQuad>,
-) {
-    for vertex in vertices {
-        hasher.word(u64::from(vertex.id) << 32 | u64::from(vertex.element));
-        vertex.local.iter().for_each(|c| hasher.word(u64::from(c.to_bits())));
-    }
-    for quad in quads {
-        hasher.word(u64::from(quad.id));
-        quad.vertices.iter().for_each(|v| hasher.word(u64::from(*v)));
-    }
 }

@@ -20,6 +20,7 @@
 
 pub mod delta;
 mod dual_contouring;
+pub mod hash;
 mod lattice;
 mod qef;
 #[cfg(test)]
