@@ -39,7 +39,6 @@ fn body_on_the_wire() -> v1::BodyStructure {
         vertex_local: vertices().iter().flat_map(|vertex| vertex.local).collect(),
         quad_ids: quads().iter().map(|quad| quad.id).collect(),
         quad_vertices: quads().iter().flat_map(|quad| quad.vertices).collect(),
-        ..Default::default()
     }
 }
 
@@ -98,7 +97,6 @@ fn on_the_wire(bodies: &[BodyStructure]) -> Vec<v1::BodyStructure> {
         vertex_local: body.vertices.iter().flat_map(|vertex| vertex.local).collect(),
         quad_ids: body.quads.iter().map(|quad| quad.id).collect(),
         quad_vertices: body.quads.iter().flat_map(|quad| quad.vertices).collect(),
-        ..Default::default()
     };
     bodies.iter().map(body).collect()
 }

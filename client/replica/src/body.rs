@@ -88,12 +88,10 @@ impl Body {
     /// Applies what a keyframe (to an empty body) or a patch says of this object. After an error
     /// the body is not to be used.
     pub(crate) fn change(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
-        self.remove(change)?;
         self.upsert_nodes(change)?;
         self.upsert_elements(change)?;
         self.upsert_vertices(change)?;
-        self.upsert_quads(change)?;
-        self.check_removed_are_unused(change)
+        self.upsert_quads(change)
     }
 
     pub(crate) fn check_displacements(&self, displacements_m: &[f32]) -> Result<(), FieldError> {
@@ -106,20 +104,6 @@ impl Body {
     pub(crate) fn displace(&mut self, displacements_m: &[f32]) {
         let (nodes, _) = displacements_m.as_chunks::<3>();
         self.displacement_m.copy_from_slice(nodes);
-    }
-
-    fn remove(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
-        check_ascending("removed_quad_ids", &change.removed_quad_ids)?;
-        for &id in &change.removed_quad_ids {
-            let corners = self.quads.remove(&id).ok_or_else(|| unknown("removed_quad_ids", id))?;
-            self.exchange_hash(hash::of_quad(id, corners), 0);
-        }
-        check_ascending("removed_vertex_ids", &change.removed_vertex_ids)?;
-        for &id in &change.removed_vertex_ids {
-            let vertex = self.vertices.remove(&id).ok_or_else(|| unknown("removed_vertex_ids", id))?;
-            self.exchange_hash(hash::of_vertex(id, &vertex), 0);
-        }
-        Ok(())
     }
 
     fn upsert_nodes(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
@@ -180,21 +164,6 @@ impl Body {
 
     fn exchange_hash(&mut self, before: u64, after: u64) {
         self.hash_sum = self.hash_sum.wrapping_sub(before).wrapping_add(after);
-    }
-
-    fn check_removed_are_unused(&self, change: &v1::BodyStructure) -> Result<(), FieldError> {
-        // A vertex may be removed and come back, bound anew, in the same patch.
-        let gone: Vec<u32> =
-            change.removed_vertex_ids.iter().copied().filter(|id| !self.vertices.contains_key(id)).collect();
-        if gone.is_empty() {
-            return Ok(());
-        }
-        for (&quad, corners) in &self.quads {
-            if let Some(&id) = corners.iter().find(|vertex| gone.binary_search(vertex).is_ok()) {
-                return Err(FieldError { field: "removed_vertex_ids", problem: Problem::StillInUse { id, quad } });
-            }
-        }
-        Ok(())
     }
 }
 

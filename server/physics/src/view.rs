@@ -104,8 +104,6 @@ fn whole(body: &Body, surface: &Surface) -> BodyStructure {
         elements: (0..body.base().elements.len() as u32).map(|id| element(body, id)).collect(),
         vertices: surface.vertices().map(|(id, _)| bind(body, surface, id)).collect(),
         quads: surface.quads().map(|(id, quad)| BoundQuad { id, vertices: *quad }).collect(),
-        removed_vertices: Vec::new(),
-        removed_quads: Vec::new(),
         node_count: body.node_count() as u32,
     }
 }
@@ -118,8 +116,6 @@ fn patch(body: &Body, surface: &mut Surface, parted: &[LinkId], change: &Topolog
         elements: change.elements.iter().map(|id| element(body, *id)).collect(),
         vertices: touched.upserted_vertices.iter().map(|id| bind(body, surface, *id)).collect(),
         quads: touched.upserted_quads.iter().map(quad).collect(),
-        removed_vertices: touched.removed_vertices,
-        removed_quads: touched.removed_quads,
         node_count: body.node_count() as u32,
     }
 }

@@ -44,7 +44,8 @@ pub struct BoundQuad {
     pub vertices: Quad,
 }
 
-/// Structure of one object: the whole of it in a keyframe, what changed in a patch.
+/// Structure of one object: the whole of it in a keyframe, what changed in a patch. Vertices and
+/// quads never go away.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BodyStructure {
     /// New or changed nodes, ids ascending.
@@ -55,10 +56,6 @@ pub struct BodyStructure {
     pub vertices: Vec<BoundVertex>,
     /// New or changed quads, ids ascending.
     pub quads: Vec<BoundQuad>,
-    /// Vertices that are gone (patches only).
-    pub removed_vertices: Vec<VertexId>,
-    /// Quads that are gone (patches only).
-    pub removed_quads: Vec<QuadId>,
     /// Number of node slots: length of the displacement array over three.
     pub node_count: u32,
 }
