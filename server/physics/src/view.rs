@@ -1,5 +1,5 @@
 //! What is kept for viewers: the surfaces, and what the last step changed in the structure. It exists
-//! from the first time somebody asks for a keyframe.
+//! from when somebody asks for a keyframe until the surface is forgotten.
 
 use crate::body::{Body, TopologyChange};
 use crate::grid::LinkId;

@@ -82,7 +82,8 @@ pub struct World {
     slots: Vec<BodySlot>,
     tools: Vec<Tool>,
     probes: Vec<Probe>,
-    /// Present from the first keyframe on: nobody watches, nothing is contoured.
+    /// Present from when the surface is first asked for until it is forgotten: nobody watches,
+    /// nothing is contoured.
     view: Option<View>,
     contact_ledger: ContactLedger,
     flank_before_j: f64,
@@ -441,6 +442,12 @@ impl World {
         self.slots.iter().map(stats).collect()
     }
 
+    /// Contours nothing more until the surface is asked for again; it will then be the same as if it
+    /// had been followed.
+    pub fn forget_surface(&mut self) {
+        self.view = None;
+    }
+
     fn view(&mut self) -> &View {
         self.view.get_or_insert_with(|| View::new(self.slots.iter().map(|s| &s.body)))
     }
@@ -453,7 +460,7 @@ impl World {
     }
 
     /// Structure of the scene as it is now. From the first call on, steps that part links make a
-    /// [`TopologyPatch`].
+    /// [`TopologyPatch`], until [`World::forget_surface`].
     #[must_use]
     pub fn keyframe(&mut self) -> Keyframe {
         self.view();
@@ -462,7 +469,7 @@ impl World {
     }
 
     /// What the last step changed in the structure; `None` where no link parted, or where nobody
-    /// has asked for a keyframe yet.
+    /// has asked for a keyframe since the surface was forgotten.
     #[must_use]
     pub fn topology_patch(&self) -> Option<&TopologyPatch> {
         self.view.as_ref()?.patch()

@@ -7,7 +7,7 @@ use kerf_physics::step_io::ToolMotion;
 use kerf_physics::surface::delta::BodyStructure;
 use kerf_physics::surface::hash::{ObjectHash, surface_hash};
 use kerf_physics::tool::Pose;
-use kerf_physics::{NoClock, StepInputs, StepOutput, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, Stage, StepInputs, StepOutput, ToolInput, Vec3, Workers, World};
 use support::cutting::attitude;
 use support::{Lcg, object, scene};
 
@@ -83,4 +83,32 @@ fn the_hash_that_follows_the_patches_is_that_of_the_surface_as_it_is() {
     hashes.sort_unstable();
     hashes.dedup();
     assert_eq!(hashes.len(), patches + 1, "every version has a hash of its own");
+}
+
+#[test]
+fn a_surface_that_was_forgotten_costs_nothing_and_comes_back_as_if_it_had_been_followed() {
+    let [mut followed, mut forgotten] = [two_blocks(), two_blocks()];
+    let (mut rng, mut same) = (Lcg(12), Lcg(12));
+    assert_eq!(followed.keyframe(), forgotten.keyframe());
+    forgotten.forget_surface();
+    for _ in 0..3 {
+        stroke(&mut followed, &mut rng, |_, _| ());
+        let mut parted = 0;
+        stroke(&mut forgotten, &mut same, |world, output| {
+            assert_eq!(output.profile.stage_ns[Stage::Surface as usize], None);
+            assert_eq!(world.topology_patch(), None);
+            parted += output.fracture.parted_links;
+        });
+        assert!(parted > 0);
+        assert_eq!(followed.keyframe(), forgotten.keyframe());
+        forgotten.forget_surface();
+    }
+    assert_eq!(followed.state_hash(), forgotten.state_hash());
+    // From a keyframe on it is followed again.
+    let _ = forgotten.keyframe();
+    let mut patches: [Vec<_>; 2] = Default::default();
+    stroke(&mut followed, &mut rng, |world, _| patches[0].extend(world.topology_patch().cloned()));
+    stroke(&mut forgotten, &mut same, |world, _| patches[1].extend(world.topology_patch().cloned()));
+    assert!(!patches[0].is_empty());
+    assert_eq!(patches[0], patches[1]);
 }
