@@ -448,24 +448,25 @@ impl World {
         self.view = None;
     }
 
-    fn view(&mut self) -> &View {
-        self.view.get_or_insert_with(|| View::new(self.slots.iter().map(|s| &s.body)))
+    /// What viewers see, contoured if nobody has yet, and the slots of the bodies it shows.
+    fn view(&mut self) -> (&View, &[BodySlot]) {
+        let view = self.view.get_or_insert_with(|| View::new(self.slots.iter().map(|s| &s.body)));
+        (view, &self.slots)
     }
 
     /// Each body with its surface, which is contoured if nobody has yet.
     pub fn bodies_and_surfaces(&mut self) -> impl Iterator<Item = (&Body, &Surface)> {
-        self.view();
-        let view = self.view.as_ref().expect("made above");
-        self.slots.iter().map(|s| &s.body).zip(view.surfaces())
+        let (view, slots) = self.view();
+        slots.iter().map(|s| &s.body).zip(view.surfaces())
     }
 
     /// Structure of the scene as it is now. From the first call on, steps that part links make a
     /// [`TopologyPatch`], until [`World::forget_surface`].
     #[must_use]
     pub fn keyframe(&mut self) -> Keyframe {
-        self.view();
-        let view = self.view.as_ref().expect("made above");
-        view.keyframe(self.slots.iter().map(|s| &s.body), self.output.topology_version)
+        let version = self.output.topology_version;
+        let (view, slots) = self.view();
+        view.keyframe(slots.iter().map(|s| &s.body), version)
     }
 
     /// What the last step changed in the structure; `None` where no link parted, or where nobody
@@ -504,7 +505,7 @@ impl World {
     /// Hash of the surface's structure; see [`crate::surface::hash`].
     #[must_use]
     pub fn surface_hash(&mut self) -> u64 {
-        self.view().hash()
+        self.view().0.hash()
     }
 }
 
