@@ -1,0 +1,345 @@
+//! The state of one scene and the order of its step.
+
+mod body_slot;
+mod contact_model;
+mod queries;
+mod tool_contact;
+
+use crate::Vec3;
+use crate::body::{Body, MaterialPoint, TopologyChange};
+use crate::contact::Mode;
+use crate::fracture::front::BladeMotion;
+use crate::ledger::{self, ContactLedger};
+use crate::params::StepParams;
+use crate::scene::{Scene, SceneError};
+use crate::stage::{Lap, Stage, StageClock};
+use crate::step_io::{FractureStep, SolveReport, StepInputs, StepOutput, ToolMotion, ToolOutput, Wrench};
+use crate::tool::Pose;
+use crate::tool::blade::Blade;
+use crate::view::View;
+use crate::workers::Workers;
+use body_slot::BodySlot;
+use contact_model::ContactModelSum;
+use tool_contact::ToolContact;
+
+pub use crate::body::Relaxation;
+pub use queries::{ObjectStats, WorldCounts};
+
+/// A step's contact springs are re-solved at most this many times; what still changes then waits for
+/// the next step.
+const MAX_ACTIVE_SET_SOLVES: u32 = 4;
+
+/// A tool and where it is.
+struct Tool {
+    blade: Blade,
+    pose: Option<Pose>,
+    /// Pose at the beginning of the step; equal to `pose` where it has just entered.
+    before: Option<Pose>,
+    entered: bool,
+}
+
+/// A probe: a material point that is followed.
+struct Probe {
+    body: usize,
+    point: MaterialPoint,
+}
+
+/// One scene: its objects, its tools and their state.
+pub struct World {
+    params: StepParams,
+    slots: Vec<BodySlot>,
+    tools: Vec<Tool>,
+    probes: Vec<Probe>,
+    /// Present from when the surface is first asked for until it is forgotten: nobody watches,
+    /// nothing is contoured.
+    view: Option<View>,
+    contact_ledger: ContactLedger,
+    flank_before_j: f64,
+    output: StepOutput,
+}
+
+impl World {
+    /// Builds the scene at rest.
+    ///
+    /// # Errors
+    /// A field of the scene whose value is not supported, with the field and the limit named.
+    pub fn new(scene: &Scene) -> Result<Self, SceneError> {
+        let desc = &scene.desc;
+        let params = StepParams {
+            dt_s: 1.0 / desc.rate_hz,
+            relative_tolerance: desc.solver.relative_tolerance,
+            max_iterations: desc.solver.max_iterations,
+        };
+        let blades: Vec<Blade> = desc.tools.iter().map(|t| Blade::from(&t.blade)).collect();
+        let mut slots = Vec::with_capacity(desc.objects.len());
+        for index in 0..desc.objects.len() {
+            slots.push(BodySlot::new(Body::new(scene, index, params, &Workers::serial())?, &blades));
+        }
+        let mut world = Self {
+            params,
+            slots,
+            tools: blades.into_iter().map(|blade| Tool { blade, pose: None, before: None, entered: false }).collect(),
+            probes: Vec::new(),
+            view: None,
+            contact_ledger: ContactLedger::default(),
+            flank_before_j: 0.0,
+            output: StepOutput::default(),
+        };
+        for (index, probe) in desc.probes.iter().enumerate() {
+            world.probes.push(world.find_probe(scene, index, &probe.object, probe.position_m.into())?);
+        }
+        world.output.tools = vec![ToolOutput::default(); world.tools.len()];
+        world.output.probe_displacement_m = vec![Vec3::zeros(); world.probes.len()];
+        Ok(world)
+    }
+
+    fn find_probe(&self, scene: &Scene, index: usize, object: &str, position_m: Vec3) -> Result<Probe, SceneError> {
+        let error = |message: String| SceneError::Field { field: format!("probes[{index}]"), message };
+        let body = scene
+            .desc
+            .objects
+            .iter()
+            .position(|o| o.name == object)
+            .ok_or_else(|| error(format!("there is no object named {object:?}")))?;
+        let grid = &self.slots[body].body.grid;
+        let voxel = grid
+            .voxel_at(grid.cell_of(&position_m))
+            .ok_or_else(|| error(format!("position_m {position_m:?} lies in no voxel of {object:?}")))?;
+        Ok(Probe { body, point: MaterialPoint { position_m, voxel } })
+    }
+
+    /// Advances the scene by one time step.
+    pub fn step(&mut self, workers: &Workers<'_>, clock: &dyn StageClock, inputs: &StepInputs<'_>) -> &StepOutput {
+        let mut lap = Lap::start(clock);
+        self.slots.iter_mut().filter(|s| s.edited).for_each(|s| s.take_edits(workers));
+        self.apply_inputs(inputs);
+        lap.end(Stage::ApplyInputs);
+        if self.tools.iter().any(|t| t.pose.is_some()) {
+            self.detect_contacts();
+            lap.end(Stage::Contact);
+        }
+        self.solve_velocities(workers);
+        lap.end(Stage::Velocities);
+        self.integrate(workers);
+        self.write_wrenches();
+        lap.end(Stage::Integrate);
+        self.evaluate(workers);
+        lap.end(Stage::Rotations);
+        if self.slots.iter().any(|s| s.contacts.iter().any(|c| !c.front.contacts.is_empty())) {
+            self.advance_fronts();
+            lap.end(Stage::Fracture);
+        }
+        if self.slots.iter().any(|s| !s.parting.is_empty()) {
+            self.update_topology(workers);
+            lap.end(Stage::Topology);
+        }
+        if self.view.is_some() && self.output.fracture.parted_links > 0 {
+            self.update_view();
+            lap.end(Stage::Surface);
+        }
+        self.finish();
+        self.output.profile = lap.finish();
+        &self.output
+    }
+
+    fn apply_inputs(&mut self, inputs: &StepInputs<'_>) {
+        self.output.fault = None;
+        self.output.fracture = FractureStep::default();
+        self.contact_ledger = ContactLedger::default();
+        self.view.iter_mut().for_each(View::clear_patch);
+        for tool in &mut self.tools {
+            tool.before = tool.pose;
+            tool.entered = false;
+        }
+        for input in inputs.tools {
+            let Some(tool) = self.tools.get_mut(input.tool) else { continue };
+            match input.motion {
+                ToolMotion::MoveTo(pose) if tool.pose.is_some() => tool.pose = Some(pose),
+                ToolMotion::MoveTo(pose) | ToolMotion::EnterAt(pose) => {
+                    tool.pose = Some(pose);
+                    tool.before = Some(pose);
+                    tool.entered = true;
+                }
+                ToolMotion::Lift => {
+                    tool.pose = None;
+                    self.slots.iter_mut().for_each(|s| s.contacts[input.tool].lift());
+                }
+            }
+        }
+    }
+
+    fn detect_contacts(&mut self) {
+        for slot in &mut self.slots {
+            for (tool, contact) in self.tools.iter().zip(&mut slot.contacts) {
+                if let (Some(pose), Some(before)) = (tool.pose, tool.before) {
+                    let motion = BladeMotion { blade: &tool.blade, before, pose };
+                    contact.detect(&slot.body, &slot.walls, &motion, tool.entered);
+                }
+            }
+        }
+    }
+
+    fn solve_velocities(&mut self, workers: &Workers<'_>) {
+        let mut report = SolveReport::default();
+        for slot in &mut self.slots {
+            slot.body.assemble_right_side();
+            for _ in 0..MAX_ACTIVE_SET_SOLVES {
+                let solve = slot.solve(workers, self.params.dt_s);
+                report.iterations += solve.iterations;
+                report.solves += 1;
+                report.relative_residual = report.relative_residual.max(solve.relative_residual);
+                if !slot.settle_contacts(self.params.dt_s) {
+                    break;
+                }
+            }
+            let touched = slot.impulses.iter().map(|i| i.0);
+            slot.body.correct_rigid_motion(touched, &mut slot.velocity_change);
+            slot.body.stiffen_crumbs(&mut slot.velocity_change);
+        }
+        self.output.solve = report;
+    }
+
+    fn integrate(&mut self, workers: &Workers<'_>) {
+        let dt = self.params.dt_s;
+        for slot in &mut self.slots {
+            slot.ledger.step = slot.body.step_energies(&slot.velocity_change);
+            let body = &mut slot.body;
+            for (v, dv) in body.velocity_m_per_s.iter_mut().zip(&slot.velocity_change) {
+                (0..3).for_each(|i| v[i] += dv[i]);
+            }
+            for (x, v) in body.position_m.iter_mut().zip(&body.velocity_m_per_s) {
+                (0..3).for_each(|i| x[i] += dt * v[i]);
+            }
+            slot.ledger.load_work_j = body.external_work_j(body.velocity_m_per_s.iter().map(|v| v.map(|c| dt * c)));
+            if !body.is_finite() {
+                slot.roll_back(workers, &mut self.output);
+            }
+        }
+    }
+
+    fn evaluate(&mut self, workers: &Workers<'_>) {
+        for slot in &mut self.slots {
+            slot.ledger.before = slot.ledger.after;
+            slot.body.evaluate(workers, 2);
+            slot.ledger.solved = slot.bound_energy(workers);
+            if !slot.body.save_finite_state() {
+                slot.roll_back(workers, &mut self.output);
+                slot.ledger.solved = slot.ledger.after;
+            }
+            slot.body.refresh_operator(workers);
+            slot.ledger.after = slot.ledger.solved;
+        }
+    }
+
+    fn advance_fronts(&mut self) {
+        for slot in &mut self.slots {
+            for (tool, contact) in self.tools.iter().zip(&mut slot.contacts) {
+                if let (Some(pose), Some(before)) = (tool.pose, tool.before) {
+                    let motion = BladeMotion { blade: &tool.blade, before, pose };
+                    let book = contact.front.advance(&slot.body, &motion, &mut slot.parting);
+                    self.contact_ledger.front.add(&book);
+                }
+            }
+        }
+        self.output.fracture.cut_area_m2 = self.contact_ledger.front.area_m2;
+    }
+
+    fn update_topology(&mut self, workers: &Workers<'_>) {
+        for slot in &mut self.slots {
+            slot.parted = slot.body.part_links(&slot.parting);
+            slot.parting.clear();
+            slot.change = TopologyChange::default();
+            if slot.parted.is_empty() {
+                continue;
+            }
+            slot.change = slot.body.update_topology(workers, &slot.parted);
+            slot.velocity_change.resize(slot.body.node_count(), [0.0; 3]);
+            slot.ledger.after = slot.body.energy();
+            slot.walls.update(&slot.body, &slot.parted, &slot.change);
+            slot.reserve();
+            self.output.fracture.parted_links += slot.parted.len() as u32;
+        }
+        if self.output.fracture.parted_links > 0 {
+            self.output.topology_version += 1;
+        }
+    }
+
+    fn update_view(&mut self) {
+        if let Some(view) = &mut self.view {
+            let bodies = self.slots.iter().map(|s| (&s.body, s.parted.as_slice(), &s.change));
+            view.update(bodies, self.output.topology_version);
+        }
+    }
+
+    /// Wrenches from the forces the solver applied; tool work and flank energies with them.
+    fn write_wrenches(&mut self) {
+        for (index, tool) in self.tools.iter().enumerate() {
+            let mut wrench = Wrench::default();
+            let mut model = tool.pose.map(|pose| ContactModelSum::new(pose, &tool.blade));
+            for slot in &self.slots {
+                let contact = &slot.contacts[index];
+                for c in contact.springs().filter(|c| c.mode != Mode::Off) {
+                    let force = c.direction * c.force_n();
+                    self.contact_ledger.tool_work_j += force.dot(&(c.tool_point_m - c.tool_point_before_m));
+                    if let Some(sum) = &mut model {
+                        sum.add(c, &mut wrench);
+                    }
+                }
+                for c in &contact.flanks {
+                    self.contact_ledger.flank_work_j += c.force_n() * (c.gap_m - c.gap_before_m);
+                    self.contact_ledger.flank_stored_j += 0.5 * c.force_n() * c.gap_m;
+                }
+            }
+            let output = &mut self.output.tools[index];
+            output.pose = tool.pose;
+            output.wrench = wrench;
+            output.contact = model.and_then(|m| m.finish(wrench));
+            output.cutting_length_m = self.slots.iter().map(|s| s.contacts[index].front.cutting_length_m()).sum();
+        }
+    }
+
+    fn finish(&mut self) {
+        let before = self.output.energy;
+        let ledgers = self.slots.iter().map(|s| &s.ledger);
+        self.output.energy = ledger::book(ledgers, &self.contact_ledger, &before, self.flank_before_j);
+        self.flank_before_j = self.contact_ledger.flank_stored_j;
+        for (probe, out) in self.probes.iter().zip(&mut self.output.probe_displacement_m) {
+            *out = self.slots[probe.body].body.current_m(&probe.point) - probe.point.position_m;
+        }
+        self.output.step += 1;
+        self.output.sim_time_s = self.output.step as f64 * self.params.dt_s;
+    }
+
+    /// Takes the scene to rest under its loads alone, tools lifted. `progress` is told the norm of the
+    /// unbalanced force over that of the loads before each solve.
+    pub fn relax(&mut self, workers: &Workers<'_>, progress: &mut dyn FnMut(f64)) -> Relaxation {
+        let mut total = Relaxation { solves: 0, relative_residual: 0.0, converged: true };
+        for slot in &mut self.slots {
+            slot.contacts.iter_mut().for_each(ToolContact::lift);
+            let one = slot.body.relax(workers, progress);
+            slot.ledger.after = slot.body.energy();
+            total.solves += one.solves;
+            total.relative_residual = total.relative_residual.max(one.relative_residual);
+            total.converged &= one.converged;
+        }
+        total
+    }
+
+    /// What the last step reported.
+    #[must_use]
+    pub fn output(&self) -> &StepOutput {
+        &self.output
+    }
+
+    /// The scene's bodies.
+    #[must_use]
+    pub fn bodies(&self) -> Vec<&Body> {
+        self.slots.iter().map(|s| &s.body).collect()
+    }
+
+    /// A body whose state is to be set from outside: starts that are not at rest.
+    pub fn body_mut(&mut self, index: usize) -> &mut Body {
+        self.slots[index].edited = true;
+        &mut self.slots[index].body
+    }
+}
