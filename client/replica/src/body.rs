@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use kerf_proto::{MAX_MESSAGE_BYTES, v1};
 
 use crate::error::{FieldError, Problem};
-use crate::hash::SurfaceHasher;
+use crate::hash;
 
 /// Most node slots of an object: a state has to carry 12 bytes for each.
 const MAX_NODES: u32 = (MAX_MESSAGE_BYTES / 12) as u32;
@@ -30,6 +30,8 @@ pub struct Body {
     elements: BTreeMap<u32, [u32; 8]>,
     vertices: BTreeMap<u32, Vertex>,
     quads: BTreeMap<u32, [u32; 4]>,
+    /// Sum of the hashes of the vertices and quads, kept as they come.
+    hash_sum: u64,
 }
 
 impl Body {
@@ -78,27 +80,18 @@ impl Body {
         sum
     }
 
-    /// Folds the surface's structure into a hash.
-    pub fn hash_surface(&self, hasher: &mut SurfaceHasher) {
-        for (&id, vertex) in &self.vertices {
-            hasher.word(u64::from(id) << 32 | u64::from(vertex.element));
-            vertex.local.iter().for_each(|c| hasher.word(u64::from(c.to_bits())));
-        }
-        for (&id, corners) in &self.quads {
-            hasher.word(u64::from(id));
-            corners.iter().for_each(|&vertex| hasher.word(u64::from(vertex)));
-        }
+    /// Sum of the hashes of the vertices and quads.
+    pub(crate) fn hash_sum(&self) -> u64 {
+        self.hash_sum
     }
 
     /// Applies what a keyframe (to an empty body) or a patch says of this object. After an error
     /// the body is not to be used.
     pub(crate) fn change(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
-        self.remove(change)?;
         self.upsert_nodes(change)?;
         self.upsert_elements(change)?;
         self.upsert_vertices(change)?;
-        self.upsert_quads(change)?;
-        self.check_removed_are_unused(change)
+        self.upsert_quads(change)
     }
 
     pub(crate) fn check_displacements(&self, displacements_m: &[f32]) -> Result<(), FieldError> {
@@ -111,18 +104,6 @@ impl Body {
     pub(crate) fn displace(&mut self, displacements_m: &[f32]) {
         let (nodes, _) = displacements_m.as_chunks::<3>();
         self.displacement_m.copy_from_slice(nodes);
-    }
-
-    fn remove(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
-        check_ascending("removed_quad_ids", &change.removed_quad_ids)?;
-        for &id in &change.removed_quad_ids {
-            self.quads.remove(&id).ok_or_else(|| unknown("removed_quad_ids", id))?;
-        }
-        check_ascending("removed_vertex_ids", &change.removed_vertex_ids)?;
-        for &id in &change.removed_vertex_ids {
-            self.vertices.remove(&id).ok_or_else(|| unknown("removed_vertex_ids", id))?;
-        }
-        Ok(())
     }
 
     fn upsert_nodes(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
@@ -162,7 +143,9 @@ impl Body {
             if !self.elements.contains_key(&element) {
                 return Err(unknown("vertex_elements", element));
             }
-            self.vertices.insert(id, Vertex { element, local });
+            let vertex = Vertex { element, local };
+            let before = self.vertices.insert(id, vertex).map_or(0, |before| hash::of_vertex(id, &before));
+            self.exchange_hash(before, hash::of_vertex(id, &vertex));
         }
         Ok(())
     }
@@ -173,24 +156,14 @@ impl Body {
             if let Some(&vertex) = corners.iter().find(|vertex| !self.vertices.contains_key(vertex)) {
                 return Err(unknown("quad_vertices", vertex));
             }
-            self.quads.insert(id, corners);
+            let before = self.quads.insert(id, corners).map_or(0, |before| hash::of_quad(id, before));
+            self.exchange_hash(before, hash::of_quad(id, corners));
         }
         Ok(())
     }
 
-    fn check_removed_are_unused(&self, change: &v1::BodyStructure) -> Result<(), FieldError> {
-        // A vertex may be removed and come back, bound anew, in the same patch.
-        let gone: Vec<u32> =
-            change.removed_vertex_ids.iter().copied().filter(|id| !self.vertices.contains_key(id)).collect();
-        if gone.is_empty() {
-            return Ok(());
-        }
-        for (&quad, corners) in &self.quads {
-            if let Some(&id) = corners.iter().find(|vertex| gone.binary_search(vertex).is_ok()) {
-                return Err(FieldError { field: "removed_vertex_ids", problem: Problem::StillInUse { id, quad } });
-            }
-        }
-        Ok(())
+    fn exchange_hash(&mut self, before: u64, after: u64) {
+        self.hash_sum = self.hash_sum.wrapping_sub(before).wrapping_add(after);
     }
 }
 

@@ -114,14 +114,6 @@ pub enum Problem {
         /// The id.
         id: u32,
     },
-    /// Something is removed that is still referred to.
-    #[error("id {id} is removed, quad {quad} still refers to it")]
-    StillInUse {
-        /// The removed id.
-        id: u32,
-        /// The quad.
-        quad: u32,
-    },
     /// A count that is not supported.
     #[error("{got} is outside {min}..={max}")]
     Range {

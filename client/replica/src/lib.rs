@@ -15,7 +15,7 @@ mod surface;
 
 pub use body::{Body, Vertex};
 pub use error::{FieldError, Problem, ReplicaError};
-pub use hash::SurfaceHasher;
+pub use hash::surface_hash;
 pub use surface::{Face, Surface, Triangle};
 
 use kerf_proto::v1::{self, view_event};
@@ -153,8 +153,6 @@ fn check_body_count(message: &'static str, expected: usize, got: usize) -> Resul
 }
 
 fn check_hash(bodies: &[Body], topology_version: u64, expected: u64) -> Result<(), ReplicaError> {
-    let mut hasher = SurfaceHasher::default();
-    bodies.iter().for_each(|body| body.hash_surface(&mut hasher));
-    let computed = hasher.finish();
+    let computed = hash::of_objects(bodies.iter().map(Body::hash_sum));
     if computed == expected { Ok(()) } else { Err(ReplicaError::HashMismatch { topology_version, expected, computed }) }
 }

@@ -1,7 +1,7 @@
 //! A replica fed with messages made by hand: one element, one quad, and what can go wrong.
 
 use kerf_proto::v1;
-use kerf_replica::{Face, Problem, Replica, ReplicaError, SurfaceHasher};
+use kerf_replica::{Face, Problem, Replica, ReplicaError, surface_hash};
 
 const CORNERS: u32 = 8;
 
@@ -18,28 +18,12 @@ fn cube() -> v1::BodyStructure {
         vertex_local: vec![0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0],
         quad_ids: vec![7],
         quad_vertices: vec![10, 20, 30, 40],
-        ..Default::default()
     }
-}
-
-fn hash_of(bodies: &[v1::BodyStructure]) -> u64 {
-    let mut hasher = SurfaceHasher::default();
-    for body in bodies {
-        for (i, &id) in body.vertex_ids.iter().enumerate() {
-            hasher.word(u64::from(id) << 32 | u64::from(body.vertex_elements[i]));
-            body.vertex_local[3 * i..3 * i + 3].iter().for_each(|c| hasher.word(u64::from(c.to_bits())));
-        }
-        for (i, &id) in body.quad_ids.iter().enumerate() {
-            hasher.word(u64::from(id));
-            body.quad_vertices[4 * i..4 * i + 4].iter().for_each(|&v| hasher.word(u64::from(v)));
-        }
-    }
-    hasher.finish()
 }
 
 fn keyframe(body: v1::BodyStructure) -> v1::Keyframe {
     let bodies = vec![body];
-    v1::Keyframe { topology_version: 3, surface_hash: hash_of(&bodies), bodies }
+    v1::Keyframe { topology_version: 3, surface_hash: surface_hash(&bodies), bodies }
 }
 
 fn state(topology_version: u64, node_displacements_m: Vec<f32>) -> v1::State {
@@ -58,7 +42,7 @@ fn cube_replica() -> Replica {
     replica
 }
 
-/// Moves vertex 40 onto a second element, takes vertex 10 and its quad away, adds another quad.
+/// Moves vertex 40 onto a second element, joins the quad to other vertices, adds another quad.
 fn patch() -> v1::TopologyPatch {
     let change = v1::BodyStructure {
         node_count: CORNERS + 1,
@@ -69,20 +53,18 @@ fn patch() -> v1::TopologyPatch {
         vertex_ids: vec![40],
         vertex_elements: vec![6],
         vertex_local: vec![1.0, 0.0, 0.0],
-        quad_ids: vec![8],
-        quad_vertices: vec![20, 30, 40, 20],
-        removed_vertex_ids: vec![10],
-        removed_quad_ids: vec![7],
+        quad_ids: vec![7, 8],
+        quad_vertices: vec![10, 30, 40, 10, 20, 30, 40, 20],
     };
     let after = v1::BodyStructure {
-        vertex_ids: vec![20, 30, 40],
-        vertex_elements: vec![5, 5, 6],
-        vertex_local: vec![0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0],
-        quad_ids: vec![8],
-        quad_vertices: vec![20, 30, 40, 20],
+        vertex_ids: vec![10, 20, 30, 40],
+        vertex_elements: vec![5, 5, 5, 6],
+        vertex_local: vec![0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0],
+        quad_ids: vec![7, 8],
+        quad_vertices: vec![10, 30, 40, 10, 20, 30, 40, 20],
         ..Default::default()
     };
-    v1::TopologyPatch { from_version: 3, to_version: 5, bodies: vec![change], surface_hash: hash_of(&[after]) }
+    v1::TopologyPatch { from_version: 3, to_version: 5, bodies: vec![change], surface_hash: surface_hash(&[after]) }
 }
 
 fn problem_of(body: v1::BodyStructure) -> (&'static str, Problem) {
@@ -153,17 +135,17 @@ fn interior_point_is_trilinear() {
 }
 
 #[test]
-fn patch_removes_and_upserts() {
+fn patch_adds_and_changes() {
     let mut replica = cube_replica();
     replica.apply_patch(&patch()).expect("valid patch");
     assert_eq!(replica.topology_version(), Some(5));
     let body = &replica.bodies()[0];
-    assert_eq!(body.vertices().keys().copied().collect::<Vec<_>>(), [20, 30, 40]);
-    assert_eq!(body.quads().keys().copied().collect::<Vec<_>>(), [8]);
+    assert_eq!(body.vertices().keys().copied().collect::<Vec<_>>(), [10, 20, 30, 40]);
+    assert_eq!(body.quads().values().copied().collect::<Vec<_>>(), [[10, 30, 40, 10], [20, 30, 40, 20]]);
     assert_eq!(body.vertices()[&40].element, 6);
     assert_eq!(replica.moment(), None, "displacements of the new node are not known");
     replica.apply_state(&state(5, vec![0.0; 27])).expect("matching state");
-    assert_eq!(replica.surfaces().expect("state came")[0].positions_m[2], [2.0, 1.0, 0.0]);
+    assert_eq!(replica.surfaces().expect("state came")[0].positions_m[3], [2.0, 1.0, 0.0]);
 }
 
 #[test]
@@ -243,19 +225,6 @@ fn references_to_nothing_are_refused() {
     assert_eq!(problem_of(body), ("vertex_elements", Problem::UnknownId { id: 6 }));
     let body = v1::BodyStructure { quad_vertices: vec![10, 20, 30, 41], ..cube() };
     assert_eq!(problem_of(body), ("quad_vertices", Problem::UnknownId { id: 41 }));
-    let body = v1::BodyStructure { removed_quad_ids: vec![7], ..cube() };
-    assert_eq!(problem_of(body), ("removed_quad_ids", Problem::UnknownId { id: 7 }));
-}
-
-#[test]
-fn removing_a_vertex_in_use_is_refused() {
-    let mut patch = patch();
-    patch.bodies[0].removed_vertex_ids = vec![10, 30];
-    patch.bodies[0].quad_ids.clear();
-    patch.bodies[0].quad_vertices.clear();
-    patch.bodies[0].removed_quad_ids.clear();
-    let error = cube_replica().apply_patch(&patch).expect_err("in use");
-    assert_eq!(error.to_string(), "patch.bodies[0].removed_vertex_ids: id 10 is removed, quad 7 still refers to it");
 }
 
 #[test]

@@ -1,27 +1,33 @@
 //! What is kept for viewers: the surfaces, and what the last step changed in the structure. It exists
-//! from the first time somebody asks for a keyframe.
+//! from when somebody asks for a keyframe until the surface is forgotten.
 
 use crate::body::{Body, TopologyChange};
 use crate::grid::LinkId;
-use crate::hash::StateHasher;
 use crate::surface::delta::{
-    BodyStructure, BoundQuad, BoundVertex, Keyframe, LatticeElement, LatticeNode, TopologyPatch, hash_body,
+    BodyStructure, BoundQuad, BoundVertex, Keyframe, LatticeElement, LatticeNode, TopologyPatch,
 };
+use crate::surface::hash::{ObjectHash, surface_hash};
 use crate::surface::{Surface, VertexId};
 
-/// Surfaces of every body, and the last patch.
+/// What every object shows, and the last patch.
 pub(crate) struct View {
-    surfaces: Vec<Surface>,
+    objects: Vec<ObjectView>,
     patch: Option<TopologyPatch>,
+}
+
+/// An object's surface and the hash of what viewers know of it.
+struct ObjectView {
+    surface: Surface,
+    hash: ObjectHash,
 }
 
 impl View {
     pub(crate) fn new<'a>(bodies: impl Iterator<Item = &'a Body>) -> Self {
-        Self { surfaces: bodies.map(|b| Surface::build(&b.grid)).collect(), patch: None }
+        Self { objects: bodies.map(ObjectView::new).collect(), patch: None }
     }
 
-    pub(crate) fn surfaces(&self) -> &[Surface] {
-        &self.surfaces
+    pub(crate) fn surfaces(&self) -> impl Iterator<Item = &Surface> {
+        self.objects.iter().map(|object| &object.surface)
     }
 
     pub(crate) fn patch(&self) -> Option<&TopologyPatch> {
@@ -32,41 +38,48 @@ impl View {
         self.patch = None;
     }
 
-    pub(crate) fn keyframe<'a>(&self, bodies: impl Iterator<Item = &'a Body> + Clone, version: u64) -> Keyframe {
+    pub(crate) fn keyframe<'a>(&self, bodies: impl Iterator<Item = &'a Body>, version: u64) -> Keyframe {
         Keyframe {
             topology_version: version,
-            bodies: bodies.clone().zip(&self.surfaces).map(|(body, surface)| whole(body, surface)).collect(),
-            surface_hash: self.hash(bodies),
+            bodies: bodies.zip(self.surfaces()).map(|(body, surface)| whole(body, surface)).collect(),
+            surface_hash: self.hash(),
         }
     }
 
     /// Follows a step that parted `parted` links of each body and makes the patch to `version`.
     pub(crate) fn update<'a>(
         &mut self,
-        bodies: impl Iterator<Item = (&'a Body, &'a [LinkId], &'a TopologyChange)> + Clone,
+        bodies: impl Iterator<Item = (&'a Body, &'a [LinkId], &'a TopologyChange)>,
         version: u64,
     ) {
-        let patches = bodies
-            .clone()
-            .zip(&mut self.surfaces)
-            .map(|((body, parted, change), surface)| patch(body, surface, parted, change))
-            .collect();
+        let objects = self.objects.iter_mut();
+        let patches =
+            bodies.zip(objects).map(|((body, parted, change), object)| object.update(body, parted, change)).collect();
         self.patch = Some(TopologyPatch {
             from_version: version - 1,
             to_version: version,
             bodies: patches,
-            surface_hash: self.hash(bodies.map(|b| b.0)),
+            surface_hash: self.hash(),
         });
     }
 
-    pub(crate) fn hash<'a>(&self, bodies: impl Iterator<Item = &'a Body>) -> u64 {
-        let mut hasher = StateHasher::default();
-        for (body, surface) in bodies.zip(&self.surfaces) {
-            let vertices = surface.vertices().map(|(id, _)| bind(body, surface, id));
-            let quads = surface.quads().map(|(id, quad)| BoundQuad { id, vertices: *quad });
-            hash_body(&mut hasher, vertices, quads);
-        }
-        hasher.finish()
+    pub(crate) fn hash(&self) -> u64 {
+        surface_hash(self.objects.iter().map(|object| &object.hash))
+    }
+}
+
+impl ObjectView {
+    fn new(body: &Body) -> Self {
+        let surface = Surface::build(&body.grid);
+        let mut hash = ObjectHash::default();
+        hash.follow(&whole(body, &surface));
+        Self { surface, hash }
+    }
+
+    fn update(&mut self, body: &Body, parted: &[LinkId], change: &TopologyChange) -> BodyStructure {
+        let patch = patch(body, &mut self.surface, parted, change);
+        self.hash.follow(&patch);
+        patch
     }
 }
 
@@ -91,8 +104,6 @@ fn whole(body: &Body, surface: &Surface) -> BodyStructure {
         elements: (0..body.base().elements.len() as u32).map(|id| element(body, id)).collect(),
         vertices: surface.vertices().map(|(id, _)| bind(body, surface, id)).collect(),
         quads: surface.quads().map(|(id, quad)| BoundQuad { id, vertices: *quad }).collect(),
-        removed_vertices: Vec::new(),
-        removed_quads: Vec::new(),
         node_count: body.node_count() as u32,
     }
 }
@@ -105,8 +116,6 @@ fn patch(body: &Body, surface: &mut Surface, parted: &[LinkId], change: &Topolog
         elements: change.elements.iter().map(|id| element(body, *id)).collect(),
         vertices: touched.upserted_vertices.iter().map(|id| bind(body, surface, *id)).collect(),
         quads: touched.upserted_quads.iter().map(quad).collect(),
-        removed_vertices: touched.removed_vertices,
-        removed_quads: touched.removed_quads,
         node_count: body.node_count() as u32,
     }
 }

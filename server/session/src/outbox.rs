@@ -5,7 +5,7 @@
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use kerf_physics::fault::Fault;
 use kerf_physics::step_io::ToolOutput;
@@ -207,11 +207,16 @@ impl Publisher {
         self.reports.send_replace(Arc::new(report));
     }
 
+    /// The shelf, while anybody views. The last who left has cleared it, perhaps since
+    /// [`Publisher::is_viewed`] was asked; what came onto it afterwards would meet the next viewer
+    /// long after its time.
+    fn shelf(&self) -> Option<MutexGuard<'_, Shelf>> {
+        let shelf = lock(&self.outbox.shelf);
+        self.is_viewed().then_some(shelf)
+    }
+
     pub fn event(&self, step: u64, event: SceneEvent) {
-        if !self.is_viewed() {
-            return;
-        }
-        let mut shelf = lock(&self.outbox.shelf);
+        let Some(mut shelf) = self.shelf() else { return };
         shelf.events.push_back(ViewEvent { step, event });
         shelf.event_count += 1;
         while shelf.events.len() > self.outbox.max_events {
@@ -222,11 +227,15 @@ impl Publisher {
     }
 
     pub fn patch(&self, patch: TopologyPatch) {
-        lock(&self.outbox.shelf).log.push(patch);
+        if let Some(mut shelf) = self.shelf() {
+            shelf.log.push(patch);
+        }
     }
 
     pub fn keyframe(&self, keyframe: Keyframe) {
-        lock(&self.outbox.shelf).log.set_keyframe(keyframe);
+        if let Some(mut shelf) = self.shelf() {
+            shelf.log.set_keyframe(keyframe);
+        }
     }
 
     pub fn keyframe_wanted(&self) -> bool {
@@ -246,7 +255,9 @@ impl Publisher {
 
     /// Replaces the state; wakes viewers, also for structure that was published before it.
     pub fn state(&self, state: ViewState) {
-        lock(&self.outbox.shelf).state = Some(Arc::new(state));
+        if let Some(mut shelf) = self.shelf() {
+            shelf.state = Some(Arc::new(state));
+        }
         self.ring();
     }
 
@@ -347,5 +358,24 @@ impl Viewer {
 impl Drop for Viewer {
     fn drop(&mut self) {
         self.outbox.leave();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_published_after_the_last_viewer_left_does_not_meet_the_next() {
+        let outbox = Arc::new(Outbox::new(&SessionLimits::default()));
+        let (publisher, bell, _reports) = Publisher::new(Arc::clone(&outbox));
+        drop(outbox.join(bell.clone()).unwrap());
+        publisher.keyframe(Keyframe::default());
+        publisher.patch(TopologyPatch { to_version: 1, ..TopologyPatch::default() });
+        let mut next = outbox.join(bell).unwrap();
+        assert!(next.try_next().is_none());
+        assert!(publisher.keyframe_wanted());
+        publisher.keyframe(Keyframe { topology_version: 5, ..Keyframe::default() });
+        assert!(matches!(next.try_next(), Some(ViewMessage::Keyframe(now)) if now.topology_version == 5));
     }
 }

@@ -186,6 +186,8 @@ impl Runner {
     /// Publishes structure as it changes and state as it falls due; nothing while nobody views.
     fn serve_viewers(&mut self, stepped: bool) {
         if !self.publisher.is_viewed() {
+            // Whoever comes next gets a keyframe of then.
+            self.world.forget_surface();
             return;
         }
         let now_ns = MonotonicClock::now_ns();

@@ -154,8 +154,6 @@ fn bytes_of(patch: &TopologyPatch) -> usize {
             + size_of_val(body.elements.as_slice())
             + size_of_val(body.vertices.as_slice())
             + size_of_val(body.quads.as_slice())
-            + size_of_val(body.removed_vertices.as_slice())
-            + size_of_val(body.removed_quads.as_slice())
     };
     size_of::<TopologyPatch>() + patch.bodies.iter().map(body_bytes).sum::<usize>()
 }

@@ -7,7 +7,7 @@ use kerf_proto::v1::control_service_server::{ControlService, ControlServiceServe
 use kerf_proto::v1::session_service_server::{SessionService, SessionServiceServer};
 use kerf_proto::v1::view_service_server::{ViewService, ViewServiceServer};
 use kerf_proto::v1::{self, Down, Up, ViewEvent, down, up, view_event};
-use kerf_replica::SurfaceHasher;
+use kerf_replica::surface_hash;
 use tokio::net::TcpListener;
 use tokio_stream::wrappers::{ReceiverStream, TcpListenerStream};
 use tokio_stream::{Stream, StreamExt};
@@ -81,8 +81,8 @@ fn description() -> v1::SessionDescription {
     }
 }
 
-/// The box as one element with top and bottom; `lid` is the id of the top's quad.
-fn structure(lid: u32) -> v1::BodyStructure {
+/// The box as one element with top and bottom.
+fn structure() -> v1::BodyStructure {
     let corners = (0..8).map(|c| [c & 1, c >> 1 & 1, c >> 2]);
     v1::BodyStructure {
         node_count: 8,
@@ -96,39 +96,27 @@ fn structure(lid: u32) -> v1::BodyStructure {
         vertex_ids: (0..8).collect(),
         vertex_elements: vec![0; 8],
         vertex_local: corners.flat_map(|corner| corner.map(|bit| bit as f32)).collect(),
-        quad_ids: vec![0, lid],
+        quad_ids: vec![0, 2],
         quad_vertices: vec![0, 1, 5, 4, 2, 6, 7, 3],
-        ..Default::default()
     }
 }
 
 fn hash(body: &v1::BodyStructure) -> u64 {
-    let mut hasher = SurfaceHasher::default();
-    for (i, &id) in body.vertex_ids.iter().enumerate() {
-        hasher.word(u64::from(id) << 32 | u64::from(body.vertex_elements[i]));
-        body.vertex_local[3 * i..3 * i + 3].iter().for_each(|c| hasher.word(u64::from(c.to_bits())));
-    }
-    for (i, &id) in body.quad_ids.iter().enumerate() {
-        hasher.word(u64::from(id));
-        body.quad_vertices[4 * i..4 * i + 4].iter().for_each(|&v| hasher.word(u64::from(v)));
-    }
-    hasher.finish()
+    surface_hash(std::slice::from_ref(body))
 }
 
 fn keyframe() -> view_event::Message {
-    let body = structure(2);
+    let body = structure();
     view_event::Message::Keyframe(v1::Keyframe { topology_version: 0, surface_hash: hash(&body), bodies: vec![body] })
 }
 
 fn patch(behaviour: Behaviour) -> view_event::Message {
-    let after = structure(4);
-    let change = v1::BodyStructure {
-        node_count: 8,
-        quad_ids: vec![4],
-        quad_vertices: after.quad_vertices[4..].to_vec(),
-        removed_quad_ids: vec![2],
-        ..Default::default()
-    };
+    // The other side of the top's link: it becomes a cut.
+    let change =
+        v1::BodyStructure { node_count: 8, quad_ids: vec![3], quad_vertices: vec![3, 7, 6, 2], ..Default::default() };
+    let mut after = structure();
+    after.quad_ids.extend(&change.quad_ids);
+    after.quad_vertices.extend(&change.quad_vertices);
     view_event::Message::Patch(v1::TopologyPatch {
         from_version: 0,
         to_version: 1,

@@ -47,8 +47,6 @@ fn body(body: &BodyStructure) -> v1::BodyStructure {
         vertex_local: body.vertices.iter().flat_map(|vertex| vertex.local).collect(),
         quad_ids: body.quads.iter().map(|quad| quad.id).collect(),
         quad_vertices: body.quads.iter().flat_map(|quad| quad.vertices).collect(),
-        removed_vertex_ids: body.removed_vertices.clone(),
-        removed_quad_ids: body.removed_quads.clone(),
     }
 }
 

@@ -44,7 +44,8 @@ pub struct BoundQuad {
     pub vertices: Quad,
 }
 
-/// Structure of one object: the whole of it in a keyframe, what changed in a patch.
+/// Structure of one object: the whole of it in a keyframe, what changed in a patch. Vertices and
+/// quads never go away.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BodyStructure {
     /// New or changed nodes, ids ascending.
@@ -55,10 +56,6 @@ pub struct BodyStructure {
     pub vertices: Vec<BoundVertex>,
     /// New or changed quads, ids ascending.
     pub quads: Vec<BoundQuad>,
-    /// Vertices that are gone (patches only).
-    pub removed_vertices: Vec<VertexId>,
-    /// Quads that are gone (patches only).
-    pub removed_quads: Vec<QuadId>,
     /// Number of node slots: length of the displacement array over three.
     pub node_count: u32,
 }
@@ -70,7 +67,7 @@ pub struct Keyframe {
     pub topology_version: u64,
     /// One entry per object of the scene.
     pub bodies: Vec<BodyStructure>,
-    /// Hash of the surface, to check a replica by.
+    /// Hash of the surface, to check a replica by; see [`super::hash`].
     pub surface_hash: u64,
 }
 
@@ -85,21 +82,4 @@ pub struct TopologyPatch {
     pub bodies: Vec<BodyStructure>,
     /// Hash of the surface after it.
     pub surface_hash: u64,
-}
-
-/// Hash of a surface's structure, the same in the server and in a replica: over every body in order,
-/// vertices by id (id, element, bits of the local coordinates), then quads by id (id, vertices).
-pub fn hash_body(
-    hasher: &mut crate::hash::StateHasher,
-    vertices: impl Iterator<Item = BoundVertex>,
-    quads: impl Iterator<Item = BoundQuad>,
-) {
-    for vertex in vertices {
-        hasher.word(u64::from(vertex.id) << 32 | u64::from(vertex.element));
-        vertex.local.iter().for_each(|c| hasher.word(u64::from(c.to_bits())));
-    }
-    for quad in quads {
-        hasher.word(u64::from(quad.id));
-        quad.vertices.iter().for_each(|v| hasher.word(u64::from(*v)));
-    }
 }

@@ -20,6 +20,7 @@
 
 pub mod delta;
 mod dual_contouring;
+pub mod hash;
 mod lattice;
 mod qef;
 #[cfg(test)]
@@ -54,14 +55,11 @@ pub struct SurfaceVertex {
 pub type Quad = [VertexId; 4];
 
 /// What [`Surface::rebuild_touched`] changed; an id occurs at most once in each list, ascending.
+/// Nothing is ever taken away, see the invariants above.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SurfaceChange {
-    /// Vertices that are gone; none as long as crossings never go away.
-    pub removed_vertices: Vec<VertexId>,
     /// Vertices that are new or have moved or are bound to another voxel or element.
     pub upserted_vertices: Vec<VertexId>,
-    /// Quads that are gone; none as long as crossings never go away.
-    pub removed_quads: Vec<QuadId>,
     /// Quads that are new or join other vertices.
     pub upserted_quads: Vec<QuadId>,
 }

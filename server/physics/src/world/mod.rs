@@ -1,28 +1,28 @@
 //! The state of one scene and the order of its step.
 
-use crate::body::{Body, PartedLinks, TopologyChange};
-use crate::contact::broad::{Aabb, SpatialHash};
-use crate::contact::flank::Walls;
-use crate::contact::{Contact, Mode};
-use crate::fault::{Fault, FaultKind};
+mod body_slot;
+mod contact_model;
+mod queries;
+mod tool_contact;
+
+use crate::Vec3;
+use crate::body::{Body, MaterialPoint, PartedLinks, TopologyChange};
 use crate::fracture::front::{BladeMotion, Front};
-use crate::grid::{Crossing, LinkId};
-use crate::hash::StateHasher;
-use crate::ledger::{self, BodyLedger, ContactLedger};
+use crate::ledger::{self, ContactLedger};
 use crate::params::StepParams;
 use crate::scene::{Scene, SceneError};
-use crate::solve::spring::POINT_NODES;
 use crate::stage::{Lap, Stage, StageClock};
-use crate::step_io::{ContactModel, FractureStep, StepInputs, StepOutput, ToolMotion, ToolOutput, Wrench};
-use crate::surface::Surface;
-use crate::surface::delta::{Keyframe, TopologyPatch};
+use crate::step_io::{FractureStep, SolveReport, StepInputs, StepOutput, ToolMotion, ToolOutput, Wrench};
 use crate::tool::Pose;
 use crate::tool::blade::Blade;
 use crate::view::View;
 use crate::workers::Workers;
-use crate::{Vec3, body};
+use body_slot::BodySlot;
+use contact_model::ContactModelSum;
+use tool_contact::ToolContact;
 
 pub use crate::body::Relaxation;
+pub use queries::{ObjectStats, WorldCounts};
 
 /// A step's contact springs are re-solved at most this many times; what still changes then waits for
 /// the next step.
@@ -37,35 +37,10 @@ struct Tool {
     entered: bool,
 }
 
-/// What one tool does in one body.
-struct ToolContact {
-    front: Front,
-    flanks: Vec<Contact>,
-    hash: SpatialHash,
-}
-
-/// A body with the step data that belongs to it.
-struct BodySlot {
-    body: Body,
-    /// By tool.
-    contacts: Vec<ToolContact>,
-    /// Walls of what was cut.
-    walls: Walls,
-    velocity_change: body::Nodal,
-    impulses: Vec<(u32, [f64; 3])>,
-    ledger: BodyLedger,
-    parting: Vec<(LinkId, Crossing)>,
-    /// Links that were parted in this step, and what that changed.
-    parted: Vec<LinkId>,
-    change: TopologyChange,
-    /// Its state was set from outside since the last step.
-    edited: bool,
-}
-
 /// A probe: a material point that is followed.
 struct Probe {
     body: usize,
-    point: body::MaterialPoint,
+    point: MaterialPoint,
 }
 
 /// One scene: its objects, its tools and their state.
@@ -74,43 +49,12 @@ pub struct World {
     slots: Vec<BodySlot>,
     tools: Vec<Tool>,
     probes: Vec<Probe>,
-    /// Present from the first keyframe on: nobody watches, nothing is contoured.
+    /// Present from when the surface is first asked for until it is forgotten: nobody watches,
+    /// nothing is contoured.
     view: Option<View>,
     contact_ledger: ContactLedger,
     flank_before_j: f64,
     output: StepOutput,
-}
-
-/// What an object of a scene consists of.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ObjectStats {
-    /// Lower corner of its bounding box at rest, m.
-    pub rest_min_m: [f64; 3],
-    /// Upper corner of its bounding box at rest, m.
-    pub rest_max_m: [f64; 3],
-    /// Edge length of a fine voxel, m.
-    pub voxel_size_m: f64,
-    /// Fine voxels.
-    pub voxels: u32,
-    /// Composite elements as they are now.
-    pub composite_elements: u32,
-}
-
-/// Numbers of things in a scene.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct WorldCounts {
-    /// Fine voxels.
-    pub voxels: usize,
-    /// Composite elements of the levels solved on.
-    pub composite_elements: usize,
-    /// Nodes of the levels solved on.
-    pub nodes: usize,
-    /// Vertices of the surface.
-    pub surface_vertices: usize,
-    /// Triangles of the surface.
-    pub surface_triangles: usize,
-    /// Separate pieces.
-    pub parts: usize,
 }
 
 impl World {
@@ -160,7 +104,7 @@ impl World {
         let voxel = grid
             .voxel_at(grid.cell_of(&position_m))
             .ok_or_else(|| error(format!("position_m {position_m:?} lies in no voxel of {object:?}")))?;
-        Ok(Probe { body, point: body::MaterialPoint { position_m, voxel } })
+        Ok(Probe { body, point: MaterialPoint { position_m, voxel } })
     }
 
     /// Advances the scene by one time step.
@@ -235,7 +179,7 @@ impl World {
     }
 
     fn solve_velocities(&mut self, workers: &Workers<'_>) {
-        let mut report = crate::step_io::SolveReport::default();
+        let mut report = SolveReport::default();
         for slot in &mut self.slots {
             slot.body.assemble_right_side();
             for _ in 0..MAX_ACTIVE_SET_SOLVES {
@@ -399,271 +343,5 @@ impl World {
     pub fn body_mut(&mut self, index: usize) -> &mut Body {
         self.slots[index].edited = true;
         &mut self.slots[index].body
-    }
-
-    /// Numbers of things in the scene as it is now; contours the surface if nobody has yet.
-    #[must_use]
-    pub fn counts(&mut self) -> WorldCounts {
-        let mut counts = WorldCounts::default();
-        for (_, surface) in self.bodies_and_surfaces() {
-            counts.surface_vertices += surface.vertices().len();
-            counts.surface_triangles += 2 * surface.quads().len();
-        }
-        for slot in &self.slots {
-            counts.voxels += slot.body.grid.voxels().len();
-            counts.composite_elements += slot.body.base().elements.len();
-            counts.nodes += slot.body.node_count();
-            counts.parts += slot.body.part_count() as usize;
-        }
-        counts
-    }
-
-    /// What each object consists of.
-    #[must_use]
-    pub fn object_stats(&self) -> Vec<ObjectStats> {
-        let stats = |slot: &BodySlot| {
-            let grid = &slot.body.grid;
-            let centres = grid.voxels().iter().map(|v| grid.centre_m(v.ijk));
-            let aabb = Aabb::around(centres).grown(0.5 * grid.voxel_size_m());
-            ObjectStats {
-                rest_min_m: aabb.min_m.into(),
-                rest_max_m: aabb.max_m.into(),
-                voxel_size_m: grid.voxel_size_m(),
-                voxels: grid.voxels().len() as u32,
-                composite_elements: slot.body.base().elements.len() as u32,
-            }
-        };
-        self.slots.iter().map(stats).collect()
-    }
-
-    fn view(&mut self) -> &View {
-        self.view.get_or_insert_with(|| View::new(self.slots.iter().map(|s| &s.body)))
-    }
-
-    /// Each body with its surface, which is contoured if nobody has yet.
-    pub fn bodies_and_surfaces(&mut self) -> impl Iterator<Item = (&Body, &Surface)> {
-        self.view();
-        let view = self.view.as_ref().expect("made above");
-        self.slots.iter().map(|s| &s.body).zip(view.surfaces())
-    }
-
-    /// Structure of the scene as it is now. From the first call on, steps that part links make a
-    /// [`TopologyPatch`].
-    #[must_use]
-    pub fn keyframe(&mut self) -> Keyframe {
-        self.view();
-        let view = self.view.as_ref().expect("made above");
-        view.keyframe(self.slots.iter().map(|s| &s.body), self.output.topology_version)
-    }
-
-    /// What the last step changed in the structure; `None` where no link parted, or where nobody
-    /// has asked for a keyframe yet.
-    #[must_use]
-    pub fn topology_patch(&self) -> Option<&TopologyPatch> {
-        self.view.as_ref()?.patch()
-    }
-
-    /// Displacements of an object's nodes, xyz interleaved, m, scene frame, appended to `out`.
-    pub fn node_displacements_m(&self, object: usize, out: &mut Vec<f32>) {
-        let body = &self.slots[object].body;
-        for (node, x) in body.position_m.iter().enumerate() {
-            let rest = body.rest_position_m(node);
-            out.extend((0..3).map(|i| (x[i] - rest[i]) as f32));
-        }
-    }
-
-    /// Hash of positions, velocities, fronts and topology.
-    #[must_use]
-    pub fn state_hash(&self) -> u64 {
-        let mut hasher = StateHasher::default();
-        hasher.word(self.output.step);
-        for slot in &self.slots {
-            for values in [&slot.body.position_m, &slot.body.velocity_m_per_s] {
-                values.iter().for_each(|v| hasher.floats(v));
-            }
-            for element in &slot.body.base().elements {
-                element.nodes.iter().for_each(|n| hasher.word(u64::from(*n)));
-            }
-            slot.contacts.iter().for_each(|c| c.front.fold_into(&mut hasher));
-        }
-        hasher.finish()
-    }
-
-    /// Hash of the surface's structure; see [`crate::surface::delta::hash_body`].
-    #[must_use]
-    pub fn surface_hash(&mut self) -> u64 {
-        self.view();
-        let view = self.view.as_ref().expect("made above");
-        view.hash(self.slots.iter().map(|s| &s.body))
-    }
-}
-
-impl BodySlot {
-    fn new(body: Body, blades: &[Blade]) -> Self {
-        let contacts = blades
-            .iter()
-            .map(|blade| ToolContact {
-                front: Front::new(blade, &body),
-                flanks: Vec::new(),
-                hash: SpatialHash::default(),
-            })
-            .collect();
-        let energy = body.energy();
-        let mut slot = Self {
-            velocity_change: vec![[0.0; 3]; body.node_count()],
-            ledger: BodyLedger { after: energy, ..BodyLedger::default() },
-            body,
-            contacts,
-            walls: Walls::default(),
-            impulses: Vec::new(),
-            parting: Vec::new(),
-            parted: Vec::new(),
-            change: TopologyChange::default(),
-            edited: false,
-        };
-        slot.reserve();
-        slot
-    }
-
-    /// Room for every contact there may be until links part again: a step in between allocates nothing.
-    fn reserve(&mut self) {
-        for contact in &mut self.contacts {
-            contact.flanks.clear();
-            contact.flanks.reserve(self.walls.len());
-            contact.hash.reserve(self.body.base().elements.len());
-        }
-        let springs = self.contacts.iter().map(|c| c.front.most_springs() + self.walls.len()).sum();
-        self.impulses.clear();
-        self.impulses.reserve(POINT_NODES * springs);
-        self.body.reserve_springs(springs);
-    }
-
-    fn solve(&mut self, workers: &Workers<'_>, dt_s: f64) -> crate::step_io::SolveReport {
-        self.velocity_change.resize(self.body.node_count(), [0.0; 3]);
-        self.impulses.clear();
-        for contact in self.contacts.iter().flat_map(ToolContact::springs).filter(|c| c.mode != Mode::Off) {
-            let impulse = contact.direction * contact.impulse(dt_s);
-            self.impulses.extend(contact.weights.iter().map(|(node, w)| (node, (impulse * w).into())));
-        }
-        self.body.set_springs(self.contacts.iter().flat_map(ToolContact::springs));
-        let scale = self.body.applied_impulse_norm(&self.impulses);
-        self.body.solve_velocity_change(workers, &self.impulses, scale, &mut self.velocity_change)
-    }
-
-    fn settle_contacts(&mut self, dt_s: f64) -> bool {
-        let mut changed = false;
-        for contact in &mut self.contacts {
-            for front in &mut contact.front.contacts {
-                changed |= front.settle(dt_s, &self.velocity_change);
-            }
-            for flank in &mut contact.flanks {
-                changed |= flank.settle(dt_s, &self.velocity_change);
-            }
-        }
-        changed
-    }
-
-    /// A state that was set from outside is what the next step starts from and goes back to, if it is
-    /// finite.
-    fn take_edits(&mut self, workers: &Workers<'_>) {
-        self.edited = false;
-        self.body.evaluate(workers, 20);
-        if self.body.save_finite_state() {
-            self.body.refresh_operator(workers);
-            self.ledger.after = self.body.energy();
-        }
-    }
-
-    /// Positions and rotations go back to the last finite step, velocities are zeroed, the tools lifted.
-    fn roll_back(&mut self, workers: &Workers<'_>, output: &mut StepOutput) {
-        self.body.restore_finite_state(workers);
-        self.velocity_change.iter_mut().for_each(|v| *v = [0.0; 3]);
-        self.contacts.iter_mut().for_each(ToolContact::lift);
-        self.ledger = BodyLedger { after: self.body.energy(), ..BodyLedger::default() };
-        output.fault = Some(Fault { step: output.step, object: self.body.name.clone(), what: FaultKind::NodeState });
-    }
-}
-
-impl ToolContact {
-    fn lift(&mut self) {
-        self.front.lift();
-        self.flanks.clear();
-    }
-
-    fn springs(&self) -> impl Iterator<Item = &Contact> {
-        self.front.contacts.iter().flat_map(|c| [&c.forward, &c.lateral]).chain(&self.flanks)
-    }
-
-    fn detect(&mut self, body: &Body, walls: &Walls, motion: &BladeMotion<'_>, entered: bool) {
-        let half = 0.5 * motion.blade.width_m;
-        let ends = [motion.before, motion.pose]
-            .into_iter()
-            .flat_map(|pose| [-half, half].map(|x| pose.transform(&Vec3::new(x, 0.0, 0.0))));
-        self.hash.rebuild(body, &Aabb::around(ends).grown(body.grid.voxel_size_m()));
-        if entered {
-            self.front.enter(body, &self.hash, motion.blade, &motion.pose);
-        }
-        self.front.detect(body, &self.hash, motion);
-        self.flanks.clear();
-        if !walls.is_empty() {
-            walls.contacts(body, motion.blade, &motion.before, &motion.pose, &mut self.flanks);
-        }
-    }
-}
-
-/// Accumulates the wrench and the local contact model of a tool.
-struct ContactModelSum {
-    pose: Pose,
-    forward: Vec3,
-    stiffness: [[f64; 6]; 6],
-    cap_n: f64,
-    yields: bool,
-    contacts: u32,
-    radius_m: f64,
-}
-
-impl ContactModelSum {
-    fn new(pose: Pose, blade: &Blade) -> Self {
-        Self {
-            pose,
-            forward: pose.orientation * -Vec3::y(),
-            stiffness: [[0.0; 6]; 6],
-            cap_n: 0.0,
-            yields: false,
-            contacts: 0,
-            radius_m: 0.05 * blade.width_m,
-        }
-    }
-
-    fn add(&mut self, contact: &Contact, wrench: &mut Wrench) {
-        let arm = contact.tool_point_m - self.pose.position_m;
-        let force = -contact.direction * contact.force_n;
-        wrench.force_n += force;
-        wrench.torque_nm += arm.cross(&force);
-        self.contacts += 1;
-        if contact.limit_n.is_finite() {
-            self.cap_n += contact.limit_n;
-        }
-        self.yields |= contact.mode == Mode::Yield;
-        let turn = arm.cross(&contact.direction);
-        let row = [0, 1, 2].map(|i| contact.direction[i]);
-        let row: [f64; 6] = std::array::from_fn(|i| if i < 3 { row[i] } else { turn[i - 3] });
-        for i in 0..6 {
-            for j in 0..6 {
-                self.stiffness[i][j] += contact.stiffness_n_per_m * row[i] * row[j];
-            }
-        }
-    }
-
-    fn finish(self, wrench: Wrench) -> Option<ContactModel> {
-        (self.contacts > 0).then_some(ContactModel {
-            reference: self.pose,
-            wrench,
-            stiffness: self.stiffness,
-            damping_n_s_per_m: 0.0,
-            force_cap_n: self.yields.then_some(self.cap_n),
-            cap_direction: -self.forward,
-            validity_radius_m: self.radius_m,
-        })
     }
 }

@@ -1,0 +1,119 @@
+//! A body in the world: what tools do to it in a step, and what the step does with it.
+
+use super::tool_contact::ToolContact;
+use crate::body::{self, Body, TopologyChange};
+use crate::contact::Mode;
+use crate::contact::broad::SpatialHash;
+use crate::contact::flank::Walls;
+use crate::fault::{Fault, FaultKind};
+use crate::fracture::front::Front;
+use crate::grid::{Crossing, LinkId};
+use crate::ledger::BodyLedger;
+use crate::solve::spring::POINT_NODES;
+use crate::step_io::{SolveReport, StepOutput};
+use crate::tool::blade::Blade;
+use crate::workers::Workers;
+
+/// A body with the step data that belongs to it.
+pub(super) struct BodySlot {
+    pub(super) body: Body,
+    /// By tool.
+    pub(super) contacts: Vec<ToolContact>,
+    /// Walls of what was cut.
+    pub(super) walls: Walls,
+    pub(super) velocity_change: body::Nodal,
+    pub(super) impulses: Vec<(u32, [f64; 3])>,
+    pub(super) ledger: BodyLedger,
+    pub(super) parting: Vec<(LinkId, Crossing)>,
+    /// Links that were parted in this step, and what that changed.
+    pub(super) parted: Vec<LinkId>,
+    pub(super) change: TopologyChange,
+    /// Its state was set from outside since the last step.
+    pub(super) edited: bool,
+}
+
+impl BodySlot {
+    pub(super) fn new(body: Body, blades: &[Blade]) -> Self {
+        let contacts = blades
+            .iter()
+            .map(|blade| ToolContact {
+                front: Front::new(blade, &body),
+                flanks: Vec::new(),
+                hash: SpatialHash::default(),
+            })
+            .collect();
+        let energy = body.energy();
+        let mut slot = Self {
+            velocity_change: vec![[0.0; 3]; body.node_count()],
+            ledger: BodyLedger { after: energy, ..BodyLedger::default() },
+            body,
+            contacts,
+            walls: Walls::default(),
+            impulses: Vec::new(),
+            parting: Vec::new(),
+            parted: Vec::new(),
+            change: TopologyChange::default(),
+            edited: false,
+        };
+        slot.reserve();
+        slot
+    }
+
+    /// Room for every contact there may be until links part again: a step in between allocates nothing.
+    pub(super) fn reserve(&mut self) {
+        for contact in &mut self.contacts {
+            contact.flanks.clear();
+            contact.flanks.reserve(self.walls.len());
+            contact.hash.reserve(self.body.base().elements.len());
+        }
+        let springs = self.contacts.iter().map(|c| c.front.most_springs() + self.walls.len()).sum();
+        self.impulses.clear();
+        self.impulses.reserve(POINT_NODES * springs);
+        self.body.reserve_springs(springs);
+    }
+
+    pub(super) fn solve(&mut self, workers: &Workers<'_>, dt_s: f64) -> SolveReport {
+        self.velocity_change.resize(self.body.node_count(), [0.0; 3]);
+        self.impulses.clear();
+        for contact in self.contacts.iter().flat_map(ToolContact::springs).filter(|c| c.mode != Mode::Off) {
+            let impulse = contact.direction * contact.impulse(dt_s);
+            self.impulses.extend(contact.weights.iter().map(|(node, w)| (node, (impulse * w).into())));
+        }
+        self.body.set_springs(self.contacts.iter().flat_map(ToolContact::springs));
+        let scale = self.body.applied_impulse_norm(&self.impulses);
+        self.body.solve_velocity_change(workers, &self.impulses, scale, &mut self.velocity_change)
+    }
+
+    pub(super) fn settle_contacts(&mut self, dt_s: f64) -> bool {
+        let mut changed = false;
+        for contact in &mut self.contacts {
+            for front in &mut contact.front.contacts {
+                changed |= front.settle(dt_s, &self.velocity_change);
+            }
+            for flank in &mut contact.flanks {
+                changed |= flank.settle(dt_s, &self.velocity_change);
+            }
+        }
+        changed
+    }
+
+    /// A state that was set from outside is what the next step starts from and goes back to, if it is
+    /// finite.
+    pub(super) fn take_edits(&mut self, workers: &Workers<'_>) {
+        self.edited = false;
+        self.body.evaluate(workers, 20);
+        if self.body.save_finite_state() {
+            self.body.refresh_operator(workers);
+            self.ledger.after = self.body.energy();
+        }
+    }
+
+    /// Positions and rotations go back to the last finite step, velocities are zeroed, the tools lifted.
+    pub(super) fn roll_back(&mut self, workers: &Workers<'_>, output: &mut StepOutput) {
+        self.body.restore_finite_state(workers);
+        self.velocity_change.iter_mut().for_each(|v| *v = [0.0; 3]);
+        self.contacts.iter_mut().for_each(ToolContact::lift);
+        self.ledger = BodyLedger { after: self.body.energy(), ..BodyLedger::default() };
+        output.fault = Some(Fault { step: output.step, object: self.body.name.clone(), what: FaultKind::NodeState });
+    }
+}

@@ -1,0 +1,145 @@
+//! What a world tells of itself between steps: its size, its surface, its hashes.
+
+use super::World;
+use super::body_slot::BodySlot;
+use crate::body::Body;
+use crate::contact::broad::Aabb;
+use crate::hash::StateHasher;
+use crate::surface::Surface;
+use crate::surface::delta::{Keyframe, TopologyPatch};
+use crate::view::View;
+
+/// What an object of a scene consists of.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ObjectStats {
+    /// Lower corner of its bounding box at rest, m.
+    pub rest_min_m: [f64; 3],
+    /// Upper corner of its bounding box at rest, m.
+    pub rest_max_m: [f64; 3],
+    /// Edge length of a fine voxel, m.
+    pub voxel_size_m: f64,
+    /// Fine voxels.
+    pub voxels: u32,
+    /// Composite elements as they are now.
+    pub composite_elements: u32,
+}
+
+/// Numbers of things in a scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WorldCounts {
+    /// Fine voxels.
+    pub voxels: usize,
+    /// Composite elements of the levels solved on.
+    pub composite_elements: usize,
+    /// Nodes of the levels solved on.
+    pub nodes: usize,
+    /// Vertices of the surface.
+    pub surface_vertices: usize,
+    /// Triangles of the surface.
+    pub surface_triangles: usize,
+    /// Separate pieces.
+    pub parts: usize,
+}
+
+impl World {
+    /// Numbers of things in the scene as it is now; contours the surface if nobody has yet.
+    #[must_use]
+    pub fn counts(&mut self) -> WorldCounts {
+        let mut counts = WorldCounts::default();
+        for (_, surface) in self.bodies_and_surfaces() {
+            counts.surface_vertices += surface.vertices().len();
+            counts.surface_triangles += 2 * surface.quads().len();
+        }
+        for slot in &self.slots {
+            counts.voxels += slot.body.grid.voxels().len();
+            counts.composite_elements += slot.body.base().elements.len();
+            counts.nodes += slot.body.node_count();
+            counts.parts += slot.body.part_count() as usize;
+        }
+        counts
+    }
+
+    /// What each object consists of.
+    #[must_use]
+    pub fn object_stats(&self) -> Vec<ObjectStats> {
+        let stats = |slot: &BodySlot| {
+            let grid = &slot.body.grid;
+            let centres = grid.voxels().iter().map(|v| grid.centre_m(v.ijk));
+            let aabb = Aabb::around(centres).grown(0.5 * grid.voxel_size_m());
+            ObjectStats {
+                rest_min_m: aabb.min_m.into(),
+                rest_max_m: aabb.max_m.into(),
+                voxel_size_m: grid.voxel_size_m(),
+                voxels: grid.voxels().len() as u32,
+                composite_elements: slot.body.base().elements.len() as u32,
+            }
+        };
+        self.slots.iter().map(stats).collect()
+    }
+
+    /// Contours nothing more until the surface is asked for again; it will then be the same as if it
+    /// had been followed.
+    pub fn forget_surface(&mut self) {
+        self.view = None;
+    }
+
+    /// What viewers see, contoured if nobody has yet, and the slots of the bodies it shows.
+    fn view(&mut self) -> (&View, &[BodySlot]) {
+        let view = self.view.get_or_insert_with(|| View::new(self.slots.iter().map(|s| &s.body)));
+        (view, &self.slots)
+    }
+
+    /// Each body with its surface, which is contoured if nobody has yet.
+    pub fn bodies_and_surfaces(&mut self) -> impl Iterator<Item = (&Body, &Surface)> {
+        let (view, slots) = self.view();
+        slots.iter().map(|s| &s.body).zip(view.surfaces())
+    }
+
+    /// Structure of the scene as it is now. From the first call on, steps that part links make a
+    /// [`TopologyPatch`], until [`World::forget_surface`].
+    #[must_use]
+    pub fn keyframe(&mut self) -> Keyframe {
+        let version = self.output.topology_version;
+        let (view, slots) = self.view();
+        view.keyframe(slots.iter().map(|s| &s.body), version)
+    }
+
+    /// What the last step changed in the structure; `None` where no link parted, or where nobody
+    /// has asked for a keyframe since the surface was forgotten.
+    #[must_use]
+    pub fn topology_patch(&self) -> Option<&TopologyPatch> {
+        self.view.as_ref()?.patch()
+    }
+
+    /// Displacements of an object's nodes, xyz interleaved, m, scene frame, appended to `out`.
+    pub fn node_displacements_m(&self, object: usize, out: &mut Vec<f32>) {
+        let body = &self.slots[object].body;
+        for (node, x) in body.position_m.iter().enumerate() {
+            let rest = body.rest_position_m(node);
+            out.extend((0..3).map(|i| (x[i] - rest[i]) as f32));
+        }
+    }
+
+    /// Hash of positions, velocities, fronts and topology.
+    #[must_use]
+    pub fn state_hash(&self) -> u64 {
+        let mut hasher = StateHasher::default();
+        hasher.word(self.output.step);
+        for slot in &self.slots {
+            for values in [&slot.body.position_m, &slot.body.velocity_m_per_s] {
+                values.iter().for_each(|v| hasher.floats(v));
+            }
+            for element in &slot.body.base().elements {
+                element.nodes.iter().for_each(|n| hasher.word(u64::from(*n)));
+            }
+            slot.contacts.iter().for_each(|c| c.front.fold_into(&mut hasher));
+        }
+        hasher.finish()
+    }
+
+    /// Hash of the surface's structure; see [`crate::surface::hash`].
+    #[must_use]
+    pub fn surface_hash(&mut self) -> u64 {
+        self.view().0.hash()
+    }
+}

@@ -1,0 +1,42 @@
+//! One tool in one body: its front, its flanks and the elements near it.
+
+use crate::Vec3;
+use crate::body::Body;
+use crate::contact::Contact;
+use crate::contact::broad::{Aabb, SpatialHash};
+use crate::contact::flank::Walls;
+use crate::fracture::front::{BladeMotion, Front};
+
+/// What one tool does in one body.
+pub(super) struct ToolContact {
+    pub(super) front: Front,
+    pub(super) flanks: Vec<Contact>,
+    pub(super) hash: SpatialHash,
+}
+
+impl ToolContact {
+    pub(super) fn lift(&mut self) {
+        self.front.lift();
+        self.flanks.clear();
+    }
+
+    pub(super) fn springs(&self) -> impl Iterator<Item = &Contact> {
+        self.front.contacts.iter().flat_map(|c| [&c.forward, &c.lateral]).chain(&self.flanks)
+    }
+
+    pub(super) fn detect(&mut self, body: &Body, walls: &Walls, motion: &BladeMotion<'_>, entered: bool) {
+        let half = 0.5 * motion.blade.width_m;
+        let ends = [motion.before, motion.pose]
+            .into_iter()
+            .flat_map(|pose| [-half, half].map(|x| pose.transform(&Vec3::new(x, 0.0, 0.0))));
+        self.hash.rebuild(body, &Aabb::around(ends).grown(body.grid.voxel_size_m()));
+        if entered {
+            self.front.enter(body, &self.hash, motion.blade, &motion.pose);
+        }
+        self.front.detect(body, &self.hash, motion);
+        self.flanks.clear();
+        if !walls.is_empty() {
+            walls.contacts(body, motion.blade, &motion.before, &motion.pose, &mut self.flanks);
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! What viewers get of a scene that is cut: keyframes, patches and the hash they are checked by.
+
+mod support;
+
+use kerf_physics::scene::{BladeDesc, ToolDesc};
+use kerf_physics::step_io::ToolMotion;
+use kerf_physics::surface::delta::BodyStructure;
+use kerf_physics::surface::hash::{ObjectHash, surface_hash};
+use kerf_physics::tool::Pose;
+use kerf_physics::{NoClock, Stage, StepInputs, StepOutput, ToolInput, Vec3, Workers, World};
+use support::cutting::attitude;
+use support::{Lcg, object, scene};
+
+const STEPS_PER_STROKE: usize = 60;
+
+/// Two blocks side by side under a blade that reaches over both.
+fn two_blocks() -> World {
+    let mut blocks = [-0.032, 0.002].map(|x_m| object([x_m, 0.0, -0.015], [x_m + 0.03, 0.03, 0.015], 0.005, 1));
+    for (block, name) in blocks.iter_mut().zip(["left", "right"]) {
+        block.name = name.into();
+        block.material.young_modulus_pa = 2e4;
+        block.material.fracture_energy_j_per_m2 = Some(20.0);
+        block.material.rayleigh_beta_s = 1e-3;
+        block.fixed = vec![kerf_physics::scene::ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 0.0051, 1.0] }];
+    }
+    let mut scene = scene(blocks.into());
+    scene.desc.solver.relative_tolerance = 1e-3;
+    let blade = BladeDesc { width_m: 0.06, height_m: 0.06, edge_half_width_m: 5e-5, thickness_m: 0.0 };
+    scene.desc.tools = vec![ToolDesc { name: "blade".into(), blade }];
+    World::new(&scene).expect("a valid scene")
+}
+
+/// A stroke down through the blocks, somewhere and askew; `after` sees the world after every step.
+fn stroke(world: &mut World, rng: &mut Lcg, mut after: impl FnMut(&mut World, &StepOutput)) {
+    let mut spread = |half: f64| (2.0 * rng.unit() - 1.0) * half;
+    let orientation = attitude(spread(40.0), spread(10.0), spread(20.0));
+    let from_m = Vec3::new(spread(0.01), 0.033, spread(0.01));
+    for step in 0..STEPS_PER_STROKE {
+        let position_m = from_m - Vec3::y() * (5e-4 * step as f64);
+        let pose = Pose { position_m, orientation };
+        let motion = if step == 0 { ToolMotion::EnterAt(pose) } else { ToolMotion::MoveTo(pose) };
+        let inputs = [ToolInput { tool: 0, motion }];
+        let output = world.step(&Workers::serial(), &NoClock, &StepInputs { tools: &inputs }).clone();
+        after(world, &output);
+    }
+}
+
+/// The hash of whole structures, of which nothing was known before.
+fn hash_of(bodies: &[BodyStructure]) -> u64 {
+    let hashes: Vec<ObjectHash> = bodies
+        .iter()
+        .map(|body| {
+            let mut hash = ObjectHash::default();
+            hash.follow(body);
+            hash
+        })
+        .collect();
+    surface_hash(hashes.iter())
+}
+
+#[test]
+fn the_hash_that_follows_the_patches_is_that_of_the_surface_as_it_is() {
+    let mut world = two_blocks();
+    let first = world.keyframe();
+    assert_eq!(first.surface_hash, hash_of(&first.bodies));
+    let mut rng = Lcg(11);
+    let (mut patches, mut hashes) = (0, vec![first.surface_hash]);
+    for _ in 0..5 {
+        stroke(&mut world, &mut rng, |world, output| {
+            let Some(patch) = world.topology_patch().cloned() else {
+                assert_eq!(output.fracture.parted_links, 0);
+                return;
+            };
+            let now = world.keyframe();
+            assert_eq!(patch.to_version, now.topology_version);
+            assert_eq!(patch.surface_hash, hash_of(&now.bodies), "version {}", patch.to_version);
+            assert_eq!(now.surface_hash, patch.surface_hash);
+            patches += 1;
+            hashes.push(patch.surface_hash);
+        });
+    }
+    assert!(patches > 20, "{patches} patches");
+    hashes.sort_unstable();
+    hashes.dedup();
+    assert_eq!(hashes.len(), patches + 1, "every version has a hash of its own");
+}
+
+#[test]
+fn a_surface_that_was_forgotten_costs_nothing_and_comes_back_as_if_it_had_been_followed() {
+    let [mut followed, mut forgotten] = [two_blocks(), two_blocks()];
+    let (mut rng, mut same) = (Lcg(12), Lcg(12));
+    assert_eq!(followed.keyframe(), forgotten.keyframe());
+    forgotten.forget_surface();
+    for _ in 0..3 {
+        stroke(&mut followed, &mut rng, |_, _| ());
+        let mut parted = 0;
+        stroke(&mut forgotten, &mut same, |world, output| {
+            assert_eq!(output.profile.stage_ns[Stage::Surface as usize], None);
+            assert_eq!(world.topology_patch(), None);
+            parted += output.fracture.parted_links;
+        });
+        assert!(parted > 0);
+        assert_eq!(followed.keyframe(), forgotten.keyframe());
+        forgotten.forget_surface();
+    }
+    assert_eq!(followed.state_hash(), forgotten.state_hash());
+    // From a keyframe on it is followed again.
+    let _ = forgotten.keyframe();
+    let mut patches: [Vec<_>; 2] = Default::default();
+    stroke(&mut followed, &mut rng, |world, _| patches[0].extend(world.topology_patch().cloned()));
+    stroke(&mut forgotten, &mut same, |world, _| patches[1].extend(world.topology_patch().cloned()));
+    assert!(!patches[0].is_empty());
+    assert_eq!(patches[0], patches[1]);
+}
