@@ -9,27 +9,7 @@ use kerf_session::{
     StepReport, ViewMessage, Viewer,
 };
 
-const BLOCK: &str = r#"
-version = 1
-name = "block"
-rate_hz = 500.0
-
-[[objects]]
-name = "block"
-shape = { box = { min_m = [-0.01, -0.01, -0.01], max_m = [0.01, 0.01, 0.01] } }
-resolution = 4
-level = 1
-material = { young_modulus_pa = 3000.0, poisson_ratio = 0.4, fracture_energy_j_per_m2 = 5.0 }
-fixed = [{ box = { min_m = [-0.02, -0.02, -0.02], max_m = [0.02, -0.005, 0.02] } }]
-
-[[tools]]
-name = "left"
-blade = { width_m = 0.02, height_m = 0.01 }
-
-[[tools]]
-name = "right"
-blade = { width_m = 0.02, height_m = 0.01 }
-"#;
+const BLOCK: &str = include_str!("block.toml");
 
 fn block() -> Scene {
     Scene { desc: toml::from_str::<SceneDesc>(BLOCK).unwrap(), meshes: Default::default() }

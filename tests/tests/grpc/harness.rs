@@ -17,28 +17,8 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::{Channel, Endpoint};
 use tonic::{Code, Status, Streaming};
 
-/// Small enough to step in microseconds; held at its lower half.
-pub const BLOCK: &str = r#"
-version = 1
-name = "block"
-rate_hz = 500.0
-
-[[objects]]
-name = "block"
-shape = { box = { min_m = [-0.01, -0.01, -0.01], max_m = [0.01, 0.01, 0.01] } }
-resolution = 4
-level = 1
-material = { young_modulus_pa = 3000.0, poisson_ratio = 0.4, fracture_energy_j_per_m2 = 5.0 }
-fixed = [{ box = { min_m = [-0.02, -0.02, -0.02], max_m = [0.02, -0.005, 0.02] } }]
-
-[[tools]]
-name = "left"
-blade = { width_m = 0.02, height_m = 0.01 }
-
-[[tools]]
-name = "right"
-blade = { width_m = 0.02, height_m = 0.01 }
-"#;
+/// The scene that sessions are tested on.
+pub const BLOCK: &str = include_str!("../../../server/session/tests/block.toml");
 
 /// Longer than anything here takes on a busy machine.
 pub const PATIENCE: Duration = Duration::from_secs(10);
