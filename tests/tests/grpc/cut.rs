@@ -10,7 +10,7 @@ use kerf_replica::{Body, Replica, SurfaceHasher};
 use tonic::Streaming;
 use tonic::transport::Channel;
 
-use crate::harness::{Harness, Station, next, no_expiry};
+use crate::harness::{Harness, Station, endpoint, next, no_expiry};
 
 /// Heights of the edge, m: over the block, half way down, and at what holds it.
 const ABOVE_M: f32 = 0.015;
@@ -177,4 +177,39 @@ async fn replicas_have_the_servers_surface_at_every_version_of_a_cut() {
         }
         assert_eq!(watcher.last().hash, hash);
     }
+}
+
+#[tokio::test]
+async fn a_viewer_that_falls_off_the_structure_log_goes_on_from_a_keyframe() {
+    const KEPT: usize = 2;
+    let mut harness = Harness::with(|config| {
+        no_expiry(config);
+        config.session.max_log_patches = KEPT;
+    })
+    .await;
+    let session = harness.create().await.unwrap();
+    // A window of one state, so that the transport does not read on for the viewer.
+    let narrow = endpoint(harness.server.address()).initial_stream_window_size(1024).connect().await.unwrap();
+    let mut stalled = Watcher::join(&harness, narrow, &session).await;
+    // Sixty states fall due, and fill what room there is, before anything parts.
+    let joined = harness.describe(&session).await.step;
+    harness.until(&session, |described| described.step > joined + 500).await;
+    let mut stroke = Stroke::begin(&harness, &session).await;
+    stroke.press(ABOVE_M, MIDDLE_M).await;
+    // It reads on, and follows the rest.
+    let half_way = harness.describe(&session).await.topology_version;
+    stalled.until(|replica| replica.topology_version() >= Some(half_way)).await;
+    stalled.during(stroke.press(MIDDLE_M, FOOT_M)).await;
+    harness.pause(&session).await;
+    let version = harness.describe(&session).await.topology_version;
+    stalled.until(|replica| replica.topology_version() == Some(version)).await;
+
+    let versions: Vec<u64> = stalled.structures.iter().map(|structure| structure.version).collect();
+    let fell_off =
+        |pair: &[Structure]| pair[1].source == Source::Keyframe && pair[1].version > pair[0].version + KEPT as u64;
+    assert!(stalled.structures.windows(2).any(fell_off), "{versions:?} of {version}");
+    assert!(version > half_way, "the second half parts links too");
+    assert!(stalled.structures.iter().all(|structure| structure.hash == structure.stated_hash));
+    let (counts, hash) = unwatched(&harness, &session).await;
+    assert_eq!((stalled.last().counts, stalled.last().hash), (counts[&version], hash));
 }
