@@ -1,5 +1,7 @@
 //! What the driver counts while contacts come in.
 
+use std::sync::Arc;
+
 use anyhow::Context;
 use hdrhistogram::Histogram;
 use kerf_proto::v1;
@@ -7,7 +9,7 @@ use nalgebra::Vector3;
 use serde::Serialize;
 
 use crate::script::Script;
-use crate::sender::Timetable;
+use crate::sender::{InFlight, Timetable};
 use crate::wire;
 
 /// Longest round trip that is told apart; longer ones count as this.
@@ -59,7 +61,8 @@ pub struct ContactSample {
 
 /// Contacts, summed up.
 pub struct ContactMetrics {
-    /// Round trips, ns.
+    /// Round trips, ns: from the sending of a pose to the first contact of a step that has used it, or a
+    /// newer one.
     pub round_trip_ns: Histogram<u64>,
     /// Contacts that came in.
     pub received: u64,
@@ -77,8 +80,8 @@ pub struct ContactMetrics {
     pub max_force_n: f64,
     /// The contacts whose pose is known, oldest first.
     pub samples: Vec<ContactSample>,
-    /// Newest sequence number echoed, by tool.
-    echoed: Vec<u64>,
+    /// The poses that wait for a contact.
+    pub in_flight: Arc<InFlight>,
 }
 
 impl Default for ContactMetrics {
@@ -94,7 +97,7 @@ impl Default for ContactMetrics {
             leases_lost: 0,
             max_force_n: 0.0,
             samples: Vec::new(),
-            echoed: Vec::new(),
+            in_flight: Arc::default(),
         }
     }
 }
@@ -114,7 +117,7 @@ impl ContactMetrics {
         let wrench = contact.wrench.context("contact.wrench is missing")?;
         let force_n = wire::vector(wrench.force_n, "contact.wrench.force_n")?;
         let torque_nm = wire::vector(wrench.torque_nm, "contact.wrench.torque_nm")?;
-        let round_trip_ns = self.round_trip(contact, now_ns);
+        let round_trip_ns = self.round_trips(contact, now_ns);
         self.received += 1;
         self.max_force_n = f64::max(self.max_force_n, force_n.norm());
         let sample = sample(contact, force_n, torque_nm, script, timetable);
@@ -129,6 +132,7 @@ impl ContactMetrics {
     /// Counts a pose that the server refused.
     pub fn rejection(&mut self, rejected: &v1::PoseRejected) {
         self.rejected += 1;
+        self.in_flight.forget(rejected.tool_id, rejected.seq);
         self.first_rejection.get_or_insert_with(|| {
             let v1::PoseRejected { tool_id, seq, field, limit } = rejected;
             format!("pose {seq} of tool {tool_id}: {field}: {limit}")
@@ -141,19 +145,19 @@ impl ContactMetrics {
         self.samples.last()
     }
 
-    /// Round trip of a pose that no contact has told of before, ns.
-    fn round_trip(&mut self, contact: &v1::Contact, now_ns: u64) -> Option<u64> {
-        let tool = contact.tool_id as usize;
-        if tool >= self.echoed.len() {
-            self.echoed.resize(tool + 1, 0);
-        }
-        if contact.echo_seq <= self.echoed[tool] {
-            return None;
-        }
-        self.echoed[tool] = contact.echo_seq;
-        let round_trip_ns = now_ns.saturating_sub(contact.echo_ns);
-        self.round_trip_ns.saturating_record(round_trip_ns);
-        Some(round_trip_ns)
+    /// Counts the round trip of every pose that this contact is the first to reflect; returns that of
+    /// the pose it echoes, ns, if that is one of them.
+    fn round_trips(&mut self, contact: &v1::Contact, now_ns: u64) -> Option<u64> {
+        let Self { in_flight, round_trip_ns, .. } = self;
+        let mut echoed_ns = None;
+        in_flight.take_reflected(contact.tool_id, contact.echo_seq, |seq, sent_ns| {
+            let elapsed_ns = now_ns.saturating_sub(sent_ns);
+            round_trip_ns.saturating_record(elapsed_ns);
+            if seq == contact.echo_seq {
+                echoed_ns = Some(elapsed_ns);
+            }
+        });
+        echoed_ns
     }
 }
 
@@ -188,4 +192,26 @@ fn sample(
         cutting_length_m: f64::from(contact.cutting_length_m),
         round_trip_s: None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_contact_ends_the_round_trip_of_every_pose_it_is_the_first_to_reflect() {
+        let script = Script { tracks: Vec::new(), datums: Vec::new() };
+        let timetable = Timetable { start_ns: 0, rate_hz: 250.0, duration_s: 1.0 };
+        let mut metrics = ContactMetrics::default();
+        (1..=4).for_each(|seq| metrics.in_flight.push(0, seq, 1000 * seq));
+        metrics.rejection(&v1::PoseRejected { tool_id: 0, seq: 2, ..Default::default() });
+        let wrench = v1::Wrench { force_n: Some(v1::Vec3::default()), torque_nm: Some(v1::Vec3::default()) };
+        let contact = v1::Contact { echo_seq: 3, wrench: Some(wrench), ..Default::default() };
+        for now_ns in [5000, 9000] {
+            metrics.contact(&contact, now_ns, &script, &timetable).expect("valid");
+        }
+        let round_trips_ns: Vec<u64> = metrics.round_trip_ns.iter_recorded().map(|v| v.value_iterated_to()).collect();
+        assert_eq!(metrics.round_trip_ns.len(), 2, "{round_trips_ns:?}");
+        assert!(round_trips_ns[0].abs_diff(2000) < 10 && round_trips_ns[1].abs_diff(4000) < 10, "{round_trips_ns:?}");
+    }
 }

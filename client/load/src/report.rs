@@ -28,7 +28,8 @@ pub struct Report {
     pub duration_s: f64,
     /// Whether the run was broken off from the keyboard.
     pub interrupted: bool,
-    /// From the sending of a pose to the contact of the first step that used it; absent without any.
+    /// From the sending of a pose to the first contact of a step that has used it, or a newer one; absent
+    /// without any.
     pub round_trip_ms: Option<RoundTripMs>,
     /// What was sent.
     pub poses: Poses,

@@ -127,15 +127,15 @@ async fn exchange(
     let (up, mut down) = control.split();
     let stop = Arc::new(AtomicBool::new(false));
     let (ended, mut end) = oneshot::channel();
+    let mut contacts = ContactMetrics::default();
     let sender = {
-        let (script, stop) = (Arc::clone(script), Arc::clone(&stop));
+        let (script, stop, in_flight) = (Arc::clone(script), Arc::clone(&stop), Arc::clone(&contacts.in_flight));
         std::thread::Builder::new().name("kerf-load-send".to_owned()).spawn(move || {
-            let sent = sender::send(&script, timetable, &up, &stop);
+            let sent = sender::send(&script, timetable, &up, &in_flight, &stop);
             // `up` is handed back: dropping it would close the stream before the last answers.
             let _ = ended.send((sent, up));
         })?
     };
-    let mut contacts = ContactMetrics::default();
     let mut interrupted = false;
     let mut interrupt = std::pin::pin!(tokio::signal::ctrl_c());
     let mut ticks = tokio::time::interval(progress::INTERVAL);

@@ -1,7 +1,8 @@
 //! The thread that sends poses: paced by absolute deadlines, never waiting on the network.
 
-use std::sync::Arc;
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use kerf_proto::v1::{self, Up, up};
 use tokio::sync::mpsc::{self, error::TrySendError};
@@ -46,6 +47,56 @@ impl Timetable {
     }
 }
 
+/// Most poses that are remembered until a contact reflects them: seconds at the fastest rate, and a
+/// session that reflects nothing for longer has no round trip to speak of.
+const MAX_IN_FLIGHT: usize = 10_000;
+
+/// A pose that was sent.
+#[derive(Clone, Copy, Debug)]
+struct Sent {
+    tool_id: u32,
+    seq: u64,
+    sent_ns: u64,
+}
+
+/// The poses that were sent and that no contact has reflected yet, oldest first; shared by the thread
+/// that sends and the one that receives.
+#[derive(Debug, Default)]
+pub struct InFlight(Mutex<VecDeque<Sent>>);
+
+impl InFlight {
+    /// A pose is about to be sent.
+    pub fn push(&self, tool_id: u32, seq: u64, sent_ns: u64) {
+        let mut poses = self.lock();
+        if poses.len() == MAX_IN_FLIGHT {
+            poses.pop_front();
+        }
+        poses.push_back(Sent { tool_id, seq, sent_ns });
+    }
+
+    /// A pose that no contact will ever reflect.
+    pub fn forget(&self, tool_id: u32, seq: u64) {
+        self.lock().retain(|pose| (pose.tool_id, pose.seq) != (tool_id, seq));
+    }
+
+    /// Takes the poses of a tool up to the newest that a step has used, and calls `reflected` with the
+    /// number of each and when it was sent, ns. Those before the newest one were used by earlier steps,
+    /// or overtaken on their way to one: this is the first contact to tell of them either way.
+    pub fn take_reflected(&self, tool_id: u32, newest_seq: u64, mut reflected: impl FnMut(u64, u64)) {
+        self.lock().retain(|pose| {
+            let is_reflected = pose.tool_id == tool_id && pose.seq <= newest_seq;
+            if is_reflected {
+                reflected(pose.seq, pose.sent_ns);
+            }
+            !is_reflected
+        });
+    }
+
+    fn lock(&self) -> MutexGuard<'_, VecDeque<Sent>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
 /// What became of the poses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SendTotals {
@@ -59,7 +110,13 @@ pub struct SendTotals {
 
 /// Sends a script's poses until it ends, `stop` is set or the stream is gone; then lifts the tools.
 #[must_use]
-pub fn send(script: &Script, timetable: Timetable, up: &mpsc::Sender<Up>, stop: &Arc<AtomicBool>) -> SendTotals {
+pub fn send(
+    script: &Script,
+    timetable: Timetable,
+    up: &mpsc::Sender<Up>,
+    in_flight: &InFlight,
+    stop: &Arc<AtomicBool>,
+) -> SendTotals {
     let mut schedule = Schedule::new(timetable.start_ns, timetable.rate_hz);
     let mut totals = SendTotals::default();
     let mut down = vec![false; script.tracks.len()];
@@ -71,21 +128,23 @@ pub fn send(script: &Script, timetable: Timetable, up: &mpsc::Sender<Up>, stop: 
             break;
         }
         for (track, down) in script.tracks.iter().zip(&mut down) {
+            let (tool_id, seq, client_ns) = (track.tool_id, Timetable::seq_of_tick(tick), clock::now_ns());
             let message = match track.pose_at(time_s) {
-                Some(pose) => up::Message::Pose(v1::ToolPose {
-                    tool_id: track.tool_id,
-                    seq: Timetable::seq_of_tick(tick),
-                    client_ns: clock::now_ns(),
-                    pose: Some(wire::pose_to_wire(&pose)),
-                    buttons: 0,
-                }),
-                None if *down => lift(track.tool_id),
+                Some(pose) => {
+                    in_flight.push(tool_id, seq, client_ns);
+                    let pose = Some(wire::pose_to_wire(&pose));
+                    up::Message::Pose(v1::ToolPose { tool_id, seq, client_ns, pose, buttons: 0 })
+                }
+                None if *down => lift(tool_id),
                 None => continue,
             };
             *down = matches!(message, up::Message::Pose(_));
             match up.try_send(Up { message: Some(message) }) {
                 Ok(()) => totals.sent += u64::from(*down),
-                Err(TrySendError::Full(_)) => totals.dropped += 1,
+                Err(TrySendError::Full(_)) => {
+                    in_flight.forget(tool_id, seq);
+                    totals.dropped += 1;
+                }
                 Err(TrySendError::Closed(_)) => return SendTotals { kept: schedule.kept(), ..totals },
             }
         }
@@ -114,10 +173,36 @@ mod tests {
         Script { tracks: vec![Track { tool_id: 3, keys }], datums: vec![Datum { from_s: 0.0, height_m: 0.0 }] }
     }
 
+    #[test]
+    fn a_contact_reflects_the_poses_up_to_its_own_once_and_those_of_no_other_tool() {
+        let in_flight = InFlight::default();
+        let taken = |tool_id, newest_seq| {
+            let mut taken = Vec::new();
+            in_flight.take_reflected(tool_id, newest_seq, |seq, sent_ns| taken.push((seq, sent_ns)));
+            taken
+        };
+        for (tool_id, seq) in [(0, 1), (1, 1), (0, 2), (0, 3), (0, 4)] {
+            in_flight.push(tool_id, seq, 100 * seq);
+        }
+        in_flight.forget(0, 2);
+        assert_eq!(taken(0, 3), [(1, 100), (3, 300)]);
+        assert_eq!(taken(0, 3), []);
+        assert_eq!((taken(1, 9), taken(0, 4)), (vec![(1, 100)], vec![(4, 400)]));
+    }
+
+    #[test]
+    fn poses_that_nothing_reflects_are_forgotten_in_the_end() {
+        let in_flight = InFlight::default();
+        (1..=MAX_IN_FLIGHT as u64 + 5).for_each(|seq| in_flight.push(0, seq, seq));
+        let mut first = None;
+        in_flight.take_reflected(0, u64::MAX, |seq, _| first = first.or(Some(seq)));
+        assert_eq!(first, Some(6));
+    }
+
     fn messages(script: &Script, duration_s: f64, capacity: usize) -> (SendTotals, Vec<up::Message>) {
         let (up, mut received) = mpsc::channel(capacity);
         let timetable = Timetable { start_ns: clock::now_ns(), rate_hz: 1000.0, duration_s };
-        let totals = send(script, timetable, &up, &Arc::default());
+        let totals = send(script, timetable, &up, &InFlight::default(), &Arc::default());
         drop(up);
         let messages = std::iter::from_fn(|| received.blocking_recv()).filter_map(|up| up.message).collect();
         (totals, messages)
@@ -152,10 +237,15 @@ mod tests {
     fn full_queue_drops_poses_instead_of_waiting() {
         let (up, received) = mpsc::channel(2);
         let timetable = Timetable { start_ns: clock::now_ns(), rate_hz: 1000.0, duration_s: 0.02 };
-        let sender = std::thread::spawn(move || send(&script(0.0, 0.015), timetable, &up, &Arc::default()));
+        let in_flight = Arc::new(InFlight::default());
+        let shared = Arc::clone(&in_flight);
+        let sender = std::thread::spawn(move || send(&script(0.0, 0.015), timetable, &up, &shared, &Arc::default()));
         let totals = sender.join().expect("the sender ends though nobody reads");
         assert_eq!(totals.sent, 2);
         assert!(totals.dropped > 5, "{totals:?}");
+        let mut awaited = 0;
+        in_flight.take_reflected(3, u64::MAX, |_, _| awaited += 1);
+        assert_eq!(awaited, 2, "nobody waits for a pose that was dropped");
         drop(received);
     }
 }

@@ -14,7 +14,7 @@ use crate::limits::{SessionLimits, to_ns};
 use crate::lock;
 use crate::pose_check::{PoseRefusal, PoseSample};
 use crate::recorder::InputLog;
-use crate::status::SessionStatus;
+use crate::status::{SessionStatus, StepTallies};
 use crate::tool_slot::{DriverId, Echo, ToolSlot};
 
 /// What a query sees between two steps.
@@ -25,6 +25,8 @@ pub struct Probe<'a> {
     pub log: &'a InputLog,
     /// The scene.
     pub scene: &'a Scene,
+    /// The steps since the scene was at rest.
+    pub steps: &'a StepTallies,
 }
 
 /// Something to do at the start of a tick. A caller that has gone away is not an error.

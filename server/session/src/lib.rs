@@ -33,7 +33,7 @@ pub use pose_check::{PoseRefusal, PoseSample};
 pub use recorder::InputLog;
 pub use registry::{Registry, SessionId, SessionOptions};
 pub use session::{Driver, Reports, Session};
-pub use status::{Phase, SessionStatus, StepTimes};
+pub use status::{Phase, SessionStatus, StepTallies, StepTally, StepTimes};
 pub use tool_slot::{DriverId, Echo};
 
 use std::sync::{Mutex, MutexGuard, PoisonError};

@@ -25,6 +25,17 @@ pub struct PaceCounts {
     pub reanchors: u64,
 }
 
+/// How a step ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pace {
+    /// Before the next one was due.
+    InTime,
+    /// After the next one was due; the lag is caught up.
+    Late,
+    /// So late that the lost time was given up.
+    Reanchored,
+}
+
 impl Pacer {
     /// The first step is due at `now_ns`; lag beyond `max_lag_ns` is given up.
     #[must_use]
@@ -41,16 +52,19 @@ impl Pacer {
     }
 
     /// A step has ended at `now_ns`; moves on to the next deadline.
-    pub fn step_ended(&mut self, now_ns: u64) {
+    pub fn step_ended(&mut self, now_ns: u64) -> Pace {
         self.steps += 1;
         let lag_ns = now_ns.saturating_sub(self.deadline_ns());
-        if lag_ns > 0 {
-            self.counts.late_steps += 1;
+        if lag_ns == 0 {
+            return Pace::InTime;
         }
-        if lag_ns > self.max_lag_ns {
-            self.counts.reanchors += 1;
-            self.restart(now_ns);
+        self.counts.late_steps += 1;
+        if lag_ns <= self.max_lag_ns {
+            return Pace::Late;
         }
+        self.counts.reanchors += 1;
+        self.restart(now_ns);
+        Pace::Reanchored
     }
 
     /// The next step is due at `now_ns`, without this counting as lost time (after a pause).

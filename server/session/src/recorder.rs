@@ -53,20 +53,23 @@ impl InputLog {
         &self.motions
     }
 
+    /// The inputs of each step that the log covers, in order.
+    pub fn inputs(&self) -> impl Iterator<Item = Vec<ToolInput>> {
+        let mut rest = self.motions.as_slice();
+        (0..self.steps).map(move |step| {
+            let (now, later) = rest.split_at(rest.partition_point(|(at, _)| *at <= step));
+            rest = later;
+            now.iter().map(|(_, input)| *input).collect()
+        })
+    }
+
     /// A world that went through all that was recorded.
     ///
     /// # Errors
     /// The scene cannot be built; one that was recorded from can.
     pub fn replay(&self, scene: &Scene, workers: &Workers<'_>) -> Result<World, SceneError> {
         let mut world = World::new(scene)?;
-        let mut rest = self.motions.as_slice();
-        let mut tools = Vec::new();
-        for step in 0..self.steps {
-            let count = rest.iter().take_while(|(at, _)| *at == step).count();
-            let (now, later) = rest.split_at(count);
-            rest = later;
-            tools.clear();
-            tools.extend(now.iter().map(|(_, input)| *input));
+        for tools in self.inputs() {
             world.step(workers, &NoClock, &StepInputs { tools: &tools });
         }
         Ok(world)
@@ -89,6 +92,14 @@ mod tests {
         log.record(&[LIFT]);
         assert!(log.is_full());
         assert_eq!((log.steps(), log.motions().len()), (2, 2));
+    }
+
+    #[test]
+    fn inputs_come_step_by_step_as_they_were_recorded() {
+        let steps: [&[ToolInput]; 4] = [&[], &[LIFT, LIFT], &[], &[LIFT]];
+        let mut log = InputLog::new(10);
+        steps.iter().for_each(|inputs| log.record(inputs));
+        assert_eq!(log.inputs().collect::<Vec<_>>(), steps);
     }
 
     #[test]

@@ -15,9 +15,9 @@ use crate::inbox::{Command, Drain, Inbox, Probe, Tick};
 use crate::limits::{SessionLimits, to_ns};
 use crate::lock;
 use crate::outbox::{Publisher, SceneEvent, StepReport, ToolReport, ViewState};
-use crate::pacer::Pacer;
+use crate::pacer::{Pace, Pacer};
 use crate::recorder::InputLog;
-use crate::status::{Phase, SessionStatus, StepTimes, book};
+use crate::status::{Phase, SessionStatus, StepTallies, StepTimes, book};
 use crate::structure_log::Place;
 use crate::tool_slot::DriverId;
 
@@ -50,6 +50,7 @@ struct Tally {
     jumps: Vec<u64>,
     faults: u64,
     last_fault: Option<Fault>,
+    steps: StepTallies,
 }
 
 /// When viewers get what.
@@ -132,13 +133,17 @@ impl Runner {
         let workers = self.pool.as_ref().map_or_else(Workers::serial, Workers::of);
         let output = self.world.step(&workers, &MonotonicClock, &StepInputs { tools: &self.tick.inputs });
         let ended_ns = MonotonicClock::now_ns();
+        let pace = self.pacer.step_ended(ended_ns);
         book(&mut self.tally.energy, &output.energy);
+        self.tally.steps.add(output, ended_ns - started_ns, pace);
         self.views.times.add(output, ended_ns - started_ns);
         let fault = output.fault.clone();
         for (count, jumped) in self.tally.jumps.iter_mut().zip(&self.tick.jumped) {
             *count += u64::from(*jumped);
         }
-        self.keep_pace(ended_ns);
+        if pace == Pace::Reanchored {
+            self.publisher.event(self.world.output().step, SceneEvent::Reanchored);
+        }
         if let Some(fault) = fault {
             self.note_fault(fault);
         }
@@ -146,14 +151,6 @@ impl Runner {
             self.publisher.report(self.report(None));
         }
         self.serve_viewers(true);
-    }
-
-    fn keep_pace(&mut self, ended_ns: u64) {
-        let reanchors = self.pacer.counts().reanchors;
-        self.pacer.step_ended(ended_ns);
-        if self.pacer.counts().reanchors > reanchors {
-            self.publisher.event(self.world.output().step, SceneEvent::Reanchored);
-        }
     }
 
     fn note_fault(&mut self, fault: Fault) {
@@ -268,7 +265,12 @@ impl Runner {
                 let _ = answer.send(self.describe());
             }
             Command::Query(look) => {
-                look(&mut Probe { world: &mut self.world, log: &self.log, scene: &self.scene });
+                look(&mut Probe {
+                    world: &mut self.world,
+                    log: &self.log,
+                    scene: &self.scene,
+                    steps: &self.tally.steps,
+                });
             }
         }
     }

@@ -2,8 +2,11 @@
 
 use std::sync::Arc;
 
+use hdrhistogram::Histogram;
 use kerf_physics::Vec3;
 use kerf_physics::step_io::{EnergyStep, StepOutput};
+
+use crate::pacer::Pace;
 
 /// What a session is doing.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -88,9 +91,74 @@ impl StepTimes {
     }
 }
 
+/// Longest step that is told apart; longer ones count as this.
+const MAX_STEP_NS: u64 = 60_000_000_000;
+/// Two digits: quantiles are exact to 1 %, in a fixed 30 kB.
+const STEP_DIGITS: u8 = 2;
+
+/// Steps of one kind: how long they took, and how many were late.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StepTally {
+    /// Durations by the session's clock, ns.
+    pub duration_ns: Histogram<u64>,
+    /// Of these steps, those that ended after their deadline.
+    pub late: u64,
+}
+
+impl Default for StepTally {
+    fn default() -> Self {
+        let duration_ns = Histogram::new_with_bounds(1, MAX_STEP_NS, STEP_DIGITS)
+            .expect("the bounds are constants that the histogram takes");
+        Self { duration_ns, late: 0 }
+    }
+}
+
+impl StepTally {
+    fn add(&mut self, elapsed_ns: u64, pace: Pace) {
+        self.duration_ns.saturating_record(elapsed_ns);
+        self.late += u64::from(pace != Pace::InTime);
+    }
+}
+
+/// The steps since the scene was at rest.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StepTallies {
+    /// All of them.
+    pub all: StepTally,
+    /// Those in which an edge was cutting.
+    pub cutting: StepTally,
+}
+
+impl StepTallies {
+    /// Adds a step that took `elapsed_ns` by the session's clock.
+    pub(crate) fn add(&mut self, output: &StepOutput, elapsed_ns: u64, pace: Pace) {
+        self.all.add(elapsed_ns, pace);
+        if output.tools.iter().any(|tool| tool.cutting_length_m > 0.0) {
+            self.cutting.add(elapsed_ns, pace);
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use kerf_physics::step_io::ToolOutput;
+
     use super::*;
+
+    #[test]
+    fn steps_that_cut_are_tallied_apart() {
+        let mut tallies = StepTallies::default();
+        let step = |cutting_length_m| {
+            let tools = vec![ToolOutput::default(), ToolOutput { cutting_length_m, ..ToolOutput::default() }];
+            StepOutput { tools, ..StepOutput::default() }
+        };
+        tallies.add(&step(0.0), 1000, Pace::Late);
+        tallies.add(&step(0.01), 5000, Pace::Reanchored);
+        tallies.add(&step(0.01), 7000, Pace::InTime);
+        assert_eq!((tallies.all.duration_ns.len(), tallies.all.late), (3, 2));
+        assert_eq!((tallies.cutting.duration_ns.len(), tallies.cutting.late), (2, 1));
+        assert!(tallies.cutting.duration_ns.min() > tallies.all.duration_ns.min());
+    }
 
     #[test]
     fn a_ledger_sums_works_and_replaces_levels() {

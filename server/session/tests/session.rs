@@ -1,5 +1,6 @@
 //! Sessions as their callers see them. The assertions hold for any scene.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -9,27 +10,7 @@ use kerf_session::{
     StepReport, ViewMessage, Viewer,
 };
 
-const BLOCK: &str = r#"
-version = 1
-name = "block"
-rate_hz = 500.0
-
-[[objects]]
-name = "block"
-shape = { box = { min_m = [-0.01, -0.01, -0.01], max_m = [0.01, 0.01, 0.01] } }
-resolution = 4
-level = 1
-material = { young_modulus_pa = 3000.0, poisson_ratio = 0.4, fracture_energy_j_per_m2 = 5.0 }
-fixed = [{ box = { min_m = [-0.02, -0.02, -0.02], max_m = [0.02, -0.005, 0.02] } }]
-
-[[tools]]
-name = "left"
-blade = { width_m = 0.02, height_m = 0.01 }
-
-[[tools]]
-name = "right"
-blade = { width_m = 0.02, height_m = 0.01 }
-"#;
+const BLOCK: &str = include_str!("block.toml");
 
 fn block() -> Scene {
     Scene { desc: toml::from_str::<SceneDesc>(BLOCK).unwrap(), meshes: Default::default() }
@@ -48,6 +29,19 @@ async fn session_with(limits: SessionLimits) -> (Registry, Arc<Session>) {
 /// Above the block, so that nothing is touched.
 fn pose(seq: u64, x_m: f64) -> PoseSample {
     PoseSample { seq, client_ns: seq * 10, position_m: [x_m, 0.1, 0.0], orientation_xyzw: [0.0, 0.0, 0.0, 1.0] }
+}
+
+/// The edge turned and tilted: it crosses the links one after another.
+fn askew(seq: u64) -> PoseSample {
+    let ((sin_yaw, cos_yaw), (sin_tilt, cos_tilt)) = (0.2_f64.sin_cos(), 0.15_f64.sin_cos());
+    let orientation_xyzw = [sin_yaw * sin_tilt, sin_yaw * cos_tilt, cos_yaw * sin_tilt, cos_yaw * cos_tilt];
+    PoseSample { orientation_xyzw, ..pose(seq, 0.0) }
+}
+
+/// Submits a pose and waits until a step has used it.
+async fn use_pose(driver: &Driver, tool: usize, sample: &PoseSample) {
+    driver.submit(tool, sample).unwrap();
+    report_where(driver, |report| report.tools[tool].echo.is_some_and(|echo| echo.seq == sample.seq)).await;
 }
 
 async fn report_where(driver: &Driver, holds: impl Fn(&StepReport) -> bool) -> Arc<StepReport> {
@@ -253,21 +247,41 @@ async fn viewers_are_limited_and_one_that_leaves_makes_room() {
 }
 
 #[tokio::test]
-async fn the_input_log_replays_to_the_same_state() {
+async fn the_input_log_of_a_cut_replays_to_the_same_state() {
     let (_registry, session) = session_with(limits()).await;
-    let driver = session.drive(&[0]).unwrap();
-    for seq in 1..40 {
-        // Down through the block's top.
-        let position_m = [0.0, 0.012 - 1e-4 * seq as f64, 0.0];
-        driver.submit(0, &PoseSample { position_m, ..pose(seq, 0.0) }).unwrap();
-        tokio::time::sleep(Duration::from_millis(3)).await;
+    let driver = session.drive(&[0, 1]).unwrap();
+    // What was before a reset is in no log.
+    use_pose(&driver, 1, &pose(1, 0.0)).await;
+    session.reset().await.unwrap();
+    for seq in 2..=70 {
+        use_pose(&driver, 0, &PoseSample { position_m: [0.0, 0.012 - 2e-4 * seq as f64, 4e-4], ..askew(seq) }).await;
+        match seq {
+            20 => use_pose(&driver, 1, &pose(seq, 0.3)).await,
+            40 => driver.lift(1).unwrap(),
+            50 => {
+                // Tools go on while the session stands, and are put down where they are then.
+                session.pause().await.unwrap();
+                driver.submit(1, &pose(seq, 0.3)).unwrap();
+                session.resume().await.unwrap();
+            }
+            60 => driver.lift(0).unwrap(),
+            _ => {}
+        }
     }
-    let recorded = session.query(|probe| (probe.log.clone(), probe.world.state_hash(), probe.world.output().step));
-    let (log, hash, step) = recorded.await.unwrap();
-    assert!(!log.motions().is_empty() && !log.is_full());
-    assert_eq!(log.steps(), step);
-    let replayed = log.replay(session.scene(), &Workers::serial()).unwrap();
-    assert_eq!((replayed.output().step, replayed.state_hash()), (step, hash));
+    session.pause().await.unwrap();
+    let live = session.query(|probe| (probe.log.clone(), probe.world.state_hash(), probe.world.output().clone()));
+    let (log, hash, output) = live.await.unwrap();
+    assert!(output.topology_version >= 10, "{} times links parted", output.topology_version);
+    assert!(!log.is_full());
+    assert_eq!(log.steps(), output.step);
+    let kinds: HashSet<_> = log.motions().iter().map(|(_, input)| std::mem::discriminant(&input.motion)).collect();
+    assert_eq!(kinds.len(), 3, "tools enter, move and are lifted");
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+    for workers in [Workers::serial(), Workers::of(&pool)] {
+        let replayed = log.replay(session.scene(), &workers).unwrap();
+        assert_eq!(replayed.output().topology_version, output.topology_version);
+        assert_eq!(replayed.state_hash(), hash);
+    }
 }
 
 #[tokio::test]

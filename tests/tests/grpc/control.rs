@@ -4,17 +4,11 @@ use std::time::Duration;
 
 use kerf_proto::v1::control_service_client::ControlServiceClient;
 use kerf_proto::v1::{self, down, send_pose_request, up};
-use kerf_server::config::ServerConfig;
 use tonic::Code;
 
-use crate::harness::{Cable, Harness, Station, connect, hello, pose};
+use crate::harness::{Cable, Harness, Station, connect, hello, no_expiry, pose};
 
 const REENTERED: u32 = v1::ContactFlag::Reentered as u32;
-
-/// Leases that outlast a test: what is freed was freed by the end of its stream.
-fn no_expiry(config: &mut ServerConfig) {
-    config.session.lease_s = 600.0;
-}
 
 #[tokio::test]
 async fn contacts_echo_poses_at_the_granted_rate() {

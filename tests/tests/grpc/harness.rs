@@ -7,7 +7,7 @@ use kerf_proto::PROTOCOL_VERSION;
 use kerf_proto::v1::control_service_client::ControlServiceClient;
 use kerf_proto::v1::session_service_client::SessionServiceClient;
 use kerf_proto::v1::view_service_client::ViewServiceClient;
-use kerf_proto::v1::{self, create_session_request, down, up};
+use kerf_proto::v1::{self, create_session_request, down, up, view_event};
 use kerf_server::config::ServerConfig;
 use kerf_server::serve::Server;
 use tokio::net::{TcpListener, TcpStream};
@@ -17,28 +17,8 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::{Channel, Endpoint};
 use tonic::{Code, Status, Streaming};
 
-/// Small enough to step in microseconds; held at its lower half.
-pub const BLOCK: &str = r#"
-version = 1
-name = "block"
-rate_hz = 500.0
-
-[[objects]]
-name = "block"
-shape = { box = { min_m = [-0.01, -0.01, -0.01], max_m = [0.01, 0.01, 0.01] } }
-resolution = 4
-level = 1
-material = { young_modulus_pa = 3000.0, poisson_ratio = 0.4, fracture_energy_j_per_m2 = 5.0 }
-fixed = [{ box = { min_m = [-0.02, -0.02, -0.02], max_m = [0.02, -0.005, 0.02] } }]
-
-[[tools]]
-name = "left"
-blade = { width_m = 0.02, height_m = 0.01 }
-
-[[tools]]
-name = "right"
-blade = { width_m = 0.02, height_m = 0.01 }
-"#;
+/// The scene that sessions are tested on.
+pub const BLOCK: &str = include_str!("../../../server/session/tests/block.toml");
 
 /// Longer than anything here takes on a busy machine.
 pub const PATIENCE: Duration = Duration::from_secs(10);
@@ -49,6 +29,11 @@ pub async fn soon<T>(what: &str, future: impl Future<Output = T>) -> T {
         Ok(done) => done,
         Err(_) => panic!("{what}: nothing within {PATIENCE:?}"),
     }
+}
+
+/// Leases that outlast a test: what is freed was freed by the end of its stream.
+pub fn no_expiry(config: &mut ServerConfig) {
+    config.session.lease_s = 600.0;
 }
 
 pub struct Harness {
@@ -94,6 +79,12 @@ impl Harness {
         .await;
     }
 
+    /// The step after which the session stands.
+    pub async fn pause(&mut self, session_id: &str) -> u64 {
+        let request = v1::PauseSessionRequest { session_id: session_id.into() };
+        self.sessions.pause_session(request).await.expect("a pause").into_inner().step
+    }
+
     pub async fn reset(&mut self, session_id: &str) {
         let request = v1::ResetSessionRequest { session_id: session_id.into() };
         self.sessions.reset_session(request).await.expect("a reset");
@@ -126,6 +117,12 @@ pub fn hello(session_id: &str, tool_ids: &[u32]) -> v1::ClientHello {
         tool_ids: tool_ids.to_vec(),
         contact_rate_hz: 0.0,
     }
+}
+
+/// What a viewer gets next.
+pub async fn next(view: &mut Streaming<v1::ViewEvent>) -> view_event::Message {
+    let event = soon("a view event", view.message()).await.expect("no error").expect("the stream goes on");
+    event.message.expect("a message that says something")
 }
 
 /// A pose above the block.

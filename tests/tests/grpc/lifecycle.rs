@@ -36,8 +36,7 @@ async fn a_session_pauses_resumes_resets_and_closes() {
     let mut harness = Harness::start().await;
     let session_id = harness.create().await.unwrap();
     harness.until(&session_id, |described| described.step > 10).await;
-    let pause = v1::PauseSessionRequest { session_id: session_id.clone() };
-    let stood = harness.sessions.pause_session(pause).await.unwrap().into_inner().step;
+    let stood = harness.pause(&session_id).await;
     tokio::time::sleep(Duration::from_millis(50)).await;
     let described = harness.describe(&session_id).await;
     assert_eq!((described.step, described.state()), (stood, v1::SessionState::Paused));

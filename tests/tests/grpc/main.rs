@@ -1,6 +1,7 @@
 //! The server over real gRPC on loopback: what clients do to it, and that it harms nobody else.
 
 mod control;
+mod cut;
 mod harness;
 mod lifecycle;
 mod view;

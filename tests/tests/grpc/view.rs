@@ -7,12 +7,7 @@ use kerf_proto::v1::view_event::Message;
 use kerf_proto::v1::view_service_client::ViewServiceClient;
 use tonic::{Code, Streaming};
 
-use crate::harness::{Harness, endpoint, pose, soon};
-
-async fn next(view: &mut Streaming<v1::ViewEvent>) -> Message {
-    let event = soon("a view event", view.message()).await.expect("no error").expect("the stream goes on");
-    event.message.expect("a message that says something")
-}
+use crate::harness::{Harness, endpoint, next, pose, soon};
 
 async fn until<T>(view: &mut Streaming<v1::ViewEvent>, pick: impl Fn(Message) -> Option<T>) -> T {
     soon("the view event", async {
@@ -61,7 +56,7 @@ async fn after_a_reset_a_keyframe_comes_before_any_state() {
     let session = harness.create().await.unwrap();
     let mut view = harness.view(harness.channel.clone(), &session).await;
     harness.until(&session, |described| described.step > 10).await;
-    harness.sessions.pause_session(v1::PauseSessionRequest { session_id: session.clone() }).await.unwrap();
+    harness.pause(&session).await;
     event(&mut view, v1::EventKind::Paused).await;
     harness.reset(&session).await;
     event(&mut view, v1::EventKind::Reset).await;
@@ -80,7 +75,7 @@ async fn viewers_are_told_of_tools_pauses_and_the_end() {
     assert_eq!(event(&mut view, v1::EventKind::ToolTaken).await.tool_id, 1);
     drop(station);
     assert_eq!(event(&mut view, v1::EventKind::ToolReleased).await.tool_id, 1);
-    harness.sessions.pause_session(v1::PauseSessionRequest { session_id: session.clone() }).await.unwrap();
+    harness.pause(&session).await;
     event(&mut view, v1::EventKind::Paused).await;
     harness.sessions.resume_session(v1::ResumeSessionRequest { session_id: session.clone() }).await.unwrap();
     event(&mut view, v1::EventKind::Resumed).await;
