@@ -6,7 +6,7 @@ use std::pin::pin;
 use kerf_physics::surface::Surface;
 use kerf_physics::{NoClock, StepInputs, Workers, World};
 use kerf_proto::v1::{self, view_event};
-use kerf_replica::{Body, Replica, SurfaceHasher};
+use kerf_replica::{Body, Replica, surface_hash};
 use tonic::Streaming;
 use tonic::transport::Channel;
 
@@ -111,15 +111,27 @@ impl Watcher {
             _ => return,
         };
         let bodies = self.replica.bodies();
-        let mut hasher = SurfaceHasher::default();
-        bodies.iter().for_each(|body| body.hash_surface(&mut hasher));
+        let hash = surface_hash(&bodies.iter().map(structure).collect::<Vec<_>>());
         let sum = |count: fn(&Body) -> usize| bodies.iter().map(count).sum();
         let counts = (sum(|body| body.vertices().len()), sum(|body| body.quads().len()));
-        self.structures.push(Structure { version, source, stated_hash, hash: hasher.finish(), counts });
+        self.structures.push(Structure { version, source, stated_hash, hash, counts });
     }
 
     fn last(&self) -> Structure {
         *self.structures.last().expect("a keyframe")
+    }
+}
+
+/// What a replica holds of a surface, for its hash to be computed anew rather than from the patches.
+fn structure(body: &Body) -> v1::BodyStructure {
+    let (vertices, quads) = (body.vertices(), body.quads());
+    v1::BodyStructure {
+        vertex_ids: vertices.keys().copied().collect(),
+        vertex_elements: vertices.values().map(|vertex| vertex.element).collect(),
+        vertex_local: vertices.values().flat_map(|vertex| vertex.local).collect(),
+        quad_ids: quads.keys().copied().collect(),
+        quad_vertices: quads.values().copied().flatten().collect(),
+        ..v1::BodyStructure::default()
     }
 }
 
