@@ -8,15 +8,15 @@ pub enum Stage {
     ApplyInputs,
     /// Broad and narrow phase of tool-tissue contact.
     Contact,
-    /// The implicit velocity solve, contact active set included.
+    /// The system matrix and the implicit velocity solve, contact active set included.
     Velocities,
     /// New positions, quarantine of non-finite state, wrenches.
     Integrate,
-    /// Element rotations and exact co-rotational forces at the new positions, the system matrix.
+    /// Element rotations and exact co-rotational forces at the new positions.
     Rotations,
     /// Fronts advance, links part.
     Fracture,
-    /// Parts, nodes, operators and preconditioner where links parted.
+    /// Parts, nodes, matrices and preconditioner where links parted.
     Topology,
     /// Surface rebuilt where links parted.
     Surface,

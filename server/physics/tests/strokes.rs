@@ -4,7 +4,7 @@ mod support;
 
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{ObjectDesc, ShapeDesc};
-use kerf_physics::{Quat, Vec3, Workers};
+use kerf_physics::{Quat, Vec3};
 use support::cutting::*;
 
 const TOP_M: f64 = BLOCK_HEIGHT_M + 5e-4;
@@ -144,7 +144,7 @@ fn pressed_into_a_slot(row: i32, depth: f64) -> (f64, f64) {
         .map(|link| (link, Crossing { t: 0.66, normal: [0.0, 0.0, 1.0] }))
         .collect();
     let parted = body.part_links(&links).parted;
-    body.update_topology(&Workers::serial(), &parted);
+    body.update_topology(&parted);
     rig.drive(depth + 5e-4);
     rig.rest(600);
     let last = rig.samples[rig.samples.len() - 1];

@@ -43,6 +43,5 @@ impl Body {
             state.rotation = *rotation;
         }
         self.evaluate(workers, 2);
-        self.refresh_operator(workers);
     }
 }

@@ -4,7 +4,6 @@ use super::{Body, rigid};
 use crate::fem::corotation::{ElementState, LANES};
 use crate::grid::levels::{Level, LevelChange, VoxelUnits};
 use crate::grid::{Crossing, Grid, Ijk, LinkId, VoxelId};
-use crate::workers::Workers;
 
 /// No piece of fewer voxels is set free, an eighth of a composite element at k = 4: it could neither be
 /// seen for what it is nor be carried by the elements' corners, which its few voxels hardly load.
@@ -34,9 +33,12 @@ impl Body {
     /// Rebuilds parts, nodes, matrices and preconditioner after `parted` links were parted in the
     /// grid. New nodes start where the nodes they split from are, with their velocity, so nothing
     /// jumps.
-    pub fn update_topology(&mut self, workers: &Workers<'_>, parted: &[LinkId]) -> TopologyChange {
+    pub fn update_topology(&mut self, parted: &[LinkId]) -> TopologyChange {
         let changes = self.update_levels(parted);
         let base = &changes[0];
+        if base.touched_cells.is_empty() {
+            return TopologyChange::default();
+        }
         for &(_, from) in &base.split_nodes {
             self.position_m.push(self.position_m[from as usize]);
             self.velocity_m_per_s.push(self.velocity_m_per_s[from as usize]);
@@ -58,8 +60,7 @@ impl Body {
         for &element in &elements {
             self.write_matrix_of_changed(element as usize);
         }
-        self.write_rotations();
-        self.multigrid.update_changed(workers, &self.levels, &changes);
+        self.multigrid.update_changed(&self.levels, &changes);
         self.save_finite_state();
         let rebound_voxels = base.split_elements.iter().flat_map(|&(new, _)| self.voxels_of(new as usize)).collect();
         TopologyChange { elements, nodes: base.split_nodes.iter().map(|s| s.0).collect(), rebound_voxels }

@@ -44,7 +44,7 @@ pub struct Level {
 /// What an update of a level changed.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LevelChange {
-    /// Cells whose units or their connections changed, ascending.
+    /// Cells whose elements or their links changed, ascending.
     pub touched_cells: Vec<Ijk>,
     /// Elements whose units changed, ascending; new ones included.
     pub changed_elements: Vec<u32>,
@@ -193,16 +193,24 @@ impl Level {
         for &cell in &touched {
             self.update_components(units, cell, &mut members, &mut change);
         }
-        for cell in with_face_neighbours(&touched) {
-            self.update_neighbours(units, cell);
+        // Most links that part lie inside an element that still hangs together, or between two that are
+        // linked elsewhere: then nothing follows from it, here or on the levels above.
+        let split: Vec<Ijk> = change.changed_elements.iter().map(|e| self.elements[*e as usize].cell).collect();
+        let mut linked = touched;
+        linked.extend(split.iter().flat_map(|&cell| Grid::links_of(cell).map(|(_, other)| other)));
+        let mut changed = split;
+        for cell in sorted(linked) {
+            if self.update_neighbours(units, cell) {
+                changed.push(cell);
+            }
         }
-        for vertex in corners_of(&touched) {
+        change.touched_cells = sorted(changed);
+        for vertex in corners_of(&change.touched_cells) {
             self.update_nodes(vertex, &mut change);
         }
         change.changed_elements.sort_unstable();
         change.renoded_elements.sort_unstable();
         change.renoded_elements.dedup();
-        change.touched_cells = touched;
         change
     }
 
@@ -268,14 +276,13 @@ impl Level {
         id
     }
 
-    fn update_neighbours(&mut self, units: &dyn Units, cell: Ijk) {
+    /// Recomputes which elements those of a cell are linked to; returns whether that changed.
+    fn update_neighbours(&mut self, units: &dyn Units, cell: Ijk) -> bool {
         let ids: Vec<u32> = self.elements_in(cell).collect();
-        for id in &ids {
-            self.elements[*id as usize].neighbours.clear();
-        }
         if ids.is_empty() {
-            return;
+            return false;
         }
+        let before: Vec<_> = ids.iter().map(|id| std::mem::take(&mut self.elements[*id as usize].neighbours)).collect();
         let (elements, owner) = (&mut self.elements, &self.owner);
         units.in_cell(cell, &mut |unit| {
             let own = owner[unit as usize] as usize;
@@ -286,9 +293,13 @@ impl Level {
                 }
             });
         });
-        for id in ids {
-            self.elements[id as usize].neighbours.sort_unstable();
+        let mut changed = false;
+        for (id, before) in ids.into_iter().zip(before) {
+            let neighbours = &mut self.elements[id as usize].neighbours;
+            neighbours.sort_unstable();
+            changed |= *neighbours != before;
         }
+        changed
     }
 
     /// Recomputes which element corners at a lattice vertex share a node.
@@ -366,12 +377,6 @@ impl Level {
         }
         (part, count)
     }
-}
-
-fn with_face_neighbours(cells: &[Ijk]) -> Vec<Ijk> {
-    let mut all = cells.to_vec();
-    all.extend(cells.iter().flat_map(|&cell| Grid::links_of(cell).map(|(_, other)| other)));
-    sorted(all)
 }
 
 fn corners_of(cells: &[Ijk]) -> Vec<Ijk> {

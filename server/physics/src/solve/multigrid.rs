@@ -51,6 +51,8 @@ struct CycleLevel {
 pub struct Multigrid {
     levels: Vec<CycleLevel>,
     coarsest: Coarsest,
+    /// Power iterations that the smoothers' eigenvalues lag behind the matrices.
+    spectrum_rounds: u32,
 }
 
 /// `A_parent += P^T A_child P` weights: corner `c` of a child in `octant` from the parent's corners.
@@ -255,7 +257,7 @@ impl Multigrid {
             level.set_topology(&hierarchy[i], hierarchy.get(i + 1), &[]);
         }
         let coarsest = Coarsest::new(&levels[levels.len() - 1].operator);
-        Self { levels, coarsest }
+        Self { levels, coarsest, spectrum_rounds: 0 }
     }
 
     /// Estimates the smoothers' eigenvalues afresh, and higher than they were: after a topology change
@@ -293,13 +295,13 @@ impl Multigrid {
     }
 
     /// Recomputes what `changes` touched above the finest level, whose matrices already reflect them.
-    pub fn update_changed(&mut self, workers: &Workers<'_>, hierarchy: &[Level], changes: &[LevelChange]) {
+    /// [`Self::update_rotations_and_diagonals`] completes it.
+    pub fn update_changed(&mut self, hierarchy: &[Level], changes: &[LevelChange]) {
         let mut touched: Vec<u32> =
             changes[1..].first().map_or(Vec::new(), |c| elements_in_cells(&hierarchy[1], &c.touched_cells));
         self.rebuild_coarse(hierarchy, &mut touched);
         self.factor_coarsest();
-        self.update_rotations_and_diagonals(workers);
-        self.levels.iter_mut().for_each(|l| l.estimate_eigenvalue(workers, 2));
+        self.spectrum_rounds = 2;
     }
 
     /// Recomputes the coarse matrices above all elements, the coarsest factor and the eigenvalues.
@@ -307,8 +309,8 @@ impl Multigrid {
         let mut all = hierarchy.get(1).map_or(Vec::new(), |level| (0..level.elements.len() as u32).collect());
         self.rebuild_coarse(hierarchy, &mut all);
         self.factor_coarsest();
+        self.spectrum_rounds = 20;
         self.update_rotations_and_diagonals(workers);
-        self.levels.iter_mut().for_each(|l| l.estimate_eigenvalue(workers, 20));
     }
 
     fn factor_coarsest(&mut self) {
@@ -345,7 +347,8 @@ impl Multigrid {
         elements.clear();
     }
 
-    /// Coarse rotations from the finest level's, then every diagonal. Springs are dropped.
+    /// Coarse rotations from the finest level's, then every diagonal, and the eigenvalues where matrices
+    /// changed. Springs are dropped.
     pub fn update_rotations_and_diagonals(&mut self, workers: &Workers<'_>) {
         for i in 1..self.levels.len() {
             let (below, above) = self.levels.split_at_mut(i);
@@ -354,6 +357,8 @@ impl Multigrid {
         self.levels.iter_mut().for_each(|l| l.operator.update_diagonal(workers));
         let last = self.levels.len() - 1;
         self.coarsest.update_rotations(&self.levels[last].operator);
+        let rounds = std::mem::take(&mut self.spectrum_rounds);
+        self.levels.iter_mut().for_each(|l| l.estimate_eigenvalue(workers, rounds));
     }
 
     /// Room for `count` springs on every level.

@@ -103,7 +103,6 @@ impl BodySlot {
         self.edited = false;
         self.body.evaluate(workers, 20);
         if self.body.save_finite_state() {
-            self.body.refresh_operator(workers);
             self.ledger.after = self.body.energy();
         }
     }

@@ -129,7 +129,7 @@ impl World {
             lap.end(Stage::Fracture);
         }
         if self.slots.iter().any(|s| !s.parting.is_empty()) {
-            self.update_topology(workers);
+            self.update_topology();
             lap.end(Stage::Topology);
         }
         if self.view.is_some() && self.output.fracture.parted_links > 0 {
@@ -181,6 +181,7 @@ impl World {
     fn solve_velocities(&mut self, workers: &Workers<'_>) {
         let mut report = SolveReport::default();
         for slot in &mut self.slots {
+            slot.body.refresh_operator(workers);
             slot.body.assemble_right_side();
             for _ in 0..MAX_ACTIVE_SET_SOLVES {
                 let solve = slot.solve(workers, self.params.dt_s);
@@ -224,7 +225,6 @@ impl World {
                 slot.roll_back(workers, &mut self.output);
                 slot.ledger.solved = slot.ledger.after;
             }
-            slot.body.refresh_operator(workers);
             slot.ledger.after = slot.ledger.solved;
         }
     }
@@ -242,7 +242,7 @@ impl World {
         self.output.fracture.cut_area_m2 = self.contact_ledger.front.area_m2;
     }
 
-    fn update_topology(&mut self, workers: &Workers<'_>) {
+    fn update_topology(&mut self) {
         for slot in &mut self.slots {
             let PartedLinks { parted, spared } = slot.body.part_links(&slot.parting);
             slot.parted = parted;
@@ -252,7 +252,7 @@ impl World {
             if slot.parted.is_empty() {
                 continue;
             }
-            slot.change = slot.body.update_topology(workers, &slot.parted);
+            slot.change = slot.body.update_topology(&slot.parted);
             slot.velocity_change.resize(slot.body.node_count(), [0.0; 3]);
             slot.ledger.after = slot.body.energy();
             slot.walls.update(&slot.body, &slot.parted, &slot.change);
