@@ -1,8 +1,7 @@
 //! The energy ledger: every joule of a step, computed term by term; what is left is reported as the
 //! residual.
 
-use crate::body::BodyEnergy;
-use crate::fem::corotation::StepEnergies;
+use crate::body::{BodyEnergy, StepEnergies};
 use crate::fracture::front::FrontBook;
 use crate::step_io::EnergyStep;
 
@@ -54,7 +53,7 @@ pub fn book<'a>(
         fracture_j: contact.front.fracture_j,
         front_slip_j: contact.front.slip_j,
         initiation_j: contact.front.initiation_j,
-        damping_j: sum(&|b| b.step.damping_j),
+        damping_j: sum(&|b| b.step.elements.damping_j),
         parting_j: sum(&|b| {
             b.solved.elastic_j - b.after.elastic_j + b.solved.kinetic_j - b.after.kinetic_j + b.solved.hold_j
                 - b.after.hold_j
@@ -65,8 +64,9 @@ pub fn book<'a>(
     // Implicit Euler loses 1/2 dv^T M dv + 1/2 dx^T K dx, but for what linearising the elastic force
     // leaves: dU + f . dx - 1/2 dx^T K dx.
     energy.numerical_j += sum(&|b| {
-        let linearisation = b.solved.elastic_j - b.before.elastic_j + b.step.force_work_j - b.step.elastic_j;
-        b.step.inertial_j + b.step.elastic_j + b.step.hold_j - linearisation
+        let step = &b.step.elements;
+        let linearisation = b.solved.elastic_j - b.before.elastic_j + step.force_work_j - step.elastic_j;
+        step.inertial_j + step.elastic_j + b.step.hold_j - linearisation
     });
     energy.numerical_j += contact.flank_work_j - (contact.flank_stored_j - flank_before_j);
     let stored =

@@ -4,22 +4,31 @@
 use super::Body;
 use crate::contact::{Contact, Mode};
 use crate::fem::composite::corner_pair;
-use crate::fem::corotation::{LANES, StepEnergies, rotation_matrix};
+use crate::fem::corotation::{LANES, StepTerms, rotation_matrix};
 use crate::fem::lanes::for_packed;
-use crate::solve::operator::LANES as OPERATOR_LANES;
+use crate::solve::operator::{LANES as OPERATOR_LANES, NODES_PER_CHUNK};
 use crate::solve::pcg::{PcgReport, Stop};
 use crate::solve::spring::PointSpring;
 use crate::step_io::SolveReport;
 use crate::workers::Workers;
-use wide::{f32x4, f32x8};
+use wide::{f32x4, f64x4};
 
 /// Blocks of elements per chunk of parallel work.
-const BLOCKS_PER_CHUNK: usize = 32;
+const BLOCKS_PER_CHUNK: usize = 64;
 /// Elements whose stiffening factor is within this of 1 keep the matrix of the rest state.
 const STIFFENING_THRESHOLD: f64 = 0.02;
 /// Coarse matrices follow an element's stiffening only when it has changed by this factor: they
 /// precondition, and a spectrally close matrix does as well.
 const COARSE_STIFFENING_FACTOR: f64 = 1.5;
+
+/// What a step did to a body's energies, J.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct StepEnergies {
+    /// Sums over the elements.
+    pub elements: StepTerms<f64>,
+    /// `1/2 dx^T H dx` of held voxels.
+    pub hold_j: f64,
+}
 
 /// Energies of a body, J.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -43,11 +52,40 @@ impl BodyEnergy {
 impl Body {
     /// Rotations, forces, energies and velocity terms of every element at the current state.
     pub fn evaluate(&mut self, workers: &Workers<'_>, rotation_iterations: u32) {
-        let (blocks, x, v) = (&self.blocks, &self.position_m, &self.velocity_m_per_s);
+        self.evaluate_blocks(workers, None, rotation_iterations);
+    }
+
+    /// The same at the end of a step that changed the velocities by `velocity_change`; returns what the
+    /// step did to the energies.
+    pub fn evaluate_step(&mut self, workers: &Workers<'_>, velocity_change: &super::Nodal) -> StepEnergies {
+        self.evaluate_blocks(workers, Some(velocity_change), 2);
+        let mut sum = StepEnergies::default();
+        for state in &self.states {
+            sum.elements.inertial_j += state.step.inertial_j.reduce_add();
+            sum.elements.elastic_j += state.step.elastic_j.reduce_add();
+            sum.elements.force_work_j += state.step.force_work_j.reduce_add();
+            sum.elements.damping_j += state.step.damping_j.reduce_add();
+        }
         let dt = self.params.dt_s;
+        for (element, hold) in &self.holds {
+            let nodes = self.base().elements[*element as usize].nodes;
+            let dx = nodes.map(|n| self.velocity_m_per_s[n as usize].map(|v| dt * v));
+            sum.hold_j += (0..3).map(|i| 0.5 * quadratic(hold, |a| dx[a][i], |b| dx[b][i])).sum::<f64>();
+        }
+        sum
+    }
+
+    fn evaluate_blocks(
+        &mut self,
+        workers: &Workers<'_>,
+        velocity_change: Option<&super::Nodal>,
+        rotation_iterations: u32,
+    ) {
+        let (blocks, x, v) = (&self.blocks, &self.position_m, &self.velocity_m_per_s);
+        let (dt, change) = (self.params.dt_s, velocity_change.map(Vec::as_slice));
         workers.for_chunks(&mut self.states, BLOCKS_PER_CHUNK, |chunk, states| {
             for (state, block) in states.iter_mut().zip(&blocks[chunk * BLOCKS_PER_CHUNK..]) {
-                block.evaluate(state, x, v, dt, rotation_iterations);
+                block.evaluate(state, x, v, change, dt, rotation_iterations);
             }
         });
     }
@@ -125,7 +163,7 @@ impl Body {
     pub(super) fn write_matrix(&mut self, element: usize) {
         let (block, state, lane) = (&self.blocks[element / LANES], &self.states[element / LANES], element % LANES);
         let dt = self.params.dt_s;
-        let at = |v: &wide::f64x8| v.as_array()[lane];
+        let at = |v: &wide::f64x4| v.as_array()[lane];
         let mass_factor = 1.0 + dt * at(&block.alpha_per_s);
         let stiffness_factor = dt * (dt + at(&block.beta_s));
         let stiffening = at(&state.stiffening) - 1.0;
@@ -153,10 +191,14 @@ impl Body {
 
     /// Rotations of all elements into the solver's operator.
     pub(super) fn write_rotations(&mut self) {
-        const { assert!(OPERATOR_LANES == LANES) };
-        for (state, block) in self.states.iter().zip(&mut self.multigrid.operator_mut().blocks) {
-            let r = rotation_matrix(&state.rotation);
-            block.rotation = r.map(|entry| f32x8::from(entry.to_array().map(|c| c as f32)));
+        const { assert!(OPERATOR_LANES == 2 * LANES) };
+        for (states, block) in self.states.chunks(2).zip(&mut self.multigrid.operator_mut().blocks) {
+            for (half, state) in states.iter().enumerate() {
+                for (target, entry) in block.rotation.iter_mut().zip(rotation_matrix(&state.rotation)) {
+                    let lanes = half * LANES..(half + 1) * LANES;
+                    target.as_mut_array()[lanes].copy_from_slice(&entry.to_array().map(|c| c as f32));
+                }
+            }
         }
     }
 
@@ -205,15 +247,18 @@ impl Body {
 
     /// Writes `dt (f_elastic + f_external + f_hold - drag)` at every node: the right side but for
     /// contact.
-    pub fn assemble_right_side(&mut self) {
+    pub fn assemble_right_side(&mut self, workers: &Workers<'_>) {
         let dt = self.params.dt_s;
         let mut b = std::mem::take(&mut self.scratch.right_side);
-        b.clear();
-        b.extend(self.external_n.iter().map(|f| f.map(|c| c * dt)));
-        self.for_each_corner(|state, lane, corner, node| {
-            for i in 0..3 {
-                let slot = 3 * corner + i;
-                b[node][i] += dt * (state.force_n[slot].as_array()[lane] - state.drag_n[slot].as_array()[lane]);
+        let (operator, states, external_n) = (self.multigrid.operator(), &self.states, &self.external_n);
+        workers.for_chunks(&mut b, NODES_PER_CHUNK, |chunk, b| {
+            for (node, b) in (chunk * NODES_PER_CHUNK..).zip(b) {
+                let mut sum = f64x4::ZERO;
+                for (element, corner) in operator.corners_at(node) {
+                    sum += states[element / LANES].balance_n[element % LANES][corner];
+                }
+                let sum = sum.to_array();
+                *b = [0, 1, 2].map(|i| dt * (sum[i] + external_n[node][i]));
             }
         });
         for (element, hold) in &self.holds {
@@ -280,25 +325,6 @@ impl Body {
             [x, y, z]
         }));
         SolveReport { iterations, solves: 1, relative_residual }
-    }
-
-    /// What a step from the evaluated state with `velocity_change` does to the elements' energies.
-    #[must_use]
-    pub fn step_energies(&self, velocity_change: &super::Nodal) -> StepEnergies {
-        let mut sum = StepEnergies::default();
-        let dt = self.params.dt_s;
-        for (block, state) in self.blocks.iter().zip(&self.states) {
-            block.add_step_energies(state, &self.velocity_m_per_s, velocity_change, dt, &mut sum);
-        }
-        for (element, hold) in &self.holds {
-            let nodes = self.base().elements[*element as usize].nodes;
-            let dx = nodes.map(|n| {
-                let (v, dv) = (self.velocity_m_per_s[n as usize], velocity_change[n as usize]);
-                [0, 1, 2].map(|i| dt * (v[i] + dv[i]))
-            });
-            sum.hold_j += (0..3).map(|i| 0.5 * quadratic(hold, |a| dx[a][i], |b| dx[b][i])).sum::<f64>();
-        }
-        sum
     }
 
     /// Work of the external loads, gravity included, over nodal displacements, J.

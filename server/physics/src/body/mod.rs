@@ -7,7 +7,7 @@ mod relax;
 mod rigid;
 mod topology;
 
-pub use forces::BodyEnergy;
+pub use forces::{BodyEnergy, StepEnergies};
 pub use interpolate::MaterialPoint;
 pub use relax::Relaxation;
 pub use topology::{LEAST_PIECE_VOXELS, PartedLinks, TopologyChange};

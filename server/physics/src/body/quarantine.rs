@@ -2,14 +2,14 @@
 
 use super::{Body, Nodal};
 use crate::workers::Workers;
-use wide::f64x8;
+use wide::f64x4;
 
 /// Copy of what a step changes.
 #[derive(Default)]
 pub(super) struct FiniteState {
     position_m: Nodal,
     velocity_m_per_s: Nodal,
-    rotation: Vec<[f64x8; 4]>,
+    rotation: Vec<[f64x4; 4]>,
 }
 
 impl Body {

@@ -31,7 +31,7 @@ impl Body {
         let mut change = vec![[0.0; 3]; self.node_count()];
         let mut end = Relaxation { solves: 0, relative_residual: 0.0, converged: false };
         for _ in 0..MAX_ROUNDS {
-            self.assemble_right_side();
+            self.assemble_right_side(workers);
             let unbalanced = self.unbalanced_force();
             progress(unbalanced);
             end.relative_residual = unbalanced;
@@ -51,7 +51,7 @@ impl Body {
             // Near rest the energy's change drowns in its rounding; there the force decides.
             let falls = energy <= best + 1e-12 * best.abs();
             let mut settles = || {
-                self.assemble_right_side();
+                self.assemble_right_side(workers);
                 energy <= best + 1e-8 * best.abs() && self.unbalanced_force() < unbalanced
             };
             if falls || settles() {

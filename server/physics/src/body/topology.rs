@@ -98,6 +98,7 @@ impl Body {
                 &mut self.states[block],
                 &self.position_m,
                 &self.velocity_m_per_s,
+                None,
                 self.params.dt_s,
                 2,
             );

@@ -1,4 +1,4 @@
-//! Rotations and exact co-rotational forces, eight elements at a time.
+//! Rotations and exact co-rotational forces, four elements at a time.
 //!
 //! Energy of an element: `U = 1/2 u^T K u + V (psi(w) - w)`, `u = R^T x - X`, R the rotation of the
 //! mean deformation gradient, `w = 1/2 u^T K_G u / V`, `psi(w) = E/(2c) (exp(2 c w / E) - 1)`: strain
@@ -6,10 +6,10 @@
 
 use super::composite::{ElementMatrices, corner_pair};
 use super::lanes::{self, PACKED, for_packed};
-use wide::f64x8;
+use wide::f64x4;
 
 /// Lanes per block.
-pub const LANES: usize = 8;
+pub const LANES: usize = 4;
 
 /// Exponent `2 c w / E` beyond which the stiffening energy goes on along its tangent: 400 times as
 /// stiff as at rest, and no more, whatever a blade or a bad start does to an element. (Growing on,
@@ -19,91 +19,101 @@ const LINEAR_BEYOND: f64 = 6.0;
 /// Smallest eigenvalue of `tr(S) I - S`, relative to the size of S, at which it is still inverted.
 const ROTATION_FLOOR: f64 = 0.2;
 
-/// Constant data of eight elements.
+/// Constant data of four elements.
 #[derive(Clone)]
 pub struct ElementBlock {
     /// Node of each corner and lane; unused lanes repeat lane 0 with zero matrices.
     pub nodes: [[u32; LANES]; 8],
     /// Packed stiffness, N/m.
-    pub stiffness: Box<[f64x8; PACKED]>,
+    pub stiffness: Box<[f64x4; PACKED]>,
     /// Packed mass between corners, kg, lower triangle by rows.
-    pub mass_kg: [f64x8; 36],
+    pub mass_kg: [f64x4; 36],
     /// Shape gradients averaged over the filled volume, 1/m.
-    pub mean_gradient: [[f64x8; 3]; 8],
+    pub mean_gradient: [[f64x4; 3]; 8],
     /// Edge of the element's cell, m.
-    pub edge_m: f64x8,
+    pub edge_m: f64x4,
     /// Filled volume, m^3.
-    pub volume_m3: f64x8,
+    pub volume_m3: f64x4,
     /// Rayleigh damping in proportion to mass, 1/s.
-    pub alpha_per_s: f64x8,
+    pub alpha_per_s: f64x4,
     /// Rayleigh damping in proportion to stiffness, s.
-    pub beta_s: f64x8,
-    /// Present where any of the eight stiffens with strain.
+    pub beta_s: f64x4,
+    /// Present where any of the four stiffens with strain.
     pub stiffening: Option<Box<StiffeningBlock>>,
 }
 
-/// Data of the strain-stiffening law of eight elements.
+/// Data of the strain-stiffening law of four elements.
 #[derive(Clone)]
 pub struct StiffeningBlock {
     /// Packed Galerkin stiffness, N/m.
-    pub galerkin: [f64x8; PACKED],
+    pub galerkin: [f64x4; PACKED],
     /// `2 c / E`, 1/Pa; 0 where the element is linear.
-    pub rate_per_pa: f64x8,
+    pub rate_per_pa: f64x4,
 }
 
-/// State and results of eight elements.
+/// State and results of four elements.
 #[derive(Clone, Copy)]
 pub struct ElementState {
     /// Rotation as a quaternion, xyzw.
-    pub rotation: [f64x8; 4],
+    pub rotation: [f64x4; 4],
     /// Elastic energy, J.
-    pub energy_j: f64x8,
+    pub energy_j: f64x4,
     /// Kinetic energy, J.
-    pub kinetic_j: f64x8,
+    pub kinetic_j: f64x4,
     /// `psi'`: factor on the Galerkin stiffness' share; 1 where linear.
-    pub stiffening: f64x8,
+    pub stiffening: f64x4,
     /// `psi'' / V`, and the local Galerkin force it goes with.
-    pub curvature: f64x8,
+    pub curvature: f64x4,
     /// Local Galerkin force, N; zero where linear.
-    pub galerkin_force_n: [f64x8; 24],
+    pub galerkin_force_n: [f64x4; 24],
     /// Elastic force, N, scene frame.
-    pub force_n: [f64x8; 24],
-    /// `(dt + beta) K v + alpha M v`, N, scene frame: what the velocity adds to the right side.
-    pub drag_n: [f64x8; 24],
+    pub force_n: [f64x4; 24],
+    /// Elastic force less `(dt + beta) K v + alpha M v`, N, scene frame, of every lane's every corner,
+    /// xyz0: what the element adds to the right side.
+    pub balance_n: [[f64x4; 8]; LANES],
     /// `M v`, N s, scene frame.
-    pub momentum: [f64x8; 24],
+    pub momentum: [f64x4; 24],
+    /// What the step that led here did.
+    pub step: StepTerms,
 }
 
 impl Default for ElementState {
     fn default() -> Self {
-        let zero = f64x8::ZERO;
+        let zero = f64x4::ZERO;
         Self {
-            rotation: [zero, zero, zero, f64x8::ONE],
+            rotation: [zero, zero, zero, f64x4::ONE],
             energy_j: zero,
             kinetic_j: zero,
-            stiffening: f64x8::ONE,
+            stiffening: f64x4::ONE,
             curvature: zero,
             galerkin_force_n: [zero; 24],
             force_n: [zero; 24],
-            drag_n: [zero; 24],
+            balance_n: [[zero; 8]; LANES],
             momentum: [zero; 24],
+            step: StepTerms::default(),
         }
     }
 }
 
-/// Sums over elements of what a step does, J.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct StepEnergies {
+/// Energies of a step of four elements or, in [`StepEnergies`], of a body, J. Rotations and forces are
+/// those of the step's beginning, `v` is the velocity at its end, `dx = dt v`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct StepTerms<E = f64x4> {
     /// `1/2 dv^T M dv`.
-    pub inertial_j: f64,
+    pub inertial_j: E,
     /// `1/2 dx^T K dx`.
-    pub elastic_j: f64,
-    /// `1/2 dx^T H dx` of held voxels.
-    pub hold_j: f64,
-    /// Work of the elastic forces at the beginning of the step, `f . dx`.
-    pub force_work_j: f64,
+    pub elastic_j: E,
+    /// Work of the elastic forces, `f . dx`.
+    pub force_work_j: E,
     /// Rayleigh damping, `dt v^T (alpha M + beta K) v`.
-    pub damping_j: f64,
+    pub damping_j: E,
+}
+
+/// Products of an element's stiffness matrices with a vector in its rest frame.
+struct Products {
+    k: [f64x4; 24],
+    /// Of the Galerkin stiffness, where the element stiffens.
+    g: Option<[f64x4; 24]>,
 }
 
 /// Properties of one element that are not in its matrices.
@@ -121,13 +131,13 @@ impl Default for ElementBlock {
     fn default() -> Self {
         Self {
             nodes: [[0; LANES]; 8],
-            stiffness: Box::new([f64x8::ZERO; PACKED]),
-            mass_kg: [f64x8::ZERO; 36],
-            mean_gradient: [[f64x8::ZERO; 3]; 8],
-            edge_m: f64x8::ONE,
-            volume_m3: f64x8::ONE,
-            alpha_per_s: f64x8::ZERO,
-            beta_s: f64x8::ZERO,
+            stiffness: Box::new([f64x4::ZERO; PACKED]),
+            mass_kg: [f64x4::ZERO; 36],
+            mean_gradient: [[f64x4::ZERO; 3]; 8],
+            edge_m: f64x4::ONE,
+            volume_m3: f64x4::ONE,
+            alpha_per_s: f64x4::ZERO,
+            beta_s: f64x4::ZERO,
             stiffening: None,
         }
     }
@@ -135,7 +145,7 @@ impl Default for ElementBlock {
 
 /// Writes one lane.
 #[inline]
-pub fn set_lane(vector: &mut f64x8, lane: usize, value: f64) {
+pub fn set_lane(vector: &mut f64x4, lane: usize, value: f64) {
     vector.as_mut_array()[lane] = value;
 }
 
@@ -162,7 +172,7 @@ impl ElementBlock {
         set_lane(&mut self.beta_s, lane, law.beta_s);
         if law.stiffening_rate_per_pa > 0.0 {
             let block = self.stiffening.get_or_insert_with(|| {
-                Box::new(StiffeningBlock { galerkin: [f64x8::ZERO; PACKED], rate_per_pa: f64x8::ZERO })
+                Box::new(StiffeningBlock { galerkin: [f64x4::ZERO; PACKED], rate_per_pa: f64x4::ZERO })
             });
             set_lane(&mut block.rate_per_pa, lane, law.stiffening_rate_per_pa);
             for_packed(|i, row, column| {
@@ -172,8 +182,8 @@ impl ElementBlock {
     }
 
     #[inline(always)]
-    fn gather(&self, values: &[[f64; 3]]) -> [f64x8; 24] {
-        let mut out = [f64x8::ZERO; 24];
+    fn gather(&self, values: &[[f64; 3]]) -> [f64x4; 24] {
+        let mut out = [f64x4::ZERO; 24];
         for corner in 0..8 {
             for lane in 0..LANES {
                 let point = &values[self.nodes[corner][lane] as usize];
@@ -186,12 +196,14 @@ impl ElementBlock {
     }
 
     /// Updates rotations by `iterations` steps, then forces, energy and velocity terms at positions
-    /// `position_m` and velocities `velocity_m_per_s` of the nodes.
+    /// `position_m` and velocities `velocity_m_per_s` of the nodes; with them the terms of the step from
+    /// the state that was evaluated before, which changed the velocities by `velocity_change`.
     pub fn evaluate(
         &self,
         state: &mut ElementState,
         position_m: &[[f64; 3]],
         velocity_m_per_s: &[[f64; 3]],
+        velocity_change: Option<&[[f64; 3]]>,
         dt_s: f64,
         iterations: u32,
     ) {
@@ -199,17 +211,56 @@ impl ElementBlock {
         let origin = [x[0], x[1], x[2]];
         (0..24).for_each(|i| x[i] -= origin[i % 3]);
         let gradient = self.deformation_gradient(&x);
+        let r_before = rotation_matrix(&state.rotation);
         for _ in 0..iterations {
             improve_rotation(&mut state.rotation, &gradient);
         }
         let r = rotation_matrix(&state.rotation);
-        self.evaluate_forces(state, &r, &gradient, &x);
-        self.evaluate_velocity_terms(state, &r, &self.gather(velocity_m_per_s), dt_s);
+        let y = lanes::rotate_back(&r, &x);
+        let velocity = self.gather(velocity_m_per_s);
+        // The stiffness is most of what an evaluation reads: once for all three.
+        let vectors =
+            [self.displacement(&y), lanes::rotate_back(&r, &velocity), lanes::rotate_back(&r_before, &velocity)];
+        let stiffness = lanes::apply_to_each(&self.stiffness, &vectors);
+        let galerkin = self.stiffening.as_ref().map(|s| lanes::apply_to_each(&s.galerkin, &vectors));
+        let products = |n: usize| Products { k: stiffness[n], g: galerkin.as_ref().map(|g| g[n]) };
+        let momentum = self.mass_times(&velocity);
+        if let Some(change) = velocity_change {
+            let kv = self.tangent(state, &vectors[2], products(2));
+            state.step = self.step_terms(state, &self.gather(change), &velocity, &momentum, dt_s, [&vectors[2], &kv]);
+        }
+        self.evaluate_forces(state, &r, &gradient, &y, &vectors[0], products(0));
+        let kv = lanes::rotate(&r, &self.tangent(state, &vectors[1], products(1)));
+        let factor = self.beta_s + f64x4::splat(dt_s);
+        for corner in 0..8 {
+            let [x, y, z] = [0, 1, 2].map(|i| {
+                let slot = 3 * corner + i;
+                state.force_n[slot] - factor.mul_add(kv[slot], self.alpha_per_s * momentum[slot])
+            });
+            let lanes = f64x4::transpose([x, y, z, f64x4::ZERO]);
+            (0..LANES).for_each(|lane| state.balance_n[lane][corner] = lanes[lane]);
+        }
+        state.kinetic_j = f64x4::splat(0.5) * lanes::dot(&velocity, &momentum);
+        state.momentum = momentum;
+    }
+
+    /// `y - X` for positions `y` in the rest frame, relative to the first corner.
+    #[inline(always)]
+    fn displacement(&self, y: &[f64x4; 24]) -> [f64x4; 24] {
+        let mut u = *y;
+        for corner in 0..8 {
+            for i in 0..3 {
+                if corner >> i & 1 == 1 {
+                    u[3 * corner + i] -= self.edge_m;
+                }
+            }
+        }
+        u
     }
 
     #[inline(always)]
-    fn deformation_gradient(&self, x: &[f64x8; 24]) -> [f64x8; 9] {
-        let mut f = [f64x8::ZERO; 9];
+    fn deformation_gradient(&self, x: &[f64x4; 24]) -> [f64x4; 9] {
+        let mut f = [f64x4::ZERO; 9];
         for a in 0..8 {
             for i in 0..3 {
                 for j in 0..3 {
@@ -221,32 +272,30 @@ impl ElementBlock {
     }
 
     #[inline(always)]
-    fn evaluate_forces(&self, state: &mut ElementState, r: &[f64x8; 9], f: &[f64x8; 9], x: &[f64x8; 24]) {
-        let y = lanes::rotate_back(r, x);
-        let mut u = y;
-        for corner in 0..8 {
-            for i in 0..3 {
-                if corner >> i & 1 == 1 {
-                    u[3 * corner + i] -= self.edge_m;
-                }
-            }
-        }
-        let mut local = lanes::apply(&self.stiffness, &u);
-        let half = f64x8::splat(0.5);
-        state.energy_j = half * lanes::dot(&u, &local);
-        if let Some(stiffening) = &self.stiffening {
-            let g = lanes::apply(&stiffening.galerkin, &u);
-            let w = half * lanes::dot(&u, &g) / self.volume_m3;
+    fn evaluate_forces(
+        &self,
+        state: &mut ElementState,
+        r: &[f64x4; 9],
+        f: &[f64x4; 9],
+        y: &[f64x4; 24],
+        u: &[f64x4; 24],
+        products: Products,
+    ) {
+        let mut local = products.k;
+        let half = f64x4::splat(0.5);
+        state.energy_j = half * lanes::dot(u, &local);
+        if let (Some(stiffening), Some(g)) = (&self.stiffening, products.g) {
+            let w = half * lanes::dot(u, &g) / self.volume_m3;
             let (energy, slope, curvature) = stiffening_law(w, stiffening.rate_per_pa);
             state.energy_j += self.volume_m3 * energy;
             state.stiffening = slope;
             state.curvature = curvature / self.volume_m3;
             for i in 0..24 {
-                local[i] = (slope - f64x8::ONE).mul_add(g[i], local[i]);
+                local[i] = (slope - f64x4::ONE).mul_add(g[i], local[i]);
             }
             state.galerkin_force_n = g;
         }
-        self.add_rotation_gradient(&mut local, &y, r, f);
+        self.add_rotation_gradient(&mut local, y, r, f);
         let scene = lanes::rotate(r, &local);
         (0..24).for_each(|i| state.force_n[i] = -scene[i]);
     }
@@ -255,8 +304,8 @@ impl ElementBlock {
     /// `(tr(S) I - S) B = tau`, `tau = sum_a f_a x y_a`. Without it the force is off by percents and
     /// carries a net torque.
     #[inline(always)]
-    fn add_rotation_gradient(&self, local: &mut [f64x8; 24], y: &[f64x8; 24], r: &[f64x8; 9], f: &[f64x8; 9]) {
-        let mut tau = [f64x8::ZERO; 3];
+    fn add_rotation_gradient(&self, local: &mut [f64x4; 24], y: &[f64x4; 24], r: &[f64x4; 9], f: &[f64x4; 9]) {
+        let mut tau = [f64x4::ZERO; 3];
         for a in 0..8 {
             let torque =
                 cross([local[3 * a], local[3 * a + 1], local[3 * a + 2]], [y[3 * a], y[3 * a + 1], y[3 * a + 2]]);
@@ -270,15 +319,14 @@ impl ElementBlock {
         }
     }
 
-    /// `K' v` in the rest frame of each element.
+    /// `K' v` in the rest frame of each element, from the products with v.
     #[inline(always)]
-    fn tangent(&self, state: &ElementState, local: &[f64x8; 24]) -> [f64x8; 24] {
-        let mut kv = lanes::apply(&self.stiffness, local);
-        if let Some(stiffening) = &self.stiffening {
-            let g = lanes::apply(&stiffening.galerkin, local);
+    fn tangent(&self, state: &ElementState, local: &[f64x4; 24], products: Products) -> [f64x4; 24] {
+        let mut kv = products.k;
+        if let Some(g) = products.g {
             let along = state.curvature * lanes::dot(&state.galerkin_force_n, local);
             for i in 0..24 {
-                kv[i] = (state.stiffening - f64x8::ONE).mul_add(g[i], kv[i]);
+                kv[i] = (state.stiffening - f64x4::ONE).mul_add(g[i], kv[i]);
                 kv[i] = along.mul_add(state.galerkin_force_n[i], kv[i]);
             }
         }
@@ -286,8 +334,8 @@ impl ElementBlock {
     }
 
     #[inline(always)]
-    fn mass_times(&self, v: &[f64x8; 24]) -> [f64x8; 24] {
-        let mut out = [f64x8::ZERO; 24];
+    fn mass_times(&self, v: &[f64x4; 24]) -> [f64x4; 24] {
+        let mut out = [f64x4::ZERO; 24];
         for a in 0..8 {
             for b in 0..8 {
                 let entry = corner_pair(a, b);
@@ -299,67 +347,56 @@ impl ElementBlock {
         out
     }
 
-    /// Adds what a step from `state` to velocities `v + dv` does, rotations as they are in `state`.
-    pub fn add_step_energies(
+    /// Terms of a step from `state` to `velocity`, of `momentum`, with `K' v` in the frame of `state`.
+    #[inline(always)]
+    fn step_terms(
         &self,
         state: &ElementState,
-        velocity_m_per_s: &[[f64; 3]],
-        velocity_change: &[[f64; 3]],
+        change: &[f64x4; 24],
+        velocity: &[f64x4; 24],
+        momentum: &[f64x4; 24],
         dt_s: f64,
-        sum: &mut StepEnergies,
-    ) {
-        let dv = self.gather(velocity_change);
-        let mut v = self.gather(velocity_m_per_s);
-        (0..24).for_each(|i| v[i] += dv[i]);
-        let r = rotation_matrix(&state.rotation);
-        let local = lanes::rotate_back(&r, &v);
-        let vkv = lanes::dot(&local, &self.tangent(state, &local));
-        let vmv = lanes::dot(&v, &self.mass_times(&v));
-        let damping = f64x8::splat(dt_s) * (self.alpha_per_s * vmv + self.beta_s * vkv);
-        sum.inertial_j += 0.5 * lanes::dot(&dv, &self.mass_times(&dv)).reduce_add();
-        sum.elastic_j += 0.5 * dt_s * dt_s * vkv.reduce_add();
-        sum.force_work_j += dt_s * lanes::dot(&state.force_n, &v).reduce_add();
-        sum.damping_j += damping.reduce_add();
-    }
-
-    #[inline(always)]
-    fn evaluate_velocity_terms(&self, state: &mut ElementState, r: &[f64x8; 9], v: &[f64x8; 24], dt_s: f64) {
-        let kv = lanes::rotate(r, &self.tangent(state, &lanes::rotate_back(r, v)));
-        state.momentum = self.mass_times(v);
-        state.kinetic_j = f64x8::splat(0.5) * lanes::dot(v, &state.momentum);
-        let factor = self.beta_s + f64x8::splat(dt_s);
-        for i in 0..24 {
-            state.drag_n[i] = factor.mul_add(kv[i], self.alpha_per_s * state.momentum[i]);
+        [local, kv]: [&[f64x4; 24]; 2],
+    ) -> StepTerms {
+        let (half, dt) = (f64x4::splat(0.5), f64x4::splat(dt_s));
+        let gained = std::array::from_fn(|i| momentum[i] - state.momentum[i]);
+        let vkv = lanes::dot(local, kv);
+        let vmv = lanes::dot(velocity, momentum);
+        StepTerms {
+            inertial_j: half * lanes::dot(change, &gained),
+            elastic_j: half * dt * dt * vkv,
+            force_work_j: dt * lanes::dot(&state.force_n, velocity),
+            damping_j: dt * (self.alpha_per_s * vmv + self.beta_s * vkv),
         }
     }
 }
 
 /// `psi - w`, `psi'` and `psi''` of the stiffening law at energy density `w`, rate = 2 c / E.
 #[inline(always)]
-fn stiffening_law(w: f64x8, rate: f64x8) -> (f64x8, f64x8, f64x8) {
-    let limit = f64x8::splat(LINEAR_BEYOND);
+fn stiffening_law(w: f64x4, rate: f64x4) -> (f64x4, f64x4, f64x4) {
+    let limit = f64x4::splat(LINEAR_BEYOND);
     let z = rate * w;
     let inside = z.fast_min(limit);
     let beyond = z - inside;
     let e = inside.exp();
     // psi = (e^z - 1) / rate; beyond the limit its tangent.
     let slope = e;
-    let excess = e * (f64x8::ONE + beyond) - f64x8::ONE - z;
-    let linear = rate.simd_lt(f64x8::splat(f64::MIN_POSITIVE));
-    let energy = linear.bitselect(f64x8::ZERO, excess / linear.bitselect(f64x8::ONE, rate));
-    let curvature = beyond.simd_gt(f64x8::ZERO).bitselect(f64x8::ZERO, e * rate);
+    let excess = e * (f64x4::ONE + beyond) - f64x4::ONE - z;
+    let linear = rate.simd_lt(f64x4::splat(f64::MIN_POSITIVE));
+    let energy = linear.bitselect(f64x4::ZERO, excess / linear.bitselect(f64x4::ONE, rate));
+    let curvature = beyond.simd_gt(f64x4::ZERO).bitselect(f64x4::ZERO, e * rate);
     (energy, slope, curvature)
 }
 
 #[inline(always)]
-fn cross(a: [f64x8; 3], b: [f64x8; 3]) -> [f64x8; 3] {
+fn cross(a: [f64x4; 3], b: [f64x4; 3]) -> [f64x4; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// `R^T F`.
 #[inline(always)]
-fn matmul_transposed_left(r: &[f64x8; 9], f: &[f64x8; 9]) -> [f64x8; 9] {
-    let mut m = [f64x8::ZERO; 9];
+fn matmul_transposed_left(r: &[f64x4; 9], f: &[f64x4; 9]) -> [f64x4; 9] {
+    let mut m = [f64x4::ZERO; 9];
     for i in 0..3 {
         for j in 0..3 {
             m[3 * i + j] = r[i] * f[j] + r[3 + i] * f[3 + j] + r[6 + i] * f[6 + j];
@@ -371,20 +408,20 @@ fn matmul_transposed_left(r: &[f64x8; 9], f: &[f64x8; 9]) -> [f64x8; 9] {
 /// Solves `(tr(S) I - S) b = t` with S the symmetric part of `m`. Where the matrix is nearly singular
 /// or indefinite (strong compression, inversion) the inverse is replaced by Mueller's scalar one.
 #[inline(always)]
-fn solve_rotation(m: &[f64x8; 9], t: [f64x8; 3]) -> [f64x8; 3] {
-    let half = f64x8::splat(0.5);
+fn solve_rotation(m: &[f64x4; 9], t: [f64x4; 3]) -> [f64x4; 3] {
+    let half = f64x4::splat(0.5);
     let trace = m[0] + m[4] + m[8];
     let (s01, s02, s12) = (half * (m[1] + m[3]), half * (m[2] + m[6]), half * (m[5] + m[7]));
     let g = [trace - m[0], trace - m[4], trace - m[8]];
-    let size2 = (m[0] * m[0] + m[4] * m[4] + m[8] * m[8] + f64x8::splat(2.0) * (s01 * s01 + s02 * s02 + s12 * s12))
-        * f64x8::splat(1.0 / 3.0);
-    let size = size2.sqrt().fast_max(f64x8::ONE);
-    let floor = f64x8::splat(ROTATION_FLOOR) * size;
+    let size2 = (m[0] * m[0] + m[4] * m[4] + m[8] * m[8] + f64x4::splat(2.0) * (s01 * s01 + s02 * s02 + s12 * s12))
+        * f64x4::splat(1.0 / 3.0);
+    let size = size2.sqrt().fast_max(f64x4::ONE);
+    let floor = f64x4::splat(ROTATION_FLOOR) * size;
     // Positive definite above the floor, by the leading minors of G - floor I.
     let d = [g[0] - floor, g[1] - floor, g[2] - floor];
     let minor2 = d[0] * d[1] - s01 * s01;
     let minor3 = d[0] * (d[1] * d[2] - s12 * s12) - s01 * (s01 * d[2] + s12 * s02) - s02 * (s01 * s12 + d[1] * s02);
-    let regular = d[0].simd_gt(f64x8::ZERO) & minor2.simd_gt(f64x8::ZERO) & minor3.simd_gt(f64x8::ZERO);
+    let regular = d[0].simd_gt(f64x4::ZERO) & minor2.simd_gt(f64x4::ZERO) & minor3.simd_gt(f64x4::ZERO);
     // Cofactors of G = [g0 -s01 -s02; -s01 g1 -s12; -s02 -s12 g2].
     let c00 = g[1] * g[2] - s12 * s12;
     let c01 = s01 * g[2] + s02 * s12;
@@ -393,8 +430,8 @@ fn solve_rotation(m: &[f64x8; 9], t: [f64x8; 3]) -> [f64x8; 3] {
     let c12 = g[0] * s12 + s01 * s02;
     let c22 = g[0] * g[1] - s01 * s01;
     let det = g[0] * c00 - s01 * c01 - s02 * c02;
-    let inverse = f64x8::ONE / regular.bitselect(det, f64x8::ONE);
-    let scalar = f64x8::ONE / (trace.abs() + f64x8::splat(0.5) * size);
+    let inverse = f64x4::ONE / regular.bitselect(det, f64x4::ONE);
+    let scalar = f64x4::ONE / (trace.abs() + f64x4::splat(0.5) * size);
     let exact = [
         inverse * (c00 * t[0] + c01 * t[1] + c02 * t[2]),
         inverse * (c01 * t[0] + c11 * t[1] + c12 * t[2]),
@@ -406,12 +443,12 @@ fn solve_rotation(m: &[f64x8; 9], t: [f64x8; 3]) -> [f64x8; 3] {
 /// One step toward the polar rotation of `f`: Newton's where it is well defined, Mueller's (2016)
 /// elsewhere, which also recovers from inversion.
 #[inline(always)]
-fn improve_rotation(q: &mut [f64x8; 4], f: &[f64x8; 9]) {
+fn improve_rotation(q: &mut [f64x4; 4], f: &[f64x4; 9]) {
     let r = rotation_matrix(q);
     let m = matmul_transposed_left(&r, f);
     let axial = [m[7] - m[5], m[2] - m[6], m[3] - m[1]];
     let omega = solve_rotation(&m, axial);
-    let half = f64x8::splat(0.5);
+    let half = f64x4::splat(0.5);
     let d = [half * omega[0], half * omega[1], half * omega[2]];
     let [x, y, z, w] = *q;
     let mut next = [
@@ -421,7 +458,7 @@ fn improve_rotation(q: &mut [f64x8; 4], f: &[f64x8; 9]) {
         w - x * d[0] - y * d[1] - z * d[2],
     ];
     let norm2 = next[0] * next[0] + next[1] * next[1] + next[2] * next[2] + next[3] * next[3];
-    let scale = f64x8::ONE / norm2.sqrt();
+    let scale = f64x4::ONE / norm2.sqrt();
     next.iter_mut().for_each(|c| *c *= scale);
     *q = next;
 }
@@ -429,10 +466,10 @@ fn improve_rotation(q: &mut [f64x8; 4], f: &[f64x8; 9]) {
 /// Row-major matrix of unit quaternions xyzw.
 #[inline(always)]
 #[must_use]
-pub fn rotation_matrix(q: &[f64x8; 4]) -> [f64x8; 9] {
+pub fn rotation_matrix(q: &[f64x4; 4]) -> [f64x4; 9] {
     let [x, y, z, w] = *q;
-    let two = f64x8::splat(2.0);
-    let one = f64x8::ONE;
+    let two = f64x4::splat(2.0);
+    let one = f64x4::ONE;
     [
         one - two * (y * y + z * z),
         two * (x * y - z * w),

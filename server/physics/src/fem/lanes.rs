@@ -20,7 +20,7 @@ pub trait Lane: Copy + Add<Output = Self> + Mul<Output = Self> {
     fn fma(self, factor: Self, term: Self) -> Self;
 }
 
-impl Lane for wide::f64x8 {
+impl Lane for wide::f64x4 {
     const ZERO: Self = Self::ZERO;
     #[inline(always)]
     fn fma(self, factor: Self, term: Self) -> Self {
@@ -117,6 +117,45 @@ pub fn apply<L: Lane>(k: &[L; PACKED], u: &[L; 24]) -> [L; 24] {
         }
         for i in 0..3 {
             y[3 * a + i] = ya[i];
+        }
+    }
+    y
+}
+
+/// `y_n = K u_n` of several vectors: the matrix is read once for all of them.
+#[inline(always)]
+pub fn apply_to_each<L: Lane, const N: usize>(k: &[L; PACKED], u: &[[L; 24]; N]) -> [[L; 24]; N] {
+    let mut y = [[L::ZERO; 24]; N];
+    let mut index = 0;
+    for a in 0..8 {
+        let d = &k[index..index + 6];
+        index += 6;
+        let mut ya = [[L::ZERO; 3]; N];
+        for n in 0..N {
+            let ua = [u[n][3 * a], u[n][3 * a + 1], u[n][3 * a + 2]];
+            ya[n] = [
+                d[0].fma(ua[0], d[1].fma(ua[1], d[3] * ua[2])),
+                d[1].fma(ua[0], d[2].fma(ua[1], d[4] * ua[2])),
+                d[3].fma(ua[0], d[4].fma(ua[1], d[5] * ua[2])),
+            ];
+        }
+        for b in 0..a {
+            let m = &k[index..index + 9];
+            index += 9;
+            for n in 0..N {
+                let (u, y) = (&u[n], &mut y[n]);
+                let ua = [u[3 * a], u[3 * a + 1], u[3 * a + 2]];
+                let ub = [u[3 * b], u[3 * b + 1], u[3 * b + 2]];
+                for i in 0..3 {
+                    ya[n][i] = m[3 * i].fma(ub[0], m[3 * i + 1].fma(ub[1], m[3 * i + 2].fma(ub[2], ya[n][i])));
+                }
+                for j in 0..3 {
+                    y[3 * b + j] = m[j].fma(ua[0], m[3 + j].fma(ua[1], m[6 + j].fma(ua[2], y[3 * b + j])));
+                }
+            }
+        }
+        for n in 0..N {
+            y[n][3 * a..3 * a + 3].copy_from_slice(&ya[n]);
         }
     }
     y

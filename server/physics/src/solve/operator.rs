@@ -187,6 +187,12 @@ impl Operator {
         &self.element_nodes[element]
     }
 
+    /// The elements around a node, and which corner of each the node is, ascending.
+    pub fn corners_at(&self, node: usize) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let range = self.first[node] as usize..self.first[node + 1] as usize;
+        self.incidence[range].iter().map(|entry| (*entry as usize / 8, *entry as usize % 8))
+    }
+
     /// Sets the packed matrix of an element.
     pub fn set_matrix(&mut self, element: usize, packed: &[f64; PACKED]) {
         let (block, lane) = (&mut self.blocks[element / LANES], element % LANES);

@@ -182,7 +182,7 @@ impl World {
         let mut report = SolveReport::default();
         for slot in &mut self.slots {
             slot.body.refresh_operator(workers);
-            slot.body.assemble_right_side();
+            slot.body.assemble_right_side(workers);
             for _ in 0..MAX_ACTIVE_SET_SOLVES {
                 let solve = slot.solve(workers, self.params.dt_s);
                 report.iterations += solve.iterations;
@@ -201,7 +201,6 @@ impl World {
     fn integrate(&mut self, workers: &Workers<'_>) {
         let dt = self.params.dt_s;
         for slot in &mut self.slots {
-            slot.ledger.step = slot.body.step_energies(&slot.velocity_change);
             let body = &mut slot.body;
             for (v, dv) in body.velocity_m_per_s.iter_mut().zip(&slot.velocity_change) {
                 (0..3).for_each(|i| v[i] += dv[i]);
@@ -219,7 +218,7 @@ impl World {
     fn evaluate(&mut self, workers: &Workers<'_>) {
         for slot in &mut self.slots {
             slot.ledger.before = slot.ledger.after;
-            slot.body.evaluate(workers, 2);
+            slot.ledger.step = slot.body.evaluate_step(workers, &slot.velocity_change);
             slot.ledger.solved = slot.body.energy();
             if !slot.body.save_finite_state() {
                 slot.roll_back(workers, &mut self.output);
