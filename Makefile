@@ -20,7 +20,8 @@ lint:
 	cargo clippy --workspace --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
 
-# Medians of one run each; figures belong to the machine they were taken on.
+# One run each; figures belong to the machine they were taken on, which should have nothing else to do.
 bench:
 	cargo bench -p kerf-session --bench liver
 	cargo bench -p kerf-physics --bench step
+	cargo bench -p kerf-system-tests --bench loopback

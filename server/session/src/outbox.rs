@@ -26,6 +26,8 @@ pub struct StepReport {
     pub step: u64,
     /// Simulated time, s.
     pub sim_time_s: f64,
+    /// When the step ended, ns on the server's monotonic clock.
+    pub ended_ns: u64,
     /// Late steps since the session began or was reset.
     pub late_steps: u64,
     /// Faults since the session began or was reset.

@@ -148,7 +148,7 @@ impl Runner {
             self.note_fault(fault);
         }
         if self.tick.drivers > 0 {
-            self.publisher.report(self.report(None));
+            self.publisher.report(self.report(ended_ns, None));
         }
         self.serve_viewers(true);
     }
@@ -162,7 +162,7 @@ impl Runner {
         self.publisher.event(fault.step, SceneEvent::Fault(fault));
     }
 
-    fn report(&self, failure: Option<Arc<str>>) -> StepReport {
+    fn report(&self, ended_ns: u64, failure: Option<Arc<str>>) -> StepReport {
         let output = self.world.output();
         let tool = |index: usize| ToolReport {
             output: output.tools.get(index).copied().unwrap_or_default(),
@@ -172,6 +172,7 @@ impl Runner {
         StepReport {
             step: output.step,
             sim_time_s: output.sim_time_s,
+            ended_ns,
             late_steps: self.pacer.counts().late_steps,
             faults: self.tally.faults,
             last_fault: self.tally.last_fault.clone(),
@@ -335,7 +336,7 @@ impl Runner {
         );
         let message: Arc<str> = message.into();
         self.set_phase(Phase::Failed { message: Arc::clone(&message) }, SceneEvent::Failed);
-        self.publisher.report(self.report(Some(message)));
+        self.publisher.report(self.report(MonotonicClock::now_ns(), Some(message)));
     }
 
     fn set_phase(&mut self, phase: Phase, event: SceneEvent) {

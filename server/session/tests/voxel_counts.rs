@@ -112,15 +112,3 @@ fn meshes_found_in_the_wild_fill_the_volume_they_enclose() {
         assert!((volume / expected - 1.0).abs() < tolerance, "{file}: {volume} against {expected}");
     }
 }
-
-/// In release: `cargo test -p kerf-session --release -- --ignored --nocapture`.
-#[test]
-#[ignore = "a measurement of seconds"]
-fn two_million_voxels_take_seconds() {
-    let mut scene = catalog::load("liver").unwrap();
-    scene.desc.objects[0].voxel_size_m = Some(0.0035 / 4.05);
-    let start = std::time::Instant::now();
-    let grid = voxelize(&scene.desc.objects[0], &scene.meshes).unwrap();
-    println!("{} voxels in {:?}", grid.voxels().len(), start.elapsed());
-    assert!(grid.voxels().len() > 1_950_000);
-}

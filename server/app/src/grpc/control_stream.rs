@@ -9,7 +9,7 @@ use std::time::Duration;
 use futures_util::stream;
 use kerf_proto::v1;
 use kerf_proto::v1::down::Message;
-use kerf_session::{Driver, PoseRefusal, Reports, SessionError, StepReport};
+use kerf_session::{Driver, Echo, PoseRefusal, Reports, SessionError, StepReport};
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tonic::{Status, Streaming};
@@ -20,11 +20,17 @@ use crate::convert::contact::{contact, pose_sample, rejection};
 use crate::convert::fault;
 use crate::status::RequestError;
 
-/// Which reports become contacts.
+/// Contacts that new poses may call for ahead of the rate. Two: a step's length and the network's
+/// jitter never hold one back at equal rates of poses and contacts.
+const CONTACTS_AHEAD: u64 = 2;
+
+/// Which reports become contacts: the first that a new pose shows in, so that no round trip waits for
+/// the rate, and others as they fall due. The rate is kept on average.
 pub struct Contacts {
-    step_rate_hz: f64,
-    /// Every so many steps.
-    stride: u64,
+    rate_hz: f64,
+    interval_ns: u64,
+    /// When the rate allows the next one, ns on the server's monotonic clock.
+    due_ns: u64,
     /// The last report that was told.
     told: Option<Told>,
 }
@@ -35,23 +41,40 @@ struct Told {
     late_steps: u64,
 }
 
+/// What a report says of a driver's poses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum News {
+    /// A step has used one that no contact has told of.
+    NewPose,
+    /// Nothing new.
+    None,
+}
+
 impl Contacts {
     pub fn new(step_rate_hz: f64, rate_hz: f64) -> Self {
-        Self { step_rate_hz, stride: (step_rate_hz / rate_hz).round().max(1.0) as u64, told: None }
+        let steps = (step_rate_hz / rate_hz).round().max(1.0);
+        let rate_hz = step_rate_hz / steps;
+        Self { rate_hz, interval_ns: (1e9 / rate_hz) as u64, due_ns: 0, told: None }
     }
 
     /// The rate that whole steps allow.
     pub fn rate_hz(&self) -> f64 {
-        self.step_rate_hz / self.stride as f64
+        self.rate_hz
     }
 
     /// Whether it is time for another; then, the steps that were late since the one before. A step
     /// below the last one means that the scene was reset.
-    fn take(&mut self, report: &StepReport) -> Option<u64> {
-        let due = self.told.is_none_or(|told| report.step >= told.step + self.stride || report.step < told.step);
-        if !due {
+    fn take(&mut self, report: &StepReport, news: News) -> Option<u64> {
+        let ahead_ns = match news {
+            News::NewPose => CONTACTS_AHEAD * self.interval_ns,
+            News::None => 0,
+        };
+        let reset = self.told.is_some_and(|told| report.step < told.step);
+        if report.ended_ns + ahead_ns < self.due_ns && !reset {
             return None;
         }
+        // From the time it was due, so that the rate is kept though steps do not divide it.
+        self.due_ns = (self.due_ns + self.interval_ns).max(report.ended_ns + self.interval_ns / 2);
         let before = self.told.map_or(report.late_steps, |told| told.late_steps);
         self.told = Some(Told { step: report.step, late_steps: report.late_steps });
         Some(report.late_steps.saturating_sub(before))
@@ -72,6 +95,7 @@ pub fn outgoing(
     let reader = Reader { driver: Arc::clone(&driver), incoming, rejected, limits: limits.clone(), in_a_row: 0 };
     let half = OutgoingHalf {
         jumps: vec![0; driver.tools().len()],
+        echoes: vec![None; driver.tools().len()],
         driver,
         contacts,
         reports,
@@ -107,6 +131,8 @@ struct OutgoingHalf {
     faults: u64,
     /// Per claimed tool: jumps that were told.
     jumps: Vec<u64>,
+    /// Per claimed tool: the newest pose that was told of.
+    echoes: Vec<Option<Echo>>,
 }
 
 enum Woken {
@@ -171,9 +197,16 @@ impl OutgoingHalf {
                 self.say(Message::Fault(fault(found)));
             }
         }
-        let Some(late_steps) = self.contacts.take(report) else { return };
         let driver = Arc::clone(&self.driver);
+        let echo = |tool: usize| report.tools.get(tool)?.echo.filter(|echo| echo.driver == driver.id());
+        let is_new = |(told, tool): (&Option<Echo>, &usize)| echo(*tool).is_some_and(|echo| *told != Some(echo));
+        let news = match self.echoes.iter().zip(driver.tools()).any(is_new) {
+            true => News::NewPose,
+            false => News::None,
+        };
+        let Some(late_steps) = self.contacts.take(report, news) else { return };
         for (index, &tool) in driver.tools().iter().enumerate() {
+            self.echoes[index] = echo(tool);
             let jumps = report.tools.get(tool).map_or(0, |of_tool| of_tool.jumps);
             let mut flags = 0;
             if late_steps > 0 {
@@ -246,26 +279,63 @@ impl Reader {
 mod tests {
     use super::*;
 
-    fn told_steps(contacts: &mut Contacts, steps: impl Iterator<Item = u64>) -> Vec<u64> {
-        let report = |step| StepReport { step, ..StepReport::default() };
-        steps.filter(|step| contacts.take(&report(*step)).is_some()).collect()
+    /// Steps, each of `step_ns`, whose reports are told; `news` of the poses by step.
+    fn told_steps(
+        contacts: &mut Contacts,
+        steps: std::ops::Range<u64>,
+        step_ns: u64,
+        news: impl Fn(u64) -> News,
+    ) -> Vec<u64> {
+        let report = |step| StepReport { step, ended_ns: step * step_ns, ..StepReport::default() };
+        steps.filter(|step| contacts.take(&report(*step), news(*step)).is_some()).collect()
+    }
+
+    fn nothing(_step: u64) -> News {
+        News::None
     }
 
     #[test]
     fn contacts_come_at_the_granted_rate_and_go_on_after_a_reset() {
         let mut contacts = Contacts::new(1000.0, 250.0);
         assert_eq!(contacts.rate_hz(), 250.0);
-        assert_eq!(told_steps(&mut contacts, 1..12), [1, 5, 9]);
-        assert_eq!(told_steps(&mut contacts, 1..7), [1, 5]);
+        let told = told_steps(&mut contacts, 101..120, 1_000_000, nothing);
+        assert_eq!(told, [101, 103, 107, 111, 115, 119]);
+        assert_eq!(told_steps(&mut contacts, 1..2, 1_000_000, nothing), [1]);
+    }
+
+    #[test]
+    fn contacts_keep_their_rate_though_steps_are_late() {
+        let told = told_steps(&mut Contacts::new(1000.0, 250.0), 1..1001, 1_500_000, nothing);
+        // 1.5 s of 250 Hz.
+        assert!(told.len().abs_diff(375) <= 2, "{}", told.len());
+    }
+
+    #[test]
+    fn the_first_step_with_a_new_pose_is_told_at_once() {
+        // A pose in every fourth step, at the contacts' own rate.
+        let with_pose = |step: u64| if step % 4 == 2 { News::NewPose } else { News::None };
+        let told = told_steps(&mut Contacts::new(1000.0, 250.0), 1..1001, 1_000_000, with_pose);
+        assert!((1..1001).filter(|step| step % 4 == 2).all(|step| told.contains(&step)), "{told:?}");
+        assert!(told.len() <= 250 + 4, "{} in a second", told.len());
+    }
+
+    #[test]
+    fn poses_faster_than_the_contacts_do_not_raise_their_rate() {
+        let told = told_steps(&mut Contacts::new(1000.0, 250.0), 1..1001, 1_000_000, |_| News::NewPose);
+        assert!(told.len().abs_diff(250) <= 4, "{} in a second", told.len());
     }
 
     #[test]
     fn a_late_step_between_two_contacts_is_told_with_the_second() {
         let mut contacts = Contacts::new(1000.0, 500.0);
-        let report = |step, late_steps| StepReport { step, late_steps, ..StepReport::default() };
-        assert_eq!(contacts.take(&report(1, 5)), Some(0));
-        assert_eq!(contacts.take(&report(2, 6)), None);
-        assert_eq!(contacts.take(&report(3, 6)), Some(1));
-        assert_eq!(contacts.take(&report(5, 6)), Some(0));
+        let mut take = |step, late_steps| {
+            let report = StepReport { step, ended_ns: step * 1_000_000, late_steps, ..StepReport::default() };
+            contacts.take(&report, News::None)
+        };
+        assert_eq!(take(101, 5), Some(0));
+        assert_eq!(take(102, 5), Some(0));
+        assert_eq!(take(103, 6), None);
+        assert_eq!(take(104, 6), Some(1));
+        assert_eq!(take(106, 6), Some(0));
     }
 }
