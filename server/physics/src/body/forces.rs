@@ -172,9 +172,9 @@ impl Body {
         let hold = self.holds.binary_search_by_key(&(element as u32), |h| h.0).ok().map(|i| &self.holds[i].1);
         let mut packed = [0.0; crate::fem::lanes::PACKED];
         for_packed(|index, row, column| {
-            let mut k = at(&block.stiffness[index]);
+            let mut k = block.stiffness.at(index, lane);
             if active && let Some(data) = &block.stiffening {
-                k += stiffening * at(&data.galerkin[index])
+                k += stiffening * data.galerkin.at(index, lane)
                     + curvature * at(&state.galerkin_force_n[row]) * at(&state.galerkin_force_n[column]);
             }
             packed[index] = stiffness_factor * k;

@@ -344,7 +344,7 @@ impl Body {
         for (element, hold) in &self.holds {
             let (block, lane) = (&self.blocks[*element as usize / LANES], *element as usize % LANES);
             for (corner, &node) in self.base().elements[*element as usize].nodes.iter().enumerate() {
-                let stiffness = block.stiffness[diagonal_entry(corner)].as_array()[lane];
+                let stiffness = block.stiffness.at(diagonal_entry(corner), lane);
                 held[node as usize] |= hold[corner * (corner + 3) / 2] > FIRM_HOLD * stiffness;
             }
         }
@@ -410,7 +410,17 @@ impl Body {
         }
         self.write_rotations();
         self.multigrid.rebuild(workers, &self.levels);
+        let mut shared = Vec::new();
+        self.blocks.iter_mut().for_each(|b| b.share_matrices(&mut shared));
+        self.share_system_matrices();
         self.save_finite_state();
+    }
+
+    /// The system's matrices of elements that stiffen come and go with their strain.
+    fn share_system_matrices(&mut self) {
+        if self.blocks.iter().all(|b| b.stiffening.is_none()) {
+            self.multigrid.share_matrices();
+        }
     }
 
     fn resize_blocks(&mut self) {

@@ -100,5 +100,6 @@ impl Body {
         }
         self.write_rotations();
         self.multigrid.rebuild(workers, &self.levels);
+        self.share_system_matrices();
     }
 }

@@ -5,7 +5,8 @@
 //! stiffening, uniaxially `sigma = E eps exp(c eps^2)`; the second term is absent for c = 0.
 
 use super::composite::{ElementMatrices, corner_pair};
-use super::lanes::{self, PACKED, for_packed};
+use super::lanes::{self, pack};
+use super::packed::{PackedMatrix, Shared};
 use wide::f64x4;
 
 /// Lanes per block.
@@ -24,8 +25,8 @@ const ROTATION_FLOOR: f64 = 0.2;
 pub struct ElementBlock {
     /// Node of each corner and lane; unused lanes repeat lane 0 with zero matrices.
     pub nodes: [[u32; LANES]; 8],
-    /// Packed stiffness, N/m.
-    pub stiffness: Box<[f64x4; PACKED]>,
+    /// Stiffness, N/m.
+    pub stiffness: PackedMatrix<f64x4>,
     /// Packed mass between corners, kg, lower triangle by rows.
     pub mass_kg: [f64x4; 36],
     /// Shape gradients averaged over the filled volume, 1/m.
@@ -39,14 +40,14 @@ pub struct ElementBlock {
     /// Rayleigh damping in proportion to stiffness, s.
     pub beta_s: f64x4,
     /// Present where any of the four stiffens with strain.
-    pub stiffening: Option<Box<StiffeningBlock>>,
+    pub stiffening: Option<StiffeningBlock>,
 }
 
 /// Data of the strain-stiffening law of four elements.
 #[derive(Clone)]
 pub struct StiffeningBlock {
-    /// Packed Galerkin stiffness, N/m.
-    pub galerkin: [f64x4; PACKED],
+    /// Galerkin stiffness, N/m.
+    pub galerkin: PackedMatrix<f64x4>,
     /// `2 c / E`, 1/Pa; 0 where the element is linear.
     pub rate_per_pa: f64x4,
 }
@@ -131,7 +132,7 @@ impl Default for ElementBlock {
     fn default() -> Self {
         Self {
             nodes: [[0; LANES]; 8],
-            stiffness: Box::new([f64x4::ZERO; PACKED]),
+            stiffness: PackedMatrix::default(),
             mass_kg: [f64x4::ZERO; 36],
             mean_gradient: [[f64x4::ZERO; 3]; 8],
             edge_m: f64x4::ONE,
@@ -157,7 +158,7 @@ impl ElementBlock {
 
     /// Sets the matrices of a lane.
     pub fn set_matrices(&mut self, lane: usize, edge_m: f64, matrices: &ElementMatrices, law: ElementLaw) {
-        for_packed(|index, row, column| set_lane(&mut self.stiffness[index], lane, matrices.stiffness[row][column]));
+        self.stiffness.set(lane, &pack(&matrices.stiffness));
         for a in 0..8 {
             for b in 0..=a {
                 set_lane(&mut self.mass_kg[a * (a + 1) / 2 + b], lane, matrices.mass_kg[a][b]);
@@ -171,13 +172,19 @@ impl ElementBlock {
         set_lane(&mut self.alpha_per_s, lane, law.alpha_per_s);
         set_lane(&mut self.beta_s, lane, law.beta_s);
         if law.stiffening_rate_per_pa > 0.0 {
-            let block = self.stiffening.get_or_insert_with(|| {
-                Box::new(StiffeningBlock { galerkin: [f64x4::ZERO; PACKED], rate_per_pa: f64x4::ZERO })
-            });
+            let block = self
+                .stiffening
+                .get_or_insert_with(|| StiffeningBlock { galerkin: PackedMatrix::default(), rate_per_pa: f64x4::ZERO });
             set_lane(&mut block.rate_per_pa, lane, law.stiffening_rate_per_pa);
-            for_packed(|i, row, column| {
-                set_lane(&mut block.galerkin[i], lane, matrices.stiffness_galerkin[row][column])
-            });
+            block.galerkin.set(lane, &pack(&matrices.stiffness_galerkin));
+        }
+    }
+
+    /// Stores the matrices once where the elements have them in common with each other or with `shared`.
+    pub fn share_matrices(&mut self, shared: &mut Shared<f64x4>) {
+        self.stiffness.share(shared);
+        if let Some(stiffening) = &mut self.stiffening {
+            stiffening.galerkin.share(shared);
         }
     }
 
@@ -221,8 +228,8 @@ impl ElementBlock {
         // The stiffness is most of what an evaluation reads: once for all three.
         let vectors =
             [self.displacement(&y), lanes::rotate_back(&r, &velocity), lanes::rotate_back(&r_before, &velocity)];
-        let stiffness = lanes::apply_to_each(&self.stiffness, &vectors);
-        let galerkin = self.stiffening.as_ref().map(|s| lanes::apply_to_each(&s.galerkin, &vectors));
+        let stiffness = self.stiffness.apply_to_each(&vectors);
+        let galerkin = self.stiffening.as_ref().map(|s| s.galerkin.apply_to_each(&vectors));
         let products = |n: usize| Products { k: stiffness[n], g: galerkin.as_ref().map(|g| g[n]) };
         let momentum = self.mass_times(&velocity);
         if let Some(change) = velocity_change {

@@ -20,6 +20,50 @@ pub trait Lane: Copy + Add<Output = Self> + Mul<Output = Self> {
     fn fma(self, factor: Self, term: Self) -> Self;
 }
 
+/// A vector of as many elements as it has lanes.
+pub trait LaneVector: Lane {
+    /// What a lane holds.
+    type Scalar: Copy + PartialEq + Into<f64>;
+    /// Number of lanes.
+    const LANES: usize;
+    /// The same value in every lane.
+    fn splat(value: Self::Scalar) -> Self;
+    /// A value rounded to what a lane holds.
+    fn narrow(value: f64) -> Self::Scalar;
+    /// Value of one lane.
+    fn lane(&self, lane: usize) -> Self::Scalar;
+    /// Sets one lane.
+    fn set_lane(&mut self, lane: usize, value: Self::Scalar);
+}
+
+macro_rules! lane_vector {
+    ($vector:ty, $scalar:ty, $lanes:expr) => {
+        impl LaneVector for $vector {
+            type Scalar = $scalar;
+            const LANES: usize = $lanes;
+            #[inline(always)]
+            fn splat(value: $scalar) -> Self {
+                Self::splat(value)
+            }
+            #[inline(always)]
+            fn narrow(value: f64) -> $scalar {
+                value as $scalar
+            }
+            #[inline(always)]
+            fn lane(&self, lane: usize) -> $scalar {
+                self.as_array()[lane]
+            }
+            #[inline(always)]
+            fn set_lane(&mut self, lane: usize, value: $scalar) {
+                self.as_mut_array()[lane] = value;
+            }
+        }
+    };
+}
+
+lane_vector!(f32x8, f32, 8);
+lane_vector!(wide::f64x4, f64, 4);
+
 impl Lane for wide::f64x4 {
     const ZERO: Self = Self::ZERO;
     #[inline(always)]
@@ -90,14 +134,14 @@ pub fn unpack(packed: &[f64; PACKED]) -> Matrix24 {
     matrix
 }
 
-/// `y = K u` for the packed matrix of every lane.
+/// `y = K u` for the packed matrix of every lane, given by its entries.
 #[inline(always)]
-pub fn apply<L: Lane>(k: &[L; PACKED], u: &[L; 24]) -> [L; 24] {
+pub fn apply<L: Lane>(k: impl Fn(usize) -> L, u: &[L; 24]) -> [L; 24] {
     let mut y = [L::ZERO; 24];
     let mut index = 0;
     for a in 0..8 {
         let ua = [u[3 * a], u[3 * a + 1], u[3 * a + 2]];
-        let d = &k[index..index + 6];
+        let d: [L; 6] = std::array::from_fn(|i| k(index + i));
         let mut ya = [
             d[0].fma(ua[0], d[1].fma(ua[1], d[3] * ua[2])),
             d[1].fma(ua[0], d[2].fma(ua[1], d[4] * ua[2])),
@@ -105,7 +149,7 @@ pub fn apply<L: Lane>(k: &[L; PACKED], u: &[L; 24]) -> [L; 24] {
         ];
         index += 6;
         for b in 0..a {
-            let m = &k[index..index + 9];
+            let m: [L; 9] = std::array::from_fn(|i| k(index + i));
             let ub = [u[3 * b], u[3 * b + 1], u[3 * b + 2]];
             for i in 0..3 {
                 ya[i] = m[3 * i].fma(ub[0], m[3 * i + 1].fma(ub[1], m[3 * i + 2].fma(ub[2], ya[i])));
@@ -124,11 +168,11 @@ pub fn apply<L: Lane>(k: &[L; PACKED], u: &[L; 24]) -> [L; 24] {
 
 /// `y_n = K u_n` of several vectors: the matrix is read once for all of them.
 #[inline(always)]
-pub fn apply_to_each<L: Lane, const N: usize>(k: &[L; PACKED], u: &[[L; 24]; N]) -> [[L; 24]; N] {
+pub fn apply_to_each<L: Lane, const N: usize>(k: impl Fn(usize) -> L, u: &[[L; 24]; N]) -> [[L; 24]; N] {
     let mut y = [[L::ZERO; 24]; N];
     let mut index = 0;
     for a in 0..8 {
-        let d = &k[index..index + 6];
+        let d: [L; 6] = std::array::from_fn(|i| k(index + i));
         index += 6;
         let mut ya = [[L::ZERO; 3]; N];
         for n in 0..N {
@@ -140,7 +184,7 @@ pub fn apply_to_each<L: Lane, const N: usize>(k: &[L; PACKED], u: &[[L; 24]; N])
             ];
         }
         for b in 0..a {
-            let m = &k[index..index + 9];
+            let m: [L; 9] = std::array::from_fn(|i| k(index + i));
             index += 9;
             for n in 0..N {
                 let (u, y) = (&u[n], &mut y[n]);
@@ -225,7 +269,7 @@ mod tests {
         let u: [f64; 24] = std::array::from_fn(|i| (i as f64 * 0.7).sin());
         let packed = pack(&full);
         assert_eq!(unpack(&packed), full);
-        let y = apply(&packed, &u);
+        let y = apply(|i| packed[i], &u);
         for i in 0..24 {
             let expected: f64 = (0..24).map(|j| full[i][j] * u[j]).sum();
             assert!((y[i] - expected).abs() < 1e-12, "row {i}: {} against {expected}", y[i]);

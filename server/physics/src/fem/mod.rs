@@ -4,3 +4,4 @@ pub mod composite;
 pub mod corotation;
 pub mod lanes;
 pub mod material;
+pub mod packed;

@@ -24,6 +24,8 @@ pub struct Element {
     /// Elements linked to it, by face (-x, +x, -y, +y, -z, +z).
     pub neighbours: Vec<(u8, u32)>,
     next_in_cell: u32,
+    /// Whether it was its cell's only element and filled it when the level was built.
+    whole: bool,
 }
 
 /// The elements and nodes of one level.
@@ -66,6 +68,8 @@ pub trait Units {
     }
     /// Calls `visit` with each unit of a cell of the level above, in a fixed order.
     fn in_cell(&self, cell: Ijk, visit: &mut dyn FnMut(u32));
+    /// Whether units fill a cell of the level above wholly.
+    fn is_full(&self, cell: Ijk) -> bool;
     /// Calls `visit(face, other)` for each unit linked to `unit`.
     fn neighbours(&self, unit: u32, visit: &mut dyn FnMut(u8, u32));
     /// Cell of the level above that holds `unit`.
@@ -98,6 +102,12 @@ impl Units for VoxelUnits<'_> {
         }
     }
 
+    fn is_full(&self, cell: Ijk) -> bool {
+        let mut count = 0;
+        self.in_cell(cell, &mut |_| count += 1);
+        count == 1 << (3 * self.exponent)
+    }
+
     fn neighbours(&self, unit: u32, visit: &mut dyn FnMut(u8, u32)) {
         let cell = self.grid.voxels()[unit as usize].ijk;
         for (face, (link, other)) in Grid::links_of(cell).enumerate() {
@@ -124,6 +134,15 @@ impl Units for Level {
         for octant in 0..8 {
             self.elements_in([0, 1, 2].map(|a| 2 * cell[a] + (octant >> a & 1))).for_each(&mut *visit);
         }
+    }
+
+    fn is_full(&self, cell: Ijk) -> bool {
+        let (mut count, mut whole) = (0, true);
+        self.in_cell(cell, &mut |unit| {
+            count += 1;
+            whole &= self.elements[unit as usize].whole;
+        });
+        whole && count == 8
     }
 
     fn neighbours(&self, unit: u32, visit: &mut dyn FnMut(u8, u32)) {
@@ -156,7 +175,12 @@ impl Level {
                 }
             }
         }
-        level.update(units, touched);
+        // Whole cells first: their elements are alike, and stand together.
+        touched.sort_by_key(|&cell| !units.is_full(cell));
+        level.update_in_order(units, touched);
+        for element in &mut level.elements {
+            element.whole = units.is_full(element.cell);
+        }
         level
     }
 
@@ -187,6 +211,10 @@ impl Level {
     pub fn update(&mut self, units: &dyn Units, mut touched: Vec<Ijk>) -> LevelChange {
         touched.sort_unstable_by_key(|c| [c[2], c[1], c[0]]);
         touched.dedup();
+        self.update_in_order(units, touched)
+    }
+
+    fn update_in_order(&mut self, units: &dyn Units, touched: Vec<Ijk>) -> LevelChange {
         self.owner.resize(units.len(), NONE);
         let mut change = LevelChange::default();
         let mut members = Vec::new();
@@ -261,7 +289,7 @@ impl Level {
     fn add_element(&mut self, cell: Ijk, split_from: u32, change: &mut LevelChange) -> u32 {
         let id = self.elements.len() as u32;
         let nodes = if split_from == NONE { [NONE; 8] } else { self.elements[split_from as usize].nodes };
-        self.elements.push(Element { cell, nodes, neighbours: Vec::new(), next_in_cell: NONE });
+        self.elements.push(Element { cell, nodes, neighbours: Vec::new(), next_in_cell: NONE, whole: false });
         let last = self.elements_in(cell).last();
         match last {
             Some(last) => self.elements[last as usize].next_in_cell = id,

@@ -361,6 +361,11 @@ impl Multigrid {
         self.levels.iter_mut().for_each(|l| l.estimate_eigenvalue(workers, rounds));
     }
 
+    /// Stores once what blocks of elements have in common: for matrices that stay until links part.
+    pub fn share_matrices(&mut self) {
+        self.levels.iter_mut().for_each(|l| l.operator.share_matrices());
+    }
+
     /// Room for `count` springs on every level.
     pub fn reserve_springs(&mut self, count: usize) {
         self.levels.iter_mut().for_each(|l| l.operator.reserve_springs(count));

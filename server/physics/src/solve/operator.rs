@@ -7,6 +7,7 @@
 
 use super::spring::{POINT_NODES, PointSpring};
 use crate::fem::lanes::{self, PACKED};
+use crate::fem::packed::PackedMatrix;
 use crate::workers::Workers;
 use wide::{f32x4, f32x8};
 
@@ -23,8 +24,8 @@ pub type NodeVector = Vec<f32x4>;
 /// Eight elements.
 #[derive(Clone)]
 pub struct OperatorBlock {
-    /// Packed `A_e` in the rest frame.
-    matrix: Box<[f32x8; PACKED]>,
+    /// `A_e` in the rest frame.
+    matrix: PackedMatrix<f32x8>,
     /// Rotation of each element, row-major.
     pub rotation: [f32x8; 9],
     nodes: [[u32; LANES]; 8],
@@ -65,7 +66,7 @@ impl OperatorBlock {
     fn new() -> Self {
         let (zero, one) = (f32x8::ZERO, f32x8::ONE);
         Self {
-            matrix: Box::new([zero; PACKED]),
+            matrix: PackedMatrix::default(),
             rotation: [one, zero, zero, zero, one, zero, zero, zero, one],
             nodes: [[0; LANES]; 8],
         }
@@ -88,14 +89,14 @@ impl OperatorBlock {
     #[inline(always)]
     fn apply(&self, x: &[f32x4]) -> [f32x8; 24] {
         let u = lanes::rotate_back(&self.rotation, &self.gather(x));
-        lanes::rotate(&self.rotation, &lanes::apply(&self.matrix, &u))
+        lanes::rotate(&self.rotation, &self.matrix.apply(&u))
     }
 
     /// Rows of the diagonal block of a corner in the rest frame.
     #[inline(always)]
     fn corner_block(&self, corner: usize) -> [[f32x8; 3]; 3] {
         let start = lanes::diagonal_entry(corner);
-        let m = &self.matrix[start..start + 6];
+        let m: [f32x8; 6] = std::array::from_fn(|i| self.matrix.entry(start + i));
         [[m[0], m[1], m[3]], [m[1], m[2], m[4]], [m[3], m[4], m[5]]]
     }
 
@@ -195,17 +196,20 @@ impl Operator {
 
     /// Sets the packed matrix of an element.
     pub fn set_matrix(&mut self, element: usize, packed: &[f64; PACKED]) {
-        let (block, lane) = (&mut self.blocks[element / LANES], element % LANES);
-        for (slot, value) in block.matrix.iter_mut().zip(packed) {
-            slot.as_mut_array()[lane] = *value as f32;
-        }
+        self.blocks[element / LANES].matrix.set(element % LANES, packed);
+    }
+
+    /// Stores once what blocks have in common.
+    pub fn share_matrices(&mut self) {
+        let mut shared = Vec::new();
+        self.blocks.iter_mut().for_each(|b| b.matrix.share(&mut shared));
     }
 
     /// The packed matrix of an element, as set.
     #[must_use]
     pub fn matrix(&self, element: usize) -> [f64; PACKED] {
         let (block, lane) = (&self.blocks[element / LANES], element % LANES);
-        std::array::from_fn(|i| f64::from(block.matrix[i].as_array()[lane]))
+        std::array::from_fn(|i| block.matrix.at(i, lane))
     }
 
     /// Sets the rotation of an element, row-major.
