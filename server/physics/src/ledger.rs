@@ -3,7 +3,7 @@
 
 use crate::body::BodyEnergy;
 use crate::fem::corotation::StepEnergies;
-use crate::fracture::front::FrontBook;
+use crate::fracture::FrontBook;
 use crate::step_io::EnergyStep;
 
 /// Energies of one body around a step.
