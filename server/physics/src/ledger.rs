@@ -2,7 +2,7 @@
 //! residual.
 
 use crate::body::{BodyEnergy, StepEnergies};
-use crate::fracture::front::FrontBook;
+use crate::fracture::FrontBook;
 use crate::step_io::EnergyStep;
 
 /// Energies of one body around a step.

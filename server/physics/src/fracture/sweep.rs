@@ -1,15 +1,28 @@
-//! Which links a swept strip crosses.
+//! Which links a swept strip crosses, and parts.
 //!
 //! A link is an axis-aligned segment, so a triangle is tested in the plane across the axis: point in
 //! triangle, then the crossing's place along the link. Points on an edge count as inside: adjacent
 //! triangles may both find a link, which parts once, but none is missed. A triangle through a voxel's
 //! centre leaves open which of two links it crosses; whoever sweeps keeps off the centres.
 
+use super::anchor::fracture_energy;
 use crate::Vec3;
+use crate::body::Body;
 use crate::grid::{Crossing, Grid, LinkId};
 
+/// Parts the intact links across a quadrilateral, but for those that cannot be cut.
+pub(super) fn part_quad(body: &Body, [a, b, c, d]: [Vec3; 4], links: &mut Vec<(LinkId, Crossing)>) {
+    for triangle in [[a, b, c], [a, c, d]] {
+        links_across(&body.grid, triangle, |link, crossing| {
+            if body.grid.is_intact(link) && fracture_energy(body, link).is_finite() {
+                links.push((link, crossing));
+            }
+        });
+    }
+}
+
 /// Calls `visit` with each link that crosses the triangle, whatever its state.
-pub fn links_across(grid: &Grid, triangle: [Vec3; 3], mut visit: impl FnMut(LinkId, Crossing)) {
+fn links_across(grid: &Grid, triangle: [Vec3; 3], mut visit: impl FnMut(LinkId, Crossing)) {
     let normal = (triangle[1] - triangle[0]).cross(&(triangle[2] - triangle[0]));
     let Some(unit) = normal.try_normalize(0.0) else { return };
     // In voxel units, cell centres on the integers.

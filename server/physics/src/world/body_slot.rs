@@ -6,7 +6,7 @@ use crate::contact::Mode;
 use crate::contact::broad::SpatialHash;
 use crate::contact::flank::Walls;
 use crate::fault::{Fault, FaultKind};
-use crate::fracture::front::Front;
+use crate::fracture::Front;
 use crate::grid::{Crossing, LinkId};
 use crate::ledger::BodyLedger;
 use crate::solve::spring::POINT_NODES;

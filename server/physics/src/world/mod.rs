@@ -7,7 +7,7 @@ mod tool_contact;
 
 use crate::Vec3;
 use crate::body::{Body, MaterialPoint, PartedLinks, TopologyChange};
-use crate::fracture::front::{BladeMotion, Front};
+use crate::fracture::{BladeMotion, Front};
 use crate::ledger::{self, ContactLedger};
 use crate::params::StepParams;
 use crate::scene::{Scene, SceneError};

@@ -5,7 +5,7 @@ use crate::body::Body;
 use crate::contact::Contact;
 use crate::contact::broad::{Aabb, SpatialHash};
 use crate::contact::flank::Walls;
-use crate::fracture::front::{BladeMotion, Front};
+use crate::fracture::{BladeMotion, Front};
 
 /// What one tool does in one body.
 pub(super) struct ToolContact {

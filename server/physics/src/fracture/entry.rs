@@ -1,0 +1,54 @@
+//! Where an edge comes in through the object's own surface, by the grid's signed distance.
+
+use crate::Vec3;
+use crate::body::Body;
+
+/// A surface faces the edge where the cosine between its inward normal and the cutting direction is
+/// above this.
+const FACING: f64 = 0.2;
+
+/// The point of the object's surface behind `inside` along `-back`, at most about `approach` away in
+/// scene distance; where there is none the edge came in through a cut, `approach` back.
+pub(super) fn surface_behind(body: &Body, inside: Vec3, back: Vec3, approach: f64) -> Vec3 {
+    let h = body.grid.voxel_size_m();
+    let distance = |s: f64| body.grid.signed_distance_m(&(inside - back * s));
+    let reach = 1.5 * approach + 0.5 * h;
+    let step = 0.25 * h;
+    let (mut low, mut high) = (0.0, step);
+    while distance(high) < 0.0 {
+        if high > reach {
+            return inside - back * approach;
+        }
+        (low, high) = (high, high + step);
+    }
+    for _ in 0..30 {
+        let middle = 0.5 * (low + high);
+        if distance(middle) < 0.0 { low = middle } else { high = middle }
+    }
+    inside - back * low
+}
+
+/// Gradient of the signed distance over a voxel around `at`.
+fn outward(body: &Body, at: &Vec3) -> Vec3 {
+    let grid = &body.grid;
+    let h = grid.voxel_size_m();
+    Vec3::from_fn(|a, _| {
+        let offset = Vec3::from_fn(|b, _| if a == b { 0.5 * h } else { 0.0 });
+        (grid.signed_distance_m(&(at + offset)) - grid.signed_distance_m(&(at - offset))) / h
+    })
+}
+
+/// Whether `at` is on a surface that runs along the direction `ahead`, rather than facing it.
+pub(super) fn grazes(body: &Body, at: &Vec3, ahead: &Vec3) -> bool {
+    let on_surface = body.grid.signed_distance_m(at) > -0.25 * body.grid.voxel_size_m();
+    let normal = outward(body, at);
+    on_surface && normal.dot(ahead) > -FACING * normal.norm() * ahead.norm()
+}
+
+/// Moves a reference point to the object's surface along the signed distance's gradient.
+pub(super) fn onto_surface(body: &Body, at: Vec3) -> Vec3 {
+    let grid = &body.grid;
+    let gradient = outward(body, &at);
+    let size2 = gradient.norm_squared();
+    if size2.is_finite() && size2 > 0.01 { at - gradient * (grid.signed_distance_m(&at) / size2) } else { at }
+}

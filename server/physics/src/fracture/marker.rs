@@ -1,0 +1,97 @@
+//! A marker: one share of the edge, and how it comes into contact, stays in it and lets go.
+
+use super::anchor::{Ahead, Anchor};
+use super::entry::{grazes, surface_behind};
+use crate::Vec3;
+use crate::body::Body;
+use crate::contact::broad::SpatialHash;
+use crate::contact::narrow;
+use crate::tool::blade::BladeFrame;
+
+/// A contact that has opened by this share of a voxel is let go where nothing is cut.
+const RELEASE_VOXELS: f64 = 0.5;
+/// A marker this many voxels beside its edge has lost it.
+const LOST_VOXELS: f64 = 2.0;
+
+/// One share of the edge.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Marker {
+    /// Not in the tissue.
+    Outside,
+    /// In the tissue without having entered through a surface (put down inside, or drawn backward).
+    Buried,
+    /// In contact.
+    On(Anchor),
+}
+
+/// One share of the edge during a step.
+pub(super) struct Edge {
+    /// Scene position of its middle at t, m.
+    pub(super) before_m: Vec3,
+    /// Scene position of its middle at t + dt, m.
+    pub(super) now_m: Vec3,
+    /// Directions of the blade at t + dt.
+    pub(super) frame: BladeFrame,
+    /// Half-width of the blade's edge, m.
+    pub(super) half_width_m: f64,
+    /// Length of the share, m.
+    pub(super) share_m: f64,
+}
+
+impl Edge {
+    /// A marker that was outside: still is, or the edge has come in through a surface.
+    pub(super) fn enter(&self, body: &Body, hash: &SpatialHash, beside: Option<(f64, Anchor)>) -> Marker {
+        let Some(point) = narrow::locate(body, hash, &self.now_m) else { return Marker::Outside };
+        let (nodes, n) = body.weights(&point);
+        let tissue: Vec3 =
+            nodes.iter().zip(n).map(|(node, n)| Vec3::from(body.velocity_m_per_s[*node as usize]) * n).sum();
+        let approach = (self.now_m - self.before_m - tissue * body.dt_s()).dot(&self.frame.forward);
+        if approach <= 0.0 {
+            return Marker::Buried;
+        }
+        let mut anchor = Anchor::at(point);
+        let back = anchor.pull_back(body, &self.frame.forward);
+        anchor.position_m = surface_behind(body, point.position_m, back, approach);
+        if let Some((side, neighbour)) = beside
+            && grazes(body, &anchor.position_m, &back)
+        {
+            return self.join(body, side, neighbour);
+        }
+        anchor.start_here(body, &self.frame);
+        Marker::On(anchor)
+    }
+
+    /// The edge came in through a side of the tissue that bulges along it, past a neighbour that is in
+    /// contact already: the marker goes on with the neighbour's front as soon as there is material
+    /// for it there. (Where the edge itself is, it would stand deeper than the front by the contact's
+    /// compression.)
+    fn join(&self, body: &Body, side: f64, neighbour: Anchor) -> Marker {
+        let mut anchor = neighbour;
+        anchor.position_m -= neighbour.pull_back(body, &self.frame.along) * (side * self.share_m);
+        anchor.stored_j = 0.0;
+        anchor.ahead = Ahead::Outside;
+        anchor.start_here(body, &self.frame);
+        if anchor.ahead == Ahead::Outside { Marker::Outside } else { Marker::On(anchor) }
+    }
+
+    /// A marker that was in contact: still is, or has let go.
+    pub(super) fn keep(&self, body: &Body, hash: &SpatialHash, mut anchor: Anchor) -> Marker {
+        let h = body.grid.voxel_size_m();
+        anchor.look_ahead(body, &self.frame);
+        let offset = self.now_m - anchor.current_m(body);
+        if offset.dot(&self.frame.normal).abs() > LOST_VOXELS * h {
+            return Marker::Buried;
+        }
+        let opened = offset.dot(&self.frame.forward) < -RELEASE_VOXELS * h;
+        let gone = opened && (!anchor.yielded || narrow::locate(body, hash, &self.now_m).is_none());
+        if gone { Marker::Outside } else { Marker::On(anchor) }
+    }
+
+    /// A marker that was buried: still is, or has come out.
+    pub(super) fn emerge(&self, body: &Body, hash: &SpatialHash) -> Marker {
+        match narrow::locate(body, hash, &self.now_m) {
+            Some(_) => Marker::Buried,
+            None => Marker::Outside,
+        }
+    }
+}
