@@ -49,9 +49,9 @@ impl Body {
         let mut f = Mat3::zeros();
         for (node, g) in self.base().elements[element].nodes.iter().zip(gradients) {
             let x = Vec3::from(self.position_m[*node as usize]);
-            f += x * Vec3::from(g).transpose() / self.element_edge_m();
+            f += x * Vec3::from(g).transpose();
         }
-        f
+        f / self.element_edge_m()
     }
 
     /// The reference position that an element's trilinear map takes to a scene position, by Newton's

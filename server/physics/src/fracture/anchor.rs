@@ -99,21 +99,27 @@ impl Anchor {
 
     fn gradient(&self, body: &Body) -> Mat3 {
         let [a, b] = self.points();
-        0.5 * (body.deformation_gradient(&a) + body.deformation_gradient(&b))
+        let first = body.deformation_gradient(&a);
+        // Within one element both ends of the link move with one field.
+        if body.element_of(a.voxel) == body.element_of(b.voxel) {
+            return first;
+        }
+        0.5 * (first + body.deformation_gradient(&b))
     }
 
     /// `F^-1 d`: the reference vector that the deformation takes to a scene direction. Where the
     /// material is squeezed to a fifth or less, as if it were squeezed to a fifth.
     pub(super) fn pull_back(&self, body: &Body, direction: &Vec3) -> Vec3 {
-        let pulled = self.gradient(body).try_inverse().map_or(*direction, |inverse| inverse * direction);
-        let length = pulled.norm();
-        if length.is_finite() && length > 0.0 { pulled * (length.min(5.0) / length) } else { *direction }
+        pulled_back(&self.gradient(body), direction)
     }
 
     /// The reference vector from the front to the point that lies `distance` farther along the cutting
     /// direction in the scene, at most as far as the material ahead stays what it is. In short steps:
     /// under the edge soft tissue is squeezed to a third, a few millimetres on it is not.
     pub(super) fn march(&self, body: &Body, frame: &BladeFrame, distance: f64) -> Vec3 {
+        if distance <= 0.0 {
+            return Vec3::zeros();
+        }
         let longest = MARCH_VOXELS * body.grid.voxel_size_m();
         let from = self.current_m(body);
         let mut ahead = *self;
@@ -149,7 +155,7 @@ impl Anchor {
         let grid = &body.grid;
         let h = grid.voxel_size_m();
         let f = self.gradient(body);
-        let ahead = self.pull_back(body, &frame.forward).normalize();
+        let ahead = pulled_back(&f, &frame.forward).normalize();
         let normal = f.transpose() * frame.normal;
         let axis = normal.iamax();
         // A point of the plane half a voxel off in one of the other axes is this far off along `ahead`.
@@ -190,8 +196,9 @@ impl Anchor {
     /// spends `F dz` on `w dz` of reference area, so that `F = Gc w` is in reference width however the
     /// material is squeezed ahead of the edge.
     pub(super) fn reference_width_m(&self, body: &Body, frame: &BladeFrame, share_m: f64) -> f64 {
-        let ahead = self.pull_back(body, &frame.forward).normalize();
-        ahead.cross(&(self.pull_back(body, &frame.along) * share_m)).norm()
+        let f = self.gradient(body);
+        let ahead = pulled_back(&f, &frame.forward).normalize();
+        ahead.cross(&(pulled_back(&f, &frame.along) * share_m)).norm()
     }
 
     /// Force at which the marker gives, and the force it goes on at, N. It starts at a line load on
@@ -227,6 +234,13 @@ impl Anchor {
         let load = material.fracture_energy_j_per_m2.unwrap_or(0.0) * material.initiation_ratio;
         small.max(load * c.sqrt() / (SATURATED_GAP * body.element_edge_m()))
     }
+}
+
+/// `F^-1 d`, bounded as [`Anchor::pull_back`] says.
+fn pulled_back(f: &Mat3, direction: &Vec3) -> Vec3 {
+    let pulled = f.try_inverse().map_or(*direction, |inverse| inverse * direction);
+    let length = pulled.norm();
+    if length.is_finite() && length > 0.0 { pulled * (length.min(5.0) / length) } else { *direction }
 }
 
 /// Natural logarithm through the vector library's own polynomial: the same bits on every machine.
