@@ -45,6 +45,9 @@ pub struct ServerConfig {
     pub listen: SocketAddr,
     /// Threads of the network's runtime. Default 2: the simulation gets the other cores.
     pub network_threads: usize,
+    /// Folder that the inputs of each session are written to when it is reset or ends, for
+    /// `simulate --replay`. Default none: nothing is written.
+    pub record_dir: Option<PathBuf>,
     /// Logging.
     pub log: LogConfig,
     /// Limits of the transport.
@@ -60,6 +63,7 @@ impl Default for ServerConfig {
         Self {
             listen: SocketAddr::from(([127, 0, 0, 1], 50051)),
             network_threads: 2,
+            record_dir: None,
             log: LogConfig::default(),
             transport: TransportLimits::default(),
             control: ControlLimits::default(),

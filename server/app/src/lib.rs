@@ -9,6 +9,7 @@ pub mod config;
 mod convert;
 mod grpc;
 mod incoming;
+pub mod recording;
 mod scene_source;
 pub mod scenes;
 pub mod serve;

@@ -1,6 +1,7 @@
 //! `kerf-server serve`.
 
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -21,7 +22,7 @@ use crate::config::{ConfigArgs, ServerConfig, TransportLimits};
 use crate::grpc::control_service::ControlService;
 use crate::grpc::session_service::SessionService;
 use crate::grpc::view_service::ViewService;
-use crate::{incoming, shutdown, telemetry};
+use crate::{incoming, recording, shutdown, telemetry};
 
 /// Arguments of `serve`.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -57,6 +58,7 @@ pub struct Server {
     registry: Arc<Registry>,
     health: HealthReporter,
     drain_timeout: Duration,
+    record_dir: Option<PathBuf>,
     stop: oneshot::Sender<()>,
     transport: JoinHandle<Result<(), tonic::transport::Error>>,
 }
@@ -77,6 +79,9 @@ impl Server {
     /// The configuration is not valid or the address is taken.
     pub async fn start(config: ServerConfig) -> Result<Self> {
         config.validate()?;
+        if let Some(folder) = &config.record_dir {
+            std::fs::create_dir_all(folder).with_context(|| format!("record_dir = {}", folder.display()))?;
+        }
         let config = Arc::new(config);
         let registry = Arc::new(Registry::new(config.session.clone())?);
         let listener = TcpListener::bind(config.listen).await.with_context(|| format!("listen = {}", config.listen))?;
@@ -89,8 +94,9 @@ impl Server {
             .serve_with_incoming_shutdown(connections, async { drop(stopped.await) });
         tracing::info!(%address, "listening");
         let drain_timeout = Duration::from_secs_f64(config.transport.drain_timeout_s);
+        let record_dir = config.record_dir.clone();
         let transport = tokio::spawn(serving);
-        Ok(Self { address, registry, health, drain_timeout, stop, transport })
+        Ok(Self { address, registry, health, drain_timeout, record_dir, stop, transport })
     }
 
     /// The address it listens on.
@@ -121,6 +127,11 @@ impl Server {
         // The transport is told by the sender's end as well; either way it accepts no more.
         drop(self.stop);
         let drain = async {
+            if let Some(folder) = &self.record_dir {
+                for session in self.registry.list() {
+                    recording::save(folder, &session).await;
+                }
+            }
             self.registry.close_all().await;
             (&mut self.transport).await
         };

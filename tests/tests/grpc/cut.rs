@@ -7,6 +7,7 @@ use kerf_physics::surface::Surface;
 use kerf_physics::{NoClock, StepInputs, Workers, World};
 use kerf_proto::v1::{self, view_event};
 use kerf_replica::{Body, Replica, surface_hash};
+use kerf_server::recording::Recording;
 use tonic::Streaming;
 use tonic::transport::Channel;
 
@@ -224,4 +225,35 @@ async fn a_viewer_that_falls_off_the_structure_log_goes_on_from_a_keyframe() {
     assert!(stalled.structures.iter().all(|structure| structure.hash == structure.stated_hash));
     let (counts, hash) = unwatched(&harness, &session).await;
     assert_eq!((stalled.last().counts, stalled.last().hash), (counts[&version], hash));
+}
+
+#[tokio::test]
+async fn a_session_is_recorded_when_it_is_reset_and_when_the_server_stops() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = Harness::with(|config| {
+        no_expiry(config);
+        config.record_dir = Some(folder.path().into());
+    })
+    .await;
+    let session = harness.create().await.unwrap();
+    let mut stroke = Stroke::begin(&harness, &session).await;
+    stroke.press(ABOVE_M, MIDDLE_M).await;
+    harness.pause(&session).await;
+    let cut = harness.describe(&session).await;
+    harness.reset(&session).await;
+    let scene = harness.server.registry().get(&session).unwrap().scene().clone();
+    drop((stroke, harness.channel, harness.sessions));
+    harness.server.stop().await;
+
+    let mut paths: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    let replayed = paths.iter().map(|path| {
+        let recording = Recording::read(path, scene.desc.tools.len()).unwrap();
+        let world = recording.log.replay(&scene, &Workers::serial()).unwrap();
+        assert_eq!(recording.state_hash, Some(world.state_hash()));
+        (world.output().step, world.output().topology_version, world.state_hash())
+    });
+    let at_rest = World::new(&scene).unwrap().state_hash();
+    assert!(cut.topology_version > 0);
+    assert_eq!(replayed.collect::<Vec<_>>(), [(cut.step, cut.topology_version, cut.state_hash), (0, 0, at_rest)]);
 }

@@ -1,6 +1,7 @@
 //! Scenes and the life of sessions.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use kerf_proto::v1;
 use kerf_proto::v1::create_session_request::Scene as Wanted;
@@ -10,6 +11,7 @@ use tonic::{Request, Response, Status};
 use super::in_time;
 use crate::config::ServerConfig;
 use crate::convert::scene::{session_description, session_info};
+use crate::recording;
 use crate::scene_source;
 use crate::status::RequestError;
 
@@ -26,6 +28,14 @@ impl SessionService {
 
     fn get(&self, id: &str) -> Result<Arc<Session>, RequestError> {
         Ok(self.registry.get(id)?)
+    }
+
+    /// Keeps what a reset or the end of a session would lose, unless the session does not answer.
+    async fn record(&self, session: &Session) {
+        if let Some(folder) = &self.config.record_dir {
+            let limit = Duration::from_secs_f64(self.limit_s());
+            let _ = tokio::time::timeout(limit, recording::save(folder, session)).await;
+        }
     }
 
     fn limit_s(&self) -> f64 {
@@ -84,7 +94,9 @@ impl v1::session_service_server::SessionService for SessionService {
         &self,
         request: Request<v1::CloseSessionRequest>,
     ) -> Result<Response<v1::CloseSessionResponse>, Status> {
-        in_time(self.limit_s(), self.registry.close(&request.get_ref().session_id)).await?;
+        let id = &request.get_ref().session_id;
+        self.record(&*self.get(id)?).await;
+        in_time(self.limit_s(), self.registry.close(id)).await?;
         Ok(Response::new(v1::CloseSessionResponse {}))
     }
 
@@ -111,6 +123,7 @@ impl v1::session_service_server::SessionService for SessionService {
         request: Request<v1::ResetSessionRequest>,
     ) -> Result<Response<v1::ResetSessionResponse>, Status> {
         let session = self.get(&request.get_ref().session_id)?;
+        self.record(&session).await;
         in_time(self.limit_s(), session.reset()).await?;
         Ok(Response::new(v1::ResetSessionResponse {}))
     }

@@ -12,11 +12,12 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
-use kerf_physics::{Scene, StepInputs, Workers, World};
+use kerf_physics::{Scene, StepInputs, ToolInput, Workers, World};
 use kerf_replica::glb;
 use kerf_session::catalog;
 use kerf_session::clock::MonotonicClock;
 
+use crate::recording::Recording;
 use script::Script;
 use summary::{Summary, Tally};
 use tables::Tables;
@@ -35,6 +36,10 @@ pub struct Options {
     /// Default: one stroke straight down through the middle of the first object that can be cut.
     #[arg(long, value_name = "FILE.csv", conflicts_with = "quasi_static")]
     pub script: Option<PathBuf>,
+    /// Inputs of a session that a server with `record_dir` has recorded: the same steps once more, on the
+    /// scene the session was of.
+    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["script", "duration", "level", "rate", "quasi_static"])]
+    pub replay: Option<PathBuf>,
     /// Simulated time, s. Default: the script's length and 0.2 s.
     #[arg(long, value_name = "S", conflicts_with = "quasi_static")]
     pub duration: Option<f64>,
@@ -69,14 +74,21 @@ pub fn run(options: &Options) -> Result<()> {
 
     let mut world = World::new(&scene)?;
     let tables = Tables::create(&options.out, &scene.desc)?;
+    let mut recorded_hash = None;
     let measured = if options.quasi_static {
         relax(&mut world, &workers, tables)?
+    } else if let Some(path) = &options.replay {
+        let recording = Recording::read(path, scene.desc.tools.len())?;
+        recorded_hash = recording.state_hash;
+        step(&mut world, &workers, recording.log.inputs(), tables, recording.log.steps())?
     } else {
-        let script = read_script(options, &scene)?;
+        let mut script = read_script(options, &scene)?;
         let duration_s = options.duration.unwrap_or(script.end_s() + AFTER_SCRIPT_S);
-        let steps = (duration_s * scene.desc.rate_hz).round();
+        let (rate_hz, steps) = (scene.desc.rate_hz, (duration_s * scene.desc.rate_hz).round());
         ensure!((1.0..=MAX_STEPS).contains(&steps), "{duration_s} s make {steps} steps, not 1 to {MAX_STEPS}");
-        step(&mut world, &workers, script, tables, steps as u64, scene.desc.rate_hz)?
+        let steps = steps as u64;
+        let inputs = (1..=steps).map(|index| script.advance(index as f64 / rate_hz));
+        step(&mut world, &workers, inputs, tables, steps)?
     };
     let summary = Summary {
         scene: scene.desc.name.clone(),
@@ -88,6 +100,10 @@ pub fn run(options: &Options) -> Result<()> {
     write_results(&options.out, &mut world, &summary)?;
     println!("{}", serde_json::to_string_pretty(&summary)?);
     ensure!(summary.converged != Some(false), "no rest was found; see relaxed_residual");
+    ensure!(
+        recorded_hash.is_none_or(|hash| hash == world.state_hash()),
+        "the replay ends in another state than the session did: another scene, or another build"
+    );
     Ok(())
 }
 
@@ -114,21 +130,18 @@ fn read_script(options: &Options, scene: &Scene) -> Result<Script> {
 fn step(
     world: &mut World,
     workers: &Workers<'_>,
-    mut script: Script,
+    inputs: impl Iterator<Item = Vec<ToolInput>>,
     mut tables: Tables,
     steps: u64,
-    rate_hz: f64,
 ) -> Result<Summary> {
     let clock = MonotonicClock;
     let progress = ProgressBar::new(steps).with_style(
         ProgressStyle::with_template("{bar:40} {pos}/{len} steps, {per_sec}, {eta} left {msg}")
             .expect("the template is sound"),
     );
-    let (mut tally, mut inputs) = (Tally::default(), Vec::new());
-    for index in 1..=steps {
-        inputs.clear();
-        script.advance(index as f64 / rate_hz, &mut inputs);
-        let output = world.step(workers, &clock, &StepInputs { tools: &inputs });
+    let mut tally = Tally::default();
+    for tools in inputs {
+        let output = world.step(workers, &clock, &StepInputs { tools: &tools });
         if let Some(fault) = &output.fault {
             // Not `println` of the bar: that says nothing where there is no terminal.
             progress.suspend(|| eprintln!("step {}: {:?} in {}, rolled back", fault.step, fault.what, fault.object));

@@ -83,8 +83,9 @@ impl Script {
         self.keys.iter().flatten().map(|key| key.time_s).fold(0.0, f64::max)
     }
 
-    /// Appends to `inputs` what each tool does in the step that ends at `time_s`.
-    pub fn advance(&mut self, time_s: f64, inputs: &mut Vec<ToolInput>) {
+    /// What each tool does in the step that ends at `time_s`.
+    pub fn advance(&mut self, time_s: f64) -> Vec<ToolInput> {
+        let mut inputs = Vec::new();
         for (tool, keys) in self.keys.iter().enumerate() {
             let pose = pose_at(keys, time_s);
             let motion = match (pose, self.present[tool]) {
@@ -96,6 +97,7 @@ impl Script {
             self.present[tool] = pose.is_some();
             inputs.push(ToolInput { tool, motion });
         }
+        inputs
     }
 }
 
@@ -153,8 +155,7 @@ mod tests {
     }
 
     fn motion(script: &mut Script, time_s: f64) -> Option<ToolMotion> {
-        let mut inputs = Vec::new();
-        script.advance(time_s, &mut inputs);
+        let inputs = script.advance(time_s);
         assert!(inputs.iter().all(|input| input.tool == 1));
         inputs.first().map(|input| input.motion)
     }

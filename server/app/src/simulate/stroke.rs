@@ -55,11 +55,9 @@ mod tests {
     #[test]
     fn the_stroke_enters_above_the_cuboid_and_ends_inside_it() {
         let mut script = default_stroke(&catalog::builtin("cuboid").unwrap()).unwrap();
-        let (mut inputs, mut heights) = (Vec::new(), Vec::new());
+        let mut heights = Vec::new();
         for step in 0..=(script.end_s() * 1e3) as usize + 1 {
-            inputs.clear();
-            script.advance(step as f64 * 1e-3, &mut inputs);
-            match inputs.first().map(|input| input.motion) {
+            match script.advance(step as f64 * 1e-3).first().map(|input| input.motion) {
                 Some(ToolMotion::EnterAt(pose) | ToolMotion::MoveTo(pose)) => {
                     assert!(pose.position_m.x.abs() < 1e-9 && pose.position_m.z.abs() < 1e-9);
                     heights.push(pose.position_m.y);

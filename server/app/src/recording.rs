@@ -1,0 +1,219 @@
+//! Recordings: the inputs of a session in a file, from which `simulate --replay` gets the same bits.
+//!
+//! CSV with a row per motion. `step` is the number of steps taken before it, `tool` an index into the
+//! scene's tools, `motion` one of `enter`, `move` and `lift`; a pose is written so that it reads back to
+//! the same bits. The last row is `end`, with the number of all steps and the hash of the state that
+//! they led to, absent where the session went on after its log was full.
+
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use anyhow::{Context, Result, anyhow, bail, ensure};
+use kerf_physics::step_io::{ToolInput, ToolMotion};
+use kerf_physics::tool::Pose;
+use kerf_physics::{Quat, Vec3};
+use kerf_session::{InputLog, Session};
+
+const HEADER: [&str; 11] = ["step", "tool", "motion", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw", "state_hash"];
+/// Departure of a quaternion's length from 1 that is rounding; sessions record unit quaternions.
+const QUATERNION_ROUNDING: f64 = 1e-9;
+/// Most steps of a recording: three hours at 1 kHz.
+const MAX_STEPS: u64 = 10_000_000;
+
+/// The inputs of a session since its scene was at rest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// The inputs.
+    pub log: InputLog,
+    /// Hash of the state after the log's last step, where it is known.
+    pub state_hash: Option<u64>,
+}
+
+/// Writes what a session has recorded to a new file in a folder. What goes wrong is logged: it stops
+/// neither a session's end nor its reset.
+pub async fn save(folder: &Path, session: &Session) {
+    match try_save(folder, session).await {
+        Ok(path) => tracing::info!(session = %session.id(), path = %path.display(), "session recorded"),
+        Err(error) => tracing::error!(session = %session.id(), "session not recorded: {error:#}"),
+    }
+}
+
+async fn try_save(folder: &Path, session: &Session) -> Result<PathBuf> {
+    let recorded = session.query(|probe| {
+        let state_hash = (!probe.log.is_full()).then(|| probe.world.state_hash());
+        Recording { log: probe.log.clone(), state_hash }
+    });
+    let recording = recorded.await?;
+    // Ids start over with the server, and a session that is reset leaves several recordings.
+    let saved_ms = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?.as_millis();
+    let path = folder.join(format!("{}-{saved_ms}.csv", session.id()));
+    let write = move || recording.write(&path).map(|()| path);
+    tokio::task::spawn_blocking(write).await?
+}
+
+impl Recording {
+    /// Writes a new file.
+    ///
+    /// # Errors
+    /// The file is there already or cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let file = File::create_new(path).with_context(|| path.display().to_string())?;
+        self.to_csv(io::BufWriter::new(file)).with_context(|| path.display().to_string())
+    }
+
+    /// Reads a file, for a scene with `tools` tools.
+    ///
+    /// # Errors
+    /// Row (the header is row 1), column and what is wrong there.
+    pub fn read(path: &Path, tools: usize) -> Result<Self> {
+        let file = File::open(path).with_context(|| path.display().to_string())?;
+        Self::from_csv(io::BufReader::new(file), tools).with_context(|| path.display().to_string())
+    }
+
+    fn to_csv(&self, sink: impl io::Write) -> Result<()> {
+        let mut writer = csv::Writer::from_writer(sink);
+        writer.write_record(HEADER)?;
+        for (step, input) in self.log.motions() {
+            let (motion, pose) = match input.motion {
+                ToolMotion::EnterAt(pose) => ("enter", Some(pose)),
+                ToolMotion::MoveTo(pose) => ("move", Some(pose)),
+                ToolMotion::Lift => ("lift", None),
+            };
+            let pose = pose.map_or([const { String::new() }; 7], |pose| {
+                let [p, q] = [pose.position_m.as_slice(), pose.orientation.coords.as_slice()];
+                // The shortest text that reads back to the same number.
+                std::array::from_fn(|i| if i < 3 { p[i] } else { q[i - 3] }.to_string())
+            });
+            let place = [step.to_string(), input.tool.to_string(), motion.into()];
+            writer.write_record(place.into_iter().chain(pose).chain([String::new()]))?;
+        }
+        let hash = self.state_hash.map_or(String::new(), |hash| format!("{hash:016x}"));
+        let mut end = [const { String::new() }; HEADER.len()];
+        (end[0], end[2], end[10]) = (self.log.steps().to_string(), "end".into(), hash);
+        writer.write_record(end)?;
+        Ok(writer.flush()?)
+    }
+
+    fn from_csv(source: impl io::Read, tools: usize) -> Result<Self> {
+        let mut reader = csv::Reader::from_reader(source);
+        let header = reader.headers().context("row 1")?;
+        ensure!(*header == HEADER[..], "row 1: the header is not `{}`", HEADER.join(","));
+        let mut log = InputLog::new(usize::MAX);
+        let mut inputs = Vec::new();
+        for record in reader.records() {
+            let record = record?;
+            let row = record.position().map_or(0, csv::Position::line);
+            let context = || format!("row {row}");
+            let step = integer(&record, 0).with_context(context)?;
+            ensure!(step >= log.steps(), "row {row}: column step: {step} is below that of the row before");
+            ensure!(step <= MAX_STEPS, "row {row}: column step: {step} is more than {MAX_STEPS}");
+            while log.steps() < step {
+                log.record(&inputs);
+                inputs.clear();
+            }
+            if &record[2] == "end" {
+                ensure!(inputs.is_empty(), "row {row}: column step: {step} leaves out the last step");
+                let state_hash = state_hash(&record[10]).with_context(context)?;
+                return Ok(Self { log, state_hash });
+            }
+            inputs.push(motion(&record, tools).with_context(context)?);
+        }
+        bail!("the recording has no end")
+    }
+}
+
+fn state_hash(text: &str) -> Result<Option<u64>> {
+    let parse = |text| u64::from_str_radix(text, 16).map_err(|_| anyhow!("column state_hash: `{text}` is no hash"));
+    Some(text).filter(|text| !text.is_empty()).map(parse).transpose()
+}
+
+fn motion(record: &csv::StringRecord, tools: usize) -> Result<ToolInput> {
+    let tool = integer(record, 1)? as usize;
+    ensure!(tool < tools, "column tool: {tool}, but the scene has {tools}");
+    let motion = match &record[2] {
+        "enter" => ToolMotion::EnterAt(pose(record)?),
+        "move" => ToolMotion::MoveTo(pose(record)?),
+        "lift" => ToolMotion::Lift,
+        other => bail!("column motion: `{other}` is none of enter, move, lift, end"),
+    };
+    Ok(ToolInput { tool, motion })
+}
+
+fn pose(record: &csv::StringRecord) -> Result<Pose> {
+    let [x, y, z] = [number(record, 3)?, number(record, 4)?, number(record, 5)?];
+    let [i, j, k, w] = [number(record, 6)?, number(record, 7)?, number(record, 8)?, number(record, 9)?];
+    let quaternion = nalgebra::Quaternion::new(w, i, j, k);
+    let length = quaternion.norm();
+    ensure!(
+        (length - 1.0).abs() <= QUATERNION_ROUNDING,
+        "columns qx to qw: the quaternion's length is {length}, not 1"
+    );
+    // Normalising once more could change the last bit.
+    Ok(Pose { position_m: Vec3::new(x, y, z), orientation: Quat::new_unchecked(quaternion) })
+}
+
+fn integer(record: &csv::StringRecord, column: usize) -> Result<u64> {
+    let text = &record[column];
+    text.parse().map_err(|_| anyhow!("column {}: `{text}` is not a whole number", HEADER[column]))
+}
+
+fn number(record: &csv::StringRecord, column: usize) -> Result<f64> {
+    let text = &record[column];
+    let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
+    value.ok_or_else(|| anyhow!("column {}: `{text}` is not a finite number", HEADER[column]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn recording() -> Recording {
+        let orientation = Quat::from_euler_angles(0.1, 0.2, 1.0 / 3.0);
+        let pose = Pose { position_m: Vec3::new(0.1, -1e-300, 1.0 / 3.0), orientation };
+        let input = |tool, motion| ToolInput { tool, motion };
+        let steps: [&[ToolInput]; 6] = [
+            &[],
+            &[input(1, ToolMotion::EnterAt(pose)), input(0, ToolMotion::EnterAt(Pose::default()))],
+            &[input(1, ToolMotion::MoveTo(pose))],
+            &[],
+            &[input(1, ToolMotion::Lift)],
+            &[],
+        ];
+        let mut log = InputLog::new(usize::MAX);
+        steps.iter().for_each(|inputs| log.record(inputs));
+        Recording { log, state_hash: Some(0x0123_4567_89ab_cdef) }
+    }
+
+    fn text(recording: &Recording) -> String {
+        let mut bytes = Vec::new();
+        recording.to_csv(&mut bytes).unwrap();
+        String::from_utf8(bytes).unwrap()
+    }
+
+    #[test]
+    fn a_recording_reads_back_to_the_same_bits() {
+        let recording = recording();
+        assert_eq!(Recording::from_csv(text(&recording).as_bytes(), 2).unwrap(), recording);
+        let of_unknown_end = Recording { state_hash: None, ..recording };
+        assert_eq!(Recording::from_csv(text(&of_unknown_end).as_bytes(), 2).unwrap(), of_unknown_end);
+    }
+
+    #[test]
+    fn errors_name_row_and_column() {
+        let text = text(&recording());
+        let refused = |from: &str, to: &str| {
+            assert!(text.contains(from), "{text}");
+            format!("{:#}", Recording::from_csv(text.replacen(from, to, 1).as_bytes(), 2).unwrap_err())
+        };
+        assert_eq!(refused("2,1,move", "0,1,move"), "row 4: column step: 0 is below that of the row before");
+        assert_eq!(refused("2,1,move", "2,7,move"), "row 4: column tool: 7, but the scene has 2");
+        assert_eq!(refused("2,1,move,0.1", "2,1,move,up"), "row 4: column x_m: `up` is not a finite number");
+        assert_eq!(refused("lift", "hop"), "row 5: column motion: `hop` is none of enter, move, lift, end");
+        assert_eq!(refused("6,,end", "4,,end"), "row 6: column step: 4 leaves out the last step");
+        assert_eq!(refused("6,,end", "99999999,,end"), "row 6: column step: 99999999 is more than 10000000");
+        assert!(refused("0,0,0,0,0,0,1", "0,0,0,0,0,0,2").starts_with("row 3: columns qx to qw"));
+        assert_eq!(refused(text.lines().last().unwrap(), ""), "the recording has no end");
+    }
+}
