@@ -96,7 +96,7 @@ impl Default for ElementState {
     }
 }
 
-/// Energies of a step of four elements or, in [`StepEnergies`], of a body, J. Rotations and forces are
+/// Energies of a step of four elements or, in [`crate::body::StepEnergies`], of a body, J. Rotations and forces are
 /// those of the step's beginning, `v` is the velocity at its end, `dx = dt v`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StepTerms<E = f64x4> {
