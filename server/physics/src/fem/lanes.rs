@@ -4,7 +4,7 @@
 //! operation is a whole vector, and the bits do not depend on the width of the machine's registers.
 
 use super::composite::Matrix24;
-use std::ops::{Add, Mul};
+use std::ops::{Add, Mul, Sub};
 use wide::{f32x4, f32x8};
 
 /// Entries of a packed symmetric 24x24 matrix: by node blocks, row block `a`, first the lower
@@ -21,11 +21,13 @@ pub trait Lane: Copy + Add<Output = Self> + Mul<Output = Self> {
 }
 
 /// A vector of as many elements as it has lanes.
-pub trait LaneVector: Lane {
+pub trait LaneVector: Lane + Sub<Output = Self> {
     /// What a lane holds.
     type Scalar: Copy + PartialEq + Into<f64>;
     /// Number of lanes.
     const LANES: usize;
+    /// What rounding leaves of a sum that is zero, over the size of its terms: with room to spare.
+    const ROUNDING: f64;
     /// The same value in every lane.
     fn splat(value: Self::Scalar) -> Self;
     /// A value rounded to what a lane holds.
@@ -37,10 +39,11 @@ pub trait LaneVector: Lane {
 }
 
 macro_rules! lane_vector {
-    ($vector:ty, $scalar:ty, $lanes:expr) => {
+    ($vector:ty, $scalar:ty, $lanes:expr, $rounding:expr) => {
         impl LaneVector for $vector {
             type Scalar = $scalar;
             const LANES: usize = $lanes;
+            const ROUNDING: f64 = $rounding;
             #[inline(always)]
             fn splat(value: $scalar) -> Self {
                 Self::splat(value)
@@ -61,8 +64,8 @@ macro_rules! lane_vector {
     };
 }
 
-lane_vector!(f32x8, f32, 8);
-lane_vector!(wide::f64x4, f64, 4);
+lane_vector!(f32x8, f32, 8, 1e-5);
+lane_vector!(wide::f64x4, f64, 4, 1e-11);
 
 impl Lane for wide::f64x4 {
     const ZERO: Self = Self::ZERO;
@@ -134,14 +137,14 @@ pub fn unpack(packed: &[f64; PACKED]) -> Matrix24 {
     matrix
 }
 
-/// `y = K u` for the packed matrix of every lane, given by its entries.
+/// `y = K u` for the packed matrix of every lane.
 #[inline(always)]
-pub fn apply<L: Lane>(k: impl Fn(usize) -> L, u: &[L; 24]) -> [L; 24] {
+pub fn apply<L: Lane>(k: &[L; PACKED], u: &[L; 24]) -> [L; 24] {
     let mut y = [L::ZERO; 24];
     let mut index = 0;
     for a in 0..8 {
         let ua = [u[3 * a], u[3 * a + 1], u[3 * a + 2]];
-        let d: [L; 6] = std::array::from_fn(|i| k(index + i));
+        let d = &k[index..index + 6];
         let mut ya = [
             d[0].fma(ua[0], d[1].fma(ua[1], d[3] * ua[2])),
             d[1].fma(ua[0], d[2].fma(ua[1], d[4] * ua[2])),
@@ -149,7 +152,7 @@ pub fn apply<L: Lane>(k: impl Fn(usize) -> L, u: &[L; 24]) -> [L; 24] {
         ];
         index += 6;
         for b in 0..a {
-            let m: [L; 9] = std::array::from_fn(|i| k(index + i));
+            let m = &k[index..index + 9];
             let ub = [u[3 * b], u[3 * b + 1], u[3 * b + 2]];
             for i in 0..3 {
                 ya[i] = m[3 * i].fma(ub[0], m[3 * i + 1].fma(ub[1], m[3 * i + 2].fma(ub[2], ya[i])));
@@ -168,11 +171,11 @@ pub fn apply<L: Lane>(k: impl Fn(usize) -> L, u: &[L; 24]) -> [L; 24] {
 
 /// `y_n = K u_n` of several vectors: the matrix is read once for all of them.
 #[inline(always)]
-pub fn apply_to_each<L: Lane, const N: usize>(k: impl Fn(usize) -> L, u: &[[L; 24]; N]) -> [[L; 24]; N] {
+pub fn apply_to_each<L: Lane, const N: usize>(k: &[L; PACKED], u: &[[L; 24]; N]) -> [[L; 24]; N] {
     let mut y = [[L::ZERO; 24]; N];
     let mut index = 0;
     for a in 0..8 {
-        let d: [L; 6] = std::array::from_fn(|i| k(index + i));
+        let d = &k[index..index + 6];
         index += 6;
         let mut ya = [[L::ZERO; 3]; N];
         for n in 0..N {
@@ -184,7 +187,7 @@ pub fn apply_to_each<L: Lane, const N: usize>(k: impl Fn(usize) -> L, u: &[[L; 2
             ];
         }
         for b in 0..a {
-            let m: [L; 9] = std::array::from_fn(|i| k(index + i));
+            let m = &k[index..index + 9];
             index += 9;
             for n in 0..N {
                 let (u, y) = (&u[n], &mut y[n]);
@@ -269,7 +272,7 @@ mod tests {
         let u: [f64; 24] = std::array::from_fn(|i| (i as f64 * 0.7).sin());
         let packed = pack(&full);
         assert_eq!(unpack(&packed), full);
-        let y = apply(|i| packed[i], &u);
+        let y = apply(&packed, &u);
         for i in 0..24 {
             let expected: f64 = (0..24).map(|j| full[i][j] * u[j]).sum();
             assert!((y[i] - expected).abs() < 1e-12, "row {i}: {} against {expected}", y[i]);

@@ -1,25 +1,38 @@
-//! The packed matrices of a block of elements, one per lane; where they are all the same, stored once.
+//! The packed matrices of a block of elements, one per lane; where all are that of one whole cell, stored
+//! once and applied through its symmetry.
 //!
-//! A whole cell of one material has the matrix of every other such cell, and reading matrices is most
-//! of what a product costs: inside a body it is shared.
+//! A whole cell of one material has the matrix of every other such cell, and is its own mirror image in
+//! three planes. The Walsh-Hadamard transform over the corners takes such a matrix apart into eight 3x3
+//! blocks: component i at the frequency s (three bits, one per axis) is even or odd under each mirror as
+//! `s xor e_i` says, and only what is alike under all three is coupled. 72 products and 144 sums stand
+//! for 576 products, and there is next to nothing to read.
 
-use super::lanes::{self, LaneVector, PACKED};
+use super::lanes::{self, LaneVector, PACKED, unpack};
 use std::sync::Arc;
 
 /// Distinct shared matrices that are kept track of; more of them would save little and be searched long.
 const MOST_SHARED: usize = 32;
+/// Entries of the eight symmetric 3x3 blocks.
+const MODES: usize = 48;
+
+/// The matrix of a whole cell.
+pub struct WholeCell<S> {
+    packed: [S; PACKED],
+    /// For each symmetry class, the lower triangle over its three modes, by rows; 1/64 of the transform.
+    modes: [S; MODES],
+}
 
 /// Packed symmetric 24x24 matrices of the elements of a block.
 #[derive(Clone)]
 pub enum PackedMatrix<L: LaneVector> {
     /// One for each lane.
     Each(Box<[L; PACKED]>),
-    /// The same for all lanes.
-    Same(Arc<[L::Scalar; PACKED]>),
+    /// That of a whole cell in all lanes.
+    Whole(Arc<WholeCell<L::Scalar>>),
 }
 
 /// Matrices that whole blocks have in common.
-pub type Shared<L> = Vec<Arc<[<L as LaneVector>::Scalar; PACKED]>>;
+pub type Shared<L> = Vec<Arc<WholeCell<<L as LaneVector>::Scalar>>>;
 
 impl<L: LaneVector> Default for PackedMatrix<L> {
     fn default() -> Self {
@@ -34,7 +47,7 @@ impl<L: LaneVector> PackedMatrix<L> {
     pub fn entry(&self, index: usize) -> L {
         match self {
             Self::Each(k) => k[index],
-            Self::Same(k) => L::splat(k[index]),
+            Self::Whole(cell) => L::splat(cell.packed[index]),
         }
     }
 
@@ -43,18 +56,18 @@ impl<L: LaneVector> PackedMatrix<L> {
     pub fn at(&self, index: usize, lane: usize) -> f64 {
         match self {
             Self::Each(k) => k[index].lane(lane).into(),
-            Self::Same(k) => k[index].into(),
+            Self::Whole(cell) => cell.packed[index].into(),
         }
     }
 
     /// Sets the matrix of a lane.
     pub fn set(&mut self, lane: usize, packed: &[f64; PACKED]) {
-        if let Self::Same(shared) = self {
-            if (0..PACKED).all(|i| shared[i] == L::narrow(packed[i])) {
+        if let Self::Whole(cell) = self {
+            if (0..PACKED).all(|i| cell.packed[i] == L::narrow(packed[i])) {
                 return;
             }
             let mut each = Box::new([L::ZERO; PACKED]);
-            (0..PACKED).for_each(|i| each[i] = L::splat(shared[i]));
+            (0..PACKED).for_each(|i| each[i] = L::splat(cell.packed[i]));
             *self = Self::Each(each);
         }
         if let Self::Each(k) = self {
@@ -62,29 +75,30 @@ impl<L: LaneVector> PackedMatrix<L> {
         }
     }
 
-    /// Stores the matrix once if it is the same in all lanes.
+    /// Stores the matrix once if it is that of one whole cell in all lanes.
     pub fn share(&mut self, shared: &mut Shared<L>) {
         let Self::Each(k) = self else { return };
         if !k.iter().all(|entry| (1..L::LANES).all(|lane| entry.lane(lane) == entry.lane(0))) {
             return;
         }
-        let same: [L::Scalar; PACKED] = std::array::from_fn(|i| k[i].lane(0));
-        let known = shared.iter().find(|s| ***s == same).cloned();
-        *self = Self::Same(known.unwrap_or_else(|| {
-            let new = Arc::new(same);
+        let packed: [L::Scalar; PACKED] = std::array::from_fn(|i| k[i].lane(0));
+        if let Some(known) = shared.iter().find(|cell| cell.packed == packed) {
+            *self = Self::Whole(Arc::clone(known));
+        } else if let Some(modes) = modes::<L>(&packed.map(Into::into)) {
+            let cell = Arc::new(WholeCell { packed, modes });
             if shared.len() < MOST_SHARED {
-                shared.push(Arc::clone(&new));
+                shared.push(Arc::clone(&cell));
             }
-            new
-        }));
+            *self = Self::Whole(cell);
+        }
     }
 
     /// `y_n = K u_n` for each of several vectors.
     #[inline(always)]
     pub fn apply_to_each<const N: usize>(&self, u: &[[L; 24]; N]) -> [[L; 24]; N] {
         match self {
-            Self::Each(k) => lanes::apply_to_each(|i| k[i], u),
-            Self::Same(k) => lanes::apply_to_each(|i| L::splat(k[i]), u),
+            Self::Each(k) => lanes::apply_to_each(k, u),
+            Self::Whole(cell) => u.map(|u| cell.apply::<L>(u)),
         }
     }
 
@@ -92,37 +106,132 @@ impl<L: LaneVector> PackedMatrix<L> {
     #[inline(always)]
     pub fn apply(&self, u: &[L; 24]) -> [L; 24] {
         match self {
-            Self::Each(k) => lanes::apply(|i| k[i], u),
-            Self::Same(k) => lanes::apply(|i| L::splat(k[i]), u),
+            Self::Each(k) => lanes::apply(k, u),
+            Self::Whole(cell) => cell.apply::<L>(*u),
         }
     }
+}
+
+impl<S: Copy> WholeCell<S> {
+    #[inline(always)]
+    fn apply<L: LaneVector<Scalar = S>>(&self, mut u: [L; 24]) -> [L; 24] {
+        transform(&mut u);
+        for class in 0..8 {
+            let m: [L; 6] = std::array::from_fn(|i| L::splat(self.modes[6 * class + i]));
+            let [x, y, z] = class_slots(class);
+            let v = [u[x], u[y], u[z]];
+            u[x] = m[0].fma(v[0], m[1].fma(v[1], m[3] * v[2]));
+            u[y] = m[1].fma(v[0], m[2].fma(v[1], m[4] * v[2]));
+            u[z] = m[3].fma(v[0], m[4].fma(v[1], m[5] * v[2]));
+        }
+        transform(&mut u);
+        u
+    }
+}
+
+/// Slots of the components x, y and z that share a symmetry class.
+#[inline(always)]
+const fn class_slots(class: usize) -> [usize; 3] {
+    [3 * (class ^ 1), 3 * (class ^ 2) + 1, 3 * (class ^ 4) + 2]
+}
+
+/// Walsh-Hadamard transform over the corners, each component by itself; twice is eight times the vector.
+#[inline(always)]
+fn transform<L: LaneVector>(v: &mut [L; 24]) {
+    for i in 0..3 {
+        let mut corners: [L; 8] = std::array::from_fn(|c| v[3 * c + i]);
+        for bit in [1, 2, 4] {
+            for c in 0..8 {
+                if c & bit == 0 {
+                    let (low, high) = (corners[c], corners[c | bit]);
+                    corners[c] = low + high;
+                    corners[c | bit] = low - high;
+                }
+            }
+        }
+        (0..8).for_each(|c| v[3 * c + i] = corners[c]);
+    }
+}
+
+/// The 3x3 blocks of a matrix that has a whole cell's symmetry; `None` if it has not.
+fn modes<L: LaneVector>(packed: &[f64; PACKED]) -> Option<[L::Scalar; MODES]> {
+    let full = unpack(packed);
+    let sign = |s: usize, corner: usize| if (s & corner).count_ones().is_multiple_of(2) { 1.0 } else { -1.0 };
+    let mut half = [[0.0; 24]; 24];
+    for (row, half) in half.iter_mut().enumerate() {
+        for (column, value) in half.iter_mut().enumerate() {
+            *value = (0..8).map(|a| sign(row / 3, a) * full[3 * a + row % 3][column]).sum();
+        }
+    }
+    let entry = |row: usize, column: usize| -> f64 {
+        (0..8).map(|b| sign(column / 3, b) * half[row][3 * b + column % 3]).sum::<f64>() / 64.0
+    };
+    let class = |slot: usize| (slot / 3) ^ (1 << (slot % 3));
+    let size = (0..24).map(|slot| entry(slot, slot).abs()).fold(0.0, f64::max);
+    let alike = |row: usize| (0..24).all(|c| class(c) == class(row) || entry(row, c).abs() <= L::ROUNDING * size);
+    if !(0..24).all(alike) {
+        return None;
+    }
+    let mut modes = [L::narrow(0.0); MODES];
+    for c in 0..8 {
+        let slots = class_slots(c);
+        for (index, (i, j)) in [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2)].into_iter().enumerate() {
+            modes[6 * c + index] = L::narrow(entry(slots[i], slots[j]));
+        }
+    }
+    Some(modes)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use wide::f32x8;
+    use crate::fem::composite::CompositeTables;
+    use crate::fem::lanes::pack;
+    use crate::fem::material::Elastic;
+    use wide::f64x4;
 
-    fn matrix(scale: f64) -> [f64; PACKED] {
-        std::array::from_fn(|i| scale * (1.0 + (i * 37 % 101) as f64))
+    /// Stiffness of a cell of 2^3 voxels, all filled or all but one.
+    fn stiffness(whole: bool) -> [f64; PACKED] {
+        let tables = CompositeTables::new(1, 0.01);
+        let elastic = Elastic::new(1e6, 0.45, 1000.0);
+        let filled: Vec<_> = (usize::from(!whole)..8).map(|voxel| (voxel, elastic)).collect();
+        pack(&tables.assemble(&filled).stiffness)
+    }
+
+    fn block(matrix: &[f64; PACKED]) -> PackedMatrix<f64x4> {
+        let mut block = PackedMatrix::default();
+        (0..f64x4::LANES).for_each(|lane| block.set(lane, matrix));
+        block
     }
 
     #[test]
-    fn a_matrix_that_all_lanes_have_is_stored_once_and_gives_the_same_bits() {
-        let mut block = PackedMatrix::<f32x8>::default();
-        (0..f32x8::LANES).for_each(|lane| block.set(lane, &matrix(1.0)));
-        let (each, u) = (block.clone(), std::array::from_fn(|i| f32x8::splat((i as f32).sin())));
-        let mut shared = Shared::<f32x8>::new();
-        block.share(&mut shared);
-        assert!(matches!(block, PackedMatrix::Same(_)));
-        assert_eq!(block.apply(&u).map(|y| y.to_array()), each.apply(&u).map(|y| y.to_array()));
-
-        let mut other = each;
+    fn a_whole_cell_is_stored_once_and_gives_the_same_product() {
+        let (mut shared, each) = (Shared::<f64x4>::new(), block(&stiffness(true)));
+        let (mut one, mut other) = (each.clone(), each.clone());
+        one.share(&mut shared);
         other.share(&mut shared);
+        assert!(matches!((&one, &other), (PackedMatrix::Whole(_), PackedMatrix::Whole(_))));
         assert_eq!(shared.len(), 1, "two blocks with one matrix share it");
-        other.set(3, &matrix(2.0));
-        assert_eq!((other.at(5, 2), other.at(5, 3)), (block.at(5, 2), 2.0 * block.at(5, 2)));
-        other.share(&mut shared);
-        assert!(matches!(other, PackedMatrix::Each(_)), "lanes differ");
+        let u = std::array::from_fn(|i| f64x4::splat((i as f64).sin()));
+        for (a, b) in one.apply(&u).into_iter().zip(each.apply(&u)) {
+            let (a, b) = (a.to_array()[1], b.to_array()[1]);
+            assert!((a - b).abs() < 1e-10 * 1e4, "{a} N against {b} N, of some 1e4 N/m by 1 m");
+        }
+    }
+
+    #[test]
+    fn a_cell_that_is_not_whole_or_changes_keeps_a_matrix_of_its_own() {
+        let mut shared = Shared::<f64x4>::new();
+        let mut partial = block(&stiffness(false));
+        partial.share(&mut shared);
+        assert!(matches!(partial, PackedMatrix::Each(_)));
+
+        let mut whole = block(&stiffness(true));
+        whole.share(&mut shared);
+        let before = whole.at(5, 2);
+        whole.set(3, &stiffness(false));
+        assert_eq!((whole.at(5, 2), whole.at(5, 3)), (before, stiffness(false)[5]));
+        whole.share(&mut shared);
+        assert!(matches!(whole, PackedMatrix::Each(_)), "lanes differ");
     }
 }
