@@ -2,12 +2,13 @@
 
 use kerf_physics::scene::{Scene, SceneDesc};
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::surface::delta::{BodyStructure, BoundQuad, BoundVertex, Keyframe, TopologyPatch};
+use kerf_physics::surface::delta::{BodyStructure, BoundQuad, BoundVertex};
 use kerf_physics::surface::hash::{ObjectHash, surface_hash};
 use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 use kerf_proto::v1;
 use kerf_replica::{Replica, ReplicaError};
+use kerf_server::wire;
 
 fn vertices() -> Vec<BoundVertex> {
     [
@@ -84,34 +85,6 @@ name = "blade"
 blade = { width_m = 0.06, height_m = 0.06 }
 "#;
 
-/// Structure as it goes over the wire.
-fn on_the_wire(bodies: &[BodyStructure]) -> Vec<v1::BodyStructure> {
-    let body = |body: &BodyStructure| v1::BodyStructure {
-        node_count: body.node_count,
-        node_ids: body.nodes.iter().map(|node| node.id).collect(),
-        node_rest_m: body.nodes.iter().flat_map(|node| node.rest_m).collect(),
-        element_ids: body.elements.iter().map(|element| element.id).collect(),
-        element_nodes: body.elements.iter().flat_map(|element| element.nodes).collect(),
-        vertex_ids: body.vertices.iter().map(|vertex| vertex.id).collect(),
-        vertex_elements: body.vertices.iter().map(|vertex| vertex.element).collect(),
-        vertex_local: body.vertices.iter().flat_map(|vertex| vertex.local).collect(),
-        quad_ids: body.quads.iter().map(|quad| quad.id).collect(),
-        quad_vertices: body.quads.iter().flat_map(|quad| quad.vertices).collect(),
-    };
-    bodies.iter().map(body).collect()
-}
-
-fn keyframe_on_the_wire(keyframe: &Keyframe) -> v1::Keyframe {
-    let Keyframe { topology_version, bodies, surface_hash } = keyframe;
-    v1::Keyframe { topology_version: *topology_version, bodies: on_the_wire(bodies), surface_hash: *surface_hash }
-}
-
-fn patch_on_the_wire(patch: &TopologyPatch) -> v1::TopologyPatch {
-    let TopologyPatch { from_version, to_version, bodies, surface_hash } = patch;
-    let (from_version, to_version, surface_hash) = (*from_version, *to_version, *surface_hash);
-    v1::TopologyPatch { from_version, to_version, bodies: on_the_wire(bodies), surface_hash }
-}
-
 /// The hash of what a replica has, computed anew.
 fn recomputed(replica: &Replica) -> u64 {
     let body = |body: &kerf_replica::Body| v1::BodyStructure {
@@ -144,18 +117,18 @@ fn a_replica_that_follows_cuts_has_the_hash_of_the_surface_as_it_is() {
     let desc = SceneDesc::from_toml("two_blocks.toml", TWO_BLOCKS).expect("a sound scene");
     let mut world = World::new(&Scene { desc, meshes: Default::default() }).expect("a valid scene");
     let mut replica = Replica::default();
-    replica.apply_keyframe(&keyframe_on_the_wire(&world.keyframe())).expect("the first keyframe applies");
+    replica.apply_keyframe(&wire::keyframe(&world.keyframe())).expect("the first keyframe applies");
     let mut patches = 0;
     for number in 1..6 {
         stroke(&mut world, number, |world| {
             let Some(patch) = world.topology_patch() else { return };
             let hash = patch.surface_hash;
             // Compares the hash that the replica's follows the patch with to the server's.
-            replica.apply_patch(&patch_on_the_wire(patch)).expect("the patch applies");
+            replica.apply_patch(&wire::patch(patch)).expect("the patch applies");
             assert_eq!(recomputed(&replica), hash);
             // Neither side has lost anything on the way to here.
             let mut afresh = Replica::default();
-            afresh.apply_keyframe(&keyframe_on_the_wire(&world.keyframe())).expect("a keyframe applies");
+            afresh.apply_keyframe(&wire::keyframe(&world.keyframe())).expect("a keyframe applies");
             assert_eq!(afresh.bodies(), replica.bodies());
             patches += 1;
         });

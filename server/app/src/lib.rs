@@ -15,5 +15,10 @@ pub mod scenes;
 pub mod serve;
 mod shutdown;
 pub mod simulate;
+
+/// Structure as viewers get it over the wire.
+pub mod wire {
+    pub use crate::convert::view::{keyframe, patch};
+}
 mod status;
 mod telemetry;

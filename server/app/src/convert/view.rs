@@ -18,7 +18,9 @@ pub fn view_event(message: &ViewMessage) -> v1::ViewEvent {
     v1::ViewEvent { message: Some(message) }
 }
 
-fn keyframe(keyframe: &Keyframe) -> v1::Keyframe {
+/// A keyframe as it goes over the wire.
+#[must_use]
+pub fn keyframe(keyframe: &Keyframe) -> v1::Keyframe {
     v1::Keyframe {
         topology_version: keyframe.topology_version,
         bodies: keyframe.bodies.iter().map(body).collect(),
@@ -26,7 +28,9 @@ fn keyframe(keyframe: &Keyframe) -> v1::Keyframe {
     }
 }
 
-fn patch(patch: &TopologyPatch) -> v1::TopologyPatch {
+/// A patch as it goes over the wire.
+#[must_use]
+pub fn patch(patch: &TopologyPatch) -> v1::TopologyPatch {
     v1::TopologyPatch {
         from_version: patch.from_version,
         to_version: patch.to_version,
