@@ -106,13 +106,15 @@ impl Body {
         energy
     }
 
-    /// Sum of the elastic force at each node, N; what internal forces alone do.
+    /// Sum of the elastic force at each node, N; what internal forces alone do. Forces on hanging nodes
+    /// are handed to their masters.
     #[must_use]
     pub fn elastic_forces_n(&self) -> super::Nodal {
         let mut forces = vec![[0.0; 3]; self.node_count()];
         self.for_each_corner(|state, lane, corner, node| {
             (0..3).for_each(|i| forces[node][i] += state.force_n[3 * corner + i].as_array()[lane]);
         });
+        self.gather_hanging(&mut forces);
         forces
     }
 
@@ -129,6 +131,7 @@ impl Body {
                 (0..3).for_each(|i| forces[node as usize][i] -= f[i]);
             }
         }
+        self.gather_hanging(&mut forces);
         forces
     }
 
@@ -274,7 +277,18 @@ impl Body {
                 }
             }
         }
+        self.gather_hanging(&mut b);
         self.scratch.right_side = b;
+    }
+
+    /// Hands what acts on hanging nodes to their masters.
+    fn gather_hanging(&self, forces: &mut super::Nodal) {
+        for hanging in self.multigrid.operator().hanging() {
+            let force = std::mem::take(&mut forces[hanging.node as usize]);
+            for (master, w) in hanging.masters {
+                (0..3).for_each(|i| forces[master as usize][i] += f64::from(w) * force[i]);
+            }
+        }
     }
 
     /// Norm of the impulses that loads and contacts `impulses` (node, N s) give the nodes in a step.
@@ -285,6 +299,7 @@ impl Body {
         for (node, impulse) in impulses {
             (0..3).for_each(|i| applied[*node as usize][i] += impulse[i]);
         }
+        self.gather_hanging(&mut applied);
         let squares: f64 = applied.iter().flatten().map(|c| c * c).sum();
         self.scratch.applied = applied;
         squares.sqrt()
@@ -306,6 +321,7 @@ impl Body {
         for (node, impulse) in impulses {
             scratch.right_side_f32[*node as usize] += narrow(impulse);
         }
+        self.multigrid.operator().gather_hanging(&mut scratch.right_side_f32);
         scratch.solution.clear();
         scratch.solution.extend(velocity_change.iter().map(narrow));
         let PcgReport { iterations, relative_residual } = self.pcg.solve(

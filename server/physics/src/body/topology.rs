@@ -3,7 +3,7 @@
 use super::{Body, rigid};
 use crate::fem::corotation::{ElementState, LANES};
 use crate::grid::levels::{Level, LevelChange, VoxelUnits};
-use crate::grid::{Crossing, Grid, Ijk, LinkId, VoxelId};
+use crate::grid::{Crossing, Grid, LinkId, VoxelId};
 
 /// No piece of fewer voxels is set free, an eighth of a composite element at k = 4: it could neither be
 /// seen for what it is nor be carried by the elements' corners, which its few voxels hardly load.
@@ -69,14 +69,14 @@ impl Body {
     fn update_levels(&mut self, parted: &[LinkId]) -> Vec<LevelChange> {
         let exponent = self.levels[0].exponent;
         let voxels = parted.iter().flat_map(|link| [link.cell, link.upper()]);
-        let touched: Vec<Ijk> = voxels.map(|c| c.map(|x| x >> exponent)).collect();
         let units = VoxelUnits { grid: &self.grid, exponent };
-        let mut changes = vec![self.levels[0].update(&units, touched)];
+        let mut changes = vec![self.levels[0].update(&units, voxels.map(|c| c.map(|x| x >> exponent)))];
         for i in 1..self.levels.len() {
-            let touched = changes[i - 1].touched_cells.iter().map(|c| c.map(|x| x >> 1)).collect();
+            let touched = changes[i - 1].touched_cells.iter().map(|c| c.map(|x| x >> 1));
             let (below, above) = self.levels.split_at_mut(i);
             let child: &Level = &below[i - 1];
-            changes.push(above[0].update(child, touched));
+            let change = above[0].update(child, touched);
+            changes.push(change);
         }
         changes
     }

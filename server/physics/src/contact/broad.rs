@@ -59,7 +59,7 @@ impl SpatialHash {
     pub fn rebuild(&mut self, body: &Body, near: &Aabb) {
         self.boxes.clear();
         self.entries.clear();
-        self.cell_m = body.element_edge_m();
+        self.cell_m = body.lattice_edge_m();
         for (id, element) in body.base().elements.iter().enumerate() {
             let aabb = Aabb::around(element.nodes.iter().map(|n| body.position_m[*n as usize].into()));
             if !aabb.meets(near) {

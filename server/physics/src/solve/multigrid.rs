@@ -11,7 +11,7 @@ use super::pcg::dot;
 use super::spring::PointSpring;
 use crate::fem::composite::shape_functions;
 use crate::fem::lanes::{PACKED, pack, unpack};
-use crate::grid::levels::{Level, LevelChange};
+use crate::grid::levels::{Element, Level, LevelChange, Units};
 use crate::workers::Workers;
 use wide::f32x4;
 
@@ -35,7 +35,7 @@ struct CycleLevel {
     prolongation: Vec<Prolongation>,
     /// Element of the level above for each element.
     parent: Vec<u32>,
-    octant: Vec<u8>,
+    place: Vec<Place>,
     largest_eigenvalue: f32,
     /// Approximate eigenvector to the largest eigenvalue: the next estimate starts from it.
     eigenvector: NodeVector,
@@ -47,6 +47,15 @@ struct CycleLevel {
     rotation_sums: Vec<[f64; 9]>,
 }
 
+/// Where an element lies in its parent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Place {
+    /// One of the eight parts of a parent of twice its size.
+    Octant(u8),
+    /// The parent has the same cell.
+    Same,
+}
+
 /// The levels of one object, the finest (the one that is solved on) first.
 pub struct Multigrid {
     levels: Vec<CycleLevel>,
@@ -55,9 +64,26 @@ pub struct Multigrid {
     spectrum_rounds: u32,
 }
 
-/// `A_parent += P^T A_child P` weights: corner `c` of a child in `octant` from the parent's corners.
-fn octant_weights(octant: usize) -> [[f64; 8]; 8] {
-    std::array::from_fn(|c| shape_functions([0, 1, 2].map(|a| 0.5 * ((octant >> a & 1) as f64 + (c >> a & 1) as f64))))
+impl Place {
+    fn of(child: &Element, parent: &Element) -> Self {
+        // The parent's lattice is twice as coarse.
+        if child.size == 2 * parent.size {
+            return Self::Same;
+        }
+        let bit = |a: usize| ((child.cell[a] & 1) as u8) << a;
+        Self::Octant(bit(0) | bit(1) | bit(2))
+    }
+
+    /// Weights of each corner of the child among the parent's corners.
+    fn weights(self) -> [[f64; 8]; 8] {
+        let (octant, scale) = match self {
+            Self::Octant(octant) => (octant, 0.5),
+            Self::Same => (0, 1.0),
+        };
+        std::array::from_fn(|c| {
+            shape_functions([0, 1, 2].map(|a| scale * f64::from((octant >> a & 1) + (c as u8 >> a & 1))))
+        })
+    }
 }
 
 /// `P^T A P` with `P = weights (x) I3`, packed in and out.
@@ -97,10 +123,10 @@ impl CycleLevel {
         let nodes = level.nodes.len();
         let zero = vec![f32x4::ZERO; nodes];
         Self {
-            operator: Operator::new(level.elements.iter().map(|e| e.nodes).collect(), nodes),
+            operator: Operator::new(level),
             prolongation: Vec::new(),
             parent: Vec::new(),
-            octant: Vec::new(),
+            place: Vec::new(),
             largest_eigenvalue: 1.0,
             eigenvector: Vec::new(),
             x: zero.clone(),
@@ -113,18 +139,18 @@ impl CycleLevel {
 
     fn set_topology(&mut self, level: &Level, above: Option<&Level>, held: &[bool]) {
         let nodes = level.nodes.len();
-        self.operator.set_topology(level.elements.iter().map(|e| e.nodes).collect(), nodes);
+        self.operator.set_topology(level);
         for v in [&mut self.x, &mut self.b, &mut self.r, &mut self.step] {
             v.resize(nodes, f32x4::ZERO);
         }
         self.rotation_sums.resize(level.elements.len(), [0.0; 9]);
         let Some(above) = above else { return };
         self.parent.clone_from(&above.owner);
-        self.octant = level.elements.iter().map(|e| octant_of(e.cell)).collect();
+        let parent_of = |element: usize| &above.elements[above.owner[element] as usize];
+        self.place = level.elements.iter().enumerate().map(|(i, e)| Place::of(e, parent_of(i))).collect();
         self.prolongation.resize(nodes, Prolongation::default());
         for (element, data) in level.elements.iter().enumerate() {
-            let parent = &above.elements[above.owner[element] as usize];
-            let weights = octant_weights(self.octant[element] as usize);
+            let (parent, weights) = (parent_of(element), self.place[element].weights());
             for (corner, &node) in data.nodes.iter().enumerate() {
                 self.prolongation[node as usize] = match held.get(node as usize) {
                     Some(true) => Prolongation::default(),
@@ -136,7 +162,7 @@ impl CycleLevel {
 
     /// Weights of an element's corners among the corners of its parent; zero where a corner is held.
     fn weights(&self, element: usize) -> [[f64; 8]; 8] {
-        let mut weights = octant_weights(self.octant[element] as usize);
+        let mut weights = self.place[element].weights();
         for (weights, node) in weights.iter_mut().zip(self.operator.element_nodes(element)) {
             if self.prolongation[*node as usize].count == 0 {
                 *weights = [0.0; 8];
@@ -171,6 +197,7 @@ impl CycleLevel {
             for (v, s) in self.eigenvector.iter_mut().zip(&self.step) {
                 *v = *s * scale;
             }
+            self.operator.place_hanging(&mut self.eigenvector);
         }
     }
 
@@ -193,6 +220,7 @@ impl CycleLevel {
                 let from = if fresh && index == 0 { f32x4::ZERO } else { *x };
                 *x = beta.mul_add(*step, from);
             }
+            self.operator.place_hanging(&mut self.x);
         }
     }
 
@@ -221,6 +249,7 @@ impl CycleLevel {
         for (entry, x) in self.prolongation.iter().zip(&mut self.x) {
             *x = entry.iter().fold(*x, |sum, (node, w)| f32x4::splat(w).mul_add(above[node], sum));
         }
+        self.operator.place_hanging(&mut self.x);
     }
 }
 
@@ -241,10 +270,6 @@ impl Prolongation {
         let count = self.count as usize;
         self.nodes[..count].iter().zip(&self.weights[..count]).map(|(node, w)| (*node as usize, *w))
     }
-}
-
-fn octant_of(cell: [i32; 3]) -> u8 {
-    ((cell[0] & 1) | (cell[1] & 1) << 1 | (cell[2] & 1) << 2) as u8
 }
 
 impl Multigrid {
@@ -325,16 +350,13 @@ impl Multigrid {
             let (child, parent) = (&below[i - 1], &mut above[0]);
             for &element in elements.iter() {
                 let mut sum = [0.0; PACKED];
-                let cell = hierarchy[i].elements[element as usize].cell;
-                for octant in 0..8 {
-                    let child_cell = [0, 1, 2].map(|a| 2 * cell[a] + (octant >> a & 1));
-                    for c in hierarchy[i - 1].elements_in(child_cell) {
-                        if child.parent[c as usize] == element {
-                            let part = galerkin(&child.operator.matrix(c as usize), &child.weights(c as usize));
-                            (0..PACKED).for_each(|j| sum[j] += part[j]);
-                        }
+                let Element { cell, size, .. } = hierarchy[i].elements[element as usize];
+                hierarchy[i - 1].in_cell(cell, size, &mut |c| {
+                    if child.parent[c as usize] == element {
+                        let part = galerkin(&child.operator.matrix(c as usize), &child.weights(c as usize));
+                        (0..PACKED).for_each(|j| sum[j] += part[j]);
                     }
-                }
+                });
                 parent.operator.set_matrix(element as usize, &sum);
             }
             if parent.parent.is_empty() {
@@ -403,7 +425,9 @@ impl Multigrid {
         level.smooth(workers, true);
         level.residual(workers);
         let (fine, coarse) = self.levels.split_at_mut(i + 1);
-        fine[i].restrict(&mut coarse[0].b);
+        let CycleLevel { operator, b, .. } = &mut coarse[0];
+        fine[i].restrict(b);
+        operator.gather_hanging(b);
         self.cycle(workers, i + 1);
         let (fine, coarse) = self.levels.split_at_mut(i + 1);
         fine[i].prolongate(&coarse[0].x);

@@ -4,10 +4,14 @@
 //! results go to a buffer of their own and each node sums its entries in a fixed order, so the bits
 //! do not depend on the number of threads and no colouring is needed. Node vectors are padded to four
 //! components: a node is one load, and eight nodes become lanes by a transpose in registers.
+//!
+//! Hanging nodes are no unknowns: the system is `Z^T A Z` with Z the interpolation of all nodes from the
+//! others. A vector of unknowns carries at hanging nodes what its masters say, a vector of forces zero.
 
 use super::spring::{POINT_NODES, PointSpring};
 use crate::fem::lanes::{self, PACKED};
 use crate::fem::packed::PackedMatrix;
+use crate::grid::levels::{HangingNode, Level};
 use crate::workers::Workers;
 use wide::{f32x4, f32x8};
 
@@ -47,6 +51,7 @@ pub struct Operator {
     /// Springs that act now.
     springs: Vec<PointSpring>,
     element_nodes: Vec<[u32; 8]>,
+    hanging: Vec<HangingNode>,
     /// Entries of node n are `incidence[first[n]..first[n + 1]]`, each `element * 8 + corner`.
     first: Vec<u32>,
     incidence: Vec<u32>,
@@ -117,13 +122,14 @@ impl OperatorBlock {
 }
 
 impl Operator {
-    /// An operator over `elements`, all matrices zero.
+    /// An operator over the elements of `level`, all matrices zero.
     #[must_use]
-    pub fn new(element_nodes: Vec<[u32; 8]>, node_count: usize) -> Self {
+    pub fn new(level: &Level) -> Self {
         let mut operator = Self {
             blocks: Vec::new(),
             springs: Vec::new(),
             element_nodes: Vec::new(),
+            hanging: Vec::new(),
             first: Vec::new(),
             incidence: Vec::new(),
             diagonal: Diagonal::default(),
@@ -132,7 +138,7 @@ impl Operator {
             inverse: Vec::new(),
             results: Vec::new(),
         };
-        operator.set_topology(element_nodes, node_count);
+        operator.set_topology(level);
         operator
     }
 
@@ -149,7 +155,11 @@ impl Operator {
     }
 
     /// Takes new connectivity; matrices of elements that were there before are kept.
-    pub fn set_topology(&mut self, element_nodes: Vec<[u32; 8]>, node_count: usize) {
+    pub fn set_topology(&mut self, level: &Level) {
+        let element_nodes: Vec<[u32; 8]> = level.elements.iter().map(|e| e.nodes).collect();
+        let node_count = level.nodes.len();
+        self.hanging.clear();
+        self.hanging.extend(level.hanging());
         let blocks = element_nodes.len().div_ceil(LANES);
         self.blocks.resize_with(blocks, OperatorBlock::new);
         self.results.resize(blocks, [f32x4::ZERO; 8 * LANES]);
@@ -234,6 +244,33 @@ impl Operator {
         for spring in &self.springs {
             spring.add_to(x, y);
         }
+        self.gather_hanging(y);
+    }
+
+    /// Nodes that hang, ascending.
+    #[must_use]
+    pub fn hanging(&self) -> &[HangingNode] {
+        &self.hanging
+    }
+
+    /// `y = Z^T y`: what acts on hanging nodes acts on their masters.
+    pub fn gather_hanging(&self, y: &mut [f32x4]) {
+        for hanging in &self.hanging {
+            let force = std::mem::take(&mut y[hanging.node as usize]);
+            for (master, w) in hanging.masters {
+                y[master as usize] = f32x4::splat(w).mul_add(force, y[master as usize]);
+            }
+        }
+    }
+
+    /// `x = Z x`: hanging nodes go where their masters take them.
+    pub fn place_hanging(&self, x: &mut [f32x4]) {
+        for hanging in &self.hanging {
+            x[hanging.node as usize] = hanging
+                .masters
+                .iter()
+                .fold(f32x4::ZERO, |sum, (master, w)| f32x4::splat(*w).mul_add(x[*master as usize], sum));
+        }
     }
 
     fn evaluate_blocks(&mut self, workers: &Workers<'_>, evaluate: impl Fn(&OperatorBlock) -> [f32x8; 24] + Sync) {
@@ -267,6 +304,13 @@ impl Operator {
         self.sum_at_nodes(workers, &mut diagonal.on);
         self.evaluate_blocks(workers, |block| block.rotated_diagonal([(0, 1), (0, 2), (1, 2)]));
         self.sum_at_nodes(workers, &mut diagonal.off);
+        for hanging in &self.hanging {
+            // Without the entries between a node and its masters: they would make it smaller.
+            for v in [&mut diagonal.on, &mut diagonal.off] {
+                let own = std::mem::take(&mut v[hanging.node as usize]);
+                hanging.masters.iter().for_each(|(master, w)| v[*master as usize] += f32x4::splat(w * w) * own);
+            }
+        }
         self.diagonal = diagonal;
         self.springs.clear();
         self.sprung.clear();
@@ -301,6 +345,7 @@ impl Operator {
         sprung.clear();
         for spring in &self.springs {
             let [on, off] = spring.diagonal();
+            let spring = if self.hanging.is_empty() { *spring } else { spring.coarsened(|node| self.masters_of(node)) };
             for (node, w) in spring.entries() {
                 let square = f32x4::splat(w * w);
                 if self.spring_diagonal.on[node] == f32x4::ZERO {
@@ -316,6 +361,15 @@ impl Operator {
             self.spring_diagonal.off[node as usize] = f32x4::ZERO;
         }
         self.sprung = sprung;
+    }
+
+    /// The unknowns that move a node, and how much.
+    fn masters_of(&self, node: usize) -> impl Iterator<Item = (usize, f32)> {
+        let masters = match self.hanging.binary_search_by_key(&(node as u32), |h| h.node) {
+            Ok(found) => self.hanging[found].masters,
+            Err(_) => [(node as u32, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)],
+        };
+        masters.into_iter().filter(|(_, w)| *w != 0.0).map(|(master, w)| (master as usize, w))
     }
 
     fn invert_at(&mut self, nodes: &[u32]) {

@@ -3,8 +3,9 @@
 use super::operator::times;
 use wide::f32x4;
 
-/// Most nodes that a point is spread over: the corners of two elements.
-pub const POINT_NODES: usize = 16;
+/// Most nodes that a point is spread over: the corners of two elements, and some more that move those of
+/// them that hang.
+pub const POINT_NODES: usize = 24;
 
 /// A point of the tissue held by springs: adds `w w^T (x) S` to the system matrix.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -38,6 +39,8 @@ impl PointSpring {
     fn add_weight(&mut self, node: u32, weight: f32) {
         match self.nodes[..self.count].iter().position(|n| *n == node) {
             Some(found) => self.weights[found] += weight,
+            // Only a point among hanging nodes of several cuts has more; it is left less well smoothed.
+            None if self.count == POINT_NODES => {}
             None => {
                 (self.nodes[self.count], self.weights[self.count]) = (node, weight);
                 self.count += 1;
@@ -45,7 +48,7 @@ impl PointSpring {
         }
     }
 
-    /// The same springs with every node spread over nodes of the level above.
+    /// The same springs with every node spread over those that move it.
     #[must_use]
     pub fn coarsened<I: Iterator<Item = (usize, f32)>>(&self, above: impl Fn(usize) -> I) -> Self {
         let mut coarse = Self { stiffness: self.stiffness, ..Self::default() };
