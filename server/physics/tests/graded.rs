@@ -39,7 +39,7 @@ fn cut_plane(body: &mut Body, axis: u8, at: i32, keep: impl Fn([i32; 3]) -> bool
         .map(|v| (LinkId { cell: v.ijk, axis }, Crossing { t: 0.5, normal }))
         .collect();
     let parted = body.part_links(&links).parted;
-    body.update_topology(&parted);
+    body.update_topology(&Workers::serial(), &parted);
 }
 
 fn sizes(body: &Body) -> Vec<i32> {
@@ -81,7 +81,7 @@ fn affine_displacement_leaves_no_force_inside_a_graded_body() {
             })
             .collect();
         let parted = body.part_links(&links).parted;
-        body.update_topology(&parted);
+        body.update_topology(&Workers::serial(), &parted);
         let shear = Mat3::new(0.02, 0.01, -0.01, 0.03, -0.015, 0.02, 0.01, -0.02, 0.025);
         let f = Mat3::identity() + shear * 1e-6;
         for node in 0..body.node_count() {

@@ -4,17 +4,21 @@
 use super::Body;
 use crate::contact::{Contact, Mode};
 use crate::fem::composite::corner_pair;
-use crate::fem::corotation::{LANES, StepTerms, rotation_matrix};
+use crate::fem::corotation::{
+    BlockEnergies, ElementBlock, ElementState, LANES, NodalBuffers, StepTerms, rotation_matrix,
+};
 use crate::fem::lanes::for_packed;
-use crate::solve::operator::{LANES as OPERATOR_LANES, NODES_PER_CHUNK};
+use crate::solve::assembly::CHUNK_ELEMENTS;
+use crate::solve::assembly::Chunk;
+use crate::solve::operator::{LANES as OPERATOR_LANES, NODES_PER_CHUNK, masters_of};
 use crate::solve::pcg::{PcgReport, Stop};
 use crate::solve::spring::PointSpring;
 use crate::step_io::SolveReport;
-use crate::workers::Workers;
+use crate::workers::{Groups, Workers};
 use wide::{f32x4, f64x4};
 
-/// Blocks of elements per chunk of parallel work.
-const BLOCKS_PER_CHUNK: usize = 64;
+/// Blocks per chunk of elements.
+const BLOCKS_PER_CHUNK: usize = CHUNK_ELEMENTS / LANES;
 /// Elements whose stiffening factor is within this of 1 keep the matrix of the rest state.
 const STIFFENING_THRESHOLD: f64 = 0.02;
 /// Coarse matrices follow an element's stiffening only when it has changed by this factor: they
@@ -49,22 +53,73 @@ impl BodyEnergy {
     }
 }
 
+/// What the elements of a chunk work on, and what they add up to.
+#[derive(Default)]
+pub(super) struct ElementChunk {
+    pub(super) nodal: NodalBuffers,
+    pub(super) energies: BlockEnergies,
+}
+
+impl ElementChunk {
+    /// Makes the buffers fit a chunk.
+    pub(super) fn resize(&mut self, chunk: &Chunk) {
+        let nodal = &mut self.nodal;
+        for v in [&mut nodal.position_m, &mut nodal.velocity_m_per_s, &mut nodal.velocity_change, &mut nodal.balance_n]
+        {
+            v.resize(chunk.len(), f64x4::ZERO);
+        }
+    }
+
+    fn load(
+        &mut self,
+        chunk: &Chunk,
+        position_m: &super::Nodal,
+        velocity_m_per_s: &super::Nodal,
+        velocity_change: Option<&super::Nodal>,
+    ) {
+        let read = |v: [f64; 3]| f64x4::new([v[0], v[1], v[2], 0.0]);
+        let nodal = &mut self.nodal;
+        chunk.load(position_m, read, &mut nodal.position_m);
+        chunk.load(velocity_m_per_s, read, &mut nodal.velocity_m_per_s);
+        nodal.velocity_change.resize(velocity_change.map_or(0, |_| chunk.len()), f64x4::ZERO);
+        if let Some(change) = velocity_change {
+            chunk.load(change, read, &mut nodal.velocity_change);
+        }
+    }
+
+    fn evaluate(
+        &mut self,
+        chunk: &Chunk,
+        blocks: &[ElementBlock],
+        states: &mut [ElementState],
+        dt_s: f64,
+        rotation_iterations: u32,
+    ) {
+        self.nodal.balance_n.fill(f64x4::ZERO);
+        self.energies = BlockEnergies::default();
+        for (block, state) in blocks.iter().zip(states) {
+            self.energies += block.evaluate(state, &mut self.nodal, dt_s, rotation_iterations);
+        }
+        chunk.hand_over(&mut self.nodal.balance_n, |w| w);
+    }
+}
+
 impl Body {
     /// Rotations, forces, energies and velocity terms of every element at the current state.
     pub fn evaluate(&mut self, workers: &Workers<'_>, rotation_iterations: u32) {
-        self.evaluate_blocks(workers, None, rotation_iterations);
+        self.evaluate_chunks(workers, None, rotation_iterations);
     }
 
     /// The same at the end of a step that changed the velocities by `velocity_change`; returns what the
     /// step did to the energies.
     pub fn evaluate_step(&mut self, workers: &Workers<'_>, velocity_change: &super::Nodal) -> StepEnergies {
-        self.evaluate_blocks(workers, Some(velocity_change), 2);
+        self.evaluate_chunks(workers, Some(velocity_change), 2);
         let mut sum = StepEnergies::default();
-        for state in &self.states {
-            sum.elements.inertial_j += state.step.inertial_j.reduce_add();
-            sum.elements.elastic_j += state.step.elastic_j.reduce_add();
-            sum.elements.force_work_j += state.step.force_work_j.reduce_add();
-            sum.elements.damping_j += state.step.damping_j.reduce_add();
+        for step in self.chunks.iter().map(|chunk| &chunk.energies.step) {
+            sum.elements.inertial_j += step.inertial_j.reduce_add();
+            sum.elements.elastic_j += step.elastic_j.reduce_add();
+            sum.elements.force_work_j += step.force_work_j.reduce_add();
+            sum.elements.damping_j += step.damping_j.reduce_add();
         }
         let dt = self.params.dt_s;
         for (element, hold) in &self.holds {
@@ -75,18 +130,19 @@ impl Body {
         sum
     }
 
-    fn evaluate_blocks(
+    fn evaluate_chunks(
         &mut self,
         workers: &Workers<'_>,
         velocity_change: Option<&super::Nodal>,
         rotation_iterations: u32,
     ) {
-        let (blocks, x, v) = (&self.blocks, &self.position_m, &self.velocity_m_per_s);
-        let (dt, change) = (self.params.dt_s, velocity_change.map(Vec::as_slice));
-        workers.for_chunks(&mut self.states, BLOCKS_PER_CHUNK, |chunk, states| {
-            for (state, block) in states.iter_mut().zip(&blocks[chunk * BLOCKS_PER_CHUNK..]) {
-                block.evaluate(state, x, v, change, dt, rotation_iterations);
-            }
+        let (assembly, blocks) = (self.multigrid.operator().assembly(), &self.blocks);
+        let (x, v, dt) = (&self.position_m, &self.velocity_m_per_s, self.params.dt_s);
+        let states = Groups { entries: &mut self.states, size: BLOCKS_PER_CHUNK };
+        workers.for_chunks((states, &mut self.chunks[..]), 1, |index, (states, chunks)| {
+            let (chunk, blocks) = (&mut chunks[0], &blocks[index * BLOCKS_PER_CHUNK..]);
+            chunk.load(&assembly.chunks()[index], x, v, velocity_change);
+            chunk.evaluate(&assembly.chunks()[index], blocks, states.entries, dt, rotation_iterations);
         });
     }
 
@@ -95,9 +151,9 @@ impl Body {
     pub fn energy(&self) -> BodyEnergy {
         let mut energy = BodyEnergy::default();
         // Lanes without an element have zero matrices and add nothing.
-        for state in &self.states {
-            energy.elastic_j += state.energy_j.reduce_add();
-            energy.kinetic_j += state.kinetic_j.reduce_add();
+        for chunk in &self.chunks {
+            energy.elastic_j += chunk.energies.elastic_j.reduce_add();
+            energy.kinetic_j += chunk.energies.kinetic_j.reduce_add();
         }
         for (element, hold) in &self.holds {
             let u = self.element_displacements(*element as usize);
@@ -126,8 +182,8 @@ impl Body {
         for (element, data) in self.base().elements.iter().enumerate() {
             let (block, lane) = (&self.blocks[element / LANES], element % LANES);
             for (corner, &node) in data.nodes.iter().enumerate() {
-                let d = crate::Vec3::from(block.mean_gradient[corner].map(|g| g.as_array()[lane]));
-                let f = stress_pa * d * block.volume_m3.as_array()[lane];
+                let d = crate::Vec3::from(block.shapes.mean_gradient[corner].map(|g| g.as_array()[lane]));
+                let f = stress_pa * d * block.shapes.volume_m3.as_array()[lane];
                 (0..3).for_each(|i| forces[node as usize][i] -= f[i]);
             }
         }
@@ -139,10 +195,21 @@ impl Body {
     #[must_use]
     pub fn nodal_momentum(&self) -> super::Nodal {
         let mut momentum = vec![[0.0; 3]; self.node_count()];
-        self.for_each_corner(|state, lane, corner, node| {
-            (0..3).for_each(|i| momentum[node][i] += state.momentum[3 * corner + i].as_array()[lane]);
-        });
+        for (element, data) in self.base().elements.iter().enumerate() {
+            for (a, &node) in data.nodes.iter().enumerate() {
+                for (b, &other) in data.nodes.iter().enumerate() {
+                    let mass = self.mass_between_kg(element, a, b);
+                    let v = self.velocity_m_per_s[other as usize];
+                    (0..3).for_each(|i| momentum[node as usize][i] += mass * v[i]);
+                }
+            }
+        }
         momentum
+    }
+
+    /// Entry of an element's mass between two corners, kg.
+    pub(super) fn mass_between_kg(&self, element: usize, a: usize, b: usize) -> f64 {
+        self.blocks[element / LANES].shapes.mass_kg[corner_pair(a, b)].as_array()[element % LANES]
     }
 
     fn for_each_corner(&self, mut visit: impl FnMut(&crate::fem::corotation::ElementState, usize, usize, usize)) {
@@ -184,7 +251,7 @@ impl Body {
             if row % 3 == column % 3 {
                 let (a, b) = (row / 3, column / 3);
                 let entry = a * (a + 1) / 2 + b;
-                packed[index] += mass_factor * at(&block.mass_kg[entry]);
+                packed[index] += mass_factor * at(&block.shapes.mass_kg[entry]);
                 packed[index] += hold.map_or(0.0, |h| dt * dt * h[entry]);
             }
         });
@@ -193,16 +260,19 @@ impl Body {
     }
 
     /// Rotations of all elements into the solver's operator.
-    pub(super) fn write_rotations(&mut self) {
+    pub(super) fn write_rotations(&mut self, workers: &Workers<'_>) {
         const { assert!(OPERATOR_LANES == 2 * LANES) };
-        for (states, block) in self.states.chunks(2).zip(&mut self.multigrid.operator_mut().blocks) {
-            for (half, state) in states.iter().enumerate() {
-                for (target, entry) in block.rotation.iter_mut().zip(rotation_matrix(&state.rotation)) {
-                    let lanes = half * LANES..(half + 1) * LANES;
-                    target.as_mut_array()[lanes].copy_from_slice(&entry.to_array().map(|c| c as f32));
+        let states = &self.states;
+        workers.for_chunks(&mut self.multigrid.operator_mut().blocks[..], BLOCKS_PER_CHUNK, |first, blocks| {
+            for (block, states) in blocks.iter_mut().zip(states[2 * first * BLOCKS_PER_CHUNK..].chunks(2)) {
+                for (half, state) in states.iter().enumerate() {
+                    for (target, entry) in block.rotation.iter_mut().zip(rotation_matrix(&state.rotation)) {
+                        let lanes = half * LANES..(half + 1) * LANES;
+                        target.as_mut_array()[lanes].copy_from_slice(&entry.to_array().map(|c| c as f32));
+                    }
                 }
             }
-        }
+        });
     }
 
     /// Brings the solver's operator and its preconditioner to the evaluated state.
@@ -228,9 +298,9 @@ impl Body {
             let parents = &mut self.scratch.stale_parents;
             parents.sort_unstable();
             parents.dedup();
-            self.multigrid.rebuild_coarse(&self.levels, parents);
+            self.multigrid.rebuild_coarse(parents);
         }
-        self.write_rotations();
+        self.write_rotations(workers);
         self.multigrid.update_rotations_and_diagonals(workers);
     }
 
@@ -253,13 +323,11 @@ impl Body {
     pub fn assemble_right_side(&mut self, workers: &Workers<'_>) {
         let dt = self.params.dt_s;
         let mut b = std::mem::take(&mut self.scratch.right_side);
-        let (operator, states, external_n) = (self.multigrid.operator(), &self.states, &self.external_n);
-        workers.for_chunks(&mut b, NODES_PER_CHUNK, |chunk, b| {
-            for (node, b) in (chunk * NODES_PER_CHUNK..).zip(b) {
-                let mut sum = f64x4::ZERO;
-                for (element, corner) in operator.corners_at(node) {
-                    sum += states[element / LANES].balance_n[element % LANES][corner];
-                }
+        let (assembly, chunks, external_n) = (self.multigrid.operator().assembly(), &self.chunks, &self.external_n);
+        workers.for_chunks(&mut b[..], NODES_PER_CHUNK, |first, b| {
+            for (node, b) in (first * NODES_PER_CHUNK..).zip(b) {
+                let entries = assembly.entries(node);
+                let sum = entries.fold(f64x4::ZERO, |sum, (chunk, slot)| sum + chunks[chunk].nodal.balance_n[slot]);
                 let sum = sum.to_array();
                 *b = [0, 1, 2].map(|i| dt * (sum[i] + external_n[node][i]));
             }
@@ -318,10 +386,12 @@ impl Body {
         let scratch = &mut self.scratch;
         scratch.right_side_f32.clear();
         scratch.right_side_f32.extend(scratch.right_side.iter().map(narrow));
+        let hanging = self.multigrid.operator().hanging();
         for (node, impulse) in impulses {
-            scratch.right_side_f32[*node as usize] += narrow(impulse);
+            for (master, w) in masters_of(hanging, *node as usize) {
+                scratch.right_side_f32[master] += f32x4::splat(w) * narrow(impulse);
+            }
         }
-        self.multigrid.operator().gather_hanging(&mut scratch.right_side_f32);
         scratch.solution.clear();
         scratch.solution.extend(velocity_change.iter().map(narrow));
         let PcgReport { iterations, relative_residual } = self.pcg.solve(
@@ -340,6 +410,13 @@ impl Body {
             let [x, y, z, _] = v.to_array().map(f64::from);
             [x, y, z]
         }));
+        for hanging in self.multigrid.operator().hanging() {
+            let mut moved = [0.0; 3];
+            for (master, w) in hanging.masters {
+                (0..3).for_each(|i| moved[i] += f64::from(w) * velocity_change[master as usize][i]);
+            }
+            velocity_change[hanging.node as usize] = moved;
+        }
         SolveReport { iterations, solves: 1, relative_residual }
     }
 

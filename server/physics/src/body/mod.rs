@@ -14,7 +14,7 @@ pub use topology::{LEAST_PIECE_VOXELS, PartedLinks, TopologyChange};
 
 use crate::Vec3;
 use crate::fem::composite::{CompositeTables, shape_functions};
-use crate::fem::corotation::{ElementBlock, ElementLaw, ElementState, LANES};
+use crate::fem::corotation::{ElementBlock, ElementLaw, ElementState, LANES, SharedByBlocks};
 use crate::fem::lanes::diagonal_entry;
 use crate::fem::material::Elastic;
 use crate::grid::cell_sizes::CellSizes;
@@ -116,6 +116,8 @@ pub struct Body {
     tables: Vec<CompositeTables>,
     blocks: Vec<ElementBlock>,
     states: Vec<ElementState>,
+    /// By chunk of the solver's assembly.
+    chunks: Vec<forces::ElementChunk>,
     /// Elements with held voxels and their 8x8 penalty, lower triangle by rows, N/m.
     holds: Vec<(u32, [f64; 36])>,
     multigrid: Multigrid,
@@ -194,6 +196,7 @@ impl Body {
             gravity_m_per_s2,
             blocks: Vec::new(),
             states: Vec::new(),
+            chunks: Vec::new(),
             holds: Vec::new(),
             pcg: PcgScratch::default(),
             applied_stiffening: Vec::new(),
@@ -411,16 +414,16 @@ impl Body {
         for element in 0..self.base().elements.len() {
             self.rebuild_element(element);
         }
-        self.multigrid.set_topology(&self.levels, &self.held_nodes());
+        self.number_nodes();
         self.rebuild_external_forces();
         self.rigid = rigid::RigidParts::new(self);
         self.evaluate(workers, 20);
         for element in 0..self.base().elements.len() {
             self.write_matrix(element);
         }
-        self.write_rotations();
+        self.write_rotations(workers);
         self.multigrid.rebuild(workers, &self.levels);
-        let mut shared = Vec::new();
+        let mut shared = SharedByBlocks::default();
         self.blocks.iter_mut().for_each(|b| b.share_matrices(&mut shared));
         self.share_system_matrices();
         self.save_finite_state();
@@ -433,14 +436,22 @@ impl Body {
         }
     }
 
+    /// Takes the levels' nodes into the solver and into the blocks.
+    fn number_nodes(&mut self) {
+        self.multigrid.set_topology(&self.levels, &self.held_nodes());
+        let assembly = self.multigrid.operator().assembly();
+        for element in 0..self.levels[0].elements.len() {
+            self.blocks[element / LANES].set_slots(element % LANES, assembly.corners(element));
+        }
+        self.chunks.resize_with(assembly.chunks().len(), Default::default);
+        self.chunks.iter_mut().zip(assembly.chunks()).for_each(|(chunk, nodes)| chunk.resize(nodes));
+    }
+
     fn resize_blocks(&mut self) {
         let elements = self.base().elements.len();
         let blocks = elements.div_ceil(LANES);
         self.blocks.resize_with(blocks, ElementBlock::default);
         self.states.resize_with(blocks, ElementState::default);
-        for element in 0..elements {
-            self.blocks[element / LANES].set_nodes(element % LANES, &self.levels[0].elements[element].nodes);
-        }
         self.scratch.resize(elements, self.levels[0].nodes.len());
         self.pcg.resize(self.levels[0].nodes.len());
         self.element_loads_n.resize(elements, [[0.0; 3]; 8]);

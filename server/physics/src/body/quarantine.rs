@@ -23,7 +23,7 @@ impl Body {
     /// Remembers the evaluated state if its forces are finite too: a position that is finite but
     /// absurd overflows in them first. Returns whether they were.
     pub fn save_finite_state(&mut self) -> bool {
-        let energy: f64 = self.states.iter().map(|s| s.energy_j.reduce_add()).sum();
+        let energy: f64 = self.chunks.iter().map(|c| c.energies.elastic_j.reduce_add()).sum();
         // An energy that `f32` cannot hold is beyond what the solver can take a step from.
         let finite = energy.is_finite() && energy < f64::from(f32::MAX) && self.is_finite();
         if finite {

@@ -98,7 +98,7 @@ impl Body {
             self.write_matrix(element);
             self.coarse_stiffening[element] = self.applied_stiffening[element];
         }
-        self.write_rotations();
+        self.write_rotations(workers);
         self.multigrid.rebuild(workers, &self.levels);
         self.share_system_matrices();
     }

@@ -4,6 +4,7 @@ use super::{Body, rigid};
 use crate::fem::corotation::{ElementState, LANES};
 use crate::grid::levels::{Level, LevelChange, VoxelUnits};
 use crate::grid::{Crossing, Grid, LinkId, VoxelId};
+use crate::workers::Workers;
 
 /// No piece of fewer voxels is set free, an eighth of a composite element at k = 4: it could neither be
 /// seen for what it is nor be carried by the elements' corners, which its few voxels hardly load.
@@ -33,7 +34,7 @@ impl Body {
     /// Rebuilds parts, nodes, matrices and preconditioner after `parted` links were parted in the
     /// grid. New nodes start where the nodes they split from are, with their velocity, so nothing
     /// jumps.
-    pub fn update_topology(&mut self, parted: &[LinkId]) -> TopologyChange {
+    pub fn update_topology(&mut self, workers: &Workers<'_>, parted: &[LinkId]) -> TopologyChange {
         let changes = self.update_levels(parted);
         let base = &changes[0];
         if base.touched_cells.is_empty() {
@@ -50,13 +51,13 @@ impl Body {
         for &element in &base.changed_elements {
             self.rebuild_element(element as usize);
         }
-        self.multigrid.set_topology(&self.levels, &self.held_nodes());
+        self.number_nodes();
         self.rebuild_external_forces();
         self.rigid = rigid::RigidParts::new(self);
         let mut elements: Vec<u32> = base.changed_elements.iter().chain(&base.renoded_elements).copied().collect();
         elements.sort_unstable();
         elements.dedup();
-        self.evaluate_touched(&elements);
+        self.evaluate(workers, 2);
         for &element in &elements {
             self.write_matrix_of_changed(element as usize);
         }
@@ -86,22 +87,6 @@ impl Body {
         let target: &mut ElementState = &mut self.states[to / LANES];
         for (slot, value) in target.rotation.iter_mut().zip(rotation) {
             slot.as_mut_array()[to % LANES] = value;
-        }
-    }
-
-    /// Re-evaluates the blocks that hold changed elements.
-    fn evaluate_touched(&mut self, elements: &[u32]) {
-        let mut blocks: Vec<usize> = elements.iter().map(|e| *e as usize / LANES).collect();
-        blocks.dedup();
-        for block in blocks {
-            self.blocks[block].evaluate(
-                &mut self.states[block],
-                &self.position_m,
-                &self.velocity_m_per_s,
-                None,
-                self.params.dt_s,
-                2,
-            );
         }
     }
 

@@ -21,6 +21,11 @@ use crate::fem::composite::shape_functions;
 /// "No element" in maps from units to elements.
 pub const NONE: u32 = u32::MAX;
 
+/// Elements that a solver takes at a time.
+const ROW_ELEMENTS: usize = 8;
+/// A brick is this many rows of cells high and deep.
+const BRICK_ROWS: i32 = 4;
+
 /// One composite element.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Element {
@@ -204,9 +209,7 @@ impl Level {
         let mut touched: Vec<(Ijk, i32)> = level.sizes.lattice().filter_map(|c| level.sizes.cell_of(c)).collect();
         touched.sort_by_key(|(c, _)| [c[2], c[1], c[0]]);
         touched.dedup();
-        // Whole cells of a size first: their elements are alike, and stand together.
-        touched.sort_by_key(|&(cell, size)| (!units.is_full(cell, size), size));
-        level.update_in_order(units, touched.into_iter().map(|t| t.0).collect());
+        level.update_in_order(units, in_working_order(units, touched));
         for element in &mut level.elements {
             element.whole = units.is_full(element.cell, element.size);
         }
@@ -227,16 +230,25 @@ impl Level {
 
     /// Nodes that hang, ascending.
     pub fn hanging(&self) -> impl Iterator<Item = HangingNode> + '_ {
-        self.hosts.iter().enumerate().filter(|(_, host)| **host != NONE).map(|(node, &host)| {
-            let element = &self.elements[host as usize];
-            let local = [0, 1, 2].map(|a| f64::from(self.nodes[node][a] - element.cell[a]) / f64::from(element.size));
-            let mut masters = [(node as u32, 0.0); 4];
-            let weights = shape_functions(local).into_iter().zip(element.nodes).filter(|(w, _)| *w != 0.0);
-            for (slot, (weight, master)) in masters.iter_mut().zip(weights) {
-                *slot = (master, weight as f32);
-            }
-            HangingNode { node: node as u32, masters }
-        })
+        (0..self.nodes.len() as u32).filter_map(|node| self.hanging_node(node))
+    }
+
+    /// What moves a node, if it hangs.
+    #[must_use]
+    pub fn hanging_node(&self, node: u32) -> Option<HangingNode> {
+        let host = self.hosts[node as usize];
+        if host == NONE {
+            return None;
+        }
+        let element = &self.elements[host as usize];
+        let at = self.nodes[node as usize];
+        let local = [0, 1, 2].map(|a| f64::from(at[a] - element.cell[a]) / f64::from(element.size));
+        let mut masters = [(node, 0.0); 4];
+        let weights = shape_functions(local).into_iter().zip(element.nodes).filter(|(w, _)| *w != 0.0);
+        for (slot, (weight, master)) in masters.iter_mut().zip(weights) {
+            *slot = (master, weight as f32);
+        }
+        Some(HangingNode { node, masters })
     }
 
     /// Whether some node hangs.
@@ -523,6 +535,32 @@ impl Level {
         }
         (part, count)
     }
+}
+
+/// The order in which a level numbers the elements of cells. Whole cells of a size first: their elements
+/// are alike, and stand together. Of these, rows along x as long as a solver's block come before what is
+/// left of them, since the nodes of such a row follow each other. Within all that by bricks of rows,
+/// whose elements share most of their nodes.
+fn in_working_order(units: &dyn Units, mut cells: Vec<(Ijk, i32)>) -> Vec<Ijk> {
+    cells.sort_unstable_by_key(|&(c, size)| (size, c[2], c[1], c[0]));
+    let brick = |c: Ijk, size: i32| [c[2] / size / BRICK_ROWS, c[1] / size / BRICK_ROWS];
+    let mut keyed = Vec::with_capacity(cells.len());
+    let mut row: Vec<Ijk> = Vec::new();
+    for (index, &(cell, size)) in cells.iter().enumerate() {
+        let full = units.is_full(cell, size);
+        if full {
+            row.push(cell);
+        } else {
+            keyed.push((2, size, brick(cell, size), cell));
+        }
+        let next = [cell[0] + size, cell[1], cell[2]];
+        if !full || cells.get(index + 1) != Some(&(next, size)) {
+            let in_blocks = row.len() / ROW_ELEMENTS * ROW_ELEMENTS;
+            keyed.extend(row.drain(..).enumerate().map(|(i, c)| (u8::from(i >= in_blocks), size, brick(c, size), c)));
+        }
+    }
+    keyed.sort_by_key(|&(rank, size, brick, c)| (rank, size, brick, c[2], c[1], c[0]));
+    keyed.into_iter().map(|k| k.3).collect()
 }
 
 fn sorted(mut cells: Vec<Ijk>) -> Vec<Ijk> {

@@ -109,6 +109,11 @@ impl World {
 
     /// Advances the scene by one time step.
     pub fn step(&mut self, workers: &Workers<'_>, clock: &dyn StageClock, inputs: &StepInputs<'_>) -> &StepOutput {
+        workers.run(|| self.run_stages(workers, clock, inputs));
+        &self.output
+    }
+
+    fn run_stages(&mut self, workers: &Workers<'_>, clock: &dyn StageClock, inputs: &StepInputs<'_>) {
         let mut lap = Lap::start(clock);
         self.slots.iter_mut().filter(|s| s.edited).for_each(|s| s.take_edits(workers));
         self.apply_inputs(inputs);
@@ -129,7 +134,7 @@ impl World {
             lap.end(Stage::Fracture);
         }
         if self.slots.iter().any(|s| !s.parting.is_empty()) {
-            self.update_topology();
+            self.update_topology(workers);
             lap.end(Stage::Topology);
         }
         if self.view.is_some() && self.output.fracture.parted_links > 0 {
@@ -138,7 +143,6 @@ impl World {
         }
         self.finish();
         self.output.profile = lap.finish();
-        &self.output
     }
 
     fn apply_inputs(&mut self, inputs: &StepInputs<'_>) {
@@ -241,7 +245,7 @@ impl World {
         self.output.fracture.cut_area_m2 = self.contact_ledger.front.area_m2;
     }
 
-    fn update_topology(&mut self) {
+    fn update_topology(&mut self, workers: &Workers<'_>) {
         for slot in &mut self.slots {
             let PartedLinks { parted, spared } = slot.body.part_links(&slot.parting);
             slot.parted = parted;
@@ -251,7 +255,7 @@ impl World {
             if slot.parted.is_empty() {
                 continue;
             }
-            slot.change = slot.body.update_topology(&slot.parted);
+            slot.change = slot.body.update_topology(workers, &slot.parted);
             slot.velocity_change.resize(slot.body.node_count(), [0.0; 3]);
             slot.ledger.after = slot.body.energy();
             slot.walls.update(&slot.body, &slot.parted, &slot.change);
