@@ -2,11 +2,10 @@
 //! solve and the new state.
 
 use super::Body;
+use crate::contact::broad::Aabb;
 use crate::contact::{Contact, Mode};
 use crate::fem::composite::corner_pair;
-use crate::fem::corotation::{
-    BlockEnergies, ElementBlock, ElementState, LANES, NodalBuffers, StepTerms, rotation_matrix,
-};
+use crate::fem::corotation::{ElementBlock, ElementState, Evaluation, LANES, NodalBuffers, StepTerms};
 use crate::fem::lanes::for_packed;
 use crate::solve::assembly::CHUNK_ELEMENTS;
 use crate::solve::assembly::Chunk;
@@ -21,6 +20,9 @@ use wide::{f32x4, f64x4};
 const BLOCKS_PER_CHUNK: usize = CHUNK_ELEMENTS / LANES;
 /// Elements whose stiffening factor is within this of 1 keep the matrix of the rest state.
 const STIFFENING_THRESHOLD: f64 = 0.02;
+/// The smoothers' diagonal blocks stay until some element may have turned by this since: inside a body of
+/// one material they hardly depend on rotations.
+const MOST_TURNED_RAD: f64 = 0.1;
 /// Coarse matrices follow an element's stiffening only when it has changed by this factor: they
 /// precondition, and a spectrally close matrix does as well.
 const COARSE_STIFFENING_FACTOR: f64 = 1.5;
@@ -57,7 +59,10 @@ impl BodyEnergy {
 #[derive(Default)]
 pub(super) struct ElementChunk {
     pub(super) nodal: NodalBuffers,
-    pub(super) energies: BlockEnergies,
+    pub(super) found: Evaluation,
+    /// Corners of the box around the nodes, m, xyz0.
+    low_m: f64x4,
+    high_m: f64x4,
 }
 
 impl ElementChunk {
@@ -80,6 +85,9 @@ impl ElementChunk {
         let read = |v: [f64; 3]| f64x4::new([v[0], v[1], v[2], 0.0]);
         let nodal = &mut self.nodal;
         chunk.load(position_m, read, &mut nodal.position_m);
+        let (low, high) = (f64x4::splat(f64::INFINITY), f64x4::splat(f64::NEG_INFINITY));
+        self.low_m = nodal.position_m.iter().fold(low, |low, x| low.fast_min(*x));
+        self.high_m = nodal.position_m.iter().fold(high, |high, x| high.fast_max(*x));
         chunk.load(velocity_m_per_s, read, &mut nodal.velocity_m_per_s);
         nodal.velocity_change.resize(velocity_change.map_or(0, |_| chunk.len()), f64x4::ZERO);
         if let Some(change) = velocity_change {
@@ -96,9 +104,10 @@ impl ElementChunk {
         rotation_iterations: u32,
     ) {
         self.nodal.balance_n.fill(f64x4::ZERO);
-        self.energies = BlockEnergies::default();
+        self.found = Evaluation::default();
         for (block, state) in blocks.iter().zip(states) {
-            self.energies += block.evaluate(state, &mut self.nodal, dt_s, rotation_iterations);
+            let found = block.evaluate(state, &mut self.nodal, dt_s, rotation_iterations);
+            self.found.join(&found);
         }
         chunk.hand_over(&mut self.nodal.balance_n, |w| w);
     }
@@ -115,7 +124,7 @@ impl Body {
     pub fn evaluate_step(&mut self, workers: &Workers<'_>, velocity_change: &super::Nodal) -> StepEnergies {
         self.evaluate_chunks(workers, Some(velocity_change), 2);
         let mut sum = StepEnergies::default();
-        for step in self.chunks.iter().map(|chunk| &chunk.energies.step) {
+        for step in self.chunks.iter().map(|chunk| &chunk.found.step) {
             sum.elements.inertial_j += step.inertial_j.reduce_add();
             sum.elements.elastic_j += step.elastic_j.reduce_add();
             sum.elements.force_work_j += step.force_work_j.reduce_add();
@@ -144,6 +153,21 @@ impl Body {
             chunk.load(&assembly.chunks()[index], x, v, velocity_change);
             chunk.evaluate(&assembly.chunks()[index], blocks, states.entries, dt, rotation_iterations);
         });
+        let turned_rad2 = |chunk: &ElementChunk| chunk.found.turned_rad2.to_array().into_iter().fold(0.0, f64::max);
+        self.turned_rad += self.chunks.iter().map(turned_rad2).fold(0.0, f64::max).sqrt();
+    }
+
+    /// Elements whose boxes may meet `near`, ascending: those of the chunks whose boxes do.
+    pub fn elements_near(&self, near: &Aabb) -> impl Iterator<Item = usize> + '_ {
+        let near = *near;
+        let point = |v: f64x4| {
+            let [x, y, z, _] = v.to_array();
+            crate::Vec3::new(x, y, z)
+        };
+        let chunks = self.chunks.iter().enumerate();
+        let met = chunks.filter(move |(_, c)| near.meets(&Aabb { min_m: point(c.low_m), max_m: point(c.high_m) }));
+        let elements = self.base().elements.len();
+        met.flat_map(move |(index, _)| index * CHUNK_ELEMENTS..elements.min((index + 1) * CHUNK_ELEMENTS))
     }
 
     /// Energies at the state that was last evaluated.
@@ -152,8 +176,8 @@ impl Body {
         let mut energy = BodyEnergy::default();
         // Lanes without an element have zero matrices and add nothing.
         for chunk in &self.chunks {
-            energy.elastic_j += chunk.energies.elastic_j.reduce_add();
-            energy.kinetic_j += chunk.energies.kinetic_j.reduce_add();
+            energy.elastic_j += chunk.found.elastic_j.reduce_add();
+            energy.kinetic_j += chunk.found.kinetic_j.reduce_add();
         }
         for (element, hold) in &self.holds {
             let u = self.element_displacements(*element as usize);
@@ -265,12 +289,8 @@ impl Body {
         let states = &self.states;
         workers.for_chunks(&mut self.multigrid.operator_mut().blocks[..], BLOCKS_PER_CHUNK, |first, blocks| {
             for (block, states) in blocks.iter_mut().zip(states[2 * first * BLOCKS_PER_CHUNK..].chunks(2)) {
-                for (half, state) in states.iter().enumerate() {
-                    for (target, entry) in block.rotation.iter_mut().zip(rotation_matrix(&state.rotation)) {
-                        let lanes = half * LANES..(half + 1) * LANES;
-                        target.as_mut_array()[lanes].copy_from_slice(&entry.to_array().map(|c| c as f32));
-                    }
-                }
+                let (low, high) = (&states[0].rotation_matrix, &states[states.len() - 1].rotation_matrix);
+                block.rotation = std::array::from_fn(|i| bytemuck::cast([low[i], high[i]]));
             }
         });
     }
@@ -278,12 +298,14 @@ impl Body {
     /// Brings the solver's operator and its preconditioner to the evaluated state.
     pub fn refresh_operator(&mut self, workers: &Workers<'_>) {
         self.scratch.stale_parents.clear();
+        let mut rewritten = false;
         if self.blocks.iter().any(|b| b.stiffening.is_some()) {
             for element in 0..self.base().elements.len() {
                 let stiffening = self.states[element / LANES].stiffening.as_array()[element % LANES];
                 let active = stiffening - 1.0 > STIFFENING_THRESHOLD;
                 if active || self.applied_stiffening[element] != 1.0 {
                     self.write_matrix(element);
+                    rewritten = true;
                 }
                 let ratio = self.applied_stiffening[element] / self.coarse_stiffening[element];
                 if !(1.0 / COARSE_STIFFENING_FACTOR..=COARSE_STIFFENING_FACTOR).contains(&ratio) {
@@ -301,7 +323,11 @@ impl Body {
             self.multigrid.rebuild_coarse(parents);
         }
         self.write_rotations(workers);
-        self.multigrid.update_rotations_and_diagonals(workers);
+        self.multigrid.update_rotations(workers);
+        if rewritten || self.turned_rad > MOST_TURNED_RAD {
+            self.multigrid.update_diagonals(workers);
+            self.turned_rad = 0.0;
+        }
     }
 
     /// Room for `count` springs in the solver's operators.
@@ -360,15 +386,18 @@ impl Body {
     }
 
     /// Norm of the impulses that loads and contacts `impulses` (node, N s) give the nodes in a step.
-    pub fn applied_impulse_norm(&mut self, impulses: &[(u32, [f64; 3])]) -> f64 {
+    pub fn applied_impulse_norm(&mut self, workers: &Workers<'_>, impulses: &[(u32, [f64; 3])]) -> f64 {
         let mut applied = std::mem::take(&mut self.scratch.applied);
-        applied.clear();
-        applied.extend(self.external_n.iter().map(|f| f.map(|c| self.params.dt_s * c)));
+        let dt = self.params.dt_s;
+        workers.for_chunks((&mut applied[..], &self.external_n[..]), NODES_PER_CHUNK, |_, (applied, external)| {
+            applied.iter_mut().zip(external).for_each(|(a, f)| *a = f.map(|c| dt * c));
+        });
         for (node, impulse) in impulses {
             (0..3).for_each(|i| applied[*node as usize][i] += impulse[i]);
         }
         self.gather_hanging(&mut applied);
-        let squares: f64 = applied.iter().flatten().map(|c| c * c).sum();
+        let square = |_, applied: &[[f64; 3]]| applied.iter().flatten().map(|c| c * c).sum::<f64>();
+        let squares = workers.reduce_chunks(&applied[..], NODES_PER_CHUNK, square, |a, b| a + b);
         self.scratch.applied = applied;
         squares.sqrt()
     }
@@ -384,16 +413,20 @@ impl Body {
         velocity_change: &mut super::Nodal,
     ) -> SolveReport {
         let scratch = &mut self.scratch;
-        scratch.right_side_f32.clear();
-        scratch.right_side_f32.extend(scratch.right_side.iter().map(narrow));
+        let data = (&mut scratch.right_side_f32[..], &scratch.right_side[..]);
+        workers.for_chunks(data, NODES_PER_CHUNK, |_, (narrowed, b)| {
+            narrowed.iter_mut().zip(b).for_each(|(narrowed, b)| *narrowed = narrow(b));
+        });
         let hanging = self.multigrid.operator().hanging();
         for (node, impulse) in impulses {
             for (master, w) in masters_of(hanging, *node as usize) {
                 scratch.right_side_f32[master] += f32x4::splat(w) * narrow(impulse);
             }
         }
-        scratch.solution.clear();
-        scratch.solution.extend(velocity_change.iter().map(narrow));
+        let data = (&mut scratch.solution[..], &velocity_change[..]);
+        workers.for_chunks(data, NODES_PER_CHUNK, |_, (solution, guess)| {
+            solution.iter_mut().zip(guess).for_each(|(solution, guess)| *solution = narrow(guess));
+        });
         let PcgReport { iterations, relative_residual } = self.pcg.solve(
             workers,
             &mut self.multigrid,
@@ -405,11 +438,13 @@ impl Body {
                 max_iterations: self.params.max_iterations,
             },
         );
-        velocity_change.clear();
-        velocity_change.extend(self.scratch.solution.iter().map(|v| {
-            let [x, y, z, _] = v.to_array().map(f64::from);
-            [x, y, z]
-        }));
+        let data = (&mut velocity_change[..], &self.scratch.solution[..]);
+        workers.for_chunks(data, NODES_PER_CHUNK, |_, (change, solution)| {
+            for (change, v) in change.iter_mut().zip(solution) {
+                let [x, y, z, _] = v.to_array().map(f64::from);
+                *change = [x, y, z];
+            }
+        });
         for hanging in self.multigrid.operator().hanging() {
             let mut moved = [0.0; 3];
             for (master, w) in hanging.masters {
@@ -418,6 +453,27 @@ impl Body {
             velocity_change[hanging.node as usize] = moved;
         }
         SolveReport { iterations, solves: 1, relative_residual }
+    }
+
+    /// Takes the step with a change of velocity: `v += dv`, `x += dt v`. Returns the work of the external
+    /// loads, gravity included, J.
+    pub fn integrate(&mut self, workers: &Workers<'_>, velocity_change: &super::Nodal) -> f64 {
+        let dt = self.params.dt_s;
+        type Data<'a> = (&'a mut [[f64; 3]], &'a mut [[f64; 3]], &'a [[f64; 3]], &'a [[f64; 3]]);
+        let integrate = |_, (x, v, dv, f): Data<'_>| {
+            let mut work = 0.0;
+            for (((x, v), dv), f) in x.iter_mut().zip(v).zip(dv).zip(f) {
+                for i in 0..3 {
+                    v[i] += dv[i];
+                    x[i] += dt * v[i];
+                    work += f[i] * (dt * v[i]);
+                }
+            }
+            work
+        };
+        let (x, v) = (&mut self.position_m[..], &mut self.velocity_m_per_s[..]);
+        let data = (x, v, &velocity_change[..], &self.external_n[..]);
+        workers.reduce_chunks(data, NODES_PER_CHUNK, integrate, |a, b| a + b)
     }
 
     /// Work of the external loads, gravity included, over nodal displacements, J.

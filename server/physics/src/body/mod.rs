@@ -125,6 +125,8 @@ pub struct Body {
     /// `psi'` that the solver's matrix and the coarse matrices were last made with.
     applied_stiffening: Vec<f64>,
     coarse_stiffening: Vec<f64>,
+    /// Bound on how far any element has turned since the smoothers' diagonals were made, rad.
+    turned_rad: f64,
     rigid: rigid::RigidParts,
     scratch: Scratch,
     saved: quarantine::FiniteState,
@@ -201,6 +203,7 @@ impl Body {
             pcg: PcgScratch::default(),
             applied_stiffening: Vec::new(),
             coarse_stiffening: Vec::new(),
+            turned_rad: 0.0,
             rigid: rigid::RigidParts::default(),
             scratch: Scratch::default(),
             saved: quarantine::FiniteState::default(),
@@ -426,7 +429,7 @@ impl Body {
         let mut shared = SharedByBlocks::default();
         self.blocks.iter_mut().for_each(|b| b.share_matrices(&mut shared));
         self.share_system_matrices();
-        self.save_finite_state();
+        self.save_finite_state(workers);
     }
 
     /// The system's matrices of elements that stiffen come and go with their strain.

@@ -1,6 +1,7 @@
 //! The last finite state of a body, and the way back to it.
 
 use super::{Body, Nodal};
+use crate::solve::operator::NODES_PER_CHUNK;
 use crate::workers::Workers;
 use wide::f64x4;
 
@@ -8,7 +9,6 @@ use wide::f64x4;
 #[derive(Default)]
 pub(super) struct FiniteState {
     position_m: Nodal,
-    velocity_m_per_s: Nodal,
     rotation: Vec<[f64x4; 4]>,
 }
 
@@ -22,15 +22,20 @@ impl Body {
 
     /// Remembers the evaluated state if its forces are finite too: a position that is finite but
     /// absurd overflows in them first. Returns whether they were.
-    pub fn save_finite_state(&mut self) -> bool {
-        let energy: f64 = self.chunks.iter().map(|c| c.energies.elastic_j.reduce_add()).sum();
+    pub fn save_finite_state(&mut self, workers: &Workers<'_>) -> bool {
+        let energy: f64 = self.chunks.iter().map(|c| c.found.elastic_j.reduce_add()).sum();
         // An energy that `f32` cannot hold is beyond what the solver can take a step from.
         let finite = energy.is_finite() && energy < f64::from(f32::MAX) && self.is_finite();
         if finite {
-            self.saved.position_m.clone_from(&self.position_m);
-            self.saved.velocity_m_per_s.clone_from(&self.velocity_m_per_s);
-            self.saved.rotation.clear();
-            self.saved.rotation.extend(self.states.iter().map(|s| s.rotation));
+            let FiniteState { position_m, rotation } = &mut self.saved;
+            position_m.resize(self.position_m.len(), [0.0; 3]);
+            rotation.resize(self.states.len(), [f64x4::ZERO; 4]);
+            workers.for_chunks((&mut position_m[..], &self.position_m[..]), NODES_PER_CHUNK, |_, (saved, x)| {
+                saved.copy_from_slice(x);
+            });
+            workers.for_chunks((&mut rotation[..], &self.states[..]), NODES_PER_CHUNK, |_, (saved, states)| {
+                saved.iter_mut().zip(states).for_each(|(saved, state)| *saved = state.rotation);
+            });
         }
         finite
     }

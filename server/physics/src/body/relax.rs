@@ -72,7 +72,7 @@ impl Body {
         }
         self.params = params;
         self.set_time_step(workers, params.dt_s);
-        self.save_finite_state();
+        self.save_finite_state(workers);
         end
     }
 

@@ -62,7 +62,8 @@ impl Body {
             self.write_matrix_of_changed(element as usize);
         }
         self.multigrid.update_changed(&self.levels, &changes);
-        self.save_finite_state();
+        self.turned_rad = f64::INFINITY;
+        self.save_finite_state(workers);
         let rebound_voxels = base.split_elements.iter().flat_map(|&(new, _)| self.voxels_of(new as usize)).collect();
         TopologyChange { elements, nodes: base.split_nodes.iter().map(|s| s.0).collect(), rebound_voxels }
     }

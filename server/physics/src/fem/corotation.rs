@@ -8,7 +8,7 @@ use super::composite::{ElementMatrices, corner_pair};
 use super::lanes::{self, pack};
 use super::packed::{MOST_SHARED, PackedMatrix, Shared};
 use std::sync::Arc;
-use wide::f64x4;
+use wide::{f32x4, f64x4};
 
 /// Lanes per block.
 pub const LANES: usize = 4;
@@ -17,6 +17,10 @@ pub const LANES: usize = 4;
 /// stiff as at rest, and no more, whatever a blade or a bad start does to an element. (Growing on,
 /// even as a parabola, one linearised step no longer bounds the energy.)
 const LINEAR_BEYOND: f64 = 6.0;
+
+/// A rotation that was improved by less than 1e-4 rad is off by less than 1e-8 rad after it: the steps
+/// converge quadratically.
+const TURNED_ENOUGH_RAD2: f64 = 1e-8;
 
 /// Smallest eigenvalue of `tr(S) I - S`, relative to the size of S, at which it is still inverted.
 const ROTATION_FLOOR: f64 = 0.2;
@@ -65,15 +69,17 @@ pub struct NodalBuffers {
     pub balance_n: Vec<f64x4>,
 }
 
-/// Energies of four elements at the state that was evaluated, and what the step did to them.
+/// What an evaluation of four elements found.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct BlockEnergies {
+pub struct Evaluation {
     /// Elastic energy, J.
     pub elastic_j: f64x4,
     /// Kinetic energy, J.
     pub kinetic_j: f64x4,
-    /// Terms of the step.
+    /// What the step did to the energies.
     pub step: StepTerms<f64x4>,
+    /// Square of the largest angle that an element has turned by, rad^2.
+    pub turned_rad2: f64x4,
 }
 
 /// Data of the strain-stiffening law of four elements.
@@ -90,6 +96,8 @@ pub struct StiffeningBlock {
 pub struct ElementState {
     /// Rotation as a quaternion, xyzw.
     pub rotation: [f64x4; 4],
+    /// The same as a row-major matrix, for the solver.
+    pub rotation_matrix: [f32x4; 9],
     /// `psi'`: factor on the Galerkin stiffness' share; 1 where linear.
     pub stiffening: f64x4,
     /// `psi'' / V`, and the local Galerkin force it goes with.
@@ -105,6 +113,7 @@ impl Default for ElementState {
         let zero = f64x4::ZERO;
         Self {
             rotation: [zero, zero, zero, f64x4::ONE],
+            rotation_matrix: [0, 1, 2, 3, 4, 5, 6, 7, 8].map(|i| f32x4::splat(if i % 4 == 0 { 1.0 } else { 0.0 })),
             stiffening: f64x4::ONE,
             curvature: zero,
             galerkin_force_n: [zero; 24],
@@ -171,14 +180,16 @@ impl Default for ElementBlock {
     }
 }
 
-impl std::ops::AddAssign for BlockEnergies {
-    fn add_assign(&mut self, other: Self) {
+impl Evaluation {
+    /// Takes in what was found for other elements.
+    pub fn join(&mut self, other: &Self) {
         self.elastic_j += other.elastic_j;
         self.kinetic_j += other.kinetic_j;
         self.step.inertial_j += other.step.inertial_j;
         self.step.elastic_j += other.step.elastic_j;
         self.step.force_work_j += other.step.force_work_j;
         self.step.damping_j += other.step.damping_j;
+        self.turned_rad2 = self.turned_rad2.fast_max(other.turned_rad2);
     }
 }
 
@@ -260,16 +271,22 @@ impl ElementBlock {
         nodal: &mut NodalBuffers,
         dt_s: f64,
         iterations: u32,
-    ) -> BlockEnergies {
+    ) -> Evaluation {
         let mut x = self.gather(&nodal.position_m);
         let origin = [x[0], x[1], x[2]];
         (0..24).for_each(|i| x[i] -= origin[i % 3]);
         let gradient = self.deformation_gradient(&x);
         let r_before = rotation_matrix(&state.rotation);
+        let mut turned_rad2 = f64x4::ZERO;
         for _ in 0..iterations {
-            improve_rotation(&mut state.rotation, &gradient);
+            let step_rad2 = improve_rotation(&mut state.rotation, &gradient);
+            turned_rad2 += step_rad2;
+            if step_rad2.simd_lt(f64x4::splat(TURNED_ENOUGH_RAD2)).all() {
+                break;
+            }
         }
         let r = rotation_matrix(&state.rotation);
+        state.rotation_matrix = r.map(|entry| f32x4::new(entry.to_array().map(|c| c as f32)));
         let y = lanes::rotate_back(&r, &x);
         let velocity = self.gather(&nodal.velocity_m_per_s);
         // The stiffness is most of what an evaluation reads: once for all three.
@@ -280,13 +297,14 @@ impl ElementBlock {
         let products = |n: usize| Products { k: stiffness[n], g: galerkin.as_ref().map(|g| g[n]) };
         let momentum = self.mass_times(&velocity);
         let half = f64x4::splat(0.5);
-        let mut energies = BlockEnergies { kinetic_j: half * lanes::dot(&velocity, &momentum), ..Default::default() };
+        let kinetic_j = half * lanes::dot(&velocity, &momentum);
+        let mut found = Evaluation { kinetic_j, turned_rad2, ..Evaluation::default() };
         if !nodal.velocity_change.is_empty() {
             let kv = self.tangent(state, &vectors[2], products(2));
             let change = self.gather(&nodal.velocity_change);
-            energies.step = self.step_terms(state, &change, &velocity, energies.kinetic_j, dt_s, [&vectors[2], &kv]);
+            found.step = self.step_terms(state, &change, &velocity, kinetic_j, dt_s, [&vectors[2], &kv]);
         }
-        energies.elastic_j = self.evaluate_forces(state, &r, &gradient, &y, &vectors[0], products(0));
+        found.elastic_j = self.evaluate_forces(state, &r, &gradient, &y, &vectors[0], products(0));
         let kv = lanes::rotate(&r, &self.tangent(state, &vectors[1], products(1)));
         let factor = self.beta_s + f64x4::splat(dt_s);
         for (corner, slots) in self.slots.iter().enumerate() {
@@ -297,7 +315,7 @@ impl ElementBlock {
             let lanes = f64x4::transpose([x, y, z, f64x4::ZERO]);
             (0..LANES).for_each(|lane| nodal.balance_n[slots[lane] as usize] += lanes[lane]);
         }
-        energies
+        found
     }
 
     /// `y - X` for positions `y` in the rest frame, relative to the first corner.
@@ -497,9 +515,9 @@ fn solve_rotation(m: &[f64x4; 9], t: [f64x4; 3]) -> [f64x4; 3] {
 }
 
 /// One step toward the polar rotation of `f`: Newton's where it is well defined, Mueller's (2016)
-/// elsewhere, which also recovers from inversion.
+/// elsewhere, which also recovers from inversion. Returns the square of the step's angle, rad^2.
 #[inline(always)]
-fn improve_rotation(q: &mut [f64x4; 4], f: &[f64x4; 9]) {
+fn improve_rotation(q: &mut [f64x4; 4], f: &[f64x4; 9]) -> f64x4 {
     let r = rotation_matrix(q);
     let m = matmul_transposed_left(&r, f);
     let axial = [m[7] - m[5], m[2] - m[6], m[3] - m[1]];
@@ -517,6 +535,7 @@ fn improve_rotation(q: &mut [f64x4; 4], f: &[f64x4; 9]) {
     let scale = f64x4::ONE / norm2.sqrt();
     next.iter_mut().for_each(|c| *c *= scale);
     *q = next;
+    omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2]
 }
 
 /// Row-major matrix of unit quaternions xyzw.

@@ -380,7 +380,7 @@ impl Multigrid {
     }
 
     /// Recomputes what `changes` touched above the finest level, whose matrices already reflect them.
-    /// [`Self::update_rotations_and_diagonals`] completes it.
+    /// [`Self::update_rotations`] and [`Self::update_diagonals`] complete it.
     pub fn update_changed(&mut self, hierarchy: &[Level], changes: &[LevelChange]) {
         let mut touched: Vec<u32> =
             changes[1..].first().map_or(Vec::new(), |c| elements_in_cells(&hierarchy[1], &c.touched_cells));
@@ -395,7 +395,8 @@ impl Multigrid {
         self.rebuild_coarse(&mut all);
         self.factor_coarsest();
         self.spectrum_rounds = 20;
-        self.update_rotations_and_diagonals(workers);
+        self.update_rotations(workers);
+        self.update_diagonals(workers);
     }
 
     fn factor_coarsest(&mut self) {
@@ -426,16 +427,19 @@ impl Multigrid {
         elements.clear();
     }
 
-    /// Coarse rotations from the finest level's, then every diagonal, and the eigenvalues where matrices
-    /// changed. Springs are dropped.
-    pub fn update_rotations_and_diagonals(&mut self, workers: &Workers<'_>) {
+    /// Coarse rotations from the finest level's.
+    pub fn update_rotations(&mut self, workers: &Workers<'_>) {
         for i in 1..self.levels.len() {
             let (below, above) = self.levels.split_at_mut(i);
             inherit_rotations(workers, &below[i - 1], &mut above[0].operator);
         }
-        self.levels.iter_mut().for_each(|l| l.operator.update_diagonal(workers));
         let last = self.levels.len() - 1;
         self.coarsest.update_rotations(&self.levels[last].operator);
+    }
+
+    /// Every diagonal, and the eigenvalues where matrices changed. Springs are dropped.
+    pub fn update_diagonals(&mut self, workers: &Workers<'_>) {
+        self.levels.iter_mut().for_each(|l| l.operator.update_diagonal(workers));
         let rounds = std::mem::take(&mut self.spectrum_rounds);
         self.levels.iter_mut().for_each(|l| l.estimate_eigenvalue(workers, rounds));
     }

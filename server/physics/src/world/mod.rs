@@ -203,16 +203,9 @@ impl World {
     }
 
     fn integrate(&mut self, workers: &Workers<'_>) {
-        let dt = self.params.dt_s;
         for slot in &mut self.slots {
             let body = &mut slot.body;
-            for (v, dv) in body.velocity_m_per_s.iter_mut().zip(&slot.velocity_change) {
-                (0..3).for_each(|i| v[i] += dv[i]);
-            }
-            for (x, v) in body.position_m.iter_mut().zip(&body.velocity_m_per_s) {
-                (0..3).for_each(|i| x[i] += dt * v[i]);
-            }
-            slot.ledger.load_work_j = body.external_work_j(body.velocity_m_per_s.iter().map(|v| v.map(|c| dt * c)));
+            slot.ledger.load_work_j = body.integrate(workers, &slot.velocity_change);
             if !body.is_finite() {
                 slot.roll_back(workers, &mut self.output);
             }
@@ -224,7 +217,7 @@ impl World {
             slot.ledger.before = slot.ledger.after;
             slot.ledger.step = slot.body.evaluate_step(workers, &slot.velocity_change);
             slot.ledger.solved = slot.body.energy();
-            if !slot.body.save_finite_state() {
+            if !slot.body.save_finite_state(workers) {
                 slot.roll_back(workers, &mut self.output);
                 slot.ledger.solved = slot.ledger.after;
             }
