@@ -256,8 +256,11 @@ impl ElementBlock {
     fn gather(&self, values: &[f64x4]) -> [f64x4; 24] {
         let mut out = [f64x4::ZERO; 24];
         for (corner, slots) in self.slots.iter().enumerate() {
-            let [x, y, z, _] = f64x4::transpose(slots.map(|slot| values[slot as usize]));
-            out[3 * corner..3 * corner + 3].copy_from_slice(&[x, y, z]);
+            let at = |lane: usize| values[slots[lane] as usize];
+            let [x, y, z, _] = f64x4::transpose([at(0), at(1), at(2), at(3)]);
+            out[3 * corner] = x;
+            out[3 * corner + 1] = y;
+            out[3 * corner + 2] = z;
         }
         out
     }
@@ -286,7 +289,10 @@ impl ElementBlock {
             }
         }
         let r = rotation_matrix(&state.rotation);
-        state.rotation_matrix = r.map(|entry| f32x4::new(entry.to_array().map(|c| c as f32)));
+        for (narrow, entry) in state.rotation_matrix.iter_mut().zip(r) {
+            let [a, b, c, d] = entry.to_array();
+            *narrow = f32x4::new([a as f32, b as f32, c as f32, d as f32]);
+        }
         let y = lanes::rotate_back(&r, &x);
         let velocity = self.gather(&nodal.velocity_m_per_s);
         // The stiffness is most of what an evaluation reads: once for all three.
@@ -313,7 +319,9 @@ impl ElementBlock {
                 state.force_n[slot] - factor.mul_add(kv[slot], self.alpha_per_s * momentum[slot])
             });
             let lanes = f64x4::transpose([x, y, z, f64x4::ZERO]);
-            (0..LANES).for_each(|lane| nodal.balance_n[slots[lane] as usize] += lanes[lane]);
+            for lane in 0..LANES {
+                nodal.balance_n[slots[lane] as usize] += lanes[lane];
+            }
         }
         found
     }

@@ -98,7 +98,11 @@ impl<L: LaneVector> PackedMatrix<L> {
     pub fn apply_to_each<const N: usize>(&self, u: &[[L; 24]; N]) -> [[L; 24]; N] {
         match self {
             Self::Each(k) => lanes::apply_to_each(k, u),
-            Self::Whole(cell) => u.map(|u| cell.apply::<L>(u)),
+            Self::Whole(cell) => {
+                let mut y = *u;
+                y.iter_mut().for_each(|y| cell.apply::<L>(y));
+                y
+            }
         }
     }
 
@@ -107,25 +111,30 @@ impl<L: LaneVector> PackedMatrix<L> {
     pub fn apply(&self, u: &[L; 24]) -> [L; 24] {
         match self {
             Self::Each(k) => lanes::apply(k, u),
-            Self::Whole(cell) => cell.apply::<L>(*u),
+            Self::Whole(cell) => {
+                let mut y = *u;
+                cell.apply::<L>(&mut y);
+                y
+            }
         }
     }
 }
 
 impl<S: Copy> WholeCell<S> {
+    /// `u = K u`.
     #[inline(always)]
-    fn apply<L: LaneVector<Scalar = S>>(&self, mut u: [L; 24]) -> [L; 24] {
-        transform(&mut u);
+    fn apply<L: LaneVector<Scalar = S>>(&self, u: &mut [L; 24]) {
+        transform(u);
         for class in 0..8 {
-            let m: [L; 6] = std::array::from_fn(|i| L::splat(self.modes[6 * class + i]));
+            let m = &self.modes[6 * class..6 * class + 6];
+            let m = |i: usize| L::splat(m[i]);
             let [x, y, z] = class_slots(class);
             let v = [u[x], u[y], u[z]];
-            u[x] = m[0].fma(v[0], m[1].fma(v[1], m[3] * v[2]));
-            u[y] = m[1].fma(v[0], m[2].fma(v[1], m[4] * v[2]));
-            u[z] = m[3].fma(v[0], m[4].fma(v[1], m[5] * v[2]));
+            u[x] = m(0).fma(v[0], m(1).fma(v[1], m(3) * v[2]));
+            u[y] = m(1).fma(v[0], m(2).fma(v[1], m(4) * v[2]));
+            u[z] = m(3).fma(v[0], m(4).fma(v[1], m(5) * v[2]));
         }
-        transform(&mut u);
-        u
+        transform(u);
     }
 }
 
@@ -138,18 +147,16 @@ const fn class_slots(class: usize) -> [usize; 3] {
 /// Walsh-Hadamard transform over the corners, each component by itself; twice is eight times the vector.
 #[inline(always)]
 fn transform<L: LaneVector>(v: &mut [L; 24]) {
-    for i in 0..3 {
-        let mut corners: [L; 8] = std::array::from_fn(|c| v[3 * c + i]);
-        for bit in [1, 2, 4] {
-            for c in 0..8 {
-                if c & bit == 0 {
-                    let (low, high) = (corners[c], corners[c | bit]);
-                    corners[c] = low + high;
-                    corners[c | bit] = low - high;
+    for bit in [1, 2, 4] {
+        for corner in 0..8 {
+            if corner & bit == 0 {
+                for i in 0..3 {
+                    let (low, high) = (v[3 * corner + i], v[3 * (corner | bit) + i]);
+                    v[3 * corner + i] = low + high;
+                    v[3 * (corner | bit) + i] = low - high;
                 }
             }
         }
-        (0..8).for_each(|c| v[3 * c + i] = corners[c]);
     }
 }
 

@@ -92,25 +92,24 @@ impl Corners {
     /// Components of the corners, one element per lane.
     #[inline(always)]
     fn gather(&self, values: &[f32x4]) -> [f32x8; 24] {
-        let mut out = [f32x8::ZERO; 24];
         match self {
             Self::Row(edges) => {
-                for (edge, &slot) in edges.iter().enumerate() {
-                    let nodes = &values[slot as usize..][..LANES + 1];
-                    let near: [f32x4; LANES] = std::array::from_fn(|lane| nodes[lane]);
-                    let far: [f32x4; LANES] = std::array::from_fn(|lane| nodes[lane + 1]);
-                    out[6 * edge..6 * edge + 3].copy_from_slice(&lanes::split(near));
-                    out[6 * edge + 3..6 * edge + 6].copy_from_slice(&lanes::split(far));
-                }
+                let edge = |e: usize| -> [[f32x8; 3]; 2] {
+                    let nodes = &values[edges[e] as usize..][..LANES + 1];
+                    let from = |first: usize| lanes::split(std::array::from_fn(|lane| nodes[first + lane]));
+                    [from(0), from(1)]
+                };
+                bytemuck::cast([edge(0), edge(1), edge(2), edge(3)])
             }
             Self::Each(corners) => {
-                for (corner, slots) in corners.iter().enumerate() {
-                    let points = std::array::from_fn(|lane| values[slots[lane] as usize]);
-                    out[3 * corner..3 * corner + 3].copy_from_slice(&lanes::split(points));
-                }
+                let corner = |c: usize| {
+                    let slots = &corners[c];
+                    lanes::split(std::array::from_fn(|lane| values[slots[lane] as usize]))
+                };
+                let c = [corner(0), corner(1), corner(2), corner(3), corner(4), corner(5), corner(6), corner(7)];
+                bytemuck::cast(c)
             }
         }
-        out
     }
 
     /// Adds what each lane has for its corners.
