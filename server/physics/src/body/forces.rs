@@ -116,13 +116,13 @@ impl ElementChunk {
 impl Body {
     /// Rotations, forces, energies and velocity terms of every element at the current state.
     pub fn evaluate(&mut self, workers: &Workers<'_>, rotation_iterations: u32) {
-        self.evaluate_chunks(workers, None, rotation_iterations);
+        self.evaluate_chunks(workers, |_| true, None, rotation_iterations);
     }
 
     /// The same at the end of a step that changed the velocities by `velocity_change`; returns what the
     /// step did to the energies.
     pub fn evaluate_step(&mut self, workers: &Workers<'_>, velocity_change: &super::Nodal) -> StepEnergies {
-        self.evaluate_chunks(workers, Some(velocity_change), 2);
+        self.evaluate_chunks(workers, |_| true, Some(velocity_change), 2);
         let mut sum = StepEnergies::default();
         for step in self.chunks.iter().map(|chunk| &chunk.found.step) {
             sum.elements.inertial_j += step.inertial_j.reduce_add();
@@ -139,9 +139,11 @@ impl Body {
         sum
     }
 
-    fn evaluate_chunks(
+    /// Evaluates the chunks that are `among` those that may have changed.
+    pub(super) fn evaluate_chunks(
         &mut self,
         workers: &Workers<'_>,
+        among: impl Fn(usize) -> bool + Sync,
         velocity_change: Option<&super::Nodal>,
         rotation_iterations: u32,
     ) {
@@ -149,9 +151,11 @@ impl Body {
         let (x, v, dt) = (&self.position_m, &self.velocity_m_per_s, self.params.dt_s);
         let states = Groups { entries: &mut self.states, size: BLOCKS_PER_CHUNK };
         workers.for_chunks((states, &mut self.chunks[..]), 1, |index, (states, chunks)| {
-            let (chunk, blocks) = (&mut chunks[0], &blocks[index * BLOCKS_PER_CHUNK..]);
-            chunk.load(&assembly.chunks()[index], x, v, velocity_change);
-            chunk.evaluate(&assembly.chunks()[index], blocks, states.entries, dt, rotation_iterations);
+            if among(index) {
+                let (chunk, blocks) = (&mut chunks[0], &blocks[index * BLOCKS_PER_CHUNK..]);
+                chunk.load(&assembly.chunks()[index], x, v, velocity_change);
+                chunk.evaluate(&assembly.chunks()[index], blocks, states.entries, dt, rotation_iterations);
+            }
         });
         let turned_rad2 = |chunk: &ElementChunk| chunk.found.turned_rad2.to_array().into_iter().fold(0.0, f64::max);
         self.turned_rad += self.chunks.iter().map(turned_rad2).fold(0.0, f64::max).sqrt();

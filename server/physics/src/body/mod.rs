@@ -18,10 +18,11 @@ use crate::fem::corotation::{ElementBlock, ElementLaw, ElementState, LANES, Shar
 use crate::fem::lanes::diagonal_entry;
 use crate::fem::material::Elastic;
 use crate::grid::cell_sizes::CellSizes;
-use crate::grid::levels::{Level, Units, VoxelUnits};
+use crate::grid::levels::{Level, LevelChange, Units, VoxelUnits};
 use crate::grid::{Grid, VoxelId, voxelize};
 use crate::params::StepParams;
 use crate::scene::{Face, LoadDesc, MaterialDesc, Meshes, ObjectDesc, Scene, SceneError};
+use crate::solve::assembly::CHUNK_ELEMENTS;
 use crate::solve::multigrid::Multigrid;
 use crate::solve::operator::NodeVector;
 use crate::solve::pcg::PcgScratch;
@@ -417,7 +418,7 @@ impl Body {
         for element in 0..self.base().elements.len() {
             self.rebuild_element(element);
         }
-        self.number_nodes();
+        self.number_nodes(None);
         self.rebuild_external_forces();
         self.rigid = rigid::RigidParts::new(self);
         self.evaluate(workers, 20);
@@ -439,15 +440,21 @@ impl Body {
         }
     }
 
-    /// Takes the levels' nodes into the solver and into the blocks.
-    fn number_nodes(&mut self) {
-        self.multigrid.set_topology(&self.levels, &self.held_nodes());
+    /// Takes the levels' nodes into the solver and into the blocks, changed as `changes` of each level say;
+    /// `None`: all of them. Returns the chunks of elements whose numbering changed.
+    fn number_nodes(&mut self, changes: Option<&[LevelChange]>) -> Vec<usize> {
+        let renumbered = self.multigrid.set_topology(&self.levels, &self.held_nodes(), changes);
         let assembly = self.multigrid.operator().assembly();
-        for element in 0..self.levels[0].elements.len() {
-            self.blocks[element / LANES].set_slots(element % LANES, assembly.corners(element));
-        }
         self.chunks.resize_with(assembly.chunks().len(), Default::default);
-        self.chunks.iter_mut().zip(assembly.chunks()).for_each(|(chunk, nodes)| chunk.resize(nodes));
+        let elements = self.levels[0].elements.len();
+        for &index in &renumbered {
+            let (chunk, first) = (&assembly.chunks()[index], index * CHUNK_ELEMENTS);
+            self.chunks[index].resize(chunk);
+            for element in first..elements.min(first + CHUNK_ELEMENTS) {
+                self.blocks[element / LANES].set_slots(element % LANES, chunk.corners(element - first));
+            }
+        }
+        renumbered
     }
 
     fn resize_blocks(&mut self) {

@@ -51,13 +51,11 @@ impl Body {
         for &element in &base.changed_elements {
             self.rebuild_element(element as usize);
         }
-        self.number_nodes();
+        let renumbered = self.number_nodes(Some(&changes));
         self.rebuild_external_forces();
         self.rigid = rigid::RigidParts::new(self);
-        let mut elements: Vec<u32> = base.changed_elements.iter().chain(&base.renoded_elements).copied().collect();
-        elements.sort_unstable();
-        elements.dedup();
-        self.evaluate(workers, 2);
+        let elements = base.elements();
+        self.evaluate_chunks(workers, |chunk| renumbered.binary_search(&chunk).is_ok(), None, 2);
         for &element in &elements {
             self.write_matrix_of_changed(element as usize);
         }

@@ -83,6 +83,17 @@ pub struct LevelChange {
     pub renoded_elements: Vec<u32>,
 }
 
+impl LevelChange {
+    /// Elements that are new or have other units or nodes than before, ascending.
+    #[must_use]
+    pub fn elements(&self) -> Vec<u32> {
+        let mut elements: Vec<u32> = self.changed_elements.iter().chain(&self.renoded_elements).copied().collect();
+        elements.sort_unstable();
+        elements.dedup();
+        elements
+    }
+}
+
 /// What a level is built from.
 pub trait Units {
     /// Number of units.

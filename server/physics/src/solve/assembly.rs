@@ -17,18 +17,18 @@ pub const CHUNK_ELEMENTS: usize = 512;
 const SLOT_BITS: u32 = 13;
 
 /// Where a node's value lies among the chunks' buffers.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Source(u32);
 
 /// A hanging node of a chunk, by slots.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct HangingSlot {
     slot: u16,
     masters: [(u16, f32); 4],
 }
 
 /// The nodes of one chunk; its elements name them by slot.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Chunk {
     /// Unknowns, ascending; the hanging nodes' slots come after them.
     unknowns: Vec<u32>,
@@ -141,14 +141,22 @@ impl Chunk {
 }
 
 impl Assembly {
-    /// Takes the connectivity of a level.
-    pub fn set_topology(&mut self, level: &Level) {
+    /// Takes the connectivity of a level of which `changed` elements, ascending, are new or have other nodes
+    /// than before; `None`: all. Returns the chunks whose numbering changed, ascending.
+    pub fn set_topology(&mut self, level: &Level, changed: Option<&[u32]>) -> Vec<usize> {
         let (elements, nodes) = (level.elements.len(), level.nodes.len());
         self.slot_of.resize(nodes, NONE);
         self.chunks.resize_with(elements.div_ceil(CHUNK_ELEMENTS), Chunk::default);
-        for (index, chunk) in self.chunks.iter_mut().enumerate() {
+        let mut renumbered: Vec<usize> = match changed {
+            // What hangs depends on elements of other chunks too.
+            Some(changed) if !level.is_graded() => changed.iter().map(|e| *e as usize / CHUNK_ELEMENTS).collect(),
+            _ => (0..self.chunks.len()).collect(),
+        };
+        renumbered.dedup();
+        for &index in &renumbered {
             let first = index * CHUNK_ELEMENTS;
-            chunk.number(level, first..elements.min(first + CHUNK_ELEMENTS), &mut self.slot_of);
+            let range = first..elements.min(first + CHUNK_ELEMENTS);
+            self.chunks[index].number(level, range, &mut self.slot_of);
         }
         self.first.clear();
         self.first.resize(nodes + 1, 0);
@@ -168,6 +176,7 @@ impl Assembly {
                 self.sources[self.first[node as usize] as usize] = Source((index as u32) << SLOT_BITS | slot as u32);
             }
         }
+        renumbered
     }
 
     /// The chunks, in the order of the elements.
@@ -195,3 +204,16 @@ impl Assembly {
         sources.iter().map(|s| ((s.0 >> SLOT_BITS) as usize, (s.0 & ((1 << SLOT_BITS) - 1)) as usize))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What an update leaves is what the same level would have got from scratch.
+    pub fn assert_same(a: &Assembly, b: &Assembly) {
+        assert_eq!((&a.chunks, &a.first, &a.sources), (&b.chunks, &b.first, &b.sources));
+    }
+}
+
+#[cfg(test)]
+pub use tests::assert_same;

@@ -23,7 +23,7 @@ const BLOCKS_PER_CHUNK: usize = 32;
 const EIGENVALUE_MARGIN: f32 = 1.12;
 
 /// Interpolation of one node from the level above.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Prolongation {
     nodes: [u32; 8],
     weights: [f32; 8],
@@ -31,7 +31,7 @@ struct Prolongation {
 }
 
 /// Lists, one after the other: of the rows of a sparse matrix, or of children.
-#[derive(Default)]
+#[derive(Debug, Default, PartialEq)]
 struct Lists<T> {
     first: Vec<u32>,
     entries: Vec<T>,
@@ -173,36 +173,59 @@ impl CycleLevel {
         }
     }
 
-    fn set_topology(&mut self, level: &Level, above: Option<&Level>, held: &[bool]) {
+    /// Takes the connectivity of a level and the one above it, of which the elements in `changed`, of
+    /// both, are new or have other nodes; `None`: all. Returns the chunks of the operator that changed.
+    fn set_topology(
+        &mut self,
+        level: &Level,
+        above: Option<&Level>,
+        held: &[bool],
+        changed: Option<[&[u32]; 2]>,
+    ) -> Vec<usize> {
         let nodes = level.nodes.len();
-        self.operator.set_topology(level);
+        let renumbered = self.operator.set_topology(level, changed.map(|c| c[0]));
         for v in [&mut self.x, &mut self.b, &mut self.r, &mut self.step] {
             v.resize(nodes, f32x4::ZERO);
         }
-        let Some(above) = above else { return };
+        let Some(above) = above else { return renumbered };
         self.held.clear();
         self.held.extend_from_slice(held);
         self.held.resize(nodes, false);
         self.parent.clone_from(&above.owner);
         let parents = self.parent.iter().zip(0..).map(|(parent, child)| (*parent, child));
         self.children.fill(above.elements.len(), parents);
-        let parent_of = |element: usize| &above.elements[above.owner[element] as usize];
-        self.place = level.elements.iter().enumerate().map(|(i, e)| Place::of(e, parent_of(i))).collect();
-        let hanging_above: Vec<HangingNode> = above.hanging().collect();
-        self.prolongation.clear();
+        self.place.resize(level.elements.len(), Place::Same);
         self.prolongation.resize(nodes, Prolongation::default());
-        for (element, data) in level.elements.iter().enumerate() {
-            let (parent, weights) = (parent_of(element), self.place[element].weights());
-            for (corner, &node) in data.nodes.iter().enumerate() {
-                if !self.held[node as usize] && level.hanging_node(node).is_none() {
-                    self.prolongation[node as usize] =
-                        Prolongation::new(&parent.nodes, &weights[corner], &hanging_above);
-                }
+        let hanging_above: Vec<HangingNode> = above.hanging().collect();
+        match changed {
+            Some([own, parents]) if !level.is_graded() => {
+                let children = parents.iter().flat_map(|p| self.children.list(*p as usize));
+                let mut elements: Vec<u32> = own.iter().chain(children).copied().collect();
+                elements.sort_unstable();
+                elements.dedup();
+                elements.into_iter().for_each(|e| self.interpolate(level, above, &hanging_above, e as usize));
             }
+            _ => (0..level.elements.len()).for_each(|e| self.interpolate(level, above, &hanging_above, e)),
         }
         let entries = self.prolongation.iter().zip(0..);
         let transposed = entries.flat_map(|(p, node)| p.iter().map(move |(above, w)| (above as u32, (node, w))));
         self.restriction.fill(above.nodes.len(), transposed);
+        renumbered
+    }
+
+    /// Where an element lies in its parent, and what its nodes take from the parent's.
+    fn interpolate(&mut self, level: &Level, above: &Level, hanging_above: &[HangingNode], element: usize) {
+        let (data, parent) = (&level.elements[element], &above.elements[above.owner[element] as usize]);
+        self.place[element] = Place::of(data, parent);
+        let weights = self.place[element].weights();
+        for (corner, &node) in data.nodes.iter().enumerate() {
+            let takes = !self.held[node as usize] && level.hanging_node(node).is_none();
+            self.prolongation[node as usize] = if takes {
+                Prolongation::new(&parent.nodes, &weights[corner], hanging_above)
+            } else {
+                Prolongation::default()
+            };
+        }
     }
 
     /// Weights of an element's corners among the corners of its parent; zero where a corner is held.
@@ -339,7 +362,7 @@ impl Multigrid {
     pub fn new(hierarchy: &[Level]) -> Self {
         let mut levels: Vec<CycleLevel> = hierarchy.iter().map(CycleLevel::new).collect();
         for (i, level) in levels.iter_mut().enumerate() {
-            level.set_topology(&hierarchy[i], hierarchy.get(i + 1), &[]);
+            level.set_topology(&hierarchy[i], hierarchy.get(i + 1), &[], None);
         }
         let coarsest = Coarsest::new(&levels[levels.len() - 1].operator);
         Self { levels, coarsest, spectrum_rounds: 0 }
@@ -368,15 +391,23 @@ impl Multigrid {
         &mut self.levels[0].operator
     }
 
-    /// Takes the elements and nodes of `hierarchy`: there is room for the matrices of new elements of
-    /// the finest level, which are to be set before [`Self::update_changed`]. Coarse corrections leave
-    /// the `held` nodes of the finest level alone: else the stiffness that holds them would keep the
-    /// coarse nodes around them from moving.
-    pub fn set_topology(&mut self, hierarchy: &[Level], held: &[bool]) {
+    /// Takes the elements and nodes of `hierarchy`, changed as `changes` of each level say; `None`: all of
+    /// them. There is room for the matrices of new elements of the finest level, which are to be set before
+    /// [`Self::update_changed`]. Coarse corrections leave the `held` nodes of the finest level alone: else
+    /// the stiffness that holds them would keep the coarse nodes around them from moving. Returns the
+    /// chunks of the finest level whose numbering changed.
+    pub fn set_topology(&mut self, hierarchy: &[Level], held: &[bool], changes: Option<&[LevelChange]>) -> Vec<usize> {
+        let elements: Option<Vec<Vec<u32>>> = changes.map(|c| c.iter().map(LevelChange::elements).collect());
+        let mut renumbered = Vec::new();
         for (i, level) in self.levels.iter_mut().enumerate() {
             let held = if i == 0 { held } else { &[] };
-            level.set_topology(&hierarchy[i], hierarchy.get(i + 1), held);
+            let changed = elements.as_ref().map(|e| [&e[i][..], e.get(i + 1).map_or(&[][..], |above| &above[..])]);
+            let chunks = level.set_topology(&hierarchy[i], hierarchy.get(i + 1), held, changed);
+            if i == 0 {
+                renumbered = chunks;
+            }
         }
+        renumbered
     }
 
     /// Recomputes what `changes` touched above the finest level, whose matrices already reflect them.
@@ -517,4 +548,65 @@ fn inherit_rotations(workers: &Workers<'_>, child: &CycleLevel, parent: &mut Ope
             }
         }
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::assembly::assert_same;
+    use super::*;
+    use crate::grid::cell_sizes::CellSizes;
+    use crate::grid::levels::VoxelUnits;
+    use crate::grid::voxelize::voxelize;
+    use crate::grid::{Crossing, LinkId};
+    use crate::scene::SceneDesc;
+
+    const SCENE: &str = r#"
+        version = 1
+        name = "block"
+        [[objects]]
+        name = "block"
+        shape = { box = { min_m = [0.0, 0.0, 0.0], max_m = [0.2, 0.13, 0.15] } }
+        voxel_size_m = 0.01
+        level = 0
+        material = { young_modulus_pa = 1e5, poisson_ratio = 0.4 }
+    "#;
+
+    #[test]
+    fn what_cuts_change_step_by_step_is_what_a_new_cycle_has() {
+        let desc = SceneDesc::from_toml("block.toml", SCENE).expect("a scene");
+        let mut grid = voxelize(&desc.objects[0], &Default::default()).expect("a valid object");
+        let mut levels = vec![Level::base(&VoxelUnits { grid: &grid, exponent: 0 }, CellSizes::uniform(grid.dims()))];
+        while levels[levels.len() - 1].nodes.len() > 60 {
+            levels.push(levels[levels.len() - 1].above());
+        }
+        let mut multigrid = Multigrid::new(&levels);
+        let mut random = 7u64;
+        let mut below = |n: i32| {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((random >> 33) % n as u64) as i32
+        };
+        for _ in 0..8 {
+            let crossing = Crossing { t: 0.5, normal: [1.0, 0.0, 0.0] };
+            let links: Vec<LinkId> =
+                (0..300).map(|_| LinkId { cell: [below(20), below(13), below(15)], axis: below(3) as u8 }).collect();
+            let parted = links.iter().filter(|link| grid.part(**link, crossing));
+            let touched: Vec<[i32; 3]> = parted.flat_map(|link| [link.cell, link.upper()]).collect();
+            let units = VoxelUnits { grid: &grid, exponent: 0 };
+            let mut changes = vec![levels[0].update(&units, touched.into_iter())];
+            for i in 1..levels.len() {
+                let touched = changes[i - 1].touched_cells.clone();
+                let (below, above) = levels.split_at_mut(i);
+                changes.push(above[0].update(&below[i - 1], touched.into_iter().map(|c| c.map(|x| x >> 1))));
+            }
+            multigrid.set_topology(&levels, &[], Some(&changes));
+            let fresh = Multigrid::new(&levels);
+            for (updated, fresh) in multigrid.levels.iter().zip(&fresh.levels) {
+                assert_same(updated.operator.assembly(), fresh.operator.assembly());
+                assert_eq!(updated.prolongation, fresh.prolongation);
+                assert_eq!(updated.restriction, fresh.restriction);
+                assert_eq!((&updated.place, &updated.children), (&fresh.place, &fresh.children));
+            }
+        }
+        assert!(levels[0].elements.len() == grid.voxels().len() && levels[1].nodes.len() > 7 * 8 * 9);
+    }
 }

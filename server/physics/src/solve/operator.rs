@@ -200,7 +200,7 @@ impl Operator {
             sprung: Vec::new(),
             inverse: Vec::new(),
         };
-        operator.set_topology(level);
+        operator.set_topology(level, None);
         operator
     }
 
@@ -216,33 +216,38 @@ impl Operator {
         self.element_nodes.len()
     }
 
-    /// Takes new connectivity; matrices of elements that were there before are kept.
-    pub fn set_topology(&mut self, level: &Level) {
-        let node_count = level.nodes.len();
-        self.element_nodes.clear();
-        self.element_nodes.extend(level.elements.iter().map(|e| e.nodes));
+    /// Takes new connectivity, changed as [`Assembly::set_topology`] says; matrices of elements that were
+    /// there before are kept. Returns the chunks whose numbering changed.
+    pub fn set_topology(&mut self, level: &Level, changed: Option<&[u32]>) -> Vec<usize> {
+        let (elements, node_count) = (level.elements.len(), level.nodes.len());
         self.hanging.clear();
         self.hanging.extend(level.hanging());
-        self.assembly.set_topology(level);
-        self.blocks.resize_with(level.elements.len().div_ceil(LANES), OperatorBlock::new);
-        for (index, block) in self.blocks.iter_mut().enumerate() {
-            let mut corners = [[0; LANES]; 8];
-            for lane in 0..LANES.min(level.elements.len() - index * LANES) {
-                let slots = self.assembly.corners(index * LANES + lane);
-                (0..8).for_each(|corner| corners[corner][lane] = slots[corner]);
-            }
-            block.corners = Corners::of(corners);
-        }
+        let renumbered = self.assembly.set_topology(level, changed);
+        self.element_nodes.resize(elements, [0; 8]);
+        self.blocks.resize_with(elements.div_ceil(LANES), OperatorBlock::new);
         self.buffers.resize_with(self.assembly.chunks().len(), Buffers::default);
-        for (buffers, chunk) in self.buffers.iter_mut().zip(self.assembly.chunks()) {
-            buffers.values.resize(chunk.len(), f32x4::ZERO);
-            buffers.sums.resize(chunk.len(), f32x4::ZERO);
+        for &index in &renumbered {
+            let chunk = &self.assembly.chunks()[index];
+            self.buffers[index].values.resize(chunk.len(), f32x4::ZERO);
+            self.buffers[index].sums.resize(chunk.len(), f32x4::ZERO);
+            let first = index * CHUNK_ELEMENTS;
+            let range = first..elements.min(first + CHUNK_ELEMENTS);
+            range.clone().for_each(|e| self.element_nodes[e] = level.elements[e].nodes);
+            for block in (range.start / LANES)..range.end.div_ceil(LANES) {
+                let mut corners = [[0; LANES]; 8];
+                for lane in 0..LANES.min(elements - block * LANES) {
+                    let slots = chunk.corners(block * LANES + lane - first);
+                    (0..8).for_each(|corner| corners[corner][lane] = slots[corner]);
+                }
+                self.blocks[block].corners = Corners::of(corners);
+            }
         }
         self.inverse.resize(node_count, [f32x4::ZERO; 3]);
         self.diagonal.resize(node_count);
         self.spring_diagonal.resize(node_count);
         self.springs.clear();
         self.sprung.clear();
+        renumbered
     }
 
     /// Which nodes the elements touch.
