@@ -28,14 +28,25 @@ pub(super) fn surface_behind(body: &Body, inside: Vec3, back: Vec3, approach: f6
     inside - back * low
 }
 
-/// Gradient of the signed distance over a voxel around `at`.
+/// Gradient of the signed distance over a voxel around `at`, or over the half of it that lies in the
+/// grid's box: a flat side of the object may be half a voxel from where that ends.
 fn outward(body: &Body, at: &Vec3) -> Vec3 {
-    let grid = &body.grid;
-    let h = grid.voxel_size_m();
+    let half = 0.5 * body.grid.voxel_size_m();
+    let distance = |offset: Vec3| body.grid.signed_distance_m(&(at + offset));
     Vec3::from_fn(|a, _| {
-        let offset = Vec3::from_fn(|b, _| if a == b { 0.5 * h } else { 0.0 });
-        (grid.signed_distance_m(&(at + offset)) - grid.signed_distance_m(&(at - offset))) / h
+        let [below, above] = [-half, half].map(|s| {
+            let known = distance(Vec3::from_fn(|b, _| if a == b { s } else { 0.0 }));
+            if known.is_finite() { (known, s) } else { (distance(Vec3::zeros()), 0.0) }
+        });
+        (above.0 - below.0) / (above.1 - below.1)
     })
+}
+
+/// Unit normal into the object's surface nearest to `at`; `None` where distance has no direction.
+pub(super) fn inward(body: &Body, at: &Vec3) -> Option<Vec3> {
+    let normal = outward(body, at);
+    let finite = normal.iter().all(|c| c.is_finite());
+    normal.try_normalize(0.1).filter(|_| finite).map(|outward| -outward)
 }
 
 /// Whether `at` is on a surface that runs along the direction `ahead`, rather than facing it.

@@ -31,7 +31,7 @@ impl FrontContact {
         let weights = anchor.weights(body);
         let at = weights.sum(&body.position_m);
         let velocity = weights.sum(&body.velocity_m_per_s);
-        let k = anchor.stiffness_n_per_m2(body, &edge.frame, edge.half_width_m) * edge.share_m;
+        let k = edge.share_m * anchor.stiffness_n_per_m2(body, &edge.frame, edge.from_end_m);
         let spring = |direction: Vec3| Contact {
             weights,
             direction,
