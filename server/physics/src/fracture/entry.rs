@@ -28,23 +28,20 @@ pub(super) fn surface_behind(body: &Body, inside: Vec3, back: Vec3, approach: f6
     inside - back * low
 }
 
-/// Gradient of the signed distance over a voxel around `at`, or over the half of it that lies in the
-/// grid's box: a flat side of the object may be half a voxel from where that ends.
+/// Gradient of the signed distance over a voxel around `at`.
 fn outward(body: &Body, at: &Vec3) -> Vec3 {
-    let half = 0.5 * body.grid.voxel_size_m();
-    let distance = |offset: Vec3| body.grid.signed_distance_m(&(at + offset));
+    let grid = &body.grid;
+    let h = grid.voxel_size_m();
     Vec3::from_fn(|a, _| {
-        let [below, above] = [-half, half].map(|s| {
-            let known = distance(Vec3::from_fn(|b, _| if a == b { s } else { 0.0 }));
-            if known.is_finite() { (known, s) } else { (distance(Vec3::zeros()), 0.0) }
-        });
-        (above.0 - below.0) / (above.1 - below.1)
+        let offset = Vec3::from_fn(|b, _| if a == b { 0.5 * h } else { 0.0 });
+        (grid.signed_distance_m(&(at + offset)) - grid.signed_distance_m(&(at - offset))) / h
     })
 }
 
-/// Unit normal into the object's surface nearest to `at`; `None` where distance has no direction.
-pub(super) fn inward(body: &Body, at: &Vec3) -> Option<Vec3> {
-    let normal = outward(body, at);
+/// Unit normal into the object's surface at `at`, looked for half a voxel `toward` the inside: a flat side
+/// of the object may be where the grid's samples end. `None` where distance has no direction.
+pub(super) fn inward(body: &Body, at: &Vec3, toward: &Vec3) -> Option<Vec3> {
+    let normal = outward(body, &(at + toward * (0.5 * body.grid.voxel_size_m())));
     let finite = normal.iter().all(|c| c.is_finite());
     normal.try_normalize(0.1).filter(|_| finite).map(|outward| -outward)
 }

@@ -229,7 +229,7 @@ impl Front {
             if !moved.yielded {
                 moved.position_m = onto_surface(body, moved.position_m);
                 moved.start_m = moved.position_m;
-                moved.inward = inward(body, &moved.position_m).unwrap_or(moved.inward);
+                moved.inward = inward(body, &moved.position_m, &moved.inward).unwrap_or(moved.inward);
             }
             self.markers[index] = Marker::On(moved);
         }

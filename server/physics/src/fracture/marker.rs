@@ -54,7 +54,7 @@ impl Edge {
         let mut anchor = Anchor::at(point, self.frame.forward, self.half_width_m);
         let back = anchor.pull_back(body, &self.frame.forward);
         anchor.position_m = surface_behind(body, point.position_m, back, approach);
-        anchor.inward = inward(body, &anchor.position_m).unwrap_or(anchor.inward);
+        anchor.inward = inward(body, &anchor.position_m, &anchor.inward).unwrap_or(anchor.inward);
         if let Some((side, neighbour)) = beside
             && grazes(body, &anchor.position_m, &back)
         {

@@ -106,7 +106,9 @@ impl FrontContact {
         if !anchor.yielded && forward.mode == Mode::Spring {
             let grip = EDGE_GRIP * force / lateral.stiffness_n_per_m;
             let excess = lateral.gap_m - lateral.gap_m.clamp(-grip, grip);
-            step += anchor.pull_back(body, &frame.normal) * excess;
+            // In the surface: where that is dented it would climb off it.
+            let slip = anchor.pull_back(body, &frame.normal) * excess;
+            step += slip - anchor.inward * slip.dot(&anchor.inward);
         }
         step
     }
