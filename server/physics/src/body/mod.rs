@@ -239,10 +239,24 @@ impl Body {
         f64::from(self.base().elements[element].size) * self.lattice_edge_m()
     }
 
+    /// Level of a composite element: log2 of its edge in voxels.
+    #[must_use]
+    pub fn element_level(&self, element: usize) -> u8 {
+        self.base().exponent + self.base().elements[element].size.ilog2() as u8
+    }
+
     /// Edge of the smallest composite elements, m.
     #[must_use]
     pub fn lattice_edge_m(&self) -> f64 {
         self.grid.voxel_size_m() * f64::from(1u32 << self.base().exponent)
+    }
+
+    /// Centre of an element's cell at rest, m.
+    #[must_use]
+    pub fn rest_centre_m(&self, element: usize) -> Vec3 {
+        let data = &self.base().elements[element];
+        let half = 0.5 * f64::from(data.size);
+        self.grid.origin_m() + Vec3::from(data.cell.map(|c| f64::from(c) + half)) * self.lattice_edge_m()
     }
 
     /// Number of nodes.

@@ -5,6 +5,9 @@
 //! of a sharp edge is the edge-normal force per length). Where the link ahead is parted already the
 //! cap is zero.
 
+use std::f64::consts::FRAC_1_SQRT_2;
+
+use super::compliance::{EdgeInElement, line_compliance};
 use crate::body::{Body, MaterialPoint};
 use crate::contact::{ContactWeights, Mode};
 use crate::grid::{Link, LinkId, VoxelId};
@@ -21,8 +24,10 @@ const MAX_MARCH_STEPS: u32 = 64;
 const NUDGE_VOXELS: f64 = 1e-3;
 /// Compression between H and a of a material that stiffens, over `H / sqrt(c)`.
 const SATURATED_GAP: f64 = 1.2;
-/// Least compliance of the contact, times E: keeps the spring finite where the formula goes negative.
-const LEAST_COMPLIANCE: f64 = 0.1;
+/// What two points in two cells spread the load less than its variance says, over the square of how far
+/// they reach across the node between them: in compliance, two columns of nodes are 1.2 times as far
+/// apart at a distance of 2 H as at H, not four times (measured as the rest of `line_compliance`).
+const TWO_CELLS: f64 = 2.8;
 
 /// What lies ahead of a marker.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,9 +50,16 @@ pub(super) struct Anchor {
     pub(super) swept_m: Vec3,
     /// Where the cut begins here, m; moves with `position_m` until the marker yields.
     pub(super) start_m: Vec3,
-    /// The voxels at the ends of the next link; the force is shared between them.
+    /// The voxels whose elements carry the contact. The force is shared between them: where material is
+    /// joined, between the points `spread_m` to either side, else between the ends of the next link.
     voxels: [VoxelId; 2],
+    /// Half of the distance between the two points, across the edge, m.
+    spread_m: Vec3,
+    /// Half-width of the edge, m.
+    half_width_m: f64,
     pub(super) ahead: Ahead,
+    /// Unit normal into the surface that the edge came in through, reference configuration.
+    pub(super) inward: Vec3,
     /// Whether it has given: from then on it gives at Gc.
     pub(super) yielded: bool,
     /// What the forward spring did at the end of the last step.
@@ -57,14 +69,17 @@ pub(super) struct Anchor {
 }
 
 impl Anchor {
-    /// An anchor at `point`, with nothing ahead of it yet.
-    pub(super) fn at(point: MaterialPoint) -> Self {
+    /// An anchor at `point` under a surface that faces `inward`, with nothing ahead of it yet.
+    pub(super) fn at(point: MaterialPoint, inward: Vec3, half_width_m: f64) -> Self {
         Self {
             position_m: point.position_m,
             swept_m: point.position_m,
             start_m: point.position_m,
             voxels: [point.voxel; 2],
+            spread_m: Vec3::zeros(),
+            half_width_m,
             ahead: Ahead::Outside,
+            inward,
             yielded: false,
             mode: Mode::Off,
             stored_j: 0.0,
@@ -79,7 +94,9 @@ impl Anchor {
     }
 
     fn points(&self) -> [MaterialPoint; 2] {
-        self.voxels.map(|voxel| MaterialPoint { position_m: self.position_m, voxel })
+        let [a, b] = self.voxels;
+        [(a, -self.spread_m), (b, self.spread_m)]
+            .map(|(voxel, aside)| MaterialPoint { position_m: self.position_m + aside, voxel })
     }
 
     /// Scene position of the front's material point, m.
@@ -100,7 +117,7 @@ impl Anchor {
     fn gradient(&self, body: &Body) -> Mat3 {
         let [a, b] = self.points();
         let first = body.deformation_gradient(&a);
-        // Within one element both ends of the link move with one field.
+        // Within one element both points move with one field.
         if body.element_of(a.voxel) == body.element_of(b.voxel) {
             return first;
         }
@@ -171,8 +188,25 @@ impl Anchor {
         lower[axis] = height.floor() as i32;
         let link = LinkId { cell: lower, axis: axis as u8 };
         let ends = [grid.voxel_at(link.cell), grid.voxel_at(link.upper())];
-        if let Some(any) = ends[0].or(ends[1]) {
-            self.voxels = [ends[0].unwrap_or(any), ends[1].unwrap_or(any)];
+        self.spread_m = Vec3::zeros();
+        match ends {
+            [Some(lower), Some(upper)] if joined(body, lower, upper) => {
+                // One field: each point moves with the element that it is in, so that the weights go on
+                // without a step as they cross from cell to cell.
+                let beyond = self.position_m[axis] - grid.origin_m()[axis] >= h * f64::from(link.upper()[axis]);
+                let middle = if beyond { upper } else { lower };
+                let aside = self.across(&f, frame) * (FRAC_1_SQRT_2 * self.half_width_m);
+                let carrier = |aside: Vec3| {
+                    let mut near = at + aside;
+                    near[axis] = self.position_m[axis] + aside[axis];
+                    grid.voxel_at(grid.cell_of(&near)).filter(|v| joined(body, middle, *v)).unwrap_or(middle)
+                };
+                self.voxels = [carrier(-aside), carrier(aside)];
+                self.spread_m = aside;
+            }
+            [Some(lower), Some(upper)] => self.voxels = [lower, upper],
+            [Some(any), None] | [None, Some(any)] => self.voxels = [any; 2],
+            [None, None] => {}
         }
         self.ahead = match grid.link(link) {
             Link::Parted(_) => Ahead::Parted,
@@ -214,25 +248,57 @@ impl Anchor {
         }
     }
 
-    /// Stiffness of the contact per length of edge: in series with the composite element, it gives
-    /// the compliance that a line load of half-width a has on the continuum wherever it stands in
-    /// its cell, `k = E / (2 (1 - nu^2) / pi ln(H / a) - 0.24 + 0.65 (1 - nu^2) / 0.7975 4 xi (1 - xi))`,
-    /// H the element's edge, xi the place across the blade in the cell. Stiffened tissue stiffens it;
-    /// and as its strain under the edge saturates, between H and a it gives by no more than
-    /// `H / sqrt(c)` or so at the load at which it is cut (the integral of the strain
-    /// `eps exp(c eps^2) = sigma / E` over that range).
-    pub(super) fn stiffness_n_per_m2(&self, body: &Body, frame: &BladeFrame, half_width_m: f64) -> f64 {
-        let material = body.material_of(self.voxels[0]);
-        let element = body.element_of(self.voxels[0]);
-        let axis = (self.gradient(body).transpose() * frame.normal).iamax();
-        let xi = body.local_coordinates(element, &self.position_m)[axis].clamp(0.0, 1.0);
-        let plane = 1.0 - material.poisson_ratio * material.poisson_ratio;
-        let line = 2.0 * plane / std::f64::consts::PI * ln(body.element_edge_m(element) / half_width_m);
-        let compliance = line - 0.24 + 0.65 * plane / 0.7975 * 4.0 * xi * (1.0 - xi);
-        let small = material.young_modulus_pa * body.stiffening(element) / compliance.max(LEAST_COMPLIANCE);
-        let c = 0.5 * material.law.stiffening_rate_per_pa * material.young_modulus_pa;
-        let load = material.fracture_energy_j_per_m2.unwrap_or(0.0) * material.initiation_ratio;
-        small.max(load * c.sqrt() / (SATURATED_GAP * body.element_edge_m(element)))
+    /// Unit direction across the edge in the surface that it came in through, reference configuration.
+    fn across(&self, f: &Mat3, frame: &BladeFrame) -> Vec3 {
+        pulled_back(f, &frame.along).cross(&self.inward).try_normalize(0.0).unwrap_or(frame.normal)
+    }
+
+    /// Stiffness of the contact per length of edge, N/m^2, `from_end_m` away from the nearer end of the
+    /// edge: see [`line_compliance`]. Stiffened tissue stiffens it; and as its strain under the edge
+    /// saturates, between H and a it gives by no more than `H / sqrt(c)` or so at the load at which it is
+    /// cut (the integral of the strain `eps exp(c eps^2) = sigma / E` over that range).
+    pub(super) fn stiffness_n_per_m2(&self, body: &Body, frame: &BladeFrame, from_end_m: f64) -> f64 {
+        let across = self.across(&self.gradient(body), frame);
+        let place = self.place_in_element(body, &across, from_end_m);
+        let of = |voxel: VoxelId| {
+            let material = body.material_of(voxel);
+            let element = body.element_of(voxel);
+            let compliance = line_compliance(material.poisson_ratio, body.element_level(element), &place);
+            let small = material.young_modulus_pa * body.stiffening(element) / compliance;
+            let c = 0.5 * material.law.stiffening_rate_per_pa * material.young_modulus_pa;
+            let load = material.fracture_energy_j_per_m2.unwrap_or(0.0) * material.initiation_ratio;
+            small.max(load * c.sqrt() / (SATURATED_GAP * body.element_edge_m(element)))
+        };
+        let [a, b] = self.voxels.map(of);
+        0.5 * (a + b)
+    }
+
+    fn place_in_element(&self, body: &Body, across: &Vec3, from_end_m: f64) -> EdgeInElement {
+        let elements = self.voxels.map(|voxel| body.element_of(voxel));
+        let edge_m = body.element_edge_m(elements[0]);
+        let local =
+            |element: usize, at: &Vec3| Vec3::from(body.local_coordinates(element, at).map(|x| x.clamp(0.0, 1.0)));
+        let about = |xi: Vec3| xi.map(|x| 4.0 * x * (1.0 - x));
+        let middle = local(elements[0], &self.position_m);
+        let squared = across.component_mul(across);
+        let spread = if elements[0] == elements[1] {
+            // A linear field: two points are as their middle.
+            squared.dot(&about(middle))
+        } else {
+            let [a, b] = self.points().map(|p| about(local(body.element_of(p.voxel), &p.position_m)));
+            let aside = self.spread_m / edge_m;
+            // How far the points reach across the nearest plane of nodes.
+            let at = body.local_coordinates(elements[0], &self.position_m);
+            let over = |i: usize| (aside[i].powi(2) - (at[i] - at[i].round()).powi(2)).max(0.0);
+            let off = (0..3).map(over).sum::<f64>();
+            0.5 * squared.dot(&(a + b)) + 4.0 * aside.norm_squared() - TWO_CELLS * off
+        };
+        EdgeInElement {
+            half_width: self.half_width_m / edge_m,
+            from_end: from_end_m / edge_m,
+            across: spread,
+            inward: self.inward.component_mul(&self.inward).dot(&about(middle)),
+        }
     }
 }
 
@@ -243,9 +309,20 @@ fn pulled_back(f: &Mat3, direction: &Vec3) -> Vec3 {
     if length.is_finite() && length > 0.0 { pulled * (length.min(5.0) / length) } else { *direction }
 }
 
-/// Natural logarithm through the vector library's own polynomial: the same bits on every machine.
-fn ln(x: f64) -> f64 {
-    wide::f64x4::splat(x).ln().to_array()[0]
+/// Whether two voxels belong to one element, or to elements that share every node at which their cells
+/// touch: the displacement is continuous from one to the other.
+fn joined(body: &Body, a: VoxelId, b: VoxelId) -> bool {
+    let [a, b] = [a, b].map(|voxel| &body.base().elements[body.element_of(voxel)]);
+    let apart = [0, 1, 2].map(|i| b.cell[i] - a.cell[i]);
+    // The corner of b that stands where a corner of a does.
+    let same_place = |corner: usize| {
+        (0..3).try_fold(0usize, |sum, i| {
+            let bit = (corner >> i & 1) as i32 - apart[i];
+            (0..=1).contains(&bit).then_some(sum | (bit as usize) << i)
+        })
+    };
+    let mut shared = (0..8).filter_map(|corner| Some(a.nodes[corner] == b.nodes[same_place(corner)?])).peekable();
+    shared.peek().is_some() && shared.all(|same| same)
 }
 
 /// Fracture energy of a link: the lesser of its ends', infinite where neither end can be cut.

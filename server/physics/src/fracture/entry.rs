@@ -38,6 +38,14 @@ fn outward(body: &Body, at: &Vec3) -> Vec3 {
     })
 }
 
+/// Unit normal into the object's surface at `at`, looked for half a voxel `toward` the inside: a flat side
+/// of the object may be where the grid's samples end. `None` where distance has no direction.
+pub(super) fn inward(body: &Body, at: &Vec3, toward: &Vec3) -> Option<Vec3> {
+    let normal = outward(body, &(at + toward * (0.5 * body.grid.voxel_size_m())));
+    let finite = normal.iter().all(|c| c.is_finite());
+    normal.try_normalize(0.1).filter(|_| finite).map(|outward| -outward)
+}
+
 /// Whether `at` is on a surface that runs along the direction `ahead`, rather than facing it.
 pub(super) fn grazes(body: &Body, at: &Vec3, ahead: &Vec3) -> bool {
     let on_surface = body.grid.signed_distance_m(at) > -0.25 * body.grid.voxel_size_m();

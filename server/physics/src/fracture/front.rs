@@ -7,7 +7,7 @@
 
 use super::anchor::{Ahead, Anchor};
 use super::book::FrontBook;
-use super::entry::onto_surface;
+use super::entry::{inward, onto_surface};
 use super::marker::{Edge, Marker};
 use super::springs::FrontContact;
 use super::sweep::part_quad;
@@ -107,6 +107,7 @@ impl Front {
                 frame,
                 half_width_m: motion.blade.edge_half_width_m,
                 share_m: self.share_m,
+                from_end_m: 0.5 * motion.blade.width_m - sample.x.abs(),
             };
             let was = self.markers[index];
             let now = match was {
@@ -228,6 +229,7 @@ impl Front {
             if !moved.yielded {
                 moved.position_m = onto_surface(body, moved.position_m);
                 moved.start_m = moved.position_m;
+                moved.inward = inward(body, &moved.position_m, &moved.inward).unwrap_or(moved.inward);
             }
             self.markers[index] = Marker::On(moved);
         }

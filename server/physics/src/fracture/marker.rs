@@ -1,7 +1,7 @@
 //! A marker: one share of the edge, and how it comes into contact, stays in it and lets go.
 
 use super::anchor::{Ahead, Anchor};
-use super::entry::{grazes, surface_behind};
+use super::entry::{grazes, inward, surface_behind};
 use crate::Vec3;
 use crate::body::Body;
 use crate::contact::broad::SpatialHash;
@@ -36,6 +36,8 @@ pub(super) struct Edge {
     pub(super) half_width_m: f64,
     /// Length of the share, m.
     pub(super) share_m: f64,
+    /// Distance of its middle from the nearer end of the edge, m.
+    pub(super) from_end_m: f64,
 }
 
 impl Edge {
@@ -49,9 +51,10 @@ impl Edge {
         if approach <= 0.0 {
             return Marker::Buried;
         }
-        let mut anchor = Anchor::at(point);
+        let mut anchor = Anchor::at(point, self.frame.forward, self.half_width_m);
         let back = anchor.pull_back(body, &self.frame.forward);
         anchor.position_m = surface_behind(body, point.position_m, back, approach);
+        anchor.inward = inward(body, &anchor.position_m, &anchor.inward).unwrap_or(anchor.inward);
         if let Some((side, neighbour)) = beside
             && grazes(body, &anchor.position_m, &back)
         {

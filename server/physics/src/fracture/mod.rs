@@ -7,6 +7,7 @@
 
 mod anchor;
 mod book;
+mod compliance;
 mod entry;
 mod front;
 mod marker;

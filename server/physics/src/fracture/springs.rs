@@ -31,7 +31,7 @@ impl FrontContact {
         let weights = anchor.weights(body);
         let at = weights.sum(&body.position_m);
         let velocity = weights.sum(&body.velocity_m_per_s);
-        let k = anchor.stiffness_n_per_m2(body, &edge.frame, edge.half_width_m) * edge.share_m;
+        let k = edge.share_m * anchor.stiffness_n_per_m2(body, &edge.frame, edge.from_end_m);
         let spring = |direction: Vec3| Contact {
             weights,
             direction,
@@ -106,7 +106,9 @@ impl FrontContact {
         if !anchor.yielded && forward.mode == Mode::Spring {
             let grip = EDGE_GRIP * force / lateral.stiffness_n_per_m;
             let excess = lateral.gap_m - lateral.gap_m.clamp(-grip, grip);
-            step += anchor.pull_back(body, &frame.normal) * excess;
+            // In the surface: where that is dented it would climb off it.
+            let slip = anchor.pull_back(body, &frame.normal) * excess;
+            step += slip - anchor.inward * slip.dot(&anchor.inward);
         }
         step
     }
