@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo test lint bench
+.PHONY: demo test lint verify bench
 
 DEMO_OUT ?= out/demo
 DEMO_ADDRESS ?= 127.0.0.1:50051
@@ -19,6 +19,10 @@ lint:
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
+
+# Writes docs/verification.md and its plots; figures are deterministic.
+verify:
+	cargo run --release -p kerf-system-tests --bin verify
 
 # One run each; figures belong to the machine they were taken on, which should have nothing else to do.
 bench:

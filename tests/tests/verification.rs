@@ -1,0 +1,77 @@
+//! The coarse part of the verification cases against bounds; `make verify` runs all of them.
+
+use kerf_system_tests::verification::{
+    Extent, Family, bending, cantilever, elements, half_space, motion, release, tip_load, uniaxial,
+};
+
+fn coarse(family: fn(Extent) -> anyhow::Result<Family>) -> Family {
+    family(Extent::Coarse).expect("every body comes to rest")
+}
+
+/// Holds every row whose case begins with `case` to a bound on its error; there must be one.
+fn hold(family: &Family, case: &str, bound: f64) {
+    let mut rows = family.tables.iter().flat_map(|t| &t.rows).filter(|r| r.case.starts_with(case)).peekable();
+    assert!(rows.peek().is_some(), "no case begins with {case:?}");
+    for row in rows {
+        println!("{}: worst error {:.1e}", row.case, row.worst());
+        assert!(row.worst() <= bound, "{}: {:?} against {:?}", row.case, row.ours, row.reference);
+    }
+}
+
+#[test]
+fn patches_turned_bodies_and_gradients_hold_to_round_off() {
+    let family = coarse(elements::family);
+    hold(&family, "patch", 1e-11);
+    hold(&family, "rotation", 1e-11);
+    hold(&family, "force + dU/dx", 1e-8);
+}
+
+#[test]
+fn a_pulled_block_strains_as_hooke_says_whatever_its_cells_hold() {
+    hold(&coarse(uniaxial::family), "", 1e-6);
+}
+
+#[test]
+fn composite_elements_bend_as_full_fem_of_the_same_voxels() {
+    let family = coarse(bending::family);
+    for (poisson, bound) in [("nu 0.3:", 0.025), ("nu 0.45:", 0.03), ("nu 0.49:", 0.08)] {
+        hold(&family, &format!("8 voxels across, {poisson}"), bound);
+    }
+}
+
+#[test]
+fn a_cantilever_sags_and_swings_as_beam_theory_says() {
+    let family = coarse(cantilever::family);
+    hold(&family, "small load", 0.05);
+    hold(&family, "own weight: tip down", 0.05);
+    hold(&family, "own weight: tip back", 0.09);
+    hold(&family, "first frequency", 0.02);
+}
+
+#[test]
+fn a_tip_load_bends_far_as_the_elastica() {
+    hold(&coarse(tip_load::family), "P L^2", 3e-3);
+}
+
+#[test]
+fn pressed_half_spaces_sink_as_love_and_flamant_say() {
+    let family = coarse(half_space::family);
+    hold(&family, "nu 0.3: strip", 0.015);
+    hold(&family, "nu 0.45: square", 0.01);
+}
+
+#[test]
+fn parted_links_release_what_fracture_mechanics_says() {
+    let family = coarse(release::family);
+    hold(&family, "strip", 0.05);
+    hold(&family, "double cantilever, a/h 5: the same", 0.05);
+    hold(&family, "double cantilever, h = 20 mm", 0.07);
+}
+
+#[test]
+fn free_motion_keeps_momenta_and_bounds_the_energy() {
+    let family = coarse(motion::family);
+    hold(&family, "tumbling fragments: linear", 1e-10);
+    hold(&family, "tumbling fragments: angular", 1e-10);
+    hold(&family, "", 1e-10);
+}
