@@ -60,7 +60,7 @@ pub fn part_at_random(body: &mut Body, count: usize, allowed: impl Fn(u8) -> boo
         .filter(|(link, _)| allowed(link.axis))
         .collect();
     let parted = body.part_links(&links).parted;
-    body.update_topology(&parted);
+    body.update_topology(&Workers::serial(), &parted);
 }
 
 fn turn(angle_rad: f64) -> Mat3 {
@@ -98,7 +98,7 @@ fn rigid(filling: Filling, level: u8) -> Result<[f64; 2]> {
 
 /// Moves nodes at random by `share` of a cell's edge.
 fn shake(body: &mut Body, share: f64, rng: &mut Lcg) {
-    let size_m = share * body.element_edge_m();
+    let size_m = share * body.lattice_edge_m();
     for node in 0..body.node_count() {
         body.position_m[node] = (body.rest_position_m(node) + rng.vector() * size_m).into();
     }
@@ -128,7 +128,7 @@ fn gradient(filling: Filling, level: u8, strain_stiffening: f64) -> Result<f64> 
     shake(&mut body, 0.05, &mut rng);
     let forces = body.elastic_forces_n();
     let scale = largest(&forces);
-    let step = 1e-5 * body.element_edge_m();
+    let step = 1e-5 * body.lattice_edge_m();
     let mut worst = 0.0f64;
     for _ in 0..60 {
         let (node, axis) = ((rng.unit() * body.node_count() as f64) as usize, (rng.unit() * 3.0) as usize);

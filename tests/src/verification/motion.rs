@@ -20,7 +20,7 @@ fn bar(level: u8) -> Result<World> {
     let crossing = Crossing { t: 0.5, normal: [1.0, 0.0, 0.0] };
     let links: Vec<_> = (0..16).map(|n| (LinkId { cell: [CUT, n % 4, n / 4], axis: 0 }, crossing)).collect();
     let parted = body.part_links(&links).parted;
-    body.update_topology(&parted);
+    body.update_topology(&Workers::serial(), &parted);
     ensure!(body.part_count() == 2, "the cut leaves {} parts", body.part_count());
     Ok(world)
 }

@@ -30,7 +30,7 @@ fn crack(body: &mut Body, height_m: f64, along_m: &[Range<f64>]) {
         }
     }
     let parted = body.part_links(&links).parted;
-    body.update_topology(&parted);
+    body.update_topology(&kerf_physics::Workers::serial(), &parted);
 }
 
 /// Potential energy at rest of a body under its dead loads, J, and the body.

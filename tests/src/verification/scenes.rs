@@ -69,6 +69,7 @@ pub fn block(size_m: [f64; 3], mesh: Mesh, material: MaterialDesc) -> ObjectDesc
         level: mesh.level,
         material,
         regions: Vec::new(),
+        finer: Vec::new(),
         fixed: Vec::new(),
         loads: Vec::new(),
     }
