@@ -69,8 +69,7 @@ impl ElementChunk {
     /// Makes the buffers fit a chunk.
     pub(super) fn resize(&mut self, chunk: &Chunk) {
         let nodal = &mut self.nodal;
-        for v in [&mut nodal.position_m, &mut nodal.velocity_m_per_s, &mut nodal.velocity_change, &mut nodal.balance_n]
-        {
+        for v in [&mut nodal.position_m, &mut nodal.velocity_m_per_s, &mut nodal.velocity_change] {
             v.resize(chunk.len(), f64x4::ZERO);
         }
     }
@@ -100,16 +99,17 @@ impl ElementChunk {
         chunk: &Chunk,
         blocks: &[ElementBlock],
         states: &mut [ElementState],
+        balance_n: &mut [f64x4],
         dt_s: f64,
         rotation_iterations: u32,
     ) {
-        self.nodal.balance_n.fill(f64x4::ZERO);
+        balance_n.fill(f64x4::ZERO);
         self.found = Evaluation::default();
         for (block, state) in blocks.iter().zip(states) {
-            let found = block.evaluate(state, &mut self.nodal, dt_s, rotation_iterations);
+            let found = block.evaluate(state, &self.nodal, balance_n, dt_s, rotation_iterations);
             self.found.join(&found);
         }
-        chunk.hand_over(&mut self.nodal.balance_n, |w| w);
+        chunk.hand_over(balance_n, |w| w);
     }
 }
 
@@ -150,11 +150,13 @@ impl Body {
         let (assembly, blocks) = (self.multigrid.operator().assembly(), &self.blocks);
         let (x, v, dt) = (&self.position_m, &self.velocity_m_per_s, self.params.dt_s);
         let states = Groups { entries: &mut self.states, size: BLOCKS_PER_CHUNK };
-        workers.for_chunks((states, &mut self.chunks[..]), 1, |index, (states, chunks)| {
+        let balance_n = assembly.by_chunk(&mut self.balance_n);
+        workers.for_chunks((states, &mut self.chunks[..], balance_n), 1, |index, (states, chunks, balance_n)| {
             if among(index) {
                 let (chunk, blocks) = (&mut chunks[0], &blocks[index * BLOCKS_PER_CHUNK..]);
                 chunk.load(&assembly.chunks()[index], x, v, velocity_change);
-                chunk.evaluate(&assembly.chunks()[index], blocks, states.entries, dt, rotation_iterations);
+                let (nodes, states, balance_n) = (&assembly.chunks()[index], states.entries, balance_n.entries);
+                chunk.evaluate(nodes, blocks, states, balance_n, dt, rotation_iterations);
             }
         });
         let turned_rad2 = |chunk: &ElementChunk| chunk.found.turned_rad2.to_array().into_iter().fold(0.0, f64::max);
@@ -353,12 +355,12 @@ impl Body {
     pub fn assemble_right_side(&mut self, workers: &Workers<'_>) {
         let dt = self.params.dt_s;
         let mut b = std::mem::take(&mut self.scratch.right_side);
-        let (assembly, chunks, external_n) = (self.multigrid.operator().assembly(), &self.chunks, &self.external_n);
+        let (assembly, external_n) = (self.multigrid.operator().assembly(), &self.external_n);
+        let balance_n = &self.balance_n;
         workers.for_chunks(&mut b[..], NODES_PER_CHUNK, |first, b| {
             for (node, b) in (first * NODES_PER_CHUNK..).zip(b) {
-                let entries = assembly.entries(node);
-                let sum = entries.fold(f64x4::ZERO, |sum, (chunk, slot)| sum + chunks[chunk].nodal.balance_n[slot]);
-                let sum = sum.to_array();
+                let entries = assembly.entries(node).iter();
+                let sum = entries.fold(f64x4::ZERO, |sum, entry| sum + balance_n[*entry as usize]).to_array();
                 *b = [0, 1, 2].map(|i| dt * (sum[i] + external_n[node][i]));
             }
         });

@@ -27,6 +27,7 @@ use crate::solve::multigrid::Multigrid;
 use crate::solve::operator::NodeVector;
 use crate::solve::pcg::PcgScratch;
 use crate::workers::Workers;
+use wide::f64x4;
 
 /// Coarsening stops at this many nodes: a dense factor of that size costs less than another level.
 const COARSEST_NODES: usize = 60;
@@ -119,6 +120,8 @@ pub struct Body {
     states: Vec<ElementState>,
     /// By chunk of the solver's assembly.
     chunks: Vec<forces::ElementChunk>,
+    /// What the elements add to the right side, in the chunks' buffers, N.
+    balance_n: Vec<f64x4>,
     /// Elements with held voxels and their 8x8 penalty, lower triangle by rows, N/m.
     holds: Vec<(u32, [f64; 36])>,
     multigrid: Multigrid,
@@ -200,6 +203,7 @@ impl Body {
             blocks: Vec::new(),
             states: Vec::new(),
             chunks: Vec::new(),
+            balance_n: Vec::new(),
             holds: Vec::new(),
             pcg: PcgScratch::default(),
             applied_stiffening: Vec::new(),
@@ -457,8 +461,20 @@ impl Body {
     /// Takes the levels' nodes into the solver and into the blocks, changed as `changes` of each level say;
     /// `None`: all of them. Returns the chunks of elements whose numbering changed.
     fn number_nodes(&mut self, changes: Option<&[LevelChange]>) -> Vec<usize> {
+        let places = |multigrid: &Multigrid| -> Vec<std::ops::Range<usize>> {
+            let assembly = multigrid.operator().assembly();
+            (0..assembly.chunks().len()).map(|chunk| assembly.buffer_of(chunk)).collect()
+        };
+        let before = places(&self.multigrid);
         let renumbered = self.multigrid.set_topology(&self.levels, &self.held_nodes(), changes);
         let assembly = self.multigrid.operator().assembly();
+        let mut balance_n = vec![f64x4::ZERO; assembly.buffer_len()];
+        for (chunk, (from, to)) in before.into_iter().zip(places(&self.multigrid)).enumerate() {
+            if renumbered.binary_search(&chunk).is_err() {
+                balance_n[to].copy_from_slice(&self.balance_n[from]);
+            }
+        }
+        self.balance_n = balance_n;
         self.chunks.resize_with(assembly.chunks().len(), Default::default);
         let elements = self.levels[0].elements.len();
         for &index in &renumbered {

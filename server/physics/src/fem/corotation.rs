@@ -56,7 +56,7 @@ pub struct ElementBlock {
     pub stiffening: Option<StiffeningBlock>,
 }
 
-/// Nodal values of a chunk of elements, xyz0, by slot: what blocks read, and what they add up.
+/// Nodal values of a chunk of elements, xyz0, by slot: what blocks read.
 #[derive(Clone, Debug, Default)]
 pub struct NodalBuffers {
     /// Positions, m.
@@ -65,8 +65,6 @@ pub struct NodalBuffers {
     pub velocity_m_per_s: Vec<f64x4>,
     /// How the step changed the velocities, m/s; empty where there was no step.
     pub velocity_change: Vec<f64x4>,
-    /// Elastic forces less `(dt + beta) K v + alpha M v`, N: what the elements add to the right side.
-    pub balance_n: Vec<f64x4>,
 }
 
 /// What an evaluation of four elements found.
@@ -266,12 +264,14 @@ impl ElementBlock {
     }
 
     /// Updates rotations by `iterations` steps, then forces, energy and velocity terms at the positions and
-    /// velocities of the nodes, and adds to their balance; with them the terms of the step from the state
+    /// velocities of the nodes, and adds to `balance_n` what the elements add to the right side: elastic forces
+    /// less `(dt + beta) K v + alpha M v`, N, by slot; with them the terms of the step from the state
     /// that was evaluated before, if there was one.
     pub fn evaluate(
         &self,
         state: &mut ElementState,
-        nodal: &mut NodalBuffers,
+        nodal: &NodalBuffers,
+        balance_n: &mut [f64x4],
         dt_s: f64,
         iterations: u32,
     ) -> Evaluation {
@@ -290,7 +290,9 @@ impl ElementBlock {
         }
         let r = rotation_matrix(&state.rotation);
         for (narrow, entry) in state.rotation_matrix.iter_mut().zip(r) {
-            let [a, b, c, d] = entry.to_array();
+            // Rounded to 1e-16: the products of what a body at rest has turned by would be subnormal, and a
+            // hundred times as slow.
+            let [a, b, c, d] = (entry + f64x4::ONE - f64x4::ONE).to_array();
             *narrow = f32x4::new([a as f32, b as f32, c as f32, d as f32]);
         }
         let y = lanes::rotate_back(&r, &x);
@@ -320,7 +322,7 @@ impl ElementBlock {
             });
             let lanes = f64x4::transpose([x, y, z, f64x4::ZERO]);
             for lane in 0..LANES {
-                nodal.balance_n[slots[lane] as usize] += lanes[lane];
+                balance_n[slots[lane] as usize] += lanes[lane];
             }
         }
         found

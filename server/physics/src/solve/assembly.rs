@@ -9,16 +9,11 @@
 //! nodes from the others.
 
 use crate::grid::levels::{Level, NONE};
+use crate::workers::Slices;
 use std::ops::{AddAssign, Mul};
 
 /// Elements per chunk.
 pub const CHUNK_ELEMENTS: usize = 512;
-/// Bits of a [`Source`] that say which slot of the chunk.
-const SLOT_BITS: u32 = 13;
-
-/// Where a node's value lies among the chunks' buffers.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Source(u32);
 
 /// A hanging node of a chunk, by slots.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,9 +36,11 @@ pub struct Chunk {
 #[derive(Clone, Debug, Default)]
 pub struct Assembly {
     chunks: Vec<Chunk>,
-    /// Sources of node n are `sources[first[n]..first[n + 1]]`; a hanging node has none.
+    /// Where the buffer of each chunk begins among all of them, and where the last one ends.
+    offsets: Vec<u32>,
+    /// Entries of node n among all buffers are `entries[first[n]..first[n + 1]]`; a hanging node has none.
     first: Vec<u32>,
-    sources: Vec<Source>,
+    entries: Vec<u32>,
     /// Slot of each node while a chunk is numbered, [`NONE`] between.
     slot_of: Vec<u32>,
 }
@@ -51,7 +48,7 @@ pub struct Assembly {
 /// Equal where they number the same nodes alike.
 impl PartialEq for Assembly {
     fn eq(&self, other: &Self) -> bool {
-        (&self.chunks, &self.first, &self.sources) == (&other.chunks, &other.first, &other.sources)
+        (&self.chunks, &self.first, &self.entries) == (&other.chunks, &other.first, &other.entries)
     }
 }
 
@@ -165,6 +162,11 @@ impl Assembly {
             let range = first..elements.min(first + CHUNK_ELEMENTS);
             self.chunks[index].number(level, range, &mut self.slot_of);
         }
+        self.offsets.clear();
+        self.offsets.push(0);
+        for chunk in &self.chunks {
+            self.offsets.push(self.offsets[self.offsets.len() - 1] + chunk.len() as u32);
+        }
         self.first.clear();
         self.first.resize(nodes + 1, 0);
         for node in self.chunks.iter().flat_map(|c| &c.unknowns) {
@@ -176,11 +178,11 @@ impl Assembly {
             *first = end;
         }
         // Filled from the back, the ends become the beginnings.
-        self.sources.resize(end as usize, Source::default());
-        for (index, chunk) in self.chunks.iter().enumerate().rev() {
+        self.entries.resize(end as usize, 0);
+        for (chunk, &offset) in self.chunks.iter().zip(&self.offsets).rev() {
             for (slot, &node) in chunk.unknowns.iter().enumerate().rev() {
                 self.first[node as usize] -= 1;
-                self.sources[self.first[node as usize] as usize] = Source((index as u32) << SLOT_BITS | slot as u32);
+                self.entries[self.first[node as usize] as usize] = offset + slot as u32;
             }
         }
         renumbered
@@ -204,10 +206,48 @@ impl Assembly {
         self.first.len() - 1
     }
 
-    /// Chunk and slot of each of a node's entries.
+    /// Length of the buffers of all chunks.
+    #[must_use]
+    pub fn buffer_len(&self) -> usize {
+        self.offsets[self.chunks.len()] as usize
+    }
+
+    /// Where the buffer of a chunk lies among all of them.
+    #[must_use]
+    pub fn buffer_of(&self, chunk: usize) -> std::ops::Range<usize> {
+        self.offsets[chunk] as usize..self.offsets[chunk + 1] as usize
+    }
+
+    /// The buffers of all chunks, one after the other, to be shared out chunk by chunk.
+    pub fn by_chunk<'a, E>(&'a self, buffers: &'a mut [E]) -> Buffers<'a, E> {
+        Buffers { entries: buffers, offsets: &self.offsets }
+    }
+
+    /// A node's entries among the buffers of all chunks.
     #[inline(always)]
-    pub fn entries(&self, node: usize) -> impl Iterator<Item = (usize, usize)> + '_ {
-        let sources = &self.sources[self.first[node] as usize..self.first[node + 1] as usize];
-        sources.iter().map(|s| ((s.0 >> SLOT_BITS) as usize, (s.0 & ((1 << SLOT_BITS) - 1)) as usize))
+    #[must_use]
+    pub fn entries(&self, node: usize) -> &[u32] {
+        &self.entries[self.first[node] as usize..self.first[node + 1] as usize]
+    }
+}
+
+/// Buffers of chunks, one after the other.
+pub struct Buffers<'a, E> {
+    /// The buffers' entries.
+    pub entries: &'a mut [E],
+    offsets: &'a [u32],
+}
+
+impl<E: Send> Slices for Buffers<'_, E> {
+    fn count(&self) -> usize {
+        self.offsets.len() - 1
+    }
+    fn cut(self, middle: usize) -> (Self, Self) {
+        let at = (self.offsets[middle] - self.offsets[0]) as usize;
+        let (low, high) = self.entries.split_at_mut(at);
+        (
+            Self { entries: low, offsets: &self.offsets[..=middle] },
+            Self { entries: high, offsets: &self.offsets[middle..] },
+        )
     }
 }

@@ -42,13 +42,6 @@ enum Corners {
     Each(Box<[[u16; LANES]; 8]>),
 }
 
-/// What the elements of a chunk work on.
-#[derive(Default)]
-struct Buffers {
-    values: NodeVector,
-    sums: NodeVector,
-}
-
 /// Diagonal 3x3 blocks of every node: symmetric, so six entries.
 #[derive(Default)]
 struct Diagonal {
@@ -66,7 +59,9 @@ pub struct Operator {
     springs: Vec<PointSpring>,
     element_nodes: Vec<[u32; 8]>,
     assembly: Assembly,
-    buffers: Vec<Buffers>,
+    /// What the elements of each chunk read, and what they add up.
+    values: NodeVector,
+    sums: NodeVector,
     /// The unknowns that move each hanging node.
     hanging: Vec<HangingNode>,
     /// Of the elements alone.
@@ -193,7 +188,8 @@ impl Operator {
             springs: Vec::new(),
             element_nodes: Vec::new(),
             assembly: Assembly::default(),
-            buffers: Vec::new(),
+            values: Vec::new(),
+            sums: Vec::new(),
             hanging: Vec::new(),
             diagonal: Diagonal::default(),
             spring_diagonal: Diagonal::default(),
@@ -225,11 +221,10 @@ impl Operator {
         let renumbered = self.assembly.set_topology(level, changed);
         self.element_nodes.resize(elements, [0; 8]);
         self.blocks.resize_with(elements.div_ceil(LANES), OperatorBlock::new);
-        self.buffers.resize_with(self.assembly.chunks().len(), Buffers::default);
+        self.values.resize(self.assembly.buffer_len(), f32x4::ZERO);
+        self.sums.resize(self.assembly.buffer_len(), f32x4::ZERO);
         for &index in &renumbered {
             let chunk = &self.assembly.chunks()[index];
-            self.buffers[index].values.resize(chunk.len(), f32x4::ZERO);
-            self.buffers[index].sums.resize(chunk.len(), f32x4::ZERO);
             let first = index * CHUNK_ELEMENTS;
             let range = first..elements.min(first + CHUNK_ELEMENTS);
             range.clone().for_each(|e| self.element_nodes[e] = level.elements[e].nodes);
@@ -305,8 +300,8 @@ impl Operator {
         for spring in &self.springs {
             for (node, force) in spring.forces(x) {
                 // Whichever of the node's entries: they are added up.
-                if let Some((chunk, slot)) = self.assembly.entries(node).next() {
-                    self.buffers[chunk].sums[slot] += force;
+                if let Some(entry) = self.assembly.entries(node).first() {
+                    self.sums[*entry as usize] += force;
                 }
             }
         }
@@ -317,7 +312,7 @@ impl Operator {
     #[must_use]
     pub fn product_at(&self, node: usize) -> f32x4 {
         let entries = self.assembly.entries(node);
-        entries.fold(f32x4::ZERO, |sum, (chunk, slot)| sum + self.buffers[chunk].sums[slot])
+        entries.iter().fold(f32x4::ZERO, |sum, entry| sum + self.sums[*entry as usize])
     }
 
     fn read_products(&self, workers: &Workers<'_>, y: &mut [f32x4]) {
@@ -337,9 +332,10 @@ impl Operator {
         evaluate: impl Fn(&OperatorBlock, &[f32x4]) -> [f32x8; 24] + Sync,
         share: impl Fn(f32) -> f32 + Sync,
     ) {
-        let Self { blocks, assembly, buffers, .. } = self;
-        workers.for_chunks(&mut buffers[..], 1, |index, buffers| {
-            let (Buffers { values, sums }, chunk) = (&mut buffers[0], &assembly.chunks()[index]);
+        let Self { blocks, assembly, values, sums, .. } = self;
+        let buffers = (assembly.by_chunk(values), assembly.by_chunk(sums));
+        workers.for_chunks(buffers, 1, |index, (values, sums)| {
+            let (values, sums, chunk) = (values.entries, sums.entries, &assembly.chunks()[index]);
             load(chunk, values);
             sums.fill(f32x4::ZERO);
             for block in blocks.iter().skip(index * BLOCKS_PER_CHUNK).take(BLOCKS_PER_CHUNK) {
