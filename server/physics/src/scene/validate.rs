@@ -24,6 +24,16 @@ pub const MAX_PARTS: usize = 64;
 /// Names are printed in tables and used as labels of metrics.
 pub const MAX_NAME_CHARS: usize = 64;
 
+/// Voxels along a blade's edge: two markers stand in each, in every body.
+pub const MAX_BLADE_VOXELS: f64 = 4096.0;
+/// Voxels along an object's longest edge.
+pub const MAX_RESOLUTION: f64 = 4096.0;
+/// Ratio of the largest to the smallest Young's modulus in one object: beyond it the single-precision
+/// solve loses what the soft part does.
+pub const MAX_STIFFNESS_CONTRAST: f64 = 1e6;
+/// Edges of a voxel, m: from cells in a dish to whole carcasses.
+const VOXEL_SIZE_M: RangeInclusive<f64> = 1e-5..=1.0;
+
 /// Largest coordinate and length, m. Beyond it voxels of the smallest size lose their digits in `f32`.
 const MAX_LENGTH_M: f64 = 1e3;
 /// Smallest length that a shape may have, m.
@@ -67,13 +77,15 @@ fn problems(scene: &SceneDesc, meshes: &Meshes) -> Vec<SceneError> {
 
     report.count("objects", scene.objects.len(), 1..=MAX_OBJECTS);
     report.unique("objects", scene.objects.iter().map(|o| o.name.as_str()));
+    let mut voxel_sizes_m = Vec::new();
     for (i, object) in scene.objects.iter().enumerate() {
-        report.object(&format!("objects[{i}]"), object, meshes);
+        voxel_sizes_m.extend(report.object(&format!("objects[{i}]"), object, meshes));
     }
+    let smallest_voxel_m = voxel_sizes_m.into_iter().fold(f64::INFINITY, f64::min);
     report.count("tools", scene.tools.len(), 0..=MAX_TOOLS);
     report.unique("tools", scene.tools.iter().map(|t| t.name.as_str()));
     for (i, tool) in scene.tools.iter().enumerate() {
-        report.blade(&format!("tools[{i}].blade"), &tool.blade);
+        report.blade(&format!("tools[{i}].blade"), &tool.blade, smallest_voxel_m);
     }
     report.count("probes", scene.probes.len(), 0..=MAX_PROBES);
     report.unique("probes", scene.probes.iter().map(|p| p.name.as_str()));
@@ -141,7 +153,8 @@ impl Report {
         }
     }
 
-    fn object(&mut self, field: &str, object: &ObjectDesc, meshes: &Meshes) {
+    /// Returns the edge of its voxels, m, if it can be told.
+    fn object(&mut self, field: &str, object: &ObjectDesc, meshes: &Meshes) -> Option<f64> {
         let shape_is_sound = self.shape(&format!("{field}.shape"), &object.shape);
         let size_is_sound = self.voxel_size(field, object);
         let level_is_sound = self.number(&format!("{field}.level"), f64::from(object.level), 0.0..=4.0);
@@ -160,15 +173,15 @@ impl Report {
         for (i, load) in object.loads.iter().enumerate() {
             self.load(&format!("{field}.loads[{i}]"), load);
         }
-        if shape_is_sound && size_is_sound && level_is_sound {
-            self.elements(field, object, meshes);
-        }
+        self.contrast(field, object);
+        let is_sound = shape_is_sound && size_is_sound && level_is_sound;
+        if is_sound { self.elements(field, object, meshes) } else { None }
     }
 
     fn voxel_size(&mut self, field: &str, object: &ObjectDesc) -> bool {
         match (object.voxel_size_m, object.resolution) {
-            (Some(size_m), None) => self.number(&format!("{field}.voxel_size_m"), size_m, 1e-5..=1.0),
-            (None, Some(count)) => self.number(&format!("{field}.resolution"), f64::from(count), 1.0..=4096.0),
+            (Some(size_m), None) => self.number(&format!("{field}.voxel_size_m"), size_m, VOXEL_SIZE_M),
+            (None, Some(count)) => self.number(&format!("{field}.resolution"), f64::from(count), 1.0..=MAX_RESOLUTION),
             (given, _) => {
                 let found = if given.is_some() { "both are" } else { "neither is" };
                 let message = format!("give exactly one of voxel_size_m and resolution; {found} given");
@@ -179,15 +192,43 @@ impl Report {
     }
 
     /// What depends on the size of the elements: the lattice's extent and each material's toughness.
-    fn elements(&mut self, field: &str, object: &ObjectDesc, meshes: &Meshes) {
+    /// Returns the edge of its voxels, m.
+    fn elements(&mut self, field: &str, object: &ObjectDesc, meshes: &Meshes) -> Option<f64> {
         let size_m = match voxel_size_m(object, meshes) {
-            Ok(Some(size_m)) => size_m,
-            Ok(None) => return, // a mesh that is not at hand: judged when it is
-            Err(problem) => return self.problems.push(problem.within(field)),
+            Ok(size_m) => size_m?, // a mesh that is not at hand is judged when it is
+            Err(problem) => {
+                self.problems.push(problem.within(field));
+                return None;
+            }
         };
+        if object.resolution.is_some() && !VOXEL_SIZE_M.contains(&size_m) {
+            let (low, high) = (VOXEL_SIZE_M.start(), VOXEL_SIZE_M.end());
+            let message = format!("gives voxels of {size_m} m, which is not between {low} and {high}");
+            self.refuse(format!("{field}.resolution"), message);
+        }
         self.toughness(&format!("{field}.material"), &object.material, size_m, object.level);
         for (i, region) in object.regions.iter().enumerate() {
             self.toughness(&format!("{field}.regions[{i}].material"), &region.material, size_m, object.level);
+        }
+        Some(size_m)
+    }
+
+    /// Stiff and soft in one object, in whatever order: the first region that is too far from what
+    /// came before it is named.
+    fn contrast(&mut self, field: &str, object: &ObjectDesc) {
+        let first = object.material.young_modulus_pa;
+        let (mut softest, mut stiffest) = (first, first);
+        for (i, region) in object.regions.iter().enumerate() {
+            let young = region.material.young_modulus_pa;
+            (softest, stiffest) = (softest.min(young), stiffest.max(young));
+            if stiffest > MAX_STIFFNESS_CONTRAST * softest {
+                let message = format!(
+                    "{young} makes the object's stiffest material {:e} times as stiff as its softest, more than \
+                     {MAX_STIFFNESS_CONTRAST:e}",
+                    stiffest / softest
+                );
+                return self.refuse(format!("{field}.regions[{i}].material.young_modulus_pa"), message);
+            }
         }
     }
 
@@ -285,10 +326,18 @@ impl Report {
         }
     }
 
-    fn blade(&mut self, field: &str, blade: &BladeDesc) {
+    fn blade(&mut self, field: &str, blade: &BladeDesc, smallest_voxel_m: f64) {
         self.number(&format!("{field}.width_m"), blade.width_m, 1e-4..=10.0);
         self.number(&format!("{field}.height_m"), blade.height_m, 1e-4..=10.0);
         self.number(&format!("{field}.edge_half_width_m"), blade.edge_half_width_m, 1e-8..=1e-2);
         self.number(&format!("{field}.thickness_m"), blade.thickness_m, 0.0..=0.1);
+        let across = blade.width_m / smallest_voxel_m;
+        if across > MAX_BLADE_VOXELS {
+            let message = format!(
+                "{} is {across:.0} of the smallest voxels, of {smallest_voxel_m} m: more than {MAX_BLADE_VOXELS}",
+                blade.width_m
+            );
+            self.refuse(format!("{field}.width_m"), message);
+        }
     }
 }
