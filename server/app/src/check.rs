@@ -77,6 +77,15 @@ impl Report {
                 self.warnings.push(format!("objects[{index}].regions[{i}]: holds no voxel"));
             }
         }
+        for (i, finer) in object.finer.iter().enumerate() {
+            match region_voxels(grid, &finer.shape, &scene.meshes) {
+                Ok(voxels) if voxels.is_empty() => {
+                    self.warnings.push(format!("objects[{index}].finer[{i}]: holds no voxel"));
+                }
+                Ok(voxels) => self.lines.push(format!("  finer: {} voxels at level {}", voxels.len(), finer.level)),
+                Err(problem) => self.problems.push(problem.within(&format!("objects[{index}].finer[{i}]"))),
+            }
+        }
         self.supports(index, object, scene, grid);
         for (i, probe) in scene.desc.probes.iter().enumerate().filter(|(_, p)| p.object == object.name) {
             if grid.voxel_at(grid.cell_of(&probe.position_m.into())).is_none() {

@@ -52,7 +52,7 @@ impl Stage {
 }
 
 /// Where a step asks for the time; the core has no clock of its own.
-pub trait StageClock {
+pub trait StageClock: Sync {
     /// Nanoseconds since an arbitrary origin, monotonic.
     fn now_ns(&self) -> u64;
 }

@@ -1,13 +1,76 @@
 //! Threads lent to the core by whoever owns them.
 
 use rayon::ThreadPool;
-use rayon::prelude::*;
 
 /// The threads a step may use. Work is split into fixed chunks whatever their number, so the result
 /// has the same bits at any thread count.
 #[derive(Clone, Copy, Default)]
 pub struct Workers<'a> {
     pool: Option<&'a ThreadPool>,
+}
+
+/// Slices of one length that are cut at the same places.
+pub trait Slices: Send + Sized {
+    /// Length of each.
+    fn count(&self) -> usize;
+    /// The first `middle` entries of each, and the rest.
+    fn cut(self, middle: usize) -> (Self, Self);
+}
+
+impl<T: Sync> Slices for &[T] {
+    fn count(&self) -> usize {
+        self.len()
+    }
+    fn cut(self, middle: usize) -> (Self, Self) {
+        self.split_at(middle)
+    }
+}
+
+impl<T: Send> Slices for &mut [T] {
+    fn count(&self) -> usize {
+        self.len()
+    }
+    fn cut(self, middle: usize) -> (Self, Self) {
+        self.split_at_mut(middle)
+    }
+}
+
+macro_rules! slices_of_tuples {
+    ($($slices:ident $low:ident $high:ident),+) => {
+        impl<$($slices: Slices),+> Slices for ($($slices,)+) {
+            fn count(&self) -> usize {
+                self.0.count()
+            }
+            #[allow(non_snake_case, reason = "each slice is named after its type")]
+            fn cut(self, middle: usize) -> (Self, Self) {
+                let ($($slices,)+) = self;
+                $(let ($low, $high) = $slices.cut(middle);)+
+                (($($low,)+), ($($high,)+))
+            }
+        }
+    };
+}
+
+slices_of_tuples!(A a b, B c d);
+slices_of_tuples!(A a b, B c d, C e f);
+slices_of_tuples!(A a b, B c d, C e f, D g h);
+
+/// A slice that is cut in groups of entries.
+pub struct Groups<'a, T> {
+    /// The entries; the last group may have fewer.
+    pub entries: &'a mut [T],
+    /// Entries per group.
+    pub size: usize,
+}
+
+impl<T: Send> Slices for Groups<'_, T> {
+    fn count(&self) -> usize {
+        self.entries.len().div_ceil(self.size)
+    }
+    fn cut(self, middle: usize) -> (Self, Self) {
+        let (low, high) = self.entries.split_at_mut(middle * self.size);
+        (Self { entries: low, size: self.size }, Self { entries: high, size: self.size })
+    }
 }
 
 impl<'a> Workers<'a> {
@@ -23,14 +86,50 @@ impl<'a> Workers<'a> {
         Self { pool: (pool.current_num_threads() > 1).then_some(pool) }
     }
 
-    /// Calls `work(chunk index, chunk)` for each chunk of `size` elements, in parallel where threads
-    /// are lent.
-    pub fn for_chunks<T: Send, F: Fn(usize, &mut [T]) + Sync>(&self, data: &mut [T], size: usize, work: F) {
+    /// Runs `work` on one of the threads: what it hands to the others then costs no more than a call.
+    pub fn run<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
         match self.pool {
-            Some(pool) if data.len() > size => {
-                pool.install(|| data.par_chunks_mut(size).enumerate().for_each(|(i, chunk)| work(i, chunk)));
-            }
-            _ => data.chunks_mut(size).enumerate().for_each(|(i, chunk)| work(i, chunk)),
+            Some(pool) => pool.install(work),
+            None => work(),
         }
     }
+
+    /// Calls `work(chunk index, chunk)` for each chunk of `size` entries, in parallel where threads are
+    /// lent.
+    pub fn for_chunks<S: Slices>(&self, data: S, size: usize, work: impl Fn(usize, S) + Sync) {
+        self.reduce_chunks(data, size, work, |(), ()| ());
+    }
+
+    /// The same, with the results joined in an order that depends on the number of chunks alone.
+    pub fn reduce_chunks<S: Slices, R: Send>(
+        &self,
+        data: S,
+        size: usize,
+        work: impl Fn(usize, S) -> R + Sync,
+        join: impl Fn(R, R) -> R + Sync,
+    ) -> R {
+        match self.pool {
+            Some(pool) if data.count() > size => pool.install(|| divide::<_, _, true>(data, 0, size, &work, &join)),
+            _ => divide::<_, _, false>(data, 0, size, &work, &join),
+        }
+    }
+}
+
+/// Halves the chunks until one is left.
+fn divide<S: Slices, R: Send, const PARALLEL: bool>(
+    data: S,
+    first: usize,
+    size: usize,
+    work: &(impl Fn(usize, S) -> R + Sync),
+    join: &(impl Fn(R, R) -> R + Sync),
+) -> R {
+    let half = data.count().div_ceil(size) / 2;
+    if half == 0 {
+        return work(first, data);
+    }
+    let (low, high) = data.cut(half * size);
+    let low = || divide::<_, _, PARALLEL>(low, first, size, work, join);
+    let high = || divide::<_, _, PARALLEL>(high, first + half, size, work, join);
+    let (low, high) = if PARALLEL { rayon::join(low, high) } else { (low(), high()) };
+    join(low, high)
 }

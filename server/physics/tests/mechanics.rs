@@ -27,7 +27,7 @@ fn cut_random_links(body: &mut Body, count: usize, rng: &mut Lcg) {
         links.push((link, Crossing { t: 0.5, normal: [1.0, 0.0, 0.0] }));
     }
     let parted = body.part_links(&links).parted;
-    body.update_topology(&parted);
+    body.update_topology(&Workers::serial(), &parted);
 }
 
 #[test]
@@ -160,10 +160,10 @@ fn parting_a_block_duplicates_elements_and_separates_nodes() {
     };
     // Inside a cell: the cell is duplicated. On the face between cells: the nodes are.
     let parted = body.part_links(&plane(1).collect::<Vec<_>>()).parted;
-    body.update_topology(&parted);
+    body.update_topology(&Workers::serial(), &parted);
     assert_eq!((body.base().elements.len(), body.node_count(), body.part_count()), (3, 20, 2));
     let parted = body.part_links(&plane(3).collect::<Vec<_>>()).parted;
-    body.update_topology(&parted);
+    body.update_topology(&Workers::serial(), &parted);
     assert_eq!((body.base().elements.len(), body.node_count(), body.part_count()), (3, 24, 3));
     assert_eq!(parted.len(), 16);
     let _: &Grid = &body.grid;

@@ -37,7 +37,7 @@ fn cut_across(body: &mut Body, i: i32) {
         .map(|n| (LinkId { cell: [i, n % ny, n / ny], axis: 0 }, Crossing { t: 0.5, normal: [1.0, 0.0, 0.0] }))
         .collect();
     let parted = body.part_links(&links).parted;
-    body.update_topology(&parted);
+    body.update_topology(&Workers::serial(), &parted);
 }
 
 /// Takes positions and velocities that were set from outside into forces and the system matrix.

@@ -1,6 +1,6 @@
 //! What is refused in a scene that can be read.
 
-use kerf_physics::scene::{MaterialDesc, RegionDesc, SceneDesc, SceneError, ShapeDesc};
+use kerf_physics::scene::{FinerDesc, MaterialDesc, RegionDesc, SceneDesc, SceneError, ShapeDesc};
 
 const SCENE: &str = r#"
 version = 1
@@ -46,6 +46,12 @@ fn numbers_out_of_range_or_not_finite_are_refused() {
     assert_eq!(refused(|s| s.rate_hz = f64::NAN), ["rate_hz"]);
     assert_eq!(refused(|s| s.gravity_m_per_s2[1] = f64::INFINITY), ["gravity_m_per_s2"]);
     assert_eq!(refused(|s| s.objects[0].level = 5), ["objects[0].level"]);
+    let finer = |level| {
+        let shape = ShapeDesc::Sphere { center_m: [0.0; 3], radius_m: 0.01 };
+        refused(|s| s.objects[0].finer = vec![FinerDesc { shape, level }])
+    };
+    assert_eq!(finer(1), ["objects[0].finer[0].level"]);
+    assert!(finer(0).is_empty());
     let material = |change: fn(&mut MaterialDesc)| refused(|s| change(&mut s.objects[0].material));
     assert_eq!(material(|m| m.poisson_ratio = 0.5), ["objects[0].material.poisson_ratio"]);
     assert_eq!(material(|m| m.density_kg_per_m3 = 0.0), ["objects[0].material.density_kg_per_m3"]);

@@ -144,7 +144,7 @@ fn pressed_into_a_slot(row: i32, depth: f64) -> (f64, f64) {
         .map(|link| (link, Crossing { t: 0.66, normal: [0.0, 0.0, 1.0] }))
         .collect();
     let parted = body.part_links(&links).parted;
-    body.update_topology(&parted);
+    body.update_topology(&kerf_physics::Workers::serial(), &parted);
     rig.drive(depth + 5e-4);
     rig.rest(600);
     let last = rig.samples[rig.samples.len() - 1];

@@ -28,6 +28,7 @@ fn object(shape: ShapeDesc, voxel_size_m: f64) -> ObjectDesc {
         level: 2,
         material: material(),
         regions: vec![],
+        finer: vec![],
         fixed: vec![],
         loads: vec![],
     }

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 /// Cases at places that the seed chooses.
 const RANDOM_CASES: usize = 40;
 /// Inputs that each property is tried on.
-const PROPERTY_INPUTS: u32 = 100;
+const PROPERTY_INPUTS: u32 = 200;
 const BUDGET: Budget = Budget { most_steps: 2500 };
 
 /// Runs the matrix of extremes; the report has no times in it, so the same seed gives the same bytes.
@@ -22,6 +22,9 @@ const BUDGET: Budget = Budget { most_steps: 2500 };
 struct Options {
     /// Where the report goes.
     out: PathBuf,
+    /// Runs only the cases whose name holds this; with them the properties and refusals.
+    #[arg(long)]
+    only: Option<String>,
     /// Chooses the random cases and the inputs of the properties.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -31,7 +34,10 @@ fn main() -> Result<()> {
     let options = Options::parse();
     // A case that panics is a line of the report, not of the terminal.
     std::panic::set_hook(Box::new(|_| ()));
-    let cases = matrix(options.seed, RANDOM_CASES);
+    let mut cases = matrix(options.seed, RANDOM_CASES);
+    if let Some(only) = &options.only {
+        cases.retain(|case| case.name.contains(only));
+    }
     let style = ProgressStyle::with_template("{bar:40} {pos}/{len} {eta} left {msg}").context("a sound template")?;
     let progress = ProgressBar::new((cases.len() + PROPERTIES.len()) as u64).with_style(style);
     let rows = run_all(&cases, BUDGET, |row| {

@@ -1,9 +1,9 @@
 //! Random cuts by the hundred thousand, without a blade: links are parted one by one, in discs, or all
 //! of them, while the body moves.
 
-use kerf_physics::Vec3;
 use kerf_physics::body::{Body, LEAST_PIECE_VOXELS};
 use kerf_physics::grid::{Crossing, Grid, LinkId};
+use kerf_physics::{Vec3, Workers};
 
 use super::materials::parameters;
 use super::scenes::{Specimen, SplitMix64};
@@ -37,7 +37,7 @@ fn case(name: &str, specimen: Specimen, seed: u64, [steps, per_step]: [usize; 2]
             let body = trial.world.body_mut(0);
             let links: Links = (0..per_step).flat_map(|_| cut(&body.grid, &mut rng)).collect();
             let parted = body.part_links(&links).parted;
-            body.update_topology(&parted);
+            body.update_topology(&Workers::serial(), &parted);
             parted_links += parted.len();
             trial.step(&[]);
         }
@@ -96,7 +96,9 @@ pub(super) fn check_body(body: &Body, voxels: usize) -> Vec<String> {
     let mut astray = 0;
     for (voxel, &owner) in body.grid.voxels().iter().zip(&base.owner) {
         filled[owner as usize] += 1;
-        astray += usize::from(voxel.ijk.map(|c| c >> base.exponent) != base.elements[owner as usize].cell);
+        let element = &base.elements[owner as usize];
+        let inside = |a: usize| (0..element.size).contains(&((voxel.ijk[a] >> base.exponent) - element.cell[a]));
+        astray += usize::from(!(0..3).all(inside));
     }
     let total: usize = filled.iter().sum();
     let orphans = filled.iter().filter(|n| **n == 0).count();

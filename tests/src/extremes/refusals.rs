@@ -28,7 +28,7 @@ impl Refusal {
 type Change = fn(&mut Scene);
 
 /// Field, supported range as the message writes it, and two changes: below and beyond.
-const RANGES: [(&str, &str, [Change; 2]); 10] = [
+const RANGES: [(&str, &str, [Change; 2]); 11] = [
     ("rate_hz", "10 to 10000", [|s| s.desc.rate_hz = 9.99, |s| s.desc.rate_hz = 10_001.0]),
     (
         "gravity_m_per_s2",
@@ -72,6 +72,7 @@ const RANGES: [(&str, &str, [Change; 2]); 10] = [
         "-1000000000 to 1000000000",
         [|s| drawn(s, -1.01e9), |s| drawn(s, 1.01e9)],
     ),
+    ("rate_hz", "0 to 100", [|s| free(s, 1e10, 1000.0), |s| free(s, 1e6, 10.0)]),
     (
         "tools[0].blade.width_m",
         "0.0001 to 4096",
@@ -85,6 +86,13 @@ fn of_resolution(scene: &mut Scene, side_m: f64, resolution: u32) {
     object.voxel_size_m = None;
     object.resolution = Some(resolution);
     scene.desc.tools.clear();
+}
+
+/// Nothing holds the object, and waves cross it by the thousand voxels in a step.
+fn free(scene: &mut Scene, young_modulus_pa: f64, rate_hz: f64) {
+    scene.desc.rate_hz = rate_hz;
+    scene.desc.objects[0].material.young_modulus_pa = young_modulus_pa;
+    scene.desc.objects[0].fixed.clear();
 }
 
 /// A region so many times as stiff as the object.
@@ -111,7 +119,7 @@ pub fn refusals() -> Vec<Refusal> {
     let specimen = Specimen { voxel_size_m: 1e-3, voxels: [1; 3], ..Specimen::default() };
     let refused = |(field, range, changes): (&'static str, &'static str, [Change; 2])| {
         changes.map(|change| {
-            let mut scene = specimen.scene(specimen.block(), 1);
+            let mut scene = specimen.scene(specimen.held_block(), 1);
             change(&mut scene);
             Refusal { field, range, said: scene.problems().iter().map(ToString::to_string).collect() }
         })

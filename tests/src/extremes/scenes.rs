@@ -93,6 +93,7 @@ impl Specimen {
             resolution: None,
             level: self.level,
             material: self.material(),
+            finer: Vec::new(),
             regions: Vec::new(),
             fixed: Vec::new(),
             loads: Vec::new(),

@@ -2,7 +2,7 @@
 
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::{SceneError, Vec3};
+use kerf_physics::{SceneError, Vec3, Workers};
 
 use super::cuts::check_body;
 use super::materials::{parameters, pressed};
@@ -113,7 +113,7 @@ fn diced(pitch: i32) -> Case {
                 }
             }
             let parted = body.part_links(&links).parted;
-            body.update_topology(&parted);
+            body.update_topology(&Workers::serial(), &parted);
             trial.start(|rest_m| (rest_m, 5.0 * (rest_m - Vec3::new(0.0, 0.02, 0.0)) / 0.02));
             trial.let_go(specimen.period_s(), 12.0, budget.most_steps, Return::Anywhere);
             let body = trial.world.bodies()[0];

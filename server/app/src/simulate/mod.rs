@@ -112,6 +112,7 @@ fn load(options: &Options) -> Result<Scene> {
     let mut scene = catalog::load(&options.scene)?;
     for object in &mut scene.desc.objects {
         object.level = options.level.unwrap_or(object.level);
+        object.finer.retain(|finer| finer.level < object.level);
     }
     scene.desc.rate_hz = options.rate.unwrap_or(scene.desc.rate_hz);
     match scene.problems().into_iter().next() {

@@ -2,21 +2,27 @@
 //! solve and the new state.
 
 use super::Body;
+use crate::contact::broad::Aabb;
 use crate::contact::{Contact, Mode};
 use crate::fem::composite::corner_pair;
-use crate::fem::corotation::{LANES, StepTerms, rotation_matrix};
+use crate::fem::corotation::{ElementBlock, ElementState, Evaluation, LANES, NodalBuffers, StepTerms};
 use crate::fem::lanes::for_packed;
-use crate::solve::operator::{LANES as OPERATOR_LANES, NODES_PER_CHUNK};
+use crate::solve::assembly::CHUNK_ELEMENTS;
+use crate::solve::assembly::Chunk;
+use crate::solve::operator::{LANES as OPERATOR_LANES, NODES_PER_CHUNK, masters_of};
 use crate::solve::pcg::{PcgReport, Stop};
 use crate::solve::spring::PointSpring;
 use crate::step_io::SolveReport;
-use crate::workers::Workers;
+use crate::workers::{Groups, Workers};
 use wide::{f32x4, f64x4};
 
-/// Blocks of elements per chunk of parallel work.
-const BLOCKS_PER_CHUNK: usize = 64;
+/// Blocks per chunk of elements.
+const BLOCKS_PER_CHUNK: usize = CHUNK_ELEMENTS / LANES;
 /// Elements whose stiffening factor is within this of 1 keep the matrix of the rest state.
 const STIFFENING_THRESHOLD: f64 = 0.02;
+/// The smoothers' diagonal blocks stay until some element may have turned by this since: inside a body of
+/// one material they hardly depend on rotations.
+const MOST_TURNED_RAD: f64 = 0.1;
 /// Coarse matrices follow an element's stiffening only when it has changed by this factor: they
 /// precondition, and a spectrally close matrix does as well.
 const COARSE_STIFFENING_FACTOR: f64 = 1.5;
@@ -49,22 +55,80 @@ impl BodyEnergy {
     }
 }
 
+/// What the elements of a chunk work on, and what they add up to.
+#[derive(Default)]
+pub(super) struct ElementChunk {
+    pub(super) nodal: NodalBuffers,
+    pub(super) found: Evaluation,
+    /// Corners of the box around the nodes, m, xyz0.
+    low_m: f64x4,
+    high_m: f64x4,
+}
+
+impl ElementChunk {
+    /// Makes the buffers fit a chunk.
+    pub(super) fn resize(&mut self, chunk: &Chunk) {
+        let nodal = &mut self.nodal;
+        for v in [&mut nodal.position_m, &mut nodal.velocity_m_per_s, &mut nodal.velocity_change, &mut nodal.balance_n]
+        {
+            v.resize(chunk.len(), f64x4::ZERO);
+        }
+    }
+
+    fn load(
+        &mut self,
+        chunk: &Chunk,
+        position_m: &super::Nodal,
+        velocity_m_per_s: &super::Nodal,
+        velocity_change: Option<&super::Nodal>,
+    ) {
+        let read = |v: [f64; 3]| f64x4::new([v[0], v[1], v[2], 0.0]);
+        let nodal = &mut self.nodal;
+        chunk.load(position_m, read, &mut nodal.position_m);
+        let (low, high) = (f64x4::splat(f64::INFINITY), f64x4::splat(f64::NEG_INFINITY));
+        self.low_m = nodal.position_m.iter().fold(low, |low, x| low.fast_min(*x));
+        self.high_m = nodal.position_m.iter().fold(high, |high, x| high.fast_max(*x));
+        chunk.load(velocity_m_per_s, read, &mut nodal.velocity_m_per_s);
+        nodal.velocity_change.resize(velocity_change.map_or(0, |_| chunk.len()), f64x4::ZERO);
+        if let Some(change) = velocity_change {
+            chunk.load(change, read, &mut nodal.velocity_change);
+        }
+    }
+
+    fn evaluate(
+        &mut self,
+        chunk: &Chunk,
+        blocks: &[ElementBlock],
+        states: &mut [ElementState],
+        dt_s: f64,
+        rotation_iterations: u32,
+    ) {
+        self.nodal.balance_n.fill(f64x4::ZERO);
+        self.found = Evaluation::default();
+        for (block, state) in blocks.iter().zip(states) {
+            let found = block.evaluate(state, &mut self.nodal, dt_s, rotation_iterations);
+            self.found.join(&found);
+        }
+        chunk.hand_over(&mut self.nodal.balance_n, |w| w);
+    }
+}
+
 impl Body {
     /// Rotations, forces, energies and velocity terms of every element at the current state.
     pub fn evaluate(&mut self, workers: &Workers<'_>, rotation_iterations: u32) {
-        self.evaluate_blocks(workers, None, rotation_iterations);
+        self.evaluate_chunks(workers, None, rotation_iterations);
     }
 
     /// The same at the end of a step that changed the velocities by `velocity_change`; returns what the
     /// step did to the energies.
     pub fn evaluate_step(&mut self, workers: &Workers<'_>, velocity_change: &super::Nodal) -> StepEnergies {
-        self.evaluate_blocks(workers, Some(velocity_change), 2);
+        self.evaluate_chunks(workers, Some(velocity_change), 2);
         let mut sum = StepEnergies::default();
-        for state in &self.states {
-            sum.elements.inertial_j += state.step.inertial_j.reduce_add();
-            sum.elements.elastic_j += state.step.elastic_j.reduce_add();
-            sum.elements.force_work_j += state.step.force_work_j.reduce_add();
-            sum.elements.damping_j += state.step.damping_j.reduce_add();
+        for step in self.chunks.iter().map(|chunk| &chunk.found.step) {
+            sum.elements.inertial_j += step.inertial_j.reduce_add();
+            sum.elements.elastic_j += step.elastic_j.reduce_add();
+            sum.elements.force_work_j += step.force_work_j.reduce_add();
+            sum.elements.damping_j += step.damping_j.reduce_add();
         }
         let dt = self.params.dt_s;
         for (element, hold) in &self.holds {
@@ -75,19 +139,35 @@ impl Body {
         sum
     }
 
-    fn evaluate_blocks(
+    fn evaluate_chunks(
         &mut self,
         workers: &Workers<'_>,
         velocity_change: Option<&super::Nodal>,
         rotation_iterations: u32,
     ) {
-        let (blocks, x, v) = (&self.blocks, &self.position_m, &self.velocity_m_per_s);
-        let (dt, change) = (self.params.dt_s, velocity_change.map(Vec::as_slice));
-        workers.for_chunks(&mut self.states, BLOCKS_PER_CHUNK, |chunk, states| {
-            for (state, block) in states.iter_mut().zip(&blocks[chunk * BLOCKS_PER_CHUNK..]) {
-                block.evaluate(state, x, v, change, dt, rotation_iterations);
-            }
+        let (assembly, blocks) = (self.multigrid.operator().assembly(), &self.blocks);
+        let (x, v, dt) = (&self.position_m, &self.velocity_m_per_s, self.params.dt_s);
+        let states = Groups { entries: &mut self.states, size: BLOCKS_PER_CHUNK };
+        workers.for_chunks((states, &mut self.chunks[..]), 1, |index, (states, chunks)| {
+            let (chunk, blocks) = (&mut chunks[0], &blocks[index * BLOCKS_PER_CHUNK..]);
+            chunk.load(&assembly.chunks()[index], x, v, velocity_change);
+            chunk.evaluate(&assembly.chunks()[index], blocks, states.entries, dt, rotation_iterations);
         });
+        let turned_rad2 = |chunk: &ElementChunk| chunk.found.turned_rad2.to_array().into_iter().fold(0.0, f64::max);
+        self.turned_rad += self.chunks.iter().map(turned_rad2).fold(0.0, f64::max).sqrt();
+    }
+
+    /// Elements whose boxes may meet `near`, ascending: those of the chunks whose boxes do.
+    pub fn elements_near(&self, near: &Aabb) -> impl Iterator<Item = usize> + '_ {
+        let near = *near;
+        let point = |v: f64x4| {
+            let [x, y, z, _] = v.to_array();
+            crate::Vec3::new(x, y, z)
+        };
+        let chunks = self.chunks.iter().enumerate();
+        let met = chunks.filter(move |(_, c)| near.meets(&Aabb { min_m: point(c.low_m), max_m: point(c.high_m) }));
+        let elements = self.base().elements.len();
+        met.flat_map(move |(index, _)| index * CHUNK_ELEMENTS..elements.min((index + 1) * CHUNK_ELEMENTS))
     }
 
     /// Energies at the state that was last evaluated.
@@ -95,9 +175,9 @@ impl Body {
     pub fn energy(&self) -> BodyEnergy {
         let mut energy = BodyEnergy::default();
         // Lanes without an element have zero matrices and add nothing.
-        for state in &self.states {
-            energy.elastic_j += state.energy_j.reduce_add();
-            energy.kinetic_j += state.kinetic_j.reduce_add();
+        for chunk in &self.chunks {
+            energy.elastic_j += chunk.found.elastic_j.reduce_add();
+            energy.kinetic_j += chunk.found.kinetic_j.reduce_add();
         }
         for (element, hold) in &self.holds {
             let u = self.element_displacements(*element as usize);
@@ -106,13 +186,15 @@ impl Body {
         energy
     }
 
-    /// Sum of the elastic force at each node, N; what internal forces alone do.
+    /// Sum of the elastic force at each node, N; what internal forces alone do. Forces on hanging nodes
+    /// are handed to their masters.
     #[must_use]
     pub fn elastic_forces_n(&self) -> super::Nodal {
         let mut forces = vec![[0.0; 3]; self.node_count()];
         self.for_each_corner(|state, lane, corner, node| {
             (0..3).for_each(|i| forces[node][i] += state.force_n[3 * corner + i].as_array()[lane]);
         });
+        self.gather_hanging(&mut forces);
         forces
     }
 
@@ -124,11 +206,12 @@ impl Body {
         for (element, data) in self.base().elements.iter().enumerate() {
             let (block, lane) = (&self.blocks[element / LANES], element % LANES);
             for (corner, &node) in data.nodes.iter().enumerate() {
-                let d = crate::Vec3::from(block.mean_gradient[corner].map(|g| g.as_array()[lane]));
-                let f = stress_pa * d * block.volume_m3.as_array()[lane];
+                let d = crate::Vec3::from(block.shapes.mean_gradient[corner].map(|g| g.as_array()[lane]));
+                let f = stress_pa * d * block.shapes.volume_m3.as_array()[lane];
                 (0..3).for_each(|i| forces[node as usize][i] -= f[i]);
             }
         }
+        self.gather_hanging(&mut forces);
         forces
     }
 
@@ -136,10 +219,21 @@ impl Body {
     #[must_use]
     pub fn nodal_momentum(&self) -> super::Nodal {
         let mut momentum = vec![[0.0; 3]; self.node_count()];
-        self.for_each_corner(|state, lane, corner, node| {
-            (0..3).for_each(|i| momentum[node][i] += state.momentum[3 * corner + i].as_array()[lane]);
-        });
+        for (element, data) in self.base().elements.iter().enumerate() {
+            for (a, &node) in data.nodes.iter().enumerate() {
+                for (b, &other) in data.nodes.iter().enumerate() {
+                    let mass = self.mass_between_kg(element, a, b);
+                    let v = self.velocity_m_per_s[other as usize];
+                    (0..3).for_each(|i| momentum[node as usize][i] += mass * v[i]);
+                }
+            }
+        }
         momentum
+    }
+
+    /// Entry of an element's mass between two corners, kg.
+    pub(super) fn mass_between_kg(&self, element: usize, a: usize, b: usize) -> f64 {
+        self.blocks[element / LANES].shapes.mass_kg[corner_pair(a, b)].as_array()[element % LANES]
     }
 
     fn for_each_corner(&self, mut visit: impl FnMut(&crate::fem::corotation::ElementState, usize, usize, usize)) {
@@ -181,7 +275,7 @@ impl Body {
             if row % 3 == column % 3 {
                 let (a, b) = (row / 3, column / 3);
                 let entry = a * (a + 1) / 2 + b;
-                packed[index] += mass_factor * at(&block.mass_kg[entry]);
+                packed[index] += mass_factor * at(&block.shapes.mass_kg[entry]);
                 packed[index] += hold.map_or(0.0, |h| dt * dt * h[entry]);
             }
         });
@@ -190,27 +284,28 @@ impl Body {
     }
 
     /// Rotations of all elements into the solver's operator.
-    pub(super) fn write_rotations(&mut self) {
+    pub(super) fn write_rotations(&mut self, workers: &Workers<'_>) {
         const { assert!(OPERATOR_LANES == 2 * LANES) };
-        for (states, block) in self.states.chunks(2).zip(&mut self.multigrid.operator_mut().blocks) {
-            for (half, state) in states.iter().enumerate() {
-                for (target, entry) in block.rotation.iter_mut().zip(rotation_matrix(&state.rotation)) {
-                    let lanes = half * LANES..(half + 1) * LANES;
-                    target.as_mut_array()[lanes].copy_from_slice(&entry.to_array().map(|c| c as f32));
-                }
+        let states = &self.states;
+        workers.for_chunks(&mut self.multigrid.operator_mut().blocks[..], BLOCKS_PER_CHUNK, |first, blocks| {
+            for (block, states) in blocks.iter_mut().zip(states[2 * first * BLOCKS_PER_CHUNK..].chunks(2)) {
+                let (low, high) = (&states[0].rotation_matrix, &states[states.len() - 1].rotation_matrix);
+                block.rotation = std::array::from_fn(|i| bytemuck::cast([low[i], high[i]]));
             }
-        }
+        });
     }
 
     /// Brings the solver's operator and its preconditioner to the evaluated state.
     pub fn refresh_operator(&mut self, workers: &Workers<'_>) {
         self.scratch.stale_parents.clear();
+        let mut rewritten = false;
         if self.blocks.iter().any(|b| b.stiffening.is_some()) {
             for element in 0..self.base().elements.len() {
                 let stiffening = self.states[element / LANES].stiffening.as_array()[element % LANES];
                 let active = stiffening - 1.0 > STIFFENING_THRESHOLD;
                 if active || self.applied_stiffening[element] != 1.0 {
                     self.write_matrix(element);
+                    rewritten = true;
                 }
                 let ratio = self.applied_stiffening[element] / self.coarse_stiffening[element];
                 if !(1.0 / COARSE_STIFFENING_FACTOR..=COARSE_STIFFENING_FACTOR).contains(&ratio) {
@@ -225,10 +320,14 @@ impl Body {
             let parents = &mut self.scratch.stale_parents;
             parents.sort_unstable();
             parents.dedup();
-            self.multigrid.rebuild_coarse(&self.levels, parents);
+            self.multigrid.rebuild_coarse(parents);
         }
-        self.write_rotations();
-        self.multigrid.update_rotations_and_diagonals(workers);
+        self.write_rotations(workers);
+        self.multigrid.update_rotations(workers);
+        if rewritten || self.turned_rad > MOST_TURNED_RAD {
+            self.multigrid.update_diagonals(workers);
+            self.turned_rad = 0.0;
+        }
     }
 
     /// Room for `count` springs in the solver's operators.
@@ -250,13 +349,11 @@ impl Body {
     pub fn assemble_right_side(&mut self, workers: &Workers<'_>) {
         let dt = self.params.dt_s;
         let mut b = std::mem::take(&mut self.scratch.right_side);
-        let (operator, states, external_n) = (self.multigrid.operator(), &self.states, &self.external_n);
-        workers.for_chunks(&mut b, NODES_PER_CHUNK, |chunk, b| {
-            for (node, b) in (chunk * NODES_PER_CHUNK..).zip(b) {
-                let mut sum = f64x4::ZERO;
-                for (element, corner) in operator.corners_at(node) {
-                    sum += states[element / LANES].balance_n[element % LANES][corner];
-                }
+        let (assembly, chunks, external_n) = (self.multigrid.operator().assembly(), &self.chunks, &self.external_n);
+        workers.for_chunks(&mut b[..], NODES_PER_CHUNK, |first, b| {
+            for (node, b) in (first * NODES_PER_CHUNK..).zip(b) {
+                let entries = assembly.entries(node);
+                let sum = entries.fold(f64x4::ZERO, |sum, (chunk, slot)| sum + chunks[chunk].nodal.balance_n[slot]);
                 let sum = sum.to_array();
                 *b = [0, 1, 2].map(|i| dt * (sum[i] + external_n[node][i]));
             }
@@ -274,18 +371,33 @@ impl Body {
                 }
             }
         }
+        self.gather_hanging(&mut b);
         self.scratch.right_side = b;
     }
 
+    /// Hands what acts on hanging nodes to their masters.
+    fn gather_hanging(&self, forces: &mut super::Nodal) {
+        for hanging in self.multigrid.operator().hanging() {
+            let force = std::mem::take(&mut forces[hanging.node as usize]);
+            for (master, w) in hanging.masters {
+                (0..3).for_each(|i| forces[master as usize][i] += f64::from(w) * force[i]);
+            }
+        }
+    }
+
     /// Norm of the impulses that loads and contacts `impulses` (node, N s) give the nodes in a step.
-    pub fn applied_impulse_norm(&mut self, impulses: &[(u32, [f64; 3])]) -> f64 {
+    pub fn applied_impulse_norm(&mut self, workers: &Workers<'_>, impulses: &[(u32, [f64; 3])]) -> f64 {
         let mut applied = std::mem::take(&mut self.scratch.applied);
-        applied.clear();
-        applied.extend(self.external_n.iter().map(|f| f.map(|c| self.params.dt_s * c)));
+        let dt = self.params.dt_s;
+        workers.for_chunks((&mut applied[..], &self.external_n[..]), NODES_PER_CHUNK, |_, (applied, external)| {
+            applied.iter_mut().zip(external).for_each(|(a, f)| *a = f.map(|c| dt * c));
+        });
         for (node, impulse) in impulses {
             (0..3).for_each(|i| applied[*node as usize][i] += impulse[i]);
         }
-        let squares: f64 = applied.iter().flatten().map(|c| c * c).sum();
+        self.gather_hanging(&mut applied);
+        let square = |_, applied: &[[f64; 3]]| applied.iter().flatten().map(|c| c * c).sum::<f64>();
+        let squares = workers.reduce_chunks(&applied[..], NODES_PER_CHUNK, square, |a, b| a + b);
         self.scratch.applied = applied;
         squares.sqrt()
     }
@@ -301,13 +413,20 @@ impl Body {
         velocity_change: &mut super::Nodal,
     ) -> SolveReport {
         let scratch = &mut self.scratch;
-        scratch.right_side_f32.clear();
-        scratch.right_side_f32.extend(scratch.right_side.iter().map(narrow));
+        let data = (&mut scratch.right_side_f32[..], &scratch.right_side[..]);
+        workers.for_chunks(data, NODES_PER_CHUNK, |_, (narrowed, b)| {
+            narrowed.iter_mut().zip(b).for_each(|(narrowed, b)| *narrowed = narrow(b));
+        });
+        let hanging = self.multigrid.operator().hanging();
         for (node, impulse) in impulses {
-            scratch.right_side_f32[*node as usize] += narrow(impulse);
+            for (master, w) in masters_of(hanging, *node as usize) {
+                scratch.right_side_f32[master] += f32x4::splat(w) * narrow(impulse);
+            }
         }
-        scratch.solution.clear();
-        scratch.solution.extend(velocity_change.iter().map(narrow));
+        let data = (&mut scratch.solution[..], &velocity_change[..]);
+        workers.for_chunks(data, NODES_PER_CHUNK, |_, (solution, guess)| {
+            solution.iter_mut().zip(guess).for_each(|(solution, guess)| *solution = narrow(guess));
+        });
         let PcgReport { iterations, relative_residual } = self.pcg.solve(
             workers,
             &mut self.multigrid,
@@ -319,12 +438,42 @@ impl Body {
                 max_iterations: self.params.max_iterations,
             },
         );
-        velocity_change.clear();
-        velocity_change.extend(self.scratch.solution.iter().map(|v| {
-            let [x, y, z, _] = v.to_array().map(f64::from);
-            [x, y, z]
-        }));
+        let data = (&mut velocity_change[..], &self.scratch.solution[..]);
+        workers.for_chunks(data, NODES_PER_CHUNK, |_, (change, solution)| {
+            for (change, v) in change.iter_mut().zip(solution) {
+                let [x, y, z, _] = v.to_array().map(f64::from);
+                *change = [x, y, z];
+            }
+        });
+        for hanging in self.multigrid.operator().hanging() {
+            let mut moved = [0.0; 3];
+            for (master, w) in hanging.masters {
+                (0..3).for_each(|i| moved[i] += f64::from(w) * velocity_change[master as usize][i]);
+            }
+            velocity_change[hanging.node as usize] = moved;
+        }
         SolveReport { iterations, solves: 1, relative_residual }
+    }
+
+    /// Takes the step with a change of velocity: `v += dv`, `x += dt v`. Returns the work of the external
+    /// loads, gravity included, J.
+    pub fn integrate(&mut self, workers: &Workers<'_>, velocity_change: &super::Nodal) -> f64 {
+        let dt = self.params.dt_s;
+        type Data<'a> = (&'a mut [[f64; 3]], &'a mut [[f64; 3]], &'a [[f64; 3]], &'a [[f64; 3]]);
+        let integrate = |_, (x, v, dv, f): Data<'_>| {
+            let mut work = 0.0;
+            for (((x, v), dv), f) in x.iter_mut().zip(v).zip(dv).zip(f) {
+                for i in 0..3 {
+                    v[i] += dv[i];
+                    x[i] += dt * v[i];
+                    work += f[i] * (dt * v[i]);
+                }
+            }
+            work
+        };
+        let (x, v) = (&mut self.position_m[..], &mut self.velocity_m_per_s[..]);
+        let data = (x, v, &velocity_change[..], &self.external_n[..]);
+        workers.reduce_chunks(data, NODES_PER_CHUNK, integrate, |a, b| a + b)
     }
 
     /// Work of the external loads, gravity included, over nodal displacements, J.

@@ -51,7 +51,7 @@ impl Body {
             let x = Vec3::from(self.position_m[*node as usize]);
             f += x * Vec3::from(g).transpose();
         }
-        f / self.element_edge_m()
+        f / self.element_edge_m(element)
     }
 
     /// The reference position that an element's trilinear map takes to a scene position, by Newton's
@@ -78,9 +78,9 @@ impl Body {
             let damping = (0.5 / size).min(1.0);
             (0..3).for_each(|i| local[i] = (local[i] + damping * step[i]).clamp(-1.0, 2.0));
             if size < 1e-9 {
-                let cell = self.base().elements[element].cell;
-                let at = Vec3::from([0, 1, 2].map(|a| f64::from(cell[a]) + local[a]));
-                return Some(self.grid.origin_m() + at * self.element_edge_m());
+                let data = &self.base().elements[element];
+                let at = Vec3::from([0, 1, 2].map(|a| f64::from(data.cell[a]) + f64::from(data.size) * local[a]));
+                return Some(self.grid.origin_m() + at * self.lattice_edge_m());
             }
         }
         None

@@ -14,9 +14,10 @@ pub use topology::{LEAST_PIECE_VOXELS, PartedLinks, TopologyChange};
 
 use crate::Vec3;
 use crate::fem::composite::{CompositeTables, shape_functions};
-use crate::fem::corotation::{ElementBlock, ElementLaw, ElementState, LANES};
+use crate::fem::corotation::{ElementBlock, ElementLaw, ElementState, LANES, SharedByBlocks};
 use crate::fem::lanes::diagonal_entry;
 use crate::fem::material::Elastic;
+use crate::grid::cell_sizes::CellSizes;
 use crate::grid::levels::{Level, Units, VoxelUnits};
 use crate::grid::{Grid, VoxelId, voxelize};
 use crate::params::StepParams;
@@ -111,9 +112,12 @@ pub struct Body {
     /// Each element's share of `external_n`, by corner.
     element_loads_n: Vec<[[f64; 3]; 8]>,
     gravity_m_per_s2: Vec3,
-    tables: CompositeTables,
+    /// By log2 of an element's size in lattice cells.
+    tables: Vec<CompositeTables>,
     blocks: Vec<ElementBlock>,
     states: Vec<ElementState>,
+    /// By chunk of the solver's assembly.
+    chunks: Vec<forces::ElementChunk>,
     /// Elements with held voxels and their 8x8 penalty, lower triangle by rows, N/m.
     holds: Vec<(u32, [f64; 36])>,
     multigrid: Multigrid,
@@ -121,6 +125,8 @@ pub struct Body {
     /// `psi'` that the solver's matrix and the coarse matrices were last made with.
     applied_stiffening: Vec<f64>,
     coarse_stiffening: Vec<f64>,
+    /// Bound on how far any element has turned since the smoothers' diagonals were made, rad.
+    turned_rad: f64,
     rigid: rigid::RigidParts,
     scratch: Scratch,
     saved: quarantine::FiniteState,
@@ -156,28 +162,29 @@ impl Body {
         let object = &scene.desc.objects[index];
         let grid = voxelize::voxelize(object, &scene.meshes)?;
         let loads = loads_of(&grid, object, &scene.meshes)?;
-        let mut body = Self::at_rest(&object.name, grid, object, loads, scene.desc.gravity_m_per_s2.into(), params);
+        let levels = build_levels(&grid, object, &scene.meshes)?;
+        let gravity = scene.desc.gravity_m_per_s2.into();
+        let mut body = Self::at_rest(object, grid, levels, loads, gravity, params);
         body.rebuild_all(workers);
         Ok(body)
     }
 
     fn at_rest(
-        name: &str,
-        grid: Grid,
         object: &ObjectDesc,
+        grid: Grid,
+        levels: Vec<Level>,
         (voxel_loads, face_loads): (Vec<VoxelLoad>, Vec<FaceLoad>),
         gravity_m_per_s2: Vec3,
         params: StepParams,
     ) -> Self {
-        let exponent = object.level;
-        let levels = build_levels(&grid, exponent);
+        let exponents = levels[0].exponent..=object.level;
         let materials = std::iter::once(&object.material)
             .chain(object.regions.iter().map(|r| &r.material))
             .map(Material::from)
             .collect();
         let mut body = Self {
-            name: name.to_owned(),
-            tables: CompositeTables::new(exponent, grid.voxel_size_m()),
+            name: object.name.clone(),
+            tables: exponents.map(|exponent| CompositeTables::new(exponent, grid.voxel_size_m())).collect(),
             multigrid: Multigrid::new(&levels),
             grid,
             levels,
@@ -191,10 +198,12 @@ impl Body {
             gravity_m_per_s2,
             blocks: Vec::new(),
             states: Vec::new(),
+            chunks: Vec::new(),
             holds: Vec::new(),
             pcg: PcgScratch::default(),
             applied_stiffening: Vec::new(),
             coarse_stiffening: Vec::new(),
+            turned_rad: 0.0,
             rigid: rigid::RigidParts::default(),
             scratch: Scratch::default(),
             saved: quarantine::FiniteState::default(),
@@ -225,7 +234,13 @@ impl Body {
 
     /// Edge of a composite element, m.
     #[must_use]
-    pub fn element_edge_m(&self) -> f64 {
+    pub fn element_edge_m(&self, element: usize) -> f64 {
+        f64::from(self.base().elements[element].size) * self.lattice_edge_m()
+    }
+
+    /// Edge of the smallest composite elements, m.
+    #[must_use]
+    pub fn lattice_edge_m(&self) -> f64 {
         self.grid.voxel_size_m() * f64::from(1u32 << self.base().exponent)
     }
 
@@ -238,7 +253,7 @@ impl Body {
     /// Reference position of a node, m.
     #[must_use]
     pub fn rest_position_m(&self, node: usize) -> Vec3 {
-        let edge = self.element_edge_m();
+        let edge = self.lattice_edge_m();
         self.grid.origin_m() + Vec3::from(self.base().nodes[node].map(|c| f64::from(c) * edge))
     }
 
@@ -268,7 +283,7 @@ impl Body {
         let base = self.base();
         let units = VoxelUnits { grid: &self.grid, exponent: base.exponent };
         let mut voxels = Vec::new();
-        units.in_cell(base.elements[element].cell, &mut |v| {
+        units.in_cell(base.elements[element].cell, base.elements[element].size, &mut |v| {
             if base.owner[v as usize] as usize == element {
                 voxels.push(VoxelId(v));
             }
@@ -280,13 +295,14 @@ impl Body {
     fn rebuild_element(&mut self, element: usize) {
         let voxels = self.voxels_of(element);
         self.element_loads_n[element] = self.element_loads(element, &voxels);
+        let tables = &self.tables[self.base().elements[element].size.ilog2() as usize];
         let filled: Vec<(usize, Elastic)> = voxels
             .iter()
-            .map(|&v| (self.tables.position(self.grid.voxels()[v.index()].ijk), self.material_of(v).elastic))
+            .map(|&v| (tables.position(self.grid.voxels()[v.index()].ijk), self.material_of(v).elastic))
             .collect();
-        let matrices = self.tables.assemble(&filled);
+        let matrices = tables.assemble(&filled);
         let law = self.mean_law(&voxels);
-        let edge = self.element_edge_m();
+        let edge = self.element_edge_m(element);
         self.blocks[element / LANES].set_matrices(element % LANES, edge, &matrices, law);
         self.holds.retain(|(e, _)| *e as usize != element);
         if voxels.iter().any(|v| self.voxel_loads[v.index()].held) {
@@ -312,9 +328,9 @@ impl Body {
     /// Coordinates of a reference position in the cell of an element; 0..=1 inside it.
     #[must_use]
     pub fn local_coordinates(&self, element: usize, position_m: &Vec3) -> [f64; 3] {
-        let cell = self.base().elements[element].cell;
-        let local = (position_m - self.grid.origin_m()) / self.element_edge_m();
-        [0, 1, 2].map(|a| local[a] - f64::from(cell[a]))
+        let data = &self.base().elements[element];
+        let at = (position_m - self.grid.origin_m()) / self.lattice_edge_m();
+        [0, 1, 2].map(|a| (at[a] - f64::from(data.cell[a])) / f64::from(data.size))
     }
 
     /// A held voxel is held at its eight corners, through the interpolation of its element.
@@ -401,19 +417,19 @@ impl Body {
         for element in 0..self.base().elements.len() {
             self.rebuild_element(element);
         }
-        self.multigrid.set_topology(&self.levels, &self.held_nodes());
+        self.number_nodes();
         self.rebuild_external_forces();
         self.rigid = rigid::RigidParts::new(self);
         self.evaluate(workers, 20);
         for element in 0..self.base().elements.len() {
             self.write_matrix(element);
         }
-        self.write_rotations();
+        self.write_rotations(workers);
         self.multigrid.rebuild(workers, &self.levels);
-        let mut shared = Vec::new();
+        let mut shared = SharedByBlocks::default();
         self.blocks.iter_mut().for_each(|b| b.share_matrices(&mut shared));
         self.share_system_matrices();
-        self.save_finite_state();
+        self.save_finite_state(workers);
     }
 
     /// The system's matrices of elements that stiffen come and go with their strain.
@@ -423,14 +439,22 @@ impl Body {
         }
     }
 
+    /// Takes the levels' nodes into the solver and into the blocks.
+    fn number_nodes(&mut self) {
+        self.multigrid.set_topology(&self.levels, &self.held_nodes());
+        let assembly = self.multigrid.operator().assembly();
+        for element in 0..self.levels[0].elements.len() {
+            self.blocks[element / LANES].set_slots(element % LANES, assembly.corners(element));
+        }
+        self.chunks.resize_with(assembly.chunks().len(), Default::default);
+        self.chunks.iter_mut().zip(assembly.chunks()).for_each(|(chunk, nodes)| chunk.resize(nodes));
+    }
+
     fn resize_blocks(&mut self) {
         let elements = self.base().elements.len();
         let blocks = elements.div_ceil(LANES);
         self.blocks.resize_with(blocks, ElementBlock::default);
         self.states.resize_with(blocks, ElementState::default);
-        for element in 0..elements {
-            self.blocks[element / LANES].set_nodes(element % LANES, &self.levels[0].elements[element].nodes);
-        }
         self.scratch.resize(elements, self.levels[0].nodes.len());
         self.pcg.resize(self.levels[0].nodes.len());
         self.element_loads_n.resize(elements, [[0.0; 3]; 8]);
@@ -439,15 +463,28 @@ impl Body {
     }
 }
 
-fn build_levels(grid: &Grid, exponent: u8) -> Vec<Level> {
-    let cells = |e: u8| grid.dims().map(|d| (d + (1 << e) - 1) >> e);
-    let mut levels = vec![Level::build(&VoxelUnits { grid, exponent }, exponent, cells(exponent))];
+/// The level that is solved on, graded where the object states finer regions, and those above it.
+fn build_levels(grid: &Grid, object: &ObjectDesc, meshes: &Meshes) -> Result<Vec<Level>, SceneError> {
+    let exponent = object.finer.iter().map(|finer| finer.level).fold(object.level, u8::min);
+    let dims = grid.dims().map(|d| (d + (1 << exponent) - 1) >> exponent);
+    let mut finest = std::collections::BTreeMap::new();
+    for finer in &object.finer {
+        for voxel in voxelize::region_voxels(grid, &finer.shape, meshes)? {
+            let cell = grid.voxels()[voxel.index()].ijk.map(|c| c >> exponent);
+            let level = finest.entry(cell).or_insert(object.level);
+            *level = finer.level.min(*level);
+        }
+    }
+    let log2 = |level: u8| level - exponent;
+    let sizes = CellSizes::graded(dims, log2(object.level), |cell| log2(*finest.get(&cell).unwrap_or(&object.level)));
+    let mut levels = vec![Level::base(&VoxelUnits { grid, exponent }, sizes)];
     loop {
         let last = &levels[levels.len() - 1];
-        if last.nodes.len() <= COARSEST_NODES || last.dims().iter().all(|d| *d <= 1) {
-            return levels;
+        let small = last.nodes.len() <= COARSEST_NODES && !last.is_graded();
+        if small || last.dims().iter().all(|d| *d <= 1) {
+            return Ok(levels);
         }
-        let above = Level::build(last, last.exponent + 1, cells(last.exponent + 1));
+        let above = last.above();
         levels.push(above);
     }
 }

@@ -3,6 +3,7 @@
 use super::{Body, Nodal};
 use crate::Vec3;
 use crate::grid::VoxelId;
+use crate::solve::operator::NODES_PER_CHUNK;
 use crate::workers::Workers;
 use wide::f64x4;
 
@@ -14,10 +15,11 @@ const MOST_ENERGY_OF_EV: f64 = 1e9;
 #[derive(Default)]
 pub(super) struct FiniteState {
     position_m: Nodal,
-    velocity_m_per_s: Nodal,
     rotation: Vec<[f64x4; 4]>,
     /// Times that a state was remembered since the body last went back to one.
     saves: u32,
+    /// Young's modulus times volume, J; parting links changes neither.
+    stiff_j: f64,
 }
 
 impl Body {
@@ -30,15 +32,23 @@ impl Body {
 
     /// Remembers the evaluated state if its forces are finite too: a position that is finite but
     /// absurd overflows in them first. Returns whether they were.
-    pub fn save_finite_state(&mut self) -> bool {
-        let energy: f64 = self.states.iter().map(|s| s.energy_j.reduce_add()).sum();
-        let finite = energy.is_finite() && energy < MOST_ENERGY_OF_EV * self.stiff_j() && self.is_finite();
+    pub fn save_finite_state(&mut self, workers: &Workers<'_>) -> bool {
+        let energy: f64 = self.chunks.iter().map(|c| c.found.elastic_j.reduce_add()).sum();
+        if self.saved.stiff_j == 0.0 {
+            self.saved.stiff_j = self.stiff_j();
+        }
+        let finite = energy.is_finite() && energy < MOST_ENERGY_OF_EV * self.saved.stiff_j && self.is_finite();
         if finite {
-            self.saved.saves = self.saved.saves.saturating_add(1);
-            self.saved.position_m.clone_from(&self.position_m);
-            self.saved.velocity_m_per_s.clone_from(&self.velocity_m_per_s);
-            self.saved.rotation.clear();
-            self.saved.rotation.extend(self.states.iter().map(|s| s.rotation));
+            let FiniteState { position_m, rotation, saves, .. } = &mut self.saved;
+            *saves = saves.saturating_add(1);
+            position_m.resize(self.position_m.len(), [0.0; 3]);
+            rotation.resize(self.states.len(), [f64x4::ZERO; 4]);
+            workers.for_chunks((&mut position_m[..], &self.position_m[..]), NODES_PER_CHUNK, |_, (saved, x)| {
+                saved.copy_from_slice(x);
+            });
+            workers.for_chunks((&mut rotation[..], &self.states[..]), NODES_PER_CHUNK, |_, (saved, states)| {
+                saved.iter_mut().zip(states).for_each(|(saved, state)| *saved = state.rotation);
+            });
         }
         finite
     }

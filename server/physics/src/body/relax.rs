@@ -72,7 +72,7 @@ impl Body {
         }
         self.params = params;
         self.set_time_step(workers, params.dt_s);
-        self.save_finite_state();
+        self.save_finite_state(workers);
         end
     }
 
@@ -98,7 +98,7 @@ impl Body {
             self.write_matrix(element);
             self.coarse_stiffening[element] = self.applied_stiffening[element];
         }
-        self.write_rotations();
+        self.write_rotations(workers);
         self.multigrid.rebuild(workers, &self.levels);
         self.share_system_matrices();
     }

@@ -5,7 +5,6 @@
 //! the rigid velocity change that makes its linear and angular momentum what the loads say.
 
 use super::{Body, Nodal};
-use crate::fem::composite::corner_pair;
 use crate::fem::corotation::LANES;
 use crate::grid::levels::NONE;
 use crate::{Mat3, Vec3};
@@ -125,7 +124,7 @@ impl Body {
             for a in 0..8 {
                 for b in 0..8 {
                     let (i, j) = (data.nodes[a] as usize, data.nodes[b] as usize);
-                    let mass = block.mass_kg[corner_pair(a, b)].as_array()[lane];
+                    let mass = self.mass_between_kg(element, a, b);
                     let v = Vec3::from(self.velocity_m_per_s[j]) + Vec3::from(dv[j]);
                     let loss = v * (dt * alpha * mass);
                     total.linear -= loss;
@@ -153,11 +152,10 @@ impl Body {
     fn for_each_mass(&self, mut visit: impl FnMut(usize, usize, usize, f64)) {
         for element in self.rigid.loose.iter().map(|e| *e as usize) {
             let data = &self.base().elements[element];
-            let (block, lane) = (&self.blocks[element / LANES], element % LANES);
             let part = self.rigid.element_part[element] as usize;
             for a in 0..8 {
                 for b in 0..8 {
-                    let mass = block.mass_kg[corner_pair(a, b)].as_array()[lane];
+                    let mass = self.mass_between_kg(element, a, b);
                     visit(part, data.nodes[a] as usize, data.nodes[b] as usize, mass);
                 }
             }

@@ -3,7 +3,8 @@
 use super::{Body, rigid};
 use crate::fem::corotation::{ElementState, LANES};
 use crate::grid::levels::{Level, LevelChange, VoxelUnits};
-use crate::grid::{Crossing, Grid, Ijk, LinkId, VoxelId};
+use crate::grid::{Crossing, Grid, LinkId, VoxelId};
+use crate::workers::Workers;
 
 /// No piece of fewer voxels is set free, an eighth of a composite element at k = 4: it could neither be
 /// seen for what it is nor be carried by the elements' corners, which its few voxels hardly load.
@@ -33,7 +34,7 @@ impl Body {
     /// Rebuilds parts, nodes, matrices and preconditioner after `parted` links were parted in the
     /// grid. New nodes start where the nodes they split from are, with their velocity, so nothing
     /// jumps.
-    pub fn update_topology(&mut self, parted: &[LinkId]) -> TopologyChange {
+    pub fn update_topology(&mut self, workers: &Workers<'_>, parted: &[LinkId]) -> TopologyChange {
         let changes = self.update_levels(parted);
         let base = &changes[0];
         if base.touched_cells.is_empty() {
@@ -50,18 +51,19 @@ impl Body {
         for &element in &base.changed_elements {
             self.rebuild_element(element as usize);
         }
-        self.multigrid.set_topology(&self.levels, &self.held_nodes());
+        self.number_nodes();
         self.rebuild_external_forces();
         self.rigid = rigid::RigidParts::new(self);
         let mut elements: Vec<u32> = base.changed_elements.iter().chain(&base.renoded_elements).copied().collect();
         elements.sort_unstable();
         elements.dedup();
-        self.evaluate_touched(&elements);
+        self.evaluate(workers, 2);
         for &element in &elements {
             self.write_matrix_of_changed(element as usize);
         }
         self.multigrid.update_changed(&self.levels, &changes);
-        self.save_finite_state();
+        self.turned_rad = f64::INFINITY;
+        self.save_finite_state(workers);
         let rebound_voxels = base.split_elements.iter().flat_map(|&(new, _)| self.voxels_of(new as usize)).collect();
         TopologyChange { elements, nodes: base.split_nodes.iter().map(|s| s.0).collect(), rebound_voxels }
     }
@@ -69,14 +71,14 @@ impl Body {
     fn update_levels(&mut self, parted: &[LinkId]) -> Vec<LevelChange> {
         let exponent = self.levels[0].exponent;
         let voxels = parted.iter().flat_map(|link| [link.cell, link.upper()]);
-        let touched: Vec<Ijk> = voxels.map(|c| c.map(|x| x >> exponent)).collect();
         let units = VoxelUnits { grid: &self.grid, exponent };
-        let mut changes = vec![self.levels[0].update(&units, touched)];
+        let mut changes = vec![self.levels[0].update(&units, voxels.map(|c| c.map(|x| x >> exponent)))];
         for i in 1..self.levels.len() {
-            let touched = changes[i - 1].touched_cells.iter().map(|c| c.map(|x| x >> 1)).collect();
+            let touched = changes[i - 1].touched_cells.iter().map(|c| c.map(|x| x >> 1));
             let (below, above) = self.levels.split_at_mut(i);
             let child: &Level = &below[i - 1];
-            changes.push(above[0].update(child, touched));
+            let change = above[0].update(child, touched);
+            changes.push(change);
         }
         changes
     }
@@ -86,22 +88,6 @@ impl Body {
         let target: &mut ElementState = &mut self.states[to / LANES];
         for (slot, value) in target.rotation.iter_mut().zip(rotation) {
             slot.as_mut_array()[to % LANES] = value;
-        }
-    }
-
-    /// Re-evaluates the blocks that hold changed elements.
-    fn evaluate_touched(&mut self, elements: &[u32]) {
-        let mut blocks: Vec<usize> = elements.iter().map(|e| *e as usize / LANES).collect();
-        blocks.dedup();
-        for block in blocks {
-            self.blocks[block].evaluate(
-                &mut self.states[block],
-                &self.position_m,
-                &self.velocity_m_per_s,
-                None,
-                self.params.dt_s,
-                2,
-            );
         }
     }
 

@@ -59,8 +59,9 @@ impl SpatialHash {
     pub fn rebuild(&mut self, body: &Body, near: &Aabb) {
         self.boxes.clear();
         self.entries.clear();
-        self.cell_m = body.element_edge_m();
-        for (id, element) in body.base().elements.iter().enumerate() {
+        self.cell_m = body.lattice_edge_m();
+        for id in body.elements_near(near) {
+            let element = &body.base().elements[id];
             let aabb = Aabb::around(element.nodes.iter().map(|n| body.position_m[*n as usize].into()));
             if !aabb.meets(near) {
                 continue;

@@ -91,14 +91,15 @@ impl Walls {
         let place = pose.orientation.inverse();
         out.extend(self.patches.iter().filter_map(|patch| {
             let local = place * (body.current_m(&patch.point) - pose.position_m);
-            beside(body, blade, &local).then(|| patch.contact(body, blade, &frame, &local, before, pose))?
+            beside(body, patch.element, blade, &local)
+                .then(|| patch.contact(body, blade, &frame, &local, before, pose))?
         }));
     }
 }
 
-fn beside(body: &Body, blade: &Blade, local: &Vec3) -> bool {
+fn beside(body: &Body, element: u32, blade: &Blade, local: &Vec3) -> bool {
     let h = body.grid.voxel_size_m();
-    let front = (FRONT_ZONE_VOXELS * h).max(0.5 * body.element_edge_m());
+    let front = (FRONT_ZONE_VOXELS * h).max(0.5 * body.element_edge_m(element as usize));
     local.x.abs() <= 0.5 * blade.width_m
         && (front..=blade.height_m).contains(&local.y)
         && local.z.abs() <= REACH_VOXELS * h
@@ -152,7 +153,7 @@ impl Patch {
             direction: frame.normal * side,
             tool_point_m: pose.transform(&on_blade),
             tool_point_before_m: before.transform(&on_blade),
-            stiffness_n_per_m: young * self.area_m2 / body.element_edge_m(),
+            stiffness_n_per_m: young * self.area_m2 / body.element_edge_m(self.element as usize),
             limit_n: f64::INFINITY,
             slack_m: SLACK_VOXELS * h,
             ..Contact::default()

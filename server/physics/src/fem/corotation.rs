@@ -6,8 +6,9 @@
 
 use super::composite::{ElementMatrices, corner_pair};
 use super::lanes::{self, pack};
-use super::packed::{PackedMatrix, Shared};
-use wide::f64x4;
+use super::packed::{MOST_SHARED, PackedMatrix, Shared};
+use std::sync::Arc;
+use wide::{f32x4, f64x4};
 
 /// Lanes per block.
 pub const LANES: usize = 4;
@@ -17,16 +18,16 @@ pub const LANES: usize = 4;
 /// even as a parabola, one linearised step no longer bounds the energy.)
 const LINEAR_BEYOND: f64 = 6.0;
 
+/// A rotation that was improved by less than 1e-4 rad is off by less than 1e-8 rad after it: the steps
+/// converge quadratically.
+const TURNED_ENOUGH_RAD2: f64 = 1e-8;
+
 /// Smallest eigenvalue of `tr(S) I - S`, relative to the size of S, at which it is still inverted.
 const ROTATION_FLOOR: f64 = 0.2;
 
-/// Constant data of four elements.
-#[derive(Clone)]
-pub struct ElementBlock {
-    /// Node of each corner and lane; unused lanes repeat lane 0 with zero matrices.
-    pub nodes: [[u32; LANES]; 8],
-    /// Stiffness, N/m.
-    pub stiffness: PackedMatrix<f64x4>,
+/// What four elements have in their rest frames besides their stiffness.
+#[derive(Clone, PartialEq)]
+pub struct ElementShapes {
     /// Packed mass between corners, kg, lower triangle by rows.
     pub mass_kg: [f64x4; 36],
     /// Shape gradients averaged over the filled volume, 1/m.
@@ -35,12 +36,50 @@ pub struct ElementBlock {
     pub edge_m: f64x4,
     /// Filled volume, m^3.
     pub volume_m3: f64x4,
+}
+
+/// Constant data of four elements.
+#[derive(Clone)]
+pub struct ElementBlock {
+    /// Slots of each corner and lane in the buffers of the chunk; unused lanes have slot 0 and zero
+    /// matrices.
+    pub slots: [[u16; LANES]; 8],
+    /// Stiffness, N/m.
+    pub stiffness: PackedMatrix<f64x4>,
+    /// The rest, stored once for blocks that have it in common.
+    pub shapes: Arc<ElementShapes>,
     /// Rayleigh damping in proportion to mass, 1/s.
     pub alpha_per_s: f64x4,
     /// Rayleigh damping in proportion to stiffness, s.
     pub beta_s: f64x4,
     /// Present where any of the four stiffens with strain.
     pub stiffening: Option<StiffeningBlock>,
+}
+
+/// Nodal values of a chunk of elements, xyz0, by slot: what blocks read, and what they add up.
+#[derive(Clone, Debug, Default)]
+pub struct NodalBuffers {
+    /// Positions, m.
+    pub position_m: Vec<f64x4>,
+    /// Velocities, m/s.
+    pub velocity_m_per_s: Vec<f64x4>,
+    /// How the step changed the velocities, m/s; empty where there was no step.
+    pub velocity_change: Vec<f64x4>,
+    /// Elastic forces less `(dt + beta) K v + alpha M v`, N: what the elements add to the right side.
+    pub balance_n: Vec<f64x4>,
+}
+
+/// What an evaluation of four elements found.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Evaluation {
+    /// Elastic energy, J.
+    pub elastic_j: f64x4,
+    /// Kinetic energy, J.
+    pub kinetic_j: f64x4,
+    /// What the step did to the energies.
+    pub step: StepTerms<f64x4>,
+    /// Square of the largest angle that an element has turned by, rad^2.
+    pub turned_rad2: f64x4,
 }
 
 /// Data of the strain-stiffening law of four elements.
@@ -57,10 +96,8 @@ pub struct StiffeningBlock {
 pub struct ElementState {
     /// Rotation as a quaternion, xyzw.
     pub rotation: [f64x4; 4],
-    /// Elastic energy, J.
-    pub energy_j: f64x4,
-    /// Kinetic energy, J.
-    pub kinetic_j: f64x4,
+    /// The same as a row-major matrix, for the solver.
+    pub rotation_matrix: [f32x4; 9],
     /// `psi'`: factor on the Galerkin stiffness' share; 1 where linear.
     pub stiffening: f64x4,
     /// `psi'' / V`, and the local Galerkin force it goes with.
@@ -69,13 +106,6 @@ pub struct ElementState {
     pub galerkin_force_n: [f64x4; 24],
     /// Elastic force, N, scene frame.
     pub force_n: [f64x4; 24],
-    /// Elastic force less `(dt + beta) K v + alpha M v`, N, scene frame, of every lane's every corner,
-    /// xyz0: what the element adds to the right side.
-    pub balance_n: [[f64x4; 8]; LANES],
-    /// `M v`, N s, scene frame.
-    pub momentum: [f64x4; 24],
-    /// What the step that led here did.
-    pub step: StepTerms,
 }
 
 impl Default for ElementState {
@@ -83,15 +113,11 @@ impl Default for ElementState {
         let zero = f64x4::ZERO;
         Self {
             rotation: [zero, zero, zero, f64x4::ONE],
-            energy_j: zero,
-            kinetic_j: zero,
+            rotation_matrix: [0, 1, 2, 3, 4, 5, 6, 7, 8].map(|i| f32x4::splat(if i % 4 == 0 { 1.0 } else { 0.0 })),
             stiffening: f64x4::ONE,
             curvature: zero,
             galerkin_force_n: [zero; 24],
             force_n: [zero; 24],
-            balance_n: [[zero; 8]; LANES],
-            momentum: [zero; 24],
-            step: StepTerms::default(),
         }
     }
 }
@@ -99,7 +125,7 @@ impl Default for ElementState {
 /// Energies of a step of four elements or, in [`crate::body::StepEnergies`], of a body, J. Rotations and forces are
 /// those of the step's beginning, `v` is the velocity at its end, `dx = dt v`.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct StepTerms<E = f64x4> {
+pub struct StepTerms<E> {
     /// `1/2 dv^T M dv`.
     pub inertial_j: E,
     /// `1/2 dx^T K dx`.
@@ -117,6 +143,13 @@ struct Products {
     g: Option<[f64x4; 24]>,
 }
 
+/// What blocks have in common.
+#[derive(Default)]
+pub struct SharedByBlocks {
+    matrices: Shared<f64x4>,
+    shapes: Vec<Arc<ElementShapes>>,
+}
+
 /// Properties of one element that are not in its matrices.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ElementLaw {
@@ -130,17 +163,33 @@ pub struct ElementLaw {
 
 impl Default for ElementBlock {
     fn default() -> Self {
-        Self {
-            nodes: [[0; LANES]; 8],
-            stiffness: PackedMatrix::default(),
+        let shapes = ElementShapes {
             mass_kg: [f64x4::ZERO; 36],
             mean_gradient: [[f64x4::ZERO; 3]; 8],
             edge_m: f64x4::ONE,
             volume_m3: f64x4::ONE,
+        };
+        Self {
+            slots: [[0; LANES]; 8],
+            stiffness: PackedMatrix::default(),
+            shapes: Arc::new(shapes),
             alpha_per_s: f64x4::ZERO,
             beta_s: f64x4::ZERO,
             stiffening: None,
         }
+    }
+}
+
+impl Evaluation {
+    /// Takes in what was found for other elements.
+    pub fn join(&mut self, other: &Self) {
+        self.elastic_j += other.elastic_j;
+        self.kinetic_j += other.kinetic_j;
+        self.step.inertial_j += other.step.inertial_j;
+        self.step.elastic_j += other.step.elastic_j;
+        self.step.force_work_j += other.step.force_work_j;
+        self.step.damping_j += other.step.damping_j;
+        self.turned_rad2 = self.turned_rad2.fast_max(other.turned_rad2);
     }
 }
 
@@ -151,24 +200,25 @@ pub fn set_lane(vector: &mut f64x4, lane: usize, value: f64) {
 }
 
 impl ElementBlock {
-    /// Sets the nodes of a lane.
-    pub fn set_nodes(&mut self, lane: usize, nodes: &[u32; 8]) {
-        (0..8).for_each(|corner| self.nodes[corner][lane] = nodes[corner]);
+    /// Sets the slots of a lane's corners.
+    pub fn set_slots(&mut self, lane: usize, slots: &[u16; 8]) {
+        (0..8).for_each(|corner| self.slots[corner][lane] = slots[corner]);
     }
 
     /// Sets the matrices of a lane.
     pub fn set_matrices(&mut self, lane: usize, edge_m: f64, matrices: &ElementMatrices, law: ElementLaw) {
         self.stiffness.set(lane, &pack(&matrices.stiffness));
+        let shapes = Arc::make_mut(&mut self.shapes);
         for a in 0..8 {
             for b in 0..=a {
-                set_lane(&mut self.mass_kg[a * (a + 1) / 2 + b], lane, matrices.mass_kg[a][b]);
+                set_lane(&mut shapes.mass_kg[a * (a + 1) / 2 + b], lane, matrices.mass_kg[a][b]);
             }
             for i in 0..3 {
-                set_lane(&mut self.mean_gradient[a][i], lane, matrices.mean_gradient[a][i]);
+                set_lane(&mut shapes.mean_gradient[a][i], lane, matrices.mean_gradient[a][i]);
             }
         }
-        set_lane(&mut self.edge_m, lane, edge_m);
-        set_lane(&mut self.volume_m3, lane, matrices.volume_m3);
+        set_lane(&mut shapes.edge_m, lane, edge_m);
+        set_lane(&mut shapes.volume_m3, lane, matrices.volume_m3);
         set_lane(&mut self.alpha_per_s, lane, law.alpha_per_s);
         set_lane(&mut self.beta_s, lane, law.beta_s);
         if law.stiffening_rate_per_pa > 0.0 {
@@ -180,51 +230,65 @@ impl ElementBlock {
         }
     }
 
-    /// Stores the matrices once where the elements have them in common with each other or with `shared`.
-    pub fn share_matrices(&mut self, shared: &mut Shared<f64x4>) {
-        self.stiffness.share(shared);
+    /// Stores matrices and shapes once where the elements have them in common with each other or with
+    /// those of blocks before.
+    pub fn share_matrices(&mut self, shared: &mut SharedByBlocks) {
+        self.stiffness.share(&mut shared.matrices);
         if let Some(stiffening) = &mut self.stiffening {
-            stiffening.galerkin.share(shared);
+            stiffening.galerkin.share(&mut shared.matrices);
+        }
+        match shared.shapes.iter().find(|shapes| **shapes == self.shapes) {
+            Some(known) => self.shapes = Arc::clone(known),
+            // Where elements differ, blocks hardly ever agree.
+            None if shared.shapes.len() < MOST_SHARED && self.is_uniform() => {
+                shared.shapes.push(Arc::clone(&self.shapes));
+            }
+            None => {}
         }
     }
 
+    fn is_uniform(&self) -> bool {
+        let mut values = self.shapes.mass_kg.iter().chain(self.shapes.mean_gradient.as_flattened());
+        values.all(|v| v.as_array().iter().all(|lane| *lane == v.as_array()[0]))
+    }
+
     #[inline(always)]
-    fn gather(&self, values: &[[f64; 3]]) -> [f64x4; 24] {
+    fn gather(&self, values: &[f64x4]) -> [f64x4; 24] {
         let mut out = [f64x4::ZERO; 24];
-        for corner in 0..8 {
-            for lane in 0..LANES {
-                let point = &values[self.nodes[corner][lane] as usize];
-                for i in 0..3 {
-                    out[3 * corner + i].as_mut_array()[lane] = point[i];
-                }
-            }
+        for (corner, slots) in self.slots.iter().enumerate() {
+            let [x, y, z, _] = f64x4::transpose(slots.map(|slot| values[slot as usize]));
+            out[3 * corner..3 * corner + 3].copy_from_slice(&[x, y, z]);
         }
         out
     }
 
-    /// Updates rotations by `iterations` steps, then forces, energy and velocity terms at positions
-    /// `position_m` and velocities `velocity_m_per_s` of the nodes; with them the terms of the step from
-    /// the state that was evaluated before, which changed the velocities by `velocity_change`.
+    /// Updates rotations by `iterations` steps, then forces, energy and velocity terms at the positions and
+    /// velocities of the nodes, and adds to their balance; with them the terms of the step from the state
+    /// that was evaluated before, if there was one.
     pub fn evaluate(
         &self,
         state: &mut ElementState,
-        position_m: &[[f64; 3]],
-        velocity_m_per_s: &[[f64; 3]],
-        velocity_change: Option<&[[f64; 3]]>,
+        nodal: &mut NodalBuffers,
         dt_s: f64,
         iterations: u32,
-    ) {
-        let mut x = self.gather(position_m);
+    ) -> Evaluation {
+        let mut x = self.gather(&nodal.position_m);
         let origin = [x[0], x[1], x[2]];
         (0..24).for_each(|i| x[i] -= origin[i % 3]);
         let gradient = self.deformation_gradient(&x);
         let r_before = rotation_matrix(&state.rotation);
+        let mut turned_rad2 = f64x4::ZERO;
         for _ in 0..iterations {
-            improve_rotation(&mut state.rotation, &gradient);
+            let step_rad2 = improve_rotation(&mut state.rotation, &gradient);
+            turned_rad2 += step_rad2;
+            if step_rad2.simd_lt(f64x4::splat(TURNED_ENOUGH_RAD2)).all() {
+                break;
+            }
         }
         let r = rotation_matrix(&state.rotation);
+        state.rotation_matrix = r.map(|entry| f32x4::new(entry.to_array().map(|c| c as f32)));
         let y = lanes::rotate_back(&r, &x);
-        let velocity = self.gather(velocity_m_per_s);
+        let velocity = self.gather(&nodal.velocity_m_per_s);
         // The stiffness is most of what an evaluation reads: once for all three.
         let vectors =
             [self.displacement(&y), lanes::rotate_back(&r, &velocity), lanes::rotate_back(&r_before, &velocity)];
@@ -232,23 +296,26 @@ impl ElementBlock {
         let galerkin = self.stiffening.as_ref().map(|s| s.galerkin.apply_to_each(&vectors));
         let products = |n: usize| Products { k: stiffness[n], g: galerkin.as_ref().map(|g| g[n]) };
         let momentum = self.mass_times(&velocity);
-        if let Some(change) = velocity_change {
+        let half = f64x4::splat(0.5);
+        let kinetic_j = half * lanes::dot(&velocity, &momentum);
+        let mut found = Evaluation { kinetic_j, turned_rad2, ..Evaluation::default() };
+        if !nodal.velocity_change.is_empty() {
             let kv = self.tangent(state, &vectors[2], products(2));
-            state.step = self.step_terms(state, &self.gather(change), &velocity, &momentum, dt_s, [&vectors[2], &kv]);
+            let change = self.gather(&nodal.velocity_change);
+            found.step = self.step_terms(state, &change, &velocity, kinetic_j, dt_s, [&vectors[2], &kv]);
         }
-        self.evaluate_forces(state, &r, &gradient, &y, &vectors[0], products(0));
+        found.elastic_j = self.evaluate_forces(state, &r, &gradient, &y, &vectors[0], products(0));
         let kv = lanes::rotate(&r, &self.tangent(state, &vectors[1], products(1)));
         let factor = self.beta_s + f64x4::splat(dt_s);
-        for corner in 0..8 {
+        for (corner, slots) in self.slots.iter().enumerate() {
             let [x, y, z] = [0, 1, 2].map(|i| {
                 let slot = 3 * corner + i;
                 state.force_n[slot] - factor.mul_add(kv[slot], self.alpha_per_s * momentum[slot])
             });
             let lanes = f64x4::transpose([x, y, z, f64x4::ZERO]);
-            (0..LANES).for_each(|lane| state.balance_n[lane][corner] = lanes[lane]);
+            (0..LANES).for_each(|lane| nodal.balance_n[slots[lane] as usize] += lanes[lane]);
         }
-        state.kinetic_j = f64x4::splat(0.5) * lanes::dot(&velocity, &momentum);
-        state.momentum = momentum;
+        found
     }
 
     /// `y - X` for positions `y` in the rest frame, relative to the first corner.
@@ -258,7 +325,7 @@ impl ElementBlock {
         for corner in 0..8 {
             for i in 0..3 {
                 if corner >> i & 1 == 1 {
-                    u[3 * corner + i] -= self.edge_m;
+                    u[3 * corner + i] -= self.shapes.edge_m;
                 }
             }
         }
@@ -271,7 +338,7 @@ impl ElementBlock {
         for a in 0..8 {
             for i in 0..3 {
                 for j in 0..3 {
-                    f[3 * i + j] = x[3 * a + i].mul_add(self.mean_gradient[a][j], f[3 * i + j]);
+                    f[3 * i + j] = x[3 * a + i].mul_add(self.shapes.mean_gradient[a][j], f[3 * i + j]);
                 }
             }
         }
@@ -287,16 +354,16 @@ impl ElementBlock {
         y: &[f64x4; 24],
         u: &[f64x4; 24],
         products: Products,
-    ) {
+    ) -> f64x4 {
         let mut local = products.k;
         let half = f64x4::splat(0.5);
-        state.energy_j = half * lanes::dot(u, &local);
+        let mut energy_j = half * lanes::dot(u, &local);
         if let (Some(stiffening), Some(g)) = (&self.stiffening, products.g) {
-            let w = half * lanes::dot(u, &g) / self.volume_m3;
+            let w = half * lanes::dot(u, &g) / self.shapes.volume_m3;
             let (energy, slope, curvature) = stiffening_law(w, stiffening.rate_per_pa);
-            state.energy_j += self.volume_m3 * energy;
+            energy_j += self.shapes.volume_m3 * energy;
             state.stiffening = slope;
-            state.curvature = curvature / self.volume_m3;
+            state.curvature = curvature / self.shapes.volume_m3;
             for i in 0..24 {
                 local[i] = (slope - f64x4::ONE).mul_add(g[i], local[i]);
             }
@@ -305,6 +372,7 @@ impl ElementBlock {
         self.add_rotation_gradient(&mut local, y, r, f);
         let scene = lanes::rotate(r, &local);
         (0..24).for_each(|i| state.force_n[i] = -scene[i]);
+        energy_j
     }
 
     /// Adds what the dependence of R on the positions contributes to dU/dx: `B x d_a` with
@@ -321,7 +389,7 @@ impl ElementBlock {
         let m = matmul_transposed_left(r, f);
         let b = solve_rotation(&m, tau);
         for a in 0..8 {
-            let turned = cross(b, self.mean_gradient[a]);
+            let turned = cross(b, self.shapes.mean_gradient[a]);
             (0..3).for_each(|i| local[3 * a + i] += turned[i]);
         }
     }
@@ -347,33 +415,32 @@ impl ElementBlock {
             for b in 0..8 {
                 let entry = corner_pair(a, b);
                 for i in 0..3 {
-                    out[3 * a + i] = self.mass_kg[entry].mul_add(v[3 * b + i], out[3 * a + i]);
+                    out[3 * a + i] = self.shapes.mass_kg[entry].mul_add(v[3 * b + i], out[3 * a + i]);
                 }
             }
         }
         out
     }
 
-    /// Terms of a step from `state` to `velocity`, of `momentum`, with `K' v` in the frame of `state`.
+    /// Terms of a step from `state` to `velocity`, of kinetic energy `kinetic_j`, with `K' v` in the frame of
+    /// `state`.
     #[inline(always)]
     fn step_terms(
         &self,
         state: &ElementState,
         change: &[f64x4; 24],
         velocity: &[f64x4; 24],
-        momentum: &[f64x4; 24],
+        kinetic_j: f64x4,
         dt_s: f64,
         [local, kv]: [&[f64x4; 24]; 2],
-    ) -> StepTerms {
+    ) -> StepTerms<f64x4> {
         let (half, dt) = (f64x4::splat(0.5), f64x4::splat(dt_s));
-        let gained = std::array::from_fn(|i| momentum[i] - state.momentum[i]);
         let vkv = lanes::dot(local, kv);
-        let vmv = lanes::dot(velocity, momentum);
         StepTerms {
-            inertial_j: half * lanes::dot(change, &gained),
+            inertial_j: half * lanes::dot(change, &self.mass_times(change)),
             elastic_j: half * dt * dt * vkv,
             force_work_j: dt * lanes::dot(&state.force_n, velocity),
-            damping_j: dt * (self.alpha_per_s * vmv + self.beta_s * vkv),
+            damping_j: dt * (f64x4::splat(2.0) * self.alpha_per_s * kinetic_j + self.beta_s * vkv),
         }
     }
 }
@@ -448,9 +515,9 @@ fn solve_rotation(m: &[f64x4; 9], t: [f64x4; 3]) -> [f64x4; 3] {
 }
 
 /// One step toward the polar rotation of `f`: Newton's where it is well defined, Mueller's (2016)
-/// elsewhere, which also recovers from inversion.
+/// elsewhere, which also recovers from inversion. Returns the square of the step's angle, rad^2.
 #[inline(always)]
-fn improve_rotation(q: &mut [f64x4; 4], f: &[f64x4; 9]) {
+fn improve_rotation(q: &mut [f64x4; 4], f: &[f64x4; 9]) -> f64x4 {
     let r = rotation_matrix(q);
     let m = matmul_transposed_left(&r, f);
     let axial = [m[7] - m[5], m[2] - m[6], m[3] - m[1]];
@@ -468,6 +535,7 @@ fn improve_rotation(q: &mut [f64x4; 4], f: &[f64x4; 9]) {
     let scale = f64x4::ONE / norm2.sqrt();
     next.iter_mut().for_each(|c| *c *= scale);
     *q = next;
+    omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2]
 }
 
 /// Row-major matrix of unit quaternions xyzw.

@@ -11,7 +11,7 @@ use super::lanes::{self, LaneVector, PACKED, unpack};
 use std::sync::Arc;
 
 /// Distinct shared matrices that are kept track of; more of them would save little and be searched long.
-const MOST_SHARED: usize = 32;
+pub const MOST_SHARED: usize = 32;
 /// Entries of the eight symmetric 3x3 blocks.
 const MODES: usize = 48;
 

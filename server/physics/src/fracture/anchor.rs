@@ -227,12 +227,12 @@ impl Anchor {
         let axis = (self.gradient(body).transpose() * frame.normal).iamax();
         let xi = body.local_coordinates(element, &self.position_m)[axis].clamp(0.0, 1.0);
         let plane = 1.0 - material.poisson_ratio * material.poisson_ratio;
-        let line = 2.0 * plane / std::f64::consts::PI * ln(body.element_edge_m() / half_width_m);
+        let line = 2.0 * plane / std::f64::consts::PI * ln(body.element_edge_m(element) / half_width_m);
         let compliance = line - 0.24 + 0.65 * plane / 0.7975 * 4.0 * xi * (1.0 - xi);
         let small = material.young_modulus_pa * body.stiffening(element) / compliance.max(LEAST_COMPLIANCE);
         let c = 0.5 * material.law.stiffening_rate_per_pa * material.young_modulus_pa;
         let load = material.fracture_energy_j_per_m2.unwrap_or(0.0) * material.initiation_ratio;
-        small.max(load * c.sqrt() / (SATURATED_GAP * body.element_edge_m()))
+        small.max(load * c.sqrt() / (SATURATED_GAP * body.element_edge_m(element)))
     }
 }
 

@@ -5,20 +5,34 @@
 //! where material is connected: the node of an element at a lattice vertex is the connected component
 //! of the element corners at that vertex, joined across faces that carry an intact link.
 //!
+//! The base level may be finer in some regions: its cells are then of 1, 2, 4, ... lattice cells a side,
+//! and cells that touch differ by a factor of at most two. A node of small cells on the face or edge of a
+//! larger one *hangs*: it goes where the larger element's corners take it.
+//!
 //! Each level is built from the units below it: the base level from voxels, every other one from the
-//! elements of the level below. Links only ever part, so elements and nodes only ever split: their
+//! elements of the level below; the smallest cells grow by a factor of two from level to level, the
+//! others stay until they are the smallest. Links only ever part, so elements and nodes only ever split: their
 //! ids stay valid, new ids go to the end, and an update costs in proportion to the touched cells.
 
+use super::cell_sizes::CellSizes;
 use super::{Grid, Ijk};
+use crate::fem::composite::shape_functions;
 
 /// "No element" in maps from units to elements.
 pub const NONE: u32 = u32::MAX;
 
+/// Elements that a solver takes at a time.
+const ROW_ELEMENTS: usize = 8;
+/// A brick is this many rows of cells high and deep.
+const BRICK_ROWS: i32 = 4;
+
 /// One composite element.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Element {
-    /// Its cell, in units of the level's cell edge.
+    /// The lower corner of its cell, in lattice cells of the level.
     pub cell: Ijk,
+    /// Edge of its cell, in lattice cells of the level.
+    pub size: i32,
     /// Its nodes; corner `c` is at `(c & 1, c >> 1 & 1, c >> 2)`.
     pub nodes: [u32; 8],
     /// Elements linked to it, by face (-x, +x, -y, +y, -z, +z).
@@ -31,22 +45,33 @@ pub struct Element {
 /// The elements and nodes of one level.
 #[derive(Clone, Debug)]
 pub struct Level {
-    /// log2 of the cell edge in voxels.
+    /// log2 of the lattice cell's edge in voxels: of the smallest element's.
     pub exponent: u8,
     /// Elements by id.
     pub elements: Vec<Element>,
-    /// Lattice position of each node, in units of the level's cell edge.
+    /// Lattice position of each node.
     pub nodes: Vec<Ijk>,
+    /// For each node the larger element on whose face or edge it hangs, or [`NONE`].
+    hosts: Vec<u32>,
     /// Element of each unit below (voxel or element).
     pub owner: Vec<u32>,
     first_in_cell: Vec<u32>,
-    dims: [i32; 3],
+    sizes: CellSizes,
+}
+
+/// A node that goes where others take it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HangingNode {
+    /// The node.
+    pub node: u32,
+    /// Corners of the larger element, and how much each counts; weights of zero fill up.
+    pub masters: [(u32, f32); 4],
 }
 
 /// What an update of a level changed.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LevelChange {
-    /// Cells whose elements or their links changed, ascending.
+    /// Lower corners of cells whose elements or their links changed, ascending.
     pub touched_cells: Vec<Ijk>,
     /// Elements whose units changed, ascending; new ones included.
     pub changed_elements: Vec<u32>,
@@ -66,13 +91,14 @@ pub trait Units {
     fn is_empty(&self) -> bool {
         self.len() == 0
     }
-    /// Calls `visit` with each unit of a cell of the level above, in a fixed order.
-    fn in_cell(&self, cell: Ijk, visit: &mut dyn FnMut(u32));
+    /// Calls `visit` with each unit of a cell of the level above, given by its lower corner and size in
+    /// lattice cells of that level, in a fixed order.
+    fn in_cell(&self, cell: Ijk, size: i32, visit: &mut dyn FnMut(u32));
     /// Whether units fill a cell of the level above wholly.
-    fn is_full(&self, cell: Ijk) -> bool;
+    fn is_full(&self, cell: Ijk, size: i32) -> bool;
     /// Calls `visit(face, other)` for each unit linked to `unit`.
     fn neighbours(&self, unit: u32, visit: &mut dyn FnMut(u8, u32));
-    /// Cell of the level above that holds `unit`.
+    /// Lattice cell of the level above that `unit` begins in.
     fn cell_above(&self, unit: u32) -> Ijk;
 }
 
@@ -89,11 +115,11 @@ impl Units for VoxelUnits<'_> {
         self.grid.voxels().len()
     }
 
-    fn in_cell(&self, cell: Ijk, visit: &mut dyn FnMut(u32)) {
-        let k = 1 << self.exponent;
-        for z in cell[2] * k..(cell[2] + 1) * k {
-            for y in cell[1] * k..(cell[1] + 1) * k {
-                for x in cell[0] * k..(cell[0] + 1) * k {
+    fn in_cell(&self, cell: Ijk, size: i32, visit: &mut dyn FnMut(u32)) {
+        let [x, y, z] = cell.map(|c| c << self.exponent..(c + size) << self.exponent);
+        for z in z {
+            for y in y.clone() {
+                for x in x.clone() {
                     if let Some(voxel) = self.grid.voxel_at([x, y, z]) {
                         visit(voxel.0);
                     }
@@ -102,10 +128,10 @@ impl Units for VoxelUnits<'_> {
         }
     }
 
-    fn is_full(&self, cell: Ijk) -> bool {
+    fn is_full(&self, cell: Ijk, size: i32) -> bool {
         let mut count = 0;
-        self.in_cell(cell, &mut |_| count += 1);
-        count == 1 << (3 * self.exponent)
+        self.in_cell(cell, size, &mut |_| count += 1);
+        count == (size << self.exponent).pow(3)
     }
 
     fn neighbours(&self, unit: u32, visit: &mut dyn FnMut(u8, u32)) {
@@ -130,19 +156,22 @@ impl Units for Level {
         self.elements.len()
     }
 
-    fn in_cell(&self, cell: Ijk, visit: &mut dyn FnMut(u32)) {
-        for octant in 0..8 {
-            self.elements_in([0, 1, 2].map(|a| 2 * cell[a] + (octant >> a & 1))).for_each(&mut *visit);
+    fn in_cell(&self, cell: Ijk, size: i32, visit: &mut dyn FnMut(u32)) {
+        // Eight cells of the smallest size grow into one; a larger one is taken over as it is.
+        let first = cell.map(|c| 2 * c);
+        let cells = if self.sizes.at(first) == Some(2 * size) { 1 } else { 8 };
+        for octant in 0..cells {
+            self.elements_in([0, 1, 2].map(|a| first[a] + (octant >> a & 1))).for_each(&mut *visit);
         }
     }
 
-    fn is_full(&self, cell: Ijk) -> bool {
-        let (mut count, mut whole) = (0, true);
-        self.in_cell(cell, &mut |unit| {
-            count += 1;
-            whole &= self.elements[unit as usize].whole;
+    fn is_full(&self, cell: Ijk, size: i32) -> bool {
+        let mut volume = 0;
+        self.in_cell(cell, size, &mut |unit| {
+            let element = &self.elements[unit as usize];
+            volume += if element.whole { element.size.pow(3) } else { 0 };
         });
-        whole && count == 8
+        volume == (2 * size).pow(3)
     }
 
     fn neighbours(&self, unit: u32, visit: &mut dyn FnMut(u8, u32)) {
@@ -155,49 +184,82 @@ impl Units for Level {
 }
 
 impl Level {
-    /// Builds a level over all of `units`, which fill cells `0..dims` of this level.
+    /// Builds a base level of cells of `sizes` over all voxels of `units`.
     #[must_use]
-    pub fn build(units: &dyn Units, exponent: u8, dims: [i32; 3]) -> Self {
-        let cells = dims.iter().map(|&d| d as usize).product();
+    pub fn base(units: &VoxelUnits<'_>, sizes: CellSizes) -> Self {
+        Self::build(units, units.exponent, sizes)
+    }
+
+    /// Builds the level above.
+    #[must_use]
+    pub fn above(&self) -> Self {
+        Self::build(self, self.exponent + 1, self.sizes.grown())
+    }
+
+    fn build(units: &dyn Units, exponent: u8, sizes: CellSizes) -> Self {
         let mut level = Self {
             exponent,
             elements: Vec::new(),
             nodes: Vec::new(),
+            hosts: Vec::new(),
             owner: Vec::new(),
-            first_in_cell: vec![NONE; cells],
-            dims,
+            first_in_cell: vec![NONE; sizes.len()],
+            sizes,
         };
-        let mut touched = Vec::new();
-        for z in 0..dims[2] {
-            for y in 0..dims[1] {
-                for x in 0..dims[0] {
-                    touched.push([x, y, z]);
-                }
-            }
-        }
-        // Whole cells first: their elements are alike, and stand together.
-        touched.sort_by_key(|&cell| !units.is_full(cell));
-        level.update_in_order(units, touched);
+        let mut touched: Vec<(Ijk, i32)> = level.sizes.lattice().filter_map(|c| level.sizes.cell_of(c)).collect();
+        touched.sort_by_key(|(c, _)| [c[2], c[1], c[0]]);
+        touched.dedup();
+        level.update_in_order(units, in_working_order(units, touched));
         for element in &mut level.elements {
-            element.whole = units.is_full(element.cell);
+            element.whole = units.is_full(element.cell, element.size);
         }
         level
     }
 
-    /// Number of cells along each axis.
+    /// Number of lattice cells along each axis.
     #[must_use]
     pub fn dims(&self) -> [i32; 3] {
-        self.dims
+        self.sizes.dims
     }
 
-    fn cell_slot(&self, cell: Ijk) -> Option<usize> {
-        let inside = (0..3).all(|a| (0..self.dims[a]).contains(&cell[a]));
-        inside.then(|| ((cell[2] * self.dims[1] + cell[1]) * self.dims[0] + cell[0]) as usize)
+    /// How lattice cells are grouped into the elements' cells.
+    #[must_use]
+    pub fn sizes(&self) -> &CellSizes {
+        &self.sizes
     }
 
-    /// The elements of a cell, oldest first.
+    /// Nodes that hang, ascending.
+    pub fn hanging(&self) -> impl Iterator<Item = HangingNode> + '_ {
+        (0..self.nodes.len() as u32).filter_map(|node| self.hanging_node(node))
+    }
+
+    /// What moves a node, if it hangs.
+    #[must_use]
+    pub fn hanging_node(&self, node: u32) -> Option<HangingNode> {
+        let host = self.hosts[node as usize];
+        if host == NONE {
+            return None;
+        }
+        let element = &self.elements[host as usize];
+        let at = self.nodes[node as usize];
+        let local = [0, 1, 2].map(|a| f64::from(at[a] - element.cell[a]) / f64::from(element.size));
+        let mut masters = [(node, 0.0); 4];
+        let weights = shape_functions(local).into_iter().zip(element.nodes).filter(|(w, _)| *w != 0.0);
+        for (slot, (weight, master)) in masters.iter_mut().zip(weights) {
+            *slot = (master, weight as f32);
+        }
+        Some(HangingNode { node, masters })
+    }
+
+    /// Whether some node hangs.
+    #[must_use]
+    pub fn is_graded(&self) -> bool {
+        self.hosts.iter().any(|host| *host != NONE)
+    }
+
+    /// The elements of the cell with this lower corner, oldest first.
     pub fn elements_in(&self, cell: Ijk) -> impl Iterator<Item = u32> + '_ {
-        let mut next = self.cell_slot(cell).map_or(NONE, |slot| self.first_in_cell[slot]);
+        let mut next = self.sizes.slot(cell).map_or(NONE, |slot| self.first_in_cell[slot]);
         std::iter::from_fn(move || {
             let current = next;
             (current != NONE).then(|| {
@@ -207,11 +269,15 @@ impl Level {
         })
     }
 
-    /// Recomputes components, neighbours and nodes of `touched` cells.
-    pub fn update(&mut self, units: &dyn Units, mut touched: Vec<Ijk>) -> LevelChange {
-        touched.sort_unstable_by_key(|c| [c[2], c[1], c[0]]);
-        touched.dedup();
-        self.update_in_order(units, touched)
+    /// Recomputes components, neighbours and nodes of the cells that hold `touched` lattice cells.
+    pub fn update(&mut self, units: &dyn Units, touched: impl Iterator<Item = Ijk>) -> LevelChange {
+        let cells = touched.filter_map(|cell| self.sizes.cell_of(cell)).map(|c| c.0).collect();
+        self.update_in_order(units, sorted(cells))
+    }
+
+    /// Lower corner of the cell that holds a unit.
+    fn cell_of_unit(&self, units: &dyn Units, unit: u32) -> Ijk {
+        self.sizes.cell_of(units.cell_above(unit)).expect("units lie inside the level").0
     }
 
     fn update_in_order(&mut self, units: &dyn Units, touched: Vec<Ijk>) -> LevelChange {
@@ -225,7 +291,7 @@ impl Level {
         // linked elsewhere: then nothing follows from it, here or on the levels above.
         let split: Vec<Ijk> = change.changed_elements.iter().map(|e| self.elements[*e as usize].cell).collect();
         let mut linked = touched;
-        linked.extend(split.iter().flat_map(|&cell| Grid::links_of(cell).map(|(_, other)| other)));
+        linked.extend(split.iter().flat_map(|&cell| self.cells_beside(cell)));
         let mut changed = split;
         for cell in sorted(linked) {
             if self.update_neighbours(units, cell) {
@@ -233,7 +299,7 @@ impl Level {
             }
         }
         change.touched_cells = sorted(changed);
-        for vertex in corners_of(&change.touched_cells) {
+        for vertex in self.vertices_of(&change.touched_cells) {
             self.update_nodes(vertex, &mut change);
         }
         change.changed_elements.sort_unstable();
@@ -246,7 +312,8 @@ impl Level {
     /// first unit had; a second component of the same element gets a new one.
     fn update_components(&mut self, units: &dyn Units, cell: Ijk, members: &mut Vec<u32>, change: &mut LevelChange) {
         members.clear();
-        units.in_cell(cell, &mut |unit| members.push(unit));
+        let size = self.size_of(cell);
+        units.in_cell(cell, size, &mut |unit| members.push(unit));
         let first_new = self.elements.len() as u32;
         let mut claimed: Vec<u32> = Vec::new();
         let mut seen = vec![false; members.len()];
@@ -262,7 +329,7 @@ impl Level {
             while let Some(index) = stack.pop() {
                 component.push(members[index]);
                 units.neighbours(members[index], &mut |_, other| {
-                    if units.cell_above(other) == cell
+                    if self.cell_of_unit(units, other) == cell
                         && let Some(found) = members.iter().position(|m| *m == other)
                         && !seen[found]
                     {
@@ -289,12 +356,13 @@ impl Level {
     fn add_element(&mut self, cell: Ijk, split_from: u32, change: &mut LevelChange) -> u32 {
         let id = self.elements.len() as u32;
         let nodes = if split_from == NONE { [NONE; 8] } else { self.elements[split_from as usize].nodes };
-        self.elements.push(Element { cell, nodes, neighbours: Vec::new(), next_in_cell: NONE, whole: false });
+        let (size, neighbours) = (self.size_of(cell), Vec::new());
+        self.elements.push(Element { cell, size, nodes, neighbours, next_in_cell: NONE, whole: false });
         let last = self.elements_in(cell).last();
         match last {
             Some(last) => self.elements[last as usize].next_in_cell = id,
             None => {
-                let slot = self.cell_slot(cell).expect("units lie inside the level");
+                let slot = self.sizes.slot(cell).expect("units lie inside the level");
                 self.first_in_cell[slot] = id;
             }
         }
@@ -311,13 +379,13 @@ impl Level {
             return false;
         }
         let before: Vec<_> = ids.iter().map(|id| std::mem::take(&mut self.elements[*id as usize].neighbours)).collect();
-        let (elements, owner) = (&mut self.elements, &self.owner);
-        units.in_cell(cell, &mut |unit| {
-            let own = owner[unit as usize] as usize;
+        let (elements, owner, size) = (&mut self.elements, &self.owner, self.sizes.at(cell).unwrap_or(1));
+        units.in_cell(cell, size, &mut |unit| {
+            let own = owner[unit as usize];
             units.neighbours(unit, &mut |face, other| {
                 let entry = (face, owner[other as usize]);
-                if units.cell_above(other) != cell && !elements[own].neighbours.contains(&entry) {
-                    elements[own].neighbours.push(entry);
+                if elements[entry.1 as usize].cell != cell && !elements[own as usize].neighbours.contains(&entry) {
+                    elements[own as usize].neighbours.push(entry);
                 }
             });
         });
@@ -330,28 +398,85 @@ impl Level {
         changed
     }
 
-    /// Recomputes which element corners at a lattice vertex share a node.
-    fn update_nodes(&mut self, vertex: Ijk, change: &mut LevelChange) {
-        let mut corners: Vec<(u32, usize)> = Vec::with_capacity(8);
-        for octant in 0..8usize {
-            let cell = [0, 1, 2].map(|a| vertex[a] - 1 + (octant >> a & 1) as i32);
-            let corner = 7 - octant;
-            corners.extend(self.elements_in(cell).map(|element| (element, corner)));
+    fn size_of(&self, cell: Ijk) -> i32 {
+        self.sizes.at(cell).expect("cells lie inside the level")
+    }
+
+    /// Lower corners of the cells that share a face with `cell`; some may come more than once.
+    fn cells_beside(&self, cell: Ijk) -> Vec<Ijk> {
+        let size = self.size_of(cell);
+        let mut beside = Vec::with_capacity(6 * (size * size) as usize);
+        for axis in 0..3 {
+            let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+            for (step, i, j) in
+                [-1, size].into_iter().flat_map(|s| (0..size).flat_map(move |i| (0..size).map(move |j| (s, i, j))))
+            {
+                let mut at = cell;
+                at[axis] += step;
+                at[u] += i;
+                at[v] += j;
+                beside.extend(self.sizes.cell_of(at).map(|c| c.0));
+            }
         }
+        beside
+    }
+
+    /// Lattice points on the surfaces of `cells`, each once.
+    fn vertices_of(&self, cells: &[Ijk]) -> Vec<Ijk> {
+        let mut vertices = Vec::with_capacity(8 * cells.len());
+        for cell in cells {
+            let size = self.size_of(*cell);
+            let points = 0..=size;
+            for (z, y, x) in
+                points.clone().flat_map(|z| (0..=size).flat_map(move |y| (0..=size).map(move |x| (z, y, x))))
+            {
+                if [x, y, z].into_iter().any(|c| c == 0 || c == size) {
+                    vertices.push([cell[0] + x, cell[1] + y, cell[2] + z]);
+                }
+            }
+        }
+        sorted(vertices)
+    }
+
+    /// The elements around a lattice point, each once, and which corner of each the point is; none where
+    /// it lies on a face or an edge.
+    fn elements_around(&self, vertex: Ijk) -> Vec<(u32, Option<usize>)> {
+        let mut around: Vec<(u32, Option<usize>)> = Vec::with_capacity(8);
+        for octant in 0..8 {
+            let beside = [0, 1, 2].map(|a| vertex[a] - 1 + (octant >> a & 1));
+            let Some((cell, size)) = self.sizes.cell_of(beside) else { continue };
+            let is_corner = (0..3).all(|a| vertex[a] == cell[a] || vertex[a] == cell[a] + size);
+            let corner = is_corner.then_some(7 - octant as usize);
+            for element in self.elements_in(cell) {
+                if is_corner || !around.iter().any(|(other, _)| *other == element) {
+                    around.push((element, corner));
+                }
+            }
+        }
+        around
+    }
+
+    /// Recomputes which element corners at a lattice point share a node, and whether it hangs.
+    fn update_nodes(&mut self, vertex: Ijk, change: &mut LevelChange) {
+        let around = self.elements_around(vertex);
         let mut claimed: Vec<u32> = Vec::with_capacity(2);
-        let mut seen = vec![false; corners.len()];
+        let mut seen = vec![false; around.len()];
         let mut stack = Vec::with_capacity(8);
-        for start in 0..corners.len() {
+        for start in 0..around.len() {
             if seen[start] {
                 continue;
             }
             seen[start] = true;
             stack.push(start);
-            let mut component = Vec::with_capacity(8);
+            let mut corners = Vec::with_capacity(8);
+            let mut host = NONE;
             while let Some(index) = stack.pop() {
-                component.push(corners[index]);
-                for &(_, other) in &self.elements[corners[index].0 as usize].neighbours {
-                    if let Some(found) = corners.iter().position(|c| c.0 == other)
+                match around[index] {
+                    (element, Some(corner)) => corners.push((element, corner)),
+                    (element, None) => host = host.min(element),
+                }
+                for &(_, other) in &self.elements[around[index].0 as usize].neighbours {
+                    if let Some(found) = around.iter().position(|c| c.0 == other)
                         && !seen[found]
                     {
                         seen[found] = true;
@@ -359,18 +484,23 @@ impl Level {
                     }
                 }
             }
-            let old = component.iter().map(|&(e, c)| self.elements[e as usize].nodes[c]).find(|n| *n != NONE);
+            if corners.is_empty() {
+                continue;
+            }
+            let old = corners.iter().map(|&(e, c)| self.elements[e as usize].nodes[c]).find(|n| *n != NONE);
             let node = match old {
                 Some(node) if !claimed.contains(&node) => node,
                 _ => {
                     let id = self.nodes.len() as u32;
                     self.nodes.push(vertex);
+                    self.hosts.push(NONE);
                     change.split_nodes.extend(old.map(|from| (id, from)));
                     id
                 }
             };
             claimed.push(node);
-            for (element, corner) in component {
+            self.hosts[node as usize] = host;
+            for (element, corner) in corners {
                 let slot = &mut self.elements[element as usize].nodes[corner];
                 if *slot != node {
                     *slot = node;
@@ -407,8 +537,30 @@ impl Level {
     }
 }
 
-fn corners_of(cells: &[Ijk]) -> Vec<Ijk> {
-    sorted(cells.iter().flat_map(|c| (0..8).map(move |o| [0, 1, 2].map(|a| c[a] + (o >> a & 1)))).collect())
+/// The order in which a level numbers the elements of cells. Whole cells of a size first: their elements
+/// are alike, and stand together. Of these, rows along x as long as a solver's block come before what is
+/// left of them, since the nodes of such a row follow each other. Within all that by bricks of rows,
+/// whose elements share most of their nodes.
+fn in_working_order(units: &dyn Units, mut cells: Vec<(Ijk, i32)>) -> Vec<Ijk> {
+    cells.sort_unstable_by_key(|&(c, size)| (size, c[2], c[1], c[0]));
+    let brick = |c: Ijk, size: i32| [c[2] / size / BRICK_ROWS, c[1] / size / BRICK_ROWS];
+    let mut keyed = Vec::with_capacity(cells.len());
+    let mut row: Vec<Ijk> = Vec::new();
+    for (index, &(cell, size)) in cells.iter().enumerate() {
+        let full = units.is_full(cell, size);
+        if full {
+            row.push(cell);
+        } else {
+            keyed.push((2, size, brick(cell, size), cell));
+        }
+        let next = [cell[0] + size, cell[1], cell[2]];
+        if !full || cells.get(index + 1) != Some(&(next, size)) {
+            let in_blocks = row.len() / ROW_ELEMENTS * ROW_ELEMENTS;
+            keyed.extend(row.drain(..).enumerate().map(|(i, c)| (u8::from(i >= in_blocks), size, brick(c, size), c)));
+        }
+    }
+    keyed.sort_by_key(|&(rank, size, brick, c)| (rank, size, brick, c[2], c[1], c[0]));
+    keyed.into_iter().map(|k| k.3).collect()
 }
 
 fn sorted(mut cells: Vec<Ijk>) -> Vec<Ijk> {

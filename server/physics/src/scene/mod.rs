@@ -141,6 +141,10 @@ pub struct ObjectDesc {
     /// Composite elements are grouped from 2^level voxels a side, 0 to 4; 0 is full FEM. Default 2.
     #[serde(default = "default_level")]
     pub level: u8,
+    /// Regions of a lower level: around a lesion, along a planned cut. Elements that touch differ by at
+    /// most one level, so the elements around a region grow step by step. Default: none.
+    #[serde(default)]
+    pub finer: Vec<FinerDesc>,
     /// Material where no region says otherwise.
     pub material: MaterialDesc,
     /// Shapes within which another material holds; where they overlap the last one wins.
@@ -156,12 +160,14 @@ pub struct ObjectDesc {
 }
 
 impl ObjectDesc {
-    /// Every shape that the object names: its own, its regions', its fixed ones, its loads'.
+    /// Every shape that the object names: its own, its regions', its finer and fixed ones, its loads'.
     pub fn shapes(&self) -> impl Iterator<Item = &ShapeDesc> {
         let loads = self.loads.iter().map(|load| match load {
             LoadDesc::Traction { region, .. } | LoadDesc::BodyForce { region, .. } => region,
         });
-        std::iter::once(&self.shape).chain(self.regions.iter().map(|r| &r.shape)).chain(&self.fixed).chain(loads)
+        let finer = self.finer.iter().map(|f| &f.shape);
+        let regions = self.regions.iter().map(|r| &r.shape);
+        std::iter::once(&self.shape).chain(regions).chain(finer).chain(&self.fixed).chain(loads)
     }
 }
 
@@ -204,6 +210,16 @@ fn default_density() -> f64 {
 
 fn default_initiation_ratio() -> f64 {
     2.0
+}
+
+/// A shape within which the elements are smaller than elsewhere.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FinerDesc {
+    /// Where: every element with a voxel whose centre lies in it.
+    pub shape: ShapeDesc,
+    /// Level there, below the object's. Where regions overlap the lowest holds.
+    pub level: u8,
 }
 
 /// A shape within which another material holds.

@@ -165,6 +165,14 @@ impl Report {
             self.shape(&format!("{field}.regions[{i}].shape"), &region.shape);
             self.material(&format!("{field}.regions[{i}].material"), &region.material);
         }
+        self.count(&format!("{field}.finer"), object.finer.len(), 0..=MAX_SHAPES);
+        for (i, finer) in object.finer.iter().enumerate() {
+            self.shape(&format!("{field}.finer[{i}].shape"), &finer.shape);
+            if finer.level >= object.level {
+                let message = format!("{} is not below the object's level, {}", finer.level, object.level);
+                self.refuse(format!("{field}.finer[{i}].level"), message);
+            }
+        }
         self.count(&format!("{field}.fixed"), object.fixed.len(), 0..=MAX_SHAPES);
         for (i, shape) in object.fixed.iter().enumerate() {
             self.shape(&format!("{field}.fixed[{i}]"), shape);
@@ -206,9 +214,12 @@ impl Report {
             let message = format!("gives voxels of {size_m} m, which is not between {low} and {high}");
             self.refuse(format!("{field}.resolution"), message);
         }
-        self.toughness(&format!("{field}.material"), &object.material, size_m, object.level);
-        for (i, region) in object.regions.iter().enumerate() {
-            self.toughness(&format!("{field}.regions[{i}].material"), &region.material, size_m, object.level);
+        let levels = std::iter::once(object.level).chain(object.finer.iter().map(|f| f.level).min());
+        for level in levels {
+            self.toughness(&format!("{field}.material"), &object.material, size_m, level);
+            for (i, region) in object.regions.iter().enumerate() {
+                self.toughness(&format!("{field}.regions[{i}].material"), &region.material, size_m, level);
+            }
         }
         Some(size_m)
     }

@@ -1,6 +1,7 @@
 //! The implicit velocity solve: matrix-free operators on every level of the hierarchy, a multigrid
 //! preconditioner over them, and preconditioned conjugate gradients.
 
+pub mod assembly;
 pub mod coarsest;
 pub mod multigrid;
 pub mod operator;

@@ -5,18 +5,20 @@
 //! coarse elements are components of linked children. The smoother is the 4th-kind Chebyshev
 //! iteration (Lottes 2023) with optimised weights on the block-diagonal-scaled matrix.
 
-use super::coarsest::Coarsest;
-use super::operator::{NodeVector, Operator};
+use super::coarsest::{Coarsest, orthonormal};
+use super::operator::{LANES, NODES_PER_CHUNK, NodeVector, Operator, masters_of};
 use super::pcg::dot;
 use super::spring::PointSpring;
 use crate::fem::composite::shape_functions;
 use crate::fem::lanes::{PACKED, pack, unpack};
-use crate::grid::levels::{Level, LevelChange};
+use crate::grid::levels::{Element, HangingNode, Level, LevelChange};
 use crate::workers::Workers;
 use wide::f32x4;
 
 /// Optimised weights of the 4th-kind Chebyshev smoother of degree 2.
 const CHEBYSHEV_BETA: [f32; 2] = [1.023_872_9, 1.264_089_1];
+/// Blocks of coarse elements per chunk of parallel work.
+const BLOCKS_PER_CHUNK: usize = 32;
 /// Safety on the estimated largest eigenvalue, which the power iteration approaches from below.
 const EIGENVALUE_MARGIN: f32 = 1.12;
 
@@ -28,23 +30,45 @@ struct Prolongation {
     count: u8,
 }
 
+/// Lists, one after the other: of the rows of a sparse matrix, or of children.
+#[derive(Default)]
+struct Lists<T> {
+    first: Vec<u32>,
+    entries: Vec<T>,
+}
+
 /// One level of the cycle.
-struct CycleLevel {
-    operator: Operator,
+pub(super) struct CycleLevel {
+    pub(super) operator: Operator,
     /// To the level above; empty on the coarsest.
     prolongation: Vec<Prolongation>,
+    /// Its transpose: nodes of this level and their weights, for each node of the level above.
+    restriction: Lists<(u32, f32)>,
+    /// Whether a node of the finest level is held: it takes nothing from above.
+    held: Vec<bool>,
     /// Element of the level above for each element.
     parent: Vec<u32>,
-    octant: Vec<u8>,
+    /// Elements of this level for each element of the level above.
+    children: Lists<u32>,
+    place: Vec<Place>,
     largest_eigenvalue: f32,
     /// Approximate eigenvector to the largest eigenvalue: the next estimate starts from it.
     eigenvector: NodeVector,
-    x: NodeVector,
-    b: NodeVector,
+    /// Right side: on the finest level the residual of the solve.
+    pub(super) b: NodeVector,
+    /// What the cycle makes of it.
+    pub(super) x: NodeVector,
     r: NodeVector,
     step: NodeVector,
-    /// Sums of the rotations of each element's children.
-    rotation_sums: Vec<[f64; 9]>,
+}
+
+/// Where an element lies in its parent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Place {
+    /// One of the eight parts of a parent of twice its size.
+    Octant(u8),
+    /// The parent has the same cell.
+    Same,
 }
 
 /// The levels of one object, the finest (the one that is solved on) first.
@@ -55,9 +79,26 @@ pub struct Multigrid {
     spectrum_rounds: u32,
 }
 
-/// `A_parent += P^T A_child P` weights: corner `c` of a child in `octant` from the parent's corners.
-fn octant_weights(octant: usize) -> [[f64; 8]; 8] {
-    std::array::from_fn(|c| shape_functions([0, 1, 2].map(|a| 0.5 * ((octant >> a & 1) as f64 + (c >> a & 1) as f64))))
+impl Place {
+    fn of(child: &Element, parent: &Element) -> Self {
+        // The parent's lattice is twice as coarse.
+        if child.size == 2 * parent.size {
+            return Self::Same;
+        }
+        let bit = |a: usize| ((child.cell[a] & 1) as u8) << a;
+        Self::Octant(bit(0) | bit(1) | bit(2))
+    }
+
+    /// Weights of each corner of the child among the parent's corners.
+    fn weights(self) -> [[f64; 8]; 8] {
+        let (octant, scale) = match self {
+            Self::Octant(octant) => (octant, 0.5),
+            Self::Same => (0, 1.0),
+        };
+        std::array::from_fn(|c| {
+            shape_functions([0, 1, 2].map(|a| scale * f64::from((octant >> a & 1) + (c as u8 >> a & 1))))
+        })
+    }
 }
 
 /// `P^T A P` with `P = weights (x) I3`, packed in and out.
@@ -92,53 +133,83 @@ fn galerkin(child: &[f64; PACKED], weights: &[[f64; 8]; 8]) -> [f64; PACKED] {
     pack(&out)
 }
 
+impl<T: Copy + Default> Lists<T> {
+    /// Sorts `(list, entry)` pairs into `count` lists; within a list the order stays.
+    fn fill(&mut self, count: usize, pairs: impl Iterator<Item = (u32, T)> + Clone) {
+        self.first.clear();
+        self.first.resize(count + 2, 0);
+        pairs.clone().for_each(|(list, _)| self.first[list as usize + 2] += 1);
+        (2..count + 2).for_each(|i| self.first[i] += self.first[i - 1]);
+        self.entries.clear();
+        self.entries.resize(self.first[count + 1] as usize, T::default());
+        for (list, entry) in pairs {
+            let end = &mut self.first[list as usize + 1];
+            self.entries[*end as usize] = entry;
+            *end += 1;
+        }
+    }
+
+    fn list(&self, index: usize) -> &[T] {
+        &self.entries[self.first[index] as usize..self.first[index + 1] as usize]
+    }
+}
+
 impl CycleLevel {
     fn new(level: &Level) -> Self {
-        let nodes = level.nodes.len();
-        let zero = vec![f32x4::ZERO; nodes];
         Self {
-            operator: Operator::new(level.elements.iter().map(|e| e.nodes).collect(), nodes),
+            operator: Operator::new(level),
             prolongation: Vec::new(),
+            restriction: Lists::default(),
+            held: Vec::new(),
             parent: Vec::new(),
-            octant: Vec::new(),
+            children: Lists::default(),
+            place: Vec::new(),
             largest_eigenvalue: 1.0,
             eigenvector: Vec::new(),
-            x: zero.clone(),
-            b: zero.clone(),
-            r: zero.clone(),
-            step: zero,
-            rotation_sums: Vec::new(),
+            x: Vec::new(),
+            b: Vec::new(),
+            r: Vec::new(),
+            step: Vec::new(),
         }
     }
 
     fn set_topology(&mut self, level: &Level, above: Option<&Level>, held: &[bool]) {
         let nodes = level.nodes.len();
-        self.operator.set_topology(level.elements.iter().map(|e| e.nodes).collect(), nodes);
+        self.operator.set_topology(level);
         for v in [&mut self.x, &mut self.b, &mut self.r, &mut self.step] {
             v.resize(nodes, f32x4::ZERO);
         }
-        self.rotation_sums.resize(level.elements.len(), [0.0; 9]);
         let Some(above) = above else { return };
+        self.held.clear();
+        self.held.extend_from_slice(held);
+        self.held.resize(nodes, false);
         self.parent.clone_from(&above.owner);
-        self.octant = level.elements.iter().map(|e| octant_of(e.cell)).collect();
+        let parents = self.parent.iter().zip(0..).map(|(parent, child)| (*parent, child));
+        self.children.fill(above.elements.len(), parents);
+        let parent_of = |element: usize| &above.elements[above.owner[element] as usize];
+        self.place = level.elements.iter().enumerate().map(|(i, e)| Place::of(e, parent_of(i))).collect();
+        let hanging_above: Vec<HangingNode> = above.hanging().collect();
+        self.prolongation.clear();
         self.prolongation.resize(nodes, Prolongation::default());
         for (element, data) in level.elements.iter().enumerate() {
-            let parent = &above.elements[above.owner[element] as usize];
-            let weights = octant_weights(self.octant[element] as usize);
+            let (parent, weights) = (parent_of(element), self.place[element].weights());
             for (corner, &node) in data.nodes.iter().enumerate() {
-                self.prolongation[node as usize] = match held.get(node as usize) {
-                    Some(true) => Prolongation::default(),
-                    _ => Prolongation::new(&parent.nodes, &weights[corner]),
-                };
+                if !self.held[node as usize] && level.hanging_node(node).is_none() {
+                    self.prolongation[node as usize] =
+                        Prolongation::new(&parent.nodes, &weights[corner], &hanging_above);
+                }
             }
         }
+        let entries = self.prolongation.iter().zip(0..);
+        let transposed = entries.flat_map(|(p, node)| p.iter().map(move |(above, w)| (above as u32, (node, w))));
+        self.restriction.fill(above.nodes.len(), transposed);
     }
 
     /// Weights of an element's corners among the corners of its parent; zero where a corner is held.
     fn weights(&self, element: usize) -> [[f64; 8]; 8] {
-        let mut weights = octant_weights(self.octant[element] as usize);
+        let mut weights = self.place[element].weights();
         for (weights, node) in weights.iter_mut().zip(self.operator.element_nodes(element)) {
-            if self.prolongation[*node as usize].count == 0 {
+            if self.held[*node as usize] {
                 *weights = [0.0; 8];
             }
         }
@@ -156,95 +227,109 @@ impl CycleLevel {
         }
         for _ in 0..rounds {
             self.operator.apply(workers, &self.eigenvector, &mut self.r);
-            for node in 0..n {
-                self.step[node] = self.operator.precondition_node(node, self.r[node]);
-            }
-            let along = dot(&self.step, &self.r);
-            let size = dot(&self.step, &self.step).sqrt();
-            let norm = dot(&self.eigenvector, &self.r);
+            let operator = &self.operator;
+            workers.for_chunks((&self.r[..], &mut self.step[..]), NODES_PER_CHUNK, |chunk, (r, step)| {
+                for (node, (r, step)) in (chunk * NODES_PER_CHUNK..).zip(r.iter().zip(step)) {
+                    *step = operator.precondition_node(node, *r);
+                }
+            });
+            let along = dot(workers, &self.step, &self.r);
+            let size = dot(workers, &self.step, &self.step).sqrt();
+            let norm = dot(workers, &self.eigenvector, &self.r);
             if size == 0.0 || norm <= 0.0 {
                 return;
             }
             // Rayleigh quotient of the next vector's energy: between the last two power steps.
             self.largest_eigenvalue = EIGENVALUE_MARGIN * (along / norm) as f32;
             let scale = f32x4::splat((1.0 / size) as f32);
-            for (v, s) in self.eigenvector.iter_mut().zip(&self.step) {
-                *v = *s * scale;
-            }
+            workers.for_chunks((&mut self.eigenvector[..], &self.step[..]), NODES_PER_CHUNK, |_, (v, step)| {
+                v.iter_mut().zip(step).for_each(|(v, s)| *v = *s * scale);
+            });
         }
     }
 
     /// Chebyshev steps on `A x = b`; `x` starts from zero where `fresh`.
     fn smooth(&mut self, workers: &Workers<'_>, fresh: bool) {
         for (index, beta) in CHEBYSHEV_BETA.iter().enumerate() {
-            if !(fresh && index == 0) {
-                self.residual(workers);
+            let from_zero = fresh && index == 0;
+            if !from_zero {
+                self.operator.multiply(workers, &self.x);
             }
             let k = (index + 1) as f32;
             let gain = f32x4::splat((8.0 * k - 4.0) / ((2.0 * k + 1.0) * self.largest_eigenvalue));
             let carry = f32x4::splat((2.0 * k - 3.0) / (2.0 * k + 1.0));
             let beta = f32x4::splat(*beta);
-            let r = if fresh && index == 0 { &self.b } else { &self.r };
-            for (node, ((r, step), x)) in r.iter().zip(&mut self.step).zip(&mut self.x).enumerate() {
-                let z = gain * self.operator.precondition_node(node, *r);
-                // The old step is not read at the first index, nor the old x where it is to be zero:
-                // they may belong to another solve.
-                *step = if index == 0 { z } else { carry.mul_add(*step, z) };
-                let from = if fresh && index == 0 { f32x4::ZERO } else { *x };
-                *x = beta.mul_add(*step, from);
-            }
+            let operator = &self.operator;
+            let data = (&self.b[..], &mut self.step[..], &mut self.x[..]);
+            workers.for_chunks(data, NODES_PER_CHUNK, |chunk, (b, step, x)| {
+                for (node, ((b, step), x)) in (chunk * NODES_PER_CHUNK..).zip(b.iter().zip(step).zip(x)) {
+                    let r = if from_zero { *b } else { *b - operator.product_at(node) };
+                    let z = gain * operator.precondition_node(node, r);
+                    // The old step is not read at the first index, nor the old x where it is to be zero:
+                    // they may belong to another solve.
+                    *step = if index == 0 { z } else { carry.mul_add(*step, z) };
+                    let from = if from_zero { f32x4::ZERO } else { *x };
+                    *x = beta.mul_add(*step, from);
+                }
+            });
         }
     }
 
-    /// `r = b - A x`.
-    fn residual(&mut self, workers: &Workers<'_>) {
-        self.operator.apply(workers, &self.x, &mut self.r);
-        for (r, b) in self.r.iter_mut().zip(&self.b) {
-            *r = *b - *r;
-        }
-    }
-}
-
-impl CycleLevel {
-    /// `b = P^T r` on the level above.
-    fn restrict(&self, b: &mut [f32x4]) {
-        b.fill(f32x4::ZERO);
-        for (entry, r) in self.prolongation.iter().zip(&self.r) {
-            for (node, w) in entry.iter() {
-                b[node] = f32x4::splat(w).mul_add(*r, b[node]);
+    /// `b = P^T (b - A x)` on the level above.
+    fn restrict(&mut self, workers: &Workers<'_>, above: &mut [f32x4]) {
+        self.operator.multiply(workers, &self.x);
+        let operator = &self.operator;
+        workers.for_chunks((&self.b[..], &mut self.r[..]), NODES_PER_CHUNK, |chunk, (b, r)| {
+            for (node, (b, r)) in (chunk * NODES_PER_CHUNK..).zip(b.iter().zip(r)) {
+                *r = *b - operator.product_at(node);
             }
-        }
+        });
+        let (restriction, r) = (&self.restriction, &self.r);
+        workers.for_chunks(above, NODES_PER_CHUNK, |chunk, above| {
+            for (node, b) in (chunk * NODES_PER_CHUNK..).zip(above) {
+                let terms = restriction.list(node).iter();
+                *b = terms.fold(f32x4::ZERO, |sum, &(node, w)| f32x4::splat(w).mul_add(r[node as usize], sum));
+            }
+        });
     }
 
     /// `x += P x` from the level above.
-    fn prolongate(&mut self, above: &[f32x4]) {
-        for (entry, x) in self.prolongation.iter().zip(&mut self.x) {
-            *x = entry.iter().fold(*x, |sum, (node, w)| f32x4::splat(w).mul_add(above[node], sum));
-        }
+    fn prolongate(&mut self, workers: &Workers<'_>, above: &[f32x4]) {
+        workers.for_chunks((&self.prolongation[..], &mut self.x[..]), NODES_PER_CHUNK, |_, (prolongation, x)| {
+            for (entry, x) in prolongation.iter().zip(x) {
+                *x = entry.iter().fold(*x, |sum, (node, w)| f32x4::splat(w).mul_add(above[node], sum));
+            }
+        });
     }
 }
 
 impl Prolongation {
-    fn new(parent_nodes: &[u32; 8], weights: &[f64; 8]) -> Self {
+    /// From the corners of a parent, or from what moves those of them that hang.
+    fn new(parent_nodes: &[u32; 8], weights: &[f64; 8], hanging: &[HangingNode]) -> Self {
         let mut entry = Self::default();
-        for (node, weight) in parent_nodes.iter().zip(weights) {
-            if *weight != 0.0 {
-                entry.nodes[entry.count as usize] = *node;
-                entry.weights[entry.count as usize] = *weight as f32;
-                entry.count += 1;
-            }
+        for (node, weight) in parent_nodes.iter().zip(weights).filter(|(_, weight)| **weight != 0.0) {
+            masters_of(hanging, *node as usize).for_each(|(node, w)| entry.add(node as u32, w * *weight as f32));
         }
         entry
     }
 
-    fn iter(&self) -> impl Iterator<Item = (usize, f32)> + '_ {
+    fn add(&mut self, node: u32, weight: f32) {
+        let count = self.count as usize;
+        match self.nodes[..count].iter().position(|n| *n == node) {
+            Some(found) => self.weights[found] += weight,
+            // More than eight move it only where cuts meet at several hanging nodes; it preconditions.
+            None if count == self.nodes.len() => {}
+            None => {
+                (self.nodes[count], self.weights[count]) = (node, weight);
+                self.count += 1;
+            }
+        }
+    }
+
+    fn iter(&self) -> impl Iterator<Item = (usize, f32)> + Clone + '_ {
         let count = self.count as usize;
         self.nodes[..count].iter().zip(&self.weights[..count]).map(|(node, w)| (*node as usize, *w))
     }
-}
-
-fn octant_of(cell: [i32; 3]) -> u8 {
-    ((cell[0] & 1) | (cell[1] & 1) << 1 | (cell[2] & 1) << 2) as u8
 }
 
 impl Multigrid {
@@ -295,11 +380,11 @@ impl Multigrid {
     }
 
     /// Recomputes what `changes` touched above the finest level, whose matrices already reflect them.
-    /// [`Self::update_rotations_and_diagonals`] completes it.
+    /// [`Self::update_rotations`] and [`Self::update_diagonals`] complete it.
     pub fn update_changed(&mut self, hierarchy: &[Level], changes: &[LevelChange]) {
         let mut touched: Vec<u32> =
             changes[1..].first().map_or(Vec::new(), |c| elements_in_cells(&hierarchy[1], &c.touched_cells));
-        self.rebuild_coarse(hierarchy, &mut touched);
+        self.rebuild_coarse(&mut touched);
         self.factor_coarsest();
         self.spectrum_rounds = 2;
     }
@@ -307,10 +392,11 @@ impl Multigrid {
     /// Recomputes the coarse matrices above all elements, the coarsest factor and the eigenvalues.
     pub fn rebuild(&mut self, workers: &Workers<'_>, hierarchy: &[Level]) {
         let mut all = hierarchy.get(1).map_or(Vec::new(), |level| (0..level.elements.len() as u32).collect());
-        self.rebuild_coarse(hierarchy, &mut all);
+        self.rebuild_coarse(&mut all);
         self.factor_coarsest();
         self.spectrum_rounds = 20;
-        self.update_rotations_and_diagonals(workers);
+        self.update_rotations(workers);
+        self.update_diagonals(workers);
     }
 
     fn factor_coarsest(&mut self) {
@@ -319,21 +405,15 @@ impl Multigrid {
 
     /// Recomputes the matrices of `elements` of the second level and of everything above them;
     /// `elements` are used up.
-    pub fn rebuild_coarse(&mut self, hierarchy: &[Level], elements: &mut Vec<u32>) {
+    pub fn rebuild_coarse(&mut self, elements: &mut Vec<u32>) {
         for i in 1..self.levels.len() {
             let (below, above) = self.levels.split_at_mut(i);
             let (child, parent) = (&below[i - 1], &mut above[0]);
             for &element in elements.iter() {
                 let mut sum = [0.0; PACKED];
-                let cell = hierarchy[i].elements[element as usize].cell;
-                for octant in 0..8 {
-                    let child_cell = [0, 1, 2].map(|a| 2 * cell[a] + (octant >> a & 1));
-                    for c in hierarchy[i - 1].elements_in(child_cell) {
-                        if child.parent[c as usize] == element {
-                            let part = galerkin(&child.operator.matrix(c as usize), &child.weights(c as usize));
-                            (0..PACKED).for_each(|j| sum[j] += part[j]);
-                        }
-                    }
+                for &c in child.children.list(element as usize) {
+                    let part = galerkin(&child.operator.matrix(c as usize), &child.weights(c as usize));
+                    (0..PACKED).for_each(|j| sum[j] += part[j]);
                 }
                 parent.operator.set_matrix(element as usize, &sum);
             }
@@ -347,16 +427,19 @@ impl Multigrid {
         elements.clear();
     }
 
-    /// Coarse rotations from the finest level's, then every diagonal, and the eigenvalues where matrices
-    /// changed. Springs are dropped.
-    pub fn update_rotations_and_diagonals(&mut self, workers: &Workers<'_>) {
+    /// Coarse rotations from the finest level's.
+    pub fn update_rotations(&mut self, workers: &Workers<'_>) {
         for i in 1..self.levels.len() {
             let (below, above) = self.levels.split_at_mut(i);
-            inherit_rotations(&below[i - 1], &mut above[0]);
+            inherit_rotations(workers, &below[i - 1], &mut above[0].operator);
         }
-        self.levels.iter_mut().for_each(|l| l.operator.update_diagonal(workers));
         let last = self.levels.len() - 1;
         self.coarsest.update_rotations(&self.levels[last].operator);
+    }
+
+    /// Every diagonal, and the eigenvalues where matrices changed. Springs are dropped.
+    pub fn update_diagonals(&mut self, workers: &Workers<'_>) {
+        self.levels.iter_mut().for_each(|l| l.operator.update_diagonal(workers));
         let rounds = std::mem::take(&mut self.spectrum_rounds);
         self.levels.iter_mut().for_each(|l| l.estimate_eigenvalue(workers, rounds));
     }
@@ -378,15 +461,18 @@ impl Multigrid {
             let (below, above) = self.levels.split_at_mut(i);
             let fine = &below[i - 1];
             let spread = |node: usize| fine.prolongation[node].iter();
-            above[0].operator.set_springs(fine.operator.springs().iter().map(|s| s.coarsened(spread)));
+            above[0].operator.set_springs(fine.operator.springs().iter().map(|s| s.spread(spread)));
         }
     }
 
-    /// `z` = one V-cycle on `A z = r` from zero.
-    pub fn precondition(&mut self, workers: &Workers<'_>, r: &[f32x4], z: &mut [f32x4]) {
-        self.levels[0].b.copy_from_slice(r);
+    /// The finest level, whose `b` is the residual to be preconditioned.
+    pub(super) fn finest_mut(&mut self) -> &mut CycleLevel {
+        &mut self.levels[0]
+    }
+
+    /// One V-cycle on `A x = b` of the finest level, from zero.
+    pub fn precondition(&mut self, workers: &Workers<'_>) {
         self.cycle(workers, 0);
-        z.copy_from_slice(&self.levels[0].x);
     }
 
     fn cycle(&mut self, workers: &Workers<'_>, i: usize) {
@@ -401,12 +487,11 @@ impl Multigrid {
             return;
         }
         level.smooth(workers, true);
-        level.residual(workers);
         let (fine, coarse) = self.levels.split_at_mut(i + 1);
-        fine[i].restrict(&mut coarse[0].b);
+        fine[i].restrict(workers, &mut coarse[0].b);
         self.cycle(workers, i + 1);
         let (fine, coarse) = self.levels.split_at_mut(i + 1);
-        fine[i].prolongate(&coarse[0].x);
+        fine[i].prolongate(workers, &coarse[0].x);
         fine[i].smooth(workers, false);
     }
 }
@@ -418,13 +503,18 @@ fn elements_in_cells(level: &Level, cells: &[[i32; 3]]) -> Vec<u32> {
 }
 
 /// The rotation of a coarse element is the normalised sum of its children's.
-fn inherit_rotations(child: &CycleLevel, parent: &mut CycleLevel) {
-    parent.rotation_sums.fill([0.0; 9]);
-    for (element, &above) in child.parent.iter().enumerate() {
-        let (sum, r) = (&mut parent.rotation_sums[above as usize], child.operator.rotation(element));
-        (0..9).for_each(|i| sum[i] += r[i]);
-    }
-    for (element, sum) in parent.rotation_sums.iter().enumerate() {
-        parent.operator.set_rotation(element, &super::coarsest::orthonormal(sum));
-    }
+fn inherit_rotations(workers: &Workers<'_>, child: &CycleLevel, parent: &mut Operator) {
+    let count = parent.element_count();
+    workers.for_chunks(&mut parent.blocks[..], BLOCKS_PER_CHUNK, |chunk, blocks| {
+        for (index, block) in (chunk * BLOCKS_PER_CHUNK..).zip(blocks) {
+            for lane in 0..LANES.min(count - index * LANES) {
+                let mut sum = [0.0; 9];
+                for &element in child.children.list(index * LANES + lane) {
+                    let r = child.operator.rotation(element as usize);
+                    (0..9).for_each(|i| sum[i] += r[i]);
+                }
+                block.set_rotation(lane, &orthonormal(&sum));
+            }
+        }
+    });
 }

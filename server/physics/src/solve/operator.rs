@@ -1,22 +1,23 @@
 //! The system matrix of one level, `A = sum_e R_e A_e R_e^T + contacts`, eight elements at a time.
 //!
-//! `A_e = (1 + alpha dt) M_e + (dt^2 + beta dt) (K_e + H_e)`: mass, stiffness and held voxels. Element
-//! results go to a buffer of their own and each node sums its entries in a fixed order, so the bits
-//! do not depend on the number of threads and no colouring is needed. Node vectors are padded to four
+//! `A_e = (1 + alpha dt) M_e + (dt^2 + beta dt) (K_e + H_e)`: mass, stiffness and held voxels. Blocks of
+//! elements add to the buffer of their chunk, see [`super::assembly`]. Node vectors are padded to four
 //! components: a node is one load, and eight nodes become lanes by a transpose in registers.
 
+use super::assembly::{Assembly, CHUNK_ELEMENTS, Chunk};
 use super::spring::{POINT_NODES, PointSpring};
 use crate::fem::lanes::{self, PACKED};
 use crate::fem::packed::PackedMatrix;
+use crate::grid::levels::{HangingNode, Level};
 use crate::workers::Workers;
 use wide::{f32x4, f32x8};
 
 /// Elements per block.
 pub const LANES: usize = 8;
-/// Blocks per chunk of parallel work.
-const BLOCKS_PER_CHUNK: usize = 64;
+/// Blocks per chunk of elements.
+const BLOCKS_PER_CHUNK: usize = CHUNK_ELEMENTS / LANES;
 /// Nodes per chunk of parallel work.
-pub const NODES_PER_CHUNK: usize = 512;
+pub const NODES_PER_CHUNK: usize = 2048;
 
 /// A vector with three components per node; the fourth is zero.
 pub type NodeVector = Vec<f32x4>;
@@ -28,7 +29,24 @@ pub struct OperatorBlock {
     matrix: PackedMatrix<f32x8>,
     /// Rotation of each element, row-major.
     pub rotation: [f32x8; 9],
-    nodes: [[u32; LANES]; 8],
+    corners: Corners,
+}
+
+/// Where the corners of a block's elements lie in the buffer of their chunk.
+#[derive(Clone)]
+enum Corners {
+    /// Elements side by side along x: of each of the four edges along x, the slot of the first of its nine
+    /// nodes, which follow each other.
+    Row([u16; 4]),
+    /// By corner and lane.
+    Each(Box<[[u16; LANES]; 8]>),
+}
+
+/// What the elements of a chunk work on.
+#[derive(Default)]
+struct Buffers {
+    values: NodeVector,
+    sums: NodeVector,
 }
 
 /// Diagonal 3x3 blocks of every node: symmetric, so six entries.
@@ -44,12 +62,13 @@ struct Diagonal {
 pub struct Operator {
     /// Blocks of elements, by element id.
     pub blocks: Vec<OperatorBlock>,
-    /// Springs that act now.
+    /// Springs that act now, between unknowns.
     springs: Vec<PointSpring>,
     element_nodes: Vec<[u32; 8]>,
-    /// Entries of node n are `incidence[first[n]..first[n + 1]]`, each `element * 8 + corner`.
-    first: Vec<u32>,
-    incidence: Vec<u32>,
+    assembly: Assembly,
+    buffers: Vec<Buffers>,
+    /// The unknowns that move each hanging node.
+    hanging: Vec<HangingNode>,
     /// Of the elements alone.
     diagonal: Diagonal,
     /// Of the springs alone; zero but while they are summed.
@@ -58,8 +77,64 @@ pub struct Operator {
     sprung: Vec<u32>,
     /// Columns of the inverse diagonal block of each node.
     inverse: Vec<[f32x4; 3]>,
-    /// Result of every corner, by element.
-    results: Vec<[f32x4; 8 * LANES]>,
+}
+
+impl Corners {
+    fn of(corners: [[u16; LANES]; 8]) -> Self {
+        let follows = |c: usize, lane: usize, by: usize| corners[c][lane] as usize == corners[c & !1][0] as usize + by;
+        if (0..8).all(|c| (0..LANES).all(|lane| follows(c, lane, lane + (c & 1)))) {
+            Self::Row([0, 2, 4, 6].map(|c| corners[c][0]))
+        } else {
+            Self::Each(Box::new(corners))
+        }
+    }
+
+    /// Components of the corners, one element per lane.
+    #[inline(always)]
+    fn gather(&self, values: &[f32x4]) -> [f32x8; 24] {
+        let mut out = [f32x8::ZERO; 24];
+        match self {
+            Self::Row(edges) => {
+                for (edge, &slot) in edges.iter().enumerate() {
+                    let nodes = &values[slot as usize..][..LANES + 1];
+                    let near: [f32x4; LANES] = std::array::from_fn(|lane| nodes[lane]);
+                    let far: [f32x4; LANES] = std::array::from_fn(|lane| nodes[lane + 1]);
+                    out[6 * edge..6 * edge + 3].copy_from_slice(&lanes::split(near));
+                    out[6 * edge + 3..6 * edge + 6].copy_from_slice(&lanes::split(far));
+                }
+            }
+            Self::Each(corners) => {
+                for (corner, slots) in corners.iter().enumerate() {
+                    let points = std::array::from_fn(|lane| values[slots[lane] as usize]);
+                    out[3 * corner..3 * corner + 3].copy_from_slice(&lanes::split(points));
+                }
+            }
+        }
+        out
+    }
+
+    /// Adds what each lane has for its corners.
+    #[inline(always)]
+    fn add_to(&self, y: &[f32x8; 24], sums: &mut [f32x4]) {
+        let at = |corner: usize| lanes::join([y[3 * corner], y[3 * corner + 1], y[3 * corner + 2]]);
+        match self {
+            Self::Row(edges) => {
+                for (edge, &slot) in edges.iter().enumerate() {
+                    let (near, far) = (at(2 * edge), at(2 * edge + 1));
+                    let nodes = &mut sums[slot as usize..][..LANES + 1];
+                    nodes[0] += near[0];
+                    (1..LANES).for_each(|i| nodes[i] += near[i] + far[i - 1]);
+                    nodes[LANES] += far[LANES - 1];
+                }
+            }
+            Self::Each(corners) => {
+                for (corner, slots) in corners.iter().enumerate() {
+                    let vectors = at(corner);
+                    (0..LANES).for_each(|lane| sums[slots[lane] as usize] += vectors[lane]);
+                }
+            }
+        }
+    }
 }
 
 impl OperatorBlock {
@@ -68,27 +143,21 @@ impl OperatorBlock {
         Self {
             matrix: PackedMatrix::default(),
             rotation: [one, zero, zero, zero, one, zero, zero, zero, one],
-            nodes: [[0; LANES]; 8],
+            corners: Corners::Each(Box::default()),
         }
     }
 
-    #[inline(always)]
-    fn gather(&self, x: &[f32x4]) -> [f32x8; 24] {
-        let mut out = [f32x8::ZERO; 24];
-        for (corner, nodes) in self.nodes.iter().enumerate() {
-            let mut points = [f32x4::ZERO; LANES];
-            for (point, node) in points.iter_mut().zip(nodes) {
-                *point = x[*node as usize];
-            }
-            out[3 * corner..3 * corner + 3].copy_from_slice(&lanes::split(points));
+    /// Sets the rotation of a lane, row-major.
+    pub fn set_rotation(&mut self, lane: usize, rotation: &[f64; 9]) {
+        for (slot, value) in self.rotation.iter_mut().zip(rotation) {
+            slot.as_mut_array()[lane] = *value as f32;
         }
-        out
     }
 
     /// `R A_e R^T x` of every lane.
     #[inline(always)]
-    fn apply(&self, x: &[f32x4]) -> [f32x8; 24] {
-        let u = lanes::rotate_back(&self.rotation, &self.gather(x));
+    fn apply(&self, values: &[f32x4]) -> [f32x8; 24] {
+        let u = lanes::rotate_back(&self.rotation, &self.corners.gather(values));
         lanes::rotate(&self.rotation, &self.matrix.apply(&u))
     }
 
@@ -117,26 +186,26 @@ impl OperatorBlock {
 }
 
 impl Operator {
-    /// An operator over `elements`, all matrices zero.
+    /// An operator over the elements of `level`, all matrices zero.
     #[must_use]
-    pub fn new(element_nodes: Vec<[u32; 8]>, node_count: usize) -> Self {
+    pub fn new(level: &Level) -> Self {
         let mut operator = Self {
             blocks: Vec::new(),
             springs: Vec::new(),
             element_nodes: Vec::new(),
-            first: Vec::new(),
-            incidence: Vec::new(),
+            assembly: Assembly::default(),
+            buffers: Vec::new(),
+            hanging: Vec::new(),
             diagonal: Diagonal::default(),
             spring_diagonal: Diagonal::default(),
             sprung: Vec::new(),
             inverse: Vec::new(),
-            results: Vec::new(),
         };
-        operator.set_topology(element_nodes, node_count);
+        operator.set_topology(level);
         operator
     }
 
-    /// Number of nodes.
+    /// Number of nodes, hanging ones included.
     #[must_use]
     pub fn node_count(&self) -> usize {
         self.inverse.len()
@@ -149,49 +218,50 @@ impl Operator {
     }
 
     /// Takes new connectivity; matrices of elements that were there before are kept.
-    pub fn set_topology(&mut self, element_nodes: Vec<[u32; 8]>, node_count: usize) {
-        let blocks = element_nodes.len().div_ceil(LANES);
-        self.blocks.resize_with(blocks, OperatorBlock::new);
-        self.results.resize(blocks, [f32x4::ZERO; 8 * LANES]);
+    pub fn set_topology(&mut self, level: &Level) {
+        let node_count = level.nodes.len();
+        self.element_nodes.clear();
+        self.element_nodes.extend(level.elements.iter().map(|e| e.nodes));
+        self.hanging.clear();
+        self.hanging.extend(level.hanging());
+        self.assembly.set_topology(level);
+        self.blocks.resize_with(level.elements.len().div_ceil(LANES), OperatorBlock::new);
+        for (index, block) in self.blocks.iter_mut().enumerate() {
+            let mut corners = [[0; LANES]; 8];
+            for lane in 0..LANES.min(level.elements.len() - index * LANES) {
+                let slots = self.assembly.corners(index * LANES + lane);
+                (0..8).for_each(|corner| corners[corner][lane] = slots[corner]);
+            }
+            block.corners = Corners::of(corners);
+        }
+        self.buffers.resize_with(self.assembly.chunks().len(), Buffers::default);
+        for (buffers, chunk) in self.buffers.iter_mut().zip(self.assembly.chunks()) {
+            buffers.values.resize(chunk.len(), f32x4::ZERO);
+            buffers.sums.resize(chunk.len(), f32x4::ZERO);
+        }
         self.inverse.resize(node_count, [f32x4::ZERO; 3]);
         self.diagonal.resize(node_count);
         self.spring_diagonal.resize(node_count);
         self.springs.clear();
         self.sprung.clear();
-        self.first.clear();
-        self.first.resize(node_count + 1, 0);
-        for (element, nodes) in element_nodes.iter().enumerate() {
-            for (corner, &node) in nodes.iter().enumerate() {
-                self.blocks[element / LANES].nodes[corner][element % LANES] = node;
-                self.first[node as usize] += 1;
-            }
-        }
-        let mut end = 0;
-        for first in &mut self.first {
-            end += *first;
-            *first = end;
-        }
-        // Filled from the back, the ends become the beginnings.
-        self.incidence.resize(8 * element_nodes.len(), 0);
-        for (element, nodes) in element_nodes.iter().enumerate().rev() {
-            for (corner, &node) in nodes.iter().enumerate().rev() {
-                self.first[node as usize] -= 1;
-                self.incidence[self.first[node as usize] as usize] = (8 * element + corner) as u32;
-            }
-        }
-        self.element_nodes = element_nodes;
+    }
+
+    /// Which nodes the elements touch.
+    #[must_use]
+    pub fn assembly(&self) -> &Assembly {
+        &self.assembly
+    }
+
+    /// Nodes that hang, ascending.
+    #[must_use]
+    pub fn hanging(&self) -> &[HangingNode] {
+        &self.hanging
     }
 
     /// Nodes of an element.
     #[must_use]
     pub fn element_nodes(&self, element: usize) -> &[u32; 8] {
         &self.element_nodes[element]
-    }
-
-    /// The elements around a node, and which corner of each the node is, ascending.
-    pub fn corners_at(&self, node: usize) -> impl Iterator<Item = (usize, usize)> + '_ {
-        let range = self.first[node] as usize..self.first[node + 1] as usize;
-        self.incidence[range].iter().map(|entry| (*entry as usize / 8, *entry as usize % 8))
     }
 
     /// Sets the packed matrix of an element.
@@ -212,14 +282,6 @@ impl Operator {
         std::array::from_fn(|i| block.matrix.at(i, lane))
     }
 
-    /// Sets the rotation of an element, row-major.
-    pub fn set_rotation(&mut self, element: usize, rotation: &[f64; 9]) {
-        let (block, lane) = (&mut self.blocks[element / LANES], element % LANES);
-        for (slot, value) in block.rotation.iter_mut().zip(rotation) {
-            slot.as_mut_array()[lane] = *value as f32;
-        }
-    }
-
     /// The rotation of an element, row-major.
     #[must_use]
     pub fn rotation(&self, element: usize) -> [f64; 9] {
@@ -229,54 +291,85 @@ impl Operator {
 
     /// `y = A x`.
     pub fn apply(&mut self, workers: &Workers<'_>, x: &[f32x4], y: &mut [f32x4]) {
-        self.evaluate_blocks(workers, |block| block.apply(x));
-        self.sum_at_nodes(workers, y);
+        self.multiply(workers, x);
+        self.read_products(workers, y);
+    }
+
+    /// Makes `A x` readable through [`Self::product_at`].
+    pub fn multiply(&mut self, workers: &Workers<'_>, x: &[f32x4]) {
+        self.evaluate_blocks(workers, |chunk, values| chunk.load(x, |v| v, values), OperatorBlock::apply, |w| w);
         for spring in &self.springs {
-            spring.add_to(x, y);
+            for (node, force) in spring.forces(x) {
+                // Whichever of the node's entries: they are added up.
+                if let Some((chunk, slot)) = self.assembly.entries(node).next() {
+                    self.buffers[chunk].sums[slot] += force;
+                }
+            }
         }
     }
 
-    fn evaluate_blocks(&mut self, workers: &Workers<'_>, evaluate: impl Fn(&OperatorBlock) -> [f32x8; 24] + Sync) {
-        let Self { blocks, results, .. } = self;
-        workers.for_chunks(results, BLOCKS_PER_CHUNK, |chunk, results| {
-            for (result, block) in results.iter_mut().zip(&blocks[chunk * BLOCKS_PER_CHUNK..]) {
-                let y = evaluate(block);
-                for corner in 0..8 {
-                    let vectors = lanes::join([y[3 * corner], y[3 * corner + 1], y[3 * corner + 2]]);
-                    (0..LANES).for_each(|lane| result[8 * lane + corner] = vectors[lane]);
-                }
+    /// The product at a node; zero at hanging ones.
+    #[inline(always)]
+    #[must_use]
+    pub fn product_at(&self, node: usize) -> f32x4 {
+        let entries = self.assembly.entries(node);
+        entries.fold(f32x4::ZERO, |sum, (chunk, slot)| sum + self.buffers[chunk].sums[slot])
+    }
+
+    fn read_products(&self, workers: &Workers<'_>, y: &mut [f32x4]) {
+        workers.for_chunks(y, NODES_PER_CHUNK, |chunk, y| {
+            for (node, y) in (chunk * NODES_PER_CHUNK..).zip(y) {
+                *y = self.product_at(node);
             }
         });
     }
 
-    fn sum_at_nodes(&self, workers: &Workers<'_>, y: &mut [f32x4]) {
-        let results = self.results.as_flattened();
-        workers.for_chunks(y, NODES_PER_CHUNK, |chunk, y| {
-            let first = &self.first[chunk * NODES_PER_CHUNK..];
-            for (value, range) in y.iter_mut().zip(first.windows(2)) {
-                let entries = &self.incidence[range[0] as usize..range[1] as usize];
-                *value = entries.iter().fold(f32x4::ZERO, |sum, &entry| sum + results[entry as usize]);
+    /// Sums what `evaluate` gives for each block from the values that `load` finds for its chunk's nodes;
+    /// hanging nodes hand theirs on `share(weight)` times.
+    fn evaluate_blocks(
+        &mut self,
+        workers: &Workers<'_>,
+        load: impl Fn(&Chunk, &mut [f32x4]) + Sync,
+        evaluate: impl Fn(&OperatorBlock, &[f32x4]) -> [f32x8; 24] + Sync,
+        share: impl Fn(f32) -> f32 + Sync,
+    ) {
+        let Self { blocks, assembly, buffers, .. } = self;
+        workers.for_chunks(&mut buffers[..], 1, |index, buffers| {
+            let (Buffers { values, sums }, chunk) = (&mut buffers[0], &assembly.chunks()[index]);
+            load(chunk, values);
+            sums.fill(f32x4::ZERO);
+            for block in blocks.iter().skip(index * BLOCKS_PER_CHUNK).take(BLOCKS_PER_CHUNK) {
+                block.corners.add_to(&evaluate(block, values), sums);
             }
+            chunk.hand_over(sums, &share);
         });
     }
 
     /// Recomputes the inverse diagonal blocks from matrices and rotations. Springs are dropped.
     pub fn update_diagonal(&mut self, workers: &Workers<'_>) {
         let mut diagonal = std::mem::take(&mut self.diagonal);
-        self.evaluate_blocks(workers, |block| block.rotated_diagonal([(0, 0), (1, 1), (2, 2)]));
-        self.sum_at_nodes(workers, &mut diagonal.on);
-        self.evaluate_blocks(workers, |block| block.rotated_diagonal([(0, 1), (0, 2), (1, 2)]));
-        self.sum_at_nodes(workers, &mut diagonal.off);
+        self.sum_diagonals(workers, [(0, 0), (1, 1), (2, 2)], &mut diagonal.on);
+        self.sum_diagonals(workers, [(0, 1), (0, 2), (1, 2)], &mut diagonal.off);
         self.diagonal = diagonal;
         self.springs.clear();
         self.sprung.clear();
-        for (first, inverse) in self.inverse.chunks_mut(LANES).enumerate() {
-            let at = |v: &NodeVector| -> [f32x4; LANES] {
-                std::array::from_fn(|i| v.get(first * LANES + i).copied().unwrap_or_default())
-            };
-            let inverted = invert(at(&self.diagonal.on), at(&self.diagonal.off));
-            inverse.copy_from_slice(&inverted[..inverse.len()]);
-        }
+        let data = (&self.diagonal.on[..], &self.diagonal.off[..], &mut self.inverse[..]);
+        workers.for_chunks(data, NODES_PER_CHUNK, |_, (on, off, inverse)| {
+            for (first, inverse) in inverse.chunks_mut(LANES).enumerate() {
+                let at = |v: &[f32x4]| -> [f32x4; LANES] {
+                    std::array::from_fn(|i| v.get(first * LANES + i).copied().unwrap_or_default())
+                };
+                let inverted = invert(at(on), at(off));
+                inverse.copy_from_slice(&inverted[..inverse.len()]);
+            }
+        });
+    }
+
+    /// Sums three entries of the elements' diagonal blocks at the nodes. Without the entries between a
+    /// hanging node and its masters: they would make the masters' smaller.
+    fn sum_diagonals(&mut self, workers: &Workers<'_>, entries: [(usize, usize); 3], sums: &mut [f32x4]) {
+        self.evaluate_blocks(workers, |_, _| {}, |block, _| block.rotated_diagonal(entries), |w| w * w);
+        self.read_products(workers, sums);
     }
 
     /// Room for `count` springs.
@@ -295,7 +388,12 @@ impl Operator {
     /// Replaces the springs; costs in proportion to the nodes that carry one or carried one.
     pub fn set_springs(&mut self, springs: impl Iterator<Item = PointSpring>) {
         self.springs.clear();
-        self.springs.extend(springs);
+        if self.hanging.is_empty() {
+            self.springs.extend(springs);
+        } else {
+            let expanded = springs.map(|s| s.spread(|node| masters_of(&self.hanging, node)));
+            self.springs.extend(expanded);
+        }
         let mut sprung = std::mem::take(&mut self.sprung);
         self.invert_at(&sprung);
         sprung.clear();
@@ -337,6 +435,15 @@ impl Operator {
     pub fn precondition_node(&self, node: usize, r: f32x4) -> f32x4 {
         times(&self.inverse[node], r)
     }
+}
+
+/// The unknowns that move a node, and how much.
+pub fn masters_of(hanging: &[HangingNode], node: usize) -> impl Iterator<Item = (usize, f32)> + use<> {
+    let masters = match hanging.binary_search_by_key(&(node as u32), |h| h.node) {
+        Ok(found) => hanging[found].masters,
+        Err(_) => [(node as u32, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)],
+    };
+    masters.into_iter().filter(|(_, w)| *w != 0.0).map(|(master, w)| (master as usize, w))
 }
 
 impl Diagonal {

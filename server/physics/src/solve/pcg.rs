@@ -3,7 +3,7 @@
 //! The flexible form of beta (Polak-Ribiere) costs one more dot product and tolerates a
 //! preconditioner that is symmetric only up to rounding.
 
-use super::multigrid::Multigrid;
+use super::multigrid::{CycleLevel, Multigrid};
 use super::operator::{NODES_PER_CHUNK, NodeVector};
 use crate::workers::Workers;
 use wide::{f32x4, f64x4};
@@ -11,11 +11,10 @@ use wide::{f32x4, f64x4};
 /// Times that a solve mends a preconditioner that turns out indefinite.
 const MAX_REPAIRS: u32 = 3;
 
-/// Vectors of a solve, kept between solves.
+/// Vectors of a solve, kept between solves; the residual and what the preconditioner makes of it are the
+/// cycle's own.
 #[derive(Default)]
 pub struct PcgScratch {
-    r: NodeVector,
-    z: NodeVector,
     p: NodeVector,
     ap: NodeVector,
 }
@@ -46,34 +45,28 @@ fn widen(v: f32x4) -> f64x4 {
     f64x4::from(v.to_array().map(f64::from))
 }
 
-/// Dot product over fixed chunks, summed in order.
-#[must_use]
-pub fn dot(a: &[f32x4], b: &[f32x4]) -> f64 {
-    let mut total = 0.0;
-    for (a, b) in a.chunks(NODES_PER_CHUNK).zip(b.chunks(NODES_PER_CHUNK)) {
-        let mut sum = f64x4::ZERO;
-        for (x, y) in a.iter().zip(b) {
-            sum = widen(*x).mul_add(widen(*y), sum);
-        }
-        let [x, y, z, _] = sum.to_array();
-        total += x + y + z;
+/// Dot product of two chunks.
+#[inline(always)]
+fn dot_chunk(a: &[f32x4], b: &[f32x4]) -> f64 {
+    let mut sum = f64x4::ZERO;
+    for (x, y) in a.iter().zip(b) {
+        sum = widen(*x).mul_add(widen(*y), sum);
     }
-    total
+    let [x, y, z, _] = sum.to_array();
+    x + y + z
 }
 
-fn add_scaled(y: &mut [f32x4], factor: f32, x: &[f32x4]) {
-    let factor = f32x4::splat(factor);
-    for (y, x) in y.iter_mut().zip(x) {
-        *y = factor.mul_add(*x, *y);
-    }
+/// Dot product over fixed chunks, summed in a fixed order.
+#[must_use]
+pub fn dot(workers: &Workers<'_>, a: &[f32x4], b: &[f32x4]) -> f64 {
+    workers.reduce_chunks((a, b), NODES_PER_CHUNK, |_, (a, b)| dot_chunk(a, b), |x, y| x + y)
 }
 
 impl PcgScratch {
     /// Makes the vectors fit `n` nodes.
     pub fn resize(&mut self, n: usize) {
-        for v in [&mut self.r, &mut self.z, &mut self.p, &mut self.ap] {
-            v.resize(n, f32x4::ZERO);
-        }
+        self.p.resize(n, f32x4::ZERO);
+        self.ap.resize(n, f32x4::ZERO);
     }
 
     /// Solves `A x = b` from the initial guess in `x` until `stop` says.
@@ -86,20 +79,16 @@ impl PcgScratch {
         stop: Stop,
     ) -> PcgReport {
         self.resize(b.len());
-        let norm_b = dot(b, b).sqrt();
+        let norm_b = dot(workers, b, b).sqrt();
         if norm_b == 0.0 {
             x.fill(f32x4::ZERO);
             return PcgReport { iterations: 0, relative_residual: 0.0 };
         }
-        multigrid.operator_mut().apply(workers, x, &mut self.ap);
-        for ((r, b), ap) in self.r.iter_mut().zip(b).zip(&self.ap) {
-            *r = *b - *ap;
-        }
-        let mut norm_r = dot(&self.r, &self.r).sqrt();
+        let mut norm_r = begin(workers, multigrid, b, x);
         if norm_r > norm_b {
             // The guess is worse than none.
-            x.iter_mut().for_each(|v| *v = f32x4::ZERO);
-            self.r.copy_from_slice(b);
+            x.fill(f32x4::ZERO);
+            multigrid.finest_mut().b.copy_from_slice(b);
             norm_r = norm_b;
         }
         let reference = norm_b.max(stop.scale);
@@ -107,8 +96,8 @@ impl PcgScratch {
         let mut repairs = 0;
         let mut fresh = true;
         while norm_r > stop.relative_tolerance * reference && iterations < stop.max_iterations {
-            multigrid.precondition(workers, &self.r, &mut self.z);
-            let next_rz = dot(&self.r, &self.z);
+            multigrid.precondition(workers);
+            let (next_rz, apz) = self.products(workers, multigrid.finest_mut());
             if next_rz.is_nan() || next_rz <= 0.0 {
                 // The preconditioner lost definiteness. Mended once or twice it is good again;
                 // going on without would only make the answer worse.
@@ -121,27 +110,69 @@ impl PcgScratch {
                 continue;
             }
             // The residual changed by -alpha A p: beta = z . (r - r_previous) / (r . z)_previous.
-            let beta = if fresh { 0.0 } else { -alpha * dot(&self.ap, &self.z) / rz };
+            let beta = if fresh { 0.0 } else { -alpha * apz / rz };
             rz = next_rz;
-            if fresh {
-                self.p.copy_from_slice(&self.z);
-            } else {
-                let beta = f32x4::splat(beta as f32);
-                self.p.iter_mut().zip(&self.z).for_each(|(p, z)| *p = beta.mul_add(*p, *z));
-            }
-            multigrid.operator_mut().apply(workers, &self.p, &mut self.ap);
-            let curvature = dot(&self.p, &self.ap);
+            let curvature = self.turn(workers, multigrid.finest_mut(), beta);
             // Not positive (or not a number): the matrix is not definite along p.
             if curvature.is_nan() || curvature <= 0.0 {
                 break;
             }
             fresh = false;
             alpha = rz / curvature;
-            add_scaled(x, alpha as f32, &self.p);
-            add_scaled(&mut self.r, -alpha as f32, &self.ap);
-            norm_r = dot(&self.r, &self.r).sqrt();
+            norm_r = self.advance(workers, &mut multigrid.finest_mut().b, x, alpha).sqrt();
             iterations += 1;
         }
         PcgReport { iterations, relative_residual: norm_r / reference }
     }
+
+    /// `r . z` and `A p . z`.
+    fn products(&self, workers: &Workers<'_>, finest: &CycleLevel) -> (f64, f64) {
+        let data = (&finest.b[..], &finest.x[..], &self.ap[..]);
+        let of_chunk = |_, (r, z, ap): (&[f32x4], &[f32x4], &[f32x4])| (dot_chunk(r, z), dot_chunk(ap, z));
+        workers.reduce_chunks(data, NODES_PER_CHUNK, of_chunk, |a, b| (a.0 + b.0, a.1 + b.1))
+    }
+
+    /// `p = z + beta p`, and `p . A p`.
+    fn turn(&mut self, workers: &Workers<'_>, finest: &mut CycleLevel, beta: f64) -> f64 {
+        let factor = f32x4::splat(beta as f32);
+        workers.for_chunks((&mut self.p[..], &finest.x[..]), NODES_PER_CHUNK, |_, (p, z)| {
+            // The first direction is not to see what an earlier solve left.
+            p.iter_mut().zip(z).for_each(|(p, z)| *p = if beta == 0.0 { *z } else { factor.mul_add(*p, *z) });
+        });
+        finest.operator.multiply(workers, &self.p);
+        let operator = &finest.operator;
+        let multiply = |chunk: usize, (p, ap): (&[f32x4], &mut [f32x4])| {
+            for (node, ap) in (chunk * NODES_PER_CHUNK..).zip(&mut *ap) {
+                *ap = operator.product_at(node);
+            }
+            dot_chunk(p, ap)
+        };
+        workers.reduce_chunks((&self.p[..], &mut self.ap[..]), NODES_PER_CHUNK, multiply, |a, b| a + b)
+    }
+
+    /// `x += alpha p`, `r -= alpha A p`, and `r . r`.
+    fn advance(&self, workers: &Workers<'_>, r: &mut [f32x4], x: &mut [f32x4], alpha: f64) -> f64 {
+        let alpha = f32x4::splat(alpha as f32);
+        type Data<'a> = (&'a mut [f32x4], &'a mut [f32x4], &'a [f32x4], &'a [f32x4]);
+        let advance = |_, (x, r, p, ap): Data<'_>| {
+            x.iter_mut().zip(p).for_each(|(x, p)| *x = alpha.mul_add(*p, *x));
+            r.iter_mut().zip(ap).for_each(|(r, ap)| *r = (-alpha).mul_add(*ap, *r));
+            dot_chunk(r, r)
+        };
+        workers.reduce_chunks((x, r, &self.p[..], &self.ap[..]), NODES_PER_CHUNK, advance, |a, b| a + b)
+    }
+}
+
+/// `r = b - A x`, and its norm.
+fn begin(workers: &Workers<'_>, multigrid: &mut Multigrid, b: &[f32x4], x: &[f32x4]) -> f64 {
+    let CycleLevel { operator, b: r, .. } = multigrid.finest_mut();
+    operator.multiply(workers, x);
+    let operator = &*operator;
+    let residual = |chunk: usize, (b, r): (&[f32x4], &mut [f32x4])| {
+        for (node, (b, r)) in (chunk * NODES_PER_CHUNK..).zip(b.iter().zip(&mut *r)) {
+            *r = *b - operator.product_at(node);
+        }
+        dot_chunk(r, r)
+    };
+    workers.reduce_chunks((b, &mut r[..]), NODES_PER_CHUNK, residual, |a, b| a + b).sqrt()
 }

@@ -3,8 +3,9 @@
 use super::operator::times;
 use wide::f32x4;
 
-/// Most nodes that a point is spread over: the corners of two elements.
-pub const POINT_NODES: usize = 16;
+/// Most nodes that a point is spread over: the corners of two elements, and as many more where those of
+/// them that hang are moved by others.
+pub const POINT_NODES: usize = 32;
 
 /// A point of the tissue held by springs: adds `w w^T (x) S` to the system matrix.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -45,14 +46,14 @@ impl PointSpring {
         }
     }
 
-    /// The same springs with every node spread over nodes of the level above.
+    /// The same springs with every node spread over those that move it.
     #[must_use]
-    pub fn coarsened<I: Iterator<Item = (usize, f32)>>(&self, above: impl Fn(usize) -> I) -> Self {
-        let mut coarse = Self { stiffness: self.stiffness, ..Self::default() };
+    pub fn spread<I: Iterator<Item = (usize, f32)>>(&self, masters: impl Fn(usize) -> I) -> Self {
+        let mut spread = Self { stiffness: self.stiffness, ..Self::default() };
         for (node, w) in self.entries() {
-            above(node).for_each(|(parent, share)| coarse.add_weight(parent as u32, w * share));
+            masters(node).for_each(|(master, share)| spread.add_weight(master as u32, w * share));
         }
-        coarse
+        spread
     }
 
     /// Nodes and weights of the point.
@@ -68,12 +69,10 @@ impl PointSpring {
         [f32x4::new([x[0], y[1], z[2], 0.0]), f32x4::new([y[0], z[0], z[1], 0.0])]
     }
 
-    /// `y += (w w^T (x) S) x`.
-    pub fn add_to(&self, x: &[f32x4], y: &mut [f32x4]) {
+    /// What the springs add at each node of the point: `(w w^T (x) S) x`.
+    pub fn forces<'a>(&'a self, x: &[f32x4]) -> impl Iterator<Item = (usize, f32x4)> + 'a {
         let at = self.entries().fold(f32x4::ZERO, |sum, (node, w)| f32x4::splat(w).mul_add(x[node], sum));
         let force = times(&self.stiffness, at);
-        for (node, w) in self.entries() {
-            y[node] = f32x4::splat(w).mul_add(force, y[node]);
-        }
+        self.entries().map(move |(node, w)| (node, f32x4::splat(w) * force))
     }
 }

@@ -80,7 +80,7 @@ impl BodySlot {
             self.impulses.extend(contact.weights.iter().map(|(node, w)| (node, (impulse * w).into())));
         }
         self.body.set_springs(self.contacts.iter().flat_map(ToolContact::springs));
-        let scale = self.body.applied_impulse_norm(&self.impulses);
+        let scale = self.body.applied_impulse_norm(workers, &self.impulses);
         self.body.solve_velocity_change(workers, &self.impulses, scale, &mut self.velocity_change)
     }
 
@@ -102,7 +102,7 @@ impl BodySlot {
     pub(super) fn take_edits(&mut self, workers: &Workers<'_>) {
         self.edited = false;
         self.body.evaluate(workers, 20);
-        if self.body.save_finite_state() {
+        if self.body.save_finite_state(workers) {
             self.ledger.after = self.body.energy();
         }
     }

@@ -109,6 +109,11 @@ impl World {
 
     /// Advances the scene by one time step.
     pub fn step(&mut self, workers: &Workers<'_>, clock: &dyn StageClock, inputs: &StepInputs<'_>) -> &StepOutput {
+        workers.run(|| self.run_stages(workers, clock, inputs));
+        &self.output
+    }
+
+    fn run_stages(&mut self, workers: &Workers<'_>, clock: &dyn StageClock, inputs: &StepInputs<'_>) {
         let mut lap = Lap::start(clock);
         self.slots.iter_mut().filter(|s| s.edited).for_each(|s| s.take_edits(workers));
         self.apply_inputs(inputs);
@@ -129,7 +134,7 @@ impl World {
             lap.end(Stage::Fracture);
         }
         if self.slots.iter().any(|s| !s.parting.is_empty()) {
-            self.update_topology();
+            self.update_topology(workers);
             lap.end(Stage::Topology);
         }
         if self.view.is_some() && self.output.fracture.parted_links > 0 {
@@ -138,7 +143,6 @@ impl World {
         }
         self.finish();
         self.output.profile = lap.finish();
-        &self.output
     }
 
     fn apply_inputs(&mut self, inputs: &StepInputs<'_>) {
@@ -199,16 +203,9 @@ impl World {
     }
 
     fn integrate(&mut self, workers: &Workers<'_>) {
-        let dt = self.params.dt_s;
         for slot in &mut self.slots {
             let body = &mut slot.body;
-            for (v, dv) in body.velocity_m_per_s.iter_mut().zip(&slot.velocity_change) {
-                (0..3).for_each(|i| v[i] += dv[i]);
-            }
-            for (x, v) in body.position_m.iter_mut().zip(&body.velocity_m_per_s) {
-                (0..3).for_each(|i| x[i] += dt * v[i]);
-            }
-            slot.ledger.load_work_j = body.external_work_j(body.velocity_m_per_s.iter().map(|v| v.map(|c| dt * c)));
+            slot.ledger.load_work_j = body.integrate(workers, &slot.velocity_change);
             if !body.is_finite() {
                 slot.roll_back(workers, &mut self.output);
             }
@@ -220,7 +217,7 @@ impl World {
             slot.ledger.before = slot.ledger.after;
             slot.ledger.step = slot.body.evaluate_step(workers, &slot.velocity_change);
             slot.ledger.solved = slot.body.energy();
-            if !slot.body.save_finite_state() {
+            if !slot.body.save_finite_state(workers) {
                 slot.roll_back(workers, &mut self.output);
                 slot.ledger.solved = slot.ledger.after;
             }
@@ -241,7 +238,7 @@ impl World {
         self.output.fracture.cut_area_m2 = self.contact_ledger.front.area_m2;
     }
 
-    fn update_topology(&mut self) {
+    fn update_topology(&mut self, workers: &Workers<'_>) {
         for slot in &mut self.slots {
             let PartedLinks { parted, spared } = slot.body.part_links(&slot.parting);
             slot.parted = parted;
@@ -251,7 +248,7 @@ impl World {
             if slot.parted.is_empty() {
                 continue;
             }
-            slot.change = slot.body.update_topology(&slot.parted);
+            slot.change = slot.body.update_topology(workers, &slot.parted);
             slot.velocity_change.resize(slot.body.node_count(), [0.0; 3]);
             slot.ledger.after = slot.body.energy();
             slot.walls.update(&slot.body, &slot.parted, &slot.change);

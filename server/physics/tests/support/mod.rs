@@ -46,6 +46,7 @@ pub fn object(min_m: [f64; 3], max_m: [f64; 3], h: f64, level: u8) -> ObjectDesc
         level,
         material: material(),
         regions: Vec::new(),
+        finer: Vec::new(),
         fixed: Vec::new(),
         loads: Vec::new(),
     }
