@@ -77,6 +77,7 @@ fn roomy() -> SceneDesc {
     object.shape = ShapeDesc::Box { min_m: [0.0; 3], max_m: [1e-4, 1e-4, 1e-4] };
     object.voxel_size_m = Some(5e-5);
     object.material.fracture_energy_j_per_m2 = None;
+    object.fixed = vec![object.shape.clone()];
     scene.tools.clear();
     scene
 }
@@ -187,6 +188,27 @@ fn stiffness_contrast_is_taken_over_the_whole_object() {
     assert_eq!(contrast(&[1e9, 9e2]), ["objects[0].regions[0].material.young_modulus_pa"]);
     // Neither region is too far from the object's own material; they are from each other.
     assert_eq!(contrast(&[1e6, 1e3, 1e10]), ["objects[0].regions[1].material.young_modulus_pa"]);
+}
+
+#[test]
+fn waves_may_not_cross_too_many_voxels_of_an_object_that_nothing_holds() {
+    // 10 m/s at nu = 0, a step of 0.1 s: 1 m, or 100 voxels of 10 mm.
+    let at = |voxel_size_m: f64, poisson_ratio: f64, free: bool| {
+        refused(|s| {
+            *s = roomy();
+            s.rate_hz = 10.0;
+            s.objects[0].material.poisson_ratio = poisson_ratio;
+            s.objects[0].voxel_size_m = Some(voxel_size_m);
+            s.objects[0].shape = ShapeDesc::Box { min_m: [0.0; 3], max_m: [4.0 * voxel_size_m; 3] };
+            if free {
+                s.objects[0].fixed.clear();
+            }
+        })
+    };
+    assert_eq!(at(10.01e-3, 0.0, true), [""; 0]);
+    assert_eq!(at(9.99e-3, 0.0, true), ["rate_hz"]);
+    assert_eq!(at(10.01e-3, 0.1, true), ["rate_hz"]);
+    assert_eq!(at(9.99e-3, 0.1, false), [""; 0]);
 }
 
 #[test]
