@@ -46,18 +46,6 @@ fn cases_from_every_corner_of_the_matrix_hold() {
 }
 
 #[test]
-fn a_state_without_a_way_back_is_given_up_for_the_rest_shape() {
-    // Inside out and stiffening: its steps explode. What is asked is that this ends.
-    let mut cases = matrix(SEED, 0);
-    cases.retain(|case| case.name == "inside out, k 2, c 10");
-    let row = cases[0].run(Budget { most_steps: 1200 });
-    let seen = row.seen.expect("a scene that is taken");
-    let rest = seen.rest.expect("it was let go");
-    assert!(seen.finite && seen.faults > 0 && seen.faults < 10, "{} steps rolled back", seen.faults);
-    assert!(rest.kinetic_of_put_in < 1e-6, "{rest:?}");
-}
-
-#[test]
 fn what_is_out_of_range_is_refused_with_field_and_limit() {
     let refusals = refusals();
     assert!(refusals.len() >= 20);
