@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
-use kerf_system_tests::extremes::properties::PROPERTIES;
+use kerf_system_tests::extremes::properties::{PROPERTIES, Property};
 use kerf_system_tests::extremes::refusals::refusals;
 use kerf_system_tests::extremes::report::Report;
 use kerf_system_tests::extremes::{Budget, matrix, run_all};
@@ -44,7 +44,7 @@ fn main() -> Result<()> {
         progress.inc(1);
         progress.set_message(row.name.clone());
     });
-    let try_out = |(name, property): &(&'static str, fn(u64, u32) -> Result<(), String>)| {
+    let try_out = |(name, property): &Property| {
         let outcome = property(options.seed, PROPERTY_INPUTS);
         progress.inc(1);
         (*name, PROPERTY_INPUTS, outcome)

@@ -75,7 +75,7 @@ fn problems(scene: &SceneDesc, meshes: &Meshes) -> Vec<SceneError> {
         report.refuse("version", format!("{} is not supported; this program reads {SCENE_VERSION}", scene.version));
     }
     report.name("name", &scene.name);
-    report.number("rate_hz", scene.rate_hz, 10.0..=10_000.0);
+    let rate_is_sound = report.number("rate_hz", scene.rate_hz, 10.0..=10_000.0);
     report.vector("gravity_m_per_s2", &scene.gravity_m_per_s2, 1e3);
     report.number("solver.relative_tolerance", scene.solver.relative_tolerance, 1e-12..=0.5);
     report.number("solver.max_iterations", f64::from(scene.solver.max_iterations), 1.0..=1e5);
@@ -85,7 +85,9 @@ fn problems(scene: &SceneDesc, meshes: &Meshes) -> Vec<SceneError> {
     let mut voxel_sizes_m = Vec::new();
     for (i, object) in scene.objects.iter().enumerate() {
         let size_m = report.object(&format!("objects[{i}]"), object, meshes);
-        size_m.into_iter().for_each(|size_m| report.waves(scene.rate_hz, object, size_m));
+        if let (Some(size_m), true) = (size_m, rate_is_sound) {
+            report.waves(scene.rate_hz, object, size_m);
+        }
         voxel_sizes_m.extend(size_m);
     }
     let smallest_voxel_m = voxel_sizes_m.into_iter().fold(f64::INFINITY, f64::min);
@@ -245,7 +247,8 @@ impl Report {
         let materials = std::iter::once(&object.material).chain(object.regions.iter().map(|r| &r.material));
         let speed_m_per_s = materials.map(speed_m_per_s).fold(0.0, f64::max);
         let voxels = speed_m_per_s / (rate_hz * voxel_size_m);
-        if voxels > MAX_FREE_WAVE_VOXELS {
+        // Of a material out of its range enough is said already.
+        if voxels.is_finite() && voxels > MAX_FREE_WAVE_VOXELS {
             let message = format!(
                 "{rate_hz} lets waves cross {voxels:.0} voxels of `{}` in a step, more than {MAX_FREE_WAVE_VOXELS}, and \
                  nothing holds it; raise rate_hz or hold it",
