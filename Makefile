@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo test lint verify bench
+.PHONY: demo test lint verify extremes bench
 
 DEMO_OUT ?= out/demo
 DEMO_ADDRESS ?= 127.0.0.1:50051
@@ -29,3 +29,8 @@ bench:
 	cargo bench -p kerf-session --bench liver
 	cargo bench -p kerf-physics --bench step
 	cargo bench -p kerf-system-tests --bench loopback
+
+# Every supported range from end to end; writes docs/stability.md, the same bytes from the same seed.
+EXTREMES_SEED ?= 1
+extremes:
+	cargo run --release -p kerf-system-tests --bin extremes -- docs/stability.md --seed $(EXTREMES_SEED)

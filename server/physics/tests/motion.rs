@@ -254,3 +254,30 @@ fn non_finite_state_is_rolled_back_and_reported_and_the_world_goes_on() {
         assert!((speed / GRAVITY_M_PER_S2 + 0.1).abs() < 4e-3, "{name}: falls at {speed} m/s after 0.1 s");
     }
 }
+
+#[test]
+fn a_body_that_is_rolled_back_again_at_once_returns_to_its_rest_shape_where_it_is() {
+    let (_, mut world) = world(ellipsoid(2), 1e-3);
+    let body = world.body_mut(0);
+    let drift = Vec3::new(0.3, -0.1, 0.2);
+    for node in 0..body.node_count() {
+        let x = body.rest_position_m(node);
+        body.position_m[node] = (drift + Vec3::new(1.3 * x.x, x.y, x.z)).into();
+    }
+    run(&mut world, 1);
+    let mut off = Vec::new();
+    for _ in 0..2 {
+        world.body_mut(0).velocity_m_per_s[5][0] = f64::NAN;
+        run(&mut world, 1);
+        assert!(world.output().fault.is_some());
+        off.push(shape_error_voxels(world.bodies()[0]));
+    }
+    // The first time it goes back to the state before, which is stretched; the second time that is given up.
+    assert!(off[0] > 0.5 && off[1] < 1e-9, "{off:?} voxels off its shape");
+    let body = world.bodies()[0];
+    let moved = (0..body.node_count()).map(|n| Vec3::from(body.position_m[n]) - body.rest_position_m(n));
+    let mean = moved.sum::<Vec3>() / body.node_count() as f64;
+    assert!((mean - drift).norm() < 0.2 * body.grid.voxel_size_m(), "{mean:?} from where it was built");
+    run(&mut world, 20);
+    assert!(world.output().fault.is_none() && shape_error_voxels(world.bodies()[0]) < 1e-6);
+}

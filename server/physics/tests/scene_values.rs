@@ -1,6 +1,6 @@
 //! What is refused in a scene that can be read.
 
-use kerf_physics::scene::{FinerDesc, MaterialDesc, SceneDesc, SceneError, ShapeDesc};
+use kerf_physics::scene::{FinerDesc, MaterialDesc, RegionDesc, SceneDesc, SceneError, ShapeDesc};
 
 const SCENE: &str = r#"
 version = 1
@@ -59,6 +59,174 @@ fn numbers_out_of_range_or_not_finite_are_refused() {
     assert_eq!(material(|m| m.rayleigh_beta_s = -1e-9), ["objects[0].material.rayleigh_beta_s"]);
     assert_eq!(refused(|s| s.tools[0].blade.width_m = 0.0), ["tools[0].blade.width_m"]);
     assert_eq!(refused(|s| s.version = 3), ["version"]);
+}
+
+/// A number of a scene: how to set it, the field that names it and its limits.
+struct Bound {
+    set: fn(&mut SceneDesc, f64),
+    field: &'static str,
+    limits: [f64; 2],
+    /// Share of the limit by which a value is just outside.
+    beyond: f64,
+}
+
+/// A scene that leaves the other limits far away, whatever one number is.
+fn roomy() -> SceneDesc {
+    let mut scene = scene();
+    let object = &mut scene.objects[0];
+    object.shape = ShapeDesc::Box { min_m: [0.0; 3], max_m: [1e-4, 1e-4, 1e-4] };
+    object.voxel_size_m = Some(5e-5);
+    object.material.fracture_energy_j_per_m2 = None;
+    object.fixed = vec![object.shape.clone()];
+    scene.tools.clear();
+    scene
+}
+
+#[test]
+fn each_number_is_taken_up_to_its_limits_and_refused_beyond_with_field_and_limit() {
+    let bound = |set, field, limits, beyond| Bound { set, field, limits, beyond };
+    let bounds = [
+        bound(|s, v| s.rate_hz = v, "rate_hz", [10.0, 10_000.0], 1e-9),
+        bound(
+            |s, v| s.objects[0].material.young_modulus_pa = v,
+            "objects[0].material.young_modulus_pa",
+            [1e2, 1e10],
+            1e-9,
+        ),
+        bound(|s, v| s.objects[0].material.poisson_ratio = v, "objects[0].material.poisson_ratio", [0.0, 0.4999], 1e-9),
+        bound(
+            |s, v| s.objects[0].material.density_kg_per_m3 = v,
+            "objects[0].material.density_kg_per_m3",
+            [1.0, 2e4],
+            1e-9,
+        ),
+        bound(
+            |s, v| s.objects[0].material.rayleigh_alpha_per_s = v,
+            "objects[0].material.rayleigh_alpha_per_s",
+            [0.0, 1e4],
+            1e-9,
+        ),
+        bound(
+            |s, v| s.objects[0].material.rayleigh_beta_s = v,
+            "objects[0].material.rayleigh_beta_s",
+            [0.0, 10.0],
+            1e-9,
+        ),
+        bound(
+            |s, v| s.objects[0].material.strain_stiffening = v,
+            "objects[0].material.strain_stiffening",
+            [0.0, 50.0],
+            1e-9,
+        ),
+        bound(
+            |s, v| s.objects[0].material.initiation_ratio = v,
+            "objects[0].material.initiation_ratio",
+            [1.0, 10.0],
+            1e-9,
+        ),
+        bound(|s, v| s.objects[0].voxel_size_m = Some(v), "objects[0].voxel_size_m", [1e-5, 1.0], 1e-9),
+        bound(|s, v| s.solver.relative_tolerance = v, "solver.relative_tolerance", [1e-12, 0.5], 1e-9),
+        bound(|s, v| s.solver.max_iterations = v as u32, "solver.max_iterations", [1.0, 1e5], 1.0),
+        bound(|s, v| s.gravity_m_per_s2[2] = v, "gravity_m_per_s2", [-1e3, 1e3], 1e-9),
+    ];
+    for Bound { set, field, limits, beyond } in bounds {
+        let problems = |value: f64| {
+            let mut scene = roomy();
+            set(&mut scene, value);
+            scene.problems().iter().map(ToString::to_string).collect::<Vec<_>>()
+        };
+        for (limit, outward) in limits.into_iter().zip([-1.0, 1.0]) {
+            assert_eq!(problems(limit), [""; 0], "{field} = {limit}");
+            let outside = limit + outward * (beyond * limit.abs()).max(1e-12);
+            let told = problems(outside);
+            let named = format!("{}", limit.abs());
+            assert!(told.len() == 1 && told[0].starts_with(&format!("{field}: ")), "{field} = {outside}: {told:?}");
+            assert!(told[0].contains(&named), "{field} = {outside}: {told:?} does not name {named}");
+        }
+        assert_eq!(problems(f64::NAN).len(), 1, "{field} = NaN");
+    }
+}
+
+#[test]
+fn steps_from_a_tenth_of_a_millisecond_to_a_tenth_of_a_second_are_possible() {
+    for dt_s in [1e-4, 1e-3, 1e-2, 0.1] {
+        let with_step = |s: &mut SceneDesc| {
+            s.rate_hz = 1.0 / dt_s;
+            let foot = ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 0.01, 1.0] };
+            s.objects[0].fixed.push(foot);
+        };
+        assert_eq!(refused(with_step), [""; 0], "dt {dt_s} s");
+    }
+}
+
+#[test]
+fn a_resolution_that_gives_voxels_out_of_range_is_refused() {
+    let with = |side_m: f64, count: u32| {
+        refused(|s| {
+            *s = roomy();
+            s.objects[0].shape = ShapeDesc::Box { min_m: [0.0; 3], max_m: [side_m; 3] };
+            s.objects[0].voxel_size_m = None;
+            s.objects[0].resolution = Some(count);
+        })
+    };
+    assert_eq!(with(1e-3, 100), [""; 0]);
+    assert_eq!(with(1e-3, 101), ["objects[0].resolution"]);
+    assert_eq!(with(40.0, 40), [""; 0]);
+    assert_eq!(with(41.0, 40), ["objects[0].resolution"]);
+}
+
+#[test]
+fn stiffness_contrast_is_taken_over_the_whole_object() {
+    let contrast = |moduli: &[f64]| {
+        refused(|s| {
+            *s = roomy();
+            let shape = s.objects[0].shape.clone();
+            s.objects[0].material.young_modulus_pa = moduli[0];
+            for (i, young_modulus_pa) in moduli[1..].iter().copied().enumerate() {
+                let material = MaterialDesc { young_modulus_pa, ..s.objects[0].material.clone() };
+                s.objects[0].regions.push(RegionDesc { name: format!("r{i}"), shape: shape.clone(), material });
+            }
+        })
+    };
+    assert_eq!(contrast(&[1e3, 1e9]), [""; 0]);
+    assert_eq!(contrast(&[1e3, 1.01e9]), ["objects[0].regions[0].material.young_modulus_pa"]);
+    assert_eq!(contrast(&[1e9, 9e2]), ["objects[0].regions[0].material.young_modulus_pa"]);
+    // Neither region is too far from the object's own material; they are from each other.
+    assert_eq!(contrast(&[1e6, 1e3, 1e10]), ["objects[0].regions[1].material.young_modulus_pa"]);
+}
+
+#[test]
+fn waves_may_not_cross_too_many_voxels_of_an_object_that_nothing_holds() {
+    // 10 m/s at nu = 0, a step of 0.1 s: 1 m, or 100 voxels of 10 mm.
+    let at = |voxel_size_m: f64, poisson_ratio: f64, free: bool| {
+        refused(|s| {
+            *s = roomy();
+            s.rate_hz = 10.0;
+            s.objects[0].material.poisson_ratio = poisson_ratio;
+            s.objects[0].voxel_size_m = Some(voxel_size_m);
+            s.objects[0].shape = ShapeDesc::Box { min_m: [0.0; 3], max_m: [4.0 * voxel_size_m; 3] };
+            if free {
+                s.objects[0].fixed.clear();
+            }
+        })
+    };
+    assert_eq!(at(10.01e-3, 0.0, true), [""; 0]);
+    assert_eq!(at(9.99e-3, 0.0, true), ["rate_hz"]);
+    assert_eq!(at(10.01e-3, 0.1, true), ["rate_hz"]);
+    assert_eq!(at(9.99e-3, 0.1, false), [""; 0]);
+}
+
+#[test]
+fn a_blade_over_too_many_voxels_is_refused() {
+    let width = |width_m: f64| {
+        refused(|s| {
+            *s = roomy();
+            s.tools = scene().tools;
+            s.tools[0].blade.width_m = width_m;
+        })
+    };
+    assert_eq!(width(4096.0 * 5e-5), [""; 0]);
+    assert_eq!(width(4097.0 * 5e-5), ["tools[0].blade.width_m"]);
 }
 
 #[test]

@@ -1,15 +1,25 @@
 //! The last finite state of a body, and the way back to it.
 
 use super::{Body, Nodal};
+use crate::Vec3;
+use crate::grid::VoxelId;
 use crate::solve::operator::NODES_PER_CHUNK;
 use crate::workers::Workers;
 use wide::f64x4;
+
+/// Elastic energy over Young's modulus times volume beyond which a state counts as lost: a strain of
+/// ten thousand. No start that anyone means is there, and no step leads back from it.
+const MOST_ENERGY_OF_EV: f64 = 1e9;
 
 /// Copy of what a step changes.
 #[derive(Default)]
 pub(super) struct FiniteState {
     position_m: Nodal,
     rotation: Vec<[f64x4; 4]>,
+    /// Times that a state was remembered since the body last went back to one.
+    saves: u32,
+    /// Young's modulus times volume, J; parting links changes neither.
+    stiff_j: f64,
 }
 
 impl Body {
@@ -24,10 +34,13 @@ impl Body {
     /// absurd overflows in them first. Returns whether they were.
     pub fn save_finite_state(&mut self, workers: &Workers<'_>) -> bool {
         let energy: f64 = self.chunks.iter().map(|c| c.found.elastic_j.reduce_add()).sum();
-        // An energy that `f32` cannot hold is beyond what the solver can take a step from.
-        let finite = energy.is_finite() && energy < f64::from(f32::MAX) && self.is_finite();
+        if self.saved.stiff_j == 0.0 {
+            self.saved.stiff_j = self.stiff_j();
+        }
+        let finite = energy.is_finite() && energy < MOST_ENERGY_OF_EV * self.saved.stiff_j && self.is_finite();
         if finite {
-            let FiniteState { position_m, rotation } = &mut self.saved;
+            let FiniteState { position_m, rotation, saves, .. } = &mut self.saved;
+            *saves = saves.saturating_add(1);
             position_m.resize(self.position_m.len(), [0.0; 3]);
             rotation.resize(self.states.len(), [f64x4::ZERO; 4]);
             workers.for_chunks((&mut position_m[..], &self.position_m[..]), NODES_PER_CHUNK, |_, (saved, x)| {
@@ -40,13 +53,42 @@ impl Body {
         finite
     }
 
-    /// Goes back to the remembered state at rest; topology is kept.
+    /// Goes back to the remembered state at rest; topology is kept. Where that state is so bad that
+    /// hardly a step was possible from it, every piece goes back to its rest shape: otherwise it would
+    /// be rolled back for ever.
     pub fn restore_finite_state(&mut self, workers: &Workers<'_>) {
         self.position_m.clone_from(&self.saved.position_m);
         self.velocity_m_per_s.iter_mut().for_each(|v| *v = [0.0; 3]);
         for (state, rotation) in self.states.iter_mut().zip(&self.saved.rotation) {
             state.rotation = *rotation;
         }
-        self.evaluate(workers, 2);
+        // A step that fails before its end still saves the state it went back to.
+        if self.saved.saves <= 1 {
+            self.return_to_rest_shape();
+        }
+        self.saved.saves = 0;
+        self.evaluate(workers, 20);
+    }
+
+    /// Every piece in its rest shape: where it was built if it is held there, else about its middle.
+    fn return_to_rest_shape(&mut self) {
+        let mut shift: Vec<(Vec3, f64)> = vec![(Vec3::zeros(), 0.0); self.part_count() as usize];
+        for (node, x) in self.position_m.iter().enumerate() {
+            if let Some(sum) = self.rigid.loose_part(node).and_then(|part| shift.get_mut(part)) {
+                *sum = (sum.0 + Vec3::from(*x) - self.rest_position_m(node), sum.1 + 1.0);
+            }
+        }
+        for node in 0..self.node_count() {
+            let moved = self.rigid.loose_part(node).map_or(Vec3::zeros(), |part| shift[part].0 / shift[part].1);
+            self.position_m[node] = (self.rest_position_m(node) + moved).into();
+        }
+        let [zero, one] = [f64x4::ZERO, f64x4::ONE];
+        self.states.iter_mut().for_each(|state| state.rotation = [zero, zero, zero, one]);
+    }
+
+    /// Young's modulus times volume, J.
+    fn stiff_j(&self) -> f64 {
+        let voxels = (0..self.grid.voxels().len() as u32).map(VoxelId);
+        self.grid.voxel_size_m().powi(3) * voxels.map(|v| self.material_of(v).young_modulus_pa).sum::<f64>()
     }
 }

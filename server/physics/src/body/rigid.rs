@@ -50,6 +50,12 @@ impl RigidParts {
     pub(super) fn part_count(&self) -> u32 {
         self.held.len() as u32
     }
+
+    /// The piece that a node belongs to, if nothing holds that piece.
+    pub(super) fn loose_part(&self, node: usize) -> Option<usize> {
+        let part = self.node_part[node];
+        (part != NONE && !self.held[part as usize]).then_some(part as usize)
+    }
 }
 
 impl Body {

@@ -6,6 +6,9 @@ use crate::body::Body;
 /// A surface faces the edge where the cosine between its inward normal and the cutting direction is
 /// above this.
 const FACING: f64 = 0.2;
+/// Quarters of a voxel over which the surface is looked for: a thousand voxels, more than an object has
+/// across. In an element that is inflated without bounds a step back is next to none in the material.
+const MOST_SEARCH_STEPS: u32 = 4000;
 
 /// The point of the object's surface behind `inside` along `-back`, at most about `approach` away in
 /// scene distance; where there is none the edge came in through a cut, `approach` back.
@@ -15,8 +18,10 @@ pub(super) fn surface_behind(body: &Body, inside: Vec3, back: Vec3, approach: f6
     let reach = 1.5 * approach + 0.5 * h;
     let step = 0.25 * h;
     let (mut low, mut high) = (0.0, step);
+    let mut steps = 0;
     while distance(high) < 0.0 {
-        if high > reach {
+        steps += 1;
+        if high > reach || steps > MOST_SEARCH_STEPS {
             return inside - back * approach;
         }
         (low, high) = (high, high + step);

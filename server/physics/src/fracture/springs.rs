@@ -72,7 +72,14 @@ impl FrontContact {
     ) -> Vec3 {
         let (forward, lateral) = (&self.forward, &self.lateral);
         let (k, force) = (forward.stiffness_n_per_m, forward.force_n);
-        let spring = |gap: f64| 0.5 * k * gap.max(0.0) * gap.max(0.0);
+        // What the force, capped while it yields, can still do over the gap: where the front may not
+        // advance by all of it in one step, the rest waits at the cap.
+        let cap_m = if forward.mode == Mode::Yield { forward.yield_n / k } else { f64::INFINITY };
+        let spring = |gap: f64| {
+            let gap = gap.max(0.0);
+            let held = gap.min(cap_m);
+            k * held * (gap - 0.5 * held)
+        };
         let mut advance = 0.0;
         if forward.mode == Mode::Yield {
             advance = (forward.gap_m - forward.yield_n / k).max(0.0);

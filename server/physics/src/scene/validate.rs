@@ -24,6 +24,21 @@ pub const MAX_PARTS: usize = 64;
 /// Names are printed in tables and used as labels of metrics.
 pub const MAX_NAME_CHARS: usize = 64;
 
+/// Voxels along a blade's edge: two markers stand in each, in every body.
+pub const MAX_BLADE_VOXELS: f64 = 4096.0;
+/// Voxels along an object's longest edge.
+pub const MAX_RESOLUTION: f64 = 4096.0;
+/// Ratio of the largest to the smallest Young's modulus in one object: beyond it the single-precision
+/// solve loses what the soft part does.
+pub const MAX_STIFFNESS_CONTRAST: f64 = 1e6;
+/// Voxels that a pressure wave may cross in a step in an object that nothing holds. The inverse square is
+/// the share of mass beside stiffness in the matrix, which drowns in the rounding of `f32`: free blocks
+/// squeezed by a fifth begin to explode at 310, at 220 where they stiffen by c = 10. (What is held has no
+/// motion that only mass resists, and no such limit.)
+pub const MAX_FREE_WAVE_VOXELS: f64 = 100.0;
+/// Edges of a voxel, m: from cells in a dish to whole carcasses.
+const VOXEL_SIZE_M: RangeInclusive<f64> = 1e-5..=1.0;
+
 /// Largest coordinate and length, m. Beyond it voxels of the smallest size lose their digits in `f32`.
 const MAX_LENGTH_M: f64 = 1e3;
 /// Smallest length that a shape may have, m.
@@ -60,20 +75,26 @@ fn problems(scene: &SceneDesc, meshes: &Meshes) -> Vec<SceneError> {
         report.refuse("version", format!("{} is not supported; this program reads {SCENE_VERSION}", scene.version));
     }
     report.name("name", &scene.name);
-    report.number("rate_hz", scene.rate_hz, 10.0..=10_000.0);
+    let rate_is_sound = report.number("rate_hz", scene.rate_hz, 10.0..=10_000.0);
     report.vector("gravity_m_per_s2", &scene.gravity_m_per_s2, 1e3);
     report.number("solver.relative_tolerance", scene.solver.relative_tolerance, 1e-12..=0.5);
     report.number("solver.max_iterations", f64::from(scene.solver.max_iterations), 1.0..=1e5);
 
     report.count("objects", scene.objects.len(), 1..=MAX_OBJECTS);
     report.unique("objects", scene.objects.iter().map(|o| o.name.as_str()));
+    let mut voxel_sizes_m = Vec::new();
     for (i, object) in scene.objects.iter().enumerate() {
-        report.object(&format!("objects[{i}]"), object, meshes);
+        let size_m = report.object(&format!("objects[{i}]"), object, meshes);
+        if let (Some(size_m), true) = (size_m, rate_is_sound) {
+            report.waves(scene.rate_hz, object, size_m);
+        }
+        voxel_sizes_m.extend(size_m);
     }
+    let smallest_voxel_m = voxel_sizes_m.into_iter().fold(f64::INFINITY, f64::min);
     report.count("tools", scene.tools.len(), 0..=MAX_TOOLS);
     report.unique("tools", scene.tools.iter().map(|t| t.name.as_str()));
     for (i, tool) in scene.tools.iter().enumerate() {
-        report.blade(&format!("tools[{i}].blade"), &tool.blade);
+        report.blade(&format!("tools[{i}].blade"), &tool.blade, smallest_voxel_m);
     }
     report.count("probes", scene.probes.len(), 0..=MAX_PROBES);
     report.unique("probes", scene.probes.iter().map(|p| p.name.as_str()));
@@ -141,7 +162,8 @@ impl Report {
         }
     }
 
-    fn object(&mut self, field: &str, object: &ObjectDesc, meshes: &Meshes) {
+    /// Returns the edge of its voxels, m, if it can be told.
+    fn object(&mut self, field: &str, object: &ObjectDesc, meshes: &Meshes) -> Option<f64> {
         let shape_is_sound = self.shape(&format!("{field}.shape"), &object.shape);
         let size_is_sound = self.voxel_size(field, object);
         let level_is_sound = self.number(&format!("{field}.level"), f64::from(object.level), 0.0..=4.0);
@@ -168,15 +190,15 @@ impl Report {
         for (i, load) in object.loads.iter().enumerate() {
             self.load(&format!("{field}.loads[{i}]"), load);
         }
-        if shape_is_sound && size_is_sound && level_is_sound {
-            self.elements(field, object, meshes);
-        }
+        self.contrast(field, object);
+        let is_sound = shape_is_sound && size_is_sound && level_is_sound;
+        if is_sound { self.elements(field, object, meshes) } else { None }
     }
 
     fn voxel_size(&mut self, field: &str, object: &ObjectDesc) -> bool {
         match (object.voxel_size_m, object.resolution) {
-            (Some(size_m), None) => self.number(&format!("{field}.voxel_size_m"), size_m, 1e-5..=1.0),
-            (None, Some(count)) => self.number(&format!("{field}.resolution"), f64::from(count), 1.0..=4096.0),
+            (Some(size_m), None) => self.number(&format!("{field}.voxel_size_m"), size_m, VOXEL_SIZE_M),
+            (None, Some(count)) => self.number(&format!("{field}.resolution"), f64::from(count), 1.0..=MAX_RESOLUTION),
             (given, _) => {
                 let found = if given.is_some() { "both are" } else { "neither is" };
                 let message = format!("give exactly one of voxel_size_m and resolution; {found} given");
@@ -187,17 +209,70 @@ impl Report {
     }
 
     /// What depends on the size of the elements: the lattice's extent and each material's toughness.
-    fn elements(&mut self, field: &str, object: &ObjectDesc, meshes: &Meshes) {
+    /// Returns the edge of its voxels, m.
+    fn elements(&mut self, field: &str, object: &ObjectDesc, meshes: &Meshes) -> Option<f64> {
         let size_m = match voxel_size_m(object, meshes) {
-            Ok(Some(size_m)) => size_m,
-            Ok(None) => return, // a mesh that is not at hand: judged when it is
-            Err(problem) => return self.problems.push(problem.within(field)),
+            Ok(size_m) => size_m?, // a mesh that is not at hand is judged when it is
+            Err(problem) => {
+                self.problems.push(problem.within(field));
+                return None;
+            }
         };
+        if object.resolution.is_some() && !VOXEL_SIZE_M.contains(&size_m) {
+            let (low, high) = (VOXEL_SIZE_M.start(), VOXEL_SIZE_M.end());
+            let message = format!("gives voxels of {size_m} m, which is not between {low} and {high}");
+            self.refuse(format!("{field}.resolution"), message);
+        }
         let levels = std::iter::once(object.level).chain(object.finer.iter().map(|f| f.level).min());
         for level in levels {
             self.toughness(&format!("{field}.material"), &object.material, size_m, level);
             for (i, region) in object.regions.iter().enumerate() {
                 self.toughness(&format!("{field}.regions[{i}].material"), &region.material, size_m, level);
+            }
+        }
+        Some(size_m)
+    }
+
+    /// The way of a wave in a step, where nothing holds the object.
+    fn waves(&mut self, rate_hz: f64, object: &ObjectDesc, voxel_size_m: f64) {
+        if !object.fixed.is_empty() {
+            return;
+        }
+        // Pressure waves: M = E (1 - nu) / ((1 + nu) (1 - 2 nu)).
+        let speed_m_per_s = |m: &MaterialDesc| {
+            let nu = m.poisson_ratio;
+            let confined_pa = m.young_modulus_pa * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu));
+            (confined_pa / m.density_kg_per_m3).sqrt()
+        };
+        let materials = std::iter::once(&object.material).chain(object.regions.iter().map(|r| &r.material));
+        let speed_m_per_s = materials.map(speed_m_per_s).fold(0.0, f64::max);
+        let voxels = speed_m_per_s / (rate_hz * voxel_size_m);
+        // Of a material out of its range enough is said already.
+        if voxels.is_finite() && voxels > MAX_FREE_WAVE_VOXELS {
+            let message = format!(
+                "{rate_hz} lets waves cross {voxels:.0} voxels of `{}` in a step, more than {MAX_FREE_WAVE_VOXELS}, and \
+                 nothing holds it; raise rate_hz or hold it",
+                object.name
+            );
+            self.refuse("rate_hz", message);
+        }
+    }
+
+    /// Stiff and soft in one object, in whatever order: the first region that is too far from what
+    /// came before it is named.
+    fn contrast(&mut self, field: &str, object: &ObjectDesc) {
+        let first = object.material.young_modulus_pa;
+        let (mut softest, mut stiffest) = (first, first);
+        for (i, region) in object.regions.iter().enumerate() {
+            let young = region.material.young_modulus_pa;
+            (softest, stiffest) = (softest.min(young), stiffest.max(young));
+            if stiffest > MAX_STIFFNESS_CONTRAST * softest {
+                let message = format!(
+                    "{young} makes the object's stiffest material {:e} times as stiff as its softest, more than \
+                     {MAX_STIFFNESS_CONTRAST:e}",
+                    stiffest / softest
+                );
+                return self.refuse(format!("{field}.regions[{i}].material.young_modulus_pa"), message);
             }
         }
     }
@@ -296,10 +371,18 @@ impl Report {
         }
     }
 
-    fn blade(&mut self, field: &str, blade: &BladeDesc) {
+    fn blade(&mut self, field: &str, blade: &BladeDesc, smallest_voxel_m: f64) {
         self.number(&format!("{field}.width_m"), blade.width_m, 1e-4..=10.0);
         self.number(&format!("{field}.height_m"), blade.height_m, 1e-4..=10.0);
         self.number(&format!("{field}.edge_half_width_m"), blade.edge_half_width_m, 1e-8..=1e-2);
         self.number(&format!("{field}.thickness_m"), blade.thickness_m, 0.0..=0.1);
+        let across = blade.width_m / smallest_voxel_m;
+        if across > MAX_BLADE_VOXELS {
+            let message = format!(
+                "{} is {across:.0} of the smallest voxels, of {smallest_voxel_m} m: more than {MAX_BLADE_VOXELS}",
+                blade.width_m
+            );
+            self.refuse(format!("{field}.width_m"), message);
+        }
     }
 }
