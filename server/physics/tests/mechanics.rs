@@ -111,14 +111,14 @@ fn force_is_the_negative_gradient_of_the_energy() {
 
 #[test]
 fn partly_filled_cells_are_no_stiffer_than_the_full_cell() {
-    use kerf_physics::fem::composite::CompositeTables;
+    use kerf_physics::fem::composite::{CompositeTables, Field};
     use kerf_physics::fem::material::Elastic;
     let tables = CompositeTables::new(2, 0.01);
     let material = Elastic::new(1e6, 0.45, 1000.0);
     let largest =
         |m: &[[f64; 24]; 24]| nalgebra::SMatrix::<f64, 24, 24>::from_fn(|r, c| m[r][c]).symmetric_eigenvalues().max();
     let all: Vec<_> = (0..64).map(|p| (p, material)).collect();
-    let full = largest(&tables.assemble(&all).stiffness_galerkin);
+    let full = largest(&tables.assemble(&all, Field::IncompatibleModes).stiffness_galerkin);
     let mut rng = Lcg(11);
     for _ in 0..200 {
         let share = rng.unit();
@@ -126,7 +126,7 @@ fn partly_filled_cells_are_no_stiffer_than_the_full_cell() {
         if some.is_empty() {
             some.push(all[0]);
         }
-        let matrices = tables.assemble(&some);
+        let matrices = tables.assemble(&some, Field::IncompatibleModes);
         let eigenvalues =
             nalgebra::SMatrix::<f64, 24, 24>::from_fn(|r, c| matrices.stiffness[r][c]).symmetric_eigenvalues();
         assert!(eigenvalues.max() <= full * (1.0 + 1e-9), "{} voxels", some.len());

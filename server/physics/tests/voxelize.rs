@@ -3,7 +3,7 @@
 use kerf_physics::Vec3;
 use kerf_physics::grid::voxelize::{region_voxels, voxelize};
 use kerf_physics::grid::{Crossing, Grid, Link, LinkId};
-use kerf_physics::scene::{MaterialDesc, Meshes, ObjectDesc, RegionDesc, ShapeDesc, TriangleMesh};
+use kerf_physics::scene::{ElementKind, MaterialDesc, Meshes, ObjectDesc, RegionDesc, ShapeDesc, TriangleMesh};
 use std::f64::consts::PI;
 
 fn material() -> MaterialDesc {
@@ -26,6 +26,7 @@ fn object(shape: ShapeDesc, voxel_size_m: f64) -> ObjectDesc {
         voxel_size_m: Some(voxel_size_m),
         resolution: None,
         level: 2,
+        element: ElementKind::default(),
         material: material(),
         regions: vec![],
         finer: vec![],

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result};
 use kerf_physics::body::{Body, MaterialPoint};
-use kerf_physics::scene::{MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc};
+use kerf_physics::scene::{ElementKind, MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc};
 use kerf_physics::{Mat3, NoClock, StepInputs, Vec3, Workers, World};
 
 /// A shape that holds every voxel.
@@ -67,6 +67,7 @@ pub fn block(size_m: [f64; 3], mesh: Mesh, material: MaterialDesc) -> ObjectDesc
         voxel_size_m: Some(mesh.voxel_m),
         resolution: None,
         level: mesh.level,
+        element: ElementKind::default(),
         material,
         regions: Vec::new(),
         finer: Vec::new(),

@@ -1,5 +1,6 @@
 //! One soft body: its voxels, its hierarchy of elements, their matrices and their state.
 
+mod element;
 mod forces;
 mod interpolate;
 mod quarantine;
@@ -21,7 +22,7 @@ use crate::grid::cell_sizes::CellSizes;
 use crate::grid::levels::{Level, LevelChange, Units, VoxelUnits};
 use crate::grid::{Grid, VoxelId, voxelize};
 use crate::params::StepParams;
-use crate::scene::{Face, LoadDesc, MaterialDesc, Meshes, ObjectDesc, Scene, SceneError};
+use crate::scene::{ElementKind, Face, LoadDesc, MaterialDesc, Meshes, ObjectDesc, Scene, SceneError};
 use crate::solve::assembly::CHUNK_ELEMENTS;
 use crate::solve::multigrid::Multigrid;
 use crate::solve::operator::NodeVector;
@@ -116,6 +117,8 @@ pub struct Body {
     gravity_m_per_s2: Vec3,
     /// By log2 of an element's size in lattice cells.
     tables: Vec<CompositeTables>,
+    element_kind: ElementKind,
+    homogenised: element::Homogenised,
     blocks: Vec<ElementBlock>,
     states: Vec<ElementState>,
     /// By chunk of the solver's assembly.
@@ -189,6 +192,8 @@ impl Body {
         let mut body = Self {
             name: object.name.clone(),
             tables: exponents.map(|exponent| CompositeTables::new(exponent, grid.voxel_size_m())).collect(),
+            element_kind: object.element,
+            homogenised: element::Homogenised::default(),
             multigrid: Multigrid::new(&levels),
             grid,
             levels,
@@ -314,12 +319,7 @@ impl Body {
     fn rebuild_element(&mut self, element: usize) {
         let voxels = self.voxels_of(element);
         self.element_loads_n[element] = self.element_loads(element, &voxels);
-        let tables = &self.tables[self.base().elements[element].size.ilog2() as usize];
-        let filled: Vec<(usize, Elastic)> = voxels
-            .iter()
-            .map(|&v| (tables.position(self.grid.voxels()[v.index()].ijk), self.material_of(v).elastic))
-            .collect();
-        let matrices = tables.assemble(&filled);
+        let matrices = self.element_matrices(element, &voxels);
         let law = self.mean_law(&voxels);
         let edge = self.element_edge_m(element);
         self.blocks[element / LANES].set_matrices(element % LANES, edge, &matrices, law);

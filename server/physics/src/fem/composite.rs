@@ -15,7 +15,7 @@ const HOURGLASS_STIFFNESS: f64 = 1e-3;
 
 /// Local degrees of freedom: 8 corners x 3.
 pub const DOFS: usize = 24;
-const MODES: usize = 9;
+pub(super) const MODES: usize = 9;
 
 /// A symmetric 24x24 matrix by 3x3 node blocks; row and column are `3 * corner + axis`.
 pub type Matrix24 = [[f64; DOFS]; DOFS];
@@ -33,6 +33,15 @@ pub struct ElementMatrices {
     pub mean_gradient: [[f64; 3]; 8],
     /// Filled volume, m^3.
     pub volume_m3: f64,
+}
+
+/// Displacements that an element is capable of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Field {
+    /// Trilinear between the corners.
+    Trilinear,
+    /// The same and the nine incompatible modes.
+    IncompatibleModes,
 }
 
 /// Integrals over one voxel of a cell for unit moduli and density.
@@ -114,14 +123,21 @@ impl CompositeTables {
 
     /// Matrices of an element filled by `voxels`, given as table positions with their materials.
     #[must_use]
-    pub fn assemble(&self, voxels: &[(usize, Elastic)]) -> ElementMatrices {
-        let sums = Sums::over(self, voxels);
-        let stiffness_galerkin = sums.galerkin;
-        let mut stiffness = condense(&stiffness_galerkin, &sums.coupling, sums.modes);
-        let fill = voxels.len() as f64 / self.voxels.len() as f64;
+    pub fn assemble(&self, voxels: &[(usize, Elastic)], field: Field) -> ElementMatrices {
         let shear_modulus = voxels.iter().map(|v| v.1.mu_pa).sum::<f64>() / voxels.len() as f64;
+        self.matrices(Sums::over(self, voxels), field, shear_modulus)
+    }
+
+    /// Eliminates the modes of `field` and stiffens what the voxels hardly feel.
+    pub(super) fn matrices(&self, sums: Sums, field: Field, shear_modulus_pa: f64) -> ElementMatrices {
+        let stiffness_galerkin = sums.galerkin;
+        let mut stiffness = match field {
+            Field::Trilinear => stiffness_galerkin.clone(),
+            Field::IncompatibleModes => condense(&stiffness_galerkin, &sums.coupling, sums.modes),
+        };
+        let fill = sums.voxels as f64 / self.voxels.len() as f64;
         let edge = self.voxel_volume_m3.cbrt() * f64::from(1u32 << self.exponent);
-        stiffen_hourglass(&mut stiffness, HOURGLASS_STIFFNESS * (1.0 - fill) * shear_modulus * edge);
+        stiffen_hourglass(&mut stiffness, HOURGLASS_STIFFNESS * (1.0 - fill) * shear_modulus_pa * edge);
         ElementMatrices {
             stiffness,
             stiffness_galerkin,
@@ -193,23 +209,26 @@ fn accumulate(table: &mut VoxelTable, local: [f64; 3], weight: f64, edge: f64, s
 }
 
 /// Sums over the voxels of one element.
-struct Sums {
-    galerkin: Box<Matrix24>,
-    coupling: Box<[[f64; MODES]; DOFS]>,
-    modes: [[f64; MODES]; MODES],
+pub(super) struct Sums {
+    pub(super) galerkin: Box<Matrix24>,
+    /// Between corners and modes; mode (j, c), `P_j` in direction c, is `3 j + c`.
+    pub(super) coupling: Box<[[f64; MODES]; DOFS]>,
+    pub(super) modes: [[f64; MODES]; MODES],
     mass: [[f64; 8]; 8],
     gradient: [[f64; 3]; 8],
+    voxels: usize,
     volume: f64,
 }
 
 impl Sums {
-    fn over(tables: &CompositeTables, voxels: &[(usize, Elastic)]) -> Self {
+    pub(super) fn over(tables: &CompositeTables, voxels: &[(usize, Elastic)]) -> Self {
         let mut sums = Self {
             galerkin: Box::new([[0.0; DOFS]; DOFS]),
             coupling: Box::new([[0.0; MODES]; DOFS]),
             modes: [[0.0; MODES]; MODES],
             mass: [[0.0; 8]; 8],
             gradient: [[0.0; 3]; 8],
+            voxels: voxels.len(),
             volume: 0.0,
         };
         let voxel_volume = tables.voxel_volume_m3;

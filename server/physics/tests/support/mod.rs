@@ -6,7 +6,7 @@ pub mod press;
 
 use kerf_physics::body::Body;
 use kerf_physics::params::StepParams;
-use kerf_physics::scene::{MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc};
+use kerf_physics::scene::{ElementKind, MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc};
 use kerf_physics::{StepInputs, Vec3, Workers, World};
 
 /// Knuth's linear congruential generator: test inputs that a seed reproduces.
@@ -44,6 +44,7 @@ pub fn object(min_m: [f64; 3], max_m: [f64; 3], h: f64, level: u8) -> ObjectDesc
         voxel_size_m: Some(h),
         resolution: None,
         level,
+        element: ElementKind::default(),
         material: material(),
         regions: Vec::new(),
         finer: Vec::new(),

@@ -5,7 +5,9 @@ use std::f64::consts::PI;
 use kerf_physics::body::{Body, MaterialPoint};
 use kerf_physics::contact::{Contact, Mode};
 use kerf_physics::params::StepParams;
-use kerf_physics::scene::{BladeDesc, MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc, ToolDesc};
+use kerf_physics::scene::{
+    BladeDesc, ElementKind, MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc, ToolDesc,
+};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
@@ -97,6 +99,7 @@ impl Press {
             voxel_size_m: Some(h),
             resolution: None,
             level,
+            element: ElementKind::default(),
             material: MaterialDesc {
                 young_modulus_pa: YOUNG_PA,
                 poisson_ratio: self.poisson_ratio,

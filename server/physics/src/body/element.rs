@@ -1,0 +1,87 @@
+//! Which element a composite cell gets, and its matrices.
+
+use super::Body;
+use crate::fem::anisotropic::Moduli;
+use crate::fem::composite::{CompositeTables, ElementMatrices, Field};
+use crate::fem::homogenise::{apparent_moduli, periodic_moduli};
+use crate::fem::material::Elastic;
+use crate::grid::VoxelId;
+use crate::scene::ElementKind;
+use std::collections::BTreeMap;
+
+/// Ratio of shear moduli within a cell below which its own voxels' element always serves. Layers at this
+/// ratio leave that element three times too stiff across them.
+const CONTRAST: f64 = 10.0;
+/// How much stiffer than the periodic material a cell's element may be under any uniform strain.
+const MOST_EXCESS_STIFFNESS: f64 = 1.5;
+
+/// Moduli of the patterns of materials met so far; `None` where the voxels' own element serves. Layered
+/// cells repeat a few patterns; there are never more than the body's cells.
+#[derive(Default)]
+pub(super) struct Homogenised(BTreeMap<Vec<u16>, Option<Moduli>>);
+
+impl Body {
+    pub(super) fn element_matrices(&mut self, element: usize, voxels: &[VoxelId]) -> ElementMatrices {
+        let moduli = match self.element_kind {
+            ElementKind::Galerkin | ElementKind::IncompatibleModes => None,
+            ElementKind::ByContent | ElementKind::Homogenised => self.homogenised_moduli(element),
+        };
+        let tables = &self.tables[self.base().elements[element].size.ilog2() as usize];
+        let position = |v: VoxelId| tables.position(self.grid.voxels()[v.index()].ijk);
+        let filled: Vec<_> = voxels.iter().map(|&v| (position(v), self.material_of(v).elastic)).collect();
+        match (moduli, self.element_kind) {
+            (Some(moduli), _) => tables.assemble_uniform(&filled, &moduli),
+            (None, ElementKind::Galerkin) => tables.assemble(&filled, Field::Trilinear),
+            (None, _) => tables.assemble(&filled, Field::IncompatibleModes),
+        }
+    }
+
+    /// Moduli of an element's cell, where they are to replace its voxels' own.
+    fn homogenised_moduli(&mut self, element: usize) -> Option<Moduli> {
+        if self.materials.len() == 1 {
+            return None;
+        }
+        let pattern = self.whole_cell(element)?;
+        let alike = pattern.iter().all(|m| *m == pattern[0]);
+        if alike {
+            return None;
+        }
+        if let Some(known) = self.homogenised.0.get(&pattern) {
+            return *known;
+        }
+        let tables = &self.tables[self.base().elements[element].size.ilog2() as usize];
+        let elastic: Vec<Elastic> = self.materials.iter().map(|m| m.elastic).collect();
+        let moduli = match self.element_kind {
+            ElementKind::Homogenised => Some(periodic_moduli(self.element_level(element), &pattern, &elastic)),
+            _ => chosen_moduli(tables, self.element_level(element), &pattern, &elastic),
+        };
+        self.homogenised.0.insert(pattern, moduli);
+        moduli
+    }
+
+    /// Materials of all voxels of an element's cell, parted or not, by table position; `None` where the body
+    /// does not fill the cell.
+    fn whole_cell(&self, element: usize) -> Option<Vec<u16>> {
+        let (base, edge) = (self.base(), 1 << self.element_level(element));
+        let low = base.elements[element].cell.map(|c| c << base.exponent);
+        let at = |n: i32| [low[0] + n % edge, low[1] + n / edge % edge, low[2] + n / edge / edge];
+        (0..edge * edge * edge).map(|n| Some(self.grid.voxels()[self.grid.voxel_at(at(n))?.index()].material)).collect()
+    }
+}
+
+/// The periodic material's moduli where the voxels' element is too stiff for it.
+fn chosen_moduli(tables: &CompositeTables, exponent: u8, pattern: &[u16], elastic: &[Elastic]) -> Option<Moduli> {
+    let shear = || pattern.iter().map(|m| elastic[*m as usize].mu_pa);
+    let (least, most) = shear().fold((f64::MAX, 0.0f64), |(least, most), mu| (least.min(mu), most.max(mu)));
+    if most < CONTRAST * least {
+        return None;
+    }
+    let voxels: Vec<_> = pattern.iter().enumerate().map(|(at, m)| (at, elastic[*m as usize])).collect();
+    let element = tables.assemble(&voxels, Field::IncompatibleModes);
+    let apparent = apparent_moduli(&element.stiffness, element.volume_m3.cbrt());
+    let moduli = periodic_moduli(exponent, pattern, elastic);
+    // The largest ratio of the energies over all strains: the largest eigenvalue of L^-1 C L^-T.
+    let lower = moduli.cholesky()?.l().try_inverse()?;
+    let excess = (lower * apparent * lower.transpose()).symmetric_eigenvalues().max();
+    (excess > MOST_EXCESS_STIFFNESS).then_some(moduli)
+}
