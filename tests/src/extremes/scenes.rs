@@ -94,6 +94,7 @@ impl Specimen {
             level: self.level,
             material: self.material(),
             finer: Vec::new(),
+            element: Default::default(),
             regions: Vec::new(),
             fixed: Vec::new(),
             loads: Vec::new(),
