@@ -13,7 +13,7 @@ use crate::workers::Slices;
 use std::ops::{AddAssign, Mul};
 
 /// Elements per chunk.
-pub const CHUNK_ELEMENTS: usize = 512;
+pub const CHUNK_ELEMENTS: usize = 128;
 
 /// A hanging node of a chunk, by slots.
 #[derive(Clone, Copy, Debug, PartialEq)]
