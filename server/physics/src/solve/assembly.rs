@@ -8,6 +8,7 @@
 //! theirs what acts on them, so that the level's system is `Z^T A Z` with Z the interpolation of all
 //! nodes from the others.
 
+use super::lists::Lists;
 use crate::grid::levels::{Level, NONE};
 use crate::workers::Slices;
 use std::ops::{AddAssign, Mul};
@@ -38,17 +39,16 @@ pub struct Assembly {
     chunks: Vec<Chunk>,
     /// Where the buffer of each chunk begins among all of them, and where the last one ends.
     offsets: Vec<u32>,
-    /// Entries of node n among all buffers are `entries[first[n]..first[n + 1]]`; a hanging node has none.
-    first: Vec<u32>,
-    entries: Vec<u32>,
-    /// Slot of each node while a chunk is numbered, [`NONE`] between.
+    /// Entries of each node among all buffers; a hanging node has none.
+    entries: Lists<u32>,
+    /// Slots of the nodes of the chunk that was numbered last.
     slot_of: Vec<u32>,
 }
 
 /// Equal where they number the same nodes alike.
 impl PartialEq for Assembly {
     fn eq(&self, other: &Self) -> bool {
-        (&self.chunks, &self.first, &self.entries) == (&other.chunks, &other.first, &other.entries)
+        (&self.chunks, &self.entries) == (&other.chunks, &other.entries)
     }
 }
 
@@ -167,24 +167,12 @@ impl Assembly {
         for chunk in &self.chunks {
             self.offsets.push(self.offsets[self.offsets.len() - 1] + chunk.len() as u32);
         }
-        self.first.clear();
-        self.first.resize(nodes + 1, 0);
-        for node in self.chunks.iter().flat_map(|c| &c.unknowns) {
-            self.first[*node as usize] += 1;
-        }
-        let mut end = 0;
-        for first in &mut self.first {
-            end += *first;
-            *first = end;
-        }
-        // Filled from the back, the ends become the beginnings.
-        self.entries.resize(end as usize, 0);
-        for (chunk, &offset) in self.chunks.iter().zip(&self.offsets).rev() {
-            for (slot, &node) in chunk.unknowns.iter().enumerate().rev() {
-                self.first[node as usize] -= 1;
-                self.entries[self.first[node as usize] as usize] = offset + slot as u32;
-            }
-        }
+        let entries = self
+            .chunks
+            .iter()
+            .zip(&self.offsets)
+            .flat_map(|(chunk, &offset)| chunk.unknowns.iter().zip(offset..).map(|(node, entry)| (*node, entry)));
+        self.entries.fill(nodes, entries);
         renumbered
     }
 
@@ -192,18 +180,6 @@ impl Assembly {
     #[must_use]
     pub fn chunks(&self) -> &[Chunk] {
         &self.chunks
-    }
-
-    /// Slots of the corners of an element in its chunk.
-    #[must_use]
-    pub fn corners(&self, element: usize) -> &[u16; 8] {
-        self.chunks[element / CHUNK_ELEMENTS].corners(element % CHUNK_ELEMENTS)
-    }
-
-    /// Number of nodes, hanging ones included.
-    #[must_use]
-    pub fn node_count(&self) -> usize {
-        self.first.len() - 1
     }
 
     /// Length of the buffers of all chunks.
@@ -227,7 +203,7 @@ impl Assembly {
     #[inline(always)]
     #[must_use]
     pub fn entries(&self, node: usize) -> &[u32] {
-        &self.entries[self.first[node] as usize..self.first[node + 1] as usize]
+        self.entries.list(node)
     }
 }
 

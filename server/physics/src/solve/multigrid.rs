@@ -6,6 +6,7 @@
 //! iteration (Lottes 2023) with optimised weights on the block-diagonal-scaled matrix.
 
 use super::coarsest::{Coarsest, orthonormal};
+use super::lists::Lists;
 use super::operator::{LANES, NODES_PER_CHUNK, NodeVector, Operator, masters_of};
 use super::pcg::dot;
 use super::spring::PointSpring;
@@ -28,13 +29,6 @@ struct Prolongation {
     nodes: [u32; 8],
     weights: [f32; 8],
     count: u8,
-}
-
-/// Lists, one after the other: of the rows of a sparse matrix, or of children.
-#[derive(Debug, Default, PartialEq)]
-struct Lists<T> {
-    first: Vec<u32>,
-    entries: Vec<T>,
 }
 
 /// One level of the cycle.
@@ -131,27 +125,6 @@ fn galerkin(child: &[f64; PACKED], weights: &[[f64; 8]; 8]) -> [f64; PACKED] {
         }
     }
     pack(&out)
-}
-
-impl<T: Copy + Default> Lists<T> {
-    /// Sorts `(list, entry)` pairs into `count` lists; within a list the order stays.
-    fn fill(&mut self, count: usize, pairs: impl Iterator<Item = (u32, T)> + Clone) {
-        self.first.clear();
-        self.first.resize(count + 2, 0);
-        pairs.clone().for_each(|(list, _)| self.first[list as usize + 2] += 1);
-        (2..count + 2).for_each(|i| self.first[i] += self.first[i - 1]);
-        self.entries.clear();
-        self.entries.resize(self.first[count + 1] as usize, T::default());
-        for (list, entry) in pairs {
-            let end = &mut self.first[list as usize + 1];
-            self.entries[*end as usize] = entry;
-            *end += 1;
-        }
-    }
-
-    fn list(&self, index: usize) -> &[T] {
-        &self.entries[self.first[index] as usize..self.first[index + 1] as usize]
-    }
 }
 
 impl CycleLevel {
