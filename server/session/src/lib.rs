@@ -10,6 +10,7 @@
 
 pub mod catalog;
 pub mod clock;
+pub mod dial;
 pub mod error;
 mod inbox;
 pub mod limits;

@@ -193,7 +193,9 @@ pub enum ElementKind {
     Homogenised,
 }
 
-fn default_level() -> u8 {
+/// Level of an object that states none.
+#[must_use]
+pub fn default_level() -> u8 {
     2
 }
 

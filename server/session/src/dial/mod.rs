@@ -1,0 +1,7 @@
+//! The dial from fast to exact: settings of effort, and what each was measured to cost and to err.
+
+pub mod front;
+mod setting;
+
+pub use front::{Front, FrontError, FrontPoint};
+pub use setting::{FinerRegions, Setting};
