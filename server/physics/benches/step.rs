@@ -38,7 +38,7 @@ fn strokes(voxel_m: f64, count: u64, fracture: bool, time: impl Fn(Duration, &St
         for step in 0..STEPS {
             let input = ToolInput { tool: 0, motion: pose_at(0.041 - 4e-4 * f64::from(step)) };
             let start = Instant::now();
-            let output = world.step(&Workers::serial(), &clock, &StepInputs { tools: &[input] });
+            let output = world.step(&Workers::serial(), &clock, &StepInputs::of(&[input]));
             let took = start.elapsed();
             if (output.fracture.parted_links > 0) == fracture {
                 total += time(took, output);

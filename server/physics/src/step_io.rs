@@ -10,6 +10,16 @@ use crate::tool::Pose;
 pub struct StepInputs<'a> {
     /// At most one entry per tool; a tool without one keeps its last pose.
     pub tools: &'a [ToolInput],
+    /// Relative tolerance of the velocity solve from this step on; absent: as before.
+    pub relative_tolerance: Option<f64>,
+}
+
+impl<'a> StepInputs<'a> {
+    /// Inputs of tools alone.
+    #[must_use]
+    pub fn of(tools: &'a [ToolInput]) -> Self {
+        Self { tools, relative_tolerance: None }
+    }
 }
 
 /// What became known of one tool since the last step.

@@ -103,7 +103,7 @@ fn rampage(held: Held, tools: usize, seed: u64, steps: u32) {
             };
             inputs.push(ToolInput { tool, motion });
         }
-        let output = world.step(&Workers::serial(), &NoClock, &StepInputs { tools: &inputs });
+        let output = world.step(&Workers::serial(), &NoClock, &StepInputs::of(&inputs));
         let at = format!("{held:?}, {tools} tools, seed {seed}, step {step}");
         assert!(output.fault.is_none(), "{at}: {:?}", output.fault);
         let e = &output.energy;

@@ -40,7 +40,7 @@ fn stroke(world: &mut World, rng: &mut Lcg, mut after: impl FnMut(&mut World, &S
         let pose = Pose { position_m, orientation };
         let motion = if step == 0 { ToolMotion::EnterAt(pose) } else { ToolMotion::MoveTo(pose) };
         let inputs = [ToolInput { tool: 0, motion }];
-        let output = world.step(&Workers::serial(), &NoClock, &StepInputs { tools: &inputs }).clone();
+        let output = world.step(&Workers::serial(), &NoClock, &StepInputs::of(&inputs)).clone();
         after(world, &output);
     }
 }

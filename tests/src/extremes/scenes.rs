@@ -1,6 +1,6 @@
 //! Scenes of the matrix: blocks and blobs of a few voxels, blades, and what moves them.
 
-use kerf_physics::scene::{BladeDesc, MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc, ToolDesc};
+use kerf_physics::scene::{BladeDesc, MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
 use kerf_physics::{Quat, Vec3};
@@ -120,15 +120,9 @@ impl Specimen {
             thickness_m: (0.1 * self.voxel_size_m).min(0.1),
         };
         let desc = SceneDesc {
-            version: 1,
-            name: "extremes".into(),
-            description: String::new(),
             rate_hz: 1.0 / self.dt_s,
-            gravity_m_per_s2: [0.0; 3],
-            solver: SolverDesc::default(),
-            objects: vec![object],
             tools: (0..tools).map(|i| ToolDesc { name: format!("blade {i}"), blade: blade.clone() }).collect(),
-            probes: Vec::new(),
+            ..SceneDesc::of("extremes", vec![object])
         };
         Scene { desc, meshes: Default::default() }
     }

@@ -128,7 +128,7 @@ impl Trial {
         let inputs: Vec<ToolInput> =
             motions.iter().enumerate().map(|(tool, &motion)| ToolInput { tool, motion }).collect();
         let contact_before_j = self.world.output().energy.contact_j;
-        let output = self.world.step(&Workers::serial(), &NoClock, &StepInputs { tools: &inputs });
+        let output = self.world.step(&Workers::serial(), &NoClock, &StepInputs::of(&inputs));
         let e = &output.energy;
         let wrenches = output.tools.iter().flat_map(|t| t.wrench.force_n.iter().chain(t.wrench.torque_nm.iter()));
         let stored_j = e.elastic_j + e.contact_j + e.kinetic_j;

@@ -81,15 +81,8 @@ pub fn block(size_m: [f64; 3], mesh: Mesh, material: MaterialDesc) -> ObjectDesc
 pub fn scene(object: ObjectDesc) -> Scene {
     Scene {
         desc: SceneDesc {
-            version: 1,
-            name: "verification".into(),
-            description: String::new(),
-            rate_hz: 1000.0,
-            gravity_m_per_s2: [0.0; 3],
             solver: SolverDesc { relative_tolerance: 1e-6, max_iterations: 500 },
-            objects: vec![object],
-            tools: Vec::new(),
-            probes: Vec::new(),
+            ..SceneDesc::of("verification", vec![object])
         },
         meshes: Default::default(),
     }

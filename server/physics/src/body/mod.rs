@@ -230,6 +230,11 @@ impl Body {
         &self.levels[0]
     }
 
+    /// Sets the relative tolerance of the solves to come.
+    pub fn set_relative_tolerance(&mut self, relative_tolerance: f64) {
+        self.params.relative_tolerance = relative_tolerance;
+    }
+
     /// Time step, s.
     #[must_use]
     pub fn dt_s(&self) -> f64 {

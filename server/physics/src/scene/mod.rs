@@ -91,6 +91,14 @@ pub struct SceneDesc {
     /// The velocity solver. Default: see [`SolverDesc`].
     #[serde(default)]
     pub solver: SolverDesc,
+    /// Asks for a setting of the dial by what it is to cost or to err, instead of stating one. It is
+    /// settled before a world is built. Default: the scene is taken as it is.
+    #[serde(default)]
+    pub dial: Option<DialDesc>,
+    /// How far the solver's effort may be reduced while a session misses its deadlines. Default: not
+    /// at all.
+    #[serde(default)]
+    pub governor: Option<GovernorDesc>,
     /// The soft bodies; at least one.
     pub objects: Vec<ObjectDesc>,
     /// The tools that may enter the scene. Default: none.
@@ -99,6 +107,26 @@ pub struct SceneDesc {
     /// Points whose displacement is reported. Default: none.
     #[serde(default)]
     pub probes: Vec<ProbeDesc>,
+}
+
+impl SceneDesc {
+    /// A scene of these objects with every default, as a file that states nothing else makes it.
+    #[must_use]
+    pub fn of(name: &str, objects: Vec<ObjectDesc>) -> Self {
+        Self {
+            version: SCENE_VERSION,
+            name: name.into(),
+            description: String::new(),
+            rate_hz: default_rate_hz(),
+            gravity_m_per_s2: [0.0; 3],
+            solver: SolverDesc::default(),
+            dial: None,
+            governor: None,
+            objects,
+            tools: Vec::new(),
+            probes: Vec::new(),
+        }
+    }
 }
 
 fn default_rate_hz() -> f64 {
@@ -121,6 +149,26 @@ impl Default for SolverDesc {
     fn default() -> Self {
         Self { relative_tolerance: 1e-3, max_iterations: 200 }
     }
+}
+
+/// A wish for a setting of the dial.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DialDesc {
+    /// This level for every object, 0 to 4.
+    Level(u8),
+    /// The most exact setting whose steps take at most this long in the median, ms.
+    BudgetMs(f64),
+    /// The cheapest setting that errs by at most this, relative to the reference solution.
+    MaxError(f64),
+}
+
+/// Bounds of what is given up while a session misses its deadlines.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GovernorDesc {
+    /// Largest relative tolerance of the velocity solve, from the solver's own to 0.5.
+    pub max_relative_tolerance: f64,
 }
 
 /// A soft body.
@@ -191,6 +239,19 @@ pub enum ElementKind {
     /// of the cell's voxels. Each pattern of materials costs a solve over the voxels at set-up, milliseconds
     /// at level 2, a second or two at level 4.
     Homogenised,
+}
+
+impl ElementKind {
+    /// The name that a scene file has for it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::ByContent => "by_content",
+            Self::Galerkin => "galerkin",
+            Self::IncompatibleModes => "incompatible_modes",
+            Self::Homogenised => "homogenised",
+        }
+    }
 }
 
 /// Level of an object that states none.

@@ -5,7 +5,8 @@ use std::ops::RangeInclusive;
 
 use super::toughness::{carried_over_eh, composite_edge_m, gc_over_eh};
 use super::{
-    BladeDesc, LoadDesc, MaterialDesc, Meshes, ObjectDesc, SCENE_VERSION, Scene, SceneDesc, SceneError, ShapeDesc,
+    BladeDesc, DialDesc, LoadDesc, MaterialDesc, Meshes, ObjectDesc, SCENE_VERSION, Scene, SceneDesc, SceneError,
+    ShapeDesc,
 };
 use crate::grid::voxelize::voxel_size_m;
 
@@ -26,6 +27,8 @@ pub const MAX_NAME_CHARS: usize = 64;
 
 /// Voxels along a blade's edge: two markers stand in each, in every body.
 pub const MAX_BLADE_VOXELS: f64 = 4096.0;
+/// Level of an object: elements of 16 voxels a side.
+pub const MAX_LEVEL: u8 = 4;
 /// Voxels along an object's longest edge.
 pub const MAX_RESOLUTION: f64 = 4096.0;
 /// Ratio of the largest to the smallest Young's modulus in one object: beyond it the single-precision
@@ -79,6 +82,16 @@ fn problems(scene: &SceneDesc, meshes: &Meshes) -> Vec<SceneError> {
     report.vector("gravity_m_per_s2", &scene.gravity_m_per_s2, 1e3);
     report.number("solver.relative_tolerance", scene.solver.relative_tolerance, 1e-12..=0.5);
     report.number("solver.max_iterations", f64::from(scene.solver.max_iterations), 1.0..=1e5);
+    match scene.dial {
+        Some(DialDesc::Level(level)) => _ = report.number("dial.level", f64::from(level), 0.0..=f64::from(MAX_LEVEL)),
+        Some(DialDesc::BudgetMs(ms)) => _ = report.number("dial.budget_ms", ms, 1e-6..=1e6),
+        Some(DialDesc::MaxError(error)) => _ = report.number("dial.max_error", error, 1e-9..=1e3),
+        None => {}
+    }
+    if let Some(governor) = scene.governor {
+        let least = scene.solver.relative_tolerance.clamp(1e-12, 0.5);
+        report.number("governor.max_relative_tolerance", governor.max_relative_tolerance, least..=0.5);
+    }
 
     report.count("objects", scene.objects.len(), 1..=MAX_OBJECTS);
     report.unique("objects", scene.objects.iter().map(|o| o.name.as_str()));
@@ -166,7 +179,8 @@ impl Report {
     fn object(&mut self, field: &str, object: &ObjectDesc, meshes: &Meshes) -> Option<f64> {
         let shape_is_sound = self.shape(&format!("{field}.shape"), &object.shape);
         let size_is_sound = self.voxel_size(field, object);
-        let level_is_sound = self.number(&format!("{field}.level"), f64::from(object.level), 0.0..=4.0);
+        let level_is_sound =
+            self.number(&format!("{field}.level"), f64::from(object.level), 0.0..=f64::from(MAX_LEVEL));
         self.material(&format!("{field}.material"), &object.material);
         self.count(&format!("{field}.regions"), object.regions.len(), 0..=MAX_REGIONS);
         self.unique(&format!("{field}.regions"), object.regions.iter().map(|r| r.name.as_str()));

@@ -64,6 +64,10 @@ impl World {
     /// A field of the scene whose value is not supported, with the field and the limit named.
     pub fn new(scene: &Scene) -> Result<Self, SceneError> {
         let desc = &scene.desc;
+        if let Some(dial) = &desc.dial {
+            let message = format!("{dial:?} is not settled; a world is built of a setting");
+            return Err(SceneError::Field { field: "dial".into(), message });
+        }
         let params = StepParams {
             dt_s: 1.0 / desc.rate_hz,
             relative_tolerance: desc.solver.relative_tolerance,
@@ -153,6 +157,9 @@ impl World {
         for tool in &mut self.tools {
             tool.before = tool.pose;
             tool.entered = false;
+        }
+        if let Some(tolerance) = inputs.relative_tolerance {
+            self.slots.iter_mut().for_each(|slot| slot.body.set_relative_tolerance(tolerance));
         }
         for input in inputs.tools {
             let Some(tool) = self.tools.get_mut(input.tool) else { continue };

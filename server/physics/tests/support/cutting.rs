@@ -84,7 +84,7 @@ impl Rig {
 
     fn motion(&mut self, motion: ToolMotion) {
         let inputs = [ToolInput { tool: self.tool, motion }];
-        let output = self.world.step(&Workers::serial(), &NoClock, &StepInputs { tools: &inputs });
+        let output = self.world.step(&Workers::serial(), &NoClock, &StepInputs::of(&inputs));
         assert!(output.fault.is_none(), "{:?}", output.fault);
         let forward = self.orientation * -Vec3::y();
         self.samples.push(Sample {

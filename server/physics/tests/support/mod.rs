@@ -56,15 +56,8 @@ pub fn object(min_m: [f64; 3], max_m: [f64; 3], h: f64, level: u8) -> ObjectDesc
 pub fn scene(objects: Vec<ObjectDesc>) -> Scene {
     Scene {
         desc: SceneDesc {
-            version: 1,
-            name: "test".into(),
-            description: String::new(),
-            rate_hz: 1000.0,
-            gravity_m_per_s2: [0.0; 3],
             solver: SolverDesc { relative_tolerance: 1e-6, max_iterations: 500 },
-            objects,
-            tools: Vec::new(),
-            probes: Vec::new(),
+            ..SceneDesc::of("test", objects)
         },
         meshes: Default::default(),
     }

@@ -29,7 +29,7 @@ pub fn pose_at(height_m: f64) -> ToolMotion {
 /// Steps with the edge moved to a height.
 pub fn press_with<'w>(world: &'w mut World, workers: &Workers<'_>, height_m: f64) -> &'w StepOutput {
     let input = ToolInput { tool: 0, motion: pose_at(height_m) };
-    world.step(workers, &NoClock, &StepInputs { tools: &[input] })
+    world.step(workers, &NoClock, &StepInputs::of(&[input]))
 }
 
 /// The same on the calling thread.

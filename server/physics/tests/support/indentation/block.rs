@@ -124,15 +124,10 @@ impl Press {
             BladeDesc { width_m: self.width_m, height_m: 0.06, edge_half_width_m: self.half_width_m, thickness_m: 0.0 };
         Scene {
             desc: SceneDesc {
-                version: 1,
-                name: "press".into(),
-                description: String::new(),
                 rate_hz: 10.0,
-                gravity_m_per_s2: [0.0; 3],
                 solver: SolverDesc { relative_tolerance: 1e-5, max_iterations: 2000 },
-                objects: vec![self.block(h, level)],
                 tools: vec![ToolDesc { name: "blade".into(), blade }],
-                probes: Vec::new(),
+                ..SceneDesc::of("press", vec![self.block(h, level)])
             },
             meshes: Default::default(),
         }
@@ -276,7 +271,7 @@ impl Hand {
         let motion = ToolMotion::MoveTo(Pose { position_m, orientation: self.orientation });
         let inputs = [ToolInput { tool: 0, motion }];
         let forward = self.forward();
-        let output = self.world.step(&Workers::serial(), &NoClock, &StepInputs { tools: &inputs });
+        let output = self.world.step(&Workers::serial(), &NoClock, &StepInputs::of(&inputs));
         -output.tools[0].wrench.force_n.dot(&forward)
     }
 }

@@ -1,0 +1,114 @@
+//! A scene pays only for what it requires: the stages that a step enters, and the bits that a capability
+//! nobody uses leaves alone. (Allocations: `allocation.rs`; times: `make performance`.)
+
+mod support;
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use kerf_physics::scene::{GovernorDesc, ProbeDesc, RegionDesc, Scene, ShapeDesc};
+use kerf_physics::step_io::{ToolInput, ToolMotion};
+use kerf_physics::{Stage, StageClock, StepInputs, Workers, World};
+use support::press::{cutting_scene, pose_at};
+
+/// A clock that is different at each look.
+#[derive(Default)]
+struct Counter(AtomicU64);
+
+impl StageClock for Counter {
+    fn now_ns(&self) -> u64 {
+        self.0.fetch_add(1, Ordering::Relaxed)
+    }
+}
+
+const MOTION: [Stage; 4] = [Stage::ApplyInputs, Stage::Velocities, Stage::Integrate, Stage::Rotations];
+
+/// The stages that a step enters in which the tool does this.
+fn stages(world: &mut World, motion: Option<ToolMotion>) -> Vec<Stage> {
+    let tools: Vec<_> = motion.map(|motion| ToolInput { tool: 0, motion }).into_iter().collect();
+    let output = world.step(&Workers::serial(), &Counter::default(), &StepInputs::of(&tools));
+    Stage::ALL.into_iter().filter(|stage| output.profile.stage_ns[*stage as usize].is_some()).collect()
+}
+
+fn with(stage: &[Stage]) -> Vec<Stage> {
+    let mut all = [&MOTION, stage].concat();
+    all.sort();
+    all
+}
+
+#[test]
+fn a_bare_scene_only_moves() {
+    let mut scene = cutting_scene();
+    scene.desc.tools.clear();
+    assert_eq!(stages(&mut World::new(&scene).unwrap(), None), MOTION);
+}
+
+#[test]
+fn a_tool_costs_contact_while_it_is_there_and_fracture_while_its_edge_touches() {
+    let mut world = World::new(&cutting_scene()).unwrap();
+    assert_eq!(stages(&mut world, None), MOTION, "it has not entered");
+    assert_eq!(stages(&mut world, Some(pose_at(0.3))), with(&[Stage::Contact]), "it hangs above");
+    assert_eq!(stages(&mut world, Some(pose_at(0.045))), with(&[Stage::Contact]), "it comes down");
+    assert_eq!(stages(&mut world, Some(pose_at(0.0395))), with(&[Stage::Contact, Stage::Fracture]), "it touches");
+    assert_eq!(stages(&mut world, Some(ToolMotion::Lift)), MOTION, "it is lifted");
+}
+
+#[test]
+fn topology_and_surface_are_entered_by_steps_in_which_links_part() {
+    let mut world = World::new(&cutting_scene()).unwrap();
+    let mut entered = [0u32; 2];
+    for i in 0..60 {
+        if i == 45 {
+            // Somebody comes to look.
+            let _ = world.surface_hash();
+        }
+        let motion = pose_at(0.041 - 4e-4 * f64::from(i));
+        let stages = stages(&mut world, Some(motion));
+        let parted = world.output().fracture.parted_links > 0;
+        assert_eq!(stages.contains(&Stage::Topology), parted);
+        assert_eq!(stages.contains(&Stage::Surface), parted && i >= 45);
+        entered[0] += u32::from(parted);
+        entered[1] += u32::from(parted && i >= 45);
+    }
+    assert!(entered.iter().all(|count| *count > 3), "{entered:?}");
+}
+
+/// State hash and solver iterations after a stroke that cuts.
+fn stroke(scene: &Scene, mut look: impl FnMut(&mut World)) -> (u64, u32) {
+    let mut world = World::new(scene).unwrap();
+    let mut iterations = 0;
+    for i in 0..50 {
+        let motion = pose_at(0.041 - 4e-4 * f64::from(i));
+        let inputs = [ToolInput { tool: 0, motion }];
+        iterations += world.step(&Workers::serial(), &Counter::default(), &StepInputs::of(&inputs)).solve.iterations;
+        look(&mut world);
+    }
+    assert!(world.output().topology_version > 3);
+    (world.state_hash(), iterations)
+}
+
+#[test]
+fn what_nobody_uses_leaves_every_bit_as_it_is() {
+    let bare = cutting_scene();
+    let expected = stroke(&bare, |_| ());
+    let changed = |change: fn(&mut Scene)| {
+        let mut scene = bare.clone();
+        change(&mut scene);
+        stroke(&scene, |_| ())
+    };
+    let probe = |scene: &mut Scene| {
+        let object = scene.desc.objects[0].name.clone();
+        scene.desc.probes.push(ProbeDesc { name: "p".into(), object, position_m: [0.001, 0.02, 0.001] });
+    };
+    assert_eq!(changed(probe), expected, "a probe");
+    assert_eq!(
+        changed(|scene| scene.desc.governor = Some(GovernorDesc { max_relative_tolerance: 0.1 })),
+        expected,
+        "a governor's bounds"
+    );
+    assert_eq!(stroke(&bare, |world| _ = world.surface_hash()), expected, "a viewer");
+    let mut region = bare.clone();
+    let material = region.desc.objects[0].material.clone();
+    let (name, shape) = ("elsewhere".into(), ShapeDesc::Sphere { center_m: [1.0; 3], radius_m: 0.01 });
+    region.desc.objects[0].regions.push(RegionDesc { name, shape, material });
+    assert_eq!(stroke(&region, |_| ()), expected, "a region that holds no voxel");
+}
