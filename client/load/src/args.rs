@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{ArgGroup, Args as ClapArgs, Parser, ValueEnum};
+use kerf_proto::v1::create_session_request::Dial;
 
 use crate::limits::LimitArgs;
 use crate::script::strokes::StrokeParams;
@@ -30,6 +31,9 @@ pub struct Args {
     /// Joins this session
     #[arg(long)]
     pub session: Option<String>,
+    /// What is asked of the dial of a created session
+    #[command(flatten)]
+    pub dial: DialArgs,
     /// Leaves a created session running
     #[arg(long, conflicts_with = "session")]
     pub keep_session: bool,
@@ -70,6 +74,30 @@ pub struct Args {
     /// Limits; when one is exceeded the exit code is 3
     #[command(flatten)]
     pub limits: LimitArgs,
+}
+
+/// What is asked of the dial from fast to exact.
+#[derive(Clone, Copy, Debug, Default, ClapArgs)]
+#[group(multiple = false, conflicts_with = "session")]
+pub struct DialArgs {
+    /// Level of every object, 0 (exact) to 4
+    #[arg(long)]
+    pub level: Option<u32>,
+    /// The most exact measured setting whose steps take at most this long in the median, ms
+    #[arg(long, value_name = "MS", value_parser = positive)]
+    pub budget_ms: Option<f64>,
+    /// The cheapest measured setting that errs by at most this, relative to the reference solution
+    #[arg(long, value_name = "ERROR", value_parser = positive)]
+    pub max_error: Option<f64>,
+}
+
+impl DialArgs {
+    /// As the server takes it.
+    #[must_use]
+    pub fn asked(&self) -> Option<Dial> {
+        let level = self.level.map(Dial::Level);
+        level.or(self.budget_ms.map(Dial::BudgetMs)).or(self.max_error.map(Dial::MaxError))
+    }
 }
 
 /// How progress is shown.

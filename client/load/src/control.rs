@@ -104,6 +104,10 @@ impl Receiver {
             down::Message::Contact(contact) => metrics.contact(&contact, now_ns, script, timetable)?,
             down::Message::Rejected(rejected) => metrics.rejection(&rejected),
             down::Message::Fault(_) => metrics.faults += 1,
+            down::Message::ToleranceChanged(changed) => {
+                metrics.governor_changes += 1;
+                metrics.governed_tolerance = Some(changed.relative_tolerance);
+            }
             // A script with a pause may lose a lease by silence; its next pose takes it again.
             down::Message::LeaseLost(_) => metrics.leases_lost += 1,
             down::Message::Hello(_) => bail!("the server sent a second hello"),

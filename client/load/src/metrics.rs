@@ -74,6 +74,10 @@ pub struct ContactMetrics {
     pub first_rejection: Option<String>,
     /// Faults that the server rolled back.
     pub faults: u64,
+    /// Times that the server's governor changed the relative tolerance of the solves.
+    pub governor_changes: u64,
+    /// What it changed it to last.
+    pub governed_tolerance: Option<f64>,
     /// Leases that ran out, or were taken away.
     pub leases_lost: u64,
     /// Greatest force, N.
@@ -94,6 +98,8 @@ impl Default for ContactMetrics {
             rejected: 0,
             first_rejection: None,
             faults: 0,
+            governor_changes: 0,
+            governed_tolerance: None,
             leases_lost: 0,
             max_force_n: 0.0,
             samples: Vec::new(),

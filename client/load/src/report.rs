@@ -132,6 +132,10 @@ pub struct Server {
     pub step_max_ms: f64,
     /// Faults that were rolled back.
     pub faults: u64,
+    /// Times that the governor changed the relative tolerance of the solves.
+    pub governor_changes: u64,
+    /// What it changed it to last.
+    pub governed_tolerance: Option<f64>,
 }
 
 /// What the tool felt.
@@ -260,6 +264,8 @@ impl Server {
                 * if steps.profiled_steps == 0 { 0.0 } else { steps.profiled_s / steps.profiled_steps as f64 },
             step_max_ms: 1e3 * steps.step_max_s,
             faults: run.contacts.faults,
+            governor_changes: run.contacts.governor_changes,
+            governed_tolerance: run.contacts.governed_tolerance,
         }
     }
 }
@@ -332,6 +338,9 @@ impl fmt::Display for Report {
             view.topology_version,
             server.faults
         )?;
+        if let Some(last) = server.governed_tolerance {
+            writeln!(f, "governor     {} changes of the tolerance, the last to {last:e}", server.governor_changes)?;
+        }
         write!(f, "force        max {:.3} N, against the cut {:.3} N", force.max_n, force.max_resistance_n)?;
         if let Some(reference_n) = force.reference_n {
             write!(f, " (steady cut: {reference_n:.3} N)")?;

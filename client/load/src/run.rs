@@ -49,7 +49,11 @@ pub struct Finished {
 pub async fn run(args: &Args) -> anyhow::Result<Finished> {
     let channel =
         session::connect(&args.server, Duration::from_secs_f64(args.wait_for_server.clamp(0.0, 3600.0))).await?;
-    let session = session::open(channel.clone(), args.scene.as_deref(), args.session.as_deref()).await?;
+    let session =
+        session::open(channel.clone(), args.scene.as_deref(), args.dial.asked(), args.session.as_deref()).await?;
+    if let Some(dial) = &session.description.dial {
+        eprintln!("{}", session::dial_text(dial));
+    }
     let outcome = drive(args, &channel, &session).await;
     if session.created && !args.keep_session {
         let closed = session::close(channel, &session.description.session_id).await;

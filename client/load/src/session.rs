@@ -55,14 +55,19 @@ pub async fn connect(server: &str, patience: Duration) -> anyhow::Result<Channel
     }
 }
 
-/// Creates a session of a scene, or joins one.
+/// Creates a session of a scene, or joins one; `dial` is for one that is created.
 ///
 /// # Errors
 /// What the server answers, or a reply without a scene.
-pub async fn open(channel: Channel, scene: Option<&str>, session: Option<&str>) -> anyhow::Result<Session> {
+pub async fn open(
+    channel: Channel,
+    scene: Option<&str>,
+    dial: Option<create_session_request::Dial>,
+    session: Option<&str>,
+) -> anyhow::Result<Session> {
     let mut client = SessionServiceClient::new(channel);
     let (description, created) = match (scene, session) {
-        (Some(scene), None) => (create(&mut client, scene).await?, true),
+        (Some(scene), None) => (create(&mut client, scene, dial).await?, true),
         (None, Some(session_id)) => (describe(&mut client, session_id).await?, false),
         _ => bail!("either a scene or a session has to be given"),
     };
@@ -83,13 +88,36 @@ pub async fn close(channel: Channel, session_id: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// What the server set the dial to, and what it expects of that.
+#[must_use]
+pub fn dial_text(dial: &v1::DialChoice) -> String {
+    let setting = dial.setting.as_ref().map_or_else(String::new, |setting| {
+        let finer = if setting.has_finer_regions { ", finer regions" } else { "" };
+        let v1::DialSetting { level, voxel_scale, relative_tolerance, element, .. } = setting;
+        format!(" level {level}, voxels x {voxel_scale}, tolerance {relative_tolerance:e}, elements {element}{finer}")
+    });
+    let expected = dial.expected.as_ref().map_or_else(String::new, |expected| {
+        let v1::DialExpectation { median_ms, p99_ms, displacement_error, force_error, hardware } = expected;
+        let [displacement, force] = [displacement_error, force_error].map(|error| 100.0 * error);
+        format!(
+            "; expected {median_ms:.2} ms a step, p99 {p99_ms:.2} ms, errors {displacement:.1} % of displacement, \
+             {force:.1} % of force (measured on {hardware})"
+        )
+    });
+    format!("dial:{setting}{expected}")
+}
+
 /// An error that says what was asked and what the server answered.
 #[must_use]
 pub fn refused(what: &str, status: &tonic::Status) -> anyhow::Error {
     anyhow!("{what}: {}: {}", status.code().description(), status.message())
 }
 
-async fn create(client: &mut SessionServiceClient<Channel>, scene: &str) -> anyhow::Result<v1::SessionDescription> {
+async fn create(
+    client: &mut SessionServiceClient<Channel>,
+    scene: &str,
+    dial: Option<create_session_request::Dial>,
+) -> anyhow::Result<v1::SessionDescription> {
     let path = Path::new(scene);
     let source = if path.extension().is_some_and(|extension| extension == "toml") {
         let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {scene}"))?;
@@ -97,7 +125,7 @@ async fn create(client: &mut SessionServiceClient<Channel>, scene: &str) -> anyh
     } else {
         create_session_request::Scene::SceneName(scene.to_owned())
     };
-    let request = v1::CreateSessionRequest { scene: Some(source), start_paused: false };
+    let request = v1::CreateSessionRequest { scene: Some(source), start_paused: false, dial };
     let reply = client
         .create_session(timed(request, CREATE_TIMEOUT))
         .await

@@ -1,8 +1,8 @@
 //! Recordings: the inputs of a session in a file, from which `simulate --replay` gets the same bits.
 //!
-//! CSV with a row per motion. `step` is the number of steps taken before it, `tool` an index into the
-//! scene's tools, `motion` one of `enter`, `move` and `lift`; a pose is written so that it reads back to
-//! the same bits. The last row is `end`, with the number of all steps and the hash of the state that
+//! CSV with a row per input. `step` is the number of steps taken before it, `tool` an index into the
+//! scene's tools, `input` one of `enter`, `move` and `lift`, or `tolerance` where the governor set the
+//! solver's; numbers are written so that they read back to the same bits. The last row is `end`, with the number of all steps and the hash of the state that
 //! they led to, absent where the session went on after its log was full.
 
 use std::fs::File;
@@ -14,9 +14,12 @@ use anyhow::{Context, Result, anyhow, bail, ensure};
 use kerf_physics::step_io::{ToolInput, ToolMotion};
 use kerf_physics::tool::Pose;
 use kerf_physics::{Quat, Vec3};
-use kerf_session::{InputLog, Session};
+use kerf_session::{InputLog, LoggedInputs, Session};
 
-const HEADER: [&str; 11] = ["step", "tool", "motion", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw", "state_hash"];
+const HEADER: [&str; 12] =
+    ["step", "tool", "input", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw", "relative_tolerance", "state_hash"];
+const TOLERANCE: usize = 10;
+const STATE_HASH: usize = 11;
 /// Departure of a quaternion's length from 1 that is rounding; sessions record unit quaternions.
 const QUATERNION_ROUNDING: f64 = 1e-9;
 /// Most steps of a recording: three hours at 1 kHz.
@@ -31,8 +34,8 @@ pub struct Recording {
     pub state_hash: Option<u64>,
 }
 
-/// Writes what a session has recorded to a new file in a folder. What goes wrong is logged: it stops
-/// neither a session's end nor its reset.
+/// Writes what a session has recorded to a new file in a folder and, beside it, the scene as the dial left
+/// it. What goes wrong is logged: it stops neither a session's end nor its reset.
 pub async fn save(folder: &Path, session: &Session) {
     match try_save(folder, session).await {
         Ok(path) => tracing::info!(session = %session.id(), path = %path.display(), "session recorded"),
@@ -49,7 +52,12 @@ async fn try_save(folder: &Path, session: &Session) -> Result<PathBuf> {
     // Ids start over with the server, and a session that is reset leaves several recordings.
     let saved_ms = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?.as_millis();
     let path = folder.join(format!("{}-{saved_ms}.csv", session.id()));
-    let write = move || recording.write(&path).map(|()| path);
+    let scene = toml::to_string(&session.scene().desc)?;
+    let write = move || {
+        let scene_path = path.with_extension("toml");
+        std::fs::write(&scene_path, scene).with_context(|| scene_path.display().to_string())?;
+        recording.write(&path).map(|()| path)
+    };
     tokio::task::spawn_blocking(write).await?
 }
 
@@ -75,23 +83,19 @@ impl Recording {
     fn to_csv(&self, sink: impl io::Write) -> Result<()> {
         let mut writer = csv::Writer::from_writer(sink);
         writer.write_record(HEADER)?;
-        for (step, input) in self.log.motions() {
-            let (motion, pose) = match input.motion {
-                ToolMotion::EnterAt(pose) => ("enter", Some(pose)),
-                ToolMotion::MoveTo(pose) => ("move", Some(pose)),
-                ToolMotion::Lift => ("lift", None),
-            };
-            let pose = pose.map_or([const { String::new() }; 7], |pose| {
-                let [p, q] = [pose.position_m.as_slice(), pose.orientation.coords.as_slice()];
-                // The shortest text that reads back to the same number.
-                std::array::from_fn(|i| if i < 3 { p[i] } else { q[i - 3] }.to_string())
-            });
-            let place = [step.to_string(), input.tool.to_string(), motion.into()];
-            writer.write_record(place.into_iter().chain(pose).chain([String::new()]))?;
+        for (step, inputs) in self.log.inputs().enumerate() {
+            if let Some(tolerance) = inputs.relative_tolerance {
+                let mut row = [const { String::new() }; HEADER.len()];
+                (row[0], row[2], row[TOLERANCE]) = (step.to_string(), "tolerance".into(), tolerance.to_string());
+                writer.write_record(row)?;
+            }
+            for input in &inputs.tools {
+                writer.write_record(motion_row(step, input))?;
+            }
         }
         let hash = self.state_hash.map_or(String::new(), |hash| format!("{hash:016x}"));
         let mut end = [const { String::new() }; HEADER.len()];
-        (end[0], end[2], end[10]) = (self.log.steps().to_string(), "end".into(), hash);
+        (end[0], end[2], end[STATE_HASH]) = (self.log.steps().to_string(), "end".into(), hash);
         writer.write_record(end)?;
         Ok(writer.flush()?)
     }
@@ -101,7 +105,7 @@ impl Recording {
         let header = reader.headers().context("row 1")?;
         ensure!(*header == HEADER[..], "row 1: the header is not `{}`", HEADER.join(","));
         let mut log = InputLog::new(usize::MAX);
-        let mut inputs = Vec::new();
+        let mut inputs = LoggedInputs::default();
         for record in reader.records() {
             let record = record?;
             let row = record.position().map_or(0, csv::Position::line);
@@ -110,18 +114,43 @@ impl Recording {
             ensure!(step >= log.steps(), "row {row}: column step: {step} is below that of the row before");
             ensure!(step <= MAX_STEPS, "row {row}: column step: {step} is more than {MAX_STEPS}");
             while log.steps() < step {
-                log.record(&inputs);
-                inputs.clear();
+                log.record(&inputs.as_inputs());
+                inputs = LoggedInputs::default();
             }
             if &record[2] == "end" {
-                ensure!(inputs.is_empty(), "row {row}: column step: {step} leaves out the last step");
-                let state_hash = state_hash(&record[10]).with_context(context)?;
+                ensure!(inputs == LoggedInputs::default(), "row {row}: column step: {step} leaves out the last step");
+                let state_hash = state_hash(&record[STATE_HASH]).with_context(context)?;
                 return Ok(Self { log, state_hash });
             }
-            inputs.push(motion(&record, tools).with_context(context)?);
+            match &record[2] {
+                "tolerance" => inputs.relative_tolerance = Some(tolerance(&record).with_context(context)?),
+                _ => inputs.tools.push(motion(&record, tools).with_context(context)?),
+            }
         }
         bail!("the recording has no end")
     }
+}
+
+fn motion_row(step: usize, input: &ToolInput) -> [String; HEADER.len()] {
+    let mut row = [const { String::new() }; HEADER.len()];
+    let (motion, pose) = match input.motion {
+        ToolMotion::EnterAt(pose) => ("enter", Some(pose)),
+        ToolMotion::MoveTo(pose) => ("move", Some(pose)),
+        ToolMotion::Lift => ("lift", None),
+    };
+    (row[0], row[1], row[2]) = (step.to_string(), input.tool.to_string(), motion.into());
+    if let Some(pose) = pose {
+        let numbers = pose.position_m.iter().chain(pose.orientation.coords.iter());
+        // The shortest text that reads back to the same number.
+        row[3..TOLERANCE].iter_mut().zip(numbers).for_each(|(cell, number)| *cell = number.to_string());
+    }
+    row
+}
+
+fn tolerance(record: &csv::StringRecord) -> Result<f64> {
+    let value = number(record, TOLERANCE)?;
+    ensure!(value > 0.0 && value <= 0.5, "column relative_tolerance: {value} is not between 0 and 0.5");
+    Ok(value)
 }
 
 fn state_hash(text: &str) -> Result<Option<u64>> {
@@ -136,7 +165,7 @@ fn motion(record: &csv::StringRecord, tools: usize) -> Result<ToolInput> {
         "enter" => ToolMotion::EnterAt(pose(record)?),
         "move" => ToolMotion::MoveTo(pose(record)?),
         "lift" => ToolMotion::Lift,
-        other => bail!("column motion: `{other}` is none of enter, move, lift, end"),
+        other => bail!("column input: `{other}` is none of enter, move, lift, tolerance, end"),
     };
     Ok(ToolInput { tool, motion })
 }
@@ -173,16 +202,17 @@ mod tests {
         let orientation = Quat::from_euler_angles(0.1, 0.2, 1.0 / 3.0);
         let pose = Pose { position_m: Vec3::new(0.1, -1e-300, 1.0 / 3.0), orientation };
         let input = |tool, motion| ToolInput { tool, motion };
-        let steps: [&[ToolInput]; 6] = [
-            &[],
-            &[input(1, ToolMotion::EnterAt(pose)), input(0, ToolMotion::EnterAt(Pose::default()))],
-            &[input(1, ToolMotion::MoveTo(pose))],
-            &[],
-            &[input(1, ToolMotion::Lift)],
-            &[],
+        let step = |tools: &[ToolInput], relative_tolerance| LoggedInputs { tools: tools.into(), relative_tolerance };
+        let steps = [
+            step(&[], None),
+            step(&[input(1, ToolMotion::EnterAt(pose)), input(0, ToolMotion::EnterAt(Pose::default()))], None),
+            step(&[input(1, ToolMotion::MoveTo(pose))], Some(0.01 / 3.0)),
+            step(&[], Some(0.1)),
+            step(&[input(1, ToolMotion::Lift)], None),
+            step(&[], None),
         ];
         let mut log = InputLog::new(usize::MAX);
-        steps.iter().for_each(|inputs| log.record(inputs));
+        steps.iter().for_each(|inputs| log.record(&inputs.as_inputs()));
         Recording { log, state_hash: Some(0x0123_4567_89ab_cdef) }
     }
 
@@ -207,12 +237,13 @@ mod tests {
             assert!(text.contains(from), "{text}");
             format!("{:#}", Recording::from_csv(text.replacen(from, to, 1).as_bytes(), 2).unwrap_err())
         };
-        assert_eq!(refused("2,1,move", "0,1,move"), "row 4: column step: 0 is below that of the row before");
-        assert_eq!(refused("2,1,move", "2,7,move"), "row 4: column tool: 7, but the scene has 2");
-        assert_eq!(refused("2,1,move,0.1", "2,1,move,up"), "row 4: column x_m: `up` is not a finite number");
-        assert_eq!(refused("lift", "hop"), "row 5: column motion: `hop` is none of enter, move, lift, end");
-        assert_eq!(refused("6,,end", "4,,end"), "row 6: column step: 4 leaves out the last step");
-        assert_eq!(refused("6,,end", "99999999,,end"), "row 6: column step: 99999999 is more than 10000000");
+        assert_eq!(refused("2,1,move", "0,1,move"), "row 5: column step: 0 is below that of the row before");
+        assert_eq!(refused("2,1,move", "2,7,move"), "row 5: column tool: 7, but the scene has 2");
+        assert_eq!(refused("2,1,move,0.1", "2,1,move,up"), "row 5: column x_m: `up` is not a finite number");
+        assert_eq!(refused("lift", "hop"), "row 7: column input: `hop` is none of enter, move, lift, tolerance, end");
+        assert_eq!(refused("6,,end", "4,,end"), "row 8: column step: 4 leaves out the last step");
+        assert_eq!(refused("6,,end", "99999999,,end"), "row 8: column step: 99999999 is more than 10000000");
+        assert_eq!(refused("0.1,\n", "0.7,\n"), "row 6: column relative_tolerance: 0.7 is not between 0 and 0.5");
         assert!(refused("0,0,0,0,0,0,1", "0,0,0,0,0,0,2").starts_with("row 3: columns qx to qw"));
         assert_eq!(refused(text.lines().last().unwrap(), ""), "the recording has no end");
     }

@@ -1,6 +1,6 @@
 //! Where the scenes of sessions come from: a name that the server knows, or text that a client sends.
 
-use kerf_physics::scene::{LoadDesc, ObjectDesc, ShapeDesc};
+use kerf_physics::scene::ShapeDesc;
 use kerf_physics::{Scene, SceneDesc};
 
 use kerf_session::catalog;
@@ -26,18 +26,10 @@ pub fn from_text(text: &str, max_bytes: usize) -> Result<Scene, RequestError> {
     }
     let desc = SceneDesc::from_toml("scene_toml", text).map_err(|error| refuse(error.to_string()))?;
     desc.validate().map_err(|error| refuse(format!("scene_toml: {error}")))?;
-    match desc.objects.iter().position(names_a_file) {
+    match desc.objects.iter().position(|object| object.shapes().any(is_mesh)) {
         Some(index) => Err(refuse(format!("objects[{index}]: a scene sent as text may not refer to files"))),
         None => Ok(Scene { desc, meshes: Default::default() }),
     }
-}
-
-fn names_a_file(object: &ObjectDesc) -> bool {
-    let regions = object.regions.iter().map(|region| &region.shape);
-    let loads = object.loads.iter().map(|load| match load {
-        LoadDesc::Traction { region, .. } | LoadDesc::BodyForce { region, .. } => region,
-    });
-    std::iter::once(&object.shape).chain(regions).chain(&object.fixed).chain(loads).any(is_mesh)
 }
 
 fn is_mesh(shape: &ShapeDesc) -> bool {
@@ -58,11 +50,14 @@ mod tests {
     }
 
     #[test]
-    fn a_scene_sent_as_text_may_not_name_files_even_inside_a_union() {
+    fn a_scene_sent_as_text_may_not_name_files_anywhere() {
         let mesh = r#"{ mesh = { file = "/etc/passwd", scale_m_per_unit = 1.0 } }"#;
         assert!(matches!(from_text(&scene(mesh), 1 << 20), Err(RequestError::SceneText { .. })));
         let union = format!("{{ smooth_union = {{ blend_m = 0.0, parts = [{mesh}] }} }}");
         assert!(matches!(from_text(&scene(&union), 1 << 20), Err(RequestError::SceneText { .. })));
+        let finer = scene("{ sphere = { center_m = [0.0, 0.0, 0.0], radius_m = 0.1 } }")
+            + &format!("finer = [{{ shape = {mesh}, level = 1 }}]\n");
+        assert!(matches!(from_text(&finer, 1 << 20), Err(RequestError::SceneText { .. })));
         assert!(from_text(&scene("{ sphere = { center_m = [0.0, 0.0, 0.0], radius_m = 0.1 } }"), 1 << 20).is_ok());
     }
 

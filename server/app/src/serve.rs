@@ -10,6 +10,7 @@ use kerf_proto::v1::control_service_server::{ControlServiceServer, SERVICE_NAME 
 use kerf_proto::v1::session_service_server::{SERVICE_NAME as SESSION_SERVICE, SessionServiceServer};
 use kerf_proto::v1::view_service_server::{SERVICE_NAME as VIEW_SERVICE, ViewServiceServer};
 use kerf_session::Registry;
+use kerf_session::dial::Fronts;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
@@ -83,7 +84,11 @@ impl Server {
             std::fs::create_dir_all(folder).with_context(|| format!("record_dir = {}", folder.display()))?;
         }
         let config = Arc::new(config);
-        let registry = Arc::new(Registry::new(config.session.clone())?);
+        let fronts = match &config.front_dir {
+            Some(folder) => Fronts::builtin().with_folder(folder).context("front_dir")?,
+            None => Fronts::builtin(),
+        };
+        let registry = Arc::new(Registry::new(config.session.clone(), fronts)?);
         let listener = TcpListener::bind(config.listen).await.with_context(|| format!("listen = {}", config.listen))?;
         let address = listener.local_addr()?;
         let (health, routes) = routes(&registry, &config).await?;

@@ -1,6 +1,7 @@
 //! The one place where errors become gRPC statuses.
 
 use kerf_session::SessionError;
+use kerf_session::dial::DialError;
 use tonic::{Code, Status};
 
 /// Why a call was refused or a stream ended.
@@ -36,6 +37,14 @@ pub enum RequestError {
     /// A number is not one.
     #[error("{field} = {value}: must be 0 or greater")]
     Rate {
+        /// The field.
+        field: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// A wish for the dial that is no number of its kind.
+    #[error("{field} = {value}: must be finite and greater than 0")]
+    Dial {
         /// The field.
         field: &'static str,
         /// Its value.
@@ -96,6 +105,7 @@ impl RequestError {
             | Self::HelloRepeated
             | Self::Missing { .. }
             | Self::Rate { .. }
+            | Self::Dial { .. }
             | Self::TooManyRejected { .. }
             | Self::SceneText { .. } => Code::InvalidArgument,
             Self::Idle { .. } | Self::Unresponsive { .. } => Code::DeadlineExceeded,
@@ -114,7 +124,10 @@ fn session_code(error: &SessionError) -> Code {
         | SessionError::NoThread { .. } => Code::ResourceExhausted,
         SessionError::NoSession { .. } | SessionError::NoTool { .. } | SessionError::Closed => Code::NotFound,
         SessionError::ToolTaken { .. } | SessionError::Failed { .. } => Code::FailedPrecondition,
-        SessionError::Scene(_) | SessionError::Rate { .. } => Code::InvalidArgument,
+        SessionError::Dial(DialError::Scene(_)) | SessionError::Scene(_) | SessionError::Rate { .. } => {
+            Code::InvalidArgument
+        }
+        SessionError::Dial(_) => Code::FailedPrecondition,
         SessionError::Draining => Code::Unavailable,
     }
 }

@@ -5,7 +5,7 @@ use std::process::{Command, Output};
 
 use kerf_physics::step_io::{ToolInput, ToolMotion};
 use kerf_physics::tool::Pose;
-use kerf_physics::{Quat, Vec3, Workers};
+use kerf_physics::{Quat, StepInputs, Vec3, Workers};
 use kerf_server::recording::Recording;
 use kerf_session::{InputLog, catalog};
 
@@ -92,11 +92,7 @@ fn simulate_judges_the_scene_with_its_options_applied() {
     let folder = tempfile::tempdir().unwrap();
     let output = kerf(&["simulate", "liver", "--rate", "5", "--out", "run"], folder.path());
     assert_eq!(output.status.code(), Some(1));
-    assert!(
-        text(&output.stderr).contains("with --level and --rate applied: rate_hz: 5 is not"),
-        "{}",
-        text(&output.stderr)
-    );
+    assert!(text(&output.stderr).contains("with --rate applied: rate_hz: 5 is not"), "{}", text(&output.stderr));
 }
 
 #[test]
@@ -104,9 +100,9 @@ fn simulate_replays_a_recording_and_refuses_another_scenes() {
     let folder = tempfile::tempdir().unwrap();
     let mut log = InputLog::new(usize::MAX);
     let pose = Pose { position_m: Vec3::new(0.0, 0.5, 0.0), orientation: Quat::from_euler_angles(0.1, 0.2, 0.3) };
-    log.record(&[]);
-    log.record(&[ToolInput { tool: 0, motion: ToolMotion::EnterAt(pose) }]);
-    log.record(&[]);
+    log.record(&StepInputs::of(&[]));
+    log.record(&StepInputs::of(&[ToolInput { tool: 0, motion: ToolMotion::EnterAt(pose) }]));
+    log.record(&StepInputs::of(&[]));
     let jelly = catalog::builtin("jelly").unwrap();
     let state_hash = log.replay(&jelly, &Workers::serial()).unwrap().state_hash();
     Recording { log, state_hash: Some(state_hash) }.write(&folder.path().join("session.csv")).unwrap();

@@ -44,7 +44,7 @@ impl Stroke {
         let pose = Pose { position_m: Vec3::new(-0.0420, height_m, -0.0210), orientation };
         let input = ToolInput { tool: 0, motion: ToolMotion::MoveTo(pose) };
         let start_ns = MonotonicClock::now_ns();
-        let output = self.world.step(&Workers::serial(), &MonotonicClock, &StepInputs { tools: &[input] });
+        let output = self.world.step(&Workers::serial(), &MonotonicClock, &StepInputs::of(&[input]));
         (since(start_ns), output)
     }
 

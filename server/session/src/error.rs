@@ -2,6 +2,8 @@
 
 use kerf_physics::SceneError;
 
+use crate::dial::DialError;
+
 /// A request that a session or the registry could not serve.
 #[derive(Debug, PartialEq, thiserror::Error)]
 pub enum SessionError {
@@ -74,6 +76,9 @@ pub enum SessionError {
     /// The scene cannot be simulated.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// The dial cannot be set as asked.
+    #[error(transparent)]
+    Dial(#[from] DialError),
     /// The operating system refused a thread.
     #[error("no thread for the session: {message}")]
     NoThread {

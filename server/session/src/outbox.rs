@@ -30,6 +30,8 @@ pub struct StepReport {
     pub ended_ns: u64,
     /// Late steps since the session began or was reset.
     pub late_steps: u64,
+    /// Relative tolerance of the solves: the scene's, or what the governor has made of it.
+    pub relative_tolerance: f64,
     /// Faults since the session began or was reset.
     pub faults: u64,
     /// The newest of them.
@@ -92,6 +94,8 @@ pub enum SceneEvent {
     ToolReleased(usize),
     /// The session gave up time that it had lost.
     Reanchored,
+    /// The governor set the relative tolerance of the solves to this.
+    ToleranceChanged(f64),
     /// Non-finite state was rolled back.
     Fault(Fault),
 }

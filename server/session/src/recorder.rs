@@ -2,11 +2,36 @@
 
 use kerf_physics::{NoClock, Scene, SceneError, StepInputs, ToolInput, Workers, World};
 
-/// What the tools did, step by step, since the scene was at rest.
+/// The inputs of a step, kept.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LoggedInputs {
+    /// See [`StepInputs::tools`].
+    pub tools: Vec<ToolInput>,
+    /// See [`StepInputs::relative_tolerance`].
+    pub relative_tolerance: Option<f64>,
+}
+
+impl LoggedInputs {
+    /// As a step takes them.
+    #[must_use]
+    pub fn as_inputs(&self) -> StepInputs<'_> {
+        StepInputs { tools: &self.tools, relative_tolerance: self.relative_tolerance }
+    }
+}
+
+impl From<Vec<ToolInput>> for LoggedInputs {
+    fn from(tools: Vec<ToolInput>) -> Self {
+        Self { tools, relative_tolerance: None }
+    }
+}
+
+/// What the tools and the governor did, step by step, since the scene was at rest.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct InputLog {
     /// `(step, motion)`, steps ascending; the step is the number of steps taken before it.
     motions: Vec<(u64, ToolInput)>,
+    /// `(step, relative tolerance)`, likewise.
+    tolerances: Vec<(u64, f64)>,
     /// Steps that the log covers.
     steps: u64,
     max_motions: usize,
@@ -20,12 +45,13 @@ impl InputLog {
         Self { max_motions, full: max_motions == 0, ..Self::default() }
     }
 
-    /// Notes the inputs of one step. The log of a step is whole or absent: once one does not fit,
+    /// Notes the inputs of one step. The log of a step is whole or absent: once its motions do not fit,
     /// the log ends with the step before.
-    pub fn record(&mut self, inputs: &[ToolInput]) {
-        self.full |= self.motions.len() + inputs.len() > self.max_motions;
+    pub fn record(&mut self, inputs: &StepInputs<'_>) {
+        self.full |= self.motions.len() + inputs.tools.len() > self.max_motions;
         if !self.full {
-            self.motions.extend(inputs.iter().map(|input| (self.steps, *input)));
+            self.motions.extend(inputs.tools.iter().map(|input| (self.steps, *input)));
+            self.tolerances.extend(inputs.relative_tolerance.map(|tolerance| (self.steps, tolerance)));
             self.steps += 1;
         }
     }
@@ -54,12 +80,11 @@ impl InputLog {
     }
 
     /// The inputs of each step that the log covers, in order.
-    pub fn inputs(&self) -> impl Iterator<Item = Vec<ToolInput>> {
-        let mut rest = self.motions.as_slice();
-        (0..self.steps).map(move |step| {
-            let (now, later) = rest.split_at(rest.partition_point(|(at, _)| *at <= step));
-            rest = later;
-            now.iter().map(|(_, input)| *input).collect()
+    pub fn inputs(&self) -> impl Iterator<Item = LoggedInputs> {
+        let (mut motions, mut tolerances) = (self.motions.as_slice(), self.tolerances.as_slice());
+        (0..self.steps).map(move |step| LoggedInputs {
+            tools: take_until(&mut motions, step).iter().map(|(_, input)| *input).collect(),
+            relative_tolerance: take_until(&mut tolerances, step).last().map(|(_, tolerance)| *tolerance),
         })
     }
 
@@ -69,11 +94,18 @@ impl InputLog {
     /// The scene cannot be built; one that was recorded from can.
     pub fn replay(&self, scene: &Scene, workers: &Workers<'_>) -> Result<World, SceneError> {
         let mut world = World::new(scene)?;
-        for tools in self.inputs() {
-            world.step(workers, &NoClock, &StepInputs { tools: &tools });
+        for inputs in self.inputs() {
+            world.step(workers, &NoClock, &inputs.as_inputs());
         }
         Ok(world)
     }
+}
+
+/// Takes the entries up to a step from the front of a list.
+fn take_until<'a, T>(entries: &mut &'a [(u64, T)], step: u64) -> &'a [(u64, T)] {
+    let (now, later) = entries.split_at(entries.partition_point(|(at, _)| *at <= step));
+    *entries = later;
+    now
 }
 
 #[cfg(test)]
@@ -86,35 +118,36 @@ mod tests {
     #[test]
     fn a_full_log_ends_with_a_whole_step() {
         let mut log = InputLog::new(3);
-        log.record(&[LIFT, LIFT]);
-        log.record(&[]);
-        log.record(&[LIFT, LIFT]);
-        log.record(&[LIFT]);
+        log.record(&StepInputs::of(&[LIFT, LIFT]));
+        log.record(&StepInputs::of(&[]));
+        log.record(&StepInputs::of(&[LIFT, LIFT]));
+        log.record(&StepInputs::of(&[LIFT]));
         assert!(log.is_full());
         assert_eq!((log.steps(), log.motions().len()), (2, 2));
     }
 
     #[test]
     fn inputs_come_step_by_step_as_they_were_recorded() {
-        let steps: [&[ToolInput]; 4] = [&[], &[LIFT, LIFT], &[], &[LIFT]];
+        let step = |tools: &[ToolInput], relative_tolerance| LoggedInputs { tools: tools.into(), relative_tolerance };
+        let steps = [step(&[], None), step(&[LIFT, LIFT], Some(1e-2)), step(&[], None), step(&[LIFT], Some(1e-3))];
         let mut log = InputLog::new(10);
-        steps.iter().for_each(|inputs| log.record(inputs));
+        steps.iter().for_each(|inputs| log.record(&inputs.as_inputs()));
         assert_eq!(log.inputs().collect::<Vec<_>>(), steps);
     }
 
     #[test]
     fn a_cleared_log_records_again() {
         let mut log = InputLog::new(1);
-        log.record(&[LIFT, LIFT]);
+        log.record(&StepInputs::of(&[LIFT, LIFT]));
         log.clear();
-        log.record(&[LIFT]);
+        log.record(&StepInputs::of(&[LIFT]));
         assert_eq!((log.is_full(), log.steps()), (false, 1));
     }
 
     #[test]
     fn a_log_of_no_capacity_covers_nothing() {
         let mut log = InputLog::new(0);
-        log.record(&[]);
+        log.record(&StepInputs::of(&[]));
         assert_eq!((log.is_full(), log.steps()), (true, 0));
     }
 }

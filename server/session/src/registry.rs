@@ -7,8 +7,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 use kerf_physics::Scene;
+use kerf_physics::scene::DialDesc;
 use tokio::sync::Semaphore;
 
+use crate::dial::Fronts;
 use crate::error::SessionError;
 use crate::limits::{LimitError, SessionLimits};
 use crate::lock;
@@ -34,15 +36,18 @@ impl FromStr for SessionId {
 }
 
 /// How a session begins.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SessionOptions {
     /// It takes its first step only when it is resumed.
     pub start_paused: bool,
+    /// Goes before what the scene asks of the dial.
+    pub dial: Option<DialDesc>,
 }
 
 /// The sessions of a server, at most [`SessionLimits::max_sessions`] of them.
 pub struct Registry {
     limits: SessionLimits,
+    fronts: Fronts,
     sessions: Mutex<BTreeMap<SessionId, Arc<Session>>>,
     next_id: AtomicU64,
     /// One permit per thread that may live, held by the thread.
@@ -50,14 +55,14 @@ pub struct Registry {
 }
 
 impl Registry {
-    /// A registry without sessions.
+    /// A registry without sessions, whose dial knows these fronts.
     ///
     /// # Errors
     /// A limit that makes no sense.
-    pub fn new(limits: SessionLimits) -> Result<Self, LimitError> {
+    pub fn new(limits: SessionLimits, fronts: Fronts) -> Result<Self, LimitError> {
         limits.validate()?;
         let permits = Arc::new(Semaphore::new(limits.max_sessions));
-        Ok(Self { limits, sessions: Mutex::default(), next_id: AtomicU64::new(1), permits })
+        Ok(Self { limits, fronts, sessions: Mutex::default(), next_id: AtomicU64::new(1), permits })
     }
 
     /// What every session holds its clients to.
@@ -66,24 +71,26 @@ impl Registry {
         &self.limits
     }
 
-    /// Builds a scene and starts a session of it; a large scene takes seconds.
+    /// Builds a scene at the dial's setting and starts a session of it; a large scene takes seconds.
     ///
     /// # Errors
-    /// The server is full or shutting down, or the scene cannot be built.
-    pub async fn create(&self, scene: Scene, options: SessionOptions) -> Result<Arc<Session>, SessionError> {
+    /// The server is full or shutting down, the dial cannot be set as asked, or the scene cannot be built.
+    pub async fn create(&self, mut scene: Scene, options: SessionOptions) -> Result<Arc<Session>, SessionError> {
         let permit = Arc::clone(&self.permits).try_acquire_owned().map_err(|_| match self.permits.is_closed() {
             true => SessionError::Draining,
             false => SessionError::TooManySessions { limit: self.limits.max_sessions },
         })?;
+        let choice = self.fronts.settle(&mut scene, options.dial)?;
         let id = SessionId(self.next_id.fetch_add(1, Ordering::Relaxed));
-        let session = Arc::new(Session::start(id, scene, options, self.limits.clone(), permit).await?);
+        let session = Arc::new(Session::start(id, scene, choice, options, self.limits.clone(), permit).await?);
         let mut sessions = lock(&self.sessions);
         if self.permits.is_closed() {
             // The server began to shut down while the scene was being built.
             return Err(SessionError::Draining);
         }
         sessions.insert(id, Arc::clone(&session));
-        tracing::info!(session = %id, scene = session.scene().desc.name, "session created");
+        let dial = session.dial().map(ToString::to_string);
+        tracing::info!(session = %id, scene = session.scene().desc.name, dial, "session created");
         Ok(session)
     }
 

@@ -11,6 +11,7 @@ use kerf_physics::{Scene, StepInputs, Workers, World};
 
 use crate::clock::MonotonicClock;
 use crate::error::SessionError;
+use crate::governor::Governor;
 use crate::inbox::{Command, Drain, Inbox, Probe, Tick};
 use crate::limits::{SessionLimits, to_ns};
 use crate::lock;
@@ -35,6 +36,10 @@ pub(crate) struct Runner {
     /// Shared with whoever lists sessions.
     phase: Arc<Mutex<Phase>>,
     pacer: Pacer,
+    /// Present where the scene states how much effort may be given up.
+    governor: Option<Governor>,
+    /// What the governor decided after the last step.
+    next_tolerance: Option<f64>,
     log: InputLog,
     tick: Tick,
     /// Per tool, as of the last tick: who drives it.
@@ -51,6 +56,15 @@ struct Tally {
     faults: u64,
     last_fault: Option<Fault>,
     steps: StepTallies,
+    /// Relative tolerance of the solves, as the governor has it.
+    relative_tolerance: f64,
+}
+
+impl Tally {
+    fn of(scene: &Scene) -> Self {
+        let jumps = vec![0; scene.desc.tools.len()];
+        Self { jumps, relative_tolerance: scene.desc.solver.relative_tolerance, ..Self::default() }
+    }
 }
 
 /// When viewers get what.
@@ -79,9 +93,25 @@ impl Runner {
         let pacer = Pacer::new(scene.desc.rate_hz, to_ns(limits.max_lag_s), MonotonicClock::now_ns());
         let log = InputLog::new(limits.max_recorded_motions);
         let tools = scene.desc.tools.len();
-        let tally = Tally { jumps: vec![0; tools], ..Tally::default() };
-        let (tick, holders, views) = (Tick::default(), vec![None; tools], ViewSchedule::default());
-        Ok(Self { scene, limits, world, pool, inbox, publisher, phase, pacer, log, tick, holders, tally, views })
+        let tally = Tally::of(&scene);
+        let governor = Governor::of(&scene.desc);
+        Ok(Self {
+            scene,
+            limits,
+            world,
+            pool,
+            inbox,
+            publisher,
+            phase,
+            pacer,
+            governor,
+            next_tolerance: None,
+            log,
+            tick: Tick::default(),
+            holders: vec![None; tools],
+            tally,
+            views: ViewSchedule::default(),
+        })
     }
 
     /// The world, before the first step.
@@ -129,21 +159,23 @@ impl Runner {
 
     fn step(&mut self) {
         let started_ns = MonotonicClock::now_ns();
-        self.log.record(&self.tick.inputs);
+        let inputs = StepInputs { tools: &self.tick.inputs, relative_tolerance: self.next_tolerance.take() };
+        self.log.record(&inputs);
         let workers = self.pool.as_ref().map_or_else(Workers::serial, Workers::of);
-        let output = self.world.step(&workers, &MonotonicClock, &StepInputs { tools: &self.tick.inputs });
+        let output = self.world.step(&workers, &MonotonicClock, &inputs);
         let ended_ns = MonotonicClock::now_ns();
         let pace = self.pacer.step_ended(ended_ns);
         book(&mut self.tally.energy, &output.energy);
         self.tally.steps.add(output, ended_ns - started_ns, pace);
         self.views.times.add(output, ended_ns - started_ns);
-        let fault = output.fault.clone();
+        let (step, fault) = (output.step, output.fault.clone());
         for (count, jumped) in self.tally.jumps.iter_mut().zip(&self.tick.jumped) {
             *count += u64::from(*jumped);
         }
         if pace == Pace::Reanchored {
-            self.publisher.event(self.world.output().step, SceneEvent::Reanchored);
+            self.publisher.event(step, SceneEvent::Reanchored);
         }
+        self.govern(step, ended_ns - started_ns, pace);
         if let Some(fault) = fault {
             self.note_fault(fault);
         }
@@ -151,6 +183,15 @@ impl Runner {
             self.publisher.report(self.report(ended_ns, None));
         }
         self.serve_viewers(true);
+    }
+
+    fn govern(&mut self, step: u64, elapsed_ns: u64, pace: Pace) {
+        let Some(governor) = &mut self.governor else { return };
+        let Some(relative_tolerance) = governor.step_ended(elapsed_ns, pace != Pace::InTime) else { return };
+        tracing::info!(step, relative_tolerance, "the governor changed the solver's tolerance");
+        self.next_tolerance = Some(relative_tolerance);
+        self.tally.relative_tolerance = relative_tolerance;
+        self.publisher.event(step, SceneEvent::ToleranceChanged(relative_tolerance));
     }
 
     fn note_fault(&mut self, fault: Fault) {
@@ -174,6 +215,7 @@ impl Runner {
             sim_time_s: output.sim_time_s,
             ended_ns,
             late_steps: self.pacer.counts().late_steps,
+            relative_tolerance: self.tally.relative_tolerance,
             faults: self.tally.faults,
             last_fault: self.tally.last_fault.clone(),
             failure,
@@ -297,7 +339,9 @@ impl Runner {
     fn reset(&mut self) -> Result<(), SessionError> {
         self.world = build_world(&self.scene)?;
         self.log.clear();
-        self.tally = Tally { jumps: vec![0; self.tally.jumps.len()], ..Tally::default() };
+        self.tally = Tally::of(&self.scene);
+        self.governor = Governor::of(&self.scene.desc);
+        self.next_tolerance = None;
         self.views = ViewSchedule::default();
         self.inbox.reenter_tools();
         let now_ns = MonotonicClock::now_ns();
@@ -320,6 +364,7 @@ impl Runner {
             sim_time_s: output.sim_time_s,
             topology_version: output.topology_version,
             late_steps: counts.late_steps,
+            relative_tolerance: self.tally.relative_tolerance,
             reanchors: counts.reanchors,
             energy: self.tally.energy,
             probe_displacement_m: output.probe_displacement_m.clone(),

@@ -8,6 +8,7 @@ use kerf_physics::world::ObjectStats;
 use tokio::sync::{OwnedSemaphorePermit, oneshot, watch};
 
 use crate::clock::MonotonicClock;
+use crate::dial::Choice;
 use crate::error::SessionError;
 use crate::inbox::{Command, Inbox, Probe};
 use crate::limits::SessionLimits;
@@ -23,6 +24,7 @@ use crate::tool_slot::DriverId;
 pub struct Session {
     id: SessionId,
     scene: Arc<Scene>,
+    choice: Option<Choice>,
     objects: Vec<ObjectStats>,
     limits: SessionLimits,
     phase: Arc<Mutex<Phase>>,
@@ -39,6 +41,7 @@ impl Session {
     pub(crate) async fn start(
         id: SessionId,
         scene: Scene,
+        choice: Option<Choice>,
         options: SessionOptions,
         limits: SessionLimits,
         permit: OwnedSemaphorePermit,
@@ -74,7 +77,7 @@ impl Session {
         let thread = thread.map_err(|error| SessionError::NoThread { message: error.to_string() })?;
         let objects = is_built.await.map_err(|_| SessionError::Closed)??;
         let thread = Mutex::new(Some(thread));
-        Ok(Self { id, scene, objects, limits, phase, inbox, outbox, bell, reports, thread })
+        Ok(Self { id, scene, choice, objects, limits, phase, inbox, outbox, bell, reports, thread })
     }
 
     /// Its id.
@@ -87,6 +90,12 @@ impl Session {
     #[must_use]
     pub fn scene(&self) -> &Scene {
         &self.scene
+    }
+
+    /// What the dial was set to; `None` where nobody asked for anything.
+    #[must_use]
+    pub fn dial(&self) -> Option<&Choice> {
+        self.choice.as_ref()
     }
 
     /// What its objects consisted of at rest, in the order of the scene.

@@ -37,6 +37,8 @@ pub struct SessionStatus {
     pub topology_version: u64,
     /// Steps that ended after their deadline, since the session began or was reset.
     pub late_steps: u64,
+    /// Relative tolerance of the solves: the scene's, or what the governor has made of it.
+    pub relative_tolerance: f64,
     /// Times that the session gave lost time up, since it began or was reset.
     pub reanchors: u64,
     /// Energy booked since the scene was at rest: sums of works, levels as they are.

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use kerf_physics::{Scene, SceneDesc, Workers};
+use kerf_session::dial::Fronts;
 use kerf_session::{
     Driver, Phase, PoseRefusal, PoseSample, Registry, SceneEvent, Session, SessionError, SessionLimits, SessionOptions,
     StepReport, ViewMessage, Viewer,
@@ -21,7 +22,7 @@ fn limits() -> SessionLimits {
 }
 
 async fn session_with(limits: SessionLimits) -> (Registry, Arc<Session>) {
-    let registry = Registry::new(limits).unwrap();
+    let registry = Registry::new(limits, Fronts::default()).unwrap();
     let session = registry.create(block(), SessionOptions::default()).await.unwrap();
     (registry, session)
 }
@@ -157,8 +158,9 @@ async fn a_viewer_gets_a_keyframe_then_a_state_of_its_version_then_more_states()
 
 #[tokio::test]
 async fn a_viewer_of_a_standing_session_gets_keyframe_and_state() {
-    let registry = Registry::new(limits()).unwrap();
-    let session = registry.create(block(), SessionOptions { start_paused: true }).await.unwrap();
+    let registry = Registry::new(limits(), Fronts::default()).unwrap();
+    let session =
+        registry.create(block(), SessionOptions { start_paused: true, ..SessionOptions::default() }).await.unwrap();
     let mut viewer = session.view().unwrap();
     assert!(matches!(viewer.next().await, Some(ViewMessage::Keyframe(_))));
     assert!(matches!(viewer.next().await, Some(ViewMessage::State(state)) if state.step == 0));
@@ -214,7 +216,7 @@ async fn closing_ends_viewers_and_drivers_and_frees_the_place() {
 
 #[tokio::test]
 async fn a_panic_fails_its_session_until_a_reset_and_others_live() {
-    let registry = Registry::new(limits()).unwrap();
+    let registry = Registry::new(limits(), Fronts::default()).unwrap();
     let broken = registry.create(block(), SessionOptions::default()).await.unwrap();
     let other = registry.create(block(), SessionOptions::default()).await.unwrap();
     let driver = broken.drive(&[0]).unwrap();
@@ -286,7 +288,7 @@ async fn the_input_log_of_a_cut_replays_to_the_same_state() {
 
 #[tokio::test]
 async fn a_scene_with_a_rate_out_of_bounds_is_refused() {
-    let registry = Registry::new(limits()).unwrap();
+    let registry = Registry::new(limits(), Fronts::default()).unwrap();
     let mut scene = block();
     scene.desc.rate_hz = 1e6;
     let refused = registry.create(scene, SessionOptions::default()).await;

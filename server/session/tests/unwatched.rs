@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use kerf_physics::{Scene, SceneDesc, Stage, Workers};
+use kerf_session::dial::Fronts;
 use kerf_session::{PoseSample, Registry, SessionLimits, SessionOptions, ViewMessage};
 
 const BLOCK: &str = r#"
@@ -25,7 +26,7 @@ blade = { width_m = 0.03, height_m = 0.02 }
 
 #[tokio::test]
 async fn after_the_last_viewer_nothing_is_contoured_and_the_next_one_sees_the_surface_as_it_is() {
-    let registry = Registry::new(SessionLimits::default()).unwrap();
+    let registry = Registry::new(SessionLimits::default(), Fronts::default()).unwrap();
     let scene = Scene { desc: toml::from_str::<SceneDesc>(BLOCK).unwrap(), meshes: Default::default() };
     let session = registry.create(scene, SessionOptions::default()).await.unwrap();
     let mut first = session.view().unwrap();

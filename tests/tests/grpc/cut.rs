@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use std::pin::pin;
 
 use kerf_physics::surface::Surface;
-use kerf_physics::{NoClock, StepInputs, Workers, World};
+use kerf_physics::{NoClock, Workers, World};
 use kerf_proto::v1::{self, view_event};
 use kerf_replica::{Body, Replica, surface_hash};
 use kerf_server::recording::Recording;
+use kerf_session::catalog;
 use tonic::Streaming;
 use tonic::transport::Channel;
 
@@ -143,8 +144,8 @@ async fn unwatched(harness: &Harness, session: &str) -> (BTreeMap<u64, Counts>, 
     let log = session.query(|probe| probe.log.clone()).await.unwrap();
     let mut world = World::new(session.scene()).unwrap();
     let mut counts = BTreeMap::from([(0, surface_counts(&world))]);
-    for tools in log.inputs() {
-        let output = world.step(&Workers::serial(), &NoClock, &StepInputs { tools: &tools });
+    for inputs in log.inputs() {
+        let output = world.step(&Workers::serial(), &NoClock, &inputs.as_inputs());
         if output.fracture.parted_links > 0 {
             let version = output.topology_version;
             counts.insert(version, surface_counts(&world));
@@ -246,10 +247,13 @@ async fn a_session_is_recorded_when_it_is_reset_and_when_the_server_stops() {
     harness.server.stop().await;
 
     let mut paths: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
+    paths.retain(|path| path.extension().is_some_and(|extension| extension == "csv"));
     paths.sort();
     let replayed = paths.iter().map(|path| {
         let recording = Recording::read(path, scene.desc.tools.len()).unwrap();
-        let world = recording.log.replay(&scene, &Workers::serial()).unwrap();
+        let beside = catalog::load(&path.with_extension("toml").display().to_string()).unwrap();
+        assert_eq!(beside.desc, scene.desc);
+        let world = recording.log.replay(&beside, &Workers::serial()).unwrap();
         assert_eq!(recording.state_hash, Some(world.state_hash()));
         (world.output().step, world.output().topology_version, world.state_hash())
     });

@@ -2,6 +2,7 @@
 
 mod control;
 mod cut;
+mod dial;
 mod harness;
 mod lifecycle;
 mod view;

@@ -1,14 +1,16 @@
 //! Scenes, limits and sessions as clients are told of them.
 
 use kerf_physics::Stage;
-use kerf_physics::scene::{ObjectDesc, ToolDesc};
+use kerf_physics::scene::{DialDesc, ObjectDesc, ToolDesc};
 use kerf_physics::step_io::EnergyStep;
 use kerf_physics::world::ObjectStats;
 use kerf_proto::v1;
+use kerf_session::dial::{Choice, FinerRegions};
 use kerf_session::{Phase, Session, SessionStatus};
 
 use super::vec3;
 use crate::config::ControlLimits;
+use crate::status::RequestError;
 
 pub fn scene_summary(session: &Session) -> v1::SceneSummary {
     let desc = &session.scene().desc;
@@ -106,7 +108,42 @@ pub fn session_description(
         probe_displacements_m: status.probe_displacement_m.iter().map(vec3).collect(),
         state_hash: status.state_hash,
         failure,
+        dial: session.dial().map(dial_choice),
+        relative_tolerance: status.relative_tolerance,
     }
+}
+
+/// What a client asks of the dial.
+pub fn dial(asked: v1::create_session_request::Dial) -> Result<DialDesc, RequestError> {
+    use v1::create_session_request::Dial;
+    let positive = |field: &'static str, value: f64| match value.is_finite() && value > 0.0 {
+        true => Ok(value),
+        false => Err(RequestError::Dial { field, value }),
+    };
+    Ok(match asked {
+        // A level that no scene has is refused with the scene.
+        Dial::Level(level) => DialDesc::Level(u8::try_from(level).unwrap_or(u8::MAX)),
+        Dial::BudgetMs(ms) => DialDesc::BudgetMs(positive("budget_ms", ms)?),
+        Dial::MaxError(error) => DialDesc::MaxError(positive("max_error", error)?),
+    })
+}
+
+fn dial_choice(choice: &Choice) -> v1::DialChoice {
+    let setting = choice.setting.map(|setting| v1::DialSetting {
+        level: u32::from(setting.level),
+        voxel_scale: setting.voxel_scale,
+        relative_tolerance: setting.relative_tolerance,
+        element: setting.element.name().into(),
+        has_finer_regions: setting.finer == FinerRegions::Stated,
+    });
+    let expected = choice.expected.map(|point| v1::DialExpectation {
+        median_ms: point.median_ms,
+        p99_ms: point.p99_ms,
+        displacement_error: point.displacement_rms_error,
+        force_error: point.force_rms_error,
+        hardware: choice.hardware.clone(),
+    });
+    v1::DialChoice { setting, expected }
 }
 
 fn energy_ledger(energy: &EnergyStep) -> v1::EnergyLedger {

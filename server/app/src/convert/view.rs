@@ -88,18 +88,21 @@ fn profile(times: &StepTimes) -> v1::StepProfile {
 }
 
 fn event(happened: &ViewEvent) -> Message {
-    let (kind, tool) = match &happened.event {
-        SceneEvent::Fault(found) => return Message::Fault(fault(found)),
-        SceneEvent::Paused => (v1::EventKind::Paused, 0),
-        SceneEvent::Resumed => (v1::EventKind::Resumed, 0),
-        SceneEvent::Reset => (v1::EventKind::Reset, 0),
-        SceneEvent::Closing => (v1::EventKind::Closing, 0),
-        SceneEvent::Failed => (v1::EventKind::Failed, 0),
-        SceneEvent::Reanchored => (v1::EventKind::Reanchored, 0),
-        SceneEvent::ToolTaken(tool) => (v1::EventKind::ToolTaken, *tool),
-        SceneEvent::ToolReleased(tool) => (v1::EventKind::ToolReleased, *tool),
-    };
-    Message::Event(v1::Event { step: happened.step, kind: kind.into(), tool_id: tool as u32 })
+    let of = |kind: v1::EventKind| v1::Event { step: happened.step, kind: kind.into(), ..v1::Event::default() };
+    Message::Event(match happened.event {
+        SceneEvent::Fault(ref found) => return Message::Fault(fault(found)),
+        SceneEvent::Paused => of(v1::EventKind::Paused),
+        SceneEvent::Resumed => of(v1::EventKind::Resumed),
+        SceneEvent::Reset => of(v1::EventKind::Reset),
+        SceneEvent::Closing => of(v1::EventKind::Closing),
+        SceneEvent::Failed => of(v1::EventKind::Failed),
+        SceneEvent::Reanchored => of(v1::EventKind::Reanchored),
+        SceneEvent::ToolTaken(tool) => v1::Event { tool_id: tool as u32, ..of(v1::EventKind::ToolTaken) },
+        SceneEvent::ToolReleased(tool) => v1::Event { tool_id: tool as u32, ..of(v1::EventKind::ToolReleased) },
+        SceneEvent::ToleranceChanged(relative_tolerance) => {
+            v1::Event { relative_tolerance, ..of(v1::EventKind::ToleranceChanged) }
+        }
+    })
 }
 
 #[cfg(test)]

@@ -103,6 +103,7 @@ pub fn outgoing(
         reader: Some(ReaderTask(tokio::spawn(reader.run()))),
         ready: VecDeque::from([hello]),
         faults: 0,
+        relative_tolerance: None,
     };
     Box::pin(stream::unfold(half, |mut half| async move {
         let next = half.next().await?;
@@ -129,6 +130,8 @@ struct OutgoingHalf {
     /// Messages of one report; the next one is looked at when they are gone.
     ready: VecDeque<v1::Down>,
     faults: u64,
+    /// The tolerance that was told, the first report's before that.
+    relative_tolerance: Option<f64>,
     /// Per claimed tool: jumps that were told.
     jumps: Vec<u64>,
     /// Per claimed tool: the newest pose that was told of.
@@ -196,6 +199,10 @@ impl OutgoingHalf {
             if let Some(found) = &report.last_fault {
                 self.say(Message::Fault(fault(found)));
             }
+        }
+        let now = report.relative_tolerance;
+        if self.relative_tolerance.replace(now).is_some_and(|told| told != now) {
+            self.say(Message::ToleranceChanged(v1::ToleranceChanged { step: report.step, relative_tolerance: now }));
         }
         let driver = Arc::clone(&self.driver);
         let echo = |tool: usize| report.tools.get(tool)?.echo.filter(|echo| echo.driver == driver.id());

@@ -10,7 +10,7 @@ use tonic::{Request, Response, Status};
 
 use super::in_time;
 use crate::config::ServerConfig;
-use crate::convert::scene::{session_description, session_info};
+use crate::convert::scene::{dial, session_description, session_info};
 use crate::recording;
 use crate::scene_source;
 use crate::status::RequestError;
@@ -67,7 +67,7 @@ impl v1::session_service_server::SessionService for SessionService {
             Wanted::SceneName(name) => scene_source::by_name(&name),
             Wanted::SceneToml(text) => scene_source::from_text(&text, self.config.transport.max_scene_bytes),
         }?;
-        let options = SessionOptions { start_paused: request.start_paused };
+        let options = SessionOptions { start_paused: request.start_paused, dial: request.dial.map(dial).transpose()? };
         let session = in_time(self.limit_s(), self.registry.create(scene, options)).await?;
         let session = Some(self.describe(&session).await?);
         Ok(Response::new(v1::CreateSessionResponse { session }))

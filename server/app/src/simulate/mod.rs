@@ -12,10 +12,12 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
-use kerf_physics::{Scene, StepInputs, ToolInput, Workers, World};
+use kerf_physics::scene::DialDesc;
+use kerf_physics::{Scene, Workers, World};
 use kerf_replica::glb;
-use kerf_session::catalog;
 use kerf_session::clock::MonotonicClock;
+use kerf_session::dial::Fronts;
+use kerf_session::{LoggedInputs, catalog};
 
 use crate::recording::Recording;
 use script::Script;
@@ -38,14 +40,17 @@ pub struct Options {
     pub script: Option<PathBuf>,
     /// Inputs of a session that a server with `record_dir` has recorded: the same steps once more, on the
     /// scene the session was of.
-    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["script", "duration", "level", "rate", "quasi_static"])]
+    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["script", "duration", "DialOptions", "rate", "quasi_static"])]
     pub replay: Option<PathBuf>,
     /// Simulated time, s. Default: the script's length and 0.2 s.
     #[arg(long, value_name = "S", conflicts_with = "quasi_static")]
     pub duration: Option<f64>,
-    /// Level of every object instead of the scene's: elements of 2^LEVEL voxels a side.
-    #[arg(long)]
-    pub level: Option<u8>,
+    /// What the dial is set to, instead of what the scene asks.
+    #[command(flatten)]
+    pub dial: DialOptions,
+    /// Folder of measured fronts that go before those that come with the program.
+    #[arg(long, value_name = "DIR")]
+    pub fronts: Option<PathBuf>,
     /// Steps per simulated second instead of the scene's.
     #[arg(long, value_name = "HZ")]
     pub rate: Option<f64>,
@@ -58,6 +63,28 @@ pub struct Options {
     /// Folder for tool.csv, energy.csv, probes.csv, profile.csv, surface.glb and summary.json.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
+}
+
+/// What a run asks of the dial from fast to exact.
+#[derive(Args, Clone, Debug, Default)]
+#[group(multiple = false)]
+pub struct DialOptions {
+    /// Level of every object instead of the scene's: elements of 2^LEVEL voxels a side.
+    #[arg(long)]
+    pub level: Option<u8>,
+    /// The most exact measured setting whose steps take at most this long in the median, ms.
+    #[arg(long, value_name = "MS")]
+    pub budget_ms: Option<f64>,
+    /// The cheapest measured setting that errs by at most this, relative to the reference solution.
+    #[arg(long, value_name = "ERROR")]
+    pub max_error: Option<f64>,
+}
+
+impl DialOptions {
+    fn asked(&self) -> Option<DialDesc> {
+        let level = self.level.map(DialDesc::Level);
+        level.or(self.budget_ms.map(DialDesc::BudgetMs)).or(self.max_error.map(DialDesc::MaxError))
+    }
 }
 
 /// Runs a scene and writes its files.
@@ -87,7 +114,7 @@ pub fn run(options: &Options) -> Result<()> {
         let (rate_hz, steps) = (scene.desc.rate_hz, (duration_s * scene.desc.rate_hz).round());
         ensure!((1.0..=MAX_STEPS).contains(&steps), "{duration_s} s make {steps} steps, not 1 to {MAX_STEPS}");
         let steps = steps as u64;
-        let inputs = (1..=steps).map(|index| script.advance(index as f64 / rate_hz));
+        let inputs = (1..=steps).map(|index| script.advance(index as f64 / rate_hz).into());
         step(&mut world, &workers, inputs, tables, steps)?
     };
     let summary = Summary {
@@ -110,13 +137,16 @@ pub fn run(options: &Options) -> Result<()> {
 /// The scene with what the options change in it.
 fn load(options: &Options) -> Result<Scene> {
     let mut scene = catalog::load(&options.scene)?;
-    for object in &mut scene.desc.objects {
-        object.level = options.level.unwrap_or(object.level);
-        object.finer.retain(|finer| finer.level < object.level);
-    }
     scene.desc.rate_hz = options.rate.unwrap_or(scene.desc.rate_hz);
+    let fronts = match &options.fronts {
+        Some(folder) => Fronts::builtin().with_folder(folder).context("--fronts")?,
+        None => Fronts::builtin(),
+    };
+    if let Some(choice) = fronts.settle(&mut scene, options.dial.asked())? {
+        eprintln!("{choice}");
+    }
     match scene.problems().into_iter().next() {
-        Some(problem) => Err(problem).context("with --level and --rate applied"),
+        Some(problem) => Err(problem).context("with --rate applied"),
         None => Ok(scene),
     }
 }
@@ -131,7 +161,7 @@ fn read_script(options: &Options, scene: &Scene) -> Result<Script> {
 fn step(
     world: &mut World,
     workers: &Workers<'_>,
-    inputs: impl Iterator<Item = Vec<ToolInput>>,
+    inputs: impl Iterator<Item = LoggedInputs>,
     mut tables: Tables,
     steps: u64,
 ) -> Result<Summary> {
@@ -141,8 +171,8 @@ fn step(
             .expect("the template is sound"),
     );
     let mut tally = Tally::default();
-    for tools in inputs {
-        let output = world.step(workers, &clock, &StepInputs { tools: &tools });
+    for inputs in inputs {
+        let output = world.step(workers, &clock, &inputs.as_inputs());
         if let Some(fault) = &output.fault {
             // Not `println` of the bar: that says nothing where there is no terminal.
             progress.suspend(|| eprintln!("step {}: {:?} in {}, rolled back", fault.step, fault.what, fault.object));

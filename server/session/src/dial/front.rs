@@ -114,10 +114,10 @@ impl Front {
         Self { notes: notes.map(|(key, value)| (key.to_owned(), value)).into(), points: Vec::new() }
     }
 
-    /// Whether it was measured for a scene, whatever the scene's own setting.
+    /// Fingerprint of the scene it was measured for, if it tells it.
     #[must_use]
-    pub fn is_of(&self, scene: &Scene) -> bool {
-        self.notes.get("fingerprint") == Some(&format!("{:016x}", fingerprint(scene)))
+    pub fn fingerprint(&self) -> Option<u64> {
+        u64::from_str_radix(self.notes.get("fingerprint")?, 16).ok()
     }
 
     /// Reads a front's file.
@@ -218,9 +218,9 @@ mod tests {
         let mut scene = catalog::builtin("liver").unwrap();
         let front = Front::of(&scene);
         point(1.0, 0.1).setting().apply(&mut scene.desc);
-        assert!(front.is_of(&scene));
+        assert_eq!(front.fingerprint(), Some(fingerprint(&scene)));
         scene.desc.objects[0].material.young_modulus_pa *= 1.5;
-        assert!(!front.is_of(&scene));
+        assert_ne!(front.fingerprint(), Some(fingerprint(&scene)));
     }
 
     #[test]

@@ -34,6 +34,21 @@ pub struct Setting {
 }
 
 impl Setting {
+    /// The setting that a scene states, where all its objects state the same; `None` where they differ.
+    #[must_use]
+    pub fn of(desc: &SceneDesc) -> Option<Self> {
+        let [first, others @ ..] = desc.objects.as_slice() else { return None };
+        let agree = others.iter().all(|object| object.level == first.level && object.element == first.element);
+        agree.then_some(Self {
+            level: first.level,
+            voxel_scale: 1.0,
+            rate_hz: desc.rate_hz,
+            relative_tolerance: desc.solver.relative_tolerance,
+            element: first.element,
+            finer: if states_finer(desc) { FinerRegions::Stated } else { FinerRegions::LeftOut },
+        })
+    }
+
     /// Changes a scene as the setting says. Whether it is supported is for [`Scene::problems`] to say.
     pub fn apply(&self, desc: &mut SceneDesc) {
         desc.rate_hz = self.rate_hz;
@@ -49,6 +64,12 @@ impl Setting {
     }
 }
 
+/// Whether some object states finer regions.
+#[must_use]
+pub fn states_finer(desc: &SceneDesc) -> bool {
+    desc.objects.iter().any(|object| !object.finer.is_empty())
+}
+
 /// Hash of what the dial leaves as it is in a scene: scenes of one fingerprint have one front.
 #[must_use]
 pub fn fingerprint(scene: &Scene) -> u64 {
@@ -56,6 +77,7 @@ pub fn fingerprint(scene: &Scene) -> u64 {
     desc.description.clear();
     desc.rate_hz = 0.0;
     desc.solver = SolverDesc::default();
+    (desc.dial, desc.governor) = (None, None);
     for object in &mut desc.objects {
         object.level = default_level();
         object.element = ElementKind::default();

@@ -1,0 +1,290 @@
+//! Settles what a scene or a session asks of the dial.
+
+use std::fmt;
+use std::path::Path;
+
+use kerf_physics::scene::{DialDesc, SceneDesc};
+use kerf_physics::{Scene, SceneError};
+
+use super::front::{Front, FrontError, FrontPoint};
+use super::setting::{FinerRegions, Setting, fingerprint, states_finer};
+
+/// Measured fronts, one per scene; of several for one scene the first holds.
+#[derive(Clone, Debug, Default)]
+pub struct Fronts(Vec<Front>);
+
+/// What the dial was set to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Choice {
+    /// What was asked for.
+    pub asked: DialDesc,
+    /// What the scene was set to; `None` where its objects differ.
+    pub setting: Option<Setting>,
+    /// What the setting was measured to cost and to err; `None` where it was not measured.
+    pub expected: Option<FrontPoint>,
+    /// Where it was measured.
+    pub hardware: String,
+}
+
+impl fmt::Display for Choice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.setting {
+            Some(s) => write!(
+                f,
+                "{:?}: level {}, voxels x {}, {} Hz, tolerance {:e}, elements {:?}, finer regions {:?}; ",
+                self.asked, s.level, s.voxel_scale, s.rate_hz, s.relative_tolerance, s.element, s.finer
+            )?,
+            None => write!(f, "{:?}: objects of several settings; ", self.asked)?,
+        }
+        let Some(point) = &self.expected else { return write!(f, "not measured for this scene") };
+        let keeps_up = if point.load() > 1.0 { "slower than real time" } else { "in real time" };
+        write!(
+            f,
+            "expected: {:.3} ms a step in the median, p99 {:.3} ms, {keeps_up}, error {:.2} % (measured on {})",
+            point.median_ms,
+            point.p99_ms,
+            100.0 * point.error(),
+            self.hardware
+        )
+    }
+}
+
+/// Why the dial cannot be set as asked.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum DialError {
+    /// Nothing was measured for the scene.
+    #[error("dial: no front was measured for scene `{scene}`; `kerf-server tradeoff` measures one")]
+    NoFront {
+        /// The scene.
+        scene: String,
+    },
+    /// Nothing was measured at the scene's rate, which the dial leaves alone: hands are served at it.
+    #[error("dial: nothing was measured at rate_hz = {rate_hz}; measured are {measured}")]
+    Rate {
+        /// The scene's.
+        rate_hz: f64,
+        /// Those that were, as a list.
+        measured: String,
+    },
+    /// No measured setting is as cheap or as exact.
+    #[error("dial.{field} = {value}: no measured setting reaches it; the nearest that can be had is {nearest:.4}")]
+    Infeasible {
+        /// `budget_ms` or `max_error`.
+        field: &'static str,
+        /// What was asked for.
+        value: f64,
+        /// The least value that would have been granted.
+        nearest: f64,
+    },
+    /// The scene does not allow the setting.
+    #[error("dial: {0}")]
+    Scene(#[from] SceneError),
+}
+
+/// Largest file of a front, bytes: some hundred thousand settings.
+const MAX_FRONT_BYTES: u64 = 16 << 20;
+
+impl Fronts {
+    /// The fronts of the built-in scenes.
+    ///
+    /// # Panics
+    /// Never: a test reads them.
+    #[must_use]
+    pub fn builtin() -> Self {
+        let liver = Front::parse("liver.csv", include_str!("../../fronts/liver.csv"));
+        Self(vec![liver.expect("it comes with the program")])
+    }
+
+    /// These fronts with those of a folder's `*.csv` before them.
+    ///
+    /// # Errors
+    /// The folder or the first file that cannot be read.
+    pub fn with_folder(mut self, folder: &Path) -> Result<Self, FrontError> {
+        let failed =
+            |path: &Path, e: std::io::Error| FrontError { file: path.display().to_string(), message: e.to_string() };
+        let entries = std::fs::read_dir(folder).map_err(|e| failed(folder, e))?;
+        let mut paths = Vec::new();
+        for entry in entries {
+            paths.push(entry.map_err(|e| failed(folder, e))?.path());
+        }
+        paths.retain(|path| path.extension().is_some_and(|extension| extension == "csv"));
+        paths.sort();
+        for (index, path) in paths.iter().enumerate() {
+            let bytes = std::fs::metadata(path).map_err(|e| failed(path, e))?.len();
+            if bytes > MAX_FRONT_BYTES {
+                let message = format!("{bytes} bytes are more than the limit of {MAX_FRONT_BYTES}");
+                return Err(FrontError { file: path.display().to_string(), message });
+            }
+            let text = std::fs::read_to_string(path).map_err(|e| failed(path, e))?;
+            self.0.insert(index, Front::parse(&path.display().to_string(), &text)?);
+        }
+        Ok(self)
+    }
+
+    /// The front of a scene, whatever the scene's own setting.
+    #[must_use]
+    pub fn of(&self, scene: &Scene) -> Option<&Front> {
+        let wanted = fingerprint(scene);
+        self.0.iter().find(|front| front.fingerprint() == Some(wanted))
+    }
+
+    /// Sets a scene to what it asks of the dial or, before that, to what is `asked` for it. `None`: nobody
+    /// asks for anything, and the scene stays as it is.
+    ///
+    /// # Errors
+    /// See [`DialError`].
+    pub fn settle(&self, scene: &mut Scene, asked: Option<DialDesc>) -> Result<Option<Choice>, DialError> {
+        let wish = scene.desc.dial.take();
+        let Some(asked) = asked.or(wish) else { return Ok(None) };
+        let front = self.of(scene);
+        let expected = match asked {
+            DialDesc::Level(level) => {
+                set_level(&mut scene.desc, level);
+                let stated = Setting::of(&scene.desc);
+                front.and_then(|front| front.points.iter().find(|point| Some(point.setting()) == stated))
+            }
+            DialDesc::BudgetMs(value) => {
+                let wish =
+                    Wish { field: "budget_ms", value, bounded: |point| point.median_ms, least: FrontPoint::error };
+                Some(wish.choose(front, &scene.desc)?)
+            }
+            DialDesc::MaxError(value) => {
+                let wish =
+                    Wish { field: "max_error", value, bounded: FrontPoint::error, least: |point| point.median_ms };
+                Some(wish.choose(front, &scene.desc)?)
+            }
+        };
+        if let Some(point) = expected {
+            point.setting().apply(&mut scene.desc);
+        }
+        let setting = expected.map(FrontPoint::setting).or_else(|| Setting::of(&scene.desc));
+        scene.problems().into_iter().next().map_or(Ok(()), Err)?;
+        let hardware = front.and_then(|front| front.notes.get("hardware")).cloned().unwrap_or_default();
+        Ok(Some(Choice { asked, setting, expected: expected.copied(), hardware }))
+    }
+}
+
+fn set_level(desc: &mut SceneDesc, level: u8) {
+    for object in &mut desc.objects {
+        object.level = level;
+        object.finer.retain(|finer| finer.level < level);
+    }
+}
+
+/// What is asked of a measured setting: one measure is bounded, of what fits the other decides.
+struct Wish {
+    field: &'static str,
+    value: f64,
+    bounded: fn(&FrontPoint) -> f64,
+    least: fn(&FrontPoint) -> f64,
+}
+
+impl Wish {
+    /// The point of a scene's front that the wish leads to, among those at the scene's rate.
+    fn choose<'a>(&self, front: Option<&'a Front>, desc: &SceneDesc) -> Result<&'a FrontPoint, DialError> {
+        let front = front.ok_or_else(|| DialError::NoFront { scene: desc.name.clone() })?;
+        let applies = |point: &&FrontPoint| point.finer == FinerRegions::LeftOut || states_finer(desc);
+        let at_rate = || front.points.iter().filter(applies).filter(|point| point.rate_hz == desc.rate_hz);
+        let nearest = at_rate().map(self.bounded).min_by(f64::total_cmp).ok_or_else(|| {
+            let mut rates: Vec<f64> = front.points.iter().map(|point| point.rate_hz).collect();
+            rates.sort_by(f64::total_cmp);
+            rates.dedup();
+            let measured = rates.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
+            DialError::Rate { rate_hz: desc.rate_hz, measured }
+        })?;
+        let by = |a: &&FrontPoint, b: &&FrontPoint| {
+            let [a, b] = [a, b].map(|point| [(self.least)(point), (self.bounded)(point)]);
+            a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]))
+        };
+        let feasible = at_rate().filter(|point| (self.bounded)(point) <= self.value);
+        feasible.min_by(by).ok_or(DialError::Infeasible { field: self.field, value: self.value, nearest })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::catalog;
+
+    fn fronts(scene: &Scene, points: &[(u8, f64, f64)]) -> Fronts {
+        let point = |&(level, median_ms, error): &(u8, f64, f64)| FrontPoint {
+            level,
+            voxel_scale: 1.0,
+            rate_hz: 1000.0,
+            relative_tolerance: 1e-3,
+            element: kerf_physics::scene::ElementKind::ByContent,
+            finer: FinerRegions::LeftOut,
+            elements: 1,
+            displacement_rms_error: error,
+            displacement_max_error: 0.0,
+            force_rms_error: 0.0,
+            cut_depth_error: 0.0,
+            cut_area_error: 0.0,
+            energy_residual: 0.0,
+            median_ms,
+            p99_ms: 2.0 * median_ms,
+            memory_mib: 1.0,
+        };
+        Fronts(vec![Front { points: points.iter().map(point).collect(), ..Front::of(scene) }])
+    }
+
+    fn liver() -> (Scene, Fronts) {
+        let scene = catalog::builtin("liver").unwrap();
+        let fronts = fronts(&scene, &[(0, 20.0, 0.01), (1, 4.0, 0.02), (2, 1.0, 0.05), (3, 0.5, 0.2), (4, 0.6, 0.3)]);
+        (scene, fronts)
+    }
+
+    fn level_for(asked: DialDesc) -> Result<u8, DialError> {
+        let (mut scene, fronts) = liver();
+        let choice = fronts.settle(&mut scene, Some(asked))?.unwrap();
+        assert_eq!(choice.setting.unwrap().level, scene.desc.objects[0].level);
+        Ok(scene.desc.objects[0].level)
+    }
+
+    #[test]
+    fn a_budget_buys_the_most_exact_setting_and_an_error_the_cheapest() {
+        assert_eq!(level_for(DialDesc::BudgetMs(4.0)), Ok(1));
+        assert_eq!(level_for(DialDesc::BudgetMs(0.9)), Ok(3));
+        assert_eq!(level_for(DialDesc::MaxError(0.05)), Ok(2));
+        assert_eq!(level_for(DialDesc::MaxError(1.0)), Ok(3));
+        assert_eq!(level_for(DialDesc::Level(1)), Ok(1));
+    }
+
+    #[test]
+    fn what_cannot_be_had_is_refused_with_the_nearest_that_can() {
+        let refused = |asked| level_for(asked).unwrap_err().to_string();
+        assert!(
+            refused(DialDesc::BudgetMs(0.1)).contains("budget_ms = 0.1")
+                && refused(DialDesc::BudgetMs(0.1)).contains("0.5000")
+        );
+        assert!(refused(DialDesc::MaxError(1e-3)).contains("0.0100"));
+    }
+
+    #[test]
+    fn a_scene_asks_and_a_session_has_the_last_word() {
+        let (mut scene, fronts) = liver();
+        scene.desc.dial = Some(DialDesc::Level(0));
+        let choice = fronts.settle(&mut scene, Some(DialDesc::Level(3))).unwrap().unwrap();
+        assert_eq!((choice.asked, scene.desc.objects[0].level, scene.desc.dial), (DialDesc::Level(3), 3, None));
+        assert!(choice.to_string().contains("level 3") && choice.to_string().contains("20.00 %"), "{choice}");
+        assert_eq!(fronts.settle(&mut scene, None), Ok(None));
+    }
+
+    #[test]
+    fn without_a_front_a_level_can_be_had_and_an_error_cannot() {
+        let mut scene = catalog::builtin("jelly").unwrap();
+        let (_, fronts) = liver();
+        let error = fronts.settle(&mut scene.clone(), Some(DialDesc::MaxError(0.1))).unwrap_err();
+        assert_eq!(error, DialError::NoFront { scene: "jelly".into() });
+        let choice = fronts.settle(&mut scene, Some(DialDesc::Level(1))).unwrap().unwrap();
+        assert_eq!((choice.setting.unwrap().level, choice.expected), (1, None));
+    }
+
+    #[test]
+    fn the_rate_is_not_the_dials_to_change() {
+        let (mut scene, fronts) = liver();
+        scene.desc.rate_hz = 500.0;
+        let error = fronts.settle(&mut scene, Some(DialDesc::BudgetMs(4.0))).unwrap_err();
+        assert_eq!(error, DialError::Rate { rate_hz: 500.0, measured: "1000".into() });
+    }
+}
