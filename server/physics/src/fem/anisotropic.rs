@@ -4,7 +4,7 @@
 //! incompatible modes are the same: for an isotropic material this is the element of
 //! [`super::composite`].
 
-use super::composite::{CompositeTables, DOFS, ElementMatrices, Field, MODES, Matrix24, Sums};
+use super::composite::{CompositeTables, DOFS, ElementMatrices, Field, MODES, Matrix24, Sums, measured_share};
 use super::material::Elastic;
 use nalgebra::{Matrix6, Vector6};
 
@@ -29,37 +29,30 @@ impl CompositeTables {
     /// `moduli`; their own materials say how heavy they are.
     #[must_use]
     pub fn assemble_uniform(&self, voxels: &[(usize, Elastic)], moduli: &Moduli) -> ElementMatrices {
-        let unit = |mu_pa: f64, lambda_pa: f64| -> Vec<_> {
-            voxels.iter().map(|&(at, own)| (at, Elastic { mu_pa, lambda_pa, ..own })).collect()
-        };
-        let mut sums = Sums::over(self, &unit(1.0, 0.0));
-        let volumetric = Sums::over(self, &unit(0.0, 1.0));
-        let lambda = volumetric_share_pa(moduli);
+        let lambda_pa = volumetric_share_pa(moduli);
+        let unit: Vec<_> = voxels.iter().map(|&(at, own)| (at, Elastic { mu_pa: 1.0, lambda_pa, ..own })).collect();
+        let shear_pa = (3..6).map(|i| moduli[(i, i)]).sum::<f64>() / 3.0;
+        let mut sums = Sums::over(self, &unit);
+        // The sums took the unit modulus for the material's.
+        let measured = measured_share(shear_pa, lambda_pa) / measured_share(1.0, lambda_pa);
+        sums.volumetric_measured.as_flattened_mut().iter_mut().for_each(|k| *k *= measured);
         let mut rest = *moduli;
-        rest.fixed_view_mut::<3, 3>(0, 0).add_scalar_mut(-lambda);
+        rest.fixed_view_mut::<3, 3>(0, 0).add_scalar_mut(-lambda_pa);
         contract(&mut sums, &rest);
-        for row in 0..DOFS {
-            (0..DOFS).for_each(|i| sums.galerkin[row][i] += lambda * volumetric.galerkin[row][i]);
-            (0..MODES).for_each(|m| sums.coupling[row][m] += lambda * volumetric.coupling[row][m]);
-        }
-        for row in 0..MODES {
-            (0..MODES).for_each(|m| sums.modes[row][m] += lambda * volumetric.modes[row][m]);
-        }
-        let shear = (3..6).map(|i| moduli[(i, i)]).sum::<f64>() / 3.0;
-        self.matrices(sums, Field::IncompatibleModes, shear)
+        self.matrices(sums, Field::IncompatibleModes, shear_pa)
     }
 }
 
-/// Replaces sums for a shear modulus of 1 by those for `moduli`: `sum_pq c_ipkq int A_p B_q` for gradients
+/// Replaces the shear's sums, for a modulus of 1, by those for `moduli`: `sum_pq c_ipkq int A_p B_q` for gradients
 /// `e_i (x) A` and `e_k (x) B`.
 fn contract(sums: &mut Sums, moduli: &Moduli) {
     let c = |i: usize, p: usize, k: usize, q: usize| moduli[(VOIGT[i][p], VOIGT[k][q])];
-    let galerkin = std::mem::replace(&mut sums.galerkin, Box::new([[0.0; DOFS]; DOFS]));
+    let unit_shear = std::mem::replace(&mut sums.shear, Box::new([[0.0; DOFS]; DOFS]));
     for a in 0..8 {
         for b in 0..8 {
-            let product = gradient_product(&galerkin, a, b);
+            let product = gradient_product(&unit_shear, a, b);
             for (i, k) in pairs() {
-                sums.galerkin[3 * a + i][3 * b + k] = pairs().map(|(p, q)| c(i, p, k, q) * product[p][q]).sum();
+                sums.shear[3 * a + i][3 * b + k] = pairs().map(|(p, q)| c(i, p, k, q) * product[p][q]).sum();
             }
         }
         // A shear modulus of 1 couples the corner's component i with mode (j, i') by delta_ii' int A_j s_j
@@ -117,7 +110,7 @@ mod tests {
                 let found = tables.assemble_uniform(&voxels, &isotropic(&elastic));
                 let largest = expected.stiffness.as_flattened().iter().fold(0.0, |m: f64, k| m.max(k.abs()));
                 for (found, expected) in
-                    [(&found.stiffness, &expected.stiffness), (&found.stiffness_galerkin, &expected.stiffness_galerkin)]
+                    [(&found.stiffness, &expected.stiffness), (&found.stiffness_measured, &expected.stiffness_measured)]
                 {
                     for (found, expected) in found.as_flattened().iter().zip(expected.as_flattened()) {
                         assert!((found - expected).abs() < 1e-11 * largest, "{found} against {expected} N/m");

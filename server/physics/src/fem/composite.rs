@@ -2,9 +2,10 @@
 //!
 //! Element kind IM9+SRI: trilinear displacement plus nine incompatible modes
 //! `P_j = 1 - xi_j^2` per direction, the shear part of the energy integrated fully, the volumetric
-//! part at the voxel centres. From each mode the linear part with the same mean gradient over the
-//! filled voxels is removed, so that a constant strain excites none of them (patch test); then the
-//! 9x9 block is condensed out.
+//! part of the linear function of position that is nearest to the divergence at the voxel centres (its
+//! bilinear terms, which no mode can cancel, would lock a cell of many voxels towards incompressibility).
+//! From each mode the linear part with the same mean gradient over the filled voxels is removed, so that a
+//! constant strain excites none of them (patch test); then the 9x9 block is condensed out.
 
 use super::material::Elastic;
 
@@ -13,9 +14,18 @@ use super::material::Elastic;
 /// and its far nodes shoot away. A cell half filled by a plate gets about 1 % stiffer in bending.
 const HOURGLASS_STIFFNESS: f64 = 1e-3;
 
+/// Poisson's ratio above which strain stiffening no longer measures what little volume changes: near
+/// incompressibility that energy is a thousandfold, and of numerical origin. Under uniaxial stress
+/// `sigma = E eps exp(c eps^2)` holds all the same, since little volume changes.
+pub const MEASURED_POISSON_RATIO: f64 = 0.45;
+
 /// Local degrees of freedom: 8 corners x 3.
 pub const DOFS: usize = 24;
 pub(super) const MODES: usize = 9;
+/// Corners' dofs, then modes.
+const ALL: usize = DOFS + MODES;
+/// Functions that the divergence is projected on: 1 and the three coordinates.
+const LINEAR: usize = 4;
 
 /// A symmetric 24x24 matrix by 3x3 node blocks; row and column are `3 * corner + axis`.
 pub type Matrix24 = [[f64; DOFS]; DOFS];
@@ -25,8 +35,9 @@ pub type Matrix24 = [[f64; DOFS]; DOFS];
 pub struct ElementMatrices {
     /// Stiffness with the incompatible modes condensed, N/m.
     pub stiffness: Box<Matrix24>,
-    /// Stiffness of the trilinear field alone, N/m: what the strain-stiffening law measures.
-    pub stiffness_galerkin: Box<Matrix24>,
+    /// Stiffness of the trilinear field alone, N/m, its bulk no stiffer than at [`MEASURED_POISSON_RATIO`]:
+    /// what the strain-stiffening law measures.
+    pub stiffness_measured: Box<Matrix24>,
     /// Consistent mass between corners, kg; the same for each axis.
     pub mass_kg: [[f64; 8]; 8],
     /// Shape gradients averaged over the filled volume, 1/m: F = sum_a x_a d_a^T.
@@ -48,15 +59,18 @@ pub enum Field {
 #[derive(Clone)]
 struct VoxelTable {
     shear: Box<Matrix24>,
-    /// `int dN_a/dx_b s_j` over the voxel, and the same by its centre point.
+    /// `int div div`.
+    volumetric: Box<Matrix24>,
+    /// `int dN_a/dx_b s_j` over the voxel.
     gradient_mode: [[[f64; 3]; 3]; 8],
-    gradient_mode_centre: [[[f64; 3]; 3]; 8],
     gradient: [[f64; 3]; 8],
     gradient_centre: [[f64; 3]; 8],
-    /// `int s_j s_l`, by full and by centre-point integration; `int s_j` is the same in both.
+    /// `int s_j s_l`, and `int s_j`, which is its value at the centre times the volume.
     mode_mode: [[f64; 3]; 3],
     mode: [f64; 3],
     mass: [[f64; 8]; 8],
+    /// The linear functions at the centre.
+    linear_centre: [f64; LINEAR],
 }
 
 /// Integrals for each voxel position of a cell of one level.
@@ -130,17 +144,16 @@ impl CompositeTables {
 
     /// Eliminates the modes of `field` and stiffens what the voxels hardly feel.
     pub(super) fn matrices(&self, sums: Sums, field: Field, shear_modulus_pa: f64) -> ElementMatrices {
-        let stiffness_galerkin = sums.galerkin;
         let mut stiffness = match field {
-            Field::Trilinear => stiffness_galerkin.clone(),
-            Field::IncompatibleModes => condense(&stiffness_galerkin, &sums.coupling, sums.modes),
+            Field::Trilinear => sum(&sums.shear, &sums.volumetric),
+            Field::IncompatibleModes => sums.condensed(),
         };
         let fill = sums.voxels as f64 / self.voxels.len() as f64;
         let edge = self.voxel_volume_m3.cbrt() * f64::from(1u32 << self.exponent);
         stiffen_hourglass(&mut stiffness, HOURGLASS_STIFFNESS * (1.0 - fill) * shear_modulus_pa * edge);
         ElementMatrices {
             stiffness,
-            stiffness_galerkin,
+            stiffness_measured: sum(&sums.shear, &sums.volumetric_measured),
             mass_kg: sums.mass,
             mean_gradient: sums.gradient.map(|g| g.map(|x| x / sums.volume)),
             volume_m3: sums.volume,
@@ -152,13 +165,14 @@ fn voxel_table(at: [usize; 3], k: usize, h: f64) -> VoxelTable {
     let edge = h * k as f64;
     let mut table = VoxelTable {
         shear: Box::new([[0.0; DOFS]; DOFS]),
+        volumetric: Box::new([[0.0; DOFS]; DOFS]),
         gradient_mode: [[[0.0; 3]; 3]; 8],
-        gradient_mode_centre: [[[0.0; 3]; 3]; 8],
         gradient: [[0.0; 3]; 8],
         gradient_centre: [[0.0; 3]; 8],
         mode_mode: [[0.0; 3]; 3],
         mode: [0.0; 3],
         mass: [[0.0; 8]; 8],
+        linear_centre: [1.0; LINEAR],
     };
     let point = |offset: [f64; 3]| std::array::from_fn(|a| (at[a] as f64 + offset[a]) / k as f64);
     // dP_j/dx_j at local coordinate t in 0..=1: xi = 2t - 1, dP/dx = -2 xi * 2 / edge.
@@ -170,12 +184,8 @@ fn voxel_table(at: [usize; 3], k: usize, h: f64) -> VoxelTable {
     }
     let centre = point([0.5; 3]);
     let gradient = shape_gradients(centre).map(|g| g.map(|x| x / edge));
-    for a in 0..8 {
-        table.gradient_centre[a] = gradient[a];
-        for b in 0..3 {
-            table.gradient_mode_centre[a][b] = centre.map(|t| gradient[a][b] * mode(t));
-        }
-    }
+    table.gradient_centre = gradient;
+    (0..3).for_each(|a| table.linear_centre[1 + a] = 2.0 * centre[a] - 1.0);
     table
 }
 
@@ -190,6 +200,7 @@ fn accumulate(table: &mut VoxelTable, local: [f64; 3], weight: f64, edge: f64, s
                 table.shear[3 * a + i][3 * b + i] += weight * dot;
                 for j in 0..3 {
                     table.shear[3 * a + i][3 * b + j] += weight * grad[a][j] * grad[b][i];
+                    table.volumetric[3 * a + i][3 * b + j] += weight * grad[a][i] * grad[b][j];
                 }
             }
         }
@@ -210,10 +221,19 @@ fn accumulate(table: &mut VoxelTable, local: [f64; 3], weight: f64, edge: f64, s
 
 /// Sums over the voxels of one element.
 pub(super) struct Sums {
-    pub(super) galerkin: Box<Matrix24>,
-    /// Between corners and modes; mode (j, c), `P_j` in direction c, is `3 j + c`.
+    /// Of the corners, without the volumetric part.
+    pub(super) shear: Box<Matrix24>,
+    /// Between corners and modes, likewise; mode (j, c), `P_j` in direction c, is `3 j + c`.
     pub(super) coupling: Box<[[f64; MODES]; DOFS]>,
     pub(super) modes: [[f64; MODES]; MODES],
+    /// The volumetric part of the corners, voxel by voxel.
+    volumetric: Box<Matrix24>,
+    /// The same as far as strain stiffening measures it, integrated fully: a corner that is pushed in must
+    /// not go unnoticed by the centre of a lone voxel.
+    pub(super) volumetric_measured: Box<Matrix24>,
+    /// `sum lambda V p div` of every dof, and `sum lambda V p p^T`, p the linear functions.
+    divergence: Box<[[f64; ALL]; LINEAR]>,
+    moments: [[f64; LINEAR]; LINEAR],
     mass: [[f64; 8]; 8],
     gradient: [[f64; 3]; 8],
     voxels: usize,
@@ -223,7 +243,11 @@ pub(super) struct Sums {
 impl Sums {
     pub(super) fn over(tables: &CompositeTables, voxels: &[(usize, Elastic)]) -> Self {
         let mut sums = Self {
-            galerkin: Box::new([[0.0; DOFS]; DOFS]),
+            shear: Box::new([[0.0; DOFS]; DOFS]),
+            volumetric: Box::new([[0.0; DOFS]; DOFS]),
+            volumetric_measured: Box::new([[0.0; DOFS]; DOFS]),
+            divergence: Box::new([[0.0; ALL]; LINEAR]),
+            moments: [[0.0; LINEAR]; LINEAR],
             coupling: Box::new([[0.0; MODES]; DOFS]),
             modes: [[0.0; MODES]; MODES],
             mass: [[0.0; 8]; 8],
@@ -246,12 +270,14 @@ impl Sums {
     }
 
     fn add(&mut self, table: &VoxelTable, material: &Elastic, mean: [f64; 3], volume: f64) {
-        let (mu, lambda_v) = (material.mu_pa, material.lambda_pa * volume);
+        let (mu, lambda) = (material.mu_pa, material.lambda_pa);
+        let measured = lambda * measured_share(mu, lambda);
+        let divergence = table.gradient_centre.as_flattened();
         for row in 0..DOFS {
-            let divergence = table.gradient_centre[row / 3][row % 3];
             for column in 0..DOFS {
-                self.galerkin[row][column] += mu * table.shear[row][column]
-                    + lambda_v * divergence * table.gradient_centre[column / 3][column % 3];
+                self.shear[row][column] += mu * table.shear[row][column];
+                self.volumetric[row][column] += lambda * volume * divergence[row] * divergence[column];
+                self.volumetric_measured[row][column] += measured * table.volumetric[row][column];
             }
         }
         for a in 0..8 {
@@ -260,18 +286,18 @@ impl Sums {
             }
             for i in 0..3 {
                 self.gradient[a][i] += table.gradient[a][i];
-                self.add_coupling(table, a, i, mu, lambda_v, mean);
+                self.add_coupling(table, a, i, mu, mean);
             }
         }
-        self.add_modes(table, mu, lambda_v, mean, volume);
+        self.add_modes(table, mu, mean, volume);
+        self.add_divergence(table, lambda * volume, mean, volume);
     }
 
     /// Couples the trilinear dof (a, i), gradient `e_i (x) grad N_a`, with mode (j, c), gradient
-    /// `e_c (x) e_j (s_j - mean_j)`: 2 mu sym:sym = mu (A:B + A:B^T), and lambda div div.
-    fn add_coupling(&mut self, table: &VoxelTable, a: usize, i: usize, mu: f64, lambda_v: f64, mean: [f64; 3]) {
+    /// `e_c (x) e_j (s_j - mean_j)`: 2 mu sym:sym = mu (A:B + A:B^T).
+    fn add_coupling(&mut self, table: &VoxelTable, a: usize, i: usize, mu: f64, mean: [f64; 3]) {
         for j in 0..3 {
             let full = |b: usize| table.gradient_mode[a][b][j] - mean[j] * table.gradient[a][b];
-            let centre = table.gradient_mode_centre[a][i][j] - mean[j] * table.gradient_centre[a][i];
             for c in 0..3 {
                 let mut value = 0.0;
                 if i == c {
@@ -280,17 +306,12 @@ impl Sums {
                 if i == j {
                     value += mu * full(c);
                 }
-                if j == c {
-                    value += lambda_v * centre;
-                }
                 self.coupling[3 * a + i][3 * j + c] += value;
             }
         }
     }
 
-    fn add_modes(&mut self, table: &VoxelTable, mu: f64, lambda_v: f64, mean: [f64; 3], volume: f64) {
-        // s_j is linear, so its value at the voxel's centre is its mean over the voxel.
-        let centre: [f64; 3] = std::array::from_fn(|j| table.mode[j] / volume - mean[j]);
+    fn add_modes(&mut self, table: &VoxelTable, mu: f64, mean: [f64; 3], volume: f64) {
         for j in 0..3 {
             for l in 0..3 {
                 let full = table.mode_mode[j][l] - mean[j] * table.mode[l] - mean[l] * table.mode[j]
@@ -304,9 +325,6 @@ impl Sums {
                         if c == l && j == d {
                             value += mu * full;
                         }
-                        if j == c && l == d {
-                            value += lambda_v * centre[j] * centre[l];
-                        }
                         self.modes[3 * j + c][3 * l + d] += value;
                     }
                 }
@@ -315,9 +333,67 @@ impl Sums {
     }
 }
 
+impl Sums {
+    /// Adds a voxel to what the divergence is projected by, `lambda_v` its first Lame parameter times its
+    /// volume: mode (j, c) has a divergence where j = c.
+    fn add_divergence(&mut self, table: &VoxelTable, lambda_v: f64, mean: [f64; 3], volume: f64) {
+        let mut divergence = [0.0; ALL];
+        divergence[..DOFS].copy_from_slice(table.gradient_centre.as_flattened());
+        (0..3).for_each(|j| divergence[DOFS + 4 * j] = table.mode[j] / volume - mean[j]);
+        for (p, row) in table.linear_centre.iter().zip(&mut *self.divergence) {
+            row.iter_mut().zip(divergence).for_each(|(sum, d)| *sum += lambda_v * p * d);
+        }
+        for (p, row) in table.linear_centre.iter().zip(&mut self.moments) {
+            row.iter_mut().zip(table.linear_centre).for_each(|(sum, q)| *sum += lambda_v * p * q);
+        }
+    }
+
+    /// Stiffness of the corners with the modes condensed, the divergence projected: `D^T M^-1 D` of the
+    /// sums D and M, M eliminated function by function; one that the voxels do not tell from those before
+    /// it is left out.
+    fn condensed(&self) -> Box<Matrix24> {
+        let (mut corners, mut coupling, mut modes) = (self.shear.clone(), self.coupling.clone(), self.modes);
+        let (mut divergence, mut moments) = (self.divergence.clone(), self.moments);
+        let largest = moments[0][0];
+        for m in 0..LINEAR {
+            let (pivot, row) = (moments[m][m], divergence[m]);
+            if pivot <= 1e-10 * largest {
+                continue;
+            }
+            for i in 0..ALL {
+                let factor = row[i] / pivot;
+                let (of_corners, of_modes) = row.split_at(DOFS);
+                match i.checked_sub(DOFS) {
+                    None => {
+                        corners[i].iter_mut().zip(of_corners).for_each(|(k, d)| *k += factor * d);
+                        coupling[i].iter_mut().zip(of_modes).for_each(|(k, d)| *k += factor * d);
+                    }
+                    Some(mode) => modes[mode].iter_mut().zip(of_modes).for_each(|(k, d)| *k += factor * d),
+                }
+            }
+            for other in m + 1..LINEAR {
+                let factor = moments[other][m] / pivot;
+                (0..ALL).for_each(|i| divergence[other][i] -= factor * row[i]);
+                (0..LINEAR).for_each(|n| moments[other][n] -= factor * moments[m][n]);
+            }
+        }
+        condense(&corners, &coupling, modes)
+    }
+}
+
+/// Share of a first Lame parameter that strain stiffening measures: `lambda = 2 mu nu / (1 - 2 nu)`.
+pub(super) fn measured_share(mu_pa: f64, lambda_pa: f64) -> f64 {
+    let most_pa = 2.0 * mu_pa * MEASURED_POISSON_RATIO / (1.0 - 2.0 * MEASURED_POISSON_RATIO);
+    if lambda_pa > most_pa { most_pa / lambda_pa } else { 1.0 }
+}
+
+fn sum(a: &Matrix24, b: &Matrix24) -> Box<Matrix24> {
+    Box::new(std::array::from_fn(|row| std::array::from_fn(|column| a[row][column] + b[row][column])))
+}
+
 /// `K - C M^-1 C^T`, the modes eliminated one by one; a mode without stiffness is left out.
-fn condense(galerkin: &Matrix24, coupling: &[[f64; MODES]; DOFS], mut modes: [[f64; MODES]; MODES]) -> Box<Matrix24> {
-    let mut k = Box::new(*galerkin);
+fn condense(corners: &Matrix24, coupling: &[[f64; MODES]; DOFS], mut modes: [[f64; MODES]; MODES]) -> Box<Matrix24> {
+    let mut k = Box::new(*corners);
     let mut c = *coupling;
     let largest = (0..MODES).map(|m| modes[m][m]).fold(0.0, f64::max);
     for m in 0..MODES {

@@ -224,7 +224,7 @@ impl ElementBlock {
                 .stiffening
                 .get_or_insert_with(|| StiffeningBlock { galerkin: PackedMatrix::default(), rate_per_pa: f64x4::ZERO });
             set_lane(&mut block.rate_per_pa, lane, law.stiffening_rate_per_pa);
-            block.galerkin.set(lane, &pack(&matrices.stiffness_galerkin));
+            block.galerkin.set(lane, &pack(&matrices.stiffness_measured));
         }
     }
 
