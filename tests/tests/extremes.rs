@@ -21,7 +21,7 @@ fn every_property_holds_for_a_few_inputs() {
 const HELD: [(Family, &str); 14] = [
     (Family::Materials, "E = 1e2 Pa"),
     (Family::Materials, "E = 1e10 Pa"),
-    (Family::Materials, "nu = 0.4999"),
+    (Family::Materials, "nu = 0.499"),
     (Family::Materials, "rho = 1"),
     (Family::Materials, "dt = 0.1 s"),
     (Family::Materials, "h = 0.00001 m"),
