@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo test lint verify extremes bench
+.PHONY: demo test lint verify extremes bench performance
 
 DEMO_OUT ?= out/demo
 DEMO_ADDRESS ?= 127.0.0.1:50051
@@ -24,8 +24,12 @@ lint:
 verify:
 	cargo run --release -p kerf-system-tests --bin verify
 
+# Writes docs/performance.md and its plots, in a quarter of an hour; nothing else should run.
+performance:
+	cargo run --release -p kerf-system-tests --bin performance
+
 # One run each; figures belong to the machine they were taken on, which should have nothing else to do.
-bench:
+bench: performance
 	cargo bench -p kerf-session --bench liver
 	cargo bench -p kerf-physics --bench step
 	cargo bench -p kerf-system-tests --bench loopback

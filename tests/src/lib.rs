@@ -1,5 +1,8 @@
 //! Tests that run the whole system, see the files beside this crate's `src`; the cases that verify the
-//! physics against analytic and independent results; and those that drive it to the ends of its ranges.
+//! physics against analytic and independent results; those that drive it to the ends of its ranges; and what
+//! its steps cost.
 
 pub mod extremes;
+pub mod performance;
+mod plot_font;
 pub mod verification;

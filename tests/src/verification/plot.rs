@@ -2,17 +2,15 @@
 
 use std::ops::Range;
 use std::path::Path;
-use std::sync::Once;
 
 use anyhow::{Context, Result};
 use plotters::coord::Shift;
 use plotters::prelude::*;
-use plotters::style::{FontStyle, register_font};
 
 use super::Study;
+use crate::plot_font::{FONT, register_plot_font};
 
 const SIZE_PX: (u32, u32) = (900, 640);
-const FONT: &str = "sans-serif";
 const COLOURS: [RGBColor; 4] =
     [RGBColor(31, 88, 140), RGBColor(176, 36, 24), RGBColor(40, 120, 60), RGBColor(130, 90, 20)];
 const GREY: RGBColor = RGBColor(110, 110, 110);
@@ -27,15 +25,6 @@ pub fn draw(study: &Study, directory: &Path) -> Result<()> {
     let (svg, png) = (path("svg"), path("png"));
     figure(study, &SVGBackend::new(&svg, SIZE_PX).into_drawing_area()).with_context(|| svg.display().to_string())?;
     figure(study, &BitMapBackend::new(&png, SIZE_PX).into_drawing_area()).with_context(|| png.display().to_string())
-}
-
-/// The machine may have no fonts and no fontconfig, so the text's font comes with the program.
-fn register_plot_font() {
-    static ONCE: Once = Once::new();
-    ONCE.call_once(|| {
-        let registered = register_font(FONT, FontStyle::Normal, dejavu::sans::regular());
-        assert!(registered.is_ok(), "the built-in font is a font");
-    });
 }
 
 fn figure<B: DrawingBackend>(study: &Study, area: &DrawingArea<B, Shift>) -> Result<()>

@@ -1,0 +1,133 @@
+//! Curves over an axis, as SVG and PNG.
+
+use std::ops::Range;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use plotters::coord::Shift;
+use plotters::prelude::*;
+
+use crate::plot_font::{FONT, register_plot_font};
+
+const SIZE_PX: (u32, u32) = (1000, 560);
+const GREY: RGBColor = RGBColor(110, 110, 110);
+const COLOURS: [RGBColor; 5] = [
+    RGBColor(60, 60, 60),
+    RGBColor(31, 88, 140),
+    RGBColor(200, 140, 20),
+    RGBColor(176, 36, 24),
+    RGBColor(110, 60, 140),
+];
+
+/// How values lie along an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Scale {
+    /// From zero.
+    Linear,
+    Log10,
+}
+
+/// An axis: what it shows, with its unit.
+pub struct Axis {
+    what: &'static str,
+    scale: Scale,
+}
+
+impl Axis {
+    pub fn linear(what: &'static str) -> Self {
+        Self { what, scale: Scale::Linear }
+    }
+
+    pub fn log(what: &'static str) -> Self {
+        Self { what, scale: Scale::Log10 }
+    }
+
+    fn place(&self, value: f64) -> f64 {
+        if self.scale == Scale::Log10 { value.log10() } else { value }
+    }
+
+    fn label(&self, place: f64) -> String {
+        let value = if self.scale == Scale::Log10 { 10f64.powf(place) } else { place };
+        // Three digits: places are not round numbers on a logarithmic axis.
+        let unit = 10f64.powf(value.abs().max(1e-9).log10().floor() - 2.0);
+        format!("{}", ((value / unit).round() * unit * 1e6).round() / 1e6)
+    }
+
+    /// Places of the least and the greatest value, with some room.
+    fn range(&self, values: impl Iterator<Item = f64>) -> Range<f64> {
+        let places = values.map(|value| self.place(value));
+        let (low, high) = places.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+        let low = if self.scale == Scale::Linear { low.min(0.0) } else { low - 0.1 };
+        low..high + 0.05 * (high - low) + 0.05 * f64::from(u8::from(self.scale == Scale::Log10))
+    }
+}
+
+/// A curve.
+pub struct Curve {
+    pub label: String,
+    pub points: Vec<(f64, f64)>,
+}
+
+/// A plot.
+pub struct Figure {
+    /// Name of its files.
+    pub file: &'static str,
+    pub title: String,
+    pub x: Axis,
+    pub y: Axis,
+    pub curves: Vec<Curve>,
+}
+
+impl Figure {
+    /// Writes `<file>.svg` and `.png` to a folder.
+    pub fn draw(&self, folder: &Path) -> Result<()> {
+        register_plot_font();
+        let path = |extension: &str| folder.join(format!("{}.{extension}", self.file));
+        let (svg, png) = (path("svg"), path("png"));
+        self.on(&SVGBackend::new(&svg, SIZE_PX).into_drawing_area()).with_context(|| svg.display().to_string())?;
+        self.on(&BitMapBackend::new(&png, SIZE_PX).into_drawing_area()).with_context(|| png.display().to_string())
+    }
+
+    fn on<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<()>
+    where
+        B::ErrorType: 'static,
+    {
+        area.fill(&WHITE)?;
+        let area = area.margin(8, 0, 0, 0).titled(&self.title, (FONT, 20))?;
+        let points = || self.curves.iter().flat_map(|curve| &curve.points);
+        let (x, y) = (self.x.range(points().map(|p| p.0)), self.y.range(points().map(|p| p.1)));
+        let mut chart = ChartBuilder::on(&area)
+            .margin(10)
+            .margin_right(24)
+            .x_label_area_size(52)
+            .y_label_area_size(76)
+            .build_cartesian_2d(x, y)?;
+        chart
+            .configure_mesh()
+            .x_desc(self.x.what)
+            .y_desc(self.y.what)
+            .x_label_formatter(&|place| self.x.label(*place))
+            .y_label_formatter(&|place| self.y.label(*place))
+            .label_style((FONT, 14))
+            .axis_desc_style((FONT, 15))
+            .bold_line_style(GREY.mix(0.3))
+            .light_line_style(GREY.mix(0.1))
+            .draw()?;
+        for (curve, colour) in self.curves.iter().zip(COLOURS) {
+            let line: Vec<_> = curve.points.iter().map(|p| (self.x.place(p.0), self.y.place(p.1))).collect();
+            chart
+                .draw_series(LineSeries::new(line, colour.stroke_width(2)))?
+                .label(&curve.label)
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 24, y)], colour.stroke_width(2)));
+        }
+        chart
+            .configure_series_labels()
+            .position(SeriesLabelPosition::UpperRight)
+            .background_style(WHITE.mix(0.85))
+            .border_style(GREY.mix(0.5))
+            .label_font((FONT, 14))
+            .draw()?;
+        area.present()?;
+        Ok(())
+    }
+}

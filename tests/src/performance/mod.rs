@@ -1,0 +1,50 @@
+//! What a step costs: the paper's tables with its columns beside ours, the breakdown of a run, how cost
+//! grows with voxels, elements and threads, and what each capability of the liver's scene adds.
+//!
+//! A section is a function that runs its scenes and returns its text. The binary `performance` writes
+//! them as a document; figures belong to the machine it names.
+
+mod breakdown;
+mod capabilities;
+mod figure;
+mod growth;
+mod paper;
+mod run;
+mod targets;
+
+use std::path::Path;
+
+use anyhow::Result;
+
+/// A section's function: runs what it shows, leaves its plots in a folder, returns its Markdown.
+pub type SectionFn = fn(&Path) -> Result<String>;
+
+/// Every section, in the order of the document.
+pub const SECTIONS: [(&str, SectionFn); 6] = [
+    ("targets", targets::section),
+    ("the paper's tables", paper::section),
+    ("breakdown", breakdown::section),
+    ("capabilities", capabilities::section),
+    ("threads", growth::threads),
+    ("growth", growth::section),
+];
+
+/// Head of the document: where and how its figures were taken.
+#[must_use]
+pub fn header() -> String {
+    let (model, cores) = hardware();
+    format!(
+        "# Performance\n\nWritten by `make performance` on {cores} x {model}. Every figure is from that one run, in \
+         which the machine had nothing else to do; times are of whole steps as the step's own clock has them, \
+         medians unless said otherwise. Strokes are `kerf-server simulate`'s default: straight down through the \
+         middle at 0.1 m/s, rest, and back. A viewer watches, so that the surface is kept up to date.\n"
+    )
+}
+
+/// The processor's name and the number of processors that the machine lends.
+fn hardware() -> (String, usize) {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": ").map(|pair| pair.1));
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    (model.unwrap_or("an unknown processor").to_owned(), cores)
+}

@@ -1,0 +1,143 @@
+//! Strokes whose steps are timed.
+
+use anyhow::Result;
+use kerf_physics::world::WorldCounts;
+use kerf_physics::{Scene, Stage, StepInputs, StepOutput, Workers, World};
+use kerf_server::simulate::stroke::default_stroke;
+use kerf_session::catalog;
+use kerf_session::clock::MonotonicClock;
+
+/// Simulated time after the stroke, s.
+const AFTER_S: f64 = 0.2;
+
+/// Who looks at the surface while steps are timed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Viewer {
+    /// Somebody: the surface follows each cut.
+    Watching,
+    /// Nobody: no surface is made.
+    Absent,
+}
+
+/// What of a step is kept.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    pub total_ms: f64,
+    /// By `Stage as usize`; NaN where the stage did not run.
+    pub stage_ms: [f64; Stage::ALL.len()],
+    pub iterations: u32,
+    pub solves: u32,
+    pub parted_links: u32,
+    pub sim_time_s: f64,
+}
+
+/// A stroke step by step.
+pub struct Run {
+    pub samples: Vec<Sample>,
+    pub counts: WorldCounts,
+    pub state_hash: u64,
+}
+
+/// A built-in scene.
+pub fn builtin(name: &str) -> Result<Scene> {
+    Ok(catalog::builtin(name)?)
+}
+
+/// The liver with voxels of another size.
+pub fn liver(voxel_m: f64, level: u8, rate_hz: f64) -> Result<Scene> {
+    let mut scene = builtin("liver")?;
+    scene.desc.rate_hz = rate_hz;
+    scene.desc.objects[0].voxel_size_m = Some(voxel_m);
+    scene.desc.objects[0].level = level;
+    Ok(scene)
+}
+
+/// The default stroke of a scene, at most `max_steps` of it, on a number of threads.
+pub fn stroke(scene: &Scene, threads: usize, viewer: Viewer, max_steps: usize) -> Result<Run> {
+    let mut script = default_stroke(scene)?;
+    let rate_hz = scene.desc.rate_hz;
+    let steps = (((script.end_s() + AFTER_S) * rate_hz).round() as usize).min(max_steps);
+    let mut world = World::new(scene)?;
+    let counts = world.counts();
+    if viewer == Viewer::Absent {
+        world.forget_surface();
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+    let workers = if threads == 1 { Workers::serial() } else { Workers::of(&pool) };
+    let mut samples = Vec::with_capacity(steps);
+    for step in 1..=steps {
+        let tools = script.advance(step as f64 / rate_hz);
+        samples.push(sample(world.step(&workers, &MonotonicClock, &StepInputs::of(&tools))));
+    }
+    Ok(Run { samples, counts, state_hash: world.state_hash() })
+}
+
+fn sample(output: &StepOutput) -> Sample {
+    Sample {
+        total_ms: output.profile.total_ns() as f64 * 1e-6,
+        stage_ms: output.profile.stage_ns.map(|ns| ns.map_or(f64::NAN, |ns| ns as f64 * 1e-6)),
+        iterations: output.solve.iterations,
+        solves: output.solve.solves,
+        parted_links: output.fracture.parted_links,
+        sim_time_s: output.sim_time_s,
+    }
+}
+
+impl Run {
+    /// Steps in which links parted, or those in which none did.
+    pub fn of_kind(&self, fracture: bool) -> impl Iterator<Item = &Sample> + Clone {
+        self.samples.iter().filter(move |sample| (sample.parted_links > 0) == fracture)
+    }
+
+    /// Median of whole steps of a kind, ms.
+    pub fn median_ms(&self, fracture: bool) -> f64 {
+        quantile(self.of_kind(fracture).map(|sample| sample.total_ms), 0.5)
+    }
+
+    /// Mean time of the given stages in the steps of a kind in which the first of them ran, ms.
+    pub fn mean_stages_ms(&self, fracture: bool, stages: &[Stage]) -> f64 {
+        let ran = self.of_kind(fracture).filter(|sample| !sample.stage_ms[stages[0] as usize].is_nan());
+        mean(ran.map(|sample| stage_sum(sample, stages)))
+    }
+
+    /// Iterations per solve over the whole run.
+    pub fn iterations_per_solve(&self) -> f64 {
+        let sum = |of: fn(&Sample) -> u32| self.samples.iter().map(|sample| f64::from(of(sample))).sum::<f64>();
+        sum(|sample| sample.iterations) / sum(|sample| sample.solves)
+    }
+}
+
+/// Time of the given stages, ms; those that did not run count nothing.
+pub fn stage_sum(sample: &Sample, stages: &[Stage]) -> f64 {
+    stages.iter().map(|stage| sample.stage_ms[*stage as usize]).filter(|ms| !ms.is_nan()).sum()
+}
+
+/// The paper's FEM: everything that moves the tissue.
+pub const FEM: [Stage; 4] = [Stage::Velocities, Stage::Integrate, Stage::Rotations, Stage::ApplyInputs];
+/// The paper's topology modification, the surface's change with it.
+pub const TOPOLOGY: [Stage; 2] = [Stage::Topology, Stage::Surface];
+
+/// The smallest value that at least a share of the values do not exceed; NaN of none.
+pub fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    let rank = (values.len() as f64 * share).ceil() as usize;
+    values.get(rank.saturating_sub(1)).copied().unwrap_or(f64::NAN)
+}
+
+/// The mean; NaN of none.
+pub fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0u32), |(sum, count), value| (sum + value, count + 1));
+    sum / f64::from(count)
+}
+
+/// A cell of a table; a dash for what was not measured.
+pub fn cell(value: f64) -> String {
+    match value {
+        v if v.is_nan() => "-".into(),
+        v if v >= 100.0 => format!("{v:.0}"),
+        v if v >= 10.0 => format!("{v:.1}"),
+        v if v >= 0.1 => format!("{v:.2}"),
+        v => format!("{v:.3}"),
+    }
+}
