@@ -13,6 +13,17 @@ impl Body {
         self.materials.iter().any(|m| m.law.viscosity.is_some())
     }
 
+    /// Force that has not relaxed yet over the elastic one of an element: s at its first strain, 0 after a
+    /// long hold and where nothing relaxes.
+    #[must_use]
+    pub fn unrelaxed(&self, element: usize) -> f64 {
+        let (block, state, lane) = (&self.blocks[element / LANES], &self.states[element / LANES], element % LANES);
+        match (&block.viscosity, &state.branch) {
+            (Some(data), Some(branch)) => data.ratio.as_array()[lane] * branch.unrelaxed.as_array()[lane],
+            _ => 0.0,
+        }
+    }
+
     /// The branch of an element's voxels side by side: under one strain the moduli of their branches add
     /// up, and so do their viscosities, modulus times relaxation time. So the element is as stiff
     /// against a jolt and dissipates as much under slow strain as they do; between the two a mixture has

@@ -336,6 +336,7 @@ impl ElementBlock {
                 position_m: &y,
                 displacement_m: &vectors[0],
                 velocity_m_per_s: &velocity,
+                stiffness_displacement: &stiffness[0],
                 stiffness_velocity: &stiffness[1],
                 before: (!nodal.velocity_change.is_empty()).then_some([&vectors[2], &stiffness[2]]),
             };

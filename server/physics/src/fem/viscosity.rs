@@ -20,8 +20,13 @@ use wide::f64x4;
 const SERIES_BELOW: f64 = 0.5;
 /// Terms of those series: the first one left out is below 1e-20.
 const SERIES_TERMS: u32 = 20;
-/// Beyond this dt/tau, `exp(-dt/tau)` is 0 in `f64`.
-const MOST_STEPS_OF_TAU: f64 = 700.0;
+/// Beyond this dt/tau, `exp(-dt/tau)` is below the rounding of 1: nothing is left.
+const FORGOTTEN_BEYOND: f64 = 40.0;
+/// Strain below which nothing counts as relaxed: what comes next starts from there.
+const LEAST_STRAIN: f64 = 1e-10;
+/// Added to an extension and taken away again it rounds to some 1e-26 m: what decays would end in subnormal
+/// numbers, a hundred times as slow.
+const ROUNDING_M: f64 = 1e-10;
 
 /// The relaxing branch of a material or an element.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +41,7 @@ pub struct Viscosity {
 #[derive(Clone, Default)]
 pub struct ViscosityBlock {
     /// s.
-    ratio: f64x4,
+    pub ratio: f64x4,
     /// `e` and `1 - e`.
     decay: f64x4,
     lost: f64x4,
@@ -57,6 +62,8 @@ pub struct BranchState {
     force_n: [f64x4; 24],
     /// `w^T K w`, J.
     square_j: f64x4,
+    /// Share of the branch's force that has not relaxed, `u^T K w / u^T K u`, 0 to 1.
+    pub unrelaxed: f64x4,
 }
 
 /// Where four elements are and how they move.
@@ -69,6 +76,8 @@ pub(super) struct Motion<'a> {
     pub displacement_m: &'a [f64x4; 24],
     /// Velocities, scene frame, m/s.
     pub velocity_m_per_s: &'a [f64x4; 24],
+    /// `K u` in the rest frame, N.
+    pub stiffness_displacement: &'a [f64x4; 24],
     /// `K v` in the rest frame, N/s.
     pub stiffness_velocity: &'a [f64x4; 24],
     /// v and `K v` in the rest frame before the step, where there was a step.
@@ -103,7 +112,7 @@ impl Viscosity {
             }
             (1.0 - a * gain, gain, c)
         } else {
-            let decay = f64x4::splat(-a.min(MOST_STEPS_OF_TAU)).exp().to_array()[0];
+            let decay = if a > FORGOTTEN_BEYOND { 0.0 } else { f64x4::splat(-a).exp().to_array()[0] };
             let gain = (1.0 - decay) / a;
             (decay, gain, (1.0 - 2.0 * gain + 0.5 * (1.0 - decay * decay) / a) / (a * a))
         };
@@ -157,7 +166,7 @@ impl ElementBlock {
     /// Brings the branches to where the elements are, a step later or at once, and adds what they do: to
     /// the forces, to the energies, and to `balance_n` the forces as the next step starts from them,
     /// `s e K w - dt s g K v`, less those that the state's forces hold already.
-    // Not inlined: elements without a branch shall not be slowed by it.
+    // Not inlined: elements without a branch are not to be slowed by it.
     #[inline(never)]
     pub(super) fn evaluate_branch(
         &self,
@@ -169,7 +178,7 @@ impl ElementBlock {
         found: &mut Evaluation,
     ) {
         let Some(branch) = state.branch.as_deref_mut() else { return };
-        let (half, dt) = (f64x4::splat(0.5), f64x4::splat(dt_s));
+        let (half, dt, rounding) = (f64x4::splat(0.5), f64x4::splat(dt_s), f64x4::splat(ROUNDING_M));
         let mut decay_and_gain = (f64x4::ONE, f64x4::ONE);
         if let Some([v, kv]) = motion.before {
             decay_and_gain = (data.decay, data.gain);
@@ -179,7 +188,7 @@ impl ElementBlock {
         let (before_m, before_j) = (branch.extension_m, branch.square_j);
         for i in 0..24 {
             let moved = decay_and_gain.1 * (motion.displacement_m[i] - branch.displacement_m[i]);
-            branch.extension_m[i] = decay_and_gain.0.mul_add(before_m[i], moved);
+            branch.extension_m[i] = decay_and_gain.0.mul_add(before_m[i], moved) + rounding - rounding;
         }
         branch.displacement_m = *motion.displacement_m;
         let kw = self.stiffness.apply(&branch.extension_m);
@@ -189,6 +198,11 @@ impl ElementBlock {
             found.step.viscous_j = after * branch.square_j + across * lanes::dot(&before_m, &kw) + before * before_j;
         }
         found.elastic_j += half * data.ratio * branch.square_j;
+        let u = motion.displacement_m;
+        let least = f64x4::splat(LEAST_STRAIN) * self.shapes.edge_m;
+        let least_j = (self.stiffness.entry(0) * least).mul_add(least, f64x4::splat(f64::MIN_POSITIVE));
+        let share = (lanes::dot(u, &kw) + least_j) / (lanes::dot(u, motion.stiffness_displacement) + least_j);
+        branch.unrelaxed = share.fast_max(f64x4::ZERO).fast_min(f64x4::ONE);
         let mut local = kw.map(|f| data.ratio * f);
         self.add_rotation_gradient(&mut local, motion.position_m, motion.rotation, motion.gradient);
         branch.force_n = lanes::rotate(motion.rotation, &local).map(|f| f64x4::ZERO - f);
