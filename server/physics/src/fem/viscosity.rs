@@ -3,8 +3,8 @@
 //! In the rest frame of the element, where `u = R^T x - X`, the branch is the spring `s K` in series with a
 //! dashpot: its spring is extended by w, `dw/dt = du/dt - w / tau`, its force is `s K w`, its energy
 //! `s/2 w^T K w`, its dissipation `s/tau w^T K w`. K is the element's own stiffness, so that every strain
-//! relaxes alike: from the modulus `E (1 + s)` of a sudden strain to E. Strain stiffening acts on the
-//! elastic part alone.
+//! relaxes alike: from the modulus `E (1 + s)` of a sudden strain to E. Strain stiffening and Rayleigh
+//! damping go with the elastic part alone.
 //!
 //! Within a step u is taken to move evenly: `w1 = e w0 + g (u1 - u0)` with `a = dt/tau`, `e = exp(-a)`,
 //! `g = (1 - e)/a`. That is exact for strain that is held or driven evenly and of second order in dt for

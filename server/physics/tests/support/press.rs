@@ -1,6 +1,6 @@
 //! A block under a blade.
 
-use kerf_physics::scene::{BladeDesc, MaterialDesc, Scene, ShapeDesc, ToolDesc, ViscosityDesc};
+use kerf_physics::scene::{BladeDesc, MaterialDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, Quat, StepInputs, StepOutput, ToolInput, Vec3, Workers, World};
@@ -56,14 +56,8 @@ pub fn hashes(workers: &Workers<'_>, level: u8, change: fn(&mut MaterialDesc)) -
 }
 
 /// Materials whose laws take every path through an element.
-pub const LAWS: [fn(&mut MaterialDesc); 3] = [
-    |_| (),
-    |stiffens| stiffens.strain_stiffening = 10.0,
-    |relaxes| {
-        let viscosity = ViscosityDesc { relaxation_time_s: 0.01, relaxing_modulus_ratio: 0.5 };
-        relaxes.viscosity = Some(viscosity);
-    },
-];
+pub const LAWS: [fn(&mut MaterialDesc); 3] =
+    [|_| (), |stiffens| stiffens.strain_stiffening = 10.0, |relaxes| relaxes.viscosity = super::viscosity(0.01, 0.5)];
 
 /// Those of a linear, of a stiffening and of a relaxing block, in hexadecimal.
 pub fn hashes_of_all_laws() -> String {
