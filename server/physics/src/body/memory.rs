@@ -13,15 +13,11 @@ impl Body {
         self.materials.iter().any(|m| m.law.viscosity.is_some())
     }
 
-    /// Force that has not relaxed yet over the elastic one of an element: s at its first strain, 0 after a
-    /// long hold and where nothing relaxes.
+    /// Share of the relaxing modulus that an element still shows: 1 at its first strain, 0 after a long hold.
     #[must_use]
-    pub fn unrelaxed(&self, element: usize) -> f64 {
-        let (block, state, lane) = (&self.blocks[element / LANES], &self.states[element / LANES], element % LANES);
-        match (&block.viscosity, &state.branch) {
-            (Some(data), Some(branch)) => data.ratio.as_array()[lane] * branch.unrelaxed.as_array()[lane],
-            _ => 0.0,
-        }
+    pub fn unrelaxed_share(&self, element: usize) -> f64 {
+        let branch = self.states[element / LANES].branch.as_ref();
+        branch.map_or(0.0, |branch| branch.unrelaxed.as_array()[element % LANES])
     }
 
     /// The branch of an element's voxels side by side: under one strain the moduli of their branches add

@@ -41,7 +41,7 @@ pub struct Viscosity {
 #[derive(Clone, Default)]
 pub struct ViscosityBlock {
     /// s.
-    pub ratio: f64x4,
+    ratio: f64x4,
     /// `e` and `1 - e`.
     decay: f64x4,
     lost: f64x4,
@@ -166,8 +166,6 @@ impl ElementBlock {
     /// Brings the branches to where the elements are, a step later or at once, and adds what they do: to
     /// the forces, to the energies, and to `balance_n` the forces as the next step starts from them,
     /// `s e K w - dt s g K v`, less those that the state's forces hold already.
-    // Not inlined: elements without a branch are not to be slowed by it.
-    #[inline(never)]
     pub(super) fn evaluate_branch(
         &self,
         data: &ViscosityBlock,

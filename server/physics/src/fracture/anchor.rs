@@ -257,10 +257,10 @@ impl Anchor {
     }
 
     /// Stiffness of the contact per length of edge, now and when all has relaxed, N/m^2, `from_end_m` away
-    /// from the nearer end of the edge: see [`line_compliance`]. Stiffened tissue stiffens it; and as its strain under the edge
-    /// saturates, between H and a it gives by no more than `H / sqrt(c)` or so at the load at which it is
-    /// cut (the integral of the strain `eps exp(c eps^2) = sigma / E` over that range). It relaxes as the
-    /// elements around it do, which is exact while the dent under the edge grows in proportion to theirs.
+    /// from the nearer end of the edge: see [`line_compliance`]. Stiffened tissue stiffens it; and as its
+    /// strain under the edge saturates, between H and a it gives by no more than `H / sqrt(c)` or so at the
+    /// load at which it is cut (the integral of the strain `eps exp(c eps^2) = sigma / E` over that range).
+    /// It relaxes as the elements around it do: exact while its dent grows in proportion to theirs.
     pub(super) fn stiffness_n_per_m2(&self, body: &Body, frame: &BladeFrame, from_end_m: f64) -> [f64; 2] {
         let across = self.across(&self.gradient(body), frame);
         let place = self.place_in_element(body, &across, from_end_m);
@@ -271,9 +271,13 @@ impl Anchor {
             let c = 0.5 * material.law.stiffening_rate_per_pa * material.young_modulus_pa;
             let load = material.fracture_energy_j_per_m2.unwrap_or(0.0) * material.initiation_ratio;
             let least = load * c.sqrt() / (SATURATED_GAP * body.element_edge_m(element));
-            let relaxed = body.stiffening(element);
-            [relaxed + body.unrelaxed(element), relaxed]
-                .map(|factor| (material.young_modulus_pa * factor / compliance).max(least))
+            let stiffness = |factor: f64| (material.young_modulus_pa * factor / compliance).max(least);
+            let factor = body.stiffening(element);
+            let relaxed = stiffness(factor);
+            let now = material.law.viscosity.map_or(relaxed, |viscosity| {
+                stiffness(factor + viscosity.modulus_ratio * body.unrelaxed_share(element))
+            });
+            [now, relaxed]
         };
         let [a, b] = self.voxels.map(of);
         [0, 1].map(|i| 0.5 * (a[i] + b[i]))
