@@ -100,7 +100,11 @@ impl Report {
             let start = ratio * material.initiation_ratio;
             format!("Gc/(E H) {ratio:.3}, {start:.3} to start a cut, of {carried:.2} that the element law carries")
         });
-        self.lines.push(format!("{what}: E {:.3e} Pa, {toughness}", material.young_modulus_pa));
+        let relaxes = material.viscosity.map_or(String::new(), |v| {
+            let at_once = material.instantaneous_modulus_pa();
+            format!(", from {at_once:.3e} Pa at once in {} s", v.relaxation_time_s)
+        });
+        self.lines.push(format!("{what}: E {:.3e} Pa{relaxes}, {toughness}", material.young_modulus_pa));
     }
 
     fn supports(&mut self, index: usize, object: &ObjectDesc, scene: &Scene, grid: &Grid) {
@@ -132,6 +136,18 @@ mod tests {
             assert!(report.problems.is_empty() && report.warnings.is_empty(), "{name}: {report:?}");
             assert!(report.lines.iter().any(|line| line.contains("Gc/(E H)")), "{name}");
         }
+    }
+
+    #[test]
+    fn a_material_that_relaxes_is_told_with_both_moduli() {
+        let mut scene = catalog::builtin("jelly").unwrap();
+        let material = &mut scene.desc.objects[0].material;
+        let young = material.young_modulus_pa;
+        material.viscosity =
+            Some(kerf_physics::scene::ViscosityDesc { relaxation_time_s: 0.3, relaxing_modulus_ratio: 0.5 });
+        let lines = examine(&scene).lines.join("\n");
+        let expected = format!("E {young:.3e} Pa, from {:.3e} Pa at once in 0.3 s", 1.5 * young);
+        assert!(lines.contains(&expected), "{lines}");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Prints the state hashes of a stroke into a block. `tests/determinism.rs` builds it for other
+//! Prints the state hashes of strokes into blocks. `tests/determinism.rs` builds it for other
 //! instruction sets and profiles and compares what it prints.
 #![allow(clippy::print_stdout, reason = "its output is what it is for")]
 
@@ -6,5 +6,5 @@
 mod support;
 
 fn main() {
-    println!("{}", support::press::hashes_of_two_materials());
+    println!("{}", support::press::hashes_of_all_laws());
 }

@@ -53,7 +53,7 @@ pub fn book<'a>(
         fracture_j: contact.front.fracture_j,
         front_slip_j: contact.front.slip_j,
         initiation_j: contact.front.initiation_j,
-        damping_j: sum(&|b| b.step.elements.damping_j),
+        damping_j: sum(&|b| b.step.elements.damping_j + b.step.elements.viscous_j) + contact.front.damping_j,
         parting_j: sum(&|b| {
             b.solved.elastic_j - b.after.elastic_j + b.solved.kinetic_j - b.after.kinetic_j + b.solved.hold_j
                 - b.after.hold_j
@@ -62,10 +62,11 @@ pub fn book<'a>(
         residual_j: 0.0,
     };
     // Implicit Euler loses 1/2 dv^T M dv + 1/2 dx^T K dx, but for what linearising the elastic force
-    // leaves: dU + f . dx - 1/2 dx^T K dx.
+    // leaves: dU + f . dx - 1/2 dx^T K dx, with what dashpots took counted as dU.
     energy.numerical_j += sum(&|b| {
         let step = &b.step.elements;
-        let linearisation = b.solved.elastic_j - b.before.elastic_j + step.force_work_j - step.elastic_j;
+        let taken = b.solved.elastic_j - b.before.elastic_j + step.viscous_j;
+        let linearisation = taken + step.force_work_j - step.elastic_j;
         step.inertial_j + step.elastic_j + b.step.hold_j - linearisation
     });
     energy.numerical_j += contact.flank_work_j - (contact.flank_stored_j - flank_before_j);

@@ -93,7 +93,7 @@ pub struct EnergyStep {
     pub tool_work_j: f64,
     /// Work done by gravity, tractions and body forces.
     pub load_work_j: f64,
-    /// Elastic energy after the step (a level, not a difference).
+    /// Elastic energy after the step, of relaxing branches too (a level, not a difference).
     pub elastic_j: f64,
     /// Energy in contact springs and held voxels after the step (a level).
     pub contact_j: f64,
@@ -105,7 +105,7 @@ pub struct EnergyStep {
     pub front_slip_j: f64,
     /// Energy set free when the front dropped from its initiation to its propagation value.
     pub initiation_j: f64,
-    /// Rayleigh damping.
+    /// Rayleigh damping, and what the dashpots of relaxing materials dissipated.
     pub damping_j: f64,
     /// Elastic energy that vanished as composite elements were split: what holding both sides in one
     /// trilinear field had cost.

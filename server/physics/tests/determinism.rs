@@ -7,15 +7,15 @@ use std::path::Path;
 use std::process::Command;
 
 use kerf_physics::Workers;
-use support::press::{hashes, hashes_of_two_materials};
+use support::press::{LAWS, hashes, hashes_of_all_laws};
 
 #[test]
 fn one_and_two_threads_give_the_same_bits() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("two threads");
     // At level 0 the block has 16,384 elements: enough work to be shared out.
-    for level in [2, 0] {
-        let serial = hashes(&Workers::serial(), level, 0.0);
-        assert_eq!(serial, hashes(&Workers::of(&pool), level, 0.0), "level {level}");
+    for (level, law) in [(2, LAWS[0]), (0, LAWS[0]), (0, LAWS[2])] {
+        let serial = hashes(&Workers::serial(), level, law);
+        assert_eq!(serial, hashes(&Workers::of(&pool), level, law), "level {level}");
     }
 }
 
@@ -36,7 +36,7 @@ fn hashes_of_a_release_build(target_cpu: &str) -> String {
 #[test]
 #[cfg(target_arch = "x86_64")]
 fn release_and_debug_and_avx2_and_avx512_give_the_same_bits() {
-    let debug = hashes_of_two_materials();
+    let debug = hashes_of_all_laws();
     assert_eq!(debug, hashes_of_a_release_build("x86-64-v3"), "release differs from this profile");
     if is_x86_feature_detected!("avx512f") {
         assert_eq!(debug, hashes_of_a_release_build("x86-64-v4"), "AVX-512 differs from AVX2");

@@ -1,6 +1,6 @@
 //! What is refused in a scene that can be read.
 
-use kerf_physics::scene::{FinerDesc, MaterialDesc, RegionDesc, SceneDesc, SceneError, ShapeDesc};
+use kerf_physics::scene::{FinerDesc, MaterialDesc, RegionDesc, SceneDesc, SceneError, ShapeDesc, ViscosityDesc};
 
 const SCENE: &str = r#"
 version = 1
@@ -82,6 +82,29 @@ fn roomy() -> SceneDesc {
     scene
 }
 
+/// The viscosity of a scene's material, there from now on.
+fn relaxing(scene: &mut SceneDesc) -> &mut ViscosityDesc {
+    let some = ViscosityDesc { relaxation_time_s: 0.1, relaxing_modulus_ratio: 0.5 };
+    scene.objects[0].material.viscosity.insert(some)
+}
+
+#[test]
+fn viscosity_is_given_whole_or_not_at_all() {
+    let with = |viscosity: &str| {
+        let text = SCENE.replace("fracture_energy", &format!("viscosity = {{ {viscosity} }}, fracture_energy"));
+        SceneDesc::from_toml("block.toml", &text).map_err(|e| e.to_string())
+    };
+    let whole = with("relaxation_time_s = 0.1, relaxing_modulus_ratio = 0.5").unwrap();
+    assert_eq!(whole.problems(), []);
+    assert_eq!(whole.objects[0].material.viscosity, Some(*relaxing(&mut scene())));
+    for (given, missing) in
+        [("relaxation_time_s = 0.1", "relaxing_modulus_ratio"), ("relaxing_modulus_ratio = 0.5", "relaxation_time_s")]
+    {
+        let told = with(given).unwrap_err();
+        assert!(told.contains("material.viscosity: ") && told.contains(missing), "{told}");
+    }
+}
+
 #[test]
 fn each_number_is_taken_up_to_its_limits_and_refused_beyond_with_field_and_limit() {
     let bound = |set, field, limits, beyond| Bound { set, field, limits, beyond };
@@ -117,6 +140,18 @@ fn each_number_is_taken_up_to_its_limits_and_refused_beyond_with_field_and_limit
             "objects[0].material.strain_stiffening",
             [0.0, 50.0],
             1e-9,
+        ),
+        bound(
+            |s, v| relaxing(s).relaxation_time_s = v,
+            "objects[0].material.viscosity.relaxation_time_s",
+            [1e-4, 1e4],
+            1e-9,
+        ),
+        bound(
+            |s, v| relaxing(s).relaxing_modulus_ratio = v,
+            "objects[0].material.viscosity.relaxing_modulus_ratio",
+            [1e-6, 100.0],
+            1e-6,
         ),
         bound(
             |s, v| s.objects[0].material.initiation_ratio = v,

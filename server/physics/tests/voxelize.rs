@@ -16,6 +16,7 @@ fn material() -> MaterialDesc {
         fracture_energy_j_per_m2: None,
         initiation_ratio: 2.0,
         strain_stiffening: 0.0,
+        viscosity: None,
     }
 }
 

@@ -78,6 +78,7 @@ impl Specimen {
             fracture_energy_j_per_m2: None,
             initiation_ratio: 2.0,
             strain_stiffening: self.strain_stiffening,
+            viscosity: None,
         }
     }
 

@@ -55,6 +55,7 @@ pub fn material(young_modulus_pa: f64, poisson_ratio: f64) -> MaterialDesc {
         fracture_energy_j_per_m2: None,
         initiation_ratio: 2.0,
         strain_stiffening: 0.0,
+        viscosity: None,
     }
 }
 

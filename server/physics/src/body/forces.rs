@@ -38,7 +38,7 @@ pub struct StepEnergies {
 /// Energies of a body, J.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BodyEnergy {
-    /// Elastic.
+    /// Elastic, of relaxing branches too.
     pub elastic_j: f64,
     /// In the springs of held voxels.
     pub hold_j: f64,
@@ -128,6 +128,7 @@ impl Body {
             sum.elements.elastic_j += step.elastic_j.reduce_add();
             sum.elements.force_work_j += step.force_work_j.reduce_add();
             sum.elements.damping_j += step.damping_j.reduce_add();
+            sum.elements.viscous_j += step.viscous_j.reduce_add();
         }
         let dt = self.params.dt_s;
         for (element, hold) in &self.holds {
@@ -257,7 +258,7 @@ impl Body {
         })
     }
 
-    /// `A_e = (1 + alpha dt) M + (dt^2 + beta dt) K' + dt^2 H` of one element, with the tangent
+    /// `A_e = (1 + alpha dt) M + (dt^2 + beta dt) K' + dt^2 (s g K + H)` of one element, with the tangent
     /// `K' = K + (psi' - 1) K_G + psi'' / V f_G f_G^T`, into the solver's operator.
     pub(super) fn write_matrix(&mut self, element: usize) {
         let (block, state, lane) = (&self.blocks[element / LANES], &self.states[element / LANES], element % LANES);
@@ -268,6 +269,7 @@ impl Body {
         let stiffening = at(&state.stiffening) - 1.0;
         let active = stiffening > STIFFENING_THRESHOLD;
         let curvature = if active { at(&state.curvature) } else { 0.0 };
+        let branch_factor = block.viscosity.as_ref().map(|v| dt * dt * at(&v.tangent()));
         let hold = self.holds.binary_search_by_key(&(element as u32), |h| h.0).ok().map(|i| &self.holds[i].1);
         let mut packed = [0.0; crate::fem::lanes::PACKED];
         for_packed(|index, row, column| {
@@ -277,6 +279,9 @@ impl Body {
                     + curvature * at(&state.galerkin_force_n[row]) * at(&state.galerkin_force_n[column]);
             }
             packed[index] = stiffness_factor * k;
+            if let Some(factor) = branch_factor {
+                packed[index] += factor * block.stiffness.at(index, lane);
+            }
             if row % 3 == column % 3 {
                 let (a, b) = (row / 3, column / 3);
                 let entry = a * (a + 1) / 2 + b;

@@ -3,6 +3,7 @@
 mod element;
 mod forces;
 mod interpolate;
+mod memory;
 mod quarantine;
 mod relax;
 mod rigid;
@@ -18,6 +19,7 @@ use crate::fem::composite::{CompositeTables, shape_functions};
 use crate::fem::corotation::{ElementBlock, ElementLaw, ElementState, LANES, SharedByBlocks};
 use crate::fem::lanes::diagonal_entry;
 use crate::fem::material::Elastic;
+use crate::fem::viscosity::Viscosity;
 use crate::grid::cell_sizes::CellSizes;
 use crate::grid::levels::{Level, LevelChange, Units, VoxelUnits};
 use crate::grid::{Grid, VoxelId, voxelize};
@@ -51,7 +53,7 @@ pub struct Material {
     pub poisson_ratio: f64,
     /// Lame constants and density.
     pub elastic: Elastic,
-    /// Damping and stiffening.
+    /// Damping, stiffening and relaxation.
     pub law: ElementLaw,
     /// Fracture energy, J/m^2; `None`: cannot be cut.
     pub fracture_energy_j_per_m2: Option<f64>,
@@ -69,6 +71,10 @@ impl From<&MaterialDesc> for Material {
                 alpha_per_s: desc.rayleigh_alpha_per_s,
                 beta_s: desc.rayleigh_beta_s,
                 stiffening_rate_per_pa: 2.0 * desc.strain_stiffening / desc.young_modulus_pa,
+                viscosity: desc.viscosity.map(|v| Viscosity {
+                    modulus_ratio: v.relaxing_modulus_ratio,
+                    relaxation_time_s: v.relaxation_time_s,
+                }),
             },
             fracture_energy_j_per_m2: desc.fracture_energy_j_per_m2,
             initiation_ratio: desc.initiation_ratio,
@@ -327,7 +333,11 @@ impl Body {
         let matrices = self.element_matrices(element, &voxels);
         let law = self.mean_law(&voxels);
         let edge = self.element_edge_m(element);
-        self.blocks[element / LANES].set_matrices(element % LANES, edge, &matrices, law);
+        let (block, state) = (&mut self.blocks[element / LANES], &mut self.states[element / LANES]);
+        block.set_matrices(element % LANES, edge, &matrices, law, self.params.dt_s);
+        if block.viscosity.is_some() {
+            state.branch.get_or_insert_default();
+        }
         self.holds.retain(|(e, _)| *e as usize != element);
         if voxels.iter().any(|v| self.voxel_loads[v.index()].held) {
             let hold = self.hold_matrix(&voxels);
@@ -336,9 +346,10 @@ impl Body {
         }
     }
 
-    /// Damping and stiffening of an element: means over its voxels.
+    /// Damping and stiffening of an element: means over its voxels; and what relaxes of it.
     fn mean_law(&self, voxels: &[VoxelId]) -> ElementLaw {
-        let mut mean = ElementLaw { alpha_per_s: 0.0, beta_s: 0.0, stiffening_rate_per_pa: 0.0 };
+        let viscosity = self.mean_viscosity(voxels);
+        let mut mean = ElementLaw { alpha_per_s: 0.0, beta_s: 0.0, stiffening_rate_per_pa: 0.0, viscosity };
         let share = 1.0 / voxels.len() as f64;
         for &voxel in voxels {
             let law = self.material_of(voxel).law;

@@ -2,6 +2,7 @@
 
 use super::{Body, Nodal};
 use crate::Vec3;
+use crate::fem::viscosity::BranchState;
 use crate::grid::VoxelId;
 use crate::solve::operator::NODES_PER_CHUNK;
 use crate::workers::Workers;
@@ -16,6 +17,8 @@ const MOST_ENERGY_OF_EV: f64 = 1e9;
 pub(super) struct FiniteState {
     position_m: Nodal,
     rotation: Vec<[f64x4; 4]>,
+    /// Empty where nothing relaxes.
+    branch: Vec<Option<Box<BranchState>>>,
     /// Times that a state was remembered since the body last went back to one.
     saves: u32,
     /// Young's modulus times volume, J; parting links changes neither.
@@ -39,7 +42,8 @@ impl Body {
         }
         let finite = energy.is_finite() && energy < MOST_ENERGY_OF_EV * self.saved.stiff_j && self.is_finite();
         if finite {
-            let FiniteState { position_m, rotation, saves, .. } = &mut self.saved;
+            let is_viscous = self.is_viscous();
+            let FiniteState { position_m, rotation, branch, saves, .. } = &mut self.saved;
             *saves = saves.saturating_add(1);
             position_m.resize(self.position_m.len(), [0.0; 3]);
             rotation.resize(self.states.len(), [f64x4::ZERO; 4]);
@@ -49,6 +53,12 @@ impl Body {
             workers.for_chunks((&mut rotation[..], &self.states[..]), NODES_PER_CHUNK, |_, (saved, states)| {
                 saved.iter_mut().zip(states).for_each(|(saved, state)| *saved = state.rotation);
             });
+            if is_viscous {
+                branch.resize_with(self.states.len(), || None);
+                workers.for_chunks((&mut branch[..], &self.states[..]), NODES_PER_CHUNK, |_, (saved, states)| {
+                    saved.iter_mut().zip(states).for_each(|(saved, state)| saved.clone_from(&state.branch));
+                });
+            }
         }
         finite
     }
@@ -62,6 +72,9 @@ impl Body {
         for (state, rotation) in self.states.iter_mut().zip(&self.saved.rotation) {
             state.rotation = *rotation;
         }
+        for (state, branch) in self.states.iter_mut().zip(&self.saved.branch) {
+            state.branch.clone_from(branch);
+        }
         // A step that fails before its end still saves the state it went back to.
         if self.saved.saves <= 1 {
             self.return_to_rest_shape();
@@ -70,7 +83,7 @@ impl Body {
         self.evaluate(workers, 20);
     }
 
-    /// Every piece in its rest shape: where it was built if it is held there, else about its middle.
+    /// Every piece in its rest shape, relaxed: where it was built if it is held there, else about its middle.
     fn return_to_rest_shape(&mut self) {
         let mut shift: Vec<(Vec3, f64)> = vec![(Vec3::zeros(), 0.0); self.part_count() as usize];
         for (node, x) in self.position_m.iter().enumerate() {
@@ -84,6 +97,10 @@ impl Body {
         }
         let [zero, one] = [f64x4::ZERO, f64x4::ONE];
         self.states.iter_mut().for_each(|state| state.rotation = [zero, zero, zero, one]);
+        self.states
+            .iter_mut()
+            .filter_map(|state| state.branch.as_mut())
+            .for_each(|branch| **branch = Default::default());
     }
 
     /// Young's modulus times volume, J.

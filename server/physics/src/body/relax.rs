@@ -22,9 +22,10 @@ pub struct Relaxation {
 
 impl Body {
     /// Newton steps with a mass term, `(M / tau^2 + K) dx = f`; tau grows while the energy falls and
-    /// shrinks where it rises. Velocities are zero at the end.
+    /// shrinks where it rises. Velocities are zero at the end, and what relaxes in time has done so.
     pub fn relax(&mut self, workers: &Workers<'_>, progress: &mut dyn FnMut(f64)) -> Relaxation {
         let params = self.params;
+        let viscosity = self.set_viscosity_aside();
         let mut tau = 0.02;
         self.set_time_step(workers, tau);
         let mut best = self.potential_j();
@@ -71,6 +72,7 @@ impl Body {
             }
         }
         self.params = params;
+        self.take_relaxed(workers, viscosity);
         self.set_time_step(workers, params.dt_s);
         self.save_finite_state(workers);
         end

@@ -1,7 +1,7 @@
 //! What happens when links part: only what changed is rebuilt.
 
 use super::{Body, rigid};
-use crate::fem::corotation::{ElementState, LANES};
+use crate::fem::corotation::LANES;
 use crate::grid::levels::{Level, LevelChange, VoxelUnits};
 use crate::grid::{Crossing, Grid, LinkId, VoxelId};
 use crate::workers::Workers;
@@ -83,10 +83,10 @@ impl Body {
 
     fn copy_state(&mut self, from: usize, to: usize) {
         let rotation = self.states[from / LANES].rotation.map(|q| q.as_array()[from % LANES]);
-        let target: &mut ElementState = &mut self.states[to / LANES];
-        for (slot, value) in target.rotation.iter_mut().zip(rotation) {
+        for (slot, value) in self.states[to / LANES].rotation.iter_mut().zip(rotation) {
             slot.as_mut_array()[to % LANES] = value;
         }
+        self.copy_memory(from, to);
     }
 
     fn write_matrix_of_changed(&mut self, element: usize) {

@@ -2,11 +2,13 @@
 //!
 //! Energy of an element: `U = 1/2 u^T K u + V (psi(w) - w)`, `u = R^T x - X`, R the rotation of the
 //! mean deformation gradient, `w = 1/2 u^T K_G u / V`, `psi(w) = E/(2c) (exp(2 c w / E) - 1)`: strain
-//! stiffening, uniaxially `sigma = E eps exp(c eps^2)`; the second term is absent for c = 0.
+//! stiffening, uniaxially `sigma = E eps exp(c eps^2)`; the second term is absent for c = 0. What relaxes
+//! in time stands beside it: [`super::viscosity`].
 
 use super::composite::{ElementMatrices, corner_pair};
 use super::lanes::{self, pack};
 use super::packed::{MOST_SHARED, PackedMatrix, Shared};
+use super::viscosity::{BranchState, Motion, Viscosity, ViscosityBlock};
 use std::sync::Arc;
 use wide::{f32x4, f64x4};
 
@@ -54,6 +56,8 @@ pub struct ElementBlock {
     pub beta_s: f64x4,
     /// Present where any of the four stiffens with strain.
     pub stiffening: Option<StiffeningBlock>,
+    /// Present where any of the four relaxes.
+    pub viscosity: Option<Box<ViscosityBlock>>,
 }
 
 /// Nodal values of a chunk of elements, xyz0, by slot: what blocks read.
@@ -90,7 +94,7 @@ pub struct StiffeningBlock {
 }
 
 /// State and results of four elements.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub struct ElementState {
     /// Rotation as a quaternion, xyzw.
     pub rotation: [f64x4; 4],
@@ -104,6 +108,8 @@ pub struct ElementState {
     pub galerkin_force_n: [f64x4; 24],
     /// Elastic force, N, scene frame.
     pub force_n: [f64x4; 24],
+    /// Present where any of the four relaxes.
+    pub branch: Option<Box<BranchState>>,
 }
 
 impl Default for ElementState {
@@ -116,6 +122,7 @@ impl Default for ElementState {
             curvature: zero,
             galerkin_force_n: [zero; 24],
             force_n: [zero; 24],
+            branch: None,
         }
     }
 }
@@ -132,6 +139,8 @@ pub struct StepTerms<E> {
     pub force_work_j: E,
     /// Rayleigh damping, `dt v^T (alpha M + beta K) v`.
     pub damping_j: E,
+    /// What the dashpots of relaxing materials dissipated.
+    pub viscous_j: E,
 }
 
 /// Products of an element's stiffness matrices with a vector in its rest frame.
@@ -157,6 +166,8 @@ pub struct ElementLaw {
     pub beta_s: f64,
     /// `2 c / E` of the strain-stiffening law, 1/Pa; 0: linear.
     pub stiffening_rate_per_pa: f64,
+    /// What relaxes in time, if anything does.
+    pub viscosity: Option<Viscosity>,
 }
 
 impl Default for ElementBlock {
@@ -174,6 +185,7 @@ impl Default for ElementBlock {
             alpha_per_s: f64x4::ZERO,
             beta_s: f64x4::ZERO,
             stiffening: None,
+            viscosity: None,
         }
     }
 }
@@ -187,6 +199,7 @@ impl Evaluation {
         self.step.elastic_j += other.step.elastic_j;
         self.step.force_work_j += other.step.force_work_j;
         self.step.damping_j += other.step.damping_j;
+        self.step.viscous_j += other.step.viscous_j;
         self.turned_rad2 = self.turned_rad2.fast_max(other.turned_rad2);
     }
 }
@@ -203,8 +216,8 @@ impl ElementBlock {
         (0..8).for_each(|corner| self.slots[corner][lane] = slots[corner]);
     }
 
-    /// Sets the matrices of a lane.
-    pub fn set_matrices(&mut self, lane: usize, edge_m: f64, matrices: &ElementMatrices, law: ElementLaw) {
+    /// Sets the matrices of a lane; its branch for steps of `dt_s`.
+    pub fn set_matrices(&mut self, lane: usize, edge_m: f64, matrices: &ElementMatrices, law: ElementLaw, dt_s: f64) {
         self.stiffness.set(lane, &pack(&matrices.stiffness));
         let shapes = Arc::make_mut(&mut self.shapes);
         for a in 0..8 {
@@ -225,6 +238,9 @@ impl ElementBlock {
                 .get_or_insert_with(|| StiffeningBlock { galerkin: PackedMatrix::default(), rate_per_pa: f64x4::ZERO });
             set_lane(&mut block.rate_per_pa, lane, law.stiffening_rate_per_pa);
             block.galerkin.set(lane, &pack(&matrices.stiffness_measured));
+        }
+        if law.viscosity.is_some() || self.viscosity.is_some() {
+            self.viscosity.get_or_insert_default().set(lane, law.viscosity.as_ref(), dt_s);
         }
     }
 
@@ -275,6 +291,22 @@ impl ElementBlock {
         dt_s: f64,
         iterations: u32,
     ) -> Evaluation {
+        // Compiled twice: even untaken, the way through a branch makes the other one slower by 6 %.
+        if self.viscosity.is_some() {
+            self.evaluate_as::<true>(state, nodal, balance_n, dt_s, iterations)
+        } else {
+            self.evaluate_as::<false>(state, nodal, balance_n, dt_s, iterations)
+        }
+    }
+
+    fn evaluate_as<const RELAXES: bool>(
+        &self,
+        state: &mut ElementState,
+        nodal: &NodalBuffers,
+        balance_n: &mut [f64x4],
+        dt_s: f64,
+        iterations: u32,
+    ) -> Evaluation {
         let mut x = self.gather(&nodal.position_m);
         let origin = [x[0], x[1], x[2]];
         (0..24).for_each(|i| x[i] -= origin[i % 3]);
@@ -313,19 +345,37 @@ impl ElementBlock {
             found.step = self.step_terms(state, &change, &velocity, kinetic_j, dt_s, [&vectors[2], &kv]);
         }
         found.elastic_j = self.evaluate_forces(state, &r, &gradient, &y, &vectors[0], products(0));
+        if RELAXES && let Some(viscosity) = &self.viscosity {
+            let motion = Motion {
+                rotation: &r,
+                gradient: &gradient,
+                position_m: &y,
+                displacement_m: &vectors[0],
+                velocity_m_per_s: &velocity,
+                stiffness_displacement: &stiffness[0],
+                stiffness_velocity: &stiffness[1],
+                before: (!nodal.velocity_change.is_empty()).then_some([&vectors[2], &stiffness[2]]),
+            };
+            self.evaluate_branch(viscosity, state, &motion, dt_s, balance_n, &mut found);
+        }
         let kv = lanes::rotate(&r, &self.tangent(state, &vectors[1], products(1)));
         let factor = self.beta_s + f64x4::splat(dt_s);
+        self.add_to_balance(balance_n, |slot| {
+            state.force_n[slot] - factor.mul_add(kv[slot], self.alpha_per_s * momentum[slot])
+        });
+        found
+    }
+
+    /// Adds a force on each corner's components, N, scene frame, to the sums by slot.
+    #[inline(always)]
+    pub(super) fn add_to_balance(&self, balance_n: &mut [f64x4], force_n: impl Fn(usize) -> f64x4) {
         for (corner, slots) in self.slots.iter().enumerate() {
-            let [x, y, z] = [0, 1, 2].map(|i| {
-                let slot = 3 * corner + i;
-                state.force_n[slot] - factor.mul_add(kv[slot], self.alpha_per_s * momentum[slot])
-            });
+            let [x, y, z] = [0, 1, 2].map(|i| force_n(3 * corner + i));
             let lanes = f64x4::transpose([x, y, z, f64x4::ZERO]);
             for lane in 0..LANES {
                 balance_n[slots[lane] as usize] += lanes[lane];
             }
         }
-        found
     }
 
     /// `y - X` for positions `y` in the rest frame, relative to the first corner.
@@ -389,7 +439,13 @@ impl ElementBlock {
     /// `(tr(S) I - S) B = tau`, `tau = sum_a f_a x y_a`. Without it the force is off by percents and
     /// carries a net torque.
     #[inline(always)]
-    fn add_rotation_gradient(&self, local: &mut [f64x4; 24], y: &[f64x4; 24], r: &[f64x4; 9], f: &[f64x4; 9]) {
+    pub(super) fn add_rotation_gradient(
+        &self,
+        local: &mut [f64x4; 24],
+        y: &[f64x4; 24],
+        r: &[f64x4; 9],
+        f: &[f64x4; 9],
+    ) {
         let mut tau = [f64x4::ZERO; 3];
         for a in 0..8 {
             let torque =
@@ -451,6 +507,7 @@ impl ElementBlock {
             elastic_j: half * dt * dt * vkv,
             force_work_j: dt * lanes::dot(&state.force_n, velocity),
             damping_j: dt * (f64x4::splat(2.0) * self.alpha_per_s * kinetic_j + self.beta_s * vkv),
+            viscous_j: f64x4::ZERO,
         }
     }
 }

@@ -7,3 +7,4 @@ pub mod homogenise;
 pub mod lanes;
 pub mod material;
 pub mod packed;
+pub mod viscosity;

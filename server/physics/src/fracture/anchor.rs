@@ -66,6 +66,8 @@ pub(super) struct Anchor {
     pub(super) mode: Mode,
     /// Energy in the spring at the end of the last step, J.
     pub(super) stored_j: f64,
+    /// Stiffness of the spring in the last step over what it relaxes to.
+    pub(super) unrelaxed: f64,
 }
 
 impl Anchor {
@@ -83,6 +85,7 @@ impl Anchor {
             yielded: false,
             mode: Mode::Off,
             stored_j: 0.0,
+            unrelaxed: 1.0,
         }
     }
 
@@ -253,24 +256,31 @@ impl Anchor {
         pulled_back(f, &frame.along).cross(&self.inward).try_normalize(0.0).unwrap_or(frame.normal)
     }
 
-    /// Stiffness of the contact per length of edge, N/m^2, `from_end_m` away from the nearer end of the
-    /// edge: see [`line_compliance`]. Stiffened tissue stiffens it; and as its strain under the edge
-    /// saturates, between H and a it gives by no more than `H / sqrt(c)` or so at the load at which it is
-    /// cut (the integral of the strain `eps exp(c eps^2) = sigma / E` over that range).
-    pub(super) fn stiffness_n_per_m2(&self, body: &Body, frame: &BladeFrame, from_end_m: f64) -> f64 {
+    /// Stiffness of the contact per length of edge, now and when all has relaxed, N/m^2, `from_end_m` away
+    /// from the nearer end of the edge: see [`line_compliance`]. Stiffened tissue stiffens it; and as its
+    /// strain under the edge saturates, between H and a it gives by no more than `H / sqrt(c)` or so at the
+    /// load at which it is cut (the integral of the strain `eps exp(c eps^2) = sigma / E` over that range).
+    /// It relaxes as the elements around it do: exact while its dent grows in proportion to theirs.
+    pub(super) fn stiffness_n_per_m2(&self, body: &Body, frame: &BladeFrame, from_end_m: f64) -> [f64; 2] {
         let across = self.across(&self.gradient(body), frame);
         let place = self.place_in_element(body, &across, from_end_m);
         let of = |voxel: VoxelId| {
             let material = body.material_of(voxel);
             let element = body.element_of(voxel);
             let compliance = line_compliance(material.poisson_ratio, body.element_level(element), &place);
-            let small = material.young_modulus_pa * body.stiffening(element) / compliance;
             let c = 0.5 * material.law.stiffening_rate_per_pa * material.young_modulus_pa;
             let load = material.fracture_energy_j_per_m2.unwrap_or(0.0) * material.initiation_ratio;
-            small.max(load * c.sqrt() / (SATURATED_GAP * body.element_edge_m(element)))
+            let least = load * c.sqrt() / (SATURATED_GAP * body.element_edge_m(element));
+            let stiffness = |factor: f64| (material.young_modulus_pa * factor / compliance).max(least);
+            let factor = body.stiffening(element);
+            let relaxed = stiffness(factor);
+            let now = material.law.viscosity.map_or(relaxed, |viscosity| {
+                stiffness(factor + viscosity.modulus_ratio * body.unrelaxed_share(element))
+            });
+            [now, relaxed]
         };
         let [a, b] = self.voxels.map(of);
-        0.5 * (a + b)
+        [0, 1].map(|i| 0.5 * (a[i] + b[i]))
     }
 
     fn place_in_element(&self, body: &Body, across: &Vec3, from_end_m: f64) -> EdgeInElement {

@@ -11,6 +11,9 @@ pub struct FrontBook {
     pub slip_j: f64,
     /// Energy set free as markers dropped from initiation to propagation, J.
     pub initiation_j: f64,
+    /// What the springs lost as they relaxed with the material, less what they gained where it was strained
+    /// anew, J.
+    pub damping_j: f64,
     /// Dissipation of the springs' implicit step and of re-anchoring, J.
     pub numerical_j: f64,
     /// Area swept through intact material, m^2.
@@ -24,6 +27,7 @@ impl FrontBook {
         self.fracture_j += other.fracture_j;
         self.slip_j += other.slip_j;
         self.initiation_j += other.initiation_j;
+        self.damping_j += other.damping_j;
         self.numerical_j += other.numerical_j;
         self.area_m2 += other.area_m2;
     }

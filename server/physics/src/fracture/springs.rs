@@ -23,6 +23,8 @@ pub struct FrontContact {
     pub forward: Contact,
     /// Along the blade's normal; acts while `forward` does.
     pub lateral: Contact,
+    /// Stiffness of the springs over what they relax to.
+    unrelaxed: f64,
 }
 
 impl FrontContact {
@@ -31,7 +33,8 @@ impl FrontContact {
         let weights = anchor.weights(body);
         let at = weights.sum(&body.position_m);
         let velocity = weights.sum(&body.velocity_m_per_s);
-        let k = edge.share_m * anchor.stiffness_n_per_m2(body, &edge.frame, edge.from_end_m);
+        let [k, relaxed] =
+            anchor.stiffness_n_per_m2(body, &edge.frame, edge.from_end_m).map(|per_length| edge.share_m * per_length);
         let spring = |direction: Vec3| Contact {
             weights,
             direction,
@@ -49,7 +52,7 @@ impl FrontContact {
         let mut lateral = spring(edge.frame.normal);
         lateral.bilateral = true;
         lateral.mode = lateral_mode(&forward);
-        Self { marker, forward, lateral }
+        Self { marker, forward, lateral, unrelaxed: k / relaxed }
     }
 
     /// Takes the solution's change of velocity; returns whether a mode had to change.
@@ -89,7 +92,10 @@ impl FrontContact {
         let stored = if forward.mode == Mode::Off { 0.0 } else { spring(forward.gap_m - advance) } + aside;
         let work =
             force * (forward.gap_m - forward.gap_before_m) + lateral.force_n * (lateral.gap_m - lateral.gap_before_m);
-        let lost = work - (stored - anchor.stored_j) - force * advance;
+        // The springs' stiffness falls as the material relaxes, and their energy with it.
+        let relaxed = anchor.stored_j * (1.0 - self.unrelaxed / anchor.unrelaxed);
+        let lost = work - (stored - anchor.stored_j) - force * advance - relaxed;
+        book.damping_j += relaxed;
         if forward.mode == Mode::Yield && !anchor.yielded {
             book.initiation_j += lost;
         } else {
@@ -98,6 +104,7 @@ impl FrontContact {
         book.slip_j += force * advance;
         book.stored_j += stored;
         anchor.stored_j = stored;
+        anchor.unrelaxed = self.unrelaxed;
         anchor.mode = forward.mode;
         // Grazing the outside starts no cut.
         anchor.yielded |= forward.mode == Mode::Yield && anchor.ahead != Ahead::Outside;

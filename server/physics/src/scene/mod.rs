@@ -287,6 +287,28 @@ pub struct MaterialDesc {
     /// Default 0: linear co-rotational.
     #[serde(default)]
     pub strain_stiffening: f64,
+    /// What relaxes in time. Default: nothing, which costs nothing.
+    #[serde(default)]
+    pub viscosity: Option<ViscosityDesc>,
+}
+
+impl MaterialDesc {
+    /// Young's modulus against a jolt, before anything has relaxed, Pa.
+    #[must_use]
+    pub fn instantaneous_modulus_pa(&self) -> f64 {
+        self.young_modulus_pa * (1.0 + self.viscosity.map_or(0.0, |v| v.relaxing_modulus_ratio))
+    }
+}
+
+/// The relaxing part of a standard linear solid: under a strain held from t = 0 the stress is
+/// `E eps (1 + s exp(-t / tau))`. Shear and volume relax alike.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ViscosityDesc {
+    /// Relaxation time tau, s, 1e-4 to 1e4.
+    pub relaxation_time_s: f64,
+    /// Modulus s that relaxes, over `young_modulus_pa`, which remains; 1e-6 to 100.
+    pub relaxing_modulus_ratio: f64,
 }
 
 fn default_density() -> f64 {

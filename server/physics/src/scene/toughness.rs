@@ -58,6 +58,7 @@ mod tests {
             fracture_energy_j_per_m2: gc,
             initiation_ratio: 2.0,
             strain_stiffening,
+            viscosity: None,
         }
     }
 

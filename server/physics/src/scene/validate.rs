@@ -255,7 +255,7 @@ impl Report {
         // Pressure waves: M = E (1 - nu) / ((1 + nu) (1 - 2 nu)).
         let speed_m_per_s = |m: &MaterialDesc| {
             let nu = m.poisson_ratio;
-            let confined_pa = m.young_modulus_pa * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu));
+            let confined_pa = m.instantaneous_modulus_pa() * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu));
             (confined_pa / m.density_kg_per_m3).sqrt()
         };
         let materials = std::iter::once(&object.material).chain(object.regions.iter().map(|r| &r.material));
@@ -275,11 +275,11 @@ impl Report {
     /// Stiff and soft in one object, in whatever order: the first region that is too far from what
     /// came before it is named.
     fn contrast(&mut self, field: &str, object: &ObjectDesc) {
-        let first = object.material.young_modulus_pa;
-        let (mut softest, mut stiffest) = (first, first);
+        let (mut softest, mut stiffest) =
+            (object.material.young_modulus_pa, object.material.instantaneous_modulus_pa());
         for (i, region) in object.regions.iter().enumerate() {
             let young = region.material.young_modulus_pa;
-            (softest, stiffest) = (softest.min(young), stiffest.max(young));
+            (softest, stiffest) = (softest.min(young), stiffest.max(region.material.instantaneous_modulus_pa()));
             if stiffest > MAX_STIFFNESS_CONTRAST * softest {
                 let message = format!(
                     "{young} makes the object's stiffest material {:e} times as stiff as its softest, more than \
@@ -319,6 +319,10 @@ impl Report {
         }
         number("initiation_ratio", material.initiation_ratio, 1.0..=10.0);
         number("strain_stiffening", material.strain_stiffening, 0.0..=50.0);
+        if let Some(viscosity) = &material.viscosity {
+            number("viscosity.relaxation_time_s", viscosity.relaxation_time_s, 1e-4..=1e4);
+            number("viscosity.relaxing_modulus_ratio", viscosity.relaxing_modulus_ratio, 1e-6..=100.0);
+        }
     }
 
     fn shape(&mut self, field: &str, shape: &ShapeDesc) -> bool {

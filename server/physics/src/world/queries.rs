@@ -120,7 +120,7 @@ impl World {
         }
     }
 
-    /// Hash of positions, velocities, fronts and topology.
+    /// Hash of positions, velocities, strain memory, fronts and topology.
     #[must_use]
     pub fn state_hash(&self) -> u64 {
         let mut hasher = StateHasher::default();
@@ -129,6 +129,7 @@ impl World {
             for values in [&slot.body.position_m, &slot.body.velocity_m_per_s] {
                 values.iter().for_each(|v| hasher.floats(v));
             }
+            slot.body.fold_memory_into(&mut hasher);
             for element in &slot.body.base().elements {
                 element.nodes.iter().for_each(|n| hasher.word(u64::from(*n)));
             }

@@ -6,7 +6,9 @@ pub mod press;
 
 use kerf_physics::body::Body;
 use kerf_physics::params::StepParams;
-use kerf_physics::scene::{ElementKind, MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc};
+use kerf_physics::scene::{
+    ElementKind, MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc, ViscosityDesc,
+};
 use kerf_physics::{StepInputs, Vec3, Workers, World};
 
 /// Knuth's linear congruential generator: test inputs that a seed reproduces.
@@ -34,7 +36,12 @@ pub fn material() -> MaterialDesc {
         fracture_energy_j_per_m2: None,
         initiation_ratio: 2.0,
         strain_stiffening: 0.0,
+        viscosity: None,
     }
+}
+
+pub fn viscosity(relaxation_time_s: f64, relaxing_modulus_ratio: f64) -> Option<ViscosityDesc> {
+    Some(ViscosityDesc { relaxation_time_s, relaxing_modulus_ratio })
 }
 
 pub fn object(min_m: [f64; 3], max_m: [f64; 3], h: f64, level: u8) -> ObjectDesc {

@@ -1,6 +1,6 @@
 //! A block under a blade.
 
-use kerf_physics::scene::{BladeDesc, Scene, ShapeDesc, ToolDesc};
+use kerf_physics::scene::{BladeDesc, MaterialDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, Quat, StepInputs, StepOutput, ToolInput, Vec3, Workers, World};
@@ -38,10 +38,10 @@ pub fn press(world: &mut World, height_m: f64) -> &StepOutput {
 }
 
 /// State hash every ten steps of a stroke deep into the block.
-pub fn hashes(workers: &Workers<'_>, level: u8, strain_stiffening: f64) -> Vec<u64> {
+pub fn hashes(workers: &Workers<'_>, level: u8, change: fn(&mut MaterialDesc)) -> Vec<u64> {
     let mut scene = cutting_scene();
     scene.desc.objects[0].level = level;
-    scene.desc.objects[0].material.strain_stiffening = strain_stiffening;
+    change(&mut scene.desc.objects[0].material);
     let mut world = World::new(&scene).expect("a valid scene");
     let mut parted = 0;
     let mut hashes = Vec::new();
@@ -55,8 +55,12 @@ pub fn hashes(workers: &Workers<'_>, level: u8, strain_stiffening: f64) -> Vec<u
     hashes
 }
 
-/// Those of a linear and of a stiffening block, in hexadecimal.
-pub fn hashes_of_two_materials() -> String {
-    let all = [0.0, 10.0].map(|c| hashes(&Workers::serial(), 2, c));
+/// Materials whose laws take every path through an element.
+pub const LAWS: [fn(&mut MaterialDesc); 3] =
+    [|_| (), |stiffens| stiffens.strain_stiffening = 10.0, |relaxes| relaxes.viscosity = super::viscosity(0.01, 0.5)];
+
+/// Those of a linear, of a stiffening and of a relaxing block, in hexadecimal.
+pub fn hashes_of_all_laws() -> String {
+    let all = LAWS.map(|law| hashes(&Workers::serial(), 2, law));
     all.iter().flatten().map(|h| format!("{h:016x}")).collect::<Vec<_>>().join(" ")
 }

@@ -110,6 +110,7 @@ impl Press {
                 fracture_energy_j_per_m2: Some(1e6),
                 initiation_ratio: 2.0,
                 strain_stiffening: 0.0,
+                viscosity: None,
             },
             regions: Vec::new(),
             finer: Vec::new(),

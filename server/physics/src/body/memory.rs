@@ -1,0 +1,123 @@
+//! What a body remembers of its strain: the branches of its elements that relax in time.
+
+use super::Body;
+use crate::fem::corotation::LANES;
+use crate::fem::viscosity::{Viscosity, ViscosityBlock};
+use crate::grid::VoxelId;
+use crate::hash::StateHasher;
+use crate::workers::Workers;
+
+impl Body {
+    /// Whether any material relaxes in time.
+    pub(super) fn is_viscous(&self) -> bool {
+        self.materials.iter().any(|m| m.law.viscosity.is_some())
+    }
+
+    /// Share of the relaxing modulus that an element still shows: 1 at its first strain, 0 after a long hold.
+    #[must_use]
+    pub fn unrelaxed_share(&self, element: usize) -> f64 {
+        let branch = self.states[element / LANES].branch.as_ref();
+        branch.map_or(0.0, |branch| branch.unrelaxed.as_array()[element % LANES])
+    }
+
+    /// The branch of an element's voxels side by side: under one strain the moduli of their branches add
+    /// up, and so do their viscosities, modulus times relaxation time. So the element is as stiff
+    /// against a jolt and dissipates as much under slow strain as they do; between the two a mixture has
+    /// a spectrum that one branch cannot have.
+    pub(super) fn mean_viscosity(&self, voxels: &[VoxelId]) -> Option<Viscosity> {
+        let (mut elastic, mut relaxing, mut viscous) = (0.0, 0.0, 0.0);
+        for material in voxels.iter().map(|v| self.material_of(*v)) {
+            elastic += material.young_modulus_pa;
+            if let Some(viscosity) = &material.law.viscosity {
+                let modulus_pa = viscosity.modulus_ratio * material.young_modulus_pa;
+                relaxing += modulus_pa;
+                viscous += modulus_pa * viscosity.relaxation_time_s;
+            }
+        }
+        (relaxing > 0.0).then(|| Viscosity { modulus_ratio: relaxing / elastic, relaxation_time_s: viscous / relaxing })
+    }
+
+    /// Hands an element's memory to one that split from it.
+    pub(super) fn copy_memory(&mut self, from: usize, to: usize) {
+        if let Some(source) = self.states[from / LANES].branch.clone() {
+            let target = self.states[to / LANES].branch.get_or_insert_default();
+            target.copy_lane(to % LANES, &source, from % LANES);
+        }
+    }
+
+    /// Takes the branches out of the elements: without them these are as at the end of all relaxation.
+    pub(super) fn set_viscosity_aside(&mut self) -> Vec<Option<Box<ViscosityBlock>>> {
+        let blocks = if self.is_viscous() { &mut self.blocks[..] } else { &mut [] };
+        blocks.iter_mut().map(|block| block.viscosity.take()).collect()
+    }
+
+    /// Puts them back, relaxed at the current state.
+    pub(super) fn take_relaxed(&mut self, workers: &Workers<'_>, viscosity: Vec<Option<Box<ViscosityBlock>>>) {
+        if viscosity.is_empty() {
+            return;
+        }
+        for (block, viscosity) in self.blocks.iter_mut().zip(viscosity) {
+            block.viscosity = viscosity;
+        }
+        self.evaluate(workers, 20);
+        self.states.iter_mut().filter_map(|state| state.branch.as_mut()).for_each(|branch| branch.relax());
+    }
+
+    /// Folds in the extensions of the branches, of the elements that have one.
+    pub(crate) fn fold_memory_into(&self, hasher: &mut StateHasher) {
+        if self.is_viscous() {
+            for element in 0..self.base().elements.len() {
+                if let Some(branch) = &self.states[element / LANES].branch {
+                    branch.extension_m.iter().for_each(|w| hasher.floats(&[w.as_array()[element % LANES]]));
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::params::StepParams;
+    use crate::scene::{Scene, SceneDesc};
+
+    const SCENE: &str = r#"
+version = 1
+name = "block"
+[[objects]]
+name = "block"
+shape = { box = { min_m = [0.0, 0.0, 0.0], max_m = [0.08, 0.04, 0.04] } }
+voxel_size_m = 0.01
+level = 0
+material = { young_modulus_pa = 1e5, poisson_ratio = 0.4 }
+[[objects.regions]]
+name = "far half"
+shape = { box = { min_m = [0.04, -1.0, -1.0], max_m = [1.0, 1.0, 1.0] } }
+material = { young_modulus_pa = 1e5, poisson_ratio = 0.4 }
+"#;
+
+    fn body(text: &str) -> Body {
+        let desc = SceneDesc::from_toml("block.toml", text).unwrap();
+        let params = StepParams { dt_s: 1e-3, relative_tolerance: 1e-3, max_iterations: 200 };
+        let scene = Scene { desc, meshes: crate::scene::Meshes::new() };
+        Body::new(&scene, 0, params, &Workers::serial()).unwrap()
+    }
+
+    #[test]
+    fn only_elements_that_relax_store_anything() {
+        let viscous = "poisson_ratio = 0.4, viscosity = { relaxation_time_s = 0.1, relaxing_modulus_ratio = 0.5 } }";
+        let (start, end) = SCENE.rsplit_once("poisson_ratio = 0.4 }").unwrap();
+        for (text, is_viscous) in [(SCENE.to_owned(), false), (format!("{start}{viscous}{end}"), true)] {
+            let body = body(&text);
+            for (block, data) in body.blocks.iter().enumerate() {
+                let elements = block * LANES..body.base().elements.len().min((block + 1) * LANES);
+                let relaxes = is_viscous && elements.clone().any(|e| body.rest_centre_m(e).x > 0.04);
+                assert_eq!(data.viscosity.is_some(), relaxes, "block {block}");
+                assert_eq!(body.states[block].branch.is_some(), relaxes, "block {block}");
+            }
+            let with = body.states.iter().filter(|s| s.branch.is_some()).count();
+            assert_eq!(with > 0, is_viscous, "{with} blocks have a branch");
+            assert!(with < body.states.len(), "all {with} blocks have one");
+        }
+    }
+}
