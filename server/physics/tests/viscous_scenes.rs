@@ -36,8 +36,7 @@ fn pressed_and_released(finer: u32) -> [f64; 3] {
     let lift = ToolInput { tool: 0, motion: ToolMotion::Lift };
     let mut before = f64::INFINITY;
     for _ in 0..400 * finer {
-        let inputs = StepInputs { tools: &[lift] };
-        let e = world.step(&Workers::serial(), &NoClock, &inputs).energy;
+        let e = world.step(&Workers::serial(), &NoClock, &StepInputs::of(&[lift])).energy;
         let total = e.elastic_j + e.kinetic_j + e.contact_j;
         assert!(total <= before + 1e-9 * highest, "energy grew from {before} to {total} J");
         residual += e.residual_j.abs();
