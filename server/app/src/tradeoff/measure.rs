@@ -86,3 +86,83 @@ pub fn point(run: &Run, reference: &Run) -> FrontPoint {
         memory_mib: run.cost.memory_mib,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use kerf_session::catalog;
+
+    use super::*;
+    use crate::tradeoff::job::{Cost, Job};
+    use crate::tradeoff::sweep::own_setting;
+
+    /// Two points at two times; the tool is felt from window `from` on.
+    fn run(displacement_m: [[f32; 3]; 4], from: usize, force_n: f32, cut_m: f64) -> Run {
+        let force = |window: usize| vec![[0.0, if window < from { 0.0 } else { force_n }, 0.0]];
+        let [a, b, c, d] = displacement_m;
+        Run {
+            job: Job {
+                scene: "block".into(),
+                script: None,
+                inputs: 0,
+                setting: own_setting(&catalog::builtin("liver").unwrap().desc),
+                stroke: None,
+                max_iterations: None,
+                duration_s: 1.0,
+                samples: 2,
+                points: Vec::new(),
+                profile: Vec::new(),
+                threads: 1,
+                start_s: 0.0,
+                limit_s: None,
+            },
+            voxels: 8,
+            elements: 1,
+            steps: 10,
+            faults: 0,
+            worst_residual: 0.0,
+            samples: Samples {
+                displacement_m: vec![vec![a, b], vec![c, d]],
+                force_n: (0..2 * WINDOWS_PER_SAMPLE as usize).map(force).collect(),
+            },
+            profile_m: Vec::new(),
+            cut_depth_m: cut_m,
+            cut_area_m2: 2.0 * cut_m,
+            residual_j: -0.01,
+            work_j: 2.0,
+            cost: Cost { median_ms: 1.0, p99_ms: 2.0, memory_mib: 3.0, run_s: 4.0 },
+        }
+    }
+
+    const REST: [f32; 3] = [0.0; 3];
+
+    #[test]
+    fn errors_are_as_worked_out_by_hand() {
+        let reference = run([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [3.0, 0.0, 0.0], [0.0, 0.0, 2.0]], 0, 10.0, 0.05);
+        let off = run([[1.0, 0.5, 0.0], [0.0, 1.0, 0.0], [3.0, 0.0, 0.0], [0.0, 0.0, 1.0]], 0, 8.0, 0.04);
+        let point = point(&off, &reference);
+        // Errors 0.5 and 1; the reference's squares are 1, 1, 9 and 4.
+        assert!((point.displacement_rms_error - (1.25f64 / 15.0).sqrt()).abs() < 1e-12);
+        assert!((point.displacement_max_error - 1.0 / 3.0).abs() < 1e-12);
+        assert!((point.force_rms_error - 0.2).abs() < 1e-12);
+        assert!((point.cut_depth_error - 0.2).abs() < 1e-12 && (point.cut_area_error - 0.2).abs() < 1e-12);
+        assert!((point.energy_residual - 0.005).abs() < 1e-12);
+    }
+
+    #[test]
+    fn only_the_time_with_the_tool_counts() {
+        let later = WINDOWS_PER_SAMPLE as usize;
+        let reference = run([REST, REST, [2.0, 0.0, 0.0], REST], later, 10.0, 0.0);
+        let off = run([[9.0, 0.0, 0.0], REST, [1.0, 0.0, 0.0], REST], later, 10.0, 0.01);
+        let point = point(&off, &reference);
+        assert!((point.displacement_rms_error - 0.5).abs() < 1e-12);
+        // There is no cut to be relative to.
+        assert_eq!([point.force_rms_error, point.cut_depth_error, point.cut_area_error], [0.0; 3]);
+    }
+
+    #[test]
+    fn without_a_force_all_times_count() {
+        let reference = run([[1.0, 0.0, 0.0], REST, [2.0, 0.0, 0.0], REST], 99, 0.0, 0.0);
+        assert_eq!(touching_windows(&reference.samples), 0..2 * WINDOWS_PER_SAMPLE as usize);
+        assert!((point(&run([REST; 4], 99, 0.0, 0.0), &reference).displacement_rms_error - 1.0).abs() < 1e-12);
+    }
+}

@@ -118,7 +118,7 @@ mod tests {
         let mut scene = catalog::builtin("jelly").unwrap();
         scene.desc.gravity_m_per_s2 = [0.0; 3];
         scene.desc.objects[0].fixed.clear();
-        scene.desc.objects[0].loads.clear();
+        scene.desc.objects[0].material.rayleigh_alpha_per_s = 0.0;
         let points = on_surface(&scene, 50).unwrap();
         let size_m = scene.desc.objects[0].voxel_size_m.unwrap();
         for scale in [1.0, 1.7] {
