@@ -89,10 +89,12 @@ fn a_finer_level_errs_less_and_costs_more_and_the_plot_shows_them() {
 fn the_references_own_setting_has_no_error() {
     let folder = tempfile::tempdir().unwrap();
     // The reference is at twice the fastest rate; once it stands it is kept, so that its setting can be swept.
-    let axes =
-        |rate| [&AXES[..1], &["0", "--rates", rate], &AXES[4..8], &["--elements", "by_content", "--finer", "left_out"]];
-    swept(folder.path(), &axes("200").concat());
-    let (said, front) = swept(folder.path(), &axes("400").concat());
+    let axes = |rate| {
+        let last = ["--elements", "by_content", "--finer", "left_out"];
+        [&AXES[..1], &["0", "--rates", rate], &AXES[4..8], &last].concat()
+    };
+    swept(folder.path(), &axes("200"));
+    let (said, front) = swept(folder.path(), &axes("400"));
     assert!(said.contains("1 runs taken"), "{said}");
     let reference = &front.notes["reference"];
     assert!(reference.starts_with("level 0,") && reference.contains(" 400 Hz"), "{reference}");
