@@ -29,8 +29,12 @@ pub struct Job {
     pub inputs: u64,
     /// What is changed in the scene.
     pub setting: Setting,
-    /// Region that becomes a level finer where the setting keeps regions and the scene has none.
-    pub stroke: Option<ShapeDesc>,
+    /// Lower and upper corner, m, of the box around the stroke. It becomes a level finer where the setting
+    /// keeps regions and the scene has none.
+    pub stroke: Option<[[f64; 3]; 2]>,
+    /// Level around the stroke, above the setting's, which holds elsewhere.
+    #[serde(default)]
+    pub level_around_stroke: Option<u8>,
     /// Cap of the solver's iterations instead of the scene's.
     pub max_iterations: Option<u32>,
     /// Simulated time, s.
@@ -101,11 +105,20 @@ impl Job {
     pub fn scene(&self) -> Result<Scene> {
         let mut scene = catalog::load(&self.scene)?;
         self.setting.apply(&mut scene.desc);
-        if let (Some(shape), FinerRegions::Stated, Some(level)) =
-            (&self.stroke, self.setting.finer, self.setting.level.checked_sub(1))
-        {
+        if let Some(stroke) = self.stroke {
+            let finer = |shape: ShapeDesc, level: u8| FinerDesc { shape, level };
+            let [min_m, max_m] = stroke;
             for object in &mut scene.desc.objects {
-                object.finer = vec![FinerDesc { shape: shape.clone(), level }];
+                match (self.level_around_stroke, self.setting.finer, self.setting.level.checked_sub(1)) {
+                    (Some(level), _, _) => {
+                        object.level = level;
+                        object.finer = beyond(stroke).map(|shape| finer(shape, self.setting.level)).into();
+                    }
+                    (None, FinerRegions::Stated, Some(level)) => {
+                        object.finer = vec![finer(ShapeDesc::Box { min_m, max_m }, level)];
+                    }
+                    _ => {}
+                }
             }
         }
         scene.desc.solver.max_iterations = self.max_iterations.unwrap_or(scene.desc.solver.max_iterations);
@@ -124,6 +137,20 @@ impl Job {
         }
         hash.finish()
     }
+}
+
+/// Six boxes that hold together all that is outside a box.
+fn beyond([min_m, max_m]: [[f64; 3]; 2]) -> [ShapeDesc; 6] {
+    const FAR_M: f64 = 1e3;
+    std::array::from_fn(|face| {
+        let (mut lower, mut upper) = ([-FAR_M; 3], [FAR_M; 3]);
+        if face % 2 == 0 {
+            upper[face / 2] = min_m[face / 2];
+        } else {
+            lower[face / 2] = max_m[face / 2];
+        }
+        ShapeDesc::Box { min_m: lower, max_m: upper }
+    })
 }
 
 /// Runs the job that stands on standard input as JSON, tells its progress in percent on standard output, a

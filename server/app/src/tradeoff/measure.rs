@@ -106,6 +106,7 @@ mod tests {
                 inputs: 0,
                 setting: own_setting(&catalog::builtin("liver").unwrap().desc),
                 stroke: None,
+                level_around_stroke: None,
                 max_iterations: None,
                 duration_s: 1.0,
                 samples: 2,

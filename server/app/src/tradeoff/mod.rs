@@ -117,7 +117,7 @@ pub fn run(options: &Options) -> Result<()> {
     report::write(&options.out, &front, &remarks)?;
     plot::pareto(&front, &options.out)?;
     if scene.desc.tools.is_empty() {
-        plot::profile(&reference, &swept, &options.out)?;
+        plot::profile(&scene.desc.name, &reference, &swept, &options.out)?;
     }
     println!("{} settings measured, {} runs taken: {}", swept.len(), runs.taken(), options.out.display());
     Ok(())
@@ -125,11 +125,15 @@ pub fn run(options: &Options) -> Result<()> {
 
 /// Why a job's scene is not run; `None` where it is.
 fn refusal(job: &Job) -> Result<Option<String>> {
-    let scene = job.scene()?;
-    match scene.problems().first() {
-        Some(problem) => Ok(Some(problem.to_string())),
-        None => carried::fold(&scene),
+    let mut scene = job.scene()?;
+    if let Some(problem) = scene.problems().first() {
+        return Ok(Some(problem.to_string()));
     }
+    if job.level_around_stroke.is_some() {
+        // Its smaller elements are where no edge comes.
+        scene.desc.objects.iter_mut().for_each(|object| object.finer.clear());
+    }
+    carried::fold(&scene)
 }
 
 /// What all runs have in common.
@@ -153,6 +157,7 @@ fn base_job(options: &Options, scene: &Scene) -> Result<Job> {
         inputs: Job::inputs_of(scene, &text),
         setting,
         stroke: if has_own_regions { None } else { sweep::stroke_box(&scene.desc, &script, margin_m) },
+        level_around_stroke: None,
         max_iterations: None,
         duration_s,
         samples: options.samples,

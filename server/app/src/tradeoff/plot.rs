@@ -47,12 +47,12 @@ pub fn pareto(front: &Front, folder: &Path) -> Result<()> {
 ///
 /// # Errors
 /// A file cannot be written.
-pub fn profile(reference: &Run, runs: &[Run], folder: &Path) -> Result<()> {
+pub fn profile(scene: &str, reference: &Run, runs: &[Run], folder: &Path) -> Result<()> {
     register_plot_font();
     let (svg, png) = (folder.join("profile.svg"), folder.join("profile.png"));
-    draw_profile(reference, runs, &SVGBackend::new(&svg, SIZE_PX).into_drawing_area())
+    draw_profile(scene, reference, runs, &SVGBackend::new(&svg, SIZE_PX).into_drawing_area())
         .with_context(|| svg.display().to_string())?;
-    draw_profile(reference, runs, &BitMapBackend::new(&png, SIZE_PX).into_drawing_area())
+    draw_profile(scene, reference, runs, &BitMapBackend::new(&png, SIZE_PX).into_drawing_area())
         .with_context(|| png.display().to_string())
 }
 
@@ -95,37 +95,37 @@ where
         .light_line_style(GREY.mix(0.1))
         .draw()?;
     let real_time = [(1.0, errors.start), (1.0, errors.end)];
-    chart.draw_series(LineSeries::new(real_time, GREY.stroke_width(2)))?;
+    chart.draw_series(LineSeries::new(real_time, GREY))?;
     let (mut best, dominated): (Vec<&FrontPoint>, Vec<&FrontPoint>) =
         front.points.iter().partition(|point| is_on_front(point, front));
     best.sort_by(|a, b| a.load().total_cmp(&b.load()));
     chart.draw_series(dominated.iter().map(|point| Circle::new(place(point), 4, PALE.filled())))?;
-    chart.draw_series(LineSeries::new(best.iter().map(|point| place(point)), GREY.stroke_width(1)))?;
-    for (level, colour) in COLOURS.iter().enumerate() {
-        let of_level: Vec<&&FrontPoint> = best.iter().filter(|point| usize::from(point.level) == level).collect();
-        if !of_level.is_empty() {
-            let circle = |point: &&&FrontPoint| Circle::new(place(point), 5, colour.filled());
-            chart
-                .draw_series(of_level.iter().map(circle))?
-                .label(format!("level {level}"))
-                .legend(|(x, y)| Circle::new((x + 10, y), 5, colour.filled()));
-        }
+    chart.draw_series(LineSeries::new(best.iter().map(|point| place(point)), GREY))?;
+    for (index, point) in best.iter().enumerate() {
+        let colour = COLOURS[usize::from(point.level) % COLOURS.len()];
+        let number = format!("{}", index + 1);
+        let name = format!("{number}  {}", label(point));
+        let marked = EmptyElement::at(place(point))
+            + Circle::new((0, 0), 5, colour.filled())
+            + Text::new(number, (4, -19), (FONT, 14).into_font());
+        chart.draw_series([marked])?.label(name).legend(move |(x, y)| Circle::new((x + 10, y), 5, colour.filled()));
     }
-    let text = |point: &&FrontPoint| {
-        EmptyElement::at(place(point)) + Text::new(label(point), (8, -16), (FONT, 13).into_font())
-    };
-    chart.draw_series(best.iter().map(text))?;
-    legend(&mut chart, SeriesLabelPosition::LowerLeft)?;
+    legend(&mut chart, SeriesLabelPosition::UpperRight)?;
     area.present()?;
     Ok(())
 }
 
-fn draw_profile<B: DrawingBackend>(reference: &Run, runs: &[Run], area: &DrawingArea<B, Shift>) -> Result<()>
+fn draw_profile<B: DrawingBackend>(
+    scene: &str,
+    reference: &Run,
+    runs: &[Run],
+    area: &DrawingArea<B, Shift>,
+) -> Result<()>
 where
     B::ErrorType: 'static,
 {
     area.fill(&WHITE)?;
-    let area = area.margin(8, 0, 0, 0).titled(&format!("{}: its top, pressed", reference.job.scene), (FONT, 22))?;
+    let area = area.margin(8, 0, 0, 0).titled(&format!("{scene}: its top at the end, in the middle"), (FONT, 22))?;
     let line = |run: &Run| -> Vec<(f64, f64)> {
         let moved = |(point, u): (&super::points::Point, &[f32; 3])| {
             (1e3 * (point.position_m[0] + f64::from(u[0])), 1e3 * (point.position_m[1] + f64::from(u[1])))

@@ -42,7 +42,7 @@ pub fn find(
     }
     ensure!(options.retime.is_none(), "--retime: no reference stands in {}", options.out.display());
     for job in &candidates {
-        let name = sweep::key(&job.setting);
+        let name = name(job);
         if let Some(refusal) = super::refusal(job)? {
             remarks.push(format!("reference {name}: {refusal}"));
             continue;
@@ -65,24 +65,37 @@ pub fn find(
     anyhow::bail!("no reference fits: raise --reference-budget-s; {}", remarks.join("; "))
 }
 
-/// From the finest: single voxels before composite elements, and at half the smallest step of the sweep
-/// before that step before the scene's.
+/// From the finest: single voxels before composite elements, with these around the stroke where single voxels
+/// would fold there; and at half the smallest step of the sweep before that step before the scene's.
 fn candidates(scene: &Scene, base: &Job, settings: &[Setting]) -> Vec<Job> {
     let own = sweep::own_setting(&scene.desc);
     let fastest_hz = settings.iter().map(|setting| setting.rate_hz).fold(own.rate_hz, f64::max);
     let mut rates_hz = vec![2.0 * fastest_hz, fastest_hz, own.rate_hz];
     rates_hz.dedup();
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let at = |level: u8, rate_hz: f64| {
+    let mut jobs = Vec::new();
+    for level in 0..=own.level {
         // What is on level 0 throughout has no finer regions.
         let finer = if level == 0 { FinerRegions::LeftOut } else { own.finer };
-        let setting = Setting { level, rate_hz, relative_tolerance: RELATIVE_TOLERANCE, finer, ..own };
-        Job { setting, max_iterations: Some(MAX_ITERATIONS), threads, ..base.clone() }
-    };
-    (0..=own.level)
-        .flat_map(|level| rates_hz.iter().map(move |rate_hz| (level, *rate_hz)))
-        .map(|(l, r)| at(l, r))
-        .collect()
+        let around_stroke = (level + 1..=own.level).filter(|_| base.stroke.is_some()).map(Some);
+        for level_around_stroke in std::iter::once(None).chain(around_stroke) {
+            jobs.extend(rates_hz.iter().map(|&rate_hz| Job {
+                setting: Setting { level, rate_hz, relative_tolerance: RELATIVE_TOLERANCE, finer, ..own },
+                level_around_stroke,
+                max_iterations: Some(MAX_ITERATIONS),
+                threads,
+                ..base.clone()
+            }));
+        }
+    }
+    jobs
+}
+
+/// A candidate's name.
+#[must_use]
+pub fn name(job: &Job) -> String {
+    let around = job.level_around_stroke.map_or(String::new(), |level| format!(", level {level} around the stroke"));
+    format!("level {}{around}, {} Hz", job.setting.level, job.setting.rate_hz)
 }
 
 fn estimate_s(job: &Job, runs: &Runs, bar: &ProgressBar) -> Result<f64> {

@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use kerf_session::dial::{FinerRegions, Front, FrontPoint};
 
 use super::job::{Job, Run};
-use super::{Options, sweep};
+use super::{Options, reference, sweep};
 
 /// What is told of the measurement besides the scene.
 #[must_use]
@@ -20,10 +20,9 @@ pub fn notes(options: &Options, reference: &Run, base: &Job) -> Vec<(String, Str
         (
             "reference",
             format!(
-                "level {}, the scene's voxels ({}), {} Hz, relative tolerance {:e} ({:.1e} at worst); {} steps in {:.0} s on {} threads",
-                setting.level,
+                "{}, the scene's voxels ({}), relative tolerance {:e} ({:.1e} at worst); {} steps in {:.0} s on {} threads",
+                reference::name(&reference.job),
                 reference.voxels,
-                setting.rate_hz,
                 setting.relative_tolerance,
                 reference.worst_residual,
                 reference.steps,

@@ -2,7 +2,7 @@
 
 use clap::Args;
 use kerf_physics::Vec3;
-use kerf_physics::scene::{ElementKind, SceneDesc, ShapeDesc};
+use kerf_physics::scene::{ElementKind, SceneDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_session::dial::{FinerRegions, Setting};
 use serde::Serialize;
@@ -153,9 +153,9 @@ pub fn name_of(kind: impl Serialize) -> String {
     serde_json::to_value(kind).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
 }
 
-/// The box around all that the tools' edges sweep, with a margin on every side; `None` where no tool moves.
+/// Lower and upper corner, m, of the box around all that the tools' edges sweep, with a margin on every side; `None` where no tool moves.
 #[must_use]
-pub fn stroke_box(desc: &SceneDesc, script: &Script, margin_m: f64) -> Option<ShapeDesc> {
+pub fn stroke_box(desc: &SceneDesc, script: &Script, margin_m: f64) -> Option<[[f64; 3]; 2]> {
     let mut script = script.clone();
     let (mut least, mut most) = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
     let steps = (script.end_s() * desc.rate_hz).ceil() as u64;
@@ -169,7 +169,7 @@ pub fn stroke_box(desc: &SceneDesc, script: &Script, margin_m: f64) -> Option<Sh
         }
     }
     let margin = Vec3::repeat(margin_m);
-    (least.x <= most.x).then(|| ShapeDesc::Box { min_m: (least - margin).into(), max_m: (most + margin).into() })
+    (least.x <= most.x).then(|| [(least - margin).into(), (most + margin).into()])
 }
 
 #[cfg(test)]
@@ -219,10 +219,7 @@ mod tests {
     #[test]
     fn the_strokes_box_holds_the_whole_edge() {
         let scene = catalog::builtin("cuboid").unwrap();
-        let Some(ShapeDesc::Box { min_m, max_m }) = stroke_box(&scene.desc, &default_stroke(&scene).unwrap(), 0.01)
-        else {
-            panic!("no box")
-        };
+        let [min_m, max_m] = stroke_box(&scene.desc, &default_stroke(&scene).unwrap(), 0.01).unwrap();
         // The edge is 60 mm long; the stroke goes from 1.05 to 0.2 of the 70 mm of height.
         for (found, meant) in min_m.iter().chain(&max_m).zip([-0.04, 0.004, -0.01, 0.04, 0.0835, 0.01]) {
             assert!((found - meant).abs() < 1e-9, "{min_m:?} {max_m:?}");
