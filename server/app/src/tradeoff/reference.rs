@@ -65,28 +65,33 @@ pub fn find(
     anyhow::bail!("no reference fits: raise --reference-budget-s; {}", remarks.join("; "))
 }
 
-/// From the finest: single voxels before composite elements, with these around the stroke where single voxels
-/// would fold there; and at half the smallest step of the sweep before that step before the scene's.
+/// From the finest: single voxels before composite elements, where they would fold with the finest that do
+/// not around the stroke; and at half the smallest step of the sweep before that step before the scene's.
 fn candidates(scene: &Scene, base: &Job, settings: &[Setting]) -> Vec<Job> {
     let own = sweep::own_setting(&scene.desc);
     let fastest_hz = settings.iter().map(|setting| setting.rate_hz).fold(own.rate_hz, f64::max);
     let mut rates_hz = vec![2.0 * fastest_hz, fastest_hz, own.rate_hz];
     rates_hz.dedup();
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let mut jobs = Vec::new();
     for level in 0..=own.level {
         // What is on level 0 throughout has no finer regions.
         let finer = if level == 0 { FinerRegions::LeftOut } else { own.finer };
-        let around_stroke = (level + 1..=own.level).filter(|_| base.stroke.is_some()).map(Some);
-        for level_around_stroke in std::iter::once(None).chain(around_stroke) {
-            jobs.extend(rates_hz.iter().map(|&rate_hz| Job {
-                setting: Setting { level, rate_hz, relative_tolerance: RELATIVE_TOLERANCE, finer, ..own },
-                level_around_stroke,
-                max_iterations: Some(MAX_ITERATIONS),
-                threads,
-                ..base.clone()
-            }));
+        let mut job = Job {
+            setting: Setting { level, relative_tolerance: RELATIVE_TOLERANCE, finer, ..own },
+            max_iterations: Some(MAX_ITERATIONS),
+            threads: std::thread::available_parallelism().map_or(1, usize::from),
+            ..base.clone()
+        };
+        if base.stroke.is_some() {
+            let mut levels = (level..=own.level).map(|around| (around > level).then_some(around));
+            job.level_around_stroke = levels
+                .find(|&level_around_stroke| {
+                    super::refusal(&Job { level_around_stroke, ..job.clone() }).is_ok_and(|refusal| refusal.is_none())
+                })
+                .flatten();
         }
+        let at_rate = |&rate_hz: &f64| Job { setting: Setting { rate_hz, ..job.setting }, ..job.clone() };
+        jobs.extend(rates_hz.iter().map(at_rate));
     }
     jobs
 }
