@@ -323,6 +323,45 @@ mod tests {
     }
 
     #[test]
+    fn only_around_the_stroke_elements_are_as_large_as_said() {
+        let setting =
+            Setting { level: 0, ..super::super::sweep::own_setting(&catalog::builtin("rubber").unwrap().desc) };
+        let stroke = [[-0.01, -1.0, -0.01], [0.01, 1.0, 0.01]];
+        let job = Job {
+            scene: "rubber".into(),
+            script: None,
+            inputs: 0,
+            setting,
+            stroke: Some(stroke),
+            level_around_stroke: Some(1),
+            max_iterations: Some(7),
+            duration_s: 1.0,
+            samples: 1,
+            points: Vec::new(),
+            profile: Vec::new(),
+            threads: 1,
+            start_s: 0.0,
+            limit_s: None,
+        };
+        let scene = job.scene().unwrap();
+        assert_eq!((scene.problems(), scene.desc.solver.max_iterations), (Vec::new(), 7));
+        let world = World::new(&scene).unwrap();
+        let body = world.bodies()[0];
+        let half_m = body.grid.voxel_size_m();
+        let mut seen = [0; 2];
+        for element in 0..body.base().elements.len() {
+            let (centre_m, level) = (body.rest_centre_m(element), body.element_level(element));
+            seen[usize::from(level)] += 1;
+            // Elements across the border are voxels.
+            let is_inside = [0, 2].iter().all(|a| centre_m[*a].abs() + half_m < stroke[1][*a]);
+            assert!(!is_inside || level == 1, "{centre_m:?}");
+            let is_outside = [0, 2].iter().any(|a| centre_m[*a].abs() - half_m > stroke[1][*a]);
+            assert!(!is_outside || level == 0, "{centre_m:?}");
+        }
+        assert!(seen.iter().all(|count| *count > 50), "{seen:?}");
+    }
+
+    #[test]
     fn memory_of_this_process_is_more_than_what_it_holds() {
         let held = vec![1u8; 64 << 20];
         let memory_mib = peak_memory_mib().unwrap();
