@@ -42,11 +42,11 @@ pub fn notes(options: &Options, reference: &Run, base: &Job) -> Vec<(String, Str
         ),
         (
             "errors",
-            "relative to the reference, while it feels the tool; the largest displacement's are of points \
-             beside the cut"
+            "relative to the reference, while it feels a tool where there is one; the largest displacement's are of \
+             points beside the cut"
                 .to_owned(),
         ),
-        ("cost", "of the steps in which the tool touches".to_owned()),
+        ("cost", "of the steps in which a tool touches, of all where there is none".to_owned()),
     ];
     if base.stroke.is_some() {
         let added = "the scene states none; `stated` is a box around the edge's stroke, a level finer";
