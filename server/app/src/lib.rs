@@ -22,3 +22,4 @@ pub mod wire {
 }
 mod status;
 mod telemetry;
+pub mod tradeoff;

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use kerf_server::serve::{self, ServeArgs};
-use kerf_server::{check, scenes, simulate};
+use kerf_server::{check, scenes, simulate, tradeoff};
 
 /// Simulates soft tissue that is cut.
 #[derive(Parser)]
@@ -28,6 +28,15 @@ enum Command {
     },
     /// Runs a scene without a network and writes tables, the last surface and a summary.
     Simulate(simulate::Options),
+    /// Sweeps a scene's settings and writes what each costs and how far off it is.
+    Tradeoff(Box<tradeoff::Options>),
+    /// One run of `tradeoff`: a job on standard input.
+    #[command(hide = true)]
+    TradeoffRun {
+        /// File of the run.
+        #[arg(long, value_name = "FILE")]
+        out: PathBuf,
+    },
 }
 
 fn main() -> ExitCode {
@@ -36,6 +45,8 @@ fn main() -> ExitCode {
         Command::Scenes => scenes::run(),
         Command::Check { file } => check::run(&file),
         Command::Simulate(options) => simulate::run(&options),
+        Command::Tradeoff(options) => tradeoff::run(&options),
+        Command::TradeoffRun { out } => tradeoff::job::run(&out),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

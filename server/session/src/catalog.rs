@@ -13,13 +13,14 @@ pub const MAX_SCENE_BYTES: u64 = 4 << 20;
 /// Largest mesh file, bytes: some five million triangles in binary.
 pub const MAX_MESH_BYTES: u64 = 256 << 20;
 
-const BUILTIN: [(&str, &str); 6] = [
+const BUILTIN: [(&str, &str); 7] = [
     ("jelly", include_str!("../scenes/jelly.toml")),
     ("tofu", include_str!("../scenes/tofu.toml")),
     ("rubber", include_str!("../scenes/rubber.toml")),
     ("cuboid", include_str!("../scenes/cuboid.toml")),
     ("liver", include_str!("../scenes/liver.toml")),
     ("liver-tissue", include_str!("../scenes/liver-tissue.toml")),
+    ("pressed-block", include_str!("../scenes/pressed-block.toml")),
 ];
 
 /// Why a scene cannot be had.
@@ -181,7 +182,8 @@ mod tests {
             let scene = load(name).unwrap_or_else(|e| panic!("{e}"));
             assert_eq!(scene.desc.name, name);
             assert_eq!(scene.desc.rate_hz, 1000.0);
-            assert_eq!(scene.desc.tools.len(), 1, "{name}");
+            let is_pressed = name == "pressed-block";
+            assert_eq!(scene.desc.tools.len(), usize::from(!is_pressed), "{name}");
             assert!(!scene.desc.probes.is_empty() && !scene.desc.description.is_empty(), "{name}");
         }
     }

@@ -25,7 +25,7 @@ use summary::{Summary, Tally};
 use tables::Tables;
 
 /// Simulated time after the script's end, s: what was cut comes to rest.
-const AFTER_SCRIPT_S: f64 = 0.2;
+pub const AFTER_SCRIPT_S: f64 = 0.2;
 /// Most steps of one run: their rows fill some gigabytes.
 const MAX_STEPS: f64 = 1e7;
 
@@ -109,7 +109,7 @@ pub fn run(options: &Options) -> Result<()> {
         recorded_hash = recording.state_hash;
         step(&mut world, &workers, recording.log.inputs(), tables, recording.log.steps())?
     } else {
-        let mut script = read_script(options, &scene)?;
+        let mut script = read_script(options.script.as_deref(), &scene)?;
         let duration_s = options.duration.unwrap_or(script.end_s() + AFTER_SCRIPT_S);
         let (rate_hz, steps) = (scene.desc.rate_hz, (duration_s * scene.desc.rate_hz).round());
         ensure!((1.0..=MAX_STEPS).contains(&steps), "{duration_s} s make {steps} steps, not 1 to {MAX_STEPS}");
@@ -151,9 +151,13 @@ fn load(options: &Options) -> Result<Scene> {
     }
 }
 
-fn read_script(options: &Options, scene: &Scene) -> Result<Script> {
+/// The script in a file; without one the scene's default stroke.
+///
+/// # Errors
+/// The file cannot be read or is not a script for the scene's tools, or the scene cannot be voxelized.
+pub fn read_script(path: Option<&Path>, scene: &Scene) -> Result<Script> {
     let tools: Vec<&str> = scene.desc.tools.iter().map(|tool| tool.name.as_str()).collect();
-    let Some(path) = &options.script else { return stroke::default_stroke(scene) };
+    let Some(path) = path else { return stroke::default_stroke(scene) };
     let file = File::open(path).with_context(|| path.display().to_string())?;
     Script::from_csv(file, &tools).with_context(|| path.display().to_string())
 }

@@ -118,7 +118,7 @@ impl Tally {
 }
 
 /// The smallest value that at least a share `quantile` of the values do not exceed, ms.
-fn quantile_ms(mut values_ns: Vec<u64>, quantile: f64) -> Option<f64> {
+pub fn quantile_ms(mut values_ns: Vec<u64>, quantile: f64) -> Option<f64> {
     values_ns.sort_unstable();
     let rank = (values_ns.len() as f64 * quantile).ceil() as usize;
     values_ns.get(rank.saturating_sub(1)).map(|ns| *ns as f64 / 1e6)

@@ -1,0 +1,170 @@
+//! `kerf-server tradeoff`: what settings of a scene cost and how far off they are, measured against the
+//! finest reference that can be afforded.
+//!
+//! Every run is a process of its own ([`job`]); its samples stand in a file of `runs/` and are not taken
+//! again while the file is whole and of the same job.
+
+mod carried;
+pub mod job;
+mod measure;
+mod plot;
+mod points;
+mod reference;
+mod report;
+mod runs;
+mod samples;
+mod sweep;
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, ensure};
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use kerf_physics::Scene;
+use kerf_physics::grid::voxelize::voxel_size_m;
+use kerf_session::catalog;
+use kerf_session::dial::{FinerRegions, Front, Setting};
+
+use crate::simulate::{AFTER_SCRIPT_S, read_script};
+use job::Job;
+use runs::Runs;
+use sweep::Axes;
+
+/// Simulated time of a scene whose tools do nothing, s: its loads have been taken up.
+const DURATION_WITHOUT_TOOLS_S: f64 = 0.5;
+/// Margin of the region around the stroke, in elements of the scene's level.
+const STROKE_MARGIN_ELEMENTS: f64 = 1.0;
+
+/// Options of a sweep.
+#[derive(Args, Clone, Debug)]
+pub struct Options {
+    /// Name of a built-in scene, or path of a scene's TOML file.
+    pub scene: String,
+    /// Poses over time, as for `simulate`. Default: its stroke.
+    #[arg(long, value_name = "FILE.csv")]
+    pub script: Option<PathBuf>,
+    /// Simulated time, s. Default: the script's length and 0.2 s; 0.5 s where nothing moves a tool.
+    #[arg(long, value_name = "S")]
+    pub duration: Option<f64>,
+    /// Values of each axis.
+    #[command(flatten)]
+    pub axes: Axes,
+    /// Points of the surface that are compared.
+    #[arg(long, value_name = "N", default_value_t = 240, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub points: u32,
+    /// Times at which they are compared.
+    #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub samples: u32,
+    /// Threads lent to the steps that are timed; the reference has all of the machine.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
+    pub threads: u16,
+    /// Time that the reference may take, s: the finest one that a pilot says will fit is taken. One that
+    /// stands in the folder is kept.
+    #[arg(long, value_name = "S", default_value_t = 1200.0)]
+    pub reference_budget_s: f64,
+    /// Times the runs in the folder again, each from where the tool touches and for at most so many seconds,
+    /// and keeps their errors.
+    #[arg(long, value_name = "S", num_args = 0..=1, default_missing_value = "10")]
+    pub retime: Option<f64>,
+    /// Folder for runs/, front.csv, front.md, pareto.svg and pareto.png, and profile.svg and profile.png
+    /// where no tool moves.
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+/// Sweeps a scene and writes its front.
+///
+/// # Errors
+/// The scene or the script cannot be read or is not sound, the reference fails, or a file cannot be written.
+pub fn run(options: &Options) -> Result<()> {
+    let scene = catalog::load(&options.scene)?;
+    let base = base_job(options, &scene)?;
+    let settings = sweep::settings(&scene.desc, &options.axes);
+    let runs = Runs::create(&options.out)?;
+    let bar = ProgressBar::new(settings.len() as u64 + 1).with_style(
+        ProgressStyle::with_template("{bar:40} {pos}/{len} runs, {elapsed} {msg}").expect("the template is sound"),
+    );
+    let (reference, mut remarks) = reference::find(options, &scene, &base, &settings, &runs, &bar)?;
+    bar.inc(1);
+    let from_s = reference::touches_from_s(&reference);
+    let mut points = Vec::new();
+    let mut swept = Vec::new();
+    for setting in settings {
+        let key = sweep::key(&setting);
+        let job = Job { setting, ..base.clone() };
+        let outcome = match (refusal(&job)?, options.retime) {
+            (Some(refusal), _) => Err(anyhow::anyhow!(refusal)),
+            (None, None) => runs.take(&key, &job, &bar),
+            (None, Some(limit_s)) => runs.retime(&key, &job, from_s, limit_s, &bar),
+        };
+        match outcome {
+            Ok(run) if run.faults > 0 => {
+                remarks.push(format!("{key}: left out, {} steps were rolled back", run.faults))
+            }
+            Ok(run) => {
+                points.push(measure::point(&run, &reference));
+                swept.push(run);
+            }
+            Err(error) => remarks.push(format!("{key}: left out, {error:#}")),
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    remarks.iter().for_each(|remark| eprintln!("{remark}"));
+    ensure!(!points.is_empty(), "no setting could be measured");
+    let mut front = Front { points, ..Front::of(&scene) };
+    front.notes.extend(report::notes(options, &reference, &base));
+    report::write(&options.out, &front, &remarks)?;
+    plot::pareto(&front, &options.out)?;
+    if scene.desc.tools.is_empty() {
+        plot::profile(&scene.desc.name, &reference, &swept, &options.out)?;
+    }
+    println!("{} settings measured, {} runs taken: {}", swept.len(), runs.taken(), options.out.display());
+    Ok(())
+}
+
+/// Why a job's scene is not run; `None` where it is.
+fn refusal(job: &Job) -> Result<Option<String>> {
+    let mut scene = job.scene()?;
+    if let Some(problem) = scene.problems().first() {
+        return Ok(Some(problem.to_string()));
+    }
+    if job.level_around_stroke.is_some() {
+        // Its smaller elements are where no edge comes.
+        scene.desc.objects.iter_mut().for_each(|object| object.finer.clear());
+    }
+    carried::fold(&scene)
+}
+
+/// What all runs have in common.
+fn base_job(options: &Options, scene: &Scene) -> Result<Job> {
+    let script = read_script(options.script.as_deref(), scene)?;
+    let text = match &options.script {
+        Some(path) => std::fs::read_to_string(path).with_context(|| path.display().to_string())?,
+        None => String::new(),
+    };
+    let end_s = script.end_s();
+    let default_s = if end_s > 0.0 { end_s + AFTER_SCRIPT_S } else { DURATION_WITHOUT_TOOLS_S };
+    let duration_s = options.duration.unwrap_or(default_s);
+    ensure!(duration_s > 0.0 && duration_s <= 1e4, "--duration: {duration_s} is not between 0 and 10000");
+    let setting: Setting = sweep::own_setting(&scene.desc);
+    let voxel_m = voxel_size_m(&scene.desc.objects[0], &scene.meshes)?.context("the scene's mesh was not read")?;
+    let margin_m = STROKE_MARGIN_ELEMENTS * voxel_m * f64::from(1u32 << setting.level);
+    let has_own_regions = setting.finer == FinerRegions::Stated;
+    Ok(Job {
+        scene: options.scene.clone(),
+        script: options.script.clone(),
+        inputs: Job::inputs_of(scene, &text),
+        setting,
+        stroke: if has_own_regions { None } else { sweep::stroke_box(&scene.desc, &script, margin_m) },
+        level_around_stroke: None,
+        max_iterations: None,
+        duration_s,
+        samples: options.samples,
+        points: points::on_surface(scene, options.points as usize)?,
+        profile: points::along_top(scene)?,
+        threads: usize::from(options.threads),
+        start_s: 0.0,
+        limit_s: None,
+    })
+}
