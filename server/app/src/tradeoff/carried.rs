@@ -11,7 +11,7 @@ use kerf_physics::scene::toughness::{composite_edge_m, gc_over_eh};
 
 /// Least stiffening and the largest load at initiation over `E H` up to which the force on the blade was
 /// within 6 % of Gc w: blocks of 20 x 14 x 20 voxels, nu 0.45, levels 0 and 1. The next load that was tried
-/// gave 0.7 to 0.85 Gc w; it was 1.4 to 2 times as large.
+/// gave 0.45 to 0.9 Gc w; it was 1.4 to 2 times as large.
 const CARRIED_OVER_EH: [(f64, f64); 3] = [(10.0, 2.9), (3.0, 2.0), (0.0, 0.6)];
 
 /// Why a scene's smallest elements would fold; `None` where they do not.
