@@ -2,7 +2,7 @@
 
 mod support;
 
-use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, Scene, ShapeDesc};
+use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, ProbeDesc, Scene, ShapeDesc};
 use kerf_physics::{NoClock, StepInputs, Workers, World};
 use support::{beam, object, scene};
 
@@ -153,4 +153,20 @@ fn tip_errors_grow_with_the_cell_and_do_not_lock() {
             assert!(error.abs() < bound, "nu {poisson}, level {level}: {error}");
         }
     }
+}
+
+#[test]
+fn probes_tell_of_the_rest_that_a_scene_was_taken_to() {
+    let mut block = object([0.0; 3], [0.04; 3], 0.005, 1);
+    block.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 0.005, 1.0] }];
+    let mut scene = scene(vec![block]);
+    scene.desc.gravity_m_per_s2 = [0.0, -9.81, 0.0];
+    let object = scene.desc.objects[0].name.clone();
+    scene.desc.probes.push(ProbeDesc { name: "top".into(), object, position_m: [0.021, 0.039, 0.021] });
+    let mut world = World::new(&scene).unwrap();
+    assert!(world.relax(&Workers::serial(), &mut |_| ()).converged);
+    let relaxed = world.output().probe_displacement_m[0];
+    assert!(relaxed.y < 0.0);
+    let stepped = world.step(&Workers::serial(), &NoClock, &StepInputs::default()).probe_displacement_m[0];
+    assert!((stepped - relaxed).norm() < 1e-3 * relaxed.norm(), "{relaxed:?} m and, a step later, {stepped:?} m");
 }

@@ -308,11 +308,15 @@ impl World {
         let ledgers = self.slots.iter().map(|s| &s.ledger);
         self.output.energy = ledger::book(ledgers, &self.contact_ledger, &before, self.flank_before_j);
         self.flank_before_j = self.contact_ledger.flank_stored_j;
+        self.read_probes();
+        self.output.step += 1;
+        self.output.sim_time_s = self.output.step as f64 * self.params.dt_s;
+    }
+
+    fn read_probes(&mut self) {
         for (probe, out) in self.probes.iter().zip(&mut self.output.probe_displacement_m) {
             *out = self.slots[probe.body].body.current_m(&probe.point) - probe.point.position_m;
         }
-        self.output.step += 1;
-        self.output.sim_time_s = self.output.step as f64 * self.params.dt_s;
     }
 
     /// Takes the scene to rest under its loads alone, tools lifted. `progress` is told the norm of the
@@ -327,6 +331,7 @@ impl World {
             total.relative_residual = total.relative_residual.max(one.relative_residual);
             total.converged &= one.converged;
         }
+        self.read_probes();
         total
     }
 
