@@ -19,6 +19,8 @@ pub fn section(_plots: &Path) -> Result<String> {
     let haptic = stroke(&builtin("liver")?, 1, Viewer::Watching, usize::MAX)?;
     line("liver, k = 4, 1 kHz, residual 1e-3, one thread, without fracture", 0.8, haptic.median_ms(false))?;
     line("the same with fracture: topology, surface, solver data", 2.5, haptic.median_ms(true))?;
+    let two = stroke(&builtin("liver")?, 2, Viewer::Watching, usize::MAX)?;
+    line("the same without fracture, two threads", 0.8, two.median_ms(false))?;
     let mut converged = builtin("liver")?;
     converged.desc.rate_hz = 100.0;
     converged.desc.solver.relative_tolerance = 1e-5;
