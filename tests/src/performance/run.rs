@@ -49,6 +49,8 @@ pub fn liver(voxel_m: f64, level: u8, rate_hz: f64) -> Result<Scene> {
     scene.desc.rate_hz = rate_hz;
     scene.desc.objects[0].voxel_size_m = Some(voxel_m);
     scene.desc.objects[0].level = level;
+    // They lie in the scene's own voxels, not in coarser ones.
+    scene.desc.probes.clear();
     Ok(scene)
 }
 
