@@ -76,7 +76,7 @@ pub fn is_on_front(point: &FrontPoint, front: &Front) -> bool {
 /// A setting in words, what is as in most left away.
 #[must_use]
 pub fn label(point: &FrontPoint) -> String {
-    let mut label = format!("k{} {:.0} Hz {:e}", point.level, point.rate_hz, point.relative_tolerance);
+    let mut label = format!("level {}, {:.0} Hz, {:e}", point.level, point.rate_hz, point.relative_tolerance);
     if point.voxel_scale != 1.0 {
         write!(label, " x{}", point.voxel_scale).expect("text grows");
     }
