@@ -78,7 +78,7 @@ fn a_finer_level_errs_less_and_costs_more_and_the_plot_shows_them() {
     let table = std::fs::read_to_string(folder.path().join("out/front.md")).unwrap();
     for point in &front.points {
         let bold = !front.points.iter().any(|other| point.is_dominated_by(other));
-        let row = table.lines().find(|line| line.contains(&format!("k{} 200 Hz", point.level))).unwrap();
+        let row = table.lines().find(|line| line.contains(&format!("level {}, 200 Hz", point.level))).unwrap();
         assert_eq!(row.starts_with("| **"), bold, "{row}");
     }
     for name in ["pareto.svg", "pareto.png"] {
