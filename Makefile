@@ -24,7 +24,7 @@ lint:
 verify:
 	cargo run --release -p kerf-system-tests --bin verify
 
-# Writes docs/performance.md and its plots, in a quarter of an hour; nothing else should run.
+# Writes docs/performance.md and its plots, in five minutes; nothing else should run.
 performance:
 	cargo run --release -p kerf-system-tests --bin performance
 
