@@ -4,5 +4,4 @@
 
 pub mod extremes;
 pub mod performance;
-mod plot_font;
 pub mod verification;

@@ -9,6 +9,8 @@ pub mod config;
 mod convert;
 mod grpc;
 mod incoming;
+pub mod machine;
+pub mod plot_font;
 pub mod recording;
 mod scene_source;
 pub mod scenes;

@@ -4,10 +4,9 @@ use std::ops::Range;
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use kerf_server::plot_font::{FONT, register_plot_font};
 use plotters::coord::Shift;
 use plotters::prelude::*;
-
-use crate::plot_font::{FONT, register_plot_font};
 
 const SIZE_PX: (u32, u32) = (1000, 560);
 const GREY: RGBColor = RGBColor(110, 110, 110);

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::{Result, ensure};
+use kerf_server::machine::peak_memory_mib;
 
 use super::figure::{Axis, Curve, Figure};
 use super::run::{Run, Viewer, cell, liver, quantile, stroke};
@@ -24,13 +25,6 @@ fn us_per_voxel(run: &Run) -> f64 {
 
 fn median_ms(run: &Run) -> f64 {
     quantile(run.samples.iter().map(|sample| sample.total_ms), 0.5)
-}
-
-/// Highest memory of this process so far, MiB.
-fn peak_memory_mib() -> f64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    line.and_then(|text| text.trim().strip_suffix(" kB")?.parse::<f64>().ok()).map_or(f64::NAN, |kib| kib / 1024.0)
 }
 
 pub fn section(plots: &Path) -> Result<String> {
@@ -56,7 +50,7 @@ pub fn section(plots: &Path) -> Result<String> {
             cell(us_per_voxel(&one)),
             cell(median_ms(&two)),
             cell(one.iterations_per_solve()),
-            cell(peak_memory_mib())
+            cell(peak_memory_mib()?)
         )?;
     }
     let spread = quantile(per_voxel.iter().map(|point| point.1), 1.0) / quantile(per_voxel.iter().map(|p| p.1), 0.0);

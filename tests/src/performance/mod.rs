@@ -15,6 +15,7 @@ mod targets;
 use std::path::Path;
 
 use anyhow::Result;
+use kerf_server::machine::hardware;
 
 /// A section's function: runs what it shows, leaves its plots in a folder, returns its Markdown.
 pub type SectionFn = fn(&Path) -> Result<String>;
@@ -32,19 +33,11 @@ pub const SECTIONS: [(&str, SectionFn); 6] = [
 /// Head of the document: where and how its figures were taken.
 #[must_use]
 pub fn header() -> String {
-    let (model, cores) = hardware();
     format!(
-        "# Performance\n\nWritten by `make performance` on {cores} x {model}. Every figure is from that one run, in \
+        "# Performance\n\nWritten by `make performance` on {}. Every figure is from that one run, in \
          which the machine had nothing else to do; times are of whole steps as the step's own clock has them, \
          medians unless said otherwise. Strokes are `kerf-server simulate`'s default: straight down through the \
-         middle at 0.1 m/s, rest, and back. A viewer watches, so that the surface is kept up to date.\n"
+         middle at 0.1 m/s, rest, and back. A viewer watches, so that the surface is kept up to date.\n",
+        hardware()
     )
-}
-
-/// The processor's name and the number of processors that the machine lends.
-fn hardware() -> (String, usize) {
-    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": ").map(|pair| pair.1));
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    (model.unwrap_or("an unknown processor").to_owned(), cores)
 }

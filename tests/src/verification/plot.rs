@@ -4,11 +4,11 @@ use std::ops::Range;
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use kerf_server::plot_font::{FONT, register_plot_font};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
 use super::Study;
-use crate::plot_font::{FONT, register_plot_font};
 
 const SIZE_PX: (u32, u32) = (900, 640);
 const COLOURS: [RGBColor; 4] =

@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::points::{Followed, Point};
 use super::samples::{Sampler, Samples};
+use crate::machine::peak_memory_mib;
 use crate::simulate;
 use crate::simulate::summary::quantile_ms;
 
@@ -293,14 +294,6 @@ impl Tally {
         let at = |quantile| quantile_ms(times.clone(), quantile).context("the run took no step");
         Ok(Cost { median_ms: at(0.5)?, p99_ms: at(0.99)?, memory_mib: peak_memory_mib()?, run_s })
     }
-}
-
-/// Resident memory of this process at its highest, MiB: `VmHWM`.
-fn peak_memory_mib() -> Result<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").context("/proc/self/status: memory is told by Linux")?;
-    let kib =
-        status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse::<f64>().ok());
-    Ok(kib.context("/proc/self/status: VmHWM")? / 1024.0)
 }
 
 #[cfg(test)]

@@ -2,20 +2,18 @@
 
 use std::ops::Range;
 use std::path::Path;
-use std::sync::Once;
 
 use anyhow::{Context, Result};
 use kerf_session::dial::{Front, FrontPoint};
 use plotters::coord::{CoordTranslate, Shift};
 use plotters::prelude::*;
-use plotters::style::{FontStyle, register_font};
 
 use super::job::Run;
 use super::report::{is_on_front, label};
 use super::sweep;
+use crate::plot_font::{FONT, register_plot_font};
 
 const SIZE_PX: (u32, u32) = (1000, 700);
-const FONT: &str = "sans-serif";
 /// By level.
 const COLOURS: [RGBColor; 5] = [
     RGBColor(31, 88, 140),
@@ -54,15 +52,6 @@ pub fn profile(scene: &str, reference: &Run, runs: &[Run], folder: &Path) -> Res
         .with_context(|| svg.display().to_string())?;
     draw_profile(scene, reference, runs, &BitMapBackend::new(&png, SIZE_PX).into_drawing_area())
         .with_context(|| png.display().to_string())
-}
-
-/// The machine may have no fonts and no fontconfig, so the text's font comes with the program.
-fn register_plot_font() {
-    static ONCE: Once = Once::new();
-    ONCE.call_once(|| {
-        let registered = register_font(FONT, FontStyle::Normal, dejavu::sans::regular());
-        assert!(registered.is_ok(), "the built-in font is a font");
-    });
 }
 
 fn place(point: &FrontPoint) -> (f64, f64) {

@@ -8,6 +8,7 @@ use kerf_session::dial::{FinerRegions, Front, FrontPoint};
 
 use super::job::{Job, Run};
 use super::{Options, reference, sweep};
+use crate::machine::hardware;
 
 /// What is told of the measurement besides the scene.
 #[must_use]
@@ -127,13 +128,6 @@ fn markdown(front: &Front, remarks: &[String]) -> String {
         remarks.iter().for_each(|remark| writeln!(text, "- {remark}").expect("text grows"));
     }
     text
-}
-
-fn hardware() -> String {
-    let told = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = told.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    format!("{}, {cores} cores", model.map_or("unknown processor", |(_, model)| model.trim()))
 }
 
 /// The command as it was given, of paths the last part alone.
