@@ -89,23 +89,7 @@ fn force_is_the_negative_gradient_of_the_energy() {
             body.position_m[node] = (turn * (body.rest_position_m(node) + noise)).into();
         }
         body.evaluate(&Workers::serial(), 60);
-        let forces = body.elastic_forces_n();
-        let scale = forces.iter().flatten().fold(0.0f64, |m, f| m.max(f.abs()));
-        let step = 1e-7;
-        for node in 0..body.node_count() {
-            for axis in 0..3 {
-                let mut energy = [0.0; 2];
-                for (e, sign) in energy.iter_mut().zip([1.0, -1.0]) {
-                    body.position_m[node][axis] += sign * step;
-                    body.evaluate(&Workers::serial(), 30);
-                    *e = body.energy().elastic_j;
-                    body.position_m[node][axis] -= sign * step;
-                }
-                let slope = (energy[0] - energy[1]) / (2.0 * step);
-                let error = (slope + forces[node][axis]).abs() / scale;
-                assert!(error < 1e-6, "node {node} axis {axis}: {slope} against {}", -forces[node][axis]);
-            }
-        }
+        support::assert_forces_are_the_energys_slope(&mut body);
     }
 }
 

@@ -204,24 +204,7 @@ fn a_rotation_turns_the_forces_along_and_no_net_torque_appears() {
 #[test]
 fn the_force_of_a_sudden_motion_is_the_negative_gradient_of_the_energy() {
     let mut body = strained_at_random();
-    let forces = body.elastic_forces_n();
-    let scale = forces.iter().flatten().fold(0.0f64, |m, f| m.max(f.abs()));
-    let step = 1e-7;
-    let mut worst = 0.0f64;
-    for node in 0..body.node_count() {
-        for axis in 0..3 {
-            let mut energy = [0.0; 2];
-            for (e, sign) in energy.iter_mut().zip([1.0, -1.0]) {
-                body.position_m[node][axis] += sign * step;
-                body.evaluate(&Workers::serial(), 30);
-                *e = body.energy().elastic_j;
-                body.position_m[node][axis] -= sign * step;
-            }
-            let slope = (energy[0] - energy[1]) / (2.0 * step);
-            worst = worst.max((slope + forces[node][axis]).abs() / scale);
-        }
-    }
-    assert!(worst < 1e-6, "off by {worst} of the largest force");
+    support::assert_forces_are_the_energys_slope(&mut body);
 }
 
 #[test]

@@ -112,3 +112,25 @@ pub fn run(world: &mut World, steps: usize) {
 pub fn up(y: f64) -> Vec3 {
     Vec3::new(0.0, y, 0.0)
 }
+
+/// The elastic force on every node is the negative slope of the energy, by central differences, to 1e-6 of
+/// the largest force.
+pub fn assert_forces_are_the_energys_slope(body: &mut Body) {
+    let forces = body.elastic_forces_n();
+    let scale = forces.iter().flatten().fold(0.0f64, |m, f| m.max(f.abs()));
+    let step = 1e-7;
+    for node in 0..body.node_count() {
+        for axis in 0..3 {
+            let mut energy = [0.0; 2];
+            for (e, sign) in energy.iter_mut().zip([1.0, -1.0]) {
+                body.position_m[node][axis] += sign * step;
+                body.evaluate(&Workers::serial(), 30);
+                *e = body.energy().elastic_j;
+                body.position_m[node][axis] -= sign * step;
+            }
+            let slope = (energy[0] - energy[1]) / (2.0 * step);
+            let error = (slope + forces[node][axis]).abs() / scale;
+            assert!(error < 1e-6, "node {node} axis {axis}: {slope} against {}", -forces[node][axis]);
+        }
+    }
+}
