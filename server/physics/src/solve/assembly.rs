@@ -84,6 +84,18 @@ impl Chunk {
         self.unknowns.is_empty()
     }
 
+    /// The unknowns, by slot.
+    #[must_use]
+    pub fn unknowns(&self) -> &[u32] {
+        &self.unknowns
+    }
+
+    /// Whether some of its nodes hang.
+    #[must_use]
+    pub fn has_hanging(&self) -> bool {
+        !self.hanging.is_empty()
+    }
+
     /// Slots of the corners of the chunk's n-th element.
     #[must_use]
     pub fn corners(&self, element: usize) -> &[u16; 8] {

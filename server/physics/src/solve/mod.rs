@@ -7,4 +7,5 @@ mod lists;
 pub mod multigrid;
 pub mod operator;
 pub mod pcg;
+mod rows;
 pub mod spring;

@@ -5,6 +5,7 @@
 //! components: a node is one load, and eight nodes become lanes by a transpose in registers.
 
 use super::assembly::{Assembly, CHUNK_ELEMENTS, Chunk};
+use super::rows::{MOST_ROW_NODES, RowBuffers, RowEdges};
 use super::spring::{POINT_NODES, PointSpring};
 use crate::fem::lanes::{self, PACKED};
 use crate::fem::packed::PackedMatrix;
@@ -29,17 +30,14 @@ pub struct OperatorBlock {
     matrix: PackedMatrix<f32x8>,
     /// Rotation of each element, row-major.
     pub rotation: [f32x8; 9],
-    corners: Corners,
 }
 
-/// Where the corners of a block's elements lie in the buffer of their chunk.
-#[derive(Clone)]
+/// Where the corners of a chunk's elements lie in its buffer, block by block.
 enum Corners {
-    /// Elements side by side along x: of each of the four edges along x, the slot of the first of its nine
-    /// nodes, which follow each other.
-    Row([u16; 4]),
+    /// All of its blocks are rows.
+    Rows(Vec<RowEdges>),
     /// By corner and lane.
-    Each(Box<[[u16; LANES]; 8]>),
+    Each(Vec<[[u16; LANES]; 8]>),
 }
 
 /// Diagonal 3x3 blocks of every node: symmetric, so six entries.
@@ -59,6 +57,8 @@ pub struct Operator {
     springs: Vec<PointSpring>,
     element_nodes: Vec<[u32; 8]>,
     assembly: Assembly,
+    /// By chunk.
+    corners: Vec<Corners>,
     /// What the elements of each chunk read, and what they add up.
     values: NodeVector,
     sums: NodeVector,
@@ -74,59 +74,43 @@ pub struct Operator {
     inverse: Vec<[f32x4; 3]>,
 }
 
+/// Components of the corners, one element per lane.
+#[inline(always)]
+fn gather(corners: &[[u16; LANES]; 8], values: &[f32x4]) -> [f32x8; 24] {
+    let corner = |c: usize| {
+        let slots = &corners[c];
+        lanes::split(std::array::from_fn(|lane| values[slots[lane] as usize]))
+    };
+    let c = [corner(0), corner(1), corner(2), corner(3), corner(4), corner(5), corner(6), corner(7)];
+    bytemuck::cast(c)
+}
+
+/// Adds what each lane has for its corners.
+#[inline(always)]
+fn scatter(corners: &[[u16; LANES]; 8], y: &[f32x8; 24], sums: &mut [f32x4]) {
+    for (corner, slots) in corners.iter().enumerate() {
+        let vectors = lanes::join([y[3 * corner], y[3 * corner + 1], y[3 * corner + 2]]);
+        (0..LANES).for_each(|lane| sums[slots[lane] as usize] += vectors[lane]);
+    }
+}
+
 impl Corners {
-    fn of(corners: [[u16; LANES]; 8]) -> Self {
-        let follows = |c: usize, lane: usize, by: usize| corners[c][lane] as usize == corners[c & !1][0] as usize + by;
-        if (0..8).all(|c| (0..LANES).all(|lane| follows(c, lane, lane + (c & 1)))) {
-            Self::Row([0, 2, 4, 6].map(|c| corners[c][0]))
-        } else {
-            Self::Each(Box::new(corners))
-        }
-    }
-
-    /// Components of the corners, one element per lane.
-    #[inline(always)]
-    fn gather(&self, values: &[f32x4]) -> [f32x8; 24] {
-        match self {
-            Self::Row(edges) => {
-                let edge = |e: usize| -> [[f32x8; 3]; 2] {
-                    let nodes = &values[edges[e] as usize..][..LANES + 1];
-                    let from = |first: usize| lanes::split(std::array::from_fn(|lane| nodes[first + lane]));
-                    [from(0), from(1)]
-                };
-                bytemuck::cast([edge(0), edge(1), edge(2), edge(3)])
+    /// Of the first `elements` of a chunk.
+    fn of(chunk: &Chunk, elements: usize) -> Self {
+        let block = |first: usize| {
+            let mut corners = [[0; LANES]; 8];
+            for lane in 0..LANES.min(elements - first) {
+                let slots = chunk.corners(first + lane);
+                (0..8).for_each(|corner| corners[corner][lane] = slots[corner]);
             }
-            Self::Each(corners) => {
-                let corner = |c: usize| {
-                    let slots = &corners[c];
-                    lanes::split(std::array::from_fn(|lane| values[slots[lane] as usize]))
-                };
-                let c = [corner(0), corner(1), corner(2), corner(3), corner(4), corner(5), corner(6), corner(7)];
-                bytemuck::cast(c)
-            }
-        }
-    }
-
-    /// Adds what each lane has for its corners.
-    #[inline(always)]
-    fn add_to(&self, y: &[f32x8; 24], sums: &mut [f32x4]) {
-        let at = |corner: usize| lanes::join([y[3 * corner], y[3 * corner + 1], y[3 * corner + 2]]);
-        match self {
-            Self::Row(edges) => {
-                for (edge, &slot) in edges.iter().enumerate() {
-                    let (near, far) = (at(2 * edge), at(2 * edge + 1));
-                    let nodes = &mut sums[slot as usize..][..LANES + 1];
-                    nodes[0] += near[0];
-                    (1..LANES).for_each(|i| nodes[i] += near[i] + far[i - 1]);
-                    nodes[LANES] += far[LANES - 1];
-                }
-            }
-            Self::Each(corners) => {
-                for (corner, slots) in corners.iter().enumerate() {
-                    let vectors = at(corner);
-                    (0..LANES).for_each(|lane| sums[slots[lane] as usize] += vectors[lane]);
-                }
-            }
+            corners
+        };
+        let blocks = (0..elements).step_by(LANES).map(block);
+        let fits = chunk.len() <= MOST_ROW_NODES && !chunk.has_hanging();
+        let rows = || blocks.clone().map(|corners| RowEdges::of(&corners)).collect::<Option<_>>();
+        match fits.then(rows).flatten() {
+            Some(rows) => Self::Rows(rows),
+            None => Self::Each(blocks.collect()),
         }
     }
 }
@@ -134,11 +118,7 @@ impl Corners {
 impl OperatorBlock {
     fn new() -> Self {
         let (zero, one) = (f32x8::ZERO, f32x8::ONE);
-        Self {
-            matrix: PackedMatrix::default(),
-            rotation: [one, zero, zero, zero, one, zero, zero, zero, one],
-            corners: Corners::Each(Box::default()),
-        }
+        Self { matrix: PackedMatrix::default(), rotation: [one, zero, zero, zero, one, zero, zero, zero, one] }
     }
 
     /// Sets the rotation of a lane, row-major.
@@ -148,13 +128,6 @@ impl OperatorBlock {
         }
     }
 
-    /// `R A_e R^T x` of every lane.
-    #[inline(always)]
-    fn apply(&self, values: &[f32x4]) -> [f32x8; 24] {
-        let u = lanes::rotate_back(&self.rotation, &self.corners.gather(values));
-        lanes::rotate(&self.rotation, &self.matrix.apply(&u))
-    }
-
     /// Rows of the diagonal block of a corner in the rest frame.
     #[inline(always)]
     fn corner_block(&self, corner: usize) -> [[f32x8; 3]; 3] {
@@ -162,20 +135,51 @@ impl OperatorBlock {
         let m: [f32x8; 6] = std::array::from_fn(|i| self.matrix.entry(start + i));
         [[m[0], m[1], m[3]], [m[1], m[2], m[4]], [m[3], m[4], m[5]]]
     }
+}
 
-    /// `(R B R^T)_ij` of each corner's diagonal block B for three pairs (i, j).
+/// What every element adds up at its corners. A trait and not a closure: it is to be inlined wherever it
+/// is called, or its arguments go through memory.
+trait BlockTerm: Sync {
+    /// Of the elements of a block, from the values `u` at their corners.
+    fn of(&self, block: &OperatorBlock, u: &[f32x8; 24]) -> [f32x8; 24];
+    /// How much of it a hanging node hands to a master that moves it with `weight`.
+    fn share(weight: f32) -> f32;
+}
+
+/// `R A_e R^T u`.
+struct Product;
+
+/// `(R B R^T)_ij` of each corner's diagonal block B for three pairs (i, j).
+struct RotatedDiagonal([(usize, usize); 3]);
+
+impl BlockTerm for Product {
     #[inline(always)]
-    fn rotated_diagonal(&self, entries: [(usize, usize); 3]) -> [f32x8; 24] {
-        let row = |i: usize| [self.rotation[3 * i], self.rotation[3 * i + 1], self.rotation[3 * i + 2]];
+    fn of(&self, block: &OperatorBlock, u: &[f32x8; 24]) -> [f32x8; 24] {
+        lanes::rotate(&block.rotation, &block.matrix.apply(&lanes::rotate_back(&block.rotation, u)))
+    }
+
+    fn share(weight: f32) -> f32 {
+        weight
+    }
+}
+
+impl BlockTerm for RotatedDiagonal {
+    #[inline(always)]
+    fn of(&self, block: &OperatorBlock, _: &[f32x8; 24]) -> [f32x8; 24] {
+        let row = |i: usize| [block.rotation[3 * i], block.rotation[3 * i + 1], block.rotation[3 * i + 2]];
         let dot = |a: [f32x8; 3], b: [f32x8; 3]| a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]));
         let mut out = [f32x8::ZERO; 24];
         for corner in 0..8 {
-            let block = self.corner_block(corner);
-            for (slot, (i, j)) in entries.into_iter().enumerate() {
-                out[3 * corner + slot] = dot(block.map(|b| dot(b, row(i))), row(j));
+            let corner_block = block.corner_block(corner);
+            for (slot, (i, j)) in self.0.into_iter().enumerate() {
+                out[3 * corner + slot] = dot(corner_block.map(|b| dot(b, row(i))), row(j));
             }
         }
         out
+    }
+
+    fn share(weight: f32) -> f32 {
+        weight * weight
     }
 }
 
@@ -188,6 +192,7 @@ impl Operator {
             springs: Vec::new(),
             element_nodes: Vec::new(),
             assembly: Assembly::default(),
+            corners: Vec::new(),
             values: Vec::new(),
             sums: Vec::new(),
             hanging: Vec::new(),
@@ -221,6 +226,7 @@ impl Operator {
         let renumbered = self.assembly.set_topology(level, changed);
         self.element_nodes.resize(elements, [0; 8]);
         self.blocks.resize_with(elements.div_ceil(LANES), OperatorBlock::new);
+        self.corners.resize_with(self.assembly.chunks().len(), || Corners::Each(Vec::new()));
         self.values.resize(self.assembly.buffer_len(), f32x4::ZERO);
         self.sums.resize(self.assembly.buffer_len(), f32x4::ZERO);
         for &index in &renumbered {
@@ -228,14 +234,7 @@ impl Operator {
             let first = index * CHUNK_ELEMENTS;
             let range = first..elements.min(first + CHUNK_ELEMENTS);
             range.clone().for_each(|e| self.element_nodes[e] = level.elements[e].nodes);
-            for block in (range.start / LANES)..range.end.div_ceil(LANES) {
-                let mut corners = [[0; LANES]; 8];
-                for lane in 0..LANES.min(elements - block * LANES) {
-                    let slots = chunk.corners(block * LANES + lane - first);
-                    (0..8).for_each(|corner| corners[corner][lane] = slots[corner]);
-                }
-                self.blocks[block].corners = Corners::of(corners);
-            }
+            self.corners[index] = Corners::of(chunk, range.len());
         }
         self.inverse.resize(node_count, [f32x4::ZERO; 3]);
         self.diagonal.resize(node_count);
@@ -296,7 +295,7 @@ impl Operator {
 
     /// Makes `A x` readable through [`Self::product_at`].
     pub fn multiply(&mut self, workers: &Workers<'_>, x: &[f32x4]) {
-        self.evaluate_blocks(workers, |chunk, values| chunk.load(x, |v| v, values), OperatorBlock::apply, |w| w);
+        self.evaluate_blocks(workers, Some(x), &Product);
         for spring in &self.springs {
             for (node, force) in spring.forces(x) {
                 // Whichever of the node's entries: they are added up.
@@ -323,25 +322,32 @@ impl Operator {
         });
     }
 
-    /// Sums what `evaluate` gives for each block from the values that `load` finds for its chunk's nodes;
-    /// hanging nodes hand theirs on `share(weight)` times.
-    fn evaluate_blocks(
-        &mut self,
-        workers: &Workers<'_>,
-        load: impl Fn(&Chunk, &mut [f32x4]) + Sync,
-        evaluate: impl Fn(&OperatorBlock, &[f32x4]) -> [f32x8; 24] + Sync,
-        share: impl Fn(f32) -> f32 + Sync,
-    ) {
-        let Self { blocks, assembly, values, sums, .. } = self;
+    /// Sums what `term` has for each block and the values of `x` at its corners, which are of no meaning
+    /// where there is no `x`.
+    fn evaluate_blocks<T: BlockTerm>(&mut self, workers: &Workers<'_>, x: Option<&[f32x4]>, term: &T) {
+        let Self { blocks, assembly, corners, values, sums, .. } = self;
         let buffers = (assembly.by_chunk(values), assembly.by_chunk(sums));
         workers.for_chunks(buffers, 1, |index, (values, sums)| {
             let (values, sums, chunk) = (values.entries, sums.entries, &assembly.chunks()[index]);
-            load(chunk, values);
-            sums.fill(f32x4::ZERO);
-            for block in blocks.iter().skip(index * BLOCKS_PER_CHUNK).take(BLOCKS_PER_CHUNK) {
-                block.corners.add_to(&evaluate(block, values), sums);
+            let blocks = blocks[index * BLOCKS_PER_CHUNK..].iter();
+            match &corners[index] {
+                Corners::Rows(edges) => {
+                    let mut buffers = RowBuffers::new();
+                    x.iter().for_each(|x| buffers.load(x, chunk.unknowns()));
+                    for (block, edges) in blocks.zip(edges) {
+                        buffers.add(edges, &term.of(block, &buffers.gather(edges)));
+                    }
+                    buffers.write(sums);
+                }
+                Corners::Each(corners) => {
+                    x.iter().for_each(|x| chunk.load(x, |v| v, values));
+                    sums.fill(f32x4::ZERO);
+                    for (block, corners) in blocks.zip(corners) {
+                        scatter(corners, &term.of(block, &gather(corners, values)), sums);
+                    }
+                    chunk.hand_over(sums, T::share);
+                }
             }
-            chunk.hand_over(sums, &share);
         });
     }
 
@@ -368,7 +374,7 @@ impl Operator {
     /// Sums three entries of the elements' diagonal blocks at the nodes. Without the entries between a
     /// hanging node and its masters: they would make the masters' smaller.
     fn sum_diagonals(&mut self, workers: &Workers<'_>, entries: [(usize, usize); 3], sums: &mut [f32x4]) {
-        self.evaluate_blocks(workers, |_, _| {}, |block, _| block.rotated_diagonal(entries), |w| w * w);
+        self.evaluate_blocks(workers, None, &RotatedDiagonal(entries));
         self.read_products(workers, sums);
     }
 
