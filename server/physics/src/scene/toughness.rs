@@ -31,11 +31,11 @@ pub fn gc_over_eh(material: &MaterialDesc, composite_edge_m: f64) -> Option<f64>
 /// Largest line load over `E H` that the element law of `material` is granted.
 ///
 /// Measured at nu 0.45 at levels 0, 1, 2 (`--test tissue`). Up to 0.6, 0.6 and 0.5 E H linear elements carry
-/// what starts a cut, and the force of the cut is within 6 % of Gc w; at 0.9 E H it is 0.85 of Gc w, and at
-/// twice the limits the edge never meets more than 0.53 of what starts a cut. With a stiffening of 10 no fold
-/// was found up to 39, 15 and 9.6 E H, 600 to 780 N/m on a slab that was pressed to half its height.
-/// Nothing was measured at levels above 2: the load that level 2 carries per length is taken over. A smaller
-/// stiffening, down to 3, is allowed its share; below it counts as none.
+/// what starts a cut, and the force of the cut is within 6 % of Gc w; at twice as much the edge never meets
+/// more than 0.53 of what starts a cut. With a stiffening of 10 no fold was found up to 39, 15 and 9.6 E H,
+/// 600 to 780 N/m on a slab that was pressed to half its height. Nothing was measured at levels above 2: the
+/// load that level 2 carries per length is taken over. A smaller stiffening, down to 3, is allowed its share;
+/// below it counts as none.
 #[must_use]
 pub fn carried_over_eh(material: &MaterialDesc, level: u8) -> f64 {
     let stiffened = material.strain_stiffening >= LEAST_STIFFENING;
