@@ -10,7 +10,7 @@ name = "block"
 shape = { box = { min_m = [0.0, 0.0, 0.0], max_m = [0.1, 0.1, 0.1] } }
 voxel_size_m = 0.01
 level = 1
-material = { young_modulus_pa = 1e5, poisson_ratio = 0.4, fracture_energy_j_per_m2 = 400.0 }
+material = { young_modulus_pa = 1e5, poisson_ratio = 0.4, fracture_energy_j_per_m2 = 200.0 }
 [[tools]]
 name = "knife"
 blade = { width_m = 0.05, height_m = 0.05 }
