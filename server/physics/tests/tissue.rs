@@ -3,11 +3,12 @@
 
 mod support;
 
-use kerf_physics::scene::toughness::carried_over_eh;
+use kerf_physics::scene::toughness::{carried_over_eh, composite_edge_m};
 use kerf_physics::scene::{BladeDesc, Scene, SceneDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use support::cutting::{BLOCK_HEIGHT_M, BLOCK_SIDE_M, Rig, YOUNG_PA, block, cutting_scene};
 
 const RATE_HZ: f64 = 500.0;
 const SPEED_M_PER_S: f64 = 0.05;
@@ -103,7 +104,7 @@ fn tissue_carries_what_cutting_it_takes_at_every_level() {
 }
 
 #[test]
-fn the_load_that_scenes_are_granted_is_carried() {
+fn stiffened_elements_carry_the_load_that_scenes_are_granted() {
     for level in [0, 1, 2] {
         let mut tissue =
             Tissue { name: "granted", young_modulus_pa: 1e4, fracture_energy_j_per_m2: 1.0, strain_stiffening: 10.0 };
@@ -111,5 +112,36 @@ fn the_load_that_scenes_are_granted_is_carried() {
         let load_n_per_m = carried_over_eh(material, level) * 1e4 * VOXEL_M * f64::from(1u32 << level);
         tissue.fracture_energy_j_per_m2 = load_n_per_m / INITIATION;
         holds(&tissue, level, 0.6);
+    }
+}
+
+/// A blade through a block of the linear law whose initiation asks `load_over_eh` of its elements: the highest
+/// force before 24 mm, and the mean force from 3 to 7 mm after the first cut, over Gc w.
+fn linear_cut(level: u8, load_over_eh: f64) -> (f64, f64) {
+    let voxel_m = 2.5e-3;
+    let gc = load_over_eh * YOUNG_PA * composite_edge_m(voxel_m, level) / INITIATION;
+    let mut block = block(voxel_m, level);
+    block.material.initiation_ratio = INITIATION;
+    block.material.fracture_energy_j_per_m2 = Some(gc);
+    let start_m = Vec3::new(0.0, BLOCK_HEIGHT_M + 5e-4, 4e-4);
+    let mut rig = Rig::new(&cutting_scene(block, 0.12, 1000.0), start_m, Quat::identity(), 0.1);
+    rig.drive(0.025);
+    let first_m = rig.samples.iter().find(|s| s.area_m2 > 0.0).map_or(rig.travel_m, |s| s.travel_m);
+    let gc_w = gc * BLOCK_SIDE_M;
+    (rig.highest_force_n() / gc_w, rig.mean_force_n(first_m + 0.003, first_m + 0.007) / gc_w)
+}
+
+#[test]
+fn linear_elements_carry_the_load_that_scenes_are_granted_and_fold_under_twice_as_much() {
+    for level in [0, 1, 2] {
+        let granted = carried_over_eh(&support::material(), level);
+        let (highest, steady) = linear_cut(level, granted);
+        println!("level {level}, {granted} E H: highest {highest:.2}, then F/(Gc w) {steady:.3}");
+        // The sides of the block, which give way, start their shares of the cut before the middle does.
+        assert!((0.85 * INITIATION..1.05 * INITIATION).contains(&highest), "level {level}: starts at {highest} Gc w");
+        assert!((steady - 1.0).abs() < 0.06, "level {level}: F/(Gc w) = {steady}");
+        let (folded, _) = linear_cut(level, 2.0 * granted);
+        println!("  at twice as much: highest {folded:.2}");
+        assert!(folded < 0.6 * INITIATION, "level {level}: {folded} Gc w at twice what is granted");
     }
 }

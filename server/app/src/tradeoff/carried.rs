@@ -1,8 +1,9 @@
-//! Whether elements carry the load under the edge of a blade until the material parts.
+//! Whether elements that stiffen carry the load under the edge of a blade until the material parts.
 //!
 //! Elements that are small beside Gc/E fold under it: the force then stays below Gc w, the cut runs
-//! astray, and a finer element is no better reference than a coarser one. The limits are narrower than
-//! those a scene is refused by ([`kerf_physics::scene::toughness`]), which are of elements that collapse.
+//! astray, and a finer element is no better reference than a coarser one. A scene is refused where linear
+//! elements would fold, but where stiffened ones would only if they may collapse
+//! ([`kerf_physics::scene::toughness`]).
 
 use anyhow::Result;
 use kerf_physics::Scene;
@@ -10,10 +11,10 @@ use kerf_physics::grid::voxelize::voxel_size_m;
 use kerf_physics::scene::toughness::{composite_edge_m, gc_over_eh};
 
 /// Least stiffening and the largest load at initiation over `E H` up to which the force on the blade was
-/// within 6 % of Gc w: blocks of 20 x 14 x 20 voxels, nu 0.45, levels 0 and 1, where the next load that was
-/// tried, 1.4 to 2 times as large, gave 0.45 to 0.9 Gc w; for a stiffening of 10 real liver at level 0
+/// within 6 % of Gc w: for 3 on blocks of 20 x 14 x 20 voxels, nu 0.45, levels 0 and 1, where the next load that
+/// was tried, 1.4 to 2 times as large, gave 0.45 to 0.9 Gc w; for 10 real liver at level 0
 /// (`cargo test -p kerf-physics --test strokes`), beyond which none was tried.
-const CARRIED_OVER_EH: [(f64, f64); 3] = [(10.0, 11.4), (3.0, 2.0), (0.0, 0.6)];
+const CARRIED_OVER_EH: [(f64, f64); 2] = [(10.0, 11.43), (3.0, 2.0)];
 
 /// Why a scene's smallest elements would fold; `None` where they do not.
 ///
@@ -25,9 +26,9 @@ pub fn fold(scene: &Scene) -> Result<Option<String>> {
         let level = object.finer.iter().map(|finer| finer.level).fold(object.level, u8::min);
         for material in std::iter::once(&object.material).chain(object.regions.iter().map(|region| &region.material)) {
             let Some(ratio) = gc_over_eh(material, composite_edge_m(voxel_m, level)) else { continue };
+            let limit = CARRIED_OVER_EH.iter().find(|(least, _)| material.strain_stiffening >= *least);
+            let Some((_, carried)) = limit else { continue };
             let asked = ratio * material.initiation_ratio;
-            let carried = CARRIED_OVER_EH.iter().find(|(least, _)| material.strain_stiffening >= *least);
-            let carried = carried.map_or(0.0, |(_, carried)| *carried);
             // Rounding must not part a scene from the limit that was measured with it.
             if asked > carried * (1.0 + 1e-9) {
                 return Ok(Some(format!(
@@ -42,61 +43,66 @@ pub fn fold(scene: &Scene) -> Result<Option<String>> {
 
 #[cfg(test)]
 mod tests {
-    use kerf_physics::grid::voxelize::voxelize;
+    use kerf_physics::scene::{FinerDesc, ShapeDesc};
     use kerf_physics::{NoClock, SceneDesc, StepInputs, Vec3, Workers, World};
     use kerf_session::catalog;
 
     use super::*;
     use crate::simulate::script::Script;
 
-    /// Force of the second half of a stroke through a block, over Gc w, at single voxels.
+    /// Force at the end of a stroke through a block of 20 x 14 x 20 voxels, level 1, stiffening 3, over Gc w;
+    /// and whether its elements are said to fold.
     fn force_over_gc_w(gc_j_per_m2: f64) -> (f64, bool) {
         let text = format!(
             "version = 1\nname = 'block'\nrate_hz = 500.0\n\
-             [[objects]]\nname = 'block'\nvoxel_size_m = 0.0035\nlevel = 0\n\
-             shape = {{ box = {{ min_m = [-0.0245, 0.0, -0.0245], max_m = [0.0245, 0.035, 0.0245] }} }}\n\
+             [[objects]]\nname = 'block'\nvoxel_size_m = 0.0035\nlevel = 1\n\
+             shape = {{ box = {{ min_m = [-0.035, 0.0, -0.035], max_m = [0.035, 0.049, 0.035] }} }}\n\
              fixed = [{{ box = {{ min_m = [-1.0, -1.0, -1.0], max_m = [1.0, 0.007, 1.0] }} }}]\n\
              material = {{ young_modulus_pa = 2.0e6, poisson_ratio = 0.45, rayleigh_alpha_per_s = 1.0, \
-             rayleigh_beta_s = 2.0e-4, fracture_energy_j_per_m2 = {gc_j_per_m2} }}\n\
+             rayleigh_beta_s = 2.0e-4, fracture_energy_j_per_m2 = {gc_j_per_m2}, strain_stiffening = 3.0 }}\n\
              [[tools]]\nname = 'blade'\nblade = {{ width_m = 0.1, height_m = 0.05 }}\n"
         );
         let scene = Scene { desc: SceneDesc::from_toml("block", &text).unwrap(), meshes: Default::default() };
         assert_eq!(scene.problems(), []);
-        assert_eq!(voxelize(&scene.desc.objects[0], &scene.meshes).unwrap().dims(), [14, 10, 14]);
         let mut world = World::new(&scene).unwrap();
-        let path = [(0.0, Vec3::new(0.0, 0.0355, 0.0)), (0.25, Vec3::new(0.0, 0.0105, 0.0))];
+        let path = [(0.0, Vec3::new(0.0, 0.0495, 0.0)), (0.37, Vec3::new(0.0, 0.0125, 0.0))];
         let mut script = Script::of_positions(1, &path);
         let mut forces_n = Vec::new();
-        for step in 1..=125 {
+        for step in 1..=185 {
             let tools = script.advance(f64::from(step) / 500.0);
             let output = world.step(&Workers::serial(), &NoClock, &StepInputs::of(&tools));
-            if step > 62 {
+            // The dent before the cut is a fifth of the block's height.
+            if step > 145 {
                 forces_n.push(output.tools[0].wrench.force_n.y);
             }
         }
         let mean_n = forces_n.iter().sum::<f64>() / forces_n.len() as f64;
-        (mean_n / (gc_j_per_m2 * 0.049), fold(&scene).unwrap().is_some())
+        (mean_n / (gc_j_per_m2 * 0.07), fold(&scene).unwrap().is_some())
     }
 
     #[test]
     fn within_the_limit_the_force_is_gc_w_and_at_twice_the_limit_it_is_not() {
-        let (within, folds) = force_over_gc_w(2000.0);
-        assert!(!folds && (within - 1.0).abs() < 0.08, "{within}");
-        let (beyond, folds) = force_over_gc_w(4200.0);
+        let (within, folds) = force_over_gc_w(14_000.0);
+        assert!(!folds && (within - 1.0).abs() < 0.06, "{within}");
+        let (beyond, folds) = force_over_gc_w(28_000.0);
         assert!(folds && beyond < 0.85, "{beyond}");
     }
 
     #[test]
-    fn builtin_scenes_are_carried_as_they_are() {
+    fn builtin_scenes_are_carried_as_they_are_and_real_liver_in_single_voxels() {
         for name in catalog::builtin_names() {
             assert_eq!(fold(&catalog::builtin(name).unwrap()).unwrap(), None, "{name}");
         }
+        let mut liver = catalog::builtin("liver-tissue").unwrap();
+        liver.desc.objects[0].level = 0;
+        assert_eq!(fold(&liver).unwrap(), None);
     }
 
     #[test]
     fn a_finer_region_is_what_folds() {
-        let mut scene = catalog::builtin("liver").unwrap();
-        scene.desc.objects[0].level = 0;
+        let mut scene = catalog::builtin("jelly").unwrap();
+        let shape = ShapeDesc::Sphere { center_m: [0.0, 0.05, 0.0], radius_m: 0.01 };
+        scene.desc.objects[0].finer.push(FinerDesc { shape, level: 0 });
         assert!(fold(&scene).unwrap().unwrap().contains("level 0"));
     }
 }
