@@ -40,6 +40,8 @@ pub(super) struct CycleLevel {
     restriction: Lists<(u32, f32)>,
     /// Whether a node of the finest level is held: it takes nothing from above.
     held: Vec<bool>,
+    /// Whether a node of the level above stands where such a node does.
+    held_above: Vec<bool>,
     /// Element of the level above for each element.
     parent: Vec<u32>,
     /// Elements of this level for each element of the level above.
@@ -134,6 +136,7 @@ impl CycleLevel {
             prolongation: Vec::new(),
             restriction: Lists::default(),
             held: Vec::new(),
+            held_above: Vec::new(),
             parent: Vec::new(),
             children: Lists::default(),
             place: Vec::new(),
@@ -164,6 +167,8 @@ impl CycleLevel {
         self.held.clear();
         self.held.extend_from_slice(held);
         self.held.resize(nodes, false);
+        self.held_above.clear();
+        self.held_above.resize(above.nodes.len(), false);
         self.parent.clone_from(&above.owner);
         let parents = self.parent.iter().zip(0..).map(|(parent, child)| (*parent, child));
         self.children.fill(above.elements.len(), parents);
@@ -180,6 +185,7 @@ impl CycleLevel {
             }
             _ => (0..level.elements.len()).for_each(|e| self.interpolate(level, above, &hanging_above, e)),
         }
+        self.find_held_above(level, above);
         let entries = self.prolongation.iter().zip(0..);
         let transposed = entries.flat_map(|(p, node)| p.iter().map(move |(above, w)| (above as u32, (node, w))));
         self.restriction.fill(above.nodes.len(), transposed);
@@ -201,12 +207,32 @@ impl CycleLevel {
         }
     }
 
-    /// Weights of an element's corners among the corners of its parent; zero where a corner is held.
-    fn weights(&self, element: usize) -> [[f64; 8]; 8] {
+    fn find_held_above(&mut self, level: &Level, above: &Level) {
+        for (element, data) in level.elements.iter().enumerate() {
+            let parent = &above.elements[self.parent[element] as usize];
+            for (node, weights) in data.nodes.iter().zip(self.place[element].weights()) {
+                if self.held[*node as usize]
+                    && let Some(corner) = weights.iter().position(|w| *w == 1.0)
+                {
+                    self.held_above[parent.nodes[corner] as usize] = true;
+                }
+            }
+        }
+    }
+
+    /// Weights of an element's corners among the corners of its parent, nodes `parent_nodes`; zero where a
+    /// corner is held, and of a corner that hangs what it takes from those of its masters that are.
+    fn weights(&self, element: usize, parent_nodes: &[u32; 8]) -> [[f64; 8]; 8] {
         let mut weights = self.place[element].weights();
         for (weights, node) in weights.iter_mut().zip(self.operator.element_nodes(element)) {
             if self.held[*node as usize] {
                 *weights = [0.0; 8];
+            } else if self.operator.hangs(*node) {
+                for (weight, above) in weights.iter_mut().zip(parent_nodes) {
+                    if self.held_above[*above as usize] {
+                        *weight = 0.0;
+                    }
+                }
             }
         }
         weights
@@ -416,7 +442,8 @@ impl Multigrid {
             for &element in elements.iter() {
                 let mut sum = [0.0; PACKED];
                 for &c in child.children.list(element as usize) {
-                    let part = galerkin(&child.operator.matrix(c as usize), &child.weights(c as usize));
+                    let weights = child.weights(c as usize, parent.operator.element_nodes(element as usize));
+                    let part = galerkin(&child.operator.matrix(c as usize), &weights);
                     (0..PACKED).for_each(|j| sum[j] += part[j]);
                 }
                 parent.operator.set_matrix(element as usize, &sum);
@@ -542,6 +569,54 @@ mod tests {
         level = 0
         material = { young_modulus_pa = 1e5, poisson_ratio = 0.4 }
     "#;
+
+    /// `A_above x` against `P^T A P x` of the level below, largest difference over the largest entry.
+    fn coarse_operator_error(sizes: CellSizes, grid: &crate::grid::Grid, holds: impl Fn([i32; 3]) -> bool) -> f32 {
+        let base = Level::base(&VoxelUnits { grid, exponent: 0 }, sizes);
+        let levels = vec![base.above(), base].into_iter().rev().collect::<Vec<_>>();
+        let held: Vec<bool> = levels[0].nodes.iter().map(|node| holds(*node)).collect();
+        let mut multigrid = Multigrid::new(&levels);
+        multigrid.set_topology(&levels, &held, None);
+        let elastic = crate::fem::material::Elastic::new(1e5, 0.3, 1000.0);
+        let kind = crate::fem::composite::Field::Trilinear;
+        for (element, data) in levels[0].elements.iter().enumerate() {
+            let tables = crate::fem::composite::CompositeTables::new(data.size.ilog2() as u8, 0.01);
+            let filled: Vec<_> = (0..data.size.pow(3) as usize).map(|voxel| (voxel, elastic)).collect();
+            multigrid.operator_mut().set_matrix(element, &pack(&tables.assemble(&filled, kind).stiffness));
+        }
+        let workers = Workers::serial();
+        multigrid.rebuild(&workers, &levels);
+        let entry = |i: usize| f32x4::new([(i as f32).sin(), (1.7 * i as f32).cos(), (0.3 * i as f32).sin(), 0.0]);
+        let x: NodeVector = (0..levels[1].nodes.len()).map(entry).collect();
+        let (below, above) = multigrid.levels.split_at_mut(1);
+        let (below, above) = (&mut below[0], &mut above[0]);
+        let mut direct = vec![f32x4::ZERO; x.len()];
+        above.operator.apply(&workers, &x, &mut direct);
+        below.x.fill(f32x4::ZERO);
+        below.prolongate(&workers, &x);
+        below.b.fill(f32x4::ZERO);
+        let mut through = vec![f32x4::ZERO; x.len()];
+        below.restrict(&workers, &mut through);
+        let largest = |v: &[f32x4]| v.iter().flat_map(|v| v.to_array()).fold(0.0, |most: f32, v| most.max(v.abs()));
+        // The residual of b = 0 is -A P x.
+        let difference: Vec<f32x4> = direct.iter().zip(&through).map(|(a, b)| *a + *b).collect();
+        largest(&difference) / largest(&direct)
+    }
+
+    #[test]
+    fn a_coarse_operator_is_the_galerkin_product_also_where_nodes_hang_and_are_held() {
+        let desc = SceneDesc::from_toml("block.toml", SCENE).expect("a scene");
+        let grid = voxelize(&desc.objects[0], &Default::default()).expect("a valid object");
+        let graded = || CellSizes::graded(grid.dims(), 1, |cell| u8::from(cell[0] >= 8));
+        let lowest = |node: [i32; 3]| node[1] <= 4;
+        for error in [
+            coarse_operator_error(CellSizes::uniform(grid.dims()), &grid, lowest),
+            coarse_operator_error(graded(), &grid, |_| false),
+            coarse_operator_error(graded(), &grid, lowest),
+        ] {
+            assert!(error < 1e-5, "{error}");
+        }
+    }
 
     #[test]
     fn what_cuts_change_step_by_step_is_what_a_new_cycle_has() {

@@ -256,6 +256,12 @@ impl Operator {
         &self.hanging
     }
 
+    /// Whether a node hangs.
+    #[must_use]
+    pub fn hangs(&self, node: u32) -> bool {
+        self.hanging.binary_search_by_key(&node, |h| h.node).is_ok()
+    }
+
     /// Nodes of an element.
     #[must_use]
     pub fn element_nodes(&self, element: usize) -> &[u32; 8] {
