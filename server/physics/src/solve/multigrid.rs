@@ -40,8 +40,8 @@ pub(super) struct CycleLevel {
     restriction: Lists<(u32, f32)>,
     /// Whether a node of the finest level is held: it takes nothing from above.
     held: Vec<bool>,
-    /// Whether a node of the level above stands where such a node does.
-    held_above: Vec<bool>,
+    /// For each node an element that has it, and as which corner.
+    corner_of: Vec<(u32, u8)>,
     /// Element of the level above for each element.
     parent: Vec<u32>,
     /// Elements of this level for each element of the level above.
@@ -136,7 +136,7 @@ impl CycleLevel {
             prolongation: Vec::new(),
             restriction: Lists::default(),
             held: Vec::new(),
-            held_above: Vec::new(),
+            corner_of: Vec::new(),
             parent: Vec::new(),
             children: Lists::default(),
             place: Vec::new(),
@@ -167,8 +167,7 @@ impl CycleLevel {
         self.held.clear();
         self.held.extend_from_slice(held);
         self.held.resize(nodes, false);
-        self.held_above.clear();
-        self.held_above.resize(above.nodes.len(), false);
+        self.corner_of.resize(nodes, (0, 0));
         self.parent.clone_from(&above.owner);
         let parents = self.parent.iter().zip(0..).map(|(parent, child)| (*parent, child));
         self.children.fill(above.elements.len(), parents);
@@ -185,7 +184,6 @@ impl CycleLevel {
             }
             _ => (0..level.elements.len()).for_each(|e| self.interpolate(level, above, &hanging_above, e)),
         }
-        self.find_held_above(level, above);
         let entries = self.prolongation.iter().zip(0..);
         let transposed = entries.flat_map(|(p, node)| p.iter().map(move |(above, w)| (above as u32, (node, w))));
         self.restriction.fill(above.nodes.len(), transposed);
@@ -198,6 +196,7 @@ impl CycleLevel {
         self.place[element] = Place::of(data, parent);
         let weights = self.place[element].weights();
         for (corner, &node) in data.nodes.iter().enumerate() {
+            self.corner_of[node as usize] = (element as u32, corner as u8);
             let takes = !self.held[node as usize] && level.hanging_node(node).is_none();
             self.prolongation[node as usize] = if takes {
                 Prolongation::new(&parent.nodes, &weights[corner], hanging_above)
@@ -207,32 +206,28 @@ impl CycleLevel {
         }
     }
 
-    fn find_held_above(&mut self, level: &Level, above: &Level) {
-        for (element, data) in level.elements.iter().enumerate() {
-            let parent = &above.elements[self.parent[element] as usize];
-            for (node, weights) in data.nodes.iter().zip(self.place[element].weights()) {
-                if self.held[*node as usize]
-                    && let Some(corner) = weights.iter().position(|w| *w == 1.0)
-                {
-                    self.held_above[parent.nodes[corner] as usize] = true;
-                }
-            }
-        }
-    }
-
-    /// Weights of an element's corners among the corners of its parent, nodes `parent_nodes`; zero where a
-    /// corner is held. A corner that hangs goes with its masters: zero are its weights of those that are held.
-    fn weights(&self, element: usize, parent_nodes: &[u32; 8]) -> [[f64; 8]; 8] {
+    /// Weights of an element's corners among the corners of its parent; zero where a corner is held. A corner
+    /// that hangs goes with its masters, held or not.
+    fn weights(&self, element: usize, above: &Operator) -> [[f64; 8]; 8] {
+        let parent_nodes = |element: u32| above.element_nodes(self.parent[element as usize] as usize);
+        let own = parent_nodes(element as u32);
         let mut weights = self.place[element].weights();
-        for (weights, node) in weights.iter_mut().zip(self.operator.element_nodes(element)) {
-            if self.operator.hangs(*node) {
-                for (weight, above) in weights.iter_mut().zip(parent_nodes) {
-                    if self.held_above[*above as usize] {
-                        *weight = 0.0;
+        for (weights, &node) in weights.iter_mut().zip(self.operator.element_nodes(element)) {
+            let hangs = self.operator.hangs(node);
+            if hangs || self.held[node as usize] {
+                *weights = [0.0; 8];
+            }
+            if hangs {
+                let masters = masters_of(self.operator.hanging(), node as usize);
+                for (master, share) in masters.filter(|(master, _)| !self.held[*master]) {
+                    let (element, corner) = self.corner_of[master];
+                    let of_master = self.place[element as usize].weights()[usize::from(corner)];
+                    for (above, weight) in parent_nodes(element).iter().zip(of_master) {
+                        if let Some(corner) = own.iter().position(|node| node == above) {
+                            weights[corner] += f64::from(share) * weight;
+                        }
                     }
                 }
-            } else if self.held[*node as usize] {
-                *weights = [0.0; 8];
             }
         }
         weights
@@ -442,7 +437,7 @@ impl Multigrid {
             for &element in elements.iter() {
                 let mut sum = [0.0; PACKED];
                 for &c in child.children.list(element as usize) {
-                    let weights = child.weights(c as usize, parent.operator.element_nodes(element as usize));
+                    let weights = child.weights(c as usize, &parent.operator);
                     let part = galerkin(&child.operator.matrix(c as usize), &weights);
                     (0..PACKED).for_each(|j| sum[j] += part[j]);
                 }
