@@ -18,7 +18,7 @@ pub const LANES: usize = 8;
 /// Blocks per chunk of elements.
 const BLOCKS_PER_CHUNK: usize = CHUNK_ELEMENTS / LANES;
 /// Nodes per chunk of parallel work.
-pub const NODES_PER_CHUNK: usize = 2048;
+pub const NODES_PER_CHUNK: usize = 512;
 
 /// A vector with three components per node; the fourth is zero.
 pub type NodeVector = Vec<f32x4>;
