@@ -1,5 +1,10 @@
 //! Elastic constants.
 
+/// Poisson's ratio above which the bulk modulus stays what it is there, 500 times the shear modulus.
+/// Implicit steps with lagged rotations make energy beyond; and at a free surface tissue is told from
+/// incompressible by less than a thousandth already.
+const MOST_BULK_POISSON_RATIO: f64 = 0.499;
+
 /// Isotropic linear elasticity and density of a voxel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Elastic {
@@ -13,11 +18,13 @@ pub struct Elastic {
 
 impl Elastic {
     /// From Young's modulus and Poisson's ratio: mu = E / 2(1 + nu),
-    /// lambda = E nu / ((1 + nu)(1 - 2 nu)). (Eq. 9 of the paper lacks the factors.)
+    /// lambda = E nu / ((1 + nu)(1 - 2 nu)). (Eq. 9 of the paper lacks the factors.) Above a Poisson's ratio of
+    /// 0.499 lambda is that at 0.499.
     #[must_use]
     pub fn new(young_modulus_pa: f64, poisson_ratio: f64, density_kg_per_m3: f64) -> Self {
+        let bulk_ratio = poisson_ratio.min(MOST_BULK_POISSON_RATIO);
         Self {
-            lambda_pa: young_modulus_pa * poisson_ratio / ((1.0 + poisson_ratio) * (1.0 - 2.0 * poisson_ratio)),
+            lambda_pa: young_modulus_pa * bulk_ratio / ((1.0 + bulk_ratio) * (1.0 - 2.0 * bulk_ratio)),
             mu_pa: young_modulus_pa / (2.0 * (1.0 + poisson_ratio)),
             density_kg_per_m3,
         }

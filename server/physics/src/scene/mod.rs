@@ -266,7 +266,7 @@ pub fn default_level() -> u8 {
 pub struct MaterialDesc {
     /// Young's modulus at small strain, Pa, 1e2 to 1e10.
     pub young_modulus_pa: f64,
-    /// Poisson's ratio, 0 to 0.4999.
+    /// Poisson's ratio, 0 to 0.4999; above 0.499 the bulk modulus is that at 0.499.
     pub poisson_ratio: f64,
     /// Density, kg/m^3, 1 to 2e4. Default 1000: water.
     #[serde(default = "default_density")]

@@ -281,6 +281,14 @@ mod tests {
     }
 
     #[test]
+    fn the_builtin_fronts_are_of_the_builtin_scenes_as_they_are() {
+        for front in &Fronts::builtin().0 {
+            let scene = catalog::builtin(&front.notes["scene"]).unwrap();
+            assert_eq!(front.fingerprint(), Some(fingerprint(&scene)), "{} is to be measured again", scene.desc.name);
+        }
+    }
+
+    #[test]
     fn the_rate_is_not_the_dials_to_change() {
         let (mut scene, fronts) = liver();
         scene.desc.rate_hz = 500.0;
