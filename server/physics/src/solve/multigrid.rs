@@ -209,24 +209,28 @@ impl CycleLevel {
     /// Weights of an element's corners among the corners of its parent; zero where a corner is held. A corner
     /// that hangs goes with its masters, held or not.
     fn weights(&self, element: usize, above: &Operator) -> [[f64; 8]; 8] {
-        let parent_nodes = |element: u32| above.element_nodes(self.parent[element as usize] as usize);
-        let own = parent_nodes(element as u32);
         let mut weights = self.place[element].weights();
         for (weights, &node) in weights.iter_mut().zip(self.operator.element_nodes(element)) {
-            let hangs = self.operator.hangs(node);
-            if hangs || self.held[node as usize] {
+            if self.operator.hangs(node) {
+                *weights = self.weights_of_masters(node, element, above);
+            } else if self.held[node as usize] {
                 *weights = [0.0; 8];
             }
-            if hangs {
-                let masters = masters_of(self.operator.hanging(), node as usize);
-                for (master, share) in masters.filter(|(master, _)| !self.held[*master]) {
-                    let (element, corner) = self.corner_of[master];
-                    let of_master = self.place[element as usize].weights()[usize::from(corner)];
-                    for (above, weight) in parent_nodes(element).iter().zip(of_master) {
-                        if let Some(corner) = own.iter().position(|node| node == above) {
-                            weights[corner] += f64::from(share) * weight;
-                        }
-                    }
+        }
+        weights
+    }
+
+    /// What a hanging node takes from the corners of the parent of `element` through its masters.
+    fn weights_of_masters(&self, node: u32, element: usize, above: &Operator) -> [f64; 8] {
+        let parent_nodes = |element: usize| above.element_nodes(self.parent[element] as usize);
+        let mut weights = [0.0; 8];
+        let masters = masters_of(self.operator.hanging(), node as usize);
+        for (master, share) in masters.filter(|(master, _)| !self.held[*master]) {
+            let (with_master, corner) = self.corner_of[master];
+            let of_master = self.place[with_master as usize].weights()[usize::from(corner)];
+            for (above, weight) in parent_nodes(with_master as usize).iter().zip(of_master) {
+                if let Some(own) = parent_nodes(element).iter().position(|node| node == above) {
+                    weights[own] += f64::from(share) * weight;
                 }
             }
         }
@@ -548,10 +552,12 @@ fn inherit_rotations(workers: &Workers<'_>, child: &CycleLevel, parent: &mut Ope
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fem::composite::{CompositeTables, Field};
+    use crate::fem::material::Elastic;
     use crate::grid::cell_sizes::CellSizes;
     use crate::grid::levels::VoxelUnits;
     use crate::grid::voxelize::voxelize;
-    use crate::grid::{Crossing, LinkId};
+    use crate::grid::{Crossing, Grid, LinkId};
     use crate::scene::SceneDesc;
 
     const SCENE: &str = r#"
@@ -566,18 +572,18 @@ mod tests {
     "#;
 
     /// `A_above x` against `P^T A P x` of the level below, largest difference over the largest entry.
-    fn coarse_operator_error(sizes: CellSizes, grid: &crate::grid::Grid, holds: impl Fn([i32; 3]) -> bool) -> f32 {
+    fn coarse_operator_error(sizes: CellSizes, grid: &Grid, holds: impl Fn([i32; 3]) -> bool) -> f32 {
         let base = Level::base(&VoxelUnits { grid, exponent: 0 }, sizes);
-        let levels = vec![base.above(), base].into_iter().rev().collect::<Vec<_>>();
+        let above = base.above();
+        let levels = [base, above];
         let held: Vec<bool> = levels[0].nodes.iter().map(|node| holds(*node)).collect();
         let mut multigrid = Multigrid::new(&levels);
         multigrid.set_topology(&levels, &held, None);
-        let elastic = crate::fem::material::Elastic::new(1e5, 0.3, 1000.0);
-        let kind = crate::fem::composite::Field::Trilinear;
+        let elastic = Elastic::new(1e5, 0.3, 1000.0);
         for (element, data) in levels[0].elements.iter().enumerate() {
-            let tables = crate::fem::composite::CompositeTables::new(data.size.ilog2() as u8, 0.01);
+            let tables = CompositeTables::new(data.size.ilog2() as u8, 0.01);
             let filled: Vec<_> = (0..data.size.pow(3) as usize).map(|voxel| (voxel, elastic)).collect();
-            multigrid.operator_mut().set_matrix(element, &pack(&tables.assemble(&filled, kind).stiffness));
+            multigrid.operator_mut().set_matrix(element, &pack(&tables.assemble(&filled, Field::Trilinear).stiffness));
         }
         let workers = Workers::serial();
         multigrid.rebuild(&workers, &levels);
