@@ -14,6 +14,7 @@ pub mod plot_font;
 pub mod recording;
 mod scene_source;
 pub mod scenes;
+pub mod schema;
 pub mod serve;
 mod shutdown;
 pub mod simulate;

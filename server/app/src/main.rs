@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use kerf_server::serve::{self, ServeArgs};
-use kerf_server::{check, scenes, simulate, tradeoff};
+use kerf_server::{check, scenes, schema, simulate, tradeoff};
 
 /// Simulates soft tissue that is cut.
 #[derive(Parser)]
@@ -21,6 +21,8 @@ enum Command {
     Serve(ServeArgs),
     /// Lists the built-in scenes.
     Scenes,
+    /// Prints the JSON schema of a scene.
+    Schema,
     /// Says what is wrong with a scene, and what its elements are asked to carry.
     Check {
         /// Path of a scene's TOML file, or the name of a built-in scene.
@@ -43,6 +45,7 @@ fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Serve(args) => serve::run(args),
         Command::Scenes => scenes::run(),
+        Command::Schema => schema::run(),
         Command::Check { file } => check::run(&file),
         Command::Simulate(options) => simulate::run(&options),
         Command::Tradeoff(options) => tradeoff::run(&options),

@@ -7,6 +7,7 @@ mod parse;
 pub mod toughness;
 mod validate;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Version of the scene format that this crate reads.
@@ -72,7 +73,7 @@ impl SceneError {
 }
 
 /// A scene. Every number is in SI units, named in the field.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SceneDesc {
     /// Version of the format: 1.
@@ -134,7 +135,7 @@ fn default_rate_hz() -> f64 {
 }
 
 /// The velocity solver of a scene.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SolverDesc {
     /// Unbalanced force at which a solve ends, relative to the loads and contact forces. Default 1e-3:
@@ -152,7 +153,7 @@ impl Default for SolverDesc {
 }
 
 /// A wish for a setting of the dial.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DialDesc {
     /// This level for every object, 0 to 4.
@@ -164,7 +165,7 @@ pub enum DialDesc {
 }
 
 /// Bounds of what is given up while a session misses its deadlines.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GovernorDesc {
     /// Largest relative tolerance of the velocity solve, from the solver's own to 0.5.
@@ -172,7 +173,7 @@ pub struct GovernorDesc {
 }
 
 /// A soft body.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectDesc {
     /// Name, unique among the objects.
@@ -223,7 +224,7 @@ impl ObjectDesc {
 }
 
 /// How a composite element's stiffness follows from its voxels.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ElementKind {
     /// `incompatible_modes`; `homogenised` in whole cells whose voxels differ tenfold in shear modulus or
@@ -261,7 +262,7 @@ pub fn default_level() -> u8 {
 }
 
 /// A material.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MaterialDesc {
     /// Young's modulus at small strain, Pa, 1e2 to 1e10.
@@ -302,7 +303,7 @@ impl MaterialDesc {
 
 /// The relaxing part of a standard linear solid: under a strain held from t = 0 the stress is
 /// `E eps (1 + s exp(-t / tau))`. Shear and volume relax alike.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ViscosityDesc {
     /// Relaxation time tau, s, 1e-4 to 1e4.
@@ -320,7 +321,7 @@ fn default_initiation_ratio() -> f64 {
 }
 
 /// A shape within which the elements are smaller than elsewhere.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FinerDesc {
     /// Where: every element with a voxel whose centre lies in it.
@@ -330,7 +331,7 @@ pub struct FinerDesc {
 }
 
 /// A shape within which another material holds.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RegionDesc {
     /// Name, unique among the object's regions.
@@ -342,7 +343,7 @@ pub struct RegionDesc {
 }
 
 /// A solid shape, scene frame.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum ShapeDesc {
     /// Axis-aligned box.
@@ -395,7 +396,7 @@ pub enum ShapeDesc {
 }
 
 /// A load other than gravity.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum LoadDesc {
     /// Force per area on the boundary faces of voxels whose outward face normal is `face` and whose
@@ -418,7 +419,7 @@ pub enum LoadDesc {
 }
 
 /// A face of a voxel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Face {
     /// -x.
@@ -436,7 +437,7 @@ pub enum Face {
 }
 
 /// A tool that may enter the scene.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ToolDesc {
     /// Name, unique among the tools.
@@ -446,7 +447,7 @@ pub struct ToolDesc {
 }
 
 /// A straight blade.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BladeDesc {
     /// Length of the edge, m.
@@ -466,7 +467,7 @@ fn default_edge_half_width_m() -> f64 {
 }
 
 /// A point whose displacement is reported.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProbeDesc {
     /// Name, unique among the probes.
