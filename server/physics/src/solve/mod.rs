@@ -3,6 +3,7 @@
 
 pub mod assembly;
 pub mod coarsest;
+mod cycle_level;
 mod lists;
 pub mod multigrid;
 pub mod operator;

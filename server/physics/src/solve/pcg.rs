@@ -3,7 +3,8 @@
 //! The flexible form of beta (Polak-Ribiere) costs one more dot product and tolerates a
 //! preconditioner that is symmetric only up to rounding.
 
-use super::multigrid::{CycleLevel, Multigrid};
+use super::cycle_level::CycleLevel;
+use super::multigrid::Multigrid;
 use super::operator::{NODES_PER_CHUNK, NodeVector};
 use crate::workers::Workers;
 use wide::{f32x4, f64x4};
