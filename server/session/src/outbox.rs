@@ -336,15 +336,15 @@ impl Viewer {
         }
     }
 
+    /// Events wait for the first keyframe, except the end: after it there is none to wait for.
     fn take_event(&mut self, shelf: &Shelf) -> Option<ViewEvent> {
-        let oldest = shelf.event_count - shelf.events.len() as u64;
-        let index = self.next_event.max(oldest) - oldest;
-        let event = shelf.events.get(usize::try_from(index).ok()?)?;
-        let before_first_keyframe = self.cursor.place().is_none();
-        if before_first_keyframe && event.event != SceneEvent::Closing {
-            return None;
+        let first = shelf.event_count - shelf.events.len() as u64;
+        let mut index = usize::try_from(self.next_event.max(first) - first).ok()?;
+        if self.cursor.place().is_none() {
+            index += shelf.events.range(index..).position(|event| event.event == SceneEvent::Closing)?;
         }
-        self.next_event = oldest + index + 1;
+        let event = shelf.events.get(index)?;
+        self.next_event = first + index as u64 + 1;
         Some(event.clone())
     }
 
@@ -383,5 +383,18 @@ mod tests {
         assert!(publisher.keyframe_wanted());
         publisher.keyframe(Keyframe { topology_version: 5, ..Keyframe::default() });
         assert!(matches!(next.try_next(), Some(ViewMessage::Keyframe(now)) if now.topology_version == 5));
+    }
+
+    #[test]
+    fn a_viewer_without_a_keyframe_hears_of_the_end_alone() {
+        let outbox = Arc::new(Outbox::new(&SessionLimits::default()));
+        let (publisher, bell, _reports) = Publisher::new(Arc::clone(&outbox));
+        let mut viewer = outbox.join(bell).unwrap();
+        publisher.event(1, SceneEvent::ToolTaken(0));
+        assert!(viewer.try_next().is_none());
+        publisher.event(2, SceneEvent::Closing);
+        let end = viewer.try_next();
+        assert!(matches!(end, Some(ViewMessage::Event(last)) if last.event == SceneEvent::Closing));
+        assert!(viewer.try_next().is_none());
     }
 }
