@@ -82,7 +82,7 @@ fixed = [{ box = { min_m = [-1.0, -1.0, -1.0], max_m = [1.0, 0.0051, 1.0] } }]
 
 [[tools]]
 name = "blade"
-blade = { width_m = 0.06, height_m = 0.06 }
+shape = { blade = { width_m = 0.06, height_m = 0.06 } }
 "#;
 
 /// The hash of what a replica has, computed anew.

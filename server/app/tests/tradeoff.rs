@@ -12,7 +12,7 @@ const BLOCK: &str = "version = 1\nname = 'block'\nrate_hz = 200.0\n\
     fixed = [{ box = { min_m = [-1.0, -1.0, -1.0], max_m = [1.0, 0.005, 1.0] } }]\n\
     material = { young_modulus_pa = 2.0e5, poisson_ratio = 0.4, rayleigh_alpha_per_s = 5.0, rayleigh_beta_s = 1.0e-3, \
     fracture_energy_j_per_m2 = 100.0 }\n\
-    [[tools]]\nname = 'blade'\nblade = { width_m = 0.03, height_m = 0.05 }\n";
+    [[tools]]\nname = 'blade'\nshape = { blade = { width_m = 0.03, height_m = 0.05 } }\n";
 const AXES: [&str; 12] = [
     "--levels",
     "0,1,2",

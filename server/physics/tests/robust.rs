@@ -34,8 +34,8 @@ fn blob(held: Held, tools: usize) -> World {
     };
     let mut scene = scene(vec![desc]);
     scene.desc.solver.relative_tolerance = 1e-3;
-    let blade = BladeDesc { width_m: 0.03, height_m: 0.04, edge_half_width_m: 5e-5, thickness_m: 1e-3 };
-    scene.desc.tools = (0..tools).map(|i| ToolDesc { name: format!("blade {i}"), blade: blade.clone() }).collect();
+    let blade = BladeDesc { thickness_m: 1e-3, ..BladeDesc::straight(0.03, 0.04) };
+    scene.desc.tools = (0..tools).map(|i| ToolDesc::blade(&format!("blade {i}"), blade.clone())).collect();
     World::new(&scene).expect("a valid scene")
 }
 

@@ -1,6 +1,8 @@
 //! What is refused in a scene that can be read.
 
-use kerf_physics::scene::{FinerDesc, MaterialDesc, RegionDesc, SceneDesc, SceneError, ShapeDesc, ViscosityDesc};
+use kerf_physics::scene::{
+    BladeDesc, FinerDesc, MaterialDesc, RegionDesc, SceneDesc, SceneError, ShapeDesc, ToolDesc, ViscosityDesc,
+};
 
 const SCENE: &str = r#"
 version = 1
@@ -13,7 +15,7 @@ level = 1
 material = { young_modulus_pa = 1e5, poisson_ratio = 0.4, fracture_energy_j_per_m2 = 200.0 }
 [[tools]]
 name = "knife"
-blade = { width_m = 0.05, height_m = 0.05 }
+shape = { blade = { width_m = 0.05, height_m = 0.05 } }
 [[probes]]
 name = "top"
 object = "block"
@@ -57,7 +59,10 @@ fn numbers_out_of_range_or_not_finite_are_refused() {
     assert_eq!(material(|m| m.density_kg_per_m3 = 0.0), ["objects[0].material.density_kg_per_m3"]);
     assert_eq!(material(|m| m.initiation_ratio = 0.9), ["objects[0].material.initiation_ratio"]);
     assert_eq!(material(|m| m.rayleigh_beta_s = -1e-9), ["objects[0].material.rayleigh_beta_s"]);
-    assert_eq!(refused(|s| s.tools[0].blade.width_m = 0.0), ["tools[0].blade.width_m"]);
+    assert_eq!(
+        refused(|s| s.tools = vec![ToolDesc::blade("blade", BladeDesc::straight(0.0, 0.05))]),
+        ["tools[0].shape.blade.width_m"]
+    );
     assert_eq!(refused(|s| s.version = 3), ["version"]);
 }
 
@@ -256,12 +261,11 @@ fn a_blade_over_too_many_voxels_is_refused() {
     let width = |width_m: f64| {
         refused(|s| {
             *s = roomy();
-            s.tools = scene().tools;
-            s.tools[0].blade.width_m = width_m;
+            s.tools = vec![ToolDesc::blade("blade", BladeDesc::straight(width_m, 0.05))];
         })
     };
     assert_eq!(width(4096.0 * 5e-5), [""; 0]);
-    assert_eq!(width(4097.0 * 5e-5), ["tools[0].blade.width_m"]);
+    assert_eq!(width(4097.0 * 5e-5), ["tools[0].shape.blade.width_m"]);
 }
 
 #[test]

@@ -44,9 +44,9 @@ fn slab(tissue: &Tissue, level: u8) -> Scene {
     slab.material.fracture_energy_j_per_m2 = Some(tissue.fracture_energy_j_per_m2);
     slab.material.initiation_ratio = INITIATION;
     slab.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 0.003, 1.0] }];
-    let blade = BladeDesc { width_m: 2.0 * WIDTH_M, height_m: 0.1, edge_half_width_m: 5e-5, thickness_m: 0.0 };
+    let blade = BladeDesc::straight(2.0 * WIDTH_M, 0.1);
     let mut desc = SceneDesc { rate_hz: RATE_HZ, ..SceneDesc::of("slab", vec![slab]) };
-    desc.tools = vec![ToolDesc { name: "blade".into(), blade }];
+    desc.tools = vec![ToolDesc::blade("blade", blade)];
     Scene { desc, meshes: Default::default() }
 }
 

@@ -25,8 +25,8 @@ fn two_blocks() -> World {
     }
     let mut scene = scene(blocks.into());
     scene.desc.solver.relative_tolerance = 1e-3;
-    let blade = BladeDesc { width_m: 0.06, height_m: 0.06, edge_half_width_m: 5e-5, thickness_m: 0.0 };
-    scene.desc.tools = vec![ToolDesc { name: "blade".into(), blade }];
+    let blade = BladeDesc::straight(0.06, 0.06);
+    scene.desc.tools = vec![ToolDesc::blade("blade", blade)];
     World::new(&scene).expect("a valid scene")
 }
 

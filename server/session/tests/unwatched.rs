@@ -21,7 +21,7 @@ fixed = [{ box = { min_m = [-0.02, -0.02, -0.02], max_m = [0.02, -0.005, 0.02] }
 
 [[tools]]
 name = "blade"
-blade = { width_m = 0.03, height_m = 0.02 }
+shape = { blade = { width_m = 0.03, height_m = 0.02 } }
 "#;
 
 #[tokio::test]

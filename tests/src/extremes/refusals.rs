@@ -1,6 +1,6 @@
 //! What lies outside the supported ranges, and what is said of it when a scene is loaded.
 
-use kerf_physics::scene::{LoadDesc, RegionDesc, Scene, ShapeDesc};
+use kerf_physics::scene::{BladeDesc, LoadDesc, RegionDesc, Scene, ShapeDesc, ToolDesc};
 
 use super::scenes::{Specimen, everywhere};
 
@@ -73,12 +73,12 @@ const RANGES: [(&str, &str, [Change; 2]); 11] = [
         [|s| drawn(s, -1.01e9), |s| drawn(s, 1.01e9)],
     ),
     ("rate_hz", "0 to 100", [|s| free(s, 1e10, 1000.0), |s| free(s, 1e6, 10.0)]),
-    (
-        "tools[0].blade.width_m",
-        "0.0001 to 4096",
-        [|s| s.desc.tools[0].blade.width_m = 9.9e-5, |s| s.desc.tools[0].blade.width_m = 5.0],
-    ),
+    ("tools[0].shape.blade.width_m", "0.0001 to 4096", [|s| wide(s, 9.9e-5), |s| wide(s, 5.0)]),
 ];
+
+fn wide(scene: &mut Scene, width_m: f64) {
+    scene.desc.tools = vec![ToolDesc::blade("blade", BladeDesc::straight(width_m, 0.05))];
+}
 
 fn of_resolution(scene: &mut Scene, side_m: f64, resolution: u32) {
     let object = &mut scene.desc.objects[0];

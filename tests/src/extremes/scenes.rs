@@ -115,14 +115,13 @@ impl Specimen {
     pub fn scene(&self, object: ObjectDesc, tools: usize) -> Scene {
         let reach = self.extent_m().max();
         let blade = BladeDesc {
-            width_m: (1.5 * reach).clamp(1e-4, 10.0),
-            height_m: (2.0 * reach).clamp(1e-4, 10.0),
             edge_half_width_m: (0.01 * self.voxel_size_m).clamp(1e-8, 1e-2),
             thickness_m: (0.1 * self.voxel_size_m).min(0.1),
+            ..BladeDesc::straight((1.5 * reach).clamp(1e-4, 10.0), (2.0 * reach).clamp(1e-4, 10.0))
         };
         let desc = SceneDesc {
             rate_hz: 1.0 / self.dt_s,
-            tools: (0..tools).map(|i| ToolDesc { name: format!("blade {i}"), blade: blade.clone() }).collect(),
+            tools: (0..tools).map(|i| ToolDesc::blade(&format!("blade {i}"), blade.clone())).collect(),
             ..SceneDesc::of("extremes", vec![object])
         };
         Scene { desc, meshes: Default::default() }

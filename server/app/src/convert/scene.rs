@@ -1,7 +1,7 @@
 //! Scenes, limits and sessions as clients are told of them.
 
 use kerf_physics::Stage;
-use kerf_physics::scene::{DialDesc, ObjectDesc, ToolDesc};
+use kerf_physics::scene::{DialDesc, ObjectDesc, ToolDesc, ToolShapeDesc};
 use kerf_physics::step_io::EnergyStep;
 use kerf_physics::world::ObjectStats;
 use kerf_proto::v1;
@@ -42,11 +42,12 @@ fn object_summary(object: &ObjectDesc, stats: Option<ObjectStats>) -> v1::Object
 }
 
 fn tool_summary(tool: &ToolDesc) -> v1::ToolSummary {
+    let ToolShapeDesc::Blade(blade) = &tool.shape;
     v1::ToolSummary {
         name: tool.name.clone(),
-        blade_width_m: tool.blade.width_m,
-        blade_height_m: tool.blade.height_m,
-        blade_thickness_m: tool.blade.thickness_m,
+        blade_width_m: blade.width_m,
+        blade_height_m: blade.height_m,
+        blade_thickness_m: blade.thickness_m,
     }
 }
 

@@ -60,7 +60,7 @@ mod tests {
              fixed = [{{ box = {{ min_m = [-1.0, -1.0, -1.0], max_m = [1.0, 0.007, 1.0] }} }}]\n\
              material = {{ young_modulus_pa = 2.0e6, poisson_ratio = 0.45, rayleigh_alpha_per_s = 1.0, \
              rayleigh_beta_s = 2.0e-4, fracture_energy_j_per_m2 = {gc_j_per_m2}, strain_stiffening = 3.0 }}\n\
-             [[tools]]\nname = 'blade'\nblade = {{ width_m = 0.1, height_m = 0.05 }}\n"
+             [[tools]]\nname = 'blade'\nshape = {{ blade = {{ width_m = 0.1, height_m = 0.05 }} }}\n"
         );
         let scene = Scene { desc: SceneDesc::from_toml("block", &text).unwrap(), meshes: Default::default() };
         assert_eq!(scene.problems(), []);

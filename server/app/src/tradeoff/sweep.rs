@@ -2,7 +2,7 @@
 
 use clap::Args;
 use kerf_physics::Vec3;
-use kerf_physics::scene::{ElementKind, SceneDesc};
+use kerf_physics::scene::{ElementKind, SceneDesc, ToolShapeDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_session::dial::{FinerRegions, Setting};
 use serde::Serialize;
@@ -162,7 +162,8 @@ pub fn stroke_box(desc: &SceneDesc, script: &Script, margin_m: f64) -> Option<[[
     for step in 0..=steps {
         for input in script.advance(step as f64 / desc.rate_hz) {
             let (ToolMotion::MoveTo(pose) | ToolMotion::EnterAt(pose)) = input.motion else { continue };
-            let half = 0.5 * desc.tools[input.tool].blade.width_m;
+            let ToolShapeDesc::Blade(blade) = &desc.tools[input.tool].shape;
+            let half = 0.5 * blade.width_m;
             for end in [-half, half].map(|x| pose.position_m + pose.orientation * (Vec3::x() * x)) {
                 (least, most) = (least.inf(&end), most.sup(&end));
             }

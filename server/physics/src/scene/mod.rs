@@ -442,8 +442,24 @@ pub enum Face {
 pub struct ToolDesc {
     /// Name, unique among the tools.
     pub name: String,
-    /// Its blade.
-    pub blade: BladeDesc,
+    /// What it is.
+    pub shape: ToolShapeDesc,
+}
+
+impl ToolDesc {
+    /// A tool that is a blade.
+    #[must_use]
+    pub fn blade(name: &str, blade: BladeDesc) -> Self {
+        Self { name: name.into(), shape: ToolShapeDesc::Blade(blade) }
+    }
+}
+
+/// What a tool is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ToolShapeDesc {
+    /// Cuts with its edge.
+    Blade(BladeDesc),
 }
 
 /// A straight blade.
@@ -460,6 +476,14 @@ pub struct BladeDesc {
     /// Thickness of the blade behind its edge, m. Default 0: flanks without volume.
     #[serde(default)]
     pub thickness_m: f64,
+}
+
+impl BladeDesc {
+    /// A straight blade with every default.
+    #[must_use]
+    pub fn straight(width_m: f64, height_m: f64) -> Self {
+        Self { width_m, height_m, edge_half_width_m: default_edge_half_width_m(), thickness_m: 0.0 }
+    }
 }
 
 fn default_edge_half_width_m() -> f64 {

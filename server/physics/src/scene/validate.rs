@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 use super::toughness::{carried_over_eh, composite_edge_m, gc_over_eh};
 use super::{
     BladeDesc, DialDesc, LoadDesc, MaterialDesc, Meshes, ObjectDesc, SCENE_VERSION, Scene, SceneDesc, SceneError,
-    ShapeDesc,
+    ShapeDesc, ToolShapeDesc,
 };
 use crate::grid::voxelize::voxel_size_m;
 
@@ -107,7 +107,10 @@ fn problems(scene: &SceneDesc, meshes: &Meshes) -> Vec<SceneError> {
     report.count("tools", scene.tools.len(), 0..=MAX_TOOLS);
     report.unique("tools", scene.tools.iter().map(|t| t.name.as_str()));
     for (i, tool) in scene.tools.iter().enumerate() {
-        report.blade(&format!("tools[{i}].blade"), &tool.blade, smallest_voxel_m);
+        let field = format!("tools[{i}].shape");
+        match &tool.shape {
+            ToolShapeDesc::Blade(blade) => report.blade(&format!("{field}.blade"), blade, smallest_voxel_m),
+        }
     }
     report.count("probes", scene.probes.len(), 0..=MAX_PROBES);
     report.unique("probes", scene.probes.iter().map(|p| p.name.as_str()));

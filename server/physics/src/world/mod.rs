@@ -10,7 +10,7 @@ use crate::body::{Body, MaterialPoint, PartedLinks, TopologyChange};
 use crate::fracture::{BladeMotion, Front};
 use crate::ledger::{self, ContactLedger};
 use crate::params::StepParams;
-use crate::scene::{Scene, SceneError};
+use crate::scene::{Scene, SceneError, ToolShapeDesc};
 use crate::stage::{Lap, Stage, StageClock};
 use crate::step_io::{FractureStep, SolveReport, StepInputs, StepOutput, ToolMotion, ToolOutput, Wrench};
 use crate::tool::Pose;
@@ -73,7 +73,13 @@ impl World {
             relative_tolerance: desc.solver.relative_tolerance,
             max_iterations: desc.solver.max_iterations,
         };
-        let blades: Vec<Blade> = desc.tools.iter().map(|t| Blade::from(&t.blade)).collect();
+        let blades: Vec<Blade> = desc
+            .tools
+            .iter()
+            .map(|tool| match &tool.shape {
+                ToolShapeDesc::Blade(blade) => Blade::from(blade),
+            })
+            .collect();
         let mut slots = Vec::with_capacity(desc.objects.len());
         for index in 0..desc.objects.len() {
             slots.push(BodySlot::new(Body::new(scene, index, params, &Workers::serial())?, &blades));

@@ -28,8 +28,8 @@ pub fn cutting_scene(object: ObjectDesc, blade_width_m: f64, rate_hz: f64) -> Sc
     let mut scene = scene(vec![object]);
     scene.desc.rate_hz = rate_hz;
     scene.desc.solver.relative_tolerance = 1e-3;
-    let blade = BladeDesc { width_m: blade_width_m, height_m: 0.06, edge_half_width_m: 5e-5, thickness_m: 0.0 };
-    scene.desc.tools = vec![ToolDesc { name: "blade".into(), blade }];
+    let blade = BladeDesc::straight(blade_width_m, 0.06);
+    scene.desc.tools = vec![ToolDesc::blade("blade", blade)];
     scene
 }
 

@@ -15,8 +15,8 @@ pub fn cutting_scene() -> Scene {
     block.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 1.01 * h, 1.0] }];
     let mut scene = super::scene(vec![block]);
     scene.desc.solver.relative_tolerance = 1e-3;
-    let blade = BladeDesc { width_m: 0.06, height_m: 0.05, edge_half_width_m: 5e-5, thickness_m: 0.0 };
-    scene.desc.tools = vec![ToolDesc { name: "blade".into(), blade }];
+    let blade = BladeDesc::straight(0.06, 0.05);
+    scene.desc.tools = vec![ToolDesc::blade("blade", blade)];
     scene
 }
 

@@ -121,13 +121,12 @@ impl Press {
     }
 
     fn scene(&self, h: f64, level: u8) -> Scene {
-        let blade =
-            BladeDesc { width_m: self.width_m, height_m: 0.06, edge_half_width_m: self.half_width_m, thickness_m: 0.0 };
+        let blade = BladeDesc { edge_half_width_m: self.half_width_m, ..BladeDesc::straight(self.width_m, 0.06) };
         Scene {
             desc: SceneDesc {
                 rate_hz: 10.0,
                 solver: SolverDesc { relative_tolerance: 1e-5, max_iterations: 2000 },
-                tools: vec![ToolDesc { name: "blade".into(), blade }],
+                tools: vec![ToolDesc::blade("blade", blade)],
                 ..SceneDesc::of("press", vec![self.block(h, level)])
             },
             meshes: Default::default(),
