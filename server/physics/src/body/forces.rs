@@ -250,6 +250,16 @@ impl Body {
         }
     }
 
+    /// What holds an element's voxels does at its corners, N.
+    pub(super) fn hold_forces_n(&self, element: usize) -> [crate::Vec3; 8] {
+        let Ok(found) = self.holds.binary_search_by_key(&(element as u32), |h| h.0) else {
+            return Default::default();
+        };
+        let u = self.element_displacements(element);
+        let pull = |a: usize, i: usize| -(0..8).map(|b| entry(&self.holds[found].1, a, b) * u[b][i]).sum::<f64>();
+        std::array::from_fn(|a| crate::Vec3::from_fn(|i, _| pull(a, i)))
+    }
+
     fn element_displacements(&self, element: usize) -> [[f64; 3]; 8] {
         self.base().elements[element].nodes.map(|n| {
             let rest = self.rest_position_m(n as usize);

@@ -1,6 +1,7 @@
 //! One soft body: its voxels, its hierarchy of elements, their matrices and their state.
 
 mod element;
+mod eshelby;
 mod forces;
 mod interpolate;
 mod memory;

@@ -66,6 +66,8 @@ pub(super) struct Anchor {
     pub(super) mode: Mode,
     /// Energy in the spring at the end of the last step, J.
     pub(super) stored_j: f64,
+    /// What the tissue's tension adds to the drive, J/m^2.
+    pub(super) elastic_release_j_per_m2: f64,
     /// Stiffness of the spring in the last step over what it relaxes to.
     pub(super) unrelaxed: f64,
 }
@@ -85,6 +87,7 @@ impl Anchor {
             yielded: false,
             mode: Mode::Off,
             stored_j: 0.0,
+            elastic_release_j_per_m2: 0.0,
             unrelaxed: 1.0,
         }
     }
@@ -243,8 +246,9 @@ impl Anchor {
     pub(super) fn limits_n(&self, body: &Body, frame: &BladeFrame, share_m: f64) -> (f64, f64) {
         match self.ahead {
             Ahead::Intact { fracture_energy_j_per_m2, initiation_ratio } => {
-                let steady = fracture_energy_j_per_m2 * self.reference_width_m(body, frame, share_m);
-                let start = fracture_energy_j_per_m2 * initiation_ratio * share_m;
+                let from_edge = |driven: f64| (driven - self.elastic_release_j_per_m2).max(0.0);
+                let steady = from_edge(fracture_energy_j_per_m2) * self.reference_width_m(body, frame, share_m);
+                let start = from_edge(fracture_energy_j_per_m2 * initiation_ratio) * share_m;
                 (if self.yielded { steady } else { start.max(steady) }, steady)
             }
             Ahead::Parted | Ahead::Outside => (0.0, 0.0),

@@ -11,6 +11,7 @@ use super::entry::{inward, onto_surface};
 use super::marker::{Edge, Marker};
 use super::springs::FrontContact;
 use super::sweep::part_quad;
+use super::tension::{Share, Tension};
 use crate::Vec3;
 use crate::body::Body;
 use crate::contact::broad::SpatialHash;
@@ -36,6 +37,9 @@ pub struct Front {
     /// Where the chain stands and starts, and where its strip ends: scratch, kept between steps.
     chain: Vec<Option<(Vec3, Vec3)>>,
     target: Vec<Vec3>,
+    /// Present where tissue can be pulled.
+    tension: Option<Tension>,
+    shares: Vec<Share>,
     /// Springs of the step that is being taken.
     pub contacts: Vec<FrontContact>,
 }
@@ -54,7 +58,7 @@ pub struct BladeMotion<'a> {
 impl Front {
     /// A front of `blade`, nowhere in contact.
     #[must_use]
-    pub fn new(blade: &Blade, body: &Body) -> Self {
+    pub fn new(blade: &Blade, body: &Body, pulled: bool) -> Self {
         let count = blade.sample_count(body.grid.voxel_size_m() / MARKERS_PER_VOXEL);
         Self {
             markers: vec![Marker::Outside; count],
@@ -62,6 +66,8 @@ impl Front {
             dropped_j: 0.0,
             chain: Vec::with_capacity(count),
             target: Vec::with_capacity(count),
+            tension: pulled.then(Tension::default),
+            shares: Vec::with_capacity(count),
             contacts: Vec::with_capacity(count),
         }
     }
@@ -81,6 +87,7 @@ impl Front {
             *marker = Marker::Outside;
         }
         self.contacts.clear();
+        self.tension.iter_mut().for_each(Tension::clear);
     }
 
     /// Marks the samples of a blade put down at `pose` inside the tissue as buried.
@@ -144,6 +151,7 @@ impl Front {
         book.slip_j -= book.fracture_j;
         self.follow_edge(body, motion, &frame);
         self.drop_outside(body, &mut book);
+        self.feel_tension(body, &frame);
         book
     }
 
@@ -234,6 +242,27 @@ impl Front {
             self.markers[index] = Marker::On(moved);
         }
         self.chain = chain;
+    }
+
+    /// Finds what tension adds to the drive of the front.
+    fn feel_tension(&mut self, body: &Body, frame: &BladeFrame) {
+        let Some(mut tension) = self.tension.take() else { return };
+        let mut shares = std::mem::take(&mut self.shares);
+        shares.clear();
+        let yielded = |index| self.anchor(index).filter(|a| a.yielded).map(|anchor| (index, anchor));
+        shares.extend((0..self.markers.len()).filter_map(yielded).map(|(marker, anchor)| Share {
+            marker,
+            position_m: anchor.position_m,
+            ahead: anchor.pull_back(body, &frame.forward).normalize(),
+            along_m: anchor.pull_back(body, &frame.along) * self.share_m,
+        }));
+        tension.look(body, &shares);
+        for (index, marker) in self.markers.iter_mut().enumerate() {
+            if let Marker::On(anchor) = marker {
+                anchor.elastic_release_j_per_m2 = tension.at(index);
+            }
+        }
+        (self.tension, self.shares) = (Some(tension), shares);
     }
 
     /// Markers that have come out of the material on the other side are outside.

@@ -2,7 +2,7 @@
 //!
 //! A blade's front is a chain of markers, one to a share of the edge (`front`, `marker`). A marker in
 //! contact pushes, through two springs (`springs`), on a point of the material (`anchor`) that it
-//! found where the edge came in through the surface (`entry`). What the point advances is booked
+//! found where the edge came in through the surface (`entry`). Where tissue is pulled (`tension`, `release`) it needs to push less. What the point advances is booked
 //! (`book`), and the links across the strip that the chain has swept part (`sweep`).
 
 mod anchor;
@@ -11,8 +11,10 @@ mod compliance;
 mod entry;
 mod front;
 mod marker;
+pub mod release;
 mod springs;
 mod sweep;
+mod tension;
 
 pub use book::FrontBook;
 pub use front::{BladeMotion, Front};

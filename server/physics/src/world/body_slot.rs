@@ -33,11 +33,11 @@ pub(super) struct BodySlot {
 }
 
 impl BodySlot {
-    pub(super) fn new(body: Body, blades: &[Blade]) -> Self {
+    pub(super) fn new(body: Body, blades: &[Blade], pulled: bool) -> Self {
         let contacts = blades
             .iter()
             .map(|blade| ToolContact {
-                front: Front::new(blade, &body),
+                front: Front::new(blade, &body, pulled),
                 flanks: Vec::new(),
                 hash: SpatialHash::default(),
             })

@@ -82,7 +82,8 @@ impl World {
             .collect();
         let mut slots = Vec::with_capacity(desc.objects.len());
         for index in 0..desc.objects.len() {
-            slots.push(BodySlot::new(Body::new(scene, index, params, &Workers::serial())?, &blades));
+            let body = Body::new(scene, index, params, &Workers::serial())?;
+            slots.push(BodySlot::new(body, &blades, !desc.objects[index].loads.is_empty()));
         }
         let mut world = Self {
             params,

@@ -1,0 +1,121 @@
+//! The energy release rate of a crack front, from the elastic energy around it (domain form of the
+//! J-integral: Shih, Moran and Nakamura 1986).
+//!
+//! A tube around the front, and whatever pushes on the material inside, goes on with it by `q = phi d` along the
+//! cut. What flows into the tube beyond the work of that push is `G` per length of front:
+//!
+//! `G int phi ds = int_free W q . n dA - int (W I - (F - F_0)^T P) : grad q dV - int ((F - F_0)^T b) . q dV`
+//!
+//! phi is 1 near the front and falls to 0 across a ring of elements. F_0, the mean of F over the ring, is how the
+//! push goes on in the scene: it works on `F_0 q`. On the faces of the cut q . n = 0.
+
+use crate::Vec3;
+use crate::body::Body;
+use crate::fem::composite::shape_functions;
+use crate::grid::{Grid, Ijk, Link};
+
+/// Radii between which phi falls from 1 to 0, in element edges: nodes that share in a contact at the front stay
+/// within the inner one.
+const INNER: f64 = 1.5;
+const OUTER: f64 = 3.0;
+/// Half-width along the front of what one integral sees, in element edges.
+const HALF_WIDTH: f64 = 2.0;
+
+/// A place on a crack front, reference configuration.
+#[derive(Clone, Copy, Debug)]
+pub struct Tip {
+    /// Where it is, m.
+    pub position_m: Vec3,
+    /// Unit vector from the cut into the material that holds.
+    pub ahead: Vec3,
+    /// Unit vector along the front.
+    pub along: Vec3,
+    /// Edge of the elements there, m.
+    pub element_edge_m: f64,
+}
+
+impl Tip {
+    /// How much a place `offset_m` from here counts along the front: the integral of this over the front's
+    /// length is what [`released_j_per_m`] is per.
+    #[must_use]
+    pub fn share_along(&self, offset_m: &Vec3) -> f64 {
+        (1.0 - offset_m.dot(&self.along).abs() / (HALF_WIDTH * self.element_edge_m)).max(0.0)
+    }
+
+    fn phi(&self, position_m: &Vec3) -> f64 {
+        let offset_m = position_m - self.position_m;
+        let radius = (offset_m - self.along * offset_m.dot(&self.along)).norm() / self.element_edge_m;
+        ((OUTER - radius) / (OUTER - INNER)).clamp(0.0, 1.0) * self.share_along(&offset_m)
+    }
+}
+
+/// Energy set free per length that the front advances, times the length of front that counts, J/m: over the
+/// integral of [`Tip::share_along`] along the front, the energy release rate.
+#[must_use]
+pub fn released_j_per_m(body: &Body, tip: &Tip) -> f64 {
+    let reach_m = Vec3::repeat(OUTER.hypot(HALF_WIDTH) * tip.element_edge_m);
+    let lattice = |p: Vec3| ((p - body.grid.origin_m()) / body.lattice_edge_m()).map(|c| c.floor() as i32);
+    let (low, high) = (lattice(tip.position_m - reach_m), lattice(tip.position_m + reach_m));
+    let mut sum = Sum::default();
+    for k in low.z..=high.z {
+        for j in low.y..=high.y {
+            for i in low.x..=high.x {
+                body.base().elements_in([i, j, k]).for_each(|element| sum.add(body, element as usize, tip));
+            }
+        }
+    }
+    sum.released_j - sum.push_n.dot(&(sum.direction / sum.weight))
+}
+
+/// Sums over the elements of a tube.
+#[derive(Default)]
+struct Sum {
+    released_j: f64,
+    push_n: Vec3,
+    direction: Vec3,
+    weight: f64,
+}
+
+impl Sum {
+    fn add(&mut self, body: &Body, element: usize, tip: &Tip) {
+        let nodes = body.base().elements[element].nodes;
+        let phi = nodes.map(|node| tip.phi(&body.rest_position_m(node as usize)));
+        if phi.iter().all(|p| *p == 0.0) {
+            return;
+        }
+        let moved = body.move_material(element, &phi, &tip.ahead);
+        let weight = moved.slope.norm() * body.filled_volume_m3(element);
+        self.released_j += moved.released_j + free_faces(body, element, tip, &phi);
+        self.push_n += moved.push_n;
+        self.direction += moved.direction * weight;
+        self.weight += weight;
+    }
+}
+
+/// `int W q . n dA` over the faces that the element's voxels do not share with others, n out of the material.
+fn free_faces(body: &Body, element: usize, tip: &Tip, phi: &[f64; 8]) -> f64 {
+    let is_inside = body.filled_volume_m3(element) > 0.999 * body.element_edge_m(element).powi(3)
+        && body.base().elements[element].neighbours.len() >= 6;
+    if is_inside {
+        return 0.0;
+    }
+    let (grid, mut flux_m2) = (&body.grid, 0.0);
+    let h = grid.voxel_size_m();
+    for voxel in body.voxels_of(element) {
+        let cell: Ijk = grid.voxels()[voxel.index()].ijk;
+        for (face, (link, _)) in Grid::links_of(cell).enumerate() {
+            let (crossing, outward) = match grid.link(link) {
+                Link::Boundary(crossing) => (crossing, 1.0),
+                Link::Parted(crossing) => (crossing, if face % 2 == 1 { 1.0 } else { -1.0 }),
+                Link::Intact | Link::Outside => continue,
+            };
+            let normal = Vec3::from(crossing.normal.map(f64::from));
+            let mut at = grid.centre_m(link.cell);
+            at[link.axis as usize] += f64::from(crossing.t) * h;
+            let local = body.local_coordinates(element, &at);
+            let phi_there: f64 = shape_functions(local).iter().zip(phi).map(|(n, p)| n * p).sum();
+            flux_m2 += outward * phi_there * normal.dot(&tip.ahead) * h * h * normal[link.axis as usize].abs();
+        }
+    }
+    flux_m2 * body.elastic_energy_j(element) / body.filled_volume_m3(element)
+}
