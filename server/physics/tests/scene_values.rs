@@ -1,7 +1,9 @@
 //! What is refused in a scene that can be read.
 
+use kerf_physics::World;
 use kerf_physics::scene::{
-    BladeDesc, FinerDesc, MaterialDesc, RegionDesc, SceneDesc, SceneError, ShapeDesc, ToolDesc, ViscosityDesc,
+    BladeDesc, EdgeDesc, FinerDesc, MaterialDesc, RegionDesc, Scene, SceneDesc, SceneError, ShapeDesc, ToolDesc,
+    ToolShapeDesc, ViscosityDesc,
 };
 
 const SCENE: &str = r#"
@@ -266,6 +268,75 @@ fn a_blade_over_too_many_voxels_is_refused() {
     };
     assert_eq!(width(4096.0 * 5e-5), [""; 0]);
     assert_eq!(width(4097.0 * 5e-5), ["tools[0].shape.blade.width_m"]);
+}
+
+/// What is refused of a blade of 50 mm, voxels of 50 um, with this edge.
+fn edge_problems(edge: EdgeDesc) -> Vec<String> {
+    let mut scene = roomy();
+    let blade = BladeDesc { edge, ..BladeDesc::straight(0.05, 0.05) };
+    scene.tools = vec![ToolDesc::blade("blade", blade)];
+    scene.problems().iter().map(ToString::to_string).collect()
+}
+
+#[test]
+fn edges_of_every_shape_are_read_and_taken() {
+    for (text, edge) in [
+        ("\"straight\"", EdgeDesc::Straight),
+        ("{ arc = { sagitta_m = 0.004 } }", EdgeDesc::Arc { sagitta_m: 4e-3 }),
+        (
+            "{ sine = { amplitude_m = 0.002, wavelength_m = 0.01 } }",
+            EdgeDesc::Sine { amplitude_m: 2e-3, wavelength_m: 1e-2 },
+        ),
+        (
+            "{ polyline = { points_m = [[-0.025, 0, 0], [0, -0.002, 0.003], [0.025, 0, 0]] } }",
+            EdgeDesc::Polyline { points_m: vec![[-0.025, 0.0, 0.0], [0.0, -2e-3, 3e-3], [0.025, 0.0, 0.0]] },
+        ),
+        (
+            "{ file = { file = \"edge.csv\", scale_m_per_unit = 1e-3 } }",
+            EdgeDesc::File { file: "edge.csv".into(), scale_m_per_unit: 1e-3 },
+        ),
+    ] {
+        let text = SCENE.replace("height_m = 0.05 }", &format!("height_m = 0.05, edge = {text} }}"));
+        let scene = SceneDesc::from_toml("block.toml", &text).unwrap();
+        let ToolShapeDesc::Blade(blade) = &scene.tools[0].shape;
+        assert_eq!(blade.edge, edge);
+        assert_eq!(scene.problems(), []);
+    }
+}
+
+#[test]
+fn edges_that_cannot_cut_are_refused_with_field_and_limit() {
+    let polyline = |points_m: &[[f64; 3]]| EdgeDesc::Polyline { points_m: points_m.to_vec() };
+    let sine = |amplitude_m, wavelength_m| EdgeDesc::Sine { amplitude_m, wavelength_m };
+    let (from, to) = ([-0.025, 0.0, 0.0], [0.025, 0.0, 0.0]);
+    assert_eq!(edge_problems(EdgeDesc::Arc { sagitta_m: 0.02 }), [""; 0]);
+    for (edge, field, limit) in [
+        (EdgeDesc::Arc { sagitta_m: 0.022 }, "arc.sagitta_m", "80 degrees"),
+        (EdgeDesc::Arc { sagitta_m: f64::NAN }, "arc.sagitta_m", "not finite"),
+        (sine(-1e-9, 0.01), "sine.amplitude_m", "0 and 10"),
+        (sine(1e-3, 0.05 / 65.0), "sine.wavelength_m", "64"),
+        (sine(1.0, 0.01), "sine", "4096"),
+        (polyline(&[from]), "polyline.points_m", "between 2 and 4096"),
+        (polyline(&[from, from, to]), "polyline.points_m", "points 0 and 1"),
+        (polyline(&[from, [f64::NAN, 0.0, 0.0], to]), "polyline.points_m[1]", "10"),
+        (polyline(&[from, [0.0, 0.0, 0.0], [1e-3, 0.02, 0.0], to]), "polyline.points_m", "points 1 and 2"),
+        (polyline(&[[-25.0, 0.0, 0.0].map(|x| 1e-2 * x), to]), "polyline.points_m", "width_m, 0.05"),
+        (EdgeDesc::File { file: String::new(), scale_m_per_unit: 1.0 }, "file.file", "empty"),
+        (EdgeDesc::File { file: "edge".into(), scale_m_per_unit: 0.0 }, "file.scale_m_per_unit", "1e-9"),
+    ] {
+        let told = edge_problems(edge.clone());
+        let named = format!("tools[0].shape.blade.edge.{field}: ");
+        assert!(told.len() == 1 && told[0].starts_with(&named) && told[0].contains(limit), "{edge:?}: {told:?}");
+    }
+}
+
+#[test]
+fn an_edge_whose_points_are_still_in_a_file_makes_no_world() {
+    let mut desc = scene();
+    let edge = EdgeDesc::File { file: "edge.csv".into(), scale_m_per_unit: 1.0 };
+    desc.tools = vec![ToolDesc::blade("knife", BladeDesc { edge, ..BladeDesc::straight(0.05, 0.05) })];
+    let told = World::new(&Scene { desc, meshes: Default::default() }).err().unwrap().to_string();
+    assert!(told.starts_with("tools[0].shape.blade.edge.file: ") && told.contains("edge.csv"), "{told}");
 }
 
 #[test]

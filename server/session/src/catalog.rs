@@ -3,15 +3,18 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use kerf_physics::scene::{Meshes, ShapeDesc, TriangleMesh};
+use kerf_physics::scene::{EdgeDesc, Meshes, ShapeDesc, ToolShapeDesc, TriangleMesh};
 use kerf_physics::{Scene, SceneDesc, SceneError};
 
-use crate::mesh_file;
+use crate::{edge_file, mesh_file};
 
 /// Largest scene file, bytes: a thousand times a large scene written by hand.
 pub const MAX_SCENE_BYTES: u64 = 4 << 20;
 /// Largest mesh file, bytes: some five million triangles in binary.
 pub const MAX_MESH_BYTES: u64 = 256 << 20;
+
+/// Largest file of an edge's points, bytes: more than as many points as an edge may have.
+pub const MAX_EDGE_BYTES: u64 = 1 << 20;
 
 const BUILTIN: [(&str, &str); 7] = [
     ("jelly", include_str!("../scenes/jelly.toml")),
@@ -47,8 +50,16 @@ pub enum CatalogError {
         path: PathBuf,
         /// Its size.
         bytes: u64,
-        /// [`MAX_SCENE_BYTES`] or [`MAX_MESH_BYTES`].
+        /// [`MAX_SCENE_BYTES`], [`MAX_MESH_BYTES`] or [`MAX_EDGE_BYTES`].
         limit: u64,
+    },
+    /// A file does not hold the points of an edge.
+    #[error("{}: {message}", path.display())]
+    Edge {
+        /// The file.
+        path: PathBuf,
+        /// The line and what is wrong with it.
+        message: String,
     },
     /// A mesh file does not hold a mesh.
     #[error("{}: {message}", path.display())]
@@ -119,7 +130,8 @@ pub fn load(name_or_path: &str) -> Result<Scene, CatalogError> {
     sound(name_or_path, open(Path::new(name_or_path))?)
 }
 
-/// A scene from a file with its meshes; its values are not judged.
+/// A scene from a file with its meshes, edges from files as the polylines they are; its values are not
+/// judged.
 ///
 /// # Errors
 /// The first file that cannot be had or read.
@@ -130,8 +142,9 @@ pub fn open(path: &Path) -> Result<Scene, CatalogError> {
     }
     let text = String::from_utf8(read(path, MAX_SCENE_BYTES)?)
         .map_err(|e| CatalogError::Read { path: path.to_owned(), source: io::Error::other(e) })?;
-    let desc = SceneDesc::from_toml(&name, &text)?;
+    let mut desc = SceneDesc::from_toml(&name, &text)?;
     let folder = path.parent().unwrap_or(Path::new(""));
+    read_edges(&mut desc, folder)?;
     let mut meshes = Meshes::new();
     for file in mesh_files(&desc) {
         if !meshes.contains_key(file) {
@@ -148,6 +161,21 @@ pub fn open(path: &Path) -> Result<Scene, CatalogError> {
 pub fn read_mesh(path: &Path) -> Result<TriangleMesh, CatalogError> {
     let bytes = read(path, MAX_MESH_BYTES)?;
     mesh_file::parse(path, &bytes).map_err(|message| CatalogError::Mesh { path: path.to_owned(), message })
+}
+
+/// Puts the points in the place of each edge that names a file: they are few, and the scene is whole then.
+fn read_edges(desc: &mut SceneDesc, folder: &Path) -> Result<(), CatalogError> {
+    for tool in &mut desc.tools {
+        let ToolShapeDesc::Blade(blade) = &mut tool.shape;
+        if let EdgeDesc::File { file, scale_m_per_unit } = &blade.edge {
+            let path = folder.join(file);
+            let bytes = read(&path, MAX_EDGE_BYTES)?;
+            let points_m = edge_file::parse(&bytes, *scale_m_per_unit)
+                .map_err(|message| CatalogError::Edge { path: path.clone(), message })?;
+            blade.edge = EdgeDesc::Polyline { points_m };
+        }
+    }
+    Ok(())
 }
 
 fn sound(name: &str, scene: Scene) -> Result<Scene, CatalogError> {

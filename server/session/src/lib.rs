@@ -11,6 +11,7 @@
 pub mod catalog;
 pub mod clock;
 pub mod dial;
+mod edge_file;
 pub mod error;
 mod governor;
 mod inbox;

@@ -163,9 +163,9 @@ pub fn stroke_box(desc: &SceneDesc, script: &Script, margin_m: f64) -> Option<[[
         for input in script.advance(step as f64 / desc.rate_hz) {
             let (ToolMotion::MoveTo(pose) | ToolMotion::EnterAt(pose)) = input.motion else { continue };
             let ToolShapeDesc::Blade(blade) = &desc.tools[input.tool].shape;
-            let half = 0.5 * blade.width_m;
-            for end in [-half, half].map(|x| pose.position_m + pose.orientation * (Vec3::x() * x)) {
-                (least, most) = (least.inf(&end), most.sup(&end));
+            for point in blade.edge.points_m(blade.width_m).into_iter().flatten() {
+                let at = pose.transform(&point);
+                (least, most) = (least.inf(&at), most.sup(&at));
             }
         }
     }

@@ -5,11 +5,11 @@ use crate::Vec3;
 use crate::body::{Body, MaterialPoint, TopologyChange};
 use crate::grid::{Grid, Link, LinkId, VoxelId};
 use crate::tool::Pose;
-use crate::tool::blade::{Blade, BladeFrame};
+use crate::tool::flanks::{FlankPoint, Flanks};
 
 /// Walls closer to the edge than this many voxels, or than half an element, are left to the front.
 const FRONT_ZONE_VOXELS: f64 = 2.0;
-/// Walls farther than this many voxels from the blade's middle plane are not looked at.
+/// Walls farther than this many voxels from the blade's middle surface are not looked at.
 const REACH_VOXELS: f64 = 2.0;
 /// A wall that is this share of a voxel in or out of the blade need not change its mode within the
 /// step: the next one decides from the gap it predicts. Walls that hang at the blade would otherwise
@@ -86,23 +86,15 @@ impl Walls {
     }
 
     /// Contacts of the flanks at `pose` with the walls they press on or are about to.
-    pub fn contacts(&self, body: &Body, blade: &Blade, before: &Pose, pose: &Pose, out: &mut Vec<Contact>) {
-        let frame = BladeFrame::of(pose);
+    pub fn contacts(&self, body: &Body, flanks: &Flanks, before: &Pose, pose: &Pose, out: &mut Vec<Contact>) {
         let place = pose.orientation.inverse();
         out.extend(self.patches.iter().filter_map(|patch| {
             let local = place * (body.current_m(&patch.point) - pose.position_m);
-            beside(body, patch.element, blade, &local)
-                .then(|| patch.contact(body, blade, &frame, &local, before, pose))?
+            let beside = flanks.nearest(&local, REACH_VOXELS * body.grid.voxel_size_m())?;
+            let behind = (patch.front_zone_m(body)..=flanks.height_m()).contains(&beside.height_m);
+            behind.then(|| patch.contact(body, flanks, &beside, before, pose))?
         }));
     }
-}
-
-fn beside(body: &Body, element: u32, blade: &Blade, local: &Vec3) -> bool {
-    let h = body.grid.voxel_size_m();
-    let front = (FRONT_ZONE_VOXELS * h).max(0.5 * body.element_edge_m(element as usize));
-    local.x.abs() <= 0.5 * blade.width_m
-        && (front..=blade.height_m).contains(&local.y)
-        && local.z.abs() <= REACH_VOXELS * h
 }
 
 /// Area-weighted sums over wall points.
@@ -132,27 +124,31 @@ impl Sum {
 }
 
 impl Patch {
+    /// Height above the edge up to which the wall is left to the front, m.
+    fn front_zone_m(&self, body: &Body) -> f64 {
+        (FRONT_ZONE_VOXELS * body.grid.voxel_size_m()).max(0.5 * body.element_edge_m(self.element as usize))
+    }
+
     /// The spring between the wall and the flank on its side, as stiff as the element behind the wall:
     /// `E A / H`. It starts in the mode that the tissue's velocity predicts.
     fn contact(
         &self,
         body: &Body,
-        blade: &Blade,
-        frame: &BladeFrame,
-        local: &Vec3,
+        flanks: &Flanks,
+        beside: &FlankPoint,
         before: &Pose,
         pose: &Pose,
     ) -> Option<Contact> {
         let h = body.grid.voxel_size_m();
         let turned = body.deformation_gradient(&self.point).try_inverse()?.transpose() * self.normal;
+        let normal = pose.orientation * beside.normal;
         // The blade stands where the wall looks.
-        let side = if turned.dot(&frame.normal) < 0.0 { 1.0 } else { -1.0 };
-        let on_blade = Vec3::new(local.x, local.y, 0.0);
+        let side = if turned.dot(&normal) < 0.0 { 1.0 } else { -1.0 };
         let young = body.material_of(self.point.voxel).young_modulus_pa;
         let mut contact = Contact {
-            direction: frame.normal * side,
-            tool_point_m: pose.transform(&on_blade),
-            tool_point_before_m: before.transform(&on_blade),
+            direction: normal * side,
+            tool_point_m: pose.transform(&beside.position_m),
+            tool_point_before_m: before.transform(&beside.position_m),
             stiffness_n_per_m: young * self.area_m2 / body.element_edge_m(self.element as usize),
             limit_n: f64::INFINITY,
             slack_m: SLACK_VOXELS * h,
@@ -160,7 +156,7 @@ impl Patch {
         };
         let (nodes, n) = body.weights(&self.point);
         nodes.into_iter().zip(n).for_each(|(node, n)| contact.weights.add(node, n));
-        let gap = 0.5 * blade.thickness_m - side * local.z;
+        let gap = flanks.half_thickness_m() - side * beside.offset_m;
         let drift = body.dt_s() * contact.weights.sum(&body.velocity_m_per_s).dot(&contact.direction);
         let travel = (contact.tool_point_m - contact.tool_point_before_m).dot(&contact.direction);
         contact.gap_before_m = gap - travel;

@@ -11,7 +11,7 @@ use super::entry::{inward, onto_surface};
 use super::marker::{Edge, Marker};
 use super::springs::FrontContact;
 use super::sweep::part_quad;
-use super::tension::{Share, Tension};
+use super::tension::{Piece, Tension};
 use crate::Vec3;
 use crate::body::Body;
 use crate::contact::broad::SpatialHash;
@@ -19,6 +19,7 @@ use crate::contact::{Mode, narrow};
 use crate::grid::{Crossing, LinkId};
 use crate::tool::Pose;
 use crate::tool::blade::{Blade, BladeFrame};
+use crate::tool::edge::Share;
 
 /// Markers per voxel edge.
 const MARKERS_PER_VOXEL: f64 = 2.0;
@@ -31,17 +32,31 @@ const START_VOXELS: f64 = 0.5;
 /// The front of one blade in one body.
 pub struct Front {
     markers: Vec<Marker>,
+    /// Shares of the edge, one to a marker, and the length of each, m.
+    shares: Vec<Share>,
     share_m: f64,
+    /// Directions of each share at t + dt, scene frame: scratch, kept between steps.
+    frames: Vec<BladeFrame>,
     /// Energy in springs that were let go since it was last taken, J.
     dropped_j: f64,
     /// Where the chain stands and starts, and where its strip ends: scratch, kept between steps.
-    chain: Vec<Option<(Vec3, Vec3)>>,
+    chain: Vec<Option<ChainPoint>>,
     target: Vec<Vec3>,
     /// Present where tissue can be pulled.
     tension: Option<Tension>,
-    shares: Vec<Share>,
     /// Springs of the step that is being taken.
     pub contacts: Vec<FrontContact>,
+}
+
+/// Where a marker stands on the chain.
+#[derive(Clone, Copy)]
+struct ChainPoint {
+    /// Reference position, m.
+    position_m: Vec3,
+    /// Where the cut begins, reference configuration, m.
+    start_m: Vec3,
+    /// From it to the middle of its share of the edge, scene frame, m.
+    to_edge_m: Vec3,
 }
 
 /// Where a step's front is seen from: the blade and its poses.
@@ -59,15 +74,17 @@ impl Front {
     /// A front of `blade`, nowhere in contact.
     #[must_use]
     pub fn new(blade: &Blade, body: &Body, pulled: bool) -> Self {
-        let count = blade.sample_count(body.grid.voxel_size_m() / MARKERS_PER_VOXEL);
+        let shares = blade.edge.shares(body.grid.voxel_size_m() / MARKERS_PER_VOXEL);
+        let count = shares.len();
         Self {
             markers: vec![Marker::Outside; count],
-            share_m: blade.width_m / count as f64,
+            share_m: blade.edge.length_m() / count as f64,
+            shares,
+            frames: Vec::with_capacity(count),
             dropped_j: 0.0,
             chain: Vec::with_capacity(count),
             target: Vec::with_capacity(count),
             tension: pulled.then(Tension::default),
-            shares: Vec::with_capacity(count),
             contacts: Vec::with_capacity(count),
         }
     }
@@ -91,11 +108,10 @@ impl Front {
     }
 
     /// Marks the samples of a blade put down at `pose` inside the tissue as buried.
-    pub fn enter(&mut self, body: &Body, hash: &SpatialHash, blade: &Blade, pose: &Pose) {
+    pub fn enter(&mut self, body: &Body, hash: &SpatialHash, pose: &Pose) {
         self.lift();
-        let count = self.markers.len();
-        for (index, marker) in self.markers.iter_mut().enumerate() {
-            if narrow::locate(body, hash, &pose.transform(&blade.sample(index, count))).is_some() {
+        for (marker, share) in self.markers.iter_mut().zip(&self.shares) {
+            if narrow::locate(body, hash, &pose.transform(&share.middle_m)).is_some() {
                 *marker = Marker::Buried;
             }
         }
@@ -104,17 +120,17 @@ impl Front {
     /// Finds which markers touch the tissue and sets up their springs.
     pub fn detect(&mut self, body: &Body, hash: &SpatialHash, motion: &BladeMotion<'_>) {
         self.contacts.clear();
-        let frame = BladeFrame::of(&motion.pose);
-        let count = self.markers.len();
-        for index in 0..count {
-            let sample = motion.blade.sample(index, count);
+        self.frames.clear();
+        self.frames.extend(self.shares.iter().map(|share| share.frame.turned(&motion.pose.orientation)));
+        for index in 0..self.markers.len() {
+            let share = &self.shares[index];
             let edge = Edge {
-                before_m: motion.before.transform(&sample),
-                now_m: motion.pose.transform(&sample),
-                frame,
+                before_m: motion.before.transform(&share.middle_m),
+                now_m: motion.pose.transform(&share.middle_m),
+                frame: self.frames[index],
                 half_width_m: motion.blade.edge_half_width_m,
                 share_m: self.share_m,
-                from_end_m: 0.5 * motion.blade.width_m - sample.x.abs(),
+                from_end_m: share.from_end_m,
             };
             let was = self.markers[index];
             let now = match was {
@@ -131,34 +147,36 @@ impl Front {
         }
     }
 
-    /// Advances the markers that gave way, finds the links their strips cross, and books the energy.
+    /// Advances the markers that gave way, finds the links their strips cross, and books the energy; in the
+    /// step that they were detected in.
     pub fn advance(&mut self, body: &Body, motion: &BladeMotion<'_>, links: &mut Vec<(LinkId, Crossing)>) -> FrontBook {
         let mut book = FrontBook::default();
-        let frame = BladeFrame::of(&motion.pose);
         for contact in &self.contacts {
             let Marker::On(anchor) = &mut self.markers[contact.marker] else { continue };
+            let frame = self.frames[contact.marker];
             let virgin = !anchor.yielded;
             let step = contact.conclude(body, anchor, &frame, self.share_m, &mut book);
             if virgin && anchor.yielded {
                 anchor.start_m = anchor.position_m;
-                self.open_beside(body, contact.marker, &frame, links);
+                self.open_beside(body, contact.marker, links);
             }
             if let Marker::On(anchor) = &mut self.markers[contact.marker] {
                 anchor.position_m += step;
             }
         }
-        self.sweep(body, &frame, links);
+        self.sweep(body, links);
         book.slip_j -= book.fracture_j;
-        self.follow_edge(body, motion, &frame);
+        self.follow_edge(body, &motion.pose);
         self.drop_outside(body, &mut book);
-        self.feel_tension(body, &frame);
+        self.feel_tension(body);
         book
     }
 
     /// Parts what lies between the surface, the marker `index` that is about to start cutting, and the
     /// cut of a neighbour that started before it: on a curved surface the edge comes in share by share.
-    fn open_beside(&self, body: &Body, index: usize, frame: &BladeFrame, links: &mut Vec<(LinkId, Crossing)>) {
+    fn open_beside(&self, body: &Body, index: usize, links: &mut Vec<(LinkId, Crossing)>) {
         let Some(own) = self.anchor(index) else { return };
+        let frame = &self.frames[index];
         let out = own.pull_back(body, &frame.forward).normalize() * (-START_VOXELS * body.grid.voxel_size_m());
         let nudge = own.nudge(body, frame);
         for left in [index.wrapping_sub(1), index] {
@@ -175,11 +193,12 @@ impl Front {
     /// Parts the links between where the chain was and where it is now. Neighbours share their edges of
     /// the strip, consecutive strips the chain between them: no link slips through, whichever markers
     /// move.
-    fn sweep(&mut self, body: &Body, frame: &BladeFrame, links: &mut Vec<(LinkId, Crossing)>) {
+    fn sweep(&mut self, body: &Body, links: &mut Vec<(LinkId, Crossing)>) {
         let count = self.markers.len();
         let mut target = std::mem::take(&mut self.target);
         target.clear();
-        target.extend((0..count).map(|i| self.anchor(i).map_or(Vec3::zeros(), |a| a.strip_end_m(body, frame))));
+        let end = |i| self.anchor(i).map_or(Vec3::zeros(), |a| a.strip_end_m(body, &self.frames[i]));
+        target.extend((0..count).map(end));
         for index in 0..count {
             let Some(own) = self.anchor(index) else { continue };
             let (from, to) = (own.swept_m, target[index]);
@@ -192,7 +211,7 @@ impl Front {
                 } else if own.yielded {
                     // The chain ends here: half a share beyond at the blade's end, and up to the next
                     // marker where that one is outside the material.
-                    let half = own.pull_back(body, &frame.along) * (0.5 * side * self.share_m);
+                    let half = own.pull_back(body, &self.frames[index].along) * (0.5 * side * self.share_m);
                     let beside = if left == index { index + 1 } else { left };
                     let outside = matches!(self.markers.get(beside), Some(Marker::Outside));
                     let reach = if outside { 2.0 * half } else { half };
@@ -209,27 +228,31 @@ impl Front {
     }
 
     /// Slides markers along the chain to where their share of the edge is now.
-    fn follow_edge(&mut self, body: &Body, motion: &BladeMotion<'_>, frame: &BladeFrame) {
+    fn follow_edge(&mut self, body: &Body, pose: &Pose) {
         let mut chain = std::mem::take(&mut self.chain);
         chain.clear();
-        chain.extend((0..self.markers.len()).map(|i| self.anchor(i).map(|a| (a.position_m, a.start_m))));
-        let count = self.markers.len();
+        chain.extend((0..self.markers.len()).map(|i| {
+            let anchor = self.anchor(i)?;
+            let to_edge_m = pose.transform(&self.shares[i].middle_m) - anchor.current_m(body);
+            Some(ChainPoint { position_m: anchor.position_m, start_m: anchor.start_m, to_edge_m })
+        }));
         let gap = CHAIN_GAP_VOXELS * body.grid.voxel_size_m();
-        for index in 0..count {
+        for index in 0..self.markers.len() {
             let Marker::On(anchor) = self.markers[index] else { continue };
-            let edge = motion.pose.transform(&motion.blade.sample(index, count));
-            let slip = (edge - anchor.current_m(body)).dot(&frame.along);
+            let along = self.frames[index].along;
+            let slip = chain[index].map_or(0.0, |point| point.to_edge_m.dot(&along));
             let next = if slip > 0.0 { index + 1 } else { index.wrapping_sub(1) };
-            let beside = chain.get(next).copied().flatten().filter(|b| (b.0 - anchor.position_m).norm() < gap);
+            let beside = chain.get(next).copied().flatten();
             let mut moved = anchor;
-            match beside {
-                Some((position, start)) => {
+            match beside.filter(|b| (b.position_m - anchor.position_m).norm() < gap) {
+                Some(beside) => {
                     let share = (slip.abs() / self.share_m).min(1.0);
-                    moved.position_m += (position - anchor.position_m) * share;
-                    moved.start_m += (start - anchor.start_m) * share;
+                    let unbend = self.unbend(body, &anchor, pose, [index, next], &beside.to_edge_m);
+                    moved.position_m += (beside.position_m - anchor.position_m + unbend) * share;
+                    moved.start_m += (beside.start_m - anchor.start_m + unbend) * share;
                 }
                 None => {
-                    let shift = anchor.pull_back(body, &frame.along) * slip;
+                    let shift = anchor.pull_back(body, &along) * slip;
                     moved.position_m += shift;
                     moved.start_m += shift;
                 }
@@ -245,24 +268,37 @@ impl Front {
     }
 
     /// Finds what tension adds to the drive of the front.
-    fn feel_tension(&mut self, body: &Body, frame: &BladeFrame) {
+    fn feel_tension(&mut self, body: &Body) {
         let Some(mut tension) = self.tension.take() else { return };
-        let mut shares = std::mem::take(&mut self.shares);
-        shares.clear();
-        let yielded = |index| self.anchor(index).filter(|a| a.yielded).map(|anchor| (index, anchor));
-        shares.extend((0..self.markers.len()).filter_map(yielded).map(|(marker, anchor)| Share {
-            marker,
-            position_m: anchor.position_m,
-            ahead: anchor.pull_back(body, &frame.forward).normalize(),
-            along_m: anchor.pull_back(body, &frame.along) * self.share_m,
-        }));
-        tension.look(body, &shares);
+        let piece = |index| {
+            let (anchor, frame) = (self.anchor(index).filter(|a| a.yielded)?, &self.frames[index]);
+            let ahead = anchor.pull_back(body, &frame.forward).normalize();
+            let along_m = anchor.pull_back(body, &frame.along) * self.share_m;
+            Some(Piece { marker: index, position_m: anchor.position_m, ahead, along_m })
+        };
+        tension.look(body, (0..self.markers.len()).filter_map(piece));
         for (index, marker) in self.markers.iter_mut().enumerate() {
             if let Marker::On(anchor) = marker {
                 anchor.elastic_release_j_per_m2 = tension.at(index);
             }
         }
-        (self.tension, self.shares) = (Some(tension), shares);
+        self.tension = Some(tension);
+    }
+
+    /// What takes the front of the share `next` to where it would be if the edge went on straight from its
+    /// neighbour `index`, reference configuration: on a bent edge it is not the chord to the next front that
+    /// a front slides along, but the edge's tangent. Without it, cuts would lose their corners.
+    fn unbend(&self, body: &Body, anchor: &Anchor, pose: &Pose, [index, next]: [usize; 2], to_edge: &Vec3) -> Vec3 {
+        let (own, other) = (&self.frames[index], &self.frames[next]);
+        if own == other {
+            return Vec3::zeros();
+        }
+        let chord = pose.orientation * (self.shares[next].middle_m - self.shares[index].middle_m);
+        let tangent = own.along * self.share_m.copysign(own.along.dot(&chord));
+        let turned = (own.along - other.along) * to_edge.dot(&other.along)
+            + (own.forward - other.forward) * to_edge.dot(&other.forward)
+            + (own.normal - other.normal) * to_edge.dot(&other.normal);
+        anchor.pull_back(body, &(tangent - chord - turned))
     }
 
     /// Markers that have come out of the material on the other side are outside.

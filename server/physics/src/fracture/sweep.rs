@@ -113,4 +113,36 @@ mod tests {
             assert!((area / exact - 1.0).abs() < 0.03, "normal {normal:?}: {area} against {exact}");
         }
     }
+
+    #[test]
+    fn a_swept_link_is_found_as_often_whatever_the_voxels_size() {
+        // A wave of fixed size, swept down in steps of a fixed length by markers at half a voxel.
+        let found = |n: i32| {
+            let grid = cube(n);
+            let h = grid.voxel_size_m();
+            let (side, step) = (f64::from(n), 0.11 * 24.0 / f64::from(n));
+            let at = |marker: i32, depth: f64| {
+                let x = 0.5 * f64::from(marker) + 0.017;
+                let depth = depth + 0.0037;
+                let wave = 0.1 * side * (std::f64::consts::TAU * x / (0.6 * side)).sin();
+                Vec3::new(x, side - depth, 0.4763 * side + wave) * h
+            };
+            let (mut visits, mut links) = (0, std::collections::BTreeSet::new());
+            for row in 0..(0.9 * side / step) as i32 {
+                let (above, below) = (f64::from(row) * step, f64::from(row + 1) * step);
+                for marker in 2..2 * n - 2 {
+                    let quad = [at(marker, above), at(marker + 1, above), at(marker + 1, below), at(marker, below)];
+                    for triangle in [[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]] {
+                        links_across(&grid, triangle, |link, _| {
+                            visits += 1;
+                            links.insert(link);
+                        });
+                    }
+                }
+            }
+            f64::from(visits) / links.len() as f64
+        };
+        let per_link = [12, 24, 48].map(found);
+        assert!(per_link.iter().all(|visits| (1.0..1.02).contains(visits)), "{per_link:?}");
+    }
 }

@@ -7,16 +7,16 @@ use super::release::{Tip, released_j_per_m};
 use crate::Vec3;
 use crate::body::Body;
 
-/// A share of a front that has begun to cut, reference configuration.
+/// A piece of a front that has begun to cut, reference configuration.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Share {
+pub(super) struct Piece {
     /// Which marker it belongs to.
     pub(super) marker: usize,
     /// Where the front stands, m.
     pub(super) position_m: Vec3,
     /// Unit vector into the material that holds.
     pub(super) ahead: Vec3,
-    /// Along the front, as long as the share, m.
+    /// Along the front, as long as the piece, m.
     pub(super) along_m: Vec3,
 }
 
@@ -26,6 +26,8 @@ pub(super) struct Tension {
     /// Energy release rate where there are stations, J/m^2; marker, value.
     stations: Vec<(usize, f64)>,
     next: usize,
+    /// The front: scratch, kept between steps.
+    pieces: Vec<Piece>,
 }
 
 impl Tension {
@@ -35,22 +37,23 @@ impl Tension {
         self.next = 0;
     }
 
-    /// Looks at the next station of a front that consists of `shares`.
-    pub(super) fn look(&mut self, body: &Body, shares: &[Share]) {
-        let Some(first) = shares.first() else { return self.clear() };
+    /// Looks at the next station of a front that consists of `pieces`, by marker.
+    pub(super) fn look(&mut self, body: &Body, pieces: impl Iterator<Item = Piece>) {
+        self.pieces.clear();
+        self.pieces.extend(pieces);
+        let Some(first) = self.pieces.first() else { return self.clear() };
         let every = (body.lattice_edge_m() / first.along_m.norm()).ceil().max(1.0) as usize;
-        let count = shares.len().div_ceil(every);
+        let count = self.pieces.len().div_ceil(every);
         self.next = (self.next + 1) % count;
-        // In the middle of its share of the front.
-        let at = (self.next * shares.len() + shares.len() / 2) / count;
-        let share = &shares[at];
-        let value = energy_release_rate(body, share, shares);
-        match self.stations.binary_search_by_key(&share.marker, |s| s.0) {
+        // In the middle of its part of the front.
+        let station = &self.pieces[(self.next * self.pieces.len() + self.pieces.len() / 2) / count];
+        let value = energy_release_rate(body, station, &self.pieces);
+        match self.stations.binary_search_by_key(&station.marker, |s| s.0) {
             Ok(known) => self.stations[known].1 = value,
-            Err(place) => self.stations.insert(place, (share.marker, value)),
+            Err(place) => self.stations.insert(place, (station.marker, value)),
         }
-        let alive = |marker: usize| shares.binary_search_by_key(&marker, |s| s.marker).is_ok();
-        self.stations.retain(|s| alive(s.0));
+        let pieces = &self.pieces;
+        self.stations.retain(|s| pieces.binary_search_by_key(&s.0, |p| p.marker).is_ok());
     }
 
     /// Energy release rate at a marker, J/m^2; none where nothing pulls.
@@ -65,15 +68,14 @@ impl Tension {
     }
 }
 
-fn energy_release_rate(body: &Body, share: &Share, shares: &[Share]) -> f64 {
-    let along = share.along_m - share.ahead * share.along_m.dot(&share.ahead);
+fn energy_release_rate(body: &Body, station: &Piece, pieces: &[Piece]) -> f64 {
+    let along = station.along_m - station.ahead * station.along_m.dot(&station.ahead);
     let tip = Tip {
-        position_m: share.position_m,
-        ahead: share.ahead,
+        position_m: station.position_m,
+        ahead: station.ahead,
         along: along.normalize(),
         element_edge_m: body.lattice_edge_m(),
     };
-    let length_m: f64 =
-        shares.iter().map(|s| s.along_m.norm() * tip.share_along(&(s.position_m - share.position_m))).sum();
-    (released_j_per_m(body, &tip) / length_m).max(0.0)
+    let length_m = |p: &Piece| p.along_m.norm() * tip.share_along(&(p.position_m - station.position_m));
+    (released_j_per_m(body, &tip) / pieces.iter().map(length_m).sum::<f64>()).max(0.0)
 }

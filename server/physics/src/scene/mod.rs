@@ -3,10 +3,12 @@
 //! Data and defaults stand here; [`SceneDesc::from_toml`] reads a file, [`SceneDesc::problems`] says
 //! what is wrong with its values, [`toughness`] what a material asks of its elements.
 
+mod edge;
 mod parse;
 pub mod toughness;
 mod validate;
 
+pub use edge::{EdgeDesc, MAX_EDGE_POINTS};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -462,14 +464,17 @@ pub enum ToolShapeDesc {
     Blade(BladeDesc),
 }
 
-/// A straight blade.
+/// A blade.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BladeDesc {
-    /// Length of the edge, m.
+    /// How far the edge reaches along x, m: the length of a straight one.
     pub width_m: f64,
-    /// Height of the flanks above the edge, m.
+    /// Height of the flanks above the edge, m. They are what the edge sweeps in +y.
     pub height_m: f64,
+    /// Shape of the edge. Default: straight.
+    #[serde(default)]
+    pub edge: EdgeDesc,
     /// Half-width of the edge, m: the contact's length scale. Default 5e-5: a kitchen knife in use.
     #[serde(default = "default_edge_half_width_m")]
     pub edge_half_width_m: f64,
@@ -482,7 +487,13 @@ impl BladeDesc {
     /// A straight blade with every default.
     #[must_use]
     pub fn straight(width_m: f64, height_m: f64) -> Self {
-        Self { width_m, height_m, edge_half_width_m: default_edge_half_width_m(), thickness_m: 0.0 }
+        Self {
+            width_m,
+            height_m,
+            edge: EdgeDesc::Straight,
+            edge_half_width_m: default_edge_half_width_m(),
+            thickness_m: 0.0,
+        }
     }
 }
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 
+use super::edge;
 use super::toughness::{carried_over_eh, composite_edge_m, gc_over_eh};
 use super::{
     BladeDesc, DialDesc, LoadDesc, MaterialDesc, Meshes, ObjectDesc, SCENE_VERSION, Scene, SceneDesc, SceneError,
@@ -393,7 +394,7 @@ impl Report {
     }
 
     fn blade(&mut self, field: &str, blade: &BladeDesc, smallest_voxel_m: f64) {
-        self.number(&format!("{field}.width_m"), blade.width_m, 1e-4..=10.0);
+        let width_is_sound = self.number(&format!("{field}.width_m"), blade.width_m, 1e-4..=10.0);
         self.number(&format!("{field}.height_m"), blade.height_m, 1e-4..=10.0);
         self.number(&format!("{field}.edge_half_width_m"), blade.edge_half_width_m, 1e-8..=1e-2);
         self.number(&format!("{field}.thickness_m"), blade.thickness_m, 0.0..=0.1);
@@ -404,6 +405,9 @@ impl Report {
                 blade.width_m
             );
             self.refuse(format!("{field}.width_m"), message);
+        }
+        if width_is_sound && let Some((at, message)) = edge::problem(blade, smallest_voxel_m, MAX_BLADE_VOXELS) {
+            self.refuse(format!("{field}.{at}"), message);
         }
     }
 }

@@ -1,66 +1,56 @@
-//! A straight blade: an edge of finite width and two flanks behind it.
+//! A blade: an edge of any shape and the two flanks behind it.
 
-use super::Pose;
-use crate::Vec3;
-use crate::scene::BladeDesc;
+use super::edge::Edge;
+use super::flanks::Flanks;
+use crate::scene::{BladeDesc, SceneError};
+use crate::{Quat, Vec3};
 
-/// Shape of a straight blade in the tool frame: the edge on the x axis, the flanks above it in +y.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Shape of a blade in the tool frame. The flanks are the surface that the edge sweeps in +y.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Blade {
-    /// Length of the edge, m.
-    pub width_m: f64,
-    /// Height of the flanks, m.
-    pub height_m: f64,
+    /// Its edge.
+    pub edge: Edge,
+    /// The surface behind the edge.
+    pub flanks: Flanks,
     /// Half-width of the edge, m.
     pub edge_half_width_m: f64,
-    /// Thickness behind the edge, m.
-    pub thickness_m: f64,
 }
 
-impl From<&BladeDesc> for Blade {
-    fn from(desc: &BladeDesc) -> Self {
-        Self {
-            width_m: desc.width_m,
-            height_m: desc.height_m,
-            edge_half_width_m: desc.edge_half_width_m,
-            thickness_m: desc.thickness_m,
-        }
+impl Blade {
+    /// From its description.
+    ///
+    /// # Errors
+    /// The points of its edge are still in a file.
+    pub fn new(desc: &BladeDesc) -> Result<Self, SceneError> {
+        let edge = Edge::through(desc.edge.points_m(desc.width_m)?);
+        let flanks = Flanks::behind(&edge, desc.height_m, desc.thickness_m);
+        Ok(Self { edge, flanks, edge_half_width_m: desc.edge_half_width_m })
     }
 }
 
-/// Directions of a blade in the scene frame.
-#[derive(Clone, Copy, Debug)]
+/// Directions of a blade at a point of its edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BladeFrame {
     /// Along the edge.
     pub along: Vec3,
-    /// The cutting direction, spine to edge.
+    /// The cutting direction, spine to edge, as far as it is across the edge.
     pub forward: Vec3,
     /// Normal of the flanks.
     pub normal: Vec3,
 }
 
 impl BladeFrame {
-    /// Of a tool at `pose`.
+    /// In the tool frame, where the edge has the unit tangent `along`; the cutting direction is -y.
     #[must_use]
-    pub fn of(pose: &Pose) -> Self {
-        Self {
-            along: pose.orientation * Vec3::x(),
-            forward: pose.orientation * -Vec3::y(),
-            normal: pose.orientation * Vec3::z(),
-        }
-    }
-}
-
-impl Blade {
-    /// Number of edge samples no farther apart than `spacing_m`.
-    #[must_use]
-    pub fn sample_count(&self, spacing_m: f64) -> usize {
-        (self.width_m / spacing_m).ceil().max(1.0) as usize
+    pub fn along(along: Vec3) -> Self {
+        let down = -Vec3::y();
+        let forward = (down - along * along.dot(&down)).normalize();
+        Self { along, forward, normal: forward.cross(&along) }
     }
 
-    /// Sample `index` of `count`, tool frame: the middle of its share of the edge.
+    /// The same directions in the scene frame, of a tool with this orientation.
     #[must_use]
-    pub fn sample(&self, index: usize, count: usize) -> Vec3 {
-        Vec3::new(((index as f64 + 0.5) / count as f64 - 0.5) * self.width_m, 0.0, 0.0)
+    pub fn turned(&self, orientation: &Quat) -> Self {
+        Self { along: orientation * self.along, forward: orientation * self.forward, normal: orientation * self.normal }
     }
 }

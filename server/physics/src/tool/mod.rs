@@ -1,6 +1,8 @@
 //! Tools: their pose and their shape.
 
 pub mod blade;
+pub mod edge;
+pub mod flanks;
 
 use crate::{Quat, Vec3};
 

@@ -26,7 +26,7 @@ impl ContactModelSum {
             cap_n: 0.0,
             yields: false,
             contacts: 0,
-            radius_m: 0.05 * blade.width_m,
+            radius_m: 0.05 * blade.edge.length_m(),
         }
     }
 

@@ -76,10 +76,13 @@ impl World {
         let blades: Vec<Blade> = desc
             .tools
             .iter()
-            .map(|tool| match &tool.shape {
-                ToolShapeDesc::Blade(blade) => Blade::from(blade),
+            .enumerate()
+            .map(|(i, tool)| match &tool.shape {
+                ToolShapeDesc::Blade(blade) => {
+                    Blade::new(blade).map_err(|e| e.within(&format!("tools[{i}].shape.blade")))
+                }
             })
-            .collect();
+            .collect::<Result<_, _>>()?;
         let mut slots = Vec::with_capacity(desc.objects.len());
         for index in 0..desc.objects.len() {
             let body = Body::new(scene, index, params, &Workers::serial())?;

@@ -1,6 +1,5 @@
 //! One tool in one body: its front, its flanks and the elements near it.
 
-use crate::Vec3;
 use crate::body::Body;
 use crate::contact::Contact;
 use crate::contact::broad::{Aabb, SpatialHash};
@@ -25,18 +24,16 @@ impl ToolContact {
     }
 
     pub(super) fn detect(&mut self, body: &Body, walls: &Walls, motion: &BladeMotion<'_>, entered: bool) {
-        let half = 0.5 * motion.blade.width_m;
-        let ends = [motion.before, motion.pose]
-            .into_iter()
-            .flat_map(|pose| [-half, half].map(|x| pose.transform(&Vec3::new(x, 0.0, 0.0))));
-        self.hash.rebuild(body, &Aabb::around(ends).grown(body.grid.voxel_size_m()));
+        let edge_m = motion.blade.edge.points_m();
+        let swept = edge_m.iter().flat_map(|at| [motion.before.transform(at), motion.pose.transform(at)]);
+        self.hash.rebuild(body, &Aabb::around(swept).grown(body.grid.voxel_size_m()));
         if entered {
-            self.front.enter(body, &self.hash, motion.blade, &motion.pose);
+            self.front.enter(body, &self.hash, &motion.pose);
         }
         self.front.detect(body, &self.hash, motion);
         self.flanks.clear();
         if !walls.is_empty() {
-            walls.contacts(body, motion.blade, &motion.before, &motion.pose, &mut self.flanks);
+            walls.contacts(body, &motion.blade.flanks, &motion.before, &motion.pose, &mut self.flanks);
         }
     }
 }

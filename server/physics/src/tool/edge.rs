@@ -1,0 +1,109 @@
+//! The edge of a blade: a polyline in the tool frame, and the frame that each share of it cuts in.
+
+use super::blade::BladeFrame;
+use crate::Vec3;
+
+/// An edge that leans more than this towards the cutting direction has none of its own: the cosine
+/// between its tangent and the tool's y axis, of 80 degrees against the x-z plane.
+pub(crate) const STEEPEST: f64 = 0.985;
+
+/// A straight piece of an edge, tool frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Piece {
+    /// Its middle, m.
+    pub middle_m: Vec3,
+    /// Unit tangent.
+    pub along: Vec3,
+    /// Its length, m.
+    pub length_m: f64,
+    /// Arc length from the edge's middle to the piece's, m.
+    pub arc_m: f64,
+}
+
+impl Piece {
+    fn at(&self, arc_m: f64) -> Vec3 {
+        let half = 0.5 * self.length_m;
+        self.middle_m + self.along * (arc_m - self.arc_m).clamp(-half, half)
+    }
+}
+
+/// One share of an edge, tool frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Share {
+    /// Its middle, m.
+    pub middle_m: Vec3,
+    /// Along the share's chord, forward, across.
+    pub frame: BladeFrame,
+    /// Arc length from its middle to the nearer end of the edge, m.
+    pub from_end_m: f64,
+}
+
+/// A polyline of the pieces of an edge, tool frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Edge {
+    points_m: Vec<Vec3>,
+    pieces: Vec<Piece>,
+    length_m: f64,
+}
+
+impl Edge {
+    /// Through `points_m`, tool frame: at least two, no two in a row alike.
+    #[must_use]
+    pub fn through(points_m: Vec<Vec3>) -> Self {
+        let length_m: f64 = points_m.windows(2).map(|ends| (ends[1] - ends[0]).norm()).sum();
+        let mut from_start = 0.0;
+        let pieces = points_m.windows(2).map(|ends| {
+            let span = ends[1] - ends[0];
+            let piece = span.norm();
+            let arc_m = from_start + 0.5 * piece - 0.5 * length_m;
+            from_start += piece;
+            Piece { middle_m: 0.5 * (ends[0] + ends[1]), along: span / piece, length_m: piece, arc_m }
+        });
+        let pieces = pieces.collect();
+        Self { points_m, pieces, length_m }
+    }
+
+    /// Its points, m.
+    #[must_use]
+    pub fn points_m(&self) -> &[Vec3] {
+        &self.points_m
+    }
+
+    /// Its pieces, from the first point to the last.
+    #[must_use]
+    pub fn pieces(&self) -> &[Piece] {
+        &self.pieces
+    }
+
+    /// Arc length, m.
+    #[must_use]
+    pub fn length_m(&self) -> f64 {
+        self.length_m
+    }
+
+    /// The piece at an arc length from the edge's middle, m.
+    fn piece_at(&self, arc_m: f64) -> &Piece {
+        let after = self.pieces.partition_point(|p| p.arc_m + 0.5 * p.length_m < arc_m);
+        &self.pieces[after.min(self.pieces.len() - 1)]
+    }
+
+    /// Equal shares of the edge, no longer than `longest_m` along it.
+    #[must_use]
+    pub fn shares(&self, longest_m: f64) -> Vec<Share> {
+        let count = (self.length_m / longest_m).ceil().max(1.0) as usize;
+        let half_share = 0.5 * self.length_m / count as f64;
+        let share = |index: usize| {
+            let arc_m = ((index as f64 + 0.5) / count as f64 - 0.5) * self.length_m;
+            let piece = self.piece_at(arc_m);
+            let [from, to] = [arc_m - half_share, arc_m + half_share].map(|arc_m| self.piece_at(arc_m).at(arc_m));
+            // A share that folds back within its own length may have no chord, or none that cuts.
+            let chord = (to - from).try_normalize(half_share).filter(|chord| chord.y.abs() < STEEPEST);
+            Share {
+                middle_m: piece.at(arc_m),
+                frame: BladeFrame::along(chord.unwrap_or(piece.along)),
+                from_end_m: 0.5 * self.length_m - arc_m.abs(),
+            }
+        };
+        (0..count).map(share).collect()
+    }
+}
