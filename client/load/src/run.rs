@@ -238,7 +238,8 @@ fn steady_cut_n(scene: &v1::SceneSummary, script: &Script) -> Option<f64> {
     let tool = scene.tools.get(script.tracks.first()?.tool_id as usize)?;
     let (min_m, max_m) = (object.rest_min_m?, object.rest_max_m?);
     let across_m = f64::from(f32::min(max_m.x - min_m.x, max_m.z - min_m.z));
-    Some(object.fracture_energy_j_per_m2? * f64::min(tool.blade_width_m, across_m))
+    let Some(v1::tool_summary::Kind::Blade(blade)) = &tool.kind else { return None };
+    Some(object.fracture_energy_j_per_m2? * f64::min(blade.width_m, across_m))
 }
 
 fn describe(args: &Args) -> String {

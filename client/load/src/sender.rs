@@ -9,7 +9,7 @@ use tokio::sync::mpsc::{self, error::TrySendError};
 
 use crate::clock;
 use crate::pacer::{Punctuality, Schedule};
-use crate::script::Script;
+use crate::script::{Key, Script};
 use crate::wire;
 
 /// Poses that may wait for the transport. Only the newest counts, so few; but the runtime's thread
@@ -129,11 +129,12 @@ pub fn send(
         }
         for (track, down) in script.tracks.iter().zip(&mut down) {
             let (tool_id, seq, client_ns) = (track.tool_id, Timetable::seq_of_tick(tick), clock::now_ns());
-            let message = match track.pose_at(time_s) {
-                Some(pose) => {
+            let message = match track.key_at(time_s) {
+                Some(Key { pose, opening, .. }) => {
                     in_flight.push(tool_id, seq, client_ns);
                     let pose = Some(wire::pose_to_wire(&pose));
-                    up::Message::Pose(v1::ToolPose { tool_id, seq, client_ns, pose, buttons: 0 })
+                    let opening = Some(opening as f32);
+                    up::Message::Pose(v1::ToolPose { tool_id, seq, client_ns, pose, buttons: 0, opening })
                 }
                 None if *down => lift(tool_id),
                 None => continue,
@@ -165,11 +166,11 @@ mod tests {
     use nalgebra::{UnitQuaternion, Vector3};
 
     use super::*;
-    use crate::script::{Datum, Key, Pose, Track};
+    use crate::script::{Datum, Pose, Track};
 
     fn script(from_s: f64, to_s: f64) -> Script {
         let pose = Pose { position_m: Vector3::zeros(), orientation: UnitQuaternion::identity() };
-        let keys = [from_s, to_s].map(|time_s| Key { time_s, pose }).to_vec();
+        let keys = [from_s, to_s].map(|time_s| Key { time_s, pose, opening: 1.0 }).to_vec();
         Script { tracks: vec![Track { tool_id: 3, keys }], datums: vec![Datum { from_s: 0.0, height_m: 0.0 }] }
     }
 

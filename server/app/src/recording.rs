@@ -1,8 +1,8 @@
 //! Recordings: the inputs of a session in a file, from which `simulate --replay` gets the same bits.
 //!
 //! CSV with a row per input. `step` is the number of steps taken before it, `tool` an index into the
-//! scene's tools, `input` one of `enter`, `move` and `lift`, or `tolerance` where the governor set the
-//! solver's; numbers are written so that they read back to the same bits. The last row is `end`, with the number of all steps and the hash of the state that
+//! scene's tools, `input` one of `enter`, `move` and `lift`, `opening` where its jaws moved, or `tolerance`
+//! where the governor set the solver's; numbers are written so that they read back to the same bits. The last row is `end`, with the number of all steps and the hash of the state that
 //! they led to, absent where the session went on after its log was full.
 
 use std::fs::File;
@@ -16,10 +16,24 @@ use kerf_physics::tool::Pose;
 use kerf_physics::{Quat, Vec3};
 use kerf_session::{InputLog, LoggedInputs, Session};
 
-const HEADER: [&str; 12] =
-    ["step", "tool", "input", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw", "relative_tolerance", "state_hash"];
+const HEADER: [&str; 13] = [
+    "step",
+    "tool",
+    "input",
+    "x_m",
+    "y_m",
+    "z_m",
+    "qx",
+    "qy",
+    "qz",
+    "qw",
+    "relative_tolerance",
+    "state_hash",
+    "opening",
+];
 const TOLERANCE: usize = 10;
 const STATE_HASH: usize = 11;
+const OPENING: usize = 12;
 /// Departure of a quaternion's length from 1 that is rounding; sessions record unit quaternions.
 const QUATERNION_ROUNDING: f64 = 1e-9;
 /// Most steps of a recording: three hours at 1 kHz.
@@ -137,6 +151,10 @@ fn motion_row(step: usize, input: &ToolInput) -> [String; HEADER.len()] {
         ToolMotion::EnterAt(pose) => ("enter", Some(pose)),
         ToolMotion::MoveTo(pose) => ("move", Some(pose)),
         ToolMotion::Lift => ("lift", None),
+        ToolMotion::SetOpening(opening) => {
+            row[OPENING] = opening.to_string();
+            ("opening", None)
+        }
     };
     (row[0], row[1], row[2]) = (step.to_string(), input.tool.to_string(), motion.into());
     if let Some(pose) = pose {
@@ -153,6 +171,12 @@ fn tolerance(record: &csv::StringRecord) -> Result<f64> {
     Ok(value)
 }
 
+fn opening(record: &csv::StringRecord) -> Result<f64> {
+    let value = number(record, OPENING)?;
+    ensure!((0.0..=1.0).contains(&value), "column opening: {value} is not between 0 and 1");
+    Ok(value)
+}
+
 fn state_hash(text: &str) -> Result<Option<u64>> {
     let parse = |text| u64::from_str_radix(text, 16).map_err(|_| anyhow!("column state_hash: `{text}` is no hash"));
     Some(text).filter(|text| !text.is_empty()).map(parse).transpose()
@@ -165,7 +189,8 @@ fn motion(record: &csv::StringRecord, tools: usize) -> Result<ToolInput> {
         "enter" => ToolMotion::EnterAt(pose(record)?),
         "move" => ToolMotion::MoveTo(pose(record)?),
         "lift" => ToolMotion::Lift,
-        other => bail!("column input: `{other}` is none of enter, move, lift, tolerance, end"),
+        "opening" => ToolMotion::SetOpening(opening(record)?),
+        other => bail!("column input: `{other}` is none of enter, move, lift, opening, tolerance, end"),
     };
     Ok(ToolInput { tool, motion })
 }
@@ -207,7 +232,7 @@ mod tests {
             step(&[], None),
             step(&[input(1, ToolMotion::EnterAt(pose)), input(0, ToolMotion::EnterAt(Pose::default()))], None),
             step(&[input(1, ToolMotion::MoveTo(pose))], Some(0.01 / 3.0)),
-            step(&[], Some(0.1)),
+            step(&[input(1, ToolMotion::SetOpening(0.1 / 3.0))], Some(0.1)),
             step(&[input(1, ToolMotion::Lift)], None),
             step(&[], None),
         ];
@@ -240,10 +265,13 @@ mod tests {
         assert_eq!(refused("2,1,move", "0,1,move"), "row 5: column step: 0 is below that of the row before");
         assert_eq!(refused("2,1,move", "2,7,move"), "row 5: column tool: 7, but the scene has 2");
         assert_eq!(refused("2,1,move,0.1", "2,1,move,up"), "row 5: column x_m: `up` is not a finite number");
-        assert_eq!(refused("lift", "hop"), "row 7: column input: `hop` is none of enter, move, lift, tolerance, end");
-        assert_eq!(refused("6,,end", "4,,end"), "row 8: column step: 4 leaves out the last step");
-        assert_eq!(refused("6,,end", "99999999,,end"), "row 8: column step: 99999999 is more than 10000000");
-        assert_eq!(refused("0.1,\n", "0.7,\n"), "row 6: column relative_tolerance: 0.7 is not between 0 and 0.5");
+        assert_eq!(
+            refused("lift", "hop"),
+            "row 8: column input: `hop` is none of enter, move, lift, opening, tolerance, end"
+        );
+        assert_eq!(refused("6,,end", "4,,end"), "row 9: column step: 4 leaves out the last step");
+        assert_eq!(refused("6,,end", "99999999,,end"), "row 9: column step: 99999999 is more than 10000000");
+        assert_eq!(refused("0.1,,\n", "0.7,,\n"), "row 6: column relative_tolerance: 0.7 is not between 0 and 0.5");
         assert!(refused("0,0,0,0,0,0,1", "0,0,0,0,0,0,2").starts_with("row 3: columns qx to qw"));
         assert_eq!(refused(text.lines().last().unwrap(), ""), "the recording has no end");
     }

@@ -8,7 +8,7 @@ use crate::tool::Pose;
 /// Input of one step.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StepInputs<'a> {
-    /// At most one entry per tool; a tool without one keeps its last pose.
+    /// Taken in their order; at most one pose and one opening per tool, which otherwise keeps its last.
     pub tools: &'a [ToolInput],
     /// Relative tolerance of the velocity solve from this step on; absent: as before.
     pub relative_tolerance: Option<f64>,
@@ -40,6 +40,9 @@ pub enum ToolMotion {
     EnterAt(Pose),
     /// Leaves the scene; it touches nothing until it enters again.
     Lift,
+    /// Its jaws take this share of their full opening at t + dt, 0 (closed) to 1; it does not move by it. A
+    /// tool enters open, and one that has no jaws takes no notice.
+    SetOpening(f64),
 }
 
 /// Force and torque on a tool, scene frame, torque about the tool's reference point.
@@ -71,6 +74,18 @@ pub struct ContactModel {
     pub validity_radius_m: f64,
 }
 
+/// What the jaws of a tool hold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Grasp {
+    /// Nothing.
+    #[default]
+    Nothing,
+    /// Some tissue.
+    Holding,
+    /// Nothing from now on: what they held in this step took more force than they have.
+    Slipped,
+}
+
 /// State of one tool after a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ToolOutput {
@@ -82,6 +97,8 @@ pub struct ToolOutput {
     pub contact: Option<ContactModel>,
     /// Length of the edge whose front is yielding, m.
     pub cutting_length_m: f64,
+    /// What its jaws hold.
+    pub grasp: Grasp,
 }
 
 /// Energy booked in one step, J; positive terms leave the first line and enter the others:

@@ -298,7 +298,7 @@ fn edges_of_every_shape_are_read_and_taken() {
     ] {
         let text = SCENE.replace("height_m = 0.05 }", &format!("height_m = 0.05, edge = {text} }}"));
         let scene = SceneDesc::from_toml("block.toml", &text).unwrap();
-        let ToolShapeDesc::Blade(blade) = &scene.tools[0].shape;
+        let ToolShapeDesc::Blade(blade) = &scene.tools[0].shape else { panic!("a blade") };
         assert_eq!(blade.edge, edge);
         assert_eq!(scene.problems(), []);
     }

@@ -166,7 +166,7 @@ pub fn read_mesh(path: &Path) -> Result<TriangleMesh, CatalogError> {
 /// Puts the points in the place of each edge that names a file: they are few, and the scene is whole then.
 fn read_edges(desc: &mut SceneDesc, folder: &Path) -> Result<(), CatalogError> {
     for tool in &mut desc.tools {
-        let ToolShapeDesc::Blade(blade) = &mut tool.shape;
+        let ToolShapeDesc::Blade(blade) = &mut tool.shape else { continue };
         if let EdgeDesc::File { file, scale_m_per_unit } = &blade.edge {
             let path = folder.join(file);
             let bytes = read(&path, MAX_EDGE_BYTES)?;

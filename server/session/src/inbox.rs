@@ -6,6 +6,7 @@ use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex};
 use std::time::Duration;
 
+use kerf_physics::step_io::ToolMotion;
 use kerf_physics::{Scene, ToolInput, World};
 use tokio::sync::oneshot;
 
@@ -226,7 +227,10 @@ impl Inbox {
             if mode == Drain::Stepping {
                 slot.expire(now_ns, lease_ns);
                 if let Some(next) = slot.take_motion() {
-                    tick.inputs.push(ToolInput { tool, motion: next.motion });
+                    let opening = next.opening.map(ToolMotion::SetOpening);
+                    tick.inputs.extend(
+                        [Some(next.motion), opening].into_iter().flatten().map(|motion| ToolInput { tool, motion }),
+                    );
                     jumped = next.jumped;
                 }
             }
@@ -248,14 +252,19 @@ impl Inbox {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use kerf_physics::step_io::ToolMotion;
 
     fn inbox(tools: usize) -> Inbox {
         Inbox::new(tools, SessionLimits { max_commands: 2, max_drivers: 2, ..SessionLimits::default() })
     }
 
     fn at(seq: u64, x_m: f64) -> PoseSample {
-        PoseSample { seq, client_ns: seq, position_m: [x_m, 0.0, 0.0], orientation_xyzw: [0.0, 0.0, 0.0, 1.0] }
+        PoseSample {
+            seq,
+            client_ns: seq,
+            position_m: [x_m, 0.0, 0.0],
+            orientation_xyzw: [0.0, 0.0, 0.0, 1.0],
+            opening: 1.0,
+        }
     }
 
     fn drained(inbox: &Inbox, mode: Drain, now_ns: u64) -> Tick {

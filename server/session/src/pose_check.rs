@@ -20,6 +20,8 @@ pub struct PoseSample {
     pub position_m: [f64; 3],
     /// Rotation from the tool frame to the scene frame, xyzw.
     pub orientation_xyzw: [f64; 4],
+    /// Share of their full opening that the tool's jaws take, 0 (closed) to 1; what has none ignores it.
+    pub opening: f64,
 }
 
 /// A pose that passed, and when it arrived.
@@ -86,6 +88,12 @@ pub enum PoseRefusal {
         /// `pose.workspace_half_extent_m`.
         limit_m: f64,
     },
+    /// The opening is no share.
+    #[error("opening: {opening}, must be between 0 and 1")]
+    NoOpening {
+        /// What arrived.
+        opening: f64,
+    },
     /// The reference point cannot have moved so far in the time.
     #[error("position_m: moved {moved_m} m, at most {limit_m} m is plausible since the last accepted pose")]
     TooFast {
@@ -113,6 +121,7 @@ impl PoseRefusal {
             Self::SeqNotRising { .. } => "seq",
             Self::PositionNotFinite | Self::OutsideWorkspace { .. } | Self::TooFast { .. } => "pose.position_m",
             Self::OrientationNotFinite | Self::NotUnit { .. } | Self::TurnedTooFast { .. } => "pose.orientation",
+            Self::NoOpening { .. } => "opening",
         }
     }
 
@@ -127,6 +136,7 @@ impl PoseRefusal {
             Self::PositionNotFinite | Self::OrientationNotFinite => "finite".into(),
             Self::NotUnit { tolerance, .. } => format!("norm within {tolerance} of 1"),
             Self::OutsideWorkspace { limit_m, .. } => format!("within {limit_m} m of the origin on each axis"),
+            Self::NoOpening { .. } => "between 0 and 1".into(),
             Self::TooFast { limit_m, .. } => format!("at most {limit_m:.4} m from the last accepted pose"),
             Self::TurnedTooFast { limit_rad, .. } => format!("at most {limit_rad:.4} rad from the last accepted pose"),
         }
@@ -150,6 +160,9 @@ pub(crate) fn check_shape(sample: &PoseSample, limits: &PoseLimits) -> Result<Po
     let norm = [x, y, z, w].iter().map(|v| v * v).sum::<f64>().sqrt();
     if (norm - 1.0).abs() > limits.quaternion_norm_tolerance {
         return Err(PoseRefusal::NotUnit { norm, tolerance: limits.quaternion_norm_tolerance });
+    }
+    if !(0.0..=1.0).contains(&sample.opening) {
+        return Err(PoseRefusal::NoOpening { opening: sample.opening });
     }
     let orientation = Quat::new_normalize(Quaternion::new(w, x, y, z));
     Ok(Pose { position_m, orientation })
@@ -185,7 +198,7 @@ mod tests {
     use proptest::prelude::*;
 
     const AT_REST: PoseSample =
-        PoseSample { seq: 1, client_ns: 0, position_m: [0.0; 3], orientation_xyzw: [0.0, 0.0, 0.0, 1.0] };
+        PoseSample { seq: 1, client_ns: 0, position_m: [0.0; 3], orientation_xyzw: [0.0, 0.0, 0.0, 1.0], opening: 1.0 };
 
     fn timed(x_m: f64, turned_rad: f64, arrived_ns: u64, client_ns: u64) -> TimedPose {
         let orientation = Quat::from_axis_angle(&Vec3::y_axis(), turned_rad);
@@ -200,6 +213,8 @@ mod tests {
         assert_eq!(field(PoseSample { position_m: [0.0, 0.0, -1e6], ..AT_REST }), "pose.position_m");
         assert_eq!(field(PoseSample { orientation_xyzw: [0.0, 0.0, 0.0, 0.5], ..AT_REST }), "pose.orientation");
         assert_eq!(field(PoseSample { orientation_xyzw: [1e300; 4], ..AT_REST }), "pose.orientation");
+        assert_eq!(field(PoseSample { opening: f64::NAN, ..AT_REST }), "opening");
+        assert_eq!(field(PoseSample { opening: 1.1, ..AT_REST }), "opening");
         assert_eq!(
             field(PoseSample { orientation_xyzw: [f64::INFINITY, 0.0, 0.0, 1.0], ..AT_REST }),
             "pose.orientation"

@@ -29,7 +29,7 @@ struct Lease {
 }
 
 /// Lease and pending motion of a tool. At most one motion waits, whatever the rate of poses.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct ToolSlot {
     lease: Option<Lease>,
     /// Who lost the lease by silence and has not been told.
@@ -39,6 +39,10 @@ pub(crate) struct ToolSlot {
     /// The last pose, if it was refused for being too far from `last`.
     jumped_to: Option<TimedPose>,
     pending: Option<ToolMotion>,
+    /// Opening of the last accepted pose.
+    opening: f64,
+    /// Opening that the world has been told.
+    told_opening: f64,
     /// Whether the tool is in the scene once `pending` is applied.
     in_scene: bool,
     /// Whether `pending` puts down a tool that had jumped.
@@ -49,8 +53,29 @@ pub(crate) struct ToolSlot {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct SlotMotion {
     pub motion: ToolMotion,
+    /// Where its jaws take another opening than they had, which they take after the motion.
+    pub opening: Option<f64>,
     /// The tool had jumped, and is put down where it went.
     pub jumped: bool,
+}
+
+/// Opening that tools enter with; see [`ToolMotion::SetOpening`].
+const OPEN: f64 = 1.0;
+
+impl Default for ToolSlot {
+    fn default() -> Self {
+        Self {
+            lease: None,
+            evicted: None,
+            last: None,
+            jumped_to: None,
+            pending: None,
+            opening: OPEN,
+            told_opening: OPEN,
+            in_scene: false,
+            jumped: false,
+        }
+    }
 }
 
 impl ToolSlot {
@@ -84,6 +109,7 @@ impl ToolSlot {
         let enters = self.enters_by(&timed, limits)?;
         self.heard(now_ns);
         self.last = Some(timed);
+        self.opening = sample.opening;
         self.jumped |= enters && self.jumped_to.take().is_some();
         // A tool that was put down since the last tick has touched nothing before its newest pose.
         let was_put_down = matches!(self.pending, Some(ToolMotion::EnterAt(_)));
@@ -178,7 +204,14 @@ impl ToolSlot {
     /// What the tool does in the coming step.
     pub fn take_motion(&mut self) -> Option<SlotMotion> {
         let motion = self.pending.take()?;
-        Some(SlotMotion { motion, jumped: std::mem::take(&mut self.jumped) })
+        match motion {
+            ToolMotion::EnterAt(_) => self.told_opening = OPEN,
+            ToolMotion::Lift => self.opening = self.told_opening,
+            _ => {}
+        }
+        let opening = (self.opening != self.told_opening).then_some(self.opening);
+        self.told_opening = self.opening;
+        Some(SlotMotion { motion, opening, jumped: std::mem::take(&mut self.jumped) })
     }
 
     /// Of the last accepted pose.
@@ -197,7 +230,13 @@ mod tests {
     const B: DriverId = DriverId(2);
 
     fn at(seq: u64, x_m: f64) -> PoseSample {
-        PoseSample { seq, client_ns: seq, position_m: [x_m, 0.0, 0.0], orientation_xyzw: [0.0, 0.0, 0.0, 1.0] }
+        PoseSample {
+            seq,
+            client_ns: seq,
+            position_m: [x_m, 0.0, 0.0],
+            orientation_xyzw: [0.0, 0.0, 0.0, 1.0],
+            opening: 1.0,
+        }
     }
 
     fn entered() -> ToolSlot {
@@ -240,6 +279,22 @@ mod tests {
         slot.accept(&at(1, 0.0), 0, &PoseLimits::default()).unwrap();
         slot.accept(&at(2, 1e-3), MS, &PoseLimits::default()).unwrap();
         assert_eq!(entered_at_x_m(&mut slot), Some(1e-3));
+    }
+
+    #[test]
+    fn an_opening_is_told_when_it_changes_and_again_to_a_tool_that_enters() {
+        let mut slot = entered();
+        let mut told = |seq, opening| {
+            slot.accept(&PoseSample { opening, ..at(seq, 0.0) }, seq * MS, &PoseLimits::default()).unwrap();
+            slot.take_motion().unwrap().opening
+        };
+        assert_eq!([told(2, 1.0), told(3, 0.0), told(4, 0.0)], [None, Some(0.0), None]);
+        slot.lift(5 * MS);
+        assert_eq!(slot.take_motion().unwrap().opening, None);
+        slot.accept(&PoseSample { opening: 0.0, ..at(6, 0.0) }, 6 * MS, &PoseLimits::default()).unwrap();
+        let entered = slot.take_motion().unwrap();
+        assert!(matches!(entered.motion, ToolMotion::EnterAt(_)));
+        assert_eq!(entered.opening, Some(0.0));
     }
 
     #[test]

@@ -29,7 +29,13 @@ async fn session_with(limits: SessionLimits) -> (Registry, Arc<Session>) {
 
 /// Above the block, so that nothing is touched.
 fn pose(seq: u64, x_m: f64) -> PoseSample {
-    PoseSample { seq, client_ns: seq * 10, position_m: [x_m, 0.1, 0.0], orientation_xyzw: [0.0, 0.0, 0.0, 1.0] }
+    PoseSample {
+        seq,
+        client_ns: seq * 10,
+        position_m: [x_m, 0.1, 0.0],
+        orientation_xyzw: [0.0, 0.0, 0.0, 1.0],
+        opening: 1.0,
+    }
 }
 
 /// The edge turned and tilted: it crosses the links one after another.

@@ -40,7 +40,7 @@ async fn after_the_last_viewer_nothing_is_contoured_and_the_next_one_sees_the_su
     for seq in 1..100 {
         let position_m = [0.0, 0.012 - 3e-4 * seq as f64, 0.0];
         let orientation_xyzw = [0.0, 0.0, 0.0, 1.0];
-        driver.submit(0, &PoseSample { seq, client_ns: 0, position_m, orientation_xyzw }).unwrap();
+        driver.submit(0, &PoseSample { seq, client_ns: 0, position_m, orientation_xyzw, opening: 1.0 }).unwrap();
         tokio::time::sleep(Duration::from_millis(4)).await;
         if session.describe().await.unwrap().topology_version > 2 {
             break;

@@ -25,7 +25,7 @@ fn askew(seq: u64, height_m: f32) -> v1::ToolPose {
     let orientation =
         Some(v1::Quat { x: sin_yaw * sin_tilt, y: sin_yaw * cos_tilt, z: cos_yaw * sin_tilt, w: cos_yaw * cos_tilt });
     let pose = Some(v1::Pose { position_m: Some(v1::Vec3 { x: 0.0, y: height_m, z: 4e-4 }), orientation });
-    v1::ToolPose { tool_id: 0, seq, client_ns: 0, pose, buttons: 0 }
+    v1::ToolPose { tool_id: 0, seq, client_ns: 0, pose, ..Default::default() }
 }
 
 /// A blade on its way down. Each pose waits until a step has used the one before, so that the way

@@ -130,7 +130,7 @@ pub fn pose(tool_id: u32, seq: u64, x_m: f32) -> v1::ToolPose {
     let position_m = Some(v1::Vec3 { x: x_m, y: 0.1, z: 0.0 });
     let orientation = Some(v1::Quat { x: 0.0, y: 0.0, z: 0.0, w: 1.0 });
     let pose = Some(v1::Pose { position_m, orientation });
-    v1::ToolPose { tool_id, seq, client_ns: seq * 1000, pose, buttons: 0 }
+    v1::ToolPose { tool_id, seq, client_ns: seq * 1000, pose, ..Default::default() }
 }
 
 /// One end of a control stream.

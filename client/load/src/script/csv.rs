@@ -1,4 +1,5 @@
-//! Scripts from CSV files: `time_s,tool,x_m,y_m,z_m,qx,qy,qz,qw`, one pose a line.
+//! Scripts from CSV files: `time_s,tool,x_m,y_m,z_m,qx,qy,qz,qw`, one pose a line, and `opening` where
+//! tools have jaws: 0 (closed) to 1, by default 1.
 
 use std::io::Read;
 
@@ -23,6 +24,12 @@ struct Row {
     qy: f64,
     qz: f64,
     qw: f64,
+    #[serde(default = "open")]
+    opening: f64,
+}
+
+fn open() -> f64 {
+    1.0
 }
 
 /// Reads a script. Tools are named, or given by their index; the times of each tool ascend. Depths
@@ -71,12 +78,16 @@ fn key(row: &Row) -> Result<Key, String> {
         ("qy", row.qy),
         ("qz", row.qz),
         ("qw", row.qw),
+        ("opening", row.opening),
     ];
     if let Some((name, value)) = numbers.iter().find(|(_, value)| !value.is_finite()) {
         return Err(format!("{name} is {value}, it has to be finite"));
     }
     if !(0.0..=MAX_DURATION_S).contains(&row.time_s) {
         return Err(format!("time_s is {}, it has to be within 0 and {MAX_DURATION_S}", row.time_s));
+    }
+    if !(0.0..=1.0).contains(&row.opening) {
+        return Err(format!("opening is {}, it has to be within 0 and 1", row.opening));
     }
     let quaternion = Quaternion::new(row.qw, row.qx, row.qy, row.qz);
     if (quaternion.norm() - 1.0).abs() > QUATERNION_TOLERANCE {
@@ -86,7 +97,7 @@ fn key(row: &Row) -> Result<Key, String> {
         position_m: Vector3::new(row.x_m, row.y_m, row.z_m),
         orientation: UnitQuaternion::new_normalize(quaternion),
     };
-    Ok(Key { time_s: row.time_s, pose })
+    Ok(Key { time_s: row.time_s, pose, opening: row.opening })
 }
 
 #[cfg(test)]
@@ -108,6 +119,20 @@ mod tests {
         assert!((pose.position_m.y - 0.2).abs() < 1e-15);
         assert!((script.depth_m(1.0, &pose) + 0.1).abs() < 1e-15);
         assert!((script.duration_s() - 2.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn jaws_are_open_unless_a_column_says_otherwise() {
+        let opening = |text: String| {
+            let script = read(text.as_bytes(), &["grasper".to_owned()], 0.0)?;
+            Ok::<_, ScriptError>(script.tracks[0].key_at(0.5).expect("within the track").opening)
+        };
+        let lines = |ends: [&str; 2]| format!("0,0,0,0,0,0,0,0,1{}\n1,0,0,0,0,0,0,0,1{}\n", ends[0], ends[1]);
+        let with_column = HEADER.replace("qw", "qw,opening");
+        assert!((opening(format!("{HEADER}{}", lines(["", ""]))).expect("valid") - 1.0).abs() < 1e-15);
+        assert!((opening(format!("{with_column}{}", lines([",1", ",0"]))).expect("valid") - 0.5).abs() < 1e-15);
+        let refused = opening(format!("{with_column}{}", lines([",1", ",-1"]))).expect_err("not valid").to_string();
+        assert_eq!(refused, "line 3: opening is -1, it has to be within 0 and 1");
     }
 
     #[test]

@@ -50,6 +50,8 @@ pub struct Key {
     pub time_s: f64,
     /// The pose then.
     pub pose: Pose,
+    /// Share of their full opening that the tool's jaws take then, 0 (closed) to 1.
+    pub opening: f64,
 }
 
 /// What one tool does.
@@ -84,11 +86,17 @@ impl Track {
     /// the last one, when the tool is lifted.
     #[must_use]
     pub fn pose_at(&self, time_s: f64) -> Option<Pose> {
+        self.key_at(time_s).map(|key| key.pose)
+    }
+
+    /// The pose and the opening at a time, as in [`Self::pose_at`]; the opening is linear between keys.
+    #[must_use]
+    pub fn key_at(&self, time_s: f64) -> Option<Key> {
         let after = self.keys.partition_point(|key| key.time_s <= time_s);
         let from = self.keys.get(after.checked_sub(1)?)?;
         match self.keys.get(after) {
             Some(to) => Some(interpolate(from, to, time_s)),
-            None => (from.time_s == time_s).then_some(from.pose),
+            None => (from.time_s == time_s).then_some(*from),
         }
     }
 
@@ -141,12 +149,13 @@ pub fn tool_id(tool: &str, names: &[String]) -> Result<u32, ScriptError> {
     Ok(index as u32)
 }
 
-fn interpolate(from: &Key, to: &Key, time_s: f64) -> Pose {
+fn interpolate(from: &Key, to: &Key, time_s: f64) -> Key {
     let share = (time_s - from.time_s) / (to.time_s - from.time_s);
     let (a, b) = (&from.pose, &to.pose);
     // Half a turn has no shortest way; the tool then turns at once, at the key.
     let orientation = a.orientation.try_slerp(&b.orientation, share, 1e-9).unwrap_or(a.orientation);
-    Pose { position_m: a.position_m.lerp(&b.position_m, share), orientation }
+    let pose = Pose { position_m: a.position_m.lerp(&b.position_m, share), orientation };
+    Key { time_s, pose, opening: from.opening + share * (to.opening - from.opening) }
 }
 
 #[cfg(test)]
@@ -155,7 +164,7 @@ mod tests {
 
     fn key(time_s: f64, x_m: f64, angle_rad: f64) -> Key {
         let orientation = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), angle_rad);
-        Key { time_s, pose: Pose { position_m: Vector3::new(x_m, 0.0, 0.0), orientation } }
+        Key { time_s, pose: Pose { position_m: Vector3::new(x_m, 0.0, 0.0), orientation }, opening: 1.0 }
     }
 
     #[test]

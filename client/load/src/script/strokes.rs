@@ -190,14 +190,14 @@ impl Path<'_> {
 
     fn move_to(&mut self, pose: Pose, speed_m_per_s: f64) {
         let Some(last) = self.keys.last() else {
-            self.keys.push(Key { time_s: 0.0, pose });
+            self.keys.push(Key { time_s: 0.0, pose, opening: 1.0 });
             return;
         };
         let distance_m = (pose.position_m - last.pose.position_m).norm();
         let angle_rad = last.pose.orientation.angle_to(&pose.orientation);
         let duration_s = f64::max(distance_m / speed_m_per_s, angle_rad / MAX_TURN_RAD_PER_S);
         if duration_s > MIN_SEGMENT_S {
-            self.keys.push(Key { time_s: last.time_s + duration_s, pose });
+            self.keys.push(Key { time_s: last.time_s + duration_s, pose, opening: 1.0 });
         }
     }
 

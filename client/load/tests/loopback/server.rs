@@ -53,6 +53,7 @@ fn vec3(x: f32, y: f32, z: f32) -> v1::Vec3 {
 }
 
 fn scene() -> v1::SceneSummary {
+    let scalpel = v1::tool_summary::Kind::Blade(v1::BladeSummary { width_m: 0.02, ..Default::default() });
     v1::SceneSummary {
         name: "box".to_owned(),
         dt_s: STEP_S,
@@ -63,7 +64,7 @@ fn scene() -> v1::SceneSummary {
             fracture_energy_j_per_m2: Some(100.0),
             ..Default::default()
         }],
-        tools: vec![v1::ToolSummary { name: "scalpel".to_owned(), blade_width_m: 0.02, ..Default::default() }],
+        tools: vec![v1::ToolSummary { name: "scalpel".to_owned(), kind: Some(scalpel) }],
         ..Default::default()
     }
 }

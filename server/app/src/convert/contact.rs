@@ -1,10 +1,13 @@
 //! Poses in, contacts out.
 
-use kerf_physics::step_io::ContactModel;
+use kerf_physics::step_io::{ContactModel, Grasp};
 use kerf_proto::v1;
 use kerf_session::{DriverId, PoseRefusal, PoseSample, StepReport};
 
 use super::{pose, vec3, wrench};
+
+/// The button that closes the jaws of a tool whose device does not say how far they are open.
+const CLOSING_BUTTON: u32 = 1;
 
 /// A pose as it arrived; what is absent is refused as what is not finite.
 pub fn pose_sample(message: &v1::ToolPose) -> Result<PoseSample, PoseRefusal> {
@@ -16,6 +19,7 @@ pub fn pose_sample(message: &v1::ToolPose) -> Result<PoseSample, PoseRefusal> {
         client_ns: message.client_ns,
         position_m: [position.x, position.y, position.z].map(f64::from),
         orientation_xyzw: [q.x, q.y, q.z, q.w].map(f64::from),
+        opening: message.opening.map_or(if message.buttons & CLOSING_BUTTON == 0 { 1.0 } else { 0.0 }, f64::from),
     })
 }
 
@@ -28,6 +32,11 @@ pub fn contact(report: &StepReport, tool: usize, driver: DriverId, flags: u32) -
     let of_tool = report.tools.get(tool).copied().unwrap_or_default();
     let echo = of_tool.echo.filter(|echo| echo.driver == driver);
     let lifted = of_tool.output.pose.is_none().then_some(v1::ContactFlag::Lifted as u32);
+    let grasp = match of_tool.output.grasp {
+        Grasp::Nothing => 0,
+        Grasp::Holding => v1::ContactFlag::Holding as u32,
+        Grasp::Slipped => v1::ContactFlag::Slipped as u32,
+    };
     v1::Contact {
         tool_id: tool as u32,
         step: report.step,
@@ -37,7 +46,7 @@ pub fn contact(report: &StepReport, tool: usize, driver: DriverId, flags: u32) -
         wrench: Some(wrench(&of_tool.output.wrench)),
         model: of_tool.output.contact.as_ref().map(contact_model),
         cutting_length_m: of_tool.output.cutting_length_m as f32,
-        flags: flags | lifted.unwrap_or(0),
+        flags: flags | lifted.unwrap_or(0) | grasp,
     }
 }
 
@@ -81,6 +90,16 @@ mod tests {
         assert_eq!(sent.stiffness.len(), 21);
         assert_eq!(sent.stiffness[..8], [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 11.0, 12.0]);
         assert_eq!((sent.force_cap_n, sent.cap_direction), (None, None));
+    }
+
+    #[test]
+    fn jaws_follow_the_opening_or_else_the_first_button() {
+        let pose = Some(v1::Pose { position_m: Some(v1::Vec3::default()), orientation: Some(v1::Quat::default()) });
+        let opening = |buttons, opening| {
+            pose_sample(&v1::ToolPose { pose, buttons, opening, ..Default::default() }).unwrap().opening
+        };
+        assert_eq!([opening(0, None), opening(1, None), opening(2, None)], [1.0, 0.0, 1.0]);
+        assert_eq!([opening(1, Some(0.25)), opening(0, Some(0.0))], [0.25, 0.0]);
     }
 
     #[test]

@@ -42,13 +42,18 @@ fn object_summary(object: &ObjectDesc, stats: Option<ObjectStats>) -> v1::Object
 }
 
 fn tool_summary(tool: &ToolDesc) -> v1::ToolSummary {
-    let ToolShapeDesc::Blade(blade) = &tool.shape;
-    v1::ToolSummary {
-        name: tool.name.clone(),
-        blade_width_m: blade.width_m,
-        blade_height_m: blade.height_m,
-        blade_thickness_m: blade.thickness_m,
-    }
+    use v1::tool_summary::Kind;
+    let kind = match &tool.shape {
+        ToolShapeDesc::Blade(blade) => Kind::Blade(v1::BladeSummary {
+            width_m: blade.width_m,
+            height_m: blade.height_m,
+            thickness_m: blade.thickness_m,
+        }),
+        ToolShapeDesc::Grasper(grasper) => {
+            Kind::Grasper(v1::GrasperSummary { radius_m: grasper.radius_m, max_force_n: grasper.max_force_n })
+        }
+    };
+    v1::ToolSummary { name: tool.name.clone(), kind: Some(kind) }
 }
 
 pub fn limits(session: &Session, control: &ControlLimits) -> v1::Limits {

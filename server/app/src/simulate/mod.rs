@@ -34,7 +34,8 @@ const MAX_STEPS: f64 = 1e7;
 pub struct Options {
     /// Name of a built-in scene, or path of a scene's TOML file.
     pub scene: String,
-    /// Poses over time, header `time_s,tool,x_m,y_m,z_m,qx,qy,qz,qw`; `lift` for x_m lifts the tool.
+    /// Poses over time, header `time_s,tool,x_m,y_m,z_m,qx,qy,qz,qw`; `lift` for x_m lifts the tool. With
+    /// `,opening` for tools with jaws, 0 (closed) to 1.
     /// Default: one stroke straight down through the middle of the first object that can be cut.
     #[arg(long, value_name = "FILE.csv", conflicts_with = "quasi_static")]
     pub script: Option<PathBuf>,

@@ -3,7 +3,8 @@
 //! A file has the header `time_s,tool,x_m,y_m,z_m,qx,qy,qz,qw` and a row per pose. Between two rows
 //! of a tool its position is interpolated linearly and its orientation along the shortest arc. A tool
 //! enters the scene at its first row and stays at its last; a row with `lift` for `x_m` and nothing
-//! after takes it out until its next row.
+//! after takes it out until its next row. A file whose tools have jaws has one more column, `opening`: the
+//! share of their full opening that they take, 0 (closed) to 1, linear between two rows.
 
 use std::io::Read;
 
@@ -12,7 +13,11 @@ use kerf_physics::step_io::{ToolInput, ToolMotion};
 use kerf_physics::tool::Pose;
 use kerf_physics::{Quat, Vec3};
 
-const HEADER: [&str; 9] = ["time_s", "tool", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"];
+const HEADER: [&str; 10] = ["time_s", "tool", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw", "opening"];
+/// Columns that a file has at least.
+const COLUMNS: usize = 9;
+/// Opening that tools enter with; see [`ToolMotion::SetOpening`].
+const OPEN: f64 = 1.0;
 /// Departure of a quaternion's length from 1 that counts as rounding in the file.
 const QUATERNION_ROUNDING: f64 = 1e-3;
 
@@ -21,6 +26,8 @@ const QUATERNION_ROUNDING: f64 = 1e-3;
 struct Key {
     time_s: f64,
     pose: Option<Pose>,
+    /// Share of their full opening that its jaws take.
+    opening: f64,
 }
 
 /// The tools' motion over time.
@@ -28,8 +35,8 @@ struct Key {
 pub struct Script {
     /// Keys of each tool of the scene, times ascending.
     keys: Vec<Vec<Key>>,
-    /// Whether each tool is in the scene, for [`Self::advance`].
-    present: Vec<bool>,
+    /// The opening of each tool that is in the scene, for [`Self::advance`].
+    openings: Vec<Option<f64>>,
 }
 
 impl Script {
@@ -40,7 +47,8 @@ impl Script {
     pub fn from_csv(source: impl Read, tools: &[&str]) -> Result<Self> {
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(source);
         let header = reader.headers().context("row 1")?;
-        ensure!(*header == HEADER[..], "row 1: the header is not `{}`", HEADER.join(","));
+        let known = *header == HEADER[..] || *header == HEADER[..COLUMNS];
+        ensure!(known, "row 1: the header is not `{}`, with or without `,opening`", HEADER[..COLUMNS].join(","));
         let mut keys = vec![Vec::new(); tools.len()];
         for record in reader.records() {
             let record = record?;
@@ -53,13 +61,13 @@ impl Script {
             keys[tool].push(key);
         }
         ensure!(keys.iter().any(|keys| !keys.is_empty()), "the script has no rows");
-        Ok(Self { present: vec![false; keys.len()], keys })
+        Ok(Self { openings: vec![None; keys.len()], keys })
     }
 
     /// A script that moves no tool.
     #[must_use]
     pub fn empty(tools: usize) -> Self {
-        Self { keys: vec![Vec::new(); tools], present: vec![false; tools] }
+        Self { keys: vec![Vec::new(); tools], openings: vec![None; tools] }
     }
 
     /// A script for the first of `tools`: `(time, position)`, orientation identity, lifted at the end.
@@ -69,10 +77,11 @@ impl Script {
         let key = |(time_s, position_m): &(f64, Vec3)| Key {
             time_s: *time_s,
             pose: Some(Pose { position_m: *position_m, orientation: Quat::identity() }),
+            opening: OPEN,
         };
         script.keys[0] = positions.iter().map(key).collect();
         if let Some((time_s, _)) = positions.last() {
-            script.keys[0].push(Key { time_s: time_s + 1e-9, pose: None });
+            script.keys[0].push(Key { time_s: time_s + 1e-9, pose: None, opening: OPEN });
         }
         script
     }
@@ -87,31 +96,37 @@ impl Script {
     pub fn advance(&mut self, time_s: f64) -> Vec<ToolInput> {
         let mut inputs = Vec::new();
         for (tool, keys) in self.keys.iter().enumerate() {
-            let pose = pose_at(keys, time_s);
-            let motion = match (pose, self.present[tool]) {
-                (Some(pose), true) => ToolMotion::MoveTo(pose),
-                (Some(pose), false) => ToolMotion::EnterAt(pose),
-                (None, true) => ToolMotion::Lift,
-                (None, false) => continue,
+            let now = state_at(keys, time_s);
+            let motion = match (now, self.openings[tool]) {
+                (Some((pose, _)), Some(_)) => ToolMotion::MoveTo(pose),
+                (Some((pose, _)), None) => ToolMotion::EnterAt(pose),
+                (None, Some(_)) => ToolMotion::Lift,
+                (None, None) => continue,
             };
-            self.present[tool] = pose.is_some();
             inputs.push(ToolInput { tool, motion });
+            let opening = now.map(|(_, opening)| opening);
+            if let Some(opening) = opening.filter(|opening| *opening != self.openings[tool].unwrap_or(OPEN)) {
+                inputs.push(ToolInput { tool, motion: ToolMotion::SetOpening(opening) });
+            }
+            self.openings[tool] = opening;
         }
         inputs
     }
 }
 
-fn pose_at(keys: &[Key], time_s: f64) -> Option<Pose> {
+/// Pose and opening at a time.
+fn state_at(keys: &[Key], time_s: f64) -> Option<(Pose, f64)> {
     let next = keys.partition_point(|key| key.time_s <= time_s);
     let key = keys[..next].last()?;
     let from = key.pose?;
-    let Some(Key { time_s: end_s, pose: Some(to) }) = keys.get(next) else { return Some(from) };
+    let Some(Key { time_s: end_s, pose: Some(to), opening }) = keys.get(next) else { return Some((from, key.opening)) };
     let share = (time_s - key.time_s) / (end_s - key.time_s);
-    Some(Pose {
+    let pose = Pose {
         position_m: from.position_m.lerp(&to.position_m, share),
         // Half a turn has no shortest arc: keep the orientation until the next key.
         orientation: from.orientation.try_slerp(&to.orientation, share, 1e-9).unwrap_or(from.orientation),
-    })
+    };
+    Some((pose, key.opening + share * (opening - key.opening)))
 }
 
 fn parse_row(record: &csv::StringRecord, tools: &[&str]) -> Result<(usize, Key)> {
@@ -126,9 +141,9 @@ fn parse_row(record: &csv::StringRecord, tools: &[&str]) -> Result<(usize, Key)>
     let tool = tools.iter().position(|name| *name == &record[1]);
     let tool = tool.ok_or_else(|| anyhow!("column tool: `{}` is not one of: {}", &record[1], known()))?;
     if &record[2] == "lift" {
-        let filled = (3..HEADER.len()).find(|column| !record[*column].is_empty());
+        let filled = (3..record.len()).find(|column| !record[*column].is_empty());
         ensure!(filled.is_none(), "column {}: a tool that is lifted has no pose", HEADER[filled.unwrap_or(2)]);
-        return Ok((tool, Key { time_s, pose: None }));
+        return Ok((tool, Key { time_s, pose: None, opening: OPEN }));
     }
     let position_m = Vec3::new(number(2)?, number(3)?, number(4)?);
     let quaternion = nalgebra::Quaternion::new(number(8)?, number(5)?, number(6)?, number(7)?);
@@ -137,7 +152,10 @@ fn parse_row(record: &csv::StringRecord, tools: &[&str]) -> Result<(usize, Key)>
         "columns qx to qw: the quaternion's length is {}, not 1",
         quaternion.norm()
     );
-    Ok((tool, Key { time_s, pose: Some(Pose { position_m, orientation: Quat::new_normalize(quaternion) }) }))
+    let opening = if record.len() > COLUMNS { number(COLUMNS)? } else { OPEN };
+    ensure!((0.0..=1.0).contains(&opening), "column opening: {opening} is not between 0 and 1");
+    let pose = Pose { position_m, orientation: Quat::new_normalize(quaternion) };
+    Ok((tool, Key { time_s, pose: Some(pose), opening }))
 }
 
 #[cfg(test)]
@@ -174,6 +192,22 @@ mod tests {
         assert_eq!(motion(&mut script, 0.5), None);
         assert!(matches!(motion(&mut script, 0.7), Some(ToolMotion::EnterAt(_))));
         assert!(matches!(motion(&mut script, 9.0), Some(ToolMotion::MoveTo(pose)) if pose.position_m.x == 5.0));
+    }
+
+    #[test]
+    fn jaws_move_linearly_and_are_told_of_when_they_do() {
+        let rows = "time_s,tool,x_m,y_m,z_m,qx,qy,qz,qw,opening\n\
+                    0,knife,0,0,0,0,0,0,1,1\n0.2,knife,0,0,0,0,0,0,1,1\n0.4,knife,0,0,0,0,0,0,1,0\n\
+                    0.6,knife,lift,,,,,,,\n0.8,knife,0,0,0,0,0,0,1,0\n";
+        let mut script = script(rows).unwrap();
+        let mut opening = |time_s| match script.advance(time_s)[..] {
+            [_, ToolInput { motion: ToolMotion::SetOpening(opening), .. }] => Some(opening),
+            _ => None,
+        };
+        assert_eq!([opening(0.0), opening(0.1), opening(0.4), opening(0.5)], [None, None, Some(0.0), None]);
+        assert_eq!([opening(0.7), opening(0.9), opening(1.0)], [None, Some(0.0), None]);
+        let refused = Script::from_csv(rows.replacen("1,1\n", "1,2\n", 1).as_bytes(), &["knife"]).unwrap_err();
+        assert_eq!(format!("{refused:#}"), "row 2: column opening: 2 is not between 0 and 1");
     }
 
     #[test]

@@ -162,7 +162,8 @@ pub fn stroke_box(desc: &SceneDesc, script: &Script, margin_m: f64) -> Option<[[
     for step in 0..=steps {
         for input in script.advance(step as f64 / desc.rate_hz) {
             let (ToolMotion::MoveTo(pose) | ToolMotion::EnterAt(pose)) = input.motion else { continue };
-            let ToolShapeDesc::Blade(blade) = &desc.tools[input.tool].shape;
+            // Only edges cut, and are followed by a finer region.
+            let ToolShapeDesc::Blade(blade) = &desc.tools[input.tool].shape else { continue };
             for point in blade.edge.points_m(blade.width_m).into_iter().flatten() {
                 let at = pose.transform(&point);
                 (least, most) = (least.inf(&at), most.sup(&at));

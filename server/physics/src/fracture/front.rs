@@ -30,6 +30,7 @@ const CHAIN_GAP_VOXELS: f64 = 8.0;
 const START_VOXELS: f64 = 0.5;
 
 /// The front of one blade in one body.
+#[derive(Clone)]
 pub struct Front {
     markers: Vec<Marker>,
     /// Shares of the edge, one to a marker, and the length of each, m.

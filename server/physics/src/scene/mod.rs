@@ -454,6 +454,12 @@ impl ToolDesc {
     pub fn blade(name: &str, blade: BladeDesc) -> Self {
         Self { name: name.into(), shape: ToolShapeDesc::Blade(blade) }
     }
+
+    /// A tool that is a grasper.
+    #[must_use]
+    pub fn grasper(name: &str, grasper: GrasperDesc) -> Self {
+        Self { name: name.into(), shape: ToolShapeDesc::Grasper(grasper) }
+    }
 }
 
 /// What a tool is.
@@ -462,6 +468,8 @@ impl ToolDesc {
 pub enum ToolShapeDesc {
     /// Cuts with its edge.
     Blade(BladeDesc),
+    /// Holds what its jaws close on.
+    Grasper(GrasperDesc),
 }
 
 /// A blade.
@@ -499,6 +507,18 @@ impl BladeDesc {
 
 fn default_edge_half_width_m() -> f64 {
     5e-5
+}
+
+/// A grasper: jaws that take hold of the tissue around the tool's reference point as they close, and keep
+/// it where it is relative to the tool until they open.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GrasperDesc {
+    /// Radius around the reference point within which the jaws take hold, m, 1e-4 to 0.1.
+    pub radius_m: f64,
+    /// Force on the tool above which what it holds slips out, N, 1e-6 to 1e6. Default: none is too much.
+    #[serde(default)]
+    pub max_force_n: Option<f64>,
 }
 
 /// A point whose displacement is reported.

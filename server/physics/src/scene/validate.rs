@@ -6,8 +6,8 @@ use std::ops::RangeInclusive;
 use super::edge;
 use super::toughness::{carried_over_eh, composite_edge_m, gc_over_eh};
 use super::{
-    BladeDesc, DialDesc, LoadDesc, MaterialDesc, Meshes, ObjectDesc, SCENE_VERSION, Scene, SceneDesc, SceneError,
-    ShapeDesc, ToolShapeDesc,
+    BladeDesc, DialDesc, GrasperDesc, LoadDesc, MaterialDesc, Meshes, ObjectDesc, SCENE_VERSION, Scene, SceneDesc,
+    SceneError, ShapeDesc, ToolShapeDesc,
 };
 use crate::grid::voxelize::voxel_size_m;
 
@@ -42,6 +42,8 @@ pub const MAX_STIFFNESS_CONTRAST: f64 = 1e6;
 pub const MAX_FREE_WAVE_VOXELS: f64 = 100.0;
 /// Edges of a voxel, m: from cells in a dish to whole carcasses.
 const VOXEL_SIZE_M: RangeInclusive<f64> = 1e-5..=1.0;
+/// Radius within which a grasper takes hold, m: from micromanipulators to a hand.
+const JAW_RADIUS_M: RangeInclusive<f64> = 1e-4..=0.1;
 
 /// Largest coordinate and length, m. Beyond it voxels of the smallest size lose their digits in `f32`.
 const MAX_LENGTH_M: f64 = 1e3;
@@ -111,6 +113,7 @@ fn problems(scene: &SceneDesc, meshes: &Meshes) -> Vec<SceneError> {
         let field = format!("tools[{i}].shape");
         match &tool.shape {
             ToolShapeDesc::Blade(blade) => report.blade(&format!("{field}.blade"), blade, smallest_voxel_m),
+            ToolShapeDesc::Grasper(grasper) => report.grasper(&format!("{field}.grasper"), grasper),
         }
     }
     report.count("probes", scene.probes.len(), 0..=MAX_PROBES);
@@ -408,6 +411,13 @@ impl Report {
         }
         if width_is_sound && let Some((at, message)) = edge::problem(blade, smallest_voxel_m, MAX_BLADE_VOXELS) {
             self.refuse(format!("{field}.{at}"), message);
+        }
+    }
+
+    fn grasper(&mut self, field: &str, grasper: &GrasperDesc) {
+        self.number(&format!("{field}.radius_m"), grasper.radius_m, JAW_RADIUS_M);
+        if let Some(force_n) = grasper.max_force_n {
+            self.number(&format!("{field}.max_force_n"), force_n, 1e-6..=1e6);
         }
     }
 }

@@ -3,8 +3,12 @@
 pub mod blade;
 pub mod edge;
 pub mod flanks;
+pub mod grasper;
 
+use crate::scene::{SceneError, ToolShapeDesc};
 use crate::{Quat, Vec3};
+use blade::Blade;
+use grasper::Grasper;
 
 /// Pose of a tool in the scene frame. Tool frame: origin = reference point = middle of the edge,
 /// +x along the edge, -y the cutting direction (spine to edge), +z the blade's normal.
@@ -28,4 +32,68 @@ impl Pose {
     pub fn transform(&self, local_m: &Vec3) -> Vec3 {
         self.position_m + self.orientation * local_m
     }
+}
+
+/// What a tool is.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ToolShape {
+    /// Cuts with its edge.
+    Blade(Blade),
+    /// Holds what its jaws close on.
+    Grasper(Grasper),
+}
+
+impl ToolShape {
+    /// The tool that a scene describes.
+    ///
+    /// # Errors
+    /// An edge that is none.
+    pub fn new(desc: &ToolShapeDesc) -> Result<Self, SceneError> {
+        Ok(match desc {
+            ToolShapeDesc::Blade(blade) => Self::Blade(Blade::new(blade).map_err(|e| e.within("blade"))?),
+            ToolShapeDesc::Grasper(grasper) => Self::Grasper(grasper.into()),
+        })
+    }
+
+    /// Distance from a pose within which the contact there is about the same, m: a twentieth of the size.
+    #[must_use]
+    pub fn validity_radius_m(&self) -> f64 {
+        0.05 * match self {
+            Self::Blade(blade) => blade.edge.length_m(),
+            Self::Grasper(grasper) => 2.0 * grasper.radius_m,
+        }
+    }
+
+    /// Stiffness against displacement and against turning with which a tool is felt to be held, over that
+    /// of its contact springs: what the tissue gives in series. A blade's springs stand for the tissue
+    /// themselves; see [`grasper::FELT_SHARES`].
+    #[must_use]
+    pub fn felt_shares(&self) -> [f64; 2] {
+        match self {
+            Self::Blade(_) => [1.0; 2],
+            Self::Grasper(_) => grasper::FELT_SHARES,
+        }
+    }
+
+    /// Force on the tool above which it loses its hold, N.
+    #[must_use]
+    pub fn max_hold_n(&self) -> f64 {
+        match self {
+            Self::Blade(_) => f64::INFINITY,
+            Self::Grasper(grasper) => grasper.max_force_n,
+        }
+    }
+}
+
+/// How a tool that is in the scene moves in a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToolPath {
+    /// Pose at t; equal to `pose` where it has just entered.
+    pub before: Pose,
+    /// Pose at t + dt.
+    pub pose: Pose,
+    /// Share of their full opening that jaws take at t + dt.
+    pub opening: f64,
+    /// It was put down at `pose` in this step.
+    pub entered: bool,
 }

@@ -3,15 +3,13 @@
 use super::tool_contact::ToolContact;
 use crate::body::{self, Body, TopologyChange};
 use crate::contact::Mode;
-use crate::contact::broad::SpatialHash;
 use crate::contact::flank::Walls;
 use crate::fault::{Fault, FaultKind};
-use crate::fracture::Front;
 use crate::grid::{Crossing, LinkId};
 use crate::ledger::BodyLedger;
 use crate::solve::spring::POINT_NODES;
 use crate::step_io::{SolveReport, StepOutput};
-use crate::tool::blade::Blade;
+use crate::tool::ToolShape;
 use crate::workers::Workers;
 
 /// A body with the step data that belongs to it.
@@ -33,15 +31,8 @@ pub(super) struct BodySlot {
 }
 
 impl BodySlot {
-    pub(super) fn new(body: Body, blades: &[Blade], pulled: bool) -> Self {
-        let contacts = blades
-            .iter()
-            .map(|blade| ToolContact {
-                front: Front::new(blade, &body, pulled),
-                flanks: Vec::new(),
-                hash: SpatialHash::default(),
-            })
-            .collect();
+    pub(super) fn new<'a>(body: Body, tools: impl Iterator<Item = &'a ToolShape>, pulled: bool) -> Self {
+        let contacts = tools.map(|shape| ToolContact::new(shape, &body, pulled)).collect();
         let energy = body.energy();
         let mut slot = Self {
             velocity_change: vec![[0.0; 3]; body.node_count()],
@@ -61,12 +52,7 @@ impl BodySlot {
 
     /// Room for every contact there may be until links part again: a step in between allocates nothing.
     pub(super) fn reserve(&mut self) {
-        for contact in &mut self.contacts {
-            contact.flanks.clear();
-            contact.flanks.reserve(self.walls.len());
-            contact.hash.reserve(self.body.base().elements.len());
-        }
-        let springs = self.contacts.iter().map(|c| c.front.most_springs() + self.walls.len()).sum();
+        let springs = self.contacts.iter_mut().map(|c| c.reserve(&self.body, &self.walls)).sum();
         self.impulses.clear();
         self.impulses.reserve(POINT_NODES * springs);
         self.body.reserve_springs(springs);
@@ -87,12 +73,7 @@ impl BodySlot {
     pub(super) fn settle_contacts(&mut self, dt_s: f64) -> bool {
         let mut changed = false;
         for contact in &mut self.contacts {
-            for front in &mut contact.front.contacts {
-                changed |= front.settle(dt_s, &self.velocity_change);
-            }
-            for flank in &mut contact.flanks {
-                changed |= flank.settle(dt_s, &self.velocity_change);
-            }
+            changed |= contact.settle(dt_s, &self.velocity_change);
         }
         changed
     }

@@ -3,13 +3,14 @@
 use crate::Vec3;
 use crate::contact::{Contact, Mode};
 use crate::step_io::{ContactModel, Wrench};
-use crate::tool::Pose;
-use crate::tool::blade::Blade;
+use crate::tool::{Pose, ToolShape};
 
 /// Accumulates the wrench and the local contact model of a tool.
 pub(super) struct ContactModelSum {
     pose: Pose,
     forward: Vec3,
+    /// Square roots: they scale rows and columns.
+    felt: [f64; 2],
     stiffness: [[f64; 6]; 6],
     cap_n: f64,
     yields: bool,
@@ -18,15 +19,16 @@ pub(super) struct ContactModelSum {
 }
 
 impl ContactModelSum {
-    pub(super) fn new(pose: Pose, blade: &Blade) -> Self {
+    pub(super) fn new(pose: Pose, shape: &ToolShape) -> Self {
         Self {
             pose,
             forward: pose.orientation * -Vec3::y(),
+            felt: shape.felt_shares().map(f64::sqrt),
             stiffness: [[0.0; 6]; 6],
             cap_n: 0.0,
             yields: false,
             contacts: 0,
-            radius_m: 0.05 * blade.edge.length_m(),
+            radius_m: shape.validity_radius_m(),
         }
     }
 
@@ -42,7 +44,7 @@ impl ContactModelSum {
         self.yields |= contact.mode == Mode::Yield;
         let turn = arm.cross(&contact.direction);
         let row = [0, 1, 2].map(|i| contact.direction[i]);
-        let row: [f64; 6] = std::array::from_fn(|i| if i < 3 { row[i] } else { turn[i - 3] });
+        let row: [f64; 6] = std::array::from_fn(|i| self.felt[i / 3] * if i < 3 { row[i] } else { turn[i - 3] });
         for i in 0..6 {
             for j in 0..6 {
                 self.stiffness[i][j] += contact.stiffness_n_per_m * row[i] * row[j];

@@ -1,5 +1,6 @@
 //! The state of one scene and the order of its step.
 
+mod blade_contact;
 mod body_slot;
 mod contact_model;
 mod queries;
@@ -7,14 +8,12 @@ mod tool_contact;
 
 use crate::Vec3;
 use crate::body::{Body, MaterialPoint, PartedLinks, TopologyChange};
-use crate::fracture::{BladeMotion, Front};
 use crate::ledger::{self, ContactLedger};
 use crate::params::StepParams;
-use crate::scene::{Scene, SceneError, ToolShapeDesc};
+use crate::scene::{Scene, SceneError};
 use crate::stage::{Lap, Stage, StageClock};
-use crate::step_io::{FractureStep, SolveReport, StepInputs, StepOutput, ToolMotion, ToolOutput, Wrench};
-use crate::tool::Pose;
-use crate::tool::blade::Blade;
+use crate::step_io::{FractureStep, Grasp, SolveReport, StepInputs, StepOutput, ToolMotion, ToolOutput, Wrench};
+use crate::tool::{Pose, ToolPath, ToolShape};
 use crate::view::View;
 use crate::workers::Workers;
 use body_slot::BodySlot;
@@ -28,13 +27,34 @@ pub use queries::{ObjectStats, WorldCounts};
 /// the next step.
 const MAX_ACTIVE_SET_SOLVES: u32 = 4;
 
+/// Opening that tools enter with.
+const OPEN: f64 = 1.0;
+
 /// A tool and where it is.
 struct Tool {
-    blade: Blade,
+    shape: ToolShape,
     pose: Option<Pose>,
     /// Pose at the beginning of the step; equal to `pose` where it has just entered.
     before: Option<Pose>,
+    /// Share of their full opening that its jaws take, if it has any.
+    opening: f64,
     entered: bool,
+}
+
+impl Tool {
+    fn new(shape: ToolShape) -> Self {
+        Self { shape, pose: None, before: None, opening: OPEN, entered: false }
+    }
+
+    fn enter_at(&mut self, pose: Pose) {
+        (self.pose, self.before, self.opening, self.entered) = (Some(pose), Some(pose), OPEN, true);
+    }
+
+    /// How it moves in the step; `None` while it is lifted.
+    fn path(&self) -> Option<ToolPath> {
+        let (pose, before) = (self.pose?, self.before?);
+        Some(ToolPath { before, pose, opening: self.opening, entered: self.entered })
+    }
 }
 
 /// A probe: a material point that is followed.
@@ -53,7 +73,7 @@ pub struct World {
     /// nothing is contoured.
     view: Option<View>,
     contact_ledger: ContactLedger,
-    flank_before_j: f64,
+    spring_before_j: f64,
     output: StepOutput,
 }
 
@@ -73,29 +93,26 @@ impl World {
             relative_tolerance: desc.solver.relative_tolerance,
             max_iterations: desc.solver.max_iterations,
         };
-        let blades: Vec<Blade> = desc
-            .tools
-            .iter()
-            .enumerate()
-            .map(|(i, tool)| match &tool.shape {
-                ToolShapeDesc::Blade(blade) => {
-                    Blade::new(blade).map_err(|e| e.within(&format!("tools[{i}].shape.blade")))
-                }
-            })
-            .collect::<Result<_, _>>()?;
+        let mut tools = Vec::with_capacity(desc.tools.len());
+        for (index, tool) in desc.tools.iter().enumerate() {
+            let shape = ToolShape::new(&tool.shape).map_err(|e| e.within(&format!("tools[{index}].shape")))?;
+            tools.push(Tool::new(shape));
+        }
+        let grasped = tools.iter().any(|tool| matches!(tool.shape, ToolShape::Grasper(_)));
         let mut slots = Vec::with_capacity(desc.objects.len());
-        for index in 0..desc.objects.len() {
+        for (index, object) in desc.objects.iter().enumerate() {
             let body = Body::new(scene, index, params, &Workers::serial())?;
-            slots.push(BodySlot::new(body, &blades, !desc.objects[index].loads.is_empty()));
+            let pulled = grasped || !object.loads.is_empty();
+            slots.push(BodySlot::new(body, tools.iter().map(|tool| &tool.shape), pulled));
         }
         let mut world = Self {
             params,
             slots,
-            tools: blades.into_iter().map(|blade| Tool { blade, pose: None, before: None, entered: false }).collect(),
+            tools,
             probes: Vec::new(),
             view: None,
             contact_ledger: ContactLedger::default(),
-            flank_before_j: 0.0,
+            spring_before_j: 0.0,
             output: StepOutput::default(),
         };
         for (index, probe) in desc.probes.iter().enumerate() {
@@ -140,10 +157,11 @@ impl World {
         lap.end(Stage::Velocities);
         self.integrate(workers);
         self.write_wrenches();
+        self.slip();
         lap.end(Stage::Integrate);
         self.evaluate(workers);
         lap.end(Stage::Rotations);
-        if self.slots.iter().any(|s| s.contacts.iter().any(|c| !c.front.contacts.is_empty())) {
+        if self.slots.iter().any(|s| s.contacts.iter().any(ToolContact::has_front)) {
             self.advance_fronts();
             lap.end(Stage::Fracture);
         }
@@ -175,11 +193,8 @@ impl World {
             let Some(tool) = self.tools.get_mut(input.tool) else { continue };
             match input.motion {
                 ToolMotion::MoveTo(pose) if tool.pose.is_some() => tool.pose = Some(pose),
-                ToolMotion::MoveTo(pose) | ToolMotion::EnterAt(pose) => {
-                    tool.pose = Some(pose);
-                    tool.before = Some(pose);
-                    tool.entered = true;
-                }
+                ToolMotion::MoveTo(pose) | ToolMotion::EnterAt(pose) => tool.enter_at(pose),
+                ToolMotion::SetOpening(opening) => tool.opening = opening,
                 ToolMotion::Lift => {
                     tool.pose = None;
                     self.slots.iter_mut().for_each(|s| s.contacts[input.tool].lift());
@@ -191,9 +206,8 @@ impl World {
     fn detect_contacts(&mut self) {
         for slot in &mut self.slots {
             for (tool, contact) in self.tools.iter().zip(&mut slot.contacts) {
-                if let (Some(pose), Some(before)) = (tool.pose, tool.before) {
-                    let motion = BladeMotion { blade: &tool.blade, before, pose };
-                    contact.detect(&slot.body, &slot.walls, &motion, tool.entered);
+                if let Some(path) = tool.path() {
+                    contact.detect(&slot.body, &slot.walls, &path);
                 }
             }
         }
@@ -245,9 +259,8 @@ impl World {
     fn advance_fronts(&mut self) {
         for slot in &mut self.slots {
             for (tool, contact) in self.tools.iter().zip(&mut slot.contacts) {
-                if let (Some(pose), Some(before)) = (tool.pose, tool.before) {
-                    let motion = BladeMotion { blade: &tool.blade, before, pose };
-                    let book = contact.front.advance(&slot.body, &motion, &mut slot.parting);
+                if let Some(path) = tool.path() {
+                    let book = contact.advance(&slot.body, &path, &mut slot.parting);
                     self.contact_ledger.front.add(&book);
                 }
             }
@@ -284,40 +297,52 @@ impl World {
         }
     }
 
-    /// Wrenches from the forces the solver applied; tool work and flank energies with them.
+    /// Wrenches from the forces the solver applied; tool work and the springs' energies with them.
     fn write_wrenches(&mut self) {
         for (index, tool) in self.tools.iter().enumerate() {
             let mut wrench = Wrench::default();
-            let mut model = tool.pose.map(|pose| ContactModelSum::new(pose, &tool.blade));
+            let mut model = tool.pose.map(|pose| ContactModelSum::new(pose, &tool.shape));
             for slot in &self.slots {
                 let contact = &slot.contacts[index];
-                for c in contact.springs().filter(|c| c.force_n != 0.0) {
+                for c in contact.acting() {
                     let force = c.direction * c.force_n;
                     self.contact_ledger.tool_work_j += force.dot(&(c.tool_point_m - c.tool_point_before_m));
                     if let Some(sum) = &mut model {
                         sum.add(c, &mut wrench);
                     }
                 }
-                for c in &contact.flanks {
-                    self.contact_ledger.flank_work_j += c.force_n * (c.gap_m - c.gap_before_m);
-                    self.contact_ledger.flank_stored_j += 0.5 * c.force_n * c.gap_m;
+                for c in contact.beside_fronts() {
+                    self.contact_ledger.spring_work_j += c.force_n * (c.gap_m - c.gap_before_m);
+                    self.contact_ledger.spring_stored_j += 0.5 * c.force_n * c.gap_m;
                 }
             }
             let output = &mut self.output.tools[index];
             output.pose = tool.pose;
             output.wrench = wrench;
             output.contact = model.and_then(|m| m.finish(wrench));
-            output.cutting_length_m = self.slots.iter().map(|s| s.contacts[index].front.cutting_length_m()).sum();
+            output.cutting_length_m = self.slots.iter().map(|s| s.contacts[index].cutting_length_m()).sum();
+            let holds = self.slots.iter().any(|s| s.contacts[index].holds());
+            output.grasp = if holds { Grasp::Holding } else { Grasp::Nothing };
+        }
+    }
+
+    /// What is held with more force than a grasper has slips out of it, all at once.
+    fn slip(&mut self) {
+        for (index, (tool, output)) in self.tools.iter().zip(&mut self.output.tools).enumerate() {
+            if output.grasp == Grasp::Holding && output.wrench.force_n.norm() > tool.shape.max_hold_n() {
+                self.slots.iter_mut().for_each(|slot| slot.contacts[index].lift());
+                output.grasp = Grasp::Slipped;
+            }
         }
     }
 
     fn finish(&mut self) {
-        let fronts = self.slots.iter_mut().flat_map(|s| &mut s.contacts).map(|c| &mut c.front);
-        self.contact_ledger.front.numerical_j += fronts.map(Front::take_dropped_j).sum::<f64>();
+        let contacts = self.slots.iter_mut().flat_map(|s| &mut s.contacts);
+        self.contact_ledger.front.numerical_j += contacts.map(ToolContact::take_dropped_j).sum::<f64>();
         let before = self.output.energy;
         let ledgers = self.slots.iter().map(|s| &s.ledger);
-        self.output.energy = ledger::book(ledgers, &self.contact_ledger, &before, self.flank_before_j);
-        self.flank_before_j = self.contact_ledger.flank_stored_j;
+        self.output.energy = ledger::book(ledgers, &self.contact_ledger, &before, self.spring_before_j);
+        self.spring_before_j = self.contact_ledger.spring_stored_j;
         self.read_probes();
         self.output.step += 1;
         self.output.sim_time_s = self.output.step as f64 * self.params.dt_s;

@@ -120,7 +120,7 @@ impl World {
         }
     }
 
-    /// Hash of positions, velocities, strain memory, fronts and topology.
+    /// Hash of positions, velocities, strain memory, fronts, what graspers hold and topology.
     #[must_use]
     pub fn state_hash(&self) -> u64 {
         let mut hasher = StateHasher::default();
@@ -133,7 +133,7 @@ impl World {
             for element in &slot.body.base().elements {
                 element.nodes.iter().for_each(|n| hasher.word(u64::from(*n)));
             }
-            slot.contacts.iter().for_each(|c| c.front.fold_into(&mut hasher));
+            slot.contacts.iter().for_each(|c| c.fold_into(&mut hasher));
         }
         hasher.finish()
     }

@@ -1,0 +1,152 @@
+//! A grasper's hold on one body.
+//!
+//! Jaws that close take hold of material points on a lattice through the ball around the reference
+//! point: each stays where it is relative to the tool, on springs in three directions that push and
+//! pull. The points belong to voxels, so a cut through what is held leaves each with its own side.
+
+use super::broad::{Aabb, SpatialHash};
+use super::{Contact, ContactWeights, Mode, narrow};
+use crate::Vec3;
+use crate::body::{Body, MaterialPoint};
+use crate::hash::StateHasher;
+use crate::tool::grasper::{Grasper, Jaws};
+use crate::tool::{Pose, ToolPath};
+
+/// Points along the radius: as close as the elements' edge, which resolve no more; but enough to hold
+/// against turning, and not so many that they cost more than the elements.
+const POINTS_PER_RADIUS: std::ops::RangeInclusive<f64> = 2.0..=4.0;
+/// Stiffness of a point over Young's modulus times the distance between points. A rigid ball of radius a
+/// in the tissue is held with about 6 E a, the 33 points of the coarsest lattice hold with 165 E a: the
+/// springs add less than a twentieth to the compliance of what they hold.
+const STIFFNESS: f64 = 10.0;
+
+/// A material point that is held.
+#[derive(Clone, Copy, Debug)]
+struct HeldPoint {
+    point: MaterialPoint,
+    /// Where it is held, tool frame, m.
+    place_m: Vec3,
+    stiffness_n_per_m: f64,
+}
+
+/// What one grasper does in one body.
+#[derive(Clone)]
+pub struct Grip {
+    grasper: Grasper,
+    jaws: Jaws,
+    /// Points of the tool that may hold one of the tissue, tool frame, m.
+    places_m: Vec<Vec3>,
+    /// Distance between them, m.
+    spacing_m: f64,
+    held: Vec<HeldPoint>,
+    hash: SpatialHash,
+    /// Springs of the step that is being taken, three per held point.
+    pub contacts: Vec<Contact>,
+}
+
+impl Grip {
+    /// Open jaws.
+    #[must_use]
+    pub fn new(grasper: Grasper, body: &Body) -> Self {
+        let per_radius = (grasper.radius_m / body.lattice_edge_m()).ceil();
+        let per_radius = per_radius.clamp(*POINTS_PER_RADIUS.start(), *POINTS_PER_RADIUS.end()) as i32;
+        let spacing_m = grasper.radius_m / f64::from(per_radius);
+        let axis = || -per_radius..=per_radius;
+        let lattice = axis().flat_map(|i| axis().flat_map(move |j| axis().map(move |k| [i, j, k])));
+        let places_m: Vec<Vec3> = lattice
+            .filter(|cell| cell.iter().map(|c| c * c).sum::<i32>() <= per_radius * per_radius)
+            .map(|cell| Vec3::from(cell.map(f64::from)) * spacing_m)
+            .collect();
+        Self {
+            grasper,
+            jaws: Jaws::default(),
+            held: Vec::with_capacity(places_m.len()),
+            contacts: Vec::with_capacity(3 * places_m.len()),
+            places_m,
+            spacing_m,
+            hash: SpatialHash::default(),
+        }
+    }
+
+    /// Room for all elements of the body around the jaws.
+    pub fn reserve(&mut self, elements: usize) {
+        self.hash.reserve(elements);
+    }
+
+    /// Number of springs that the grip may have at most.
+    #[must_use]
+    pub fn most_springs(&self) -> usize {
+        3 * self.places_m.len()
+    }
+
+    /// Lets go of everything; jaws that stay closed take hold of nothing until they have opened.
+    pub fn let_go(&mut self) {
+        self.held.clear();
+        self.contacts.clear();
+    }
+
+    /// Takes hold as the jaws close, lets go as they open, and sets up the springs of what is held. Jaws
+    /// that come in closed hold nothing.
+    pub fn detect(&mut self, body: &Body, path: &ToolPath) {
+        let was = if path.entered { Jaws::Closed } else { self.jaws };
+        self.jaws = self.jaws.at(path.opening);
+        self.contacts.clear();
+        if path.entered || self.jaws == Jaws::Open {
+            self.held.clear();
+        }
+        if was == Jaws::Open && self.jaws == Jaws::Closed {
+            self.take_hold(body, &path.before);
+        }
+        for held in &self.held {
+            self.contacts.extend(held.springs(body, path));
+        }
+    }
+
+    /// Holds the tissue where it is: no spring starts with a force.
+    fn take_hold(&mut self, body: &Body, pose: &Pose) {
+        self.hash.rebuild(body, &Aabb::around([pose.position_m]).grown(self.grasper.radius_m));
+        for place_m in &self.places_m {
+            if let Some(point) = narrow::locate(body, &self.hash, &pose.transform(place_m)) {
+                let young_modulus_pa = body.material_of(point.voxel).young_modulus_pa;
+                let stiffness_n_per_m = STIFFNESS * young_modulus_pa * self.spacing_m;
+                self.held.push(HeldPoint { point, place_m: *place_m, stiffness_n_per_m });
+            }
+        }
+    }
+
+    /// Folds closed jaws and what they hold into a hash; open ones leave it as it is.
+    pub fn fold_into(&self, hasher: &mut StateHasher) {
+        if self.jaws == Jaws::Closed {
+            hasher.word(self.held.len() as u64);
+        }
+        for held in &self.held {
+            hasher.word(u64::from(held.point.voxel.0));
+            hasher.floats(held.point.position_m.as_slice());
+            hasher.floats(held.place_m.as_slice());
+        }
+    }
+}
+
+impl HeldPoint {
+    fn springs(&self, body: &Body, path: &ToolPath) -> [Contact; 3] {
+        let mut weights = ContactWeights::default();
+        let (nodes, n) = body.weights(&self.point);
+        nodes.into_iter().zip(n).for_each(|(node, n)| weights.add(node, n));
+        let at = weights.sum(&body.position_m);
+        let drift = weights.sum(&body.velocity_m_per_s) * body.dt_s();
+        let (before, now) = (path.before.transform(&self.place_m), path.pose.transform(&self.place_m));
+        [Vec3::x(), Vec3::y(), Vec3::z()].map(|direction| Contact {
+            weights,
+            direction,
+            tool_point_m: now,
+            tool_point_before_m: before,
+            stiffness_n_per_m: self.stiffness_n_per_m,
+            gap_before_m: (before - at).dot(&direction),
+            gap_predicted_m: (now - at - drift).dot(&direction),
+            limit_n: f64::INFINITY,
+            bilateral: true,
+            mode: Mode::Spring,
+            ..Contact::default()
+        })
+    }
+}

@@ -1,0 +1,65 @@
+//! A grasper: jaws that take hold of what is around the reference point.
+
+use crate::scene::GrasperDesc;
+
+/// Jaws that open by less than this share close, and hold on until they open by more than
+/// [`OPENS_ABOVE`]: a device that trembles between the two lets nothing go.
+const CLOSES_BELOW: f64 = 0.1;
+/// See [`CLOSES_BELOW`].
+const OPENS_ABOVE: f64 = 0.2;
+
+/// A rigid ball of radius a in incompressible tissue is held with 6 pi mu a = 6.3 E a and, against turning,
+/// with 8 pi mu a^3 = 8.4 E a^3; the springs of a grip have 165 E a and 65 E a^3 (33 points of
+/// [`crate::contact::grip`]). The two act in series.
+pub const FELT_SHARES: [f64; 2] = [6.3 / (6.3 + 165.0), 8.4 / (8.4 + 65.0)];
+
+/// A grasper; the reference point is the middle of its jaws.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grasper {
+    /// Radius around the reference point within which it takes hold, m.
+    pub radius_m: f64,
+    /// Force on the tool above which it loses its hold, N; infinite: never.
+    pub max_force_n: f64,
+}
+
+impl From<&GrasperDesc> for Grasper {
+    fn from(desc: &GrasperDesc) -> Self {
+        Self { radius_m: desc.radius_m, max_force_n: desc.max_force_n.unwrap_or(f64::INFINITY) }
+    }
+}
+
+/// What jaws do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Jaws {
+    /// Hold nothing.
+    #[default]
+    Open,
+    /// Hold what was between them as they closed.
+    Closed,
+}
+
+impl Jaws {
+    /// What they do at an `opening`, a share of the full one.
+    #[must_use]
+    pub fn at(self, opening: f64) -> Self {
+        match self {
+            Self::Open if opening < CLOSES_BELOW => Self::Closed,
+            Self::Closed if opening > OPENS_ABOVE => Self::Open,
+            as_before => as_before,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn jaws_that_tremble_change_nothing() {
+        let jaws = [1.0, 0.15, 0.09, 0.15, 0.19, 0.21, 0.15].iter().scan(Jaws::default(), |jaws, opening| {
+            *jaws = jaws.at(*opening);
+            Some(*jaws == Jaws::Closed)
+        });
+        assert_eq!(jaws.collect::<Vec<_>>(), [false, false, true, true, true, false, false]);
+    }
+}
