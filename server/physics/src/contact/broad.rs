@@ -37,7 +37,7 @@ impl Aabb {
 }
 
 /// Elements by the cells of space that their boxes cover, near one tool.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct SpatialHash {
     cell_m: f64,
     /// Elements near the tool and their boxes, ascending.

@@ -28,6 +28,7 @@ const CHAIN_GAP_VOXELS: f64 = 8.0;
 const START_VOXELS: f64 = 0.5;
 
 /// The front of one blade in one body.
+#[derive(Clone)]
 pub struct Front {
     markers: Vec<Marker>,
     share_m: f64,
@@ -70,6 +71,14 @@ impl Front {
     #[must_use]
     pub fn most_springs(&self) -> usize {
         2 * self.markers.len()
+    }
+
+    /// Room for a spring on every marker, which a copy of a front lacks.
+    pub fn reserve(&mut self) {
+        let count = self.markers.len();
+        self.chain.reserve(count.saturating_sub(self.chain.len()));
+        self.target.reserve(count.saturating_sub(self.target.len()));
+        self.contacts.reserve(count.saturating_sub(self.contacts.len()));
     }
 
     /// Forgets every contact; what is inside now counts as put down inside.

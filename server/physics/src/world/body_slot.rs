@@ -15,6 +15,7 @@ use crate::tool::blade::Blade;
 use crate::workers::Workers;
 
 /// A body with the step data that belongs to it.
+#[derive(Clone)]
 pub(super) struct BodySlot {
     pub(super) body: Body,
     /// By tool.
@@ -62,6 +63,7 @@ impl BodySlot {
     /// Room for every contact there may be until links part again: a step in between allocates nothing.
     pub(super) fn reserve(&mut self) {
         for contact in &mut self.contacts {
+            contact.front.reserve();
             contact.flanks.clear();
             contact.flanks.reserve(self.walls.len());
             contact.hash.reserve(self.body.base().elements.len());

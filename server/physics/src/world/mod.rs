@@ -3,6 +3,7 @@
 mod body_slot;
 mod contact_model;
 mod queries;
+mod snapshot;
 mod tool_contact;
 
 use crate::Vec3;
@@ -23,12 +24,14 @@ use tool_contact::ToolContact;
 
 pub use crate::body::Relaxation;
 pub use queries::{ObjectStats, WorldCounts};
+pub use snapshot::Snapshot;
 
 /// A step's contact springs are re-solved at most this many times; what still changes then waits for
 /// the next step.
 const MAX_ACTIVE_SET_SOLVES: u32 = 4;
 
 /// A tool and where it is.
+#[derive(Clone)]
 struct Tool {
     blade: Blade,
     pose: Option<Pose>,

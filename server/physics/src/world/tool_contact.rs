@@ -8,6 +8,7 @@ use crate::contact::flank::Walls;
 use crate::fracture::{BladeMotion, Front};
 
 /// What one tool does in one body.
+#[derive(Clone)]
 pub(super) struct ToolContact {
     pub(super) front: Front,
     pub(super) flanks: Vec<Contact>,
