@@ -157,7 +157,7 @@ pub struct FractureStep {
 }
 
 /// Everything a step reports. Owned by the world and reused.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct StepOutput {
     /// Steps taken so far, this one included.
     pub step: u64,

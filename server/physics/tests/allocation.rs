@@ -65,3 +65,14 @@ fn a_step_without_fracture_allocates_nothing() {
         assert_eq!(cutting, 0, "cutting, law {law}");
     }
 }
+
+#[test]
+fn a_world_that_went_back_to_a_snapshot_allocates_nothing_either() {
+    let mut world = World::new(&cutting_scene()).expect("a valid scene");
+    press(&mut world, 0.05);
+    let snapshot = world.snapshot();
+    stroke(&mut world, 0.040, 0.3, 40);
+    world.restore(&snapshot);
+    press(&mut world, 0.05);
+    assert_eq!(stroke(&mut world, 0.0402, 0.05, 20), (0, 0), "contacts that the snapshot has not");
+}

@@ -17,7 +17,7 @@ const MOST_EXCESS_STIFFNESS: f64 = 1.5;
 
 /// Moduli of the patterns of materials met so far; `None` where the voxels' own element serves. Layered
 /// cells repeat a few patterns; there are never more than the body's cells.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Homogenised(BTreeMap<Vec<u16>, Option<Moduli>>);
 
 impl Body {

@@ -55,7 +55,7 @@ impl BodyEnergy {
 }
 
 /// What the elements of a chunk work on, and what they add up to.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct ElementChunk {
     pub(super) nodal: NodalBuffers,
     pub(super) found: Evaluation,

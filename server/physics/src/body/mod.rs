@@ -31,6 +31,7 @@ use crate::solve::multigrid::Multigrid;
 use crate::solve::operator::NodeVector;
 use crate::solve::pcg::PcgScratch;
 use crate::workers::Workers;
+use std::sync::Arc;
 use wide::f64x4;
 
 /// Coarsening stops at this many nodes: a dense factor of that size costs less than another level.
@@ -101,6 +102,7 @@ struct FaceLoad {
 }
 
 /// One soft body.
+#[derive(Clone)]
 pub struct Body {
     /// Name in the scene.
     pub name: String,
@@ -123,7 +125,7 @@ pub struct Body {
     element_loads_n: Vec<[[f64; 3]; 8]>,
     gravity_m_per_s2: Vec3,
     /// By log2 of an element's size in lattice cells.
-    tables: Vec<CompositeTables>,
+    tables: Arc<[CompositeTables]>,
     element_kind: ElementKind,
     homogenised: element::Homogenised,
     blocks: Vec<ElementBlock>,
@@ -147,7 +149,7 @@ pub struct Body {
     params: StepParams,
 }
 
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct Scratch {
     right_side: Nodal,
     applied: Nodal,

@@ -13,7 +13,7 @@ use wide::f64x4;
 const MOST_ENERGY_OF_EV: f64 = 1e9;
 
 /// Copy of what a step changes.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct FiniteState {
     position_m: Nodal,
     rotation: Vec<[f64x4; 4]>,

@@ -31,7 +31,7 @@ struct Patch {
 }
 
 /// The walls of all cuts of a body, by element.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Walls {
     patches: Vec<Patch>,
 }

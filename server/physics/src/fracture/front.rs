@@ -96,6 +96,14 @@ impl Front {
         2 * self.markers.len()
     }
 
+    /// Room for a spring on every marker, which a copy of a front lacks.
+    pub fn reserve(&mut self) {
+        let count = self.markers.len();
+        self.chain.reserve(count.saturating_sub(self.chain.len()));
+        self.target.reserve(count.saturating_sub(self.target.len()));
+        self.contacts.reserve(count.saturating_sub(self.contacts.len()));
+    }
+
     /// Forgets every contact; what is inside now counts as put down inside.
     pub fn lift(&mut self) {
         for marker in &mut self.markers {

@@ -14,12 +14,14 @@ use wide::f32x4;
 const MOST_NODES: usize = 200;
 
 /// A piece: its nodes and the lower triangle of its factor by rows, each diagonal entry inverted.
+#[derive(Clone)]
 struct Piece {
     nodes: Vec<u32>,
     factor: Option<Vec<f32>>,
 }
 
 /// The factors and the rotations of the nodes.
+#[derive(Clone)]
 pub struct Coarsest {
     pieces: Vec<Piece>,
     /// Columns of each node's rotation.

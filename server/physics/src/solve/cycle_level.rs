@@ -25,6 +25,7 @@ pub(super) struct Prolongation {
 }
 
 /// One level of the cycle.
+#[derive(Clone)]
 pub(super) struct CycleLevel {
     pub(super) operator: Operator,
     /// To the level above; empty on the coarsest.

@@ -16,6 +16,7 @@ use crate::workers::Workers;
 const BLOCKS_PER_CHUNK: usize = 32;
 
 /// The levels of one object, the finest (the one that is solved on) first.
+#[derive(Clone)]
 pub struct Multigrid {
     levels: Vec<CycleLevel>,
     coarsest: Coarsest,

@@ -33,6 +33,7 @@ pub struct OperatorBlock {
 }
 
 /// Where the corners of a chunk's elements lie in its buffer, block by block.
+#[derive(Clone)]
 enum Corners {
     /// All of its blocks are rows.
     Rows(Vec<RowEdges>),
@@ -41,7 +42,7 @@ enum Corners {
 }
 
 /// Diagonal 3x3 blocks of every node: symmetric, so six entries.
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct Diagonal {
     /// xx, yy, zz.
     on: NodeVector,
@@ -50,6 +51,7 @@ struct Diagonal {
 }
 
 /// One level's system matrix.
+#[derive(Clone)]
 pub struct Operator {
     /// Blocks of elements, by element id.
     pub blocks: Vec<OperatorBlock>,

@@ -19,7 +19,7 @@ const NOTHING_N_S: f64 = 1e-30;
 
 /// Vectors of a solve, kept between solves; the residual and what the preconditioner makes of it are the
 /// cycle's own.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct PcgScratch {
     p: NodeVector,
     ap: NodeVector,

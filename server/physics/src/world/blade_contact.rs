@@ -24,6 +24,7 @@ impl BladeContact {
     }
 
     pub(super) fn reserve(&mut self, walls: &Walls, elements: usize) {
+        self.front.reserve();
         self.flanks.clear();
         self.flanks.reserve(walls.len());
         self.hash.reserve(elements);

@@ -13,6 +13,7 @@ use crate::tool::ToolShape;
 use crate::workers::Workers;
 
 /// A body with the step data that belongs to it.
+#[derive(Clone)]
 pub(super) struct BodySlot {
     pub(super) body: Body,
     /// By tool.

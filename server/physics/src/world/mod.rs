@@ -4,6 +4,7 @@ mod blade_contact;
 mod body_slot;
 mod contact_model;
 mod queries;
+mod snapshot;
 mod tool_contact;
 
 use crate::Vec3;
@@ -22,6 +23,7 @@ use tool_contact::ToolContact;
 
 pub use crate::body::Relaxation;
 pub use queries::{ObjectStats, WorldCounts};
+pub use snapshot::Snapshot;
 
 /// A step's contact springs are re-solved at most this many times; what still changes then waits for
 /// the next step.
@@ -31,6 +33,7 @@ const MAX_ACTIVE_SET_SOLVES: u32 = 4;
 const OPEN: f64 = 1.0;
 
 /// A tool and where it is.
+#[derive(Clone)]
 struct Tool {
     shape: ToolShape,
     pose: Option<Pose>,

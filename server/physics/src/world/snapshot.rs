@@ -1,0 +1,53 @@
+//! A world's state between two steps, to go back to.
+
+use super::body_slot::BodySlot;
+use super::{Tool, World};
+use crate::ledger::ContactLedger;
+use crate::step_io::StepOutput;
+
+/// The state of a world as a step left it: [`World::snapshot`].
+///
+/// Deliberately absent: the surface, which follows from the state, and what never changes, which the
+/// worlds share.
+pub struct Snapshot {
+    slots: Vec<BodySlot>,
+    tools: Vec<Tool>,
+    contact_ledger: ContactLedger,
+    spring_before_j: f64,
+    output: StepOutput,
+}
+
+impl Snapshot {
+    /// Steps taken when it was made.
+    #[must_use]
+    pub fn step(&self) -> u64 {
+        self.output.step
+    }
+}
+
+impl World {
+    /// A copy of the state, tools and their contacts included.
+    #[must_use]
+    pub fn snapshot(&self) -> Snapshot {
+        Snapshot {
+            slots: self.slots.clone(),
+            tools: self.tools.clone(),
+            contact_ledger: self.contact_ledger,
+            spring_before_j: self.spring_before_j,
+            output: self.output.clone(),
+        }
+    }
+
+    /// Goes back to a snapshot of this world, or of one of the same scene: the same inputs lead on to the
+    /// same bits. The surface is forgotten.
+    pub fn restore(&mut self, snapshot: &Snapshot) {
+        self.slots.clone_from(&snapshot.slots);
+        // A copy has room for what it holds and no more.
+        self.slots.iter_mut().for_each(BodySlot::reserve);
+        self.tools.clone_from(&snapshot.tools);
+        self.contact_ledger = snapshot.contact_ledger;
+        self.spring_before_j = snapshot.spring_before_j;
+        self.output.clone_from(&snapshot.output);
+        self.forget_surface();
+    }
+}
