@@ -458,6 +458,12 @@ impl ToolDesc {
     pub fn grasper(name: &str, grasper: GrasperDesc) -> Self {
         Self { name: name.into(), shape: ToolShapeDesc::Grasper(grasper) }
     }
+
+    /// A tool that presses with a smooth surface.
+    #[must_use]
+    pub fn probe(name: &str, capsule: CapsuleDesc) -> Self {
+        Self { name: name.into(), shape: ToolShapeDesc::Probe(capsule) }
+    }
 }
 
 /// What a tool is.
@@ -468,6 +474,8 @@ pub enum ToolShapeDesc {
     Blade(BladeDesc),
     /// Holds what its jaws close on.
     Grasper(GrasperDesc),
+    /// Presses with a smooth surface.
+    Probe(CapsuleDesc),
 }
 
 /// A straight blade.
@@ -508,6 +516,18 @@ pub struct GrasperDesc {
     /// Force on the tool above which what it holds slips out, N, 1e-6 to 1e6. Default: none is too much.
     #[serde(default)]
     pub max_force_n: Option<f64>,
+}
+
+/// A smooth, blunt tool: all points within a radius of a segment of the tool's x axis, about its origin. It
+/// presses, without friction, and cuts nothing.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CapsuleDesc {
+    /// Radius, m, 1e-4 to 1.
+    pub radius_m: f64,
+    /// Length of the segment, m, 0 to 10. Default 0: a sphere.
+    #[serde(default)]
+    pub length_m: f64,
 }
 
 /// A point whose displacement is reported.

@@ -5,8 +5,8 @@ use std::ops::RangeInclusive;
 
 use super::toughness::{carried_over_eh, composite_edge_m, gc_over_eh};
 use super::{
-    BladeDesc, DialDesc, GrasperDesc, LoadDesc, MaterialDesc, Meshes, ObjectDesc, SCENE_VERSION, Scene, SceneDesc,
-    SceneError, ShapeDesc, ToolShapeDesc,
+    BladeDesc, CapsuleDesc, DialDesc, GrasperDesc, LoadDesc, MaterialDesc, Meshes, ObjectDesc, SCENE_VERSION, Scene,
+    SceneDesc, SceneError, ShapeDesc, ToolShapeDesc,
 };
 use crate::grid::voxelize::voxel_size_m;
 
@@ -113,6 +113,7 @@ fn problems(scene: &SceneDesc, meshes: &Meshes) -> Vec<SceneError> {
         match &tool.shape {
             ToolShapeDesc::Blade(blade) => report.blade(&format!("{field}.blade"), blade, smallest_voxel_m),
             ToolShapeDesc::Grasper(grasper) => report.grasper(&format!("{field}.grasper"), grasper),
+            ToolShapeDesc::Probe(capsule) => report.capsule(&format!("{field}.probe"), capsule),
         }
     }
     report.count("probes", scene.probes.len(), 0..=MAX_PROBES);
@@ -415,5 +416,10 @@ impl Report {
         if let Some(force_n) = grasper.max_force_n {
             self.number(&format!("{field}.max_force_n"), force_n, 1e-6..=1e6);
         }
+    }
+
+    fn capsule(&mut self, field: &str, capsule: &CapsuleDesc) {
+        self.number(&format!("{field}.radius_m"), capsule.radius_m, 1e-4..=1.0);
+        self.number(&format!("{field}.length_m"), capsule.length_m, 0.0..=10.0);
     }
 }

@@ -1,11 +1,13 @@
 //! Tools: their pose and their shape.
 
 pub mod blade;
+pub mod capsule;
 pub mod grasper;
 
 use crate::scene::ToolShapeDesc;
 use crate::{Quat, Vec3};
 use blade::Blade;
+use capsule::Capsule;
 use grasper::Grasper;
 
 /// Pose of a tool in the scene frame. Tool frame: origin = reference point = middle of the edge,
@@ -30,6 +32,12 @@ impl Pose {
     pub fn transform(&self, local_m: &Vec3) -> Vec3 {
         self.position_m + self.orientation * local_m
     }
+
+    /// Tool-frame position of a point given in the scene frame, m.
+    #[must_use]
+    pub fn to_local(&self, scene_m: &Vec3) -> Vec3 {
+        self.orientation.inverse_transform_vector(&(scene_m - self.position_m))
+    }
 }
 
 /// What a tool is.
@@ -39,6 +47,8 @@ pub enum ToolShape {
     Blade(Blade),
     /// Holds what its jaws close on.
     Grasper(Grasper),
+    /// Presses with a smooth surface.
+    Probe(Capsule),
 }
 
 impl From<&ToolShapeDesc> for ToolShape {
@@ -46,6 +56,7 @@ impl From<&ToolShapeDesc> for ToolShape {
         match desc {
             ToolShapeDesc::Blade(blade) => Self::Blade(blade.into()),
             ToolShapeDesc::Grasper(grasper) => Self::Grasper(grasper.into()),
+            ToolShapeDesc::Probe(capsule) => Self::Probe(capsule.into()),
         }
     }
 }
@@ -57,17 +68,19 @@ impl ToolShape {
         0.05 * match self {
             Self::Blade(blade) => blade.width_m,
             Self::Grasper(grasper) => 2.0 * grasper.radius_m,
+            Self::Probe(capsule) => 2.0 * capsule.radius_m,
         }
     }
 
     /// Stiffness against displacement and against turning with which a tool is felt to be held, over that
-    /// of its contact springs: what the tissue gives in series. A blade's springs stand for the tissue
-    /// themselves; see [`grasper::FELT_SHARES`].
+    /// of its `springs` contact springs: what the tissue gives in series. A blade's springs stand for the
+    /// tissue themselves; see [`grasper::FELT_SHARES`], [`capsule::felt_share`].
     #[must_use]
-    pub fn felt_shares(&self) -> [f64; 2] {
+    pub fn felt_shares(&self, springs: u32) -> [f64; 2] {
         match self {
             Self::Blade(_) => [1.0; 2],
             Self::Grasper(_) => grasper::FELT_SHARES,
+            Self::Probe(_) => [capsule::felt_share(springs); 2],
         }
     }
 
@@ -75,7 +88,7 @@ impl ToolShape {
     #[must_use]
     pub fn max_hold_n(&self) -> f64 {
         match self {
-            Self::Blade(_) => f64::INFINITY,
+            Self::Blade(_) | Self::Probe(_) => f64::INFINITY,
             Self::Grasper(grasper) => grasper.max_force_n,
         }
     }

@@ -73,7 +73,7 @@ pub struct World {
     /// nothing is contoured.
     view: Option<View>,
     contact_ledger: ContactLedger,
-    spring_before_j: f64,
+    springs_before_j: f64,
     output: StepOutput,
 }
 
@@ -106,7 +106,7 @@ impl World {
             probes: Vec::new(),
             view: None,
             contact_ledger: ContactLedger::default(),
-            spring_before_j: 0.0,
+            springs_before_j: 0.0,
             output: StepOutput::default(),
         };
         for (index, probe) in desc.probes.iter().enumerate() {
@@ -276,6 +276,7 @@ impl World {
             slot.velocity_change.resize(slot.body.node_count(), [0.0; 3]);
             slot.ledger.after = slot.body.energy();
             slot.walls.update(&slot.body, &slot.parted, &slot.change);
+            slot.contacts.iter_mut().for_each(|c| c.follow(&slot.body, &slot.parted, &slot.change));
             slot.reserve();
             self.output.fracture.parted_links += slot.parted.len() as u32;
         }
@@ -313,7 +314,7 @@ impl World {
             let output = &mut self.output.tools[index];
             output.pose = tool.pose;
             output.wrench = wrench;
-            output.contact = model.and_then(|m| m.finish(wrench));
+            output.contact = model.and_then(|m| m.finish(&tool.shape, wrench));
             output.cutting_length_m = self.slots.iter().map(|s| s.contacts[index].cutting_length_m()).sum();
             let holds = self.slots.iter().any(|s| s.contacts[index].holds());
             output.grasp = if holds { Grasp::Holding } else { Grasp::Nothing };
@@ -335,8 +336,8 @@ impl World {
         self.contact_ledger.front.numerical_j += contacts.map(ToolContact::take_dropped_j).sum::<f64>();
         let before = self.output.energy;
         let ledgers = self.slots.iter().map(|s| &s.ledger);
-        self.output.energy = ledger::book(ledgers, &self.contact_ledger, &before, self.spring_before_j);
-        self.spring_before_j = self.contact_ledger.spring_stored_j;
+        self.output.energy = ledger::book(ledgers, &self.contact_ledger, &before, self.springs_before_j);
+        self.springs_before_j = self.contact_ledger.spring_stored_j;
         self.read_probes();
         self.output.step += 1;
         self.output.sim_time_s = self.output.step as f64 * self.params.dt_s;
