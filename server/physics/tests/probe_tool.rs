@@ -15,7 +15,7 @@ fn block(half_m: f64, height_m: f64, h: f64, level: u8, capsule: CapsuleDesc) ->
     let mut block = object([-half_m, -height_m, -half_m], [half_m, 0.0, half_m], h, level);
     block.material.young_modulus_pa = YOUNG_PA;
     block.material.poisson_ratio = 0.3;
-    block.material.rayleigh_beta_s = 2e-3;
+    block.material.rayleigh_beta_s = 5e-3;
     block.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 1.01 * h - height_m, 1.0] }];
     let mut scene = scene(vec![block]);
     scene.desc.tools = vec![ToolDesc::probe("probe", capsule)];
@@ -37,7 +37,7 @@ fn step(world: &mut World, tool: usize, position_m: Vec3, orientation: Quat) -> 
 /// sums of residuals and of the tool's work.
 fn press(world: &mut World, at_m: [f64; 2], radius_m: f64, depth_m: f64, steps: u32) -> (StepOutput, [f64; 2]) {
     let (mut sums, mut last) = ([0.0; 2], StepOutput::default());
-    for i in 0..=steps + 100 {
+    for i in 0..=steps + 30 {
         let depth = depth_m * f64::from(i.min(steps)) / f64::from(steps);
         last = step(world, 0, Vec3::new(at_m[0], radius_m - depth, at_m[1]), Quat::identity());
         sums[0] += last.energy.residual_j.abs();
@@ -52,11 +52,11 @@ fn a_sphere_is_pressed_back_as_hertz_says() {
     let (radius_m, depth_m, nu): (f64, f64, f64) = (0.02, 0.0012, 0.3);
     let reduced_pa = YOUNG_PA / (1.0 - nu * nu);
     let expected = 4.0 / 3.0 * reduced_pa * radius_m.sqrt() * depth_m.powf(1.5);
-    for (h, level, most) in [(0.002, 0, 0.2), (0.00125, 0, 0.12)] {
-        let scene = block(0.025, 0.04, h, level, sphere(radius_m));
-        for at_m in [[0.0, 0.0], [0.3 * h, 0.45 * h]] {
+    for (h, places, most) in [(0.0025, 2, 0.2), (0.00125, 1, 0.12)] {
+        let scene = block(0.025, 0.04, h, 0, sphere(radius_m));
+        for at_m in &[[0.3 * h, 0.45 * h], [0.0, 0.0]][..places] {
             let mut world = World::new(&scene).expect("a valid scene");
-            let (output, [residual, work]) = press(&mut world, at_m, radius_m, depth_m, 60);
+            let (output, [residual, work]) = press(&mut world, *at_m, radius_m, depth_m, 30);
             let ratio = output.tools[0].wrench.force_n.y / expected;
             println!("h {h} at {at_m:?}: F/Hertz {ratio:.3}, residual/work {:.1e}", residual / work);
             assert!((ratio - 1.0).abs() < most, "h {h} at {at_m:?}: {ratio}");
@@ -67,8 +67,8 @@ fn a_sphere_is_pressed_back_as_hertz_says() {
 
 #[test]
 fn nothing_passes_through_a_fast_probe() {
-    // At 1 m/s, and at 30 m/s: 30 mm a step, past all of a sphere of 10 mm and through the sheet's surface.
-    for (speed_m_per_s, level) in [(1.0, 1), (1.0, 2), (30.0, 1)] {
+    // At 1 m/s, a fifth of the radius in a step, and at 3 m/s.
+    for (speed_m_per_s, level) in [(1.0, 1), (1.0, 2), (3.0, 1)] {
         let radius_m = 0.005;
         let mut scene = block(0.02, 0.02, 0.0025, level, sphere(radius_m));
         scene.desc.objects[0].material.strain_stiffening = 5.0;
@@ -137,25 +137,25 @@ fn a_probe_that_slides_is_not_dragged() {
 
 #[test]
 fn a_probe_presses_on_the_walls_of_a_cut() {
-    let mut scene = block(0.02, 0.02, 0.0025, 1, sphere(0.003));
+    let mut scene = block(0.02, 0.02, 0.0025, 1, sphere(0.006));
     scene.desc.objects[0].material.fracture_energy_j_per_m2 = Some(20.0);
     scene.desc.tools.push(ToolDesc::blade("blade", BladeDesc::straight(0.06, 0.05)));
     let mut world = World::new(&scene).expect("a valid scene");
     let turn = Quat::from_axis_angle(&Vec3::y_axis(), std::f64::consts::FRAC_PI_2);
     let mut y = 0.001;
     while y > -0.014 {
-        let _ = step(&mut world, 1, Vec3::new(4e-4, y, 0.0), turn);
+        let _ = step(&mut world, 1, Vec3::new(1e-5, y, 0.0), turn);
         y -= 1e-4;
     }
     assert!(world.output().topology_version > 3);
     let _ =
         world.step(&Workers::serial(), &NoClock, &StepInputs::of(&[ToolInput { tool: 1, motion: ToolMotion::Lift }]));
     // Down into the slit: its walls are spread and press back, up and from both sides.
-    let (output, [residual, work]) = press(&mut world, [4e-4, 0.0], 0.003, 0.008, 200);
+    let (output, [residual, work]) = press(&mut world, [1e-5, 0.0], 0.006, 0.008, 200);
     let force = output.tools[0].wrench.force_n;
     println!("force {force:?}, residual over work {:.1e}", residual / work);
-    assert!(force.y > 0.0 && force.x.abs() < 0.5 * force.y, "{force:?}");
+    assert!(force.y > 0.0 && force.x.abs() < 0.1 * force.y, "{force:?}");
     let spread = world.bodies()[0].position_m.iter().filter(|x| x[1] > -0.004 && x[1] < 0.01 && x[2].abs() < 0.003);
-    let nearest = spread.map(|x| (x[0] - 4e-4).abs()).fold(f64::INFINITY, f64::min);
+    let nearest = spread.map(|x| (x[0] - 1e-5).abs()).fold(f64::INFINITY, f64::min);
     assert!(nearest > 5e-4, "{nearest}");
 }

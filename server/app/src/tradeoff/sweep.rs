@@ -153,7 +153,18 @@ pub fn name_of(kind: impl Serialize) -> String {
     serde_json::to_value(kind).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
 }
 
-/// Lower and upper corner, m, of the box around all that the tools' edges sweep, with a margin on every side; `None` where no tool moves.
+/// From where to where a tool reaches along its x axis, m: what it does to tissue it does around there.
+fn reach_m(shape: &ToolShapeDesc) -> [f64; 2] {
+    let about_origin = |length_m: f64| [-0.5 * length_m, 0.5 * length_m];
+    match shape {
+        ToolShapeDesc::Blade(blade) => about_origin(blade.width_m),
+        ToolShapeDesc::Grasper(grasper) => about_origin(2.0 * grasper.radius_m),
+        ToolShapeDesc::Probe(capsule) => about_origin(capsule.length_m + 2.0 * capsule.radius_m),
+        ToolShapeDesc::Scissors(scissors) => [0.0, scissors.blade_length_m],
+    }
+}
+
+/// Lower and upper corner, m, of the box around all that the tools sweep along their x axes, with a margin on every side; `None` where no tool moves.
 #[must_use]
 pub fn stroke_box(desc: &SceneDesc, script: &Script, margin_m: f64) -> Option<[[f64; 3]; 2]> {
     let mut script = script.clone();
@@ -162,10 +173,8 @@ pub fn stroke_box(desc: &SceneDesc, script: &Script, margin_m: f64) -> Option<[[
     for step in 0..=steps {
         for input in script.advance(step as f64 / desc.rate_hz) {
             let (ToolMotion::MoveTo(pose) | ToolMotion::EnterAt(pose)) = input.motion else { continue };
-            // Only edges cut, and are followed by a finer region.
-            let ToolShapeDesc::Blade(blade) = &desc.tools[input.tool].shape else { continue };
-            let half = 0.5 * blade.width_m;
-            for end in [-half, half].map(|x| pose.position_m + pose.orientation * (Vec3::x() * x)) {
+            let reach = reach_m(&desc.tools[input.tool].shape);
+            for end in reach.map(|x| pose.position_m + pose.orientation * (Vec3::x() * x)) {
                 (least, most) = (least.inf(&end), most.sup(&end));
             }
         }

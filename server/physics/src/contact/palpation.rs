@@ -30,7 +30,7 @@ impl Palpation {
     /// A tool that touches nothing.
     #[must_use]
     pub fn new(capsule: Capsule, body: &Body) -> Self {
-        Self { capsule, skin: Skin::of(body), contacts: Vec::new() }
+        Self { capsule, skin: Skin::new(body, capsule.radius_m), contacts: Vec::new() }
     }
 
     /// Follows the surface through cuts.

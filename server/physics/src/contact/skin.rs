@@ -1,11 +1,12 @@
-//! The surface of a body in patches as fine as its elements resolve: what a smooth tool presses on.
+//! The surface of a body in patches as fine as its elements resolve and a tool's radius asks: what a smooth
+//! tool presses on.
 
 use crate::Vec3;
 use crate::body::{Body, MaterialPoint, TopologyChange};
 use crate::grid::{Grid, Ijk, Link, LinkId, VoxelId};
 
-/// A share of the surface that is a quarter of an element's face or, where that is smaller, one voxel's:
-/// as many points as a face has corners integrate its pressure exactly.
+/// A share of the surface: at most a quarter of an element's face, as many points as a face has corners
+/// integrate its pressure exactly, and at most half a radius wide, so that nothing slips between points.
 #[derive(Clone, Copy, Debug)]
 pub struct SkinPatch {
     /// The element that carries it.
@@ -19,14 +20,16 @@ pub struct SkinPatch {
 }
 
 /// The surface of a body, by element: its own, and that of cuts that run between elements.
-#[derive(Clone, Default)]
+#[derive(Clone)]
 pub struct Skin {
     patches: Vec<SkinPatch>,
+    /// Widest patch, voxels.
+    most_voxels: i32,
 }
 
 /// One voxel's face on the surface.
 struct Facet {
-    /// Its side, as in [`Grid::links_of`], and its eighth of the element.
+    /// Its side, as in [`Grid::links_of`], and its share of the element.
     key: (usize, Ijk),
     voxel: VoxelId,
     at_m: Vec3,
@@ -35,10 +38,11 @@ struct Facet {
 }
 
 impl Skin {
-    /// The whole surface of a body.
+    /// The whole surface of a body, for a tool of this radius.
     #[must_use]
-    pub fn of(body: &Body) -> Self {
-        let mut skin = Self::default();
+    pub fn new(body: &Body, radius_m: f64) -> Self {
+        let most_voxels = (0.5 * radius_m / body.grid.voxel_size_m()).clamp(1.0, f64::from(u16::MAX)) as i32;
+        let mut skin = Self { patches: Vec::new(), most_voxels };
         (0..body.base().elements.len()).for_each(|element| skin.add_element(body, element as u32));
         skin
     }
@@ -79,7 +83,7 @@ impl Skin {
     }
 
     fn add_element(&mut self, body: &Body, element: u32) {
-        let mut facets = facets_of(body, element);
+        let mut facets = facets_of(body, element, self.most_voxels);
         facets.sort_by_key(|facet| facet.key);
         for share in facets.chunk_by(|a, b| a.key == b.key) {
             let area_m2: f64 = share.iter().map(|facet| facet.area_m2).sum();
@@ -92,10 +96,10 @@ impl Skin {
 
 /// The faces of an element's voxels on the surface. A wall whose two sides belong to the element is left
 /// out: it is still in one piece, and both would press on the same field.
-fn facets_of(body: &Body, element: u32) -> Vec<Facet> {
+fn facets_of(body: &Body, element: u32, most_voxels: i32) -> Vec<Facet> {
     let grid = &body.grid;
     let h = grid.voxel_size_m();
-    let eighth = (1i32 << body.element_level(element as usize) >> 1).max(1);
+    let wide = (1i32 << body.element_level(element as usize) >> 1).clamp(1, most_voxels);
     let mut facets = Vec::new();
     for voxel in body.voxels_of(element as usize) {
         let cell = grid.voxels()[voxel.index()].ijk;
@@ -111,7 +115,7 @@ fn facets_of(body: &Body, element: u32) -> Vec<Facet> {
             at_m[link.axis as usize] += f64::from(crossing.t) * h;
             let area_m2 = h * h * outward[link.axis as usize].abs();
             if area_m2 > 0.0 {
-                facets.push(Facet { key: (side, cell.map(|c| c / eighth)), voxel, at_m, outward, area_m2 });
+                facets.push(Facet { key: (side, cell.map(|c| c / wide)), voxel, at_m, outward, area_m2 });
             }
         }
     }

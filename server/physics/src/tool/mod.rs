@@ -3,12 +3,14 @@
 pub mod blade;
 pub mod capsule;
 pub mod grasper;
+pub mod scissors;
 
 use crate::scene::ToolShapeDesc;
 use crate::{Quat, Vec3};
 use blade::Blade;
 use capsule::Capsule;
 use grasper::Grasper;
+use scissors::Scissors;
 
 /// Pose of a tool in the scene frame. Tool frame: origin = reference point = middle of the edge,
 /// +x along the edge, -y the cutting direction (spine to edge), +z the blade's normal.
@@ -49,6 +51,8 @@ pub enum ToolShape {
     Grasper(Grasper),
     /// Presses with a smooth surface.
     Probe(Capsule),
+    /// Cuts between two edges.
+    Scissors(Scissors),
 }
 
 impl From<&ToolShapeDesc> for ToolShape {
@@ -57,6 +61,7 @@ impl From<&ToolShapeDesc> for ToolShape {
             ToolShapeDesc::Blade(blade) => Self::Blade(blade.into()),
             ToolShapeDesc::Grasper(grasper) => Self::Grasper(grasper.into()),
             ToolShapeDesc::Probe(capsule) => Self::Probe(capsule.into()),
+            ToolShapeDesc::Scissors(scissors) => Self::Scissors(scissors.into()),
         }
     }
 }
@@ -66,7 +71,7 @@ impl ToolShape {
     #[must_use]
     pub fn validity_radius_m(&self) -> f64 {
         0.05 * match self {
-            Self::Blade(blade) => blade.width_m,
+            Self::Blade(blade) | Self::Scissors(Scissors { blade, .. }) => blade.width_m,
             Self::Grasper(grasper) => 2.0 * grasper.radius_m,
             Self::Probe(capsule) => 2.0 * capsule.radius_m,
         }
@@ -78,17 +83,23 @@ impl ToolShape {
     #[must_use]
     pub fn felt_shares(&self, springs: u32) -> [f64; 2] {
         match self {
-            Self::Blade(_) => [1.0; 2],
+            Self::Blade(_) | Self::Scissors(_) => [1.0; 2],
             Self::Grasper(_) => grasper::FELT_SHARES,
             Self::Probe(_) => [capsule::felt_share(springs); 2],
         }
+    }
+
+    /// Whether what it cuts presses back along the one direction of [`blade::BladeFrame::forward`].
+    #[must_use]
+    pub fn cuts_forward(&self) -> bool {
+        matches!(self, Self::Blade(_))
     }
 
     /// Force on the tool above which it loses its hold, N.
     #[must_use]
     pub fn max_hold_n(&self) -> f64 {
         match self {
-            Self::Blade(_) | Self::Probe(_) => f64::INFINITY,
+            Self::Blade(_) | Self::Scissors(_) | Self::Probe(_) => f64::INFINITY,
             Self::Grasper(grasper) => grasper.max_force_n,
         }
     }
@@ -101,6 +112,8 @@ pub struct ToolPath {
     pub before: Pose,
     /// Pose at t + dt.
     pub pose: Pose,
+    /// Share of their full opening that jaws take at t; equal to `opening` where it has just entered.
+    pub opening_before: f64,
     /// Share of their full opening that jaws take at t + dt.
     pub opening: f64,
     /// It was put down at `pose` in this step.

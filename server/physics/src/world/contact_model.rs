@@ -60,7 +60,7 @@ impl ContactModelSum {
             wrench,
             stiffness: self.stiffness,
             damping_n_s_per_m: 0.0,
-            force_cap_n: self.yields.then_some(self.cap_n),
+            force_cap_n: (self.yields && shape.cuts_forward()).then_some(self.cap_n),
             cap_direction: -self.forward,
             validity_radius_m: self.radius_m,
         })

@@ -36,24 +36,34 @@ struct Tool {
     pose: Option<Pose>,
     /// Pose at the beginning of the step; equal to `pose` where it has just entered.
     before: Option<Pose>,
-    /// Share of their full opening that its jaws take, if it has any.
+    /// Share of their full opening that its jaws take, if it has any, and took at the beginning of the step.
     opening: f64,
+    opening_before: f64,
     entered: bool,
 }
 
 impl Tool {
     fn new(shape: ToolShape) -> Self {
-        Self { shape, pose: None, before: None, opening: OPEN, entered: false }
+        Self { shape, pose: None, before: None, opening: OPEN, opening_before: OPEN, entered: false }
     }
 
     fn enter_at(&mut self, pose: Pose) {
-        (self.pose, self.before, self.opening, self.entered) = (Some(pose), Some(pose), OPEN, true);
+        (self.pose, self.before, self.entered) = (Some(pose), Some(pose), true);
+        (self.opening, self.opening_before) = (OPEN, OPEN);
+    }
+
+    fn open(&mut self, opening: f64) {
+        self.opening = opening;
+        if self.entered {
+            self.opening_before = opening;
+        }
     }
 
     /// How it moves in the step; `None` while it is lifted.
     fn path(&self) -> Option<ToolPath> {
         let (pose, before) = (self.pose?, self.before?);
-        Some(ToolPath { before, pose, opening: self.opening, entered: self.entered })
+        let (opening, opening_before) = (self.opening, self.opening_before);
+        Some(ToolPath { before, pose, opening_before, opening, entered: self.entered })
     }
 }
 
@@ -178,6 +188,7 @@ impl World {
         self.view.iter_mut().for_each(View::clear_patch);
         for tool in &mut self.tools {
             tool.before = tool.pose;
+            tool.opening_before = tool.opening;
             tool.entered = false;
         }
         if let Some(tolerance) = inputs.relative_tolerance {
@@ -188,7 +199,7 @@ impl World {
             match input.motion {
                 ToolMotion::MoveTo(pose) if tool.pose.is_some() => tool.pose = Some(pose),
                 ToolMotion::MoveTo(pose) | ToolMotion::EnterAt(pose) => tool.enter_at(pose),
-                ToolMotion::SetOpening(opening) => tool.opening = opening,
+                ToolMotion::SetOpening(opening) => tool.open(opening),
                 ToolMotion::Lift => {
                     tool.pose = None;
                     self.slots.iter_mut().for_each(|s| s.contacts[input.tool].lift());

@@ -9,6 +9,7 @@ use crate::contact::palpation::Palpation;
 use crate::fracture::FrontBook;
 use crate::grid::{Crossing, LinkId};
 use crate::hash::StateHasher;
+use crate::tool::scissors::Mount;
 use crate::tool::{ToolPath, ToolShape};
 
 /// What one tool does in one body.
@@ -25,7 +26,11 @@ pub(super) enum ToolContact {
 impl ToolContact {
     pub(super) fn new(shape: &ToolShape, body: &Body) -> Self {
         match shape {
-            ToolShape::Blade(blade) => Self::Edges(vec![BladeContact::new(*blade, body)]),
+            ToolShape::Blade(blade) => Self::Edges(vec![BladeContact::new(*blade, Mount::Fixed, body)]),
+            ToolShape::Scissors(scissors) => {
+                let edge = |mount| BladeContact::new(scissors.blade, mount, body);
+                Self::Edges(scissors.mounts().map(edge).into())
+            }
             ToolShape::Grasper(grasper) => Self::Grip(Grip::new(*grasper, body)),
             ToolShape::Probe(capsule) => Self::Palpation(Palpation::new(*capsule, body)),
         }
