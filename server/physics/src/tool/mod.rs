@@ -13,7 +13,8 @@ use grasper::Grasper;
 use scissors::Scissors;
 
 /// Pose of a tool in the scene frame. Tool frame: origin = reference point = middle of the edge,
-/// +x along the edge, -y the cutting direction (spine to edge), +z the blade's normal.
+/// +x along the edge, -y the cutting direction (spine to edge), +z the blade's normal. The reference point of
+/// scissors is their pivot, a grasper's the middle of its jaws, a probe's that of its axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// Reference point, m.
