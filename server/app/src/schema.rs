@@ -70,6 +70,24 @@ mod tests {
     }
 
     #[test]
+    fn tools_of_every_kind_are_of_the_schema() {
+        let validator = validator();
+        for (shape, is_valid) in [
+            ("blade = { width_m = 0.05, height_m = 0.02 }", true),
+            ("grasper = { radius_m = 0.005, max_force_n = 2.0 }", true),
+            ("probe = { radius_m = 0.005, length_m = 0.02 }", true),
+            ("scissors = { blade_length_m = 0.04, blade_height_m = 0.01, max_angle_rad = 0.8 }", true),
+            ("scissors = { blade_length_m = 0.04 }", false),
+            ("grasper = { radius_m = 0.005, jaws = 2 }", false),
+            ("saw = { width_m = 0.05 }", false),
+        ] {
+            let text = format!("{BLOCK}[[tools]]\nname = 'tool'\nshape = {{ {shape} }}\n");
+            assert_eq!(validator.is_valid(&scene(&text)), is_valid, "{shape}");
+            assert_eq!(SceneDesc::from_toml("block.toml", &text).is_ok(), is_valid, "{shape}");
+        }
+    }
+
+    #[test]
     fn every_field_is_described() {
         fn undescribed(at: &str, value: &Value, found: &mut Vec<String>) {
             let Value::Object(map) = value else { return };

@@ -39,7 +39,7 @@ pub fn book<'a>(
     bodies: impl Iterator<Item = &'a BodyLedger> + Clone,
     contact: &ContactLedger,
     before: &EnergyStep,
-    spring_before_j: f64,
+    springs_before_j: f64,
 ) -> EnergyStep {
     let sum = |f: &dyn Fn(&BodyLedger) -> f64| bodies.clone().map(f).sum::<f64>();
     let elastic_before = sum(&|b| b.before.elastic_j);
@@ -69,7 +69,7 @@ pub fn book<'a>(
         let linearisation = taken + step.force_work_j - step.elastic_j;
         step.inertial_j + step.elastic_j + b.step.hold_j - linearisation
     });
-    energy.numerical_j += contact.spring_work_j - (contact.spring_stored_j - spring_before_j);
+    energy.numerical_j += contact.spring_work_j - (contact.spring_stored_j - springs_before_j);
     let stored =
         energy.elastic_j - elastic_before + energy.kinetic_j - kinetic_before + energy.contact_j - before.contact_j;
     energy.residual_j = energy.tool_work_j + energy.load_work_j

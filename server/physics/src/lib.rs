@@ -1,4 +1,4 @@
-//! The physics of one Kerf scene: composite-FEM tissue, blades, fracture and the surface that is seen.
+//! The physics of one Kerf scene: composite-FEM tissue, tools, fracture and the surface that is seen.
 //!
 //! Deliberately absent: I/O, clocks, async, hash order and threads of its own. Input comes in as
 //! values ([`StepInputs`]), time through [`StageClock`], threads as [`Workers`]; the same scene and

@@ -6,7 +6,10 @@ mod support;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use kerf_physics::World;
+use kerf_physics::scene::{CapsuleDesc, GrasperDesc, ToolDesc};
+use kerf_physics::step_io::ToolMotion;
+use kerf_physics::tool::Pose;
+use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 use support::press::{LAWS, cutting_scene, press};
 
 thread_local! {
@@ -75,4 +78,34 @@ fn a_world_that_went_back_to_a_snapshot_allocates_nothing_either() {
     world.restore(&snapshot);
     press(&mut world, 0.05);
     assert_eq!(stroke(&mut world, 0.0402, 0.05, 20), (0, 0), "contacts that the snapshot has not");
+}
+
+#[test]
+fn neither_holding_nor_pressing_allocates() {
+    let tools = [
+        ToolDesc::grasper("grasper", GrasperDesc { radius_m: 0.008, max_force_n: None }),
+        ToolDesc::probe("probe", CapsuleDesc { radius_m: 0.01, length_m: 0.01 }),
+    ];
+    for tool in tools {
+        let mut scene = cutting_scene();
+        scene.desc.tools = vec![tool.clone()];
+        let mut world = World::new(&scene).expect("a valid scene");
+        let mut allocations = 0;
+        for i in 0..60 {
+            let position_m = Vec3::new(0.0, 0.045 - 1e-4 * f64::from(i), 0.0);
+            let motions = [
+                ToolMotion::MoveTo(Pose { position_m, orientation: Quat::identity() }),
+                ToolMotion::SetOpening(if (20..40).contains(&i) { 0.0 } else { 1.0 }),
+            ];
+            let inputs = motions.map(|motion| ToolInput { tool: 0, motion });
+            let before = ALLOCATIONS.get();
+            world.step(&Workers::serial(), &NoClock, &StepInputs::of(&inputs));
+            // The vectors of a solve come into being in the first step.
+            allocations += if i > 0 { ALLOCATIONS.get() - before } else { 0 };
+            if i == 30 {
+                assert!(world.output().tools[0].wrench.force_n.norm() > 0.0, "{}", tool.name);
+            }
+        }
+        assert_eq!(allocations, 0, "{}", tool.name);
+    }
 }

@@ -5,7 +5,7 @@ mod support;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use kerf_physics::scene::{GovernorDesc, ProbeDesc, RegionDesc, Scene, ShapeDesc};
+use kerf_physics::scene::{CapsuleDesc, GovernorDesc, GrasperDesc, ProbeDesc, RegionDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{ToolInput, ToolMotion};
 use kerf_physics::{Stage, StageClock, StepInputs, Workers, World};
 use support::press::{cutting_scene, pose_at};
@@ -106,6 +106,15 @@ fn what_nobody_uses_leaves_every_bit_as_it_is() {
         "a governor's bounds"
     );
     assert_eq!(stroke(&bare, |world| _ = world.surface_hash()), expected, "a viewer");
+    assert_eq!(
+        changed(|scene| {
+            let tools = &mut scene.desc.tools;
+            tools.push(ToolDesc::grasper("grasper", GrasperDesc { radius_m: 0.01, max_force_n: None }));
+            tools.push(ToolDesc::probe("probe", CapsuleDesc { radius_m: 0.01, length_m: 0.0 }));
+        }),
+        expected,
+        "tools that never enter"
+    );
     let mut region = bare.clone();
     let material = region.desc.objects[0].material.clone();
     let (name, shape) = ("elsewhere".into(), ShapeDesc::Sphere { center_m: [1.0; 3], radius_m: 0.01 });

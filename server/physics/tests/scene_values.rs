@@ -2,8 +2,8 @@
 
 use kerf_physics::World;
 use kerf_physics::scene::{
-    BladeDesc, EdgeDesc, FinerDesc, MaterialDesc, RegionDesc, Scene, SceneDesc, SceneError, ShapeDesc, ToolDesc,
-    ToolShapeDesc, ViscosityDesc,
+    BladeDesc, CapsuleDesc, EdgeDesc, FinerDesc, GrasperDesc, MaterialDesc, RegionDesc, Scene, SceneDesc, SceneError,
+    ScissorsDesc, ShapeDesc, ToolDesc, ToolShapeDesc, ViscosityDesc,
 };
 
 const SCENE: &str = r#"
@@ -95,6 +95,63 @@ fn relaxing(scene: &mut SceneDesc) -> &mut ViscosityDesc {
     scene.objects[0].material.viscosity.insert(some)
 }
 
+fn grasper(scene: &mut SceneDesc) -> &mut GrasperDesc {
+    scene.tools = vec![ToolDesc::grasper("tool", GrasperDesc { radius_m: 0.01, max_force_n: None })];
+    match &mut scene.tools[0].shape {
+        ToolShapeDesc::Grasper(grasper) => grasper,
+        other => unreachable!("{other:?}"),
+    }
+}
+
+fn probe(scene: &mut SceneDesc) -> &mut CapsuleDesc {
+    scene.tools = vec![ToolDesc::probe("tool", CapsuleDesc { radius_m: 0.01, length_m: 0.0 })];
+    match &mut scene.tools[0].shape {
+        ToolShapeDesc::Probe(capsule) => capsule,
+        other => unreachable!("{other:?}"),
+    }
+}
+
+fn scissors(scene: &mut SceneDesc) -> &mut ScissorsDesc {
+    scene.tools = vec![ToolDesc::scissors("tool", ScissorsDesc::new(0.05, 0.05))];
+    match &mut scene.tools[0].shape {
+        ToolShapeDesc::Scissors(scissors) => scissors,
+        other => unreachable!("{other:?}"),
+    }
+}
+
+#[test]
+fn tools_of_every_kind_are_read_with_their_defaults_and_unknown_ones_are_told_which_there_are() {
+    let with = |shape: &str| {
+        let text = SCENE.replace("{ blade = { width_m = 0.05, height_m = 0.05 } }", shape);
+        SceneDesc::from_toml("block.toml", &text).map_err(|e| e.to_string())
+    };
+    let read = |shape: &str| with(shape).unwrap().tools[0].clone();
+    let holds = ToolDesc::grasper("knife", GrasperDesc { radius_m: 0.02, max_force_n: None });
+    assert_eq!(read("{ grasper = { radius_m = 0.02 } }"), holds);
+    let presses = ToolDesc::probe("knife", CapsuleDesc { radius_m: 0.02, length_m: 0.0 });
+    assert_eq!(read("{ probe = { radius_m = 0.02 } }"), presses);
+    let cuts = ToolDesc::scissors("knife", ScissorsDesc::new(0.04, 0.02));
+    assert_eq!(read("{ scissors = { blade_length_m = 0.04, blade_height_m = 0.02 } }"), cuts);
+    let told = with("{ saw = { radius_m = 0.02 } }").unwrap_err();
+    assert!(told.contains("`saw`") && told.contains("`grasper`") && told.contains("`scissors`"), "{told}");
+    let told = with("{ grasper = { radius_m = 0.02, force_n = 1.0 } }").unwrap_err();
+    assert!(told.contains("force_n") && told.contains("max_force_n"), "{told}");
+}
+
+#[test]
+fn a_probe_finer_than_the_surface_and_scissors_over_too_many_voxels_are_refused() {
+    assert_eq!(refused(|s| probe(s).radius_m = 0.0201), [""; 0]);
+    assert_eq!(refused(|s| probe(s).radius_m = 0.0199), ["tools[0].shape.probe.radius_m"]);
+    let length = |voxels: f64| {
+        refused(|s| {
+            *s = roomy();
+            scissors(s).blade_length_m = voxels * 5e-5;
+        })
+    };
+    assert_eq!(length(4096.0), [""; 0]);
+    assert_eq!(length(4097.0), ["tools[0].shape.scissors.blade_length_m"]);
+}
+
 #[test]
 fn viscosity_is_given_whole_or_not_at_all() {
     let with = |viscosity: &str| {
@@ -170,6 +227,19 @@ fn each_number_is_taken_up_to_its_limits_and_refused_beyond_with_field_and_limit
         bound(|s, v| s.solver.relative_tolerance = v, "solver.relative_tolerance", [1e-12, 0.5], 1e-9),
         bound(|s, v| s.solver.max_iterations = v as u32, "solver.max_iterations", [1.0, 1e5], 1.0),
         bound(|s, v| s.gravity_m_per_s2[2] = v, "gravity_m_per_s2", [-1e3, 1e3], 1e-9),
+        bound(|s, v| grasper(s).radius_m = v, "tools[0].shape.grasper.radius_m", [1e-4, 0.1], 1e-9),
+        bound(|s, v| grasper(s).max_force_n = Some(v), "tools[0].shape.grasper.max_force_n", [1e-6, 1e6], 1e-9),
+        bound(|s, v| probe(s).radius_m = v, "tools[0].shape.probe.radius_m", [1e-4, 1.0], 1e-9),
+        bound(|s, v| probe(s).length_m = v, "tools[0].shape.probe.length_m", [0.0, 10.0], 1e-9),
+        bound(|s, v| scissors(s).blade_height_m = v, "tools[0].shape.scissors.blade_height_m", [1e-4, 10.0], 1e-9),
+        bound(|s, v| scissors(s).max_angle_rad = v, "tools[0].shape.scissors.max_angle_rad", [0.1, 2.0], 1e-9),
+        bound(
+            |s, v| scissors(s).edge_half_width_m = v,
+            "tools[0].shape.scissors.edge_half_width_m",
+            [1e-8, 1e-2],
+            1e-9,
+        ),
+        bound(|s, v| scissors(s).thickness_m = v, "tools[0].shape.scissors.thickness_m", [0.0, 0.1], 1e-9),
     ];
     for Bound { set, field, limits, beyond } in bounds {
         let problems = |value: f64| {

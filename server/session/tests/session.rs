@@ -4,6 +4,8 @@ use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use kerf_physics::scene::{GrasperDesc, ToolDesc};
+use kerf_physics::step_io::{Grasp, ToolMotion};
 use kerf_physics::{Scene, SceneDesc, Workers};
 use kerf_session::dial::Fronts;
 use kerf_session::{
@@ -290,6 +292,50 @@ async fn the_input_log_of_a_cut_replays_to_the_same_state() {
         assert_eq!(replayed.output().topology_version, output.topology_version);
         assert_eq!(replayed.state_hash(), hash);
     }
+}
+
+/// The block with a grasper beside its blades.
+fn block_with_a_grasper() -> Scene {
+    let mut scene = block();
+    let grasper = GrasperDesc { radius_m: 0.005, max_force_n: None };
+    scene.desc.tools.push(ToolDesc::grasper("grasper", grasper));
+    scene
+}
+
+#[tokio::test]
+async fn two_drivers_hold_and_cut_the_same_tissue() {
+    let registry = Registry::new(limits(), Fronts::default()).unwrap();
+    let session = registry.create(block_with_a_grasper(), SessionOptions::default()).await.unwrap();
+    let (knife, hand) = (session.drive(&[0]).unwrap(), session.drive(&[2]).unwrap());
+    let held_at = [0.008, 0.009, 0.0];
+    let closed = |seq, x_m| PoseSample {
+        position_m: [held_at[0] + x_m, held_at[1], held_at[2]],
+        opening: 0.0,
+        ..pose(seq, 0.0)
+    };
+    use_pose(&hand, 2, &PoseSample { position_m: held_at, ..pose(1, 0.0) }).await;
+    for seq in 2..=20 {
+        use_pose(&hand, 2, &closed(seq, 5e-5 * seq as f64)).await;
+        assert_eq!(hand.last_report().unwrap().tools[2].output.grasp, Grasp::Holding);
+    }
+    let pulled = hand.last_report().unwrap();
+    assert!(pulled.tools[2].output.wrench.force_n.x < 0.0, "{:?}", pulled.tools[2].output.wrench);
+    for seq in 2..=60 {
+        let down = PoseSample { position_m: [-0.004, 0.012 - 2e-4 * seq as f64, 4e-4], ..askew(seq) };
+        use_pose(&knife, 0, &down).await;
+        use_pose(&hand, 2, &closed(20 + seq, 1e-3)).await;
+    }
+    let cut = hand.last_report().unwrap();
+    assert_eq!(cut.tools[2].output.grasp, Grasp::Holding);
+    assert!(session.describe().await.unwrap().topology_version > 0, "the blade cuts meanwhile");
+    assert_eq!((cut.tools[0].echo.unwrap().seq, cut.tools[2].echo.unwrap().seq), (60, 80));
+    use_pose(&hand, 2, &PoseSample { opening: 1.0, ..closed(81, 1e-3) }).await;
+    assert_eq!(hand.last_report().unwrap().tools[2].output.grasp, Grasp::Nothing);
+    session.pause().await.unwrap();
+    let (log, hash) = session.query(|probe| (probe.log.clone(), probe.world.state_hash())).await.unwrap();
+    let openings = log.motions().iter().filter(|(_, input)| matches!(input.motion, ToolMotion::SetOpening(_)));
+    assert_eq!(openings.count(), 2, "told when it changes");
+    assert_eq!(log.replay(session.scene(), &Workers::serial()).unwrap().state_hash(), hash);
 }
 
 #[tokio::test]

@@ -52,6 +52,15 @@ fn tool_summary(tool: &ToolDesc) -> v1::ToolSummary {
         ToolShapeDesc::Grasper(grasper) => {
             Kind::Grasper(v1::GrasperSummary { radius_m: grasper.radius_m, max_force_n: grasper.max_force_n })
         }
+        ToolShapeDesc::Probe(capsule) => {
+            Kind::Probe(v1::ProbeSummary { radius_m: capsule.radius_m, length_m: capsule.length_m })
+        }
+        ToolShapeDesc::Scissors(scissors) => Kind::Scissors(v1::ScissorsSummary {
+            blade_length_m: scissors.blade_length_m,
+            blade_height_m: scissors.blade_height_m,
+            max_angle_rad: scissors.max_angle_rad,
+            thickness_m: scissors.thickness_m,
+        }),
     };
     v1::ToolSummary { name: tool.name.clone(), kind: Some(kind) }
 }

@@ -153,7 +153,19 @@ pub fn name_of(kind: impl Serialize) -> String {
     serde_json::to_value(kind).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
 }
 
-/// Lower and upper corner, m, of the box around all that the tools' edges sweep, with a margin on every side; `None` where no tool moves.
+/// Points of a tool that the rest of it lies between, tool frame, m.
+fn outline_m(shape: &ToolShapeDesc) -> Vec<Vec3> {
+    let along = |ends_m: [f64; 2]| ends_m.map(|x| Vec3::new(x, 0.0, 0.0)).to_vec();
+    let about_origin = |length_m: f64| along([-0.5 * length_m, 0.5 * length_m]);
+    match shape {
+        ToolShapeDesc::Blade(blade) => blade.edge.points_m(blade.width_m).unwrap_or_default(),
+        ToolShapeDesc::Grasper(grasper) => about_origin(2.0 * grasper.radius_m),
+        ToolShapeDesc::Probe(capsule) => about_origin(capsule.length_m + 2.0 * capsule.radius_m),
+        ToolShapeDesc::Scissors(scissors) => along([0.0, scissors.blade_length_m]),
+    }
+}
+
+/// Lower and upper corner, m, of the box around all that the tools sweep, with a margin on every side; `None` where no tool moves.
 #[must_use]
 pub fn stroke_box(desc: &SceneDesc, script: &Script, margin_m: f64) -> Option<[[f64; 3]; 2]> {
     let mut script = script.clone();
@@ -162,9 +174,7 @@ pub fn stroke_box(desc: &SceneDesc, script: &Script, margin_m: f64) -> Option<[[
     for step in 0..=steps {
         for input in script.advance(step as f64 / desc.rate_hz) {
             let (ToolMotion::MoveTo(pose) | ToolMotion::EnterAt(pose)) = input.motion else { continue };
-            // Only edges cut, and are followed by a finer region.
-            let ToolShapeDesc::Blade(blade) = &desc.tools[input.tool].shape else { continue };
-            for point in blade.edge.points_m(blade.width_m).into_iter().flatten() {
+            for point in outline_m(&desc.tools[input.tool].shape) {
                 let at = pose.transform(&point);
                 (least, most) = (least.inf(&at), most.sup(&at));
             }

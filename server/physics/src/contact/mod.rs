@@ -4,6 +4,8 @@ pub mod broad;
 pub mod flank;
 pub mod grip;
 pub mod narrow;
+pub mod palpation;
+pub mod skin;
 
 use crate::Vec3;
 

@@ -460,6 +460,18 @@ impl ToolDesc {
     pub fn grasper(name: &str, grasper: GrasperDesc) -> Self {
         Self { name: name.into(), shape: ToolShapeDesc::Grasper(grasper) }
     }
+
+    /// A tool that presses with a smooth surface.
+    #[must_use]
+    pub fn probe(name: &str, capsule: CapsuleDesc) -> Self {
+        Self { name: name.into(), shape: ToolShapeDesc::Probe(capsule) }
+    }
+
+    /// A tool that cuts between two edges.
+    #[must_use]
+    pub fn scissors(name: &str, scissors: ScissorsDesc) -> Self {
+        Self { name: name.into(), shape: ToolShapeDesc::Scissors(scissors) }
+    }
 }
 
 /// What a tool is.
@@ -470,6 +482,10 @@ pub enum ToolShapeDesc {
     Blade(BladeDesc),
     /// Holds what its jaws close on.
     Grasper(GrasperDesc),
+    /// Presses with a smooth surface.
+    Probe(CapsuleDesc),
+    /// Cuts between two edges that pivot.
+    Scissors(ScissorsDesc),
 }
 
 /// A blade.
@@ -519,6 +535,56 @@ pub struct GrasperDesc {
     /// Force on the tool above which what it holds slips out, N, 1e-6 to 1e6. Default: none is too much.
     #[serde(default)]
     pub max_force_n: Option<f64>,
+}
+
+/// A smooth, blunt tool: all points within a radius of a segment of the tool's x axis, about its origin. It
+/// presses, without friction, and cuts nothing.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CapsuleDesc {
+    /// Radius, m, 1e-4 to 1; at least two voxels of every object.
+    pub radius_m: f64,
+    /// Length of the segment, m, 0 to 10. Default 0: a sphere.
+    #[serde(default)]
+    pub length_m: f64,
+}
+
+/// Two straight blades on a pivot, which is the tool's reference point: +x runs from there along the closed
+/// blades to their tips, the pivot's axis is z. Closing cuts what lies between them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ScissorsDesc {
+    /// Length of either edge from the pivot to its tip, m, 1e-4 to 10.
+    pub blade_length_m: f64,
+    /// Height of the flanks behind the edges, m, 1e-4 to 10.
+    pub blade_height_m: f64,
+    /// Angle between the edges where they are fully open, rad, 0.1 to 2. Default 0.7: 40 degrees.
+    #[serde(default = "default_max_angle_rad")]
+    pub max_angle_rad: f64,
+    /// Half-width of the edges, m, 1e-8 to 1e-2. Default 5e-5, as a blade's.
+    #[serde(default = "default_edge_half_width_m")]
+    pub edge_half_width_m: f64,
+    /// Thickness behind the edges, m, 0 to 0.1. Default 0: flanks without volume.
+    #[serde(default)]
+    pub thickness_m: f64,
+}
+
+impl ScissorsDesc {
+    /// Scissors with every default.
+    #[must_use]
+    pub fn new(blade_length_m: f64, blade_height_m: f64) -> Self {
+        Self {
+            blade_length_m,
+            blade_height_m,
+            max_angle_rad: default_max_angle_rad(),
+            edge_half_width_m: default_edge_half_width_m(),
+            thickness_m: 0.0,
+        }
+    }
+}
+
+fn default_max_angle_rad() -> f64 {
+    0.7
 }
 
 /// A point whose displacement is reported.

@@ -6,8 +6,8 @@ use std::ops::RangeInclusive;
 use super::edge;
 use super::toughness::{carried_over_eh, composite_edge_m, gc_over_eh};
 use super::{
-    BladeDesc, DialDesc, GrasperDesc, LoadDesc, MaterialDesc, Meshes, ObjectDesc, SCENE_VERSION, Scene, SceneDesc,
-    SceneError, ShapeDesc, ToolShapeDesc,
+    BladeDesc, CapsuleDesc, DialDesc, GrasperDesc, LoadDesc, MaterialDesc, Meshes, ObjectDesc, SCENE_VERSION, Scene,
+    SceneDesc, SceneError, ScissorsDesc, ShapeDesc, ToolShapeDesc,
 };
 use crate::grid::voxelize::voxel_size_m;
 
@@ -28,6 +28,9 @@ pub const MAX_NAME_CHARS: usize = 64;
 
 /// Voxels along a blade's edge: two markers stand in each, in every body.
 pub const MAX_BLADE_VOXELS: f64 = 4096.0;
+/// Radius of a probe in voxels: a surface has one point per voxel's face, and a sharper probe slips between
+/// them.
+pub const MIN_PROBE_VOXELS: f64 = 2.0;
 /// Level of an object: elements of 16 voxels a side.
 pub const MAX_LEVEL: u8 = 4;
 /// Voxels along an object's longest edge.
@@ -106,6 +109,7 @@ fn problems(scene: &SceneDesc, meshes: &Meshes) -> Vec<SceneError> {
         }
         voxel_sizes_m.extend(size_m);
     }
+    let largest_voxel_m = voxel_sizes_m.iter().copied().fold(0.0, f64::max);
     let smallest_voxel_m = voxel_sizes_m.into_iter().fold(f64::INFINITY, f64::min);
     report.count("tools", scene.tools.len(), 0..=MAX_TOOLS);
     report.unique("tools", scene.tools.iter().map(|t| t.name.as_str()));
@@ -113,7 +117,11 @@ fn problems(scene: &SceneDesc, meshes: &Meshes) -> Vec<SceneError> {
         let field = format!("tools[{i}].shape");
         match &tool.shape {
             ToolShapeDesc::Blade(blade) => report.blade(&format!("{field}.blade"), blade, smallest_voxel_m),
+            ToolShapeDesc::Scissors(scissors) => {
+                report.scissors(&format!("{field}.scissors"), scissors, smallest_voxel_m);
+            }
             ToolShapeDesc::Grasper(grasper) => report.grasper(&format!("{field}.grasper"), grasper),
+            ToolShapeDesc::Probe(capsule) => report.capsule(&format!("{field}.probe"), capsule, largest_voxel_m),
         }
     }
     report.count("probes", scene.probes.len(), 0..=MAX_PROBES);
@@ -401,16 +409,20 @@ impl Report {
         self.number(&format!("{field}.height_m"), blade.height_m, 1e-4..=10.0);
         self.number(&format!("{field}.edge_half_width_m"), blade.edge_half_width_m, 1e-8..=1e-2);
         self.number(&format!("{field}.thickness_m"), blade.thickness_m, 0.0..=0.1);
-        let across = blade.width_m / smallest_voxel_m;
-        if across > MAX_BLADE_VOXELS {
-            let message = format!(
-                "{} is {across:.0} of the smallest voxels, of {smallest_voxel_m} m: more than {MAX_BLADE_VOXELS}",
-                blade.width_m
-            );
-            self.refuse(format!("{field}.width_m"), message);
-        }
         if width_is_sound && let Some((at, message)) = edge::problem(blade, smallest_voxel_m, MAX_BLADE_VOXELS) {
             self.refuse(format!("{field}.{at}"), message);
+        }
+    }
+
+    fn scissors(&mut self, field: &str, scissors: &ScissorsDesc, smallest_voxel_m: f64) {
+        let is_sound = self.number(&format!("{field}.blade_length_m"), scissors.blade_length_m, 1e-4..=10.0);
+        self.number(&format!("{field}.blade_height_m"), scissors.blade_height_m, 1e-4..=10.0);
+        self.number(&format!("{field}.max_angle_rad"), scissors.max_angle_rad, 0.1..=2.0);
+        self.number(&format!("{field}.edge_half_width_m"), scissors.edge_half_width_m, 1e-8..=1e-2);
+        self.number(&format!("{field}.thickness_m"), scissors.thickness_m, 0.0..=0.1);
+        let blade = BladeDesc::straight(scissors.blade_length_m, scissors.blade_height_m);
+        if is_sound && let Some((_, message)) = edge::problem(&blade, smallest_voxel_m, MAX_BLADE_VOXELS) {
+            self.refuse(format!("{field}.blade_length_m"), message);
         }
     }
 
@@ -418,6 +430,18 @@ impl Report {
         self.number(&format!("{field}.radius_m"), grasper.radius_m, JAW_RADIUS_M);
         if let Some(force_n) = grasper.max_force_n {
             self.number(&format!("{field}.max_force_n"), force_n, 1e-6..=1e6);
+        }
+    }
+
+    fn capsule(&mut self, field: &str, capsule: &CapsuleDesc, largest_voxel_m: f64) {
+        let fits = self.number(&format!("{field}.radius_m"), capsule.radius_m, 1e-4..=1.0);
+        self.number(&format!("{field}.length_m"), capsule.length_m, 0.0..=10.0);
+        if fits && capsule.radius_m < MIN_PROBE_VOXELS * largest_voxel_m {
+            let message = format!(
+                "{} is less than {MIN_PROBE_VOXELS} of the largest voxels, of {largest_voxel_m} m",
+                capsule.radius_m
+            );
+            self.refuse(format!("{field}.radius_m"), message);
         }
     }
 }

@@ -1,17 +1,22 @@
 //! Tools: their pose and their shape.
 
 pub mod blade;
+pub mod capsule;
 pub mod edge;
 pub mod flanks;
 pub mod grasper;
+pub mod scissors;
 
 use crate::scene::{SceneError, ToolShapeDesc};
 use crate::{Quat, Vec3};
 use blade::Blade;
+use capsule::Capsule;
 use grasper::Grasper;
+use scissors::Scissors;
 
 /// Pose of a tool in the scene frame. Tool frame: origin = reference point = middle of the edge,
-/// +x along the edge, -y the cutting direction (spine to edge), +z the blade's normal.
+/// +x along the edge, -y the cutting direction (spine to edge), +z the blade's normal. The reference point of
+/// scissors is their pivot, a grasper's the middle of its jaws, a probe's that of its axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// Reference point, m.
@@ -32,6 +37,12 @@ impl Pose {
     pub fn transform(&self, local_m: &Vec3) -> Vec3 {
         self.position_m + self.orientation * local_m
     }
+
+    /// Tool-frame position of a point given in the scene frame, m.
+    #[must_use]
+    pub fn to_local(&self, scene_m: &Vec3) -> Vec3 {
+        self.orientation.inverse_transform_vector(&(scene_m - self.position_m))
+    }
 }
 
 /// What a tool is.
@@ -41,6 +52,10 @@ pub enum ToolShape {
     Blade(Blade),
     /// Holds what its jaws close on.
     Grasper(Grasper),
+    /// Presses with a smooth surface.
+    Probe(Capsule),
+    /// Cuts between two edges.
+    Scissors(Scissors),
 }
 
 impl ToolShape {
@@ -52,6 +67,8 @@ impl ToolShape {
         Ok(match desc {
             ToolShapeDesc::Blade(blade) => Self::Blade(Blade::new(blade).map_err(|e| e.within("blade"))?),
             ToolShapeDesc::Grasper(grasper) => Self::Grasper(grasper.into()),
+            ToolShapeDesc::Probe(capsule) => Self::Probe(capsule.into()),
+            ToolShapeDesc::Scissors(desc) => Self::Scissors(Scissors::new(desc).map_err(|e| e.within("scissors"))?),
         })
     }
 
@@ -59,27 +76,35 @@ impl ToolShape {
     #[must_use]
     pub fn validity_radius_m(&self) -> f64 {
         0.05 * match self {
-            Self::Blade(blade) => blade.edge.length_m(),
+            Self::Blade(blade) | Self::Scissors(Scissors { blade, .. }) => blade.edge.length_m(),
             Self::Grasper(grasper) => 2.0 * grasper.radius_m,
+            Self::Probe(capsule) => 2.0 * capsule.radius_m,
         }
     }
 
     /// Stiffness against displacement and against turning with which a tool is felt to be held, over that
-    /// of its contact springs: what the tissue gives in series. A blade's springs stand for the tissue
-    /// themselves; see [`grasper::FELT_SHARES`].
+    /// of its `springs` contact springs: what the tissue gives in series. A blade's springs stand for the
+    /// tissue themselves; see [`grasper::FELT_SHARES`], [`capsule::felt_share`].
     #[must_use]
-    pub fn felt_shares(&self) -> [f64; 2] {
+    pub fn felt_shares(&self, springs: u32) -> [f64; 2] {
         match self {
-            Self::Blade(_) => [1.0; 2],
+            Self::Blade(_) | Self::Scissors(_) => [1.0; 2],
             Self::Grasper(_) => grasper::FELT_SHARES,
+            Self::Probe(_) => [capsule::felt_share(springs); 2],
         }
+    }
+
+    /// Whether what it cuts presses back along the one direction of [`blade::BladeFrame::forward`].
+    #[must_use]
+    pub fn cuts_forward(&self) -> bool {
+        matches!(self, Self::Blade(_))
     }
 
     /// Force on the tool above which it loses its hold, N.
     #[must_use]
     pub fn max_hold_n(&self) -> f64 {
         match self {
-            Self::Blade(_) => f64::INFINITY,
+            Self::Blade(_) | Self::Scissors(_) | Self::Probe(_) => f64::INFINITY,
             Self::Grasper(grasper) => grasper.max_force_n,
         }
     }
@@ -92,6 +117,8 @@ pub struct ToolPath {
     pub before: Pose,
     /// Pose at t + dt.
     pub pose: Pose,
+    /// Share of their full opening that jaws take at t; equal to `opening` where it has just entered.
+    pub opening_before: f64,
     /// Share of their full opening that jaws take at t + dt.
     pub opening: f64,
     /// It was put down at `pose` in this step.

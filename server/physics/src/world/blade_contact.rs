@@ -8,19 +8,22 @@ use crate::fracture::{BladeMotion, Front, FrontBook};
 use crate::grid::{Crossing, LinkId};
 use crate::tool::ToolPath;
 use crate::tool::blade::Blade;
+use crate::tool::scissors::Mount;
 
 /// What one blade of a tool does in one body.
 #[derive(Clone)]
 pub(super) struct BladeContact {
     blade: Blade,
+    mount: Mount,
     pub(super) front: Front,
     pub(super) flanks: Vec<Contact>,
     hash: SpatialHash,
 }
 
 impl BladeContact {
-    pub(super) fn new(blade: Blade, body: &Body, pulled: bool) -> Self {
-        Self { front: Front::new(&blade, body, pulled), blade, flanks: Vec::new(), hash: SpatialHash::default() }
+    pub(super) fn new(blade: Blade, mount: Mount, body: &Body, pulled: bool) -> Self {
+        let front = Front::new(&blade, body, pulled);
+        Self { front, blade, mount, flanks: Vec::new(), hash: SpatialHash::default() }
     }
 
     pub(super) fn reserve(&mut self, walls: &Walls, elements: usize) {
@@ -51,7 +54,7 @@ impl BladeContact {
     }
 
     pub(super) fn detect(&mut self, body: &Body, walls: &Walls, path: &ToolPath) {
-        let motion = motion(&self.blade, path);
+        let motion = motion(&self.blade, self.mount, path);
         let edge_m = motion.blade.edge.points_m();
         let swept = edge_m.iter().flat_map(|at| [motion.before.transform(at), motion.pose.transform(at)]);
         self.hash.rebuild(body, &Aabb::around(swept).grown(body.grid.voxel_size_m()));
@@ -66,10 +69,12 @@ impl BladeContact {
     }
 
     pub(super) fn advance(&mut self, body: &Body, path: &ToolPath, parting: &mut Vec<(LinkId, Crossing)>) -> FrontBook {
-        self.front.advance(body, &motion(&self.blade, path), parting)
+        self.front.advance(body, &motion(&self.blade, self.mount, path), parting)
     }
 }
 
-fn motion<'a>(blade: &'a Blade, path: &ToolPath) -> BladeMotion<'a> {
-    BladeMotion { blade, before: path.before, pose: path.pose }
+/// The blade and its own poses where its tool goes along `path`.
+fn motion<'a>(blade: &'a Blade, mount: Mount, path: &ToolPath) -> BladeMotion<'a> {
+    let before = mount.edge_pose(&path.before, path.opening_before);
+    BladeMotion { blade, before, pose: mount.edge_pose(&path.pose, path.opening) }
 }

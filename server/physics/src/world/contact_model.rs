@@ -9,8 +9,6 @@ use crate::tool::{Pose, ToolShape};
 pub(super) struct ContactModelSum {
     pose: Pose,
     forward: Vec3,
-    /// Square roots: they scale rows and columns.
-    felt: [f64; 2],
     stiffness: [[f64; 6]; 6],
     cap_n: f64,
     yields: bool,
@@ -23,7 +21,6 @@ impl ContactModelSum {
         Self {
             pose,
             forward: pose.orientation * -Vec3::y(),
-            felt: shape.felt_shares().map(f64::sqrt),
             stiffness: [[0.0; 6]; 6],
             cap_n: 0.0,
             yields: false,
@@ -44,7 +41,7 @@ impl ContactModelSum {
         self.yields |= contact.mode == Mode::Yield;
         let turn = arm.cross(&contact.direction);
         let row = [0, 1, 2].map(|i| contact.direction[i]);
-        let row: [f64; 6] = std::array::from_fn(|i| self.felt[i / 3] * if i < 3 { row[i] } else { turn[i - 3] });
+        let row: [f64; 6] = std::array::from_fn(|i| if i < 3 { row[i] } else { turn[i - 3] });
         for i in 0..6 {
             for j in 0..6 {
                 self.stiffness[i][j] += contact.stiffness_n_per_m * row[i] * row[j];
@@ -52,13 +49,18 @@ impl ContactModelSum {
         }
     }
 
-    pub(super) fn finish(self, wrench: Wrench) -> Option<ContactModel> {
+    pub(super) fn finish(mut self, shape: &ToolShape, wrench: Wrench) -> Option<ContactModel> {
+        // Rows and columns alike: the matrix stays symmetric and definite.
+        let felt = shape.felt_shares(self.contacts).map(f64::sqrt);
+        for (i, row) in self.stiffness.iter_mut().enumerate() {
+            row.iter_mut().enumerate().for_each(|(j, k)| *k *= felt[i / 3] * felt[j / 3]);
+        }
         (self.contacts > 0).then_some(ContactModel {
             reference: self.pose,
             wrench,
             stiffness: self.stiffness,
             damping_n_s_per_m: 0.0,
-            force_cap_n: self.yields.then_some(self.cap_n),
+            force_cap_n: (self.yields && shape.cuts_forward()).then_some(self.cap_n),
             cap_direction: -self.forward,
             validity_radius_m: self.radius_m,
         })

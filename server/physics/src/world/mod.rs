@@ -39,24 +39,34 @@ struct Tool {
     pose: Option<Pose>,
     /// Pose at the beginning of the step; equal to `pose` where it has just entered.
     before: Option<Pose>,
-    /// Share of their full opening that its jaws take, if it has any.
+    /// Share of their full opening that its jaws take, if it has any, and took at the beginning of the step.
     opening: f64,
+    opening_before: f64,
     entered: bool,
 }
 
 impl Tool {
     fn new(shape: ToolShape) -> Self {
-        Self { shape, pose: None, before: None, opening: OPEN, entered: false }
+        Self { shape, pose: None, before: None, opening: OPEN, opening_before: OPEN, entered: false }
     }
 
     fn enter_at(&mut self, pose: Pose) {
-        (self.pose, self.before, self.opening, self.entered) = (Some(pose), Some(pose), OPEN, true);
+        (self.pose, self.before, self.entered) = (Some(pose), Some(pose), true);
+        (self.opening, self.opening_before) = (OPEN, OPEN);
+    }
+
+    fn open(&mut self, opening: f64) {
+        self.opening = opening;
+        if self.entered {
+            self.opening_before = opening;
+        }
     }
 
     /// How it moves in the step; `None` while it is lifted.
     fn path(&self) -> Option<ToolPath> {
         let (pose, before) = (self.pose?, self.before?);
-        Some(ToolPath { before, pose, opening: self.opening, entered: self.entered })
+        let (opening, opening_before) = (self.opening, self.opening_before);
+        Some(ToolPath { before, pose, opening_before, opening, entered: self.entered })
     }
 }
 
@@ -76,7 +86,7 @@ pub struct World {
     /// nothing is contoured.
     view: Option<View>,
     contact_ledger: ContactLedger,
-    spring_before_j: f64,
+    springs_before_j: f64,
     output: StepOutput,
 }
 
@@ -115,7 +125,7 @@ impl World {
             probes: Vec::new(),
             view: None,
             contact_ledger: ContactLedger::default(),
-            spring_before_j: 0.0,
+            springs_before_j: 0.0,
             output: StepOutput::default(),
         };
         for (index, probe) in desc.probes.iter().enumerate() {
@@ -187,6 +197,7 @@ impl World {
         self.view.iter_mut().for_each(View::clear_patch);
         for tool in &mut self.tools {
             tool.before = tool.pose;
+            tool.opening_before = tool.opening;
             tool.entered = false;
         }
         if let Some(tolerance) = inputs.relative_tolerance {
@@ -197,7 +208,7 @@ impl World {
             match input.motion {
                 ToolMotion::MoveTo(pose) if tool.pose.is_some() => tool.pose = Some(pose),
                 ToolMotion::MoveTo(pose) | ToolMotion::EnterAt(pose) => tool.enter_at(pose),
-                ToolMotion::SetOpening(opening) => tool.opening = opening,
+                ToolMotion::SetOpening(opening) => tool.open(opening),
                 ToolMotion::Lift => {
                     tool.pose = None;
                     self.slots.iter_mut().for_each(|s| s.contacts[input.tool].lift());
@@ -285,6 +296,7 @@ impl World {
             slot.velocity_change.resize(slot.body.node_count(), [0.0; 3]);
             slot.ledger.after = slot.body.energy();
             slot.walls.update(&slot.body, &slot.parted, &slot.change);
+            slot.contacts.iter_mut().for_each(|c| c.follow(&slot.body, &slot.parted, &slot.change));
             slot.reserve();
             self.output.fracture.parted_links += slot.parted.len() as u32;
         }
@@ -322,7 +334,7 @@ impl World {
             let output = &mut self.output.tools[index];
             output.pose = tool.pose;
             output.wrench = wrench;
-            output.contact = model.and_then(|m| m.finish(wrench));
+            output.contact = model.and_then(|m| m.finish(&tool.shape, wrench));
             output.cutting_length_m = self.slots.iter().map(|s| s.contacts[index].cutting_length_m()).sum();
             let holds = self.slots.iter().any(|s| s.contacts[index].holds());
             output.grasp = if holds { Grasp::Holding } else { Grasp::Nothing };
@@ -344,8 +356,8 @@ impl World {
         self.contact_ledger.front.numerical_j += contacts.map(ToolContact::take_dropped_j).sum::<f64>();
         let before = self.output.energy;
         let ledgers = self.slots.iter().map(|s| &s.ledger);
-        self.output.energy = ledger::book(ledgers, &self.contact_ledger, &before, self.spring_before_j);
-        self.spring_before_j = self.contact_ledger.spring_stored_j;
+        self.output.energy = ledger::book(ledgers, &self.contact_ledger, &before, self.springs_before_j);
+        self.springs_before_j = self.contact_ledger.spring_stored_j;
         self.read_probes();
         self.output.step += 1;
         self.output.sim_time_s = self.output.step as f64 * self.params.dt_s;

@@ -13,7 +13,7 @@ pub struct Snapshot {
     slots: Vec<BodySlot>,
     tools: Vec<Tool>,
     contact_ledger: ContactLedger,
-    spring_before_j: f64,
+    springs_before_j: f64,
     output: StepOutput,
 }
 
@@ -33,7 +33,7 @@ impl World {
             slots: self.slots.clone(),
             tools: self.tools.clone(),
             contact_ledger: self.contact_ledger,
-            spring_before_j: self.spring_before_j,
+            springs_before_j: self.springs_before_j,
             output: self.output.clone(),
         }
     }
@@ -46,7 +46,7 @@ impl World {
         self.slots.iter_mut().for_each(BodySlot::reserve);
         self.tools.clone_from(&snapshot.tools);
         self.contact_ledger = snapshot.contact_ledger;
-        self.spring_before_j = snapshot.spring_before_j;
+        self.springs_before_j = snapshot.springs_before_j;
         self.output.clone_from(&snapshot.output);
         self.forget_surface();
     }

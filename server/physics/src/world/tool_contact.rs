@@ -1,13 +1,15 @@
 //! One tool in one body: what it does there depends on what it is.
 
 use super::blade_contact::BladeContact;
-use crate::body::Body;
+use crate::body::{Body, TopologyChange};
 use crate::contact::Contact;
 use crate::contact::flank::Walls;
 use crate::contact::grip::Grip;
+use crate::contact::palpation::Palpation;
 use crate::fracture::FrontBook;
 use crate::grid::{Crossing, LinkId};
 use crate::hash::StateHasher;
+use crate::tool::scissors::Mount;
 use crate::tool::{ToolPath, ToolShape};
 
 /// What one tool does in one body.
@@ -17,52 +19,60 @@ pub(super) enum ToolContact {
     Edges(Vec<BladeContact>),
     /// Its jaws hold.
     Grip(Grip),
+    /// It presses.
+    Palpation(Palpation),
 }
 
 impl ToolContact {
     pub(super) fn new(shape: &ToolShape, body: &Body, pulled: bool) -> Self {
         match shape {
-            ToolShape::Blade(blade) => Self::Edges(vec![BladeContact::new(blade.clone(), body, pulled)]),
+            ToolShape::Blade(blade) => Self::Edges(vec![BladeContact::new(blade.clone(), Mount::Fixed, body, pulled)]),
+            ToolShape::Scissors(scissors) => {
+                let edge = |mount| BladeContact::new(scissors.blade.clone(), mount, body, pulled);
+                Self::Edges(scissors.mounts().map(edge).into())
+            }
             ToolShape::Grasper(grasper) => Self::Grip(Grip::new(*grasper, body)),
+            ToolShape::Probe(capsule) => Self::Palpation(Palpation::new(*capsule, body)),
         }
     }
 
     fn edges(&self) -> &[BladeContact] {
         match self {
             Self::Edges(edges) => edges,
-            Self::Grip(_) => &[],
+            Self::Grip(_) | Self::Palpation(_) => &[],
         }
     }
 
     fn edges_mut(&mut self) -> &mut [BladeContact] {
         match self {
             Self::Edges(edges) => edges,
-            Self::Grip(_) => &mut [],
+            Self::Grip(_) | Self::Palpation(_) => &mut [],
         }
     }
 
     /// Springs that belong to no edge.
-    fn grip_springs(&self) -> &[Contact] {
+    fn other_springs(&self) -> &[Contact] {
         match self {
             Self::Edges(_) => &[],
             Self::Grip(grip) => &grip.contacts,
+            Self::Palpation(palpation) => &palpation.contacts,
         }
     }
 
     /// Every spring between the tool and the body.
     pub(super) fn springs(&self) -> impl Iterator<Item = &Contact> {
-        self.edges().iter().flat_map(BladeContact::springs).chain(self.grip_springs())
+        self.edges().iter().flat_map(BladeContact::springs).chain(self.other_springs())
     }
 
     /// The springs that make up the tool's wrench: those with a force, and all that hold.
     pub(super) fn acting(&self) -> impl Iterator<Item = &Contact> {
-        let pressing = self.edges().iter().flat_map(BladeContact::springs).filter(|c| c.force_n != 0.0);
-        pressing.chain(self.grip_springs())
+        let holds = self.holds();
+        self.springs().filter(move |c| holds || c.force_n != 0.0)
     }
 
     /// The springs but for those of the fronts, which book their own.
     pub(super) fn beside_fronts(&self) -> impl Iterator<Item = &Contact> {
-        self.edges().iter().flat_map(|edge| &edge.flanks).chain(self.grip_springs())
+        self.edges().iter().flat_map(|edge| &edge.flanks).chain(self.other_springs())
     }
 
     /// Whether jaws hold some of the body.
@@ -87,6 +97,7 @@ impl ToolContact {
                 grip.reserve(elements);
                 grip.most_springs()
             }
+            Self::Palpation(palpation) => palpation.reserve(),
         }
     }
 
@@ -94,6 +105,14 @@ impl ToolContact {
         match self {
             Self::Edges(edges) => edges.iter_mut().for_each(BladeContact::lift),
             Self::Grip(grip) => grip.let_go(),
+            Self::Palpation(palpation) => palpation.contacts.clear(),
+        }
+    }
+
+    /// Follows what was parted.
+    pub(super) fn follow(&mut self, body: &Body, parted: &[LinkId], change: &TopologyChange) {
+        if let Self::Palpation(palpation) = self {
+            palpation.follow(body, parted, change);
         }
     }
 
@@ -101,6 +120,7 @@ impl ToolContact {
         match self {
             Self::Edges(edges) => edges.iter_mut().for_each(|edge| edge.detect(body, walls, path)),
             Self::Grip(grip) => grip.detect(body, path),
+            Self::Palpation(palpation) => palpation.detect(body, path),
         }
     }
 
@@ -113,8 +133,8 @@ impl ToolContact {
                     changed |= edge.settle(dt_s, velocity_change);
                 }
             }
-            Self::Grip(grip) => {
-                for contact in &mut grip.contacts {
+            Self::Grip(Grip { contacts, .. }) | Self::Palpation(Palpation { contacts, .. }) => {
+                for contact in contacts {
                     changed |= contact.settle(dt_s, velocity_change);
                 }
             }
@@ -144,6 +164,8 @@ impl ToolContact {
         match self {
             Self::Edges(edges) => edges.iter().for_each(|edge| edge.front.fold_into(hasher)),
             Self::Grip(grip) => grip.fold_into(hasher),
+            // Where it touches follows from where it and the body are.
+            Self::Palpation(_) => {}
         }
     }
 }

@@ -1,0 +1,161 @@
+//! A smooth tool presses on tissue.
+
+mod support;
+
+use kerf_physics::scene::{BladeDesc, CapsuleDesc, Scene, ShapeDesc, ToolDesc};
+use kerf_physics::step_io::{StepOutput, ToolMotion};
+use kerf_physics::tool::Pose;
+use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use support::{object, scene};
+
+const YOUNG_PA: f64 = 1e5;
+
+/// A block with its top at y = 0, held at its foot, under a probe.
+fn block(half_m: f64, height_m: f64, h: f64, level: u8, capsule: CapsuleDesc) -> Scene {
+    let mut block = object([-half_m, -height_m, -half_m], [half_m, 0.0, half_m], h, level);
+    block.material.young_modulus_pa = YOUNG_PA;
+    block.material.poisson_ratio = 0.3;
+    block.material.rayleigh_beta_s = 5e-3;
+    block.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 1.01 * h - height_m, 1.0] }];
+    let mut scene = scene(vec![block]);
+    scene.desc.tools = vec![ToolDesc::probe("probe", capsule)];
+    scene
+}
+
+fn sphere(radius_m: f64) -> CapsuleDesc {
+    CapsuleDesc { radius_m, length_m: 0.0 }
+}
+
+fn step(world: &mut World, tool: usize, position_m: Vec3, orientation: Quat) -> StepOutput {
+    let input = ToolInput { tool, motion: ToolMotion::MoveTo(Pose { position_m, orientation }) };
+    let output = world.step(&Workers::serial(), &NoClock, &StepInputs::of(&[input])).clone();
+    assert!(output.fault.is_none(), "{:?}", output.fault);
+    output
+}
+
+/// Presses a probe down to `depth_m` below the surface at (x, z) and rests; the last step's output, and the
+/// sums of residuals and of the tool's work.
+fn press(world: &mut World, at_m: [f64; 2], radius_m: f64, depth_m: f64, steps: u32) -> (StepOutput, [f64; 2]) {
+    let (mut sums, mut last) = ([0.0; 2], StepOutput::default());
+    for i in 0..=steps + 30 {
+        let depth = depth_m * f64::from(i.min(steps)) / f64::from(steps);
+        last = step(world, 0, Vec3::new(at_m[0], radius_m - depth, at_m[1]), Quat::identity());
+        sums[0] += last.energy.residual_j.abs();
+        sums[1] += last.energy.tool_work_j;
+    }
+    (last, sums)
+}
+
+#[test]
+fn a_sphere_is_pressed_back_as_hertz_says() {
+    // Hertz: F = 4/3 E* sqrt(R) d^1.5 on a half space; the block is 10 contact radii wide and 8 high.
+    let (radius_m, depth_m, nu): (f64, f64, f64) = (0.02, 0.0012, 0.3);
+    let reduced_pa = YOUNG_PA / (1.0 - nu * nu);
+    let expected = 4.0 / 3.0 * reduced_pa * radius_m.sqrt() * depth_m.powf(1.5);
+    for (h, places, most) in [(0.0025, 2, 0.2), (0.00125, 1, 0.12)] {
+        let scene = block(0.025, 0.04, h, 0, sphere(radius_m));
+        for at_m in &[[0.3 * h, 0.45 * h], [0.0, 0.0]][..places] {
+            let mut world = World::new(&scene).expect("a valid scene");
+            let (output, [residual, work]) = press(&mut world, *at_m, radius_m, depth_m, 30);
+            let ratio = output.tools[0].wrench.force_n.y / expected;
+            println!("h {h} at {at_m:?}: F/Hertz {ratio:.3}, residual/work {:.1e}", residual / work);
+            assert!((ratio - 1.0).abs() < most, "h {h} at {at_m:?}: {ratio}");
+            assert!(residual < 1e-3 * work, "{residual} of {work}");
+        }
+    }
+}
+
+#[test]
+fn nothing_passes_through_a_fast_probe() {
+    // At 1 m/s, a fifth of the radius in a step, and at 3 m/s.
+    for (speed_m_per_s, level) in [(1.0, 1), (1.0, 2), (3.0, 1)] {
+        let radius_m = 0.005;
+        let mut scene = block(0.02, 0.02, 0.0025, level, sphere(radius_m));
+        scene.desc.objects[0].material.strain_stiffening = 5.0;
+        let mut world = World::new(&scene).expect("a valid scene");
+        let stop = -0.004;
+        let (mut y, mut deepest) = (0.03, 0.0f64);
+        while y > stop {
+            y = (y - speed_m_per_s * 1e-3_f64).max(stop);
+            let _ = step(&mut world, 0, Vec3::new(0.0, y, 0.0), Quat::identity());
+            deepest = deepest.max(depth_in(&world, Vec3::new(0.0, y, 0.0), radius_m));
+        }
+        for _ in 0..50 {
+            let _ = step(&mut world, 0, Vec3::new(0.0, y, 0.0), Quat::identity());
+            deepest = depth_in(&world, Vec3::new(0.0, y, 0.0), radius_m);
+        }
+        let output = world.output();
+        println!(
+            "{speed_m_per_s} m/s level {level}: F {:.2} N, surface within by {deepest:.1e} m",
+            output.tools[0].wrench.force_n.y
+        );
+        assert!(output.tools[0].wrench.force_n.y > 0.1);
+        assert!(deepest < 0.1 * radius_m, "{deepest}");
+    }
+}
+
+/// How far the deformed top surface of the first body is inside a sphere.
+fn depth_in(world: &World, centre_m: Vec3, radius_m: f64) -> f64 {
+    let body = world.bodies()[0];
+    let top = (0..body.node_count()).filter(|n| body.rest_position_m(*n).y > -1e-9);
+    top.map(|n| radius_m - (Vec3::from(body.position_m[n]) - centre_m).norm()).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_capsule_that_lies_on_its_side_is_pressed_back_without_torque_and_beside_its_middle_with_it() {
+    let capsule = CapsuleDesc { radius_m: 0.008, length_m: 0.02 };
+    let scene = block(0.02, 0.02, 0.0025, 1, capsule);
+    let mut world = World::new(&scene).expect("a valid scene");
+    let (output, _) = press(&mut world, [0.0, 0.0], 0.008, 0.001, 50);
+    let wrench = output.tools[0].wrench;
+    assert!(wrench.force_n.y > 0.1 && wrench.force_n.x.abs() < 1e-3 * wrench.force_n.y, "{wrench:?}");
+    assert!(wrench.torque_nm.norm() < 1e-4 * wrench.force_n.y, "{wrench:?}");
+    // Half of it over the edge of the block: pressed up on its left, it turns clockwise about z.
+    let mut world = World::new(&scene).expect("a valid scene");
+    let (output, _) = press(&mut world, [0.02, 0.0], 0.008, 0.001, 50);
+    let wrench = output.tools[0].wrench;
+    let arm = wrench.torque_nm.z / wrench.force_n.y;
+    assert!((-0.01..-0.001).contains(&arm), "{arm}");
+}
+
+#[test]
+fn a_probe_that_slides_is_not_dragged() {
+    let mut world = World::new(&block(0.025, 0.02, 0.0025, 1, sphere(0.01))).expect("a valid scene");
+    let (_, _) = press(&mut world, [-0.008, 0.0], 0.01, 0.002, 50);
+    let (mut work, mut lift, mut residual) = (0.0, 0.0, 0.0);
+    for i in 1..=400 {
+        let x = -0.008 + 4e-5 * f64::from(i);
+        let output = step(&mut world, 0, Vec3::new(x, 0.008, 0.0), Quat::identity());
+        work += output.energy.tool_work_j;
+        lift += output.tools[0].wrench.force_n.y / 400.0;
+        residual += output.energy.residual_j.abs();
+    }
+    println!("drag over lift {:.3}, residual over work {:.1e}", work / 0.016 / lift, residual / work.abs());
+    // What drag there is the tissue's damping makes.
+    assert!((work / 0.016 / lift).abs() < 0.05);
+}
+
+#[test]
+fn a_probe_presses_on_the_walls_of_a_cut() {
+    let mut scene = block(0.02, 0.02, 0.0025, 1, sphere(0.006));
+    scene.desc.objects[0].material.fracture_energy_j_per_m2 = Some(20.0);
+    scene.desc.tools.push(ToolDesc::blade("blade", BladeDesc::straight(0.06, 0.05)));
+    let mut world = World::new(&scene).expect("a valid scene");
+    let turn = Quat::from_axis_angle(&Vec3::y_axis(), std::f64::consts::FRAC_PI_2);
+    let mut y = 0.001;
+    while y > -0.014 {
+        let _ = step(&mut world, 1, Vec3::new(1e-5, y, 0.0), turn);
+        y -= 1e-4;
+    }
+    assert!(world.output().topology_version > 3);
+    let _ =
+        world.step(&Workers::serial(), &NoClock, &StepInputs::of(&[ToolInput { tool: 1, motion: ToolMotion::Lift }]));
+    // Down into the slit: its walls are spread and press back, up and from both sides.
+    let (output, [residual, work]) = press(&mut world, [1e-5, 0.0], 0.006, 0.008, 200);
+    let force = output.tools[0].wrench.force_n;
+    println!("force {force:?}, residual over work {:.1e}", residual / work);
+    assert!(force.y > 0.0 && force.x.abs() < 0.1 * force.y, "{force:?}");
+    let spread = world.bodies()[0].position_m.iter().filter(|x| x[1] > -0.004 && x[1] < 0.01 && x[2].abs() < 0.003);
+    let nearest = spread.map(|x| (x[0] - 1e-5).abs()).fold(f64::INFINITY, f64::min);
+    assert!(nearest > 5e-4, "{nearest}");
+}
