@@ -2,8 +2,8 @@
 
 use kerf_physics::World;
 use kerf_physics::scene::{
-    BladeDesc, EdgeDesc, FinerDesc, MaterialDesc, RegionDesc, Scene, SceneDesc, SceneError, ShapeDesc, ToolDesc,
-    ToolShapeDesc, ViscosityDesc,
+    BladeDesc, EdgeDesc, FinerDesc, MaterialDesc, RateDesc, RegionDesc, Scene, SceneDesc, SceneError, ShapeDesc,
+    ToolDesc, ToolShapeDesc, ViscosityDesc,
 };
 
 const SCENE: &str = r#"
@@ -56,6 +56,21 @@ fn numbers_out_of_range_or_not_finite_are_refused() {
     };
     assert_eq!(finer(1), ["objects[0].finer[0].level"]);
     assert!(finer(0).is_empty());
+    let blade = |change: fn(&mut BladeDesc)| {
+        refused(|s| {
+            let ToolShapeDesc::Blade(blade) = &mut s.tools[0].shape;
+            change(blade);
+        })
+    };
+    assert_eq!(blade(|b| b.wedge_angle_rad = Some(0.2)), ["tools[0].shape.blade.wedge_angle_rad"]);
+    assert_eq!(
+        blade(|b| (b.thickness_m, b.wedge_angle_rad) = (1e-3, Some(2.1))),
+        ["tools[0].shape.blade.wedge_angle_rad"]
+    );
+    assert!(blade(|b| (b.thickness_m, b.wedge_angle_rad) = (1e-3, Some(2.0))).is_empty());
+    assert_eq!(blade(|b| b.flank_friction = Some(0.0)), ["tools[0].shape.blade.flank_friction"]);
+    assert_eq!(blade(|b| b.flank_friction = Some(2.1)), ["tools[0].shape.blade.flank_friction"]);
+    assert!(blade(|b| b.flank_friction = Some(2.0)).is_empty());
     let material = |change: fn(&mut MaterialDesc)| refused(|s| change(&mut s.objects[0].material));
     assert_eq!(material(|m| m.poisson_ratio = 0.5), ["objects[0].material.poisson_ratio"]);
     assert_eq!(material(|m| m.density_kg_per_m3 = 0.0), ["objects[0].material.density_kg_per_m3"]);
@@ -93,6 +108,11 @@ fn roomy() -> SceneDesc {
 fn relaxing(scene: &mut SceneDesc) -> &mut ViscosityDesc {
     let some = ViscosityDesc { relaxation_time_s: 0.1, relaxing_modulus_ratio: 0.5 };
     scene.objects[0].material.viscosity.insert(some)
+}
+
+/// The rate law of a scene's fracture energy, there from now on.
+fn toughening(scene: &mut SceneDesc) -> &mut RateDesc {
+    scene.objects[0].material.rate.insert(RateDesc { reference_speed_m_per_s: 0.01, exponent: 0.5 })
 }
 
 #[test]
@@ -166,6 +186,13 @@ fn each_number_is_taken_up_to_its_limits_and_refused_beyond_with_field_and_limit
             [1.0, 10.0],
             1e-9,
         ),
+        bound(
+            |s, v| toughening(s).reference_speed_m_per_s = v,
+            "objects[0].material.rate.reference_speed_m_per_s",
+            [1e-6, 10.0],
+            1e-6,
+        ),
+        bound(|s, v| toughening(s).exponent = v, "objects[0].material.rate.exponent", [0.0, 1.0], 1e-9),
         bound(|s, v| s.objects[0].voxel_size_m = Some(v), "objects[0].voxel_size_m", [1e-5, 1.0], 1e-9),
         bound(|s, v| s.solver.relative_tolerance = v, "solver.relative_tolerance", [1e-12, 0.5], 1e-9),
         bound(|s, v| s.solver.max_iterations = v as u32, "solver.max_iterations", [1.0, 1e5], 1.0),

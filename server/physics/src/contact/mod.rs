@@ -2,6 +2,7 @@
 
 pub mod broad;
 pub mod flank;
+pub mod friction;
 pub mod narrow;
 
 use crate::Vec3;

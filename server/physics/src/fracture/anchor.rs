@@ -8,7 +8,8 @@
 use std::f64::consts::FRAC_1_SQRT_2;
 
 use super::compliance::{EdgeInElement, line_compliance};
-use crate::body::{Body, MaterialPoint};
+use super::travel::Travel;
+use crate::body::{Body, MaterialPoint, ToughnessRate};
 use crate::contact::{ContactWeights, Mode};
 use crate::grid::{Link, LinkId, VoxelId};
 use crate::tool::blade::BladeFrame;
@@ -33,7 +34,7 @@ const TWO_CELLS: f64 = 2.8;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Ahead {
     /// Material that holds, with its fracture energy (infinite: cannot be cut) and initiation ratio.
-    Intact { fracture_energy_j_per_m2: f64, initiation_ratio: f64 },
+    Intact { fracture_energy_j_per_m2: f64, initiation_ratio: f64, rate: Option<ToughnessRate> },
     /// A cut that is there already.
     Parted,
     /// The outside.
@@ -62,6 +63,8 @@ pub(super) struct Anchor {
     pub(super) inward: Vec3,
     /// Whether it has given: from then on it gives at Gc.
     pub(super) yielded: bool,
+    /// How the edge has gone through the material since it yielded.
+    pub(super) travel: Travel,
     /// What the forward spring did at the end of the last step.
     pub(super) mode: Mode,
     /// Energy in the spring at the end of the last step, J.
@@ -83,6 +86,7 @@ impl Anchor {
             ahead: Ahead::Outside,
             inward,
             yielded: false,
+            travel: Travel::default(),
             mode: Mode::Off,
             stored_j: 0.0,
             unrelaxed: 1.0,
@@ -218,6 +222,7 @@ impl Anchor {
                 Ahead::Intact {
                     fracture_energy_j_per_m2: fracture_energy(body, link),
                     initiation_ratio: material.initiation_ratio,
+                    rate: material.toughness_rate,
                 }
             }
             // Past the last link what held there holds on to the surface.
@@ -238,17 +243,23 @@ impl Anchor {
         ahead.cross(&(pulled_back(&f, &frame.along) * share_m)).norm()
     }
 
+    /// Gc of what lies ahead at the speed at which the front goes on; none where nothing holds.
+    pub(super) fn toughness_j_per_m2(&self) -> Option<f64> {
+        let Ahead::Intact { fracture_energy_j_per_m2, rate, .. } = self.ahead else { return None };
+        let factor = rate.map_or(1.0, |rate| rate.factor(self.travel.speed_m_per_s()));
+        Some(fracture_energy_j_per_m2 * factor)
+    }
+
     /// Force at which the marker gives, and the force it goes on at, N. It starts at a line load on
-    /// the surface as it stands, and goes on at Gc per reference area.
+    /// the surface as it stands, and goes on at Gc per reference area, as far as the edge does not slice.
     pub(super) fn limits_n(&self, body: &Body, frame: &BladeFrame, share_m: f64) -> (f64, f64) {
-        match self.ahead {
-            Ahead::Intact { fracture_energy_j_per_m2, initiation_ratio } => {
-                let steady = fracture_energy_j_per_m2 * self.reference_width_m(body, frame, share_m);
-                let start = fracture_energy_j_per_m2 * initiation_ratio * share_m;
-                (if self.yielded { steady } else { start.max(steady) }, steady)
-            }
-            Ahead::Parted | Ahead::Outside => (0.0, 0.0),
-        }
+        let (Ahead::Intact { initiation_ratio, .. }, Some(toughness)) = (self.ahead, self.toughness_j_per_m2()) else {
+            return (0.0, 0.0);
+        };
+        let slice_push = self.travel.slice_push();
+        let steady = toughness * self.reference_width_m(body, frame, share_m) / (1.0 + slice_push * slice_push);
+        let start = toughness * initiation_ratio * share_m;
+        (if self.yielded { steady } else { start.max(steady) }, steady)
     }
 
     /// Unit direction across the edge in the surface that it came in through, reference configuration.

@@ -88,7 +88,7 @@ impl Front {
     /// Number of springs that the front may have at most.
     #[must_use]
     pub fn most_springs(&self) -> usize {
-        2 * self.markers.len()
+        3 * self.markers.len()
     }
 
     /// Forgets every contact; what is inside now counts as put down inside.

@@ -1,7 +1,7 @@
 //! Fracture: the force-capped front along a blade's edge and the links it parts.
 //!
 //! A blade's front is a chain of markers, one to a share of the edge (`front`, `marker`). A marker in
-//! contact pushes, through two springs (`springs`), on a point of the material (`anchor`) that it
+//! contact pushes, through springs (`springs`), on a point of the material (`anchor`) that it
 //! found where the edge came in through the surface (`entry`). What the point advances is booked
 //! (`book`), and the links across the strip that the chain has swept part (`sweep`).
 
@@ -13,6 +13,7 @@ mod front;
 mod marker;
 mod springs;
 mod sweep;
+mod travel;
 
 pub use book::FrontBook;
 pub use front::{BladeMotion, Front};

@@ -5,6 +5,7 @@ use crate::body::{self, Body, TopologyChange};
 use crate::contact::Mode;
 use crate::contact::broad::SpatialHash;
 use crate::contact::flank::Walls;
+use crate::contact::friction::FlankFriction;
 use crate::fault::{Fault, FaultKind};
 use crate::fracture::Front;
 use crate::grid::{Crossing, LinkId};
@@ -39,6 +40,7 @@ impl BodySlot {
             .map(|blade| ToolContact {
                 front: Front::new(blade, &body),
                 flanks: Vec::new(),
+                friction: blade.flank_friction.map(FlankFriction::new),
                 hash: SpatialHash::default(),
             })
             .collect();
@@ -64,9 +66,13 @@ impl BodySlot {
         for contact in &mut self.contacts {
             contact.flanks.clear();
             contact.flanks.reserve(self.walls.len());
+            if let Some(friction) = &mut contact.friction {
+                friction.contacts.clear();
+                friction.contacts.reserve(self.walls.len());
+            }
             contact.hash.reserve(self.body.base().elements.len());
         }
-        let springs = self.contacts.iter().map(|c| c.front.most_springs() + self.walls.len()).sum();
+        let springs = self.contacts.iter().map(|c| c.most_springs(&self.walls)).sum();
         self.impulses.clear();
         self.impulses.reserve(POINT_NODES * springs);
         self.body.reserve_springs(springs);
@@ -92,6 +98,9 @@ impl BodySlot {
             }
             for flank in &mut contact.flanks {
                 changed |= flank.settle(dt_s, &self.velocity_change);
+            }
+            for rubbing in contact.friction.iter_mut().flat_map(|f| &mut f.contacts) {
+                changed |= rubbing.settle(dt_s, &self.velocity_change);
             }
         }
         changed

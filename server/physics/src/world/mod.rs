@@ -293,10 +293,14 @@ impl World {
                 for c in contact.springs().filter(|c| c.force_n != 0.0) {
                     let force = c.direction * c.force_n;
                     self.contact_ledger.tool_work_j += force.dot(&(c.tool_point_m - c.tool_point_before_m));
-                    if let Some(sum) = &mut model {
-                        sum.add(c, &mut wrench);
+                    if let Some(sum) = &model {
+                        sum.push(c, &mut wrench);
                     }
                 }
+                if let Some(sum) = &mut model {
+                    contact.pressing().filter(|c| c.force_n != 0.0).for_each(|c| sum.add(c));
+                }
+                self.contact_ledger.friction_j += contact.rubbing().map(|c| c.force_n * c.gap_m).sum::<f64>();
                 for c in &contact.flanks {
                     self.contact_ledger.flank_work_j += c.force_n * (c.gap_m - c.gap_before_m);
                     self.contact_ledger.flank_stored_j += 0.5 * c.force_n * c.gap_m;

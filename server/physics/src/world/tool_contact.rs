@@ -4,12 +4,14 @@ use crate::body::Body;
 use crate::contact::Contact;
 use crate::contact::broad::{Aabb, SpatialHash};
 use crate::contact::flank::Walls;
+use crate::contact::friction::FlankFriction;
 use crate::fracture::{BladeMotion, Front};
 
 /// What one tool does in one body.
 pub(super) struct ToolContact {
     pub(super) front: Front,
     pub(super) flanks: Vec<Contact>,
+    pub(super) friction: Option<FlankFriction>,
     pub(super) hash: SpatialHash,
 }
 
@@ -17,10 +19,27 @@ impl ToolContact {
     pub(super) fn lift(&mut self) {
         self.front.lift();
         self.flanks.clear();
+        self.friction.iter_mut().for_each(|f| f.contacts.clear());
+    }
+
+    /// Number of springs that there may be at most against these walls.
+    pub(super) fn most_springs(&self, walls: &Walls) -> usize {
+        self.front.most_springs() + walls.len() * (1 + usize::from(self.friction.is_some()))
     }
 
     pub(super) fn springs(&self) -> impl Iterator<Item = &Contact> {
+        let dragging = self.front.contacts.iter().map(|c| &c.along);
+        self.pressing().chain(dragging).chain(self.rubbing())
+    }
+
+    /// The contacts that hold a pose: all that depends on where the tool is rather than on how it moves.
+    pub(super) fn pressing(&self) -> impl Iterator<Item = &Contact> {
         self.front.contacts.iter().flat_map(|c| [&c.forward, &c.lateral]).chain(&self.flanks)
+    }
+
+    /// What rubs on the flanks.
+    pub(super) fn rubbing(&self) -> impl Iterator<Item = &Contact> {
+        self.friction.iter().flat_map(|f| &f.contacts)
     }
 
     pub(super) fn detect(&mut self, body: &Body, walls: &Walls, motion: &BladeMotion<'_>, entered: bool) {
@@ -34,6 +53,9 @@ impl ToolContact {
         self.flanks.clear();
         if !walls.is_empty() {
             walls.contacts(body, &motion.blade.flanks, &motion.before, &motion.pose, &mut self.flanks);
+        }
+        if let Some(friction) = &mut self.friction {
+            friction.detect(body, &self.flanks);
         }
     }
 }
