@@ -1,6 +1,7 @@
 //! Coulomb friction of the flanks on the walls they press on.
 
 use super::{Contact, Mode};
+use crate::Vec3;
 use crate::body::Body;
 
 /// Slower than this a wall sticks but for a creep in proportion to the force, m/s: a hundredth of the speed
@@ -24,33 +25,39 @@ impl FlankFriction {
     /// Sets up the friction of `flanks`, whose normal forces are those at the beginning of the step.
     pub fn detect(&mut self, body: &Body, flanks: &[Contact]) {
         self.contacts.clear();
-        self.contacts.extend(flanks.iter().filter_map(|flank| rubbing(body, flank, self.coefficient)));
+        self.contacts.extend(flanks.iter().filter_map(|flank| rubbing(body, flank, self.coefficient)).flatten());
     }
 }
 
-/// `-mu N v / max(|v|, v_creep)`, implicit in v, along the way in which the wall slides if the tissue keeps
-/// its velocity.
-fn rubbing(body: &Body, flank: &Contact, coefficient: f64) -> Option<Contact> {
+/// `-mu N v / max(|v|, v_creep)`, implicit in v, along two directions of the wall: the way in which it slides
+/// if the tissue keeps its velocity, and across that. While it sticks the way is the tool's.
+fn rubbing(body: &Body, flank: &Contact, coefficient: f64) -> Option<[Contact; 2]> {
     let limit_n = coefficient * flank.stiffness_n_per_m * flank.gap_before_m;
     if limit_n <= 0.0 {
         return None;
     }
-    let drift = flank.weights.sum(&body.velocity_m_per_s) * body.dt_s();
-    let past = flank.tool_point_m - flank.tool_point_before_m - drift;
-    let slide = past - flank.direction * past.dot(&flank.direction);
-    let direction = slide.try_normalize(0.0)?;
+    let in_wall = |by: Vec3| by - flank.direction * by.dot(&flank.direction);
+    let moved = in_wall(flank.tool_point_m - flank.tool_point_before_m);
+    let slide = moved - in_wall(flank.weights.sum(&body.velocity_m_per_s) * body.dt_s());
     let creep_m = CREEP_M_PER_S * body.dt_s();
-    let gap_predicted_m = slide.norm();
-    Some(Contact {
-        direction,
-        stiffness_n_per_m: limit_n / creep_m,
-        gap_before_m: 0.0,
-        gap_predicted_m,
-        limit_n,
-        yield_n: limit_n,
-        slack_m: 0.0,
-        bilateral: true,
-        mode: if gap_predicted_m > creep_m { Mode::Yield } else { Mode::Spring },
-        ..*flank
-    })
+    let way = slide.try_normalize(creep_m).or_else(|| moved.try_normalize(0.0));
+    let way = way.unwrap_or_else(|| in_wall(Vec3::ith(flank.direction.iamin(), 1.0)).normalize());
+    let stiffness_n_per_m = limit_n / slide.norm().max(creep_m);
+    let along = |way: Vec3, stiffness_n_per_m: f64| {
+        let gap_predicted_m = slide.dot(&way);
+        let way = if gap_predicted_m < 0.0 { -way } else { way };
+        Contact {
+            direction: way,
+            stiffness_n_per_m,
+            gap_before_m: 0.0,
+            gap_predicted_m: gap_predicted_m.abs(),
+            limit_n,
+            yield_n: limit_n,
+            slack_m: 0.0,
+            bilateral: true,
+            mode: if stiffness_n_per_m * gap_predicted_m.abs() > limit_n { Mode::Yield } else { Mode::Spring },
+            ..*flank
+        }
+    };
+    Some([along(way, limit_n / creep_m), along(flank.direction.cross(&way), stiffness_n_per_m)])
 }

@@ -68,7 +68,7 @@ impl BodySlot {
             contact.flanks.reserve(self.walls.len());
             if let Some(friction) = &mut contact.friction {
                 friction.contacts.clear();
-                friction.contacts.reserve(self.walls.len());
+                friction.contacts.reserve(2 * self.walls.len());
             }
             contact.hash.reserve(self.body.base().elements.len());
         }

@@ -24,7 +24,7 @@ impl ToolContact {
 
     /// Number of springs that there may be at most against these walls.
     pub(super) fn most_springs(&self, walls: &Walls) -> usize {
-        self.front.most_springs() + walls.len() * (1 + usize::from(self.friction.is_some()))
+        self.front.most_springs() + walls.len() * (1 + 2 * usize::from(self.friction.is_some()))
     }
 
     pub(super) fn springs(&self) -> impl Iterator<Item = &Contact> {
