@@ -9,7 +9,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 
 use super::compliance::{EdgeInElement, line_compliance};
 use super::travel::Travel;
-use crate::body::{Body, MaterialPoint, ToughnessRate};
+use crate::body::{Body, MaterialPoint};
 use crate::contact::{ContactWeights, Mode};
 use crate::grid::{Link, LinkId, VoxelId};
 use crate::tool::blade::BladeFrame;
@@ -34,7 +34,7 @@ const TWO_CELLS: f64 = 2.8;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Ahead {
     /// Material that holds, with its fracture energy (infinite: cannot be cut) and initiation ratio.
-    Intact { fracture_energy_j_per_m2: f64, initiation_ratio: f64, rate: Option<ToughnessRate> },
+    Intact { fracture_energy_j_per_m2: f64, initiation_ratio: f64 },
     /// A cut that is there already.
     Parted,
     /// The outside.
@@ -222,7 +222,6 @@ impl Anchor {
                 Ahead::Intact {
                     fracture_energy_j_per_m2: fracture_energy(body, link),
                     initiation_ratio: material.initiation_ratio,
-                    rate: material.toughness_rate,
                 }
             }
             // Past the last link what held there holds on to the surface.
@@ -244,8 +243,9 @@ impl Anchor {
     }
 
     /// Gc of what lies ahead at the speed at which the front goes on; none where nothing holds.
-    pub(super) fn toughness_j_per_m2(&self) -> Option<f64> {
-        let Ahead::Intact { fracture_energy_j_per_m2, rate, .. } = self.ahead else { return None };
+    pub(super) fn toughness_j_per_m2(&self, body: &Body) -> Option<f64> {
+        let Ahead::Intact { fracture_energy_j_per_m2, .. } = self.ahead else { return None };
+        let rate = body.material_of(self.voxels[0]).toughness_rate;
         let factor = rate.map_or(1.0, |rate| rate.factor(self.travel.speed_m_per_s()));
         Some(fracture_energy_j_per_m2 * factor)
     }
@@ -253,7 +253,8 @@ impl Anchor {
     /// Force at which the marker gives, and the force it goes on at, N. It starts at a line load on
     /// the surface as it stands, and goes on at Gc per reference area, as far as the edge does not slice.
     pub(super) fn limits_n(&self, body: &Body, frame: &BladeFrame, share_m: f64) -> (f64, f64) {
-        let (Ahead::Intact { initiation_ratio, .. }, Some(toughness)) = (self.ahead, self.toughness_j_per_m2()) else {
+        let (Ahead::Intact { initiation_ratio, .. }, Some(toughness)) = (self.ahead, self.toughness_j_per_m2(body))
+        else {
             return (0.0, 0.0);
         };
         let slice_push = self.travel.slice_push();

@@ -123,7 +123,7 @@ impl FrontContact {
         // Grazing the outside starts no cut.
         anchor.yielded |= forward.mode == Mode::Yield && anchor.ahead != Ahead::Outside;
         let mut step = anchor.march(body, frame, advance);
-        if let Some(toughness_j_per_m2) = anchor.toughness_j_per_m2()
+        if let Some(toughness_j_per_m2) = anchor.toughness_j_per_m2(body)
             && advance > 0.0
         {
             // What the front sweeps moving forward; what it slides along itself opens nothing.

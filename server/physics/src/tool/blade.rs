@@ -46,7 +46,7 @@ pub struct BladeFrame {
 impl BladeFrame {
     /// In the tool frame, where the edge has the unit tangent `along`; the cutting direction is -y.
     #[must_use]
-    pub fn along(along: Vec3) -> Self {
+    pub fn of_tangent(along: Vec3) -> Self {
         let down = -Vec3::y();
         let forward = (down - along * along.dot(&down)).normalize();
         Self { along, forward, normal: forward.cross(&along) }
