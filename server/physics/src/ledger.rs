@@ -31,6 +31,8 @@ pub struct ContactLedger {
     pub spring_stored_j: f64,
     /// Work of these springs, `sum f d gap`, J.
     pub spring_work_j: f64,
+    /// Of friction on the flanks, J.
+    pub friction_j: f64,
 }
 
 /// The ledger of a step. `before` is the ledger of the step before it.
@@ -58,6 +60,7 @@ pub fn book<'a>(
             b.solved.elastic_j - b.after.elastic_j + b.solved.kinetic_j - b.after.kinetic_j + b.solved.hold_j
                 - b.after.hold_j
         }),
+        friction_j: contact.friction_j,
         numerical_j: contact.front.numerical_j,
         residual_j: 0.0,
     };
@@ -78,6 +81,7 @@ pub fn book<'a>(
         - energy.front_slip_j
         - energy.initiation_j
         - energy.damping_j
+        - energy.friction_j
         - energy.parting_j
         - energy.numerical_j;
     energy

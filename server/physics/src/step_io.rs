@@ -103,7 +103,7 @@ pub struct ToolOutput {
 
 /// Energy booked in one step, J; positive terms leave the first line and enter the others:
 /// `tool + load = d elastic + d contact + d kinetic + fracture + front_slip + initiation + damping
-///  + parting + numerical + residual`.
+///  + friction + parting + numerical + residual`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EnergyStep {
     /// Work done by tools on the tissue.
@@ -116,7 +116,7 @@ pub struct EnergyStep {
     pub contact_j: f64,
     /// Kinetic energy after the step (a level).
     pub kinetic_j: f64,
-    /// Gc times the area that parted.
+    /// Gc times the area that parted; at the speed it parted at where it depends on that.
     pub fracture_j: f64,
     /// Work of the capped force on material that slipped past the edge, less `fracture_j`.
     pub front_slip_j: f64,
@@ -124,6 +124,8 @@ pub struct EnergyStep {
     pub initiation_j: f64,
     /// Rayleigh damping, and what the dashpots of relaxing materials dissipated.
     pub damping_j: f64,
+    /// Friction on the flanks of tools.
+    pub friction_j: f64,
     /// Elastic energy that vanished as composite elements were split: what holding both sides in one
     /// trilinear field had cost.
     pub parting_j: f64,

@@ -6,7 +6,7 @@ mod support;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use kerf_physics::scene::{CapsuleDesc, GrasperDesc, ToolDesc};
+use kerf_physics::scene::{BladeDesc, CapsuleDesc, EdgeDesc, GrasperDesc, RateDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
@@ -51,6 +51,28 @@ fn stroke(world: &mut World, from_m: f64, speed_m_per_s: f64, steps: usize) -> (
         }
     }
     (allocations, fractures)
+}
+
+#[test]
+fn blades_of_every_kind_allocate_nothing_either() {
+    let sine = EdgeDesc::Sine { amplitude_m: 4e-3, wavelength_m: 2e-2 };
+    let rubbing = BladeDesc {
+        edge: sine,
+        thickness_m: 1e-3,
+        wedge_angle_rad: Some(0.2),
+        flank_friction: Some(0.3),
+        ..BladeDesc::straight(0.06, 0.05)
+    };
+    let mut scene = cutting_scene();
+    scene.desc.tools = vec![ToolDesc::blade("blade", rubbing)];
+    scene.desc.objects[0].material.rate = Some(RateDesc { reference_speed_m_per_s: 1e-2, exponent: 0.3 });
+    let mut world = World::new(&scene).expect("a valid scene");
+    press(&mut world, 0.05);
+    let (pressing, none) = stroke(&mut world, 0.041, 0.05, 20);
+    assert_eq!((pressing, none), (0, 0), "pressing");
+    let (cutting, fractures) = stroke(&mut world, 0.040, 0.3, 80);
+    assert!(fractures > 3, "{fractures} steps with fracture");
+    assert_eq!(cutting, 0, "cutting");
 }
 
 #[test]

@@ -181,10 +181,12 @@ fn the_cut_follows_the_edge_within_half_a_voxel_and_leaves_two_pieces() {
 #[test]
 fn the_bottom_of_an_unfinished_cut_is_the_edge_less_the_dent() {
     // Belly and teeth: how deep the cut goes under each column of voxels, against the edge above it.
-    for (name, edge) in [("arc", EdgeDesc::Arc { sagitta_m: 16e-3 }), ("teeth ahead", fold_line(0.0, 3e-3))] {
+    for (name, edge) in [("arc", EdgeDesc::Arc { sagitta_m: 16e-3 }), ("teeth ahead", fold_line(0.0, 6e-3))] {
         let mut rig = rig(H_M, edge.clone(), Quat::identity(), 4e-4);
-        rig.drive(0.022);
         let edge_m = Blade::new(&blade(edge)).unwrap().edge.points_m().to_vec();
+        // From where its foremost point is clear of the block.
+        rig.position_m.y -= edge_m.iter().map(|p| p.y).fold(0.0, f64::min);
+        rig.drive(0.024);
         let mut checked = 0;
         let found = crossings(&rig.body().grid);
         for column in 0..16 {

@@ -2,8 +2,8 @@
 
 use kerf_physics::World;
 use kerf_physics::scene::{
-    BladeDesc, CapsuleDesc, EdgeDesc, FinerDesc, GrasperDesc, MaterialDesc, RegionDesc, Scene, SceneDesc, SceneError,
-    ScissorsDesc, ShapeDesc, ToolDesc, ToolShapeDesc, ViscosityDesc,
+    BladeDesc, CapsuleDesc, EdgeDesc, FinerDesc, GrasperDesc, MaterialDesc, RateDesc, RegionDesc, Scene, SceneDesc,
+    SceneError, ScissorsDesc, ShapeDesc, ToolDesc, ToolShapeDesc, ViscosityDesc,
 };
 
 const SCENE: &str = r#"
@@ -56,6 +56,21 @@ fn numbers_out_of_range_or_not_finite_are_refused() {
     };
     assert_eq!(finer(1), ["objects[0].finer[0].level"]);
     assert!(finer(0).is_empty());
+    let blade = |change: fn(&mut BladeDesc)| {
+        refused(|s| {
+            let ToolShapeDesc::Blade(blade) = &mut s.tools[0].shape else { panic!("a blade") };
+            change(blade);
+        })
+    };
+    assert_eq!(blade(|b| b.wedge_angle_rad = Some(0.2)), ["tools[0].shape.blade.wedge_angle_rad"]);
+    assert_eq!(
+        blade(|b| (b.thickness_m, b.wedge_angle_rad) = (1e-3, Some(2.1))),
+        ["tools[0].shape.blade.wedge_angle_rad"]
+    );
+    assert!(blade(|b| (b.thickness_m, b.wedge_angle_rad) = (1e-3, Some(2.0))).is_empty());
+    assert_eq!(blade(|b| b.flank_friction = Some(0.0)), ["tools[0].shape.blade.flank_friction"]);
+    assert_eq!(blade(|b| b.flank_friction = Some(2.1)), ["tools[0].shape.blade.flank_friction"]);
+    assert!(blade(|b| b.flank_friction = Some(2.0)).is_empty());
     let material = |change: fn(&mut MaterialDesc)| refused(|s| change(&mut s.objects[0].material));
     assert_eq!(material(|m| m.poisson_ratio = 0.5), ["objects[0].material.poisson_ratio"]);
     assert_eq!(material(|m| m.density_kg_per_m3 = 0.0), ["objects[0].material.density_kg_per_m3"]);
@@ -152,6 +167,11 @@ fn a_probe_finer_than_the_surface_and_scissors_over_too_many_voxels_are_refused(
     assert_eq!(length(4097.0), ["tools[0].shape.scissors.blade_length_m"]);
 }
 
+/// The rate law of a scene's fracture energy, there from now on.
+fn toughening(scene: &mut SceneDesc) -> &mut RateDesc {
+    scene.objects[0].material.rate.insert(RateDesc { reference_speed_m_per_s: 0.01, exponent: 0.5 })
+}
+
 #[test]
 fn viscosity_is_given_whole_or_not_at_all() {
     let with = |viscosity: &str| {
@@ -223,6 +243,13 @@ fn each_number_is_taken_up_to_its_limits_and_refused_beyond_with_field_and_limit
             [1.0, 10.0],
             1e-9,
         ),
+        bound(
+            |s, v| toughening(s).reference_speed_m_per_s = v,
+            "objects[0].material.rate.reference_speed_m_per_s",
+            [1e-6, 10.0],
+            1e-6,
+        ),
+        bound(|s, v| toughening(s).exponent = v, "objects[0].material.rate.exponent", [0.0, 1.0], 1e-9),
         bound(|s, v| s.objects[0].voxel_size_m = Some(v), "objects[0].voxel_size_m", [1e-5, 1.0], 1e-9),
         bound(|s, v| s.solver.relative_tolerance = v, "solver.relative_tolerance", [1e-12, 0.5], 1e-9),
         bound(|s, v| s.solver.max_iterations = v as u32, "solver.max_iterations", [1.0, 1e5], 1.0),

@@ -220,7 +220,8 @@ fn real_tissue_gives_at_gc(level: u8) {
         rig.sum(|s| s.energy.damping_j) / tool,
     );
     assert!((0.022..0.028).contains(&first), "gives at a dent of {first} m");
-    assert!((plateau - 1.0).abs() < 0.05, "F/(Gc w) = {plateau}");
+    // Less than 1: the squeezed tissue spreads along the edge, which slices it.
+    assert!((0.88..1.03).contains(&plateau), "F/(Gc w) = {plateau}");
     // What the tool spent and the tissue gave back, per area. Less than Gc, for the whole block is pressed
     // to two thirds of its height and a longer cut shortens what the blade presses on: -dU/dA at a fixed
     // blade is then F/w less half of that strain, and a rule that takes q for it spends so much less.

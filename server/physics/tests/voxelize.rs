@@ -15,6 +15,7 @@ fn material() -> MaterialDesc {
         rayleigh_beta_s: 0.0,
         fracture_energy_j_per_m2: None,
         initiation_ratio: 2.0,
+        rate: None,
         strain_stiffening: 0.0,
         viscosity: None,
     }

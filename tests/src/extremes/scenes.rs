@@ -77,6 +77,7 @@ impl Specimen {
             rayleigh_beta_s: (2.0 * DAMPING_RATIO / circular_per_s).min(MOST_BETA_S),
             fracture_energy_j_per_m2: None,
             initiation_ratio: 2.0,
+            rate: None,
             strain_stiffening: self.strain_stiffening,
             viscosity: None,
         }

@@ -9,11 +9,13 @@ mod quarantine;
 mod relax;
 mod rigid;
 mod topology;
+mod toughness_rate;
 
 pub use forces::{BodyEnergy, StepEnergies};
 pub use interpolate::MaterialPoint;
 pub use relax::Relaxation;
 pub use topology::{LEAST_PIECE_VOXELS, PartedLinks, TopologyChange};
+pub use toughness_rate::ToughnessRate;
 
 use crate::Vec3;
 use crate::fem::composite::{CompositeTables, shape_functions};
@@ -61,6 +63,8 @@ pub struct Material {
     pub fracture_energy_j_per_m2: Option<f64>,
     /// Energy release rate at which a front starts over the fracture energy.
     pub initiation_ratio: f64,
+    /// How the fracture energy rises with the speed of the front.
+    pub toughness_rate: Option<ToughnessRate>,
 }
 
 impl From<&MaterialDesc> for Material {
@@ -80,6 +84,7 @@ impl From<&MaterialDesc> for Material {
             },
             fracture_energy_j_per_m2: desc.fracture_energy_j_per_m2,
             initiation_ratio: desc.initiation_ratio,
+            toughness_rate: desc.rate.map(ToughnessRate::from),
         }
     }
 }

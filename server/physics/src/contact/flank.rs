@@ -141,12 +141,12 @@ impl Patch {
     ) -> Option<Contact> {
         let h = body.grid.voxel_size_m();
         let turned = body.deformation_gradient(&self.point).try_inverse()?.transpose() * self.normal;
-        let normal = pose.orientation * beside.normal;
         // The blade stands where the wall looks.
-        let side = if turned.dot(&normal) < 0.0 { 1.0 } else { -1.0 };
+        let side = if turned.dot(&(pose.orientation * beside.normal)) < 0.0 { 1.0 } else { -1.0 };
+        let face = flanks.face(beside, side);
         let young = body.material_of(self.point.voxel).young_modulus_pa;
         let mut contact = Contact {
-            direction: normal * side,
+            direction: pose.orientation * face.outward,
             tool_point_m: pose.transform(&beside.position_m),
             tool_point_before_m: before.transform(&beside.position_m),
             stiffness_n_per_m: young * self.area_m2 / body.element_edge_m(self.element as usize),
@@ -156,11 +156,10 @@ impl Patch {
         };
         let (nodes, n) = body.weights(&self.point);
         nodes.into_iter().zip(n).for_each(|(node, n)| contact.weights.add(node, n));
-        let gap = flanks.half_thickness_m() - side * beside.offset_m;
         let drift = body.dt_s() * contact.weights.sum(&body.velocity_m_per_s).dot(&contact.direction);
         let travel = (contact.tool_point_m - contact.tool_point_before_m).dot(&contact.direction);
-        contact.gap_before_m = gap - travel;
-        contact.gap_predicted_m = gap - drift;
+        contact.gap_before_m = face.depth_m - travel;
+        contact.gap_predicted_m = face.depth_m - drift;
         contact.mode = if contact.gap_predicted_m > 0.0 { Mode::Spring } else { Mode::Off };
         (contact.gap_predicted_m > -0.5 * h).then_some(contact)
     }

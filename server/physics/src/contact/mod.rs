@@ -2,6 +2,7 @@
 
 pub mod broad;
 pub mod flank;
+pub mod friction;
 pub mod grip;
 pub mod narrow;
 pub mod palpation;

@@ -8,6 +8,7 @@
 use std::f64::consts::FRAC_1_SQRT_2;
 
 use super::compliance::{EdgeInElement, line_compliance};
+use super::travel::Travel;
 use crate::body::{Body, MaterialPoint};
 use crate::contact::{ContactWeights, Mode};
 use crate::grid::{Link, LinkId, VoxelId};
@@ -62,6 +63,8 @@ pub(super) struct Anchor {
     pub(super) inward: Vec3,
     /// Whether it has given: from then on it gives at Gc.
     pub(super) yielded: bool,
+    /// How the edge has gone through the material since it yielded.
+    pub(super) travel: Travel,
     /// What the forward spring did at the end of the last step.
     pub(super) mode: Mode,
     /// Energy in the spring at the end of the last step, J.
@@ -85,6 +88,7 @@ impl Anchor {
             ahead: Ahead::Outside,
             inward,
             yielded: false,
+            travel: Travel::default(),
             mode: Mode::Off,
             stored_j: 0.0,
             elastic_release_j_per_m2: 0.0,
@@ -241,18 +245,27 @@ impl Anchor {
         ahead.cross(&(pulled_back(&f, &frame.along) * share_m)).norm()
     }
 
+    /// Gc of what lies ahead at the speed at which the front goes on; none where nothing holds.
+    pub(super) fn toughness_j_per_m2(&self, body: &Body) -> Option<f64> {
+        let Ahead::Intact { fracture_energy_j_per_m2, .. } = self.ahead else { return None };
+        let rate = body.material_of(self.voxels[0]).toughness_rate;
+        let factor = rate.map_or(1.0, |rate| rate.factor(self.travel.speed_m_per_s()));
+        Some(fracture_energy_j_per_m2 * factor)
+    }
+
     /// Force at which the marker gives, and the force it goes on at, N. It starts at a line load on
-    /// the surface as it stands, and goes on at Gc per reference area.
+    /// the surface as it stands, and goes on at Gc per reference area, as far as the edge does not slice.
     pub(super) fn limits_n(&self, body: &Body, frame: &BladeFrame, share_m: f64) -> (f64, f64) {
-        match self.ahead {
-            Ahead::Intact { fracture_energy_j_per_m2, initiation_ratio } => {
-                let from_edge = |driven: f64| (driven - self.elastic_release_j_per_m2).max(0.0);
-                let steady = from_edge(fracture_energy_j_per_m2) * self.reference_width_m(body, frame, share_m);
-                let start = from_edge(fracture_energy_j_per_m2 * initiation_ratio) * share_m;
-                (if self.yielded { steady } else { start.max(steady) }, steady)
-            }
-            Ahead::Parted | Ahead::Outside => (0.0, 0.0),
-        }
+        let (Ahead::Intact { initiation_ratio, .. }, Some(toughness)) = (self.ahead, self.toughness_j_per_m2(body))
+        else {
+            return (0.0, 0.0);
+        };
+        let slice_push = self.travel.slice_push();
+        let from_edge = |driven: f64| (driven - self.elastic_release_j_per_m2).max(0.0);
+        let steady =
+            from_edge(toughness) * self.reference_width_m(body, frame, share_m) / (1.0 + slice_push * slice_push);
+        let start = from_edge(toughness * initiation_ratio) * share_m;
+        (if self.yielded { steady } else { start.max(steady) }, steady)
     }
 
     /// Unit direction across the edge in the surface that it came in through, reference configuration.

@@ -93,7 +93,7 @@ impl Front {
     /// Number of springs that the front may have at most.
     #[must_use]
     pub fn most_springs(&self) -> usize {
-        2 * self.markers.len()
+        3 * self.markers.len()
     }
 
     /// Room for a spring on every marker, which a copy of a front lacks.

@@ -15,6 +15,7 @@ const LOST_VOXELS: f64 = 2.0;
 
 /// One share of the edge.
 #[derive(Clone, Copy, Debug)]
+#[allow(clippy::large_enum_variant, reason = "a box would be allocated as a marker comes into contact")]
 pub(super) enum Marker {
     /// Not in the tissue.
     Outside,

@@ -1,8 +1,9 @@
 //! Fracture: the force-capped front along a blade's edge and the links it parts.
 //!
 //! A blade's front is a chain of markers, one to a share of the edge (`front`, `marker`). A marker in
-//! contact pushes, through two springs (`springs`), on a point of the material (`anchor`) that it
-//! found where the edge came in through the surface (`entry`). Where tissue is pulled (`tension`, `release`) it needs to push less. What the point advances is booked
+//! contact pushes, through springs (`springs`), on a point of the material (`anchor`) that it
+//! found where the edge came in through the surface (`entry`); where tissue is pulled it needs to push
+//! less (`tension`, `release`). What the point advances is booked
 //! (`book`), and the links across the strip that the chain has swept part (`sweep`).
 
 mod anchor;
@@ -15,6 +16,7 @@ pub mod release;
 mod springs;
 mod sweep;
 mod tension;
+mod travel;
 
 pub use book::FrontBook;
 pub use front::{BladeMotion, Front};

@@ -14,6 +14,9 @@ const MAX_ADVANCE_VOXELS: f64 = 2.0;
 /// Virgin contact slides sideways where the sideways force exceeds this share of the forward one.
 const EDGE_GRIP: f64 = 1.0;
 
+/// Largest force along the edge over Gc per length: `xi / (1 + xi^2)` at xi = 1.
+const MOST_DRAG: f64 = 0.5;
+
 /// The springs of one marker during a step.
 #[derive(Clone, Copy, Debug)]
 pub struct FrontContact {
@@ -23,6 +26,9 @@ pub struct FrontContact {
     pub forward: Contact,
     /// Along the blade's normal; acts while `forward` does.
     pub lateral: Contact,
+    /// Along the edge, while `forward` is capped and the edge slices: a dashpot, whose gap is what the edge
+    /// has slid in this step.
+    pub along: Contact,
     /// Stiffness of the springs over what they relax to.
     unrelaxed: f64,
 }
@@ -52,7 +58,10 @@ impl FrontContact {
         let mut lateral = spring(edge.frame.normal);
         lateral.bilateral = true;
         lateral.mode = lateral_mode(&forward);
-        Self { marker, forward, lateral, unrelaxed: k / relaxed }
+        let mut slide = spring(edge.frame.along);
+        slide.gap_predicted_m -= slide.gap_before_m;
+        let along = drag(body, slide, &forward, anchor);
+        Self { marker, forward, lateral, along, unrelaxed: k / relaxed }
     }
 
     /// Takes the solution's change of velocity; returns whether a mode had to change.
@@ -60,6 +69,11 @@ impl FrontContact {
         let changed = self.forward.settle(dt_s, velocity_change);
         self.lateral.take_solution(dt_s, velocity_change);
         self.lateral.mode = lateral_mode(&self.forward);
+        if self.forward.mode == Mode::Yield && self.along.stiffness_n_per_m > 0.0 {
+            return self.along.settle(dt_s, velocity_change) || changed;
+        }
+        self.along.take_solution(dt_s, velocity_change);
+        self.along.mode = Mode::Off;
         changed
     }
 
@@ -101,7 +115,7 @@ impl FrontContact {
         } else {
             book.numerical_j += lost;
         }
-        book.slip_j += force * advance;
+        book.slip_j += force * advance + self.along.force_n * self.along.gap_m;
         book.stored_j += stored;
         anchor.stored_j = stored;
         anchor.unrelaxed = self.unrelaxed;
@@ -109,13 +123,17 @@ impl FrontContact {
         // Grazing the outside starts no cut.
         anchor.yielded |= forward.mode == Mode::Yield && anchor.ahead != Ahead::Outside;
         let mut step = anchor.march(body, frame, advance);
-        if let Ahead::Intact { fracture_energy_j_per_m2, .. } = anchor.ahead
+        if let Some(toughness_j_per_m2) = anchor.toughness_j_per_m2(body)
             && advance > 0.0
         {
             // What the front sweeps moving forward; what it slides along itself opens nothing.
             let area = step.norm() * anchor.reference_width_m(body, frame, share_m);
             book.area_m2 += area;
-            book.fracture_j += fracture_energy_j_per_m2 * area;
+            book.fracture_j += toughness_j_per_m2 * area;
+        }
+        if anchor.yielded {
+            let slid_m = self.along.gap_m * self.along.direction.dot(&frame.along);
+            anchor.travel.add(advance, slid_m, body.dt_s(), body.grid.voxel_size_m());
         }
         if !anchor.yielded && forward.mode == Mode::Spring {
             let grip = EDGE_GRIP * force / lateral.stiffness_n_per_m;
@@ -131,4 +149,27 @@ impl FrontContact {
 /// The edge holds the material beside it while it presses on material that holds.
 fn lateral_mode(forward: &Contact) -> Mode {
     if forward.mode != Mode::Off && forward.yield_n > 0.0 { Mode::Spring } else { Mode::Off }
+}
+
+/// What the edge drags along as it slices: the force is opposite to the edge's motion relative to the front,
+/// of size `Gc v_n / |v|` per length (Atkins, The Science and Engineering of Cutting, 2009, section 5.2), so
+/// that its work is Gc per area swept whichever way the edge goes. Its part along the edge is
+/// `forward.yield_n` times the slice-push ratio: here, times this step's slide over the mean advance. Taken
+/// of past slides alone it would push on after tissue softer than Gc over a voxel has turned round.
+fn drag(body: &Body, slide: Contact, forward: &Contact, anchor: &Anchor) -> Contact {
+    let advance_m = anchor.travel.speed_m_per_s() * body.dt_s();
+    let most_n = MOST_DRAG * forward.yield_n * (1.0 + anchor.travel.slice_push().powi(2));
+    let acts = advance_m > 0.0 && forward.yield_n > 0.0;
+    let way = if slide.gap_predicted_m < 0.0 { -1.0 } else { 1.0 };
+    Contact {
+        direction: slide.direction * way,
+        stiffness_n_per_m: if acts { forward.yield_n / advance_m } else { 0.0 },
+        gap_before_m: 0.0,
+        gap_predicted_m: slide.gap_predicted_m * way,
+        limit_n: most_n,
+        yield_n: most_n,
+        bilateral: true,
+        mode: if acts && forward.mode == Mode::Yield { Mode::Spring } else { Mode::Off },
+        ..slide
+    }
 }

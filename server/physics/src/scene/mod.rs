@@ -286,6 +286,9 @@ pub struct MaterialDesc {
     /// Energy release rate at which a front starts, over Gc; 1 to 10. Default 2.
     #[serde(default = "default_initiation_ratio")]
     pub initiation_ratio: f64,
+    /// How the fracture energy rises with the speed of the cut. Default: it does not.
+    #[serde(default)]
+    pub rate: Option<RateDesc>,
     /// Coefficient c of the strain-stiffening law (uniaxially sigma = E eps exp(c eps^2)), 0 to 50.
     /// Default 0: linear co-rotational.
     #[serde(default)]
@@ -301,6 +304,17 @@ impl MaterialDesc {
     pub fn instantaneous_modulus_pa(&self) -> f64 {
         self.young_modulus_pa * (1.0 + self.viscosity.map_or(0.0, |v| v.relaxing_modulus_ratio))
     }
+}
+
+/// Fracture energy that rises with the speed v at which the front goes through the material:
+/// `Gc(v) = Gc max(1, v / v0)^p`. A front starts at `initiation_ratio` times Gc at rest.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RateDesc {
+    /// Speed v0 up to which Gc is that at rest, m/s, 1e-6 to 10.
+    pub reference_speed_m_per_s: f64,
+    /// Exponent p, 0 to 1.
+    pub exponent: f64,
 }
 
 /// The relaxing part of a standard linear solid: under a strain held from t = 0 the stress is
@@ -505,6 +519,14 @@ pub struct BladeDesc {
     /// Thickness of the blade behind its edge, m. Default 0: flanks without volume.
     #[serde(default)]
     pub thickness_m: f64,
+    /// Angle between the two flanks at the edge, rad, 0.01 to 2: the thickness grows from nothing at the
+    /// edge to `thickness_m`, which is then above 0. Default: it is there from the edge on.
+    #[serde(default)]
+    pub wedge_angle_rad: Option<f64>,
+    /// Coefficient of the Coulomb friction between the flanks and the walls of the cut, 0.001 to 2.
+    /// Default: they slide freely.
+    #[serde(default)]
+    pub flank_friction: Option<f64>,
 }
 
 impl BladeDesc {
@@ -517,6 +539,8 @@ impl BladeDesc {
             edge: EdgeDesc::Straight,
             edge_half_width_m: default_edge_half_width_m(),
             thickness_m: 0.0,
+            wedge_angle_rad: None,
+            flank_friction: None,
         }
     }
 }

@@ -58,6 +58,7 @@ mod tests {
             rayleigh_beta_s: 0.0,
             fracture_energy_j_per_m2: gc,
             initiation_ratio: 2.0,
+            rate: None,
             strain_stiffening,
             viscosity: None,
         }

@@ -333,6 +333,10 @@ impl Report {
             number("fracture_energy_j_per_m2", gc, 1e-3..=1e7);
         }
         number("initiation_ratio", material.initiation_ratio, 1.0..=10.0);
+        if let Some(rate) = &material.rate {
+            number("rate.reference_speed_m_per_s", rate.reference_speed_m_per_s, 1e-6..=10.0);
+            number("rate.exponent", rate.exponent, 0.0..=1.0);
+        }
         number("strain_stiffening", material.strain_stiffening, 0.0..=50.0);
         if let Some(viscosity) = &material.viscosity {
             number("viscosity.relaxation_time_s", viscosity.relaxation_time_s, 1e-4..=1e4);
@@ -409,6 +413,15 @@ impl Report {
         self.number(&format!("{field}.height_m"), blade.height_m, 1e-4..=10.0);
         self.number(&format!("{field}.edge_half_width_m"), blade.edge_half_width_m, 1e-8..=1e-2);
         self.number(&format!("{field}.thickness_m"), blade.thickness_m, 0.0..=0.1);
+        if let Some(angle_rad) = blade.wedge_angle_rad
+            && self.number(&format!("{field}.wedge_angle_rad"), angle_rad, 0.01..=2.0)
+            && blade.thickness_m == 0.0
+        {
+            self.refuse(format!("{field}.wedge_angle_rad"), "needs a thickness_m above 0 to grow to");
+        }
+        if let Some(coefficient) = blade.flank_friction {
+            self.number(&format!("{field}.flank_friction"), coefficient, 1e-3..=2.0);
+        }
         if width_is_sound && let Some((at, message)) = edge::problem(blade, smallest_voxel_m, MAX_BLADE_VOXELS) {
             self.refuse(format!("{field}.{at}"), message);
         }

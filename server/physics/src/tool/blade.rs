@@ -1,7 +1,7 @@
 //! A blade: an edge of any shape and the two flanks behind it.
 
 use super::edge::Edge;
-use super::flanks::Flanks;
+use super::flanks::{Flanks, Thickness};
 use crate::scene::{BladeDesc, SceneError};
 use crate::{Quat, Vec3};
 
@@ -14,6 +14,8 @@ pub struct Blade {
     pub flanks: Flanks,
     /// Half-width of the edge, m.
     pub edge_half_width_m: f64,
+    /// Coefficient of the friction on the flanks.
+    pub flank_friction: Option<f64>,
 }
 
 impl Blade {
@@ -23,8 +25,10 @@ impl Blade {
     /// The points of its edge are still in a file.
     pub fn new(desc: &BladeDesc) -> Result<Self, SceneError> {
         let edge = Edge::through(desc.edge.points_m(desc.width_m)?);
-        let flanks = Flanks::behind(&edge, desc.height_m, desc.thickness_m);
-        Ok(Self { edge, flanks, edge_half_width_m: desc.edge_half_width_m })
+        let thickness = Thickness::new(desc.thickness_m, desc.wedge_angle_rad);
+        let flanks = Flanks::behind(&edge, desc.height_m, thickness);
+        let BladeDesc { edge_half_width_m, flank_friction, .. } = *desc;
+        Ok(Self { edge, flanks, edge_half_width_m, flank_friction })
     }
 }
 
@@ -42,7 +46,7 @@ pub struct BladeFrame {
 impl BladeFrame {
     /// In the tool frame, where the edge has the unit tangent `along`; the cutting direction is -y.
     #[must_use]
-    pub fn along(along: Vec3) -> Self {
+    pub fn of_tangent(along: Vec3) -> Self {
         let down = -Vec3::y();
         let forward = (down - along * along.dot(&down)).normalize();
         Self { along, forward, normal: forward.cross(&along) }

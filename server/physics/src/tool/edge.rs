@@ -100,7 +100,7 @@ impl Edge {
             let chord = (to - from).try_normalize(half_share).filter(|chord| chord.y.abs() < STEEPEST);
             Share {
                 middle_m: piece.at(arc_m),
-                frame: BladeFrame::along(chord.unwrap_or(piece.along)),
+                frame: BladeFrame::of_tangent(chord.unwrap_or(piece.along)),
                 from_end_m: 0.5 * self.length_m - arc_m.abs(),
             }
         };

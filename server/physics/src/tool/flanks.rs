@@ -14,8 +14,32 @@ pub struct Flanks {
     groups: Vec<[f64; 4]>,
     /// Height above the edge, m.
     height_m: f64,
-    /// Thickness, m.
-    thickness_m: f64,
+    thickness: Thickness,
+}
+
+/// Thickness of a blade by the height above its edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Thickness {
+    /// Half of it where it is full, m.
+    half_m: f64,
+    /// Rise of half of it per height up to there; infinite: it is full from the edge on.
+    rise: f64,
+}
+
+impl Thickness {
+    /// Up to `full_m`, from an edge with this angle between the flanks, rad.
+    #[must_use]
+    pub fn new(full_m: f64, wedge_angle_rad: Option<f64>) -> Self {
+        // Through the vector library's own polynomial: the same bits on every machine.
+        let tan = |angle: f64| wide::f64x4::splat(angle).tan().to_array()[0];
+        Self { half_m: 0.5 * full_m, rise: wedge_angle_rad.map_or(f64::INFINITY, |angle| tan(0.5 * angle)) }
+    }
+
+    /// Half of it at a height above the edge, m, and how it rises there with the height.
+    fn half_at(&self, height_m: f64) -> (f64, f64) {
+        let wedge_m = self.rise * height_m;
+        if wedge_m < self.half_m { (wedge_m, self.rise) } else { (self.half_m, 0.0) }
+    }
 }
 
 /// What a straight piece of the edge sweeps.
@@ -43,12 +67,23 @@ pub struct FlankPoint {
     pub height_m: f64,
     /// Distance from it along `normal` of the point it was looked up for, m.
     pub offset_m: f64,
+    /// Gradient of `height_m`.
+    up: Vec3,
+}
+
+/// A flank at a point of the middle surface, tool frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlankFace {
+    /// Unit normal out of the blade.
+    pub outward: Vec3,
+    /// How deep the point that was looked up is inside the blade, m.
+    pub depth_m: f64,
 }
 
 impl Flanks {
     /// Of a blade with this edge.
     #[must_use]
-    pub fn behind(edge: &Edge, height_m: f64, thickness_m: f64) -> Self {
+    pub fn behind(edge: &Edge, height_m: f64, thickness: Thickness) -> Self {
         let mut strips: Vec<Strip> = edge
             .pieces()
             .iter()
@@ -77,7 +112,7 @@ impl Flanks {
             ends.fold(none, |b, p| [b[0].min(p.x), b[1].min(p.z), b[2].max(p.x), b[3].max(p.z)])
         };
         let groups = strips.chunks(STRIPS_PER_GROUP).map(bounds).collect();
-        Self { strips, groups, height_m, thickness_m }
+        Self { strips, groups, height_m, thickness }
     }
 
     /// Height above the edge, m.
@@ -86,10 +121,13 @@ impl Flanks {
         self.height_m
     }
 
-    /// Half of the thickness, m.
+    /// The flank on the side of `point` that its normal points to, or where `side` is -1 on the other.
     #[must_use]
-    pub fn half_thickness_m(&self) -> f64 {
-        0.5 * self.thickness_m
+    pub fn face(&self, point: &FlankPoint, side: f64) -> FlankFace {
+        let (half_m, rise) = self.thickness.half_at(point.height_m);
+        let gradient = point.normal * side - point.up * rise;
+        let steepness = (1.0 + rise * rise * point.up.norm_squared()).sqrt();
+        FlankFace { outward: gradient / steepness, depth_m: (half_m - side * point.offset_m) / steepness }
     }
 
     /// The point of the middle surface nearest to `local_m` at the same y, where one within `reach_m` lies
@@ -127,6 +165,7 @@ impl Strip {
         let height_m = local_m.y - (self.middle_m.y + self.slope * at);
         position_m.y = local_m.y;
         let aside = local_m - position_m;
-        Some((aside.norm(), FlankPoint { position_m, normal, height_m, offset_m: aside.dot(&normal) }))
+        let up = Vec3::y() - self.along * self.slope;
+        Some((aside.norm(), FlankPoint { position_m, normal, height_m, offset_m: aside.dot(&normal), up }))
     }
 }

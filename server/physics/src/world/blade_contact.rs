@@ -4,6 +4,7 @@ use crate::body::Body;
 use crate::contact::Contact;
 use crate::contact::broad::{Aabb, SpatialHash};
 use crate::contact::flank::Walls;
+use crate::contact::friction::FlankFriction;
 use crate::fracture::{BladeMotion, Front, FrontBook};
 use crate::grid::{Crossing, LinkId};
 use crate::tool::ToolPath;
@@ -17,19 +18,25 @@ pub(super) struct BladeContact {
     mount: Mount,
     pub(super) front: Front,
     pub(super) flanks: Vec<Contact>,
+    friction: Option<FlankFriction>,
     hash: SpatialHash,
 }
 
 impl BladeContact {
     pub(super) fn new(blade: Blade, mount: Mount, body: &Body, pulled: bool) -> Self {
         let front = Front::new(&blade, body, pulled);
-        Self { front, blade, mount, flanks: Vec::new(), hash: SpatialHash::default() }
+        let friction = blade.flank_friction.map(FlankFriction::new);
+        Self { front, blade, mount, flanks: Vec::new(), friction, hash: SpatialHash::default() }
     }
 
     pub(super) fn reserve(&mut self, walls: &Walls, elements: usize) {
         self.front.reserve();
         self.flanks.clear();
         self.flanks.reserve(walls.len());
+        if let Some(friction) = &mut self.friction {
+            friction.contacts.clear();
+            friction.contacts.reserve(2 * walls.len());
+        }
         self.hash.reserve(elements);
     }
 
@@ -41,16 +48,36 @@ impl BladeContact {
         for flank in &mut self.flanks {
             changed |= flank.settle(dt_s, velocity_change);
         }
+        for rubbing in self.friction.iter_mut().flat_map(|f| &mut f.contacts) {
+            changed |= rubbing.settle(dt_s, velocity_change);
+        }
         changed
     }
 
     pub(super) fn lift(&mut self) {
         self.front.lift();
         self.flanks.clear();
+        self.friction.iter_mut().for_each(|f| f.contacts.clear());
+    }
+
+    /// Number of springs that there may be at most against these walls.
+    pub(super) fn most_springs(&self, walls: &Walls) -> usize {
+        self.front.most_springs() + walls.len() * (1 + 2 * usize::from(self.friction.is_some()))
     }
 
     pub(super) fn springs(&self) -> impl Iterator<Item = &Contact> {
+        let dragging = self.front.contacts.iter().map(|c| &c.along);
+        self.pressing().chain(dragging).chain(self.rubbing())
+    }
+
+    /// Those that hold a pose.
+    pub(super) fn pressing(&self) -> impl Iterator<Item = &Contact> {
         self.front.contacts.iter().flat_map(|c| [&c.forward, &c.lateral]).chain(&self.flanks)
+    }
+
+    /// What rubs on the flanks.
+    pub(super) fn rubbing(&self) -> impl Iterator<Item = &Contact> {
+        self.friction.iter().flat_map(|f| &f.contacts)
     }
 
     pub(super) fn detect(&mut self, body: &Body, walls: &Walls, path: &ToolPath) {
@@ -65,6 +92,9 @@ impl BladeContact {
         self.flanks.clear();
         if !walls.is_empty() {
             walls.contacts(body, &motion.blade.flanks, &motion.before, &motion.pose, &mut self.flanks);
+        }
+        if let Some(friction) = &mut self.friction {
+            friction.detect(body, &self.flanks);
         }
     }
 

@@ -322,10 +322,14 @@ impl World {
                 for c in contact.acting() {
                     let force = c.direction * c.force_n;
                     self.contact_ledger.tool_work_j += force.dot(&(c.tool_point_m - c.tool_point_before_m));
-                    if let Some(sum) = &mut model {
-                        sum.add(c, &mut wrench);
+                    if let Some(sum) = &model {
+                        sum.push(c, &mut wrench);
                     }
                 }
+                if let Some(sum) = &mut model {
+                    contact.pressing().for_each(|c| sum.add(c));
+                }
+                self.contact_ledger.friction_j += contact.rubbing().map(|c| c.force_n * c.gap_m).sum::<f64>();
                 for c in contact.beside_fronts() {
                     self.contact_ledger.spring_work_j += c.force_n * (c.gap_m - c.gap_before_m);
                     self.contact_ledger.spring_stored_j += 0.5 * c.force_n * c.gap_m;

@@ -70,6 +70,18 @@ impl ToolContact {
         self.springs().filter(move |c| holds || c.force_n != 0.0)
     }
 
+    /// Those of them that hold a pose: all that depends on where the tool is rather than on how it moves.
+    pub(super) fn pressing(&self) -> impl Iterator<Item = &Contact> {
+        let holds = self.holds();
+        let springs = self.edges().iter().flat_map(BladeContact::pressing).chain(self.other_springs());
+        springs.filter(move |c| holds || c.force_n != 0.0)
+    }
+
+    /// What rubs on the flanks of its blades.
+    pub(super) fn rubbing(&self) -> impl Iterator<Item = &Contact> {
+        self.edges().iter().flat_map(BladeContact::rubbing)
+    }
+
     /// The springs but for those of the fronts, which book their own.
     pub(super) fn beside_fronts(&self) -> impl Iterator<Item = &Contact> {
         self.edges().iter().flat_map(|edge| &edge.flanks).chain(self.other_springs())
@@ -91,7 +103,7 @@ impl ToolContact {
         match self {
             Self::Edges(edges) => {
                 edges.iter_mut().for_each(|edge| edge.reserve(walls, elements));
-                edges.iter().map(|edge| edge.front.most_springs() + walls.len()).sum()
+                edges.iter().map(|edge| edge.most_springs(walls)).sum()
             }
             Self::Grip(grip) => {
                 grip.reserve(elements);

@@ -62,6 +62,8 @@ pub struct Rig {
     pub dt_s: f64,
     pub travel_m: f64,
     pub samples: Vec<Sample>,
+    /// Force on the tool at each step, scene frame, N.
+    pub wrenches_n: Vec<Vec3>,
 }
 
 impl Rig {
@@ -75,6 +77,7 @@ impl Rig {
             dt_s: 1.0 / scene.desc.rate_hz,
             travel_m: 0.0,
             samples: Vec::new(),
+            wrenches_n: Vec::new(),
         }
     }
 
@@ -86,6 +89,7 @@ impl Rig {
         let inputs = [ToolInput { tool: self.tool, motion }];
         let output = self.world.step(&Workers::serial(), &NoClock, &StepInputs::of(&inputs));
         assert!(output.fault.is_none(), "{:?}", output.fault);
+        self.wrenches_n.push(output.tools[self.tool].wrench.force_n);
         let forward = self.orientation * -Vec3::y();
         self.samples.push(Sample {
             travel_m: self.travel_m,

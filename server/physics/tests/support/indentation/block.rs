@@ -109,6 +109,7 @@ impl Press {
                 rayleigh_beta_s: 0.0,
                 fracture_energy_j_per_m2: Some(1e6),
                 initiation_ratio: 2.0,
+                rate: None,
                 strain_stiffening: 0.0,
                 viscosity: None,
             },

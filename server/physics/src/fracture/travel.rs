@@ -1,0 +1,72 @@
+//! Which way, and how fast, the edge goes through the material at a marker.
+
+/// Travel over which the way is averaged, voxels: shorter than what a cut resolves.
+const WINDOW_VOXELS: f64 = 0.5;
+/// Largest ratio of sliding to advance that counts: at it the push is a hundredth of Gc.
+const MOST_SLICE_PUSH: f64 = 10.0;
+
+/// The edge's motion relative to the front, averaged over the last half voxel of travel.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Travel {
+    forward_m: f64,
+    along_m: f64,
+    time_s: f64,
+}
+
+impl Travel {
+    /// A step in which the edge went on by `forward_m` and slid by `along_m`. Where it rests, time goes on.
+    pub(super) fn add(&mut self, forward_m: f64, along_m: f64, dt_s: f64, voxel_size_m: f64) {
+        let gone_m = (forward_m * forward_m + along_m * along_m).sqrt();
+        let kept = 1.0 / (1.0 + gone_m / (WINDOW_VOXELS * voxel_size_m));
+        self.forward_m = kept * (self.forward_m + forward_m);
+        self.along_m = kept * (self.along_m + along_m);
+        self.time_s = kept * (self.time_s + dt_s);
+    }
+
+    /// Advance, not less than what makes the slice-push ratio the largest.
+    fn advance_m(&self) -> f64 {
+        self.forward_m.max(self.along_m.abs() / MOST_SLICE_PUSH)
+    }
+
+    /// The slice-push ratio xi, sliding over advance.
+    pub(super) fn slice_push(&self) -> f64 {
+        let advance_m = self.advance_m();
+        if advance_m > 0.0 { self.along_m / advance_m } else { 0.0 }
+    }
+
+    /// Speed of the advance, m/s.
+    pub(super) fn speed_m_per_s(&self) -> f64 {
+        if self.time_s > 0.0 { self.advance_m() / self.time_s } else { 0.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steady_motion_is_told_after_a_few_voxels_whatever_the_step() {
+        let h = 2e-3;
+        for (dt_s, ratio) in [(1e-3, 2.0), (1e-2, 2.0), (1e-3, -0.5), (1e-3, 0.0)] {
+            let mut travel = Travel::default();
+            let speed = 0.05;
+            for _ in 0..(4.0 * h / (speed * dt_s)) as usize {
+                travel.add(speed * dt_s, ratio * speed * dt_s, dt_s, h);
+            }
+            assert!((travel.slice_push() - ratio).abs() < 1e-9, "{}", travel.slice_push());
+            assert!((travel.speed_m_per_s() / speed - 1.0).abs() < 1e-9, "{}", travel.speed_m_per_s());
+        }
+    }
+
+    #[test]
+    fn sliding_without_advance_is_bounded_and_resting_has_no_speed() {
+        let mut travel = Travel::default();
+        assert_eq!((travel.slice_push(), travel.speed_m_per_s()), (0.0, 0.0));
+        travel.add(0.0, -1e-3, 1e-3, 2e-3);
+        assert_eq!(travel.slice_push(), -MOST_SLICE_PUSH);
+        travel.add(1e-3, 0.0, 1e-3, 2e-3);
+        let moving = travel.speed_m_per_s();
+        (0..1000).for_each(|_| travel.add(0.0, 0.0, 1e-3, 2e-3));
+        assert!(travel.speed_m_per_s() < 0.01 * moving);
+    }
+}
