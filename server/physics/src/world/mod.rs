@@ -15,7 +15,7 @@ use crate::stage::{Lap, Stage, StageClock};
 use crate::step_io::{FractureStep, SolveReport, StepInputs, StepOutput, ToolMotion, ToolOutput, Wrench};
 use crate::tool::Pose;
 use crate::tool::blade::Blade;
-use crate::view::View;
+use crate::view::{Touch, View};
 use crate::workers::Workers;
 use body_slot::BodySlot;
 use contact_model::ContactModelSum;
@@ -151,6 +151,10 @@ impl World {
             self.update_view();
             lap.end(Stage::Surface);
         }
+        if self.view.is_some() && self.slots.iter().any(|s| s.contacts.iter().any(ToolContact::touches)) {
+            self.adapt_view();
+            lap.end(Stage::Adaptation);
+        }
         self.finish();
         self.output.profile = lap.finish();
     }
@@ -159,7 +163,7 @@ impl World {
         self.output.fault = None;
         self.output.fracture = FractureStep::default();
         self.contact_ledger = ContactLedger::default();
-        self.view.iter_mut().for_each(View::clear_patch);
+        self.view.iter_mut().for_each(View::begin_step);
         for tool in &mut self.tools {
             tool.before = tool.pose;
             tool.entered = false;
@@ -277,6 +281,18 @@ impl World {
         if let Some(view) = &mut self.view {
             let bodies = self.slots.iter().map(|s| (&s.body, s.parted.as_slice(), &s.change));
             view.update(bodies, self.output.topology_version);
+        }
+    }
+
+    fn adapt_view(&mut self) {
+        let Some(view) = &mut self.view else { return };
+        for (object, slot) in self.slots.iter().enumerate().filter(|(_, s)| s.contacts.iter().any(ToolContact::touches))
+        {
+            let touching = self.tools.iter().zip(&slot.contacts).filter(|(_, contact)| contact.touches());
+            let placed = touching.filter_map(|(tool, contact)| {
+                Some(Touch { blade: &tool.blade, pose: tool.pose?, depth_m: contact.deepest_m(&slot.body) })
+            });
+            view.adapt(object, &slot.body, placed);
         }
     }
 

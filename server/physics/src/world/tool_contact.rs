@@ -2,9 +2,9 @@
 
 use crate::Vec3;
 use crate::body::Body;
-use crate::contact::Contact;
 use crate::contact::broad::{Aabb, SpatialHash};
 use crate::contact::flank::Walls;
+use crate::contact::{Contact, Mode};
 use crate::fracture::{BladeMotion, Front};
 
 /// What one tool does in one body.
@@ -18,6 +18,20 @@ impl ToolContact {
     pub(super) fn lift(&mut self) {
         self.front.lift();
         self.flanks.clear();
+    }
+
+    /// Whether the edge is in the tissue or a flank at a wall of a cut.
+    pub(super) fn touches(&self) -> bool {
+        !self.front.contacts.is_empty() || self.flanks.iter().any(|flank| flank.mode != Mode::Off)
+    }
+
+    /// How far the edge has gone past the points it presses on, at most, m.
+    pub(super) fn deepest_m(&self, body: &Body) -> f64 {
+        let depths = self.front.contacts.iter().map(|contact| {
+            let forward = &contact.forward;
+            (forward.tool_point_m - forward.weights.sum(&body.position_m)).dot(&forward.direction)
+        });
+        depths.fold(0.0, f64::max)
     }
 
     pub(super) fn springs(&self) -> impl Iterator<Item = &Contact> {
