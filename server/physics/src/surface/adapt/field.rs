@@ -10,7 +10,7 @@ use crate::body::Body;
 #[derive(Default)]
 pub struct Store {
     vertices: Vec<Vertex>,
-    /// The turn of one tool, and the first turn of the step.
+    /// The turn of one tool's edge or flanks, and the first turn of the step.
     turn: u32,
     first: u32,
     /// Vertices that were looked at in this step.
@@ -52,7 +52,7 @@ impl Store {
         self.first = self.turn;
     }
 
-    /// Begins the turn of another tool, for which the vertices begin where the last one left them.
+    /// Begins another turn, in which the vertices begin where the last one left them.
     pub fn begin_turn(&mut self) {
         self.turn += 1;
     }
@@ -100,6 +100,12 @@ impl Field<'_> {
         self.vertex(slot).adapted_m
     }
 
+    /// Normal of a triangle when the turn began, as long as twice its area.
+    pub fn normal(&mut self, a: Slot, b: Slot, c: Slot) -> Vec3 {
+        let from = self.base_m(a);
+        (self.base_m(b) - from).cross(&(self.base_m(c) - from))
+    }
+
     /// What the march knows of a vertex.
     pub fn reached(&mut self, slot: Slot) -> Option<Reached> {
         self.vertex(slot).reached
@@ -127,11 +133,11 @@ impl Field<'_> {
     }
 
     /// The quality of the triangles at a vertex were it moved (Eq. 14); `None` where one of them would be
-    /// turned over or worse than is accepted.
+    /// turned over or worse than is accepted, against where the elements have them.
     pub fn quality_at(&mut self, slot: Slot, to_m: Vec3) -> Option<f64> {
-        let (mesh, own_m) = (self.mesh, self.base_m(slot));
+        let (mesh, own_m) = (self.mesh, self.vertex(slot).carried_m);
         mesh.triangles_at(slot).try_fold(0.0, |sum, [_, b, c]| {
-            let before = [own_m, self.base_m(b), self.base_m(c)];
+            let before = [own_m, self.vertex(b).carried_m, self.vertex(c).carried_m];
             let after = [to_m, self.adapted_m(b), self.adapted_m(c)];
             Some(sum + quality::acceptable(before, after)?)
         })

@@ -1,12 +1,13 @@
 //! Contact vertices and their projection onto the blade (paper Fig. 6, Eq. 15).
 //!
-//! Three kinds of vertices are put on the blade:
+//! First the edge takes what it has gone past:
 //! - Where the blade passes through the surface, an edge of the surface that passes through the blade
 //!   gets the end that is nearer to it put on the blade's edge: the surface then has a line of vertices
 //!   along it, and nothing passes through.
 //! - Where a cut has its bottom, walls stand on either side of the blade: a bottom vertex that the edge
 //!   has gone past is put on the edge.
-//! - A vertex of one wall that is inside the blade is put on the flank that the wall looks at.
+//!
+//! When the surface around has followed, what is inside the blade yet is put on its flanks.
 
 use super::Dent;
 use super::blade_body::{BladeBody, Foot, Passage};
@@ -16,11 +17,11 @@ use super::mesh::Slot;
 use super::profile::Profile;
 use crate::Vec3;
 
-/// A triangle whose normal is within 37 degrees of the blade's is a wall beside it, not one it passes.
+/// A cut face whose normal is within 37 degrees of the blade's is a wall beside it.
 const ALONG_BLADE: f64 = 0.8;
-/// The blade presses on a triangle whose normal is within 53 degrees of the cutting direction. It goes
+/// The blade presses on a triangle whose normal is within 60 degrees of the cutting direction. It goes
 /// sideways out of the others, which follow what it presses on.
-const PRESSED: f64 = 0.6;
+const PRESSED: f64 = 0.5;
 /// Bottoms and walls farther than this from the blade's middle are of other cuts, in voxels.
 const BESIDE_VOXELS: f64 = 1.0;
 /// What the edge has gone past by more than its deepest contact and this many voxels it does not press
@@ -48,42 +49,30 @@ struct Crossed {
 #[derive(Default)]
 pub struct Indentation {
     crossed: Vec<Crossed>,
-    /// Bottom vertices of cuts and where on the edge they belong, m.
-    bottoms: Vec<(Slot, f64)>,
-    /// Wall vertices inside the blade and where on its flank they belong.
-    walls: Vec<(Slot, Vec3)>,
+    /// Bottom vertices of cuts: where on the edge they belong and how far it has gone past them, m.
+    bottoms: Vec<(Slot, f64, f64)>,
 }
 
 impl Indentation {
     /// Room for what there may be on a surface of so many vertices.
     pub fn reserve(&mut self, vertices: usize) {
-        self.clear();
-        self.crossed.reserve(vertices);
-        self.bottoms.reserve(vertices);
-        self.walls.reserve(vertices);
-    }
-
-    fn clear(&mut self) {
         self.crossed.clear();
+        self.crossed.reserve(vertices);
         self.bottoms.clear();
-        self.walls.clear();
+        self.bottoms.reserve(vertices);
     }
 
-    /// Finds the contact vertices among `near` and puts them on the blade; the march is to start from
-    /// them and from the other ends of the edges that the blade passes.
+    /// Finds the vertices among `near` that the edge has gone past and puts them on it; the march is to
+    /// start from them and from the other ends of the edges that the blade passes.
     pub fn project(&mut self, field: &mut Field<'_>, dent: &Dent, near: &[Slot], march: &mut March) {
         let blade = &dent.blade;
-        self.clear();
+        self.crossed.clear();
+        self.bottoms.clear();
         near.iter().for_each(|slot| self.look_at(field, dent, *slot));
         // The clearest cases first: what they settle need not be asked of the others.
         self.crossed.sort_unstable_by_key(|crossed| (crossed.beside_m.to_bits(), crossed.ends));
-        for (slot, to_m) in &self.walls {
-            if field.quality_at(*slot, *to_m).is_some() {
-                field.hold(*slot, *to_m);
-            }
-        }
         for _ in 0..PASSES {
-            for (slot, arc_m) in &self.bottoms {
+            for (slot, arc_m, _) in &self.bottoms {
                 put_on_edge(field, blade, *slot, *arc_m);
             }
             for crossed in &self.crossed {
@@ -98,68 +87,101 @@ impl Indentation {
     /// Sorts a vertex by the triangles around it.
     fn look_at(&mut self, field: &mut Field<'_>, dent: &Dent, slot: Slot) {
         let blade = &dent.blade;
-        let at = field.base_m(slot);
-        let (mesh, body) = (field.mesh, field.body);
-        let voxel_m = body.grid.voxel_size_m();
-        let Some(foot) = blade.foot(&at).filter(|foot| foot.beside_m.abs() <= NEAR_VOXELS * voxel_m) else { return };
+        let voxel_m = field.body.grid.voxel_size_m();
+        let Some(foot) = foot_near(field, blade, slot) else { return };
         let deepest_m = dent.depth_m + PARTED_VOXELS * voxel_m;
-        let mut looks = [false; 2];
-        for [_, b, c] in mesh.triangles_at(slot) {
-            let [to_b, to_c] = [b, c].map(|other| field.base_m(other) - at);
-            let normal = to_b.cross(&to_c);
-            let along = normal.dot(&foot.normal);
-            if along.abs() > ALONG_BLADE * normal.norm() {
-                looks[usize::from(along > 0.0)] = true;
-                continue;
+        let within = blade.is_beside(&foot) && foot.beside_m.abs() <= BESIDE_VOXELS * voxel_m;
+        match walls_at(field, slot, &foot) {
+            [true, true] if within && foot.height_m <= deepest_m => {
+                self.bottoms.push((slot, foot.arc_m, foot.height_m));
             }
-            if normal.dot(&blade.up()) < PRESSED * normal.norm() {
-                continue;
-            }
-            // Each edge from the end with the lower number.
-            for other in [b, c].into_iter().filter(|other| slot < *other) {
-                let passage = blade.passage(&at, &field.base_m(other)).filter(|p| p.height_m <= deepest_m);
-                self.crossed.extend(passage.map(|passage| Crossed::new(slot, other, &foot, passage)));
-            }
-        }
-        if !blade.is_beside(&foot) || foot.beside_m.abs() > BESIDE_VOXELS * voxel_m {
-            return;
-        }
-        match looks {
-            [true, true] if foot.height_m <= deepest_m => self.bottoms.push((slot, foot.arc_m)),
-            [true, false] | [false, true] => {
-                // The blade stands where the wall looks.
-                let side = if looks[0] { 1.0 } else { -1.0 };
-                if side * foot.beside_m < blade.half_width_m(foot.height_m) {
-                    self.walls.push((slot, blade.flank_point_m(&at, &foot, side)));
-                }
-            }
+            [false, false] => self.find_crossed(field, dent, deepest_m, (slot, &foot)),
             _ => {}
         }
     }
 
-    /// Gives the march its beginnings: the points of the surface that the blade has displaced, and what
-    /// by. Where it passes through an edge of the surface that is the height of the passage, exactly, and
-    /// the same for both ends, whichever of them was put on the blade.
-    fn sow(&self, field: &mut Field<'_>, blade: &BladeBody, march: &mut March) {
-        let down = |height_m: f64| blade.up() * -height_m;
-        for crossed in &self.crossed {
-            let ends_m = crossed.ends.map(|end| field.base_m(end));
-            let distances =
-                [crossed.passage.share, 1.0 - crossed.passage.share].map(|s| s * (ends_m[1] - ends_m[0]).norm());
-            for (end, distance_m) in crossed.ends.into_iter().zip(distances) {
-                seed(field, march, end, distance_m, down(crossed.passage.height_m));
+    /// Finds the edges at a vertex that the blade passes through, each from the end with the lower slot.
+    fn find_crossed(&mut self, field: &mut Field<'_>, dent: &Dent, deepest_m: f64, (slot, foot): (Slot, &Foot)) {
+        let (blade, mesh, at) = (&dent.blade, field.mesh, field.base_m(slot));
+        for [_, b, c] in mesh.triangles_at(slot) {
+            let normal = field.normal(slot, b, c);
+            if normal.dot(&blade.up()) < PRESSED * normal.norm() {
+                continue;
+            }
+            for other in [b, c].into_iter().filter(|other| slot < *other) {
+                let passage = blade.passage(&at, &field.base_m(other)).filter(|p| p.height_m <= deepest_m);
+                let passage = passage.filter(|_| walls_at(field, other, foot) == [false; 2]);
+                self.crossed.extend(passage.map(|passage| Crossed::new(slot, other, foot, passage)));
             }
         }
-        for (slot, _) in &self.bottoms {
-            let at = field.base_m(*slot);
-            let height_m = blade.foot(&at).map_or(0.0, |foot| foot.height_m);
-            seed(field, march, *slot, 0.0, down(height_m));
+    }
+
+    /// Gives the march its beginnings: the points of the surface that the edge has displaced, and what
+    /// by. Where the blade passes through an edge of the surface that is the height of the passage,
+    /// exactly, and the same for both ends, whichever of them was put on the blade.
+    fn sow(&self, field: &mut Field<'_>, blade: &BladeBody, march: &mut March) {
+        for crossed in &self.crossed {
+            let [near_m, far_m] = crossed.ends.map(|end| field.base_m(end));
+            let (length_m, share) = ((far_m - near_m).norm(), crossed.passage.share);
+            for (end, share) in crossed.ends.into_iter().zip([share, 1.0 - share]) {
+                seed(field, march, end, share * length_m, blade.up() * -crossed.passage.height_m);
+            }
         }
-        for (slot, to_m) in &self.walls {
-            let by_m = to_m - field.base_m(*slot);
-            seed(field, march, *slot, 0.0, by_m);
+        for (slot, _, height_m) in &self.bottoms {
+            seed(field, march, *slot, 0.0, blade.up() * -*height_m);
         }
     }
+}
+
+/// Puts the vertices among `near` that are inside the blade on the flank of their side; the march is to
+/// start from them.
+pub fn clear_flanks(field: &mut Field<'_>, blade: &BladeBody, near: &[Slot], march: &mut March) {
+    for slot in near {
+        let Some(foot) = foot_near(field, blade, *slot).filter(|foot| blade.is_beside(foot)) else { continue };
+        if field.is_held(*slot) || foot.beside_m.abs() > BESIDE_VOXELS * field.body.grid.voxel_size_m() {
+            continue;
+        }
+        let side = side_of(field, *slot, &foot);
+        if side * foot.beside_m < blade.half_width_m(foot.height_m) {
+            let at = field.base_m(*slot);
+            let flank_m = blade.flank_point_m(&at, &foot, side);
+            if field.quality_at(*slot, flank_m).is_some() {
+                field.hold(*slot, flank_m);
+                seed(field, march, *slot, 0.0, flank_m - at);
+            }
+        }
+    }
+}
+
+/// The side of the blade a vertex belongs to: that of the material behind its walls, for the blade stands
+/// where they look; without walls, or at the bottom between them, the side it is on.
+fn side_of(field: &mut Field<'_>, slot: Slot, foot: &Foot) -> f64 {
+    match walls_at(field, slot, foot) {
+        [true, false] => 1.0,
+        [false, true] => -1.0,
+        _ => 1.0_f64.copysign(foot.beside_m),
+    }
+}
+
+/// Whether there are walls of a cut along the blade at a vertex: such that look against the blade's
+/// normal, and such that look along it.
+fn walls_at(field: &mut Field<'_>, slot: Slot, foot: &Foot) -> [bool; 2] {
+    let mut looks = [false; 2];
+    let mesh = field.mesh;
+    for [_, b, c] in mesh.cut_triangles_at(slot) {
+        let normal = field.normal(slot, b, c);
+        let along = normal.dot(&foot.normal);
+        if along.abs() > ALONG_BLADE * normal.norm() {
+            looks[usize::from(along > 0.0)] = true;
+        }
+    }
+    looks
+}
+
+/// The foot of a vertex, if it is near the blade.
+fn foot_near(field: &mut Field<'_>, blade: &BladeBody, slot: Slot) -> Option<Foot> {
+    let near_m = NEAR_VOXELS * field.body.grid.voxel_size_m();
+    blade.foot(&field.base_m(slot)).filter(|foot| foot.beside_m.abs() <= near_m)
 }
 
 impl Crossed {

@@ -30,6 +30,8 @@ struct Vertex {
 struct Quad {
     corners: [Slot; 4],
     triangles: [[Slot; 3]; 2],
+    /// The other side of its link is a quad too: a blade has laid it open.
+    is_cut: bool,
 }
 
 impl Mesh {
@@ -73,12 +75,16 @@ impl Mesh {
         let next = self.quads.len() as u32;
         let quad = *self.quad_of.entry(id).or_insert(next);
         if quad == next {
-            self.quads.push(Quad { corners, triangles: Default::default() });
+            self.quads.push(Quad { corners, triangles: Default::default(), is_cut: false });
         } else {
             for corner in self.quads[quad as usize].corners {
                 self.vertices[corner as usize].quads.retain(|other| *other != quad);
             }
             self.quads[quad as usize].corners = corners;
+        }
+        if let Some(opposite) = self.quad_of.get(&(id ^ 1)) {
+            self.quads[*opposite as usize].is_cut = true;
+            self.quads[quad as usize].is_cut = true;
         }
         for corner in corners {
             let quads = &mut self.vertices[corner as usize].quads;
@@ -121,9 +127,23 @@ impl Mesh {
 
     /// The triangles that meet at a vertex, each turned so that it begins with it.
     pub fn triangles_at(&self, slot: Slot) -> impl Iterator<Item = [Slot; 3]> + '_ {
-        let quads = self.vertices[slot as usize].quads.iter();
-        let triangles = quads.flat_map(|quad| self.quads[*quad as usize].triangles);
-        triangles
-            .filter_map(move |[a, b, c]| [[a, b, c], [b, c, a], [c, a, b]].into_iter().find(|turned| turned[0] == slot))
+        self.quads_at(slot).flat_map(move |quad| quad.triangles_at(slot))
+    }
+
+    /// Those of them that are of cut faces.
+    pub fn cut_triangles_at(&self, slot: Slot) -> impl Iterator<Item = [Slot; 3]> + '_ {
+        self.quads_at(slot).filter(|quad| quad.is_cut).flat_map(move |quad| quad.triangles_at(slot))
+    }
+
+    fn quads_at(&self, slot: Slot) -> impl Iterator<Item = &Quad> + '_ {
+        self.vertices[slot as usize].quads.iter().map(|quad| &self.quads[*quad as usize])
+    }
+}
+
+impl Quad {
+    fn triangles_at(&self, slot: Slot) -> impl Iterator<Item = [Slot; 3]> + '_ {
+        self.triangles.iter().filter_map(move |&[a, b, c]| {
+            [[a, b, c], [b, c, a], [c, a, b]].into_iter().find(|turned| turned[0] == slot)
+        })
     }
 }

@@ -81,8 +81,9 @@ impl Adaptation {
     pub(crate) fn adapt(&mut self, body: &Body, dents: &[Dent]) {
         self.store.begin_step(&self.mesh);
         for dent in dents {
-            self.store.begin_turn();
-            self.adapt_to(body, dent);
+            self.find_near(body, &dent.blade);
+            self.turn(body, |indentation, field, near, march| indentation.project(field, dent, near, march));
+            self.turn(body, |_, field, near, march| indentation::clear_flanks(field, &dent.blade, near, march));
         }
         self.offsets.clear();
         self.offsets.extend(
@@ -93,23 +94,24 @@ impl Adaptation {
         self.offsets.sort_unstable_by_key(|vertex| vertex.id);
     }
 
-    fn adapt_to(&mut self, body: &Body, dent: &Dent) {
-        let blade = &dent.blade;
-        let voxel_m = body.grid.voxel_size_m();
-        let box_near = blade.around(NEAR_VOXELS * voxel_m);
-        self.near.clear();
+    /// Finds the vertices near a blade.
+    fn find_near(&mut self, body: &Body, blade: &BladeBody) {
+        let box_near = blade.around(NEAR_VOXELS * body.grid.voxel_size_m());
         let elements = body.elements_near(&box_near).filter(|element| box_of(body, *element).meets(&box_near));
+        self.near.clear();
         self.near.extend(elements.flat_map(|element| self.mesh.bound_to(element)));
+    }
+
+    /// Puts vertices on the blade and lets the surface around them follow.
+    fn turn(&mut self, body: &Body, project: impl FnOnce(&mut Indentation, &mut Field<'_>, &[Slot], &mut March)) {
+        self.store.begin_turn();
         let field = &mut Field { body, mesh: &self.mesh, store: &mut self.store };
         self.march.clear();
-        self.indentation.project(field, dent, &self.near, &mut self.march);
+        project(&mut self.indentation, field, &self.near, &mut self.march);
         self.order.clear();
         self.march.run(field, &mut self.order);
         for slot in &self.order {
-            deform(field, *slot, NEGLIGIBLE_VOXELS * voxel_m);
-        }
-        for slot in &self.order {
-            push_out(field, blade, *slot);
+            deform(field, *slot, NEGLIGIBLE_VOXELS * body.grid.voxel_size_m());
         }
     }
 }
@@ -135,19 +137,5 @@ fn deform(field: &mut Field<'_>, slot: Slot, negligible_m: f64) {
     let allowed = SHARES.into_iter().find(|share| field.quality_at(slot, base_m + offset_m * *share).is_some());
     if let Some(share) = allowed {
         field.move_to(slot, base_m + offset_m * share);
-    }
-}
-
-/// Puts a vertex that is inside the blade on the flank of the side it came from.
-fn push_out(field: &mut Field<'_>, blade: &BladeBody, slot: Slot) {
-    let (base_m, at_m) = (field.base_m(slot), field.adapted_m(slot));
-    let Some(foot) = blade.foot(&at_m).filter(|foot| blade.is_beside(foot)) else { return };
-    if field.is_held(slot) || foot.beside_m.abs() >= blade.half_width_m(foot.height_m) {
-        return;
-    }
-    let side = if blade.foot(&base_m).is_some_and(|before| before.beside_m < 0.0) { -1.0 } else { 1.0 };
-    let flank_m = blade.flank_point_m(&at_m, &foot, side);
-    if field.quality_at(slot, flank_m).is_some() {
-        field.hold(slot, flank_m);
     }
 }
