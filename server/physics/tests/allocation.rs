@@ -65,3 +65,14 @@ fn a_step_without_fracture_allocates_nothing() {
         assert_eq!(cutting, 0, "cutting, law {law}");
     }
 }
+
+#[test]
+fn nor_does_one_that_adapts_the_surface() {
+    let mut world = World::new(&cutting_scene()).expect("a valid scene");
+    let _ = world.keyframe();
+    // Warm-up: the adaptation comes into being when the blade first touches.
+    press(&mut world, 0.0399);
+    let (pressing, none) = stroke(&mut world, 0.0398, 0.05, 20);
+    assert!(!world.adapted_vertices(0).is_empty());
+    assert_eq!((pressing, none), (0, 0), "pressing");
+}

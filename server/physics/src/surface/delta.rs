@@ -79,6 +79,8 @@ pub struct AdaptedVertex {
     pub id: VertexId,
     /// From the element's place for it to where it is shown, m, scene frame.
     pub offset_m: [f32; 3],
+    /// It is on a blade; others follow those that are.
+    pub on_blade: bool,
 }
 
 /// What changed from one topology version to the next.

@@ -193,3 +193,60 @@ impl Segment {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An edge of three points with a bend in the cutting direction and one aside.
+    fn bent() -> BladeBody {
+        BladeBody {
+            edge_m: vec![Vec3::new(-0.03, 0.0, 0.0), Vec3::new(0.0, -0.01, 0.0), Vec3::new(0.03, 0.0, 0.02)],
+            up: Vec3::y(),
+            height_m: 0.05,
+            edge_half_width_m: 5e-5,
+            thickness_m: 2e-3,
+        }
+    }
+
+    #[test]
+    fn a_foot_leads_back_to_its_point() {
+        let blade = bent();
+        for (arc_m, height_m, beside_m) in [(0.01, 0.02, 1e-3), (0.04, 0.001, -2e-3), (0.06, 0.04, 0.0)] {
+            let on_edge = blade.edge_point_m(arc_m);
+            let normal = blade.foot(&on_edge).expect("the edge has points").normal;
+            let point = on_edge + Vec3::y() * height_m + normal * beside_m;
+            let foot = blade.foot(&point).expect("the edge has points");
+            let found = [foot.arc_m, foot.height_m, foot.beside_m];
+            let apart = found.iter().zip([arc_m, height_m, beside_m]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(apart < 1e-12, "{found:?}");
+            let flank = blade.flank_point_m(&point, &foot, 1.0);
+            let flank_foot = blade.foot(&flank).expect("the edge has points");
+            assert!((flank_foot.beside_m - blade.half_width_m(height_m)).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_line_passes_where_it_meets_the_ruled_surface_and_nowhere_else() {
+        let blade = bent();
+        // Through the second segment, halfway, 15 mm above its edge.
+        let through = Vec3::new(0.015, 0.01, 0.01);
+        let across = Vec3::new(0.001, 0.002, 0.004);
+        let passage = blade.passage(&(through - across), &(through + across * 3.0)).expect("it passes");
+        assert!((passage.share - 0.25).abs() < 1e-12);
+        assert!((passage.height_m - 0.015).abs() < 1e-12);
+        assert!((blade.edge_point_m(passage.arc_m) - Vec3::new(0.015, -0.005, 0.01)).norm() < 1e-12);
+        let below = Vec3::y() * -0.02;
+        assert!(blade.passage(&(through - across + below), &(through + across + below)).is_none());
+        assert!(blade.passage(&(through + across), &(through + across * 2.0)).is_none());
+        let beyond = Vec3::x() * 0.1;
+        assert!(blade.passage(&(through - across + beyond), &(through + across + beyond)).is_none());
+    }
+
+    #[test]
+    fn the_edge_widens_to_the_blade() {
+        let blade = bent();
+        assert_eq!((blade.half_width_m(0.0), blade.half_width_m(2e-3), blade.half_width_m(0.03)), (5e-5, 1e-3, 1e-3));
+        assert_eq!(BladeBody { thickness_m: 0.0, ..blade }.half_width_m(0.01), 5e-5);
+    }
+}

@@ -57,12 +57,17 @@ impl Store {
         self.turn += 1;
     }
 
-    /// Vertices that have moved in this step and by how much, m.
-    pub fn moved(&self) -> impl Iterator<Item = (Slot, Vec3)> + '_ {
-        let moved = self.seen.iter().map(|slot| (*slot, &self.vertices[*slot as usize]));
-        moved
-            .map(|(slot, vertex)| (slot, vertex.adapted_m - vertex.carried_m))
-            .filter(|(_, by_m)| *by_m != Vec3::zeros())
+    /// Vertices that have moved in this step, by how much, m, and whether onto a blade.
+    pub fn moved(&self) -> impl Iterator<Item = (Slot, Vec3, bool)> + '_ {
+        let seen = self.seen.iter().map(|slot| (*slot, &self.vertices[*slot as usize]));
+        seen.filter(|(_, vertex)| vertex.adapted_m != vertex.carried_m)
+            .map(|(slot, vertex)| (slot, vertex.adapted_m - vertex.carried_m, vertex.held))
+    }
+
+    /// Number of vertices that were looked at in this step.
+    #[cfg(test)]
+    pub fn seen(&self) -> usize {
+        self.seen.len()
     }
 }
 

@@ -17,6 +17,9 @@ mod mesh;
 mod profile;
 pub mod quality;
 
+#[cfg(test)]
+mod tests;
+
 use crate::body::Body;
 use crate::contact::broad::Aabb;
 use crate::surface::Surface;
@@ -62,6 +65,7 @@ impl Adaptation {
             slots.clear();
             slots.reserve(vertices);
         }
+        self.march.reserve(vertices);
         self.indentation.reserve(vertices);
         self.offsets.clear();
         self.offsets.reserve(vertices);
@@ -86,11 +90,11 @@ impl Adaptation {
             self.turn(body, |_, field, near, march| indentation::clear_flanks(field, &dent.blade, near, march));
         }
         self.offsets.clear();
-        self.offsets.extend(
-            self.store
-                .moved()
-                .map(|(slot, by_m)| AdaptedVertex { id: self.mesh.id(slot), offset_m: by_m.map(|c| c as f32).into() }),
-        );
+        self.offsets.extend(self.store.moved().map(|(slot, by_m, on_blade)| AdaptedVertex {
+            id: self.mesh.id(slot),
+            offset_m: by_m.map(|c| c as f32).into(),
+            on_blade,
+        }));
         self.offsets.sort_unstable_by_key(|vertex| vertex.id);
     }
 
