@@ -11,15 +11,15 @@ use crate::body::Body;
 pub struct Store {
     vertices: Vec<Vertex>,
     /// The turn of one tool's edge or flanks, and the first turn of the step.
-    turn: u32,
-    first: u32,
+    turn: u64,
+    first: u64,
     /// Vertices that were looked at in this step.
     seen: Vec<Slot>,
 }
 
 #[derive(Clone, Copy)]
 struct Vertex {
-    turn: u32,
+    turn: u64,
     /// Where the element has it, m.
     carried_m: Vec3,
     /// Where it was when the turn began, m.

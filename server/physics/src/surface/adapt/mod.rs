@@ -1,8 +1,8 @@
 //! Adaptation of the surface to a blade that dents or cuts it (paper section 2.3): what the composite
 //! elements are too coarse to show.
 //!
-//! Vertices that the blade touches are projected onto it ([`indentation`]); the surface around them
-//! follows by a profile ([`profile`]) of the geodesic distance ([`geodesic`]). It is for the eye alone:
+//! Vertices that the blade touches are projected onto it (`indentation`); the surface around them
+//! follows by a B-spline (`profile`) of the geodesic distance (`geodesic`). It is for the eye alone:
 //! the mechanics never reads it, and it stands beside the surface, as offsets from where the elements
 //! have the vertices.
 //!
