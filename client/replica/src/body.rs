@@ -27,6 +27,8 @@ pub struct Body {
     rest_m: Vec<Option<[f32; 3]>>,
     /// Displacement by slot, m, scene frame.
     displacement_m: Vec<[f32; 3]>,
+    /// Offset of the vertices that are adapted to a blade, m, scene frame.
+    adapted_m: BTreeMap<u32, [f32; 3]>,
     elements: BTreeMap<u32, [u32; 8]>,
     vertices: BTreeMap<u32, Vertex>,
     quads: BTreeMap<u32, [u32; 4]>,
@@ -59,13 +61,21 @@ impl Body {
         self.interpolate(vertex, |node| self.rest_m[node].unwrap_or_default())
     }
 
-    /// Where a vertex is now, m, scene frame.
+    /// Where a vertex is shown now, m, scene frame: where its element has it, and its adapted offset.
     #[must_use]
-    pub fn position_m(&self, vertex: &Vertex) -> [f32; 3] {
-        self.interpolate(vertex, |node| {
+    pub fn position_m(&self, id: u32, vertex: &Vertex) -> [f32; 3] {
+        let position_m = self.interpolate(vertex, |node| {
             let (rest_m, moved_m) = (self.rest_m[node].unwrap_or_default(), self.displacement_m[node]);
             [rest_m[0] + moved_m[0], rest_m[1] + moved_m[1], rest_m[2] + moved_m[2]]
-        })
+        });
+        let offset_m = self.adapted_m.get(&id).copied().unwrap_or_default();
+        [position_m[0] + offset_m[0], position_m[1] + offset_m[1], position_m[2] + offset_m[2]]
+    }
+
+    /// Offsets of the vertices that are adapted to a blade, m, scene frame, by id.
+    #[must_use]
+    pub fn adapted_offsets_m(&self) -> &BTreeMap<u32, [f32; 3]> {
+        &self.adapted_m
     }
 
     fn interpolate(&self, vertex: &Vertex, at_node: impl Fn(usize) -> [f32; 3]) -> [f32; 3] {
@@ -94,16 +104,21 @@ impl Body {
         self.upsert_quads(change)
     }
 
-    pub(crate) fn check_displacements(&self, displacements_m: &[f32]) -> Result<(), FieldError> {
+    pub(crate) fn check_state(&self, state: &v1::BodyState) -> Result<(), FieldError> {
         let field = "node_displacements_m";
-        check_length(field, 3 * self.rest_m.len(), displacements_m)?;
-        check_finite(field, displacements_m)
+        check_length(field, 3 * self.rest_m.len(), &state.node_displacements_m)?;
+        check_finite(field, &state.node_displacements_m)?;
+        check_finite("adapted_offsets_m", &state.adapted_offsets_m)?;
+        let unknown_id = adapted(state)?.map(|(id, _)| id).find(|id| !self.vertices.contains_key(id));
+        unknown_id.map_or(Ok(()), |id| Err(unknown("adapted_vertex_ids", id)))
     }
 
-    /// Takes over displacements that [`Body::check_displacements`] has found valid.
-    pub(crate) fn displace(&mut self, displacements_m: &[f32]) {
-        let (nodes, _) = displacements_m.as_chunks::<3>();
+    /// Takes over a state that [`Body::check_state`] has found valid.
+    pub(crate) fn displace(&mut self, state: &v1::BodyState) {
+        let (nodes, _) = state.node_displacements_m.as_chunks::<3>();
         self.displacement_m.copy_from_slice(nodes);
+        self.adapted_m.clear();
+        self.adapted_m.extend(adapted(state).into_iter().flatten());
     }
 
     fn upsert_nodes(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
@@ -165,6 +180,11 @@ impl Body {
     fn exchange_hash(&mut self, before: u64, after: u64) {
         self.hash_sum = self.hash_sum.wrapping_sub(before).wrapping_add(after);
     }
+}
+
+/// The vertices of a state that are adapted, and their offsets.
+fn adapted(state: &v1::BodyState) -> Result<impl Iterator<Item = (u32, [f32; 3])> + '_, FieldError> {
+    zip_ids("adapted_vertex_ids", &state.adapted_vertex_ids, "adapted_offsets_m", &state.adapted_offsets_m)
 }
 
 /// Share of corner `c`, at `(c & 1, c >> 1 & 1, c >> 2)`, in a point of an element.

@@ -111,11 +111,10 @@ impl Replica {
         }
         check_body_count("state", structure.bodies.len(), state.bodies.len())?;
         for (index, (body, moved)) in structure.bodies.iter().zip(&state.bodies).enumerate() {
-            body.check_displacements(&moved.node_displacements_m)
-                .map_err(|source| ReplicaError::field("state", index, source))?;
+            body.check_state(moved).map_err(|source| ReplicaError::field("state", index, source))?;
         }
         for (body, moved) in structure.bodies.iter_mut().zip(&state.bodies) {
-            body.displace(&moved.node_displacements_m);
+            body.displace(moved);
         }
         self.moment = Some(Moment { step: state.step, sim_time_s: state.sim_time_s });
         Ok(())

@@ -35,7 +35,7 @@ impl Surface {
     pub fn of(body: &Body) -> Self {
         let ids: Vec<u32> = body.vertices().keys().copied().collect();
         let rest_m: Vec<[f32; 3]> = body.vertices().values().map(|vertex| body.rest_position_m(vertex)).collect();
-        let positions_m = body.vertices().values().map(|vertex| body.position_m(vertex)).collect();
+        let positions_m = body.vertices().iter().map(|(id, vertex)| body.position_m(*id, vertex)).collect();
         let mut triangles = Vec::with_capacity(2 * body.quads().len());
         for (id, corners) in body.quads() {
             // The other side of the link exists only where a blade parted it.

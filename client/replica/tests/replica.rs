@@ -31,7 +31,7 @@ fn state(topology_version: u64, node_displacements_m: Vec<f32>) -> v1::State {
         topology_version,
         step: 42,
         sim_time_s: 0.042,
-        bodies: vec![v1::BodyState { node_displacements_m }],
+        bodies: vec![v1::BodyState { node_displacements_m, ..Default::default() }],
         ..Default::default()
     }
 }
@@ -241,6 +241,42 @@ fn odd_numbers_are_refused() {
     displacements_m[3] = f32::INFINITY;
     let error = cube_replica().apply_state(&state(3, displacements_m)).expect_err("infinite");
     assert_eq!(error.to_string(), "state.bodies[0].node_displacements_m: entry 3 is not finite");
+}
+
+fn adapted(ids: &[u32], offsets_m: &[f32]) -> v1::State {
+    let mut state = state(3, vec![0.0; 24]);
+    state.bodies[0].adapted_vertex_ids = ids.to_vec();
+    state.bodies[0].adapted_offsets_m = offsets_m.to_vec();
+    state
+}
+
+#[test]
+fn adapted_vertices_are_shown_off_their_elements_until_the_next_state() {
+    let mut replica = cube_replica();
+    let state = adapted(&[20, 40], &[0.0, -0.25, 0.0, 0.5, 0.0, 0.0]);
+    replica.apply_state(&state).expect("matching state");
+    let positions_m = replica.surfaces().expect("state came")[0].positions_m.clone();
+    assert_eq!(positions_m, [[0.0, 1.0, 0.0], [0.0, 0.75, 1.0], [1.0, 1.0, 1.0], [1.5, 1.0, 0.0]]);
+    replica.apply_state(&adapted(&[], &[])).expect("matching state");
+    assert_eq!(replica.surfaces().expect("state came")[0].positions_m[1], [0.0, 1.0, 1.0]);
+}
+
+#[test]
+fn adapted_vertices_that_make_no_sense_are_refused_and_change_nothing() {
+    let mut replica = cube_replica();
+    replica.apply_state(&adapted(&[20], &[0.0, -0.25, 0.0])).expect("matching state");
+    let cases = [
+        (adapted(&[20], &[0.0; 2]), "adapted_offsets_m: 2 entries, 3 expected"),
+        (adapted(&[20, 20], &[0.0; 6]), "adapted_vertex_ids: entry 1, id 20, is not above the one before it"),
+        (adapted(&[20], &[0.0, f32::NAN, 0.0]), "adapted_offsets_m: entry 1 is not finite"),
+        (adapted(&[21], &[0.0; 3]), "adapted_vertex_ids: id 21 does not exist"),
+    ];
+    for (state, problem) in cases {
+        let error = replica.apply_state(&state).expect_err(problem);
+        assert_eq!(error.to_string(), format!("state.bodies[0].{problem}"));
+        assert!(!error.needs_keyframe());
+    }
+    assert_eq!(replica.surfaces().expect("state came")[0].positions_m[1], [0.0, 0.75, 1.0]);
 }
 
 #[test]

@@ -20,11 +20,13 @@ pub enum Stage {
     Topology,
     /// Surface rebuilt where links parted.
     Surface,
+    /// Surface adapted to the tools that touch it.
+    Adaptation,
 }
 
 impl Stage {
     /// Every stage, in the order of execution.
-    pub const ALL: [Stage; 8] = [
+    pub const ALL: [Stage; 9] = [
         Stage::ApplyInputs,
         Stage::Contact,
         Stage::Velocities,
@@ -33,6 +35,7 @@ impl Stage {
         Stage::Fracture,
         Stage::Topology,
         Stage::Surface,
+        Stage::Adaptation,
     ];
 
     /// Name used as a column header and metric label.
@@ -47,6 +50,7 @@ impl Stage {
             Stage::Fracture => "fracture",
             Stage::Topology => "topology",
             Stage::Surface => "surface",
+            Stage::Adaptation => "adaptation",
         }
     }
 }

@@ -3,27 +3,42 @@
 
 use crate::body::{Body, TopologyChange};
 use crate::grid::LinkId;
+use crate::surface::adapt::{Adaptation, Dent};
 use crate::surface::delta::{
-    BodyStructure, BoundQuad, BoundVertex, Keyframe, LatticeElement, LatticeNode, TopologyPatch,
+    AdaptedVertex, BodyStructure, BoundQuad, BoundVertex, Keyframe, LatticeElement, LatticeNode, TopologyPatch,
 };
 use crate::surface::hash::{ObjectHash, surface_hash};
 use crate::surface::{Surface, VertexId};
+use crate::tool::Pose;
+use crate::tool::blade::Blade;
 
 /// What every object shows, and the last patch.
 pub(crate) struct View {
     objects: Vec<ObjectView>,
     patch: Option<TopologyPatch>,
+    /// The tools that touch an object.
+    dents: Vec<Dent>,
+}
+
+/// A tool that touches an object.
+pub(crate) struct Touch<'a> {
+    pub(crate) blade: &'a Blade,
+    pub(crate) pose: Pose,
+    /// How far the edge has gone past the points it presses on, at most, m.
+    pub(crate) depth_m: f64,
 }
 
 /// An object's surface and the hash of what viewers know of it.
 struct ObjectView {
     surface: Surface,
     hash: ObjectHash,
+    /// From when a tool first touches the object.
+    adaptation: Option<Adaptation>,
 }
 
 impl View {
     pub(crate) fn new<'a>(bodies: impl Iterator<Item = &'a Body>) -> Self {
-        Self { objects: bodies.map(ObjectView::new).collect(), patch: None }
+        Self { objects: bodies.map(ObjectView::new).collect(), patch: None, dents: Vec::new() }
     }
 
     pub(crate) fn surfaces(&self) -> impl Iterator<Item = &Surface> {
@@ -34,8 +49,29 @@ impl View {
         self.patch.as_ref()
     }
 
-    pub(crate) fn clear_patch(&mut self) {
+    /// Forgets what the last step changed, and where it had adapted the surface.
+    pub(crate) fn begin_step(&mut self) {
         self.patch = None;
+        self.objects.iter_mut().filter_map(|object| object.adaptation.as_mut()).for_each(Adaptation::clear);
+    }
+
+    /// Adapts an object's surface to the blades that touch it.
+    pub(crate) fn adapt<'a>(&mut self, object: usize, body: &Body, touches: impl Iterator<Item = Touch<'a>>) {
+        let mut count = 0;
+        for touch in touches {
+            if self.dents.len() == count {
+                self.dents.push(Dent::default());
+            }
+            let dent = &mut self.dents[count];
+            dent.blade.place(touch.blade, &touch.pose);
+            dent.depth_m = touch.depth_m;
+            count += 1;
+        }
+        self.objects[object].adapt(body, &self.dents[..count]);
+    }
+
+    pub(crate) fn adapted(&self, object: usize) -> &[AdaptedVertex] {
+        self.objects[object].adaptation.as_ref().map_or(&[], Adaptation::offsets)
     }
 
     pub(crate) fn keyframe<'a>(&self, bodies: impl Iterator<Item = &'a Body>, version: u64) -> Keyframe {
@@ -73,13 +109,25 @@ impl ObjectView {
         let surface = Surface::build(&body.grid);
         let mut hash = ObjectHash::default();
         hash.follow(&whole(body, &surface));
-        Self { surface, hash }
+        Self { surface, hash, adaptation: None }
     }
 
     fn update(&mut self, body: &Body, parted: &[LinkId], change: &TopologyChange) -> BodyStructure {
         let patch = patch(body, &mut self.surface, parted, change);
         self.hash.follow(&patch);
+        if let Some(adaptation) = &mut self.adaptation {
+            adaptation.follow(&self.surface, &patch);
+        }
         patch
+    }
+
+    fn adapt(&mut self, body: &Body, dents: &[Dent]) {
+        let adaptation = self.adaptation.get_or_insert_with(|| {
+            let mut adaptation = Adaptation::default();
+            adaptation.follow(&self.surface, &whole(body, &self.surface));
+            adaptation
+        });
+        adaptation.adapt(body, dents);
     }
 }
 

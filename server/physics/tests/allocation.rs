@@ -131,3 +131,16 @@ fn neither_holding_nor_pressing_allocates() {
         assert_eq!(allocations, 0, "{}", tool.name);
     }
 }
+
+#[test]
+fn nor_does_one_that_adapts_the_surface() {
+    let mut world = World::new(&cutting_scene()).expect("a valid scene");
+    let _ = world.keyframe();
+    // Warm-up: the adaptation comes into being when the blade first touches.
+    for height_m in [0.05, 0.0395] {
+        press(&mut world, height_m);
+    }
+    let (pressing, none) = stroke(&mut world, 0.0394, 0.02, 20);
+    assert!(!world.adapted_vertices(0).is_empty());
+    assert_eq!((pressing, none), (0, 0), "pressing");
+}

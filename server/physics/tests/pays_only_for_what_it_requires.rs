@@ -53,6 +53,24 @@ fn a_tool_costs_contact_while_it_is_there_and_fracture_while_its_edge_touches() 
 }
 
 #[test]
+fn the_surface_is_adapted_while_somebody_looks_and_a_tool_touches() {
+    let mut world = World::new(&cutting_scene()).unwrap();
+    let touching = [Stage::Contact, Stage::Fracture];
+    stages(&mut world, Some(pose_at(0.045)));
+    assert_eq!(stages(&mut world, Some(pose_at(0.0395))), with(&touching), "nobody looks");
+    let _ = world.keyframe();
+    let adapting = [&touching[..], &[Stage::Adaptation]].concat();
+    assert_eq!(stages(&mut world, Some(pose_at(0.0394))), with(&adapting), "it touches");
+    assert!(!world.adapted_vertices(0).is_empty());
+    assert_eq!(stages(&mut world, Some(pose_at(0.045))), with(&[Stage::Contact]), "it is drawn back");
+    assert!(world.adapted_vertices(0).is_empty());
+    stages(&mut world, Some(pose_at(0.0394)));
+    world.forget_surface();
+    assert_eq!(stages(&mut world, Some(pose_at(0.0393))), with(&touching), "nobody looks any more");
+    assert!(world.adapted_vertices(0).is_empty());
+}
+
+#[test]
 fn topology_and_surface_are_entered_by_steps_in_which_links_part() {
     let mut world = World::new(&cutting_scene()).unwrap();
     let mut entered = [0u32; 2];

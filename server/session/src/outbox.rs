@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 
 use kerf_physics::fault::Fault;
 use kerf_physics::step_io::ToolOutput;
-use kerf_physics::surface::delta::{Keyframe, TopologyPatch};
+use kerf_physics::surface::delta::{AdaptedVertex, Keyframe, TopologyPatch};
 use tokio::sync::watch;
 
 use crate::error::SessionError;
@@ -71,6 +71,8 @@ pub struct ViewState {
     pub late_steps: u64,
     /// Per object: displacement of every node slot, xyz interleaved, m, scene frame.
     pub node_displacements_m: Vec<Vec<f32>>,
+    /// Per object: vertices of its surface that are adapted to a blade, ids ascending.
+    pub adapted: Vec<Vec<AdaptedVertex>>,
     /// One entry per tool of the scene.
     pub tools: Vec<ToolOutput>,
     /// Durations of the steps since the state before.

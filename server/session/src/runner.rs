@@ -268,6 +268,7 @@ impl Runner {
             self.world.node_displacements_m(object, &mut displacements_m);
             displacements_m
         };
+        let objects = 0..self.scene.desc.objects.len();
         let version = output.topology_version;
         self.publisher.state(ViewState {
             place: Place { epoch: self.publisher.epoch(), version },
@@ -275,7 +276,8 @@ impl Runner {
             step: output.step,
             sim_time_s: output.sim_time_s,
             late_steps: self.pacer.counts().late_steps,
-            node_displacements_m: (0..self.scene.desc.objects.len()).map(displacements).collect(),
+            node_displacements_m: objects.clone().map(displacements).collect(),
+            adapted: objects.map(|object| self.world.adapted_vertices(object).to_vec()).collect(),
             tools: output.tools.clone(),
             times: std::mem::take(&mut self.views.times),
             published_ns: now_ns,

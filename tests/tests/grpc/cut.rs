@@ -194,6 +194,20 @@ async fn replicas_have_the_servers_surface_at_every_version_of_a_cut() {
 }
 
 #[tokio::test]
+async fn a_replica_shows_the_surface_at_the_blade_until_it_is_taken_away() {
+    let mut harness = Harness::with(no_expiry).await;
+    let session = harness.create().await.unwrap();
+    let mut watcher = Watcher::join(&harness, harness.channel.clone(), &session).await;
+    let mut stroke = Stroke::begin(&harness, &session).await;
+    let adapted = |replica: &Replica| replica.bodies().iter().any(|body| !body.adapted_offsets_m().is_empty());
+    assert!(!adapted(&watcher.replica));
+    watcher.during(stroke.press(ABOVE_M, MIDDLE_M)).await;
+    watcher.until(adapted).await;
+    drop(stroke);
+    watcher.until(|replica| replica.moment().is_some() && !adapted(replica)).await;
+}
+
+#[tokio::test]
 async fn a_viewer_that_falls_off_the_structure_log_goes_on_from_a_keyframe() {
     const KEPT: usize = 2;
     let mut harness = Harness::with(|config| {

@@ -60,7 +60,7 @@ async fn a_session_may_begin_paused() {
     let session = harness.sessions.create_session(request).await.unwrap().into_inner().session.unwrap();
     assert_eq!((session.step, session.state()), (0, v1::SessionState::Paused));
     let scene = session.scene.unwrap();
-    assert_eq!((scene.name.as_str(), scene.dt_s, scene.stage_names.len()), ("block", 0.002, 8));
+    assert_eq!((scene.name.as_str(), scene.dt_s, scene.stage_names.len()), ("block", 0.002, 9));
 }
 
 #[tokio::test]

@@ -131,7 +131,7 @@ fn state(topology_version: u64, step: u64) -> view_event::Message {
         topology_version,
         step,
         sim_time_s: step as f64 * STEP_S,
-        bodies: vec![v1::BodyState { node_displacements_m: vec![0.0; 24] }],
+        bodies: vec![v1::BodyState { node_displacements_m: vec![0.0; 24], ..Default::default() }],
         late_steps: step / 10,
         profile: Some(v1::StepProfile { steps: 10, step_mean_s: 5e-4, step_max_s: 2e-3, ..Default::default() }),
         ..Default::default()

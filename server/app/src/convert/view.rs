@@ -1,7 +1,7 @@
 //! Structure, state and events as viewers get them.
 
 use kerf_physics::step_io::ToolOutput;
-use kerf_physics::surface::delta::{BodyStructure, Keyframe, TopologyPatch};
+use kerf_physics::surface::delta::{AdaptedVertex, BodyStructure, Keyframe, TopologyPatch};
 use kerf_proto::v1;
 use kerf_proto::v1::view_event::Message;
 use kerf_session::{SceneEvent, StepTimes, ViewEvent, ViewMessage, ViewState};
@@ -55,15 +55,23 @@ fn body(body: &BodyStructure) -> v1::BodyStructure {
 }
 
 fn state(state: &ViewState) -> v1::State {
-    let bodies = state.node_displacements_m.iter();
+    let bodies = state.node_displacements_m.iter().zip(&state.adapted);
     v1::State {
         topology_version: state.topology_version,
         step: state.step,
         sim_time_s: state.sim_time_s,
-        bodies: bodies.map(|m| v1::BodyState { node_displacements_m: m.clone() }).collect(),
+        bodies: bodies.map(|(displacements_m, adapted)| body_state(displacements_m, adapted)).collect(),
         tools: state.tools.iter().map(tool_state).collect(),
         late_steps: state.late_steps,
         profile: Some(profile(&state.times)),
+    }
+}
+
+fn body_state(node_displacements_m: &[f32], adapted: &[AdaptedVertex]) -> v1::BodyState {
+    v1::BodyState {
+        node_displacements_m: node_displacements_m.to_vec(),
+        adapted_vertex_ids: adapted.iter().map(|vertex| vertex.id).collect(),
+        adapted_offsets_m: adapted.iter().flat_map(|vertex| vertex.offset_m).collect(),
     }
 }
 

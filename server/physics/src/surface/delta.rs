@@ -1,7 +1,8 @@
 //! What leaves for the viewers: the lattice (nodes, elements) and the surface bound to it.
 //!
 //! A keyframe binds surface vertices to elements and elements to nodes; per step only node
-//! displacements go out; when links part a patch says what changed in the structure.
+//! displacements go out, and the offsets of the few vertices that are adapted to a blade; when links part
+//! a patch says what changed in the structure.
 
 use super::{Quad, QuadId, VertexId};
 
@@ -69,6 +70,17 @@ pub struct Keyframe {
     pub bodies: Vec<BodyStructure>,
     /// Hash of the surface, to check a replica by; see [`super::hash`].
     pub surface_hash: u64,
+}
+
+/// A vertex that is not where its element has it: the surface is adapted to a blade there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AdaptedVertex {
+    /// Vertex id.
+    pub id: VertexId,
+    /// From the element's place for it to where it is shown, m, scene frame.
+    pub offset_m: [f32; 3],
+    /// It is on a blade; others follow those that are.
+    pub on_blade: bool,
 }
 
 /// What changed from one topology version to the next.

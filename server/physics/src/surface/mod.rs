@@ -15,9 +15,11 @@
 //! - Ids only appear. A crossing never goes away, and parting a component leaves its lowest corner
 //!   in a component that keeps the number and gains a crossing.
 //!
-//! Deliberately absent: normals (a viewer computes them from the deformed quads) and adaptation of
-//! the grid, which stays as it was voxelized.
+//! Deliberately absent: normals (a viewer computes them from the deformed quads), adaptation of
+//! the grid, which stays as it was voxelized, and that of the surface to a blade, which stands beside it
+//! ([`adapt`]).
 
+pub mod adapt;
 pub mod delta;
 mod dual_contouring;
 pub mod hash;

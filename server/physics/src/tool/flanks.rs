@@ -35,6 +35,16 @@ impl Thickness {
         Self { half_m: 0.5 * full_m, rise: wedge_angle_rad.map_or(f64::INFINITY, |angle| tan(0.5 * angle)) }
     }
 
+    /// Thickness where it is full, m.
+    fn full_m(&self) -> f64 {
+        2.0 * self.half_m
+    }
+
+    /// Height over which it grows, m; `None` without a wedge.
+    fn wedge_height_m(&self) -> Option<f64> {
+        self.rise.is_finite().then(|| self.half_m / self.rise)
+    }
+
     /// Half of it at a height above the edge, m, and how it rises there with the height.
     fn half_at(&self, height_m: f64) -> (f64, f64) {
         let wedge_m = self.rise * height_m;
@@ -81,6 +91,18 @@ pub struct FlankFace {
 }
 
 impl Flanks {
+    /// Thickness where it is full, m.
+    #[must_use]
+    pub fn thickness_m(&self) -> f64 {
+        self.thickness.full_m()
+    }
+
+    /// Height over which a wedge grows to the thickness, m; `None` where it is full from the edge on.
+    #[must_use]
+    pub fn wedge_height_m(&self) -> Option<f64> {
+        self.thickness.wedge_height_m()
+    }
+
     /// Of a blade with this edge.
     #[must_use]
     pub fn behind(edge: &Edge, height_m: f64, thickness: Thickness) -> Self {

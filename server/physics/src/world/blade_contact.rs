@@ -1,15 +1,16 @@
 //! One blade in one body: its front, its flanks and the elements near it.
 
 use crate::body::Body;
-use crate::contact::Contact;
 use crate::contact::broad::{Aabb, SpatialHash};
 use crate::contact::flank::Walls;
 use crate::contact::friction::FlankFriction;
+use crate::contact::{Contact, Mode};
 use crate::fracture::{BladeMotion, Front, FrontBook};
 use crate::grid::{Crossing, LinkId};
 use crate::tool::ToolPath;
 use crate::tool::blade::Blade;
 use crate::tool::scissors::Mount;
+use crate::view::Touch;
 
 /// What one blade of a tool does in one body.
 #[derive(Clone)]
@@ -96,6 +97,21 @@ impl BladeContact {
         if let Some(friction) = &mut self.friction {
             friction.detect(body, &self.flanks);
         }
+    }
+
+    /// Whether the edge is in the tissue or a flank at a wall of a cut.
+    pub(super) fn touches(&self) -> bool {
+        !self.front.contacts.is_empty() || self.flanks.iter().any(|flank| flank.mode != Mode::Off)
+    }
+
+    /// Where the blade stands in the tissue, for those who look.
+    pub(super) fn touch(&self, body: &Body, path: &ToolPath) -> Touch<'_> {
+        let depths_m = self.front.contacts.iter().map(|contact| {
+            let forward = &contact.forward;
+            (forward.tool_point_m - forward.weights.sum(&body.position_m)).dot(&forward.direction)
+        });
+        let depth_m = depths_m.fold(0.0, f64::max);
+        Touch { blade: &self.blade, pose: motion(&self.blade, self.mount, path).pose, depth_m }
     }
 
     pub(super) fn advance(&mut self, body: &Body, path: &ToolPath, parting: &mut Vec<(LinkId, Crossing)>) -> FrontBook {

@@ -186,6 +186,10 @@ impl World {
             self.update_view();
             lap.end(Stage::Surface);
         }
+        if self.view.is_some() && self.slots.iter().any(|s| s.contacts.iter().any(ToolContact::touches)) {
+            self.adapt_view();
+            lap.end(Stage::Adaptation);
+        }
         self.finish();
         self.output.profile = lap.finish();
     }
@@ -194,7 +198,7 @@ impl World {
         self.output.fault = None;
         self.output.fracture = FractureStep::default();
         self.contact_ledger = ContactLedger::default();
-        self.view.iter_mut().for_each(View::clear_patch);
+        self.view.iter_mut().for_each(View::begin_step);
         for tool in &mut self.tools {
             tool.before = tool.pose;
             tool.opening_before = tool.opening;
@@ -309,6 +313,17 @@ impl World {
         if let Some(view) = &mut self.view {
             let bodies = self.slots.iter().map(|s| (&s.body, s.parted.as_slice(), &s.change));
             view.update(bodies, self.output.topology_version);
+        }
+    }
+
+    fn adapt_view(&mut self) {
+        let Some(view) = &mut self.view else { return };
+        for (object, slot) in self.slots.iter().enumerate() {
+            if slot.contacts.iter().any(ToolContact::touches) {
+                let placed = self.tools.iter().zip(&slot.contacts);
+                let touches = placed.filter_map(|(tool, contact)| Some(contact.touching(&slot.body, tool.path()?)));
+                view.adapt(object, &slot.body, touches.flatten());
+            }
         }
     }
 

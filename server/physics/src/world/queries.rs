@@ -6,7 +6,7 @@ use crate::body::Body;
 use crate::contact::broad::Aabb;
 use crate::hash::StateHasher;
 use crate::surface::Surface;
-use crate::surface::delta::{Keyframe, TopologyPatch};
+use crate::surface::delta::{AdaptedVertex, Keyframe, TopologyPatch};
 use crate::view::View;
 
 /// What an object of a scene consists of.
@@ -118,6 +118,14 @@ impl World {
             let rest = body.rest_position_m(node);
             out.extend((0..3).map(|i| (x[i] - rest[i]) as f32));
         }
+    }
+
+    /// Vertices of an object's surface that the last step adapted to the blades that touch it, ids
+    /// ascending; none where nobody has asked for the surface since it was forgotten. The mechanics does
+    /// not know of them, nor does any hash.
+    #[must_use]
+    pub fn adapted_vertices(&self, object: usize) -> &[AdaptedVertex] {
+        self.view.as_ref().map_or(&[], |view| view.adapted(object))
     }
 
     /// Hash of positions, velocities, strain memory, fronts, what graspers hold and topology.

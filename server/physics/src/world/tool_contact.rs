@@ -11,6 +11,7 @@ use crate::grid::{Crossing, LinkId};
 use crate::hash::StateHasher;
 use crate::tool::scissors::Mount;
 use crate::tool::{ToolPath, ToolShape};
+use crate::view::Touch;
 
 /// What one tool does in one body.
 #[derive(Clone)]
@@ -90,6 +91,16 @@ impl ToolContact {
     /// Whether jaws hold some of the body.
     pub(super) fn holds(&self) -> bool {
         matches!(self, Self::Grip(grip) if !grip.contacts.is_empty())
+    }
+
+    /// Whether a blade is in the tissue or at a wall of a cut.
+    pub(super) fn touches(&self) -> bool {
+        self.edges().iter().any(BladeContact::touches)
+    }
+
+    /// The blades that are, where the tool is.
+    pub(super) fn touching<'a>(&'a self, body: &'a Body, path: ToolPath) -> impl Iterator<Item = Touch<'a>> {
+        self.edges().iter().filter(|edge| edge.touches()).map(move |edge| edge.touch(body, &path))
     }
 
     /// Whether an edge touches the body.

@@ -1,0 +1,254 @@
+//! A blade as a body: the surface that its edge rules along the tool's +y, thickened.
+
+use crate::Vec3;
+use crate::contact::broad::Aabb;
+use crate::tool::Pose;
+use crate::tool::blade::Blade;
+
+/// A blade at its pose, scene frame. The edge is a chain of points; between two of them the flanks are
+/// the parallelogram `edge + t * up`, with material on either side of it up to [`BladeBody::half_width_m`].
+///
+/// Where the edge bends the flanks of its segments meet without a mitre: a blade is thin against the
+/// radius it bends with.
+#[derive(Clone, Debug, Default)]
+pub struct BladeBody {
+    /// Edge points in order, m.
+    edge_m: Vec<Vec3>,
+    /// Spine direction, unit.
+    up: Vec3,
+    height_m: f64,
+    edge_half_width_m: f64,
+    thickness_m: f64,
+    /// Height over which the edge widens to the thickness, m.
+    bevel_m: f64,
+}
+
+/// Coordinates of a point beside a segment of the edge.
+#[derive(Clone, Copy, Debug)]
+pub struct Foot {
+    /// Length of the edge up to the point's foot, m; beyond the ends it is less than zero or more than
+    /// the edge's length.
+    pub arc_m: f64,
+    /// Height above the edge, m.
+    pub height_m: f64,
+    /// Distance from the ruled surface along [`Foot::normal`], m.
+    pub beside_m: f64,
+    /// Normal of the ruled surface, unit: along x up, the tool's +z for a straight edge.
+    pub normal: Vec3,
+}
+
+/// Where a line passes through the ruled surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Passage {
+    /// Share of the way from the line's beginning to its end.
+    pub share: f64,
+    /// Length of the edge up to there, m.
+    pub arc_m: f64,
+    /// Height above the edge, m.
+    pub height_m: f64,
+}
+
+/// A segment of the edge: its beginning, its vector over the square of its share across `up`, its
+/// normal, and the edge's length before it and in it.
+struct Segment {
+    from_m: Vec3,
+    per_length: Vec3,
+    slope: f64,
+    normal: Vec3,
+    before_m: f64,
+    length_m: f64,
+}
+
+impl BladeBody {
+    /// Puts a blade where it is now.
+    pub fn place(&mut self, blade: &Blade, pose: &Pose) {
+        self.edge_m.clear();
+        self.edge_m.extend(blade.edge.points_m().iter().map(|point| pose.transform(point)));
+        self.up = pose.orientation * Vec3::y();
+        self.height_m = blade.flanks.height_m();
+        self.edge_half_width_m = blade.edge_half_width_m;
+        self.thickness_m = blade.flanks.thickness_m();
+        self.bevel_m = blade.flanks.wedge_height_m().unwrap_or(self.thickness_m);
+    }
+
+    /// Spine direction, unit, scene frame; the blade cuts against it.
+    #[must_use]
+    pub fn up(&self) -> Vec3 {
+        self.up
+    }
+
+    /// Length of the edge, m.
+    #[must_use]
+    pub fn edge_length_m(&self) -> f64 {
+        self.edge_m.windows(2).map(|ends| (ends[1] - ends[0]).norm()).sum()
+    }
+
+    /// Half of the thickness at a height above the edge, m. Where no wedge is stated the edge widens to the
+    /// blade over a height equal to its thickness: a cutting angle of a knife, of which the mechanics knows nothing.
+    #[must_use]
+    pub fn half_width_m(&self, height_m: f64) -> f64 {
+        let behind = (0.5 * self.thickness_m).max(self.edge_half_width_m);
+        let share = if self.bevel_m > 0.0 { (height_m / self.bevel_m).clamp(0.0, 1.0) } else { 1.0 };
+        self.edge_half_width_m + share * (behind - self.edge_half_width_m)
+    }
+
+    /// The box around the blade and `margin_m` more.
+    #[must_use]
+    pub fn around(&self, margin_m: f64) -> Aabb {
+        let spine = self.up * self.height_m;
+        Aabb::around(self.edge_m.iter().flat_map(|point| [*point, point + spine])).grown(margin_m)
+    }
+
+    /// A point of the edge, m; held to its ends.
+    #[must_use]
+    pub fn edge_point_m(&self, arc_m: f64) -> Vec3 {
+        let mut rest = arc_m.max(0.0);
+        for ends in self.edge_m.windows(2) {
+            let along = ends[1] - ends[0];
+            let length = along.norm();
+            if rest <= length {
+                return ends[0] + along * (rest / length);
+            }
+            rest -= length;
+        }
+        self.edge_m.last().copied().unwrap_or_default()
+    }
+
+    fn segments(&self) -> impl Iterator<Item = Segment> + '_ {
+        let up = self.up;
+        self.edge_m.windows(2).scan(0.0, move |before_m, ends| {
+            let along = ends[1] - ends[0];
+            let length_m = along.norm();
+            let rise = along.dot(&up);
+            let across = along - up * rise;
+            let segment = Segment {
+                from_m: ends[0],
+                per_length: across * (length_m / across.norm_squared()),
+                slope: rise / length_m,
+                normal: across.cross(&up).normalize(),
+                before_m: *before_m,
+                length_m,
+            };
+            *before_m += length_m;
+            Some(segment)
+        })
+    }
+
+    /// The coordinates of a point beside the segment it is nearest to.
+    #[must_use]
+    pub fn foot(&self, point_m: &Vec3) -> Option<Foot> {
+        let last = self.edge_m.len().saturating_sub(2);
+        let feet = self.segments().enumerate().map(|(index, segment)| {
+            let foot = segment.foot(point_m, &self.up);
+            let along = foot.arc_m - segment.before_m;
+            let outside = (-along).max(along - segment.length_m).max(0.0);
+            // Only the ends of the edge go on beyond themselves.
+            let held = along.clamp(
+                if index == 0 { f64::NEG_INFINITY } else { 0.0 },
+                if index == last { f64::INFINITY } else { segment.length_m },
+            );
+            (outside.hypot(foot.beside_m), Foot { arc_m: segment.before_m + held, ..foot })
+        });
+        feet.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, foot)| foot)
+    }
+
+    /// Whether a foot is on the ruled surface.
+    #[must_use]
+    pub fn is_beside(&self, foot: &Foot) -> bool {
+        (0.0..=self.edge_length_m()).contains(&foot.arc_m) && (0.0..=self.height_m).contains(&foot.height_m)
+    }
+
+    /// Where the line between two points passes through the ruled surface.
+    #[must_use]
+    pub fn passage(&self, from_m: &Vec3, to_m: &Vec3) -> Option<Passage> {
+        self.segments().find_map(|segment| {
+            let [from, to] = [from_m, to_m].map(|point| segment.foot(point, &self.up));
+            if (from.beside_m < 0.0) == (to.beside_m < 0.0) {
+                return None;
+            }
+            let share = from.beside_m / (from.beside_m - to.beside_m);
+            let arc_m = from.arc_m + share * (to.arc_m - from.arc_m);
+            let height_m = from.height_m + share * (to.height_m - from.height_m);
+            let within = (0.0..=segment.length_m).contains(&(arc_m - segment.before_m))
+                && (0.0..=self.height_m).contains(&height_m);
+            within.then_some(Passage { share, arc_m, height_m })
+        })
+    }
+
+    /// The point of the flank on one side (1: that of the normal, -1: the other) beside a point.
+    #[must_use]
+    pub fn flank_point_m(&self, point_m: &Vec3, foot: &Foot, side: f64) -> Vec3 {
+        point_m + foot.normal * (side * self.half_width_m(foot.height_m) - foot.beside_m)
+    }
+}
+
+impl Segment {
+    fn foot(&self, point_m: &Vec3, up: &Vec3) -> Foot {
+        let from = point_m - self.from_m;
+        let along = from.dot(&self.per_length);
+        Foot {
+            arc_m: self.before_m + along,
+            height_m: from.dot(up) - along * self.slope,
+            beside_m: from.dot(&self.normal),
+            normal: self.normal,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An edge of three points with a bend in the cutting direction and one aside.
+    fn bent() -> BladeBody {
+        BladeBody {
+            edge_m: vec![Vec3::new(-0.03, 0.0, 0.0), Vec3::new(0.0, -0.01, 0.0), Vec3::new(0.03, 0.0, 0.02)],
+            up: Vec3::y(),
+            height_m: 0.05,
+            edge_half_width_m: 5e-5,
+            thickness_m: 2e-3,
+            bevel_m: 2e-3,
+        }
+    }
+
+    #[test]
+    fn a_foot_leads_back_to_its_point() {
+        let blade = bent();
+        for (arc_m, height_m, beside_m) in [(0.01, 0.02, 1e-3), (0.04, 0.001, -2e-3), (0.06, 0.04, 0.0)] {
+            let on_edge = blade.edge_point_m(arc_m);
+            let normal = blade.foot(&on_edge).expect("the edge has points").normal;
+            let point = on_edge + Vec3::y() * height_m + normal * beside_m;
+            let foot = blade.foot(&point).expect("the edge has points");
+            let found = [foot.arc_m, foot.height_m, foot.beside_m];
+            let apart = found.iter().zip([arc_m, height_m, beside_m]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(apart < 1e-12, "{found:?}");
+            let flank = blade.flank_point_m(&point, &foot, 1.0);
+            let flank_foot = blade.foot(&flank).expect("the edge has points");
+            assert!((flank_foot.beside_m - blade.half_width_m(height_m)).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_line_passes_where_it_meets_the_ruled_surface_and_nowhere_else() {
+        let blade = bent();
+        // Through the second segment, halfway, 15 mm above its edge.
+        let through = Vec3::new(0.015, 0.01, 0.01);
+        let across = Vec3::new(0.001, 0.002, 0.004);
+        let passage = blade.passage(&(through - across), &(through + across * 3.0)).expect("it passes");
+        assert!((passage.share - 0.25).abs() < 1e-12);
+        assert!((passage.height_m - 0.015).abs() < 1e-12);
+        assert!((blade.edge_point_m(passage.arc_m) - Vec3::new(0.015, -0.005, 0.01)).norm() < 1e-12);
+        let below = Vec3::y() * -0.02;
+        assert!(blade.passage(&(through - across + below), &(through + across + below)).is_none());
+        assert!(blade.passage(&(through + across), &(through + across * 2.0)).is_none());
+        let beyond = Vec3::x() * 0.1;
+        assert!(blade.passage(&(through - across + beyond), &(through + across + beyond)).is_none());
+    }
+
+    #[test]
+    fn the_edge_widens_to_the_blade() {
+        let blade = bent();
+        assert_eq!((blade.half_width_m(0.0), blade.half_width_m(2e-3), blade.half_width_m(0.03)), (5e-5, 1e-3, 1e-3));
+        assert_eq!(BladeBody { thickness_m: 0.0, ..blade }.half_width_m(0.01), 5e-5);
+    }
+}

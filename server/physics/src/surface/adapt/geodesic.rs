@@ -1,0 +1,160 @@
+//! Geodesic distance from the indentation by fast marching over the triangles (Kimmel and Sethian 1998),
+//! and what is carried along with it.
+//!
+//! Distances along edges alone would make rings around an indentation follow the grid's axes.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use super::field::Field;
+use super::mesh::Slot;
+use super::profile::Profile;
+use crate::Vec3;
+
+/// What a vertex of the region takes over from the nearest point of the indentation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Carried {
+    /// Displacement at the indentation, m, scene frame.
+    pub by_m: Vec3,
+    /// How the material there follows it.
+    pub profile: Profile,
+}
+
+/// A vertex that the march has reached, or that it starts from.
+#[derive(Clone, Copy, Debug)]
+pub struct Reached {
+    /// Geodesic distance from the indentation, m.
+    pub distance_m: f64,
+    /// From where it was reached.
+    pub carried: Carried,
+    /// Its distance is final.
+    settled: bool,
+}
+
+impl Reached {
+    /// A vertex to start from.
+    #[must_use]
+    pub fn seed(distance_m: f64, carried: Carried) -> Self {
+        Self { distance_m, carried, settled: false }
+    }
+}
+
+impl Carried {
+    /// `share` of the way from `self` to `other`.
+    fn towards(&self, other: &Self, share: f64) -> Self {
+        let mix = |a: f64, b: f64| a + share * (b - a);
+        Self {
+            by_m: self.by_m.lerp(&other.by_m, share),
+            profile: Profile {
+                reach_m: mix(self.profile.reach_m, other.profile.reach_m),
+                bulge: mix(self.profile.bulge, other.profile.bulge),
+            },
+        }
+    }
+}
+
+/// Vertices to settle next: the nearest first, of equally near ones that with the lowest slot.
+#[derive(Default)]
+pub struct March {
+    /// Distance by its bits, which rise with it.
+    queue: BinaryHeap<Reverse<(u64, Slot)>>,
+}
+
+impl March {
+    /// Room for a surface of so many vertices, each taken up twice, which all are seldom.
+    pub fn reserve(&mut self, vertices: usize) {
+        self.queue.clear();
+        self.queue.reserve(2 * vertices);
+    }
+
+    /// Starts anew.
+    pub fn clear(&mut self) {
+        self.queue.clear();
+    }
+
+    /// Takes a vertex up, or nearer than it was.
+    pub fn push(&mut self, slot: Slot, distance_m: f64) {
+        self.queue.push(Reverse((distance_m.to_bits(), slot)));
+    }
+
+    /// Marches on until everything within reach is settled; `order` gets the vertices as they settle.
+    pub fn run(&mut self, field: &mut Field<'_>, order: &mut Vec<Slot>) {
+        while let Some(Reverse((_, slot))) = self.queue.pop() {
+            let Some(here) = field.reached(slot).filter(|here| !here.settled) else { continue };
+            field.reach(slot, Reached { settled: true, ..here });
+            order.push(slot);
+            let mesh = field.mesh;
+            for [_, left, right] in mesh.triangles_at(slot) {
+                self.cross(field, slot, left, right);
+                self.cross(field, slot, right, left);
+            }
+        }
+    }
+
+    /// Reaches `next` over the triangle that `from`, which has just settled, forms with it and `other`.
+    fn cross(&mut self, field: &mut Field<'_>, from: Slot, next: Slot, other: Slot) {
+        let [at, from_m, other_m] = [next, from, other].map(|slot| field.base_m(slot));
+        let (Some(near), known) = (field.reached(from), field.reached(next)) else { return };
+        if known.is_some_and(|known| known.settled) {
+            return;
+        }
+        let along_edge = (near.distance_m + (from_m - at).norm(), near.carried);
+        let across = field.reached(other).filter(|far| far.settled).and_then(|far| {
+            let (distance, share) = planar(from_m - at, other_m - at, near.distance_m, far.distance_m)?;
+            Some((distance, near.carried.towards(&far.carried, share)))
+        });
+        let (distance_m, carried) = across.unwrap_or(along_edge);
+        if distance_m < carried.profile.reach_m && known.is_none_or(|known| distance_m < known.distance_m) {
+            field.reach(next, Reached::seed(distance_m, carried));
+            self.push(next, distance_m);
+        }
+    }
+}
+
+/// Distance at the origin of a plane front that passes the points `a` and `b` at the distances `at_a` and
+/// `at_b`, and where it comes from as a share of the way from `a` to `b`; `None` where it does not come
+/// from between them.
+fn planar(a: Vec3, b: Vec3, at_a: f64, at_b: f64) -> Option<(f64, f64)> {
+    let (aa, ab, bb) = (a.norm_squared(), a.dot(&b), b.norm_squared());
+    let determinant = aa * bb - ab * ab;
+    // The inverse of the Gram matrix, times the determinant, is ((bb, -ab), (-ab, aa)).
+    let ones = bb - 2.0 * ab + aa;
+    let mixed = at_a * (bb - ab) + at_b * (aa - ab);
+    let squares = at_a * at_a * bb - 2.0 * at_a * at_b * ab + at_b * at_b * aa;
+    let discriminant = mixed * mixed - ones * (squares - determinant);
+    if determinant <= 0.0 || discriminant < 0.0 {
+        return None;
+    }
+    let distance = (mixed + discriminant.sqrt()) / ones;
+    let (behind_a, behind_b) = (distance - at_a, distance - at_b);
+    let [weight_a, weight_b] = [bb * behind_a - ab * behind_b, aa * behind_b - ab * behind_a];
+    let between = weight_a >= 0.0 && weight_b >= 0.0 && weight_a + weight_b > 0.0;
+    between.then(|| (distance, weight_b / (weight_a + weight_b)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plane_front_is_followed_exactly() {
+        let (a, b) = (Vec3::new(-1.0, 0.3, 0.2), Vec3::new(-0.4, -1.1, 0.1));
+        for step in 0..=10 {
+            // It comes through this point between them.
+            let share = 0.05 + 0.09 * f64::from(step);
+            let along = -a.lerp(&b, share).normalize();
+            let offset = 5.0;
+            let (distance, found) =
+                planar(a, b, offset + a.dot(&along), offset + b.dot(&along)).expect("from between them");
+            assert!((distance - offset).abs() < 1e-12 && (found - share).abs() < 1e-9, "{step}: {distance} {found}");
+        }
+    }
+
+    #[test]
+    fn a_front_from_beside_the_triangle_is_left_to_the_edge() {
+        let (a, b) = (Vec3::new(-1.0, 0.0, 0.0), Vec3::new(-1.0, -1.0, 0.0));
+        assert_eq!(planar(a, b, 0.0, 0.0), Some((1.0, 0.0)), "along the edge itself");
+        assert!(planar(a, b, 0.0, -0.3).is_some_and(|(_, share)| share > 0.1));
+        assert_eq!(planar(a, b, 0.0, 0.3), None);
+    }
+}

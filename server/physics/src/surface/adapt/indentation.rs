@@ -1,0 +1,227 @@
+//! Contact vertices and their projection onto the blade (paper Fig. 6, Eq. 15).
+//!
+//! First the edge takes what it has gone past:
+//! - Where the blade passes through the surface, an edge of the surface that passes through the blade
+//!   gets the end that is nearer to it put on the blade's edge: the surface then has a line of vertices
+//!   along it, and nothing passes through.
+//! - Where a cut has its bottom, walls stand on either side of the blade: a bottom vertex that the edge
+//!   has gone past is put on the edge.
+//!
+//! When the surface around has followed, what is inside the blade yet is put on its flanks.
+
+use super::Dent;
+use super::blade_body::{BladeBody, Foot, Passage};
+use super::field::Field;
+use super::geodesic::{Carried, March, Reached};
+use super::mesh::Slot;
+use super::profile::Profile;
+use crate::Vec3;
+
+/// A cut face whose normal is within 37 degrees of the blade's is a wall beside it.
+const ALONG_BLADE: f64 = 0.8;
+/// The blade presses on a triangle whose normal is within 60 degrees of the cutting direction. It goes
+/// sideways out of the others, which follow what it presses on.
+const PRESSED: f64 = 0.5;
+/// Bottoms and walls farther than this from the blade's middle are of other cuts, in voxels.
+const BESIDE_VOXELS: f64 = 1.0;
+/// What the edge has gone past by more than its deepest contact and this many voxels it does not press
+/// on: there a cut ends that parts whole links only.
+const PARTED_VOXELS: f64 = 1.0;
+/// Vertices this near to the blade are looked at, in voxels: both ends of an edge across it.
+pub const NEAR_VOXELS: f64 = 2.0;
+/// Points of the edge that are tried on either side of the nearest one, and how far they reach in
+/// voxels: no farther than would take a vertex past its neighbour's place.
+const TRIED: i32 = 4;
+const TRIED_VOXELS: f64 = 0.5;
+/// Vertices that cannot be projected may become so when their neighbours have been.
+const PASSES: usize = 3;
+
+/// An edge of the surface that the blade passes through.
+#[derive(Clone, Copy)]
+struct Crossed {
+    /// The end nearer to the blade first.
+    ends: [Slot; 2],
+    beside_m: f64,
+    passage: Passage,
+}
+
+/// What the blade meets of one body's surface.
+#[derive(Default)]
+pub struct Indentation {
+    crossed: Vec<Crossed>,
+    /// Bottom vertices of cuts: where on the edge they belong and how far it has gone past them, m.
+    bottoms: Vec<(Slot, f64, f64)>,
+}
+
+impl Indentation {
+    /// Room for what there may be on a surface of so many vertices.
+    pub fn reserve(&mut self, vertices: usize) {
+        self.crossed.clear();
+        self.crossed.reserve(vertices);
+        self.bottoms.clear();
+        self.bottoms.reserve(vertices);
+    }
+
+    /// Finds the vertices among `near` that the edge has gone past and puts them on it; the march is to
+    /// start from them and from the other ends of the edges that the blade passes.
+    pub fn project(&mut self, field: &mut Field<'_>, dent: &Dent, near: &[Slot], march: &mut March) {
+        let blade = &dent.blade;
+        self.crossed.clear();
+        self.bottoms.clear();
+        near.iter().for_each(|slot| self.look_at(field, dent, *slot));
+        // The clearest cases first: what they settle need not be asked of the others.
+        self.crossed.sort_unstable_by_key(|crossed| (crossed.beside_m.to_bits(), crossed.ends));
+        for _ in 0..PASSES {
+            for (slot, arc_m, _) in &self.bottoms {
+                put_on_edge(field, blade, *slot, *arc_m);
+            }
+            for crossed in &self.crossed {
+                if !crossed.ends.into_iter().any(|end| field.is_held(end)) {
+                    let _ = crossed.ends.into_iter().any(|end| put_on_edge(field, blade, end, crossed.passage.arc_m));
+                }
+            }
+        }
+        self.sow(field, blade, march);
+    }
+
+    /// Sorts a vertex by the triangles around it.
+    fn look_at(&mut self, field: &mut Field<'_>, dent: &Dent, slot: Slot) {
+        let blade = &dent.blade;
+        let voxel_m = field.body.grid.voxel_size_m();
+        let Some(foot) = foot_near(field, blade, slot) else { return };
+        let deepest_m = dent.depth_m + PARTED_VOXELS * voxel_m;
+        let within = blade.is_beside(&foot) && foot.beside_m.abs() <= BESIDE_VOXELS * voxel_m;
+        match walls_at(field, slot, &foot) {
+            [true, true] if within && foot.height_m <= deepest_m => {
+                self.bottoms.push((slot, foot.arc_m, foot.height_m));
+            }
+            [false, false] => self.find_crossed(field, dent, deepest_m, (slot, &foot)),
+            _ => {}
+        }
+    }
+
+    /// Finds the edges at a vertex that the blade passes through, each from the end with the lower slot.
+    fn find_crossed(&mut self, field: &mut Field<'_>, dent: &Dent, deepest_m: f64, (slot, foot): (Slot, &Foot)) {
+        let (blade, mesh, at) = (&dent.blade, field.mesh, field.base_m(slot));
+        for [_, b, c] in mesh.triangles_at(slot) {
+            let normal = field.normal(slot, b, c);
+            if normal.dot(&blade.up()) < PRESSED * normal.norm() {
+                continue;
+            }
+            for other in [b, c].into_iter().filter(|other| slot < *other) {
+                let passage = blade.passage(&at, &field.base_m(other)).filter(|p| p.height_m <= deepest_m);
+                let passage = passage.filter(|_| walls_at(field, other, foot) == [false; 2]);
+                self.crossed.extend(passage.map(|passage| Crossed::new(slot, other, foot, passage)));
+            }
+        }
+    }
+
+    /// Gives the march its beginnings: the points of the surface that the edge has displaced, and what
+    /// by. Where the blade passes through an edge of the surface that is the height of the passage,
+    /// exactly, and the same for both ends, whichever of them was put on the blade.
+    fn sow(&self, field: &mut Field<'_>, blade: &BladeBody, march: &mut March) {
+        for crossed in &self.crossed {
+            let [near_m, far_m] = crossed.ends.map(|end| field.base_m(end));
+            let (length_m, share) = ((far_m - near_m).norm(), crossed.passage.share);
+            for (end, share) in crossed.ends.into_iter().zip([share, 1.0 - share]) {
+                seed(field, march, end, share * length_m, blade.up() * -crossed.passage.height_m);
+            }
+        }
+        for (slot, _, height_m) in &self.bottoms {
+            seed(field, march, *slot, 0.0, blade.up() * -*height_m);
+        }
+    }
+}
+
+/// Puts the vertices among `near` that are inside the blade on the flank of their side; the march is to
+/// start from them.
+pub fn clear_flanks(field: &mut Field<'_>, blade: &BladeBody, near: &[Slot], march: &mut March) {
+    for slot in near {
+        let Some(foot) = foot_near(field, blade, *slot).filter(|foot| blade.is_beside(foot)) else { continue };
+        if field.is_held(*slot) || foot.beside_m.abs() > BESIDE_VOXELS * field.body.grid.voxel_size_m() {
+            continue;
+        }
+        let side = side_of(field, *slot, &foot);
+        if side * foot.beside_m < blade.half_width_m(foot.height_m) {
+            let at = field.base_m(*slot);
+            let flank_m = blade.flank_point_m(&at, &foot, side);
+            if field.quality_at(*slot, flank_m).is_some() {
+                field.hold(*slot, flank_m);
+                seed(field, march, *slot, 0.0, flank_m - at);
+            }
+        }
+    }
+}
+
+/// The side of the blade a vertex belongs to: that of the material behind its walls, for the blade stands
+/// where they look; without walls, or at the bottom between them, the side it is on.
+fn side_of(field: &mut Field<'_>, slot: Slot, foot: &Foot) -> f64 {
+    match walls_at(field, slot, foot) {
+        [true, false] => 1.0,
+        [false, true] => -1.0,
+        _ => 1.0_f64.copysign(foot.beside_m),
+    }
+}
+
+/// Whether there are walls of a cut along the blade at a vertex: such that look against the blade's
+/// normal, and such that look along it.
+fn walls_at(field: &mut Field<'_>, slot: Slot, foot: &Foot) -> [bool; 2] {
+    let mut looks = [false; 2];
+    let mesh = field.mesh;
+    for [_, b, c] in mesh.cut_triangles_at(slot) {
+        let normal = field.normal(slot, b, c);
+        let along = normal.dot(&foot.normal);
+        if along.abs() > ALONG_BLADE * normal.norm() {
+            looks[usize::from(along > 0.0)] = true;
+        }
+    }
+    looks
+}
+
+/// The foot of a vertex, if it is near the blade.
+fn foot_near(field: &mut Field<'_>, blade: &BladeBody, slot: Slot) -> Option<Foot> {
+    let near_m = NEAR_VOXELS * field.body.grid.voxel_size_m();
+    blade.foot(&field.base_m(slot)).filter(|foot| foot.beside_m.abs() <= near_m)
+}
+
+impl Crossed {
+    fn new(slot: Slot, other: Slot, foot: &Foot, passage: Passage) -> Self {
+        if passage.share <= 0.5 {
+            Self { ends: [slot, other], beside_m: foot.beside_m.abs(), passage }
+        } else {
+            let beside_m = foot.beside_m.abs() * (1.0 - passage.share) / passage.share;
+            Self { ends: [other, slot], beside_m, passage: Passage { share: 1.0 - passage.share, ..passage } }
+        }
+    }
+}
+
+/// Starts the march from a vertex, if it is the nearest beginning there.
+fn seed(field: &mut Field<'_>, march: &mut March, slot: Slot, distance_m: f64, by_m: Vec3) {
+    if field.reached(slot).is_none_or(|reached| distance_m < reached.distance_m) {
+        let profile = Profile::at(field.body, field.mesh.point(slot).voxel);
+        field.reach(slot, Reached::seed(distance_m, Carried { by_m, profile }));
+        march.push(slot, distance_m);
+    }
+}
+
+/// Puts a vertex on the point of the edge near `arc_m` that leaves the best triangles (Eq. 15); whether
+/// there is one.
+fn put_on_edge(field: &mut Field<'_>, blade: &BladeBody, slot: Slot, arc_m: f64) -> bool {
+    if field.is_held(slot) {
+        return true;
+    }
+    let spacing_m = TRIED_VOXELS * field.body.grid.voxel_size_m() / f64::from(TRIED);
+    let mut best: Option<(f64, Vec3)> = None;
+    for index in -TRIED..=TRIED {
+        let point_m = blade.edge_point_m(arc_m + f64::from(index) * spacing_m);
+        if let Some(quality) = field.quality_at(slot, point_m)
+            && best.is_none_or(|best| quality < best.0)
+        {
+            best = Some((quality, point_m));
+        }
+    }
+    best.is_some_and(|(_, point_m)| {
+        field.hold(slot, point_m);
+        true
+    })
+}
