@@ -121,12 +121,17 @@ fn session_code(error: &SessionError) -> Code {
         | SessionError::TooManyDrivers { .. }
         | SessionError::TooManyViewers { .. }
         | SessionError::TooManyCommands { .. }
+        | SessionError::TooManyPoints { .. }
         | SessionError::NoThread { .. } => Code::ResourceExhausted,
-        SessionError::NoSession { .. } | SessionError::NoTool { .. } | SessionError::Closed => Code::NotFound,
+        SessionError::NoSession { .. }
+        | SessionError::NoTool { .. }
+        | SessionError::NoPoint { .. }
+        | SessionError::Closed => Code::NotFound,
         SessionError::ToolTaken { .. } | SessionError::Failed { .. } => Code::FailedPrecondition,
-        SessionError::Dial(DialError::Scene(_)) | SessionError::Scene(_) | SessionError::Rate { .. } => {
-            Code::InvalidArgument
-        }
+        SessionError::Dial(DialError::Scene(_))
+        | SessionError::Scene(_)
+        | SessionError::Rate { .. }
+        | SessionError::PointName { .. } => Code::InvalidArgument,
         SessionError::Dial(_) => Code::FailedPrecondition,
         SessionError::Draining => Code::Unavailable,
     }

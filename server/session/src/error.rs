@@ -31,6 +31,26 @@ pub enum SessionError {
         /// `max_commands`.
         limit: usize,
     },
+    /// The session keeps as many points as it may.
+    #[error("the session keeps {limit} points, as many as it may (max_points); delete one, or save over one")]
+    TooManyPoints {
+        /// `max_points`.
+        limit: usize,
+    },
+    /// A name that no point may have.
+    #[error("name: a point's has 1 to {limit} bytes, not {bytes}")]
+    PointName {
+        /// Its length.
+        bytes: usize,
+        /// [`crate::MAX_POINT_NAME_BYTES`].
+        limit: usize,
+    },
+    /// The session has no point of this name.
+    #[error("name: the session has no point {name:?}")]
+    NoPoint {
+        /// The name asked for.
+        name: String,
+    },
     /// No session has this id.
     #[error("no session {id}")]
     NoSession {

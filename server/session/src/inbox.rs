@@ -12,6 +12,7 @@ use tokio::sync::oneshot;
 use crate::error::SessionError;
 use crate::limits::{SessionLimits, to_ns};
 use crate::lock;
+use crate::points::PointInfo;
 use crate::pose_check::{PoseRefusal, PoseSample};
 use crate::recorder::InputLog;
 use crate::status::{SessionStatus, StepTallies};
@@ -39,8 +40,22 @@ pub(crate) enum Command {
     Reset(oneshot::Sender<Result<(), SessionError>>),
     /// Describe the session.
     Describe(oneshot::Sender<SessionStatus>),
+    /// Save a point, go back to one, tell of them.
+    Point(PointCommand),
     /// Look at the world. The closure holds the answer's channel.
     Query(Box<dyn FnOnce(&mut Probe<'_>) + Send>),
+}
+
+/// Something to do with the points that a session can go back to, by name.
+pub(crate) enum PointCommand {
+    /// Save one; answers with its step.
+    Save(String, oneshot::Sender<Result<u64, SessionError>>),
+    /// Go back to one; answers with its step.
+    Restore(String, oneshot::Sender<Result<u64, SessionError>>),
+    /// Forget one.
+    Delete(String, oneshot::Sender<Result<(), SessionError>>),
+    /// List them.
+    List(oneshot::Sender<Vec<PointInfo>>),
 }
 
 /// Which poses a tick takes.
@@ -193,6 +208,12 @@ impl Inbox {
     /// is too old.
     pub fn reenter_tools(&self) {
         lock(&self.state).tools.iter_mut().for_each(ToolSlot::reenter);
+    }
+
+    /// Every tool is lifted in the next step, or put down where its newest pose has it: the world is at
+    /// another moment, and its tools with it.
+    pub fn withdraw_tools(&self) {
+        lock(&self.state).tools.iter_mut().for_each(ToolSlot::withdraw);
     }
 
     /// Leases run from now on, after a time in which nobody had to speak.

@@ -36,6 +36,10 @@ pub struct StepReport {
     pub faults: u64,
     /// The newest of them.
     pub last_fault: Option<Fault>,
+    /// Times that the session went back to a point.
+    pub restores: u64,
+    /// The point that it went back to last.
+    pub last_restored: Option<Arc<str>>,
     /// Set when a step panicked: nothing follows until a reset.
     pub failure: Option<Arc<str>>,
     /// One entry per tool of the scene.
@@ -96,6 +100,10 @@ pub enum SceneEvent {
     Reanchored,
     /// The governor set the relative tolerance of the solves to this.
     ToleranceChanged(f64),
+    /// The state was saved as the point of this name.
+    PointSaved(Arc<str>),
+    /// The scene is at the point of this name again, every tool lifted.
+    PointRestored(Arc<str>),
     /// Non-finite state was rolled back.
     Fault(Fault),
 }

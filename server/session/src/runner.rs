@@ -1,5 +1,7 @@
 //! The thread of a session: paces, drains the inbox, steps the world, publishes.
 
+mod points;
+
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex};
@@ -17,6 +19,7 @@ use crate::limits::{SessionLimits, to_ns};
 use crate::lock;
 use crate::outbox::{Publisher, SceneEvent, StepReport, ToolReport, ViewState};
 use crate::pacer::{Pace, Pacer};
+use crate::points::Points;
 use crate::recorder::InputLog;
 use crate::status::{Phase, SessionStatus, StepTallies, StepTimes, book};
 use crate::structure_log::Place;
@@ -41,6 +44,7 @@ pub(crate) struct Runner {
     /// What the governor decided after the last step.
     next_tolerance: Option<f64>,
     log: InputLog,
+    points: Points,
     tick: Tick,
     /// Per tool, as of the last tick: who drives it.
     holders: Vec<Option<DriverId>>,
@@ -58,6 +62,9 @@ struct Tally {
     steps: StepTallies,
     /// Relative tolerance of the solves, as the governor has it.
     relative_tolerance: f64,
+    /// Times that the session went back to a point, and the last one's name.
+    restores: u64,
+    last_restored: Option<Arc<str>>,
 }
 
 impl Tally {
@@ -92,6 +99,7 @@ impl Runner {
         let pool = lend_threads(limits.threads_per_session)?;
         let pacer = Pacer::new(scene.desc.rate_hz, to_ns(limits.max_lag_s), MonotonicClock::now_ns());
         let log = InputLog::new(limits.max_recorded_motions);
+        let points = Points::new(limits.max_points);
         let tools = scene.desc.tools.len();
         let tally = Tally::of(&scene);
         let governor = Governor::of(&scene.desc);
@@ -107,6 +115,7 @@ impl Runner {
             governor,
             next_tolerance: None,
             log,
+            points,
             tick: Tick::default(),
             holders: vec![None; tools],
             tally,
@@ -218,6 +227,8 @@ impl Runner {
             relative_tolerance: self.tally.relative_tolerance,
             faults: self.tally.faults,
             last_fault: self.tally.last_fault.clone(),
+            restores: self.tally.restores,
+            last_restored: self.tally.last_restored.clone(),
             failure,
             tools: (0..self.tally.jumps.len()).map(tool).collect(),
         }
@@ -307,6 +318,7 @@ impl Runner {
             Command::Describe(answer) => {
                 let _ = answer.send(self.describe());
             }
+            Command::Point(command) => self.obey_point(command),
             Command::Query(look) => {
                 look(&mut Probe {
                     world: &mut self.world,

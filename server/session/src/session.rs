@@ -10,10 +10,11 @@ use tokio::sync::{OwnedSemaphorePermit, oneshot, watch};
 use crate::clock::MonotonicClock;
 use crate::dial::Choice;
 use crate::error::SessionError;
-use crate::inbox::{Command, Inbox, Probe};
+use crate::inbox::{Command, Inbox, PointCommand, Probe};
 use crate::limits::SessionLimits;
 use crate::lock;
 use crate::outbox::{Outbox, Publisher, StepReport, Viewer};
+use crate::points::PointInfo;
 use crate::pose_check::{PoseRefusal, PoseSample};
 use crate::registry::{SessionId, SessionOptions};
 use crate::runner::{Parts, Runner};
@@ -150,6 +151,41 @@ impl Session {
     /// The queue is full or the session has ended.
     pub async fn reset(&self) -> Result<(), SessionError> {
         self.ask(Command::Reset).await?
+    }
+
+    /// Saves the state as it is as a point to go back to, in place of one of the same name; answers with
+    /// its step. Points outlive a reset.
+    ///
+    /// # Errors
+    /// The name is empty or too long, the session keeps as many points as it may or has failed, the queue
+    /// is full, or the session has ended.
+    pub async fn save_point(&self, name: &str) -> Result<u64, SessionError> {
+        self.ask(|answer| Command::Point(PointCommand::Save(name.into(), answer))).await?
+    }
+
+    /// Takes the scene back to a point, every tool lifted; answers with its step. A session that had failed
+    /// stands afterwards, others go on as they were.
+    ///
+    /// # Errors
+    /// There is no such point, the queue is full or the session has ended.
+    pub async fn restore_point(&self, name: &str) -> Result<u64, SessionError> {
+        self.ask(|answer| Command::Point(PointCommand::Restore(name.into(), answer))).await?
+    }
+
+    /// Forgets a point.
+    ///
+    /// # Errors
+    /// There is no such point, the queue is full or the session has ended.
+    pub async fn delete_point(&self, name: &str) -> Result<(), SessionError> {
+        self.ask(|answer| Command::Point(PointCommand::Delete(name.into(), answer))).await?
+    }
+
+    /// The points that can be gone back to, in the order of saving.
+    ///
+    /// # Errors
+    /// The queue is full or the session has ended.
+    pub async fn points(&self) -> Result<Vec<PointInfo>, SessionError> {
+        self.ask(|answer| Command::Point(PointCommand::List(answer))).await
     }
 
     /// Describes the session after its last step.

@@ -175,6 +175,14 @@ impl ToolSlot {
         }
     }
 
+    /// The world has the tool where it was at another moment: it is lifted, unless a pose waits to put it
+    /// down.
+    pub fn withdraw(&mut self) {
+        self.reenter();
+        self.in_scene = matches!(self.pending, Some(ToolMotion::EnterAt(_)));
+        self.pending.get_or_insert(ToolMotion::Lift);
+    }
+
     /// What the tool does in the coming step.
     pub fn take_motion(&mut self) -> Option<SlotMotion> {
         let motion = self.pending.take()?;
@@ -311,6 +319,20 @@ mod tests {
         assert!(entered_at_x_m(&mut slot).is_some());
         slot.accept(&at(3, 2e-3), 2 * MS, &PoseLimits::default()).unwrap();
         assert_eq!(moved_to_x_m(&mut slot), Some(2e-3));
+    }
+
+    #[test]
+    fn a_tool_of_a_world_that_went_back_is_lifted_unless_a_pose_waits() {
+        let mut slot = entered();
+        slot.withdraw();
+        assert_eq!(slot.take_motion().map(|m| m.motion), Some(ToolMotion::Lift));
+        slot.accept(&at(2, 1e-3), MS, &PoseLimits::default()).unwrap();
+        assert_eq!(entered_at_x_m(&mut slot), Some(1e-3));
+        slot.accept(&at(3, 2e-3), 2 * MS, &PoseLimits::default()).unwrap();
+        slot.withdraw();
+        assert_eq!(entered_at_x_m(&mut slot), Some(2e-3));
+        slot.accept(&at(4, 3e-3), 3 * MS, &PoseLimits::default()).unwrap();
+        assert_eq!(moved_to_x_m(&mut slot), Some(3e-3));
     }
 
     #[test]

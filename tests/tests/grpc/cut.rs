@@ -15,9 +15,9 @@ use tonic::transport::Channel;
 use crate::harness::{Harness, Station, endpoint, next, no_expiry};
 
 /// Heights of the edge, m: over the block, half way down, and at what holds it.
-const ABOVE_M: f32 = 0.015;
-const MIDDLE_M: f32 = 0.005;
-const FOOT_M: f32 = -0.004;
+pub const ABOVE_M: f32 = 0.015;
+pub const MIDDLE_M: f32 = 0.005;
+pub const FOOT_M: f32 = -0.004;
 
 /// The edge turned about the vertical, then about its own normal: it crosses the links one after another.
 fn askew(seq: u64, height_m: f32) -> v1::ToolPose {
@@ -30,17 +30,17 @@ fn askew(seq: u64, height_m: f32) -> v1::ToolPose {
 
 /// A blade on its way down. Each pose waits until a step has used the one before, so that the way
 /// does not depend on the machine's speed.
-struct Stroke {
-    station: Station,
+pub struct Stroke {
+    pub station: Station,
     seq: u64,
 }
 
 impl Stroke {
-    async fn begin(harness: &Harness, session: &str) -> Self {
+    pub async fn begin(harness: &Harness, session: &str) -> Self {
         Self { station: harness.drive(session, &[0]).await.unwrap(), seq: 0 }
     }
 
-    async fn press(&mut self, from_m: f32, to_m: f32) {
+    pub async fn press(&mut self, from_m: f32, to_m: f32) {
         const STEP_M: f32 = 2e-4;
         for index in 0..=((from_m - to_m) / STEP_M).round() as u64 {
             self.seq += 1;
@@ -71,21 +71,21 @@ struct Structure {
 type Counts = (usize, usize);
 
 /// A viewer that keeps a replica and notes each structure that it had.
-struct Watcher {
+pub struct Watcher {
     view: Streaming<v1::ViewEvent>,
-    replica: Replica,
+    pub replica: Replica,
     structures: Vec<Structure>,
 }
 
 impl Watcher {
-    async fn join(harness: &Harness, channel: Channel, session: &str) -> Self {
+    pub async fn join(harness: &Harness, channel: Channel, session: &str) -> Self {
         let view = harness.view(channel, session).await;
         let mut watcher = Self { view, replica: Replica::default(), structures: Vec::new() };
         watcher.until(|replica| replica.moment().is_some()).await;
         watcher
     }
 
-    async fn until(&mut self, holds: impl Fn(&Replica) -> bool) {
+    pub async fn until(&mut self, holds: impl Fn(&Replica) -> bool) {
         while !holds(&self.replica) {
             let message = next(&mut self.view).await;
             self.apply(&message);
@@ -93,7 +93,7 @@ impl Watcher {
     }
 
     /// Follows the view while `work` goes on.
-    async fn during<T>(&mut self, work: impl Future<Output = T>) -> T {
+    pub async fn during<T>(&mut self, work: impl Future<Output = T>) -> T {
         let mut work = pin!(work);
         loop {
             tokio::select! {

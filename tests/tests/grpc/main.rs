@@ -5,4 +5,5 @@ mod cut;
 mod dial;
 mod harness;
 mod lifecycle;
+mod points;
 mod view;

@@ -262,4 +262,26 @@ impl SessionService for Server {
     ) -> Result<Response<v1::ResetSessionResponse>, Status> {
         Err(Status::unimplemented("not asked for here"))
     }
+
+    async fn save_point(&self, _: Request<v1::SavePointRequest>) -> Result<Response<v1::SavePointResponse>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
+
+    async fn restore_point(
+        &self,
+        _: Request<v1::RestorePointRequest>,
+    ) -> Result<Response<v1::RestorePointResponse>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
+
+    async fn list_points(&self, _: Request<v1::ListPointsRequest>) -> Result<Response<v1::ListPointsResponse>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
+
+    async fn delete_point(
+        &self,
+        _: Request<v1::DeletePointRequest>,
+    ) -> Result<Response<v1::DeletePointResponse>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
 }

@@ -6,7 +6,7 @@ use kerf_physics::step_io::EnergyStep;
 use kerf_physics::world::ObjectStats;
 use kerf_proto::v1;
 use kerf_session::dial::{Choice, FinerRegions};
-use kerf_session::{Phase, Session, SessionStatus};
+use kerf_session::{Phase, PointInfo, Session, SessionStatus};
 
 use super::vec3;
 use crate::config::ControlLimits;
@@ -112,6 +112,11 @@ pub fn session_description(
         dial: session.dial().map(dial_choice),
         relative_tolerance: status.relative_tolerance,
     }
+}
+
+/// A point that a session can go back to.
+pub fn point(point: PointInfo) -> v1::Point {
+    v1::Point { name: point.name, step: point.step, sim_time_s: point.sim_time_s }
 }
 
 /// What a client asks of the dial.

@@ -104,6 +104,7 @@ pub fn outgoing(
         ready: VecDeque::from([hello]),
         faults: 0,
         relative_tolerance: None,
+        restores: None,
     };
     Box::pin(stream::unfold(half, |mut half| async move {
         let next = half.next().await?;
@@ -132,6 +133,8 @@ struct OutgoingHalf {
     faults: u64,
     /// The tolerance that was told, the first report's before that.
     relative_tolerance: Option<f64>,
+    /// Returns to a point that were told, the first report's before that.
+    restores: Option<u64>,
     /// Per claimed tool: jumps that were told.
     jumps: Vec<u64>,
     /// Per claimed tool: the newest pose that was told of.
@@ -203,6 +206,10 @@ impl OutgoingHalf {
         let now = report.relative_tolerance;
         if self.relative_tolerance.replace(now).is_some_and(|told| told != now) {
             self.say(Message::ToleranceChanged(v1::ToleranceChanged { step: report.step, relative_tolerance: now }));
+        }
+        if self.restores.replace(report.restores).is_some_and(|told| told != report.restores) {
+            let name = report.last_restored.as_deref().unwrap_or_default().to_owned();
+            self.say(Message::PointRestored(v1::PointRestored { step: report.step, name }));
         }
         let driver = Arc::clone(&self.driver);
         let echo = |tool: usize| report.tools.get(tool)?.echo.filter(|echo| echo.driver == driver.id());

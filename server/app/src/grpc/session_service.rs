@@ -10,7 +10,7 @@ use tonic::{Request, Response, Status};
 
 use super::in_time;
 use crate::config::ServerConfig;
-use crate::convert::scene::{dial, session_description, session_info};
+use crate::convert::scene::{dial, point, session_description, session_info};
 use crate::recording;
 use crate::scene_source;
 use crate::status::RequestError;
@@ -30,7 +30,7 @@ impl SessionService {
         Ok(self.registry.get(id)?)
     }
 
-    /// Keeps what a reset or the end of a session would lose, unless the session does not answer.
+    /// Keeps what a reset, a way back or the end of a session would lose, unless the session does not answer.
     async fn record(&self, session: &Session) {
         if let Some(folder) = &self.config.record_dir {
             let limit = Duration::from_secs_f64(self.limit_s());
@@ -126,5 +126,43 @@ impl v1::session_service_server::SessionService for SessionService {
         self.record(&session).await;
         in_time(self.limit_s(), session.reset()).await?;
         Ok(Response::new(v1::ResetSessionResponse {}))
+    }
+
+    async fn save_point(
+        &self,
+        request: Request<v1::SavePointRequest>,
+    ) -> Result<Response<v1::SavePointResponse>, Status> {
+        let v1::SavePointRequest { session_id, name } = request.get_ref();
+        let step = in_time(self.limit_s(), self.get(session_id)?.save_point(name)).await?;
+        Ok(Response::new(v1::SavePointResponse { step }))
+    }
+
+    async fn restore_point(
+        &self,
+        request: Request<v1::RestorePointRequest>,
+    ) -> Result<Response<v1::RestorePointResponse>, Status> {
+        let v1::RestorePointRequest { session_id, name } = request.get_ref();
+        let session = self.get(session_id)?;
+        self.record(&session).await;
+        let step = in_time(self.limit_s(), session.restore_point(name)).await?;
+        Ok(Response::new(v1::RestorePointResponse { step }))
+    }
+
+    async fn list_points(
+        &self,
+        request: Request<v1::ListPointsRequest>,
+    ) -> Result<Response<v1::ListPointsResponse>, Status> {
+        let session = self.get(&request.get_ref().session_id)?;
+        let points = in_time(self.limit_s(), session.points()).await?;
+        Ok(Response::new(v1::ListPointsResponse { points: points.into_iter().map(point).collect() }))
+    }
+
+    async fn delete_point(
+        &self,
+        request: Request<v1::DeletePointRequest>,
+    ) -> Result<Response<v1::DeletePointResponse>, Status> {
+        let v1::DeletePointRequest { session_id, name } = request.get_ref();
+        in_time(self.limit_s(), self.get(session_id)?.delete_point(name)).await?;
+        Ok(Response::new(v1::DeletePointResponse {}))
     }
 }

@@ -1,0 +1,193 @@
+//! A session goes back to a named point: the state, what viewers and drivers learn, what is recorded.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use kerf_physics::step_io::ToolMotion;
+use kerf_physics::{Scene, SceneDesc, Workers};
+use kerf_session::dial::Fronts;
+use kerf_session::{
+    Driver, MAX_POINT_NAME_BYTES, Phase, PoseSample, Registry, SceneEvent, Session, SessionError, SessionLimits,
+    SessionOptions, StepReport, ViewMessage, Viewer,
+};
+
+const PATIENCE: Duration = Duration::from_secs(10);
+
+async fn session_with(limits: SessionLimits) -> (Registry, Arc<Session>) {
+    let scene =
+        Scene { desc: toml::from_str::<SceneDesc>(include_str!("block.toml")).unwrap(), meshes: Default::default() };
+    let registry = Registry::new(limits, Fronts::default()).unwrap();
+    let session = registry.create(scene, SessionOptions::default()).await.unwrap();
+    (registry, session)
+}
+
+async fn session() -> (Registry, Arc<Session>) {
+    session_with(SessionLimits { lease_s: 600.0, threads_per_session: 2, ..SessionLimits::default() }).await
+}
+
+/// The edge turned about the vertical and tilted: it crosses the links one after another.
+fn askew(seq: u64, height_m: f64) -> PoseSample {
+    let ((sin_yaw, cos_yaw), (sin_tilt, cos_tilt)) = (0.2_f64.sin_cos(), 0.15_f64.sin_cos());
+    let orientation_xyzw = [sin_yaw * sin_tilt, sin_yaw * cos_tilt, cos_yaw * sin_tilt, cos_yaw * cos_tilt];
+    PoseSample { seq, client_ns: 0, position_m: [0.0, height_m, 4e-4], orientation_xyzw }
+}
+
+async fn report_where(driver: &Driver, holds: impl Fn(&StepReport) -> bool) -> Arc<StepReport> {
+    let mut reports = driver.reports();
+    let search = async {
+        loop {
+            let report = reports.next().await.expect("the session lives");
+            if holds(&report) {
+                return report;
+            }
+        }
+    };
+    tokio::time::timeout(PATIENCE, search).await.expect("a report in time")
+}
+
+/// Puts the edge down over the block and moves it down step by step; each pose waits until a step has used
+/// the one before.
+async fn press(driver: &Driver, seqs: std::ops::Range<u64>) {
+    let first = seqs.start;
+    for seq in seqs {
+        driver.submit(0, &askew(seq, 0.012 - 2e-4 * (seq - first) as f64)).unwrap();
+        report_where(driver, |report| report.tools[0].echo.is_some_and(|echo| echo.seq == seq)).await;
+    }
+}
+
+async fn message_where<T>(viewer: &mut Viewer, pick: impl Fn(ViewMessage) -> Option<T>) -> T {
+    let search = async {
+        loop {
+            if let Some(picked) = pick(viewer.next().await.expect("the session lives")) {
+                return picked;
+            }
+        }
+    };
+    tokio::time::timeout(PATIENCE, search).await.expect("a message in time")
+}
+
+fn event(message: ViewMessage) -> Option<(u64, SceneEvent)> {
+    match message {
+        ViewMessage::Event(happened) => Some((happened.step, happened.event)),
+        _ => None,
+    }
+}
+
+#[tokio::test]
+async fn a_session_goes_back_to_a_cut_in_progress_and_a_replay_takes_its_way() {
+    let (_registry, session) = session().await;
+    let driver = session.drive(&[0]).unwrap();
+    press(&driver, 1..50).await;
+    session.pause().await.unwrap();
+    let step = session.save_point("half way").await.unwrap();
+    let saved = session.describe().await.unwrap();
+    assert!(step == saved.step && saved.topology_version > 0, "{saved:?}");
+    session.resume().await.unwrap();
+    press(&driver, 50..130).await;
+    session.pause().await.unwrap();
+    let gone = session.describe().await.unwrap();
+    assert!(gone.topology_version > saved.topology_version);
+
+    assert_eq!(session.restore_point("half way").await, Ok(step));
+    let restored = session.describe().await.unwrap();
+    assert_eq!(
+        (restored.state_hash, restored.step, restored.topology_version),
+        (saved.state_hash, step, saved.topology_version)
+    );
+    assert_eq!((restored.energy, &restored.probe_displacement_m), (saved.energy, &saved.probe_displacement_m));
+    assert_eq!(restored.late_steps, gone.late_steps, "what happened to the session did happen");
+
+    session.resume().await.unwrap();
+    let report = report_where(&driver, |report| report.step == step + 1).await;
+    assert_eq!((report.restores, report.last_restored.as_deref()), (1, Some("half way")));
+    assert!(report.tools[0].output.pose.is_none(), "hands are not where they were then");
+    press(&driver, 131..200).await;
+    session.pause().await.unwrap();
+    let live = session.query(|probe| (probe.log.clone(), probe.world.state_hash(), probe.world.output().step));
+    let (log, hash, steps) = live.await.unwrap();
+    assert_eq!(log.steps(), steps, "what was undone is not in the log");
+    let after = log.motions().iter().find(|(at, _)| *at == step).map(|(_, input)| input.motion);
+    assert_eq!(after, Some(ToolMotion::Lift));
+    assert_eq!(log.replay(session.scene(), &Workers::serial()).unwrap().state_hash(), hash);
+}
+
+#[tokio::test]
+async fn viewers_hear_of_points_and_get_the_structure_of_the_point() {
+    let (_registry, session) = session().await;
+    let mut viewer = session.view().unwrap();
+    viewer.next().await;
+    let driver = session.drive(&[0]).unwrap();
+    let step = session.save_point("whole").await.unwrap();
+    let (at, _) =
+        message_where(&mut viewer, |m| event(m).filter(|(_, e)| *e == SceneEvent::PointSaved("whole".into()))).await;
+    assert_eq!(at, step);
+    press(&driver, 1..60).await;
+    let cut = session.describe().await.unwrap();
+    assert!(cut.topology_version > 0);
+    session.pause().await.unwrap();
+    session.restore_point("whole").await.unwrap();
+    message_where(&mut viewer, |m| event(m).filter(|(_, e)| *e == SceneEvent::PointRestored("whole".into()))).await;
+    let keyframe = message_where(&mut viewer, |message| match message {
+        ViewMessage::Keyframe(keyframe) => Some(keyframe),
+        ViewMessage::Patch(_) => panic!("patches do not lead back"),
+        _ => None,
+    })
+    .await;
+    assert_eq!(keyframe.topology_version, 0);
+    assert!(matches!(viewer.next().await, Some(ViewMessage::State(state)) if state.step == step));
+}
+
+#[tokio::test]
+async fn points_outlive_a_reset_and_lead_to_a_way_that_was_left() {
+    let (_registry, session) = session().await;
+    let driver = session.drive(&[0]).unwrap();
+    session.save_point("rest").await.unwrap();
+    press(&driver, 1..50).await;
+    session.pause().await.unwrap();
+    session.save_point("cut").await.unwrap();
+    let cut = session.describe().await.unwrap().state_hash;
+    session.restore_point("rest").await.unwrap();
+    session.reset().await.unwrap();
+    session.restore_point("cut").await.unwrap();
+    let (log, hash) = session.query(|probe| (probe.log.clone(), probe.world.state_hash())).await.unwrap();
+    assert_eq!(hash, cut);
+    assert_eq!(log.replay(session.scene(), &Workers::serial()).unwrap().state_hash(), cut);
+}
+
+#[tokio::test]
+async fn points_are_limited_listed_replaced_and_deleted() {
+    let (_registry, session) = session_with(SessionLimits { max_points: 2, ..SessionLimits::default() }).await;
+    session.pause().await.unwrap();
+    let names = async || session.points().await.unwrap().into_iter().map(|point| point.name).collect::<Vec<_>>();
+    session.save_point("a").await.unwrap();
+    session.save_point("b").await.unwrap();
+    assert_eq!(session.save_point("c").await, Err(SessionError::TooManyPoints { limit: 2 }));
+    session.save_point("a").await.unwrap();
+    assert_eq!(names().await, ["b", "a"], "in the order of saving");
+    session.delete_point("b").await.unwrap();
+    session.save_point("c").await.unwrap();
+    assert_eq!(names().await, ["a", "c"]);
+    let unknown = Err(SessionError::NoPoint { name: "b".into() });
+    assert_eq!(
+        (session.restore_point("b").await, session.delete_point("b").await.map(|()| 0)),
+        (unknown, Err(SessionError::NoPoint { name: "b".into() }))
+    );
+    for name in [String::new(), "x".repeat(MAX_POINT_NAME_BYTES + 1)] {
+        let refused = session.save_point(&name).await;
+        assert_eq!(refused, Err(SessionError::PointName { bytes: name.len(), limit: MAX_POINT_NAME_BYTES }));
+    }
+}
+
+#[tokio::test]
+async fn a_failed_session_saves_nothing_and_is_mended_by_a_point() {
+    let (_registry, session) = session().await;
+    session.pause().await.unwrap();
+    session.save_point("good").await.unwrap();
+    let good = session.describe().await.unwrap().state_hash;
+    let answer = session.query(|_| -> u64 { panic!("a test's panic") }).await;
+    assert!(matches!(answer, Err(SessionError::Failed { .. })));
+    assert!(matches!(session.save_point("bad").await, Err(SessionError::Failed { .. })));
+    session.restore_point("good").await.unwrap();
+    assert_eq!((session.phase(), session.describe().await.unwrap().state_hash), (Phase::Paused, good));
+    assert!(session.resume().await.is_ok());
+}
