@@ -58,7 +58,7 @@ impl LabelMap {
         let labels = labels.collect::<Option<Vec<u16>>>().ok_or("a voxel is no whole number from 0 to 65535")?;
         let (edges_m, first_m) = header.placement_m()?;
         let lengths: f64 = edges_m.column_iter().map(|edge| edge.norm()).product();
-        if !(edges_m.determinant().abs() > FLAT * lengths) {
+        if edges_m.determinant().abs() <= FLAT * lengths {
             return Err("the orientation (sform, qform or pixdim) gives voxels without a volume".into());
         }
         Ok(Self { dims, labels, edges_m, first_m })
