@@ -246,7 +246,7 @@ fn a_softer_material_follows_in_a_wider_region() {
             Stroke { at_m: [0.0; 2], yaw_deg: 0.0, roll_deg: 0.0, pitch_deg: 0.0, thickness_m: 0.0, depth_m: 0.001 };
         let mut scene = scene_of(&stroke);
         scene.desc.objects[0].material.young_modulus_pa = young_modulus_pa;
-        let ToolShapeDesc::Blade(blade) = &mut scene.desc.tools[0].shape;
+        let ToolShapeDesc::Blade(blade) = &mut scene.desc.tools[0].shape else { panic!("a blade") };
         blade.width_m = WIDTH_M;
         let mut world = World::new(&scene).expect("a valid scene");
         let _ = world.keyframe();

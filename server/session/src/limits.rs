@@ -44,7 +44,8 @@ pub struct SessionLimits {
     /// Tool motions recorded for replay; recording ends when they are full. Default 120,000: two
     /// minutes of one tool at 1 kHz in about 10 MB. 0 turns recording off.
     pub max_recorded_motions: usize,
-    /// Points that a session keeps to go back to. Default 8: each is a copy of the scene's state, SIZE.
+    /// Points that a session keeps to go back to. Default 8: each is a copy of the scene's state, 8 MB and 8 ms
+    /// for the liver's 30,420 voxels.
     pub max_points: usize,
     /// What a plausible pose is.
     pub pose: PoseLimits,

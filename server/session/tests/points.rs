@@ -45,10 +45,12 @@ async fn report_where(driver: &Driver, holds: impl Fn(&StepReport) -> bool) -> A
     tokio::time::timeout(PATIENCE, search).await.expect("a report in time")
 }
 
-/// Moves the edge down step by step; each pose waits until a step has used the one before.
+/// Puts the edge down over the block and moves it down step by step; each pose waits until a step has used
+/// the one before.
 async fn press(driver: &Driver, seqs: std::ops::Range<u64>) {
+    let first = seqs.start;
     for seq in seqs {
-        driver.submit(0, &askew(seq, 0.012 - 2e-4 * seq as f64)).unwrap();
+        driver.submit(0, &askew(seq, 0.012 - 2e-4 * (seq - first) as f64)).unwrap();
         report_where(driver, |report| report.tools[0].echo.is_some_and(|echo| echo.seq == seq)).await;
     }
 }
@@ -81,7 +83,7 @@ async fn a_session_goes_back_to_a_cut_in_progress_and_a_replay_takes_its_way() {
     let saved = session.describe().await.unwrap();
     assert!(step == saved.step && saved.topology_version > 0, "{saved:?}");
     session.resume().await.unwrap();
-    press(&driver, 50..80).await;
+    press(&driver, 50..130).await;
     session.pause().await.unwrap();
     let gone = session.describe().await.unwrap();
     assert!(gone.topology_version > saved.topology_version);
@@ -99,7 +101,7 @@ async fn a_session_goes_back_to_a_cut_in_progress_and_a_replay_takes_its_way() {
     let report = report_where(&driver, |report| report.step == step + 1).await;
     assert_eq!((report.restores, report.last_restored.as_deref()), (1, Some("half way")));
     assert!(report.tools[0].output.pose.is_none(), "hands are not where they were then");
-    press(&driver, 81..100).await;
+    press(&driver, 131..200).await;
     session.pause().await.unwrap();
     let live = session.query(|probe| (probe.log.clone(), probe.world.state_hash(), probe.world.output().step));
     let (log, hash, steps) = live.await.unwrap();
