@@ -86,7 +86,7 @@ pub struct ToolOutput {
 
 /// Energy booked in one step, J; positive terms leave the first line and enter the others:
 /// `tool + load = d elastic + d contact + d kinetic + fracture + front_slip + initiation + damping
-///  + parting + numerical + residual`.
+///  + parting + friction + numerical + residual`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EnergyStep {
     /// Work done by tools on the tissue.
@@ -110,6 +110,8 @@ pub struct EnergyStep {
     /// Elastic energy that vanished as composite elements were split: what holding both sides in one
     /// trilinear field had cost.
     pub parting_j: f64,
+    /// Dissipated by friction.
+    pub friction_j: f64,
     /// Dissipation of the implicit Euler step and its linearisation, computed, not by difference.
     pub numerical_j: f64,
     /// What the terms above leave unexplained.

@@ -17,6 +17,7 @@ fn material() -> MaterialDesc {
         initiation_ratio: 2.0,
         strain_stiffening: 0.0,
         viscosity: None,
+        friction_coefficient: 0.0,
     }
 }
 

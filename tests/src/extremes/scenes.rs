@@ -79,6 +79,7 @@ impl Specimen {
             initiation_ratio: 2.0,
             strain_stiffening: self.strain_stiffening,
             viscosity: None,
+            friction_coefficient: 0.0,
         }
     }
 

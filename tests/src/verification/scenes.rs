@@ -56,6 +56,7 @@ pub fn material(young_modulus_pa: f64, poisson_ratio: f64) -> MaterialDesc {
         initiation_ratio: 2.0,
         strain_stiffening: 0.0,
         viscosity: None,
+        friction_coefficient: 0.0,
     }
 }
 

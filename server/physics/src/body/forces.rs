@@ -9,8 +9,9 @@ use crate::fem::corotation::{ElementBlock, ElementState, Evaluation, LANES, Noda
 use crate::fem::lanes::for_packed;
 use crate::solve::assembly::{CHUNK_ELEMENTS, Chunk};
 use crate::solve::operator::{LANES as OPERATOR_LANES, NODES_PER_CHUNK, masters_of};
-use crate::solve::pcg::{PcgReport, Stop};
+use crate::solve::pcg::{self, Factor, PcgReport, Stop, System, Systems};
 use crate::solve::spring::PointSpring;
+use crate::params::StepParams;
 use crate::step_io::SolveReport;
 use crate::workers::{Groups, Workers};
 use wide::{f32x4, f64x4};
@@ -65,6 +66,14 @@ pub(super) struct ElementChunk {
 }
 
 impl ElementChunk {
+    fn bounds(&self) -> Aabb {
+        let point = |v: f64x4| {
+            let [x, y, z, _] = v.to_array();
+            crate::Vec3::new(x, y, z)
+        };
+        Aabb { min_m: point(self.low_m), max_m: point(self.high_m) }
+    }
+
     /// Makes the buffers fit a chunk.
     pub(super) fn resize(&mut self, chunk: &Chunk) {
         let nodal = &mut self.nodal;
@@ -166,14 +175,15 @@ impl Body {
     /// Elements whose boxes may meet `near`, ascending: those of the chunks whose boxes do.
     pub fn elements_near(&self, near: &Aabb) -> impl Iterator<Item = usize> + '_ {
         let near = *near;
-        let point = |v: f64x4| {
-            let [x, y, z, _] = v.to_array();
-            crate::Vec3::new(x, y, z)
-        };
-        let chunks = self.chunks.iter().enumerate();
-        let met = chunks.filter(move |(_, c)| near.meets(&Aabb { min_m: point(c.low_m), max_m: point(c.high_m) }));
+        let met = self.chunks.iter().enumerate().filter(move |(_, chunk)| near.meets(&chunk.bounds()));
         let elements = self.base().elements.len();
         met.flat_map(move |(index, _)| index * CHUNK_ELEMENTS..elements.min((index + 1) * CHUNK_ELEMENTS))
+    }
+
+    /// The box around the nodes at the state that was last evaluated.
+    #[must_use]
+    pub fn bounds(&self) -> Aabb {
+        Aabb::around(self.chunks.iter().map(ElementChunk::bounds).flat_map(|b| [b.min_m, b.max_m]))
     }
 
     /// Energies at the state that was last evaluated.
@@ -345,13 +355,17 @@ impl Body {
         self.multigrid.reserve_springs(count);
     }
 
-    /// Replaces the springs of the solver's operator by those of the contacts that act.
-    pub fn set_springs<'a>(&mut self, contacts: impl Iterator<Item = &'a Contact>) {
+    /// Replaces the springs of the solver's operator by those of the contacts that act, and by `tissue`.
+    pub fn set_springs<'a>(
+        &mut self,
+        contacts: impl Iterator<Item = &'a Contact>,
+        tissue: impl Iterator<Item = PointSpring>,
+    ) {
         let dt2 = self.params.dt_s * self.params.dt_s;
         let springs = contacts
             .filter(|c| c.mode == Mode::Spring)
             .map(|c| PointSpring::new(c.weights.iter(), c.direction.into(), dt2 * c.stiffness_n_per_m));
-        self.multigrid.set_springs(springs);
+        self.multigrid.set_springs(springs.chain(tissue));
     }
 
     /// Writes `dt (f_elastic + f_external + f_hold - drag)` at every node: the right side but for
@@ -422,6 +436,27 @@ impl Body {
         scale: f64,
         velocity_change: &mut super::Nodal,
     ) -> SolveReport {
+        self.load_system(workers, impulses, velocity_change);
+        let stop = self.stop(scale);
+        let PcgReport { iterations, relative_residual } = pcg::solve(workers, self, stop);
+        self.take_velocity_change(workers, velocity_change);
+        SolveReport { iterations, solves: 1, relative_residual }
+    }
+
+    /// When a solve ends in which the impulses applied have the norm `scale`, N s.
+    #[must_use]
+    pub fn stop(&self, scale: f64) -> Stop {
+        let StepParams { relative_tolerance, max_iterations, .. } = self.params;
+        Stop { scale, relative_tolerance, max_iterations }
+    }
+
+    /// Writes the right side, contact impulses (node, N s) added, and the guess into the solver's vectors.
+    pub fn load_system(
+        &mut self,
+        workers: &Workers<'_>,
+        impulses: &[(u32, [f64; 3])],
+        guess_m_per_s: &[[f64; 3]],
+    ) {
         let scratch = &mut self.scratch;
         let data = (&mut scratch.right_side_f32[..], &scratch.right_side[..]);
         workers.for_chunks(data, NODES_PER_CHUNK, |_, (narrowed, b)| {
@@ -433,21 +468,36 @@ impl Body {
                 scratch.right_side_f32[master] += f32x4::splat(w) * narrow(impulse);
             }
         }
-        let data = (&mut scratch.solution[..], &velocity_change[..]);
+        let data = (&mut scratch.solution[..], guess_m_per_s);
         workers.for_chunks(data, NODES_PER_CHUNK, |_, (solution, guess)| {
             solution.iter_mut().zip(guess).for_each(|(solution, guess)| *solution = narrow(guess));
         });
-        let PcgReport { iterations, relative_residual } = self.pcg.solve(
-            workers,
-            &mut self.multigrid,
-            &scratch.right_side_f32,
-            &mut scratch.solution,
-            Stop {
-                scale,
-                relative_tolerance: self.params.relative_tolerance,
-                max_iterations: self.params.max_iterations,
-            },
-        );
+    }
+
+    /// What the solver works on.
+    pub(crate) fn system(&mut self) -> System<'_> {
+        System {
+            multigrid: &mut self.multigrid,
+            scratch: &mut self.pcg,
+            b: &self.scratch.right_side_f32,
+            x: &mut self.scratch.solution,
+        }
+    }
+
+    /// A spring at a point of the body, spread over the solver's unknowns.
+    #[must_use]
+    pub(crate) fn among_unknowns(&self, spring: &PointSpring) -> PointSpring {
+        self.multigrid.operator().among_unknowns(spring)
+    }
+
+    /// Adds to the solver's product what `spring` does where its point moves by `at`.
+    pub(crate) fn add_to_product(&mut self, spring: &PointSpring, at: f32x4) {
+        let operator = self.multigrid.operator_mut();
+        spring.shares(at).for_each(|(node, force)| operator.add_to_product(node, force));
+    }
+
+    /// Reads the solution out of the solver's vectors.
+    pub fn take_velocity_change(&mut self, workers: &Workers<'_>, velocity_change: &mut super::Nodal) {
         let data = (&mut velocity_change[..], &self.scratch.solution[..]);
         workers.for_chunks(data, NODES_PER_CHUNK, |_, (change, solution)| {
             for (change, v) in change.iter_mut().zip(solution) {
@@ -462,7 +512,6 @@ impl Body {
             }
             velocity_change[hanging.node as usize] = moved;
         }
-        SolveReport { iterations, solves: 1, relative_residual }
     }
 
     /// Takes the step with a change of velocity: `v += dv`, `x += dt v`. Returns the work of the external
@@ -491,6 +540,15 @@ impl Body {
     pub fn external_work_j(&self, displacement_m: impl Iterator<Item = [f64; 3]>) -> f64 {
         self.external_n.iter().zip(displacement_m).map(|(f, u)| (0..3).map(|i| f[i] * u[i]).sum::<f64>()).sum()
     }
+}
+
+/// A body that presses on no other is solved alone.
+impl Systems for Body {
+    fn for_each(&mut self, mut visit: impl FnMut(&mut System<'_>)) {
+        visit(&mut self.system());
+    }
+
+    fn couple(&mut self, _: Factor) {}
 }
 
 fn narrow(v: &[f64; 3]) -> f32x4 {

@@ -1,8 +1,13 @@
-//! Contact between tools and tissue: broad phase, narrow phase and the springs they lead to.
+//! Contact of tools with tissue and of tissue with tissue: broad phase, narrow phase and the springs they
+//! lead to.
 
 pub mod broad;
 pub mod flank;
 pub mod narrow;
+pub mod patch;
+pub mod patch_hash;
+pub mod press;
+pub mod tissue_spring;
 
 use crate::Vec3;
 

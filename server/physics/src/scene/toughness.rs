@@ -60,6 +60,7 @@ mod tests {
             initiation_ratio: 2.0,
             strain_stiffening,
             viscosity: None,
+            friction_coefficient: 0.0,
         }
     }
 

@@ -1,5 +1,6 @@
 //! A body in the world: what tools do to it in a step, and what the step does with it.
 
+use super::tissue_contact::TissueContact;
 use super::tool_contact::ToolContact;
 use crate::body::{self, Body, TopologyChange};
 use crate::contact::Mode;
@@ -10,7 +11,7 @@ use crate::fracture::Front;
 use crate::grid::{Crossing, LinkId};
 use crate::ledger::BodyLedger;
 use crate::solve::spring::POINT_NODES;
-use crate::step_io::{SolveReport, StepOutput};
+use crate::step_io::StepOutput;
 use crate::tool::blade::Blade;
 use crate::workers::Workers;
 
@@ -30,6 +31,8 @@ pub(super) struct BodySlot {
     pub(super) change: TopologyChange,
     /// Its state was set from outside since the last step.
     pub(super) edited: bool,
+    /// The first of the bodies that it presses on, or that press on those: they are solved as one.
+    pub(super) island: usize,
 }
 
 impl BodySlot {
@@ -54,34 +57,47 @@ impl BodySlot {
             parted: Vec::new(),
             change: TopologyChange::default(),
             edited: false,
+            island: 0,
         };
-        slot.reserve();
+        slot.reserve(0);
         slot
     }
 
-    /// Room for every contact there may be until links part again: a step in between allocates nothing.
-    pub(super) fn reserve(&mut self) {
+    /// Room for every contact there may be until links part again, `tissue_springs` of them with tissue: a
+    /// step in between allocates nothing.
+    pub(super) fn reserve(&mut self, tissue_springs: usize) {
         for contact in &mut self.contacts {
             contact.flanks.clear();
             contact.flanks.reserve(self.walls.len());
             contact.hash.reserve(self.body.base().elements.len());
         }
-        let springs = self.contacts.iter().map(|c| c.front.most_springs() + self.walls.len()).sum();
+        let of_tools: usize = self.contacts.iter().map(|c| c.front.most_springs() + self.walls.len()).sum();
+        let springs = of_tools + tissue_springs;
         self.impulses.clear();
         self.impulses.reserve(POINT_NODES * springs);
         self.body.reserve_springs(springs);
     }
 
-    pub(super) fn solve(&mut self, workers: &Workers<'_>, dt_s: f64) -> SolveReport {
+    /// Loads the solver with the contacts as they are now; returns the norm of the impulses applied, N s.
+    pub(super) fn load_system(
+        &mut self,
+        workers: &Workers<'_>,
+        tissue: Option<&TissueContact>,
+        index: usize,
+        dt_s: f64,
+    ) -> f64 {
         self.velocity_change.resize(self.body.node_count(), [0.0; 3]);
         self.impulses.clear();
         for contact in self.contacts.iter().flat_map(ToolContact::springs).filter(|c| c.mode != Mode::Off) {
             let impulse = contact.direction * contact.impulse(dt_s);
             self.impulses.extend(contact.weights.iter().map(|(node, w)| (node, (impulse * w).into())));
         }
-        self.body.set_springs(self.contacts.iter().flat_map(ToolContact::springs));
+        self.impulses.extend(tissue.iter().flat_map(|tissue| tissue.impulses(index, dt_s)));
+        let of_tissue = tissue.iter().flat_map(|tissue| tissue.point_springs(index, dt_s));
+        self.body.set_springs(self.contacts.iter().flat_map(ToolContact::springs), of_tissue);
         let scale = self.body.applied_impulse_norm(workers, &self.impulses);
-        self.body.solve_velocity_change(workers, &self.impulses, scale, &mut self.velocity_change)
+        self.body.load_system(workers, &self.impulses, &self.velocity_change);
+        scale
     }
 
     pub(super) fn settle_contacts(&mut self, dt_s: f64) -> bool {

@@ -3,6 +3,8 @@
 mod body_slot;
 mod contact_model;
 mod queries;
+mod solve;
+mod tissue_contact;
 mod tool_contact;
 
 use crate::Vec3;
@@ -12,21 +14,18 @@ use crate::ledger::{self, ContactLedger};
 use crate::params::StepParams;
 use crate::scene::{Scene, SceneError, ToolShapeDesc};
 use crate::stage::{Lap, Stage, StageClock};
-use crate::step_io::{FractureStep, SolveReport, StepInputs, StepOutput, ToolMotion, ToolOutput, Wrench};
+use crate::step_io::{FractureStep, StepInputs, StepOutput, ToolMotion, ToolOutput, Wrench};
 use crate::tool::Pose;
 use crate::tool::blade::Blade;
 use crate::view::View;
 use crate::workers::Workers;
 use body_slot::BodySlot;
 use contact_model::ContactModelSum;
+use tissue_contact::TissueContact;
 use tool_contact::ToolContact;
 
 pub use crate::body::Relaxation;
 pub use queries::{ObjectStats, WorldCounts};
-
-/// A step's contact springs are re-solved at most this many times; what still changes then waits for
-/// the next step.
-const MAX_ACTIVE_SET_SOLVES: u32 = 4;
 
 /// A tool and where it is.
 struct Tool {
@@ -52,8 +51,10 @@ pub struct World {
     /// Present from when the surface is first asked for until it is forgotten: nobody watches,
     /// nothing is contoured.
     view: Option<View>,
+    /// Present from when tissue may meet tissue: in scenes of several objects, and after the first cut.
+    tissue: Option<TissueContact>,
     contact_ledger: ContactLedger,
-    flank_before_j: f64,
+    springs_before_j: f64,
     output: StepOutput,
 }
 
@@ -90,12 +91,16 @@ impl World {
             tools: blades.into_iter().map(|blade| Tool { blade, pose: None, before: None, entered: false }).collect(),
             probes: Vec::new(),
             view: None,
+            tissue: None,
             contact_ledger: ContactLedger::default(),
-            flank_before_j: 0.0,
+            springs_before_j: 0.0,
             output: StepOutput::default(),
         };
         for (index, probe) in desc.probes.iter().enumerate() {
             world.probes.push(world.find_probe(scene, index, &probe.object, probe.position_m.into())?);
+        }
+        if world.slots.len() > 1 {
+            world.follow_tissue();
         }
         world.output.tools = vec![ToolOutput::default(); world.tools.len()];
         world.output.probe_displacement_m = vec![Vec3::zeros(); world.probes.len()];
@@ -131,6 +136,10 @@ impl World {
         if self.tools.iter().any(|t| t.pose.is_some()) {
             self.detect_contacts();
             lap.end(Stage::Contact);
+        }
+        if let Some(tissue) = &mut self.tissue {
+            tissue.detect(&self.slots, self.params.dt_s);
+            lap.end(Stage::SelfContact);
         }
         self.solve_velocities(workers);
         lap.end(Stage::Velocities);
@@ -195,26 +204,6 @@ impl World {
         }
     }
 
-    fn solve_velocities(&mut self, workers: &Workers<'_>) {
-        let mut report = SolveReport::default();
-        for slot in &mut self.slots {
-            slot.body.refresh_operator(workers);
-            slot.body.assemble_right_side(workers);
-            for _ in 0..MAX_ACTIVE_SET_SOLVES {
-                let solve = slot.solve(workers, self.params.dt_s);
-                report.iterations += solve.iterations;
-                report.solves += 1;
-                report.relative_residual = report.relative_residual.max(solve.relative_residual);
-                if !slot.settle_contacts(self.params.dt_s) {
-                    break;
-                }
-            }
-            let touched = slot.impulses.iter().map(|i| i.0);
-            slot.body.correct_rigid_motion(touched, &mut slot.velocity_change);
-        }
-        self.output.solve = report;
-    }
-
     fn integrate(&mut self, workers: &Workers<'_>) {
         for slot in &mut self.slots {
             let body = &mut slot.body;
@@ -265,12 +254,22 @@ impl World {
             slot.velocity_change.resize(slot.body.node_count(), [0.0; 3]);
             slot.ledger.after = slot.body.energy();
             slot.walls.update(&slot.body, &slot.parted, &slot.change);
-            slot.reserve();
             self.output.fracture.parted_links += slot.parted.len() as u32;
         }
         if self.output.fracture.parted_links > 0 {
             self.output.topology_version += 1;
+            self.follow_tissue();
         }
+    }
+
+    /// Takes the surfaces as they are now to the contact of tissue with tissue, where there may be any.
+    fn follow_tissue(&mut self) {
+        match &mut self.tissue {
+            Some(tissue) => tissue.update(&self.slots),
+            None => self.tissue = Some(TissueContact::new(&self.slots)),
+        }
+        let springs = self.tissue.as_ref().map_or(0, TissueContact::most_springs);
+        self.slots.iter_mut().for_each(|slot| slot.reserve(springs));
     }
 
     fn update_view(&mut self) {
@@ -295,8 +294,8 @@ impl World {
                     }
                 }
                 for c in &contact.flanks {
-                    self.contact_ledger.flank_work_j += c.force_n * (c.gap_m - c.gap_before_m);
-                    self.contact_ledger.flank_stored_j += 0.5 * c.force_n * c.gap_m;
+                    self.contact_ledger.spring_work_j += c.force_n * (c.gap_m - c.gap_before_m);
+                    self.contact_ledger.spring_stored_j += 0.5 * c.force_n * c.gap_m;
                 }
             }
             let output = &mut self.output.tools[index];
@@ -305,6 +304,9 @@ impl World {
             output.contact = model.and_then(|m| m.finish(wrench));
             output.cutting_length_m = self.slots.iter().map(|s| s.contacts[index].front.cutting_length_m()).sum();
         }
+        if let Some(tissue) = &self.tissue {
+            tissue.book(&mut self.contact_ledger, self.params.dt_s);
+        }
     }
 
     fn finish(&mut self) {
@@ -312,8 +314,8 @@ impl World {
         self.contact_ledger.front.numerical_j += fronts.map(Front::take_dropped_j).sum::<f64>();
         let before = self.output.energy;
         let ledgers = self.slots.iter().map(|s| &s.ledger);
-        self.output.energy = ledger::book(ledgers, &self.contact_ledger, &before, self.flank_before_j);
-        self.flank_before_j = self.contact_ledger.flank_stored_j;
+        self.output.energy = ledger::book(ledgers, &self.contact_ledger, &before, self.springs_before_j);
+        self.springs_before_j = self.contact_ledger.spring_stored_j;
         self.read_probes();
         self.output.step += 1;
         self.output.sim_time_s = self.output.step as f64 * self.params.dt_s;

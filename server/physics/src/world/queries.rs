@@ -2,8 +2,10 @@
 
 use super::World;
 use super::body_slot::BodySlot;
+use super::tissue_contact::TissueContact;
 use crate::body::Body;
 use crate::contact::broad::Aabb;
+use crate::contact::tissue_spring::TissueSpring;
 use crate::hash::StateHasher;
 use crate::surface::Surface;
 use crate::surface::delta::{Keyframe, TopologyPatch};
@@ -75,6 +77,12 @@ impl World {
             }
         };
         self.slots.iter().map(stats).collect()
+    }
+
+    /// Springs between tissue and tissue as the last step left them.
+    #[must_use]
+    pub fn tissue_springs(&self) -> &[TissueSpring] {
+        self.tissue.as_ref().map_or(&[], TissueContact::springs)
     }
 
     /// Contours nothing more until the surface is asked for again; it will then be the same as if it

@@ -37,6 +37,7 @@ pub fn material() -> MaterialDesc {
         initiation_ratio: 2.0,
         strain_stiffening: 0.0,
         viscosity: None,
+        friction_coefficient: 0.0,
     }
 }
 

@@ -111,6 +111,7 @@ impl Press {
                 initiation_ratio: 2.0,
                 strain_stiffening: 0.0,
                 viscosity: None,
+                friction_coefficient: 0.0,
             },
             regions: Vec::new(),
             finer: Vec::new(),
