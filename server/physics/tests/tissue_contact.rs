@@ -89,3 +89,55 @@ fn blocks_collide_and_keep_their_momentum() {
         println!("{i}: p {p:?} L {l:?} force {:?}, deepest {:.4} h, residual {residual:.1e}, solve {:?} Ekin {:e} Eel {:e}", force_n(&world), deepest_m(&world) / H_M, world.output().solve, world.output().energy.kinetic_j, world.output().energy.elastic_j);
     }
 }
+
+/// Parts the links across the plane y = row + `t` for the columns that `keep` accepts.
+fn cut(world: &mut World, row: i32, t: f32, keep: impl Fn([i32; 3]) -> bool) {
+    let body = world.body_mut(0);
+    let [nx, _, nz] = body.grid.dims();
+    let cells = (0..nz).flat_map(|z| (0..nx).map(move |x| [x, row, z])).filter(|cell| keep(*cell));
+    let crossing = Crossing { t, normal: [0.0, 1.0, 0.0] };
+    let links: Vec<_> = cells.map(|cell| (LinkId { cell, axis: 1 }, crossing)).collect();
+    let parted = body.part_links(&links).parted;
+    assert_eq!(parted.len(), links.len());
+    body.update_topology(&Workers::serial(), &parted);
+}
+
+/// A block of 40 x 60 x 40 mm that stands on its foot with a traction on its top.
+fn pressed_block(traction_pa: f64, level: u8) -> Scene {
+    let mut desc = block("block", 0.0, 0.06, level);
+    desc.material.rayleigh_alpha_per_s = 60.0;
+    desc.fixed = vec![everywhere_below(1.01 * H_M)];
+    let region = ShapeDesc::Box { min_m: [-1.0, 0.0575, -1.0], max_m: [1.0; 3] };
+    desc.loads = vec![LoadDesc::Traction { region, face: Face::MaxY, traction_pa: [0.0, traction_pa, 0.0] }];
+    scene(vec![desc])
+}
+
+fn top_m(world: &World) -> f64 {
+    let body = world.bodies()[0];
+    let top: Vec<f64> = (0..body.node_count())
+        .filter(|n| (body.rest_position_m(*n).y - 0.06).abs() < 1e-9)
+        .map(|n| body.position_m[n][1] - 0.06)
+        .collect();
+    top.iter().sum::<f64>() / top.len() as f64
+}
+
+#[test]
+fn a_closed_cut_carries_pressure_like_the_uncut_block_and_opens_under_tension() {
+    for level in [1, 2] {
+        for traction in [-2e3, 2e3] {
+            let mut whole = World::new(&pressed_block(traction, level)).unwrap();
+            run(&mut whole, 400);
+            for (row, t) in [(11, 0.5), (12, 0.4)] {
+                for depth in [8, 16] {
+                    let mut world = World::new(&pressed_block(traction, level)).unwrap();
+                    cut(&mut world, row, t, |cell| cell[0] < depth);
+                    let residual = run(&mut world, if traction > 0.0 && depth == 16 { 20 } else { 400 });
+                    println!(
+                        "level {level} {traction} row {row} depth {depth}: top {:.5} of {:.5} mm, force {:?}, deepest {:.4} h, residual {residual:.1e} of {:.1e}, springs {}, {:?}",
+                        top_m(&world) * 1e3, top_m(&whole) * 1e3, force_n(&world).y, deepest_m(&world) / H_M, world.output().energy.elastic_j, world.tissue_springs().len(), world.output().solve,
+                    );
+                }
+            }
+        }
+    }
+}

@@ -117,6 +117,7 @@ impl BodySlot {
     /// finite.
     pub(super) fn take_edits(&mut self, workers: &Workers<'_>) {
         self.edited = false;
+        self.velocity_change.resize(self.body.node_count(), [0.0; 3]);
         self.body.evaluate(workers, 20);
         if self.body.save_finite_state(workers) {
             self.ledger.after = self.body.energy();

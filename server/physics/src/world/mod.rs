@@ -130,7 +130,7 @@ impl World {
 
     fn run_stages(&mut self, workers: &Workers<'_>, clock: &dyn StageClock, inputs: &StepInputs<'_>) {
         let mut lap = Lap::start(clock);
-        self.slots.iter_mut().filter(|s| s.edited).for_each(|s| s.take_edits(workers));
+        self.take_edits(workers);
         self.apply_inputs(inputs);
         lap.end(Stage::ApplyInputs);
         if self.tools.iter().any(|t| t.pose.is_some()) {
@@ -162,6 +162,16 @@ impl World {
         }
         self.finish();
         self.output.profile = lap.finish();
+    }
+
+    fn take_edits(&mut self, workers: &Workers<'_>) {
+        let is_cut = |slot: &BodySlot| slot.edited && slot.body.node_count() != slot.velocity_change.len();
+        let cut = self.slots.iter().any(is_cut);
+        self.slots.iter_mut().filter(|s| s.edited).for_each(|s| s.take_edits(workers));
+        if cut {
+            self.tissue = None;
+            self.follow_tissue();
+        }
     }
 
     fn apply_inputs(&mut self, inputs: &StepInputs<'_>) {

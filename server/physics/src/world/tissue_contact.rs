@@ -13,8 +13,8 @@ use crate::solve::pcg::{Factor, System, Systems};
 use crate::solve::spring::PointSpring;
 
 /// Stiffness of an interface over that of the half elements on both sides of it: pressed bodies are softer
-/// by a tenth of an element each than if they were one.
-const STIFFNESS: f64 = 10.0;
+/// by a twentieth of an element than if they were one.
+const STIFFNESS: f64 = 20.0;
 /// A spring that is this share of a voxel in or out need not change its mode within the step.
 const SLACK_VOXELS: f64 = 1e-3;
 /// Elements that a surface may move by in a step and still be caught: 17 mm, a step of a metre per second
