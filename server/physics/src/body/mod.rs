@@ -12,6 +12,7 @@ mod topology;
 pub use forces::{BodyEnergy, StepEnergies};
 pub use interpolate::MaterialPoint;
 pub use relax::Relaxation;
+pub(crate) use rigid::Totals;
 pub use topology::{LEAST_PIECE_VOXELS, PartedLinks, TopologyChange};
 
 use crate::Vec3;

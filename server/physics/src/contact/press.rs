@@ -45,11 +45,11 @@ pub struct Meeting {
 }
 
 impl PatchOf<'_> {
-    /// `H / E` of the element that carries it, as far as strain has stiffened it.
+    /// `H / E` of the element that carries it, at small strain: a stiffness that rose with the strain that
+    /// the contact itself makes would feed it.
     #[must_use]
     pub fn compliance_m_per_pa(&self) -> f64 {
-        let young_pa = self.body.material_of(self.patch.point.voxel).young_modulus_pa;
-        self.edge_m() / (young_pa * self.body.stiffening(self.patch.element as usize))
+        self.edge_m() / self.body.material_of(self.patch.point.voxel).young_modulus_pa
     }
 
     fn edge_m(&self) -> f64 {
@@ -98,27 +98,28 @@ pub fn meet(point: &PatchOf<'_>, surface: &PatchOf<'_>, dt_s: f64) -> Option<Mee
     let foot_m = there_m - normal * from_plane_m(&there_m);
     let position_m = body.invert_map(surface.patch.element as usize, &foot_m)?;
     let voxel = surface.voxel_under(&position_m)?;
-    if same_body && is_one_piece(point, surface, &position_m, voxel) {
-        return None;
+    let mut distance_m = distance_m;
+    let own_m = point.patch.point.position_m;
+    if same_body && (own_m - position_m).norm() < surface.edge_m().max(point.edge_m()) {
+        if point.patch.across != Some(surface.patch.element) && is_one_piece(point, voxel) {
+            return None;
+        }
+        // At rest nothing overlaps: what seems to is what a plane leaves of a cut that is not plane.
+        let at_rest_m = (own_m - surface.patch.point.position_m).dot(&surface.patch.normal);
+        distance_m -= at_rest_m.min(0.0) / stretch;
     }
     let offset_m = position_m - surface.patch.point.position_m;
     // Where the element bends, its surface leaves the plane.
-    let above_m = offset_m.dot(&surface.patch.normal) / stretch;
-    let distance_m = distance_m + above_m;
-    let aside_m = offset_m.norm();
-    Some(Meeting { point: MaterialPoint { position_m, voxel }, normal, distance_m, aside_m })
+    distance_m += offset_m.dot(&surface.patch.normal) / stretch;
+    Some(Meeting { point: MaterialPoint { position_m, voxel }, normal, distance_m, aside_m: offset_m.norm() })
 }
 
-/// Whether a patch and the point that it meets are near each other in one piece of material: the two sides
-/// of a thin sheet.
-fn is_one_piece(point: &PatchOf<'_>, surface: &PatchOf<'_>, met_m: &Vec3, voxel: VoxelId) -> bool {
-    let facing = point.patch.across == Some(surface.patch.element);
-    if facing || (point.patch.point.position_m - met_m).norm() > surface.edge_m().max(point.edge_m()) {
-        return false;
-    }
+/// Whether a patch and the point that it meets are in one piece of material that goes straight from one to
+/// the other: the two sides of a thin sheet.
+fn is_one_piece(point: &PatchOf<'_>, met: VoxelId) -> bool {
     let own = point.voxel_under(&point.patch.point.position_m).unwrap_or(point.patch.point.voxel);
     let grid = &point.body.grid;
-    let [from, to] = [own, voxel].map(|v| grid.voxels()[v.index()].ijk);
+    let [from, to] = [own, met].map(|v| grid.voxels()[v.index()].ijk);
     is_joined(|link| grid.is_intact(link), from, to)
 }
 

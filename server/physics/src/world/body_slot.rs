@@ -24,6 +24,8 @@ pub(super) struct BodySlot {
     pub(super) walls: Walls,
     pub(super) velocity_change: body::Nodal,
     pub(super) impulses: Vec<(u32, [f64; 3])>,
+    /// How many of the impulses are the tools'; they come first.
+    pub(super) tool_impulses: usize,
     pub(super) ledger: BodyLedger,
     pub(super) parting: Vec<(LinkId, Crossing)>,
     /// Links that were parted in this step, and what that changed.
@@ -53,6 +55,7 @@ impl BodySlot {
             contacts,
             walls: Walls::default(),
             impulses: Vec::new(),
+            tool_impulses: 0,
             parting: Vec::new(),
             parted: Vec::new(),
             change: TopologyChange::default(),
@@ -92,6 +95,7 @@ impl BodySlot {
             let impulse = contact.direction * contact.impulse(dt_s);
             self.impulses.extend(contact.weights.iter().map(|(node, w)| (node, (impulse * w).into())));
         }
+        self.tool_impulses = self.impulses.len();
         self.impulses.extend(tissue.iter().flat_map(|tissue| tissue.impulses(index, dt_s)));
         let of_tissue = tissue.iter().flat_map(|tissue| tissue.point_springs(index, dt_s));
         self.body.set_springs(self.contacts.iter().flat_map(ToolContact::springs), of_tissue);

@@ -2,6 +2,7 @@
 
 mod body_slot;
 mod contact_model;
+mod part_groups;
 mod queries;
 mod solve;
 mod tissue_contact;

@@ -26,11 +26,26 @@ impl World {
                 self.solve_island(workers, island, &mut report);
             }
         }
-        for slot in &mut self.slots {
-            let touched = slot.impulses.iter().map(|i| i.0);
-            slot.body.correct_rigid_motion(touched, &mut slot.velocity_change);
-        }
+        self.correct_momentum();
         self.output.solve = report;
+    }
+
+    /// Free parts keep their momentum whatever the tolerance of the solve.
+    fn correct_momentum(&mut self) {
+        let mut is_missing = false;
+        for slot in &mut self.slots {
+            let touched = slot.impulses[..slot.tool_impulses].iter().map(|i| i.0);
+            is_missing |= slot.body.sum_missing_momentum(touched, &slot.velocity_change);
+        }
+        if !is_missing {
+            return;
+        }
+        if let Some(tissue) = &mut self.tissue {
+            tissue.join_parts(&mut self.slots);
+        }
+        for slot in &mut self.slots {
+            slot.body.add_missing_motion(&mut slot.velocity_change);
+        }
     }
 
     fn solve_island(&mut self, workers: &Workers<'_>, id: usize, report: &mut SolveReport) {

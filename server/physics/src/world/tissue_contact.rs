@@ -1,6 +1,7 @@
 //! Tissue against tissue: parts, flaps and bodies that press on each other, within a step.
 
 use super::body_slot::BodySlot;
+use super::part_groups::PartGroups;
 use crate::Vec3;
 use crate::body::{Body, MaterialPoint};
 use crate::contact::patch::SurfacePatches;
@@ -17,6 +18,10 @@ use crate::solve::spring::PointSpring;
 const STIFFNESS: f64 = 20.0;
 /// A spring that is this share of a voxel in or out need not change its mode within the step.
 const SLACK_VOXELS: f64 = 1e-3;
+/// What is found deeper than this many voxels at the beginning of a step is pushed out as if it were so
+/// deep: a spring that finds itself deep in tissue would throw it out. At this depth the interface carries
+/// a pressure of `E` and more.
+const MOST_PUSH_VOXELS: f64 = 0.25;
 /// Elements that a surface may move by in a step and still be caught: 17 mm, a step of a metre per second
 /// at 60 Hz, of the smallest elements in use.
 const MOST_TRAVEL_ELEMENTS: f64 = 16.0;
@@ -30,6 +35,7 @@ pub(super) struct TissueContact {
     hash: PatchHash,
     springs: Vec<TissueSpring>,
     bridges: Vec<Bridge>,
+    groups: PartGroups,
 }
 
 /// A spring between two bodies, as the solver sees it.
@@ -56,6 +62,7 @@ impl TissueContact {
             hash: PatchHash::default(),
             springs: Vec::new(),
             bridges: Vec::new(),
+            groups: PartGroups::default(),
         };
         contact.reserve(slots);
         contact
@@ -81,6 +88,7 @@ impl TissueContact {
         self.springs.reserve(most);
         self.bridges.clear();
         self.bridges.reserve(if slots.len() > 1 { most } else { 0 });
+        self.groups.reserve(slots);
         for ((pressed_n, surface), slot) in self.pressed_n.iter_mut().zip(&self.surfaces).zip(slots) {
             let rubs = slot.body.materials.iter().any(|m| m.friction_coefficient > 0.0);
             pressed_n.clear();
@@ -176,6 +184,12 @@ impl TissueContact {
         }
     }
 
+    /// Lets parts that press on each other gain the momentum that is missing as one.
+    pub(super) fn join_parts(&mut self, slots: &mut [BodySlot]) {
+        let pressing = self.springs.iter().filter(|s| s.mode != Mode::Off);
+        self.groups.join(slots, pressing);
+    }
+
     /// Takes the springs between bodies as they are now to the solver.
     pub(super) fn build_bridges(&mut self, slots: &[BodySlot], dt_s: f64) {
         self.bridges.clear();
@@ -230,7 +244,8 @@ fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, pressed
     // Of the two half elements, in series.
     let compliance: f64 = [point, surface].map(PatchOf::compliance_m_per_pa).iter().sum();
     let closing = velocity.dot(&meeting.normal);
-    let depth_before_m = -meeting.distance_m;
+    let voxel_m = point.body.grid.voxel_size_m();
+    let depth_before_m = (-meeting.distance_m).min(MOST_PUSH_VOXELS * voxel_m);
     let depth_predicted_m = depth_before_m - dt_s * closing;
     let [mu, of_surface] = [(point, point.patch.point.voxel), (surface, meeting.point.voxel)]
         .map(|(of, voxel)| of.body.material_of(voxel).friction_coefficient);
@@ -243,7 +258,7 @@ fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, pressed
         depth_before_m,
         depth_predicted_m,
         depth_m: depth_predicted_m,
-        slack_m: SLACK_VOXELS * point.body.grid.voxel_size_m(),
+        slack_m: SLACK_VOXELS * voxel_m,
         force_n: 0.0,
         mode: if depth_predicted_m > 0.0 { Mode::Spring } else { Mode::Off },
         friction: (limit_n > 0.0).then(|| Friction::new(limit_n, velocity - meeting.normal * closing)),
