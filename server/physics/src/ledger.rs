@@ -28,9 +28,9 @@ pub struct ContactLedger {
     /// Of the fronts.
     pub front: FrontBook,
     /// Energy in the springs of flanks and between tissue and tissue at the end of the step, J.
-    pub spring_stored_j: f64,
-    /// Work on those springs, `sum f d gap`, J.
-    pub spring_work_j: f64,
+    pub flank_stored_j: f64,
+    /// Work of those springs, `sum f d gap`, J.
+    pub flank_work_j: f64,
     /// Dissipated by friction, J.
     pub friction_j: f64,
 }
@@ -41,7 +41,7 @@ pub fn book<'a>(
     bodies: impl Iterator<Item = &'a BodyLedger> + Clone,
     contact: &ContactLedger,
     before: &EnergyStep,
-    springs_before_j: f64,
+    flank_before_j: f64,
 ) -> EnergyStep {
     let sum = |f: &dyn Fn(&BodyLedger) -> f64| bodies.clone().map(f).sum::<f64>();
     let elastic_before = sum(&|b| b.before.elastic_j);
@@ -50,7 +50,7 @@ pub fn book<'a>(
         tool_work_j: contact.tool_work_j,
         load_work_j: sum(&|b| b.load_work_j),
         elastic_j: sum(&|b| b.after.elastic_j),
-        contact_j: sum(&|b| b.after.hold_j) + contact.front.stored_j + contact.spring_stored_j,
+        contact_j: sum(&|b| b.after.hold_j) + contact.front.stored_j + contact.flank_stored_j,
         kinetic_j: sum(&|b| b.after.kinetic_j),
         fracture_j: contact.front.fracture_j,
         front_slip_j: contact.front.slip_j,
@@ -72,7 +72,7 @@ pub fn book<'a>(
         let linearisation = taken + step.force_work_j - step.elastic_j;
         step.inertial_j + step.elastic_j + b.step.hold_j - linearisation
     });
-    energy.numerical_j += contact.spring_work_j - (contact.spring_stored_j - springs_before_j);
+    energy.numerical_j += contact.flank_work_j - (contact.flank_stored_j - flank_before_j);
     let stored =
         energy.elastic_j - elastic_before + energy.kinetic_j - kinetic_before + energy.contact_j - before.contact_j;
     energy.residual_j = energy.tool_work_j + energy.load_work_j
@@ -81,8 +81,8 @@ pub fn book<'a>(
         - energy.front_slip_j
         - energy.initiation_j
         - energy.damping_j
-        - energy.parting_j
         - energy.friction_j
+        - energy.parting_j
         - energy.numerical_j;
     energy
 }

@@ -86,7 +86,7 @@ pub struct ToolOutput {
 
 /// Energy booked in one step, J; positive terms leave the first line and enter the others:
 /// `tool + load = d elastic + d contact + d kinetic + fracture + front_slip + initiation + damping
-///  + parting + friction + numerical + residual`.
+///  + friction + parting + numerical + residual`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EnergyStep {
     /// Work done by tools on the tissue.
@@ -107,11 +107,11 @@ pub struct EnergyStep {
     pub initiation_j: f64,
     /// Rayleigh damping, and what the dashpots of relaxing materials dissipated.
     pub damping_j: f64,
+    /// Dissipated by friction.
+    pub friction_j: f64,
     /// Elastic energy that vanished as composite elements were split: what holding both sides in one
     /// trilinear field had cost.
     pub parting_j: f64,
-    /// Dissipated by friction.
-    pub friction_j: f64,
     /// Dissipation of the implicit Euler step and its linearisation, computed, not by difference.
     pub numerical_j: f64,
     /// What the terms above leave unexplained.

@@ -61,6 +61,7 @@ pub(crate) fn book(ledger: &mut EnergyStep, step: &EnergyStep) {
     ledger.initiation_j += step.initiation_j;
     ledger.parting_j += step.parting_j;
     ledger.damping_j += step.damping_j;
+    ledger.friction_j += step.friction_j;
     ledger.numerical_j += step.numerical_j;
     ledger.residual_j += step.residual_j;
 }

@@ -159,6 +159,7 @@ fn energy_ledger(energy: &EnergyStep) -> v1::EnergyLedger {
         initiation_j: energy.initiation_j,
         parting_j: energy.parting_j,
         damping_j: energy.damping_j,
+        friction_j: energy.friction_j,
         numerical_j: energy.numerical_j,
         residual_j: energy.residual_j,
     }

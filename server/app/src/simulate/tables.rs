@@ -13,7 +13,7 @@ use kerf_physics::{SceneDesc, Vec3};
 type Term = (&'static str, fn(&EnergyStep) -> f64);
 
 /// Terms of the ledger that are booked per step; the table holds their sums.
-const BOOKED: [Term; 9] = [
+const BOOKED: [Term; 10] = [
     ("tool_work_j", |e| e.tool_work_j),
     ("load_work_j", |e| e.load_work_j),
     ("fracture_j", |e| e.fracture_j),
@@ -21,6 +21,7 @@ const BOOKED: [Term; 9] = [
     ("initiation_j", |e| e.initiation_j),
     ("parting_j", |e| e.parting_j),
     ("damping_j", |e| e.damping_j),
+    ("friction_j", |e| e.friction_j),
     ("numerical_j", |e| e.numerical_j),
     ("residual_j", |e| e.residual_j),
 ];

@@ -7,11 +7,11 @@ use crate::contact::{Contact, Mode};
 use crate::fem::composite::corner_pair;
 use crate::fem::corotation::{ElementBlock, ElementState, Evaluation, LANES, NodalBuffers, StepTerms};
 use crate::fem::lanes::for_packed;
+use crate::params::StepParams;
 use crate::solve::assembly::{CHUNK_ELEMENTS, Chunk};
 use crate::solve::operator::{LANES as OPERATOR_LANES, NODES_PER_CHUNK, masters_of};
 use crate::solve::pcg::{self, Factor, PcgReport, Stop, System, Systems};
 use crate::solve::spring::PointSpring;
-use crate::params::StepParams;
 use crate::step_io::SolveReport;
 use crate::workers::{Groups, Workers};
 use wide::{f32x4, f64x4};
@@ -451,12 +451,7 @@ impl Body {
     }
 
     /// Writes the right side, contact impulses (node, N s) added, and the guess into the solver's vectors.
-    pub fn load_system(
-        &mut self,
-        workers: &Workers<'_>,
-        impulses: &[(u32, [f64; 3])],
-        guess_m_per_s: &[[f64; 3]],
-    ) {
+    pub fn load_system(&mut self, workers: &Workers<'_>, impulses: &[(u32, [f64; 3])], guess_m_per_s: &[[f64; 3]]) {
         let scratch = &mut self.scratch;
         let data = (&mut scratch.right_side_f32[..], &scratch.right_side[..]);
         workers.for_chunks(data, NODES_PER_CHUNK, |_, (narrowed, b)| {

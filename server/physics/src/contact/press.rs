@@ -67,9 +67,8 @@ impl PatchOf<'_> {
     }
 }
 
-/// Where the middle of `point` meets the surface that `surface` is a share of within `dt_s`: where it would
-/// come through if both went on as they move, else where it is nearest in the end. `None` where it stays
-/// farther off than the margin, or meets another share.
+/// Where the middle of `point` meets the surface that `surface` is a share of within `dt_s`, if both go on as
+/// they move. `None` where it stays farther off than the margin, or meets another share.
 #[must_use]
 pub fn meet(point: &PatchOf<'_>, surface: &PatchOf<'_>, dt_s: f64) -> Option<Meeting> {
     let same_body = point.placed.body == surface.placed.body;
@@ -86,18 +85,21 @@ pub fn meet(point: &PatchOf<'_>, surface: &PatchOf<'_>, dt_s: f64) -> Option<Mee
     let travel_m = (point.placed.velocity_m_per_s - surface.placed.velocity_m_per_s) * dt_s;
     let end_m = distance_m + travel_m.dot(&normal);
     let margin_m = MARGIN_VOXELS * body.grid.voxel_size_m();
-    if !normal.dot(&point.placed.normal).lt(&FACING)
+    if normal.dot(&point.placed.normal) > FACING
         || distance_m.min(end_m) > margin_m
         || distance_m < -MOST_DEPTH_ELEMENTS * surface.edge_m()
     {
         return None;
     }
-    // The share of the step after which the point is at the plane.
+    // Under the point as it is, or where it comes to the plane within the step. (From a foot that is not
+    // under the point the forces would turn what they act on.)
     let when = if end_m < distance_m { (distance_m / (distance_m - end_m)).clamp(0.0, 1.0) } else { 0.0 };
-    let there_m = point.placed.at_m + travel_m * when;
-    let foot_m = there_m - normal * from_plane_m(&there_m);
-    let position_m = body.invert_map(surface.patch.element as usize, &foot_m)?;
-    let voxel = surface.voxel_under(&position_m)?;
+    let (position_m, voxel) = [0.0, when].into_iter().find_map(|when| {
+        let there_m = point.placed.at_m + travel_m * when;
+        let foot_m = there_m - normal * from_plane_m(&there_m);
+        let position_m = body.invert_map(surface.patch.element as usize, &foot_m)?;
+        Some((position_m, surface.voxel_under(&position_m)?))
+    })?;
     let mut distance_m = distance_m;
     let own_m = point.patch.point.position_m;
     if same_body && (own_m - position_m).norm() < surface.edge_m().max(point.edge_m()) {

@@ -55,7 +55,7 @@ pub struct World {
     /// Present from when tissue may meet tissue: in scenes of several objects, and after the first cut.
     tissue: Option<TissueContact>,
     contact_ledger: ContactLedger,
-    springs_before_j: f64,
+    flank_before_j: f64,
     output: StepOutput,
 }
 
@@ -94,7 +94,7 @@ impl World {
             view: None,
             tissue: None,
             contact_ledger: ContactLedger::default(),
-            springs_before_j: 0.0,
+            flank_before_j: 0.0,
             output: StepOutput::default(),
         };
         for (index, probe) in desc.probes.iter().enumerate() {
@@ -305,8 +305,8 @@ impl World {
                     }
                 }
                 for c in &contact.flanks {
-                    self.contact_ledger.spring_work_j += c.force_n * (c.gap_m - c.gap_before_m);
-                    self.contact_ledger.spring_stored_j += 0.5 * c.force_n * c.gap_m;
+                    self.contact_ledger.flank_work_j += c.force_n * (c.gap_m - c.gap_before_m);
+                    self.contact_ledger.flank_stored_j += 0.5 * c.force_n * c.gap_m;
                 }
             }
             let output = &mut self.output.tools[index];
@@ -325,8 +325,8 @@ impl World {
         self.contact_ledger.front.numerical_j += fronts.map(Front::take_dropped_j).sum::<f64>();
         let before = self.output.energy;
         let ledgers = self.slots.iter().map(|s| &s.ledger);
-        self.output.energy = ledger::book(ledgers, &self.contact_ledger, &before, self.springs_before_j);
-        self.springs_before_j = self.contact_ledger.spring_stored_j;
+        self.output.energy = ledger::book(ledgers, &self.contact_ledger, &before, self.flank_before_j);
+        self.flank_before_j = self.contact_ledger.flank_stored_j;
         self.read_probes();
         self.output.step += 1;
         self.output.sim_time_s = self.output.step as f64 * self.params.dt_s;

@@ -5,7 +5,7 @@ use crate::body::Totals;
 use crate::contact::tissue_spring::{SpringEnd, TissueSpring};
 
 /// Groups of parts, of all bodies.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct PartGroups {
     /// First part of each body in the lists by part.
     first: Vec<usize>,

@@ -27,6 +27,7 @@ const MOST_PUSH_VOXELS: f64 = 0.25;
 const MOST_TRAVEL_ELEMENTS: f64 = 16.0;
 
 /// Springs between tissue and tissue, and what they are found with.
+#[derive(Clone)]
 pub(super) struct TissueContact {
     /// By body.
     surfaces: Vec<SurfacePatches>,
@@ -215,8 +216,8 @@ impl TissueContact {
     /// Books the springs' energies and what friction took.
     pub(super) fn book(&self, ledger: &mut ContactLedger, dt_s: f64) {
         for spring in &self.springs {
-            ledger.spring_work_j += spring.work_j();
-            ledger.spring_stored_j += spring.stored_j();
+            ledger.flank_work_j += spring.work_j();
+            ledger.flank_stored_j += spring.stored_j();
             ledger.friction_j += spring.friction_j(dt_s);
         }
     }

@@ -221,7 +221,7 @@ impl Press {
             .collect();
         body.reserve_springs(springs.len());
         body.refresh_operator(&Workers::serial());
-        body.set_springs(springs.iter());
+        body.set_springs(springs.iter(), std::iter::empty());
         body.assemble_right_side(&Workers::serial());
         let mut change = vec![[0.0; 3]; body.node_count()];
         body.solve_velocity_change(&Workers::serial(), &impulses, 0.0, &mut change);
