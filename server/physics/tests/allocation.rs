@@ -7,6 +7,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use kerf_physics::World;
+use kerf_physics::{NoClock, StepInputs, Workers};
 use support::press::{LAWS, cutting_scene, press};
 
 thread_local! {
@@ -64,4 +65,31 @@ fn a_step_without_fracture_allocates_nothing() {
         assert!(fractures > 3, "{fractures} steps with fracture");
         assert_eq!(cutting, 0, "cutting, law {law}");
     }
+}
+
+#[test]
+fn bodies_that_press_and_rub_on_each_other_allocate_nothing() {
+    let mut lower = support::object([-0.02, 0.0, -0.02], [0.02, 0.02, 0.02], 0.0025, 2);
+    lower.name = "lower".into();
+    let mut upper = support::object([-0.015, 0.0201, -0.015], [0.025, 0.04, 0.025], 0.0025, 2);
+    for object in [&mut lower, &mut upper] {
+        object.material.friction_coefficient = 0.3;
+    }
+    let mut scene = support::scene(vec![lower, upper]);
+    scene.desc.gravity_m_per_s2 = [0.0, -9.81, 0.0];
+    let mut world = World::new(&scene).expect("a valid scene");
+    world.body_mut(0).velocity_m_per_s.iter_mut().for_each(|v| *v = [0.0, 0.2, 0.0]);
+    let mut step = |world: &mut World| {
+        let before = ALLOCATIONS.get();
+        world.step(&Workers::serial(), &NoClock, &StepInputs::default());
+        ALLOCATIONS.get() - before
+    };
+    step(&mut world);
+    let (mut allocations, mut pressed) = (0, 0);
+    for _ in 0..40 {
+        allocations += step(&mut world);
+        pressed += u32::from(world.tissue_springs().iter().any(|s| s.friction.is_some()));
+    }
+    assert!(pressed > 3, "in contact for {pressed} steps");
+    assert_eq!(allocations, 0);
 }

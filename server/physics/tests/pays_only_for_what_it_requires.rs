@@ -53,6 +53,23 @@ fn a_tool_costs_contact_while_it_is_there_and_fracture_while_its_edge_touches() 
 }
 
 #[test]
+fn tissue_is_looked_for_at_tissue_where_there_is_more_than_one_piece_of_surface() {
+    let mut scene = cutting_scene();
+    let mut world = World::new(&scene).unwrap();
+    let mut cut = false;
+    for i in 0..60 {
+        let stages = stages(&mut world, Some(pose_at(0.041 - 4e-4 * f64::from(i))));
+        assert_eq!(stages.contains(&Stage::SelfContact), cut, "step {i}");
+        cut |= world.output().fracture.parted_links > 0;
+    }
+    assert!(cut);
+    let mut other = scene.desc.objects[0].clone();
+    other.name = "other".into();
+    scene.desc.objects.push(other);
+    assert_eq!(stages(&mut World::new(&scene).unwrap(), None), with(&[Stage::SelfContact]), "two objects");
+}
+
+#[test]
 fn topology_and_surface_are_entered_by_steps_in_which_links_part() {
     let mut world = World::new(&cutting_scene()).unwrap();
     let mut entered = [0u32; 2];
@@ -106,6 +123,11 @@ fn what_nobody_uses_leaves_every_bit_as_it_is() {
         "a governor's bounds"
     );
     assert_eq!(stroke(&bare, |world| _ = world.surface_hash()), expected, "a viewer");
+    assert_eq!(
+        changed(|scene| scene.desc.objects[0].material.friction_coefficient = 0.0),
+        expected,
+        "surfaces without friction"
+    );
     let mut region = bare.clone();
     let material = region.desc.objects[0].material.clone();
     let (name, shape) = ("elsewhere".into(), ShapeDesc::Sphere { center_m: [1.0; 3], radius_m: 0.01 });

@@ -354,3 +354,26 @@ fn a_block_at_a_metre_per_second_does_not_pass_through_a_thin_sheet() {
         assert!(deepest < 0.1 * H_M, "{deepest} m deep");
     }
 }
+
+#[test]
+fn one_and_two_threads_give_the_same_bits() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("two threads");
+    let hashes = |workers: &Workers<'_>| {
+        // 1,024 elements each: enough to be shared out.
+        let mut lower = block("lower", 0.0, 0.02, 0);
+        lower.fixed = vec![everywhere_below(1.01 * H_M)];
+        let mut upper = block("upper", 0.02, 0.01, 0);
+        upper.material.friction_coefficient = 0.4;
+        lower.material.friction_coefficient = 0.4;
+        let mut scene = scene(vec![upper, lower]);
+        scene.desc.gravity_m_per_s2 = [3.0, -9.81, 0.0];
+        let mut world = World::new(&scene).unwrap();
+        let step = |_| {
+            world.step(workers, &NoClock, &StepInputs::default());
+            assert!(!world.tissue_springs().is_empty());
+            world.state_hash()
+        };
+        (0..10).map(step).collect::<Vec<_>>()
+    };
+    assert_eq!(hashes(&Workers::serial()), hashes(&Workers::of(&pool)));
+}

@@ -13,6 +13,7 @@ mod front;
 mod marker;
 mod springs;
 mod sweep;
+mod way_in;
 
 pub use book::FrontBook;
 pub use front::{BladeMotion, Front};

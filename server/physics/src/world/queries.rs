@@ -143,6 +143,9 @@ impl World {
             }
             slot.contacts.iter().for_each(|c| c.front.fold_into(&mut hasher));
         }
+        // Of what presses on each other only friction remembers how hard.
+        let rubs = |s: &&TissueSpring| s.friction.is_some();
+        self.tissue_springs().iter().filter(rubs).for_each(|s| hasher.floats(&[s.force_n]));
         hasher.finish()
     }
 
