@@ -79,7 +79,7 @@ fn bodies_that_press_and_rub_on_each_other_allocate_nothing() {
     scene.desc.gravity_m_per_s2 = [0.0, -9.81, 0.0];
     let mut world = World::new(&scene).expect("a valid scene");
     world.body_mut(0).velocity_m_per_s.iter_mut().for_each(|v| *v = [0.0, 0.2, 0.0]);
-    let mut step = |world: &mut World| {
+    let step = |world: &mut World| {
         let before = ALLOCATIONS.get();
         world.step(&Workers::serial(), &NoClock, &StepInputs::default());
         ALLOCATIONS.get() - before
