@@ -7,6 +7,7 @@ mod memory;
 mod quarantine;
 mod relax;
 mod rigid;
+mod solve;
 mod topology;
 
 pub use forces::{BodyEnergy, StepEnergies};

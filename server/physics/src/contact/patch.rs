@@ -29,6 +29,12 @@ pub struct SurfacePatches {
     patches: Vec<SurfacePatch>,
 }
 
+impl SurfacePatch {
+    fn key(&self) -> (u32, Option<u32>, u8) {
+        (self.element, self.across, self.side)
+    }
+}
+
 /// Sums over the crossings of a patch, by area.
 struct Sum {
     key: (Option<u32>, u8),
@@ -53,6 +59,12 @@ impl SurfacePatches {
         &self.patches
     }
 
+    /// Index of the patch that is the same share of the same element's surface, if there is any.
+    #[must_use]
+    pub fn find(&self, patch: &SurfacePatch) -> Option<usize> {
+        self.patches.binary_search_by_key(&patch.key(), SurfacePatch::key).ok()
+    }
+
     /// Whether a cut runs between elements.
     #[must_use]
     pub fn has_walls(&self) -> bool {
@@ -74,7 +86,7 @@ impl SurfacePatches {
         touched.dedup();
         self.patches.retain(|p| touched.binary_search(&p.element).is_err());
         touched.iter().for_each(|&element| self.add_element(body, element));
-        self.patches.sort_unstable_by_key(|p| (p.element, p.across, p.side));
+        self.patches.sort_unstable_by_key(SurfacePatch::key);
     }
 
     fn add_element(&mut self, body: &Body, element: u32) {

@@ -223,6 +223,9 @@ impl World {
                 slot.roll_back(workers, &mut self.output);
             }
         }
+        if self.output.fault.is_some() {
+            self.tissue.iter_mut().for_each(TissueContact::release);
+        }
     }
 
     fn evaluate(&mut self, workers: &Workers<'_>) {
@@ -315,8 +318,8 @@ impl World {
             output.contact = model.and_then(|m| m.finish(wrench));
             output.cutting_length_m = self.slots.iter().map(|s| s.contacts[index].front.cutting_length_m()).sum();
         }
-        if let Some(tissue) = &self.tissue {
-            tissue.book(&mut self.contact_ledger, self.params.dt_s);
+        if let Some(tissue) = &mut self.tissue {
+            tissue.conclude(&mut self.contact_ledger, self.params.dt_s);
         }
     }
 

@@ -79,7 +79,7 @@ impl World {
         self.slots.iter().map(stats).collect()
     }
 
-    /// Springs between tissue and tissue as the last step left them.
+    /// Springs between tissue and tissue as the last step left them; none where links parted in it.
     #[must_use]
     pub fn tissue_springs(&self) -> &[TissueSpring] {
         self.tissue.as_ref().map_or(&[], TissueContact::springs)
@@ -128,7 +128,7 @@ impl World {
         }
     }
 
-    /// Hash of positions, velocities, strain memory, fronts and topology.
+    /// Hash of positions, velocities, strain memory, fronts, what friction remembers and topology.
     #[must_use]
     pub fn state_hash(&self) -> u64 {
         let mut hasher = StateHasher::default();
@@ -143,9 +143,7 @@ impl World {
             }
             slot.contacts.iter().for_each(|c| c.front.fold_into(&mut hasher));
         }
-        // Of what presses on each other only friction remembers how hard.
-        let rubs = |s: &&TissueSpring| s.friction.is_some();
-        self.tissue_springs().iter().filter(rubs).for_each(|s| hasher.floats(&[s.force_n]));
+        self.tissue.iter().for_each(|tissue| tissue.fold_into(&mut hasher));
         hasher.finish()
     }
 

@@ -9,6 +9,7 @@ use crate::contact::patch_hash::{PatchHash, PlacedPatch};
 use crate::contact::press::{MARGIN_VOXELS, Meeting, PatchOf, meet};
 use crate::contact::tissue_spring::{Friction, SpringEnd, TissueSpring};
 use crate::contact::{ContactWeights, Mode};
+use crate::hash::StateHasher;
 use crate::ledger::ContactLedger;
 use crate::solve::pcg::{Factor, System, Systems};
 use crate::solve::spring::PointSpring;
@@ -31,7 +32,7 @@ const MOST_TRAVEL_ELEMENTS: f64 = 16.0;
 pub(super) struct TissueContact {
     /// By body.
     surfaces: Vec<SurfacePatches>,
-    /// Normal force on each patch in the last step, N, by body; empty without friction.
+    /// Normal force on each patch in the last step, N, by body; empty where there is no friction.
     pressed_n: Vec<Vec<f64>>,
     hash: PatchHash,
     springs: Vec<TissueSpring>,
@@ -76,10 +77,23 @@ impl TissueContact {
 
     /// Takes what the parting of links changed in the surfaces.
     pub(super) fn update(&mut self, slots: &[BodySlot]) {
-        for (surface, slot) in self.surfaces.iter_mut().zip(slots).filter(|(_, slot)| !slot.parted.is_empty()) {
+        let lists = self.surfaces.iter_mut().zip(&mut self.pressed_n).zip(slots);
+        for ((surface, pressed_n), slot) in lists.filter(|(_, slot)| !slot.parted.is_empty()) {
+            let before = surface.clone();
             surface.update(&slot.body, &slot.parted, &slot.change);
+            if !pressed_n.is_empty() {
+                let force = |patch| before.find(patch).map_or(0.0, |index| pressed_n[index]);
+                *pressed_n = surface.as_slice().iter().map(force).collect();
+            }
         }
         self.reserve(slots);
+    }
+
+    /// Lets go of everything: a step that is taken back leaves no force to go on from.
+    pub(super) fn release(&mut self) {
+        self.springs.clear();
+        self.bridges.clear();
+        self.pressed_n.iter_mut().for_each(|pressed_n| pressed_n.fill(0.0));
     }
 
     fn reserve(&mut self, slots: &[BodySlot]) {
@@ -92,23 +106,14 @@ impl TissueContact {
         self.groups.reserve(slots);
         for ((pressed_n, surface), slot) in self.pressed_n.iter_mut().zip(&self.surfaces).zip(slots) {
             let rubs = slot.body.materials.iter().any(|m| m.friction_coefficient > 0.0);
-            pressed_n.clear();
             pressed_n.resize(if rubs { surface.as_slice().len() } else { 0 }, 0.0);
         }
     }
 
     /// Finds the patches that meet a surface in this step.
     pub(super) fn detect(&mut self, slots: &[BodySlot], dt_s: f64) {
-        for pressed_n in &mut self.pressed_n {
-            pressed_n.fill(0.0);
-        }
-        for spring in &self.springs {
-            if let Some(pressed) = self.pressed_n[spring.ends[0].body as usize].get_mut(spring.patch as usize) {
-                *pressed = spring.force_n;
-            }
-        }
-        self.place(slots, dt_s);
         self.springs.clear();
+        self.place(slots, dt_s);
         for placed in self.hash.placed() {
             let patch_of = |placed| self.patch_of(slots, placed);
             let point = patch_of(placed);
@@ -180,6 +185,9 @@ impl TissueContact {
     pub(super) fn number_islands(&self, slots: &mut [BodySlot]) {
         for spring in self.springs.iter().filter(|s| s.joins_bodies()) {
             let [a, b] = [0, 1].map(|end| slots[spring.ends[end].body as usize].island);
+            if a == b {
+                continue;
+            }
             let (low, high) = (a.min(b), a.max(b));
             slots.iter_mut().filter(|slot| slot.island == high).for_each(|slot| slot.island = low);
         }
@@ -213,16 +221,26 @@ impl TissueContact {
         changed
     }
 
-    /// Books the springs' energies and what friction took.
-    pub(super) fn book(&self, ledger: &mut ContactLedger, dt_s: f64) {
+    /// Books the springs' energies and what friction took, and keeps the normal forces, which limit friction
+    /// in the next step.
+    pub(super) fn conclude(&mut self, ledger: &mut ContactLedger, dt_s: f64) {
+        self.pressed_n.iter_mut().for_each(|pressed_n| pressed_n.fill(0.0));
         for spring in &self.springs {
             ledger.flank_work_j += spring.work_j();
             ledger.flank_stored_j += spring.stored_j();
             ledger.friction_j += spring.friction_j(dt_s);
+            if let Some(pressed) = self.pressed_n[spring.ends[0].body as usize].get_mut(spring.patch as usize) {
+                *pressed = spring.force_n.max(0.0);
+            }
         }
     }
 
-    /// Springs of the last step.
+    /// Folds what it remembers into a hash.
+    pub(super) fn fold_into(&self, hasher: &mut StateHasher) {
+        self.pressed_n.iter().for_each(|pressed_n| hasher.floats(pressed_n));
+    }
+
+    /// Springs of the last step; none where links parted in it.
     pub(super) fn springs(&self) -> &[TissueSpring] {
         &self.springs
     }
