@@ -92,8 +92,9 @@ impl PatchHash {
         mixed as usize & (self.heads.len() - 1)
     }
 
-    /// Every patch within the reach of a point along each axis, and some beyond, in a fixed order.
+    /// Every patch within the reach of a point along each axis, in a fixed order.
     pub fn near(&self, at_m: &Vec3) -> impl Iterator<Item = &PlacedPatch> + '_ {
+        let (at_m, reach_m) = (*at_m, 0.5 * self.cell_m);
         let low = self.cell(&at_m.add_scalar(-0.5 * self.cell_m));
         (0..8).flat_map(move |corner| {
             let cell = std::array::from_fn(|a| low[a] + (corner >> a & 1));
@@ -102,8 +103,9 @@ impl PatchHash {
                 while at != NONE {
                     let index = at as usize;
                     at = self.next[index];
-                    if self.cells[index] == cell {
-                        return Some(&self.placed[index]);
+                    let placed = &self.placed[index];
+                    if self.cells[index] == cell && (placed.at_m - at_m).amax() <= reach_m {
+                        return Some(placed);
                     }
                 }
                 None

@@ -14,6 +14,9 @@ pub const MARGIN_VOXELS: f64 = 0.25;
 const FACING: f64 = -0.2;
 /// A patch deeper than this many elements under a surface did not come through it.
 const MOST_DEPTH_ELEMENTS: f64 = 0.75;
+/// A point that an evenly strained element would have farther than this many elements from its middle, along
+/// an axis, is not in it however it is bent.
+const MOST_ASIDE_ELEMENTS: f64 = 0.8;
 /// Depths under a surface, in voxels, at which its material is looked for: it is cut out in whole voxels,
 /// and an oblique surface runs up to most of one outside them.
 const MATERIAL_VOXELS: [f64; 2] = [0.4, 0.9];
@@ -77,7 +80,8 @@ pub fn meet(point: &PatchOf<'_>, surface: &PatchOf<'_>, dt_s: f64) -> Option<Mee
         return None;
     }
     let body = surface.body;
-    let turned = body.deformation_gradient(&surface.patch.point).try_inverse()?.transpose() * surface.patch.normal;
+    let to_rest = body.deformation_gradient(&surface.patch.point).try_inverse()?;
+    let turned = to_rest.transpose() * surface.patch.normal;
     let stretch = turned.norm();
     let normal = turned / stretch;
     let from_plane_m = |at_m: &Vec3| (at_m - surface.placed.at_m).dot(&normal);
@@ -97,6 +101,13 @@ pub fn meet(point: &PatchOf<'_>, surface: &PatchOf<'_>, dt_s: f64) -> Option<Mee
     let (position_m, voxel) = [0.0, when].into_iter().find_map(|when| {
         let there_m = point.placed.at_m + travel_m * when;
         let foot_m = there_m - normal * from_plane_m(&there_m);
+        // Where the foot would be if the element were strained evenly: far off, it is under another share.
+        let about_m = surface.patch.point.position_m + to_rest * (foot_m - surface.placed.at_m);
+        if (about_m - body.rest_centre_m(surface.patch.element as usize)).amax()
+            > MOST_ASIDE_ELEMENTS * surface.edge_m()
+        {
+            return None;
+        }
         let position_m = body.invert_map(surface.patch.element as usize, &foot_m)?;
         Some((position_m, surface.voxel_under(&position_m)?))
     })?;
