@@ -27,11 +27,12 @@ pub struct ContactLedger {
     pub tool_work_j: f64,
     /// Of the fronts.
     pub front: FrontBook,
-    /// Energy in the other springs, of flanks and of what is held, at the end of the step, J.
+    /// Energy in the other springs, of flanks, of what is held and between tissue and tissue, at the end of
+    /// the step, J.
     pub spring_stored_j: f64,
     /// Work of these springs, `sum f d gap`, J.
     pub spring_work_j: f64,
-    /// Of friction on the flanks, J.
+    /// Dissipated by friction, J.
     pub friction_j: f64,
 }
 

@@ -8,6 +8,8 @@ pub enum Stage {
     ApplyInputs,
     /// Broad and narrow phase of tool-tissue contact.
     Contact,
+    /// Broad and narrow phase of contact between tissue and tissue.
+    SelfContact,
     /// The system matrix and the implicit velocity solve, contact active set included.
     Velocities,
     /// New positions, quarantine of non-finite state, wrenches.
@@ -26,9 +28,10 @@ pub enum Stage {
 
 impl Stage {
     /// Every stage, in the order of execution.
-    pub const ALL: [Stage; 9] = [
+    pub const ALL: [Stage; 10] = [
         Stage::ApplyInputs,
         Stage::Contact,
+        Stage::SelfContact,
         Stage::Velocities,
         Stage::Integrate,
         Stage::Rotations,
@@ -44,6 +47,7 @@ impl Stage {
         match self {
             Stage::ApplyInputs => "apply_inputs",
             Stage::Contact => "contact",
+            Stage::SelfContact => "self_contact",
             Stage::Velocities => "velocities",
             Stage::Integrate => "integrate",
             Stage::Rotations => "rotations",

@@ -124,7 +124,7 @@ pub struct EnergyStep {
     pub initiation_j: f64,
     /// Rayleigh damping, and what the dashpots of relaxing materials dissipated.
     pub damping_j: f64,
-    /// Friction on the flanks of tools.
+    /// Dissipated by friction, on the flanks of tools and of tissue on tissue.
     pub friction_j: f64,
     /// Elastic energy that vanished as composite elements were split: what holding both sides in one
     /// trilinear field had cost.

@@ -6,7 +6,7 @@ mod support;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use kerf_physics::scene::{BladeDesc, CapsuleDesc, EdgeDesc, GrasperDesc, RateDesc, ToolDesc};
+use kerf_physics::scene::{BladeDesc, CapsuleDesc, EdgeDesc, GrasperDesc, RateDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
@@ -143,4 +143,33 @@ fn nor_does_one_that_adapts_the_surface() {
     let (pressing, none) = stroke(&mut world, 0.0394, 0.02, 20);
     assert!(!world.adapted_vertices(0).is_empty());
     assert_eq!((pressing, none), (0, 0), "pressing");
+}
+
+#[test]
+fn bodies_that_press_and_rub_on_each_other_allocate_nothing() {
+    let mut lower = support::object([-0.02, 0.0, -0.02], [0.02, 0.02, 0.02], 0.0025, 2);
+    lower.name = "lower".into();
+    lower.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 0.003, 1.0] }];
+    let mut upper = support::object([-0.015, 0.0201, -0.015], [0.025, 0.04, 0.025], 0.0025, 2);
+    for object in [&mut lower, &mut upper] {
+        object.material.rayleigh_beta_s = 1e-3;
+        object.material.friction_coefficient = 0.3;
+    }
+    let mut scene = support::scene(vec![lower, upper]);
+    scene.desc.gravity_m_per_s2 = [0.0, -9.81, 0.0];
+    let mut world = World::new(&scene).expect("a valid scene");
+    world.body_mut(1).velocity_m_per_s.iter_mut().for_each(|v| *v = [0.05, -0.1, 0.0]);
+    let step = |world: &mut World| {
+        let before = ALLOCATIONS.get();
+        world.step(&Workers::serial(), &NoClock, &StepInputs::default());
+        ALLOCATIONS.get() - before
+    };
+    step(&mut world);
+    let (mut allocations, mut pressed) = (0, 0);
+    for _ in 0..40 {
+        allocations += step(&mut world);
+        pressed += u32::from(world.tissue_springs().iter().any(|s| s.friction.is_some()));
+    }
+    assert!(pressed > 20, "in contact for {pressed} steps");
+    assert_eq!(allocations, 0);
 }

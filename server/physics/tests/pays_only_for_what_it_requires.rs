@@ -71,6 +71,23 @@ fn the_surface_is_adapted_while_somebody_looks_and_a_tool_touches() {
 }
 
 #[test]
+fn tissue_is_looked_for_at_tissue_where_there_is_more_than_one_piece_of_surface() {
+    let mut scene = cutting_scene();
+    let mut world = World::new(&scene).unwrap();
+    let mut cut = false;
+    for i in 0..60 {
+        let stages = stages(&mut world, Some(pose_at(0.041 - 4e-4 * f64::from(i))));
+        assert_eq!(stages.contains(&Stage::SelfContact), cut, "step {i}");
+        cut |= world.output().fracture.parted_links > 0;
+    }
+    assert!(cut);
+    let mut other = scene.desc.objects[0].clone();
+    other.name = "other".into();
+    scene.desc.objects.push(other);
+    assert_eq!(stages(&mut World::new(&scene).unwrap(), None), with(&[Stage::SelfContact]), "two objects");
+}
+
+#[test]
 fn topology_and_surface_are_entered_by_steps_in_which_links_part() {
     let mut world = World::new(&cutting_scene()).unwrap();
     let mut entered = [0u32; 2];

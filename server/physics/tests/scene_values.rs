@@ -238,6 +238,12 @@ fn each_number_is_taken_up_to_its_limits_and_refused_beyond_with_field_and_limit
             1e-6,
         ),
         bound(
+            |s, v| s.objects[0].material.friction_coefficient = v,
+            "objects[0].material.friction_coefficient",
+            [0.0, 10.0],
+            1e-9,
+        ),
+        bound(
             |s, v| s.objects[0].material.initiation_ratio = v,
             "objects[0].material.initiation_ratio",
             [1.0, 10.0],

@@ -1,19 +1,15 @@
-//! The body's share of a step: forces at the current state, the system matrix, the right side, the
-//! solve and the new state.
+//! The body's share of a step: forces at the current state, the system matrix, the right side and the new
+//! state.
 
 use super::Body;
 use crate::contact::broad::Aabb;
-use crate::contact::{Contact, Mode};
 use crate::fem::composite::corner_pair;
 use crate::fem::corotation::{ElementBlock, ElementState, Evaluation, LANES, NodalBuffers, StepTerms};
 use crate::fem::lanes::for_packed;
 use crate::solve::assembly::{CHUNK_ELEMENTS, Chunk};
-use crate::solve::operator::{LANES as OPERATOR_LANES, NODES_PER_CHUNK, masters_of};
-use crate::solve::pcg::{PcgReport, Stop};
-use crate::solve::spring::PointSpring;
-use crate::step_io::SolveReport;
+use crate::solve::operator::{LANES as OPERATOR_LANES, NODES_PER_CHUNK};
 use crate::workers::{Groups, Workers};
-use wide::{f32x4, f64x4};
+use wide::f64x4;
 
 /// Blocks per chunk of elements.
 const BLOCKS_PER_CHUNK: usize = CHUNK_ELEMENTS / LANES;
@@ -65,6 +61,14 @@ pub(super) struct ElementChunk {
 }
 
 impl ElementChunk {
+    fn bounds(&self) -> Aabb {
+        let point = |v: f64x4| {
+            let [x, y, z, _] = v.to_array();
+            crate::Vec3::new(x, y, z)
+        };
+        Aabb { min_m: point(self.low_m), max_m: point(self.high_m) }
+    }
+
     /// Makes the buffers fit a chunk.
     pub(super) fn resize(&mut self, chunk: &Chunk) {
         let nodal = &mut self.nodal;
@@ -166,14 +170,15 @@ impl Body {
     /// Elements whose boxes may meet `near`, ascending: those of the chunks whose boxes do.
     pub fn elements_near(&self, near: &Aabb) -> impl Iterator<Item = usize> + '_ {
         let near = *near;
-        let point = |v: f64x4| {
-            let [x, y, z, _] = v.to_array();
-            crate::Vec3::new(x, y, z)
-        };
-        let chunks = self.chunks.iter().enumerate();
-        let met = chunks.filter(move |(_, c)| near.meets(&Aabb { min_m: point(c.low_m), max_m: point(c.high_m) }));
+        let met = self.chunks.iter().enumerate().filter(move |(_, chunk)| near.meets(&chunk.bounds()));
         let elements = self.base().elements.len();
         met.flat_map(move |(index, _)| index * CHUNK_ELEMENTS..elements.min((index + 1) * CHUNK_ELEMENTS))
+    }
+
+    /// The box around the nodes at the state that was last evaluated.
+    #[must_use]
+    pub fn bounds(&self) -> Aabb {
+        Aabb::around(self.chunks.iter().map(ElementChunk::bounds).flat_map(|b| [b.min_m, b.max_m]))
     }
 
     /// Energies at the state that was last evaluated.
@@ -350,20 +355,6 @@ impl Body {
         }
     }
 
-    /// Room for `count` springs in the solver's operators.
-    pub fn reserve_springs(&mut self, count: usize) {
-        self.multigrid.reserve_springs(count);
-    }
-
-    /// Replaces the springs of the solver's operator by those of the contacts that act.
-    pub fn set_springs<'a>(&mut self, contacts: impl Iterator<Item = &'a Contact>) {
-        let dt2 = self.params.dt_s * self.params.dt_s;
-        let springs = contacts
-            .filter(|c| c.mode == Mode::Spring)
-            .map(|c| PointSpring::new(c.weights.iter(), c.direction.into(), dt2 * c.stiffness_n_per_m));
-        self.multigrid.set_springs(springs);
-    }
-
     /// Writes `dt (f_elastic + f_external + f_hold - drag)` at every node: the right side but for
     /// contact.
     pub fn assemble_right_side(&mut self, workers: &Workers<'_>) {
@@ -396,83 +387,13 @@ impl Body {
     }
 
     /// Hands what acts on hanging nodes to their masters.
-    fn gather_hanging(&self, forces: &mut super::Nodal) {
+    pub(super) fn gather_hanging(&self, forces: &mut super::Nodal) {
         for hanging in self.multigrid.operator().hanging() {
             let force = std::mem::take(&mut forces[hanging.node as usize]);
             for (master, w) in hanging.masters {
                 (0..3).for_each(|i| forces[master as usize][i] += f64::from(w) * force[i]);
             }
         }
-    }
-
-    /// Norm of the impulses that loads and contacts `impulses` (node, N s) give the nodes in a step.
-    pub fn applied_impulse_norm(&mut self, workers: &Workers<'_>, impulses: &[(u32, [f64; 3])]) -> f64 {
-        let mut applied = std::mem::take(&mut self.scratch.applied);
-        let dt = self.params.dt_s;
-        workers.for_chunks((&mut applied[..], &self.external_n[..]), NODES_PER_CHUNK, |_, (applied, external)| {
-            applied.iter_mut().zip(external).for_each(|(a, f)| *a = f.map(|c| dt * c));
-        });
-        for (node, impulse) in impulses {
-            (0..3).for_each(|i| applied[*node as usize][i] += impulse[i]);
-        }
-        self.gather_hanging(&mut applied);
-        let square = |_, applied: &[[f64; 3]]| applied.iter().flatten().map(|c| c * c).sum::<f64>();
-        let squares = workers.reduce_chunks(&applied[..], NODES_PER_CHUNK, square, |a, b| a + b);
-        self.scratch.applied = applied;
-        squares.sqrt()
-    }
-
-    /// Solves for the change of velocity with contact impulses `impulse` (node, N s) added to the
-    /// right side, to the tolerance relative to it or, if that is larger, to `scale`;
-    /// `velocity_change` starts as the guess and ends as the solution.
-    pub fn solve_velocity_change(
-        &mut self,
-        workers: &Workers<'_>,
-        impulses: &[(u32, [f64; 3])],
-        scale: f64,
-        velocity_change: &mut super::Nodal,
-    ) -> SolveReport {
-        let scratch = &mut self.scratch;
-        let data = (&mut scratch.right_side_f32[..], &scratch.right_side[..]);
-        workers.for_chunks(data, NODES_PER_CHUNK, |_, (narrowed, b)| {
-            narrowed.iter_mut().zip(b).for_each(|(narrowed, b)| *narrowed = narrow(b));
-        });
-        let hanging = self.multigrid.operator().hanging();
-        for (node, impulse) in impulses {
-            for (master, w) in masters_of(hanging, *node as usize) {
-                scratch.right_side_f32[master] += f32x4::splat(w) * narrow(impulse);
-            }
-        }
-        let data = (&mut scratch.solution[..], &velocity_change[..]);
-        workers.for_chunks(data, NODES_PER_CHUNK, |_, (solution, guess)| {
-            solution.iter_mut().zip(guess).for_each(|(solution, guess)| *solution = narrow(guess));
-        });
-        let PcgReport { iterations, relative_residual } = self.pcg.solve(
-            workers,
-            &mut self.multigrid,
-            &scratch.right_side_f32,
-            &mut scratch.solution,
-            Stop {
-                scale,
-                relative_tolerance: self.params.relative_tolerance,
-                max_iterations: self.params.max_iterations,
-            },
-        );
-        let data = (&mut velocity_change[..], &self.scratch.solution[..]);
-        workers.for_chunks(data, NODES_PER_CHUNK, |_, (change, solution)| {
-            for (change, v) in change.iter_mut().zip(solution) {
-                let [x, y, z, _] = v.to_array().map(f64::from);
-                *change = [x, y, z];
-            }
-        });
-        for hanging in self.multigrid.operator().hanging() {
-            let mut moved = [0.0; 3];
-            for (master, w) in hanging.masters {
-                (0..3).for_each(|i| moved[i] += f64::from(w) * velocity_change[master as usize][i]);
-            }
-            velocity_change[hanging.node as usize] = moved;
-        }
-        SolveReport { iterations, solves: 1, relative_residual }
     }
 
     /// Takes the step with a change of velocity: `v += dv`, `x += dt v`. Returns the work of the external
@@ -501,10 +422,6 @@ impl Body {
     pub fn external_work_j(&self, displacement_m: impl Iterator<Item = [f64; 3]>) -> f64 {
         self.external_n.iter().zip(displacement_m).map(|(f, u)| (0..3).map(|i| f[i] * u[i]).sum::<f64>()).sum()
     }
-}
-
-fn narrow(v: &[f64; 3]) -> f32x4 {
-    f32x4::new([v[0] as f32, v[1] as f32, v[2] as f32, 0.0])
 }
 
 fn entry(packed: &[f64; 36], a: usize, b: usize) -> f64 {

@@ -8,12 +8,14 @@ mod memory;
 mod quarantine;
 mod relax;
 mod rigid;
+mod solve;
 mod topology;
 mod toughness_rate;
 
 pub use forces::{BodyEnergy, StepEnergies};
 pub use interpolate::MaterialPoint;
 pub use relax::Relaxation;
+pub(crate) use rigid::Totals;
 pub use topology::{LEAST_PIECE_VOXELS, PartedLinks, TopologyChange};
 pub use toughness_rate::ToughnessRate;
 
@@ -65,6 +67,8 @@ pub struct Material {
     pub initiation_ratio: f64,
     /// How the fracture energy rises with the speed of the front.
     pub toughness_rate: Option<ToughnessRate>,
+    /// Coefficient of friction of tissue on tissue.
+    pub friction_coefficient: f64,
 }
 
 impl From<&MaterialDesc> for Material {
@@ -85,6 +89,7 @@ impl From<&MaterialDesc> for Material {
             fracture_energy_j_per_m2: desc.fracture_energy_j_per_m2,
             initiation_ratio: desc.initiation_ratio,
             toughness_rate: desc.rate.map(ToughnessRate::from),
+            friction_coefficient: desc.friction_coefficient,
         }
     }
 }
@@ -265,6 +270,19 @@ impl Body {
     #[must_use]
     pub fn element_edge_m(&self, element: usize) -> f64 {
         f64::from(self.base().elements[element].size) * self.lattice_edge_m()
+    }
+
+    /// Edge of the largest composite elements, m.
+    #[must_use]
+    pub fn largest_edge_m(&self) -> f64 {
+        self.lattice_edge_m() * f64::from(1u32 << (self.tables.len() - 1))
+    }
+
+    /// Rotation of an element.
+    #[must_use]
+    pub fn rotation(&self, element: usize) -> crate::Mat3 {
+        let r = &self.states[element / LANES].rotation_matrix;
+        crate::Mat3::from_row_iterator(r.iter().map(|entry| f64::from(entry.as_array()[element % LANES])))
     }
 
     /// Level of a composite element: log2 of its edge in voxels.

@@ -2,7 +2,8 @@
 //!
 //! A relative tolerance leaves a residual in every mode, rigid ones included: a free spinning
 //! fragment would fall too slowly. After a solve each part that nothing outside holds or touches gets
-//! the rigid velocity change that makes its linear and angular momentum what the loads say.
+//! the rigid velocity change that makes its linear and angular momentum what the loads say. Parts that
+//! press on each other get it as one: what they do to each other changes none of their sum.
 
 use super::{Body, Nodal};
 use crate::fem::corotation::LANES;
@@ -22,8 +23,9 @@ pub(super) struct RigidParts {
     totals: Vec<Totals>,
 }
 
+/// Mass, and momentum that is missing, of a part or of several as one.
 #[derive(Clone, Copy, Debug, Default)]
-struct Totals {
+pub(crate) struct Totals {
     mass: f64,
     centre: Vec3,
     linear: Vec3,
@@ -31,6 +33,30 @@ struct Totals {
     inertia: Mat3,
     velocity: Vec3,
     spin: Vec3,
+}
+
+impl Totals {
+    /// Two as one, about their common centre.
+    #[must_use]
+    pub(crate) fn joined(&self, other: &Self) -> Self {
+        let mass = self.mass + other.mass;
+        let centre = (self.centre * self.mass + other.centre * other.mass) / mass;
+        let mut joined = Self { mass, centre, linear: self.linear + other.linear, ..Self::default() };
+        for one in [self, other] {
+            let arm = one.centre - centre;
+            joined.angular += one.angular + arm.cross(&one.linear);
+            joined.inertia += one.inertia + (Mat3::identity() * arm.dot(&arm) - arm * arm.transpose()) * one.mass;
+        }
+        joined
+    }
+
+    /// The rigid motion that makes up for what is missing.
+    #[must_use]
+    pub(crate) fn solved(mut self) -> Self {
+        self.velocity = self.linear / self.mass;
+        self.spin = self.inertia.lu().solve(&self.angular).unwrap_or_default();
+        self
+    }
 }
 
 impl RigidParts {
@@ -59,31 +85,57 @@ impl RigidParts {
 }
 
 impl Body {
-    /// Corrects `dv` on every part that is neither held nor touched (`touched_nodes`).
+    /// Corrects `dv` on every part that is neither held nor touched (`touched_nodes`), each by itself.
     pub fn correct_rigid_motion(&mut self, touched_nodes: impl Iterator<Item = u32>, dv: &mut Nodal) {
+        if self.sum_missing_momentum(touched_nodes, dv) {
+            self.add_missing_motion(dv);
+        }
+    }
+
+    /// Sums what each part that is neither held nor touched (`touched_nodes`) should have gained and has
+    /// not. Returns whether there is any such part.
+    pub(crate) fn sum_missing_momentum(&mut self, touched_nodes: impl Iterator<Item = u32>, dv: &Nodal) -> bool {
         let parts = &mut self.rigid;
         parts.skip.copy_from_slice(&parts.held);
         touched_nodes.for_each(|n| parts.skip[parts.node_part[n as usize] as usize] = true);
         if parts.skip.iter().all(|s| *s) {
-            return;
+            return false;
         }
         let mut totals = std::mem::take(&mut parts.totals);
         totals.fill(Totals::default());
         self.add_missing_momentum(&mut totals, dv);
-        for total in &mut totals {
-            total.velocity = total.linear / total.mass;
-            total.spin = total.inertia.lu().solve(&total.angular).unwrap_or_default();
-        }
+        totals.iter_mut().for_each(|total| *total = total.solved());
+        self.rigid.totals = totals;
+        true
+    }
+
+    /// The part that a node belongs to.
+    pub(crate) fn part_of_node(&self, node: u32) -> u32 {
+        self.rigid.node_part[node as usize]
+    }
+
+    /// What a part is to gain; `None`: it is left alone.
+    pub(crate) fn gain_of_part(&self, part: u32) -> Option<Totals> {
+        (!self.rigid.skip[part as usize]).then(|| self.rigid.totals[part as usize])
+    }
+
+    /// Sets what a part is to gain.
+    pub(crate) fn set_gain_of_part(&mut self, part: u32, gain: Option<Totals>) {
+        self.rigid.skip[part as usize] = gain.is_none();
+        self.rigid.totals[part as usize] = gain.unwrap_or_default();
+    }
+
+    /// Adds to `dv` what each part is to gain.
+    pub(crate) fn add_missing_motion(&self, dv: &mut Nodal) {
         for (node, change) in dv.iter_mut().enumerate() {
             let part = self.rigid.node_part[node];
             if part == NONE || self.rigid.skip[part as usize] {
                 continue;
             }
-            let total = &totals[part as usize];
+            let total = &self.rigid.totals[part as usize];
             let add = total.velocity + total.spin.cross(&(Vec3::from(self.position_m[node]) - total.centre));
             (0..3).for_each(|i| change[i] += add[i]);
         }
-        self.rigid.totals = totals;
     }
 
     /// Momentum that each part should have gained and has not.

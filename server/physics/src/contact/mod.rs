@@ -1,4 +1,5 @@
-//! Contact between tools and tissue: broad phase, narrow phase and the springs they lead to.
+//! Contact of tools with tissue and of tissue with tissue: broad phase, narrow phase and the springs they
+//! lead to.
 
 pub mod broad;
 pub mod flank;
@@ -6,7 +7,11 @@ pub mod friction;
 pub mod grip;
 pub mod narrow;
 pub mod palpation;
+pub mod patch;
+pub mod patch_hash;
+pub mod press;
 pub mod skin;
+pub mod tissue_spring;
 
 use crate::Vec3;
 

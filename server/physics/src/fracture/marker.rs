@@ -2,6 +2,7 @@
 
 use super::anchor::{Ahead, Anchor};
 use super::entry::{grazes, inward, surface_behind};
+use super::way_in::{WayIn, way_in};
 use crate::Vec3;
 use crate::body::Body;
 use crate::contact::broad::SpatialHash;
@@ -44,13 +45,15 @@ pub(super) struct Edge {
 impl Edge {
     /// A marker that was outside: still is, or the edge has come in through a surface.
     pub(super) fn enter(&self, body: &Body, hash: &SpatialHash, beside: Option<(f64, Anchor)>) -> Marker {
-        let Some(point) = narrow::locate(body, hash, &self.now_m) else { return Marker::Outside };
+        let Some(WayIn { point, at_m, last_m, share }) = way_in(body, hash, &self.before_m, &self.now_m) else {
+            return Marker::Outside;
+        };
         let (nodes, n) = body.weights(&point);
         let tissue: Vec3 =
             nodes.iter().zip(n).map(|(node, n)| Vec3::from(body.velocity_m_per_s[*node as usize]) * n).sum();
-        let approach = (self.now_m - self.before_m - tissue * body.dt_s()).dot(&self.frame.forward);
+        let approach = (at_m - last_m - tissue * (share * body.dt_s())).dot(&self.frame.forward);
         if approach <= 0.0 {
-            return Marker::Buried;
+            return self.emerge(body, hash);
         }
         let mut anchor = Anchor::at(point, self.frame.forward, self.half_width_m);
         let back = anchor.pull_back(body, &self.frame.forward);

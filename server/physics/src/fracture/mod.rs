@@ -17,6 +17,7 @@ mod springs;
 mod sweep;
 mod tension;
 mod travel;
+mod way_in;
 
 pub use book::FrontBook;
 pub use front::{BladeMotion, Front};

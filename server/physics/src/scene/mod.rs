@@ -296,6 +296,10 @@ pub struct MaterialDesc {
     /// What relaxes in time. Default: nothing, which costs nothing.
     #[serde(default)]
     pub viscosity: Option<ViscosityDesc>,
+    /// Coefficient of Coulomb friction of the material's surfaces on each other, 0 to 10; between two
+    /// materials the geometric mean of theirs. Default 0: wet tissue slides.
+    #[serde(default)]
+    pub friction_coefficient: f64,
 }
 
 impl MaterialDesc {

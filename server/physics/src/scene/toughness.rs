@@ -61,6 +61,7 @@ mod tests {
             rate: None,
             strain_stiffening,
             viscosity: None,
+            friction_coefficient: 0.0,
         }
     }
 

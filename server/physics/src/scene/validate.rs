@@ -338,6 +338,7 @@ impl Report {
             number("rate.exponent", rate.exponent, 0.0..=1.0);
         }
         number("strain_stiffening", material.strain_stiffening, 0.0..=50.0);
+        number("friction_coefficient", material.friction_coefficient, 0.0..=10.0);
         if let Some(viscosity) = &material.viscosity {
             number("viscosity.relaxation_time_s", viscosity.relaxation_time_s, 1e-4..=1e4);
             number("viscosity.relaxing_modulus_ratio", viscosity.relaxing_modulus_ratio, 1e-6..=100.0);

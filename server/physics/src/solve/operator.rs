@@ -314,6 +314,21 @@ impl Operator {
         }
     }
 
+    /// Adds to the product at a node.
+    #[inline(always)]
+    pub fn add_to_product(&mut self, node: usize, force: f32x4) {
+        // Whichever of the node's entries: they are added up.
+        if let Some(entry) = self.assembly.entries(node).first() {
+            self.sums[*entry as usize] += force;
+        }
+    }
+
+    /// A spring with every node spread over the unknowns that move it.
+    #[must_use]
+    pub fn among_unknowns(&self, spring: &PointSpring) -> PointSpring {
+        if self.hanging.is_empty() { *spring } else { spring.spread(|node| masters_of(&self.hanging, node)) }
+    }
+
     /// The product at a node; zero at hanging ones.
     #[inline(always)]
     #[must_use]

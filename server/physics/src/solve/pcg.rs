@@ -2,6 +2,9 @@
 //!
 //! The flexible form of beta (Polak-Ribiere) costs one more dot product and tolerates a
 //! preconditioner that is symmetric only up to rounding.
+//!
+//! Bodies that press on each other are solved as one system: blocks with a matrix and a cycle each, and
+//! springs between them.
 
 use super::cycle_level::CycleLevel;
 use super::multigrid::Multigrid;
@@ -74,111 +77,176 @@ impl PcgScratch {
         self.p.resize(n, f32x4::ZERO);
         self.ap.resize(n, f32x4::ZERO);
     }
+}
 
-    /// Solves `A x = b` from the initial guess in `x` until `stop` says.
-    pub fn solve(
-        &mut self,
-        workers: &Workers<'_>,
-        multigrid: &mut Multigrid,
-        b: &[f32x4],
-        x: &mut [f32x4],
-        stop: Stop,
-    ) -> PcgReport {
-        self.resize(b.len());
-        let norm_b = dot(workers, b, b).sqrt();
-        if norm_b < NOTHING_N_S {
-            x.fill(f32x4::ZERO);
-            return PcgReport { iterations: 0, relative_residual: 0.0 };
+/// One block of a system.
+pub struct System<'a> {
+    /// Its matrix and its preconditioner.
+    pub multigrid: &'a mut Multigrid,
+    /// Vectors of the solve.
+    pub scratch: &'a mut PcgScratch,
+    /// Right side.
+    pub b: &'a [f32x4],
+    /// The guess, then the solution.
+    pub x: &'a mut [f32x4],
+}
+
+impl System<'_> {
+    /// The vector that is multiplied.
+    #[must_use]
+    pub fn factor(&self, factor: Factor) -> &[f32x4] {
+        match factor {
+            Factor::Solution => self.x,
+            Factor::Direction => &self.scratch.p,
         }
-        let mut norm_r = begin(workers, multigrid, b, x);
-        if norm_r > norm_b {
-            // The guess is worse than none.
-            x.fill(f32x4::ZERO);
-            multigrid.finest_mut().b.copy_from_slice(b);
-            norm_r = norm_b;
-        }
-        let reference = norm_b.max(stop.scale);
-        let (mut rz, mut alpha, mut iterations) = (0.0, 0.0, 0);
-        let mut repairs = 0;
-        let mut fresh = true;
-        while norm_r > stop.relative_tolerance * reference && iterations < stop.max_iterations {
-            multigrid.precondition(workers);
-            let (next_rz, apz) = self.products(workers, multigrid.finest_mut());
-            if next_rz.is_nan() || next_rz <= 0.0 {
-                // The preconditioner lost definiteness. Mended once or twice it is good again;
-                // going on without would only make the answer worse.
-                if repairs == MAX_REPAIRS {
-                    break;
-                }
-                repairs += 1;
-                multigrid.widen_spectrum(workers);
-                fresh = true;
-                continue;
-            }
-            // The residual changed by -alpha A p: beta = z . (r - r_previous) / (r . z)_previous.
-            let beta = if fresh { 0.0 } else { -alpha * apz / rz };
-            rz = next_rz;
-            let curvature = self.turn(workers, multigrid.finest_mut(), beta);
-            // Not positive (or not a number): the matrix is not definite along p.
-            if curvature.is_nan() || curvature <= 0.0 {
+    }
+}
+
+/// Which vector of each block is multiplied by the matrix.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Factor {
+    /// The solution so far.
+    Solution,
+    /// The search direction.
+    Direction,
+}
+
+/// The blocks that are solved as one.
+pub trait Systems {
+    /// Visits every block, always in the same order.
+    fn for_each(&mut self, visit: impl FnMut(&mut System<'_>));
+
+    /// Adds what springs between blocks make of `factor` to the products that the blocks' own matrices
+    /// have made.
+    fn couple(&mut self, factor: Factor);
+}
+
+/// Sum over the blocks.
+fn sum<S: Systems>(systems: &mut S, mut of: impl FnMut(&mut System<'_>) -> f64) -> f64 {
+    let mut total = 0.0;
+    systems.for_each(|system| total += of(system));
+    total
+}
+
+/// Solves `A x = b` from the initial guess in `x` until `stop` says.
+pub fn solve<S: Systems>(workers: &Workers<'_>, systems: &mut S, stop: Stop) -> PcgReport {
+    let norm_b = sum(systems, |s| dot(workers, s.b, s.b)).sqrt();
+    if norm_b < NOTHING_N_S {
+        systems.for_each(|s| s.x.fill(f32x4::ZERO));
+        return PcgReport { iterations: 0, relative_residual: 0.0 };
+    }
+    let mut norm_r = begin(workers, systems);
+    if norm_r > norm_b {
+        // The guess is worse than none.
+        systems.for_each(|s| {
+            s.x.fill(f32x4::ZERO);
+            s.multigrid.finest_mut().b.copy_from_slice(s.b);
+        });
+        norm_r = norm_b;
+    }
+    let reference = norm_b.max(stop.scale);
+    let (mut rz, mut alpha, mut iterations) = (0.0, 0.0, 0);
+    let mut repairs = 0;
+    let mut fresh = true;
+    while norm_r > stop.relative_tolerance * reference && iterations < stop.max_iterations {
+        let (next_rz, apz) = precondition(workers, systems);
+        if next_rz.is_nan() || next_rz <= 0.0 {
+            // The preconditioner lost definiteness. Mended once or twice it is good again;
+            // going on without would only make the answer worse.
+            if repairs == MAX_REPAIRS {
                 break;
             }
-            fresh = false;
-            alpha = rz / curvature;
-            norm_r = self.advance(workers, &mut multigrid.finest_mut().b, x, alpha).sqrt();
-            iterations += 1;
+            repairs += 1;
+            systems.for_each(|s| s.multigrid.widen_spectrum(workers));
+            fresh = true;
+            continue;
         }
-        PcgReport { iterations, relative_residual: norm_r / reference }
+        // The residual changed by -alpha A p: beta = z . (r - r_previous) / (r . z)_previous.
+        let beta = if fresh { 0.0 } else { -alpha * apz / rz };
+        rz = next_rz;
+        let curvature = turn(workers, systems, beta);
+        // Not positive (or not a number): the matrix is not definite along p.
+        if curvature.is_nan() || curvature <= 0.0 {
+            break;
+        }
+        fresh = false;
+        alpha = rz / curvature;
+        norm_r = sum(systems, |s| advance(workers, s, alpha)).sqrt();
+        iterations += 1;
     }
+    PcgReport { iterations, relative_residual: norm_r / reference }
+}
 
-    /// `r . z` and `A p . z`.
-    fn products(&self, workers: &Workers<'_>, finest: &CycleLevel) -> (f64, f64) {
-        let data = (&finest.b[..], &finest.x[..], &self.ap[..]);
+/// `z` of each block's own cycle; `r . z` and `A p . z`.
+fn precondition<S: Systems>(workers: &Workers<'_>, systems: &mut S) -> (f64, f64) {
+    let mut total = (0.0, 0.0);
+    systems.for_each(|s| {
+        s.multigrid.precondition(workers);
+        let finest = s.multigrid.finest_mut();
+        let data = (&finest.b[..], &finest.x[..], &s.scratch.ap[..]);
         let of_chunk = |_, (r, z, ap): (&[f32x4], &[f32x4], &[f32x4])| (dot_chunk(r, z), dot_chunk(ap, z));
-        workers.reduce_chunks(data, NODES_PER_CHUNK, of_chunk, |a, b| (a.0 + b.0, a.1 + b.1))
-    }
+        let (rz, apz) = workers.reduce_chunks(data, NODES_PER_CHUNK, of_chunk, |a, b| (a.0 + b.0, a.1 + b.1));
+        total = (total.0 + rz, total.1 + apz);
+    });
+    total
+}
 
-    /// `p = z + beta p`, and `p . A p`.
-    fn turn(&mut self, workers: &Workers<'_>, finest: &mut CycleLevel, beta: f64) -> f64 {
-        let factor = f32x4::splat(beta as f32);
-        workers.for_chunks((&mut self.p[..], &finest.x[..]), NODES_PER_CHUNK, |_, (p, z)| {
+/// `p = z + beta p`, and `p . A p`.
+fn turn<S: Systems>(workers: &Workers<'_>, systems: &mut S, beta: f64) -> f64 {
+    let factor = f32x4::splat(beta as f32);
+    systems.for_each(|s| {
+        let finest = s.multigrid.finest_mut();
+        workers.for_chunks((&mut s.scratch.p[..], &finest.x[..]), NODES_PER_CHUNK, |_, (p, z)| {
             // The first direction is not to see what an earlier solve left.
             p.iter_mut().zip(z).for_each(|(p, z)| *p = if beta == 0.0 { *z } else { factor.mul_add(*p, *z) });
         });
-        finest.operator.multiply(workers, &self.p);
-        let operator = &finest.operator;
+        finest.operator.multiply(workers, &s.scratch.p);
+    });
+    systems.couple(Factor::Direction);
+    sum(systems, |s| {
+        let operator = s.multigrid.operator();
         let multiply = |chunk: usize, (p, ap): (&[f32x4], &mut [f32x4])| {
             for (node, ap) in (chunk * NODES_PER_CHUNK..).zip(&mut *ap) {
                 *ap = operator.product_at(node);
             }
             dot_chunk(p, ap)
         };
-        workers.reduce_chunks((&self.p[..], &mut self.ap[..]), NODES_PER_CHUNK, multiply, |a, b| a + b)
-    }
+        let data = (&s.scratch.p[..], &mut s.scratch.ap[..]);
+        workers.reduce_chunks(data, NODES_PER_CHUNK, multiply, |a, b| a + b)
+    })
+}
 
-    /// `x += alpha p`, `r -= alpha A p`, and `r . r`.
-    fn advance(&self, workers: &Workers<'_>, r: &mut [f32x4], x: &mut [f32x4], alpha: f64) -> f64 {
-        let alpha = f32x4::splat(alpha as f32);
-        type Data<'a> = (&'a mut [f32x4], &'a mut [f32x4], &'a [f32x4], &'a [f32x4]);
-        let advance = |_, (x, r, p, ap): Data<'_>| {
-            x.iter_mut().zip(p).for_each(|(x, p)| *x = alpha.mul_add(*p, *x));
-            r.iter_mut().zip(ap).for_each(|(r, ap)| *r = (-alpha).mul_add(*ap, *r));
-            dot_chunk(r, r)
-        };
-        workers.reduce_chunks((x, r, &self.p[..], &self.ap[..]), NODES_PER_CHUNK, advance, |a, b| a + b)
-    }
+/// `x += alpha p`, `r -= alpha A p`, and `r . r`.
+fn advance(workers: &Workers<'_>, system: &mut System<'_>, alpha: f64) -> f64 {
+    let alpha = f32x4::splat(alpha as f32);
+    type Data<'a> = (&'a mut [f32x4], &'a mut [f32x4], &'a [f32x4], &'a [f32x4]);
+    let advance = |_, (x, r, p, ap): Data<'_>| {
+        x.iter_mut().zip(p).for_each(|(x, p)| *x = alpha.mul_add(*p, *x));
+        r.iter_mut().zip(ap).for_each(|(r, ap)| *r = (-alpha).mul_add(*ap, *r));
+        dot_chunk(r, r)
+    };
+    let r = &mut system.multigrid.finest_mut().b[..];
+    let data = (&mut system.x[..], r, &system.scratch.p[..], &system.scratch.ap[..]);
+    workers.reduce_chunks(data, NODES_PER_CHUNK, advance, |a, b| a + b)
 }
 
 /// `r = b - A x`, and its norm.
-fn begin(workers: &Workers<'_>, multigrid: &mut Multigrid, b: &[f32x4], x: &[f32x4]) -> f64 {
-    let CycleLevel { operator, b: r, .. } = multigrid.finest_mut();
-    operator.multiply(workers, x);
-    let operator = &*operator;
-    let residual = |chunk: usize, (b, r): (&[f32x4], &mut [f32x4])| {
-        for (node, (b, r)) in (chunk * NODES_PER_CHUNK..).zip(b.iter().zip(&mut *r)) {
-            *r = *b - operator.product_at(node);
-        }
-        dot_chunk(r, r)
-    };
-    workers.reduce_chunks((b, &mut r[..]), NODES_PER_CHUNK, residual, |a, b| a + b).sqrt()
+fn begin<S: Systems>(workers: &Workers<'_>, systems: &mut S) -> f64 {
+    systems.for_each(|s| {
+        s.scratch.resize(s.b.len());
+        s.multigrid.operator_mut().multiply(workers, s.x);
+    });
+    systems.couple(Factor::Solution);
+    sum(systems, |s| {
+        let CycleLevel { operator, b: r, .. } = s.multigrid.finest_mut();
+        let operator = &*operator;
+        let residual = |chunk: usize, (b, r): (&[f32x4], &mut [f32x4])| {
+            for (node, (b, r)) in (chunk * NODES_PER_CHUNK..).zip(b.iter().zip(&mut *r)) {
+                *r = *b - operator.product_at(node);
+            }
+            dot_chunk(r, r)
+        };
+        workers.reduce_chunks((s.b, &mut r[..]), NODES_PER_CHUNK, residual, |a, b| a + b)
+    })
+    .sqrt()
 }

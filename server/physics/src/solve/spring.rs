@@ -69,10 +69,22 @@ impl PointSpring {
         [f32x4::new([x[0], y[1], z[2], 0.0]), f32x4::new([y[0], z[0], z[1], 0.0])]
     }
 
-    /// What the springs add at each node of the point: `(w w^T (x) S) x`.
-    pub fn forces<'a>(&'a self, x: &[f32x4]) -> impl Iterator<Item = (usize, f32x4)> + 'a {
-        let at = self.entries().fold(f32x4::ZERO, |sum, (node, w)| f32x4::splat(w).mul_add(x[node], sum));
+    /// `w . x`.
+    #[inline(always)]
+    #[must_use]
+    pub fn value(&self, x: &[f32x4]) -> f32x4 {
+        self.entries().fold(f32x4::ZERO, |sum, (node, w)| f32x4::splat(w).mul_add(x[node], sum))
+    }
+
+    /// What the springs add at each node of the point where the point moves by `at`: `w (x) S at`.
+    #[inline(always)]
+    pub fn shares(&self, at: f32x4) -> impl Iterator<Item = (usize, f32x4)> + '_ {
         let force = times(&self.stiffness, at);
         self.entries().map(move |(node, w)| (node, f32x4::splat(w) * force))
+    }
+
+    /// What the springs add at each node of the point: `(w w^T (x) S) x`.
+    pub fn forces<'a>(&'a self, x: &[f32x4]) -> impl Iterator<Item = (usize, f32x4)> + 'a {
+        self.shares(self.value(x))
     }
 }

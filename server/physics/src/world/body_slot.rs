@@ -1,5 +1,6 @@
 //! A body in the world: what tools do to it in a step, and what the step does with it.
 
+use super::tissue_contact::TissueContact;
 use super::tool_contact::ToolContact;
 use crate::body::{self, Body, TopologyChange};
 use crate::contact::Mode;
@@ -8,7 +9,7 @@ use crate::fault::{Fault, FaultKind};
 use crate::grid::{Crossing, LinkId};
 use crate::ledger::BodyLedger;
 use crate::solve::spring::POINT_NODES;
-use crate::step_io::{SolveReport, StepOutput};
+use crate::step_io::StepOutput;
 use crate::tool::ToolShape;
 use crate::workers::Workers;
 
@@ -22,6 +23,8 @@ pub(super) struct BodySlot {
     pub(super) walls: Walls,
     pub(super) velocity_change: body::Nodal,
     pub(super) impulses: Vec<(u32, [f64; 3])>,
+    /// How many of the impulses are the tools'; they come first.
+    pub(super) tool_impulses: usize,
     pub(super) ledger: BodyLedger,
     pub(super) parting: Vec<(LinkId, Crossing)>,
     /// Links that were parted in this step, and what that changed.
@@ -29,6 +32,8 @@ pub(super) struct BodySlot {
     pub(super) change: TopologyChange,
     /// Its state was set from outside since the last step.
     pub(super) edited: bool,
+    /// The first of the bodies that it presses on, or that press on those: they are solved as one.
+    pub(super) island: usize,
 }
 
 impl BodySlot {
@@ -42,33 +47,48 @@ impl BodySlot {
             contacts,
             walls: Walls::default(),
             impulses: Vec::new(),
+            tool_impulses: 0,
             parting: Vec::new(),
             parted: Vec::new(),
             change: TopologyChange::default(),
             edited: false,
+            island: 0,
         };
-        slot.reserve();
+        slot.reserve(0);
         slot
     }
 
-    /// Room for every contact there may be until links part again: a step in between allocates nothing.
-    pub(super) fn reserve(&mut self) {
-        let springs = self.contacts.iter_mut().map(|c| c.reserve(&self.body, &self.walls)).sum();
+    /// Room for every contact there may be until links part again, `tissue_springs` of them with tissue: a
+    /// step in between allocates nothing.
+    pub(super) fn reserve(&mut self, tissue_springs: usize) {
+        let of_tools: usize = self.contacts.iter_mut().map(|c| c.reserve(&self.body, &self.walls)).sum();
+        let springs = of_tools + tissue_springs;
         self.impulses.clear();
         self.impulses.reserve(POINT_NODES * springs);
         self.body.reserve_springs(springs);
     }
 
-    pub(super) fn solve(&mut self, workers: &Workers<'_>, dt_s: f64) -> SolveReport {
+    /// Loads the solver with the contacts as they are now; returns the norm of the impulses applied, N s.
+    pub(super) fn load_system(
+        &mut self,
+        workers: &Workers<'_>,
+        tissue: Option<&TissueContact>,
+        index: usize,
+        dt_s: f64,
+    ) -> f64 {
         self.velocity_change.resize(self.body.node_count(), [0.0; 3]);
         self.impulses.clear();
         for contact in self.contacts.iter().flat_map(ToolContact::springs).filter(|c| c.mode != Mode::Off) {
             let impulse = contact.direction * contact.impulse(dt_s);
             self.impulses.extend(contact.weights.iter().map(|(node, w)| (node, (impulse * w).into())));
         }
-        self.body.set_springs(self.contacts.iter().flat_map(ToolContact::springs));
+        self.tool_impulses = self.impulses.len();
+        self.impulses.extend(tissue.iter().flat_map(|tissue| tissue.impulses(index, dt_s)));
+        let of_tissue = tissue.iter().flat_map(|tissue| tissue.point_springs(index, dt_s));
+        self.body.set_springs(self.contacts.iter().flat_map(ToolContact::springs), of_tissue);
         let scale = self.body.applied_impulse_norm(workers, &self.impulses);
-        self.body.solve_velocity_change(workers, &self.impulses, scale, &mut self.velocity_change)
+        self.body.load_system(workers, &self.impulses, &self.velocity_change);
+        scale
     }
 
     pub(super) fn settle_contacts(&mut self, dt_s: f64) -> bool {
@@ -83,6 +103,7 @@ impl BodySlot {
     /// finite.
     pub(super) fn take_edits(&mut self, workers: &Workers<'_>) {
         self.edited = false;
+        self.velocity_change.resize(self.body.node_count(), [0.0; 3]);
         self.body.evaluate(workers, 20);
         if self.body.save_finite_state(workers) {
             self.ledger.after = self.body.energy();

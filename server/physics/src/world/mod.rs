@@ -3,8 +3,11 @@
 mod blade_contact;
 mod body_slot;
 mod contact_model;
+mod part_groups;
 mod queries;
 mod snapshot;
+mod solve;
+mod tissue_contact;
 mod tool_contact;
 
 use crate::Vec3;
@@ -13,21 +16,18 @@ use crate::ledger::{self, ContactLedger};
 use crate::params::StepParams;
 use crate::scene::{Scene, SceneError};
 use crate::stage::{Lap, Stage, StageClock};
-use crate::step_io::{FractureStep, Grasp, SolveReport, StepInputs, StepOutput, ToolMotion, ToolOutput, Wrench};
+use crate::step_io::{FractureStep, Grasp, StepInputs, StepOutput, ToolMotion, ToolOutput, Wrench};
 use crate::tool::{Pose, ToolPath, ToolShape};
 use crate::view::View;
 use crate::workers::Workers;
 use body_slot::BodySlot;
 use contact_model::ContactModelSum;
+use tissue_contact::TissueContact;
 use tool_contact::ToolContact;
 
 pub use crate::body::Relaxation;
 pub use queries::{ObjectStats, WorldCounts};
 pub use snapshot::Snapshot;
-
-/// A step's contact springs are re-solved at most this many times; what still changes then waits for
-/// the next step.
-const MAX_ACTIVE_SET_SOLVES: u32 = 4;
 
 /// Opening that tools enter with.
 const OPEN: f64 = 1.0;
@@ -85,6 +85,8 @@ pub struct World {
     /// Present from when the surface is first asked for until it is forgotten: nobody watches,
     /// nothing is contoured.
     view: Option<View>,
+    /// Present from when tissue may meet tissue: in scenes of several objects, and after the first cut.
+    tissue: Option<TissueContact>,
     contact_ledger: ContactLedger,
     springs_before_j: f64,
     output: StepOutput,
@@ -124,12 +126,16 @@ impl World {
             tools,
             probes: Vec::new(),
             view: None,
+            tissue: None,
             contact_ledger: ContactLedger::default(),
             springs_before_j: 0.0,
             output: StepOutput::default(),
         };
         for (index, probe) in desc.probes.iter().enumerate() {
             world.probes.push(world.find_probe(scene, index, &probe.object, probe.position_m.into())?);
+        }
+        if world.slots.len() > 1 {
+            world.follow_tissue();
         }
         world.output.tools = vec![ToolOutput::default(); world.tools.len()];
         world.output.probe_displacement_m = vec![Vec3::zeros(); world.probes.len()];
@@ -159,12 +165,16 @@ impl World {
 
     fn run_stages(&mut self, workers: &Workers<'_>, clock: &dyn StageClock, inputs: &StepInputs<'_>) {
         let mut lap = Lap::start(clock);
-        self.slots.iter_mut().filter(|s| s.edited).for_each(|s| s.take_edits(workers));
+        self.take_edits(workers);
         self.apply_inputs(inputs);
         lap.end(Stage::ApplyInputs);
         if self.tools.iter().any(|t| t.pose.is_some()) {
             self.detect_contacts();
             lap.end(Stage::Contact);
+        }
+        if let Some(tissue) = &mut self.tissue {
+            tissue.detect(&self.slots, self.params.dt_s);
+            lap.end(Stage::SelfContact);
         }
         self.solve_velocities(workers);
         lap.end(Stage::Velocities);
@@ -192,6 +202,16 @@ impl World {
         }
         self.finish();
         self.output.profile = lap.finish();
+    }
+
+    fn take_edits(&mut self, workers: &Workers<'_>) {
+        let is_cut = |slot: &BodySlot| slot.edited && slot.body.node_count() != slot.velocity_change.len();
+        let cut = self.slots.iter().any(is_cut);
+        self.slots.iter_mut().filter(|s| s.edited).for_each(|s| s.take_edits(workers));
+        if cut {
+            self.tissue = None;
+            self.follow_tissue();
+        }
     }
 
     fn apply_inputs(&mut self, inputs: &StepInputs<'_>) {
@@ -231,26 +251,6 @@ impl World {
         }
     }
 
-    fn solve_velocities(&mut self, workers: &Workers<'_>) {
-        let mut report = SolveReport::default();
-        for slot in &mut self.slots {
-            slot.body.refresh_operator(workers);
-            slot.body.assemble_right_side(workers);
-            for _ in 0..MAX_ACTIVE_SET_SOLVES {
-                let solve = slot.solve(workers, self.params.dt_s);
-                report.iterations += solve.iterations;
-                report.solves += 1;
-                report.relative_residual = report.relative_residual.max(solve.relative_residual);
-                if !slot.settle_contacts(self.params.dt_s) {
-                    break;
-                }
-            }
-            let touched = slot.impulses.iter().map(|i| i.0);
-            slot.body.correct_rigid_motion(touched, &mut slot.velocity_change);
-        }
-        self.output.solve = report;
-    }
-
     fn integrate(&mut self, workers: &Workers<'_>) {
         for slot in &mut self.slots {
             let body = &mut slot.body;
@@ -258,6 +258,9 @@ impl World {
             if !body.is_finite() {
                 slot.roll_back(workers, &mut self.output);
             }
+        }
+        if self.output.fault.is_some() {
+            self.tissue.iter_mut().for_each(TissueContact::release);
         }
     }
 
@@ -301,12 +304,22 @@ impl World {
             slot.ledger.after = slot.body.energy();
             slot.walls.update(&slot.body, &slot.parted, &slot.change);
             slot.contacts.iter_mut().for_each(|c| c.follow(&slot.body, &slot.parted, &slot.change));
-            slot.reserve();
             self.output.fracture.parted_links += slot.parted.len() as u32;
         }
         if self.output.fracture.parted_links > 0 {
             self.output.topology_version += 1;
+            self.follow_tissue();
         }
+    }
+
+    /// Takes the surfaces as they are now to the contact of tissue with tissue, where there may be any.
+    fn follow_tissue(&mut self) {
+        match &mut self.tissue {
+            Some(tissue) => tissue.update(&self.slots),
+            None => self.tissue = Some(TissueContact::new(&self.slots)),
+        }
+        let springs = self.tissue.as_ref().map_or(0, TissueContact::most_springs);
+        self.slots.iter_mut().for_each(|slot| slot.reserve(springs));
     }
 
     fn update_view(&mut self) {
@@ -357,6 +370,9 @@ impl World {
             output.cutting_length_m = self.slots.iter().map(|s| s.contacts[index].cutting_length_m()).sum();
             let holds = self.slots.iter().any(|s| s.contacts[index].holds());
             output.grasp = if holds { Grasp::Holding } else { Grasp::Nothing };
+        }
+        if let Some(tissue) = &mut self.tissue {
+            tissue.conclude(&mut self.contact_ledger, self.params.dt_s);
         }
     }
 

@@ -2,8 +2,10 @@
 
 use super::World;
 use super::body_slot::BodySlot;
+use super::tissue_contact::TissueContact;
 use crate::body::Body;
 use crate::contact::broad::Aabb;
+use crate::contact::tissue_spring::TissueSpring;
 use crate::hash::StateHasher;
 use crate::surface::Surface;
 use crate::surface::delta::{AdaptedVertex, Keyframe, TopologyPatch};
@@ -77,6 +79,12 @@ impl World {
         self.slots.iter().map(stats).collect()
     }
 
+    /// Springs between tissue and tissue as the last step left them; none where links parted in it.
+    #[must_use]
+    pub fn tissue_springs(&self) -> &[TissueSpring] {
+        self.tissue.as_ref().map_or(&[], TissueContact::springs)
+    }
+
     /// Contours nothing more until the surface is asked for again; it will then be the same as if it
     /// had been followed.
     pub fn forget_surface(&mut self) {
@@ -128,7 +136,7 @@ impl World {
         self.view.as_ref().map_or(&[], |view| view.adapted(object))
     }
 
-    /// Hash of positions, velocities, strain memory, fronts, what graspers hold and topology.
+    /// Hash of positions, velocities, strain memory, fronts, what graspers hold, what friction remembers and topology.
     #[must_use]
     pub fn state_hash(&self) -> u64 {
         let mut hasher = StateHasher::default();
@@ -143,6 +151,7 @@ impl World {
             }
             slot.contacts.iter().for_each(|c| c.fold_into(&mut hasher));
         }
+        self.tissue.iter().for_each(|tissue| tissue.fold_into(&mut hasher));
         hasher.finish()
     }
 

@@ -1,6 +1,7 @@
 //! A world's state between two steps, to go back to.
 
 use super::body_slot::BodySlot;
+use super::tissue_contact::TissueContact;
 use super::{Tool, World};
 use crate::ledger::ContactLedger;
 use crate::step_io::StepOutput;
@@ -12,6 +13,7 @@ use crate::step_io::StepOutput;
 pub struct Snapshot {
     slots: Vec<BodySlot>,
     tools: Vec<Tool>,
+    tissue: Option<TissueContact>,
     contact_ledger: ContactLedger,
     springs_before_j: f64,
     output: StepOutput,
@@ -32,6 +34,7 @@ impl World {
         Snapshot {
             slots: self.slots.clone(),
             tools: self.tools.clone(),
+            tissue: self.tissue.clone(),
             contact_ledger: self.contact_ledger,
             springs_before_j: self.springs_before_j,
             output: self.output.clone(),
@@ -42,8 +45,11 @@ impl World {
     /// same bits. The surface is forgotten.
     pub fn restore(&mut self, snapshot: &Snapshot) {
         self.slots.clone_from(&snapshot.slots);
+        self.tissue.clone_from(&snapshot.tissue);
         // A copy has room for what it holds and no more.
-        self.slots.iter_mut().for_each(BodySlot::reserve);
+        self.tissue.iter_mut().for_each(|tissue| tissue.reserve(&self.slots));
+        let springs = self.tissue.as_ref().map_or(0, TissueContact::most_springs);
+        self.slots.iter_mut().for_each(|slot| slot.reserve(springs));
         self.tools.clone_from(&snapshot.tools);
         self.contact_ledger = snapshot.contact_ledger;
         self.springs_before_j = snapshot.springs_before_j;

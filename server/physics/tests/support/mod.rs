@@ -38,6 +38,7 @@ pub fn material() -> MaterialDesc {
         rate: None,
         strain_stiffening: 0.0,
         viscosity: None,
+        friction_coefficient: 0.0,
     }
 }
 

@@ -26,6 +26,7 @@ fn block(side_m: f64) -> Body {
         strain_stiffening: 0.0,
         viscosity: None,
         rate: None,
+        friction_coefficient: 0.0,
     };
     let half = 0.5 * side_m;
     let object = ObjectDesc {

@@ -112,6 +112,7 @@ impl Press {
                 rate: None,
                 strain_stiffening: 0.0,
                 viscosity: None,
+                friction_coefficient: 0.0,
             },
             regions: Vec::new(),
             finer: Vec::new(),
@@ -221,7 +222,7 @@ impl Press {
             .collect();
         body.reserve_springs(springs.len());
         body.refresh_operator(&Workers::serial());
-        body.set_springs(springs.iter());
+        body.set_springs(springs.iter(), std::iter::empty());
         body.assemble_right_side(&Workers::serial());
         let mut change = vec![[0.0; 3]; body.node_count()];
         body.solve_velocity_change(&Workers::serial(), &impulses, 0.0, &mut change);

@@ -1,0 +1,144 @@
+//! The velocity solve of a body: its springs, its right side and its solution in the solver's vectors.
+
+use super::{Body, Nodal};
+use crate::contact::{Contact, Mode};
+use crate::params::StepParams;
+use crate::solve::operator::{NODES_PER_CHUNK, masters_of};
+use crate::solve::pcg::{self, Factor, PcgReport, Stop, System, Systems};
+use crate::solve::spring::PointSpring;
+use crate::step_io::SolveReport;
+use crate::workers::Workers;
+use wide::f32x4;
+
+impl Body {
+    /// Room for `count` springs in the solver's operators.
+    pub fn reserve_springs(&mut self, count: usize) {
+        self.multigrid.reserve_springs(count);
+    }
+
+    /// Replaces the springs of the solver's operator by those of the contacts that act, and by `tissue`.
+    pub fn set_springs<'a>(
+        &mut self,
+        contacts: impl Iterator<Item = &'a Contact>,
+        tissue: impl Iterator<Item = PointSpring>,
+    ) {
+        let dt2 = self.params.dt_s * self.params.dt_s;
+        let springs = contacts
+            .filter(|c| c.mode == Mode::Spring)
+            .map(|c| PointSpring::new(c.weights.iter(), c.direction.into(), dt2 * c.stiffness_n_per_m));
+        self.multigrid.set_springs(springs.chain(tissue));
+    }
+
+    /// Norm of the impulses that loads and contacts `impulses` (node, N s) give the nodes in a step.
+    pub fn applied_impulse_norm(&mut self, workers: &Workers<'_>, impulses: &[(u32, [f64; 3])]) -> f64 {
+        let mut applied = std::mem::take(&mut self.scratch.applied);
+        let dt = self.params.dt_s;
+        workers.for_chunks((&mut applied[..], &self.external_n[..]), NODES_PER_CHUNK, |_, (applied, external)| {
+            applied.iter_mut().zip(external).for_each(|(a, f)| *a = f.map(|c| dt * c));
+        });
+        for (node, impulse) in impulses {
+            (0..3).for_each(|i| applied[*node as usize][i] += impulse[i]);
+        }
+        self.gather_hanging(&mut applied);
+        let square = |_, applied: &[[f64; 3]]| applied.iter().flatten().map(|c| c * c).sum::<f64>();
+        let squares = workers.reduce_chunks(&applied[..], NODES_PER_CHUNK, square, |a, b| a + b);
+        self.scratch.applied = applied;
+        squares.sqrt()
+    }
+
+    /// Solves for the change of velocity with contact impulses `impulse` (node, N s) added to the
+    /// right side, to the tolerance relative to it or, if that is larger, to `scale`;
+    /// `velocity_change` starts as the guess and ends as the solution.
+    pub fn solve_velocity_change(
+        &mut self,
+        workers: &Workers<'_>,
+        impulses: &[(u32, [f64; 3])],
+        scale: f64,
+        velocity_change: &mut Nodal,
+    ) -> SolveReport {
+        self.load_system(workers, impulses, velocity_change);
+        let stop = self.stop(scale);
+        let PcgReport { iterations, relative_residual } = pcg::solve(workers, self, stop);
+        self.take_velocity_change(workers, velocity_change);
+        SolveReport { iterations, solves: 1, relative_residual }
+    }
+
+    /// When a solve ends in which the impulses applied have the norm `scale`, N s.
+    #[must_use]
+    pub fn stop(&self, scale: f64) -> Stop {
+        let StepParams { relative_tolerance, max_iterations, .. } = self.params;
+        Stop { scale, relative_tolerance, max_iterations }
+    }
+
+    /// Writes the right side, contact impulses (node, N s) added, and the guess into the solver's vectors.
+    pub fn load_system(&mut self, workers: &Workers<'_>, impulses: &[(u32, [f64; 3])], guess_m_per_s: &[[f64; 3]]) {
+        let scratch = &mut self.scratch;
+        let data = (&mut scratch.right_side_f32[..], &scratch.right_side[..]);
+        workers.for_chunks(data, NODES_PER_CHUNK, |_, (narrowed, b)| {
+            narrowed.iter_mut().zip(b).for_each(|(narrowed, b)| *narrowed = narrow(b));
+        });
+        let hanging = self.multigrid.operator().hanging();
+        for (node, impulse) in impulses {
+            for (master, w) in masters_of(hanging, *node as usize) {
+                scratch.right_side_f32[master] += f32x4::splat(w) * narrow(impulse);
+            }
+        }
+        let data = (&mut scratch.solution[..], guess_m_per_s);
+        workers.for_chunks(data, NODES_PER_CHUNK, |_, (solution, guess)| {
+            solution.iter_mut().zip(guess).for_each(|(solution, guess)| *solution = narrow(guess));
+        });
+    }
+
+    /// What the solver works on.
+    pub(crate) fn system(&mut self) -> System<'_> {
+        System {
+            multigrid: &mut self.multigrid,
+            scratch: &mut self.pcg,
+            b: &self.scratch.right_side_f32,
+            x: &mut self.scratch.solution,
+        }
+    }
+
+    /// A spring at a point of the body, spread over the solver's unknowns.
+    #[must_use]
+    pub(crate) fn among_unknowns(&self, spring: &PointSpring) -> PointSpring {
+        self.multigrid.operator().among_unknowns(spring)
+    }
+
+    /// Adds to the solver's product what `spring` does where its point moves by `at`.
+    pub(crate) fn add_to_product(&mut self, spring: &PointSpring, at: f32x4) {
+        let operator = self.multigrid.operator_mut();
+        spring.shares(at).for_each(|(node, force)| operator.add_to_product(node, force));
+    }
+
+    /// Reads the solution out of the solver's vectors.
+    pub fn take_velocity_change(&mut self, workers: &Workers<'_>, velocity_change: &mut Nodal) {
+        let data = (&mut velocity_change[..], &self.scratch.solution[..]);
+        workers.for_chunks(data, NODES_PER_CHUNK, |_, (change, solution)| {
+            for (change, v) in change.iter_mut().zip(solution) {
+                let [x, y, z, _] = v.to_array().map(f64::from);
+                *change = [x, y, z];
+            }
+        });
+        for hanging in self.multigrid.operator().hanging() {
+            let mut moved = [0.0; 3];
+            for (master, w) in hanging.masters {
+                (0..3).for_each(|i| moved[i] += f64::from(w) * velocity_change[master as usize][i]);
+            }
+            velocity_change[hanging.node as usize] = moved;
+        }
+    }
+}
+
+/// A body that presses on no other is solved alone.
+impl Systems for Body {
+    fn for_each(&mut self, mut visit: impl FnMut(&mut System<'_>)) {
+        visit(&mut self.system());
+    }
+
+    fn couple(&mut self, _: Factor) {}
+}
+
+fn narrow(v: &[f64; 3]) -> f32x4 {
+    f32x4::new([v[0] as f32, v[1] as f32, v[2] as f32, 0.0])
+}

@@ -1,0 +1,115 @@
+//! Broad phase of tissue against tissue: a spatial hash of the patches of all surfaces.
+
+use super::broad::Aabb;
+use crate::Vec3;
+
+/// A patch of a body's surface where it is now.
+#[derive(Clone, Copy, Debug)]
+pub struct PlacedPatch {
+    /// Index of the body.
+    pub body: u32,
+    /// Index into the body's patches.
+    pub patch: u32,
+    /// Position, m, scene frame.
+    pub at_m: Vec3,
+    /// Velocity, m/s, scene frame.
+    pub velocity_m_per_s: Vec3,
+    /// Outward unit normal as its element has turned, scene frame.
+    pub normal: Vec3,
+}
+
+const NONE: u32 = u32::MAX;
+/// Buckets per patch, at least: few cells then share one.
+const BUCKETS_PER_PATCH: usize = 2;
+
+/// Patches by the cell of space that they lie in (Teschner et al. 2003).
+#[derive(Clone, Debug, Default)]
+pub struct PatchHash {
+    cell_m: f64,
+    placed: Vec<PlacedPatch>,
+    cells: Vec<[i32; 3]>,
+    /// First patch of each bucket, and the next one after each patch.
+    heads: Vec<u32>,
+    next: Vec<u32>,
+}
+
+impl PatchHash {
+    /// Room for so many patches.
+    pub fn reserve(&mut self, patches: usize) {
+        self.clear();
+        self.placed.reserve(patches);
+        self.cells.reserve(patches);
+        self.next.reserve(patches);
+        self.heads.clear();
+        self.heads.resize((BUCKETS_PER_PATCH * patches).next_power_of_two(), NONE);
+    }
+
+    /// Empties it.
+    pub fn clear(&mut self) {
+        self.placed.clear();
+        self.cells.clear();
+        self.next.clear();
+    }
+
+    /// Adds a patch; [`Self::build`] makes it found.
+    pub fn push(&mut self, patch: PlacedPatch) {
+        self.placed.push(patch);
+    }
+
+    /// The patches that were added.
+    #[must_use]
+    pub fn placed(&self) -> &[PlacedPatch] {
+        &self.placed
+    }
+
+    /// The box of the patches' velocities, m/s; empty without patches.
+    #[must_use]
+    pub fn velocities(&self) -> Aabb {
+        Aabb::around(self.placed.iter().map(|p| p.velocity_m_per_s))
+    }
+
+    /// Sorts the patches into cells twice as wide as `reach_m`.
+    pub fn build(&mut self, reach_m: f64) {
+        self.cell_m = 2.0 * reach_m;
+        self.heads.fill(NONE);
+        for index in 0..self.placed.len() {
+            let cell = self.cell(&self.placed[index].at_m);
+            let bucket = self.bucket(cell);
+            self.cells.push(cell);
+            self.next.push(self.heads[bucket]);
+            self.heads[bucket] = index as u32;
+        }
+    }
+
+    fn cell(&self, at_m: &Vec3) -> [i32; 3] {
+        let c = at_m / self.cell_m;
+        [c.x.floor() as i32, c.y.floor() as i32, c.z.floor() as i32]
+    }
+
+    fn bucket(&self, cell: [i32; 3]) -> usize {
+        let [i, j, k] = cell.map(|c| c as u32);
+        let mixed = i.wrapping_mul(73_856_093) ^ j.wrapping_mul(19_349_663) ^ k.wrapping_mul(83_492_791);
+        mixed as usize & (self.heads.len() - 1)
+    }
+
+    /// Every patch within the reach of a point along each axis, in a fixed order.
+    pub fn near(&self, at_m: &Vec3) -> impl Iterator<Item = &PlacedPatch> + '_ {
+        let (at_m, reach_m) = (*at_m, 0.5 * self.cell_m);
+        let low = self.cell(&at_m.add_scalar(-0.5 * self.cell_m));
+        (0..8).flat_map(move |corner| {
+            let cell = std::array::from_fn(|a| low[a] + (corner >> a & 1));
+            let mut at = self.heads[self.bucket(cell)];
+            std::iter::from_fn(move || {
+                while at != NONE {
+                    let index = at as usize;
+                    at = self.next[index];
+                    let placed = &self.placed[index];
+                    if self.cells[index] == cell && (placed.at_m - at_m).amax() <= reach_m {
+                        return Some(placed);
+                    }
+                }
+                None
+            })
+        })
+    }
+}

@@ -1,0 +1,159 @@
+//! Narrow phase of tissue against tissue: whether a patch of one surface comes through another, by signed
+//! distance in the other's reference configuration.
+
+use super::patch::SurfacePatch;
+use super::patch_hash::PlacedPatch;
+use crate::Vec3;
+use crate::body::{Body, MaterialPoint};
+use crate::grid::{Ijk, LinkId, VoxelId};
+
+/// Surfaces that come closer than this many voxels in a step have a spring ready: what the solve itself
+/// pushes together is then caught in the same step.
+pub const MARGIN_VOXELS: f64 = 0.25;
+/// Surfaces face each other where the cosine between their normals is below this.
+const FACING: f64 = -0.2;
+/// A patch deeper than this many elements under a surface did not come through it.
+const MOST_DEPTH_ELEMENTS: f64 = 0.75;
+/// A point that an evenly strained element would have farther than this many elements from its middle, along
+/// an axis, is not in it however it is bent.
+const MOST_ASIDE_ELEMENTS: f64 = 0.8;
+/// Depths under a surface, in voxels, at which its material is looked for: it is cut out in whole voxels,
+/// and an oblique surface runs up to most of one outside them.
+const MATERIAL_VOXELS: [f64; 2] = [0.4, 0.9];
+/// A point within this share of an element of its boundary is in it.
+const BOUNDARY: f64 = 1e-9;
+
+/// One patch of a body.
+#[derive(Clone, Copy)]
+pub struct PatchOf<'a> {
+    /// The body.
+    pub body: &'a Body,
+    /// The patch.
+    pub patch: &'a SurfacePatch,
+    /// Where it is.
+    pub placed: &'a PlacedPatch,
+}
+
+/// Where a patch meets, or is about to meet, a surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Meeting {
+    /// The surface's point under the patch.
+    pub point: MaterialPoint,
+    /// Unit normal out of the surface, scene frame.
+    pub normal: Vec3,
+    /// Distance of the patch from the surface along the normal, negative inside, m.
+    pub distance_m: f64,
+    /// Distance of the surface's point from the middle of its patch, m, reference configuration.
+    pub aside_m: f64,
+}
+
+impl PatchOf<'_> {
+    /// `H / E` of the element that carries it, at small strain: a stiffness that rose with the strain that
+    /// the contact itself makes would feed it.
+    #[must_use]
+    pub fn compliance_m_per_pa(&self) -> f64 {
+        self.edge_m() / self.body.material_of(self.patch.point.voxel).young_modulus_pa
+    }
+
+    fn edge_m(&self) -> f64 {
+        self.body.element_edge_m(self.patch.element as usize)
+    }
+
+    /// The voxel under the surface at a reference position, if it belongs to the patch's element.
+    fn voxel_under(&self, at_m: &Vec3) -> Option<VoxelId> {
+        let (body, element) = (self.body, self.patch.element as usize);
+        let drawn_in_m = at_m + (body.rest_centre_m(element) - at_m) * BOUNDARY;
+        MATERIAL_VOXELS.into_iter().find_map(|depth| {
+            let inner_m = drawn_in_m - self.patch.normal * (depth * body.grid.voxel_size_m());
+            body.grid.voxel_at(body.grid.cell_of(&inner_m)).filter(|v| body.element_of(*v) == element)
+        })
+    }
+}
+
+/// Where the middle of `point` meets the surface that `surface` is a share of within `dt_s`, if both go on as
+/// they move. `None` where it stays farther off than the margin, or meets another share.
+#[must_use]
+pub fn meet(point: &PatchOf<'_>, surface: &PatchOf<'_>, dt_s: f64) -> Option<Meeting> {
+    let same_body = point.placed.body == surface.placed.body;
+    let same_element = same_body && point.patch.element == surface.patch.element;
+    if same_element || point.placed.normal.dot(&surface.placed.normal) > FACING {
+        return None;
+    }
+    let body = surface.body;
+    let to_rest = body.deformation_gradient(&surface.patch.point).try_inverse()?;
+    let turned = to_rest.transpose() * surface.patch.normal;
+    let stretch = turned.norm();
+    let normal = turned / stretch;
+    let from_plane_m = |at_m: &Vec3| (at_m - surface.placed.at_m).dot(&normal);
+    let distance_m = from_plane_m(&point.placed.at_m);
+    let travel_m = (point.placed.velocity_m_per_s - surface.placed.velocity_m_per_s) * dt_s;
+    let end_m = distance_m + travel_m.dot(&normal);
+    let margin_m = MARGIN_VOXELS * body.grid.voxel_size_m();
+    if normal.dot(&point.placed.normal) > FACING
+        || distance_m.min(end_m) > margin_m
+        || distance_m < -MOST_DEPTH_ELEMENTS * surface.edge_m()
+    {
+        return None;
+    }
+    // Under the point as it is, or where it comes to the plane within the step. (From a foot that is not
+    // under the point the forces would turn what they act on.)
+    let when = if end_m < distance_m { (distance_m / (distance_m - end_m)).clamp(0.0, 1.0) } else { 0.0 };
+    let (position_m, voxel) = [0.0, when].into_iter().find_map(|when| {
+        let there_m = point.placed.at_m + travel_m * when;
+        let foot_m = there_m - normal * from_plane_m(&there_m);
+        // Where the foot would be if the element were strained evenly: far off, it is under another share.
+        let about_m = surface.patch.point.position_m + to_rest * (foot_m - surface.placed.at_m);
+        if (about_m - body.rest_centre_m(surface.patch.element as usize)).amax()
+            > MOST_ASIDE_ELEMENTS * surface.edge_m()
+        {
+            return None;
+        }
+        let position_m = body.invert_map(surface.patch.element as usize, &foot_m)?;
+        Some((position_m, surface.voxel_under(&position_m)?))
+    })?;
+    let mut distance_m = distance_m;
+    let own_m = point.patch.point.position_m;
+    if same_body && (own_m - position_m).norm() < surface.edge_m().max(point.edge_m()) {
+        if point.patch.across != Some(surface.patch.element) && is_one_piece(point, voxel) {
+            return None;
+        }
+        // At rest nothing overlaps: what seems to is what a plane leaves of a cut that is not plane.
+        let at_rest_m = (own_m - surface.patch.point.position_m).dot(&surface.patch.normal);
+        distance_m -= at_rest_m.min(0.0) / stretch;
+    }
+    let offset_m = position_m - surface.patch.point.position_m;
+    // Where the element bends, its surface leaves the plane.
+    distance_m += offset_m.dot(&surface.patch.normal) / stretch;
+    Some(Meeting { point: MaterialPoint { position_m, voxel }, normal, distance_m, aside_m: offset_m.norm() })
+}
+
+/// Whether a patch and the point that it meets are in one piece of material that goes straight from one to
+/// the other: the two sides of a thin sheet.
+fn is_one_piece(point: &PatchOf<'_>, met: VoxelId) -> bool {
+    let own = point.voxel_under(&point.patch.point.position_m).unwrap_or(point.patch.point.voxel);
+    let grid = &point.body.grid;
+    let [from, to] = [own, met].map(|v| grid.voxels()[v.index()].ijk);
+    is_joined(|link| grid.is_intact(link), from, to)
+}
+
+/// Whether all links on the way from one cell to another are intact: along the straight line, one axis at
+/// a time, the one that lags behind most first.
+fn is_joined(is_intact: impl Fn(LinkId) -> bool, from: Ijk, to: Ijk) -> bool {
+    let mut cell = from;
+    let far = [0, 1, 2].map(|a| (to[a] - from[a]).abs());
+    loop {
+        let left = [0, 1, 2].map(|a| f64::from((to[a] - cell[a]).abs()) / f64::from(far[a].max(1)));
+        let axis = (0..3).fold(0, |most, a| if left[a] > left[most] { a } else { most });
+        if left[axis] == 0.0 {
+            return true;
+        }
+        let step = (to[axis] - cell[axis]).signum();
+        let mut next = cell;
+        next[axis] += step;
+        let link = LinkId { cell: if step > 0 { cell } else { next }, axis: axis as u8 };
+        if !is_intact(link) {
+            return false;
+        }
+        cell = next;
+    }
+}

@@ -1,0 +1,80 @@
+//! The velocity solve: bodies that press on each other as one system, contacts re-solved until they stay.
+
+use super::World;
+use super::tissue_contact::Island;
+use crate::solve::pcg;
+use crate::step_io::SolveReport;
+use crate::workers::Workers;
+
+/// A step's contact springs are re-solved at most this many times; what still changes then waits for
+/// the next step.
+const MAX_ACTIVE_SET_SOLVES: u32 = 4;
+
+impl World {
+    pub(super) fn solve_velocities(&mut self, workers: &Workers<'_>) {
+        for (index, slot) in self.slots.iter_mut().enumerate() {
+            slot.body.refresh_operator(workers);
+            slot.body.assemble_right_side(workers);
+            slot.island = index;
+        }
+        if let Some(tissue) = &self.tissue {
+            tissue.number_islands(&mut self.slots);
+        }
+        let mut report = SolveReport::default();
+        for island in 0..self.slots.len() {
+            if self.slots[island].island == island {
+                self.solve_island(workers, island, &mut report);
+            }
+        }
+        self.correct_momentum();
+        self.output.solve = report;
+    }
+
+    /// Free parts keep their momentum whatever the tolerance of the solve.
+    fn correct_momentum(&mut self) {
+        let mut is_missing = false;
+        for slot in &mut self.slots {
+            let touched = slot.impulses[..slot.tool_impulses].iter().map(|i| i.0);
+            is_missing |= slot.body.sum_missing_momentum(touched, &slot.velocity_change);
+        }
+        if !is_missing {
+            return;
+        }
+        if let Some(tissue) = &mut self.tissue {
+            tissue.join_parts(&mut self.slots);
+        }
+        for slot in &mut self.slots {
+            slot.body.add_missing_motion(&mut slot.velocity_change);
+        }
+    }
+
+    fn solve_island(&mut self, workers: &Workers<'_>, id: usize, report: &mut SolveReport) {
+        let dt_s = self.params.dt_s;
+        for _ in 0..MAX_ACTIVE_SET_SOLVES {
+            let mut scale2 = 0.0;
+            for (index, slot) in self.slots.iter_mut().enumerate().filter(|(_, slot)| slot.island == id) {
+                scale2 += slot.load_system(workers, self.tissue.as_ref(), index, dt_s).powi(2);
+            }
+            if let Some(tissue) = &mut self.tissue {
+                tissue.build_bridges(&self.slots, dt_s);
+            }
+            let stop = self.slots[id].body.stop(scale2.sqrt());
+            let mut systems = Island { slots: &mut self.slots, tissue: self.tissue.as_ref(), id };
+            let solve = pcg::solve(workers, &mut systems, stop);
+            report.iterations += solve.iterations;
+            report.solves += 1;
+            report.relative_residual = report.relative_residual.max(solve.relative_residual);
+            let mut changed = false;
+            for slot in self.slots.iter_mut().filter(|slot| slot.island == id) {
+                slot.body.take_velocity_change(workers, &mut slot.velocity_change);
+                changed |= slot.settle_contacts(dt_s);
+            }
+            if let Some(tissue) = &mut self.tissue {
+                changed |= tissue.settle(&self.slots, id, dt_s);
+            }
+            if !changed {
+                break;
+            }
+        }
+    }
+}

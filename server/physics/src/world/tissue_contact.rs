@@ -1,0 +1,307 @@
+//! Tissue against tissue: parts, flaps and bodies that press on each other, within a step.
+
+use super::body_slot::BodySlot;
+use super::part_groups::PartGroups;
+use crate::Vec3;
+use crate::body::{Body, MaterialPoint};
+use crate::contact::patch::SurfacePatches;
+use crate::contact::patch_hash::{PatchHash, PlacedPatch};
+use crate::contact::press::{MARGIN_VOXELS, Meeting, PatchOf, meet};
+use crate::contact::tissue_spring::{Friction, SpringEnd, TissueSpring};
+use crate::contact::{ContactWeights, Mode};
+use crate::hash::StateHasher;
+use crate::ledger::ContactLedger;
+use crate::solve::pcg::{Factor, System, Systems};
+use crate::solve::spring::PointSpring;
+
+/// Stiffness of an interface over that of the half elements on both sides of it: pressed bodies are softer
+/// by a twentieth of an element than if they were one.
+const STIFFNESS: f64 = 20.0;
+/// A spring that is this share of a voxel in or out need not change its mode within the step.
+const SLACK_VOXELS: f64 = 1e-3;
+/// What is found deeper than this many voxels at the beginning of a step is pushed out as if it were so
+/// deep: a spring that finds itself deep in tissue would throw it out. At this depth the interface carries
+/// a pressure of `E` and more.
+const MOST_PUSH_VOXELS: f64 = 0.25;
+/// Elements that a surface may move by in a step and still be caught: 17 mm, a step of a metre per second
+/// at 60 Hz, of the smallest elements in use.
+const MOST_TRAVEL_ELEMENTS: f64 = 16.0;
+
+/// Springs between tissue and tissue, and what they are found with.
+#[derive(Clone)]
+pub(super) struct TissueContact {
+    /// By body.
+    surfaces: Vec<SurfacePatches>,
+    /// Normal force on each patch in the last step, N, by body; empty where there is no friction.
+    pressed_n: Vec<Vec<f64>>,
+    hash: PatchHash,
+    springs: Vec<TissueSpring>,
+    bridges: Vec<Bridge>,
+    groups: PartGroups,
+}
+
+/// A spring between two bodies, as the solver sees it.
+#[derive(Clone, Copy)]
+struct Bridge {
+    ends: [(u32, PointSpring); 2],
+}
+
+/// Bodies that press on each other: one system of equations.
+pub(super) struct Island<'a> {
+    pub(super) slots: &'a mut [BodySlot],
+    pub(super) tissue: Option<&'a TissueContact>,
+    /// The island's number: the first of its bodies.
+    pub(super) id: usize,
+}
+
+impl TissueContact {
+    /// The surfaces of all bodies.
+    pub(super) fn new(slots: &[BodySlot]) -> Self {
+        let surfaces: Vec<_> = slots.iter().map(|slot| SurfacePatches::of(&slot.body)).collect();
+        let mut contact = Self {
+            pressed_n: vec![Vec::new(); slots.len()],
+            surfaces,
+            hash: PatchHash::default(),
+            springs: Vec::new(),
+            bridges: Vec::new(),
+            groups: PartGroups::default(),
+        };
+        contact.reserve(slots);
+        contact
+    }
+
+    /// Most springs that there may be until links part again.
+    pub(super) fn most_springs(&self) -> usize {
+        self.surfaces.iter().map(|surface| surface.as_slice().len()).sum()
+    }
+
+    /// Takes what the parting of links changed in the surfaces.
+    pub(super) fn update(&mut self, slots: &[BodySlot]) {
+        let lists = self.surfaces.iter_mut().zip(&mut self.pressed_n).zip(slots);
+        for ((surface, pressed_n), slot) in lists.filter(|(_, slot)| !slot.parted.is_empty()) {
+            let before = surface.clone();
+            surface.update(&slot.body, &slot.parted, &slot.change);
+            if !pressed_n.is_empty() {
+                let force = |patch| before.find(patch).map_or(0.0, |index| pressed_n[index]);
+                *pressed_n = surface.as_slice().iter().map(force).collect();
+            }
+        }
+        self.reserve(slots);
+    }
+
+    /// Lets go of everything: a step that is taken back leaves no force to go on from.
+    pub(super) fn release(&mut self) {
+        self.springs.clear();
+        self.bridges.clear();
+        self.pressed_n.iter_mut().for_each(|pressed_n| pressed_n.fill(0.0));
+    }
+
+    /// Makes room for what there may be until links part again.
+    pub(super) fn reserve(&mut self, slots: &[BodySlot]) {
+        let most = self.most_springs();
+        self.hash.reserve(most);
+        self.springs.clear();
+        self.springs.reserve(most);
+        self.bridges.clear();
+        self.bridges.reserve(if slots.len() > 1 { most } else { 0 });
+        self.groups.reserve(slots);
+        for ((pressed_n, surface), slot) in self.pressed_n.iter_mut().zip(&self.surfaces).zip(slots) {
+            let rubs = slot.body.materials.iter().any(|m| m.friction_coefficient > 0.0);
+            pressed_n.resize(if rubs { surface.as_slice().len() } else { 0 }, 0.0);
+        }
+    }
+
+    /// Finds the patches that meet a surface in this step.
+    pub(super) fn detect(&mut self, slots: &[BodySlot], dt_s: f64) {
+        self.springs.clear();
+        self.place(slots, dt_s);
+        for placed in self.hash.placed() {
+            let patch_of = |placed| self.patch_of(slots, placed);
+            let point = patch_of(placed);
+            let met = |other| Some((patch_of(other), meet(&point, &patch_of(other), dt_s)?));
+            let nearer = |a: &(PatchOf<'_>, Meeting), b: &(PatchOf<'_>, Meeting)| a.1.aside_m.total_cmp(&b.1.aside_m);
+            if let Some((surface, meeting)) = self.hash.near(&placed.at_m).filter_map(met).min_by(nearer) {
+                let pressed_n = self.pressed_n[placed.body as usize].get(placed.patch as usize);
+                let spring = spring(&point, &surface, &meeting, pressed_n.copied().unwrap_or(0.0), dt_s);
+                self.springs.push(spring);
+            }
+        }
+    }
+
+    fn patch_of<'a>(&'a self, slots: &'a [BodySlot], placed: &'a PlacedPatch) -> PatchOf<'a> {
+        let patch = &self.surfaces[placed.body as usize].as_slice()[placed.patch as usize];
+        PatchOf { body: &slots[placed.body as usize].body, patch, placed }
+    }
+
+    /// Places the patches of the bodies that are cut or near another.
+    fn place(&mut self, slots: &[BodySlot], dt_s: f64) {
+        self.hash.clear();
+        let bodies = || slots.iter().map(|slot| &slot.body);
+        let edge_m = bodies().map(Body::largest_edge_m).fold(0.0, f64::max);
+        let voxel_m = bodies().map(|body| body.grid.voxel_size_m()).fold(0.0, f64::max);
+        let most_m = MOST_TRAVEL_ELEMENTS * edge_m;
+        for (index, (surface, body)) in self.surfaces.iter().zip(bodies()).enumerate() {
+            let bounds = body.bounds().grown(most_m);
+            let mut others = bodies().enumerate().filter(|(other, _)| *other != index);
+            if !surface.has_walls() && !others.any(|(_, other)| other.bounds().meets(&bounds)) {
+                continue;
+            }
+            for (patch, data) in surface.as_slice().iter().enumerate() {
+                let weights = weights(body, &data.point, 1.0);
+                self.hash.push(PlacedPatch {
+                    body: index as u32,
+                    patch: patch as u32,
+                    at_m: weights.sum(&body.position_m),
+                    velocity_m_per_s: weights.sum(&body.velocity_m_per_s),
+                    normal: body.rotation(data.element as usize) * data.normal,
+                });
+            }
+        }
+        let velocities = self.hash.velocities();
+        let travel_m = dt_s * (velocities.max_m - velocities.min_m).norm();
+        let travel_m = if travel_m.is_finite() { travel_m.min(most_m) } else { 0.0 };
+        self.hash.build(edge_m + MARGIN_VOXELS * voxel_m + travel_m);
+    }
+
+    /// The springs that act on a body.
+    fn acting_in(&self, body: u32) -> impl Iterator<Item = &TissueSpring> {
+        let acts = move |s: &&TissueSpring| s.mode != Mode::Off && s.ends.iter().any(|end| end.body == body);
+        self.springs.iter().filter(acts)
+    }
+
+    /// What they add to the body's matrix.
+    pub(super) fn point_springs(&self, body: usize, dt_s: f64) -> impl Iterator<Item = PointSpring> {
+        self.acting_in(body as u32).map(move |spring| spring.point_spring(body as u32, dt_s))
+    }
+
+    /// What they add to the body's right side, (node, N s).
+    pub(super) fn impulses(&self, body: usize, dt_s: f64) -> impl Iterator<Item = (u32, [f64; 3])> {
+        self.acting_in(body as u32).flat_map(move |spring| {
+            let impulse = spring.impulse(dt_s);
+            spring.weights_in(body as u32).map(move |(node, w)| (node, (impulse * w).into()))
+        })
+    }
+
+    /// Gives each body the number of its island: the first of the bodies that springs join it to.
+    pub(super) fn number_islands(&self, slots: &mut [BodySlot]) {
+        for spring in self.springs.iter().filter(|s| s.joins_bodies()) {
+            let [a, b] = [0, 1].map(|end| slots[spring.ends[end].body as usize].island);
+            if a == b {
+                continue;
+            }
+            let (low, high) = (a.min(b), a.max(b));
+            slots.iter_mut().filter(|slot| slot.island == high).for_each(|slot| slot.island = low);
+        }
+    }
+
+    /// Lets parts that press on each other gain the momentum that is missing as one.
+    pub(super) fn join_parts(&mut self, slots: &mut [BodySlot]) {
+        let pressing = self.springs.iter().filter(|s| s.mode != Mode::Off);
+        self.groups.join(slots, pressing);
+    }
+
+    /// Takes the springs between bodies as they are now to the solver.
+    pub(super) fn build_bridges(&mut self, slots: &[BodySlot], dt_s: f64) {
+        self.bridges.clear();
+        for spring in self.springs.iter().filter(|s| s.mode != Mode::Off && s.joins_bodies()) {
+            let ends = spring.ends.map(|end| {
+                let own = spring.point_spring(end.body, dt_s);
+                (end.body, slots[end.body as usize].body.among_unknowns(&own))
+            });
+            self.bridges.push(Bridge { ends });
+        }
+    }
+
+    /// Takes the solution of an island; returns whether a mode had to change.
+    pub(super) fn settle(&mut self, slots: &[BodySlot], island: usize, dt_s: f64) -> bool {
+        let mut changed = false;
+        for spring in self.springs.iter_mut().filter(|s| slots[s.ends[0].body as usize].island == island) {
+            let change = spring.relative(|body| &slots[body as usize].velocity_change);
+            changed |= spring.settle(dt_s, change);
+        }
+        changed
+    }
+
+    /// Books the springs' energies and what friction took, and keeps the normal forces, which limit friction
+    /// in the next step.
+    pub(super) fn conclude(&mut self, ledger: &mut ContactLedger, dt_s: f64) {
+        self.pressed_n.iter_mut().for_each(|pressed_n| pressed_n.fill(0.0));
+        for spring in &self.springs {
+            ledger.spring_work_j += spring.work_j();
+            ledger.spring_stored_j += spring.stored_j();
+            ledger.friction_j += spring.friction_j(dt_s);
+            if let Some(pressed) = self.pressed_n[spring.ends[0].body as usize].get_mut(spring.patch as usize) {
+                *pressed = spring.force_n.max(0.0);
+            }
+        }
+    }
+
+    /// Folds what it remembers into a hash.
+    pub(super) fn fold_into(&self, hasher: &mut StateHasher) {
+        self.pressed_n.iter().for_each(|pressed_n| hasher.floats(pressed_n));
+    }
+
+    /// Springs of the last step; none where links parted in it.
+    pub(super) fn springs(&self) -> &[TissueSpring] {
+        &self.springs
+    }
+}
+
+fn weights(body: &Body, point: &MaterialPoint, factor: f64) -> ContactWeights {
+    let mut weights = ContactWeights::default();
+    let (nodes, n) = body.weights(point);
+    nodes.into_iter().zip(n).for_each(|(node, n)| weights.add(node, factor * n));
+    weights
+}
+
+/// The spring of a patch that meets a surface. The surface's own patches have springs on this one in turn,
+/// so that each has half of the interface's stiffness.
+fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, pressed_n: f64, dt_s: f64) -> TissueSpring {
+    let ends = [(point, &point.patch.point, 1.0), (surface, &meeting.point, -1.0)]
+        .map(|(of, at, sign)| SpringEnd { body: of.placed.body, weights: weights(of.body, at, sign) });
+    let bodies = [point.body, surface.body];
+    let velocity: Vec3 = ends.iter().zip(bodies).map(|(end, body)| end.weights.sum(&body.velocity_m_per_s)).sum();
+    // Of the two half elements, in series.
+    let compliance: f64 = [point, surface].map(PatchOf::compliance_m_per_pa).iter().sum();
+    let closing = velocity.dot(&meeting.normal);
+    let voxel_m = point.body.grid.voxel_size_m();
+    let depth_before_m = (-meeting.distance_m).min(MOST_PUSH_VOXELS * voxel_m);
+    let depth_predicted_m = depth_before_m - dt_s * closing;
+    let [mu, of_surface] = [(point, point.patch.point.voxel), (surface, meeting.point.voxel)]
+        .map(|(of, voxel)| of.body.material_of(voxel).friction_coefficient);
+    let limit_n = (mu * of_surface).sqrt() * pressed_n;
+    TissueSpring {
+        ends,
+        patch: point.placed.patch,
+        normal: meeting.normal,
+        stiffness_n_per_m: STIFFNESS * point.patch.area_m2 / compliance,
+        depth_before_m,
+        depth_predicted_m,
+        depth_m: depth_predicted_m,
+        slack_m: SLACK_VOXELS * voxel_m,
+        force_n: 0.0,
+        mode: if depth_predicted_m > 0.0 { Mode::Spring } else { Mode::Off },
+        friction: (limit_n > 0.0).then(|| Friction::new(limit_n, velocity - meeting.normal * closing)),
+    }
+}
+
+impl Systems for Island<'_> {
+    fn for_each(&mut self, mut visit: impl FnMut(&mut System<'_>)) {
+        let id = self.id;
+        self.slots.iter_mut().filter(|slot| slot.island == id).for_each(|slot| visit(&mut slot.body.system()));
+    }
+
+    fn couple(&mut self, factor: Factor) {
+        for bridge in self.tissue.iter().flat_map(|tissue| &tissue.bridges) {
+            let [(a, of_a), (b, of_b)] = &bridge.ends;
+            let [a, b] = [*a as usize, *b as usize];
+            if self.slots[a].island != self.id {
+                continue;
+            }
+            let at_a = of_a.value(self.slots[a].body.system().factor(factor));
+            let at_b = of_b.value(self.slots[b].body.system().factor(factor));
+            self.slots[a].body.add_to_product(of_a, at_b);
+            self.slots[b].body.add_to_product(of_b, at_a);
+        }
+    }
+}
