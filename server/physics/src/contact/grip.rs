@@ -60,17 +60,20 @@ impl Grip {
         Self {
             grasper,
             jaws: Jaws::default(),
-            held: Vec::with_capacity(places_m.len()),
-            contacts: Vec::with_capacity(3 * places_m.len()),
+            held: Vec::new(),
+            contacts: Vec::new(),
             places_m,
             spacing_m,
             hash: SpatialHash::default(),
         }
     }
 
-    /// Room for all elements of the body around the jaws.
+    /// Room for all elements of the body around the jaws, and for all that they can hold.
     pub fn reserve(&mut self, elements: usize) {
         self.hash.reserve(elements);
+        self.held.reserve(self.places_m.len() - self.held.len());
+        self.contacts.clear();
+        self.contacts.reserve(self.most_springs());
     }
 
     /// Number of springs that the grip may have at most.
