@@ -3,6 +3,7 @@
 use std::fmt::{self, Write};
 
 use hdrhistogram::Histogram;
+use kerf_proto::v1;
 use serde::Serialize;
 
 use crate::metrics::ContactMetrics;
@@ -39,6 +40,8 @@ pub struct Report {
     pub view: View,
     /// What the server said of itself.
     pub server: Server,
+    /// What the server booked of energy; absent where it was not told.
+    pub energy: Option<Energy>,
     /// What the tool felt.
     pub force: Force,
     /// Limits that were exceeded, in words.
@@ -138,6 +141,19 @@ pub struct Server {
     pub governed_tolerance: Option<f64>,
 }
 
+/// What the server booked of energy since the session began, J.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Energy {
+    /// Work done by tools on the tissue, J.
+    pub tool_work_j: f64,
+    /// What was spent on parting tissue, J.
+    pub fracture_j: f64,
+    /// What the ledger leaves unexplained, J.
+    pub residual_j: f64,
+    /// That over the tools' work; absent where they did none.
+    pub residual_over_tool_work: Option<f64>,
+}
+
 /// What the tool felt.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Force {
@@ -202,6 +218,7 @@ impl Report {
             },
             view: View::of(run),
             server: Server::of(run),
+            energy: run.view.energy.as_ref().map(Energy::of),
             force: Force::of(run),
             limits_exceeded: Vec::new(),
         }
@@ -267,6 +284,14 @@ impl Server {
             governor_changes: run.contacts.governor_changes,
             governed_tolerance: run.contacts.governed_tolerance,
         }
+    }
+}
+
+impl Energy {
+    fn of(ledger: &v1::EnergyLedger) -> Self {
+        let v1::EnergyLedger { tool_work_j, fracture_j, residual_j, .. } = *ledger;
+        let residual_over_tool_work = (tool_work_j != 0.0).then(|| residual_j / tool_work_j);
+        Self { tool_work_j, fracture_j, residual_j, residual_over_tool_work }
     }
 }
 
@@ -340,6 +365,16 @@ impl fmt::Display for Report {
         )?;
         if let Some(last) = server.governed_tolerance {
             writeln!(f, "governor     {} changes of the tolerance, the last to {last:e}", server.governor_changes)?;
+        }
+        if let Some(energy) = &self.energy {
+            let Energy { tool_work_j, fracture_j, residual_j, residual_over_tool_work } = energy;
+            write!(
+                f,
+                "energy       tool work {tool_work_j:.3e} J, fracture {fracture_j:.3e} J, residual {residual_j:.1e} J"
+            )?;
+            let share =
+                residual_over_tool_work.map_or(String::new(), |ratio| format!(" ({ratio:.1e} of the tool work)"));
+            writeln!(f, "{share}")?;
         }
         write!(f, "force        max {:.3} N, against the cut {:.3} N", force.max_n, force.max_resistance_n)?;
         if let Some(reference_n) = force.reference_n {

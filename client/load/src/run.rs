@@ -71,6 +71,7 @@ async fn drive(args: &Args, channel: &Channel, session: &Session) -> anyhow::Res
         protocol_version: kerf_proto::PROTOCOL_VERSION,
         session_id: session_id.clone(),
         rate_hz: args.view_rate,
+        wants_energy: true,
     };
     let surfaces = viewer::first_surfaces(channel.clone(), request.clone()).await?;
     let script = Arc::new(make_script(args, &session.scene, &surfaces)?);

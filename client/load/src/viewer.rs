@@ -38,6 +38,8 @@ pub struct ViewTotals {
     pub bytes: u64,
     /// What the server said of its steps.
     pub server: Option<ServerSteps>,
+    /// What it booked of energy until the last state.
+    pub energy: Option<v1::EnergyLedger>,
 }
 
 /// What the server said of its steps in the states.
@@ -168,6 +170,7 @@ impl ViewTotals {
             view_event::Message::Patch(_) => self.patches += 1,
             view_event::Message::State(state) => {
                 self.states += 1;
+                self.energy = state.energy.or(self.energy);
                 self.server.get_or_insert_with(|| ServerSteps::starting_at(state)).update(state);
             }
             // Drivers are told of faults too, and count them.

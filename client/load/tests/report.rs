@@ -6,6 +6,7 @@ use kerf_load::pacer::Punctuality;
 use kerf_load::report::{Report, Run, bytes};
 use kerf_load::sender::SendTotals;
 use kerf_load::viewer::{ServerSteps, ViewTotals};
+use kerf_proto::v1;
 
 fn contacts() -> ContactMetrics {
     let mut contacts = ContactMetrics::default();
@@ -29,6 +30,12 @@ fn view() -> ViewTotals {
         states: 240,
         bytes: 3_000_000,
         server: Some(server),
+        energy: Some(v1::EnergyLedger {
+            tool_work_j: 0.02,
+            fracture_j: 0.012,
+            residual_j: -1e-7,
+            ..Default::default()
+        }),
         ..ViewTotals::default()
     }
 }
@@ -60,6 +67,7 @@ poses        495 sent, 247.5 Hz; 3 late, 4 skipped, 1 dropped, 0 rejected
 contacts     500 received, 250.0 Hz, 20.0 kB/s
 view         2 viewer(s): 2 keyframes, 9 patches, 240 states at 60.0 Hz, 1.5 MB/s; 0 mismatches
 server       2000 steps, 50 late (2.5 %), mean 0.75 ms, max 4.00 ms; topology version 9, 0 faults
+energy       tool work 2.000e-2 J, fracture 1.200e-2 J, residual -1.0e-7 J (-5.0e-6 of the tool work)
 force        max 1.250 N, against the cut 0.000 N (steady cut: 0.800 N), 0.0 mm deep";
     assert_eq!(text, expected);
 }
@@ -78,6 +86,7 @@ fn json_has_the_same_numbers() {
     assert_eq!(json["poses"]["skipped"], 4);
     assert_eq!(json["server"]["late_step_share"], 0.025);
     assert_eq!(json["view"]["topology_version"], 9);
+    assert_eq!(json["energy"]["residual_over_tool_work"], -1e-7 / 0.02);
     assert_eq!(json["round_trip_ms"]["count"], 1000);
 }
 

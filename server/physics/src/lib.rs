@@ -9,6 +9,7 @@
 
 pub mod body;
 pub mod contact;
+pub mod energy_terms;
 pub mod fault;
 pub mod fem;
 pub mod fracture;

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use kerf_physics::fault::Fault;
-use kerf_physics::step_io::ToolOutput;
+use kerf_physics::step_io::{EnergyStep, ToolOutput};
 use kerf_physics::surface::delta::{Keyframe, TopologyPatch};
 use tokio::sync::watch;
 
@@ -73,6 +73,9 @@ pub struct ViewState {
     pub node_displacements_m: Vec<Vec<f32>>,
     /// One entry per tool of the scene.
     pub tools: Vec<ToolOutput>,
+    /// Energy booked since the scene was at rest: levels as they are, all else summed up, as viewers see a
+    /// step in many.
+    pub energy: EnergyStep,
     /// Durations of the steps since the state before.
     pub times: StepTimes,
     /// When it was published, ns on the server's monotonic clock.

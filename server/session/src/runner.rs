@@ -21,7 +21,7 @@ use crate::outbox::{Publisher, SceneEvent, StepReport, ToolReport, ViewState};
 use crate::pacer::{Pace, Pacer};
 use crate::points::Points;
 use crate::recorder::InputLog;
-use crate::status::{Phase, SessionStatus, StepTallies, StepTimes, book};
+use crate::status::{Phase, SessionStatus, StepTallies, StepTimes};
 use crate::structure_log::Place;
 use crate::tool_slot::DriverId;
 
@@ -174,7 +174,7 @@ impl Runner {
         let output = self.world.step(&workers, &MonotonicClock, &inputs);
         let ended_ns = MonotonicClock::now_ns();
         let pace = self.pacer.step_ended(ended_ns);
-        book(&mut self.tally.energy, &output.energy);
+        self.tally.energy.book(&output.energy);
         self.tally.steps.add(output, ended_ns - started_ns, pace);
         self.views.times.add(output, ended_ns - started_ns);
         let (step, fault) = (output.step, output.fault.clone());
@@ -277,6 +277,7 @@ impl Runner {
             late_steps: self.pacer.counts().late_steps,
             node_displacements_m: (0..self.scene.desc.objects.len()).map(displacements).collect(),
             tools: output.tools.clone(),
+            energy: self.tally.energy,
             times: std::mem::take(&mut self.views.times),
             published_ns: now_ns,
         });

@@ -49,22 +49,6 @@ pub struct SessionStatus {
     pub state_hash: u64,
 }
 
-/// Adds a step to a ledger: works are summed, the three levels are replaced.
-pub(crate) fn book(ledger: &mut EnergyStep, step: &EnergyStep) {
-    ledger.tool_work_j += step.tool_work_j;
-    ledger.load_work_j += step.load_work_j;
-    ledger.elastic_j = step.elastic_j;
-    ledger.contact_j = step.contact_j;
-    ledger.kinetic_j = step.kinetic_j;
-    ledger.fracture_j += step.fracture_j;
-    ledger.front_slip_j += step.front_slip_j;
-    ledger.initiation_j += step.initiation_j;
-    ledger.parting_j += step.parting_j;
-    ledger.damping_j += step.damping_j;
-    ledger.numerical_j += step.numerical_j;
-    ledger.residual_j += step.residual_j;
-}
-
 /// Durations of steps, summed up between two states that viewers see.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StepTimes {
@@ -160,14 +144,5 @@ mod tests {
         assert_eq!((tallies.all.duration_ns.len(), tallies.all.late), (3, 2));
         assert_eq!((tallies.cutting.duration_ns.len(), tallies.cutting.late), (2, 1));
         assert!(tallies.cutting.duration_ns.min() > tallies.all.duration_ns.min());
-    }
-
-    #[test]
-    fn a_ledger_sums_works_and_replaces_levels() {
-        let mut ledger = EnergyStep::default();
-        let step = EnergyStep { tool_work_j: 1.0, elastic_j: 2.0, fracture_j: 0.5, ..EnergyStep::default() };
-        book(&mut ledger, &step);
-        book(&mut ledger, &step);
-        assert_eq!((ledger.tool_work_j, ledger.elastic_j, ledger.fracture_j), (2.0, 2.0, 1.0));
     }
 }

@@ -96,7 +96,7 @@ impl Harness {
 
     pub async fn view(&self, channel: Channel, session_id: &str) -> Streaming<v1::ViewEvent> {
         let request =
-            v1::ViewRequest { protocol_version: PROTOCOL_VERSION, session_id: session_id.into(), rate_hz: 0.0 };
+            v1::ViewRequest { protocol_version: PROTOCOL_VERSION, session_id: session_id.into(), ..Default::default() };
         let view = ViewServiceClient::new(channel).view(request).await;
         view.expect("a view").into_inner()
     }

@@ -122,11 +122,60 @@ async fn viewers_beyond_the_limit_are_refused() {
     let mut harness = Harness::with(|config| config.session.max_viewers = 1).await;
     let session = harness.create().await.unwrap();
     let first = harness.view(harness.channel.clone(), &session).await;
-    let request =
-        v1::ViewRequest { protocol_version: kerf_proto::PROTOCOL_VERSION, session_id: session.clone(), rate_hz: 0.0 };
+    let request = v1::ViewRequest {
+        protocol_version: kerf_proto::PROTOCOL_VERSION,
+        session_id: session.clone(),
+        ..Default::default()
+    };
     let mut client = ViewServiceClient::new(harness.channel.clone());
     assert_eq!(client.view(request.clone()).await.unwrap_err().code(), Code::ResourceExhausted);
     drop(first);
     harness.until(&session, |described| described.viewers == 0).await;
     assert!(client.view(request).await.is_ok());
+}
+
+#[tokio::test]
+async fn who_wants_energies_gets_sums_that_nothing_is_missing_from() {
+    let mut harness = Harness::start().await;
+    let session = harness.create().await.unwrap();
+    let mut plain = harness.view(harness.channel.clone(), &session).await;
+    assert_eq!(state(&mut plain).await.energy, None);
+    let request = v1::ViewRequest {
+        protocol_version: kerf_proto::PROTOCOL_VERSION,
+        session_id: session.clone(),
+        rate_hz: 5.0,
+        wants_energy: true,
+    };
+    let mut view = ViewServiceClient::new(harness.channel.clone()).view(request).await.unwrap().into_inner();
+    let mut station = harness.drive(&session, &[0]).await.unwrap();
+    for seq in 1..=40 {
+        let mut down = pose(0, seq, 0.0);
+        down.pose.as_mut().unwrap().position_m.as_mut().unwrap().y = 0.0105 - 1e-4 * seq as f32;
+        station.send(down).await;
+        station.contact_where(|contact| contact.echo_seq == seq).await;
+    }
+    harness.pause(&session).await;
+    let described = harness.describe(&session).await;
+    let booked = described.energy.unwrap();
+    assert!(booked.tool_work_j > 0.0 && booked.elastic_j > 0.0, "{booked:?}");
+    // A viewer of few states has the same sums at the same step as the session.
+    let mut states = Vec::new();
+    while let Ok(message) = tokio::time::timeout(Duration::from_millis(500), next(&mut view)).await {
+        if let Message::State(state) = message {
+            states.push(state);
+        }
+    }
+    let last = states.last().unwrap();
+    assert!(last.step > states.len() as u64, "{} states of {} steps", states.len(), last.step);
+    let energy = last.energy.unwrap();
+    assert!(energy.tool_work_j > 0.0 && energy.tool_work_j <= booked.tool_work_j * 1.01, "{energy:?} of {booked:?}");
+    let stored = energy.elastic_j + energy.contact_j + energy.kinetic_j;
+    let spent = energy.fracture_j + energy.front_slip_j + energy.initiation_j + energy.damping_j;
+    let unexplained = energy.tool_work_j + energy.load_work_j
+        - stored
+        - spent
+        - energy.parting_j
+        - energy.numerical_j
+        - energy.residual_j;
+    assert!(unexplained.abs() < 1e-9 * energy.tool_work_j.abs(), "the sums balance: {unexplained} J");
 }

@@ -152,7 +152,7 @@ fn dial_choice(choice: &Choice) -> v1::DialChoice {
     v1::DialChoice { setting, expected }
 }
 
-fn energy_ledger(energy: &EnergyStep) -> v1::EnergyLedger {
+pub fn energy_ledger(energy: &EnergyStep) -> v1::EnergyLedger {
     v1::EnergyLedger {
         tool_work_j: energy.tool_work_j,
         load_work_j: energy.load_work_j,

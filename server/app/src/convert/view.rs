@@ -6,13 +6,15 @@ use kerf_proto::v1;
 use kerf_proto::v1::view_event::Message;
 use kerf_session::{SceneEvent, StepTimes, ViewEvent, ViewMessage, ViewState};
 
+use super::scene::energy_ledger;
 use super::{fault, pose, wrench};
 
-pub fn view_event(message: &ViewMessage) -> v1::ViewEvent {
+/// What a viewer is told, with the energies if it wants them.
+pub fn view_event(message: &ViewMessage, wants_energy: bool) -> v1::ViewEvent {
     let message = match message {
         ViewMessage::Keyframe(structure) => Message::Keyframe(keyframe(structure)),
         ViewMessage::Patch(change) => Message::Patch(patch(change)),
-        ViewMessage::State(now) => Message::State(state(now)),
+        ViewMessage::State(now) => Message::State(state(now, wants_energy)),
         ViewMessage::Event(happened) => event(happened),
     };
     v1::ViewEvent { message: Some(message) }
@@ -54,7 +56,7 @@ fn body(body: &BodyStructure) -> v1::BodyStructure {
     }
 }
 
-fn state(state: &ViewState) -> v1::State {
+fn state(state: &ViewState, wants_energy: bool) -> v1::State {
     let bodies = state.node_displacements_m.iter();
     v1::State {
         topology_version: state.topology_version,
@@ -64,6 +66,7 @@ fn state(state: &ViewState) -> v1::State {
         tools: state.tools.iter().map(tool_state).collect(),
         late_steps: state.late_steps,
         profile: Some(profile(&state.times)),
+        energy: wants_energy.then(|| energy_ledger(&state.energy)),
     }
 }
 

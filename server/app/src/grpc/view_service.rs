@@ -39,9 +39,9 @@ impl v1::view_service_server::ViewService for ViewService {
         // Half a published interval early is in time: the next one would be half an interval late.
         let interval_s = 1.0 / rate_hz - 0.5 / max_hz;
         viewer.set_interval_ns((interval_s * 1e9) as u64);
-        let messages = stream::unfold(viewer, |mut viewer| async move {
+        let messages = stream::unfold(viewer, move |mut viewer| async move {
             let message = viewer.next().await?;
-            Some((Ok(view_event(&message)), viewer))
+            Some((Ok(view_event(&message, request.wants_energy)), viewer))
         });
         Ok(Response::new(Box::pin(messages)))
     }

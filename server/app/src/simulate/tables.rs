@@ -5,25 +5,10 @@ use std::fs::File;
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use kerf_physics::energy_terms::{ENERGY_TERMS, EnergyTerm, TermKind};
 use kerf_physics::stage::Stage;
 use kerf_physics::step_io::{EnergyStep, StepOutput};
 use kerf_physics::{SceneDesc, Vec3};
-
-/// A term of the ledger: its column and where it stands.
-type Term = (&'static str, fn(&EnergyStep) -> f64);
-
-/// Terms of the ledger that are booked per step; the table holds their sums.
-const BOOKED: [Term; 9] = [
-    ("tool_work_j", |e| e.tool_work_j),
-    ("load_work_j", |e| e.load_work_j),
-    ("fracture_j", |e| e.fracture_j),
-    ("front_slip_j", |e| e.front_slip_j),
-    ("initiation_j", |e| e.initiation_j),
-    ("parting_j", |e| e.parting_j),
-    ("damping_j", |e| e.damping_j),
-    ("numerical_j", |e| e.numerical_j),
-    ("residual_j", |e| e.residual_j),
-];
 
 /// Open tables of a run.
 pub struct Tables {
@@ -32,7 +17,8 @@ pub struct Tables {
     probes: csv::Writer<File>,
     profile: csv::Writer<File>,
     tool_names: Vec<String>,
-    booked_j: [f64; BOOKED.len()],
+    /// Booked so far.
+    energy_j: EnergyStep,
 }
 
 impl Tables {
@@ -55,7 +41,7 @@ impl Tables {
             probes: create("probes.csv", std::iter::once("time_s".to_owned()).chain(axes).collect())?,
             profile: create("profile.csv", profile_header())?,
             tool_names: scene.tools.iter().map(|tool| tool.name.clone()).collect(),
-            booked_j: [0.0; BOOKED.len()],
+            energy_j: EnergyStep::default(),
         })
     }
 
@@ -96,13 +82,10 @@ impl Tables {
     }
 
     fn push_energy(&mut self, output: &StepOutput) -> Result<()> {
-        let energy = &output.energy;
-        for (sum, (_, term)) in self.booked_j.iter_mut().zip(BOOKED) {
-            *sum += term(energy);
-        }
-        let levels = [energy.elastic_j, energy.contact_j, energy.kinetic_j];
-        let values = levels.iter().chain(&self.booked_j).map(f64::to_string);
-        Ok(self.energy.write_record(std::iter::once(time(output)).chain(values))?)
+        self.energy_j.book(&output.energy);
+        let values = ENERGY_TERMS.iter().map(|term| term.of(&self.energy_j).to_string());
+        let ratio = self.energy_j.residual_over_tool_work().map_or(String::new(), |ratio| ratio.to_string());
+        Ok(self.energy.write_record(std::iter::once(time(output)).chain(values).chain([ratio]))?)
     }
 
     fn push_probes(&mut self, output: &StepOutput) -> Result<()> {
@@ -139,8 +122,12 @@ fn tool_header() -> Vec<String> {
 }
 
 fn energy_header() -> Vec<String> {
-    let booked = BOOKED.iter().map(|(name, _)| format!("total_{name}"));
-    owned(["time_s", "elastic_j", "contact_j", "kinetic_j"]).chain(booked).collect()
+    let column = |term: &EnergyTerm| match term.kind {
+        TermKind::Level => term.name.to_owned(),
+        TermKind::Work | TermKind::Spent => format!("total_{}", term.name),
+    };
+    let terms = ENERGY_TERMS.iter().map(column);
+    owned(["time_s"]).chain(terms).chain(owned(["residual_over_tool_work"])).collect()
 }
 
 fn profile_header() -> Vec<String> {
@@ -163,6 +150,7 @@ mod tests {
         output.probe_displacement_m = vec![Vec3::x(), Vec3::y()];
         output.energy.fracture_j = 0.25;
         output.energy.elastic_j = 3.0;
+        (output.energy.tool_work_j, output.energy.residual_j) = (2.0, -0.5);
         let mut tables = Tables::create(folder.path(), &scene).unwrap();
         tables.push(&output).unwrap();
         tables.push(&output).unwrap();
@@ -177,6 +165,8 @@ mod tests {
                 let column = |name: &str| header.iter().position(|h| h == name).unwrap();
                 assert_eq!(&rows[1][column("total_fracture_j")], "0.5");
                 assert_eq!(&rows[1][column("elastic_j")], "3");
+                assert_eq!(&rows[1][column("total_residual_j")], "-1");
+                assert_eq!(&rows[1][column("residual_over_tool_work")], "-0.25");
             }
         }
     }
