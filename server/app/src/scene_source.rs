@@ -34,9 +34,8 @@ pub fn from_text(text: &str, max_bytes: usize) -> Result<Scene, RequestError> {
 
 fn is_mesh(shape: &ShapeDesc) -> bool {
     match shape {
-        ShapeDesc::Mesh { .. } => true,
         ShapeDesc::SmoothUnion { parts, .. } => parts.iter().any(is_mesh),
-        _ => false,
+        _ => shape.mesh().is_some(),
     }
 }
 
@@ -53,6 +52,8 @@ mod tests {
     fn a_scene_sent_as_text_may_not_name_files_anywhere() {
         let mesh = r#"{ mesh = { file = "/etc/passwd", scale_m_per_unit = 1.0 } }"#;
         assert!(matches!(from_text(&scene(mesh), 1 << 20), Err(RequestError::SceneText { .. })));
+        let labels = r#"{ label_map = { file = "/etc/passwd" } }"#;
+        assert!(matches!(from_text(&scene(labels), 1 << 20), Err(RequestError::SceneText { .. })));
         let union = format!("{{ smooth_union = {{ blend_m = 0.0, parts = [{mesh}] }} }}");
         assert!(matches!(from_text(&scene(&union), 1 << 20), Err(RequestError::SceneText { .. })));
         let finer = scene("{ sphere = { center_m = [0.0, 0.0, 0.0], radius_m = 0.1 } }")

@@ -324,3 +324,21 @@ fn toughness_beyond_what_the_law_carries_is_refused() {
     assert_eq!(gc(14_500.0, 10.0), [""; 0]);
     assert_eq!(gc(15_500.0, 10.0), ["objects[0].material.fracture_energy_j_per_m2"]);
 }
+
+#[test]
+fn a_label_map_is_refused_by_field_and_no_part_of_a_union() {
+    let map = |labels: &[u16], scale, offset_m| ShapeDesc::LabelMap {
+        file: "m.nii".into(),
+        labels: labels.into(),
+        scale,
+        offset_m: [offset_m, 0.0, 0.0],
+    };
+    let refused_map = |shape| refused(|s| s.objects[0].shape = shape);
+    assert_eq!(refused_map(map(&[1, 0], 1.0, 0.0)), ["objects[0].shape.label_map.labels"]);
+    assert_eq!(refused_map(map(&[1], 0.0, 0.0)), ["objects[0].shape.label_map.scale"]);
+    assert_eq!(refused_map(map(&[1], 1.0, f64::NAN)), ["objects[0].shape.label_map.offset_m"]);
+    let nameless = ShapeDesc::LabelMap { file: String::new(), labels: vec![], scale: 1.0, offset_m: [0.0; 3] };
+    assert_eq!(refused_map(nameless), ["objects[0].shape.label_map.file"]);
+    let union = ShapeDesc::SmoothUnion { blend_m: 0.0, parts: vec![map(&[], 1.0, 0.0)] };
+    assert_eq!(refused_map(union), ["objects[0].shape.smooth_union.parts[0]"]);
+}

@@ -1,16 +1,19 @@
 //! The scenes that come with the program, and scenes from files.
 
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use kerf_physics::scene::{Meshes, ShapeDesc, TriangleMesh};
 use kerf_physics::{Scene, SceneDesc, SceneError};
 
-use crate::mesh_file;
+use crate::nifti::LabelMap;
+use crate::{label_surface, mesh_file};
 
 /// Largest scene file, bytes: a thousand times a large scene written by hand.
 pub const MAX_SCENE_BYTES: u64 = 4 << 20;
-/// Largest mesh file, bytes: some five million triangles in binary.
+/// Largest mesh or label map file, bytes: some five million triangles in binary.
 pub const MAX_MESH_BYTES: u64 = 256 << 20;
 
 const BUILTIN: [(&str, &str); 7] = [
@@ -50,12 +53,12 @@ pub enum CatalogError {
         /// [`MAX_SCENE_BYTES`] or [`MAX_MESH_BYTES`].
         limit: u64,
     },
-    /// A mesh file does not hold a mesh.
+    /// A file does not hold the mesh or the labels that it should.
     #[error("{}: {message}", path.display())]
     Mesh {
         /// The file.
         path: PathBuf,
-        /// In the words of the format's reader.
+        /// What is wrong with it.
         message: String,
     },
     /// The file is not the TOML of a scene.
@@ -133,10 +136,14 @@ pub fn open(path: &Path) -> Result<Scene, CatalogError> {
     let desc = SceneDesc::from_toml(&name, &text)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut meshes = Meshes::new();
-    for file in mesh_files(&desc) {
-        if !meshes.contains_key(file) {
-            meshes.insert(file.to_owned(), read_mesh(&folder.join(file))?);
-        }
+    let mut label_maps = BTreeMap::new();
+    for shape in desc.objects.iter().flat_map(|object| object.shapes()) {
+        let Some(mesh) = shape.mesh().filter(|mesh| !meshes.contains_key(&mesh.key)) else { continue };
+        let read = match shape {
+            ShapeDesc::LabelMap { file, labels, .. } => read_labels(&folder.join(file), labels, &mut label_maps)?,
+            _ => read_mesh(&folder.join(&mesh.key))?,
+        };
+        meshes.insert(mesh.key, read);
     }
     Ok(Scene { desc, meshes })
 }
@@ -148,6 +155,20 @@ pub fn open(path: &Path) -> Result<Scene, CatalogError> {
 pub fn read_mesh(path: &Path) -> Result<TriangleMesh, CatalogError> {
     let bytes = read(path, MAX_MESH_BYTES)?;
     mesh_file::parse(path, &bytes).map_err(|message| CatalogError::Mesh { path: path.to_owned(), message })
+}
+
+/// The surface of some labels of a map, which is read where it is not among those read before.
+fn read_labels(
+    path: &Path,
+    labels: &[u16],
+    read_before: &mut BTreeMap<PathBuf, LabelMap>,
+) -> Result<TriangleMesh, CatalogError> {
+    let wrong = |message| CatalogError::Mesh { path: path.to_owned(), message };
+    let map = match read_before.entry(path.to_owned()) {
+        Entry::Occupied(known) => known.into_mut(),
+        Entry::Vacant(new) => new.insert(LabelMap::parse(&read(path, MAX_MESH_BYTES)?).map_err(wrong)?),
+    };
+    label_surface::surface(map, labels).map_err(wrong)
 }
 
 fn sound(name: &str, scene: Scene) -> Result<Scene, CatalogError> {
@@ -162,14 +183,6 @@ fn read(path: &Path, limit: u64) -> Result<Vec<u8>, CatalogError> {
         return Err(CatalogError::TooLarge { path: path.to_owned(), bytes, limit });
     }
     std::fs::read(path).map_err(failed)
-}
-
-/// The file of each mesh that a scene names.
-fn mesh_files(desc: &SceneDesc) -> impl Iterator<Item = &str> {
-    desc.objects.iter().flat_map(|object| object.shapes()).filter_map(|shape| match shape {
-        ShapeDesc::Mesh { file, .. } => Some(file.as_str()),
-        _ => None,
-    })
 }
 
 #[cfg(test)]

@@ -70,7 +70,7 @@ impl Implicit {
             ShapeDesc::SmoothUnion { blend_m, parts } => {
                 Self::Union { blend_m: *blend_m, parts: parts.iter().map(Self::new).collect::<Option<_>>()? }
             }
-            ShapeDesc::Mesh { .. } => return None,
+            ShapeDesc::Mesh { .. } | ShapeDesc::LabelMap { .. } => return None,
         })
     }
 

@@ -5,7 +5,7 @@ use super::lattice::{Bounds, Lattice};
 use super::mesh::{self, Columns, MeshSolid};
 use super::{Crossing, Grid, Ijk, LinkId, Voxel, VoxelId};
 use crate::Vec3;
-use crate::scene::{Meshes, ObjectDesc, SceneError, ShapeDesc, TriangleMesh};
+use crate::scene::{Meshes, ObjectDesc, PlacedMesh, SceneError, ShapeDesc, TriangleMesh};
 
 /// Cells from a mesh's surface within which its signed distance is exact; beyond, it is this many
 /// voxels with the right sign.
@@ -49,9 +49,7 @@ pub fn region_voxels(grid: &Grid, shape: &ShapeDesc, meshes: &Meshes) -> Result<
 /// # Errors
 /// A mesh that cannot be used, or a lattice beyond the limit of cells.
 pub fn voxel_size_m(object: &ObjectDesc, meshes: &Meshes) -> Result<Option<f64>, SceneError> {
-    if let ShapeDesc::Mesh { file, .. } = &object.shape
-        && !meshes.contains_key(file)
-    {
+    if object.shape.mesh().is_some_and(|mesh| !meshes.contains_key(&mesh.key)) {
         return Ok(object.voxel_size_m);
     }
     let (bounds, bulge_m) = extent(&object.shape, meshes)?;
@@ -66,11 +64,11 @@ fn size_within(object: &ObjectDesc, bounds: &Bounds) -> f64 {
 }
 
 fn extent(shape: &ShapeDesc, meshes: &Meshes) -> Result<(Bounds, f64), SceneError> {
-    match (shape, Implicit::new(shape)) {
+    match (shape.mesh(), Implicit::new(shape)) {
         (_, Some(implicit)) => Ok((implicit.bounds(), implicit.bulge_m())),
-        (ShapeDesc::Mesh { file, scale_m_per_unit, offset_m }, None) => {
-            let mesh = find(meshes, file)?;
-            let bounds = mesh::bounds(mesh, *scale_m_per_unit, &Vec3::from(*offset_m)).map_err(shape_error)?;
+        (Some(PlacedMesh { key, scale_m_per_unit, offset_m }), None) => {
+            let mesh = find(meshes, &key)?;
+            let bounds = mesh::bounds(mesh, scale_m_per_unit, &Vec3::from(offset_m)).map_err(shape_error)?;
             Ok((bounds, 0.0))
         }
         _ => Err(shape_error("a part of a union is a box, sphere, ellipsoid or capsule".into())),
@@ -93,11 +91,11 @@ enum Solid {
 
 impl Solid {
     fn new(shape: &ShapeDesc, meshes: &Meshes) -> Result<Self, SceneError> {
-        match (shape, Implicit::new(shape)) {
+        match (shape.mesh(), Implicit::new(shape)) {
             (_, Some(implicit)) => Ok(Self::Implicit(implicit)),
-            (ShapeDesc::Mesh { file, scale_m_per_unit, offset_m }, None) => {
-                let mesh = find(meshes, file)?;
-                let solid = MeshSolid::new(mesh, *scale_m_per_unit, &Vec3::from(*offset_m)).map_err(shape_error)?;
+            (Some(PlacedMesh { key, scale_m_per_unit, offset_m }), None) => {
+                let mesh = find(meshes, &key)?;
+                let solid = MeshSolid::new(mesh, scale_m_per_unit, &Vec3::from(offset_m)).map_err(shape_error)?;
                 Ok(Self::Mesh(Box::new(solid)))
             }
             _ => Err(shape_error("a part of a union is a box, sphere, ellipsoid or capsule".into())),

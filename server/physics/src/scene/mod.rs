@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 /// Version of the scene format that this crate reads.
 pub const SCENE_VERSION: u32 = 1;
 
-/// Triangle meshes by the `file` their shape names.
+/// Triangle meshes by the `file` their shape names, or by the key of [`ShapeDesc::mesh`].
 pub type Meshes = std::collections::BTreeMap<String, TriangleMesh>;
 
 /// A scene with everything it refers to: what [`crate::World::new`] is built from.
@@ -393,6 +393,56 @@ pub enum ShapeDesc {
         #[serde(default)]
         offset_m: [f64; 3],
     },
+    /// What has some labels in a label map, a NIfTI-1 file (`.nii`, `.nii.gz`) whose voxels are placed by
+    /// its sform, else its qform. The patient lies on the back, seen from the feet: of the file's axes
+    /// right is -x, anterior +y (up), superior -z.
+    LabelMap {
+        /// Path, relative to the scene file.
+        file: String,
+        /// Labels, 1 to 65,535, that belong to the shape. Default: all but 0. As shapes of an object's
+        /// regions, single labels give each its material.
+        #[serde(default)]
+        labels: Vec<u16>,
+        /// Size in the scene over the size in the file. Default 1.
+        #[serde(default = "default_scale")]
+        scale: f64,
+        /// Scene position of the file's origin, m. Default: the scene's origin.
+        #[serde(default)]
+        offset_m: [f64; 3],
+    },
+}
+
+fn default_scale() -> f64 {
+    1.0
+}
+
+/// A mesh among a scene's [`Meshes`], and where it stands.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlacedMesh {
+    /// Its key.
+    pub key: String,
+    /// Metres per unit of the mesh.
+    pub scale_m_per_unit: f64,
+    /// Scene position of the mesh's origin, m.
+    pub offset_m: [f64; 3],
+}
+
+impl ShapeDesc {
+    /// The mesh that the shape is; `None` for a formula. The surface of labels is a mesh in metres, by the
+    /// key `file#[labels]`.
+    #[must_use]
+    pub fn mesh(&self) -> Option<PlacedMesh> {
+        match self {
+            Self::Mesh { file, scale_m_per_unit, offset_m } => {
+                Some(PlacedMesh { key: file.clone(), scale_m_per_unit: *scale_m_per_unit, offset_m: *offset_m })
+            }
+            Self::LabelMap { file, labels, scale, offset_m } => {
+                let key = format!("{file}#{labels:?}");
+                Some(PlacedMesh { key, scale_m_per_unit: *scale, offset_m: *offset_m })
+            }
+            _ => None,
+        }
+    }
 }
 
 /// A load other than gravity.

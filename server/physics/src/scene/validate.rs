@@ -362,6 +362,16 @@ impl Report {
                 self.number(&format!("{field}.mesh.scale_m_per_unit"), *scale_m_per_unit, 1e-9..=1e6);
                 self.vector(&format!("{field}.mesh.offset_m"), offset_m, MAX_LENGTH_M);
             }
+            ShapeDesc::LabelMap { file, labels, scale, offset_m } => {
+                if file.is_empty() {
+                    self.refuse(format!("{field}.label_map.file"), "is empty");
+                }
+                if labels.contains(&0) {
+                    self.refuse(format!("{field}.label_map.labels"), "0 is what is outside; labels are 1 to 65535");
+                }
+                self.number(&format!("{field}.label_map.scale"), *scale, 1e-3..=1e3);
+                self.vector(&format!("{field}.label_map.offset_m"), offset_m, MAX_LENGTH_M);
+            }
         }
         self.problems.len() == before
     }
@@ -371,7 +381,7 @@ impl Report {
         self.count(&format!("{field}.parts"), parts.len(), 1..=MAX_PARTS);
         for (i, part) in parts.iter().enumerate() {
             let field = format!("{field}.parts[{i}]");
-            if matches!(part, ShapeDesc::SmoothUnion { .. } | ShapeDesc::Mesh { .. }) {
+            if matches!(part, ShapeDesc::SmoothUnion { .. }) || part.mesh().is_some() {
                 self.refuse(field, "a part of a union is a box, sphere, ellipsoid or capsule");
             } else {
                 self.shape(&field, part);
