@@ -86,7 +86,7 @@ fn json_has_the_same_numbers() {
     assert_eq!(json["poses"]["skipped"], 4);
     assert_eq!(json["server"]["late_step_share"], 0.025);
     assert_eq!(json["view"]["topology_version"], 9);
-    assert_eq!(json["energy"]["residual_over_tool_work"], -5e-6);
+    assert_eq!(json["energy"]["residual_over_tool_work"], -1e-7 / 0.02);
     assert_eq!(json["round_trip_ms"]["count"], 1000);
 }
 

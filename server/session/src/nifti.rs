@@ -179,7 +179,7 @@ impl Header {
     /// `datatype`, offset 70, and the scaling that labels must not have, offset 112.
     fn kind(&self) -> Result<Kind, String> {
         let [slope, shift] = self.floats(112);
-        if (slope != 0.0 && slope != 1.0) || (slope != 0.0 && shift != 0.0) {
+        if slope != 0.0 && (slope != 1.0 || shift != 0.0) {
             return Err(format!("scl_slope = {slope}, scl_inter = {shift}: labels are not scaled"));
         }
         Ok(match self.short(70) {
