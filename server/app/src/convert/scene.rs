@@ -43,11 +43,14 @@ fn object_summary(object: &ObjectDesc, stats: Option<ObjectStats>) -> v1::Object
 
 fn tool_summary(tool: &ToolDesc) -> v1::ToolSummary {
     let ToolShapeDesc::Blade(blade) = &tool.shape;
+    // The edge of a scene that runs has its points.
+    let edge_m = blade.edge.points_m(blade.width_m).unwrap_or_default();
     v1::ToolSummary {
         name: tool.name.clone(),
         blade_width_m: blade.width_m,
         blade_height_m: blade.height_m,
         blade_thickness_m: blade.thickness_m,
+        blade_edge_m: edge_m.iter().flat_map(|point| [point.x as f32, point.y as f32, point.z as f32]).collect(),
     }
 }
 
