@@ -4,7 +4,7 @@
 mod support;
 
 use kerf_physics::body::LEAST_PIECE_VOXELS;
-use kerf_physics::scene::{BladeDesc, ShapeDesc, ToolDesc};
+use kerf_physics::scene::{BladeDesc, EdgeDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
@@ -19,7 +19,7 @@ enum Held {
     Everything,
 }
 
-fn blob(held: Held, tools: usize) -> World {
+fn blob(held: Held, blade: &BladeDesc, tools: usize) -> World {
     let mut desc = object([0.0; 3], [0.06; 3], 0.004, 2);
     desc.shape = ShapeDesc::Ellipsoid { center_m: [0.0; 3], semi_axes_m: SEMI_AXES_M };
     desc.material.young_modulus_pa = 2e4;
@@ -34,7 +34,6 @@ fn blob(held: Held, tools: usize) -> World {
     };
     let mut scene = scene(vec![desc]);
     scene.desc.solver.relative_tolerance = 1e-3;
-    let blade = BladeDesc { thickness_m: 1e-3, ..BladeDesc::straight(0.03, 0.04) };
     scene.desc.tools = (0..tools).map(|i| ToolDesc::blade(&format!("blade {i}"), blade.clone())).collect();
     World::new(&scene).expect("a valid scene")
 }
@@ -81,7 +80,15 @@ impl Hand {
 
 /// Runs random hands; the highest stored energy over what tools put in up to then, J over J.
 fn rampage(held: Held, tools: usize, seed: u64, steps: u32) {
-    let mut world = blob(held, tools);
+    rampage_of(&straight(), held, tools, seed, steps);
+}
+
+fn straight() -> BladeDesc {
+    BladeDesc { thickness_m: 1e-3, ..BladeDesc::straight(0.03, 0.04) }
+}
+
+fn rampage_of(blade: &BladeDesc, held: Held, tools: usize, seed: u64, steps: u32) {
+    let mut world = blob(held, blade, tools);
     let mut rng = Lcg(seed);
     let mut hands: Vec<Option<Hand>> = (0..tools).map(|_| None).collect();
     let (mut put_in, mut worst, mut parted, mut spared) = (0.0, 0.0f64, 0, 0);
@@ -149,5 +156,19 @@ fn two_tools_and_tissue_that_is_held_everywhere_do_no_harm_either() {
         rampage(Held::Base, 2, seed, 250);
         rampage(Held::Nothing, 2, seed, 250);
         rampage(Held::Everything, 2, seed, 100);
+    }
+}
+
+#[test]
+fn bent_edges_and_rubbing_wedges_do_no_harm_either() {
+    let tooth = |i: i32| [f64::from(i) * 5e-3, -2e-3 * f64::from(i.rem_euclid(2)), 3e-3 * f64::from(i.rem_euclid(3))];
+    for (seed, edge) in [
+        (21, EdgeDesc::Sine { amplitude_m: 4e-3, wavelength_m: 12e-3 }),
+        (22, EdgeDesc::Polyline { points_m: (-3..=3).map(tooth).collect() }),
+        (23, EdgeDesc::Arc { sagitta_m: 8e-3 }),
+    ] {
+        let blade = BladeDesc { edge, wedge_angle_rad: Some(0.2), flank_friction: Some(0.5), ..straight() };
+        rampage_of(&blade, Held::Base, 1, seed, 250);
+        rampage_of(&blade, Held::Nothing, 1, seed, 250);
     }
 }

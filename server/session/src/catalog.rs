@@ -241,6 +241,30 @@ mod tests {
     }
 
     #[test]
+    fn an_edge_from_a_file_is_in_the_scene_once_it_is_loaded() {
+        let folder = std::env::temp_dir().join(format!("kerf-edge-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let jelly = BUILTIN.iter().find(|(name, _)| *name == "jelly").unwrap().1;
+        let blade = "{ blade = { width_m = 0.04, height_m = 0.05, edge = { file = { file = \"teeth.csv\", \
+                     scale_m_per_unit = 1e-3 } } } }";
+        let tool =
+            |line: &str| if line.starts_with("shape = { blade") { format!("shape = {blade}") } else { line.into() };
+        let path = folder.join("jelly.toml");
+        std::fs::write(&path, jelly.lines().map(|line| tool(line) + "\n").collect::<String>()).unwrap();
+        let missing = open(&path).unwrap_err().to_string();
+        std::fs::write(folder.join("teeth.csv"), "-20,0,-2\n0,0,2\n20,0,-2\n").unwrap();
+        let scene = load(&path.display().to_string());
+        std::fs::write(folder.join("teeth.csv"), "-20,0,-2\n0,0\n").unwrap();
+        let broken = open(&path).unwrap_err().to_string();
+        std::fs::remove_dir_all(&folder).unwrap();
+        let ToolShapeDesc::Blade(blade) = &scene.unwrap().desc.tools[0].shape else { panic!("a blade") };
+        let points_m = [[-20.0, 0.0, -2.0], [0.0, 0.0, 2.0], [20.0, 0.0, -2.0]].map(|p| p.map(|x: f64| x * 1e-3));
+        assert_eq!(blade.edge, EdgeDesc::Polyline { points_m: points_m.to_vec() });
+        assert!(missing.contains("teeth.csv"), "{missing}");
+        assert!(broken.contains("teeth.csv: line 2"), "{broken}");
+    }
+
+    #[test]
     fn an_unknown_name_lists_the_known_ones() {
         let message = load("livre").unwrap_err().to_string();
         assert!(message.contains("`livre`") && message.contains("liver-tissue"), "{message}");

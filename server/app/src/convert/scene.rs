@@ -1,7 +1,7 @@
 //! Scenes, limits and sessions as clients are told of them.
 
 use kerf_physics::Stage;
-use kerf_physics::scene::{DialDesc, ObjectDesc, ToolDesc, ToolShapeDesc};
+use kerf_physics::scene::{BladeDesc, DialDesc, ObjectDesc, ToolDesc, ToolShapeDesc};
 use kerf_physics::step_io::EnergyStep;
 use kerf_physics::world::ObjectStats;
 use kerf_proto::v1;
@@ -48,6 +48,7 @@ fn tool_summary(tool: &ToolDesc) -> v1::ToolSummary {
             width_m: blade.width_m,
             height_m: blade.height_m,
             thickness_m: blade.thickness_m,
+            edge_m: edge_m(blade),
         }),
         ToolShapeDesc::Grasper(grasper) => {
             Kind::Grasper(v1::GrasperSummary { radius_m: grasper.radius_m, max_force_n: grasper.max_force_n })
@@ -63,6 +64,12 @@ fn tool_summary(tool: &ToolDesc) -> v1::ToolSummary {
         }),
     };
     v1::ToolSummary { name: tool.name.clone(), kind: Some(kind) }
+}
+
+/// Points of an edge, xyz interleaved: the edge of a scene that runs has its points.
+fn edge_m(blade: &BladeDesc) -> Vec<f32> {
+    let points_m = blade.edge.points_m(blade.width_m).unwrap_or_default();
+    points_m.iter().flat_map(|point| [point.x as f32, point.y as f32, point.z as f32]).collect()
 }
 
 pub fn limits(session: &Session, control: &ControlLimits) -> v1::Limits {

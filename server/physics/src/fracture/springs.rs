@@ -152,7 +152,7 @@ fn lateral_mode(forward: &Contact) -> Mode {
 }
 
 /// What the edge drags along as it slices: the force is opposite to the edge's motion relative to the front,
-/// of size `Gc v_n / |v|` per length (Atkins, The Science and Engineering of Cutting, 2009, section 5.2), so
+/// of size `Gc v_n / |v|` per length (Atkins, Xu and Jeronimidis, J. Mater. Sci. 39, 2004, 2761), so
 /// that its work is Gc per area swept whichever way the edge goes. Its part along the edge is
 /// `forward.yield_n` times the slice-push ratio: here, times this step's slide over the mean advance. Taken
 /// of past slides alone it would push on after tissue softer than Gc over a voxel has turned round.
