@@ -160,7 +160,7 @@ fn patch(body: &Body, surface: &mut Surface, parted: &[LinkId], change: &Topolog
     let touched = surface.rebuild_touched(&body.grid, parted, &change.rebound_voxels);
     let quad = |id: &u32| BoundQuad { id: *id, vertices: *surface.quad(*id).expect("the surface named this quad") };
     BodyStructure {
-        nodes: change.nodes.iter().map(|id| node(body, *id)).collect(),
+        nodes: change.split_nodes.iter().map(|(new, _)| node(body, *new)).collect(),
         elements: change.elements.iter().map(|id| element(body, *id)).collect(),
         vertices: touched.upserted_vertices.iter().map(|id| bind(body, surface, *id)).collect(),
         quads: touched.upserted_quads.iter().map(quad).collect(),

@@ -209,6 +209,14 @@ impl Body {
         forces
     }
 
+    /// Sum of the elastic force and the loads at each node, N.
+    #[must_use]
+    pub fn pull_n(&self) -> super::Nodal {
+        let mut pull_n = self.elastic_forces_n();
+        pull_n.iter_mut().zip(&self.external_n).for_each(|(f, load)| (0..3).for_each(|i| f[i] += load[i]));
+        pull_n
+    }
+
     /// What the elements' nodes carry under a constant stress, `-sum_e V sigma d_a`, N: the reference
     /// of the patch test.
     #[must_use]

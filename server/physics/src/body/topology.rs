@@ -15,8 +15,8 @@ pub const LEAST_PIECE_VOXELS: usize = 8;
 pub struct TopologyChange {
     /// Elements whose nodes or voxels changed, ascending; new ones included.
     pub elements: Vec<u32>,
-    /// New nodes, ascending.
-    pub nodes: Vec<u32>,
+    /// New nodes and the nodes they split from, ascending.
+    pub split_nodes: Vec<(u32, u32)>,
     /// Voxels that moved to another element.
     pub rebound_voxels: Vec<VoxelId>,
 }
@@ -63,7 +63,7 @@ impl Body {
         self.turned_rad = f64::INFINITY;
         self.save_finite_state(workers);
         let rebound_voxels = base.split_elements.iter().flat_map(|&(new, _)| self.voxels_of(new as usize)).collect();
-        TopologyChange { elements, nodes: base.split_nodes.iter().map(|s| s.0).collect(), rebound_voxels }
+        TopologyChange { elements, split_nodes: base.split_nodes.clone(), rebound_voxels }
     }
 
     fn update_levels(&mut self, parted: &[LinkId]) -> Vec<LevelChange> {

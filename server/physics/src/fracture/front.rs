@@ -43,8 +43,8 @@ pub struct Front {
     /// Where the chain stands and starts, and where its strip ends: scratch, kept between steps.
     chain: Vec<Option<ChainPoint>>,
     target: Vec<Vec3>,
-    /// Present where tissue can be pulled.
-    tension: Option<Tension>,
+    /// What is felt of it where tissue is pulled.
+    tension: Tension,
     /// Springs of the step that is being taken.
     pub contacts: Vec<FrontContact>,
 }
@@ -74,7 +74,7 @@ pub struct BladeMotion<'a> {
 impl Front {
     /// A front of `blade`, nowhere in contact.
     #[must_use]
-    pub fn new(blade: &Blade, body: &Body, pulled: bool) -> Self {
+    pub fn new(blade: &Blade, body: &Body) -> Self {
         let shares = blade.edge.shares(body.grid.voxel_size_m() / MARKERS_PER_VOXEL);
         let count = shares.len();
         Self {
@@ -85,7 +85,7 @@ impl Front {
             dropped_j: 0.0,
             chain: Vec::with_capacity(count),
             target: Vec::with_capacity(count),
-            tension: pulled.then(Tension::default),
+            tension: Tension::default(),
             contacts: Vec::with_capacity(count),
         }
     }
@@ -113,7 +113,7 @@ impl Front {
             *marker = Marker::Outside;
         }
         self.contacts.clear();
-        self.tension.iter_mut().for_each(Tension::clear);
+        self.tension.clear();
     }
 
     /// Marks the samples of a blade put down at `pose` inside the tissue as buried.
@@ -157,8 +157,14 @@ impl Front {
     }
 
     /// Advances the markers that gave way, finds the links their strips cross, and books the energy; in the
-    /// step that they were detected in.
-    pub fn advance(&mut self, body: &Body, motion: &BladeMotion<'_>, links: &mut Vec<(LinkId, Crossing)>) -> FrontBook {
+    /// step that they were detected in. Where the body is `pulled`, feels what that adds in the next.
+    pub fn advance(
+        &mut self,
+        body: &Body,
+        motion: &BladeMotion<'_>,
+        pulled: bool,
+        links: &mut Vec<(LinkId, Crossing)>,
+    ) -> FrontBook {
         let mut book = FrontBook::default();
         for contact in &self.contacts {
             let Marker::On(anchor) = &mut self.markers[contact.marker] else { continue };
@@ -177,7 +183,9 @@ impl Front {
         book.slip_j -= book.fracture_j;
         self.follow_edge(body, &motion.pose);
         self.drop_outside(body, &mut book);
-        self.feel_tension(body);
+        if pulled {
+            self.feel_tension(body);
+        }
         book
     }
 
@@ -278,7 +286,7 @@ impl Front {
 
     /// Finds what tension adds to the drive of the front.
     fn feel_tension(&mut self, body: &Body) {
-        let Some(mut tension) = self.tension.take() else { return };
+        let mut tension = std::mem::take(&mut self.tension);
         let piece = |index| {
             let (anchor, frame) = (self.anchor(index).filter(|a| a.yielded)?, &self.frames[index]);
             let ahead = anchor.pull_back(body, &frame.forward).normalize();
@@ -291,7 +299,7 @@ impl Front {
                 anchor.elastic_release_j_per_m2 = tension.at(index);
             }
         }
-        self.tension = Some(tension);
+        self.tension = tension;
     }
 
     /// What takes the front of the share `next` to where it would be if the edge went on straight from its

@@ -15,7 +15,9 @@ mod marker;
 pub mod release;
 mod springs;
 mod sweep;
+pub mod tear;
 mod tension;
+pub mod ties;
 mod travel;
 mod way_in;
 

@@ -433,20 +433,29 @@ impl Report {
         if let Some(coefficient) = blade.flank_friction {
             self.number(&format!("{field}.flank_friction"), coefficient, 1e-3..=2.0);
         }
+        self.across(format!("{field}.width_m"), blade.width_m, smallest_voxel_m);
         if width_is_sound && let Some((at, message)) = edge::problem(blade, smallest_voxel_m, MAX_BLADE_VOXELS) {
             self.refuse(format!("{field}.{at}"), message);
         }
     }
 
     fn scissors(&mut self, field: &str, scissors: &ScissorsDesc, smallest_voxel_m: f64) {
-        let is_sound = self.number(&format!("{field}.blade_length_m"), scissors.blade_length_m, 1e-4..=10.0);
+        self.number(&format!("{field}.blade_length_m"), scissors.blade_length_m, 1e-4..=10.0);
         self.number(&format!("{field}.blade_height_m"), scissors.blade_height_m, 1e-4..=10.0);
         self.number(&format!("{field}.max_angle_rad"), scissors.max_angle_rad, 0.1..=2.0);
         self.number(&format!("{field}.edge_half_width_m"), scissors.edge_half_width_m, 1e-8..=1e-2);
         self.number(&format!("{field}.thickness_m"), scissors.thickness_m, 0.0..=0.1);
-        let blade = BladeDesc::straight(scissors.blade_length_m, scissors.blade_height_m);
-        if is_sound && let Some((_, message)) = edge::problem(&blade, smallest_voxel_m, MAX_BLADE_VOXELS) {
-            self.refuse(format!("{field}.blade_length_m"), message);
+        self.across(format!("{field}.blade_length_m"), scissors.blade_length_m, smallest_voxel_m);
+    }
+
+    /// A straight edge of this length over the smallest voxels.
+    fn across(&mut self, field: String, length_m: f64, smallest_voxel_m: f64) {
+        let along = length_m / smallest_voxel_m;
+        if along > MAX_BLADE_VOXELS {
+            let message = format!(
+                "{length_m} is {along:.0} of the smallest voxels, of {smallest_voxel_m} m: more than {MAX_BLADE_VOXELS}"
+            );
+            self.refuse(field, message);
         }
     }
 

@@ -24,8 +24,8 @@ pub(super) struct BladeContact {
 }
 
 impl BladeContact {
-    pub(super) fn new(blade: Blade, mount: Mount, body: &Body, pulled: bool) -> Self {
-        let front = Front::new(&blade, body, pulled);
+    pub(super) fn new(blade: Blade, mount: Mount, body: &Body) -> Self {
+        let front = Front::new(&blade, body);
         let friction = blade.flank_friction.map(FlankFriction::new);
         Self { front, blade, mount, flanks: Vec::new(), friction, hash: SpatialHash::default() }
     }
@@ -114,8 +114,14 @@ impl BladeContact {
         Touch { blade: &self.blade, pose: motion(&self.blade, self.mount, path).pose, depth_m }
     }
 
-    pub(super) fn advance(&mut self, body: &Body, path: &ToolPath, parting: &mut Vec<(LinkId, Crossing)>) -> FrontBook {
-        self.front.advance(body, &motion(&self.blade, self.mount, path), parting)
+    pub(super) fn advance(
+        &mut self,
+        body: &Body,
+        path: &ToolPath,
+        pulled: bool,
+        parting: &mut Vec<(LinkId, Crossing)>,
+    ) -> FrontBook {
+        self.front.advance(body, &motion(&self.blade, self.mount, path), pulled, parting)
     }
 }
 

@@ -1,5 +1,6 @@
 //! A body in the world: what tools do to it in a step, and what the step does with it.
 
+use super::pulled::Pulled;
 use super::tissue_contact::TissueContact;
 use super::tool_contact::ToolContact;
 use crate::body::{self, Body, TopologyChange};
@@ -21,6 +22,8 @@ pub(super) struct BodySlot {
     pub(super) contacts: Vec<ToolContact>,
     /// Walls of what was cut.
     pub(super) walls: Walls,
+    /// Present where the body can be pulled apart.
+    pub(super) pulled: Option<Pulled>,
     pub(super) velocity_change: body::Nodal,
     pub(super) impulses: Vec<(u32, [f64; 3])>,
     /// How many of the impulses are the tools'; they come first.
@@ -37,8 +40,8 @@ pub(super) struct BodySlot {
 }
 
 impl BodySlot {
-    pub(super) fn new<'a>(body: Body, tools: impl Iterator<Item = &'a ToolShape>, pulled: bool) -> Self {
-        let contacts = tools.map(|shape| ToolContact::new(shape, &body, pulled)).collect();
+    pub(super) fn new<'a>(body: Body, tools: impl Iterator<Item = &'a ToolShape>, loaded: bool) -> Self {
+        let contacts = tools.map(|shape| ToolContact::new(shape, &body)).collect();
         let energy = body.energy();
         let mut slot = Self {
             velocity_change: vec![[0.0; 3]; body.node_count()],
@@ -46,6 +49,7 @@ impl BodySlot {
             body,
             contacts,
             walls: Walls::default(),
+            pulled: None,
             impulses: Vec::new(),
             tool_impulses: 0,
             parting: Vec::new(),
@@ -54,6 +58,9 @@ impl BodySlot {
             edited: false,
             island: 0,
         };
+        if loaded {
+            slot.feel_pull();
+        }
         slot.reserve(0);
         slot
     }
@@ -78,7 +85,9 @@ impl BodySlot {
     ) -> f64 {
         self.velocity_change.resize(self.body.node_count(), [0.0; 3]);
         self.impulses.clear();
-        for contact in self.contacts.iter().flat_map(ToolContact::springs).filter(|c| c.mode != Mode::Off) {
+        let ties = self.pulled.iter().flat_map(|pulled| &pulled.ties.contacts);
+        let of_tools = self.contacts.iter().flat_map(ToolContact::springs);
+        for contact in of_tools.chain(ties).filter(|c| c.mode != Mode::Off) {
             let impulse = contact.direction * contact.impulse(dt_s);
             self.impulses.extend(contact.weights.iter().map(|(node, w)| (node, (impulse * w).into())));
         }
@@ -89,6 +98,12 @@ impl BodySlot {
         let scale = self.body.applied_impulse_norm(workers, &self.impulses);
         self.body.load_system(workers, &self.impulses, &self.velocity_change);
         scale
+    }
+
+    /// Whether links may part in this step.
+    pub(super) fn may_part(&self) -> bool {
+        let pulled = self.pulled.as_ref().is_some_and(|pulled| !pulled.is_idle());
+        pulled || self.contacts.iter().any(ToolContact::has_front)
     }
 
     pub(super) fn settle_contacts(&mut self, dt_s: f64) -> bool {
@@ -110,11 +125,26 @@ impl BodySlot {
         }
     }
 
+    /// From now on something pulls at the body: its cuts may go on by themselves, if it can be cut.
+    pub(super) fn feel_pull(&mut self) {
+        if self.body.materials.iter().any(|m| m.fracture_energy_j_per_m2.is_some()) {
+            self.pulled = Some(Pulled::new(&self.body));
+        }
+    }
+
+    /// Cuts that were made from outside may go on.
+    pub(super) fn begin_tearing(&mut self) {
+        if self.pulled.is_some() {
+            self.feel_pull();
+        }
+    }
+
     /// Positions and rotations go back to the last finite step, velocities are zeroed, the tools lifted.
     pub(super) fn roll_back(&mut self, workers: &Workers<'_>, output: &mut StepOutput) {
         self.body.restore_finite_state(workers);
         self.velocity_change.iter_mut().for_each(|v| *v = [0.0; 3]);
         self.contacts.iter_mut().for_each(ToolContact::lift);
+        self.pulled.iter_mut().for_each(|pulled| pulled.ties.release());
         self.ledger = BodyLedger { after: self.body.energy(), ..BodyLedger::default() };
         output.fault = Some(Fault { step: output.step, object: self.body.name.clone(), what: FaultKind::NodeState });
     }

@@ -4,6 +4,7 @@ mod blade_contact;
 mod body_slot;
 mod contact_model;
 mod part_groups;
+mod pulled;
 mod queries;
 mod snapshot;
 mod solve;
@@ -12,6 +13,7 @@ mod tool_contact;
 
 use crate::Vec3;
 use crate::body::{Body, MaterialPoint, PartedLinks, TopologyChange};
+use crate::fracture::FrontBook;
 use crate::ledger::{self, ContactLedger};
 use crate::params::StepParams;
 use crate::scene::{Scene, SceneError};
@@ -113,12 +115,10 @@ impl World {
             let shape = ToolShape::new(&tool.shape).map_err(|e| e.within(&format!("tools[{index}].shape")))?;
             tools.push(Tool::new(shape));
         }
-        let grasped = tools.iter().any(|tool| matches!(tool.shape, ToolShape::Grasper(_)));
         let mut slots = Vec::with_capacity(desc.objects.len());
         for (index, object) in desc.objects.iter().enumerate() {
             let body = Body::new(scene, index, params, &Workers::serial())?;
-            let pulled = grasped || !object.loads.is_empty();
-            slots.push(BodySlot::new(body, tools.iter().map(|tool| &tool.shape), pulled));
+            slots.push(BodySlot::new(body, tools.iter().map(|tool| &tool.shape), !object.loads.is_empty()));
         }
         let mut world = Self {
             params,
@@ -176,6 +176,7 @@ impl World {
             tissue.detect(&self.slots, self.params.dt_s);
             lap.end(Stage::SelfContact);
         }
+        self.slots.iter_mut().flat_map(|s| &mut s.pulled).for_each(|pulled| pulled.ties.detect());
         self.solve_velocities(workers);
         lap.end(Stage::Velocities);
         self.integrate(workers);
@@ -184,7 +185,7 @@ impl World {
         lap.end(Stage::Integrate);
         self.evaluate(workers);
         lap.end(Stage::Rotations);
-        if self.slots.iter().any(|s| s.contacts.iter().any(ToolContact::has_front)) {
+        if self.slots.iter().any(BodySlot::may_part) {
             self.advance_fronts();
             lap.end(Stage::Fracture);
         }
@@ -209,6 +210,7 @@ impl World {
         let cut = self.slots.iter().any(is_cut);
         self.slots.iter_mut().filter(|s| s.edited).for_each(|s| s.take_edits(workers));
         if cut {
+            self.slots.iter_mut().for_each(BodySlot::begin_tearing);
             self.tissue = None;
             self.follow_tissue();
         }
@@ -248,6 +250,9 @@ impl World {
                     contact.detect(&slot.body, &slot.walls, &path);
                 }
             }
+            if slot.pulled.is_none() && slot.contacts.iter().any(ToolContact::holds) {
+                slot.feel_pull();
+            }
         }
     }
 
@@ -279,12 +284,16 @@ impl World {
 
     fn advance_fronts(&mut self) {
         for slot in &mut self.slots {
+            let mut book = FrontBook::default();
             for (tool, contact) in self.tools.iter().zip(&mut slot.contacts) {
                 if let Some(path) = tool.path() {
-                    let book = contact.advance(&slot.body, &path, &mut slot.parting);
-                    self.contact_ledger.front.add(&book);
+                    book.add(&contact.advance(&slot.body, &path, slot.pulled.is_some(), &mut slot.parting));
                 }
             }
+            if let Some(pulled) = &mut slot.pulled {
+                book.add(&pulled.advance(&slot.body, &book, &mut slot.parting));
+            }
+            self.contact_ledger.front.add(&book);
         }
         self.output.fracture.cut_area_m2 = self.contact_ledger.front.area_m2;
     }
@@ -304,6 +313,7 @@ impl World {
             slot.ledger.after = slot.body.energy();
             slot.walls.update(&slot.body, &slot.parted, &slot.change);
             slot.contacts.iter_mut().for_each(|c| c.follow(&slot.body, &slot.parted, &slot.change));
+            slot.pulled.iter_mut().for_each(|pulled| pulled.follow(&slot.body, &slot.parted, &slot.change));
             self.output.fracture.parted_links += slot.parted.len() as u32;
         }
         if self.output.fracture.parted_links > 0 {

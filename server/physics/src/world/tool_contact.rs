@@ -25,11 +25,11 @@ pub(super) enum ToolContact {
 }
 
 impl ToolContact {
-    pub(super) fn new(shape: &ToolShape, body: &Body, pulled: bool) -> Self {
+    pub(super) fn new(shape: &ToolShape, body: &Body) -> Self {
         match shape {
-            ToolShape::Blade(blade) => Self::Edges(vec![BladeContact::new(blade.clone(), Mount::Fixed, body, pulled)]),
+            ToolShape::Blade(blade) => Self::Edges(vec![BladeContact::new(blade.clone(), Mount::Fixed, body)]),
             ToolShape::Scissors(scissors) => {
-                let edge = |mount| BladeContact::new(scissors.blade.clone(), mount, body, pulled);
+                let edge = |mount| BladeContact::new(scissors.blade.clone(), mount, body);
                 Self::Edges(scissors.mounts().map(edge).into())
             }
             ToolShape::Grasper(grasper) => Self::Grip(Grip::new(*grasper, body)),
@@ -166,9 +166,15 @@ impl ToolContact {
     }
 
     /// Advances the fronts of its edges; see [`crate::fracture::Front::advance`].
-    pub(super) fn advance(&mut self, body: &Body, path: &ToolPath, parting: &mut Vec<(LinkId, Crossing)>) -> FrontBook {
+    pub(super) fn advance(
+        &mut self,
+        body: &Body,
+        path: &ToolPath,
+        pulled: bool,
+        parting: &mut Vec<(LinkId, Crossing)>,
+    ) -> FrontBook {
         let mut book = FrontBook::default();
-        self.edges_mut().iter_mut().for_each(|edge| book.add(&edge.advance(body, path, parting)));
+        self.edges_mut().iter_mut().for_each(|edge| book.add(&edge.advance(body, path, pulled, parting)));
         book
     }
 

@@ -1,0 +1,141 @@
+//! Ties across what tissue's own tension opens: they take up the energy that parting costs.
+//!
+//! Where nodes split under tension, what the tissue transmitted there goes on as a force between the two, falling with
+//! their opening to zero: `f = f_0 (1 - delta / delta_c)` (Camacho and Ortiz 1996). `delta_c` is such that the ties do
+//! the work that is owed for the area: `sum f_0 delta_c / 2`.
+
+use crate::Vec3;
+use crate::body::Body;
+use crate::contact::{Contact, ContactWeights, Mode};
+
+/// A pair of nodes that were one.
+#[derive(Clone, Copy, Debug)]
+struct Tie {
+    nodes: [u32; 2],
+    /// Force on the first node that it started with, N.
+    start_n: Vec3,
+    /// Opening at which it is gone, m.
+    length_m: f64,
+    /// Opening now, and the largest so far, m.
+    opening_m: f64,
+    widest_m: f64,
+}
+
+/// The ties of one body.
+#[derive(Clone, Debug, Default)]
+pub struct Ties {
+    ties: Vec<Tie>,
+    /// Energy of what has parted under tension and no node has split for yet, J.
+    owed_j: f64,
+    /// Their springs in the step.
+    pub contacts: Vec<Contact>,
+}
+
+/// What ties took in a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TieBook {
+    /// For good, J.
+    pub dissipated_j: f64,
+    /// Of it, by steps that are not infinitely small, J.
+    pub numerical_j: f64,
+    /// Level of what closing them would give back, J.
+    pub stored_j: f64,
+}
+
+impl Ties {
+    /// Owes the energy of what parted under tension.
+    pub fn owe(&mut self, energy_j: f64) {
+        self.owed_j = (self.owed_j + energy_j).max(0.0);
+    }
+
+    /// Lets go of everything.
+    pub fn release(&mut self) {
+        self.ties.clear();
+        self.contacts.clear();
+        self.owed_j = 0.0;
+    }
+
+    /// Ties the nodes that split (new, from) with what pulls at the new ones. What would take ties longer than
+    /// `longest_m` stays owed until nodes split that more pulls at.
+    pub fn tie(&mut self, split_nodes: &[(u32, u32)], pull_n: &[[f64; 3]], longest_m: f64) {
+        let starts = split_nodes.iter().map(|&(new, from)| ([new, from], -Vec3::from(pull_n[new as usize])));
+        let force_n: f64 = starts.clone().map(|(_, f)| f.norm()).sum();
+        if self.owed_j <= 0.0 || force_n <= 0.0 {
+            return;
+        }
+        let length_m = 2.0 * self.owed_j / force_n;
+        if length_m > longest_m {
+            return;
+        }
+        self.ties.extend(starts.filter(|(_, f)| f.norm() > 0.0).map(|(nodes, start_n)| Tie {
+            nodes,
+            start_n,
+            length_m,
+            opening_m: 0.0,
+            widest_m: 0.0,
+        }));
+        self.owed_j = 0.0;
+    }
+
+    /// Sets up the step's forces.
+    pub fn detect(&mut self) {
+        self.contacts.clear();
+        self.contacts.extend(self.ties.iter().map(Tie::contact));
+    }
+
+    /// Books the step and lets go of what has opened.
+    pub fn conclude(&mut self, body: &Body) -> TieBook {
+        let mut book = TieBook::default();
+        for (tie, contact) in self.ties.iter_mut().zip(&self.contacts) {
+            tie.conclude(body, contact.yield_n, &mut book);
+        }
+        self.ties.retain(|tie| tie.widest_m < tie.length_m);
+        book
+    }
+}
+
+impl Tie {
+    fn force_n(&self) -> f64 {
+        let full = self.start_n.norm() * (1.0 - self.widest_m / self.length_m);
+        // Closing, it gives way along the line to the origin.
+        if self.opening_m < self.widest_m { full * (self.opening_m / self.widest_m).max(0.0) } else { full }
+    }
+
+    fn contact(&self) -> Contact {
+        let mut weights = ContactWeights::default();
+        weights.add(self.nodes[0], 1.0);
+        weights.add(self.nodes[1], -1.0);
+        let force = self.force_n();
+        Contact {
+            weights,
+            direction: self.start_n.normalize(),
+            limit_n: force,
+            yield_n: force,
+            mode: Mode::Yield,
+            ..Contact::default()
+        }
+    }
+
+    fn stored_j(&self) -> f64 {
+        if self.widest_m == 0.0 {
+            return 0.0;
+        }
+        let stiffness = self.start_n.norm() * (1.0 - self.widest_m / self.length_m) / self.widest_m;
+        0.5 * stiffness * self.opening_m.max(0.0).powi(2)
+    }
+
+    fn conclude(&mut self, body: &Body, force_n: f64, book: &mut TieBook) {
+        let before_j = self.stored_j();
+        let [a, b] = self.nodes.map(|n| Vec3::from(body.position_m[n as usize]));
+        let opening_m = -(a - b).dot(&self.start_n.normalize());
+        let work_j = force_n * (opening_m - self.opening_m);
+        let wider_m = opening_m.min(self.length_m).max(self.widest_m) - self.widest_m;
+        (self.opening_m, self.widest_m) = (opening_m.min(self.length_m), self.widest_m + wider_m);
+        let dissipated_j = 0.5 * self.start_n.norm() * wider_m;
+        let gone = self.widest_m >= self.length_m;
+        let stored_j = if gone { 0.0 } else { self.stored_j() };
+        book.dissipated_j += dissipated_j;
+        book.stored_j += stored_j;
+        book.numerical_j += work_j - dissipated_j - (stored_j - before_j);
+    }
+}
