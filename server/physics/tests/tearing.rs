@@ -1,107 +1,176 @@
-//! Tearing: the energy release rate at a crack that was cut beforehand, against theory.
+//! Tissue that is pulled apart: what a crack sets free, against theory, and when it goes on by itself.
 
 mod support;
 
-use kerf_physics::body::Body;
+use kerf_physics::body::{Body, MaterialPoint};
 use kerf_physics::fracture::release::{Tip, released_j_per_m};
 use kerf_physics::grid::{Crossing, LinkId};
-use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, RegionDesc, ShapeDesc};
-use kerf_physics::{Vec3, Workers};
-use support::{body, material, object, params};
+use kerf_physics::params::StepParams;
+use kerf_physics::scene::{Face, LoadDesc, MaterialDesc, ObjectDesc, RegionDesc, ShapeDesc};
+use kerf_physics::{NoClock, StepInputs, Vec3, Workers, World};
+use support::{body, material, object, params, scene};
 
 const YOUNG_PA: f64 = 1e6;
 const THICKNESS_M: f64 = 0.02;
+/// Level and voxel size: elements of 5 and of 10 mm.
+const MESHES: [(u8, f64); 2] = [(1, 2.5e-3), (2, 2.5e-3)];
 
 fn bounds(min_m: [f64; 3], max_m: [f64; 3]) -> ShapeDesc {
     ShapeDesc::Box { min_m, max_m }
 }
 
-/// Parts the links across the plane y = `height_m` for x below `crack_m`.
-fn crack(body: &mut Body, height_m: f64, from_m: f64, crack_m: f64) {
+/// Parts the links across the plane y = `height_m` between two places along x.
+fn crack(body: &mut Body, height_m: f64, along_m: [f64; 2]) {
     let (h, [_, _, nz]) = (body.grid.voxel_size_m(), body.grid.dims());
     let j = (height_m / h).round() as i32 - 1;
-    let ends = (from_m / h).round() as i32..(crack_m / h).round() as i32;
+    let [from, to] = along_m.map(|x| (x / h).round() as i32);
     let link = |i, k| (LinkId { cell: [i, j, k], axis: 1 }, Crossing { t: 0.5, normal: [0.0, 1.0, 0.0] });
-    let links: Vec<_> = ends.flat_map(|i| (0..nz).map(move |k| link(i, k))).collect();
+    let links: Vec<_> = (from..to).flat_map(|i| (0..nz).map(move |k| link(i, k))).collect();
     let parted = body.part_links(&links).parted;
+    assert_eq!(parted.len(), links.len());
     body.update_topology(&Workers::serial(), &parted);
 }
 
-fn rate(body: &Body, crack_m: f64, height_m: f64) -> f64 {
+/// A specimen: its description, where its cracks are, and their common height.
+struct Specimen {
+    desc: ObjectDesc,
+    cracks_m: Vec<[f64; 2]>,
+    height_m: f64,
+    tip_m: f64,
+}
+
+/// A strip 40 mm high between a held grip and a stiff one that is pulled at, cracked from both ends.
+fn strip(level: u8, h: f64, traction_pa: f64) -> Specimen {
+    let (height, length, grip, crack) = (0.04, 0.32, 0.02, 0.08);
+    let mut desc = object([0.0; 3], [length, 2.0 * grip + height, THICKNESS_M], h, level);
+    desc.material.poisson_ratio = 0.0;
+    desc.fixed = vec![bounds([-1.0; 3], [1.0, grip, 1.0])];
+    let material = MaterialDesc { young_modulus_pa: 1e4 * YOUNG_PA, ..desc.material.clone() };
+    let shape = bounds([-1.0, grip + height, -1.0], [1.0; 3]);
+    desc.regions = vec![RegionDesc { name: "grip".into(), shape, material }];
+    let region = bounds([crack, -1.0, -1.0], [length - crack, 1.0, 1.0]);
+    desc.loads = vec![LoadDesc::Traction { region, face: Face::MaxY, traction_pa: [0.0, traction_pa, 0.0] }];
+    let cracks_m = vec![[0.0, crack], [length - crack, length]];
+    Specimen { desc, cracks_m, height_m: grip + 0.5 * height, tip_m: crack }
+}
+
+/// `W H` of the strip: W from how far the grip has gone over the middle.
+fn strip_theory(body: &Body) -> f64 {
+    let at_m = Vec3::new(0.16, 0.06, 0.5 * THICKNESS_M);
+    let voxel = body.grid.voxel_at(body.grid.cell_of(&(at_m - Vec3::y() * 1e-4))).expect("in the strip");
+    let stretch = (body.current_m(&MaterialPoint { position_m: at_m, voxel }) - at_m).y / 0.04;
+    0.5 * YOUNG_PA * stretch * stretch * 0.04
+}
+
+const ARM_M: f64 = 0.02;
+const CRACK_M: f64 = 0.1;
+
+/// A double cantilever of arms of `arm_m` under opposite shear tractions.
+fn cantilever(level: u8, h: f64, arm_m: f64, traction_pa: f64) -> Specimen {
+    let length = 0.22;
+    let mut desc = object([0.0; 3], [length, 2.0 * arm_m, THICKNESS_M], h, level);
+    desc.material = MaterialDesc { poisson_ratio: 0.0, ..material() };
+    desc.fixed = vec![bounds([length - 0.02, -1.0, -1.0], [1.0; 3])];
+    let pull = |from: f64, to: f64, sign: f64| LoadDesc::Traction {
+        region: bounds([-1.0, from, -1.0], [1.0, to, 1.0]),
+        face: Face::MinX,
+        traction_pa: [0.0, sign * traction_pa, 0.0],
+    };
+    desc.loads = vec![pull(-1.0, arm_m, -1.0), pull(arm_m, 1.0, 1.0)];
+    Specimen { desc, cracks_m: vec![[0.0, CRACK_M]], height_m: arm_m, tip_m: CRACK_M }
+}
+
+/// `12 P^2 (a + 0.673 h)^2 / (E b^2 h^3)` (Foote and Buchwald 1985).
+fn cantilever_theory(arm_m: f64, traction_pa: f64) -> f64 {
+    let force_n = traction_pa * arm_m * THICKNESS_M;
+    12.0 * (force_n * (CRACK_M + 0.6728 * arm_m)).powi(2) / (YOUNG_PA * THICKNESS_M.powi(2) * arm_m.powi(3))
+}
+
+/// At rest under its loads.
+fn still(specimen: &Specimen) -> Body {
+    let params = StepParams { max_iterations: 2000, ..params(1e-2) };
+    let mut body = body(&specimen.desc, params);
+    specimen.cracks_m.iter().for_each(|along_m| crack(&mut body, specimen.height_m, *along_m));
+    let rest = body.relax(&Workers::serial(), &mut |_| ());
+    assert!(rest.relative_residual < 1e-5, "{rest:?}");
+    body
+}
+
+fn run(world: &mut World, steps: usize) {
+    for _ in 0..steps {
+        let fault = world.step(&Workers::serial(), &NoClock, &StepInputs::default()).fault.clone();
+        assert!(fault.is_none(), "{fault:?}");
+    }
+}
+
+/// The energy release rate in the middle of the front, J/m^2.
+fn release_rate(body: &Body, specimen: &Specimen) -> f64 {
     let tip = Tip {
-        position_m: Vec3::new(crack_m, height_m, 0.5 * THICKNESS_M),
+        position_m: Vec3::new(specimen.tip_m, specimen.height_m, 0.5 * THICKNESS_M),
         ahead: Vec3::x(),
         along: Vec3::z(),
         element_edge_m: body.lattice_edge_m(),
     };
-    let n = 1000;
-    let share: f64 = (0..n)
-        .map(|i| {
-            let z = (f64::from(i) + 0.5) / f64::from(n) * THICKNESS_M;
-            tip.share_along(&(Vec3::new(crack_m, height_m, z) - tip.position_m)) * THICKNESS_M / f64::from(n)
-        })
-        .sum();
-    released_j_per_m(body, &tip) / share
-}
-
-fn strip(h: f64, level: u8) -> f64 {
-    let (height, length, grip) = (0.04, 0.32, 0.02);
-    let mut desc: ObjectDesc = object([0.0; 3], [length, 2.0 * grip + height, THICKNESS_M], h, level);
-    desc.material.poisson_ratio = 0.0;
-    desc.fixed = vec![bounds([-1.0; 3], [1.0, grip, 1.0])];
-    let stiff = kerf_physics::scene::MaterialDesc { young_modulus_pa: 1e4 * YOUNG_PA, ..desc.material.clone() };
-    desc.regions =
-        vec![RegionDesc { name: "grip".into(), shape: bounds([-1.0, grip + height, -1.0], [1.0; 3]), material: stiff }];
-    let traction_pa = [0.0, 1e-3 * YOUNG_PA, 0.0];
-    let crack_m = 0.08;
-    let region = bounds([crack_m, -1.0, -1.0], [length - crack_m, 1.0, 1.0]);
-    desc.loads = vec![LoadDesc::Traction { region, face: Face::MaxY, traction_pa }];
-    let mut body = body(&desc, kerf_physics::params::StepParams { max_iterations: 2000, ..params(1e-2) });
-    crack(&mut body, grip + 0.5 * height, 0.0, crack_m);
-    crack(&mut body, grip + 0.5 * height, length - crack_m, length);
-    let end = body.relax(&Workers::serial(), &mut |_| ());
-    eprintln!("{end:?}");
-    let top = body.node_count();
-    let _ = top;
-    let at = kerf_physics::body::MaterialPoint {
-        position_m: Vec3::new(0.16, grip + height, 0.01),
-        voxel: body.grid.voxel_at(body.grid.cell_of(&Vec3::new(0.16, grip + height - 0.5 * h, 0.01))).unwrap(),
-    };
-    let stretch = (body.current_m(&at) - at.position_m).y / height;
-    rate(&body, crack_m, grip + 0.5 * height) / (0.5 * YOUNG_PA * stretch * stretch * height)
-}
-
-fn cantilever(h: f64, level: u8, arm: f64) -> f64 {
-    let (crack_m, length) = (0.1, 0.22);
-    let mut desc = object([0.0; 3], [length, 2.0 * arm, THICKNESS_M], h, level);
-    desc.material = material();
-    desc.material.poisson_ratio = 0.0;
-    desc.fixed = vec![bounds([length - 0.02, -1.0, -1.0], [1.0; 3])];
-    let traction = 1e-6 * YOUNG_PA;
-    let pull = |from: f64, to: f64, sign: f64| LoadDesc::Traction {
-        region: bounds([-1.0, from, -1.0], [1.0, to, 1.0]),
-        face: Face::MinX,
-        traction_pa: [0.0, sign * traction, 0.0],
-    };
-    desc.loads = vec![pull(-1.0, arm, -1.0), pull(arm, 1.0, 1.0)];
-    let mut body = body(&desc, kerf_physics::params::StepParams { max_iterations: 2000, ..params(1e-2) });
-    crack(&mut body, arm, 0.0, crack_m);
-    let end = body.relax(&Workers::serial(), &mut |_| ());
-    eprintln!("{end:?}");
-    let force = traction * arm * THICKNESS_M;
-    let theory =
-        12.0 * force * force * (crack_m + 0.6728 * arm).powi(2) / (YOUNG_PA * THICKNESS_M.powi(2) * arm.powi(3));
-    rate(&body, crack_m, arm) / theory
+    let slices = 1000;
+    let at_m = |i: i32| tip.position_m + Vec3::z() * ((f64::from(i) + 0.5) / f64::from(slices) - 0.5) * THICKNESS_M;
+    let length_m: f64 = (0..slices).map(|i| tip.share_at(body, &at_m(i)) * THICKNESS_M / f64::from(slices)).sum();
+    released_j_per_m(body, &tip) / length_m
 }
 
 #[test]
-fn probe() {
-    for (h, level) in [(5e-3, 0), (2.5e-3, 2)] {
-        eprintln!("strip h {h} level {level}: {:.4}", strip(h, level));
-        eprintln!("dcb h {h} level {level}: {:.4}", cantilever(h, level, 0.02));
-        eprintln!(
-            "dcb inside h {h} level {level}: {:.4}",
-            cantilever(h, level, 0.02 + 0.5 * h * f64::from(1 << level))
-        );
+fn the_energy_release_rate_is_that_of_theory() {
+    for (level, h) in MESHES {
+        let specimen = strip(level, h, 1e-3 * YOUNG_PA);
+        let body = still(&specimen);
+        let ratio = release_rate(&body, &specimen) / strip_theory(&body);
+        println!("strip, k {}, h {h}: G / W H = {ratio:.4}", 1 << level);
+        assert!((ratio - 1.0).abs() < 0.03, "strip, level {level}, h {h}: {ratio}");
+        // The second one runs inside cells where there are any.
+        let inside = 0.5 * h * f64::from((1u32 << level) & !1);
+        for arm_m in [ARM_M, ARM_M + inside] {
+            let specimen = cantilever(level, h, arm_m, 1e-6 * YOUNG_PA);
+            let ratio = release_rate(&still(&specimen), &specimen) / cantilever_theory(arm_m, 1e-6 * YOUNG_PA);
+            println!("double cantilever of {arm_m}, k {}, h {h}: {ratio:.4}", 1 << level);
+            assert!((ratio - 1.0).abs() < 0.06, "cantilever, level {level}, h {h}, arm {arm_m}: {ratio}");
+        }
+    }
+}
+
+/// Parted links of a specimen whose material can be cut, that starts where `still` is at rest.
+fn torn(specimen: &Specimen, still: &Body, gc_j_per_m2: f64) -> u32 {
+    let mut desc = specimen.desc.clone();
+    desc.material.fracture_energy_j_per_m2 = Some(gc_j_per_m2);
+    desc.material.rayleigh_beta_s = 1e-3;
+    let mut world = World::new(&scene(vec![desc])).expect("a valid scene");
+    let body = world.body_mut(0);
+    specimen.cracks_m.iter().for_each(|along_m| crack(body, specimen.height_m, *along_m));
+    body.position_m.clone_from(&still.position_m);
+    let mut parted = 0;
+    for _ in 0..100 {
+        run(&mut world, 1);
+        parted += world.output().fracture.parted_links;
+    }
+    parted
+}
+
+#[test]
+fn a_cut_goes_on_by_itself_at_the_load_that_theory_gives() {
+    for (level, h) in MESHES {
+        for name in ["strip", "double cantilever"] {
+            let specimen = match name {
+                "strip" => strip(level, h, 1e-3 * YOUNG_PA),
+                _ => cantilever(level, h, ARM_M, 1e-6 * YOUNG_PA),
+            };
+            let still = still(&specimen);
+            let theory = match name {
+                "strip" => strip_theory(&still),
+                _ => cantilever_theory(ARM_M, 1e-6 * YOUNG_PA),
+            };
+            for (share, tears) in [(1.1, false), (0.9, true)] {
+                let parted = torn(&specimen, &still, share * theory);
+                println!("{name}, k {}, Gc = {share} G: {parted} links parted", 1 << level);
+                assert_eq!(parted > 0, tears, "{name}, level {level}, Gc {share} of the theory's G: {parted} parted");
+            }
+        }
     }
 }

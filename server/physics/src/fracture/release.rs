@@ -35,10 +35,19 @@ pub struct Tip {
 }
 
 impl Tip {
-    /// How much a place `offset_m` from here counts along the front: the integral of this over the front's
-    /// length is what [`released_j_per_m`] is per.
+    /// How much a place on the front counts: the integral of this over the front's length is what
+    /// [`released_j_per_m`] is per. It is phi as the elements see it, linear between their corners.
     #[must_use]
-    pub fn share_along(&self, offset_m: &Vec3) -> f64 {
+    pub fn share_at(&self, body: &Body, position_m: &Vec3) -> f64 {
+        let edge_m = body.lattice_edge_m();
+        let at = (position_m - body.grid.origin_m()) / edge_m;
+        let cell = at.map(f64::floor);
+        let corner = |c: usize| body.grid.origin_m() + (cell + Vec3::from_fn(|i, _| (c >> i & 1) as f64)) * edge_m;
+        let n = shape_functions((at - cell).into());
+        (0..8).map(|c| n[c] * self.phi(&corner(c))).sum()
+    }
+
+    fn share_along(&self, offset_m: &Vec3) -> f64 {
         (1.0 - offset_m.dot(&self.along).abs() / (HALF_WIDTH * self.element_edge_m)).max(0.0)
     }
 
@@ -50,7 +59,7 @@ impl Tip {
 }
 
 /// Energy set free per length that the front advances, times the length of front that counts, J/m: over the
-/// integral of [`Tip::share_along`] along the front, the energy release rate.
+/// integral of [`Tip::share_at`] along the front, the energy release rate.
 #[must_use]
 pub fn released_j_per_m(body: &Body, tip: &Tip) -> f64 {
     let reach_m = Vec3::repeat(OUTER.hypot(HALF_WIDTH) * tip.element_edge_m);

@@ -76,6 +76,6 @@ fn energy_release_rate(body: &Body, station: &Piece, pieces: &[Piece]) -> f64 {
         along: along.normalize(),
         element_edge_m: body.lattice_edge_m(),
     };
-    let length_m = |p: &Piece| p.along_m.norm() * tip.share_along(&(p.position_m - station.position_m));
+    let length_m = |p: &Piece| p.along_m.norm() * tip.share_at(body, &p.position_m);
     (released_j_per_m(body, &tip) / pieces.iter().map(length_m).sum::<f64>()).max(0.0)
 }
