@@ -77,7 +77,7 @@ fn main() -> Result<()> {
     };
     let cut = |model: &Model| -> Result<Tally> {
         let tally = run(model, options.strokes, options.seed, done)?;
-        progress.println(row(&tally));
+        progress.suspend(|| println!("{}", row(&tally)));
         Ok(tally)
     };
     let tallies = models.par_iter().map(cut).collect::<Result<Vec<_>>>()?;
