@@ -24,7 +24,7 @@ fn random_strokes_through_a_coarse_liver_leave_nothing_broken() {
     assert!(tally.volume_ratio < COARSE_VOLUME_SHARE, "{} A h", tally.volume_ratio);
 }
 
-/// Volume between a mesh and any point, m^3 once scaled; holes are closed towards the mean of the points.
+/// Volume of a mesh, in its units; holes are closed by cones to the mean of its corners.
 fn volume(mesh: &TriangleMesh) -> f64 {
     let place = |v: u32| Vec3::from(mesh.positions[v as usize]);
     let count = 3.0 * mesh.triangles.len() as f64;

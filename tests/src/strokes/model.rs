@@ -13,7 +13,7 @@ use crate::extremes::scenes::below;
 const LONGEST_M: f64 = 0.2;
 /// Share of a mesh's height, from below, that is held.
 const HELD_SHARE: f64 = 0.1;
-/// A tenth of the paper's frame: a stroke of 1 m/s goes on by less than a voxel in a step.
+/// Slow enough for many strokes, fast enough that one of 1 m/s goes on by less than a voxel in a step.
 const RATE_HZ: f64 = 250.0;
 /// Every edge reaches so far, m: half a model.
 const WIDTH_M: f64 = 0.1;
