@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo test lint verify extremes bench performance
+.PHONY: demo test lint verify extremes strokes bench performance
 
 DEMO_OUT ?= out/demo
 DEMO_ADDRESS ?= 127.0.0.1:50051
@@ -38,3 +38,12 @@ bench: performance
 EXTREMES_SEED ?= 1
 extremes:
 	cargo run --release -p kerf-system-tests --bin extremes -- docs/stability.md --seed $(EXTREMES_SEED)
+
+# Random strokes through the liver and, where their paths are given, meshes; writes docs/strokes.md.
+STROKES ?= 10000
+STROKES_SEED ?= 1
+STROKES_RESOLUTION ?= 24
+STROKES_MODELS ?= liver
+strokes:
+	cargo run --release -p kerf-system-tests --bin strokes -- docs/strokes.md $(STROKES_MODELS) \
+		--strokes $(STROKES) --seed $(STROKES_SEED) --resolution $(STROKES_RESOLUTION)

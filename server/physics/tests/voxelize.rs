@@ -275,6 +275,66 @@ fn a_small_hole_is_closed_by_the_vote() {
     assert!(boundary(&pierced).iter().all(|(_, c, _)| (normal(c).norm() - 1.0).abs() < 1e-5));
 }
 
+/// Two meshes as one, the second moved.
+fn both(mut mesh: TriangleMesh, second: &TriangleMesh, by_m: [f64; 3]) -> TriangleMesh {
+    let first = mesh.positions.len() as u32;
+    mesh.positions.extend(second.positions.iter().map(|p| std::array::from_fn(|a| p[a] + by_m[a])));
+    mesh.triangles.extend(second.triangles.iter().map(|t| t.map(|v| v + first)));
+    mesh
+}
+
+fn cube_mesh(side: f64) -> TriangleMesh {
+    let corner = |c: u32| [c & 1, c >> 1 & 1, c >> 2].map(|bit| side * f64::from(bit));
+    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    TriangleMesh {
+        positions: (0..8).map(corner).collect(),
+        triangles: quads.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect(),
+    }
+}
+
+#[test]
+fn faces_that_are_there_twice_change_nothing() {
+    let sound = sphere_mesh(0.1, 48, 96, 0);
+    let cells = |mesh: TriangleMesh| voxelize_mesh(mesh, 0.01).unwrap().voxels().to_vec();
+    let expected = cells(sound.clone());
+    // Some by their numbers, some with corners of their own and another first.
+    let mut some = sound.clone();
+    some.triangles.extend_from_within(..2000);
+    assert_eq!(cells(some), expected);
+    let mut turned = sound.clone();
+    turned.triangles.iter_mut().for_each(|t| t.rotate_left(1));
+    assert_eq!(cells(both(sound.clone(), &turned, [0.0; 3])), expected);
+    assert_eq!(cells(both(both(sound.clone(), &sound, [0.0; 3]), &sound, [0.0; 3])), expected);
+}
+
+#[test]
+fn of_several_bodies_each_is_solid_and_one_within_another_is_a_cavity() {
+    let (large, small) = (sphere_mesh(0.1, 48, 96, 0), sphere_mesh(0.05, 48, 96, 0));
+    let mut inward = small.clone();
+    inward.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+    let [alone, within] = [0.1f64, 0.05].map(|r| 4.0 / 3.0 * PI * r.powi(3));
+    let cases = [
+        (both(large.clone(), &small, [0.2, 0.03, 0.01]), alone + within),
+        (both(large.clone(), &inward, [0.2, 0.03, 0.01]), alone + within),
+        (both(large.clone(), &small, [0.0, 0.01, 0.0]), alone - within),
+        (both(large.clone(), &inward, [0.0, 0.01, 0.0]), alone - within),
+    ];
+    for (i, (mesh, expected)) in cases.into_iter().enumerate() {
+        let volume = volume_m3(&voxelize_mesh(mesh, 0.005).unwrap());
+        assert!((volume / expected - 1.0).abs() < 0.02, "case {i}: {volume} against {expected}");
+    }
+    // Two cubes that share a wall, each with its own.
+    let cubes = both(cube_mesh(0.1), &cube_mesh(0.1), [0.1, 0.0, 0.0]);
+    assert_eq!(voxelize_mesh(cubes, 0.01).unwrap().dims(), [20, 10, 10]);
+}
+
+#[test]
+fn bodies_that_overlap_are_refused() {
+    let sphere = sphere_mesh(0.1, 48, 96, 0);
+    let refused = voxelize_mesh(both(sphere.clone(), &sphere, [0.12, 0.0, 0.0]), 0.01).map(|_| ()).unwrap_err();
+    assert!(refused.starts_with("objects[\"body\"].shape") && refused.contains("overlap"), "{refused}");
+}
+
 #[test]
 fn meshes_without_an_inside_are_refused_with_the_reason() {
     let refused = |mesh: TriangleMesh| voxelize_mesh(mesh, 0.01).map(|grid| grid.dims()).unwrap_err();

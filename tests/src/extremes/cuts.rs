@@ -89,7 +89,7 @@ fn disc(grid: &Grid, rng: &mut SplitMix64) -> Links {
 
 /// What is wrong with the structure of a body: voxels lost, elements without voxels or with voxels of
 /// other cells, pieces below the least.
-pub(super) fn check_body(body: &Body, voxels: usize) -> Vec<String> {
+pub(crate) fn check_body(body: &Body, voxels: usize) -> Vec<String> {
     let mut wrong = Vec::new();
     let base = body.base();
     let mut filled = vec![0usize; base.elements.len()];

@@ -1,7 +1,7 @@
 //! Extremes: a matrix of cases from one end of every supported range to the other, what is asked of
 //! each, and the report that is made of them.
 
-mod cuts;
+pub(crate) mod cuts;
 mod loads;
 mod materials;
 pub mod properties;

@@ -3,19 +3,24 @@
 //! Orientation is not trusted and small holes are tolerated. Along each axis the surface is cut by
 //! the lines through the cell centres (the lattice's links lie on them); a cell is inside where most
 //! of its six looks along these lines (three axes, two directions) cross the surface an odd number
-//! of times. A line through a hole contradicts itself and so abstains.
+//! of times. A line through a hole contradicts itself and so abstains. Faces that are there twice count
+//! once. Of several bodies each is solid, one within another is a cavity; bodies that overlap are refused,
+//! for which of both is meant is not known.
 
 use parry3d_f64::math::Vector;
 use parry3d_f64::query::PointQuery;
 use parry3d_f64::shape::TriMesh;
 
 use super::lattice::{Bounds, Lattice};
+use super::mesh_faces::{bodies, distinct};
 use super::{Crossing, Ijk, LinkId};
 use crate::Vec3;
 use crate::scene::TriangleMesh;
 
 /// Share of the lines along one axis that may contradict themselves before the mesh counts as open.
 const MAX_OPEN_SHARE: f64 = 0.25;
+/// Bodies of one mesh may overlap by this share of a voxel: those that touch do, by rounding.
+const MAX_OVERLAP_VOXELS: f64 = 0.5;
 
 /// The mesh library has its own vectors: they cross here and nowhere else.
 fn to_parry(v: &Vec3) -> Vector {
@@ -45,6 +50,8 @@ pub(super) fn bounds(mesh: &TriangleMesh, scale: f64, offset_m: &Vec3) -> Result
 /// A mesh placed in the scene.
 pub(super) struct MeshSolid {
     triangles: Vec<[Vec3; 3]>,
+    /// Body of each triangle.
+    body: Vec<u32>,
     tree: TriMesh,
 }
 
@@ -53,10 +60,10 @@ impl MeshSolid {
         bounds(mesh, scale, offset_m)?;
         let place = |p: &[f64; 3]| offset_m + Vec3::from(*p) * scale;
         let points: Vec<Vec3> = mesh.positions.iter().map(place).collect();
-        let triangles = mesh.triangles.iter().map(|t| t.map(|v| points[v as usize])).collect();
+        let triangles = distinct(mesh.triangles.iter().map(|t| t.map(|v| points[v as usize])).collect());
         let tree = TriMesh::new(points.iter().map(to_parry).collect(), mesh.triangles.clone())
             .map_err(|e| format!("the mesh cannot be searched: {e}"))?;
-        Ok(Self { triangles, tree })
+        Ok(Self { body: bodies(&triangles), triangles, tree })
     }
 
     /// Distance to the surface, m, without a sign.
@@ -69,6 +76,40 @@ impl MeshSolid {
     pub(super) fn cut_by(&self, lattice: Lattice) -> Columns {
         let axes = std::array::from_fn(|axis| AxisColumns::new(axis, &self.triangles, &lattice));
         Columns { lattice, axes }
+    }
+
+    /// Why the mesh has no one inside, if bodies of it overlap: along a line one is entered before the last
+    /// that was entered is left.
+    pub(super) fn refuse_overlap(&self, columns: &Columns) -> Result<(), String> {
+        let most_m = MAX_OVERLAP_VOXELS * columns.lattice.voxel_size_m;
+        for axis in &columns.axes {
+            for bounds in axis.first.windows(2) {
+                let hits = &axis.hits[bounds[0] as usize..bounds[1] as usize];
+                if let Some(at_m) = self.overlap_m(hits).filter(|overlap| *overlap > most_m) {
+                    let name = ["x", "y", "z"][axis.axis];
+                    return Err(format!("bodies of the mesh overlap, by {at_m:.2e} m along {name}: unite them first"));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// How far two bodies overlap along a line, m, at most; `None` where a body has a hole on the line.
+    fn overlap_m(&self, hits: &[Hit]) -> Option<f64> {
+        let mut entered: Vec<(u32, f64)> = Vec::new();
+        let mut overlap_m = 0.0f64;
+        for hit in hits {
+            let body = self.body[hit.triangle as usize];
+            match entered.iter().position(|(other, _)| *other == body) {
+                None => entered.push((body, hit.at_m)),
+                Some(place) => {
+                    entered.remove(place);
+                    let later = entered[place..].iter().map(|(_, from_m)| hit.at_m - from_m);
+                    overlap_m = later.fold(overlap_m, f64::max);
+                }
+            }
+        }
+        entered.is_empty().then_some(overlap_m)
     }
 
     /// Unit normal of a triangle, either way round; `None` for one without area.

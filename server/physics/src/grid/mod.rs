@@ -9,6 +9,7 @@ pub mod implicit;
 pub mod lattice;
 pub mod levels;
 mod mesh;
+mod mesh_faces;
 pub mod voxelize;
 
 use crate::Vec3;

@@ -129,6 +129,7 @@ impl Samples {
             }
             Solid::Mesh(solid) => {
                 let columns = solid.cut_by(lattice);
+                solid.refuse_overlap(&columns).map_err(shape_error)?;
                 let inside = columns.inside().map_err(shape_error)?;
                 let distance_m = mesh_distances(&solid, &lattice, &inside);
                 Self { lattice, inside, distance_m, surface: Surface::Mesh(solid, Box::new(columns)) }

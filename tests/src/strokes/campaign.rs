@@ -1,0 +1,241 @@
+//! Strokes through one model, body after body, and what each left behind.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use kerf_physics::body::{Body, LEAST_PIECE_VOXELS};
+use kerf_physics::step_io::StepOutput;
+use kerf_physics::surface::Surface;
+use kerf_physics::{NoClock, SceneError, StepInputs, ToolInput, Vec3, Workers, World};
+
+use super::hand::Stroke;
+use super::inspect::{enclosed_m3, pieces, seams};
+use super::model::Model;
+use crate::extremes::cuts::check_body;
+use crate::extremes::scenes::SplitMix64;
+
+/// A body is in crumbs when its largest piece has less than this share of its voxels.
+const CRUMBS: f64 = 0.25;
+/// So is one that so many strokes in a row have parted nothing of.
+const IDLE_STROKES: u32 = 15;
+/// Enclosed volume may change by the cut area times this share of a voxel's edge.
+const VOLUME_SHARE: f64 = 0.1;
+/// Energy the ledger may leave unexplained, over the work of the tools.
+const MOST_RESIDUAL: f64 = 1e-3;
+/// Findings that are kept in words; all are counted.
+const MOST_FINDINGS: usize = 20;
+
+/// What came of the strokes through a model.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tally {
+    /// The model's name.
+    pub name: String,
+    /// Fine voxels of a body.
+    pub voxels: usize,
+    /// Edge of a voxel, m.
+    pub voxel_m: f64,
+    /// Strokes made.
+    pub strokes: u32,
+    /// Those in which links parted.
+    pub cutting_strokes: u32,
+    /// Bodies used up, the last included.
+    pub bodies: u32,
+    /// Steps taken.
+    pub steps: u64,
+    /// Links parted.
+    pub parted_links: u64,
+    /// Links spared, lest a piece below the least be set free.
+    pub spared_links: u64,
+    /// Area the fronts swept, m^2.
+    pub cut_area_m2: f64,
+    /// Pieces of one body, at most.
+    pub most_pieces: usize,
+    /// Voxels of the smallest piece of all.
+    pub least_piece: usize,
+    /// Steps whose state was rolled back.
+    pub faults: u32,
+    /// Change of the enclosed volume over cut area times voxel edge, at most.
+    pub volume_ratio: f64,
+    /// What the ledger left unexplained, sum of magnitudes over that of the tools' work, at most over bodies.
+    pub residual_ratio: f64,
+    /// Cracks of one link that hang together with no other face, at most after a stroke.
+    pub lone_cracks: usize,
+    /// How many things did not hold.
+    pub failures: u32,
+    /// The first of them, each with stroke and body.
+    pub findings: Vec<String>,
+    /// State hash of the last body.
+    pub state_hash: u64,
+}
+
+impl Tally {
+    fn finding(&mut self, what: &str) {
+        self.failures += 1;
+        if self.findings.len() < MOST_FINDINGS {
+            self.findings.push(format!("stroke {}, body {}: {what}", self.strokes, self.bodies));
+        }
+    }
+}
+
+/// One body and what was done to it.
+struct Specimen {
+    world: World,
+    workers: Workers<'static>,
+    bounds_m: [Vec3; 2],
+    dt_s: f64,
+    whole_m3: f64,
+    cut_area_m2: f64,
+    work_j: f64,
+    residual_j: f64,
+    idle_strokes: u32,
+}
+
+impl Specimen {
+    fn new(model: &Model) -> Result<Self, SceneError> {
+        let mut world = World::new(&model.scene)?;
+        let stats = world.object_stats()[0];
+        let whole_m3 = world.bodies_and_surfaces().map(|(_, surface)| enclosed_m3(surface)).sum();
+        Ok(Self {
+            world,
+            workers: Workers::serial(),
+            bounds_m: [stats.rest_min_m.into(), stats.rest_max_m.into()],
+            dt_s: 1.0 / model.scene.desc.rate_hz,
+            whole_m3,
+            cut_area_m2: 0.0,
+            work_j: 0.0,
+            residual_j: 0.0,
+            idle_strokes: 0,
+        })
+    }
+
+    fn voxel_m(&self) -> f64 {
+        self.world.bodies()[0].grid.voxel_size_m()
+    }
+
+    fn stroke(&mut self, rng: &mut SplitMix64, tally: &mut Tally) {
+        let stroke = Stroke::random(rng, self.bounds_m, 2.0 * self.voxel_m(), self.dt_s);
+        let parted_before = tally.parted_links;
+        for motion in stroke.motions() {
+            self.step(ToolInput { tool: stroke.tool, motion }, tally);
+        }
+        let has_parted = tally.parted_links > parted_before;
+        tally.cutting_strokes += u32::from(has_parted);
+        self.idle_strokes = if has_parted { 0 } else { self.idle_strokes + 1 };
+    }
+
+    fn step(&mut self, input: ToolInput, tally: &mut Tally) {
+        let output = self.world.step(&self.workers, &NoClock, &StepInputs::of(&[input]));
+        tally.steps += 1;
+        tally.parted_links += u64::from(output.fracture.parted_links);
+        tally.spared_links += u64::from(output.fracture.spared_links);
+        tally.cut_area_m2 += output.fracture.cut_area_m2;
+        self.cut_area_m2 += output.fracture.cut_area_m2;
+        self.work_j += output.energy.tool_work_j.abs();
+        self.residual_j += output.energy.residual_j.abs();
+        if let Some(fault) = &output.fault {
+            tally.faults += 1;
+            tally.finding(&format!("rolled back: {fault:?}"));
+        }
+        if !is_finite(output) {
+            tally.finding("a wrench or an energy is not a number");
+        }
+    }
+
+    /// Asks of the body all that must hold between strokes.
+    fn inspect(&mut self, tally: &mut Tally) {
+        let mut wrong = check_body(self.world.bodies()[0], tally.voxels);
+        if !self.world.bodies()[0].is_finite() {
+            wrong.push("a position or velocity is not a number".into());
+        }
+        let sizes = pieces(&self.world.bodies()[0].grid);
+        tally.most_pieces = tally.most_pieces.max(sizes.len());
+        tally.least_piece = tally.least_piece.min(sizes[0]);
+        let (voxel_m, whole_m3) = (self.voxel_m(), self.whole_m3);
+        for (body, surface) in self.world.bodies_and_surfaces() {
+            let seams = seams(&body.grid, surface);
+            tally.lone_cracks = tally.lone_cracks.max(seams.lone);
+            if seams.open > 0 {
+                wrong.push(format!("{} open edges", seams.open));
+            }
+            let changed_m3 = (enclosed_m3(surface) - whole_m3).abs();
+            let room_m3 = self.cut_area_m2 * voxel_m;
+            if room_m3 > 0.0 {
+                tally.volume_ratio = tally.volume_ratio.max(changed_m3 / room_m3);
+            }
+            if changed_m3 > VOLUME_SHARE * room_m3 + f64::from(f32::EPSILON) * whole_m3 {
+                wrong.push(format!("enclosed volume changed by {changed_m3:.2e} m^3, {:.3} A h", changed_m3 / room_m3));
+            }
+        }
+        if self.work_j > 0.0 {
+            tally.residual_ratio = tally.residual_ratio.max(self.residual_j / self.work_j);
+        }
+        if self.residual_j > MOST_RESIDUAL * self.work_j {
+            wrong.push(format!("{:.2e} J of {:.2e} J are not accounted for", self.residual_j, self.work_j));
+        }
+        wrong.iter().for_each(|what| tally.finding(what));
+    }
+
+    /// Whether the surface that was followed is the one a new viewer gets.
+    fn compare_surface(&mut self, tally: &mut Tally) {
+        let followed = |(body, surface): (&Body, &Surface)| *surface == Surface::build(&body.grid);
+        if !self.world.bodies_and_surfaces().all(followed) {
+            tally.finding("the surface followed is not the one built anew");
+        }
+    }
+
+    fn is_in_crumbs(&self) -> bool {
+        let grid = &self.world.bodies()[0].grid;
+        let largest = pieces(grid).last().copied().unwrap_or(0) as f64;
+        self.idle_strokes >= IDLE_STROKES || largest < CRUMBS * grid.voxels().len() as f64
+    }
+}
+
+fn is_finite(output: &StepOutput) -> bool {
+    let e = &output.energy;
+    let wrenches = output.tools.iter().flat_map(|t| t.wrench.force_n.iter().chain(t.wrench.torque_nm.iter()));
+    let energies = [e.tool_work_j, e.elastic_j, e.kinetic_j, e.contact_j, e.fracture_j, e.residual_j];
+    wrenches.copied().chain(energies).all(f64::is_finite)
+}
+
+/// Makes `strokes` random strokes through a model, with a fresh body whenever one is in crumbs or a stroke
+/// made it panic. Every stroke has a seed of its own. `done` is told of each.
+///
+/// # Errors
+/// What the model's scene is refused for.
+pub fn run(model: &Model, strokes: u32, seed: u64, done: impl Fn(&Tally)) -> Result<Tally, SceneError> {
+    let mut specimen = Specimen::new(model)?;
+    let mut tally = Tally {
+        name: model.name.clone(),
+        voxels: specimen.world.bodies()[0].grid.voxels().len(),
+        voxel_m: specimen.voxel_m(),
+        least_piece: usize::MAX,
+        bodies: 1,
+        ..Tally::default()
+    };
+    // Of a mesh of several bodies, or with a thread of voxels, a piece may be small from the start.
+    if pieces(&specimen.world.bodies()[0].grid).first().is_some_and(|least| *least < LEAST_PIECE_VOXELS) {
+        tally.finding("voxels that hang together with fewer than the least piece before any stroke");
+    }
+    let mut seeds = SplitMix64(seed);
+    for number in 1..=strokes {
+        tally.strokes = number;
+        let mut rng = SplitMix64(seeds.word());
+        let outcome = catch_unwind(AssertUnwindSafe(|| {
+            specimen.stroke(&mut rng, &mut tally);
+            specimen.inspect(&mut tally);
+        }));
+        if let Err(panic) = &outcome {
+            let text = panic.downcast_ref::<String>().map(String::as_str);
+            let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("without a message");
+            tally.finding(&format!("panicked: {text}"));
+        }
+        done(&tally);
+        if number < strokes && (outcome.is_err() || specimen.is_in_crumbs()) {
+            specimen.compare_surface(&mut tally);
+            specimen = Specimen::new(model)?;
+            tally.bodies += 1;
+        }
+    }
+    specimen.compare_surface(&mut tally);
+    tally.state_hash = specimen.world.state_hash();
+    Ok(tally)
+}

@@ -1,0 +1,81 @@
+//! What is cut: the built-in liver, or a mesh of the liver's size and material.
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use kerf_physics::scene::{BladeDesc, EdgeDesc, Meshes, ShapeDesc, ToolDesc, TriangleMesh};
+use kerf_physics::{Scene, Vec3};
+use kerf_session::catalog;
+
+use crate::extremes::scenes::below;
+
+/// Longest edge of a mesh's bounding box in the scene, m: the liver's.
+const LONGEST_M: f64 = 0.2;
+/// Share of a mesh's height, from below, that is held.
+const HELD_SHARE: f64 = 0.1;
+/// Slow enough for many strokes, fast enough that one of 1 m/s goes on by less than a voxel in a step.
+const RATE_HZ: f64 = 250.0;
+/// Every edge reaches so far, m: half a model.
+const WIDTH_M: f64 = 0.1;
+
+/// A model ready to be cut.
+#[derive(Clone)]
+pub struct Model {
+    /// What it is called in reports.
+    pub name: String,
+    /// One object and [`BLADES`].
+    pub scene: Scene,
+}
+
+/// Names of the blades of every scene, in the order of its tools.
+pub const BLADES: [&str; 3] = ["straight", "sine", "arc"];
+
+impl Model {
+    /// `liver`, or the mesh of a file scaled to the liver's length, with `resolution` voxels along its
+    /// longest edge. Pieces that are cut off stay where they are: gravity and the liver's loads are
+    /// taken away.
+    ///
+    /// # Errors
+    /// The file cannot be read, or its mesh is refused.
+    pub fn new(name_or_path: &str, resolution: u32) -> Result<Self> {
+        let mut scene = catalog::builtin("liver")?;
+        let mut name = name_or_path.to_owned();
+        let object = &mut scene.desc.objects[0];
+        (object.voxel_size_m, object.resolution) = (None, Some(resolution));
+        object.loads.clear();
+        if name_or_path != "liver" {
+            let path = Path::new(name_or_path);
+            name = path.file_stem().context("a mesh has a name")?.to_string_lossy().into_owned();
+            let mesh = catalog::read_mesh(path)?;
+            let [min, max] = corners(&mesh);
+            let scale_m_per_unit = LONGEST_M / (max - min).max();
+            object.name.clone_from(&name);
+            object.shape = ShapeDesc::Mesh { file: name.clone(), scale_m_per_unit, offset_m: [0.0; 3] };
+            object.fixed = vec![below(scale_m_per_unit * (min.y + HELD_SHARE * (max.y - min.y)))];
+            scene.meshes = Meshes::from([(name.clone(), mesh)]);
+        }
+        scene.desc.rate_hz = RATE_HZ;
+        scene.desc.gravity_m_per_s2 = [0.0; 3];
+        scene.desc.probes.clear();
+        scene.desc.tools = BLADES.iter().map(|blade| ToolDesc::blade(blade, self::blade(blade))).collect();
+        scene.problems().into_iter().next().map_or(Ok(()), Err)?;
+        Ok(Self { name, scene })
+    }
+}
+
+fn blade(name: &str) -> BladeDesc {
+    let edge = match name {
+        "sine" => EdgeDesc::Sine { amplitude_m: 0.1 * WIDTH_M, wavelength_m: 0.5 * WIDTH_M },
+        "arc" => EdgeDesc::Arc { sagitta_m: 0.2 * WIDTH_M },
+        _ => EdgeDesc::Straight,
+    };
+    BladeDesc { edge, thickness_m: 1e-3, ..BladeDesc::straight(WIDTH_M, WIDTH_M) }
+}
+
+/// Corners of a mesh's bounding box, in its units.
+fn corners(mesh: &TriangleMesh) -> [Vec3; 2] {
+    let points =
+        || mesh.triangles.iter().flatten().filter_map(|v| mesh.positions.get(*v as usize)).map(|p| Vec3::from(*p));
+    let far = Vec3::repeat(f64::INFINITY);
+    [points().fold(far, |low, p| low.inf(&p)), points().fold(-far, |high, p| high.sup(&p))]
+}
