@@ -19,7 +19,7 @@ pub const MAX_MESH_BYTES: u64 = 256 << 20;
 /// Largest file of an edge's points, bytes: more than as many points as an edge may have.
 pub const MAX_EDGE_BYTES: u64 = 1 << 20;
 
-const BUILTIN: [(&str, &str); 10] = [
+const BUILTIN: [(&str, &str); 17] = [
     ("jelly", include_str!("../scenes/jelly.toml")),
     ("tofu", include_str!("../scenes/tofu.toml")),
     ("rubber", include_str!("../scenes/rubber.toml")),
@@ -29,6 +29,13 @@ const BUILTIN: [(&str, &str); 10] = [
     ("gummy-bear", include_str!("../scenes/gummy-bear.toml")),
     ("liver", include_str!("../scenes/liver.toml")),
     ("liver-tissue", include_str!("../scenes/liver-tissue.toml")),
+    ("hepatectomy", include_str!("../scenes/hepatectomy.toml")),
+    ("two-organs", include_str!("../scenes/two-organs.toml")),
+    ("skin", include_str!("../scenes/skin.toml")),
+    ("gelatine", include_str!("../scenes/gelatine.toml")),
+    ("potato", include_str!("../scenes/potato.toml")),
+    ("cucumber", include_str!("../scenes/cucumber.toml")),
+    ("apple", include_str!("../scenes/apple.toml")),
     ("pressed-block", include_str!("../scenes/pressed-block.toml")),
 ];
 
@@ -227,8 +234,7 @@ mod tests {
             let scene = load(name).unwrap_or_else(|e| panic!("{e}"));
             assert_eq!(scene.desc.name, name);
             assert_eq!(scene.desc.rate_hz, 1000.0);
-            let is_pressed = name == "pressed-block";
-            assert_eq!(scene.desc.tools.len(), usize::from(!is_pressed), "{name}");
+            assert_eq!(scene.desc.tools.is_empty(), name == "pressed-block", "{name}");
             assert!(!scene.desc.probes.is_empty() && !scene.desc.description.is_empty(), "{name}");
         }
     }
