@@ -12,7 +12,7 @@ use kerf_session::catalog;
 /// A built-in scene that cannot be built, which its tests exclude.
 pub fn run() -> Result<()> {
     println!(
-        "{:<13} {:>16} {:>15} {:>6} {:>7} {:>7} {:>9} {:>8} {:>9}",
+        "{:<15} {:>16} {:>15} {:>6} {:>7} {:>7} {:>9} {:>8} {:>9}",
         "scene", "voxels", "elements", "level", "h mm", "H mm", "E kPa", "Gc J/m2", "Gc/(E H)"
     );
     for name in catalog::builtin_names() {
@@ -32,7 +32,7 @@ fn line(name: &str) -> Result<String> {
     let paper = catalog::paper_counts(name);
     let beside = |ours: usize, theirs: Option<u32>| theirs.map_or(format!("{ours}"), |n| format!("{ours} ({n})"));
     Ok(format!(
-        "{name:<13} {:>16} {:>15} {:>6} {:>7.2} {:>7.1} {:>9.1} {:>8} {:>9}",
+        "{name:<15} {:>16} {:>15} {:>6} {:>7.2} {:>7.1} {:>9.1} {:>8} {:>9}",
         beside(counts.voxels, paper.map(|p| p.voxels)),
         beside(counts.composite_elements, paper.map(|p| p.composite_elements)),
         object.level,

@@ -19,13 +19,23 @@ pub const MAX_MESH_BYTES: u64 = 256 << 20;
 /// Largest file of an edge's points, bytes: more than as many points as an edge may have.
 pub const MAX_EDGE_BYTES: u64 = 1 << 20;
 
-const BUILTIN: [(&str, &str); 7] = [
+const BUILTIN: [(&str, &str); 17] = [
     ("jelly", include_str!("../scenes/jelly.toml")),
     ("tofu", include_str!("../scenes/tofu.toml")),
     ("rubber", include_str!("../scenes/rubber.toml")),
     ("cuboid", include_str!("../scenes/cuboid.toml")),
+    ("cuboid-polyline", include_str!("../scenes/cuboid-polyline.toml")),
+    ("cuboid-sine", include_str!("../scenes/cuboid-sine.toml")),
+    ("gummy-bear", include_str!("../scenes/gummy-bear.toml")),
     ("liver", include_str!("../scenes/liver.toml")),
     ("liver-tissue", include_str!("../scenes/liver-tissue.toml")),
+    ("hepatectomy", include_str!("../scenes/hepatectomy.toml")),
+    ("two-organs", include_str!("../scenes/two-organs.toml")),
+    ("skin", include_str!("../scenes/skin.toml")),
+    ("gelatine", include_str!("../scenes/gelatine.toml")),
+    ("potato", include_str!("../scenes/potato.toml")),
+    ("cucumber", include_str!("../scenes/cucumber.toml")),
+    ("apple", include_str!("../scenes/apple.toml")),
     ("pressed-block", include_str!("../scenes/pressed-block.toml")),
 ];
 
@@ -104,8 +114,9 @@ pub struct PaperCounts {
 #[must_use]
 pub fn paper_counts(name: &str) -> Option<PaperCounts> {
     let (voxels, composite_elements) = match name {
+        "gummy-bear" => (51_034, 899),
         "jelly" | "tofu" | "rubber" => (12_676, 240),
-        "cuboid" => (59_248, 144),
+        "cuboid" | "cuboid-polyline" | "cuboid-sine" => (59_248, 144),
         "liver" => (30_360, 559),
         _ => return None,
     };
@@ -223,8 +234,7 @@ mod tests {
             let scene = load(name).unwrap_or_else(|e| panic!("{e}"));
             assert_eq!(scene.desc.name, name);
             assert_eq!(scene.desc.rate_hz, 1000.0);
-            let is_pressed = name == "pressed-block";
-            assert_eq!(scene.desc.tools.len(), usize::from(!is_pressed), "{name}");
+            assert_eq!(scene.desc.tools.is_empty(), name == "pressed-block", "{name}");
             assert!(!scene.desc.probes.is_empty() && !scene.desc.description.is_empty(), "{name}");
         }
     }

@@ -30,6 +30,9 @@ fn builtin_scenes_have_the_papers_voxels_in_one_part() {
         ("tofu", [30, 22, 30]),
         ("rubber", [30, 22, 30]),
         ("cuboid", [46, 28, 46]),
+        ("cuboid-polyline", [46, 28, 46]),
+        ("cuboid-sine", [46, 28, 46]),
+        ("gummy-bear", [39, 59, 37]),
         ("liver", [58, 48, 40]),
         ("liver-tissue", [58, 48, 40]),
     ];

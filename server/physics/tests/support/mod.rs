@@ -3,6 +3,7 @@
 
 pub mod cutting;
 pub mod press;
+pub mod swept;
 
 use kerf_physics::body::Body;
 use kerf_physics::params::StepParams;

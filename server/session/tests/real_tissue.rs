@@ -1,0 +1,38 @@
+//! Scenes with moduli and fracture energies as measured: they are cut at Gc per length of edge.
+
+#[path = "../../physics/tests/support/mod.rs"]
+mod support;
+
+use kerf_physics::{Quat, Vec3};
+use kerf_session::catalog;
+use support::cutting::Rig;
+
+/// Side and height of each block, m.
+const SIDE_M: f64 = 0.064;
+const TOP_M: f64 = 0.032;
+
+#[test]
+fn each_material_parts_before_the_blade_is_at_the_table_and_takes_gc_then() {
+    for (name, deepest_dent_m) in
+        [("skin", 0.02), ("gelatine", 0.012), ("potato", 0.002), ("cucumber", 0.002), ("apple", 0.002)]
+    {
+        let scene = catalog::builtin(name).unwrap();
+        let material = &scene.desc.objects[0].material;
+        let speed_m_per_s = 0.1;
+        // Gc(v) = Gc max(1, v / v0)^p.
+        let rise = |rate: &kerf_physics::scene::RateDesc| {
+            (speed_m_per_s / rate.reference_speed_m_per_s).max(1.0).powf(rate.exponent)
+        };
+        let gc = material.fracture_energy_j_per_m2.unwrap() * material.rate.as_ref().map_or(1.0, rise);
+        let mut rig = Rig::new(&scene, Vec3::new(0.0, TOP_M + 5e-4, 4e-4), Quat::identity(), speed_m_per_s);
+        rig.drive(0.0275);
+        let first = rig.samples.iter().find(|s| s.area_m2 > 0.0).unwrap_or_else(|| panic!("{name} is not cut"));
+        let dent_m = first.travel_m - 5e-4;
+        let force = rig.mean_force_n(0.0225, 0.0275) / (gc * SIDE_M);
+        let parted = rig.samples.iter().map(|s| s.parted_links).sum::<u32>();
+        println!("{name}: dent {:.2} mm, then F/(Gc w) {force:.3}, {parted} links", 1e3 * dent_m);
+        assert!(dent_m < deepest_dent_m, "{name}: dent {dent_m} m");
+        assert!(parted > 100, "{name}: {parted} links");
+        assert!((force - 1.0).abs() < 0.06, "{name}: F/(Gc w) = {force}");
+    }
+}
