@@ -106,8 +106,8 @@ fn ratios(
     kinds.iter().map(|kind| of(2, *kind) / fine).collect()
 }
 
-const PULL_PA: [f64; 3] = [0.0, 0.0, 100.0];
-const SHEAR_PA: [f64; 3] = [0.0, 10.0, 0.0];
+const PULL_PA: [f64; 3] = [0.0, 0.0, 1000.0];
+const SHEAR_PA: [f64; 3] = [0.0, 100.0, 0.0];
 
 #[test]
 fn layers_and_inclusions_below_the_element_size_are_nearly_as_soft_as_their_voxels() {
