@@ -44,6 +44,9 @@ mod tests {
         let validator = validator();
         for entry in std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../session/scenes")).unwrap() {
             let path = entry.unwrap().path();
+            if path.extension().is_none_or(|extension| extension != "toml") {
+                continue;
+            }
             let scene = scene(&std::fs::read_to_string(&path).unwrap());
             let errors: Vec<String> = validator.iter_errors(&scene).map(|e| e.to_string()).collect();
             assert_eq!(errors, [""; 0], "{}", path.display());

@@ -27,7 +27,7 @@ pub struct SpringEnd {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Grip {
     /// The ends stick: friction in proportion to the sliding speed, up to the limit at
-    /// [`STICK_SPEED_M_PER_S`].
+    /// `STICK_SPEED_M_PER_S`.
     Stick,
     /// The one end slides along this unit vector: friction is at its limit.
     Slide(Vec3),
