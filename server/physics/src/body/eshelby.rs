@@ -31,6 +31,8 @@ pub(crate) struct Moved {
     pub(crate) direction: Vec3,
     /// Mean gradient of phi, 1/m.
     pub(crate) slope: Vec3,
+    /// The element's elastic energy, J; of relaxing materials, what does not relax.
+    pub(crate) elastic_j: f64,
 }
 
 impl Body {
@@ -50,15 +52,10 @@ impl Body {
         let slope: Vec3 = corners.mean_gradient.iter().zip(phi).map(|(g, p)| g * *p).sum();
         let direction = corners.rotation * (corners.gradient() * d);
         let bent_j = corners.bilinear_work_j().component_mul(&slope).dot(d);
-        let released_j = push_n.dot(&direction) + bent_j - self.elastic_energy_j(element) * slope.dot(d);
-        Moved { released_j, push_n, direction, slope }
-    }
-
-    /// Elastic energy of an element, J; of relaxing materials, what does not relax.
-    pub(crate) fn elastic_energy_j(&self, element: usize) -> f64 {
-        let corners = self.corners(element);
         let work_j = |a: usize| corners.force_n[a].dot(&(corners.position_m[a] - corners.rest_m[a]));
-        0.5 * (0..8).map(work_j).sum::<f64>() - self.stiffening_surplus_j(element)
+        let elastic_j = 0.5 * (0..8).map(work_j).sum::<f64>() - self.stiffening_surplus_j(element);
+        let released_j = push_n.dot(&direction) + bent_j - elastic_j * slope.dot(d);
+        Moved { released_j, push_n, direction, slope, elastic_j }
     }
 
     /// Filled volume of an element, m^3.

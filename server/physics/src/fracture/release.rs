@@ -62,7 +62,7 @@ impl Tip {
 /// integral of [`Tip::share_at`] along the front, the energy release rate.
 #[must_use]
 pub fn released_j_per_m(body: &Body, tip: &Tip) -> f64 {
-    let reach_m = Vec3::repeat(OUTER.hypot(HALF_WIDTH) * tip.element_edge_m);
+    let reach_m = Vec3::repeat((OUTER * OUTER + HALF_WIDTH * HALF_WIDTH).sqrt() * tip.element_edge_m);
     let lattice = |p: Vec3| ((p - body.grid.origin_m()) / body.lattice_edge_m()).map(|c| c.floor() as i32);
     let (low, high) = (lattice(tip.position_m - reach_m), lattice(tip.position_m + reach_m));
     let mut sum = Sum::default();
@@ -93,16 +93,17 @@ impl Sum {
             return;
         }
         let moved = body.move_material(element, &phi, &tip.ahead);
-        let weight = moved.slope.norm() * body.filled_volume_m3(element);
-        self.released_j += moved.released_j + free_faces(body, element, tip, &phi);
+        let volume_m3 = body.filled_volume_m3(element);
+        let weight = moved.slope.norm() * volume_m3;
+        self.released_j += moved.released_j + free_faces_m2(body, element, tip, &phi) * (moved.elastic_j / volume_m3);
         self.push_n += moved.push_n;
         self.direction += moved.direction * weight;
         self.weight += weight;
     }
 }
 
-/// `int W q . n dA` over the faces that the element's voxels do not share with others, n out of the material.
-fn free_faces(body: &Body, element: usize, tip: &Tip, phi: &[f64; 8]) -> f64 {
+/// `int q . n dA` over the faces that the element's voxels do not share with others, n out of the material.
+fn free_faces_m2(body: &Body, element: usize, tip: &Tip, phi: &[f64; 8]) -> f64 {
     let is_inside = body.filled_volume_m3(element) > 0.999 * body.element_edge_m(element).powi(3)
         && body.base().elements[element].neighbours.len() >= 6;
     if is_inside {
@@ -126,5 +127,5 @@ fn free_faces(body: &Body, element: usize, tip: &Tip, phi: &[f64; 8]) -> f64 {
             flux_m2 += outward * phi_there * normal.dot(&tip.ahead) * h * h * normal[link.axis as usize].abs();
         }
     }
-    flux_m2 * body.elastic_energy_j(element) / body.filled_volume_m3(element)
+    flux_m2
 }
