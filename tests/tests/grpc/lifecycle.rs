@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use kerf_physics::Stage;
 use kerf_proto::v1::{self, create_session_request, view_event};
 use kerf_server::serve::Drained;
 use tonic::Code;
@@ -60,7 +61,7 @@ async fn a_session_may_begin_paused() {
     let session = harness.sessions.create_session(request).await.unwrap().into_inner().session.unwrap();
     assert_eq!((session.step, session.state()), (0, v1::SessionState::Paused));
     let scene = session.scene.unwrap();
-    assert_eq!((scene.name.as_str(), scene.dt_s, scene.stage_names.len()), ("block", 0.002, 9));
+    assert_eq!((scene.name.as_str(), scene.dt_s, scene.stage_names.len()), ("block", 0.002, Stage::ALL.len()));
 }
 
 #[tokio::test]

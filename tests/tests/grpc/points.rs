@@ -38,7 +38,9 @@ async fn a_cut_is_undone_for_the_replicas_too() {
     );
     let resume = v1::ResumeSessionRequest { session_id: session.clone() };
     harness.sessions.resume_session(resume.clone()).await.unwrap();
-    watcher.during(stroke.press(MIDDLE_M, FOOT_M)).await;
+    // From above: a blade that stood in the tissue while the session did is put down there, and cuts nothing
+    // before it has come out.
+    watcher.during(stroke.press(ABOVE_M, FOOT_M)).await;
     harness.pause(&session).await;
     let gone = harness.describe(&session).await;
     assert!(gone.topology_version > saved.topology_version);

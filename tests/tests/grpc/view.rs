@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use kerf_physics::Stage;
 use kerf_proto::v1;
 use kerf_proto::v1::view_event::Message;
 use kerf_proto::v1::view_service_client::ViewServiceClient;
@@ -45,7 +46,7 @@ async fn every_viewer_starts_with_a_keyframe_and_a_state_of_its_version() {
         let Message::Keyframe(keyframe) = next(&mut view).await else { panic!("a keyframe comes first") };
         let Message::State(state) = next(&mut view).await else { panic!("a state follows") };
         assert_eq!(state.topology_version, keyframe.topology_version);
-        assert_eq!((state.bodies.len(), state.profile.unwrap().stage_mean_s.len()), (1, 9));
+        assert_eq!((state.bodies.len(), state.profile.unwrap().stage_mean_s.len()), (1, Stage::ALL.len()));
     }
     harness.until(&session, |described| described.viewers == 0).await;
 }
