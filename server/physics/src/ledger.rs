@@ -18,6 +18,8 @@ pub struct BodyLedger {
     pub step: StepEnergies,
     /// Work of the external loads, J.
     pub load_work_j: f64,
+    /// Kinetic energy that braking free parts took, J.
+    pub braked_j: f64,
 }
 
 /// Contact's share of a step.
@@ -56,7 +58,8 @@ pub fn book<'a>(
         fracture_j: contact.front.fracture_j,
         front_slip_j: contact.front.slip_j,
         initiation_j: contact.front.initiation_j,
-        damping_j: sum(&|b| b.step.elements.damping_j + b.step.elements.viscous_j) + contact.front.damping_j,
+        damping_j: sum(&|b| b.step.elements.damping_j + b.step.elements.viscous_j + b.braked_j)
+            + contact.front.damping_j,
         parting_j: sum(&|b| {
             b.solved.elastic_j - b.after.elastic_j + b.solved.kinetic_j - b.after.kinetic_j + b.solved.hold_j
                 - b.after.hold_j

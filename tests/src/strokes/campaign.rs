@@ -20,7 +20,7 @@ const IDLE_STROKES: u32 = 15;
 /// Enclosed volume may change by the cut area times this share of a voxel's edge.
 const VOLUME_SHARE: f64 = 0.1;
 /// Energy the ledger may leave unexplained, over the work of the tools.
-const MOST_RESIDUAL: f64 = 1e-3;
+const MOST_RESIDUAL: f64 = 1e-2;
 /// Findings that are kept in words; all are counted.
 const MOST_FINDINGS: usize = 20;
 

@@ -10,6 +10,12 @@ use crate::fem::corotation::LANES;
 use crate::grid::levels::NONE;
 use crate::{Mat3, Vec3};
 
+/// A free part turns by at most this angle in a step, rad. A step moves every node along a straight line,
+/// which widens what turns by `sqrt(1 + angle^2)`: beyond, spin would feed on the strain that it makes.
+const MOST_TURN_RAD: f64 = 0.25;
+/// Corners of an element at the ends of its four diagonals.
+const DIAGONALS: [[usize; 2]; 4] = [[0, 7], [1, 6], [2, 5], [4, 3]];
+
 /// The separate pieces of a body.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RigidParts {
@@ -136,6 +142,58 @@ impl Body {
             let add = total.velocity + total.spin.cross(&(Vec3::from(self.position_m[node]) - total.centre));
             (0..3).for_each(|i| change[i] += add[i]);
         }
+    }
+
+    /// Takes back from the step that was just integrated what any free part turned by beyond
+    /// [`MOST_TURN_RAD`], and brakes it to that. Returns the kinetic energy that this took, J.
+    pub(crate) fn brake_spin(&mut self) -> f64 {
+        if !self.may_spin_too_fast() {
+            return 0.0;
+        }
+        let dt = self.params.dt_s;
+        let mut totals = std::mem::take(&mut self.rigid.totals);
+        totals.fill(Totals::default());
+        // Back to before the step: a spin about where the part was then does no work against what strains it.
+        for (x, v) in self.position_m.iter_mut().zip(&self.velocity_m_per_s) {
+            (0..3).for_each(|i| x[i] -= dt * v[i]);
+        }
+        self.add_mass_moments(&mut totals);
+        self.for_each_mass(|part, node, other, mass| {
+            let (total, momentum) = (&mut totals[part], Vec3::from(self.velocity_m_per_s[other]) * mass);
+            total.linear += momentum;
+            total.angular += (Vec3::from(self.position_m[node]) - total.centre).cross(&momentum);
+        });
+        let mut braked_j = 0.0;
+        for total in &mut totals {
+            *total = total.solved();
+            let kept = (MOST_TURN_RAD / (dt * total.spin.norm())).min(1.0);
+            braked_j += 0.5 * (1.0 - kept * kept) * total.spin.dot(&total.angular);
+            total.spin *= 1.0 - kept;
+        }
+        for node in 0..self.node_count() {
+            let mut velocity = Vec3::from(self.velocity_m_per_s[node]);
+            if let Some(part) = self.rigid.loose_part(node) {
+                let arm = Vec3::from(self.position_m[node]) - totals[part].centre;
+                velocity -= totals[part].spin.cross(&arm);
+                self.velocity_m_per_s[node] = velocity.into();
+            }
+            (0..3).for_each(|i| self.position_m[node][i] += dt * velocity[i]);
+        }
+        self.rigid.totals = totals;
+        braked_j
+    }
+
+    /// Whether any element of a free part turns so fast that the part may have to be braked.
+    fn may_spin_too_fast(&self) -> bool {
+        // Of the diagonals of a cube, the one most across the axis moves at sqrt(2/3) of spin times length at
+        // least; strain may hide a part of it.
+        let share = 0.5 * MOST_TURN_RAD / self.params.dt_s;
+        self.rigid.loose.iter().any(|element| {
+            let nodes = self.base().elements[*element as usize].nodes;
+            let limit = share * 3f64.sqrt() * self.element_edge_m(*element as usize);
+            let at = |corner: usize| Vec3::from(self.velocity_m_per_s[nodes[corner] as usize]);
+            DIAGONALS.iter().any(|[a, b]| (at(*a) - at(*b)).norm_squared() > limit * limit)
+        })
     }
 
     /// Momentum that each part should have gained and has not.

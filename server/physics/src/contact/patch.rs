@@ -29,8 +29,13 @@ pub struct SurfacePatches {
     patches: Vec<SurfacePatch>,
 }
 
+/// What patches are in order by, and known again by: element, element across, side.
+pub type PatchKey = (u32, Option<u32>, u8);
+
 impl SurfacePatch {
-    fn key(&self) -> (u32, Option<u32>, u8) {
+    /// Its key.
+    #[must_use]
+    pub fn key(&self) -> PatchKey {
         (self.element, self.across, self.side)
     }
 }

@@ -117,9 +117,10 @@ pub fn meet(point: &PatchOf<'_>, surface: &PatchOf<'_>, dt_s: f64) -> Option<Mee
         if point.patch.across != Some(surface.patch.element) && is_one_piece(point, voxel) {
             return None;
         }
-        // At rest nothing overlaps: what seems to is what a plane leaves of a cut that is not plane.
+        // At rest nothing overlaps: what seems to is what a plane leaves of a cut that is not plane. It grows
+        // with the element and does not shrink with it: a spring would make its own depth by squeezing.
         let at_rest_m = (own_m - surface.patch.point.position_m).dot(&surface.patch.normal);
-        distance_m -= at_rest_m.min(0.0) / stretch;
+        distance_m -= at_rest_m.min(0.0) / stretch.min(1.0);
     }
     let offset_m = position_m - surface.patch.point.position_m;
     // Where the element bends, its surface leaves the plane.

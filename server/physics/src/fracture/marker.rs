@@ -11,7 +11,7 @@ use crate::tool::blade::BladeFrame;
 
 /// A contact that has opened by this share of a voxel is let go where nothing is cut.
 const RELEASE_VOXELS: f64 = 0.5;
-/// A marker this many voxels beside its edge has lost it.
+/// A marker this many voxels beside its edge, or that goes on in material so far from where it was, has lost it.
 const LOST_VOXELS: f64 = 2.0;
 
 /// One share of the edge.
@@ -62,28 +62,44 @@ impl Edge {
         if let Some((side, neighbour)) = beside
             && grazes(body, &anchor.position_m, &back)
         {
-            return self.join(body, side, neighbour);
+            return self.join(body, hash, side, neighbour);
         }
         anchor.start_here(body, &self.frame);
-        Marker::On(anchor)
+        self.unless_lost(body, hash, anchor, &at_m)
     }
 
     /// The edge came in through a side of the tissue that bulges along it, past a neighbour that is in
     /// contact already: the marker goes on with the neighbour's front as soon as there is material
     /// for it there. (Where the edge itself is, it would stand deeper than the front by the contact's
     /// compression.)
-    fn join(&self, body: &Body, side: f64, neighbour: Anchor) -> Marker {
+    fn join(&self, body: &Body, hash: &SpatialHash, side: f64, neighbour: Anchor) -> Marker {
         let mut anchor = neighbour;
         anchor.position_m -= neighbour.pull_back(body, &self.frame.along) * (side * self.share_m);
         anchor.stored_j = 0.0;
         anchor.ahead = Ahead::Outside;
         anchor.start_here(body, &self.frame);
-        if anchor.ahead == Ahead::Outside { Marker::Outside } else { Marker::On(anchor) }
+        if anchor.ahead == Ahead::Outside {
+            return Marker::Outside;
+        }
+        let beside_m = neighbour.current_m(body) - self.frame.along * (side * self.share_m);
+        self.unless_lost(body, hash, anchor, &beside_m)
+    }
+
+    /// A marker at `anchor`, unless that has gone on in material that is far from `from_m`: the piece that it
+    /// would go on in may have been carried away.
+    fn unless_lost(&self, body: &Body, hash: &SpatialHash, anchor: Anchor, from_m: &Vec3) -> Marker {
+        let far_m = LOST_VOXELS * body.grid.voxel_size_m();
+        let holds = matches!(anchor.ahead, Ahead::Intact { .. });
+        if holds && (anchor.current_m(body) - from_m).norm() > far_m {
+            return self.emerge(body, hash);
+        }
+        Marker::On(anchor)
     }
 
     /// A marker that was in contact: still is, or has let go.
     pub(super) fn keep(&self, body: &Body, hash: &SpatialHash, mut anchor: Anchor) -> Marker {
         let h = body.grid.voxel_size_m();
+        let was_m = anchor.current_m(body);
         anchor.look_ahead(body, &self.frame);
         let offset = self.now_m - anchor.current_m(body);
         if offset.dot(&self.frame.normal).abs() > LOST_VOXELS * h {
@@ -91,7 +107,7 @@ impl Edge {
         }
         let opened = offset.dot(&self.frame.forward) < -RELEASE_VOXELS * h;
         let gone = opened && (!anchor.yielded || narrow::locate(body, hash, &self.now_m).is_none());
-        if gone { Marker::Outside } else { Marker::On(anchor) }
+        if gone { Marker::Outside } else { self.unless_lost(body, hash, anchor, &was_m) }
     }
 
     /// A marker that was buried: still is, or has come out.

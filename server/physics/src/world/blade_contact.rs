@@ -2,7 +2,7 @@
 
 use crate::body::Body;
 use crate::contact::broad::{Aabb, SpatialHash};
-use crate::contact::flank::Walls;
+use crate::contact::flank::{Walls, WallsBeside};
 use crate::contact::friction::FlankFriction;
 use crate::contact::{Contact, Mode};
 use crate::fracture::{BladeMotion, Front, FrontBook};
@@ -19,6 +19,7 @@ pub(super) struct BladeContact {
     mount: Mount,
     pub(super) front: Front,
     pub(super) flanks: Vec<Contact>,
+    beside: WallsBeside,
     friction: Option<FlankFriction>,
     hash: SpatialHash,
 }
@@ -27,13 +28,22 @@ impl BladeContact {
     pub(super) fn new(blade: Blade, mount: Mount, body: &Body) -> Self {
         let front = Front::new(&blade, body);
         let friction = blade.flank_friction.map(FlankFriction::new);
-        Self { front, blade, mount, flanks: Vec::new(), friction, hash: SpatialHash::default() }
+        Self {
+            front,
+            blade,
+            mount,
+            flanks: Vec::new(),
+            beside: WallsBeside::default(),
+            friction,
+            hash: SpatialHash::default(),
+        }
     }
 
     pub(super) fn reserve(&mut self, walls: &Walls, elements: usize) {
         self.front.reserve();
         self.flanks.clear();
         self.flanks.reserve(walls.len());
+        self.beside.reserve(walls);
         if let Some(friction) = &mut self.friction {
             friction.contacts.clear();
             friction.contacts.reserve(2 * walls.len());
@@ -58,6 +68,7 @@ impl BladeContact {
     pub(super) fn lift(&mut self) {
         self.front.lift();
         self.flanks.clear();
+        self.beside.clear();
         self.friction.iter_mut().for_each(|f| f.contacts.clear());
     }
 
@@ -92,7 +103,8 @@ impl BladeContact {
         self.front.detect(body, &self.hash, &motion);
         self.flanks.clear();
         if !walls.is_empty() {
-            walls.contacts(body, &motion.blade.flanks, &motion.before, &motion.pose, &mut self.flanks);
+            let poses = [&motion.before, &motion.pose];
+            walls.contacts(body, &motion.blade.flanks, poses, &mut self.beside, &mut self.flanks);
         }
         if let Some(friction) = &mut self.friction {
             friction.detect(body, &self.flanks);

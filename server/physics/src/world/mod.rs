@@ -260,6 +260,7 @@ impl World {
         for slot in &mut self.slots {
             let body = &mut slot.body;
             slot.ledger.load_work_j = body.integrate(workers, &slot.velocity_change);
+            slot.ledger.braked_j = body.brake_spin();
             if !body.is_finite() {
                 slot.roll_back(workers, &mut self.output);
             }
