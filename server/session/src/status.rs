@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use hdrhistogram::Histogram;
-use kerf_physics::{Stage, Vec3};
 use kerf_physics::step_io::{EnergyStep, StepOutput};
+use kerf_physics::{Stage, Vec3};
 
 use crate::pacer::Pace;
 
