@@ -1,6 +1,6 @@
 //! The stages of a step and the profile of what each one took.
 
-/// One stage of [`crate::World::step`], in the order of execution.
+/// One stage of [`crate::World::step`], in the order of execution, and at the end of what showing it takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(usize)]
 pub enum Stage {
@@ -22,7 +22,8 @@ pub enum Stage {
     Topology,
     /// Surface rebuilt where links parted.
     Surface,
-    /// Surface adapted to the tools that touch it.
+    /// Surface adapted to the tools that touch it: only after steps that somebody sees
+    /// ([`crate::World::adapt_surface`]).
     Adaptation,
 }
 

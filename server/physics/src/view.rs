@@ -18,6 +18,8 @@ pub(crate) struct View {
     patch: Option<TopologyPatch>,
     /// The tools that touch an object.
     dents: Vec<Dent>,
+    /// The surfaces are adapted to where the tools are now.
+    is_adapted: bool,
 }
 
 /// A tool that touches an object.
@@ -38,7 +40,7 @@ struct ObjectView {
 
 impl View {
     pub(crate) fn new<'a>(bodies: impl Iterator<Item = &'a Body>) -> Self {
-        Self { objects: bodies.map(ObjectView::new).collect(), patch: None, dents: Vec::new() }
+        Self { objects: bodies.map(ObjectView::new).collect(), patch: None, dents: Vec::new(), is_adapted: false }
     }
 
     pub(crate) fn surfaces(&self) -> impl Iterator<Item = &Surface> {
@@ -49,10 +51,16 @@ impl View {
         self.patch.as_ref()
     }
 
-    /// Forgets what the last step changed, and where it had adapted the surface.
+    /// Forgets what the last step changed, and where the surface was adapted to it.
     pub(crate) fn begin_step(&mut self) {
         self.patch = None;
+        self.is_adapted = false;
         self.objects.iter_mut().filter_map(|object| object.adaptation.as_mut()).for_each(Adaptation::clear);
+    }
+
+    /// Whether the surface is adapted already since the step began.
+    pub(crate) fn is_adapted(&self) -> bool {
+        self.is_adapted
     }
 
     /// Adapts an object's surface to the blades that touch it.
@@ -68,6 +76,7 @@ impl View {
             count += 1;
         }
         self.objects[object].adapt(body, &self.dents[..count]);
+        self.is_adapted = true;
     }
 
     pub(crate) fn adapted(&self, object: usize) -> &[AdaptedVertex] {

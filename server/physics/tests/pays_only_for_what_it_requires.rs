@@ -53,20 +53,26 @@ fn a_tool_costs_contact_while_it_is_there_and_fracture_while_its_edge_touches() 
 }
 
 #[test]
-fn the_surface_is_adapted_while_somebody_looks_and_a_tool_touches() {
+fn the_surface_is_adapted_where_somebody_looks_and_a_tool_touches() {
     let mut world = World::new(&cutting_scene()).unwrap();
     let touching = [Stage::Contact, Stage::Fracture];
     stages(&mut world, Some(pose_at(0.045)));
     assert_eq!(stages(&mut world, Some(pose_at(0.0395))), with(&touching), "nobody looks");
     let _ = world.keyframe();
-    let adapting = [&touching[..], &[Stage::Adaptation]].concat();
-    assert_eq!(stages(&mut world, Some(pose_at(0.0394))), with(&adapting), "it touches");
+    assert_eq!(stages(&mut world, Some(pose_at(0.0394))), with(&touching), "it touches, and the step is not shown");
+    assert!(world.adapted_vertices(0).is_empty());
+    let took_ns = world.adapt_surface(&Counter::default());
+    assert!(took_ns.is_some_and(|ns| ns > 0), "it is shown");
+    assert_eq!(world.output().profile.stage_ns[Stage::Adaptation as usize], took_ns);
     assert!(!world.adapted_vertices(0).is_empty());
+    assert_eq!(world.adapt_surface(&Counter::default()), None, "once a step");
     assert_eq!(stages(&mut world, Some(pose_at(0.045))), with(&[Stage::Contact]), "it is drawn back");
+    assert_eq!(world.adapt_surface(&Counter::default()), None);
     assert!(world.adapted_vertices(0).is_empty());
     stages(&mut world, Some(pose_at(0.0394)));
     world.forget_surface();
     assert_eq!(stages(&mut world, Some(pose_at(0.0393))), with(&touching), "nobody looks any more");
+    assert_eq!(world.adapt_surface(&Counter::default()), None);
     assert!(world.adapted_vertices(0).is_empty());
 }
 

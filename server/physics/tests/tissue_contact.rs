@@ -287,27 +287,32 @@ fn penetration_m(body: &Body, links: &[LinkId], t: f32) -> f64 {
     links.iter().map(depth).fold(f64::MIN, f64::max)
 }
 
+/// A flap of two voxels that hangs on at x = 45 mm, thrown open, its tip at 1 m/s; the links of the cut.
+fn thrown_flap(level: u8, rate_hz: f64, t: f32) -> (World, Vec<LinkId>) {
+    let mut desc = object([0.0, 0.0, 0.0], [0.06, 0.02, 0.03], H_M, level);
+    desc.material.young_modulus_pa = YOUNG_PA;
+    desc.material.rayleigh_beta_s = 1e-3;
+    desc.fixed = vec![everywhere_below(1.01 * H_M)];
+    let mut scene = scene(vec![desc]);
+    scene.desc.gravity_m_per_s2 = [0.0, -9.81, 0.0];
+    scene.desc.rate_hz = rate_hz;
+    let mut world = World::new(&scene).unwrap();
+    let links = cut(&mut world, 5, t, |cell| cell[0] < 18);
+    let body = world.body_mut(0);
+    for n in 0..body.node_count() {
+        let rest = body.rest_position_m(n);
+        if rest.y > 0.0151 {
+            body.velocity_m_per_s[n][1] = (1.0 - rest.x / 0.045).max(0.0);
+        }
+    }
+    (world, links)
+}
+
 #[test]
 fn a_flap_that_swings_back_stays_on_its_bed() {
     for (level, rate_hz) in [(1, 1000.0), (2, 1000.0), (2, 60.0)] {
-        let mut desc = object([0.0, 0.0, 0.0], [0.06, 0.02, 0.03], H_M, level);
-        desc.material.young_modulus_pa = YOUNG_PA;
-        desc.material.rayleigh_beta_s = 1e-3;
-        desc.fixed = vec![everywhere_below(1.01 * H_M)];
-        let mut scene = scene(vec![desc]);
-        scene.desc.gravity_m_per_s2 = [0.0, -9.81, 0.0];
-        scene.desc.rate_hz = rate_hz;
-        let mut world = World::new(&scene).unwrap();
-        // A flap of two voxels that hangs on at x = 45 mm, thrown open, its tip at 1 m/s.
         let t = 0.5;
-        let links = cut(&mut world, 5, t, |cell| cell[0] < 18);
-        let body = world.body_mut(0);
-        for n in 0..body.node_count() {
-            let rest = body.rest_position_m(n);
-            if rest.y > 0.0151 {
-                body.velocity_m_per_s[n][1] = (1.0 - rest.x / 0.045).max(0.0);
-            }
-        }
+        let (mut world, links) = thrown_flap(level, rate_hz, t);
         let (mut opened_m, mut deepest_m) = (0.0f64, f64::MIN);
         for _ in 0..(0.4 * rate_hz) as usize {
             run(&mut world, 1);
@@ -325,6 +330,22 @@ fn a_flap_that_swings_back_stays_on_its_bed() {
         assert!(rests_m > -0.1 * H_M, "the flap hangs {} m above its bed", -rests_m);
         assert!(opened_m > 5e-3 || rate_hz < 100.0, "opened by {opened_m} m");
     }
+}
+
+/// A world that went back to a snapshot looks among all patches; otherwise that is done now and then.
+#[test]
+fn what_meets_does_not_depend_on_when_it_was_last_looked_for_among_all() {
+    let [(mut now_and_then, _), (mut always, _)] = [(), ()].map(|()| thrown_flap(2, 1000.0, 0.5));
+    let mut met = 0;
+    for step in 0..400 {
+        run(&mut now_and_then, 1);
+        let snapshot = always.snapshot();
+        always.restore(&snapshot);
+        run(&mut always, 1);
+        assert_eq!(now_and_then.state_hash(), always.state_hash(), "step {step}");
+        met += always.tissue_springs().len();
+    }
+    assert!(met > 1000, "{met} springs");
 }
 
 #[test]

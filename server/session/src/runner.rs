@@ -262,6 +262,9 @@ impl Runner {
         let interval_ns = to_ns(1.0 / self.limits.view_rate_hz);
         // From the time it was due, so that the rate is kept though steps do not divide it.
         self.views.next_state_ns = (self.views.next_state_ns + interval_ns).max(now_ns + interval_ns / 2);
+        if let Some(took_ns) = self.world.adapt_surface(&MonotonicClock) {
+            self.views.times.add_adaptation(took_ns);
+        }
         let output = self.world.output();
         let displacements = |object: usize| {
             let mut displacements_m = Vec::new();

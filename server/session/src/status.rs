@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use hdrhistogram::Histogram;
-use kerf_physics::Vec3;
 use kerf_physics::step_io::{EnergyStep, StepOutput};
+use kerf_physics::{Stage, Vec3};
 
 use crate::pacer::Pace;
 
@@ -55,8 +55,8 @@ pub struct StepTimes {
     /// Steps summed up.
     pub steps: u32,
     /// Time per stage, ns, indexed by `Stage as usize`.
-    pub stage_ns: [u64; kerf_physics::Stage::ALL.len()],
-    /// Time of all steps, ns.
+    pub stage_ns: [u64; Stage::ALL.len()],
+    /// Time of all steps, and of adapting the surface to those that are shown, ns.
     pub total_ns: u64,
     /// Time of the longest step, ns.
     pub max_ns: u64,
@@ -74,6 +74,12 @@ impl StepTimes {
         self.total_ns += elapsed_ns;
         self.max_ns = self.max_ns.max(elapsed_ns);
         self.solver_iterations += u64::from(output.solve.iterations);
+    }
+
+    /// Adds what it took to adapt the surface after a step.
+    pub(crate) fn add_adaptation(&mut self, took_ns: u64) {
+        self.stage_ns[Stage::Adaptation as usize] += took_ns;
+        self.total_ns += took_ns;
     }
 }
 

@@ -6,7 +6,7 @@ use anyhow::Result;
 use kerf_physics::Stage;
 
 use super::figure::{Axis, Curve, Figure};
-use super::run::{FEM, Sample, TOPOLOGY, Viewer, builtin, stage_sum, stroke};
+use super::run::{COLLISION, FEM, Sample, TOPOLOGY, Viewer, builtin, stage_sum, stroke};
 
 /// Steps whose times are averaged to a point of a curve, so that a curve can be read.
 const STEPS_PER_POINT: usize = 10;
@@ -32,9 +32,10 @@ pub fn section(plots: &Path) -> Result<String> {
         curves: vec![
             curve("whole step", &|sample| sample.total_ms),
             curve("FEM", &|sample| stage_sum(sample, &FEM)),
-            curve("collision", &|sample| stage_sum(sample, &[Stage::Contact])),
+            curve("collision", &|sample| stage_sum(sample, &COLLISION)),
             curve("fracture evolution", &|sample| stage_sum(sample, &[Stage::Fracture])),
             curve("topology and surface", &|sample| stage_sum(sample, &TOPOLOGY)),
+            curve("surface adaptation", &|sample| stage_sum(sample, &[Stage::Adaptation])),
         ],
     };
     figure.draw(plots)?;
@@ -45,10 +46,11 @@ pub fn section(plots: &Path) -> Result<String> {
     Ok(format!(
         "\n## Breakdown over a run (the paper's Fig. 16)\n\n![Time of each subroutine over a stroke through the \
          liver](performance-breakdown.png)\n\nOf all time, FEM took {:.1} %, collision {:.1} %, fracture evolution \
-         {:.1} %, topology and surface {:.1} %.\n",
+         {:.1} %, topology and surface {:.1} %, surface adaptation {:.1} %.\n",
         share(&FEM),
-        share(&[Stage::Contact]),
+        share(&COLLISION),
         share(&[Stage::Fracture]),
-        share(&TOPOLOGY)
+        share(&TOPOLOGY),
+        share(&[Stage::Adaptation])
     ))
 }

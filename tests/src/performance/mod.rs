@@ -8,6 +8,7 @@ mod breakdown;
 mod capabilities;
 mod figure;
 mod growth;
+mod models;
 mod paper;
 mod run;
 mod targets;

@@ -4,8 +4,8 @@ use anyhow::Result;
 use kerf_physics::world::WorldCounts;
 use kerf_physics::{Scene, Stage, StepInputs, StepOutput, Workers, World};
 use kerf_server::simulate::stroke::default_stroke;
-use kerf_session::catalog;
 use kerf_session::clock::MonotonicClock;
+use kerf_session::{SessionLimits, catalog};
 
 /// Simulated time after the stroke, s.
 const AFTER_S: f64 = 0.2;
@@ -13,7 +13,7 @@ const AFTER_S: f64 = 0.2;
 /// Who looks at the surface while steps are timed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Viewer {
-    /// Somebody: the surface follows each cut.
+    /// Somebody: the surface follows each cut, and is adapted to the steps that a session would show.
     Watching,
     /// Nobody: no surface is made.
     Absent,
@@ -66,10 +66,15 @@ pub fn stroke(scene: &Scene, threads: usize, viewer: Viewer, max_steps: usize) -
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
     let workers = if threads == 1 { Workers::serial() } else { Workers::of(&pool) };
+    let steps_per_state = (rate_hz / SessionLimits::default().view_rate_hz).round().max(1.0) as usize;
     let mut samples = Vec::with_capacity(steps);
     for step in 1..=steps {
         let tools = script.advance(step as f64 / rate_hz);
-        samples.push(sample(world.step(&workers, &MonotonicClock, &StepInputs::of(&tools))));
+        world.step(&workers, &MonotonicClock, &StepInputs::of(&tools));
+        if viewer == Viewer::Watching && step % steps_per_state == 0 {
+            world.adapt_surface(&MonotonicClock);
+        }
+        samples.push(sample(world.output()));
     }
     Ok(Run { samples, counts, state_hash: world.state_hash() })
 }
@@ -116,6 +121,8 @@ pub fn stage_sum(sample: &Sample, stages: &[Stage]) -> f64 {
 
 /// The paper's FEM: everything that moves the tissue.
 pub const FEM: [Stage; 4] = [Stage::Velocities, Stage::Integrate, Stage::Rotations, Stage::ApplyInputs];
+/// The paper's collision detection: of the blade with tissue, and of tissue with tissue.
+pub const COLLISION: [Stage; 2] = [Stage::Contact, Stage::SelfContact];
 /// The paper's topology modification, the surface's change with it.
 pub const TOPOLOGY: [Stage; 2] = [Stage::Topology, Stage::Surface];
 

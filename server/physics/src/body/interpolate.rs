@@ -58,8 +58,14 @@ impl Body {
     /// method; `None` where it does not converge (a collapsed element).
     #[must_use]
     pub fn invert_map(&self, element: usize, scene_m: &Vec3) -> Option<Vec3> {
+        self.invert_map_from(element, scene_m, &self.rest_centre_m(element))
+    }
+
+    /// The same from a guess at that reference position, which saves steps where it is near.
+    #[must_use]
+    pub fn invert_map_from(&self, element: usize, scene_m: &Vec3, guess_m: &Vec3) -> Option<Vec3> {
         let nodes = self.base().elements[element].nodes.map(|n| Vec3::from(self.position_m[n as usize]));
-        let mut local = [0.5; 3];
+        let mut local = self.local_coordinates(element, guess_m);
         for _ in 0..12 {
             let n = shape_functions(local);
             let g = shape_gradients(local);

@@ -2,6 +2,7 @@
 
 mod element;
 mod eshelby;
+mod facets;
 mod forces;
 mod interpolate;
 mod memory;
@@ -12,6 +13,7 @@ mod solve;
 mod topology;
 mod toughness_rate;
 
+pub(crate) use facets::Facet;
 pub use forces::{BodyEnergy, StepEnergies};
 pub use interpolate::MaterialPoint;
 pub use relax::Relaxation;
@@ -154,6 +156,8 @@ pub struct Body {
     /// Bound on how far any element has turned since the smoothers' diagonals were made, rad.
     turned_rad: f64,
     rigid: rigid::RigidParts,
+    /// By element.
+    facet_moments: Vec<facets::FacetMoments>,
     scratch: Scratch,
     saved: quarantine::FiniteState,
     params: StepParams,
@@ -234,6 +238,7 @@ impl Body {
             coarse_stiffening: Vec::new(),
             turned_rad: 0.0,
             rigid: rigid::RigidParts::default(),
+            facet_moments: Vec::new(),
             scratch: Scratch::default(),
             saved: quarantine::FiniteState::default(),
             params,
@@ -479,6 +484,7 @@ impl Body {
             self.rebuild_element(element);
         }
         self.number_nodes(None);
+        self.forget_facets(&[], &[]);
         self.rebuild_external_forces();
         self.rigid = rigid::RigidParts::new(self);
         self.evaluate(workers, 20);

@@ -55,6 +55,7 @@ impl Body {
         self.rebuild_external_forces();
         self.rigid = rigid::RigidParts::new(self);
         let elements = base.elements();
+        self.forget_facets(&elements, parted);
         self.evaluate_chunks(workers, |chunk| renumbered.binary_search(&chunk).is_ok(), None, 2);
         for &element in &elements {
             self.write_matrix_of_changed(element as usize);

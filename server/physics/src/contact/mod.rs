@@ -2,6 +2,7 @@
 //! lead to.
 
 pub mod broad;
+pub mod candidates;
 pub mod flank;
 pub mod friction;
 pub mod grip;

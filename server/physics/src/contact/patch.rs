@@ -1,8 +1,8 @@
 //! A body's surface in shares: what tissue presses on tissue with.
 
 use crate::Vec3;
-use crate::body::{Body, MaterialPoint, TopologyChange};
-use crate::grid::{Grid, Link, LinkId, VoxelId};
+use crate::body::{Body, Facet, MaterialPoint, TopologyChange};
+use crate::grid::{LinkId, VoxelId};
 
 /// A share of the surface of one element that looks about one way: of the object's own surface, or of the
 /// wall that it has in common with one element across a cut. The two sides of such a wall are made of the
@@ -84,7 +84,7 @@ impl SurfacePatches {
         let mut touched: Vec<u32> = change.elements.iter().copied().chain(owners).collect();
         let mut facing = Vec::new();
         for &element in &touched {
-            for_each_crossing(body, element, |_, across, _, _, _| facing.extend(across));
+            facing.extend(body.facets_of(element as usize).filter_map(|facet| facet.across));
         }
         touched.append(&mut facing);
         touched.sort_unstable();
@@ -96,8 +96,8 @@ impl SurfacePatches {
 
     fn add_element(&mut self, body: &Body, element: u32) {
         let mut sums: Vec<Sum> = Vec::new();
-        for_each_crossing(body, element, |voxel, across, at_m, normal, area_m2| {
-            let key = (across, side_of(&normal));
+        for Facet { voxel, across, at_m, outward, area_m2, .. } in body.facets_of(element as usize) {
+            let key = (across, side_of(&outward));
             let sum = match sums.iter_mut().position(|sum| sum.key == key) {
                 Some(found) => &mut sums[found],
                 None => {
@@ -106,9 +106,9 @@ impl SurfacePatches {
                 }
             };
             sum.position += at_m * area_m2;
-            sum.normal += normal * area_m2;
+            sum.normal += outward * area_m2;
             sum.area_m2 += area_m2;
-        });
+        }
         sums.sort_unstable_by_key(|sum| sum.key);
         self.patches.extend(sums.iter().filter_map(|sum| {
             Some(SurfacePatch {
@@ -126,36 +126,4 @@ impl SurfacePatches {
 fn side_of(normal: &Vec3) -> u8 {
     let axis = normal.iamax();
     2 * axis as u8 + u8::from(normal[axis] > 0.0)
-}
-
-/// Visits (voxel, element across, position m, outward normal, area m^2) of the surface's crossings with
-/// the links of an element's voxels. A wall whose two sides belong to one element is left out: both are
-/// still in one piece and would press on the same field.
-fn for_each_crossing(body: &Body, element: u32, mut visit: impl FnMut(VoxelId, Option<u32>, Vec3, Vec3, f64)) {
-    let grid = &body.grid;
-    let h = grid.voxel_size_m();
-    for voxel in body.voxels_of(element as usize) {
-        let cell = grid.voxels()[voxel.index()].ijk;
-        for (face, (link, other)) in Grid::links_of(cell).enumerate() {
-            let (crossing, across, sign) = match grid.link(link) {
-                Link::Boundary(crossing) => (crossing, None, 1.0),
-                Link::Parted(crossing) => {
-                    let across = grid.voxel_at(other).map(|v| body.element_of(v) as u32);
-                    if across == Some(element) {
-                        continue;
-                    }
-                    (crossing, across, if face % 2 == 1 { 1.0 } else { -1.0 })
-                }
-                Link::Intact | Link::Outside => continue,
-            };
-            let axis = link.axis as usize;
-            let mut at_m = grid.centre_m(link.cell);
-            at_m[axis] += f64::from(crossing.t) * h;
-            let normal = Vec3::from(crossing.normal.map(f64::from)) * sign;
-            let area_m2 = h * h * normal[axis].abs();
-            if area_m2 > 0.0 {
-                visit(voxel, across, at_m, normal, area_m2);
-            }
-        }
-    }
 }

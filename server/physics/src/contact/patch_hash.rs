@@ -1,6 +1,5 @@
 //! Broad phase of tissue against tissue: a spatial hash of the patches of all surfaces.
 
-use super::broad::Aabb;
 use crate::Vec3;
 
 /// A patch of a body's surface where it is now.
@@ -60,12 +59,6 @@ impl PatchHash {
     #[must_use]
     pub fn placed(&self) -> &[PlacedPatch] {
         &self.placed
-    }
-
-    /// The box of the patches' velocities, m/s; empty without patches.
-    #[must_use]
-    pub fn velocities(&self) -> Aabb {
-        Aabb::around(self.placed.iter().map(|p| p.velocity_m_per_s))
     }
 
     /// Sorts the patches into cells twice as wide as `reach_m`.

@@ -11,7 +11,7 @@ use crate::grid::{Ijk, LinkId, VoxelId};
 /// pushes together is then caught in the same step.
 pub const MARGIN_VOXELS: f64 = 0.25;
 /// Surfaces face each other where the cosine between their normals is below this.
-const FACING: f64 = -0.2;
+pub const FACING: f64 = -0.2;
 /// A patch deeper than this many elements under a surface did not come through it.
 const MOST_DEPTH_ELEMENTS: f64 = 0.75;
 /// A point that an evenly strained element would have farther than this many elements from its middle, along
@@ -108,7 +108,7 @@ pub fn meet(point: &PatchOf<'_>, surface: &PatchOf<'_>, dt_s: f64) -> Option<Mee
         {
             return None;
         }
-        let position_m = body.invert_map(surface.patch.element as usize, &foot_m)?;
+        let position_m = body.invert_map_from(surface.patch.element as usize, &foot_m, &about_m)?;
         Some((position_m, surface.voxel_under(&position_m)?))
     })?;
     let mut distance_m = distance_m;

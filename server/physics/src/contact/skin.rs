@@ -2,8 +2,8 @@
 //! tool presses on.
 
 use crate::Vec3;
-use crate::body::{Body, MaterialPoint, TopologyChange};
-use crate::grid::{Grid, Ijk, Link, LinkId, VoxelId};
+use crate::body::{Body, Facet, MaterialPoint, TopologyChange};
+use crate::grid::{Grid, Ijk, LinkId};
 
 /// A share of the surface: at most a quarter of an element's face, as many points as a face has corners
 /// integrate its pressure exactly, and at most half a radius wide, so that nothing slips between points.
@@ -25,16 +25,6 @@ pub struct Skin {
     patches: Vec<SkinPatch>,
     /// Widest patch, voxels.
     most_voxels: i32,
-}
-
-/// One voxel's face on the surface.
-struct Facet {
-    /// Its side, as in [`Grid::links_of`], and its share of the element.
-    key: (usize, Ijk),
-    voxel: VoxelId,
-    at_m: Vec3,
-    outward: Vec3,
-    area_m2: f64,
 }
 
 impl Skin {
@@ -83,41 +73,15 @@ impl Skin {
     }
 
     fn add_element(&mut self, body: &Body, element: u32) {
-        let mut facets = facets_of(body, element, self.most_voxels);
-        facets.sort_by_key(|facet| facet.key);
-        for share in facets.chunk_by(|a, b| a.key == b.key) {
+        let wide = (1i32 << body.element_level(element as usize) >> 1).clamp(1, self.most_voxels);
+        let key = |facet: &Facet| (facet.side, facet.cell.map(|c| c / wide));
+        let mut facets: Vec<Facet> = body.facets_of(element as usize).collect();
+        facets.sort_by_key(key);
+        for share in facets.chunk_by(|a, b| key(a) == key(b)) {
             let area_m2: f64 = share.iter().map(|facet| facet.area_m2).sum();
             let mean = |of: fn(&Facet) -> Vec3| share.iter().map(|f| of(f) * (f.area_m2 / area_m2)).sum::<Vec3>();
             let point = MaterialPoint { position_m: mean(|f| f.at_m), voxel: share[0].voxel };
             self.patches.push(SkinPatch { element, point, normal: mean(|f| f.outward), area_m2 });
         }
     }
-}
-
-/// The faces of an element's voxels on the surface. A wall whose two sides belong to the element is left
-/// out: it is still in one piece, and both would press on the same field.
-fn facets_of(body: &Body, element: u32, most_voxels: i32) -> Vec<Facet> {
-    let grid = &body.grid;
-    let h = grid.voxel_size_m();
-    let wide = (1i32 << body.element_level(element as usize) >> 1).clamp(1, most_voxels);
-    let mut facets = Vec::new();
-    for voxel in body.voxels_of(element as usize) {
-        let cell = grid.voxels()[voxel.index()].ijk;
-        for (side, (link, other)) in Grid::links_of(cell).enumerate() {
-            let is_own = |cell| grid.voxel_at(cell).is_some_and(|v| body.element_of(v) == element as usize);
-            let (crossing, sign) = match grid.link(link) {
-                Link::Boundary(crossing) => (crossing, 1.0),
-                Link::Parted(crossing) if !is_own(other) => (crossing, if side % 2 == 1 { 1.0 } else { -1.0 }),
-                _ => continue,
-            };
-            let outward = Vec3::from(crossing.normal.map(f64::from)) * sign;
-            let mut at_m = grid.centre_m(link.cell);
-            at_m[link.axis as usize] += f64::from(crossing.t) * h;
-            let area_m2 = h * h * outward[link.axis as usize].abs();
-            if area_m2 > 0.0 {
-                facets.push(Facet { key: (side, cell.map(|c| c / wide)), voxel, at_m, outward, area_m2 });
-            }
-        }
-    }
-    facets
 }

@@ -103,7 +103,7 @@ pub struct TissueSpring {
     pub depth_predicted_m: f64,
     /// The same at the end of the step, after the solve, m.
     pub depth_m: f64,
-    /// Depth by which the mode may be wrong without another solve, m.
+    /// Depth at which it may stay off without another solve, m.
     pub slack_m: f64,
     /// Normal force that the last solve applied, N.
     pub force_n: f64,
@@ -163,7 +163,7 @@ impl TissueSpring {
         let (next, force_n) = match self.mode {
             Mode::Off => (if self.depth_m > self.slack_m { Mode::Spring } else { Mode::Off }, 0.0),
             mode => {
-                let next = if self.depth_m < -self.slack_m { Mode::Off } else { mode };
+                let next = if self.depth_m < 0.0 { Mode::Off } else { mode };
                 (next, self.stiffness_n_per_m * self.depth_m)
             }
         };

@@ -12,7 +12,6 @@
 use crate::Vec3;
 use crate::body::Body;
 use crate::fem::composite::shape_functions;
-use crate::grid::{Grid, Ijk, Link};
 
 /// Radii between which phi falls from 1 to 0, in element edges: nodes that share in a contact at the front stay
 /// within the inner one.
@@ -20,6 +19,8 @@ const INNER: f64 = 1.5;
 const OUTER: f64 = 3.0;
 /// Half-width along the front of what one integral sees, in element edges.
 const HALF_WIDTH: f64 = 2.0;
+/// Distance of a cube's corners from its middle over its edge, and a little more.
+const HALF_DIAGONAL: f64 = 0.867;
 
 /// A place on a crack front, reference configuration.
 #[derive(Clone, Copy, Debug)]
@@ -45,6 +46,15 @@ impl Tip {
         let corner = |c: usize| body.grid.origin_m() + (cell + Vec3::from_fn(|i, _| (c >> i & 1) as f64)) * edge_m;
         let n = shape_functions((at - cell).into());
         (0..8).map(|c| n[c] * self.phi(&corner(c))).sum()
+    }
+
+    /// Whether phi may be other than 0 at the corners of a cube.
+    fn reaches(&self, centre_m: &Vec3, edge_m: f64) -> bool {
+        let offset_m = centre_m - self.position_m;
+        let along_m = offset_m.dot(&self.along);
+        let across_m = (offset_m - self.along * along_m).norm();
+        let corner_m = HALF_DIAGONAL * edge_m;
+        along_m.abs() < HALF_WIDTH * self.element_edge_m + corner_m && across_m < OUTER * self.element_edge_m + corner_m
     }
 
     fn share_along(&self, offset_m: &Vec3) -> f64 {
@@ -87,6 +97,9 @@ struct Sum {
 
 impl Sum {
     fn add(&mut self, body: &Body, element: usize, tip: &Tip) {
+        if !tip.reaches(&body.rest_centre_m(element), body.element_edge_m(element)) {
+            return;
+        }
         let nodes = body.base().elements[element].nodes;
         let phi = nodes.map(|node| tip.phi(&body.rest_position_m(node as usize)));
         if phi.iter().all(|p| *p == 0.0) {
@@ -95,37 +108,10 @@ impl Sum {
         let moved = body.move_material(element, &phi, &tip.ahead);
         let volume_m3 = body.filled_volume_m3(element);
         let weight = moved.slope.norm() * volume_m3;
-        self.released_j += moved.released_j + free_faces_m2(body, element, tip, &phi) * (moved.elastic_j / volume_m3);
+        let flux_m2 = body.facet_area_m2(element, &phi).dot(&tip.ahead);
+        self.released_j += moved.released_j + flux_m2 * (moved.elastic_j / volume_m3);
         self.push_n += moved.push_n;
         self.direction += moved.direction * weight;
         self.weight += weight;
     }
-}
-
-/// `int q . n dA` over the faces that the element's voxels do not share with others, n out of the material.
-fn free_faces_m2(body: &Body, element: usize, tip: &Tip, phi: &[f64; 8]) -> f64 {
-    let is_inside = body.filled_volume_m3(element) > 0.999 * body.element_edge_m(element).powi(3)
-        && body.base().elements[element].neighbours.len() >= 6;
-    if is_inside {
-        return 0.0;
-    }
-    let (grid, mut flux_m2) = (&body.grid, 0.0);
-    let h = grid.voxel_size_m();
-    for voxel in body.voxels_of(element) {
-        let cell: Ijk = grid.voxels()[voxel.index()].ijk;
-        for (face, (link, _)) in Grid::links_of(cell).enumerate() {
-            let (crossing, outward) = match grid.link(link) {
-                Link::Boundary(crossing) => (crossing, 1.0),
-                Link::Parted(crossing) => (crossing, if face % 2 == 1 { 1.0 } else { -1.0 }),
-                Link::Intact | Link::Outside => continue,
-            };
-            let normal = Vec3::from(crossing.normal.map(f64::from));
-            let mut at = grid.centre_m(link.cell);
-            at[link.axis as usize] += f64::from(crossing.t) * h;
-            let local = body.local_coordinates(element, &at);
-            let phi_there: f64 = shape_functions(local).iter().zip(phi).map(|(n, p)| n * p).sum();
-            flux_m2 += outward * phi_there * normal.dot(&tip.ahead) * h * h * normal[link.axis as usize].abs();
-        }
-    }
-    flux_m2
 }

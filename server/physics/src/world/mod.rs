@@ -197,10 +197,6 @@ impl World {
             self.update_view();
             lap.end(Stage::Surface);
         }
-        if self.view.is_some() && self.slots.iter().any(|s| s.contacts.iter().any(ToolContact::touches)) {
-            self.adapt_view();
-            lap.end(Stage::Adaptation);
-        }
         self.finish();
         self.output.profile = lap.finish();
     }
@@ -337,17 +333,6 @@ impl World {
         if let Some(view) = &mut self.view {
             let bodies = self.slots.iter().map(|s| (&s.body, s.parted.as_slice(), &s.change));
             view.update(bodies, self.output.topology_version);
-        }
-    }
-
-    fn adapt_view(&mut self) {
-        let Some(view) = &mut self.view else { return };
-        for (object, slot) in self.slots.iter().enumerate() {
-            if slot.contacts.iter().any(ToolContact::touches) {
-                let placed = self.tools.iter().zip(&slot.contacts);
-                let touches = placed.filter_map(|(tool, contact)| Some(contact.touching(&slot.body, tool.path()?)));
-                view.adapt(object, &slot.body, touches.flatten());
-            }
         }
     }
 

@@ -3,10 +3,12 @@
 use super::World;
 use super::body_slot::BodySlot;
 use super::tissue_contact::TissueContact;
+use super::tool_contact::ToolContact;
 use crate::body::Body;
 use crate::contact::broad::Aabb;
 use crate::contact::tissue_spring::TissueSpring;
 use crate::hash::StateHasher;
+use crate::stage::{Lap, Stage, StageClock};
 use crate::surface::Surface;
 use crate::surface::delta::{AdaptedVertex, Keyframe, TopologyPatch};
 use crate::view::View;
@@ -128,9 +130,28 @@ impl World {
         }
     }
 
-    /// Vertices of an object's surface that the last step adapted to the blades that touch it, ids
-    /// ascending; none where nobody has asked for the surface since it was forgotten. The mechanics does
-    /// not know of them, nor does any hash.
+    /// Adapts the surface to the blades that touch it, for who is about to look at what the last step left:
+    /// most steps nobody sees. The time, ns, goes into the profile of that step; `None` where nothing is to be
+    /// adapted, where it has been, or where nobody has asked for the surface since it was forgotten.
+    pub fn adapt_surface(&mut self, clock: &dyn StageClock) -> Option<u64> {
+        let view = self.view.as_mut().filter(|view| !view.is_adapted())?;
+        let touched = |slot: &&BodySlot| slot.contacts.iter().any(ToolContact::touches);
+        self.slots.iter().find(touched)?;
+        let mut lap = Lap::start(clock);
+        for (object, slot) in self.slots.iter().enumerate().filter(|(_, slot)| touched(slot)) {
+            let placed = self.tools.iter().zip(&slot.contacts);
+            let touches = placed.filter_map(|(tool, contact)| Some(contact.touching(&slot.body, tool.path()?)));
+            view.adapt(object, &slot.body, touches.flatten());
+        }
+        lap.end(Stage::Adaptation);
+        let took_ns = lap.finish().stage_ns[Stage::Adaptation as usize];
+        self.output.profile.stage_ns[Stage::Adaptation as usize] = took_ns;
+        took_ns
+    }
+
+    /// Vertices of an object's surface that are adapted to the blades that touch it, ids ascending: as
+    /// [`World::adapt_surface`] has them after the last step, none before. The mechanics does not know of
+    /// them, nor does any hash.
     #[must_use]
     pub fn adapted_vertices(&self, object: usize) -> &[AdaptedVertex] {
         self.view.as_ref().map_or(&[], |view| view.adapted(object))

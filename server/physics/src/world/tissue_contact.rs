@@ -4,6 +4,8 @@ use super::body_slot::BodySlot;
 use super::part_groups::PartGroups;
 use crate::Vec3;
 use crate::body::{Body, MaterialPoint};
+use crate::contact::broad::Aabb;
+use crate::contact::candidates::Candidates;
 use crate::contact::patch::SurfacePatches;
 use crate::contact::patch_hash::{PatchHash, PlacedPatch};
 use crate::contact::press::{MARGIN_VOXELS, Meeting, PatchOf, meet};
@@ -17,7 +19,7 @@ use crate::solve::spring::PointSpring;
 /// Stiffness of an interface over that of the half elements on both sides of it: pressed bodies are softer
 /// by a twentieth of an element than if they were one.
 const STIFFNESS: f64 = 20.0;
-/// A spring that is this share of a voxel in or out need not change its mode within the step.
+/// A spring that is off may find itself this share of a voxel deep without another solve within the step.
 const SLACK_VOXELS: f64 = 1e-3;
 /// What is found deeper than this many voxels at the beginning of a step is pushed out as if it were so
 /// deep: a spring that finds itself deep in tissue would throw it out. At this depth the interface carries
@@ -34,6 +36,7 @@ pub(super) struct TissueContact {
     surfaces: Vec<SurfacePatches>,
     /// Normal force on each patch in the last step, N, by body; empty where there is no friction.
     pressed_n: Vec<Vec<f64>>,
+    candidates: Candidates,
     hash: PatchHash,
     springs: Vec<TissueSpring>,
     bridges: Vec<Bridge>,
@@ -61,6 +64,7 @@ impl TissueContact {
         let mut contact = Self {
             pressed_n: vec![Vec::new(); slots.len()],
             surfaces,
+            candidates: Candidates::default(),
             hash: PatchHash::default(),
             springs: Vec::new(),
             bridges: Vec::new(),
@@ -99,6 +103,7 @@ impl TissueContact {
     /// Makes room for what there may be until links part again.
     pub(super) fn reserve(&mut self, slots: &[BodySlot]) {
         let most = self.most_springs();
+        self.candidates.reserve(bodies(slots), most);
         self.hash.reserve(most);
         self.springs.clear();
         self.springs.reserve(most);
@@ -114,7 +119,15 @@ impl TissueContact {
     /// Finds the patches that meet a surface in this step.
     pub(super) fn detect(&mut self, slots: &[BodySlot], dt_s: f64) {
         self.springs.clear();
-        self.place(slots, dt_s);
+        let reach_m = reach_m(slots, dt_s);
+        if !self.candidates.hold(bodies(slots), reach_m) {
+            self.find_candidates(slots, reach_m);
+        }
+        self.hash.clear();
+        for &[body, patch] in self.candidates.patches() {
+            self.hash.push(self.place(slots, body, patch));
+        }
+        self.hash.build(reach_m);
         for placed in self.hash.placed() {
             let patch_of = |placed| self.patch_of(slots, placed);
             let point = patch_of(placed);
@@ -133,34 +146,34 @@ impl TissueContact {
         PatchOf { body: &slots[placed.body as usize].body, patch, placed }
     }
 
-    /// Places the patches of the bodies that are cut or near another.
-    fn place(&mut self, slots: &[BodySlot], dt_s: f64) {
+    /// Finds the patches that may meet another, of the bodies that are cut or near another.
+    fn find_candidates(&mut self, slots: &[BodySlot], reach_m: f64) {
+        let reach_m = self.candidates.begin(bodies(slots), reach_m);
         self.hash.clear();
-        let bodies = || slots.iter().map(|slot| &slot.body);
-        let edge_m = bodies().map(Body::largest_edge_m).fold(0.0, f64::max);
-        let voxel_m = bodies().map(|body| body.grid.voxel_size_m()).fold(0.0, f64::max);
-        let most_m = MOST_TRAVEL_ELEMENTS * edge_m;
-        for (index, (surface, body)) in self.surfaces.iter().zip(bodies()).enumerate() {
-            let bounds = body.bounds().grown(most_m);
-            let mut others = bodies().enumerate().filter(|(other, _)| *other != index);
+        for (index, (surface, body)) in self.surfaces.iter().zip(bodies(slots)).enumerate() {
+            let bounds = body.bounds().grown(most_travel_m(slots) + reach_m);
+            let mut others = bodies(slots).enumerate().filter(|(other, _)| *other != index);
             if !surface.has_walls() && !others.any(|(_, other)| other.bounds().meets(&bounds)) {
                 continue;
             }
-            for (patch, data) in surface.as_slice().iter().enumerate() {
-                let weights = weights(body, &data.point, 1.0);
-                self.hash.push(PlacedPatch {
-                    body: index as u32,
-                    patch: patch as u32,
-                    at_m: weights.sum(&body.position_m),
-                    velocity_m_per_s: weights.sum(&body.velocity_m_per_s),
-                    normal: body.rotation(data.element as usize) * data.normal,
-                });
+            for patch in 0..surface.as_slice().len() {
+                self.hash.push(self.place(slots, index as u32, patch as u32));
             }
         }
-        let velocities = self.hash.velocities();
-        let travel_m = dt_s * (velocities.max_m - velocities.min_m).norm();
-        let travel_m = if travel_m.is_finite() { travel_m.min(most_m) } else { 0.0 };
-        self.hash.build(edge_m + MARGIN_VOXELS * voxel_m + travel_m);
+        self.hash.build(reach_m);
+        self.candidates.find(&self.hash);
+    }
+
+    fn place(&self, slots: &[BodySlot], body: u32, patch: u32) -> PlacedPatch {
+        let (of, data) = (&slots[body as usize].body, &self.surfaces[body as usize].as_slice()[patch as usize]);
+        let weights = weights(of, &data.point, 1.0);
+        PlacedPatch {
+            body,
+            patch,
+            at_m: weights.sum(&of.position_m),
+            velocity_m_per_s: weights.sum(&of.velocity_m_per_s),
+            normal: of.rotation(data.element as usize) * data.normal,
+        }
     }
 
     /// The springs that act on a body.
@@ -245,6 +258,24 @@ impl TissueContact {
     pub(super) fn springs(&self) -> &[TissueSpring] {
         &self.springs
     }
+}
+
+fn bodies(slots: &[BodySlot]) -> impl ExactSizeIterator<Item = &Body> {
+    slots.iter().map(|slot| &slot.body)
+}
+
+fn most_travel_m(slots: &[BodySlot]) -> f64 {
+    MOST_TRAVEL_ELEMENTS * bodies(slots).map(Body::largest_edge_m).fold(0.0, f64::max)
+}
+
+/// How far along each axis patches may be from what they meet within `dt_s`, m.
+fn reach_m(slots: &[BodySlot], dt_s: f64) -> f64 {
+    let edge_m = bodies(slots).map(Body::largest_edge_m).fold(0.0, f64::max);
+    let voxel_m = bodies(slots).map(|body| body.grid.voxel_size_m()).fold(0.0, f64::max);
+    let velocities = Aabb::around(bodies(slots).flat_map(|body| &body.velocity_m_per_s).map(|v| Vec3::from(*v)));
+    let travel_m = dt_s * (velocities.max_m - velocities.min_m).norm();
+    let travel_m = if travel_m.is_finite() { travel_m.min(most_travel_m(slots)) } else { 0.0 };
+    edge_m + MARGIN_VOXELS * voxel_m + travel_m
 }
 
 fn weights(body: &Body, point: &MaterialPoint, factor: f64) -> ContactWeights {

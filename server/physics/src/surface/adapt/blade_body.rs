@@ -14,6 +14,7 @@ use crate::tool::blade::Blade;
 pub struct BladeBody {
     /// Edge points in order, m.
     edge_m: Vec<Vec3>,
+    segments: Vec<Segment>,
     /// Spine direction, unit.
     up: Vec3,
     height_m: f64,
@@ -50,6 +51,7 @@ pub struct Passage {
 
 /// A segment of the edge: its beginning, its vector over the square of its share across `up`, its
 /// normal, and the edge's length before it and in it.
+#[derive(Clone, Debug)]
 struct Segment {
     from_m: Vec3,
     per_length: Vec3,
@@ -65,6 +67,7 @@ impl BladeBody {
         self.edge_m.clear();
         self.edge_m.extend(blade.edge.points_m().iter().map(|point| pose.transform(point)));
         self.up = pose.orientation * Vec3::y();
+        self.rule();
         self.height_m = blade.flanks.height_m();
         self.edge_half_width_m = blade.edge_half_width_m;
         self.thickness_m = blade.flanks.thickness_m();
@@ -80,7 +83,7 @@ impl BladeBody {
     /// Length of the edge, m.
     #[must_use]
     pub fn edge_length_m(&self) -> f64 {
-        self.edge_m.windows(2).map(|ends| (ends[1] - ends[0]).norm()).sum()
+        self.segments.last().map_or(0.0, |last| last.before_m + last.length_m)
     }
 
     /// Half of the thickness at a height above the edge, m. Where no wedge is stated the edge widens to the
@@ -102,21 +105,20 @@ impl BladeBody {
     /// A point of the edge, m; held to its ends.
     #[must_use]
     pub fn edge_point_m(&self, arc_m: f64) -> Vec3 {
-        let mut rest = arc_m.max(0.0);
-        for ends in self.edge_m.windows(2) {
-            let along = ends[1] - ends[0];
-            let length = along.norm();
-            if rest <= length {
-                return ends[0] + along * (rest / length);
-            }
-            rest -= length;
+        let arc_m = arc_m.max(0.0);
+        let ends = self.edge_m.windows(2).zip(&self.segments);
+        let mut reached = ends.filter(|(_, segment)| arc_m <= segment.before_m + segment.length_m);
+        match reached.next() {
+            Some((ends, segment)) => ends[0].lerp(&ends[1], (arc_m - segment.before_m) / segment.length_m),
+            None => self.edge_m.last().copied().unwrap_or_default(),
         }
-        self.edge_m.last().copied().unwrap_or_default()
     }
 
-    fn segments(&self) -> impl Iterator<Item = Segment> + '_ {
-        let up = self.up;
-        self.edge_m.windows(2).scan(0.0, move |before_m, ends| {
+    /// Sets up the segments that the edge rules.
+    fn rule(&mut self) {
+        let (up, mut before_m) = (self.up, 0.0);
+        self.segments.clear();
+        self.segments.extend(self.edge_m.windows(2).map(|ends| {
             let along = ends[1] - ends[0];
             let length_m = along.norm();
             let rise = along.dot(&up);
@@ -126,19 +128,19 @@ impl BladeBody {
                 per_length: across * (length_m / across.norm_squared()),
                 slope: rise / length_m,
                 normal: across.cross(&up).normalize(),
-                before_m: *before_m,
+                before_m,
                 length_m,
             };
-            *before_m += length_m;
-            Some(segment)
-        })
+            before_m += length_m;
+            segment
+        }));
     }
 
     /// The coordinates of a point beside the segment it is nearest to.
     #[must_use]
     pub fn foot(&self, point_m: &Vec3) -> Option<Foot> {
-        let last = self.edge_m.len().saturating_sub(2);
-        let feet = self.segments().enumerate().map(|(index, segment)| {
+        let last = self.segments.len().saturating_sub(1);
+        let feet = self.segments.iter().enumerate().map(|(index, segment)| {
             let foot = segment.foot(point_m, &self.up);
             let along = foot.arc_m - segment.before_m;
             let outside = (-along).max(along - segment.length_m).max(0.0);
@@ -161,7 +163,7 @@ impl BladeBody {
     /// Where the line between two points passes through the ruled surface.
     #[must_use]
     pub fn passage(&self, from_m: &Vec3, to_m: &Vec3) -> Option<Passage> {
-        self.segments().find_map(|segment| {
+        self.segments.iter().find_map(|segment| {
             let [from, to] = [from_m, to_m].map(|point| segment.foot(point, &self.up));
             if (from.beside_m < 0.0) == (to.beside_m < 0.0) {
                 return None;
@@ -201,14 +203,17 @@ mod tests {
 
     /// An edge of three points with a bend in the cutting direction and one aside.
     fn bent() -> BladeBody {
-        BladeBody {
+        let mut blade = BladeBody {
             edge_m: vec![Vec3::new(-0.03, 0.0, 0.0), Vec3::new(0.0, -0.01, 0.0), Vec3::new(0.03, 0.0, 0.02)],
             up: Vec3::y(),
             height_m: 0.05,
             edge_half_width_m: 5e-5,
             thickness_m: 2e-3,
             bevel_m: 2e-3,
-        }
+            segments: Vec::new(),
+        };
+        blade.rule();
+        blade
     }
 
     #[test]

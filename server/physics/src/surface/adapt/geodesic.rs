@@ -7,9 +7,10 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use super::field::Field;
-use super::mesh::Slot;
+use super::mesh::{Mesh, Slot};
 use super::profile::Profile;
 use crate::Vec3;
+use crate::surface::VertexId;
 
 /// What a vertex of the region takes over from the nearest point of the indentation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,11 +54,11 @@ impl Carried {
     }
 }
 
-/// Vertices to settle next: the nearest first, of equally near ones that with the lowest slot.
+/// Vertices to settle next: the nearest first, of equally near ones that with the lowest id.
 #[derive(Default)]
 pub struct March {
     /// Distance by its bits, which rise with it.
-    queue: BinaryHeap<Reverse<(u64, Slot)>>,
+    queue: BinaryHeap<Reverse<(u64, VertexId, Slot)>>,
 }
 
 impl March {
@@ -73,13 +74,13 @@ impl March {
     }
 
     /// Takes a vertex up, or nearer than it was.
-    pub fn push(&mut self, slot: Slot, distance_m: f64) {
-        self.queue.push(Reverse((distance_m.to_bits(), slot)));
+    pub fn push(&mut self, mesh: &Mesh, slot: Slot, distance_m: f64) {
+        self.queue.push(Reverse((distance_m.to_bits(), mesh.id(slot), slot)));
     }
 
     /// Marches on until everything within reach is settled; `order` gets the vertices as they settle.
     pub fn run(&mut self, field: &mut Field<'_>, order: &mut Vec<Slot>) {
-        while let Some(Reverse((_, slot))) = self.queue.pop() {
+        while let Some(Reverse((.., slot))) = self.queue.pop() {
             let Some(here) = field.reached(slot).filter(|here| !here.settled) else { continue };
             field.reach(slot, Reached { settled: true, ..here });
             order.push(slot);
@@ -93,11 +94,12 @@ impl March {
 
     /// Reaches `next` over the triangle that `from`, which has just settled, forms with it and `other`.
     fn cross(&mut self, field: &mut Field<'_>, from: Slot, next: Slot, other: Slot) {
-        let [at, from_m, other_m] = [next, from, other].map(|slot| field.base_m(slot));
-        let (Some(near), known) = (field.reached(from), field.reached(next)) else { return };
+        let known = field.reached(next);
         if known.is_some_and(|known| known.settled) {
             return;
         }
+        let Some(near) = field.reached(from) else { return };
+        let [at, from_m, other_m] = [next, from, other].map(|slot| field.base_m(slot));
         let along_edge = (near.distance_m + (from_m - at).norm(), near.carried);
         let across = field.reached(other).filter(|far| far.settled).and_then(|far| {
             let (distance, share) = planar(from_m - at, other_m - at, near.distance_m, far.distance_m)?;
@@ -106,7 +108,7 @@ impl March {
         let (distance_m, carried) = across.unwrap_or(along_edge);
         if distance_m < carried.profile.reach_m && known.is_none_or(|known| distance_m < known.distance_m) {
             field.reach(next, Reached::seed(distance_m, carried));
-            self.push(next, distance_m);
+            self.push(field.mesh, next, distance_m);
         }
     }
 }

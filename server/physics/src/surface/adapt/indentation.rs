@@ -70,7 +70,8 @@ impl Indentation {
         self.bottoms.clear();
         near.iter().for_each(|slot| self.look_at(field, dent, *slot));
         // The clearest cases first: what they settle need not be asked of the others.
-        self.crossed.sort_unstable_by_key(|crossed| (crossed.beside_m.to_bits(), crossed.ends));
+        let mesh = field.mesh;
+        self.crossed.sort_unstable_by_key(|c| (c.beside_m.to_bits(), c.ends.map(|end| mesh.id(end))));
         for _ in 0..PASSES {
             for (slot, arc_m, _) in &self.bottoms {
                 put_on_edge(field, blade, *slot, *arc_m);
@@ -100,7 +101,7 @@ impl Indentation {
         }
     }
 
-    /// Finds the edges at a vertex that the blade passes through, each from the end with the lower slot.
+    /// Finds the edges at a vertex that the blade passes through, each from the end with the lower id.
     fn find_crossed(&mut self, field: &mut Field<'_>, dent: &Dent, deepest_m: f64, (slot, foot): (Slot, &Foot)) {
         let (blade, mesh, at) = (&dent.blade, field.mesh, field.base_m(slot));
         for [_, b, c] in mesh.triangles_at(slot) {
@@ -108,7 +109,7 @@ impl Indentation {
             if normal.dot(&blade.up()) < PRESSED * normal.norm() {
                 continue;
             }
-            for other in [b, c].into_iter().filter(|other| slot < *other) {
+            for other in [b, c].into_iter().filter(|other| mesh.id(slot) < mesh.id(*other)) {
                 let passage = blade.passage(&at, &field.base_m(other)).filter(|p| p.height_m <= deepest_m);
                 let passage = passage.filter(|_| walls_at(field, other, foot) == [false; 2]);
                 self.crossed.extend(passage.map(|passage| Crossed::new(slot, other, foot, passage)));
@@ -200,7 +201,7 @@ fn seed(field: &mut Field<'_>, march: &mut March, slot: Slot, distance_m: f64, b
     if field.reached(slot).is_none_or(|reached| distance_m < reached.distance_m) {
         let profile = Profile::at(field.body, field.mesh.point(slot).voxel);
         field.reach(slot, Reached::seed(distance_m, Carried { by_m, profile }));
-        march.push(slot, distance_m);
+        march.push(field.mesh, slot, distance_m);
     }
 }
 

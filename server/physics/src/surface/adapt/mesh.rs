@@ -10,6 +10,8 @@ use crate::surface::{QuadId, Surface, VertexId, triangulate};
 pub type Slot = u32;
 
 /// The surface of one object by slots. It follows the surface in proportion to what changes.
+///
+/// What is visited in an order is visited by ids: slots tell when somebody began to look.
 #[derive(Default)]
 pub struct Mesh {
     vertices: Vec<Vertex>,
@@ -28,6 +30,7 @@ struct Vertex {
 }
 
 struct Quad {
+    id: QuadId,
     corners: [Slot; 4],
     triangles: [[Slot; 3]; 2],
     /// The other side of its link is a quad too: a blade has laid it open.
@@ -68,14 +71,16 @@ impl Mesh {
         if self.bound.len() <= element as usize {
             self.bound.resize(element as usize + 1, Vec::new());
         }
-        self.bound[element as usize].push(slot);
+        let bound = &mut self.bound[element as usize];
+        let place = bound.partition_point(|other| self.vertices[*other as usize].id < id);
+        bound.insert(place, slot);
     }
 
     fn join(&mut self, id: QuadId, corners: [Slot; 4]) {
         let next = self.quads.len() as u32;
         let quad = *self.quad_of.entry(id).or_insert(next);
         if quad == next {
-            self.quads.push(Quad { corners, triangles: Default::default(), is_cut: false });
+            self.quads.push(Quad { id, corners, triangles: Default::default(), is_cut: false });
         } else {
             for corner in self.quads[quad as usize].corners {
                 self.vertices[corner as usize].quads.retain(|other| *other != quad);
@@ -88,8 +93,9 @@ impl Mesh {
         }
         for corner in corners {
             let quads = &mut self.vertices[corner as usize].quads;
-            if !quads.contains(&quad) {
-                quads.push(quad);
+            let place = quads.partition_point(|other| self.quads[*other as usize].id < id);
+            if quads.get(place) != Some(&quad) {
+                quads.insert(place, quad);
             }
         }
     }

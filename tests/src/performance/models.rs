@@ -1,0 +1,57 @@
+//! The paper's horse, armadillo and bunny, from meshes in the folder beside the repository.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use kerf_physics::grid::voxelize::voxelize;
+use kerf_physics::scene::{Meshes, ShapeDesc};
+use kerf_physics::{Scene, SceneDesc};
+use kerf_session::catalog;
+
+/// How a file becomes a row of the paper's Table 1: about as many voxels, and the level whose number of elements is
+/// nearest (`cargo test -p kerf-session --test paper_models`).
+pub struct Model {
+    file: &'static str,
+    /// Metres per unit of the file: 15 to 18 cm the longest way, as the scans are.
+    scale_m_per_unit: f64,
+    /// Voxels along the longest edge of the mesh's box.
+    resolution: u32,
+}
+
+pub const HORSE: Model = Model { file: "horse.ply", scale_m_per_unit: 1.0, resolution: 48 };
+pub const ARMADILLO: Model = Model { file: "armadillo.obj", scale_m_per_unit: 0.15, resolution: 63 };
+pub const BUNNY: Model = Model { file: "bunny.obj", scale_m_per_unit: 1.0, resolution: 60 };
+
+/// Layers of voxels that stand on the table.
+const HELD_LAYERS: f64 = 3.0;
+
+impl Model {
+    /// Where the mesh is to be.
+    pub fn path(&self) -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/models").join(self.file)
+    }
+
+    /// The scene, its lowest layers held, under a blade that reaches over it; `None` where the mesh is absent. The
+    /// modulus is the paper's, the fracture energy one that linear elements carry.
+    pub fn scene(&self) -> Result<Option<Scene>> {
+        let path = self.path();
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let Self { file, scale_m_per_unit, resolution } = self;
+        let text = format!(
+            "version = 1\nname = \"{file}\"\nrate_hz = 1000.0\ngravity_m_per_s2 = [0.0, -9.81, 0.0]\n\
+             [[objects]]\nname = \"body\"\nresolution = {resolution}\nlevel = 3\n\
+             shape = {{ mesh = {{ file = \"{file}\", scale_m_per_unit = {scale_m_per_unit} }} }}\n\
+             [objects.material]\nyoung_modulus_pa = 2.0e6\npoisson_ratio = 0.45\nrayleigh_alpha_per_s = 1.0\n\
+             rayleigh_beta_s = 2.0e-4\nfracture_energy_j_per_m2 = 1000.0\n\
+             [[tools]]\nname = \"blade\"\nshape = {{ blade = {{ width_m = 0.3, height_m = 0.2 }} }}\n"
+        );
+        let meshes = Meshes::from([((*file).to_owned(), catalog::read_mesh(&path)?)]);
+        let mut scene = Scene { desc: SceneDesc::from_toml(file, &text)?, meshes };
+        let grid = voxelize(&scene.desc.objects[0], &scene.meshes)?;
+        let held_m = grid.origin_m().y + HELD_LAYERS * grid.voxel_size_m();
+        scene.desc.objects[0].fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, held_m, 1.0] }];
+        Ok(Some(scene))
+    }
+}
