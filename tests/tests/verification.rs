@@ -1,7 +1,7 @@
 //! The coarse part of the verification cases against bounds; `make verify` runs all of them.
 
 use kerf_system_tests::verification::{
-    Extent, Family, bending, cantilever, elements, half_space, motion, release, tip_load, uniaxial,
+    Extent, Family, bending, cantilever, elements, half_space, link_rule, motion, release, tip_load, uniaxial,
 };
 
 fn coarse(family: fn(Extent) -> anyhow::Result<Family>) -> Family {
@@ -74,4 +74,17 @@ fn free_motion_keeps_momenta_and_bounds_the_energy() {
     hold(&family, "tumbling fragments: linear", 1e-10);
     hold(&family, "tumbling fragments: angular", 1e-10);
     hold(&family, "", 1e-10);
+}
+
+#[test]
+fn a_cut_takes_griffiths_balance_by_the_front_and_the_meshs_by_the_energy_of_links() {
+    let family = link_rule::compare(Extent::Coarse).expect("the block is cut").family();
+    hold(&family, "front: steady", 0.02);
+    hold(&family, "front: work", 0.02);
+    hold(&family, "front: energy residual", 0.0);
+    hold(&family, "link energy: energy residual", 0.0);
+    hold(&family, "link energy: first", 0.1);
+    let steady = family.tables[0].rows.iter().find(|r| r.case.starts_with("link energy: steady")).expect("a row");
+    assert!(steady.ours.iter().all(|ratio| *ratio > 10.0), "{:?}", steady.ours);
+    assert!(steady.ours[0] > 1.5 * steady.ours[1], "k 4 against k 2: {:?}", steady.ours);
 }

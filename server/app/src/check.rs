@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Result, bail};
 use kerf_physics::grid::Grid;
 use kerf_physics::grid::voxelize::{region_voxels, voxelize};
-use kerf_physics::scene::toughness::{carried_over_eh, composite_edge_m, gc_over_eh};
+use kerf_physics::scene::toughness::{asked_over_eh, carried_over_eh, composite_edge_m, gc_over_eh};
 use kerf_physics::scene::{MaterialDesc, ObjectDesc};
 use kerf_physics::{Scene, SceneError};
 use kerf_session::catalog;
@@ -69,10 +69,11 @@ impl Report {
             object.level,
             edge_m * 1e3,
         ));
-        self.material("  material", &object.material, edge_m, object.level);
+        self.material("  material", &object.material, object, grid.voxel_size_m());
         for (i, region) in object.regions.iter().enumerate() {
             let held = grid.voxels().iter().filter(|v| usize::from(v.material) == i + 1).count();
-            self.material(&format!("  region {} ({held} voxels)", region.name), &region.material, edge_m, object.level);
+            let what = format!("  region {} ({held} voxels)", region.name);
+            self.material(&what, &region.material, object, grid.voxel_size_m());
             if held == 0 {
                 self.warnings.push(format!("objects[{index}].regions[{i}]: holds no voxel"));
             }
@@ -94,10 +95,12 @@ impl Report {
         }
     }
 
-    fn material(&mut self, what: &str, material: &MaterialDesc, edge_m: f64, level: u8) {
+    fn material(&mut self, what: &str, material: &MaterialDesc, object: &ObjectDesc, voxel_size_m: f64) {
+        let level = object.level;
         let carried = carried_over_eh(material, level);
-        let toughness = gc_over_eh(material, edge_m).map_or("cannot be cut".to_owned(), |ratio| {
-            let start = ratio * material.initiation_ratio;
+        let ratio = gc_over_eh(material, composite_edge_m(voxel_size_m, level));
+        let start = asked_over_eh(material, object.fracture_rule, voxel_size_m, level);
+        let toughness = ratio.zip(start).map_or("cannot be cut".to_owned(), |(ratio, start)| {
             format!("Gc/(E H) {ratio:.3}, {start:.3} to start a cut, of {carried:.2} that the element law carries")
         });
         let relaxes = material.viscosity.map_or(String::new(), |v| {

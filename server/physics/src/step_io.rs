@@ -95,7 +95,7 @@ pub struct ToolOutput {
     pub wrench: Wrench,
     /// Present while the tool touches tissue.
     pub contact: Option<ContactModel>,
-    /// Length of the edge whose front is yielding, m.
+    /// Length of the edge whose front is yielding, m; none by the link-energy rule, whose springs are not capped.
     pub cutting_length_m: f64,
     /// What its jaws hold.
     pub grasp: Grasp,
@@ -119,7 +119,7 @@ pub struct EnergyStep {
     /// Gc times the area that parted; at the speed it parted at where it depends on that.
     pub fracture_j: f64,
     /// Work of the capped force on material that slipped past the edge, and of the ties across what tension
-    /// opens, less `fracture_j`.
+    /// opens, less `fracture_j`; by the link-energy rule what the edge's springs let go as links part, less that.
     pub front_slip_j: f64,
     /// Energy set free when the front dropped from its initiation to its propagation value.
     pub initiation_j: f64,

@@ -30,6 +30,7 @@ fn object(shape: ShapeDesc, voxel_size_m: f64) -> ObjectDesc {
         resolution: None,
         level: 2,
         element: ElementKind::default(),
+        fracture_rule: Default::default(),
         material: material(),
         regions: vec![],
         finer: vec![],

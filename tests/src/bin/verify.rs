@@ -4,11 +4,11 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
-use kerf_system_tests::verification::{Extent, FAMILIES, plot, report};
+use kerf_system_tests::verification::{Extent, FAMILIES, link_rule, plot, report};
 
 fn main() -> Result<()> {
     let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
-    let bar = ProgressBar::new(FAMILIES.len() as u64);
+    let bar = ProgressBar::new(FAMILIES.len() as u64 + 1);
     bar.set_style(ProgressStyle::with_template("{bar:24} {pos}/{len} {msg} {elapsed}")?);
     let mut families = Vec::new();
     for (name, family) in FAMILIES {
@@ -16,6 +16,10 @@ fn main() -> Result<()> {
         families.push(family(Extent::Full).with_context(|| format!("family {name}"))?);
         bar.inc(1);
     }
+    bar.set_message("two fracture rules");
+    let rules = link_rule::compare(Extent::Full).context("two fracture rules")?;
+    rules.draw(&docs)?;
+    families.push(rules.family());
     bar.finish_and_clear();
     for study in families.iter().flat_map(|f| &f.studies) {
         plot::draw(study, &docs)?;

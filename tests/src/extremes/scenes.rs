@@ -98,6 +98,7 @@ impl Specimen {
             material: self.material(),
             finer: Vec::new(),
             element: Default::default(),
+            fracture_rule: Default::default(),
             regions: Vec::new(),
             fixed: Vec::new(),
             loads: Vec::new(),

@@ -9,6 +9,7 @@ pub mod bending;
 pub mod cantilever;
 pub mod elements;
 pub mod half_space;
+pub mod link_rule;
 pub mod motion;
 pub mod plot;
 pub mod release;

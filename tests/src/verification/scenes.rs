@@ -71,6 +71,7 @@ pub fn block(size_m: [f64; 3], mesh: Mesh, material: MaterialDesc) -> ObjectDesc
         resolution: None,
         level: mesh.level,
         element: ElementKind::default(),
+        fracture_rule: Default::default(),
         material,
         regions: Vec::new(),
         finer: Vec::new(),

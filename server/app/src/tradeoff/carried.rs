@@ -8,7 +8,7 @@
 use anyhow::Result;
 use kerf_physics::Scene;
 use kerf_physics::grid::voxelize::voxel_size_m;
-use kerf_physics::scene::toughness::{composite_edge_m, gc_over_eh};
+use kerf_physics::scene::toughness::asked_over_eh;
 
 /// Least stiffening and the largest load at initiation over `E H` up to which the force on the blade was
 /// within 6 % of Gc w: for 3 on blocks of 20 x 14 x 20 voxels, nu 0.45, levels 0 and 1, where the next load that
@@ -25,15 +25,14 @@ pub fn fold(scene: &Scene) -> Result<Option<String>> {
         let Some(voxel_m) = voxel_size_m(object, &scene.meshes)? else { continue };
         let level = object.finer.iter().map(|finer| finer.level).fold(object.level, u8::min);
         for material in std::iter::once(&object.material).chain(object.regions.iter().map(|region| &region.material)) {
-            let Some(ratio) = gc_over_eh(material, composite_edge_m(voxel_m, level)) else { continue };
+            let Some(asked) = asked_over_eh(material, object.fracture_rule, voxel_m, level) else { continue };
             let limit = CARRIED_OVER_EH.iter().find(|(least, _)| material.strain_stiffening >= *least);
             let Some((_, carried)) = limit else { continue };
-            let asked = ratio * material.initiation_ratio;
             // Rounding must not part a scene from the limit that was measured with it.
             if asked > carried * (1.0 + 1e-9) {
                 return Ok(Some(format!(
-                    "elements of level {level} would fold under the edge: initiation_ratio Gc/(E H) is {asked:.2}, more \
-                     than {carried}"
+                    "elements of level {level} would fold under the edge: what starts a cut is {asked:.2} E H, more than \
+                     {carried}"
                 )));
             }
         }

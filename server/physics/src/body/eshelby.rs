@@ -52,10 +52,14 @@ impl Body {
         let slope: Vec3 = corners.mean_gradient.iter().zip(phi).map(|(g, p)| g * *p).sum();
         let direction = corners.rotation * (corners.gradient() * d);
         let bent_j = corners.bilinear_work_j().component_mul(&slope).dot(d);
-        let work_j = |a: usize| corners.force_n[a].dot(&(corners.position_m[a] - corners.rest_m[a]));
-        let elastic_j = 0.5 * (0..8).map(work_j).sum::<f64>() - self.stiffening_surplus_j(element);
+        let elastic_j = corners.half_work_j() - self.stiffening_surplus_j(element);
         let released_j = push_n.dot(&direction) + bent_j - elastic_j * slope.dot(d);
         Moved { released_j, push_n, direction, slope, elastic_j }
+    }
+
+    /// Elastic energy of an element, J; of relaxing materials, what does not relax.
+    pub(crate) fn elastic_energy_j(&self, element: usize) -> f64 {
+        self.corners(element).half_work_j() - self.stiffening_surplus_j(element)
     }
 
     /// Filled volume of an element, m^3.
@@ -98,6 +102,11 @@ impl Corners {
     /// Mean deformation gradient in the element's frame.
     fn gradient(&self) -> Mat3 {
         self.position_m.iter().zip(&self.mean_gradient).map(|(x, g)| x * g.transpose()).sum()
+    }
+
+    /// Half of the forces' work from rest, J.
+    fn half_work_j(&self) -> f64 {
+        0.5 * (0..8).map(|a| self.force_n[a].dot(&(self.position_m[a] - self.rest_m[a]))).sum::<f64>()
     }
 
     /// Work of the stress on what the bilinear displacements strain along each axis, J.

@@ -31,7 +31,7 @@ use crate::grid::cell_sizes::CellSizes;
 use crate::grid::levels::{Level, LevelChange, Units, VoxelUnits};
 use crate::grid::{Grid, VoxelId, voxelize};
 use crate::params::StepParams;
-use crate::scene::{ElementKind, Face, LoadDesc, MaterialDesc, Meshes, ObjectDesc, Scene, SceneError};
+use crate::scene::{ElementKind, Face, FractureRule, LoadDesc, MaterialDesc, Meshes, ObjectDesc, Scene, SceneError};
 use crate::solve::assembly::CHUNK_ELEMENTS;
 use crate::solve::multigrid::Multigrid;
 use crate::solve::operator::NodeVector;
@@ -139,6 +139,8 @@ pub struct Body {
     /// By log2 of an element's size in lattice cells.
     tables: Arc<[CompositeTables]>,
     element_kind: ElementKind,
+    /// What decides where a blade parts it.
+    pub fracture_rule: FractureRule,
     homogenised: element::Homogenised,
     blocks: Vec<ElementBlock>,
     states: Vec<ElementState>,
@@ -216,6 +218,7 @@ impl Body {
             name: object.name.clone(),
             tables: exponents.map(|exponent| CompositeTables::new(exponent, grid.voxel_size_m())).collect(),
             element_kind: object.element,
+            fracture_rule: object.fracture_rule,
             homogenised: element::Homogenised::default(),
             multigrid: Multigrid::new(&levels),
             grid,

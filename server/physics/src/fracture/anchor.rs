@@ -41,6 +41,18 @@ pub(super) enum Ahead {
     Outside,
 }
 
+/// The link that the blade's plane crosses ahead of a marker, reference configuration.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LinkAhead {
+    pub(super) link: LinkId,
+    /// Where the plane crosses it, m.
+    pub(super) crossing_m: Vec3,
+    /// Unit direction in which the front goes.
+    pub(super) ahead: Vec3,
+    /// The point of the plane whose column of voxels it is looked for in, m.
+    pub(super) near_m: Vec3,
+}
+
 /// The material point of a marker in contact.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Anchor {
@@ -182,21 +194,8 @@ impl Anchor {
         let grid = &body.grid;
         let h = grid.voxel_size_m();
         let f = self.gradient(body);
-        let ahead = pulled_back(&f, &frame.forward).normalize();
-        let normal = f.transpose() * frame.normal;
-        let axis = normal.iamax();
-        // A point of the plane half a voxel off in one of the other axes is this far off along `ahead`.
-        let along = |a: usize| (ahead[a] - ahead[axis] * normal[a] / normal[axis]).abs();
-        let reach = 0.5 * (0..3).filter(|a| *a != axis).map(along).sum::<f64>();
-        let at = self.position_m + ahead * (reach.max(0.5) * h);
-        let cell = grid.cell_of(&at);
-        let centre = grid.centre_m(cell);
-        // The plane's height over the centre of the column, not over the marker.
-        let across: f64 = (0..3).filter(|a| *a != axis).map(|a| normal[a] * (centre[a] - at[a])).sum();
-        let height = (at[axis] - across / normal[axis] - grid.origin_m()[axis]) / h - 0.5;
-        let mut lower = cell;
-        lower[axis] = height.floor() as i32;
-        let link = LinkId { cell: lower, axis: axis as u8 };
+        let LinkAhead { link, near_m: at, .. } = self.link_ahead(body, &f, frame);
+        let axis = link.axis as usize;
         let ends = [grid.voxel_at(link.cell), grid.voxel_at(link.upper())];
         self.spread_m = Vec3::zeros();
         match ends {
@@ -233,6 +232,34 @@ impl Anchor {
         };
         // Beyond an old cut the crack is there already: nothing has to be initiated.
         self.yielded |= self.ahead == Ahead::Parted;
+    }
+
+    /// The link that [`Self::look_ahead`] finds, under the deformation gradient `f`.
+    fn link_ahead(&self, body: &Body, f: &Mat3, frame: &BladeFrame) -> LinkAhead {
+        let grid = &body.grid;
+        let h = grid.voxel_size_m();
+        let ahead = pulled_back(f, &frame.forward).normalize();
+        let normal = f.transpose() * frame.normal;
+        let axis = normal.iamax();
+        // A point of the plane half a voxel off in one of the other axes is this far off along `ahead`.
+        let along = |a: usize| (ahead[a] - ahead[axis] * normal[a] / normal[axis]).abs();
+        let reach = 0.5 * (0..3).filter(|a| *a != axis).map(along).sum::<f64>();
+        let at = self.position_m + ahead * (reach.max(0.5) * h);
+        let cell = grid.cell_of(&at);
+        let centre = grid.centre_m(cell);
+        // The plane's height over the centre of the column, not over the marker.
+        let across: f64 = (0..3).filter(|a| *a != axis).map(|a| normal[a] * (centre[a] - at[a])).sum();
+        let height = (at[axis] - across / normal[axis] - grid.origin_m()[axis]) / h - 0.5;
+        let mut lower = cell;
+        lower[axis] = height.floor() as i32;
+        let mut crossing_m = centre;
+        crossing_m[axis] = grid.origin_m()[axis] + h * (height + 0.5);
+        LinkAhead { link: LinkId { cell: lower, axis: axis as u8 }, near_m: at, crossing_m, ahead }
+    }
+
+    /// The link ahead as the material is deformed now.
+    pub(super) fn next_link(&self, body: &Body, frame: &BladeFrame) -> LinkAhead {
+        self.link_ahead(body, &self.gradient(body), frame)
     }
 
     /// Width of the strip that a share of the edge cuts, reference configuration: the material has

@@ -7,7 +7,7 @@ pub struct FrontBook {
     pub stored_j: f64,
     /// Gc times the area swept, J.
     pub fracture_j: f64,
-    /// Work of the capped force on what slipped past, less `fracture_j`, J.
+    /// Work of the capped force on what slipped past, or what springs let go as links gave, less `fracture_j`, J.
     pub slip_j: f64,
     /// Energy set free as markers dropped from initiation to propagation, J.
     pub initiation_j: f64,

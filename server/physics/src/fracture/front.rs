@@ -8,15 +8,17 @@
 use super::anchor::{Ahead, Anchor};
 use super::book::FrontBook;
 use super::entry::{inward, onto_surface};
+use super::link_energy;
 use super::marker::{Edge, Marker};
 use super::springs::FrontContact;
-use super::sweep::part_quad;
+use super::sweep::{PartingCost, part_quad};
 use super::tension::{Piece, Tension};
 use crate::Vec3;
 use crate::body::Body;
 use crate::contact::broad::SpatialHash;
 use crate::contact::{Mode, narrow};
 use crate::grid::{Crossing, LinkId};
+use crate::scene::FractureRule;
 use crate::tool::Pose;
 use crate::tool::blade::{Blade, BladeFrame};
 use crate::tool::edge::Share;
@@ -166,11 +168,16 @@ impl Front {
         links: &mut Vec<(LinkId, Crossing)>,
     ) -> FrontBook {
         let mut book = FrontBook::default();
+        let by_link_energy = body.fracture_rule == FractureRule::LinkEnergy;
+        let first_link = links.len();
         for contact in &self.contacts {
             let Marker::On(anchor) = &mut self.markers[contact.marker] else { continue };
             let frame = self.frames[contact.marker];
             let virgin = !anchor.yielded;
-            let step = contact.conclude(body, anchor, &frame, self.share_m, &mut book);
+            let mut step = contact.conclude(body, anchor, &frame, self.share_m, &mut book);
+            if by_link_energy {
+                step += link_energy::give_way(body, anchor, &frame, &contact.forward, &mut book);
+            }
             if virgin && anchor.yielded {
                 anchor.start_m = anchor.position_m;
                 self.open_beside(body, contact.marker, links);
@@ -180,10 +187,14 @@ impl Front {
             }
         }
         self.sweep(body, links);
+        if by_link_energy {
+            let cost = PartingCost::of(body, &mut links[first_link..]);
+            (book.area_m2, book.fracture_j) = (cost.area_m2, cost.fracture_j);
+        }
         book.slip_j -= book.fracture_j;
         self.follow_edge(body, &motion.pose);
         self.drop_outside(body, &mut book);
-        if pulled {
+        if pulled && !by_link_energy {
             self.feel_tension(body);
         }
         book

@@ -4,13 +4,15 @@
 //! contact pushes, through springs (`springs`), on a point of the material (`anchor`) that it
 //! found where the edge came in through the surface (`entry`); where tissue is pulled it needs to push
 //! less (`tension`, `release`). What the point advances is booked
-//! (`book`), and the links across the strip that the chain has swept part (`sweep`).
+//! (`book`), and the links across the strip that the chain has swept part (`sweep`). By the other rule
+//! (`link_energy`) a point advances link by link, where the link ahead holds enough energy.
 
 mod anchor;
 mod book;
 mod compliance;
 mod entry;
 mod front;
+mod link_energy;
 mod marker;
 pub mod release;
 mod springs;
@@ -24,3 +26,4 @@ mod way_in;
 pub use book::FrontBook;
 pub use front::{BladeMotion, Front};
 pub use springs::FrontContact;
+pub use sweep::PartingCost;

@@ -3,10 +3,12 @@
 
 use super::anchor::{Ahead, Anchor};
 use super::book::FrontBook;
+use super::link_energy;
 use super::marker::Edge;
 use crate::Vec3;
 use crate::body::Body;
 use crate::contact::{Contact, Mode};
+use crate::scene::FractureRule;
 use crate::tool::blade::BladeFrame;
 
 /// A front does not advance by more than this many voxels in a step.
@@ -53,8 +55,16 @@ impl FrontContact {
             ..Contact::default()
         };
         let mut forward = spring(edge.frame.forward);
-        (forward.limit_n, forward.yield_n) = anchor.limits_n(body, &edge.frame, edge.share_m);
-        forward.mode = if forward.limit_n == 0.0 && forward.gap_predicted_m > 0.0 { Mode::Yield } else { anchor.mode };
+        (forward.limit_n, forward.yield_n) = match body.fracture_rule {
+            FractureRule::Front => anchor.limits_n(body, &edge.frame, edge.share_m),
+            FractureRule::LinkEnergy => link_energy::limits_n(body, anchor, &edge.frame),
+        };
+        forward.mode = match anchor.mode {
+            _ if forward.limit_n == 0.0 && forward.gap_predicted_m > 0.0 => Mode::Yield,
+            // What went freely has come upon what never gives.
+            Mode::Yield if forward.yield_n.is_infinite() => Mode::Spring,
+            mode => mode,
+        };
         let mut lateral = spring(edge.frame.normal);
         lateral.bilateral = true;
         lateral.mode = lateral_mode(&forward);

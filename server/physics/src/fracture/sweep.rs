@@ -21,6 +21,32 @@ pub(super) fn part_quad(body: &Body, [a, b, c, d]: [Vec3; 4], links: &mut Vec<(L
     }
 }
 
+/// What it takes to part links.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PartingCost {
+    /// Area of the links: `h^2 |n . e|` of a link along e across a cut of normal n, m^2.
+    pub area_m2: f64,
+    /// Gc times that, J.
+    pub fracture_j: f64,
+}
+
+impl PartingCost {
+    /// Of each of `links` once; they are put in order.
+    pub(super) fn of(body: &Body, links: &mut [(LinkId, Crossing)]) -> Self {
+        links.sort_unstable_by_key(|l| l.0);
+        let mut cost = Self::default();
+        let mut seen = None;
+        for (link, crossing) in links {
+            if seen.replace(*link) != Some(*link) {
+                let area = body.grid.voxel_size_m().powi(2) * f64::from(crossing.normal[link.axis as usize]).abs();
+                cost.area_m2 += area;
+                cost.fracture_j += fracture_energy(body, *link) * area;
+            }
+        }
+        cost
+    }
+}
+
 /// Calls `visit` with each link that crosses the triangle, whatever its state.
 fn links_across(grid: &Grid, triangle: [Vec3; 3], mut visit: impl FnMut(LinkId, Crossing)) {
     let normal = (triangle[1] - triangle[0]).cross(&(triangle[2] - triangle[0]));

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 use super::anchor::fracture_energy;
 use super::release::{Tip, released_j_per_m};
-use super::sweep::part_quad;
+use super::sweep::{PartingCost, part_quad};
 use crate::Vec3;
 use crate::body::Body;
 use crate::grid::{Crossing, Grid, Ijk, Link, LinkId};
@@ -34,15 +34,6 @@ pub struct Tearing {
     ends: BTreeMap<Ijk, Vec<End>>,
     last: Option<Ijk>,
     step: u64,
-}
-
-/// What a step's tearing opened.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct TearBook {
-    /// Area of the links, m^2.
-    pub area_m2: f64,
-    /// Gc times that, J.
-    pub fracture_j: f64,
 }
 
 impl Tearing {
@@ -80,34 +71,24 @@ impl Tearing {
     }
 
     /// Looks at the next station and, where it tears, adds the links ahead to `links`.
-    pub fn advance(&mut self, body: &Body, links: &mut Vec<(LinkId, Crossing)>) -> TearBook {
+    pub fn advance(&mut self, body: &Body, links: &mut Vec<(LinkId, Crossing)>) -> PartingCost {
         self.step += 1;
         let after = self.last.and_then(|last| self.ends.range(next(last)..).next());
-        let Some((&cell, ends)) = after.or_else(|| self.ends.iter().next()) else { return TearBook::default() };
+        let Some((&cell, ends)) = after.or_else(|| self.ends.iter().next()) else { return PartingCost::default() };
         self.last = Some(cell);
-        let Some(station) = Station::new(body, ends) else { return TearBook::default() };
+        let Some(station) = Station::new(body, ends) else { return PartingCost::default() };
         let least = ends.iter().map(|end| fracture_energy(body, end.ahead)).fold(f64::INFINITY, f64::min);
         let rested_s = (self.step - station.since) as f64 * body.dt_s();
         if rested_s * station.wave_m_per_s < station.tip.element_edge_m || !least.is_finite() {
-            return TearBook::default();
+            return PartingCost::default();
         }
         let length_m: f64 = self.ends.values().flatten().map(|end| end.length_m(body, &station.tip)).sum();
         if released_j_per_m(body, &station.tip) < least * length_m {
-            return TearBook::default();
+            return PartingCost::default();
         }
         let first = links.len();
         part_quad(body, station.strip(), links);
-        links[first..].sort_unstable_by_key(|l| l.0);
-        let mut book = TearBook::default();
-        let mut seen = None;
-        for (link, crossing) in &links[first..] {
-            if seen.replace(*link) != Some(*link) {
-                let area = body.grid.voxel_size_m().powi(2) * f64::from(crossing.normal[link.axis as usize]).abs();
-                book.area_m2 += area;
-                book.fracture_j += fracture_energy(body, *link) * area;
-            }
-        }
-        book
+        PartingCost::of(body, &mut links[first..])
     }
 }
 

@@ -195,6 +195,9 @@ pub struct ObjectDesc {
     /// How an element's stiffness follows from its voxels. Default `by_content`.
     #[serde(default)]
     pub element: ElementKind,
+    /// What decides where a blade parts it. Default `front`.
+    #[serde(default)]
+    pub fracture_rule: FractureRule,
     /// Regions of a lower level: around a lesion, along a planned cut. Elements that touch differ by at
     /// most one level, so the elements around a region grow step by step. Default: none.
     #[serde(default)]
@@ -255,6 +258,20 @@ impl ElementKind {
             Self::Homogenised => "homogenised",
         }
     }
+}
+
+/// What decides where a blade parts an object.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FractureRule {
+    /// The front along the edge advances at a force of Gc per length, Griffith's balance of a sharp edge, whatever
+    /// the mesh. Default.
+    #[default]
+    Front,
+    /// A link ahead of the edge parts where its elastic energy per area reaches Gc: the rule of He et al. (2022), its
+    /// units mended. The force of the cut depends on the voxels and the level; to compare with.
+    /// `initiation_ratio` has no part in it, and a material with a `rate` is refused.
+    LinkEnergy,
 }
 
 /// Level of an object that states none.

@@ -4,10 +4,10 @@ use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 
 use super::edge;
-use super::toughness::{carried_over_eh, composite_edge_m, gc_over_eh};
+use super::toughness::{asked_over_eh, carried_over_eh};
 use super::{
-    BladeDesc, CapsuleDesc, DialDesc, GrasperDesc, LoadDesc, MaterialDesc, Meshes, ObjectDesc, SCENE_VERSION, Scene,
-    SceneDesc, SceneError, ScissorsDesc, ShapeDesc, ToolShapeDesc,
+    BladeDesc, CapsuleDesc, DialDesc, FractureRule, GrasperDesc, LoadDesc, MaterialDesc, Meshes, ObjectDesc,
+    SCENE_VERSION, Scene, SceneDesc, SceneError, ScissorsDesc, ShapeDesc, ToolShapeDesc,
 };
 use crate::grid::voxelize::voxel_size_m;
 
@@ -197,11 +197,13 @@ impl Report {
         let level_is_sound =
             self.number(&format!("{field}.level"), f64::from(object.level), 0.0..=f64::from(MAX_LEVEL));
         self.material(&format!("{field}.material"), &object.material);
+        self.rate_of(&format!("{field}.material"), &object.material, object.fracture_rule);
         self.count(&format!("{field}.regions"), object.regions.len(), 0..=MAX_REGIONS);
         self.unique(&format!("{field}.regions"), object.regions.iter().map(|r| r.name.as_str()));
         for (i, region) in object.regions.iter().enumerate() {
             self.shape(&format!("{field}.regions[{i}].shape"), &region.shape);
             self.material(&format!("{field}.regions[{i}].material"), &region.material);
+            self.rate_of(&format!("{field}.regions[{i}].material"), &region.material, object.fracture_rule);
         }
         self.count(&format!("{field}.finer"), object.finer.len(), 0..=MAX_SHAPES);
         for (i, finer) in object.finer.iter().enumerate() {
@@ -254,9 +256,10 @@ impl Report {
         }
         let levels = std::iter::once(object.level).chain(object.finer.iter().map(|f| f.level).min());
         for level in levels {
-            self.toughness(&format!("{field}.material"), &object.material, size_m, level);
+            self.toughness(&format!("{field}.material"), &object.material, object.fracture_rule, size_m, level);
             for (i, region) in object.regions.iter().enumerate() {
-                self.toughness(&format!("{field}.regions[{i}].material"), &region.material, size_m, level);
+                let field = format!("{field}.regions[{i}].material");
+                self.toughness(&field, &region.material, object.fracture_rule, size_m, level);
             }
         }
         Some(size_m)
@@ -306,19 +309,36 @@ impl Report {
         }
     }
 
-    fn toughness(&mut self, field: &str, material: &MaterialDesc, voxel_size_m: f64, level: u8) {
-        let Some(ratio) = gc_over_eh(material, composite_edge_m(voxel_size_m, level)) else { return };
-        let asked = ratio * material.initiation_ratio;
+    fn toughness(&mut self, field: &str, material: &MaterialDesc, rule: FractureRule, voxel_size_m: f64, level: u8) {
+        let Some(asked) = asked_over_eh(material, rule, voxel_size_m, level) else { return };
         let carried = carried_over_eh(material, level);
-        if asked > carried {
-            let message = format!(
-                "Gc/(E H) = {ratio:.3} with H = 2^{level} voxels of {voxel_size_m} m, times initiation_ratio {} = \
-                 {asked:.3}, is more than the {carried:.3} that the element law carries with strain_stiffening {} \
-                 at this level: the elements would fold under the blade before they part; raise \
-                 strain_stiffening (10 carries the most) or lower fracture_energy_j_per_m2",
-                material.initiation_ratio, material.strain_stiffening,
-            );
-            self.refuse(format!("{field}.fracture_energy_j_per_m2"), message);
+        if asked <= carried {
+            return;
+        }
+        let loaded = match rule {
+            FractureRule::Front => format!(
+                "Gc/(E H) = {:.3} with H = 2^{level} voxels of {voxel_size_m} m, times initiation_ratio {} = {asked:.3},",
+                asked / material.initiation_ratio,
+                material.initiation_ratio,
+            ),
+            FractureRule::LinkEnergy => format!(
+                "a link of a voxel of {voxel_size_m} m holds Gc at a line load of {asked:.3} E H with H = 2^{level} \
+                 voxels, which"
+            ),
+        };
+        let message = format!(
+            "{loaded} is more than the {carried:.3} that the element law carries with strain_stiffening {} at this level: \
+             the elements would fold under the blade before they part; raise strain_stiffening (10 carries the \
+             most) or lower fracture_energy_j_per_m2",
+            material.strain_stiffening,
+        );
+        self.refuse(format!("{field}.fracture_energy_j_per_m2"), message);
+    }
+
+    /// The link-energy rule knows no speed.
+    fn rate_of(&mut self, field: &str, material: &MaterialDesc, rule: FractureRule) {
+        if rule == FractureRule::LinkEnergy && material.rate.is_some() {
+            self.refuse(format!("{field}.rate"), "has no part in fracture_rule `link_energy`; leave it out");
         }
     }
 

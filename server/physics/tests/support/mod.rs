@@ -55,6 +55,7 @@ pub fn object(min_m: [f64; 3], max_m: [f64; 3], h: f64, level: u8) -> ObjectDesc
         resolution: None,
         level,
         element: ElementKind::default(),
+        fracture_rule: Default::default(),
         material: material(),
         regions: Vec::new(),
         finer: Vec::new(),

@@ -36,6 +36,7 @@ fn block(side_m: f64) -> Body {
         resolution: None,
         level: 2,
         element: Default::default(),
+        fracture_rule: Default::default(),
         material,
         regions: Vec::new(),
         finer: Vec::new(),

@@ -100,6 +100,7 @@ impl Press {
             resolution: None,
             level,
             element: ElementKind::default(),
+            fracture_rule: Default::default(),
             material: MaterialDesc {
                 young_modulus_pa: YOUNG_PA,
                 poisson_ratio: self.poisson_ratio,
