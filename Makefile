@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo test lint verify extremes strokes bench performance
+.PHONY: demo test lint verify experiment extremes strokes bench performance
 
 DEMO_OUT ?= out/demo
 DEMO_ADDRESS ?= 127.0.0.1:50051
@@ -23,6 +23,10 @@ lint:
 # Writes docs/verification.md and its plots; figures are deterministic.
 verify:
 	cargo run --release -p kerf-system-tests --bin verify
+
+# Writes docs/experiment.md and its plot: a published needle in liver beside ours; figures are deterministic.
+experiment:
+	cargo run --release -p kerf-system-tests --bin experiment
 
 # Writes docs/performance.md and its plots, in five minutes; nothing else should run.
 performance:

@@ -159,3 +159,37 @@ fn a_probe_presses_on_the_walls_of_a_cut() {
     let nearest = spread.map(|x| (x[0] - 1e-5).abs()).fold(f64::INFINITY, f64::min);
     assert!(nearest > 5e-4, "{nearest}");
 }
+
+/// Presses a sphere down, drags it along x and returns the steady force on it over its normal force, and the
+/// sums of residuals and of the tool's work.
+fn drag(friction_coefficient: f64) -> (Vec3, [f64; 2]) {
+    let (radius_m, depth_m, per_step_m) = (0.01, 0.0015, 5e-5);
+    let mut scene = block(0.02, 0.02, 0.0025, 1, sphere(radius_m));
+    scene.desc.objects[0].material.friction_coefficient = friction_coefficient;
+    let mut world = World::new(&scene).expect("a valid scene");
+    let (_, mut sums) = press(&mut world, [-0.006, 0.0], radius_m, depth_m, 30);
+    let (steps, mut force) = (200, Vec3::zeros());
+    for i in 1..=steps {
+        let x = -0.006 + per_step_m * f64::from(i);
+        let output = step(&mut world, 0, Vec3::new(x, radius_m - depth_m, 0.0), Quat::identity());
+        sums[0] += output.energy.residual_j.abs();
+        sums[1] += output.energy.tool_work_j;
+        // Over two voxels, in which the ripple of the patches averages out.
+        if i > steps - 100 {
+            force += output.tools[0].wrench.force_n;
+        }
+    }
+    (force / force.y, sums)
+}
+
+#[test]
+fn a_dragged_sphere_is_held_back_by_mu_times_its_normal_force() {
+    let (free, _) = drag(0.0);
+    assert!(free.x.abs() < 0.03, "what slides freely is held back by {} of what presses", free.x);
+    for mu in [0.1, 0.4] {
+        let (force, [residual, work]) = drag(mu);
+        println!("mu {mu}: F_x/F_y {:.4}, without {:.4}, residual/work {:.1e}", force.x, free.x, residual / work);
+        assert!(((free.x - force.x) / mu - 1.0).abs() < 0.1, "mu {mu}: {force:?} against {free:?}");
+        assert!(residual < 1e-3 * work, "{residual} of {work}");
+    }
+}

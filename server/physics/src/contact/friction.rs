@@ -1,4 +1,4 @@
-//! Coulomb friction of the flanks on the walls they press on.
+//! Coulomb friction of a tool on what it presses on: flanks on walls, smooth probes on surfaces.
 
 use super::{Contact, Mode};
 use crate::Vec3;
@@ -30,9 +30,10 @@ impl FlankFriction {
     }
 }
 
-/// `-mu N v / max(|v|, v_creep)`, implicit in v, along two directions of the wall: the way in which it slides
-/// if the tissue keeps its velocity, and across that. While it sticks the way is the tool's.
-fn rubbing(body: &Body, flank: &Contact, coefficient: f64) -> Option<[Contact; 2]> {
+/// Of a contact `flank` that presses: `-mu N v / max(|v|, v_creep)`, implicit in v, along two directions of the
+/// wall: the way in which it slides if the tissue keeps its velocity, and across that. While it sticks the way is
+/// the tool's. N is the force at the beginning of the step.
+pub(super) fn rubbing(body: &Body, flank: &Contact, coefficient: f64) -> Option<[Contact; 2]> {
     let limit_n = coefficient * flank.stiffness_n_per_m * flank.gap_before_m;
     if limit_n <= 0.0 {
         return None;

@@ -1,6 +1,7 @@
-//! A smooth tool on the surface of one body: it presses and slides, it neither cuts nor sticks.
+//! A smooth tool on the surface of one body: it presses and slides, rubs where the material does, cuts nothing.
 
 use super::broad::Aabb;
+use super::friction::rubbing;
 use super::skin::{Skin, SkinPatch};
 use super::{Contact, ContactWeights, Mode};
 use crate::Vec3;
@@ -24,13 +25,15 @@ pub struct Palpation {
     skin: Skin,
     /// Springs of the step that is being taken.
     pub contacts: Vec<Contact>,
+    /// What rubs in it: along the surface, where the material has a coefficient of friction.
+    pub friction: Vec<Contact>,
 }
 
 impl Palpation {
     /// A tool that touches nothing.
     #[must_use]
     pub fn new(capsule: Capsule, body: &Body) -> Self {
-        Self { capsule, skin: Skin::new(body, capsule.radius_m), contacts: Vec::new() }
+        Self { capsule, skin: Skin::new(body, capsule.radius_m), contacts: Vec::new(), friction: Vec::new() }
     }
 
     /// Follows the surface through cuts.
@@ -38,16 +41,27 @@ impl Palpation {
         self.skin.update(body, parted, change);
     }
 
-    /// Makes room for a contact on every patch. Returns their number.
-    pub fn reserve(&mut self) -> usize {
+    /// Makes room for a contact on every patch, and for what rubs there. Returns the number of springs that is.
+    pub fn reserve(&mut self, body: &Body) -> usize {
+        self.clear();
+        let patches = self.skin.len();
+        self.contacts.reserve(patches);
+        if body.materials.iter().all(|material| material.friction_coefficient == 0.0) {
+            return patches;
+        }
+        self.friction.reserve(2 * patches);
+        3 * patches
+    }
+
+    /// Forgets every contact.
+    pub fn clear(&mut self) {
         self.contacts.clear();
-        self.contacts.reserve(self.skin.len());
-        self.skin.len()
+        self.friction.clear();
     }
 
     /// Finds which patches the tool meets on its way and sets up their springs.
     pub fn detect(&mut self, body: &Body, path: &ToolPath) {
-        self.contacts.clear();
+        self.clear();
         let ends = [path.before, path.pose].into_iter().flat_map(|pose| {
             [-1.0, 1.0].map(|side| pose.transform(&(Vec3::x() * (side * self.capsule.half_length_m))))
         });
@@ -55,8 +69,12 @@ impl Palpation {
         let margin_m = MARGIN_VOXELS * body.grid.voxel_size_m();
         let near = Aabb::around(ends).grown(self.capsule.radius_m + margin_m + 2.0 * body.grid.voxel_size_m());
         for element in body.elements_near(&near) {
-            let touching = self.skin.of_element(element as u32);
-            self.contacts.extend(touching.filter_map(|patch| contact(body, &self.capsule, patch, path, margin_m)));
+            for patch in self.skin.of_element(element as u32) {
+                let Some(pressing) = contact(body, &self.capsule, patch, path, margin_m) else { continue };
+                let coefficient = body.material_of(patch.point.voxel).friction_coefficient;
+                self.friction.extend(rubbing(body, &pressing, coefficient).into_iter().flatten());
+                self.contacts.push(pressing);
+            }
         }
     }
 }

@@ -314,7 +314,8 @@ pub struct MaterialDesc {
     #[serde(default)]
     pub viscosity: Option<ViscosityDesc>,
     /// Coefficient of Coulomb friction of the material's surfaces on each other, 0 to 10; between two
-    /// materials the geometric mean of theirs. Default 0: wet tissue slides.
+    /// materials the geometric mean of theirs; of a smooth probe on them it is the material's own. Default 0: wet
+    /// tissue slides.
     #[serde(default)]
     pub friction_coefficient: f64,
 }
@@ -633,7 +634,7 @@ pub struct GrasperDesc {
 }
 
 /// A smooth, blunt tool: all points within a radius of a segment of the tool's x axis, about its origin. It
-/// presses, without friction, and cuts nothing.
+/// presses, rubs by the material's `friction_coefficient`, and cuts nothing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CapsuleDesc {

@@ -60,9 +60,17 @@ impl ToolContact {
         }
     }
 
+    /// What rubs on no edge's flanks.
+    fn other_rubbing(&self) -> &[Contact] {
+        match self {
+            Self::Edges(_) | Self::Grip(_) => &[],
+            Self::Palpation(palpation) => &palpation.friction,
+        }
+    }
+
     /// Every spring between the tool and the body.
     pub(super) fn springs(&self) -> impl Iterator<Item = &Contact> {
-        self.edges().iter().flat_map(BladeContact::springs).chain(self.other_springs())
+        self.edges().iter().flat_map(BladeContact::springs).chain(self.other_springs()).chain(self.other_rubbing())
     }
 
     /// The springs that make up the tool's wrench: those with a force, and all that hold.
@@ -78,9 +86,9 @@ impl ToolContact {
         springs.filter(move |c| holds || c.force_n != 0.0)
     }
 
-    /// What rubs on the flanks of its blades.
+    /// What rubs on the flanks of its blades, or on its smooth surface.
     pub(super) fn rubbing(&self) -> impl Iterator<Item = &Contact> {
-        self.edges().iter().flat_map(BladeContact::rubbing)
+        self.edges().iter().flat_map(BladeContact::rubbing).chain(self.other_rubbing())
     }
 
     /// The springs but for those of the fronts, which book their own.
@@ -120,7 +128,7 @@ impl ToolContact {
                 grip.reserve(elements);
                 grip.most_springs()
             }
-            Self::Palpation(palpation) => palpation.reserve(),
+            Self::Palpation(palpation) => palpation.reserve(body),
         }
     }
 
@@ -128,7 +136,7 @@ impl ToolContact {
         match self {
             Self::Edges(edges) => edges.iter_mut().for_each(BladeContact::lift),
             Self::Grip(grip) => grip.let_go(),
-            Self::Palpation(palpation) => palpation.contacts.clear(),
+            Self::Palpation(palpation) => palpation.clear(),
         }
     }
 
@@ -156,8 +164,13 @@ impl ToolContact {
                     changed |= edge.settle(dt_s, velocity_change);
                 }
             }
-            Self::Grip(Grip { contacts, .. }) | Self::Palpation(Palpation { contacts, .. }) => {
+            Self::Grip(Grip { contacts, .. }) => {
                 for contact in contacts {
+                    changed |= contact.settle(dt_s, velocity_change);
+                }
+            }
+            Self::Palpation(Palpation { contacts, friction, .. }) => {
+                for contact in contacts.iter_mut().chain(friction) {
                     changed |= contact.settle(dt_s, velocity_change);
                 }
             }

@@ -1,0 +1,7 @@
+//! Runs the published experiment and writes `docs/experiment.md` with its plot.
+
+use std::path::Path;
+
+fn main() -> anyhow::Result<()> {
+    kerf_system_tests::experiment::write(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs"))
+}
