@@ -87,7 +87,7 @@ fn preface(command: &str, seed: u64) -> String {
          in one piece, no piece of fewer than 8 voxels; every edge of the surface passed equally often in both\n\
          directions, and the surface followed from patch to patch equal to one built anew (when a body is given up);\n\
          enclosed rest volume within A h/10 of the uncut one (A: area the fronts swept in this body, h: voxel edge);\n\
-         the energy the ledger leaves unexplained within 1e-3 of the tools' work. A lone crack is a parted link whose\n\
+         the energy the ledger leaves unexplained within 1e-2 of the tools' work. A lone crack is a parted link whose\n\
          faces share no edge with another link's.\n\n"
     )
 }
