@@ -3,6 +3,7 @@
 //! its steps cost; and random strokes by the thousand.
 
 pub mod extremes;
+pub mod figure;
 pub mod performance;
 pub mod strokes;
 pub mod verification;

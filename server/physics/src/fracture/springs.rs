@@ -56,6 +56,7 @@ impl FrontContact {
         (forward.limit_n, forward.yield_n) = anchor.limits_n(body, &edge.frame, edge.share_m);
         forward.mode = if forward.limit_n == 0.0 && forward.gap_predicted_m > 0.0 { Mode::Yield } else { anchor.mode };
         let mut lateral = spring(edge.frame.normal);
+        lateral.stiffness_n_per_m *= edge.penalty_factor;
         lateral.bilateral = true;
         lateral.mode = lateral_mode(&forward);
         let mut slide = spring(edge.frame.along);

@@ -30,6 +30,10 @@ impl BladeContact {
         Self { front, blade, mount, flanks: Vec::new(), friction, hash: SpatialHash::default() }
     }
 
+    pub(super) fn scale_penalties(&mut self, factor: f64) {
+        self.blade.penalty_factor = factor;
+    }
+
     pub(super) fn reserve(&mut self, walls: &Walls, elements: usize) {
         self.front.reserve();
         self.flanks.clear();
@@ -93,6 +97,7 @@ impl BladeContact {
         self.flanks.clear();
         if !walls.is_empty() {
             walls.contacts(body, &motion.blade.flanks, &motion.before, &motion.pose, &mut self.flanks);
+            self.flanks.iter_mut().for_each(|flank| flank.stiffness_n_per_m *= self.blade.penalty_factor);
         }
         if let Some(friction) = &mut self.friction {
             friction.detect(body, &self.flanks);
