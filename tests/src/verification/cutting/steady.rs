@@ -199,7 +199,7 @@ pub fn family(extent: Extent) -> Result<Family> {
 
 /// Force by depth on the three sizes at k = 4.
 fn force_by_depth(cases: &[Case], outcomes: &[Outcome]) -> Figure {
-    let is_shown = |case: &Case| case.name.starts_with("liver, k 4, h") && case.stroke.rate_hz == 1000.0;
+    let is_shown = |case: &Case| case.name.starts_with("liver, k 4, h") && case.name.ends_with(" 1 ms");
     let shown = cases.iter().zip(outcomes).filter(|(case, _)| is_shown(case));
     let curve = |(case, outcome): (&Case, &Outcome)| {
         let label = format!("h {} mm", 1e3 * case.stroke.mesh.voxel_m);
@@ -228,7 +228,8 @@ const TEXT: &str = "A straight edge of 50 um goes through a block whose bottom i
      and those between flanks and walls; the spring ahead of the edge is no penalty but the compliance of the continuum \
      between an element and the edge, which is varied by the edge's half-width. Other materials: blocks of 32 x 64 x \
      16 voxels of their scenes, of half as many each way where Gc/E is below a tenth of a voxel, without the rise of Gc \
-     with speed. In real liver the front's own work is less than Gc A \
-     because the tissue is squeezed where it is cut: the capped force works on the squeezed length, and what the tissue \
-     gives back behind the edge, the rest of Gc, goes into damping. The work of the tool, which has it all, stands \
-     beside it.";
+     with speed. In \
+     real liver, skin and jelly, whose Gc/E is a good part of the block, the front's own work is less than Gc A: the \
+     capped force works on squeezed tissue, and what that gives back behind the edge, the rest of Gc, goes into damping; \
+     what is left below the front is squeezed less and less as the front goes on, so that no stroke through these blocks \
+     is steady. The work of the tool, which has it all, stands beside it.";

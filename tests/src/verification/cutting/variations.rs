@@ -79,7 +79,7 @@ fn widths(extent: Extent) -> Result<(Vec<Check>, Figure)> {
         y: Axis::linear("force, N"),
         curves: vec![
             Curve::dots("cuts", points.iter().map(|p| (1e3 * p.0, p.1)).collect()),
-            Curve::line("least squares", vec![fit(0.0), fit(longest_m)]),
+            Curve::line("least squares", vec![fit(0.0), fit(1.3 * longest_m)]),
         ],
     };
     Ok((vec![row], figure))
