@@ -138,7 +138,7 @@ fn variations(extent: Extent) -> Result<Vec<Case>> {
         cases.push(case(format!("liver, blade {place}"), Stroke { off_m: share * edge_m, ..base.clone() }));
     }
     for penalty_factor in [0.1, 1.0, 10.0] {
-        let stroke = Stroke { penalty_factor, ..base.clone() };
+        let stroke = Stroke { penalty_factor, off_m: edge_m / 3.0, ..base.clone() };
         cases.push(Case { starts: true, ..case(format!("liver, contact penalties x {penalty_factor}"), stroke) });
     }
     for factor in [0.1, 10.0] {
@@ -223,7 +223,7 @@ const TEXT: &str = "A straight edge of 50 um goes through a block whose bottom i
      Residual: the sum of the sizes of all steps' ledger residuals over the tool's work, at most 1 % for a row to be \
      met. The liver is a block of 112 x 168 x 56 mm of the scene `liver`'s material (the paper's 2.0 MPa, which its \
      horse, armadillo and bunny have too), 0.25 m/s; real liver is 112 x 224 x 56 mm of `liver-tissue`'s, 10 kPa, 0.1 m/s. \
-     Planes, places, penalties and edges are at k 4, h 3.5 mm, 1 ms. (1,1,0) is cut straight down as (1,0,1); (1,1,1) \
+     Planes, places, penalties (a third of an element off a node plane) and edges are at k 4, h 3.5 mm, 1 ms. (1,1,0) is cut straight down as (1,0,1); (1,1,1) \
      along (1,-1,0), its edge coming in point by point. Penalties are the springs that hold the tissue beside the edge \
      and those between flanks and walls; the spring ahead of the edge is no penalty but the compliance of the continuum \
      between an element and the edge, which is varied by the edge's half-width. Other materials: blocks of 32 x 64 x \
