@@ -1,7 +1,7 @@
 //! The coarse part of the verification cases against bounds; `make verify` runs all of them.
 
 use kerf_system_tests::verification::{
-    Extent, Family, bending, cantilever, elements, half_space, link_rule, motion, release, tip_load, uniaxial,
+    Extent, Family, bending, cantilever, cutting, elements, half_space, link_rule, motion, release, tip_load, uniaxial,
 };
 
 fn coarse(family: fn(Extent) -> anyhow::Result<Family>) -> Family {
@@ -87,4 +87,27 @@ fn a_cut_takes_griffiths_balance_by_the_front_and_the_meshs_by_the_energy_of_lin
     let steady = family.tables[0].rows.iter().find(|r| r.case.starts_with("link energy: steady")).expect("a row");
     assert!(steady.ours.iter().all(|ratio| *ratio > 10.0), "{:?}", steady.ours);
     assert!(steady.ours[0] > 1.5 * steady.ours[1], "k 4 against k 2: {:?}", steady.ours);
+}
+
+/// Holds every check whose case has `part` in it to its limit; there must be one.
+fn hold_checks(family: &Family, part: &str) {
+    let mut checks = family.checks.iter().filter(|check| check.case.contains(part)).peekable();
+    assert!(checks.peek().is_some(), "no case has {part:?} in it");
+    for check in checks {
+        println!("{}: {:.4} of {:.4}, residual {:.1e}", check.case, check.ours, check.reference, check.residual);
+        assert!(check.is_met(), "{}: {} of {}", check.case, check.ours, check.reference);
+    }
+}
+
+#[test]
+fn steady_cuts_take_gc_per_width_and_release_gc_per_area() {
+    let family = coarse(cutting::steady::family);
+    ["liver, k 4, h 7 mm, 1 ms", "liver, k 8", "(1,1,0)", "(1,1,1): F", "(1,1,1): -d", "work of the tool", "Young's"]
+        .iter()
+        .for_each(|part| hold_checks(&family, part));
+}
+
+#[test]
+fn the_force_of_a_cut_goes_with_width_slide_speed_and_region() {
+    hold_checks(&coarse(cutting::variations::family), "");
 }

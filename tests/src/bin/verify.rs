@@ -24,6 +24,9 @@ fn main() -> Result<()> {
     for study in families.iter().flat_map(|f| &f.studies) {
         plot::draw(study, &docs)?;
     }
+    for figure in families.iter().flat_map(|f| &f.figures) {
+        figure.draw(&docs)?;
+    }
     let path = docs.join("verification.md");
     std::fs::write(&path, report::markdown(&families)).with_context(|| path.display().to_string())?;
     Ok(())

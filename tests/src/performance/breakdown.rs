@@ -5,24 +5,20 @@ use std::path::Path;
 use anyhow::Result;
 use kerf_physics::Stage;
 
-use super::figure::{Axis, Curve, Figure};
 use super::run::{COLLISION, FEM, Sample, TOPOLOGY, Viewer, builtin, stage_sum, stroke};
+use crate::figure::{Axis, Curve, Figure};
 
 /// Steps whose times are averaged to a point of a curve, so that a curve can be read.
 const STEPS_PER_POINT: usize = 10;
 
 pub fn section(plots: &Path) -> Result<String> {
     let run = stroke(&builtin("liver")?, 1, Viewer::Watching, usize::MAX)?;
-    let curve = |label: &str, of: &dyn Fn(&Sample) -> f64| Curve {
-        label: label.into(),
-        points: run
-            .samples
-            .chunks(STEPS_PER_POINT)
-            .map(|samples| {
-                let ms = samples.iter().map(of).sum::<f64>() / samples.len() as f64;
-                (samples[0].sim_time_s, ms)
-            })
-            .collect(),
+    let curve = |label: &str, of: &dyn Fn(&Sample) -> f64| {
+        let mean = |samples: &[Sample]| {
+            let ms = samples.iter().map(of).sum::<f64>() / samples.len() as f64;
+            (samples[0].sim_time_s, ms)
+        };
+        Curve::line(label, run.samples.chunks(STEPS_PER_POINT).map(mean).collect())
     };
     let figure = Figure {
         file: "performance-breakdown",

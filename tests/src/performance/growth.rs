@@ -6,8 +6,8 @@ use std::path::Path;
 use anyhow::{Result, ensure};
 use kerf_server::machine::peak_memory_mib;
 
-use super::figure::{Axis, Curve, Figure};
 use super::run::{Run, Viewer, cell, liver, quantile, stroke};
+use crate::figure::{Axis, Curve, Figure};
 
 /// Edges of the liver's voxels, m: 1,000 to 1.9 million of them.
 const VOXELS_M: [f64; 8] = [0.010_96, 0.0063, 0.0035, 0.002_86, 0.002, 0.0014, 0.0011, 0.000_88];
@@ -60,10 +60,7 @@ pub fn section(plots: &Path) -> Result<String> {
         title: "Cost of a step per voxel, liver, 64 voxels to an element, 60 Hz, one thread".into(),
         x: Axis::log("voxels"),
         y: Axis::log("us a voxel"),
-        curves: vec![
-            Curve { label: "Kerf".into(), points: per_voxel },
-            Curve { label: "the paper's Table 2, its machine".into(), points: paper },
-        ],
+        curves: vec![Curve::line("Kerf", per_voxel), Curve::line("the paper's Table 2, its machine", paper)],
     };
     figure.draw(plots)?;
     writeln!(

@@ -6,7 +6,6 @@
 
 mod breakdown;
 mod capabilities;
-mod figure;
 mod growth;
 mod models;
 mod paper;

@@ -104,6 +104,7 @@ pub fn family(extent: Extent) -> Result<Family> {
         ),
         tables: vec![Table { columns: columns.iter().map(|m| format!("k {}", m.k())).collect(), rows }],
         studies,
+        ..Family::default()
     })
 }
 

@@ -153,6 +153,6 @@ pub fn family(extent: Extent) -> Result<Family> {
                phase error removed."
             .into(),
         tables: vec![Table { columns: meshes.iter().map(Mesh::name).collect(), rows }],
-        studies: Vec::new(),
+        ..Family::default()
     })
 }

@@ -175,6 +175,6 @@ pub fn family(extent: Extent) -> Result<Family> {
                links parted at random. nu 0.45, voxels of 10 mm; the rotation's rows with strain stiffening c = 10."
             .into(),
         tables: vec![Table { columns: levels.iter().map(|l| format!("k {}", 1 << l)).collect(), rows }],
-        studies: Vec::new(),
+        ..Family::default()
     })
 }

@@ -250,5 +250,6 @@ pub fn family(extent: Extent) -> Result<Family> {
             .into(),
         tables,
         studies,
+        ..Family::default()
     })
 }

@@ -33,6 +33,9 @@ const STEADY_M: Range<f64> = 0.006..0.014;
 
 const RULES: [(FractureRule, &str); 2] = [(FractureRule::Front, "front"), (FractureRule::LinkEnergy, "link energy")];
 
+/// One of a stroke's figures.
+type Figured = fn(&Stroke) -> f64;
+
 /// What a stroke took.
 #[derive(Clone, Copy, Debug)]
 struct Stroke {
@@ -129,7 +132,7 @@ impl Comparison {
         let one = Reference::Value(1.0, "");
         let mut rows = Vec::new();
         for ((_, name), strokes) in RULES.iter().zip(&self.strokes) {
-            let of = |value: fn(&Stroke) -> f64| strokes.iter().map(value).collect::<Vec<_>>();
+            let of = |value: Figured| strokes.iter().map(value).collect::<Vec<_>>();
             rows.push(row(format!("{name}: steady F / Gc w"), one, "Griffith 1921", of(|s| s.steady)));
             rows.push(row(format!("{name}: largest F / Gc w"), one, "Griffith 1921", of(|s| s.peak)));
             rows.push(row(format!("{name}: work of the tool / Gc A"), one, "Griffith 1921", of(|s| s.work)));
@@ -151,11 +154,13 @@ impl Comparison {
             text: self.text(),
             tables: vec![Table { columns: self.meshes.iter().map(Mesh::name).collect(), rows }],
             studies: Vec::new(),
+            checks: Vec::new(),
+            figures: Vec::new(),
         }
     }
 
     fn text(&self) -> String {
-        let of = |rule: usize, value: fn(&Stroke) -> f64| {
+        let of = |rule: usize, value: Figured| {
             let values = self.strokes[rule].iter().map(value);
             let (low, high) = values.fold((f64::INFINITY, 0.0f64), |(low, high), v| (low.min(v), high.max(v)));
             format!("{low:.3} to {high:.3}")
@@ -167,9 +172,10 @@ impl Comparison {
              kappa = Gc / h, so that both sides have one unit). Steady is the mean over a travel of 6 to 14 mm. The \
              front takes {} Gc w steadily and {} Gc per area on every mesh; its largest force is within 2 % of that. \
              By the energy of links the same cut takes {} Gc w and {} Gc per area: its load is that which \
-             strains a composite element to Psi, of the order of H (2 E Gc / h)^1/2, which grows with the level. From mesh to mesh it does not come to \
-             Griffith's balance; at k 4 and the finest voxels a link still holds on after the stroke. The rest of the work goes with the springs \
-             and the strain that each link sets free.\n\n\
+             strains a composite element to Psi, of the order of H (2 E Gc / h)^1/2, which grows with the level. \
+             From mesh to mesh it does not come to \
+             Griffith's balance; at k 4 and the finest voxels a link still holds on after the stroke. The rest of the \
+             work goes with the springs and the strain that each link sets free.\n\n\
              ![Force and work of a cut by both rules over the size of a voxel](verification-link-rule.png)",
             of(0, |s| s.steady),
             of(0, |s| s.work),
@@ -196,7 +202,7 @@ impl Comparison {
     {
         area.fill(&WHITE)?;
         let area = area.margin(8, 0, 0, 0).titled("Cutting a block by two rules", (FONT, 22))?;
-        let panels: [(&str, fn(&Stroke) -> f64); 3] =
+        let panels: [(&str, Figured); 3] =
             [("steady F / (Gc w)", |s| s.steady), ("largest F / (Gc w)", |s| s.peak), ("work / (Gc A)", |s| s.work)];
         for (panel, (title, value)) in area.split_evenly((1, 3)).iter().zip(panels) {
             self.panel(panel, title, value)?;
@@ -205,12 +211,7 @@ impl Comparison {
         Ok(())
     }
 
-    fn panel<B: DrawingBackend>(
-        &self,
-        area: &DrawingArea<B, Shift>,
-        title: &str,
-        value: fn(&Stroke) -> f64,
-    ) -> Result<()>
+    fn panel<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>, title: &str, value: Figured) -> Result<()>
     where
         B::ErrorType: 'static,
     {

@@ -7,6 +7,7 @@
 pub mod beam;
 pub mod bending;
 pub mod cantilever;
+pub mod cutting;
 pub mod elements;
 pub mod half_space;
 pub mod link_rule;
@@ -20,6 +21,8 @@ pub mod tip_load;
 pub mod uniaxial;
 
 use anyhow::Result;
+
+use crate::figure::Figure;
 
 /// How much of a family is run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,7 +45,7 @@ impl Extent {
 }
 
 /// Cases that belong together.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Family {
     /// Heading.
     pub title: &'static str,
@@ -52,6 +55,10 @@ pub struct Family {
     pub tables: Vec<Table>,
     /// Convergence under refinement.
     pub studies: Vec<Study>,
+    /// Figures with limits.
+    pub checks: Vec<Check>,
+    /// Plots beside those of the studies.
+    pub figures: Vec<Figure>,
 }
 
 /// Figures on the same meshes.
@@ -101,6 +108,40 @@ impl Row {
     #[must_use]
     pub fn worst(&self) -> f64 {
         self.errors().fold(0.0, |worst, e| if e.is_nan() { f64::INFINITY } else { worst.max(e.abs()) })
+    }
+}
+
+/// Largest share of a tool's work that a ledger may leave unexplained.
+const LEDGER_LIMIT: f64 = 0.01;
+
+/// A figure that must be met, and how well the run that it is from keeps its energy.
+#[derive(Clone, Debug)]
+pub struct Check {
+    /// What is measured.
+    pub case: String,
+    /// What it should be.
+    pub reference: f64,
+    /// What it is.
+    pub ours: f64,
+    /// Largest relative error.
+    pub limit: f64,
+    /// What the ledger leaves unexplained over the tool's work.
+    pub residual: f64,
+    /// Where the reference is from.
+    pub source: &'static str,
+}
+
+impl Check {
+    /// Relative error.
+    #[must_use]
+    pub fn error(&self) -> f64 {
+        self.ours / self.reference - 1.0
+    }
+
+    /// Whether the figure and the ledger keep their limits.
+    #[must_use]
+    pub fn is_met(&self) -> bool {
+        self.error().abs() <= self.limit && self.residual <= LEDGER_LIMIT
     }
 }
 
@@ -168,7 +209,7 @@ impl Series {
 pub type FamilyFn = fn(Extent) -> Result<Family>;
 
 /// Every family, in the order of the document.
-pub const FAMILIES: [(&str, FamilyFn); 8] = [
+pub const FAMILIES: [(&str, FamilyFn); 10] = [
     ("elements", elements::family),
     ("uniaxial stress", uniaxial::family),
     ("bending", bending::family),
@@ -177,6 +218,8 @@ pub const FAMILIES: [(&str, FamilyFn); 8] = [
     ("half-space", half_space::family),
     ("energy release", release::family),
     ("motion", motion::family),
+    ("steady cuts", cutting::steady::family),
+    ("widths, slices, speeds and regions", cutting::variations::family),
 ];
 
 #[cfg(test)]

@@ -182,6 +182,6 @@ pub fn family(extent: Extent) -> Result<Family> {
              1 and 2 threads is tested by `cargo test -p kerf-physics --test determinism`."
         ),
         tables: vec![Table { columns: levels.iter().map(|l| format!("k {}", 1 << l)).collect(), rows }],
-        studies: Vec::new(),
+        ..Family::default()
     })
 }

@@ -151,6 +151,7 @@ pub fn family(extent: Extent) -> Result<Family> {
             .into(),
         tables: vec![Table { columns: meshes.iter().map(Mesh::name).collect(), rows }, table],
         studies: if extent == Extent::Full { vec![study] } else { Vec::new() },
+        ..Family::default()
     })
 }
 

@@ -78,6 +78,6 @@ pub fn family(extent: Extent) -> Result<Family> {
                does not fall under refinement and is nearly the same at every k: no error of the mesh."
             .into(),
         tables: vec![Table { columns: meshes.iter().map(Mesh::name).collect(), rows }],
-        studies: Vec::new(),
+        ..Family::default()
     })
 }

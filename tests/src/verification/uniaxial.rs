@@ -65,6 +65,6 @@ pub fn family(extent: Extent) -> Result<Family> {
                any load."
             .into(),
         tables: vec![Table { columns: levels.iter().map(|l| format!("k {}", 1 << l)).collect(), rows }],
-        studies: Vec::new(),
+        ..Family::default()
     })
 }

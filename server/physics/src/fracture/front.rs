@@ -140,6 +140,7 @@ impl Front {
                 now_m: motion.pose.transform(&share.middle_m),
                 frame: self.frames[index],
                 half_width_m: motion.blade.edge_half_width_m,
+                penalty_factor: motion.blade.penalty_factor,
                 share_m: self.share_m,
                 from_end_m: share.from_end_m,
             };

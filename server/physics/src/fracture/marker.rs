@@ -36,6 +36,8 @@ pub(super) struct Edge {
     pub(super) frame: BladeFrame,
     /// Half-width of the blade's edge, m.
     pub(super) half_width_m: f64,
+    /// Factor on the spring that holds what is beside it.
+    pub(super) penalty_factor: f64,
     /// Length of the share, m.
     pub(super) share_m: f64,
     /// Distance of its middle from the nearer end of the edge, m.

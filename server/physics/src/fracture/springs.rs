@@ -66,6 +66,7 @@ impl FrontContact {
             mode => mode,
         };
         let mut lateral = spring(edge.frame.normal);
+        lateral.stiffness_n_per_m *= edge.penalty_factor;
         lateral.bilateral = true;
         lateral.mode = lateral_mode(&forward);
         let mut slide = spring(edge.frame.along);

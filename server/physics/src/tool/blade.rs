@@ -16,6 +16,8 @@ pub struct Blade {
     pub edge_half_width_m: f64,
     /// Coefficient of the friction on the flanks.
     pub flank_friction: Option<f64>,
+    /// Factor on the stiffness of its contacts that is a penalty: 1, see [`crate::World::scale_blade_penalties`].
+    pub penalty_factor: f64,
 }
 
 impl Blade {
@@ -28,7 +30,7 @@ impl Blade {
         let thickness = Thickness::new(desc.thickness_m, desc.wedge_angle_rad);
         let flanks = Flanks::behind(&edge, desc.height_m, thickness);
         let BladeDesc { edge_half_width_m, flank_friction, .. } = *desc;
-        Ok(Self { edge, flanks, edge_half_width_m, flank_friction })
+        Ok(Self { edge, flanks, edge_half_width_m, flank_friction, penalty_factor: 1.0 })
     }
 }
 

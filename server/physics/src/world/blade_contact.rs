@@ -39,6 +39,10 @@ impl BladeContact {
         }
     }
 
+    pub(super) fn scale_penalties(&mut self, factor: f64) {
+        self.blade.penalty_factor = factor;
+    }
+
     pub(super) fn reserve(&mut self, walls: &Walls, elements: usize) {
         self.front.reserve();
         self.flanks.clear();
@@ -105,6 +109,7 @@ impl BladeContact {
         if !walls.is_empty() {
             let poses = [&motion.before, &motion.pose];
             walls.contacts(body, &motion.blade.flanks, poses, &mut self.beside, &mut self.flanks);
+            self.flanks.iter_mut().for_each(|flank| flank.stiffness_n_per_m *= self.blade.penalty_factor);
         }
         if let Some(friction) = &mut self.friction {
             friction.detect(body, &self.flanks);

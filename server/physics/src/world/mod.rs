@@ -416,6 +416,14 @@ impl World {
         total
     }
 
+    /// For verification: sets a factor on the stiffness of every blade contact that is a penalty, of the springs that
+    /// hold the tissue beside an edge and of those between flanks and walls, so as to tell what of a cut depends on
+    /// it. The spring ahead of an edge is not one of them: it is the compliance of the continuum between an element
+    /// and the edge's half-width. No scene has this.
+    pub fn scale_blade_penalties(&mut self, factor: f64) {
+        self.slots.iter_mut().flat_map(|s| &mut s.contacts).for_each(|c| c.scale_penalties(factor));
+    }
+
     /// What the last step reported.
     #[must_use]
     pub fn output(&self) -> &StepOutput {

@@ -132,6 +132,11 @@ impl ToolContact {
         }
     }
 
+    /// Sets the factor on the penalties of its edges and their flanks.
+    pub(super) fn scale_penalties(&mut self, factor: f64) {
+        self.edges_mut().iter_mut().for_each(|edge| edge.scale_penalties(factor));
+    }
+
     pub(super) fn lift(&mut self) {
         match self {
             Self::Edges(edges) => edges.iter_mut().for_each(BladeContact::lift),

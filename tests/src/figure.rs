@@ -27,16 +27,21 @@ enum Scale {
 }
 
 /// An axis: what it shows, with its unit.
+#[derive(Clone, Copy, Debug)]
 pub struct Axis {
     what: &'static str,
     scale: Scale,
 }
 
 impl Axis {
+    /// From zero.
+    #[must_use]
     pub fn linear(what: &'static str) -> Self {
         Self { what, scale: Scale::Linear }
     }
 
+    /// By decades.
+    #[must_use]
     pub fn log(what: &'static str) -> Self {
         Self { what, scale: Scale::Log10 }
     }
@@ -61,24 +66,60 @@ impl Axis {
     }
 }
 
+/// How a curve is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Mark {
+    /// A line through its points.
+    Line,
+    /// Its points alone.
+    Points,
+}
+
 /// A curve.
+#[derive(Clone, Debug)]
 pub struct Curve {
+    /// Name.
     pub label: String,
+    /// Points, by what the axes show.
     pub points: Vec<(f64, f64)>,
+    /// How it is drawn.
+    mark: Mark,
+}
+
+impl Curve {
+    /// A line.
+    #[must_use]
+    pub fn line(label: &str, points: Vec<(f64, f64)>) -> Self {
+        Self { label: label.into(), points, mark: Mark::Line }
+    }
+
+    /// Points.
+    #[must_use]
+    pub fn dots(label: &str, points: Vec<(f64, f64)>) -> Self {
+        Self { label: label.into(), points, mark: Mark::Points }
+    }
 }
 
 /// A plot.
+#[derive(Clone, Debug)]
 pub struct Figure {
     /// Name of its files.
     pub file: &'static str,
+    /// Title.
     pub title: String,
+    /// Axis to the right.
     pub x: Axis,
+    /// Axis up.
     pub y: Axis,
+    /// Curves.
     pub curves: Vec<Curve>,
 }
 
 impl Figure {
     /// Writes `<file>.svg` and `.png` to a folder.
+    ///
+    /// # Errors
+    /// A file cannot be written.
     pub fn draw(&self, folder: &Path) -> Result<()> {
         register_plot_font();
         let path = |extension: &str| folder.join(format!("{}.{extension}", self.file));
@@ -114,10 +155,17 @@ impl Figure {
             .draw()?;
         for (curve, colour) in self.curves.iter().zip(COLOURS) {
             let line: Vec<_> = curve.points.iter().map(|p| (self.x.place(p.0), self.y.place(p.1))).collect();
-            chart
-                .draw_series(LineSeries::new(line, colour.stroke_width(2)))?
-                .label(&curve.label)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 24, y)], colour.stroke_width(2)));
+            let series = match curve.mark {
+                Mark::Line => chart.draw_series(LineSeries::new(line, colour.stroke_width(2)))?,
+                Mark::Points => chart.draw_series(line.iter().map(|p| Circle::new(*p, 5, colour.filled())))?,
+            };
+            series.label(&curve.label).legend(move |(x, y)| {
+                let width = if curve.mark == Mark::Line { 24 } else { 6 };
+                PathElement::new(
+                    [(x + 24 - width, y), (x + 24, y)],
+                    colour.stroke_width(if width == 6 { 6 } else { 2 }),
+                )
+            });
         }
         chart
             .configure_series_labels()
