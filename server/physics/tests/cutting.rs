@@ -66,6 +66,19 @@ fn steady_cutting_takes_gc_per_width_and_gc_per_area_on_every_mesh() {
 }
 
 #[test]
+fn an_edge_put_down_at_the_surface_cuts_like_one_that_comes_from_above() {
+    let h = 2.5e-3;
+    for depth_m in [0.0, 1e-12, 0.02 * h] {
+        let scene = cutting_scene(block(h, 2), 0.12, 500.0);
+        let start = Vec3::new(0.0, BLOCK_HEIGHT_M - depth_m, 4e-4);
+        let mut rig = Rig::new(&scene, start, attitude(0.0, 0.0, 0.0), SPEED_M_PER_S);
+        rig.drive(0.02);
+        let plateau = rig.mean_force_n(0.01, 0.02) / (GC_J_PER_M2 * BLOCK_SIDE_M);
+        assert!((plateau - 1.0).abs() < 0.05, "{depth_m} m under the surface: F/(Gc w) = {plateau}");
+    }
+}
+
+#[test]
 fn a_stroke_through_the_block_leaves_two_pieces_and_no_bridge_on_any_plane() {
     let voxels = (16 * 12 * 16) as f64;
     let h = 2.5e-3;

@@ -9,14 +9,14 @@ use super::anchor::{Ahead, Anchor};
 use super::book::FrontBook;
 use super::entry::{inward, onto_surface};
 use super::link_energy;
-use super::marker::{Edge, Marker};
+use super::marker::{Edge, Marker, put_down};
 use super::springs::FrontContact;
 use super::sweep::{PartingCost, part_quad};
 use super::tension::{Piece, Tension};
 use crate::Vec3;
 use crate::body::Body;
+use crate::contact::Mode;
 use crate::contact::broad::SpatialHash;
-use crate::contact::{Mode, narrow};
 use crate::grid::{Crossing, LinkId};
 use crate::scene::FractureRule;
 use crate::tool::Pose;
@@ -122,9 +122,7 @@ impl Front {
     pub fn enter(&mut self, body: &Body, hash: &SpatialHash, pose: &Pose) {
         self.lift();
         for (marker, share) in self.markers.iter_mut().zip(&self.shares) {
-            if narrow::locate(body, hash, &pose.transform(&share.middle_m)).is_some() {
-                *marker = Marker::Buried;
-            }
+            *marker = put_down(body, hash, &pose.transform(&share.middle_m));
         }
     }
 

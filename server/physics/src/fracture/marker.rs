@@ -14,6 +14,9 @@ const RELEASE_VOXELS: f64 = 0.5;
 /// A marker this many voxels beside its edge, or that goes on in material so far from where it was, has lost it.
 const LOST_VOXELS: f64 = 2.0;
 
+/// An edge that is put down less than this many voxels under the object's surface is outside still.
+const SKIN_VOXELS: f64 = 0.05;
+
 /// One share of the edge.
 #[derive(Clone, Copy, Debug)]
 #[allow(clippy::large_enum_variant, reason = "a box would be allocated as a marker comes into contact")]
@@ -114,9 +117,14 @@ impl Edge {
 
     /// A marker that was buried: still is, or has come out.
     pub(super) fn emerge(&self, body: &Body, hash: &SpatialHash) -> Marker {
-        match narrow::locate(body, hash, &self.now_m) {
-            Some(_) => Marker::Buried,
-            None => Marker::Outside,
-        }
+        put_down(body, hash, &self.now_m)
     }
+}
+
+/// A marker of an edge that has not come in through a surface: buried, or outside. At the surface itself, where
+/// rounding would tell, it is outside.
+pub(super) fn put_down(body: &Body, hash: &SpatialHash, at_m: &Vec3) -> Marker {
+    let depth_m = narrow::locate(body, hash, at_m).map(|point| -body.grid.signed_distance_m(&point.position_m));
+    let skin_m = SKIN_VOXELS * body.grid.voxel_size_m();
+    if depth_m.is_some_and(|depth_m| depth_m > skin_m) { Marker::Buried } else { Marker::Outside }
 }
