@@ -72,6 +72,7 @@ fn an_edge_put_down_at_the_surface_cuts_like_one_that_comes_from_above() {
         let scene = cutting_scene(block(h, 2), 0.12, 500.0);
         let start = Vec3::new(0.0, BLOCK_HEIGHT_M - depth_m, 4e-4);
         let mut rig = Rig::new(&scene, start, attitude(0.0, 0.0, 0.0), SPEED_M_PER_S);
+        rig.enter_at(start);
         rig.drive(0.02);
         let plateau = rig.mean_force_n(0.01, 0.02) / (GC_J_PER_M2 * BLOCK_SIDE_M);
         assert!((plateau - 1.0).abs() < 0.05, "{depth_m} m under the surface: F/(Gc w) = {plateau}");
