@@ -5,6 +5,11 @@ use crate::contact::broad::Aabb;
 use crate::tool::Pose;
 use crate::tool::blade::Blade;
 
+/// Segments that are looked at together: where a point is far from all of them, one distance tells.
+const SEGMENTS_PER_GROUP: usize = 16;
+/// For rounding, where a line passes through the end of a group.
+const MARGIN: f64 = 1.0 + 1e-9;
+
 /// A blade at its pose, scene frame. The edge is a chain of points; between two of them the flanks are
 /// the parallelogram `edge + t * up`, with material on either side of it up to [`BladeBody::half_width_m`].
 ///
@@ -15,6 +20,8 @@ pub struct BladeBody {
     /// Edge points in order, m.
     edge_m: Vec<Vec3>,
     segments: Vec<Segment>,
+    /// By [`SEGMENTS_PER_GROUP`] segments.
+    groups: Vec<Group>,
     /// Spine direction, unit.
     up: Vec3,
     height_m: f64,
@@ -59,6 +66,13 @@ struct Segment {
     normal: Vec3,
     before_m: f64,
     length_m: f64,
+}
+
+/// Segments are no farther than `reach_m` from the line along `up` through `middle_m`.
+#[derive(Clone, Debug)]
+struct Group {
+    middle_m: Vec3,
+    reach_m: f64,
 }
 
 impl BladeBody {
@@ -134,24 +148,49 @@ impl BladeBody {
             before_m += length_m;
             segment
         }));
+        self.groups.clear();
+        let count = self.segments.len();
+        self.groups.extend((0..count).step_by(SEGMENTS_PER_GROUP).map(|first| {
+            let points = &self.edge_m[first..=(first + SEGMENTS_PER_GROUP).min(count)];
+            let middle_m = points.iter().sum::<Vec3>() / points.len() as f64;
+            let reach_m = points.iter().map(|point| across_m(&(point - middle_m), &up)).fold(0.0, f64::max);
+            Group { middle_m, reach_m }
+        }));
+    }
+
+    /// The segments of groups, with the number of the first, in order.
+    fn grouped(&self) -> impl Iterator<Item = (&Group, usize, &[Segment])> {
+        let chunks = self.segments.chunks(SEGMENTS_PER_GROUP).enumerate();
+        self.groups.iter().zip(chunks).map(|(group, (index, segments))| (group, index * SEGMENTS_PER_GROUP, segments))
     }
 
     /// The coordinates of a point beside the segment it is nearest to.
     #[must_use]
     pub fn foot(&self, point_m: &Vec3) -> Option<Foot> {
         let last = self.segments.len().saturating_sub(1);
-        let feet = self.segments.iter().enumerate().map(|(index, segment)| {
-            let foot = segment.foot(point_m, &self.up);
-            let along = foot.arc_m - segment.before_m;
-            let outside = (-along).max(along - segment.length_m).max(0.0);
-            // Only the ends of the edge go on beyond themselves.
-            let held = along.clamp(
-                if index == 0 { f64::NEG_INFINITY } else { 0.0 },
-                if index == last { f64::INFINITY } else { segment.length_m },
-            );
-            (outside.hypot(foot.beside_m), Foot { arc_m: segment.before_m + held, ..foot })
-        });
-        feet.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, foot)| foot)
+        let mut nearest: Option<(f64, Foot)> = None;
+        for (group, first, segments) in self.grouped() {
+            let least_m = (across_m(&(point_m - group.middle_m), &self.up) - group.reach_m).max(0.0);
+            if nearest.is_some_and(|(distance2, _)| least_m * least_m > distance2) {
+                continue;
+            }
+            for (index, segment) in segments.iter().enumerate().map(|(index, segment)| (first + index, segment)) {
+                let foot = segment.foot(point_m, &self.up);
+                let along = foot.arc_m - segment.before_m;
+                let outside = (-along).max(along - segment.length_m).max(0.0);
+                let distance2 = outside * outside + foot.beside_m * foot.beside_m;
+                if nearest.is_some_and(|(least, _)| distance2 >= least) {
+                    continue;
+                }
+                // Only the ends of the edge go on beyond themselves.
+                let held = along.clamp(
+                    if index == 0 { f64::NEG_INFINITY } else { 0.0 },
+                    if index == last { f64::INFINITY } else { segment.length_m },
+                );
+                nearest = Some((distance2, Foot { arc_m: segment.before_m + held, ..foot }));
+            }
+        }
+        nearest.map(|(_, foot)| foot)
     }
 
     /// Whether a foot is on the ruled surface.
@@ -163,7 +202,11 @@ impl BladeBody {
     /// Where the line between two points passes through the ruled surface.
     #[must_use]
     pub fn passage(&self, from_m: &Vec3, to_m: &Vec3) -> Option<Passage> {
-        self.segments.iter().find_map(|segment| {
+        let (middle_m, half_m) = (from_m.lerp(to_m, 0.5), 0.5 * across_m(&(to_m - from_m), &self.up));
+        let near =
+            |group: &Group| across_m(&(middle_m - group.middle_m), &self.up) <= (group.reach_m + half_m) * MARGIN;
+        let groups = self.grouped().filter(|(group, ..)| near(group));
+        groups.flat_map(|(.., segments)| segments).find_map(|segment| {
             let [from, to] = [from_m, to_m].map(|point| segment.foot(point, &self.up));
             if (from.beside_m < 0.0) == (to.beside_m < 0.0) {
                 return None;
@@ -182,6 +225,11 @@ impl BladeBody {
     pub fn flank_point_m(&self, point_m: &Vec3, foot: &Foot, side: f64) -> Vec3 {
         point_m + foot.normal * (side * self.half_width_m(foot.height_m) - foot.beside_m)
     }
+}
+
+/// Length of the part of a vector that is across `up`, m.
+fn across_m(vector_m: &Vec3, up: &Vec3) -> f64 {
+    (vector_m - up * vector_m.dot(up)).norm()
 }
 
 impl Segment {
@@ -210,10 +258,37 @@ mod tests {
             edge_half_width_m: 5e-5,
             thickness_m: 2e-3,
             bevel_m: 2e-3,
-            segments: Vec::new(),
+            ..BladeBody::default()
         };
         blade.rule();
         blade
+    }
+
+    #[test]
+    fn groups_of_segments_hide_none() {
+        let wave = |i: u32| {
+            let x = 1e-3 * f64::from(i);
+            Vec3::new(x, 2e-3 * (200.0 * x).cos(), 4e-3 * (150.0 * x).sin())
+        };
+        let place = |groups: bool| {
+            let mut blade = BladeBody { edge_m: (0..100).map(wave).collect(), ..bent() };
+            blade.rule();
+            if !groups {
+                blade.groups.iter_mut().for_each(|group| group.reach_m = f64::INFINITY);
+            }
+            blade
+        };
+        let [grouped, plain] = [place(true), place(false)];
+        assert_eq!(grouped.groups.len(), 7);
+        for i in 0..2000 {
+            let t = f64::from(i);
+            let point = Vec3::new(0.05 + 0.07 * (1.3 * t).sin(), 0.02 * (0.7 * t).sin(), 0.02 * (2.1 * t).cos());
+            let to = point + Vec3::new(0.002 * (0.3 * t).sin(), 0.001, 0.006 * (1.9 * t).cos());
+            let feet = [&grouped, &plain].map(|blade| blade.foot(&point).map(|foot| (foot.arc_m, foot.beside_m)));
+            assert_eq!(feet[0], feet[1]);
+            let passages = [&grouped, &plain].map(|blade| blade.passage(&point, &to).map(|p| (p.share, p.arc_m)));
+            assert_eq!(passages[0], passages[1]);
+        }
     }
 
     #[test]
