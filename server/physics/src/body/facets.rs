@@ -85,10 +85,8 @@ impl Body {
     /// Forgets the facets of elements that changed, and of those that `parted` links end in.
     pub(super) fn forget_facets(&mut self, changed: &[u32], parted: &[LinkId]) {
         self.facet_moments.resize_with(self.base().elements.len(), OnceLock::new);
-        let ends = parted.iter().flat_map(|link| [link.cell, link.upper()]);
-        let owners = ends.filter_map(|cell| self.grid.voxel_at(cell)).map(|voxel| self.element_of(voxel));
-        for element in owners.chain(changed.iter().map(|e| *e as usize)).collect::<Vec<_>>() {
-            self.facet_moments[element] = OnceLock::new();
+        for element in self.elements_at(parted).chain(changed.iter().copied()).collect::<Vec<_>>() {
+            self.facet_moments[element as usize] = OnceLock::new();
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Body;
 use crate::fem::composite::{shape_functions, shape_gradients};
-use crate::grid::VoxelId;
+use crate::grid::{LinkId, VoxelId};
 use crate::{Mat3, Vec3};
 
 /// A point of the reference configuration, followed through the element of one of its voxels.
@@ -19,6 +19,12 @@ impl Body {
     #[must_use]
     pub fn element_of(&self, voxel: VoxelId) -> usize {
         self.base().owner[voxel.index()] as usize
+    }
+
+    /// The elements at both ends of links; one comes again for each end in it.
+    pub(crate) fn elements_at<'a>(&'a self, links: &'a [LinkId]) -> impl Iterator<Item = u32> + 'a {
+        let ends = links.iter().flat_map(|link| [link.cell, link.upper()]);
+        ends.filter_map(|cell| self.grid.voxel_at(cell)).map(|voxel| self.element_of(voxel) as u32)
     }
 
     /// Nodes and trilinear weights of a material point.

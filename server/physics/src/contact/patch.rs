@@ -79,9 +79,7 @@ impl SurfacePatches {
     /// Takes what `parted` and `change` touched, and what faces it across cuts; costs in proportion to
     /// that, but for one pass over the patches.
     pub fn update(&mut self, body: &Body, parted: &[LinkId], change: &TopologyChange) {
-        let ends = parted.iter().flat_map(|link| [link.cell, link.upper()]);
-        let owners = ends.filter_map(|cell| body.grid.voxel_at(cell)).map(|v| body.element_of(v) as u32);
-        let mut touched: Vec<u32> = change.elements.iter().copied().chain(owners).collect();
+        let mut touched: Vec<u32> = change.elements.iter().copied().chain(body.elements_at(parted)).collect();
         let mut facing = Vec::new();
         for &element in &touched {
             facing.extend(body.facets_of(element as usize).filter_map(|facet| facet.across));

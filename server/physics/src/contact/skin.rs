@@ -58,8 +58,7 @@ impl Skin {
     /// Takes the surface of what `parted` and `change` touched and of what lies across the cuts there.
     pub fn update(&mut self, body: &Body, parted: &[LinkId], change: &TopologyChange) {
         let owner = |cell: Ijk| body.grid.voxel_at(cell).map(|voxel| body.element_of(voxel) as u32);
-        let ends = parted.iter().flat_map(|link| [link.cell, link.upper()]);
-        let mut touched: Vec<u32> = change.elements.iter().copied().chain(ends.filter_map(owner)).collect();
+        let mut touched: Vec<u32> = change.elements.iter().copied().chain(body.elements_at(parted)).collect();
         let voxels = touched.iter().flat_map(|element| body.voxels_of(*element as usize));
         let beside = voxels.flat_map(|voxel| Grid::links_of(body.grid.voxels()[voxel.index()].ijk));
         let across: Vec<u32> = beside.filter_map(|(_, other)| owner(other)).collect();
