@@ -5,6 +5,10 @@ use crate::fem::composite::{shape_functions, shape_gradients};
 use crate::grid::{LinkId, VoxelId};
 use crate::{Mat3, Vec3};
 
+/// Newton's method has arrived where its last step is below this, in edges of the element: what is left of the
+/// error is about its square.
+const CONVERGED: f64 = 1e-6;
+
 /// A point of the reference configuration, followed through the element of one of its voxels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MaterialPoint {
@@ -70,31 +74,57 @@ impl Body {
     /// The same from a guess at that reference position, which saves steps where it is near.
     #[must_use]
     pub fn invert_map_from(&self, element: usize, scene_m: &Vec3, guess_m: &Vec3) -> Option<Vec3> {
-        let nodes = self.base().elements[element].nodes.map(|n| Vec3::from(self.position_m[n as usize]));
-        let mut local = self.local_coordinates(element, guess_m);
+        let map = TrilinearMap::of(&self.base().elements[element].nodes.map(|n| self.position_m[n as usize].into()));
+        let mut local = Vec3::from(self.local_coordinates(element, guess_m));
         for _ in 0..12 {
-            let n = shape_functions(local);
-            let g = shape_gradients(local);
-            let mut x = Vec3::zeros();
-            let mut jacobian = Mat3::zeros();
-            for a in 0..8 {
-                x += nodes[a] * n[a];
-                jacobian += nodes[a] * Vec3::from(g[a]).transpose();
-            }
-            let step = jacobian.lu().solve(&(scene_m - x))?;
+            let (x, [a, b, c]) = map.at(&local);
+            let miss = scene_m - x;
+            let step = Vec3::new(miss.dot(&b.cross(&c)), miss.dot(&c.cross(&a)), miss.dot(&a.cross(&b)));
+            let step = step / a.dot(&b.cross(&c));
             let size = step.amax();
             if !size.is_finite() {
                 return None;
             }
             // Far outside the element the trilinear map folds; such points are not in it anyway.
             let damping = (0.5 / size).min(1.0);
-            (0..3).for_each(|i| local[i] = (local[i] + damping * step[i]).clamp(-1.0, 2.0));
-            if size < 1e-9 {
+            local = (local + step * damping).map(|l| l.clamp(-1.0, 2.0));
+            if size < CONVERGED {
                 let data = &self.base().elements[element];
-                let at = Vec3::from([0, 1, 2].map(|a| f64::from(data.cell[a]) + f64::from(data.size) * local[a]));
+                let at = Vec3::from(data.cell.map(f64::from)) + local * f64::from(data.size);
                 return Some(self.grid.origin_m() + at * self.lattice_edge_m());
             }
         }
         None
+    }
+}
+
+/// Positions in a cell as a polynomial of the local coordinates.
+struct TrilinearMap {
+    /// Of 1, x, y, xy, z, xz, yz, xyz.
+    coefficients_m: [Vec3; 8],
+}
+
+impl TrilinearMap {
+    /// From the corners' positions.
+    fn of(corners_m: &[Vec3; 8]) -> Self {
+        let mut coefficients_m = *corners_m;
+        for bit in [1, 2, 4] {
+            for upper in (0..8).filter(|corner| corner & bit != 0) {
+                coefficients_m[upper] -= coefficients_m[upper - bit];
+            }
+        }
+        Self { coefficients_m }
+    }
+
+    /// The position, m, and its derivatives along the local coordinates.
+    fn at(&self, local: &Vec3) -> (Vec3, [Vec3; 3]) {
+        let c = &self.coefficients_m;
+        let (x, y, z) = (local.x, local.y, local.z);
+        // On the lines along x, then on the plane across it.
+        let line = [0, 2, 4, 6].map(|at| c[at] + c[at + 1] * x);
+        let along_x = (c[1] + c[3] * y) + (c[5] + c[7] * y) * z;
+        let along_y = line[1] + line[3] * z;
+        let along_z = line[2] + line[3] * y;
+        (line[0] + line[1] * y + along_z * z, [along_x, along_y, along_z])
     }
 }

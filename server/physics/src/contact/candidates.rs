@@ -69,7 +69,8 @@ impl Candidates {
     /// Finds them among the patches of a hash that was built for [`Self::begin`]'s reach.
     pub fn find(&mut self, hash: &PatchHash) {
         let may_face = |a: &PlacedPatch, b: &PlacedPatch| a.normal.dot(&b.normal) <= FACING + TURN;
-        let meeting = hash.placed().iter().filter(|a| hash.near(&a.at_m).any(|b| may_face(a, b)));
+        let placed = hash.placed();
+        let meeting = placed.iter().filter(|a| hash.near(&a.at_m).any(|b| may_face(a, &placed[b])));
         self.patches.extend(meeting.map(|placed| [placed.body, placed.patch]));
     }
 

@@ -85,8 +85,8 @@ impl PatchHash {
         mixed as usize & (self.heads.len() - 1)
     }
 
-    /// Every patch within the reach of a point along each axis, in a fixed order.
-    pub fn near(&self, at_m: &Vec3) -> impl Iterator<Item = &PlacedPatch> + '_ {
+    /// Index of every patch within the reach of a point along each axis, in a fixed order.
+    pub fn near(&self, at_m: &Vec3) -> impl Iterator<Item = usize> + '_ {
         let (at_m, reach_m) = (*at_m, 0.5 * self.cell_m);
         let low = self.cell(&at_m.add_scalar(-0.5 * self.cell_m));
         (0..8).flat_map(move |corner| {
@@ -96,9 +96,8 @@ impl PatchHash {
                 while at != NONE {
                     let index = at as usize;
                     at = self.next[index];
-                    let placed = &self.placed[index];
-                    if self.cells[index] == cell && (placed.at_m - at_m).amax() <= reach_m {
-                        return Some(placed);
+                    if self.cells[index] == cell && (self.placed[index].at_m - at_m).amax() <= reach_m {
+                        return Some(index);
                     }
                 }
                 None

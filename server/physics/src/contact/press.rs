@@ -3,9 +3,9 @@
 
 use super::patch::SurfacePatch;
 use super::patch_hash::PlacedPatch;
-use crate::Vec3;
 use crate::body::{Body, MaterialPoint};
 use crate::grid::{Ijk, LinkId, VoxelId};
+use crate::{Mat3, Vec3};
 
 /// Surfaces that come closer than this many voxels in a step have a spring ready: what the solve itself
 /// pushes together is then caught in the same step.
@@ -32,6 +32,30 @@ pub struct PatchOf<'a> {
     pub patch: &'a SurfacePatch,
     /// Where it is.
     pub placed: &'a PlacedPatch,
+    /// Its plane; `None` where its element is crushed flat.
+    pub plane: Option<&'a Plane>,
+}
+
+/// The plane of a patch as its element is strained.
+#[derive(Clone, Copy, Debug)]
+pub struct Plane {
+    /// From the scene to the reference configuration.
+    to_rest: Mat3,
+    /// Unit outward normal, scene frame.
+    normal: Vec3,
+    /// Depth in the reference configuration over that in the scene.
+    stretch: f64,
+}
+
+impl Plane {
+    /// `None` where the tissue is crushed flat.
+    #[must_use]
+    pub fn of(body: &Body, patch: &SurfacePatch) -> Option<Self> {
+        let to_rest = body.deformation_gradient(&patch.point).try_inverse()?;
+        let turned = to_rest.tr_mul(&patch.normal);
+        let stretch = turned.norm();
+        Some(Self { to_rest, normal: turned / stretch, stretch })
+    }
 }
 
 /// Where a patch meets, or is about to meet, a surface.
@@ -80,10 +104,7 @@ pub fn meet(point: &PatchOf<'_>, surface: &PatchOf<'_>, dt_s: f64) -> Option<Mee
         return None;
     }
     let body = surface.body;
-    let to_rest = body.deformation_gradient(&surface.patch.point).try_inverse()?;
-    let turned = to_rest.transpose() * surface.patch.normal;
-    let stretch = turned.norm();
-    let normal = turned / stretch;
+    let &Plane { to_rest, normal, stretch } = surface.plane?;
     let from_plane_m = |at_m: &Vec3| (at_m - surface.placed.at_m).dot(&normal);
     let distance_m = from_plane_m(&point.placed.at_m);
     let travel_m = (point.placed.velocity_m_per_s - surface.placed.velocity_m_per_s) * dt_s;

@@ -6,9 +6,9 @@ use crate::Vec3;
 use crate::body::{Body, MaterialPoint};
 use crate::contact::broad::Aabb;
 use crate::contact::candidates::Candidates;
-use crate::contact::patch::SurfacePatches;
+use crate::contact::patch::{SurfacePatch, SurfacePatches};
 use crate::contact::patch_hash::{PatchHash, PlacedPatch};
-use crate::contact::press::{MARGIN_VOXELS, Meeting, PatchOf, meet};
+use crate::contact::press::{MARGIN_VOXELS, Meeting, PatchOf, Plane, meet};
 use crate::contact::tissue_spring::{Friction, SpringEnd, TissueSpring};
 use crate::contact::{ContactWeights, Mode};
 use crate::hash::StateHasher;
@@ -38,6 +38,8 @@ pub(super) struct TissueContact {
     pressed_n: Vec<Vec<f64>>,
     candidates: Candidates,
     hash: PatchHash,
+    /// By patch in the hash; `None` where the tissue is crushed flat.
+    planes: Vec<Option<Plane>>,
     springs: Vec<TissueSpring>,
     bridges: Vec<Bridge>,
     groups: PartGroups,
@@ -66,6 +68,7 @@ impl TissueContact {
             surfaces,
             candidates: Candidates::default(),
             hash: PatchHash::default(),
+            planes: Vec::new(),
             springs: Vec::new(),
             bridges: Vec::new(),
             groups: PartGroups::default(),
@@ -105,6 +108,8 @@ impl TissueContact {
         let most = self.most_springs();
         self.candidates.reserve(bodies(slots), most);
         self.hash.reserve(most);
+        self.planes.clear();
+        self.planes.reserve(most);
         self.springs.clear();
         self.springs.reserve(most);
         self.bridges.clear();
@@ -124,14 +129,19 @@ impl TissueContact {
             self.find_candidates(slots, reach_m);
         }
         self.hash.clear();
+        self.planes.clear();
         for &[body, patch] in self.candidates.patches() {
             self.hash.push(self.place(slots, body, patch));
+            let data = &self.surfaces[body as usize].as_slice()[patch as usize];
+            self.planes.push(Plane::of(&slots[body as usize].body, data));
         }
         self.hash.build(reach_m);
-        for placed in self.hash.placed() {
-            let patch_of = |placed| self.patch_of(slots, placed);
-            let point = patch_of(placed);
-            let met = |other| Some((patch_of(other), meet(&point, &patch_of(other), dt_s)?));
+        for (index, placed) in self.hash.placed().iter().enumerate() {
+            let point = self.patch_of(slots, index);
+            let met = |other| {
+                let surface = self.patch_of(slots, other);
+                Some((surface, meet(&point, &surface, dt_s)?))
+            };
             let nearer = |a: &(PatchOf<'_>, Meeting), b: &(PatchOf<'_>, Meeting)| a.1.aside_m.total_cmp(&b.1.aside_m);
             if let Some((surface, meeting)) = self.hash.near(&placed.at_m).filter_map(met).min_by(nearer) {
                 let pressed_n = self.pressed_n[placed.body as usize].get(placed.patch as usize);
@@ -141,9 +151,15 @@ impl TissueContact {
         }
     }
 
-    fn patch_of<'a>(&'a self, slots: &'a [BodySlot], placed: &'a PlacedPatch) -> PatchOf<'a> {
-        let patch = &self.surfaces[placed.body as usize].as_slice()[placed.patch as usize];
-        PatchOf { body: &slots[placed.body as usize].body, patch, placed }
+    fn patch(&self, placed: &PlacedPatch) -> &SurfacePatch {
+        &self.surfaces[placed.body as usize].as_slice()[placed.patch as usize]
+    }
+
+    /// A patch in the hash.
+    fn patch_of<'a>(&'a self, slots: &'a [BodySlot], index: usize) -> PatchOf<'a> {
+        let placed = &self.hash.placed()[index];
+        let (body, patch) = (&slots[placed.body as usize].body, self.patch(placed));
+        PatchOf { body, patch, placed, plane: self.planes[index].as_ref() }
     }
 
     /// Finds the patches that may meet another, of the bodies that are cut or near another.
@@ -166,12 +182,13 @@ impl TissueContact {
 
     fn place(&self, slots: &[BodySlot], body: u32, patch: u32) -> PlacedPatch {
         let (of, data) = (&slots[body as usize].body, &self.surfaces[body as usize].as_slice()[patch as usize]);
-        let weights = weights(of, &data.point, 1.0);
+        let (nodes, n) = of.weights(&data.point);
+        let sum = |values: &[[f64; 3]]| nodes.iter().zip(n).map(|(a, n)| Vec3::from(values[*a as usize]) * n).sum();
         PlacedPatch {
             body,
             patch,
-            at_m: weights.sum(&of.position_m),
-            velocity_m_per_s: weights.sum(&of.velocity_m_per_s),
+            at_m: sum(&of.position_m),
+            velocity_m_per_s: sum(&of.velocity_m_per_s),
             normal: of.rotation(data.element as usize) * data.normal,
         }
     }
