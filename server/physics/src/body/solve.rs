@@ -58,7 +58,7 @@ impl Body {
     ) -> SolveReport {
         self.load_system(workers, impulses, velocity_change);
         let stop = self.stop(scale);
-        let PcgReport { iterations, relative_residual } = pcg::solve(workers, self, stop);
+        let PcgReport { iterations, relative_residual, .. } = pcg::solve(workers, self, stop);
         self.take_velocity_change(workers, velocity_change);
         SolveReport { iterations, solves: 1, relative_residual }
     }
@@ -134,6 +134,10 @@ impl Body {
 impl Systems for Body {
     fn for_each(&mut self, mut visit: impl FnMut(&mut System<'_>)) {
         visit(&mut self.system());
+    }
+
+    fn is_moot(&mut self, _: &Workers<'_>) -> bool {
+        false
     }
 
     fn couple(&mut self, _: Factor) {}

@@ -59,6 +59,15 @@ pub enum Mode {
     Yield,
 }
 
+/// How good the solution is that contacts take their modes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Solution {
+    /// On the way: it tells what presses from what does not. What has a limit waits for the end.
+    Rough,
+    /// Solved to the tolerance.
+    Final,
+}
+
 /// A unilateral spring between a point of a tool and a material point. The gap is positive where the
 /// tool has gone past the material point along `direction`; the force on the tissue is along it.
 #[derive(Clone, Copy, Debug, Default)]
@@ -116,7 +125,10 @@ impl Contact {
     }
 
     /// Takes the solution's change of velocity; returns whether the mode had to change.
-    pub fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]]) -> bool {
+    pub fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]], solution: Solution) -> bool {
+        if solution == Solution::Rough && self.limit_n.is_finite() {
+            return false;
+        }
         self.take_solution(dt_s, velocity_change);
         let force = self.stiffness_n_per_m * self.gap_m;
         let next = match self.mode {

@@ -3,7 +3,7 @@
 //! Both ends are points of tissue and the force on them is equal and opposite, along the line between
 //! them: linear and angular momentum stay what they are.
 
-use super::{ContactWeights, Mode};
+use super::{ContactWeights, Mode, Solution};
 use crate::Vec3;
 use crate::solve::spring::PointSpring;
 
@@ -157,7 +157,7 @@ impl TissueSpring {
     }
 
     /// Takes the solution's relative change of velocity; returns whether a mode had to change.
-    pub fn settle(&mut self, dt_s: f64, change_m_per_s: Vec3) -> bool {
+    pub fn settle(&mut self, dt_s: f64, change_m_per_s: Vec3, solution: Solution) -> bool {
         let along = change_m_per_s.dot(&self.normal);
         self.depth_m = self.depth_predicted_m - dt_s * along;
         let (next, force_n) = match self.mode {
@@ -169,7 +169,7 @@ impl TissueSpring {
         };
         self.force_n = force_n;
         let mut changed = false;
-        if let (Some(friction), true) = (&mut self.friction, self.mode != Mode::Off) {
+        if let (Some(friction), true) = (&mut self.friction, solution == Solution::Final && self.mode != Mode::Off) {
             changed = friction.settle(change_m_per_s - self.normal * along);
         }
         std::mem::replace(&mut self.mode, next) != next || changed

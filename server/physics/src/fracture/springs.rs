@@ -7,7 +7,7 @@ use super::link_energy;
 use super::marker::Edge;
 use crate::Vec3;
 use crate::body::Body;
-use crate::contact::{Contact, Mode};
+use crate::contact::{Contact, Mode, Solution};
 use crate::scene::FractureRule;
 use crate::tool::blade::BladeFrame;
 
@@ -77,11 +77,11 @@ impl FrontContact {
 
     /// Takes the solution's change of velocity; returns whether a mode had to change.
     pub fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]]) -> bool {
-        let changed = self.forward.settle(dt_s, velocity_change);
+        let changed = self.forward.settle(dt_s, velocity_change, Solution::Final);
         self.lateral.take_solution(dt_s, velocity_change);
         self.lateral.mode = lateral_mode(&self.forward);
         if self.forward.mode == Mode::Yield && self.along.stiffness_n_per_m > 0.0 {
-            return self.along.settle(dt_s, velocity_change) || changed;
+            return self.along.settle(dt_s, velocity_change, Solution::Final) || changed;
         }
         self.along.take_solution(dt_s, velocity_change);
         self.along.mode = Mode::Off;

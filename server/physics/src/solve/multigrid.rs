@@ -189,12 +189,14 @@ impl Multigrid {
 
     /// Replaces the springs on every level.
     pub fn set_springs(&mut self, springs: impl Iterator<Item = PointSpring>) {
-        self.levels[0].operator.set_springs(springs);
+        let first = &mut self.levels[0];
+        first.operator.set_springs(springs, first.largest_eigenvalue);
         for i in 1..self.levels.len() {
             let (below, above) = self.levels.split_at_mut(i);
             let fine = &below[i - 1];
             let spread = |node: usize| fine.prolongation[node].iter();
-            above[0].operator.set_springs(fine.operator.springs().iter().map(|s| s.spread(spread)));
+            let spread = fine.operator.springs().iter().map(|s| s.spread(spread));
+            above[0].operator.set_springs(spread, above[0].largest_eigenvalue);
         }
     }
 

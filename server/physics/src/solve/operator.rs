@@ -415,7 +415,7 @@ impl Operator {
     }
 
     /// Replaces the springs; costs in proportion to the nodes that carry one or carried one.
-    pub fn set_springs(&mut self, springs: impl Iterator<Item = PointSpring>) {
+    pub fn set_springs(&mut self, springs: impl Iterator<Item = PointSpring>, largest_eigenvalue: f32) {
         self.springs.clear();
         if self.hanging.is_empty() {
             self.springs.extend(springs);
@@ -428,8 +428,9 @@ impl Operator {
         sprung.clear();
         for spring in &self.springs {
             let [on, off] = spring.diagonal();
+            let reach: f32 = spring.entries().map(|(_, w)| w.abs()).sum();
             for (node, w) in spring.entries() {
-                let square = f32x4::splat(w * w);
+                let square = f32x4::splat(w.abs() * reach / largest_eigenvalue);
                 if self.spring_diagonal.on[node] == f32x4::ZERO {
                     sprung.push(node as u32);
                 }

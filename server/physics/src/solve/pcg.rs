@@ -15,6 +15,9 @@ use wide::{f32x4, f64x4};
 /// Times that a solve mends a preconditioner that turns out indefinite.
 const MAX_REPAIRS: u32 = 3;
 
+/// Residual over the tolerance from which on a solution tells what it is going to be.
+const ROUGH: f64 = 30.0;
+
 /// Norm of a right side that counts as none, N s: far below any impulse that moves anything, and so far
 /// above the least `f32` that the vectors of a solve keep their digits. A body of micrometres that comes
 /// to rest would otherwise be solved for its rounding, to the cap of iterations in each step.
@@ -47,6 +50,8 @@ pub struct PcgReport {
     pub iterations: u32,
     /// Norm of the residual over the larger of `|b|` and [`Stop::scale`].
     pub relative_residual: f64,
+    /// Whether it was given up, see [`Systems::is_moot`].
+    pub is_moot: bool,
 }
 
 #[inline(always)]
@@ -116,6 +121,10 @@ pub trait Systems {
     /// Visits every block, always in the same order.
     fn for_each(&mut self, visit: impl FnMut(&mut System<'_>));
 
+    /// Asked on the way, when the residual comes within `ROUGH` times the tolerance: whether the solution so far
+    /// shows that another system is to be solved. The solve then ends.
+    fn is_moot(&mut self, workers: &Workers<'_>) -> bool;
+
     /// Adds what springs between blocks make of `factor` to the products that the blocks' own matrices
     /// have made.
     fn couple(&mut self, factor: Factor);
@@ -133,7 +142,7 @@ pub fn solve<S: Systems>(workers: &Workers<'_>, systems: &mut S, stop: Stop) -> 
     let norm_b = sum(systems, |s| dot(workers, s.b, s.b)).sqrt();
     if norm_b < NOTHING_N_S {
         systems.for_each(|s| s.x.fill(f32x4::ZERO));
-        return PcgReport { iterations: 0, relative_residual: 0.0 };
+        return PcgReport { iterations: 0, relative_residual: 0.0, is_moot: false };
     }
     let mut norm_r = begin(workers, systems);
     if norm_r > norm_b {
@@ -148,6 +157,7 @@ pub fn solve<S: Systems>(workers: &Workers<'_>, systems: &mut S, stop: Stop) -> 
     let (mut rz, mut alpha, mut iterations) = (0.0, 0.0, 0);
     let mut repairs = 0;
     let mut fresh = true;
+    let (mut asked, mut is_moot) = (false, false);
     while norm_r > stop.relative_tolerance * reference && iterations < stop.max_iterations {
         let (next_rz, apz) = precondition(workers, systems);
         if next_rz.is_nan() || next_rz <= 0.0 {
@@ -173,8 +183,18 @@ pub fn solve<S: Systems>(workers: &Workers<'_>, systems: &mut S, stop: Stop) -> 
         alpha = rz / curvature;
         norm_r = sum(systems, |s| advance(workers, s, alpha)).sqrt();
         iterations += 1;
+        if !asked
+            && norm_r <= ROUGH * stop.relative_tolerance * reference
+            && norm_r > stop.relative_tolerance * reference
+        {
+            asked = true;
+            is_moot = systems.is_moot(workers);
+            if is_moot {
+                break;
+            }
+        }
     }
-    PcgReport { iterations, relative_residual: norm_r / reference }
+    PcgReport { iterations, relative_residual: norm_r / reference, is_moot }
 }
 
 /// `z` of each block's own cycle; `r . z` and `A p . z`.

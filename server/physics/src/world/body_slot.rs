@@ -4,8 +4,8 @@ use super::pulled::Pulled;
 use super::tissue_contact::TissueContact;
 use super::tool_contact::ToolContact;
 use crate::body::{self, Body, TopologyChange};
-use crate::contact::Mode;
 use crate::contact::flank::Walls;
+use crate::contact::{Mode, Solution};
 use crate::fault::{Fault, FaultKind};
 use crate::grid::{Crossing, LinkId};
 use crate::ledger::BodyLedger;
@@ -106,10 +106,10 @@ impl BodySlot {
         pulled || self.contacts.iter().any(ToolContact::has_front)
     }
 
-    pub(super) fn settle_contacts(&mut self, dt_s: f64) -> bool {
+    pub(super) fn settle_contacts(&mut self, dt_s: f64, solution: Solution) -> bool {
         let mut changed = false;
         for contact in &mut self.contacts {
-            changed |= contact.settle(dt_s, &self.velocity_change);
+            changed |= contact.settle(dt_s, &self.velocity_change, solution);
         }
         changed
     }

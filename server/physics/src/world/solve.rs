@@ -2,13 +2,14 @@
 
 use super::World;
 use super::tissue_contact::Island;
+use crate::contact::Solution;
 use crate::solve::pcg;
 use crate::step_io::SolveReport;
 use crate::workers::Workers;
 
 /// A step's contact springs are re-solved at most this many times; what still changes then waits for
 /// the next step.
-const MAX_ACTIVE_SET_SOLVES: u32 = 4;
+const MAX_ACTIVE_SET_SOLVES: u32 = 6;
 
 impl World {
     pub(super) fn solve_velocities(&mut self, workers: &Workers<'_>) {
@@ -50,7 +51,7 @@ impl World {
 
     fn solve_island(&mut self, workers: &Workers<'_>, id: usize, report: &mut SolveReport) {
         let dt_s = self.params.dt_s;
-        for _ in 0..MAX_ACTIVE_SET_SOLVES {
+        for round in 0..MAX_ACTIVE_SET_SOLVES {
             let mut scale2 = 0.0;
             for (index, slot) in self.slots.iter_mut().enumerate().filter(|(_, slot)| slot.island == id) {
                 scale2 += slot.load_system(workers, self.tissue.as_ref(), index, dt_s).powi(2);
@@ -59,20 +60,16 @@ impl World {
                 tissue.build_bridges(&self.slots, dt_s);
             }
             let stop = self.slots[id].body.stop(scale2.sqrt());
-            let mut systems = Island { slots: &mut self.slots, tissue: self.tissue.as_ref(), id };
-            let solve = pcg::solve(workers, &mut systems, stop);
+            let may_change = round + 1 < MAX_ACTIVE_SET_SOLVES;
+            let mut island = Island { slots: &mut self.slots, tissue: self.tissue.as_mut(), id, dt_s, may_change };
+            let solve = pcg::solve(workers, &mut island, stop);
             report.iterations += solve.iterations;
             report.solves += 1;
+            if solve.is_moot {
+                continue;
+            }
             report.relative_residual = report.relative_residual.max(solve.relative_residual);
-            let mut changed = false;
-            for slot in self.slots.iter_mut().filter(|slot| slot.island == id) {
-                slot.body.take_velocity_change(workers, &mut slot.velocity_change);
-                changed |= slot.settle_contacts(dt_s);
-            }
-            if let Some(tissue) = &mut self.tissue {
-                changed |= tissue.settle(&self.slots, id, dt_s);
-            }
-            if !changed {
+            if !island.settle(workers, Solution::Final) {
                 break;
             }
         }

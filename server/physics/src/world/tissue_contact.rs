@@ -10,11 +10,12 @@ use crate::contact::patch::{SurfacePatch, SurfacePatches};
 use crate::contact::patch_hash::{PatchHash, PlacedPatch};
 use crate::contact::press::{MARGIN_VOXELS, Meeting, PatchOf, Plane, meet};
 use crate::contact::tissue_spring::{Friction, SpringEnd, TissueSpring};
-use crate::contact::{ContactWeights, Mode};
+use crate::contact::{ContactWeights, Mode, Solution};
 use crate::hash::StateHasher;
 use crate::ledger::ContactLedger;
 use crate::solve::pcg::{Factor, System, Systems};
 use crate::solve::spring::PointSpring;
+use crate::workers::Workers;
 
 /// Stiffness of an interface over that of the half elements on both sides of it: pressed bodies are softer
 /// by a twentieth of an element than if they were one.
@@ -54,9 +55,27 @@ struct Bridge {
 /// Bodies that press on each other: one system of equations.
 pub(super) struct Island<'a> {
     pub(super) slots: &'a mut [BodySlot],
-    pub(super) tissue: Option<&'a TissueContact>,
+    pub(super) tissue: Option<&'a mut TissueContact>,
     /// The island's number: the first of its bodies.
     pub(super) id: usize,
+    pub(super) dt_s: f64,
+    /// Whether modes may change before the solve's end.
+    pub(super) may_change: bool,
+}
+
+impl Island<'_> {
+    /// Takes the solution so far; returns whether a mode had to change.
+    pub(super) fn settle(&mut self, workers: &Workers<'_>, solution: Solution) -> bool {
+        let mut changed = false;
+        for slot in self.slots.iter_mut().filter(|slot| slot.island == self.id) {
+            slot.body.take_velocity_change(workers, &mut slot.velocity_change);
+            changed |= slot.settle_contacts(self.dt_s, solution);
+        }
+        if let Some(tissue) = &mut self.tissue {
+            changed |= tissue.settle(self.slots, self.id, self.dt_s, solution);
+        }
+        changed
+    }
 }
 
 impl TissueContact {
@@ -243,11 +262,11 @@ impl TissueContact {
     }
 
     /// Takes the solution of an island; returns whether a mode had to change.
-    pub(super) fn settle(&mut self, slots: &[BodySlot], island: usize, dt_s: f64) -> bool {
+    pub(super) fn settle(&mut self, slots: &[BodySlot], island: usize, dt_s: f64, solution: Solution) -> bool {
         let mut changed = false;
         for spring in self.springs.iter_mut().filter(|s| slots[s.ends[0].body as usize].island == island) {
             let change = spring.relative(|body| &slots[body as usize].velocity_change);
-            changed |= spring.settle(dt_s, change);
+            changed |= spring.settle(dt_s, change, solution);
         }
         changed
     }
@@ -334,6 +353,10 @@ fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, pressed
 }
 
 impl Systems for Island<'_> {
+    fn is_moot(&mut self, workers: &Workers<'_>) -> bool {
+        self.may_change && self.settle(workers, Solution::Rough)
+    }
+
     fn for_each(&mut self, mut visit: impl FnMut(&mut System<'_>)) {
         let id = self.id;
         self.slots.iter_mut().filter(|slot| slot.island == id).for_each(|slot| visit(&mut slot.body.system()));

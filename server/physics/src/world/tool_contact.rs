@@ -2,10 +2,10 @@
 
 use super::blade_contact::BladeContact;
 use crate::body::{Body, TopologyChange};
-use crate::contact::Contact;
 use crate::contact::flank::Walls;
 use crate::contact::grip::Grip;
 use crate::contact::palpation::Palpation;
+use crate::contact::{Contact, Solution};
 use crate::fracture::FrontBook;
 use crate::grid::{Crossing, LinkId};
 use crate::hash::StateHasher;
@@ -161,22 +161,22 @@ impl ToolContact {
     }
 
     /// Takes the solution's change of velocity; returns whether a mode had to change.
-    pub(super) fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]]) -> bool {
+    pub(super) fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]], solution: Solution) -> bool {
         let mut changed = false;
         match self {
             Self::Edges(edges) => {
                 for edge in edges {
-                    changed |= edge.settle(dt_s, velocity_change);
+                    changed |= edge.settle(dt_s, velocity_change, solution);
                 }
             }
             Self::Grip(Grip { contacts, .. }) => {
                 for contact in contacts {
-                    changed |= contact.settle(dt_s, velocity_change);
+                    changed |= contact.settle(dt_s, velocity_change, solution);
                 }
             }
             Self::Palpation(Palpation { contacts, friction, .. }) => {
                 for contact in contacts.iter_mut().chain(friction) {
-                    changed |= contact.settle(dt_s, velocity_change);
+                    changed |= contact.settle(dt_s, velocity_change, solution);
                 }
             }
         }
