@@ -281,7 +281,7 @@ impl Body {
         })
     }
 
-    /// `A_e = (1 + alpha dt) M + (dt^2 + beta dt) K' + dt^2 (s g K + H)` of one element, with the tangent
+    /// `A_e = (1 + alpha dt) M + (dt^2 + beta dt) K' + dt^2 (s g K + H + S)` of one element, with the tangent
     /// `K' = K + (psi' - 1) K_G + psi'' / V f_G f_G^T`, into the solver's operator.
     pub(super) fn write_matrix(&mut self, element: usize) {
         let (block, state, lane) = (&self.blocks[element / LANES], &self.states[element / LANES], element % LANES);
@@ -294,6 +294,7 @@ impl Body {
         let curvature = if active { at(&state.curvature) } else { 0.0 };
         let branch_factor = block.viscosity.as_ref().map(|v| dt * dt * at(&v.tangent()));
         let hold = self.holds.binary_search_by_key(&(element as u32), |h| h.0).ok().map(|i| &self.holds[i].1);
+        let steadying = at(&block.steadying_n_per_m);
         let mut packed = [0.0; crate::fem::lanes::PACKED];
         for_packed(|index, row, column| {
             let mut k = block.stiffness.at(index, lane);
@@ -310,6 +311,7 @@ impl Body {
                 let entry = a * (a + 1) / 2 + b;
                 packed[index] += mass_factor * at(&block.shapes.mass_kg[entry]);
                 packed[index] += hold.map_or(0.0, |h| dt * dt * h[entry]);
+                packed[index] += dt * dt * steadying * (if a == b { 0.875 } else { -0.125 });
             }
         });
         self.applied_stiffening[element] = if active { 1.0 + stiffening } else { 1.0 };

@@ -23,7 +23,9 @@ pub use toughness_rate::ToughnessRate;
 
 use crate::Vec3;
 use crate::fem::composite::{CompositeTables, shape_functions};
-use crate::fem::corotation::{ElementBlock, ElementLaw, ElementState, LANES, SharedByBlocks};
+use crate::fem::corotation::{
+    ElementBlock, ElementLaw, ElementState, LANES, STEADIED_FILL, STEADYING_STRESS, SharedByBlocks, set_lane,
+};
 use crate::fem::lanes::diagonal_entry;
 use crate::fem::material::Elastic;
 use crate::fem::viscosity::Viscosity;
@@ -367,8 +369,12 @@ impl Body {
         let matrices = self.element_matrices(element, &voxels);
         let law = self.mean_law(&voxels);
         let edge = self.element_edge_m(element);
+        let young_pa = voxels.iter().map(|v| self.material_of(*v).young_modulus_pa).fold(0.0, f64::max);
+        let is_steadied = matrices.volume_m3 < STEADIED_FILL * edge.powi(3);
+        let steadying_n_per_m = if is_steadied { STEADYING_STRESS * young_pa * edge } else { 0.0 };
         let (block, state) = (&mut self.blocks[element / LANES], &mut self.states[element / LANES]);
         block.set_matrices(element % LANES, edge, &matrices, law, self.params.dt_s);
+        set_lane(&mut block.steadying_n_per_m, element % LANES, steadying_n_per_m);
         if block.viscosity.is_some() {
             state.branch.get_or_insert_default();
         }
