@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
+use kerf_physics::body::LEAST_PIECE_VOXELS;
 use kerf_physics::grid::Grid;
 use kerf_physics::grid::voxelize::{region_voxels, voxelize};
 use kerf_physics::scene::toughness::{asked_over_eh, carried_over_eh, composite_edge_m, gc_over_eh};
@@ -88,6 +89,7 @@ impl Report {
             }
         }
         self.supports(index, object, scene, grid);
+        self.pieces(index, grid);
         for (i, probe) in scene.desc.probes.iter().enumerate().filter(|(_, p)| p.object == object.name) {
             if grid.voxel_at(grid.cell_of(&probe.position_m.into())).is_none() {
                 self.warnings.push(format!("probes[{i}]: {:?} lies in no voxel of the object", probe.position_m));
@@ -108,6 +110,20 @@ impl Report {
             format!(", from {at_once:.3e} Pa at once in {} s", v.relaxation_time_s)
         });
         self.lines.push(format!("{what}: E {:.3e} Pa{relaxes}, {toughness}", material.young_modulus_pa));
+    }
+
+    fn pieces(&mut self, index: usize, grid: &Grid) {
+        let sizes = grid.piece_sizes();
+        let small = sizes.partition_point(|size| *size < LEAST_PIECE_VOXELS);
+        if small > 0 {
+            self.warnings.push(format!(
+                "objects[{index}]: {small} of {} pieces have fewer than {LEAST_PIECE_VOXELS} voxels, the smallest {}: \
+                 voxels of {:.3} mm are too coarse for its thin parts",
+                sizes.len(),
+                sizes[0],
+                grid.voxel_size_m() * 1e3,
+            ));
+        }
     }
 
     fn supports(&mut self, index: usize, object: &ObjectDesc, scene: &Scene, grid: &Grid) {
@@ -153,6 +169,47 @@ mod tests {
         let lines = examine(&scene).lines.join("\n");
         let expected = format!("E {young:.3e} Pa, from {:.3e} Pa at once in 0.3 s", 1.5 * young);
         assert!(lines.contains(&expected), "{lines}");
+    }
+
+    #[test]
+    fn thin_material_that_falls_to_crumbs_is_warned_of() {
+        use kerf_physics::World;
+        use kerf_physics::scene::{ShapeDesc, TriangleMesh};
+        // A block and, off it, two cubes of one voxel and of two.
+        let corner = |x: f64, size: [f64; 3], c: usize| {
+            std::array::from_fn(|a| if a == 0 { x } else { 0.0 } + size[a] * (c >> a & 1) as f64)
+        };
+        let bar = |x, size| (0..8).map(move |c| corner(x, size, c));
+        let faces = [
+            [0, 2, 1],
+            [1, 2, 3],
+            [4, 5, 6],
+            [5, 7, 6],
+            [0, 1, 4],
+            [1, 5, 4],
+            [2, 6, 3],
+            [3, 6, 7],
+            [0, 4, 2],
+            [2, 4, 6],
+            [1, 3, 5],
+            [3, 7, 5],
+        ];
+        let mut mesh = TriangleMesh::default();
+        for bar in [bar(0.0, [0.04, 0.03, 0.03]), bar(0.06, [0.01, 0.01, 0.01]), bar(0.09, [0.02, 0.01, 0.01])] {
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend(bar);
+            mesh.triangles.extend(faces.map(|face| face.map(|v: u32| v + first)));
+        }
+        let mut scene = catalog::builtin("jelly").unwrap();
+        let object = &mut scene.desc.objects[0];
+        object.shape = ShapeDesc::Mesh { file: "bars".into(), scale_m_per_unit: 1.0, offset_m: [0.0; 3] };
+        (object.voxel_size_m, object.resolution) = (Some(0.01), None);
+        scene.meshes.insert("bars".into(), mesh);
+        scene.desc.probes.clear();
+        let warnings = examine(&scene).warnings.join("\n");
+        assert!(warnings.contains("2 of 3 pieces have fewer than 8 voxels, the smallest 1:"), "{warnings}");
+        let stats = World::new(&scene).unwrap().object_stats()[0];
+        assert_eq!((stats.small_pieces, stats.smallest_piece_voxels, stats.voxels), (2, 1, 36 + 1 + 2));
     }
 
     #[test]

@@ -8,9 +8,9 @@ use kerf_physics::surface::Surface;
 use kerf_physics::{NoClock, SceneError, StepInputs, ToolInput, Vec3, Workers, World};
 
 use super::hand::Stroke;
-use super::inspect::{enclosed_m3, pieces, seams};
+use super::inspect::{enclosed_m3, seams};
 use super::model::Model;
-use crate::extremes::cuts::check_body;
+use crate::extremes::cuts::{check_structure, voxels_in_small_pieces};
 use crate::extremes::scenes::SplitMix64;
 
 /// A body is in crumbs when its largest piece has less than this share of its voxels.
@@ -49,6 +49,8 @@ pub struct Tally {
     pub cut_area_m2: f64,
     /// Pieces of one body, at most.
     pub most_pieces: usize,
+    /// Voxels of a fresh body in pieces below the least: of a mesh with thin parts.
+    pub crumbs: usize,
     /// Voxels of the smallest piece of all.
     pub least_piece: usize,
     /// Steps whose state was rolled back.
@@ -87,6 +89,8 @@ struct Specimen {
     work_j: f64,
     residual_j: f64,
     idle_strokes: u32,
+    /// Voxels that were in pieces below the least before any stroke.
+    crumbs: usize,
 }
 
 impl Specimen {
@@ -94,7 +98,9 @@ impl Specimen {
         let mut world = World::new(&model.scene)?;
         let stats = world.object_stats()[0];
         let whole_m3 = world.bodies_and_surfaces().map(|(_, surface)| enclosed_m3(surface)).sum();
+        let crumbs = voxels_in_small_pieces(world.bodies()[0]);
         Ok(Self {
+            crumbs,
             world,
             workers: Workers::serial(),
             bounds_m: [stats.rest_min_m.into(), stats.rest_max_m.into()],
@@ -142,11 +148,16 @@ impl Specimen {
 
     /// Asks of the body all that must hold between strokes.
     fn inspect(&mut self, tally: &mut Tally) {
-        let mut wrong = check_body(self.world.bodies()[0], tally.voxels);
+        let mut wrong = check_structure(self.world.bodies()[0], tally.voxels);
+        let small = voxels_in_small_pieces(self.world.bodies()[0]);
+        if small != self.crumbs {
+            wrong
+                .push(format!("{small} voxels in pieces of fewer than {LEAST_PIECE_VOXELS}, {} at first", self.crumbs));
+        }
         if !self.world.bodies()[0].is_finite() {
             wrong.push("a position or velocity is not a number".into());
         }
-        let sizes = pieces(&self.world.bodies()[0].grid);
+        let sizes = self.world.bodies()[0].grid.piece_sizes();
         tally.most_pieces = tally.most_pieces.max(sizes.len());
         tally.least_piece = tally.least_piece.min(sizes[0]);
         let (voxel_m, whole_m3) = (self.voxel_m(), self.whole_m3);
@@ -172,6 +183,7 @@ impl Specimen {
             wrong.push(format!("{:.2e} J of {:.2e} J are not accounted for", self.residual_j, self.work_j));
         }
         wrong.iter().for_each(|what| tally.finding(what));
+        tally.state_hash = self.world.state_hash();
     }
 
     /// Whether the surface that was followed is the one a new viewer gets.
@@ -184,7 +196,7 @@ impl Specimen {
 
     fn is_in_crumbs(&self) -> bool {
         let grid = &self.world.bodies()[0].grid;
-        let largest = pieces(grid).last().copied().unwrap_or(0) as f64;
+        let largest = grid.piece_sizes().last().copied().unwrap_or(0) as f64;
         self.idle_strokes >= IDLE_STROKES || largest < CRUMBS * grid.voxels().len() as f64
     }
 }
@@ -207,14 +219,11 @@ pub fn run(model: &Model, strokes: u32, seed: u64, done: impl Fn(&Tally)) -> Res
         name: model.name.clone(),
         voxels: specimen.world.bodies()[0].grid.voxels().len(),
         voxel_m: specimen.voxel_m(),
+        crumbs: specimen.crumbs,
         least_piece: usize::MAX,
         bodies: 1,
         ..Tally::default()
     };
-    // Of a mesh of several bodies, or with a thread of voxels, a piece may be small from the start.
-    if pieces(&specimen.world.bodies()[0].grid).first().is_some_and(|least| *least < LEAST_PIECE_VOXELS) {
-        tally.finding("voxels that hang together with fewer than the least piece before any stroke");
-    }
     let mut seeds = SplitMix64(seed);
     for number in 1..=strokes {
         tally.strokes = number;
@@ -236,6 +245,5 @@ pub fn run(model: &Model, strokes: u32, seed: u64, done: impl Fn(&Tally)) -> Res
         }
     }
     specimen.compare_surface(&mut tally);
-    tally.state_hash = specimen.world.state_hash();
     Ok(tally)
 }
