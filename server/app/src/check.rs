@@ -3,9 +3,8 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use kerf_physics::body::LEAST_PIECE_VOXELS;
-use kerf_physics::grid::Grid;
 use kerf_physics::grid::voxelize::{region_voxels, voxelize};
+use kerf_physics::grid::{Grid, LEAST_PIECE_VOXELS, LeftOut};
 use kerf_physics::scene::toughness::{asked_over_eh, carried_over_eh, composite_edge_m, gc_over_eh};
 use kerf_physics::scene::{MaterialDesc, ObjectDesc};
 use kerf_physics::{Scene, SceneError};
@@ -89,7 +88,7 @@ impl Report {
             }
         }
         self.supports(index, object, scene, grid);
-        self.pieces(index, grid);
+        self.left_out(index, grid);
         for (i, probe) in scene.desc.probes.iter().enumerate().filter(|(_, p)| p.object == object.name) {
             if grid.voxel_at(grid.cell_of(&probe.position_m.into())).is_none() {
                 self.warnings.push(format!("probes[{i}]: {:?} lies in no voxel of the object", probe.position_m));
@@ -112,16 +111,13 @@ impl Report {
         self.lines.push(format!("{what}: E {:.3e} Pa{relaxes}, {toughness}", material.young_modulus_pa));
     }
 
-    fn pieces(&mut self, index: usize, grid: &Grid) {
-        let sizes = grid.piece_sizes();
-        let small = sizes.partition_point(|size| *size < LEAST_PIECE_VOXELS);
-        if small > 0 {
+    fn left_out(&mut self, index: usize, grid: &Grid) {
+        let LeftOut { pieces, voxels, smallest } = grid.left_out();
+        if pieces > 0 {
+            let voxel_mm = grid.voxel_size_m() * 1e3;
             self.warnings.push(format!(
-                "objects[{index}]: {small} of {} pieces have fewer than {LEAST_PIECE_VOXELS} voxels, the smallest {}: \
-                 voxels of {:.3} mm are too coarse for its thin parts",
-                sizes.len(),
-                sizes[0],
-                grid.voxel_size_m() * 1e3,
+                "objects[{index}]: {pieces} pieces of fewer than {LEAST_PIECE_VOXELS} voxels are left out, {voxels} voxels, \
+                 the smallest of {smallest}: voxels of {voxel_mm:.3} mm do not join its thin parts"
             ));
         }
     }
@@ -172,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn thin_material_that_falls_to_crumbs_is_warned_of() {
+    fn crumbs_that_are_left_out_are_warned_of() {
         use kerf_physics::World;
         use kerf_physics::scene::{ShapeDesc, TriangleMesh};
         // A block and, off it, two cubes of one voxel and of two.
@@ -207,9 +203,18 @@ mod tests {
         scene.meshes.insert("bars".into(), mesh);
         scene.desc.probes.clear();
         let warnings = examine(&scene).warnings.join("\n");
-        assert!(warnings.contains("2 of 3 pieces have fewer than 8 voxels, the smallest 1:"), "{warnings}");
+        assert!(
+            warnings.contains("2 pieces of fewer than 8 voxels are left out, 3 voxels, the smallest of 1:"),
+            "{warnings}"
+        );
+        let mut world = World::new(&scene).unwrap();
+        let stats = world.object_stats()[0];
+        assert_eq!((stats.left_out.pieces, stats.left_out.voxels, stats.voxels), (2, 3, 36));
+        assert_eq!(world.counts().parts, 1);
+        // What is small as a whole is meant.
+        scene.meshes.get_mut("bars").unwrap().triangles.drain(..12);
         let stats = World::new(&scene).unwrap().object_stats()[0];
-        assert_eq!((stats.small_pieces, stats.smallest_piece_voxels, stats.voxels), (2, 1, 36 + 1 + 2));
+        assert_eq!((stats.left_out.pieces, stats.voxels), (0, 3));
     }
 
     #[test]

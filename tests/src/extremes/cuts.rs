@@ -87,25 +87,9 @@ fn disc(grid: &Grid, rng: &mut SplitMix64) -> Links {
     links
 }
 
-/// What is wrong with the structure of a body that was built whole: [`check_structure`], and pieces below the
-/// least.
-pub(super) fn check_body(body: &Body, voxels: usize) -> Vec<String> {
-    let mut wrong = check_structure(body, voxels);
-    let small = voxels_in_small_pieces(body);
-    if small > 0 && voxels >= LEAST_PIECE_VOXELS {
-        wrong.push(format!("{small} voxels in pieces of fewer than {LEAST_PIECE_VOXELS}"));
-    }
-    wrong
-}
-
-/// Voxels in pieces below the least.
-pub(crate) fn voxels_in_small_pieces(body: &Body) -> usize {
-    body.grid.piece_sizes().into_iter().take_while(|size| *size < LEAST_PIECE_VOXELS).sum()
-}
-
 /// What is wrong with the structure of a body: voxels lost, elements without voxels or with voxels of
-/// other cells.
-pub(crate) fn check_structure(body: &Body, voxels: usize) -> Vec<String> {
+/// other cells, pieces below the least.
+pub(crate) fn check_body(body: &Body, voxels: usize) -> Vec<String> {
     let mut wrong = Vec::new();
     let base = body.base();
     let mut filled = vec![0usize; base.elements.len()];
@@ -126,6 +110,10 @@ pub(crate) fn check_structure(body: &Body, voxels: usize) -> Vec<String> {
     }
     if total != voxels || unknown > 0 {
         wrong.push(format!("{total} voxels of {voxels}, {unknown} unknown nodes"));
+    }
+    let small: usize = body.grid.piece_sizes().into_iter().take_while(|size| *size < LEAST_PIECE_VOXELS).sum();
+    if small > 0 && voxels >= LEAST_PIECE_VOXELS {
+        wrong.push(format!("{small} voxels in pieces of fewer than {LEAST_PIECE_VOXELS}"));
     }
     wrong
 }

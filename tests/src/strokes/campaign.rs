@@ -2,7 +2,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use kerf_physics::body::{Body, LEAST_PIECE_VOXELS};
+use kerf_physics::body::Body;
 use kerf_physics::step_io::StepOutput;
 use kerf_physics::surface::Surface;
 use kerf_physics::{NoClock, SceneError, StepInputs, ToolInput, Vec3, Workers, World};
@@ -10,7 +10,7 @@ use kerf_physics::{NoClock, SceneError, StepInputs, ToolInput, Vec3, Workers, Wo
 use super::hand::Stroke;
 use super::inspect::{enclosed_m3, seams};
 use super::model::Model;
-use crate::extremes::cuts::{check_structure, voxels_in_small_pieces};
+use crate::extremes::cuts::check_body;
 use crate::extremes::scenes::SplitMix64;
 
 /// A body is in crumbs when its largest piece has less than this share of its voxels.
@@ -49,8 +49,8 @@ pub struct Tally {
     pub cut_area_m2: f64,
     /// Pieces of one body, at most.
     pub most_pieces: usize,
-    /// Voxels of a fresh body in pieces below the least: of a mesh with thin parts.
-    pub crumbs: usize,
+    /// Voxels of a mesh's thin parts that were left out.
+    pub left_out: u32,
     /// Voxels of the smallest piece of all.
     pub least_piece: usize,
     /// Steps whose state was rolled back.
@@ -89,8 +89,6 @@ struct Specimen {
     work_j: f64,
     residual_j: f64,
     idle_strokes: u32,
-    /// Voxels that were in pieces below the least before any stroke.
-    crumbs: usize,
 }
 
 impl Specimen {
@@ -98,9 +96,7 @@ impl Specimen {
         let mut world = World::new(&model.scene)?;
         let stats = world.object_stats()[0];
         let whole_m3 = world.bodies_and_surfaces().map(|(_, surface)| enclosed_m3(surface)).sum();
-        let crumbs = voxels_in_small_pieces(world.bodies()[0]);
         Ok(Self {
-            crumbs,
             world,
             workers: Workers::serial(),
             bounds_m: [stats.rest_min_m.into(), stats.rest_max_m.into()],
@@ -148,12 +144,7 @@ impl Specimen {
 
     /// Asks of the body all that must hold between strokes.
     fn inspect(&mut self, tally: &mut Tally) {
-        let mut wrong = check_structure(self.world.bodies()[0], tally.voxels);
-        let small = voxels_in_small_pieces(self.world.bodies()[0]);
-        if small != self.crumbs {
-            wrong
-                .push(format!("{small} voxels in pieces of fewer than {LEAST_PIECE_VOXELS}, {} at first", self.crumbs));
-        }
+        let mut wrong = check_body(self.world.bodies()[0], tally.voxels);
         if !self.world.bodies()[0].is_finite() {
             wrong.push("a position or velocity is not a number".into());
         }
@@ -219,7 +210,7 @@ pub fn run(model: &Model, strokes: u32, seed: u64, done: impl Fn(&Tally)) -> Res
         name: model.name.clone(),
         voxels: specimen.world.bodies()[0].grid.voxels().len(),
         voxel_m: specimen.voxel_m(),
-        crumbs: specimen.crumbs,
+        left_out: specimen.world.object_stats()[0].left_out.voxels,
         least_piece: usize::MAX,
         bodies: 1,
         ..Tally::default()

@@ -31,7 +31,7 @@ impl Report<'_> {
         }
         text.push_str(
             "| model | voxels | h, mm | strokes | that cut | bodies | steps | links parted | spared | area, m^2 | most pieces \
-             | least piece, voxels | in crumbs at first | faults | dV/(A h), worst | residual/work, worst | lone cracks | state hash | failures |\n\
+             | least piece, voxels | left out | faults | dV/(A h), worst | residual/work, worst | lone cracks | state hash | failures |\n\
              |---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
         );
         for tally in self.tallies {
@@ -72,7 +72,7 @@ pub fn row(tally: &Tally) -> String {
         t.cut_area_m2,
         t.most_pieces,
         t.least_piece,
-        t.crumbs,
+        t.left_out,
         t.faults,
         t.volume_ratio,
         t.residual_ratio,
@@ -93,7 +93,7 @@ fn preface(command: &str, seed: u64) -> String {
          whose largest piece is below a quarter of its voxels, or that 15 strokes in a row parted nothing of, gives\n\
          way to a fresh one.\n\n\
          Asked after every stroke: no step rolled back, no panic, every number finite; every voxel in one element and\n\
-         in one piece, no piece of fewer than 8 voxels but those that a mesh with thin parts has at first; every edge of the surface passed equally often in both\n\
+         in one piece, no piece of fewer than 8 voxels (those that a mesh has at first are left out); every edge of the surface passed equally often in both\n\
          directions, and the surface followed from patch to patch equal to one built anew (when a body is given up);\n\
          enclosed rest volume within A h/10 of the uncut one (A: area the fronts swept in this body, h: voxel edge);\n\
          the energy the ledger leaves unexplained within 1e-2 of the tools' work. A lone crack is a parted link whose\n\

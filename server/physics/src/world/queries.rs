@@ -4,9 +4,10 @@ use super::World;
 use super::body_slot::BodySlot;
 use super::tissue_contact::TissueContact;
 use super::tool_contact::ToolContact;
-use crate::body::{Body, LEAST_PIECE_VOXELS};
+use crate::body::Body;
 use crate::contact::broad::Aabb;
 use crate::contact::tissue_spring::TissueSpring;
+use crate::grid::LeftOut;
 use crate::hash::StateHasher;
 use crate::stage::{Lap, Stage, StageClock};
 use crate::surface::Surface;
@@ -26,11 +27,8 @@ pub struct ObjectStats {
     pub voxels: u32,
     /// Composite elements as they are now.
     pub composite_elements: u32,
-    /// Pieces of fewer than [`LEAST_PIECE_VOXELS`] as they are now. No cut sets one free: those there are the
-    /// object was built with, of thin material that its voxels do not join.
-    pub small_pieces: u32,
-    /// Fine voxels of its smallest piece.
-    pub smallest_piece_voxels: u32,
+    /// What of its shape was left out.
+    pub left_out: LeftOut,
 }
 
 /// Numbers of things in a scene.
@@ -75,10 +73,8 @@ impl World {
             let grid = &slot.body.grid;
             let centres = grid.voxels().iter().map(|v| grid.centre_m(v.ijk));
             let aabb = Aabb::around(centres).grown(0.5 * grid.voxel_size_m());
-            let pieces = grid.piece_sizes();
             ObjectStats {
-                small_pieces: pieces.partition_point(|size| *size < LEAST_PIECE_VOXELS) as u32,
-                smallest_piece_voxels: pieces.first().map_or(0, |size| *size as u32),
+                left_out: grid.left_out(),
                 rest_min_m: aabb.min_m.into(),
                 rest_max_m: aabb.max_m.into(),
                 voxel_size_m: grid.voxel_size_m(),
