@@ -11,7 +11,6 @@ use kerf_system_tests::strokes::campaign::{Tally, run};
 use kerf_system_tests::strokes::memory::resident_bytes;
 use kerf_system_tests::strokes::model::Model;
 use kerf_system_tests::strokes::report::{Report, row};
-use rayon::prelude::*;
 
 /// How long a run that is cut off may have gone on since it last left its figures.
 const REPORT_EVERY: Duration = Duration::from_secs(60);
@@ -126,7 +125,7 @@ fn main() -> Result<()> {
     // A stroke that panics is a line of the report, not of the terminal.
     std::panic::set_hook(Box::new(|_| ()));
     let run_of_all = Run::new(&options, &models);
-    let cut = |(index, model): (usize, &Model)| -> Result<Tally> {
+    let cut = &|index: usize, model: &Model| -> Result<Tally> {
         let tally = run(model, options.strokes, options.seed, |tally| {
             if let Err(error) = run_of_all.take(index, tally) {
                 println!("{error:#}");
@@ -135,7 +134,11 @@ fn main() -> Result<()> {
         println!("{}", row(&tally));
         Ok(tally)
     };
-    let tallies = models.par_iter().enumerate().map(cut).collect::<Result<Vec<_>>>()?;
+    // A thread to each, whatever the machine has: a run that is cut off has cut them all.
+    let tallies = std::thread::scope(|scope| {
+        let threads: Vec<_> = models.iter().enumerate().map(|(i, model)| scope.spawn(move || cut(i, model))).collect();
+        threads.into_iter().map(|thread| thread.join().expect("strokes' panics are caught")).collect::<Result<Vec<_>>>()
+    })?;
     run_of_all.write(&tallies)?;
     println!("see {}", options.out.display());
     Ok(())
