@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use anyhow::{Result, bail};
-use kerf_physics::grid::Grid;
 use kerf_physics::grid::voxelize::{region_voxels, voxelize};
+use kerf_physics::grid::{Grid, LEAST_PIECE_VOXELS, LeftOut};
 use kerf_physics::scene::toughness::{asked_over_eh, carried_over_eh, composite_edge_m, gc_over_eh};
 use kerf_physics::scene::{MaterialDesc, ObjectDesc};
 use kerf_physics::{Scene, SceneError};
@@ -88,6 +88,7 @@ impl Report {
             }
         }
         self.supports(index, object, scene, grid);
+        self.left_out(index, grid);
         for (i, probe) in scene.desc.probes.iter().enumerate().filter(|(_, p)| p.object == object.name) {
             if grid.voxel_at(grid.cell_of(&probe.position_m.into())).is_none() {
                 self.warnings.push(format!("probes[{i}]: {:?} lies in no voxel of the object", probe.position_m));
@@ -108,6 +109,17 @@ impl Report {
             format!(", from {at_once:.3e} Pa at once in {} s", v.relaxation_time_s)
         });
         self.lines.push(format!("{what}: E {:.3e} Pa{relaxes}, {toughness}", material.young_modulus_pa));
+    }
+
+    fn left_out(&mut self, index: usize, grid: &Grid) {
+        let LeftOut { pieces, voxels, smallest } = grid.left_out();
+        if pieces > 0 {
+            let voxel_mm = grid.voxel_size_m() * 1e3;
+            self.warnings.push(format!(
+                "objects[{index}]: {pieces} pieces of fewer than {LEAST_PIECE_VOXELS} voxels are left out, {voxels} voxels, \
+                 the smallest of {smallest}: voxels of {voxel_mm:.3} mm do not join its thin parts"
+            ));
+        }
     }
 
     fn supports(&mut self, index: usize, object: &ObjectDesc, scene: &Scene, grid: &Grid) {
@@ -153,6 +165,56 @@ mod tests {
         let lines = examine(&scene).lines.join("\n");
         let expected = format!("E {young:.3e} Pa, from {:.3e} Pa at once in 0.3 s", 1.5 * young);
         assert!(lines.contains(&expected), "{lines}");
+    }
+
+    #[test]
+    fn crumbs_that_are_left_out_are_warned_of() {
+        use kerf_physics::World;
+        use kerf_physics::scene::{ShapeDesc, TriangleMesh};
+        // A block and, off it, two cubes of one voxel and of two.
+        let corner = |x: f64, size: [f64; 3], c: usize| {
+            std::array::from_fn(|a| if a == 0 { x } else { 0.0 } + size[a] * (c >> a & 1) as f64)
+        };
+        let bar = |x, size| (0..8).map(move |c| corner(x, size, c));
+        let faces = [
+            [0, 2, 1],
+            [1, 2, 3],
+            [4, 5, 6],
+            [5, 7, 6],
+            [0, 1, 4],
+            [1, 5, 4],
+            [2, 6, 3],
+            [3, 6, 7],
+            [0, 4, 2],
+            [2, 4, 6],
+            [1, 3, 5],
+            [3, 7, 5],
+        ];
+        let mut mesh = TriangleMesh::default();
+        for bar in [bar(0.0, [0.04, 0.03, 0.03]), bar(0.06, [0.01, 0.01, 0.01]), bar(0.09, [0.02, 0.01, 0.01])] {
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend(bar);
+            mesh.triangles.extend(faces.map(|face| face.map(|v: u32| v + first)));
+        }
+        let mut scene = catalog::builtin("jelly").unwrap();
+        let object = &mut scene.desc.objects[0];
+        object.shape = ShapeDesc::Mesh { file: "bars".into(), scale_m_per_unit: 1.0, offset_m: [0.0; 3] };
+        (object.voxel_size_m, object.resolution) = (Some(0.01), None);
+        scene.meshes.insert("bars".into(), mesh);
+        scene.desc.probes.clear();
+        let warnings = examine(&scene).warnings.join("\n");
+        assert!(
+            warnings.contains("2 pieces of fewer than 8 voxels are left out, 3 voxels, the smallest of 1:"),
+            "{warnings}"
+        );
+        let mut world = World::new(&scene).unwrap();
+        let stats = world.object_stats()[0];
+        assert_eq!((stats.left_out.pieces, stats.left_out.voxels, stats.voxels), (2, 3, 36));
+        assert_eq!(world.counts().parts, 1);
+        // What is small as a whole is meant.
+        scene.meshes.get_mut("bars").unwrap().triangles.drain(..12);
+        let stats = World::new(&scene).unwrap().object_stats()[0];
+        assert_eq!((stats.left_out.pieces, stats.voxels), (0, 3));
     }
 
     #[test]

@@ -2,9 +2,14 @@
 
 mod support;
 
-use kerf_physics::Vec3;
+use kerf_physics::contact::flank::{Walls, WallsBeside};
+use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{BladeDesc, ToolDesc};
+use kerf_physics::tool::Pose;
+use kerf_physics::tool::blade::Blade;
+use kerf_physics::{Quat, Vec3, Workers};
 use support::cutting::*;
+use support::{body, object, params};
 
 const H_M: f64 = 2.5e-3;
 const DEEP_M: f64 = 0.02;
@@ -122,4 +127,38 @@ fn a_wedge_is_thin_at_the_edge() {
     println!("in the cut: thin {thin:.2e} J, full {full:.2e} J, wedge {wedge:.2e} J");
     assert!(thin < 1e-3 * full, "thin {thin} J, full {full} J");
     assert!((0.1..0.8).contains(&(wedge / full)), "full {full} J, wedge {wedge} J");
+}
+
+#[test]
+fn a_wall_that_has_turned_round_beside_the_blade_is_not_one_that_pressed_through_it() {
+    // A bar in two, and a blade across it 1.2 voxels from the end of one half.
+    let mut body = body(&object([-0.04, 0.0, -0.02], [0.04, 0.04, 0.02], 5e-3, 2), params(1e-3));
+    let middle = body.grid.cell_of(&Vec3::new(-1e-4, 0.02, 0.0))[0];
+    let cells = body.grid.voxels().iter().map(|v| v.ijk).filter(|cell| cell[0] == middle);
+    let links: Vec<_> =
+        cells.map(|cell| (LinkId { cell, axis: 0 }, Crossing { t: 0.5, normal: [1.0, 0.0, 0.0] })).collect();
+    let parted = body.part_links(&links).parted;
+    let change = body.update_topology(&Workers::serial(), &parted);
+    let mut walls = Walls::default();
+    walls.update(&body, &parted, &change);
+    let blade = Blade::new(&blade()).expect("a blade");
+    let pose = |x: f64, turn: f64| Pose {
+        position_m: Vec3::new(x, -0.02, 0.0),
+        orientation: Quat::from_axis_angle(&Vec3::y_axis(), turn * std::f64::consts::FRAC_PI_2),
+    };
+    // Flanks against walls once the blade has gone from 6 mm outside to 6 mm inside of the left half's end.
+    let contacts = |turn: f64| {
+        let (mut beside, mut out) = (WallsBeside::default(), Vec::new());
+        for pose in [pose(6e-3, 1.0), pose(-6e-3, turn)] {
+            out.clear();
+            walls.contacts(&body, &blade.flanks, [&pose, &pose], &mut beside, &mut out);
+        }
+        out
+    };
+    let through = contacts(1.0);
+    assert!(!through.is_empty());
+    assert!(through.iter().all(|c| c.direction.x < -0.99 && (5e-3..7e-3).contains(&c.gap_predicted_m)), "{through:?}");
+    // As if the half had turned round beside it.
+    let turned = contacts(-1.0);
+    assert!(turned.is_empty(), "{turned:?}");
 }

@@ -1,16 +1,19 @@
 //! Cuts models by thousands of random strokes and writes what came of it, as Markdown.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 use clap::Parser;
-use indicatif::{ProgressBar, ProgressStyle};
 use kerf_system_tests::strokes::campaign::{Tally, run};
 use kerf_system_tests::strokes::memory::resident_bytes;
 use kerf_system_tests::strokes::model::Model;
 use kerf_system_tests::strokes::report::{Report, row};
-use rayon::prelude::*;
+
+/// How long a run that is cut off may have gone on since it last left its figures.
+const REPORT_EVERY: Duration = Duration::from_secs(60);
 
 /// Cuts each model by random strokes; the same seed gives the same strokes.
 #[derive(Parser)]
@@ -54,6 +57,61 @@ impl Resident {
     }
 }
 
+/// The figures of a run as it goes on.
+struct Run<'a> {
+    options: &'a Options,
+    command: String,
+    began: Instant,
+    resident: Resident,
+    /// By model, and when they were last written.
+    tallies: Mutex<(Vec<Tally>, Instant)>,
+}
+
+impl<'a> Run<'a> {
+    fn new(options: &'a Options, models: &[Model]) -> Self {
+        let names: Vec<&str> = models.iter().map(|model| model.name.as_str()).collect();
+        let Options { strokes, resolution, .. } = options;
+        let command = format!("strokes {} --strokes {strokes} --resolution {resolution}", names.join(" "));
+        let began = Instant::now();
+        let tallies = names.iter().map(|name| Tally { name: (*name).to_owned(), ..Tally::default() });
+        let tallies = Mutex::new((tallies.collect(), began));
+        Self { options, command, began, resident: Resident::default(), tallies }
+    }
+
+    /// Takes a model's figures after a stroke; each minute writes those of all.
+    fn take(&self, model: usize, tally: &Tally) -> Result<()> {
+        let mut guard = self.tallies.lock().expect("no thread panics that holds it");
+        let (tallies, written) = &mut *guard;
+        self.resident.look(self.options.strokes * tallies.len() as u32);
+        tallies[model].clone_from(tally);
+        if written.elapsed() > REPORT_EVERY {
+            *written = Instant::now();
+            self.write(tallies)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the report and says how far the run is.
+    fn write(&self, tallies: &[Tally]) -> Result<()> {
+        let Options { out, strokes, seed, .. } = self.options;
+        let resident_mb = self.resident.mb();
+        let report = Report { command: &self.command, seed: *seed, strokes: *strokes, tallies, resident_mb };
+        replace(out, &report.markdown()).with_context(|| out.display().to_string())?;
+        let made = tallies.iter().map(|tally| format!("{} {}", tally.name, tally.strokes)).collect::<Vec<_>>();
+        let failures: u32 = tallies.iter().map(|tally| tally.failures).sum();
+        let minutes = self.began.elapsed().as_secs_f64() / 60.0;
+        println!("{minutes:.1} min, strokes {} of {strokes} each: {failures} failures", made.join(", "));
+        Ok(())
+    }
+}
+
+/// Writes a file so that whoever reads it finds the old text or the new one.
+fn replace(path: &Path, text: &str) -> std::io::Result<()> {
+    let beside = path.with_extension("part");
+    std::fs::write(&beside, text)?;
+    std::fs::rename(beside, path)
+}
+
 fn main() -> Result<()> {
     let options = Options::parse();
     let mut models = Vec::new();
@@ -66,28 +124,22 @@ fn main() -> Result<()> {
     }
     // A stroke that panics is a line of the report, not of the terminal.
     std::panic::set_hook(Box::new(|_| ()));
-    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} {eta} left {msg}").context("a sound template")?;
-    let all_strokes = options.strokes * models.len() as u32;
-    let progress = ProgressBar::new(u64::from(all_strokes)).with_style(style);
-    let resident = Resident::default();
-    let done = |tally: &Tally| {
-        resident.look(all_strokes);
-        progress.inc(1);
-        progress.set_message(format!("{} failures of {}", tally.failures, tally.name));
-    };
-    let cut = |model: &Model| -> Result<Tally> {
-        let tally = run(model, options.strokes, options.seed, done)?;
-        progress.suspend(|| println!("{}", row(&tally)));
+    let run_of_all = Run::new(&options, &models);
+    let cut = &|index: usize, model: &Model| -> Result<Tally> {
+        let tally = run(model, options.strokes, options.seed, |tally| {
+            if let Err(error) = run_of_all.take(index, tally) {
+                println!("{error:#}");
+            }
+        })?;
+        println!("{}", row(&tally));
         Ok(tally)
     };
-    let tallies = models.par_iter().map(cut).collect::<Result<Vec<_>>>()?;
-    progress.finish_and_clear();
-    let names: Vec<String> = tallies.iter().map(|tally| tally.name.clone()).collect();
-    let command =
-        format!("strokes {} --strokes {} --resolution {}", names.join(" "), options.strokes, options.resolution);
-    let report = Report { command: &command, seed: options.seed, tallies: &tallies, resident_mb: resident.mb() };
-    std::fs::write(&options.out, report.markdown()).with_context(|| options.out.display().to_string())?;
-    let failures: u32 = tallies.iter().map(|tally| tally.failures).sum();
-    println!("{failures} failures; see {}", options.out.display());
+    // A thread to each, whatever the machine has: a run that is cut off has cut them all.
+    let tallies = std::thread::scope(|scope| {
+        let threads: Vec<_> = models.iter().enumerate().map(|(i, model)| scope.spawn(move || cut(i, model))).collect();
+        threads.into_iter().map(|thread| thread.join().expect("strokes' panics are caught")).collect::<Result<Vec<_>>>()
+    })?;
+    run_of_all.write(&tallies)?;
+    println!("see {}", options.out.display());
     Ok(())
 }

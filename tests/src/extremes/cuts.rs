@@ -111,8 +111,7 @@ pub(crate) fn check_body(body: &Body, voxels: usize) -> Vec<String> {
     if total != voxels || unknown > 0 {
         wrong.push(format!("{total} voxels of {voxels}, {unknown} unknown nodes"));
     }
-    let cells = body.grid.voxels().iter().map(|v| v.ijk);
-    let small = cells.filter(|cell| body.grid.small_piece(*cell, LEAST_PIECE_VOXELS).is_some()).count();
+    let small: usize = body.grid.piece_sizes().into_iter().take_while(|size| *size < LEAST_PIECE_VOXELS).sum();
     if small > 0 && voxels >= LEAST_PIECE_VOXELS {
         wrong.push(format!("{small} voxels in pieces of fewer than {LEAST_PIECE_VOXELS}"));
     }

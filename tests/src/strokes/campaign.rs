@@ -2,13 +2,13 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use kerf_physics::body::{Body, LEAST_PIECE_VOXELS};
+use kerf_physics::body::Body;
 use kerf_physics::step_io::StepOutput;
 use kerf_physics::surface::Surface;
 use kerf_physics::{NoClock, SceneError, StepInputs, ToolInput, Vec3, Workers, World};
 
 use super::hand::Stroke;
-use super::inspect::{enclosed_m3, pieces, seams};
+use super::inspect::{enclosed_m3, seams};
 use super::model::Model;
 use crate::extremes::cuts::check_body;
 use crate::extremes::scenes::SplitMix64;
@@ -49,6 +49,8 @@ pub struct Tally {
     pub cut_area_m2: f64,
     /// Pieces of one body, at most.
     pub most_pieces: usize,
+    /// Voxels of a mesh's thin parts that were left out.
+    pub left_out: u32,
     /// Voxels of the smallest piece of all.
     pub least_piece: usize,
     /// Steps whose state was rolled back.
@@ -146,7 +148,7 @@ impl Specimen {
         if !self.world.bodies()[0].is_finite() {
             wrong.push("a position or velocity is not a number".into());
         }
-        let sizes = pieces(&self.world.bodies()[0].grid);
+        let sizes = self.world.bodies()[0].grid.piece_sizes();
         tally.most_pieces = tally.most_pieces.max(sizes.len());
         tally.least_piece = tally.least_piece.min(sizes[0]);
         let (voxel_m, whole_m3) = (self.voxel_m(), self.whole_m3);
@@ -172,6 +174,7 @@ impl Specimen {
             wrong.push(format!("{:.2e} J of {:.2e} J are not accounted for", self.residual_j, self.work_j));
         }
         wrong.iter().for_each(|what| tally.finding(what));
+        tally.state_hash = self.world.state_hash();
     }
 
     /// Whether the surface that was followed is the one a new viewer gets.
@@ -184,7 +187,7 @@ impl Specimen {
 
     fn is_in_crumbs(&self) -> bool {
         let grid = &self.world.bodies()[0].grid;
-        let largest = pieces(grid).last().copied().unwrap_or(0) as f64;
+        let largest = grid.piece_sizes().last().copied().unwrap_or(0) as f64;
         self.idle_strokes >= IDLE_STROKES || largest < CRUMBS * grid.voxels().len() as f64
     }
 }
@@ -207,14 +210,11 @@ pub fn run(model: &Model, strokes: u32, seed: u64, done: impl Fn(&Tally)) -> Res
         name: model.name.clone(),
         voxels: specimen.world.bodies()[0].grid.voxels().len(),
         voxel_m: specimen.voxel_m(),
+        left_out: specimen.world.object_stats()[0].left_out.voxels,
         least_piece: usize::MAX,
         bodies: 1,
         ..Tally::default()
     };
-    // Of a mesh of several bodies, or with a thread of voxels, a piece may be small from the start.
-    if pieces(&specimen.world.bodies()[0].grid).first().is_some_and(|least| *least < LEAST_PIECE_VOXELS) {
-        tally.finding("voxels that hang together with fewer than the least piece before any stroke");
-    }
     let mut seeds = SplitMix64(seed);
     for number in 1..=strokes {
         tally.strokes = number;
@@ -236,6 +236,5 @@ pub fn run(model: &Model, strokes: u32, seed: u64, done: impl Fn(&Tally)) -> Res
         }
     }
     specimen.compare_surface(&mut tally);
-    tally.state_hash = specimen.world.state_hash();
     Ok(tally)
 }

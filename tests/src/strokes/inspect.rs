@@ -59,27 +59,3 @@ pub(super) fn enclosed_m3(surface: &Surface) -> f64 {
     };
     triangles.map(volume).sum()
 }
-
-/// Voxels in each connected piece, ascending.
-pub(super) fn pieces(grid: &Grid) -> Vec<usize> {
-    let mut seen = vec![false; grid.voxels().len()];
-    let mut sizes = Vec::new();
-    for start in 0..seen.len() {
-        if std::mem::replace(&mut seen[start], true) {
-            continue;
-        }
-        let (mut open, mut size) = (vec![start], 0);
-        while let Some(voxel) = open.pop() {
-            size += 1;
-            for (link, other) in Grid::links_of(grid.voxels()[voxel].ijk) {
-                let Some(next) = grid.voxel_at(other).filter(|_| grid.is_intact(link)) else { continue };
-                if !std::mem::replace(&mut seen[next.index()], true) {
-                    open.push(next.index());
-                }
-            }
-        }
-        sizes.push(size);
-    }
-    sizes.sort_unstable();
-    sizes
-}

@@ -11,8 +11,9 @@ use crate::extremes::scenes::below;
 
 /// Longest edge of a mesh's bounding box in the scene, m: the liver's.
 const LONGEST_M: f64 = 0.2;
-/// Share of a mesh's height, from below, that is held.
-const HELD_SHARE: f64 = 0.1;
+/// Share of a mesh's extent along y, from its lower end, that is held: what is held by less gives way before it
+/// is cut.
+const HELD_SHARE: f64 = 0.3;
 /// Slow enough for many strokes, fast enough that one of 1 m/s goes on by less than a voxel in a step.
 const RATE_HZ: f64 = 250.0;
 /// Every edge reaches so far, m: half a model.

@@ -10,6 +10,8 @@ pub struct Report<'a> {
     pub command: &'a str,
     /// Seed of the run.
     pub seed: u64,
+    /// Strokes through each model that were asked for.
+    pub strokes: u32,
     /// One for each model.
     pub tallies: &'a [Tally],
     /// Resident set of the process, MB: highest in the first tenth of the strokes, and highest of all.
@@ -21,10 +23,16 @@ impl Report<'_> {
     #[must_use]
     pub fn markdown(&self) -> String {
         let mut text = preface(self.command, self.seed);
+        if self.tallies.iter().any(|tally| tally.strokes < self.strokes) {
+            _ = writeln!(
+                text,
+                "The run was cut off before all of its strokes were made: these are the figures so far.\n"
+            );
+        }
         text.push_str(
             "| model | voxels | h, mm | strokes | that cut | bodies | steps | links parted | spared | area, m^2 | most pieces \
-             | least piece, voxels | faults | dV/(A h), worst | residual/work, worst | lone cracks | state hash | failures |\n\
-             |---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
+             | least piece, voxels | left out | faults | dV/(A h), worst | residual/work, worst | lone cracks | state hash | failures |\n\
+             |---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
         );
         for tally in self.tallies {
             _ = writeln!(text, "{}", row(tally));
@@ -51,7 +59,7 @@ impl Report<'_> {
 pub fn row(tally: &Tally) -> String {
     let t = tally;
     format!(
-        "| {} | {} | {:.2} | {} | {} | {} | {} | {} | {} | {:.3} | {} | {} | {} | {:.4} | {:.1e} | {} | {:016x} | {} |",
+        "| {} | {} | {:.2} | {} | {} | {} | {} | {} | {} | {:.3} | {} | {} | {} | {} | {:.4} | {:.1e} | {} | {:016x} | {} |",
         t.name,
         t.voxels,
         t.voxel_m * 1e3,
@@ -64,6 +72,7 @@ pub fn row(tally: &Tally) -> String {
         t.cut_area_m2,
         t.most_pieces,
         t.least_piece,
+        t.left_out,
         t.faults,
         t.volume_ratio,
         t.residual_ratio,
@@ -84,7 +93,7 @@ fn preface(command: &str, seed: u64) -> String {
          whose largest piece is below a quarter of its voxels, or that 15 strokes in a row parted nothing of, gives\n\
          way to a fresh one.\n\n\
          Asked after every stroke: no step rolled back, no panic, every number finite; every voxel in one element and\n\
-         in one piece, no piece of fewer than 8 voxels; every edge of the surface passed equally often in both\n\
+         in one piece, no piece of fewer than 8 voxels (those that a mesh has at first are left out); every edge of the surface passed equally often in both\n\
          directions, and the surface followed from patch to patch equal to one built anew (when a body is given up);\n\
          enclosed rest volume within A h/10 of the uncut one (A: area the fronts swept in this body, h: voxel edge);\n\
          the energy the ledger leaves unexplained within 1e-2 of the tools' work. A lone crack is a parted link whose\n\

@@ -38,6 +38,8 @@ fn object_summary(object: &ObjectDesc, stats: Option<ObjectStats>) -> v1::Object
         voxel_size_m: stats.voxel_size_m,
         voxels: stats.voxels,
         composite_elements: stats.composite_elements,
+        left_out_pieces: stats.left_out.pieces,
+        left_out_voxels: stats.left_out.voxels,
     }
 }
 

@@ -13,12 +13,13 @@ mod solve;
 mod topology;
 mod toughness_rate;
 
+pub use crate::grid::LEAST_PIECE_VOXELS;
 pub(crate) use facets::Facet;
 pub use forces::{BodyEnergy, StepEnergies};
 pub use interpolate::MaterialPoint;
 pub use relax::Relaxation;
 pub(crate) use rigid::Totals;
-pub use topology::{LEAST_PIECE_VOXELS, PartedLinks, TopologyChange};
+pub use topology::{PartedLinks, TopologyChange};
 pub use toughness_rate::ToughnessRate;
 
 use crate::Vec3;

@@ -3,12 +3,8 @@
 use super::{Body, rigid};
 use crate::fem::corotation::LANES;
 use crate::grid::levels::{Level, LevelChange, VoxelUnits};
-use crate::grid::{Crossing, Grid, LinkId, VoxelId};
+use crate::grid::{Crossing, Grid, LEAST_PIECE_VOXELS, LinkId, VoxelId};
 use crate::workers::Workers;
-
-/// No piece of fewer voxels is set free, an eighth of a composite element at k = 4: it could neither be
-/// seen for what it is nor be carried by the elements' corners, which its few voxels hardly load.
-pub const LEAST_PIECE_VOXELS: usize = 8;
 
 /// What a topology update changed, for whoever follows the body from outside.
 #[derive(Clone, Debug, Default)]

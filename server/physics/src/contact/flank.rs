@@ -32,9 +32,27 @@ pub struct Walls {
 #[derive(Clone, Default)]
 pub struct WallsBeside {
     /// In the order of [`Walls`].
-    keys: Vec<PatchKey>,
+    keys: Vec<(PatchKey, FlankSide)>,
     /// Those of the step before.
-    before: Vec<PatchKey>,
+    before: Vec<(PatchKey, FlankSide)>,
+}
+
+/// The flank that a wall looks at. A wall that turns round looks at the other one, from the far side of the
+/// blade: it has not come there by pressing on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum FlankSide {
+    /// Ahead of the middle surface along its normal.
+    Ahead,
+    Behind,
+}
+
+impl FlankSide {
+    fn sign(self) -> f64 {
+        match self {
+            Self::Ahead => 1.0,
+            Self::Behind => -1.0,
+        }
+    }
 }
 
 impl WallsBeside {
@@ -90,8 +108,9 @@ impl Walls {
                 continue;
             }
             let Some(wall) = Wall::beside(body, patch, flanks, nearest, pose) else { continue };
-            if !wall.is_come_upon(body) || beside.before.binary_search(&patch.key()).is_ok() {
-                beside.keys.push(patch.key());
+            let key = (patch.key(), wall.side);
+            if !wall.is_come_upon(body) || beside.before.binary_search(&key).is_ok() {
+                beside.keys.push(key);
                 out.extend(wall.contact(body, before, pose));
             }
         }
@@ -107,6 +126,7 @@ fn front_zone_m(body: &Body, patch: &SurfacePatch) -> f64 {
 struct Wall<'a> {
     patch: &'a SurfacePatch,
     beside: FlankPoint,
+    side: FlankSide,
     face: FlankFace,
     /// How deep it is beyond the blade's middle surface, m.
     beyond_middle_m: f64,
@@ -117,8 +137,10 @@ impl<'a> Wall<'a> {
     fn beside(body: &Body, patch: &'a SurfacePatch, flanks: &Flanks, beside: FlankPoint, pose: &Pose) -> Option<Self> {
         let turned = body.deformation_gradient(&patch.point).try_inverse()?.transpose() * patch.normal;
         // The blade stands where the wall looks.
-        let side = if turned.dot(&(pose.orientation * beside.normal)) < 0.0 { 1.0 } else { -1.0 };
-        Some(Self { patch, beside, face: flanks.face(&beside, side), beyond_middle_m: -side * beside.offset_m })
+        let looks_back = turned.dot(&(pose.orientation * beside.normal)) < 0.0;
+        let side = if looks_back { FlankSide::Ahead } else { FlankSide::Behind };
+        let face = flanks.face(&beside, side.sign());
+        Some(Self { patch, beside, side, face, beyond_middle_m: -side.sign() * beside.offset_m })
     }
 
     fn is_come_upon(&self, body: &Body) -> bool {

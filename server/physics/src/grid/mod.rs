@@ -5,6 +5,7 @@
 //! `origin + h [i, i+1] x [j, j+1] x [k, k+1]` of the reference configuration.
 
 pub mod cell_sizes;
+mod crumbs;
 pub mod implicit;
 pub mod lattice;
 pub mod levels;
@@ -13,6 +14,8 @@ mod mesh_faces;
 pub mod voxelize;
 
 use crate::Vec3;
+
+pub use crumbs::LeftOut;
 
 /// Integer coordinates of a voxel.
 pub type Ijk = [i32; 3];
@@ -81,6 +84,10 @@ pub enum Link {
     Outside,
 }
 
+/// No piece of fewer voxels is built or set free, an eighth of a composite element at k = 4: it could neither be
+/// seen for what it is nor be carried by the elements' corners, which its few voxels hardly load.
+pub const LEAST_PIECE_VOXELS: usize = 8;
+
 const NO_VOXEL: u32 = u32::MAX;
 const NO_CROSSING: u32 = u32::MAX;
 
@@ -98,6 +105,7 @@ pub struct Grid {
     crossings: Vec<Crossing>,
     /// Signed distance at the centre of each cell of the same box, m, negative inside.
     signed_distance_m: Vec<f32>,
+    left_out: LeftOut,
 }
 
 impl Grid {
@@ -123,6 +131,7 @@ impl Grid {
             crossing_at: vec![[NO_CROSSING; 3]; cells],
             crossings: Vec::new(),
             signed_distance_m: Vec::with_capacity(cells),
+            left_out: LeftOut::default(),
         };
         for (id, voxel) in grid.voxels.iter().enumerate() {
             let slot = grid.slot(voxel.ijk).expect("voxel lies in the box");
@@ -183,6 +192,12 @@ impl Grid {
     #[must_use]
     pub fn dims(&self) -> [i32; 3] {
         self.dims
+    }
+
+    /// What of the shape was left out.
+    #[must_use]
+    pub fn left_out(&self) -> LeftOut {
+        self.left_out
     }
 
     /// Every voxel.
@@ -267,6 +282,32 @@ impl Grid {
             next += 1;
         }
         Some(piece)
+    }
+
+    /// Numbers of voxels of the pieces that intact links hold together, ascending.
+    #[must_use]
+    pub fn piece_sizes(&self) -> Vec<usize> {
+        let mut seen = vec![false; self.voxels().len()];
+        let (mut sizes, mut open) = (Vec::new(), Vec::new());
+        for start in 0..seen.len() {
+            if std::mem::replace(&mut seen[start], true) {
+                continue;
+            }
+            open.push(start);
+            let mut size = 0;
+            while let Some(voxel) = open.pop() {
+                size += 1;
+                for (link, other) in Self::links_of(self.voxels()[voxel].ijk) {
+                    let Some(next) = self.voxel_at(other).filter(|_| self.is_intact(link)) else { continue };
+                    if !std::mem::replace(&mut seen[next.index()], true) {
+                        open.push(next.index());
+                    }
+                }
+            }
+            sizes.push(size);
+        }
+        sizes.sort_unstable();
+        sizes
     }
 
     /// The six links of a cell with their other ends: -x, +x, -y, +y, -z, +z.

@@ -1,5 +1,6 @@
 //! From a scene's shapes to voxels, links and signed distances.
 
+use super::crumbs::{self, LeftOut};
 use super::implicit::Implicit;
 use super::lattice::{Bounds, Lattice};
 use super::mesh::{self, Columns, MeshSolid};
@@ -17,7 +18,8 @@ const HALVINGS: u32 = 21;
 
 /// Voxelizes an object: a voxel is inside where its centre is.
 ///
-/// The lattice is centred on the shape's bounding box, so a box of a whole number of voxels is filled
+/// Pieces of fewer than [`super::LEAST_PIECE_VOXELS`] are left out where there is a larger one, and counted in
+/// [`Grid::left_out`]. The lattice is centred on the shape's bounding box, so a box of a whole number of voxels is filled
 /// by exactly those voxels. Voxels are ordered by z, then y, then x.
 ///
 /// # Errors
@@ -137,6 +139,12 @@ impl Samples {
         })
     }
 
+    /// Leaves out what is too small to be carried.
+    fn leave_out_crumbs(&mut self) -> LeftOut {
+        let Self { lattice, inside, distance_m, .. } = self;
+        crumbs::leave_out(lattice, inside, |slot| distance_m[slot] = distance_m[slot].abs())
+    }
+
     fn is_inside(&self, cell: Ijk) -> bool {
         self.inside[self.lattice.slot(cell)]
     }
@@ -224,7 +232,8 @@ fn widened(lattice: &Lattice, marked: &[bool], axis: usize) -> Vec<bool> {
 fn voxelize_shape(object: &ObjectDesc, meshes: &Meshes) -> Result<Grid, SceneError> {
     let (bounds, bulge_m) = extent(&object.shape, meshes)?;
     let size_m = size_within(object, &bounds);
-    let samples = Samples::new(Solid::new(&object.shape, meshes)?, Lattice::over(&bounds, bulge_m, size_m)?)?;
+    let mut samples = Samples::new(Solid::new(&object.shape, meshes)?, Lattice::over(&bounds, bulge_m, size_m)?)?;
+    let left_out = samples.leave_out_crumbs();
     let Some((first, last)) = samples.occupied() else {
         let extent_m = bounds.extent_m();
         let message = format!(
@@ -237,7 +246,7 @@ fn voxelize_shape(object: &ObjectDesc, meshes: &Meshes) -> Result<Grid, SceneErr
     let lattice = samples.lattice.part(first, last);
     let within_samples = |cell: Ijk| std::array::from_fn(|a| cell[a] + first[a]);
     let filled = lattice.cells().filter(|cell| samples.is_inside(within_samples(*cell)));
-    let grid = Grid::new(
+    let mut grid = Grid::new(
         size_m,
         lattice.origin_m,
         lattice.dims,
@@ -245,6 +254,7 @@ fn voxelize_shape(object: &ObjectDesc, meshes: &Meshes) -> Result<Grid, SceneErr
         |cell| samples.distance_m[samples.lattice.slot(within_samples(cell))],
         |link| samples.crossing(LinkId { cell: within_samples(link.cell), axis: link.axis }),
     );
+    grid.left_out = left_out;
     assign_materials(grid, object, meshes)
 }
 

@@ -7,11 +7,14 @@
 use super::coarsest::{Coarsest, orthonormal};
 use super::cycle_level::CycleLevel;
 use super::operator::{LANES, Operator};
-use super::spring::PointSpring;
+use super::spring::{POINT_NODES, PointSpring};
 use crate::fem::lanes::{PACKED, pack, unpack};
 use crate::grid::levels::{Level, LevelChange};
 use crate::workers::Workers;
 
+/// No eigenvalue of `D^-1 A` is larger: an element or a spring that moves n unknowns takes at most n times what
+/// it has on their diagonals.
+const MOST_EIGENVALUE: f32 = POINT_NODES as f32;
 /// Blocks of coarse elements per chunk of parallel work.
 const BLOCKS_PER_CHUNK: usize = 32;
 
@@ -77,7 +80,7 @@ impl Multigrid {
             let before = level.largest_eigenvalue;
             level.eigenvector.clear();
             level.estimate_eigenvalue(workers, 20);
-            level.largest_eigenvalue = level.largest_eigenvalue.max(1.3 * before);
+            level.largest_eigenvalue = level.largest_eigenvalue.max((1.3 * before).min(MOST_EIGENVALUE));
         }
     }
 

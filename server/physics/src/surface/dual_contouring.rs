@@ -37,15 +37,15 @@ impl Stencil {
 }
 
 impl Components {
-    /// Joins the inside corners by the intact links.
-    fn connected(stencil: &Stencil) -> Self {
+    /// Joins the inside corners by the links that are `joining`.
+    fn connected(stencil: &Stencil, joining: impl Fn(&Link) -> bool) -> Self {
         let mut lowest: [u8; 8] =
             std::array::from_fn(|corner| stencil.corners[corner].map_or(OUTSIDE, |_| corner as u8));
         // The lowest number spreads by at least one link a pass; no path has more than seven.
         loop {
             let before = lowest;
             for ((corner, axis), link) in DUAL_CELL_LINKS.into_iter().zip(&stencil.links) {
-                if *link == Link::Intact {
+                if joining(link) {
                     let other = corner | 1 << axis;
                     let joined = lowest[corner].min(lowest[other]);
                     (lowest[corner], lowest[other]) = (joined, joined);
@@ -67,11 +67,12 @@ impl Components {
 /// Contours the dual cell with this lowest corner.
 pub(super) fn contour(grid: &Grid, dual_cell: Ijk) -> DualCell {
     let stencil = Stencil::around(grid, dual_cell);
-    let components = Components::connected(&stencil);
+    let components = Components::connected(&stencil, |link| *link == Link::Intact);
+    let uncut = Components::connected(&stencil, |link| matches!(link, Link::Intact | Link::Parted(_)));
     let vertices = std::array::from_fn(|component| {
         // A component is numbered by its lowest corner, so any other corner has none of its own.
         let exists = components.of(component) == component as u32;
-        exists.then(|| vertex(grid, dual_cell, &stencil, components, component as u32)).flatten()
+        exists.then(|| vertex(grid, dual_cell, &stencil, [components, uncut], component as u32)).flatten()
     });
     DualCell { components, vertices }
 }
@@ -79,28 +80,32 @@ pub(super) fn contour(grid: &Grid, dual_cell: Ijk) -> DualCell {
 /// The vertex of a component, if a crossing touches it. A parted link counts for the components of
 /// both its ends, and once where both are in the same one, which is then at the front of a cut. There
 /// the vertex goes as far from the crossings as it will be when the front has moved on, so that it
-/// stays in place when it becomes two.
+/// stays in place when it becomes two. The object's own surface counts for all components that were one
+/// before any cut: it is where it was, so that the sides of a cut meet on it and enclose what they did.
 fn vertex(
     grid: &Grid,
     dual_cell: Ijk,
     stencil: &Stencil,
-    components: Components,
+    [components, uncut]: [Components; 2],
     component: u32,
 ) -> Option<SurfaceVertex> {
     let mut qef = Qef::default();
-    let mut at_front = false;
+    let (mut at_front, mut is_touched) = (false, false);
     for ((corner, axis), link) in DUAL_CELL_LINKS.into_iter().zip(&stencil.links) {
         let (Link::Parted(crossing) | Link::Boundary(crossing)) = link else { continue };
-        let ends = [corner, corner | 1 << axis].map(|end| components.of(end) == component);
-        if ends == [false; 2] {
+        let ends = [corner, corner | 1 << axis];
+        let touching = ends.map(|end| components.of(end) == component);
+        let is_of_uncut = || ends.iter().any(|end| uncut.of(*end) == uncut.of(component as usize));
+        if touching == [false; 2] && !(matches!(link, Link::Boundary(_)) && is_of_uncut()) {
             continue;
         }
-        at_front |= ends == [true; 2];
+        is_touched |= touching != [false; 2];
+        at_front |= touching == [true; 2];
         let mut point = corner_position(corner);
         point[axis as usize] += f64::from(crossing.t);
         qef.add(point, Vec3::from(crossing.normal.map(f64::from)));
     }
-    if qef.is_empty() {
+    if !is_touched {
         return None;
     }
     let local = qef.minimise(&if at_front { Vec3::zeros() } else { qef.mean() });

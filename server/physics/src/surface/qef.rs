@@ -30,10 +30,6 @@ impl Qef {
         self.count += 1;
     }
 
-    pub(super) fn is_empty(&self) -> bool {
-        self.count == 0
-    }
-
     /// Mean of the points.
     pub(super) fn mean(&self) -> Vec3 {
         self.point_sum / f64::from(self.count)

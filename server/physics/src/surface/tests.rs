@@ -121,6 +121,32 @@ fn a_plane_cut_through_a_box_leaves_two_closed_pieces_of_the_geometric_volumes()
     }
 }
 
+/// On so coarse a solid the surface bends by half a right angle from cell to cell: moving its vertices onto a cut
+/// changes what the facets between them leave out.
+#[test]
+fn cuts_through_a_coarse_sphere_hardly_change_the_enclosed_volume() {
+    let (h_m, radius_m, cells) = (0.01, 0.025, 8);
+    let middle_m = Vec3::repeat(0.5 * h_m * f64::from(cells));
+    let volume_m3 = |grid: &Grid| pieces(&Surface::build(grid)).iter().map(|piece| piece.0).sum::<f64>();
+    let whole_m3 = volume_m3(&sphere_solid(cells, h_m, radius_m));
+    let mut worst = [0.0f64; 3];
+    for number in 0..60 {
+        let mut grid = sphere_solid(cells, h_m, radius_m);
+        let mut area_m2 = 0.0;
+        for of in 0..1 + number % 3 {
+            let turn = f64::from(number) + 100.0 * f64::from(of);
+            let normal = Vec3::new(turn.sin(), (1.7 * turn).cos(), (2.3 * turn).sin());
+            let offset_m = 0.6 * radius_m * (3.1 * turn).sin();
+            cut(&mut grid, &Plane::through(middle_m + normal.normalize() * offset_m, normal), |_| true);
+            area_m2 += std::f64::consts::PI * (radius_m * radius_m - offset_m * offset_m);
+        }
+        let worst = &mut worst[number as usize % 3];
+        *worst = worst.max((volume_m3(&grid) - whole_m3).abs() / (area_m2 * h_m));
+    }
+    println!("worst change of the volume by one, two and three cuts: {worst:.4?} A h");
+    assert!(worst[0] < 0.09 && worst.iter().all(|worst| *worst < 0.15), "{worst:?} A h");
+}
+
 #[test]
 fn both_sides_of_a_plane_cut_have_the_same_vertices_on_the_plane() {
     let mut grid = sphere_solid(20, 0.01, 0.08);

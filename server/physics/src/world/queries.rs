@@ -7,6 +7,7 @@ use super::tool_contact::ToolContact;
 use crate::body::Body;
 use crate::contact::broad::Aabb;
 use crate::contact::tissue_spring::TissueSpring;
+use crate::grid::LeftOut;
 use crate::hash::StateHasher;
 use crate::stage::{Lap, Stage, StageClock};
 use crate::surface::Surface;
@@ -26,6 +27,8 @@ pub struct ObjectStats {
     pub voxels: u32,
     /// Composite elements as they are now.
     pub composite_elements: u32,
+    /// What of its shape was left out.
+    pub left_out: LeftOut,
 }
 
 /// Numbers of things in a scene.
@@ -71,6 +74,7 @@ impl World {
             let centres = grid.voxels().iter().map(|v| grid.centre_m(v.ijk));
             let aabb = Aabb::around(centres).grown(0.5 * grid.voxel_size_m());
             ObjectStats {
+                left_out: grid.left_out(),
                 rest_min_m: aabb.min_m.into(),
                 rest_max_m: aabb.max_m.into(),
                 voxel_size_m: grid.voxel_size_m(),
