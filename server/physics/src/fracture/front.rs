@@ -303,12 +303,14 @@ impl Front {
     /// Looks at what the strained body adds to the drive of the front.
     fn look_around(&mut self, body: &Body) {
         let Some(mut drive) = self.drive.take() else { return };
-        // A cut that does not reach the ring of the integral is none to it.
+        // Behind a front that is no deeper than this there is no cut in the ring of the integral.
         let least_m = INNER * body.lattice_edge_m();
-        let is_cut = |a: &&Anchor| a.yielded && (a.position_m - a.start_m).norm() > least_m;
         let piece = |index| {
-            let (anchor, frame) = (self.anchor(index).filter(is_cut)?, &self.frames[index]);
+            let (anchor, frame) = (self.anchor(index).filter(|a| a.yielded)?, &self.frames[index]);
             let ahead = anchor.pull_back(body, &frame.forward).normalize();
+            if body.grid.signed_distance_m(&(anchor.position_m - ahead * least_m)) > 0.0 {
+                return None;
+            }
             let along_m = anchor.pull_back(body, &frame.along) * self.share_m;
             Some(Piece { position_m: anchor.position_m, ahead, along_m, forward: frame.forward })
         };
