@@ -102,9 +102,18 @@ fn hold_checks(family: &Family, part: &str) {
 #[test]
 fn steady_cuts_take_gc_per_width_and_release_gc_per_area() {
     let family = coarse(cutting::steady::family);
-    ["liver, k 4, h 7 mm, 1 ms", "liver, k 8", "(1,1,0)", "(1,1,1): F", "(1,1,1): -d", "work of the tool", "Young's"]
-        .iter()
-        .for_each(|part| hold_checks(&family, part));
+    [
+        "liver, k 4, h 7 mm, 1 ms",
+        "liver, k 8",
+        "(1,1,0)",
+        "(1,1,1): F",
+        "(1,1,1): -d",
+        "work of the tool",
+        "bar of real liver",
+        "Young's",
+    ]
+    .iter()
+    .for_each(|part| hold_checks(&family, part));
 }
 
 #[test]

@@ -70,6 +70,6 @@ fn the_force_keeps_within_three_percent_while_a_blade_slides() {
             jump * 100.0
         );
         assert!(ripple < 0.03, "turn {turn_deg}, level {level}: {ripple}");
-        assert!(jump < 0.015, "turn {turn_deg}, level {level}: {jump} in a step of 15 um");
+        assert!(jump < 0.002, "turn {turn_deg}, level {level}: {jump} in a step of 15 um");
     }
 }

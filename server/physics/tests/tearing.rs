@@ -3,7 +3,7 @@
 mod support;
 
 use kerf_physics::body::{Body, MaterialPoint};
-use kerf_physics::fracture::release::{Tip, released_j_per_m};
+use kerf_physics::fracture::release::{Tip, released};
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::params::StepParams;
 use kerf_physics::scene::{Face, LoadDesc, MaterialDesc, ObjectDesc, RegionDesc, ShapeDesc};
@@ -114,7 +114,7 @@ fn release_rate(body: &Body, specimen: &Specimen) -> f64 {
     let slices = 1000;
     let at_m = |i: i32| tip.position_m + Vec3::z() * ((f64::from(i) + 0.5) / f64::from(slices) - 0.5) * THICKNESS_M;
     let length_m: f64 = (0..slices).map(|i| tip.share_at(body, &at_m(i)) * THICKNESS_M / f64::from(slices)).sum();
-    released_j_per_m(body, &tip) / length_m
+    released(body, &tip).j_per_m / length_m
 }
 
 #[test]

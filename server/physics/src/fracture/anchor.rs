@@ -8,6 +8,7 @@
 use std::f64::consts::FRAC_1_SQRT_2;
 
 use super::compliance::{EdgeInElement, line_compliance};
+use super::drive::Strained;
 use super::travel::Travel;
 use crate::body::{Body, MaterialPoint};
 use crate::contact::{ContactWeights, Mode};
@@ -81,8 +82,6 @@ pub(super) struct Anchor {
     pub(super) mode: Mode,
     /// Energy in the spring at the end of the last step, J.
     pub(super) stored_j: f64,
-    /// What the tissue's tension adds to the drive, J/m^2.
-    pub(super) elastic_release_j_per_m2: f64,
     /// Stiffness of the spring in the last step over what it relaxes to.
     pub(super) unrelaxed: f64,
 }
@@ -103,7 +102,6 @@ impl Anchor {
             travel: Travel::default(),
             mode: Mode::Off,
             stored_j: 0.0,
-            elastic_release_j_per_m2: 0.0,
             unrelaxed: 1.0,
         }
     }
@@ -281,17 +279,17 @@ impl Anchor {
     }
 
     /// Force at which the marker gives, and the force it goes on at, N. It starts at a line load on
-    /// the surface as it stands, and goes on at Gc per reference area, as far as the edge does not slice.
-    pub(super) fn limits_n(&self, body: &Body, frame: &BladeFrame, share_m: f64) -> (f64, f64) {
+    /// the surface as it stands, and goes on at Gc per reference area, as far as the edge does not slice and the
+    /// body is not strained: then at what [`Strained`] says.
+    pub(super) fn limits_n(&self, body: &Body, frame: &BladeFrame, share_m: f64, strained: &Strained) -> (f64, f64) {
         let (Ahead::Intact { initiation_ratio, .. }, Some(toughness)) = (self.ahead, self.toughness_j_per_m2(body))
         else {
             return (0.0, 0.0);
         };
         let slice_push = self.travel.slice_push();
-        let from_edge = |driven: f64| (driven - self.elastic_release_j_per_m2).max(0.0);
-        let steady =
-            from_edge(toughness) * self.reference_width_m(body, frame, share_m) / (1.0 + slice_push * slice_push);
-        let start = from_edge(toughness * initiation_ratio) * share_m;
+        let width_m = self.reference_width_m(body, frame, share_m);
+        let steady = strained.push_n_per_m(toughness) * width_m / (1.0 + slice_push * slice_push);
+        let start = (toughness * initiation_ratio - strained.release_j_per_m2.max(0.0)).max(0.0) * share_m;
         (if self.yielded { steady } else { start.max(steady) }, steady)
     }
 

@@ -7,12 +7,13 @@
 
 use super::anchor::{Ahead, Anchor};
 use super::book::FrontBook;
+use super::drive::{Drive, Piece, Strained, is_small};
 use super::entry::{inward, onto_surface};
 use super::link_energy;
 use super::marker::{Edge, Marker, put_down};
+use super::release::INNER;
 use super::springs::FrontContact;
 use super::sweep::{PartingCost, part_quad};
-use super::tension::{Piece, Tension};
 use crate::Vec3;
 use crate::body::Body;
 use crate::contact::Mode;
@@ -45,8 +46,9 @@ pub struct Front {
     /// Where the chain stands and starts, and where its strip ends: scratch, kept between steps.
     chain: Vec<Option<ChainPoint>>,
     target: Vec<Vec3>,
-    /// What is felt of it where tissue is pulled.
-    tension: Tension,
+    /// What drives it in a body that is strained; present in one that is pulled, or so small beside Gc/E that cutting
+    /// strains all of it.
+    drive: Option<Drive>,
     /// Springs of the step that is being taken.
     pub contacts: Vec<FrontContact>,
 }
@@ -87,7 +89,7 @@ impl Front {
             dropped_j: 0.0,
             chain: Vec::with_capacity(count),
             target: Vec::with_capacity(count),
-            tension: Tension::default(),
+            drive: is_small(body).then(Drive::default),
             contacts: Vec::with_capacity(count),
         }
     }
@@ -115,7 +117,7 @@ impl Front {
             *marker = Marker::Outside;
         }
         self.contacts.clear();
-        self.tension.clear();
+        self.drive.iter_mut().for_each(Drive::clear);
     }
 
     /// Marks the samples of a blade put down at `pose` inside the tissue as buried.
@@ -131,6 +133,7 @@ impl Front {
         self.contacts.clear();
         self.frames.clear();
         self.frames.extend(self.shares.iter().map(|share| share.frame.turned(&motion.pose.orientation)));
+        let strained = self.drive.as_ref().map_or(Strained::NOT, Drive::strained);
         for index in 0..self.markers.len() {
             let share = &self.shares[index];
             let edge = Edge {
@@ -149,7 +152,7 @@ impl Front {
                 Marker::Buried => edge.emerge(body, hash),
             };
             match (&was, &now) {
-                (_, Marker::On(anchor)) => self.contacts.push(FrontContact::new(body, index, &edge, anchor)),
+                (_, Marker::On(anchor)) => self.contacts.push(FrontContact::new(body, index, &edge, anchor, &strained)),
                 (Marker::On(let_go), _) => self.dropped_j += let_go.stored_j,
                 _ => {}
             }
@@ -158,7 +161,7 @@ impl Front {
     }
 
     /// Advances the markers that gave way, finds the links their strips cross, and books the energy; in the
-    /// step that they were detected in. Where the body is `pulled`, feels what that adds in the next.
+    /// step that they were detected in. Where the body is `pulled`, what that adds is felt from then on.
     pub fn advance(
         &mut self,
         body: &Body,
@@ -193,8 +196,11 @@ impl Front {
         book.slip_j -= book.fracture_j;
         self.follow_edge(body, &motion.pose);
         self.drop_outside(body, &mut book);
-        if pulled && !by_link_energy {
-            self.feel_tension(body);
+        if pulled && self.drive.is_none() {
+            self.drive = Some(Drive::default());
+        }
+        if !by_link_energy {
+            self.look_around(body);
         }
         book
     }
@@ -294,22 +300,22 @@ impl Front {
         self.chain = chain;
     }
 
-    /// Finds what tension adds to the drive of the front.
-    fn feel_tension(&mut self, body: &Body) {
-        let mut tension = std::mem::take(&mut self.tension);
+    /// Looks at what the strained body adds to the drive of the front.
+    fn look_around(&mut self, body: &Body) {
+        let Some(mut drive) = self.drive.take() else { return };
+        // Behind a front that is no deeper than this there is no cut in the ring of the integral.
+        let least_m = INNER * body.lattice_edge_m();
         let piece = |index| {
             let (anchor, frame) = (self.anchor(index).filter(|a| a.yielded)?, &self.frames[index]);
             let ahead = anchor.pull_back(body, &frame.forward).normalize();
-            let along_m = anchor.pull_back(body, &frame.along) * self.share_m;
-            Some(Piece { marker: index, position_m: anchor.position_m, ahead, along_m })
-        };
-        tension.look(body, (0..self.markers.len()).filter_map(piece));
-        for (index, marker) in self.markers.iter_mut().enumerate() {
-            if let Marker::On(anchor) = marker {
-                anchor.elastic_release_j_per_m2 = tension.at(index);
+            if body.grid.signed_distance_m(&(anchor.position_m - ahead * least_m)) > 0.0 {
+                return None;
             }
-        }
-        self.tension = tension;
+            let along_m = anchor.pull_back(body, &frame.along) * self.share_m;
+            Some(Piece { position_m: anchor.position_m, ahead, along_m, forward: frame.forward })
+        };
+        drive.look(body, (0..self.markers.len()).filter_map(piece));
+        self.drive = Some(drive);
     }
 
     /// What takes the front of the share `next` to where it would be if the edge went on straight from its

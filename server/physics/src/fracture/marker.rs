@@ -57,24 +57,24 @@ impl Edge {
         let tissue: Vec3 =
             nodes.iter().zip(n).map(|(node, n)| Vec3::from(body.velocity_m_per_s[*node as usize]) * n).sum();
         let approach = (at_m - last_m - tissue * (share * body.dt_s())).dot(&self.frame.forward);
-        if approach <= 0.0 {
-            return self.emerge(body, hash);
-        }
         let mut anchor = Anchor::at(point, self.frame.forward, self.half_width_m);
         let back = anchor.pull_back(body, &self.frame.forward);
-        anchor.position_m = surface_behind(body, point.position_m, back, approach);
-        anchor.inward = inward(body, &anchor.position_m, &anchor.inward).unwrap_or(anchor.inward);
-        if let Some((side, neighbour)) = beside
-            && grazes(body, &anchor.position_m, &back)
-        {
-            return self.join(body, hash, side, neighbour);
+        if approach > 0.0 {
+            anchor.position_m = surface_behind(body, point.position_m, back, approach);
+            anchor.inward = inward(body, &anchor.position_m, &anchor.inward).unwrap_or(anchor.inward);
         }
-        anchor.start_here(body, &self.frame);
-        self.unless_lost(body, hash, anchor, &at_m)
+        match beside.filter(|_| grazes(body, &anchor.position_m, &back)) {
+            Some((side, neighbour)) => self.join(body, hash, side, neighbour),
+            None if approach > 0.0 => {
+                anchor.start_here(body, &self.frame);
+                self.unless_lost(body, hash, anchor, &at_m)
+            }
+            None => self.emerge(body, hash),
+        }
     }
 
-    /// The edge came in through a side of the tissue that bulges along it, past a neighbour that is in
-    /// contact already: the marker goes on with the neighbour's front as soon as there is material
+    /// The edge came in through a side of the tissue that bulges along it, or the side bulged over the edge, past a
+    /// neighbour that is in contact already: the marker goes on with the neighbour's front as soon as there is material
     /// for it there. (Where the edge itself is, it would stand deeper than the front by the contact's
     /// compression.)
     fn join(&self, body: &Body, hash: &SpatialHash, side: f64, neighbour: Anchor) -> Marker {

@@ -2,14 +2,15 @@
 //!
 //! A blade's front is a chain of markers, one to a share of the edge (`front`, `marker`). A marker in
 //! contact pushes, through springs (`springs`), on a point of the material (`anchor`) that it
-//! found where the edge came in through the surface (`entry`); where tissue is pulled it needs to push
-//! less (`tension`, `release`). What the point advances is booked
+//! found where the edge came in through the surface (`entry`); what a strained body adds to its drive, or takes
+//! off it, is looked at around the front (`drive`, `release`). What the point advances is booked
 //! (`book`), and the links across the strip that the chain has swept part (`sweep`). By the other rule
 //! (`link_energy`) a point advances link by link, where the link ahead holds enough energy.
 
 mod anchor;
 mod book;
 mod compliance;
+mod drive;
 mod entry;
 mod front;
 mod link_energy;
@@ -18,7 +19,6 @@ pub mod release;
 mod springs;
 mod sweep;
 pub mod tear;
-mod tension;
 pub mod ties;
 mod travel;
 mod way_in;

@@ -15,7 +15,7 @@ use crate::fem::composite::shape_functions;
 
 /// Radii between which phi falls from 1 to 0, in element edges: nodes that share in a contact at the front stay
 /// within the inner one.
-const INNER: f64 = 1.5;
+pub(super) const INNER: f64 = 1.5;
 const OUTER: f64 = 3.0;
 /// Half-width along the front of what one integral sees, in element edges.
 const HALF_WIDTH: f64 = 2.0;
@@ -68,10 +68,21 @@ impl Tip {
     }
 }
 
-/// Energy set free per length that the front advances, times the length of front that counts, J/m: over the
-/// integral of [`Tip::share_at`] along the front, the energy release rate.
+/// What a front sets free as it goes on.
+#[derive(Clone, Copy, Debug)]
+pub struct Released {
+    /// Energy beyond the work of what pushes on the front, per length that it advances, times the length of front that
+    /// counts, J/m: over the integral of [`Tip::share_at`] along the front, the energy release rate.
+    pub j_per_m: f64,
+    /// `F_0 d`: how far what pushes goes on in the scene, per length that the front advances.
+    pub carried: Vec3,
+    /// Work of the push on that, J/m: at a held tool it is set free too.
+    pub push_j_per_m: f64,
+}
+
+/// What the front at `tip` sets free.
 #[must_use]
-pub fn released_j_per_m(body: &Body, tip: &Tip) -> f64 {
+pub fn released(body: &Body, tip: &Tip) -> Released {
     let reach_m = Vec3::repeat((OUTER * OUTER + HALF_WIDTH * HALF_WIDTH).sqrt() * tip.element_edge_m);
     let lattice = |p: Vec3| ((p - body.grid.origin_m()) / body.lattice_edge_m()).map(|c| c.floor() as i32);
     let (low, high) = (lattice(tip.position_m - reach_m), lattice(tip.position_m + reach_m));
@@ -83,7 +94,9 @@ pub fn released_j_per_m(body: &Body, tip: &Tip) -> f64 {
             }
         }
     }
-    sum.released_j - sum.push_n.dot(&(sum.direction / sum.weight))
+    let carried = if sum.weight > 0.0 { sum.direction / sum.weight } else { tip.ahead };
+    let push_j_per_m = sum.push_n.dot(&carried);
+    Released { j_per_m: sum.released_j - push_j_per_m, carried, push_j_per_m }
 }
 
 /// Sums over the elements of a tube.

@@ -3,6 +3,7 @@
 
 use super::anchor::{Ahead, Anchor};
 use super::book::FrontBook;
+use super::drive::Strained;
 use super::link_energy;
 use super::marker::Edge;
 use crate::Vec3;
@@ -37,7 +38,7 @@ pub struct FrontContact {
 
 impl FrontContact {
     /// Sets up the springs between `edge` and the anchor of its marker.
-    pub(super) fn new(body: &Body, marker: usize, edge: &Edge, anchor: &Anchor) -> Self {
+    pub(super) fn new(body: &Body, marker: usize, edge: &Edge, anchor: &Anchor, strained: &Strained) -> Self {
         let weights = anchor.weights(body);
         let at = weights.sum(&body.position_m);
         let velocity = weights.sum(&body.velocity_m_per_s);
@@ -56,7 +57,7 @@ impl FrontContact {
         };
         let mut forward = spring(edge.frame.forward);
         (forward.limit_n, forward.yield_n) = match body.fracture_rule {
-            FractureRule::Front => anchor.limits_n(body, &edge.frame, edge.share_m),
+            FractureRule::Front => anchor.limits_n(body, &edge.frame, edge.share_m, strained),
             FractureRule::LinkEnergy => link_energy::limits_n(body, anchor, &edge.frame),
         };
         forward.mode = match anchor.mode {

@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 
 use super::anchor::fracture_energy;
-use super::release::{Tip, released_j_per_m};
+use super::release::{Tip, released};
 use super::sweep::{PartingCost, part_quad};
 use crate::Vec3;
 use crate::body::Body;
@@ -83,7 +83,7 @@ impl Tearing {
             return PartingCost::default();
         }
         let length_m: f64 = self.ends.values().flatten().map(|end| end.length_m(body, &station.tip)).sum();
-        if released_j_per_m(body, &station.tip) < least * length_m {
+        if released(body, &station.tip).j_per_m < least * length_m {
             return PartingCost::default();
         }
         let first = links.len();

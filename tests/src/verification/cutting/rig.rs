@@ -12,7 +12,7 @@ const MAX_ITERATIONS: u32 = 500;
 /// Height of a blade's flanks, m: more than any block's.
 const BLADE_HEIGHT_M: f64 = 0.3;
 /// At rest the kinetic energy is less than this share of what is stored.
-const REST: f64 = 1e-5;
+const REST: f64 = 3e-5;
 /// Simulated time within which a held blade comes to rest, s.
 const MAX_REST_S: f64 = 2.0;
 
@@ -148,6 +148,11 @@ impl Rig {
         self.drive(self.forward * by_m)
     }
 
+    /// From now on drives the edge so many times as fast.
+    pub fn hasten(&mut self, factor: f64) {
+        self.speed_m_per_s *= factor;
+    }
+
     /// Holds the blade until the tissue is at rest; `None` where it does not come to rest.
     ///
     /// # Errors
@@ -200,6 +205,14 @@ pub fn front_work_j_per_m2(samples: &[Sample]) -> f64 {
     sum(samples, |e| e.fracture_j + e.front_slip_j) / samples.iter().map(|s| s.area_m2).sum::<f64>()
 }
 
+/// Work of the tool less what it stored, over the area swept, J/m^2; the first of the samples is where it begins.
+#[must_use]
+pub fn spent_j_per_m2(samples: &[Sample]) -> f64 {
+    let stored_j = |s: &Sample| s.energy.elastic_j + s.energy.contact_j + s.energy.kinetic_j;
+    let stored_j = samples.last().map_or(0.0, stored_j) - samples.first().map_or(0.0, stored_j);
+    (sum(&samples[1..], |e| e.tool_work_j) - stored_j) / samples[1..].iter().map(|s| s.area_m2).sum::<f64>()
+}
+
 /// Sum of the residuals' sizes over the tool's work.
 #[must_use]
 pub fn ledger_residual(samples: &[Sample]) -> f64 {
@@ -210,4 +223,11 @@ pub fn ledger_residual(samples: &[Sample]) -> f64 {
 #[must_use]
 pub fn below(height_m: f64) -> ShapeDesc {
     ShapeDesc::Box { min_m: [-10.0; 3], max_m: [10.0, height_m, 10.0] }
+}
+
+/// Shapes that hold what lies beyond two places along x, m.
+#[must_use]
+pub fn beyond(low_m: f64, high_m: f64) -> [ShapeDesc; 2] {
+    [(-10.0, low_m), (high_m, 10.0)]
+        .map(|(from_m, to_m)| ShapeDesc::Box { min_m: [from_m, -10.0, -10.0], max_m: [to_m, 10.0, 10.0] })
 }

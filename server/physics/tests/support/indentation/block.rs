@@ -152,8 +152,9 @@ impl Press {
         let mut hand = Hand::touching(self, h, level);
         let normal = self.orientation() * Vec3::z();
         let dented_m = self.touch_m() + hand.forward() * SLIDE_DENT_M - normal * (0.5 * length_m);
-        // A run-up until the edge, which holds the tissue beside it, slides.
-        let run_up = (4.0 * SLIDE_DENT_M / SLIDE_STEP_M).ceil() as i32;
+        // A run-up until the edge, which holds the tissue beside it, slides all along: one that goes all across the
+        // block tilts it by some dents before that, and the force rises on the way.
+        let run_up = (8.0 * SLIDE_DENT_M / SLIDE_STEP_M).ceil() as i32;
         let steps = (length_m / SLIDE_STEP_M).round() as i32;
         let force: Vec<f64> = (-run_up..=steps)
             .map(|step| hand.force_at_n(dented_m + normal * (SLIDE_STEP_M * f64::from(step))))
