@@ -25,7 +25,7 @@ pub use toughness_rate::ToughnessRate;
 use crate::Vec3;
 use crate::fem::composite::{CompositeTables, shape_functions};
 use crate::fem::corotation::{
-    ElementBlock, ElementLaw, ElementState, LANES, STEADIED_FILL, STEADYING_STRESS, SharedByBlocks, set_lane,
+    ElementBlock, ElementLaw, ElementState, LANES, STEADYING_STRESS, SharedByBlocks, set_lane,
 };
 use crate::fem::lanes::diagonal_entry;
 use crate::fem::material::Elastic;
@@ -51,6 +51,9 @@ const HOLD_STIFFNESS: f64 = 300.0;
 
 /// A node is firmly held where the hold is this many times as stiff as the element.
 const FIRM_HOLD: f64 = 10.0;
+
+/// A cell that is filled by this share is full.
+const FULL: f64 = 1.0 - 1e-9;
 
 /// A node-wise vector in `f64`.
 pub type Nodal = Vec<[f64; 3]>;
@@ -371,8 +374,8 @@ impl Body {
         let law = self.mean_law(&voxels);
         let edge = self.element_edge_m(element);
         let young_pa = voxels.iter().map(|v| self.material_of(*v).young_modulus_pa).fold(0.0, f64::max);
-        let is_steadied = matrices.volume_m3 < STEADIED_FILL * edge.powi(3);
-        let steadying_n_per_m = if is_steadied { STEADYING_STRESS * young_pa * edge } else { 0.0 };
+        let fill = matrices.volume_m3 / edge.powi(3);
+        let steadying_n_per_m = if fill < FULL { STEADYING_STRESS * young_pa * fill * edge } else { 0.0 };
         let (block, state) = (&mut self.blocks[element / LANES], &mut self.states[element / LANES]);
         block.set_matrices(element % LANES, edge, &matrices, law, self.params.dt_s);
         set_lane(&mut block.steadying_n_per_m, element % LANES, steadying_n_per_m);

@@ -24,17 +24,13 @@ const LINEAR_BEYOND: f64 = 6.0;
 /// converge quadratically.
 const TURNED_ENOUGH_RAD2: f64 = 1e-8;
 
-/// Stress that a mostly empty element is kept steady under, over Young's modulus.
+/// Stress that an element whose cell is not full is kept steady under, over Young's modulus.
 ///
 /// A stressed element resists being turned by its stress alone, which the system's matrix does not have. Where a few
-/// voxels of a cell hang on, little else resists: each step would throw them past where they are to stand, for ever
-/// (measured: two elements of one and three voxels beside a cut, 0.1 m/s up and down). `S = p H (I - 1 1^T / 8)` over
-/// the corners, with this pressure p, bounds what is missing. It acts on the change of velocity alone: where they
-/// come to rest, and what moves evenly, stays as it is.
-pub const STEADYING_STRESS: f64 = 0.1;
-
-/// Elements that are filled by less than this share are steadied.
-pub const STEADIED_FILL: f64 = 0.5;
+/// voxels of a cell hang on, little else resists: each step would throw them past where they are to stand, for ever.
+/// `S = p V / H^2 (I - 1 1^T / 8)` over the corners, with this pressure p and the filled volume V, bounds what is
+/// missing. It acts on the change of velocity alone: where they come to rest, and what moves evenly, stays as it is.
+pub const STEADYING_STRESS: f64 = 0.25;
 
 /// Smallest eigenvalue of `tr(S) I - S`, relative to the size of S, at which it is still inverted.
 const ROTATION_FLOOR: f64 = 0.2;
@@ -66,7 +62,7 @@ pub struct ElementBlock {
     pub alpha_per_s: f64x4,
     /// Rayleigh damping in proportion to stiffness, s.
     pub beta_s: f64x4,
-    /// What keeps mostly empty elements steady, see [`STEADYING_STRESS`], N/m.
+    /// What keeps elements steady whose cells are not full, see [`STEADYING_STRESS`], N/m.
     pub steadying_n_per_m: f64x4,
     /// Present where any of the four stiffens with strain.
     pub stiffening: Option<StiffeningBlock>,
