@@ -333,7 +333,7 @@ impl Body {
     /// Brings the solver's operator and its preconditioner to the evaluated state.
     pub fn refresh_operator(&mut self, workers: &Workers<'_>) {
         self.scratch.stale_parents.clear();
-        let mut rewritten = false;
+        let mut rewritten = self.steady_elements();
         if self.blocks.iter().any(|b| b.stiffening.is_some()) {
             for element in 0..self.base().elements.len() {
                 let stiffening = self.states[element / LANES].stiffening.as_array()[element % LANES];

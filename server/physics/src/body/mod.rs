@@ -10,6 +10,7 @@ mod quarantine;
 mod relax;
 mod rigid;
 mod solve;
+mod steady;
 mod topology;
 mod toughness_rate;
 
@@ -24,9 +25,7 @@ pub use toughness_rate::ToughnessRate;
 
 use crate::Vec3;
 use crate::fem::composite::{CompositeTables, shape_functions};
-use crate::fem::corotation::{
-    ElementBlock, ElementLaw, ElementState, LANES, STEADYING_STRESS, SharedByBlocks, set_lane,
-};
+use crate::fem::corotation::{ElementBlock, ElementLaw, ElementState, LANES, SharedByBlocks, set_lane};
 use crate::fem::lanes::diagonal_entry;
 use crate::fem::material::Elastic;
 use crate::fem::viscosity::Viscosity;
@@ -51,9 +50,6 @@ const HOLD_STIFFNESS: f64 = 300.0;
 
 /// A node is firmly held where the hold is this many times as stiff as the element.
 const FIRM_HOLD: f64 = 10.0;
-
-/// A cell that is filled by this share is full.
-const FULL: f64 = 1.0 - 1e-9;
 
 /// A node-wise vector in `f64`.
 pub type Nodal = Vec<[f64; 3]>;
@@ -158,6 +154,8 @@ pub struct Body {
     holds: Vec<(u32, [f64; 36])>,
     multigrid: Multigrid,
     pcg: PcgScratch,
+    /// Mean Young's modulus of each element's voxels, Pa.
+    young_modulus_pa: Vec<f64>,
     /// `psi'` that the solver's matrix and the coarse matrices were last made with.
     applied_stiffening: Vec<f64>,
     coarse_stiffening: Vec<f64>,
@@ -243,6 +241,7 @@ impl Body {
             balance_n: Vec::new(),
             holds: Vec::new(),
             pcg: PcgScratch::default(),
+            young_modulus_pa: Vec::new(),
             applied_stiffening: Vec::new(),
             coarse_stiffening: Vec::new(),
             turned_rad: 0.0,
@@ -372,13 +371,12 @@ impl Body {
         self.element_loads_n[element] = self.element_loads(element, &voxels);
         let matrices = self.element_matrices(element, &voxels);
         let law = self.mean_law(&voxels);
+        let young_pa: f64 = voxels.iter().map(|v| self.material_of(*v).young_modulus_pa).sum();
+        self.young_modulus_pa[element] = young_pa / voxels.len() as f64;
         let edge = self.element_edge_m(element);
-        let young_pa = voxels.iter().map(|v| self.material_of(*v).young_modulus_pa).fold(0.0, f64::max);
-        let fill = matrices.volume_m3 / edge.powi(3);
-        let steadying_n_per_m = if fill < FULL { STEADYING_STRESS * young_pa * fill * edge } else { 0.0 };
         let (block, state) = (&mut self.blocks[element / LANES], &mut self.states[element / LANES]);
         block.set_matrices(element % LANES, edge, &matrices, law, self.params.dt_s);
-        set_lane(&mut block.steadying_n_per_m, element % LANES, steadying_n_per_m);
+        set_lane(&mut block.steadying_n_per_m, element % LANES, 0.0);
         if block.viscosity.is_some() {
             state.branch.get_or_insert_default();
         }
@@ -556,6 +554,7 @@ impl Body {
         self.scratch.resize(elements, self.levels[0].nodes.len());
         self.pcg.resize(self.levels[0].nodes.len());
         self.element_loads_n.resize(elements, [[0.0; 3]; 8]);
+        self.young_modulus_pa.resize(elements, 0.0);
         self.applied_stiffening.resize(elements, 1.0);
         self.coarse_stiffening.resize(elements, 1.0);
     }

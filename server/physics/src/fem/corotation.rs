@@ -24,14 +24,6 @@ const LINEAR_BEYOND: f64 = 6.0;
 /// converge quadratically.
 const TURNED_ENOUGH_RAD2: f64 = 1e-8;
 
-/// Stress that an element whose cell is not full is kept steady under, over Young's modulus.
-///
-/// A stressed element resists being turned by its stress alone, which the system's matrix does not have. Where a few
-/// voxels of a cell hang on, little else resists: each step would throw them past where they are to stand, for ever.
-/// `S = p V / H^2 (I - 1 1^T / 8)` over the corners, with this pressure p and the filled volume V, bounds what is
-/// missing. It acts on the change of velocity alone: where they come to rest, and what moves evenly, stays as it is.
-pub const STEADYING_STRESS: f64 = 0.25;
-
 /// Smallest eigenvalue of `tr(S) I - S`, relative to the size of S, at which it is still inverted.
 const ROTATION_FLOOR: f64 = 0.2;
 
@@ -62,7 +54,7 @@ pub struct ElementBlock {
     pub alpha_per_s: f64x4,
     /// Rayleigh damping in proportion to stiffness, s.
     pub beta_s: f64x4,
-    /// What keeps elements steady whose cells are not full, see [`STEADYING_STRESS`], N/m.
+    /// `s` of what keeps a stressed element steady, `S = s (I - 1 1^T / 8)` over its corners, N/m.
     pub steadying_n_per_m: f64x4,
     /// Present where any of the four stiffens with strain.
     pub stiffening: Option<StiffeningBlock>,
@@ -118,6 +110,8 @@ pub struct ElementState {
     pub galerkin_force_n: [f64x4; 24],
     /// Elastic force, N, scene frame.
     pub force_n: [f64x4; 24],
+    /// Elastic energy but for what relaxes, J.
+    pub elastic_j: f64x4,
     /// Present where any of the four relaxes.
     pub branch: Option<Box<BranchState>>,
 }
@@ -132,6 +126,7 @@ impl Default for ElementState {
             curvature: zero,
             galerkin_force_n: [zero; 24],
             force_n: [zero; 24],
+            elastic_j: zero,
             branch: None,
         }
     }
@@ -215,11 +210,10 @@ impl Evaluation {
     }
 }
 
-/// `u^T (I - 1 1^T / 8) v` over the corners.
-fn warp(u: &[f64x4; 24], v: &[f64x4; 24]) -> f64x4 {
-    let sum = |u: &[f64x4; 24], i: usize| (0..8).fold(f64x4::ZERO, |sum, corner| sum + u[3 * corner + i]);
-    let even = (0..3).fold(f64x4::ZERO, |even, i| even + sum(u, i) * sum(v, i));
-    lanes::dot(u, v) - even * f64x4::splat(0.125)
+/// `(I - 1 1^T / 8) v` over the corners.
+fn uneven(v: &[f64x4; 24]) -> [f64x4; 24] {
+    let mean = [0, 1, 2].map(|i| (0..8).fold(f64x4::ZERO, |sum, corner| sum + v[3 * corner + i]) * f64x4::splat(0.125));
+    std::array::from_fn(|slot| v[slot] - mean[slot % 3])
 }
 
 /// Writes one lane.
@@ -363,6 +357,7 @@ impl ElementBlock {
             found.step = self.step_terms(state, &change, &velocity, kinetic_j, dt_s, [&vectors[2], &kv]);
         }
         found.elastic_j = self.evaluate_forces(state, &r, &gradient, &y, &vectors[0], products(0));
+        state.elastic_j = found.elastic_j;
         if RELAXES && let Some(viscosity) = &self.viscosity {
             let motion = Motion {
                 rotation: &r,
@@ -522,7 +517,7 @@ impl ElementBlock {
         let vkv = lanes::dot(local, kv);
         let mut inertial_j = half * lanes::dot(change, &self.mass_times(change));
         if self.steadying_n_per_m != f64x4::ZERO {
-            inertial_j += dt * dt * self.steadying_n_per_m * warp(velocity, change);
+            inertial_j += dt * dt * self.steadying_n_per_m * lanes::dot(velocity, &uneven(change));
         }
         StepTerms {
             inertial_j,
