@@ -37,7 +37,7 @@ pub struct Tip {
 
 impl Tip {
     /// How much a place on the front counts: the integral of this over the front's length is what
-    /// [`released_j_per_m`] is per. It is phi as the elements see it, linear between their corners.
+    /// [`Released::j_per_m`] is per. It is phi as the elements see it, linear between their corners.
     #[must_use]
     pub fn share_at(&self, body: &Body, position_m: &Vec3) -> f64 {
         let edge_m = body.lattice_edge_m();
