@@ -31,8 +31,7 @@ impl Body {
         let mut changed = false;
         for element in 0..self.base().elements.len() {
             let (block, lane) = (element / LANES, element % LANES);
-            let edge_m = self.blocks[block].shapes.edge_m.as_array()[lane];
-            let volume_m3 = self.blocks[block].shapes.volume_m3.as_array()[lane];
+            let (edge_m, volume_m3) = (self.element_edge_m(element), self.filled_volume_m3(element));
             if volume_m3 > FULL * edge_m.powi(3) {
                 continue;
             }
