@@ -18,7 +18,9 @@ pub struct BodyLedger {
     pub step: StepEnergies,
     /// Work of the external loads, J.
     pub load_work_j: f64,
-    /// Kinetic energy that braking free parts took, J.
+    /// Work of the impulses that keep the momentum of free parts after the solve, J.
+    pub momentum_j: f64,
+    /// Work that braking free parts took, J.
     pub braked_j: f64,
 }
 
@@ -74,7 +76,7 @@ pub fn book<'a>(
         let step = &b.step.elements;
         let taken = b.solved.elastic_j - b.before.elastic_j + step.viscous_j;
         let linearisation = taken + step.force_work_j - step.elastic_j;
-        step.inertial_j + step.elastic_j + b.step.hold_j - linearisation
+        step.inertial_j + step.elastic_j + b.step.hold_j - linearisation - b.momentum_j
     });
     energy.numerical_j += contact.spring_work_j - (contact.spring_stored_j - springs_before_j);
     let stored =

@@ -7,6 +7,7 @@
 
 use super::{Body, Nodal};
 use crate::fem::corotation::LANES;
+use crate::fem::lanes::for_packed;
 use crate::grid::levels::NONE;
 use crate::{Mat3, Vec3};
 
@@ -131,67 +132,90 @@ impl Body {
         self.rigid.totals[part as usize] = gain.unwrap_or_default();
     }
 
-    /// Adds to `dv` what each part is to gain.
-    pub(crate) fn add_missing_motion(&self, dv: &mut Nodal) {
+    /// Adds to `dv` what each part is to gain. Returns the work of the impulses that this wants, see
+    /// [`Self::impulse_work_j`].
+    pub(crate) fn add_missing_motion(&self, dv: &mut Nodal) -> f64 {
         for (node, change) in dv.iter_mut().enumerate() {
-            let part = self.rigid.node_part[node];
-            if part == NONE || self.rigid.skip[part as usize] {
-                continue;
-            }
-            let total = &self.rigid.totals[part as usize];
-            let add = total.velocity + total.spin.cross(&(Vec3::from(self.position_m[node]) - total.centre));
-            (0..3).for_each(|i| change[i] += add[i]);
+            let gain = self.missing_motion(node);
+            (0..3).for_each(|i| change[i] += gain[i]);
         }
+        self.impulse_work_j(dv, |node| self.missing_motion(node))
     }
 
-    /// Takes back from the step that was just integrated what any free part turned by beyond
-    /// [`MOST_TURN_RAD`], and brakes it to that. Returns the kinetic energy that this took, J.
-    pub(crate) fn brake_spin(&mut self) -> f64 {
-        if !self.may_spin_too_fast() {
-            return 0.0;
+    fn missing_motion(&self, node: usize) -> Vec3 {
+        let part = self.rigid.node_part[node];
+        if part == NONE || self.rigid.skip[part as usize] {
+            return Vec3::zeros();
         }
+        let total = &self.rigid.totals[part as usize];
+        total.velocity + total.spin.cross(&(Vec3::from(self.position_m[node]) - total.centre))
+    }
+
+    /// Work over the motion `v + dv` of a step of the impulses `A d` that change the velocities of free parts by
+    /// `d` at each node in the step's system `A dv = b`, J.
+    pub(crate) fn impulse_work_j(&self, dv: &Nodal, d_m_per_s: impl Fn(usize) -> Vec3) -> f64 {
+        let operator = self.multigrid.operator();
+        let mut work_j = 0.0;
+        for element in self.rigid.loose.iter().map(|e| *e as usize) {
+            let nodes = self.base().elements[element].nodes.map(|n| n as usize);
+            let changes = nodes.map(&d_m_per_s);
+            if changes.iter().all(|d| *d == Vec3::zeros()) {
+                continue;
+            }
+            let back = Mat3::from_row_slice(&operator.rotation(element)).transpose();
+            let (d, v) = (changes.map(|d| back * d), nodes.map(|n| back * self.velocity_after(n, dv)));
+            let matrix = operator.matrix(element);
+            for_packed(|index, row, column| {
+                let [(a, i), (b, j)] = [(row / 3, row % 3), (column / 3, column % 3)];
+                let twice = if row == column { 0.0 } else { d[b][j] * v[a][i] };
+                work_j += matrix[index] * (d[a][i] * v[b][j] + twice);
+            });
+        }
+        work_j
+    }
+
+    /// Takes from a step's change of velocity `dv` what free parts would turn by beyond [`MOST_TURN_RAD`];
+    /// returns what it took, m/s.
+    pub(crate) fn brake_spin(&mut self, dv: &mut Nodal) -> Nodal {
         let dt = self.params.dt_s;
         let mut totals = std::mem::take(&mut self.rigid.totals);
         totals.fill(Totals::default());
-        // Back to before the step: a spin about where the part was then does no work against what strains it.
-        for (x, v) in self.position_m.iter_mut().zip(&self.velocity_m_per_s) {
-            (0..3).for_each(|i| x[i] -= dt * v[i]);
-        }
         self.add_mass_moments(&mut totals);
         self.for_each_mass(|part, node, other, mass| {
-            let (total, momentum) = (&mut totals[part], Vec3::from(self.velocity_m_per_s[other]) * mass);
+            let (total, momentum) = (&mut totals[part], self.velocity_after(other, dv) * mass);
             total.linear += momentum;
             total.angular += (Vec3::from(self.position_m[node]) - total.centre).cross(&momentum);
         });
-        let mut braked_j = 0.0;
         for total in &mut totals {
             *total = total.solved();
-            let kept = (MOST_TURN_RAD / (dt * total.spin.norm())).min(1.0);
-            braked_j += 0.5 * (1.0 - kept * kept) * total.spin.dot(&total.angular);
-            total.spin *= 1.0 - kept;
+            total.spin *= 1.0 - (MOST_TURN_RAD / (dt * total.spin.norm())).min(1.0);
         }
-        for node in 0..self.node_count() {
-            let mut velocity = Vec3::from(self.velocity_m_per_s[node]);
+        let mut taken = vec![[0.0; 3]; self.node_count()];
+        for (node, (dv, taken)) in dv.iter_mut().zip(&mut taken).enumerate() {
             if let Some(part) = self.rigid.loose_part(node) {
-                let arm = Vec3::from(self.position_m[node]) - totals[part].centre;
-                velocity -= totals[part].spin.cross(&arm);
-                self.velocity_m_per_s[node] = velocity.into();
+                // A spin about where the part is now does no work against what strains it.
+                let total = &totals[part];
+                *taken = total.spin.cross(&(Vec3::from(self.position_m[node]) - total.centre)).into();
+                (0..3).for_each(|i| dv[i] -= taken[i]);
             }
-            (0..3).for_each(|i| self.position_m[node][i] += dt * velocity[i]);
         }
         self.rigid.totals = totals;
-        braked_j
+        taken
     }
 
-    /// Whether any element of a free part turns so fast that the part may have to be braked.
-    fn may_spin_too_fast(&self) -> bool {
+    fn velocity_after(&self, node: usize, dv: &Nodal) -> Vec3 {
+        Vec3::from(self.velocity_m_per_s[node]) + Vec3::from(dv[node])
+    }
+
+    /// Whether any element of a free part will turn so fast that the part may have to be braked.
+    pub(crate) fn may_spin_too_fast(&self, dv: &Nodal) -> bool {
         // Of the diagonals of a cube, the one most across the axis moves at sqrt(2/3) of spin times length at
         // least; strain may hide a part of it.
         let share = 0.5 * MOST_TURN_RAD / self.params.dt_s;
         self.rigid.loose.iter().any(|element| {
             let nodes = self.base().elements[*element as usize].nodes;
             let limit = share * 3f64.sqrt() * self.element_edge_m(*element as usize);
-            let at = |corner: usize| Vec3::from(self.velocity_m_per_s[nodes[corner] as usize]);
+            let at = |corner: usize| self.velocity_after(nodes[corner] as usize, dv);
             DIAGONALS.iter().any(|[a, b]| (at(*a) - at(*b)).norm_squared() > limit * limit)
         })
     }

@@ -2,6 +2,7 @@
 
 mod blade_contact;
 mod body_slot;
+mod brake;
 mod contact_model;
 mod part_groups;
 mod pulled;
@@ -178,6 +179,7 @@ impl World {
         }
         self.slots.iter_mut().flat_map(|s| &mut s.pulled).for_each(|pulled| pulled.ties.detect());
         self.solve_velocities(workers);
+        self.brake_spins();
         lap.end(Stage::Velocities);
         self.integrate(workers);
         self.write_wrenches();
@@ -256,7 +258,6 @@ impl World {
         for slot in &mut self.slots {
             let body = &mut slot.body;
             slot.ledger.load_work_j = body.integrate(workers, &slot.velocity_change);
-            slot.ledger.braked_j = body.brake_spin();
             if !body.is_finite() {
                 slot.roll_back(workers, &mut self.output);
             }

@@ -35,6 +35,7 @@ impl World {
     fn correct_momentum(&mut self) {
         let mut is_missing = false;
         for slot in &mut self.slots {
+            slot.ledger.momentum_j = 0.0;
             let touched = slot.impulses[..slot.tool_impulses].iter().map(|i| i.0);
             is_missing |= slot.body.sum_missing_momentum(touched, &slot.velocity_change);
         }
@@ -45,7 +46,7 @@ impl World {
             tissue.join_parts(&mut self.slots);
         }
         for slot in &mut self.slots {
-            slot.body.add_missing_motion(&mut slot.velocity_change);
+            slot.ledger.momentum_j = slot.body.add_missing_motion(&mut slot.velocity_change);
         }
     }
 
