@@ -8,15 +8,15 @@ use crate::{Mat3, Vec3};
 const BILINEAR: [[usize; 3]; 3] = [[0, 1, 2], [1, 2, 0], [2, 0, 1]];
 
 /// An element as its nodes see it, in the frame that turns with it.
-struct Corners {
+pub(super) struct Corners {
     /// Positions, m.
-    position_m: [Vec3; 8],
+    pub(super) position_m: [Vec3; 8],
     /// Positions at rest from the cell's middle, m.
     rest_m: [Vec3; 8],
     /// Shape gradients averaged over the filled volume, 1/m.
     mean_gradient: [Vec3; 8],
     /// Forces that deform the element, N.
-    force_n: [Vec3; 8],
+    pub(super) force_n: [Vec3; 8],
     /// From the rest frame to the scene.
     rotation: Mat3,
 }
@@ -67,7 +67,13 @@ impl Body {
         self.blocks[element / LANES].shapes.volume_m3.as_array()[element % LANES]
     }
 
-    fn corners(&self, element: usize) -> Corners {
+    /// Shape gradients averaged over the filled volume of an element, 1/m.
+    pub(super) fn mean_gradient_per_m(&self, element: usize) -> [Vec3; 8] {
+        let gradient = &self.blocks[element / LANES].shapes.mean_gradient;
+        gradient.each_ref().map(|g| Vec3::from(g.each_ref().map(|v| v.as_array()[element % LANES])))
+    }
+
+    pub(super) fn corners(&self, element: usize) -> Corners {
         let (block, state, lane) = (&self.blocks[element / LANES], &self.states[element / LANES], element % LANES);
         let at = |v: &wide::f64x4| v.as_array()[lane];
         let [x, y, z, w] = state.rotation.each_ref().map(at);
@@ -80,7 +86,7 @@ impl Body {
         Corners {
             position_m: nodes.map(|x| rotation.tr_mul(&(x - middle_m))),
             rest_m: std::array::from_fn(|a| Vec3::from_fn(|i, _| ((a >> i & 1) as f64 - 0.5) * edge_m)),
-            mean_gradient: block.shapes.mean_gradient.each_ref().map(|g| Vec3::from(g.each_ref().map(at))),
+            mean_gradient: self.mean_gradient_per_m(element),
             force_n: std::array::from_fn(|a| -rotation.tr_mul(&Vec3::from_fn(|i, _| at(&state.force_n[3 * a + i])))),
             rotation,
         }

@@ -2,6 +2,7 @@
 //! state.
 
 use super::Body;
+use crate::Vec3;
 use crate::contact::broad::Aabb;
 use crate::fem::composite::corner_pair;
 use crate::fem::corotation::{ElementBlock, ElementState, Evaluation, LANES, NodalBuffers, StepTerms};
@@ -29,6 +30,8 @@ pub struct StepEnergies {
     pub elements: StepTerms<f64>,
     /// `1/2 dx^T H dx` of held voxels.
     pub hold_j: f64,
+    /// `dx^T T dx` of what steadies stressed elements.
+    pub steadying_j: f64,
 }
 
 /// Energies of a body, J.
@@ -139,6 +142,12 @@ impl Body {
             let nodes = self.base().elements[*element as usize].nodes;
             let dx = nodes.map(|n| self.velocity_m_per_s[n as usize].map(|v| dt * v));
             sum.hold_j += (0..3).map(|i| 0.5 * quadratic(hold, |a| dx[a][i], |b| dx[b][i])).sum::<f64>();
+        }
+        for steadied in self.steadied.iter().filter(|s| !s.is_idle()) {
+            let dx = self.base().elements[steadied.element as usize]
+                .nodes
+                .map(|n| Vec3::from(self.velocity_m_per_s[n as usize]) * dt);
+            sum.steadying_j += dx.iter().zip(steadied.apply(&dx)).map(|(dx, f)| dx.dot(&f)).sum::<f64>();
         }
         sum
     }
@@ -281,7 +290,7 @@ impl Body {
         })
     }
 
-    /// `A_e = (1 + alpha dt) M + (dt^2 + beta dt) K' + dt^2 (s g K + H + S)` of one element, with the tangent
+    /// `A_e = (1 + alpha dt) M + (dt^2 + beta dt) K' + dt^2 (s g K + H + T)` of one element, with the tangent
     /// `K' = K + (psi' - 1) K_G + psi'' / V f_G f_G^T`, into the solver's operator.
     pub(super) fn write_matrix(&mut self, element: usize) {
         let (block, state, lane) = (&self.blocks[element / LANES], &self.states[element / LANES], element % LANES);
@@ -294,7 +303,7 @@ impl Body {
         let curvature = if active { at(&state.curvature) } else { 0.0 };
         let branch_factor = block.viscosity.as_ref().map(|v| dt * dt * at(&v.tangent()));
         let hold = self.holds.binary_search_by_key(&(element as u32), |h| h.0).ok().map(|i| &self.holds[i].1);
-        let steadying = at(&block.steadying_n_per_m);
+        let steadied = self.steadied(element);
         let mut packed = [0.0; crate::fem::lanes::PACKED];
         for_packed(|index, row, column| {
             let mut k = block.stiffness.at(index, lane);
@@ -311,7 +320,7 @@ impl Body {
                 let entry = a * (a + 1) / 2 + b;
                 packed[index] += mass_factor * at(&block.shapes.mass_kg[entry]);
                 packed[index] += hold.map_or(0.0, |h| dt * dt * h[entry]);
-                packed[index] += dt * dt * steadying * (if a == b { 0.875 } else { -0.125 });
+                packed[index] += steadied.map_or(0.0, |s| dt * dt * s.stiffness_n_per_m(a, b));
             }
         });
         self.applied_stiffening[element] = if active { 1.0 + stiffening } else { 1.0 };
@@ -390,6 +399,13 @@ impl Body {
                         .sum();
                     b[nodes[a] as usize][i] -= dt * force;
                 }
+            }
+        }
+        for steadied in self.steadied.iter().filter(|s| !s.is_idle()) {
+            let nodes = self.base().elements[steadied.element as usize].nodes.map(|n| n as usize);
+            let pulls = steadied.apply(&nodes.map(|n| Vec3::from(self.velocity_m_per_s[n])));
+            for (node, pull) in nodes.into_iter().zip(pulls) {
+                (0..3).for_each(|i| b[node][i] -= dt * dt * pull[i]);
             }
         }
         self.gather_hanging(&mut b);

@@ -25,7 +25,7 @@ pub use toughness_rate::ToughnessRate;
 
 use crate::Vec3;
 use crate::fem::composite::{CompositeTables, shape_functions};
-use crate::fem::corotation::{ElementBlock, ElementLaw, ElementState, LANES, SharedByBlocks, set_lane};
+use crate::fem::corotation::{ElementBlock, ElementLaw, ElementState, LANES, SharedByBlocks};
 use crate::fem::lanes::diagonal_entry;
 use crate::fem::material::Elastic;
 use crate::fem::viscosity::Viscosity;
@@ -152,6 +152,8 @@ pub struct Body {
     balance_n: Vec<f64x4>,
     /// Elements with held voxels and their 8x8 penalty, lower triangle by rows, N/m.
     holds: Vec<(u32, [f64; 36])>,
+    /// By element.
+    steadied: Vec<steady::Steadied>,
     multigrid: Multigrid,
     pcg: PcgScratch,
     /// Mean Young's modulus of each element's voxels, Pa.
@@ -240,6 +242,7 @@ impl Body {
             chunks: Vec::new(),
             balance_n: Vec::new(),
             holds: Vec::new(),
+            steadied: Vec::new(),
             pcg: PcgScratch::default(),
             young_modulus_pa: Vec::new(),
             applied_stiffening: Vec::new(),
@@ -376,7 +379,6 @@ impl Body {
         let edge = self.element_edge_m(element);
         let (block, state) = (&mut self.blocks[element / LANES], &mut self.states[element / LANES]);
         block.set_matrices(element % LANES, edge, &matrices, law, self.params.dt_s);
-        set_lane(&mut block.steadying_n_per_m, element % LANES, 0.0);
         if block.viscosity.is_some() {
             state.branch.get_or_insert_default();
         }
@@ -386,6 +388,7 @@ impl Body {
             self.holds.push((element as u32, hold));
             self.holds.sort_unstable_by_key(|h| h.0);
         }
+        self.begin_steadying(element);
     }
 
     /// Damping and stiffening of an element: means over its voxels; and what relaxes of it.

@@ -136,7 +136,7 @@ impl Systems for Body {
         visit(&mut self.system());
     }
 
-    fn is_moot(&mut self, _: &Workers<'_>) -> bool {
+    fn is_moot(&mut self, _: &Workers<'_>, _: f64) -> bool {
         false
     }
 

@@ -2,60 +2,103 @@
 //!
 //! A stressed element resists being turned by its stress alone, which the corotational matrix does not have. Where a
 //! few voxels of a cell hang on, little else resists: each step would throw them past where they are to stand, for
-//! ever. `S = sigma V / H^2 (I - 1 1^T / 8)` over the corners, with the stress sigma and the filled volume V, bounds what
-//! is missing. It acts on the change of velocity alone: where elements come to rest, and what moves evenly, stays as it is, and
-//! without stress there is none.
+//! ever. The tangent gets the stress stiffness of what is in tension, `T_ab = V d_a . sigma+ d_b` on each axis, with
+//! the mean gradients d of the filled volume V and the positive part of the stress: what is compressed would make it
+//! indefinite. Forces, and so where anything comes to rest, stay as they are.
 
 use super::Body;
-use crate::fem::corotation::{LANES, set_lane};
+use super::eshelby::Corners;
+use crate::fem::corotation::LANES;
+use crate::{Mat3, Vec3};
 
-/// Strain below which the matrix does without, and half of what any element is steadied for at most.
+/// Strain below which the tangent does without.
 const LEAST_STRAIN: f64 = 0.02;
-const MOST_STRAIN: f64 = 0.5;
-/// Of a stiffness k that acts explicitly on what has the inertia m + dt^2 s, steps of dt stay bounded where k is below
-/// 4 (m / dt^2 + s).
-const NEEDED_SHARE: f64 = 0.25;
-/// What is put in is this much more than is needed, so that it need not follow each step, and is changed where the
-/// need has outgrown it or is down to a share of it.
-const MARGIN: f64 = 1.5;
-const LEAST_USED: f64 = 0.3;
-/// No element gets more inertia than so many times its own: over steps that are long beside its own vibrations, which
-/// the stiffness damps, it would only keep it going.
-const MOST_INERTIA: f64 = 2.0;
+/// The tangent follows when the stress has changed by this share.
+const CHANGE: f64 = 0.2;
 /// A cell that is filled by this share is full.
 const FULL: f64 = 1.0 - 1e-9;
 
+/// An element whose cell is not full.
+#[derive(Clone)]
+pub(super) struct Steadied {
+    pub(super) element: u32,
+    gradient_per_m: [Vec3; 8],
+    /// `V sigma` in the element's frame, J, that the tangent was made of; zero where it does without.
+    stress_j: Mat3,
+    /// Its positive part.
+    tension_j: Mat3,
+}
+
+impl Steadied {
+    pub(super) fn is_idle(&self) -> bool {
+        self.stress_j == Mat3::zeros()
+    }
+
+    /// `T_ab`, N/m.
+    pub(super) fn stiffness_n_per_m(&self, a: usize, b: usize) -> f64 {
+        self.gradient_per_m[a].dot(&(self.tension_j * self.gradient_per_m[b]))
+    }
+
+    /// `T v` at the corners.
+    pub(super) fn apply(&self, v: &[Vec3; 8]) -> [Vec3; 8] {
+        let gradient: Mat3 = v.iter().zip(&self.gradient_per_m).map(|(v, d)| v * d.transpose()).sum();
+        let pull = gradient * self.tension_j;
+        self.gradient_per_m.map(|d| pull * d)
+    }
+}
+
 impl Body {
+    /// Takes an element that was rebuilt, at rest for now, among those to be steadied, unless its cell is full.
+    pub(super) fn begin_steadying(&mut self, element: usize) {
+        let found = self.steadied.binary_search_by_key(&(element as u32), |s| s.element);
+        if self.filled_volume_m3(element) > FULL * self.element_edge_m(element).powi(3) {
+            if let Ok(at) = found {
+                self.steadied.remove(at);
+            }
+            return;
+        }
+        let gradient_per_m = self.mean_gradient_per_m(element);
+        let (stress_j, tension_j) = (Mat3::zeros(), Mat3::zeros());
+        let steadied = Steadied { element: element as u32, gradient_per_m, stress_j, tension_j };
+        match found {
+            Ok(at) => self.steadied[at] = steadied,
+            Err(at) => self.steadied.insert(at, steadied),
+        }
+    }
+
+    /// What steadies an element, if anything does.
+    pub(super) fn steadied(&self, element: usize) -> Option<&Steadied> {
+        let found = self.steadied.binary_search_by_key(&(element as u32), |s| s.element).ok()?;
+        Some(&self.steadied[found]).filter(|steadied| !steadied.is_idle())
+    }
+
     /// Brings the matrices of stressed elements to what keeps them steady now; returns whether any changed.
     pub(super) fn steady_elements(&mut self) -> bool {
         let mut changed = false;
-        for element in 0..self.base().elements.len() {
-            let (block, lane) = (element / LANES, element % LANES);
-            let (edge_m, volume_m3) = (self.element_edge_m(element), self.filled_volume_m3(element));
-            if volume_m3 > FULL * edge_m.powi(3) {
-                continue;
-            }
-            let energy_j = self.states[block].elastic_j.as_array()[lane];
-            let young_pa = self.young_modulus_pa[element];
-            let strain = (2.0 * energy_j / (young_pa * volume_m3)).sqrt().min(MOST_STRAIN);
-            let applied = self.blocks[block].steadying_n_per_m.as_array()[lane];
-            let of_strain = young_pa * volume_m3 / (edge_m * edge_m);
-            let needed = if strain > LEAST_STRAIN {
-                let most = MOST_INERTIA * self.element_mass_kg(element) / (self.params.dt_s * self.params.dt_s);
-                (NEEDED_SHARE * strain * of_strain).min(most / MARGIN)
-            } else {
-                0.0
-            };
-            if needed > applied || needed < LEAST_USED * applied {
-                set_lane(&mut self.blocks[block].steadying_n_per_m, lane, MARGIN * needed);
+        for at in 0..self.steadied.len() {
+            let element = self.steadied[at].element as usize;
+            let energy_j = self.states[element / LANES].elastic_j.as_array()[element % LANES];
+            let stiffness_j = self.young_modulus_pa[element] * self.filled_volume_m3(element);
+            let is_strained = 2.0 * energy_j > stiffness_j * LEAST_STRAIN * LEAST_STRAIN;
+            let stress_j = if is_strained { self.corners(element).stress_j() } else { Mat3::zeros() };
+            let steadied = &mut self.steadied[at];
+            if (stress_j - steadied.stress_j).norm() > CHANGE * stress_j.norm() {
+                let axes = stress_j.symmetric_eigen();
+                let positive = Mat3::from_diagonal(&axes.eigenvalues.map(|value| value.max(0.0)));
+                steadied.tension_j = axes.eigenvectors * positive * axes.eigenvectors.transpose();
+                steadied.stress_j = stress_j;
                 self.write_matrix(element);
                 changed = true;
             }
         }
         changed
     }
+}
 
-    fn element_mass_kg(&self, element: usize) -> f64 {
-        (0..8).flat_map(|a| (0..8).map(move |b| (a, b))).map(|(a, b)| self.mass_between_kg(element, a, b)).sum()
+impl Corners {
+    /// `V sigma` in the element's frame, J.
+    fn stress_j(&self) -> Mat3 {
+        let virial: Mat3 = self.force_n.iter().zip(&self.position_m).map(|(f, x)| f * x.transpose()).sum();
+        (virial + virial.transpose()) * 0.5
     }
 }

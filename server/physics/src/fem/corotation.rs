@@ -54,8 +54,6 @@ pub struct ElementBlock {
     pub alpha_per_s: f64x4,
     /// Rayleigh damping in proportion to stiffness, s.
     pub beta_s: f64x4,
-    /// `s` of what keeps a stressed element steady, `S = s (I - 1 1^T / 8)` over its corners, N/m.
-    pub steadying_n_per_m: f64x4,
     /// Present where any of the four stiffens with strain.
     pub stiffening: Option<StiffeningBlock>,
     /// Present where any of the four relaxes.
@@ -189,7 +187,6 @@ impl Default for ElementBlock {
             shapes: Arc::new(shapes),
             alpha_per_s: f64x4::ZERO,
             beta_s: f64x4::ZERO,
-            steadying_n_per_m: f64x4::ZERO,
             stiffening: None,
             viscosity: None,
         }
@@ -208,12 +205,6 @@ impl Evaluation {
         self.step.viscous_j += other.step.viscous_j;
         self.turned_rad2 = self.turned_rad2.fast_max(other.turned_rad2);
     }
-}
-
-/// `(I - 1 1^T / 8) v` over the corners.
-fn uneven(v: &[f64x4; 24]) -> [f64x4; 24] {
-    let mean = [0, 1, 2].map(|i| (0..8).fold(f64x4::ZERO, |sum, corner| sum + v[3 * corner + i]) * f64x4::splat(0.125));
-    std::array::from_fn(|slot| v[slot] - mean[slot % 3])
 }
 
 /// Writes one lane.
@@ -515,12 +506,8 @@ impl ElementBlock {
     ) -> StepTerms<f64x4> {
         let (half, dt) = (f64x4::splat(0.5), f64x4::splat(dt_s));
         let vkv = lanes::dot(local, kv);
-        let mut inertial_j = half * lanes::dot(change, &self.mass_times(change));
-        if self.steadying_n_per_m != f64x4::ZERO {
-            inertial_j += dt * dt * self.steadying_n_per_m * lanes::dot(velocity, &uneven(change));
-        }
         StepTerms {
-            inertial_j,
+            inertial_j: half * lanes::dot(change, &self.mass_times(change)),
             elastic_j: half * dt * dt * vkv,
             force_work_j: dt * lanes::dot(&state.force_n, velocity),
             damping_j: dt * (f64x4::splat(2.0) * self.alpha_per_s * kinetic_j + self.beta_s * vkv),
