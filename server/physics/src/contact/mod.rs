@@ -68,6 +68,37 @@ pub enum Solution {
     Final,
 }
 
+/// What contacts did in a solve against what its solution says that they should have done: the sum of the squares of
+/// the impulses that are wrong, N^2 s^2. Like a residual, it need not be zero.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Misjudged(f64);
+
+impl Misjudged {
+    /// One contact, by an impulse, N s.
+    #[must_use]
+    pub fn by(impulse_n_s: f64) -> Self {
+        Self(impulse_n_s * impulse_n_s)
+    }
+
+    /// A contact that holds or gives: its force is what the solve is for.
+    #[must_use]
+    pub fn beyond_doubt() -> Self {
+        Self(f64::INFINITY)
+    }
+
+    /// Norm of the impulses, N s.
+    #[must_use]
+    pub fn norm_n_s(self) -> f64 {
+        self.0.sqrt()
+    }
+}
+
+impl std::ops::AddAssign for Misjudged {
+    fn add_assign(&mut self, other: Self) {
+        self.0 += other.0;
+    }
+}
+
 /// A unilateral spring between a point of a tool and a material point. The gap is positive where the
 /// tool has gone past the material point along `direction`; the force on the tissue is along it.
 #[derive(Clone, Copy, Debug, Default)]
@@ -124,10 +155,10 @@ impl Contact {
         };
     }
 
-    /// Takes the solution's change of velocity; returns whether the mode had to change.
-    pub fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]], solution: Solution) -> bool {
+    /// Takes the solution's change of velocity and what it says of the mode; returns how wrong the mode was.
+    pub fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]], solution: Solution) -> Misjudged {
         if solution == Solution::Rough && self.limit_n.is_finite() {
-            return false;
+            return Misjudged::default();
         }
         self.take_solution(dt_s, velocity_change);
         let force = self.stiffness_n_per_m * self.gap_m;
@@ -142,6 +173,12 @@ impl Contact {
             // Given once, it gives at the lower force from now on.
             self.limit_n = self.yield_n;
         }
-        std::mem::replace(&mut self.mode, next) != next
+        if std::mem::replace(&mut self.mode, next) == next {
+            Misjudged::default()
+        } else if self.limit_n.is_finite() {
+            Misjudged::beyond_doubt()
+        } else {
+            Misjudged::by(dt_s * force)
+        }
     }
 }

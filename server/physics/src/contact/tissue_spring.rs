@@ -3,7 +3,7 @@
 //! Both ends are points of tissue and the force on them is equal and opposite, along the line between
 //! them: linear and angular momentum stay what they are.
 
-use super::{ContactWeights, Mode, Solution};
+use super::{ContactWeights, Misjudged, Mode, Solution};
 use crate::Vec3;
 use crate::solve::spring::PointSpring;
 
@@ -68,7 +68,7 @@ impl Friction {
         }
     }
 
-    fn settle(&mut self, change_m_per_s: Vec3) -> bool {
+    fn settle(&mut self, dt_s: f64, change_m_per_s: Vec3) -> Misjudged {
         self.sliding_m_per_s = self.predicted_m_per_s + change_m_per_s;
         let speed = self.sliding_m_per_s.norm();
         let next = match self.grip {
@@ -82,7 +82,14 @@ impl Friction {
                 if self.sliding_m_per_s.dot(&along) < 0.0 { Grip::Stick } else { self.grip }
             }
         };
-        std::mem::replace(&mut self.grip, next) != next
+        if std::mem::replace(&mut self.grip, next) == next {
+            return Misjudged::default();
+        }
+        let wrong_n = match next {
+            Grip::Slide(along) => self.force_n + along * self.limit_n,
+            Grip::Stick => self.force_n,
+        };
+        Misjudged::by(dt_s * wrong_n.norm())
     }
 }
 
@@ -156,8 +163,8 @@ impl TissueSpring {
         spring
     }
 
-    /// Takes the solution's relative change of velocity; returns whether a mode had to change.
-    pub fn settle(&mut self, dt_s: f64, change_m_per_s: Vec3, solution: Solution) -> bool {
+    /// Takes the solution's relative change of velocity; returns how wrong its modes were.
+    pub fn settle(&mut self, dt_s: f64, change_m_per_s: Vec3, solution: Solution) -> Misjudged {
         let along = change_m_per_s.dot(&self.normal);
         self.depth_m = self.depth_predicted_m - dt_s * along;
         let (next, force_n) = match self.mode {
@@ -168,11 +175,14 @@ impl TissueSpring {
             }
         };
         self.force_n = force_n;
-        let mut changed = false;
+        let mut wrong = Misjudged::default();
         if let (Some(friction), true) = (&mut self.friction, solution == Solution::Final && self.mode != Mode::Off) {
-            changed = friction.settle(change_m_per_s - self.normal * along);
+            wrong += friction.settle(dt_s, change_m_per_s - self.normal * along);
         }
-        std::mem::replace(&mut self.mode, next) != next || changed
+        if std::mem::replace(&mut self.mode, next) != next {
+            wrong += Misjudged::by(dt_s * self.stiffness_n_per_m * self.depth_m);
+        }
+        wrong
     }
 
     /// Energy stored at the end of the step, J.

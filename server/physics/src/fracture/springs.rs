@@ -8,7 +8,7 @@ use super::link_energy;
 use super::marker::Edge;
 use crate::Vec3;
 use crate::body::Body;
-use crate::contact::{Contact, Mode, Solution};
+use crate::contact::{Contact, Misjudged, Mode, Solution};
 use crate::scene::FractureRule;
 use crate::tool::blade::BladeFrame;
 
@@ -76,17 +76,18 @@ impl FrontContact {
         Self { marker, forward, lateral, along, unrelaxed: k / relaxed }
     }
 
-    /// Takes the solution's change of velocity; returns whether a mode had to change.
-    pub fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]]) -> bool {
-        let changed = self.forward.settle(dt_s, velocity_change, Solution::Final);
+    /// Takes the solution's change of velocity; returns how wrong the modes were.
+    pub fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]]) -> Misjudged {
+        let mut wrong = self.forward.settle(dt_s, velocity_change, Solution::Final);
         self.lateral.take_solution(dt_s, velocity_change);
         self.lateral.mode = lateral_mode(&self.forward);
         if self.forward.mode == Mode::Yield && self.along.stiffness_n_per_m > 0.0 {
-            return self.along.settle(dt_s, velocity_change, Solution::Final) || changed;
+            wrong += self.along.settle(dt_s, velocity_change, Solution::Final);
+            return wrong;
         }
         self.along.take_solution(dt_s, velocity_change);
         self.along.mode = Mode::Off;
-        changed
+        wrong
     }
 
     /// Concludes the step: books it, tells the anchor what its spring did, and returns how far the

@@ -8,6 +8,10 @@ use crate::Vec3;
 use crate::body::Body;
 use crate::contact::{Contact, ContactWeights, Mode};
 
+/// Ties close along a line to the origin; those that are hardly open, by less than this share of their length, as if
+/// they were: a spring that is stiffer would hold the nodes as one.
+const LEAST_OPENING: f64 = 0.05;
+
 /// A pair of nodes that were one.
 #[derive(Clone, Copy, Debug)]
 struct Tie {
@@ -77,17 +81,23 @@ impl Ties {
         self.owed_j = 0.0;
     }
 
-    /// Sets up the step's forces.
-    pub fn detect(&mut self) {
+    /// How many there are.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.ties.len()
+    }
+
+    /// Sets up the step's springs.
+    pub fn detect(&mut self, body: &Body, dt_s: f64) {
         self.contacts.clear();
-        self.contacts.extend(self.ties.iter().map(Tie::contact));
+        self.contacts.extend(self.ties.iter().map(|tie| tie.contact(body, dt_s)));
     }
 
     /// Books the step and lets go of what has opened.
     pub fn conclude(&mut self, body: &Body) -> TieBook {
         let mut book = TieBook::default();
         for (tie, contact) in self.ties.iter_mut().zip(&self.contacts) {
-            tie.conclude(body, contact.yield_n, &mut book);
+            tie.conclude(body, contact.force_n, &mut book);
         }
         self.ties.retain(|tie| tie.widest_m < tie.length_m);
         book
@@ -95,39 +105,61 @@ impl Ties {
 }
 
 impl Tie {
-    fn force_n(&self) -> f64 {
-        let full = self.start_n.norm() * (1.0 - self.widest_m / self.length_m);
-        // Closing, it gives way along the line to the origin.
-        if self.opening_m < self.widest_m { full * (self.opening_m / self.widest_m).max(0.0) } else { full }
+    fn direction(&self) -> Vec3 {
+        self.start_n.normalize()
     }
 
-    fn contact(&self) -> Contact {
+    /// Force at the largest opening, N.
+    fn full_n(&self) -> f64 {
+        self.start_n.norm() * (1.0 - self.widest_m / self.length_m)
+    }
+
+    /// What counts as open when it is closed, m.
+    fn offset_m(&self) -> f64 {
+        (LEAST_OPENING * self.length_m - self.widest_m).max(0.0)
+    }
+
+    fn stiffness_n_per_m(&self) -> f64 {
+        self.full_n() / (self.widest_m + self.offset_m())
+    }
+
+    fn contact(&self, body: &Body, dt_s: f64) -> Contact {
         let mut weights = ContactWeights::default();
         weights.add(self.nodes[0], 1.0);
         weights.add(self.nodes[1], -1.0);
-        let force = self.force_n();
-        Contact {
+        let gap_before_m = self.opening_m + self.offset_m();
+        let parting = weights.sum(&body.velocity_m_per_s).dot(&self.direction());
+        let gap_predicted_m = gap_before_m - dt_s * parting;
+        let mut contact = Contact {
             weights,
-            direction: self.start_n.normalize(),
-            limit_n: force,
-            yield_n: force,
-            mode: Mode::Yield,
+            direction: self.direction(),
+            stiffness_n_per_m: self.stiffness_n_per_m(),
+            gap_before_m,
+            gap_predicted_m,
+            limit_n: self.full_n(),
+            yield_n: self.full_n(),
             ..Contact::default()
-        }
+        };
+        contact.mode = if gap_predicted_m < 0.0 {
+            Mode::Off
+        } else if gap_before_m >= self.widest_m + self.offset_m() && parting <= 0.0 {
+            Mode::Yield
+        } else {
+            Mode::Spring
+        };
+        contact
     }
 
     fn stored_j(&self) -> f64 {
-        if self.widest_m == 0.0 {
-            return 0.0;
-        }
-        let stiffness = self.start_n.norm() * (1.0 - self.widest_m / self.length_m) / self.widest_m;
-        0.5 * stiffness * self.opening_m.max(0.0).powi(2)
+        let offset_m = self.offset_m();
+        let gap_m = (self.opening_m + offset_m).max(0.0);
+        0.5 * self.stiffness_n_per_m() * (gap_m * gap_m - offset_m * offset_m)
     }
 
     fn conclude(&mut self, body: &Body, force_n: f64, book: &mut TieBook) {
         let before_j = self.stored_j();
         let [a, b] = self.nodes.map(|n| Vec3::from(body.position_m[n as usize]));
-        let opening_m = -(a - b).dot(&self.start_n.normalize());
+        let opening_m = -(a - b).dot(&self.direction());
         let work_j = force_n * (opening_m - self.opening_m);
         let wider_m = opening_m.min(self.length_m).max(self.widest_m) - self.widest_m;
         (self.opening_m, self.widest_m) = (opening_m.min(self.length_m), self.widest_m + wider_m);

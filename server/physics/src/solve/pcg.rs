@@ -50,6 +50,8 @@ pub struct PcgReport {
     pub iterations: u32,
     /// Norm of the residual over the larger of `|b|` and [`Stop::scale`].
     pub relative_residual: f64,
+    /// Norm of the residual that was asked for, N s.
+    pub tolerance_n_s: f64,
     /// Whether it was given up, see [`Systems::is_moot`].
     pub is_moot: bool,
 }
@@ -122,8 +124,8 @@ pub trait Systems {
     fn for_each(&mut self, visit: impl FnMut(&mut System<'_>));
 
     /// Asked on the way, when the residual comes within `ROUGH` times the tolerance: whether the solution so far
-    /// shows that another system is to be solved. The solve then ends.
-    fn is_moot(&mut self, workers: &Workers<'_>) -> bool;
+    /// shows that another system is to be solved, by more than the tolerance, N s. The solve then ends.
+    fn is_moot(&mut self, workers: &Workers<'_>, tolerance_n_s: f64) -> bool;
 
     /// Adds what springs between blocks make of `factor` to the products that the blocks' own matrices
     /// have made.
@@ -142,7 +144,7 @@ pub fn solve<S: Systems>(workers: &Workers<'_>, systems: &mut S, stop: Stop) -> 
     let norm_b = sum(systems, |s| dot(workers, s.b, s.b)).sqrt();
     if norm_b < NOTHING_N_S {
         systems.for_each(|s| s.x.fill(f32x4::ZERO));
-        return PcgReport { iterations: 0, relative_residual: 0.0, is_moot: false };
+        return PcgReport { iterations: 0, relative_residual: 0.0, tolerance_n_s: 0.0, is_moot: false };
     }
     let mut norm_r = begin(workers, systems);
     if norm_r > norm_b {
@@ -154,11 +156,12 @@ pub fn solve<S: Systems>(workers: &Workers<'_>, systems: &mut S, stop: Stop) -> 
         norm_r = norm_b;
     }
     let reference = norm_b.max(stop.scale);
+    let tolerance_n_s = stop.relative_tolerance * reference;
     let (mut rz, mut alpha, mut iterations) = (0.0, 0.0, 0);
     let mut repairs = 0;
     let mut fresh = true;
     let (mut asked, mut is_moot) = (false, false);
-    while norm_r > stop.relative_tolerance * reference && iterations < stop.max_iterations {
+    while norm_r > tolerance_n_s && iterations < stop.max_iterations {
         let (next_rz, apz) = precondition(workers, systems);
         if next_rz.is_nan() || next_rz <= 0.0 {
             // The preconditioner lost definiteness. Mended once or twice it is good again;
@@ -183,18 +186,15 @@ pub fn solve<S: Systems>(workers: &Workers<'_>, systems: &mut S, stop: Stop) -> 
         alpha = rz / curvature;
         norm_r = sum(systems, |s| advance(workers, s, alpha)).sqrt();
         iterations += 1;
-        if !asked
-            && norm_r <= ROUGH * stop.relative_tolerance * reference
-            && norm_r > stop.relative_tolerance * reference
-        {
+        if !asked && norm_r <= ROUGH * tolerance_n_s && norm_r > tolerance_n_s {
             asked = true;
-            is_moot = systems.is_moot(workers);
+            is_moot = systems.is_moot(workers, tolerance_n_s);
             if is_moot {
                 break;
             }
         }
     }
-    PcgReport { iterations, relative_residual: norm_r / reference, is_moot }
+    PcgReport { iterations, relative_residual: norm_r / reference, tolerance_n_s, is_moot }
 }
 
 /// `z` of each block's own cycle; `r . z` and `A p . z`.

@@ -4,7 +4,7 @@ use crate::body::Body;
 use crate::contact::broad::{Aabb, SpatialHash};
 use crate::contact::flank::{Walls, WallsBeside};
 use crate::contact::friction::FlankFriction;
-use crate::contact::{Contact, Mode, Solution};
+use crate::contact::{Contact, Misjudged, Mode, Solution};
 use crate::fracture::{BladeMotion, Front, FrontBook};
 use crate::grid::{Crossing, LinkId};
 use crate::tool::ToolPath;
@@ -55,20 +55,20 @@ impl BladeContact {
         self.hash.reserve(elements);
     }
 
-    pub(super) fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]], solution: Solution) -> bool {
-        let mut changed = false;
+    pub(super) fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]], solution: Solution) -> Misjudged {
+        let mut wrong = Misjudged::default();
         if solution == Solution::Final {
             for front in &mut self.front.contacts {
-                changed |= front.settle(dt_s, velocity_change);
+                wrong += front.settle(dt_s, velocity_change);
             }
         }
         for flank in &mut self.flanks {
-            changed |= flank.settle(dt_s, velocity_change, solution);
+            wrong += flank.settle(dt_s, velocity_change, solution);
         }
         for rubbing in self.friction.iter_mut().flat_map(|f| &mut f.contacts) {
-            changed |= rubbing.settle(dt_s, velocity_change, solution);
+            wrong += rubbing.settle(dt_s, velocity_change, solution);
         }
-        changed
+        wrong
     }
 
     pub(super) fn lift(&mut self) {

@@ -5,7 +5,7 @@ use super::tissue_contact::TissueContact;
 use super::tool_contact::ToolContact;
 use crate::body::{self, Body, TopologyChange};
 use crate::contact::flank::Walls;
-use crate::contact::{Mode, Solution};
+use crate::contact::{Misjudged, Mode, Solution};
 use crate::fault::{Fault, FaultKind};
 use crate::grid::{Crossing, LinkId};
 use crate::ledger::BodyLedger;
@@ -69,10 +69,15 @@ impl BodySlot {
     /// step in between allocates nothing.
     pub(super) fn reserve(&mut self, tissue_springs: usize) {
         let of_tools: usize = self.contacts.iter_mut().map(|c| c.reserve(&self.body, &self.walls)).sum();
-        let springs = of_tools + tissue_springs;
+        let of_ties = self.pulled.as_ref().map_or(0, |pulled| pulled.ties.count());
+        let springs = of_tools + of_ties + tissue_springs;
         self.impulses.clear();
         self.impulses.reserve(POINT_NODES * springs);
         self.body.reserve_springs(springs);
+    }
+
+    pub(super) fn detect_ties(&mut self, dt_s: f64) {
+        self.pulled.iter_mut().for_each(|pulled| pulled.ties.detect(&self.body, dt_s));
     }
 
     /// Loads the solver with the contacts as they are now; returns the norm of the impulses applied, N s.
@@ -85,16 +90,16 @@ impl BodySlot {
     ) -> f64 {
         self.velocity_change.resize(self.body.node_count(), [0.0; 3]);
         self.impulses.clear();
-        let ties = self.pulled.iter().flat_map(|pulled| &pulled.ties.contacts);
-        let of_tools = self.contacts.iter().flat_map(ToolContact::springs);
-        for contact in of_tools.chain(ties).filter(|c| c.mode != Mode::Off) {
+        let of_tools = || self.contacts.iter().flat_map(ToolContact::springs);
+        let ties = || self.pulled.iter().flat_map(|pulled| &pulled.ties.contacts);
+        for contact in of_tools().chain(ties()).filter(|c| c.mode != Mode::Off) {
             let impulse = contact.direction * contact.impulse(dt_s);
             self.impulses.extend(contact.weights.iter().map(|(node, w)| (node, (impulse * w).into())));
         }
         self.tool_impulses = self.impulses.len();
         self.impulses.extend(tissue.iter().flat_map(|tissue| tissue.impulses(index, dt_s)));
         let of_tissue = tissue.iter().flat_map(|tissue| tissue.point_springs(index, dt_s));
-        self.body.set_springs(self.contacts.iter().flat_map(ToolContact::springs), of_tissue);
+        self.body.set_springs(of_tools().chain(ties()), of_tissue);
         let scale = self.body.applied_impulse_norm(workers, &self.impulses);
         self.body.load_system(workers, &self.impulses, &self.velocity_change);
         scale
@@ -106,12 +111,15 @@ impl BodySlot {
         pulled || self.contacts.iter().any(ToolContact::has_front)
     }
 
-    pub(super) fn settle_contacts(&mut self, dt_s: f64, solution: Solution) -> bool {
-        let mut changed = false;
+    pub(super) fn settle_contacts(&mut self, dt_s: f64, solution: Solution) -> Misjudged {
+        let mut wrong = Misjudged::default();
         for contact in &mut self.contacts {
-            changed |= contact.settle(dt_s, &self.velocity_change, solution);
+            wrong += contact.settle(dt_s, &self.velocity_change, solution);
         }
-        changed
+        for tie in self.pulled.iter_mut().flat_map(|pulled| &mut pulled.ties.contacts) {
+            wrong += tie.settle(dt_s, &self.velocity_change, solution);
+        }
+        wrong
     }
 
     /// A state that was set from outside is what the next step starts from and goes back to, if it is

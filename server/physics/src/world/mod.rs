@@ -177,7 +177,8 @@ impl World {
             tissue.detect(&self.slots, self.params.dt_s);
             lap.end(Stage::SelfContact);
         }
-        self.slots.iter_mut().flat_map(|s| &mut s.pulled).for_each(|pulled| pulled.ties.detect());
+        let dt_s = self.params.dt_s;
+        self.slots.iter_mut().for_each(|slot| slot.detect_ties(dt_s));
         self.solve_velocities(workers);
         self.brake_spins();
         lap.end(Stage::Velocities);

@@ -70,7 +70,8 @@ impl World {
                 continue;
             }
             report.relative_residual = report.relative_residual.max(solve.relative_residual);
-            if !island.settle(workers, Solution::Final) {
+            let wrong_n_s = island.settle(workers, Solution::Final).norm_n_s();
+            if wrong_n_s <= solve.tolerance_n_s {
                 break;
             }
         }

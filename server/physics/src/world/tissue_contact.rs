@@ -10,7 +10,7 @@ use crate::contact::patch::{SurfacePatch, SurfacePatches};
 use crate::contact::patch_hash::{PatchHash, PlacedPatch};
 use crate::contact::press::{MARGIN_VOXELS, Meeting, PatchOf, Plane, meet};
 use crate::contact::tissue_spring::{Friction, SpringEnd, TissueSpring};
-use crate::contact::{ContactWeights, Mode, Solution};
+use crate::contact::{ContactWeights, Misjudged, Mode, Solution};
 use crate::hash::StateHasher;
 use crate::ledger::ContactLedger;
 use crate::solve::pcg::{Factor, System, Systems};
@@ -64,17 +64,17 @@ pub(super) struct Island<'a> {
 }
 
 impl Island<'_> {
-    /// Takes the solution so far; returns whether a mode had to change.
-    pub(super) fn settle(&mut self, workers: &Workers<'_>, solution: Solution) -> bool {
-        let mut changed = false;
+    /// Takes the solution so far; returns how wrong modes were.
+    pub(super) fn settle(&mut self, workers: &Workers<'_>, solution: Solution) -> Misjudged {
+        let mut wrong = Misjudged::default();
         for slot in self.slots.iter_mut().filter(|slot| slot.island == self.id) {
             slot.body.take_velocity_change(workers, &mut slot.velocity_change);
-            changed |= slot.settle_contacts(self.dt_s, solution);
+            wrong += slot.settle_contacts(self.dt_s, solution);
         }
         if let Some(tissue) = &mut self.tissue {
-            changed |= tissue.settle(self.slots, self.id, self.dt_s, solution);
+            wrong += tissue.settle(self.slots, self.id, self.dt_s, solution);
         }
-        changed
+        wrong
     }
 }
 
@@ -261,14 +261,14 @@ impl TissueContact {
         }
     }
 
-    /// Takes the solution of an island; returns whether a mode had to change.
-    pub(super) fn settle(&mut self, slots: &[BodySlot], island: usize, dt_s: f64, solution: Solution) -> bool {
-        let mut changed = false;
+    /// Takes the solution of an island; returns how wrong modes were.
+    pub(super) fn settle(&mut self, slots: &[BodySlot], island: usize, dt_s: f64, solution: Solution) -> Misjudged {
+        let mut wrong = Misjudged::default();
         for spring in self.springs.iter_mut().filter(|s| slots[s.ends[0].body as usize].island == island) {
             let change = spring.relative(|body| &slots[body as usize].velocity_change);
-            changed |= spring.settle(dt_s, change, solution);
+            wrong += spring.settle(dt_s, change, solution);
         }
-        changed
+        wrong
     }
 
     /// Books the springs' energies and what friction took, and keeps the normal forces, which limit friction
@@ -353,8 +353,8 @@ fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, pressed
 }
 
 impl Systems for Island<'_> {
-    fn is_moot(&mut self, workers: &Workers<'_>) -> bool {
-        self.may_change && self.settle(workers, Solution::Rough)
+    fn is_moot(&mut self, workers: &Workers<'_>, tolerance_n_s: f64) -> bool {
+        self.may_change && self.settle(workers, Solution::Rough).norm_n_s() > tolerance_n_s
     }
 
     fn for_each(&mut self, mut visit: impl FnMut(&mut System<'_>)) {

@@ -5,7 +5,7 @@ use crate::body::{Body, TopologyChange};
 use crate::contact::flank::Walls;
 use crate::contact::grip::Grip;
 use crate::contact::palpation::Palpation;
-use crate::contact::{Contact, Solution};
+use crate::contact::{Contact, Misjudged, Solution};
 use crate::fracture::FrontBook;
 use crate::grid::{Crossing, LinkId};
 use crate::hash::StateHasher;
@@ -160,27 +160,27 @@ impl ToolContact {
         }
     }
 
-    /// Takes the solution's change of velocity; returns whether a mode had to change.
-    pub(super) fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]], solution: Solution) -> bool {
-        let mut changed = false;
+    /// Takes the solution's change of velocity; returns how wrong modes were.
+    pub(super) fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]], solution: Solution) -> Misjudged {
+        let mut wrong = Misjudged::default();
         match self {
             Self::Edges(edges) => {
                 for edge in edges {
-                    changed |= edge.settle(dt_s, velocity_change, solution);
+                    wrong += edge.settle(dt_s, velocity_change, solution);
                 }
             }
             Self::Grip(Grip { contacts, .. }) => {
                 for contact in contacts {
-                    changed |= contact.settle(dt_s, velocity_change, solution);
+                    wrong += contact.settle(dt_s, velocity_change, solution);
                 }
             }
             Self::Palpation(Palpation { contacts, friction, .. }) => {
                 for contact in contacts.iter_mut().chain(friction) {
-                    changed |= contact.settle(dt_s, velocity_change, solution);
+                    wrong += contact.settle(dt_s, velocity_change, solution);
                 }
             }
         }
-        changed
+        wrong
     }
 
     /// Advances the fronts of its edges; see [`crate::fracture::Front::advance`].
