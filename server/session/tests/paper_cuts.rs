@@ -4,8 +4,9 @@
 mod support;
 
 use kerf_physics::scene::ToolShapeDesc;
+use kerf_physics::step_io::{EnergyStep, ToolMotion};
 use kerf_physics::tool::blade::Blade;
-use kerf_physics::{Quat, Vec3};
+use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers};
 use kerf_session::catalog;
 use support::cutting::{Rig, pieces};
 use support::swept::{Swept, crossings};
@@ -95,4 +96,23 @@ fn the_gummy_bear_is_beheaded_in_one_stroke() {
     assert_eq!(sizes.len(), 2, "pieces of {sizes:?} voxels");
     assert!(sizes[0] > 10_000, "the head is one piece");
     assert!((work - 1.0).abs() < 0.1, "work/(Gc A) = {work}");
+}
+
+#[test]
+fn the_liver_comes_to_rest_after_a_cut_at_display_rates() {
+    for rate_hz in [60.0, 100.0] {
+        let mut scene = catalog::builtin("liver").unwrap();
+        scene.desc.rate_hz = rate_hz;
+        let mut rig = Rig::new(&scene, Vec3::new(-0.042, 0.1545, -0.021), Quat::identity(), 0.1);
+        rig.drive(0.06);
+        let lift = [ToolInput { tool: 0, motion: ToolMotion::Lift }];
+        rig.world.step(&Workers::serial(), &NoClock, &StepInputs::of(&lift));
+        let mut energy = EnergyStep::default();
+        for _ in 0..rate_hz as u32 {
+            energy = rig.world.step(&Workers::serial(), &NoClock, &StepInputs::default()).energy;
+        }
+        let (kinetic_j, elastic_j) = (energy.kinetic_j, energy.elastic_j);
+        println!("{rate_hz} Hz: a second later {kinetic_j:.1e} J are kinetic, {elastic_j:.2} J elastic");
+        assert!(kinetic_j < 1e-7 * elastic_j, "{rate_hz} Hz: {kinetic_j} J beside {elastic_j} J");
+    }
 }
