@@ -103,8 +103,8 @@ fn the_liver_comes_to_rest_after_a_cut_at_display_rates() {
     for rate_hz in [60.0, 100.0] {
         let mut scene = catalog::builtin("liver").unwrap();
         scene.desc.rate_hz = rate_hz;
-        let mut rig = Rig::new(&scene, Vec3::new(-0.042, 0.1545, -0.021), Quat::identity(), 0.1);
-        rig.drive(0.06);
+        let mut rig = Rig::new(&scene, Vec3::new(0.0, 0.16, 0.0), Quat::identity(), 0.1);
+        rig.drive(0.12);
         let lift = [ToolInput { tool: 0, motion: ToolMotion::Lift }];
         rig.world.step(&Workers::serial(), &NoClock, &StepInputs::of(&lift));
         let mut energy = EnergyStep::default();
