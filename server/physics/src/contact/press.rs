@@ -119,7 +119,8 @@ pub fn meet(point: &PatchOf<'_>, surface: &PatchOf<'_>, dt_s: f64) -> Option<Mee
     // Under the point as it is, or where it comes to the plane within the step. (From a foot that is not
     // under the point the forces would turn what they act on.)
     let when = if end_m < distance_m { (distance_m / (distance_m - end_m)).clamp(0.0, 1.0) } else { 0.0 };
-    let (position_m, voxel) = [0.0, when].into_iter().find_map(|when| {
+    let later = Some(when).filter(|when| *when > 0.0);
+    let (position_m, voxel) = std::iter::once(0.0).chain(later).find_map(|when| {
         let there_m = point.placed.at_m + travel_m * when;
         let foot_m = there_m - normal * from_plane_m(&there_m);
         // Where the foot would be if the element were strained evenly: far off, it is under another share.
