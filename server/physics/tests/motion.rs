@@ -256,8 +256,8 @@ fn violent_starts_gain_no_energy_and_return_to_the_rest_shape() {
     }
 }
 
-/// In cells that it hardly fills, a string is held across its length by its tension alone, which the system's matrix
-/// does not have: waves run along it by one and a half elements in a step.
+/// In cells that it hardly fills, a string is held across its length by its tension alone, which the corotational
+/// matrix does not have: waves run along it by one and a half elements in a step.
 #[test]
 fn a_string_under_tension_hangs_as_a_string_does() {
     const H_M: f64 = 0.0035;

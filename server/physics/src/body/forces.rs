@@ -143,11 +143,9 @@ impl Body {
             let dx = nodes.map(|n| self.velocity_m_per_s[n as usize].map(|v| dt * v));
             sum.hold_j += (0..3).map(|i| 0.5 * quadratic(hold, |a| dx[a][i], |b| dx[b][i])).sum::<f64>();
         }
-        for steadied in self.steadied.iter().filter(|s| !s.is_idle()) {
-            let dx = self.base().elements[steadied.element as usize]
-                .nodes
-                .map(|n| Vec3::from(self.velocity_m_per_s[n as usize]) * dt);
-            sum.steadying_j += dx.iter().zip(steadied.apply(&dx)).map(|(dx, f)| dx.dot(&f)).sum::<f64>();
+        for (nodes, pulls) in self.steadying_pulls() {
+            let v = nodes.map(|n| Vec3::from(self.velocity_m_per_s[n]));
+            sum.steadying_j += dt * dt * v.iter().zip(pulls).map(|(v, pull)| v.dot(&pull)).sum::<f64>();
         }
         sum
     }
@@ -401,9 +399,7 @@ impl Body {
                 }
             }
         }
-        for steadied in self.steadied.iter().filter(|s| !s.is_idle()) {
-            let nodes = self.base().elements[steadied.element as usize].nodes.map(|n| n as usize);
-            let pulls = steadied.apply(&nodes.map(|n| Vec3::from(self.velocity_m_per_s[n])));
+        for (nodes, pulls) in self.steadying_pulls() {
             for (node, pull) in nodes.into_iter().zip(pulls) {
                 (0..3).for_each(|i| b[node][i] -= dt * dt * pull[i]);
             }

@@ -156,8 +156,6 @@ pub struct Body {
     steadied: Vec<steady::Steadied>,
     multigrid: Multigrid,
     pcg: PcgScratch,
-    /// Mean Young's modulus of each element's voxels, Pa.
-    young_modulus_pa: Vec<f64>,
     /// `psi'` that the solver's matrix and the coarse matrices were last made with.
     applied_stiffening: Vec<f64>,
     coarse_stiffening: Vec<f64>,
@@ -244,7 +242,6 @@ impl Body {
             holds: Vec::new(),
             steadied: Vec::new(),
             pcg: PcgScratch::default(),
-            young_modulus_pa: Vec::new(),
             applied_stiffening: Vec::new(),
             coarse_stiffening: Vec::new(),
             turned_rad: 0.0,
@@ -374,8 +371,6 @@ impl Body {
         self.element_loads_n[element] = self.element_loads(element, &voxels);
         let matrices = self.element_matrices(element, &voxels);
         let law = self.mean_law(&voxels);
-        let young_pa: f64 = voxels.iter().map(|v| self.material_of(*v).young_modulus_pa).sum();
-        self.young_modulus_pa[element] = young_pa / voxels.len() as f64;
         let edge = self.element_edge_m(element);
         let (block, state) = (&mut self.blocks[element / LANES], &mut self.states[element / LANES]);
         block.set_matrices(element % LANES, edge, &matrices, law, self.params.dt_s);
@@ -388,7 +383,7 @@ impl Body {
             self.holds.push((element as u32, hold));
             self.holds.sort_unstable_by_key(|h| h.0);
         }
-        self.begin_steadying(element);
+        self.begin_steadying(element, &voxels);
     }
 
     /// Damping and stiffening of an element: means over its voxels; and what relaxes of it.
@@ -557,7 +552,6 @@ impl Body {
         self.scratch.resize(elements, self.levels[0].nodes.len());
         self.pcg.resize(self.levels[0].nodes.len());
         self.element_loads_n.resize(elements, [[0.0; 3]; 8]);
-        self.young_modulus_pa.resize(elements, 0.0);
         self.applied_stiffening.resize(elements, 1.0);
         self.coarse_stiffening.resize(elements, 1.0);
     }

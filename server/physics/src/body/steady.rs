@@ -9,6 +9,7 @@
 use super::Body;
 use super::eshelby::Corners;
 use crate::fem::corotation::LANES;
+use crate::grid::VoxelId;
 use crate::{Mat3, Vec3};
 
 /// Strain below which the tangent does without.
@@ -21,8 +22,10 @@ const FULL: f64 = 1.0 - 1e-9;
 /// An element whose cell is not full.
 #[derive(Clone)]
 pub(super) struct Steadied {
-    pub(super) element: u32,
+    element: u32,
     gradient_per_m: [Vec3; 8],
+    /// `V E`, by the mean Young's modulus of its voxels, J.
+    stiffness_j: f64,
     /// `V sigma` in the element's frame, J, that the tangent was made of; zero where it does without.
     stress_j: Mat3,
     /// Its positive part.
@@ -30,7 +33,7 @@ pub(super) struct Steadied {
 }
 
 impl Steadied {
-    pub(super) fn is_idle(&self) -> bool {
+    fn is_idle(&self) -> bool {
         self.stress_j == Mat3::zeros()
     }
 
@@ -40,7 +43,7 @@ impl Steadied {
     }
 
     /// `T v` at the corners.
-    pub(super) fn apply(&self, v: &[Vec3; 8]) -> [Vec3; 8] {
+    fn apply(&self, v: &[Vec3; 8]) -> [Vec3; 8] {
         let gradient: Mat3 = v.iter().zip(&self.gradient_per_m).map(|(v, d)| v * d.transpose()).sum();
         let pull = gradient * self.tension_j;
         self.gradient_per_m.map(|d| pull * d)
@@ -49,7 +52,7 @@ impl Steadied {
 
 impl Body {
     /// Takes an element that was rebuilt, at rest for now, among those to be steadied, unless its cell is full.
-    pub(super) fn begin_steadying(&mut self, element: usize) {
+    pub(super) fn begin_steadying(&mut self, element: usize, voxels: &[VoxelId]) {
         let found = self.steadied.binary_search_by_key(&(element as u32), |s| s.element);
         if self.filled_volume_m3(element) > FULL * self.element_edge_m(element).powi(3) {
             if let Ok(at) = found {
@@ -58,8 +61,10 @@ impl Body {
             return;
         }
         let gradient_per_m = self.mean_gradient_per_m(element);
+        let young_pa: f64 = voxels.iter().map(|v| self.material_of(*v).young_modulus_pa).sum();
+        let stiffness_j = young_pa / voxels.len() as f64 * self.filled_volume_m3(element);
         let (stress_j, tension_j) = (Mat3::zeros(), Mat3::zeros());
-        let steadied = Steadied { element: element as u32, gradient_per_m, stress_j, tension_j };
+        let steadied = Steadied { element: element as u32, gradient_per_m, stiffness_j, stress_j, tension_j };
         match found {
             Ok(at) => self.steadied[at] = steadied,
             Err(at) => self.steadied.insert(at, steadied),
@@ -72,14 +77,21 @@ impl Body {
         Some(&self.steadied[found]).filter(|steadied| !steadied.is_idle())
     }
 
+    /// `T v` at the corners of each element that is steadied, by node, N/s.
+    pub(super) fn steadying_pulls(&self) -> impl Iterator<Item = ([usize; 8], [Vec3; 8])> + '_ {
+        self.steadied.iter().filter(|steadied| !steadied.is_idle()).map(|steadied| {
+            let nodes = self.base().elements[steadied.element as usize].nodes.map(|n| n as usize);
+            (nodes, steadied.apply(&nodes.map(|n| Vec3::from(self.velocity_m_per_s[n]))))
+        })
+    }
+
     /// Brings the matrices of stressed elements to what keeps them steady now; returns whether any changed.
     pub(super) fn steady_elements(&mut self) -> bool {
         let mut changed = false;
         for at in 0..self.steadied.len() {
             let element = self.steadied[at].element as usize;
             let energy_j = self.states[element / LANES].elastic_j.as_array()[element % LANES];
-            let stiffness_j = self.young_modulus_pa[element] * self.filled_volume_m3(element);
-            let is_strained = 2.0 * energy_j > stiffness_j * LEAST_STRAIN * LEAST_STRAIN;
+            let is_strained = 2.0 * energy_j > self.steadied[at].stiffness_j * LEAST_STRAIN * LEAST_STRAIN;
             let stress_j = if is_strained { self.corners(element).stress_j() } else { Mat3::zeros() };
             let steadied = &mut self.steadied[at];
             if (stress_j - steadied.stress_j).norm() > CHANGE * stress_j.norm() {

@@ -1,6 +1,7 @@
 //! Free parts that would turn too far in a step are braked; the ledger books the work of the brake.
 
 use super::World;
+use super::body_slot::BodySlot;
 use crate::Vec3;
 use crate::body::Nodal;
 use crate::contact::Contact;
@@ -13,7 +14,7 @@ impl World {
     /// the solve over the motion of the solve: what they did along `d` reached no tissue and is the brake's too.
     pub(super) fn brake_spins(&mut self) {
         self.slots.iter_mut().for_each(|slot| slot.ledger.braked_j = 0.0);
-        let brake = |slot: &mut super::BodySlot| slot.body.brake_spin(&mut slot.velocity_change);
+        let brake = |slot: &mut BodySlot| slot.body.brake_spin(&mut slot.velocity_change);
         if !self.slots.iter().any(|slot| slot.body.may_spin_too_fast(&slot.velocity_change)) {
             return;
         }
