@@ -62,7 +62,10 @@ pub enum Mode {
 /// How good the solution is that contacts take their modes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Solution {
-    /// On the way: it tells what presses from what does not. What has a limit waits for the end.
+    /// On the way: it tells what presses from what does not, and what has a limit waits for the end. It is only asked
+    /// how wrong the modes are.
+    Glance,
+    /// The same, and the modes change.
     Rough,
     /// Solved to the tolerance.
     Final,
@@ -157,7 +160,7 @@ impl Contact {
 
     /// Takes the solution's change of velocity and what it says of the mode; returns how wrong the mode was.
     pub fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]], solution: Solution) -> Misjudged {
-        if solution == Solution::Rough && self.limit_n.is_finite() {
+        if solution != Solution::Final && self.limit_n.is_finite() {
             return Misjudged::default();
         }
         self.take_solution(dt_s, velocity_change);
@@ -169,6 +172,9 @@ impl Contact {
             Mode::Yield if force < self.yield_n => Mode::Spring,
             mode => mode,
         };
+        if solution == Solution::Glance {
+            return if next == self.mode { Misjudged::default() } else { Misjudged::by(dt_s * force) };
+        }
         if next == Mode::Yield {
             // Given once, it gives at the lower force from now on.
             self.limit_n = self.yield_n;

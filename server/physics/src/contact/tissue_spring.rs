@@ -104,6 +104,8 @@ pub struct TissueSpring {
     pub normal: Vec3,
     /// Stiffness, N/m.
     pub stiffness_n_per_m: f64,
+    /// Share of the spring in its compliance and that of the tissue behind it.
+    pub share_of_compliance: f64,
     /// Depth of the point under the surface at the beginning of the step, m.
     pub depth_before_m: f64,
     /// The same at the end of the step if the tissue kept its velocity, m.
@@ -179,8 +181,13 @@ impl TissueSpring {
         if let (Some(friction), true) = (&mut self.friction, solution == Solution::Final && self.mode != Mode::Off) {
             wrong += friction.settle(dt_s, change_m_per_s - self.normal * along);
         }
-        if std::mem::replace(&mut self.mode, next) != next {
-            wrong += Misjudged::by(dt_s * self.stiffness_n_per_m * self.depth_m);
+        if next != self.mode {
+            // What holds up nothing yet is deeper than it will be: the tissue gives way as the spring comes on.
+            let share = if next == Mode::Off { 1.0 } else { self.share_of_compliance };
+            wrong += Misjudged::by(share * dt_s * self.stiffness_n_per_m * self.depth_m);
+        }
+        if solution != Solution::Glance {
+            self.mode = next;
         }
         wrong
     }

@@ -123,9 +123,9 @@ pub trait Systems {
     /// Visits every block, always in the same order.
     fn for_each(&mut self, visit: impl FnMut(&mut System<'_>));
 
-    /// Asked on the way, when the residual comes within `ROUGH` times the tolerance: whether the solution so far
-    /// shows that another system is to be solved, by more than the tolerance, N s. The solve then ends.
-    fn is_moot(&mut self, workers: &Workers<'_>, tolerance_n_s: f64) -> bool;
+    /// Asked on the way, once the residual is within `ROUGH` times the tolerance: whether the solution so far
+    /// shows that another system is to be solved, by more than the residual, N s. The solve then ends.
+    fn is_moot(&mut self, workers: &Workers<'_>, residual_n_s: f64) -> bool;
 
     /// Adds what springs between blocks make of `factor` to the products that the blocks' own matrices
     /// have made.
@@ -160,7 +160,7 @@ pub fn solve<S: Systems>(workers: &Workers<'_>, systems: &mut S, stop: Stop) -> 
     let (mut rz, mut alpha, mut iterations) = (0.0, 0.0, 0);
     let mut repairs = 0;
     let mut fresh = true;
-    let (mut asked, mut is_moot) = (false, false);
+    let mut is_moot = false;
     while norm_r > tolerance_n_s && iterations < stop.max_iterations {
         let (next_rz, apz) = precondition(workers, systems);
         if next_rz.is_nan() || next_rz <= 0.0 {
@@ -186,9 +186,8 @@ pub fn solve<S: Systems>(workers: &Workers<'_>, systems: &mut S, stop: Stop) -> 
         alpha = rz / curvature;
         norm_r = sum(systems, |s| advance(workers, s, alpha)).sqrt();
         iterations += 1;
-        if !asked && norm_r <= ROUGH * tolerance_n_s && norm_r > tolerance_n_s {
-            asked = true;
-            is_moot = systems.is_moot(workers, tolerance_n_s);
+        if norm_r <= ROUGH * tolerance_n_s && norm_r > tolerance_n_s {
+            is_moot = systems.is_moot(workers, norm_r);
             if is_moot {
                 break;
             }

@@ -322,7 +322,8 @@ fn weights(body: &Body, point: &MaterialPoint, factor: f64) -> ContactWeights {
 }
 
 /// The spring of a patch that meets a surface. The surface's own patches have springs on this one in turn,
-/// so that each has half of the interface's stiffness.
+/// so that each has half of the interface's stiffness. It starts in the mode that its depth says: what the velocity
+/// predicts is, in tissue at rest, what the last solve left of its residual.
 fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, pressed_n: f64, dt_s: f64) -> TissueSpring {
     let ends = [(point, &point.patch.point, 1.0), (surface, &meeting.point, -1.0)]
         .map(|(of, at, sign)| SpringEnd { body: of.placed.body, weights: weights(of.body, at, sign) });
@@ -342,19 +343,24 @@ fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, pressed
         patch: point.placed.patch,
         normal: meeting.normal,
         stiffness_n_per_m: STIFFNESS * point.patch.area_m2 / compliance,
+        share_of_compliance: 1.0 / (1.0 + STIFFNESS),
         depth_before_m,
         depth_predicted_m,
         depth_m: depth_predicted_m,
         slack_m: SLACK_VOXELS * voxel_m,
         force_n: 0.0,
-        mode: if depth_predicted_m > 0.0 { Mode::Spring } else { Mode::Off },
+        mode: if depth_before_m > 0.0 { Mode::Spring } else { Mode::Off },
         friction: (limit_n > 0.0).then(|| Friction::new(limit_n, velocity - meeting.normal * closing)),
     }
 }
 
 impl Systems for Island<'_> {
-    fn is_moot(&mut self, workers: &Workers<'_>, tolerance_n_s: f64) -> bool {
-        self.may_change && self.settle(workers, Solution::Rough).norm_n_s() > tolerance_n_s
+    fn is_moot(&mut self, workers: &Workers<'_>, residual_n_s: f64) -> bool {
+        let is_moot = self.may_change && self.settle(workers, Solution::Glance).norm_n_s() > residual_n_s;
+        if is_moot {
+            self.settle(workers, Solution::Rough);
+        }
+        is_moot
     }
 
     fn for_each(&mut self, mut visit: impl FnMut(&mut System<'_>)) {
