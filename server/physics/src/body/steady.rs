@@ -7,7 +7,6 @@
 //! indefinite. Forces, and so where anything comes to rest, stay as they are.
 
 use super::Body;
-use super::eshelby::Corners;
 use crate::fem::corotation::LANES;
 use crate::grid::VoxelId;
 use crate::{Mat3, Vec3};
@@ -92,7 +91,7 @@ impl Body {
             let element = self.steadied[at].element as usize;
             let energy_j = self.states[element / LANES].elastic_j.as_array()[element % LANES];
             let is_strained = 2.0 * energy_j > self.steadied[at].stiffness_j * LEAST_STRAIN * LEAST_STRAIN;
-            let stress_j = if is_strained { self.corners(element).stress_j() } else { Mat3::zeros() };
+            let stress_j = if is_strained { self.element_stress_j(element) } else { Mat3::zeros() };
             let steadied = &mut self.steadied[at];
             if (stress_j - steadied.stress_j).norm() > CHANGE * stress_j.norm() {
                 let axes = stress_j.symmetric_eigen();
@@ -104,13 +103,5 @@ impl Body {
             }
         }
         changed
-    }
-}
-
-impl Corners {
-    /// `V sigma` in the element's frame, J.
-    fn stress_j(&self) -> Mat3 {
-        let virial: Mat3 = self.force_n.iter().zip(&self.position_m).map(|(f, x)| f * x.transpose()).sum();
-        (virial + virial.transpose()) * 0.5
     }
 }

@@ -43,28 +43,32 @@ impl Tip {
         let edge_m = body.lattice_edge_m();
         let at = (position_m - body.grid.origin_m()) / edge_m;
         let cell = at.map(f64::floor);
-        let corner = |c: usize| body.grid.origin_m() + (cell + Vec3::from_fn(|i, _| (c >> i & 1) as f64)) * edge_m;
+        let centre_m = body.grid.origin_m() + cell.add_scalar(0.5) * edge_m;
         let n = shape_functions((at - cell).into());
-        (0..8).map(|c| n[c] * self.phi(&corner(c))).sum()
+        self.phi_at_corners(&centre_m, edge_m).map_or(0.0, |phi| phi.iter().zip(n).map(|(phi, n)| phi * n).sum())
     }
 
-    /// Whether phi may be other than 0 at the corners of a cube.
-    fn reaches(&self, centre_m: &Vec3, edge_m: f64) -> bool {
+    /// phi at the corners of a cube; `None` where it is 0 at all of them.
+    fn phi_at_corners(&self, centre_m: &Vec3, edge_m: f64) -> Option<[f64; 8]> {
         let offset_m = centre_m - self.position_m;
         let along_m = offset_m.dot(&self.along);
-        let across_m = (offset_m - self.along * along_m).norm();
+        let across2_m2 = offset_m.norm_squared() - along_m * along_m;
         let corner_m = HALF_DIAGONAL * edge_m;
-        along_m.abs() < HALF_WIDTH * self.element_edge_m + corner_m && across_m < OUTER * self.element_edge_m + corner_m
-    }
-
-    fn share_along(&self, offset_m: &Vec3) -> f64 {
-        (1.0 - offset_m.dot(&self.along).abs() / (HALF_WIDTH * self.element_edge_m)).max(0.0)
-    }
-
-    fn phi(&self, position_m: &Vec3) -> f64 {
-        let offset_m = position_m - self.position_m;
-        let radius = (offset_m - self.along * offset_m.dot(&self.along)).norm() / self.element_edge_m;
-        ((OUTER - radius) / (OUTER - INNER)).clamp(0.0, 1.0) * self.share_along(&offset_m)
+        let is_near = along_m.abs() < HALF_WIDTH * self.element_edge_m + corner_m
+            && across2_m2 < (OUTER * self.element_edge_m + corner_m).powi(2);
+        if !is_near {
+            return None;
+        }
+        let half = 0.5 * edge_m;
+        let phi = std::array::from_fn(|c| {
+            let sign = |axis: usize| if c >> axis & 1 == 0 { -half } else { half };
+            let (x, y, z) = (offset_m.x + sign(0), offset_m.y + sign(1), offset_m.z + sign(2));
+            let along_m = x * self.along.x + y * self.along.y + z * self.along.z;
+            let across_m = (x * x + y * y + z * z - along_m * along_m).max(0.0).sqrt();
+            let across = (OUTER - across_m / self.element_edge_m) / (OUTER - INNER);
+            across.clamp(0.0, 1.0) * (1.0 - along_m.abs() / (HALF_WIDTH * self.element_edge_m)).max(0.0)
+        });
+        (phi != [0.0; 8]).then_some(phi)
     }
 }
 
@@ -110,14 +114,7 @@ struct Sum {
 
 impl Sum {
     fn add(&mut self, body: &Body, element: usize, tip: &Tip) {
-        if !tip.reaches(&body.rest_centre_m(element), body.element_edge_m(element)) {
-            return;
-        }
-        let nodes = body.base().elements[element].nodes;
-        let phi = nodes.map(|node| tip.phi(&body.rest_position_m(node as usize)));
-        if phi.iter().all(|p| *p == 0.0) {
-            return;
-        }
+        let Some(phi) = tip.phi_at_corners(&body.rest_centre_m(element), body.element_edge_m(element)) else { return };
         let moved = body.move_material(element, &phi, &tip.ahead);
         let volume_m3 = body.filled_volume_m3(element);
         let weight = moved.slope.norm() * volume_m3;

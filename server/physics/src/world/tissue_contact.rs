@@ -39,7 +39,9 @@ pub(super) struct TissueContact {
     pressed_n: Vec<Vec<f64>>,
     candidates: Candidates,
     hash: PatchHash,
-    /// By patch in the hash; `None` where the tissue is crushed flat.
+    /// By candidate.
+    placed: Vec<PlacedPatch>,
+    /// By candidate; `None` where the tissue is crushed flat.
     planes: Vec<Option<Plane>>,
     springs: Vec<TissueSpring>,
     bridges: Vec<Bridge>,
@@ -87,6 +89,7 @@ impl TissueContact {
             surfaces,
             candidates: Candidates::default(),
             hash: PatchHash::default(),
+            placed: Vec::new(),
             planes: Vec::new(),
             springs: Vec::new(),
             bridges: Vec::new(),
@@ -127,6 +130,8 @@ impl TissueContact {
         let most = self.most_springs();
         self.candidates.reserve(bodies(slots), most);
         self.hash.reserve(most);
+        self.placed.clear();
+        self.placed.reserve(most);
         self.planes.clear();
         self.planes.reserve(most);
         self.springs.clear();
@@ -147,22 +152,24 @@ impl TissueContact {
         if !self.candidates.hold(bodies(slots), reach_m) {
             self.find_candidates(slots, reach_m);
         }
-        self.hash.clear();
+        self.placed.clear();
         self.planes.clear();
         for &[body, patch] in self.candidates.patches() {
-            self.hash.push(self.place(slots, body, patch));
+            self.placed.push(self.place(slots, body, patch));
             let data = &self.surfaces[body as usize].as_slice()[patch as usize];
             self.planes.push(Plane::of(&slots[body as usize].body, data));
         }
-        self.hash.build(reach_m);
-        for (index, placed) in self.hash.placed().iter().enumerate() {
+        for (index, placed) in self.placed.iter().enumerate() {
             let point = self.patch_of(slots, index);
-            let met = |other| {
+            let met = |other: usize| {
+                if (self.placed[other].at_m - placed.at_m).amax() > reach_m {
+                    return None;
+                }
                 let surface = self.patch_of(slots, other);
                 Some((surface, meet(&point, &surface, dt_s)?))
             };
             let nearer = |a: &(PatchOf<'_>, Meeting), b: &(PatchOf<'_>, Meeting)| a.1.aside_m.total_cmp(&b.1.aside_m);
-            if let Some((surface, meeting)) = self.hash.near(&placed.at_m).filter_map(met).min_by(nearer) {
+            if let Some((surface, meeting)) = self.candidates.others(index).filter_map(met).min_by(nearer) {
                 let pressed_n = self.pressed_n[placed.body as usize].get(placed.patch as usize);
                 let spring = spring(&point, &surface, &meeting, pressed_n.copied().unwrap_or(0.0), dt_s);
                 self.springs.push(spring);
@@ -174,9 +181,9 @@ impl TissueContact {
         &self.surfaces[placed.body as usize].as_slice()[placed.patch as usize]
     }
 
-    /// A patch in the hash.
+    /// A candidate.
     fn patch_of<'a>(&'a self, slots: &'a [BodySlot], index: usize) -> PatchOf<'a> {
-        let placed = &self.hash.placed()[index];
+        let placed = &self.placed[index];
         let (body, patch) = (&slots[placed.body as usize].body, self.patch(placed));
         PatchOf { body, patch, placed, plane: self.planes[index].as_ref() }
     }
