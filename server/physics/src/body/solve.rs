@@ -23,9 +23,17 @@ impl Body {
         tissue: impl Iterator<Item = PointSpring>,
     ) {
         let dt2 = self.params.dt_s * self.params.dt_s;
-        let springs = contacts
-            .filter(|c| c.mode == Mode::Spring)
-            .map(|c| PointSpring::new(c.weights.iter(), c.direction.into(), dt2 * c.stiffness_n_per_m));
+        let mut contacts = contacts.filter(|c| c.mode == Mode::Spring).peekable();
+        let springs = std::iter::from_fn(|| {
+            let first = contacts.next()?;
+            let mut spring =
+                PointSpring::new(first.weights.iter(), first.direction.into(), dt2 * first.stiffness_n_per_m);
+            // Those of one point come one after the other.
+            while let Some(next) = contacts.next_if(|next| next.weights == first.weights) {
+                spring.add_direction(next.direction.into(), dt2 * next.stiffness_n_per_m);
+            }
+            Some(spring)
+        });
         self.multigrid.set_springs(springs.chain(tissue));
     }
 
