@@ -11,7 +11,7 @@ const SLACK_ELEMENTS: f64 = 0.125;
 /// 0.15, where their edges are at right angles; this is for 0.25 each.
 const TURN: f64 = 0.5;
 /// Others that a patch has room for on average: where there are more, a step that finds them allocates.
-const ROOM_FOR_OTHERS: usize = 16;
+const ROOM_FOR_OTHERS: usize = 64;
 
 /// Patches that may meet another.
 #[derive(Clone, Debug, Default)]
