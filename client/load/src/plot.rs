@@ -112,6 +112,14 @@ fn padded_range(values: impl Iterator<Item = f64>) -> Range<f64> {
     low - below..high + room
 }
 
+/// A line, piece by piece: as one path it would overshoot where it turns back within a pixel.
+fn segments(
+    line: impl Iterator<Item = (f64, f64)> + Clone,
+    colour: RGBColor,
+) -> impl Iterator<Item = PathElement<(f64, f64)>> {
+    line.clone().zip(line.skip(1)).map(move |(from, to)| PathElement::new([from, to], colour.stroke_width(2)))
+}
+
 /// All that a picture shows.
 struct Figure<'a> {
     samples: &'a [Sample],
@@ -159,7 +167,7 @@ impl Figure<'_> {
             .draw()?;
         let line = self.samples.iter().map(|s| (s.time_s, s.force_n));
         chart
-            .draw_series(LineSeries::new(line, FORCE_COLOUR.stroke_width(2)))?
+            .draw_series(segments(line, FORCE_COLOUR))?
             .label("force")
             .legend(|(x, y)| PathElement::new([(x, y), (x + 24, y)], FORCE_COLOUR.stroke_width(2)));
         if let Some(reference_n) = self.reference_n {
@@ -195,7 +203,7 @@ impl Figure<'_> {
             .light_line_style(WHITE.mix(0.0))
             .draw()?;
         let line = self.samples.iter().map(|s| (s.time_s, depth_mm(s)));
-        chart.draw_series(LineSeries::new(line, DEPTH_COLOUR.stroke_width(2)))?;
+        chart.draw_series(segments(line, DEPTH_COLOUR))?;
         Ok(())
     }
 }
