@@ -116,3 +116,17 @@ fn the_liver_comes_to_rest_after_a_cut_at_display_rates() {
         assert!(kinetic_j < 1e-7 * elastic_j, "{rate_hz} Hz: {kinetic_j} J beside {elastic_j} J");
     }
 }
+
+/// Elements of 28 mm in a liver of 140 mm: what a front looks at takes in where the liver is held.
+#[test]
+fn the_coarsest_liver_is_held_back_by_no_more_than_half_of_its_fracture_energy() {
+    let mut scene = catalog::builtin("liver").unwrap();
+    scene.desc.objects[0].level = 3;
+    let gc_j_per_m2 = scene.desc.objects[0].material.fracture_energy_j_per_m2.unwrap();
+    let mut rig = Rig::new(&scene, Vec3::new(0.0, 0.16, 0.0), Quat::identity(), 0.1);
+    rig.drive(0.12);
+    let over_gc_w = rig.highest_force_n() / (gc_j_per_m2 * 0.06);
+    let spent = rig.sum(|sample| sample.energy.fracture_j) / rig.sum(|sample| sample.energy.tool_work_j);
+    println!("level 3: at most {over_gc_w:.2} Gc w, {spent:.2} of the tool's work is fracture");
+    assert!(over_gc_w < 1.55 && spent > 0.9, "{over_gc_w} Gc w, {spent} of the work");
+}

@@ -21,6 +21,9 @@ use crate::body::Body;
 const LARGE: f64 = 50.0;
 /// Material around a front counts as squeezed to no less than a fifth, as `Anchor::pull_back` has it.
 const LEAST_STRETCH: f64 = 0.2;
+/// A body closes in on a front by less than half of Gc; what is found beyond is of a tube that takes in where the body is
+/// held. It grows with the square of the force: without a limit the front would never go on.
+const MOST_HELD_BACK: f64 = 1.5;
 
 /// A piece of a front that has begun to cut, reference configuration but for `forward`.
 #[derive(Clone, Copy, Debug)]
@@ -50,7 +53,8 @@ impl Strained {
 
     /// Force per length of front at which it goes on against a toughness, N/m.
     pub(super) fn push_n_per_m(&self, toughness_j_per_m2: f64) -> f64 {
-        (toughness_j_per_m2 - self.release_j_per_m2).max(0.0) / self.stretch
+        let drive_j_per_m2 = toughness_j_per_m2 - self.release_j_per_m2;
+        drive_j_per_m2.clamp(0.0, MOST_HELD_BACK * toughness_j_per_m2) / self.stretch
     }
 }
 
