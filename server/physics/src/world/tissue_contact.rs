@@ -26,6 +26,9 @@ const SLACK_VOXELS: f64 = 1e-3;
 /// deep: a spring that finds itself deep in tissue would throw it out. At this depth the interface carries
 /// a pressure of `E` and more.
 const MOST_PUSH_VOXELS: f64 = 0.25;
+/// Voxels per second by which a spring begins deeper than the last step left it. Meetings change from step to
+/// step, and with them the depth that is found: a spring that took it up at once would make energy of it.
+const COMES_UP_VOXELS_PER_S: f64 = 1.0;
 /// Elements that a surface may move by in a step and still be caught: 17 mm, a step of a metre per second
 /// at 60 Hz, of the smallest elements in use.
 const MOST_TRAVEL_ELEMENTS: f64 = 16.0;
@@ -35,7 +38,7 @@ const MOST_TRAVEL_ELEMENTS: f64 = 16.0;
 pub(super) struct TissueContact {
     /// By body.
     surfaces: Vec<SurfacePatches>,
-    /// Normal force on each patch in the last step, N, by body; empty where there is no friction.
+    /// Normal force on each patch in the last step, N, by body: where the next one goes on from.
     pressed_n: Vec<Vec<f64>>,
     candidates: Candidates,
     hash: PatchHash,
@@ -110,10 +113,8 @@ impl TissueContact {
         for ((surface, pressed_n), slot) in lists.filter(|(_, slot)| !slot.parted.is_empty()) {
             let before = surface.clone();
             surface.update(&slot.body, &slot.parted, &slot.change);
-            if !pressed_n.is_empty() {
-                let force = |patch| before.find(patch).map_or(0.0, |index| pressed_n[index]);
-                *pressed_n = surface.as_slice().iter().map(force).collect();
-            }
+            let force = |patch| before.find(patch).map_or(0.0, |index| pressed_n[index]);
+            *pressed_n = surface.as_slice().iter().map(force).collect();
         }
         self.reserve(slots);
     }
@@ -139,9 +140,8 @@ impl TissueContact {
         self.bridges.clear();
         self.bridges.reserve(if slots.len() > 1 { most } else { 0 });
         self.groups.reserve(slots);
-        for ((pressed_n, surface), slot) in self.pressed_n.iter_mut().zip(&self.surfaces).zip(slots) {
-            let rubs = slot.body.materials.iter().any(|m| m.friction_coefficient > 0.0);
-            pressed_n.resize(if rubs { surface.as_slice().len() } else { 0 }, 0.0);
+        for (pressed_n, surface) in self.pressed_n.iter_mut().zip(&self.surfaces) {
+            pressed_n.resize(surface.as_slice().len(), 0.0);
         }
     }
 
@@ -170,9 +170,8 @@ impl TissueContact {
             };
             let nearer = |a: &(PatchOf<'_>, Meeting), b: &(PatchOf<'_>, Meeting)| a.1.aside_m.total_cmp(&b.1.aside_m);
             if let Some((surface, meeting)) = self.candidates.others(index).filter_map(met).min_by(nearer) {
-                let pressed_n = self.pressed_n[placed.body as usize].get(placed.patch as usize);
-                let spring = spring(&point, &surface, &meeting, pressed_n.copied().unwrap_or(0.0), dt_s);
-                self.springs.push(spring);
+                let pressed_n = self.pressed_n[placed.body as usize][placed.patch as usize];
+                self.springs.push(spring(&point, &surface, &meeting, pressed_n, dt_s));
             }
         }
     }
@@ -278,17 +277,15 @@ impl TissueContact {
         wrong
     }
 
-    /// Books the springs' energies and what friction took, and keeps the normal forces, which limit friction
-    /// in the next step.
+    /// Books the springs' energies and what friction took, and keeps the normal forces, from which the next step's
+    /// springs begin and which limit its friction.
     pub(super) fn conclude(&mut self, ledger: &mut ContactLedger, dt_s: f64) {
         self.pressed_n.iter_mut().for_each(|pressed_n| pressed_n.fill(0.0));
         for spring in &self.springs {
             ledger.spring_work_j += spring.work_j();
             ledger.spring_stored_j += spring.stored_j();
             ledger.friction_j += spring.friction_j(dt_s);
-            if let Some(pressed) = self.pressed_n[spring.ends[0].body as usize].get_mut(spring.patch as usize) {
-                *pressed = spring.force_n.max(0.0);
-            }
+            self.pressed_n[spring.ends[0].body as usize][spring.patch as usize] = spring.force_n.max(0.0);
         }
     }
 
@@ -340,7 +337,9 @@ fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, pressed
     let compliance: f64 = [point, surface].map(PatchOf::compliance_m_per_pa).iter().sum();
     let closing = velocity.dot(&meeting.normal);
     let voxel_m = point.body.grid.voxel_size_m();
-    let depth_before_m = (-meeting.distance_m).min(MOST_PUSH_VOXELS * voxel_m);
+    let stiffness_n_per_m = STIFFNESS * point.patch.area_m2 / compliance;
+    let most_m = pressed_n / stiffness_n_per_m + COMES_UP_VOXELS_PER_S * dt_s * voxel_m;
+    let depth_before_m = (-meeting.distance_m).min(MOST_PUSH_VOXELS * voxel_m).min(most_m);
     let depth_predicted_m = depth_before_m - dt_s * closing;
     let [mu, of_surface] = [(point, point.patch.point.voxel), (surface, meeting.point.voxel)]
         .map(|(of, voxel)| of.body.material_of(voxel).friction_coefficient);
@@ -349,7 +348,7 @@ fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, pressed
         ends,
         patch: point.placed.patch,
         normal: meeting.normal,
-        stiffness_n_per_m: STIFFNESS * point.patch.area_m2 / compliance,
+        stiffness_n_per_m,
         share_of_compliance: 1.0 / (1.0 + STIFFNESS),
         depth_before_m,
         depth_predicted_m,
