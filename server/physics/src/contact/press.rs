@@ -17,6 +17,9 @@ const MOST_DEPTH_ELEMENTS: f64 = 0.75;
 /// A point that an evenly strained element would have farther than this many elements from its middle, along
 /// an axis, is not in it however it is bent.
 const MOST_ASIDE_ELEMENTS: f64 = 0.8;
+/// Nor is it under a patch from whose outermost crossing that point is farther than this many voxels: half the
+/// diagonal of a voxel's face, and what a bent element adds.
+const MOST_ASIDE_VOXELS: f64 = 1.5;
 /// Depths under a surface, in voxels, at which its material is looked for: it is cut out in whole voxels,
 /// and an oblique surface runs up to most of one outside them.
 const MATERIAL_VOXELS: [f64; 2] = [0.4, 0.9];
@@ -58,6 +61,19 @@ impl Plane {
     }
 }
 
+/// A patch that comes to the plane of another, or is behind it.
+#[derive(Clone, Copy, Debug)]
+pub struct Approach {
+    /// Distance of the surface's point under the patch from the middle of its own, if the element is strained
+    /// evenly, m, reference configuration.
+    pub aside_m: f64,
+    /// Distance of the patch from the plane, negative behind it, m.
+    distance_m: f64,
+    /// When it may be over the surface: now, or where it comes to the plane, as a share of the step; and where
+    /// its foot on the plane would be then if the element is strained evenly, m, reference configuration.
+    feet: [Option<(f64, Vec3)>; 2],
+}
+
 /// Where a patch meets, or is about to meet, a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Meeting {
@@ -67,8 +83,6 @@ pub struct Meeting {
     pub normal: Vec3,
     /// Distance of the patch from the surface along the normal, negative inside, m.
     pub distance_m: f64,
-    /// Distance of the surface's point from the middle of its patch, m, reference configuration.
-    pub aside_m: f64,
 }
 
 impl PatchOf<'_> {
@@ -94,47 +108,64 @@ impl PatchOf<'_> {
     }
 }
 
-/// Where the middle of `point` meets the surface that `surface` is a share of within `dt_s`, if both go on as
-/// they move. `None` where it stays farther off than the margin, or meets another share.
+/// How the middle of `point` comes to the surface that `surface` is a share of within `dt_s`, if both go on as
+/// they move. `None` where it stays farther off than the margin, or comes to another share.
 #[must_use]
-pub fn meet(point: &PatchOf<'_>, surface: &PatchOf<'_>, dt_s: f64) -> Option<Meeting> {
-    let same_body = point.placed.body == surface.placed.body;
-    let same_element = same_body && point.patch.element == surface.patch.element;
+pub fn approach(point: &PatchOf<'_>, surface: &PatchOf<'_>, dt_s: f64) -> Option<Approach> {
+    let same_element = point.placed.body == surface.placed.body && point.patch.element == surface.patch.element;
     if same_element || point.placed.normal.dot(&surface.placed.normal) > FACING {
         return None;
     }
-    let body = surface.body;
-    let &Plane { to_rest, normal, stretch } = surface.plane?;
-    let from_plane_m = |at_m: &Vec3| (at_m - surface.placed.at_m).dot(&normal);
-    let distance_m = from_plane_m(&point.placed.at_m);
+    let &Plane { to_rest, normal, .. } = surface.plane?;
+    let offset_m = point.placed.at_m - surface.placed.at_m;
+    let distance_m = offset_m.dot(&normal);
     let travel_m = (point.placed.velocity_m_per_s - surface.placed.velocity_m_per_s) * dt_s;
     let end_m = distance_m + travel_m.dot(&normal);
-    let margin_m = MARGIN_VOXELS * body.grid.voxel_size_m();
+    let voxel_m = surface.body.grid.voxel_size_m();
     if normal.dot(&point.placed.normal) > FACING
-        || distance_m.min(end_m) > margin_m
+        || distance_m.min(end_m) > MARGIN_VOXELS * voxel_m
         || distance_m < -MOST_DEPTH_ELEMENTS * surface.edge_m()
     {
         return None;
     }
     // Under the point as it is, or where it comes to the plane within the step. (From a foot that is not
     // under the point the forces would turn what they act on.)
-    let when = if end_m < distance_m { (distance_m / (distance_m - end_m)).clamp(0.0, 1.0) } else { 0.0 };
-    let later = Some(when).filter(|when| *when > 0.0);
-    let (position_m, voxel) = std::iter::once(0.0).chain(later).find_map(|when| {
-        let there_m = point.placed.at_m + travel_m * when;
-        let foot_m = there_m - normal * from_plane_m(&there_m);
-        // Where the foot would be if the element were strained evenly: far off, it is under another share.
-        let about_m = surface.patch.point.position_m + to_rest * (foot_m - surface.placed.at_m);
-        if (about_m - body.rest_centre_m(surface.patch.element as usize)).amax()
-            > MOST_ASIDE_ELEMENTS * surface.edge_m()
-        {
+    let later = if end_m < distance_m { (distance_m / (distance_m - end_m)).clamp(0.0, 1.0) } else { 0.0 };
+    let mut aside_m = f64::INFINITY;
+    let feet = [Some(0.0), Some(later).filter(|when| *when > 0.0)].map(|when| {
+        let there_m = offset_m + travel_m * when?;
+        let from_middle_m = to_rest * (there_m - normal * there_m.dot(&normal));
+        let own_m = from_middle_m.norm();
+        // Far off, it is under another share.
+        if own_m > surface.patch.radius_m + MOST_ASIDE_VOXELS * voxel_m {
             return None;
         }
-        let position_m = body.invert_map_from(surface.patch.element as usize, &foot_m, &about_m)?;
+        let about_m = surface.patch.point.position_m + from_middle_m;
+        let from_centre_m = about_m - surface.body.rest_centre_m(surface.patch.element as usize);
+        if from_centre_m.amax() > MOST_ASIDE_ELEMENTS * surface.edge_m() {
+            return None;
+        }
+        aside_m = aside_m.min(own_m);
+        Some((when?, about_m))
+    });
+    feet.iter().any(Option::is_some).then_some(Approach { aside_m, distance_m, feet })
+}
+
+/// Where `point` meets `surface`, which it approaches so. `None` where there is no material under it.
+#[must_use]
+pub fn meet(point: &PatchOf<'_>, surface: &PatchOf<'_>, approach: &Approach, dt_s: f64) -> Option<Meeting> {
+    let body = surface.body;
+    let &Plane { normal, stretch, .. } = surface.plane?;
+    let travel_m = (point.placed.velocity_m_per_s - surface.placed.velocity_m_per_s) * dt_s;
+    let (position_m, voxel) = approach.feet.iter().flatten().find_map(|(when, about_m)| {
+        let there_m = point.placed.at_m + travel_m * *when;
+        let foot_m = there_m - normal * (there_m - surface.placed.at_m).dot(&normal);
+        let position_m = body.invert_map_from(surface.patch.element as usize, &foot_m, about_m)?;
         Some((position_m, surface.voxel_under(&position_m)?))
     })?;
-    let mut distance_m = distance_m;
+    let mut distance_m = approach.distance_m;
     let own_m = point.patch.point.position_m;
+    let same_body = point.placed.body == surface.placed.body;
     if same_body && (own_m - position_m).norm() < surface.edge_m().max(point.edge_m()) {
         if point.patch.across != Some(surface.patch.element) && is_one_piece(point, voxel) {
             return None;
@@ -147,7 +178,7 @@ pub fn meet(point: &PatchOf<'_>, surface: &PatchOf<'_>, dt_s: f64) -> Option<Mee
     let offset_m = position_m - surface.patch.point.position_m;
     // Where the element bends, its surface leaves the plane.
     distance_m += offset_m.dot(&surface.patch.normal) / stretch;
-    Some(Meeting { point: MaterialPoint { position_m, voxel }, normal, distance_m, aside_m: offset_m.norm() })
+    Some(Meeting { point: MaterialPoint { position_m, voxel }, normal, distance_m })
 }
 
 /// Whether a patch and the point that it meets are in one piece of material that goes straight from one to

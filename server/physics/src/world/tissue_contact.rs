@@ -8,7 +8,7 @@ use crate::contact::broad::Aabb;
 use crate::contact::candidates::Candidates;
 use crate::contact::patch::{SurfacePatch, SurfacePatches};
 use crate::contact::patch_hash::{PatchHash, PlacedPatch};
-use crate::contact::press::{MARGIN_VOXELS, Meeting, PatchOf, Plane, meet};
+use crate::contact::press::{Approach, MARGIN_VOXELS, Meeting, PatchOf, Plane, approach, meet};
 use crate::contact::tissue_spring::{Friction, SpringEnd, TissueSpring};
 use crate::contact::{ContactWeights, Misjudged, Mode, Solution};
 use crate::hash::StateHasher;
@@ -33,6 +33,9 @@ const COMES_UP_VOXELS_PER_S: f64 = 1.0;
 /// at 60 Hz, of the smallest elements in use.
 const MOST_TRAVEL_ELEMENTS: f64 = 16.0;
 
+/// Surfaces that one patch may approach at once before a step allocates.
+const ROOM_FOR_APPROACHES: usize = 256;
+
 /// Springs between tissue and tissue, and what they are found with.
 #[derive(Clone)]
 pub(super) struct TissueContact {
@@ -46,6 +49,8 @@ pub(super) struct TissueContact {
     placed: Vec<PlacedPatch>,
     /// By candidate; `None` where the tissue is crushed flat.
     planes: Vec<Option<Plane>>,
+    /// Of one candidate to others, with their places: scratch.
+    approaches: Vec<(usize, Approach)>,
     springs: Vec<TissueSpring>,
     bridges: Vec<Bridge>,
     groups: PartGroups,
@@ -94,6 +99,7 @@ impl TissueContact {
             hash: PatchHash::default(),
             placed: Vec::new(),
             planes: Vec::new(),
+            approaches: Vec::new(),
             springs: Vec::new(),
             bridges: Vec::new(),
             groups: PartGroups::default(),
@@ -135,6 +141,8 @@ impl TissueContact {
         self.placed.reserve(most);
         self.planes.clear();
         self.planes.reserve(most);
+        self.approaches.clear();
+        self.approaches.reserve(ROOM_FOR_APPROACHES);
         self.springs.clear();
         self.springs.reserve(most);
         self.bridges.clear();
@@ -159,21 +167,27 @@ impl TissueContact {
             let data = &self.surfaces[body as usize].as_slice()[patch as usize];
             self.planes.push(Plane::of(&slots[body as usize].body, data));
         }
+        let mut approaches = std::mem::take(&mut self.approaches);
         for (index, placed) in self.placed.iter().enumerate() {
             let point = self.patch_of(slots, index);
-            let met = |other: usize| {
-                if (self.placed[other].at_m - placed.at_m).amax() > reach_m {
-                    return None;
-                }
-                let surface = self.patch_of(slots, other);
-                Some((surface, meet(&point, &surface, dt_s)?))
-            };
-            let nearer = |a: &(PatchOf<'_>, Meeting), b: &(PatchOf<'_>, Meeting)| a.1.aside_m.total_cmp(&b.1.aside_m);
-            if let Some((surface, meeting)) = self.candidates.others(index).filter_map(met).min_by(nearer) {
+            approaches.clear();
+            approaches.extend(self.candidates.others(index).filter_map(|other| {
+                let is_near = (self.placed[other].at_m - placed.at_m).amax() <= reach_m;
+                let found = if is_near { approach(&point, &self.patch_of(slots, other), dt_s) } else { None };
+                Some((other, found?))
+            }));
+            // Of the surfaces that are under it the one whose middle is nearest.
+            approaches.sort_unstable_by(|(i, a), (j, b)| a.aside_m.total_cmp(&b.aside_m).then(i.cmp(j)));
+            let mut met = approaches.iter().filter_map(|(other, approach)| {
+                let surface = self.patch_of(slots, *other);
+                Some((surface, meet(&point, &surface, approach, dt_s)?))
+            });
+            if let Some((surface, meeting)) = met.next() {
                 let pressed_n = self.pressed_n[placed.body as usize][placed.patch as usize];
                 self.springs.push(spring(&point, &surface, &meeting, pressed_n, dt_s));
             }
         }
+        self.approaches = approaches;
     }
 
     fn patch(&self, placed: &PlacedPatch) -> &SurfacePatch {
