@@ -14,7 +14,7 @@ use crate::extremes::cuts::check_body;
 use crate::extremes::scenes::SplitMix64;
 
 /// A body is in crumbs when its largest piece has less than this share of its voxels.
-const CRUMBS: f64 = 0.25;
+const CRUMBS: f64 = 0.5;
 /// So is one that so many strokes in a row have parted nothing of.
 const IDLE_STROKES: u32 = 15;
 /// Enclosed volume may change by the cut area times this share of a voxel's edge.

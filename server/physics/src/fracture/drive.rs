@@ -10,7 +10,7 @@
 //! Gc/E lambda is 1, G_el is 0 and q is Gc.
 //!
 //! A rigid edge takes its front along as a whole: what counts is the mean over the front. It is looked at in stations
-//! an element apart, one a step in turn.
+//! an element apart, one at a time in turn.
 
 use super::release::{Tip, released};
 use crate::Vec3;

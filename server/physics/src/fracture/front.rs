@@ -199,9 +199,6 @@ impl Front {
         if pulled && self.drive.is_none() {
             self.drive = Some(Drive::default());
         }
-        if !by_link_energy {
-            self.look_around(body);
-        }
         book
     }
 
@@ -300,8 +297,11 @@ impl Front {
         self.chain = chain;
     }
 
-    /// Looks at what the strained body adds to the drive of the front.
-    fn look_around(&mut self, body: &Body) {
+    /// Looks at what the strained body adds to the drive of the front; in a step that it has advanced in.
+    pub fn look_around(&mut self, body: &Body) {
+        if body.fracture_rule == FractureRule::LinkEnergy {
+            return;
+        }
         let Some(mut drive) = self.drive.take() else { return };
         // Behind a front that is no deeper than this there is no cut in the ring of the integral.
         let least_m = INNER * body.lattice_edge_m();

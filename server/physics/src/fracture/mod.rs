@@ -23,6 +23,28 @@ pub mod ties;
 mod travel;
 mod way_in;
 
+/// How often what a body sets free is looked at, at one place ahead of blades and at one end of a cut, s: shorter
+/// steps look at either in turn, or at neither.
+const LOOK_EVERY_S: f64 = 2e-3;
+
+/// What is looked at in a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Looks {
+    /// A station of each front.
+    pub at_fronts: bool,
+    /// An end of a cut.
+    pub at_ends: bool,
+}
+
+impl Looks {
+    /// In the step of this number.
+    #[must_use]
+    pub fn of_step(step: u64, dt_s: f64) -> Self {
+        let every = (LOOK_EVERY_S / dt_s).round().max(1.0) as u64;
+        Self { at_fronts: step % every == 0, at_ends: step % every == every / 2 }
+    }
+}
+
 pub use book::FrontBook;
 pub use front::{BladeMotion, Front};
 pub use springs::FrontContact;

@@ -1,7 +1,7 @@
 //! Tearing: a cut goes on without a blade where pulled tissue sets free more energy than parting it takes.
 //!
 //! Where the cuts of a body end, intact links lie in the plane of parted ones. Such ends are kept by element cell, as
-//! stations; each step looks at the energy release rate of one of them, in turn, and where it exceeds Gc the cut goes
+//! stations; now and then a step looks at the energy release rate of one of them, in turn, and where it exceeds Gc the cut goes
 //! on in its plane by the edge of an element. It runs no faster than the material's shear waves, which carry the news
 //! of what has opened.
 
@@ -70,9 +70,12 @@ impl Tearing {
         self.ends.retain(|_, ends| !ends.is_empty());
     }
 
-    /// Looks at the next station and, where it tears, adds the links ahead to `links`.
-    pub fn advance(&mut self, body: &Body, links: &mut Vec<(LinkId, Crossing)>) -> PartingCost {
+    /// Goes on by a step; where it `looks`, at the next station, and where that tears adds the links ahead to `links`.
+    pub fn advance(&mut self, body: &Body, looks: bool, links: &mut Vec<(LinkId, Crossing)>) -> PartingCost {
         self.step += 1;
+        if !looks {
+            return PartingCost::default();
+        }
         let after = self.last.and_then(|last| self.ends.range(next(last)..).next());
         let Some((&cell, ends)) = after.or_else(|| self.ends.iter().next()) else { return PartingCost::default() };
         self.last = Some(cell);

@@ -24,10 +24,17 @@ impl Pulled {
         Self { tearing: Tearing::of(body), ties: Ties::default() }
     }
 
-    /// Concludes the step of the ties and lets cuts go on; `front` is what the body's blades have booked.
-    pub(super) fn advance(&mut self, body: &Body, front: &FrontBook, links: &mut Vec<(LinkId, Crossing)>) -> FrontBook {
+    /// Concludes the step of the ties and lets cuts go on where it `looks`; `front` is what the body's blades have
+    /// booked.
+    pub(super) fn advance(
+        &mut self,
+        body: &Body,
+        front: &FrontBook,
+        looks: bool,
+        links: &mut Vec<(LinkId, Crossing)>,
+    ) -> FrontBook {
         let tied = self.ties.conclude(body);
-        let torn = self.tearing.advance(body, links);
+        let torn = self.tearing.advance(body, looks, links);
         // What the blades' forces leave to the tissue.
         self.ties.owe(torn.fracture_j - front.slip_j);
         FrontBook {

@@ -196,6 +196,11 @@ impl ToolContact {
         book
     }
 
+    /// Looks at what the strained body adds to the drive of its fronts.
+    pub(super) fn look_around(&mut self, body: &Body) {
+        self.edges_mut().iter_mut().for_each(|edge| edge.front.look_around(body));
+    }
+
     /// Energy in springs of fronts that were let go since this was last asked, J.
     pub(super) fn take_dropped_j(&mut self) -> f64 {
         self.edges_mut().iter_mut().map(|edge| edge.front.take_dropped_j()).sum()
