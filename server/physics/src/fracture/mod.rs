@@ -41,7 +41,8 @@ impl Looks {
     #[must_use]
     pub fn of_step(step: u64, dt_s: f64) -> Self {
         let every = (LOOK_EVERY_S / dt_s).round().max(1.0) as u64;
-        Self { at_fronts: step % every == 0, at_ends: step % every == every / 2 }
+        let place = step % every;
+        Self { at_fronts: place == 0, at_ends: place == every / 2 }
     }
 }
 
