@@ -170,7 +170,7 @@ impl Specimen {
         if self.work_j > 0.0 {
             tally.residual_ratio = tally.residual_ratio.max(self.residual_j / self.work_j);
         }
-        if self.residual_j > MOST_RESIDUAL * self.work_j {
+        if self.work_j > 0.0 && self.residual_j > MOST_RESIDUAL * self.work_j {
             wrong.push(format!("{:.2e} J of {:.2e} J are not accounted for", self.residual_j, self.work_j));
         }
         wrong.iter().for_each(|what| tally.finding(what));

@@ -21,8 +21,6 @@ pub struct SurfacePatch {
     pub normal: Vec3,
     /// Area, m^2, reference configuration.
     pub area_m2: f64,
-    /// No crossing of it is farther from the point, m, reference configuration.
-    pub radius_m: f64,
 }
 
 /// The surface of a body, by element.
@@ -49,8 +47,6 @@ struct Sum {
     position: Vec3,
     normal: Vec3,
     area_m2: f64,
-    /// Of the box around them.
-    corners_m: [Vec3; 2],
 }
 
 impl SurfacePatches {
@@ -103,29 +99,23 @@ impl SurfacePatches {
             let sum = match sums.iter_mut().position(|sum| sum.key == key) {
                 Some(found) => &mut sums[found],
                 None => {
-                    let none = Vec3::zeros();
-                    let corners_m = [at_m; 2];
-                    sums.push(Sum { key, voxel, position: none, normal: none, area_m2: 0.0, corners_m });
+                    sums.push(Sum { key, voxel, position: Vec3::zeros(), normal: Vec3::zeros(), area_m2: 0.0 });
                     sums.last_mut().expect("one was pushed")
                 }
             };
             sum.position += at_m * area_m2;
             sum.normal += outward * area_m2;
             sum.area_m2 += area_m2;
-            sum.corners_m = [sum.corners_m[0].inf(&at_m), sum.corners_m[1].sup(&at_m)];
         }
         sums.sort_unstable_by_key(|sum| sum.key);
         self.patches.extend(sums.iter().filter_map(|sum| {
-            let middle_m = sum.position / sum.area_m2;
-            let far_m = (sum.corners_m[1] - middle_m).sup(&(middle_m - sum.corners_m[0]));
             Some(SurfacePatch {
                 element,
                 across: sum.key.0,
                 side: sum.key.1,
-                point: MaterialPoint { position_m: middle_m, voxel: sum.voxel },
+                point: MaterialPoint { position_m: sum.position / sum.area_m2, voxel: sum.voxel },
                 normal: sum.normal.try_normalize(f64::MIN_POSITIVE)?,
                 area_m2: sum.area_m2,
-                radius_m: far_m.norm(),
             })
         }));
     }

@@ -17,9 +17,6 @@ const MOST_DEPTH_ELEMENTS: f64 = 0.75;
 /// A point that an evenly strained element would have farther than this many elements from its middle, along
 /// an axis, is not in it however it is bent.
 const MOST_ASIDE_ELEMENTS: f64 = 0.8;
-/// Nor is it under a patch from whose outermost crossing that point is farther than this many voxels: half the
-/// diagonal of a voxel's face, and what a bent element adds.
-const MOST_ASIDE_VOXELS: f64 = 1.5;
 /// Depths under a surface, in voxels, at which its material is looked for: it is cut out in whole voxels,
 /// and an oblique surface runs up to most of one outside them.
 const MATERIAL_VOXELS: [f64; 2] = [0.4, 0.9];
@@ -135,17 +132,13 @@ pub fn approach(point: &PatchOf<'_>, surface: &PatchOf<'_>, dt_s: f64) -> Option
     let feet = [Some(0.0), Some(later).filter(|when| *when > 0.0)].map(|when| {
         let there_m = offset_m + travel_m * when?;
         let from_middle_m = to_rest * (there_m - normal * there_m.dot(&normal));
-        let own_m = from_middle_m.norm();
-        // Far off, it is under another share.
-        if own_m > surface.patch.radius_m + MOST_ASIDE_VOXELS * voxel_m {
-            return None;
-        }
         let about_m = surface.patch.point.position_m + from_middle_m;
         let from_centre_m = about_m - surface.body.rest_centre_m(surface.patch.element as usize);
+        // Far off, it is under another share.
         if from_centre_m.amax() > MOST_ASIDE_ELEMENTS * surface.edge_m() {
             return None;
         }
-        aside_m = aside_m.min(own_m);
+        aside_m = aside_m.min(from_middle_m.norm());
         Some((when?, about_m))
     });
     feet.iter().any(Option::is_some).then_some(Approach { aside_m, distance_m, feet })

@@ -41,8 +41,8 @@ const ROOM_FOR_APPROACHES: usize = 256;
 pub(super) struct TissueContact {
     /// By body.
     surfaces: Vec<SurfacePatches>,
-    /// Normal force on each patch in the last step, N, by body: where the next one goes on from.
-    pressed_n: Vec<Vec<f64>>,
+    /// Depth of each patch's spring at the end of the last step, m, by body: where the next one goes on from.
+    depth_m: Vec<Vec<f64>>,
     candidates: Candidates,
     hash: PatchHash,
     /// By candidate.
@@ -93,7 +93,7 @@ impl TissueContact {
     pub(super) fn new(slots: &[BodySlot]) -> Self {
         let surfaces: Vec<_> = slots.iter().map(|slot| SurfacePatches::of(&slot.body)).collect();
         let mut contact = Self {
-            pressed_n: vec![Vec::new(); slots.len()],
+            depth_m: vec![Vec::new(); slots.len()],
             surfaces,
             candidates: Candidates::default(),
             hash: PatchHash::default(),
@@ -115,12 +115,13 @@ impl TissueContact {
 
     /// Takes what the parting of links changed in the surfaces.
     pub(super) fn update(&mut self, slots: &[BodySlot]) {
-        let lists = self.surfaces.iter_mut().zip(&mut self.pressed_n).zip(slots);
-        for ((surface, pressed_n), slot) in lists.filter(|(_, slot)| !slot.parted.is_empty()) {
+        let lists = self.surfaces.iter_mut().zip(&mut self.depth_m).zip(slots);
+        for ((surface, depth_m), slot) in lists.filter(|(_, slot)| !slot.parted.is_empty()) {
             let before = surface.clone();
             surface.update(&slot.body, &slot.parted, &slot.change);
-            let force = |patch| before.find(patch).map_or(0.0, |index| pressed_n[index]);
-            *pressed_n = surface.as_slice().iter().map(force).collect();
+            // What a patch gains or loses in area carries the pressure that it has.
+            let depth = |patch| before.find(patch).map_or(0.0, |index| depth_m[index]);
+            *depth_m = surface.as_slice().iter().map(depth).collect();
         }
         self.reserve(slots);
     }
@@ -129,7 +130,7 @@ impl TissueContact {
     pub(super) fn release(&mut self) {
         self.springs.clear();
         self.bridges.clear();
-        self.pressed_n.iter_mut().for_each(|pressed_n| pressed_n.fill(0.0));
+        self.depth_m.iter_mut().for_each(|depth_m| depth_m.fill(0.0));
     }
 
     /// Makes room for what there may be until links part again.
@@ -148,8 +149,8 @@ impl TissueContact {
         self.bridges.clear();
         self.bridges.reserve(if slots.len() > 1 { most } else { 0 });
         self.groups.reserve(slots);
-        for (pressed_n, surface) in self.pressed_n.iter_mut().zip(&self.surfaces) {
-            pressed_n.resize(surface.as_slice().len(), 0.0);
+        for (depth_m, surface) in self.depth_m.iter_mut().zip(&self.surfaces) {
+            depth_m.resize(surface.as_slice().len(), 0.0);
         }
     }
 
@@ -183,8 +184,8 @@ impl TissueContact {
                 Some((surface, meet(&point, &surface, approach, dt_s)?))
             });
             if let Some((surface, meeting)) = met.next() {
-                let pressed_n = self.pressed_n[placed.body as usize][placed.patch as usize];
-                self.springs.push(spring(&point, &surface, &meeting, pressed_n, dt_s));
+                let depth_m = self.depth_m[placed.body as usize][placed.patch as usize];
+                self.springs.push(spring(&point, &surface, &meeting, depth_m, dt_s));
             }
         }
         self.approaches = approaches;
@@ -291,21 +292,22 @@ impl TissueContact {
         wrong
     }
 
-    /// Books the springs' energies and what friction took, and keeps the normal forces, from which the next step's
-    /// springs begin and which limit its friction.
+    /// Books the springs' energies and what friction took, and keeps their depths, from which the next step's begin and
+    /// which limit its friction.
     pub(super) fn conclude(&mut self, ledger: &mut ContactLedger, dt_s: f64) {
-        self.pressed_n.iter_mut().for_each(|pressed_n| pressed_n.fill(0.0));
+        self.depth_m.iter_mut().for_each(|depth_m| depth_m.fill(0.0));
         for spring in &self.springs {
             ledger.spring_work_j += spring.work_j();
             ledger.spring_stored_j += spring.stored_j();
             ledger.friction_j += spring.friction_j(dt_s);
-            self.pressed_n[spring.ends[0].body as usize][spring.patch as usize] = spring.force_n.max(0.0);
+            let depth_m = spring.force_n.max(0.0) / spring.stiffness_n_per_m;
+            self.depth_m[spring.ends[0].body as usize][spring.patch as usize] = depth_m;
         }
     }
 
     /// Folds what it remembers into a hash.
     pub(super) fn fold_into(&self, hasher: &mut StateHasher) {
-        self.pressed_n.iter().for_each(|pressed_n| hasher.floats(pressed_n));
+        self.depth_m.iter().for_each(|depth_m| hasher.floats(depth_m));
     }
 
     /// Springs of the last step; none where links parted in it.
@@ -342,7 +344,7 @@ fn weights(body: &Body, point: &MaterialPoint, factor: f64) -> ContactWeights {
 /// The spring of a patch that meets a surface. The surface's own patches have springs on this one in turn,
 /// so that each has half of the interface's stiffness. It starts in the mode that its depth says: what the velocity
 /// predicts is, in tissue at rest, what the last solve left of its residual.
-fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, pressed_n: f64, dt_s: f64) -> TissueSpring {
+fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, carried_m: f64, dt_s: f64) -> TissueSpring {
     let ends = [(point, &point.patch.point, 1.0), (surface, &meeting.point, -1.0)]
         .map(|(of, at, sign)| SpringEnd { body: of.placed.body, weights: weights(of.body, at, sign) });
     let bodies = [point.body, surface.body];
@@ -352,12 +354,12 @@ fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, pressed
     let closing = velocity.dot(&meeting.normal);
     let voxel_m = point.body.grid.voxel_size_m();
     let stiffness_n_per_m = STIFFNESS * point.patch.area_m2 / compliance;
-    let most_m = pressed_n / stiffness_n_per_m + COMES_UP_VOXELS_PER_S * dt_s * voxel_m;
+    let most_m = carried_m + COMES_UP_VOXELS_PER_S * dt_s * voxel_m;
     let depth_before_m = (-meeting.distance_m).min(MOST_PUSH_VOXELS * voxel_m).min(most_m);
     let depth_predicted_m = depth_before_m - dt_s * closing;
     let [mu, of_surface] = [(point, point.patch.point.voxel), (surface, meeting.point.voxel)]
         .map(|(of, voxel)| of.body.material_of(voxel).friction_coefficient);
-    let limit_n = (mu * of_surface).sqrt() * pressed_n;
+    let limit_n = (mu * of_surface).sqrt() * stiffness_n_per_m * carried_m;
     TissueSpring {
         ends,
         patch: point.placed.patch,
