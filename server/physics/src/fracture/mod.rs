@@ -23,6 +23,11 @@ pub mod ties;
 mod travel;
 mod way_in;
 
+pub use book::FrontBook;
+pub use front::{BladeMotion, Front};
+pub use springs::FrontContact;
+pub use sweep::PartingCost;
+
 /// How often what a body sets free is looked at, at one place ahead of blades and at one end of a cut, s: shorter
 /// steps look at either in turn, or at neither.
 const LOOK_EVERY_S: f64 = 2e-3;
@@ -45,8 +50,3 @@ impl Looks {
         Self { at_fronts: place == 0, at_ends: place == every / 2 }
     }
 }
-
-pub use book::FrontBook;
-pub use front::{BladeMotion, Front};
-pub use springs::FrontContact;
-pub use sweep::PartingCost;

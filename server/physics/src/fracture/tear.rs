@@ -1,9 +1,9 @@
 //! Tearing: a cut goes on without a blade where pulled tissue sets free more energy than parting it takes.
 //!
 //! Where the cuts of a body end, intact links lie in the plane of parted ones. Such ends are kept by element cell, as
-//! stations; now and then a step looks at the energy release rate of one of them, in turn, and where it exceeds Gc the cut goes
-//! on in its plane by the edge of an element. It runs no faster than the material's shear waves, which carry the news
-//! of what has opened.
+//! stations; now and then a step looks at the energy release rate of one of them, in turn, and where it exceeds Gc
+//! the cut goes on in its plane by the edge of an element. It runs no faster than the material's shear waves, which
+//! carry the news of what has opened.
 
 use std::collections::BTreeMap;
 
