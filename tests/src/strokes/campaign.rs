@@ -13,8 +13,10 @@ use super::model::Model;
 use crate::extremes::cuts::check_body;
 use crate::extremes::scenes::SplitMix64;
 
+/// What rounding leaves of the energy of a body that nothing has touched, at most, J.
+const NO_ENERGY_J: f64 = 1e-15;
 /// A body is in crumbs when its largest piece has less than this share of its voxels.
-const CRUMBS: f64 = 0.5;
+const CRUMBS: f64 = 0.25;
 /// So is one that so many strokes in a row have parted nothing of.
 const IDLE_STROKES: u32 = 15;
 /// Enclosed volume may change by the cut area times this share of a voxel's edge.
@@ -170,7 +172,7 @@ impl Specimen {
         if self.work_j > 0.0 {
             tally.residual_ratio = tally.residual_ratio.max(self.residual_j / self.work_j);
         }
-        if self.work_j > 0.0 && self.residual_j > MOST_RESIDUAL * self.work_j {
+        if self.residual_j > MOST_RESIDUAL * self.work_j + NO_ENERGY_J {
             wrong.push(format!("{:.2e} J of {:.2e} J are not accounted for", self.residual_j, self.work_j));
         }
         wrong.iter().for_each(|what| tally.finding(what));

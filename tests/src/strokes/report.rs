@@ -90,7 +90,7 @@ fn preface(command: &str, seed: u64) -> String {
          any place of the model's box, slicing by up to half its way, and is lifted where it ends: between a fifth of\n\
          the way and beyond the far side. The liver is the built-in one, the others are meshes of its size (0.2 m)\n\
          and material, held at their foot; gravity and loads are off, so that what is cut off stays in reach. A body\n\
-         whose largest piece is below half of its voxels, or that 15 strokes in a row parted nothing of, gives\n\
+         whose largest piece is below a quarter of its voxels, or that 15 strokes in a row parted nothing of, gives\n\
          way to a fresh one.\n\n\
          Asked after every stroke: no step rolled back, no panic, every number finite; every voxel in one element and\n\
          in one piece, no piece of fewer than 8 voxels (those that a mesh has at first are left out); every edge of the surface passed equally often in both\n\
