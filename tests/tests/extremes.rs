@@ -32,7 +32,7 @@ const HELD: [(Family, &str); 14] = [
     (Family::Supports, "cut free: diced by 2 voxels at once"),
     (Family::Starts, "all nodes in one point, k 4, c 0"),
     (Family::Tools, "10 m/s askew, free"),
-    (Family::Loads, "pressed by a traction, 1 E, c 10"),
+    (Family::Loads, "pressed by a traction, 1.5 E, c 10"),
 ];
 
 #[test]

@@ -222,7 +222,7 @@ fn each_number_is_taken_up_to_its_limits_and_refused_beyond_with_field_and_limit
         bound(
             |s, v| s.objects[0].material.strain_stiffening = v,
             "objects[0].material.strain_stiffening",
-            [0.0, 50.0],
+            [0.0, 20.0],
             1e-9,
         ),
         bound(

@@ -1,16 +1,21 @@
-//! Loads that collapse elements: gravity, tractions and body forces up to a thousand times what the
-//! material can carry, and what is left of the body when they are taken away.
+//! Loads that collapse elements: gravity, tractions and body forces up to the most that a scene may have, and what is
+//! left of the body when they are taken away.
 
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc};
 use kerf_physics::{SceneError, Vec3};
 
 use super::materials::parameters;
 use super::scenes::{Specimen, everywhere};
-use super::trial::{Return, Trial};
+use super::trial::{Measures, Return, Trial};
+use super::verdict::findings;
 use super::{Budget, Case, Family, Outcome};
 
-/// Steps under the load, in periods of the body.
+/// Time under the load, in periods of the body.
 const LOADED_PERIODS: f64 = 12.0;
+
+/// Pressures over E, by strain stiffening; the last is the most that is taken.
+const LOADS_OVER_YOUNG: [(f64, [f64; 4]); 3] =
+    [(0.0, [0.1, 0.2, 0.3, 0.5]), (3.0, [0.1, 0.5, 1.0, 1.5]), (10.0, [0.1, 0.5, 1.0, 1.5])];
 
 /// Adds a load of `pressure_pa` on the block's foot to a scene.
 type Load = fn(&Specimen, &mut ObjectDesc, f64) -> [f64; 3];
@@ -34,16 +39,10 @@ fn traction(_: &Specimen, block: &mut ObjectDesc, traction_pa: [f64; 3]) -> [f64
 pub(super) fn cases() -> Vec<Case> {
     let mut cases = Vec::new();
     for (name, load) in LOADS {
-        for strain_stiffening in [0.0, 10.0] {
-            for over_young in [0.1, 1.0, 10.0, 1000.0] {
+        for (strain_stiffening, loads_over_young) in LOADS_OVER_YOUNG {
+            for over_young in loads_over_young {
                 let specimen = Specimen { strain_stiffening, ..Specimen::default() };
                 let name = format!("{name}, {over_young} E, c {strain_stiffening}");
-                // Gravity ends at 1000 m/s^2: a softer block for the same ratio.
-                let specimen = if name.starts_with("gravity") && over_young > 1.0 {
-                    Specimen { young_modulus_pa: 1e2, density_kg_per_m3: 2.5 * over_young, ..specimen }
-                } else {
-                    specimen
-                };
                 cases.push(Case::new(Family::Loads, name, parameters(&specimen), move |budget| {
                     collapsed(&specimen, load, over_young, budget)
                 }));
@@ -53,7 +52,8 @@ pub(super) fn cases() -> Vec<Case> {
     cases
 }
 
-/// The specimen under a load until it lies still, then the same state without the load until it is back.
+/// The specimen under a load, then the same state without the load until it is back. Under the load rest is not asked
+/// for: pressed beyond a fifth of E a cube buckles (Euler), and leans over for as long as it takes.
 fn collapsed(specimen: &Specimen, load: Load, over_young: f64, budget: Budget) -> Result<Outcome, SceneError> {
     let mut block = specimen.held_block();
     let gravity_m_per_s2 = load(specimen, &mut block, over_young * specimen.young_modulus_pa);
@@ -72,6 +72,7 @@ fn collapsed(specimen: &Specimen, load: Load, over_young: f64, budget: Budget) -
     unloaded.let_go(specimen.period_s(), LOADED_PERIODS, budget.most_steps, Return::ToItsPlace);
     let seen = unloaded.finish();
     // The row tells of the release; what went wrong under the load is told beside it.
-    let wrong = super::verdict::findings(&under_load).iter().map(|f| format!("under load: {f}")).collect();
+    let wrong = findings(&Measures { rest: None, ..under_load });
+    let wrong = wrong.iter().map(|f| format!("under load: {f}")).collect();
     Ok(Outcome { seen, wrong })
 }

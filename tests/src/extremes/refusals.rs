@@ -28,7 +28,7 @@ impl Refusal {
 type Change = fn(&mut Scene);
 
 /// Field, supported range as the message writes it, and two changes: below and beyond.
-const RANGES: [(&str, &str, [Change; 2]); 11] = [
+const RANGES: [(&str, &str, [Change; 2]); 14] = [
     ("rate_hz", "10 to 10000", [|s| s.desc.rate_hz = 9.99, |s| s.desc.rate_hz = 10_001.0]),
     (
         "gravity_m_per_s2",
@@ -63,6 +63,14 @@ const RANGES: [(&str, &str, [Change; 2]); 11] = [
         ],
     ),
     (
+        "objects[0].material.strain_stiffening",
+        "0 to 20",
+        [
+            |s| s.desc.objects[0].material.strain_stiffening = -0.1,
+            |s| s.desc.objects[0].material.strain_stiffening = 20.1,
+        ],
+    ),
+    (
         "objects[0].regions[0].material.young_modulus_pa",
         "1000000 to 1e6",
         [|s| beside(s, 9.9e-7), |s| beside(s, 1.01e6)],
@@ -70,8 +78,10 @@ const RANGES: [(&str, &str, [Change; 2]); 11] = [
     (
         "objects[0].loads[0].traction.traction_pa",
         "-1000000000 to 1000000000",
-        [|s| drawn(s, -1.01e9), |s| drawn(s, 1.01e9)],
+        [|s| stiff_and_drawn(s, -1.01e9), |s| stiff_and_drawn(s, 1.01e9)],
     ),
+    ("gravity_m_per_s2", "0.5 E to 1.5 E", [|s| heavy(s, 0.0, 510.0), |s| heavy(s, 3.0, 755.0)]),
+    ("objects[0].loads[0]", "0.5 E to 1.5 E", [|s| drawn(s, 5.1e3), |s| drawn(s, -5.1e3)]),
     ("rate_hz", "0 to 100", [|s| free(s, 1e10, 1000.0), |s| free(s, 1e6, 10.0)]),
     ("tools[0].shape.blade.width_m", "0.0001 to 4096", [|s| wide(s, 9.9e-5), |s| wide(s, 5.0)]),
 ];
@@ -102,6 +112,21 @@ fn beside(scene: &mut Scene, times: f64) {
     let young_modulus_pa = object.material.young_modulus_pa * times;
     let material = kerf_physics::scene::MaterialDesc { young_modulus_pa, ..object.material.clone() };
     object.regions.push(RegionDesc { name: "inside".into(), shape: everywhere(), material });
+}
+
+/// An object ten times as high, that stiffens with strain or does not.
+fn heavy(scene: &mut Scene, strain_stiffening: f64, gravity_m_per_s2: f64) {
+    let object = &mut scene.desc.objects[0];
+    object.shape = ShapeDesc::Box { min_m: [0.0; 3], max_m: [1e-3, 1e-2, 1e-3] };
+    object.material.strain_stiffening = strain_stiffening;
+    object.material.density_kg_per_m3 *= if strain_stiffening > 0.0 { 2.0 } else { 1.0 };
+    scene.desc.gravity_m_per_s2[1] = -gravity_m_per_s2;
+}
+
+/// A load beyond its own range, on a material that carries as much.
+fn stiff_and_drawn(scene: &mut Scene, traction_pa: f64) {
+    scene.desc.objects[0].material.young_modulus_pa = 1e10;
+    drawn(scene, traction_pa);
 }
 
 fn drawn(scene: &mut Scene, traction_pa: f64) {

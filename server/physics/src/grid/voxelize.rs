@@ -60,6 +60,12 @@ pub fn voxel_size_m(object: &ObjectDesc, meshes: &Meshes) -> Result<Option<f64>,
     Ok(Some(size_m))
 }
 
+/// Edge lengths of the box around an object, m; `None` while they cannot be told.
+#[must_use]
+pub fn extent_m(object: &ObjectDesc, meshes: &Meshes) -> Option<Vec3> {
+    extent(&object.shape, meshes).ok().map(|(bounds, _)| bounds.extent_m())
+}
+
 fn size_within(object: &ObjectDesc, bounds: &Bounds) -> f64 {
     let by_resolution = || bounds.extent_m().max() / f64::from(object.resolution.unwrap_or(1));
     object.voxel_size_m.unwrap_or_else(by_resolution)

@@ -4,6 +4,7 @@
 //! what is wrong with its values, [`toughness`] what a material asks of its elements.
 
 mod edge;
+mod loads;
 mod parse;
 pub mod toughness;
 mod validate;
@@ -306,7 +307,7 @@ pub struct MaterialDesc {
     /// How the fracture energy rises with the speed of the cut. Default: it does not.
     #[serde(default)]
     pub rate: Option<RateDesc>,
-    /// Coefficient c of the strain-stiffening law (uniaxially sigma = E eps exp(c eps^2)), 0 to 50.
+    /// Coefficient c of the strain-stiffening law (uniaxially sigma = E eps exp(c eps^2)), 0 to 20.
     /// Default 0: linear co-rotational.
     #[serde(default)]
     pub strain_stiffening: f64,

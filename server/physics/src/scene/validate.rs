@@ -4,12 +4,13 @@ use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 
 use super::edge;
+use super::loads::Loaded;
 use super::toughness::{asked_over_eh, carried_over_eh};
 use super::{
     BladeDesc, CapsuleDesc, DialDesc, FractureRule, GrasperDesc, LoadDesc, MaterialDesc, Meshes, ObjectDesc,
     SCENE_VERSION, Scene, SceneDesc, SceneError, ScissorsDesc, ShapeDesc, ToolShapeDesc,
 };
-use crate::grid::voxelize::voxel_size_m;
+use crate::grid::voxelize::{extent_m, voxel_size_m};
 
 /// Bodies are stepped one after the other; more than this is another kind of simulation.
 pub const MAX_OBJECTS: usize = 64;
@@ -106,6 +107,9 @@ fn problems(scene: &SceneDesc, meshes: &Meshes) -> Vec<SceneError> {
         let size_m = report.object(&format!("objects[{i}]"), object, meshes);
         if let (Some(size_m), true) = (size_m, rate_is_sound) {
             report.waves(scene.rate_hz, object, size_m);
+        }
+        if let (Some(_), Some(extent_m)) = (size_m, extent_m(object, meshes)) {
+            report.loads(&format!("objects[{i}]"), &Loaded { object, extent_m }, &scene.gravity_m_per_s2);
         }
         voxel_sizes_m.extend(size_m);
     }
@@ -290,6 +294,19 @@ impl Report {
         }
     }
 
+    /// What the loads ask of the object's elements.
+    fn loads(&mut self, field: &str, loaded: &Loaded<'_>, gravity_m_per_s2: &[f64; 3]) {
+        if let Some(over) = loaded.by_gravity(gravity_m_per_s2) {
+            let message = over.message(&format!("the weight of `{}` loads it", loaded.object.name));
+            self.refuse("gravity_m_per_s2", message);
+        }
+        for (i, load) in loaded.object.loads.iter().enumerate() {
+            if let Some(over) = loaded.by(load) {
+                self.refuse(format!("{field}.loads[{i}]"), over.message("it loads the object"));
+            }
+        }
+    }
+
     /// Stiff and soft in one object, in whatever order: the first region that is too far from what
     /// came before it is named.
     fn contrast(&mut self, field: &str, object: &ObjectDesc) {
@@ -357,7 +374,8 @@ impl Report {
             number("rate.reference_speed_m_per_s", rate.reference_speed_m_per_s, 1e-6..=10.0);
             number("rate.exponent", rate.exponent, 0.0..=1.0);
         }
-        number("strain_stiffening", material.strain_stiffening, 0.0..=50.0);
+        // Under a blade that presses, 20 makes 3 % of the energy put in, 30 makes 6 %.
+        number("strain_stiffening", material.strain_stiffening, 0.0..=20.0);
         number("friction_coefficient", material.friction_coefficient, 0.0..=10.0);
         if let Some(viscosity) = &material.viscosity {
             number("viscosity.relaxation_time_s", viscosity.relaxation_time_s, 1e-4..=1e4);
