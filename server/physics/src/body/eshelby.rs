@@ -3,18 +3,19 @@
 use super::Body;
 use crate::fem::corotation::LANES;
 use crate::{Mat3, Vec3};
+use wide::f64x4;
 
 /// Bilinear functions of a cell: the pair of axes along which their gradient is linear, and the third.
 const BILINEAR: [[usize; 3]; 3] = [[0, 1, 2], [1, 2, 0], [2, 0, 1]];
 
-/// An element as its nodes see it.
+/// An element as its nodes see it; vectors are xyz0.
 struct Corners {
     /// Positions, m, scene frame.
-    position_m: [Vec3; 8],
+    position_m: [f64x4; 8],
     /// Forces that deform the element, N, scene frame.
-    force_n: [Vec3; 8],
+    force_n: [f64x4; 8],
     /// Shape gradients averaged over the filled volume, 1/m.
-    mean_gradient: [Vec3; 8],
+    mean_gradient: [f64x4; 8],
     /// Edge of the cell, m.
     edge_m: f64,
     /// From the rest frame to the scene.
@@ -46,10 +47,16 @@ impl Body {
     pub(crate) fn move_material(&self, element: usize, phi: &[f64; 8], d: &Vec3) -> Moved {
         let corners = self.corners(element);
         let hold_n = self.hold_forces_n(element);
-        let push_n = |a: usize| corners.force_n[a] - Vec3::from(self.element_loads_n[element][a]) - hold_n[a];
-        let push_n: Vec3 = (0..8).map(|a| push_n(a) * phi[a]).sum();
-        let slope: Vec3 = corners.mean_gradient.iter().zip(phi).map(|(g, p)| g * *p).sum();
-        let direction = corners.position_m.iter().zip(&corners.mean_gradient).map(|(x, g)| x * g.dot(d)).sum::<Vec3>();
+        let (mut push_n, mut slope, mut direction) = (f64x4::ZERO, f64x4::ZERO, f64x4::ZERO);
+        for a in 0..8 {
+            let [held, load] = [hold_n[a], Vec3::from(self.element_loads_n[element][a])].map(packed);
+            let weight = f64x4::splat(phi[a]);
+            push_n = weight.mul_add(corners.force_n[a] - load - held, push_n);
+            slope = weight.mul_add(corners.mean_gradient[a], slope);
+            let along = f64x4::splat(unpacked(corners.mean_gradient[a]).dot(d));
+            direction = along.mul_add(corners.position_m[a], direction);
+        }
+        let [push_n, slope, direction] = [push_n, slope, direction].map(unpacked);
         let bent_j = corners.bilinear_work_j().component_mul(&slope).dot(d);
         let elastic_j = self.elastic_energy_j(element);
         let released_j = push_n.dot(&direction) + bent_j - elastic_j * slope.dot(d);
@@ -75,7 +82,8 @@ impl Body {
     /// `V sigma` of an element, in the frame that turns with it, J.
     pub(super) fn element_stress_j(&self, element: usize) -> Mat3 {
         let Corners { position_m, force_n, rotation, .. } = self.corners(element);
-        let virial: Mat3 = force_n.iter().zip(&position_m).map(|(f, x)| f * x.transpose()).sum();
+        let pairs = force_n.iter().zip(&position_m);
+        let virial: Mat3 = pairs.map(|(f, x)| unpacked(*f) * unpacked(*x).transpose()).sum();
         rotation.transpose() * ((virial + virial.transpose()) * 0.5) * rotation
     }
 
@@ -83,10 +91,11 @@ impl Body {
         let (block, state, lane) = (&self.blocks[element / LANES], &self.states[element / LANES], element % LANES);
         let at = |v: &wide::f64x4| v.as_array()[lane];
         let [x, y, z, w] = state.rotation.each_ref().map(at);
+        let pack = |v: [f64; 3]| f64x4::new([v[0], v[1], v[2], 0.0]);
         Corners {
-            position_m: self.base().elements[element].nodes.map(|n| Vec3::from(self.position_m[n as usize])),
-            force_n: std::array::from_fn(|a| -Vec3::from_fn(|i, _| at(&state.force_n[3 * a + i]))),
-            mean_gradient: self.mean_gradient_per_m(element),
+            position_m: self.base().elements[element].nodes.map(|n| pack(self.position_m[n as usize])),
+            force_n: std::array::from_fn(|a| -pack([0, 1, 2].map(|i| at(&state.force_n[3 * a + i])))),
+            mean_gradient: block.shapes.mean_gradient.each_ref().map(|g| pack(g.each_ref().map(at))),
             edge_m: at(&block.shapes.edge_m),
             rotation: nalgebra::UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(w, x, y, z))
                 .to_rotation_matrix()
@@ -98,19 +107,41 @@ impl Body {
 impl Corners {
     /// Work of the stress on what the bilinear displacements strain along each axis, J.
     fn bilinear_work_j(&self) -> Vec3 {
+        let [position_m, force_n, gradient] = [&self.position_m, &self.force_n, &self.mean_gradient].map(modes);
         let mut along_j = Vec3::zeros();
         for [j, k, other] in BILINEAR {
-            let side = |a: usize, axis: usize| (a >> axis & 1) as f64 * 2.0 - 1.0;
-            let sign = |a: usize| side(a, j) * side(a, k);
+            let mode = 1 << j | 1 << k;
             // Less the linear part with the same mean gradient: a constant stress does no work on the rest.
-            let slope: Vec3 = (0..8).map(|a| self.mean_gradient[a] * sign(a)).sum::<Vec3>() * (0.5 * self.edge_m);
-            let rest = |a: usize| sign(a) - slope.x * side(a, 0) - slope.y * side(a, 1) - slope.z * side(a, 2);
-            let amplitude_m: Vec3 = (0..8).map(|a| self.position_m[a] * (sign(a) / 8.0)).sum();
-            let moment_n: Vec3 = (0..8).map(|a| self.force_n[a] * rest(a)).sum();
-            let work_j = self.rotation.tr_mul(&amplitude_m).component_mul(&self.rotation.tr_mul(&moment_n));
+            let slope = unpacked(gradient[mode]) * (0.5 * self.edge_m);
+            let linear = |axis: usize| f64x4::splat(slope[axis]) * force_n[1 << axis];
+            let moment_n = force_n[mode] - linear(0) - linear(1) - linear(2);
+            let [amplitude_m, moment_n] =
+                [position_m[mode] * f64x4::splat(0.125), moment_n].map(|v| self.rotation.tr_mul(&unpacked(v)));
+            let work_j = amplitude_m.component_mul(&moment_n);
             along_j[j] += work_j[j] + 0.5 * work_j[other];
             along_j[k] += work_j[k] + 0.5 * work_j[other];
         }
         along_j
     }
+}
+
+/// Sums over the corners, each with the product of the corner's signs along the axes that are bits of the index.
+fn modes(corners: &[f64x4; 8]) -> [f64x4; 8] {
+    let mut modes = *corners;
+    for bit in [1, 2, 4] {
+        for corner in (0..8).filter(|corner| corner & bit == 0) {
+            let (low, high) = (modes[corner], modes[corner | bit]);
+            (modes[corner], modes[corner | bit]) = (low + high, high - low);
+        }
+    }
+    modes
+}
+
+fn packed(v: Vec3) -> f64x4 {
+    f64x4::new([v.x, v.y, v.z, 0.0])
+}
+
+fn unpacked(v: f64x4) -> Vec3 {
+    let [x, y, z, _] = v.to_array();
+    Vec3::new(x, y, z)
 }
