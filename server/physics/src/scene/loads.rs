@@ -8,9 +8,9 @@ use super::{LoadDesc, MaterialDesc, ObjectDesc};
 use crate::Vec3;
 
 /// Stress over E up to which a material carries a dead load, linear and stiffened: blocks under gravity, pressed,
-/// drawn and sheared make no energy, come to rest and are back in shape when they are let go (`make extremes`).
-/// Linear ones stay turned through their foot from E on, those that stiffen by 3 or 10 swing longer from 2 E on;
-/// either makes energy from 5 and 10 E on.
+/// drawn and sheared make no energy, and are at rest and back in shape when they are let go (`make extremes`).
+/// Linear ones stay turned through their foot from E on; those that stiffen by 3 or 10 go on moving under the load from
+/// 2 E on; energy is made from 5 and 10 E on.
 const CARRIED_OVER_YOUNG: [f64; 2] = [0.5, 1.5];
 
 /// Stress up to which a material carries a dead load, Pa.
