@@ -108,7 +108,7 @@ fn problems(scene: &SceneDesc, meshes: &Meshes) -> Vec<SceneError> {
         if let (Some(size_m), true) = (size_m, rate_is_sound) {
             report.waves(scene.rate_hz, object, size_m);
         }
-        if let (Some(_), Some(extent_m)) = (size_m, extent_m(object, meshes)) {
+        if let Some(extent_m) = size_m.and_then(|_| extent_m(object, meshes)) {
             report.loads(&format!("objects[{i}]"), &Loaded { object, extent_m }, &scene.gravity_m_per_s2);
         }
         voxel_sizes_m.extend(size_m);
