@@ -24,7 +24,7 @@ pub fn fold(scene: &Scene) -> Result<Option<String>> {
     for object in &scene.desc.objects {
         let Some(voxel_m) = voxel_size_m(object, &scene.meshes)? else { continue };
         let level = object.finer.iter().map(|finer| finer.level).fold(object.level, u8::min);
-        for material in std::iter::once(&object.material).chain(object.regions.iter().map(|region| &region.material)) {
+        for material in object.materials() {
             let Some(asked) = asked_over_eh(material, object.fracture_rule, voxel_m, level) else { continue };
             let limit = CARRIED_OVER_EH.iter().find(|(least, _)| material.strain_stiffening >= *least);
             let Some((_, carried)) = limit else { continue };

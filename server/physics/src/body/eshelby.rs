@@ -49,7 +49,7 @@ impl Body {
         let hold_n = self.hold_forces_n(element);
         let (mut push_n, mut slope, mut direction) = (f64x4::ZERO, f64x4::ZERO, f64x4::ZERO);
         for a in 0..8 {
-            let [held, load] = [hold_n[a], Vec3::from(self.element_loads_n[element][a])].map(packed);
+            let [held, load] = [hold_n[a].into(), self.element_loads_n[element][a]].map(packed);
             let weight = f64x4::splat(phi[a]);
             push_n = weight.mul_add(corners.force_n[a] - load - held, push_n);
             slope = weight.mul_add(corners.mean_gradient[a], slope);
@@ -91,11 +91,10 @@ impl Body {
         let (block, state, lane) = (&self.blocks[element / LANES], &self.states[element / LANES], element % LANES);
         let at = |v: &wide::f64x4| v.as_array()[lane];
         let [x, y, z, w] = state.rotation.each_ref().map(at);
-        let pack = |v: [f64; 3]| f64x4::new([v[0], v[1], v[2], 0.0]);
         Corners {
-            position_m: self.base().elements[element].nodes.map(|n| pack(self.position_m[n as usize])),
-            force_n: std::array::from_fn(|a| -pack([0, 1, 2].map(|i| at(&state.force_n[3 * a + i])))),
-            mean_gradient: block.shapes.mean_gradient.each_ref().map(|g| pack(g.each_ref().map(at))),
+            position_m: self.base().elements[element].nodes.map(|n| packed(self.position_m[n as usize])),
+            force_n: std::array::from_fn(|a| -packed([0, 1, 2].map(|i| at(&state.force_n[3 * a + i])))),
+            mean_gradient: block.shapes.mean_gradient.each_ref().map(|g| packed(g.each_ref().map(at))),
             edge_m: at(&block.shapes.edge_m),
             rotation: nalgebra::UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(w, x, y, z))
                 .to_rotation_matrix()
@@ -137,8 +136,8 @@ fn modes(corners: &[f64x4; 8]) -> [f64x4; 8] {
     modes
 }
 
-fn packed(v: Vec3) -> f64x4 {
-    f64x4::new([v.x, v.y, v.z, 0.0])
+fn packed([x, y, z]: [f64; 3]) -> f64x4 {
+    f64x4::new([x, y, z, 0.0])
 }
 
 fn unpacked(v: f64x4) -> Vec3 {

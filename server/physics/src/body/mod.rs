@@ -214,10 +214,7 @@ impl Body {
         params: StepParams,
     ) -> Self {
         let exponents = levels[0].exponent..=object.level;
-        let materials = std::iter::once(&object.material)
-            .chain(object.regions.iter().map(|r| &r.material))
-            .map(Material::from)
-            .collect();
+        let materials = object.materials().map(Material::from).collect();
         let mut body = Self {
             name: object.name.clone(),
             tables: exponents.map(|exponent| CompositeTables::new(exponent, grid.voxel_size_m())).collect(),

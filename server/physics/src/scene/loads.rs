@@ -3,7 +3,7 @@
 //! A dead load goes on pushing however far the tissue has given way. Beyond a stress of the order of E elements
 //! collapse under it, and what was one shape at rest becomes another, or none.
 
-use super::toughness::LEAST_STIFFENING;
+use super::toughness::{LEAST_STIFFENING, stiffens};
 use super::{LoadDesc, MaterialDesc, ObjectDesc};
 use crate::Vec3;
 
@@ -15,8 +15,7 @@ const CARRIED_OVER_YOUNG: [f64; 2] = [0.5, 1.5];
 
 /// Stress up to which a material carries a dead load, Pa.
 fn carried_pa(material: &MaterialDesc) -> f64 {
-    let stiffened = material.strain_stiffening >= LEAST_STIFFENING;
-    CARRIED_OVER_YOUNG[usize::from(stiffened)] * material.young_modulus_pa
+    CARRIED_OVER_YOUNG[usize::from(stiffens(material))] * material.young_modulus_pa
 }
 
 /// A load that is more than any material of its object carries.
@@ -35,9 +34,8 @@ pub(super) struct Loaded<'a> {
 
 impl Loaded<'_> {
     fn over(&self, stress_pa: f64) -> Option<Overload> {
-        let materials = std::iter::once(&self.object.material).chain(self.object.regions.iter().map(|r| &r.material));
         // Which of them carries it is not known before there are voxels.
-        let carried_pa = materials.map(carried_pa).fold(0.0, f64::max);
+        let carried_pa = self.object.materials().map(carried_pa).fold(0.0, f64::max);
         (stress_pa > carried_pa).then_some(Overload { stress_pa, carried_pa })
     }
 

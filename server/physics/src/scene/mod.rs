@@ -218,6 +218,11 @@ pub struct ObjectDesc {
 }
 
 impl ObjectDesc {
+    /// Its material and those of its regions, in that order.
+    pub fn materials(&self) -> impl Iterator<Item = &MaterialDesc> {
+        std::iter::once(&self.material).chain(self.regions.iter().map(|region| &region.material))
+    }
+
     /// Every shape that the object names: its own, its regions', its finer and fixed ones, its loads'.
     pub fn shapes(&self) -> impl Iterator<Item = &ShapeDesc> {
         let loads = self.loads.iter().map(|load| match load {

@@ -59,6 +59,11 @@ fn stress_over_e(energy_over_e: f64, strain_stiffening: f64) -> f64 {
     (raised.ln_1p() / strain_stiffening).sqrt() * (1.0 + raised)
 }
 
+/// Whether a material stiffens soon enough to carry more than a linear one.
+pub(super) fn stiffens(material: &MaterialDesc) -> bool {
+    material.strain_stiffening >= LEAST_STIFFENING
+}
+
 /// Largest line load over `E H` that the element law of `material` is granted.
 ///
 /// Measured at nu 0.45 at levels 0, 1, 2 (`--test tissue`). Up to 0.6, 0.6 and 0.5 E H linear elements carry
@@ -69,7 +74,7 @@ fn stress_over_e(energy_over_e: f64, strain_stiffening: f64) -> f64 {
 /// below it counts as none.
 #[must_use]
 pub fn carried_over_eh(material: &MaterialDesc, level: u8) -> f64 {
-    let stiffened = material.strain_stiffening >= LEAST_STIFFENING;
+    let stiffened = stiffens(material);
     let by_level = if stiffened { [36.0, 15.0, 9.6] } else { [0.6, 0.6, 0.5] };
     let share = if stiffened { (material.strain_stiffening / TESTED_STIFFENING).min(1.0) } else { 1.0 };
     let measured = by_level[usize::from(level.min(2))];

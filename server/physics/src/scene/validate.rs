@@ -280,8 +280,7 @@ impl Report {
             let confined_pa = m.instantaneous_modulus_pa() * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu));
             (confined_pa / m.density_kg_per_m3).sqrt()
         };
-        let materials = std::iter::once(&object.material).chain(object.regions.iter().map(|r| &r.material));
-        let speed_m_per_s = materials.map(speed_m_per_s).fold(0.0, f64::max);
+        let speed_m_per_s = object.materials().map(speed_m_per_s).fold(0.0, f64::max);
         let voxels = speed_m_per_s / (rate_hz * voxel_size_m);
         // Of a material out of its range enough is said already.
         if voxels.is_finite() && voxels > MAX_FREE_WAVE_VOXELS {
