@@ -6,7 +6,7 @@ use kerf_physics::grid::voxelize::voxelize;
 use kerf_physics::scene::TriangleMesh;
 use kerf_physics::{Scene, Vec3};
 use kerf_session::catalog;
-use kerf_system_tests::strokes::campaign::run;
+use kerf_system_tests::strokes::campaign::{Tally, cut, seeds};
 use kerf_system_tests::strokes::model::Model;
 
 /// Enclosed volume may change by this share of the cut area times a voxel's edge on so coarse a lattice;
@@ -16,7 +16,7 @@ const COARSE_VOLUME_SHARE: f64 = 0.25;
 #[test]
 fn random_strokes_through_a_coarse_liver_leave_nothing_broken() {
     let model = Model::new("liver", 12).expect("the liver");
-    let tally = run(&model, 40, 1, |_| ()).expect("a sound scene");
+    let tally = Tally::sum(seeds(1).map(|seed| cut(&model, seed).expect("a sound scene")), 40);
     let but_volume: Vec<_> = tally.findings.iter().filter(|what| !what.contains("enclosed volume")).collect();
     assert!(but_volume.is_empty(), "{but_volume:#?}");
     assert!(tally.cutting_strokes >= 10 && tally.parted_links > 200, "{tally:#?}");

@@ -2,15 +2,13 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 use clap::Parser;
-use kerf_system_tests::strokes::campaign::{Tally, run};
-use kerf_system_tests::strokes::memory::resident_bytes;
+use kerf_system_tests::strokes::campaign::{Tally, cut, seeds};
 use kerf_system_tests::strokes::model::Model;
-use kerf_system_tests::strokes::report::{Report, row};
+use kerf_system_tests::strokes::report::Report;
 
 /// How long a run that is cut off may have gone on since it last left its figures.
 const REPORT_EVERY: Duration = Duration::from_secs(60);
@@ -23,82 +21,97 @@ struct Options {
     /// `liver`, or the paths of meshes; one that is absent is passed over with a word.
     #[arg(default_value = "liver")]
     models: Vec<String>,
-    /// Strokes through each model.
+    /// Strokes through each model, at least: a body that was begun is cut to crumbs.
     #[arg(long, default_value_t = 100)]
     strokes: u32,
     /// Chooses the strokes.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Voxels along a model's longest edge.
-    #[arg(long, default_value_t = 40)]
+    #[arg(long, default_value_t = 20)]
     resolution: u32,
+    /// Folder of the bodies' figures; those that stand there are not taken again.
+    #[arg(long)]
+    bodies: PathBuf,
 }
 
-/// Highest resident set of the process, bytes: in the first tenth of the strokes, and of all.
-#[derive(Default)]
-struct Resident {
-    strokes: AtomicU32,
-    early: AtomicU64,
-    most: AtomicU64,
+/// The bodies of one model, in the order of their seeds.
+struct Bodies<'a> {
+    model: &'a Model,
+    seeds: Box<dyn Iterator<Item = u64> + Send>,
+    /// `None` while it is being cut.
+    tallies: Vec<Option<Tally>>,
 }
 
-impl Resident {
-    fn look(&self, all_strokes: u32) {
-        let Some(bytes) = resident_bytes() else { return };
-        self.most.fetch_max(bytes, Ordering::Relaxed);
-        if self.strokes.fetch_add(1, Ordering::Relaxed) < all_strokes / 10 {
-            self.early.fetch_max(bytes, Ordering::Relaxed);
-        }
+impl<'a> Bodies<'a> {
+    fn new(model: &'a Model, seed: u64) -> Self {
+        Self { model, seeds: Box::new(seeds(seed)), tallies: Vec::new() }
     }
 
-    fn mb(&self) -> Option<[f64; 2]> {
-        let mb = [&self.early, &self.most].map(|bytes| bytes.load(Ordering::Relaxed) as f64 * 1e-6);
-        (mb[1] > 0.0).then_some(mb)
+    /// Strokes made, in whatever order.
+    fn strokes(&self) -> u32 {
+        self.tallies.iter().flatten().map(|tally| tally.strokes).sum()
+    }
+
+    /// Whether the bodies before the first that is being cut hold so many strokes: whatever threads do, the
+    /// figures of a whole run are those of the same bodies.
+    fn hold(&self, strokes: u32) -> bool {
+        self.tallies.iter().map_while(|tally| tally.as_ref().map(|t| t.strokes)).sum::<u32>() >= strokes
+    }
+
+    fn sum(&self, strokes: u32) -> Tally {
+        Tally::sum(self.tallies.iter().flatten().cloned(), strokes)
     }
 }
 
-/// The figures of a run as it goes on.
+/// A run as it goes on.
 struct Run<'a> {
     options: &'a Options,
-    command: String,
     began: Instant,
-    resident: Resident,
-    /// By model, and when they were last written.
-    tallies: Mutex<(Vec<Tally>, Instant)>,
+    /// One for each model, and when the report was last written.
+    state: Mutex<(Vec<Bodies<'a>>, Instant)>,
 }
 
-impl<'a> Run<'a> {
-    fn new(options: &'a Options, models: &[Model]) -> Self {
-        let names: Vec<&str> = models.iter().map(|model| model.name.as_str()).collect();
-        let Options { strokes, resolution, .. } = options;
-        let command = format!("strokes {} --strokes {strokes} --resolution {resolution}", names.join(" "));
-        let began = Instant::now();
-        let tallies = names.iter().map(|name| Tally { name: (*name).to_owned(), ..Tally::default() });
-        let tallies = Mutex::new((tallies.collect(), began));
-        Self { options, command, began, resident: Resident::default(), tallies }
-    }
-
-    /// Takes a model's figures after a stroke; each minute writes those of all.
-    fn take(&self, model: usize, tally: &Tally) -> Result<()> {
-        let mut guard = self.tallies.lock().expect("no thread panics that holds it");
-        let (tallies, written) = &mut *guard;
-        self.resident.look(self.options.strokes * tallies.len() as u32);
-        tallies[model].clone_from(tally);
-        if written.elapsed() > REPORT_EVERY {
-            *written = Instant::now();
-            self.write(tallies)?;
+impl Run<'_> {
+    /// Cuts body after body, each of the model that has the fewest strokes, until all have enough.
+    fn work(&self) -> Result<()> {
+        while let Some((index, body, seed, model)) = self.next() {
+            let path = self.options.bodies.join(format!("{}-{}-{seed:016x}.json", model.name, self.options.resolution));
+            // A file that is cut short is none.
+            let found = std::fs::read_to_string(&path).ok().and_then(|text| serde_json::from_str(&text).ok());
+            let tally = match found {
+                Some(tally) => tally,
+                None => cut(model, seed)?,
+            };
+            std::fs::write(&path, serde_json::to_string(&tally)?).with_context(|| path.display().to_string())?;
+            let mut guard = self.state.lock().expect("no thread panics that holds it");
+            let (bodies, written) = &mut *guard;
+            bodies[index].tallies[body] = Some(tally);
+            if written.elapsed() > REPORT_EVERY {
+                *written = Instant::now();
+                self.write(bodies)?;
+            }
         }
         Ok(())
     }
 
+    fn next(&self) -> Option<(usize, usize, u64, &Model)> {
+        let mut guard = self.state.lock().expect("no thread panics that holds it");
+        let unfinished = guard.0.iter_mut().enumerate().filter(|(_, bodies)| !bodies.hold(self.options.strokes));
+        let (index, bodies) = unfinished.min_by_key(|(_, bodies)| bodies.strokes())?;
+        let seed = bodies.seeds.next()?;
+        bodies.tallies.push(None);
+        Some((index, bodies.tallies.len() - 1, seed, bodies.model))
+    }
+
     /// Writes the report and says how far the run is.
-    fn write(&self, tallies: &[Tally]) -> Result<()> {
-        let Options { out, strokes, seed, .. } = self.options;
-        let resident_mb = self.resident.mb();
-        let report = Report { command: &self.command, seed: *seed, strokes: *strokes, tallies, resident_mb };
+    fn write(&self, bodies: &[Bodies<'_>]) -> Result<()> {
+        let Options { out, strokes, seed, resolution, .. } = self.options;
+        let tallies: Vec<_> = bodies.iter().map(|of| (of.model.name.as_str(), of.sum(*strokes))).collect();
+        let report = Report { seed: *seed, strokes: *strokes, resolution: *resolution, tallies: &tallies };
         replace(out, &report.markdown()).with_context(|| out.display().to_string())?;
-        let made = tallies.iter().map(|tally| format!("{} {}", tally.name, tally.strokes)).collect::<Vec<_>>();
-        let failures: u32 = tallies.iter().map(|tally| tally.failures).sum();
+        let made = tallies.iter().map(|(name, tally)| format!("{name} {}", tally.strokes)).collect::<Vec<_>>();
+        let failures: u32 = tallies.iter().map(|(_, tally)| tally.failures).sum();
         let minutes = self.began.elapsed().as_secs_f64() / 60.0;
         println!("{minutes:.1} min, strokes {} of {strokes} each: {failures} failures", made.join(", "));
         Ok(())
@@ -114,6 +127,7 @@ fn replace(path: &Path, text: &str) -> std::io::Result<()> {
 
 fn main() -> Result<()> {
     let options = Options::parse();
+    std::fs::create_dir_all(&options.bodies).with_context(|| options.bodies.display().to_string())?;
     let mut models = Vec::new();
     for name in &options.models {
         if name != "liver" && !PathBuf::from(name).is_file() {
@@ -124,22 +138,15 @@ fn main() -> Result<()> {
     }
     // A stroke that panics is a line of the report, not of the terminal.
     std::panic::set_hook(Box::new(|_| ()));
-    let run_of_all = Run::new(&options, &models);
-    let cut = &|index: usize, model: &Model| -> Result<Tally> {
-        let tally = run(model, options.strokes, options.seed, |tally| {
-            if let Err(error) = run_of_all.take(index, tally) {
-                println!("{error:#}");
-            }
-        })?;
-        println!("{}", row(&tally));
-        Ok(tally)
-    };
-    // A thread to each, whatever the machine has: a run that is cut off has cut them all.
-    let tallies = std::thread::scope(|scope| {
-        let threads: Vec<_> = models.iter().enumerate().map(|(i, model)| scope.spawn(move || cut(i, model))).collect();
-        threads.into_iter().map(|thread| thread.join().expect("strokes' panics are caught")).collect::<Result<Vec<_>>>()
+    let began = Instant::now();
+    let bodies = models.iter().map(|model| Bodies::new(model, options.seed)).collect();
+    let run = Run { options: &options, began, state: Mutex::new((bodies, began)) };
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..threads).map(|_| scope.spawn(|| run.work())).collect();
+        threads.into_iter().try_for_each(|thread| thread.join().expect("strokes' panics are caught"))
     })?;
-    run_of_all.write(&tallies)?;
+    run.write(&run.state.lock().expect("no thread panics that holds it").0)?;
     println!("see {}", options.out.display());
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Strokes through one model, body after body, and what each left behind.
+//! Strokes through a model, body after body, and what each left behind.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -6,9 +6,11 @@ use kerf_physics::body::Body;
 use kerf_physics::step_io::StepOutput;
 use kerf_physics::surface::Surface;
 use kerf_physics::{NoClock, SceneError, StepInputs, ToolInput, Vec3, Workers, World};
+use serde::{Deserialize, Serialize};
 
 use super::hand::Stroke;
 use super::inspect::{enclosed_m3, seams};
+use super::memory::resident_bytes;
 use super::model::Model;
 use crate::extremes::cuts::check_body;
 use crate::extremes::scenes::SplitMix64;
@@ -16,7 +18,7 @@ use crate::extremes::scenes::SplitMix64;
 /// What rounding leaves of the energy of a body that nothing has touched, at most, J.
 const NO_ENERGY_J: f64 = 1e-15;
 /// A body is in crumbs when its largest piece has less than this share of its voxels.
-const CRUMBS: f64 = 0.25;
+const CRUMBS: f64 = 0.5;
 /// So is one that so many strokes in a row have parted nothing of.
 const IDLE_STROKES: u32 = 15;
 /// Enclosed volume may change by the cut area times this share of a voxel's edge.
@@ -26,11 +28,9 @@ const MOST_RESIDUAL: f64 = 1e-2;
 /// Findings that are kept in words; all are counted.
 const MOST_FINDINGS: usize = 20;
 
-/// What came of the strokes through a model.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// What came of the strokes through one body or several of a model.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Tally {
-    /// The model's name.
-    pub name: String,
     /// Fine voxels of a body.
     pub voxels: usize,
     /// Edge of a voxel, m.
@@ -39,7 +39,7 @@ pub struct Tally {
     pub strokes: u32,
     /// Those in which links parted.
     pub cutting_strokes: u32,
-    /// Bodies used up, the last included.
+    /// Bodies cut.
     pub bodies: u32,
     /// Steps taken.
     pub steps: u64,
@@ -65,23 +65,67 @@ pub struct Tally {
     pub lone_cracks: usize,
     /// How many things did not hold.
     pub failures: u32,
-    /// The first of them, each with stroke and body.
+    /// The first of them, each with the body's seed and the stroke.
     pub findings: Vec<String>,
     /// State hash of the last body.
     pub state_hash: u64,
+    /// Highest resident set of the process after a stroke, where the system tells it, bytes.
+    pub resident_bytes: Option<u64>,
 }
 
 impl Tally {
-    fn finding(&mut self, what: &str) {
+    fn finding(&mut self, seed: u64, what: &str) {
         self.failures += 1;
         if self.findings.len() < MOST_FINDINGS {
-            self.findings.push(format!("stroke {}, body {}: {what}", self.strokes, self.bodies));
+            self.findings.push(format!("body {seed:016x}, stroke {}: {what}", self.strokes));
+        }
+    }
+
+    /// The sum of bodies of one model, in the order they are given in: of as many as hold `strokes`, or of all.
+    #[must_use]
+    pub fn sum(bodies: impl IntoIterator<Item = Self>, strokes: u32) -> Self {
+        let mut sum = Self::default();
+        for body in bodies {
+            sum = if sum.bodies == 0 { body } else { sum.add(body) };
+            if sum.strokes >= strokes {
+                break;
+            }
+        }
+        sum
+    }
+
+    fn add(self, other: Self) -> Self {
+        let mut findings = self.findings;
+        findings.extend(other.findings);
+        findings.truncate(MOST_FINDINGS);
+        Self {
+            voxels: other.voxels,
+            voxel_m: other.voxel_m,
+            strokes: self.strokes + other.strokes,
+            cutting_strokes: self.cutting_strokes + other.cutting_strokes,
+            bodies: self.bodies + other.bodies,
+            steps: self.steps + other.steps,
+            parted_links: self.parted_links + other.parted_links,
+            spared_links: self.spared_links + other.spared_links,
+            cut_area_m2: self.cut_area_m2 + other.cut_area_m2,
+            most_pieces: self.most_pieces.max(other.most_pieces),
+            left_out: other.left_out,
+            least_piece: self.least_piece.min(other.least_piece),
+            faults: self.faults + other.faults,
+            volume_ratio: self.volume_ratio.max(other.volume_ratio),
+            residual_ratio: self.residual_ratio.max(other.residual_ratio),
+            lone_cracks: self.lone_cracks.max(other.lone_cracks),
+            failures: self.failures + other.failures,
+            findings,
+            state_hash: other.state_hash,
+            resident_bytes: self.resident_bytes.max(other.resident_bytes),
         }
     }
 }
 
 /// One body and what was done to it.
 struct Specimen {
+    seed: u64,
     world: World,
     workers: Workers<'static>,
     bounds_m: [Vec3; 2],
@@ -94,11 +138,12 @@ struct Specimen {
 }
 
 impl Specimen {
-    fn new(model: &Model) -> Result<Self, SceneError> {
+    fn new(model: &Model, seed: u64) -> Result<Self, SceneError> {
         let mut world = World::new(&model.scene)?;
         let stats = world.object_stats()[0];
         let whole_m3 = world.bodies_and_surfaces().map(|(_, surface)| enclosed_m3(surface)).sum();
         Ok(Self {
+            seed,
             world,
             workers: Workers::serial(),
             bounds_m: [stats.rest_min_m.into(), stats.rest_max_m.into()],
@@ -137,10 +182,10 @@ impl Specimen {
         self.residual_j += output.energy.residual_j.abs();
         if let Some(fault) = &output.fault {
             tally.faults += 1;
-            tally.finding(&format!("rolled back: {fault:?}"));
+            tally.finding(self.seed, &format!("rolled back: {fault:?}"));
         }
         if !is_finite(output) {
-            tally.finding("a wrench or an energy is not a number");
+            tally.finding(self.seed, "a wrench or an energy is not a number");
         }
     }
 
@@ -175,7 +220,7 @@ impl Specimen {
         if self.residual_j > MOST_RESIDUAL * self.work_j + NO_ENERGY_J {
             wrong.push(format!("{:.2e} J of {:.2e} J are not accounted for", self.residual_j, self.work_j));
         }
-        wrong.iter().for_each(|what| tally.finding(what));
+        wrong.iter().for_each(|what| tally.finding(self.seed, what));
         tally.state_hash = self.world.state_hash();
     }
 
@@ -183,7 +228,7 @@ impl Specimen {
     fn compare_surface(&mut self, tally: &mut Tally) {
         let followed = |(body, surface): (&Body, &Surface)| *surface == Surface::build(&body.grid);
         if !self.world.bodies_and_surfaces().all(followed) {
-            tally.finding("the surface followed is not the one built anew");
+            tally.finding(self.seed, "the surface followed is not the one built anew");
         }
     }
 
@@ -201,15 +246,13 @@ fn is_finite(output: &StepOutput) -> bool {
     wrenches.copied().chain(energies).all(f64::is_finite)
 }
 
-/// Makes `strokes` random strokes through a model, with a fresh body whenever one is in crumbs or a stroke
-/// made it panic. Every stroke has a seed of its own. `done` is told of each.
+/// Cuts a fresh body of a model by random strokes until it is in crumbs or one makes it panic.
 ///
 /// # Errors
 /// What the model's scene is refused for.
-pub fn run(model: &Model, strokes: u32, seed: u64, done: impl Fn(&Tally)) -> Result<Tally, SceneError> {
-    let mut specimen = Specimen::new(model)?;
+pub fn cut(model: &Model, seed: u64) -> Result<Tally, SceneError> {
+    let mut specimen = Specimen::new(model, seed)?;
     let mut tally = Tally {
-        name: model.name.clone(),
         voxels: specimen.world.bodies()[0].grid.voxels().len(),
         voxel_m: specimen.voxel_m(),
         left_out: specimen.world.object_stats()[0].left_out.voxels,
@@ -217,10 +260,10 @@ pub fn run(model: &Model, strokes: u32, seed: u64, done: impl Fn(&Tally)) -> Res
         bodies: 1,
         ..Tally::default()
     };
-    let mut seeds = SplitMix64(seed);
-    for number in 1..=strokes {
-        tally.strokes = number;
-        let mut rng = SplitMix64(seeds.word());
+    let mut rng = SplitMix64(seed);
+    let mut is_whole = true;
+    while is_whole && !specimen.is_in_crumbs() {
+        tally.strokes += 1;
         let outcome = catch_unwind(AssertUnwindSafe(|| {
             specimen.stroke(&mut rng, &mut tally);
             specimen.inspect(&mut tally);
@@ -228,15 +271,19 @@ pub fn run(model: &Model, strokes: u32, seed: u64, done: impl Fn(&Tally)) -> Res
         if let Err(panic) = &outcome {
             let text = panic.downcast_ref::<String>().map(String::as_str);
             let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("without a message");
-            tally.finding(&format!("panicked: {text}"));
+            tally.finding(seed, &format!("panicked: {text}"));
+            is_whole = false;
         }
-        done(&tally);
-        if number < strokes && (outcome.is_err() || specimen.is_in_crumbs()) {
-            specimen.compare_surface(&mut tally);
-            specimen = Specimen::new(model)?;
-            tally.bodies += 1;
-        }
+        tally.resident_bytes = tally.resident_bytes.max(resident_bytes());
     }
-    specimen.compare_surface(&mut tally);
+    if is_whole {
+        specimen.compare_surface(&mut tally);
+    }
     Ok(tally)
+}
+
+/// Seeds of a campaign's bodies, in order.
+pub fn seeds(seed: u64) -> impl Iterator<Item = u64> {
+    let mut rng = SplitMix64(seed);
+    std::iter::repeat_with(move || rng.word())
 }

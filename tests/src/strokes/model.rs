@@ -14,8 +14,8 @@ const LONGEST_M: f64 = 0.2;
 /// Share of a mesh's extent along y, from its lower end, that is held: what is held by less gives way before it
 /// is cut.
 const HELD_SHARE: f64 = 0.3;
-/// Slow enough for many strokes, fast enough that one of 1 m/s goes on by less than a voxel in a step.
-const RATE_HZ: f64 = 250.0;
+/// Slow enough for many strokes; with 20 voxels to a model one of 1 m/s goes on by less than a voxel in a step.
+const RATE_HZ: f64 = 125.0;
 /// Every edge reaches so far, m: half a model.
 const WIDTH_M: f64 = 0.1;
 

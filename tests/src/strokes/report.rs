@@ -6,63 +6,74 @@ use super::campaign::Tally;
 
 /// What is reported.
 pub struct Report<'a> {
-    /// The command that was given.
-    pub command: &'a str,
     /// Seed of the run.
     pub seed: u64,
     /// Strokes through each model that were asked for.
     pub strokes: u32,
-    /// One for each model.
-    pub tallies: &'a [Tally],
-    /// Resident set of the process, MB: highest in the first tenth of the strokes, and highest of all.
-    pub resident_mb: Option<[f64; 2]>,
+    /// Voxels along a model's longest edge.
+    pub resolution: u32,
+    /// Each model by name, its bodies summed up.
+    pub tallies: &'a [(&'a str, Tally)],
 }
 
 impl Report<'_> {
     /// The report in Markdown.
     #[must_use]
     pub fn markdown(&self) -> String {
-        let mut text = preface(self.command, self.seed);
-        if self.tallies.iter().any(|tally| tally.strokes < self.strokes) {
+        let mut text = self.preface();
+        if self.tallies.iter().any(|(_, tally)| tally.strokes < self.strokes) {
             _ = writeln!(
                 text,
                 "The run was cut off before all of its strokes were made: these are the figures so far.\n"
             );
         }
         text.push_str(
-            "| model | voxels | h, mm | strokes | that cut | bodies | steps | links parted | spared | area, m^2 | most pieces \
-             | least piece, voxels | left out | faults | dV/(A h), worst | residual/work, worst | lone cracks | state hash | failures |\n\
-             |---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
+            "| model | voxels | h, mm | left out | strokes | that cut | bodies | steps | links parted | spared | area, m^2 | most pieces \
+             | least piece, voxels | rolled back | dV/(A h), worst | residual/work, worst | lone cracks | memory, MB | last state | failures |\n\
+             |---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
         );
-        for tally in self.tallies {
-            _ = writeln!(text, "{}", row(tally));
-        }
-        if let Some([early, most]) = self.resident_mb {
-            _ = writeln!(
-                text,
-                "\nResident set of the process: at most {early:.0} MB in the first tenth of the strokes, {most:.0} MB in all."
-            );
+        for (name, tally) in self.tallies {
+            _ = writeln!(text, "{}", row(name, tally));
         }
         text.push_str("\n## What does not hold\n\n");
-        if self.tallies.iter().all(|tally| tally.failures == 0) {
+        if self.tallies.iter().all(|(_, tally)| tally.failures == 0) {
             text.push_str("Nothing was found.\n");
         }
-        for tally in self.tallies {
-            tally.findings.iter().for_each(|finding| _ = writeln!(text, "- {}: {finding}", tally.name));
+        for (name, tally) in self.tallies {
+            tally.findings.iter().for_each(|finding| _ = writeln!(text, "- {name}: {finding}"));
         }
         text
     }
+
+    fn preface(&self) -> String {
+        let Self { seed, strokes, resolution, .. } = self;
+        format!(
+            "# Arbitrary strokes\n\n\
+             Written by `strokes` with `--strokes {strokes} --resolution {resolution} --seed {seed}` (`make strokes`). Each body\n\
+             has a seed, drawn from that, and its strokes are drawn from the body's: a blade (four of\n\
+             five times straight, else a sine or an arc) comes from any side, at any attitude, at 0.05 to 1 m/s, aimed at\n\
+             any place of the model's box, slicing by up to half its way, and is lifted where it ends: between a fifth of\n\
+             the way and beyond the far side. The liver is the built-in one, the others are meshes of its size (0.2 m)\n\
+             and material, held at their foot; gravity and loads are off, so that what is cut off stays in reach. A body\n\
+             whose largest piece is below half of its voxels, or that 15 strokes in a row parted nothing of, gives\n\
+             way to a fresh one; a model takes as many bodies as the strokes do.\n\n\
+             Asked after every stroke: no step rolled back, no panic, every number finite; every voxel in one element and\n\
+             in one piece, no piece of fewer than 8 voxels (those that a mesh has at first are left out); every edge of\n\
+             the surface passed equally often in both directions, and the surface followed from patch to patch equal to\n\
+             one built anew (when a body is given up); enclosed rest volume within A h/10 of the uncut one (A: area the\n\
+             fronts swept in this body, h: voxel edge); the energy the ledger leaves unexplained within 1e-2 of the tools'\n\
+             work. A lone crack is a parted link whose faces share no edge with another link's. Memory is the highest\n\
+             resident set of the process, which cuts a body on each thread.\n\n"
+        )
+    }
 }
 
-/// A line of the table.
-#[must_use]
-pub fn row(tally: &Tally) -> String {
-    let t = tally;
+fn row(name: &str, t: &Tally) -> String {
     format!(
-        "| {} | {} | {:.2} | {} | {} | {} | {} | {} | {} | {:.3} | {} | {} | {} | {} | {:.4} | {:.1e} | {} | {:016x} | {} |",
-        t.name,
+        "| {name} | {} | {:.2} | {} | {} | {} | {} | {} | {} | {} | {:.3} | {} | {} | {} | {:.4} | {:.1e} | {} | {} | {:016x} | {} |",
         t.voxels,
         t.voxel_m * 1e3,
+        t.left_out,
         t.strokes,
         t.cutting_strokes,
         t.bodies,
@@ -72,31 +83,12 @@ pub fn row(tally: &Tally) -> String {
         t.cut_area_m2,
         t.most_pieces,
         t.least_piece,
-        t.left_out,
         t.faults,
         t.volume_ratio,
         t.residual_ratio,
         t.lone_cracks,
+        t.resident_bytes.map_or("-".to_owned(), |bytes| format!("{:.0}", bytes as f64 * 1e-6)),
         t.state_hash,
         t.failures,
-    )
-}
-
-fn preface(command: &str, seed: u64) -> String {
-    format!(
-        "# Arbitrary strokes\n\n\
-         Written by `{command}`, seed {seed}. Each stroke has a seed of its own, drawn from that: a blade (four of\n\
-         five times straight, else a sine or an arc) comes from any side, at any attitude, at 0.05 to 1 m/s, aimed at\n\
-         any place of the model's box, slicing by up to half its way, and is lifted where it ends: between a fifth of\n\
-         the way and beyond the far side. The liver is the built-in one, the others are meshes of its size (0.2 m)\n\
-         and material, held at their foot; gravity and loads are off, so that what is cut off stays in reach. A body\n\
-         whose largest piece is below a quarter of its voxels, or that 15 strokes in a row parted nothing of, gives\n\
-         way to a fresh one.\n\n\
-         Asked after every stroke: no step rolled back, no panic, every number finite; every voxel in one element and\n\
-         in one piece, no piece of fewer than 8 voxels (those that a mesh has at first are left out); every edge of the surface passed equally often in both\n\
-         directions, and the surface followed from patch to patch equal to one built anew (when a body is given up);\n\
-         enclosed rest volume within A h/10 of the uncut one (A: area the fronts swept in this body, h: voxel edge);\n\
-         the energy the ledger leaves unexplained within 1e-2 of the tools' work. A lone crack is a parted link whose\n\
-         faces share no edge with another link's.\n\n"
     )
 }
