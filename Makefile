@@ -47,9 +47,11 @@ extremes:
 # and goes on where it was cut off: what was cut stands in STROKES_BODIES, to be removed when the physics changes.
 STROKES ?= 10000
 STROKES_SEED ?= 1
+STROKES_PER_BODY ?= 8
 STROKES_RESOLUTION ?= 20
 STROKES_BODIES ?= out/strokes
 STROKES_MODELS ?= liver
 strokes:
 	cargo run --release -p kerf-system-tests --bin strokes -- docs/strokes.md $(STROKES_MODELS) \
-		--strokes $(STROKES) --seed $(STROKES_SEED) --resolution $(STROKES_RESOLUTION) --bodies $(STROKES_BODIES)
+		--strokes $(STROKES) --seed $(STROKES_SEED) --per-body $(STROKES_PER_BODY) \
+		--resolution $(STROKES_RESOLUTION) --bodies $(STROKES_BODIES)

@@ -21,12 +21,15 @@ struct Options {
     /// `liver`, or the paths of meshes; one that is absent is passed over with a word.
     #[arg(default_value = "liver")]
     models: Vec<String>,
-    /// Strokes through each model, at least: a body that was begun is cut to crumbs.
+    /// Strokes through each model, at least: a body that was begun is cut to its end.
     #[arg(long, default_value_t = 100)]
     strokes: u32,
     /// Chooses the strokes.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Strokes through one body, at most.
+    #[arg(long, default_value_t = 8)]
+    per_body: u32,
     /// Voxels along a model's longest edge.
     #[arg(long, default_value_t = 20)]
     resolution: u32,
@@ -76,14 +79,7 @@ impl Run<'_> {
     /// Cuts body after body, each of the model that has the fewest strokes, until all have enough.
     fn work(&self) -> Result<()> {
         while let Some((index, body, seed, model)) = self.next() {
-            let path = self.options.bodies.join(format!("{}-{}-{seed:016x}.json", model.name, self.options.resolution));
-            // A file that is cut short is none.
-            let found = std::fs::read_to_string(&path).ok().and_then(|text| serde_json::from_str(&text).ok());
-            let tally = match found {
-                Some(tally) => tally,
-                None => cut(model, seed)?,
-            };
-            std::fs::write(&path, serde_json::to_string(&tally)?).with_context(|| path.display().to_string())?;
+            let tally = self.figures(model, seed)?;
             let mut guard = self.state.lock().expect("no thread panics that holds it");
             let (bodies, written) = &mut *guard;
             bodies[index].tallies[body] = Some(tally);
@@ -93,6 +89,20 @@ impl Run<'_> {
             }
         }
         Ok(())
+    }
+
+    /// A body's figures as they stand in the folder, else anew.
+    fn figures(&self, model: &Model, seed: u64) -> Result<Tally> {
+        let Options { per_body, resolution, bodies, .. } = self.options;
+        let path = bodies.join(format!("{}-{resolution}-{per_body}-{seed:016x}.json", model.name));
+        // A file that is cut short is none.
+        let standing = std::fs::read_to_string(&path).ok().and_then(|text| serde_json::from_str(&text).ok());
+        if let Some(tally) = standing {
+            return Ok(tally);
+        }
+        let tally = cut(model, seed, *per_body)?;
+        std::fs::write(&path, serde_json::to_string(&tally)?).with_context(|| path.display().to_string())?;
+        Ok(tally)
     }
 
     fn next(&self) -> Option<(usize, usize, u64, &Model)> {
@@ -106,9 +116,10 @@ impl Run<'_> {
 
     /// Writes the report and says how far the run is.
     fn write(&self, bodies: &[Bodies<'_>]) -> Result<()> {
-        let Options { out, strokes, seed, resolution, .. } = self.options;
+        let Options { out, strokes, seed, per_body, resolution, .. } = self.options;
         let tallies: Vec<_> = bodies.iter().map(|of| (of.model.name.as_str(), of.sum(*strokes))).collect();
-        let report = Report { seed: *seed, strokes: *strokes, resolution: *resolution, tallies: &tallies };
+        let report =
+            Report { seed: *seed, strokes: *strokes, per_body: *per_body, resolution: *resolution, tallies: &tallies };
         replace(out, &report.markdown()).with_context(|| out.display().to_string())?;
         let made = tallies.iter().map(|(name, tally)| format!("{name} {}", tally.strokes)).collect::<Vec<_>>();
         let failures: u32 = tallies.iter().map(|(_, tally)| tally.failures).sum();
