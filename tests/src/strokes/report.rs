@@ -62,10 +62,10 @@ impl Report<'_> {
              Each body has a seed, drawn from that, and its strokes are drawn from the body's: a blade (four of five times\n\
              straight, else a sine or an arc) comes from any side, at any attitude, at 0.05 to 1 m/s, aimed at any place\n\
              of the model's box, slicing by up to half its way, and is lifted where it ends: between a fifth of the way\n\
-             and beyond the far side. The liver is the built-in one, the others are meshes of its size (0.2 m) and\n\
-             material, held at their foot; gravity and loads are off, so that what is cut off stays in reach. A body gives\n\
-             way to a fresh one after {per_body} strokes, and earlier where its largest piece is below a quarter of its\n\
-             voxels or 15 strokes in a row parted nothing of it.\n\n\
+             and beyond the far side. The liver is the built-in one, the others are meshes (`STROKES_MODELS`) of its size,\n\
+             0.2 m, and material, held at their foot; gravity and loads are off, so that what is cut off stays in reach. A\n\
+             body gives way to a fresh one after {per_body} strokes, and earlier where its largest piece is below a quarter\n\
+             of its voxels or 15 strokes in a row parted nothing of it.\n\n\
              Asked after every stroke: no step rolled back, no panic, every number finite; every voxel in one element and\n\
              in one piece, no piece of fewer than 8 voxels (those that a mesh has at first are left out); every edge of\n\
              the surface passed equally often in both directions, and the surface followed from patch to patch equal to\n\
