@@ -22,6 +22,8 @@ pub struct BodyLedger {
     pub momentum_j: f64,
     /// Work that braking free parts took, J.
     pub braked_j: f64,
+    /// Kinetic energy that turning free parts made, J.
+    pub turned_j: f64,
 }
 
 /// Contact's share of a step.
@@ -76,7 +78,10 @@ pub fn book<'a>(
         let step = &b.step.elements;
         let taken = b.solved.elastic_j - b.before.elastic_j + step.viscous_j;
         let linearisation = taken + step.force_work_j - step.elastic_j;
-        step.inertial_j + step.elastic_j + b.step.hold_j + b.step.steadying_j - linearisation - b.momentum_j
+        step.inertial_j + step.elastic_j + b.step.hold_j + b.step.steadying_j
+            - linearisation
+            - b.momentum_j
+            - b.turned_j
     });
     energy.numerical_j += contact.spring_work_j - (contact.spring_stored_j - springs_before_j);
     let stored =

@@ -418,10 +418,11 @@ impl Body {
         }
     }
 
-    /// Takes the step with a change of velocity: `v += dv`, `x += dt v`. Returns the work of the external
-    /// loads, gravity included, J.
+    /// Takes the step with a change of velocity: `v += dv`, `x += dt v`, and what turns freely turns. Returns the
+    /// work of the external loads, gravity included, J.
     pub fn integrate(&mut self, workers: &Workers<'_>, velocity_change: &super::Nodal) -> f64 {
         let dt = self.params.dt_s;
+        self.find_turns(velocity_change);
         type Data<'a> = (&'a mut [[f64; 3]], &'a mut [[f64; 3]], &'a [[f64; 3]], &'a [[f64; 3]]);
         let integrate = |_, (x, v, dv, f): Data<'_>| {
             let mut work = 0.0;
@@ -436,7 +437,9 @@ impl Body {
         };
         let (x, v) = (&mut self.position_m[..], &mut self.velocity_m_per_s[..]);
         let data = (x, v, &velocity_change[..], &self.external_n[..]);
-        workers.reduce_chunks(data, NODES_PER_CHUNK, integrate, |a, b| a + b)
+        let work_j = workers.reduce_chunks(data, NODES_PER_CHUNK, integrate, |a, b| a + b);
+        self.turn_positions();
+        work_j
     }
 
     /// Work of the external loads, gravity included, over nodal displacements, J.

@@ -69,6 +69,7 @@ impl Body {
     pub fn restore_finite_state(&mut self, workers: &Workers<'_>) {
         self.position_m.clone_from(&self.saved.position_m);
         self.velocity_m_per_s.iter_mut().for_each(|v| *v = [0.0; 3]);
+        self.rigid.forget_turns();
         for (state, rotation) in self.states.iter_mut().zip(&self.saved.rotation) {
             state.rotation = *rotation;
         }

@@ -1,19 +1,29 @@
-//! Free parts keep their momentum whatever the tolerance of the solve.
+//! Free parts keep their momentum whatever the tolerance of the solve, and turn without being strained.
 //!
 //! A relative tolerance leaves a residual in every mode, rigid ones included: a free spinning
 //! fragment would fall too slowly. After a solve each part that nothing outside holds or touches gets
 //! the rigid velocity change that makes its linear and angular momentum what the loads say. Parts that
 //! press on each other get it as one: what they do to each other changes none of their sum.
+//!
+//! The solve moves every node along a straight line, which widens what turns by `sqrt(1 + angle^2)`: the strain would
+//! be energy from nothing. What a free part turns by is therefore a rotation, by the spin at the middle of the step
+//! that its angular momentum says (Simo and Wong 1991), and its velocities turn along.
 
 use super::{Body, Nodal};
 use crate::fem::corotation::LANES;
 use crate::fem::lanes::for_packed;
 use crate::grid::levels::NONE;
+use crate::solve::assembly::CHUNK_ELEMENTS;
+use crate::workers::Workers;
 use crate::{Mat3, Vec3};
+use nalgebra::Rotation3;
 
-/// A free part turns by at most this angle in a step, rad. A step moves every node along a straight line,
-/// which widens what turns by `sqrt(1 + angle^2)`: beyond, spin would feed on the strain that it makes.
+/// A free part turns by at most this angle in a step, rad: what it meets is looked for along a straight line.
 const MOST_TURN_RAD: f64 = 0.25;
+/// What turns by less than this in a step moves along straight lines, which widen it by 5e-5 at most, rad.
+const LEAST_TURN_RAD: f64 = 0.01;
+/// Fixed-point iterations for the spin at the middle of a step; each gains as many digits as the turn is small.
+const SPIN_ITERATIONS: usize = 4;
 /// Corners of an element at the ends of its four diagonals.
 const DIAGONALS: [[usize; 2]; 4] = [[0, 7], [1, 6], [2, 5], [4, 3]];
 
@@ -28,6 +38,29 @@ pub(super) struct RigidParts {
     /// Whether a part is left alone this step, and what it is to gain.
     skip: Vec<bool>,
     totals: Vec<Totals>,
+    /// How a part turns in this step, unless it is along straight lines.
+    turns: Vec<Option<Turn>>,
+}
+
+/// How a part turns in a step.
+#[derive(Clone, Copy, Debug)]
+struct Turn {
+    /// The part's motion at the beginning of the step.
+    motion: Totals,
+    rotation: Mat3,
+}
+
+impl Turn {
+    fn of(motion: Totals, dt_s: f64) -> Self {
+        let rotation = |spin: Vec3, share: f64| *Rotation3::new(spin * (share * dt_s)).matrix();
+        let mut spin = motion.spin;
+        let inertia = motion.inertia.lu();
+        for _ in 0..SPIN_ITERATIONS {
+            let half = rotation(spin, 0.5);
+            spin = half * inertia.solve(&half.tr_mul(&motion.angular)).unwrap_or_default();
+        }
+        Self { motion, rotation: rotation(spin, 1.0) }
+    }
 }
 
 /// Mass, and momentum that is missing, of a part or of several as one.
@@ -77,7 +110,13 @@ impl RigidParts {
         body.holds.iter().for_each(|(element, _)| held[element_part[*element as usize] as usize] = true);
         let (skip, totals) = (held.clone(), vec![Totals::default(); count as usize]);
         let loose = (0..element_part.len() as u32).filter(|e| !held[element_part[*e as usize] as usize]).collect();
-        Self { element_part, node_part, held, loose, skip, totals }
+        let turns = vec![None; count as usize];
+        Self { element_part, node_part, held, loose, skip, totals, turns }
+    }
+
+    /// Lets go of how parts turn in the step that is going on.
+    pub(super) fn forget_turns(&mut self) {
+        self.turns.fill(None);
     }
 
     pub(super) fn part_count(&self) -> u32 {
@@ -178,16 +217,8 @@ impl Body {
     /// returns what it took, m/s.
     pub(crate) fn brake_spin(&mut self, dv: &mut Nodal) -> Nodal {
         let dt = self.params.dt_s;
-        let mut totals = std::mem::take(&mut self.rigid.totals);
-        totals.fill(Totals::default());
-        self.add_mass_moments(&mut totals);
-        self.for_each_mass(|part, node, other, mass| {
-            let (total, momentum) = (&mut totals[part], self.velocity_after(other, dv) * mass);
-            total.linear += momentum;
-            total.angular += (Vec3::from(self.position_m[node]) - total.centre).cross(&momentum);
-        });
+        let mut totals = self.motions(|body, node| body.velocity_after(node, dv));
         for total in &mut totals {
-            *total = total.solved();
             total.spin *= 1.0 - (MOST_TURN_RAD / (dt * total.spin.norm())).min(1.0);
         }
         let mut taken = vec![[0.0; 3]; self.node_count()];
@@ -203,15 +234,101 @@ impl Body {
         taken
     }
 
+    /// Momentum and rigid motion of each free part where its nodes are, at velocities `of`. Uses up the buffer of
+    /// totals, which is to be given back.
+    fn motions(&mut self, of: impl Fn(&Self, usize) -> Vec3) -> Vec<Totals> {
+        let mut totals = std::mem::take(&mut self.rigid.totals);
+        totals.fill(Totals::default());
+        self.add_mass_moments(&mut totals);
+        self.for_each_mass(|part, node, other, mass| {
+            let (total, momentum) = (&mut totals[part], of(self, other) * mass);
+            total.linear += momentum;
+            total.angular += (Vec3::from(self.position_m[node]) - total.centre).cross(&momentum);
+        });
+        totals.iter_mut().for_each(|total| *total = total.solved());
+        totals
+    }
+
+    /// Finds how free parts turn in the step of a change of velocity `dv`.
+    pub(crate) fn find_turns(&mut self, dv: &Nodal) {
+        self.rigid.turns.fill(None);
+        if !self.may_turn_by(LEAST_TURN_RAD, dv) {
+            return;
+        }
+        let dt = self.params.dt_s;
+        let totals = self.motions(|body, node| body.velocity_after(node, dv));
+        let parts = &mut self.rigid;
+        for ((turn, total), held) in parts.turns.iter_mut().zip(&totals).zip(&parts.held) {
+            *turn = (!held && dt * total.spin.norm() > LEAST_TURN_RAD).then(|| Turn::of(*total, dt));
+        }
+        parts.totals = totals;
+    }
+
+    /// Puts the nodes of parts that turn where the turn takes them, from where straight lines have.
+    pub(super) fn turn_positions(&mut self) {
+        let dt = self.params.dt_s;
+        self.for_each_turned(|Turn { motion, rotation }, x, v| {
+            let arm = *x - *v * dt - motion.centre;
+            // What it is strained by turns along.
+            let strained = arm + (*v - motion.velocity - motion.spin.cross(&arm)) * dt;
+            *x = motion.centre + motion.velocity * dt + rotation * strained;
+        });
+    }
+
+    /// Turns the velocities of parts that turn, so that their angular momentum stays; returns the kinetic energy that
+    /// this made, J. Forces and energies are evaluated anew.
+    pub(crate) fn turn_velocities(&mut self, workers: &Workers<'_>) -> f64 {
+        if self.rigid.turns.iter().all(Option::is_none) {
+            return 0.0;
+        }
+        let before_j = self.energy().kinetic_j;
+        self.for_each_turned(|Turn { motion, rotation }, _, v| {
+            *v = motion.velocity + rotation * (*v - motion.velocity);
+        });
+        let totals = self.motions(|body, node| Vec3::from(body.velocity_m_per_s[node]));
+        for (turn, total) in self.rigid.turns.iter_mut().zip(&totals) {
+            let Some(Turn { motion, .. }) = turn else { continue };
+            let missing = Totals { angular: motion.angular - total.angular, ..*total };
+            *motion = missing.solved();
+        }
+        self.rigid.totals = totals;
+        self.for_each_turned(|Turn { motion, .. }, x, v| *v += motion.spin.cross(&(*x - motion.centre)));
+        let loose = std::mem::take(&mut self.rigid.loose);
+        let is_loose = |chunk: usize| loose.binary_search_by(|e| (*e as usize / CHUNK_ELEMENTS).cmp(&chunk)).is_ok();
+        self.evaluate_chunks(workers, is_loose, None, 2);
+        self.rigid.loose = loose;
+        self.energy().kinetic_j - before_j
+    }
+
+    /// Visits the nodes of parts that turn: position and velocity.
+    fn for_each_turned(&mut self, visit: impl Fn(&Turn, &mut Vec3, &mut Vec3)) {
+        let Self { rigid, position_m, velocity_m_per_s, .. } = self;
+        if rigid.turns.iter().all(Option::is_none) {
+            return;
+        }
+        for (node, (x, v)) in position_m.iter_mut().zip(velocity_m_per_s).enumerate() {
+            if let Some(turn) = rigid.loose_part(node).and_then(|part| rigid.turns[part].as_ref()) {
+                let (mut at, mut moving) = (Vec3::from(*x), Vec3::from(*v));
+                visit(turn, &mut at, &mut moving);
+                (*x, *v) = (at.into(), moving.into());
+            }
+        }
+    }
+
     fn velocity_after(&self, node: usize, dv: &Nodal) -> Vec3 {
         Vec3::from(self.velocity_m_per_s[node]) + Vec3::from(dv[node])
     }
 
     /// Whether any element of a free part will turn so fast that the part may have to be braked.
     pub(crate) fn may_spin_too_fast(&self, dv: &Nodal) -> bool {
+        self.may_turn_by(MOST_TURN_RAD, dv)
+    }
+
+    /// Whether any element of a free part may turn by more than this in the step.
+    fn may_turn_by(&self, angle_rad: f64, dv: &Nodal) -> bool {
         // Of the diagonals of a cube, the one most across the axis moves at sqrt(2/3) of spin times length at
         // least; strain may hide a part of it.
-        let share = 0.5 * MOST_TURN_RAD / self.params.dt_s;
+        let share = 0.5 * angle_rad / self.params.dt_s;
         self.rigid.loose.iter().any(|element| {
             let nodes = self.base().elements[*element as usize].nodes;
             let limit = share * 3f64.sqrt() * self.element_edge_m(*element as usize);

@@ -272,6 +272,7 @@ impl World {
         for slot in &mut self.slots {
             slot.ledger.before = slot.ledger.after;
             slot.ledger.step = slot.body.evaluate_step(workers, &slot.velocity_change);
+            slot.ledger.turned_j = slot.body.turn_velocities(workers);
             slot.ledger.solved = slot.body.energy();
             if !slot.body.save_finite_state(workers) {
                 slot.roll_back(workers, &mut self.output);
