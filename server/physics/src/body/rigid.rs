@@ -267,7 +267,7 @@ impl Body {
     /// Puts the nodes of parts that turn where the turn takes them, from where straight lines have.
     pub(super) fn turn_positions(&mut self) {
         let dt = self.params.dt_s;
-        self.for_each_turned(|Turn { motion, rotation }, x, v| {
+        self.for_each_turned(|_, Turn { motion, rotation }, x, v| {
             let arm = *x - *v * dt - motion.centre;
             // What it is strained by turns along.
             let strained = arm + (*v - motion.velocity - motion.spin.cross(&arm)) * dt;
@@ -282,17 +282,16 @@ impl Body {
             return 0.0;
         }
         let before_j = self.energy().kinetic_j;
-        self.for_each_turned(|Turn { motion, rotation }, _, v| {
+        self.for_each_turned(|_, Turn { motion, rotation }, _, v| {
             *v = motion.velocity + rotation * (*v - motion.velocity);
         });
-        let totals = self.motions(|body, node| Vec3::from(body.velocity_m_per_s[node]));
-        for (turn, total) in self.rigid.turns.iter_mut().zip(&totals) {
-            let Some(Turn { motion, .. }) = turn else { continue };
-            let missing = Totals { angular: motion.angular - total.angular, ..*total };
-            *motion = missing.solved();
+        let mut totals = self.motions(|body, node| Vec3::from(body.velocity_m_per_s[node]));
+        for (total, turn) in totals.iter_mut().zip(&self.rigid.turns) {
+            let kept = turn.map_or(total.angular, |turn| turn.motion.angular);
+            *total = Totals { angular: kept - total.angular, ..*total }.solved();
         }
+        self.for_each_turned(|part, _, x, v| *v += totals[part].spin.cross(&(*x - totals[part].centre)));
         self.rigid.totals = totals;
-        self.for_each_turned(|Turn { motion, .. }, x, v| *v += motion.spin.cross(&(*x - motion.centre)));
         let loose = std::mem::take(&mut self.rigid.loose);
         let is_loose = |chunk: usize| loose.binary_search_by(|e| (*e as usize / CHUNK_ELEMENTS).cmp(&chunk)).is_ok();
         self.evaluate_chunks(workers, is_loose, None, 2);
@@ -300,18 +299,18 @@ impl Body {
         self.energy().kinetic_j - before_j
     }
 
-    /// Visits the nodes of parts that turn: position and velocity.
-    fn for_each_turned(&mut self, visit: impl Fn(&Turn, &mut Vec3, &mut Vec3)) {
+    /// Visits the nodes of parts that turn: part, its turn, position and velocity.
+    fn for_each_turned(&mut self, visit: impl Fn(usize, &Turn, &mut Vec3, &mut Vec3)) {
         let Self { rigid, position_m, velocity_m_per_s, .. } = self;
         if rigid.turns.iter().all(Option::is_none) {
             return;
         }
         for (node, (x, v)) in position_m.iter_mut().zip(velocity_m_per_s).enumerate() {
-            if let Some(turn) = rigid.loose_part(node).and_then(|part| rigid.turns[part].as_ref()) {
-                let (mut at, mut moving) = (Vec3::from(*x), Vec3::from(*v));
-                visit(turn, &mut at, &mut moving);
-                (*x, *v) = (at.into(), moving.into());
-            }
+            let Some(part) = rigid.loose_part(node) else { continue };
+            let Some(turn) = &rigid.turns[part] else { continue };
+            let (mut at, mut moving) = (Vec3::from(*x), Vec3::from(*v));
+            visit(part, turn, &mut at, &mut moving);
+            (*x, *v) = (at.into(), moving.into());
         }
     }
 
