@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use clap::Parser;
 use kerf_system_tests::strokes::campaign::{Tally, cut, seeds};
 use kerf_system_tests::strokes::model::Model;
-use kerf_system_tests::strokes::report::Report;
+use kerf_system_tests::strokes::report::{Report, Summary};
 
 /// How long a run that is cut off may have gone on since it last left its figures.
 const REPORT_EVERY: Duration = Duration::from_secs(60);
@@ -75,7 +75,7 @@ struct Run<'a> {
     state: Mutex<(Vec<Bodies<'a>>, Instant)>,
 }
 
-impl Run<'_> {
+impl<'a> Run<'a> {
     /// Cuts body after body, each of the model that has the fewest strokes, until all have enough.
     fn work(&self) -> Result<()> {
         while let Some((index, body, seed, model)) = self.next() {
@@ -115,14 +115,19 @@ impl Run<'_> {
     }
 
     /// Writes the report and says how far the run is.
-    fn write(&self, bodies: &[Bodies<'_>]) -> Result<()> {
+    fn write(&self, bodies: &[Bodies<'a>]) -> Result<()> {
         let Options { out, strokes, seed, per_body, resolution, .. } = self.options;
-        let tallies: Vec<_> = bodies.iter().map(|of| (of.model.name.as_str(), of.sum(*strokes))).collect();
+        let summary = |of: &'_ Bodies<'a>| Summary {
+            name: &of.model.name,
+            tally: of.sum(*strokes),
+            early_resident_bytes: of.sum(strokes / 10).resident_bytes,
+        };
+        let models: Vec<_> = bodies.iter().map(summary).collect();
         let report =
-            Report { seed: *seed, strokes: *strokes, per_body: *per_body, resolution: *resolution, tallies: &tallies };
+            Report { seed: *seed, strokes: *strokes, per_body: *per_body, resolution: *resolution, models: &models };
         replace(out, &report.markdown()).with_context(|| out.display().to_string())?;
-        let made = tallies.iter().map(|(name, tally)| format!("{name} {}", tally.strokes)).collect::<Vec<_>>();
-        let failures: u32 = tallies.iter().map(|(_, tally)| tally.failures).sum();
+        let made = models.iter().map(|model| format!("{} {}", model.name, model.tally.strokes)).collect::<Vec<_>>();
+        let failures: u32 = models.iter().map(|model| model.tally.failures).sum();
         let minutes = self.began.elapsed().as_secs_f64() / 60.0;
         println!("{minutes:.1} min, strokes {} of {strokes} each: {failures} failures", made.join(", "));
         Ok(())

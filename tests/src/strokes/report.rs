@@ -14,8 +14,18 @@ pub struct Report<'a> {
     pub per_body: u32,
     /// Voxels along a model's longest edge.
     pub resolution: u32,
-    /// Each model by name, its bodies summed up.
-    pub tallies: &'a [(&'a str, Tally)],
+    /// One for each model.
+    pub models: &'a [Summary<'a>],
+}
+
+/// What came of all strokes through a model.
+pub struct Summary<'a> {
+    /// The model's name.
+    pub name: &'a str,
+    /// Its bodies summed up.
+    pub tally: Tally,
+    /// Highest resident set of the process in the first tenth of the strokes, bytes.
+    pub early_resident_bytes: Option<u64>,
 }
 
 impl Report<'_> {
@@ -23,7 +33,7 @@ impl Report<'_> {
     #[must_use]
     pub fn markdown(&self) -> String {
         let mut text = self.preface();
-        if self.tallies.iter().any(|(_, tally)| tally.strokes < self.strokes) {
+        if self.models.iter().any(|model| model.tally.strokes < self.strokes) {
             _ = writeln!(
                 text,
                 "The run was cut off before all of its strokes were made: these are the figures so far.\n"
@@ -31,17 +41,17 @@ impl Report<'_> {
         }
         text.push_str(
             "| model | voxels | h, mm | left out | strokes | that cut | bodies | steps | links parted | spared | area, m^2 | most pieces \
-             | least piece, voxels | rolled back | dV/(A h), mean, worst | beyond 0.1 | residual/work, worst | lone cracks | memory, MB | last state | failures |\n\
+             | least piece, voxels | rolled back | dV/(A h), mean, worst | beyond 0.1 | residual/work, worst | lone cracks | memory, MB, early, all | last state | failures |\n\
              |---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
         );
-        for (name, tally) in self.tallies {
-            _ = writeln!(text, "{}", row(name, tally));
+        for model in self.models {
+            _ = writeln!(text, "{}", row(model));
         }
         text.push_str("\n## What does not hold\n\n");
-        if self.tallies.iter().all(|(_, tally)| tally.failures + tally.volume_misses == 0) {
+        if self.models.iter().all(|Summary { tally, .. }| tally.failures + tally.volume_misses == 0) {
             text.push_str("Nothing was found.\n");
         }
-        for (name, tally) in self.tallies {
+        for Summary { name, tally, .. } in self.models {
             if tally.volume_misses > 0 {
                 let Tally { volume_misses, strokes, .. } = tally;
                 _ = writeln!(
@@ -72,14 +82,17 @@ impl Report<'_> {
              one built anew (when a body is given up); enclosed rest volume within A h/10 of the uncut one (A: area the\n\
              fronts swept in this body, h: voxel edge; the mean is over the bodies at their end); the energy the ledger\n\
              leaves unexplained within 1e-2 of the tools' work. A lone crack is a parted link whose faces share no edge\n\
-             with another link's. Memory is the highest resident set of the process, which cuts a body on each thread.\n\n"
+             with another link's. Memory is the highest resident set of the process, which cuts a body on each\n\
+             thread, in the first tenth of the strokes and in all.\n\n"
         )
     }
 }
 
-fn row(name: &str, t: &Tally) -> String {
+fn row(model: &Summary<'_>) -> String {
+    let Summary { name, tally: t, early_resident_bytes } = model;
+    let mb = |bytes: Option<u64>| bytes.map_or("-".to_owned(), |bytes| format!("{:.0}", bytes as f64 * 1e-6));
     format!(
-        "| {name} | {} | {:.2} | {} | {} | {} | {} | {} | {} | {} | {:.3} | {} | {} | {} | {:.3}, {:.3} | {} | {:.1e} | {} | {} | {:016x} | {} |",
+        "| {name} | {} | {:.2} | {} | {} | {} | {} | {} | {} | {} | {:.3} | {} | {} | {} | {:.3}, {:.3} | {} | {:.1e} | {} | {}, {} | {:016x} | {} |",
         t.voxels,
         t.voxel_m * 1e3,
         t.left_out,
@@ -98,7 +111,8 @@ fn row(name: &str, t: &Tally) -> String {
         t.volume_misses,
         t.residual_ratio,
         t.lone_cracks,
-        t.resident_bytes.map_or("-".to_owned(), |bytes| format!("{:.0}", bytes as f64 * 1e-6)),
+        mb(*early_resident_bytes),
+        mb(t.resident_bytes),
         t.state_hash,
         t.failures,
     )

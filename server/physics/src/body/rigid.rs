@@ -119,6 +119,10 @@ impl RigidParts {
         self.turns.fill(None);
     }
 
+    fn any_turns(&self) -> bool {
+        self.turns.iter().any(Option::is_some)
+    }
+
     pub(super) fn part_count(&self) -> u32 {
         self.held.len() as u32
     }
@@ -250,7 +254,7 @@ impl Body {
     }
 
     /// Finds how free parts turn in the step of a change of velocity `dv`.
-    pub(crate) fn find_turns(&mut self, dv: &Nodal) {
+    pub(super) fn find_turns(&mut self, dv: &Nodal) {
         self.rigid.turns.fill(None);
         if !self.may_turn_by(LEAST_TURN_RAD, dv) {
             return;
@@ -278,7 +282,7 @@ impl Body {
     /// Turns the velocities of parts that turn, so that their angular momentum stays; returns the kinetic energy that
     /// this made, J. Forces and energies are evaluated anew.
     pub(crate) fn turn_velocities(&mut self, workers: &Workers<'_>) -> f64 {
-        if self.rigid.turns.iter().all(Option::is_none) {
+        if !self.rigid.any_turns() {
             return 0.0;
         }
         let before_j = self.energy().kinetic_j;
@@ -302,7 +306,7 @@ impl Body {
     /// Visits the nodes of parts that turn: part, its turn, position and velocity.
     fn for_each_turned(&mut self, visit: impl Fn(usize, &Turn, &mut Vec3, &mut Vec3)) {
         let Self { rigid, position_m, velocity_m_per_s, .. } = self;
-        if rigid.turns.iter().all(Option::is_none) {
+        if !rigid.any_turns() {
             return;
         }
         for (node, (x, v)) in position_m.iter_mut().zip(velocity_m_per_s).enumerate() {
