@@ -6,6 +6,8 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use kerf_server::plot_font::{FONT, register_plot_font};
 use plotters::coord::Shift;
+use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
 const SIZE_PX: (u32, u32) = (1000, 560);
@@ -17,6 +19,10 @@ const COLOURS: [RGBColor; 5] = [
     RGBColor(176, 36, 24),
     RGBColor(110, 60, 140),
 ];
+
+/// What is marked of a decade, with a number and without.
+const BOLD_MARKS: [f64; 3] = [1.0, 2.0, 5.0];
+const LIGHT_MARKS: [f64; 9] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0];
 
 /// How values lie along an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,17 +58,48 @@ impl Axis {
 
     fn label(&self, place: f64) -> String {
         let value = if self.scale == Scale::Log10 { 10f64.powf(place) } else { place };
-        // Three digits: places are not round numbers on a logarithmic axis.
-        let unit = 10f64.powf(value.abs().max(1e-9).log10().floor() - 2.0);
-        format!("{}", ((value / unit).round() * unit * 1e6).round() / 1e6)
+        // A power of ten comes with rounding in its last digits.
+        format!("{}", (value * 1e6).round() / 1e6)
     }
 
-    /// Places of the least and the greatest value, with some room.
-    fn range(&self, values: impl Iterator<Item = f64>) -> Range<f64> {
+    /// From the least to the greatest value, with some room.
+    fn places(&self, values: impl Iterator<Item = f64>) -> Places {
         let places = values.map(|value| self.place(value));
         let (low, high) = places.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
         let low = if self.scale == Scale::Linear { low.min(0.0) } else { low - 0.1 };
-        low..high + 0.05 * (high - low) + 0.05 * f64::from(u8::from(self.scale == Scale::Log10))
+        let high = high + 0.05 * (high - low) + 0.05 * f64::from(u8::from(self.scale == Scale::Log10));
+        Places { scale: self.scale, range: low..high }
+    }
+}
+
+/// Places along an axis, with its marks.
+struct Places {
+    scale: Scale,
+    range: Range<f64>,
+}
+
+impl Ranged for Places {
+    type FormatOption = DefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, place: &f64, limit: (i32, i32)) -> i32 {
+        RangedCoordf64::from(self.range.clone()).map(place, limit)
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
+        if self.scale == Scale::Linear {
+            return RangedCoordf64::from(self.range.clone()).key_points(hint);
+        }
+        let marks: &[f64] = if hint.weight().allow_light_points() { &LIGHT_MARKS } else { &BOLD_MARKS };
+        let decades = self.range.start.floor() as i32..=self.range.end.floor() as i32;
+        decades
+            .flat_map(|decade| marks.iter().map(move |mark| f64::from(decade) + mark.log10()))
+            .filter(|place| self.range.contains(place))
+            .collect()
+    }
+
+    fn range(&self) -> Range<f64> {
+        self.range.clone()
     }
 }
 
@@ -135,7 +172,7 @@ impl Figure {
         area.fill(&WHITE)?;
         let area = area.margin(8, 0, 0, 0).titled(&self.title, (FONT, 20))?;
         let points = || self.curves.iter().flat_map(|curve| &curve.points);
-        let (x, y) = (self.x.range(points().map(|p| p.0)), self.y.range(points().map(|p| p.1)));
+        let (x, y) = (self.x.places(points().map(|p| p.0)), self.y.places(points().map(|p| p.1)));
         let mut chart = ChartBuilder::on(&area)
             .margin(10)
             .margin_right(24)
