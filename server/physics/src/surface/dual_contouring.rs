@@ -23,6 +23,10 @@ struct Stencil {
 }
 
 const OUTSIDE: u8 = 15;
+/// Weight of the object's own surface against a cut through the same dual cell. Where the two meet, but not in
+/// this cell, the vertex is to be on the object's surface: what it is off the cut moves material from one side to
+/// the other, what it is off the surface is lost to both.
+const SURFACE_WEIGHT: f64 = 10.0;
 
 impl Stencil {
     fn around(grid: &Grid, dual_cell: Ijk) -> Self {
@@ -77,11 +81,11 @@ pub(super) fn contour(grid: &Grid, dual_cell: Ijk) -> DualCell {
     DualCell { components, vertices }
 }
 
-/// The vertex of a component, if a crossing touches it. A parted link counts for the components of
-/// both its ends, and once where both are in the same one, which is then at the front of a cut. There
-/// the vertex goes as far from the crossings as it will be when the front has moved on, so that it
-/// stays in place when it becomes two. The object's own surface counts for all components that were one
-/// before any cut: it is where it was, so that the sides of a cut meet on it and enclose what they did.
+/// The vertex of a component, if a crossing touches it. What was one before any cut has its vertices at one
+/// place, by all of its crossings, however many cuts have come through it: their sides leave nothing out
+/// between them and enclose what they did. At the front of a cut (a parted link both of whose ends are in one
+/// component) that place is as far from the crossings as it will be when the front has moved on, so that the
+/// vertex stays where it is when it becomes two.
 fn vertex(
     grid: &Grid,
     dual_cell: Ijk,
@@ -91,19 +95,19 @@ fn vertex(
 ) -> Option<SurfaceVertex> {
     let mut qef = Qef::default();
     let (mut at_front, mut is_touched) = (false, false);
+    let is_cut = stencil.links.iter().any(|link| matches!(link, Link::Parted(_)));
     for ((corner, axis), link) in DUAL_CELL_LINKS.into_iter().zip(&stencil.links) {
         let (Link::Parted(crossing) | Link::Boundary(crossing)) = link else { continue };
         let ends = [corner, corner | 1 << axis];
-        let touching = ends.map(|end| components.of(end) == component);
-        let is_of_uncut = || ends.iter().any(|end| uncut.of(*end) == uncut.of(component as usize));
-        if touching == [false; 2] && !(matches!(link, Link::Boundary(_)) && is_of_uncut()) {
+        if ends.iter().all(|end| uncut.of(*end) != uncut.of(component as usize)) {
             continue;
         }
-        is_touched |= touching != [false; 2];
-        at_front |= touching == [true; 2];
+        is_touched |= ends.iter().any(|end| components.of(*end) == component);
+        at_front |= components.of(ends[0]) == components.of(ends[1]);
         let mut point = corner_position(corner);
         point[axis as usize] += f64::from(crossing.t);
-        qef.add(point, Vec3::from(crossing.normal.map(f64::from)));
+        let weight = if is_cut && matches!(link, Link::Boundary(_)) { SURFACE_WEIGHT } else { 1.0 };
+        qef.add(point, Vec3::from(crossing.normal.map(f64::from)), weight);
     }
     if !is_touched {
         return None;

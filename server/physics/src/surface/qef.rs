@@ -10,12 +10,12 @@ use crate::{Mat3, Vec3};
 const DAMPING: f64 = 0.05;
 const PASSES: usize = 4;
 
-/// Sum of squared distances to tangent planes; lengths in voxels, origin in the dual cell's centre.
+/// Weighted sum of squared distances to tangent planes; lengths in voxels, origin in the dual cell's centre.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Qef {
-    /// Sum of n n^T.
+    /// Sum of w n n^T.
     normal_matrix: Mat3,
-    /// Sum of n (n . p).
+    /// Sum of w n (n . p).
     right_side: Vec3,
     point_sum: Vec3,
     count: u32,
@@ -23,14 +23,14 @@ pub(super) struct Qef {
 
 impl Qef {
     /// Adds the plane through `point`; the sign of its unit normal does not matter.
-    pub(super) fn add(&mut self, point: Vec3, normal: Vec3) {
-        self.normal_matrix += normal * normal.transpose();
-        self.right_side += normal * normal.dot(&point);
+    pub(super) fn add(&mut self, point: Vec3, normal: Vec3, weight: f64) {
+        self.normal_matrix += normal * normal.transpose() * weight;
+        self.right_side += normal * (weight * normal.dot(&point));
         self.point_sum += point;
         self.count += 1;
     }
 
-    /// Mean of the points.
+    /// Mean of the points, whatever their weights.
     pub(super) fn mean(&self) -> Vec3 {
         self.point_sum / f64::from(self.count)
     }
@@ -84,7 +84,7 @@ mod tests {
 
     fn fit(planes: &[([f64; 3], [f64; 3])]) -> Vec3 {
         let mut qef = Qef::default();
-        planes.iter().for_each(|(p, n)| qef.add(Vec3::from(*p), Vec3::from(*n).normalize()));
+        planes.iter().for_each(|(p, n)| qef.add(Vec3::from(*p), Vec3::from(*n).normalize(), 1.0));
         qef.minimise(&qef.mean())
     }
 

@@ -121,8 +121,8 @@ fn a_plane_cut_through_a_box_leaves_two_closed_pieces_of_the_geometric_volumes()
     }
 }
 
-/// On so coarse a solid the surface bends by half a right angle from cell to cell: moving its vertices onto a cut
-/// changes what the facets between them leave out.
+/// On so coarse a solid the surface bends by half a right angle from cell to cell, and cuts meet each other and it
+/// outside the cells that both pass.
 #[test]
 fn cuts_through_a_coarse_sphere_hardly_change_the_enclosed_volume() {
     let (h_m, radius_m, cells) = (0.01, 0.025, 8);
@@ -144,7 +144,7 @@ fn cuts_through_a_coarse_sphere_hardly_change_the_enclosed_volume() {
         *worst = worst.max((volume_m3(&grid) - whole_m3).abs() / (area_m2 * h_m));
     }
     println!("worst change of the volume by one, two and three cuts: {worst:.4?} A h");
-    assert!(worst[0] < 0.09 && worst.iter().all(|worst| *worst < 0.15), "{worst:?} A h");
+    assert!(worst.iter().all(|worst| *worst < 0.02), "{worst:?} A h");
 }
 
 #[test]
