@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo test lint verify experiment extremes strokes bench performance
+.PHONY: demo test same-bits lint verify experiment extremes strokes bench performance
 
 DEMO_OUT ?= out/demo
 DEMO_ADDRESS ?= 127.0.0.1:50051
@@ -14,6 +14,14 @@ demo:
 
 test:
 	cargo test --workspace
+
+# The same strokes give the same bits in the tests' profile, in release and, where the machine has it, with AVX-512.
+same-bits:
+	@run() { RUSTFLAGS="-C target-cpu=$$1" cargo run --quiet --package kerf-physics --example state_hashes $$2; }; \
+	wide=$$(grep -qw avx512f /proc/cpuinfo && echo x86-64-v4); \
+	dev=$$(run x86-64-v3) && for cpu in x86-64-v3 $$wide; do \
+		release=$$(run $$cpu --release) && test "$$dev" = "$$release" || { echo "$$cpu: $$release, not $$dev"; exit 1; }; \
+	done; echo "same bits: $$dev"
 
 lint:
 	cargo fmt --all --check

@@ -1,7 +1,5 @@
 //! The surface that viewers see adapts to the blade, and nothing else does.
 
-mod support;
-
 use std::collections::{BTreeMap, BTreeSet};
 
 use kerf_physics::body::MaterialPoint;
@@ -13,8 +11,8 @@ use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, StepInputs, ToolInput, Vec3, Workers, World};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
-use support::cutting::attitude;
-use support::press::cutting_scene;
+use crate::support::cutting::attitude;
+use crate::support::press::cutting_scene;
 
 /// A stroke into the block of [`cutting_scene`], 80 x 40 x 40 mm, of voxels of 2.5 mm.
 #[derive(Clone, Copy, Debug)]

@@ -1,8 +1,6 @@
 //! A step in which no link parts allocates nothing.
 #![allow(unsafe_code, reason = "a global allocator is an unsafe trait")]
 
-mod support;
-
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
@@ -10,7 +8,7 @@ use kerf_physics::scene::{BladeDesc, CapsuleDesc, EdgeDesc, GrasperDesc, RateDes
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
-use support::press::{LAWS, cutting_scene, press};
+use crate::support::press::{LAWS, cutting_scene, press};
 
 thread_local! {
     static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
@@ -155,15 +153,15 @@ fn nor_does_adapting_the_surface_to_one() {
 
 #[test]
 fn bodies_that_press_and_rub_on_each_other_allocate_nothing() {
-    let mut lower = support::object([-0.02, 0.0, -0.02], [0.02, 0.02, 0.02], 0.0025, 2);
+    let mut lower = crate::support::object([-0.02, 0.0, -0.02], [0.02, 0.02, 0.02], 0.0025, 2);
     lower.name = "lower".into();
     lower.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 0.003, 1.0] }];
-    let mut upper = support::object([-0.015, 0.0201, -0.015], [0.025, 0.04, 0.025], 0.0025, 2);
+    let mut upper = crate::support::object([-0.015, 0.0201, -0.015], [0.025, 0.04, 0.025], 0.0025, 2);
     for object in [&mut lower, &mut upper] {
         object.material.rayleigh_beta_s = 1e-3;
         object.material.friction_coefficient = 0.3;
     }
-    let mut scene = support::scene(vec![lower, upper]);
+    let mut scene = crate::support::scene(vec![lower, upper]);
     scene.desc.gravity_m_per_s2 = [0.0, -9.81, 0.0];
     let mut world = World::new(&scene).expect("a valid scene");
     world.body_mut(1).velocity_m_per_s.iter_mut().for_each(|v| *v = [0.05, -0.1, 0.0]);

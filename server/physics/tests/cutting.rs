@@ -1,9 +1,7 @@
 //! A blade cuts a block: force, work and area against Griffith's rule, on several meshes and planes.
 
-mod support;
-
 use kerf_physics::Vec3;
-use support::cutting::*;
+use crate::support::cutting::*;
 
 const SPEED_M_PER_S: f64 = 0.1;
 /// Start of a stroke above the block.

@@ -1,13 +1,11 @@
 //! Kinds of composite elements on bodies whose stiffness varies below the element size, against full FEM of
 //! the same voxels.
 
-mod support;
-
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::ElementKind::{self, ByContent, Galerkin, Homogenised, IncompatibleModes};
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, RegionDesc, ShapeDesc};
 use kerf_physics::{Vec3, Workers};
-use support::{body, object, params};
+use crate::support::{body, object, params};
 
 const H_M: f64 = 2e-3;
 const CONTRAST: f64 = 100.0;

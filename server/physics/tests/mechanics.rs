@@ -1,11 +1,9 @@
 //! Elements, forces and the solve against analytic results.
 
-mod support;
-
 use kerf_physics::body::Body;
 use kerf_physics::grid::{Crossing, Grid, LinkId};
 use kerf_physics::{Mat3, Quat, Vec3, Workers};
-use support::{Lcg, beam, body, object, params};
+use crate::support::{Lcg, beam, body, object, params};
 
 fn shear(a: f64) -> Mat3 {
     Mat3::new(0.02, a, -0.01, 0.03, -0.015, 0.02, 0.01, -0.02, 0.025)
@@ -89,7 +87,7 @@ fn force_is_the_negative_gradient_of_the_energy() {
             body.position_m[node] = (turn * (body.rest_position_m(node) + noise)).into();
         }
         body.evaluate(&Workers::serial(), 60);
-        support::assert_forces_are_the_energys_slope(&mut body);
+        crate::support::assert_forces_are_the_energys_slope(&mut body);
     }
 }
 

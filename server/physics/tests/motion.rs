@@ -1,13 +1,11 @@
 //! Motion without tools: what implicit Euler keeps exactly, and what bounds the energy.
 
-mod support;
-
 use kerf_physics::body::Body;
 use kerf_physics::fault::FaultKind;
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, ProbeDesc, Scene, ShapeDesc};
 use kerf_physics::{NoClock, Quat, StepInputs, Vec3, Workers, World};
-use support::{Lcg, object, run, scene};
+use crate::support::{Lcg, object, run, scene};
 
 const GRAVITY_M_PER_S2: f64 = 9.81;
 

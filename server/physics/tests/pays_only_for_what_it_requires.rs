@@ -1,14 +1,12 @@
 //! A scene pays only for what it requires: the stages that a step enters, and the bits that a capability
 //! nobody uses leaves alone. (Allocations: `allocation.rs`; times: `make performance`.)
 
-mod support;
-
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use kerf_physics::scene::{CapsuleDesc, GovernorDesc, GrasperDesc, ProbeDesc, RegionDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{ToolInput, ToolMotion};
 use kerf_physics::{Stage, StageClock, StepInputs, Workers, World};
-use support::press::{cutting_scene, pose_at};
+use crate::support::press::{cutting_scene, pose_at};
 
 /// A clock that is different at each look.
 #[derive(Default)]

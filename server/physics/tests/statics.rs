@@ -1,10 +1,8 @@
 //! Bodies at rest under loads, against beam theory and Hooke's law.
 
-mod support;
-
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, ProbeDesc, Scene, ShapeDesc};
 use kerf_physics::{NoClock, StepInputs, Workers, World};
-use support::{beam, object, scene};
+use crate::support::{beam, object, scene};
 
 const EVERYWHERE: ShapeDesc = ShapeDesc::Box { min_m: [-10.0; 3], max_m: [10.0; 3] };
 

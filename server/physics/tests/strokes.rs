@@ -1,11 +1,9 @@
 //! Strokes of a blade beyond the steady cut: slots, second strokes, old cuts, separation, soft tissue.
 
-mod support;
-
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{ObjectDesc, ShapeDesc};
 use kerf_physics::{Quat, Vec3};
-use support::cutting::*;
+use crate::support::cutting::*;
 
 const TOP_M: f64 = BLOCK_HEIGHT_M + 5e-4;
 const H_M: f64 = 2.5e-3;
@@ -181,7 +179,7 @@ fn real_tissue_dents_by_centimetres_and_then_gives_at_gc() {
 fn real_tissue_gives_at_gc(level: u8) {
     let (h, gc) = (3.5e-3, 200.0);
     let (side, height) = (16.0 * h, 17.0 * h);
-    let mut object = support::object([-0.5 * side, 0.0, -0.5 * side], [0.5 * side, height, 0.5 * side], h, level);
+    let mut object = crate::support::object([-0.5 * side, 0.0, -0.5 * side], [0.5 * side, height, 0.5 * side], h, level);
     object.material.young_modulus_pa = 1e4;
     object.material.density_kg_per_m3 = 1060.0;
     object.material.rayleigh_beta_s = 2e-3;

@@ -1,14 +1,12 @@
 //! Tissue that is pulled apart: what a crack sets free, against theory, and when it goes on by itself.
 
-mod support;
-
 use kerf_physics::body::{Body, MaterialPoint};
 use kerf_physics::fracture::release::{Tip, released};
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::params::StepParams;
 use kerf_physics::scene::{Face, LoadDesc, MaterialDesc, ObjectDesc, RegionDesc, ShapeDesc};
 use kerf_physics::{NoClock, StepInputs, Vec3, Workers, World};
-use support::{body, material, object, params, scene};
+use crate::support::{body, material, object, params, scene};
 
 const YOUNG_PA: f64 = 1e6;
 const THICKNESS_M: f64 = 0.02;

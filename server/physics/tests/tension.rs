@@ -1,14 +1,12 @@
 //! Pulled tissue is cut at a lower force: `q_c = Gc - G_el`.
 
-mod support;
-
 use kerf_physics::body::Body;
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::params::StepParams;
 use kerf_physics::scene::{Face, LoadDesc, MaterialDesc, RegionDesc, Scene, ShapeDesc};
 use kerf_physics::{Vec3, Workers};
-use support::cutting::{Rig, attitude, cutting_scene};
-use support::{body, object, params};
+use crate::support::cutting::{Rig, attitude, cutting_scene};
+use crate::support::{body, object, params};
 
 const YOUNG_PA: f64 = 1e6;
 const GC_J_PER_M2: f64 = 200.0;

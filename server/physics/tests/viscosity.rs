@@ -1,14 +1,12 @@
 //! Materials that relax in time, against the standard linear solid solved by hand.
 
-mod support;
-
 use std::f64::consts::{PI, TAU};
 
 use kerf_physics::body::Body;
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, RegionDesc, ShapeDesc, ViscosityDesc};
 use kerf_physics::{Mat3, Quat, Vec3, Workers, World};
-use support::{Lcg, body, object, params, run, scene, viscosity};
+use crate::support::{Lcg, body, object, params, run, scene, viscosity};
 
 const YOUNG_PA: f64 = 1e6;
 const EVERYWHERE: ShapeDesc = ShapeDesc::Box { min_m: [-10.0; 3], max_m: [10.0; 3] };
@@ -204,7 +202,7 @@ fn a_rotation_turns_the_forces_along_and_no_net_torque_appears() {
 #[test]
 fn the_force_of_a_sudden_motion_is_the_negative_gradient_of_the_energy() {
     let mut body = strained_at_random();
-    support::assert_forces_are_the_energys_slope(&mut body);
+    crate::support::assert_forces_are_the_energys_slope(&mut body);
 }
 
 #[test]

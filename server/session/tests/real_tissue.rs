@@ -1,11 +1,8 @@
 //! Scenes with moduli and fracture energies as measured: they are cut at Gc per length of edge.
 
-#[path = "../../physics/tests/support/mod.rs"]
-mod support;
-
 use kerf_physics::{Quat, Vec3};
 use kerf_session::catalog;
-use support::cutting::Rig;
+use crate::support::cutting::Rig;
 
 /// Side and height of each block, m.
 const SIDE_M: f64 = 0.064;

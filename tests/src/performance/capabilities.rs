@@ -42,7 +42,7 @@ const SCENES: [(&str, Change); 7] = [
 pub fn section(_plots: &Path) -> Result<String> {
     let mut text = String::from(
         "\n## What each capability costs\n\nMedians of a step of the liver at 1 kHz, one thread, ms; the variants take \
-         turns. A stage that a scene does not require is not entered (`cargo test -p kerf-physics --test \
+         turns. A stage that a scene does not require is not entered (`cargo test -p kerf-physics \
          pays_only_for_what_it_requires`).\n\n| step | elements | ms |\n|---|---|---|\n",
     );
     bare(&mut text)?;

@@ -9,7 +9,7 @@ use kerf_physics::{Scene, SceneDesc};
 use kerf_session::catalog;
 
 /// How a file becomes a row of the paper's Table 1: about as many voxels, and the level whose number of elements is
-/// nearest (`cargo test -p kerf-session --test paper_models`).
+/// nearest (`cargo test -p kerf-session paper_models`).
 pub struct Model {
     file: &'static str,
     /// Metres per unit of the file: 15 to 18 cm the longest way, as the scans are.

@@ -179,7 +179,7 @@ pub fn family(extent: Extent) -> Result<Family> {
              momenta relative to the first. An ellipsoid (E 10 kPa, nu 0.45) starts from violent states; its energy \
              and its distance from the best rigid copy of its rest shape after 1500 steps. From random nodes at \
              c = 10 it has come back by then at k = 4, not at k = 1 and 2. That the same inputs give the same bits at \
-             1 and 2 threads is tested by `cargo test -p kerf-physics --test determinism`."
+             1 and 2 threads is tested by `cargo test -p kerf-physics determinism` and `make same-bits`."
         ),
         tables: vec![Table { columns: levels.iter().map(|l| format!("k {}", 1 << l)).collect(), rows }],
         ..Family::default()

@@ -6,7 +6,7 @@ use kerf_proto::v1::control_service_client::ControlServiceClient;
 use kerf_proto::v1::{self, down, send_pose_request, up};
 use tonic::Code;
 
-use crate::harness::{Cable, Harness, Station, connect, hello, no_expiry, pose};
+use super::harness::{Cable, Harness, Station, connect, hello, no_expiry, pose};
 
 const REENTERED: u32 = v1::ContactFlag::Reentered as u32;
 

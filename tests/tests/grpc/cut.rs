@@ -12,7 +12,7 @@ use kerf_session::catalog;
 use tonic::Streaming;
 use tonic::transport::Channel;
 
-use crate::harness::{Harness, Station, endpoint, next, no_expiry};
+use super::harness::{Harness, Station, endpoint, next, no_expiry};
 
 /// Heights of the edge, m: over the block, half way down, and at what holds it.
 pub const ABOVE_M: f32 = 0.015;

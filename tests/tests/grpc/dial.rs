@@ -7,7 +7,7 @@ use kerf_proto::v1::{self};
 use kerf_session::dial::{FinerRegions, Front, FrontPoint};
 use tonic::{Code, Status};
 
-use crate::harness::{BLOCK, Harness};
+use super::harness::{BLOCK, Harness};
 
 /// A folder with a front of the block: level 1 in 0.1 ms with 8 %, level 0 in 0.9 ms with 1 %.
 fn measured() -> tempfile::TempDir {

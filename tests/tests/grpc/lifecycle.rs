@@ -11,7 +11,7 @@ use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 use tonic_reflection::pb::{v1 as reflection, v1alpha as reflection_v1alpha};
 
-use crate::harness::{BLOCK, Harness, connect, pose, soon};
+use super::harness::{BLOCK, Harness, connect, pose, soon};
 
 #[tokio::test]
 async fn several_sessions_live_side_by_side_up_to_the_limit() {

@@ -3,8 +3,8 @@
 use kerf_proto::v1::{self, down};
 use tonic::{Code, Status};
 
-use crate::cut::{ABOVE_M, FOOT_M, MIDDLE_M, Stroke, Watcher};
-use crate::harness::{Harness, no_expiry};
+use super::cut::{ABOVE_M, FOOT_M, MIDDLE_M, Stroke, Watcher};
+use super::harness::{Harness, no_expiry};
 
 async fn save(harness: &mut Harness, session_id: &str, name: &str) -> Result<u64, Status> {
     let request = v1::SavePointRequest { session_id: session_id.into(), name: name.into() };

@@ -8,7 +8,7 @@ use kerf_proto::v1::view_event::Message;
 use kerf_proto::v1::view_service_client::ViewServiceClient;
 use tonic::{Code, Streaming};
 
-use crate::harness::{Harness, endpoint, next, pose, soon};
+use super::harness::{Harness, endpoint, next, pose, soon};
 
 async fn until<T>(view: &mut Streaming<v1::ViewEvent>, pick: impl Fn(Message) -> Option<T>) -> T {
     soon("the view event", async {

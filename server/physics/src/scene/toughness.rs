@@ -15,7 +15,7 @@ pub(super) const LEAST_STIFFENING: f64 = 3.0;
 
 /// Line load that starts a cut by the link-energy rule over H times the stress at which a uniaxial strain holds
 /// `Psi = Gc / h`, at levels 0, 1, 2. Measured at nu 0.45 on blocks of 12 voxels' height, within 2 % at small
-/// strain (`--test link_energy`); at larger loads it falls, by a quarter where the linear law ends.
+/// strain (`link_energy::`); at larger loads it falls, by a quarter where the linear law ends.
 const LINK_LOAD: [f64; 3] = [1.74, 1.58, 1.47];
 
 /// Edge length of a full composite element, m: `2^level` voxels.
@@ -66,7 +66,7 @@ pub(super) fn stiffens(material: &MaterialDesc) -> bool {
 
 /// Largest line load over `E H` that the element law of `material` is granted.
 ///
-/// Measured at nu 0.45 at levels 0, 1, 2 (`--test tissue`). Up to 0.6, 0.6 and 0.5 E H linear elements carry
+/// Measured at nu 0.45 at levels 0, 1, 2 (`tissue::`). Up to 0.6, 0.6 and 0.5 E H linear elements carry
 /// what starts a cut, and the force of the cut is within 6 % of Gc w; at twice as much the edge never meets
 /// more than 0.53 of what starts a cut. With a stiffening of 10 no fold was found up to 39, 15 and 9.6 E H,
 /// 600 to 780 N/m on a slab that was pressed to half its height. Nothing was measured at levels above 2: the

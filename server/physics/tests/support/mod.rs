@@ -1,7 +1,8 @@
 //! Scenes and helpers of the physics tests.
-#![allow(dead_code, reason = "each test file uses its share")]
+#![allow(dead_code, reason = "the tests of two crates share it")]
 
 pub mod cutting;
+pub mod indentation;
 pub mod press;
 pub mod swept;
 

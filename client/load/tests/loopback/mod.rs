@@ -9,7 +9,7 @@ use clap::Parser;
 use kerf_load::args::Args;
 use kerf_load::output;
 use kerf_load::run::{Finished, run};
-use server::{Behaviour, STIFFNESS_N_PER_M};
+use self::server::{Behaviour, STIFFNESS_N_PER_M};
 
 /// A short stroke of 10 mm: half a second down and up.
 const STROKE: &[&str] =

@@ -1,0 +1,4 @@
+//! Whole runs of `kerf-load` and its reports.
+
+mod loopback;
+mod report;

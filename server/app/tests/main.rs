@@ -1,0 +1,6 @@
+//! The program `kerf-server`: its commands and reports.
+
+mod cli;
+mod hepatectomy;
+mod slit;
+mod tradeoff;

@@ -1,0 +1,35 @@
+//! The physics against analytic and independent results: one module a subject.
+
+mod adaptation;
+mod allocation;
+mod blade_shapes;
+mod blade_stiffness;
+mod collapse;
+mod cutting;
+mod determinism;
+mod elements;
+mod fast_blade;
+mod flanks;
+mod graded;
+mod grasper;
+mod link_energy;
+mod mechanics;
+mod motion;
+mod pays_only_for_what_it_requires;
+mod probe_tool;
+mod robust;
+mod scene_values;
+mod scissors;
+mod slicing;
+mod snapshot;
+mod statics;
+mod strokes;
+mod support;
+mod tearing;
+mod tension;
+mod tissue;
+mod tissue_contact;
+mod view;
+mod viscosity;
+mod viscous_scenes;
+mod voxelize;

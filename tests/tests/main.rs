@@ -1,0 +1,8 @@
+//! The system over real gRPC, and the quick part of what docs/*.md report.
+
+mod experiment;
+mod extremes;
+mod grpc;
+mod strokes;
+mod surface_hash;
+mod verification;
