@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo test same-bits lint verify experiment extremes strokes bench performance
+.PHONY: demo test test-all same-bits lint verify experiment extremes strokes bench performance
 
 DEMO_OUT ?= out/demo
 DEMO_ADDRESS ?= 127.0.0.1:50051
@@ -14,6 +14,10 @@ demo:
 
 test:
 	cargo test --workspace
+
+# The tests marked slow too, each with its reason, and same-bits: at most ten minutes once built.
+test-all: same-bits
+	cargo test --workspace -- --include-ignored
 
 # The same strokes give the same bits in the tests' profile, in release and, where the machine has it, with AVX-512.
 same-bits:

@@ -2,6 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use crate::support::cutting::attitude;
+use crate::support::press::cutting_scene;
 use kerf_physics::body::MaterialPoint;
 use kerf_physics::scene::{BladeDesc, Scene, ToolDesc, ToolShapeDesc};
 use kerf_physics::step_io::ToolMotion;
@@ -11,8 +13,6 @@ use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, StepInputs, ToolInput, Vec3, Workers, World};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
-use crate::support::cutting::attitude;
-use crate::support::press::cutting_scene;
 
 /// A stroke into the block of [`cutting_scene`], 80 x 40 x 40 mm, of voxels of 2.5 mm.
 #[derive(Clone, Copy, Debug)]

@@ -4,11 +4,11 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
+use crate::support::press::{LAWS, cutting_scene, press};
 use kerf_physics::scene::{BladeDesc, CapsuleDesc, EdgeDesc, GrasperDesc, RateDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
-use crate::support::press::{LAWS, cutting_scene, press};
 
 thread_local! {
     static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };

@@ -1,10 +1,10 @@
 //! The cut has the shape of the blade's edge, whatever that is.
 
+use crate::support::cutting::*;
+use crate::support::swept::{Swept, crossings};
 use kerf_physics::scene::{BladeDesc, EdgeDesc, ToolDesc};
 use kerf_physics::tool::blade::Blade;
 use kerf_physics::{Quat, Vec3};
-use crate::support::cutting::*;
-use crate::support::swept::{Swept, crossings};
 
 const H_M: f64 = 2.5e-3;
 /// Voxels of the block.

@@ -1,10 +1,10 @@
 //! A line load on soft tissue: where the linear law folds, and that strain stiffening carries it.
 
+use crate::support::cutting::{Rig, cutting_scene};
+use crate::support::object;
 use kerf_physics::Quat;
 use kerf_physics::Vec3;
 use kerf_physics::scene::ShapeDesc;
-use crate::support::cutting::{Rig, cutting_scene};
-use crate::support::object;
 
 const H_M: f64 = 2e-3;
 const YOUNG_PA: f64 = 1e4;

@@ -1,7 +1,7 @@
 //! A blade cuts a block: force, work and area against Griffith's rule, on several meshes and planes.
 
-use kerf_physics::Vec3;
 use crate::support::cutting::*;
+use kerf_physics::Vec3;
 
 const SPEED_M_PER_S: f64 = 0.1;
 /// Start of a stroke above the block.

@@ -1,8 +1,8 @@
 //! The same inputs give the same bits, whatever the number of threads; `make same-bits` asks it of profiles
 //! and of the widths of the machine's vectors.
 
-use kerf_physics::Workers;
 use crate::support::press::{LAWS, hashes};
+use kerf_physics::Workers;
 
 #[test]
 fn one_and_two_threads_give_the_same_bits() {

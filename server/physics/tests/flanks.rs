@@ -1,13 +1,13 @@
 //! Flanks of a blade in a cut: the wall presses across them, and friction along them.
 
+use crate::support::cutting::*;
+use crate::support::{body, object, params};
 use kerf_physics::contact::flank::{Walls, WallsBeside};
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{BladeDesc, ToolDesc};
 use kerf_physics::tool::Pose;
 use kerf_physics::tool::blade::Blade;
 use kerf_physics::{Quat, Vec3, Workers};
-use crate::support::cutting::*;
-use crate::support::{body, object, params};
 
 const H_M: f64 = 2.5e-3;
 const DEEP_M: f64 = 0.02;

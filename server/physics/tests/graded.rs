@@ -1,12 +1,12 @@
 //! Bodies whose elements are smaller in some regions: hanging nodes, cuts across them, what they are for.
 
+use crate::support::cutting::*;
+use crate::support::{Lcg, body, object, params};
 use kerf_physics::body::Body;
 use kerf_physics::grid::levels::{Level, VoxelUnits};
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{Face, FinerDesc, LoadDesc, ObjectDesc, ShapeDesc};
 use kerf_physics::{Mat3, Quat, Vec3, Workers};
-use crate::support::cutting::*;
-use crate::support::{Lcg, body, object, params};
 
 const EDGE_M: f64 = 0.16;
 

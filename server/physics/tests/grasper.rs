@@ -1,10 +1,10 @@
 //! A grasper holds, pulls and lets go.
 
+use crate::support::{Lcg, object, scene};
 use kerf_physics::scene::{BladeDesc, GrasperDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{EnergyStep, Grasp, StepOutput, ToolMotion};
 use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
-use crate::support::{Lcg, object, scene};
 
 const YOUNG_PA: f64 = 1e5;
 /// Half of the side of the strip, m.

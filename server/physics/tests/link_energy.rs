@@ -1,9 +1,9 @@
 //! The link-energy rule: what it parts, what that takes, and how its force depends on material and mesh.
 
+use crate::support::cutting::*;
 use kerf_physics::scene::toughness::asked_over_eh;
 use kerf_physics::scene::{FractureRule, RateDesc, Scene, SceneDesc, ShapeDesc};
 use kerf_physics::{Quat, Vec3};
-use crate::support::cutting::*;
 
 const H_M: f64 = 2.5e-3;
 const LINK_GC_J_PER_M2: f64 = 10.0;

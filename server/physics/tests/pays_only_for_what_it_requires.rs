@@ -3,10 +3,10 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use crate::support::press::{cutting_scene, pose_at};
 use kerf_physics::scene::{CapsuleDesc, GovernorDesc, GrasperDesc, ProbeDesc, RegionDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{ToolInput, ToolMotion};
 use kerf_physics::{Stage, StageClock, StepInputs, Workers, World};
-use crate::support::press::{cutting_scene, pose_at};
 
 /// A clock that is different at each look.
 #[derive(Default)]

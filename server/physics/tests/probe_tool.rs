@@ -1,10 +1,10 @@
 //! A smooth tool presses on tissue.
 
+use crate::support::{object, scene};
 use kerf_physics::scene::{BladeDesc, CapsuleDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{StepOutput, ToolMotion};
 use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
-use crate::support::{object, scene};
 
 const YOUNG_PA: f64 = 1e5;
 

@@ -1,12 +1,12 @@
 //! Whatever a hand does to the tissue: no fault, numbers that are finite, energy that was put in and is
 //! accounted for, no piece of a few voxels.
 
+use crate::support::{Lcg, object, scene};
 use kerf_physics::body::LEAST_PIECE_VOXELS;
 use kerf_physics::scene::{BladeDesc, EdgeDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
-use crate::support::{Lcg, object, scene};
 
 const SEMI_AXES_M: [f64; 3] = [0.03, 0.022, 0.025];
 

@@ -1,10 +1,10 @@
 //! Scissors close on tissue and cut it.
 
+use crate::support::{object, scene};
 use kerf_physics::scene::{Scene, ScissorsDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{EnergyStep, StepOutput, ToolMotion};
 use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
-use crate::support::{object, scene};
 
 const GC_J_PER_M2: f64 = 100.0;
 const SIDE_M: f64 = 0.01;

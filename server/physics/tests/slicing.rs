@@ -1,9 +1,9 @@
 //! A blade that slices and pushes: the force turns with the edge's way through the material, its work per
 //! area does not; and the fracture energy may rise with the speed of the cut.
 
+use crate::support::cutting::*;
 use kerf_physics::scene::RateDesc;
 use kerf_physics::{Quat, Vec3};
-use crate::support::cutting::*;
 
 const H_M: f64 = 2.5e-3;
 const SPEED_M_PER_S: f64 = 0.05;

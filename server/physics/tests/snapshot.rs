@@ -1,8 +1,8 @@
 //! A world goes back to where it was, and on from there as if nothing had been in between.
 
+use crate::support::press::{LAWS, cutting_scene, press_with};
 use kerf_physics::step_io::{StepOutput, ToolMotion};
 use kerf_physics::{NoClock, StepInputs, ToolInput, Workers, World};
-use crate::support::press::{LAWS, cutting_scene, press_with};
 
 /// Steps of a stroke before the snapshot, and after it: both part links.
 const BEFORE: u32 = 25;

@@ -1,8 +1,8 @@
 //! Bodies at rest under loads, against beam theory and Hooke's law.
 
+use crate::support::{beam, object, scene};
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, ProbeDesc, Scene, ShapeDesc};
 use kerf_physics::{NoClock, StepInputs, Workers, World};
-use crate::support::{beam, object, scene};
 
 const EVERYWHERE: ShapeDesc = ShapeDesc::Box { min_m: [-10.0; 3], max_m: [10.0; 3] };
 

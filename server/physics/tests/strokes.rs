@@ -1,9 +1,9 @@
 //! Strokes of a blade beyond the steady cut: slots, second strokes, old cuts, separation, soft tissue.
 
+use crate::support::cutting::*;
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{ObjectDesc, ShapeDesc};
 use kerf_physics::{Quat, Vec3};
-use crate::support::cutting::*;
 
 const TOP_M: f64 = BLOCK_HEIGHT_M + 5e-4;
 const H_M: f64 = 2.5e-3;
@@ -171,7 +171,13 @@ fn the_energy_that_a_longer_cut_releases_is_the_force_on_the_edge() {
 
 #[test]
 fn real_tissue_dents_by_centimetres_and_then_gives_at_gc() {
-    for level in [0, 1, 2] {
+    real_tissue_gives_at_gc(2);
+}
+
+#[test]
+#[ignore = "slow: the finer levels, a third of a minute"]
+fn real_tissue_dents_and_gives_alike_on_finer_levels() {
+    for level in [0, 1] {
         real_tissue_gives_at_gc(level);
     }
 }
@@ -179,7 +185,8 @@ fn real_tissue_dents_by_centimetres_and_then_gives_at_gc() {
 fn real_tissue_gives_at_gc(level: u8) {
     let (h, gc) = (3.5e-3, 200.0);
     let (side, height) = (16.0 * h, 17.0 * h);
-    let mut object = crate::support::object([-0.5 * side, 0.0, -0.5 * side], [0.5 * side, height, 0.5 * side], h, level);
+    let mut object =
+        crate::support::object([-0.5 * side, 0.0, -0.5 * side], [0.5 * side, height, 0.5 * side], h, level);
     object.material.young_modulus_pa = 1e4;
     object.material.density_kg_per_m3 = 1060.0;
     object.material.rayleigh_beta_s = 2e-3;

@@ -1,12 +1,12 @@
 //! Soft tissue under a blade: at every level it carries the line load that cutting it takes, without
 //! folding before.
 
+use crate::support::cutting::{BLOCK_HEIGHT_M, BLOCK_SIDE_M, Rig, YOUNG_PA, block, cutting_scene};
 use kerf_physics::scene::toughness::{carried_over_eh, composite_edge_m};
 use kerf_physics::scene::{BladeDesc, Scene, SceneDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
-use crate::support::cutting::{BLOCK_HEIGHT_M, BLOCK_SIDE_M, Rig, YOUNG_PA, block, cutting_scene};
 
 const RATE_HZ: f64 = 500.0;
 const SPEED_M_PER_S: f64 = 0.05;
@@ -34,7 +34,8 @@ struct Start {
 
 /// A slab across which a blade lies.
 fn slab(tissue: &Tissue, level: u8) -> Scene {
-    let mut slab = crate::support::object([-0.048, 0.0, -0.5 * WIDTH_M], [0.048, HEIGHT_M, 0.5 * WIDTH_M], VOXEL_M, level);
+    let mut slab =
+        crate::support::object([-0.048, 0.0, -0.5 * WIDTH_M], [0.048, HEIGHT_M, 0.5 * WIDTH_M], VOXEL_M, level);
     slab.material.young_modulus_pa = tissue.young_modulus_pa;
     slab.material.poisson_ratio = 0.45;
     slab.material.strain_stiffening = tissue.strain_stiffening;
@@ -83,34 +84,55 @@ fn holds(tissue: &Tissue, level: u8, least: f64) -> f64 {
 
 /// Moduli and fracture energies as measured: liver, pig's skin (needles), firm tofu (its fracture energy is
 /// not known: that of other gels), gelatine of 10 % cut slowly.
+fn tissues() -> [Tissue; 4] {
+    [("liver", 1e4, 200.0, 10.0), ("skin", 2e5, 1136.0, 10.0), ("tofu", 2.64e4, 10.0, 3.0), ("gelatine", 1e4, 1.1, 3.0)]
+        .map(|(name, young_modulus_pa, fracture_energy_j_per_m2, strain_stiffening)| Tissue {
+            name,
+            young_modulus_pa,
+            fracture_energy_j_per_m2,
+            strain_stiffening,
+        })
+}
+
 #[test]
-fn tissue_carries_what_cutting_it_takes_at_every_level() {
-    for (name, young_modulus_pa, fracture_energy_j_per_m2, strain_stiffening) in [
-        ("liver", 1e4, 200.0, 10.0),
-        ("skin", 2e5, 1136.0, 10.0),
-        ("tofu", 2.64e4, 10.0, 3.0),
-        ("gelatine", 1e4, 1.1, 3.0),
-    ] {
-        let tissue = Tissue { name, young_modulus_pa, fracture_energy_j_per_m2, strain_stiffening };
+fn tissue_carries_what_cutting_it_takes_at_coarse_levels() {
+    for tissue in tissues() {
+        holds(&tissue, 2, 0.6);
         // At level 3 the slab is one element wide.
-        let dents = [(0, 0.7), (1, 0.7), (2, 0.6), (3, 0.5)].map(|(level, least)| holds(&tissue, level, least));
-        for dent in &dents[..3] {
-            // Within 10 % and a step.
-            assert!((dent - dents[0]).abs() < 0.1 * dents[0] + 1e-4, "{name}: dents {dents:?} m");
-        }
+        holds(&tissue, 3, 0.5);
     }
 }
 
 #[test]
-fn stiffened_elements_carry_the_load_that_scenes_are_granted() {
-    for level in [0, 1, 2] {
-        let mut tissue =
-            Tissue { name: "granted", young_modulus_pa: 1e4, fracture_energy_j_per_m2: 1.0, strain_stiffening: 10.0 };
-        let material = &slab(&tissue, level).desc.objects[0].material;
-        let load_n_per_m = carried_over_eh(material, level) * 1e4 * VOXEL_M * f64::from(1u32 << level);
-        tissue.fracture_energy_j_per_m2 = load_n_per_m / INITIATION;
-        holds(&tissue, level, 0.6);
+#[ignore = "slow: the finer levels, half a minute"]
+fn tissue_carries_what_cutting_it_takes_at_the_same_dent_on_finer_levels() {
+    for tissue in tissues() {
+        let dents = [(0, 0.7), (1, 0.7), (2, 0.6)].map(|(level, least)| holds(&tissue, level, least));
+        for dent in &dents {
+            // Within 10 % and a step.
+            assert!((dent - dents[0]).abs() < 0.1 * dents[0] + 1e-4, "{}: dents {dents:?} m", tissue.name);
+        }
     }
+}
+
+fn carries_what_scenes_are_granted(level: u8) {
+    let mut tissue =
+        Tissue { name: "granted", young_modulus_pa: 1e4, fracture_energy_j_per_m2: 1.0, strain_stiffening: 10.0 };
+    let material = &slab(&tissue, level).desc.objects[0].material;
+    let load_n_per_m = carried_over_eh(material, level) * 1e4 * VOXEL_M * f64::from(1u32 << level);
+    tissue.fracture_energy_j_per_m2 = load_n_per_m / INITIATION;
+    holds(&tissue, level, 0.6);
+}
+
+#[test]
+fn stiffened_elements_carry_the_load_that_scenes_are_granted() {
+    [1, 2].into_iter().for_each(carries_what_scenes_are_granted);
+}
+
+#[test]
+#[ignore = "slow: full FEM, a quarter of a minute"]
+fn so_do_stiffened_voxels() {
+    carries_what_scenes_are_granted(0);
 }
 
 /// A blade through a block of the linear law whose initiation asks `load_over_eh` of its elements: the highest

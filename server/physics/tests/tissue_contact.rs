@@ -1,10 +1,10 @@
 //! Tissue against tissue: bodies, parts and flaps press on each other and do not pass through.
 
+use crate::support::{object, scene};
 use kerf_physics::body::{Body, MaterialPoint};
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, ShapeDesc};
 use kerf_physics::{NoClock, StepInputs, Vec3, Workers, World};
-use crate::support::{object, scene};
 
 const H_M: f64 = 0.0025;
 const SIDE_M: f64 = 0.04;

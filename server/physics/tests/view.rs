@@ -1,13 +1,13 @@
 //! What viewers get of a scene that is cut: keyframes, patches and the hash they are checked by.
 
+use crate::support::cutting::attitude;
+use crate::support::{Lcg, object, scene};
 use kerf_physics::scene::{BladeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::surface::delta::BodyStructure;
 use kerf_physics::surface::hash::{ObjectHash, surface_hash};
 use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, Stage, StepInputs, StepOutput, ToolInput, Vec3, Workers, World};
-use crate::support::cutting::attitude;
-use crate::support::{Lcg, object, scene};
 
 const STEPS_PER_STROKE: usize = 60;
 

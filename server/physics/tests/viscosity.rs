@@ -2,11 +2,11 @@
 
 use std::f64::consts::{PI, TAU};
 
+use crate::support::{Lcg, body, object, params, run, scene, viscosity};
 use kerf_physics::body::Body;
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, RegionDesc, ShapeDesc, ViscosityDesc};
 use kerf_physics::{Mat3, Quat, Vec3, Workers, World};
-use crate::support::{Lcg, body, object, params, run, scene, viscosity};
 
 const YOUNG_PA: f64 = 1e6;
 const EVERYWHERE: ShapeDesc = ShapeDesc::Box { min_m: [-10.0; 3], max_m: [10.0; 3] };

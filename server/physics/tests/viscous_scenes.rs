@@ -2,11 +2,11 @@
 
 use std::f64::consts::PI;
 
+use crate::support::press::{cutting_scene, press};
+use crate::support::{Lcg, object, run, scene, viscosity};
 use kerf_physics::scene::{RegionDesc, ShapeDesc, ViscosityDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::{NoClock, StepInputs, ToolInput, Vec3, Workers, World};
-use crate::support::press::{cutting_scene, press};
-use crate::support::{Lcg, object, run, scene, viscosity};
 
 /// A block pressed by a blade that cannot cut it, at 1 kHz / `finer`; the energies booked over the tool's
 /// work: damping, numerical, and the residuals' magnitudes.

@@ -5,11 +5,11 @@ mod server;
 use std::io::{BufRead, BufReader, Write};
 use std::process::Stdio;
 
+use self::server::{Behaviour, STIFFNESS_N_PER_M};
 use clap::Parser;
 use kerf_load::args::Args;
 use kerf_load::output;
 use kerf_load::run::{Finished, run};
-use self::server::{Behaviour, STIFFNESS_N_PER_M};
 
 /// A short stroke of 10 mm: half a second down and up.
 const STROKE: &[&str] =
