@@ -9,7 +9,7 @@ demo:
 	cargo build --release --bin kerf-server --bin kerf-load
 	@target/release/kerf-server serve --listen $(DEMO_ADDRESS) --log-filter warn & server=$$!; \
 	trap 'kill $$server 2>/dev/null; wait $$server' EXIT; \
-	target/release/kerf-load --server http://$(DEMO_ADDRESS) --scene liver --strokes 2 --jitter 0 \
+	target/release/kerf-load --server http://$(DEMO_ADDRESS) --scene liver --step-rates 1000,500,250 --strokes 2 --jitter 0 \
 		--depth 0.05 --speed 0.05 --wait-for-server 10 --out $(DEMO_OUT)
 
 test:

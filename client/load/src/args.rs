@@ -34,6 +34,10 @@ pub struct Args {
     /// What is asked of the dial of a created session
     #[command(flatten)]
     pub dial: DialArgs,
+    /// Step rates to choose from, Hz, highest first: the session runs at the first one that the server keeps
+    /// while a trial session of the script's first seconds is driven
+    #[arg(long, value_name = "HZ,...", value_delimiter = ',', value_parser = positive, conflicts_with = "session")]
+    pub step_rates: Vec<f64>,
     /// Leaves a created session running
     #[arg(long, conflicts_with = "session")]
     pub keep_session: bool,

@@ -19,5 +19,6 @@ pub mod run;
 pub mod script;
 pub mod sender;
 pub mod session;
+pub mod step_rate;
 pub mod viewer;
 pub mod wire;

@@ -7,6 +7,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::args::ProgressMode;
 use crate::metrics::ContactMetrics;
+use crate::report::OVERLOAD_LATE_SHARE;
 use crate::viewer::ViewTotals;
 
 /// How often progress is looked at: often enough to follow the force by eye.
@@ -67,9 +68,13 @@ fn line(time_s: f64, contacts: &ContactMetrics, view: &ViewTotals) -> String {
     let (depth_mm, resistance_n) =
         contacts.last().map_or((0.0, 0.0), |sample| (1e3 * sample.depth_m, sample.resistance_n));
     let p99_ms = contacts.round_trip_ns.value_at_quantile(0.99) as f64 * 1e-6;
+    let steps = view.server.unwrap_or_default();
+    let late_share = steps.late_steps() as f64 / steps.steps().max(1) as f64;
+    let overload = if late_share > OVERLOAD_LATE_SHARE { "  OVERLOAD" } else { "" };
     format!(
-        "{time_s:5.1} s  depth {depth_mm:6.1} mm  force {resistance_n:6.2} N  p99 {p99_ms:5.2} ms  {} patches  {} late steps",
+        "{time_s:5.1} s  depth {depth_mm:6.1} mm  force {resistance_n:6.2} N  p99 {p99_ms:5.2} ms  {} patches  \
+         {:.1} % of steps late{overload}",
         view.patches,
-        view.server.map_or(0, |server| server.late_steps()),
+        100.0 * late_share,
     )
 }

@@ -10,6 +10,10 @@ use crate::metrics::ContactMetrics;
 use crate::sender::SendTotals;
 use crate::viewer::ViewTotals;
 
+/// Share of late steps beyond which a report speaks of overload: a step late now and then is the machine's, not the
+/// scene's.
+pub const OVERLOAD_LATE_SHARE: f64 = 0.02;
+
 /// The report on a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
@@ -123,6 +127,8 @@ pub struct View {
 /// What the server said of itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Server {
+    /// Steps per simulated second that the session was to take, Hz.
+    pub step_rate_hz: f64,
     /// Steps while it was watched.
     pub steps: u64,
     /// Of these, steps that ended after their deadline.
@@ -133,6 +139,8 @@ pub struct Server {
     pub step_mean_ms: f64,
     /// Longest step, ms.
     pub step_max_ms: f64,
+    /// Simulated time over wall time; below 1 the session fell behind, and tools moved faster there than in the hand.
+    pub pace: f64,
     /// Faults that were rolled back.
     pub faults: u64,
     /// Times that the governor changed the relative tolerance of the solves.
@@ -175,6 +183,8 @@ pub struct Run<'a> {
     pub scene: &'a str,
     /// The session.
     pub session_id: &'a str,
+    /// Steps per simulated second, Hz.
+    pub step_rate_hz: f64,
     /// What the tool did.
     pub script: String,
     /// How long poses were sent, s.
@@ -274,6 +284,8 @@ impl Server {
     fn of(run: &Run<'_>) -> Self {
         let steps = run.view.server.unwrap_or_default();
         Self {
+            step_rate_hz: run.step_rate_hz,
+            pace: per(steps.steps(), run.watched_s * run.step_rate_hz),
             steps: steps.steps(),
             late_steps: steps.late_steps(),
             late_step_share: per(steps.late_steps(), steps.steps() as f64),
@@ -354,8 +366,9 @@ impl fmt::Display for Report {
         }
         writeln!(
             f,
-            "server       {} steps, {} late ({:.1} %), mean {:.2} ms, max {:.2} ms; topology version {}, {} faults",
+            "server       {} steps at {} Hz, {} late ({:.1} %), mean {:.2} ms, max {:.2} ms; topology version {}, {} faults",
             server.steps,
+            server.step_rate_hz,
             server.late_steps,
             100.0 * server.late_step_share,
             server.step_mean_ms,
@@ -363,6 +376,15 @@ impl fmt::Display for Report {
             view.topology_version,
             server.faults
         )?;
+        if server.late_step_share > OVERLOAD_LATE_SHARE {
+            writeln!(
+                f,
+                "OVERLOAD     {:.1} % of the steps were late, the session ran at {:.2} of real time: forces and depths \
+                 are not those of the script's speed. Ask for a lower step rate, a coarser level or a smaller scene.",
+                100.0 * server.late_step_share,
+                server.pace
+            )?;
+        }
         if let Some(last) = server.governed_tolerance {
             writeln!(f, "governor     {} changes of the tolerance, the last to {last:e}", server.governor_changes)?;
         }

@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 use tokio::sync::{oneshot, watch};
 use tonic::transport::Channel;
 
-use crate::args::Args;
+use crate::args::{Args, ProgressMode};
 use crate::clock;
 use crate::control::{self, Receiver};
 use crate::metrics::ContactMetrics;
@@ -21,7 +21,8 @@ use crate::report::{Report, Run};
 use crate::script::strokes::{self, Target};
 use crate::script::{self, Script, csv};
 use crate::sender::{self, SendTotals, Timetable};
-use crate::session::{self, Session};
+use crate::session::{self, Session, Wishes};
+use crate::step_rate;
 use crate::viewer::{self, SharedTotals};
 use crate::wire;
 
@@ -31,6 +32,9 @@ const LEAD_NS: u64 = 100_000_000;
 const SETTLE: Duration = Duration::from_millis(300);
 /// How much faster than the server's limit a script may not be, rounding of the wire included.
 const SPEED_MARGIN: f64 = 0.999;
+
+/// Longest trial of a step rate, s of the script: the first contact, the first cut and what follows.
+const TRIAL_S: f64 = 4.0;
 
 /// What a run leaves.
 pub struct Finished {
@@ -49,14 +53,33 @@ pub struct Finished {
 pub async fn run(args: &Args) -> anyhow::Result<Finished> {
     let channel =
         session::connect(&args.server, Duration::from_secs_f64(args.wait_for_server.clamp(0.0, 3600.0))).await?;
-    let session =
-        session::open(channel.clone(), args.scene.as_deref(), args.dial.asked(), args.session.as_deref()).await?;
+    let step_rate_hz = step_rate::choose(&args.step_rates, async |hz| try_rate(args, &channel, hz).await).await?;
+    let wishes = Wishes { dial: args.dial.asked(), step_rate_hz };
+    let session = session::open(channel.clone(), args.scene.as_deref(), wishes, args.session.as_deref()).await?;
     if let Some(dial) = &session.description.dial {
         eprintln!("{}", session::dial_text(dial));
     }
-    let outcome = drive(args, &channel, &session).await;
+    drive_and_close(args, &channel, &session).await
+}
+
+/// Share of late steps in a trial session at a step rate.
+async fn try_rate(args: &Args, channel: &Channel, rate_hz: f64) -> anyhow::Result<f64> {
+    let args = Args {
+        duration: Some(f64::min(TRIAL_S, args.duration.unwrap_or(f64::INFINITY))),
+        progress: ProgressMode::Off,
+        keep_session: false,
+        ..args.clone()
+    };
+    let wishes = Wishes { dial: args.dial.asked(), step_rate_hz: Some(rate_hz) };
+    let session = session::open(channel.clone(), args.scene.as_deref(), wishes, None).await?;
+    Ok(drive_and_close(&args, channel, &session).await?.report.server.late_step_share)
+}
+
+/// Drives a session, and ends one that was created for it.
+async fn drive_and_close(args: &Args, channel: &Channel, session: &Session) -> anyhow::Result<Finished> {
+    let outcome = drive(args, channel, session).await;
     if session.created && !args.keep_session {
-        let closed = session::close(channel, &session.description.session_id).await;
+        let closed = session::close(channel.clone(), &session.description.session_id).await;
         // What went wrong first is what the user wants to read.
         if outcome.is_ok() {
             closed?;
@@ -98,6 +121,7 @@ async fn drive(args: &Args, channel: &Channel, session: &Session) -> anyhow::Res
         server_address: &args.server,
         scene: &session.scene.name,
         session_id,
+        step_rate_hz: 1.0 / session.scene.dt_s,
         script: describe(args),
         duration_s: f64::min(duration_s, driven.sent_for_s),
         watched_s: (clock::now_ns() - watched_from_ns) as f64 * 1e-9,

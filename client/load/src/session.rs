@@ -55,19 +55,28 @@ pub async fn connect(server: &str, patience: Duration) -> anyhow::Result<Channel
     }
 }
 
-/// Creates a session of a scene, or joins one; `dial` is for one that is created.
+/// What is asked of a session that is created.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Wishes {
+    /// Setting of the dial.
+    pub dial: Option<create_session_request::Dial>,
+    /// Steps per simulated second, Hz; absent: the scene's.
+    pub step_rate_hz: Option<f64>,
+}
+
+/// Creates a session of a scene, or joins one.
 ///
 /// # Errors
 /// What the server answers, or a reply without a scene.
 pub async fn open(
     channel: Channel,
     scene: Option<&str>,
-    dial: Option<create_session_request::Dial>,
+    wishes: Wishes,
     session: Option<&str>,
 ) -> anyhow::Result<Session> {
     let mut client = SessionServiceClient::new(channel);
     let (description, created) = match (scene, session) {
-        (Some(scene), None) => (create(&mut client, scene, dial).await?, true),
+        (Some(scene), None) => (create(&mut client, scene, wishes).await?, true),
         (None, Some(session_id)) => (describe(&mut client, session_id).await?, false),
         _ => bail!("either a scene or a session has to be given"),
     };
@@ -116,7 +125,7 @@ pub fn refused(what: &str, status: &tonic::Status) -> anyhow::Error {
 async fn create(
     client: &mut SessionServiceClient<Channel>,
     scene: &str,
-    dial: Option<create_session_request::Dial>,
+    Wishes { dial, step_rate_hz }: Wishes,
 ) -> anyhow::Result<v1::SessionDescription> {
     let path = Path::new(scene);
     let source = if path.extension().is_some_and(|extension| extension == "toml") {
@@ -125,7 +134,7 @@ async fn create(
     } else {
         create_session_request::Scene::SceneName(scene.to_owned())
     };
-    let request = v1::CreateSessionRequest { scene: Some(source), start_paused: false, dial };
+    let request = v1::CreateSessionRequest { scene: Some(source), start_paused: false, dial, step_rate_hz };
     let reply = client
         .create_session(timed(request, CREATE_TIMEOUT))
         .await

@@ -45,6 +45,7 @@ fn report(contacts: &ContactMetrics, view: &ViewTotals) -> Report {
         server_address: "http://127.0.0.1:1",
         scene: "liver",
         session_id: "s1",
+        step_rate_hz: 1000.0,
         script: "2 strokes of seed 1".to_owned(),
         duration_s: 2.0,
         watched_s: 2.0,
@@ -66,7 +67,9 @@ round trip   p50 5.00 ms, p99 9.90 ms, p99.9 9.99 ms, max 10.00 ms (1000 poses)
 poses        495 sent, 247.5 Hz; 3 late, 4 skipped, 1 dropped, 0 rejected
 contacts     500 received, 250.0 Hz, 20.0 kB/s
 view         2 viewer(s): 2 keyframes, 9 patches, 240 states at 60.0 Hz, 1.5 MB/s; 0 mismatches
-server       2000 steps, 50 late (2.5 %), mean 0.75 ms, max 4.00 ms; topology version 9, 0 faults
+server       2000 steps at 1000 Hz, 50 late (2.5 %), mean 0.75 ms, max 4.00 ms; topology version 9, 0 faults
+OVERLOAD     2.5 % of the steps were late, the session ran at 1.00 of real time: forces and depths are not those of \
+the script's speed. Ask for a lower step rate, a coarser level or a smaller scene.
 energy       tool work 2.000e-2 J, fracture 1.200e-2 J, residual -1.0e-7 J (-5.0e-6 of the tool work)
 force        max 1.250 N, against the cut 0.000 N (steady cut: 0.800 N), 0.0 mm deep";
     assert_eq!(text, expected);

@@ -38,7 +38,12 @@ fn measured() -> tempfile::TempDir {
 }
 
 async fn create(harness: &mut Harness, scene: String, dial: Option<Dial>) -> Result<v1::SessionDescription, Status> {
-    let request = v1::CreateSessionRequest { scene: Some(Source::SceneToml(scene)), start_paused: true, dial };
+    let request = v1::CreateSessionRequest {
+        scene: Some(Source::SceneToml(scene)),
+        start_paused: true,
+        dial,
+        step_rate_hz: None,
+    };
     Ok(harness.sessions.create_session(request).await?.into_inner().session.unwrap())
 }
 

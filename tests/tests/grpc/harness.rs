@@ -58,7 +58,7 @@ impl Harness {
 
     pub async fn create(&mut self) -> Result<String, Status> {
         let scene = Some(create_session_request::Scene::SceneToml(BLOCK.into()));
-        let request = v1::CreateSessionRequest { scene, start_paused: false, dial: None };
+        let request = v1::CreateSessionRequest { scene, start_paused: false, dial: None, step_rate_hz: None };
         let created = self.sessions.create_session(request).await?.into_inner();
         Ok(created.session.expect("a description").session_id)
     }

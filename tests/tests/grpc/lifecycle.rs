@@ -57,7 +57,7 @@ async fn a_session_pauses_resumes_resets_and_closes() {
 async fn a_session_may_begin_paused() {
     let mut harness = Harness::start().await;
     let scene = Some(create_session_request::Scene::SceneToml(BLOCK.into()));
-    let request = v1::CreateSessionRequest { scene, start_paused: true, dial: None };
+    let request = v1::CreateSessionRequest { scene, start_paused: true, dial: None, step_rate_hz: None };
     let session = harness.sessions.create_session(request).await.unwrap().into_inner().session.unwrap();
     assert_eq!((session.step, session.state()), (0, v1::SessionState::Paused));
     let scene = session.scene.unwrap();
@@ -65,10 +65,26 @@ async fn a_session_may_begin_paused() {
 }
 
 #[tokio::test]
+async fn a_client_may_ask_for_a_step_rate() {
+    let mut harness = Harness::start().await;
+    let mut create = async |step_rate_hz| {
+        let scene = Some(create_session_request::Scene::SceneToml(BLOCK.into()));
+        let request = v1::CreateSessionRequest { scene, step_rate_hz: Some(step_rate_hz), ..Default::default() };
+        harness.sessions.create_session(request).await.map(|reply| reply.into_inner().session.unwrap().scene.unwrap())
+    };
+    assert_eq!(create(250.0).await.unwrap().dt_s, 0.004);
+    for beyond in [0.0, 1e9, f64::NAN] {
+        let refused = create(beyond).await.unwrap_err();
+        assert_eq!(refused.code(), Code::InvalidArgument);
+        assert!(refused.message().contains("step_rate_hz"), "{}", refused.message());
+    }
+}
+
+#[tokio::test]
 async fn scenes_that_are_none_are_refused_with_the_reason() {
     let mut harness = Harness::start().await;
     let mut refused = async |scene| {
-        let request = v1::CreateSessionRequest { scene, start_paused: false, dial: None };
+        let request = v1::CreateSessionRequest { scene, start_paused: false, dial: None, step_rate_hz: None };
         harness.sessions.create_session(request).await.unwrap_err()
     };
     let toml = |text: String| Some(create_session_request::Scene::SceneToml(text));

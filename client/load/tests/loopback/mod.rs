@@ -140,7 +140,7 @@ async fn program_exits_with_3_when_a_limit_is_exceeded() {
     let text = String::from_utf8_lossy(&output.stdout);
     assert_eq!(output.status.code(), Some(3), "{output:?}");
     assert!(text.contains("EXCEEDED     round trip p99 in ms is "), "{text}");
-    assert!(String::from_utf8_lossy(&output.stderr).contains("late steps"), "progress as lines: {output:?}");
+    assert!(String::from_utf8_lossy(&output.stderr).contains("% of steps late"), "progress as lines: {output:?}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use kerf_physics::{Scene, SceneError};
 use kerf_proto::v1;
 use kerf_proto::v1::create_session_request::Scene as Wanted;
 use kerf_session::{Registry, Session, SessionOptions};
@@ -48,6 +49,13 @@ impl SessionService {
     }
 }
 
+/// The client's step rate goes before the scene's, within the same limits.
+fn set_step_rate(scene: &mut Scene, step_rate_hz: f64) -> Result<(), RequestError> {
+    scene.desc.rate_hz = step_rate_hz;
+    let refuse = |error: SceneError| RequestError::SceneText { message: format!("step_rate_hz: {error}") };
+    scene.desc.validate().map_err(refuse)
+}
+
 #[tonic::async_trait]
 impl v1::session_service_server::SessionService for SessionService {
     async fn list_scenes(
@@ -63,10 +71,13 @@ impl v1::session_service_server::SessionService for SessionService {
         request: Request<v1::CreateSessionRequest>,
     ) -> Result<Response<v1::CreateSessionResponse>, Status> {
         let request = request.into_inner();
-        let scene = match request.scene.ok_or(RequestError::Missing { field: "scene" })? {
+        let mut scene = match request.scene.ok_or(RequestError::Missing { field: "scene" })? {
             Wanted::SceneName(name) => scene_source::by_name(&name),
             Wanted::SceneToml(text) => scene_source::from_text(&text, self.config.transport.max_scene_bytes),
         }?;
+        if let Some(step_rate_hz) = request.step_rate_hz {
+            set_step_rate(&mut scene, step_rate_hz)?;
+        }
         let options = SessionOptions { start_paused: request.start_paused, dial: request.dial.map(dial).transpose()? };
         let session = in_time(self.limit_s(), self.registry.create(scene, options)).await?;
         let session = Some(self.describe(&session).await?);
