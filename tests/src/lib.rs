@@ -6,5 +6,6 @@ pub mod experiment;
 pub mod extremes;
 pub mod figure;
 pub mod performance;
+pub mod shared;
 pub mod strokes;
 pub mod verification;

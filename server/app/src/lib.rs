@@ -12,7 +12,6 @@ mod incoming;
 pub mod machine;
 pub mod plot_font;
 pub mod recording;
-mod scene_source;
 pub mod scenes;
 pub mod schema;
 pub mod serve;

@@ -8,17 +8,11 @@
 //! Deliberately absent: locks on the world, steps inside async tasks, dropped or stretched steps,
 //! knowledge of the wire.
 
-pub mod catalog;
 pub mod clock;
-pub mod dial;
-mod edge_file;
 pub mod error;
 mod governor;
 mod inbox;
-mod label_surface;
 pub mod limits;
-mod mesh_file;
-mod nifti;
 mod outbox;
 pub mod pacer;
 mod points;

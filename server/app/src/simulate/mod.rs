@@ -15,9 +15,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 use kerf_physics::scene::DialDesc;
 use kerf_physics::{Scene, Workers, World};
 use kerf_replica::glb;
+use kerf_scenes::catalog;
+use kerf_scenes::dial::Fronts;
+use kerf_session::LoggedInputs;
 use kerf_session::clock::MonotonicClock;
-use kerf_session::dial::Fronts;
-use kerf_session::{LoggedInputs, catalog};
 
 use crate::recording::Recording;
 use script::Script;

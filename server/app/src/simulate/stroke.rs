@@ -48,7 +48,7 @@ fn positions(grid: &Grid) -> [(f64, Vec3); 4] {
 #[cfg(test)]
 mod tests {
     use kerf_physics::step_io::ToolMotion;
-    use kerf_session::catalog;
+    use kerf_scenes::catalog;
 
     use super::*;
 

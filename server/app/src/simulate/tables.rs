@@ -137,7 +137,7 @@ fn profile_header() -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use kerf_session::catalog;
+    use kerf_scenes::catalog;
 
     use super::*;
 

@@ -44,7 +44,7 @@ pub fn fold(scene: &Scene) -> Result<Option<String>> {
 mod tests {
     use kerf_physics::scene::{FinerDesc, ShapeDesc};
     use kerf_physics::{NoClock, SceneDesc, StepInputs, Vec3, Workers, World};
-    use kerf_session::catalog;
+    use kerf_scenes::catalog;
 
     use super::*;
     use crate::simulate::script::Script;

@@ -8,9 +8,9 @@ use kerf_physics::grid::{Grid, Link};
 use kerf_physics::hash::StateHasher;
 use kerf_physics::scene::{FinerDesc, ShapeDesc};
 use kerf_physics::{Scene, StepInputs, StepOutput, Vec3, Workers, World};
-use kerf_session::catalog;
+use kerf_scenes::catalog;
+use kerf_scenes::dial::{FinerRegions, Front, Setting};
 use kerf_session::clock::MonotonicClock;
-use kerf_session::dial::{FinerRegions, Front, Setting};
 use serde::{Deserialize, Serialize};
 
 use super::points::{Followed, Point};

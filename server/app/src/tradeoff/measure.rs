@@ -1,6 +1,6 @@
 //! Errors of a run against the reference.
 
-use kerf_session::dial::FrontPoint;
+use kerf_scenes::dial::FrontPoint;
 
 use super::job::Run;
 use super::samples::{Samples, WINDOWS_PER_SAMPLE};
@@ -89,7 +89,7 @@ pub fn point(run: &Run, reference: &Run) -> FrontPoint {
 
 #[cfg(test)]
 mod tests {
-    use kerf_session::catalog;
+    use kerf_scenes::catalog;
 
     use super::*;
     use crate::tradeoff::job::{Cost, Job};

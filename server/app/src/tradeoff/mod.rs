@@ -22,8 +22,8 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use kerf_physics::Scene;
 use kerf_physics::grid::voxelize::voxel_size_m;
-use kerf_session::catalog;
-use kerf_session::dial::{FinerRegions, Front, Setting};
+use kerf_scenes::catalog;
+use kerf_scenes::dial::{FinerRegions, Front, Setting};
 
 use crate::simulate::{AFTER_SCRIPT_S, read_script};
 use job::Job;

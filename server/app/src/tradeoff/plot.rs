@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use kerf_session::dial::{Front, FrontPoint};
+use kerf_scenes::dial::{Front, FrontPoint};
 use plotters::coord::{CoordTranslate, Shift};
 use plotters::prelude::*;
 

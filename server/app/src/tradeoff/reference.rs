@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, ensure};
 use indicatif::ProgressBar;
 use kerf_physics::Scene;
-use kerf_session::dial::{FinerRegions, Setting};
+use kerf_scenes::dial::{FinerRegions, Setting};
 
 use super::job::{Job, Run};
 use super::measure::touching_windows;

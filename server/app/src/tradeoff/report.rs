@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use kerf_session::dial::{FinerRegions, Front, FrontPoint};
+use kerf_scenes::dial::{FinerRegions, Front, FrontPoint};
 
 use super::job::{Job, Run};
 use super::{Options, reference, sweep};

@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use kerf_physics::scene::MaterialDesc;
-use kerf_session::catalog;
+use kerf_scenes::catalog;
 use rayon::prelude::*;
 
 use super::stroke::{EDGE_HALF_WIDTH_M, Outcome, Plane, Stroke, Support, gc};

@@ -1,12 +1,12 @@
 //! The paper's scenes under the blade, as its figures show them.
 
+use crate::support::cutting::{Rig, pieces};
+use crate::support::swept::{Swept, crossings};
 use kerf_physics::scene::ToolShapeDesc;
 use kerf_physics::step_io::{EnergyStep, ToolMotion};
 use kerf_physics::tool::blade::Blade;
 use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers};
-use kerf_session::catalog;
-use crate::support::cutting::{Rig, pieces};
-use crate::support::swept::{Swept, crossings};
+use kerf_scenes::catalog;
 
 /// How far the blade is above the surface when it enters, m.
 const CLEARANCE_M: f64 = 5e-4;

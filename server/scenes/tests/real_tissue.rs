@@ -1,8 +1,8 @@
 //! Scenes with moduli and fracture energies as measured: they are cut at Gc per length of edge.
 
-use kerf_physics::{Quat, Vec3};
-use kerf_session::catalog;
 use crate::support::cutting::Rig;
+use kerf_physics::{Quat, Vec3};
+use kerf_scenes::catalog;
 
 /// Side and height of each block, m.
 const SIDE_M: f64 = 0.064;
