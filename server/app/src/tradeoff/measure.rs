@@ -2,7 +2,7 @@
 
 use kerf_scenes::dial::FrontPoint;
 
-use super::job::Run;
+use super::process::Run;
 use super::samples::{Samples, WINDOWS_PER_SAMPLE};
 
 /// Error of displacements or of forces, and what it is over.
@@ -92,7 +92,8 @@ mod tests {
     use kerf_scenes::catalog;
 
     use super::*;
-    use crate::tradeoff::job::{Cost, Job};
+    use crate::tradeoff::job::Job;
+    use crate::tradeoff::process::Cost;
     use crate::tradeoff::sweep::own_setting;
 
     /// Two points at two times; the tool is felt from window `from` on.

@@ -1,14 +1,15 @@
 //! `kerf-server tradeoff`: what settings of a scene cost and how far off they are, measured against the
 //! finest reference that can be afforded.
 //!
-//! Every run is a process of its own ([`job`]); its samples stand in a file of `runs/` and are not taken
+//! Every run is a process of its own ([`process`]); its samples stand in a file of `runs/` and are not taken
 //! again while the file is whole and of the same job.
 
 mod carried;
-pub mod job;
+mod job;
 mod measure;
 mod plot;
 mod points;
+pub mod process;
 mod reference;
 mod report;
 mod runs;

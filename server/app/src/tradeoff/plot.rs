@@ -8,7 +8,7 @@ use kerf_scenes::dial::{Front, FrontPoint};
 use plotters::coord::{CoordTranslate, Shift};
 use plotters::prelude::*;
 
-use super::job::Run;
+use super::process::Run;
 use super::report::{is_on_front, label};
 use super::sweep;
 use crate::plot_font::{FONT, register_plot_font};

@@ -5,8 +5,9 @@ use indicatif::ProgressBar;
 use kerf_physics::Scene;
 use kerf_scenes::dial::{FinerRegions, Setting};
 
-use super::job::{Job, Run};
+use super::job::Job;
 use super::measure::touching_windows;
+use super::process::Run;
 use super::runs::Runs;
 use super::{Options, sweep};
 

@@ -6,7 +6,8 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use kerf_scenes::dial::{FinerRegions, Front, FrontPoint};
 
-use super::job::{Job, Run};
+use super::job::Job;
+use super::process::Run;
 use super::{Options, reference, sweep};
 use crate::machine::hardware;
 
