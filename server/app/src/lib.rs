@@ -10,7 +10,6 @@ mod convert;
 mod grpc;
 mod incoming;
 pub mod machine;
-pub mod plot_font;
 pub mod recording;
 pub mod scenes;
 pub mod schema;

@@ -116,9 +116,9 @@ pub fn run(options: &Options) -> Result<()> {
     let mut front = Front { points, ..Front::of(&scene) };
     front.notes.extend(report::notes(options, &reference, &base));
     report::write(&options.out, &front, &remarks)?;
-    plot::pareto(&front, &options.out)?;
+    plot::pareto(&front).draw(&options.out)?;
     if scene.desc.tools.is_empty() {
-        plot::profile(&scene.desc.name, &reference, &swept, &options.out)?;
+        plot::profile(&scene.desc.name, &reference, &swept).draw(&options.out)?;
     }
     println!("{} settings measured, {} runs taken: {}", swept.len(), runs.taken(), options.out.display());
     Ok(())
