@@ -13,9 +13,11 @@ use crate::{FONT, figure::DrawResult};
 /// Colour of [`Stretch`]es.
 const SHADE: RGBColor = RGBColor(240, 236, 226);
 const LINE_PX: u32 = 2;
-const DOT_PX: u32 = 4;
+const DOT_PX: i32 = 4;
 /// Length of a line in the legend.
 const SAMPLE_PX: i32 = 24;
+/// Opacity of areas.
+const AREA_OPACITY: f64 = 0.18;
 /// From a point to the word beside it.
 const TAG_OFFSET_PX: (i32, i32) = (4, -19);
 
@@ -121,15 +123,11 @@ impl Chart {
         colour: RGBColor,
     ) -> DrawResult<B> {
         let places: Vec<_> = curve.points.iter().map(|p| (self.x.place(p.0), self.y.place(p.1))).collect();
-        let (line, dot) = (colour.stroke_width(LINE_PX), colour.filled());
         // Piece by piece: as one path it would overshoot where it turns back within a pixel.
-        let pieces = || places.windows(2).map(|ends| PathElement::new(ends, line));
-        let dots = |radius_px: u32, style: ShapeStyle| {
-            places.iter().map(move |place| Circle::new(*place, radius_px as i32, style))
-        };
-        let sample = move |(x, y)| PathElement::new([(x, y), (x + SAMPLE_PX, y)], line);
-        let dot_sample =
-            move |(x, y), radius_px: u32, style| Circle::new((x + SAMPLE_PX / 2, y), radius_px as i32, style);
+        let line = || places.windows(2).map(|ends| PathElement::new(ends, colour.stroke_width(LINE_PX)));
+        if let Some((radius_px, style)) = dot(curve.mark, colour) {
+            chart.draw_series(places.iter().map(|place| Circle::new(*place, radius_px, style)))?;
+        }
         if let Some(tag) = &curve.tag {
             let word = |place: &(f64, f64)| {
                 EmptyElement::at(*place) + Text::new(tag.clone(), TAG_OFFSET_PX, (FONT, 14).into_font())
@@ -137,28 +135,30 @@ impl Chart {
             chart.draw_series(places.iter().map(word))?;
         }
         let drawn = match curve.mark {
-            Mark::Line => chart.draw_series(pieces())?.legend(sample),
-            Mark::Dashes => chart
-                .draw_series(DashedLineSeries::new(places.iter().copied(), 9, 6, line))?
-                .legend(move |(x, y)| DashedPathElement::new([(x, y), (x + SAMPLE_PX, y)], 7, 5, line)),
-            Mark::Dots => chart.draw_series(dots(DOT_PX, dot))?.legend(move |at| dot_sample(at, DOT_PX, dot)),
-            Mark::DottedLine | Mark::RingedLine(_) => {
-                let (radius_px, style) =
-                    if let Mark::RingedLine(radius_px) = curve.mark { (radius_px, line) } else { (DOT_PX, dot) };
-                chart.draw_series(dots(radius_px, style))?;
-                chart
-                    .draw_series(pieces())?
-                    .legend(move |at| EmptyElement::at(at) + sample((0, 0)) + dot_sample((0, 0), radius_px, style))
+            Mark::Line | Mark::DottedLine | Mark::RingedLine(_) => chart.draw_series(line())?,
+            Mark::Dashes => {
+                chart.draw_series(DashedLineSeries::new(places.iter().copied(), 9, 6, colour.stroke_width(LINE_PX)))?
             }
-            Mark::Area => {
-                let fill = colour.mix(0.18);
-                chart
-                    .draw_series([Polygon::new(places.clone(), fill)])?
-                    .legend(move |(x, y)| Rectangle::new([(x, y - 5), (x + SAMPLE_PX, y + 5)], fill.filled()))
-            }
+            Mark::Dots => chart.draw_series(std::iter::empty::<Pixel<_>>())?,
+            Mark::Area => chart.draw_series([Polygon::new(places.clone(), colour.mix(AREA_OPACITY))])?,
         };
-        if !curve.label.is_empty() {
-            drawn.label(&curve.label);
+        if curve.label.is_empty() {
+            return Ok(());
+        }
+        let (named, mark) = (drawn.label(&curve.label), curve.mark);
+        if mark == Mark::Dashes {
+            let line = colour.stroke_width(LINE_PX);
+            named.legend(move |(x, y)| DashedPathElement::new([(x, y), (x + SAMPLE_PX, y)], 7, 5, line));
+        } else {
+            named.legend(move |at| {
+                let [line, area] =
+                    [mark.has_line(), mark == Mark::Area].map(|is_shown| colour.mix(f64::from(is_shown)));
+                let (radius_px, style) = dot(mark, colour).unwrap_or((0, TRANSPARENT.into()));
+                EmptyElement::at(at)
+                    + Rectangle::new([(0, -5), (SAMPLE_PX, 5)], area.mix(AREA_OPACITY).filled())
+                    + PathElement::new([(0, 0), (SAMPLE_PX, 0)], line.stroke_width(LINE_PX))
+                    + Circle::new((SAMPLE_PX / 2, 0), radius_px, style)
+            });
         }
         Ok(())
     }
@@ -179,5 +179,14 @@ impl Chart {
             .border_style(GREY.mix(0.5))
             .label_font((FONT, 14))
             .draw()
+    }
+}
+
+/// Radius, px, and style of a mark's dots.
+fn dot(mark: Mark, colour: RGBColor) -> Option<(i32, ShapeStyle)> {
+    match mark {
+        Mark::Dots | Mark::DottedLine => Some((DOT_PX, colour.filled())),
+        Mark::RingedLine(radius_px) => Some((radius_px, colour.stroke_width(LINE_PX))),
+        Mark::Line | Mark::Dashes | Mark::Area => None,
     }
 }

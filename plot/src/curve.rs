@@ -30,9 +30,16 @@ pub(crate) enum Mark {
     /// A line and a dot at each point.
     DottedLine,
     /// A line and a ring of this radius, px, at each point.
-    RingedLine(u32),
+    RingedLine(i32),
     /// What the points enclose.
     Area,
+}
+
+impl Mark {
+    /// Whether a line goes through all points.
+    pub(crate) fn has_line(self) -> bool {
+        matches!(self, Self::Line | Self::DottedLine | Self::RingedLine(_))
+    }
 }
 
 /// A curve.
@@ -79,7 +86,7 @@ impl Curve {
 
     /// A line through the points, and rings about them, which leave to be seen what lies below.
     #[must_use]
-    pub fn ringed_line(label: &str, points: Vec<(f64, f64)>, radius_px: u32) -> Self {
+    pub fn ringed_line(label: &str, points: Vec<(f64, f64)>, radius_px: i32) -> Self {
         Self::new(label, points, Mark::RingedLine(radius_px))
     }
 

@@ -199,7 +199,7 @@ impl Comparison {
                 let label = format!("{rule}, k = {k}");
                 // What lies on top of another must not hide it: the front's rings grow with k.
                 let curve = match *rule == RULES[0].1 {
-                    true => Curve::ringed_line(&label, points, 3 + k),
+                    true => Curve::ringed_line(&label, points, 3 + k as i32),
                     false => Curve::dotted_line(&label, points),
                 };
                 curves.push(curve.coloured(colour));

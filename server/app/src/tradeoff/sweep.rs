@@ -236,6 +236,6 @@ mod tests {
         for (found, meant) in min_m.iter().chain(&max_m).zip([-0.04, 0.004, -0.01, 0.04, 0.0835, 0.01]) {
             assert!((found - meant).abs() < 1e-9, "{min_m:?} {max_m:?}");
         }
-        assert_eq!(stroke_box(&scene.desc, &Script::empty(1), 0.01), None);
+        assert_eq!(stroke_box(&scene.desc, &Script::default(), 0.01), None);
     }
 }
