@@ -6,7 +6,7 @@
 //! latest-wins. Nothing is queued per client, and nothing is computed for viewers while nobody views.
 //!
 //! Deliberately absent: locks on the world, steps inside async tasks, dropped or stretched steps,
-//! knowledge of the wire.
+//! knowledge of the wire and of files.
 
 pub mod clock;
 pub mod error;
