@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn only_around_the_stroke_elements_are_as_large_as_said() {
         let setting =
-            Setting { level: 0, ..super::super::sweep::own_setting(&catalog::builtin("rubber").unwrap().desc) };
+            Setting { level: 0, ..crate::tradeoff::sweep::own_setting(&catalog::builtin("rubber").unwrap().desc) };
         let stroke = [[-0.01, -1.0, -0.01], [0.01, 1.0, 0.01]];
         let job = Job {
             scene: "rubber".into(),

@@ -7,8 +7,9 @@ use anyhow::{Context, Result};
 use kerf_scenes::dial::{FinerRegions, Front, FrontPoint};
 
 use super::job::Job;
+use super::options::Options;
 use super::process::Run;
-use super::{Options, reference, sweep};
+use super::{reference, sweep};
 use crate::machine::hardware;
 
 /// What is told of the measurement besides the scene.
