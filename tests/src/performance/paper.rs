@@ -92,7 +92,9 @@ impl Row {
         let ms = ms.map(|ms| ms.to_string()).join(" | ");
         let mut text = format!("| {model} | paper | {voxels} | {elements} | {ms} |\n");
         let Some(mut scene) = source.scene()? else {
-            return Ok(text + "| | absent: KERF_SHARED names no folder of meshes | - | - | - | - | - | - | - | - | - |\n");
+            return Ok(
+                text + "| | absent: KERF_SHARED names no folder of meshes | - | - | - | - | - | - | - | - | - |\n"
+            );
         };
         for rate_hz in [1000.0, FRAME_HZ] {
             scene.desc.rate_hz = rate_hz;
