@@ -4,7 +4,7 @@
 
 pub mod experiment;
 pub mod extremes;
-pub mod figure;
 pub mod performance;
+pub mod shared;
 pub mod strokes;
 pub mod verification;

@@ -1,7 +1,7 @@
 //! The quick part of the extremes; `make extremes` runs the whole matrix and writes docs/stability.md.
 
 use kerf_physics::SceneDesc;
-use kerf_session::catalog;
+use kerf_scenes::catalog;
 use kerf_system_tests::extremes::properties::PROPERTIES;
 use kerf_system_tests::extremes::refusals::refusals;
 use kerf_system_tests::extremes::{Budget, Family, matrix, run_all};

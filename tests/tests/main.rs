@@ -3,6 +3,7 @@
 mod experiment;
 mod extremes;
 mod grpc;
+mod paper_models;
 mod strokes;
 mod surface_hash;
 mod verification;

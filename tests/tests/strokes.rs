@@ -1,11 +1,10 @@
 //! A few random strokes; `make strokes` makes thousands and writes docs/strokes.md. Meshes as found.
 
-use std::path::Path;
-
 use kerf_physics::grid::voxelize::voxelize;
 use kerf_physics::scene::TriangleMesh;
 use kerf_physics::{Scene, Vec3};
-use kerf_session::catalog;
+use kerf_scenes::file::read_mesh;
+use kerf_system_tests::shared;
 use kerf_system_tests::strokes::campaign::{Tally, cut, seeds};
 use kerf_system_tests::strokes::model::Model;
 
@@ -39,14 +38,10 @@ fn volume(mesh: &TriangleMesh) -> f64 {
 #[test]
 fn meshes_as_found_fill_their_volume() {
     for file in ["horse.ply", "bunny.obj", "armadillo.obj", "liver.obj"] {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/models").join(file);
-        if !path.is_file() {
-            println!("{file} is absent: skipped");
-            continue;
-        }
+        let Some(path) = shared::model(file).expect("a mesh where one is to be") else { continue };
         let Scene { desc, meshes } = Model::new(&path.display().to_string(), 64).expect("a mesh that is taken").scene;
         let grid = voxelize(&desc.objects[0], &meshes).expect("an inside");
-        let mesh = catalog::read_mesh(&path).expect("a mesh");
+        let mesh = read_mesh(&path).expect("a mesh");
         let scale_m_per_unit = desc.objects[0].shape.mesh().expect("a mesh").scale_m_per_unit;
         let expected_m3 = volume(&mesh) * scale_m_per_unit.powi(3);
         let filled_m3 = grid.voxels().len() as f64 * grid.voxel_size_m().powi(3);

@@ -177,7 +177,7 @@ fn sample(
     timetable: &Timetable,
 ) -> Option<ContactSample> {
     let pose_time_s = timetable.time_of_seq_s(contact.echo_seq)?;
-    let pose = script.track(contact.tool_id)?.pose_at(pose_time_s)?;
+    let pose = script.track(contact.tool_id)?.at(pose_time_s)?.pose;
     Some(ContactSample {
         time_s: 0.0,
         sim_time_s: contact.sim_time_s,

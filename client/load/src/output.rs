@@ -26,9 +26,8 @@ pub fn write(dir: &Path, finished: &Finished) -> anyhow::Result<Vec<PathBuf>> {
         .iter()
         .map(|s| plot::Sample { time_s: s.sim_time_s, force_n: s.resistance_n, depth_m: s.depth_m })
         .collect();
-    let [svg, png] =
-        plot::force_over_time(&dir.join("force"), &samples, finished.report.force.reference_n, &finished.report.script)
-            .context("cannot plot the force")?;
+    let figure = plot::force_over_time(&samples, finished.report.force.reference_n, &finished.report.script);
+    let [svg, png] = figure.draw(dir).context("cannot plot the force")?;
     let surface = dir.join("surface.glb");
     let whole: Surface = finished.surfaces.iter().cloned().collect();
     glb::write(&surface, &whole).with_context(|| format!("cannot write {}", surface.display()))?;

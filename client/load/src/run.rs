@@ -19,7 +19,7 @@ use crate::metrics::ContactMetrics;
 use crate::progress::{self, Progress};
 use crate::report::{Report, Run};
 use crate::script::strokes::{self, Target};
-use crate::script::{self, Script, csv};
+use crate::script::{self, Script};
 use crate::sender::{self, SendTotals, Timetable};
 use crate::session::{self, Session, Wishes};
 use crate::step_rate;
@@ -224,7 +224,7 @@ fn make_script(args: &Args, scene: &v1::SceneSummary, surfaces: &[Surface]) -> a
     } else {
         let path = args.script.display();
         let file = File::open(&args.script).with_context(|| format!("cannot open {path}"))?;
-        csv::read(file, &names, target.max_m.y).with_context(|| path.to_string())
+        Script::from_csv(file, &names, target.max_m.y).with_context(|| path.to_string())
     }
 }
 

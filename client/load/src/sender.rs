@@ -5,11 +5,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use kerf_proto::v1::{self, Up, up};
+use kerf_script::Placement;
 use tokio::sync::mpsc::{self, error::TrySendError};
 
 use crate::clock;
 use crate::pacer::{Punctuality, Schedule};
-use crate::script::{Key, Script};
+use crate::script::Script;
 use crate::wire;
 
 /// Poses that may wait for the transport. Only the newest counts, so few; but the runtime's thread
@@ -129,8 +130,8 @@ pub fn send(
         }
         for (track, down) in script.tracks.iter().zip(&mut down) {
             let (tool_id, seq, client_ns) = (track.tool_id, Timetable::seq_of_tick(tick), clock::now_ns());
-            let message = match track.key_at(time_s) {
-                Some(Key { pose, opening, .. }) => {
+            let message = match track.at(time_s) {
+                Some(Placement { pose, opening }) => {
                     in_flight.push(tool_id, seq, client_ns);
                     let pose = Some(wire::pose_to_wire(&pose));
                     let opening = Some(opening as f32);
@@ -163,15 +164,17 @@ fn lift(tool_id: u32) -> up::Message {
 
 #[cfg(test)]
 mod tests {
+    use kerf_script::{Key, Pose, Track};
     use nalgebra::{UnitQuaternion, Vector3};
 
     use super::*;
-    use crate::script::{Datum, Pose, Track};
+    use crate::script::Datum;
 
     fn script(from_s: f64, to_s: f64) -> Script {
         let pose = Pose { position_m: Vector3::zeros(), orientation: UnitQuaternion::identity() };
-        let keys = [from_s, to_s].map(|time_s| Key { time_s, pose, opening: 1.0 }).to_vec();
-        Script { tracks: vec![Track { tool_id: 3, keys }], datums: vec![Datum { from_s: 0.0, height_m: 0.0 }] }
+        let keys = [from_s, to_s].map(|time_s| Key { time_s, placement: Some(pose.into()) }).to_vec();
+        let track = Track { tool_id: 3, keys }.lifted_at_end();
+        Script { tracks: vec![track], datums: vec![Datum { from_s: 0.0, height_m: 0.0 }] }
     }
 
     #[test]

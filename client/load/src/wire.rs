@@ -4,7 +4,7 @@ use anyhow::Context;
 use kerf_proto::v1;
 use nalgebra::Vector3;
 
-use crate::script::Pose;
+use kerf_script::Pose;
 
 /// Bytes that gRPC puts before each message: one flag, four of length.
 pub const FRAME_BYTES: u64 = 5;

@@ -8,7 +8,7 @@ use kerf_physics::grid::{Grid, LEAST_PIECE_VOXELS, LeftOut};
 use kerf_physics::scene::toughness::{asked_over_eh, carried_over_eh, composite_edge_m, gc_over_eh};
 use kerf_physics::scene::{MaterialDesc, ObjectDesc};
 use kerf_physics::{Scene, SceneError};
-use kerf_session::catalog;
+use kerf_scenes::catalog;
 
 /// Prints all problems and warnings of a scene, then its sizes.
 ///
@@ -16,9 +16,7 @@ use kerf_session::catalog;
 /// The scene cannot be read, or it has problems; they have been printed.
 pub fn run(file: &Path) -> Result<()> {
     let name = file.display().to_string();
-    let scene =
-        if catalog::builtin_names().contains(&name.as_str()) { catalog::builtin(&name)? } else { catalog::open(file)? };
-    let report = examine(&scene);
+    let report = examine(&catalog::open(&name)?);
     report.lines.iter().for_each(|line| println!("{line}"));
     report.warnings.iter().for_each(|warning| println!("warning: {warning}"));
     report.problems.iter().for_each(|problem| println!("problem: {problem}"));

@@ -49,7 +49,7 @@ fn main() -> ExitCode {
         Command::Check { file } => check::run(&file),
         Command::Simulate(options) => simulate::run(&options),
         Command::Tradeoff(options) => tradeoff::run(&options),
-        Command::TradeoffRun { out } => tradeoff::job::run(&out),
+        Command::TradeoffRun { out } => tradeoff::process::run(&out),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -10,10 +10,9 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use anyhow::{Context, Result, anyhow, bail, ensure};
+use anyhow::{Context, Error, Result, anyhow, bail, ensure};
 use kerf_physics::step_io::{ToolInput, ToolMotion};
 use kerf_physics::tool::Pose;
-use kerf_physics::{Quat, Vec3};
 use kerf_session::{InputLog, LoggedInputs, Session};
 
 const HEADER: [&str; 13] = [
@@ -31,6 +30,7 @@ const HEADER: [&str; 13] = [
     "state_hash",
     "opening",
 ];
+const POSE: usize = 3;
 const TOLERANCE: usize = 10;
 const STATE_HASH: usize = 11;
 const OPENING: usize = 12;
@@ -158,9 +158,8 @@ fn motion_row(step: usize, input: &ToolInput) -> [String; HEADER.len()] {
     };
     (row[0], row[1], row[2]) = (step.to_string(), input.tool.to_string(), motion.into());
     if let Some(pose) = pose {
-        let numbers = pose.position_m.iter().chain(pose.orientation.coords.iter());
-        // The shortest text that reads back to the same number.
-        row[3..TOLERANCE].iter_mut().zip(numbers).for_each(|(cell, number)| *cell = number.to_string());
+        let pose = kerf_script::Pose { position_m: pose.position_m, orientation: pose.orientation };
+        row[POSE..TOLERANCE].clone_from_slice(&pose.cells());
     }
     row
 }
@@ -196,16 +195,9 @@ fn motion(record: &csv::StringRecord, tools: usize) -> Result<ToolInput> {
 }
 
 fn pose(record: &csv::StringRecord) -> Result<Pose> {
-    let [x, y, z] = [number(record, 3)?, number(record, 4)?, number(record, 5)?];
-    let [i, j, k, w] = [number(record, 6)?, number(record, 7)?, number(record, 8)?, number(record, 9)?];
-    let quaternion = nalgebra::Quaternion::new(w, i, j, k);
-    let length = quaternion.norm();
-    ensure!(
-        (length - 1.0).abs() <= QUATERNION_ROUNDING,
-        "columns qx to qw: the quaternion's length is {length}, not 1"
-    );
-    // Normalising once more could change the last bit.
-    Ok(Pose { position_m: Vec3::new(x, y, z), orientation: Quat::new_unchecked(quaternion) })
+    // Not normalised once more: that could change the last bit.
+    let pose = kerf_script::Pose::of_cells(record, POSE, QUATERNION_ROUNDING).map_err(Error::msg)?;
+    Ok(Pose { position_m: pose.position_m, orientation: pose.orientation })
 }
 
 fn integer(record: &csv::StringRecord, column: usize) -> Result<u64> {
@@ -221,6 +213,8 @@ fn number(record: &csv::StringRecord, column: usize) -> Result<f64> {
 
 #[cfg(test)]
 mod tests {
+    use kerf_physics::{Quat, Vec3};
+
     use super::*;
 
     fn recording() -> Recording {

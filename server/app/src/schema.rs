@@ -42,7 +42,7 @@ mod tests {
     #[test]
     fn builtin_scenes_are_of_the_schema() {
         let validator = validator();
-        for entry in std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../session/scenes")).unwrap() {
+        for entry in std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../scenes/builtin")).unwrap() {
             let path = entry.unwrap().path();
             if path.extension().is_none_or(|extension| extension != "toml") {
                 continue;

@@ -1,7 +1,7 @@
 //! The one place where errors become gRPC statuses.
 
+use kerf_scenes::dial::DialError;
 use kerf_session::SessionError;
-use kerf_session::dial::DialError;
 use tonic::{Code, Status};
 
 /// Why a call was refused or a stream ended.

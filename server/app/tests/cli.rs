@@ -6,8 +6,9 @@ use std::process::{Command, Output};
 use kerf_physics::step_io::{ToolInput, ToolMotion};
 use kerf_physics::tool::Pose;
 use kerf_physics::{Quat, StepInputs, Vec3, Workers};
+use kerf_scenes::catalog;
 use kerf_server::recording::Recording;
-use kerf_session::{InputLog, catalog};
+use kerf_session::InputLog;
 
 fn kerf(arguments: &[&str], folder: &Path) -> Output {
     Command::new(env!("CARGO_BIN_EXE_kerf-server")).args(arguments).current_dir(folder).output().unwrap()
@@ -21,7 +22,7 @@ fn text(bytes: &[u8]) -> String {
 fn scenes_lists_every_builtin_scene() {
     let output = kerf(&["scenes"], Path::new("."));
     assert!(output.status.success(), "{}", text(&output.stderr));
-    for name in kerf_session::catalog::builtin_names() {
+    for name in kerf_scenes::catalog::builtin_names() {
         assert!(text(&output.stdout).lines().any(|line| line.starts_with(name)), "{name}");
     }
 }

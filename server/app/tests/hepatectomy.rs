@@ -7,8 +7,8 @@ use kerf_physics::grid::voxelize::region_voxels;
 use kerf_physics::grid::{Grid, VoxelId};
 use kerf_physics::step_io::Grasp;
 use kerf_physics::{NoClock, StepInputs, Workers, World};
+use kerf_scenes::catalog;
 use kerf_server::simulate::read_script;
-use kerf_session::catalog;
 
 /// Voxels that hang together with `start` by links that have not parted.
 fn piece(grid: &Grid, start: VoxelId) -> BTreeSet<VoxelId> {
@@ -24,7 +24,7 @@ fn piece(grid: &Grid, start: VoxelId) -> BTreeSet<VoxelId> {
 #[test]
 fn the_lesion_comes_off_in_one_piece_with_no_cut_in_it() {
     let scene = catalog::builtin("hepatectomy").unwrap();
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../session/scenes/hepatectomy.csv");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/builtin/hepatectomy.csv");
     let mut script = read_script(Some(&path), &scene).unwrap();
     let mut world = World::new(&scene).unwrap();
     let steps = (script.end_s() * scene.desc.rate_hz).round() as u32;

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use kerf_session::catalog;
-use kerf_session::dial::{FinerRegions, Front, FrontPoint};
+use kerf_scenes::catalog;
+use kerf_scenes::dial::{FinerRegions, Front, FrontPoint};
 
 const BLOCK: &str = "version = 1\nname = 'block'\nrate_hz = 200.0\n\
     [[objects]]\nname = 'block'\nvoxel_size_m = 0.005\nlevel = 1\n\

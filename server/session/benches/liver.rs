@@ -10,7 +10,7 @@ use kerf_physics::grid::voxelize::voxelize;
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
 use kerf_physics::{Quat, Scene, Stage, StepInputs, StepOutput, ToolInput, Vec3, Workers, World};
-use kerf_session::catalog;
+use kerf_scenes::catalog;
 use kerf_session::clock::MonotonicClock;
 
 const SPEED_M_PER_S: f64 = 0.1;

@@ -2,7 +2,7 @@
 
 use kerf_physics::SceneError;
 
-use crate::dial::DialError;
+use kerf_scenes::dial::DialError;
 
 /// A request that a session or the registry could not serve.
 #[derive(Debug, PartialEq, thiserror::Error)]

@@ -88,8 +88,8 @@ impl Governor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::catalog;
     use kerf_physics::scene::GovernorDesc;
+    use kerf_scenes::catalog;
 
     const MS: u64 = 1_000_000;
 

@@ -6,19 +6,13 @@
 //! latest-wins. Nothing is queued per client, and nothing is computed for viewers while nobody views.
 //!
 //! Deliberately absent: locks on the world, steps inside async tasks, dropped or stretched steps,
-//! knowledge of the wire.
+//! knowledge of the wire and of files.
 
-pub mod catalog;
 pub mod clock;
-pub mod dial;
-mod edge_file;
 pub mod error;
 mod governor;
 mod inbox;
-mod label_surface;
 pub mod limits;
-mod mesh_file;
-mod nifti;
 mod outbox;
 pub mod pacer;
 mod points;

@@ -10,11 +10,11 @@ use kerf_physics::Scene;
 use kerf_physics::scene::DialDesc;
 use tokio::sync::Semaphore;
 
-use crate::dial::Fronts;
 use crate::error::SessionError;
 use crate::limits::{LimitError, SessionLimits};
 use crate::lock;
 use crate::session::Session;
+use kerf_scenes::dial::Fronts;
 
 /// A session's id, unique while the server runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

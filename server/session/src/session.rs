@@ -8,7 +8,6 @@ use kerf_physics::world::ObjectStats;
 use tokio::sync::{OwnedSemaphorePermit, oneshot, watch};
 
 use crate::clock::MonotonicClock;
-use crate::dial::Choice;
 use crate::error::SessionError;
 use crate::inbox::{Command, Inbox, PointCommand, Probe};
 use crate::limits::SessionLimits;
@@ -20,6 +19,7 @@ use crate::registry::{SessionId, SessionOptions};
 use crate::runner::{Parts, Runner};
 use crate::status::{Phase, SessionStatus};
 use crate::tool_slot::DriverId;
+use kerf_scenes::dial::Choice;
 
 /// A scene that is simulated on a thread of its own.
 pub struct Session {

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use kerf_physics::scene::GovernorDesc;
 use kerf_physics::{NoClock, Scene, SceneDesc, Workers, World};
-use kerf_session::dial::Fronts;
+use kerf_scenes::dial::Fronts;
 use kerf_session::{Registry, SceneEvent, Session, SessionLimits, SessionOptions, ViewMessage};
 
 /// The block as full FEM on more voxels, at a rate that no machine keeps, sagging.

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::{Scene, SceneDesc, Workers};
-use kerf_session::dial::Fronts;
+use kerf_scenes::dial::Fronts;
 use kerf_session::{
     Driver, MAX_POINT_NAME_BYTES, Phase, PoseSample, Registry, SceneEvent, Session, SessionError, SessionLimits,
     SessionOptions, StepReport, ViewMessage, Viewer,

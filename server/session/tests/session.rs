@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use kerf_physics::scene::{GrasperDesc, ToolDesc};
 use kerf_physics::step_io::{Grasp, ToolMotion};
 use kerf_physics::{Scene, SceneDesc, Workers};
-use kerf_session::dial::Fronts;
+use kerf_scenes::dial::Fronts;
 use kerf_session::{
     Driver, Phase, PoseRefusal, PoseSample, Registry, SceneEvent, Session, SessionError, SessionLimits, SessionOptions,
     StepReport, ViewMessage, Viewer,

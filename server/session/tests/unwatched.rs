@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use kerf_physics::{Scene, SceneDesc, Stage, Workers};
-use kerf_session::dial::Fronts;
+use kerf_scenes::dial::Fronts;
 use kerf_session::{PoseSample, Registry, SessionLimits, SessionOptions, ViewMessage};
 
 const BLOCK: &str = r#"

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
-use kerf_system_tests::verification::{Extent, FAMILIES, link_rule, plot, report};
+use kerf_system_tests::verification::{Extent, FAMILIES, link_rule, report};
 
 fn main() -> Result<()> {
     let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
@@ -18,11 +18,11 @@ fn main() -> Result<()> {
     }
     bar.set_message("two fracture rules");
     let rules = link_rule::compare(Extent::Full).context("two fracture rules")?;
-    rules.draw(&docs)?;
+    rules.figure().draw(&docs)?;
     families.push(rules.family());
     bar.finish_and_clear();
     for study in families.iter().flat_map(|f| &f.studies) {
-        plot::draw(study, &docs)?;
+        study.figure().draw(&docs)?;
     }
     for figure in families.iter().flat_map(|f| &f.figures) {
         figure.draw(&docs)?;

@@ -104,7 +104,7 @@ pub fn write(folder: &Path) -> Result<()> {
     let rows: Vec<Row> = CASES.par_iter().map(row).collect::<Result<_>>()?;
     let corner = |change: &fn(&mut ObjectDesc)| run::run(&run::scene(*change)?, DEPTH_M);
     let corners: Vec<Run> = CORNERS.par_iter().map(corner).collect::<Result<_>>()?;
-    plot::draw(&rows, &corners, folder)?;
+    plot::figure(&rows, &corners).draw(folder)?;
     let path = folder.join("experiment.md");
     std::fs::write(&path, report::markdown(&rows)).with_context(|| path.display().to_string())
 }

@@ -1,82 +1,28 @@
 //! Measured and computed force over depth.
 
-use std::path::Path;
-
-use anyhow::{Context, Result};
-use kerf_server::plot_font::{FONT, register_plot_font};
-use plotters::coord::Shift;
-use plotters::prelude::*;
+use kerf_plot::{Axis, BLACK, BLUE, Chart, Corner, Curve, Figure, OCHRE};
 
 use super::run::Run;
 use super::{DEPTH_M, Row, measured};
 
-const SIZE_PX: (u32, u32) = (1000, 600);
-const GREY: RGBColor = RGBColor(110, 110, 110);
-const BLUE: RGBColor = RGBColor(31, 88, 140);
-const OCHRE: RGBColor = RGBColor(176, 110, 20);
 /// Depth over which the computed force is averaged, m: the front goes on by voxels.
 const WINDOW_M: f64 = 2.5e-4;
 const MOST_N: f64 = 1.6;
 
-/// Draws `experiment.svg` and `.png`: the first row, the last, and what the corners span.
-pub fn draw(rows: &[Row], corners: &[Run], folder: &Path) -> Result<()> {
-    register_plot_font();
-    let path = |extension: &str| folder.join(format!("experiment.{extension}"));
-    let (svg, png) = (path("svg"), path("png"));
-    let on_svg = figure(rows, corners, &SVGBackend::new(&svg, SIZE_PX).into_drawing_area());
-    on_svg.with_context(|| svg.display().to_string())?;
-    figure(rows, corners, &BitMapBackend::new(&png, SIZE_PX).into_drawing_area())
-        .with_context(|| png.display().to_string())
-}
-
-fn figure<B: DrawingBackend>(rows: &[Row], corners: &[Run], area: &DrawingArea<B, Shift>) -> Result<()>
-where
-    B::ErrorType: 'static,
-{
-    area.fill(&WHITE)?;
-    let area = area.margin(8, 0, 0, 0).titled("An 18 gauge needle into bovine liver at 3 mm/s", (FONT, 20))?;
-    let mut chart = ChartBuilder::on(&area)
-        .margin(10)
-        .margin_right(24)
-        .x_label_area_size(52)
-        .y_label_area_size(68)
-        .build_cartesian_2d(0.0..1e3 * DEPTH_M, 0.0..MOST_N)?;
-    chart
-        .configure_mesh()
-        .x_desc("depth under the surface, mm")
-        .y_desc("force on the needle, N")
-        .label_style((FONT, 14))
-        .axis_desc_style((FONT, 15))
-        .bold_line_style(GREY.mix(0.3))
-        .light_line_style(GREY.mix(0.1))
-        .draw()?;
-    chart
-        .draw_series([Polygon::new(band(corners), BLUE.mix(0.18))])?
-        .label("E 5.4 to 15 kPa, Gc 158 to 170 J/m²")
-        .legend(|(x, y)| Rectangle::new([(x, y - 5), (x + 24, y + 5)], BLUE.mix(0.18).filled()));
+/// `experiment`: the first row, the last, and what the corners span.
+pub fn figure(rows: &[Row], corners: &[Run]) -> Figure {
+    let band = Curve::area("E 5.4 to 15 kPa, Gc 158 to 170 J/m²", band(corners)).coloured(BLUE);
     let lines =
         [("the scene: nothing fitted", rows.first(), BLUE), ("initiation ratio fitted: 6.8", rows.last(), OCHRE)];
-    for (label, row, colour) in lines {
-        let row = row.context("there are rows")?;
-        chart
-            .draw_series(LineSeries::new(smooth(&row.run), colour.stroke_width(2)))?
-            .label(label)
-            .legend(move |(x, y)| PathElement::new([(x, y), (x + 24, y)], colour.stroke_width(2)));
-    }
-    let points = measured::points().into_iter().map(|(depth_m, force_n)| (1e3 * depth_m, force_n));
-    chart
-        .draw_series(points.map(|point| Circle::new(point, 4, BLACK.filled())))?
-        .label("measured: Okamura, Simone and O'Leary 2004")
-        .legend(|(x, y)| Circle::new((x + 12, y), 4, BLACK.filled()));
-    chart
-        .configure_series_labels()
-        .position(SeriesLabelPosition::UpperLeft)
-        .background_style(WHITE.mix(0.85))
-        .border_style(GREY.mix(0.5))
-        .label_font((FONT, 14))
-        .draw()?;
-    area.present()?;
-    Ok(())
+    let line =
+        |(label, row, colour): (&str, Option<&Row>, _)| Some(Curve::line(label, smooth(&row?.run)).coloured(colour));
+    let points = measured::points().into_iter().map(|(depth_m, force_n)| (1e3 * depth_m, force_n)).collect();
+    let points = Curve::dots("measured: Okamura, Simone and O'Leary 2004", points).coloured(BLACK);
+    let curves = std::iter::once(band).chain(lines.into_iter().filter_map(line)).chain([points]).collect();
+    let x = Axis::linear("depth under the surface, mm").over(0.0..1e3 * DEPTH_M);
+    let y = Axis::linear("force on the needle, N").over(0.0..MOST_N);
+    let chart = Chart::new(x, y, curves).with_legend(Corner::UpperLeft);
+    Figure::new("experiment", "An 18 gauge needle into bovine liver at 3 mm/s", chart)
 }
 
 /// Depth, mm, and mean force, N, by windows.

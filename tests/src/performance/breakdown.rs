@@ -4,9 +4,9 @@ use std::path::Path;
 
 use anyhow::Result;
 use kerf_physics::Stage;
+use kerf_plot::{Axis, Chart, Curve, Figure};
 
 use super::run::{COLLISION, FEM, Sample, TOPOLOGY, Viewer, builtin, stage_sum, stroke};
-use crate::figure::{Axis, Curve, Figure};
 
 /// Steps whose times are averaged to a point of a curve, so that a curve can be read.
 const STEPS_PER_POINT: usize = 10;
@@ -20,20 +20,22 @@ pub fn section(plots: &Path) -> Result<String> {
         };
         Curve::line(label, run.samples.chunks(STEPS_PER_POINT).map(mean).collect())
     };
-    let figure = Figure {
-        file: "performance-breakdown",
-        title: "A stroke through the liver, 1 kHz, one thread: time of each subroutine".into(),
-        x: Axis::linear("simulated time, s"),
-        y: Axis::linear("time of a step, ms (means of ten)"),
-        curves: vec![
-            curve("whole step", &|sample| sample.total_ms),
-            curve("FEM", &|sample| stage_sum(sample, &FEM)),
-            curve("collision", &|sample| stage_sum(sample, &COLLISION)),
-            curve("fracture evolution", &|sample| stage_sum(sample, &[Stage::Fracture])),
-            curve("topology and surface", &|sample| stage_sum(sample, &TOPOLOGY)),
-            curve("surface adaptation", &|sample| stage_sum(sample, &[Stage::Adaptation])),
-        ],
-    };
+    let figure = Figure::new(
+        "performance-breakdown",
+        "A stroke through the liver, 1 kHz, one thread: time of each subroutine",
+        Chart::new(
+            Axis::linear("simulated time, s"),
+            Axis::linear("time of a step, ms (means of ten)"),
+            vec![
+                curve("whole step", &|sample| sample.total_ms),
+                curve("FEM", &|sample| stage_sum(sample, &FEM)),
+                curve("collision", &|sample| stage_sum(sample, &COLLISION)),
+                curve("fracture evolution", &|sample| stage_sum(sample, &[Stage::Fracture])),
+                curve("topology and surface", &|sample| stage_sum(sample, &TOPOLOGY)),
+                curve("surface adaptation", &|sample| stage_sum(sample, &[Stage::Adaptation])),
+            ],
+        ),
+    );
     figure.draw(plots)?;
     let share = |stages: &[Stage]| {
         let sum = |of: &dyn Fn(&Sample) -> f64| run.samples.iter().map(of).sum::<f64>();

@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::{Result, ensure};
+use kerf_plot::{Axis, Chart, Curve, Figure};
 use kerf_server::machine::peak_memory_mib;
 
 use super::run::{Run, Viewer, cell, liver, quantile, stroke};
-use crate::figure::{Axis, Curve, Figure};
 
 /// Edges of the liver's voxels, m: 1,000 to 1.9 million of them.
 const VOXELS_M: [f64; 8] = [0.010_96, 0.0063, 0.0035, 0.002_86, 0.002, 0.0014, 0.0011, 0.000_88];
@@ -55,13 +55,15 @@ pub fn section(plots: &Path) -> Result<String> {
     }
     let spread = quantile(per_voxel.iter().map(|point| point.1), 1.0) / quantile(per_voxel.iter().map(|p| p.1), 0.0);
     let paper = PAPER.map(|(voxels, ms)| (voxels, 1e3 * ms / voxels)).to_vec();
-    let figure = Figure {
-        file: "performance-voxels",
-        title: "Cost of a step per voxel, liver, 64 voxels to an element, 60 Hz, one thread".into(),
-        x: Axis::log("voxels"),
-        y: Axis::log("us a voxel"),
-        curves: vec![Curve::line("Kerf", per_voxel), Curve::line("the paper's Table 2, its machine", paper)],
-    };
+    let figure = Figure::new(
+        "performance-voxels",
+        "Cost of a step per voxel, liver, 64 voxels to an element, 60 Hz, one thread",
+        Chart::new(
+            Axis::log("voxels"),
+            Axis::log("us a voxel"),
+            vec![Curve::line("Kerf", per_voxel), Curve::line("the paper's Table 2, its machine", paper)],
+        ),
+    );
     figure.draw(plots)?;
     writeln!(
         text,

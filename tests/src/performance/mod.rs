@@ -7,7 +7,7 @@
 mod breakdown;
 mod capabilities;
 mod growth;
-mod models;
+pub mod models;
 mod paper;
 mod run;
 mod targets;

@@ -13,7 +13,7 @@ use super::run::{COLLISION, FEM, Run, TOPOLOGY, Viewer, builtin, cell, liver, me
 enum Source {
     /// It comes with the program.
     Builtin(&'static str),
-    /// A mesh that lies beside the repository, or does not.
+    /// A scanned mesh, which may be absent.
     Mesh(Model),
 }
 use Source::{Builtin, Mesh};
@@ -92,7 +92,9 @@ impl Row {
         let ms = ms.map(|ms| ms.to_string()).join(" | ");
         let mut text = format!("| {model} | paper | {voxels} | {elements} | {ms} |\n");
         let Some(mut scene) = source.scene()? else {
-            return Ok(text + "| | absent: no mesh beside the repository | - | - | - | - | - | - | - | - | - |\n");
+            return Ok(
+                text + "| | absent: KERF_SHARED names no folder of meshes | - | - | - | - | - | - | - | - | - |\n"
+            );
         };
         for rate_hz in [1000.0, FRAME_HZ] {
             scene.desc.rate_hz = rate_hz;

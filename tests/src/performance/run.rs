@@ -3,9 +3,10 @@
 use anyhow::Result;
 use kerf_physics::world::WorldCounts;
 use kerf_physics::{Scene, Stage, StepInputs, StepOutput, Workers, World};
+use kerf_scenes::catalog;
 use kerf_server::simulate::stroke::default_stroke;
+use kerf_session::SessionLimits;
 use kerf_session::clock::MonotonicClock;
-use kerf_session::{SessionLimits, catalog};
 
 /// Simulated time after the stroke, s.
 const AFTER_S: f64 = 0.2;

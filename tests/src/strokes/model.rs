@@ -5,7 +5,8 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use kerf_physics::scene::{BladeDesc, EdgeDesc, Meshes, ShapeDesc, ToolDesc, TriangleMesh};
 use kerf_physics::{Scene, Vec3};
-use kerf_session::catalog;
+use kerf_scenes::catalog;
+use kerf_scenes::file::read_mesh;
 
 use crate::extremes::scenes::below;
 
@@ -47,7 +48,7 @@ impl Model {
         if name_or_path != "liver" {
             let path = Path::new(name_or_path);
             name = path.file_stem().context("a mesh has a name")?.to_string_lossy().into_owned();
-            let mesh = catalog::read_mesh(path)?;
+            let mesh = read_mesh(path)?;
             let [min, max] = corners(&mesh);
             let scale_m_per_unit = LONGEST_M / (max - min).max();
             object.name.clone_from(&name);

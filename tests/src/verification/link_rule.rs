@@ -2,7 +2,6 @@
 //! energy of links.
 
 use std::ops::Range;
-use std::path::Path;
 
 use anyhow::{Context, Result};
 use kerf_physics::scene::toughness::asked_over_eh;
@@ -10,9 +9,7 @@ use kerf_physics::scene::{BladeDesc, FractureRule, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
-use kerf_server::plot_font::{FONT, register_plot_font};
-use plotters::coord::Shift;
-use plotters::prelude::*;
+use kerf_plot::{Axis, BLUE, Chart, Corner, Curve, Figure, GREEN, RED, RGBColor};
 use rayon::prelude::*;
 
 use super::scenes::{Mesh, block, material, scene};
@@ -184,83 +181,34 @@ impl Comparison {
         )
     }
 
-    /// Draws `verification-link-rule.svg` and `.png` in a directory.
-    ///
-    /// # Errors
-    /// A file cannot be written.
-    pub fn draw(&self, directory: &Path) -> Result<()> {
-        register_plot_font();
-        let path = |extension: &str| directory.join(format!("verification-link-rule.{extension}"));
-        let (svg, png) = (path("svg"), path("png"));
-        self.figure(&SVGBackend::new(&svg, SIZE_PX).into_drawing_area()).with_context(|| svg.display().to_string())?;
-        self.figure(&BitMapBackend::new(&png, SIZE_PX).into_drawing_area()).with_context(|| png.display().to_string())
-    }
-
-    fn figure<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>) -> Result<()>
-    where
-        B::ErrorType: 'static,
-    {
-        area.fill(&WHITE)?;
-        let area = area.margin(8, 0, 0, 0).titled("Cutting a block by two rules", (FONT, 22))?;
+    /// `verification-link-rule`: what a stroke takes over the edge of a voxel, by rule and k.
+    #[must_use]
+    pub fn figure(&self) -> Figure {
         let panels: [(&str, Figured); 3] =
             [("steady F / (Gc w)", |s| s.steady), ("largest F / (Gc w)", |s| s.peak), ("work / (Gc A)", |s| s.work)];
-        for (panel, (title, value)) in area.split_evenly((1, 3)).iter().zip(panels) {
-            self.panel(panel, title, value)?;
-        }
-        area.present()?;
-        Ok(())
+        let charts = panels.into_iter().map(|(title, value)| self.chart(title, value)).collect();
+        Figure::row("verification-link-rule", "Cutting a block by two rules", charts).sized((1380, 560))
     }
 
-    fn panel<B: DrawingBackend>(&self, area: &DrawingArea<B, Shift>, title: &str, value: Figured) -> Result<()>
-    where
-        B::ErrorType: 'static,
-    {
-        let mut chart = ChartBuilder::on(area)
-            .margin(10)
-            .x_label_area_size(50)
-            .y_label_area_size(64)
-            .build_cartesian_2d((0.5..3.2f64).log_scale().base(2.0), (0.5..1000f64).log_scale())?;
-        chart
-            .configure_mesh()
-            .x_desc("edge of a voxel h, mm")
-            .y_desc(title)
-            .x_label_formatter(&|h| format!("{h}"))
-            .y_label_formatter(&|y| format!("{y}"))
-            .label_style((FONT, 15))
-            .axis_desc_style((FONT, 16))
-            .bold_line_style(GREY.mix(0.35))
-            .light_line_style(GREY.mix(0.12))
-            .draw()?;
+    fn chart(&self, title: &str, value: Figured) -> Chart {
+        let mut curves = Vec::new();
         for ((_, rule), strokes) in RULES.iter().zip(&self.strokes) {
             for (k, colour) in COLOURS {
                 let of_k = self.meshes.iter().zip(strokes).filter(|(mesh, _)| mesh.k() == k);
-                let points: Vec<_> = of_k.map(|(mesh, stroke)| (1e3 * mesh.voxel_m, value(stroke))).collect();
+                let points = of_k.map(|(mesh, stroke)| (1e3 * mesh.voxel_m, value(stroke))).collect();
+                let label = format!("{rule}, k = {k}");
                 // What lies on top of another must not hide it: the front's rings grow with k.
-                let (fill, size) =
-                    if *rule == RULES[0].1 { (colour.stroke_width(2), 3 + k as i32) } else { (colour.filled(), 4) };
-                chart.draw_series(points.iter().map(|p| Circle::new(*p, size, fill)))?;
-                chart
-                    .draw_series(LineSeries::new(points, colour.stroke_width(2)))?
-                    .label(format!("{rule}, k = {k}"))
-                    .legend(move |(x, y)| {
-                        EmptyElement::at((x, y))
-                            + PathElement::new([(0, 0), (24, 0)], colour.stroke_width(2))
-                            + Circle::new((12, 0), size, fill)
-                    });
+                let curve = match *rule == RULES[0].1 {
+                    true => Curve::ringed_line(&label, points, 3 + k as i32),
+                    false => Curve::dotted_line(&label, points),
+                };
+                curves.push(curve.coloured(colour));
             }
         }
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::Coordinate(80, 265))
-            .background_style(WHITE.mix(0.85))
-            .border_style(GREY.mix(0.5))
-            .label_font((FONT, 14))
-            .draw()?;
-        Ok(())
+        let (x, y) = (Axis::log("edge of a voxel h, mm").over(0.5..3.2), Axis::log(title).over(0.5..1000.0));
+        Chart::new(x, y, curves).with_legend(Corner::MiddleLeft)
     }
 }
 
-const SIZE_PX: (u32, u32) = (1380, 560);
-const COLOURS: [(u32, RGBColor); 3] =
-    [(1, RGBColor(31, 88, 140)), (2, RGBColor(176, 36, 24)), (4, RGBColor(40, 120, 60))];
-const GREY: RGBColor = RGBColor(110, 110, 110);
+/// By k.
+const COLOURS: [(u32, RGBColor); 3] = [(1, BLUE), (2, RED), (4, GREEN)];

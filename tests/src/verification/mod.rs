@@ -12,7 +12,6 @@ pub mod elements;
 pub mod half_space;
 pub mod link_rule;
 pub mod motion;
-pub mod plot;
 pub mod release;
 pub mod report;
 pub mod scenes;
@@ -21,8 +20,7 @@ pub mod tip_load;
 pub mod uniaxial;
 
 use anyhow::Result;
-
-use crate::figure::Figure;
+use kerf_plot::{Axis, Chart, Corner, Curve, Figure};
 
 /// How much of a family is run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -158,6 +156,21 @@ pub struct Study {
     pub size_of: &'static str,
     /// Curves.
     pub series: Vec<Series>,
+}
+
+impl Study {
+    /// Sizes of errors over sizes of elements, both by decades.
+    #[must_use]
+    pub fn figure(&self) -> Figure {
+        let curve = |series: &Series| {
+            let percent = series.points.iter().map(|(h, e)| (*h, 100.0 * e.abs())).collect();
+            Curve::dotted_line(&series.summary(), percent)
+        };
+        let error = format!("error, %: {}", self.error_of);
+        let curves = self.series.iter().map(curve).collect();
+        let chart = Chart::new(Axis::log(self.size_of), Axis::log(&error), curves).with_legend(Corner::LowerRight);
+        Figure::new(&format!("verification-{}", self.file), &self.title, chart)
+    }
 }
 
 /// Largest difference of the orders between neighbouring meshes at which an error counts as a power.

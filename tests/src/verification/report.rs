@@ -3,8 +3,9 @@
 
 use std::fmt::Write;
 
+use kerf_plot::Figure;
+
 use super::{Check, Family, Reference, Row, Study, Table};
-use crate::figure::Figure;
 
 const HEADER: &str = "# Verification
 

@@ -7,8 +7,8 @@ use kerf_physics::surface::Surface;
 use kerf_physics::{NoClock, Workers, World};
 use kerf_proto::v1::{self, view_event};
 use kerf_replica::{Body, Replica, surface_hash};
+use kerf_scenes::catalog;
 use kerf_server::recording::Recording;
-use kerf_session::catalog;
 use tonic::Streaming;
 use tonic::transport::Channel;
 

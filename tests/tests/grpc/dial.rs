@@ -4,7 +4,7 @@ use kerf_physics::scene::ElementKind;
 use kerf_physics::{Scene, SceneDesc};
 use kerf_proto::v1::create_session_request::{Dial, Scene as Source};
 use kerf_proto::v1::{self};
-use kerf_session::dial::{FinerRegions, Front, FrontPoint};
+use kerf_scenes::dial::{FinerRegions, Front, FrontPoint};
 use tonic::{Code, Status};
 
 use super::harness::{BLOCK, Harness};

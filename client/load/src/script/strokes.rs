@@ -4,9 +4,10 @@
 //! longer one, so that each cuts across the object, away from the others. The surface is looked up
 //! in the replica, so depth means depth in tissue wherever the object's top is.
 
+use kerf_script::{Key, Pose, Track};
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::{Datum, Key, MAX_DURATION_S, Pose, Script, ScriptError, Track};
+use super::{Datum, Script, ScriptError};
 
 /// Share of the object's longer side that the strokes are spread over; its ends are thin.
 const ROW_SHARE: f64 = 0.7;
@@ -76,7 +77,7 @@ pub fn strokes(tool_id: u32, target: &Target, params: &StrokeParams) -> Result<S
         .map(|stroke| place(stroke, target, params, &mut random))
         .collect::<Result<Vec<Place>, ScriptError>>()?;
     let travel_height_m = target.max_m.y + params.clearance_m;
-    let mut path = Path { keys: Vec::new(), params };
+    let mut path = Path { keys: Vec::new(), last: None, params };
     let mut datums = Vec::new();
     for place in &places {
         let at = |height_m: f64| Pose {
@@ -92,11 +93,8 @@ pub fn strokes(tool_id: u32, target: &Target, params: &StrokeParams) -> Result<S
         path.cut_to(at(surface_height_m + params.clearance_m));
         path.travel_to(at(travel_height_m));
     }
-    let script = Script { tracks: vec![Track { tool_id, keys: path.keys }], datums };
-    if script.duration_s() > MAX_DURATION_S {
-        return Err(ScriptError::Parameter(format!("the script would take longer than {MAX_DURATION_S} s")));
-    }
-    Ok(script)
+    let track = Track { tool_id, keys: path.keys }.lifted_at_end();
+    Script { tracks: vec![track], datums }.checked()
 }
 
 fn check(params: &StrokeParams) -> Result<(), ScriptError> {
@@ -172,12 +170,14 @@ fn height_of([a, b, c]: &[Vector3<f64>; 3], x_m: f64, z_m: f64) -> Option<f64> {
 /// Keys of a track that grows at its end.
 struct Path<'a> {
     keys: Vec<Key>,
+    /// Time and pose of the last key.
+    last: Option<(f64, Pose)>,
     params: &'a StrokeParams,
 }
 
 impl Path<'_> {
     fn time_s(&self) -> f64 {
-        self.keys.last().map_or(0.0, |key| key.time_s)
+        self.last.map_or(0.0, |(time_s, _)| time_s)
     }
 
     fn travel_to(&mut self, pose: Pose) {
@@ -189,24 +189,26 @@ impl Path<'_> {
     }
 
     fn move_to(&mut self, pose: Pose, speed_m_per_s: f64) {
-        let Some(last) = self.keys.last() else {
-            self.keys.push(Key { time_s: 0.0, pose, opening: 1.0 });
-            return;
-        };
-        let distance_m = (pose.position_m - last.pose.position_m).norm();
-        let angle_rad = last.pose.orientation.angle_to(&pose.orientation);
+        let Some((time_s, from)) = self.last else { return self.push(0.0, pose) };
+        let distance_m = (pose.position_m - from.position_m).norm();
+        let angle_rad = from.orientation.angle_to(&pose.orientation);
         let duration_s = f64::max(distance_m / speed_m_per_s, angle_rad / MAX_TURN_RAD_PER_S);
         if duration_s > MIN_SEGMENT_S {
-            self.keys.push(Key { time_s: last.time_s + duration_s, pose, opening: 1.0 });
+            self.push(time_s + duration_s, pose);
         }
     }
 
     fn hold(&mut self) {
-        if let Some(&last) = self.keys.last()
+        if let Some((time_s, pose)) = self.last
             && self.params.hold_s > 0.0
         {
-            self.keys.push(Key { time_s: last.time_s + self.params.hold_s, ..last });
+            self.push(time_s + self.params.hold_s, pose);
         }
+    }
+
+    fn push(&mut self, time_s: f64, pose: Pose) {
+        self.keys.push(Key { time_s, placement: Some(pose.into()) });
+        self.last = Some((time_s, pose));
     }
 }
 
@@ -258,6 +260,12 @@ mod tests {
         Target { min_m, max_m, triangles_m }
     }
 
+    /// Of the keys.
+    fn positions_m(script: &Script) -> Vec<Vector3<f64>> {
+        let placements = script.tracks[0].keys.iter().filter_map(|key| key.placement);
+        placements.map(|placement| placement.pose.position_m).collect()
+    }
+
     #[test]
     fn same_seed_gives_the_same_script_and_another_one_does_not() {
         let script = strokes(0, &slab(), &PARAMS).expect("valid");
@@ -273,7 +281,7 @@ mod tests {
         let dt_s = 1e-3;
         for step in 1..(script.duration_s() / dt_s) as u32 {
             let time_s = f64::from(step) * dt_s;
-            let [before, now] = [time_s - dt_s, time_s].map(|time_s| track.pose_at(time_s).expect("within the track"));
+            let [before, now] = [time_s - dt_s, time_s].map(|time_s| track.at(time_s).expect("within the track").pose);
             let speed_m_per_s = (now.position_m - before.position_m).norm() / dt_s;
             let below = script.depth_m(time_s, &now) > 0.0;
             let limit = if below { PARAMS.cut_speed_m_per_s } else { PARAMS.travel_speed_m_per_s };
@@ -285,10 +293,10 @@ mod tests {
     #[test]
     fn strokes_reach_their_depth_in_tissue_that_no_other_stroke_has_touched() {
         let script = strokes(0, &slab(), &PARAMS).expect("valid");
-        let bottoms: Vec<_> =
-            script.tracks[0].keys.iter().filter(|key| (key.pose.position_m.y - 0.03).abs() < 1e-12).collect();
+        let at_m = positions_m(&script);
+        let bottoms: Vec<_> = at_m.iter().filter(|at_m| (at_m.y - 0.03).abs() < 1e-12).collect();
         assert_eq!(bottoms.len(), 6, "each stroke arrives and leaves");
-        let xs_m: Vec<f64> = bottoms.iter().step_by(2).map(|key| key.pose.position_m.x).collect();
+        let xs_m: Vec<f64> = bottoms.iter().step_by(2).map(|at_m| at_m.x).collect();
         let spacing_m = ROW_SHARE * 0.2 / 3.0;
         assert!(xs_m.windows(2).all(|pair| pair[1] - pair[0] >= 0.5 * spacing_m), "{xs_m:?}");
     }
@@ -296,14 +304,14 @@ mod tests {
     #[test]
     fn blade_lies_across_the_longer_side() {
         let script = strokes(0, &slab(), &StrokeParams { jitter: 0.0, ..PARAMS }).expect("valid");
-        let edge = script.tracks[0].keys[0].pose.orientation * Vector3::x();
+        let edge = script.tracks[0].at(0.0).expect("its first key").pose.orientation * Vector3::x();
         assert!(edge.z.abs() > 1.0 - 1e-12);
     }
 
     #[test]
     fn depth_defaults_to_half_the_thickness() {
         let script = strokes(0, &slab(), &StrokeParams { depth_m: None, ..PARAMS }).expect("valid");
-        let lowest_m = script.tracks[0].keys.iter().map(|key| key.pose.position_m.y).fold(1.0, f64::min);
+        let lowest_m = positions_m(&script).iter().map(|at_m| at_m.y).fold(1.0, f64::min);
         assert!((lowest_m - 0.025).abs() < 1e-12);
     }
 

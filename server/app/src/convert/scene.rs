@@ -5,7 +5,7 @@ use kerf_physics::scene::{BladeDesc, DialDesc, ObjectDesc, ToolDesc, ToolShapeDe
 use kerf_physics::step_io::EnergyStep;
 use kerf_physics::world::ObjectStats;
 use kerf_proto::v1;
-use kerf_session::dial::{Choice, FinerRegions};
+use kerf_scenes::dial::{Choice, FinerRegions};
 use kerf_session::{Phase, PointInfo, Session, SessionStatus};
 
 use super::vec3;

@@ -6,6 +6,7 @@ use std::time::Duration;
 use kerf_physics::{Scene, SceneError};
 use kerf_proto::v1;
 use kerf_proto::v1::create_session_request::Scene as Wanted;
+use kerf_scenes::catalog;
 use kerf_session::{Registry, Session, SessionOptions};
 use tonic::{Request, Response, Status};
 
@@ -13,7 +14,6 @@ use super::in_time;
 use crate::config::ServerConfig;
 use crate::convert::scene::{dial, point, session_description, session_info};
 use crate::recording;
-use crate::scene_source;
 use crate::status::RequestError;
 
 /// The service.
@@ -62,8 +62,12 @@ impl v1::session_service_server::SessionService for SessionService {
         &self,
         _request: Request<v1::ListScenesRequest>,
     ) -> Result<Response<v1::ListScenesResponse>, Status> {
-        let scenes = scene_source::list().into_iter().map(|(name, description)| v1::SceneInfo { name, description });
-        Ok(Response::new(v1::ListScenesResponse { scenes: scenes.collect() }))
+        let info = |name: &str| {
+            let description = catalog::builtin(name).ok()?.desc.description;
+            Some(v1::SceneInfo { name: name.into(), description })
+        };
+        let scenes = catalog::builtin_names().into_iter().filter_map(info).collect();
+        Ok(Response::new(v1::ListScenesResponse { scenes }))
     }
 
     async fn create_session(
@@ -72,8 +76,8 @@ impl v1::session_service_server::SessionService for SessionService {
     ) -> Result<Response<v1::CreateSessionResponse>, Status> {
         let request = request.into_inner();
         let mut scene = match request.scene.ok_or(RequestError::Missing { field: "scene" })? {
-            Wanted::SceneName(name) => scene_source::by_name(&name),
-            Wanted::SceneToml(text) => scene_source::from_text(&text, self.config.transport.max_scene_bytes),
+            Wanted::SceneName(name) => by_name(&name),
+            Wanted::SceneToml(text) => from_text(&text, self.config.transport.max_scene_bytes),
         }?;
         if let Some(step_rate_hz) = request.step_rate_hz {
             set_step_rate(&mut scene, step_rate_hz)?;
@@ -175,5 +179,30 @@ impl v1::session_service_server::SessionService for SessionService {
         let v1::DeletePointRequest { session_id, name } = request.get_ref();
         in_time(self.limit_s(), self.get(session_id)?.delete_point(name)).await?;
         Ok(Response::new(v1::DeletePointResponse {}))
+    }
+}
+
+/// The built-in scene of this name. Paths are not names: a client's word reaches no file.
+fn by_name(name: &str) -> Result<Scene, RequestError> {
+    catalog::builtin(name).map_err(|_| RequestError::NoScene { name: name.chars().take(64).collect() })
+}
+
+/// A scene from a client's text, which is measured before it is read.
+fn from_text(text: &str, max_bytes: usize) -> Result<Scene, RequestError> {
+    let refuse = |message: String| RequestError::SceneText { message };
+    if text.len() > max_bytes {
+        return Err(refuse(format!("scene_toml: {} bytes, at most {max_bytes} (max_scene_bytes)", text.len())));
+    }
+    kerf_scenes::file::from_text("scene_toml", text).map_err(|error| refuse(error.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scene_that_is_too_large_is_refused_before_it_is_read() {
+        let refused = from_text(&"x".repeat(11), 10).unwrap_err().to_string();
+        assert!(refused.contains("11 bytes, at most 10"), "{refused}");
     }
 }

@@ -15,9 +15,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 use kerf_physics::scene::DialDesc;
 use kerf_physics::{Scene, Workers, World};
 use kerf_replica::glb;
+use kerf_scenes::catalog;
+use kerf_scenes::dial::Fronts;
+use kerf_session::LoggedInputs;
 use kerf_session::clock::MonotonicClock;
-use kerf_session::dial::Fronts;
-use kerf_session::{LoggedInputs, catalog};
 
 use crate::recording::Recording;
 use script::Script;
@@ -157,10 +158,10 @@ fn load(options: &Options) -> Result<Scene> {
 /// # Errors
 /// The file cannot be read or is not a script for the scene's tools, or the scene cannot be voxelized.
 pub fn read_script(path: Option<&Path>, scene: &Scene) -> Result<Script> {
-    let tools: Vec<&str> = scene.desc.tools.iter().map(|tool| tool.name.as_str()).collect();
     let Some(path) = path else { return stroke::default_stroke(scene) };
     let file = File::open(path).with_context(|| path.display().to_string())?;
-    Script::from_csv(file, &tools).with_context(|| path.display().to_string())
+    let tools: Vec<_> = scene.desc.tools.iter().map(|tool| tool.name.clone()).collect();
+    Ok(kerf_script::read(file, &tools).with_context(|| path.display().to_string())?.into())
 }
 
 fn step(

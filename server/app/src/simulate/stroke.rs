@@ -24,15 +24,14 @@ const RETURN_M_PER_S: f64 = 0.3;
 /// # Errors
 /// The object cannot be voxelized.
 pub fn default_stroke(scene: &Scene) -> Result<Script> {
-    let tools = scene.desc.tools.len();
-    if tools == 0 {
-        return Ok(Script::empty(0));
+    if scene.desc.tools.is_empty() {
+        return Ok(Script::default());
     }
     let objects = &scene.desc.objects;
     let can_be_cut = objects.iter().find(|object| object.material.fracture_energy_j_per_m2.is_some());
     let object = can_be_cut.or(objects.first()).context("the scene has no objects")?;
     let grid = kerf_physics::grid::voxelize::voxelize(object, &scene.meshes)?;
-    Ok(Script::of_positions(tools, &positions(&grid)))
+    Ok(Script::of_positions(&positions(&grid)))
 }
 
 fn positions(grid: &Grid) -> [(f64, Vec3); 4] {
@@ -48,7 +47,7 @@ fn positions(grid: &Grid) -> [(f64, Vec3); 4] {
 #[cfg(test)]
 mod tests {
     use kerf_physics::step_io::ToolMotion;
-    use kerf_session::catalog;
+    use kerf_scenes::catalog;
 
     use super::*;
 

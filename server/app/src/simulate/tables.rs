@@ -8,7 +8,9 @@ use anyhow::{Context, Result};
 use kerf_physics::energy_terms::{ENERGY_TERMS, EnergyTerm, TermKind};
 use kerf_physics::stage::Stage;
 use kerf_physics::step_io::{EnergyStep, StepOutput};
+use kerf_physics::tool::Pose;
 use kerf_physics::{SceneDesc, Vec3};
+use kerf_script::POSE_COLUMNS;
 
 /// Open tables of a run.
 pub struct Tables {
@@ -69,10 +71,8 @@ impl Tables {
 
     fn push_tools(&mut self, output: &StepOutput) -> Result<()> {
         for (name, tool) in self.tool_names.iter().zip(&output.tools) {
-            let pose = tool.pose.map_or([const { String::new() }; 7], |pose| {
-                let [p, q] = [pose.position_m.as_slice(), pose.orientation.coords.as_slice()];
-                std::array::from_fn(|i| if i < 3 { p[i] } else { q[i - 3] }.to_string())
-            });
+            let cells = |p: Pose| kerf_script::Pose { position_m: p.position_m, orientation: p.orientation }.cells();
+            let pose = tool.pose.map_or_else(Default::default, cells);
             let wrench = [tool.wrench.force_n, tool.wrench.torque_nm];
             let values = wrench.iter().flat_map(components).chain([tool.cutting_length_m.to_string()]);
             let row = [time(output), name.clone()].into_iter().chain(pose).chain(values);
@@ -116,7 +116,7 @@ fn owned<const N: usize>(names: [&str; N]) -> impl Iterator<Item = String> {
 }
 
 fn tool_header() -> Vec<String> {
-    let pose = owned(["time_s", "tool", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"]);
+    let pose = owned(["time_s", "tool"]).chain(owned(POSE_COLUMNS));
     let wrench = ["force_x_n", "force_y_n", "force_z_n", "torque_x_nm", "torque_y_nm", "torque_z_nm"];
     pose.chain(owned(wrench)).chain(owned(["cutting_length_m"])).collect()
 }
@@ -137,7 +137,7 @@ fn profile_header() -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use kerf_session::catalog;
+    use kerf_scenes::catalog;
 
     use super::*;
 

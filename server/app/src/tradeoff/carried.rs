@@ -44,7 +44,7 @@ pub fn fold(scene: &Scene) -> Result<Option<String>> {
 mod tests {
     use kerf_physics::scene::{FinerDesc, ShapeDesc};
     use kerf_physics::{NoClock, SceneDesc, StepInputs, Vec3, Workers, World};
-    use kerf_session::catalog;
+    use kerf_scenes::catalog;
 
     use super::*;
     use crate::simulate::script::Script;
@@ -75,7 +75,7 @@ mod tests {
         assert_eq!(scene.problems(), []);
         let mut world = World::new(&scene).unwrap();
         let path = [(0.0, Vec3::new(0.0, 0.0495, 0.0)), (0.37, Vec3::new(0.0, 0.0125, 0.0))];
-        let mut script = Script::of_positions(1, &path);
+        let mut script = Script::of_positions(&path);
         let (mut forces_n, mut spent_j, mut fracture_j) = (Vec::new(), 0.0, 0.0);
         let mut stored_before_j = 0.0;
         for step in 1..=185 {

@@ -1,8 +1,8 @@
 //! Errors of a run against the reference.
 
-use kerf_session::dial::FrontPoint;
+use kerf_scenes::dial::FrontPoint;
 
-use super::job::Run;
+use super::process::Run;
 use super::samples::{Samples, WINDOWS_PER_SAMPLE};
 
 /// Error of displacements or of forces, and what it is over.
@@ -89,10 +89,11 @@ pub fn point(run: &Run, reference: &Run) -> FrontPoint {
 
 #[cfg(test)]
 mod tests {
-    use kerf_session::catalog;
+    use kerf_scenes::catalog;
 
     use super::*;
-    use crate::tradeoff::job::{Cost, Job};
+    use crate::tradeoff::job::Job;
+    use crate::tradeoff::process::Cost;
     use crate::tradeoff::sweep::own_setting;
 
     /// Two points at two times; the tool is felt from window `from` on.

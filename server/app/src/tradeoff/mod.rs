@@ -1,76 +1,38 @@
 //! `kerf-server tradeoff`: what settings of a scene cost and how far off they are, measured against the
 //! finest reference that can be afforded.
 //!
-//! Every run is a process of its own ([`job`]); its samples stand in a file of `runs/` and are not taken
+//! Every run is a process of its own ([`process`]); its samples stand in a file of `runs/` and are not taken
 //! again while the file is whole and of the same job.
 
 mod carried;
-pub mod job;
+mod job;
 mod measure;
+mod options;
 mod plot;
 mod points;
+pub mod process;
 mod reference;
 mod report;
 mod runs;
 mod samples;
 mod sweep;
 
-use std::path::PathBuf;
-
 use anyhow::{Context, Result, ensure};
-use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use kerf_physics::Scene;
 use kerf_physics::grid::voxelize::voxel_size_m;
-use kerf_session::catalog;
-use kerf_session::dial::{FinerRegions, Front, Setting};
+use kerf_scenes::catalog;
+use kerf_scenes::dial::{FinerRegions, Front, Setting};
 
 use crate::simulate::{AFTER_SCRIPT_S, read_script};
 use job::Job;
+pub use options::Options;
 use runs::Runs;
-use sweep::Axes;
 
 /// Simulated time of a scene whose tools do nothing, s: its loads have been taken up.
 const DURATION_WITHOUT_TOOLS_S: f64 = 0.5;
 /// Margin of the region around the stroke, in elements of the scene's level.
 const STROKE_MARGIN_ELEMENTS: f64 = 1.0;
-
-/// Options of a sweep.
-#[derive(Args, Clone, Debug)]
-pub struct Options {
-    /// Name of a built-in scene, or path of a scene's TOML file.
-    pub scene: String,
-    /// Poses over time, as for `simulate`. Default: its stroke.
-    #[arg(long, value_name = "FILE.csv")]
-    pub script: Option<PathBuf>,
-    /// Simulated time, s. Default: the script's length and 0.2 s; 0.5 s where nothing moves a tool.
-    #[arg(long, value_name = "S")]
-    pub duration: Option<f64>,
-    /// Values of each axis.
-    #[command(flatten)]
-    pub axes: Axes,
-    /// Points of the surface that are compared.
-    #[arg(long, value_name = "N", default_value_t = 240, value_parser = clap::value_parser!(u32).range(1..=100_000))]
-    pub points: u32,
-    /// Times at which they are compared.
-    #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=100_000))]
-    pub samples: u32,
-    /// Threads lent to the steps that are timed; the reference has all of the machine.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
-    pub threads: u16,
-    /// Time that the reference may take, s: the finest one that a pilot says will fit is taken. One that
-    /// stands in the folder is kept.
-    #[arg(long, value_name = "S", default_value_t = 1200.0)]
-    pub reference_budget_s: f64,
-    /// Times the runs in the folder again, each from where the tool touches and for at most so many seconds,
-    /// and keeps their errors.
-    #[arg(long, value_name = "S", num_args = 0..=1, default_missing_value = "10")]
-    pub retime: Option<f64>,
-    /// Folder for runs/, front.csv, front.md, pareto.svg and pareto.png, and profile.svg and profile.png
-    /// where no tool moves.
-    #[arg(long, value_name = "DIR")]
-    pub out: PathBuf,
-}
 
 /// Sweeps a scene and writes its front.
 ///
@@ -115,9 +77,9 @@ pub fn run(options: &Options) -> Result<()> {
     let mut front = Front { points, ..Front::of(&scene) };
     front.notes.extend(report::notes(options, &reference, &base));
     report::write(&options.out, &front, &remarks)?;
-    plot::pareto(&front, &options.out)?;
+    plot::pareto(&front).draw(&options.out)?;
     if scene.desc.tools.is_empty() {
-        plot::profile(&scene.desc.name, &reference, &swept, &options.out)?;
+        plot::profile(&scene.desc.name, &reference, &swept).draw(&options.out)?;
     }
     println!("{} settings measured, {} runs taken: {}", swept.len(), runs.taken(), options.out.display());
     Ok(())

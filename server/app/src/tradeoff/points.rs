@@ -96,7 +96,7 @@ fn voxel_of(grid: &Grid, position_m: &Vec3) -> VoxelId {
 #[cfg(test)]
 mod tests {
     use kerf_physics::{NoClock, StepInputs, Workers, World};
-    use kerf_session::catalog;
+    use kerf_scenes::catalog;
 
     use super::*;
 

@@ -3,12 +3,14 @@
 use anyhow::{Context, Result, ensure};
 use indicatif::ProgressBar;
 use kerf_physics::Scene;
-use kerf_session::dial::{FinerRegions, Setting};
+use kerf_scenes::dial::{FinerRegions, Setting};
 
-use super::job::{Job, Run};
+use super::job::Job;
 use super::measure::touching_windows;
+use super::options::Options;
+use super::process::Run;
 use super::runs::Runs;
-use super::{Options, sweep};
+use super::sweep;
 
 /// Relative tolerance of the reference's solves. The velocity change of a step is kept in single
 /// precision; state, forces and residuals in double.

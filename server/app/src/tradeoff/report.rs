@@ -4,10 +4,12 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use kerf_session::dial::{FinerRegions, Front, FrontPoint};
+use kerf_scenes::dial::{FinerRegions, Front, FrontPoint};
 
-use super::job::{Job, Run};
-use super::{Options, reference, sweep};
+use super::job::Job;
+use super::options::Options;
+use super::process::Run;
+use super::{reference, sweep};
 use crate::machine::hardware;
 
 /// What is told of the measurement besides the scene.

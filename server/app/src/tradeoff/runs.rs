@@ -8,7 +8,8 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, Result, bail};
 use indicatif::ProgressBar;
 
-use super::job::{Job, Run, write};
+use super::job::Job;
+use super::process::{Run, write};
 
 /// The folder of the runs.
 pub struct Runs {

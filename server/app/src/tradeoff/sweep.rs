@@ -4,7 +4,7 @@ use clap::Args;
 use kerf_physics::Vec3;
 use kerf_physics::scene::{ElementKind, SceneDesc, ToolShapeDesc};
 use kerf_physics::step_io::ToolMotion;
-use kerf_session::dial::{FinerRegions, Setting};
+use kerf_scenes::dial::{FinerRegions, Setting};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -186,7 +186,7 @@ pub fn stroke_box(desc: &SceneDesc, script: &Script, margin_m: f64) -> Option<[[
 
 #[cfg(test)]
 mod tests {
-    use kerf_session::catalog;
+    use kerf_scenes::catalog;
 
     use super::*;
     use crate::simulate::stroke::default_stroke;
@@ -236,6 +236,6 @@ mod tests {
         for (found, meant) in min_m.iter().chain(&max_m).zip([-0.04, 0.004, -0.01, 0.04, 0.0835, 0.01]) {
             assert!((found - meant).abs() < 1e-9, "{min_m:?} {max_m:?}");
         }
-        assert_eq!(stroke_box(&scene.desc, &Script::empty(1), 0.01), None);
+        assert_eq!(stroke_box(&scene.desc, &Script::default(), 0.01), None);
     }
 }

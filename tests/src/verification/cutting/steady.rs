@@ -2,11 +2,11 @@
 
 use anyhow::Result;
 use kerf_physics::scene::MaterialDesc;
-use kerf_session::catalog;
+use kerf_plot::{Axis, Chart, Curve, Figure};
+use kerf_scenes::catalog;
 use rayon::prelude::*;
 
 use super::stroke::{EDGE_HALF_WIDTH_M, Outcome, Plane, Stroke, Support, gc};
-use crate::figure::{Axis, Curve, Figure};
 use crate::verification::scenes::Mesh;
 use crate::verification::{Check, Extent, Family};
 
@@ -241,13 +241,11 @@ fn force_by_depth(cases: &[Case], outcomes: &[Outcome]) -> Figure {
         let label = format!("h {} mm", 1e3 * case.stroke.mesh.voxel_m);
         Curve::line(&label, outcome.curve.iter().map(|p| (1e3 * p.0, p.1)).collect())
     };
-    Figure {
-        file: "verification-cut",
-        title: "A straight edge into a block of the paper's liver, k = 4".into(),
-        x: Axis::linear("way of the edge, mm"),
-        y: Axis::linear("force over Gc w"),
-        curves: shown.map(curve).collect(),
-    }
+    Figure::new(
+        "verification-cut",
+        "A straight edge into a block of the paper's liver, k = 4",
+        Chart::new(Axis::linear("way of the edge, mm"), Axis::linear("force over Gc w"), shown.map(curve).collect()),
+    )
 }
 
 const TEXT: &str = "A straight edge of 50 um goes through a block whose bottom is held; its force presses, starts the cut at twice \

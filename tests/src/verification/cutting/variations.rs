@@ -4,12 +4,12 @@
 use anyhow::{Context, Result};
 use kerf_physics::Vec3;
 use kerf_physics::scene::{MaterialDesc, RateDesc, RegionDesc, ShapeDesc};
+use kerf_plot::{Axis, Chart, Curve, Figure};
 use rayon::prelude::*;
 
 use super::rig::{Rig, Setup, ledger_residual, mean_force_n, sum};
 use super::steady::liver;
 use super::stroke::{Stroke, gc};
-use crate::figure::{Axis, Curve, Figure};
 use crate::verification::{Check, Extent, Family};
 
 /// Largest error.
@@ -72,16 +72,18 @@ fn widths(extent: Extent) -> Result<(Vec<Check>, Figure)> {
     };
     let longest_m = widths_m[widths_m.len() - 1];
     let fit = |w: f64| (1e3 * w, mean_f + slope * (w - mean_w));
-    let figure = Figure {
-        file: "verification-width",
-        title: format!("Force of a steady cut by width: slope {slope:.0} J/m^2, Gc {gc:.0} J/m^2"),
-        x: Axis::linear("width, mm"),
-        y: Axis::linear("force, N"),
-        curves: vec![
-            Curve::dots("cuts", points.iter().map(|p| (1e3 * p.0, p.1)).collect()),
-            Curve::line("least squares", vec![fit(0.0), fit(1.3 * longest_m)]),
-        ],
-    };
+    let figure = Figure::new(
+        "verification-width",
+        &format!("Force of a steady cut by width: slope {slope:.0} J/m^2, Gc {gc:.0} J/m^2"),
+        Chart::new(
+            Axis::linear("width, mm"),
+            Axis::linear("force, N"),
+            vec![
+                Curve::dots("cuts", points.iter().map(|p| (1e3 * p.0, p.1)).collect()),
+                Curve::line("least squares", vec![fit(0.0), fit(1.3 * longest_m)]),
+            ],
+        ),
+    );
     Ok((vec![row], figure))
 }
 
@@ -121,18 +123,20 @@ fn slices(extent: Extent) -> Result<(Vec<Check>, Figure)> {
         checks.push(tilted(&block, tilt_deg)?);
     }
     let theory = |of: fn(f64) -> f64| (0..=80).map(|i| 0.05 * f64::from(i)).map(|xi| (xi, of(xi))).collect();
-    let figure = Figure {
-        file: "verification-slicing",
-        title: "A straight edge that slides xi times what it advances".into(),
-        x: Axis::linear("slice-push ratio xi"),
-        y: Axis::linear("force over Gc w"),
-        curves: vec![
-            Curve::line("F_V, theory", theory(|xi| 1.0 / (1.0 + xi * xi))),
-            Curve::dots("F_V", across),
-            Curve::line("F_H, theory", theory(|xi| xi / (1.0 + xi * xi))),
-            Curve::dots("F_H", along),
-        ],
-    };
+    let figure = Figure::new(
+        "verification-slicing",
+        "A straight edge that slides xi times what it advances",
+        Chart::new(
+            Axis::linear("slice-push ratio xi"),
+            Axis::linear("force over Gc w"),
+            vec![
+                Curve::line("F_V, theory", theory(|xi| 1.0 / (1.0 + xi * xi))),
+                Curve::dots("F_V", across),
+                Curve::line("F_H, theory", theory(|xi| xi / (1.0 + xi * xi))),
+                Curve::dots("F_H", along),
+            ],
+        ),
+    );
     Ok((checks, figure))
 }
 

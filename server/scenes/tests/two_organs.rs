@@ -1,7 +1,7 @@
 //! A lobe sinks onto a kidney, and each carries the other.
 
 use kerf_physics::{NoClock, Scene, StepInputs, Vec3, Workers, World};
-use kerf_session::catalog;
+use kerf_scenes::catalog;
 
 /// A world after this many steps without input.
 fn rested(scene: &Scene, steps: usize) -> World {

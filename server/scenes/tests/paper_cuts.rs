@@ -6,7 +6,7 @@ use kerf_physics::scene::ToolShapeDesc;
 use kerf_physics::step_io::{EnergyStep, ToolMotion};
 use kerf_physics::tool::blade::Blade;
 use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers};
-use kerf_session::catalog;
+use kerf_scenes::catalog;
 
 /// How far the blade is above the surface when it enters, m.
 const CLEARANCE_M: f64 = 5e-4;

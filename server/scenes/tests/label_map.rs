@@ -9,7 +9,7 @@ use flate2::write::GzEncoder;
 use kerf_physics::Vec3;
 use kerf_physics::grid::Grid;
 use kerf_physics::grid::voxelize::voxelize;
-use kerf_session::catalog;
+use kerf_scenes::catalog;
 use nalgebra::{Matrix3, Rotation3};
 
 const HEADER_BYTES: usize = 352;

@@ -2,7 +2,7 @@
 
 use crate::support::cutting::Rig;
 use kerf_physics::{Quat, Vec3};
-use kerf_session::catalog;
+use kerf_scenes::catalog;
 
 /// Side and height of each block, m.
 const SIDE_M: f64 = 0.064;

@@ -1,0 +1,18 @@
+//! Figures as SVG and PNG: what to show is data, how it looks stands here once.
+//!
+//! A [`Figure`] has one or several [`Chart`]s, a chart two axes and its curves. Deliberately absent: styles to
+//! choose from, and knowledge of what is plotted.
+
+mod axis;
+mod chart;
+mod curve;
+mod figure;
+
+pub use axis::Axis;
+pub use chart::{Chart, Corner, Stretch};
+pub use curve::{BLACK, BLUE, COLOURS, Curve, GREEN, GREY, OCHRE, PALE, RED, VIOLET};
+pub use figure::{Figure, PlotError};
+pub use plotters::style::RGBColor;
+
+/// Font of all text. The machine may have no fonts and no fontconfig, so it comes with the program.
+const FONT: &str = "sans-serif";

@@ -1,0 +1,70 @@
+//! Why a scene cannot be had.
+
+use std::io;
+use std::path::PathBuf;
+
+use kerf_physics::SceneError;
+
+use crate::catalog;
+
+/// Why a scene cannot be had.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// Neither a built-in scene nor a file.
+    #[error("`{name}` is neither a file nor one of the built-in scenes: {}", catalog::builtin_names().join(", "))]
+    NotFound {
+        /// What was asked for.
+        name: String,
+    },
+    /// A file cannot be read.
+    #[error("{}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// A file is larger than the limit.
+    #[error("{}: {bytes} bytes are more than the limit of {limit}", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Its size.
+        bytes: u64,
+        /// That of its kind, as [`crate::file`] has them.
+        limit: u64,
+    },
+    /// A file does not hold the points of an edge.
+    #[error("{}: {message}", path.display())]
+    Edge {
+        /// The file.
+        path: PathBuf,
+        /// The line and what is wrong with it.
+        message: String,
+    },
+    /// A file does not hold the mesh or the labels that it should.
+    #[error("{}: {message}", path.display())]
+    Mesh {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        message: String,
+    },
+    /// The file is not the TOML of a scene.
+    #[error(transparent)]
+    Parse(#[from] SceneError),
+    /// A scene sent as text names a file, which would be one of the machine that reads it.
+    #[error("objects[{object}]: a scene sent as text may not refer to files")]
+    NamesFile {
+        /// Index of the object.
+        object: usize,
+    },
+    /// Values that are not supported.
+    #[error("{name}: {}", problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
+    Invalid {
+        /// Built-in name or path, or what the text is called.
+        name: String,
+        /// All of them; at least one.
+        problems: Vec<SceneError>,
+    },
+}
