@@ -4,7 +4,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::{Scene, SceneDesc, Workers};
+use kerf_physics::tool::{OPEN, Pose};
+use kerf_physics::{Quat, Scene, SceneDesc, Vec3, Workers};
 use kerf_scenes::dial::Fronts;
 use kerf_session::{
     Driver, MAX_POINT_NAME_BYTES, Phase, PoseSample, Registry, SceneEvent, Session, SessionError, SessionLimits,
@@ -27,9 +28,9 @@ async fn session() -> (Registry, Arc<Session>) {
 
 /// The edge turned about the vertical and tilted: it crosses the links one after another.
 fn askew(seq: u64, height_m: f64) -> PoseSample {
-    let ((sin_yaw, cos_yaw), (sin_tilt, cos_tilt)) = (0.2_f64.sin_cos(), 0.15_f64.sin_cos());
-    let orientation_xyzw = [sin_yaw * sin_tilt, sin_yaw * cos_tilt, cos_yaw * sin_tilt, cos_yaw * cos_tilt];
-    PoseSample { seq, client_ns: 0, opening: 1.0, position_m: [0.0, height_m, 4e-4], orientation_xyzw }
+    let orientation = Quat::from_axis_angle(&Vec3::y_axis(), 0.4) * Quat::from_axis_angle(&Vec3::z_axis(), 0.3);
+    let pose = Pose { position_m: Vec3::new(0.0, height_m, 4e-4), orientation };
+    PoseSample { seq, client_ns: 0, pose, opening: OPEN }
 }
 
 async fn report_where(driver: &Driver, holds: impl Fn(&StepReport) -> bool) -> Arc<StepReport> {

@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use kerf_physics::{Scene, SceneDesc, Stage, Workers};
+use kerf_physics::tool::{OPEN, Pose};
+use kerf_physics::{Scene, SceneDesc, Stage, Vec3, Workers};
 use kerf_scenes::dial::Fronts;
 use kerf_session::{PoseSample, Registry, SessionLimits, SessionOptions, ViewMessage};
 
@@ -38,9 +39,8 @@ async fn after_the_last_viewer_nothing_is_contoured_and_the_next_one_sees_the_su
 
     let driver = session.drive(&[0]).unwrap();
     for seq in 1..100 {
-        let position_m = [0.0, 0.012 - 3e-4 * seq as f64, 0.0];
-        let orientation_xyzw = [0.0, 0.0, 0.0, 1.0];
-        driver.submit(0, &PoseSample { seq, client_ns: 0, position_m, orientation_xyzw, opening: 1.0 }).unwrap();
+        let pose = Pose { position_m: Vec3::new(0.0, 0.012 - 3e-4 * seq as f64, 0.0), ..Pose::default() };
+        driver.submit(0, &PoseSample { seq, client_ns: 0, pose, opening: OPEN }).unwrap();
         tokio::time::sleep(Duration::from_millis(4)).await;
         if session.describe().await.unwrap().topology_version > 2 {
             break;
