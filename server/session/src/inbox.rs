@@ -11,7 +11,7 @@ use tokio::sync::oneshot;
 
 use crate::error::SessionError;
 use crate::limits::{SessionLimits, to_ns};
-use crate::lock;
+use crate::lock::lock;
 use crate::points::PointInfo;
 use crate::pose_check::{PoseRefusal, PoseSample};
 use crate::recorder::InputLog;

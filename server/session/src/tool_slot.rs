@@ -28,6 +28,18 @@ struct Lease {
     heard_ns: u64,
 }
 
+/// Whether the world has a tool.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Presence {
+    /// It is lifted.
+    #[default]
+    Out,
+    /// It is where it was last told to be.
+    In,
+    /// It may be there, at a pose that is too old to move on from.
+    Stale,
+}
+
 /// Lease and pending motion of a tool. At most one motion waits, whatever the rate of poses.
 #[derive(Debug, Default)]
 pub(crate) struct ToolSlot {
@@ -39,8 +51,8 @@ pub(crate) struct ToolSlot {
     /// The last pose, if it was refused for being too far from `last`.
     jumped_to: Option<TimedPose>,
     pending: Option<ToolMotion>,
-    /// Whether the tool is in the scene once `pending` is applied.
-    in_scene: bool,
+    /// As of when `pending` is applied.
+    presence: Presence,
     /// Whether `pending` puts down a tool that had jumped.
     jumped: bool,
 }
@@ -88,12 +100,12 @@ impl ToolSlot {
         // A tool that was put down since the last tick has touched nothing before its newest pose.
         let was_put_down = matches!(self.pending, Some(ToolMotion::EnterAt { .. }));
         let (pose, opening) = (sample.pose, sample.opening);
-        self.pending = Some(if enters || was_put_down || !self.in_scene {
+        self.pending = Some(if enters || was_put_down {
             ToolMotion::EnterAt { pose, opening }
         } else {
             ToolMotion::MoveTo { pose, opening }
         });
-        self.in_scene = true;
+        self.presence = Presence::In;
         Ok(())
     }
 
@@ -114,7 +126,7 @@ impl ToolSlot {
     /// too far away is refused, as it may be a glitch; a second one near it means that the tool is
     /// really there.
     fn enters_by(&mut self, to: &TimedPose, limits: &PoseLimits) -> Result<bool, PoseRefusal> {
-        let Some(last) = self.last.as_ref().filter(|_| self.in_scene) else { return Ok(true) };
+        let Some(last) = self.last.as_ref().filter(|_| self.presence == Presence::In) else { return Ok(true) };
         let Err(refusal) = check_motion(last, to, limits) else {
             self.jumped_to = None;
             return Ok(false);
@@ -155,9 +167,9 @@ impl ToolSlot {
     fn leave_scene(&mut self) {
         self.jumped_to = None;
         self.jumped = false;
-        if self.in_scene {
+        if self.presence != Presence::Out {
             self.pending = Some(ToolMotion::Lift);
-            self.in_scene = false;
+            self.presence = Presence::Out;
         }
     }
 
@@ -171,8 +183,8 @@ impl ToolSlot {
     pub fn reenter(&mut self) {
         match self.pending {
             Some(ToolMotion::MoveTo { pose, opening }) => self.pending = Some(ToolMotion::EnterAt { pose, opening }),
-            Some(_) => {}
-            None => self.in_scene = false,
+            None if self.presence == Presence::In => self.presence = Presence::Stale,
+            _ => {}
         }
     }
 
@@ -180,8 +192,9 @@ impl ToolSlot {
     /// down.
     pub fn withdraw(&mut self) {
         self.reenter();
-        self.in_scene = matches!(self.pending, Some(ToolMotion::EnterAt { .. }));
-        self.pending.get_or_insert(ToolMotion::Lift);
+        if !matches!(self.pending, Some(ToolMotion::EnterAt { .. })) {
+            (self.pending, self.presence) = (Some(ToolMotion::Lift), Presence::Out);
+        }
     }
 
     /// What the tool does in the coming step.
@@ -334,6 +347,14 @@ mod tests {
         assert!(entered_at_x_m(&mut slot).is_some());
         slot.accept(&at(3, 2e-3), 2 * MS, &PoseLimits::default()).unwrap();
         assert_eq!(moved_to_x_m(&mut slot), Some(2e-3));
+    }
+
+    #[test]
+    fn a_tool_that_stood_through_a_pause_is_lifted_when_its_driver_goes() {
+        let mut slot = entered();
+        slot.reenter();
+        slot.release(A);
+        assert_eq!(slot.take_motion().map(|m| m.motion), Some(ToolMotion::Lift));
     }
 
     #[test]
