@@ -118,7 +118,7 @@ impl PoseRefusal {
             Self::NotClaimed { .. } => "among the tools claimed".into(),
             Self::SeqNotRising { last, .. } => format!("greater than {last}"),
             Self::NoPose(PoseError::PositionNotFinite | PoseError::OrientationNotFinite) => "finite".into(),
-            Self::NoPose(PoseError::NoRotation { tolerance, .. }) => format!("length within {tolerance} of 1"),
+            Self::NoPose(PoseError::NoRotation { tolerance, .. }) => format!("norm within {tolerance} of 1"),
             Self::OutsideWorkspace { limit_m, .. } => format!("within {limit_m} m of the origin on each axis"),
             Self::NoOpening { .. } => "between 0 and 1".into(),
             Self::TooFast { limit_m, .. } => format!("at most {limit_m:.4} m from the last accepted pose"),
