@@ -31,7 +31,7 @@ fn stroke(world: &mut World) -> (u32, f64) {
     for step in 0..220 {
         // 0.4 m/s, from just above.
         let position_m = top_m + Vec3::new(0.0, 1e-3 - 4e-4 * f64::from(step).min(extent_m.y / 2.0 / 4e-4), 3e-4);
-        let motion = ToolMotion::MoveTo(Pose { position_m, orientation: Quat::identity() });
+        let motion = ToolMotion::move_to(Pose { position_m, orientation: Quat::identity() });
         let output = world.step(&Workers::serial(), &NoClock, &StepInputs::of(&[ToolInput { tool: 0, motion }]));
         assert!(output.fault.is_none(), "{:?}", output.fault);
         parted += output.fracture.parted_links;

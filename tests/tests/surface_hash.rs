@@ -106,7 +106,7 @@ fn stroke(world: &mut World, number: usize, mut after: impl FnMut(&mut World)) {
     for step in 0..60 {
         let position_m = Vec3::new(0.01 * turn(1.9), 0.033 - 5e-4 * f64::from(step), 0.01 * turn(2.7));
         let pose = Pose { position_m, orientation };
-        let motion = if step == 0 { ToolMotion::EnterAt(pose) } else { ToolMotion::MoveTo(pose) };
+        let motion = if step == 0 { ToolMotion::enter_at(pose) } else { ToolMotion::move_to(pose) };
         world.step(&Workers::serial(), &NoClock, &StepInputs::of(&[ToolInput { tool: 0, motion }]));
         after(world);
     }

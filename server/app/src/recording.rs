@@ -1,9 +1,13 @@
 //! Recordings: the inputs of a session in a file, from which `simulate --replay` gets the same bits.
 //!
 //! CSV with a row per input. `step` is the number of steps taken before it, `tool` an index into the
-//! scene's tools, `input` one of `enter`, `move` and `lift`, `opening` where its jaws moved, or `tolerance`
-//! where the governor set the solver's; numbers are written so that they read back to the same bits. The last row is `end`, with the number of all steps and the hash of the state that
-//! they led to, absent where the session went on after its log was full.
+//! scene's tools, `input` one of `enter`, `move` and `lift`, or `tolerance` where the governor set the solver's;
+//! a tool that enters or moves has a pose and an `opening`. Numbers are written so that they read back to the
+//! same bits. The last row is `end`, with the number of all steps and the hash of the state that they led to,
+//! absent where the session went on after its log was full.
+//!
+//! A session that went back to a named point is recorded as the way to the point and on from there: what came
+//! after the point had no part in the state that the recording leads to.
 
 use std::fs::File;
 use std::io;
@@ -14,6 +18,8 @@ use anyhow::{Context, Error, Result, anyhow, bail, ensure};
 use kerf_physics::step_io::{ToolInput, ToolMotion};
 use kerf_physics::tool::Pose;
 use kerf_session::{InputLog, LoggedInputs, Session};
+
+use crate::convert::{pose_from_script, script_pose};
 
 const HEADER: [&str; 13] = [
     "step",
@@ -26,14 +32,14 @@ const HEADER: [&str; 13] = [
     "qy",
     "qz",
     "qw",
+    "opening",
     "relative_tolerance",
     "state_hash",
-    "opening",
 ];
 const POSE: usize = 3;
-const TOLERANCE: usize = 10;
-const STATE_HASH: usize = 11;
-const OPENING: usize = 12;
+const OPENING: usize = 10;
+const TOLERANCE: usize = 11;
+const STATE_HASH: usize = 12;
 /// Departure of a quaternion's length from 1 that is rounding; sessions record unit quaternions.
 const QUATERNION_ROUNDING: f64 = 1e-9;
 /// Most steps of a recording: three hours at 1 kHz.
@@ -138,7 +144,12 @@ impl Recording {
             }
             match &record[2] {
                 "tolerance" => inputs.relative_tolerance = Some(tolerance(&record).with_context(context)?),
-                _ => inputs.tools.push(motion(&record, tools).with_context(context)?),
+                _ => {
+                    let input = motion(&record, tools).with_context(context)?;
+                    let is_second = inputs.tools.iter().any(|first| first.tool == input.tool);
+                    ensure!(!is_second, "row {row}: column tool: {} has an input in this step already", input.tool);
+                    inputs.tools.push(input);
+                }
             }
         }
         bail!("the recording has no end")
@@ -147,19 +158,15 @@ impl Recording {
 
 fn motion_row(step: usize, input: &ToolInput) -> [String; HEADER.len()] {
     let mut row = [const { String::new() }; HEADER.len()];
-    let (motion, pose) = match input.motion {
-        ToolMotion::EnterAt(pose) => ("enter", Some(pose)),
-        ToolMotion::MoveTo(pose) => ("move", Some(pose)),
+    let (motion, place) = match input.motion {
+        ToolMotion::EnterAt { pose, opening } => ("enter", Some((pose, opening))),
+        ToolMotion::MoveTo { pose, opening } => ("move", Some((pose, opening))),
         ToolMotion::Lift => ("lift", None),
-        ToolMotion::SetOpening(opening) => {
-            row[OPENING] = opening.to_string();
-            ("opening", None)
-        }
     };
     (row[0], row[1], row[2]) = (step.to_string(), input.tool.to_string(), motion.into());
-    if let Some(pose) = pose {
-        let pose = kerf_script::Pose { position_m: pose.position_m, orientation: pose.orientation };
-        row[POSE..TOLERANCE].clone_from_slice(&pose.cells());
+    if let Some((pose, opening)) = place {
+        row[POSE..OPENING].clone_from_slice(&script_pose(&pose).cells());
+        row[OPENING] = opening.to_string();
     }
     row
 }
@@ -185,11 +192,10 @@ fn motion(record: &csv::StringRecord, tools: usize) -> Result<ToolInput> {
     let tool = integer(record, 1)? as usize;
     ensure!(tool < tools, "column tool: {tool}, but the scene has {tools}");
     let motion = match &record[2] {
-        "enter" => ToolMotion::EnterAt(pose(record)?),
-        "move" => ToolMotion::MoveTo(pose(record)?),
+        "enter" => ToolMotion::EnterAt { pose: pose(record)?, opening: opening(record)? },
+        "move" => ToolMotion::MoveTo { pose: pose(record)?, opening: opening(record)? },
         "lift" => ToolMotion::Lift,
-        "opening" => ToolMotion::SetOpening(opening(record)?),
-        other => bail!("column input: `{other}` is none of enter, move, lift, opening, tolerance, end"),
+        other => bail!("column input: `{other}` is none of enter, move, lift, tolerance, end"),
     };
     Ok(ToolInput { tool, motion })
 }
@@ -197,7 +203,7 @@ fn motion(record: &csv::StringRecord, tools: usize) -> Result<ToolInput> {
 fn pose(record: &csv::StringRecord) -> Result<Pose> {
     // Not normalised once more: that could change the last bit.
     let pose = kerf_script::Pose::of_cells(record, POSE, QUATERNION_ROUNDING).map_err(Error::msg)?;
-    Ok(Pose { position_m: pose.position_m, orientation: pose.orientation })
+    Ok(pose_from_script(&pose))
 }
 
 fn integer(record: &csv::StringRecord, column: usize) -> Result<u64> {
@@ -224,9 +230,9 @@ mod tests {
         let step = |tools: &[ToolInput], relative_tolerance| LoggedInputs { tools: tools.into(), relative_tolerance };
         let steps = [
             step(&[], None),
-            step(&[input(1, ToolMotion::EnterAt(pose)), input(0, ToolMotion::EnterAt(Pose::default()))], None),
-            step(&[input(1, ToolMotion::MoveTo(pose))], Some(0.01 / 3.0)),
-            step(&[input(1, ToolMotion::SetOpening(0.1 / 3.0))], Some(0.1)),
+            step(&[input(1, ToolMotion::enter_at(pose)), input(0, ToolMotion::enter_at(Pose::default()))], None),
+            step(&[input(1, ToolMotion::move_to(pose))], Some(0.01 / 3.0)),
+            step(&[input(1, ToolMotion::MoveTo { pose, opening: 0.1 / 3.0 })], Some(0.1)),
             step(&[input(1, ToolMotion::Lift)], None),
             step(&[], None),
         ];
@@ -259,14 +265,12 @@ mod tests {
         assert_eq!(refused("2,1,move", "0,1,move"), "row 5: column step: 0 is below that of the row before");
         assert_eq!(refused("2,1,move", "2,7,move"), "row 5: column tool: 7, but the scene has 2");
         assert_eq!(refused("2,1,move,0.1", "2,1,move,up"), "row 5: column x_m: `up` is not a finite number");
-        assert_eq!(
-            refused("lift", "hop"),
-            "row 8: column input: `hop` is none of enter, move, lift, opening, tolerance, end"
-        );
+        assert_eq!(refused("lift", "hop"), "row 8: column input: `hop` is none of enter, move, lift, tolerance, end");
         assert_eq!(refused("6,,end", "4,,end"), "row 9: column step: 4 leaves out the last step");
         assert_eq!(refused("6,,end", "99999999,,end"), "row 9: column step: 99999999 is more than 10000000");
-        assert_eq!(refused("0.1,,\n", "0.7,,\n"), "row 6: column relative_tolerance: 0.7 is not between 0 and 0.5");
+        assert_eq!(refused("0.1,\n", "0.7,\n"), "row 6: column relative_tolerance: 0.7 is not between 0 and 0.5");
         assert!(refused("0,0,0,0,0,0,1", "0,0,0,0,0,0,2").starts_with("row 3: columns qx to qw"));
+        assert_eq!(refused("1,0,enter", "1,1,enter"), "row 3: column tool: 1 has an input in this step already");
         assert_eq!(refused(text.lines().last().unwrap(), ""), "the recording has no end");
     }
 }

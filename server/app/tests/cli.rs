@@ -102,7 +102,7 @@ fn simulate_replays_a_recording_and_refuses_another_scenes() {
     let mut log = InputLog::new(usize::MAX);
     let pose = Pose { position_m: Vec3::new(0.0, 0.5, 0.0), orientation: Quat::from_euler_angles(0.1, 0.2, 0.3) };
     log.record(&StepInputs::of(&[]));
-    log.record(&StepInputs::of(&[ToolInput { tool: 0, motion: ToolMotion::EnterAt(pose) }]));
+    log.record(&StepInputs::of(&[ToolInput { tool: 0, motion: ToolMotion::enter_at(pose) }]));
     log.record(&StepInputs::of(&[]));
     let jelly = catalog::builtin("jelly").unwrap();
     let state_hash = log.replay(&jelly, &Workers::serial()).unwrap().state_hash();

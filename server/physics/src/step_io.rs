@@ -3,12 +3,12 @@
 use crate::Vec3;
 use crate::fault::Fault;
 use crate::stage::StepProfile;
-use crate::tool::Pose;
+use crate::tool::{OPEN, Pose};
 
 /// Input of one step.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StepInputs<'a> {
-    /// Taken in their order; at most one pose and one opening per tool, which otherwise keeps its last.
+    /// At most one per tool. A tool without one stays where it is, or lifted.
     pub tools: &'a [ToolInput],
     /// Relative tolerance of the velocity solve from this step on; absent: as before.
     pub relative_tolerance: Option<f64>,
@@ -22,27 +22,49 @@ impl<'a> StepInputs<'a> {
     }
 }
 
-/// What became known of one tool since the last step.
+/// What one tool does in a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolInput {
     /// Index into [`crate::SceneDesc::tools`].
     pub tool: usize,
-    /// What the tool does in this step.
+    /// How it gets to where it is at t + dt.
     pub motion: ToolMotion,
 }
 
-/// How a tool gets to where it is at t + dt.
+/// How a tool gets to where it is at t + dt. Where a tool is comprises its pose and its `opening`: the share of
+/// their full opening that its jaws take, 0 (closed) to 1 ([`OPEN`]). A tool without jaws takes no notice of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ToolMotion {
-    /// Moves to this pose, touching what lies between.
-    MoveTo(Pose),
-    /// Is lifted and put down at this pose, touching nothing between (first pose, teleport).
-    EnterAt(Pose),
+    /// Moves there, touching what lies between; a tool that is lifted enters.
+    MoveTo {
+        /// Pose at t + dt.
+        pose: Pose,
+        /// Opening at t + dt.
+        opening: f64,
+    },
+    /// Is lifted and put down there, touching nothing between (first pose, teleport).
+    EnterAt {
+        /// Pose at t + dt.
+        pose: Pose,
+        /// Opening at t + dt.
+        opening: f64,
+    },
     /// Leaves the scene; it touches nothing until it enters again.
     Lift,
-    /// Its jaws take this share of their full opening at t + dt, 0 (closed) to 1; it does not move by it. A
-    /// tool enters open, and one that has no jaws takes no notice.
-    SetOpening(f64),
+}
+
+impl ToolMotion {
+    /// [`Self::MoveTo`] this pose, with open jaws if the tool has any.
+    #[must_use]
+    pub fn move_to(pose: Pose) -> Self {
+        Self::MoveTo { pose, opening: OPEN }
+    }
+
+    /// [`Self::EnterAt`] this pose, with open jaws if the tool has any.
+    #[must_use]
+    pub fn enter_at(pose: Pose) -> Self {
+        Self::EnterAt { pose, opening: OPEN }
+    }
 }
 
 /// Force and torque on a tool, scene frame, torque about the tool's reference point.

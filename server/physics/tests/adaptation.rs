@@ -59,7 +59,7 @@ fn drive(world: &mut World, stroke: &Stroke, mut after: impl FnMut(&mut World, &
     for step in 0..=STEPS {
         let depth_m = (stroke.depth_m + low_m) * step as f64 / STEPS as f64;
         let pose = Pose { position_m: top_m - Vec3::y() * depth_m, orientation };
-        let motion = if step == 0 { ToolMotion::EnterAt(pose) } else { ToolMotion::MoveTo(pose) };
+        let motion = if step == 0 { ToolMotion::enter_at(pose) } else { ToolMotion::move_to(pose) };
         world.step(&Workers::serial(), &NoClock, &StepInputs::of(&[ToolInput { tool: 0, motion }]));
         after(world, &pose);
     }

@@ -116,11 +116,9 @@ fn neither_holding_nor_pressing_allocates() {
         let mut allocations = 0;
         for i in 0..60 {
             let position_m = Vec3::new(0.0, 0.045 - 1e-4 * f64::from(i), 0.0);
-            let motions = [
-                ToolMotion::MoveTo(Pose { position_m, orientation: Quat::identity() }),
-                ToolMotion::SetOpening(if (20..40).contains(&i) { 0.0 } else { 1.0 }),
-            ];
-            let inputs = motions.map(|motion| ToolInput { tool: 0, motion });
+            let pose = Pose { position_m, orientation: Quat::identity() };
+            let opening = if (20..40).contains(&i) { 0.0 } else { 1.0 };
+            let inputs = [ToolInput { tool: 0, motion: ToolMotion::MoveTo { pose, opening } }];
             let before = ALLOCATIONS.get();
             world.step(&Workers::serial(), &NoClock, &StepInputs::of(&inputs));
             // The vectors of a solve come into being in the first step.

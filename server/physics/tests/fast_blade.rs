@@ -24,7 +24,7 @@ fn sheet(voxels: f64, level: u8, fracture_energy_j_per_m2: Option<f64>) -> World
 /// The edge across the sheet at a height, cutting down.
 fn at(height_m: f64) -> ToolMotion {
     let orientation = Quat::from_euler_angles(0.0, std::f64::consts::FRAC_PI_2, 0.0);
-    ToolMotion::MoveTo(Pose { position_m: Vec3::new(7e-4, height_m, 0.0), orientation })
+    ToolMotion::move_to(Pose { position_m: Vec3::new(7e-4, height_m, 0.0), orientation })
 }
 
 fn step(world: &mut World, motion: ToolMotion) -> f64 {

@@ -3,7 +3,7 @@
 use crate::support::{Lcg, object, scene};
 use kerf_physics::scene::{BladeDesc, GrasperDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{EnergyStep, Grasp, StepOutput, ToolMotion};
-use kerf_physics::tool::Pose;
+use kerf_physics::tool::{OPEN, Pose};
 use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 
 const YOUNG_PA: f64 = 1e5;
@@ -27,20 +27,31 @@ fn strip(h: f64, level: u8, max_force_n: Option<f64>) -> Scene {
 struct Hand {
     world: World,
     pose: Pose,
+    opening: f64,
     booked: EnergyStep,
 }
 
 impl Hand {
     fn new(scene: &Scene, position_m: Vec3) -> Self {
         let pose = Pose { position_m, orientation: Quat::identity() };
-        let mut hand = Self { world: World::new(scene).expect("a valid scene"), pose, booked: EnergyStep::default() };
-        hand.act(&[ToolMotion::EnterAt(pose)]);
+        let world = World::new(scene).expect("a valid scene");
+        let mut hand = Self { world, pose, opening: OPEN, booked: EnergyStep::default() };
+        hand.enter_at(pose, OPEN);
         hand
     }
 
-    fn act(&mut self, motions: &[ToolMotion]) -> &StepOutput {
-        let inputs: Vec<ToolInput> = motions.iter().map(|&motion| ToolInput { tool: 0, motion }).collect();
-        let output = self.world.step(&Workers::serial(), &NoClock, &StepInputs::of(&inputs));
+    fn enter_at(&mut self, pose: Pose, opening: f64) -> &StepOutput {
+        (self.pose, self.opening) = (pose, opening);
+        self.act(&[ToolInput { tool: 0, motion: ToolMotion::EnterAt { pose, opening } }])
+    }
+
+    fn move_to(&mut self, pose: Pose) -> &StepOutput {
+        self.pose = pose;
+        self.act(&[ToolInput { tool: 0, motion: ToolMotion::MoveTo { pose, opening: self.opening } }])
+    }
+
+    fn act(&mut self, inputs: &[ToolInput]) -> &StepOutput {
+        let output = self.world.step(&Workers::serial(), &NoClock, &StepInputs::of(inputs));
         assert!(output.fault.is_none(), "{:?}", output.fault);
         self.booked.tool_work_j += output.energy.tool_work_j;
         self.booked.residual_j += output.energy.residual_j.abs();
@@ -50,16 +61,21 @@ impl Hand {
     }
 
     fn close(&mut self) -> &StepOutput {
-        self.act(&[ToolMotion::SetOpening(0.0)])
+        self.opening = 0.0;
+        self.move_to(self.pose)
+    }
+
+    fn open(&mut self) -> &StepOutput {
+        self.opening = OPEN;
+        self.move_to(self.pose)
     }
 
     fn move_by(&mut self, by_m: Vec3, turn: Quat, steps: u32) {
         let (from, to) = (self.pose, turn * self.pose.orientation);
         for i in 1..=steps {
             let share = f64::from(i) / f64::from(steps);
-            self.pose.position_m = from.position_m + by_m * share;
-            self.pose.orientation = from.orientation.slerp(&to, share);
-            self.act(&[ToolMotion::MoveTo(self.pose)]);
+            let orientation = from.orientation.slerp(&to, share);
+            self.move_to(Pose { position_m: from.position_m + by_m * share, orientation });
         }
     }
 
@@ -143,7 +159,7 @@ fn letting_go_books_what_the_springs_held() {
     hand.move_by(Vec3::new(0.003, 0.002, 0.0), Quat::from_euler_angles(0.4, 0.0, 0.1), 150);
     hand.rest(50);
     let (stored, numerical) = (hand.world.output().energy.contact_j, hand.booked.numerical_j);
-    let opened = hand.act(&[ToolMotion::SetOpening(1.0)]).clone();
+    let opened = hand.open().clone();
     assert_eq!(opened.tools[0].grasp, Grasp::Nothing);
     assert_eq!(opened.tools[0].wrench.force_n, Vec3::zeros());
     let dropped = stored - opened.energy.contact_j;
@@ -164,8 +180,7 @@ fn what_takes_more_than_the_most_force_slips_out_and_is_taken_again_only_by_jaws
     let mut highest: f64 = 0.0;
     let slipped = (0..400).position(|_| {
         hand.pose.position_m.x += 2e-5;
-        let pose = hand.pose;
-        let output = hand.act(&[ToolMotion::MoveTo(pose)]);
+        let output = hand.move_to(hand.pose);
         let tool = &output.tools[0];
         highest = highest.max(tool.wrench.force_n.norm());
         tool.grasp == Grasp::Slipped
@@ -175,10 +190,9 @@ fn what_takes_more_than_the_most_force_slips_out_and_is_taken_again_only_by_jaws
     assert_eq!(hand.rest(1).tools[0].grasp, Grasp::Nothing);
     assert_eq!(hand.close().tools[0].grasp, Grasp::Nothing, "they are closed already");
     hand.rest(500);
-    hand.act(&[ToolMotion::SetOpening(1.0)]);
+    hand.open();
     hand.pose.position_m.x = LENGTH_M;
-    let pose = hand.pose;
-    hand.act(&[ToolMotion::MoveTo(pose)]);
+    hand.move_to(hand.pose);
     assert_eq!(hand.close().tools[0].grasp, Grasp::Holding);
     assert!(hand.booked.residual_j < 1e-2 * hand.booked.tool_work_j);
 }
@@ -189,8 +203,7 @@ fn jaws_that_come_in_closed_or_close_in_the_air_hold_nothing() {
     assert_eq!(hand.close().tools[0].grasp, Grasp::Nothing);
     hand.move_by(Vec3::new(-0.02, 0.0, 0.0), Quat::identity(), 20);
     assert_eq!(hand.world.output().tools[0].grasp, Grasp::Nothing);
-    let pose = hand.pose;
-    let entered = hand.act(&[ToolMotion::EnterAt(pose), ToolMotion::SetOpening(0.0)]);
+    let entered = hand.enter_at(hand.pose, 0.0);
     assert_eq!(entered.tools[0].grasp, Grasp::Nothing);
 }
 
@@ -241,7 +254,7 @@ fn a_grip_holds_on_through_a_cut_of_what_it_holds() {
         let height = 0.006 - 4e-5 * f64::from(step);
         let orientation = Quat::from_axis_angle(&Vec3::y_axis(), std::f64::consts::FRAC_PI_2);
         let pose = Pose { position_m: Vec3::new(LENGTH_M - 0.0029, height, 0.0), orientation };
-        let input = ToolInput { tool: 1, motion: ToolMotion::MoveTo(pose) };
+        let input = ToolInput { tool: 1, motion: ToolMotion::move_to(pose) };
         let output = hand.world.step(&Workers::serial(), &NoClock, &StepInputs::of(&[input]));
         assert!(output.fault.is_none());
         assert_eq!(output.tools[0].grasp, Grasp::Holding);
@@ -277,11 +290,9 @@ fn random_pulls_stay_finite_and_book_every_joule() {
         let before = hand.booked.tool_work_j;
         hand.move_by(by, turn, 30);
         work += (hand.booked.tool_work_j - before).abs();
-        hand.act(&[ToolMotion::SetOpening(1.0)]);
+        hand.open();
         hand.rest(20);
-        let pose = Pose { position_m: Vec3::new(0.05, 0.004, 0.0), orientation: Quat::identity() };
-        hand.pose = pose;
-        hand.act(&[ToolMotion::EnterAt(pose)]);
+        hand.enter_at(Pose { position_m: Vec3::new(0.05, 0.004, 0.0), orientation: Quat::identity() }, OPEN);
     }
     println!("residual over work {:.1e}", hand.booked.residual_j / work);
     assert!(hand.booked.residual_j < 1e-2 * work, "{} of {work}", hand.booked.residual_j);

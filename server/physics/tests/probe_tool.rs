@@ -25,7 +25,7 @@ fn sphere(radius_m: f64) -> CapsuleDesc {
 }
 
 fn step(world: &mut World, tool: usize, position_m: Vec3, orientation: Quat) -> StepOutput {
-    let input = ToolInput { tool, motion: ToolMotion::MoveTo(Pose { position_m, orientation }) };
+    let input = ToolInput { tool, motion: ToolMotion::move_to(Pose { position_m, orientation }) };
     let output = world.step(&Workers::serial(), &NoClock, &StepInputs::of(&[input])).clone();
     assert!(output.fault.is_none(), "{:?}", output.fault);
     output

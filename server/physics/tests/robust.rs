@@ -65,14 +65,14 @@ impl Hand {
             spin_per_s: random_vector(rng) * 20.0,
             left: 5 + (rng.unit() * 20.0) as u32,
         };
-        (hand, ToolMotion::EnterAt(pose))
+        (hand, ToolMotion::enter_at(pose))
     }
 
     fn go_on(&mut self, dt_s: f64) -> ToolMotion {
         self.left -= 1;
         self.pose.position_m += self.velocity_m_per_s * dt_s;
         self.pose.orientation = Quat::from_scaled_axis(self.spin_per_s * dt_s) * self.pose.orientation;
-        ToolMotion::MoveTo(self.pose)
+        ToolMotion::move_to(self.pose)
     }
 }
 

@@ -24,6 +24,15 @@ fn strip(h: f64, level: u8) -> Scene {
     scene
 }
 
+/// The pivot is 25 mm to the left of the strip; the blades' plane is none of the voxels'.
+fn pose() -> Pose {
+    Pose { position_m: Vec3::new(-0.025, 0.0, 3e-4), orientation: Quat::identity() }
+}
+
+fn opened_by(opening: f64) -> ToolMotion {
+    ToolMotion::MoveTo { pose: pose(), opening }
+}
+
 struct Cut {
     world: World,
     booked: EnergyStep,
@@ -33,8 +42,8 @@ struct Cut {
 }
 
 impl Cut {
-    fn act(&mut self, motions: &[ToolMotion]) -> StepOutput {
-        let inputs: Vec<ToolInput> = motions.iter().map(|&motion| ToolInput { tool: 0, motion }).collect();
+    fn act(&mut self, motion: ToolMotion) -> StepOutput {
+        let inputs = [ToolInput { tool: 0, motion }];
         let output = self.world.step(&Workers::serial(), &NoClock, &StepInputs::of(&inputs)).clone();
         assert!(output.fault.is_none(), "{:?}", output.fault);
         self.booked.tool_work_j += output.energy.tool_work_j;
@@ -52,12 +61,10 @@ impl Cut {
 fn close(scene: &Scene, steps: u32) -> (Cut, f64) {
     let world = World::new(scene).expect("a valid scene");
     let mut cut = Cut { world, booked: EnergyStep::default(), residual_j: 0.0, area_m2: 0.0, parted: 0 };
-    // The pivot is 25 mm to the left of the strip; the blades' plane is none of the voxels'.
-    let pose = Pose { position_m: Vec3::new(-0.025, 0.0, 3e-4), orientation: Quat::identity() };
-    cut.act(&[ToolMotion::EnterAt(pose)]);
+    cut.act(ToolMotion::enter_at(pose()));
     let mut lift: f64 = 0.0;
     for i in 1..=steps {
-        let output = cut.act(&[ToolMotion::SetOpening(1.0 - f64::from(i) / f64::from(steps))]);
+        let output = cut.act(opened_by(1.0 - f64::from(i) / f64::from(steps)));
         lift = lift.max(output.tools[0].wrench.force_n.y.abs());
     }
     (cut, lift)
@@ -83,7 +90,7 @@ fn closing_parts_the_strip_by_two_cuts_that_meet() {
         // The two edges press against each other: next to nothing is left on the hand but the squeeze along
         // the blades.
         assert!(lift < 0.3 * GC_J_PER_M2 * SIDE_M, "{lift}");
-        let opened = cut.act(&[ToolMotion::SetOpening(1.0)]);
+        let opened = cut.act(opened_by(1.0));
         assert_eq!(opened.tools[0].cutting_length_m, 0.0);
     }
 }
@@ -93,13 +100,12 @@ fn two_edges_squeeze_the_tissue_out_towards_the_tips() {
     // Before they give: each edge presses along its own normal, which leans towards the tips.
     let scene = strip(0.00125, 1);
     let mut world = World::new(&scene).expect("a valid scene");
-    let pose = Pose { position_m: Vec3::new(-0.025, 0.0, 3e-4), orientation: Quat::identity() };
     let mut act =
         |motion| world.step(&Workers::serial(), &NoClock, &StepInputs::of(&[ToolInput { tool: 0, motion }])).clone();
-    act(ToolMotion::EnterAt(pose));
+    act(ToolMotion::enter_at(pose()));
     let mut wrench = None;
     for i in 1..=400 {
-        let output = act(ToolMotion::SetOpening(1.0 - f64::from(i) / 800.0));
+        let output = act(opened_by(1.0 - f64::from(i) / 800.0));
         assert_eq!(output.fracture.parted_links, 0, "at {i}");
         let force = output.tools[0].wrench.force_n;
         if force.norm() > 0.05 {

@@ -59,7 +59,7 @@ fn press(tissue: &Tissue, level: u8) -> Start {
         // Along z, off the planes of the lattice.
         let position_m = Vec3::new(0.0007, HEIGHT_M - start.depth_m, 0.0);
         let orientation = Quat::from_euler_angles(0.0, std::f64::consts::FRAC_PI_2, 0.0);
-        let motion = ToolMotion::MoveTo(Pose { position_m, orientation });
+        let motion = ToolMotion::move_to(Pose { position_m, orientation });
         let output = world.step(&Workers::serial(), &NoClock, &StepInputs::of(&[ToolInput { tool: 0, motion }]));
         if output.tools[0].cutting_length_m > 0.0 {
             return start;

@@ -36,7 +36,7 @@ fn stroke(world: &mut World, rng: &mut Lcg, mut after: impl FnMut(&mut World, &S
     for step in 0..STEPS_PER_STROKE {
         let position_m = from_m - Vec3::y() * (5e-4 * step as f64);
         let pose = Pose { position_m, orientation };
-        let motion = if step == 0 { ToolMotion::EnterAt(pose) } else { ToolMotion::MoveTo(pose) };
+        let motion = if step == 0 { ToolMotion::enter_at(pose) } else { ToolMotion::move_to(pose) };
         let inputs = [ToolInput { tool: 0, motion }];
         let output = world.step(&Workers::serial(), &NoClock, &StepInputs::of(&inputs)).clone();
         after(world, &output);

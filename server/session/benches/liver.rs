@@ -42,7 +42,7 @@ impl Stroke {
         self.step += 1;
         let orientation = Quat::from_euler_angles(0.0, 0.2, 0.0);
         let pose = Pose { position_m: Vec3::new(-0.0420, height_m, -0.0210), orientation };
-        let input = ToolInput { tool: 0, motion: ToolMotion::MoveTo(pose) };
+        let input = ToolInput { tool: 0, motion: ToolMotion::move_to(pose) };
         let start_ns = MonotonicClock::now_ns();
         let output = self.world.step(&Workers::serial(), &MonotonicClock, &StepInputs::of(&[input]));
         (since(start_ns), output)

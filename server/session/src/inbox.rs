@@ -6,13 +6,12 @@ use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex};
 use std::time::Duration;
 
-use kerf_physics::step_io::ToolMotion;
 use kerf_physics::{Scene, ToolInput, World};
 use tokio::sync::oneshot;
 
 use crate::error::SessionError;
 use crate::limits::{SessionLimits, to_ns};
-use crate::lock;
+use crate::lock::lock;
 use crate::points::PointInfo;
 use crate::pose_check::{PoseRefusal, PoseSample};
 use crate::recorder::InputLog;
@@ -248,10 +247,7 @@ impl Inbox {
             if mode == Drain::Stepping {
                 slot.expire(now_ns, lease_ns);
                 if let Some(next) = slot.take_motion() {
-                    let opening = next.opening.map(ToolMotion::SetOpening);
-                    tick.inputs.extend(
-                        [Some(next.motion), opening].into_iter().flatten().map(|motion| ToolInput { tool, motion }),
-                    );
+                    tick.inputs.push(ToolInput { tool, motion: next.motion });
                     jumped = next.jumped;
                 }
             }
@@ -273,19 +269,17 @@ impl Inbox {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use kerf_physics::Vec3;
+    use kerf_physics::step_io::ToolMotion;
+    use kerf_physics::tool::Pose;
 
     fn inbox(tools: usize) -> Inbox {
         Inbox::new(tools, SessionLimits { max_commands: 2, max_drivers: 2, ..SessionLimits::default() })
     }
 
     fn at(seq: u64, x_m: f64) -> PoseSample {
-        PoseSample {
-            seq,
-            client_ns: seq,
-            position_m: [x_m, 0.0, 0.0],
-            orientation_xyzw: [0.0, 0.0, 0.0, 1.0],
-            opening: 1.0,
-        }
+        let pose = Pose { position_m: Vec3::new(x_m, 0.0, 0.0), ..Pose::default() };
+        PoseSample { seq, client_ns: seq, pose, opening: 1.0 }
     }
 
     fn drained(inbox: &Inbox, mode: Drain, now_ns: u64) -> Tick {
@@ -371,6 +365,6 @@ mod tests {
         assert!(drained(&inbox, Drain::Standing, 50_000_000).inputs.is_empty());
         inbox.reenter_tools();
         let tick = drained(&inbox, Drain::Stepping, 50_000_000);
-        assert!(matches!(tick.inputs[0].motion, ToolMotion::EnterAt(_)));
+        assert!(matches!(tick.inputs[0].motion, ToolMotion::EnterAt { .. }));
     }
 }

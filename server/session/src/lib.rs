@@ -1,5 +1,5 @@
-//! Sessions: each owns one [`kerf_physics::World`] on one named OS thread, paced by absolute
-//! deadlines.
+//! Sessions: each owns one [`kerf_physics::World`], paced by absolute deadlines. What a session does is a core
+//! without a clock and without a thread; one named OS thread per session lends it both.
 //!
 //! In: tool poses, latest-wins per tool, and commands from a bounded queue; both are drained at the
 //! start of a tick. Out: the structure of the scene as an ordered bounded log, and its state,
@@ -13,14 +13,17 @@ pub mod error;
 mod governor;
 mod inbox;
 pub mod limits;
+mod lock;
 mod outbox;
 pub mod pacer;
 mod points;
 pub mod pose_check;
 pub mod recorder;
 pub mod registry;
-mod runner;
 pub mod session;
+mod session_core;
+mod session_id;
+mod session_thread;
 pub mod status;
 mod structure_log;
 mod tool_slot;
@@ -32,15 +35,8 @@ pub use outbox::{SceneEvent, StepReport, ToolReport, ViewEvent, ViewMessage, Vie
 pub use points::{MAX_POINT_NAME_BYTES, PointInfo};
 pub use pose_check::{PoseRefusal, PoseSample};
 pub use recorder::{InputLog, LoggedInputs};
-pub use registry::{Registry, SessionId, SessionOptions};
-pub use session::{Driver, Reports, Session};
+pub use registry::Registry;
+pub use session::{Driver, Reports, Session, SessionOptions};
+pub use session_id::SessionId;
 pub use status::{Phase, SessionStatus, StepTallies, StepTally, StepTimes};
 pub use tool_slot::{DriverId, Echo};
-
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
-/// Locks whatever happened to the last holder: every critical section of this crate leaves its data
-/// whole between any two statements that can panic.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}

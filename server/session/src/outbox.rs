@@ -14,8 +14,8 @@ use tokio::sync::watch;
 
 use crate::error::SessionError;
 use crate::limits::SessionLimits;
-use crate::lock;
-use crate::status::StepTimes;
+use crate::lock::lock;
+use crate::status::{Phase, StepTimes};
 use crate::structure_log::{Cursor, Next, Place, StructureLog};
 use crate::tool_slot::Echo;
 
@@ -146,13 +146,14 @@ struct Shelf {
 /// The shared side of a session's output.
 pub(crate) struct Outbox {
     shelf: Mutex<Shelf>,
+    phase: Mutex<Phase>,
     viewers: AtomicUsize,
     max_viewers: usize,
     max_events: usize,
 }
 
 impl Outbox {
-    pub fn new(limits: &SessionLimits) -> Self {
+    pub fn new(limits: &SessionLimits, phase: Phase) -> Self {
         let shelf = Shelf {
             log: StructureLog::new(limits.max_log_patches, limits.max_log_bytes),
             state: None,
@@ -161,10 +162,16 @@ impl Outbox {
         };
         Self {
             shelf: Mutex::new(shelf),
+            phase: Mutex::new(phase),
             viewers: AtomicUsize::new(0),
             max_viewers: limits.max_viewers,
             max_events: limits.max_log_events,
         }
+    }
+
+    /// What the session is doing.
+    pub fn phase(&self) -> Phase {
+        lock(&self.phase).clone()
     }
 
     /// Viewers that are connected.
@@ -215,6 +222,15 @@ impl Publisher {
         let (bell, bell_reader) = watch::channel(0);
         let (reports, report_reader) = watch::channel(Arc::default());
         (Self { outbox, bell, reports }, bell_reader, report_reader)
+    }
+
+    /// What the session is doing, as others see it.
+    pub fn phase(&self) -> Phase {
+        self.outbox.phase()
+    }
+
+    pub fn set_phase(&self, phase: Phase) {
+        *lock(&self.outbox.phase) = phase;
     }
 
     /// Whether anybody views.
@@ -386,7 +402,7 @@ mod tests {
 
     #[test]
     fn what_is_published_after_the_last_viewer_left_does_not_meet_the_next() {
-        let outbox = Arc::new(Outbox::new(&SessionLimits::default()));
+        let outbox = Arc::new(Outbox::new(&SessionLimits::default(), Phase::Running));
         let (publisher, bell, _reports) = Publisher::new(Arc::clone(&outbox));
         drop(outbox.join(bell.clone()).unwrap());
         publisher.keyframe(Keyframe::default());
@@ -400,7 +416,7 @@ mod tests {
 
     #[test]
     fn a_viewer_without_a_keyframe_hears_of_the_end_alone() {
-        let outbox = Arc::new(Outbox::new(&SessionLimits::default()));
+        let outbox = Arc::new(Outbox::new(&SessionLimits::default(), Phase::Running));
         let (publisher, bell, _reports) = Publisher::new(Arc::clone(&outbox));
         let mut viewer = outbox.join(bell).unwrap();
         publisher.event(1, SceneEvent::ToolTaken(0));

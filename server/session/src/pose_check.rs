@@ -1,35 +1,27 @@
-//! Whether a pose that arrived may move a tool.
-//!
-//! Two questions: is it a pose at all (finite, a rotation, within the workspace), and could the
-//! tool have moved there since its last accepted pose.
+//! Whether a pose that arrived may move a tool: does it lie in the workspace, and could the tool have moved
+//! there since its last accepted pose?
 
-use kerf_physics::tool::Pose;
-use kerf_physics::{Quat, Vec3};
-use nalgebra::Quaternion;
+use kerf_physics::tool::{Pose, PoseError};
 
 use crate::limits::PoseLimits;
 
-/// A pose as it arrived, unchecked.
+/// Where a driver says that a tool is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseSample {
     /// Rises with every pose of a driver.
     pub seq: u64,
     /// The client's clock when the pose was measured, ns; echoed.
     pub client_ns: u64,
-    /// Reference point, m, scene frame.
-    pub position_m: [f64; 3],
-    /// Rotation from the tool frame to the scene frame, xyzw.
-    pub orientation_xyzw: [f64; 4],
+    /// The pose.
+    pub pose: Pose,
     /// Share of their full opening that the tool's jaws take, 0 (closed) to 1; what has none ignores it.
     pub opening: f64,
 }
 
-/// A pose that passed, and when it arrived.
+/// A sample that passed, and when it arrived.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct TimedPose {
-    pub pose: Pose,
-    pub seq: u64,
-    pub client_ns: u64,
+    pub sample: PoseSample,
     pub arrived_ns: u64,
 }
 
@@ -66,24 +58,13 @@ pub enum PoseRefusal {
         /// The last one that was accepted.
         last: u64,
     },
-    /// The position is missing or not finite.
-    #[error("position_m: must be three finite numbers")]
-    PositionNotFinite,
-    /// The orientation is missing or not finite.
-    #[error("orientation: must be four finite numbers")]
-    OrientationNotFinite,
-    /// The quaternion is not a rotation.
-    #[error("orientation: norm {norm}, must be within {tolerance} of 1")]
-    NotUnit {
-        /// Its norm.
-        norm: f64,
-        /// `pose.quaternion_norm_tolerance`.
-        tolerance: f64,
-    },
+    /// The numbers state no pose.
+    #[error(transparent)]
+    NoPose(#[from] PoseError),
     /// The position is outside the workspace.
     #[error("position_m: {value_m} m, must be within {limit_m} m of the origin on each axis")]
     OutsideWorkspace {
-        /// The coordinate furthest outside, m.
+        /// A coordinate that is outside, m.
         value_m: f64,
         /// `pose.workspace_half_extent_m`.
         limit_m: f64,
@@ -119,8 +100,11 @@ impl PoseRefusal {
         match self {
             Self::NoTool { .. } | Self::ToolTaken { .. } | Self::NotClaimed { .. } => "tool_id",
             Self::SeqNotRising { .. } => "seq",
-            Self::PositionNotFinite | Self::OutsideWorkspace { .. } | Self::TooFast { .. } => "pose.position_m",
-            Self::OrientationNotFinite | Self::NotUnit { .. } | Self::TurnedTooFast { .. } => "pose.orientation",
+            Self::NoPose(PoseError::PositionNotFinite) | Self::OutsideWorkspace { .. } | Self::TooFast { .. } => {
+                "pose.position_m"
+            }
+            Self::NoPose(PoseError::OrientationNotFinite | PoseError::NoRotation { .. })
+            | Self::TurnedTooFast { .. } => "pose.orientation",
             Self::NoOpening { .. } => "opening",
         }
     }
@@ -133,8 +117,8 @@ impl PoseRefusal {
             Self::ToolTaken { lease_s, .. } => format!("driven by another client; lease {lease_s} s"),
             Self::NotClaimed { .. } => "among the tools claimed".into(),
             Self::SeqNotRising { last, .. } => format!("greater than {last}"),
-            Self::PositionNotFinite | Self::OrientationNotFinite => "finite".into(),
-            Self::NotUnit { tolerance, .. } => format!("norm within {tolerance} of 1"),
+            Self::NoPose(PoseError::PositionNotFinite | PoseError::OrientationNotFinite) => "finite".into(),
+            Self::NoPose(PoseError::NoRotation { tolerance, .. }) => format!("norm within {tolerance} of 1"),
             Self::OutsideWorkspace { limit_m, .. } => format!("within {limit_m} m of the origin on each axis"),
             Self::NoOpening { .. } => "between 0 and 1".into(),
             Self::TooFast { limit_m, .. } => format!("at most {limit_m:.4} m from the last accepted pose"),
@@ -143,40 +127,29 @@ impl PoseRefusal {
     }
 }
 
-/// The sample as a pose with a unit quaternion, if it is one and lies in the workspace.
-pub(crate) fn check_shape(sample: &PoseSample, limits: &PoseLimits) -> Result<Pose, PoseRefusal> {
-    if !sample.position_m.iter().all(|v| v.is_finite()) {
-        return Err(PoseRefusal::PositionNotFinite);
+/// Whether a tool may be where the sample says, wherever it was before.
+pub(crate) fn check_place(sample: &PoseSample, limits: &PoseLimits) -> Result<(), PoseRefusal> {
+    let limit_m = limits.workspace_half_extent_m;
+    let within = -limit_m..=limit_m;
+    if let Some(&value_m) = sample.pose.position_m.iter().find(|value_m| !within.contains(value_m)) {
+        return Err(PoseRefusal::OutsideWorkspace { value_m, limit_m });
     }
-    if !sample.orientation_xyzw.iter().all(|v| v.is_finite()) {
-        return Err(PoseRefusal::OrientationNotFinite);
+    match (0.0..=1.0).contains(&sample.opening) {
+        true => Ok(()),
+        false => Err(PoseRefusal::NoOpening { opening: sample.opening }),
     }
-    let position_m = Vec3::from(sample.position_m);
-    let value_m = position_m[position_m.iamax()];
-    if value_m.abs() > limits.workspace_half_extent_m {
-        return Err(PoseRefusal::OutsideWorkspace { value_m, limit_m: limits.workspace_half_extent_m });
-    }
-    let [x, y, z, w] = sample.orientation_xyzw;
-    let norm = [x, y, z, w].iter().map(|v| v * v).sum::<f64>().sqrt();
-    if (norm - 1.0).abs() > limits.quaternion_norm_tolerance {
-        return Err(PoseRefusal::NotUnit { norm, tolerance: limits.quaternion_norm_tolerance });
-    }
-    if !(0.0..=1.0).contains(&sample.opening) {
-        return Err(PoseRefusal::NoOpening { opening: sample.opening });
-    }
-    let orientation = Quat::new_normalize(Quaternion::new(w, x, y, z));
-    Ok(Pose { position_m, orientation })
 }
 
 /// Whether the tool can have moved from one pose to the other.
 pub(crate) fn check_motion(from: &TimedPose, to: &TimedPose, limits: &PoseLimits) -> Result<(), PoseRefusal> {
     let elapsed_s = elapsed_s(from, to).min(limits.speed_window_s);
-    let moved_m = (to.pose.position_m - from.pose.position_m).norm();
+    let (from, to) = (&from.sample.pose, &to.sample.pose);
+    let moved_m = (to.position_m - from.position_m).norm();
     let limit_m = limits.max_speed_m_per_s * elapsed_s + limits.position_slack_m;
     if moved_m > limit_m {
         return Err(PoseRefusal::TooFast { moved_m, limit_m });
     }
-    let turned_rad = from.pose.orientation.angle_to(&to.pose.orientation);
+    let turned_rad = from.orientation.angle_to(&to.orientation);
     let limit_rad = limits.max_angular_speed_rad_per_s * elapsed_s + limits.rotation_slack_rad;
     if turned_rad > limit_rad {
         return Err(PoseRefusal::TurnedTooFast { turned_rad, limit_rad });
@@ -188,44 +161,30 @@ pub(crate) fn check_motion(from: &TimedPose, to: &TimedPose, limits: &PoseLimits
 /// together though they were measured apart. The caller bounds it, so a lying clock gains little.
 fn elapsed_s(from: &TimedPose, to: &TimedPose) -> f64 {
     let arrived_ns = to.arrived_ns.saturating_sub(from.arrived_ns);
-    let measured_ns = to.client_ns.saturating_sub(from.client_ns);
+    let measured_ns = to.sample.client_ns.saturating_sub(from.sample.client_ns);
     arrived_ns.max(measured_ns) as f64 * 1e-9
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
-
-    const AT_REST: PoseSample =
-        PoseSample { seq: 1, client_ns: 0, position_m: [0.0; 3], orientation_xyzw: [0.0, 0.0, 0.0, 1.0], opening: 1.0 };
+    use kerf_physics::{Quat, Vec3};
 
     fn timed(x_m: f64, turned_rad: f64, arrived_ns: u64, client_ns: u64) -> TimedPose {
         let orientation = Quat::from_axis_angle(&Vec3::y_axis(), turned_rad);
-        TimedPose { pose: Pose { position_m: Vec3::new(x_m, 0.0, 0.0), orientation }, seq: 0, client_ns, arrived_ns }
+        let pose = Pose { position_m: Vec3::new(x_m, 0.0, 0.0), orientation };
+        TimedPose { sample: PoseSample { seq: 0, client_ns, pose, opening: 1.0 }, arrived_ns }
     }
 
     #[test]
-    fn a_pose_that_is_none_is_refused_with_its_field() {
-        let limits = PoseLimits::default();
-        let field = |sample: PoseSample| check_shape(&sample, &limits).unwrap_err().field();
-        assert_eq!(field(PoseSample { position_m: [0.0, f64::NAN, 0.0], ..AT_REST }), "pose.position_m");
-        assert_eq!(field(PoseSample { position_m: [0.0, 0.0, -1e6], ..AT_REST }), "pose.position_m");
-        assert_eq!(field(PoseSample { orientation_xyzw: [0.0, 0.0, 0.0, 0.5], ..AT_REST }), "pose.orientation");
-        assert_eq!(field(PoseSample { orientation_xyzw: [1e300; 4], ..AT_REST }), "pose.orientation");
-        assert_eq!(field(PoseSample { opening: f64::NAN, ..AT_REST }), "opening");
-        assert_eq!(field(PoseSample { opening: 1.1, ..AT_REST }), "opening");
-        assert_eq!(
-            field(PoseSample { orientation_xyzw: [f64::INFINITY, 0.0, 0.0, 1.0], ..AT_REST }),
-            "pose.orientation"
-        );
-    }
-
-    #[test]
-    fn a_nearly_unit_quaternion_is_normalised() {
-        let sample = PoseSample { orientation_xyzw: [0.0, 0.0, 0.0, 1.005], ..AT_REST };
-        let pose = check_shape(&sample, &PoseLimits::default()).unwrap();
-        assert!((pose.orientation.norm() - 1.0).abs() < 1e-15);
+    fn what_lies_outside_the_workspace_or_opens_too_far_is_refused_with_its_field() {
+        let sample = timed(0.0, 0.0, 0, 0).sample;
+        let at = |z_m| PoseSample { pose: Pose { position_m: Vec3::new(0.0, 0.0, z_m), ..sample.pose }, ..sample };
+        let refused = |sample| check_place(&sample, &PoseLimits::default()).map_err(|refusal| refusal.field());
+        assert_eq!(refused(at(-1.0)), Ok(()));
+        assert_eq!([refused(at(-1e6)), refused(at(f64::NAN))], [Err("pose.position_m"); 2]);
+        let opened = |opening| refused(PoseSample { opening, ..sample });
+        assert_eq!([opened(f64::NAN), opened(1.1)], [Err("opening"); 2]);
     }
 
     #[test]
@@ -256,22 +215,8 @@ mod tests {
     #[test]
     fn the_same_rotation_with_the_opposite_sign_has_not_turned() {
         let limits = PoseLimits::default();
-        let minus = check_shape(&PoseSample { orientation_xyzw: [0.0, 0.0, 0.0, -1.0], ..AT_REST }, &limits).unwrap();
-        let to = TimedPose { pose: minus, seq: 0, client_ns: 0, arrived_ns: 0 };
+        let mut to = timed(0.0, 0.0, 0, 0);
+        to.sample.pose.orientation = Quat::new_unchecked(-to.sample.pose.orientation.into_inner());
         assert_eq!(check_motion(&timed(0.0, 0.0, 0, 0), &to, &limits), Ok(()));
-    }
-
-    proptest! {
-        #[test]
-        fn what_passes_is_finite_unit_and_inside(
-            position_m in prop::array::uniform3(prop::num::f64::ANY),
-            orientation_xyzw in prop::array::uniform4(prop_oneof![prop::num::f64::ANY, -1.0..1.0]),
-        ) {
-            let limits = PoseLimits::default();
-            if let Ok(pose) = check_shape(&PoseSample { position_m, orientation_xyzw, ..AT_REST }, &limits) {
-                prop_assert!(pose.position_m.amax() <= limits.workspace_half_extent_m);
-                prop_assert!((pose.orientation.norm() - 1.0).abs() < 1e-12);
-            }
-        }
     }
 }

@@ -1,48 +1,18 @@
 //! The sessions of a server.
 
 use std::collections::BTreeMap;
-use std::fmt;
-use std::str::FromStr;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 use kerf_physics::Scene;
-use kerf_physics::scene::DialDesc;
+use kerf_scenes::dial::Fronts;
 use tokio::sync::Semaphore;
 
 use crate::error::SessionError;
 use crate::limits::{LimitError, SessionLimits};
-use crate::lock;
-use crate::session::Session;
-use kerf_scenes::dial::Fronts;
-
-/// A session's id, unique while the server runs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct SessionId(u64);
-
-impl fmt::Display for SessionId {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "session-{}", self.0)
-    }
-}
-
-impl FromStr for SessionId {
-    type Err = SessionError;
-
-    fn from_str(text: &str) -> Result<Self, SessionError> {
-        let number = text.strip_prefix("session-").and_then(|digits| digits.parse().ok());
-        number.map(Self).ok_or_else(|| SessionError::NoSession { id: text.chars().take(64).collect() })
-    }
-}
-
-/// How a session begins.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct SessionOptions {
-    /// It takes its first step only when it is resumed.
-    pub start_paused: bool,
-    /// Goes before what the scene asks of the dial.
-    pub dial: Option<DialDesc>,
-}
+use crate::lock::lock;
+use crate::session::{Session, SessionOptions};
+use crate::session_id::SessionId;
 
 /// The sessions of a server, at most [`SessionLimits::max_sessions`] of them.
 pub struct Registry {

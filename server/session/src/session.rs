@@ -4,6 +4,7 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
 use kerf_physics::Scene;
+use kerf_physics::scene::DialDesc;
 use kerf_physics::world::ObjectStats;
 use tokio::sync::{OwnedSemaphorePermit, oneshot, watch};
 
@@ -11,15 +12,25 @@ use crate::clock::MonotonicClock;
 use crate::error::SessionError;
 use crate::inbox::{Command, Inbox, PointCommand, Probe};
 use crate::limits::SessionLimits;
-use crate::lock;
+use crate::lock::lock;
 use crate::outbox::{Outbox, Publisher, StepReport, Viewer};
 use crate::points::PointInfo;
 use crate::pose_check::{PoseRefusal, PoseSample};
-use crate::registry::{SessionId, SessionOptions};
-use crate::runner::{Parts, Runner};
+use crate::session_core::SessionCore;
+use crate::session_id::SessionId;
+use crate::session_thread;
 use crate::status::{Phase, SessionStatus};
 use crate::tool_slot::DriverId;
 use kerf_scenes::dial::Choice;
+
+/// How a session begins.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SessionOptions {
+    /// It takes its first step only when it is resumed.
+    pub start_paused: bool,
+    /// Goes before what the scene asks of the dial.
+    pub dial: Option<DialDesc>,
+}
 
 /// A scene that is simulated on a thread of its own.
 pub struct Session {
@@ -28,7 +39,6 @@ pub struct Session {
     choice: Option<Choice>,
     objects: Vec<ObjectStats>,
     limits: SessionLimits,
-    phase: Arc<Mutex<Phase>>,
     inbox: Arc<Inbox>,
     outbox: Arc<Outbox>,
     bell: watch::Receiver<u64>,
@@ -37,8 +47,7 @@ pub struct Session {
 }
 
 impl Session {
-    /// Builds the scene on the session's thread and lets it run. The permit stays with the thread, so
-    /// that a caller who gives up waiting for a large scene does not make room for another.
+    /// Builds the scene on the session's thread and lets it run.
     pub(crate) async fn start(
         id: SessionId,
         scene: Scene,
@@ -50,35 +59,18 @@ impl Session {
         check_rate(&scene, &limits)?;
         let scene = Arc::new(scene);
         let inbox = Arc::new(Inbox::new(scene.desc.tools.len(), limits.clone()));
-        let outbox = Arc::new(Outbox::new(&limits));
+        let phase = if options.start_paused { Phase::Paused } else { Phase::Running };
+        let outbox = Arc::new(Outbox::new(&limits, phase));
         let (publisher, bell, reports) = Publisher::new(Arc::clone(&outbox));
-        let phase = Arc::new(Mutex::new(if options.start_paused { Phase::Paused } else { Phase::Running }));
-        let parts = Parts {
-            scene: Arc::clone(&scene),
-            limits: limits.clone(),
-            inbox: Arc::clone(&inbox),
-            publisher,
-            phase: Arc::clone(&phase),
+        let build = {
+            let (scene, limits, inbox) = (Arc::clone(&scene), limits.clone(), Arc::clone(&inbox));
+            move || SessionCore::new(scene, limits, inbox, publisher)
         };
-        let (built, is_built) = oneshot::channel();
-        let body = move || {
-            let _permit = permit;
-            let (answer, runner) = match Runner::build(parts) {
-                Ok(runner) => (Ok(runner.world().object_stats()), Some(runner)),
-                Err(error) => (Err(error), None),
-            };
-            // A session that nobody waits for any more never begins.
-            if built.send(answer).is_ok()
-                && let Some(runner) = runner
-            {
-                runner.run();
-            }
-        };
-        let thread = std::thread::Builder::new().name(format!("kerf-{id}")).spawn(body);
-        let thread = thread.map_err(|error| SessionError::NoThread { message: error.to_string() })?;
-        let objects = is_built.await.map_err(|_| SessionError::Closed)??;
+        let (name, threads) = (format!("kerf-{id}"), limits.threads_per_session);
+        let (thread, built) = session_thread::start(name, threads, Arc::clone(&inbox), permit, build)?;
+        let objects = built.await.map_err(|_| SessionError::Closed)??;
         let thread = Mutex::new(Some(thread));
-        Ok(Self { id, scene, choice, objects, limits, phase, inbox, outbox, bell, reports, thread })
+        Ok(Self { id, scene, choice, objects, limits, inbox, outbox, bell, reports, thread })
     }
 
     /// Its id.
@@ -114,7 +106,7 @@ impl Session {
     /// What it is doing.
     #[must_use]
     pub fn phase(&self) -> Phase {
-        lock(&self.phase).clone()
+        self.outbox.phase()
     }
 
     /// Viewers that are connected.

@@ -3,7 +3,7 @@
 use kerf_physics::step_io::ToolMotion;
 
 use crate::limits::PoseLimits;
-use crate::pose_check::{PoseRefusal, PoseSample, TimedPose, check_motion, check_shape};
+use crate::pose_check::{PoseRefusal, PoseSample, TimedPose, check_motion, check_place};
 
 /// A driver of a session, unique over the session's life.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -28,8 +28,20 @@ struct Lease {
     heard_ns: u64,
 }
 
+/// Whether the world has a tool.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Presence {
+    /// It is lifted.
+    #[default]
+    Out,
+    /// It is where it was last told to be.
+    In,
+    /// It may be there, at a pose that is too old to move on from.
+    Stale,
+}
+
 /// Lease and pending motion of a tool. At most one motion waits, whatever the rate of poses.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct ToolSlot {
     lease: Option<Lease>,
     /// Who lost the lease by silence and has not been told.
@@ -39,12 +51,8 @@ pub(crate) struct ToolSlot {
     /// The last pose, if it was refused for being too far from `last`.
     jumped_to: Option<TimedPose>,
     pending: Option<ToolMotion>,
-    /// Opening of the last accepted pose.
-    opening: f64,
-    /// Opening that the world has been told.
-    told_opening: f64,
-    /// Whether the tool is in the scene once `pending` is applied.
-    in_scene: bool,
+    /// As of when `pending` is applied.
+    presence: Presence,
     /// Whether `pending` puts down a tool that had jumped.
     jumped: bool,
 }
@@ -53,29 +61,8 @@ pub(crate) struct ToolSlot {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct SlotMotion {
     pub motion: ToolMotion,
-    /// Where its jaws take another opening than they had, which they take after the motion.
-    pub opening: Option<f64>,
     /// The tool had jumped, and is put down where it went.
     pub jumped: bool,
-}
-
-/// Opening that tools enter with; see [`ToolMotion::SetOpening`].
-const OPEN: f64 = 1.0;
-
-impl Default for ToolSlot {
-    fn default() -> Self {
-        Self {
-            lease: None,
-            evicted: None,
-            last: None,
-            jumped_to: None,
-            pending: None,
-            opening: OPEN,
-            told_opening: OPEN,
-            in_scene: false,
-            jumped: false,
-        }
-    }
 }
 
 impl ToolSlot {
@@ -100,25 +87,25 @@ impl ToolSlot {
     /// Checks a pose from the holder of the lease and makes it the pending motion.
     pub fn accept(&mut self, sample: &PoseSample, now_ns: u64, limits: &PoseLimits) -> Result<(), PoseRefusal> {
         if let Some(last) = self.last
-            && sample.seq <= last.seq
+            && sample.seq <= last.sample.seq
         {
-            return Err(PoseRefusal::SeqNotRising { seq: sample.seq, last: last.seq });
+            return Err(PoseRefusal::SeqNotRising { seq: sample.seq, last: last.sample.seq });
         }
-        let pose = check_shape(sample, limits)?;
-        let timed = TimedPose { pose, seq: sample.seq, client_ns: sample.client_ns, arrived_ns: now_ns };
+        check_place(sample, limits)?;
+        let timed = TimedPose { sample: *sample, arrived_ns: now_ns };
         let enters = self.enters_by(&timed, limits)?;
         self.heard(now_ns);
         self.last = Some(timed);
-        self.opening = sample.opening;
         self.jumped |= enters && self.jumped_to.take().is_some();
         // A tool that was put down since the last tick has touched nothing before its newest pose.
-        let was_put_down = matches!(self.pending, Some(ToolMotion::EnterAt(_)));
-        self.pending = Some(if enters || was_put_down || !self.in_scene {
-            ToolMotion::EnterAt(pose)
+        let was_put_down = matches!(self.pending, Some(ToolMotion::EnterAt { .. }));
+        let (pose, opening) = (sample.pose, sample.opening);
+        self.pending = Some(if enters || was_put_down {
+            ToolMotion::EnterAt { pose, opening }
         } else {
-            ToolMotion::MoveTo(pose)
+            ToolMotion::MoveTo { pose, opening }
         });
-        self.in_scene = true;
+        self.presence = Presence::In;
         Ok(())
     }
 
@@ -139,7 +126,7 @@ impl ToolSlot {
     /// too far away is refused, as it may be a glitch; a second one near it means that the tool is
     /// really there.
     fn enters_by(&mut self, to: &TimedPose, limits: &PoseLimits) -> Result<bool, PoseRefusal> {
-        let Some(last) = self.last.as_ref().filter(|_| self.in_scene) else { return Ok(true) };
+        let Some(last) = self.last.as_ref().filter(|_| self.presence == Presence::In) else { return Ok(true) };
         let Err(refusal) = check_motion(last, to, limits) else {
             self.jumped_to = None;
             return Ok(false);
@@ -180,9 +167,9 @@ impl ToolSlot {
     fn leave_scene(&mut self) {
         self.jumped_to = None;
         self.jumped = false;
-        if self.in_scene {
+        if self.presence != Presence::Out {
             self.pending = Some(ToolMotion::Lift);
-            self.in_scene = false;
+            self.presence = Presence::Out;
         }
     }
 
@@ -195,9 +182,9 @@ impl ToolSlot {
     /// motion puts it down.
     pub fn reenter(&mut self) {
         match self.pending {
-            Some(ToolMotion::MoveTo(pose)) => self.pending = Some(ToolMotion::EnterAt(pose)),
-            Some(_) => {}
-            None => self.in_scene = false,
+            Some(ToolMotion::MoveTo { pose, opening }) => self.pending = Some(ToolMotion::EnterAt { pose, opening }),
+            None if self.presence == Presence::In => self.presence = Presence::Stale,
+            _ => {}
         }
     }
 
@@ -205,46 +192,37 @@ impl ToolSlot {
     /// down.
     pub fn withdraw(&mut self) {
         self.reenter();
-        self.in_scene = matches!(self.pending, Some(ToolMotion::EnterAt(_)));
-        self.pending.get_or_insert(ToolMotion::Lift);
+        if !matches!(self.pending, Some(ToolMotion::EnterAt { .. })) {
+            (self.pending, self.presence) = (Some(ToolMotion::Lift), Presence::Out);
+        }
     }
 
     /// What the tool does in the coming step.
     pub fn take_motion(&mut self) -> Option<SlotMotion> {
         let motion = self.pending.take()?;
-        match motion {
-            ToolMotion::EnterAt(_) => self.told_opening = OPEN,
-            ToolMotion::Lift => self.opening = self.told_opening,
-            _ => {}
-        }
-        let opening = (self.opening != self.told_opening).then_some(self.opening);
-        self.told_opening = self.opening;
-        Some(SlotMotion { motion, opening, jumped: std::mem::take(&mut self.jumped) })
+        Some(SlotMotion { motion, jumped: std::mem::take(&mut self.jumped) })
     }
 
     /// Of the last accepted pose.
     pub fn echo(&self) -> Option<Echo> {
-        let (lease, last) = (self.lease?, self.last?);
-        Some(Echo { driver: lease.driver, seq: last.seq, client_ns: last.client_ns, arrived_ns: last.arrived_ns })
+        let (lease, TimedPose { sample, arrived_ns }) = (self.lease?, self.last?);
+        Some(Echo { driver: lease.driver, seq: sample.seq, client_ns: sample.client_ns, arrived_ns })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use kerf_physics::Vec3;
+    use kerf_physics::tool::Pose;
 
     const MS: u64 = 1_000_000;
     const A: DriverId = DriverId(1);
     const B: DriverId = DriverId(2);
 
     fn at(seq: u64, x_m: f64) -> PoseSample {
-        PoseSample {
-            seq,
-            client_ns: seq,
-            position_m: [x_m, 0.0, 0.0],
-            orientation_xyzw: [0.0, 0.0, 0.0, 1.0],
-            opening: 1.0,
-        }
+        let pose = Pose { position_m: Vec3::new(x_m, 0.0, 0.0), ..Pose::default() };
+        PoseSample { seq, client_ns: seq, pose, opening: 1.0 }
     }
 
     fn entered() -> ToolSlot {
@@ -257,14 +235,14 @@ mod tests {
 
     fn moved_to_x_m(slot: &mut ToolSlot) -> Option<f64> {
         match slot.take_motion()?.motion {
-            ToolMotion::MoveTo(pose) => Some(pose.position_m.x),
+            ToolMotion::MoveTo { pose, .. } => Some(pose.position_m.x),
             _ => None,
         }
     }
 
     fn entered_at_x_m(slot: &mut ToolSlot) -> Option<f64> {
         match slot.take_motion()?.motion {
-            ToolMotion::EnterAt(pose) => Some(pose.position_m.x),
+            ToolMotion::EnterAt { pose, .. } => Some(pose.position_m.x),
             _ => None,
         }
     }
@@ -290,19 +268,14 @@ mod tests {
     }
 
     #[test]
-    fn an_opening_is_told_when_it_changes_and_again_to_a_tool_that_enters() {
+    fn a_motion_states_the_opening_of_its_pose() {
         let mut slot = entered();
-        let mut told = |seq, opening| {
-            slot.accept(&PoseSample { opening, ..at(seq, 0.0) }, seq * MS, &PoseLimits::default()).unwrap();
-            slot.take_motion().unwrap().opening
+        let mut closing = |seq, x_m| {
+            slot.accept(&PoseSample { opening: 0.25, ..at(seq, x_m) }, seq * MS, &PoseLimits::default()).unwrap();
+            slot.take_motion().unwrap().motion
         };
-        assert_eq!([told(2, 1.0), told(3, 0.0), told(4, 0.0)], [None, Some(0.0), None]);
-        slot.lift(5 * MS);
-        assert_eq!(slot.take_motion().unwrap().opening, None);
-        slot.accept(&PoseSample { opening: 0.0, ..at(6, 0.0) }, 6 * MS, &PoseLimits::default()).unwrap();
-        let entered = slot.take_motion().unwrap();
-        assert!(matches!(entered.motion, ToolMotion::EnterAt(_)));
-        assert_eq!(entered.opening, Some(0.0));
+        let pose = at(2, 1e-3).pose;
+        assert_eq!(closing(2, 1e-3), ToolMotion::MoveTo { pose, opening: 0.25 });
     }
 
     #[test]
@@ -328,7 +301,7 @@ mod tests {
         slot.accept(&at(3, 0.501), 2 * MS, &PoseLimits::default()).unwrap();
         let put_down = slot.take_motion().unwrap();
         assert!(put_down.jumped);
-        assert!(matches!(put_down.motion, ToolMotion::EnterAt(pose) if pose.position_m.x == 0.501));
+        assert!(matches!(put_down.motion, ToolMotion::EnterAt { pose, .. } if pose.position_m.x == 0.501));
         slot.accept(&at(4, 0.502), 3 * MS, &PoseLimits::default()).unwrap();
         assert_eq!(moved_to_x_m(&mut slot), Some(0.502));
     }
@@ -377,6 +350,14 @@ mod tests {
     }
 
     #[test]
+    fn a_tool_that_stood_through_a_pause_is_lifted_when_its_driver_goes() {
+        let mut slot = entered();
+        slot.reenter();
+        slot.release(A);
+        assert_eq!(slot.take_motion().map(|m| m.motion), Some(ToolMotion::Lift));
+    }
+
+    #[test]
     fn a_tool_of_a_world_that_went_back_is_lifted_unless_a_pose_waits() {
         let mut slot = entered();
         slot.withdraw();
@@ -398,7 +379,7 @@ mod tests {
         assert!(slot.accept(&at(1, 0.5), 2 * MS, &PoseLimits::default()).is_err());
         slot.accept(&at(2, 0.5), 2 * MS, &PoseLimits::default()).unwrap();
         let put_down = slot.take_motion().unwrap();
-        assert!(matches!(put_down.motion, ToolMotion::EnterAt(_)));
+        assert!(matches!(put_down.motion, ToolMotion::EnterAt { .. }));
         assert!(!put_down.jumped);
     }
 }

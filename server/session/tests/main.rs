@@ -1,6 +1,4 @@
 //! Sessions: one module a subject.
 
-mod governor;
 mod points;
 mod session;
-mod unwatched;

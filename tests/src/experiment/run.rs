@@ -61,7 +61,7 @@ pub fn run(scene: &Scene, depth_m: f64) -> Result<Run> {
     let mut at = |step: u32| -> Result<Sample> {
         let depth_m = f64::from(step) * per_step_m - CLEARANCE_M;
         let pose = Pose { position_m: Vec3::new(0.0, TOP_M - depth_m, ASIDE_M), orientation: Quat::identity() };
-        let inputs = [ToolInput { tool: 0, motion: ToolMotion::MoveTo(pose) }];
+        let inputs = [ToolInput { tool: 0, motion: ToolMotion::move_to(pose) }];
         let output = world.step(&Workers::serial(), &NoClock, &StepInputs::of(&inputs));
         anyhow::ensure!(output.fault.is_none(), "{:?} at {depth_m} m", output.fault);
         Ok(Sample { depth_m, force_n: output.tools[0].wrench.force_n.y })

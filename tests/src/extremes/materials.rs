@@ -24,7 +24,7 @@ pub(super) fn pressed(
     let height_m = specimen.extent_m().y;
     let start = level_at(Vec3::new(0.0, height_m + 0.1 * specimen.voxel_size_m, 0.06 * specimen.voxel_size_m));
     let steps = (specimen.period_s() / specimen.dt_s).clamp(30.0, f64::from(budget.most_steps / 4)) as u32;
-    trial.step(&[ToolMotion::EnterAt(start)]);
+    trial.step(&[ToolMotion::enter_at(start)]);
     for motion in line(start, -Vec3::y() * (DENT * height_m), steps) {
         trial.step(&[motion]);
     }

@@ -139,10 +139,10 @@ fn motions(strokes: &[Stroke], dt_s: f64) -> Vec<ToolMotion> {
     let mut motions = Vec::new();
     for &(place, turn, velocity_m_per_s, steps, through) in strokes {
         let mut pose = Pose { position_m: place.into(), orientation: Quat::from_scaled_axis(turn.into()) };
-        motions.push(if through { ToolMotion::MoveTo(pose) } else { ToolMotion::EnterAt(pose) });
+        motions.push(if through { ToolMotion::move_to(pose) } else { ToolMotion::enter_at(pose) });
         for _ in 0..steps {
             pose.position_m += Vec3::from(velocity_m_per_s) * dt_s;
-            motions.push(ToolMotion::MoveTo(pose));
+            motions.push(ToolMotion::move_to(pose));
         }
     }
     motions

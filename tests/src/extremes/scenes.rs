@@ -153,7 +153,7 @@ pub fn level_at(position_m: Vec3) -> Pose {
 pub fn line(from: Pose, by_m: Vec3, steps: u32) -> impl Iterator<Item = ToolMotion> {
     (1..=steps).map(move |step| {
         let position_m = from.position_m + by_m * (f64::from(step) / f64::from(steps));
-        ToolMotion::MoveTo(Pose { position_m, ..from })
+        ToolMotion::move_to(Pose { position_m, ..from })
     })
 }
 

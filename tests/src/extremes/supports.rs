@@ -52,7 +52,7 @@ fn struck(specimen: &Specimen, block: kerf_physics::scene::ObjectDesc, budget: B
     let height_m = specimen.extent_m().y;
     let start = level_at(Vec3::new(0.0, height_m + specimen.voxel_size_m, 0.06 * specimen.voxel_size_m));
     let down_m = height_m + 2.0 * specimen.voxel_size_m;
-    trial.step(&[ToolMotion::EnterAt(start)]);
+    trial.step(&[ToolMotion::enter_at(start)]);
     for motion in line(start, -Vec3::y() * down_m, (down_m / specimen.dt_s).ceil() as u32) {
         trial.step(&[motion]);
     }

@@ -60,7 +60,7 @@ pub(super) fn blob(specimen: &Specimen, held: Held) -> ObjectDesc {
 fn stroke(from: Pose, direction: Vec3, speed_m_per_s: f64, way_m: f64, dt_s: f64) -> Motions {
     let steps = (way_m / (speed_m_per_s * dt_s)).ceil().max(1.0) as u32;
     let by_m = direction.normalize() * speed_m_per_s * dt_s * f64::from(steps);
-    std::iter::once(ToolMotion::EnterAt(from)).chain(line(from, by_m, steps)).map(|m| vec![m]).collect()
+    std::iter::once(ToolMotion::enter_at(from)).chain(line(from, by_m, steps)).map(|m| vec![m]).collect()
 }
 
 fn turned(position_m: Vec3, about: Vec3) -> Pose {
@@ -69,7 +69,7 @@ fn turned(position_m: Vec3, about: Vec3) -> Pose {
 
 fn down_and_out(from: Pose, speed_m_per_s: f64, dt_s: f64) -> Motions {
     let mut motions = stroke(from, from.orientation * -Vec3::y(), speed_m_per_s, 0.06, dt_s);
-    let Some(ToolMotion::MoveTo(end)) = motions.last().map(|m| m[0]) else { return motions };
+    let Some(ToolMotion::MoveTo { pose: end, .. }) = motions.last().map(|m| m[0]) else { return motions };
     motions.extend(stroke(end, from.orientation * Vec3::y(), speed_m_per_s, 0.08, dt_s).into_iter().skip(1));
     motions
 }
@@ -132,8 +132,8 @@ fn teleports(seed: u64, held: Held, how: &str) -> Vec<Case> {
         let mut rng = SplitMix64(seed);
         (0..200).map(|_| turned(far_m * rng.vector(), std::f64::consts::PI * rng.vector())).collect()
     };
-    let put = |pose: Pose| vec![ToolMotion::EnterAt(pose)];
-    let moved = |pose: Pose| vec![ToolMotion::MoveTo(pose)];
+    let put = |pose: Pose| vec![ToolMotion::enter_at(pose)];
+    let moved = |pose: Pose| vec![ToolMotion::move_to(pose)];
     let stay = |seed: u64| places(seed, 0.03).into_iter().flat_map(|p| vec![put(p), moved(p), moved(p)]).collect();
     vec![
         case(
@@ -165,7 +165,7 @@ fn inside(held: Held, how: &str) -> Vec<Case> {
     ];
     let go = |(name, way): (&str, Vec3)| {
         let motions = if way == Vec3::zeros() {
-            vec![vec![ToolMotion::EnterAt(middle)]; 100]
+            vec![vec![ToolMotion::enter_at(middle)]; 100]
         } else {
             stroke(middle, way, 1.0, 0.06, 1e-3)
         };
@@ -218,7 +218,7 @@ pub(super) fn random(rng: &mut SplitMix64, tools: usize, steps: usize, dt_s: f64
                 *left -= 1;
                 pose.position_m += *velocity_m_per_s * dt_s;
                 pose.orientation = Quat::from_scaled_axis(*spin_per_s * dt_s) * pose.orientation;
-                ToolMotion::MoveTo(*pose)
+                ToolMotion::move_to(*pose)
             }
             Some(_) if rng.unit() < 0.3 => {
                 *hand = None;
@@ -230,7 +230,7 @@ pub(super) fn random(rng: &mut SplitMix64, tools: usize, steps: usize, dt_s: f64
                 let speed_m_per_s = 1.0 + 9.0 * rng.unit();
                 let velocity = toward.try_normalize(1e-9).unwrap_or(Vec3::x()) * speed_m_per_s;
                 *hand = Some((pose, velocity, 20.0 * rng.vector(), 5 + rng.index(20) as u32));
-                ToolMotion::EnterAt(pose)
+                ToolMotion::enter_at(pose)
             }
         });
         motions.push(step.collect());

@@ -132,7 +132,7 @@ impl Trial {
         let e = &output.energy;
         let wrenches = output.tools.iter().flat_map(|t| t.wrench.force_n.iter().chain(t.wrench.torque_nm.iter()));
         let stored_j = e.elastic_j + e.contact_j + e.kinetic_j;
-        let entered = motions.iter().any(|m| matches!(m, ToolMotion::EnterAt(_)));
+        let entered = motions.iter().any(|m| matches!(m, ToolMotion::EnterAt { .. }));
         let compressed_j = if entered { (e.contact_j - contact_before_j).max(0.0) } else { 0.0 };
         self.net_j += e.tool_work_j + e.load_work_j + compressed_j;
         let seen = &mut self.seen;

@@ -46,7 +46,7 @@ impl Stroke {
 
     /// What the blade does in each step, the lift included.
     pub fn motions(&self) -> impl Iterator<Item = ToolMotion> {
-        let enter = std::iter::once(ToolMotion::EnterAt(self.from));
+        let enter = std::iter::once(ToolMotion::enter_at(self.from));
         enter.chain(line(self.from, self.by_m, self.steps)).chain(std::iter::once(ToolMotion::Lift))
     }
 }

@@ -91,7 +91,7 @@ fn stroke(mesh: Mesh, rule: FractureRule) -> Result<Stroke> {
     for step in 0..(STROKE_M / step_m) as u32 {
         let travel_m = f64::from(step) * step_m;
         let position_m = Vec3::new(0.5 * SIZE_M[0], SIZE_M[1] + 5e-4 - travel_m, 0.5 * SIZE_M[2] + ASIDE_M);
-        let motion = ToolMotion::MoveTo(Pose { position_m, orientation: Quat::identity() });
+        let motion = ToolMotion::move_to(Pose { position_m, orientation: Quat::identity() });
         let output = world.step(&Workers::serial(), &NoClock, &StepInputs::of(&[ToolInput { tool: 0, motion }]));
         let force_n = output.tools[0].wrench.force_n.y;
         peak_n = peak_n.max(force_n);

@@ -1,25 +1,22 @@
 //! Poses in, contacts out.
 
 use kerf_physics::step_io::{ContactModel, Grasp};
+use kerf_physics::tool::OPEN;
 use kerf_proto::v1;
-use kerf_session::{DriverId, PoseRefusal, PoseSample, StepReport};
+use kerf_session::{DriverId, PoseLimits, PoseRefusal, PoseSample, StepReport};
 
-use super::{pose, vec3, wrench};
+use super::{pose, pose_from_wire, vec3, wrench};
 
 /// The button that closes the jaws of a tool whose device does not say how far they are open.
 const CLOSING_BUTTON: u32 = 1;
 
-/// A pose as it arrived; what is absent is refused as what is not finite.
-pub fn pose_sample(message: &v1::ToolPose) -> Result<PoseSample, PoseRefusal> {
-    let pose = message.pose.as_ref();
-    let position = pose.and_then(|pose| pose.position_m).ok_or(PoseRefusal::PositionNotFinite)?;
-    let q = pose.and_then(|pose| pose.orientation).ok_or(PoseRefusal::OrientationNotFinite)?;
+/// A pose and the opening of the jaws as they arrived.
+pub fn pose_sample(message: &v1::ToolPose, limits: &PoseLimits) -> Result<PoseSample, PoseRefusal> {
     Ok(PoseSample {
         seq: message.seq,
         client_ns: message.client_ns,
-        position_m: [position.x, position.y, position.z].map(f64::from),
-        orientation_xyzw: [q.x, q.y, q.z, q.w].map(f64::from),
-        opening: message.opening.map_or(if message.buttons & CLOSING_BUTTON == 0 { 1.0 } else { 0.0 }, f64::from),
+        pose: pose_from_wire(message.pose, limits.quaternion_norm_tolerance)?,
+        opening: message.opening.map_or(if message.buttons & CLOSING_BUTTON == 0 { OPEN } else { 0.0 }, f64::from),
     })
 }
 
@@ -94,9 +91,10 @@ mod tests {
 
     #[test]
     fn jaws_follow_the_opening_or_else_the_first_button() {
-        let pose = Some(v1::Pose { position_m: Some(v1::Vec3::default()), orientation: Some(v1::Quat::default()) });
+        let pose = Some(pose(&Pose::default()));
         let opening = |buttons, opening| {
-            pose_sample(&v1::ToolPose { pose, buttons, opening, ..Default::default() }).unwrap().opening
+            let message = v1::ToolPose { pose, buttons, opening, ..Default::default() };
+            pose_sample(&message, &PoseLimits::default()).unwrap().opening
         };
         assert_eq!([opening(0, None), opening(1, None), opening(2, None)], [1.0, 0.0, 1.0]);
         assert_eq!([opening(1, Some(0.25)), opening(0, Some(0.0))], [0.25, 0.0]);
@@ -106,6 +104,6 @@ mod tests {
     fn an_absent_orientation_is_refused_by_its_name() {
         let position_m = Some(v1::Vec3::default());
         let message = v1::ToolPose { pose: Some(v1::Pose { position_m, orientation: None }), ..Default::default() };
-        assert_eq!(pose_sample(&message).unwrap_err().field(), "pose.orientation");
+        assert_eq!(pose_sample(&message, &PoseLimits::default()).unwrap_err().field(), "pose.orientation");
     }
 }

@@ -1,4 +1,4 @@
-//! Between the values of the sessions and the messages of the wire.
+//! Between the values of the sessions, the messages of the wire and the poses of scripts.
 
 pub mod contact;
 pub mod scene;
@@ -6,7 +6,7 @@ pub mod view;
 
 use kerf_physics::fault::{Fault, FaultKind};
 use kerf_physics::step_io::Wrench;
-use kerf_physics::tool::Pose;
+use kerf_physics::tool::{Pose, PoseError};
 use kerf_physics::{Quat, Vec3};
 use kerf_proto::v1;
 
@@ -20,6 +20,23 @@ fn quat(q: &Quat) -> v1::Quat {
 
 pub fn pose(pose: &Pose) -> v1::Pose {
     v1::Pose { position_m: Some(vec3(&pose.position_m)), orientation: Some(quat(&pose.orientation)) }
+}
+
+/// A pose as it arrived; what is absent is refused as what is not finite.
+pub fn pose_from_wire(message: Option<v1::Pose>, length_tolerance: f64) -> Result<Pose, PoseError> {
+    let position = message.and_then(|pose| pose.position_m).ok_or(PoseError::PositionNotFinite)?;
+    let v1::Quat { x, y, z, w } = message.and_then(|pose| pose.orientation).ok_or(PoseError::OrientationNotFinite)?;
+    let position_m = [position.x, position.y, position.z].map(f64::from);
+    Pose::from_numbers(position_m, [x, y, z, w].map(f64::from), length_tolerance)
+}
+
+/// A pose as scripts and recordings have it; the quaternion keeps its bits.
+pub fn pose_from_script(pose: &kerf_script::Pose) -> Pose {
+    Pose { position_m: pose.position_m, orientation: pose.orientation }
+}
+
+pub fn script_pose(pose: &Pose) -> kerf_script::Pose {
+    kerf_script::Pose { position_m: pose.position_m, orientation: pose.orientation }
 }
 
 pub fn wrench(wrench: &Wrench) -> v1::Wrench {

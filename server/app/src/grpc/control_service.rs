@@ -8,11 +8,11 @@ use kerf_proto::v1::send_pose_request::Motion;
 use kerf_session::{Driver, PoseRefusal, Registry};
 use tonic::{Request, Response, Status, Streaming};
 
-use super::control_stream::{Contacts, outgoing};
+use super::control_stream::{Contacts, outgoing, submit};
 use super::unary_drivers::UnaryDrivers;
 use super::{Outgoing, check_version, grant_rate_hz};
 use crate::config::ControlLimits;
-use crate::convert::contact::{contact, pose_sample, rejection};
+use crate::convert::contact::{contact, rejection};
 use crate::convert::scene::{limits, scene_summary};
 use crate::status::RequestError;
 
@@ -112,7 +112,7 @@ impl v1::control_service_server::ControlService for ControlService {
 
 fn move_tool(driver: &Driver, motion: &Motion) -> Result<(), PoseRefusal> {
     match motion {
-        Motion::Pose(pose) => driver.submit(pose.tool_id as usize, &pose_sample(pose)?),
+        Motion::Pose(pose) => submit(driver, pose),
         Motion::Lift(lift) => driver.lift(lift.tool_id as usize),
     }
 }

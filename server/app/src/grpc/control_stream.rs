@@ -259,7 +259,7 @@ impl Reader {
 
     fn take(&mut self, up: v1::Up) -> Result<(), RequestError> {
         let (tool_id, seq, result) = match up.message {
-            Some(v1::up::Message::Pose(pose)) => (pose.tool_id, pose.seq, self.submit(&pose)),
+            Some(v1::up::Message::Pose(pose)) => (pose.tool_id, pose.seq, submit(&self.driver, &pose)),
             Some(v1::up::Message::Lift(lift)) => (lift.tool_id, 0, self.driver.lift(lift.tool_id as usize)),
             Some(v1::up::Message::Hello(_)) => return Err(RequestError::HelloRepeated),
             None => return Err(RequestError::Missing { field: "message" }),
@@ -273,10 +273,6 @@ impl Reader {
         }
     }
 
-    fn submit(&self, pose: &v1::ToolPose) -> Result<(), PoseRefusal> {
-        self.driver.submit(pose.tool_id as usize, &pose_sample(pose)?)
-    }
-
     fn reject(&mut self, rejected: v1::PoseRejected) -> Result<(), RequestError> {
         self.in_a_row += 1;
         if self.in_a_row >= self.limits.max_rejected_in_a_row {
@@ -287,6 +283,12 @@ impl Reader {
         let _ = self.rejected.try_send(rejected);
         Ok(())
     }
+}
+
+/// Hands a pose as it arrived to its tool.
+pub fn submit(driver: &Driver, pose: &v1::ToolPose) -> Result<(), PoseRefusal> {
+    let sample = pose_sample(pose, &driver.session().limits().pose)?;
+    driver.submit(pose.tool_id as usize, &sample)
 }
 
 #[cfg(test)]

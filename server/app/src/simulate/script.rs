@@ -3,24 +3,22 @@
 
 use kerf_physics::Vec3;
 use kerf_physics::step_io::{ToolInput, ToolMotion};
-use kerf_physics::tool::Pose;
 use kerf_script::{Key, Placement, Track};
 
-/// Opening that tools enter with; see [`ToolMotion::SetOpening`].
-const OPEN: f64 = 1.0;
+use crate::convert::pose_from_script;
 
 /// The tools' motion over time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Script {
     /// Of the tools that it moves.
     tracks: Vec<Track>,
-    /// The opening of the tool of each track while it is in the scene, for [`Self::advance`].
-    openings: Vec<Option<f64>>,
+    /// Whether the tool of each track is in the scene, for [`Self::advance`].
+    entered: Vec<bool>,
 }
 
 impl From<Vec<Track>> for Script {
     fn from(tracks: Vec<Track>) -> Self {
-        Self { openings: vec![None; tracks.len()], tracks }
+        Self { entered: vec![false; tracks.len()], tracks }
     }
 }
 
@@ -44,22 +42,16 @@ impl Script {
     /// What each tool does in the step that ends at `time_s`.
     pub fn advance(&mut self, time_s: f64) -> Vec<ToolInput> {
         let mut inputs = Vec::new();
-        for (track, before) in self.tracks.iter().zip(&mut self.openings) {
-            let tool = track.tool_id as usize;
-            let now = track.at(time_s);
-            let pose = |Placement { pose, .. }| Pose { position_m: pose.position_m, orientation: pose.orientation };
-            let motion = match (now.map(pose), *before) {
-                (Some(pose), Some(_)) => ToolMotion::MoveTo(pose),
-                (Some(pose), None) => ToolMotion::EnterAt(pose),
-                (None, Some(_)) => ToolMotion::Lift,
-                (None, None) => continue,
+        for (track, entered) in self.tracks.iter().zip(&mut self.entered) {
+            let now = track.at(time_s).map(|Placement { pose, opening }| (pose_from_script(&pose), opening));
+            let motion = match (now, *entered) {
+                (Some((pose, opening)), true) => ToolMotion::MoveTo { pose, opening },
+                (Some((pose, opening)), false) => ToolMotion::EnterAt { pose, opening },
+                (None, true) => ToolMotion::Lift,
+                (None, false) => continue,
             };
-            inputs.push(ToolInput { tool, motion });
-            let opening = now.map(|placement| placement.opening);
-            if let Some(opening) = opening.filter(|opening| *opening != before.unwrap_or(OPEN)) {
-                inputs.push(ToolInput { tool, motion: ToolMotion::SetOpening(opening) });
-            }
-            *before = opening;
+            *entered = now.is_some();
+            inputs.push(ToolInput { tool: track.tool_id as usize, motion });
         }
         inputs
     }
@@ -90,25 +82,27 @@ mod tests {
         let mut script = script(ROWS);
         assert_eq!(script.end_s(), 0.6);
         assert_eq!(motion(&mut script, 0.05), None);
-        assert!(matches!(motion(&mut script, 0.1), Some(ToolMotion::EnterAt(pose)) if pose.position_m.y == 1.0));
-        assert!(matches!(motion(&mut script, 0.35), Some(ToolMotion::MoveTo(pose)) if pose.position_m.z == 2.0));
+        assert!(matches!(motion(&mut script, 0.1), Some(ToolMotion::EnterAt { pose, .. }) if pose.position_m.y == 1.0));
+        assert!(matches!(motion(&mut script, 0.35), Some(ToolMotion::MoveTo { pose, .. }) if pose.position_m.z == 2.0));
         assert_eq!(motion(&mut script, 0.45), Some(ToolMotion::Lift));
         assert_eq!(motion(&mut script, 0.5), None);
-        assert!(matches!(motion(&mut script, 0.7), Some(ToolMotion::EnterAt(_))));
-        assert!(matches!(motion(&mut script, 9.0), Some(ToolMotion::MoveTo(pose)) if pose.position_m.x == 5.0));
+        assert!(matches!(motion(&mut script, 0.7), Some(ToolMotion::EnterAt { .. })));
+        assert!(matches!(motion(&mut script, 9.0), Some(ToolMotion::MoveTo { pose, .. }) if pose.position_m.x == 5.0));
     }
 
     #[test]
-    fn jaws_move_linearly_and_are_told_of_when_they_do() {
+    fn a_motion_states_the_opening_of_the_jaws() {
         let rows = "time_s,tool,x_m,y_m,z_m,qx,qy,qz,qw,opening\n\
                     0,knife,0,0,0,0,0,0,1,1\n0.2,knife,0,0,0,0,0,0,1,1\n0.4,knife,0,0,0,0,0,0,1,0\n\
                     0.6,knife,lift,,,,,,,\n0.8,knife,0,0,0,0,0,0,1,0\n";
         let mut script = script(rows);
         let mut opening = |time_s| match script.advance(time_s)[..] {
-            [_, ToolInput { motion: ToolMotion::SetOpening(opening), .. }] => Some(opening),
+            [ToolInput { motion: ToolMotion::MoveTo { opening, .. } | ToolMotion::EnterAt { opening, .. }, .. }] => {
+                Some(opening)
+            }
             _ => None,
         };
-        assert_eq!([opening(0.0), opening(0.1), opening(0.4), opening(0.5)], [None, None, Some(0.0), None]);
-        assert_eq!([opening(0.7), opening(0.9), opening(1.0)], [None, Some(0.0), None]);
+        assert_eq!([opening(0.0), opening(0.1), opening(0.4)], [Some(1.0), Some(1.0), Some(0.0)]);
+        assert_eq!([opening(0.7), opening(0.9)], [None, Some(0.0)]);
     }
 }

@@ -57,7 +57,7 @@ mod tests {
         let mut heights = Vec::new();
         for step in 0..=(script.end_s() * 1e3) as usize + 1 {
             match script.advance(step as f64 * 1e-3).first().map(|input| input.motion) {
-                Some(ToolMotion::EnterAt(pose) | ToolMotion::MoveTo(pose)) => {
+                Some(ToolMotion::EnterAt { pose, .. } | ToolMotion::MoveTo { pose, .. }) => {
                     assert!(pose.position_m.x.abs() < 1e-9 && pose.position_m.z.abs() < 1e-9);
                     heights.push(pose.position_m.y);
                 }

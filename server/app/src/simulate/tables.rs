@@ -12,6 +12,8 @@ use kerf_physics::tool::Pose;
 use kerf_physics::{SceneDesc, Vec3};
 use kerf_script::POSE_COLUMNS;
 
+use crate::convert::script_pose;
+
 /// Open tables of a run.
 pub struct Tables {
     tool: csv::Writer<File>,
@@ -71,7 +73,7 @@ impl Tables {
 
     fn push_tools(&mut self, output: &StepOutput) -> Result<()> {
         for (name, tool) in self.tool_names.iter().zip(&output.tools) {
-            let cells = |p: Pose| kerf_script::Pose { position_m: p.position_m, orientation: p.orientation }.cells();
+            let cells = |p: Pose| script_pose(&p).cells();
             let pose = tool.pose.map_or_else(Default::default, cells);
             let wrench = [tool.wrench.force_n, tool.wrench.torque_nm];
             let values = wrench.iter().flat_map(components).chain([tool.cutting_length_m.to_string()]);

@@ -173,7 +173,7 @@ pub fn stroke_box(desc: &SceneDesc, script: &Script, margin_m: f64) -> Option<[[
     let steps = (script.end_s() * desc.rate_hz).ceil() as u64;
     for step in 0..=steps {
         for input in script.advance(step as f64 / desc.rate_hz) {
-            let (ToolMotion::MoveTo(pose) | ToolMotion::EnterAt(pose)) = input.motion else { continue };
+            let (ToolMotion::MoveTo { pose, .. } | ToolMotion::EnterAt { pose, .. }) = input.motion else { continue };
             for point in outline_m(&desc.tools[input.tool].shape) {
                 let at = pose.transform(&point);
                 (least, most) = (least.inf(&at), most.sup(&at));

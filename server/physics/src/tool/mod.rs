@@ -5,45 +5,16 @@ pub mod capsule;
 pub mod edge;
 pub mod flanks;
 pub mod grasper;
+mod pose;
 pub mod scissors;
 
 use crate::scene::{SceneError, ToolShapeDesc};
-use crate::{Quat, Vec3};
 use blade::Blade;
 use capsule::Capsule;
 use grasper::Grasper;
 use scissors::Scissors;
 
-/// Pose of a tool in the scene frame. Tool frame: origin = reference point = middle of the edge,
-/// +x along the edge, -y the cutting direction (spine to edge), +z the blade's normal. The reference point of
-/// scissors is their pivot, a grasper's the middle of its jaws, a probe's that of its axis.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pose {
-    /// Reference point, m.
-    pub position_m: Vec3,
-    /// Rotation from the tool frame to the scene frame.
-    pub orientation: Quat,
-}
-
-impl Default for Pose {
-    fn default() -> Self {
-        Self { position_m: Vec3::zeros(), orientation: Quat::identity() }
-    }
-}
-
-impl Pose {
-    /// Scene position of a point given in the tool frame, m.
-    #[must_use]
-    pub fn transform(&self, local_m: &Vec3) -> Vec3 {
-        self.position_m + self.orientation * local_m
-    }
-
-    /// Tool-frame position of a point given in the scene frame, m.
-    #[must_use]
-    pub fn to_local(&self, scene_m: &Vec3) -> Vec3 {
-        self.orientation.inverse_transform_vector(&(scene_m - self.position_m))
-    }
-}
+pub use pose::{OPEN, Pose, PoseError};
 
 /// What a tool is.
 #[derive(Clone, Debug, PartialEq)]

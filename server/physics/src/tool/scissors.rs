@@ -3,8 +3,8 @@
 //! Tool frame: origin = reference point = pivot, +x from there along the closed blades to their tips, +z the
 //! pivot's axis. One edge comes down from +y, the other one up from -y, by half of the angle each.
 
-use super::Pose;
 use super::blade::Blade;
+use super::pose::Pose;
 use crate::scene::{BladeDesc, SceneError, ScissorsDesc};
 use crate::{Quat, Vec3};
 

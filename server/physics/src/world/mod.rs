@@ -20,7 +20,7 @@ use crate::params::StepParams;
 use crate::scene::{Scene, SceneError};
 use crate::stage::{Lap, Stage, StageClock};
 use crate::step_io::{FractureStep, Grasp, StepInputs, StepOutput, ToolMotion, ToolOutput, Wrench};
-use crate::tool::{Pose, ToolPath, ToolShape};
+use crate::tool::{OPEN, Pose, ToolPath, ToolShape};
 use crate::view::View;
 use crate::workers::Workers;
 use body_slot::BodySlot;
@@ -31,9 +31,6 @@ use tool_contact::ToolContact;
 pub use crate::body::Relaxation;
 pub use queries::{ObjectStats, WorldCounts};
 pub use snapshot::Snapshot;
-
-/// Opening that tools enter with.
-const OPEN: f64 = 1.0;
 
 /// A tool and where it is.
 #[derive(Clone)]
@@ -53,16 +50,16 @@ impl Tool {
         Self { shape, pose: None, before: None, opening: OPEN, opening_before: OPEN, entered: false }
     }
 
-    fn enter_at(&mut self, pose: Pose) {
-        (self.pose, self.before, self.entered) = (Some(pose), Some(pose), true);
-        (self.opening, self.opening_before) = (OPEN, OPEN);
+    fn move_to(&mut self, pose: Pose, opening: f64) {
+        if self.pose.is_none() {
+            return self.enter_at(pose, opening);
+        }
+        (self.pose, self.opening) = (Some(pose), opening);
     }
 
-    fn open(&mut self, opening: f64) {
-        self.opening = opening;
-        if self.entered {
-            self.opening_before = opening;
-        }
+    fn enter_at(&mut self, pose: Pose, opening: f64) {
+        (self.pose, self.before, self.entered) = (Some(pose), Some(pose), true);
+        (self.opening, self.opening_before) = (opening, opening);
     }
 
     /// How it moves in the step; `None` while it is lifted.
@@ -231,9 +228,8 @@ impl World {
         for input in inputs.tools {
             let Some(tool) = self.tools.get_mut(input.tool) else { continue };
             match input.motion {
-                ToolMotion::MoveTo(pose) if tool.pose.is_some() => tool.pose = Some(pose),
-                ToolMotion::MoveTo(pose) | ToolMotion::EnterAt(pose) => tool.enter_at(pose),
-                ToolMotion::SetOpening(opening) => tool.open(opening),
+                ToolMotion::MoveTo { pose, opening } => tool.move_to(pose, opening),
+                ToolMotion::EnterAt { pose, opening } => tool.enter_at(pose, opening),
                 ToolMotion::Lift => {
                     tool.pose = None;
                     self.slots.iter_mut().for_each(|s| s.contacts[input.tool].lift());

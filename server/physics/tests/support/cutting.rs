@@ -117,7 +117,7 @@ impl Rig {
             self.position_m += by_m / steps as f64;
             self.travel_m += by_m.dot(&forward) / steps as f64;
             let pose = self.pose();
-            self.motion(ToolMotion::MoveTo(pose));
+            self.motion(ToolMotion::move_to(pose));
         }
     }
 
@@ -125,7 +125,7 @@ impl Rig {
     pub fn rest(&mut self, steps: usize) {
         for _ in 0..steps {
             let pose = self.pose();
-            self.motion(ToolMotion::MoveTo(pose));
+            self.motion(ToolMotion::move_to(pose));
         }
     }
 
@@ -136,7 +136,7 @@ impl Rig {
     pub fn enter_at(&mut self, position_m: Vec3) {
         self.position_m = position_m;
         let pose = self.pose();
-        self.motion(ToolMotion::EnterAt(pose));
+        self.motion(ToolMotion::enter_at(pose));
     }
 
     pub fn body(&self) -> &Body {

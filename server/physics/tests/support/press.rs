@@ -23,7 +23,7 @@ pub fn cutting_scene() -> Scene {
 /// The edge at a height, along the block's length and askew.
 pub fn pose_at(height_m: f64) -> ToolMotion {
     let orientation = Quat::from_euler_angles(0.0, 0.3, 0.0);
-    ToolMotion::MoveTo(Pose { position_m: Vec3::new(0.0, height_m, 0.0004), orientation })
+    ToolMotion::move_to(Pose { position_m: Vec3::new(0.0, height_m, 0.0004), orientation })
 }
 
 /// Steps with the edge moved to a height.

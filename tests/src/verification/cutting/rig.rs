@@ -114,7 +114,7 @@ impl Rig {
     }
 
     fn step(&mut self) -> Result<()> {
-        let inputs = [ToolInput { tool: 0, motion: ToolMotion::MoveTo(self.pose) }];
+        let inputs = [ToolInput { tool: 0, motion: ToolMotion::move_to(self.pose) }];
         let output = self.world.step(&Workers::serial(), &NoClock, &StepInputs::of(&inputs));
         ensure!(output.fault.is_none(), "step {}: {:?}", output.step, output.fault);
         self.samples.push(Sample {

@@ -272,7 +272,7 @@ impl Hand {
 
     /// Moves the edge in one step; the force against its cutting direction, N.
     fn force_at_n(&mut self, position_m: Vec3) -> f64 {
-        let motion = ToolMotion::MoveTo(Pose { position_m, orientation: self.orientation });
+        let motion = ToolMotion::move_to(Pose { position_m, orientation: self.orientation });
         let inputs = [ToolInput { tool: 0, motion }];
         let forward = self.forward();
         let output = self.world.step(&Workers::serial(), &NoClock, &StepInputs::of(&inputs));

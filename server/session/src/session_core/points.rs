@@ -2,16 +2,14 @@
 
 use std::sync::Arc;
 
-use super::{Runner, ViewSchedule};
-use crate::clock::MonotonicClock;
+use super::SessionCore;
 use crate::error::SessionError;
 use crate::inbox::PointCommand;
-use crate::lock;
 use crate::outbox::SceneEvent;
 use crate::points::Point;
 use crate::status::Phase;
 
-impl Runner {
+impl SessionCore {
     pub(super) fn obey_point(&mut self, command: PointCommand) {
         // A caller that has given up waiting is no error of the session's.
         match command {
@@ -33,7 +31,7 @@ impl Runner {
     /// Answers with the step that the point is of.
     fn save_point(&mut self, name: String) -> Result<u64, SessionError> {
         // A step that panicked has left the world half changed.
-        if let Phase::Failed { message } = &*lock(&self.phase) {
+        if let Phase::Failed { message } = &self.phase {
             return Err(SessionError::Failed { message: message.to_string() });
         }
         // Asked first: a point that is refused is not copied.
@@ -67,18 +65,9 @@ impl Runner {
         let name: Arc<str> = name.into();
         self.tally.restores += 1;
         self.tally.last_restored = Some(Arc::clone(&name));
-        self.views = ViewSchedule::default();
-        let now_ns = MonotonicClock::now_ns();
         // Hands are where they are now, not where they were then.
         self.inbox.withdraw_tools();
-        self.inbox.renew_leases(now_ns);
-        self.pacer.restart(now_ns);
-        self.publisher.start_over();
-        let step = self.world.output().step;
-        self.publisher.event(step, SceneEvent::PointRestored(name));
-        if matches!(*lock(&self.phase), Phase::Failed { .. }) {
-            self.set_phase(Phase::Paused, SceneEvent::Paused);
-        }
-        Ok(step)
+        self.begin_anew(SceneEvent::PointRestored(name));
+        Ok(self.world.output().step)
     }
 }

@@ -1,0 +1,114 @@
+//! What a session is told to do between two steps.
+
+use super::{SessionCore, Tally, ViewSchedule, build_world, guard, pacer};
+use crate::error::SessionError;
+use crate::governor::Governor;
+use crate::inbox::{Command, Probe};
+use crate::outbox::SceneEvent;
+use crate::status::{Phase, SessionStatus};
+
+impl SessionCore {
+    /// Obeys the commands that wait. A command that panics fails the session as a step does; it and those behind
+    /// it are dropped unanswered, as are all once the session is to end.
+    pub fn obey_commands(&mut self) {
+        let mut commands = std::mem::take(&mut self.commands);
+        match self.inbox.take_commands(&mut commands) {
+            true => {
+                let obeyed = guard(|| commands.drain(..).for_each(|command| self.obey(command)));
+                if let Err(message) = obeyed {
+                    self.fail(&message);
+                }
+            }
+            false => {
+                commands.clear();
+                self.set_phase(Phase::Closing, SceneEvent::Closing);
+            }
+        }
+        self.commands = commands;
+    }
+
+    fn obey(&mut self, command: Command) {
+        // A caller that has given up waiting is no error of the session's.
+        match command {
+            Command::Pause(answer) => {
+                if self.phase == Phase::Running {
+                    self.set_phase(Phase::Paused, SceneEvent::Paused);
+                }
+                let _ = answer.send(self.world.output().step);
+            }
+            Command::Resume(answer) => {
+                let _ = answer.send(self.resume());
+            }
+            Command::Reset(answer) => {
+                let _ = answer.send(self.reset());
+            }
+            Command::Describe(answer) => {
+                let _ = answer.send(self.describe());
+            }
+            Command::Point(command) => self.obey_point(command),
+            Command::Query(look) => {
+                look(&mut Probe {
+                    world: &mut self.world,
+                    log: &self.log,
+                    scene: &self.scene,
+                    steps: &self.tally.steps,
+                });
+            }
+        }
+    }
+
+    fn resume(&mut self) -> Result<u64, SessionError> {
+        match &self.phase {
+            Phase::Failed { message } => return Err(SessionError::Failed { message: message.to_string() }),
+            Phase::Paused => {
+                // Tools went on moving; the world's poses are as old as the pause.
+                self.inbox.reenter_tools();
+                self.interrupted = true;
+                self.set_phase(Phase::Running, SceneEvent::Resumed);
+            }
+            Phase::Running | Phase::Closing => {}
+        }
+        Ok(self.world.output().step)
+    }
+
+    /// Back to rest; a failed session stands afterwards, others go on as they were.
+    fn reset(&mut self) -> Result<(), SessionError> {
+        self.world = build_world(&self.scene)?;
+        self.log.clear();
+        self.tally = Tally::of(&self.scene);
+        self.governor = Governor::of(&self.scene.desc);
+        self.next_tolerance = None;
+        self.pacer = pacer(&self.scene, &self.limits);
+        self.inbox.reenter_tools();
+        self.begin_anew(SceneEvent::Reset);
+        Ok(())
+    }
+
+    /// The world is another than viewers and drivers know.
+    pub(super) fn begin_anew(&mut self, event: SceneEvent) {
+        self.views = ViewSchedule::default();
+        self.interrupted = true;
+        self.publisher.start_over();
+        self.publisher.event(self.world.output().step, event);
+        if matches!(self.phase, Phase::Failed { .. }) {
+            self.set_phase(Phase::Paused, SceneEvent::Paused);
+        }
+    }
+
+    fn describe(&self) -> SessionStatus {
+        let output = self.world.output();
+        let counts = self.pacer.counts();
+        SessionStatus {
+            phase: self.phase.clone(),
+            step: output.step,
+            sim_time_s: output.sim_time_s,
+            topology_version: output.topology_version,
+            late_steps: counts.late_steps,
+            relative_tolerance: self.tally.relative_tolerance,
+            reanchors: counts.reanchors,
+            energy: self.tally.energy,
+            probe_displacement_m: output.probe_displacement_m.clone(),
+            state_hash: self.world.state_hash(),
+        }
+    }
+}

@@ -1,0 +1,293 @@
+//! A session as a core without a clock and without a thread.
+//!
+//! Time comes in with each tick, threads are lent to it, and a tick ends with when the next one is due. In:
+//! commands and poses, from the inbox. Out: reports, events, structure and state, to the outbox. Neither waits
+//! for anybody, so a test runs minutes of a session in milliseconds; a thin thread around it runs one in real time.
+//!
+//! Deliberately absent: reading a clock, sleeping, waiting, starting a thread.
+
+mod commands;
+mod points;
+mod views;
+#[cfg(test)]
+mod virtual_session;
+#[cfg(test)]
+mod virtual_time;
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+use kerf_physics::fault::Fault;
+use kerf_physics::step_io::EnergyStep;
+use kerf_physics::{Scene, StageClock, StepInputs, Workers, World};
+
+use crate::error::SessionError;
+use crate::governor::Governor;
+use crate::inbox::{Command, Drain, Inbox, Tick};
+use crate::limits::{SessionLimits, to_ns};
+use crate::outbox::{Publisher, SceneEvent, StepReport, ToolReport};
+use crate::pacer::{Pace, Pacer};
+use crate::points::Points;
+use crate::recorder::InputLog;
+use crate::status::{Phase, StepTallies};
+use crate::tool_slot::DriverId;
+use views::ViewSchedule;
+
+/// How often a session that stands looks after its viewers, ns; commands wake it at once.
+const STANDING_TICK_NS: u64 = 20_000_000;
+
+/// When the next tick is due.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Wake {
+    /// At this time: a step is due.
+    At(u64),
+    /// When a command arrives, and at this time at the latest: the session stands.
+    OnCommand { or_at_ns: u64 },
+    /// Never: the session has ended.
+    Never,
+}
+
+/// A scene that is stepped, and what happens between two steps.
+pub(crate) struct SessionCore {
+    scene: Arc<Scene>,
+    limits: SessionLimits,
+    world: World,
+    inbox: Arc<Inbox>,
+    publisher: Publisher,
+    phase: Phase,
+    pacer: Pacer,
+    /// The session stood, or its world was replaced: deadlines and leases run from the next step on.
+    interrupted: bool,
+    /// Present where the scene states how much effort may be given up.
+    governor: Option<Governor>,
+    /// What the governor decided after the last step.
+    next_tolerance: Option<f64>,
+    log: InputLog,
+    points: Points,
+    commands: Vec<Command>,
+    tools: Tick,
+    /// Per tool, as of the last tick: who drives it.
+    holders: Vec<Option<DriverId>>,
+    tally: Tally,
+    views: ViewSchedule,
+}
+
+/// What has been counted since the scene was at rest.
+#[derive(Default)]
+struct Tally {
+    energy: EnergyStep,
+    jumps: Vec<u64>,
+    faults: u64,
+    last_fault: Option<Fault>,
+    steps: StepTallies,
+    /// When the last step ended.
+    ended_ns: u64,
+    /// Relative tolerance of the solves, as the governor has it.
+    relative_tolerance: f64,
+    /// Times that the session went back to a point, and the last one's name.
+    restores: u64,
+    last_restored: Option<Arc<str>>,
+}
+
+impl Tally {
+    fn of(scene: &Scene) -> Self {
+        let jumps = vec![0; scene.desc.tools.len()];
+        Self { jumps, relative_tolerance: scene.desc.solver.relative_tolerance, ..Self::default() }
+    }
+}
+
+impl SessionCore {
+    /// Builds the scene at rest, in the phase that the publisher shows.
+    pub fn new(
+        scene: Arc<Scene>,
+        limits: SessionLimits,
+        inbox: Arc<Inbox>,
+        publisher: Publisher,
+    ) -> Result<Self, SessionError> {
+        let world = build_world(&scene)?;
+        let tool_count = scene.desc.tools.len();
+        Ok(Self {
+            world,
+            inbox,
+            phase: publisher.phase(),
+            publisher,
+            pacer: pacer(&scene, &limits),
+            interrupted: true,
+            governor: Governor::of(&scene.desc),
+            next_tolerance: None,
+            log: InputLog::new(limits.max_recorded_motions),
+            points: Points::new(limits.max_points),
+            commands: Vec::new(),
+            tools: Tick::default(),
+            holders: vec![None; tool_count],
+            tally: Tally::of(&scene),
+            views: ViewSchedule::default(),
+            scene,
+            limits,
+        })
+    }
+
+    /// The world, as the last step left it.
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// Does what is due at `now_ns`, which is next to nothing if that is too early; says when to call again.
+    /// `clock` tells how long it takes.
+    pub fn tick(&mut self, now_ns: u64, workers: &Workers<'_>, clock: &dyn StageClock) -> Wake {
+        let due = guard(|| match self.phase {
+            Phase::Running => self.step_if_due(now_ns, workers, clock),
+            Phase::Paused | Phase::Failed { .. } => self.stand(now_ns, clock),
+            Phase::Closing => {}
+        });
+        if let Err(message) = due {
+            self.fail(&message);
+        }
+        match self.phase {
+            Phase::Running => Wake::At(self.pacer.deadline_ns()),
+            Phase::Paused | Phase::Failed { .. } => Wake::OnCommand { or_at_ns: now_ns + STANDING_TICK_NS },
+            Phase::Closing => Wake::Never,
+        }
+    }
+
+    fn stand(&mut self, now_ns: u64, clock: &dyn StageClock) {
+        self.inbox.drain(Drain::Standing, now_ns, &mut self.tools);
+        self.tell_leases();
+        self.serve_viewers(now_ns, clock, false);
+    }
+
+    fn step_if_due(&mut self, now_ns: u64, workers: &Workers<'_>, clock: &dyn StageClock) {
+        if std::mem::take(&mut self.interrupted) {
+            self.pacer.restart(now_ns);
+            self.inbox.renew_leases(now_ns);
+        }
+        if now_ns >= self.pacer.deadline_ns() {
+            self.inbox.drain(Drain::Stepping, now_ns, &mut self.tools);
+            self.tell_leases();
+            self.step(now_ns, workers, clock);
+        }
+    }
+
+    fn step(&mut self, started_ns: u64, workers: &Workers<'_>, clock: &dyn StageClock) {
+        let inputs = StepInputs { tools: &self.tools.inputs, relative_tolerance: self.next_tolerance.take() };
+        self.log.record(&inputs);
+        let output = self.world.step(workers, clock, &inputs);
+        let ended_ns = clock.now_ns();
+        let elapsed_ns = ended_ns - started_ns;
+        let pace = self.pacer.step_ended(ended_ns);
+        self.tally.ended_ns = ended_ns;
+        self.tally.energy.book(&output.energy);
+        self.tally.steps.add(output, elapsed_ns, pace);
+        self.views.add_step(output, elapsed_ns);
+        let (step, fault) = (output.step, output.fault.clone());
+        for (count, jumped) in self.tally.jumps.iter_mut().zip(&self.tools.jumped) {
+            *count += u64::from(*jumped);
+        }
+        if pace == Pace::Reanchored {
+            self.publisher.event(step, SceneEvent::Reanchored);
+        }
+        self.govern(step, elapsed_ns, pace);
+        if let Some(fault) = fault {
+            self.note_fault(fault);
+        }
+        if self.tools.drivers > 0 {
+            self.publisher.report(self.report(None));
+        }
+        self.serve_viewers(ended_ns, clock, true);
+    }
+
+    fn govern(&mut self, step: u64, elapsed_ns: u64, pace: Pace) {
+        let Some(governor) = &mut self.governor else { return };
+        let Some(relative_tolerance) = governor.step_ended(elapsed_ns, pace != Pace::InTime) else { return };
+        tracing::info!(step, relative_tolerance, "the governor changed the solver's tolerance");
+        self.next_tolerance = Some(relative_tolerance);
+        self.tally.relative_tolerance = relative_tolerance;
+        self.publisher.event(step, SceneEvent::ToleranceChanged(relative_tolerance));
+    }
+
+    fn note_fault(&mut self, fault: Fault) {
+        tracing::warn!(step = fault.step, object = fault.object, what = ?fault.what, "non-finite state rolled back");
+        self.tally.faults += 1;
+        self.tally.last_fault = Some(fault.clone());
+        // The world has lifted the tools.
+        self.inbox.reenter_tools();
+        self.publisher.event(fault.step, SceneEvent::Fault(fault));
+    }
+
+    fn report(&self, failure: Option<Arc<str>>) -> StepReport {
+        let output = self.world.output();
+        let tool = |index: usize| ToolReport {
+            output: output.tools.get(index).copied().unwrap_or_default(),
+            echo: self.tools.echoes.get(index).copied().flatten(),
+            jumps: self.tally.jumps[index],
+        };
+        StepReport {
+            step: output.step,
+            sim_time_s: output.sim_time_s,
+            ended_ns: self.tally.ended_ns,
+            late_steps: self.pacer.counts().late_steps,
+            relative_tolerance: self.tally.relative_tolerance,
+            faults: self.tally.faults,
+            last_fault: self.tally.last_fault.clone(),
+            restores: self.tally.restores,
+            last_restored: self.tally.last_restored.clone(),
+            failure,
+            tools: (0..self.tally.jumps.len()).map(tool).collect(),
+        }
+    }
+
+    /// Tells viewers of tools that changed hands. Drivers learn of a lost lease from the next
+    /// report, which every step brings.
+    fn tell_leases(&mut self) {
+        let step = self.world.output().step;
+        for (tool, (before, now)) in self.holders.iter().zip(&self.tools.holders).enumerate() {
+            if before == now {
+                continue;
+            }
+            if before.is_some() {
+                self.publisher.event(step, SceneEvent::ToolReleased(tool));
+            }
+            if now.is_some() {
+                self.publisher.event(step, SceneEvent::ToolTaken(tool));
+            }
+        }
+        self.holders.clone_from(&self.tools.holders);
+    }
+
+    /// A panic ends the stepping, not the session: it can still be described, reset, closed.
+    fn fail(&mut self, message: &str) {
+        tracing::error!(
+            step = self.world.output().step,
+            message,
+            "a step panicked; the session stands until it is reset"
+        );
+        let message: Arc<str> = message.into();
+        self.set_phase(Phase::Failed { message: Arc::clone(&message) }, SceneEvent::Failed);
+        self.publisher.report(self.report(Some(message)));
+    }
+
+    fn set_phase(&mut self, phase: Phase, event: SceneEvent) {
+        self.phase = phase.clone();
+        self.publisher.set_phase(phase);
+        self.publisher.event(self.world.output().step, event);
+    }
+}
+
+/// The pacer of a session that has yet to take its first step.
+fn pacer(scene: &Scene, limits: &SessionLimits) -> Pacer {
+    Pacer::new(scene.desc.rate_hz, to_ns(limits.max_lag_s), 0)
+}
+
+fn build_world(scene: &Scene) -> Result<World, SessionError> {
+    guard(|| World::new(scene)).map_err(|message| SessionError::Failed { message })?.map_err(SessionError::from)
+}
+
+/// Runs `work`; a panic becomes its message. What `work` was changing may be half changed: the
+/// session does not step it again before a reset has replaced it.
+fn guard<T>(work: impl FnOnce() -> T) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(work)).map_err(|panic: Box<dyn Any + Send>| {
+        let text = panic.downcast_ref::<&str>().map(ToString::to_string);
+        text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "a panic without a message".into())
+    })
+}

@@ -1,0 +1,79 @@
+//! What viewers of a session get, and when.
+
+use kerf_physics::StageClock;
+use kerf_physics::step_io::StepOutput;
+
+use super::SessionCore;
+use crate::limits::to_ns;
+use crate::outbox::ViewState;
+use crate::status::StepTimes;
+use crate::structure_log::Place;
+
+/// When the next of each is due, and what has been summed up for it.
+#[derive(Default)]
+pub(super) struct ViewSchedule {
+    next_state_ns: u64,
+    next_keyframe_ns: u64,
+    times: StepTimes,
+}
+
+impl ViewSchedule {
+    pub fn add_step(&mut self, output: &StepOutput, elapsed_ns: u64) {
+        self.times.add(output, elapsed_ns);
+    }
+}
+
+impl SessionCore {
+    /// Publishes structure as it changes and state as it falls due; nothing while nobody views.
+    pub(super) fn serve_viewers(&mut self, now_ns: u64, clock: &dyn StageClock, stepped: bool) {
+        if !self.publisher.is_viewed() {
+            // Whoever comes next gets a keyframe of then.
+            self.world.forget_surface();
+            return;
+        }
+        let patch = if stepped { self.world.topology_patch() } else { None };
+        let mut structure_changed = patch.is_some();
+        if let Some(patch) = patch {
+            self.publisher.patch(patch.clone());
+        }
+        if self.publisher.keyframe_wanted() && now_ns >= self.views.next_keyframe_ns {
+            self.views.next_keyframe_ns = now_ns + to_ns(self.limits.min_keyframe_interval_s);
+            self.publisher.keyframe(self.world.keyframe());
+            structure_changed = true;
+        }
+        // Structure is always followed by a state of the same version.
+        if structure_changed || (stepped && now_ns >= self.views.next_state_ns) {
+            self.publish_state(now_ns, clock);
+        }
+    }
+
+    fn publish_state(&mut self, now_ns: u64, clock: &dyn StageClock) {
+        let interval_ns = to_ns(1.0 / self.limits.view_rate_hz);
+        // From the time it was due, so that the rate is kept though steps do not divide it.
+        self.views.next_state_ns = (self.views.next_state_ns + interval_ns).max(now_ns + interval_ns / 2);
+        if let Some(took_ns) = self.world.adapt_surface(clock) {
+            self.views.times.add_adaptation(took_ns);
+        }
+        let output = self.world.output();
+        let displacements = |object: usize| {
+            let mut displacements_m = Vec::new();
+            self.world.node_displacements_m(object, &mut displacements_m);
+            displacements_m
+        };
+        let objects = 0..self.scene.desc.objects.len();
+        let version = output.topology_version;
+        self.publisher.state(ViewState {
+            place: Place { epoch: self.publisher.epoch(), version },
+            topology_version: version,
+            step: output.step,
+            sim_time_s: output.sim_time_s,
+            late_steps: self.pacer.counts().late_steps,
+            node_displacements_m: objects.clone().map(displacements).collect(),
+            adapted: objects.map(|object| self.world.adapted_vertices(object).to_vec()).collect(),
+            tools: output.tools.clone(),
+            energy: self.tally.energy,
+            times: std::mem::take(&mut self.views.times),
+            published_ns: now_ns,
+        });
+    }
+}

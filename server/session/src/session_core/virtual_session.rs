@@ -1,0 +1,142 @@
+//! A session that is ticked by hand against a clock that only steps and waiting move.
+
+use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use kerf_physics::tool::{OPEN, Pose};
+use kerf_physics::{Quat, Scene, SceneDesc, StageClock, Vec3, Workers};
+use tokio::sync::{oneshot, watch};
+
+use super::{SessionCore, Wake};
+use crate::inbox::{Command, Inbox, Probe};
+use crate::limits::SessionLimits;
+use crate::outbox::{Outbox, Publisher, StepReport, Viewer};
+use crate::pose_check::{PoseRefusal, PoseSample};
+use crate::recorder::InputLog;
+use crate::status::{Phase, SessionStatus};
+use crate::tool_slot::DriverId;
+
+pub const MS: u64 = 1_000_000;
+pub const S: u64 = 1000 * MS;
+
+/// Goes on by the length of a step when the step first asks for the time.
+#[derive(Default)]
+pub struct VirtualClock {
+    now_ns: AtomicU64,
+    step_ns: AtomicU64,
+    pub panics: AtomicBool,
+}
+
+impl StageClock for VirtualClock {
+    fn now_ns(&self) -> u64 {
+        assert!(!self.panics.swap(false, Ordering::Relaxed), "a test's panic");
+        let step_ns = self.step_ns.swap(0, Ordering::Relaxed);
+        self.now_ns.fetch_add(step_ns, Ordering::Relaxed) + step_ns
+    }
+}
+
+/// A session that is ticked by hand.
+pub struct VirtualSession {
+    pub core: SessionCore,
+    pub scene: Arc<Scene>,
+    pub inbox: Arc<Inbox>,
+    pub outbox: Arc<Outbox>,
+    bell: watch::Receiver<u64>,
+    pub reports: watch::Receiver<Arc<StepReport>>,
+    pub clock: VirtualClock,
+    pub wake: Wake,
+    /// How long steps take.
+    pub step_ns: u64,
+}
+
+impl VirtualSession {
+    pub fn new(desc: SceneDesc, limits: SessionLimits) -> Self {
+        let scene = Arc::new(Scene { desc, meshes: Default::default() });
+        let inbox = Arc::new(Inbox::new(scene.desc.tools.len(), limits.clone()));
+        let outbox = Arc::new(Outbox::new(&limits, Phase::Running));
+        let (publisher, bell, reports) = Publisher::new(Arc::clone(&outbox));
+        let core = SessionCore::new(Arc::clone(&scene), limits, Arc::clone(&inbox), publisher).unwrap();
+        let (clock, wake) = (VirtualClock::default(), Wake::At(0));
+        Self { core, scene, inbox, outbox, bell, reports, clock, wake, step_ns: MS / 10 }
+    }
+
+    pub fn now_ns(&self) -> u64 {
+        self.clock.now_ns.load(Ordering::Relaxed)
+    }
+
+    pub fn tick(&mut self) {
+        self.core.obey_commands();
+        self.clock.step_ns.store(self.step_ns, Ordering::Relaxed);
+        self.wake = self.core.tick(self.now_ns(), &Workers::serial(), &self.clock);
+        self.clock.step_ns.store(0, Ordering::Relaxed);
+    }
+
+    /// Does all that is due in the coming time.
+    pub fn run(&mut self, duration_ns: u64) {
+        let end_ns = self.now_ns() + duration_ns;
+        while let Wake::At(due_ns) | Wake::OnCommand { or_at_ns: due_ns } = self.wake
+            && self.now_ns().max(due_ns) < end_ns
+        {
+            self.clock.now_ns.fetch_max(due_ns, Ordering::Relaxed);
+            self.tick();
+        }
+        self.clock.now_ns.fetch_max(end_ns, Ordering::Relaxed);
+    }
+
+    pub fn one_step_of(&mut self, step_ns: u64) {
+        let usual_ns = std::mem::replace(&mut self.step_ns, step_ns);
+        let Wake::At(due_ns) = self.wake else { panic!("the session stands") };
+        self.clock.now_ns.fetch_max(due_ns, Ordering::Relaxed);
+        self.tick();
+        self.step_ns = usual_ns;
+    }
+
+    pub fn ask<T>(&mut self, command: impl FnOnce(oneshot::Sender<T>) -> Command) -> T {
+        let (answer, mut answered) = oneshot::channel();
+        self.inbox.push(command(answer)).unwrap();
+        self.tick();
+        answered.try_recv().expect("a command is obeyed in the tick that finds it")
+    }
+
+    pub fn status(&mut self) -> SessionStatus {
+        self.ask(Command::Describe)
+    }
+
+    pub fn log_and_hash(&mut self) -> (InputLog, u64) {
+        self.ask(|answer| {
+            let look = |probe: &mut Probe<'_>| (probe.log.clone(), probe.world.state_hash());
+            Command::Query(Box::new(move |probe| drop(answer.send(look(probe)))))
+        })
+    }
+
+    pub fn view(&self) -> Viewer {
+        let mut viewer = self.outbox.join(self.bell.clone()).unwrap();
+        // The first look is what asks for a keyframe.
+        assert!(viewer.try_next().is_none());
+        viewer
+    }
+
+    pub fn drive(&self) -> DriverId {
+        let driver = self.inbox.connect_driver().unwrap();
+        self.inbox.claim(driver, &[0], self.now_ns()).unwrap();
+        driver
+    }
+
+    pub fn submit(&self, driver: DriverId, seq: u64, height_m: f64) -> Result<(), PoseRefusal> {
+        // Turned and tilted: the edge crosses the links one after another.
+        let orientation = Quat::from_axis_angle(&Vec3::y_axis(), 0.4) * Quat::from_axis_angle(&Vec3::z_axis(), 0.3);
+        let pose = Pose { position_m: Vec3::new(0.0, height_m, 4e-4), orientation };
+        let sample = PoseSample { seq, client_ns: self.now_ns(), pose, opening: OPEN };
+        self.inbox.submit(driver, 0, &sample, self.now_ns())
+    }
+
+    /// Puts the edge down over the block and presses it through, a pose a step of 2 ms.
+    pub fn cut(&mut self, driver: DriverId, seqs: Range<u64>) {
+        let first = seqs.start;
+        for seq in seqs {
+            self.submit(driver, seq, 0.012 - 2e-4 * (seq - first) as f64).unwrap();
+            self.run(2 * MS);
+        }
+    }
+}

@@ -1,0 +1,322 @@
+//! Sessions in virtual time: minutes take milliseconds, and every run is the same.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use kerf_physics::scene::GovernorDesc;
+use kerf_physics::step_io::ToolMotion;
+use kerf_physics::{NoClock, SceneDesc, Stage, StepInputs, Workers, World};
+use tokio::sync::oneshot;
+
+use super::Wake;
+use super::virtual_session::{MS, S, VirtualSession};
+use crate::error::SessionError;
+use crate::inbox::{Command, PointCommand};
+use crate::limits::SessionLimits;
+use crate::outbox::{SceneEvent, ViewMessage, Viewer};
+use crate::pose_check::PoseRefusal;
+use crate::status::{Phase, SessionStatus};
+
+fn block() -> SceneDesc {
+    toml::from_str(include_str!("../../tests/block.toml")).unwrap()
+}
+
+fn session() -> VirtualSession {
+    VirtualSession::new(block(), SessionLimits::default())
+}
+
+fn messages(viewer: &mut Viewer) -> Vec<ViewMessage> {
+    std::iter::from_fn(|| viewer.try_next()).collect()
+}
+
+fn events(viewer: &mut Viewer) -> Vec<SceneEvent> {
+    let event = |message| match message {
+        ViewMessage::Event(happened) => Some(happened.event),
+        _ => None,
+    };
+    messages(viewer).into_iter().filter_map(event).collect()
+}
+
+#[test]
+fn minutes_are_stepped_at_the_rate_of_the_scene() {
+    let mut desc = block();
+    desc.rate_hz = 30.0;
+    let mut session = VirtualSession::new(desc, SessionLimits::default());
+    session.run(180 * S);
+    let status = session.status();
+    assert_eq!((status.step, status.late_steps, status.reanchors), (180 * 30, 0, 0));
+    assert!((status.sim_time_s - 180.0).abs() < 1e-9);
+}
+
+#[test]
+fn a_tick_before_its_time_does_nothing() {
+    let mut session = session();
+    session.tick();
+    let wake = session.wake;
+    session.tick();
+    assert_eq!((wake, session.wake), (Wake::At(2 * MS), Wake::At(2 * MS)));
+    assert_eq!(session.core.world().output().step, 1);
+}
+
+#[test]
+fn a_late_step_is_counted_and_caught_up_and_no_step_is_dropped() {
+    let mut session = session();
+    session.run(S);
+    session.one_step_of(9 * MS);
+    session.run(S - 9 * MS);
+    assert_eq!(session.wake, Wake::At(2 * S), "the deadlines are where they were");
+    let status = session.status();
+    // It ended 7 ms late; the next three began and ended late.
+    assert_eq!((status.step, status.late_steps, status.reanchors), (1000, 4, 0));
+}
+
+#[test]
+fn lag_past_the_limit_is_given_up_which_viewers_hear() {
+    let mut session = session();
+    let mut viewer = session.view();
+    session.run(S);
+    events(&mut viewer);
+    session.one_step_of(250 * MS);
+    assert_eq!(events(&mut viewer), [SceneEvent::Reanchored]);
+    session.run(S);
+    let status = session.status();
+    assert_eq!((status.step, status.late_steps, status.reanchors), (501 + 500, 1, 1), "no burst follows");
+}
+
+#[test]
+fn a_silent_driver_loses_its_tool_after_the_lease_but_not_while_the_session_stands() {
+    let mut session = session();
+    let mut viewer = session.view();
+    let silent = session.drive();
+    session.submit(silent, 1, 0.1).unwrap();
+    session.run(1900 * MS);
+    session.ask(Command::Pause);
+    session.run(60 * S);
+    session.ask(Command::Resume).unwrap();
+    events(&mut viewer);
+    session.run(1990 * MS);
+    assert_eq!((session.inbox.held_tools(), events(&mut viewer)), (vec![0], vec![]), "the lease began anew");
+    session.run(20 * MS);
+    assert_eq!(events(&mut viewer), [SceneEvent::ToolReleased(0)]);
+    assert!(session.inbox.take_eviction(silent, 0));
+    assert!(session.core.world().output().tools[0].pose.is_none(), "it is lifted");
+    let next = session.drive();
+    session.submit(next, 1, 0.3).unwrap();
+    assert!(matches!(session.submit(silent, 2, 0.1), Err(PoseRefusal::ToolTaken { .. })));
+}
+
+#[test]
+fn a_pause_is_no_lost_time_and_a_reset_starts_over() {
+    let mut session = session();
+    let mut viewer = session.view();
+    session.run(S);
+    let stood = session.ask(Command::Pause);
+    session.run(60 * S);
+    assert_eq!((stood, session.status().step, session.outbox.phase()), (500, 500, Phase::Paused));
+    // It steps at once.
+    assert_eq!(session.ask(Command::Resume), Ok(500));
+    session.run(S - MS);
+    let status = session.status();
+    assert_eq!((status.step, status.late_steps), (1000, 0));
+    session.one_step_of(9 * MS);
+    events(&mut viewer);
+    session.ask(Command::Reset).unwrap();
+    session.run(9 * MS);
+    let status = session.status();
+    assert_eq!((status.step, status.late_steps, session.outbox.phase()), (5, 0, Phase::Running));
+    // Having looked, the viewer waits for the structure of the scene at rest.
+    assert_eq!(events(&mut viewer), [SceneEvent::Reset]);
+    session.run(2 * MS);
+    assert!(
+        matches!(&messages(&mut viewer)[..], [ViewMessage::Keyframe(_), ViewMessage::State(state)] if state.step < 10)
+    );
+}
+
+#[test]
+fn a_session_that_goes_back_to_a_point_goes_on_in_time_and_replays() {
+    let mut session = session();
+    let driver = session.drive();
+    session.cut(driver, 1..35);
+    session.ask(Command::Pause);
+    let step = session.ask(|answer| Command::Point(PointCommand::Save("half way".into(), answer))).unwrap();
+    let saved = session.status();
+    session.ask(Command::Resume).unwrap();
+    session.cut(driver, 35..110);
+    session.one_step_of(3 * MS);
+    session.ask(Command::Pause);
+    let gone = session.status();
+    let (halfway, after) = (saved.topology_version, gone.topology_version);
+    assert!(halfway > 0 && after > halfway, "{halfway} and {after} times links parted");
+    let restored = session.ask(|answer| Command::Point(PointCommand::Restore("half way".into(), answer)));
+    assert_eq!(restored, Ok(step));
+    // What happened to the session did happen; all else is as it was.
+    assert_eq!((saved.late_steps, gone.late_steps), (0, 1));
+    assert_eq!(session.status(), SessionStatus { late_steps: 1, ..saved });
+
+    session.ask(Command::Resume).unwrap();
+    let report = Arc::clone(&session.reports.borrow());
+    assert_eq!((report.step, report.restores, report.last_restored.as_deref()), (step + 1, 1, Some("half way")));
+    assert!(report.tools[0].output.pose.is_none(), "hands are not where they were then");
+    session.cut(driver, 111..180);
+    session.ask(Command::Pause);
+    let (log, hash) = session.log_and_hash();
+    let status = session.status();
+    assert_eq!(log.steps(), status.step, "what was undone is not in the log");
+    assert_eq!(status.late_steps, 1, "going back is no lost time");
+    let first = log.motions().iter().find(|(at, _)| *at == step).map(|(_, input)| input.motion);
+    assert_eq!(first, Some(ToolMotion::Lift));
+    assert_eq!(log.replay(&session.scene, &Workers::serial()).unwrap().state_hash(), hash);
+}
+
+#[test]
+fn states_come_at_the_view_rate_and_keyframes_for_those_who_fell_behind_at_most_every_interval() {
+    let limits = SessionLimits { max_log_patches: 1, ..SessionLimits::default() };
+    let mut session = VirtualSession::new(block(), limits.clone());
+    let mut viewer = session.view();
+    session.run(MS);
+    assert!(matches!(messages(&mut viewer)[..], [ViewMessage::Keyframe(_), ViewMessage::State(_)]));
+    let mut states = 0;
+    for _ in 0..500 {
+        session.run(2 * MS);
+        states += messages(&mut viewer).len();
+    }
+    assert!((60..=62).contains(&states), "{states} states in a second");
+
+    let driver = session.drive();
+    let mut keyframes_ns = Vec::new();
+    for seq in 1..=600 {
+        // So slowly that links part throughout.
+        session.submit(driver, seq, 0.012 - 0.02 * seq as f64 / 600.0).unwrap();
+        session.run(2 * MS);
+        if seq % 10 == 0 {
+            let keyframes = messages(&mut viewer).iter().filter(|m| matches!(m, ViewMessage::Keyframe(_))).count();
+            keyframes_ns.extend(std::iter::repeat_n(session.now_ns(), keyframes));
+        }
+    }
+    // Readers look every 20 ms.
+    let least_ns = (limits.min_keyframe_interval_s * 1e9) as u64 - 20 * MS;
+    assert!(keyframes_ns.len() >= 2, "{keyframes_ns:?}");
+    assert!(keyframes_ns.windows(2).all(|pair| pair[1] - pair[0] >= least_ns), "{keyframes_ns:?}");
+}
+
+#[test]
+fn after_the_last_viewer_nothing_is_contoured_and_the_next_one_sees_the_surface_as_it_is() {
+    let mut session = session();
+    let mut first = session.view();
+    session.run(10 * MS);
+    assert!(matches!(first.try_next(), Some(ViewMessage::Keyframe(_))));
+    drop(first);
+    session.run(2 * MS);
+    let driver = session.drive();
+    session.cut(driver, 1..90);
+    session.ask(Command::Pause);
+    let mut second = session.view();
+    session.run(100 * MS);
+    let Some(ViewMessage::Keyframe(keyframe)) = second.try_next() else { panic!("a keyframe comes first") };
+    let Some(ViewMessage::State(state)) = second.try_next() else { panic!("a state follows") };
+    assert!(keyframe.topology_version > 2, "the block was cut");
+    // The first state sums up all steps since the one that the first viewer saw.
+    assert_eq!(state.times.stage_ns[Stage::Surface as usize], 0);
+    assert!(state.times.steps >= 89);
+    let (log, _) = session.log_and_hash();
+    let mut replayed = log.replay(&session.scene, &Workers::serial()).unwrap();
+    assert_eq!(replayed.surface_hash(), keyframe.surface_hash);
+}
+
+#[test]
+fn late_steps_are_met_with_less_accuracy_and_time_to_spare_with_more_and_a_replay_repeats_both() {
+    let mut desc = block();
+    desc.governor = Some(GovernorDesc { max_relative_tolerance: 0.02 });
+    // It sags, so that there is something to solve.
+    desc.gravity_m_per_s2 = [0.0, -9.81, 0.0];
+    let mut session = VirtualSession::new(desc, SessionLimits::default());
+    let mut viewer = session.view();
+    let mut told = |session: &mut VirtualSession, step_ns, duration_ns| {
+        session.step_ns = step_ns;
+        session.run(duration_ns);
+        let tolerance = |event| match event {
+            SceneEvent::ToleranceChanged(tolerance) => Some(tolerance),
+            _ => None,
+        };
+        events(&mut viewer).into_iter().filter_map(tolerance).collect::<Vec<_>>()
+    };
+    assert!(told(&mut session, MS, S).is_empty(), "it keeps up");
+    let fallen = told(&mut session, 3 * MS, 2 * S);
+    assert!(fallen.len() >= 2 && fallen.is_sorted() && fallen.last() == Some(&0.02), "{fallen:?}");
+    let raised = told(&mut session, MS / 2, 10 * S);
+    assert!(raised.len() >= 2 && raised.iter().rev().is_sorted() && raised.last() == Some(&1e-3), "{raised:?}");
+
+    let (log, hash) = session.log_and_hash();
+    assert_eq!(log.replay(&session.scene, &Workers::serial()).unwrap().state_hash(), hash);
+    let mut exact = World::new(&session.scene).unwrap();
+    for inputs in log.inputs() {
+        exact.step(&Workers::serial(), &NoClock, &StepInputs::of(&inputs.tools));
+    }
+    assert_ne!(exact.state_hash(), hash, "what the governor did is part of the log");
+
+    told(&mut session, 3 * MS, 2 * S);
+    assert_eq!(session.status().relative_tolerance, 0.02);
+    session.ask(Command::Reset).unwrap();
+    assert_eq!(session.status().relative_tolerance, 1e-3);
+}
+
+#[test]
+fn without_bounds_nothing_is_given_up() {
+    let mut session = session();
+    session.step_ns = 3 * MS;
+    session.run(5 * S);
+    let status = session.status();
+    assert!(status.late_steps > 1000, "{}", status.late_steps);
+    assert_eq!(status.relative_tolerance, 1e-3);
+    assert!(session.log_and_hash().0.inputs().all(|inputs| inputs.relative_tolerance.is_none()));
+}
+
+#[test]
+fn a_panic_in_a_step_fails_the_session_until_a_reset() {
+    let mut session = session();
+    let mut viewer = session.view();
+    let _driver = session.drive();
+    session.run(S);
+    events(&mut viewer);
+    session.clock.panics.store(true, Ordering::Relaxed);
+    session.run(S);
+    assert_eq!(session.reports.borrow().failure.as_deref(), Some("a test's panic"));
+    assert_eq!(events(&mut viewer), [SceneEvent::Failed]);
+    let failed = SessionError::Failed { message: "a test's panic".into() };
+    assert_eq!(session.ask(Command::Resume), Err(failed));
+    assert!(matches!(session.status().phase, Phase::Failed { .. }));
+    session.ask(Command::Reset).unwrap();
+    assert_eq!(events(&mut viewer), [SceneEvent::Reset, SceneEvent::Paused]);
+    session.ask(Command::Resume).unwrap();
+    session.run(S - MS);
+    assert_eq!((session.status().step, session.reports.borrow().failure.as_deref()), (500, None));
+}
+
+#[test]
+fn a_command_that_panics_fails_the_session_and_those_behind_it_go_unanswered() {
+    let mut session = session();
+    session.run(S);
+    session.inbox.push(Command::Query(Box::new(|_| panic!("a test's panic")))).unwrap();
+    let (answer, mut answered) = oneshot::channel();
+    session.inbox.push(Command::Describe(answer)).unwrap();
+    session.run(S);
+    assert!(answered.try_recv().is_err());
+    assert!(matches!(session.outbox.phase(), Phase::Failed { .. }));
+    assert_eq!(session.core.world().output().step, 500);
+}
+
+#[test]
+fn a_session_that_closes_tells_its_viewers_obeys_nothing_more_and_is_never_due_again() {
+    let mut session = session();
+    let mut viewer = session.view();
+    session.run(S);
+    events(&mut viewer);
+    let (answer, mut answered) = oneshot::channel();
+    session.inbox.push(Command::Describe(answer)).unwrap();
+    session.inbox.close();
+    session.run(S);
+    assert_eq!((session.wake, session.outbox.phase()), (Wake::Never, Phase::Closing));
+    assert!(answered.try_recv().is_err());
+    assert_eq!(events(&mut viewer), [SceneEvent::Closing]);
+    assert_eq!(session.core.world().output().step, 500);
+}
