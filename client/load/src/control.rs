@@ -111,7 +111,7 @@ impl Receiver {
             // A script with a pause may lose a lease by silence; its next pose takes it again.
             down::Message::LeaseLost(_) => metrics.leases_lost += 1,
             // Somebody else undid what this script did; it goes on.
-            down::Message::PointRestored(_) => {}
+            down::Message::CheckpointRestored(_) => {}
             down::Message::Hello(_) => bail!("the server sent a second hello"),
         }
         Ok(())

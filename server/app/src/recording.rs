@@ -6,8 +6,8 @@
 //! same bits. The last row is `end`, with the number of all steps and the hash of the state that they led to,
 //! absent where the session went on after its log was full.
 //!
-//! A session that went back to a named point is recorded as the way to the point and on from there: what came
-//! after the point had no part in the state that the recording leads to.
+//! A session that went back to a named checkpoint is recorded as the way to the checkpoint and on from there: what came
+//! after the checkpoint had no part in the state that the recording leads to.
 
 use std::fs::File;
 use std::io;

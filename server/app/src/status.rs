@@ -121,11 +121,11 @@ fn session_code(error: &SessionError) -> Code {
         | SessionError::TooManyDrivers { .. }
         | SessionError::TooManyViewers { .. }
         | SessionError::TooManyCommands { .. }
-        | SessionError::TooManyPoints { .. }
+        | SessionError::TooManyCheckpoints { .. }
         | SessionError::NoThread { .. } => Code::ResourceExhausted,
         SessionError::NoSession { .. }
         | SessionError::NoTool { .. }
-        | SessionError::NoPoint { .. }
+        | SessionError::NoCheckpoint { .. }
         | SessionError::Closed => Code::NotFound,
         SessionError::ToolTaken { .. } | SessionError::Failed { .. } => Code::FailedPrecondition,
         SessionError::Dial(DialError::Scene(_))

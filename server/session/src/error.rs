@@ -31,23 +31,23 @@ pub enum SessionError {
         /// `max_commands`.
         limit: usize,
     },
-    /// The session keeps as many points as it may.
-    #[error("the session keeps {limit} points, as many as it may (max_points); delete one, or save over one")]
-    TooManyPoints {
-        /// `max_points`.
+    /// The session keeps as many checkpoints as it may.
+    #[error("the session keeps {limit} checkpoints, as many as it may (max_checkpoints); delete one, or save over one")]
+    TooManyCheckpoints {
+        /// `max_checkpoints`.
         limit: usize,
     },
-    /// A name that no point may have.
-    #[error("name: a point's has 1 to {limit} bytes, not {bytes}")]
+    /// A name that no checkpoint may have.
+    #[error("name: a checkpoint's has 1 to {limit} bytes, not {bytes}")]
     PointName {
         /// Its length.
         bytes: usize,
-        /// [`crate::MAX_POINT_NAME_BYTES`].
+        /// [`crate::MAX_CHECKPOINT_NAME_BYTES`].
         limit: usize,
     },
     /// The session has no point of this name.
-    #[error("name: the session has no point {name:?}")]
-    NoPoint {
+    #[error("name: the session has no checkpoint {name:?}")]
+    NoCheckpoint {
         /// The name asked for.
         name: String,
     },

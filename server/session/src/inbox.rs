@@ -9,10 +9,10 @@ use std::time::Duration;
 use kerf_physics::{Scene, ToolInput, World};
 use tokio::sync::oneshot;
 
+use crate::checkpoints::CheckpointInfo;
 use crate::error::SessionError;
 use crate::limits::{SessionLimits, to_ns};
 use crate::lock::lock;
-use crate::points::PointInfo;
 use crate::pose_check::{PoseRefusal, PoseSample};
 use crate::recorder::InputLog;
 use crate::status::{SessionStatus, StepTallies};
@@ -40,14 +40,14 @@ pub(crate) enum Command {
     Reset(oneshot::Sender<Result<(), SessionError>>),
     /// Describe the session.
     Describe(oneshot::Sender<SessionStatus>),
-    /// Save a point, go back to one, tell of them.
-    Point(PointCommand),
+    /// Save a checkpoint, go back to one, tell of them.
+    Checkpoint(CheckpointCommand),
     /// Look at the world. The closure holds the answer's channel.
     Query(Box<dyn FnOnce(&mut Probe<'_>) + Send>),
 }
 
-/// Something to do with the points that a session can go back to, by name.
-pub(crate) enum PointCommand {
+/// Something to do with the checkpoints that a session can go back to, by name.
+pub(crate) enum CheckpointCommand {
     /// Save one; answers with its step.
     Save(String, oneshot::Sender<Result<u64, SessionError>>),
     /// Go back to one; answers with its step.
@@ -55,7 +55,7 @@ pub(crate) enum PointCommand {
     /// Forget one.
     Delete(String, oneshot::Sender<Result<(), SessionError>>),
     /// List them.
-    List(oneshot::Sender<Vec<PointInfo>>),
+    List(oneshot::Sender<Vec<CheckpointInfo>>),
 }
 
 /// Which poses a tick takes.

@@ -8,6 +8,7 @@
 //! Deliberately absent: locks on the world, steps inside async tasks, dropped or stretched steps,
 //! knowledge of the wire and of files.
 
+mod checkpoints;
 pub mod clock;
 pub mod error;
 mod governor;
@@ -16,7 +17,6 @@ pub mod limits;
 mod lock;
 mod outbox;
 pub mod pacer;
-mod points;
 pub mod pose_check;
 pub mod recorder;
 pub mod registry;
@@ -28,11 +28,11 @@ pub mod status;
 mod structure_log;
 mod tool_slot;
 
+pub use checkpoints::{CheckpointInfo, MAX_CHECKPOINT_NAME_BYTES};
 pub use error::SessionError;
 pub use inbox::Probe;
 pub use limits::{PoseLimits, SessionLimits};
 pub use outbox::{SceneEvent, StepReport, ToolReport, ViewEvent, ViewMessage, ViewState, Viewer};
-pub use points::{MAX_POINT_NAME_BYTES, PointInfo};
 pub use pose_check::{PoseRefusal, PoseSample};
 pub use recorder::{InputLog, LoggedInputs};
 pub use registry::Registry;

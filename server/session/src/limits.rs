@@ -44,9 +44,9 @@ pub struct SessionLimits {
     /// Tool motions recorded for replay; recording ends when they are full. Default 120,000: two
     /// minutes of one tool at 1 kHz in about 10 MB. 0 turns recording off.
     pub max_recorded_motions: usize,
-    /// Points that a session keeps to go back to. Default 8: each is a copy of the scene's state, 8 MB and 8 ms
+    /// Checkpoints that a session keeps to go back to. Default 8: each is a copy of the scene's state, 8 MB and 8 ms
     /// for the liver's 30,420 voxels.
-    pub max_points: usize,
+    pub max_checkpoints: usize,
     /// What a plausible pose is.
     pub pose: PoseLimits,
 }
@@ -68,7 +68,7 @@ impl Default for SessionLimits {
             max_log_events: 64,
             min_keyframe_interval_s: 0.25,
             max_recorded_motions: 120_000,
-            max_points: 8,
+            max_checkpoints: 8,
             pose: PoseLimits::default(),
         }
     }
@@ -144,7 +144,7 @@ impl SessionLimits {
             ("max_log_bytes", self.max_log_bytes as f64),
             ("max_log_events", self.max_log_events as f64),
             ("min_keyframe_interval_s", self.min_keyframe_interval_s),
-            ("max_points", self.max_points as f64),
+            ("max_checkpoints", self.max_checkpoints as f64),
             ("pose.workspace_half_extent_m", pose.workspace_half_extent_m),
             ("pose.quaternion_norm_tolerance", pose.quaternion_norm_tolerance),
             ("pose.max_speed_m_per_s", pose.max_speed_m_per_s),

@@ -36,9 +36,9 @@ pub struct StepReport {
     pub faults: u64,
     /// The newest of them.
     pub last_fault: Option<Fault>,
-    /// Times that the session went back to a point.
+    /// Times that the session went back to a checkpoint.
     pub restores: u64,
-    /// The point that it went back to last.
+    /// The checkpoint that it went back to last.
     pub last_restored: Option<Arc<str>>,
     /// Set when a step panicked: nothing follows until a reset.
     pub failure: Option<Arc<str>>,
@@ -105,10 +105,10 @@ pub enum SceneEvent {
     Reanchored,
     /// The governor set the relative tolerance of the solves to this.
     ToleranceChanged(f64),
-    /// The state was saved as the point of this name.
-    PointSaved(Arc<str>),
-    /// The scene is at the point of this name again, every tool lifted.
-    PointRestored(Arc<str>),
+    /// The state was saved as the checkpoint of this name.
+    CheckpointSaved(Arc<str>),
+    /// The scene is at the checkpoint of this name again, every tool lifted.
+    CheckpointRestored(Arc<str>),
     /// Non-finite state was rolled back.
     Fault(Fault),
 }

@@ -8,13 +8,13 @@ use kerf_physics::scene::DialDesc;
 use kerf_physics::world::ObjectStats;
 use tokio::sync::{OwnedSemaphorePermit, oneshot, watch};
 
+use crate::checkpoints::CheckpointInfo;
 use crate::clock::MonotonicClock;
 use crate::error::SessionError;
-use crate::inbox::{Command, Inbox, PointCommand, Probe};
+use crate::inbox::{CheckpointCommand, Command, Inbox, Probe};
 use crate::limits::SessionLimits;
 use crate::lock::lock;
 use crate::outbox::{Outbox, Publisher, StepReport, Viewer};
-use crate::points::PointInfo;
 use crate::pose_check::{PoseRefusal, PoseSample};
 use crate::session_core::SessionCore;
 use crate::session_id::SessionId;
@@ -145,39 +145,39 @@ impl Session {
         self.ask(Command::Reset).await?
     }
 
-    /// Saves the state as it is as a point to go back to, in place of one of the same name; answers with
-    /// its step. Points outlive a reset.
+    /// Saves the state as it is as a checkpoint to go back to, in place of one of the same name; answers with
+    /// its step. Checkpoints outlive a reset.
     ///
     /// # Errors
-    /// The name is empty or too long, the session keeps as many points as it may or has failed, the queue
+    /// The name is empty or too long, the session keeps as many checkpoints as it may or has failed, the queue
     /// is full, or the session has ended.
-    pub async fn save_point(&self, name: &str) -> Result<u64, SessionError> {
-        self.ask(|answer| Command::Point(PointCommand::Save(name.into(), answer))).await?
+    pub async fn save_checkpoint(&self, name: &str) -> Result<u64, SessionError> {
+        self.ask(|answer| Command::Checkpoint(CheckpointCommand::Save(name.into(), answer))).await?
     }
 
-    /// Takes the scene back to a point, every tool lifted; answers with its step. A session that had failed
+    /// Takes the scene back to a checkpoint, every tool lifted; answers with its step. A session that had failed
     /// stands afterwards, others go on as they were.
     ///
     /// # Errors
-    /// There is no such point, the queue is full or the session has ended.
-    pub async fn restore_point(&self, name: &str) -> Result<u64, SessionError> {
-        self.ask(|answer| Command::Point(PointCommand::Restore(name.into(), answer))).await?
+    /// There is no such checkpoint, the queue is full or the session has ended.
+    pub async fn restore_checkpoint(&self, name: &str) -> Result<u64, SessionError> {
+        self.ask(|answer| Command::Checkpoint(CheckpointCommand::Restore(name.into(), answer))).await?
     }
 
-    /// Forgets a point.
+    /// Forgets a checkpoint.
     ///
     /// # Errors
-    /// There is no such point, the queue is full or the session has ended.
-    pub async fn delete_point(&self, name: &str) -> Result<(), SessionError> {
-        self.ask(|answer| Command::Point(PointCommand::Delete(name.into(), answer))).await?
+    /// There is no such checkpoint, the queue is full or the session has ended.
+    pub async fn delete_checkpoint(&self, name: &str) -> Result<(), SessionError> {
+        self.ask(|answer| Command::Checkpoint(CheckpointCommand::Delete(name.into(), answer))).await?
     }
 
-    /// The points that can be gone back to, in the order of saving.
+    /// The checkpoints that can be gone back to, in the order of saving.
     ///
     /// # Errors
     /// The queue is full or the session has ended.
-    pub async fn points(&self) -> Result<Vec<PointInfo>, SessionError> {
-        self.ask(|answer| Command::Point(PointCommand::List(answer))).await
+    pub async fn checkpoints(&self) -> Result<Vec<CheckpointInfo>, SessionError> {
+        self.ask(|answer| Command::Checkpoint(CheckpointCommand::List(answer))).await
     }
 
     /// Describes the session after its last step.

@@ -1,4 +1,4 @@
 //! Sessions: one module a subject.
 
-mod points;
+mod checkpoints;
 mod session;

@@ -1,9 +1,9 @@
 //! The server over real gRPC on loopback: what clients do to it, and that it harms nobody else.
 
+mod checkpoints;
 mod control;
 mod cut;
 mod dial;
 mod harness;
 mod lifecycle;
-mod points;
 mod view;

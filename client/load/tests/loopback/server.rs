@@ -264,25 +264,31 @@ impl SessionService for Server {
         Err(Status::unimplemented("not asked for here"))
     }
 
-    async fn save_point(&self, _: Request<v1::SavePointRequest>) -> Result<Response<v1::SavePointResponse>, Status> {
-        Err(Status::unimplemented("not asked for here"))
-    }
-
-    async fn restore_point(
+    async fn save_checkpoint(
         &self,
-        _: Request<v1::RestorePointRequest>,
-    ) -> Result<Response<v1::RestorePointResponse>, Status> {
+        _: Request<v1::SaveCheckpointRequest>,
+    ) -> Result<Response<v1::SaveCheckpointResponse>, Status> {
         Err(Status::unimplemented("not asked for here"))
     }
 
-    async fn list_points(&self, _: Request<v1::ListPointsRequest>) -> Result<Response<v1::ListPointsResponse>, Status> {
-        Err(Status::unimplemented("not asked for here"))
-    }
-
-    async fn delete_point(
+    async fn restore_checkpoint(
         &self,
-        _: Request<v1::DeletePointRequest>,
-    ) -> Result<Response<v1::DeletePointResponse>, Status> {
+        _: Request<v1::RestoreCheckpointRequest>,
+    ) -> Result<Response<v1::RestoreCheckpointResponse>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
+
+    async fn list_checkpoints(
+        &self,
+        _: Request<v1::ListCheckpointsRequest>,
+    ) -> Result<Response<v1::ListCheckpointsResponse>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
+
+    async fn delete_checkpoint(
+        &self,
+        _: Request<v1::DeleteCheckpointRequest>,
+    ) -> Result<Response<v1::DeleteCheckpointResponse>, Status> {
         Err(Status::unimplemented("not asked for here"))
     }
 }

@@ -6,7 +6,7 @@ use kerf_physics::step_io::EnergyStep;
 use kerf_physics::world::ObjectStats;
 use kerf_proto::v1;
 use kerf_scenes::dial::{Choice, FinerRegions};
-use kerf_session::{Phase, PointInfo, Session, SessionStatus};
+use kerf_session::{CheckpointInfo, Phase, Session, SessionStatus};
 
 use super::vec3;
 use crate::config::ControlLimits;
@@ -137,9 +137,9 @@ pub fn session_description(
     }
 }
 
-/// A point that a session can go back to.
-pub fn point(point: PointInfo) -> v1::Point {
-    v1::Point { name: point.name, step: point.step, sim_time_s: point.sim_time_s }
+/// A checkpoint that a session can go back to.
+pub fn checkpoint(checkpoint: CheckpointInfo) -> v1::Checkpoint {
+    v1::Checkpoint { name: checkpoint.name, step: checkpoint.step, sim_time_s: checkpoint.sim_time_s }
 }
 
 /// What a client asks of the dial.

@@ -110,9 +110,11 @@ fn event(happened: &ViewEvent) -> Message {
         SceneEvent::Reanchored => of(v1::EventKind::Reanchored),
         SceneEvent::ToolTaken(tool) => v1::Event { tool_id: tool as u32, ..of(v1::EventKind::ToolTaken) },
         SceneEvent::ToolReleased(tool) => v1::Event { tool_id: tool as u32, ..of(v1::EventKind::ToolReleased) },
-        SceneEvent::PointSaved(ref name) => v1::Event { point_name: name.to_string(), ..of(v1::EventKind::PointSaved) },
-        SceneEvent::PointRestored(ref name) => {
-            v1::Event { point_name: name.to_string(), ..of(v1::EventKind::PointRestored) }
+        SceneEvent::CheckpointSaved(ref name) => {
+            v1::Event { checkpoint_name: name.to_string(), ..of(v1::EventKind::CheckpointSaved) }
+        }
+        SceneEvent::CheckpointRestored(ref name) => {
+            v1::Event { checkpoint_name: name.to_string(), ..of(v1::EventKind::CheckpointRestored) }
         }
         SceneEvent::ToleranceChanged(relative_tolerance) => {
             v1::Event { relative_tolerance, ..of(v1::EventKind::ToleranceChanged) }

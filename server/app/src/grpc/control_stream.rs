@@ -133,7 +133,7 @@ struct OutgoingHalf {
     faults: u64,
     /// The tolerance that was told, the first report's before that.
     relative_tolerance: Option<f64>,
-    /// Returns to a point that were told, the first report's before that.
+    /// Returns to a checkpoint that were told, the first report's before that.
     restores: Option<u64>,
     /// Per claimed tool: jumps that were told.
     jumps: Vec<u64>,
@@ -209,7 +209,7 @@ impl OutgoingHalf {
         }
         if self.restores.replace(report.restores).is_some_and(|told| told != report.restores) {
             let name = report.last_restored.as_deref().unwrap_or_default().to_owned();
-            self.say(Message::PointRestored(v1::PointRestored { step: report.step, name }));
+            self.say(Message::CheckpointRestored(v1::CheckpointRestored { step: report.step, name }));
         }
         let driver = Arc::clone(&self.driver);
         let echo = |tool: usize| report.tools.get(tool)?.echo.filter(|echo| echo.driver == driver.id());

@@ -12,7 +12,7 @@ use tonic::{Request, Response, Status};
 
 use super::in_time;
 use crate::config::ServerConfig;
-use crate::convert::scene::{dial, point, session_description, session_info};
+use crate::convert::scene::{checkpoint, dial, session_description, session_info};
 use crate::recording;
 use crate::status::RequestError;
 
@@ -143,42 +143,44 @@ impl v1::session_service_server::SessionService for SessionService {
         Ok(Response::new(v1::ResetSessionResponse {}))
     }
 
-    async fn save_point(
+    async fn save_checkpoint(
         &self,
-        request: Request<v1::SavePointRequest>,
-    ) -> Result<Response<v1::SavePointResponse>, Status> {
-        let v1::SavePointRequest { session_id, name } = request.get_ref();
-        let step = in_time(self.limit_s(), self.get(session_id)?.save_point(name)).await?;
-        Ok(Response::new(v1::SavePointResponse { step }))
+        request: Request<v1::SaveCheckpointRequest>,
+    ) -> Result<Response<v1::SaveCheckpointResponse>, Status> {
+        let v1::SaveCheckpointRequest { session_id, name } = request.get_ref();
+        let step = in_time(self.limit_s(), self.get(session_id)?.save_checkpoint(name)).await?;
+        Ok(Response::new(v1::SaveCheckpointResponse { step }))
     }
 
-    async fn restore_point(
+    async fn restore_checkpoint(
         &self,
-        request: Request<v1::RestorePointRequest>,
-    ) -> Result<Response<v1::RestorePointResponse>, Status> {
-        let v1::RestorePointRequest { session_id, name } = request.get_ref();
+        request: Request<v1::RestoreCheckpointRequest>,
+    ) -> Result<Response<v1::RestoreCheckpointResponse>, Status> {
+        let v1::RestoreCheckpointRequest { session_id, name } = request.get_ref();
         let session = self.get(session_id)?;
         self.record(&session).await;
-        let step = in_time(self.limit_s(), session.restore_point(name)).await?;
-        Ok(Response::new(v1::RestorePointResponse { step }))
+        let step = in_time(self.limit_s(), session.restore_checkpoint(name)).await?;
+        Ok(Response::new(v1::RestoreCheckpointResponse { step }))
     }
 
-    async fn list_points(
+    async fn list_checkpoints(
         &self,
-        request: Request<v1::ListPointsRequest>,
-    ) -> Result<Response<v1::ListPointsResponse>, Status> {
+        request: Request<v1::ListCheckpointsRequest>,
+    ) -> Result<Response<v1::ListCheckpointsResponse>, Status> {
         let session = self.get(&request.get_ref().session_id)?;
-        let points = in_time(self.limit_s(), session.points()).await?;
-        Ok(Response::new(v1::ListPointsResponse { points: points.into_iter().map(point).collect() }))
+        let checkpoints = in_time(self.limit_s(), session.checkpoints()).await?;
+        Ok(Response::new(v1::ListCheckpointsResponse {
+            checkpoints: checkpoints.into_iter().map(checkpoint).collect(),
+        }))
     }
 
-    async fn delete_point(
+    async fn delete_checkpoint(
         &self,
-        request: Request<v1::DeletePointRequest>,
-    ) -> Result<Response<v1::DeletePointResponse>, Status> {
-        let v1::DeletePointRequest { session_id, name } = request.get_ref();
-        in_time(self.limit_s(), self.get(session_id)?.delete_point(name)).await?;
-        Ok(Response::new(v1::DeletePointResponse {}))
+        request: Request<v1::DeleteCheckpointRequest>,
+    ) -> Result<Response<v1::DeleteCheckpointResponse>, Status> {
+        let v1::DeleteCheckpointRequest { session_id, name } = request.get_ref();
+        in_time(self.limit_s(), self.get(session_id)?.delete_checkpoint(name)).await?;
+        Ok(Response::new(v1::DeleteCheckpointResponse {}))
     }
 }
 

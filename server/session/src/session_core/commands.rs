@@ -45,7 +45,7 @@ impl SessionCore {
             Command::Describe(answer) => {
                 let _ = answer.send(self.describe());
             }
-            Command::Point(command) => self.obey_point(command),
+            Command::Checkpoint(command) => self.obey_checkpoint(command),
             Command::Query(look) => {
                 look(&mut Probe {
                     world: &mut self.world,

@@ -6,8 +6,8 @@
 //!
 //! Deliberately absent: reading a clock, sleeping, waiting, starting a thread.
 
+mod checkpoints;
 mod commands;
-mod points;
 mod views;
 #[cfg(test)]
 mod virtual_session;
@@ -22,13 +22,13 @@ use kerf_physics::fault::Fault;
 use kerf_physics::step_io::EnergyStep;
 use kerf_physics::{Scene, StageClock, StepInputs, Workers, World};
 
+use crate::checkpoints::Checkpoints;
 use crate::error::SessionError;
 use crate::governor::Governor;
 use crate::inbox::{Command, Drain, Inbox, Tick};
 use crate::limits::{SessionLimits, to_ns};
 use crate::outbox::{Publisher, SceneEvent, StepReport, ToolReport};
 use crate::pacer::{Pace, Pacer};
-use crate::points::Points;
 use crate::recorder::InputLog;
 use crate::status::{Phase, StepTallies};
 use crate::tool_slot::DriverId;
@@ -64,7 +64,7 @@ pub(crate) struct SessionCore {
     /// What the governor decided after the last step.
     next_tolerance: Option<f64>,
     log: InputLog,
-    points: Points,
+    checkpoints: Checkpoints,
     commands: Vec<Command>,
     tools: Tick,
     /// Per tool, as of the last tick: who drives it.
@@ -85,7 +85,7 @@ struct Tally {
     ended_ns: u64,
     /// Relative tolerance of the solves, as the governor has it.
     relative_tolerance: f64,
-    /// Times that the session went back to a point, and the last one's name.
+    /// Times that the session went back to a checkpoint, and the last one's name.
     restores: u64,
     last_restored: Option<Arc<str>>,
 }
@@ -117,7 +117,7 @@ impl SessionCore {
             governor: Governor::of(&scene.desc),
             next_tolerance: None,
             log: InputLog::new(limits.max_recorded_motions),
-            points: Points::new(limits.max_points),
+            checkpoints: Checkpoints::new(limits.max_checkpoints),
             commands: Vec::new(),
             tools: Tick::default(),
             holders: vec![None; tool_count],

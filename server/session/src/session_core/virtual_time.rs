@@ -11,7 +11,7 @@ use tokio::sync::oneshot;
 use super::Wake;
 use super::virtual_session::{MS, S, VirtualSession};
 use crate::error::SessionError;
-use crate::inbox::{Command, PointCommand};
+use crate::inbox::{CheckpointCommand, Command};
 use crate::limits::SessionLimits;
 use crate::outbox::{SceneEvent, ViewMessage, Viewer};
 use crate::pose_check::PoseRefusal;
@@ -138,7 +138,7 @@ fn a_session_that_goes_back_to_a_point_goes_on_in_time_and_replays() {
     let driver = session.drive();
     session.cut(driver, 1..35);
     session.ask(Command::Pause);
-    let step = session.ask(|answer| Command::Point(PointCommand::Save("half way".into(), answer))).unwrap();
+    let step = session.ask(|answer| Command::Checkpoint(CheckpointCommand::Save("half way".into(), answer))).unwrap();
     let saved = session.status();
     session.ask(Command::Resume).unwrap();
     session.cut(driver, 35..110);
@@ -147,7 +147,7 @@ fn a_session_that_goes_back_to_a_point_goes_on_in_time_and_replays() {
     let gone = session.status();
     let (halfway, after) = (saved.topology_version, gone.topology_version);
     assert!(halfway > 0 && after > halfway, "{halfway} and {after} times links parted");
-    let restored = session.ask(|answer| Command::Point(PointCommand::Restore("half way".into(), answer)));
+    let restored = session.ask(|answer| Command::Checkpoint(CheckpointCommand::Restore("half way".into(), answer)));
     assert_eq!(restored, Ok(step));
     // What happened to the session did happen; all else is as it was.
     assert_eq!((saved.late_steps, gone.late_steps), (0, 1));

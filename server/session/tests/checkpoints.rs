@@ -1,4 +1,4 @@
-//! A session goes back to a named point: the state, what viewers and drivers learn, what is recorded.
+//! A session goes back to a named checkpoint: the state, what viewers and drivers learn, what is recorded.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -7,7 +7,7 @@ use kerf_physics::tool::{OPEN, Pose};
 use kerf_physics::{Quat, Scene, SceneDesc, Vec3, Workers};
 use kerf_scenes::dial::Fronts;
 use kerf_session::{
-    Driver, MAX_POINT_NAME_BYTES, Phase, PoseSample, Registry, SceneEvent, Session, SessionError, SessionLimits,
+    Driver, MAX_CHECKPOINT_NAME_BYTES, Phase, PoseSample, Registry, SceneEvent, Session, SessionError, SessionLimits,
     SessionOptions, StepReport, ViewMessage, Viewer,
 };
 
@@ -74,21 +74,23 @@ fn event(message: ViewMessage) -> Option<(u64, SceneEvent)> {
 }
 
 #[tokio::test]
-async fn viewers_hear_of_points_and_get_the_structure_of_the_point() {
+async fn viewers_hear_of_checkpoints_and_get_the_structure_of_the_checkpoint() {
     let (_registry, session) = session().await;
     let mut viewer = session.view().unwrap();
     viewer.next().await;
     let driver = session.drive(&[0]).unwrap();
-    let step = session.save_point("whole").await.unwrap();
+    let step = session.save_checkpoint("whole").await.unwrap();
     let (at, _) =
-        message_where(&mut viewer, |m| event(m).filter(|(_, e)| *e == SceneEvent::PointSaved("whole".into()))).await;
+        message_where(&mut viewer, |m| event(m).filter(|(_, e)| *e == SceneEvent::CheckpointSaved("whole".into())))
+            .await;
     assert_eq!(at, step);
     press(&driver, 1..60).await;
     let cut = session.describe().await.unwrap();
     assert!(cut.topology_version > 0);
     session.pause().await.unwrap();
-    session.restore_point("whole").await.unwrap();
-    message_where(&mut viewer, |m| event(m).filter(|(_, e)| *e == SceneEvent::PointRestored("whole".into()))).await;
+    session.restore_checkpoint("whole").await.unwrap();
+    message_where(&mut viewer, |m| event(m).filter(|(_, e)| *e == SceneEvent::CheckpointRestored("whole".into())))
+        .await;
     let keyframe = message_where(&mut viewer, |message| match message {
         ViewMessage::Keyframe(keyframe) => Some(keyframe),
         ViewMessage::Patch(_) => panic!("patches do not lead back"),
@@ -103,14 +105,14 @@ async fn viewers_hear_of_points_and_get_the_structure_of_the_point() {
 async fn points_outlive_a_reset_and_lead_to_a_way_that_was_left() {
     let (_registry, session) = session().await;
     let driver = session.drive(&[0]).unwrap();
-    session.save_point("rest").await.unwrap();
+    session.save_checkpoint("rest").await.unwrap();
     press(&driver, 1..50).await;
     session.pause().await.unwrap();
-    session.save_point("cut").await.unwrap();
+    session.save_checkpoint("cut").await.unwrap();
     let cut = session.describe().await.unwrap().state_hash;
-    session.restore_point("rest").await.unwrap();
+    session.restore_checkpoint("rest").await.unwrap();
     session.reset().await.unwrap();
-    session.restore_point("cut").await.unwrap();
+    session.restore_checkpoint("cut").await.unwrap();
     let (log, hash) = session.query(|probe| (probe.log.clone(), probe.world.state_hash())).await.unwrap();
     assert_eq!(hash, cut);
     assert_eq!(log.replay(session.scene(), &Workers::serial()).unwrap().state_hash(), cut);
@@ -118,38 +120,39 @@ async fn points_outlive_a_reset_and_lead_to_a_way_that_was_left() {
 
 #[tokio::test]
 async fn points_are_limited_listed_replaced_and_deleted() {
-    let (_registry, session) = session_with(SessionLimits { max_points: 2, ..SessionLimits::default() }).await;
+    let (_registry, session) = session_with(SessionLimits { max_checkpoints: 2, ..SessionLimits::default() }).await;
     session.pause().await.unwrap();
-    let names = async || session.points().await.unwrap().into_iter().map(|point| point.name).collect::<Vec<_>>();
-    session.save_point("a").await.unwrap();
-    session.save_point("b").await.unwrap();
-    assert_eq!(session.save_point("c").await, Err(SessionError::TooManyPoints { limit: 2 }));
-    session.save_point("a").await.unwrap();
+    let names =
+        async || session.checkpoints().await.unwrap().into_iter().map(|checkpoint| checkpoint.name).collect::<Vec<_>>();
+    session.save_checkpoint("a").await.unwrap();
+    session.save_checkpoint("b").await.unwrap();
+    assert_eq!(session.save_checkpoint("c").await, Err(SessionError::TooManyCheckpoints { limit: 2 }));
+    session.save_checkpoint("a").await.unwrap();
     assert_eq!(names().await, ["b", "a"], "in the order of saving");
-    session.delete_point("b").await.unwrap();
-    session.save_point("c").await.unwrap();
+    session.delete_checkpoint("b").await.unwrap();
+    session.save_checkpoint("c").await.unwrap();
     assert_eq!(names().await, ["a", "c"]);
-    let unknown = Err(SessionError::NoPoint { name: "b".into() });
+    let unknown = Err(SessionError::NoCheckpoint { name: "b".into() });
     assert_eq!(
-        (session.restore_point("b").await, session.delete_point("b").await.map(|()| 0)),
-        (unknown, Err(SessionError::NoPoint { name: "b".into() }))
+        (session.restore_checkpoint("b").await, session.delete_checkpoint("b").await.map(|()| 0)),
+        (unknown, Err(SessionError::NoCheckpoint { name: "b".into() }))
     );
-    for name in [String::new(), "x".repeat(MAX_POINT_NAME_BYTES + 1)] {
-        let refused = session.save_point(&name).await;
-        assert_eq!(refused, Err(SessionError::PointName { bytes: name.len(), limit: MAX_POINT_NAME_BYTES }));
+    for name in [String::new(), "x".repeat(MAX_CHECKPOINT_NAME_BYTES + 1)] {
+        let refused = session.save_checkpoint(&name).await;
+        assert_eq!(refused, Err(SessionError::PointName { bytes: name.len(), limit: MAX_CHECKPOINT_NAME_BYTES }));
     }
 }
 
 #[tokio::test]
-async fn a_failed_session_saves_nothing_and_is_mended_by_a_point() {
+async fn a_failed_session_saves_nothing_and_is_mended_by_a_checkpoint() {
     let (_registry, session) = session().await;
     session.pause().await.unwrap();
-    session.save_point("good").await.unwrap();
+    session.save_checkpoint("good").await.unwrap();
     let good = session.describe().await.unwrap().state_hash;
     let answer = session.query(|_| -> u64 { panic!("a test's panic") }).await;
     assert!(matches!(answer, Err(SessionError::Failed { .. })));
-    assert!(matches!(session.save_point("bad").await, Err(SessionError::Failed { .. })));
-    session.restore_point("good").await.unwrap();
+    assert!(matches!(session.save_checkpoint("bad").await, Err(SessionError::Failed { .. })));
+    session.restore_checkpoint("good").await.unwrap();
     assert_eq!((session.phase(), session.describe().await.unwrap().state_hash), (Phase::Paused, good));
     assert!(session.resume().await.is_ok());
 }

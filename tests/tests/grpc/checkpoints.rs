@@ -1,4 +1,4 @@
-//! Points that a session goes back to, over the wire.
+//! Checkpoints that a session goes back to, over the wire.
 
 use kerf_proto::v1::{self, down};
 use tonic::{Code, Status};
@@ -7,18 +7,18 @@ use super::cut::{ABOVE_M, FOOT_M, MIDDLE_M, Stroke, Watcher};
 use super::harness::{Harness, no_expiry};
 
 async fn save(harness: &mut Harness, session_id: &str, name: &str) -> Result<u64, Status> {
-    let request = v1::SavePointRequest { session_id: session_id.into(), name: name.into() };
-    Ok(harness.sessions.save_point(request).await?.into_inner().step)
+    let request = v1::SaveCheckpointRequest { session_id: session_id.into(), name: name.into() };
+    Ok(harness.sessions.save_checkpoint(request).await?.into_inner().step)
 }
 
 async fn restore(harness: &mut Harness, session_id: &str, name: &str) -> Result<u64, Status> {
-    let request = v1::RestorePointRequest { session_id: session_id.into(), name: name.into() };
-    Ok(harness.sessions.restore_point(request).await?.into_inner().step)
+    let request = v1::RestoreCheckpointRequest { session_id: session_id.into(), name: name.into() };
+    Ok(harness.sessions.restore_checkpoint(request).await?.into_inner().step)
 }
 
-async fn points(harness: &mut Harness, session_id: &str) -> Vec<v1::Point> {
-    let request = v1::ListPointsRequest { session_id: session_id.into() };
-    harness.sessions.list_points(request).await.unwrap().into_inner().points
+async fn checkpoints(harness: &mut Harness, session_id: &str) -> Vec<v1::Checkpoint> {
+    let request = v1::ListCheckpointsRequest { session_id: session_id.into() };
+    harness.sessions.list_checkpoints(request).await.unwrap().into_inner().checkpoints
 }
 
 #[tokio::test]
@@ -33,8 +33,8 @@ async fn a_cut_is_undone_for_the_replicas_too() {
     let saved = harness.describe(&session).await;
     assert!(saved.topology_version > 0);
     assert_eq!(
-        points(&mut harness, &session).await,
-        [v1::Point { name: "half way".into(), step, sim_time_s: saved.sim_time_s }]
+        checkpoints(&mut harness, &session).await,
+        [v1::Checkpoint { name: "half way".into(), step, sim_time_s: saved.sim_time_s }]
     );
     let resume = v1::ResumeSessionRequest { session_id: session.clone() };
     harness.sessions.resume_session(resume.clone()).await.unwrap();
@@ -54,7 +54,7 @@ async fn a_cut_is_undone_for_the_replicas_too() {
     assert_eq!(watcher.replica.topology_version(), Some(saved.topology_version));
     harness.sessions.resume_session(resume).await.unwrap();
     let told = stroke.station.pick(|message| match message {
-        down::Message::PointRestored(restored) => Some(restored),
+        down::Message::CheckpointRestored(restored) => Some(restored),
         _ => None,
     });
     let told = told.await;
@@ -67,12 +67,12 @@ async fn a_cut_is_undone_for_the_replicas_too() {
 
 #[tokio::test]
 async fn points_are_refused_with_the_field_and_the_limit() {
-    let mut harness = Harness::with(|config| config.session.max_points = 1).await;
+    let mut harness = Harness::with(|config| config.session.max_checkpoints = 1).await;
     let session = harness.create().await.unwrap();
     save(&mut harness, &session, "a").await.unwrap();
     let full = save(&mut harness, &session, "b").await.unwrap_err();
     assert_eq!(full.code(), Code::ResourceExhausted);
-    assert!(full.message().contains("max_points"), "{}", full.message());
+    assert!(full.message().contains("max_checkpoints"), "{}", full.message());
     for name in ["", &"x".repeat(65)] {
         let refused = save(&mut harness, &session, name).await.unwrap_err();
         assert_eq!(refused.code(), Code::InvalidArgument);
@@ -81,9 +81,9 @@ async fn points_are_refused_with_the_field_and_the_limit() {
     let unknown = restore(&mut harness, &session, "b").await.unwrap_err();
     assert_eq!(unknown.code(), Code::NotFound);
     assert!(unknown.message().contains("\"b\""), "{}", unknown.message());
-    let delete = |name: &str| v1::DeletePointRequest { session_id: session.clone(), name: name.into() };
-    assert_eq!(harness.sessions.delete_point(delete("b")).await.unwrap_err().code(), Code::NotFound);
-    harness.sessions.delete_point(delete("a")).await.unwrap();
-    assert_eq!(points(&mut harness, &session).await, []);
+    let delete = |name: &str| v1::DeleteCheckpointRequest { session_id: session.clone(), name: name.into() };
+    assert_eq!(harness.sessions.delete_checkpoint(delete("b")).await.unwrap_err().code(), Code::NotFound);
+    harness.sessions.delete_checkpoint(delete("a")).await.unwrap();
+    assert_eq!(checkpoints(&mut harness, &session).await, []);
     assert!(save(&mut harness, &session, "b").await.is_ok());
 }

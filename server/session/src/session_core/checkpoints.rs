@@ -1,0 +1,73 @@
+//! Saving checkpoints and going back to them, between two steps.
+
+use std::sync::Arc;
+
+use super::SessionCore;
+use crate::checkpoints::Checkpoint;
+use crate::error::SessionError;
+use crate::inbox::CheckpointCommand;
+use crate::outbox::SceneEvent;
+use crate::status::Phase;
+
+impl SessionCore {
+    pub(super) fn obey_checkpoint(&mut self, command: CheckpointCommand) {
+        // A caller that has given up waiting is no error of the session's.
+        match command {
+            CheckpointCommand::Save(name, answer) => {
+                let _ = answer.send(self.save_checkpoint(name));
+            }
+            CheckpointCommand::Restore(name, answer) => {
+                let _ = answer.send(self.restore_checkpoint(&name));
+            }
+            CheckpointCommand::Delete(name, answer) => {
+                let _ = answer.send(self.checkpoints.delete(&name));
+            }
+            CheckpointCommand::List(answer) => {
+                let _ = answer.send(self.checkpoints.list());
+            }
+        }
+    }
+
+    /// Answers with the step that the checkpoint is of.
+    fn save_checkpoint(&mut self, name: String) -> Result<u64, SessionError> {
+        // A step that panicked has left the world half changed.
+        if let Phase::Failed { message } = &self.phase {
+            return Err(SessionError::Failed { message: message.to_string() });
+        }
+        // Asked first: a checkpoint that is refused is not copied.
+        self.checkpoints.check(&name)?;
+        let output = self.world.output();
+        let (step, sim_time_s) = (output.step, output.sim_time_s);
+        let checkpoint = Checkpoint {
+            snapshot: self.world.snapshot(),
+            sim_time_s,
+            energy: self.tally.energy,
+            relative_tolerance: self.tally.relative_tolerance,
+            governor: self.governor.clone(),
+            next_tolerance: self.next_tolerance,
+            log: self.log.clone(),
+        };
+        self.checkpoints.save(name.clone(), checkpoint)?;
+        self.publisher.event(step, SceneEvent::CheckpointSaved(name.into()));
+        Ok(step)
+    }
+
+    /// Back to a checkpoint, every tool lifted; a failed session stands afterwards, others go on as they
+    /// were. Answers with the step that the scene is at then.
+    fn restore_checkpoint(&mut self, name: &str) -> Result<u64, SessionError> {
+        let checkpoint = self.checkpoints.get(name)?;
+        self.world.restore(&checkpoint.snapshot);
+        self.log = checkpoint.log.clone();
+        self.tally.energy = checkpoint.energy;
+        self.tally.relative_tolerance = checkpoint.relative_tolerance;
+        self.governor = checkpoint.governor.clone();
+        self.next_tolerance = checkpoint.next_tolerance;
+        let name: Arc<str> = name.into();
+        self.tally.restores += 1;
+        self.tally.last_restored = Some(Arc::clone(&name));
+        // Hands are where they are now, not where they were then.
+        self.inbox.withdraw_tools();
+        self.begin_anew(SceneEvent::CheckpointRestored(name));
+        Ok(self.world.output().step)
+    }
+}
