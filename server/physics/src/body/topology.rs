@@ -1,6 +1,7 @@
 //! What happens when links part: only what changed is rebuilt.
 
 use super::{Body, rigid};
+use crate::boundary::Solid;
 use crate::fem::corotation::LANES;
 use crate::grid::levels::{Level, LevelChange, VoxelUnits};
 use crate::grid::{Crossing, Grid, LEAST_PIECE_VOXELS, LinkId, VoxelId};
@@ -33,6 +34,7 @@ impl Body {
     pub fn update_topology(&mut self, workers: &Workers<'_>, parted: &[LinkId]) -> TopologyChange {
         let changes = self.update_levels(parted);
         let base = &changes[0];
+        self.boundary.follow(Solid { grid: &self.grid, level: &self.levels[0] }, parted, base);
         if base.touched_cells.is_empty() {
             return TopologyChange::default();
         }
@@ -51,7 +53,6 @@ impl Body {
         self.rebuild_external_forces();
         self.rigid = rigid::RigidParts::new(self);
         let elements = base.elements();
-        self.forget_facets(&elements, parted);
         self.evaluate_chunks(workers, |chunk| renumbered.binary_search(&chunk).is_ok(), None, 2);
         for &element in &elements {
             self.write_matrix_of_changed(element as usize);

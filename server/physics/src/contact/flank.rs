@@ -1,9 +1,8 @@
 //! Flanks of a blade against the walls of the cut it stands in.
 
-use super::patch::{PatchKey, SurfacePatch, SurfacePatches};
 use super::{Contact, Mode};
-use crate::body::{Body, TopologyChange};
-use crate::grid::LinkId;
+use crate::body::Body;
+use crate::boundary::{PatchKey, SurfacePatch};
 use crate::tool::Pose;
 use crate::tool::flanks::{FlankFace, FlankPoint, Flanks};
 
@@ -21,17 +20,10 @@ const SLACK_VOXELS: f64 = 0.05;
 /// not pushed out.
 const MOST_COME_UPON_VOXELS: f64 = 0.5;
 
-/// The walls of all cuts of a body, by element.
-#[derive(Clone, Default)]
-pub struct Walls {
-    surface: SurfacePatches,
-    patches: Vec<SurfacePatch>,
-}
-
 /// Walls that stand at one blade, from step to step.
 #[derive(Clone, Default)]
 pub struct WallsBeside {
-    /// In the order of [`Walls`].
+    /// In the order of the boundary's walls.
     keys: Vec<(PatchKey, FlankSide)>,
     /// Those of the step before.
     before: Vec<(PatchKey, FlankSide)>,
@@ -56,10 +48,10 @@ impl FlankSide {
 }
 
 impl WallsBeside {
-    /// Room for all walls there are.
-    pub fn reserve(&mut self, walls: &Walls) {
+    /// Room for so many walls.
+    pub fn reserve(&mut self, walls: usize) {
         for keys in [&mut self.keys, &mut self.before] {
-            keys.reserve(walls.len().saturating_sub(keys.len()));
+            keys.reserve(walls.saturating_sub(keys.len()));
         }
     }
 
@@ -67,41 +59,13 @@ impl WallsBeside {
     pub fn clear(&mut self) {
         self.keys.clear();
     }
-}
-
-impl Walls {
-    /// Whether nothing is cut.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.patches.is_empty()
-    }
-
-    /// Number of patches: no blade has more flank contacts.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.patches.len()
-    }
-
-    /// Takes the walls of what `parted` and `change` touched.
-    pub fn update(&mut self, body: &Body, parted: &[LinkId], change: &TopologyChange) {
-        self.surface.update(body, parted, change);
-        self.patches.clear();
-        self.patches.extend(self.surface.as_slice().iter().filter(|patch| patch.across.is_some()));
-    }
 
     /// Contacts of the flanks at `pose` with the walls they press on or are about to.
-    pub fn contacts(
-        &self,
-        body: &Body,
-        flanks: &Flanks,
-        [before, pose]: [&Pose; 2],
-        beside: &mut WallsBeside,
-        out: &mut Vec<Contact>,
-    ) {
+    pub fn contacts(&mut self, body: &Body, flanks: &Flanks, [before, pose]: [&Pose; 2], out: &mut Vec<Contact>) {
         let place = pose.orientation.inverse();
-        std::mem::swap(&mut beside.keys, &mut beside.before);
-        beside.keys.clear();
-        for patch in &self.patches {
+        std::mem::swap(&mut self.keys, &mut self.before);
+        self.keys.clear();
+        for patch in body.boundary().walls() {
             let local = place * (body.current_m(&patch.point) - pose.position_m);
             let Some(nearest) = flanks.nearest(&local, REACH_VOXELS * body.grid.voxel_size_m()) else { continue };
             if !(front_zone_m(body, patch)..=flanks.height_m()).contains(&nearest.height_m) {
@@ -109,8 +73,8 @@ impl Walls {
             }
             let Some(wall) = Wall::beside(body, patch, flanks, nearest, pose) else { continue };
             let key = (patch.key(), wall.side);
-            if !wall.is_come_upon(body) || beside.before.binary_search(&key).is_ok() {
-                beside.keys.push(key);
+            if !wall.is_come_upon(body) || self.before.binary_search(&key).is_ok() {
+                self.keys.push(key);
                 out.extend(wall.contact(body, before, pose));
             }
         }

@@ -4,11 +4,12 @@
 //! point: each stays where it is relative to the tool, on springs in three directions that push and
 //! pull. The points belong to voxels, so a cut through what is held leaves each with its own side.
 
-use super::broad::{Aabb, SpatialHash};
+use super::broad::SpatialHash;
 use super::{Contact, ContactWeights, Mode, narrow};
 use crate::Vec3;
 use crate::body::{Body, MaterialPoint};
 use crate::hash::StateHasher;
+use crate::math::Aabb;
 use crate::tool::grasper::{Grasper, Jaws};
 use crate::tool::{Pose, ToolPath};
 

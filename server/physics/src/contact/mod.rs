@@ -8,10 +8,8 @@ pub mod friction;
 pub mod grip;
 pub mod narrow;
 pub mod palpation;
-pub mod patch;
 pub mod patch_hash;
 pub mod press;
-pub mod skin;
 pub mod tissue_spring;
 
 use crate::Vec3;

@@ -1,12 +1,11 @@
 //! A smooth tool on the surface of one body: it presses and slides, rubs where the material does, cuts nothing.
 
-use super::broad::Aabb;
 use super::friction::rubbing;
-use super::skin::{Skin, SkinPatch};
 use super::{Contact, ContactWeights, Mode};
 use crate::Vec3;
-use crate::body::{Body, TopologyChange};
-use crate::grid::LinkId;
+use crate::body::Body;
+use crate::boundary::{Skin, SkinPatch};
+use crate::math::Aabb;
 use crate::tool::ToolPath;
 use crate::tool::capsule::Capsule;
 
@@ -22,7 +21,6 @@ const SLACK_VOXELS: f64 = 0.01;
 #[derive(Clone)]
 pub struct Palpation {
     capsule: Capsule,
-    skin: Skin,
     /// Springs of the step that is being taken.
     pub contacts: Vec<Contact>,
     /// What rubs in it: along the surface, where the material has a coefficient of friction.
@@ -32,19 +30,14 @@ pub struct Palpation {
 impl Palpation {
     /// A tool that touches nothing.
     #[must_use]
-    pub fn new(capsule: Capsule, body: &Body) -> Self {
-        Self { capsule, skin: Skin::new(body, capsule.radius_m), contacts: Vec::new(), friction: Vec::new() }
-    }
-
-    /// Follows the surface through cuts.
-    pub fn follow(&mut self, body: &Body, parted: &[LinkId], change: &TopologyChange) {
-        self.skin.update(body, parted, change);
+    pub fn new(capsule: Capsule) -> Self {
+        Self { capsule, contacts: Vec::new(), friction: Vec::new() }
     }
 
     /// Makes room for a contact on every patch, and for what rubs there. Returns the number of springs that is.
     pub fn reserve(&mut self, body: &Body) -> usize {
         self.clear();
-        let patches = self.skin.len();
+        let patches = body.boundary().skin().map_or(0, Skin::len);
         self.contacts.reserve(patches);
         if body.materials.iter().all(|material| material.friction_coefficient == 0.0) {
             return patches;
@@ -62,6 +55,7 @@ impl Palpation {
     /// Finds which patches the tool meets on its way and sets up their springs.
     pub fn detect(&mut self, body: &Body, path: &ToolPath) {
         self.clear();
+        let Some(skin) = body.boundary().skin() else { return };
         let ends = [path.before, path.pose].into_iter().flat_map(|pose| {
             [-1.0, 1.0].map(|side| pose.transform(&(Vec3::x() * (side * self.capsule.half_length_m))))
         });
@@ -69,7 +63,7 @@ impl Palpation {
         let margin_m = MARGIN_VOXELS * body.grid.voxel_size_m();
         let near = Aabb::around(ends).grown(self.capsule.radius_m + margin_m + 2.0 * body.grid.voxel_size_m());
         for element in body.elements_near(&near) {
-            for patch in self.skin.of_element(element as u32) {
+            for patch in skin.of_element(element as u32) {
                 let Some(pressing) = contact(body, &self.capsule, patch, path, margin_m) else { continue };
                 let coefficient = body.material_of(patch.point.voxel).friction_coefficient;
                 self.friction.extend(rubbing(body, &pressing, coefficient).into_iter().flatten());

@@ -1,9 +1,9 @@
 //! Narrow phase of tissue against tissue: whether a patch of one surface comes through another, by signed
 //! distance in the other's reference configuration.
 
-use super::patch::SurfacePatch;
 use super::patch_hash::PlacedPatch;
 use crate::body::{Body, MaterialPoint};
+use crate::boundary::SurfacePatch;
 use crate::grid::{Ijk, LinkId, VoxelId};
 use crate::{Mat3, Vec3};
 

@@ -1,12 +1,13 @@
 //! One blade in one body: its front, its flanks and the elements near it.
 
 use crate::body::Body;
-use crate::contact::broad::{Aabb, SpatialHash};
-use crate::contact::flank::{Walls, WallsBeside};
+use crate::contact::broad::SpatialHash;
+use crate::contact::flank::WallsBeside;
 use crate::contact::friction::FlankFriction;
 use crate::contact::{Contact, Misjudged, Mode, Solution};
 use crate::fracture::{BladeMotion, Front, FrontBook};
 use crate::grid::{Crossing, LinkId};
+use crate::math::Aabb;
 use crate::tool::ToolPath;
 use crate::tool::blade::Blade;
 use crate::tool::scissors::Mount;
@@ -43,14 +44,14 @@ impl BladeContact {
         self.blade.penalty_factor = factor;
     }
 
-    pub(super) fn reserve(&mut self, walls: &Walls, elements: usize) {
+    pub(super) fn reserve(&mut self, walls: usize, elements: usize) {
         self.front.reserve();
         self.flanks.clear();
-        self.flanks.reserve(walls.len());
+        self.flanks.reserve(walls);
         self.beside.reserve(walls);
         if let Some(friction) = &mut self.friction {
             friction.contacts.clear();
-            friction.contacts.reserve(2 * walls.len());
+            friction.contacts.reserve(2 * walls);
         }
         self.hash.reserve(elements);
     }
@@ -78,9 +79,9 @@ impl BladeContact {
         self.friction.iter_mut().for_each(|f| f.contacts.clear());
     }
 
-    /// Number of springs that there may be at most against these walls.
-    pub(super) fn most_springs(&self, walls: &Walls) -> usize {
-        self.front.most_springs() + walls.len() * (1 + 2 * usize::from(self.friction.is_some()))
+    /// Number of springs that there may be at most against so many walls.
+    pub(super) fn most_springs(&self, walls: usize) -> usize {
+        self.front.most_springs() + walls * (1 + 2 * usize::from(self.friction.is_some()))
     }
 
     pub(super) fn springs(&self) -> impl Iterator<Item = &Contact> {
@@ -98,7 +99,7 @@ impl BladeContact {
         self.friction.iter().flat_map(|f| &f.contacts)
     }
 
-    pub(super) fn detect(&mut self, body: &Body, walls: &Walls, path: &ToolPath) {
+    pub(super) fn detect(&mut self, body: &Body, path: &ToolPath) {
         let motion = motion(&self.blade, self.mount, path);
         let edge_m = motion.blade.edge.points_m();
         let swept = edge_m.iter().flat_map(|at| [motion.before.transform(at), motion.pose.transform(at)]);
@@ -108,11 +109,9 @@ impl BladeContact {
         }
         self.front.detect(body, &self.hash, &motion);
         self.flanks.clear();
-        if !walls.is_empty() {
-            let poses = [&motion.before, &motion.pose];
-            walls.contacts(body, &motion.blade.flanks, poses, &mut self.beside, &mut self.flanks);
-            self.flanks.iter_mut().for_each(|flank| flank.stiffness_n_per_m *= self.blade.penalty_factor);
-        }
+        let poses = [&motion.before, &motion.pose];
+        self.beside.contacts(body, &motion.blade.flanks, poses, &mut self.flanks);
+        self.flanks.iter_mut().for_each(|flank| flank.stiffness_n_per_m *= self.blade.penalty_factor);
         if let Some(friction) = &mut self.friction {
             friction.detect(body, &self.flanks);
         }

@@ -4,7 +4,6 @@ use super::pulled::Pulled;
 use super::tissue_contact::TissueContact;
 use super::tool_contact::ToolContact;
 use crate::body::{self, Body, TopologyChange};
-use crate::contact::flank::Walls;
 use crate::contact::{Misjudged, Mode, Solution};
 use crate::fault::{Fault, FaultKind};
 use crate::grid::{Crossing, LinkId};
@@ -20,8 +19,6 @@ pub(super) struct BodySlot {
     pub(super) body: Body,
     /// By tool.
     pub(super) contacts: Vec<ToolContact>,
-    /// Walls of what was cut.
-    pub(super) walls: Walls,
     /// Present where the body can be pulled apart.
     pub(super) pulled: Option<Pulled>,
     pub(super) velocity_change: body::Nodal,
@@ -33,14 +30,18 @@ pub(super) struct BodySlot {
     /// Links that were parted in this step, and what that changed.
     pub(super) parted: Vec<LinkId>,
     pub(super) change: TopologyChange,
-    /// Its state was set from outside since the last step.
-    pub(super) edited: bool,
+    /// Version of its surface when its state was given out to be set, if it was since the last step.
+    pub(super) edited: Option<u64>,
     /// The first of the bodies that it presses on, or that press on those: they are solved as one.
     pub(super) island: usize,
 }
 
 impl BodySlot {
-    pub(super) fn new<'a>(body: Body, tools: impl Iterator<Item = &'a ToolShape>, loaded: bool) -> Self {
+    pub(super) fn new<'a>(mut body: Body, tools: impl Iterator<Item = &'a ToolShape> + Clone, loaded: bool) -> Self {
+        // As fine as the finest smooth tool asks for.
+        if let Some(radius_m) = tools.clone().filter_map(ToolShape::smooth_radius_m).reduce(f64::min) {
+            body.resolve_boundary(radius_m);
+        }
         let contacts = tools.map(|shape| ToolContact::new(shape, &body)).collect();
         let energy = body.energy();
         let mut slot = Self {
@@ -48,14 +49,13 @@ impl BodySlot {
             ledger: BodyLedger { after: energy, ..BodyLedger::default() },
             body,
             contacts,
-            walls: Walls::default(),
             pulled: None,
             impulses: Vec::new(),
             tool_impulses: 0,
             parting: Vec::new(),
             parted: Vec::new(),
             change: TopologyChange::default(),
-            edited: false,
+            edited: None,
             island: 0,
         };
         if loaded {
@@ -68,7 +68,7 @@ impl BodySlot {
     /// Room for every contact there may be until links part again, `tissue_springs` of them with tissue: a
     /// step in between allocates nothing.
     pub(super) fn reserve(&mut self, tissue_springs: usize) {
-        let of_tools: usize = self.contacts.iter_mut().map(|c| c.reserve(&self.body, &self.walls)).sum();
+        let of_tools: usize = self.contacts.iter_mut().map(|c| c.reserve(&self.body)).sum();
         let of_ties = self.pulled.as_ref().map_or(0, |pulled| pulled.ties.count());
         let springs = of_tools + of_ties + tissue_springs;
         self.impulses.clear();
@@ -123,27 +123,25 @@ impl BodySlot {
     }
 
     /// A state that was set from outside is what the next step starts from and goes back to, if it is
-    /// finite.
-    pub(super) fn take_edits(&mut self, workers: &Workers<'_>) {
-        self.edited = false;
+    /// finite; cuts that were made may go on. Returns whether there are any.
+    pub(super) fn take_edits(&mut self, workers: &Workers<'_>) -> bool {
+        let Some(version) = self.edited.take() else { return false };
         self.velocity_change.resize(self.body.node_count(), [0.0; 3]);
         self.body.evaluate(workers, 20);
         if self.body.save_finite_state(workers) {
             self.ledger.after = self.body.energy();
         }
+        let is_cut = self.body.boundary().version() != version;
+        if is_cut && self.pulled.is_some() {
+            self.feel_pull();
+        }
+        is_cut
     }
 
     /// From now on something pulls at the body: its cuts may go on by themselves, if it can be cut.
     pub(super) fn feel_pull(&mut self) {
         if self.body.materials.iter().any(|m| m.fracture_energy_j_per_m2.is_some()) {
             self.pulled = Some(Pulled::new(&self.body));
-        }
-    }
-
-    /// Cuts that were made from outside may go on.
-    pub(super) fn begin_tearing(&mut self) {
-        if self.pulled.is_some() {
-            self.feel_pull();
         }
     }
 

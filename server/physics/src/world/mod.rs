@@ -205,12 +205,11 @@ impl World {
     }
 
     fn take_edits(&mut self, workers: &Workers<'_>) {
-        let is_cut = |slot: &BodySlot| slot.edited && slot.body.node_count() != slot.velocity_change.len();
-        let cut = self.slots.iter().any(is_cut);
-        self.slots.iter_mut().filter(|s| s.edited).for_each(|s| s.take_edits(workers));
+        let mut cut = false;
+        for slot in &mut self.slots {
+            cut |= slot.take_edits(workers);
+        }
         if cut {
-            self.slots.iter_mut().for_each(BodySlot::begin_tearing);
-            self.tissue = None;
             self.follow_tissue();
         }
     }
@@ -246,7 +245,7 @@ impl World {
         for slot in &mut self.slots {
             for (tool, contact) in self.tools.iter().zip(&mut slot.contacts) {
                 if let Some(path) = tool.path() {
-                    contact.detect(&slot.body, &slot.walls, &path);
+                    contact.detect(&slot.body, &path);
                 }
             }
             if slot.pulled.is_none() && slot.contacts.iter().any(ToolContact::holds) {
@@ -315,8 +314,6 @@ impl World {
             slot.change = slot.body.update_topology(workers, &slot.parted);
             slot.velocity_change.resize(slot.body.node_count(), [0.0; 3]);
             slot.ledger.after = slot.body.energy();
-            slot.walls.update(&slot.body, &slot.parted, &slot.change);
-            slot.contacts.iter_mut().for_each(|c| c.follow(&slot.body, &slot.parted, &slot.change));
             slot.pulled.iter_mut().for_each(|pulled| pulled.follow(&slot.body, &slot.parted, &slot.change));
             self.output.fracture.parted_links += slot.parted.len() as u32;
         }
@@ -329,7 +326,7 @@ impl World {
     /// Takes the surfaces as they are now to the contact of tissue with tissue, where there may be any.
     fn follow_tissue(&mut self) {
         match &mut self.tissue {
-            Some(tissue) => tissue.update(&self.slots),
+            Some(tissue) => tissue.follow(&self.slots),
             None => self.tissue = Some(TissueContact::new(&self.slots)),
         }
         let springs = self.tissue.as_ref().map_or(0, TissueContact::most_springs);
@@ -445,7 +442,8 @@ impl World {
 
     /// A body whose state is to be set from outside: starts that are not at rest.
     pub fn body_mut(&mut self, index: usize) -> &mut Body {
-        self.slots[index].edited = true;
-        &mut self.slots[index].body
+        let slot = &mut self.slots[index];
+        slot.edited.get_or_insert(slot.body.boundary().version());
+        &mut slot.body
     }
 }

@@ -4,15 +4,15 @@ use super::body_slot::BodySlot;
 use super::part_groups::PartGroups;
 use crate::Vec3;
 use crate::body::{Body, MaterialPoint};
-use crate::contact::broad::Aabb;
+use crate::boundary::{Boundary, PatchKey, SurfacePatch};
 use crate::contact::candidates::Candidates;
-use crate::contact::patch::{SurfacePatch, SurfacePatches};
 use crate::contact::patch_hash::{PatchHash, PlacedPatch};
 use crate::contact::press::{Approach, MARGIN_VOXELS, Meeting, PatchOf, Plane, approach, meet};
 use crate::contact::tissue_spring::{Friction, SpringEnd, TissueSpring};
 use crate::contact::{ContactWeights, Misjudged, Mode, Solution};
 use crate::hash::StateHasher;
 use crate::ledger::ContactLedger;
+use crate::math::Aabb;
 use crate::solve::pcg::{Factor, System, Systems};
 use crate::solve::spring::PointSpring;
 use crate::workers::Workers;
@@ -40,9 +40,7 @@ const ROOM_FOR_APPROACHES: usize = 256;
 #[derive(Clone)]
 pub(super) struct TissueContact {
     /// By body.
-    surfaces: Vec<SurfacePatches>,
-    /// Depth of each patch's spring at the end of the last step, m, by body: where the next one goes on from.
-    depth_m: Vec<Vec<f64>>,
+    carried: Vec<Carried>,
     candidates: Candidates,
     hash: PatchHash,
     /// By candidate.
@@ -54,6 +52,33 @@ pub(super) struct TissueContact {
     springs: Vec<TissueSpring>,
     bridges: Vec<Bridge>,
     groups: PartGroups,
+}
+
+/// What the patches of a body's surface carry from step to step.
+#[derive(Clone, Default)]
+struct Carried {
+    /// Version of the surface.
+    version: u64,
+    keys: Vec<PatchKey>,
+    /// Depth of each patch's spring at the end of the last step, m: where the next one goes on from.
+    depth_m: Vec<f64>,
+}
+
+impl Carried {
+    /// Follows a surface that has changed. What a patch gains or loses in area carries the pressure that it has.
+    fn follow(&mut self, boundary: &Boundary) {
+        if self.version == boundary.version() {
+            return;
+        }
+        let mut before = self.keys.iter().zip(&self.depth_m).peekable();
+        let depth_m = boundary.patches().iter().map(|patch| {
+            while before.next_if(|(key, _)| **key < patch.key()).is_some() {}
+            before.next_if(|(key, _)| **key == patch.key()).map_or(0.0, |(_, depth_m)| *depth_m)
+        });
+        let depth_m = depth_m.collect();
+        let keys = boundary.patches().iter().map(SurfacePatch::key).collect();
+        *self = Self { version: boundary.version(), keys, depth_m };
+    }
 }
 
 /// A spring between two bodies, as the solver sees it.
@@ -91,10 +116,8 @@ impl Island<'_> {
 impl TissueContact {
     /// The surfaces of all bodies.
     pub(super) fn new(slots: &[BodySlot]) -> Self {
-        let surfaces: Vec<_> = slots.iter().map(|slot| SurfacePatches::of(&slot.body)).collect();
         let mut contact = Self {
-            depth_m: vec![Vec::new(); slots.len()],
-            surfaces,
+            carried: vec![Carried::default(); slots.len()],
             candidates: Candidates::default(),
             hash: PatchHash::default(),
             placed: Vec::new(),
@@ -104,25 +127,18 @@ impl TissueContact {
             bridges: Vec::new(),
             groups: PartGroups::default(),
         };
-        contact.reserve(slots);
+        contact.follow(slots);
         contact
     }
 
     /// Most springs that there may be until links part again.
     pub(super) fn most_springs(&self) -> usize {
-        self.surfaces.iter().map(|surface| surface.as_slice().len()).sum()
+        self.carried.iter().map(|carried| carried.keys.len()).sum()
     }
 
     /// Takes what the parting of links changed in the surfaces.
-    pub(super) fn update(&mut self, slots: &[BodySlot]) {
-        let lists = self.surfaces.iter_mut().zip(&mut self.depth_m).zip(slots);
-        for ((surface, depth_m), slot) in lists.filter(|(_, slot)| !slot.parted.is_empty()) {
-            let before = surface.clone();
-            surface.update(&slot.body, &slot.parted, &slot.change);
-            // What a patch gains or loses in area carries the pressure that it has.
-            let depth = |patch| before.find(patch).map_or(0.0, |index| depth_m[index]);
-            *depth_m = surface.as_slice().iter().map(depth).collect();
-        }
+    pub(super) fn follow(&mut self, slots: &[BodySlot]) {
+        self.carried.iter_mut().zip(bodies(slots)).for_each(|(carried, body)| carried.follow(body.boundary()));
         self.reserve(slots);
     }
 
@@ -130,7 +146,7 @@ impl TissueContact {
     pub(super) fn release(&mut self) {
         self.springs.clear();
         self.bridges.clear();
-        self.depth_m.iter_mut().for_each(|depth_m| depth_m.fill(0.0));
+        self.carried.iter_mut().for_each(|carried| carried.depth_m.fill(0.0));
     }
 
     /// Makes room for what there may be until links part again.
@@ -149,9 +165,6 @@ impl TissueContact {
         self.bridges.clear();
         self.bridges.reserve(if slots.len() > 1 { most } else { 0 });
         self.groups.reserve(slots);
-        for (depth_m, surface) in self.depth_m.iter_mut().zip(&self.surfaces) {
-            depth_m.resize(surface.as_slice().len(), 0.0);
-        }
     }
 
     /// Finds the patches that meet a surface in this step.
@@ -164,9 +177,9 @@ impl TissueContact {
         self.placed.clear();
         self.planes.clear();
         for &[body, patch] in self.candidates.patches() {
-            self.placed.push(self.place(slots, body, patch));
-            let data = &self.surfaces[body as usize].as_slice()[patch as usize];
-            self.planes.push(Plane::of(&slots[body as usize].body, data));
+            self.placed.push(place(slots, body, patch));
+            let of = &slots[body as usize].body;
+            self.planes.push(Plane::of(of, &of.boundary().patches()[patch as usize]));
         }
         let mut approaches = std::mem::take(&mut self.approaches);
         for (index, placed) in self.placed.iter().enumerate() {
@@ -184,21 +197,18 @@ impl TissueContact {
                 Some((surface, meet(&point, &surface, approach, dt_s)?))
             });
             if let Some((surface, meeting)) = met.next() {
-                let depth_m = self.depth_m[placed.body as usize][placed.patch as usize];
+                let depth_m = self.carried[placed.body as usize].depth_m[placed.patch as usize];
                 self.springs.push(spring(&point, &surface, &meeting, depth_m, dt_s));
             }
         }
         self.approaches = approaches;
     }
 
-    fn patch(&self, placed: &PlacedPatch) -> &SurfacePatch {
-        &self.surfaces[placed.body as usize].as_slice()[placed.patch as usize]
-    }
-
     /// A candidate.
     fn patch_of<'a>(&'a self, slots: &'a [BodySlot], index: usize) -> PatchOf<'a> {
         let placed = &self.placed[index];
-        let (body, patch) = (&slots[placed.body as usize].body, self.patch(placed));
+        let body = &slots[placed.body as usize].body;
+        let patch = &body.boundary().patches()[placed.patch as usize];
         PatchOf { body, patch, placed, plane: self.planes[index].as_ref() }
     }
 
@@ -206,31 +216,18 @@ impl TissueContact {
     fn find_candidates(&mut self, slots: &[BodySlot], reach_m: f64) {
         let reach_m = self.candidates.begin(bodies(slots), reach_m);
         self.hash.clear();
-        for (index, (surface, body)) in self.surfaces.iter().zip(bodies(slots)).enumerate() {
+        for (index, body) in bodies(slots).enumerate() {
             let bounds = body.bounds().grown(most_travel_m(slots) + reach_m);
             let mut others = bodies(slots).enumerate().filter(|(other, _)| *other != index);
-            if !surface.has_walls() && !others.any(|(_, other)| other.bounds().meets(&bounds)) {
+            if body.boundary().walls().len() == 0 && !others.any(|(_, other)| other.bounds().meets(&bounds)) {
                 continue;
             }
-            for patch in 0..surface.as_slice().len() {
-                self.hash.push(self.place(slots, index as u32, patch as u32));
+            for patch in 0..body.boundary().patches().len() {
+                self.hash.push(place(slots, index as u32, patch as u32));
             }
         }
         self.hash.build(reach_m);
         self.candidates.find(&self.hash);
-    }
-
-    fn place(&self, slots: &[BodySlot], body: u32, patch: u32) -> PlacedPatch {
-        let (of, data) = (&slots[body as usize].body, &self.surfaces[body as usize].as_slice()[patch as usize]);
-        let (nodes, n) = of.weights(&data.point);
-        let sum = |values: &[[f64; 3]]| nodes.iter().zip(n).map(|(a, n)| Vec3::from(values[*a as usize]) * n).sum();
-        PlacedPatch {
-            body,
-            patch,
-            at_m: sum(&of.position_m),
-            velocity_m_per_s: sum(&of.velocity_m_per_s),
-            normal: of.rotation(data.element as usize) * data.normal,
-        }
     }
 
     /// The springs that act on a body.
@@ -295,24 +292,38 @@ impl TissueContact {
     /// Books the springs' energies and what friction took, and keeps their depths, from which the next step's begin and
     /// which limit its friction.
     pub(super) fn conclude(&mut self, ledger: &mut ContactLedger, dt_s: f64) {
-        self.depth_m.iter_mut().for_each(|depth_m| depth_m.fill(0.0));
+        self.carried.iter_mut().for_each(|carried| carried.depth_m.fill(0.0));
         for spring in &self.springs {
             ledger.spring_work_j += spring.work_j();
             ledger.spring_stored_j += spring.stored_j();
             ledger.friction_j += spring.friction_j(dt_s);
             let depth_m = spring.force_n.max(0.0) / spring.stiffness_n_per_m;
-            self.depth_m[spring.ends[0].body as usize][spring.patch as usize] = depth_m;
+            self.carried[spring.ends[0].body as usize].depth_m[spring.patch as usize] = depth_m;
         }
     }
 
     /// Folds what it remembers into a hash.
     pub(super) fn fold_into(&self, hasher: &mut StateHasher) {
-        self.depth_m.iter().for_each(|depth_m| hasher.floats(depth_m));
+        self.carried.iter().for_each(|carried| hasher.floats(&carried.depth_m));
     }
 
     /// Springs of the last step; none where links parted in it.
     pub(super) fn springs(&self) -> &[TissueSpring] {
         &self.springs
+    }
+}
+
+fn place(slots: &[BodySlot], body: u32, patch: u32) -> PlacedPatch {
+    let of = &slots[body as usize].body;
+    let data = &of.boundary().patches()[patch as usize];
+    let (nodes, n) = of.weights(&data.point);
+    let sum = |values: &[[f64; 3]]| nodes.iter().zip(n).map(|(a, n)| Vec3::from(values[*a as usize]) * n).sum();
+    PlacedPatch {
+        body,
+        patch,
+        at_m: sum(&of.position_m),
+        velocity_m_per_s: sum(&of.velocity_m_per_s),
+        normal: of.rotation(data.element as usize) * data.normal,
     }
 }
 

@@ -1,8 +1,7 @@
 //! One tool in one body: what it does there depends on what it is.
 
 use super::blade_contact::BladeContact;
-use crate::body::{Body, TopologyChange};
-use crate::contact::flank::Walls;
+use crate::body::Body;
 use crate::contact::grip::Grip;
 use crate::contact::palpation::Palpation;
 use crate::contact::{Contact, Misjudged, Solution};
@@ -33,7 +32,7 @@ impl ToolContact {
                 Self::Edges(scissors.mounts().map(edge).into())
             }
             ToolShape::Grasper(grasper) => Self::Grip(Grip::new(*grasper, body)),
-            ToolShape::Probe(capsule) => Self::Palpation(Palpation::new(*capsule, body)),
+            ToolShape::Probe(capsule) => Self::Palpation(Palpation::new(*capsule)),
         }
     }
 
@@ -117,8 +116,8 @@ impl ToolContact {
     }
 
     /// Makes room for all that may touch until links part again. Returns the number of springs that is.
-    pub(super) fn reserve(&mut self, body: &Body, walls: &Walls) -> usize {
-        let elements = body.base().elements.len();
+    pub(super) fn reserve(&mut self, body: &Body) -> usize {
+        let (walls, elements) = (body.boundary().walls().len(), body.base().elements.len());
         match self {
             Self::Edges(edges) => {
                 edges.iter_mut().for_each(|edge| edge.reserve(walls, elements));
@@ -145,16 +144,9 @@ impl ToolContact {
         }
     }
 
-    /// Follows what was parted.
-    pub(super) fn follow(&mut self, body: &Body, parted: &[LinkId], change: &TopologyChange) {
-        if let Self::Palpation(palpation) = self {
-            palpation.follow(body, parted, change);
-        }
-    }
-
-    pub(super) fn detect(&mut self, body: &Body, walls: &Walls, path: &ToolPath) {
+    pub(super) fn detect(&mut self, body: &Body, path: &ToolPath) {
         match self {
-            Self::Edges(edges) => edges.iter_mut().for_each(|edge| edge.detect(body, walls, path)),
+            Self::Edges(edges) => edges.iter_mut().for_each(|edge| edge.detect(body, path)),
             Self::Grip(grip) => grip.detect(body, path),
             Self::Palpation(palpation) => palpation.detect(body, path),
         }
