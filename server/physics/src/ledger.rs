@@ -26,6 +26,14 @@ pub struct BodyLedger {
     pub turned_j: f64,
 }
 
+impl BodyLedger {
+    /// Of a body that nothing happened to.
+    #[must_use]
+    pub fn at_rest(energy: BodyEnergy) -> Self {
+        Self { before: energy, solved: energy, after: energy, ..Self::default() }
+    }
+}
+
 /// Contact's share of a step.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ContactLedger {

@@ -375,6 +375,29 @@ fn a_block_at_a_metre_per_second_does_not_pass_through_a_thin_sheet() {
 }
 
 #[test]
+fn bodies_that_fail_together_are_rolled_back_alike_whatever_fails_in_them() {
+    // A position that is no number, and one that is but leaves no energy that is.
+    for position_m in [f64::NAN, 1e12] {
+        let mut lower = block("lower", 0.0, 0.02, 2);
+        lower.fixed = vec![everywhere_below(1.01 * H_M)];
+        let mut scene = scene(vec![block("upper", 0.02, 0.02, 2), lower]);
+        scene.desc.gravity_m_per_s2 = [0.0, -98.1, 0.0];
+        let mut world = World::new(&scene).unwrap();
+        run(&mut world, 100);
+        let carried_m = deepest_m(&world);
+        [0, 1].into_iter().for_each(|index| world.body_mut(index).position_m[40][1] = position_m);
+        let output = world.step(&Workers::serial(), &NoClock, &StepInputs::default());
+        assert_eq!(output.fault.as_ref().map(|fault| fault.object.as_str()), Some("upper"), "{position_m}");
+        assert!(output.energy.residual_j.abs() < 1e-12, "{position_m}: {:?}", output.energy);
+        assert!(world.tissue_springs().is_empty(), "{position_m}");
+        // They press on each other anew, no faster than surfaces come up: 1 voxel a second.
+        run(&mut world, 1);
+        let most_m = world.tissue_springs().iter().map(|spring| spring.depth_before_m).fold(0.0, f64::max);
+        assert!(most_m <= 1.001e-3 * H_M && most_m < 0.5 * carried_m, "{position_m}: {most_m} m of {carried_m}");
+    }
+}
+
+#[test]
 fn one_and_two_threads_give_the_same_bits() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("two threads");
     let hashes = |workers: &Workers<'_>| {

@@ -76,7 +76,6 @@ impl Body {
         for (state, branch) in self.states.iter_mut().zip(&self.saved.branch) {
             state.branch.clone_from(branch);
         }
-        // A step that fails before its end still saves the state it went back to.
         if self.saved.saves <= 1 {
             self.return_to_rest_shape();
         }

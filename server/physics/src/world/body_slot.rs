@@ -5,11 +5,9 @@ use super::tissue_contact::TissueContact;
 use super::tool_contact::ToolContact;
 use crate::body::{self, Body, TopologyChange};
 use crate::contact::{Misjudged, Mode, Solution};
-use crate::fault::{Fault, FaultKind};
 use crate::grid::{Crossing, LinkId};
 use crate::ledger::BodyLedger;
 use crate::solve::spring::POINT_NODES;
-use crate::step_io::StepOutput;
 use crate::tool::ToolShape;
 use crate::workers::Workers;
 
@@ -46,7 +44,7 @@ impl BodySlot {
         let energy = body.energy();
         let mut slot = Self {
             velocity_change: vec![[0.0; 3]; body.node_count()],
-            ledger: BodyLedger { after: energy, ..BodyLedger::default() },
+            ledger: BodyLedger::at_rest(energy),
             body,
             contacts,
             pulled: None,
@@ -146,12 +144,11 @@ impl BodySlot {
     }
 
     /// Positions and rotations go back to the last finite step, velocities are zeroed, the tools lifted.
-    pub(super) fn roll_back(&mut self, workers: &Workers<'_>, output: &mut StepOutput) {
+    pub(super) fn roll_back(&mut self, workers: &Workers<'_>) {
         self.body.restore_finite_state(workers);
         self.velocity_change.iter_mut().for_each(|v| *v = [0.0; 3]);
         self.contacts.iter_mut().for_each(ToolContact::lift);
         self.pulled.iter_mut().for_each(|pulled| pulled.ties.release());
-        self.ledger = BodyLedger { after: self.body.energy(), ..BodyLedger::default() };
-        output.fault = Some(Fault { step: output.step, object: self.body.name.clone(), what: FaultKind::NodeState });
+        self.ledger = BodyLedger::at_rest(self.body.energy());
     }
 }

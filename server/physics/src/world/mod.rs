@@ -14,6 +14,7 @@ mod tool_contact;
 
 use crate::Vec3;
 use crate::body::{Body, MaterialPoint, PartedLinks, TopologyChange};
+use crate::fault::{Fault, FaultKind};
 use crate::fracture::{FrontBook, Looks};
 use crate::ledger::{self, ContactLedger};
 use crate::params::StepParams;
@@ -183,10 +184,10 @@ impl World {
         self.brake_spins();
         lap.end(Stage::Velocities);
         self.integrate(workers);
-        self.write_wrenches();
-        self.slip();
         lap.end(Stage::Integrate);
         self.evaluate(workers);
+        self.write_wrenches();
+        self.slip();
         lap.end(Stage::Rotations);
         if self.slots.iter().any(BodySlot::may_part) {
             self.advance_fronts();
@@ -256,28 +257,29 @@ impl World {
 
     fn integrate(&mut self, workers: &Workers<'_>) {
         for slot in &mut self.slots {
-            let body = &mut slot.body;
-            slot.ledger.load_work_j = body.integrate(workers, &slot.velocity_change);
-            if !body.is_finite() {
-                slot.roll_back(workers, &mut self.output);
-            }
-        }
-        if self.output.fault.is_some() {
-            self.tissue.iter_mut().for_each(TissueContact::release);
+            slot.ledger.load_work_j = slot.body.integrate(workers, &slot.velocity_change);
         }
     }
 
+    /// Rotations, forces and energies where the step has led to. What is not finite by now, positions included, is
+    /// found here and rolled back: nobody has seen it yet.
     fn evaluate(&mut self, workers: &Workers<'_>) {
         for slot in &mut self.slots {
             slot.ledger.before = slot.ledger.after;
             slot.ledger.step = slot.body.evaluate_step(workers, &slot.velocity_change);
             slot.ledger.turned_j = slot.body.turn_velocities(workers);
             slot.ledger.solved = slot.body.energy();
-            if !slot.body.save_finite_state(workers) {
-                slot.roll_back(workers, &mut self.output);
-                slot.ledger.solved = slot.ledger.after;
-            }
             slot.ledger.after = slot.ledger.solved;
+            if slot.body.save_finite_state(workers) {
+                continue;
+            }
+            slot.roll_back(workers);
+            // What pressed on it, or it pressed on, finds nothing to go on from.
+            self.tissue.iter_mut().for_each(TissueContact::release);
+            // Of several bodies the first is reported: the others may have failed for it.
+            let (step, object) = (self.output.step, &slot.body.name);
+            let fault = || Fault { step, object: object.clone(), what: FaultKind::NodeState };
+            self.output.fault.get_or_insert_with(fault);
         }
     }
 
