@@ -6,7 +6,7 @@ use crate::grid::{MaterialPoint, VoxelId};
 use crate::{Mat3, Vec3};
 
 /// Newton's method has arrived where its last step is below this, in edges of the element: what is left of the
-/// error is about its square.
+/// error is about its square, 1e-12. Ten times less costs an iteration, ten times more leaves 1e-10.
 const CONVERGED: f64 = 1e-6;
 
 impl Body {

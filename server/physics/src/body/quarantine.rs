@@ -9,7 +9,8 @@ use crate::workers::Workers;
 use wide::f64x4;
 
 /// Elastic energy over Young's modulus times volume beyond which a state counts as lost: a strain of
-/// ten thousand. No start that anyone means is there, and no step leads back from it.
+/// ten thousand. No start that anyone means is there, and no step leads back from it. How
+/// sensitive that is has not been measured.
 const MOST_ENERGY_OF_EV: f64 = 1e9;
 
 /// Copy of what a step changes.
