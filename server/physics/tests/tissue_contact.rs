@@ -49,11 +49,11 @@ fn run(world: &mut World, steps: usize) -> Booked {
 /// Force of the springs between bodies on the first one, N.
 fn force_on_first_n(world: &World) -> Vec3 {
     let on_first = |body: u32| if body == 0 { 1.0 } else { -1.0 };
-    world.tissue_springs().iter().map(|s| s.normal * (s.force_n * on_first(s.ends[0].body))).sum()
+    world.tissue_springs().iter().map(|s| s.direction * (s.force_n * on_first(s.ends.ends[0].body))).sum()
 }
 
 fn deepest_m(world: &World) -> f64 {
-    world.tissue_springs().iter().map(|s| s.depth_m).fold(0.0, f64::max)
+    world.tissue_springs().iter().map(|s| s.gap_m).fold(0.0, f64::max)
 }
 
 /// Linear momentum, N s, and angular momentum about the origin, N m s.
@@ -392,7 +392,7 @@ fn bodies_that_fail_together_are_rolled_back_alike_whatever_fails_in_them() {
         assert!(world.tissue_springs().is_empty(), "{position_m}");
         // They press on each other anew, no faster than surfaces come up: 1 voxel a second.
         run(&mut world, 1);
-        let most_m = world.tissue_springs().iter().map(|spring| spring.depth_before_m).fold(0.0, f64::max);
+        let most_m = world.tissue_springs().iter().map(|spring| spring.gap_before_m).fold(0.0, f64::max);
         assert!(most_m <= 1.001e-3 * H_M && most_m < 0.5 * carried_m, "{position_m}: {most_m} m of {carried_m}");
     }
 }

@@ -1,9 +1,10 @@
 //! A body in the world: what tools do to it in a step, and what the step does with it.
 
 use super::pulled::Pulled;
-use super::tissue_contact::TissueContact;
+use super::tissue_contact::TissueContacts;
 use super::tool_contact::ToolContact;
 use crate::body::{self, Body, TopologyChange};
+use crate::contact::ends::point_springs;
 use crate::contact::{Misjudged, Mode, Solution};
 use crate::grid::{Crossing, LinkId};
 use crate::ledger::BodyLedger;
@@ -82,7 +83,7 @@ impl BodySlot {
     pub(super) fn load_system(
         &mut self,
         workers: &Workers<'_>,
-        tissue: Option<&TissueContact>,
+        tissue: Option<&TissueContacts>,
         index: usize,
         dt_s: f64,
     ) -> f64 {
@@ -91,13 +92,12 @@ impl BodySlot {
         let of_tools = || self.contacts.iter().flat_map(ToolContact::springs);
         let ties = || self.pulled.iter().flat_map(|pulled| &pulled.ties.contacts);
         for contact in of_tools().chain(ties()).filter(|c| c.mode != Mode::Off) {
-            let impulse = contact.direction * contact.impulse(dt_s);
-            self.impulses.extend(contact.weights.iter().map(|(node, w)| (node, (impulse * w).into())));
+            contact.add_impulses(dt_s, &mut self.impulses);
         }
         self.tool_impulses = self.impulses.len();
         self.impulses.extend(tissue.iter().flat_map(|tissue| tissue.impulses(index, dt_s)));
         let of_tissue = tissue.iter().flat_map(|tissue| tissue.point_springs(index, dt_s));
-        self.body.set_springs(of_tools().chain(ties()), of_tissue);
+        self.body.set_springs(point_springs(of_tools().chain(ties()), dt_s).chain(of_tissue));
         let scale = self.body.applied_impulse_norm(workers, &self.impulses);
         self.body.load_system(workers, &self.impulses, &self.velocity_change);
         scale
@@ -115,7 +115,7 @@ impl BodySlot {
             wrong += contact.settle(dt_s, &self.velocity_change, solution);
         }
         for tie in self.pulled.iter_mut().flat_map(|pulled| &mut pulled.ties.contacts) {
-            wrong += tie.settle(dt_s, &self.velocity_change, solution);
+            wrong += tie.settle(dt_s, &tie.ends.weights.sum(&self.velocity_change), solution);
         }
         wrong
     }

@@ -26,7 +26,7 @@ use crate::view::View;
 use crate::workers::Workers;
 use body_slot::BodySlot;
 use contact_model::ContactModelSum;
-use tissue_contact::TissueContact;
+use tissue_contact::TissueContacts;
 use tool_contact::ToolContact;
 
 pub use crate::body::Relaxation;
@@ -90,7 +90,7 @@ pub struct World {
     /// nothing is contoured.
     view: Option<View>,
     /// Present from when tissue may meet tissue: in scenes of several objects, and after the first cut.
-    tissue: Option<TissueContact>,
+    tissue: Option<TissueContacts>,
     contact_ledger: ContactLedger,
     springs_before_j: f64,
     output: StepOutput,
@@ -275,7 +275,7 @@ impl World {
             }
             slot.roll_back(workers);
             // What pressed on it, or it pressed on, finds nothing to go on from.
-            self.tissue.iter_mut().for_each(TissueContact::release);
+            self.tissue.iter_mut().for_each(TissueContacts::release);
             // Of several bodies the first is reported: the others may have failed for it.
             let (step, object) = (self.output.step, &slot.body.name);
             let fault = || Fault { step, object: object.clone(), what: FaultKind::NodeState };
@@ -329,9 +329,9 @@ impl World {
     fn follow_tissue(&mut self) {
         match &mut self.tissue {
             Some(tissue) => tissue.follow(&self.slots),
-            None => self.tissue = Some(TissueContact::new(&self.slots)),
+            None => self.tissue = Some(TissueContacts::new(&self.slots)),
         }
-        let springs = self.tissue.as_ref().map_or(0, TissueContact::most_springs);
+        let springs = self.tissue.as_ref().map_or(0, TissueContacts::most_springs);
         self.slots.iter_mut().for_each(|slot| slot.reserve(springs));
     }
 
@@ -350,8 +350,8 @@ impl World {
             for slot in &self.slots {
                 let contact = &slot.contacts[index];
                 for c in contact.acting() {
-                    let force = c.direction * c.force_n;
-                    self.contact_ledger.tool_work_j += force.dot(&(c.tool_point_m - c.tool_point_before_m));
+                    let moved_m = c.ends.tool_point_m - c.ends.tool_point_before_m;
+                    self.contact_ledger.tool_work_j += c.applied_n().dot(&moved_m);
                     if let Some(sum) = &model {
                         sum.push(c, &mut wrench);
                     }
@@ -359,11 +359,7 @@ impl World {
                 if let Some(sum) = &mut model {
                     contact.pressing().for_each(|c| sum.add(c));
                 }
-                self.contact_ledger.friction_j += contact.rubbing().map(|c| c.force_n * c.gap_m).sum::<f64>();
-                for c in contact.beside_fronts() {
-                    self.contact_ledger.spring_work_j += c.force_n * (c.gap_m - c.gap_before_m);
-                    self.contact_ledger.spring_stored_j += 0.5 * c.force_n * c.gap_m;
-                }
+                contact.beside_fronts().for_each(|c| self.contact_ledger.add(c, self.params.dt_s));
             }
             let output = &mut self.output.tools[index];
             output.pose = tool.pose;

@@ -59,17 +59,9 @@ impl ToolContact {
         }
     }
 
-    /// What rubs on no edge's flanks.
-    fn other_rubbing(&self) -> &[Contact] {
-        match self {
-            Self::Edges(_) | Self::Grip(_) => &[],
-            Self::Palpation(palpation) => &palpation.friction,
-        }
-    }
-
     /// Every spring between the tool and the body.
     pub(super) fn springs(&self) -> impl Iterator<Item = &Contact> {
-        self.edges().iter().flat_map(BladeContact::springs).chain(self.other_springs()).chain(self.other_rubbing())
+        self.edges().iter().flat_map(BladeContact::springs).chain(self.other_springs())
     }
 
     /// The springs that make up the tool's wrench: those with a force, and all that hold.
@@ -83,11 +75,6 @@ impl ToolContact {
         let holds = self.holds();
         let springs = self.edges().iter().flat_map(BladeContact::pressing).chain(self.other_springs());
         springs.filter(move |c| holds || c.force_n != 0.0)
-    }
-
-    /// What rubs on the flanks of its blades, or on its smooth surface.
-    pub(super) fn rubbing(&self) -> impl Iterator<Item = &Contact> {
-        self.edges().iter().flat_map(BladeContact::rubbing).chain(self.other_rubbing())
     }
 
     /// The springs but for those of the fronts, which book their own.
@@ -161,14 +148,9 @@ impl ToolContact {
                     wrong += edge.settle(dt_s, velocity_change, solution);
                 }
             }
-            Self::Grip(Grip { contacts, .. }) => {
+            Self::Grip(Grip { contacts, .. }) | Self::Palpation(Palpation { contacts, .. }) => {
                 for contact in contacts {
-                    wrong += contact.settle(dt_s, velocity_change, solution);
-                }
-            }
-            Self::Palpation(Palpation { contacts, friction, .. }) => {
-                for contact in contacts.iter_mut().chain(friction) {
-                    wrong += contact.settle(dt_s, velocity_change, solution);
+                    wrong += contact.settle(dt_s, &contact.ends.weights.sum(velocity_change), solution);
                 }
             }
         }
