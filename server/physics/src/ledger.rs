@@ -2,6 +2,7 @@
 //! residual.
 
 use crate::body::{BodyEnergy, StepEnergies};
+use crate::contact::Contact;
 use crate::fracture::FrontBook;
 use crate::step_io::EnergyStep;
 
@@ -26,6 +27,14 @@ pub struct BodyLedger {
     pub turned_j: f64,
 }
 
+impl BodyLedger {
+    /// Of a body that nothing happened to.
+    #[must_use]
+    pub fn at_rest(energy: BodyEnergy) -> Self {
+        Self { before: energy, solved: energy, after: energy, ..Self::default() }
+    }
+}
+
 /// Contact's share of a step.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ContactLedger {
@@ -40,6 +49,15 @@ pub struct ContactLedger {
     pub spring_work_j: f64,
     /// Dissipated by friction, J.
     pub friction_j: f64,
+}
+
+impl ContactLedger {
+    /// Adds a spring that is no front's.
+    pub fn add<E>(&mut self, contact: &Contact<E>, dt_s: f64) {
+        self.spring_work_j += contact.work_j();
+        self.spring_stored_j += contact.stored_j();
+        self.friction_j += contact.friction_j(dt_s);
+    }
 }
 
 /// The ledger of a step. `before` is the ledger of the step before it.

@@ -8,6 +8,7 @@
 //! forces and residuals, `f32` inside preconditioners and in what leaves for the wire.
 
 pub mod body;
+pub mod boundary;
 pub mod contact;
 pub mod energy_terms;
 pub mod fault;

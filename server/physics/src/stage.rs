@@ -12,9 +12,9 @@ pub enum Stage {
     SelfContact,
     /// The system matrix and the implicit velocity solve, contact active set included.
     Velocities,
-    /// New positions, quarantine of non-finite state, wrenches.
+    /// New positions.
     Integrate,
-    /// Element rotations and exact co-rotational forces at the new positions.
+    /// Element rotations and exact co-rotational forces at the new positions, roll-back of what is not finite, wrenches.
     Rotations,
     /// Fronts advance, links part.
     Fracture,

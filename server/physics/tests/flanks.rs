@@ -2,7 +2,7 @@
 
 use crate::support::cutting::*;
 use crate::support::{body, object, params};
-use kerf_physics::contact::flank::{Walls, WallsBeside};
+use kerf_physics::contact::flank::WallsBeside;
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{BladeDesc, ToolDesc};
 use kerf_physics::tool::Pose;
@@ -136,9 +136,7 @@ fn a_wall_that_has_turned_round_beside_the_blade_is_not_one_that_pressed_through
     let links: Vec<_> =
         cells.map(|cell| (LinkId { cell, axis: 0 }, Crossing { t: 0.5, normal: [1.0, 0.0, 0.0] })).collect();
     let parted = body.part_links(&links).parted;
-    let change = body.update_topology(&Workers::serial(), &parted);
-    let mut walls = Walls::default();
-    walls.update(&body, &parted, &change);
+    body.update_topology(&Workers::serial(), &parted);
     let blade = Blade::new(&blade()).expect("a blade");
     let pose = |x: f64, turn: f64| Pose {
         position_m: Vec3::new(x, -0.02, 0.0),
@@ -149,7 +147,7 @@ fn a_wall_that_has_turned_round_beside_the_blade_is_not_one_that_pressed_through
         let (mut beside, mut out) = (WallsBeside::default(), Vec::new());
         for pose in [pose(6e-3, 1.0), pose(-6e-3, turn)] {
             out.clear();
-            walls.contacts(&body, &blade.flanks, [&pose, &pose], &mut beside, &mut out);
+            beside.contacts(&body, &blade.flanks, [&pose, &pose], &mut out);
         }
         out
     };

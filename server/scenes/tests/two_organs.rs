@@ -19,8 +19,8 @@ fn the_lobe_rests_on_the_kidney_and_hangs_lower_without_it() {
     let world = rested(&scene, 1500);
     let on_lobe = |body: u32| if body == 0 { 1.0 } else { -1.0 };
     let springs = world.tissue_springs();
-    let force_n: Vec3 = springs.iter().map(|s| s.normal * (s.force_n * on_lobe(s.ends[0].body))).sum();
-    let deepest_m = springs.iter().map(|s| s.depth_m).fold(0.0, f64::max);
+    let force_n: Vec3 = springs.iter().map(|s| s.direction * (s.force_n * on_lobe(s.ends.ends[0].body))).sum();
+    let deepest_m = springs.iter().map(|s| s.gap_m).fold(0.0, f64::max);
     let voxel_m = scene.desc.objects[0].voxel_size_m.unwrap();
     let weight_n = 9.81 * world.bodies()[0].mass_kg();
     let (output, end_m) = (world.output(), world.output().probe_displacement_m[1].y);

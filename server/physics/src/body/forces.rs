@@ -3,10 +3,10 @@
 
 use super::Body;
 use crate::Vec3;
-use crate::contact::broad::Aabb;
 use crate::fem::composite::corner_pair;
 use crate::fem::corotation::{ElementBlock, ElementState, Evaluation, LANES, NodalBuffers, StepTerms};
 use crate::fem::lanes::for_packed;
+use crate::math::Aabb;
 use crate::solve::assembly::{CHUNK_ELEMENTS, Chunk};
 use crate::solve::operator::{LANES as OPERATOR_LANES, NODES_PER_CHUNK};
 use crate::workers::{Groups, Workers};

@@ -2,7 +2,6 @@
 
 mod element;
 mod eshelby;
-mod facets;
 mod forces;
 mod interpolate;
 mod memory;
@@ -14,16 +13,15 @@ mod steady;
 mod topology;
 mod toughness_rate;
 
-pub use crate::grid::LEAST_PIECE_VOXELS;
-pub(crate) use facets::Facet;
+pub use crate::grid::{LEAST_PIECE_VOXELS, MaterialPoint};
 pub use forces::{BodyEnergy, StepEnergies};
-pub use interpolate::MaterialPoint;
 pub use relax::Relaxation;
 pub(crate) use rigid::Totals;
 pub use topology::{PartedLinks, TopologyChange};
 pub use toughness_rate::ToughnessRate;
 
 use crate::Vec3;
+use crate::boundary::{Boundary, Solid};
 use crate::fem::composite::{CompositeTables, shape_functions};
 use crate::fem::corotation::{ElementBlock, ElementLaw, ElementState, LANES, SharedByBlocks};
 use crate::fem::lanes::diagonal_entry;
@@ -162,8 +160,7 @@ pub struct Body {
     /// Bound on how far any element has turned since the smoothers' diagonals were made, rad.
     turned_rad: f64,
     rigid: rigid::RigidParts,
-    /// By element.
-    facet_moments: Vec<facets::FacetMoments>,
+    boundary: Boundary,
     scratch: Scratch,
     saved: quarantine::FiniteState,
     params: StepParams,
@@ -243,7 +240,7 @@ impl Body {
             coarse_stiffening: Vec::new(),
             turned_rad: 0.0,
             rigid: rigid::RigidParts::default(),
-            facet_moments: Vec::new(),
+            boundary: Boundary::default(),
             scratch: Scratch::default(),
             saved: quarantine::FiniteState::default(),
             params,
@@ -257,6 +254,28 @@ impl Body {
     #[must_use]
     pub fn base(&self) -> &Level {
         &self.levels[0]
+    }
+
+    pub(crate) fn solid(&self) -> Solid<'_> {
+        Solid { grid: &self.grid, level: &self.levels[0] }
+    }
+
+    /// Its surface and the walls of its cuts.
+    #[must_use]
+    pub fn boundary(&self) -> &Boundary {
+        &self.boundary
+    }
+
+    /// Keeps the surface in shares as fine as a smooth tool of this radius asks for, too.
+    pub(crate) fn resolve_boundary(&mut self, radius_m: f64) {
+        let solid = Solid { grid: &self.grid, level: &self.levels[0] };
+        self.boundary.resolve(solid, radius_m);
+    }
+
+    /// `int phi n dA` over the surface of an element, n out of it, m^2; phi by its corners, trilinear between.
+    pub(crate) fn surface_integral_m2(&self, element: usize, phi: &[f64; 8]) -> Vec3 {
+        let moments_m2 = self.boundary.moments_m2(self.solid(), element);
+        moments_m2.iter().zip(phi).map(|(moment, phi)| moment * *phi).sum()
     }
 
     /// Sets the relative tolerance of the solves to come.
@@ -400,9 +419,7 @@ impl Body {
     /// Coordinates of a reference position in the cell of an element; 0..=1 inside it.
     #[must_use]
     pub fn local_coordinates(&self, element: usize, position_m: &Vec3) -> [f64; 3] {
-        let data = &self.base().elements[element];
-        let at = (position_m - self.grid.origin_m()) / self.lattice_edge_m();
-        [0, 1, 2].map(|a| (at[a] - f64::from(data.cell[a])) / f64::from(data.size))
+        self.solid().local_coordinates(element, position_m)
     }
 
     /// A held voxel is held at its eight corners, through the interpolation of its element.
@@ -490,7 +507,7 @@ impl Body {
             self.rebuild_element(element);
         }
         self.number_nodes(None);
-        self.forget_facets(&[], &[]);
+        self.boundary = Boundary::of(self.solid());
         self.rebuild_external_forces();
         self.rigid = rigid::RigidParts::new(self);
         self.evaluate(workers, 20);

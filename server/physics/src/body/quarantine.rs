@@ -9,7 +9,8 @@ use crate::workers::Workers;
 use wide::f64x4;
 
 /// Elastic energy over Young's modulus times volume beyond which a state counts as lost: a strain of
-/// ten thousand. No start that anyone means is there, and no step leads back from it.
+/// ten thousand. No start that anyone means is there, and no step leads back from it. How
+/// sensitive that is has not been measured.
 const MOST_ENERGY_OF_EV: f64 = 1e9;
 
 /// Copy of what a step changes.
@@ -76,7 +77,6 @@ impl Body {
         for (state, branch) in self.states.iter_mut().zip(&self.saved.branch) {
             state.branch.clone_from(branch);
         }
-        // A step that fails before its end still saves the state it went back to.
         if self.saved.saves <= 1 {
             self.return_to_rest_shape();
         }

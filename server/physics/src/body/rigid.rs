@@ -12,7 +12,7 @@
 use super::{Body, Nodal};
 use crate::fem::corotation::LANES;
 use crate::fem::lanes::for_packed;
-use crate::grid::levels::NONE;
+use crate::grid::levels::{LevelChange, NONE};
 use crate::solve::assembly::CHUNK_ELEMENTS;
 use crate::workers::Workers;
 use crate::{Mat3, Vec3};
@@ -112,6 +112,28 @@ impl RigidParts {
         let loose = (0..element_part.len() as u32).filter(|e| !held[element_part[*e as usize] as usize]).collect();
         let turns = vec![None; count as usize];
         Self { element_part, node_part, held, loose, skip, totals, turns }
+    }
+
+    /// Follows a change of the elements, whose nodes and holds the body has by now. Parts only ever split: while there
+    /// are as many as before, what is new is in the part that it split from.
+    pub(super) fn follow(&mut self, body: &Body, change: &LevelChange) {
+        // The coarsest elements hang together as the finest do, and are few.
+        let coarsest = &body.levels[body.levels.len() - 1];
+        if coarsest.parts().1 != self.part_count() {
+            *self = Self::new(body);
+            return;
+        }
+        for &(new, from) in &change.split_elements {
+            let part = self.element_part[from as usize];
+            self.element_part.push(part);
+            if !self.held[part as usize] {
+                self.loose.push(new);
+            }
+        }
+        for &(_, from) in &change.split_nodes {
+            self.node_part.push(self.node_part[from as usize]);
+        }
+        self.forget_turns();
     }
 
     /// Lets go of how parts turn in the step that is going on.
@@ -413,6 +435,46 @@ impl Body {
                     visit(part, data.nodes[a] as usize, data.nodes[b] as usize, mass);
                 }
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::{Crossing, LinkId};
+    use crate::params::StepParams;
+    use crate::scene::{Meshes, Scene, SceneDesc};
+
+    const SCENE: &str = r#"
+version = 1
+name = "bar"
+[[objects]]
+name = "bar"
+shape = { box = { min_m = [0.0, 0.0, 0.0], max_m = [0.12, 0.02, 0.02] } }
+voxel_size_m = 0.0025
+level = 1
+material = { young_modulus_pa = 1e5, poisson_ratio = 0.4 }
+fixed = [{ box = { min_m = [-1.0, -1.0, -1.0], max_m = [0.004, 1.0, 1.0] } }]
+"#;
+
+    #[test]
+    fn parts_follow_cuts_to_what_they_would_be_if_they_were_counted_anew() {
+        let scene = Scene { desc: SceneDesc::from_toml("bar.toml", SCENE).unwrap(), meshes: Meshes::new() };
+        let params = StepParams { dt_s: 1e-3, relative_tolerance: 1e-3, max_iterations: 200 };
+        let mut body = Body::new(&scene, 0, params, &Workers::serial()).unwrap();
+        // Across the bar, within a layer of elements and between two: half way, then through.
+        for (x, rows, parts) in [(20, 0..4, 1), (20, 4..8, 2), (31, 0..4, 2), (31, 4..8, 3), (10, 0..6, 3)] {
+            let cells = rows.flat_map(|y| (0..8).map(move |z| [x, y, z]));
+            let crossing = Crossing { t: 0.5, normal: [1.0, 0.0, 0.0] };
+            let links: Vec<_> = cells.map(|cell| (LinkId { cell, axis: 0 }, crossing)).collect();
+            let parted = body.part_links(&links).parted;
+            assert_eq!(parted.len(), links.len());
+            body.update_topology(&Workers::serial(), &parted);
+            let (followed, anew) = (&body.rigid, RigidParts::new(&body));
+            assert_eq!(followed.part_count(), parts);
+            assert_eq!((&followed.element_part, &followed.node_part), (&anew.element_part, &anew.node_part));
+            assert_eq!((&followed.held, &followed.loose), (&anew.held, &anew.loose));
         }
     }
 }

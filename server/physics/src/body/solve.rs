@@ -1,7 +1,6 @@
 //! The velocity solve of a body: its springs, its right side and its solution in the solver's vectors.
 
 use super::{Body, Nodal};
-use crate::contact::{Contact, Mode};
 use crate::params::StepParams;
 use crate::solve::operator::{NODES_PER_CHUNK, masters_of};
 use crate::solve::pcg::{self, Factor, PcgReport, Stop, System, Systems};
@@ -16,25 +15,9 @@ impl Body {
         self.multigrid.reserve_springs(count);
     }
 
-    /// Replaces the springs of the solver's operator by those of the contacts that act, and by `tissue`.
-    pub fn set_springs<'a>(
-        &mut self,
-        contacts: impl Iterator<Item = &'a Contact>,
-        tissue: impl Iterator<Item = PointSpring>,
-    ) {
-        let dt2 = self.params.dt_s * self.params.dt_s;
-        let mut contacts = contacts.filter(|c| c.mode == Mode::Spring).peekable();
-        let springs = std::iter::from_fn(|| {
-            let first = contacts.next()?;
-            let mut spring =
-                PointSpring::new(first.weights.iter(), first.direction.into(), dt2 * first.stiffness_n_per_m);
-            // Those of one point come one after the other.
-            while let Some(next) = contacts.next_if(|next| next.weights == first.weights) {
-                spring.add_direction(next.direction.into(), dt2 * next.stiffness_n_per_m);
-            }
-            Some(spring)
-        });
-        self.multigrid.set_springs(springs.chain(tissue));
+    /// Replaces the springs of the solver's operator.
+    pub fn set_springs(&mut self, springs: impl Iterator<Item = PointSpring>) {
+        self.multigrid.set_springs(springs);
     }
 
     /// Norm of the impulses that loads and contacts `impulses` (node, N s) give the nodes in a step.

@@ -1,9 +1,10 @@
 //! What happens when links part: only what changed is rebuilt.
 
-use super::{Body, rigid};
+use super::Body;
+use crate::boundary::Solid;
 use crate::fem::corotation::LANES;
 use crate::grid::levels::{Level, LevelChange, VoxelUnits};
-use crate::grid::{Crossing, Grid, LEAST_PIECE_VOXELS, LinkId, VoxelId};
+use crate::grid::{Crossing, Grid, Ijk, LEAST_PIECE_VOXELS, LinkId, VoxelId};
 use crate::workers::Workers;
 
 /// What a topology update changed, for whoever follows the body from outside.
@@ -33,6 +34,7 @@ impl Body {
     pub fn update_topology(&mut self, workers: &Workers<'_>, parted: &[LinkId]) -> TopologyChange {
         let changes = self.update_levels(parted);
         let base = &changes[0];
+        self.boundary.follow(Solid { grid: &self.grid, level: &self.levels[0] }, parted, base);
         if base.touched_cells.is_empty() {
             return TopologyChange::default();
         }
@@ -49,9 +51,10 @@ impl Body {
         }
         let renumbered = self.number_nodes(Some(&changes));
         self.rebuild_external_forces();
-        self.rigid = rigid::RigidParts::new(self);
+        let mut rigid = std::mem::take(&mut self.rigid);
+        rigid.follow(self, base);
+        self.rigid = rigid;
         let elements = base.elements();
-        self.forget_facets(&elements, parted);
         self.evaluate_chunks(workers, |chunk| renumbered.binary_search(&chunk).is_ok(), None, 2);
         for &element in &elements {
             self.write_matrix_of_changed(element as usize);
@@ -65,9 +68,10 @@ impl Body {
 
     fn update_levels(&mut self, parted: &[LinkId]) -> Vec<LevelChange> {
         let exponent = self.levels[0].exponent;
-        let voxels = parted.iter().flat_map(|link| [link.cell, link.upper()]);
+        let telling = parted.iter().filter(|link| !self.is_bypassed(**link));
+        let voxels: Vec<Ijk> = telling.flat_map(|link| [link.cell, link.upper()]).collect();
         let units = VoxelUnits { grid: &self.grid, exponent };
-        let mut changes = vec![self.levels[0].update(&units, voxels.map(|c| c.map(|x| x >> exponent)))];
+        let mut changes = vec![self.levels[0].update(&units, voxels.into_iter().map(|c| c.map(|x| x >> exponent)))];
         for i in 1..self.levels.len() {
             let touched = changes[i - 1].touched_cells.iter().map(|c| c.map(|x| x >> 1));
             let (below, above) = self.levels.split_at_mut(i);
@@ -76,6 +80,25 @@ impl Body {
             changes.push(change);
         }
         changes
+    }
+
+    /// Whether, beside a link that was parted, intact ones go around it from element to element as it did: of what
+    /// holds together nothing has changed then. Along a front that goes on by a voxel this is so nearly everywhere.
+    fn is_bypassed(&self, link: LinkId) -> bool {
+        let ends = [link.cell, link.upper()];
+        let owner = |cell: Ijk| self.grid.voxel_at(cell).map(|voxel| self.element_of(voxel));
+        let aside = (0..3u8).filter(|axis| *axis != link.axis).flat_map(|axis| [(axis, -1), (axis, 1)]);
+        aside.into_iter().any(|(axis, step)| {
+            let beside = ends.map(|mut cell| {
+                cell[axis as usize] += step;
+                cell
+            });
+            let is_joined = |end: usize| {
+                let lower = if step > 0 { ends[end] } else { beside[end] };
+                self.grid.is_intact(LinkId { cell: lower, axis }) && owner(ends[end]) == owner(beside[end])
+            };
+            self.grid.is_intact(LinkId { cell: beside[0], axis: link.axis }) && is_joined(0) && is_joined(1)
+        })
     }
 
     fn copy_state(&mut self, from: usize, to: usize) {

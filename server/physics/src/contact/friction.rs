@@ -1,65 +1,117 @@
-//! Coulomb friction of a tool on what it presses on: flanks on walls, smooth probes on surfaces.
+//! Coulomb friction in a contact, of tools on tissue and of tissue on tissue.
 
-use super::{Contact, Mode};
+use super::Misjudged;
 use crate::Vec3;
-use crate::body::Body;
 
-/// Slower than this a wall sticks but for a creep in proportion to the force, m/s: a hundredth of the speed
-/// of a slow stroke. A law with a jump at rest would not be solved by a step.
-const CREEP_M_PER_S: f64 = 1e-3;
+/// What sticks to a tool creeps along it at no more than this, m/s: a hundredth of the speed of a slow stroke. Half
+/// of it makes the friction twice as stiff in the solve and the creep under a tool at rest half as fast; what
+/// slides does not know of it.
+const CREEP_ON_TOOLS_M_PER_S: f64 = 1e-3;
+/// What tissue holds on tissue creeps at no more than this, m/s: what lies on something for a minute moves by 6 mm at
+/// most, under nearly all the force that it can bear. Sensitivity as above.
+const CREEP_IN_TISSUE_M_PER_S: f64 = 1e-4;
 
-/// What rubs on the flanks of one tool.
-#[derive(Clone)]
-pub struct FlankFriction {
-    coefficient: f64,
-    /// Contacts along the walls in this step: their gap is what has slid past in it.
-    pub contacts: Vec<Contact>,
+/// Share of the friction limit by which a stuck contact may exceed it before it slides: ten times the tolerance of the
+/// usual solve. At zero rounding decides, and costs solves.
+const STICK_SLACK: f64 = 1e-3;
+
+/// What friction does during one solve.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Grip {
+    /// The ends stick: friction in proportion to the sliding speed, up to the limit at the speed of creep.
+    Stick,
+    /// The point slides along this unit vector, so fast: friction is at its limit along it, and turns with the velocity
+    /// as that turns.
+    Slide(Vec3, f64),
 }
 
-impl FlankFriction {
-    /// With this coefficient, nowhere in contact.
+/// Coulomb friction on the point of a contact, against its sliding past what presses on it. A law with a jump at rest
+/// would not be solved by a step: what sticks creeps in proportion to the force.
+#[derive(Clone, Copy, Debug)]
+pub struct Friction {
+    /// Largest friction, N: the coefficient times the normal force at the beginning of the step.
+    pub limit_n: f64,
+    /// Sliding velocity at the end of the step, m/s; before the solve as if velocities stayed.
+    pub sliding_m_per_s: Vec3,
+    /// What it does.
+    pub grip: Grip,
+    /// Friction that the last solve applied to the point, N.
+    pub force_n: Vec3,
+    predicted_m_per_s: Vec3,
+    creep_m_per_s: f64,
+}
+
+impl Friction {
+    /// Friction of up to `limit_n` of a tool on a point that slides past it at `sliding_m_per_s` now. `None` where
+    /// nothing presses.
     #[must_use]
-    pub fn new(coefficient: f64) -> Self {
-        Self { coefficient, contacts: Vec::new() }
+    pub fn on_tool(limit_n: f64, sliding_m_per_s: Vec3) -> Option<Self> {
+        Self::new(limit_n, CREEP_ON_TOOLS_M_PER_S, sliding_m_per_s)
     }
 
-    /// Sets up the friction of `flanks`, whose normal forces are those at the beginning of the step.
-    pub fn detect(&mut self, body: &Body, flanks: &[Contact]) {
-        self.contacts.clear();
-        self.contacts.extend(flanks.iter().filter_map(|flank| rubbing(body, flank, self.coefficient)).flatten());
+    /// The same of tissue on tissue.
+    #[must_use]
+    pub fn in_tissue(limit_n: f64, sliding_m_per_s: Vec3) -> Option<Self> {
+        Self::new(limit_n, CREEP_IN_TISSUE_M_PER_S, sliding_m_per_s)
     }
-}
 
-/// Of a contact `flank` that presses: `-mu N v / max(|v|, v_creep)`, implicit in v, along two directions of the
-/// wall: the way in which it slides if the tissue keeps its velocity, and across that. While it sticks the way is
-/// the tool's. N is the force at the beginning of the step.
-pub(super) fn rubbing(body: &Body, flank: &Contact, coefficient: f64) -> Option<[Contact; 2]> {
-    let limit_n = coefficient * flank.stiffness_n_per_m * flank.gap_before_m;
-    if limit_n <= 0.0 {
-        return None;
+    fn new(limit_n: f64, creep_m_per_s: f64, sliding_m_per_s: Vec3) -> Option<Self> {
+        let speed = sliding_m_per_s.norm();
+        let grip = if speed > creep_m_per_s { Grip::Slide(sliding_m_per_s / speed, speed) } else { Grip::Stick };
+        let predicted_m_per_s = sliding_m_per_s;
+        let force_n = Vec3::zeros();
+        (limit_n > 0.0).then_some(Self { limit_n, sliding_m_per_s, grip, force_n, predicted_m_per_s, creep_m_per_s })
     }
-    let in_wall = |by: Vec3| by - flank.direction * by.dot(&flank.direction);
-    let moved = in_wall(flank.tool_point_m - flank.tool_point_before_m);
-    let slide = moved - in_wall(flank.weights.sum(&body.velocity_m_per_s) * body.dt_s());
-    let creep_m = CREEP_M_PER_S * body.dt_s();
-    let way = slide.try_normalize(creep_m).or_else(|| moved.try_normalize(0.0));
-    let way = way.unwrap_or_else(|| in_wall(Vec3::ith(flank.direction.iamin(), 1.0)).normalize());
-    let stiffness_n_per_m = limit_n / slide.norm().max(creep_m);
-    let along = |way: Vec3, stiffness_n_per_m: f64| {
-        let gap_predicted_m = slide.dot(&way);
-        let way = if gap_predicted_m < 0.0 { -way } else { way };
-        Contact {
-            direction: way,
-            stiffness_n_per_m,
-            gap_before_m: 0.0,
-            gap_predicted_m: gap_predicted_m.abs(),
-            limit_n,
-            yield_n: limit_n,
-            slack_m: 0.0,
-            bilateral: true,
-            mode: if stiffness_n_per_m * gap_predicted_m.abs() > limit_n { Mode::Yield } else { Mode::Spring },
-            ..*flank
+
+    /// Force over velocity across the way that the point slides, N s/m; over all sliding velocity while it sticks.
+    pub(super) fn drag_n_s_per_m(&self) -> f64 {
+        match self.grip {
+            Grip::Stick => self.limit_n / self.creep_m_per_s,
+            Grip::Slide(_, speed_m_per_s) => self.limit_n / speed_m_per_s,
         }
-    };
-    Some([along(way, limit_n / creep_m), along(flank.direction.cross(&way), stiffness_n_per_m)])
+    }
+
+    /// The way that it slides, along which there is no drag.
+    pub(super) fn way(&self) -> Option<Vec3> {
+        if let Grip::Slide(along, _) = self.grip { Some(along) } else { None }
+    }
+
+    /// Force on a point that slides so, N: of the law `-limit v / |v|` what is linear about the speed of the grip.
+    fn force_at_n(&self, sliding_m_per_s: &Vec3) -> Vec3 {
+        let drag_n_s_per_m = self.drag_n_s_per_m();
+        match self.grip {
+            Grip::Stick => sliding_m_per_s * -drag_n_s_per_m,
+            Grip::Slide(along, _) => {
+                let across = sliding_m_per_s - along * sliding_m_per_s.dot(&along);
+                along * -self.limit_n - across * drag_n_s_per_m
+            }
+        }
+    }
+
+    /// Momentum that it adds to the right side at the point, N s.
+    pub(super) fn impulse(&self, dt_s: f64) -> Vec3 {
+        self.force_at_n(&self.predicted_m_per_s) * dt_s
+    }
+
+    /// Takes the solution's change of the sliding velocity; returns how wrong the grip was.
+    pub(super) fn settle(&mut self, dt_s: f64, change_m_per_s: Vec3) -> Misjudged {
+        self.sliding_m_per_s = self.predicted_m_per_s + change_m_per_s;
+        let speed = self.sliding_m_per_s.norm();
+        self.force_n = self.force_at_n(&self.sliding_m_per_s);
+        let next = match self.grip {
+            Grip::Stick if speed > self.creep_m_per_s * (1.0 + STICK_SLACK) => {
+                Grip::Slide(self.sliding_m_per_s / speed, speed)
+            }
+            Grip::Slide(along, _) if self.sliding_m_per_s.dot(&along) < 0.0 => Grip::Stick,
+            grip => grip,
+        };
+        if std::mem::replace(&mut self.grip, next) == next {
+            return Misjudged::default();
+        }
+        let wrong_n = match next {
+            Grip::Slide(along, _) => self.force_n + along * self.limit_n,
+            Grip::Stick => self.force_n,
+        };
+        Misjudged::by(dt_s * wrong_n.norm())
+    }
 }

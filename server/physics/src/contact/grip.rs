@@ -4,16 +4,17 @@
 //! point: each stays where it is relative to the tool, on springs in three directions that push and
 //! pull. The points belong to voxels, so a cut through what is held leaves each with its own side.
 
-use super::broad::{Aabb, SpatialHash};
-use super::{Contact, ContactWeights, Mode, narrow};
+use super::broad::SpatialHash;
+use super::{Contact, Mode, ToolEnds, narrow};
 use crate::Vec3;
 use crate::body::{Body, MaterialPoint};
 use crate::hash::StateHasher;
+use crate::math::Aabb;
 use crate::tool::grasper::{Grasper, Jaws};
 use crate::tool::{Pose, ToolPath};
 
 /// Points along the radius: as close as the elements' edge, which resolve no more; but enough to hold
-/// against turning, and not so many that they cost more than the elements.
+/// against turning, and not so many that they cost more than the elements. At 2 there are 33 in the ball, at 4 257.
 const POINTS_PER_RADIUS: std::ops::RangeInclusive<f64> = 2.0..=4.0;
 /// Stiffness of a point over Young's modulus times the distance between points. A rigid ball of radius a
 /// in the tissue is held with about 6 E a, the 33 points of the coarsest lattice hold with 165 E a: the
@@ -132,21 +133,16 @@ impl Grip {
 
 impl HeldPoint {
     fn springs(&self, body: &Body, path: &ToolPath) -> [Contact; 3] {
-        let mut weights = ContactWeights::default();
-        let (nodes, n) = body.weights(&self.point);
-        nodes.into_iter().zip(n).for_each(|(node, n)| weights.add(node, n));
-        let at = weights.sum(&body.position_m);
-        let drift = weights.sum(&body.velocity_m_per_s) * body.dt_s();
-        let (before, now) = (path.before.transform(&self.place_m), path.pose.transform(&self.place_m));
+        let [before, now] = [&path.before, &path.pose].map(|pose| pose.transform(&self.place_m));
+        let ends = ToolEnds::of(body, &self.point, [before, now]);
+        let at = ends.weights.sum(&body.position_m);
+        let drift = ends.weights.sum(&body.velocity_m_per_s) * body.dt_s();
         [Vec3::x(), Vec3::y(), Vec3::z()].map(|direction| Contact {
-            weights,
+            ends,
             direction,
-            tool_point_m: now,
-            tool_point_before_m: before,
             stiffness_n_per_m: self.stiffness_n_per_m,
             gap_before_m: (before - at).dot(&direction),
             gap_predicted_m: (now - at - drift).dot(&direction),
-            limit_n: f64::INFINITY,
             bilateral: true,
             mode: Mode::Spring,
             ..Contact::default()

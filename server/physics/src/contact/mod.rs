@@ -1,20 +1,24 @@
-//! Contact of tools with tissue and of tissue with tissue: broad phase, narrow phase and the springs they
-//! lead to.
+//! Contact of tools with tissue and of tissue with tissue: broad phase, narrow phase and the constraint that both
+//! lead to, a spring with two ends and Coulomb friction.
 
 pub mod broad;
 pub mod candidates;
+pub mod ends;
 pub mod flank;
 pub mod friction;
 pub mod grip;
 pub mod narrow;
 pub mod palpation;
-pub mod patch;
 pub mod patch_hash;
 pub mod press;
-pub mod skin;
-pub mod tissue_spring;
+
+pub use ends::{TissueEnds, ToolEnds};
+pub use friction::Friction;
 
 use crate::Vec3;
+use crate::body::Body;
+use crate::grid::MaterialPoint;
+use crate::solve::spring::PointSpring;
 
 /// Nodes that share a contact point, and their weights.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -24,6 +28,15 @@ pub struct ContactWeights {
 }
 
 impl ContactWeights {
+    /// Those of a material point, times `factor`.
+    #[must_use]
+    pub fn of(body: &Body, point: &MaterialPoint, factor: f64) -> Self {
+        let mut weights = Self::default();
+        let (nodes, n) = body.weights(point);
+        nodes.into_iter().zip(n).for_each(|(node, n)| weights.add(node, factor * n));
+        weights
+    }
+
     /// Adds `weight` at `node`.
     pub fn add(&mut self, node: u32, weight: f64) {
         match self.entries[..self.count].iter_mut().find(|e| e.0 == node) {
@@ -102,20 +115,19 @@ impl std::ops::AddAssign for Misjudged {
     }
 }
 
-/// A unilateral spring between a point of a tool and a material point. The gap is positive where the
-/// tool has gone past the material point along `direction`; the force on the tissue is along it.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Contact {
-    /// The material point.
-    pub weights: ContactWeights,
-    /// Unit direction of the force on the tissue, scene frame.
+/// A unilateral spring between a point of tissue and what presses on it, of a tool or of tissue. The gap is positive
+/// where that has gone past the point along `direction`; the force on the point is along it, and equal and
+/// opposite on what presses.
+#[derive(Clone, Copy, Debug)]
+pub struct Contact<E = ToolEnds> {
+    /// What it is between.
+    pub ends: E,
+    /// Unit direction of the force on the point, scene frame.
     pub direction: Vec3,
-    /// The tool's point at t + dt, m.
-    pub tool_point_m: Vec3,
-    /// The tool's point at t, m.
-    pub tool_point_before_m: Vec3,
     /// Stiffness, N/m.
     pub stiffness_n_per_m: f64,
+    /// Share of the spring in its compliance and that of the tissue behind it: what gives way as it comes on.
+    pub share_of_compliance: f64,
     /// Gap at the beginning of the step, m.
     pub gap_before_m: f64,
     /// Gap at the end of the step if the tissue kept its velocity, m.
@@ -129,28 +141,80 @@ pub struct Contact {
     pub limit_n: f64,
     /// Force that is left after it has given, N.
     pub yield_n: f64,
-    /// Gap by which the mode may be wrong at the end of the step without another solve, m.
+    /// Gap up to which it may stay off at the end of the step without another solve, m.
     pub slack_m: f64,
+    /// Gap below zero up to which it may stay on so, m.
+    pub pull_slack_m: f64,
     /// Whether the spring also pulls.
     pub bilateral: bool,
     /// What it does now.
     pub mode: Mode,
+    /// Present where the ends rub, and have touched. It acts while the contact does.
+    pub friction: Option<Friction>,
 }
 
-impl Contact {
-    /// Momentum that the contact adds to the right side along `direction`, N s.
+/// A contact between tissue and tissue.
+pub type TissueContact = Contact<TissueEnds>;
+
+impl<E: Default> Default for Contact<E> {
+    /// A contact that is off, never gives, and whose tissue gives nothing.
+    fn default() -> Self {
+        Self {
+            ends: E::default(),
+            direction: Vec3::zeros(),
+            stiffness_n_per_m: 0.0,
+            share_of_compliance: 1.0,
+            gap_before_m: 0.0,
+            gap_predicted_m: 0.0,
+            gap_m: 0.0,
+            force_n: 0.0,
+            limit_n: f64::INFINITY,
+            yield_n: 0.0,
+            slack_m: 0.0,
+            pull_slack_m: 0.0,
+            bilateral: false,
+            mode: Mode::Off,
+            friction: None,
+        }
+    }
+}
+
+impl<E> Contact<E> {
+    /// Momentum that the contact adds to the right side at its point, N s.
     #[must_use]
-    pub fn impulse(&self, dt_s: f64) -> f64 {
-        match self.mode {
-            Mode::Off => 0.0,
+    pub fn impulse(&self, dt_s: f64) -> Vec3 {
+        let along = match self.mode {
+            Mode::Off => return Vec3::zeros(),
             Mode::Spring => dt_s * self.stiffness_n_per_m * self.gap_predicted_m,
             Mode::Yield => dt_s * self.yield_n,
+        };
+        self.direction * along + self.friction.map_or(Vec3::zeros(), |friction| friction.impulse(dt_s))
+    }
+
+    /// Its share of the matrix at a point with these weights.
+    #[must_use]
+    pub fn point_spring(&self, weights: impl Iterator<Item = (u32, f64)>, dt_s: f64) -> PointSpring {
+        let mut spring = PointSpring::new(weights, [0.0; 3], 0.0);
+        self.add_to(&mut spring, dt_s);
+        spring
+    }
+
+    fn add_to(&self, spring: &mut PointSpring, dt_s: f64) {
+        // Friction drags every way but along the normal, and along the way of what slides.
+        let drag = self.friction.map_or(0.0, |friction| dt_s * friction.drag_n_s_per_m());
+        spring.add_direction(self.direction.into(), dt_s * dt_s * self.stiffness_n_per_m - drag);
+        if drag > 0.0 {
+            let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+            axes.into_iter().for_each(|axis| spring.add_direction(axis, drag));
+            if let Some(way) = self.friction.and_then(|friction| friction.way()) {
+                spring.add_direction(way.into(), -drag);
+            }
         }
     }
 
-    /// Gap and force of the solution's change of velocity.
-    pub fn take_solution(&mut self, dt_s: f64, velocity_change: &[[f64; 3]]) {
-        self.gap_m = self.gap_predicted_m - dt_s * self.weights.sum(velocity_change).dot(&self.direction);
+    /// Gap and force where the point's velocity has changed by so much against that of what presses.
+    pub fn take_solution(&mut self, dt_s: f64, change_m_per_s: &Vec3) {
+        self.gap_m = self.gap_predicted_m - dt_s * change_m_per_s.dot(&self.direction);
         self.force_n = match self.mode {
             Mode::Off => 0.0,
             Mode::Spring => self.stiffness_n_per_m * self.gap_m,
@@ -159,32 +223,66 @@ impl Contact {
     }
 
     /// Takes the solution's change of velocity and what it says of the mode; returns how wrong the mode was.
-    pub fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]], solution: Solution) -> Misjudged {
+    pub fn settle(&mut self, dt_s: f64, change_m_per_s: &Vec3, solution: Solution) -> Misjudged {
         if solution != Solution::Final && self.limit_n.is_finite() {
             return Misjudged::default();
         }
-        self.take_solution(dt_s, velocity_change);
+        self.take_solution(dt_s, change_m_per_s);
         let force = self.stiffness_n_per_m * self.gap_m;
         let next = match self.mode {
             Mode::Off if self.gap_m > self.slack_m || self.bilateral => Mode::Spring,
-            Mode::Spring if self.gap_m < -self.slack_m && !self.bilateral => Mode::Off,
+            Mode::Spring if self.gap_m < -self.pull_slack_m && !self.bilateral => Mode::Off,
             Mode::Spring if force > self.limit_n => Mode::Yield,
             Mode::Yield if force < self.yield_n => Mode::Spring,
             mode => mode,
         };
+        let mut wrong = Misjudged::default();
+        if let (Some(friction), true) = (&mut self.friction, solution == Solution::Final && self.mode != Mode::Off) {
+            let along = self.direction * change_m_per_s.dot(&self.direction);
+            wrong += friction.settle(dt_s, change_m_per_s - along);
+        }
+        if next != self.mode {
+            // What holds up nothing yet is deeper than it will be: the tissue gives way as the spring comes on.
+            let share = if next == Mode::Off { 1.0 } else { self.share_of_compliance };
+            let by_impulse = Misjudged::by(share * dt_s * force);
+            wrong += if self.limit_n.is_finite() { Misjudged::beyond_doubt() } else { by_impulse };
+        }
         if solution == Solution::Glance {
-            return if next == self.mode { Misjudged::default() } else { Misjudged::by(dt_s * force) };
+            return wrong;
         }
         if next == Mode::Yield {
             // Given once, it gives at the lower force from now on.
             self.limit_n = self.yield_n;
         }
-        if std::mem::replace(&mut self.mode, next) == next {
-            Misjudged::default()
-        } else if self.limit_n.is_finite() {
-            Misjudged::beyond_doubt()
-        } else {
-            Misjudged::by(dt_s * force)
-        }
+        self.mode = next;
+        wrong
+    }
+
+    /// Force on the point that the last solve applied, friction included, N, scene frame.
+    #[must_use]
+    pub fn applied_n(&self) -> Vec3 {
+        self.direction * self.force_n + self.acting_friction().map_or(Vec3::zeros(), |friction| friction.force_n)
+    }
+
+    fn acting_friction(&self) -> Option<Friction> {
+        self.friction.filter(|_| self.force_n != 0.0)
+    }
+
+    /// Energy stored at the end of the step, J, where it never gives.
+    #[must_use]
+    pub fn stored_j(&self) -> f64 {
+        0.5 * self.force_n * self.gap_m
+    }
+
+    /// Work done on the spring in the step, J.
+    #[must_use]
+    pub fn work_j(&self) -> f64 {
+        self.force_n * (self.gap_m - self.gap_before_m)
+    }
+
+    /// What friction dissipated in the step, J.
+    #[must_use]
+    pub fn friction_j(&self, dt_s: f64) -> f64 {
+        self.acting_friction().map_or(0.0, |friction| -dt_s * friction.force_n.dot(&friction.sliding_m_per_s))
     }
 }

@@ -6,7 +6,7 @@ use crate::Vec3;
 use crate::body::{Body, MaterialPoint};
 
 /// A point within this share of an element's edge of its boundary is in it, so that rounding does not put
-/// a point between two elements into neither.
+/// a point between two elements into neither. Rounding is some 1e-13 of an edge.
 const BOUNDARY: f64 = 1e-9;
 
 /// The material point that lies at a scene position, if it is inside the tissue: in a filled voxel of

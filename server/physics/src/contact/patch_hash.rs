@@ -90,7 +90,7 @@ impl PatchHash {
         let (at_m, reach_m) = (*at_m, 0.5 * self.cell_m);
         let low = self.cell(&at_m.add_scalar(-0.5 * self.cell_m));
         (0..8).flat_map(move |corner| {
-            let cell = std::array::from_fn(|a| low[a] + (corner >> a & 1));
+            let cell = std::array::from_fn(|a| low[a].wrapping_add(corner >> a & 1));
             let mut at = self.heads[self.bucket(cell)];
             std::iter::from_fn(move || {
                 while at != NONE {

@@ -1,26 +1,30 @@
 //! Narrow phase of tissue against tissue: whether a patch of one surface comes through another, by signed
 //! distance in the other's reference configuration.
 
-use super::patch::SurfacePatch;
 use super::patch_hash::PlacedPatch;
 use crate::body::{Body, MaterialPoint};
+use crate::boundary::SurfacePatch;
 use crate::grid::{Ijk, LinkId, VoxelId};
 use crate::{Mat3, Vec3};
 
 /// Surfaces that come closer than this many voxels in a step have a spring ready: what the solve itself
-/// pushes together is then caught in the same step.
+/// pushes together is then caught in the same step. Halved, more is caught a step later; doubled, more
+/// springs lie ready that do nothing.
 pub const MARGIN_VOXELS: f64 = 0.25;
-/// Surfaces face each other where the cosine between their normals is below this.
+/// Surfaces face each other where the cosine between their normals is below this, 101 degrees and more: two walls
+/// of a wedge that opens by up to 79 degrees. At 0 the sides of an edge would press on each other, at -0.5 a folded
+/// flap would come through beyond 60 degrees.
 pub const FACING: f64 = -0.2;
-/// A patch deeper than this many elements under a surface did not come through it.
+/// A patch deeper than this many elements under a surface did not come through it: less than one, so that the far
+/// side of a sheet of one element is not taken for the near one.
 const MOST_DEPTH_ELEMENTS: f64 = 0.75;
 /// A point that an evenly strained element would have farther than this many elements from its middle, along
 /// an axis, is not in it however it is bent.
 const MOST_ASIDE_ELEMENTS: f64 = 0.8;
 /// Depths under a surface, in voxels, at which its material is looked for: it is cut out in whole voxels,
-/// and an oblique surface runs up to most of one outside them.
+/// and an oblique surface runs up to most of one outside them: sqrt(3)/2 of a voxel where its normal is a diagonal.
 const MATERIAL_VOXELS: [f64; 2] = [0.4, 0.9];
-/// A point within this share of an element of its boundary is in it.
+/// A point within this share of an element of its boundary is in it, whatever rounding says; as in [`super::narrow`].
 const BOUNDARY: f64 = 1e-9;
 
 /// One patch of a body.

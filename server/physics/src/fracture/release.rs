@@ -118,7 +118,7 @@ impl Sum {
         let moved = body.move_material(element, &phi, &tip.ahead);
         let volume_m3 = body.filled_volume_m3(element);
         let weight = moved.slope.norm() * volume_m3;
-        let flux_m2 = body.facet_area_m2(element, &phi).dot(&tip.ahead);
+        let flux_m2 = body.surface_integral_m2(element, &phi).dot(&tip.ahead);
         self.released_j += moved.released_j + flux_m2 * (moved.elastic_j / volume_m3);
         self.push_n += moved.push_n;
         self.direction += moved.direction * weight;

@@ -8,7 +8,7 @@ use super::link_energy;
 use super::marker::Edge;
 use crate::Vec3;
 use crate::body::Body;
-use crate::contact::{Contact, Misjudged, Mode, Solution};
+use crate::contact::{Contact, Misjudged, Mode, Solution, ToolEnds};
 use crate::scene::FractureRule;
 use crate::tool::blade::BladeFrame;
 
@@ -45,14 +45,11 @@ impl FrontContact {
         let [k, relaxed] =
             anchor.stiffness_n_per_m2(body, &edge.frame, edge.from_end_m).map(|per_length| edge.share_m * per_length);
         let spring = |direction: Vec3| Contact {
-            weights,
+            ends: ToolEnds { weights, tool_point_m: edge.now_m, tool_point_before_m: edge.before_m },
             direction,
-            tool_point_m: edge.now_m,
-            tool_point_before_m: edge.before_m,
             stiffness_n_per_m: k,
             gap_before_m: (edge.before_m - at).dot(&direction),
             gap_predicted_m: (edge.now_m - at - velocity * body.dt_s()).dot(&direction),
-            limit_n: f64::INFINITY,
             ..Contact::default()
         };
         let mut forward = spring(edge.frame.forward);
@@ -78,14 +75,15 @@ impl FrontContact {
 
     /// Takes the solution's change of velocity; returns how wrong the modes were.
     pub fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]]) -> Misjudged {
-        let mut wrong = self.forward.settle(dt_s, velocity_change, Solution::Final);
-        self.lateral.take_solution(dt_s, velocity_change);
+        let change_m_per_s = self.forward.ends.weights.sum(velocity_change);
+        let mut wrong = self.forward.settle(dt_s, &change_m_per_s, Solution::Final);
+        self.lateral.take_solution(dt_s, &change_m_per_s);
         self.lateral.mode = lateral_mode(&self.forward);
         if self.forward.mode == Mode::Yield && self.along.stiffness_n_per_m > 0.0 {
-            wrong += self.along.settle(dt_s, velocity_change, Solution::Final);
+            wrong += self.along.settle(dt_s, &change_m_per_s, Solution::Final);
             return wrong;
         }
-        self.along.take_solution(dt_s, velocity_change);
+        self.along.take_solution(dt_s, &change_m_per_s);
         self.along.mode = Mode::Off;
         wrong
     }

@@ -6,7 +6,7 @@
 
 use crate::Vec3;
 use crate::body::Body;
-use crate::contact::{Contact, ContactWeights, Mode};
+use crate::contact::{Contact, ContactWeights, Mode, ToolEnds};
 
 /// Ties close along a line to the origin; those that are hardly open, by less than this share of their length, as if
 /// they were: a spring that is stiffer would hold the nodes as one.
@@ -131,7 +131,7 @@ impl Tie {
         let parting = weights.sum(&body.velocity_m_per_s).dot(&self.direction());
         let gap_predicted_m = gap_before_m - dt_s * parting;
         let mut contact = Contact {
-            weights,
+            ends: ToolEnds { weights, ..ToolEnds::default() },
             direction: self.direction(),
             stiffness_n_per_m: self.stiffness_n_per_m(),
             gap_before_m,

@@ -21,6 +21,9 @@ use crate::fem::composite::shape_functions;
 /// "No element" in maps from units to elements.
 pub const NONE: u32 = u32::MAX;
 
+/// Owner of a unit whose component is being sought.
+const OPEN: u32 = NONE - 1;
+
 /// Elements that a solver takes at a time.
 const ROW_ELEMENTS: usize = 8;
 /// A brick is this many rows of cells high and deep.
@@ -94,6 +97,14 @@ impl LevelChange {
     }
 }
 
+/// Units of a cell while its components are sought: scratch.
+#[derive(Default)]
+struct Members {
+    /// And the elements they were in.
+    units: Vec<(u32, u32)>,
+    stack: Vec<u32>,
+}
+
 /// What a level is built from.
 pub trait Units {
     /// Number of units.
@@ -109,8 +120,6 @@ pub trait Units {
     fn is_full(&self, cell: Ijk, size: i32) -> bool;
     /// Calls `visit(face, other)` for each unit linked to `unit`.
     fn neighbours(&self, unit: u32, visit: &mut dyn FnMut(u8, u32));
-    /// Lattice cell of the level above that `unit` begins in.
-    fn cell_above(&self, unit: u32) -> Ijk;
 }
 
 /// Voxels as the units of a base level of 2^exponent voxels a side.
@@ -155,10 +164,6 @@ impl Units for VoxelUnits<'_> {
             }
         }
     }
-
-    fn cell_above(&self, unit: u32) -> Ijk {
-        self.grid.voxels()[unit as usize].ijk.map(|c| c >> self.exponent)
-    }
 }
 
 /// The elements of a level as the units of the level above.
@@ -187,10 +192,6 @@ impl Units for Level {
 
     fn neighbours(&self, unit: u32, visit: &mut dyn FnMut(u8, u32)) {
         self.elements[unit as usize].neighbours.iter().for_each(|&(face, other)| visit(face, other));
-    }
-
-    fn cell_above(&self, unit: u32) -> Ijk {
-        self.elements[unit as usize].cell.map(|c| c >> 1)
     }
 }
 
@@ -286,15 +287,10 @@ impl Level {
         self.update_in_order(units, sorted(cells))
     }
 
-    /// Lower corner of the cell that holds a unit.
-    fn cell_of_unit(&self, units: &dyn Units, unit: u32) -> Ijk {
-        self.sizes.cell_of(units.cell_above(unit)).expect("units lie inside the level").0
-    }
-
     fn update_in_order(&mut self, units: &dyn Units, touched: Vec<Ijk>) -> LevelChange {
         self.owner.resize(units.len(), NONE);
         let mut change = LevelChange::default();
-        let mut members = Vec::new();
+        let mut members = Members::default();
         for &cell in &touched {
             self.update_components(units, cell, &mut members, &mut change);
         }
@@ -319,41 +315,34 @@ impl Level {
         change
     }
 
-    /// Splits the units of a cell into connected components. A component keeps the element that its
-    /// first unit had; a second component of the same element gets a new one.
-    fn update_components(&mut self, units: &dyn Units, cell: Ijk, members: &mut Vec<u32>, change: &mut LevelChange) {
-        members.clear();
+    /// Splits the units of a cell into connected components. The first component of an element's units keeps the
+    /// element, every other gets a new one: links only part, so no component has units of two elements.
+    fn update_components(&mut self, units: &dyn Units, cell: Ijk, members: &mut Members, change: &mut LevelChange) {
+        members.units.clear();
         let size = self.size_of(cell);
-        units.in_cell(cell, size, &mut |unit| members.push(unit));
+        units.in_cell(cell, size, &mut |unit| {
+            members.units.push((unit, std::mem::replace(&mut self.owner[unit as usize], OPEN)));
+        });
         let first_new = self.elements.len() as u32;
         let mut claimed: Vec<u32> = Vec::new();
-        let mut seen = vec![false; members.len()];
-        let mut stack = Vec::new();
-        let mut component = Vec::new();
-        for start in 0..members.len() {
-            if seen[start] {
+        for &(start, old) in &members.units {
+            if self.owner[start as usize] != OPEN {
                 continue;
             }
-            seen[start] = true;
-            component.clear();
-            stack.push(start);
-            while let Some(index) = stack.pop() {
-                component.push(members[index]);
-                units.neighbours(members[index], &mut |_, other| {
-                    if self.cell_of_unit(units, other) == cell
-                        && let Some(found) = members.iter().position(|m| *m == other)
-                        && !seen[found]
-                    {
-                        seen[found] = true;
-                        stack.push(found);
+            let is_kept = old != NONE && !claimed.contains(&old);
+            let element = if is_kept { old } else { self.add_element(cell, old, change) };
+            claimed.push(element);
+            self.owner[start as usize] = element;
+            members.stack.push(start);
+            while let Some(unit) = members.stack.pop() {
+                units.neighbours(unit, &mut |_, other| {
+                    let owner = &mut self.owner[other as usize];
+                    if *owner == OPEN {
+                        *owner = element;
+                        members.stack.push(other);
                     }
                 });
             }
-            let old = component.iter().map(|u| self.owner[*u as usize]).find(|e| *e != NONE).unwrap_or(NONE);
-            let element =
-                if old != NONE && !claimed.contains(&old) { old } else { self.add_element(cell, old, change) };
-            claimed.push(element);
-            component.iter().for_each(|unit| self.owner[*unit as usize] = element);
         }
         // An element's units changed if it is new or if another one split from it.
         for &element in &claimed {

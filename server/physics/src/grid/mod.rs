@@ -32,6 +32,15 @@ impl VoxelId {
     }
 }
 
+/// A point of the reference configuration, followed through the element of one of its voxels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MaterialPoint {
+    /// Reference position, m.
+    pub position_m: Vec3,
+    /// Voxel whose element it moves with.
+    pub voxel: VoxelId,
+}
+
 /// One fine voxel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Voxel {

@@ -1,5 +1,9 @@
 //! Vector types and the few numerical helpers that more than one module needs.
 
+mod aabb;
+
+pub use aabb::Aabb;
+
 /// A vector or point, `f64`.
 pub type Vec3 = nalgebra::Vector3<f64>;
 /// A 3x3 matrix, `f64`.

@@ -71,6 +71,11 @@ impl ToolShape {
         matches!(self, Self::Blade(_))
     }
 
+    /// Radius of the smooth surface that it presses with, if it has one, m.
+    pub(crate) fn smooth_radius_m(&self) -> Option<f64> {
+        if let Self::Probe(capsule) = self { Some(capsule.radius_m) } else { None }
+    }
+
     /// Force on the tool above which it loses its hold, N.
     #[must_use]
     pub fn max_hold_n(&self) -> f64 {

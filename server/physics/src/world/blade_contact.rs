@@ -1,12 +1,12 @@
 //! One blade in one body: its front, its flanks and the elements near it.
 
 use crate::body::Body;
-use crate::contact::broad::{Aabb, SpatialHash};
-use crate::contact::flank::{Walls, WallsBeside};
-use crate::contact::friction::FlankFriction;
+use crate::contact::broad::SpatialHash;
+use crate::contact::flank::WallsBeside;
 use crate::contact::{Contact, Misjudged, Mode, Solution};
 use crate::fracture::{BladeMotion, Front, FrontBook};
 use crate::grid::{Crossing, LinkId};
+use crate::math::Aabb;
 use crate::tool::ToolPath;
 use crate::tool::blade::Blade;
 use crate::tool::scissors::Mount;
@@ -20,38 +20,24 @@ pub(super) struct BladeContact {
     pub(super) front: Front,
     pub(super) flanks: Vec<Contact>,
     beside: WallsBeside,
-    friction: Option<FlankFriction>,
     hash: SpatialHash,
 }
 
 impl BladeContact {
     pub(super) fn new(blade: Blade, mount: Mount, body: &Body) -> Self {
         let front = Front::new(&blade, body);
-        let friction = blade.flank_friction.map(FlankFriction::new);
-        Self {
-            front,
-            blade,
-            mount,
-            flanks: Vec::new(),
-            beside: WallsBeside::default(),
-            friction,
-            hash: SpatialHash::default(),
-        }
+        Self { front, blade, mount, flanks: Vec::new(), beside: WallsBeside::default(), hash: SpatialHash::default() }
     }
 
     pub(super) fn scale_penalties(&mut self, factor: f64) {
         self.blade.penalty_factor = factor;
     }
 
-    pub(super) fn reserve(&mut self, walls: &Walls, elements: usize) {
+    pub(super) fn reserve(&mut self, walls: usize, elements: usize) {
         self.front.reserve();
         self.flanks.clear();
-        self.flanks.reserve(walls.len());
+        self.flanks.reserve(walls);
         self.beside.reserve(walls);
-        if let Some(friction) = &mut self.friction {
-            friction.contacts.clear();
-            friction.contacts.reserve(2 * walls.len());
-        }
         self.hash.reserve(elements);
     }
 
@@ -63,10 +49,7 @@ impl BladeContact {
             }
         }
         for flank in &mut self.flanks {
-            wrong += flank.settle(dt_s, velocity_change, solution);
-        }
-        for rubbing in self.friction.iter_mut().flat_map(|f| &mut f.contacts) {
-            wrong += rubbing.settle(dt_s, velocity_change, solution);
+            wrong += flank.settle(dt_s, &flank.ends.weights.sum(velocity_change), solution);
         }
         wrong
     }
@@ -75,17 +58,16 @@ impl BladeContact {
         self.front.lift();
         self.flanks.clear();
         self.beside.clear();
-        self.friction.iter_mut().for_each(|f| f.contacts.clear());
     }
 
-    /// Number of springs that there may be at most against these walls.
-    pub(super) fn most_springs(&self, walls: &Walls) -> usize {
-        self.front.most_springs() + walls.len() * (1 + 2 * usize::from(self.friction.is_some()))
+    /// Number of springs that there may be at most against so many walls.
+    pub(super) fn most_springs(&self, walls: usize) -> usize {
+        self.front.most_springs() + walls
     }
 
     pub(super) fn springs(&self) -> impl Iterator<Item = &Contact> {
         let dragging = self.front.contacts.iter().map(|c| &c.along);
-        self.pressing().chain(dragging).chain(self.rubbing())
+        self.pressing().chain(dragging)
     }
 
     /// Those that hold a pose.
@@ -93,12 +75,7 @@ impl BladeContact {
         self.front.contacts.iter().flat_map(|c| [&c.forward, &c.lateral]).chain(&self.flanks)
     }
 
-    /// What rubs on the flanks.
-    pub(super) fn rubbing(&self) -> impl Iterator<Item = &Contact> {
-        self.friction.iter().flat_map(|f| &f.contacts)
-    }
-
-    pub(super) fn detect(&mut self, body: &Body, walls: &Walls, path: &ToolPath) {
+    pub(super) fn detect(&mut self, body: &Body, path: &ToolPath) {
         let motion = motion(&self.blade, self.mount, path);
         let edge_m = motion.blade.edge.points_m();
         let swept = edge_m.iter().flat_map(|at| [motion.before.transform(at), motion.pose.transform(at)]);
@@ -108,13 +85,11 @@ impl BladeContact {
         }
         self.front.detect(body, &self.hash, &motion);
         self.flanks.clear();
-        if !walls.is_empty() {
-            let poses = [&motion.before, &motion.pose];
-            walls.contacts(body, &motion.blade.flanks, poses, &mut self.beside, &mut self.flanks);
-            self.flanks.iter_mut().for_each(|flank| flank.stiffness_n_per_m *= self.blade.penalty_factor);
-        }
-        if let Some(friction) = &mut self.friction {
-            friction.detect(body, &self.flanks);
+        let poses = [&motion.before, &motion.pose];
+        self.beside.contacts(body, &motion.blade.flanks, poses, &mut self.flanks);
+        for flank in &mut self.flanks {
+            flank.stiffness_n_per_m *= self.blade.penalty_factor;
+            flank.rub(body, self.blade.flank_friction.unwrap_or_default());
         }
     }
 
@@ -127,7 +102,7 @@ impl BladeContact {
     pub(super) fn touch(&self, body: &Body, path: &ToolPath) -> Touch<'_> {
         let depths_m = self.front.contacts.iter().map(|contact| {
             let forward = &contact.forward;
-            (forward.tool_point_m - forward.weights.sum(&body.position_m)).dot(&forward.direction)
+            (forward.ends.tool_point_m - forward.ends.weights.sum(&body.position_m)).dot(&forward.direction)
         });
         let depth_m = depths_m.fold(0.0, f64::max);
         Touch { blade: &self.blade, pose: motion(&self.blade, self.mount, path).pose, depth_m }

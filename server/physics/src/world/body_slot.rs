@@ -1,16 +1,14 @@
 //! A body in the world: what tools do to it in a step, and what the step does with it.
 
 use super::pulled::Pulled;
-use super::tissue_contact::TissueContact;
+use super::tissue_contact::TissueContacts;
 use super::tool_contact::ToolContact;
 use crate::body::{self, Body, TopologyChange};
-use crate::contact::flank::Walls;
+use crate::contact::ends::point_springs;
 use crate::contact::{Misjudged, Mode, Solution};
-use crate::fault::{Fault, FaultKind};
 use crate::grid::{Crossing, LinkId};
 use crate::ledger::BodyLedger;
 use crate::solve::spring::POINT_NODES;
-use crate::step_io::StepOutput;
 use crate::tool::ToolShape;
 use crate::workers::Workers;
 
@@ -20,8 +18,6 @@ pub(super) struct BodySlot {
     pub(super) body: Body,
     /// By tool.
     pub(super) contacts: Vec<ToolContact>,
-    /// Walls of what was cut.
-    pub(super) walls: Walls,
     /// Present where the body can be pulled apart.
     pub(super) pulled: Option<Pulled>,
     pub(super) velocity_change: body::Nodal,
@@ -33,29 +29,32 @@ pub(super) struct BodySlot {
     /// Links that were parted in this step, and what that changed.
     pub(super) parted: Vec<LinkId>,
     pub(super) change: TopologyChange,
-    /// Its state was set from outside since the last step.
-    pub(super) edited: bool,
+    /// Version of its surface when its state was given out to be set, if it was since the last step.
+    pub(super) edited: Option<u64>,
     /// The first of the bodies that it presses on, or that press on those: they are solved as one.
     pub(super) island: usize,
 }
 
 impl BodySlot {
-    pub(super) fn new<'a>(body: Body, tools: impl Iterator<Item = &'a ToolShape>, loaded: bool) -> Self {
+    pub(super) fn new<'a>(mut body: Body, tools: impl Iterator<Item = &'a ToolShape> + Clone, loaded: bool) -> Self {
+        // As fine as the finest smooth tool asks for.
+        if let Some(radius_m) = tools.clone().filter_map(ToolShape::smooth_radius_m).reduce(f64::min) {
+            body.resolve_boundary(radius_m);
+        }
         let contacts = tools.map(|shape| ToolContact::new(shape, &body)).collect();
         let energy = body.energy();
         let mut slot = Self {
             velocity_change: vec![[0.0; 3]; body.node_count()],
-            ledger: BodyLedger { after: energy, ..BodyLedger::default() },
+            ledger: BodyLedger::at_rest(energy),
             body,
             contacts,
-            walls: Walls::default(),
             pulled: None,
             impulses: Vec::new(),
             tool_impulses: 0,
             parting: Vec::new(),
             parted: Vec::new(),
             change: TopologyChange::default(),
-            edited: false,
+            edited: None,
             island: 0,
         };
         if loaded {
@@ -68,7 +67,7 @@ impl BodySlot {
     /// Room for every contact there may be until links part again, `tissue_springs` of them with tissue: a
     /// step in between allocates nothing.
     pub(super) fn reserve(&mut self, tissue_springs: usize) {
-        let of_tools: usize = self.contacts.iter_mut().map(|c| c.reserve(&self.body, &self.walls)).sum();
+        let of_tools: usize = self.contacts.iter_mut().map(|c| c.reserve(&self.body)).sum();
         let of_ties = self.pulled.as_ref().map_or(0, |pulled| pulled.ties.count());
         let springs = of_tools + of_ties + tissue_springs;
         self.impulses.clear();
@@ -84,7 +83,7 @@ impl BodySlot {
     pub(super) fn load_system(
         &mut self,
         workers: &Workers<'_>,
-        tissue: Option<&TissueContact>,
+        tissue: Option<&TissueContacts>,
         index: usize,
         dt_s: f64,
     ) -> f64 {
@@ -93,13 +92,12 @@ impl BodySlot {
         let of_tools = || self.contacts.iter().flat_map(ToolContact::springs);
         let ties = || self.pulled.iter().flat_map(|pulled| &pulled.ties.contacts);
         for contact in of_tools().chain(ties()).filter(|c| c.mode != Mode::Off) {
-            let impulse = contact.direction * contact.impulse(dt_s);
-            self.impulses.extend(contact.weights.iter().map(|(node, w)| (node, (impulse * w).into())));
+            contact.add_impulses(dt_s, &mut self.impulses);
         }
         self.tool_impulses = self.impulses.len();
         self.impulses.extend(tissue.iter().flat_map(|tissue| tissue.impulses(index, dt_s)));
         let of_tissue = tissue.iter().flat_map(|tissue| tissue.point_springs(index, dt_s));
-        self.body.set_springs(of_tools().chain(ties()), of_tissue);
+        self.body.set_springs(point_springs(of_tools().chain(ties()), dt_s).chain(of_tissue));
         let scale = self.body.applied_impulse_norm(workers, &self.impulses);
         self.body.load_system(workers, &self.impulses, &self.velocity_change);
         scale
@@ -117,20 +115,25 @@ impl BodySlot {
             wrong += contact.settle(dt_s, &self.velocity_change, solution);
         }
         for tie in self.pulled.iter_mut().flat_map(|pulled| &mut pulled.ties.contacts) {
-            wrong += tie.settle(dt_s, &self.velocity_change, solution);
+            wrong += tie.settle(dt_s, &tie.ends.weights.sum(&self.velocity_change), solution);
         }
         wrong
     }
 
     /// A state that was set from outside is what the next step starts from and goes back to, if it is
-    /// finite.
-    pub(super) fn take_edits(&mut self, workers: &Workers<'_>) {
-        self.edited = false;
+    /// finite; cuts that were made may go on. Returns whether there are any.
+    pub(super) fn take_edits(&mut self, workers: &Workers<'_>) -> bool {
+        let Some(version) = self.edited.take() else { return false };
         self.velocity_change.resize(self.body.node_count(), [0.0; 3]);
         self.body.evaluate(workers, 20);
         if self.body.save_finite_state(workers) {
             self.ledger.after = self.body.energy();
         }
+        let is_cut = self.body.boundary().version() != version;
+        if is_cut && self.pulled.is_some() {
+            self.feel_pull();
+        }
+        is_cut
     }
 
     /// From now on something pulls at the body: its cuts may go on by themselves, if it can be cut.
@@ -140,20 +143,12 @@ impl BodySlot {
         }
     }
 
-    /// Cuts that were made from outside may go on.
-    pub(super) fn begin_tearing(&mut self) {
-        if self.pulled.is_some() {
-            self.feel_pull();
-        }
-    }
-
     /// Positions and rotations go back to the last finite step, velocities are zeroed, the tools lifted.
-    pub(super) fn roll_back(&mut self, workers: &Workers<'_>, output: &mut StepOutput) {
+    pub(super) fn roll_back(&mut self, workers: &Workers<'_>) {
         self.body.restore_finite_state(workers);
         self.velocity_change.iter_mut().for_each(|v| *v = [0.0; 3]);
         self.contacts.iter_mut().for_each(ToolContact::lift);
         self.pulled.iter_mut().for_each(|pulled| pulled.ties.release());
-        self.ledger = BodyLedger { after: self.body.energy(), ..BodyLedger::default() };
-        output.fault = Some(Fault { step: output.step, object: self.body.name.clone(), what: FaultKind::NodeState });
+        self.ledger = BodyLedger::at_rest(self.body.energy());
     }
 }

@@ -2,7 +2,6 @@
 
 use super::World;
 use super::body_slot::BodySlot;
-use crate::Vec3;
 use crate::body::Nodal;
 use crate::contact::Contact;
 
@@ -22,14 +21,13 @@ impl World {
         let dt_s = self.params.dt_s;
         for (slot, taken) in self.slots.iter_mut().zip(&taken) {
             let kept = slot.body.impulse_work_j(&slot.velocity_change, |node| taken[node].into());
-            let impulse = |c: &Contact| c.direction.dot(&c.weights.sum(taken)) * (dt_s * c.force_n);
+            let impulse = |c: &Contact| c.applied_n().dot(&c.ends.weights.sum(taken)) * dt_s;
             let acting = slot.contacts.iter().flat_map(|contact| contact.acting());
             slot.ledger.braked_j = kept + acting.map(impulse).sum::<f64>();
         }
         for spring in self.tissue.iter().flat_map(|tissue| tissue.springs()).filter(|s| s.force_n != 0.0) {
-            let force_n = spring.normal * spring.force_n + spring.friction.map_or(Vec3::zeros(), |f| f.force_n);
-            let along = spring.relative(|body| &taken[body as usize]);
-            self.slots[spring.ends[0].body as usize].ledger.braked_j += dt_s * force_n.dot(&along);
+            let along = spring.ends.relative(|body| &taken[body as usize]);
+            self.slots[spring.ends.ends[0].body as usize].ledger.braked_j += dt_s * spring.applied_n().dot(&along);
         }
     }
 }

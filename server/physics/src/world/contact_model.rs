@@ -31,15 +31,15 @@ impl ContactModelSum {
 
     /// Adds a contact's force to the wrench.
     pub(super) fn push(&self, contact: &Contact, wrench: &mut Wrench) {
-        let arm = contact.tool_point_m - self.pose.position_m;
-        let force = -contact.direction * contact.force_n;
+        let arm = contact.ends.tool_point_m - self.pose.position_m;
+        let force = -contact.applied_n();
         wrench.force_n += force;
         wrench.torque_nm += arm.cross(&force);
     }
 
     /// Adds what a contact does as the pose changes.
     pub(super) fn add(&mut self, contact: &Contact) {
-        let arm = contact.tool_point_m - self.pose.position_m;
+        let arm = contact.ends.tool_point_m - self.pose.position_m;
         self.contacts += 1;
         if contact.limit_n.is_finite() {
             self.cap_n += contact.limit_n;

@@ -14,6 +14,7 @@ mod tool_contact;
 
 use crate::Vec3;
 use crate::body::{Body, MaterialPoint, PartedLinks, TopologyChange};
+use crate::fault::{Fault, FaultKind};
 use crate::fracture::{FrontBook, Looks};
 use crate::ledger::{self, ContactLedger};
 use crate::params::StepParams;
@@ -25,7 +26,7 @@ use crate::view::View;
 use crate::workers::Workers;
 use body_slot::BodySlot;
 use contact_model::ContactModelSum;
-use tissue_contact::TissueContact;
+use tissue_contact::TissueContacts;
 use tool_contact::ToolContact;
 
 pub use crate::body::Relaxation;
@@ -86,7 +87,7 @@ pub struct World {
     /// nothing is contoured.
     view: Option<View>,
     /// Present from when tissue may meet tissue: in scenes of several objects, and after the first cut.
-    tissue: Option<TissueContact>,
+    tissue: Option<TissueContacts>,
     contact_ledger: ContactLedger,
     springs_before_j: f64,
     output: StepOutput,
@@ -180,10 +181,10 @@ impl World {
         self.brake_spins();
         lap.end(Stage::Velocities);
         self.integrate(workers);
-        self.write_wrenches();
-        self.slip();
         lap.end(Stage::Integrate);
         self.evaluate(workers);
+        self.write_wrenches();
+        self.slip();
         lap.end(Stage::Rotations);
         if self.slots.iter().any(BodySlot::may_part) {
             self.advance_fronts();
@@ -202,12 +203,11 @@ impl World {
     }
 
     fn take_edits(&mut self, workers: &Workers<'_>) {
-        let is_cut = |slot: &BodySlot| slot.edited && slot.body.node_count() != slot.velocity_change.len();
-        let cut = self.slots.iter().any(is_cut);
-        self.slots.iter_mut().filter(|s| s.edited).for_each(|s| s.take_edits(workers));
+        let mut cut = false;
+        for slot in &mut self.slots {
+            cut |= slot.take_edits(workers);
+        }
         if cut {
-            self.slots.iter_mut().for_each(BodySlot::begin_tearing);
-            self.tissue = None;
             self.follow_tissue();
         }
     }
@@ -242,7 +242,7 @@ impl World {
         for slot in &mut self.slots {
             for (tool, contact) in self.tools.iter().zip(&mut slot.contacts) {
                 if let Some(path) = tool.path() {
-                    contact.detect(&slot.body, &slot.walls, &path);
+                    contact.detect(&slot.body, &path);
                 }
             }
             if slot.pulled.is_none() && slot.contacts.iter().any(ToolContact::holds) {
@@ -253,28 +253,29 @@ impl World {
 
     fn integrate(&mut self, workers: &Workers<'_>) {
         for slot in &mut self.slots {
-            let body = &mut slot.body;
-            slot.ledger.load_work_j = body.integrate(workers, &slot.velocity_change);
-            if !body.is_finite() {
-                slot.roll_back(workers, &mut self.output);
-            }
-        }
-        if self.output.fault.is_some() {
-            self.tissue.iter_mut().for_each(TissueContact::release);
+            slot.ledger.load_work_j = slot.body.integrate(workers, &slot.velocity_change);
         }
     }
 
+    /// Rotations, forces and energies where the step has led to. What is not finite by now, positions included, is
+    /// found here and rolled back: nobody has seen it yet.
     fn evaluate(&mut self, workers: &Workers<'_>) {
         for slot in &mut self.slots {
             slot.ledger.before = slot.ledger.after;
             slot.ledger.step = slot.body.evaluate_step(workers, &slot.velocity_change);
             slot.ledger.turned_j = slot.body.turn_velocities(workers);
             slot.ledger.solved = slot.body.energy();
-            if !slot.body.save_finite_state(workers) {
-                slot.roll_back(workers, &mut self.output);
-                slot.ledger.solved = slot.ledger.after;
-            }
             slot.ledger.after = slot.ledger.solved;
+            if slot.body.save_finite_state(workers) {
+                continue;
+            }
+            slot.roll_back(workers);
+            // What pressed on it, or it pressed on, finds nothing to go on from.
+            self.tissue.iter_mut().for_each(TissueContacts::release);
+            // Of several bodies the first is reported: the others may have failed for it.
+            let (step, object) = (self.output.step, &slot.body.name);
+            let fault = || Fault { step, object: object.clone(), what: FaultKind::NodeState };
+            self.output.fault.get_or_insert_with(fault);
         }
     }
 
@@ -311,8 +312,6 @@ impl World {
             slot.change = slot.body.update_topology(workers, &slot.parted);
             slot.velocity_change.resize(slot.body.node_count(), [0.0; 3]);
             slot.ledger.after = slot.body.energy();
-            slot.walls.update(&slot.body, &slot.parted, &slot.change);
-            slot.contacts.iter_mut().for_each(|c| c.follow(&slot.body, &slot.parted, &slot.change));
             slot.pulled.iter_mut().for_each(|pulled| pulled.follow(&slot.body, &slot.parted, &slot.change));
             self.output.fracture.parted_links += slot.parted.len() as u32;
         }
@@ -325,10 +324,10 @@ impl World {
     /// Takes the surfaces as they are now to the contact of tissue with tissue, where there may be any.
     fn follow_tissue(&mut self) {
         match &mut self.tissue {
-            Some(tissue) => tissue.update(&self.slots),
-            None => self.tissue = Some(TissueContact::new(&self.slots)),
+            Some(tissue) => tissue.follow(&self.slots),
+            None => self.tissue = Some(TissueContacts::new(&self.slots)),
         }
-        let springs = self.tissue.as_ref().map_or(0, TissueContact::most_springs);
+        let springs = self.tissue.as_ref().map_or(0, TissueContacts::most_springs);
         self.slots.iter_mut().for_each(|slot| slot.reserve(springs));
     }
 
@@ -347,8 +346,8 @@ impl World {
             for slot in &self.slots {
                 let contact = &slot.contacts[index];
                 for c in contact.acting() {
-                    let force = c.direction * c.force_n;
-                    self.contact_ledger.tool_work_j += force.dot(&(c.tool_point_m - c.tool_point_before_m));
+                    let moved_m = c.ends.tool_point_m - c.ends.tool_point_before_m;
+                    self.contact_ledger.tool_work_j += c.applied_n().dot(&moved_m);
                     if let Some(sum) = &model {
                         sum.push(c, &mut wrench);
                     }
@@ -356,11 +355,7 @@ impl World {
                 if let Some(sum) = &mut model {
                     contact.pressing().for_each(|c| sum.add(c));
                 }
-                self.contact_ledger.friction_j += contact.rubbing().map(|c| c.force_n * c.gap_m).sum::<f64>();
-                for c in contact.beside_fronts() {
-                    self.contact_ledger.spring_work_j += c.force_n * (c.gap_m - c.gap_before_m);
-                    self.contact_ledger.spring_stored_j += 0.5 * c.force_n * c.gap_m;
-                }
+                contact.beside_fronts().for_each(|c| self.contact_ledger.add(c, self.params.dt_s));
             }
             let output = &mut self.output.tools[index];
             output.pose = tool.pose;
@@ -441,7 +436,8 @@ impl World {
 
     /// A body whose state is to be set from outside: starts that are not at rest.
     pub fn body_mut(&mut self, index: usize) -> &mut Body {
-        self.slots[index].edited = true;
-        &mut self.slots[index].body
+        let slot = &mut self.slots[index];
+        slot.edited.get_or_insert(slot.body.boundary().version());
+        &mut slot.body
     }
 }

@@ -2,7 +2,8 @@
 
 use super::body_slot::BodySlot;
 use crate::body::Totals;
-use crate::contact::tissue_spring::{SpringEnd, TissueSpring};
+use crate::contact::TissueContact;
+use crate::contact::ends::TissueEnd;
 
 /// Groups of parts, of all bodies.
 #[derive(Clone, Default)]
@@ -31,10 +32,10 @@ impl PartGroups {
     }
 
     /// Joins the parts at the ends of each of the `springs`, and gives each what its group is to gain.
-    pub(super) fn join<'a>(&mut self, slots: &mut [BodySlot], springs: impl Iterator<Item = &'a TissueSpring>) {
+    pub(super) fn join<'a>(&mut self, slots: &mut [BodySlot], springs: impl Iterator<Item = &'a TissueContact>) {
         self.root.iter_mut().enumerate().for_each(|(part, root)| *root = part);
         for spring in springs {
-            let [a, b] = spring.ends.map(|end| self.root_of(self.part_at(slots, &end)));
+            let [a, b] = spring.ends.ends.map(|end| self.root_of(self.part_at(slots, &end)));
             self.root[a.max(b)] = a.min(b);
         }
         for part in 0..self.body.len() {
@@ -54,7 +55,7 @@ impl PartGroups {
         }
     }
 
-    fn part_at(&self, slots: &[BodySlot], end: &SpringEnd) -> usize {
+    fn part_at(&self, slots: &[BodySlot], end: &TissueEnd) -> usize {
         let body = end.body as usize;
         let (node, _) = end.weights.iter().next().expect("a point has nodes");
         self.first[body] + slots[body].body.part_of_node(node) as usize

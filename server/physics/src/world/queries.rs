@@ -2,13 +2,13 @@
 
 use super::World;
 use super::body_slot::BodySlot;
-use super::tissue_contact::TissueContact;
+use super::tissue_contact::TissueContacts;
 use super::tool_contact::ToolContact;
 use crate::body::Body;
-use crate::contact::broad::Aabb;
-use crate::contact::tissue_spring::TissueSpring;
+use crate::contact::TissueContact;
 use crate::grid::LeftOut;
 use crate::hash::StateHasher;
+use crate::math::Aabb;
 use crate::stage::{Lap, Stage, StageClock};
 use crate::surface::Surface;
 use crate::surface::delta::{AdaptedVertex, Keyframe, TopologyPatch};
@@ -87,8 +87,8 @@ impl World {
 
     /// Springs between tissue and tissue as the last step left them; none where links parted in it.
     #[must_use]
-    pub fn tissue_springs(&self) -> &[TissueSpring] {
-        self.tissue.as_ref().map_or(&[], TissueContact::springs)
+    pub fn tissue_springs(&self) -> &[TissueContact] {
+        self.tissue.as_ref().map_or(&[], TissueContacts::springs)
     }
 
     /// Contours nothing more until the surface is asked for again; it will then be the same as if it

@@ -1,7 +1,7 @@
 //! A world's state between two steps, to go back to.
 
 use super::body_slot::BodySlot;
-use super::tissue_contact::TissueContact;
+use super::tissue_contact::TissueContacts;
 use super::{Tool, World};
 use crate::ledger::ContactLedger;
 use crate::step_io::StepOutput;
@@ -13,7 +13,7 @@ use crate::step_io::StepOutput;
 pub struct Snapshot {
     slots: Vec<BodySlot>,
     tools: Vec<Tool>,
-    tissue: Option<TissueContact>,
+    tissue: Option<TissueContacts>,
     contact_ledger: ContactLedger,
     springs_before_j: f64,
     output: StepOutput,
@@ -48,7 +48,7 @@ impl World {
         self.tissue.clone_from(&snapshot.tissue);
         // A copy has room for what it holds and no more.
         self.tissue.iter_mut().for_each(|tissue| tissue.reserve(&self.slots));
-        let springs = self.tissue.as_ref().map_or(0, TissueContact::most_springs);
+        let springs = self.tissue.as_ref().map_or(0, TissueContacts::most_springs);
         self.slots.iter_mut().for_each(|slot| slot.reserve(springs));
         self.tools.clone_from(&snapshot.tools);
         self.contact_ledger = snapshot.contact_ledger;

@@ -3,34 +3,36 @@
 use super::body_slot::BodySlot;
 use super::part_groups::PartGroups;
 use crate::Vec3;
-use crate::body::{Body, MaterialPoint};
-use crate::contact::broad::Aabb;
+use crate::body::Body;
+use crate::boundary::{Boundary, PatchKey, SurfacePatch};
 use crate::contact::candidates::Candidates;
-use crate::contact::patch::{SurfacePatch, SurfacePatches};
+use crate::contact::ends::{TissueEnd, TissueEnds};
 use crate::contact::patch_hash::{PatchHash, PlacedPatch};
 use crate::contact::press::{Approach, MARGIN_VOXELS, Meeting, PatchOf, Plane, approach, meet};
-use crate::contact::tissue_spring::{Friction, SpringEnd, TissueSpring};
-use crate::contact::{ContactWeights, Misjudged, Mode, Solution};
+use crate::contact::{Contact, ContactWeights, Friction, Misjudged, Mode, Solution, TissueContact};
 use crate::hash::StateHasher;
 use crate::ledger::ContactLedger;
+use crate::math::Aabb;
 use crate::solve::pcg::{Factor, System, Systems};
 use crate::solve::spring::PointSpring;
 use crate::workers::Workers;
 
 /// Stiffness of an interface over that of the half elements on both sides of it: pressed bodies are softer
-/// by a twentieth of an element than if they were one.
+/// by a twentieth of an element than if they were one. Halved, by a tenth; doubled, by a fortieth, at more iterations.
 const STIFFNESS: f64 = 20.0;
-/// A spring that is off may find itself this share of a voxel deep without another solve within the step.
+/// A spring that is off may find itself this share of a voxel deep without another solve within the step. The force
+/// that is missing then is `20 E A / H` of it, 2 % of a voxel's strain; it is there in the next step.
 const SLACK_VOXELS: f64 = 1e-3;
 /// What is found deeper than this many voxels at the beginning of a step is pushed out as if it were so
 /// deep: a spring that finds itself deep in tissue would throw it out. At this depth the interface carries
-/// a pressure of `E` and more.
+/// a pressure of `E` and more, so that halving or doubling it changes nothing that is pressed by less than that.
 const MOST_PUSH_VOXELS: f64 = 0.25;
 /// Voxels per second by which a spring begins deeper than the last step left it. Meetings change from step to
-/// step, and with them the depth that is found: a spring that took it up at once would make energy of it.
+/// step, and with them the depth that is found: a spring that took it up at once would make energy of it. A contact
+/// comes up to its force within the milliseconds that this says, at half of it in twice the time.
 const COMES_UP_VOXELS_PER_S: f64 = 1.0;
 /// Elements that a surface may move by in a step and still be caught: 17 mm, a step of a metre per second
-/// at 60 Hz, of the smallest elements in use.
+/// at 60 Hz, of the smallest elements in use. It bounds what is searched, and only where something moves so fast.
 const MOST_TRAVEL_ELEMENTS: f64 = 16.0;
 
 /// Surfaces that one patch may approach at once before a step allocates.
@@ -38,11 +40,9 @@ const ROOM_FOR_APPROACHES: usize = 256;
 
 /// Springs between tissue and tissue, and what they are found with.
 #[derive(Clone)]
-pub(super) struct TissueContact {
+pub(super) struct TissueContacts {
     /// By body.
-    surfaces: Vec<SurfacePatches>,
-    /// Depth of each patch's spring at the end of the last step, m, by body: where the next one goes on from.
-    depth_m: Vec<Vec<f64>>,
+    carried: Vec<Carried>,
     candidates: Candidates,
     hash: PatchHash,
     /// By candidate.
@@ -51,9 +51,36 @@ pub(super) struct TissueContact {
     planes: Vec<Option<Plane>>,
     /// Of one candidate to others, with their places: scratch.
     approaches: Vec<(usize, Approach)>,
-    springs: Vec<TissueSpring>,
+    springs: Vec<TissueContact>,
     bridges: Vec<Bridge>,
     groups: PartGroups,
+}
+
+/// What the patches of a body's surface carry from step to step.
+#[derive(Clone, Default)]
+struct Carried {
+    /// Version of the surface.
+    version: u64,
+    keys: Vec<PatchKey>,
+    /// Depth of each patch's spring at the end of the last step, m: where the next one goes on from.
+    depth_m: Vec<f64>,
+}
+
+impl Carried {
+    /// Follows a surface that has changed. What a patch gains or loses in area carries the pressure that it has.
+    fn follow(&mut self, boundary: &Boundary) {
+        if self.version == boundary.version() {
+            return;
+        }
+        let mut before = self.keys.iter().zip(&self.depth_m).peekable();
+        let depth_m = boundary.patches().iter().map(|patch| {
+            while before.next_if(|(key, _)| **key < patch.key()).is_some() {}
+            before.next_if(|(key, _)| **key == patch.key()).map_or(0.0, |(_, depth_m)| *depth_m)
+        });
+        let depth_m = depth_m.collect();
+        let keys = boundary.patches().iter().map(SurfacePatch::key).collect();
+        *self = Self { version: boundary.version(), keys, depth_m };
+    }
 }
 
 /// A spring between two bodies, as the solver sees it.
@@ -65,7 +92,7 @@ struct Bridge {
 /// Bodies that press on each other: one system of equations.
 pub(super) struct Island<'a> {
     pub(super) slots: &'a mut [BodySlot],
-    pub(super) tissue: Option<&'a mut TissueContact>,
+    pub(super) tissue: Option<&'a mut TissueContacts>,
     /// The island's number: the first of its bodies.
     pub(super) id: usize,
     pub(super) dt_s: f64,
@@ -88,13 +115,11 @@ impl Island<'_> {
     }
 }
 
-impl TissueContact {
+impl TissueContacts {
     /// The surfaces of all bodies.
     pub(super) fn new(slots: &[BodySlot]) -> Self {
-        let surfaces: Vec<_> = slots.iter().map(|slot| SurfacePatches::of(&slot.body)).collect();
         let mut contact = Self {
-            depth_m: vec![Vec::new(); slots.len()],
-            surfaces,
+            carried: vec![Carried::default(); slots.len()],
             candidates: Candidates::default(),
             hash: PatchHash::default(),
             placed: Vec::new(),
@@ -104,25 +129,18 @@ impl TissueContact {
             bridges: Vec::new(),
             groups: PartGroups::default(),
         };
-        contact.reserve(slots);
+        contact.follow(slots);
         contact
     }
 
     /// Most springs that there may be until links part again.
     pub(super) fn most_springs(&self) -> usize {
-        self.surfaces.iter().map(|surface| surface.as_slice().len()).sum()
+        self.carried.iter().map(|carried| carried.keys.len()).sum()
     }
 
     /// Takes what the parting of links changed in the surfaces.
-    pub(super) fn update(&mut self, slots: &[BodySlot]) {
-        let lists = self.surfaces.iter_mut().zip(&mut self.depth_m).zip(slots);
-        for ((surface, depth_m), slot) in lists.filter(|(_, slot)| !slot.parted.is_empty()) {
-            let before = surface.clone();
-            surface.update(&slot.body, &slot.parted, &slot.change);
-            // What a patch gains or loses in area carries the pressure that it has.
-            let depth = |patch| before.find(patch).map_or(0.0, |index| depth_m[index]);
-            *depth_m = surface.as_slice().iter().map(depth).collect();
-        }
+    pub(super) fn follow(&mut self, slots: &[BodySlot]) {
+        self.carried.iter_mut().zip(bodies(slots)).for_each(|(carried, body)| carried.follow(body.boundary()));
         self.reserve(slots);
     }
 
@@ -130,7 +148,7 @@ impl TissueContact {
     pub(super) fn release(&mut self) {
         self.springs.clear();
         self.bridges.clear();
-        self.depth_m.iter_mut().for_each(|depth_m| depth_m.fill(0.0));
+        self.carried.iter_mut().for_each(|carried| carried.depth_m.fill(0.0));
     }
 
     /// Makes room for what there may be until links part again.
@@ -149,9 +167,6 @@ impl TissueContact {
         self.bridges.clear();
         self.bridges.reserve(if slots.len() > 1 { most } else { 0 });
         self.groups.reserve(slots);
-        for (depth_m, surface) in self.depth_m.iter_mut().zip(&self.surfaces) {
-            depth_m.resize(surface.as_slice().len(), 0.0);
-        }
     }
 
     /// Finds the patches that meet a surface in this step.
@@ -164,9 +179,9 @@ impl TissueContact {
         self.placed.clear();
         self.planes.clear();
         for &[body, patch] in self.candidates.patches() {
-            self.placed.push(self.place(slots, body, patch));
-            let data = &self.surfaces[body as usize].as_slice()[patch as usize];
-            self.planes.push(Plane::of(&slots[body as usize].body, data));
+            self.placed.push(place(slots, body, patch));
+            let of = &slots[body as usize].body;
+            self.planes.push(Plane::of(of, &of.boundary().patches()[patch as usize]));
         }
         let mut approaches = std::mem::take(&mut self.approaches);
         for (index, placed) in self.placed.iter().enumerate() {
@@ -184,21 +199,18 @@ impl TissueContact {
                 Some((surface, meet(&point, &surface, approach, dt_s)?))
             });
             if let Some((surface, meeting)) = met.next() {
-                let depth_m = self.depth_m[placed.body as usize][placed.patch as usize];
+                let depth_m = self.carried[placed.body as usize].depth_m[placed.patch as usize];
                 self.springs.push(spring(&point, &surface, &meeting, depth_m, dt_s));
             }
         }
         self.approaches = approaches;
     }
 
-    fn patch(&self, placed: &PlacedPatch) -> &SurfacePatch {
-        &self.surfaces[placed.body as usize].as_slice()[placed.patch as usize]
-    }
-
     /// A candidate.
     fn patch_of<'a>(&'a self, slots: &'a [BodySlot], index: usize) -> PatchOf<'a> {
         let placed = &self.placed[index];
-        let (body, patch) = (&slots[placed.body as usize].body, self.patch(placed));
+        let body = &slots[placed.body as usize].body;
+        let patch = &body.boundary().patches()[placed.patch as usize];
         PatchOf { body, patch, placed, plane: self.planes[index].as_ref() }
     }
 
@@ -206,56 +218,43 @@ impl TissueContact {
     fn find_candidates(&mut self, slots: &[BodySlot], reach_m: f64) {
         let reach_m = self.candidates.begin(bodies(slots), reach_m);
         self.hash.clear();
-        for (index, (surface, body)) in self.surfaces.iter().zip(bodies(slots)).enumerate() {
+        for (index, body) in bodies(slots).enumerate() {
             let bounds = body.bounds().grown(most_travel_m(slots) + reach_m);
             let mut others = bodies(slots).enumerate().filter(|(other, _)| *other != index);
-            if !surface.has_walls() && !others.any(|(_, other)| other.bounds().meets(&bounds)) {
+            if body.boundary().walls().len() == 0 && !others.any(|(_, other)| other.bounds().meets(&bounds)) {
                 continue;
             }
-            for patch in 0..surface.as_slice().len() {
-                self.hash.push(self.place(slots, index as u32, patch as u32));
+            for patch in 0..body.boundary().patches().len() {
+                self.hash.push(place(slots, index as u32, patch as u32));
             }
         }
         self.hash.build(reach_m);
         self.candidates.find(&self.hash);
     }
 
-    fn place(&self, slots: &[BodySlot], body: u32, patch: u32) -> PlacedPatch {
-        let (of, data) = (&slots[body as usize].body, &self.surfaces[body as usize].as_slice()[patch as usize]);
-        let (nodes, n) = of.weights(&data.point);
-        let sum = |values: &[[f64; 3]]| nodes.iter().zip(n).map(|(a, n)| Vec3::from(values[*a as usize]) * n).sum();
-        PlacedPatch {
-            body,
-            patch,
-            at_m: sum(&of.position_m),
-            velocity_m_per_s: sum(&of.velocity_m_per_s),
-            normal: of.rotation(data.element as usize) * data.normal,
-        }
-    }
-
     /// The springs that act on a body.
-    fn acting_in(&self, body: u32) -> impl Iterator<Item = &TissueSpring> {
-        let acts = move |s: &&TissueSpring| s.mode != Mode::Off && s.ends.iter().any(|end| end.body == body);
+    fn acting_in(&self, body: u32) -> impl Iterator<Item = &TissueContact> {
+        let acts = move |s: &&TissueContact| s.mode != Mode::Off && s.ends.ends.iter().any(|end| end.body == body);
         self.springs.iter().filter(acts)
     }
 
     /// What they add to the body's matrix.
     pub(super) fn point_springs(&self, body: usize, dt_s: f64) -> impl Iterator<Item = PointSpring> {
-        self.acting_in(body as u32).map(move |spring| spring.point_spring(body as u32, dt_s))
+        self.acting_in(body as u32).map(move |spring| spring.point_spring(spring.ends.weights_in(body as u32), dt_s))
     }
 
     /// What they add to the body's right side, (node, N s).
     pub(super) fn impulses(&self, body: usize, dt_s: f64) -> impl Iterator<Item = (u32, [f64; 3])> {
         self.acting_in(body as u32).flat_map(move |spring| {
             let impulse = spring.impulse(dt_s);
-            spring.weights_in(body as u32).map(move |(node, w)| (node, (impulse * w).into()))
+            spring.ends.weights_in(body as u32).map(move |(node, w)| (node, (impulse * w).into()))
         })
     }
 
     /// Gives each body the number of its island: the first of the bodies that springs join it to.
     pub(super) fn number_islands(&self, slots: &mut [BodySlot]) {
-        for spring in self.springs.iter().filter(|s| s.joins_bodies()) {
-            let [a, b] = [0, 1].map(|end| slots[spring.ends[end].body as usize].island);
+        for spring in self.springs.iter().filter(|s| s.ends.joins_bodies()) {
+            let [a, b] = [0, 1].map(|end| slots[spring.ends.ends[end].body as usize].island);
             if a == b {
                 continue;
             }
@@ -273,9 +272,9 @@ impl TissueContact {
     /// Takes the springs between bodies as they are now to the solver.
     pub(super) fn build_bridges(&mut self, slots: &[BodySlot], dt_s: f64) {
         self.bridges.clear();
-        for spring in self.springs.iter().filter(|s| s.mode != Mode::Off && s.joins_bodies()) {
-            let ends = spring.ends.map(|end| {
-                let own = spring.point_spring(end.body, dt_s);
+        for spring in self.springs.iter().filter(|s| s.mode != Mode::Off && s.ends.joins_bodies()) {
+            let ends = spring.ends.ends.map(|end| {
+                let own = spring.point_spring(spring.ends.weights_in(end.body), dt_s);
                 (end.body, slots[end.body as usize].body.among_unknowns(&own))
             });
             self.bridges.push(Bridge { ends });
@@ -285,9 +284,9 @@ impl TissueContact {
     /// Takes the solution of an island; returns how wrong modes were.
     pub(super) fn settle(&mut self, slots: &[BodySlot], island: usize, dt_s: f64, solution: Solution) -> Misjudged {
         let mut wrong = Misjudged::default();
-        for spring in self.springs.iter_mut().filter(|s| slots[s.ends[0].body as usize].island == island) {
-            let change = spring.relative(|body| &slots[body as usize].velocity_change);
-            wrong += spring.settle(dt_s, change, solution);
+        for spring in self.springs.iter_mut().filter(|s| slots[s.ends.ends[0].body as usize].island == island) {
+            let change = spring.ends.relative(|body| &slots[body as usize].velocity_change);
+            wrong += spring.settle(dt_s, &change, solution);
         }
         wrong
     }
@@ -295,24 +294,37 @@ impl TissueContact {
     /// Books the springs' energies and what friction took, and keeps their depths, from which the next step's begin and
     /// which limit its friction.
     pub(super) fn conclude(&mut self, ledger: &mut ContactLedger, dt_s: f64) {
-        self.depth_m.iter_mut().for_each(|depth_m| depth_m.fill(0.0));
+        self.carried.iter_mut().for_each(|carried| carried.depth_m.fill(0.0));
         for spring in &self.springs {
-            ledger.spring_work_j += spring.work_j();
-            ledger.spring_stored_j += spring.stored_j();
-            ledger.friction_j += spring.friction_j(dt_s);
+            ledger.add(spring, dt_s);
             let depth_m = spring.force_n.max(0.0) / spring.stiffness_n_per_m;
-            self.depth_m[spring.ends[0].body as usize][spring.patch as usize] = depth_m;
+            let TissueEnds { ends: [point, _], patch } = &spring.ends;
+            self.carried[point.body as usize].depth_m[*patch as usize] = depth_m;
         }
     }
 
     /// Folds what it remembers into a hash.
     pub(super) fn fold_into(&self, hasher: &mut StateHasher) {
-        self.depth_m.iter().for_each(|depth_m| hasher.floats(depth_m));
+        self.carried.iter().for_each(|carried| hasher.floats(&carried.depth_m));
     }
 
     /// Springs of the last step; none where links parted in it.
-    pub(super) fn springs(&self) -> &[TissueSpring] {
+    pub(super) fn springs(&self) -> &[TissueContact] {
         &self.springs
+    }
+}
+
+fn place(slots: &[BodySlot], body: u32, patch: u32) -> PlacedPatch {
+    let of = &slots[body as usize].body;
+    let data = &of.boundary().patches()[patch as usize];
+    let (nodes, n) = of.weights(&data.point);
+    let sum = |values: &[[f64; 3]]| nodes.iter().zip(n).map(|(a, n)| Vec3::from(values[*a as usize]) * n).sum();
+    PlacedPatch {
+        body,
+        patch,
+        at_m: sum(&of.position_m),
+        velocity_m_per_s: sum(&of.velocity_m_per_s),
+        normal: of.rotation(data.element as usize) * data.normal,
     }
 }
 
@@ -334,19 +346,12 @@ fn reach_m(slots: &[BodySlot], dt_s: f64) -> f64 {
     edge_m + MARGIN_VOXELS * voxel_m + travel_m
 }
 
-fn weights(body: &Body, point: &MaterialPoint, factor: f64) -> ContactWeights {
-    let mut weights = ContactWeights::default();
-    let (nodes, n) = body.weights(point);
-    nodes.into_iter().zip(n).for_each(|(node, n)| weights.add(node, factor * n));
-    weights
-}
-
 /// The spring of a patch that meets a surface. The surface's own patches have springs on this one in turn,
 /// so that each has half of the interface's stiffness. It starts in the mode that its depth says: what the velocity
 /// predicts is, in tissue at rest, what the last solve left of its residual.
-fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, carried_m: f64, dt_s: f64) -> TissueSpring {
+fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, carried_m: f64, dt_s: f64) -> TissueContact {
     let ends = [(point, &point.patch.point, 1.0), (surface, &meeting.point, -1.0)]
-        .map(|(of, at, sign)| SpringEnd { body: of.placed.body, weights: weights(of.body, at, sign) });
+        .map(|(of, at, sign)| TissueEnd { body: of.placed.body, weights: ContactWeights::of(of.body, at, sign) });
     let bodies = [point.body, surface.body];
     let velocity: Vec3 = ends.iter().zip(bodies).map(|(end, body)| end.weights.sum(&body.velocity_m_per_s)).sum();
     // Of the two half elements, in series.
@@ -360,19 +365,18 @@ fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, carried
     let [mu, of_surface] = [(point, point.patch.point.voxel), (surface, meeting.point.voxel)]
         .map(|(of, voxel)| of.body.material_of(voxel).friction_coefficient);
     let limit_n = (mu * of_surface).sqrt() * stiffness_n_per_m * carried_m;
-    TissueSpring {
-        ends,
-        patch: point.placed.patch,
-        normal: meeting.normal,
+    Contact {
+        ends: TissueEnds { ends, patch: point.placed.patch },
+        direction: meeting.normal,
         stiffness_n_per_m,
         share_of_compliance: 1.0 / (1.0 + STIFFNESS),
-        depth_before_m,
-        depth_predicted_m,
-        depth_m: depth_predicted_m,
+        gap_before_m: depth_before_m,
+        gap_predicted_m: depth_predicted_m,
+        gap_m: depth_predicted_m,
         slack_m: SLACK_VOXELS * voxel_m,
-        force_n: 0.0,
         mode: if depth_before_m > 0.0 { Mode::Spring } else { Mode::Off },
-        friction: (limit_n > 0.0).then(|| Friction::new(limit_n, velocity - meeting.normal * closing)),
+        friction: Friction::in_tissue(limit_n, velocity - meeting.normal * closing),
+        ..Contact::default()
     }
 }
 

@@ -1,8 +1,7 @@
 //! One tool in one body: what it does there depends on what it is.
 
 use super::blade_contact::BladeContact;
-use crate::body::{Body, TopologyChange};
-use crate::contact::flank::Walls;
+use crate::body::Body;
 use crate::contact::grip::Grip;
 use crate::contact::palpation::Palpation;
 use crate::contact::{Contact, Misjudged, Solution};
@@ -33,7 +32,7 @@ impl ToolContact {
                 Self::Edges(scissors.mounts().map(edge).into())
             }
             ToolShape::Grasper(grasper) => Self::Grip(Grip::new(*grasper, body)),
-            ToolShape::Probe(capsule) => Self::Palpation(Palpation::new(*capsule, body)),
+            ToolShape::Probe(capsule) => Self::Palpation(Palpation::new(*capsule)),
         }
     }
 
@@ -60,17 +59,9 @@ impl ToolContact {
         }
     }
 
-    /// What rubs on no edge's flanks.
-    fn other_rubbing(&self) -> &[Contact] {
-        match self {
-            Self::Edges(_) | Self::Grip(_) => &[],
-            Self::Palpation(palpation) => &palpation.friction,
-        }
-    }
-
     /// Every spring between the tool and the body.
     pub(super) fn springs(&self) -> impl Iterator<Item = &Contact> {
-        self.edges().iter().flat_map(BladeContact::springs).chain(self.other_springs()).chain(self.other_rubbing())
+        self.edges().iter().flat_map(BladeContact::springs).chain(self.other_springs())
     }
 
     /// The springs that make up the tool's wrench: those with a force, and all that hold.
@@ -84,11 +75,6 @@ impl ToolContact {
         let holds = self.holds();
         let springs = self.edges().iter().flat_map(BladeContact::pressing).chain(self.other_springs());
         springs.filter(move |c| holds || c.force_n != 0.0)
-    }
-
-    /// What rubs on the flanks of its blades, or on its smooth surface.
-    pub(super) fn rubbing(&self) -> impl Iterator<Item = &Contact> {
-        self.edges().iter().flat_map(BladeContact::rubbing).chain(self.other_rubbing())
     }
 
     /// The springs but for those of the fronts, which book their own.
@@ -117,8 +103,8 @@ impl ToolContact {
     }
 
     /// Makes room for all that may touch until links part again. Returns the number of springs that is.
-    pub(super) fn reserve(&mut self, body: &Body, walls: &Walls) -> usize {
-        let elements = body.base().elements.len();
+    pub(super) fn reserve(&mut self, body: &Body) -> usize {
+        let (walls, elements) = (body.boundary().walls().len(), body.base().elements.len());
         match self {
             Self::Edges(edges) => {
                 edges.iter_mut().for_each(|edge| edge.reserve(walls, elements));
@@ -145,16 +131,9 @@ impl ToolContact {
         }
     }
 
-    /// Follows what was parted.
-    pub(super) fn follow(&mut self, body: &Body, parted: &[LinkId], change: &TopologyChange) {
-        if let Self::Palpation(palpation) = self {
-            palpation.follow(body, parted, change);
-        }
-    }
-
-    pub(super) fn detect(&mut self, body: &Body, walls: &Walls, path: &ToolPath) {
+    pub(super) fn detect(&mut self, body: &Body, path: &ToolPath) {
         match self {
-            Self::Edges(edges) => edges.iter_mut().for_each(|edge| edge.detect(body, walls, path)),
+            Self::Edges(edges) => edges.iter_mut().for_each(|edge| edge.detect(body, path)),
             Self::Grip(grip) => grip.detect(body, path),
             Self::Palpation(palpation) => palpation.detect(body, path),
         }
@@ -169,14 +148,9 @@ impl ToolContact {
                     wrong += edge.settle(dt_s, velocity_change, solution);
                 }
             }
-            Self::Grip(Grip { contacts, .. }) => {
+            Self::Grip(Grip { contacts, .. }) | Self::Palpation(Palpation { contacts, .. }) => {
                 for contact in contacts {
-                    wrong += contact.settle(dt_s, velocity_change, solution);
-                }
-            }
-            Self::Palpation(Palpation { contacts, friction, .. }) => {
-                for contact in contacts.iter_mut().chain(friction) {
-                    wrong += contact.settle(dt_s, velocity_change, solution);
+                    wrong += contact.settle(dt_s, &contact.ends.weights.sum(velocity_change), solution);
                 }
             }
         }

@@ -1,7 +1,7 @@
 //! A blade as a body: the surface that its edge rules along the tool's +y, thickened.
 
 use crate::Vec3;
-use crate::contact::broad::Aabb;
+use crate::math::Aabb;
 use crate::tool::Pose;
 use crate::tool::blade::Blade;
 

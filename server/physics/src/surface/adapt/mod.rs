@@ -21,7 +21,7 @@ pub mod quality;
 mod tests;
 
 use crate::body::Body;
-use crate::contact::broad::Aabb;
+use crate::math::Aabb;
 use crate::surface::Surface;
 use crate::surface::delta::{AdaptedVertex, BodyStructure};
 use blade_body::BladeBody;

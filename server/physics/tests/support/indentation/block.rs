@@ -3,7 +3,8 @@
 use std::f64::consts::PI;
 
 use kerf_physics::body::{Body, MaterialPoint};
-use kerf_physics::contact::{Contact, Mode};
+use kerf_physics::contact::ends::point_springs;
+use kerf_physics::contact::{Contact, ContactWeights, Mode, ToolEnds};
 use kerf_physics::params::StepParams;
 use kerf_physics::scene::{
     BladeDesc, ElementKind, MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc, ToolDesc,
@@ -200,16 +201,15 @@ impl Press {
                 let at = middle + across * across_m;
                 let inside = at - Vec3::y() * (0.5 * h);
                 let Some(voxel) = body.grid.voxel_at(body.grid.cell_of(&inside)) else { return };
-                let (nodes, n) = body.weights(&MaterialPoint { position_m: at, voxel });
-                let mut spring = Contact {
+                let weights = ContactWeights::of(&body, &MaterialPoint { position_m: at, voxel }, 1.0);
+                springs.push(Contact {
+                    ends: ToolEnds { weights, ..ToolEnds::default() },
                     direction,
                     stiffness_n_per_m: share / compliance,
                     gap_predicted_m: DENT_M * direction.dot(&forward),
                     mode: Mode::Spring,
                     ..Contact::default()
-                };
-                nodes.iter().zip(n).for_each(|(node, n)| spring.weights.add(*node, n));
-                springs.push(spring);
+                });
             };
             for j in 0..POINTS_ACROSS {
                 let x = resolved * ((2 * j + 1) as f64 * PI / (2 * POINTS_ACROSS) as f64).cos();
@@ -218,19 +218,18 @@ impl Press {
             // Without friction under the edge, but it does not slide.
             spring(0.0, normal, share);
         }
-        let impulses: Vec<(u32, [f64; 3])> = springs
-            .iter()
-            .flat_map(|c| c.weights.iter().map(|(node, w)| (node, (c.direction * (w * c.impulse(params.dt_s))).into())))
-            .collect();
+        let mut impulses = Vec::new();
+        springs.iter().for_each(|contact| contact.add_impulses(params.dt_s, &mut impulses));
         body.reserve_springs(springs.len());
         body.refresh_operator(&Workers::serial());
-        body.set_springs(springs.iter(), std::iter::empty());
+        body.set_springs(point_springs(springs.iter(), params.dt_s));
         body.assemble_right_side(&Workers::serial());
         let mut change = vec![[0.0; 3]; body.node_count()];
         body.solve_velocity_change(&Workers::serial(), &impulses, 0.0, &mut change);
         let mut force = Vec3::zeros();
         for spring in &mut springs {
-            spring.take_solution(params.dt_s, &change);
+            let change_m_per_s = spring.ends.weights.sum(&change);
+            spring.take_solution(params.dt_s, &change_m_per_s);
             force += spring.direction * spring.force_n;
         }
         force.dot(&forward) / DENT_M

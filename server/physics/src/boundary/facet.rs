@@ -1,0 +1,155 @@
+//! Where an element ends: the faces of its voxels on the body's own surface and at cuts.
+
+use super::Solid;
+use crate::Vec3;
+use crate::fem::composite::shape_functions;
+use crate::grid::levels::LevelChange;
+use crate::grid::{Grid, Ijk, Link, LinkId, VoxelId};
+use std::sync::OnceLock;
+
+/// A voxel's face on the surface or at a cut, reference configuration.
+#[derive(Clone, Debug)]
+pub(super) struct Facet {
+    /// Voxel that it belongs to.
+    pub(super) voxel: VoxelId,
+    /// The voxel's cell.
+    pub(super) cell: Ijk,
+    /// Its side, as in [`Grid::links_of`].
+    pub(super) side: u8,
+    /// The voxel on the other side of the cut; `None` on the object's own surface.
+    pub(super) beyond: Option<VoxelId>,
+    /// Where the surface crosses the link, m.
+    pub(super) at_m: Vec3,
+    /// Unit normal out of the voxel.
+    pub(super) outward: Vec3,
+    /// Area of the surface within the face's column, m^2.
+    pub(super) area_m2: f64,
+}
+
+impl Facet {
+    /// The facet at a link of a voxel, if there is any.
+    fn at(grid: &Grid, cell: Ijk, side: u8, (link, other): (LinkId, Ijk)) -> Option<Self> {
+        let voxel = grid.voxel_at(cell)?;
+        let (crossing, beyond, sign) = match grid.link(link) {
+            Link::Boundary(crossing) => (crossing, None, 1.0),
+            Link::Parted(crossing) => (crossing, grid.voxel_at(other), if side % 2 == 1 { 1.0 } else { -1.0 }),
+            Link::Intact | Link::Outside => return None,
+        };
+        let (axis, h) = (link.axis as usize, grid.voxel_size_m());
+        let mut at_m = grid.centre_m(link.cell);
+        at_m[axis] += f64::from(crossing.t) * h;
+        let outward = Vec3::from(crossing.normal.map(f64::from)) * sign;
+        let area_m2 = h * h * outward[axis].abs();
+        (area_m2 > 0.0).then_some(Self { voxel, cell, side, beyond, at_m, outward, area_m2 })
+    }
+
+    /// Facets of an element are in the order of its voxels, then of their sides.
+    fn key(&self) -> ([i32; 3], u8) {
+        let [i, j, k] = self.cell;
+        ([k, j, i], self.side)
+    }
+}
+
+/// The facets of one element.
+#[derive(Clone, Debug, Default)]
+struct OfElement {
+    /// Also those at links that were parted within the element.
+    facets: Vec<Facet>,
+    /// Made when first asked for.
+    moments_m2: OnceLock<[Vec3; 8]>,
+}
+
+/// The facets of a body, by element.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Facets(Vec<OfElement>);
+
+impl Facets {
+    /// Those there are.
+    pub(super) fn of(solid: Solid<'_>) -> Self {
+        let mut facets = Self(vec![OfElement::default(); solid.level.elements.len()]);
+        for voxel in solid.grid.voxels() {
+            (0..).zip(Grid::links_of(voxel.ijk)).for_each(|(side, link)| facets.add(solid, voxel.ijk, side, link));
+        }
+        facets.0.iter_mut().for_each(|element| element.facets.sort_unstable_by_key(Facet::key));
+        facets
+    }
+
+    fn add(&mut self, solid: Solid<'_>, cell: Ijk, side: u8, link: (LinkId, Ijk)) {
+        self.take(solid, Facet::at(solid.grid, cell, side, link));
+    }
+
+    fn take(&mut self, solid: Solid<'_>, facets: impl IntoIterator<Item = Facet>) {
+        for facet in facets {
+            self.0[solid.owner(facet.voxel) as usize].facets.push(facet);
+        }
+    }
+
+    /// Takes what came up as links were `parted` and elements changed. Where none did the walls that came up are of
+    /// elements that still hold together: nothing opens there yet, and moments stay. Returns the elements whose
+    /// facets changed and those that face them, ascending.
+    pub(super) fn follow(&mut self, solid: Solid<'_>, parted: &[LinkId], change: &LevelChange) -> Vec<u32> {
+        self.0.resize_with(solid.level.elements.len(), OfElement::default);
+        for &(_, from) in &change.split_elements {
+            let facets = std::mem::take(&mut self.0[from as usize].facets);
+            self.take(solid, facets);
+        }
+        for &link in parted {
+            self.add(solid, link.cell, 2 * link.axis + 1, (link, link.upper()));
+            self.add(solid, link.upper(), 2 * link.axis, (link, link.cell));
+        }
+        let ends = parted.iter().flat_map(|link| [link.cell, link.upper()]);
+        let at_ends = ends.filter_map(|cell| solid.grid.voxel_at(cell)).map(|voxel| solid.owner(voxel));
+        let mut touched = sorted(at_ends.chain(change.elements()).collect());
+        let mut facing = Vec::new();
+        for &element in &touched {
+            let OfElement { facets, moments_m2 } = &mut self.0[element as usize];
+            facets.sort_unstable_by_key(Facet::key);
+            if !change.touched_cells.is_empty() {
+                *moments_m2 = OnceLock::new();
+            }
+            facing.extend(facets.iter().filter_map(|facet| facet.beyond).map(|voxel| solid.owner(voxel)));
+        }
+        touched.append(&mut facing);
+        sorted(touched)
+    }
+
+    /// The facets of an element. A wall whose two sides belong to the element is left out: it is still in one
+    /// piece.
+    pub(super) fn of_element<'a>(&'a self, solid: Solid<'a>, element: u32) -> impl Iterator<Item = &'a Facet> {
+        let facets = self.0[element as usize].facets.iter();
+        facets.filter(move |facet| facet.beyond.is_none_or(|voxel| solid.owner(voxel) != element))
+    }
+
+    /// `int N_a n dA` over the facets of an element, n out of it, by corner a, m^2.
+    pub(super) fn moments_m2(&self, solid: Solid<'_>, element: usize) -> &[Vec3; 8] {
+        self.0[element].moments_m2.get_or_init(|| {
+            let mut moments_m2 = [Vec3::zeros(); 8];
+            for facet in self.of_element(solid, element as u32) {
+                let n = shape_functions(solid.local_coordinates(element, &facet.at_m));
+                moments_m2.iter_mut().zip(n).for_each(|(moment, n)| *moment += facet.outward * (facet.area_m2 * n));
+            }
+            moments_m2
+        })
+    }
+}
+
+impl Solid<'_> {
+    /// Element of a voxel.
+    pub(super) fn owner(&self, voxel: VoxelId) -> u32 {
+        self.level.owner[voxel.index()]
+    }
+
+    /// Coordinates of a reference position in the cell of an element; 0..=1 inside it.
+    pub(crate) fn local_coordinates(&self, element: usize, position_m: &Vec3) -> [f64; 3] {
+        let data = &self.level.elements[element];
+        let lattice_edge_m = self.grid.voxel_size_m() * f64::from(1u32 << self.level.exponent);
+        let at = (position_m - self.grid.origin_m()) / lattice_edge_m;
+        [0, 1, 2].map(|a| (at[a] - f64::from(data.cell[a])) / f64::from(data.size))
+    }
+}
+
+fn sorted(mut elements: Vec<u32>) -> Vec<u32> {
+    elements.sort_unstable();
+    elements.dedup();
+    elements
+}

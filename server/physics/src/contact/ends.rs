@@ -1,0 +1,94 @@
+//! What a contact is between: a point of tissue, and a point of a tool or of other tissue.
+
+use super::{Contact, ContactWeights, Friction, Mode};
+use crate::Vec3;
+use crate::body::{Body, Nodal};
+use crate::grid::MaterialPoint;
+use crate::solve::spring::PointSpring;
+
+/// A point of tissue against one of a tool, whose motion is prescribed.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ToolEnds {
+    /// The point of tissue.
+    pub weights: ContactWeights,
+    /// The tool's point at t + dt, m.
+    pub tool_point_m: Vec3,
+    /// The tool's point at t, m.
+    pub tool_point_before_m: Vec3,
+}
+
+impl ToolEnds {
+    /// A material point against a point of a tool that goes from `before_m` to `at_m` in the step.
+    #[must_use]
+    pub fn of(body: &Body, point: &MaterialPoint, [before_m, at_m]: [Vec3; 2]) -> Self {
+        Self { weights: ContactWeights::of(body, point, 1.0), tool_point_m: at_m, tool_point_before_m: before_m }
+    }
+}
+
+impl Contact<ToolEnds> {
+    /// Lets it rub with this coefficient, by the normal force at the beginning of the step.
+    pub fn rub(&mut self, body: &Body, coefficient: f64) {
+        let tool_m = self.ends.tool_point_m - self.ends.tool_point_before_m;
+        let moving_m_per_s = self.ends.weights.sum(&body.velocity_m_per_s) - tool_m / body.dt_s();
+        let sliding_m_per_s = moving_m_per_s - self.direction * moving_m_per_s.dot(&self.direction);
+        self.friction = Friction::on_tool(coefficient * self.stiffness_n_per_m * self.gap_before_m, sliding_m_per_s);
+    }
+
+    /// Adds its impulse, and that of its friction, to a right side: (node, N s).
+    pub fn add_impulses(&self, dt_s: f64, impulses: &mut Vec<(u32, [f64; 3])>) {
+        let impulse = self.impulse(dt_s);
+        impulses.extend(self.ends.weights.iter().map(|(node, w)| (node, (impulse * w).into())));
+    }
+}
+
+/// The springs of contacts with tools in a body's matrix: one for each point, of which contacts come one after the
+/// other.
+pub fn point_springs<'a>(contacts: impl Iterator<Item = &'a Contact>, dt_s: f64) -> impl Iterator<Item = PointSpring> {
+    let mut contacts = contacts.filter(|c| c.mode == Mode::Spring).peekable();
+    std::iter::from_fn(move || {
+        let first = contacts.next()?;
+        let mut spring = first.point_spring(first.ends.weights.iter(), dt_s);
+        while let Some(next) = contacts.next_if(|next| next.ends.weights == first.ends.weights) {
+            next.add_to(&mut spring, dt_s);
+        }
+        Some(spring)
+    })
+}
+
+/// One end of a contact between tissue and tissue.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct TissueEnd {
+    /// Index of the body.
+    pub body: u32,
+    /// The point's weights; those of the surface are negative, so that the ends add up to what the one
+    /// moves relative to the other.
+    pub weights: ContactWeights,
+}
+
+/// A point of tissue, and the surface under it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct TissueEnds {
+    /// The point, and the surface.
+    pub ends: [TissueEnd; 2],
+    /// The patch of the first end's body that the point is the middle of.
+    pub patch: u32,
+}
+
+impl TissueEnds {
+    /// Sum over the ends of a nodal vector of their bodies: what the point has more of than the surface.
+    #[must_use]
+    pub fn relative<'a>(&self, values: impl Fn(u32) -> &'a Nodal) -> Vec3 {
+        self.ends.iter().map(|end| end.weights.sum(values(end.body))).sum()
+    }
+
+    /// Whether its ends are in different bodies.
+    #[must_use]
+    pub fn joins_bodies(&self) -> bool {
+        self.ends[0].body != self.ends[1].body
+    }
+
+    /// Nodes of a body that the contact acts on and their weights.
+    pub fn weights_in(&self, body: u32) -> impl Iterator<Item = (u32, f64)> + '_ {
+        self.ends.iter().filter(move |end| end.body == body).flat_map(|end| end.weights.iter())
+    }
+}
