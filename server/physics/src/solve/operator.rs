@@ -81,9 +81,10 @@ pub struct Operator {
 /// Components of the corners, one element per lane.
 #[inline(always)]
 fn gather(corners: &[[u16; LANES]; 8], values: &[f32x4]) -> [f32x8; 24] {
+    let last = values.len() - 1;
     let corner = |c: usize| {
         let slots = &corners[c];
-        lanes::split(std::array::from_fn(|lane| values[slots[lane] as usize]))
+        lanes::split(std::array::from_fn(|lane| values[usize::from(slots[lane]).min(last)]))
     };
     let c = [corner(0), corner(1), corner(2), corner(3), corner(4), corner(5), corner(6), corner(7)];
     bytemuck::cast(c)
@@ -92,9 +93,10 @@ fn gather(corners: &[[u16; LANES]; 8], values: &[f32x4]) -> [f32x8; 24] {
 /// Adds what each lane has for its corners.
 #[inline(always)]
 fn scatter(corners: &[[u16; LANES]; 8], y: &[f32x8; 24], sums: &mut [f32x4]) {
+    let last = sums.len() - 1;
     for (corner, slots) in corners.iter().enumerate() {
         let vectors = lanes::join([y[3 * corner], y[3 * corner + 1], y[3 * corner + 2]]);
-        (0..LANES).for_each(|lane| sums[slots[lane] as usize] += vectors[lane]);
+        (0..LANES).for_each(|lane| sums[usize::from(slots[lane]).min(last)] += vectors[lane]);
     }
 }
 
