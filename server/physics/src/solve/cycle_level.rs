@@ -15,6 +15,8 @@ use wide::f32x4;
 const CHEBYSHEV_BETA: [f32; 2] = [1.023_872_9, 1.264_089_1];
 /// Safety on the estimated largest eigenvalue, which the power iteration approaches from below.
 const EIGENVALUE_MARGIN: f32 = 1.12;
+/// Power iterations of the estimate.
+const POWER_ITERATIONS: u32 = 20;
 
 /// Interpolation of one node from the level above.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -42,8 +44,6 @@ pub(super) struct CycleLevel {
     pub(super) children: Lists<u32>,
     pub(super) place: Vec<Place>,
     pub(super) largest_eigenvalue: f32,
-    /// Approximate eigenvector to the largest eigenvalue: the next estimate starts from it.
-    pub(super) eigenvector: NodeVector,
     /// Right side: on the finest level the residual of the solve.
     pub(super) b: NodeVector,
     /// What the cycle makes of it.
@@ -95,7 +95,6 @@ impl CycleLevel {
             children: Lists::default(),
             place: Vec::new(),
             largest_eigenvalue: 1.0,
-            eigenvector: Vec::new(),
             x: Vec::new(),
             b: Vec::new(),
             r: Vec::new(),
@@ -191,17 +190,17 @@ impl CycleLevel {
         weights
     }
 
-    /// Estimates the largest eigenvalue of `D^-1 A` by `rounds` power iterations.
-    pub(super) fn estimate_eigenvalue(&mut self, workers: &Workers<'_>, rounds: u32) {
-        let n = self.operator.node_count();
-        for node in self.eigenvector.len()..n {
-            // Any start with all frequencies in it; the same one every time.
+    /// Estimates the largest eigenvalue of `D^-1 A` by power iterations.
+    pub(super) fn estimate_eigenvalue(&mut self, workers: &Workers<'_>) {
+        // Any start with all frequencies in it; the same one every time.
+        let start = |node: usize| {
             let h = (node as u32).wrapping_mul(2_654_435_761);
             let [x, y, z] = [0, 8, 16].map(|s| (h >> s & 255) as f32 / 128.0 - 1.0);
-            self.eigenvector.push(f32x4::new([x, y, z, 0.0]));
-        }
-        for _ in 0..rounds {
-            self.operator.apply(workers, &self.eigenvector, &mut self.r);
+            f32x4::new([x, y, z, 0.0])
+        };
+        let mut eigenvector: NodeVector = (0..self.operator.node_count()).map(start).collect();
+        for _ in 0..POWER_ITERATIONS {
+            self.operator.apply(workers, &eigenvector, &mut self.r);
             let operator = &self.operator;
             workers.for_chunks((&self.r[..], &mut self.step[..]), NODES_PER_CHUNK, |chunk, (r, step)| {
                 for (node, (r, step)) in (chunk * NODES_PER_CHUNK..).zip(r.iter().zip(step)) {
@@ -210,14 +209,14 @@ impl CycleLevel {
             });
             let along = dot(workers, &self.step, &self.r);
             let size = dot(workers, &self.step, &self.step).sqrt();
-            let norm = dot(workers, &self.eigenvector, &self.r);
+            let norm = dot(workers, &eigenvector, &self.r);
             if size == 0.0 || norm <= 0.0 {
                 return;
             }
             // Rayleigh quotient of the next vector's energy: between the last two power steps.
             self.largest_eigenvalue = EIGENVALUE_MARGIN * (along / norm) as f32;
             let scale = f32x4::splat((1.0 / size) as f32);
-            workers.for_chunks((&mut self.eigenvector[..], &self.step[..]), NODES_PER_CHUNK, |_, (v, step)| {
+            workers.for_chunks((&mut eigenvector[..], &self.step[..]), NODES_PER_CHUNK, |_, (v, step)| {
                 v.iter_mut().zip(step).for_each(|(v, s)| *v = *s * scale);
             });
         }

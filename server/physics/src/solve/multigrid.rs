@@ -23,8 +23,6 @@ const BLOCKS_PER_CHUNK: usize = 32;
 pub struct Multigrid {
     levels: Vec<CycleLevel>,
     coarsest: Coarsest,
-    /// Power iterations that the smoothers' eigenvalues lag behind the matrices.
-    spectrum_rounds: u32,
 }
 
 /// `P^T A P` with `P = weights (x) I3`, packed in and out.
@@ -69,17 +67,15 @@ impl Multigrid {
             level.set_topology(&hierarchy[i], hierarchy.get(i + 1), &[], None);
         }
         let coarsest = Coarsest::new(&levels[levels.len() - 1].operator);
-        Self { levels, coarsest, spectrum_rounds: 0 }
+        Self { levels, coarsest }
     }
 
-    /// Estimates the smoothers' eigenvalues afresh, and higher than they were: after a topology change
-    /// the estimates carry on from the old ones and may lie below the new truth, and a smoother made
-    /// for too short a spectrum is indefinite.
+    /// Estimates the smoothers' eigenvalues afresh, and higher than they were: the estimates stay when links
+    /// part and may lie below the new truth, and a smoother made for too short a spectrum is indefinite.
     pub fn widen_spectrum(&mut self, workers: &Workers<'_>) {
         for level in &mut self.levels {
             let before = level.largest_eigenvalue;
-            level.eigenvector.clear();
-            level.estimate_eigenvalue(workers, 20);
+            level.estimate_eigenvalue(workers);
             level.largest_eigenvalue = level.largest_eigenvalue.max((1.3 * before).min(MOST_EIGENVALUE));
         }
     }
@@ -121,7 +117,6 @@ impl Multigrid {
             changes[1..].first().map_or(Vec::new(), |c| elements_in_cells(&hierarchy[1], &c.touched_cells));
         self.rebuild_coarse(&mut touched);
         self.factor_coarsest();
-        self.spectrum_rounds = 2;
     }
 
     /// Recomputes the coarse matrices above all elements, the coarsest factor and the eigenvalues.
@@ -129,9 +124,9 @@ impl Multigrid {
         let mut all = hierarchy.get(1).map_or(Vec::new(), |level| (0..level.elements.len() as u32).collect());
         self.rebuild_coarse(&mut all);
         self.factor_coarsest();
-        self.spectrum_rounds = 20;
         self.update_rotations(workers);
         self.update_diagonals(workers);
+        self.levels.iter_mut().for_each(|l| l.estimate_eigenvalue(workers));
     }
 
     fn factor_coarsest(&mut self) {
@@ -173,11 +168,9 @@ impl Multigrid {
         self.coarsest.update_rotations(&self.levels[last].operator);
     }
 
-    /// Every diagonal, and the eigenvalues where matrices changed. Springs are dropped.
+    /// Every diagonal. Springs are dropped.
     pub fn update_diagonals(&mut self, workers: &Workers<'_>) {
         self.levels.iter_mut().for_each(|l| l.operator.update_diagonal(workers));
-        let rounds = std::mem::take(&mut self.spectrum_rounds);
-        self.levels.iter_mut().for_each(|l| l.estimate_eigenvalue(workers, rounds));
     }
 
     /// Stores once what blocks of elements have in common: for matrices that stay until links part.
