@@ -19,6 +19,9 @@ const STIFFENING_THRESHOLD: f64 = 0.02;
 /// The smoothers' diagonal blocks stay until some element may have turned by this since: inside a body of
 /// one material they hardly depend on rotations.
 const MOST_TURNED_RAD: f64 = 0.1;
+/// They stay until what steadies some element may have changed since by this share of `V E`: as much of the stress is
+/// less than half as much of the diagonal, where the stiffness against volume change stands too.
+const MOST_UNSMOOTHED: f64 = 0.5;
 /// Coarse matrices follow an element's stiffening only when it has changed by this factor: they
 /// precondition, and a spectrally close matrix does as well.
 const COARSE_STIFFENING_FACTOR: f64 = 1.5;
@@ -139,9 +142,8 @@ impl Body {
         }
         let dt = self.params.dt_s;
         for (element, hold) in &self.holds {
-            let nodes = self.base().elements[*element as usize].nodes;
-            let dx = nodes.map(|n| self.velocity_m_per_s[n as usize].map(|v| dt * v));
-            sum.hold_j += (0..3).map(|i| 0.5 * quadratic(hold, |a| dx[a][i], |b| dx[b][i])).sum::<f64>();
+            let v = self.corner_velocities(*element as usize);
+            sum.hold_j += 0.5 * dt * dt * dot(&v, &hold_times(hold, &v));
         }
         for (nodes, pulls) in self.steadying_pulls() {
             let v = nodes.map(|n| Vec3::from(self.velocity_m_per_s[n]));
@@ -198,8 +200,8 @@ impl Body {
             energy.kinetic_j += chunk.found.kinetic_j.reduce_add();
         }
         for (element, hold) in &self.holds {
-            let u = self.element_displacements(*element as usize);
-            energy.hold_j += (0..3).map(|i| 0.5 * quadratic(hold, |a| u[a][i], |b| u[b][i])).sum::<f64>();
+            let u = self.corner_displacements(*element as usize);
+            energy.hold_j += 0.5 * dot(&u, &hold_times(hold, &u));
         }
         energy
     }
@@ -275,16 +277,25 @@ impl Body {
         let Ok(found) = self.holds.binary_search_by_key(&(element as u32), |h| h.0) else {
             return Default::default();
         };
-        let u = self.element_displacements(element);
-        let pull = |a: usize, i: usize| -(0..8).map(|b| entry(&self.holds[found].1, a, b) * u[b][i]).sum::<f64>();
-        std::array::from_fn(|a| crate::Vec3::from_fn(|i, _| pull(a, i)))
+        hold_times(&self.holds[found].1, &self.corner_displacements(element)).map(|force| {
+            let [x, y, z, _] = force.to_array();
+            -Vec3::new(x, y, z)
+        })
     }
 
-    fn element_displacements(&self, element: usize) -> [[f64; 3]; 8] {
+    /// Displacements of an element's corners, m, xyz0.
+    fn corner_displacements(&self, element: usize) -> [f64x4; 8] {
         self.base().elements[element].nodes.map(|n| {
-            let rest = self.rest_position_m(n as usize);
-            let x = self.position_m[n as usize];
-            [0, 1, 2].map(|i| x[i] - rest[i])
+            let u = Vec3::from(self.position_m[n as usize]) - self.rest_position_m(n as usize);
+            f64x4::new([u.x, u.y, u.z, 0.0])
+        })
+    }
+
+    /// Velocities of an element's corners, m/s, xyz0.
+    fn corner_velocities(&self, element: usize) -> [f64x4; 8] {
+        self.base().elements[element].nodes.map(|n| {
+            let [x, y, z] = self.velocity_m_per_s[n as usize];
+            f64x4::new([x, y, z, 0.0])
         })
     }
 
@@ -340,7 +351,8 @@ impl Body {
     /// Brings the solver's operator and its preconditioner to the evaluated state.
     pub fn refresh_operator(&mut self, workers: &Workers<'_>) {
         self.scratch.stale_parents.clear();
-        let mut rewritten = self.steady_elements();
+        let mut rewritten = false;
+        self.unsmoothed += self.steady_elements();
         if self.blocks.iter().any(|b| b.stiffening.is_some()) {
             for element in 0..self.base().elements.len() {
                 let stiffening = self.states[element / LANES].stiffening.as_array()[element % LANES];
@@ -366,9 +378,9 @@ impl Body {
         }
         self.write_rotations(workers);
         self.multigrid.update_rotations(workers);
-        if rewritten || self.turned_rad > MOST_TURNED_RAD {
+        if rewritten || self.turned_rad > MOST_TURNED_RAD || self.unsmoothed > MOST_UNSMOOTHED {
             self.multigrid.update_diagonals(workers);
-            self.turned_rad = 0.0;
+            (self.turned_rad, self.unsmoothed) = (0.0, 0.0);
         }
     }
 
@@ -387,16 +399,13 @@ impl Body {
             }
         });
         for (element, hold) in &self.holds {
+            // The hold acts at the end of the step: its displacement includes dt v.
+            let (u, v) = (self.corner_displacements(*element as usize), self.corner_velocities(*element as usize));
+            let ahead = std::array::from_fn(|a| f64x4::splat(dt).mul_add(v[a], u[a]));
             let nodes = self.base().elements[*element as usize].nodes;
-            let u = self.element_displacements(*element as usize);
-            for a in 0..8 {
-                for i in 0..3 {
-                    // The hold acts at the end of the step: its displacement includes dt v.
-                    let force: f64 = (0..8)
-                        .map(|c| entry(hold, a, c) * (u[c][i] + dt * self.velocity_m_per_s[nodes[c] as usize][i]))
-                        .sum();
-                    b[nodes[a] as usize][i] -= dt * force;
-                }
+            for (node, force) in nodes.into_iter().zip(hold_times(hold, &ahead)) {
+                let force = force.to_array();
+                (0..3).for_each(|i| b[node as usize][i] -= dt * force[i]);
             }
         }
         for (nodes, pulls) in self.steadying_pulls() {
@@ -449,10 +458,21 @@ impl Body {
     }
 }
 
-fn entry(packed: &[f64; 36], a: usize, b: usize) -> f64 {
-    packed[corner_pair(a, b)]
+/// `H u` on each axis, for the 8x8 matrix of what holds an element.
+fn hold_times(hold: &[f64; 36], u: &[f64x4; 8]) -> [f64x4; 8] {
+    let mut pull = [f64x4::ZERO; 8];
+    for a in 0..8 {
+        let row = &hold[a * (a + 1) / 2..=a * (a + 3) / 2];
+        for b in 0..a {
+            let entry = f64x4::splat(row[b]);
+            pull[a] = entry.mul_add(u[b], pull[a]);
+            pull[b] = entry.mul_add(u[a], pull[b]);
+        }
+        pull[a] = f64x4::splat(row[a]).mul_add(u[a], pull[a]);
+    }
+    pull
 }
 
-fn quadratic(packed: &[f64; 36], u: impl Fn(usize) -> f64, v: impl Fn(usize) -> f64) -> f64 {
-    (0..8).map(|a| u(a) * (0..8).map(|b| entry(packed, a, b) * v(b)).sum::<f64>()).sum()
+fn dot(a: &[f64x4; 8], b: &[f64x4; 8]) -> f64 {
+    a.iter().zip(b).fold(f64x4::ZERO, |sum, (a, b)| a.mul_add(*b, sum)).reduce_add()
 }

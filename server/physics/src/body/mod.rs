@@ -154,6 +154,8 @@ pub struct Body {
     holds: Vec<(u32, [f64; 36])>,
     /// By element.
     steadied: Vec<steady::Steadied>,
+    /// Whose turn it is to be steadied.
+    steadying_turn: usize,
     multigrid: Multigrid,
     pcg: PcgScratch,
     /// `psi'` that the solver's matrix and the coarse matrices were last made with.
@@ -161,6 +163,8 @@ pub struct Body {
     coarse_stiffening: Vec<f64>,
     /// Bound on how far any element has turned since the smoothers' diagonals were made, rad.
     turned_rad: f64,
+    /// Bound on how much what steadies any element has changed since then, over `V E`.
+    unsmoothed: f64,
     rigid: rigid::RigidParts,
     /// By element.
     facet_moments: Vec<facets::FacetMoments>,
@@ -238,10 +242,12 @@ impl Body {
             balance_n: Vec::new(),
             holds: Vec::new(),
             steadied: Vec::new(),
+            steadying_turn: 0,
             pcg: PcgScratch::default(),
             applied_stiffening: Vec::new(),
             coarse_stiffening: Vec::new(),
             turned_rad: 0.0,
+            unsmoothed: 0.0,
             rigid: rigid::RigidParts::default(),
             facet_moments: Vec::new(),
             scratch: Scratch::default(),
