@@ -42,8 +42,9 @@ use crate::workers::Workers;
 use std::sync::Arc;
 use wide::f64x4;
 
-/// Coarsening stops at this many nodes: a dense factor of that size costs less than another level.
-const COARSEST_NODES: usize = 60;
+/// Coarsening stops at this many nodes, those of 2x2x2 cells: a dense factor of that size costs less than another
+/// level, and pieces of a body that was cut to shreds still have few enough to be factored as one.
+const COARSEST_NODES: usize = 27;
 /// Stiffness of a held voxel over `E h`: its compliance adds less than a hundredth of a voxel of
 /// tissue to what it holds.
 const HOLD_STIFFNESS: f64 = 300.0;

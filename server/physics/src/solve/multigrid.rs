@@ -194,6 +194,7 @@ impl Multigrid {
             let spread = fine.operator.springs().iter().map(|s| s.spread(spread));
             above[0].operator.set_springs(spread, above[0].largest_eigenvalue);
         }
+        self.coarsest.set_springs(&self.levels[self.levels.len() - 1].operator);
     }
 
     /// The finest level, whose `b` is the residual to be preconditioned.
