@@ -8,12 +8,16 @@ use crate::fem::composite::corner_pair;
 use crate::fem::corotation::{ElementBlock, ElementState, Evaluation, LANES, NodalBuffers, StepTerms};
 use crate::fem::lanes::for_packed;
 use crate::solve::assembly::{CHUNK_ELEMENTS, Chunk};
-use crate::solve::operator::{LANES as OPERATOR_LANES, NODES_PER_CHUNK};
-use crate::workers::{Groups, Workers};
+use crate::solve::operator::{LANES as OPERATOR_LANES, NODE_SHARE, NODES_PER_CHUNK};
+use crate::workers::{Groups, Share, Workers};
 use wide::f64x4;
 
 /// Blocks per chunk of elements.
 const BLOCKS_PER_CHUNK: usize = CHUNK_ELEMENTS / LANES;
+/// How the evaluation of chunks of elements is shared out: 40 us a chunk.
+const EVALUATION_SHARE: Share = Share { chunk: 1, least: 1 };
+/// How copies of rotations are: 3 us a chunk.
+const ROTATION_SHARE: Share = Share { chunk: BLOCKS_PER_CHUNK, least: 8 };
 /// Elements whose stiffening factor is within this of 1 keep the matrix of the rest state.
 const STIFFENING_THRESHOLD: f64 = 0.02;
 /// The smoothers' diagonal blocks stay until some element may have turned by this since: inside a body of
@@ -164,14 +168,18 @@ impl Body {
         let (x, v, dt) = (&self.position_m, &self.velocity_m_per_s, self.params.dt_s);
         let states = Groups { entries: &mut self.states, size: BLOCKS_PER_CHUNK };
         let balance_n = assembly.by_chunk(&mut self.balance_n);
-        workers.for_chunks((states, &mut self.chunks[..], balance_n), 1, |index, (states, chunks, balance_n)| {
-            if among(index) {
-                let (chunk, blocks) = (&mut chunks[0], &blocks[index * BLOCKS_PER_CHUNK..]);
-                chunk.load(&assembly.chunks()[index], x, v, velocity_change);
-                let (nodes, states, balance_n) = (&assembly.chunks()[index], states.entries, balance_n.entries);
-                chunk.evaluate(nodes, blocks, states, balance_n, dt, rotation_iterations);
-            }
-        });
+        workers.for_chunks(
+            (states, &mut self.chunks[..], balance_n),
+            EVALUATION_SHARE,
+            |index, (states, chunks, balance_n)| {
+                if among(index) {
+                    let (chunk, blocks) = (&mut chunks[0], &blocks[index * BLOCKS_PER_CHUNK..]);
+                    chunk.load(&assembly.chunks()[index], x, v, velocity_change);
+                    let (nodes, states, balance_n) = (&assembly.chunks()[index], states.entries, balance_n.entries);
+                    chunk.evaluate(nodes, blocks, states, balance_n, dt, rotation_iterations);
+                }
+            },
+        );
         let turned_rad2 = |chunk: &ElementChunk| chunk.found.turned_rad2.to_array().into_iter().fold(0.0, f64::max);
         self.turned_rad += self.chunks.iter().map(turned_rad2).fold(0.0, f64::max).sqrt();
     }
@@ -340,7 +348,7 @@ impl Body {
     pub(super) fn write_rotations(&mut self, workers: &Workers<'_>) {
         const { assert!(OPERATOR_LANES == 2 * LANES) };
         let states = &self.states;
-        workers.for_chunks(&mut self.multigrid.operator_mut().blocks[..], BLOCKS_PER_CHUNK, |first, blocks| {
+        workers.for_chunks(&mut self.multigrid.operator_mut().blocks[..], ROTATION_SHARE, |first, blocks| {
             for (block, states) in blocks.iter_mut().zip(states[2 * first * BLOCKS_PER_CHUNK..].chunks(2)) {
                 let (low, high) = (&states[0].rotation_matrix, &states[states.len() - 1].rotation_matrix);
                 block.rotation = std::array::from_fn(|i| bytemuck::cast([low[i], high[i]]));
@@ -391,7 +399,7 @@ impl Body {
         let mut b = std::mem::take(&mut self.scratch.right_side);
         let (assembly, external_n) = (self.multigrid.operator().assembly(), &self.external_n);
         let balance_n = &self.balance_n;
-        workers.for_chunks(&mut b[..], NODES_PER_CHUNK, |first, b| {
+        workers.for_chunks(&mut b[..], NODE_SHARE, |first, b| {
             for (node, b) in (first * NODES_PER_CHUNK..).zip(b) {
                 let entries = assembly.entries(node).iter();
                 let sum = entries.fold(f64x4::ZERO, |sum, entry| sum + balance_n[*entry as usize]).to_array();
@@ -446,7 +454,7 @@ impl Body {
         };
         let (x, v) = (&mut self.position_m[..], &mut self.velocity_m_per_s[..]);
         let data = (x, v, &velocity_change[..], &self.external_n[..]);
-        let work_j = workers.reduce_chunks(data, NODES_PER_CHUNK, integrate, |a, b| a + b);
+        let work_j = workers.reduce_chunks(data, NODE_SHARE, integrate, |a, b| a + b);
         self.turn_positions();
         work_j
     }
