@@ -82,25 +82,31 @@ pub struct Operator {
     inverse: Vec<[f32x4; 3]>,
 }
 
-/// Components of the corners, one element per lane.
+/// Components of the corners, one element per lane. Slots and values are those of one chunk.
 #[inline(always)]
+#[allow(unsafe_code, reason = "a gather of lanes: 64 checks a block are a tenth of a product")]
 fn gather(corners: &[[u16; LANES]; 8], values: &[f32x4]) -> [f32x8; 24] {
-    let last = values.len() - 1;
-    let corner = |c: usize| {
-        let slots = &corners[c];
-        lanes::split(std::array::from_fn(|lane| values[usize::from(slots[lane]).min(last)]))
+    let at = |slot: u16| {
+        debug_assert!(usize::from(slot) < values.len());
+        // SAFETY: a chunk gives out slots below its length, and `Assembly::by_chunk` buffers of that length.
+        unsafe { *values.get_unchecked(usize::from(slot)) }
     };
+    let corner = |c: usize| lanes::split(corners[c].map(at));
     let c = [corner(0), corner(1), corner(2), corner(3), corner(4), corner(5), corner(6), corner(7)];
     bytemuck::cast(c)
 }
 
-/// Adds what each lane has for its corners.
+/// Adds what each lane has for its corners. Slots and sums are those of one chunk.
 #[inline(always)]
+#[allow(unsafe_code, reason = "a scatter of lanes, as the gather")]
 fn scatter(corners: &[[u16; LANES]; 8], y: &[f32x8; 24], sums: &mut [f32x4]) {
-    let last = sums.len() - 1;
     for (corner, slots) in corners.iter().enumerate() {
         let vectors = lanes::join([y[3 * corner], y[3 * corner + 1], y[3 * corner + 2]]);
-        (0..LANES).for_each(|lane| sums[usize::from(slots[lane]).min(last)] += vectors[lane]);
+        for (slot, vector) in slots.iter().zip(vectors) {
+            debug_assert!(usize::from(*slot) < sums.len());
+            // SAFETY: as in `gather`.
+            unsafe { *sums.get_unchecked_mut(usize::from(*slot)) += vector };
+        }
     }
 }
 
