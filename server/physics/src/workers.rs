@@ -73,9 +73,9 @@ impl<T: Send> Slices for Groups<'_, T> {
     }
 }
 
-/// How work is shared out.
+/// How finely work is divided among threads.
 #[derive(Clone, Copy, Debug)]
-pub struct Share {
+pub struct Grain {
     /// Entries of a chunk. The order in which results are joined depends on it.
     pub chunk: usize,
     /// Chunks below which it costs more to hand them to another thread than to do them: some 20 us of work.
@@ -104,23 +104,23 @@ impl<'a> Workers<'a> {
     }
 
     /// Calls `work(chunk index, chunk)` for each chunk, in parallel where threads are lent and it pays.
-    pub fn for_chunks<S: Slices>(&self, data: S, share: Share, work: impl Fn(usize, S) + Sync) {
-        self.reduce_chunks(data, share, work, |(), ()| ());
+    pub fn for_chunks<S: Slices>(&self, data: S, grain: Grain, work: impl Fn(usize, S) + Sync) {
+        self.reduce_chunks(data, grain, work, |(), ()| ());
     }
 
     /// The same, with the results joined in an order that depends on the number of chunks alone.
     pub fn reduce_chunks<S: Slices, R: Send>(
         &self,
         data: S,
-        share: Share,
+        grain: Grain,
         work: impl Fn(usize, S) -> R + Sync,
         join: impl Fn(R, R) -> R + Sync,
     ) -> R {
         match self.pool {
-            Some(pool) if data.count() >= 2 * share.least * share.chunk => {
-                pool.install(|| divide(data, 0, share, &work, &join))
+            Some(pool) if data.count() >= 2 * grain.least * grain.chunk => {
+                pool.install(|| divide(data, 0, grain, &work, &join))
             }
-            _ => divide(data, 0, Share { least: usize::MAX, ..share }, &work, &join),
+            _ => divide(data, 0, Grain { least: usize::MAX, ..grain }, &work, &join),
         }
     }
 }
@@ -129,17 +129,17 @@ impl<'a> Workers<'a> {
 fn divide<S: Slices, R: Send>(
     data: S,
     first: usize,
-    share: Share,
+    grain: Grain,
     work: &(impl Fn(usize, S) -> R + Sync),
     join: &(impl Fn(R, R) -> R + Sync),
 ) -> R {
-    let half = data.count().div_ceil(share.chunk) / 2;
+    let half = data.count().div_ceil(grain.chunk) / 2;
     if half == 0 {
         return work(first, data);
     }
-    let (low, high) = data.cut(half * share.chunk);
-    let low = || divide(low, first, share, work, join);
-    let high = || divide(high, first + half, share, work, join);
-    let (low, high) = if half >= share.least { rayon::join(low, high) } else { (low(), high()) };
+    let (low, high) = data.cut(half * grain.chunk);
+    let low = || divide(low, first, grain, work, join);
+    let high = || divide(high, first + half, grain, work, join);
+    let (low, high) = if half >= grain.least { rayon::join(low, high) } else { (low(), high()) };
     join(low, high)
 }

@@ -8,22 +8,22 @@ use crate::fem::composite::corner_pair;
 use crate::fem::corotation::{ElementBlock, ElementState, Evaluation, LANES, NodalBuffers, StepTerms};
 use crate::fem::lanes::for_packed;
 use crate::solve::assembly::{CHUNK_ELEMENTS, Chunk};
-use crate::solve::operator::{LANES as OPERATOR_LANES, NODE_SHARE, NODES_PER_CHUNK};
-use crate::workers::{Groups, Share, Workers};
+use crate::solve::operator::{LANES as OPERATOR_LANES, NODE_GRAIN, NODES_PER_CHUNK};
+use crate::workers::{Grain, Groups, Workers};
 use wide::f64x4;
 
 /// Blocks per chunk of elements.
 const BLOCKS_PER_CHUNK: usize = CHUNK_ELEMENTS / LANES;
-/// How the evaluation of chunks of elements is shared out: 40 us a chunk.
-const EVALUATION_SHARE: Share = Share { chunk: 1, least: 1 };
-/// How copies of rotations are: 3 us a chunk.
-const ROTATION_SHARE: Share = Share { chunk: BLOCKS_PER_CHUNK, least: 8 };
+/// Of the evaluation of chunks of elements: 40 us a chunk.
+const EVALUATION_GRAIN: Grain = Grain { chunk: 1, least: 1 };
+/// Of copies of rotations: 3 us a chunk.
+const ROTATION_GRAIN: Grain = Grain { chunk: BLOCKS_PER_CHUNK, least: 8 };
 /// Elements whose stiffening factor is within this of 1 keep the matrix of the rest state.
 const STIFFENING_THRESHOLD: f64 = 0.02;
 /// The smoothers' diagonal blocks stay until some element may have turned by this since: inside a body of
 /// one material they hardly depend on rotations.
 const MOST_TURNED_RAD: f64 = 0.1;
-/// They stay until what steadies some element may have changed since by this share of `V E`: as much of the stress is
+/// They stay until what steadies some element may have changed since by this fraction of `V E`: as much of the stress is
 /// less than half as much of the diagonal, where the stiffness against volume change stands too.
 const MOST_UNSMOOTHED: f64 = 0.5;
 /// Coarse matrices follow an element's stiffening only when it has changed by this factor: they
@@ -170,7 +170,7 @@ impl Body {
         let balance_n = assembly.by_chunk(&mut self.balance_n);
         workers.for_chunks(
             (states, &mut self.chunks[..], balance_n),
-            EVALUATION_SHARE,
+            EVALUATION_GRAIN,
             |index, (states, chunks, balance_n)| {
                 if among(index) {
                     let (chunk, blocks) = (&mut chunks[0], &blocks[index * BLOCKS_PER_CHUNK..]);
@@ -348,7 +348,7 @@ impl Body {
     pub(super) fn write_rotations(&mut self, workers: &Workers<'_>) {
         const { assert!(OPERATOR_LANES == 2 * LANES) };
         let states = &self.states;
-        workers.for_chunks(&mut self.multigrid.operator_mut().blocks[..], ROTATION_SHARE, |first, blocks| {
+        workers.for_chunks(&mut self.multigrid.operator_mut().blocks[..], ROTATION_GRAIN, |first, blocks| {
             for (block, states) in blocks.iter_mut().zip(states[2 * first * BLOCKS_PER_CHUNK..].chunks(2)) {
                 let (low, high) = (&states[0].rotation_matrix, &states[states.len() - 1].rotation_matrix);
                 block.rotation = std::array::from_fn(|i| bytemuck::cast([low[i], high[i]]));
@@ -399,7 +399,7 @@ impl Body {
         let mut b = std::mem::take(&mut self.scratch.right_side);
         let (assembly, external_n) = (self.multigrid.operator().assembly(), &self.external_n);
         let balance_n = &self.balance_n;
-        workers.for_chunks(&mut b[..], NODE_SHARE, |first, b| {
+        workers.for_chunks(&mut b[..], NODE_GRAIN, |first, b| {
             for (node, b) in (first * NODES_PER_CHUNK..).zip(b) {
                 let entries = assembly.entries(node).iter();
                 let sum = entries.fold(f64x4::ZERO, |sum, entry| sum + balance_n[*entry as usize]).to_array();
@@ -454,7 +454,7 @@ impl Body {
         };
         let (x, v) = (&mut self.position_m[..], &mut self.velocity_m_per_s[..]);
         let data = (x, v, &velocity_change[..], &self.external_n[..]);
-        let work_j = workers.reduce_chunks(data, NODE_SHARE, integrate, |a, b| a + b);
+        let work_j = workers.reduce_chunks(data, NODE_GRAIN, integrate, |a, b| a + b);
         self.turn_positions();
         work_j
     }

@@ -67,6 +67,17 @@ impl Coarsest {
         }
     }
 
+    /// Room for the pieces that springs may join.
+    pub fn reserve(&mut self) {
+        if self.pieces.len() > 1 {
+            let n = 3 * self.piece.len().min(MOST_NODES);
+            let Joined { nodes, matrix, factor, .. } = &mut self.joined;
+            nodes.reserve(self.piece.len() - nodes.len());
+            matrix.reserve((n * (n + 1) / 2).saturating_sub(matrix.len()));
+            factor.reserve((n * (n + 1) / 2).saturating_sub(factor.len()));
+        }
+    }
+
     /// Takes in the springs between pieces.
     pub fn set_springs(&mut self, operator: &Operator) {
         let Joined { nodes, place, .. } = &mut self.joined;

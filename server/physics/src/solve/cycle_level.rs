@@ -4,7 +4,7 @@
 //! block-diagonal-scaled matrix.
 
 use super::lists::Lists;
-use super::operator::{NODE_SHARE, NODES_PER_CHUNK, NodeVector, Operator, masters_of};
+use super::operator::{NODE_GRAIN, NODES_PER_CHUNK, NodeVector, Operator, masters_of};
 use super::pcg::dot;
 use crate::fem::composite::shape_functions;
 use crate::grid::levels::{Element, HangingNode, Level};
@@ -202,7 +202,7 @@ impl CycleLevel {
         for _ in 0..POWER_ITERATIONS {
             self.operator.apply(workers, &eigenvector, &mut self.r);
             let operator = &self.operator;
-            workers.for_chunks((&self.r[..], &mut self.step[..]), NODE_SHARE, |chunk, (r, step)| {
+            workers.for_chunks((&self.r[..], &mut self.step[..]), NODE_GRAIN, |chunk, (r, step)| {
                 for (node, (r, step)) in (chunk * NODES_PER_CHUNK..).zip(r.iter().zip(step)) {
                     *step = operator.precondition_node(node, *r);
                 }
@@ -216,7 +216,7 @@ impl CycleLevel {
             // Rayleigh quotient of the next vector's energy: between the last two power steps.
             self.largest_eigenvalue = EIGENVALUE_MARGIN * (along / norm) as f32;
             let scale = f32x4::splat((1.0 / size) as f32);
-            workers.for_chunks((&mut eigenvector[..], &self.step[..]), NODE_SHARE, |_, (v, step)| {
+            workers.for_chunks((&mut eigenvector[..], &self.step[..]), NODE_GRAIN, |_, (v, step)| {
                 v.iter_mut().zip(step).for_each(|(v, s)| *v = *s * scale);
             });
         }
@@ -235,7 +235,7 @@ impl CycleLevel {
             let beta = f32x4::splat(*beta);
             let operator = &self.operator;
             let data = (&self.b[..], &mut self.step[..], &mut self.x[..]);
-            workers.for_chunks(data, NODE_SHARE, |chunk, (b, step, x)| {
+            workers.for_chunks(data, NODE_GRAIN, |chunk, (b, step, x)| {
                 for (node, ((b, step), x)) in (chunk * NODES_PER_CHUNK..).zip(b.iter().zip(step).zip(x)) {
                     let r = if from_zero { *b } else { *b - operator.product_at(node) };
                     let z = gain * operator.precondition_node(node, r);
@@ -253,13 +253,13 @@ impl CycleLevel {
     pub(super) fn restrict(&mut self, workers: &Workers<'_>, above: &mut [f32x4]) {
         self.operator.multiply(workers, &self.x);
         let operator = &self.operator;
-        workers.for_chunks((&self.b[..], &mut self.r[..]), NODE_SHARE, |chunk, (b, r)| {
+        workers.for_chunks((&self.b[..], &mut self.r[..]), NODE_GRAIN, |chunk, (b, r)| {
             for (node, (b, r)) in (chunk * NODES_PER_CHUNK..).zip(b.iter().zip(r)) {
                 *r = *b - operator.product_at(node);
             }
         });
         let (restriction, r) = (&self.restriction, &self.r);
-        workers.for_chunks(above, NODE_SHARE, |chunk, above| {
+        workers.for_chunks(above, NODE_GRAIN, |chunk, above| {
             for (node, b) in (chunk * NODES_PER_CHUNK..).zip(above) {
                 let terms = restriction.list(node).iter();
                 *b = terms.fold(f32x4::ZERO, |sum, &(node, w)| f32x4::splat(w).mul_add(r[node as usize], sum));
@@ -269,7 +269,7 @@ impl CycleLevel {
 
     /// `x += P x` from the level above.
     pub(super) fn prolongate(&mut self, workers: &Workers<'_>, above: &[f32x4]) {
-        workers.for_chunks((&self.prolongation[..], &mut self.x[..]), NODE_SHARE, |_, (prolongation, x)| {
+        workers.for_chunks((&self.prolongation[..], &mut self.x[..]), NODE_GRAIN, |_, (prolongation, x)| {
             for (entry, x) in prolongation.iter().zip(x) {
                 *x = entry.iter().fold(*x, |sum, (node, w)| f32x4::splat(w).mul_add(above[node], sum));
             }

@@ -10,15 +10,15 @@ use super::operator::{LANES, Operator};
 use super::spring::{POINT_NODES, PointSpring};
 use crate::fem::lanes::{PACKED, pack, unpack};
 use crate::grid::levels::{Level, LevelChange};
-use crate::workers::{Share, Workers};
+use crate::workers::{Grain, Workers};
 
 /// No eigenvalue of `D^-1 A` is larger: an element or a spring that moves n unknowns takes at most n times what
 /// it has on their diagonals.
 const MOST_EIGENVALUE: f32 = POINT_NODES as f32;
 /// Blocks of coarse elements per chunk of parallel work.
 const BLOCKS_PER_CHUNK: usize = 32;
-/// How their rotations are shared out: 20 us a chunk.
-const ROTATION_SHARE: Share = Share { chunk: BLOCKS_PER_CHUNK, least: 1 };
+/// Of their rotations: 20 us a chunk.
+const ROTATION_GRAIN: Grain = Grain { chunk: BLOCKS_PER_CHUNK, least: 1 };
 
 /// The levels of one object, the finest (the one that is solved on) first.
 #[derive(Clone)]
@@ -183,6 +183,9 @@ impl Multigrid {
     /// Room for `count` springs on every level.
     pub fn reserve_springs(&mut self, count: usize) {
         self.levels.iter_mut().for_each(|l| l.operator.reserve_springs(count));
+        if count > 0 {
+            self.coarsest.reserve();
+        }
     }
 
     /// Replaces the springs on every level.
@@ -239,7 +242,7 @@ fn elements_in_cells(level: &Level, cells: &[[i32; 3]]) -> Vec<u32> {
 /// The rotation of a coarse element is the normalised sum of its children's.
 fn inherit_rotations(workers: &Workers<'_>, child: &CycleLevel, parent: &mut Operator) {
     let count = parent.element_count();
-    workers.for_chunks(&mut parent.blocks[..], ROTATION_SHARE, |chunk, blocks| {
+    workers.for_chunks(&mut parent.blocks[..], ROTATION_GRAIN, |chunk, blocks| {
         for (index, block) in (chunk * BLOCKS_PER_CHUNK..).zip(blocks) {
             for lane in 0..LANES.min(count - index * LANES) {
                 let mut sum = [0.0; 9];

@@ -10,7 +10,7 @@ use super::spring::{POINT_NODES, PointSpring};
 use crate::fem::lanes::{self, PACKED};
 use crate::fem::packed::PackedMatrix;
 use crate::grid::levels::{HangingNode, Level};
-use crate::workers::{Share, Workers};
+use crate::workers::{Grain, Workers};
 use wide::{f32x4, f32x8};
 
 /// Elements per block.
@@ -21,10 +21,10 @@ const BLOCKS_PER_CHUNK: usize = CHUNK_ELEMENTS / LANES;
 const LEAST_SHARE: f32 = 1e-5;
 /// Nodes per chunk of parallel work.
 pub const NODES_PER_CHUNK: usize = 512;
-/// How sweeps over nodes are shared out: 3 us a chunk.
-pub const NODE_SHARE: Share = Share { chunk: NODES_PER_CHUNK, least: 8 };
-/// How sums over the chunks of elements are shared out: 5 us a chunk.
-const ELEMENT_SHARE: Share = Share { chunk: 1, least: 4 };
+/// Of sweeps over nodes: 3 us a chunk.
+pub const NODE_GRAIN: Grain = Grain { chunk: NODES_PER_CHUNK, least: 8 };
+/// Of sums over the chunks of elements: 5 us a chunk.
+const ELEMENT_GRAIN: Grain = Grain { chunk: 1, least: 4 };
 
 /// A vector with three components per node; the fourth is zero.
 pub type NodeVector = Vec<f32x4>;
@@ -352,7 +352,7 @@ impl Operator {
     }
 
     fn read_products(&self, workers: &Workers<'_>, y: &mut [f32x4]) {
-        workers.for_chunks(y, NODE_SHARE, |chunk, y| {
+        workers.for_chunks(y, NODE_GRAIN, |chunk, y| {
             for (node, y) in (chunk * NODES_PER_CHUNK..).zip(y) {
                 *y = self.product_at(node);
             }
@@ -364,7 +364,7 @@ impl Operator {
     fn evaluate_blocks<T: BlockTerm>(&mut self, workers: &Workers<'_>, x: Option<&[f32x4]>, term: &T) {
         let Self { blocks, assembly, corners, values, sums, .. } = self;
         let buffers = (assembly.by_chunk(values), assembly.by_chunk(sums));
-        workers.for_chunks(buffers, ELEMENT_SHARE, |index, (values, sums)| {
+        workers.for_chunks(buffers, ELEMENT_GRAIN, |index, (values, sums)| {
             let (values, sums, chunk) = (values.entries, sums.entries, &assembly.chunks()[index]);
             let blocks = blocks[index * BLOCKS_PER_CHUNK..].iter();
             match &corners[index] {
@@ -397,7 +397,7 @@ impl Operator {
         self.springs.clear();
         self.sprung.clear();
         let data = (&self.diagonal.on[..], &self.diagonal.off[..], &mut self.inverse[..]);
-        workers.for_chunks(data, NODE_SHARE, |_, (on, off, inverse)| {
+        workers.for_chunks(data, NODE_GRAIN, |_, (on, off, inverse)| {
             for (first, inverse) in inverse.chunks_mut(LANES).enumerate() {
                 let at = |v: &[f32x4]| -> [f32x4; LANES] {
                     std::array::from_fn(|i| v.get(first * LANES + i).copied().unwrap_or_default())
