@@ -97,8 +97,10 @@ fn problems(scene: &SceneDesc, meshes: &Meshes) -> Vec<SceneError> {
         Some(DialDesc::MaxError(error)) => _ = report.number("dial.max_error", error, 1e-9..=1e3),
         None => {}
     }
-    if let Some(governor) = scene.governor {
-        let least = scene.relative_tolerance().max(1e-12).min(0.5);
+    if let Some(governor) = scene.governor
+        && rate_is_sound
+    {
+        let least = scene.relative_tolerance().clamp(1e-12, 0.5);
         report.number("governor.max_relative_tolerance", governor.max_relative_tolerance, least..=0.5);
     }
 
