@@ -6,8 +6,7 @@ pub struct StepParams {
     /// Time step, s.
     pub dt_s: f64,
     /// Residual at which the velocity solve ends, over the right side or, if that is larger, the
-    /// impulses of loads and contacts whose balance it is. Default 1e-3: the force on the tool is then
-    /// within 2e-4 of the converged one.
+    /// impulses of loads and contacts whose balance it is. Default: [`crate::SceneDesc::relative_tolerance`].
     pub relative_tolerance: f64,
     /// Iterations after which a solve ends whatever its residual. Default 200.
     pub max_iterations: u32,

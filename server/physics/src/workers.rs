@@ -73,6 +73,15 @@ impl<T: Send> Slices for Groups<'_, T> {
     }
 }
 
+/// How finely work is divided among threads.
+#[derive(Clone, Copy, Debug)]
+pub struct Grain {
+    /// Entries of a chunk. The order in which results are joined depends on it.
+    pub chunk: usize,
+    /// Chunks below which it costs more to hand them to another thread than to do them: some 20 us of work.
+    pub least: usize,
+}
+
 impl<'a> Workers<'a> {
     /// Everything runs on the calling thread.
     #[must_use]
@@ -94,42 +103,43 @@ impl<'a> Workers<'a> {
         }
     }
 
-    /// Calls `work(chunk index, chunk)` for each chunk of `size` entries, in parallel where threads are
-    /// lent.
-    pub fn for_chunks<S: Slices>(&self, data: S, size: usize, work: impl Fn(usize, S) + Sync) {
-        self.reduce_chunks(data, size, work, |(), ()| ());
+    /// Calls `work(chunk index, chunk)` for each chunk, in parallel where threads are lent and it pays.
+    pub fn for_chunks<S: Slices>(&self, data: S, grain: Grain, work: impl Fn(usize, S) + Sync) {
+        self.reduce_chunks(data, grain, work, |(), ()| ());
     }
 
     /// The same, with the results joined in an order that depends on the number of chunks alone.
     pub fn reduce_chunks<S: Slices, R: Send>(
         &self,
         data: S,
-        size: usize,
+        grain: Grain,
         work: impl Fn(usize, S) -> R + Sync,
         join: impl Fn(R, R) -> R + Sync,
     ) -> R {
         match self.pool {
-            Some(pool) if data.count() > size => pool.install(|| divide::<_, _, true>(data, 0, size, &work, &join)),
-            _ => divide::<_, _, false>(data, 0, size, &work, &join),
+            Some(pool) if data.count() >= 2 * grain.least * grain.chunk => {
+                pool.install(|| divide(data, 0, grain, &work, &join))
+            }
+            _ => divide(data, 0, Grain { least: usize::MAX, ..grain }, &work, &join),
         }
     }
 }
 
-/// Halves the chunks until one is left.
-fn divide<S: Slices, R: Send, const PARALLEL: bool>(
+/// Halves the chunks until one is left, both halves at once where each is worth a thread.
+fn divide<S: Slices, R: Send>(
     data: S,
     first: usize,
-    size: usize,
+    grain: Grain,
     work: &(impl Fn(usize, S) -> R + Sync),
     join: &(impl Fn(R, R) -> R + Sync),
 ) -> R {
-    let half = data.count().div_ceil(size) / 2;
+    let half = data.count().div_ceil(grain.chunk) / 2;
     if half == 0 {
         return work(first, data);
     }
-    let (low, high) = data.cut(half * size);
-    let low = || divide::<_, _, PARALLEL>(low, first, size, work, join);
-    let high = || divide::<_, _, PARALLEL>(high, first + half, size, work, join);
-    let (low, high) = if PARALLEL { rayon::join(low, high) } else { (low(), high()) };
+    let (low, high) = data.cut(half * grain.chunk);
+    let low = || divide(low, first, grain, work, join);
+    let high = || divide(high, first + half, grain, work, join);
+    let (low, high) = if half >= grain.least { rayon::join(low, high) } else { (low(), high()) };
     join(low, high)
 }

@@ -244,7 +244,7 @@ fn a_grip_holds_on_through_a_cut_of_what_it_holds() {
     let mut scene = strip(h, 1, None);
     scene.desc.objects[0].material.fracture_energy_j_per_m2 = Some(10.0);
     scene.desc.tools.push(ToolDesc::blade("blade", BladeDesc::straight(0.03, 0.05)));
-    scene.desc.solver.relative_tolerance = 1e-3;
+    scene.desc.solver.relative_tolerance = Some(1e-3);
     let mut hand = Hand::new(&scene, Vec3::new(LENGTH_M, 0.0, 0.0));
     hand.close();
     hand.move_by(Vec3::new(0.001, 0.0, 0.0), Quat::identity(), 50);

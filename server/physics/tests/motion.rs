@@ -23,7 +23,7 @@ fn ellipsoid(level: u8) -> ObjectDesc {
 
 fn world(desc: ObjectDesc, tolerance: f64) -> (Scene, World) {
     let mut scene = scene(vec![desc]);
-    scene.desc.solver.relative_tolerance = tolerance;
+    scene.desc.solver.relative_tolerance = Some(tolerance);
     let world = World::new(&scene).expect("a valid scene");
     (scene, world)
 }
@@ -122,7 +122,7 @@ fn a_free_body_and_a_fragment_fall_as_implicit_euler_says_without_strain() {
     let (aside_m, apart_m) = (Vec3::new(0.0, 0.0, 1.0), Vec3::new(0.01, 0.0, 0.0));
     let mut scene = scene(vec![ellipsoid(2), bar(2)]);
     scene.desc.gravity_m_per_s2 = [0.0, -GRAVITY_M_PER_S2, 0.0];
-    scene.desc.solver.relative_tolerance = 1e-2;
+    scene.desc.solver.relative_tolerance = Some(1e-2);
     scene.desc.objects[1].fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [0.01, 1.0, 1.0] }];
     scene.desc.objects[1].name = "bar".into();
     let mut world = World::new(&scene).expect("a valid scene");

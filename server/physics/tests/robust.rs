@@ -31,7 +31,7 @@ fn blob(held: Held, blade: &BladeDesc, tools: usize) -> World {
         Held::Everything => vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0; 3] }],
     };
     let mut scene = scene(vec![desc]);
-    scene.desc.solver.relative_tolerance = 1e-3;
+    scene.desc.solver.relative_tolerance = Some(1e-3);
     scene.desc.tools = (0..tools).map(|i| ToolDesc::blade(&format!("blade {i}"), blade.clone())).collect();
     World::new(&scene).expect("a valid scene")
 }

@@ -257,7 +257,7 @@ fn each_number_is_taken_up_to_its_limits_and_refused_beyond_with_field_and_limit
         ),
         bound(|s, v| toughening(s).exponent = v, "objects[0].material.rate.exponent", [0.0, 1.0], 1e-9),
         bound(|s, v| s.objects[0].voxel_size_m = Some(v), "objects[0].voxel_size_m", [1e-5, 1.0], 1e-9),
-        bound(|s, v| s.solver.relative_tolerance = v, "solver.relative_tolerance", [1e-12, 0.5], 1e-9),
+        bound(|s, v| s.solver.relative_tolerance = Some(v), "solver.relative_tolerance", [1e-12, 0.5], 1e-9),
         bound(|s, v| s.solver.max_iterations = v as u32, "solver.max_iterations", [1.0, 1e5], 1.0),
         bound(|s, v| s.gravity_m_per_s2[2] = v, "gravity_m_per_s2", [-1e3, 1e3], 1e-9),
         bound(|s, v| grasper(s).radius_m = v, "tools[0].shape.grasper.radius_m", [1e-4, 0.1], 1e-9),

@@ -19,7 +19,7 @@ fn strip(h: f64, level: u8) -> Scene {
     let end = |min_m, max_m| ShapeDesc::Box { min_m, max_m };
     strip.fixed = vec![end([-1.0, -1.0, -1.0], [1.0, 1.0, -0.017]), end([-1.0, -1.0, 0.017], [1.0, 1.0, 1.0])];
     let mut scene = scene(vec![strip]);
-    scene.desc.solver.relative_tolerance = 1e-3;
+    scene.desc.solver.relative_tolerance = Some(1e-3);
     scene.desc.tools = vec![ToolDesc::scissors("scissors", ScissorsDesc::new(0.05, 0.02))];
     scene
 }

@@ -41,7 +41,7 @@ fn strip(level: u8, h: f64, pull: f64) -> Scene {
         desc.loads = vec![LoadDesc::Traction { region, face: Face::MaxZ, traction_pa: [0.0, 0.0, pull * YOUNG_PA] }];
     }
     let mut scene = cutting_scene(desc, 2.0 * THICKNESS_M, 1000.0);
-    scene.desc.solver.relative_tolerance = 1e-4;
+    scene.desc.solver.relative_tolerance = Some(1e-4);
     scene
 }
 

@@ -22,7 +22,7 @@ fn two_blocks() -> World {
         block.fixed = vec![kerf_physics::scene::ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 0.0051, 1.0] }];
     }
     let mut scene = scene(blocks.into());
-    scene.desc.solver.relative_tolerance = 1e-3;
+    scene.desc.solver.relative_tolerance = Some(1e-3);
     let blade = BladeDesc::straight(0.06, 0.06);
     scene.desc.tools = vec![ToolDesc::blade("blade", blade)];
     World::new(&scene).expect("a valid scene")

@@ -201,7 +201,7 @@ fn violent_starts_gain_no_energy_and_come_to_rest() {
             desc.material.rayleigh_beta_s = 5e-3;
             desc.material.viscosity = viscosity(tau, s);
             let mut scene = scene(vec![desc]);
-            scene.desc.solver.relative_tolerance = 1e-3;
+            scene.desc.solver.relative_tolerance = Some(1e-3);
             let mut world = World::new(&scene).expect("a valid scene");
             let body = world.body_mut(0);
             let mut rng = Lcg(5);

@@ -46,7 +46,7 @@ impl Governor {
     /// The governor that a scene asks for; `None` if it asks for none.
     pub fn of(desc: &SceneDesc) -> Option<Self> {
         let most_tolerance = desc.governor?.max_relative_tolerance;
-        let tolerance = desc.solver.relative_tolerance;
+        let tolerance = desc.relative_tolerance();
         Some(Self {
             least_tolerance: tolerance,
             most_tolerance,

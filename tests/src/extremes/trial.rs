@@ -90,7 +90,7 @@ impl Trial {
         Ok(Self {
             no_energy_j: NO_ENERGY * stiff_j.sum::<f64>(),
             dt_s: 1.0 / scene.desc.rate_hz,
-            tolerance: scene.desc.solver.relative_tolerance,
+            tolerance: scene.desc.relative_tolerance(),
             start_j: 0.0,
             net_j: 0.0,
             stored_j: 0.0,

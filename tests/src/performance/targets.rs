@@ -30,7 +30,7 @@ pub fn section(_plots: &Path) -> Result<String> {
     line("the same without fracture, two threads", 0.8, middle(&two, without))?;
     let mut converged = builtin("liver")?;
     converged.desc.rate_hz = 100.0;
-    converged.desc.solver.relative_tolerance = 1e-5;
+    converged.desc.solver.relative_tolerance = Some(1e-5);
     let converged = runs(&converged, 1, Viewer::Absent, usize::MAX)?;
     line(
         "liver, k = 4, 100 Hz, residual 1e-5, one thread, mechanics only, without fracture",

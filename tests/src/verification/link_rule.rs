@@ -77,7 +77,7 @@ fn scene_of(mesh: Mesh, rule: FractureRule) -> Scene {
     let held = |from_m: f64, to_m: f64| ShapeDesc::Box { min_m: [-1.0, -1.0, from_m], max_m: [1.0, 1.0, to_m] };
     object.fixed = vec![held(-1.0, HELD_M), held(SIZE_M[2] - HELD_M, 1.0)];
     let mut scene = scene(object);
-    scene.desc.solver.relative_tolerance = 1e-3;
+    scene.desc.solver.relative_tolerance = Some(1e-3);
     scene.desc.tools = vec![ToolDesc::blade("blade", BladeDesc::straight(0.12, 0.06))];
     scene
 }

@@ -14,7 +14,7 @@ use super::{Extent, Family, Reference, Row, Table};
 fn bar(level: u8) -> Result<World> {
     let mut scene = scene(block([0.12, 0.04, 0.04], Mesh { voxel_m: 0.01, level }, material(1e6, 0.45)));
     // Momenta must not depend on how well the velocities are solved.
-    scene.desc.solver.relative_tolerance = 1e-2;
+    scene.desc.solver.relative_tolerance = Some(1e-2);
     let mut world = World::new(&scene)?;
     let body = world.body_mut(0);
     let crossing = Crossing { t: 0.5, normal: [1.0, 0.0, 0.0] };
@@ -96,7 +96,7 @@ fn recover(start: Start, level: u8, strain_stiffening: f64) -> Result<[f64; 2]> 
     desc.material.rayleigh_beta_s = 5e-3;
     desc.material.strain_stiffening = strain_stiffening;
     let mut scene = scene(desc);
-    scene.desc.solver.relative_tolerance = 1e-3;
+    scene.desc.solver.relative_tolerance = Some(1e-3);
     let mut world = World::new(&scene)?;
     let body = world.body_mut(0);
     let mut rng = Lcg(5);

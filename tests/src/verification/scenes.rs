@@ -85,7 +85,7 @@ pub fn block(size_m: [f64; 3], mesh: Mesh, material: MaterialDesc) -> ObjectDesc
 pub fn scene(object: ObjectDesc) -> Scene {
     Scene {
         desc: SceneDesc {
-            solver: SolverDesc { relative_tolerance: 1e-6, max_iterations: 500 },
+            solver: SolverDesc { relative_tolerance: Some(1e-6), max_iterations: 500 },
             ..SceneDesc::of("verification", vec![object])
         },
         meshes: Default::default(),

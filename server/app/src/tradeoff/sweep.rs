@@ -51,7 +51,7 @@ pub fn own_setting(desc: &SceneDesc) -> Setting {
         level: desc.objects[0].level,
         voxel_scale: 1.0,
         rate_hz: desc.rate_hz,
-        relative_tolerance: desc.solver.relative_tolerance,
+        relative_tolerance: desc.relative_tolerance(),
         element: desc.objects[0].element,
         finer: if states { FinerRegions::Stated } else { FinerRegions::LeftOut },
     }

@@ -8,17 +8,24 @@ use crate::fem::corotation::{ElementBlock, ElementState, Evaluation, LANES, Noda
 use crate::fem::lanes::for_packed;
 use crate::math::Aabb;
 use crate::solve::assembly::{CHUNK_ELEMENTS, Chunk};
-use crate::solve::operator::{LANES as OPERATOR_LANES, NODES_PER_CHUNK};
-use crate::workers::{Groups, Workers};
+use crate::solve::operator::{LANES as OPERATOR_LANES, NODE_GRAIN, NODES_PER_CHUNK};
+use crate::workers::{Grain, Groups, Workers};
 use wide::f64x4;
 
 /// Blocks per chunk of elements.
 const BLOCKS_PER_CHUNK: usize = CHUNK_ELEMENTS / LANES;
+/// Of the evaluation of chunks of elements: 40 us a chunk.
+const EVALUATION_GRAIN: Grain = Grain { chunk: 1, least: 1 };
+/// Of copies of rotations: 3 us a chunk.
+const ROTATION_GRAIN: Grain = Grain { chunk: BLOCKS_PER_CHUNK, least: 8 };
 /// Elements whose stiffening factor is within this of 1 keep the matrix of the rest state.
 const STIFFENING_THRESHOLD: f64 = 0.02;
 /// The smoothers' diagonal blocks stay until some element may have turned by this since: inside a body of
 /// one material they hardly depend on rotations.
 const MOST_TURNED_RAD: f64 = 0.1;
+/// They stay until what steadies some element may have changed since by this fraction of `V E`: as much of the stress is
+/// less than half as much of the diagonal, where the stiffness against volume change stands too.
+const MOST_UNSMOOTHED: f64 = 0.5;
 /// Coarse matrices follow an element's stiffening only when it has changed by this factor: they
 /// precondition, and a spectrally close matrix does as well.
 const COARSE_STIFFENING_FACTOR: f64 = 1.5;
@@ -139,9 +146,8 @@ impl Body {
         }
         let dt = self.params.dt_s;
         for (element, hold) in &self.holds {
-            let nodes = self.base().elements[*element as usize].nodes;
-            let dx = nodes.map(|n| self.velocity_m_per_s[n as usize].map(|v| dt * v));
-            sum.hold_j += (0..3).map(|i| 0.5 * quadratic(hold, |a| dx[a][i], |b| dx[b][i])).sum::<f64>();
+            let v = self.corner_velocities(*element as usize);
+            sum.hold_j += 0.5 * dt * dt * dot(&v, &hold_times(hold, &v));
         }
         for (nodes, pulls) in self.steadying_pulls() {
             let v = nodes.map(|n| Vec3::from(self.velocity_m_per_s[n]));
@@ -162,14 +168,18 @@ impl Body {
         let (x, v, dt) = (&self.position_m, &self.velocity_m_per_s, self.params.dt_s);
         let states = Groups { entries: &mut self.states, size: BLOCKS_PER_CHUNK };
         let balance_n = assembly.by_chunk(&mut self.balance_n);
-        workers.for_chunks((states, &mut self.chunks[..], balance_n), 1, |index, (states, chunks, balance_n)| {
-            if among(index) {
-                let (chunk, blocks) = (&mut chunks[0], &blocks[index * BLOCKS_PER_CHUNK..]);
-                chunk.load(&assembly.chunks()[index], x, v, velocity_change);
-                let (nodes, states, balance_n) = (&assembly.chunks()[index], states.entries, balance_n.entries);
-                chunk.evaluate(nodes, blocks, states, balance_n, dt, rotation_iterations);
-            }
-        });
+        workers.for_chunks(
+            (states, &mut self.chunks[..], balance_n),
+            EVALUATION_GRAIN,
+            |index, (states, chunks, balance_n)| {
+                if among(index) {
+                    let (chunk, blocks) = (&mut chunks[0], &blocks[index * BLOCKS_PER_CHUNK..]);
+                    chunk.load(&assembly.chunks()[index], x, v, velocity_change);
+                    let (nodes, states, balance_n) = (&assembly.chunks()[index], states.entries, balance_n.entries);
+                    chunk.evaluate(nodes, blocks, states, balance_n, dt, rotation_iterations);
+                }
+            },
+        );
         let turned_rad2 = |chunk: &ElementChunk| chunk.found.turned_rad2.to_array().into_iter().fold(0.0, f64::max);
         self.turned_rad += self.chunks.iter().map(turned_rad2).fold(0.0, f64::max).sqrt();
     }
@@ -198,8 +208,8 @@ impl Body {
             energy.kinetic_j += chunk.found.kinetic_j.reduce_add();
         }
         for (element, hold) in &self.holds {
-            let u = self.element_displacements(*element as usize);
-            energy.hold_j += (0..3).map(|i| 0.5 * quadratic(hold, |a| u[a][i], |b| u[b][i])).sum::<f64>();
+            let u = self.corner_displacements(*element as usize);
+            energy.hold_j += 0.5 * dot(&u, &hold_times(hold, &u));
         }
         energy
     }
@@ -275,16 +285,25 @@ impl Body {
         let Ok(found) = self.holds.binary_search_by_key(&(element as u32), |h| h.0) else {
             return Default::default();
         };
-        let u = self.element_displacements(element);
-        let pull = |a: usize, i: usize| -(0..8).map(|b| entry(&self.holds[found].1, a, b) * u[b][i]).sum::<f64>();
-        std::array::from_fn(|a| crate::Vec3::from_fn(|i, _| pull(a, i)))
+        hold_times(&self.holds[found].1, &self.corner_displacements(element)).map(|force| {
+            let [x, y, z, _] = force.to_array();
+            -Vec3::new(x, y, z)
+        })
     }
 
-    fn element_displacements(&self, element: usize) -> [[f64; 3]; 8] {
+    /// Displacements of an element's corners, m, xyz0.
+    fn corner_displacements(&self, element: usize) -> [f64x4; 8] {
         self.base().elements[element].nodes.map(|n| {
-            let rest = self.rest_position_m(n as usize);
-            let x = self.position_m[n as usize];
-            [0, 1, 2].map(|i| x[i] - rest[i])
+            let u = Vec3::from(self.position_m[n as usize]) - self.rest_position_m(n as usize);
+            f64x4::new([u.x, u.y, u.z, 0.0])
+        })
+    }
+
+    /// Velocities of an element's corners, m/s, xyz0.
+    fn corner_velocities(&self, element: usize) -> [f64x4; 8] {
+        self.base().elements[element].nodes.map(|n| {
+            let [x, y, z] = self.velocity_m_per_s[n as usize];
+            f64x4::new([x, y, z, 0.0])
         })
     }
 
@@ -329,7 +348,7 @@ impl Body {
     pub(super) fn write_rotations(&mut self, workers: &Workers<'_>) {
         const { assert!(OPERATOR_LANES == 2 * LANES) };
         let states = &self.states;
-        workers.for_chunks(&mut self.multigrid.operator_mut().blocks[..], BLOCKS_PER_CHUNK, |first, blocks| {
+        workers.for_chunks(&mut self.multigrid.operator_mut().blocks[..], ROTATION_GRAIN, |first, blocks| {
             for (block, states) in blocks.iter_mut().zip(states[2 * first * BLOCKS_PER_CHUNK..].chunks(2)) {
                 let (low, high) = (&states[0].rotation_matrix, &states[states.len() - 1].rotation_matrix);
                 block.rotation = std::array::from_fn(|i| bytemuck::cast([low[i], high[i]]));
@@ -340,7 +359,8 @@ impl Body {
     /// Brings the solver's operator and its preconditioner to the evaluated state.
     pub fn refresh_operator(&mut self, workers: &Workers<'_>) {
         self.scratch.stale_parents.clear();
-        let mut rewritten = self.steady_elements();
+        let mut rewritten = false;
+        self.unsmoothed += self.steady_elements();
         if self.blocks.iter().any(|b| b.stiffening.is_some()) {
             for element in 0..self.base().elements.len() {
                 let stiffening = self.states[element / LANES].stiffening.as_array()[element % LANES];
@@ -366,9 +386,9 @@ impl Body {
         }
         self.write_rotations(workers);
         self.multigrid.update_rotations(workers);
-        if rewritten || self.turned_rad > MOST_TURNED_RAD {
+        if rewritten || self.turned_rad > MOST_TURNED_RAD || self.unsmoothed > MOST_UNSMOOTHED {
             self.multigrid.update_diagonals(workers);
-            self.turned_rad = 0.0;
+            (self.turned_rad, self.unsmoothed) = (0.0, 0.0);
         }
     }
 
@@ -379,7 +399,7 @@ impl Body {
         let mut b = std::mem::take(&mut self.scratch.right_side);
         let (assembly, external_n) = (self.multigrid.operator().assembly(), &self.external_n);
         let balance_n = &self.balance_n;
-        workers.for_chunks(&mut b[..], NODES_PER_CHUNK, |first, b| {
+        workers.for_chunks(&mut b[..], NODE_GRAIN, |first, b| {
             for (node, b) in (first * NODES_PER_CHUNK..).zip(b) {
                 let entries = assembly.entries(node).iter();
                 let sum = entries.fold(f64x4::ZERO, |sum, entry| sum + balance_n[*entry as usize]).to_array();
@@ -387,16 +407,13 @@ impl Body {
             }
         });
         for (element, hold) in &self.holds {
+            // The hold acts at the end of the step: its displacement includes dt v.
+            let (u, v) = (self.corner_displacements(*element as usize), self.corner_velocities(*element as usize));
+            let ahead = std::array::from_fn(|a| f64x4::splat(dt).mul_add(v[a], u[a]));
             let nodes = self.base().elements[*element as usize].nodes;
-            let u = self.element_displacements(*element as usize);
-            for a in 0..8 {
-                for i in 0..3 {
-                    // The hold acts at the end of the step: its displacement includes dt v.
-                    let force: f64 = (0..8)
-                        .map(|c| entry(hold, a, c) * (u[c][i] + dt * self.velocity_m_per_s[nodes[c] as usize][i]))
-                        .sum();
-                    b[nodes[a] as usize][i] -= dt * force;
-                }
+            for (node, force) in nodes.into_iter().zip(hold_times(hold, &ahead)) {
+                let force = force.to_array();
+                (0..3).for_each(|i| b[node as usize][i] -= dt * force[i]);
             }
         }
         for (nodes, pulls) in self.steadying_pulls() {
@@ -437,7 +454,7 @@ impl Body {
         };
         let (x, v) = (&mut self.position_m[..], &mut self.velocity_m_per_s[..]);
         let data = (x, v, &velocity_change[..], &self.external_n[..]);
-        let work_j = workers.reduce_chunks(data, NODES_PER_CHUNK, integrate, |a, b| a + b);
+        let work_j = workers.reduce_chunks(data, NODE_GRAIN, integrate, |a, b| a + b);
         self.turn_positions();
         work_j
     }
@@ -449,10 +466,21 @@ impl Body {
     }
 }
 
-fn entry(packed: &[f64; 36], a: usize, b: usize) -> f64 {
-    packed[corner_pair(a, b)]
+/// `H u` on each axis, for the 8x8 matrix of what holds an element.
+fn hold_times(hold: &[f64; 36], u: &[f64x4; 8]) -> [f64x4; 8] {
+    let mut pull = [f64x4::ZERO; 8];
+    for a in 0..8 {
+        let row = &hold[a * (a + 1) / 2..=a * (a + 3) / 2];
+        for b in 0..a {
+            let entry = f64x4::splat(row[b]);
+            pull[a] = entry.mul_add(u[b], pull[a]);
+            pull[b] = entry.mul_add(u[a], pull[b]);
+        }
+        pull[a] = f64x4::splat(row[a]).mul_add(u[a], pull[a]);
+    }
+    pull
 }
 
-fn quadratic(packed: &[f64; 36], u: impl Fn(usize) -> f64, v: impl Fn(usize) -> f64) -> f64 {
-    (0..8).map(|a| u(a) * (0..8).map(|b| entry(packed, a, b) * v(b)).sum::<f64>()).sum()
+fn dot(a: &[f64x4; 8], b: &[f64x4; 8]) -> f64 {
+    a.iter().zip(b).fold(f64x4::ZERO, |sum, (a, b)| a.mul_add(*b, sum)).reduce_add()
 }

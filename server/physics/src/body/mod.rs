@@ -40,8 +40,9 @@ use crate::workers::Workers;
 use std::sync::Arc;
 use wide::f64x4;
 
-/// Coarsening stops at this many nodes: a dense factor of that size costs less than another level.
-const COARSEST_NODES: usize = 60;
+/// Coarsening stops at this many nodes, those of 2x2x2 cells: a dense factor of that size costs less than another
+/// level, and pieces of a body that was cut to shreds still have few enough to be factored as one.
+const COARSEST_NODES: usize = 27;
 /// Stiffness of a held voxel over `E h`: its compliance adds less than a hundredth of a voxel of
 /// tissue to what it holds.
 const HOLD_STIFFNESS: f64 = 300.0;
@@ -152,6 +153,8 @@ pub struct Body {
     holds: Vec<(u32, [f64; 36])>,
     /// By element.
     steadied: Vec<steady::Steadied>,
+    /// Whose turn it is to be steadied.
+    steadying_turn: usize,
     multigrid: Multigrid,
     pcg: PcgScratch,
     /// `psi'` that the solver's matrix and the coarse matrices were last made with.
@@ -159,6 +162,8 @@ pub struct Body {
     coarse_stiffening: Vec<f64>,
     /// Bound on how far any element has turned since the smoothers' diagonals were made, rad.
     turned_rad: f64,
+    /// Bound on how much what steadies any element has changed since then, over `V E`.
+    unsmoothed: f64,
     rigid: rigid::RigidParts,
     boundary: Boundary,
     scratch: Scratch,
@@ -235,10 +240,12 @@ impl Body {
             balance_n: Vec::new(),
             holds: Vec::new(),
             steadied: Vec::new(),
+            steadying_turn: 0,
             pcg: PcgScratch::default(),
             applied_stiffening: Vec::new(),
             coarse_stiffening: Vec::new(),
             turned_rad: 0.0,
+            unsmoothed: 0.0,
             rigid: rigid::RigidParts::default(),
             boundary: Boundary::default(),
             scratch: Scratch::default(),

@@ -4,7 +4,7 @@ use super::{Body, Nodal};
 use crate::Vec3;
 use crate::fem::viscosity::BranchState;
 use crate::grid::VoxelId;
-use crate::solve::operator::NODES_PER_CHUNK;
+use crate::solve::operator::NODE_GRAIN;
 use crate::workers::Workers;
 use wide::f64x4;
 
@@ -48,15 +48,15 @@ impl Body {
             *saves = saves.saturating_add(1);
             position_m.resize(self.position_m.len(), [0.0; 3]);
             rotation.resize(self.states.len(), [f64x4::ZERO; 4]);
-            workers.for_chunks((&mut position_m[..], &self.position_m[..]), NODES_PER_CHUNK, |_, (saved, x)| {
+            workers.for_chunks((&mut position_m[..], &self.position_m[..]), NODE_GRAIN, |_, (saved, x)| {
                 saved.copy_from_slice(x);
             });
-            workers.for_chunks((&mut rotation[..], &self.states[..]), NODES_PER_CHUNK, |_, (saved, states)| {
+            workers.for_chunks((&mut rotation[..], &self.states[..]), NODE_GRAIN, |_, (saved, states)| {
                 saved.iter_mut().zip(states).for_each(|(saved, state)| *saved = state.rotation);
             });
             if is_viscous {
                 branch.resize_with(self.states.len(), || None);
-                workers.for_chunks((&mut branch[..], &self.states[..]), NODES_PER_CHUNK, |_, (saved, states)| {
+                workers.for_chunks((&mut branch[..], &self.states[..]), NODE_GRAIN, |_, (saved, states)| {
                     saved.iter_mut().zip(states).for_each(|(saved, state)| saved.clone_from(&state.branch));
                 });
             }

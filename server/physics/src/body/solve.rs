@@ -2,7 +2,7 @@
 
 use super::{Body, Nodal};
 use crate::params::StepParams;
-use crate::solve::operator::{NODES_PER_CHUNK, masters_of};
+use crate::solve::operator::{NODE_GRAIN, masters_of};
 use crate::solve::pcg::{self, Factor, PcgReport, Stop, System, Systems};
 use crate::solve::spring::PointSpring;
 use crate::step_io::SolveReport;
@@ -24,7 +24,7 @@ impl Body {
     pub fn applied_impulse_norm(&mut self, workers: &Workers<'_>, impulses: &[(u32, [f64; 3])]) -> f64 {
         let mut applied = std::mem::take(&mut self.scratch.applied);
         let dt = self.params.dt_s;
-        workers.for_chunks((&mut applied[..], &self.external_n[..]), NODES_PER_CHUNK, |_, (applied, external)| {
+        workers.for_chunks((&mut applied[..], &self.external_n[..]), NODE_GRAIN, |_, (applied, external)| {
             applied.iter_mut().zip(external).for_each(|(a, f)| *a = f.map(|c| dt * c));
         });
         for (node, impulse) in impulses {
@@ -32,7 +32,7 @@ impl Body {
         }
         self.gather_hanging(&mut applied);
         let square = |_, applied: &[[f64; 3]]| applied.iter().flatten().map(|c| c * c).sum::<f64>();
-        let squares = workers.reduce_chunks(&applied[..], NODES_PER_CHUNK, square, |a, b| a + b);
+        let squares = workers.reduce_chunks(&applied[..], NODE_GRAIN, square, |a, b| a + b);
         self.scratch.applied = applied;
         squares.sqrt()
     }
@@ -65,7 +65,7 @@ impl Body {
     pub fn load_system(&mut self, workers: &Workers<'_>, impulses: &[(u32, [f64; 3])], guess_m_per_s: &[[f64; 3]]) {
         let scratch = &mut self.scratch;
         let data = (&mut scratch.right_side_f32[..], &scratch.right_side[..]);
-        workers.for_chunks(data, NODES_PER_CHUNK, |_, (narrowed, b)| {
+        workers.for_chunks(data, NODE_GRAIN, |_, (narrowed, b)| {
             narrowed.iter_mut().zip(b).for_each(|(narrowed, b)| *narrowed = narrow(b));
         });
         let hanging = self.multigrid.operator().hanging();
@@ -75,7 +75,7 @@ impl Body {
             }
         }
         let data = (&mut scratch.solution[..], guess_m_per_s);
-        workers.for_chunks(data, NODES_PER_CHUNK, |_, (solution, guess)| {
+        workers.for_chunks(data, NODE_GRAIN, |_, (solution, guess)| {
             solution.iter_mut().zip(guess).for_each(|(solution, guess)| *solution = narrow(guess));
         });
     }
@@ -105,7 +105,7 @@ impl Body {
     /// Reads the solution out of the solver's vectors.
     pub fn take_velocity_change(&mut self, workers: &Workers<'_>, velocity_change: &mut Nodal) {
         let data = (&mut velocity_change[..], &self.scratch.solution[..]);
-        workers.for_chunks(data, NODES_PER_CHUNK, |_, (change, solution)| {
+        workers.for_chunks(data, NODE_GRAIN, |_, (change, solution)| {
             for (change, v) in change.iter_mut().zip(solution) {
                 let [x, y, z, _] = v.to_array().map(f64::from);
                 *change = [x, y, z];

@@ -15,6 +15,11 @@ use crate::{Mat3, Vec3};
 const LEAST_STRAIN: f64 = 0.02;
 /// The tangent follows when the stress has changed by this share.
 const CHANGE: f64 = 0.2;
+/// Time in which the tangent comes to follow all elements, s: short beside what strain takes to change by
+/// [`CHANGE`] under a hand.
+const FOLLOWS_IN_S: f64 = 8e-3;
+/// Most steps that this takes.
+const MOST_TURNS: usize = 8;
 /// A cell that is filled by this share is full.
 const FULL: f64 = 1.0 - 1e-9;
 
@@ -84,24 +89,28 @@ impl Body {
         })
     }
 
-    /// Brings the matrices of stressed elements to what keeps them steady now; returns whether any changed.
-    pub(super) fn steady_elements(&mut self) -> bool {
-        let mut changed = false;
-        for at in 0..self.steadied.len() {
+    /// Brings the matrices of stressed elements to what keeps them steady now, of a part of them in each step that is
+    /// short beside [`FOLLOWS_IN_S`]. Returns the largest change of stress that this made, over Young's modulus.
+    pub(super) fn steady_elements(&mut self) -> f64 {
+        let turns = ((FOLLOWS_IN_S / self.params.dt_s) as usize).clamp(1, MOST_TURNS);
+        self.steadying_turn = (self.steadying_turn + 1) % turns;
+        let mut most_change = 0.0f64;
+        for at in (self.steadying_turn..self.steadied.len()).step_by(turns) {
             let element = self.steadied[at].element as usize;
             let energy_j = self.states[element / LANES].elastic_j.as_array()[element % LANES];
             let is_strained = 2.0 * energy_j > self.steadied[at].stiffness_j * LEAST_STRAIN * LEAST_STRAIN;
             let stress_j = if is_strained { self.element_stress_j(element) } else { Mat3::zeros() };
             let steadied = &mut self.steadied[at];
-            if (stress_j - steadied.stress_j).norm() > CHANGE * stress_j.norm() {
+            let change_j = (stress_j - steadied.stress_j).norm();
+            if change_j > CHANGE * stress_j.norm() {
                 let axes = stress_j.symmetric_eigen();
                 let positive = Mat3::from_diagonal(&axes.eigenvalues.map(|value| value.max(0.0)));
                 steadied.tension_j = axes.eigenvectors * positive * axes.eigenvectors.transpose();
                 steadied.stress_j = stress_j;
+                most_change = most_change.max(change_j / steadied.stiffness_j);
                 self.write_matrix(element);
-                changed = true;
             }
         }
-        changed
+        most_change
     }
 }

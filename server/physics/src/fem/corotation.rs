@@ -272,8 +272,9 @@ impl ElementBlock {
     #[inline(always)]
     fn gather(&self, values: &[f64x4]) -> [f64x4; 24] {
         let mut out = [f64x4::ZERO; 24];
+        let last = values.len() - 1;
         for (corner, slots) in self.slots.iter().enumerate() {
-            let at = |lane: usize| values[slots[lane] as usize];
+            let at = |lane: usize| values[usize::from(slots[lane]).min(last)];
             let [x, y, z, _] = f64x4::transpose([at(0), at(1), at(2), at(3)]);
             out[3 * corner] = x;
             out[3 * corner + 1] = y;
@@ -332,9 +333,8 @@ impl ElementBlock {
         }
         let y = lanes::rotate_back(&r, &x);
         let velocity = self.gather(&nodal.velocity_m_per_s);
-        // The stiffness is most of what an evaluation reads: once for all three.
-        let vectors =
-            [self.displacement(&y), lanes::rotate_back(&r, &velocity), lanes::rotate_back(&r_before, &velocity)];
+        // The stiffness is most of what an evaluation reads: once for both.
+        let vectors = [self.displacement(&y), lanes::rotate_back(&r, &velocity)];
         let stiffness = self.stiffness.apply_to_each(&vectors);
         let galerkin = self.stiffening.as_ref().map(|s| s.galerkin.apply_to_each(&vectors));
         let products = |n: usize| Products { k: stiffness[n], g: galerkin.as_ref().map(|g| g[n]) };
@@ -342,10 +342,20 @@ impl ElementBlock {
         let half = f64x4::splat(0.5);
         let kinetic_j = half * lanes::dot(&velocity, &momentum);
         let mut found = Evaluation { kinetic_j, turned_rad2, ..Evaluation::default() };
+        let mut before = None;
         if !nodal.velocity_change.is_empty() {
-            let kv = self.tangent(state, &vectors[2], products(2));
+            // What has hardly turned has hardly another product in the frame that it was in.
+            let has_turned = !turned_rad2.simd_lt(f64x4::splat(TURNED_ENOUGH_RAD2)).all();
+            let (v, products) = if has_turned {
+                let v = lanes::rotate_back(&r_before, &velocity);
+                (v, Products { k: self.stiffness.apply(&v), g: self.stiffening.as_ref().map(|s| s.galerkin.apply(&v)) })
+            } else {
+                (vectors[1], products(1))
+            };
+            let kv = self.tangent(state, &v, &products);
             let change = self.gather(&nodal.velocity_change);
-            found.step = self.step_terms(state, &change, &velocity, kinetic_j, dt_s, [&vectors[2], &kv]);
+            found.step = self.step_terms(state, &change, &velocity, kinetic_j, dt_s, [&v, &kv]);
+            before = Some((v, products.k));
         }
         found.elastic_j = self.evaluate_forces(state, &r, &gradient, &y, &vectors[0], products(0));
         state.elastic_j = found.elastic_j;
@@ -358,11 +368,11 @@ impl ElementBlock {
                 velocity_m_per_s: &velocity,
                 stiffness_displacement: &stiffness[0],
                 stiffness_velocity: &stiffness[1],
-                before: (!nodal.velocity_change.is_empty()).then_some([&vectors[2], &stiffness[2]]),
+                before: before.as_ref().map(|(v, kv)| [v, kv]),
             };
             self.evaluate_branch(viscosity, state, &motion, dt_s, balance_n, &mut found);
         }
-        let kv = lanes::rotate(&r, &self.tangent(state, &vectors[1], products(1)));
+        let kv = lanes::rotate(&r, &self.tangent(state, &vectors[1], &products(1)));
         let factor = self.beta_s + f64x4::splat(dt_s);
         self.add_to_balance(balance_n, |slot| {
             state.force_n[slot] - factor.mul_add(kv[slot], self.alpha_per_s * momentum[slot])
@@ -373,11 +383,12 @@ impl ElementBlock {
     /// Adds a force on each corner's components, N, scene frame, to the sums by slot.
     #[inline(always)]
     pub(super) fn add_to_balance(&self, balance_n: &mut [f64x4], force_n: impl Fn(usize) -> f64x4) {
+        let last = balance_n.len() - 1;
         for (corner, slots) in self.slots.iter().enumerate() {
             let [x, y, z] = [0, 1, 2].map(|i| force_n(3 * corner + i));
             let lanes = f64x4::transpose([x, y, z, f64x4::ZERO]);
             for lane in 0..LANES {
-                balance_n[slots[lane] as usize] += lanes[lane];
+                balance_n[usize::from(slots[lane]).min(last)] += lanes[lane];
             }
         }
     }
@@ -466,9 +477,9 @@ impl ElementBlock {
 
     /// `K' v` in the rest frame of each element, from the products with v.
     #[inline(always)]
-    fn tangent(&self, state: &ElementState, local: &[f64x4; 24], products: Products) -> [f64x4; 24] {
+    fn tangent(&self, state: &ElementState, local: &[f64x4; 24], products: &Products) -> [f64x4; 24] {
         let mut kv = products.k;
-        if let Some(g) = products.g {
+        if let Some(g) = &products.g {
             let along = state.curvature * lanes::dot(&state.galerkin_force_n, local);
             for i in 0..24 {
                 kv[i] = (state.stiffening - f64x4::ONE).mul_add(g[i], kv[i]);

@@ -74,7 +74,7 @@ poisson_ratio = 0.4
         let scene = SceneDesc::from_toml("block.toml", SCENE).unwrap();
         assert_eq!(scene.rate_hz, 1000.0);
         assert_eq!(scene.gravity_m_per_s2, [0.0; 3]);
-        assert_eq!(scene.solver.relative_tolerance, 1e-3);
+        assert_eq!((scene.solver.relative_tolerance, scene.relative_tolerance()), (None, 1e-3));
         assert_eq!(scene.solver.max_iterations, 200);
         let object = &scene.objects[0];
         assert_eq!(object.level, 2);

@@ -87,7 +87,9 @@ fn problems(scene: &SceneDesc, meshes: &Meshes) -> Vec<SceneError> {
     report.name("name", &scene.name);
     let rate_is_sound = report.number("rate_hz", scene.rate_hz, 10.0..=10_000.0);
     report.vector("gravity_m_per_s2", &scene.gravity_m_per_s2, 1e3);
-    report.number("solver.relative_tolerance", scene.solver.relative_tolerance, 1e-12..=0.5);
+    if let Some(tolerance) = scene.solver.relative_tolerance {
+        report.number("solver.relative_tolerance", tolerance, 1e-12..=0.5);
+    }
     report.number("solver.max_iterations", f64::from(scene.solver.max_iterations), 1.0..=1e5);
     match scene.dial {
         Some(DialDesc::Level(level)) => _ = report.number("dial.level", f64::from(level), 0.0..=f64::from(MAX_LEVEL)),
@@ -95,8 +97,10 @@ fn problems(scene: &SceneDesc, meshes: &Meshes) -> Vec<SceneError> {
         Some(DialDesc::MaxError(error)) => _ = report.number("dial.max_error", error, 1e-9..=1e3),
         None => {}
     }
-    if let Some(governor) = scene.governor {
-        let least = scene.solver.relative_tolerance.clamp(1e-12, 0.5);
+    if let Some(governor) = scene.governor
+        && rate_is_sound
+    {
+        let least = scene.relative_tolerance().clamp(1e-12, 0.5);
         report.number("governor.max_relative_tolerance", governor.max_relative_tolerance, least..=0.5);
     }
 

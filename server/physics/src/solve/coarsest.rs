@@ -2,11 +2,15 @@
 //! the nodes, `z = Q M0^-1 Q^T r`, so that nothing is refactored until the topology changes.
 //!
 //! Each connected piece has a factor of its own: a body that has been cut to shreds has a coarsest
-//! level of many nodes, but of small pieces.
+//! level of many nodes, but of small pieces. Where these press on each other, the springs between them are all that
+//! holds them, far stiffer than their mass: a factor without would be wrong by that much for each of the ways in
+//! which a piece moves, and the solve would take an iteration for each. Those pieces are factored as one whenever
+//! springs change, in the scene frame and with the springs.
 
 use super::operator::Operator;
-use crate::fem::lanes::for_packed;
-use nalgebra::{Cholesky, DMatrix};
+use crate::fem::lanes::{for_packed, unpack};
+use crate::grid::levels::NONE;
+use std::ops::{AddAssign, Mul};
 use wide::f32x4;
 
 /// Pieces of more nodes than this are left to the smoother: the work of a dense factor grows with
@@ -20,10 +24,24 @@ struct Piece {
     factor: Option<Vec<f32>>,
 }
 
+/// Pieces that springs join, as one system in the scene frame.
+#[derive(Clone, Default)]
+struct Joined {
+    nodes: Vec<u32>,
+    /// Of each node of the level among these; [`NONE`]: its piece is not joined.
+    place: Vec<u32>,
+    /// Lower triangle by rows, and its factor rounded, each diagonal entry inverted.
+    matrix: Vec<f64>,
+    factor: Vec<f32>,
+}
+
 /// The factors and the rotations of the nodes.
 #[derive(Clone)]
 pub struct Coarsest {
     pieces: Vec<Piece>,
+    /// Of each node.
+    piece: Vec<u32>,
+    joined: Joined,
     /// Columns of each node's rotation.
     rotation: Vec<[f32x4; 3]>,
     sums: Vec<[f64; 9]>,
@@ -35,12 +53,51 @@ impl Coarsest {
     #[must_use]
     pub fn new(operator: &Operator) -> Self {
         let pieces = pieces(operator);
-        let most = pieces.iter().map(|p| p.nodes.len()).max().unwrap_or(0);
+        let mut piece = vec![0; operator.node_count()];
+        for (index, of) in pieces.iter().enumerate() {
+            of.nodes.iter().for_each(|node| piece[*node as usize] = index as u32);
+        }
         Self {
             pieces,
-            rotation: vec![[f32x4::ZERO; 3]; operator.node_count()],
-            sums: vec![[0.0; 9]; operator.node_count()],
-            buffer: vec![0.0; 3 * most],
+            joined: Joined { place: vec![NONE; piece.len()], ..Joined::default() },
+            rotation: vec![[f32x4::ZERO; 3]; piece.len()],
+            sums: vec![[0.0; 9]; piece.len()],
+            buffer: vec![0.0; 3 * piece.len()],
+            piece,
+        }
+    }
+
+    /// Room for the pieces that springs may join.
+    pub fn reserve(&mut self) {
+        if self.pieces.len() > 1 {
+            let n = 3 * self.piece.len().min(MOST_NODES);
+            let Joined { nodes, matrix, factor, .. } = &mut self.joined;
+            nodes.reserve(self.piece.len() - nodes.len());
+            matrix.reserve((n * (n + 1) / 2).saturating_sub(matrix.len()));
+            factor.reserve((n * (n + 1) / 2).saturating_sub(factor.len()));
+        }
+    }
+
+    /// Takes in the springs between pieces.
+    pub fn set_springs(&mut self, operator: &Operator) {
+        let Joined { nodes, place, .. } = &mut self.joined;
+        nodes.drain(..).for_each(|node| place[node as usize] = NONE);
+        for spring in operator.springs() {
+            let mut pieces = spring.entries().map(|(node, _)| self.piece[node]);
+            let first = pieces.next();
+            if pieces.any(|piece| Some(piece) != first) {
+                for (node, _) in spring.entries().filter(|(_, w)| *w != 0.0) {
+                    let piece = &self.pieces[self.piece[node] as usize].nodes;
+                    if place[node] == NONE {
+                        piece.iter().zip(nodes.len() as u32..).for_each(|(node, at)| place[*node as usize] = at);
+                        nodes.extend(piece);
+                    }
+                }
+            }
+        }
+        if !nodes.is_empty() && (nodes.len() > MOST_NODES || !self.joined.factor(operator)) {
+            let Joined { nodes, place, .. } = &mut self.joined;
+            nodes.drain(..).for_each(|node| place[node as usize] = NONE);
         }
     }
 
@@ -61,7 +118,16 @@ impl Coarsest {
 
     /// `x = Q M0^-1 Q^T b`; `x = D^-1 b` on pieces without a factor.
     pub fn solve(&mut self, operator: &Operator, b: &[f32x4], x: &mut [f32x4]) {
-        for piece in &self.pieces {
+        let Joined { nodes, place, factor, .. } = &self.joined;
+        let values = &mut self.buffer[..3 * nodes.len()];
+        for (&node, value) in nodes.iter().zip(values.chunks_exact_mut(3)) {
+            value.copy_from_slice(&b[node as usize].to_array()[..3]);
+        }
+        substitute(factor, values);
+        for (&node, value) in nodes.iter().zip(values.chunks_exact(3)) {
+            x[node as usize] = f32x4::new([value[0], value[1], value[2], 0.0]);
+        }
+        for piece in self.pieces.iter().filter(|piece| place[piece.nodes[0] as usize] == NONE) {
             let Some(factor) = &piece.factor else {
                 for &node in &piece.nodes {
                     x[node as usize] = operator.precondition_node(node as usize, b[node as usize]);
@@ -100,15 +166,61 @@ fn substitute(factor: &[f32], v: &mut [f32]) {
     }
 }
 
-/// Dot product in eight partial sums.
-fn dot(a: &[f32], b: &[f32]) -> f32 {
-    let mut sums = [0.0f32; 8];
-    let (a_chunks, b_chunks) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f32 = a_chunks.remainder().iter().zip(b_chunks.remainder()).map(|(x, y)| x * y).sum();
-    for (x, y) in a_chunks.zip(b_chunks) {
-        (0..8).for_each(|i| sums[i] += x[i] * y[i]);
+/// Dot product in sixteen partial sums.
+fn dot<T: Copy + Default + AddAssign + Mul<Output = T>>(a: &[T], b: &[T]) -> T {
+    let mut sums = [T::default(); 16];
+    let ((a_chunks, a_rest), (b_chunks, b_rest)) = (a.as_chunks::<16>(), b.as_chunks::<16>());
+    for (x, y) in a_chunks.iter().zip(b_chunks) {
+        (0..16).for_each(|i| sums[i] += x[i] * y[i]);
     }
-    sums.iter().sum::<f32>() + rest
+    for width in [8, 4, 2, 1] {
+        (0..width).for_each(|i| sums[i] += sums[i + width]);
+    }
+    a_rest.iter().zip(b_rest).for_each(|(x, y)| sums[0] += *x * *y);
+    sums[0]
+}
+
+impl Joined {
+    /// Factors the system; whether it is definite.
+    fn factor(&mut self, operator: &Operator) -> bool {
+        let n = 3 * self.nodes.len();
+        self.matrix.clear();
+        self.matrix.resize(n * (n + 1) / 2, 0.0);
+        let Self { place, matrix, factor, .. } = self;
+        let mut add = |a: usize, i: usize, b: usize, j: usize, value: f64| {
+            let (row, column) = (3 * place[a] as usize + i, 3 * place[b] as usize + j);
+            if row >= column {
+                matrix[row * (row + 1) / 2 + column] += value;
+            }
+        };
+        for element in 0..operator.element_count() {
+            let nodes = operator.element_nodes(element).map(|node| node as usize);
+            if place[nodes[0]] != NONE {
+                let (k, r) = (unpack(&operator.matrix(element)), operator.rotation(element));
+                for (a, b) in (0..64).map(|pair| (pair / 8, pair % 8)) {
+                    // R K_ab R^T.
+                    let half = |i: usize, m: usize| (0..3).map(|l| r[3 * i + l] * k[3 * a + l][3 * b + m]).sum::<f64>();
+                    let half: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|m| half(i, m)));
+                    for (i, j) in (0..9).map(|entry| (entry / 3, entry % 3)) {
+                        add(nodes[a], i, nodes[b], j, (0..3).map(|m| half[i][m] * r[3 * j + m]).sum());
+                    }
+                }
+            }
+        }
+        for spring in operator.springs().iter().filter(|s| s.entries().all(|(node, _)| place[node] != NONE)) {
+            let stiffness = spring.stiffness();
+            for (a, wa) in spring.entries() {
+                for (b, wb) in spring.entries() {
+                    let weight = f64::from(wa) * f64::from(wb);
+                    (0..9).for_each(|entry| add(a, entry / 3, b, entry % 3, weight * stiffness[entry / 3][entry % 3]));
+                }
+            }
+        }
+        let found = self::factor(matrix, n);
+        factor.clear();
+        factor.extend(matrix.iter().map(|l| *l as f32));
+        found
+    }
 }
 
 /// The connected pieces of a level, each factored.
@@ -135,25 +247,27 @@ fn pieces(operator: &Operator) -> Vec<Piece> {
             pieces[piece].nodes.push(node as u32);
         }
     }
-    let mut matrices: Vec<Option<DMatrix<f64>>> = pieces
-        .iter()
-        .map(|p| (p.nodes.len() <= MOST_NODES).then(|| DMatrix::zeros(3 * p.nodes.len(), 3 * p.nodes.len())))
-        .collect();
+    let triangle = |nodes: usize| vec![0.0; 3 * nodes * (3 * nodes + 1) / 2];
+    let mut matrices: Vec<Option<Vec<f64>>> =
+        pieces.iter().map(|p| (p.nodes.len() <= MOST_NODES).then(|| triangle(p.nodes.len()))).collect();
     for element in 0..operator.element_count() {
         let nodes = operator.element_nodes(element);
         let Some(matrix) = &mut matrices[place[nodes[0] as usize].0] else { continue };
         let packed = operator.matrix(element);
         for_packed(|index, row, column| {
             let local = |dof: usize| 3 * place[nodes[dof / 3] as usize].1 + dof % 3;
-            // Nodes of a coarse element may coincide; both triangles are written, the lower is read.
-            matrix[(local(row), local(column))] += packed[index];
-            if row != column {
-                matrix[(local(column), local(row))] += packed[index];
+            // Nodes of a coarse element may coincide: an entry of either triangle may be one of the lower.
+            let (i, j) = (local(row), local(column));
+            matrix[i.max(j) * (i.max(j) + 1) / 2 + i.min(j)] += packed[index];
+            if row != column && i == j {
+                matrix[i * (i + 1) / 2 + i] += packed[index];
             }
         });
     }
     for (piece, matrix) in pieces.iter_mut().zip(matrices) {
-        piece.factor = matrix.and_then(factor);
+        piece.factor = matrix.and_then(|mut matrix| {
+            factor(&mut matrix, 3 * piece.nodes.len()).then(|| matrix.into_iter().map(|l| l as f32).collect())
+        });
     }
     pieces
 }
@@ -166,21 +280,30 @@ fn find(root: &mut [u32], mut node: u32) -> u32 {
     node
 }
 
-fn factor(mut matrix: DMatrix<f64>) -> Option<Vec<f32>> {
-    // Nodes that carry next to nothing make the matrix rank-deficient in f32 entries; a share of
-    // the diagonal well above that rounding keeps the factor definite.
-    for i in 0..matrix.nrows() {
-        matrix[(i, i)] = matrix[(i, i)] * (1.0 + 1e-5) + f64::MIN_POSITIVE;
-    }
-    let lower = Cholesky::new(matrix)?.unpack();
-    let rows = (0..lower.nrows()).flat_map(|i| (0..=i).map(move |j| (i, j)));
-    let entry = |(i, j): (usize, usize)| match lower[(i, j)] {
+/// Cholesky's factor of a matrix of `n` rows in the place of its lower triangle, each diagonal entry inverted; whether
+/// the matrix is definite.
+fn factor(rows: &mut [f64], n: usize) -> bool {
+    let mut start = 0;
+    for i in 0..n {
+        let (above, row) = rows.split_at_mut(start);
+        let mut start_above = 0;
+        for j in 0..i {
+            let other = &above[start_above..=start_above + j];
+            row[j] = (row[j] - dot(&row[..j], &other[..j])) * other[j];
+            start_above += j + 1;
+        }
+        // Nodes that carry next to nothing make the matrix rank-deficient in f32 entries; a share of
+        // the diagonal well above that rounding keeps the factor definite.
+        let pivot = row[i] * (1.0 + 1e-5) + f64::MIN_POSITIVE - dot(&row[..i], &row[..i]);
+        if pivot.is_nan() || pivot <= 0.0 {
+            return false;
+        }
         // A row of nothing: its unknown is zero.
-        l if i == j && l < f64::from(f32::MIN_POSITIVE) => 0.0,
-        l if i == j => (1.0 / l) as f32,
-        l => l as f32,
-    };
-    Some(rows.map(entry).collect())
+        let l = pivot.sqrt();
+        row[i] = if l < f64::from(f32::MIN_POSITIVE) { 0.0 } else { 1.0 / l };
+        start += i + 1;
+    }
+    true
 }
 
 /// Gram-Schmidt on the rows of a sum of rotations; the identity where they cancel.

@@ -4,7 +4,7 @@
 //! block-diagonal-scaled matrix.
 
 use super::lists::Lists;
-use super::operator::{NODES_PER_CHUNK, NodeVector, Operator, masters_of};
+use super::operator::{NODE_GRAIN, NODES_PER_CHUNK, NodeVector, Operator, masters_of};
 use super::pcg::dot;
 use crate::fem::composite::shape_functions;
 use crate::grid::levels::{Element, HangingNode, Level};
@@ -15,6 +15,8 @@ use wide::f32x4;
 const CHEBYSHEV_BETA: [f32; 2] = [1.023_872_9, 1.264_089_1];
 /// Safety on the estimated largest eigenvalue, which the power iteration approaches from below.
 const EIGENVALUE_MARGIN: f32 = 1.12;
+/// Power iterations of the estimate.
+const POWER_ITERATIONS: u32 = 20;
 
 /// Interpolation of one node from the level above.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -42,8 +44,6 @@ pub(super) struct CycleLevel {
     pub(super) children: Lists<u32>,
     pub(super) place: Vec<Place>,
     pub(super) largest_eigenvalue: f32,
-    /// Approximate eigenvector to the largest eigenvalue: the next estimate starts from it.
-    pub(super) eigenvector: NodeVector,
     /// Right side: on the finest level the residual of the solve.
     pub(super) b: NodeVector,
     /// What the cycle makes of it.
@@ -95,7 +95,6 @@ impl CycleLevel {
             children: Lists::default(),
             place: Vec::new(),
             largest_eigenvalue: 1.0,
-            eigenvector: Vec::new(),
             x: Vec::new(),
             b: Vec::new(),
             r: Vec::new(),
@@ -191,33 +190,33 @@ impl CycleLevel {
         weights
     }
 
-    /// Estimates the largest eigenvalue of `D^-1 A` by `rounds` power iterations.
-    pub(super) fn estimate_eigenvalue(&mut self, workers: &Workers<'_>, rounds: u32) {
-        let n = self.operator.node_count();
-        for node in self.eigenvector.len()..n {
-            // Any start with all frequencies in it; the same one every time.
+    /// Estimates the largest eigenvalue of `D^-1 A` by power iterations.
+    pub(super) fn estimate_eigenvalue(&mut self, workers: &Workers<'_>) {
+        // Any start with all frequencies in it; the same one every time.
+        let start = |node: usize| {
             let h = (node as u32).wrapping_mul(2_654_435_761);
             let [x, y, z] = [0, 8, 16].map(|s| (h >> s & 255) as f32 / 128.0 - 1.0);
-            self.eigenvector.push(f32x4::new([x, y, z, 0.0]));
-        }
-        for _ in 0..rounds {
-            self.operator.apply(workers, &self.eigenvector, &mut self.r);
+            f32x4::new([x, y, z, 0.0])
+        };
+        let mut eigenvector: NodeVector = (0..self.operator.node_count()).map(start).collect();
+        for _ in 0..POWER_ITERATIONS {
+            self.operator.apply(workers, &eigenvector, &mut self.r);
             let operator = &self.operator;
-            workers.for_chunks((&self.r[..], &mut self.step[..]), NODES_PER_CHUNK, |chunk, (r, step)| {
+            workers.for_chunks((&self.r[..], &mut self.step[..]), NODE_GRAIN, |chunk, (r, step)| {
                 for (node, (r, step)) in (chunk * NODES_PER_CHUNK..).zip(r.iter().zip(step)) {
                     *step = operator.precondition_node(node, *r);
                 }
             });
             let along = dot(workers, &self.step, &self.r);
             let size = dot(workers, &self.step, &self.step).sqrt();
-            let norm = dot(workers, &self.eigenvector, &self.r);
+            let norm = dot(workers, &eigenvector, &self.r);
             if size == 0.0 || norm <= 0.0 {
                 return;
             }
             // Rayleigh quotient of the next vector's energy: between the last two power steps.
             self.largest_eigenvalue = EIGENVALUE_MARGIN * (along / norm) as f32;
             let scale = f32x4::splat((1.0 / size) as f32);
-            workers.for_chunks((&mut self.eigenvector[..], &self.step[..]), NODES_PER_CHUNK, |_, (v, step)| {
+            workers.for_chunks((&mut eigenvector[..], &self.step[..]), NODE_GRAIN, |_, (v, step)| {
                 v.iter_mut().zip(step).for_each(|(v, s)| *v = *s * scale);
             });
         }
@@ -236,7 +235,7 @@ impl CycleLevel {
             let beta = f32x4::splat(*beta);
             let operator = &self.operator;
             let data = (&self.b[..], &mut self.step[..], &mut self.x[..]);
-            workers.for_chunks(data, NODES_PER_CHUNK, |chunk, (b, step, x)| {
+            workers.for_chunks(data, NODE_GRAIN, |chunk, (b, step, x)| {
                 for (node, ((b, step), x)) in (chunk * NODES_PER_CHUNK..).zip(b.iter().zip(step).zip(x)) {
                     let r = if from_zero { *b } else { *b - operator.product_at(node) };
                     let z = gain * operator.precondition_node(node, r);
@@ -254,13 +253,13 @@ impl CycleLevel {
     pub(super) fn restrict(&mut self, workers: &Workers<'_>, above: &mut [f32x4]) {
         self.operator.multiply(workers, &self.x);
         let operator = &self.operator;
-        workers.for_chunks((&self.b[..], &mut self.r[..]), NODES_PER_CHUNK, |chunk, (b, r)| {
+        workers.for_chunks((&self.b[..], &mut self.r[..]), NODE_GRAIN, |chunk, (b, r)| {
             for (node, (b, r)) in (chunk * NODES_PER_CHUNK..).zip(b.iter().zip(r)) {
                 *r = *b - operator.product_at(node);
             }
         });
         let (restriction, r) = (&self.restriction, &self.r);
-        workers.for_chunks(above, NODES_PER_CHUNK, |chunk, above| {
+        workers.for_chunks(above, NODE_GRAIN, |chunk, above| {
             for (node, b) in (chunk * NODES_PER_CHUNK..).zip(above) {
                 let terms = restriction.list(node).iter();
                 *b = terms.fold(f32x4::ZERO, |sum, &(node, w)| f32x4::splat(w).mul_add(r[node as usize], sum));
@@ -270,7 +269,7 @@ impl CycleLevel {
 
     /// `x += P x` from the level above.
     pub(super) fn prolongate(&mut self, workers: &Workers<'_>, above: &[f32x4]) {
-        workers.for_chunks((&self.prolongation[..], &mut self.x[..]), NODES_PER_CHUNK, |_, (prolongation, x)| {
+        workers.for_chunks((&self.prolongation[..], &mut self.x[..]), NODE_GRAIN, |_, (prolongation, x)| {
             for (entry, x) in prolongation.iter().zip(x) {
                 *x = entry.iter().fold(*x, |sum, (node, w)| f32x4::splat(w).mul_add(above[node], sum));
             }

@@ -10,21 +10,21 @@ use super::operator::{LANES, Operator};
 use super::spring::{POINT_NODES, PointSpring};
 use crate::fem::lanes::{PACKED, pack, unpack};
 use crate::grid::levels::{Level, LevelChange};
-use crate::workers::Workers;
+use crate::workers::{Grain, Workers};
 
 /// No eigenvalue of `D^-1 A` is larger: an element or a spring that moves n unknowns takes at most n times what
 /// it has on their diagonals.
 const MOST_EIGENVALUE: f32 = POINT_NODES as f32;
 /// Blocks of coarse elements per chunk of parallel work.
 const BLOCKS_PER_CHUNK: usize = 32;
+/// Of their rotations: 20 us a chunk.
+const ROTATION_GRAIN: Grain = Grain { chunk: BLOCKS_PER_CHUNK, least: 1 };
 
 /// The levels of one object, the finest (the one that is solved on) first.
 #[derive(Clone)]
 pub struct Multigrid {
     levels: Vec<CycleLevel>,
     coarsest: Coarsest,
-    /// Power iterations that the smoothers' eigenvalues lag behind the matrices.
-    spectrum_rounds: u32,
 }
 
 /// `P^T A P` with `P = weights (x) I3`, packed in and out.
@@ -69,17 +69,15 @@ impl Multigrid {
             level.set_topology(&hierarchy[i], hierarchy.get(i + 1), &[], None);
         }
         let coarsest = Coarsest::new(&levels[levels.len() - 1].operator);
-        Self { levels, coarsest, spectrum_rounds: 0 }
+        Self { levels, coarsest }
     }
 
-    /// Estimates the smoothers' eigenvalues afresh, and higher than they were: after a topology change
-    /// the estimates carry on from the old ones and may lie below the new truth, and a smoother made
-    /// for too short a spectrum is indefinite.
+    /// Estimates the smoothers' eigenvalues afresh, and higher than they were: the estimates stay when links
+    /// part and may lie below the new truth, and a smoother made for too short a spectrum is indefinite.
     pub fn widen_spectrum(&mut self, workers: &Workers<'_>) {
         for level in &mut self.levels {
             let before = level.largest_eigenvalue;
-            level.eigenvector.clear();
-            level.estimate_eigenvalue(workers, 20);
+            level.estimate_eigenvalue(workers);
             level.largest_eigenvalue = level.largest_eigenvalue.max((1.3 * before).min(MOST_EIGENVALUE));
         }
     }
@@ -121,7 +119,6 @@ impl Multigrid {
             changes[1..].first().map_or(Vec::new(), |c| elements_in_cells(&hierarchy[1], &c.touched_cells));
         self.rebuild_coarse(&mut touched);
         self.factor_coarsest();
-        self.spectrum_rounds = 2;
     }
 
     /// Recomputes the coarse matrices above all elements, the coarsest factor and the eigenvalues.
@@ -129,9 +126,9 @@ impl Multigrid {
         let mut all = hierarchy.get(1).map_or(Vec::new(), |level| (0..level.elements.len() as u32).collect());
         self.rebuild_coarse(&mut all);
         self.factor_coarsest();
-        self.spectrum_rounds = 20;
         self.update_rotations(workers);
         self.update_diagonals(workers);
+        self.levels.iter_mut().for_each(|l| l.estimate_eigenvalue(workers));
     }
 
     fn factor_coarsest(&mut self) {
@@ -173,11 +170,9 @@ impl Multigrid {
         self.coarsest.update_rotations(&self.levels[last].operator);
     }
 
-    /// Every diagonal, and the eigenvalues where matrices changed. Springs are dropped.
+    /// Every diagonal. Springs are dropped.
     pub fn update_diagonals(&mut self, workers: &Workers<'_>) {
         self.levels.iter_mut().for_each(|l| l.operator.update_diagonal(workers));
-        let rounds = std::mem::take(&mut self.spectrum_rounds);
-        self.levels.iter_mut().for_each(|l| l.estimate_eigenvalue(workers, rounds));
     }
 
     /// Stores once what blocks of elements have in common: for matrices that stay until links part.
@@ -188,6 +183,9 @@ impl Multigrid {
     /// Room for `count` springs on every level.
     pub fn reserve_springs(&mut self, count: usize) {
         self.levels.iter_mut().for_each(|l| l.operator.reserve_springs(count));
+        if count > 0 {
+            self.coarsest.reserve();
+        }
     }
 
     /// Replaces the springs on every level.
@@ -201,6 +199,7 @@ impl Multigrid {
             let spread = fine.operator.springs().iter().map(|s| s.spread(spread));
             above[0].operator.set_springs(spread, above[0].largest_eigenvalue);
         }
+        self.coarsest.set_springs(&self.levels[self.levels.len() - 1].operator);
     }
 
     /// The finest level, whose `b` is the residual to be preconditioned.
@@ -243,7 +242,7 @@ fn elements_in_cells(level: &Level, cells: &[[i32; 3]]) -> Vec<u32> {
 /// The rotation of a coarse element is the normalised sum of its children's.
 fn inherit_rotations(workers: &Workers<'_>, child: &CycleLevel, parent: &mut Operator) {
     let count = parent.element_count();
-    workers.for_chunks(&mut parent.blocks[..], BLOCKS_PER_CHUNK, |chunk, blocks| {
+    workers.for_chunks(&mut parent.blocks[..], ROTATION_GRAIN, |chunk, blocks| {
         for (index, block) in (chunk * BLOCKS_PER_CHUNK..).zip(blocks) {
             for lane in 0..LANES.min(count - index * LANES) {
                 let mut sum = [0.0; 9];

@@ -10,7 +10,7 @@ use super::spring::{POINT_NODES, PointSpring};
 use crate::fem::lanes::{self, PACKED};
 use crate::fem::packed::PackedMatrix;
 use crate::grid::levels::{HangingNode, Level};
-use crate::workers::Workers;
+use crate::workers::{Grain, Workers};
 use wide::{f32x4, f32x8};
 
 /// Elements per block.
@@ -21,6 +21,10 @@ const BLOCKS_PER_CHUNK: usize = CHUNK_ELEMENTS / LANES;
 const LEAST_SHARE: f32 = 1e-5;
 /// Nodes per chunk of parallel work.
 pub const NODES_PER_CHUNK: usize = 512;
+/// Of sweeps over nodes: 3 us a chunk.
+pub const NODE_GRAIN: Grain = Grain { chunk: NODES_PER_CHUNK, least: 8 };
+/// Of sums over the chunks of elements: 5 us a chunk.
+const ELEMENT_GRAIN: Grain = Grain { chunk: 1, least: 4 };
 
 /// A vector with three components per node; the fourth is zero.
 pub type NodeVector = Vec<f32x4>;
@@ -78,23 +82,31 @@ pub struct Operator {
     inverse: Vec<[f32x4; 3]>,
 }
 
-/// Components of the corners, one element per lane.
+/// Components of the corners, one element per lane. Slots and values are those of one chunk.
 #[inline(always)]
+#[allow(unsafe_code, reason = "a gather of lanes: 64 checks a block are a tenth of a product")]
 fn gather(corners: &[[u16; LANES]; 8], values: &[f32x4]) -> [f32x8; 24] {
-    let corner = |c: usize| {
-        let slots = &corners[c];
-        lanes::split(std::array::from_fn(|lane| values[slots[lane] as usize]))
+    let at = |slot: u16| {
+        debug_assert!(usize::from(slot) < values.len());
+        // SAFETY: a chunk gives out slots below its length, and `Assembly::by_chunk` buffers of that length.
+        unsafe { *values.get_unchecked(usize::from(slot)) }
     };
+    let corner = |c: usize| lanes::split(corners[c].map(at));
     let c = [corner(0), corner(1), corner(2), corner(3), corner(4), corner(5), corner(6), corner(7)];
     bytemuck::cast(c)
 }
 
-/// Adds what each lane has for its corners.
+/// Adds what each lane has for its corners. Slots and sums are those of one chunk.
 #[inline(always)]
+#[allow(unsafe_code, reason = "a scatter of lanes, as the gather")]
 fn scatter(corners: &[[u16; LANES]; 8], y: &[f32x8; 24], sums: &mut [f32x4]) {
     for (corner, slots) in corners.iter().enumerate() {
         let vectors = lanes::join([y[3 * corner], y[3 * corner + 1], y[3 * corner + 2]]);
-        (0..LANES).for_each(|lane| sums[slots[lane] as usize] += vectors[lane]);
+        for (slot, vector) in slots.iter().zip(vectors) {
+            debug_assert!(usize::from(*slot) < sums.len());
+            // SAFETY: as in `gather`.
+            unsafe { *sums.get_unchecked_mut(usize::from(*slot)) += vector };
+        }
     }
 }
 
@@ -340,7 +352,7 @@ impl Operator {
     }
 
     fn read_products(&self, workers: &Workers<'_>, y: &mut [f32x4]) {
-        workers.for_chunks(y, NODES_PER_CHUNK, |chunk, y| {
+        workers.for_chunks(y, NODE_GRAIN, |chunk, y| {
             for (node, y) in (chunk * NODES_PER_CHUNK..).zip(y) {
                 *y = self.product_at(node);
             }
@@ -352,7 +364,7 @@ impl Operator {
     fn evaluate_blocks<T: BlockTerm>(&mut self, workers: &Workers<'_>, x: Option<&[f32x4]>, term: &T) {
         let Self { blocks, assembly, corners, values, sums, .. } = self;
         let buffers = (assembly.by_chunk(values), assembly.by_chunk(sums));
-        workers.for_chunks(buffers, 1, |index, (values, sums)| {
+        workers.for_chunks(buffers, ELEMENT_GRAIN, |index, (values, sums)| {
             let (values, sums, chunk) = (values.entries, sums.entries, &assembly.chunks()[index]);
             let blocks = blocks[index * BLOCKS_PER_CHUNK..].iter();
             match &corners[index] {
@@ -385,7 +397,7 @@ impl Operator {
         self.springs.clear();
         self.sprung.clear();
         let data = (&self.diagonal.on[..], &self.diagonal.off[..], &mut self.inverse[..]);
-        workers.for_chunks(data, NODES_PER_CHUNK, |_, (on, off, inverse)| {
+        workers.for_chunks(data, NODE_GRAIN, |_, (on, off, inverse)| {
             for (first, inverse) in inverse.chunks_mut(LANES).enumerate() {
                 let at = |v: &[f32x4]| -> [f32x4; LANES] {
                     std::array::from_fn(|i| v.get(first * LANES + i).copied().unwrap_or_default())

@@ -8,7 +8,7 @@
 
 use super::cycle_level::CycleLevel;
 use super::multigrid::Multigrid;
-use super::operator::{NODES_PER_CHUNK, NodeVector};
+use super::operator::{NODE_GRAIN, NODES_PER_CHUNK, NodeVector};
 use crate::workers::Workers;
 use wide::{f32x4, f64x4};
 
@@ -75,7 +75,7 @@ fn dot_chunk(a: &[f32x4], b: &[f32x4]) -> f64 {
 /// Dot product over fixed chunks, summed in a fixed order.
 #[must_use]
 pub fn dot(workers: &Workers<'_>, a: &[f32x4], b: &[f32x4]) -> f64 {
-    workers.reduce_chunks((a, b), NODES_PER_CHUNK, |_, (a, b)| dot_chunk(a, b), |x, y| x + y)
+    workers.reduce_chunks((a, b), NODE_GRAIN, |_, (a, b)| dot_chunk(a, b), |x, y| x + y)
 }
 
 impl PcgScratch {
@@ -204,7 +204,7 @@ fn precondition<S: Systems>(workers: &Workers<'_>, systems: &mut S) -> (f64, f64
         let finest = s.multigrid.finest_mut();
         let data = (&finest.b[..], &finest.x[..], &s.scratch.ap[..]);
         let of_chunk = |_, (r, z, ap): (&[f32x4], &[f32x4], &[f32x4])| (dot_chunk(r, z), dot_chunk(ap, z));
-        let (rz, apz) = workers.reduce_chunks(data, NODES_PER_CHUNK, of_chunk, |a, b| (a.0 + b.0, a.1 + b.1));
+        let (rz, apz) = workers.reduce_chunks(data, NODE_GRAIN, of_chunk, |a, b| (a.0 + b.0, a.1 + b.1));
         total = (total.0 + rz, total.1 + apz);
     });
     total
@@ -215,7 +215,7 @@ fn turn<S: Systems>(workers: &Workers<'_>, systems: &mut S, beta: f64) -> f64 {
     let factor = f32x4::splat(beta as f32);
     systems.for_each(|s| {
         let finest = s.multigrid.finest_mut();
-        workers.for_chunks((&mut s.scratch.p[..], &finest.x[..]), NODES_PER_CHUNK, |_, (p, z)| {
+        workers.for_chunks((&mut s.scratch.p[..], &finest.x[..]), NODE_GRAIN, |_, (p, z)| {
             // The first direction is not to see what an earlier solve left.
             p.iter_mut().zip(z).for_each(|(p, z)| *p = if beta == 0.0 { *z } else { factor.mul_add(*p, *z) });
         });
@@ -231,7 +231,7 @@ fn turn<S: Systems>(workers: &Workers<'_>, systems: &mut S, beta: f64) -> f64 {
             dot_chunk(p, ap)
         };
         let data = (&s.scratch.p[..], &mut s.scratch.ap[..]);
-        workers.reduce_chunks(data, NODES_PER_CHUNK, multiply, |a, b| a + b)
+        workers.reduce_chunks(data, NODE_GRAIN, multiply, |a, b| a + b)
     })
 }
 
@@ -246,7 +246,7 @@ fn advance(workers: &Workers<'_>, system: &mut System<'_>, alpha: f64) -> f64 {
     };
     let r = &mut system.multigrid.finest_mut().b[..];
     let data = (&mut system.x[..], r, &system.scratch.p[..], &system.scratch.ap[..]);
-    workers.reduce_chunks(data, NODES_PER_CHUNK, advance, |a, b| a + b)
+    workers.reduce_chunks(data, NODE_GRAIN, advance, |a, b| a + b)
 }
 
 /// `r = b - A x`, and its norm.
@@ -265,7 +265,7 @@ fn begin<S: Systems>(workers: &Workers<'_>, systems: &mut S) -> f64 {
             }
             dot_chunk(r, r)
         };
-        workers.reduce_chunks((s.b, &mut r[..]), NODES_PER_CHUNK, residual, |a, b| a + b)
+        workers.reduce_chunks((s.b, &mut r[..]), NODE_GRAIN, residual, |a, b| a + b)
     })
     .sqrt()
 }

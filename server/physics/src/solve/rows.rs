@@ -16,6 +16,9 @@ pub const MOST_ROW_NODES: usize = 384;
 #[derive(Clone, Copy)]
 pub struct RowEdges([u16; 4]);
 
+/// The last slot that an edge may begin at: it has one node more than there are lanes.
+const LAST_EDGE: u16 = (MOST_ROW_NODES - LANES - 1) as u16;
+
 /// The nodes of one chunk, each component by itself.
 pub struct RowBuffers {
     values: [[f32; MOST_ROW_NODES]; 3],
@@ -27,6 +30,13 @@ pub struct RowBuffers {
 }
 
 impl RowEdges {
+    /// The slots as they are. That none is beyond the last is known of chunks that fit; said here, no access
+    /// needs a check.
+    #[inline(always)]
+    fn slots(&self) -> [usize; 4] {
+        self.0.map(|slot| usize::from(slot.min(LAST_EDGE)))
+    }
+
     /// From the slots of a block's corners by corner and lane; `None` where they do not follow each other.
     pub fn of(corners: &[[u16; LANES]; 8]) -> Option<Self> {
         let follows = |c: usize, lane: usize| corners[c][lane] as usize == corners[c & !1][0] as usize + lane + (c & 1);
@@ -86,9 +96,9 @@ impl RowBuffers {
     #[inline(always)]
     pub fn gather(&self, edges: &RowEdges) -> [f32x8; 24] {
         let mut u = [f32x8::ZERO; 24];
-        for (edge, &slot) in edges.0.iter().enumerate() {
+        for (edge, slot) in edges.slots().into_iter().enumerate() {
             for i in 0..3 {
-                let nodes = &self.values[i][slot as usize..][..LANES + 1];
+                let nodes = &self.values[i][slot..slot + LANES + 1];
                 u[6 * edge + i] = load(nodes);
                 u[6 * edge + 3 + i] = load(&nodes[1..]);
             }
@@ -99,10 +109,10 @@ impl RowBuffers {
     /// Adds what each lane of a block has for its corners.
     #[inline(always)]
     pub fn add(&mut self, edges: &RowEdges, y: &[f32x8; 24]) {
-        for (edge, &slot) in edges.0.iter().enumerate() {
+        for (edge, slot) in edges.slots().into_iter().enumerate() {
             for i in 0..3 {
-                add(&mut self.near[i][slot as usize..], y[6 * edge + i]);
-                add(&mut self.far[i][LANES + slot as usize..], y[6 * edge + 3 + i]);
+                add(&mut self.near[i][slot..slot + LANES], y[6 * edge + i]);
+                add(&mut self.far[i][slot + LANES..slot + 2 * LANES], y[6 * edge + 3 + i]);
             }
         }
     }

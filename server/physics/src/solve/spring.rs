@@ -62,6 +62,12 @@ impl PointSpring {
         self.nodes[..self.count].iter().zip(&self.weights).map(|(n, w)| (*n as usize, *w))
     }
 
+    /// Rows of S, kg.
+    #[must_use]
+    pub fn stiffness(&self) -> [[f64; 4]; 3] {
+        self.stiffness.map(|column| column.to_array().map(f64::from))
+    }
+
     /// Entries (xx, yy, zz) and (xy, xz, yz) of S.
     #[must_use]
     pub fn diagonal(&self) -> [f32x4; 2] {

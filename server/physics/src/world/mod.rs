@@ -106,7 +106,7 @@ impl World {
         }
         let params = StepParams {
             dt_s: 1.0 / desc.rate_hz,
-            relative_tolerance: desc.solver.relative_tolerance,
+            relative_tolerance: desc.relative_tolerance(),
             max_iterations: desc.solver.max_iterations,
         };
         let mut tools = Vec::with_capacity(desc.tools.len());

@@ -27,7 +27,7 @@ pub fn block(h: f64, level: u8) -> ObjectDesc {
 pub fn cutting_scene(object: ObjectDesc, blade_width_m: f64, rate_hz: f64) -> Scene {
     let mut scene = scene(vec![object]);
     scene.desc.rate_hz = rate_hz;
-    scene.desc.solver.relative_tolerance = 1e-3;
+    scene.desc.solver.relative_tolerance = Some(1e-3);
     let blade = BladeDesc::straight(blade_width_m, 0.06);
     scene.desc.tools = vec![ToolDesc::blade("blade", blade)];
     scene

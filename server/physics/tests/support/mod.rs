@@ -68,7 +68,7 @@ pub fn object(min_m: [f64; 3], max_m: [f64; 3], h: f64, level: u8) -> ObjectDesc
 pub fn scene(objects: Vec<ObjectDesc>) -> Scene {
     Scene {
         desc: SceneDesc {
-            solver: SolverDesc { relative_tolerance: 1e-6, max_iterations: 500 },
+            solver: SolverDesc { relative_tolerance: Some(1e-6), max_iterations: 500 },
             ..SceneDesc::of("test", objects)
         },
         meshes: Default::default(),

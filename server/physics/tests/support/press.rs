@@ -14,7 +14,7 @@ pub fn cutting_scene() -> Scene {
     block.material.rayleigh_beta_s = 2e-4;
     block.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 1.01 * h, 1.0] }];
     let mut scene = super::scene(vec![block]);
-    scene.desc.solver.relative_tolerance = 1e-3;
+    scene.desc.solver.relative_tolerance = Some(1e-3);
     let blade = BladeDesc::straight(0.06, 0.05);
     scene.desc.tools = vec![ToolDesc::blade("blade", blade)];
     scene

@@ -93,7 +93,7 @@ struct Tally {
 impl Tally {
     fn of(scene: &Scene) -> Self {
         let jumps = vec![0; scene.desc.tools.len()];
-        Self { jumps, relative_tolerance: scene.desc.solver.relative_tolerance, ..Self::default() }
+        Self { jumps, relative_tolerance: scene.desc.relative_tolerance(), ..Self::default() }
     }
 }
 

@@ -89,7 +89,7 @@ impl Rig {
     /// The scene asks for what a scene may not.
     pub fn new(setup: &Setup) -> Result<Self> {
         let mut desc = SceneDesc {
-            solver: SolverDesc { relative_tolerance: RELATIVE_TOLERANCE, max_iterations: MAX_ITERATIONS },
+            solver: SolverDesc { relative_tolerance: Some(RELATIVE_TOLERANCE), max_iterations: MAX_ITERATIONS },
             rate_hz: setup.rate_hz,
             ..SceneDesc::of("cut", vec![setup.object.clone()])
         };

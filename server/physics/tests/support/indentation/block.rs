@@ -129,7 +129,7 @@ impl Press {
         Scene {
             desc: SceneDesc {
                 rate_hz: 10.0,
-                solver: SolverDesc { relative_tolerance: 1e-5, max_iterations: 2000 },
+                solver: SolverDesc { relative_tolerance: Some(1e-5), max_iterations: 2000 },
                 tools: vec![ToolDesc::blade("blade", blade)],
                 ..SceneDesc::of("press", vec![self.block(h, level)])
             },
