@@ -40,9 +40,11 @@ use lattice::Lattice;
 /// numbered x fastest, a dual cell has the number of its lowest corner, and a component that of its
 /// lowest corner among the eight (corner `c` at `(c & 1, c >> 1 & 1, c >> 2)`).
 pub type VertexId = u32;
+const VERTICES_PER_CELL: u32 = 8;
 /// Id of a quad: `(lower cell index of its link * 3 + axis) * 2 + side`; side 0 bounds the material
 /// at the link's lower end, side 1 that at its upper end.
 pub type QuadId = u32;
+const QUADS_PER_CELL: u32 = 6;
 
 /// A vertex of the surface, in the reference configuration.
 #[derive(Clone, Copy, Debug, PartialEq)]

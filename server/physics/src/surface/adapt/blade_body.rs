@@ -22,6 +22,8 @@ pub struct BladeBody {
     segments: Vec<Segment>,
     /// By [`SEGMENTS_PER_GROUP`] segments.
     groups: Vec<Group>,
+    /// Most length of a segment over its share across `up`.
+    steepest: f64,
     /// Spine direction, unit.
     up: Vec3,
     height_m: f64,
@@ -41,6 +43,8 @@ pub struct Foot {
     pub height_m: f64,
     /// Distance from the ruled surface along [`Foot::normal`], m.
     pub beside_m: f64,
+    /// Distance from the nearest segment, square root of the squares beyond its ends and beside it, m.
+    pub apart_m: f64,
     /// Normal of the ruled surface, unit: along x up, the tool's +z for a straight edge.
     pub normal: Vec3,
 }
@@ -148,6 +152,7 @@ impl BladeBody {
             before_m += length_m;
             segment
         }));
+        self.steepest = self.segments.iter().map(|segment| segment.per_length.norm()).fold(1.0, f64::max);
         self.groups.clear();
         let count = self.segments.len();
         self.groups.extend((0..count).step_by(SEGMENTS_PER_GROUP).map(|first| {
@@ -164,33 +169,41 @@ impl BladeBody {
         self.groups.iter().zip(chunks).map(|(group, (index, segments))| (group, index * SEGMENTS_PER_GROUP, segments))
     }
 
-    /// The coordinates of a point beside the segment it is nearest to.
+    /// The coordinates of a point beside the segment it is nearest to, if one is within `reach_m`.
     #[must_use]
-    pub fn foot(&self, point_m: &Vec3) -> Option<Foot> {
+    pub fn foot(&self, point_m: &Vec3, reach_m: f64) -> Option<Foot> {
         let last = self.segments.len().saturating_sub(1);
-        let mut nearest: Option<(f64, Foot)> = None;
+        let mut nearest: Option<(usize, Foot)> = None;
+        let mut least2 = reach_m * reach_m;
         for (group, first, segments) in self.grouped() {
-            let least_m = (across_m(&(point_m - group.middle_m), &self.up) - group.reach_m).max(0.0);
-            if nearest.is_some_and(|(distance2, _)| least_m * least_m > distance2) {
+            let away_m = (across_m(&(point_m - group.middle_m), &self.up) - group.reach_m).max(0.0);
+            if away_m * away_m > least2 {
                 continue;
             }
-            for (index, segment) in segments.iter().enumerate().map(|(index, segment)| (first + index, segment)) {
+            for (index, segment) in segments.iter().enumerate() {
                 let foot = segment.foot(point_m, &self.up);
                 let along = foot.arc_m - segment.before_m;
                 let outside = (-along).max(along - segment.length_m).max(0.0);
                 let distance2 = outside * outside + foot.beside_m * foot.beside_m;
-                if nearest.is_some_and(|(least, _)| distance2 >= least) {
-                    continue;
+                if distance2 < least2 {
+                    (least2, nearest) = (distance2, Some((first + index, foot)));
                 }
-                // Only the ends of the edge go on beyond themselves.
-                let held = along.clamp(
-                    if index == 0 { f64::NEG_INFINITY } else { 0.0 },
-                    if index == last { f64::INFINITY } else { segment.length_m },
-                );
-                nearest = Some((distance2, Foot { arc_m: segment.before_m + held, ..foot }));
             }
         }
-        nearest.map(|(_, foot)| foot)
+        let (index, foot) = nearest?;
+        let segment = &self.segments[index];
+        // Only the ends of the edge go on beyond themselves.
+        let held = (foot.arc_m - segment.before_m).clamp(
+            if index == 0 { f64::NEG_INFINITY } else { 0.0 },
+            if index == last { f64::INFINITY } else { segment.length_m },
+        );
+        Some(Foot { arc_m: segment.before_m + held, apart_m: least2.sqrt(), ..foot })
+    }
+
+    /// Whether a line of this length that begins at a foot may pass through the ruled surface.
+    #[must_use]
+    pub fn may_pass(&self, foot: &Foot, length_m: f64) -> bool {
+        foot.apart_m <= self.steepest * length_m * MARGIN
     }
 
     /// Whether a foot is on the ruled surface.
@@ -240,6 +253,7 @@ impl Segment {
             arc_m: self.before_m + along,
             height_m: from.dot(up) - along * self.slope,
             beside_m: from.dot(&self.normal),
+            apart_m: 0.0,
             normal: self.normal,
         }
     }
@@ -284,10 +298,15 @@ mod tests {
             let t = f64::from(i);
             let point = Vec3::new(0.05 + 0.07 * (1.3 * t).sin(), 0.02 * (0.7 * t).sin(), 0.02 * (2.1 * t).cos());
             let to = point + Vec3::new(0.002 * (0.3 * t).sin(), 0.001, 0.006 * (1.9 * t).cos());
-            let feet = [&grouped, &plain].map(|blade| blade.foot(&point).map(|foot| (foot.arc_m, foot.beside_m)));
+            let feet = [&grouped, &plain]
+                .map(|blade| blade.foot(&point, f64::INFINITY).map(|foot| (foot.arc_m, foot.beside_m)));
             assert_eq!(feet[0], feet[1]);
             let passages = [&grouped, &plain].map(|blade| blade.passage(&point, &to).map(|p| (p.share, p.arc_m)));
             assert_eq!(passages[0], passages[1]);
+            let foot = grouped.foot(&point, f64::INFINITY).expect("the edge has points");
+            assert!(passages[0].is_none() || grouped.may_pass(&foot, (to - point).norm()));
+            let within = grouped.foot(&point, 0.004).map(|foot| foot.arc_m);
+            assert_eq!(within, (foot.apart_m < 0.004).then_some(foot.arc_m));
         }
     }
 
@@ -296,14 +315,14 @@ mod tests {
         let blade = bent();
         for (arc_m, height_m, beside_m) in [(0.01, 0.02, 1e-3), (0.04, 0.001, -2e-3), (0.06, 0.04, 0.0)] {
             let on_edge = blade.edge_point_m(arc_m);
-            let normal = blade.foot(&on_edge).expect("the edge has points").normal;
+            let normal = blade.foot(&on_edge, f64::INFINITY).expect("the edge has points").normal;
             let point = on_edge + Vec3::y() * height_m + normal * beside_m;
-            let foot = blade.foot(&point).expect("the edge has points");
+            let foot = blade.foot(&point, f64::INFINITY).expect("the edge has points");
             let found = [foot.arc_m, foot.height_m, foot.beside_m];
             let apart = found.iter().zip([arc_m, height_m, beside_m]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             assert!(apart < 1e-12, "{found:?}");
             let flank = blade.flank_point_m(&point, &foot, 1.0);
-            let flank_foot = blade.foot(&flank).expect("the edge has points");
+            let flank_foot = blade.foot(&flank, f64::INFINITY).expect("the edge has points");
             assert!((flank_foot.beside_m - blade.half_width_m(height_m)).abs() < 1e-12);
         }
     }

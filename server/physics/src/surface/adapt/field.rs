@@ -82,27 +82,31 @@ pub struct Field<'a> {
 }
 
 impl Field<'_> {
+    #[inline]
     fn vertex(&mut self, slot: Slot) -> &mut Vertex {
+        if self.store.vertices[slot as usize].turn < self.store.turn {
+            self.begin(slot);
+        }
+        &mut self.store.vertices[slot as usize]
+    }
+
+    /// Brings a vertex into this turn.
+    #[cold]
+    fn begin(&mut self, slot: Slot) {
         let store = &mut *self.store;
         let vertex = &mut store.vertices[slot as usize];
         if vertex.turn < store.first {
-            let carried_m = self.body.current_m(self.mesh.point(slot));
+            let carried_m = self.body.current_m(&self.mesh.point(slot));
             *vertex = Vertex { turn: store.turn, carried_m, base_m: carried_m, adapted_m: carried_m, ..UNSEEN };
             store.seen.push(slot);
-        } else if vertex.turn < store.turn {
+        } else {
             *vertex = Vertex { turn: store.turn, base_m: vertex.adapted_m, reached: None, ..*vertex };
         }
-        vertex
     }
 
     /// Where a vertex was when the turn began, m.
     pub fn base_m(&mut self, slot: Slot) -> Vec3 {
         self.vertex(slot).base_m
-    }
-
-    /// Where a vertex is, m.
-    pub fn adapted_m(&mut self, slot: Slot) -> Vec3 {
-        self.vertex(slot).adapted_m
     }
 
     /// Normal of a triangle when the turn began, as long as twice its area.
@@ -141,10 +145,12 @@ impl Field<'_> {
     /// turned over or worse than is accepted, against where the elements have them.
     pub fn quality_at(&mut self, slot: Slot, to_m: Vec3) -> Option<f64> {
         let (mesh, own_m) = (self.mesh, self.vertex(slot).carried_m);
-        mesh.triangles_at(slot).try_fold(0.0, |sum, [_, b, c]| {
-            let before = [own_m, self.vertex(b).carried_m, self.vertex(c).carried_m];
-            let after = [to_m, self.adapted_m(b), self.adapted_m(c)];
-            Some(sum + quality::acceptable(before, after)?)
+        mesh.triangles_at(slot).try_fold(0.0, |sum, others| {
+            let [(b_m, to_b_m), (c_m, to_c_m)] = others.map(|other| {
+                let other = self.vertex(other);
+                (other.carried_m, other.adapted_m)
+            });
+            Some(sum + quality::acceptable([own_m, b_m, c_m], [to_m, to_b_m, to_c_m])?)
         })
     }
 }

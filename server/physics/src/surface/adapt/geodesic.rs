@@ -7,7 +7,7 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use super::field::Field;
-use super::mesh::{Mesh, Slot};
+use super::mesh::Slot;
 use super::profile::Profile;
 use crate::Vec3;
 use crate::surface::VertexId;
@@ -32,14 +32,6 @@ pub struct Reached {
     settled: bool,
 }
 
-impl Reached {
-    /// A vertex to start from.
-    #[must_use]
-    pub fn seed(distance_m: f64, carried: Carried) -> Self {
-        Self { distance_m, carried, settled: false }
-    }
-}
-
 impl Carried {
     /// `share` of the way from `self` to `other`.
     fn towards(&self, other: &Self, share: f64) -> Self {
@@ -59,6 +51,8 @@ impl Carried {
 pub struct March {
     /// Distance by its bits, which rise with it.
     queue: BinaryHeap<Reverse<(u64, VertexId, Slot)>>,
+    /// Farther from every beginning nothing moves, m.
+    end_m: f64,
 }
 
 impl March {
@@ -71,11 +65,22 @@ impl March {
     /// Starts anew.
     pub fn clear(&mut self) {
         self.queue.clear();
+        self.end_m = 0.0;
+    }
+
+    /// Starts from a vertex, if there is no nearer beginning there. What moves by less than `negligible_m` need not
+    /// be reached.
+    pub fn start(&mut self, field: &mut Field<'_>, slot: Slot, distance_m: f64, carried: Carried, negligible_m: f64) {
+        if field.reached(slot).is_none_or(|reached| distance_m < reached.distance_m) {
+            self.end_m = self.end_m.max(carried.profile.end_m(carried.by_m.norm(), negligible_m));
+            self.reach(field, slot, distance_m, carried);
+        }
     }
 
     /// Takes a vertex up, or nearer than it was.
-    pub fn push(&mut self, mesh: &Mesh, slot: Slot, distance_m: f64) {
-        self.queue.push(Reverse((distance_m.to_bits(), mesh.id(slot), slot)));
+    fn reach(&mut self, field: &mut Field<'_>, slot: Slot, distance_m: f64, carried: Carried) {
+        field.reach(slot, Reached { distance_m, carried, settled: false });
+        self.queue.push(Reverse((distance_m.to_bits(), field.mesh.id(slot), slot)));
     }
 
     /// Marches on until everything within reach is settled; `order` gets the vertices as they settle.
@@ -84,31 +89,32 @@ impl March {
             let Some(here) = field.reached(slot).filter(|here| !here.settled) else { continue };
             field.reach(slot, Reached { settled: true, ..here });
             order.push(slot);
-            let mesh = field.mesh;
-            for [_, left, right] in mesh.triangles_at(slot) {
-                self.cross(field, slot, left, right);
-                self.cross(field, slot, right, left);
+            let (mesh, from) = (field.mesh, (here, field.base_m(slot)));
+            for [left, right] in mesh.triangles_at(slot) {
+                self.cross(field, from, left, right);
+                self.cross(field, from, right, left);
             }
         }
     }
 
-    /// Reaches `next` over the triangle that `from`, which has just settled, forms with it and `other`.
-    fn cross(&mut self, field: &mut Field<'_>, from: Slot, next: Slot, other: Slot) {
+    /// Reaches `next` over the triangle that a vertex which has just settled forms with it and `other`.
+    fn cross(&mut self, field: &mut Field<'_>, (near, from_m): (Reached, Vec3), next: Slot, other: Slot) {
         let known = field.reached(next);
         if known.is_some_and(|known| known.settled) {
             return;
         }
-        let Some(near) = field.reached(from) else { return };
-        let [at, from_m, other_m] = [next, from, other].map(|slot| field.base_m(slot));
-        let along_edge = (near.distance_m + (from_m - at).norm(), near.carried);
+        let a = from_m - field.base_m(next);
         let across = field.reached(other).filter(|far| far.settled).and_then(|far| {
-            let (distance, share) = planar(from_m - at, other_m - at, near.distance_m, far.distance_m)?;
-            Some((distance, near.carried.towards(&far.carried, share)))
+            let b = field.base_m(other) - field.base_m(next);
+            planar(a, b, near.distance_m, far.distance_m).map(|(distance_m, share)| (distance_m, share, far))
         });
-        let (distance_m, carried) = across.unwrap_or(along_edge);
-        if distance_m < carried.profile.reach_m && known.is_none_or(|known| distance_m < known.distance_m) {
-            field.reach(next, Reached::seed(distance_m, carried));
-            self.push(field.mesh, next, distance_m);
+        let distance_m = across.map_or_else(|| near.distance_m + a.norm(), |(distance_m, ..)| distance_m);
+        if distance_m >= self.end_m || known.is_some_and(|known| distance_m >= known.distance_m) {
+            return;
+        }
+        let carried = across.map_or(near.carried, |(_, share, far)| near.carried.towards(&far.carried, share));
+        if distance_m < carried.profile.reach_m {
+            self.reach(field, next, distance_m, carried);
         }
     }
 }

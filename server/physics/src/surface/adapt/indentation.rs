@@ -9,12 +9,12 @@
 //!
 //! When the surface around has followed, what is inside the blade yet is put on its flanks.
 
-use super::Dent;
 use super::blade_body::{BladeBody, Foot, Passage};
 use super::field::Field;
-use super::geodesic::{Carried, March, Reached};
+use super::geodesic::{Carried, March};
 use super::mesh::Slot;
 use super::profile::Profile;
+use super::{Dent, NEGLIGIBLE_VOXELS};
 use crate::Vec3;
 
 /// A cut face whose normal is within 37 degrees of the blade's is a wall beside it.
@@ -29,12 +29,30 @@ const BESIDE_VOXELS: f64 = 1.0;
 const PARTED_VOXELS: f64 = 1.0;
 /// Vertices this near to the blade are looked at, in voxels: both ends of an edge across it.
 pub const NEAR_VOXELS: f64 = 2.0;
+/// Where the edge is farther than this, in voxels, no edge of the surface reaches the blade.
+const REACH_VOXELS: f64 = 4.0;
 /// Points of the edge that are tried on either side of the nearest one, and how far they reach in
 /// voxels: no farther than would take a vertex past its neighbour's place.
 const TRIED: i32 = 4;
 const TRIED_VOXELS: f64 = 0.5;
 /// Vertices that cannot be projected may become so when their neighbours have been.
 const PASSES: usize = 3;
+
+/// A vertex near a blade.
+pub struct Near {
+    slot: Slot,
+    at_m: Vec3,
+    foot: Foot,
+}
+
+impl Near {
+    /// A vertex as it is now, if it is near the blade.
+    pub fn find(field: &mut Field<'_>, blade: &BladeBody, slot: Slot) -> Option<Self> {
+        let (at_m, voxel_m) = (field.base_m(slot), field.body.grid.voxel_size_m());
+        let foot = blade.foot(&at_m, REACH_VOXELS * voxel_m)?;
+        (foot.beside_m.abs() <= NEAR_VOXELS * voxel_m).then_some(Self { slot, at_m, foot })
+    }
+}
 
 /// An edge of the surface that the blade passes through.
 #[derive(Clone, Copy)]
@@ -64,11 +82,11 @@ impl Indentation {
 
     /// Finds the vertices among `near` that the edge has gone past and puts them on it; the march is to
     /// start from them and from the other ends of the edges that the blade passes.
-    pub fn project(&mut self, field: &mut Field<'_>, dent: &Dent, near: &[Slot], march: &mut March) {
+    pub fn project(&mut self, field: &mut Field<'_>, dent: &Dent, near: &[Near], march: &mut March) {
         let blade = &dent.blade;
         self.crossed.clear();
         self.bottoms.clear();
-        near.iter().for_each(|slot| self.look_at(field, dent, *slot));
+        near.iter().for_each(|near| self.look_at(field, dent, near));
         // The clearest cases first: what they settle need not be asked of the others.
         let mesh = field.mesh;
         self.crossed.sort_unstable_by_key(|c| (c.beside_m.to_bits(), c.ends.map(|end| mesh.id(end))));
@@ -86,33 +104,35 @@ impl Indentation {
     }
 
     /// Sorts a vertex by the triangles around it.
-    fn look_at(&mut self, field: &mut Field<'_>, dent: &Dent, slot: Slot) {
-        let blade = &dent.blade;
+    fn look_at(&mut self, field: &mut Field<'_>, dent: &Dent, near: &Near) {
+        let (blade, &Near { slot, foot, .. }) = (&dent.blade, near);
         let voxel_m = field.body.grid.voxel_size_m();
-        let Some(foot) = foot_near(field, blade, slot) else { return };
         let deepest_m = dent.depth_m + PARTED_VOXELS * voxel_m;
         let within = blade.is_beside(&foot) && foot.beside_m.abs() <= BESIDE_VOXELS * voxel_m;
         match walls_at(field, slot, &foot) {
             [true, true] if within && foot.height_m <= deepest_m => {
                 self.bottoms.push((slot, foot.arc_m, foot.height_m));
             }
-            [false, false] => self.find_crossed(field, dent, deepest_m, (slot, &foot)),
+            [false, false] => self.find_crossed(field, dent, deepest_m, near),
             _ => {}
         }
     }
 
     /// Finds the edges at a vertex that the blade passes through, each from the end with the lower id.
-    fn find_crossed(&mut self, field: &mut Field<'_>, dent: &Dent, deepest_m: f64, (slot, foot): (Slot, &Foot)) {
-        let (blade, mesh, at) = (&dent.blade, field.mesh, field.base_m(slot));
-        for [_, b, c] in mesh.triangles_at(slot) {
-            let normal = field.normal(slot, b, c);
-            if normal.dot(&blade.up()) < PRESSED * normal.norm() {
-                continue;
-            }
-            for other in [b, c].into_iter().filter(|other| mesh.id(slot) < mesh.id(*other)) {
-                let passage = blade.passage(&at, &field.base_m(other)).filter(|p| p.height_m <= deepest_m);
-                let passage = passage.filter(|_| walls_at(field, other, foot) == [false; 2]);
-                self.crossed.extend(passage.map(|passage| Crossed::new(slot, other, foot, passage)));
+    fn find_crossed(&mut self, field: &mut Field<'_>, dent: &Dent, deepest_m: f64, near: &Near) {
+        let (blade, mesh, Near { slot, at_m, foot }) = (&dent.blade, field.mesh, near);
+        for [b, c] in mesh.triangles_at(*slot) {
+            for other in [b, c].into_iter().filter(|other| mesh.id(*slot) < mesh.id(*other)) {
+                let other_m = field.base_m(other);
+                if !blade.may_pass(foot, (other_m - at_m).norm()) {
+                    continue;
+                }
+                let Some(passage) = blade.passage(at_m, &other_m).filter(|p| p.height_m <= deepest_m) else { continue };
+                let normal = field.normal(*slot, b, c);
+                let is_pressed = normal.dot(&blade.up()) >= PRESSED * normal.norm();
+                if is_pressed && walls_at(field, other, foot) == [false; 2] {
+                    self.crossed.push(Crossed::new(*slot, other, foot, passage));
+                }
             }
         }
     }
@@ -136,15 +156,17 @@ impl Indentation {
 
 /// Puts the vertices among `near` that are inside the blade on the flank of their side; the march is to
 /// start from them.
-pub fn clear_flanks(field: &mut Field<'_>, blade: &BladeBody, near: &[Slot], march: &mut March) {
-    for slot in near {
-        let Some(foot) = foot_near(field, blade, *slot).filter(|foot| blade.is_beside(foot)) else { continue };
+pub fn clear_flanks(field: &mut Field<'_>, blade: &BladeBody, near: &[Near], march: &mut March) {
+    for Near { slot, at_m, foot } in near {
+        let at = field.base_m(*slot);
+        // The edge has displaced it along the blade, so it is as near to it as it was.
+        let foot = if at == *at_m { Some(*foot) } else { blade.foot(&at, f64::INFINITY) };
+        let Some(foot) = foot.filter(|foot| blade.is_beside(foot)) else { continue };
         if field.is_held(*slot) || foot.beside_m.abs() > BESIDE_VOXELS * field.body.grid.voxel_size_m() {
             continue;
         }
         let side = side_of(field, *slot, &foot);
         if side * foot.beside_m < blade.half_width_m(foot.height_m) {
-            let at = field.base_m(*slot);
             let flank_m = blade.flank_point_m(&at, &foot, side);
             if field.quality_at(*slot, flank_m).is_some() {
                 field.hold(*slot, flank_m);
@@ -169,7 +191,7 @@ fn side_of(field: &mut Field<'_>, slot: Slot, foot: &Foot) -> f64 {
 fn walls_at(field: &mut Field<'_>, slot: Slot, foot: &Foot) -> [bool; 2] {
     let mut looks = [false; 2];
     let mesh = field.mesh;
-    for [_, b, c] in mesh.cut_triangles_at(slot) {
+    for [b, c] in mesh.cut_triangles_at(slot) {
         let normal = field.normal(slot, b, c);
         let along = normal.dot(&foot.normal);
         if along.abs() > ALONG_BLADE * normal.norm() {
@@ -177,12 +199,6 @@ fn walls_at(field: &mut Field<'_>, slot: Slot, foot: &Foot) -> [bool; 2] {
         }
     }
     looks
-}
-
-/// The foot of a vertex, if it is near the blade.
-fn foot_near(field: &mut Field<'_>, blade: &BladeBody, slot: Slot) -> Option<Foot> {
-    let near_m = NEAR_VOXELS * field.body.grid.voxel_size_m();
-    blade.foot(&field.base_m(slot)).filter(|foot| foot.beside_m.abs() <= near_m)
 }
 
 impl Crossed {
@@ -198,11 +214,9 @@ impl Crossed {
 
 /// Starts the march from a vertex, if it is the nearest beginning there.
 fn seed(field: &mut Field<'_>, march: &mut March, slot: Slot, distance_m: f64, by_m: Vec3) {
-    if field.reached(slot).is_none_or(|reached| distance_m < reached.distance_m) {
-        let profile = Profile::at(field.body, field.mesh.point(slot).voxel);
-        field.reach(slot, Reached::seed(distance_m, Carried { by_m, profile }));
-        march.push(field.mesh, slot, distance_m);
-    }
+    let profile = Profile::at(field.body, field.mesh.point(slot).voxel);
+    let negligible_m = NEGLIGIBLE_VOXELS * field.body.grid.voxel_size_m();
+    march.start(field, slot, distance_m, Carried { by_m, profile }, negligible_m);
 }
 
 /// Puts a vertex on the point of the edge near `arc_m` that leaves the best triangles (Eq. 15); whether

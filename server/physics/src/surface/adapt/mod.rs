@@ -27,7 +27,7 @@ use crate::surface::delta::{AdaptedVertex, BodyStructure};
 use blade_body::BladeBody;
 use field::{Field, Store};
 use geodesic::March;
-use indentation::{Indentation, NEAR_VOXELS};
+use indentation::{Indentation, NEAR_VOXELS, Near};
 use mesh::{Mesh, Slot};
 
 /// What a vertex moves by where all of it is not accepted.
@@ -48,7 +48,7 @@ pub(crate) struct Dent {
 pub(crate) struct Adaptation {
     mesh: Mesh,
     store: Store,
-    near: Vec<Slot>,
+    near: Vec<Near>,
     indentation: Indentation,
     march: March,
     /// Vertices of the deformed region, the nearest to the blade first.
@@ -61,10 +61,10 @@ impl Adaptation {
     pub(crate) fn follow(&mut self, surface: &Surface, change: &BodyStructure) {
         self.mesh.follow(surface, change);
         let vertices = self.mesh.len();
-        for slots in [&mut self.near, &mut self.order] {
-            slots.clear();
-            slots.reserve(vertices);
-        }
+        self.near.clear();
+        self.near.reserve(vertices);
+        self.order.clear();
+        self.order.reserve(vertices);
         self.march.reserve(vertices);
         self.indentation.reserve(vertices);
         self.offsets.clear();
@@ -102,12 +102,15 @@ impl Adaptation {
     fn find_near(&mut self, body: &Body, blade: &BladeBody) {
         let box_near = blade.around(NEAR_VOXELS * body.grid.voxel_size_m());
         let elements = body.elements_near(&box_near).filter(|element| box_of(body, *element).meets(&box_near));
+        self.store.begin_turn();
+        let field = &mut Field { body, mesh: &self.mesh, store: &mut self.store };
+        let slots = elements.flat_map(|element| self.mesh.bound_to(element));
         self.near.clear();
-        self.near.extend(elements.flat_map(|element| self.mesh.bound_to(element)));
+        self.near.extend(slots.filter_map(|slot| Near::find(field, blade, *slot)));
     }
 
     /// Puts vertices on the blade and lets the surface around them follow.
-    fn turn(&mut self, body: &Body, project: impl FnOnce(&mut Indentation, &mut Field<'_>, &[Slot], &mut March)) {
+    fn turn(&mut self, body: &Body, project: impl FnOnce(&mut Indentation, &mut Field<'_>, &[Near], &mut March)) {
         self.store.begin_turn();
         let field = &mut Field { body, mesh: &self.mesh, store: &mut self.store };
         self.march.clear();

@@ -12,8 +12,8 @@ const LEAST_REACH_VOXELS: f64 = 6.0;
 /// Bulge of an incompressible material over the depth of the indentation: the paper's `tau/E` with its
 /// tau of 0.2 MPa and the 2 MPa of most of its scenes.
 const INCOMPRESSIBLE_BULGE: f64 = 0.1;
-/// Knots of a clamped cubic with six control points.
-const KNOTS: [f64; 10] = [0.0, 0.0, 0.0, 0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0, 1.0, 1.0, 1.0];
+/// Control points before the end at which the profile is back at the surface (Eq. 19).
+const END_ABSCISSAS: [f64; 3] = [5.0 / 6.0, 11.0 / 12.0, 1.0];
 
 /// How far and in what form a material follows an indentation.
 ///
@@ -63,19 +63,60 @@ impl Profile {
         let slope = depth_m / self.reach_m;
         let cosine = 1.0 / (1.0 + slope * slope).sqrt();
         let sine = slope * cosine;
-        let abscissa = [0.0, 0.2 * cosine, 1.0 / 3.0, 5.0 / 6.0, 11.0 / 12.0, 1.0];
+        let [far, farther, end] = END_ABSCISSAS;
+        let abscissa = [0.0, 0.2 * cosine, 1.0 / 3.0, far, farther, end];
         let ordinate = [-1.0, 0.2 * sine - 1.0, self.bulge, 0.0, 0.0, 0.0];
-        -spline(&ordinate, parameter_at(&abscissa, level)).0
+        let (span, at) = place_of(&abscissa, level);
+        -Cubic::of_span(&ordinate, span).at(at).0
+    }
+
+    /// Geodesic distance from which on an indentation of this depth moves nothing by `negligible_m`; not less than
+    /// where the last span of the profile begins.
+    #[must_use]
+    pub fn end_m(&self, depth_m: f64, negligible_m: f64) -> f64 {
+        // The last span: its abscissas do not depend on the depth, its ordinate is what the third control point
+        // leaves there, bulge/6 at its beginning, times (1 - at)^3.
+        let [far, farther, end] = END_ABSCISSAS;
+        let abscissa = Cubic::of_span(&[0.0, 0.0, 1.0 / 3.0, far, farther, end], 2);
+        let at = 1.0 - (6.0 * negligible_m / (self.bulge * depth_m)).cbrt();
+        self.reach_m * abscissa.at(at.max(0.0)).0
     }
 }
 
-/// The parameter at which a rising spline has a value in 0..1: Newton's method, kept to an interval.
-fn parameter_at(control: &[f64; 6], value: f64) -> f64 {
-    let (mut low, mut high, mut t) = (0.0, 1.0, value);
+/// A span of the spline as a polynomial in 0..=1, from the constant up.
+struct Cubic([f64; 4]);
+
+impl Cubic {
+    /// One of the three spans of a clamped uniform cubic spline with six control points, by its Bezier points.
+    fn of_span([c0, c1, c2, c3, c4, c5]: &[f64; 6], span: usize) -> Self {
+        let [before, behind] = [0.5 * (c1 + c2), 0.5 * (c3 + c4)];
+        let [low, high] = [(2.0 * c2 + c3) / 3.0, (c2 + 2.0 * c3) / 3.0];
+        let [first, second] = [0.5 * (before + low), 0.5 * (high + behind)];
+        let [a, b, c, d] = match span {
+            0 => [*c0, *c1, before, first],
+            1 => [first, low, high, second],
+            _ => [second, behind, *c4, *c5],
+        };
+        Self([a, 3.0 * (b - a), 3.0 * (a - 2.0 * b + c), d - a + 3.0 * (b - c)])
+    }
+
+    /// Value and derivative.
+    fn at(&self, t: f64) -> (f64, f64) {
+        let [a, b, c, d] = self.0;
+        (a + t * (b + t * (c + t * d)), b + t * (2.0 * c + t * 3.0 * d))
+    }
+}
+
+/// The span in which a rising spline has a value in 0..1, and where in it: Newton's method, kept to an interval.
+fn place_of(control: &[f64; 6], value: f64) -> (usize, f64) {
+    let ends = [1, 2].map(|span| Cubic::of_span(control, span).0[0]);
+    let span = ends.iter().filter(|end| value >= **end).count();
+    let cubic = Cubic::of_span(control, span);
+    let (mut low, mut high, mut t) = (0.0, 1.0, 0.5);
     for _ in 0..20 {
-        let (found, slope) = spline(control, t);
+        let (found, slope) = cubic.at(t);
         let excess = found - value;
-        if excess.abs() < 1e-9 {
+        if excess.abs() < 1e-12 {
             break;
         }
         if excess > 0.0 {
@@ -84,39 +125,17 @@ fn parameter_at(control: &[f64; 6], value: f64) -> f64 {
             low = t
         }
         let next = t - excess / slope;
-        t = if next > low && next < high { next } else { 0.5 * (low + high) };
+        t = if next >= low && next <= high { next } else { 0.5 * (low + high) };
     }
-    t
-}
-
-/// Value and derivative of the spline by de Boor's algorithm.
-fn spline(control: &[f64; 6], t: f64) -> (f64, f64) {
-    let span = if t < KNOTS[4] {
-        3
-    } else if t < KNOTS[5] {
-        4
-    } else {
-        5
-    };
-    let mut d = [control[span - 3], control[span - 2], control[span - 1], control[span]];
-    let mut slope = 0.0;
-    for degree in 1..=3 {
-        if degree == 3 {
-            slope = 3.0 * (d[3] - d[2]) / (KNOTS[span + 1] - KNOTS[span]);
-        }
-        for j in (degree..=3).rev() {
-            let (from, to) = (KNOTS[span - 3 + j], KNOTS[span + 1 + j - degree]);
-            let share = (t - from) / (to - from);
-            d[j] = d[j - 1] + share * (d[j] - d[j - 1]);
-        }
-    }
-    (d[3], slope)
+    (span, t)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// Knots of a clamped cubic with six control points.
+    const KNOTS: [f64; 10] = [0.0, 0.0, 0.0, 0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0, 1.0, 1.0, 1.0];
     const PROFILE: Profile = Profile { reach_m: 0.02, bulge: 0.1 };
 
     /// The B-spline by its definition, the recursion of Cox and de Boor.
@@ -135,9 +154,14 @@ mod tests {
         for step in 0..100 {
             let t = 0.00499 + 0.0099 * f64::from(step);
             let expected: f64 = (0..6).map(|i| control[i] * basis(i, 3, t)).sum();
-            let (value, slope) = spline(&control, t);
+            let spline = |t: f64| {
+                let span = (3.0 * t).floor();
+                let (value, slope) = Cubic::of_span(&control, span as usize).at(3.0 * t - span);
+                (value, 3.0 * slope)
+            };
+            let (value, slope) = spline(t);
             assert!((value - expected).abs() < 1e-12, "{t}: {value} {expected}");
-            let difference = (spline(&control, t + 1e-6).0 - spline(&control, t - 1e-6).0) / 2e-6;
+            let difference = (spline(t + 1e-6).0 - spline(t - 1e-6).0) / 2e-6;
             assert!((slope - difference).abs() < 1e-4, "{t}: {slope} {difference}");
         }
     }
@@ -154,6 +178,17 @@ mod tests {
             assert!((far / near - 8.0).abs() < 0.5 && far.abs() < 1e-4, "{far} {near}");
             assert_eq!(at(1.0), 0.0);
             assert!((0..999).all(|i| (at(f64::from(i) * 1e-3) - at(f64::from(i + 1) * 1e-3)).abs() < 0.05));
+        }
+    }
+
+    #[test]
+    fn nothing_moves_beyond_the_end() {
+        for depth_m in [1e-7, 1e-4, 1e-3, 0.02] {
+            let end_m = PROFILE.end_m(depth_m, 1e-6);
+            assert!(end_m <= PROFILE.reach_m);
+            let moved = |distance_m: f64| (depth_m * PROFILE.share(distance_m, depth_m)).abs();
+            assert!((0..100).all(|i| moved(end_m * (1.0 + 0.005 * f64::from(i))) < 1.000_001e-6));
+            assert!(depth_m < 1e-3 || moved(0.999 * end_m) > 1e-6, "and not long before it");
         }
     }
 

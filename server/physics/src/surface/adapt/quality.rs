@@ -13,10 +13,20 @@ pub const WORST: f64 = 8.0;
 /// counted as the best. Of the matrices of Eq. 11 to 13 remain the sides and the area:
 /// `|H|_F^2 = 2/3 sum of sides^2`, `det H = 4 area / sqrt 3`.
 #[must_use]
-pub fn measure([a, b, c]: [Vec3; 3]) -> f64 {
+pub fn measure(triangle: [Vec3; 3]) -> f64 {
+    measure_by(triangle, &normal(triangle))
+}
+
+/// Normal of a triangle, as long as twice its area.
+fn normal([a, b, c]: [Vec3; 3]) -> Vec3 {
+    (b - a).cross(&(c - a))
+}
+
+/// [`measure`] of a triangle with this [`normal`].
+fn measure_by([a, b, c]: [Vec3; 3], normal: &Vec3) -> f64 {
+    const SCALE: f64 = 2.0 * 1.732_050_807_568_877_2;
     let sides2 = (b - a).norm_squared() + (c - b).norm_squared() + (a - c).norm_squared();
-    let twice_area = (b - a).cross(&(c - a)).norm();
-    sides2 / (2.0 * 3.0_f64.sqrt() * twice_area)
+    sides2 / (SCALE * normal.norm())
 }
 
 /// Whether a triangle that was `before` has been turned over: `D_n <= 0` under Eq. 15.
@@ -25,16 +35,24 @@ pub fn measure([a, b, c]: [Vec3; 3]) -> f64 {
 /// here is that of the triangle before it was adapted, so that `D_n` is its area as seen from there.
 #[must_use]
 pub fn is_turned_over(before: [Vec3; 3], after: [Vec3; 3]) -> bool {
-    let normal = |[a, b, c]: [Vec3; 3]| (b - a).cross(&(c - a));
-    // Also where it is not a number.
-    !matches!(normal(before).dot(&normal(after)).partial_cmp(&0.0), Some(std::cmp::Ordering::Greater))
+    is_against(&normal(before), &normal(after))
+}
+
+/// Whether two normals point apart; also where one of them is not a number.
+fn is_against(before: &Vec3, after: &Vec3) -> bool {
+    !matches!(before.dot(after).partial_cmp(&0.0), Some(std::cmp::Ordering::Greater))
 }
 
 /// The measure of `after`, if it may stand for `before`.
 #[must_use]
 pub fn acceptable(before: [Vec3; 3], after: [Vec3; 3]) -> Option<f64> {
-    let quality = measure(after);
-    let stands = !is_turned_over(before, after) && quality <= WORST.max(measure(before));
+    let [normal_before, normal_after] = [before, after].map(normal);
+    if is_against(&normal_before, &normal_after) {
+        return None;
+    }
+    let quality = measure_by(after, &normal_after);
+    // Hardly ever is the second asked.
+    let stands = quality <= WORST || quality <= measure_by(before, &normal_before);
     stands.then_some(quality)
 }
 
