@@ -16,6 +16,7 @@ mod inbox;
 pub mod limits;
 mod lock;
 mod outbox;
+mod overload;
 pub mod pacer;
 pub mod pose_check;
 pub mod recorder;

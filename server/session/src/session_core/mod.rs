@@ -28,6 +28,7 @@ use crate::governor::Governor;
 use crate::inbox::{Command, Drain, Inbox, Tick};
 use crate::limits::{SessionLimits, to_ns};
 use crate::outbox::{Publisher, SceneEvent, StepReport, ToolReport};
+use crate::overload::OverloadWatch;
 use crate::pacer::{Pace, Pacer};
 use crate::recorder::InputLog;
 use crate::status::{Phase, StepTallies};
@@ -57,6 +58,7 @@ pub(crate) struct SessionCore {
     publisher: Publisher,
     phase: Phase,
     pacer: Pacer,
+    overload: OverloadWatch,
     /// The session stood, or its world was replaced: deadlines and leases run from the next step on.
     interrupted: bool,
     /// Present where the scene states how much effort may be given up.
@@ -113,6 +115,7 @@ impl SessionCore {
             phase: publisher.phase(),
             publisher,
             pacer: pacer(&scene, &limits),
+            overload: OverloadWatch::new(scene.desc.rate_hz),
             interrupted: true,
             governor: Governor::of(&scene.desc),
             next_tolerance: None,
@@ -186,6 +189,16 @@ impl SessionCore {
         }
         if pace == Pace::Reanchored {
             self.publisher.event(step, SceneEvent::Reanchored);
+        }
+        if let Some(late_share) = self.overload.step_ended(pace != Pace::InTime) {
+            let late_percent = (100.0 * late_share).round();
+            tracing::warn!(
+                scene = self.scene.desc.name,
+                rate_hz = self.scene.desc.rate_hz,
+                late_percent,
+                "OVERLOAD: steps are late, so the scene runs slower than the hands that drive it; lower the step rate or \
+                 raise the level"
+            );
         }
         self.govern(step, elapsed_ns, pace);
         if let Some(fault) = fault {
