@@ -140,7 +140,7 @@ pub struct EnergyStep {
     pub kinetic_j: f64,
     /// Gc times the area that parted; at the speed it parted at where it depends on that.
     pub fracture_j: f64,
-    /// Work of the capped force on material that slipped past the edge, and of the ties across what tension
+    /// Work of the capped force on material that slipped past the edge, and of the cohesive springs across what tension
     /// opens, less `fracture_j`; by the link-energy rule what the edge's springs let go as links part, less that.
     pub front_slip_j: f64,
     /// Energy set free when the front dropped from its initiation to its propagation value.

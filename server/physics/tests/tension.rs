@@ -104,8 +104,8 @@ fn a_stretched_strip_is_cut_at_gc_less_what_it_sets_free() {
         let (residual, _) = rig.residual_ratios();
         println!("pulled by {pull} E: F/(Gc w) {found:.3}, 1 - G_el/Gc {theory:.3}, residual {residual:.1e}");
         // Elements part when the front has come through them: what opens, and sets energy free, is behind the
-        // front by half an element on the mean, and then is tied for what the blade has not paid. At a dead load the
-        // shorter cut sets less free.
+        // front by half an element on the mean, and then is held by cohesive springs for what the blade has not paid.
+        // At a dead load the shorter cut sets less free.
         let share = (1.0 - found) / (1.0 - theory);
         let is_near = if pull == 0.0 { (found - 1.0).abs() < 0.01 } else { (0.65..1.05).contains(&share) };
         assert!(is_near, "pull {pull}: {found} against {theory}");

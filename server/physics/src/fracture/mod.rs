@@ -9,6 +9,7 @@
 
 mod anchor;
 mod book;
+pub mod cohesive;
 mod compliance;
 mod drive;
 mod entry;
@@ -19,7 +20,6 @@ pub mod release;
 mod springs;
 mod sweep;
 pub mod tear;
-pub mod ties;
 mod travel;
 mod way_in;
 

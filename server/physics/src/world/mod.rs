@@ -176,7 +176,7 @@ impl World {
             lap.end(Stage::SelfContact);
         }
         let dt_s = self.params.dt_s;
-        self.slots.iter_mut().for_each(|slot| slot.detect_ties(dt_s));
+        self.slots.iter_mut().for_each(|slot| slot.detect_cohesive(dt_s));
         self.solve_velocities(workers);
         self.brake_spins();
         lap.end(Stage::Velocities);
