@@ -75,9 +75,9 @@ pub enum Mode {
 /// How good the solution is that contacts take their modes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Solution {
-    /// On the way: it tells what presses from what does not, and what has a limit waits for the end. It is only asked
-    /// how wrong the modes are.
-    Glance,
+    /// On the way: it tells what presses from what does not, and what has a limit waits for the end. It only says how
+    /// wrong the modes are; they stay.
+    Trial,
     /// The same, and the modes change.
     Rough,
     /// Solved to the tolerance.
@@ -247,7 +247,7 @@ impl<E> Contact<E> {
             let by_impulse = Misjudged::by(share * dt_s * force);
             wrong += if self.limit_n.is_finite() { Misjudged::beyond_doubt() } else { by_impulse };
         }
-        if solution == Solution::Glance {
+        if solution == Solution::Trial {
             return wrong;
         }
         if next == Mode::Yield {

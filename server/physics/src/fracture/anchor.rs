@@ -109,7 +109,7 @@ impl Anchor {
     /// Starts the cut where the anchor is: what lies ahead is seen from here, strips begin here.
     pub(super) fn start_here(&mut self, body: &Body, frame: &BladeFrame) {
         self.start_m = self.position_m;
-        self.look_ahead(body, frame);
+        self.find_link_ahead(body, frame);
         self.swept_m = self.strip_end_m(body, frame);
     }
 
@@ -167,7 +167,7 @@ impl Anchor {
             }
             let step = ahead.pull_back(body, &frame.forward) * left;
             ahead.position_m += step * (longest / step.norm()).min(1.0);
-            ahead.look_ahead(body, frame);
+            ahead.find_link_ahead(body, frame);
             if ahead.ahead != self.ahead {
                 break;
             }
@@ -188,7 +188,7 @@ impl Anchor {
 
     /// Finds the link that the blade's plane crosses ahead: so far ahead that the crossing of the
     /// column it is looked for in cannot lie behind the front, where the blade itself has parted it.
-    pub(super) fn look_ahead(&mut self, body: &Body, frame: &BladeFrame) {
+    pub(super) fn find_link_ahead(&mut self, body: &Body, frame: &BladeFrame) {
         let grid = &body.grid;
         let h = grid.voxel_size_m();
         let f = self.gradient(body);
@@ -232,7 +232,7 @@ impl Anchor {
         self.yielded |= self.ahead == Ahead::Parted;
     }
 
-    /// The link that [`Self::look_ahead`] finds, under the deformation gradient `f`.
+    /// The link that [`Self::find_link_ahead`] finds, under the deformation gradient `f`.
     fn link_ahead(&self, body: &Body, f: &Mat3, frame: &BladeFrame) -> LinkAhead {
         let grid = &body.grid;
         let h = grid.voxel_size_m();

@@ -297,8 +297,8 @@ impl Front {
         self.chain = chain;
     }
 
-    /// Looks at what the strained body adds to the drive of the front; in a step that it has advanced in.
-    pub fn look_around(&mut self, body: &Body) {
+    /// Samples what the strained body adds to the drive of the front, in a step that it has advanced in.
+    pub fn sample_drive(&mut self, body: &Body) {
         if body.fracture_rule == FractureRule::LinkEnergy {
             return;
         }
@@ -314,7 +314,7 @@ impl Front {
             let along_m = anchor.pull_back(body, &frame.along) * self.share_m;
             Some(Piece { position_m: anchor.position_m, ahead, along_m, forward: frame.forward })
         };
-        drive.look(body, (0..self.markers.len()).filter_map(piece));
+        drive.sample(body, (0..self.markers.len()).filter_map(piece));
         self.drive = Some(drive);
     }
 

@@ -105,7 +105,7 @@ impl Edge {
     pub(super) fn keep(&self, body: &Body, hash: &SpatialHash, mut anchor: Anchor) -> Marker {
         let h = body.grid.voxel_size_m();
         let was_m = anchor.current_m(body);
-        anchor.look_ahead(body, &self.frame);
+        anchor.find_link_ahead(body, &self.frame);
         let offset = self.now_m - anchor.current_m(body);
         if offset.dot(&self.frame.normal).abs() > LOST_VOXELS * h {
             return Marker::Buried;

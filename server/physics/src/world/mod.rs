@@ -15,7 +15,7 @@ mod tool_contact;
 use crate::Vec3;
 use crate::body::{Body, MaterialPoint, PartedLinks, TopologyChange};
 use crate::fault::{Fault, FaultKind};
-use crate::fracture::{FrontBook, Looks};
+use crate::fracture::{FrontBook, Sampling};
 use crate::ledger::{self, ContactLedger};
 use crate::params::StepParams;
 use crate::scene::{Scene, SceneError};
@@ -280,19 +280,19 @@ impl World {
     }
 
     fn advance_fronts(&mut self) {
-        let looks = Looks::of_step(self.output.step, self.params.dt_s);
+        let sampling = Sampling::of_step(self.output.step, self.params.dt_s);
         for slot in &mut self.slots {
             let mut book = FrontBook::default();
             for (tool, contact) in self.tools.iter().zip(&mut slot.contacts) {
                 if let Some(path) = tool.path() {
                     book.add(&contact.advance(&slot.body, &path, slot.pulled.is_some(), &mut slot.parting));
-                    if looks.at_fronts {
-                        contact.look_around(&slot.body);
+                    if sampling.at_fronts {
+                        contact.sample_drive(&slot.body);
                     }
                 }
             }
             if let Some(pulled) = &mut slot.pulled {
-                book.add(&pulled.advance(&slot.body, &book, looks.at_ends, &mut slot.parting));
+                book.add(&pulled.advance(&slot.body, &book, sampling.at_ends, &mut slot.parting));
             }
             self.contact_ledger.front.add(&book);
         }

@@ -24,17 +24,17 @@ impl Pulled {
         Self { tearing: Tearing::of(body), cohesive: CohesiveSprings::default() }
     }
 
-    /// Concludes the step of the cohesive springs and lets cuts go on where it `looks`; `front` is what the body's
-    /// blades have booked.
+    /// Concludes the step of the cohesive springs and, where the step `samples`, lets cuts go on; `front` is what the
+    /// body's blades have booked.
     pub(super) fn advance(
         &mut self,
         body: &Body,
         front: &FrontBook,
-        looks: bool,
+        samples: bool,
         links: &mut Vec<(LinkId, Crossing)>,
     ) -> FrontBook {
         let paid = self.cohesive.conclude(body);
-        let torn = self.tearing.advance(body, looks, links);
+        let torn = self.tearing.advance(body, samples, links);
         // What the blades' forces leave to the tissue.
         self.cohesive.owe(torn.fracture_j - front.slip_j);
         FrontBook {

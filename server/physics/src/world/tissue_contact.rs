@@ -382,7 +382,7 @@ fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, carried
 
 impl Systems for Island<'_> {
     fn is_moot(&mut self, workers: &Workers<'_>, residual_n_s: f64) -> bool {
-        let is_moot = self.may_change && self.settle(workers, Solution::Glance).norm_n_s() > residual_n_s;
+        let is_moot = self.may_change && self.settle(workers, Solution::Trial).norm_n_s() > residual_n_s;
         if is_moot {
             self.settle(workers, Solution::Rough);
         }

@@ -170,9 +170,9 @@ impl ToolContact {
         book
     }
 
-    /// Looks at what the strained body adds to the drive of its fronts.
-    pub(super) fn look_around(&mut self, body: &Body) {
-        self.edges_mut().iter_mut().for_each(|edge| edge.front.look_around(body));
+    /// Samples what the strained body adds to the drive of its fronts.
+    pub(super) fn sample_drive(&mut self, body: &Body) {
+        self.edges_mut().iter_mut().for_each(|edge| edge.front.sample_drive(body));
     }
 
     /// Energy in springs of fronts that were let go since this was last asked, J.
