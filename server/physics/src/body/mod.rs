@@ -3,13 +3,13 @@
 mod element;
 mod eshelby;
 mod forces;
+mod geometric_stiffness;
 mod interpolate;
 mod memory;
 mod quarantine;
 mod relax;
 mod rigid;
 mod solve;
-mod steady;
 mod topology;
 mod toughness_rate;
 
@@ -152,9 +152,9 @@ pub struct Body {
     /// Elements with held voxels and their 8x8 penalty, lower triangle by rows, N/m.
     holds: Vec<(u32, [f64; 36])>,
     /// By element.
-    steadied: Vec<steady::Steadied>,
-    /// Whose turn it is to be steadied.
-    steadying_turn: usize,
+    geometric: Vec<geometric_stiffness::GeometricStiffness>,
+    /// Whose turn it is to follow the stress.
+    geometric_turn: usize,
     multigrid: Multigrid,
     pcg: PcgScratch,
     /// `psi'` that the solver's matrix and the coarse matrices were last made with.
@@ -162,7 +162,7 @@ pub struct Body {
     coarse_stiffening: Vec<f64>,
     /// Bound on how far any element has turned since the smoothers' diagonals were made, rad.
     turned_rad: f64,
-    /// Bound on how much what steadies any element has changed since then, over `V E`.
+    /// Bound on how much any element's geometric stiffness has changed since then, over `V E`.
     unsmoothed: f64,
     rigid: rigid::RigidParts,
     boundary: Boundary,
@@ -239,8 +239,8 @@ impl Body {
             chunks: Vec::new(),
             balance_n: Vec::new(),
             holds: Vec::new(),
-            steadied: Vec::new(),
-            steadying_turn: 0,
+            geometric: Vec::new(),
+            geometric_turn: 0,
             pcg: PcgScratch::default(),
             applied_stiffening: Vec::new(),
             coarse_stiffening: Vec::new(),
@@ -406,7 +406,7 @@ impl Body {
             self.holds.push((element as u32, hold));
             self.holds.sort_unstable_by_key(|h| h.0);
         }
-        self.begin_steadying(element, &voxels);
+        self.begin_geometric_stiffness(element, &voxels);
     }
 
     /// Damping and stiffening of an element: means over its voxels; and what relaxes of it.

@@ -134,7 +134,7 @@ impl Default for ElementState {
 /// those of the step's beginning, `v` is the velocity at its end, `dx = dt v`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StepTerms<E> {
-    /// `1/2 dv^T M dv`, and `dt^2 v^T S dv` where elements are steadied.
+    /// `1/2 dv^T M dv`, and `dt^2 v^T S dv` where elements have geometric stiffness.
     pub inertial_j: E,
     /// `1/2 dx^T K dx`.
     pub elastic_j: E,
