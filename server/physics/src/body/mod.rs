@@ -6,9 +6,9 @@ mod forces;
 mod geometric_stiffness;
 mod interpolate;
 mod memory;
-mod quarantine;
 mod relax;
 mod rigid;
+mod rollback;
 mod solve;
 mod topology;
 mod toughness_rate;
@@ -167,7 +167,7 @@ pub struct Body {
     rigid: rigid::RigidParts,
     boundary: Boundary,
     scratch: Scratch,
-    saved: quarantine::FiniteState,
+    saved: rollback::FiniteState,
     params: StepParams,
 }
 
@@ -249,7 +249,7 @@ impl Body {
             rigid: rigid::RigidParts::default(),
             boundary: Boundary::default(),
             scratch: Scratch::default(),
-            saved: quarantine::FiniteState::default(),
+            saved: rollback::FiniteState::default(),
             params,
         };
         body.position_m = (0..body.node_count()).map(|n| body.rest_position_m(n).into()).collect();
