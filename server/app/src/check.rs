@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn crumbs_that_are_left_out_are_warned_of() {
+    fn small_pieces_that_are_left_out_are_warned_of() {
         use kerf_physics::World;
         use kerf_physics::scene::{ShapeDesc, TriangleMesh};
         // A block and, off it, two cubes of one voxel and of two.

@@ -1,9 +1,9 @@
 //! From a scene's shapes to voxels, links and signed distances.
 
-use super::crumbs::{self, LeftOut};
 use super::implicit::Implicit;
 use super::lattice::{Bounds, Lattice};
 use super::mesh::{self, Columns, MeshSolid};
+use super::small_pieces::{self, LeftOut};
 use super::{Crossing, Grid, Ijk, LinkId, Voxel, VoxelId};
 use crate::Vec3;
 use crate::scene::{Meshes, ObjectDesc, PlacedMesh, SceneError, ShapeDesc, TriangleMesh};
@@ -146,9 +146,9 @@ impl Samples {
     }
 
     /// Leaves out what is too small to be carried.
-    fn leave_out_crumbs(&mut self) -> LeftOut {
+    fn leave_out_small_pieces(&mut self) -> LeftOut {
         let Self { lattice, inside, distance_m, .. } = self;
-        crumbs::leave_out(lattice, inside, |slot| distance_m[slot] = distance_m[slot].abs())
+        small_pieces::leave_out(lattice, inside, |slot| distance_m[slot] = distance_m[slot].abs())
     }
 
     fn is_inside(&self, cell: Ijk) -> bool {
@@ -239,7 +239,7 @@ fn voxelize_shape(object: &ObjectDesc, meshes: &Meshes) -> Result<Grid, SceneErr
     let (bounds, bulge_m) = extent(&object.shape, meshes)?;
     let size_m = size_within(object, &bounds);
     let mut samples = Samples::new(Solid::new(&object.shape, meshes)?, Lattice::over(&bounds, bulge_m, size_m)?)?;
-    let left_out = samples.leave_out_crumbs();
+    let left_out = samples.leave_out_small_pieces();
     let Some((first, last)) = samples.occupied() else {
         let extent_m = bounds.extent_m();
         let message = format!(
