@@ -10,19 +10,19 @@ use kerf_physics::{Vec3, Workers};
 
 const YOUNG_PA: f64 = 1e6;
 const GC_J_PER_M2: f64 = 200.0;
-/// Of the strip that is cut: its height between the grips, m, and its thickness.
+/// Of the strip that is cut: its height between the clamps, m, and its thickness.
 const HEIGHT_M: f64 = 0.03;
 const THICKNESS_M: f64 = 0.02;
 /// Length of the strip, and how deep it is cut from either end beforehand, m.
 const LENGTH_M: f64 = 0.24;
 const CUT_M: f64 = 0.08;
-/// Thickness of the grips, m.
-const GRIP_M: f64 = 0.01;
+/// Thickness of the clamps, m.
+const CLAMP_M: f64 = 0.01;
 
-/// A strip along y between a held grip and a stiff one that is pulled at along z; it is cut from both ends in the
+/// A strip along y between a held clamp and a stiff one that is pulled at along z; it is cut from both ends in the
 /// middle, and the blade comes down in the upper cut.
 fn strip(level: u8, h: f64, pull: f64) -> Scene {
-    let (length, half, reach) = (LENGTH_M, 0.5 * HEIGHT_M, 0.5 * HEIGHT_M + GRIP_M);
+    let (length, half, reach) = (LENGTH_M, 0.5 * HEIGHT_M, 0.5 * HEIGHT_M + CLAMP_M);
     let mut desc = object([0.0, 0.0, -reach], [THICKNESS_M, length, reach], h, level);
     desc.material = MaterialDesc {
         poisson_ratio: 0.0,
@@ -30,13 +30,13 @@ fn strip(level: u8, h: f64, pull: f64) -> Scene {
         fracture_energy_j_per_m2: Some(GC_J_PER_M2),
         ..desc.material
     };
-    let grip =
+    let clamp =
         MaterialDesc { young_modulus_pa: 1e4 * YOUNG_PA, fracture_energy_j_per_m2: None, ..desc.material.clone() };
     let shape = ShapeDesc::Box { min_m: [-1.0, -1.0, half], max_m: [1.0; 3] };
-    desc.regions = vec![RegionDesc { name: "grip".into(), shape, material: grip }];
+    desc.regions = vec![RegionDesc { name: "clamp".into(), shape, material: clamp }];
     desc.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 1.0, -half] }];
     if pull > 0.0 {
-        // Over what is not cut: the grip keeps its angle.
+        // Over what is not cut: the clamp keeps its angle.
         let region = ShapeDesc::Box { min_m: [-1.0, CUT_M, -1.0], max_m: [1.0, LENGTH_M - CUT_M, 1.0] };
         desc.loads = vec![LoadDesc::Traction { region, face: Face::MaxZ, traction_pa: [0.0, 0.0, pull * YOUNG_PA] }];
     }

@@ -6,7 +6,7 @@ pub mod candidates;
 pub mod ends;
 pub mod flank;
 pub mod friction;
-pub mod grip;
+pub mod grasp;
 pub mod narrow;
 pub mod palpation;
 pub mod patch_hash;

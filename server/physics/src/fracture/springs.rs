@@ -14,8 +14,8 @@ use crate::tool::blade::BladeFrame;
 
 /// A front does not advance by more than this many voxels in a step.
 const MAX_ADVANCE_VOXELS: f64 = 2.0;
-/// Virgin contact slides sideways where the sideways force exceeds this share of the forward one.
-const EDGE_GRIP: f64 = 1.0;
+/// Virgin contact slides sideways where the sideways force exceeds this fraction of the forward one.
+const EDGE_FRICTION: f64 = 1.0;
 
 /// Largest force along the edge over Gc per length: `xi / (1 + xi^2)` at xi = 1.
 const MOST_DRAG: f64 = 0.5;
@@ -147,8 +147,8 @@ impl FrontContact {
             anchor.travel.add(advance, slid_m, body.dt_s(), body.grid.voxel_size_m());
         }
         if !anchor.yielded && forward.mode == Mode::Spring {
-            let grip = EDGE_GRIP * force / lateral.stiffness_n_per_m;
-            let excess = lateral.gap_m - lateral.gap_m.clamp(-grip, grip);
+            let held_m = EDGE_FRICTION * force / lateral.stiffness_n_per_m;
+            let excess = lateral.gap_m - lateral.gap_m.clamp(-held_m, held_m);
             // In the surface: where that is dented it would climb off it.
             let slip = anchor.pull_back(body, &frame.normal) * excess;
             step += slip - anchor.inward * slip.dot(&anchor.inward);
