@@ -192,8 +192,8 @@ pub struct StepOutput {
     pub tools: Vec<ToolOutput>,
     /// Energy booked.
     pub energy: EnergyStep,
-    /// One displacement per probe of the scene, m, scene frame.
-    pub probe_displacement_m: Vec<Vec3>,
+    /// One displacement per tracked point of the scene, m, scene frame.
+    pub tracked_displacement_m: Vec<Vec3>,
     /// How the solve went.
     pub solve: SolveReport,
     /// What parted.

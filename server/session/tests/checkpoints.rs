@@ -113,7 +113,8 @@ async fn points_outlive_a_reset_and_lead_to_a_way_that_was_left() {
     session.restore_checkpoint("rest").await.unwrap();
     session.reset().await.unwrap();
     session.restore_checkpoint("cut").await.unwrap();
-    let (log, hash) = session.query(|probe| (probe.log.clone(), probe.world.state_hash())).await.unwrap();
+    let (log, hash) =
+        session.query(|inspection| (inspection.log.clone(), inspection.world.state_hash())).await.unwrap();
     assert_eq!(hash, cut);
     assert_eq!(log.replay(session.scene(), &Workers::serial()).unwrap().state_hash(), cut);
 }

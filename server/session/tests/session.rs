@@ -226,7 +226,8 @@ async fn the_input_log_of_a_cut_replays_to_the_same_state() {
         }
     }
     session.pause().await.unwrap();
-    let live = session.query(|probe| (probe.log.clone(), probe.world.state_hash(), probe.world.output().clone()));
+    let live = session
+        .query(|inspection| (inspection.log.clone(), inspection.world.state_hash(), inspection.world.output().clone()));
     let (log, hash, output) = live.await.unwrap();
     assert!(output.topology_version >= 4, "{} times links parted", output.topology_version);
     assert!(!log.is_full());
@@ -276,7 +277,8 @@ async fn two_drivers_hold_and_cut_the_same_tissue() {
     use_pose(&hand, 2, &PoseSample { opening: 1.0, ..closed(81, 1e-3) }).await;
     assert_eq!(hand.last_report().unwrap().tools[2].output.grasp, Grasp::Nothing);
     session.pause().await.unwrap();
-    let (log, hash) = session.query(|probe| (probe.log.clone(), probe.world.state_hash())).await.unwrap();
+    let (log, hash) =
+        session.query(|inspection| (inspection.log.clone(), inspection.world.state_hash())).await.unwrap();
     assert_eq!(log.replay(session.scene(), &Workers::serial()).unwrap().state_hash(), hash);
 }
 

@@ -51,7 +51,7 @@ pub fn liver(voxel_m: f64, level: u8, rate_hz: f64) -> Result<Scene> {
     scene.desc.objects[0].voxel_size_m = Some(voxel_m);
     scene.desc.objects[0].level = level;
     // They lie in the scene's own voxels, not in coarser ones.
-    scene.desc.probes.clear();
+    scene.desc.tracked_points.clear();
     Ok(scene)
 }
 

@@ -58,7 +58,7 @@ impl Model {
         }
         scene.desc.rate_hz = RATE_HZ;
         scene.desc.gravity_m_per_s2 = [0.0; 3];
-        scene.desc.probes.clear();
+        scene.desc.tracked_points.clear();
         scene.desc.tools = BLADES.iter().map(|blade| ToolDesc::blade(blade, self::blade(blade))).collect();
         scene.problems().into_iter().next().map_or(Ok(()), Err)?;
         Ok(Self { name, scene })

@@ -62,7 +62,7 @@ pub struct Options {
     /// Takes the scene to rest under its loads, tools lifted, instead of stepping through time.
     #[arg(long)]
     pub quasi_static: bool,
-    /// Folder for tool.csv, energy.csv, probes.csv, profile.csv, surface.glb and summary.json.
+    /// Folder for tool.csv, energy.csv, tracked_points.csv, profile.csv, surface.glb and summary.json.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
 }

@@ -71,8 +71,8 @@ impl Tool {
     }
 }
 
-/// A probe: a material point that is followed.
-struct Probe {
+/// A material point that is followed.
+struct TrackedPoint {
     body: usize,
     point: MaterialPoint,
 }
@@ -82,7 +82,7 @@ pub struct World {
     params: StepParams,
     slots: Vec<BodySlot>,
     tools: Vec<Tool>,
-    probes: Vec<Probe>,
+    tracked_points: Vec<TrackedPoint>,
     /// Present from when the surface is first asked for until it is forgotten: nobody watches,
     /// nothing is contoured.
     view: Option<View>,
@@ -123,26 +123,37 @@ impl World {
             params,
             slots,
             tools,
-            probes: Vec::new(),
+            tracked_points: Vec::new(),
             view: None,
             tissue: None,
             contact_ledger: ContactLedger::default(),
             springs_before_j: 0.0,
             output: StepOutput::default(),
         };
-        for (index, probe) in desc.probes.iter().enumerate() {
-            world.probes.push(world.find_probe(scene, index, &probe.object, probe.position_m.into())?);
+        for (index, point) in desc.tracked_points.iter().enumerate() {
+            world.tracked_points.push(world.find_tracked_point(
+                scene,
+                index,
+                &point.object,
+                point.position_m.into(),
+            )?);
         }
         if world.slots.len() > 1 {
             world.follow_tissue();
         }
         world.output.tools = vec![ToolOutput::default(); world.tools.len()];
-        world.output.probe_displacement_m = vec![Vec3::zeros(); world.probes.len()];
+        world.output.tracked_displacement_m = vec![Vec3::zeros(); world.tracked_points.len()];
         Ok(world)
     }
 
-    fn find_probe(&self, scene: &Scene, index: usize, object: &str, position_m: Vec3) -> Result<Probe, SceneError> {
-        let error = |message: String| SceneError::Field { field: format!("probes[{index}]"), message };
+    fn find_tracked_point(
+        &self,
+        scene: &Scene,
+        index: usize,
+        object: &str,
+        position_m: Vec3,
+    ) -> Result<TrackedPoint, SceneError> {
+        let error = |message: String| SceneError::Field { field: format!("tracked_points[{index}]"), message };
         let body = scene
             .desc
             .objects
@@ -153,7 +164,7 @@ impl World {
         let voxel = grid
             .voxel_at(grid.cell_of(&position_m))
             .ok_or_else(|| error(format!("position_m {position_m:?} lies in no voxel of {object:?}")))?;
-        Ok(Probe { body, point: MaterialPoint { position_m, voxel } })
+        Ok(TrackedPoint { body, point: MaterialPoint { position_m, voxel } })
     }
 
     /// Advances the scene by one time step.
@@ -387,14 +398,14 @@ impl World {
         let ledgers = self.slots.iter().map(|s| &s.ledger);
         self.output.energy = ledger::book(ledgers, &self.contact_ledger, &before, self.springs_before_j);
         self.springs_before_j = self.contact_ledger.spring_stored_j;
-        self.read_probes();
+        self.read_tracked_points();
         self.output.step += 1;
         self.output.sim_time_s = self.output.step as f64 * self.params.dt_s;
     }
 
-    fn read_probes(&mut self) {
-        for (probe, out) in self.probes.iter().zip(&mut self.output.probe_displacement_m) {
-            *out = self.slots[probe.body].body.current_m(&probe.point) - probe.point.position_m;
+    fn read_tracked_points(&mut self) {
+        for (tracked, out) in self.tracked_points.iter().zip(&mut self.output.tracked_displacement_m) {
+            *out = self.slots[tracked.body].body.current_m(&tracked.point) - tracked.point.position_m;
         }
     }
 
@@ -410,7 +421,7 @@ impl World {
             total.relative_residual = total.relative_residual.max(one.relative_residual);
             total.converged &= one.converged;
         }
-        self.read_probes();
+        self.read_tracked_points();
         total
     }
 
