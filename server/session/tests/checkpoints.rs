@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use kerf_physics::tool::{OPEN, Pose};
 use kerf_physics::{Quat, Scene, SceneDesc, Vec3, Workers};
-use kerf_scenes::dial::Fronts;
+use kerf_scenes::dial::ParetoFronts;
 use kerf_session::{
     Driver, MAX_CHECKPOINT_NAME_BYTES, Phase, PoseSample, Registry, SceneEvent, Session, SessionError, SessionLimits,
     SessionOptions, StepReport, ViewMessage, Viewer,
@@ -16,7 +16,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 async fn session_with(limits: SessionLimits) -> (Registry, Arc<Session>) {
     let scene =
         Scene { desc: toml::from_str::<SceneDesc>(include_str!("block.toml")).unwrap(), meshes: Default::default() };
-    let registry = Registry::new(limits, Fronts::default()).unwrap();
+    let registry = Registry::new(limits, ParetoFronts::default()).unwrap();
     let session = registry.create(scene, SessionOptions::default()).await.unwrap();
     (registry, session)
 }
