@@ -31,7 +31,7 @@ pub struct ToolInput {
     pub motion: ToolMotion,
 }
 
-/// How a tool gets to where it is at t + dt. Where a tool is comprises its pose and its `opening`: the share of
+/// How a tool gets to where it is at t + dt. Where a tool is comprises its pose and its `opening`: the fraction of
 /// their full opening that its jaws take, 0 (closed) to 1 ([`OPEN`]). A tool without jaws takes no notice of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ToolMotion {

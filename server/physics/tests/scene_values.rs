@@ -88,7 +88,7 @@ struct Bound {
     set: fn(&mut SceneDesc, f64),
     field: &'static str,
     limits: [f64; 2],
-    /// Share of the limit by which a value is just outside.
+    /// Fraction of the limit by which a value is just outside.
     beyond: f64,
 }
 

@@ -111,7 +111,7 @@ fn release_rate(body: &Body, specimen: &Specimen) -> f64 {
     };
     let slices = 1000;
     let at_m = |i: i32| tip.position_m + Vec3::z() * ((f64::from(i) + 0.5) / f64::from(slices) - 0.5) * THICKNESS_M;
-    let length_m: f64 = (0..slices).map(|i| tip.share_at(body, &at_m(i)) * THICKNESS_M / f64::from(slices)).sum();
+    let length_m: f64 = (0..slices).map(|i| tip.weight_at(body, &at_m(i)) * THICKNESS_M / f64::from(slices)).sum();
     released(body, &tip).j_per_m / length_m
 }
 

@@ -127,7 +127,7 @@ pub const COLLISION: [Stage; 2] = [Stage::Contact, Stage::SelfContact];
 /// The paper's topology modification, the surface's change with it.
 pub const TOPOLOGY: [Stage; 2] = [Stage::Topology, Stage::Surface];
 
-/// The smallest value that at least a share of the values do not exceed; NaN of none.
+/// The smallest value that at least a fraction of the values do not exceed; NaN of none.
 pub fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);

@@ -12,7 +12,7 @@ use crate::extremes::scenes::below;
 
 /// Longest edge of a mesh's bounding box in the scene, m: the liver's.
 const LONGEST_M: f64 = 0.2;
-/// Share of a mesh's extent along y, from its lower end, that is held: what is held by less gives way before it
+/// Fraction of a mesh's extent along y, from its lower end, that is held: what is held by less gives way before it
 /// is cut.
 const HELD_SHARE: f64 = 0.3;
 /// Slow enough for many strokes; with 20 voxels to a model one of 1 m/s goes on by less than a voxel in a step.

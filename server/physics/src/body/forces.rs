@@ -1,4 +1,4 @@
-//! The body's share of a step: forces at the current state, the system matrix, the right side and the new
+//! The body's part of a step: forces at the current state, the system matrix, the right side and the new
 //! state.
 
 use super::Body;
@@ -251,7 +251,7 @@ impl Body {
         forces
     }
 
-    /// Momentum of each node's share of the mass, N s.
+    /// Momentum of each node's part of the mass, N s.
     #[must_use]
     pub fn nodal_momentum(&self) -> super::Nodal {
         let mut momentum = vec![[0.0; 3]; self.node_count()];

@@ -134,7 +134,7 @@ pub struct Body {
     voxel_loads: Vec<VoxelLoad>,
     /// By voxel, ascending.
     face_loads: Vec<FaceLoad>,
-    /// Each element's share of `external_n`, by corner.
+    /// Each element's part of `external_n`, by corner.
     element_loads_n: Vec<[[f64; 3]; 8]>,
     gravity_m_per_s2: Vec3,
     /// By log2 of an element's size in lattice cells.
@@ -273,7 +273,7 @@ impl Body {
         &self.boundary
     }
 
-    /// Keeps the surface in shares as fine as a smooth tool of this radius asks for, too.
+    /// Keeps the surface in patches as fine as a smooth tool of this radius asks for, too.
     pub(crate) fn resolve_boundary(&mut self, radius_m: f64) {
         let solid = Solid { grid: &self.grid, level: &self.levels[0] };
         self.boundary.resolve(solid, radius_m);
@@ -413,12 +413,12 @@ impl Body {
     fn mean_law(&self, voxels: &[VoxelId]) -> ElementLaw {
         let viscosity = self.mean_viscosity(voxels);
         let mut mean = ElementLaw { alpha_per_s: 0.0, beta_s: 0.0, stiffening_rate_per_pa: 0.0, viscosity };
-        let share = 1.0 / voxels.len() as f64;
+        let weight = 1.0 / voxels.len() as f64;
         for &voxel in voxels {
             let law = self.material_of(voxel).law;
-            mean.alpha_per_s += share * law.alpha_per_s;
-            mean.beta_s += share * law.beta_s;
-            mean.stiffening_rate_per_pa += share * law.stiffening_rate_per_pa;
+            mean.alpha_per_s += weight * law.alpha_per_s;
+            mean.beta_s += weight * law.beta_s;
+            mean.stiffening_rate_per_pa += weight * law.stiffening_rate_per_pa;
         }
         mean
     }
@@ -474,7 +474,7 @@ impl Body {
                 continue;
             }
             // N at the centre is the mean of N over the voxel: trilinear along each axis.
-            self.share_out(&mut loads, element, &self.grid.centre_m(self.grid.voxels()[voxel.index()].ijk), &force);
+            self.distribute(&mut loads, element, &self.grid.centre_m(self.grid.voxels()[voxel.index()].ijk), &force);
         }
         for &voxel in voxels {
             let first = self.face_loads.partition_point(|l| l.voxel < voxel);
@@ -482,7 +482,7 @@ impl Body {
                 let (axis, step) = load.face.axis_and_step();
                 let mut at = self.grid.centre_m(self.grid.voxels()[voxel.index()].ijk);
                 at[axis] += 0.5 * f64::from(step) * self.grid.voxel_size_m();
-                self.share_out(&mut loads, element, &at, &load.force_n);
+                self.distribute(&mut loads, element, &at, &load.force_n);
             }
         }
         loads
@@ -499,8 +499,8 @@ impl Body {
         }
     }
 
-    /// Shares a force at a reference position out to the corners of an element.
-    fn share_out(&self, loads: &mut [[f64; 3]; 8], element: usize, at_m: &Vec3, force_n: &Vec3) {
+    /// Distributes a force at a reference position over the corners of an element.
+    fn distribute(&self, loads: &mut [[f64; 3]; 8], element: usize, at_m: &Vec3, force_n: &Vec3) {
         let n = shape_functions(self.local_coordinates(element, at_m));
         for (load, n) in loads.iter_mut().zip(n) {
             (0..3).for_each(|i| load[i] += n * force_n[i]);

@@ -126,7 +126,7 @@ pub struct Contact<E = ToolEnds> {
     pub direction: Vec3,
     /// Stiffness, N/m.
     pub stiffness_n_per_m: f64,
-    /// Share of the spring in its compliance and that of the tissue behind it: what gives way as it comes on.
+    /// The spring's compliance over that of spring and tissue behind it: what gives way as it comes on.
     pub share_of_compliance: f64,
     /// Gap at the beginning of the step, m.
     pub gap_before_m: f64,
@@ -191,7 +191,7 @@ impl<E> Contact<E> {
         self.direction * along + self.friction.map_or(Vec3::zeros(), |friction| friction.impulse(dt_s))
     }
 
-    /// Its share of the matrix at a point with these weights.
+    /// Its part of the matrix at a point with these weights.
     #[must_use]
     pub fn point_spring(&self, weights: impl Iterator<Item = (u32, f64)>, dt_s: f64) -> PointSpring {
         let mut spring = PointSpring::new(weights, [0.0; 3], 0.0);

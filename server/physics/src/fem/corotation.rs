@@ -100,7 +100,7 @@ pub struct ElementState {
     pub rotation: [f64x4; 4],
     /// The same as a row-major matrix, for the solver.
     pub rotation_matrix: [f32x4; 9],
-    /// `psi'`: factor on the Galerkin stiffness' share; 1 where linear.
+    /// `psi'`: factor on the Galerkin stiffness' part; 1 where linear.
     pub stiffening: f64x4,
     /// `psi'' / V`, and the local Galerkin force it goes with.
     pub curvature: f64x4,

@@ -126,7 +126,7 @@ fn sample(body: &Body, piece: &Piece, pieces: &[Piece]) -> Sample {
         along: along.normalize(),
         element_edge_m: body.lattice_edge_m(),
     };
-    let length_m: f64 = pieces.iter().map(|p| p.along_m.norm() * tip.share_at(body, &p.position_m)).sum();
+    let length_m: f64 = pieces.iter().map(|p| p.along_m.norm() * tip.weight_at(body, &p.position_m)).sum();
     let found = released(body, &tip);
     Sample { released_j_per_m: found.j_per_m, stretch_m: found.carried.dot(&piece.forward) * length_m, length_m }
 }

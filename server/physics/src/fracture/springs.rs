@@ -1,4 +1,4 @@
-//! The springs between a share of the edge and its anchor, through one step: set up, settled with the
+//! The springs between a segment of the edge and its anchor, through one step: set up, settled with the
 //! solve, concluded.
 
 use super::anchor::{Ahead, Anchor};
@@ -43,7 +43,7 @@ impl FrontContact {
         let at = weights.sum(&body.position_m);
         let velocity = weights.sum(&body.velocity_m_per_s);
         let [k, relaxed] =
-            anchor.stiffness_n_per_m2(body, &edge.frame, edge.from_end_m).map(|per_length| edge.share_m * per_length);
+            anchor.stiffness_n_per_m2(body, &edge.frame, edge.from_end_m).map(|per_length| edge.segment_m * per_length);
         let spring = |direction: Vec3| Contact {
             ends: ToolEnds { weights, tool_point_m: edge.now_m, tool_point_before_m: edge.before_m },
             direction,
@@ -54,7 +54,7 @@ impl FrontContact {
         };
         let mut forward = spring(edge.frame.forward);
         (forward.limit_n, forward.yield_n) = match body.fracture_rule {
-            FractureRule::Front => anchor.limits_n(body, &edge.frame, edge.share_m, strained),
+            FractureRule::Front => anchor.limits_n(body, &edge.frame, edge.segment_m, strained),
             FractureRule::LinkEnergy => link_energy::limits_n(body, anchor, &edge.frame),
         };
         forward.mode = match anchor.mode {
@@ -95,7 +95,7 @@ impl FrontContact {
         body: &Body,
         anchor: &mut Anchor,
         frame: &BladeFrame,
-        share_m: f64,
+        segment_m: f64,
         book: &mut FrontBook,
     ) -> Vec3 {
         let (forward, lateral) = (&self.forward, &self.lateral);
@@ -138,7 +138,7 @@ impl FrontContact {
             && advance > 0.0
         {
             // What the front sweeps moving forward; what it slides along itself opens nothing.
-            let area = step.norm() * anchor.reference_width_m(body, frame, share_m);
+            let area = step.norm() * anchor.reference_width_m(body, frame, segment_m);
             book.area_m2 += area;
             book.fracture_j += toughness_j_per_m2 * area;
         }

@@ -132,7 +132,7 @@ impl End {
         if facing <= 0.0 {
             return 0.0;
         }
-        body.grid.voxel_size_m() * facing * tip.share_at(body, &self.at_m)
+        body.grid.voxel_size_m() * facing * tip.weight_at(body, &self.at_m)
     }
 }
 

@@ -181,7 +181,7 @@ impl Samples {
     }
 }
 
-/// Share of the way from an inside to an outside point at which a shape is first left.
+/// Fraction of the way from an inside to an outside point at which a shape is first left.
 fn first_crossing(shape: &Implicit, from_m: &Vec3, to_m: &Vec3) -> f64 {
     let is_inside = |share: f64| shape.sample(&(from_m + (to_m - from_m) * share)).distance_m < 0.0;
     let steps = (1..LINK_STEPS).map(|step| f64::from(step) / f64::from(LINK_STEPS));

@@ -40,7 +40,7 @@ pub const MAX_RESOLUTION: f64 = 4096.0;
 /// solve loses what the soft part does.
 pub const MAX_STIFFNESS_CONTRAST: f64 = 1e6;
 /// Voxels that a pressure wave may cross in a step in an object that nothing holds. The inverse square is
-/// the share of mass beside stiffness in the matrix, which drowns in the rounding of `f32`: free blocks
+/// the fraction of mass beside stiffness in the matrix, which drowns in the rounding of `f32`: free blocks
 /// squeezed by a fifth begin to explode at 310, at 220 where they stiffen by c = 10. (What is held has no
 /// motion that only mass resists, and no such limit.)
 pub const MAX_FREE_WAVE_VOXELS: f64 = 100.0;

@@ -2,7 +2,7 @@
 
 use crate::scene::GrasperDesc;
 
-/// Jaws that open by less than this share close, and hold on until they open by more than
+/// Jaws that open by less than this fraction close, and hold on until they open by more than
 /// [`OPENS_ABOVE`]: a device that trembles between the two lets nothing go.
 const CLOSES_BELOW: f64 = 0.1;
 /// See [`CLOSES_BELOW`].
@@ -39,7 +39,7 @@ pub enum Jaws {
 }
 
 impl Jaws {
-    /// What they do at an `opening`, a share of the full one.
+    /// What they do at an `opening`, a fraction of the full one.
     #[must_use]
     pub fn at(self, opening: f64) -> Self {
         match self {

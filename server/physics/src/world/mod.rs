@@ -40,7 +40,7 @@ struct Tool {
     pose: Option<Pose>,
     /// Pose at the beginning of the step; equal to `pose` where it has just entered.
     before: Option<Pose>,
-    /// Share of their full opening that its jaws take, if it has any, and took at the beginning of the step.
+    /// Fraction of their full opening that its jaws take, if it has any, and took at the beginning of the step.
     opening: f64,
     opening_before: f64,
     entered: bool,
