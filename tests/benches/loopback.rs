@@ -36,7 +36,7 @@ fn main() -> Result<()> {
     let report = client.block_on(run::run(&args))?.report;
     let sessions = server.registry().list();
     let session = sessions.first().context("the session was kept")?;
-    let steps = network.block_on(session.query(|probe| probe.steps.clone()))?;
+    let steps = network.block_on(session.query(|inspection| inspection.steps.clone()))?;
     print(&report, &steps)?;
     network.block_on(server.stop());
     Ok(())

@@ -8,7 +8,7 @@ use kerf_system_tests::shared;
 use kerf_system_tests::strokes::campaign::{Tally, cut, seeds};
 use kerf_system_tests::strokes::model::Model;
 
-/// Enclosed volume may change by this share of the cut area times a voxel's edge on so coarse a lattice;
+/// Enclosed volume may change by this fraction of the cut area times a voxel's edge on so coarse a lattice;
 /// docs/strokes.md has the bound that is asked for.
 const COARSE_VOLUME_SHARE: f64 = 0.25;
 

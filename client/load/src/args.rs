@@ -137,7 +137,7 @@ pub struct StrokeArgs {
     /// How long the blade rests at the bottom of a stroke, s
     #[arg(long, default_value_t = 0.2)]
     pub hold: f64,
-    /// Random share of the strokes' places and angles, 0 to 1
+    /// Random fraction of the strokes' places and angles, 0 to 1
     #[arg(long, default_value_t = 0.3)]
     pub jitter: f64,
 }

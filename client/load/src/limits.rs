@@ -10,10 +10,10 @@ pub struct LimitArgs {
     /// Greatest 99th percentile of the round trip, ms
     #[arg(long, value_name = "MS")]
     pub max_p99_ms: Option<f64>,
-    /// Greatest share of the server's steps that may be late, 0 to 1
+    /// Greatest fraction of the server's steps that may be late, 0 to 1
     #[arg(long, value_name = "SHARE")]
     pub max_late_step_share: Option<f64>,
-    /// Greatest share of the poses that may be sent late or be left out, 0 to 1
+    /// Greatest fraction of the poses that may be sent late or be left out, 0 to 1
     #[arg(long, value_name = "SHARE")]
     pub max_late_send_share: Option<f64>,
     /// Least contacts a second, Hz

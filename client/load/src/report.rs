@@ -10,7 +10,7 @@ use crate::metrics::ContactMetrics;
 use crate::sender::SendTotals;
 use crate::viewer::ViewTotals;
 
-/// Share of late steps beyond which a report speaks of overload: a step late now and then is the machine's, not the
+/// Fraction of late steps beyond which a report speaks of overload: a step late now and then is the machine's, not the
 /// scene's.
 pub const OVERLOAD_LATE_SHARE: f64 = 0.02;
 

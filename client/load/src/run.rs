@@ -62,7 +62,7 @@ pub async fn run(args: &Args) -> anyhow::Result<Finished> {
     drive_and_close(args, &channel, &session).await
 }
 
-/// Share of late steps in a trial session at a step rate.
+/// Fraction of late steps in a trial session at a step rate.
 async fn try_rate(args: &Args, channel: &Channel, rate_hz: f64) -> anyhow::Result<f64> {
     let args = Args {
         duration: Some(f64::min(TRIAL_S, args.duration.unwrap_or(f64::INFINITY))),

@@ -1,6 +1,6 @@
 //! Which step rate a machine keeps: the first of several at which a trial is in time.
 
-/// A rate is kept where at most this share of a trial's steps is late: half of what a run is to stay below, since
+/// A rate is kept where at most this fraction of a trial's steps is late: half of what a run is to stay below, since
 /// later strokes meet cut tissue.
 const KEPT_LATE_SHARE: f64 = 0.01;
 
@@ -17,7 +17,7 @@ impl Trial {
 }
 
 /// The first of the step rates, Hz, that is kept with a margin, else the last; says on the terminal which and why.
-/// `late_share_at` runs a trial and returns the share of its steps that were late. `None` where there is no rate.
+/// `late_share_at` runs a trial and returns the fraction of its steps that were late. `None` where there is no rate.
 ///
 /// # Errors
 /// A trial's.

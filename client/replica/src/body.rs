@@ -187,7 +187,7 @@ fn adapted(state: &v1::BodyState) -> Result<impl Iterator<Item = (u32, [f32; 3])
     zip_ids("adapted_vertex_ids", &state.adapted_vertex_ids, "adapted_offsets_m", &state.adapted_offsets_m)
 }
 
-/// Share of corner `c`, at `(c & 1, c >> 1 & 1, c >> 2)`, in a point of an element.
+/// Fraction of corner `c`, at `(c & 1, c >> 1 & 1, c >> 2)`, in a point of an element.
 fn corner_weight(corner: usize, local: [f32; 3]) -> f32 {
     (0..3).map(|axis| if corner >> axis & 1 == 1 { local[axis] } else { 1.0 - local[axis] }).product()
 }

@@ -2,7 +2,7 @@
 //!
 //! A file has the header `time_s,tool,x_m,y_m,z_m,qx,qy,qz,qw` and a row per pose; tools go by name or index. A row
 //! with `lift` for `x_m` and nothing after takes the tool out of the scene until its next row. A file whose tools have
-//! jaws has one more column, `opening`: the share of their full opening that they take, 0 (closed) to 1. Lines that
+//! jaws has one more column, `opening`: the fraction of their full opening that they take, 0 (closed) to 1. Lines that
 //! begin with `#` are remarks.
 
 use std::io::Read;

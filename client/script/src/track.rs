@@ -7,7 +7,7 @@ use crate::pose::Pose;
 pub struct Placement {
     /// Where it is.
     pub pose: Pose,
-    /// Share of their full opening that its jaws take, 0 (closed) to 1.
+    /// Fraction of their full opening that its jaws take, 0 (closed) to 1.
     pub opening: f64,
 }
 

@@ -87,9 +87,10 @@ impl Report {
         }
         self.supports(index, object, scene, grid);
         self.left_out(index, grid);
-        for (i, probe) in scene.desc.probes.iter().enumerate().filter(|(_, p)| p.object == object.name) {
-            if grid.voxel_at(grid.cell_of(&probe.position_m.into())).is_none() {
-                self.warnings.push(format!("probes[{i}]: {:?} lies in no voxel of the object", probe.position_m));
+        for (i, point) in scene.desc.tracked_points.iter().enumerate().filter(|(_, p)| p.object == object.name) {
+            if grid.voxel_at(grid.cell_of(&point.position_m.into())).is_none() {
+                self.warnings
+                    .push(format!("tracked_points[{i}]: {:?} lies in no voxel of the object", point.position_m));
             }
         }
     }
@@ -166,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn crumbs_that_are_left_out_are_warned_of() {
+    fn small_pieces_that_are_left_out_are_warned_of() {
         use kerf_physics::World;
         use kerf_physics::scene::{ShapeDesc, TriangleMesh};
         // A block and, off it, two cubes of one voxel and of two.
@@ -199,7 +200,7 @@ mod tests {
         object.shape = ShapeDesc::Mesh { file: "bars".into(), scale_m_per_unit: 1.0, offset_m: [0.0; 3] };
         (object.voxel_size_m, object.resolution) = (Some(0.01), None);
         scene.meshes.insert("bars".into(), mesh);
-        scene.desc.probes.clear();
+        scene.desc.tracked_points.clear();
         let warnings = examine(&scene).warnings.join("\n");
         assert!(
             warnings.contains("2 pieces of fewer than 8 voxels are left out, 3 voxels, the smallest of 1:"),
@@ -220,9 +221,9 @@ mod tests {
         let mut scene = catalog::builtin("jelly").unwrap();
         scene.desc.objects[0].fixed[0] =
             kerf_physics::scene::ShapeDesc::Sphere { center_m: [9.0, 9.0, 9.0], radius_m: 0.01 };
-        scene.desc.probes[0].position_m = [1.0, 0.0, 0.0];
+        scene.desc.tracked_points[0].position_m = [1.0, 0.0, 0.0];
         let warnings = examine(&scene).warnings.join("\n");
-        for expected in ["fixed[0]: holds no voxel", "falls without end", "probes[0]"] {
+        for expected in ["fixed[0]: holds no voxel", "falls without end", "tracked_points[0]"] {
             assert!(warnings.contains(expected), "{warnings}");
         }
     }

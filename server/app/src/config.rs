@@ -48,10 +48,10 @@ pub struct ServerConfig {
     /// Folder that the inputs of each session are written to when it is reset or ends, for
     /// `simulate --replay`. Default none: nothing is written.
     pub record_dir: Option<PathBuf>,
-    /// Folder of measured fronts, CSV files as `kerf-server tradeoff` writes them, by which sessions are
+    /// Folder of measured Pareto fronts, CSV files as `kerf-server tradeoff` writes them, by which sessions are
     /// given a budget or an error. They go before those that come with the program, which were measured on
     /// another machine. Default none.
-    pub front_dir: Option<PathBuf>,
+    pub pareto_dir: Option<PathBuf>,
     /// Logging.
     pub log: LogConfig,
     /// Limits of the transport.
@@ -68,7 +68,7 @@ impl Default for ServerConfig {
             listen: SocketAddr::from(([127, 0, 0, 1], 50051)),
             network_threads: 2,
             record_dir: None,
-            front_dir: None,
+            pareto_dir: None,
             log: LogConfig::default(),
             transport: TransportLimits::default(),
             control: ControlLimits::default(),

@@ -64,9 +64,9 @@ pub async fn save(folder: &Path, session: &Session) {
 }
 
 async fn try_save(folder: &Path, session: &Session) -> Result<PathBuf> {
-    let recorded = session.query(|probe| {
-        let state_hash = (!probe.log.is_full()).then(|| probe.world.state_hash());
-        Recording { log: probe.log.clone(), state_hash }
+    let recorded = session.query(|inspection| {
+        let state_hash = (!inspection.log.is_full()).then(|| inspection.world.state_hash());
+        Recording { log: inspection.log.clone(), state_hash }
     });
     let recording = recorded.await?;
     // Ids start over with the server, and a session that is reset leaves several recordings.

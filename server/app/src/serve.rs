@@ -9,7 +9,7 @@ use anyhow::{Context, Result};
 use kerf_proto::v1::control_service_server::{ControlServiceServer, SERVICE_NAME as CONTROL_SERVICE};
 use kerf_proto::v1::session_service_server::{SERVICE_NAME as SESSION_SERVICE, SessionServiceServer};
 use kerf_proto::v1::view_service_server::{SERVICE_NAME as VIEW_SERVICE, ViewServiceServer};
-use kerf_scenes::dial::Fronts;
+use kerf_scenes::dial::ParetoFronts;
 use kerf_session::Registry;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
@@ -84,11 +84,11 @@ impl Server {
             std::fs::create_dir_all(folder).with_context(|| format!("record_dir = {}", folder.display()))?;
         }
         let config = Arc::new(config);
-        let fronts = match &config.front_dir {
-            Some(folder) => Fronts::builtin().with_folder(folder).context("front_dir")?,
-            None => Fronts::builtin(),
+        let pareto_fronts = match &config.pareto_dir {
+            Some(folder) => ParetoFronts::builtin().with_folder(folder).context("pareto_dir")?,
+            None => ParetoFronts::builtin(),
         };
-        let registry = Arc::new(Registry::new(config.session.clone(), fronts)?);
+        let registry = Arc::new(Registry::new(config.session.clone(), pareto_fronts)?);
         let listener = TcpListener::bind(config.listen).await.with_context(|| format!("listen = {}", config.listen))?;
         let address = listener.local_addr()?;
         let (health, routes) = routes(&registry, &config).await?;

@@ -50,7 +50,7 @@ fn simulate_writes_every_file_and_the_summarys_keys() {
     let output = kerf(&["simulate", "jelly", "--duration", "0.01", "--out", "run"], folder.path());
     assert!(output.status.success(), "{}", text(&output.stderr));
     let run = folder.path().join("run");
-    for name in ["tool.csv", "energy.csv", "probes.csv", "profile.csv", "surface.glb"] {
+    for name in ["tool.csv", "energy.csv", "tracked_points.csv", "profile.csv", "surface.glb"] {
         assert!(run.join(name).metadata().unwrap().len() > 0, "{name}");
     }
     assert_eq!(text(&std::fs::read(run.join("profile.csv")).unwrap()).lines().count(), 11);

@@ -54,12 +54,12 @@ fn the_lesion_comes_off_in_one_piece_with_no_cut_in_it() {
         lesion.len(),
         1e4 * area_m2,
         body.part_count(),
-        output.probe_displacement_m[1]
+        output.tracked_displacement_m[1]
     );
     assert!(lesion.len() > 100 && holding > steps - 60, "held in {holding} of {steps} steps");
     assert_eq!(parted_inside, 0, "links parted in the lesion");
     assert!(lesion.iter().all(|voxel| removed.contains(voxel)), "the lesion is in one piece");
     assert!(removed.len() < grid.voxels().len() / 5, "{} voxels come off", removed.len());
     // What is held follows the grasper, which ends 30 mm from where it took hold.
-    assert!(output.probe_displacement_m[1].norm() > 0.02, "{:?}", output.probe_displacement_m[1]);
+    assert!(output.tracked_displacement_m[1].norm() > 0.02, "{:?}", output.tracked_displacement_m[1]);
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use kerf_scenes::catalog;
-use kerf_scenes::dial::{FinerRegions, Front, FrontPoint};
+use kerf_scenes::dial::{FinerRegions, ParetoFront, ParetoPoint};
 
 const BLOCK: &str = "version = 1\nname = 'block'\nrate_hz = 200.0\n\
     [[objects]]\nname = 'block'\nvoxel_size_m = 0.005\nlevel = 1\n\
@@ -38,33 +38,33 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-fn swept(folder: &Path, more: &[&str]) -> (String, Front) {
+fn swept(folder: &Path, more: &[&str]) -> (String, ParetoFront) {
     std::fs::write(folder.join("block.toml"), BLOCK).unwrap();
     let output = sweep(folder, "block.toml", more);
     assert!(output.status.success(), "{}", text(&output.stderr));
-    let front = std::fs::read_to_string(folder.join("out/front.csv")).unwrap();
-    (text(&output.stdout), Front::parse("front.csv", &front).unwrap())
+    let pareto = std::fs::read_to_string(folder.join("out/pareto.csv")).unwrap();
+    (text(&output.stdout), ParetoFront::parse("pareto.csv", &pareto).unwrap())
 }
 
 fn run_file(folder: &Path, level: u8) -> PathBuf {
     folder.join(format!("out/runs/k{level}-x1-200hz-1e-8-incompatible_modes-left_out.json"))
 }
 
-fn at_level(front: &Front, level: u8) -> FrontPoint {
-    *front.points.iter().find(|point| point.level == level).unwrap()
+fn at_level(pareto: &ParetoFront, level: u8) -> ParetoPoint {
+    *pareto.points.iter().find(|point| point.level == level).unwrap()
 }
 
 #[test]
 fn a_finer_level_errs_less_and_costs_more_and_the_plot_shows_them() {
     let folder = tempfile::tempdir().unwrap();
-    let (_, front) = swept(folder.path(), &AXES);
-    let [voxels, fine, coarse] = [0, 1, 2].map(|level| at_level(&front, level));
-    assert_eq!(front.points.len(), 3);
+    let (_, pareto) = swept(folder.path(), &AXES);
+    let [voxels, fine, coarse] = [0, 1, 2].map(|level| at_level(&pareto, level));
+    assert_eq!(pareto.points.len(), 3);
     let scene = catalog::load(folder.path().join("block.toml").to_str().unwrap()).unwrap();
-    assert_eq!(front.fingerprint(), Front::of(&scene).fingerprint());
-    assert!(voxels.error() < fine.error() && fine.error() < coarse.error(), "{:?}", front.points);
+    assert_eq!(pareto.fingerprint(), ParetoFront::of(&scene).fingerprint());
+    assert!(voxels.error() < fine.error() && fine.error() < coarse.error(), "{:?}", pareto.points);
     assert!(voxels.elements > fine.elements && fine.elements > coarse.elements);
-    for point in &front.points {
+    for point in &pareto.points {
         assert!(point.median_ms > 0.0 && point.median_ms <= point.p99_ms, "{point:?}");
         // An empty process takes a MiB; this one must not be told the parent's.
         assert!((1.0..1024.0).contains(&point.memory_mib), "{point:?}");
@@ -72,12 +72,12 @@ fn a_finer_level_errs_less_and_costs_more_and_the_plot_shows_them() {
     }
     assert!(voxels.cut_area_error < 0.1 && voxels.cut_depth_error < 0.2, "{voxels:?}");
     assert_eq!(
-        front.notes["command"].split(' ').take(3).collect::<Vec<_>>(),
+        pareto.notes["command"].split(' ').take(3).collect::<Vec<_>>(),
         ["kerf-server", "tradeoff", "block.toml"]
     );
-    let table = std::fs::read_to_string(folder.path().join("out/front.md")).unwrap();
-    for point in &front.points {
-        let bold = !front.points.iter().any(|other| point.is_dominated_by(other));
+    let table = std::fs::read_to_string(folder.path().join("out/pareto.md")).unwrap();
+    for point in &pareto.points {
+        let bold = !pareto.points.iter().any(|other| point.is_dominated_by(other));
         let row = table.lines().find(|line| line.contains(&format!("level {}, 200 Hz", point.level))).unwrap();
         assert_eq!(row.starts_with("| **"), bold, "{row}");
     }
@@ -95,11 +95,11 @@ fn the_references_own_setting_has_no_error() {
         [&AXES[..1], &["0", "--rates", rate], &AXES[4..8], &last].concat()
     };
     swept(folder.path(), &axes("200"));
-    let (said, front) = swept(folder.path(), &axes("400"));
+    let (said, pareto) = swept(folder.path(), &axes("400"));
     assert!(said.contains("1 runs taken"), "{said}");
-    let reference = &front.notes["reference"];
+    let reference = &pareto.notes["reference"];
     assert!(reference.starts_with("level 0,") && reference.contains(" 400 Hz"), "{reference}");
-    let same = at_level(&front, 0);
+    let same = at_level(&pareto, 0);
     assert!(same.error() < 1e-9 && same.displacement_max_error < 1e-9, "{same:?}");
     assert_eq!([same.cut_depth_error, same.cut_area_error], [0.0, 0.0]);
 }
@@ -117,7 +117,7 @@ fn what_stands_is_not_run_again_and_what_is_cut_short_is() {
     std::fs::write(run_file(folder.path(), 2), &whole[..whole.len() / 2]).unwrap();
     let (said, third) = swept(folder.path(), &axes);
     assert!(said.contains("2 settings measured, 1 runs taken"), "{said}");
-    let errors = |front: &Front| front.points.iter().map(FrontPoint::error).collect::<Vec<_>>();
+    let errors = |pareto: &ParetoFront| pareto.points.iter().map(ParetoPoint::error).collect::<Vec<_>>();
     assert_eq!(errors(&first), errors(&third));
     // Another scene of the same name.
     std::fs::write(folder.path().join("block.toml"), BLOCK.replace("2.0e5", "2.1e5")).unwrap();
@@ -135,7 +135,7 @@ fn costs_are_taken_again_and_errors_kept() {
     for (before, after) in before.points.iter().zip(&after.points) {
         assert_ne!(before.median_ms, after.median_ms);
         let costs =
-            FrontPoint { median_ms: after.median_ms, p99_ms: after.p99_ms, memory_mib: after.memory_mib, ..*before };
+            ParetoPoint { median_ms: after.median_ms, p99_ms: after.p99_ms, memory_mib: after.memory_mib, ..*before };
         assert_eq!(costs, *after);
     }
 }
@@ -144,10 +144,10 @@ fn costs_are_taken_again_and_errors_kept() {
 fn the_stroke_is_an_axis_where_the_scene_states_no_regions() {
     let folder = tempfile::tempdir().unwrap();
     let axes = [&AXES[..1], &["2"], &AXES[2..10], &["--finer", "left_out,stated"]].concat();
-    let (_, front) = swept(folder.path(), &axes);
-    let of = |finer| *front.points.iter().find(|point| point.finer == finer).unwrap();
+    let (_, pareto) = swept(folder.path(), &axes);
+    let of = |finer| *pareto.points.iter().find(|point| point.finer == finer).unwrap();
     assert!(of(FinerRegions::Stated).elements > of(FinerRegions::LeftOut).elements);
-    assert!(front.notes["finer"].contains("states none"));
+    assert!(pareto.notes["finer"].contains("states none"));
 }
 
 #[test]
@@ -161,10 +161,10 @@ fn a_scene_without_tools_is_swept_by_its_loads() {
     std::fs::write(folder.path().join("pressed.toml"), pressed).unwrap();
     let output = sweep(folder.path(), "pressed.toml", &[&AXES[..], &["--duration", "0.2"]].concat());
     assert!(output.status.success(), "{}", text(&output.stderr));
-    let front = std::fs::read_to_string(folder.path().join("out/front.csv")).unwrap();
-    let front = Front::parse("front.csv", &front).unwrap();
-    assert!(front.points.iter().all(|point| point.force_rms_error == 0.0 && point.cut_area_error == 0.0));
-    let [voxels, coarse] = [0, 2].map(|level| at_level(&front, level).displacement_rms_error);
+    let pareto = std::fs::read_to_string(folder.path().join("out/pareto.csv")).unwrap();
+    let pareto = ParetoFront::parse("pareto.csv", &pareto).unwrap();
+    assert!(pareto.points.iter().all(|point| point.force_rms_error == 0.0 && point.cut_area_error == 0.0));
+    let [voxels, coarse] = [0, 2].map(|level| at_level(&pareto, level).displacement_rms_error);
     assert!(voxels < 0.5 * coarse, "{voxels} {coarse}");
     assert!(folder.path().join("out/profile.svg").is_file() && folder.path().join("out/profile.png").is_file());
 }

@@ -1,4 +1,4 @@
-//! Quarantine: non-finite state is caught at the end of a solve, rolled back and reported.
+//! Roll-back: state that is not finite is caught at the end of a solve, taken back and reported.
 
 /// What was found and undone.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -31,7 +31,7 @@ pub struct ToolInput {
     pub motion: ToolMotion,
 }
 
-/// How a tool gets to where it is at t + dt. Where a tool is comprises its pose and its `opening`: the share of
+/// How a tool gets to where it is at t + dt. Where a tool is comprises its pose and its `opening`: the fraction of
 /// their full opening that its jaws take, 0 (closed) to 1 ([`OPEN`]). A tool without jaws takes no notice of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ToolMotion {
@@ -140,7 +140,7 @@ pub struct EnergyStep {
     pub kinetic_j: f64,
     /// Gc times the area that parted; at the speed it parted at where it depends on that.
     pub fracture_j: f64,
-    /// Work of the capped force on material that slipped past the edge, and of the ties across what tension
+    /// Work of the capped force on material that slipped past the edge, and of the cohesive springs across what tension
     /// opens, less `fracture_j`; by the link-energy rule what the edge's springs let go as links part, less that.
     pub front_slip_j: f64,
     /// Energy set free when the front dropped from its initiation to its propagation value.
@@ -192,8 +192,8 @@ pub struct StepOutput {
     pub tools: Vec<ToolOutput>,
     /// Energy booked.
     pub energy: EnergyStep,
-    /// One displacement per probe of the scene, m, scene frame.
-    pub probe_displacement_m: Vec<Vec3>,
+    /// One displacement per tracked point of the scene, m, scene frame.
+    pub tracked_displacement_m: Vec<Vec3>,
     /// How the solve went.
     pub solve: SolveReport,
     /// What parted.

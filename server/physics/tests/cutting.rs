@@ -39,7 +39,7 @@ fn report(name: &str, rig: &Rig, force_ratio: f64) {
 
 #[test]
 fn steady_cutting_takes_gc_per_width_and_gc_per_area_on_every_mesh() {
-    // Off the node planes by a share of a voxel that differs between the meshes.
+    // Off the node planes by a fraction of a voxel that differs between the meshes.
     for (h, level, off_m, rate_hz) in [
         (2.5e-3, 2, 4e-4, 1000.0),
         (2.5e-3, 2, 4e-4, 2000.0),

@@ -209,7 +209,7 @@ fn jaws_that_come_in_closed_or_close_in_the_air_hold_nothing() {
 
 #[test]
 fn the_contact_model_is_about_as_stiff_as_what_is_held() {
-    // A ball in the middle of a block whose faces are held: the springs of the grip alone are thirty times
+    // A ball in the middle of a block whose faces are held: the springs of the grasp alone are thirty times
     // as stiff.
     let mut block = object([-0.03; 3], [0.03; 3], 0.0025, 1);
     block.material.young_modulus_pa = YOUNG_PA;
@@ -239,7 +239,7 @@ fn the_contact_model_is_about_as_stiff_as_what_is_held() {
 }
 
 #[test]
-fn a_grip_holds_on_through_a_cut_of_what_it_holds() {
+fn a_grasp_holds_on_through_a_cut_of_what_it_holds() {
     let h = 0.0025;
     let mut scene = strip(h, 1, None);
     scene.desc.objects[0].material.fracture_energy_j_per_m2 = Some(10.0);

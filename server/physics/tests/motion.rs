@@ -4,7 +4,7 @@ use crate::support::{Lcg, object, run, scene};
 use kerf_physics::body::Body;
 use kerf_physics::fault::FaultKind;
 use kerf_physics::grid::{Crossing, LinkId};
-use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, ProbeDesc, Scene, ShapeDesc};
+use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, Scene, ShapeDesc, TrackedPointDesc};
 use kerf_physics::{NoClock, Quat, StepInputs, Vec3, Workers, World};
 
 const GRAVITY_M_PER_S2: f64 = 9.81;
@@ -299,12 +299,12 @@ fn a_string_under_tension_hangs_as_a_string_does() {
     let mut scene = scene(vec![string.clone()]);
     scene.desc.gravity_m_per_s2 = [0.0, -GRAVITY_M_PER_S2, 0.0];
     let position_m = [LENGTH_M - 0.5 * H_M, 0.5 * H_M, 0.5 * H_M];
-    scene.desc.probes = vec![ProbeDesc { name: "tip".into(), object: "block".into(), position_m }];
+    scene.desc.tracked_points = vec![TrackedPointDesc { name: "tip".into(), object: "block".into(), position_m }];
     let mut world = World::new(&scene).expect("a valid scene");
     let mut tip_m = || {
         let output = world.step(&Workers::serial(), &NoClock, &StepInputs::default());
         assert_eq!(output.fault, None);
-        output.probe_displacement_m[0]
+        output.tracked_displacement_m[0]
     };
     (0..1500).for_each(|_| _ = tip_m());
     let mean_m: Vec3 = (0..500).map(|_| tip_m() / 500.0).sum();

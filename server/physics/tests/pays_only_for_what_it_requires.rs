@@ -4,7 +4,9 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::support::press::{cutting_scene, pose_at};
-use kerf_physics::scene::{CapsuleDesc, GovernorDesc, GrasperDesc, ProbeDesc, RegionDesc, Scene, ShapeDesc, ToolDesc};
+use kerf_physics::scene::{
+    CapsuleDesc, GovernorDesc, GrasperDesc, RegionDesc, Scene, ShapeDesc, ToolDesc, TrackedPointDesc,
+};
 use kerf_physics::step_io::{ToolInput, ToolMotion};
 use kerf_physics::{Stage, StageClock, StepInputs, Workers, World};
 
@@ -134,11 +136,11 @@ fn what_nobody_uses_leaves_every_bit_as_it_is() {
         change(&mut scene);
         stroke(&scene, |_| ())
     };
-    let probe = |scene: &mut Scene| {
+    let point = |scene: &mut Scene| {
         let object = scene.desc.objects[0].name.clone();
-        scene.desc.probes.push(ProbeDesc { name: "p".into(), object, position_m: [0.001, 0.02, 0.001] });
+        scene.desc.tracked_points.push(TrackedPointDesc { name: "p".into(), object, position_m: [0.001, 0.02, 0.001] });
     };
-    assert_eq!(changed(probe), expected, "a probe");
+    assert_eq!(changed(point), expected, "a tracked point");
     assert_eq!(
         changed(|scene| scene.desc.governor = Some(GovernorDesc { max_relative_tolerance: 0.1 })),
         expected,

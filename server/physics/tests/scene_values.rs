@@ -18,7 +18,7 @@ material = { young_modulus_pa = 1e5, poisson_ratio = 0.4, fracture_energy_j_per_
 [[tools]]
 name = "knife"
 shape = { blade = { width_m = 0.05, height_m = 0.05 } }
-[[probes]]
+[[tracked_points]]
 name = "top"
 object = "block"
 position_m = [0.05, 0.1, 0.05]
@@ -88,7 +88,7 @@ struct Bound {
     set: fn(&mut SceneDesc, f64),
     field: &'static str,
     limits: [f64; 2],
-    /// Share of the limit by which a value is just outside.
+    /// Fraction of the limit by which a value is just outside.
     beyond: f64,
 }
 
@@ -447,9 +447,9 @@ fn every_problem_is_told_at_once() {
     let fields = refused(|s| {
         s.rate_hz = 0.0;
         s.objects[0].material.poisson_ratio = -0.1;
-        s.probes[0].object = "elsewhere".into();
+        s.tracked_points[0].object = "elsewhere".into();
     });
-    assert_eq!(fields, ["rate_hz", "objects[0].material.poisson_ratio", "probes[0].object"]);
+    assert_eq!(fields, ["rate_hz", "objects[0].material.poisson_ratio", "tracked_points[0].object"]);
 }
 
 #[test]
@@ -461,7 +461,7 @@ fn exactly_one_of_voxel_size_and_resolution_is_wanted() {
 #[test]
 fn names_are_unique_within_their_kind() {
     assert_eq!(refused(|s| s.tools.push(s.tools[0].clone())), ["tools[1].name"]);
-    assert_eq!(refused(|s| s.probes[0].name = String::new()), ["probes[0].name"]);
+    assert_eq!(refused(|s| s.tracked_points[0].name = String::new()), ["tracked_points[0].name"]);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Bodies at rest under loads, against beam theory and Hooke's law.
 
 use crate::support::{beam, object, scene};
-use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, ProbeDesc, Scene, ShapeDesc};
+use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, Scene, ShapeDesc, TrackedPointDesc};
 use kerf_physics::{NoClock, StepInputs, Workers, World};
 
 const EVERYWHERE: ShapeDesc = ShapeDesc::Box { min_m: [-10.0; 3], max_m: [10.0; 3] };
@@ -154,17 +154,17 @@ fn tip_errors_grow_with_the_cell_and_do_not_lock() {
 }
 
 #[test]
-fn probes_tell_of_the_rest_that_a_scene_was_taken_to() {
+fn tracked_points_tell_of_the_rest_that_a_scene_was_taken_to() {
     let mut block = object([0.0; 3], [0.04; 3], 0.005, 1);
     block.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 0.005, 1.0] }];
     let mut scene = scene(vec![block]);
     scene.desc.gravity_m_per_s2 = [0.0, -9.81, 0.0];
     let object = scene.desc.objects[0].name.clone();
-    scene.desc.probes.push(ProbeDesc { name: "top".into(), object, position_m: [0.021, 0.039, 0.021] });
+    scene.desc.tracked_points.push(TrackedPointDesc { name: "top".into(), object, position_m: [0.021, 0.039, 0.021] });
     let mut world = World::new(&scene).unwrap();
     assert!(world.relax(&Workers::serial(), &mut |_| ()).converged);
-    let relaxed = world.output().probe_displacement_m[0];
+    let relaxed = world.output().tracked_displacement_m[0];
     assert!(relaxed.y < 0.0);
-    let stepped = world.step(&Workers::serial(), &NoClock, &StepInputs::default()).probe_displacement_m[0];
+    let stepped = world.step(&Workers::serial(), &NoClock, &StepInputs::default()).tracked_displacement_m[0];
     assert!((stepped - relaxed).norm() < 1e-3 * relaxed.norm(), "{relaxed:?} m and, a step later, {stepped:?} m");
 }

@@ -37,22 +37,22 @@ struct Specimen {
     tip_m: f64,
 }
 
-/// A strip 40 mm high between a held grip and a stiff one that is pulled at, cracked from both ends.
+/// A strip 40 mm high between a held clamp and a stiff one that is pulled at, cracked from both ends.
 fn strip(level: u8, h: f64, traction_pa: f64) -> Specimen {
-    let (height, length, grip, crack) = (0.04, 0.32, 0.02, 0.08);
-    let mut desc = object([0.0; 3], [length, 2.0 * grip + height, THICKNESS_M], h, level);
+    let (height, length, clamp, crack) = (0.04, 0.32, 0.02, 0.08);
+    let mut desc = object([0.0; 3], [length, 2.0 * clamp + height, THICKNESS_M], h, level);
     desc.material.poisson_ratio = 0.0;
-    desc.fixed = vec![bounds([-1.0; 3], [1.0, grip, 1.0])];
+    desc.fixed = vec![bounds([-1.0; 3], [1.0, clamp, 1.0])];
     let material = MaterialDesc { young_modulus_pa: 1e4 * YOUNG_PA, ..desc.material.clone() };
-    let shape = bounds([-1.0, grip + height, -1.0], [1.0; 3]);
-    desc.regions = vec![RegionDesc { name: "grip".into(), shape, material }];
+    let shape = bounds([-1.0, clamp + height, -1.0], [1.0; 3]);
+    desc.regions = vec![RegionDesc { name: "clamp".into(), shape, material }];
     let region = bounds([crack, -1.0, -1.0], [length - crack, 1.0, 1.0]);
     desc.loads = vec![LoadDesc::Traction { region, face: Face::MaxY, traction_pa: [0.0, traction_pa, 0.0] }];
     let cracks_m = vec![[0.0, crack], [length - crack, length]];
-    Specimen { desc, cracks_m, height_m: grip + 0.5 * height, tip_m: crack }
+    Specimen { desc, cracks_m, height_m: clamp + 0.5 * height, tip_m: crack }
 }
 
-/// `W H` of the strip: W from how far the grip has gone over the middle.
+/// `W H` of the strip: W from how far the clamp has gone over the middle.
 fn strip_theory(body: &Body) -> f64 {
     let at_m = Vec3::new(0.16, 0.06, 0.5 * THICKNESS_M);
     let voxel = body.grid.voxel_at(body.grid.cell_of(&(at_m - Vec3::y() * 1e-4))).expect("in the strip");
@@ -111,7 +111,7 @@ fn release_rate(body: &Body, specimen: &Specimen) -> f64 {
     };
     let slices = 1000;
     let at_m = |i: i32| tip.position_m + Vec3::z() * ((f64::from(i) + 0.5) / f64::from(slices) - 0.5) * THICKNESS_M;
-    let length_m: f64 = (0..slices).map(|i| tip.share_at(body, &at_m(i)) * THICKNESS_M / f64::from(slices)).sum();
+    let length_m: f64 = (0..slices).map(|i| tip.weight_at(body, &at_m(i)) * THICKNESS_M / f64::from(slices)).sum();
     released(body, &tip).j_per_m / length_m
 }
 

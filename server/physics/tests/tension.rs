@@ -10,7 +10,7 @@ use kerf_physics::{Vec3, Workers};
 
 const YOUNG_PA: f64 = 1e6;
 const GC_J_PER_M2: f64 = 200.0;
-/// Of the strip that is cut: its height between the grips, m, and its thickness.
+/// Of the strip that is cut: its height between the clamps, m, and its thickness.
 const HEIGHT_M: f64 = 0.03;
 const THICKNESS_M: f64 = 0.02;
 /// Length of the strip, and how deep it is cut from either end beforehand, m.
@@ -19,13 +19,13 @@ const CUT_M: f64 = 0.08;
 /// Where the blade and the cuts made beforehand are beside the middle plane, m: off the planes of the lattice. The
 /// blade stands in the cut, so its flanks press on neither side.
 const BLADE_Z_M: f64 = 3e-4;
-/// Thickness of the grips, m.
-const GRIP_M: f64 = 0.01;
+/// Thickness of the clamps, m.
+const CLAMP_M: f64 = 0.01;
 
-/// A strip along y between a held grip and a stiff one that is pulled at along z; it is cut from both ends in the
+/// A strip along y between a held clamp and a stiff one that is pulled at along z; it is cut from both ends in the
 /// middle, and the blade comes down in the upper cut.
 fn strip(level: u8, h: f64, pull: f64) -> Scene {
-    let (length, half, reach) = (LENGTH_M, 0.5 * HEIGHT_M, 0.5 * HEIGHT_M + GRIP_M);
+    let (length, half, reach) = (LENGTH_M, 0.5 * HEIGHT_M, 0.5 * HEIGHT_M + CLAMP_M);
     let mut desc = object([0.0, 0.0, -reach], [THICKNESS_M, length, reach], h, level);
     desc.material = MaterialDesc {
         poisson_ratio: 0.0,
@@ -33,13 +33,13 @@ fn strip(level: u8, h: f64, pull: f64) -> Scene {
         fracture_energy_j_per_m2: Some(GC_J_PER_M2),
         ..desc.material
     };
-    let grip =
+    let clamp =
         MaterialDesc { young_modulus_pa: 1e4 * YOUNG_PA, fracture_energy_j_per_m2: None, ..desc.material.clone() };
     let shape = ShapeDesc::Box { min_m: [-1.0, -1.0, half], max_m: [1.0; 3] };
-    desc.regions = vec![RegionDesc { name: "grip".into(), shape, material: grip }];
+    desc.regions = vec![RegionDesc { name: "clamp".into(), shape, material: clamp }];
     desc.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 1.0, -half] }];
     if pull > 0.0 {
-        // Over what is not cut: the grip keeps its angle.
+        // Over what is not cut: the clamp keeps its angle.
         let region = ShapeDesc::Box { min_m: [-1.0, CUT_M, -1.0], max_m: [1.0, LENGTH_M - CUT_M, 1.0] };
         desc.loads = vec![LoadDesc::Traction { region, face: Face::MaxZ, traction_pa: [0.0, 0.0, pull * YOUNG_PA] }];
     }
@@ -107,9 +107,9 @@ fn a_stretched_strip_is_cut_at_gc_less_what_it_sets_free() {
         let (residual, _) = rig.residual_ratios();
         println!("pulled by {pull} E: F/(Gc w) {found:.3}, 1 - G_el/Gc {theory:.3}, residual {residual:.1e}");
         // Elements part when the front has come through them: what opens, and sets energy free, is behind the
-        // front by half an element on the mean, and then is tied for what the blade has not paid. At a dead load the
-        // shorter cut sets less free: here 0.65 to 0.70 of what theory says, 0.64 to 0.69 with the blade 0.3 mm beside
-        // the cut, where its flank leans on a wall.
+        // front by half an element on the mean, and then is held by cohesive springs for what the blade has not paid.
+        // At a dead load the shorter cut sets less free: here 0.65 to 0.70 of what theory says, 0.64 to 0.69 with the
+        // blade 0.3 mm beside the cut, where its flank leans on a wall.
         let share = (1.0 - found) / (1.0 - theory);
         let is_near = if pull == 0.0 { (found - 1.0).abs() < 0.01 } else { (0.6..1.05).contains(&share) };
         assert!(is_near, "pull {pull}: {found} against {theory}");

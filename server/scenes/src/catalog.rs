@@ -96,7 +96,7 @@ mod tests {
             assert_eq!(scene.desc.name, name);
             assert_eq!(scene.desc.rate_hz, 1000.0);
             assert_eq!(scene.desc.tools.is_empty(), name == "pressed-block", "{name}");
-            assert!(!scene.desc.probes.is_empty() && !scene.desc.description.is_empty(), "{name}");
+            assert!(!scene.desc.tracked_points.is_empty() && !scene.desc.description.is_empty(), "{name}");
         }
     }
 

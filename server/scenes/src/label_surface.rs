@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 
 use crate::nifti::LabelMap;
 
-/// Shares of the way to the mean of its neighbours that a vertex goes in turn: smoothing, and back from the
+/// Fractions of the way to the mean of its neighbours that a vertex goes in turn: smoothing, and back from the
 /// shrinking that it does.
 const SMOOTHING: [f64; 2] = [0.5, -0.53];
 /// Times that both are gone: a ball's normals gain little beyond.
@@ -121,7 +121,7 @@ impl Nets<'_> {
         }
     }
 
-    /// Moves every vertex a share of the way to the mean of its neighbours, within its cell.
+    /// Moves every vertex a fraction of the way to the mean of its neighbours, within its cell.
     fn smooth(&self, points: &mut [Vector3<f64>], share: f64) {
         let mut sums = vec![(Vector3::zeros(), 0.0); points.len()];
         for quad in &self.quads {

@@ -114,7 +114,7 @@ fn the_liver_comes_to_rest_after_a_cut_at_display_rates() {
     }
 }
 
-/// Elements of 28 mm in a liver of 140 mm: what a front looks at takes in where the liver is held.
+/// Elements of 28 mm in a liver of 140 mm: where a front is sampled takes in where the liver is held.
 #[test]
 fn the_coarsest_liver_is_held_back_by_no_more_than_half_of_its_fracture_energy() {
     let mut scene = catalog::builtin("liver").unwrap();

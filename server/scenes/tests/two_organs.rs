@@ -23,11 +23,11 @@ fn the_lobe_rests_on_the_kidney_and_hangs_lower_without_it() {
     let deepest_m = springs.iter().map(|s| s.gap_m).fold(0.0, f64::max);
     let voxel_m = scene.desc.objects[0].voxel_size_m.unwrap();
     let weight_n = 9.81 * world.bodies()[0].mass_kg();
-    let (output, end_m) = (world.output(), world.output().probe_displacement_m[1].y);
+    let (output, end_m) = (world.output(), world.output().tracked_displacement_m[1].y);
 
     let mut alone = scene.clone();
     alone.desc.objects.truncate(1);
-    let alone_m = rested(&alone, 1500).output().probe_displacement_m[1].y;
+    let alone_m = rested(&alone, 1500).output().tracked_displacement_m[1].y;
     println!(
         "the kidney carries {:.3} of {weight_n:.2} N, {:.4} h deep; the end sinks {:.2} mm, alone {:.2} mm; kinetic \
          {:.1e} of {:.1e} J",

@@ -48,16 +48,16 @@ fn builtin_scenes_have_the_papers_voxels_in_one_part() {
 }
 
 #[test]
-fn builtin_scenes_hold_some_voxels_and_probe_others() {
+fn builtin_scenes_hold_some_voxels_and_track_others() {
     for name in catalog::builtin_names() {
         let scene = catalog::load(name).unwrap();
         let object = &scene.desc.objects[0];
         let grid = voxelize(object, &scene.meshes).unwrap();
         let held = region_voxels(&grid, &object.fixed[0], &scene.meshes).unwrap();
         assert!(held.len() > 100 && held.len() < grid.voxels().len() / 5, "{name}: {}", held.len());
-        for probe in &scene.desc.probes {
-            let voxel = grid.voxel_at(grid.cell_of(&probe.position_m.into()));
-            assert!(voxel.is_some_and(|id| !held.contains(&id)), "{name}: probe {}", probe.name);
+        for point in &scene.desc.tracked_points {
+            let voxel = grid.voxel_at(grid.cell_of(&point.position_m.into()));
+            assert!(voxel.is_some_and(|id| !held.contains(&id)), "{name}: tracked point {}", point.name);
         }
     }
 }

@@ -11,9 +11,9 @@ use kerf_physics::SceneDesc;
 /// Steps are judged by windows of this length, s: long enough that a stall of the machine is not taken for
 /// a scene that costs too much, short enough that a hand hardly feels the wait.
 const WINDOW_S: f64 = 0.1;
-/// Share of the late steps in a window from which on effort is reduced.
+/// Fraction of the late steps in a window from which on effort is reduced.
 const LATE_SHARE: f64 = 0.1;
-/// Share of the period that the steps of a window may take on average for effort to be raised: a rung of
+/// Fraction of the period that the steps of a window may take on average for effort to be raised: a rung of
 /// tolerance costs up to a third of a step.
 const IDLE_SHARE: f64 = 0.6;
 /// Windows in a row with time to spare before effort is raised: what is given back too early is missed

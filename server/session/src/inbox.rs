@@ -19,7 +19,7 @@ use crate::status::{SessionStatus, StepTallies};
 use crate::tool_slot::{DriverId, Echo, ToolSlot};
 
 /// What a query sees between two steps.
-pub struct Probe<'a> {
+pub struct Inspection<'a> {
     /// The world as the last step left it.
     pub world: &'a mut World,
     /// All inputs since the scene was at rest.
@@ -42,8 +42,8 @@ pub(crate) enum Command {
     Describe(oneshot::Sender<SessionStatus>),
     /// Save a checkpoint, go back to one, tell of them.
     Checkpoint(CheckpointCommand),
-    /// Look at the world. The closure holds the answer's channel.
-    Query(Box<dyn FnOnce(&mut Probe<'_>) + Send>),
+    /// Inspect the world. The closure holds the answer's channel.
+    Query(Box<dyn FnOnce(&mut Inspection<'_>) + Send>),
 }
 
 /// Something to do with the checkpoints that a session can go back to, by name.

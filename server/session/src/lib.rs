@@ -31,7 +31,7 @@ mod tool_slot;
 
 pub use checkpoints::{CheckpointInfo, MAX_CHECKPOINT_NAME_BYTES};
 pub use error::SessionError;
-pub use inbox::Probe;
+pub use inbox::Inspection;
 pub use limits::{PoseLimits, SessionLimits};
 pub use outbox::{SceneEvent, StepReport, ToolReport, ViewEvent, ViewMessage, ViewState, Viewer};
 pub use pose_check::{PoseRefusal, PoseSample};

@@ -14,7 +14,7 @@ pub struct PoseSample {
     pub client_ns: u64,
     /// The pose.
     pub pose: Pose,
-    /// Share of their full opening that the tool's jaws take, 0 (closed) to 1; what has none ignores it.
+    /// Fraction of their full opening that the tool's jaws take, 0 (closed) to 1; what has none ignores it.
     pub opening: f64,
 }
 
@@ -69,7 +69,7 @@ pub enum PoseRefusal {
         /// `pose.workspace_half_extent_m`.
         limit_m: f64,
     },
-    /// The opening is no share.
+    /// The opening is no fraction.
     #[error("opening: {opening}, must be between 0 and 1")]
     NoOpening {
         /// What arrived.

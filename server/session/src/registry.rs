@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 use kerf_physics::Scene;
-use kerf_scenes::dial::Fronts;
+use kerf_scenes::dial::ParetoFronts;
 use tokio::sync::Semaphore;
 
 use crate::error::SessionError;
@@ -17,7 +17,7 @@ use crate::session_id::SessionId;
 /// The sessions of a server, at most [`SessionLimits::max_sessions`] of them.
 pub struct Registry {
     limits: SessionLimits,
-    fronts: Fronts,
+    pareto_fronts: ParetoFronts,
     sessions: Mutex<BTreeMap<SessionId, Arc<Session>>>,
     next_id: AtomicU64,
     /// One permit per thread that may live, held by the thread.
@@ -25,14 +25,14 @@ pub struct Registry {
 }
 
 impl Registry {
-    /// A registry without sessions, whose dial knows these fronts.
+    /// A registry without sessions, whose dial knows these Pareto fronts.
     ///
     /// # Errors
     /// A limit that makes no sense.
-    pub fn new(limits: SessionLimits, fronts: Fronts) -> Result<Self, LimitError> {
+    pub fn new(limits: SessionLimits, pareto_fronts: ParetoFronts) -> Result<Self, LimitError> {
         limits.validate()?;
         let permits = Arc::new(Semaphore::new(limits.max_sessions));
-        Ok(Self { limits, fronts, sessions: Mutex::default(), next_id: AtomicU64::new(1), permits })
+        Ok(Self { limits, pareto_fronts, sessions: Mutex::default(), next_id: AtomicU64::new(1), permits })
     }
 
     /// What every session holds its clients to.
@@ -50,7 +50,7 @@ impl Registry {
             true => SessionError::Draining,
             false => SessionError::TooManySessions { limit: self.limits.max_sessions },
         })?;
-        let choice = self.fronts.settle(&mut scene, options.dial)?;
+        let choice = self.pareto_fronts.settle(&mut scene, options.dial)?;
         let id = SessionId(self.next_id.fetch_add(1, Ordering::Relaxed));
         let session = Arc::new(Session::start(id, scene, choice, options, self.limits.clone(), permit).await?);
         let mut sessions = lock(&self.sessions);

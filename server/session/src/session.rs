@@ -11,7 +11,7 @@ use tokio::sync::{OwnedSemaphorePermit, oneshot, watch};
 use crate::checkpoints::CheckpointInfo;
 use crate::clock::MonotonicClock;
 use crate::error::SessionError;
-use crate::inbox::{CheckpointCommand, Command, Inbox, Probe};
+use crate::inbox::{CheckpointCommand, Command, Inbox, Inspection};
 use crate::limits::SessionLimits;
 use crate::lock::lock;
 use crate::outbox::{Outbox, Publisher, StepReport, Viewer};
@@ -188,18 +188,18 @@ impl Session {
         self.ask(Command::Describe).await
     }
 
-    /// Lets `look` look at the world between two steps. It runs on the session's thread, so its time
+    /// Lets `inspect` see the world between two steps. It runs on the session's thread, so its time
     /// is the session's; a panic in it fails the session as one in a step does.
     ///
     /// # Errors
     /// The queue is full, or the session has ended or fails.
     pub async fn query<T: Send + 'static>(
         &self,
-        look: impl FnOnce(&mut Probe<'_>) -> T + Send + 'static,
+        inspect: impl FnOnce(&mut Inspection<'_>) -> T + Send + 'static,
     ) -> Result<T, SessionError> {
         self.ask(|answer| {
-            Command::Query(Box::new(move |probe| {
-                let _ = answer.send(look(probe));
+            Command::Query(Box::new(move |inspection| {
+                let _ = answer.send(inspect(inspection));
             }))
         })
         .await

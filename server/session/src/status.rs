@@ -43,8 +43,8 @@ pub struct SessionStatus {
     pub reanchors: u64,
     /// Energy booked since the scene was at rest: sums of works, levels as they are.
     pub energy: EnergyStep,
-    /// Displacement of each probe, m.
-    pub probe_displacement_m: Vec<Vec3>,
+    /// Displacement of each tracked point, m.
+    pub tracked_displacement_m: Vec<Vec3>,
     /// Hash of positions, velocities, fronts and topology.
     pub state_hash: u64,
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use kerf_physics::tool::{OPEN, Pose};
 use kerf_physics::{Quat, Scene, SceneDesc, Vec3, Workers};
-use kerf_scenes::dial::Fronts;
+use kerf_scenes::dial::ParetoFronts;
 use kerf_session::{
     Driver, MAX_CHECKPOINT_NAME_BYTES, Phase, PoseSample, Registry, SceneEvent, Session, SessionError, SessionLimits,
     SessionOptions, StepReport, ViewMessage, Viewer,
@@ -16,7 +16,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 async fn session_with(limits: SessionLimits) -> (Registry, Arc<Session>) {
     let scene =
         Scene { desc: toml::from_str::<SceneDesc>(include_str!("block.toml")).unwrap(), meshes: Default::default() };
-    let registry = Registry::new(limits, Fronts::default()).unwrap();
+    let registry = Registry::new(limits, ParetoFronts::default()).unwrap();
     let session = registry.create(scene, SessionOptions::default()).await.unwrap();
     (registry, session)
 }
@@ -113,7 +113,8 @@ async fn points_outlive_a_reset_and_lead_to_a_way_that_was_left() {
     session.restore_checkpoint("rest").await.unwrap();
     session.reset().await.unwrap();
     session.restore_checkpoint("cut").await.unwrap();
-    let (log, hash) = session.query(|probe| (probe.log.clone(), probe.world.state_hash())).await.unwrap();
+    let (log, hash) =
+        session.query(|inspection| (inspection.log.clone(), inspection.world.state_hash())).await.unwrap();
     assert_eq!(hash, cut);
     assert_eq!(log.replay(session.scene(), &Workers::serial()).unwrap().state_hash(), cut);
 }

@@ -8,7 +8,7 @@ use kerf_physics::scene::{GrasperDesc, ToolDesc};
 use kerf_physics::step_io::Grasp;
 use kerf_physics::tool::{OPEN, Pose};
 use kerf_physics::{Quat, Scene, SceneDesc, Vec3, Workers};
-use kerf_scenes::dial::Fronts;
+use kerf_scenes::dial::ParetoFronts;
 use kerf_session::{
     Driver, Phase, PoseRefusal, PoseSample, Registry, SceneEvent, Session, SessionError, SessionLimits, SessionOptions,
     StepReport, ViewMessage, Viewer,
@@ -25,7 +25,7 @@ fn limits() -> SessionLimits {
 }
 
 async fn session_with(limits: SessionLimits) -> (Registry, Arc<Session>) {
-    let registry = Registry::new(limits, Fronts::default()).unwrap();
+    let registry = Registry::new(limits, ParetoFronts::default()).unwrap();
     let session = registry.create(block(), SessionOptions::default()).await.unwrap();
     (registry, session)
 }
@@ -135,7 +135,7 @@ async fn a_viewer_gets_a_keyframe_then_a_state_of_its_version_then_more_states()
 
 #[tokio::test]
 async fn a_viewer_of_a_standing_session_gets_keyframe_and_state() {
-    let registry = Registry::new(limits(), Fronts::default()).unwrap();
+    let registry = Registry::new(limits(), ParetoFronts::default()).unwrap();
     let session =
         registry.create(block(), SessionOptions { start_paused: true, ..SessionOptions::default() }).await.unwrap();
     let mut viewer = session.view().unwrap();
@@ -173,7 +173,7 @@ async fn closing_ends_viewers_and_drivers_and_frees_the_place() {
 
 #[tokio::test]
 async fn a_panic_fails_its_session_alone() {
-    let registry = Registry::new(limits(), Fronts::default()).unwrap();
+    let registry = Registry::new(limits(), ParetoFronts::default()).unwrap();
     let broken = registry.create(block(), SessionOptions::default()).await.unwrap();
     let other = registry.create(block(), SessionOptions::default()).await.unwrap();
     let driver = broken.drive(&[0]).unwrap();
@@ -226,7 +226,8 @@ async fn the_input_log_of_a_cut_replays_to_the_same_state() {
         }
     }
     session.pause().await.unwrap();
-    let live = session.query(|probe| (probe.log.clone(), probe.world.state_hash(), probe.world.output().clone()));
+    let live = session
+        .query(|inspection| (inspection.log.clone(), inspection.world.state_hash(), inspection.world.output().clone()));
     let (log, hash, output) = live.await.unwrap();
     assert!(output.topology_version >= 4, "{} times links parted", output.topology_version);
     assert!(!log.is_full());
@@ -251,7 +252,7 @@ fn block_with_a_grasper() -> Scene {
 
 #[tokio::test]
 async fn two_drivers_hold_and_cut_the_same_tissue() {
-    let registry = Registry::new(limits(), Fronts::default()).unwrap();
+    let registry = Registry::new(limits(), ParetoFronts::default()).unwrap();
     let session = registry.create(block_with_a_grasper(), SessionOptions::default()).await.unwrap();
     let (knife, hand) = (session.drive(&[0]).unwrap(), session.drive(&[2]).unwrap());
     let held_at = [0.008, 0.009, 0.0];
@@ -276,13 +277,14 @@ async fn two_drivers_hold_and_cut_the_same_tissue() {
     use_pose(&hand, 2, &PoseSample { opening: 1.0, ..closed(81, 1e-3) }).await;
     assert_eq!(hand.last_report().unwrap().tools[2].output.grasp, Grasp::Nothing);
     session.pause().await.unwrap();
-    let (log, hash) = session.query(|probe| (probe.log.clone(), probe.world.state_hash())).await.unwrap();
+    let (log, hash) =
+        session.query(|inspection| (inspection.log.clone(), inspection.world.state_hash())).await.unwrap();
     assert_eq!(log.replay(session.scene(), &Workers::serial()).unwrap().state_hash(), hash);
 }
 
 #[tokio::test]
 async fn a_scene_with_a_rate_out_of_bounds_is_refused() {
-    let registry = Registry::new(limits(), Fronts::default()).unwrap();
+    let registry = Registry::new(limits(), ParetoFronts::default()).unwrap();
     let mut scene = block();
     scene.desc.rate_hz = 1e6;
     let refused = registry.create(scene, SessionOptions::default()).await;

@@ -9,7 +9,7 @@ use super::scenes::{Specimen, SplitMix64, level_at, line};
 use super::trial::{Measures, Return, Trial};
 use super::{Budget, Case, Family};
 
-/// Share of its height by which a specimen is pressed in.
+/// Fraction of its height by which a specimen is pressed in.
 const DENT: f64 = 0.15;
 /// Contrasts of Young's modulus, up to the most that is supported.
 const CONTRASTS: [f64; 3] = [1e2, 1e4, 1e6];

@@ -18,7 +18,7 @@ use super::verdict::{Finding, MOST_MADE, REST_KINETIC, REST_PERIODS, findings};
 /// Up to here one linearised step per time step makes no energy; nearer to a half it may, see the matrix.
 const TAME_POISSON_RATIO: f64 = 0.49;
 const BUDGET: Budget = Budget { most_steps: 300 };
-/// Share of the energy of cutting the whole blob across that an edge may bring in where it comes in
+/// Fraction of the energy of cutting the whole blob across that an edge may bring in where it comes in
 /// through a side.
 const ENTRY_SHARE: f64 = 0.05;
 

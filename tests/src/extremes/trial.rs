@@ -4,10 +4,10 @@ use kerf_physics::body::Body;
 use kerf_physics::step_io::{StepOutput, ToolMotion};
 use kerf_physics::{NoClock, Scene, SceneError, StepInputs, ToolInput, Vec3, Workers, World};
 
-/// Energies below this share of `E V` (Young's modulus times volume), those of strains of a thousandth,
+/// Energies below this fraction of `E V` (Young's modulus times volume), those of strains of a thousandth,
 /// count as nothing.
 const NO_ENERGY: f64 = 1e-6;
-/// Share of the steps after letting go, at their end, over which rest is judged: a vibration may pass
+/// Fraction of the steps after letting go, at their end, over which rest is judged: a vibration may pass
 /// through standstill, not stay there.
 const REST_WINDOW: f64 = 0.1;
 

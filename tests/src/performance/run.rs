@@ -51,7 +51,7 @@ pub fn liver(voxel_m: f64, level: u8, rate_hz: f64) -> Result<Scene> {
     scene.desc.objects[0].voxel_size_m = Some(voxel_m);
     scene.desc.objects[0].level = level;
     // They lie in the scene's own voxels, not in coarser ones.
-    scene.desc.probes.clear();
+    scene.desc.tracked_points.clear();
     Ok(scene)
 }
 
@@ -127,7 +127,7 @@ pub const COLLISION: [Stage; 2] = [Stage::Contact, Stage::SelfContact];
 /// The paper's topology modification, the surface's change with it.
 pub const TOPOLOGY: [Stage; 2] = [Stage::Topology, Stage::Surface];
 
-/// The smallest value that at least a share of the values do not exceed; NaN of none.
+/// The smallest value that at least a fraction of the values do not exceed; NaN of none.
 pub fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);

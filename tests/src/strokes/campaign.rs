@@ -17,12 +17,12 @@ use crate::extremes::scenes::SplitMix64;
 
 /// What rounding leaves of the energy of a body that nothing has touched, at most, J.
 const NO_ENERGY_J: f64 = 1e-15;
-/// A body is in crumbs when its largest piece has less than this share of its voxels.
-const CRUMBS: f64 = 0.25;
+/// A body is cut up when its largest piece has less than this fraction of its voxels.
+const CUT_UP_FRACTION: f64 = 0.25;
 /// So is one that so many strokes in a row have parted nothing of.
 const IDLE_STROKES: u32 = 15;
-/// Enclosed volume may change by the cut area times this share of a voxel's edge.
-const VOLUME_SHARE: f64 = 0.1;
+/// Enclosed volume may change by the cut area times this fraction of a voxel's edge.
+const VOLUME_FRACTION: f64 = 0.1;
 /// Energy the ledger may leave unexplained, over the work of the tools.
 const MOST_RESIDUAL: f64 = 1e-2;
 /// Findings that are kept in words; all are counted.
@@ -216,7 +216,7 @@ impl Specimen {
             if room_m3 > 0.0 {
                 tally.volume_ratio = tally.volume_ratio.max(changed_m3 / room_m3);
             }
-            let is_beyond = changed_m3 > VOLUME_SHARE * room_m3 + f64::from(f32::EPSILON) * whole_m3;
+            let is_beyond = changed_m3 > VOLUME_FRACTION * room_m3 + f64::from(f32::EPSILON) * whole_m3;
             tally.volume_misses += u32::from(is_beyond);
             tally.volume_change_m3 = changed_m3;
         }
@@ -238,10 +238,10 @@ impl Specimen {
         }
     }
 
-    fn is_in_crumbs(&self) -> bool {
+    fn is_cut_up(&self) -> bool {
         let grid = &self.world.bodies()[0].grid;
         let largest = grid.piece_sizes().last().copied().unwrap_or(0) as f64;
-        self.idle_strokes >= IDLE_STROKES || largest < CRUMBS * grid.voxels().len() as f64
+        self.idle_strokes >= IDLE_STROKES || largest < CUT_UP_FRACTION * grid.voxels().len() as f64
     }
 }
 
@@ -252,7 +252,7 @@ fn is_finite(output: &StepOutput) -> bool {
     wrenches.copied().chain(energies).all(f64::is_finite)
 }
 
-/// Cuts a fresh body of a model by `strokes` random strokes, or until it is in crumbs or one makes it panic.
+/// Cuts a fresh body of a model by `strokes` random strokes, or until it is cut up or one makes it panic.
 ///
 /// # Errors
 /// What the model's scene is refused for.
@@ -268,7 +268,7 @@ pub fn cut(model: &Model, seed: u64, strokes: u32) -> Result<Tally, SceneError> 
     };
     let mut rng = SplitMix64(seed);
     let mut is_whole = true;
-    while is_whole && tally.strokes < strokes && !specimen.is_in_crumbs() {
+    while is_whole && tally.strokes < strokes && !specimen.is_cut_up() {
         tally.strokes += 1;
         let outcome = catch_unwind(AssertUnwindSafe(|| {
             specimen.stroke(&mut rng, &mut tally);

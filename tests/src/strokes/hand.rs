@@ -7,7 +7,7 @@ use kerf_physics::{Quat, Vec3};
 use super::model::BLADES;
 use crate::extremes::scenes::{SplitMix64, line};
 
-/// Share of the strokes that a straight edge makes; the others share the rest.
+/// Fraction of the strokes that a straight edge makes; the others share the rest.
 const STRAIGHT_SHARE: f64 = 0.8;
 const SPEED_M_PER_S: [f64; 2] = [0.05, 1.0];
 /// How far an edge moves along itself while it cuts, over how far it goes forward, at most.

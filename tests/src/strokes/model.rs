@@ -12,7 +12,7 @@ use crate::extremes::scenes::below;
 
 /// Longest edge of a mesh's bounding box in the scene, m: the liver's.
 const LONGEST_M: f64 = 0.2;
-/// Share of a mesh's extent along y, from its lower end, that is held: what is held by less gives way before it
+/// Fraction of a mesh's extent along y, from its lower end, that is held: what is held by less gives way before it
 /// is cut.
 const HELD_SHARE: f64 = 0.3;
 /// Slow enough for many strokes; with 20 voxels to a model one of 1 m/s goes on by less than a voxel in a step.
@@ -58,7 +58,7 @@ impl Model {
         }
         scene.desc.rate_hz = RATE_HZ;
         scene.desc.gravity_m_per_s2 = [0.0; 3];
-        scene.desc.probes.clear();
+        scene.desc.tracked_points.clear();
         scene.desc.tools = BLADES.iter().map(|blade| ToolDesc::blade(blade, self::blade(blade))).collect();
         scene.problems().into_iter().next().map_or(Ok(()), Err)?;
         Ok(Self { name, scene })

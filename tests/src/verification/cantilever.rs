@@ -16,13 +16,13 @@ const LENGTH_M: f64 = 0.2;
 const CLAMP_M: f64 = 0.02;
 const SIDE_M: f64 = 0.02;
 const GRAVITY_M_PER_S2: f64 = 9.81;
-/// Share of the weight at which deflections are linear.
+/// Fraction of the weight at which deflections are linear.
 const SMALL: f64 = 0.01;
 const YOUNG_PA: f64 = 2e6;
 const POISSON: f64 = 0.45;
 const DENSITY_KG_PER_M3: f64 = 1100.0;
 
-/// The cantilever along +z under a share of its weight.
+/// The cantilever along +z under a fraction of its weight.
 fn cantilever(mesh: Mesh, side_m: f64, poisson_ratio: f64, gravity_m_per_s2: f64) -> Scene {
     let mut desc = block([side_m, side_m, LENGTH_M + CLAMP_M], mesh, material(YOUNG_PA, poisson_ratio));
     desc.material.density_kg_per_m3 = DENSITY_KG_PER_M3;
@@ -50,7 +50,7 @@ fn end_m(side_m: f64) -> Vec3 {
     Vec3::new(0.5 * side_m, 0.5 * side_m, LENGTH_M + CLAMP_M)
 }
 
-/// Small displacement of the tip at rest under a share of the weight, m.
+/// Small displacement of the tip at rest under a fraction of the weight, m.
 ///
 /// # Errors
 /// It did not come to rest.

@@ -246,7 +246,7 @@ pub fn family(extent: Extent) -> Result<Family> {
                6 a x 6 a x 3 a with the exact tractions of the half-space on its other faces, one to each face of an \
                element. H is the edge of an element. The square's errors below 0.5 % are not yet those of an \
                asymptote. Contact with a rigid body (Hertz, punch, wedge) is not among these cases: there is no \
-               rigid probe to press with."
+               rigid indenter to press with."
             .into(),
         tables,
         studies,

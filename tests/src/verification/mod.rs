@@ -109,7 +109,7 @@ impl Row {
     }
 }
 
-/// Largest share of a tool's work that a ledger may leave unexplained.
+/// Largest fraction of a tool's work that a ledger may leave unexplained.
 const LEDGER_LIMIT: f64 = 0.01;
 
 /// A figure that must be met, and how well the run that it is from keeps its energy.

@@ -43,31 +43,31 @@ fn rest(desc: &ObjectDesc, height_m: f64, along_m: &[Range<f64>]) -> Result<(f64
     Ok((energy.elastic_j + energy.hold_j - body.external_work_j(moved), body))
 }
 
-/// The strip between grips: height and length, m, and thickness of the upper grip.
+/// The strip between clamps: height and length, m, and thickness of the upper clamp.
 const STRIP_M: [f64; 2] = [0.04, 0.32];
-const GRIP_M: f64 = 0.02;
+const CLAMP_M: f64 = 0.02;
 
-/// Energy release rate of a strip between grips over W H, W the energy density far from its two cracks.
+/// Energy release rate of a strip between clamps over W H, W the energy density far from its two cracks.
 fn pure_shear(mesh: Mesh, crack_m: f64) -> Result<f64> {
     let [height_m, length_m] = STRIP_M;
-    let mut desc = block([length_m, GRIP_M + height_m + GRIP_M, THICKNESS_M], mesh, material(YOUNG_PA, 0.0));
-    desc.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, GRIP_M, 1.0] }];
+    let mut desc = block([length_m, CLAMP_M + height_m + CLAMP_M, THICKNESS_M], mesh, material(YOUNG_PA, 0.0));
+    desc.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, CLAMP_M, 1.0] }];
     desc.regions = vec![RegionDesc {
-        name: "grip".into(),
-        shape: ShapeDesc::Box { min_m: [-1.0, GRIP_M + height_m, -1.0], max_m: [1.0; 3] },
+        name: "clamp".into(),
+        shape: ShapeDesc::Box { min_m: [-1.0, CLAMP_M + height_m, -1.0], max_m: [1.0; 3] },
         material: material(1e4 * YOUNG_PA, 0.0),
     }];
     let traction_pa = 1e-4 * YOUNG_PA;
-    // Over what is not cracked, on the mean: the grip is not bent.
+    // Over what is not cracked, on the mean: the clamp is not bent.
     let half_m = 0.5 * length_m - crack_m - 0.5 * ADVANCE_M;
     let region =
         ShapeDesc::Box { min_m: [0.5 * length_m - half_m, -1.0, -1.0], max_m: [0.5 * length_m + half_m, 1.0, 1.0] };
     desc.loads = vec![LoadDesc::Traction { region, face: Face::MaxY, traction_pa: [0.0, traction_pa, 0.0] }];
-    let middle_m = GRIP_M + 0.5 * height_m;
+    let middle_m = CLAMP_M + 0.5 * height_m;
     let at = |a: f64| -> Result<(f64, f64)> {
         let (potential_j, body) = rest(&desc, middle_m, &[0.0..a, length_m - a..length_m])?;
-        let grip = Vec3::new(0.5 * length_m, GRIP_M + height_m, 0.5 * THICKNESS_M);
-        Ok((potential_j, displacement_m(&body, grip)?.y))
+        let clamp = Vec3::new(0.5 * length_m, CLAMP_M + height_m, 0.5 * THICKNESS_M);
+        Ok((potential_j, displacement_m(&body, clamp)?.y))
     };
     let (before, after) = (at(crack_m)?, at(crack_m + ADVANCE_M)?);
     let release_j_per_m2 = (before.0 - after.0) / (2.0 * THICKNESS_M * ADVANCE_M);
@@ -144,7 +144,7 @@ pub fn family(extent: Extent) -> Result<Family> {
         title: "Energy release without a blade",
         text: "Links across a plane are parted beforehand; G is the difference of the potential energies at rest for \
                cracks of a and a + 20 mm over the area. nu 0, so that plane stress and plane strain agree. The strip \
-               (40 mm high, two cracks) hangs between a held grip and one 10,000 times as stiff as it; the double \
+               (40 mm high, two cracks) hangs between a held clamp and one 10,000 times as stiff as it; the double \
                cantilever has arms of h = 20 mm under opposite shear tractions. Beam theory's arms do not turn at \
                their root; Foote and Buchwald's asymptotic solution of plane elasticity adds 0.673 h to the crack. \
                In the second table the crack runs in the middle of cells and duplicates them."

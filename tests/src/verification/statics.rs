@@ -125,7 +125,7 @@ impl History {
         }
     }
 
-    /// Shares of the differences that leave the least of `correction`.
+    /// Fractions of the differences that leave the least of `correction`.
     fn shares(&self, correction: &Nodal) -> DVector<f64> {
         let m = self.corrections.len();
         if m == 0 {

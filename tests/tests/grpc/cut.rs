@@ -141,7 +141,7 @@ fn structure(body: &Body) -> v1::BodyStructure {
 /// surfaces contoured anew, and the hash in the end.
 async fn unwatched(harness: &Harness, session: &str) -> (BTreeMap<u64, Counts>, u64) {
     let session = harness.server.registry().get(session).unwrap();
-    let log = session.query(|probe| probe.log.clone()).await.unwrap();
+    let log = session.query(|inspection| inspection.log.clone()).await.unwrap();
     let mut world = World::new(session.scene()).unwrap();
     let mut counts = BTreeMap::from([(0, surface_counts(&world))]);
     for inputs in log.inputs() {

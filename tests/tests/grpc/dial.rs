@@ -4,15 +4,15 @@ use kerf_physics::scene::ElementKind;
 use kerf_physics::{Scene, SceneDesc};
 use kerf_proto::v1::create_session_request::{Dial, Scene as Source};
 use kerf_proto::v1::{self};
-use kerf_scenes::dial::{FinerRegions, Front, FrontPoint};
+use kerf_scenes::dial::{FinerRegions, ParetoFront, ParetoPoint};
 use tonic::{Code, Status};
 
 use super::harness::{BLOCK, Harness};
 
-/// A folder with a front of the block: level 1 in 0.1 ms with 8 %, level 0 in 0.9 ms with 1 %.
+/// A folder with a Pareto front of the block: level 1 in 0.1 ms with 8 %, level 0 in 0.9 ms with 1 %.
 fn measured() -> tempfile::TempDir {
     let scene = Scene { desc: SceneDesc::from_toml("block", BLOCK).unwrap(), meshes: Default::default() };
-    let point = |level, median_ms, error| FrontPoint {
+    let point = |level, median_ms, error| ParetoPoint {
         level,
         voxel_scale: 1.0,
         rate_hz: scene.desc.rate_hz,
@@ -30,10 +30,10 @@ fn measured() -> tempfile::TempDir {
         p99_ms: 2.0 * median_ms,
         memory_mib: 10.0,
     };
-    let mut front = Front { points: vec![point(1, 0.1, 0.08), point(0, 0.9, 0.01)], ..Front::of(&scene) };
-    front.notes.insert("hardware".into(), "an abacus".into());
+    let mut pareto = ParetoFront { points: vec![point(1, 0.1, 0.08), point(0, 0.9, 0.01)], ..ParetoFront::of(&scene) };
+    pareto.notes.insert("hardware".into(), "an abacus".into());
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("block.csv"), front.to_csv()).unwrap();
+    std::fs::write(folder.path().join("block.csv"), pareto.to_csv()).unwrap();
     folder
 }
 
@@ -48,9 +48,9 @@ async fn create(harness: &mut Harness, scene: String, dial: Option<Dial>) -> Res
 }
 
 #[tokio::test]
-async fn a_budget_or_an_error_chooses_on_the_measured_front_and_is_told() {
+async fn a_budget_or_an_error_chooses_on_the_measured_pareto_front_and_is_told() {
     let folder = measured();
-    let mut harness = Harness::with(|config| config.front_dir = Some(folder.path().into())).await;
+    let mut harness = Harness::with(|config| config.pareto_dir = Some(folder.path().into())).await;
     let level_of =
         |described: &v1::SessionDescription| described.dial.as_ref().unwrap().setting.as_ref().unwrap().level;
     let coarse = create(&mut harness, BLOCK.into(), Some(Dial::BudgetMs(0.5))).await.unwrap();
@@ -71,7 +71,7 @@ async fn a_budget_or_an_error_chooses_on_the_measured_front_and_is_told() {
 #[tokio::test]
 async fn wishes_that_cannot_be_fulfilled_are_refused_with_what_could() {
     let folder = measured();
-    let mut harness = Harness::with(|config| config.front_dir = Some(folder.path().into())).await;
+    let mut harness = Harness::with(|config| config.pareto_dir = Some(folder.path().into())).await;
     let mut refused = async |scene: String, dial, code, words: &str| {
         let status = create(&mut harness, scene, Some(dial)).await.unwrap_err();
         assert_eq!(status.code(), code);
@@ -82,11 +82,12 @@ async fn wishes_that_cannot_be_fulfilled_are_refused_with_what_could() {
     refused(BLOCK.into(), Dial::MaxError(f64::NAN), Code::InvalidArgument, "max_error = NaN").await;
     refused(BLOCK.into(), Dial::Level(9), Code::InvalidArgument, "objects[0].level: 9 is not between 0 and 4").await;
     let other = BLOCK.replace("3.0e4", "3.1e4");
-    refused(other, Dial::MaxError(0.5), Code::FailedPrecondition, "no front was measured for scene `block`").await;
+    refused(other, Dial::MaxError(0.5), Code::FailedPrecondition, "no Pareto front was measured for scene `block`")
+        .await;
 }
 
 #[tokio::test]
-async fn a_level_needs_no_front() {
+async fn a_level_needs_no_pareto_front() {
     let mut harness = Harness::start().await;
     let described = create(&mut harness, BLOCK.into(), Some(Dial::Level(0))).await.unwrap();
     let dial = described.dial.unwrap();

@@ -9,11 +9,11 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use super::{Datum, Script, ScriptError};
 
-/// Share of the object's longer side that the strokes are spread over; its ends are thin.
+/// Fraction of the object's longer side that the strokes are spread over; its ends are thin.
 const ROW_SHARE: f64 = 0.7;
-/// Where across the object tissue is looked for, in shares of its shorter side from the middle.
+/// Where across the object tissue is looked for, in fractions of its shorter side from the middle.
 const ACROSS_SHARES: [f64; 7] = [0.0, -0.1, 0.1, -0.2, 0.2, -0.3, 0.3];
-/// Share of the local thickness that is cut when no depth is given: deep, and off the support.
+/// Fraction of the local thickness that is cut when no depth is given: deep, and off the support.
 const DEFAULT_DEPTH_SHARE: f64 = 0.5;
 /// Greatest angle of a stroke to the row at full jitter.
 const MAX_YAW_JITTER_RAD: f64 = 0.15;
@@ -42,7 +42,7 @@ pub struct StrokeParams {
     pub clearance_m: f64,
     /// How long the blade rests at the bottom of a stroke, s.
     pub hold_s: f64,
-    /// Random share of the places and angles, 0 to 1.
+    /// Random fraction of the places and angles, 0 to 1.
     pub jitter: f64,
 }
 

@@ -21,7 +21,7 @@ pub fn scene_summary(session: &Session) -> v1::SceneSummary {
         dt_s: 1.0 / desc.rate_hz,
         objects: desc.objects.iter().zip(stats).map(|(object, stats)| object_summary(object, stats)).collect(),
         tools: desc.tools.iter().map(tool_summary).collect(),
-        probe_names: desc.probes.iter().map(|probe| probe.name.clone()).collect(),
+        tracked_point_names: desc.tracked_points.iter().map(|point| point.name.clone()).collect(),
         stage_names: Stage::ALL.iter().map(|stage| stage.name().into()).collect(),
     }
 }
@@ -129,7 +129,7 @@ pub fn session_description(
         viewers: session.viewers() as u32,
         leased_tool_ids: session.held_tools().into_iter().map(|tool| tool as u32).collect(),
         energy: Some(energy_ledger(&status.energy)),
-        probe_displacements_m: status.probe_displacement_m.iter().map(vec3).collect(),
+        tracked_displacements_m: status.tracked_displacement_m.iter().map(vec3).collect(),
         state_hash: status.state_hash,
         failure,
         dial: session.dial().map(dial_choice),

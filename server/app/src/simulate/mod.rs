@@ -16,7 +16,7 @@ use kerf_physics::scene::DialDesc;
 use kerf_physics::{Scene, Workers, World};
 use kerf_replica::glb;
 use kerf_scenes::catalog;
-use kerf_scenes::dial::Fronts;
+use kerf_scenes::dial::ParetoFronts;
 use kerf_session::LoggedInputs;
 use kerf_session::clock::MonotonicClock;
 
@@ -50,9 +50,9 @@ pub struct Options {
     /// What the dial is set to, instead of what the scene asks.
     #[command(flatten)]
     pub dial: DialOptions,
-    /// Folder of measured fronts that go before those that come with the program.
+    /// Folder of measured Pareto fronts that go before those that come with the program.
     #[arg(long, value_name = "DIR")]
-    pub fronts: Option<PathBuf>,
+    pub pareto_fronts: Option<PathBuf>,
     /// Steps per simulated second instead of the scene's.
     #[arg(long, value_name = "HZ")]
     pub rate: Option<f64>,
@@ -62,7 +62,7 @@ pub struct Options {
     /// Takes the scene to rest under its loads, tools lifted, instead of stepping through time.
     #[arg(long)]
     pub quasi_static: bool,
-    /// Folder for tool.csv, energy.csv, probes.csv, profile.csv, surface.glb and summary.json.
+    /// Folder for tool.csv, energy.csv, tracked_points.csv, profile.csv, surface.glb and summary.json.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
 }
@@ -140,11 +140,11 @@ pub fn run(options: &Options) -> Result<()> {
 fn load(options: &Options) -> Result<Scene> {
     let mut scene = catalog::load(&options.scene)?;
     scene.desc.rate_hz = options.rate.unwrap_or(scene.desc.rate_hz);
-    let fronts = match &options.fronts {
-        Some(folder) => Fronts::builtin().with_folder(folder).context("--fronts")?,
-        None => Fronts::builtin(),
+    let pareto_fronts = match &options.pareto_fronts {
+        Some(folder) => ParetoFronts::builtin().with_folder(folder).context("--pareto-fronts")?,
+        None => ParetoFronts::builtin(),
     };
-    if let Some(choice) = fronts.settle(&mut scene, options.dial.asked())? {
+    if let Some(choice) = pareto_fronts.settle(&mut scene, options.dial.asked())? {
         eprintln!("{choice}");
     }
     match scene.problems().into_iter().next() {

@@ -1,4 +1,4 @@
-//! The tables of a run: a row per step in each of `tool.csv`, `energy.csv`, `probes.csv` and
+//! The tables of a run: a row per step in each of `tool.csv`, `energy.csv`, `tracked_points.csv` and
 //! `profile.csv`.
 
 use std::fs::File;
@@ -18,7 +18,7 @@ use crate::convert::script_pose;
 pub struct Tables {
     tool: csv::Writer<File>,
     energy: csv::Writer<File>,
-    probes: csv::Writer<File>,
+    tracked_points: csv::Writer<File>,
     profile: csv::Writer<File>,
     tool_names: Vec<String>,
     /// Booked so far.
@@ -37,12 +37,12 @@ impl Tables {
             writer.write_record(header)?;
             Ok(writer)
         };
-        let probes = scene.probes.iter();
-        let axes = probes.flat_map(|probe| ["x", "y", "z"].map(|axis| format!("{}_u{axis}_m", probe.name)));
+        let points = scene.tracked_points.iter();
+        let axes = points.flat_map(|point| ["x", "y", "z"].map(|axis| format!("{}_u{axis}_m", point.name)));
         Ok(Self {
             tool: create("tool.csv", tool_header())?,
             energy: create("energy.csv", energy_header())?,
-            probes: create("probes.csv", std::iter::once("time_s".to_owned()).chain(axes).collect())?,
+            tracked_points: create("tracked_points.csv", std::iter::once("time_s".to_owned()).chain(axes).collect())?,
             profile: create("profile.csv", profile_header())?,
             tool_names: scene.tools.iter().map(|tool| tool.name.clone()).collect(),
             energy_j: EnergyStep::default(),
@@ -56,7 +56,7 @@ impl Tables {
     pub fn push(&mut self, output: &StepOutput) -> Result<()> {
         self.push_tools(output)?;
         self.push_energy(output)?;
-        self.push_probes(output)?;
+        self.push_tracked_points(output)?;
         self.push_profile(output)
     }
 
@@ -65,7 +65,7 @@ impl Tables {
     /// # Errors
     /// A file cannot be written.
     pub fn finish(mut self) -> Result<()> {
-        for writer in [&mut self.tool, &mut self.energy, &mut self.probes, &mut self.profile] {
+        for writer in [&mut self.tool, &mut self.energy, &mut self.tracked_points, &mut self.profile] {
             writer.flush()?;
         }
         Ok(())
@@ -90,9 +90,9 @@ impl Tables {
         Ok(self.energy.write_record(std::iter::once(time(output)).chain(values).chain([ratio]))?)
     }
 
-    fn push_probes(&mut self, output: &StepOutput) -> Result<()> {
-        let values = output.probe_displacement_m.iter().flat_map(components);
-        Ok(self.probes.write_record(std::iter::once(time(output)).chain(values))?)
+    fn push_tracked_points(&mut self, output: &StepOutput) -> Result<()> {
+        let values = output.tracked_displacement_m.iter().flat_map(components);
+        Ok(self.tracked_points.write_record(std::iter::once(time(output)).chain(values))?)
     }
 
     fn push_profile(&mut self, output: &StepOutput) -> Result<()> {
@@ -149,7 +149,7 @@ mod tests {
         let scene = catalog::builtin("liver").unwrap().desc;
         let mut output = StepOutput { sim_time_s: 0.001, ..StepOutput::default() };
         output.tools.push(Default::default());
-        output.probe_displacement_m = vec![Vec3::x(), Vec3::y()];
+        output.tracked_displacement_m = vec![Vec3::x(), Vec3::y()];
         output.energy.fracture_j = 0.25;
         output.energy.elastic_j = 3.0;
         (output.energy.tool_work_j, output.energy.residual_j) = (2.0, -0.5);
@@ -157,7 +157,7 @@ mod tests {
         tables.push(&output).unwrap();
         tables.push(&output).unwrap();
         tables.finish().unwrap();
-        for name in ["tool", "energy", "probes", "profile"] {
+        for name in ["tool", "energy", "tracked_points", "profile"] {
             let mut reader = csv::Reader::from_path(folder.path().join(format!("{name}.csv"))).unwrap();
             let header = reader.headers().unwrap().clone();
             // The reader refuses rows of another width.

@@ -7,7 +7,7 @@ use kerf_physics::Scene;
 use kerf_physics::hash::StateHasher;
 use kerf_physics::scene::{FinerDesc, ShapeDesc};
 use kerf_scenes::catalog;
-use kerf_scenes::dial::{FinerRegions, Front, Setting};
+use kerf_scenes::dial::{FinerRegions, ParetoFront, Setting};
 use serde::{Deserialize, Serialize};
 
 use super::points::Point;
@@ -80,8 +80,8 @@ impl Job {
     pub fn inputs_of(scene: &Scene, script: &str) -> u64 {
         let mut hash = StateHasher::default();
         let settings = toml::to_string(&scene.desc).expect("a scene was read from TOML");
-        // The front's fingerprint covers the meshes.
-        let fingerprint = &Front::of(scene).notes["fingerprint"];
+        // The Pareto front's fingerprint covers the meshes.
+        let fingerprint = &ParetoFront::of(scene).notes["fingerprint"];
         for text in [settings.as_str(), fingerprint, script, env!("CARGO_PKG_VERSION")] {
             text.bytes().for_each(|byte| hash.word(u64::from(byte)));
         }

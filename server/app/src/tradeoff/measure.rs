@@ -1,6 +1,6 @@
 //! Errors of a run against the reference.
 
-use kerf_scenes::dial::FrontPoint;
+use kerf_scenes::dial::ParetoPoint;
 
 use super::process::Run;
 use super::samples::{Samples, WINDOWS_PER_SAMPLE};
@@ -53,9 +53,9 @@ pub fn touching_windows(samples: &Samples) -> std::ops::Range<usize> {
     first.zip(last).map_or(0..samples.force_n.len(), |(first, last)| first..last + 1)
 }
 
-/// A run's errors and cost as a point of the front.
+/// A run's errors and cost as a point of the Pareto front.
 #[must_use]
-pub fn point(run: &Run, reference: &Run) -> FrontPoint {
+pub fn point(run: &Run, reference: &Run) -> ParetoPoint {
     let windows = touching_windows(&reference.samples);
     // Sample `i` is taken at the end of the windows `i * per_sample ..`.
     let per_sample = WINDOWS_PER_SAMPLE as usize;
@@ -67,7 +67,7 @@ pub fn point(run: &Run, reference: &Run) -> FrontPoint {
     let force = Deviation::between(windows.clone().flat_map(|i| ours.force_n[i].iter().zip(&theirs.force_n[i])));
     let relative = |ours: f64, theirs: f64| over((ours - theirs).abs(), theirs);
     let setting = run.job.setting;
-    FrontPoint {
+    ParetoPoint {
         level: setting.level,
         voxel_scale: setting.voxel_scale,
         rate_hz: setting.rate_hz,

@@ -22,7 +22,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use kerf_physics::Scene;
 use kerf_physics::grid::voxelize::voxel_size_m;
 use kerf_scenes::catalog;
-use kerf_scenes::dial::{FinerRegions, Front, Setting};
+use kerf_scenes::dial::{FinerRegions, ParetoFront, Setting};
 
 use crate::simulate::{AFTER_SCRIPT_S, read_script};
 use job::Job;
@@ -34,7 +34,7 @@ const DURATION_WITHOUT_TOOLS_S: f64 = 0.5;
 /// Margin of the region around the stroke, in elements of the scene's level.
 const STROKE_MARGIN_ELEMENTS: f64 = 1.0;
 
-/// Sweeps a scene and writes its front.
+/// Sweeps a scene and writes its Pareto front.
 ///
 /// # Errors
 /// The scene or the script cannot be read or is not sound, the reference fails, or a file cannot be written.
@@ -74,10 +74,10 @@ pub fn run(options: &Options) -> Result<()> {
     bar.finish_and_clear();
     remarks.iter().for_each(|remark| eprintln!("{remark}"));
     ensure!(!points.is_empty(), "no setting could be measured");
-    let mut front = Front { points, ..Front::of(&scene) };
-    front.notes.extend(report::notes(options, &reference, &base));
-    report::write(&options.out, &front, &remarks)?;
-    plot::pareto(&front).draw(&options.out)?;
+    let mut pareto = ParetoFront { points, ..ParetoFront::of(&scene) };
+    pareto.notes.extend(report::notes(options, &reference, &base));
+    report::write(&options.out, &pareto, &remarks)?;
+    plot::pareto(&pareto).draw(&options.out)?;
     if scene.desc.tools.is_empty() {
         plot::profile(&scene.desc.name, &reference, &swept).draw(&options.out)?;
     }

@@ -37,7 +37,7 @@ pub struct Options {
     /// and keeps their errors.
     #[arg(long, value_name = "S", num_args = 0..=1, default_missing_value = "10")]
     pub retime: Option<f64>,
-    /// Folder for runs/, front.csv, front.md, pareto.svg and pareto.png, and profile.svg and profile.png
+    /// Folder for runs/, pareto.csv, pareto.md, pareto.svg and pareto.png, and profile.svg and profile.png
     /// where no tool moves.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,

@@ -1,24 +1,24 @@
 //! The plots: error against load, and the profile of a scene without tools.
 
 use kerf_plot::{Axis, BLACK, COLOURS, Chart, Corner, Curve, Figure, GREY, PALE};
-use kerf_scenes::dial::{Front, FrontPoint};
+use kerf_scenes::dial::{ParetoFront, ParetoPoint};
 
 use super::process::Run;
-use super::report::{is_on_front, label};
+use super::report::{is_on_pareto_front, label};
 use super::sweep;
 
 /// Least error drawn, %: a logarithm has no 0, which the reference's own setting has.
 const LEAST_PERCENT: f64 = 1e-3;
 
 /// `pareto`: error against load, numbered; dominated settings are pale.
-pub fn pareto(front: &Front) -> Figure {
-    let (mut best, dominated): (Vec<&FrontPoint>, Vec<&FrontPoint>) =
-        front.points.iter().partition(|point| is_on_front(point, front));
+pub fn pareto(pareto: &ParetoFront) -> Figure {
+    let (mut best, dominated): (Vec<&ParetoPoint>, Vec<&ParetoPoint>) =
+        pareto.points.iter().partition(|point| is_on_pareto_front(point, pareto));
     best.sort_by(|a, b| a.load().total_cmp(&b.load()));
-    let places = |points: &[&FrontPoint]| points.iter().map(|point| place(point)).collect::<Vec<_>>();
-    let errors = || front.points.iter().map(|point| place(point).1);
+    let places = |points: &[&ParetoPoint]| points.iter().map(|point| place(point)).collect::<Vec<_>>();
+    let errors = || pareto.points.iter().map(|point| place(point).1);
     let (least, most) = (errors().fold(f64::INFINITY, f64::min), errors().fold(0.0, f64::max));
-    let numbered = |(index, point): (usize, &&FrontPoint)| {
+    let numbered = |(index, point): (usize, &&ParetoPoint)| {
         let number = (index + 1).to_string();
         let curve = Curve::dots(&format!("{number}  {}", label(point)), vec![place(point)]);
         curve.tagged(&number).coloured(COLOURS[usize::from(point.level) % COLOURS.len()])
@@ -31,7 +31,7 @@ pub fn pareto(front: &Front) -> Figure {
     curves.extend(best.iter().enumerate().map(numbered));
     let x = Axis::log("load: time of computing per simulated time, one thread");
     let y = Axis::log("error, %: the larger of displacement's and force's, rms");
-    let title = format!("{}: error against load", front.notes["scene"]);
+    let title = format!("{}: error against load", pareto.notes["scene"]);
     Figure::new("pareto", &title, Chart::new(x, y, curves)).sized((1000, 700))
 }
 
@@ -50,6 +50,6 @@ pub fn profile(scene: &str, reference: &Run, runs: &[Run]) -> Figure {
     Figure::new("profile", &format!("{scene}: its top at the end, in the middle"), chart)
 }
 
-fn place(point: &FrontPoint) -> (f64, f64) {
+fn place(point: &ParetoPoint) -> (f64, f64) {
     (point.load(), (100.0 * point.error()).max(LEAST_PERCENT))
 }

@@ -1,10 +1,10 @@
-//! The files of numbers: `front.csv`, and `front.md` for people.
+//! The files of numbers: `pareto.csv`, and `pareto.md` for people.
 
 use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use kerf_scenes::dial::{FinerRegions, Front, FrontPoint};
+use kerf_scenes::dial::{FinerRegions, ParetoFront, ParetoPoint};
 
 use super::job::Job;
 use super::options::Options;
@@ -62,8 +62,8 @@ pub fn notes(options: &Options, reference: &Run, base: &Job) -> Vec<(String, Str
 ///
 /// # Errors
 /// A file cannot be written.
-pub fn write(folder: &Path, front: &Front, remarks: &[String]) -> Result<()> {
-    for (name, text) in [("front.csv", front.to_csv()), ("front.md", markdown(front, remarks))] {
+pub fn write(folder: &Path, pareto: &ParetoFront, remarks: &[String]) -> Result<()> {
+    for (name, text) in [("pareto.csv", pareto.to_csv()), ("pareto.md", markdown(pareto, remarks))] {
         let path = folder.join(name);
         std::fs::write(&path, text).with_context(|| path.display().to_string())?;
     }
@@ -72,13 +72,13 @@ pub fn write(folder: &Path, front: &Front, remarks: &[String]) -> Result<()> {
 
 /// Whether no other point is better.
 #[must_use]
-pub fn is_on_front(point: &FrontPoint, front: &Front) -> bool {
-    !front.points.iter().any(|other| point.is_dominated_by(other))
+pub fn is_on_pareto_front(point: &ParetoPoint, pareto: &ParetoFront) -> bool {
+    !pareto.points.iter().any(|other| point.is_dominated_by(other))
 }
 
 /// A setting in words, what is as in most left away.
 #[must_use]
-pub fn label(point: &FrontPoint) -> String {
+pub fn label(point: &ParetoPoint) -> String {
     let mut label = format!("level {}, {:.0} Hz, {:e}", point.level, point.rate_hz, point.relative_tolerance);
     if point.voxel_scale != 1.0 {
         write!(label, " x{}", point.voxel_scale).expect("text grows");
@@ -90,19 +90,19 @@ pub fn label(point: &FrontPoint) -> String {
     if element != "by_content" { label + " " + &element } else { label }
 }
 
-fn markdown(front: &Front, remarks: &[String]) -> String {
-    let mut text = format!("# Speed and accuracy of `{}`\n\n", front.notes["scene"]);
-    for (key, value) in front.notes.iter().filter(|(key, _)| *key != "scene") {
+fn markdown(pareto: &ParetoFront, remarks: &[String]) -> String {
+    let mut text = format!("# Speed and accuracy of `{}`\n\n", pareto.notes["scene"]);
+    for (key, value) in pareto.notes.iter().filter(|(key, _)| *key != "scene") {
         writeln!(text, "- {key}: {value}").expect("text grows");
     }
     text += "\nBy load, which is the time of computing per simulated time; bold: no other setting is better in both \
              load and error, the larger of displacement's and force's root mean squares.\n\n\
              | setting | elements | load | ms, median | ms, p99 | MiB | displacement rms, % | max, % | force rms, % \
              | depth, % | area, % | energy residual |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n";
-    let mut points: Vec<&FrontPoint> = front.points.iter().collect();
+    let mut points: Vec<&ParetoPoint> = pareto.points.iter().collect();
     points.sort_by(|a, b| a.load().total_cmp(&b.load()));
     for point in points {
-        let bold = if is_on_front(point, front) { "**" } else { "" };
+        let bold = if is_on_pareto_front(point, pareto) { "**" } else { "" };
         let percent = [
             point.displacement_rms_error,
             point.displacement_max_error,

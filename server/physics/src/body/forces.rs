@@ -1,4 +1,4 @@
-//! The body's share of a step: forces at the current state, the system matrix, the right side and the new
+//! The body's part of a step: forces at the current state, the system matrix, the right side and the new
 //! state.
 
 use super::Body;
@@ -23,7 +23,7 @@ const STIFFENING_THRESHOLD: f64 = 0.02;
 /// The smoothers' diagonal blocks stay until some element may have turned by this since: inside a body of
 /// one material they hardly depend on rotations.
 const MOST_TURNED_RAD: f64 = 0.1;
-/// They stay until what steadies some element may have changed since by this fraction of `V E`: as much of the stress is
+/// They stay until some element's geometric stiffness may have changed since by this fraction of `V E`: as much of the stress is
 /// less than half as much of the diagonal, where the stiffness against volume change stands too.
 const MOST_UNSMOOTHED: f64 = 0.5;
 /// Coarse matrices follow an element's stiffening only when it has changed by this factor: they
@@ -37,8 +37,8 @@ pub struct StepEnergies {
     pub elements: StepTerms<f64>,
     /// `1/2 dx^T H dx` of held voxels.
     pub hold_j: f64,
-    /// `dx^T T dx` of what steadies stressed elements.
-    pub steadying_j: f64,
+    /// `dx^T T dx` of the geometric stiffness.
+    pub geometric_j: f64,
 }
 
 /// Energies of a body, J.
@@ -149,9 +149,9 @@ impl Body {
             let v = self.corner_velocities(*element as usize);
             sum.hold_j += 0.5 * dt * dt * dot(&v, &hold_times(hold, &v));
         }
-        for (nodes, pulls) in self.steadying_pulls() {
+        for (nodes, pulls) in self.geometric_pulls() {
             let v = nodes.map(|n| Vec3::from(self.velocity_m_per_s[n]));
-            sum.steadying_j += dt * dt * v.iter().zip(pulls).map(|(v, pull)| v.dot(&pull)).sum::<f64>();
+            sum.geometric_j += dt * dt * v.iter().zip(pulls).map(|(v, pull)| v.dot(&pull)).sum::<f64>();
         }
         sum
     }
@@ -251,7 +251,7 @@ impl Body {
         forces
     }
 
-    /// Momentum of each node's share of the mass, N s.
+    /// Momentum of each node's part of the mass, N s.
     #[must_use]
     pub fn nodal_momentum(&self) -> super::Nodal {
         let mut momentum = vec![[0.0; 3]; self.node_count()];
@@ -320,7 +320,7 @@ impl Body {
         let curvature = if active { at(&state.curvature) } else { 0.0 };
         let branch_factor = block.viscosity.as_ref().map(|v| dt * dt * at(&v.tangent()));
         let hold = self.holds.binary_search_by_key(&(element as u32), |h| h.0).ok().map(|i| &self.holds[i].1);
-        let steadied = self.steadied(element);
+        let geometric = self.geometric_stiffness(element);
         let mut packed = [0.0; crate::fem::lanes::PACKED];
         for_packed(|index, row, column| {
             let mut k = block.stiffness.at(index, lane);
@@ -337,7 +337,7 @@ impl Body {
                 let entry = a * (a + 1) / 2 + b;
                 packed[index] += mass_factor * at(&block.shapes.mass_kg[entry]);
                 packed[index] += hold.map_or(0.0, |h| dt * dt * h[entry]);
-                packed[index] += steadied.map_or(0.0, |s| dt * dt * s.stiffness_n_per_m(a, b));
+                packed[index] += geometric.map_or(0.0, |s| dt * dt * s.stiffness_n_per_m(a, b));
             }
         });
         self.applied_stiffening[element] = if active { 1.0 + stiffening } else { 1.0 };
@@ -360,7 +360,7 @@ impl Body {
     pub fn refresh_operator(&mut self, workers: &Workers<'_>) {
         self.scratch.stale_parents.clear();
         let mut rewritten = false;
-        self.unsmoothed += self.steady_elements();
+        self.unsmoothed += self.follow_stress();
         if self.blocks.iter().any(|b| b.stiffening.is_some()) {
             for element in 0..self.base().elements.len() {
                 let stiffening = self.states[element / LANES].stiffening.as_array()[element % LANES];
@@ -416,7 +416,7 @@ impl Body {
                 (0..3).for_each(|i| b[node as usize][i] -= dt * force[i]);
             }
         }
-        for (nodes, pulls) in self.steadying_pulls() {
+        for (nodes, pulls) in self.geometric_pulls() {
             for (node, pull) in nodes.into_iter().zip(pulls) {
                 (0..3).for_each(|i| b[node][i] -= dt * dt * pull[i]);
             }

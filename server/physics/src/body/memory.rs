@@ -13,7 +13,7 @@ impl Body {
         self.materials.iter().any(|m| m.law.viscosity.is_some())
     }
 
-    /// Share of the relaxing modulus that an element still shows: 1 at its first strain, 0 after a long hold.
+    /// Fraction of the relaxing modulus that an element still shows: 1 at its first strain, 0 after a long hold.
     #[must_use]
     pub fn unrelaxed_share(&self, element: usize) -> f64 {
         let branch = self.states[element / LANES].branch.as_ref();

@@ -3,13 +3,13 @@
 mod element;
 mod eshelby;
 mod forces;
+mod geometric_stiffness;
 mod interpolate;
 mod memory;
-mod quarantine;
 mod relax;
 mod rigid;
+mod rollback;
 mod solve;
-mod steady;
 mod topology;
 mod toughness_rate;
 
@@ -134,7 +134,7 @@ pub struct Body {
     voxel_loads: Vec<VoxelLoad>,
     /// By voxel, ascending.
     face_loads: Vec<FaceLoad>,
-    /// Each element's share of `external_n`, by corner.
+    /// Each element's part of `external_n`, by corner.
     element_loads_n: Vec<[[f64; 3]; 8]>,
     gravity_m_per_s2: Vec3,
     /// By log2 of an element's size in lattice cells.
@@ -152,9 +152,9 @@ pub struct Body {
     /// Elements with held voxels and their 8x8 penalty, lower triangle by rows, N/m.
     holds: Vec<(u32, [f64; 36])>,
     /// By element.
-    steadied: Vec<steady::Steadied>,
-    /// Whose turn it is to be steadied.
-    steadying_turn: usize,
+    geometric: Vec<geometric_stiffness::GeometricStiffness>,
+    /// Whose turn it is to follow the stress.
+    geometric_turn: usize,
     multigrid: Multigrid,
     pcg: PcgScratch,
     /// `psi'` that the solver's matrix and the coarse matrices were last made with.
@@ -162,12 +162,12 @@ pub struct Body {
     coarse_stiffening: Vec<f64>,
     /// Bound on how far any element has turned since the smoothers' diagonals were made, rad.
     turned_rad: f64,
-    /// Bound on how much what steadies any element has changed since then, over `V E`.
+    /// Bound on how much any element's geometric stiffness has changed since then, over `V E`.
     unsmoothed: f64,
     rigid: rigid::RigidParts,
     boundary: Boundary,
     scratch: Scratch,
-    saved: quarantine::FiniteState,
+    saved: rollback::FiniteState,
     params: StepParams,
 }
 
@@ -239,8 +239,8 @@ impl Body {
             chunks: Vec::new(),
             balance_n: Vec::new(),
             holds: Vec::new(),
-            steadied: Vec::new(),
-            steadying_turn: 0,
+            geometric: Vec::new(),
+            geometric_turn: 0,
             pcg: PcgScratch::default(),
             applied_stiffening: Vec::new(),
             coarse_stiffening: Vec::new(),
@@ -249,7 +249,7 @@ impl Body {
             rigid: rigid::RigidParts::default(),
             boundary: Boundary::default(),
             scratch: Scratch::default(),
-            saved: quarantine::FiniteState::default(),
+            saved: rollback::FiniteState::default(),
             params,
         };
         body.position_m = (0..body.node_count()).map(|n| body.rest_position_m(n).into()).collect();
@@ -273,7 +273,7 @@ impl Body {
         &self.boundary
     }
 
-    /// Keeps the surface in shares as fine as a smooth tool of this radius asks for, too.
+    /// Keeps the surface in patches as fine as a smooth tool of this radius asks for, too.
     pub(crate) fn resolve_boundary(&mut self, radius_m: f64) {
         let solid = Solid { grid: &self.grid, level: &self.levels[0] };
         self.boundary.resolve(solid, radius_m);
@@ -406,19 +406,19 @@ impl Body {
             self.holds.push((element as u32, hold));
             self.holds.sort_unstable_by_key(|h| h.0);
         }
-        self.begin_steadying(element, &voxels);
+        self.begin_geometric_stiffness(element, &voxels);
     }
 
     /// Damping and stiffening of an element: means over its voxels; and what relaxes of it.
     fn mean_law(&self, voxels: &[VoxelId]) -> ElementLaw {
         let viscosity = self.mean_viscosity(voxels);
         let mut mean = ElementLaw { alpha_per_s: 0.0, beta_s: 0.0, stiffening_rate_per_pa: 0.0, viscosity };
-        let share = 1.0 / voxels.len() as f64;
+        let weight = 1.0 / voxels.len() as f64;
         for &voxel in voxels {
             let law = self.material_of(voxel).law;
-            mean.alpha_per_s += share * law.alpha_per_s;
-            mean.beta_s += share * law.beta_s;
-            mean.stiffening_rate_per_pa += share * law.stiffening_rate_per_pa;
+            mean.alpha_per_s += weight * law.alpha_per_s;
+            mean.beta_s += weight * law.beta_s;
+            mean.stiffening_rate_per_pa += weight * law.stiffening_rate_per_pa;
         }
         mean
     }
@@ -474,7 +474,7 @@ impl Body {
                 continue;
             }
             // N at the centre is the mean of N over the voxel: trilinear along each axis.
-            self.share_out(&mut loads, element, &self.grid.centre_m(self.grid.voxels()[voxel.index()].ijk), &force);
+            self.distribute(&mut loads, element, &self.grid.centre_m(self.grid.voxels()[voxel.index()].ijk), &force);
         }
         for &voxel in voxels {
             let first = self.face_loads.partition_point(|l| l.voxel < voxel);
@@ -482,7 +482,7 @@ impl Body {
                 let (axis, step) = load.face.axis_and_step();
                 let mut at = self.grid.centre_m(self.grid.voxels()[voxel.index()].ijk);
                 at[axis] += 0.5 * f64::from(step) * self.grid.voxel_size_m();
-                self.share_out(&mut loads, element, &at, &load.force_n);
+                self.distribute(&mut loads, element, &at, &load.force_n);
             }
         }
         loads
@@ -499,8 +499,8 @@ impl Body {
         }
     }
 
-    /// Shares a force at a reference position out to the corners of an element.
-    fn share_out(&self, loads: &mut [[f64; 3]; 8], element: usize, at_m: &Vec3, force_n: &Vec3) {
+    /// Distributes a force at a reference position over the corners of an element.
+    fn distribute(&self, loads: &mut [[f64; 3]; 8], element: usize, at_m: &Vec3, force_n: &Vec3) {
         let n = shape_functions(self.local_coordinates(element, at_m));
         for (load, n) in loads.iter_mut().zip(n) {
             (0..3).for_each(|i| load[i] += n * force_n[i]);

@@ -2,7 +2,7 @@
 //!
 //! A facet is a voxel's face there. An element's facets are summed up at two resolutions: by the way they look and
 //! what lies across the cut ([`SurfacePatch`]), which is what tissue and blades press on; and, where a smooth tool is
-//! in the scene, in shares as fine as that asks for ([`Skin`]).
+//! in the scene, in patches as fine as that asks for ([`Skin`]).
 //!
 //! Links only ever part, so facets only ever come up. An update goes through the facets of the elements that changed
 //! and of those across their cuts, not through their voxels.
@@ -50,7 +50,7 @@ impl Boundary {
         boundary
     }
 
-    /// Keeps it in shares as fine as a smooth tool of this radius asks for, too.
+    /// Keeps it in patches as fine as a smooth tool of this radius asks for, too.
     pub(crate) fn resolve(&mut self, solid: Solid<'_>, radius_m: f64) {
         self.skin = Some(Skin::of(solid, &self.facets, radius_m));
     }
@@ -89,7 +89,7 @@ impl Boundary {
         self.walls.iter().map(|index| &self.patches[*index as usize])
     }
 
-    /// The surface in finer shares, where a smooth tool is in the scene.
+    /// The surface in finer patches, where a smooth tool is in the scene.
     #[must_use]
     pub fn skin(&self) -> Option<&Skin> {
         self.skin.as_ref()

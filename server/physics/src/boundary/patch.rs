@@ -1,11 +1,11 @@
-//! The surface in shares of elements: what tissue presses on tissue with, and flanks of blades on walls.
+//! The surface in patches, by element: what tissue presses on tissue with, and flanks of blades on walls.
 
 use super::Solid;
 use super::facet::Facets;
 use crate::Vec3;
 use crate::grid::{MaterialPoint, VoxelId};
 
-/// A share of the surface of one element that looks about one way: of the object's own surface, or of the
+/// A patch of the surface of one element that faces about one way: of the object's own surface, or of the
 /// wall that it has in common with one element across a cut. The two sides of such a wall are made of the
 /// same crossings, so that in a closed cut they lie in one another exactly.
 #[derive(Clone, Copy, Debug, PartialEq)]

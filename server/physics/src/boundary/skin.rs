@@ -1,11 +1,11 @@
-//! The surface in shares as fine as its elements resolve and a tool's radius asks: what a smooth tool presses on.
+//! The surface in patches as fine as its elements resolve and a tool's radius asks: what a smooth tool presses on.
 
 use super::Solid;
 use super::facet::{Facet, Facets};
 use crate::Vec3;
 use crate::grid::MaterialPoint;
 
-/// A share of the surface: at most a quarter of an element's face, as many points as a face has corners
+/// A patch of the surface: at most a quarter of an element's face, as many points as a face has corners
 /// integrate its pressure exactly, and at most half a radius wide, so that nothing slips between points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkinPatch {
@@ -68,10 +68,10 @@ impl Skin {
         let key = |facet: &Facet| (facet.side, facet.cell.map(|c| c / wide));
         let mut facets: Vec<&Facet> = facets.of_element(solid, element).collect();
         facets.sort_by_key(|facet| key(facet));
-        for share in facets.chunk_by(|a, b| key(a) == key(b)) {
-            let area_m2: f64 = share.iter().map(|facet| facet.area_m2).sum();
-            let mean = |of: fn(&Facet) -> Vec3| share.iter().map(|f| of(f) * (f.area_m2 / area_m2)).sum::<Vec3>();
-            let point = MaterialPoint { position_m: mean(|f| f.at_m), voxel: share[0].voxel };
+        for patch in facets.chunk_by(|a, b| key(a) == key(b)) {
+            let area_m2: f64 = patch.iter().map(|facet| facet.area_m2).sum();
+            let mean = |of: fn(&Facet) -> Vec3| patch.iter().map(|f| of(f) * (f.area_m2 / area_m2)).sum::<Vec3>();
+            let point = MaterialPoint { position_m: mean(|f| f.at_m), voxel: patch[0].voxel };
             self.patches.push(SkinPatch { element, point, normal: mean(|f| f.outward), area_m2 });
         }
     }

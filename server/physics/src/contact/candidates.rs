@@ -5,7 +5,7 @@ use super::patch_hash::{PatchHash, PlacedPatch};
 use super::press::FACING;
 use crate::body::{Body, Nodal};
 
-/// Nodes may move by this share of the smallest element's edge before the patches are found anew. It changes what is
+/// Nodes may move by this fraction of the smallest element's edge before the patches are found anew. It changes what is
 /// looked at and when, never what is found: less is found anew more often, more looks at more pairs in each step.
 const SLACK_ELEMENTS: f64 = 0.125;
 /// What the cosine between two normals may fall by meanwhile: elements whose nodes move by the slack turn by

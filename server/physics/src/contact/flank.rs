@@ -13,7 +13,7 @@ const FRONT_ZONE_VOXELS: f64 = 2.0;
 /// Walls farther than this many voxels from the blade's middle surface are not looked at: farther than a wall comes
 /// within a step, 2 voxels of 3 mm at 60 Hz being 0.36 m/s. More costs only time; less lets a fast wall through.
 const REACH_VOXELS: f64 = 2.0;
-/// A wall that is this share of a voxel in or out of the blade need not change its mode within the
+/// A wall that is this fraction of a voxel in or out of the blade need not change its mode within the
 /// step: the next one decides from the gap it predicts. Walls that hang at the blade would otherwise
 /// cost a solve each time they touch. The force that this may get wrong for a step is a twentieth of a voxel's strain,
 /// in proportion to it.

@@ -11,13 +11,13 @@ const CREEP_ON_TOOLS_M_PER_S: f64 = 1e-3;
 /// most, under nearly all the force that it can bear. Sensitivity as above.
 const CREEP_IN_TISSUE_M_PER_S: f64 = 1e-4;
 
-/// Share of the friction limit by which a stuck contact may exceed it before it slides: ten times the tolerance of the
+/// Fraction of the friction limit by which a stuck contact may exceed it before it slides: ten times the tolerance of the
 /// usual solve. At zero rounding decides, and costs solves.
 const STICK_SLACK: f64 = 1e-3;
 
 /// What friction does during one solve.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Grip {
+pub enum Regime {
     /// The ends stick: friction in proportion to the sliding speed, up to the limit at the speed of creep.
     Stick,
     /// The point slides along this unit vector, so fast: friction is at its limit along it, and turns with the velocity
@@ -33,8 +33,8 @@ pub struct Friction {
     pub limit_n: f64,
     /// Sliding velocity at the end of the step, m/s; before the solve as if velocities stayed.
     pub sliding_m_per_s: Vec3,
-    /// What it does.
-    pub grip: Grip,
+    /// Whether it sticks or slides.
+    pub regime: Regime,
     /// Friction that the last solve applied to the point, N.
     pub force_n: Vec3,
     predicted_m_per_s: Vec3,
@@ -57,31 +57,31 @@ impl Friction {
 
     fn new(limit_n: f64, creep_m_per_s: f64, sliding_m_per_s: Vec3) -> Option<Self> {
         let speed = sliding_m_per_s.norm();
-        let grip = if speed > creep_m_per_s { Grip::Slide(sliding_m_per_s / speed, speed) } else { Grip::Stick };
+        let regime = if speed > creep_m_per_s { Regime::Slide(sliding_m_per_s / speed, speed) } else { Regime::Stick };
         let predicted_m_per_s = sliding_m_per_s;
         let force_n = Vec3::zeros();
-        (limit_n > 0.0).then_some(Self { limit_n, sliding_m_per_s, grip, force_n, predicted_m_per_s, creep_m_per_s })
+        (limit_n > 0.0).then_some(Self { limit_n, sliding_m_per_s, regime, force_n, predicted_m_per_s, creep_m_per_s })
     }
 
     /// Force over velocity across the way that the point slides, N s/m; over all sliding velocity while it sticks.
     pub(super) fn drag_n_s_per_m(&self) -> f64 {
-        match self.grip {
-            Grip::Stick => self.limit_n / self.creep_m_per_s,
-            Grip::Slide(_, speed_m_per_s) => self.limit_n / speed_m_per_s,
+        match self.regime {
+            Regime::Stick => self.limit_n / self.creep_m_per_s,
+            Regime::Slide(_, speed_m_per_s) => self.limit_n / speed_m_per_s,
         }
     }
 
     /// The way that it slides, along which there is no drag.
     pub(super) fn way(&self) -> Option<Vec3> {
-        if let Grip::Slide(along, _) = self.grip { Some(along) } else { None }
+        if let Regime::Slide(along, _) = self.regime { Some(along) } else { None }
     }
 
-    /// Force on a point that slides so, N: of the law `-limit v / |v|` what is linear about the speed of the grip.
+    /// Force on a point that slides so, N: of the law `-limit v / |v|` what is linear about the speed of the regime.
     fn force_at_n(&self, sliding_m_per_s: &Vec3) -> Vec3 {
         let drag_n_s_per_m = self.drag_n_s_per_m();
-        match self.grip {
-            Grip::Stick => sliding_m_per_s * -drag_n_s_per_m,
-            Grip::Slide(along, _) => {
+        match self.regime {
+            Regime::Stick => sliding_m_per_s * -drag_n_s_per_m,
+            Regime::Slide(along, _) => {
                 let across = sliding_m_per_s - along * sliding_m_per_s.dot(&along);
                 along * -self.limit_n - across * drag_n_s_per_m
             }
@@ -93,24 +93,24 @@ impl Friction {
         self.force_at_n(&self.predicted_m_per_s) * dt_s
     }
 
-    /// Takes the solution's change of the sliding velocity; returns how wrong the grip was.
+    /// Takes the solution's change of the sliding velocity; returns how wrong the regime was.
     pub(super) fn settle(&mut self, dt_s: f64, change_m_per_s: Vec3) -> Misjudged {
         self.sliding_m_per_s = self.predicted_m_per_s + change_m_per_s;
         let speed = self.sliding_m_per_s.norm();
         self.force_n = self.force_at_n(&self.sliding_m_per_s);
-        let next = match self.grip {
-            Grip::Stick if speed > self.creep_m_per_s * (1.0 + STICK_SLACK) => {
-                Grip::Slide(self.sliding_m_per_s / speed, speed)
+        let next = match self.regime {
+            Regime::Stick if speed > self.creep_m_per_s * (1.0 + STICK_SLACK) => {
+                Regime::Slide(self.sliding_m_per_s / speed, speed)
             }
-            Grip::Slide(along, _) if self.sliding_m_per_s.dot(&along) < 0.0 => Grip::Stick,
-            grip => grip,
+            Regime::Slide(along, _) if self.sliding_m_per_s.dot(&along) < 0.0 => Regime::Stick,
+            regime => regime,
         };
-        if std::mem::replace(&mut self.grip, next) == next {
+        if std::mem::replace(&mut self.regime, next) == next {
             return Misjudged::default();
         }
         let wrong_n = match next {
-            Grip::Slide(along, _) => self.force_n + along * self.limit_n,
-            Grip::Stick => self.force_n,
+            Regime::Slide(along, _) => self.force_n + along * self.limit_n,
+            Regime::Stick => self.force_n,
         };
         Misjudged::by(dt_s * wrong_n.norm())
     }

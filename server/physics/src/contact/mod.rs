@@ -6,7 +6,7 @@ pub mod candidates;
 pub mod ends;
 pub mod flank;
 pub mod friction;
-pub mod grip;
+pub mod grasp;
 pub mod narrow;
 pub mod palpation;
 pub mod patch_hash;
@@ -75,9 +75,9 @@ pub enum Mode {
 /// How good the solution is that contacts take their modes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Solution {
-    /// On the way: it tells what presses from what does not, and what has a limit waits for the end. It is only asked
-    /// how wrong the modes are.
-    Glance,
+    /// On the way: it tells what presses from what does not, and what has a limit waits for the end. It only says how
+    /// wrong the modes are; they stay.
+    Trial,
     /// The same, and the modes change.
     Rough,
     /// Solved to the tolerance.
@@ -126,7 +126,7 @@ pub struct Contact<E = ToolEnds> {
     pub direction: Vec3,
     /// Stiffness, N/m.
     pub stiffness_n_per_m: f64,
-    /// Share of the spring in its compliance and that of the tissue behind it: what gives way as it comes on.
+    /// The spring's compliance over that of spring and tissue behind it: what gives way as it comes on.
     pub share_of_compliance: f64,
     /// Gap at the beginning of the step, m.
     pub gap_before_m: f64,
@@ -191,7 +191,7 @@ impl<E> Contact<E> {
         self.direction * along + self.friction.map_or(Vec3::zeros(), |friction| friction.impulse(dt_s))
     }
 
-    /// Its share of the matrix at a point with these weights.
+    /// Its part of the matrix at a point with these weights.
     #[must_use]
     pub fn point_spring(&self, weights: impl Iterator<Item = (u32, f64)>, dt_s: f64) -> PointSpring {
         let mut spring = PointSpring::new(weights, [0.0; 3], 0.0);
@@ -247,7 +247,7 @@ impl<E> Contact<E> {
             let by_impulse = Misjudged::by(share * dt_s * force);
             wrong += if self.limit_n.is_finite() { Misjudged::beyond_doubt() } else { by_impulse };
         }
-        if solution == Solution::Glance {
+        if solution == Solution::Trial {
             return wrong;
         }
         if next == Mode::Yield {

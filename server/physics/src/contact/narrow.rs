@@ -5,7 +5,7 @@ use super::broad::SpatialHash;
 use crate::Vec3;
 use crate::body::{Body, MaterialPoint};
 
-/// A point within this share of an element's edge of its boundary is in it, so that rounding does not put
+/// A point within this fraction of an element's edge of its boundary is in it, so that rounding does not put
 /// a point between two elements into neither. Rounding is some 1e-13 of an edge.
 const BOUNDARY: f64 = 1e-9;
 

@@ -15,7 +15,7 @@ const STIFFNESS: f64 = 30.0;
 /// Patches this many voxels from the tool may come to touch it within the step: what tissue moves by itself in one.
 /// More costs time alone; what comes faster is caught a step later.
 const MARGIN_VOXELS: f64 = 0.5;
-/// A patch this share of a voxel in or out of the tool need not change its mode within the step. The force on it is
+/// A patch this fraction of a voxel in or out of the tool need not change its mode within the step. The force on it is
 /// wrong by so much of a voxel's indentation for a step, in proportion.
 const SLACK_VOXELS: f64 = 0.01;
 

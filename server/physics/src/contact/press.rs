@@ -24,7 +24,7 @@ const MOST_ASIDE_ELEMENTS: f64 = 0.8;
 /// Depths under a surface, in voxels, at which its material is looked for: it is cut out in whole voxels,
 /// and an oblique surface runs up to most of one outside them: sqrt(3)/2 of a voxel where its normal is a diagonal.
 const MATERIAL_VOXELS: [f64; 2] = [0.4, 0.9];
-/// A point within this share of an element of its boundary is in it, whatever rounding says; as in [`super::narrow`].
+/// A point within this fraction of an element of its boundary is in it, whatever rounding says: see [`super::narrow`].
 const BOUNDARY: f64 = 1e-9;
 
 /// One patch of a body.
@@ -70,7 +70,7 @@ pub struct Approach {
     pub aside_m: f64,
     /// Distance of the patch from the plane, negative behind it, m.
     distance_m: f64,
-    /// When it may be over the surface: now, or where it comes to the plane, as a share of the step; and where
+    /// When it may be over the surface: now, or where it comes to the plane, as a fraction of the step; and where
     /// its foot on the plane would be then if the element is strained evenly, m, reference configuration.
     feet: [Option<(f64, Vec3)>; 2],
 }
@@ -109,8 +109,8 @@ impl PatchOf<'_> {
     }
 }
 
-/// How the middle of `point` comes to the surface that `surface` is a share of within `dt_s`, if both go on as
-/// they move. `None` where it stays farther off than the margin, or comes to another share.
+/// How the middle of `point` comes to the surface that `surface` is a patch of within `dt_s`, if both go on as
+/// they move. `None` where it stays farther off than the margin, or comes to another patch.
 #[must_use]
 pub fn approach(point: &PatchOf<'_>, surface: &PatchOf<'_>, dt_s: f64) -> Option<Approach> {
     let same_element = point.placed.body == surface.placed.body && point.patch.element == surface.patch.element;
@@ -138,7 +138,7 @@ pub fn approach(point: &PatchOf<'_>, surface: &PatchOf<'_>, dt_s: f64) -> Option
         let from_middle_m = to_rest * (there_m - normal * there_m.dot(&normal));
         let about_m = surface.patch.point.position_m + from_middle_m;
         let from_centre_m = about_m - surface.body.rest_centre_m(surface.patch.element as usize);
-        // Far off, it is under another share.
+        // Far off, it is under another patch.
         if from_centre_m.amax() > MOST_ASIDE_ELEMENTS * surface.edge_m() {
             return None;
         }

@@ -1,6 +1,6 @@
 //! Matrices of a composite element of one anisotropic material, whatever its voxels are.
 //!
-//! The volumetric share of the moduli is integrated at the voxels' centres and the rest fully, and the
+//! The volumetric part of the moduli is integrated at the voxels' centres and the rest fully, and the
 //! incompatible modes are the same: for an isotropic material this is the element of
 //! [`super::composite`].
 
@@ -14,7 +14,7 @@ pub type Moduli = Matrix6<f64>;
 /// Row of [`Moduli`] by the two axes of a strain.
 const VOIGT: [[usize; 3]; 3] = [[0, 5, 4], [5, 1, 3], [4, 3, 2]];
 
-/// The share `lambda` of the moduli that is volumetric, `C = rest + lambda m m^T`, m the identity: the mean
+/// The part `lambda` of the moduli that is volumetric, `C = rest + lambda m m^T`, m the identity: the mean
 /// of the axial couplings, which is Lame's for an isotropic material, and no more than leaves the rest
 /// definite: up to `1 / m^T C^-1 m` it is positive (by the determinant of a rank-one change), and Lame's
 /// parameter is two thirds of the shear modulus below that.

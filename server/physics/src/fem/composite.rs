@@ -381,7 +381,7 @@ impl Sums {
     }
 }
 
-/// Share of a first Lame parameter that strain stiffening measures: `lambda = 2 mu nu / (1 - 2 nu)`.
+/// Fraction of a first Lame parameter that strain stiffening measures: `lambda = 2 mu nu / (1 - 2 nu)`.
 pub(super) fn measured_share(mu_pa: f64, lambda_pa: f64) -> f64 {
     let most_pa = 2.0 * mu_pa * MEASURED_POISSON_RATIO / (1.0 - 2.0 * MEASURED_POISSON_RATIO);
     if lambda_pa > most_pa { most_pa / lambda_pa } else { 1.0 }

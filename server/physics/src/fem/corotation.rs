@@ -100,7 +100,7 @@ pub struct ElementState {
     pub rotation: [f64x4; 4],
     /// The same as a row-major matrix, for the solver.
     pub rotation_matrix: [f32x4; 9],
-    /// `psi'`: factor on the Galerkin stiffness' share; 1 where linear.
+    /// `psi'`: factor on the Galerkin stiffness' part; 1 where linear.
     pub stiffening: f64x4,
     /// `psi'' / V`, and the local Galerkin force it goes with.
     pub curvature: f64x4,
@@ -134,7 +134,7 @@ impl Default for ElementState {
 /// those of the step's beginning, `v` is the velocity at its end, `dx = dt v`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StepTerms<E> {
-    /// `1/2 dv^T M dv`, and `dt^2 v^T S dv` where elements are steadied.
+    /// `1/2 dv^T M dv`, and `dt^2 v^T S dv` where elements have geometric stiffness.
     pub inertial_j: E,
     /// `1/2 dx^T K dx`.
     pub elastic_j: E,

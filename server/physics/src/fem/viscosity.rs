@@ -62,7 +62,7 @@ pub struct BranchState {
     force_n: [f64x4; 24],
     /// `w^T K w`, J.
     square_j: f64x4,
-    /// Share of the branch's force that has not relaxed, `u^T K w / u^T K u`, 0 to 1.
+    /// Fraction of the branch's force that has not relaxed, `u^T K w / u^T K u`, 0 to 1.
     pub unrelaxed: f64x4,
 }
 

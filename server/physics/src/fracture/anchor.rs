@@ -1,4 +1,4 @@
-//! The anchor of a marker in contact: the material point X that its share of the edge pushes on.
+//! The anchor of a marker in contact: the material point X that its segment of the edge pushes on.
 //!
 //! The push is a spring of the contact's compliance whose force per length is capped: at
 //! `initiation_ratio Gc` until it first gives, at Gc from then on (Griffith: the energy release rate
@@ -16,11 +16,11 @@ use crate::grid::{Link, LinkId, VoxelId};
 use crate::tool::blade::BladeFrame;
 use crate::{Mat3, Vec3};
 
-/// A front advances through the deformed material in steps of at most this share of a voxel, and in
+/// A front advances through the deformed material in steps of at most this fraction of a voxel, and in
 /// so many of them at most.
 const MARCH_VOXELS: f64 = 0.25;
 const MAX_MARCH_STEPS: u32 = 64;
-/// Strips are shifted by this share of a voxel toward the blade's positive side: a voxel centre that
+/// Strips are shifted by this fraction of a voxel toward the blade's positive side: a voxel centre that
 /// lies on the blade's plane, give or take the drift of the front, is on its negative side for every
 /// link and every strip.
 const NUDGE_VOXELS: f64 = 1e-3;
@@ -109,7 +109,7 @@ impl Anchor {
     /// Starts the cut where the anchor is: what lies ahead is seen from here, strips begin here.
     pub(super) fn start_here(&mut self, body: &Body, frame: &BladeFrame) {
         self.start_m = self.position_m;
-        self.look_ahead(body, frame);
+        self.find_link_ahead(body, frame);
         self.swept_m = self.strip_end_m(body, frame);
     }
 
@@ -167,7 +167,7 @@ impl Anchor {
             }
             let step = ahead.pull_back(body, &frame.forward) * left;
             ahead.position_m += step * (longest / step.norm()).min(1.0);
-            ahead.look_ahead(body, frame);
+            ahead.find_link_ahead(body, frame);
             if ahead.ahead != self.ahead {
                 break;
             }
@@ -188,7 +188,7 @@ impl Anchor {
 
     /// Finds the link that the blade's plane crosses ahead: so far ahead that the crossing of the
     /// column it is looked for in cannot lie behind the front, where the blade itself has parted it.
-    pub(super) fn look_ahead(&mut self, body: &Body, frame: &BladeFrame) {
+    pub(super) fn find_link_ahead(&mut self, body: &Body, frame: &BladeFrame) {
         let grid = &body.grid;
         let h = grid.voxel_size_m();
         let f = self.gradient(body);
@@ -232,7 +232,7 @@ impl Anchor {
         self.yielded |= self.ahead == Ahead::Parted;
     }
 
-    /// The link that [`Self::look_ahead`] finds, under the deformation gradient `f`.
+    /// The link that [`Self::find_link_ahead`] finds, under the deformation gradient `f`.
     fn link_ahead(&self, body: &Body, f: &Mat3, frame: &BladeFrame) -> LinkAhead {
         let grid = &body.grid;
         let h = grid.voxel_size_m();
@@ -260,14 +260,14 @@ impl Anchor {
         self.link_ahead(body, &self.gradient(body), frame)
     }
 
-    /// Width of the strip that a share of the edge cuts, reference configuration: the material has
+    /// Width of the strip that a segment of the edge cuts, reference configuration: the material has
     /// spread along the edge. A blade that goes on at the same force in a state that goes with it
     /// spends `F dz` on `w dz` of reference area, so that `F = Gc w` is in reference width however the
     /// material is squeezed ahead of the edge.
-    pub(super) fn reference_width_m(&self, body: &Body, frame: &BladeFrame, share_m: f64) -> f64 {
+    pub(super) fn reference_width_m(&self, body: &Body, frame: &BladeFrame, segment_m: f64) -> f64 {
         let f = self.gradient(body);
         let ahead = pulled_back(&f, &frame.forward).normalize();
-        ahead.cross(&(pulled_back(&f, &frame.along) * share_m)).norm()
+        ahead.cross(&(pulled_back(&f, &frame.along) * segment_m)).norm()
     }
 
     /// Gc of what lies ahead at the speed at which the front goes on; none where nothing holds.
@@ -281,15 +281,15 @@ impl Anchor {
     /// Force at which the marker gives, and the force it goes on at, N. It starts at a line load on
     /// the surface as it stands, and goes on at Gc per reference area, as far as the edge does not slice and the
     /// body is not strained: then at what [`Strained`] says.
-    pub(super) fn limits_n(&self, body: &Body, frame: &BladeFrame, share_m: f64, strained: &Strained) -> (f64, f64) {
+    pub(super) fn limits_n(&self, body: &Body, frame: &BladeFrame, segment_m: f64, strained: &Strained) -> (f64, f64) {
         let (Ahead::Intact { initiation_ratio, .. }, Some(toughness)) = (self.ahead, self.toughness_j_per_m2(body))
         else {
             return (0.0, 0.0);
         };
         let slice_push = self.travel.slice_push();
-        let width_m = self.reference_width_m(body, frame, share_m);
+        let width_m = self.reference_width_m(body, frame, segment_m);
         let steady = strained.push_n_per_m(toughness) * width_m / (1.0 + slice_push * slice_push);
-        let start = (toughness * initiation_ratio - strained.release_j_per_m2.max(0.0)).max(0.0) * share_m;
+        let start = (toughness * initiation_ratio - strained.release_j_per_m2.max(0.0)).max(0.0) * segment_m;
         (if self.yielded { steady } else { start.max(steady) }, steady)
     }
 

@@ -1,4 +1,4 @@
-//! What a front books in a step: its share of the energy ledger, and the area it has cut.
+//! What a front books in a step: its part of the energy ledger, and the area it has cut.
 
 /// Energy and area booked by a front in one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -9,9 +9,9 @@ const LEAST_COMPLIANCE: f64 = 0.03;
 const AT_NODE: [f64; 3] = [0.909, 0.27, 0.21];
 /// What full FEM (k = 1) gives beyond that, by powers of nu: its volume is sampled at one point.
 const AT_NODE_OF_VOXELS: [f64; 3] = [0.0, 0.25, 0.38];
-/// Share of the surplus that is gone in the middle between two nodes.
+/// Fraction of the surplus that is gone in the middle between two nodes.
 const BETWEEN_NODES: f64 = 0.782;
-/// Share that it gains where the surface lies in the middle between nodes.
+/// Fraction that it gains where the surface lies in the middle between nodes.
 const WITHIN_CELL: f64 = 0.04;
 /// What the contact gives less at an end of the edge, over `(1 - nu^2)`, falling to nothing at H from
 /// it: the elements do not see how sharp an end is. Fitted to edges of 2 to 16 H over a block.
@@ -36,7 +36,7 @@ pub(super) struct EdgeInElement {
 ///
 /// `(1 - nu^2) [2 / pi ln(H / a) - g (1 - 0.782 s) - e]`, `g = g(nu, k) (1 + 0.04 s')`,
 ///
-/// s and s' the spreads of the load across the edge and into the surface, e the ends' share.
+/// s and s' the spreads of the load across the edge and into the surface, e what the ends add.
 /// The logarithm is the half plane's (Johnson, Contact Mechanics, 1985, section 2.7) between H and a. A load
 /// that is shared between nodes with weights w meets the compliance `w^T G w` of the elements, which
 /// within a cell is linear in the variance of w: hence s. The numbers are the elements' own, in plane

@@ -9,7 +9,7 @@
 //! that (`release`): more where it is pulled, less than nothing where it closes in. In a body that is large beside
 //! Gc/E lambda is 1, G_el is 0 and q is Gc.
 //!
-//! A rigid edge takes its front along as a whole: what counts is the mean over the front. It is looked at in stations
+//! A rigid edge takes its front along as a whole: what counts is the mean over the front. It is sampled at places
 //! an element apart, one at a time in turn.
 
 use super::release::{Tip, released};
@@ -58,9 +58,9 @@ impl Strained {
     }
 }
 
-/// What one station found: sums over the length of front that it sees.
+/// What was found at one place: sums over the length of front around it.
 #[derive(Clone, Copy, Debug, Default)]
-struct Station {
+struct Sample {
     released_j_per_m: f64,
     stretch_m: f64,
     length_m: f64,
@@ -69,7 +69,7 @@ struct Station {
 /// The drive of one front.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Drive {
-    stations: Vec<Station>,
+    samples: Vec<Sample>,
     next: usize,
     /// The front: scratch, kept between steps.
     pieces: Vec<Piece>,
@@ -85,30 +85,30 @@ pub(super) fn is_small(body: &Body) -> bool {
 impl Drive {
     /// Forgets what was found.
     pub(super) fn clear(&mut self) {
-        self.stations.clear();
+        self.samples.clear();
         self.next = 0;
     }
 
-    /// Looks at the next station of a front that consists of `pieces`.
-    pub(super) fn look(&mut self, body: &Body, pieces: impl Iterator<Item = Piece>) {
+    /// Samples the next place of a front that consists of `pieces`.
+    pub(super) fn sample(&mut self, body: &Body, pieces: impl Iterator<Item = Piece>) {
         self.pieces.clear();
         self.pieces.extend(pieces);
         let Some(first) = self.pieces.first() else { return self.clear() };
         let every = (body.lattice_edge_m() / first.along_m.norm()).ceil().max(1.0) as usize;
         let count = self.pieces.len().div_ceil(every);
-        if self.stations.len() != count {
+        if self.samples.len() != count {
             self.clear();
-            self.stations.resize(count, Station::default());
+            self.samples.resize(count, Sample::default());
         }
         // In the middle of its part of the front.
         let place = (self.next * self.pieces.len() + self.pieces.len() / 2) / count;
-        self.stations[self.next] = station(body, &self.pieces[place], &self.pieces);
+        self.samples[self.next] = sample(body, &self.pieces[place], &self.pieces);
         self.next = (self.next + 1) % count;
     }
 
     /// The mean over what was found.
     pub(super) fn strained(&self) -> Strained {
-        let sum = |of: fn(&Station) -> f64| self.stations.iter().map(of).sum::<f64>();
+        let sum = |of: fn(&Sample) -> f64| self.samples.iter().map(of).sum::<f64>();
         let length_m = sum(|s| s.length_m);
         if length_m <= 0.0 {
             return Strained::NOT;
@@ -118,7 +118,7 @@ impl Drive {
     }
 }
 
-fn station(body: &Body, piece: &Piece, pieces: &[Piece]) -> Station {
+fn sample(body: &Body, piece: &Piece, pieces: &[Piece]) -> Sample {
     let along = piece.along_m - piece.ahead * piece.along_m.dot(&piece.ahead);
     let tip = Tip {
         position_m: piece.position_m,
@@ -126,7 +126,7 @@ fn station(body: &Body, piece: &Piece, pieces: &[Piece]) -> Station {
         along: along.normalize(),
         element_edge_m: body.lattice_edge_m(),
     };
-    let length_m: f64 = pieces.iter().map(|p| p.along_m.norm() * tip.share_at(body, &p.position_m)).sum();
+    let length_m: f64 = pieces.iter().map(|p| p.along_m.norm() * tip.weight_at(body, &p.position_m)).sum();
     let found = released(body, &tip);
-    Station { released_j_per_m: found.j_per_m, stretch_m: found.carried.dot(&piece.forward) * length_m, length_m }
+    Sample { released_j_per_m: found.j_per_m, stretch_m: found.carried.dot(&piece.forward) * length_m, length_m }
 }

@@ -1,6 +1,6 @@
 //! The front: a chain of markers along a blade's edge.
 //!
-//! Each marker has a share of the edge's width and, once in contact, a material point X that the edge
+//! Each marker has a segment of the edge's width and, once in contact, a material point X that the edge
 //! pushes on through a spring whose force is capped. While it is capped, X advances through the
 //! material by what the edge moved beyond the spring; the strip between the old and the new chain is
 //! the cut.
@@ -22,7 +22,7 @@ use crate::grid::{Crossing, LinkId};
 use crate::scene::FractureRule;
 use crate::tool::Pose;
 use crate::tool::blade::{Blade, BladeFrame};
-use crate::tool::edge::Share;
+use crate::tool::edge::EdgeSegment;
 
 /// Markers per voxel edge.
 const MARKERS_PER_VOXEL: f64 = 2.0;
@@ -36,10 +36,10 @@ const START_VOXELS: f64 = 0.5;
 #[derive(Clone)]
 pub struct Front {
     markers: Vec<Marker>,
-    /// Shares of the edge, one to a marker, and the length of each, m.
-    shares: Vec<Share>,
-    share_m: f64,
-    /// Directions of each share at t + dt, scene frame: scratch, kept between steps.
+    /// Segments of the edge, one to a marker, and the length of each, m.
+    segments: Vec<EdgeSegment>,
+    segment_m: f64,
+    /// Directions of each segment at t + dt, scene frame: scratch, kept between steps.
     frames: Vec<BladeFrame>,
     /// Energy in springs that were let go since it was last taken, J.
     dropped_j: f64,
@@ -60,7 +60,7 @@ struct ChainPoint {
     position_m: Vec3,
     /// Where the cut begins, reference configuration, m.
     start_m: Vec3,
-    /// From it to the middle of its share of the edge, scene frame, m.
+    /// From it to the middle of its segment of the edge, scene frame, m.
     to_edge_m: Vec3,
 }
 
@@ -79,12 +79,12 @@ impl Front {
     /// A front of `blade`, nowhere in contact.
     #[must_use]
     pub fn new(blade: &Blade, body: &Body) -> Self {
-        let shares = blade.edge.shares(body.grid.voxel_size_m() / MARKERS_PER_VOXEL);
-        let count = shares.len();
+        let segments = blade.edge.segments(body.grid.voxel_size_m() / MARKERS_PER_VOXEL);
+        let count = segments.len();
         Self {
             markers: vec![Marker::Outside; count],
-            share_m: blade.edge.length_m() / count as f64,
-            shares,
+            segment_m: blade.edge.length_m() / count as f64,
+            segments,
             frames: Vec::with_capacity(count),
             dropped_j: 0.0,
             chain: Vec::with_capacity(count),
@@ -123,8 +123,8 @@ impl Front {
     /// Marks the samples of a blade put down at `pose` inside the tissue as buried.
     pub fn enter(&mut self, body: &Body, hash: &SpatialHash, pose: &Pose) {
         self.lift();
-        for (marker, share) in self.markers.iter_mut().zip(&self.shares) {
-            *marker = put_down(body, hash, &pose.transform(&share.middle_m));
+        for (marker, segment) in self.markers.iter_mut().zip(&self.segments) {
+            *marker = put_down(body, hash, &pose.transform(&segment.middle_m));
         }
     }
 
@@ -132,18 +132,18 @@ impl Front {
     pub fn detect(&mut self, body: &Body, hash: &SpatialHash, motion: &BladeMotion<'_>) {
         self.contacts.clear();
         self.frames.clear();
-        self.frames.extend(self.shares.iter().map(|share| share.frame.turned(&motion.pose.orientation)));
+        self.frames.extend(self.segments.iter().map(|segment| segment.frame.turned(&motion.pose.orientation)));
         let strained = self.drive.as_ref().map_or(Strained::NOT, Drive::strained);
         for index in 0..self.markers.len() {
-            let share = &self.shares[index];
+            let segment = &self.segments[index];
             let edge = Edge {
-                before_m: motion.before.transform(&share.middle_m),
-                now_m: motion.pose.transform(&share.middle_m),
+                before_m: motion.before.transform(&segment.middle_m),
+                now_m: motion.pose.transform(&segment.middle_m),
                 frame: self.frames[index],
                 half_width_m: motion.blade.edge_half_width_m,
                 penalty_factor: motion.blade.penalty_factor,
-                share_m: self.share_m,
-                from_end_m: share.from_end_m,
+                segment_m: self.segment_m,
+                from_end_m: segment.from_end_m,
             };
             let was = self.markers[index];
             let now = match was {
@@ -176,7 +176,7 @@ impl Front {
             let Marker::On(anchor) = &mut self.markers[contact.marker] else { continue };
             let frame = self.frames[contact.marker];
             let virgin = !anchor.yielded;
-            let mut step = contact.conclude(body, anchor, &frame, self.share_m, &mut book);
+            let mut step = contact.conclude(body, anchor, &frame, self.segment_m, &mut book);
             if by_link_energy {
                 step += link_energy::give_way(body, anchor, &frame, &contact.forward, &mut book);
             }
@@ -203,7 +203,7 @@ impl Front {
     }
 
     /// Parts what lies between the surface, the marker `index` that is about to start cutting, and the
-    /// cut of a neighbour that started before it: on a curved surface the edge comes in share by share.
+    /// cut of a neighbour that started before it: on a curved surface the edge comes in segment by segment.
     fn open_beside(&self, body: &Body, index: usize, links: &mut Vec<(LinkId, Crossing)>) {
         let Some(own) = self.anchor(index) else { return };
         let frame = &self.frames[index];
@@ -239,9 +239,9 @@ impl Front {
                         part_quad(body, [from, ends[1].swept_m, target[index + 1], to], links);
                     }
                 } else if own.yielded {
-                    // The chain ends here: half a share beyond at the blade's end, and up to the next
+                    // The chain ends here: half a segment beyond at the blade's end, and up to the next
                     // marker where that one is outside the material.
-                    let half = own.pull_back(body, &self.frames[index].along) * (0.5 * side * self.share_m);
+                    let half = own.pull_back(body, &self.frames[index].along) * (0.5 * side * self.segment_m);
                     let beside = if left == index { index + 1 } else { left };
                     let outside = matches!(self.markers.get(beside), Some(Marker::Outside));
                     let reach = if outside { 2.0 * half } else { half };
@@ -257,13 +257,13 @@ impl Front {
         self.target = target;
     }
 
-    /// Slides markers along the chain to where their share of the edge is now.
+    /// Slides markers along the chain to where their segment of the edge is now.
     fn follow_edge(&mut self, body: &Body, pose: &Pose) {
         let mut chain = std::mem::take(&mut self.chain);
         chain.clear();
         chain.extend((0..self.markers.len()).map(|i| {
             let anchor = self.anchor(i)?;
-            let to_edge_m = pose.transform(&self.shares[i].middle_m) - anchor.current_m(body);
+            let to_edge_m = pose.transform(&self.segments[i].middle_m) - anchor.current_m(body);
             Some(ChainPoint { position_m: anchor.position_m, start_m: anchor.start_m, to_edge_m })
         }));
         let gap = CHAIN_GAP_VOXELS * body.grid.voxel_size_m();
@@ -276,10 +276,10 @@ impl Front {
             let mut moved = anchor;
             match beside.filter(|b| (b.position_m - anchor.position_m).norm() < gap) {
                 Some(beside) => {
-                    let share = (slip.abs() / self.share_m).min(1.0);
+                    let fraction = (slip.abs() / self.segment_m).min(1.0);
                     let unbend = self.unbend(body, &anchor, pose, [index, next], &beside.to_edge_m);
-                    moved.position_m += (beside.position_m - anchor.position_m + unbend) * share;
-                    moved.start_m += (beside.start_m - anchor.start_m + unbend) * share;
+                    moved.position_m += (beside.position_m - anchor.position_m + unbend) * fraction;
+                    moved.start_m += (beside.start_m - anchor.start_m + unbend) * fraction;
                 }
                 None => {
                     let shift = anchor.pull_back(body, &along) * slip;
@@ -297,8 +297,8 @@ impl Front {
         self.chain = chain;
     }
 
-    /// Looks at what the strained body adds to the drive of the front; in a step that it has advanced in.
-    pub fn look_around(&mut self, body: &Body) {
+    /// Samples what the strained body adds to the drive of the front, in a step that it has advanced in.
+    pub fn sample_drive(&mut self, body: &Body) {
         if body.fracture_rule == FractureRule::LinkEnergy {
             return;
         }
@@ -311,14 +311,14 @@ impl Front {
             if body.grid.signed_distance_m(&(anchor.position_m - ahead * least_m)) > 0.0 {
                 return None;
             }
-            let along_m = anchor.pull_back(body, &frame.along) * self.share_m;
+            let along_m = anchor.pull_back(body, &frame.along) * self.segment_m;
             Some(Piece { position_m: anchor.position_m, ahead, along_m, forward: frame.forward })
         };
-        drive.look(body, (0..self.markers.len()).filter_map(piece));
+        drive.sample(body, (0..self.markers.len()).filter_map(piece));
         self.drive = Some(drive);
     }
 
-    /// What takes the front of the share `next` to where it would be if the edge went on straight from its
+    /// What takes the front of the segment `next` to where it would be if the edge went on straight from its
     /// neighbour `index`, reference configuration: on a bent edge it is not the chord to the next front that
     /// a front slides along, but the edge's tangent. Without it, cuts would lose their corners.
     fn unbend(&self, body: &Body, anchor: &Anchor, pose: &Pose, [index, next]: [usize; 2], to_edge: &Vec3) -> Vec3 {
@@ -326,8 +326,8 @@ impl Front {
         if own == other {
             return Vec3::zeros();
         }
-        let chord = pose.orientation * (self.shares[next].middle_m - self.shares[index].middle_m);
-        let tangent = own.along * self.share_m.copysign(own.along.dot(&chord));
+        let chord = pose.orientation * (self.segments[next].middle_m - self.segments[index].middle_m);
+        let tangent = own.along * self.segment_m.copysign(own.along.dot(&chord));
         let turned = (own.along - other.along) * to_edge.dot(&other.along)
             + (own.forward - other.forward) * to_edge.dot(&other.forward)
             + (own.normal - other.normal) * to_edge.dot(&other.normal);
@@ -357,7 +357,7 @@ impl Front {
     #[must_use]
     pub fn cutting_length_m(&self) -> f64 {
         let cutting = |c: &&FrontContact| c.forward.mode == Mode::Yield && c.forward.yield_n > 0.0;
-        self.contacts.iter().filter(cutting).count() as f64 * self.share_m
+        self.contacts.iter().filter(cutting).count() as f64 * self.segment_m
     }
 
     /// Folds the front's state into a hash.

@@ -1,4 +1,4 @@
-//! A marker: one share of the edge, and how it comes into contact, stays in it and lets go.
+//! A marker: one segment of the edge, and how it comes into contact, stays in it and lets go.
 
 use super::anchor::{Ahead, Anchor};
 use super::entry::{grazes, inward, surface_behind};
@@ -9,7 +9,7 @@ use crate::contact::broad::SpatialHash;
 use crate::contact::narrow;
 use crate::tool::blade::BladeFrame;
 
-/// A contact that has opened by this share of a voxel is let go where nothing is cut.
+/// A contact that has opened by this fraction of a voxel is let go where nothing is cut.
 const RELEASE_VOXELS: f64 = 0.5;
 /// A marker this many voxels beside its edge, or that goes on in material so far from where it was, has lost it.
 const LOST_VOXELS: f64 = 2.0;
@@ -17,7 +17,7 @@ const LOST_VOXELS: f64 = 2.0;
 /// An edge that is put down less than this many voxels under the object's surface is outside still.
 const SKIN_VOXELS: f64 = 0.05;
 
-/// One share of the edge.
+/// One segment of the edge.
 #[derive(Clone, Copy, Debug)]
 #[allow(clippy::large_enum_variant, reason = "a box would be allocated as a marker comes into contact")]
 pub(super) enum Marker {
@@ -29,7 +29,7 @@ pub(super) enum Marker {
     On(Anchor),
 }
 
-/// One share of the edge during a step.
+/// One segment of the edge during a step.
 pub(super) struct Edge {
     /// Scene position of its middle at t, m.
     pub(super) before_m: Vec3,
@@ -41,8 +41,8 @@ pub(super) struct Edge {
     pub(super) half_width_m: f64,
     /// Factor on the spring that holds what is beside it.
     pub(super) penalty_factor: f64,
-    /// Length of the share, m.
-    pub(super) share_m: f64,
+    /// Length of the segment, m.
+    pub(super) segment_m: f64,
     /// Distance of its middle from the nearer end of the edge, m.
     pub(super) from_end_m: f64,
 }
@@ -50,13 +50,13 @@ pub(super) struct Edge {
 impl Edge {
     /// A marker that was outside: still is, or the edge has come in through a surface.
     pub(super) fn enter(&self, body: &Body, hash: &SpatialHash, beside: Option<(f64, Anchor)>) -> Marker {
-        let Some(WayIn { point, at_m, last_m, share }) = way_in(body, hash, &self.before_m, &self.now_m) else {
+        let Some(WayIn { point, at_m, last_m, fraction }) = way_in(body, hash, &self.before_m, &self.now_m) else {
             return Marker::Outside;
         };
         let (nodes, n) = body.weights(&point);
         let tissue: Vec3 =
             nodes.iter().zip(n).map(|(node, n)| Vec3::from(body.velocity_m_per_s[*node as usize]) * n).sum();
-        let approach = (at_m - last_m - tissue * (share * body.dt_s())).dot(&self.frame.forward);
+        let approach = (at_m - last_m - tissue * (fraction * body.dt_s())).dot(&self.frame.forward);
         let mut anchor = Anchor::at(point, self.frame.forward, self.half_width_m);
         let back = anchor.pull_back(body, &self.frame.forward);
         if approach > 0.0 {
@@ -79,14 +79,14 @@ impl Edge {
     /// compression.)
     fn join(&self, body: &Body, hash: &SpatialHash, side: f64, neighbour: Anchor) -> Marker {
         let mut anchor = neighbour;
-        anchor.position_m -= neighbour.pull_back(body, &self.frame.along) * (side * self.share_m);
+        anchor.position_m -= neighbour.pull_back(body, &self.frame.along) * (side * self.segment_m);
         anchor.stored_j = 0.0;
         anchor.ahead = Ahead::Outside;
         anchor.start_here(body, &self.frame);
         if anchor.ahead == Ahead::Outside {
             return Marker::Outside;
         }
-        let beside_m = neighbour.current_m(body) - self.frame.along * (side * self.share_m);
+        let beside_m = neighbour.current_m(body) - self.frame.along * (side * self.segment_m);
         self.unless_lost(body, hash, anchor, &beside_m)
     }
 
@@ -105,7 +105,7 @@ impl Edge {
     pub(super) fn keep(&self, body: &Body, hash: &SpatialHash, mut anchor: Anchor) -> Marker {
         let h = body.grid.voxel_size_m();
         let was_m = anchor.current_m(body);
-        anchor.look_ahead(body, &self.frame);
+        anchor.find_link_ahead(body, &self.frame);
         let offset = self.now_m - anchor.current_m(body);
         if offset.dot(&self.frame.normal).abs() > LOST_VOXELS * h {
             return Marker::Buried;

@@ -1,14 +1,15 @@
 //! Fracture: the force-capped front along a blade's edge and the links it parts.
 //!
-//! A blade's front is a chain of markers, one to a share of the edge (`front`, `marker`). A marker in
+//! A blade's front is a chain of markers, one to a piece of the edge (`front`, `marker`). A marker in
 //! contact pushes, through springs (`springs`), on a point of the material (`anchor`) that it
 //! found where the edge came in through the surface (`entry`); what a strained body adds to its drive, or takes
-//! off it, is looked at around the front (`drive`, `release`). What the point advances is booked
+//! off it, is sampled around the front (`drive`, `release`). What the point advances is booked
 //! (`book`), and the links across the strip that the chain has swept part (`sweep`). By the other rule
 //! (`link_energy`) a point advances link by link, where the link ahead holds enough energy.
 
 mod anchor;
 mod book;
+pub mod cohesive;
 mod compliance;
 mod drive;
 mod entry;
@@ -19,7 +20,6 @@ pub mod release;
 mod springs;
 mod sweep;
 pub mod tear;
-pub mod ties;
 mod travel;
 mod way_in;
 
@@ -28,24 +28,24 @@ pub use front::{BladeMotion, Front};
 pub use springs::FrontContact;
 pub use sweep::PartingCost;
 
-/// How often what a body sets free is looked at, at one place ahead of blades and at one end of a cut, s: shorter
-/// steps look at either in turn, or at neither.
-const LOOK_EVERY_S: f64 = 2e-3;
+/// How often what a body sets free is sampled, at one place ahead of blades and at one end of a cut, s: shorter
+/// steps sample either in turn, or neither.
+const SAMPLE_EVERY_S: f64 = 2e-3;
 
-/// What is looked at in a step.
+/// What a step samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Looks {
-    /// A station of each front.
+pub struct Sampling {
+    /// The drive at one place of each front.
     pub at_fronts: bool,
-    /// An end of a cut.
+    /// The energy release rate at one end of a cut.
     pub at_ends: bool,
 }
 
-impl Looks {
+impl Sampling {
     /// In the step of this number.
     #[must_use]
     pub fn of_step(step: u64, dt_s: f64) -> Self {
-        let every = (LOOK_EVERY_S / dt_s).round().max(1.0) as u64;
+        let every = (SAMPLE_EVERY_S / dt_s).round().max(1.0) as u64;
         let place = step % every;
         Self { at_fronts: place == 0, at_ends: place == every / 2 }
     }

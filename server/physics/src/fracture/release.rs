@@ -39,7 +39,7 @@ impl Tip {
     /// How much a place on the front counts: the integral of this over the front's length is what
     /// [`Released::j_per_m`] is per. It is phi as the elements see it, linear between their corners.
     #[must_use]
-    pub fn share_at(&self, body: &Body, position_m: &Vec3) -> f64 {
+    pub fn weight_at(&self, body: &Body, position_m: &Vec3) -> f64 {
         let edge_m = body.lattice_edge_m();
         let at = (position_m - body.grid.origin_m()) / edge_m;
         let cell = at.map(f64::floor);
@@ -76,7 +76,7 @@ impl Tip {
 #[derive(Clone, Copy, Debug)]
 pub struct Released {
     /// Energy beyond the work of what pushes on the front, per length that it advances, times the length of front that
-    /// counts, J/m: over the integral of [`Tip::share_at`] along the front, the energy release rate.
+    /// counts, J/m: over the integral of [`Tip::weight_at`] along the front, the energy release rate.
     pub j_per_m: f64,
     /// `F_0 d`: how far what pushes goes on in the scene, per length that the front advances.
     pub carried: Vec3,

@@ -1,4 +1,4 @@
-//! The springs between a share of the edge and its anchor, through one step: set up, settled with the
+//! The springs between a segment of the edge and its anchor, through one step: set up, settled with the
 //! solve, concluded.
 
 use super::anchor::{Ahead, Anchor};
@@ -14,8 +14,8 @@ use crate::tool::blade::BladeFrame;
 
 /// A front does not advance by more than this many voxels in a step.
 const MAX_ADVANCE_VOXELS: f64 = 2.0;
-/// Virgin contact slides sideways where the sideways force exceeds this share of the forward one.
-const EDGE_GRIP: f64 = 1.0;
+/// Virgin contact slides sideways where the sideways force exceeds this fraction of the forward one.
+const EDGE_FRICTION: f64 = 1.0;
 
 /// Largest force along the edge over Gc per length: `xi / (1 + xi^2)` at xi = 1.
 const MOST_DRAG: f64 = 0.5;
@@ -43,7 +43,7 @@ impl FrontContact {
         let at = weights.sum(&body.position_m);
         let velocity = weights.sum(&body.velocity_m_per_s);
         let [k, relaxed] =
-            anchor.stiffness_n_per_m2(body, &edge.frame, edge.from_end_m).map(|per_length| edge.share_m * per_length);
+            anchor.stiffness_n_per_m2(body, &edge.frame, edge.from_end_m).map(|per_length| edge.segment_m * per_length);
         let spring = |direction: Vec3| Contact {
             ends: ToolEnds { weights, tool_point_m: edge.now_m, tool_point_before_m: edge.before_m },
             direction,
@@ -54,7 +54,7 @@ impl FrontContact {
         };
         let mut forward = spring(edge.frame.forward);
         (forward.limit_n, forward.yield_n) = match body.fracture_rule {
-            FractureRule::Front => anchor.limits_n(body, &edge.frame, edge.share_m, strained),
+            FractureRule::Front => anchor.limits_n(body, &edge.frame, edge.segment_m, strained),
             FractureRule::LinkEnergy => link_energy::limits_n(body, anchor, &edge.frame),
         };
         forward.mode = match anchor.mode {
@@ -95,7 +95,7 @@ impl FrontContact {
         body: &Body,
         anchor: &mut Anchor,
         frame: &BladeFrame,
-        share_m: f64,
+        segment_m: f64,
         book: &mut FrontBook,
     ) -> Vec3 {
         let (forward, lateral) = (&self.forward, &self.lateral);
@@ -138,7 +138,7 @@ impl FrontContact {
             && advance > 0.0
         {
             // What the front sweeps moving forward; what it slides along itself opens nothing.
-            let area = step.norm() * anchor.reference_width_m(body, frame, share_m);
+            let area = step.norm() * anchor.reference_width_m(body, frame, segment_m);
             book.area_m2 += area;
             book.fracture_j += toughness_j_per_m2 * area;
         }
@@ -147,8 +147,8 @@ impl FrontContact {
             anchor.travel.add(advance, slid_m, body.dt_s(), body.grid.voxel_size_m());
         }
         if !anchor.yielded && forward.mode == Mode::Spring {
-            let grip = EDGE_GRIP * force / lateral.stiffness_n_per_m;
-            let excess = lateral.gap_m - lateral.gap_m.clamp(-grip, grip);
+            let held_m = EDGE_FRICTION * force / lateral.stiffness_n_per_m;
+            let excess = lateral.gap_m - lateral.gap_m.clamp(-held_m, held_m);
             // In the surface: where that is dented it would climb off it.
             let slip = anchor.pull_back(body, &frame.normal) * excess;
             step += slip - anchor.inward * slip.dot(&anchor.inward);

@@ -1,9 +1,9 @@
 //! Tearing: a cut goes on without a blade where pulled tissue sets free more energy than parting it takes.
 //!
-//! Where the cuts of a body end, intact links lie in the plane of parted ones. Such ends are kept by element cell, as
-//! stations; now and then a step looks at the energy release rate of one of them, in turn, and where it exceeds Gc
-//! the cut goes on in its plane by the edge of an element. It runs no faster than the material's shear waves, which
-//! carry the news of what has opened.
+//! Where the cuts of a body end, intact links lie in the plane of parted ones. Such ends are kept by element cell.
+//! Now and then a step takes the energy release rate at one cell's ends, in turn. Where it exceeds Gc the cut goes on
+//! in its plane by the edge of an element. It runs no faster than the material's shear waves, which carry the news of
+//! what has opened.
 
 use std::collections::BTreeMap;
 
@@ -70,27 +70,28 @@ impl Tearing {
         self.ends.retain(|_, ends| !ends.is_empty());
     }
 
-    /// Goes on by a step; where it `looks`, at the next station, and where that tears adds the links ahead to `links`.
-    pub fn advance(&mut self, body: &Body, looks: bool, links: &mut Vec<(LinkId, Crossing)>) -> PartingCost {
+    /// Goes on by a step. Where the step `samples`, takes the next cell's ends, and adds the links ahead of them to
+    /// `links` where they tear.
+    pub fn advance(&mut self, body: &Body, samples: bool, links: &mut Vec<(LinkId, Crossing)>) -> PartingCost {
         self.step += 1;
-        if !looks {
+        if !samples {
             return PartingCost::default();
         }
         let after = self.last.and_then(|last| self.ends.range(next(last)..).next());
         let Some((&cell, ends)) = after.or_else(|| self.ends.iter().next()) else { return PartingCost::default() };
         self.last = Some(cell);
-        let Some(station) = Station::new(body, ends) else { return PartingCost::default() };
+        let Some(place) = Place::new(body, ends) else { return PartingCost::default() };
         let least = ends.iter().map(|end| fracture_energy(body, end.ahead)).fold(f64::INFINITY, f64::min);
-        let rested_s = (self.step - station.since) as f64 * body.dt_s();
-        if rested_s * station.wave_m_per_s < station.tip.element_edge_m || !least.is_finite() {
+        let rested_s = (self.step - place.since) as f64 * body.dt_s();
+        if rested_s * place.wave_m_per_s < place.tip.element_edge_m || !least.is_finite() {
             return PartingCost::default();
         }
-        let length_m: f64 = self.ends.values().flatten().map(|end| end.length_m(body, &station.tip)).sum();
-        if released(body, &station.tip).j_per_m < least * length_m {
+        let length_m: f64 = self.ends.values().flatten().map(|end| end.length_m(body, &place.tip)).sum();
+        if released(body, &place.tip).j_per_m < least * length_m {
             return PartingCost::default();
         }
         let first = links.len();
-        part_quad(body, station.strip(), links);
+        part_quad(body, place.strip(), links);
         PartingCost::of(body, &mut links[first..])
     }
 }
@@ -131,12 +132,12 @@ impl End {
         if facing <= 0.0 {
             return 0.0;
         }
-        body.grid.voxel_size_m() * facing * tip.share_at(body, &self.at_m)
+        body.grid.voxel_size_m() * facing * tip.weight_at(body, &self.at_m)
     }
 }
 
 /// The ends in one cell, as one piece of front.
-struct Station {
+struct Place {
     tip: Tip,
     /// Reach of the ends along the front from the tip, m.
     reach_m: [f64; 2],
@@ -144,19 +145,19 @@ struct Station {
     wave_m_per_s: f64,
 }
 
-impl Station {
+impl Place {
     /// `None` where the ends face each other.
     fn new(body: &Body, ends: &[End]) -> Option<Self> {
         let h = body.grid.voxel_size_m();
-        let share = 1.0 / ends.len() as f64;
-        let middle_m = ends.iter().map(|e| (e.at_m + e.toward * (0.5 * h)) * share).sum::<Vec3>();
+        let weight = 1.0 / ends.len() as f64;
+        let middle_m = ends.iter().map(|e| (e.at_m + e.toward * (0.5 * h)) * weight).sum::<Vec3>();
         let first = ends.first()?.normal;
         let normal = ends.iter().map(|e| e.normal * e.normal.dot(&first).signum()).sum::<Vec3>().normalize();
         let toward = ends.iter().map(|e| e.toward).sum::<Vec3>();
         let ahead = (toward - normal * toward.dot(&normal)).try_normalize(0.5)?;
         let along = ahead.cross(&normal);
-        let places = ends.iter().map(|e| (e.at_m - middle_m).dot(&along));
-        let (low, high) = places.fold((0.0f64, 0.0f64), |(low, high), s| (low.min(s), high.max(s)));
+        let along_m = ends.iter().map(|e| (e.at_m - middle_m).dot(&along));
+        let (low, high) = along_m.fold((0.0f64, 0.0f64), |(low, high), s| (low.min(s), high.max(s)));
         let voxel = body.grid.voxel_at(ends[0].ahead.cell)?;
         let element = body.element_of(voxel);
         let elastic = body.material_of(voxel).elastic;

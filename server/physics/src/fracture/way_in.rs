@@ -1,4 +1,4 @@
-//! Where a share of an edge comes into the tissue on its way from one pose to the next.
+//! Where a segment of an edge comes into the tissue on its way from one pose to the next.
 
 use crate::Vec3;
 use crate::body::{Body, MaterialPoint};
@@ -17,21 +17,21 @@ pub(super) struct WayIn {
     /// Where it is, and the last point before it that was looked at, m, scene frame.
     pub(super) at_m: Vec3,
     pub(super) last_m: Vec3,
-    /// Share of the way between the two.
-    pub(super) share: f64,
+    /// Fraction of the way between the two.
+    pub(super) fraction: f64,
 }
 
 /// The way in between two positions; the tissue as it is at the beginning of the step.
 pub(super) fn way_in(body: &Body, hash: &SpatialHash, before_m: &Vec3, now_m: &Vec3) -> Option<WayIn> {
     let way_m = now_m - before_m;
     let count = (way_m.norm() / (SPACING_VOXELS * body.grid.voxel_size_m())).ceil().clamp(1.0, MOST_POINTS);
-    let share = 1.0 / count;
+    let fraction = 1.0 / count;
     let mut last_m = *before_m;
     for step in 1..=count as u32 {
-        let left = share * (count - f64::from(step));
+        let left = fraction * (count - f64::from(step));
         let at_m = now_m - way_m * left;
         if let Some(point) = narrow::locate(body, hash, &at_m) {
-            return Some(WayIn { point, at_m, last_m, share });
+            return Some(WayIn { point, at_m, last_m, fraction });
         }
         last_m = at_m;
     }

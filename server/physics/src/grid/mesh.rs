@@ -17,9 +17,9 @@ use super::{Crossing, Ijk, LinkId};
 use crate::Vec3;
 use crate::scene::TriangleMesh;
 
-/// Share of the lines along one axis that may contradict themselves before the mesh counts as open.
+/// Fraction of the lines along one axis that may contradict themselves before the mesh counts as open.
 const MAX_OPEN_SHARE: f64 = 0.25;
-/// Bodies of one mesh may overlap by this share of a voxel: those that touch do, by rounding.
+/// Bodies of one mesh may overlap by this fraction of a voxel: those that touch do, by rounding.
 const MAX_OVERLAP_VOXELS: f64 = 0.5;
 
 /// The mesh library has its own vectors: they cross here and nowhere else.

@@ -5,17 +5,17 @@
 //! `origin + h [i, i+1] x [j, j+1] x [k, k+1]` of the reference configuration.
 
 pub mod cell_sizes;
-mod crumbs;
 pub mod implicit;
 pub mod lattice;
 pub mod levels;
 mod mesh;
 mod mesh_faces;
+mod small_pieces;
 pub mod voxelize;
 
 use crate::Vec3;
 
-pub use crumbs::LeftOut;
+pub use small_pieces::LeftOut;
 
 /// Integer coordinates of a voxel.
 pub type Ijk = [i32; 3];

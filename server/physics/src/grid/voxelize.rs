@@ -1,9 +1,9 @@
 //! From a scene's shapes to voxels, links and signed distances.
 
-use super::crumbs::{self, LeftOut};
 use super::implicit::Implicit;
 use super::lattice::{Bounds, Lattice};
 use super::mesh::{self, Columns, MeshSolid};
+use super::small_pieces::{self, LeftOut};
 use super::{Crossing, Grid, Ijk, LinkId, Voxel, VoxelId};
 use crate::Vec3;
 use crate::scene::{Meshes, ObjectDesc, PlacedMesh, SceneError, ShapeDesc, TriangleMesh};
@@ -146,9 +146,9 @@ impl Samples {
     }
 
     /// Leaves out what is too small to be carried.
-    fn leave_out_crumbs(&mut self) -> LeftOut {
+    fn leave_out_small_pieces(&mut self) -> LeftOut {
         let Self { lattice, inside, distance_m, .. } = self;
-        crumbs::leave_out(lattice, inside, |slot| distance_m[slot] = distance_m[slot].abs())
+        small_pieces::leave_out(lattice, inside, |slot| distance_m[slot] = distance_m[slot].abs())
     }
 
     fn is_inside(&self, cell: Ijk) -> bool {
@@ -181,7 +181,7 @@ impl Samples {
     }
 }
 
-/// Share of the way from an inside to an outside point at which a shape is first left.
+/// Fraction of the way from an inside to an outside point at which a shape is first left.
 fn first_crossing(shape: &Implicit, from_m: &Vec3, to_m: &Vec3) -> f64 {
     let is_inside = |share: f64| shape.sample(&(from_m + (to_m - from_m) * share)).distance_m < 0.0;
     let steps = (1..LINK_STEPS).map(|step| f64::from(step) / f64::from(LINK_STEPS));
@@ -239,7 +239,7 @@ fn voxelize_shape(object: &ObjectDesc, meshes: &Meshes) -> Result<Grid, SceneErr
     let (bounds, bulge_m) = extent(&object.shape, meshes)?;
     let size_m = size_within(object, &bounds);
     let mut samples = Samples::new(Solid::new(&object.shape, meshes)?, Lattice::over(&bounds, bulge_m, size_m)?)?;
-    let left_out = samples.leave_out_crumbs();
+    let left_out = samples.leave_out_small_pieces();
     let Some((first, last)) = samples.occupied() else {
         let extent_m = bounds.extent_m();
         let message = format!(

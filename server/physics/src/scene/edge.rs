@@ -15,7 +15,7 @@ const MAX_WAVES: f64 = 64.0;
 const PIECES_PER_WAVE: f64 = 64.0;
 /// Pieces that an arc is made of: off the deepest one by 2e-4 of its radius.
 const PIECES_PER_ARC: u32 = 64;
-/// Share of `width_m` by which points may reach more or less far along x: units mistaken are off by more.
+/// Fraction of `width_m` by which points may reach more or less far along x: units mistaken are off by more.
 const WIDTH_TOLERANCE: f64 = 0.01;
 /// Least distance between points in a row, m: below it their difference has no direction to speak of.
 const LEAST_PIECE_M: f64 = 1e-6;

@@ -110,7 +110,7 @@ pub struct SceneDesc {
     pub tools: Vec<ToolDesc>,
     /// Points whose displacement is reported. Default: none.
     #[serde(default)]
-    pub probes: Vec<ProbeDesc>,
+    pub tracked_points: Vec<TrackedPointDesc>,
 }
 
 impl SceneDesc {
@@ -128,7 +128,7 @@ impl SceneDesc {
             governor: None,
             objects,
             tools: Vec::new(),
-            probes: Vec::new(),
+            tracked_points: Vec::new(),
         }
     }
 
@@ -703,8 +703,8 @@ fn default_max_angle_rad() -> f64 {
 /// A point whose displacement is reported.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct ProbeDesc {
-    /// Name, unique among the probes.
+pub struct TrackedPointDesc {
+    /// Name, unique among the tracked points.
     pub name: String,
     /// Name of the object it belongs to.
     pub object: String,

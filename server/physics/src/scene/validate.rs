@@ -16,8 +16,8 @@ use crate::grid::voxelize::{extent_m, voxel_size_m};
 pub const MAX_OBJECTS: usize = 64;
 /// A tool's output is kept per step and per viewer.
 pub const MAX_TOOLS: usize = 16;
-/// A probe's output is kept per step.
-pub const MAX_PROBES: usize = 1024;
+/// A tracked point's output is kept per step.
+pub const MAX_TRACKED_POINTS: usize = 1024;
 /// Each region is tested at each voxel; material indices are 16 bits wide.
 pub const MAX_REGIONS: usize = 256;
 /// Fixed shapes and loads are each tested at each voxel.
@@ -40,7 +40,7 @@ pub const MAX_RESOLUTION: f64 = 4096.0;
 /// solve loses what the soft part does.
 pub const MAX_STIFFNESS_CONTRAST: f64 = 1e6;
 /// Voxels that a pressure wave may cross in a step in an object that nothing holds. The inverse square is
-/// the share of mass beside stiffness in the matrix, which drowns in the rounding of `f32`: free blocks
+/// the fraction of mass beside stiffness in the matrix, which drowns in the rounding of `f32`: free blocks
 /// squeezed by a fifth begin to explode at 310, at 220 where they stiffen by c = 10. (What is held has no
 /// motion that only mass resists, and no such limit.)
 pub const MAX_FREE_WAVE_VOXELS: f64 = 100.0;
@@ -132,12 +132,13 @@ fn problems(scene: &SceneDesc, meshes: &Meshes) -> Vec<SceneError> {
             ToolShapeDesc::Probe(capsule) => report.capsule(&format!("{field}.probe"), capsule, largest_voxel_m),
         }
     }
-    report.count("probes", scene.probes.len(), 0..=MAX_PROBES);
-    report.unique("probes", scene.probes.iter().map(|p| p.name.as_str()));
-    for (i, probe) in scene.probes.iter().enumerate() {
-        report.vector(&format!("probes[{i}].position_m"), &probe.position_m, MAX_LENGTH_M);
-        if !scene.objects.iter().any(|o| o.name == probe.object) {
-            report.refuse(format!("probes[{i}].object"), format!("there is no object named `{}`", probe.object));
+    report.count("tracked_points", scene.tracked_points.len(), 0..=MAX_TRACKED_POINTS);
+    report.unique("tracked_points", scene.tracked_points.iter().map(|p| p.name.as_str()));
+    for (i, point) in scene.tracked_points.iter().enumerate() {
+        report.vector(&format!("tracked_points[{i}].position_m"), &point.position_m, MAX_LENGTH_M);
+        if !scene.objects.iter().any(|o| o.name == point.object) {
+            report
+                .refuse(format!("tracked_points[{i}].object"), format!("there is no object named `{}`", point.object));
         }
     }
     report.problems

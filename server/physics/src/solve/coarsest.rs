@@ -292,7 +292,7 @@ fn factor(rows: &mut [f64], n: usize) -> bool {
             row[j] = (row[j] - dot(&row[..j], &other[..j])) * other[j];
             start_above += j + 1;
         }
-        // Nodes that carry next to nothing make the matrix rank-deficient in f32 entries; a share of
+        // Nodes that carry next to nothing make the matrix rank-deficient in f32 entries; a fraction of
         // the diagonal well above that rounding keeps the factor definite.
         let pivot = row[i] * (1.0 + 1e-5) + f64::MIN_POSITIVE - dot(&row[..i], &row[..i]);
         if pivot.is_nan() || pivot <= 0.0 {

@@ -5,7 +5,7 @@ use crate::scene::CapsuleDesc;
 
 /// A normal that points less than this far (cosine) along the one a point came in by is of the other side.
 const SAME_SIDE: f64 = 0.5;
-/// Closer than this share of the radius counts as touching.
+/// Closer than this fraction of the radius counts as touching.
 const TOUCH: f64 = 1e-6;
 /// Most steps of a sweep: it halves its distance or better in each, but for a graze.
 const MOST_SWEEP_STEPS: u32 = 32;

@@ -1,4 +1,4 @@
-//! The edge of a blade: a polyline in the tool frame, and the frame that each share of it cuts in.
+//! The edge of a blade: a polyline in the tool frame, and the frame that each segment of it cuts in.
 
 use super::blade::BladeFrame;
 use crate::Vec3;
@@ -27,12 +27,12 @@ impl Piece {
     }
 }
 
-/// One share of an edge, tool frame.
+/// One segment of an edge, tool frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Share {
+pub struct EdgeSegment {
     /// Its middle, m.
     pub middle_m: Vec3,
-    /// Along the share's chord, forward, across.
+    /// Along the segment's chord, forward, across.
     pub frame: BladeFrame,
     /// Arc length from its middle to the nearer end of the edge, m.
     pub from_end_m: f64,
@@ -87,23 +87,23 @@ impl Edge {
         &self.pieces[after.min(self.pieces.len() - 1)]
     }
 
-    /// Equal shares of the edge, no longer than `longest_m` along it.
+    /// Equal segments of the edge, no longer than `longest_m` along it.
     #[must_use]
-    pub fn shares(&self, longest_m: f64) -> Vec<Share> {
+    pub fn segments(&self, longest_m: f64) -> Vec<EdgeSegment> {
         let count = (self.length_m / longest_m).ceil().max(1.0) as usize;
-        let half_share = 0.5 * self.length_m / count as f64;
-        let share = |index: usize| {
+        let half_m = 0.5 * self.length_m / count as f64;
+        let segment = |index: usize| {
             let arc_m = ((index as f64 + 0.5) / count as f64 - 0.5) * self.length_m;
             let piece = self.piece_at(arc_m);
-            let [from, to] = [arc_m - half_share, arc_m + half_share].map(|arc_m| self.piece_at(arc_m).at(arc_m));
-            // A share that folds back within its own length may have no chord, or none that cuts.
-            let chord = (to - from).try_normalize(half_share).filter(|chord| chord.y.abs() < STEEPEST);
-            Share {
+            let [from, to] = [arc_m - half_m, arc_m + half_m].map(|arc_m| self.piece_at(arc_m).at(arc_m));
+            // A segment that folds back within its own length may have no chord, or none that cuts.
+            let chord = (to - from).try_normalize(half_m).filter(|chord| chord.y.abs() < STEEPEST);
+            EdgeSegment {
                 middle_m: piece.at(arc_m),
                 frame: BladeFrame::of_tangent(chord.unwrap_or(piece.along)),
                 from_end_m: 0.5 * self.length_m - arc_m.abs(),
             }
         };
-        (0..count).map(share).collect()
+        (0..count).map(segment).collect()
     }
 }

@@ -93,9 +93,9 @@ pub struct ToolPath {
     pub before: Pose,
     /// Pose at t + dt.
     pub pose: Pose,
-    /// Share of their full opening that jaws take at t; equal to `opening` where it has just entered.
+    /// Fraction of their full opening that jaws take at t; equal to `opening` where it has just entered.
     pub opening_before: f64,
-    /// Share of their full opening that jaws take at t + dt.
+    /// Fraction of their full opening that jaws take at t + dt.
     pub opening: f64,
     /// It was put down at `pose` in this step.
     pub entered: bool,

@@ -4,7 +4,7 @@ use nalgebra::Quaternion;
 
 use crate::{Quat, Vec3};
 
-/// Opening of jaws that are open, as a share of their full opening. Closed jaws have 0.
+/// Opening of jaws that are open, as a fraction of their full opening. Closed jaws have 0.
 pub const OPEN: f64 = 1.0;
 
 /// Why numbers state no pose.

@@ -69,7 +69,7 @@ pub enum Mount {
 }
 
 impl Mount {
-    /// Pose of the edge of a tool at `pose` whose jaws take the share `opening` of their full opening.
+    /// Pose of the edge of a tool at `pose` whose jaws take the fraction `opening` of their full opening.
     #[must_use]
     pub fn edge_pose(&self, pose: &Pose, opening: f64) -> Pose {
         let Self::Hinged { side, length_m, max_angle_rad } = *self else { return *pose };

@@ -68,15 +68,15 @@ impl BodySlot {
     /// step in between allocates nothing.
     pub(super) fn reserve(&mut self, tissue_springs: usize) {
         let of_tools: usize = self.contacts.iter_mut().map(|c| c.reserve(&self.body)).sum();
-        let of_ties = self.pulled.as_ref().map_or(0, |pulled| pulled.ties.count());
-        let springs = of_tools + of_ties + tissue_springs;
+        let of_cohesive = self.pulled.as_ref().map_or(0, |pulled| pulled.cohesive.count());
+        let springs = of_tools + of_cohesive + tissue_springs;
         self.impulses.clear();
         self.impulses.reserve(POINT_NODES * springs);
         self.body.reserve_springs(springs);
     }
 
-    pub(super) fn detect_ties(&mut self, dt_s: f64) {
-        self.pulled.iter_mut().for_each(|pulled| pulled.ties.detect(&self.body, dt_s));
+    pub(super) fn detect_cohesive(&mut self, dt_s: f64) {
+        self.pulled.iter_mut().for_each(|pulled| pulled.cohesive.detect(&self.body, dt_s));
     }
 
     /// Loads the solver with the contacts as they are now; returns the norm of the impulses applied, N s.
@@ -90,14 +90,14 @@ impl BodySlot {
         self.velocity_change.resize(self.body.node_count(), [0.0; 3]);
         self.impulses.clear();
         let of_tools = || self.contacts.iter().flat_map(ToolContact::springs);
-        let ties = || self.pulled.iter().flat_map(|pulled| &pulled.ties.contacts);
-        for contact in of_tools().chain(ties()).filter(|c| c.mode != Mode::Off) {
+        let cohesive = || self.pulled.iter().flat_map(|pulled| &pulled.cohesive.contacts);
+        for contact in of_tools().chain(cohesive()).filter(|c| c.mode != Mode::Off) {
             contact.add_impulses(dt_s, &mut self.impulses);
         }
         self.tool_impulses = self.impulses.len();
         self.impulses.extend(tissue.iter().flat_map(|tissue| tissue.impulses(index, dt_s)));
         let of_tissue = tissue.iter().flat_map(|tissue| tissue.point_springs(index, dt_s));
-        self.body.set_springs(point_springs(of_tools().chain(ties()), dt_s).chain(of_tissue));
+        self.body.set_springs(point_springs(of_tools().chain(cohesive()), dt_s).chain(of_tissue));
         let scale = self.body.applied_impulse_norm(workers, &self.impulses);
         self.body.load_system(workers, &self.impulses, &self.velocity_change);
         scale
@@ -114,8 +114,8 @@ impl BodySlot {
         for contact in &mut self.contacts {
             wrong += contact.settle(dt_s, &self.velocity_change, solution);
         }
-        for tie in self.pulled.iter_mut().flat_map(|pulled| &mut pulled.ties.contacts) {
-            wrong += tie.settle(dt_s, &tie.ends.weights.sum(&self.velocity_change), solution);
+        for spring in self.pulled.iter_mut().flat_map(|pulled| &mut pulled.cohesive.contacts) {
+            wrong += spring.settle(dt_s, &spring.ends.weights.sum(&self.velocity_change), solution);
         }
         wrong
     }
@@ -148,7 +148,7 @@ impl BodySlot {
         self.body.restore_finite_state(workers);
         self.velocity_change.iter_mut().for_each(|v| *v = [0.0; 3]);
         self.contacts.iter_mut().for_each(ToolContact::lift);
-        self.pulled.iter_mut().for_each(|pulled| pulled.ties.release());
+        self.pulled.iter_mut().for_each(|pulled| pulled.cohesive.release());
         self.ledger = BodyLedger::at_rest(self.body.energy());
     }
 }

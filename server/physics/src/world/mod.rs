@@ -15,7 +15,7 @@ mod tool_contact;
 use crate::Vec3;
 use crate::body::{Body, MaterialPoint, PartedLinks, TopologyChange};
 use crate::fault::{Fault, FaultKind};
-use crate::fracture::{FrontBook, Looks};
+use crate::fracture::{FrontBook, Sampling};
 use crate::ledger::{self, ContactLedger};
 use crate::params::StepParams;
 use crate::scene::{Scene, SceneError};
@@ -40,7 +40,7 @@ struct Tool {
     pose: Option<Pose>,
     /// Pose at the beginning of the step; equal to `pose` where it has just entered.
     before: Option<Pose>,
-    /// Share of their full opening that its jaws take, if it has any, and took at the beginning of the step.
+    /// Fraction of their full opening that its jaws take, if it has any, and took at the beginning of the step.
     opening: f64,
     opening_before: f64,
     entered: bool,
@@ -71,8 +71,8 @@ impl Tool {
     }
 }
 
-/// A probe: a material point that is followed.
-struct Probe {
+/// A material point that is followed.
+struct TrackedPoint {
     body: usize,
     point: MaterialPoint,
 }
@@ -82,7 +82,7 @@ pub struct World {
     params: StepParams,
     slots: Vec<BodySlot>,
     tools: Vec<Tool>,
-    probes: Vec<Probe>,
+    tracked_points: Vec<TrackedPoint>,
     /// Present from when the surface is first asked for until it is forgotten: nobody watches,
     /// nothing is contoured.
     view: Option<View>,
@@ -123,26 +123,37 @@ impl World {
             params,
             slots,
             tools,
-            probes: Vec::new(),
+            tracked_points: Vec::new(),
             view: None,
             tissue: None,
             contact_ledger: ContactLedger::default(),
             springs_before_j: 0.0,
             output: StepOutput::default(),
         };
-        for (index, probe) in desc.probes.iter().enumerate() {
-            world.probes.push(world.find_probe(scene, index, &probe.object, probe.position_m.into())?);
+        for (index, point) in desc.tracked_points.iter().enumerate() {
+            world.tracked_points.push(world.find_tracked_point(
+                scene,
+                index,
+                &point.object,
+                point.position_m.into(),
+            )?);
         }
         if world.slots.len() > 1 {
             world.follow_tissue();
         }
         world.output.tools = vec![ToolOutput::default(); world.tools.len()];
-        world.output.probe_displacement_m = vec![Vec3::zeros(); world.probes.len()];
+        world.output.tracked_displacement_m = vec![Vec3::zeros(); world.tracked_points.len()];
         Ok(world)
     }
 
-    fn find_probe(&self, scene: &Scene, index: usize, object: &str, position_m: Vec3) -> Result<Probe, SceneError> {
-        let error = |message: String| SceneError::Field { field: format!("probes[{index}]"), message };
+    fn find_tracked_point(
+        &self,
+        scene: &Scene,
+        index: usize,
+        object: &str,
+        position_m: Vec3,
+    ) -> Result<TrackedPoint, SceneError> {
+        let error = |message: String| SceneError::Field { field: format!("tracked_points[{index}]"), message };
         let body = scene
             .desc
             .objects
@@ -153,7 +164,7 @@ impl World {
         let voxel = grid
             .voxel_at(grid.cell_of(&position_m))
             .ok_or_else(|| error(format!("position_m {position_m:?} lies in no voxel of {object:?}")))?;
-        Ok(Probe { body, point: MaterialPoint { position_m, voxel } })
+        Ok(TrackedPoint { body, point: MaterialPoint { position_m, voxel } })
     }
 
     /// Advances the scene by one time step.
@@ -176,7 +187,7 @@ impl World {
             lap.end(Stage::SelfContact);
         }
         let dt_s = self.params.dt_s;
-        self.slots.iter_mut().for_each(|slot| slot.detect_ties(dt_s));
+        self.slots.iter_mut().for_each(|slot| slot.detect_cohesive(dt_s));
         self.solve_velocities(workers);
         self.brake_spins();
         lap.end(Stage::Velocities);
@@ -280,19 +291,19 @@ impl World {
     }
 
     fn advance_fronts(&mut self) {
-        let looks = Looks::of_step(self.output.step, self.params.dt_s);
+        let sampling = Sampling::of_step(self.output.step, self.params.dt_s);
         for slot in &mut self.slots {
             let mut book = FrontBook::default();
             for (tool, contact) in self.tools.iter().zip(&mut slot.contacts) {
                 if let Some(path) = tool.path() {
                     book.add(&contact.advance(&slot.body, &path, slot.pulled.is_some(), &mut slot.parting));
-                    if looks.at_fronts {
-                        contact.look_around(&slot.body);
+                    if sampling.at_fronts {
+                        contact.sample_drive(&slot.body);
                     }
                 }
             }
             if let Some(pulled) = &mut slot.pulled {
-                book.add(&pulled.advance(&slot.body, &book, looks.at_ends, &mut slot.parting));
+                book.add(&pulled.advance(&slot.body, &book, sampling.at_ends, &mut slot.parting));
             }
             self.contact_ledger.front.add(&book);
         }
@@ -387,14 +398,14 @@ impl World {
         let ledgers = self.slots.iter().map(|s| &s.ledger);
         self.output.energy = ledger::book(ledgers, &self.contact_ledger, &before, self.springs_before_j);
         self.springs_before_j = self.contact_ledger.spring_stored_j;
-        self.read_probes();
+        self.read_tracked_points();
         self.output.step += 1;
         self.output.sim_time_s = self.output.step as f64 * self.params.dt_s;
     }
 
-    fn read_probes(&mut self) {
-        for (probe, out) in self.probes.iter().zip(&mut self.output.probe_displacement_m) {
-            *out = self.slots[probe.body].body.current_m(&probe.point) - probe.point.position_m;
+    fn read_tracked_points(&mut self) {
+        for (tracked, out) in self.tracked_points.iter().zip(&mut self.output.tracked_displacement_m) {
+            *out = self.slots[tracked.body].body.current_m(&tracked.point) - tracked.point.position_m;
         }
     }
 
@@ -410,7 +421,7 @@ impl World {
             total.relative_residual = total.relative_residual.max(one.relative_residual);
             total.converged &= one.converged;
         }
-        self.read_probes();
+        self.read_tracked_points();
         total
     }
 

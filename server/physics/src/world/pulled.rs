@@ -2,46 +2,46 @@
 
 use crate::body::{Body, TopologyChange};
 use crate::fracture::FrontBook;
+use crate::fracture::cohesive::CohesiveSprings;
 use crate::fracture::tear::Tearing;
-use crate::fracture::ties::Ties;
 use crate::grid::{Crossing, LinkId};
 
 /// Tearing in one body.
 #[derive(Clone)]
 pub(super) struct Pulled {
     tearing: Tearing,
-    pub(super) ties: Ties,
+    pub(super) cohesive: CohesiveSprings,
 }
 
 impl Pulled {
-    /// Whether there is nothing to tear and nothing tied.
+    /// Whether there is nothing to tear and no cohesive spring.
     pub(super) fn is_idle(&self) -> bool {
-        self.tearing.is_empty() && self.ties.contacts.is_empty()
+        self.tearing.is_empty() && self.cohesive.contacts.is_empty()
     }
 
     /// From the cuts that a body has.
     pub(super) fn new(body: &Body) -> Self {
-        Self { tearing: Tearing::of(body), ties: Ties::default() }
+        Self { tearing: Tearing::of(body), cohesive: CohesiveSprings::default() }
     }
 
-    /// Concludes the step of the ties and lets cuts go on where it `looks`; `front` is what the body's blades have
-    /// booked.
+    /// Concludes the step of the cohesive springs and, where the step `samples`, lets cuts go on; `front` is what the
+    /// body's blades have booked.
     pub(super) fn advance(
         &mut self,
         body: &Body,
         front: &FrontBook,
-        looks: bool,
+        samples: bool,
         links: &mut Vec<(LinkId, Crossing)>,
     ) -> FrontBook {
-        let tied = self.ties.conclude(body);
-        let torn = self.tearing.advance(body, looks, links);
+        let paid = self.cohesive.conclude(body);
+        let torn = self.tearing.advance(body, samples, links);
         // What the blades' forces leave to the tissue.
-        self.ties.owe(torn.fracture_j - front.slip_j);
+        self.cohesive.owe(torn.fracture_j - front.slip_j);
         FrontBook {
-            stored_j: tied.stored_j,
+            stored_j: paid.stored_j,
             fracture_j: torn.fracture_j,
-            slip_j: tied.dissipated_j - torn.fracture_j,
-            numerical_j: tied.numerical_j,
+            slip_j: paid.dissipated_j - torn.fracture_j,
+            numerical_j: paid.numerical_j,
             area_m2: torn.area_m2,
             ..FrontBook::default()
         }
@@ -51,7 +51,7 @@ impl Pulled {
     pub(super) fn follow(&mut self, body: &Body, parted: &[LinkId], change: &TopologyChange) {
         self.tearing.update(body, parted);
         if !change.split_nodes.is_empty() {
-            self.ties.tie(&change.split_nodes, &body.pull_n(), body.lattice_edge_m());
+            self.cohesive.join(&change.split_nodes, &body.pull_n(), body.lattice_edge_m());
         }
     }
 }

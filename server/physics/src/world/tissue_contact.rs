@@ -20,7 +20,7 @@ use crate::workers::Workers;
 /// Stiffness of an interface over that of the half elements on both sides of it: pressed bodies are softer
 /// by a twentieth of an element than if they were one. Halved, by a tenth; doubled, by a fortieth, at more iterations.
 const STIFFNESS: f64 = 20.0;
-/// A spring that is off may find itself this share of a voxel deep without another solve within the step. The force
+/// A spring that is off may find itself this fraction of a voxel deep without another solve within the step. The force
 /// that is missing then is `20 E A / H` of it, 2 % of a voxel's strain; it is there in the next step.
 const SLACK_VOXELS: f64 = 1e-3;
 /// What is found deeper than this many voxels at the beginning of a step is pushed out as if it were so
@@ -382,7 +382,7 @@ fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, carried
 
 impl Systems for Island<'_> {
     fn is_moot(&mut self, workers: &Workers<'_>, residual_n_s: f64) -> bool {
-        let is_moot = self.may_change && self.settle(workers, Solution::Glance).norm_n_s() > residual_n_s;
+        let is_moot = self.may_change && self.settle(workers, Solution::Trial).norm_n_s() > residual_n_s;
         if is_moot {
             self.settle(workers, Solution::Rough);
         }

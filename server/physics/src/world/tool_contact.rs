@@ -2,7 +2,7 @@
 
 use super::blade_contact::BladeContact;
 use crate::body::Body;
-use crate::contact::grip::Grip;
+use crate::contact::grasp::Grasp;
 use crate::contact::palpation::Palpation;
 use crate::contact::{Contact, Misjudged, Solution};
 use crate::fracture::FrontBook;
@@ -18,7 +18,7 @@ pub(super) enum ToolContact {
     /// Its edges cut.
     Edges(Vec<BladeContact>),
     /// Its jaws hold.
-    Grip(Grip),
+    Grasp(Grasp),
     /// It presses.
     Palpation(Palpation),
 }
@@ -31,7 +31,7 @@ impl ToolContact {
                 let edge = |mount| BladeContact::new(scissors.blade.clone(), mount, body);
                 Self::Edges(scissors.mounts().map(edge).into())
             }
-            ToolShape::Grasper(grasper) => Self::Grip(Grip::new(*grasper, body)),
+            ToolShape::Grasper(grasper) => Self::Grasp(Grasp::new(*grasper, body)),
             ToolShape::Probe(capsule) => Self::Palpation(Palpation::new(*capsule)),
         }
     }
@@ -39,14 +39,14 @@ impl ToolContact {
     fn edges(&self) -> &[BladeContact] {
         match self {
             Self::Edges(edges) => edges,
-            Self::Grip(_) | Self::Palpation(_) => &[],
+            Self::Grasp(_) | Self::Palpation(_) => &[],
         }
     }
 
     fn edges_mut(&mut self) -> &mut [BladeContact] {
         match self {
             Self::Edges(edges) => edges,
-            Self::Grip(_) | Self::Palpation(_) => &mut [],
+            Self::Grasp(_) | Self::Palpation(_) => &mut [],
         }
     }
 
@@ -54,7 +54,7 @@ impl ToolContact {
     fn other_springs(&self) -> &[Contact] {
         match self {
             Self::Edges(_) => &[],
-            Self::Grip(grip) => &grip.contacts,
+            Self::Grasp(grasp) => &grasp.contacts,
             Self::Palpation(palpation) => &palpation.contacts,
         }
     }
@@ -84,7 +84,7 @@ impl ToolContact {
 
     /// Whether jaws hold some of the body.
     pub(super) fn holds(&self) -> bool {
-        matches!(self, Self::Grip(grip) if !grip.contacts.is_empty())
+        matches!(self, Self::Grasp(grasp) if !grasp.contacts.is_empty())
     }
 
     /// Whether a blade is in the tissue or at a wall of a cut.
@@ -110,9 +110,9 @@ impl ToolContact {
                 edges.iter_mut().for_each(|edge| edge.reserve(walls, elements));
                 edges.iter().map(|edge| edge.most_springs(walls)).sum()
             }
-            Self::Grip(grip) => {
-                grip.reserve(elements);
-                grip.most_springs()
+            Self::Grasp(grasp) => {
+                grasp.reserve(elements);
+                grasp.most_springs()
             }
             Self::Palpation(palpation) => palpation.reserve(body),
         }
@@ -126,7 +126,7 @@ impl ToolContact {
     pub(super) fn lift(&mut self) {
         match self {
             Self::Edges(edges) => edges.iter_mut().for_each(BladeContact::lift),
-            Self::Grip(grip) => grip.let_go(),
+            Self::Grasp(grasp) => grasp.let_go(),
             Self::Palpation(palpation) => palpation.clear(),
         }
     }
@@ -134,7 +134,7 @@ impl ToolContact {
     pub(super) fn detect(&mut self, body: &Body, path: &ToolPath) {
         match self {
             Self::Edges(edges) => edges.iter_mut().for_each(|edge| edge.detect(body, path)),
-            Self::Grip(grip) => grip.detect(body, path),
+            Self::Grasp(grasp) => grasp.detect(body, path),
             Self::Palpation(palpation) => palpation.detect(body, path),
         }
     }
@@ -148,7 +148,7 @@ impl ToolContact {
                     wrong += edge.settle(dt_s, velocity_change, solution);
                 }
             }
-            Self::Grip(Grip { contacts, .. }) | Self::Palpation(Palpation { contacts, .. }) => {
+            Self::Grasp(Grasp { contacts, .. }) | Self::Palpation(Palpation { contacts, .. }) => {
                 for contact in contacts {
                     wrong += contact.settle(dt_s, &contact.ends.weights.sum(velocity_change), solution);
                 }
@@ -170,9 +170,9 @@ impl ToolContact {
         book
     }
 
-    /// Looks at what the strained body adds to the drive of its fronts.
-    pub(super) fn look_around(&mut self, body: &Body) {
-        self.edges_mut().iter_mut().for_each(|edge| edge.front.look_around(body));
+    /// Samples what the strained body adds to the drive of its fronts.
+    pub(super) fn sample_drive(&mut self, body: &Body) {
+        self.edges_mut().iter_mut().for_each(|edge| edge.front.sample_drive(body));
     }
 
     /// Energy in springs of fronts that were let go since this was last asked, J.
@@ -189,7 +189,7 @@ impl ToolContact {
     pub(super) fn fold_into(&self, hasher: &mut StateHasher) {
         match self {
             Self::Edges(edges) => edges.iter().for_each(|edge| edge.front.fold_into(hasher)),
-            Self::Grip(grip) => grip.fold_into(hasher),
+            Self::Grasp(grasp) => grasp.fold_into(hasher),
             // Where it touches follows from where it and the body are.
             Self::Palpation(_) => {}
         }

@@ -6,12 +6,12 @@ use std::path::Path;
 use kerf_physics::scene::{DialDesc, SceneDesc};
 use kerf_physics::{Scene, SceneError};
 
-use super::front::{Front, FrontError, FrontPoint};
+use super::pareto::{ParetoError, ParetoFront, ParetoPoint};
 use super::setting::{FinerRegions, Setting, fingerprint, states_finer};
 
-/// Measured fronts, one per scene; of several for one scene the first holds.
+/// Measured Pareto fronts, one per scene; of several for one scene the first holds.
 #[derive(Clone, Debug, Default)]
-pub struct Fronts(Vec<Front>);
+pub struct ParetoFronts(Vec<ParetoFront>);
 
 /// What the dial was set to.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,7 +21,7 @@ pub struct Choice {
     /// What the scene was set to; `None` where its objects differ.
     pub setting: Option<Setting>,
     /// What the setting was measured to cost and to err; `None` where it was not measured.
-    pub expected: Option<FrontPoint>,
+    pub expected: Option<ParetoPoint>,
     /// Where it was measured.
     pub hardware: String,
 }
@@ -53,8 +53,8 @@ impl fmt::Display for Choice {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DialError {
     /// Nothing was measured for the scene.
-    #[error("dial: no front was measured for scene `{scene}`; `kerf-server tradeoff` measures one")]
-    NoFront {
+    #[error("dial: no Pareto front was measured for scene `{scene}`; `kerf-server tradeoff` measures one")]
+    NoParetoFront {
         /// The scene.
         scene: String,
     },
@@ -81,27 +81,27 @@ pub enum DialError {
     Scene(#[from] SceneError),
 }
 
-/// Largest file of a front, bytes: some hundred thousand settings.
-const MAX_FRONT_BYTES: u64 = 16 << 20;
+/// Largest file of a Pareto front, bytes: some hundred thousand settings.
+const MAX_PARETO_BYTES: u64 = 16 << 20;
 
-impl Fronts {
-    /// The fronts of the built-in scenes.
+impl ParetoFronts {
+    /// The Pareto fronts of the built-in scenes.
     ///
     /// # Panics
     /// Never: a test reads them.
     #[must_use]
     pub fn builtin() -> Self {
-        let liver = Front::parse("liver.csv", include_str!("../../fronts/liver.csv"));
+        let liver = ParetoFront::parse("liver.csv", include_str!("../../pareto/liver.csv"));
         Self(vec![liver.expect("it comes with the program")])
     }
 
-    /// These fronts with those of a folder's `*.csv` before them.
+    /// These Pareto fronts with those of a folder's `*.csv` before them.
     ///
     /// # Errors
     /// The folder or the first file that cannot be read.
-    pub fn with_folder(mut self, folder: &Path) -> Result<Self, FrontError> {
+    pub fn with_folder(mut self, folder: &Path) -> Result<Self, ParetoError> {
         let failed =
-            |path: &Path, e: std::io::Error| FrontError { file: path.display().to_string(), message: e.to_string() };
+            |path: &Path, e: std::io::Error| ParetoError { file: path.display().to_string(), message: e.to_string() };
         let entries = std::fs::read_dir(folder).map_err(|e| failed(folder, e))?;
         let mut paths = Vec::new();
         for entry in entries {
@@ -111,21 +111,21 @@ impl Fronts {
         paths.sort();
         for (index, path) in paths.iter().enumerate() {
             let bytes = std::fs::metadata(path).map_err(|e| failed(path, e))?.len();
-            if bytes > MAX_FRONT_BYTES {
-                let message = format!("{bytes} bytes are more than the limit of {MAX_FRONT_BYTES}");
-                return Err(FrontError { file: path.display().to_string(), message });
+            if bytes > MAX_PARETO_BYTES {
+                let message = format!("{bytes} bytes are more than the limit of {MAX_PARETO_BYTES}");
+                return Err(ParetoError { file: path.display().to_string(), message });
             }
             let text = std::fs::read_to_string(path).map_err(|e| failed(path, e))?;
-            self.0.insert(index, Front::parse(&path.display().to_string(), &text)?);
+            self.0.insert(index, ParetoFront::parse(&path.display().to_string(), &text)?);
         }
         Ok(self)
     }
 
-    /// The front of a scene, whatever the scene's own setting.
+    /// The Pareto front of a scene, whatever the scene's own setting.
     #[must_use]
-    pub fn of(&self, scene: &Scene) -> Option<&Front> {
+    pub fn of(&self, scene: &Scene) -> Option<&ParetoFront> {
         let wanted = fingerprint(scene);
-        self.0.iter().find(|front| front.fingerprint() == Some(wanted))
+        self.0.iter().find(|pareto| pareto.fingerprint() == Some(wanted))
     }
 
     /// Sets a scene to what it asks of the dial or, before that, to what is `asked` for it. `None`: nobody
@@ -136,30 +136,30 @@ impl Fronts {
     pub fn settle(&self, scene: &mut Scene, asked: Option<DialDesc>) -> Result<Option<Choice>, DialError> {
         let wish = scene.desc.dial.take();
         let Some(asked) = asked.or(wish) else { return Ok(None) };
-        let front = self.of(scene);
+        let pareto = self.of(scene);
         let expected = match asked {
             DialDesc::Level(level) => {
                 set_level(&mut scene.desc, level);
                 let stated = Setting::of(&scene.desc);
-                front.and_then(|front| front.points.iter().find(|point| Some(point.setting()) == stated))
+                pareto.and_then(|pareto| pareto.points.iter().find(|point| Some(point.setting()) == stated))
             }
             DialDesc::BudgetMs(value) => {
                 let wish =
-                    Wish { field: "budget_ms", value, bounded: |point| point.median_ms, least: FrontPoint::error };
-                Some(wish.choose(front, &scene.desc)?)
+                    Wish { field: "budget_ms", value, bounded: |point| point.median_ms, least: ParetoPoint::error };
+                Some(wish.choose(pareto, &scene.desc)?)
             }
             DialDesc::MaxError(value) => {
                 let wish =
-                    Wish { field: "max_error", value, bounded: FrontPoint::error, least: |point| point.median_ms };
-                Some(wish.choose(front, &scene.desc)?)
+                    Wish { field: "max_error", value, bounded: ParetoPoint::error, least: |point| point.median_ms };
+                Some(wish.choose(pareto, &scene.desc)?)
             }
         };
         if let Some(point) = expected {
             point.setting().apply(&mut scene.desc);
         }
-        let setting = expected.map(FrontPoint::setting).or_else(|| Setting::of(&scene.desc));
+        let setting = expected.map(ParetoPoint::setting).or_else(|| Setting::of(&scene.desc));
         scene.problems().into_iter().next().map_or(Ok(()), Err)?;
-        let hardware = front.and_then(|front| front.notes.get("hardware")).cloned().unwrap_or_default();
+        let hardware = pareto.and_then(|pareto| pareto.notes.get("hardware")).cloned().unwrap_or_default();
         Ok(Some(Choice { asked, setting, expected: expected.copied(), hardware }))
     }
 }
@@ -175,24 +175,24 @@ fn set_level(desc: &mut SceneDesc, level: u8) {
 struct Wish {
     field: &'static str,
     value: f64,
-    bounded: fn(&FrontPoint) -> f64,
-    least: fn(&FrontPoint) -> f64,
+    bounded: fn(&ParetoPoint) -> f64,
+    least: fn(&ParetoPoint) -> f64,
 }
 
 impl Wish {
-    /// The point of a scene's front that the wish leads to, among those at the scene's rate.
-    fn choose<'a>(&self, front: Option<&'a Front>, desc: &SceneDesc) -> Result<&'a FrontPoint, DialError> {
-        let front = front.ok_or_else(|| DialError::NoFront { scene: desc.name.clone() })?;
-        let applies = |point: &&FrontPoint| point.finer == FinerRegions::LeftOut || states_finer(desc);
-        let at_rate = || front.points.iter().filter(applies).filter(|point| point.rate_hz == desc.rate_hz);
+    /// The point of a scene's Pareto front that the wish leads to, among those at the scene's rate.
+    fn choose<'a>(&self, pareto: Option<&'a ParetoFront>, desc: &SceneDesc) -> Result<&'a ParetoPoint, DialError> {
+        let pareto = pareto.ok_or_else(|| DialError::NoParetoFront { scene: desc.name.clone() })?;
+        let applies = |point: &&ParetoPoint| point.finer == FinerRegions::LeftOut || states_finer(desc);
+        let at_rate = || pareto.points.iter().filter(applies).filter(|point| point.rate_hz == desc.rate_hz);
         let nearest = at_rate().map(self.bounded).min_by(f64::total_cmp).ok_or_else(|| {
-            let mut rates: Vec<f64> = front.points.iter().map(|point| point.rate_hz).collect();
+            let mut rates: Vec<f64> = pareto.points.iter().map(|point| point.rate_hz).collect();
             rates.sort_by(f64::total_cmp);
             rates.dedup();
             let measured = rates.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
             DialError::Rate { rate_hz: desc.rate_hz, measured }
         })?;
-        let by = |a: &&FrontPoint, b: &&FrontPoint| {
+        let by = |a: &&ParetoPoint, b: &&ParetoPoint| {
             let [a, b] = [a, b].map(|point| [(self.least)(point), (self.bounded)(point)]);
             a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]))
         };
@@ -206,8 +206,8 @@ mod tests {
     use super::*;
     use crate::catalog;
 
-    fn fronts(scene: &Scene, points: &[(u8, f64, f64)]) -> Fronts {
-        let point = |&(level, median_ms, error): &(u8, f64, f64)| FrontPoint {
+    fn pareto_fronts(scene: &Scene, points: &[(u8, f64, f64)]) -> ParetoFronts {
+        let point = |&(level, median_ms, error): &(u8, f64, f64)| ParetoPoint {
             level,
             voxel_scale: 1.0,
             rate_hz: 1000.0,
@@ -225,18 +225,19 @@ mod tests {
             p99_ms: 2.0 * median_ms,
             memory_mib: 1.0,
         };
-        Fronts(vec![Front { points: points.iter().map(point).collect(), ..Front::of(scene) }])
+        ParetoFronts(vec![ParetoFront { points: points.iter().map(point).collect(), ..ParetoFront::of(scene) }])
     }
 
-    fn liver() -> (Scene, Fronts) {
+    fn liver() -> (Scene, ParetoFronts) {
         let scene = catalog::builtin("liver").unwrap();
-        let fronts = fronts(&scene, &[(0, 20.0, 0.01), (1, 4.0, 0.02), (2, 1.0, 0.05), (3, 0.5, 0.2), (4, 0.6, 0.3)]);
-        (scene, fronts)
+        let pareto_fronts =
+            pareto_fronts(&scene, &[(0, 20.0, 0.01), (1, 4.0, 0.02), (2, 1.0, 0.05), (3, 0.5, 0.2), (4, 0.6, 0.3)]);
+        (scene, pareto_fronts)
     }
 
     fn level_for(asked: DialDesc) -> Result<u8, DialError> {
-        let (mut scene, fronts) = liver();
-        let choice = fronts.settle(&mut scene, Some(asked))?.unwrap();
+        let (mut scene, pareto_fronts) = liver();
+        let choice = pareto_fronts.settle(&mut scene, Some(asked))?.unwrap();
         assert_eq!(choice.setting.unwrap().level, scene.desc.objects[0].level);
         Ok(scene.desc.objects[0].level)
     }
@@ -262,37 +263,37 @@ mod tests {
 
     #[test]
     fn a_scene_asks_and_a_session_has_the_last_word() {
-        let (mut scene, fronts) = liver();
+        let (mut scene, pareto_fronts) = liver();
         scene.desc.dial = Some(DialDesc::Level(0));
-        let choice = fronts.settle(&mut scene, Some(DialDesc::Level(3))).unwrap().unwrap();
+        let choice = pareto_fronts.settle(&mut scene, Some(DialDesc::Level(3))).unwrap().unwrap();
         assert_eq!((choice.asked, scene.desc.objects[0].level, scene.desc.dial), (DialDesc::Level(3), 3, None));
         assert!(choice.to_string().contains("level 3") && choice.to_string().contains("20.00 %"), "{choice}");
-        assert_eq!(fronts.settle(&mut scene, None), Ok(None));
+        assert_eq!(pareto_fronts.settle(&mut scene, None), Ok(None));
     }
 
     #[test]
-    fn without_a_front_a_level_can_be_had_and_an_error_cannot() {
+    fn without_a_pareto_front_a_level_can_be_had_and_an_error_cannot() {
         let mut scene = catalog::builtin("jelly").unwrap();
-        let (_, fronts) = liver();
-        let error = fronts.settle(&mut scene.clone(), Some(DialDesc::MaxError(0.1))).unwrap_err();
-        assert_eq!(error, DialError::NoFront { scene: "jelly".into() });
-        let choice = fronts.settle(&mut scene, Some(DialDesc::Level(1))).unwrap().unwrap();
+        let (_, pareto_fronts) = liver();
+        let error = pareto_fronts.settle(&mut scene.clone(), Some(DialDesc::MaxError(0.1))).unwrap_err();
+        assert_eq!(error, DialError::NoParetoFront { scene: "jelly".into() });
+        let choice = pareto_fronts.settle(&mut scene, Some(DialDesc::Level(1))).unwrap().unwrap();
         assert_eq!((choice.setting.unwrap().level, choice.expected), (1, None));
     }
 
     #[test]
-    fn the_builtin_fronts_are_of_the_builtin_scenes_as_they_are() {
-        for front in &Fronts::builtin().0 {
-            let scene = catalog::builtin(&front.notes["scene"]).unwrap();
-            assert_eq!(front.fingerprint(), Some(fingerprint(&scene)), "{} is to be measured again", scene.desc.name);
+    fn the_builtin_pareto_fronts_are_of_the_builtin_scenes_as_they_are() {
+        for pareto in &ParetoFronts::builtin().0 {
+            let scene = catalog::builtin(&pareto.notes["scene"]).unwrap();
+            assert_eq!(pareto.fingerprint(), Some(fingerprint(&scene)), "{} is to be measured again", scene.desc.name);
         }
     }
 
     #[test]
     fn the_rate_is_not_the_dials_to_change() {
-        let (mut scene, fronts) = liver();
+        let (mut scene, pareto_fronts) = liver();
         scene.desc.rate_hz = 500.0;
-        let error = fronts.settle(&mut scene, Some(DialDesc::BudgetMs(4.0))).unwrap_err();
+        let error = pareto_fronts.settle(&mut scene, Some(DialDesc::BudgetMs(4.0))).unwrap_err();
         assert_eq!(error, DialError::Rate { rate_hz: 500.0, measured: "1000".into() });
     }
 }

@@ -70,13 +70,13 @@ pub fn states_finer(desc: &SceneDesc) -> bool {
     desc.objects.iter().any(|object| !object.finer.is_empty())
 }
 
-/// Hash of what the dial leaves as it is in a scene: scenes of one fingerprint have one front.
+/// Hash of what the dial leaves as it is in a scene: scenes of one fingerprint have one Pareto front.
 #[must_use]
 pub fn fingerprint(scene: &Scene) -> u64 {
     let mut desc = scene.desc.clone();
     desc.description.clear();
     desc.rate_hz = 0.0;
-    // Any that is stated: it is the setting's. Fronts have been measured with this one in the text.
+    // Any that is stated: it is the setting's. Pareto fronts have been measured with this one in the text.
     desc.solver = SolverDesc { relative_tolerance: Some(1e-3), ..SolverDesc::default() };
     (desc.dial, desc.governor) = (None, None);
     for object in &mut desc.objects {

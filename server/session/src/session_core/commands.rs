@@ -3,7 +3,7 @@
 use super::{SessionCore, Tally, ViewSchedule, build_world, guard, pacer};
 use crate::error::SessionError;
 use crate::governor::Governor;
-use crate::inbox::{Command, Probe};
+use crate::inbox::{Command, Inspection};
 use crate::outbox::SceneEvent;
 use crate::status::{Phase, SessionStatus};
 
@@ -46,8 +46,8 @@ impl SessionCore {
                 let _ = answer.send(self.describe());
             }
             Command::Checkpoint(command) => self.obey_checkpoint(command),
-            Command::Query(look) => {
-                look(&mut Probe {
+            Command::Query(inspect) => {
+                inspect(&mut Inspection {
                     world: &mut self.world,
                     log: &self.log,
                     scene: &self.scene,
@@ -107,7 +107,7 @@ impl SessionCore {
             relative_tolerance: self.tally.relative_tolerance,
             reanchors: counts.reanchors,
             energy: self.tally.energy,
-            probe_displacement_m: output.probe_displacement_m.clone(),
+            tracked_displacement_m: output.tracked_displacement_m.clone(),
             state_hash: self.world.state_hash(),
         }
     }

@@ -9,7 +9,7 @@ use kerf_physics::{Quat, Scene, SceneDesc, StageClock, Vec3, Workers};
 use tokio::sync::{oneshot, watch};
 
 use super::{SessionCore, Wake};
-use crate::inbox::{Command, Inbox, Probe};
+use crate::inbox::{Command, Inbox, Inspection};
 use crate::limits::SessionLimits;
 use crate::outbox::{Outbox, Publisher, StepReport, Viewer};
 use crate::pose_check::{PoseRefusal, PoseSample};
@@ -105,8 +105,8 @@ impl VirtualSession {
 
     pub fn log_and_hash(&mut self) -> (InputLog, u64) {
         self.ask(|answer| {
-            let look = |probe: &mut Probe<'_>| (probe.log.clone(), probe.world.state_hash());
-            Command::Query(Box::new(move |probe| drop(answer.send(look(probe)))))
+            let inspect = |inspection: &mut Inspection<'_>| (inspection.log.clone(), inspection.world.state_hash());
+            Command::Query(Box::new(move |inspection| drop(answer.send(inspect(inspection)))))
         })
     }
 

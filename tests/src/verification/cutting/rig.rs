@@ -11,7 +11,7 @@ const RELATIVE_TOLERANCE: f64 = 1e-4;
 const MAX_ITERATIONS: u32 = 500;
 /// Height of a blade's flanks, m: more than any block's.
 const BLADE_HEIGHT_M: f64 = 0.3;
-/// At rest the kinetic energy is less than this share of what is stored.
+/// At rest the kinetic energy is less than this fraction of what is stored.
 const REST: f64 = 3e-5;
 /// Simulated time within which a held blade comes to rest, s.
 const MAX_REST_S: f64 = 2.0;

@@ -22,7 +22,7 @@ pub struct BladeBody {
     segments: Vec<Segment>,
     /// By [`SEGMENTS_PER_GROUP`] segments.
     groups: Vec<Group>,
-    /// Most length of a segment over its share across `up`.
+    /// Most length of a segment over its part across `up`.
     steepest: f64,
     /// Spine direction, unit.
     up: Vec3,
@@ -52,7 +52,7 @@ pub struct Foot {
 /// Where a line passes through the ruled surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Passage {
-    /// Share of the way from the line's beginning to its end.
+    /// Fraction of the way from the line's beginning to its end.
     pub share: f64,
     /// Length of the edge up to there, m.
     pub arc_m: f64,
@@ -60,7 +60,7 @@ pub struct Passage {
     pub height_m: f64,
 }
 
-/// A segment of the edge: its beginning, its vector over the square of its share across `up`, its
+/// A segment of the edge: its beginning, its vector over the square of its part across `up`, its
 /// normal, and the edge's length before it and in it.
 #[derive(Clone, Debug)]
 struct Segment {

@@ -120,7 +120,7 @@ impl March {
 }
 
 /// Distance at the origin of a plane front that passes the points `a` and `b` at the distances `at_a` and
-/// `at_b`, and where it comes from as a share of the way from `a` to `b`; `None` where it does not come
+/// `at_b`, and where it comes from as a fraction of the way from `a` to `b`; `None` where it does not come
 /// from between them.
 fn planar(a: Vec3, b: Vec3, at_a: f64, at_b: f64) -> Option<(f64, f64)> {
     let (aa, ab, bb) = (a.norm_squared(), a.dot(&b), b.norm_squared());

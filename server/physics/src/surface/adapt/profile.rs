@@ -23,7 +23,7 @@ const END_ABSCISSAS: [f64; 3] = [5.0 / 6.0, 11.0 / 12.0, 1.0];
 /// elements cannot show is added, one of their edges: they follow an edge no narrower than that.
 ///
 /// `gamma = tau/E` (Eq. 18) has no limit: in a liver of 10 kPa the bulge would be 20 times the
-/// indentation. It stands for the volume that is kept, so it goes by Poisson's ratio here; it is a share
+/// indentation. It stands for the volume that is kept, so it goes by Poisson's ratio here; it is a fraction
 /// of the indentation's depth, as the other ordinates are. The slope is `s = a/g_max`, as Eq. 18 has it;
 /// the text's ratio is the other way round. `theta = atan(s/a)` would be an angle of 1/m: it is
 /// `atan(s)`.

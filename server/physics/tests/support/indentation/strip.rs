@@ -57,7 +57,7 @@ impl Strip {
     }
 
     /// Compliance under a line load spread over columns of nodes by `across` (column, weight) and between
-    /// the top row of nodes and the one below by `up` (the share of the top row).
+    /// the top row of nodes and the one below by `up` (the fraction of the top row).
     pub fn compliance(&self, across: &[(i32, f64)], up: f64) -> f64 {
         let rows = [up, 1.0 - up];
         let mut sum = 0.0;

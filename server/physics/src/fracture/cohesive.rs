@@ -1,20 +1,20 @@
-//! Ties across what tissue's own tension opens: they take up the energy that parting costs.
+//! Cohesive springs across what tissue's own tension opens: they take up the energy that parting costs.
 //!
 //! Where nodes split under tension, what the tissue transmitted there goes on as a force between the two, falling with
-//! their opening to zero: `f = f_0 (1 - delta / delta_c)` (Camacho and Ortiz 1996). `delta_c` is such that the ties do
-//! the work that is owed for the area: `sum f_0 delta_c / 2`.
+//! their opening to zero: `f = f_0 (1 - delta / delta_c)` (Camacho and Ortiz 1996). `delta_c` is such that the
+//! springs do the work that is owed for the area: `sum f_0 delta_c / 2`.
 
 use crate::Vec3;
 use crate::body::Body;
 use crate::contact::{Contact, ContactWeights, Mode, ToolEnds};
 
-/// Ties close along a line to the origin; those that are hardly open, by less than this share of their length, as if
-/// they were: a spring that is stiffer would hold the nodes as one.
+/// Springs close along a line to the origin. One that is open by less than this fraction of its length is taken as
+/// open by that much: a stiffer spring would hold the nodes as one.
 const LEAST_OPENING: f64 = 0.05;
 
 /// A pair of nodes that were one.
 #[derive(Clone, Copy, Debug)]
-struct Tie {
+struct CohesiveSpring {
     nodes: [u32; 2],
     /// Force on the first node that it started with, N.
     start_n: Vec3,
@@ -25,19 +25,19 @@ struct Tie {
     widest_m: f64,
 }
 
-/// The ties of one body.
+/// The cohesive springs of one body.
 #[derive(Clone, Debug, Default)]
-pub struct Ties {
-    ties: Vec<Tie>,
+pub struct CohesiveSprings {
+    springs: Vec<CohesiveSpring>,
     /// Energy of what has parted under tension and no node has split for yet, J.
     owed_j: f64,
-    /// Their springs in the step.
+    /// Their contacts in the step.
     pub contacts: Vec<Contact>,
 }
 
-/// What ties took in a step.
+/// What cohesive springs took in a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct TieBook {
+pub struct CohesiveBook {
     /// For good, J.
     pub dissipated_j: f64,
     /// Of it, by steps that are not infinitely small, J.
@@ -46,7 +46,7 @@ pub struct TieBook {
     pub stored_j: f64,
 }
 
-impl Ties {
+impl CohesiveSprings {
     /// Owes the energy of what parted under tension.
     pub fn owe(&mut self, energy_j: f64) {
         self.owed_j = (self.owed_j + energy_j).max(0.0);
@@ -54,14 +54,14 @@ impl Ties {
 
     /// Lets go of everything.
     pub fn release(&mut self) {
-        self.ties.clear();
+        self.springs.clear();
         self.contacts.clear();
         self.owed_j = 0.0;
     }
 
-    /// Ties the nodes that split (new, from) with what pulls at the new ones. What would take ties longer than
-    /// `longest_m` stays owed until nodes split that more pulls at.
-    pub fn tie(&mut self, split_nodes: &[(u32, u32)], pull_n: &[[f64; 3]], longest_m: f64) {
+    /// Joins the nodes that split (new, from) by springs that start with what pulls at the new ones. What would take
+    /// springs longer than `longest_m` stays owed until nodes split that more pulls at.
+    pub fn join(&mut self, split_nodes: &[(u32, u32)], pull_n: &[[f64; 3]], longest_m: f64) {
         let starts = split_nodes.iter().map(|&(new, from)| ([new, from], -Vec3::from(pull_n[new as usize])));
         let force_n: f64 = starts.clone().map(|(_, f)| f.norm()).sum();
         if self.owed_j <= 0.0 || force_n <= 0.0 {
@@ -71,7 +71,7 @@ impl Ties {
         if length_m > longest_m {
             return;
         }
-        self.ties.extend(starts.filter(|(_, f)| f.norm() > 0.0).map(|(nodes, start_n)| Tie {
+        self.springs.extend(starts.filter(|(_, f)| f.norm() > 0.0).map(|(nodes, start_n)| CohesiveSpring {
             nodes,
             start_n,
             length_m,
@@ -84,27 +84,27 @@ impl Ties {
     /// How many there are.
     #[must_use]
     pub fn count(&self) -> usize {
-        self.ties.len()
+        self.springs.len()
     }
 
     /// Sets up the step's springs.
     pub fn detect(&mut self, body: &Body, dt_s: f64) {
         self.contacts.clear();
-        self.contacts.extend(self.ties.iter().map(|tie| tie.contact(body, dt_s)));
+        self.contacts.extend(self.springs.iter().map(|spring| spring.contact(body, dt_s)));
     }
 
     /// Books the step and lets go of what has opened.
-    pub fn conclude(&mut self, body: &Body) -> TieBook {
-        let mut book = TieBook::default();
-        for (tie, contact) in self.ties.iter_mut().zip(&self.contacts) {
-            tie.conclude(body, contact.force_n, &mut book);
+    pub fn conclude(&mut self, body: &Body) -> CohesiveBook {
+        let mut book = CohesiveBook::default();
+        for (spring, contact) in self.springs.iter_mut().zip(&self.contacts) {
+            spring.conclude(body, contact.force_n, &mut book);
         }
-        self.ties.retain(|tie| tie.widest_m < tie.length_m);
+        self.springs.retain(|spring| spring.widest_m < spring.length_m);
         book
     }
 }
 
-impl Tie {
+impl CohesiveSpring {
     fn direction(&self) -> Vec3 {
         self.start_n.normalize()
     }
@@ -156,7 +156,7 @@ impl Tie {
         0.5 * self.stiffness_n_per_m() * (gap_m * gap_m - offset_m * offset_m)
     }
 
-    fn conclude(&mut self, body: &Body, force_n: f64, book: &mut TieBook) {
+    fn conclude(&mut self, body: &Body, force_n: f64, book: &mut CohesiveBook) {
         let before_j = self.stored_j();
         let [a, b] = self.nodes.map(|n| Vec3::from(body.position_m[n as usize]));
         let opening_m = -(a - b).dot(&self.direction());

@@ -15,18 +15,18 @@ use super::setting::{FinerRegions, Setting, fingerprint};
 
 /// The settings that were measured for a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Front {
+pub struct ParetoFront {
     /// What is told of the measurement, by key.
     pub notes: BTreeMap<String, String>,
     /// The points, the dominated ones among them, in the order of the file.
-    pub points: Vec<FrontPoint>,
+    pub points: Vec<ParetoPoint>,
 }
 
 /// A setting with its errors against the reference and its cost. Errors of displacement and force are
 /// over the root mean square of the reference's, where and while the tool has it move.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct FrontPoint {
+pub struct ParetoPoint {
     /// See [`Setting::level`].
     pub level: u8,
     /// See [`Setting::voxel_scale`].
@@ -61,7 +61,7 @@ pub struct FrontPoint {
     pub memory_mib: f64,
 }
 
-impl FrontPoint {
+impl ParetoPoint {
     /// The setting.
     #[must_use]
     pub fn setting(&self) -> Setting {
@@ -96,18 +96,18 @@ impl FrontPoint {
     }
 }
 
-/// A front's file with a line that is not as it should be.
+/// A Pareto front's file with a line that is not as it should be.
 #[derive(Debug, PartialEq, thiserror::Error)]
 #[error("{file}: {message}")]
-pub struct FrontError {
+pub struct ParetoError {
     /// The file's name as given.
     pub file: String,
     /// What was found, and where.
     pub message: String,
 }
 
-impl Front {
-    /// A front of a scene without points yet.
+impl ParetoFront {
+    /// A Pareto front of a scene without points yet.
     #[must_use]
     pub fn of(scene: &Scene) -> Self {
         let notes = [("scene", scene.desc.name.clone()), ("fingerprint", format!("{:016x}", fingerprint(scene)))];
@@ -120,30 +120,30 @@ impl Front {
         u64::from_str_radix(self.notes.get("fingerprint")?, 16).ok()
     }
 
-    /// Reads a front's file.
+    /// Reads a Pareto front's file.
     ///
     /// # Errors
     /// The first line that is not as it should be; a number that is not finite or is below 0.
-    pub fn parse(file: &str, text: &str) -> Result<Self, FrontError> {
-        let failed = |message: String| FrontError { file: file.to_owned(), message };
-        let mut front = Self::default();
+    pub fn parse(file: &str, text: &str) -> Result<Self, ParetoError> {
+        let failed = |message: String| ParetoError { file: file.to_owned(), message };
+        let mut pareto = Self::default();
         for line in text.lines().filter_map(|line| line.strip_prefix('#')) {
             let (key, value) =
                 line.split_once('=').ok_or_else(|| failed(format!("`#{line}` is not `# key = value`")))?;
-            front.notes.insert(key.trim().to_owned(), value.trim().to_owned());
+            pareto.notes.insert(key.trim().to_owned(), value.trim().to_owned());
         }
         let mut table = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
-        for row in table.deserialize::<FrontPoint>() {
+        for row in table.deserialize::<ParetoPoint>() {
             let point = row.map_err(|e| failed(e.to_string()))?;
             if !point.is_sound() {
                 return Err(failed(format!("{point:?} holds a number that is not finite or is below 0")));
             }
-            front.points.push(point);
+            pareto.points.push(point);
         }
-        Ok(front)
+        Ok(pareto)
     }
 
-    /// The text of the front's file.
+    /// The text of the Pareto front's file.
     ///
     /// # Panics
     /// Never: rows of numbers and names are written to memory.
@@ -159,7 +159,7 @@ impl Front {
     }
 }
 
-impl FrontPoint {
+impl ParetoPoint {
     fn is_sound(&self) -> bool {
         let numbers = [
             self.voxel_scale,
@@ -184,8 +184,8 @@ mod tests {
     use super::*;
     use crate::catalog;
 
-    fn point(load: f64, error: f64) -> FrontPoint {
-        FrontPoint {
+    fn point(load: f64, error: f64) -> ParetoPoint {
+        ParetoPoint {
             level: 2,
             voxel_scale: 1.0,
             rate_hz: 1000.0,
@@ -206,21 +206,21 @@ mod tests {
     }
 
     #[test]
-    fn a_front_comes_back_from_its_file() {
-        let mut front = Front::of(&catalog::builtin("liver").unwrap());
-        front.notes.insert("hardware".into(), "two cores".into());
-        front.points = vec![point(1.0, 0.1), point(0.1, 0.3)];
-        assert_eq!(Front::parse("front.csv", &front.to_csv()).unwrap(), front);
+    fn a_pareto_front_comes_back_from_its_file() {
+        let mut pareto = ParetoFront::of(&catalog::builtin("liver").unwrap());
+        pareto.notes.insert("hardware".into(), "two cores".into());
+        pareto.points = vec![point(1.0, 0.1), point(0.1, 0.3)];
+        assert_eq!(ParetoFront::parse("pareto.csv", &pareto.to_csv()).unwrap(), pareto);
     }
 
     #[test]
     fn a_setting_leaves_the_fingerprint_as_it_is_and_a_material_does_not() {
         let mut scene = catalog::builtin("liver").unwrap();
-        let front = Front::of(&scene);
+        let pareto = ParetoFront::of(&scene);
         point(1.0, 0.1).setting().apply(&mut scene.desc);
-        assert_eq!(front.fingerprint(), Some(fingerprint(&scene)));
+        assert_eq!(pareto.fingerprint(), Some(fingerprint(&scene)));
         scene.desc.objects[0].material.young_modulus_pa *= 1.5;
-        assert_ne!(front.fingerprint(), Some(fingerprint(&scene)));
+        assert_ne!(pareto.fingerprint(), Some(fingerprint(&scene)));
     }
 
     #[test]
@@ -232,10 +232,10 @@ mod tests {
 
     #[test]
     fn what_is_wrong_with_a_file_is_named() {
-        let text = Front { points: vec![point(1.0, f64::NAN)], ..Front::default() }.to_csv();
-        let message = Front::parse("front.csv", &text).unwrap_err().to_string();
-        assert!(message.contains("front.csv") && message.contains("not finite"), "{message}");
-        let message = Front::parse("front.csv", "# no pair\n").unwrap_err().to_string();
+        let text = ParetoFront { points: vec![point(1.0, f64::NAN)], ..ParetoFront::default() }.to_csv();
+        let message = ParetoFront::parse("pareto.csv", &text).unwrap_err().to_string();
+        assert!(message.contains("pareto.csv") && message.contains("not finite"), "{message}");
+        let message = ParetoFront::parse("pareto.csv", "# no pair\n").unwrap_err().to_string();
         assert!(message.contains("key = value"), "{message}");
     }
 }

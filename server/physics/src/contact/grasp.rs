@@ -1,4 +1,4 @@
-//! A grasper's hold on one body.
+//! A grasper's grasp of one body.
 //!
 //! Jaws that close take hold of material points on a lattice through the ball around the reference
 //! point: each stays where it is relative to the tool, on springs in three directions that push and
@@ -32,7 +32,7 @@ struct HeldPoint {
 
 /// What one grasper does in one body.
 #[derive(Clone)]
-pub struct Grip {
+pub struct Grasp {
     grasper: Grasper,
     jaws: Jaws,
     /// Points of the tool that may hold one of the tissue, tool frame, m.
@@ -45,7 +45,7 @@ pub struct Grip {
     pub contacts: Vec<Contact>,
 }
 
-impl Grip {
+impl Grasp {
     /// Open jaws.
     #[must_use]
     pub fn new(grasper: Grasper, body: &Body) -> Self {
@@ -77,7 +77,7 @@ impl Grip {
         self.contacts.reserve(self.most_springs());
     }
 
-    /// Number of springs that the grip may have at most.
+    /// Number of springs that the grasp may have at most.
     #[must_use]
     pub fn most_springs(&self) -> usize {
         3 * self.places_m.len()

@@ -1,4 +1,4 @@
-//! Voxels that a shape's thin parts leave hanging together with next to nothing.
+//! Small pieces: voxels at a shape's thin parts that hang together with next to nothing.
 
 use super::lattice::Lattice;
 use super::{LEAST_PIECE_VOXELS, LinkId};

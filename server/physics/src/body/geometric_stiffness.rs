@@ -1,8 +1,8 @@
-//! What keeps stressed elements steady whose cells are not full.
+//! Geometric stiffness of stressed elements whose cells are not full.
 //!
 //! A stressed element resists being turned by its stress alone, which the corotational matrix does not have. Where a
 //! few voxels of a cell hang on, little else resists: each step would throw them past where they are to stand, for
-//! ever. The tangent gets the stress stiffness of what is in tension, `T_ab = V d_a . sigma+ d_b` on each axis, with
+//! ever. The tangent gets the geometric stiffness of what is in tension, `T_ab = V d_a . sigma+ d_b` on each axis, with
 //! the mean gradients d of the filled volume V and the positive part of the stress: what is compressed would make it
 //! indefinite. Forces, and so where anything comes to rest, stay as they are.
 
@@ -13,19 +13,19 @@ use crate::{Mat3, Vec3};
 
 /// Strain below which the tangent does without.
 const LEAST_STRAIN: f64 = 0.02;
-/// The tangent follows when the stress has changed by this share.
+/// The tangent follows when the stress has changed by this fraction.
 const CHANGE: f64 = 0.2;
 /// Time in which the tangent comes to follow all elements, s: short beside what strain takes to change by
 /// [`CHANGE`] under a hand.
 const FOLLOWS_IN_S: f64 = 8e-3;
 /// Most steps that this takes.
 const MOST_TURNS: usize = 8;
-/// A cell that is filled by this share is full.
+/// A cell that is filled by this fraction is full.
 const FULL: f64 = 1.0 - 1e-9;
 
 /// An element whose cell is not full.
 #[derive(Clone)]
-pub(super) struct Steadied {
+pub(super) struct GeometricStiffness {
     element: u32,
     gradient_per_m: [Vec3; 8],
     /// `V E`, by the mean Young's modulus of its voxels, J.
@@ -36,7 +36,7 @@ pub(super) struct Steadied {
     tension_j: Mat3,
 }
 
-impl Steadied {
+impl GeometricStiffness {
     fn is_idle(&self) -> bool {
         self.stress_j == Mat3::zeros()
     }
@@ -55,12 +55,12 @@ impl Steadied {
 }
 
 impl Body {
-    /// Takes an element that was rebuilt, at rest for now, among those to be steadied, unless its cell is full.
-    pub(super) fn begin_steadying(&mut self, element: usize, voxels: &[VoxelId]) {
-        let found = self.steadied.binary_search_by_key(&(element as u32), |s| s.element);
+    /// Takes an element that was rebuilt, at rest for now, among those with geometric stiffness, unless its cell is full.
+    pub(super) fn begin_geometric_stiffness(&mut self, element: usize, voxels: &[VoxelId]) {
+        let found = self.geometric.binary_search_by_key(&(element as u32), |s| s.element);
         if self.filled_volume_m3(element) > FULL * self.element_edge_m(element).powi(3) {
             if let Ok(at) = found {
-                self.steadied.remove(at);
+                self.geometric.remove(at);
             }
             return;
         }
@@ -68,46 +68,46 @@ impl Body {
         let young_pa: f64 = voxels.iter().map(|v| self.material_of(*v).young_modulus_pa).sum();
         let stiffness_j = young_pa / voxels.len() as f64 * self.filled_volume_m3(element);
         let (stress_j, tension_j) = (Mat3::zeros(), Mat3::zeros());
-        let steadied = Steadied { element: element as u32, gradient_per_m, stiffness_j, stress_j, tension_j };
+        let begun = GeometricStiffness { element: element as u32, gradient_per_m, stiffness_j, stress_j, tension_j };
         match found {
-            Ok(at) => self.steadied[at] = steadied,
-            Err(at) => self.steadied.insert(at, steadied),
+            Ok(at) => self.geometric[at] = begun,
+            Err(at) => self.geometric.insert(at, begun),
         }
     }
 
-    /// What steadies an element, if anything does.
-    pub(super) fn steadied(&self, element: usize) -> Option<&Steadied> {
-        let found = self.steadied.binary_search_by_key(&(element as u32), |s| s.element).ok()?;
-        Some(&self.steadied[found]).filter(|steadied| !steadied.is_idle())
+    /// Geometric stiffness of an element, if it has any.
+    pub(super) fn geometric_stiffness(&self, element: usize) -> Option<&GeometricStiffness> {
+        let found = self.geometric.binary_search_by_key(&(element as u32), |s| s.element).ok()?;
+        Some(&self.geometric[found]).filter(|found| !found.is_idle())
     }
 
-    /// `T v` at the corners of each element that is steadied, by node, N/s.
-    pub(super) fn steadying_pulls(&self) -> impl Iterator<Item = ([usize; 8], [Vec3; 8])> + '_ {
-        self.steadied.iter().filter(|steadied| !steadied.is_idle()).map(|steadied| {
-            let nodes = self.base().elements[steadied.element as usize].nodes.map(|n| n as usize);
-            (nodes, steadied.apply(&nodes.map(|n| Vec3::from(self.velocity_m_per_s[n]))))
+    /// `T v` at the corners of each element with geometric stiffness, by node, N/s.
+    pub(super) fn geometric_pulls(&self) -> impl Iterator<Item = ([usize; 8], [Vec3; 8])> + '_ {
+        self.geometric.iter().filter(|found| !found.is_idle()).map(|found| {
+            let nodes = self.base().elements[found.element as usize].nodes.map(|n| n as usize);
+            (nodes, found.apply(&nodes.map(|n| Vec3::from(self.velocity_m_per_s[n]))))
         })
     }
 
-    /// Brings the matrices of stressed elements to what keeps them steady now, of a part of them in each step that is
-    /// short beside [`FOLLOWS_IN_S`]. Returns the largest change of stress that this made, over Young's modulus.
-    pub(super) fn steady_elements(&mut self) -> f64 {
+    /// Brings the matrices of stressed elements to the stress of now: of some of them in a step that is short beside
+    /// [`FOLLOWS_IN_S`], in turn. Returns the largest change of stress that this made, over Young's modulus.
+    pub(super) fn follow_stress(&mut self) -> f64 {
         let turns = ((FOLLOWS_IN_S / self.params.dt_s) as usize).clamp(1, MOST_TURNS);
-        self.steadying_turn = (self.steadying_turn + 1) % turns;
+        self.geometric_turn = (self.geometric_turn + 1) % turns;
         let mut most_change = 0.0f64;
-        for at in (self.steadying_turn..self.steadied.len()).step_by(turns) {
-            let element = self.steadied[at].element as usize;
+        for at in (self.geometric_turn..self.geometric.len()).step_by(turns) {
+            let element = self.geometric[at].element as usize;
             let energy_j = self.states[element / LANES].elastic_j.as_array()[element % LANES];
-            let is_strained = 2.0 * energy_j > self.steadied[at].stiffness_j * LEAST_STRAIN * LEAST_STRAIN;
+            let is_strained = 2.0 * energy_j > self.geometric[at].stiffness_j * LEAST_STRAIN * LEAST_STRAIN;
             let stress_j = if is_strained { self.element_stress_j(element) } else { Mat3::zeros() };
-            let steadied = &mut self.steadied[at];
-            let change_j = (stress_j - steadied.stress_j).norm();
+            let geometric = &mut self.geometric[at];
+            let change_j = (stress_j - geometric.stress_j).norm();
             if change_j > CHANGE * stress_j.norm() {
                 let axes = stress_j.symmetric_eigen();
                 let positive = Mat3::from_diagonal(&axes.eigenvalues.map(|value| value.max(0.0)));
-                steadied.tension_j = axes.eigenvectors * positive * axes.eigenvectors.transpose();
-                steadied.stress_j = stress_j;
-                most_change = most_change.max(change_j / steadied.stiffness_j);
+                geometric.tension_j = axes.eigenvectors * positive * axes.eigenvectors.transpose();
+                geometric.stress_j = stress_j;
+                most_change = most_change.max(change_j / geometric.stiffness_j);
                 self.write_matrix(element);
             }
         }
