@@ -11,7 +11,7 @@ const LEAST_STRAIN: f64 = 1e-6;
 
 impl Body {
     /// Whether the body is at rest under its loads and `impulses` (node, N s), what contacts give it in a step.
-    /// `applied_n_s` is the norm of all that is applied, `kinetic_j` its kinetic energy.
+    /// `applied_n_s` is the norm of all that was applied in the solve, `kinetic_j` the body's kinetic energy.
     ///
     /// It is where neither the momentum of its nodes nor the impulse of the forces that are left unbalanced is larger
     /// than the residual at which a solve ends. Stopped there it stays: a solve that starts from no velocity finds

@@ -35,7 +35,7 @@ pub(super) struct BodySlot {
     /// The first of the bodies that it presses on, or that press on those: they are solved as one.
     pub(super) island: usize,
     pub(super) activity: Activity,
-    /// Norm of the impulses that loads and contacts applied in the last solve, N s.
+    /// Norm of the impulses that loads and contacts applied to its island in the last solve, N s.
     pub(super) applied_n_s: f64,
     /// Energy in the springs of its fronts and of its ties at the end of the last step that was taken of it, J.
     pub(super) front_stored_j: f64,
@@ -107,9 +107,9 @@ impl BodySlot {
         self.impulses.extend(tissue.iter().flat_map(|tissue| tissue.impulses(index, dt_s)));
         let of_tissue = tissue.iter().flat_map(|tissue| tissue.point_springs(index, dt_s));
         self.body.set_springs(point_springs(of_tools().chain(ties()), dt_s).chain(of_tissue));
-        self.applied_n_s = self.body.applied_impulse_norm(workers, &self.impulses);
+        let scale = self.body.applied_impulse_norm(workers, &self.impulses);
         self.body.load_system(workers, &self.impulses, &self.velocity_change);
-        self.applied_n_s
+        scale
     }
 
     /// Whether links may part in this step.

@@ -59,10 +59,14 @@ impl World {
             for (index, slot) in self.slots.iter_mut().enumerate().filter(|(_, slot)| slot.island == id) {
                 scale2 += slot.load_system(workers, self.tissue.as_ref(), index, dt_s).powi(2);
             }
+            let scale = scale2.sqrt();
+            for slot in self.slots.iter_mut().filter(|slot| slot.island == id) {
+                slot.applied_n_s = scale;
+            }
             if let Some(tissue) = &mut self.tissue {
                 tissue.build_bridges(&self.slots, dt_s);
             }
-            let stop = self.slots[id].body.stop(scale2.sqrt());
+            let stop = self.slots[id].body.stop(scale);
             let may_change = round + 1 < MAX_ACTIVE_SET_SOLVES;
             let mut island = Island { slots: &mut self.slots, tissue: self.tissue.as_mut(), id, dt_s, may_change };
             let solve = pcg::solve(workers, &mut island, stop);

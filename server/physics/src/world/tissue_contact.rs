@@ -1,7 +1,7 @@
 //! Tissue against tissue: parts, flaps and bodies that press on each other, within a step.
 
-use super::body_slot::BodySlot;
 use super::Tool;
+use super::body_slot::BodySlot;
 use super::part_groups::PartGroups;
 use crate::Vec3;
 use crate::body::Body;
