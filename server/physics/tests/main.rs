@@ -20,6 +20,7 @@ mod probe_tool;
 mod robust;
 mod scene_values;
 mod scissors;
+mod sleep;
 mod slicing;
 mod snapshot;
 mod statics;

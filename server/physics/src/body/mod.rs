@@ -7,6 +7,7 @@ mod geometric_stiffness;
 mod interpolate;
 mod memory;
 mod relax;
+mod rest;
 mod rigid;
 mod rollback;
 mod solve;
@@ -283,6 +284,12 @@ impl Body {
     pub(crate) fn surface_integral_m2(&self, element: usize, phi: &[f64; 8]) -> Vec3 {
         let moments_m2 = self.boundary.moments_m2(self.solid(), element);
         moments_m2.iter().zip(phi).map(|(moment, phi)| moment * *phi).sum()
+    }
+
+    /// Relative tolerance of the solves.
+    #[must_use]
+    pub fn relative_tolerance(&self) -> f64 {
+        self.params.relative_tolerance
     }
 
     /// Sets the relative tolerance of the solves to come.

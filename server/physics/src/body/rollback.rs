@@ -39,9 +39,9 @@ impl Body {
     pub fn save_finite_state(&mut self, workers: &Workers<'_>) -> bool {
         let energy: f64 = self.chunks.iter().map(|c| c.found.elastic_j.reduce_add()).sum();
         if self.saved.stiff_j == 0.0 {
-            self.saved.stiff_j = self.stiff_j();
+            self.saved.stiff_j = self.sum_stiff_j();
         }
-        let finite = energy.is_finite() && energy < MOST_ENERGY_OF_EV * self.saved.stiff_j && self.is_finite();
+        let finite = energy.is_finite() && energy < MOST_ENERGY_OF_EV * self.stiff_j() && self.is_finite();
         if finite {
             let is_viscous = self.is_viscous();
             let FiniteState { position_m, rotation, branch, saves, .. } = &mut self.saved;
@@ -105,7 +105,11 @@ impl Body {
     }
 
     /// Young's modulus times volume, J.
-    fn stiff_j(&self) -> f64 {
+    pub(super) fn stiff_j(&self) -> f64 {
+        self.saved.stiff_j
+    }
+
+    fn sum_stiff_j(&self) -> f64 {
         let voxels = (0..self.grid.voxels().len() as u32).map(VoxelId);
         self.grid.voxel_size_m().powi(3) * voxels.map(|v| self.material_of(v).young_modulus_pa).sum::<f64>()
     }

@@ -73,8 +73,7 @@ impl Grasp {
     pub fn reserve(&mut self, elements: usize) {
         self.hash.reserve(elements);
         self.held.reserve(self.places_m.len() - self.held.len());
-        self.contacts.clear();
-        self.contacts.reserve(self.most_springs());
+        self.contacts.reserve(self.most_springs() - self.contacts.len());
     }
 
     /// Number of springs that the grasp may have at most.

@@ -268,6 +268,12 @@ impl<E> Contact<E> {
         self.friction.filter(|_| self.force_n != 0.0)
     }
 
+    /// Goes on as it is between ends that stay where they are: nothing slides, nothing is done.
+    pub fn come_to_rest(&mut self) {
+        (self.gap_before_m, self.gap_predicted_m) = (self.gap_m, self.gap_m);
+        self.friction = None;
+    }
+
     /// Energy stored at the end of the step, J, where it never gives.
     #[must_use]
     pub fn stored_j(&self) -> f64 {

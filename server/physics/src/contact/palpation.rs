@@ -36,9 +36,8 @@ impl Palpation {
 
     /// Makes room for a contact on every patch. Returns the number of springs that is.
     pub fn reserve(&mut self, body: &Body) -> usize {
-        self.clear();
         let patches = body.boundary().skin().map_or(0, Skin::len);
-        self.contacts.reserve(patches);
+        self.contacts.reserve(patches.saturating_sub(self.contacts.len()));
         patches
     }
 

@@ -59,7 +59,7 @@ pub struct BranchState {
     /// Displacement u that it was last brought to, rest frame, m.
     pub displacement_m: [f64x4; 24],
     /// Force of the branch on the nodes, N, scene frame.
-    force_n: [f64x4; 24],
+    pub force_n: [f64x4; 24],
     /// `w^T K w`, J.
     square_j: f64x4,
     /// Fraction of the branch's force that has not relaxed, `u^T K w / u^T K u`, 0 to 1.

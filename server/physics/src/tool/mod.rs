@@ -100,3 +100,11 @@ pub struct ToolPath {
     /// It was put down at `pose` in this step.
     pub entered: bool,
 }
+
+impl ToolPath {
+    /// Whether it stays where and as it was.
+    #[must_use]
+    pub fn rests(&self) -> bool {
+        !self.entered && self.before == self.pose && self.opening_before == self.opening
+    }
+}

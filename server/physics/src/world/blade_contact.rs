@@ -35,8 +35,7 @@ impl BladeContact {
 
     pub(super) fn reserve(&mut self, walls: usize, elements: usize) {
         self.front.reserve();
-        self.flanks.clear();
-        self.flanks.reserve(walls);
+        self.flanks.reserve(walls.saturating_sub(self.flanks.len()));
         self.beside.reserve(walls);
         self.hash.reserve(elements);
     }
@@ -52,6 +51,11 @@ impl BladeContact {
             wrong += flank.settle(dt_s, &flank.ends.weights.sum(velocity_change), solution);
         }
         wrong
+    }
+
+    pub(super) fn come_to_rest(&mut self) {
+        let of_front = self.front.contacts.iter_mut().flat_map(|c| [&mut c.forward, &mut c.lateral, &mut c.along]);
+        of_front.chain(&mut self.flanks).for_each(Contact::come_to_rest);
     }
 
     pub(super) fn lift(&mut self) {

@@ -1,6 +1,7 @@
 //! A body in the world: what tools do to it in a step, and what the step does with it.
 
 use super::pulled::Pulled;
+use super::sleep::Activity;
 use super::tissue_contact::TissueContacts;
 use super::tool_contact::ToolContact;
 use crate::body::{self, Body, TopologyChange};
@@ -33,6 +34,11 @@ pub(super) struct BodySlot {
     pub(super) edited: Option<u64>,
     /// The first of the bodies that it presses on, or that press on those: they are solved as one.
     pub(super) island: usize,
+    pub(super) activity: Activity,
+    /// Norm of the impulses that loads and contacts applied to its island in the last solve, N s.
+    pub(super) applied_n_s: f64,
+    /// Energy in the springs of its fronts and of its ties at the end of the last step that was taken of it, J.
+    pub(super) front_stored_j: f64,
 }
 
 impl BodySlot {
@@ -56,6 +62,9 @@ impl BodySlot {
             change: TopologyChange::default(),
             edited: None,
             island: 0,
+            activity: Activity::Awake { still_steps: 0 },
+            applied_n_s: 0.0,
+            front_stored_j: 0.0,
         };
         if loaded {
             slot.feel_pull();
@@ -106,7 +115,7 @@ impl BodySlot {
     /// Whether links may part in this step.
     pub(super) fn may_part(&self) -> bool {
         let pulled = self.pulled.as_ref().is_some_and(|pulled| !pulled.is_idle());
-        pulled || self.contacts.iter().any(ToolContact::has_front)
+        !self.is_asleep() && (pulled || self.contacts.iter().any(ToolContact::has_front))
     }
 
     pub(super) fn settle_contacts(&mut self, dt_s: f64, solution: Solution) -> Misjudged {
@@ -124,6 +133,7 @@ impl BodySlot {
     /// finite; cuts that were made may go on. Returns whether there are any.
     pub(super) fn take_edits(&mut self, workers: &Workers<'_>) -> bool {
         let Some(version) = self.edited.take() else { return false };
+        self.wake();
         self.velocity_change.resize(self.body.node_count(), [0.0; 3]);
         self.body.evaluate(workers, 20);
         if self.body.save_finite_state(workers) {
@@ -145,6 +155,7 @@ impl BodySlot {
 
     /// Positions and rotations go back to the last finite step, velocities are zeroed, the tools lifted.
     pub(super) fn roll_back(&mut self, workers: &Workers<'_>) {
+        self.wake();
         self.body.restore_finite_state(workers);
         self.velocity_change.iter_mut().for_each(|v| *v = [0.0; 3]);
         self.contacts.iter_mut().for_each(ToolContact::lift);

@@ -7,6 +7,7 @@ mod contact_model;
 mod part_groups;
 mod pulled;
 mod queries;
+mod sleep;
 mod snapshot;
 mod solve;
 mod tissue_contact;
@@ -16,7 +17,7 @@ use crate::Vec3;
 use crate::body::{Body, MaterialPoint, PartedLinks, TopologyChange};
 use crate::fault::{Fault, FaultKind};
 use crate::fracture::{FrontBook, Sampling};
-use crate::ledger::{self, ContactLedger};
+use crate::ledger::{self, BodyLedger, ContactLedger};
 use crate::params::StepParams;
 use crate::scene::{Scene, SceneError};
 use crate::stage::{Lap, Stage, StageClock};
@@ -182,12 +183,12 @@ impl World {
             self.detect_contacts();
             lap.end(Stage::Contact);
         }
-        if let Some(tissue) = &mut self.tissue {
-            tissue.detect(&self.slots, self.params.dt_s);
+        if self.tissue.is_some() && self.awake().next().is_some() {
+            self.detect_tissue();
             lap.end(Stage::SelfContact);
         }
         let dt_s = self.params.dt_s;
-        self.slots.iter_mut().for_each(|slot| slot.detect_cohesive(dt_s));
+        self.awake().for_each(|slot| slot.detect_cohesive(dt_s));
         self.solve_velocities(workers);
         self.brake_spins();
         lap.end(Stage::Velocities);
@@ -209,8 +210,14 @@ impl World {
             self.update_view();
             lap.end(Stage::Surface);
         }
+        self.let_sleep(workers);
         self.finish();
         self.output.profile = lap.finish();
+    }
+
+    /// The bodies of which a step is taken.
+    fn awake(&mut self) -> impl Iterator<Item = &mut BodySlot> {
+        self.slots.iter_mut().filter(|slot| !slot.is_asleep())
     }
 
     fn take_edits(&mut self, workers: &Workers<'_>) {
@@ -228,13 +235,17 @@ impl World {
         self.output.fracture = FractureStep::default();
         self.contact_ledger = ContactLedger::default();
         self.view.iter_mut().for_each(View::begin_step);
+        self.slots.iter_mut().for_each(|slot| slot.parted.clear());
         for tool in &mut self.tools {
             tool.before = tool.pose;
             tool.opening_before = tool.opening;
             tool.entered = false;
         }
         if let Some(tolerance) = inputs.relative_tolerance {
-            self.slots.iter_mut().for_each(|slot| slot.body.set_relative_tolerance(tolerance));
+            for slot in self.slots.iter_mut().filter(|slot| slot.body.relative_tolerance() != tolerance) {
+                slot.wake();
+                slot.body.set_relative_tolerance(tolerance);
+            }
         }
         for input in inputs.tools {
             let Some(tool) = self.tools.get_mut(input.tool) else { continue };
@@ -243,7 +254,12 @@ impl World {
                 ToolMotion::EnterAt { pose, opening } => tool.enter_at(pose, opening),
                 ToolMotion::Lift => {
                     tool.pose = None;
-                    self.slots.iter_mut().for_each(|s| s.contacts[input.tool].lift());
+                    for slot in &mut self.slots {
+                        if slot.contacts[input.tool].has_springs() {
+                            slot.wake();
+                        }
+                        slot.contacts[input.tool].lift();
+                    }
                 }
             }
         }
@@ -251,11 +267,7 @@ impl World {
 
     fn detect_contacts(&mut self) {
         for slot in &mut self.slots {
-            for (tool, contact) in self.tools.iter().zip(&mut slot.contacts) {
-                if let Some(path) = tool.path() {
-                    contact.detect(&slot.body, &path);
-                }
-            }
+            slot.detect_tools(&self.tools);
             if slot.pulled.is_none() && slot.contacts.iter().any(ToolContact::holds) {
                 slot.feel_pull();
             }
@@ -263,7 +275,7 @@ impl World {
     }
 
     fn integrate(&mut self, workers: &Workers<'_>) {
-        for slot in &mut self.slots {
+        for slot in self.awake() {
             slot.ledger.load_work_j = slot.body.integrate(workers, &slot.velocity_change);
         }
     }
@@ -271,7 +283,13 @@ impl World {
     /// Rotations, forces and energies where the step has led to. What is not finite by now, positions included, is
     /// found here and rolled back: nobody has seen it yet.
     fn evaluate(&mut self, workers: &Workers<'_>) {
+        let mut rolled_back = false;
         for slot in &mut self.slots {
+            if slot.is_asleep() {
+                slot.ledger = BodyLedger::at_rest(slot.ledger.after);
+                continue;
+            }
+            slot.front_stored_j = 0.0;
             slot.ledger.before = slot.ledger.after;
             slot.ledger.step = slot.body.evaluate_step(workers, &slot.velocity_change);
             slot.ledger.turned_j = slot.body.turn_velocities(workers);
@@ -281,18 +299,21 @@ impl World {
                 continue;
             }
             slot.roll_back(workers);
-            // What pressed on it, or it pressed on, finds nothing to go on from.
-            self.tissue.iter_mut().for_each(TissueContacts::release);
+            rolled_back = true;
             // Of several bodies the first is reported: the others may have failed for it.
             let (step, object) = (self.output.step, &slot.body.name);
             let fault = || Fault { step, object: object.clone(), what: FaultKind::NodeState };
             self.output.fault.get_or_insert_with(fault);
         }
+        if rolled_back {
+            // What pressed on it, or it pressed on, finds nothing to go on from.
+            self.tissue.iter_mut().for_each(|tissue| tissue.release(&self.slots));
+        }
     }
 
     fn advance_fronts(&mut self) {
         let sampling = Sampling::of_step(self.output.step, self.params.dt_s);
-        for slot in &mut self.slots {
+        for slot in self.slots.iter_mut().filter(|slot| !slot.is_asleep()) {
             let mut book = FrontBook::default();
             for (tool, contact) in self.tools.iter().zip(&mut slot.contacts) {
                 if let Some(path) = tool.path() {
@@ -305,6 +326,7 @@ impl World {
             if let Some(pulled) = &mut slot.pulled {
                 book.add(&pulled.advance(&slot.body, &book, sampling.at_ends, &mut slot.parting));
             }
+            slot.front_stored_j = book.stored_j;
             self.contact_ledger.front.add(&book);
         }
         self.output.fracture.cut_area_m2 = self.contact_ledger.front.area_m2;
@@ -394,6 +416,7 @@ impl World {
     fn finish(&mut self) {
         let contacts = self.slots.iter_mut().flat_map(|s| &mut s.contacts);
         self.contact_ledger.front.numerical_j += contacts.map(ToolContact::take_dropped_j).sum::<f64>();
+        self.contact_ledger.front.stored_j = self.slots.iter().map(|s| s.front_stored_j).sum();
         let before = self.output.energy;
         let ledgers = self.slots.iter().map(|s| &s.ledger);
         self.output.energy = ledger::book(ledgers, &self.contact_ledger, &before, self.springs_before_j);
@@ -414,6 +437,7 @@ impl World {
     pub fn relax(&mut self, workers: &Workers<'_>, progress: &mut dyn FnMut(f64)) -> Relaxation {
         let mut total = Relaxation { solves: 0, relative_residual: 0.0, converged: true };
         for slot in &mut self.slots {
+            slot.wake();
             slot.contacts.iter_mut().for_each(ToolContact::lift);
             let one = slot.body.relax(workers, progress);
             slot.ledger.after = slot.body.energy();

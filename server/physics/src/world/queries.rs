@@ -85,6 +85,12 @@ impl World {
         self.slots.iter().map(stats).collect()
     }
 
+    /// Whether an object sleeps: it was at rest, and steps leave it as it is until something wakes it.
+    #[must_use]
+    pub fn is_asleep(&self, object: usize) -> bool {
+        self.slots[object].is_asleep()
+    }
+
     /// Springs between tissue and tissue as the last step left them; none where links parted in it.
     #[must_use]
     pub fn tissue_springs(&self) -> &[TissueContact] {
@@ -161,12 +167,13 @@ impl World {
         self.view.as_ref().map_or(&[], |view| view.adapted(object))
     }
 
-    /// Hash of positions, velocities, strain memory, fronts, what graspers hold, what friction remembers and topology.
+    /// Hash of positions, velocities, rest and sleep, strain memory, fronts, what graspers hold, what friction remembers and topology.
     #[must_use]
     pub fn state_hash(&self) -> u64 {
         let mut hasher = StateHasher::default();
         hasher.word(self.output.step);
         for slot in &self.slots {
+            slot.activity.fold_into(&mut hasher);
             for values in [&slot.body.position_m, &slot.body.velocity_m_per_s] {
                 values.iter().for_each(|v| hasher.floats(v));
             }

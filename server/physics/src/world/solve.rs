@@ -14,16 +14,18 @@ const MAX_ACTIVE_SET_SOLVES: u32 = 6;
 impl World {
     pub(super) fn solve_velocities(&mut self, workers: &Workers<'_>) {
         for (index, slot) in self.slots.iter_mut().enumerate() {
-            slot.body.refresh_operator(workers);
-            slot.body.assemble_right_side(workers);
             slot.island = index;
+            if !slot.is_asleep() {
+                slot.body.refresh_operator(workers);
+                slot.body.assemble_right_side(workers);
+            }
         }
         if let Some(tissue) = &self.tissue {
             tissue.number_islands(&mut self.slots);
         }
         let mut report = SolveReport::default();
         for island in 0..self.slots.len() {
-            if self.slots[island].island == island {
+            if self.slots[island].island == island && !self.slots[island].is_asleep() {
                 self.solve_island(workers, island, &mut report);
             }
         }
@@ -34,7 +36,7 @@ impl World {
     /// Free parts keep their momentum whatever the tolerance of the solve.
     fn correct_momentum(&mut self) {
         let mut is_missing = false;
-        for slot in &mut self.slots {
+        for slot in self.slots.iter_mut().filter(|slot| !slot.is_asleep()) {
             slot.ledger.momentum_j = 0.0;
             let touched = slot.impulses[..slot.tool_impulses].iter().map(|i| i.0);
             is_missing |= slot.body.sum_missing_momentum(touched, &slot.velocity_change);
@@ -45,7 +47,7 @@ impl World {
         if let Some(tissue) = &mut self.tissue {
             tissue.join_parts(&mut self.slots);
         }
-        for slot in &mut self.slots {
+        for slot in self.slots.iter_mut().filter(|slot| !slot.is_asleep()) {
             slot.ledger.momentum_j = slot.body.add_missing_motion(&mut slot.velocity_change);
         }
     }
@@ -57,10 +59,14 @@ impl World {
             for (index, slot) in self.slots.iter_mut().enumerate().filter(|(_, slot)| slot.island == id) {
                 scale2 += slot.load_system(workers, self.tissue.as_ref(), index, dt_s).powi(2);
             }
+            let scale = scale2.sqrt();
+            for slot in self.slots.iter_mut().filter(|slot| slot.island == id) {
+                slot.applied_n_s = scale;
+            }
             if let Some(tissue) = &mut self.tissue {
                 tissue.build_bridges(&self.slots, dt_s);
             }
-            let stop = self.slots[id].body.stop(scale2.sqrt());
+            let stop = self.slots[id].body.stop(scale);
             let may_change = round + 1 < MAX_ACTIVE_SET_SOLVES;
             let mut island = Island { slots: &mut self.slots, tissue: self.tissue.as_mut(), id, dt_s, may_change };
             let solve = pcg::solve(workers, &mut island, stop);

@@ -1,5 +1,6 @@
 //! Tissue against tissue: parts, flaps and bodies that press on each other, within a step.
 
+use super::Tool;
 use super::body_slot::BodySlot;
 use super::part_groups::PartGroups;
 use crate::Vec3;
@@ -140,15 +141,49 @@ impl TissueContacts {
 
     /// Takes what the parting of links changed in the surfaces.
     pub(super) fn follow(&mut self, slots: &[BodySlot]) {
+        self.keep_sleeping(slots);
         self.carried.iter_mut().zip(bodies(slots)).for_each(|(carried, body)| carried.follow(body.boundary()));
         self.reserve(slots);
     }
 
     /// Lets go of everything: a step that is taken back leaves no force to go on from.
-    pub(super) fn release(&mut self) {
-        self.springs.clear();
+    pub(super) fn release(&mut self, slots: &[BodySlot]) {
         self.bridges.clear();
+        self.keep_sleeping(slots);
         self.carried.iter_mut().for_each(|carried| carried.depth_m.fill(0.0));
+    }
+
+    /// Lets go of all springs but those of bodies that sleep.
+    fn keep_sleeping(&mut self, slots: &[BodySlot]) {
+        self.springs.retain(|spring| slots[spring.ends.ends[0].body as usize].is_asleep());
+    }
+
+    /// Wakes the bodies that a spring joins to one that is awake. Returns whether there were any.
+    pub(super) fn rouse(&self, slots: &mut [BodySlot], tools: &[Tool]) -> bool {
+        let mut roused = false;
+        for spring in &self.springs {
+            let ends = spring.ends.ends.map(|end| end.body as usize);
+            let [a, b] = ends.map(|body| slots[body].is_asleep());
+            if a != b {
+                slots[ends[usize::from(b)]].rouse(tools);
+                roused = true;
+            }
+        }
+        roused
+    }
+
+    /// The springs of bodies that sleep go on as they are.
+    pub(super) fn come_to_rest(&mut self, slots: &[BodySlot]) {
+        let sleeps = |spring: &&mut TissueContact| slots[spring.ends.ends[0].body as usize].is_asleep();
+        self.springs.iter_mut().filter(sleeps).for_each(Contact::come_to_rest);
+    }
+
+    /// What they give a body in a step while nothing moves, (node, N s).
+    pub(super) fn resting_impulses(&self, body: usize, dt_s: f64) -> impl Iterator<Item = (u32, [f64; 3])> {
+        self.springs.iter().filter(|spring| spring.force_n != 0.0).flat_map(move |spring| {
+            let impulse = spring.direction * (dt_s * spring.force_n);
+            spring.ends.weights_in(body as u32).map(move |(node, w)| (node, (impulse * w).into()))
+        })
     }
 
     /// Makes room for what there may be until links part again.
@@ -162,16 +197,15 @@ impl TissueContacts {
         self.planes.reserve(most);
         self.approaches.clear();
         self.approaches.reserve(ROOM_FOR_APPROACHES);
-        self.springs.clear();
-        self.springs.reserve(most);
+        self.springs.reserve(most.saturating_sub(self.springs.len()));
         self.bridges.clear();
         self.bridges.reserve(if slots.len() > 1 { most } else { 0 });
         self.groups.reserve(slots);
     }
 
-    /// Finds the patches that meet a surface in this step.
+    /// Finds the patches that meet a surface in this step. Between bodies that sleep all stays as it is.
     pub(super) fn detect(&mut self, slots: &[BodySlot], dt_s: f64) {
-        self.springs.clear();
+        self.keep_sleeping(slots);
         let reach_m = reach_m(slots, dt_s);
         if !self.candidates.hold(bodies(slots), reach_m) {
             self.find_candidates(slots, reach_m);
@@ -186,8 +220,12 @@ impl TissueContacts {
         let mut approaches = std::mem::take(&mut self.approaches);
         for (index, placed) in self.placed.iter().enumerate() {
             let point = self.patch_of(slots, index);
+            let sleeps = |index: usize| slots[self.placed[index].body as usize].is_asleep();
             approaches.clear();
             approaches.extend(self.candidates.others(index).filter_map(|other| {
+                if sleeps(index) && sleeps(other) {
+                    return None;
+                }
                 let is_near = (self.placed[other].at_m - placed.at_m).amax() <= reach_m;
                 let found = if is_near { approach(&point, &self.patch_of(slots, other), dt_s) } else { None };
                 Some((other, found?))

@@ -64,6 +64,21 @@ impl ToolContact {
         self.edges().iter().flat_map(BladeContact::springs).chain(self.other_springs())
     }
 
+    /// Whether it touches the body, or is about to.
+    pub(super) fn has_springs(&self) -> bool {
+        self.springs().next().is_some()
+    }
+
+    /// The springs go on as they are.
+    pub(super) fn come_to_rest(&mut self) {
+        match self {
+            Self::Edges(edges) => edges.iter_mut().for_each(BladeContact::come_to_rest),
+            Self::Grasp(Grasp { contacts, .. }) | Self::Palpation(Palpation { contacts, .. }) => {
+                contacts.iter_mut().for_each(Contact::come_to_rest);
+            }
+        }
+    }
+
     /// The springs that make up the tool's wrench: those with a force, and all that hold.
     pub(super) fn acting(&self) -> impl Iterator<Item = &Contact> {
         let holds = self.holds();

@@ -1,0 +1,145 @@
+//! Bodies at rest sleep: a step leaves them as they are.
+//!
+//! A body that was at rest for [`STILL_S`] is stopped. From then on a step would change nothing, and none is taken:
+//! what presses on it presses on as it does. It wakes when a tool that moves comes to touch it or touches it, when
+//! tissue that is awake comes to, and when its state, what it is solved to or a tool in it is changed. Bodies that
+//! press on each other fall asleep together.
+
+use super::body_slot::BodySlot;
+use super::tissue_contact::TissueContacts;
+use super::tool_contact::ToolContact;
+use super::{Tool, World};
+use crate::hash::StateHasher;
+use crate::workers::Workers;
+
+/// How long a body has to be at rest before it sleeps, s: ten times as long as the forces of a cut are sampled apart,
+/// and long enough that what creeps towards rest gets nearer to it than the solver tells. No result hangs on it but
+/// when a body falls asleep.
+const STILL_S: f64 = 0.1;
+
+/// Whether steps are taken of a body.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Activity {
+    /// They are; so many of the last ones found and left it at rest.
+    Awake { still_steps: u32 },
+    /// They are not.
+    Asleep,
+}
+
+impl Activity {
+    /// Folds it into a hash; what moves leaves that as it is.
+    pub(super) fn fold_into(self, hasher: &mut StateHasher) {
+        match self {
+            Self::Awake { still_steps: 0 } => {}
+            Self::Awake { still_steps } => hasher.word(u64::from(still_steps)),
+            Self::Asleep => hasher.word(u64::MAX),
+        }
+    }
+}
+
+impl BodySlot {
+    pub(super) fn is_asleep(&self) -> bool {
+        self.activity == Activity::Asleep
+    }
+
+    pub(super) fn wake(&mut self) {
+        self.activity = Activity::Awake { still_steps: 0 };
+    }
+
+    /// Finds what the tools touch. Of a body that sleeps only those that move are asked, and wake it where they touch
+    /// or let go.
+    pub(super) fn detect_tools(&mut self, tools: &[Tool]) {
+        let sleeps = self.is_asleep();
+        let mut touched = false;
+        for (tool, contact) in tools.iter().zip(&mut self.contacts) {
+            if let Some(path) = tool.path().filter(|path| !(sleeps && path.rests())) {
+                touched |= contact.has_springs();
+                contact.detect(&self.body, &path);
+                touched |= contact.has_springs();
+            }
+        }
+        if sleeps && touched {
+            self.rouse(tools);
+        }
+    }
+
+    /// Wakes a body after the tools that move were asked what they touch.
+    pub(super) fn rouse(&mut self, tools: &[Tool]) {
+        self.wake();
+        for (tool, contact) in tools.iter().zip(&mut self.contacts) {
+            if let Some(path) = tool.path().filter(|path| path.rests()) {
+                contact.detect(&self.body, &path);
+            }
+        }
+    }
+
+    /// Whether the step found and left the body at rest.
+    fn is_still(&mut self, tools: &[Tool], tissue: Option<&TissueContacts>, index: usize, dt_s: f64) -> bool {
+        let is_worked = |(tool, contact): (&Tool, &ToolContact)| {
+            let moves = tool.path().is_some_and(|path| !path.rests());
+            moves && contact.has_springs() || contact.cutting_length_m() > 0.0
+        };
+        if !self.parted.is_empty() || tools.iter().zip(&self.contacts).any(is_worked) {
+            return false;
+        }
+        self.impulses.clear();
+        let of_tools = self.contacts.iter().flat_map(ToolContact::acting);
+        let cohesive = self.pulled.iter().flat_map(|pulled| &pulled.cohesive.contacts);
+        for contact in of_tools.chain(cohesive) {
+            let impulse = contact.direction * (dt_s * contact.force_n);
+            self.impulses.extend(contact.ends.weights.iter().map(|(node, w)| (node, (impulse * w).into())));
+        }
+        self.impulses.extend(tissue.iter().flat_map(|tissue| tissue.resting_impulses(index, dt_s)));
+        self.body.is_at_rest(&self.impulses, self.applied_n_s, self.ledger.after.kinetic_j)
+    }
+
+    /// Stops the body; the ledger takes its kinetic energy for damped.
+    fn fall_asleep(&mut self, workers: &Workers<'_>) {
+        self.activity = Activity::Asleep;
+        let kinetic_j = std::mem::take(&mut self.ledger.after.kinetic_j);
+        self.ledger.solved.kinetic_j -= kinetic_j;
+        self.ledger.braked_j += kinetic_j;
+        self.body.halt(workers);
+        self.velocity_change.fill([0.0; 3]);
+        self.contacts.iter_mut().for_each(ToolContact::come_to_rest);
+        let cohesive = self.pulled.iter_mut().flat_map(|pulled| &mut pulled.cohesive.contacts);
+        cohesive.for_each(|contact| contact.come_to_rest());
+    }
+}
+
+impl World {
+    /// Counts the steps that bodies have been at rest for; those that have been long enough fall asleep, with all that
+    /// they press on.
+    pub(super) fn let_sleep(&mut self, workers: &Workers<'_>) {
+        let dt_s = self.params.dt_s;
+        let enough = (STILL_S / dt_s).ceil() as u32;
+        for (index, slot) in self.slots.iter_mut().enumerate() {
+            let Activity::Awake { still_steps } = slot.activity else { continue };
+            let is_still = slot.is_still(&self.tools, self.tissue.as_ref(), index, dt_s);
+            slot.activity = Activity::Awake { still_steps: if is_still { enough.min(still_steps + 1) } else { 0 } };
+        }
+        let ready = Activity::Awake { still_steps: enough };
+        for island in 0..self.slots.len() {
+            if self.slots[island].activity != ready || self.slots[island].island != island {
+                continue;
+            }
+            let members = || self.slots.iter().filter(|slot| slot.island == island);
+            if members().all(|slot| slot.activity == ready) {
+                let members = self.slots.iter_mut().filter(|slot| slot.island == island);
+                members.for_each(|slot| slot.fall_asleep(workers));
+            }
+        }
+        self.tissue.iter_mut().for_each(|tissue| tissue.come_to_rest(&self.slots));
+    }
+
+    /// The surfaces that meet. A body that sleeps wakes as one that is awake meets it, and with it what it presses on.
+    pub(super) fn detect_tissue(&mut self) {
+        let Some(tissue) = &mut self.tissue else { return };
+        loop {
+            tissue.detect(&self.slots, self.params.dt_s);
+            if !tissue.rouse(&mut self.slots, &self.tools) {
+                return;
+            }
+        }
+    }
+}
