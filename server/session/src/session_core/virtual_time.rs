@@ -244,7 +244,8 @@ fn late_steps_are_met_with_less_accuracy_and_time_to_spare_with_more_and_a_repla
     let fallen = told(&mut session, 3 * MS, 2 * S);
     assert!(fallen.len() >= 2 && fallen.is_sorted() && fallen.last() == Some(&0.02), "{fallen:?}");
     let raised = told(&mut session, MS / 2, 10 * S);
-    assert!(raised.len() >= 2 && raised.iter().rev().is_sorted() && raised.last() == Some(&1e-3), "{raised:?}");
+    let own = session.scene.desc.relative_tolerance();
+    assert!(raised.len() >= 2 && raised.iter().rev().is_sorted() && raised.last() == Some(&own), "{raised:?}");
 
     let (log, hash) = session.log_and_hash();
     assert_eq!(log.replay(&session.scene, &Workers::serial()).unwrap().state_hash(), hash);
@@ -257,7 +258,7 @@ fn late_steps_are_met_with_less_accuracy_and_time_to_spare_with_more_and_a_repla
     told(&mut session, 3 * MS, 2 * S);
     assert_eq!(session.status().relative_tolerance, 0.02);
     session.ask(Command::Reset).unwrap();
-    assert_eq!(session.status().relative_tolerance, 1e-3);
+    assert_eq!(session.status().relative_tolerance, own);
 }
 
 #[test]
@@ -267,7 +268,7 @@ fn without_bounds_nothing_is_given_up() {
     session.run(5 * S);
     let status = session.status();
     assert!(status.late_steps > 1000, "{}", status.late_steps);
-    assert_eq!(status.relative_tolerance, 1e-3);
+    assert_eq!(status.relative_tolerance, session.scene.desc.relative_tolerance());
     assert!(session.log_and_hash().0.inputs().all(|inputs| inputs.relative_tolerance.is_none()));
 }
 
