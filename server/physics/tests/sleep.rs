@@ -233,7 +233,7 @@ fn what_creeps_does_not_sleep_before_it_has_relaxed() {
     let steps = press_until_asleep(&mut world);
     let time_s = 1e-3 * f64::from(steps);
     println!("asleep {time_s} s after the press");
-    // It carries a part that falls to a thousandth in 6.9 tau.
+    // It carries a part that falls to a thousandth, the tolerance, in 6.9 tau.
     assert!(time_s > 0.8 * tau_s * TOLERANCE.recip().ln(), "{time_s} s");
 }
 

@@ -6,8 +6,9 @@ use crate::workers::Workers;
 
 /// Strain that counts as none whatever a body carries: forces that strain every element by no more than this are
 /// balanced. A body that carries nothing has no load to which a tolerance could be relative. Ten times more, and a
-/// body that has sprung back comes to rest as much earlier as it damps to a tenth in.
-const LEAST_STRAIN: f64 = 1e-6;
+/// body that has sprung back comes to rest as much earlier as it damps to a tenth in. Far below strains that loads of
+/// a ten-thousandth of E cause.
+const LEAST_STRAIN: f64 = 1e-8;
 
 impl Body {
     /// Whether the body is at rest under its loads and `impulses` (node, N s), what contacts give it in a step.
@@ -15,7 +16,8 @@ impl Body {
     ///
     /// It is where neither the momentum of its nodes nor the impulse of the forces that are left unbalanced is larger
     /// than the residual at which a solve ends. Stopped there it stays: a solve that starts from no velocity finds
-    /// that none is a solution. What relaxes in time must have done so to the same limit.
+    /// that none is a solution. What relaxes in time must have done so to the same limit: it is what still would have
+    /// been lost of the force.
     pub(crate) fn is_at_rest(&mut self, impulses: &[(u32, [f64; 3])], applied_n_s: f64, kinetic_j: f64) -> bool {
         let limit_n_s = (self.params.relative_tolerance * applied_n_s).max(self.params.dt_s * self.least_force_n());
         // The largest eigenvalue of the mass is no more than the heaviest node.
