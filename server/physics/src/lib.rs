@@ -8,19 +8,19 @@
 //! forces and residuals, `f32` inside preconditioners and in what leaves for the wire.
 
 pub mod body;
-pub mod boundary;
-pub mod contact;
+mod boundary;
+mod contact;
 pub mod energy_terms;
 pub mod fault;
-pub mod fem;
-pub mod fracture;
+mod fem;
+mod fracture;
 pub mod grid;
-pub mod hash;
-pub mod ledger;
-pub mod math;
-pub mod params;
+mod hash;
+mod ledger;
+mod math;
+mod params;
 pub mod scene;
-pub mod solve;
+mod solve;
 pub mod stage;
 pub mod step_io;
 pub mod surface;
@@ -29,9 +29,17 @@ mod view;
 pub mod workers;
 pub mod world;
 
+pub use hash::StateHasher;
 pub use math::{Mat3, Quat, Vec3};
+pub use params::StepParams;
 pub use scene::{Scene, SceneDesc, SceneError};
 pub use stage::{NoClock, Stage, StageClock, StepProfile};
 pub use step_io::{StepInputs, StepOutput, ToolInput};
 pub use workers::Workers;
 pub use world::World;
+
+#[cfg(test)]
+extern crate self as kerf_physics;
+#[cfg(test)]
+#[path = "../tests/main.rs"]
+mod tests;

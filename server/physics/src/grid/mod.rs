@@ -4,10 +4,10 @@
 //! a crossing never goes away; voxels are never added or removed. Voxel `(i, j, k)` is the cube
 //! `origin + h [i, i+1] x [j, j+1] x [k, k+1]` of the reference configuration.
 
-pub mod cell_sizes;
-pub mod implicit;
-pub mod lattice;
-pub mod levels;
+pub(crate) mod cell_sizes;
+pub(crate) mod implicit;
+pub(crate) mod lattice;
+pub(crate) mod levels;
 mod mesh;
 mod mesh_faces;
 mod small_pieces;

@@ -19,7 +19,7 @@
 //! the grid, which stays as it was voxelized, and that of the surface to a blade, which stands beside it
 //! ([`adapt`]).
 
-pub mod adapt;
+pub(crate) mod adapt;
 pub mod delta;
 mod dual_contouring;
 pub mod hash;

@@ -1,12 +1,12 @@
 //! Tools: their pose and their shape.
 
-pub mod blade;
-pub mod capsule;
-pub mod edge;
-pub mod flanks;
-pub mod grasper;
+pub(crate) mod blade;
+pub(crate) mod capsule;
+pub(crate) mod edge;
+pub(crate) mod flanks;
+pub(crate) mod grasper;
 mod pose;
-pub mod scissors;
+pub(crate) mod scissors;
 
 use crate::scene::{SceneError, ToolShapeDesc};
 use blade::Blade;
