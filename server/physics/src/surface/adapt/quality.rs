@@ -29,13 +29,13 @@ pub fn normal([a, b, c]: [Vec3; 3]) -> Vec3 {
 /// Eq. 10 sets up the local frame by the triangle itself, in which `D_n` is never negative. The frame
 /// here is that of the triangle before it was adapted, so that `D_n` is its area as seen from there: the
 /// two [`normal`]s point apart, or one of them is not a number.
-pub fn is_turned_over(before: &Vec3, after: &Vec3) -> bool {
+pub(crate) fn is_turned_over(before: &Vec3, after: &Vec3) -> bool {
     !matches!(before.dot(after).partial_cmp(&0.0), Some(std::cmp::Ordering::Greater))
 }
 
 /// The measure of `after`, if it may stand for `before`.
 #[must_use]
-pub fn acceptable(before: [Vec3; 3], after: [Vec3; 3]) -> Option<f64> {
+pub(crate) fn acceptable(before: [Vec3; 3], after: [Vec3; 3]) -> Option<f64> {
     let [normal_before, normal_after] = [before, after].map(normal);
     if is_turned_over(&normal_before, &normal_after) {
         return None;
