@@ -2,10 +2,8 @@
 
 use super::World;
 use super::body_slot::BodySlot;
-use super::tissue_contact::TissueContacts;
 use super::tool_contact::ToolContact;
 use crate::body::Body;
-use crate::contact::TissueContact;
 use crate::grid::LeftOut;
 use crate::hash::StateHasher;
 use crate::math::Aabb;
@@ -86,9 +84,9 @@ impl World {
     }
 
     /// Springs between tissue and tissue as the last step left them; none where links parted in it.
-    #[must_use]
-    pub fn tissue_springs(&self) -> &[TissueContact] {
-        self.tissue.as_ref().map_or(&[], TissueContacts::springs)
+    #[cfg(test)]
+    pub(crate) fn tissue_springs(&self) -> &[crate::contact::TissueContact] {
+        self.tissue.as_ref().map_or(&[], |tissue| tissue.springs())
     }
 
     /// Contours nothing more until the surface is asked for again; it will then be the same as if it
