@@ -17,7 +17,7 @@
 //!
 //! Deliberately absent: normals (a viewer computes them from the deformed quads), adaptation of
 //! the grid, which stays as it was voxelized, and that of the surface to a blade, which stands beside it
-//! ([`adapt`]).
+//! (`adapt`).
 
 pub(crate) mod adapt;
 pub mod delta;
