@@ -1,4 +1,4 @@
-//! A block under a blade: whole steps with and without fracture, and the parts they are made of.
+//! A block under a blade: whole steps with and without fracture, and parts of them.
 #![allow(missing_docs, reason = "criterion's macros write undocumented functions")]
 #![allow(clippy::disallowed_types, reason = "a benchmark reads the clock")]
 
@@ -8,7 +8,6 @@ mod support;
 use std::time::{Duration, Instant};
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use kerf_physics::solve::multigrid::Multigrid;
 use kerf_physics::{Stage, StageClock, StepInputs, StepOutput, ToolInput, Workers, World};
 use support::press::{cutting_scene, pose_at};
 
@@ -55,6 +54,12 @@ fn topology(_: Duration, output: &StepOutput) -> Duration {
     Duration::from_nanos(output.profile.stage_ns[Stage::Topology as usize].unwrap_or(0))
 }
 
+/// One operator product and one multigrid cycle.
+fn solver_iteration(_: Duration, output: &StepOutput) -> Duration {
+    let solve_ns = output.profile.stage_ns[Stage::Velocities as usize].unwrap_or(0);
+    Duration::from_nanos(solve_ns / u64::from(output.solve.iterations.max(1)))
+}
+
 fn steps(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("block");
     group.sample_size(10);
@@ -67,43 +72,10 @@ fn steps(criterion: &mut Criterion) {
         bench("step_without_fracture", false, |took, _| took);
         bench("step_with_fracture", true, |took, _| took);
         bench("topology_update", true, topology);
+        bench("solver_iteration", false, solver_iteration);
     }
     group.finish();
 }
 
-/// The block's hierarchy with one definite matrix for all elements.
-fn multigrid(voxel_m: f64) -> Multigrid {
-    let world = world(voxel_m);
-    let body = world.bodies()[0];
-    let levels = &body.levels;
-    let mut multigrid = Multigrid::new(levels);
-    let mut packed = [0.0; kerf_physics::fem::lanes::PACKED];
-    kerf_physics::fem::lanes::for_packed(|index, row, column| {
-        packed[index] = if row == column { 24.0 } else { -1.0 };
-    });
-    for element in 0..levels[0].elements.len() {
-        multigrid.operator_mut().set_matrix(element, &packed);
-    }
-    multigrid.rebuild(&Workers::serial(), levels);
-    multigrid
-}
-
-fn solver(criterion: &mut Criterion) {
-    let mut group = criterion.benchmark_group("solver");
-    for voxel_m in [0.0025, 0.00125] {
-        let mut multigrid = multigrid(voxel_m);
-        let (elements, nodes) = (multigrid.operator().element_count(), multigrid.operator().node_count());
-        let x = vec![wide::f32x4::new([1.0, 0.5, 0.25, 0.0]); nodes];
-        let mut y = x.clone();
-        group.bench_function(BenchmarkId::new("operator", elements), |b| {
-            b.iter(|| multigrid.operator_mut().apply(&Workers::serial(), &x, &mut y));
-        });
-        group.bench_function(BenchmarkId::new("v_cycle", elements), |b| {
-            b.iter(|| multigrid.precondition(&Workers::serial()));
-        });
-    }
-    group.finish();
-}
-
-criterion_group!(benches, steps, solver);
+criterion_group!(benches, steps);
 criterion_main!(benches);

@@ -104,12 +104,12 @@ impl<'a> Workers<'a> {
     }
 
     /// Calls `work(chunk index, chunk)` for each chunk, in parallel where threads are lent and it pays.
-    pub fn for_chunks<S: Slices>(&self, data: S, grain: Grain, work: impl Fn(usize, S) + Sync) {
+    pub(crate) fn for_chunks<S: Slices>(&self, data: S, grain: Grain, work: impl Fn(usize, S) + Sync) {
         self.reduce_chunks(data, grain, work, |(), ()| ());
     }
 
     /// The same, with the results joined in an order that depends on the number of chunks alone.
-    pub fn reduce_chunks<S: Slices, R: Send>(
+    pub(crate) fn reduce_chunks<S: Slices, R: Send>(
         &self,
         data: S,
         grain: Grain,

@@ -2,8 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::support::cutting::attitude;
-use crate::support::press::cutting_scene;
+use super::support::cutting::attitude;
+use super::support::press::cutting_scene;
 use kerf_physics::body::MaterialPoint;
 use kerf_physics::scene::{BladeDesc, Scene, ToolDesc, ToolShapeDesc};
 use kerf_physics::step_io::ToolMotion;
@@ -138,8 +138,9 @@ fn check(shown: &Shown, pose: &Pose, stroke: &Stroke) {
     }
     for (triangle, _) in shown.triangles.iter().filter(|(t, _)| t.iter().any(|id| shown.moved(*id))) {
         let (before, after) = (shown.corners(&shown.before_m, *triangle), shown.corners(&shown.after_m, *triangle));
-        assert!(!quality::is_turned_over(before, after), "{triangle:?} is turned over");
-        let (was, is) = (quality::measure(before), quality::measure(after));
+        let [normal_before, normal_after] = [before, after].map(quality::normal);
+        assert!(!quality::is_turned_over(&normal_before, &normal_after), "{triangle:?} is turned over");
+        let [was, is] = [quality::measure(before, &normal_before), quality::measure(after, &normal_after)];
         assert!(is < quality::WORST.max(was) * (1.0 + 1e-3), "{triangle:?}: quality {is}, was {was}");
     }
 }

@@ -4,7 +4,7 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use crate::support::press::{LAWS, cutting_scene, press};
+use super::support::press::{LAWS, cutting_scene, press};
 use kerf_physics::scene::{BladeDesc, CapsuleDesc, EdgeDesc, GrasperDesc, RateDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
@@ -151,15 +151,15 @@ fn nor_does_adapting_the_surface_to_one() {
 
 #[test]
 fn bodies_that_press_and_rub_on_each_other_allocate_nothing() {
-    let mut lower = crate::support::object([-0.02, 0.0, -0.02], [0.02, 0.02, 0.02], 0.0025, 2);
+    let mut lower = super::support::object([-0.02, 0.0, -0.02], [0.02, 0.02, 0.02], 0.0025, 2);
     lower.name = "lower".into();
     lower.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 0.003, 1.0] }];
-    let mut upper = crate::support::object([-0.015, 0.0201, -0.015], [0.025, 0.04, 0.025], 0.0025, 2);
+    let mut upper = super::support::object([-0.015, 0.0201, -0.015], [0.025, 0.04, 0.025], 0.0025, 2);
     for object in [&mut lower, &mut upper] {
         object.material.rayleigh_beta_s = 1e-3;
         object.material.friction_coefficient = 0.3;
     }
-    let mut scene = crate::support::scene(vec![lower, upper]);
+    let mut scene = super::support::scene(vec![lower, upper]);
     scene.desc.gravity_m_per_s2 = [0.0, -9.81, 0.0];
     let mut world = World::new(&scene).expect("a valid scene");
     world.body_mut(1).velocity_m_per_s.iter_mut().for_each(|v| *v = [0.05, -0.1, 0.0]);

@@ -1,7 +1,7 @@
 //! The cut has the shape of the blade's edge, whatever that is.
 
-use crate::support::cutting::*;
-use crate::support::swept::{Swept, crossings};
+use super::support::cutting::*;
+use super::support::swept::{Swept, crossings};
 use kerf_physics::scene::{BladeDesc, EdgeDesc, ToolDesc};
 use kerf_physics::tool::blade::Blade;
 use kerf_physics::{Quat, Vec3};

@@ -1,8 +1,8 @@
 //! A blade pressed on a block feels as stiff as the continuum, wherever it stands in its cell, however it is
-//! turned, whatever the level. `cargo run --release -p kerf-physics --example blade_stiffness` is the whole sweep.
+//! turned, whatever the level. `blade_stiffness_sweep` is the whole of it.
 
-use crate::support::indentation::block::Press;
-use crate::support::indentation::{layer, strip::Strip};
+use super::indentation::block::Press;
+use super::indentation::{layer, strip::Strip};
 
 /// Voxels of the block, m.
 const H_M: f64 = 1.25e-3;

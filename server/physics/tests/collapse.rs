@@ -1,7 +1,7 @@
 //! A line load on soft tissue: where the linear law folds, and that strain stiffening carries it.
 
-use crate::support::cutting::{Rig, cutting_scene};
-use crate::support::object;
+use super::support::cutting::{Rig, cutting_scene};
+use super::support::object;
 use kerf_physics::Quat;
 use kerf_physics::Vec3;
 use kerf_physics::scene::ShapeDesc;

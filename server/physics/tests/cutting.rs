@@ -1,6 +1,6 @@
 //! A blade cuts a block: force, work and area against Griffith's rule, on several meshes and planes.
 
-use crate::support::cutting::*;
+use super::support::cutting::*;
 use kerf_physics::Vec3;
 
 const SPEED_M_PER_S: f64 = 0.1;

@@ -1,7 +1,7 @@
 //! The same inputs give the same bits, whatever the number of threads; `make same-bits` asks it of profiles
 //! and of the widths of the machine's vectors.
 
-use crate::support::press::{LAWS, hashes};
+use super::support::press::{LAWS, hashes};
 use kerf_physics::Workers;
 
 #[test]

@@ -1,7 +1,7 @@
 //! Kinds of composite elements on bodies whose stiffness varies below the element size, against full FEM of
 //! the same voxels.
 
-use crate::support::{body, object, params};
+use super::support::{body, object, params};
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::ElementKind::{self, ByContent, Galerkin, Homogenised, IncompatibleModes};
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, RegionDesc, ShapeDesc};

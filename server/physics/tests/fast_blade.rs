@@ -10,12 +10,12 @@ const RATE_HZ: f64 = 60.0;
 
 /// A sheet of one or two voxels across the way of the blade, held at both ends.
 fn sheet(voxels: f64, level: u8, fracture_energy_j_per_m2: Option<f64>) -> World {
-    let mut sheet = crate::support::object([-0.04, 0.0, -0.02], [0.04, voxels * H_M, 0.02], H_M, level);
+    let mut sheet = super::support::object([-0.04, 0.0, -0.02], [0.04, voxels * H_M, 0.02], H_M, level);
     sheet.material.rayleigh_beta_s = 1e-3;
     sheet.material.fracture_energy_j_per_m2 = fracture_energy_j_per_m2;
     let ends = |x: f64| ShapeDesc::Box { min_m: [x - 0.0051, -1.0, -1.0], max_m: [x + 0.0051, 1.0, 1.0] };
     sheet.fixed = vec![ends(-0.04), ends(0.04)];
-    let mut scene = crate::support::scene(vec![sheet]);
+    let mut scene = super::support::scene(vec![sheet]);
     scene.desc.rate_hz = RATE_HZ;
     scene.desc.tools = vec![ToolDesc::blade("blade", BladeDesc::straight(0.06, 0.1))];
     World::new(&scene).unwrap()
@@ -68,7 +68,7 @@ fn a_sheet_that_the_edge_would_jump_in_a_step_is_cut() {
             step(&mut world, at(0.011 - f64::from(i + 1) / RATE_HZ));
             parted += world.output().fracture.parted_links;
         }
-        let pieces = crate::support::cutting::pieces(world.bodies()[0], |_| true);
+        let pieces = super::support::cutting::pieces(world.bodies()[0], |_| true);
         println!("{voxels} voxels: {parted} links parted, pieces {pieces:?}");
         assert_eq!(pieces.len(), 2, "{voxels} voxels: pieces {pieces:?}");
     }

@@ -1,7 +1,7 @@
 //! Flanks of a blade in a cut: the wall presses across them, and friction along them.
 
-use crate::support::cutting::*;
-use crate::support::{body, object, params};
+use super::support::cutting::*;
+use super::support::{body, object, params};
 use kerf_physics::contact::flank::WallsBeside;
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{BladeDesc, ToolDesc};

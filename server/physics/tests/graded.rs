@@ -1,7 +1,7 @@
 //! Bodies whose elements are smaller in some regions: hanging nodes, cuts across them, what they are for.
 
-use crate::support::cutting::*;
-use crate::support::{Lcg, body, object, params};
+use super::support::cutting::*;
+use super::support::{Lcg, body, object, params};
 use kerf_physics::body::Body;
 use kerf_physics::grid::levels::{Level, VoxelUnits};
 use kerf_physics::grid::{Crossing, LinkId};
@@ -95,7 +95,7 @@ fn affine_displacement_leaves_no_force_inside_a_graded_body() {
             assert!((0..3).all(|i| (g[i] - e[i]).abs() < 2e-5 * scale), "node {node}: {g:?} against {e:?}");
         }
         // An uncut body under constant stress: nothing pulls at a node inside, hanging ones' share included.
-        let uncut = crate::support::body(&graded_block(), params(1e-3));
+        let uncut = super::support::body(&graded_block(), params(1e-3));
         for (node, e) in uncut.constant_stress_forces_n(&stress).iter().enumerate() {
             let x = uncut.rest_position_m(node);
             let inside = x.iter().all(|c| (1e-6..EDGE_M - 1e-6).contains(c));

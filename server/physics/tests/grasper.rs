@@ -1,6 +1,6 @@
 //! A grasper holds, pulls and lets go.
 
-use crate::support::{Lcg, object, scene};
+use super::support::{Lcg, object, scene};
 use kerf_physics::scene::{BladeDesc, GrasperDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{EnergyStep, Grasp, StepOutput, ToolMotion};
 use kerf_physics::tool::{OPEN, Pose};

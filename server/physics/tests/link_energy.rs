@@ -1,6 +1,6 @@
 //! The link-energy rule: what it parts, what that takes, and how its force depends on material and mesh.
 
-use crate::support::cutting::*;
+use super::support::cutting::*;
 use kerf_physics::scene::toughness::asked_over_eh;
 use kerf_physics::scene::{FractureRule, RateDesc, Scene, SceneDesc, ShapeDesc};
 use kerf_physics::{Quat, Vec3};

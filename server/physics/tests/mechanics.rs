@@ -1,6 +1,6 @@
 //! Elements, forces and the solve against analytic results.
 
-use crate::support::{Lcg, beam, body, object, params};
+use super::support::{Lcg, beam, body, object, params};
 use kerf_physics::body::Body;
 use kerf_physics::grid::{Crossing, Grid, LinkId};
 use kerf_physics::{Mat3, Quat, Vec3, Workers};
@@ -87,7 +87,7 @@ fn force_is_the_negative_gradient_of_the_energy() {
             body.position_m[node] = (turn * (body.rest_position_m(node) + noise)).into();
         }
         body.evaluate(&Workers::serial(), 60);
-        crate::support::assert_forces_are_the_energys_slope(&mut body);
+        super::support::assert_forces_are_the_energys_slope(&mut body);
     }
 }
 

@@ -1,6 +1,6 @@
 //! Motion without tools: what implicit Euler keeps exactly, and what bounds the energy.
 
-use crate::support::{Lcg, object, run, scene};
+use super::support::{Lcg, object, run, scene};
 use kerf_physics::body::Body;
 use kerf_physics::fault::FaultKind;
 use kerf_physics::grid::{Crossing, LinkId};

@@ -3,7 +3,7 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::support::press::{cutting_scene, pose_at};
+use super::support::press::{cutting_scene, pose_at};
 use kerf_physics::scene::{
     CapsuleDesc, GovernorDesc, GrasperDesc, RegionDesc, Scene, ShapeDesc, ToolDesc, TrackedPointDesc,
 };

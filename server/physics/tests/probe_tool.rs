@@ -1,6 +1,6 @@
 //! A smooth tool presses on tissue.
 
-use crate::support::{object, scene};
+use super::support::{object, scene};
 use kerf_physics::scene::{BladeDesc, CapsuleDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{StepOutput, ToolMotion};
 use kerf_physics::tool::Pose;

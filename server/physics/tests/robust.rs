@@ -1,7 +1,7 @@
 //! Whatever a hand does to the tissue: no fault, numbers that are finite, energy that was put in and is
 //! accounted for, no piece of a few voxels.
 
-use crate::support::{Lcg, object, scene};
+use super::support::{Lcg, object, scene};
 use kerf_physics::body::LEAST_PIECE_VOXELS;
 use kerf_physics::scene::{BladeDesc, EdgeDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
@@ -126,7 +126,7 @@ fn rampage_of(blade: &BladeDesc, held: Held, tools: usize, seed: u64, steps: u32
     }
     let body = world.bodies()[0];
     assert!(body.position_m.iter().flatten().all(|x| x.is_finite()));
-    let sizes = crate::support::cutting::pieces(body, |_| true);
+    let sizes = super::support::cutting::pieces(body, |_| true);
     assert_eq!(sizes.iter().sum::<usize>(), body.grid.voxels().len());
     let least = sizes.iter().copied().min().unwrap_or(0);
     assert!(least >= LEAST_PIECE_VOXELS, "{held:?}, seed {seed}: a piece of {least} voxels");

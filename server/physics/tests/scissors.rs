@@ -1,6 +1,6 @@
 //! Scissors close on tissue and cut it.
 
-use crate::support::{object, scene};
+use super::support::{object, scene};
 use kerf_physics::scene::{Scene, ScissorsDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{EnergyStep, StepOutput, ToolMotion};
 use kerf_physics::tool::Pose;

@@ -1,7 +1,7 @@
 //! A body at rest sleeps: no step is taken of it until something wakes it, and it misses no more than the solver does.
 
-use crate::support::press::LAWS;
-use crate::support::{object, scene};
+use super::support::press::LAWS;
+use super::support::{object, scene};
 use kerf_physics::scene::{BladeDesc, CapsuleDesc, MaterialDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{StepOutput, ToolMotion};
 use kerf_physics::tool::Pose;
@@ -229,7 +229,7 @@ fn a_body_that_falls_on_one_that_sleeps_wakes_it_and_they_fall_asleep_together()
 fn what_creeps_does_not_sleep_before_it_has_relaxed() {
     // What relaxes of the force on a probe held still does so as exp(-t / tau) says.
     let tau_s = 0.3;
-    let mut world = World::new(&block(|material| material.viscosity = crate::support::viscosity(0.3, 1.0))).unwrap();
+    let mut world = World::new(&block(|material| material.viscosity = super::support::viscosity(0.3, 1.0))).unwrap();
     let steps = press_until_asleep(&mut world);
     let time_s = 1e-3 * f64::from(steps);
     println!("asleep {time_s} s after the press");

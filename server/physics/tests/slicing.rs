@@ -1,7 +1,7 @@
 //! A blade that slices and pushes: the force turns with the edge's way through the material, its work per
 //! area does not; and the fracture energy may rise with the speed of the cut.
 
-use crate::support::cutting::*;
+use super::support::cutting::*;
 use kerf_physics::scene::RateDesc;
 use kerf_physics::{Quat, Vec3};
 

@@ -1,6 +1,6 @@
 //! A world goes back to where it was, and on from there as if nothing had been in between.
 
-use crate::support::press::{LAWS, cutting_scene, press_with};
+use super::support::press::{LAWS, cutting_scene, press_with};
 use kerf_physics::step_io::{StepOutput, ToolMotion};
 use kerf_physics::{NoClock, StepInputs, ToolInput, Workers, World};
 

@@ -1,6 +1,6 @@
 //! Bodies at rest under loads, against beam theory and Hooke's law.
 
-use crate::support::{beam, object, scene};
+use super::support::{beam, object, scene};
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, Scene, ShapeDesc, TrackedPointDesc};
 use kerf_physics::{NoClock, StepInputs, Workers, World};
 

@@ -1,6 +1,6 @@
 //! Strokes of a blade beyond the steady cut: slots, second strokes, old cuts, separation, soft tissue.
 
-use crate::support::cutting::*;
+use super::support::cutting::*;
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{ObjectDesc, ShapeDesc};
 use kerf_physics::{Quat, Vec3};
@@ -186,7 +186,7 @@ fn real_tissue_gives_at_gc(level: u8) {
     let (h, gc) = (3.5e-3, 200.0);
     let (side, height) = (16.0 * h, 17.0 * h);
     let mut object =
-        crate::support::object([-0.5 * side, 0.0, -0.5 * side], [0.5 * side, height, 0.5 * side], h, level);
+        super::support::object([-0.5 * side, 0.0, -0.5 * side], [0.5 * side, height, 0.5 * side], h, level);
     object.material.young_modulus_pa = 1e4;
     object.material.density_kg_per_m3 = 1060.0;
     object.material.rayleigh_beta_s = 2e-3;

@@ -1,10 +1,10 @@
 //! Tissue that is pulled apart: what a crack sets free, against theory, and when it goes on by itself.
 
-use crate::support::{body, material, object, params, scene};
+use super::support::{body, material, object, params, scene};
+use kerf_physics::StepParams;
 use kerf_physics::body::{Body, MaterialPoint};
 use kerf_physics::fracture::release::{Tip, released};
 use kerf_physics::grid::{Crossing, LinkId};
-use kerf_physics::params::StepParams;
 use kerf_physics::scene::{Face, LoadDesc, MaterialDesc, ObjectDesc, RegionDesc, ShapeDesc};
 use kerf_physics::{NoClock, StepInputs, Vec3, Workers, World};
 

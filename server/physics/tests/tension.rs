@@ -1,10 +1,10 @@
 //! Pulled tissue is cut at a lower force: `q_c = Gc - G_el`.
 
-use crate::support::cutting::{Rig, attitude, cutting_scene};
-use crate::support::{body, object, params};
+use super::support::cutting::{Rig, attitude, cutting_scene};
+use super::support::{body, object, params};
+use kerf_physics::StepParams;
 use kerf_physics::body::Body;
 use kerf_physics::grid::{Crossing, LinkId};
-use kerf_physics::params::StepParams;
 use kerf_physics::scene::{Face, LoadDesc, MaterialDesc, RegionDesc, Scene, ShapeDesc};
 use kerf_physics::{Vec3, Workers};
 

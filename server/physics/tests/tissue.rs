@@ -1,7 +1,7 @@
 //! Soft tissue under a blade: at every level it carries the line load that cutting it takes, without
 //! folding before.
 
-use crate::support::cutting::{BLOCK_HEIGHT_M, BLOCK_SIDE_M, Rig, YOUNG_PA, block, cutting_scene};
+use super::support::cutting::{BLOCK_HEIGHT_M, BLOCK_SIDE_M, Rig, YOUNG_PA, block, cutting_scene};
 use kerf_physics::scene::toughness::{carried_over_eh, composite_edge_m};
 use kerf_physics::scene::{BladeDesc, Scene, SceneDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
@@ -35,7 +35,7 @@ struct Start {
 /// A slab across which a blade lies.
 fn slab(tissue: &Tissue, level: u8) -> Scene {
     let mut slab =
-        crate::support::object([-0.048, 0.0, -0.5 * WIDTH_M], [0.048, HEIGHT_M, 0.5 * WIDTH_M], VOXEL_M, level);
+        super::support::object([-0.048, 0.0, -0.5 * WIDTH_M], [0.048, HEIGHT_M, 0.5 * WIDTH_M], VOXEL_M, level);
     slab.material.young_modulus_pa = tissue.young_modulus_pa;
     slab.material.poisson_ratio = 0.45;
     slab.material.strain_stiffening = tissue.strain_stiffening;
@@ -154,7 +154,7 @@ fn linear_cut(level: u8, load_over_eh: f64) -> (f64, f64) {
 #[test]
 fn linear_elements_carry_the_load_that_scenes_are_granted_and_fold_under_twice_as_much() {
     for level in [0, 1, 2] {
-        let granted = carried_over_eh(&crate::support::material(), level);
+        let granted = carried_over_eh(&super::support::material(), level);
         let (highest, steady) = linear_cut(level, granted);
         println!("level {level}, {granted} E H: highest {highest:.2}, then F/(Gc w) {steady:.3}");
         // The sides of the block, which give way, start their shares of the cut before the middle does.

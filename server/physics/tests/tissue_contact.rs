@@ -1,6 +1,6 @@
 //! Tissue against tissue: bodies, parts and flaps press on each other and do not pass through.
 
-use crate::support::{object, scene};
+use super::support::{object, scene};
 use kerf_physics::body::{Body, MaterialPoint};
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, ShapeDesc};

@@ -1,7 +1,7 @@
 //! What viewers get of a scene that is cut: keyframes, patches and the hash they are checked by.
 
-use crate::support::cutting::attitude;
-use crate::support::{Lcg, object, scene};
+use super::support::cutting::attitude;
+use super::support::{Lcg, object, scene};
 use kerf_physics::scene::{BladeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::surface::delta::BodyStructure;

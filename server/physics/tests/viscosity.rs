@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use crate::support::{Lcg, body, object, params, run, scene, viscosity};
+use super::support::{Lcg, body, object, params, run, scene, viscosity};
 use kerf_physics::body::Body;
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, RegionDesc, ShapeDesc, ViscosityDesc};
@@ -202,7 +202,7 @@ fn a_rotation_turns_the_forces_along_and_no_net_torque_appears() {
 #[test]
 fn the_force_of_a_sudden_motion_is_the_negative_gradient_of_the_energy() {
     let mut body = strained_at_random();
-    crate::support::assert_forces_are_the_energys_slope(&mut body);
+    super::support::assert_forces_are_the_energys_slope(&mut body);
 }
 
 #[test]

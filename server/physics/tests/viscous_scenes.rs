@@ -2,8 +2,8 @@
 
 use std::f64::consts::PI;
 
-use crate::support::press::{cutting_scene, press};
-use crate::support::{Lcg, object, run, scene, viscosity};
+use super::support::press::{cutting_scene, press};
+use super::support::{Lcg, object, run, scene, viscosity};
 use kerf_physics::scene::{RegionDesc, ShapeDesc, ViscosityDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::{NoClock, StepInputs, ToolInput, Vec3, Workers, World};

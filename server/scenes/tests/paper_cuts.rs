@@ -4,7 +4,6 @@ use crate::support::cutting::{Rig, pieces};
 use crate::support::swept::{Swept, crossings};
 use kerf_physics::scene::ToolShapeDesc;
 use kerf_physics::step_io::{EnergyStep, ToolMotion};
-use kerf_physics::tool::blade::Blade;
 use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers};
 use kerf_scenes::catalog;
 
@@ -40,7 +39,7 @@ fn the_cuboids_are_cut_along_the_edges_of_their_blades() {
     for name in ["cuboid-polyline", "cuboid-sine"] {
         let scene = catalog::builtin(name).unwrap();
         let ToolShapeDesc::Blade(blade) = &scene.desc.tools[0].shape else { panic!("{name} has a blade") };
-        let swept = Swept(Blade::new(blade).unwrap().edge.points_m().to_vec());
+        let swept = Swept(blade.edge.points_m(blade.width_m).unwrap());
         let object = &scene.desc.objects[0];
         let (h, gc) = (object.voxel_size_m.unwrap(), object.material.fracture_energy_j_per_m2.unwrap());
         let start_m = Vec3::new(0.0, 0.07 + CLEARANCE_M, 4e-4);

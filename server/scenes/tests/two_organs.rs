@@ -17,10 +17,9 @@ fn rested(scene: &Scene, steps: usize) -> World {
 fn the_lobe_rests_on_the_kidney_and_hangs_lower_without_it() {
     let scene = catalog::builtin("two-organs").unwrap();
     let world = rested(&scene, 1500);
-    let on_lobe = |body: u32| if body == 0 { 1.0 } else { -1.0 };
-    let springs = world.tissue_springs();
-    let force_n: Vec3 = springs.iter().map(|s| s.direction * (s.force_n * on_lobe(s.ends.ends[0].body))).sum();
-    let deepest_m = springs.iter().map(|s| s.gap_m).fold(0.0, f64::max);
+    let on_lobe = |object: usize| if object == 0 { 1.0 } else { -1.0 };
+    let force_n: Vec3 = world.tissue_presses().map(|press| press.force_n * on_lobe(press.objects[0])).sum();
+    let deepest_m = world.tissue_presses().map(|press| press.depth_m).fold(0.0, f64::max);
     let voxel_m = scene.desc.objects[0].voxel_size_m.unwrap();
     let weight_n = 9.81 * world.bodies()[0].mass_kg();
     let (output, end_m) = (world.output(), world.output().tracked_displacement_m[1].y);

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use kerf_physics::Scene;
-use kerf_physics::hash::StateHasher;
+use kerf_physics::StateHasher;
 use kerf_physics::scene::{FinerDesc, ShapeDesc};
 use kerf_scenes::catalog;
 use kerf_scenes::dial::{FinerRegions, ParetoFront, Setting};

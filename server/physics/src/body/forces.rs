@@ -32,7 +32,7 @@ const COARSE_STIFFENING_FACTOR: f64 = 1.5;
 
 /// What a step did to a body's energies, J.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct StepEnergies {
+pub(crate) struct StepEnergies {
     /// Sums over the elements.
     pub elements: StepTerms<f64>,
     /// `1/2 dx^T H dx` of held voxels.
@@ -134,7 +134,7 @@ impl Body {
 
     /// The same at the end of a step that changed the velocities by `velocity_change`; returns what the
     /// step did to the energies.
-    pub fn evaluate_step(&mut self, workers: &Workers<'_>, velocity_change: &super::Nodal) -> StepEnergies {
+    pub(crate) fn evaluate_step(&mut self, workers: &Workers<'_>, velocity_change: &super::Nodal) -> StepEnergies {
         self.evaluate_chunks(workers, |_| true, Some(velocity_change), 2);
         let mut sum = StepEnergies::default();
         for step in self.chunks.iter().map(|chunk| &chunk.found.step) {
@@ -185,7 +185,7 @@ impl Body {
     }
 
     /// Elements whose boxes may meet `near`, ascending: those of the chunks whose boxes do.
-    pub fn elements_near(&self, near: &Aabb) -> impl Iterator<Item = usize> + '_ {
+    pub(crate) fn elements_near(&self, near: &Aabb) -> impl Iterator<Item = usize> + '_ {
         let near = *near;
         let met = self.chunks.iter().enumerate().filter(move |(_, chunk)| near.meets(&chunk.bounds()));
         let elements = self.base().elements.len();

@@ -12,7 +12,7 @@ const CONVERGED: f64 = 1e-6;
 impl Body {
     /// Element of a voxel.
     #[must_use]
-    pub fn element_of(&self, voxel: VoxelId) -> usize {
+    pub(crate) fn element_of(&self, voxel: VoxelId) -> usize {
         self.base().owner[voxel.index()] as usize
     }
 
@@ -37,7 +37,7 @@ impl Body {
 
     /// Deformation gradient at a material point.
     #[must_use]
-    pub fn deformation_gradient(&self, point: &MaterialPoint) -> Mat3 {
+    pub(crate) fn deformation_gradient(&self, point: &MaterialPoint) -> Mat3 {
         let element = self.element_of(point.voxel);
         let local = self.local_coordinates(element, &point.position_m);
         let gradients = shape_gradients(local);
@@ -52,13 +52,13 @@ impl Body {
     /// The reference position that an element's trilinear map takes to a scene position, by Newton's
     /// method; `None` where it does not converge (a collapsed element).
     #[must_use]
-    pub fn invert_map(&self, element: usize, scene_m: &Vec3) -> Option<Vec3> {
+    pub(crate) fn invert_map(&self, element: usize, scene_m: &Vec3) -> Option<Vec3> {
         self.invert_map_from(element, scene_m, &self.rest_centre_m(element))
     }
 
     /// The same from a guess at that reference position, which saves steps where it is near.
     #[must_use]
-    pub fn invert_map_from(&self, element: usize, scene_m: &Vec3, guess_m: &Vec3) -> Option<Vec3> {
+    pub(crate) fn invert_map_from(&self, element: usize, scene_m: &Vec3, guess_m: &Vec3) -> Option<Vec3> {
         let map = TrilinearMap::of(&self.base().elements[element].nodes.map(|n| self.position_m[n as usize].into()));
         let mut local = Vec3::from(self.local_coordinates(element, guess_m));
         for _ in 0..12 {

@@ -15,7 +15,7 @@ impl Body {
 
     /// Fraction of the relaxing modulus that an element still shows: 1 at its first strain, 0 after a long hold.
     #[must_use]
-    pub fn unrelaxed_share(&self, element: usize) -> f64 {
+    pub(crate) fn unrelaxed_share(&self, element: usize) -> f64 {
         let branch = self.states[element / LANES].branch.as_ref();
         branch.map_or(0.0, |branch| branch.unrelaxed.as_array()[element % LANES])
     }

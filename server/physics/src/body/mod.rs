@@ -15,11 +15,12 @@ mod topology;
 mod toughness_rate;
 
 pub use crate::grid::{LEAST_PIECE_VOXELS, MaterialPoint};
-pub use forces::{BodyEnergy, StepEnergies};
+pub use forces::BodyEnergy;
+pub(crate) use forces::StepEnergies;
 pub use relax::Relaxation;
 pub(crate) use rigid::Totals;
 pub use topology::{PartedLinks, TopologyChange};
-pub use toughness_rate::ToughnessRate;
+pub(crate) use toughness_rate::ToughnessRate;
 
 use crate::Vec3;
 use crate::boundary::{Boundary, Solid};
@@ -70,7 +71,7 @@ pub struct Material {
     /// Energy release rate at which a front starts over the fracture energy.
     pub initiation_ratio: f64,
     /// How the fracture energy rises with the speed of the front.
-    pub toughness_rate: Option<ToughnessRate>,
+    pub(crate) toughness_rate: Option<ToughnessRate>,
     /// Coefficient of friction of tissue on tissue.
     pub friction_coefficient: f64,
 }
@@ -293,7 +294,7 @@ impl Body {
     }
 
     /// Sets the relative tolerance of the solves to come.
-    pub fn set_relative_tolerance(&mut self, relative_tolerance: f64) {
+    pub(crate) fn set_relative_tolerance(&mut self, relative_tolerance: f64) {
         self.params.relative_tolerance = relative_tolerance;
     }
 
@@ -311,13 +312,13 @@ impl Body {
 
     /// Edge of a composite element, m.
     #[must_use]
-    pub fn element_edge_m(&self, element: usize) -> f64 {
+    pub(crate) fn element_edge_m(&self, element: usize) -> f64 {
         f64::from(self.base().elements[element].size) * self.lattice_edge_m()
     }
 
     /// Edge of the largest composite elements, m.
     #[must_use]
-    pub fn largest_edge_m(&self) -> f64 {
+    pub(crate) fn largest_edge_m(&self) -> f64 {
         self.lattice_edge_m() * f64::from(1u32 << (self.tables.len() - 1))
     }
 
@@ -363,7 +364,7 @@ impl Body {
 
     /// Material of a voxel.
     #[must_use]
-    pub fn material_of(&self, voxel: VoxelId) -> &Material {
+    pub(crate) fn material_of(&self, voxel: VoxelId) -> &Material {
         &self.materials[self.grid.voxels()[voxel.index()].material as usize]
     }
 
@@ -432,7 +433,7 @@ impl Body {
 
     /// Coordinates of a reference position in the cell of an element; 0..=1 inside it.
     #[must_use]
-    pub fn local_coordinates(&self, element: usize, position_m: &Vec3) -> [f64; 3] {
+    pub(crate) fn local_coordinates(&self, element: usize, position_m: &Vec3) -> [f64; 3] {
         self.solid().local_coordinates(element, position_m)
     }
 

@@ -36,7 +36,7 @@ impl Body {
 
     /// Remembers the evaluated state if its forces are finite too: a position that is finite but
     /// absurd overflows in them first. Returns whether they were.
-    pub fn save_finite_state(&mut self, workers: &Workers<'_>) -> bool {
+    pub(crate) fn save_finite_state(&mut self, workers: &Workers<'_>) -> bool {
         let energy: f64 = self.chunks.iter().map(|c| c.found.elastic_j.reduce_add()).sum();
         if self.saved.stiff_j == 0.0 {
             self.saved.stiff_j = self.sum_stiff_j();
@@ -67,7 +67,7 @@ impl Body {
     /// Goes back to the remembered state at rest; topology is kept. Where that state is so bad that
     /// hardly a step was possible from it, every piece goes back to its rest shape: otherwise it would
     /// be rolled back for ever.
-    pub fn restore_finite_state(&mut self, workers: &Workers<'_>) {
+    pub(crate) fn restore_finite_state(&mut self, workers: &Workers<'_>) {
         self.position_m.clone_from(&self.saved.position_m);
         self.velocity_m_per_s.iter_mut().for_each(|v| *v = [0.0; 3]);
         self.rigid.forget_turns();

@@ -11,17 +11,17 @@ use wide::f32x4;
 
 impl Body {
     /// Room for `count` springs in the solver's operators.
-    pub fn reserve_springs(&mut self, count: usize) {
+    pub(crate) fn reserve_springs(&mut self, count: usize) {
         self.multigrid.reserve_springs(count);
     }
 
     /// Replaces the springs of the solver's operator.
-    pub fn set_springs(&mut self, springs: impl Iterator<Item = PointSpring>) {
+    pub(crate) fn set_springs(&mut self, springs: impl Iterator<Item = PointSpring>) {
         self.multigrid.set_springs(springs);
     }
 
     /// Norm of the impulses that loads and contacts `impulses` (node, N s) give the nodes in a step.
-    pub fn applied_impulse_norm(&mut self, workers: &Workers<'_>, impulses: &[(u32, [f64; 3])]) -> f64 {
+    pub(crate) fn applied_impulse_norm(&mut self, workers: &Workers<'_>, impulses: &[(u32, [f64; 3])]) -> f64 {
         let mut applied = std::mem::take(&mut self.scratch.applied);
         let dt = self.params.dt_s;
         workers.for_chunks((&mut applied[..], &self.external_n[..]), NODE_GRAIN, |_, (applied, external)| {
@@ -62,7 +62,12 @@ impl Body {
     }
 
     /// Writes the right side, contact impulses (node, N s) added, and the guess into the solver's vectors.
-    pub fn load_system(&mut self, workers: &Workers<'_>, impulses: &[(u32, [f64; 3])], guess_m_per_s: &[[f64; 3]]) {
+    pub(crate) fn load_system(
+        &mut self,
+        workers: &Workers<'_>,
+        impulses: &[(u32, [f64; 3])],
+        guess_m_per_s: &[[f64; 3]],
+    ) {
         let scratch = &mut self.scratch;
         let data = (&mut scratch.right_side_f32[..], &scratch.right_side[..]);
         workers.for_chunks(data, NODE_GRAIN, |_, (narrowed, b)| {
@@ -103,7 +108,7 @@ impl Body {
     }
 
     /// Reads the solution out of the solver's vectors.
-    pub fn take_velocity_change(&mut self, workers: &Workers<'_>, velocity_change: &mut Nodal) {
+    pub(crate) fn take_velocity_change(&mut self, workers: &Workers<'_>, velocity_change: &mut Nodal) {
         let data = (&mut velocity_change[..], &self.scratch.solution[..]);
         workers.for_chunks(data, NODE_GRAIN, |_, (change, solution)| {
             for (change, v) in change.iter_mut().zip(solution) {

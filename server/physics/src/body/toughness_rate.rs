@@ -4,7 +4,7 @@ use crate::scene::RateDesc;
 
 /// `Gc(v) = Gc max(1, v / v0)^p`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ToughnessRate {
+pub(crate) struct ToughnessRate {
     /// v0, m/s.
     pub reference_speed_m_per_s: f64,
     /// p.

@@ -89,8 +89,8 @@ fn pairs() -> impl Iterator<Item = (usize, usize)> {
 }
 
 /// Moduli of an isotropic material.
-#[must_use]
-pub fn isotropic(elastic: &Elastic) -> Moduli {
+#[cfg(test)]
+pub(super) fn isotropic(elastic: &Elastic) -> Moduli {
     let mut moduli = Moduli::from_diagonal_element(elastic.mu_pa);
     moduli.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(2.0 * elastic.mu_pa);
     moduli.fixed_view_mut::<3, 3>(0, 0).add_scalar_mut(elastic.lambda_pa);

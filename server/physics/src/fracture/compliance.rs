@@ -41,7 +41,7 @@ pub(super) struct EdgeInElement {
 /// that is shared between nodes with weights w meets the compliance `w^T G w` of the elements, which
 /// within a cell is linear in the variance of w: hence s. The numbers are the elements' own, in plane
 /// strain, against a layer of the continuum on a rigid base; g is good to 1 %, 3 % in cells that are partly
-/// filled: `cargo run --release -p kerf-physics --example blade_stiffness` measures them.
+/// filled: `cargo test --release -p kerf-physics -- --ignored --nocapture blade_stiffness_sweep::` measures them.
 pub(super) fn line_compliance(poisson_ratio: f64, level: u8, edge: &EdgeInElement) -> f64 {
     let nu = poisson_ratio;
     let polynomial = |c: [f64; 3]| c[0] + nu * (c[1] + nu * c[2]);

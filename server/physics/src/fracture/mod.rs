@@ -25,8 +25,6 @@ mod way_in;
 
 pub use book::FrontBook;
 pub use front::{BladeMotion, Front};
-pub use springs::FrontContact;
-pub use sweep::PartingCost;
 
 /// How often what a body sets free is sampled, at one place ahead of blades and at one end of a cut, s: shorter
 /// steps sample either in turn, or neither.

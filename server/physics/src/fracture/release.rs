@@ -80,8 +80,6 @@ pub struct Released {
     pub j_per_m: f64,
     /// `F_0 d`: how far what pushes goes on in the scene, per length that the front advances.
     pub carried: Vec3,
-    /// Work of the push on that, J/m: at a held tool it is set free too.
-    pub push_j_per_m: f64,
 }
 
 /// What the front at `tip` sets free.
@@ -99,8 +97,7 @@ pub fn released(body: &Body, tip: &Tip) -> Released {
         }
     }
     let carried = if sum.weight > 0.0 { sum.direction / sum.weight } else { tip.ahead };
-    let push_j_per_m = sum.push_n.dot(&carried);
-    Released { j_per_m: sum.released_j - push_j_per_m, carried, push_j_per_m }
+    Released { j_per_m: sum.released_j - sum.push_n.dot(&carried), carried }
 }
 
 /// Sums over the elements of a tube.

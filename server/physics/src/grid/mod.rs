@@ -4,10 +4,10 @@
 //! a crossing never goes away; voxels are never added or removed. Voxel `(i, j, k)` is the cube
 //! `origin + h [i, i+1] x [j, j+1] x [k, k+1]` of the reference configuration.
 
-pub mod cell_sizes;
-pub mod implicit;
-pub mod lattice;
-pub mod levels;
+pub(crate) mod cell_sizes;
+pub(crate) mod implicit;
+pub(crate) mod lattice;
+pub(crate) mod levels;
 mod mesh;
 mod mesh_faces;
 mod small_pieces;
@@ -269,14 +269,14 @@ impl Grid {
     }
 
     /// Makes a parted link intact again.
-    pub fn rejoin(&mut self, link: LinkId) {
+    pub(crate) fn rejoin(&mut self, link: LinkId) {
         let slot = self.slot(link.cell).expect("a parted link lies in the box");
         self.crossing_at[slot][link.axis as usize] = NO_CROSSING;
     }
 
     /// The voxels connected with `voxel` where there are fewer than `limit` of them; else `None`.
     #[must_use]
-    pub fn small_piece(&self, voxel: Ijk, limit: usize) -> Option<Vec<Ijk>> {
+    pub(crate) fn small_piece(&self, voxel: Ijk, limit: usize) -> Option<Vec<Ijk>> {
         let mut piece = vec![voxel];
         let mut next = 0;
         while next < piece.len() {

@@ -13,37 +13,37 @@ use super::{
 use crate::grid::voxelize::{extent_m, voxel_size_m};
 
 /// Bodies are stepped one after the other; more than this is another kind of simulation.
-pub const MAX_OBJECTS: usize = 64;
+pub(crate) const MAX_OBJECTS: usize = 64;
 /// A tool's output is kept per step and per viewer.
-pub const MAX_TOOLS: usize = 16;
+pub(crate) const MAX_TOOLS: usize = 16;
 /// A tracked point's output is kept per step.
-pub const MAX_TRACKED_POINTS: usize = 1024;
+pub(crate) const MAX_TRACKED_POINTS: usize = 1024;
 /// Each region is tested at each voxel; material indices are 16 bits wide.
-pub const MAX_REGIONS: usize = 256;
+pub(crate) const MAX_REGIONS: usize = 256;
 /// Fixed shapes and loads are each tested at each voxel.
-pub const MAX_SHAPES: usize = 256;
+pub(crate) const MAX_SHAPES: usize = 256;
 /// Parts of a smooth union: each is evaluated at each cell.
-pub const MAX_PARTS: usize = 64;
+pub(crate) const MAX_PARTS: usize = 64;
 /// Names are printed in tables and used as labels of metrics.
-pub const MAX_NAME_CHARS: usize = 64;
+pub(crate) const MAX_NAME_CHARS: usize = 64;
 
 /// Voxels along a blade's edge: two markers stand in each, in every body.
-pub const MAX_BLADE_VOXELS: f64 = 4096.0;
+pub(crate) const MAX_BLADE_VOXELS: f64 = 4096.0;
 /// Radius of a probe in voxels: a surface has one point per voxel's face, and a sharper probe slips between
 /// them.
-pub const MIN_PROBE_VOXELS: f64 = 2.0;
+pub(crate) const MIN_PROBE_VOXELS: f64 = 2.0;
 /// Level of an object: elements of 16 voxels a side.
-pub const MAX_LEVEL: u8 = 4;
+pub(crate) const MAX_LEVEL: u8 = 4;
 /// Voxels along an object's longest edge.
-pub const MAX_RESOLUTION: f64 = 4096.0;
+pub(crate) const MAX_RESOLUTION: f64 = 4096.0;
 /// Ratio of the largest to the smallest Young's modulus in one object: beyond it the single-precision
 /// solve loses what the soft part does.
-pub const MAX_STIFFNESS_CONTRAST: f64 = 1e6;
+pub(crate) const MAX_STIFFNESS_CONTRAST: f64 = 1e6;
 /// Voxels that a pressure wave may cross in a step in an object that nothing holds. The inverse square is
 /// the fraction of mass beside stiffness in the matrix, which drowns in the rounding of `f32`: free blocks
 /// squeezed by a fifth begin to explode at 310, at 220 where they stiffen by c = 10. (What is held has no
 /// motion that only mass resists, and no such limit.)
-pub const MAX_FREE_WAVE_VOXELS: f64 = 100.0;
+pub(crate) const MAX_FREE_WAVE_VOXELS: f64 = 100.0;
 /// Edges of a voxel, m: from cells in a dish to whole carcasses.
 const VOXEL_SIZE_M: RangeInclusive<f64> = 1e-5..=1.0;
 /// Radius within which a grasper takes hold, m: from micromanipulators to a hand.

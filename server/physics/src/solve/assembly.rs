@@ -78,12 +78,6 @@ impl Chunk {
         self.unknowns.len() + self.hanging.len()
     }
 
-    /// Whether the chunk has no nodes.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.unknowns.is_empty()
-    }
-
     /// The unknowns, by slot.
     #[must_use]
     pub fn unknowns(&self) -> &[u32] {

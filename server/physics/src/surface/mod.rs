@@ -17,9 +17,9 @@
 //!
 //! Deliberately absent: normals (a viewer computes them from the deformed quads), adaptation of
 //! the grid, which stays as it was voxelized, and that of the surface to a blade, which stands beside it
-//! ([`adapt`]).
+//! (`adapt`).
 
-pub mod adapt;
+pub(crate) mod adapt;
 pub mod delta;
 mod dual_contouring;
 pub mod hash;
@@ -61,7 +61,7 @@ pub type Quad = [VertexId; 4];
 /// What [`Surface::rebuild_touched`] changed; an id occurs at most once in each list, ascending.
 /// Nothing is ever taken away, see the invariants above.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct SurfaceChange {
+pub(crate) struct SurfaceChange {
     /// Vertices that are new or have moved or are bound to another voxel or element.
     pub upserted_vertices: Vec<VertexId>,
     /// Quads that are new or join other vertices.
@@ -96,7 +96,7 @@ impl Surface {
     /// Brings the surface up to date after the links `parted` were parted and the composite element
     /// of the voxels `rebound` was replaced. Costs in proportion to these lists, whose order and
     /// repetitions do not matter.
-    pub fn rebuild_touched(&mut self, grid: &Grid, parted: &[LinkId], rebound: &[VoxelId]) -> SurfaceChange {
+    pub(crate) fn rebuild_touched(&mut self, grid: &Grid, parted: &[LinkId], rebound: &[VoxelId]) -> SurfaceChange {
         let mut change = SurfaceChange::default();
         let mut links: Vec<u32> = parted.iter().map(|link| self.lattice.link_index(*link)).collect();
         let mut dual_cells: Vec<u32> =

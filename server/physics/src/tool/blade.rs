@@ -48,7 +48,7 @@ pub struct BladeFrame {
 impl BladeFrame {
     /// In the tool frame, where the edge has the unit tangent `along`; the cutting direction is -y.
     #[must_use]
-    pub fn of_tangent(along: Vec3) -> Self {
+    pub(crate) fn of_tangent(along: Vec3) -> Self {
         let down = -Vec3::y();
         let forward = (down - along * along.dot(&down)).normalize();
         Self { along, forward, normal: forward.cross(&along) }

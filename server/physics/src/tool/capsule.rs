@@ -40,7 +40,7 @@ pub struct Nearest {
 /// patches of edge s. A dent of radius a is felt with `2 E* a` (Hertz: dF/dd); the springs of the patches in
 /// it, `n s^2 = pi a^2`, have `30 n E s` (see [`crate::contact::palpation`]). With nu = 0.45.
 #[must_use]
-pub fn felt_share(patches: u32) -> f64 {
+pub(crate) fn felt_share(patches: u32) -> f64 {
     let patches = f64::from(patches.max(1));
     2.5 * (patches / std::f64::consts::PI).sqrt() / (30.0 * patches)
 }
@@ -63,7 +63,7 @@ impl Capsule {
     /// Where a point stands that has gone from `from_m` to `to_m` as seen by the tool: by the side that it
     /// came in through, however far it has gone beyond. (A step's motion is taken to be straight.)
     #[must_use]
-    pub fn nearest_after(&self, from_m: &Vec3, to_m: &Vec3) -> Nearest {
+    pub(crate) fn nearest_after(&self, from_m: &Vec3, to_m: &Vec3) -> Nearest {
         let now = self.nearest(to_m);
         let Some(entry) = self.entry(from_m, to_m) else { return now };
         if now.normal.dot(&entry.normal) > SAME_SIDE {

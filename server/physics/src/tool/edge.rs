@@ -89,7 +89,7 @@ impl Edge {
 
     /// Equal segments of the edge, no longer than `longest_m` along it.
     #[must_use]
-    pub fn segments(&self, longest_m: f64) -> Vec<EdgeSegment> {
+    pub(crate) fn segments(&self, longest_m: f64) -> Vec<EdgeSegment> {
         let count = (self.length_m / longest_m).ceil().max(1.0) as usize;
         let half_m = 0.5 * self.length_m / count as f64;
         let segment = |index: usize| {

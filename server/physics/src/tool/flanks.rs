@@ -99,7 +99,7 @@ impl Flanks {
 
     /// Height over which a wedge grows to the thickness, m; `None` where it is full from the edge on.
     #[must_use]
-    pub fn wedge_height_m(&self) -> Option<f64> {
+    pub(crate) fn wedge_height_m(&self) -> Option<f64> {
         self.thickness.wedge_height_m()
     }
 

@@ -1,12 +1,12 @@
 //! Tools: their pose and their shape.
 
-pub mod blade;
-pub mod capsule;
-pub mod edge;
-pub mod flanks;
-pub mod grasper;
+pub(crate) mod blade;
+pub(crate) mod capsule;
+pub(crate) mod edge;
+pub(crate) mod flanks;
+pub(crate) mod grasper;
 mod pose;
-pub mod scissors;
+pub(crate) mod scissors;
 
 use crate::scene::{SceneError, ToolShapeDesc};
 use blade::Blade;
@@ -18,7 +18,7 @@ pub use pose::{OPEN, Pose, PoseError};
 
 /// What a tool is.
 #[derive(Clone, Debug, PartialEq)]
-pub enum ToolShape {
+pub(crate) enum ToolShape {
     /// Cuts with its edge.
     Blade(Blade),
     /// Holds what its jaws close on.
@@ -57,7 +57,7 @@ impl ToolShape {
     /// of its `springs` contact springs: what the tissue gives in series. A blade's springs stand for the
     /// tissue themselves; see [`grasper::FELT_SHARES`], [`capsule::felt_share`].
     #[must_use]
-    pub fn felt_shares(&self, springs: u32) -> [f64; 2] {
+    pub(crate) fn felt_shares(&self, springs: u32) -> [f64; 2] {
         match self {
             Self::Blade(_) | Self::Scissors(_) => [1.0; 2],
             Self::Grasper(_) => grasper::FELT_SHARES,
@@ -67,7 +67,7 @@ impl ToolShape {
 
     /// Whether what it cuts presses back along the one direction of [`blade::BladeFrame::forward`].
     #[must_use]
-    pub fn cuts_forward(&self) -> bool {
+    pub(crate) fn cuts_forward(&self) -> bool {
         matches!(self, Self::Blade(_))
     }
 
@@ -78,7 +78,7 @@ impl ToolShape {
 
     /// Force on the tool above which it loses its hold, N.
     #[must_use]
-    pub fn max_hold_n(&self) -> f64 {
+    pub(crate) fn max_hold_n(&self) -> f64 {
         match self {
             Self::Blade(_) | Self::Scissors(_) | Self::Probe(_) => f64::INFINITY,
             Self::Grasper(grasper) => grasper.max_force_n,
@@ -88,7 +88,7 @@ impl ToolShape {
 
 /// How a tool that is in the scene moves in a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ToolPath {
+pub(crate) struct ToolPath {
     /// Pose at t; equal to `pose` where it has just entered.
     pub before: Pose,
     /// Pose at t + dt.

@@ -37,7 +37,7 @@ impl Scissors {
 
     /// How the two blades are mounted.
     #[must_use]
-    pub fn mounts(&self) -> [Mount; 2] {
+    pub(crate) fn mounts(&self) -> [Mount; 2] {
         let [length_m, max_angle_rad] = [self.blade.edge.length_m(), self.max_angle_rad];
         [Side::Upper, Side::Lower].map(|side| Mount::Hinged { side, length_m, max_angle_rad })
     }
@@ -71,7 +71,7 @@ pub enum Mount {
 impl Mount {
     /// Pose of the edge of a tool at `pose` whose jaws take the fraction `opening` of their full opening.
     #[must_use]
-    pub fn edge_pose(&self, pose: &Pose, opening: f64) -> Pose {
+    pub(crate) fn edge_pose(&self, pose: &Pose, opening: f64) -> Pose {
         let Self::Hinged { side, length_m, max_angle_rad } = *self else { return *pose };
         let half_rad = 0.5 * (opening * (max_angle_rad + CROSSED_RAD) - CROSSED_RAD);
         let (turn, along) = match side {

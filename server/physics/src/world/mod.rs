@@ -31,7 +31,7 @@ use tissue_contact::TissueContacts;
 use tool_contact::ToolContact;
 
 pub use crate::body::Relaxation;
-pub use queries::{ObjectStats, WorldCounts};
+pub use queries::{ObjectStats, TissuePress, WorldCounts};
 pub use snapshot::Snapshot;
 
 /// A tool and where it is.

@@ -2,10 +2,9 @@
 
 use super::World;
 use super::body_slot::BodySlot;
-use super::tissue_contact::TissueContacts;
 use super::tool_contact::ToolContact;
+use crate::Vec3;
 use crate::body::Body;
-use crate::contact::TissueContact;
 use crate::grid::LeftOut;
 use crate::hash::StateHasher;
 use crate::math::Aabb;
@@ -46,6 +45,17 @@ pub struct WorldCounts {
     pub surface_triangles: usize,
     /// Separate pieces.
     pub parts: usize,
+}
+
+/// A place where tissue presses on tissue.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TissuePress {
+    /// The object that is pressed, and the one that presses; the same where parts of one meet.
+    pub objects: [usize; 2],
+    /// Normal force on the first, N, scene frame; the second takes the opposite.
+    pub force_n: Vec3,
+    /// How far the second has come into the first, m.
+    pub depth_m: f64,
 }
 
 impl World {
@@ -91,10 +101,20 @@ impl World {
         self.slots[object].is_asleep()
     }
 
+    /// Where tissue presses on tissue, as the last step left it; nowhere where links parted in it.
+    pub fn tissue_presses(&self) -> impl Iterator<Item = TissuePress> + '_ {
+        let springs = self.tissue.iter().flat_map(|tissue| tissue.springs());
+        springs.map(|spring| TissuePress {
+            objects: spring.ends.ends.each_ref().map(|end| end.body as usize),
+            force_n: spring.direction * spring.force_n,
+            depth_m: spring.gap_m,
+        })
+    }
+
     /// Springs between tissue and tissue as the last step left them; none where links parted in it.
-    #[must_use]
-    pub fn tissue_springs(&self) -> &[TissueContact] {
-        self.tissue.as_ref().map_or(&[], TissueContacts::springs)
+    #[cfg(test)]
+    pub(crate) fn tissue_springs(&self) -> &[crate::contact::TissueContact] {
+        self.tissue.as_ref().map_or(&[], |tissue| tissue.springs())
     }
 
     /// Contours nothing more until the surface is asked for again; it will then be the same as if it

@@ -2,12 +2,11 @@
 #![allow(dead_code, reason = "the tests of two crates share it")]
 
 pub mod cutting;
-pub mod indentation;
 pub mod press;
 pub mod swept;
 
+use kerf_physics::StepParams;
 use kerf_physics::body::Body;
-use kerf_physics::params::StepParams;
 use kerf_physics::scene::{
     ElementKind, MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc, ViscosityDesc,
 };

@@ -1,7 +1,7 @@
 //! A setting of the dial: what of a scene trades speed for accuracy.
 
 use kerf_physics::Scene;
-use kerf_physics::hash::StateHasher;
+use kerf_physics::StateHasher;
 use kerf_physics::scene::{ElementKind, SceneDesc, SolverDesc, default_level};
 use serde::{Deserialize, Serialize};
 

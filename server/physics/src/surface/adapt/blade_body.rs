@@ -100,14 +100,14 @@ impl BladeBody {
 
     /// Length of the edge, m.
     #[must_use]
-    pub fn edge_length_m(&self) -> f64 {
+    pub(crate) fn edge_length_m(&self) -> f64 {
         self.segments.last().map_or(0.0, |last| last.before_m + last.length_m)
     }
 
     /// Half of the thickness at a height above the edge, m. Where no wedge is stated the edge widens to the
     /// blade over a height equal to its thickness: a cutting angle of a knife, of which the mechanics knows nothing.
     #[must_use]
-    pub fn half_width_m(&self, height_m: f64) -> f64 {
+    pub(crate) fn half_width_m(&self, height_m: f64) -> f64 {
         let behind = (0.5 * self.thickness_m).max(self.edge_half_width_m);
         let share = if self.bevel_m > 0.0 { (height_m / self.bevel_m).clamp(0.0, 1.0) } else { 1.0 };
         self.edge_half_width_m + share * (behind - self.edge_half_width_m)
@@ -122,7 +122,7 @@ impl BladeBody {
 
     /// A point of the edge, m; held to its ends.
     #[must_use]
-    pub fn edge_point_m(&self, arc_m: f64) -> Vec3 {
+    pub(crate) fn edge_point_m(&self, arc_m: f64) -> Vec3 {
         let arc_m = arc_m.max(0.0);
         let ends = self.edge_m.windows(2).zip(&self.segments);
         let mut reached = ends.filter(|(_, segment)| arc_m <= segment.before_m + segment.length_m);
@@ -202,13 +202,13 @@ impl BladeBody {
 
     /// Whether a line of this length that begins at a foot may pass through the ruled surface.
     #[must_use]
-    pub fn may_pass(&self, foot: &Foot, length_m: f64) -> bool {
+    pub(crate) fn may_pass(&self, foot: &Foot, length_m: f64) -> bool {
         foot.apart_m <= self.steepest * length_m * MARGIN
     }
 
     /// Whether a foot is on the ruled surface.
     #[must_use]
-    pub fn is_beside(&self, foot: &Foot) -> bool {
+    pub(crate) fn is_beside(&self, foot: &Foot) -> bool {
         (0.0..=self.edge_length_m()).contains(&foot.arc_m) && (0.0..=self.height_m).contains(&foot.height_m)
     }
 
@@ -235,7 +235,7 @@ impl BladeBody {
 
     /// The point of the flank on one side (1: that of the normal, -1: the other) beside a point.
     #[must_use]
-    pub fn flank_point_m(&self, point_m: &Vec3, foot: &Foot, side: f64) -> Vec3 {
+    pub(crate) fn flank_point_m(&self, point_m: &Vec3, foot: &Foot, side: f64) -> Vec3 {
         point_m + foot.normal * (side * self.half_width_m(foot.height_m) - foot.beside_m)
     }
 }

@@ -42,7 +42,7 @@ const UNSEEN: Vertex = Vertex {
 
 impl Store {
     /// Begins a step: every vertex is where its element has it.
-    pub fn begin_step(&mut self, mesh: &Mesh) {
+    pub(crate) fn begin_step(&mut self, mesh: &Mesh) {
         if self.vertices.len() != mesh.len() {
             self.vertices.resize(mesh.len(), UNSEEN);
             self.seen = Vec::with_capacity(mesh.len());
@@ -53,7 +53,7 @@ impl Store {
     }
 
     /// Begins another turn, in which the vertices begin where the last one left them.
-    pub fn begin_turn(&mut self) {
+    pub(crate) fn begin_turn(&mut self) {
         self.turn += 1;
     }
 
@@ -105,7 +105,7 @@ impl Field<'_> {
     }
 
     /// Where a vertex was when the turn began, m.
-    pub fn base_m(&mut self, slot: Slot) -> Vec3 {
+    pub(crate) fn base_m(&mut self, slot: Slot) -> Vec3 {
         self.vertex(slot).base_m
     }
 
@@ -126,7 +126,7 @@ impl Field<'_> {
     }
 
     /// Whether a vertex is on a blade.
-    pub fn is_held(&mut self, slot: Slot) -> bool {
+    pub(crate) fn is_held(&mut self, slot: Slot) -> bool {
         self.vertex(slot).held
     }
 
@@ -143,7 +143,7 @@ impl Field<'_> {
 
     /// The quality of the triangles at a vertex were it moved (Eq. 14); `None` where one of them would be
     /// turned over or worse than is accepted, against where the elements have them.
-    pub fn quality_at(&mut self, slot: Slot, to_m: Vec3) -> Option<f64> {
+    pub(crate) fn quality_at(&mut self, slot: Slot, to_m: Vec3) -> Option<f64> {
         let (mesh, own_m) = (self.mesh, self.vertex(slot).carried_m);
         mesh.triangles_at(slot).try_fold(0.0, |sum, others| {
             let [(b_m, to_b_m), (c_m, to_c_m)] = others.map(|other| {

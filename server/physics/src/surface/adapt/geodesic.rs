@@ -57,7 +57,7 @@ pub struct March {
 
 impl March {
     /// Room for a surface of so many vertices, each taken up twice, which all are seldom.
-    pub fn reserve(&mut self, vertices: usize) {
+    pub(crate) fn reserve(&mut self, vertices: usize) {
         self.queue.clear();
         self.queue.reserve(2 * vertices);
     }

@@ -73,7 +73,7 @@ pub struct Indentation {
 
 impl Indentation {
     /// Room for what there may be on a surface of so many vertices.
-    pub fn reserve(&mut self, vertices: usize) {
+    pub(crate) fn reserve(&mut self, vertices: usize) {
         self.crossed.clear();
         self.crossed.reserve(vertices);
         self.bottoms.clear();
@@ -156,7 +156,7 @@ impl Indentation {
 
 /// Puts the vertices among `near` that are inside the blade on the flank of their side; the march is to
 /// start from them.
-pub fn clear_flanks(field: &mut Field<'_>, blade: &BladeBody, near: &[Near], march: &mut March) {
+pub(crate) fn clear_flanks(field: &mut Field<'_>, blade: &BladeBody, near: &[Near], march: &mut March) {
     for Near { slot, at_m, foot } in near {
         let at = field.base_m(*slot);
         // The edge has displaced it along the blade, so it is as near to it as it was.

@@ -147,17 +147,17 @@ impl Mesh {
 
     /// Vertices that move with an element.
     #[must_use]
-    pub fn bound_to(&self, element: usize) -> &[Slot] {
+    pub(crate) fn bound_to(&self, element: usize) -> &[Slot] {
         self.bound.get(element).map_or(&[], Vec::as_slice)
     }
 
     /// The triangles that meet at a vertex, by their other two vertices in the triangle's order.
-    pub fn triangles_at(&self, slot: Slot) -> impl Iterator<Item = [Slot; 2]> + '_ {
+    pub(crate) fn triangles_at(&self, slot: Slot) -> impl Iterator<Item = [Slot; 2]> + '_ {
         self.vertices[slot as usize].corners.iter().map(|corner| corner.others)
     }
 
     /// Those of them that are of cut faces.
-    pub fn cut_triangles_at(&self, slot: Slot) -> impl Iterator<Item = [Slot; 2]> + '_ {
+    pub(crate) fn cut_triangles_at(&self, slot: Slot) -> impl Iterator<Item = [Slot; 2]> + '_ {
         let corners = self.vertices[slot as usize].corners.iter();
         corners.filter(|corner| corner.is_cut).map(|corner| corner.others)
     }

@@ -6,53 +6,43 @@ use crate::Vec3;
 /// than it was. The equilateral triangle has 1, an isosceles one of height a tenth of its base 4.4.
 pub const WORST: f64 = 8.0;
 
-/// `|H|_F^2 / (2 det H)` of the triangle, `H` the map from the equilateral triangle of unit side to it:
+/// `|H|_F^2 / (2 det H)` of the triangle with this [`normal`], `H` the map from the equilateral triangle of
+/// unit side to it:
 /// 1 for an equilateral triangle of any size, infinite for a degenerate one.
 ///
 /// Eq. 14 has the norm `F_n`, not squared: that would measure a triangle in 1/m, so that the largest
 /// counted as the best. Of the matrices of Eq. 11 to 13 remain the sides and the area:
 /// `|H|_F^2 = 2/3 sum of sides^2`, `det H = 4 area / sqrt 3`.
-#[must_use]
-pub fn measure(triangle: [Vec3; 3]) -> f64 {
-    measure_by(triangle, &normal(triangle))
-}
-
-/// Normal of a triangle, as long as twice its area.
-fn normal([a, b, c]: [Vec3; 3]) -> Vec3 {
-    (b - a).cross(&(c - a))
-}
-
-/// [`measure`] of a triangle with this [`normal`].
-fn measure_by([a, b, c]: [Vec3; 3], normal: &Vec3) -> f64 {
+pub fn measure([a, b, c]: [Vec3; 3], normal: &Vec3) -> f64 {
     const SCALE: f64 = 2.0 * 1.732_050_807_568_877_2;
     let sides2 = (b - a).norm_squared() + (c - b).norm_squared() + (a - c).norm_squared();
     sides2 / (SCALE * normal.norm())
 }
 
-/// Whether a triangle that was `before` has been turned over: `D_n <= 0` under Eq. 15.
-///
-/// Eq. 10 sets up the local frame by the triangle itself, in which `D_n` is never negative. The frame
-/// here is that of the triangle before it was adapted, so that `D_n` is its area as seen from there.
-#[must_use]
-pub fn is_turned_over(before: [Vec3; 3], after: [Vec3; 3]) -> bool {
-    is_against(&normal(before), &normal(after))
+/// Normal of a triangle, as long as twice its area.
+pub fn normal([a, b, c]: [Vec3; 3]) -> Vec3 {
+    (b - a).cross(&(c - a))
 }
 
-/// Whether two normals point apart; also where one of them is not a number.
-fn is_against(before: &Vec3, after: &Vec3) -> bool {
+/// Whether a triangle has been turned over: `D_n <= 0` under Eq. 15.
+///
+/// Eq. 10 sets up the local frame by the triangle itself, in which `D_n` is never negative. The frame
+/// here is that of the triangle before it was adapted, so that `D_n` is its area as seen from there: the
+/// two [`normal`]s point apart, or one of them is not a number.
+pub(crate) fn is_turned_over(before: &Vec3, after: &Vec3) -> bool {
     !matches!(before.dot(after).partial_cmp(&0.0), Some(std::cmp::Ordering::Greater))
 }
 
 /// The measure of `after`, if it may stand for `before`.
 #[must_use]
-pub fn acceptable(before: [Vec3; 3], after: [Vec3; 3]) -> Option<f64> {
+pub(crate) fn acceptable(before: [Vec3; 3], after: [Vec3; 3]) -> Option<f64> {
     let [normal_before, normal_after] = [before, after].map(normal);
-    if is_against(&normal_before, &normal_after) {
+    if is_turned_over(&normal_before, &normal_after) {
         return None;
     }
-    let quality = measure_by(after, &normal_after);
+    let quality = measure(after, &normal_after);
     // Hardly ever is the second asked.
-    let stands = quality <= WORST || quality <= measure_by(before, &normal_before);
+    let stands = quality <= WORST || quality <= measure(before, &normal_before);
     stands.then_some(quality)
 }
 
@@ -85,21 +75,24 @@ mod tests {
             [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.1, 0.0]],
         ] {
             let triangle = triangle(points);
-            let (ours, papers) = (measure(triangle), by_the_paper(triangle));
+            let (ours, papers) = (measure(triangle, &normal(triangle)), by_the_paper(triangle));
             assert!((ours - papers).abs() < 1e-12 * papers, "{ours} {papers}");
-            let larger = measure(triangle.map(|p| p * 1e-3));
-            assert!((ours - larger).abs() < 1e-9 * ours, "size does not matter");
+            let smaller = triangle.map(|p| p * 1e-3);
+            let smaller = measure(smaller, &normal(smaller));
+            assert!((ours - smaller).abs() < 1e-9 * ours, "size does not matter");
         }
     }
 
     #[test]
     fn the_equilateral_triangle_is_the_best_and_a_line_is_refused() {
         let best = triangle([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.75_f64.sqrt(), 0.0]]);
-        assert!((measure(best) - 1.0).abs() < 1e-12);
+        assert!((measure(best, &normal(best)) - 1.0).abs() < 1e-12);
         let line = triangle([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]);
         assert_eq!(acceptable(best, line), None);
         let [a, b, c] = best;
-        assert!(is_turned_over(best, [a, c, b]) && !is_turned_over(best, [b, c, a]));
+        assert!(
+            is_turned_over(&normal(best), &normal([a, c, b])) && !is_turned_over(&normal(best), &normal([b, c, a]))
+        );
         assert_eq!(acceptable(best, [a, c, b]), None);
     }
 }

@@ -1,17 +1,15 @@
 //! Measures what a blade feels: prints the constants of the contact's compliance as the elements have
 //! them, then the stiffness of a block under a blade against full FEM under a resolved edge. Minutes.
-#![allow(clippy::print_stdout, reason = "its output is what it is for")]
 
-#[path = "../tests/support/indentation/mod.rs"]
-mod indentation;
-
-use indentation::block::{HEIGHT_M, Press};
-use indentation::{layer, strip::Strip};
+use super::indentation::block::{HEIGHT_M, Press};
+use super::indentation::{layer, strip::Strip};
 
 const H_M: f64 = 1.25e-3;
 const POISSON: [f64; 3] = [0.3, 0.45, 0.49];
 
-fn main() {
+#[test]
+#[ignore = "slow: minutes; prints what the constants of the compliance were read from"]
+fn sweep() {
     constants();
     println!("\nStiffness of a block under a blade, error in % against the resolved edge, mean / worst over 8 places");
     println!("nu    a mm   turn tilt height mm     k = 1        k = 2        k = 4        k = 8");
@@ -32,7 +30,9 @@ fn main() {
 /// What a layer of elements gives more, under a line load, than a layer of the continuum under an edge of
 /// half-width H.
 fn constants() {
-    println!("Surplus of the elements' compliance at a node over (1 - nu^2), and its share that is gone between nodes");
+    println!(
+        "Surplus of the elements' compliance at a node over (1 - nu^2), and the fraction of it that is gone between nodes"
+    );
     for poisson in [0.0, 0.3, 0.45, 0.49] {
         for (level, filled) in [(0, 1), (1, 1), (1, 2), (2, 1), (2, 2), (2, 3), (2, 4), (3, 4), (3, 8)] {
             let strip = Strip::new(level, poisson, 24, filled);

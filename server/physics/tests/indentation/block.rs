@@ -2,10 +2,10 @@
 
 use std::f64::consts::PI;
 
+use kerf_physics::StepParams;
 use kerf_physics::body::{Body, MaterialPoint};
 use kerf_physics::contact::ends::point_springs;
 use kerf_physics::contact::{Contact, ContactWeights, Mode, ToolEnds};
-use kerf_physics::params::StepParams;
 use kerf_physics::scene::{
     BladeDesc, ElementKind, MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc, ToolDesc,
 };
