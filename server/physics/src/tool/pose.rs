@@ -76,7 +76,7 @@ impl Pose {
 
     /// Tool-frame position of a point given in the scene frame, m.
     #[must_use]
-    pub(crate) fn to_local(&self, scene_m: &Vec3) -> Vec3 {
+    pub(crate) fn to_local(self, scene_m: &Vec3) -> Vec3 {
         self.orientation.inverse_transform_vector(&(scene_m - self.position_m))
     }
 }
