@@ -2,8 +2,8 @@
 .PHONY: demo test test-all same-bits lint verify experiment extremes strokes bench performance
 
 # Folder of scanned meshes for some of the tests and for `performance`, which leave them out where it is empty.
-KERF_SHARED ?= $(abspath $(wildcard ../shared))
-export KERF_SHARED
+TEST_SHARED ?= $(abspath $(wildcard ../shared))
+export TEST_SHARED
 
 DEMO_OUT ?= out/demo
 DEMO_ADDRESS ?= 127.0.0.1:50051

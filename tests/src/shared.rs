@@ -1,11 +1,11 @@
-//! Scanned meshes, which are not part of the project: `KERF_SHARED` names the folder that has them in `models/`.
+//! Scanned meshes, which are not part of the project: `TEST_SHARED` names the folder that has them in `models/`.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, ensure};
 
 /// The variable. `make` sets it to `../shared` where that is a folder.
-const FOLDER: &str = "KERF_SHARED";
+const FOLDER: &str = "TEST_SHARED";
 
 /// Where a mesh is; `None`, and a line that says so, where no folder is named.
 ///

@@ -93,7 +93,7 @@ impl Row {
         let mut text = format!("| {model} | paper | {voxels} | {elements} | {ms} |\n");
         let Some(mut scene) = source.scene()? else {
             return Ok(
-                text + "| | absent: KERF_SHARED names no folder of meshes | - | - | - | - | - | - | - | - | - |\n"
+                text + "| | absent: TEST_SHARED names no folder of meshes | - | - | - | - | - | - | - | - | - |\n"
             );
         };
         for rate_hz in [1000.0, FRAME_HZ] {
