@@ -3,12 +3,13 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::session::report_where;
 use kerf_physics::tool::{OPEN, Pose};
 use kerf_physics::{Quat, Scene, SceneDesc, Vec3, Workers};
 use kerf_scenes::dial::ParetoFronts;
 use kerf_session::{
     Driver, MAX_CHECKPOINT_NAME_BYTES, Phase, PoseSample, Registry, SceneEvent, Session, SessionError, SessionLimits,
-    SessionOptions, StepReport, ViewMessage, Viewer,
+    SessionOptions, ViewMessage, Viewer,
 };
 
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -30,19 +31,6 @@ fn askew(seq: u64, height_m: f64) -> PoseSample {
     let orientation = Quat::from_axis_angle(&Vec3::y_axis(), 0.4) * Quat::from_axis_angle(&Vec3::z_axis(), 0.3);
     let pose = Pose { position_m: Vec3::new(0.0, height_m, 4e-4), orientation };
     PoseSample { seq, client_ns: 0, pose, opening: OPEN }
-}
-
-async fn report_where(driver: &Driver, holds: impl Fn(&StepReport) -> bool) -> Arc<StepReport> {
-    let mut reports = driver.reports();
-    let search = async {
-        loop {
-            let report = reports.next().await.expect("the session lives");
-            if holds(&report) {
-                return report;
-            }
-        }
-    };
-    tokio::time::timeout(PATIENCE, search).await.expect("a report in time")
 }
 
 /// Puts the edge down over the block and moves it down step by step; each pose waits until a step has used

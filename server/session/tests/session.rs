@@ -53,7 +53,7 @@ async fn use_pose(driver: &Driver, tool: usize, sample: &PoseSample) {
     report_where(driver, |report| report.tools[tool].echo.is_some_and(|echo| echo.seq == sample.seq)).await;
 }
 
-async fn report_where(driver: &Driver, holds: impl Fn(&StepReport) -> bool) -> Arc<StepReport> {
+pub async fn report_where(driver: &Driver, holds: impl Fn(&StepReport) -> bool) -> Arc<StepReport> {
     let mut reports = driver.reports();
     let search = async {
         loop {
@@ -63,7 +63,7 @@ async fn report_where(driver: &Driver, holds: impl Fn(&StepReport) -> bool) -> A
             }
         }
     };
-    tokio::time::timeout(Duration::from_secs(5), search).await.expect("a report in time")
+    tokio::time::timeout(Duration::from_secs(10), search).await.expect("a report in time")
 }
 
 async fn message_where(viewer: &mut Viewer, holds: impl Fn(&ViewMessage) -> bool) -> ViewMessage {
