@@ -115,7 +115,7 @@ impl View {
 
 impl ObjectView {
     fn new(body: &Body) -> Self {
-        let surface = Surface::build(&body.grid);
+        let surface = Surface::build(&body.state.grid);
         let mut hash = ObjectHash::default();
         hash.follow(&whole(body, &surface));
         Self { surface, hash, adaptation: None }
@@ -166,7 +166,7 @@ fn whole(body: &Body, surface: &Surface) -> BodyStructure {
 }
 
 fn patch(body: &Body, surface: &mut Surface, parted: &[LinkId], change: &TopologyChange) -> BodyStructure {
-    let touched = surface.rebuild_touched(&body.grid, parted, &change.rebound_voxels);
+    let touched = surface.rebuild_touched(&body.state.grid, parted, &change.rebound_voxels);
     let quad = |id: &u32| BoundQuad { id: *id, vertices: *surface.quad(*id).expect("the surface named this quad") };
     BodyStructure {
         nodes: change.split_nodes.iter().map(|(new, _)| node(body, *new)).collect(),

@@ -162,7 +162,7 @@ fn bodies_that_press_and_rub_on_each_other_allocate_nothing() {
     let mut scene = super::support::scene(vec![lower, upper]);
     scene.desc.gravity_m_per_s2 = [0.0, -9.81, 0.0];
     let mut world = World::new(&scene).expect("a valid scene");
-    world.body_mut(1).velocity_m_per_s.iter_mut().for_each(|v| *v = [0.05, -0.1, 0.0]);
+    world.body_mut(1).state.velocity_m_per_s.iter_mut().for_each(|v| *v = [0.05, -0.1, 0.0]);
     let step = |world: &mut World| {
         let before = ALLOCATIONS.get();
         world.step(&Workers::serial(), &NoClock, &StepInputs::default());

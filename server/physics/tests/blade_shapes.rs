@@ -63,7 +63,7 @@ fn the_cut_follows_the_edge_within_half_a_voxel_and_leaves_two_pieces() {
         let ends = edge.points_m().iter().map(|p| p.y).fold([0.0f64; 2], |[low, high], y| [low.min(y), high.max(y)]);
         rig.position_m += forward * ends[0];
         rig.drive(2.0 * reach_m(&forward) + ends[1] - ends[0]);
-        let grid = &rig.body().grid;
+        let grid = &rig.body().state.grid;
         let swept = Swept(edge.points_m().to_vec());
         let local = |at: &Vec3| orientation.inverse() * (at - start);
         let found: Vec<Vec3> = crossings(grid).iter().map(local).collect();
@@ -112,7 +112,7 @@ fn the_bottom_of_an_unfinished_cut_is_the_edge_less_the_dent() {
         rig.position_m.y -= edge_m.iter().map(|p| p.y).fold(0.0, f64::min);
         rig.drive(0.024);
         let mut checked = 0;
-        let found = crossings(&rig.body().grid);
+        let found = crossings(&rig.body().state.grid);
         for column in 0..16 {
             let x = (f64::from(column) - 7.5) * H_M;
             let below = found.iter().filter(|at| (at.x - x).abs() < 1e-9).map(|at| at.y).fold(f64::INFINITY, f64::min);

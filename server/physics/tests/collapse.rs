@@ -59,7 +59,7 @@ fn strain_stiffening_carries_the_line_load_of_liver_and_springs_back() {
         }
         let body = rig.body();
         let left = (0..body.node_count())
-            .map(|n| (Vec3::from(body.position_m[n]) - body.rest_position_m(n)).amax())
+            .map(|n| (Vec3::from(body.state.position_m[n]) - body.rest_position_m(n)).amax())
             .fold(0.0, f64::max);
         println!("  {:.1e} mm left after the lift", left * 1e3);
         assert!(left < 1e-2 * H_M, "level {level}: {left} m left after the lift");

@@ -75,7 +75,7 @@ fn work_j(desc: ObjectDesc, cut: &[(LinkId, Crossing)]) -> f64 {
     body.update_topology(&Workers::serial(), &parted);
     let rest = body.relax(&Workers::serial(), &mut |_| ());
     assert!(rest.relative_residual < 1e-5, "{rest:?}");
-    let displacement = |n: usize| (Vec3::from(body.position_m[n]) - body.rest_position_m(n)).into();
+    let displacement = |n: usize| (Vec3::from(body.state.position_m[n]) - body.rest_position_m(n)).into();
     body.external_work_j((0..body.node_count()).map(displacement))
 }
 

@@ -46,7 +46,7 @@ fn a_sheet_that_the_edge_would_jump_in_a_step_catches_it() {
         }
         let middle = |x: f64, y: f64| Vec3::new(x, y, 0.0);
         let body = world.bodies()[0];
-        let grid = &body.grid;
+        let grid = &body.state.grid;
         let point = |position_m: Vec3| kerf_physics::body::MaterialPoint {
             position_m,
             voxel: grid.voxel_at(grid.cell_of(&position_m)).expect("a point of the sheet"),

@@ -131,8 +131,8 @@ fn a_wedge_is_thin_at_the_edge() {
 fn a_wall_that_has_turned_round_beside_the_blade_is_not_one_that_pressed_through_it() {
     // A bar in two, and a blade across it 1.2 voxels from the end of one half.
     let mut body = body(&object([-0.04, 0.0, -0.02], [0.04, 0.04, 0.02], 5e-3, 2), params(1e-3));
-    let middle = body.grid.cell_of(&Vec3::new(-1e-4, 0.02, 0.0))[0];
-    let cells = body.grid.voxels().iter().map(|v| v.ijk).filter(|cell| cell[0] == middle);
+    let middle = body.state.grid.cell_of(&Vec3::new(-1e-4, 0.02, 0.0))[0];
+    let cells = body.state.grid.voxels().iter().map(|v| v.ijk).filter(|cell| cell[0] == middle);
     let links: Vec<_> =
         cells.map(|cell| (LinkId { cell, axis: 0 }, Crossing { t: 0.5, normal: [1.0, 0.0, 0.0] })).collect();
     let parted = body.part_links(&links).parted;

@@ -30,6 +30,7 @@ fn cut_plane(body: &mut Body, axis: u8, at: i32, keep: impl Fn([i32; 3]) -> bool
     let mut normal = [0.0; 3];
     normal[axis as usize] = 1.0;
     let links: Vec<_> = body
+        .state
         .grid
         .voxels()
         .iter()
@@ -83,11 +84,11 @@ fn affine_displacement_leaves_no_force_inside_a_graded_body() {
         let shear = Mat3::new(0.02, 0.01, -0.01, 0.03, -0.015, 0.02, 0.01, -0.02, 0.025);
         let f = Mat3::identity() + shear * 1e-6;
         for node in 0..body.node_count() {
-            body.position_m[node] = (f * body.rest_position_m(node)).into();
+            body.state.position_m[node] = (f * body.rest_position_m(node)).into();
         }
         body.evaluate(&Workers::serial(), 30);
         let strain = (f + f.transpose()) * 0.5 - Mat3::identity();
-        let elastic = body.materials[0].elastic;
+        let elastic = body.description.materials[0].elastic;
         let stress = strain * (2.0 * elastic.mu_pa) + Mat3::identity() * (elastic.lambda_pa * strain.trace());
         let expected = body.constant_stress_forces_n(&stress);
         let scale = expected.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
@@ -116,7 +117,7 @@ fn a_graded_bar_stretches_as_a_bar() {
     let foot = |n: usize| body.rest_position_m(n).z <= 0.04 + 1e-9;
     for node in (0..body.node_count()).filter(|n| !foot(*n)) {
         let rest = body.rest_position_m(node);
-        let got = body.position_m[node][2] - rest.z;
+        let got = body.state.position_m[node][2] - rest.z;
         let expected = 1e-3 * (rest.z - 0.04);
         assert!((got - expected).abs() < 2e-3 * 1e-3 * EDGE_M, "node at {rest:?}: {got} against {expected}");
     }
@@ -127,7 +128,7 @@ fn a_cut_across_sizes_frees_both_sides() {
     let mut body = body(&graded_block(), params(1e-3));
     let turn = Quat::from_euler_angles(0.3, 0.2, -0.4);
     for node in 0..body.node_count() {
-        body.position_m[node] = (turn * (1.1 * body.rest_position_m(node))).into();
+        body.state.position_m[node] = (turn * (1.1 * body.rest_position_m(node))).into();
     }
     body.evaluate(&Workers::serial(), 20);
     // Half of the plane first: the cut ends inside, some nodes on it no longer hang.
@@ -141,7 +142,7 @@ fn a_cut_across_sizes_frees_both_sides() {
     // Nothing jumped.
     for node in 0..body.node_count() {
         let expected = turn * (1.1 * body.rest_position_m(node));
-        assert!((Vec3::from(body.position_m[node]) - expected).norm() < 1e-12);
+        assert!((Vec3::from(body.state.position_m[node]) - expected).norm() < 1e-12);
     }
     // No element holds on to the other side, directly or through a hanging node's masters.
     let (part_of, _) = body.base().parts();
@@ -175,7 +176,7 @@ fn random_cuts_leave_hanging_nodes_on_free_masters() {
         let hangs = |node: u32| hanging.iter().any(|h| h.node == node);
         assert!(hanging.iter().all(|h| h.masters.iter().all(|(m, w)| *w == 0.0 || !hangs(*m))), "seed {seed}");
         // Rebuilt from scratch the elements are the same: as many, with as many nodes.
-        let units = VoxelUnits { grid: &body.grid, exponent: body.base().exponent };
+        let units = VoxelUnits { grid: &body.state.grid, exponent: body.base().exponent };
         let again = Level::base(&units, body.base().sizes().clone());
         assert_eq!(again.elements.len(), body.base().elements.len(), "seed {seed}");
         assert_eq!(again.nodes.len(), body.base().nodes.len(), "seed {seed}");

@@ -96,7 +96,7 @@ impl Hand {
             let nearest = (0..body.node_count()).map(distance).fold(f64::INFINITY, f64::min);
             let nodes: Vec<usize> = (0..body.node_count()).filter(|n| distance(*n) < nearest + 1e-9).collect();
             let mean = |x: &dyn Fn(usize) -> f64| nodes.iter().map(|n| x(*n)).sum::<f64>() / nodes.len() as f64;
-            (mean(&|n| body.rest_position_m(n).x), mean(&|n| body.position_m[n][0]))
+            (mean(&|n| body.rest_position_m(n).x), mean(&|n| body.state.position_m[n][0]))
         };
         let ((rest_a, a), (rest_b, b)) = (section(from_m), section(to_m));
         (b - a) / (rest_b - rest_a) - 1.0
@@ -138,7 +138,7 @@ fn what_hangs_from_a_grasper_weighs_on_it_force_and_torque() {
     hand.move_by(Vec3::zeros(), Quat::from_euler_angles(0.3, 0.5, 0.2), 200);
     let output = hand.rest(600).clone();
     let body = hand.world.bodies()[0];
-    let grid = &body.grid;
+    let grid = &body.state.grid;
     let centre = (0..grid.voxels().len() as u32).map(kerf_physics::grid::VoxelId).map(|voxel| {
         let position_m = grid.centre_m(grid.voxels()[voxel.index()].ijk);
         body.current_m(&kerf_physics::body::MaterialPoint { position_m, voxel })
@@ -271,7 +271,7 @@ fn a_grasp_holds_on_through_a_cut_of_what_it_holds() {
     hand.move_by(Vec3::new(0.02, 0.0, 0.0), Quat::identity(), 400);
     hand.rest(200);
     let body = hand.world.bodies()[0];
-    let end = body.position_m.iter().map(|x| x[0]).fold(0.0, f64::max);
+    let end = body.state.position_m.iter().map(|x| x[0]).fold(0.0, f64::max);
     assert!((end - LENGTH_M - 0.021).abs() < 1e-3, "{end}");
 }
 

@@ -49,7 +49,7 @@ fn a_stroke_cuts_the_block_in_two_and_every_joule_is_booked() {
             share(|s| s.energy.damping_j),
             share(|s| s.energy.numerical_j),
         );
-        let voxels = rig.body().grid.voxels().len();
+        let voxels = rig.body().state.grid.voxels().len();
         assert_eq!(pieces(rig.body(), |_| true), [voxels / 2, voxels / 2], "level {level}");
         assert_eq!(rig.body().part_count(), 2);
         let left_n = rig.samples[rig.samples.len() - 1].force_n;

@@ -12,12 +12,12 @@ fn shear(a: f64) -> Mat3 {
 /// Deforms every node by `x = F X + t`.
 fn deform(body: &mut Body, f: &Mat3, t: &Vec3) {
     for node in 0..body.node_count() {
-        body.position_m[node] = (f * body.rest_position_m(node) + t).into();
+        body.state.position_m[node] = (f * body.rest_position_m(node) + t).into();
     }
 }
 
 fn cut_random_links(body: &mut Body, count: usize, rng: &mut Lcg) {
-    let dims = body.grid.dims();
+    let dims = body.state.grid.dims();
     let mut links = Vec::new();
     for _ in 0..count {
         let cell = [0, 1, 2].map(|a| (rng.unit() * f64::from(dims[a])) as i32);
@@ -61,7 +61,7 @@ fn affine_displacement_leaves_no_force_inside_whatever_the_filling_and_the_cuts(
         deform(&mut body, &f, &Vec3::zeros());
         body.evaluate(&Workers::serial(), 30);
         let strain = (f + f.transpose()) * 0.5 - Mat3::identity();
-        let elastic = body.materials[0].elastic;
+        let elastic = body.description.materials[0].elastic;
         let stress = strain * (2.0 * elastic.mu_pa) + Mat3::identity() * (elastic.lambda_pa * strain.trace());
         let expected = body.constant_stress_forces_n(&stress);
         let got = body.elastic_forces_n();
@@ -84,7 +84,7 @@ fn force_is_the_negative_gradient_of_the_energy() {
         let turn = Quat::from_euler_angles(0.4, -1.1, 2.0);
         for node in 0..body.node_count() {
             let noise = Vec3::new(rng.unit(), rng.unit(), rng.unit()) * 0.006;
-            body.position_m[node] = (turn * (body.rest_position_m(node) + noise)).into();
+            body.state.position_m[node] = (turn * (body.rest_position_m(node) + noise)).into();
         }
         body.evaluate(&Workers::serial(), 60);
         super::support::assert_forces_are_the_energys_slope(&mut body);
@@ -148,5 +148,5 @@ fn parting_a_block_duplicates_elements_and_separates_nodes() {
     body.update_topology(&Workers::serial(), &parted);
     assert_eq!((body.base().elements.len(), body.node_count(), body.part_count()), (3, 24, 3));
     assert_eq!(parted.len(), 16);
-    let _: &Grid = &body.grid;
+    let _: &Grid = &body.state.grid;
 }

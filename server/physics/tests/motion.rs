@@ -30,7 +30,7 @@ fn world(desc: ObjectDesc, tolerance: f64) -> (Scene, World) {
 
 /// Parts every x link between the cells `i` and `i + 1`.
 fn cut_across(body: &mut Body, i: i32) {
-    let [_, ny, nz] = body.grid.dims();
+    let [_, ny, nz] = body.state.grid.dims();
     let links: Vec<_> = (0..ny * nz)
         .map(|n| (LinkId { cell: [i, n % ny, n / ny], axis: 0 }, Crossing { t: 0.5, normal: [1.0, 0.0, 0.0] }))
         .collect();
@@ -50,7 +50,7 @@ fn momenta(body: &Body, in_part: impl Fn(usize) -> bool) -> (Vec3, Vec3) {
     for (node, p) in body.nodal_momentum().iter().enumerate().filter(|(n, _)| in_part(*n)) {
         let p = Vec3::from(*p);
         total.0 += p;
-        total.1 += Vec3::from(body.position_m[node]).cross(&p);
+        total.1 += Vec3::from(body.state.position_m[node]).cross(&p);
     }
     total
 }
@@ -85,7 +85,7 @@ fn spinning_bar(tolerance: f64, spin_of: impl Fn(f64) -> Vec3) -> World {
     let body = world.body_mut(0);
     let centre = Vec3::new(0.06, 0.02, 0.02);
     for node in 0..body.node_count() {
-        body.velocity_m_per_s[node] = spin.cross(&(body.rest_position_m(node) - centre)).into();
+        body.state.velocity_m_per_s[node] = spin.cross(&(body.rest_position_m(node) - centre)).into();
     }
     take(body);
     world
@@ -133,7 +133,7 @@ fn a_free_body_and_a_fragment_fall_as_implicit_euler_says_without_strain() {
         fragment(world.bodies()[1]).into_iter().map(of).collect()
     }];
     for (index, moved) in moved.iter().enumerate() {
-        let positions = world.body_mut(index).position_m.iter_mut();
+        let positions = world.body_mut(index).state.position_m.iter_mut();
         positions.zip(moved).for_each(|(x, by)| (0..3).for_each(|i| x[i] += by[i]));
     }
     let steps = 200;
@@ -146,8 +146,8 @@ fn a_free_body_and_a_fragment_fall_as_implicit_euler_says_without_strain() {
         let free = |n: usize| index == 0 || fragment(body)[n];
         for node in (0..body.node_count()).filter(|n| free(*n)) {
             let start = body.rest_position_m(node) + moved[index][node];
-            let drop = Vec3::from(body.position_m[node]) - start + Vec3::new(0.0, fall, 0.0);
-            let slow = Vec3::from(body.velocity_m_per_s[node]) + Vec3::new(0.0, speed, 0.0);
+            let drop = Vec3::from(body.state.position_m[node]) - start + Vec3::new(0.0, fall, 0.0);
+            let slow = Vec3::from(body.state.velocity_m_per_s[node]) + Vec3::new(0.0, speed, 0.0);
             worst = (worst.0.max(drop.amax() / fall), worst.1.max(slow.amax() / speed));
         }
         let inside: Vec<bool> = (0..body.node_count()).map(free).collect();
@@ -156,23 +156,23 @@ fn a_free_body_and_a_fragment_fall_as_implicit_euler_says_without_strain() {
         let mean_off = (mean + Vec3::new(0.0, speed, 0.0)).norm() / speed;
         println!(
             "{}: mean speed off by {mean_off:.1e} of {speed:.4} m/s, a node's at most by {:.1e}, its fall by {:.1e} of {fall:.4} m",
-            body.name, worst.1, worst.0
+            body.description.name, worst.1, worst.0
         );
         // The momentum is exact whatever the tolerance; strain stays below what the solve's 1e-2 leaves.
-        assert!(mean_off < 1e-12, "{}: {mean_off}", body.name);
-        assert!(worst.0 < 1e-4 && worst.1 < 2e-3, "{}: {worst:?}", body.name);
+        assert!(mean_off < 1e-12, "{}: {mean_off}", body.description.name);
+        assert!(worst.0 < 1e-4 && worst.1 < 2e-3, "{}: {worst:?}", body.description.name);
     }
     // The fragment fell by 0.2 m, the held half sags by its own weight: far less than a voxel.
     let bar = world.bodies()[1];
     let held = (0..bar.node_count()).filter(|n| !fragment(bar)[*n]);
-    let sag = held.map(|n| (Vec3::from(bar.position_m[n]) - bar.rest_position_m(n)).amax()).fold(0.0, f64::max);
+    let sag = held.map(|n| (Vec3::from(bar.state.position_m[n]) - bar.rest_position_m(n)).amax()).fold(0.0, f64::max);
     assert!(sag < 1e-3, "the held half moved by {sag} m");
 }
 
 /// Nodes of the bar beyond the cut across x link 6.
 fn fragment(body: &Body) -> Vec<bool> {
     let mut inside = vec![false; body.node_count()];
-    for (voxel, &element) in body.grid.voxels().iter().zip(&body.base().owner) {
+    for (voxel, &element) in body.state.grid.voxels().iter().zip(&body.base().owner) {
         if voxel.ijk[0] > 6 {
             body.base().elements[element as usize].nodes.iter().for_each(|n| inside[*n as usize] = true);
         }
@@ -187,13 +187,13 @@ fn tumbling_fragments_keep_their_linear_and_angular_momentum_to_round_off() {
     cut_across(body, 6);
     let far = fragment(body);
     for (node, far) in far.iter().enumerate() {
-        let x = Vec3::from(body.position_m[node]);
+        let x = Vec3::from(body.state.position_m[node]);
         let (centre, spin, drift) = if *far {
             (Vec3::new(0.095, 0.02, 0.02), Vec3::new(8.0, -21.0, 13.0), Vec3::new(0.3, 0.1, -0.2))
         } else {
             (Vec3::new(0.035, 0.02, 0.02), Vec3::new(-5.0, 2.0, 9.0), Vec3::new(-0.4, 0.0, 0.1))
         };
-        body.velocity_m_per_s[node] = (drift + spin.cross(&(x - centre))).into();
+        body.state.velocity_m_per_s[node] = (drift + spin.cross(&(x - centre))).into();
     }
     take(body);
     let energy = body.energy();
@@ -232,7 +232,7 @@ fn recover(start: impl Fn(Vec3, &mut Lcg) -> Vec3, stiffening: f64, steps: usize
     let mut rng = Lcg(5);
     for node in 0..body.node_count() {
         let x = body.rest_position_m(node);
-        body.position_m[node] = start(x, &mut rng).into();
+        body.state.position_m[node] = start(x, &mut rng).into();
     }
     take(body);
     let first = body.energy().elastic_j;
@@ -250,13 +250,13 @@ fn recover(start: impl Fn(Vec3, &mut Lcg) -> Vec3, stiffening: f64, steps: usize
 fn shape_error_voxels(body: &Body) -> f64 {
     let n = body.node_count() as f64;
     let rest: Vec<Vec3> = (0..body.node_count()).map(|i| body.rest_position_m(i)).collect();
-    let now: Vec<Vec3> = body.position_m.iter().map(|x| Vec3::from(*x)).collect();
+    let now: Vec<Vec3> = body.state.position_m.iter().map(|x| Vec3::from(*x)).collect();
     let (a, b) = (rest.iter().sum::<Vec3>() / n, now.iter().sum::<Vec3>() / n);
     let covariance =
         rest.iter().zip(&now).fold(kerf_physics::Mat3::zeros(), |m, (r, x)| m + (x - b) * (r - a).transpose());
     let turn = Quat::from_matrix_eps(&covariance, 1e-12, 1000, Quat::identity());
     let error = rest.iter().zip(&now).map(|(r, x)| ((x - b) - turn * (r - a)).norm()).fold(0.0, f64::max);
-    error / body.grid.voxel_size_m()
+    error / body.state.grid.voxel_size_m()
 }
 
 #[test]
@@ -322,16 +322,16 @@ fn a_string_under_tension_hangs_as_a_string_does() {
 fn non_finite_state_is_rolled_back_and_reported_and_the_world_goes_on() {
     type Poison = fn(&mut Body);
     let poison: [(&str, Poison); 3] = [
-        ("position", |b| b.position_m[3][1] = f64::NAN),
-        ("velocity", |b| b.velocity_m_per_s[5][0] = f64::INFINITY),
-        ("overflow", |b| b.position_m[3][1] = 1e200),
+        ("position", |b| b.state.position_m[3][1] = f64::NAN),
+        ("velocity", |b| b.state.velocity_m_per_s[5][0] = f64::INFINITY),
+        ("overflow", |b| b.state.position_m[3][1] = 1e200),
     ];
     for (name, inject) in poison {
         let mut scene = scene(vec![ellipsoid(2)]);
         scene.desc.gravity_m_per_s2 = [0.0, -GRAVITY_M_PER_S2, 0.0];
         let mut world = World::new(&scene).expect("a valid scene");
         run(&mut world, 20);
-        let before = world.bodies()[0].position_m.clone();
+        let before = world.bodies()[0].state.position_m.clone();
         inject(world.body_mut(0));
         // An overflow passes the solve and shows in the forces; it is found one step later.
         let mut fault = None;
@@ -341,7 +341,7 @@ fn non_finite_state_is_rolled_back_and_reported_and_the_world_goes_on() {
         }
         let fault = fault.unwrap_or_else(|| panic!("{name}: no fault was reported"));
         assert_eq!((fault.what, fault.object.as_str()), (FaultKind::NodeState, "block"), "{name}");
-        let moved = world.bodies()[0].position_m.iter().zip(&before);
+        let moved = world.bodies()[0].state.position_m.iter().zip(&before);
         let worst = moved.map(|(a, b)| (Vec3::from(*a) - Vec3::from(*b)).amax()).fold(0.0, f64::max);
         assert!(worst < 1e-3, "{name}: {worst} m from the last finite state");
         run(&mut world, 100);
@@ -351,7 +351,7 @@ fn non_finite_state_is_rolled_back_and_reported_and_the_world_goes_on() {
         assert!(
             e.elastic_j.is_finite()
                 && e.kinetic_j.is_finite()
-                && body.position_m.iter().flatten().all(|x| x.is_finite())
+                && body.state.position_m.iter().flatten().all(|x| x.is_finite())
         );
         let speed = momenta(body, |_| true).0.y / body.mass_kg();
         assert!((speed / GRAVITY_M_PER_S2 + 0.1).abs() < 4e-3, "{name}: falls at {speed} m/s after 0.1 s");
@@ -365,12 +365,12 @@ fn a_body_that_is_rolled_back_again_at_once_returns_to_its_rest_shape_where_it_i
     let drift = Vec3::new(0.3, -0.1, 0.2);
     for node in 0..body.node_count() {
         let x = body.rest_position_m(node);
-        body.position_m[node] = (drift + Vec3::new(1.3 * x.x, x.y, x.z)).into();
+        body.state.position_m[node] = (drift + Vec3::new(1.3 * x.x, x.y, x.z)).into();
     }
     run(&mut world, 1);
     let mut off = Vec::new();
     for _ in 0..2 {
-        world.body_mut(0).velocity_m_per_s[5][0] = f64::NAN;
+        world.body_mut(0).state.velocity_m_per_s[5][0] = f64::NAN;
         run(&mut world, 1);
         assert!(world.output().fault.is_some());
         off.push(shape_error_voxels(world.bodies()[0]));
@@ -378,9 +378,9 @@ fn a_body_that_is_rolled_back_again_at_once_returns_to_its_rest_shape_where_it_i
     // The first time it goes back to the state before, which is stretched; the second time that is given up.
     assert!(off[0] > 0.5 && off[1] < 1e-9, "{off:?} voxels off its shape");
     let body = world.bodies()[0];
-    let moved = (0..body.node_count()).map(|n| Vec3::from(body.position_m[n]) - body.rest_position_m(n));
+    let moved = (0..body.node_count()).map(|n| Vec3::from(body.state.position_m[n]) - body.rest_position_m(n));
     let mean = moved.sum::<Vec3>() / body.node_count() as f64;
-    assert!((mean - drift).norm() < 0.2 * body.grid.voxel_size_m(), "{mean:?} from where it was built");
+    assert!((mean - drift).norm() < 0.2 * body.state.grid.voxel_size_m(), "{mean:?} from where it was built");
     run(&mut world, 20);
     assert!(world.output().fault.is_none() && shape_error_voxels(world.bodies()[0]) < 1e-6);
 }

@@ -96,7 +96,7 @@ fn nothing_passes_through_a_fast_probe() {
 fn depth_in(world: &World, centre_m: Vec3, radius_m: f64) -> f64 {
     let body = world.bodies()[0];
     let top = (0..body.node_count()).filter(|n| body.rest_position_m(*n).y > -1e-9);
-    top.map(|n| radius_m - (Vec3::from(body.position_m[n]) - centre_m).norm()).fold(0.0, f64::max)
+    top.map(|n| radius_m - (Vec3::from(body.state.position_m[n]) - centre_m).norm()).fold(0.0, f64::max)
 }
 
 #[test]
@@ -153,7 +153,8 @@ fn a_probe_presses_on_the_walls_of_a_cut() {
     let force = output.tools[0].wrench.force_n;
     println!("force {force:?}, residual over work {:.1e}", residual / work);
     assert!(force.y > 0.0 && force.x.abs() < 0.1 * force.y, "{force:?}");
-    let spread = world.bodies()[0].position_m.iter().filter(|x| x[1] > -0.004 && x[1] < 0.01 && x[2].abs() < 0.003);
+    let spread =
+        world.bodies()[0].state.position_m.iter().filter(|x| x[1] > -0.004 && x[1] < 0.01 && x[2].abs() < 0.003);
     let nearest = spread.map(|x| (x[0] - 1e-5).abs()).fold(f64::INFINITY, f64::min);
     assert!(nearest > 5e-4, "{nearest}");
 }

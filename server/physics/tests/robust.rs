@@ -125,9 +125,9 @@ fn rampage_of(blade: &BladeDesc, held: Held, tools: usize, seed: u64, steps: u32
         worst = worst.max((e.elastic_j + e.kinetic_j) / (put_in + 1e-4));
     }
     let body = world.bodies()[0];
-    assert!(body.position_m.iter().flatten().all(|x| x.is_finite()));
+    assert!(body.state.position_m.iter().flatten().all(|x| x.is_finite()));
     let sizes = super::support::cutting::pieces(body, |_| true);
-    assert_eq!(sizes.iter().sum::<usize>(), body.grid.voxels().len());
+    assert_eq!(sizes.iter().sum::<usize>(), body.state.grid.voxels().len());
     let least = sizes.iter().copied().min().unwrap_or(0);
     assert!(least >= LEAST_PIECE_VOXELS, "{held:?}, seed {seed}: a piece of {least} voxels");
     println!(

@@ -75,7 +75,12 @@ fn until_asleep(world: &mut World, most: u32) -> u32 {
 /// Largest distance between the nodes of two worlds' first bodies, m.
 fn apart_m(a: &World, b: &World) -> f64 {
     let (a, b) = (a.bodies()[0], b.bodies()[0]);
-    a.position_m.iter().zip(&b.position_m).map(|(a, b)| (Vec3::from(*a) - Vec3::from(*b)).norm()).fold(0.0, f64::max)
+    a.state
+        .position_m
+        .iter()
+        .zip(&b.state.position_m)
+        .map(|(a, b)| (Vec3::from(*a) - Vec3::from(*b)).norm())
+        .fold(0.0, f64::max)
 }
 
 #[test]
@@ -83,7 +88,7 @@ fn a_pressed_body_falls_asleep_and_no_step_is_taken_of_it() {
     let mut world = World::new(&block(|_| ())).unwrap();
     let steps = press_until_asleep(&mut world);
     let before = world.output().clone();
-    let positions_m = world.bodies()[0].position_m.clone();
+    let positions_m = world.bodies()[0].state.position_m.clone();
     assert!(before.solve.solves > 0);
     assert_eq!(before.energy.kinetic_j, 0.0);
     assert!(before.energy.residual_j.abs() < 1e-6 * before.energy.elastic_j, "{:?}", before.energy);
@@ -98,7 +103,7 @@ fn a_pressed_body_falls_asleep_and_no_step_is_taken_of_it() {
         assert!(output.energy.residual_j.abs() < 1e-12 * before.energy.elastic_j, "{:?}", output.energy);
         assert_eq!((output.energy.tool_work_j, output.energy.damping_j), (0.0, 0.0));
     }
-    assert_eq!(world.bodies()[0].position_m, positions_m);
+    assert_eq!(world.bodies()[0].state.position_m, positions_m);
     // A tool that moves out of reach of it does not wake it.
     step(&mut world, BLADE, at(0.2));
     assert_eq!(step(&mut world, BLADE, at(0.15)).solve.solves, 0);
@@ -113,7 +118,7 @@ fn a_body_that_carries_nothing_comes_to_rest_after_a_press() {
     assert!(!world.is_asleep(0), "let go");
     let steps = until_asleep(&mut world, 3000);
     let body = world.bodies()[0];
-    let off_m = (0..body.node_count()).map(|n| (Vec3::from(body.position_m[n]) - body.rest_position_m(n)).norm());
+    let off_m = (0..body.node_count()).map(|n| (Vec3::from(body.state.position_m[n]) - body.rest_position_m(n)).norm());
     let off_m = off_m.fold(0.0, f64::max);
     println!("asleep {steps} steps after it was let go, {off_m:.1e} m from its shape");
     assert!(off_m < 1e-4 * DEPTH_M, "{off_m} m");
@@ -169,7 +174,7 @@ fn what_touches_changes_or_restores_a_body_wakes_it() {
         step(world, BLADE, at(TOP_M - 1e-3));
     });
     wakes(&mut world, "it is set", &mut |world| {
-        world.body_mut(0).velocity_m_per_s[0] = [0.0, 1e-3, 0.0];
+        world.body_mut(0).state.velocity_m_per_s[0] = [0.0, 1e-3, 0.0];
         wait(world);
     });
     wakes(&mut world, "the tolerance changes", &mut |world| {
@@ -249,7 +254,7 @@ fn what_falls_slowly_does_not_sleep() {
     let mut world = World::new(&scene).unwrap();
     (0..1000).for_each(|_| _ = wait(&mut world));
     let body = world.bodies()[0];
-    let fallen_m = body.rest_position_m(0).y - body.position_m[0][1];
+    let fallen_m = body.rest_position_m(0).y - body.state.position_m[0][1];
     println!("fell by {:.4} of g t / alpha", fallen_m / 9.81e-5);
     assert!((fallen_m / 9.81e-5 - 1.0).abs() < 0.01, "{fallen_m}");
 }

@@ -29,7 +29,8 @@ fn tip(world: &World) -> [f64; 3] {
     let end = (0..body.node_count()).map(|n| body.rest_position_m(n).z).fold(0.0, f64::max);
     let nodes: Vec<usize> = (0..body.node_count()).filter(|n| body.rest_position_m(*n).z > end - 1e-9).collect();
     [0, 1, 2].map(|i| {
-        nodes.iter().map(|&n| body.position_m[n][i] - body.rest_position_m(n)[i]).sum::<f64>() / nodes.len() as f64
+        nodes.iter().map(|&n| body.state.position_m[n][i] - body.rest_position_m(n)[i]).sum::<f64>()
+            / nodes.len() as f64
     })
 }
 
@@ -59,7 +60,7 @@ fn a_free_block_under_traction_strains_as_hooke_says() {
                     (0..body.node_count()).fold((f64::MAX, f64::MIN), |(a, b), n| (a.min(rest(n)), b.max(rest(n))));
                 let mean = |at: f64| {
                     let nodes: Vec<usize> = (0..body.node_count()).filter(|n| (rest(*n) - at).abs() < 1e-9).collect();
-                    nodes.iter().map(|&n| body.position_m[n][axis]).sum::<f64>() / nodes.len() as f64
+                    nodes.iter().map(|&n| body.state.position_m[n][axis]).sum::<f64>() / nodes.len() as f64
                 };
                 (mean(high) - mean(low)) / (high - low) - 1.0
             };
@@ -102,12 +103,12 @@ fn a_plucked_cantilever_swings_at_its_first_frequency() {
         let mut scene = cantilever(level, h, 0.0981);
         let mut at_rest = World::new(&scene).expect("a valid scene");
         at_rest.relax(&Workers::serial(), &mut |_| ());
-        let bent = at_rest.bodies()[0].position_m.clone();
+        let bent = at_rest.bodies()[0].state.position_m.clone();
         let sag = tip(&at_rest)[1];
         scene.desc.gravity_m_per_s2 = [0.0; 3];
         let mut world = World::new(&scene).expect("a valid scene");
         let body = world.body_mut(0);
-        body.position_m = bent;
+        body.state.position_m = bent;
         body.evaluate(&Workers::serial(), 30);
         body.refresh_operator(&Workers::serial());
         // From one downward crossing of zero to the next.

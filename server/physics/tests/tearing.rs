@@ -19,7 +19,7 @@ fn bounds(min_m: [f64; 3], max_m: [f64; 3]) -> ShapeDesc {
 
 /// Parts the links across the plane y = `height_m` between two places along x.
 fn crack(body: &mut Body, height_m: f64, along_m: [f64; 2]) {
-    let (h, [_, _, nz]) = (body.grid.voxel_size_m(), body.grid.dims());
+    let (h, [_, _, nz]) = (body.state.grid.voxel_size_m(), body.state.grid.dims());
     let j = (height_m / h).round() as i32 - 1;
     let [from, to] = along_m.map(|x| (x / h).round() as i32);
     let link = |i, k| (LinkId { cell: [i, j, k], axis: 1 }, Crossing { t: 0.5, normal: [0.0, 1.0, 0.0] });
@@ -55,7 +55,7 @@ fn strip(level: u8, h: f64, traction_pa: f64) -> Specimen {
 /// `W H` of the strip: W from how far the clamp has gone over the middle.
 fn strip_theory(body: &Body) -> f64 {
     let at_m = Vec3::new(0.16, 0.06, 0.5 * THICKNESS_M);
-    let voxel = body.grid.voxel_at(body.grid.cell_of(&(at_m - Vec3::y() * 1e-4))).expect("in the strip");
+    let voxel = body.state.grid.voxel_at(body.state.grid.cell_of(&(at_m - Vec3::y() * 1e-4))).expect("in the strip");
     let stretch = (body.current_m(&MaterialPoint { position_m: at_m, voxel }) - at_m).y / 0.04;
     0.5 * YOUNG_PA * stretch * stretch * 0.04
 }
@@ -152,7 +152,7 @@ fn torn(specimen: &Specimen, still: &Body, gc_j_per_m2: f64) -> u32 {
     let mut world = World::new(&scene(vec![desc])).expect("a valid scene");
     let body = world.body_mut(0);
     specimen.cracks_m.iter().for_each(|along_m| crack(body, specimen.height_m, *along_m));
-    body.position_m.clone_from(&still.position_m);
+    body.state.position_m.clone_from(&still.state.position_m);
     let mut parted = 0;
     for _ in 0..100 {
         run(&mut world, 1);

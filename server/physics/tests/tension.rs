@@ -50,7 +50,7 @@ fn strip(level: u8, h: f64, pull: f64) -> Scene {
 
 /// Cuts the strip from its top by `depth_m`, and from its bottom, without a blade.
 fn cut(body: &mut Body, depth_m: f64) {
-    let (h, [nx, ny, nz]) = (body.grid.voxel_size_m(), body.grid.dims());
+    let (h, [nx, ny, nz]) = (body.state.grid.voxel_size_m(), body.state.grid.dims());
     let crossing = Crossing { t: (0.5 + BLADE_Z_M / h) as f32, normal: [0.0, 0.0, 1.0] };
     let rows = (0..(CUT_M / h).round() as i32).chain(ny - (depth_m / h).round() as i32..ny);
     let link = |i, j| (LinkId { cell: [i, j, nz / 2 - 1], axis: 2 }, crossing);
@@ -65,7 +65,7 @@ fn rest(scene: &Scene, depth_m: f64) -> (Body, f64) {
     cut(&mut body, depth_m);
     let rest = body.relax(&Workers::serial(), &mut |_| ());
     assert!(rest.relative_residual < 1e-5, "{rest:?}");
-    let moved = (0..body.node_count()).map(|n| (Vec3::from(body.position_m[n]) - body.rest_position_m(n)).into());
+    let moved = (0..body.node_count()).map(|n| (Vec3::from(body.state.position_m[n]) - body.rest_position_m(n)).into());
     let energy = body.energy();
     let potential_j = energy.elastic_j + energy.hold_j - body.external_work_j(moved);
     (body, potential_j)
@@ -99,7 +99,7 @@ fn a_stretched_strip_is_cut_at_gc_less_what_it_sets_free() {
         let body = rig.world.body_mut(0);
         cut(body, CUT_M);
         if pull > 0.0 {
-            body.position_m.clone_from(&rest(&scene, CUT_M).0.position_m);
+            body.state.position_m.clone_from(&rest(&scene, CUT_M).0.state.position_m);
         }
         rig.drive(CUT_M + 0.018);
         let found = mean_force_n(&rig, [0.002, 0.012]) / (GC_J_PER_M2 * THICKNESS_M);

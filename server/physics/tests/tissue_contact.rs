@@ -60,7 +60,7 @@ fn deepest_m(world: &World) -> f64 {
 fn momentum(world: &World) -> (Vec3, Vec3) {
     let (mut linear, mut angular) = (Vec3::zeros(), Vec3::zeros());
     for body in world.bodies() {
-        for (p, x) in body.nodal_momentum().iter().zip(&body.position_m) {
+        for (p, x) in body.nodal_momentum().iter().zip(&body.state.position_m) {
             linear += Vec3::from(*p);
             angular += Vec3::from(*x).cross(&Vec3::from(*p));
         }
@@ -74,7 +74,7 @@ fn velocity_m_per_s(body: &Body) -> Vec3 {
 
 /// Displacements along y of the middles of the uppermost faces of a body, m.
 fn top_m(body: &Body, top_m: f64) -> Vec<f64> {
-    let grid = &body.grid;
+    let grid = &body.state.grid;
     let rows = grid.dims()[1] - 1;
     let faces = (0..grid.voxels().len() as u32).map(kerf_physics::grid::VoxelId);
     let upper = faces.filter(|v| grid.voxels()[v.index()].ijk[1] == rows);
@@ -118,8 +118,8 @@ fn bodies_that_collide_askew_keep_linear_and_angular_momentum_and_rebound() {
     a.material.rayleigh_beta_s = 0.0;
     b.material = a.material.clone();
     let mut world = World::new(&scene(vec![a, b])).unwrap();
-    world.body_mut(0).velocity_m_per_s.iter_mut().for_each(|v| *v = [0.0, 0.5, 0.0]);
-    world.body_mut(1).velocity_m_per_s.iter_mut().for_each(|v| *v = [0.1, -0.5, 0.0]);
+    world.body_mut(0).state.velocity_m_per_s.iter_mut().for_each(|v| *v = [0.0, 0.5, 0.0]);
+    world.body_mut(1).state.velocity_m_per_s.iter_mut().for_each(|v| *v = [0.1, -0.5, 0.0]);
     run(&mut world, 1);
     let (linear, angular) = momentum(&world);
     let before_j = world.output().energy.kinetic_j;
@@ -146,7 +146,7 @@ fn bodies_that_collide_askew_keep_linear_and_angular_momentum_and_rebound() {
 /// Parts the links across the plane y = row + `t` for the columns that `keep` accepts.
 fn cut(world: &mut World, row: i32, t: f32, keep: impl Fn([i32; 3]) -> bool) -> Vec<LinkId> {
     let body = world.body_mut(0);
-    let [nx, _, nz] = body.grid.dims();
+    let [nx, _, nz] = body.state.grid.dims();
     let cells = (0..nz).flat_map(|z| (0..nx).map(move |x| [x, row, z])).filter(|cell| keep(*cell));
     let crossing = Crossing { t, normal: [0.0, 1.0, 0.0] };
     let links: Vec<_> = cells.map(|cell| (LinkId { cell, axis: 1 }, crossing)).collect();
@@ -270,12 +270,12 @@ fn friction_holds_below_mu_n_and_slides_above() {
 
 /// Largest penetration of the walls at parted links, m, from the crossings themselves.
 fn penetration_m(body: &Body, links: &[LinkId], t: f32) -> f64 {
-    let h = body.grid.voxel_size_m();
+    let h = body.state.grid.voxel_size_m();
     let depth = |link: &LinkId| {
-        let mut position_m = body.grid.centre_m(link.cell);
+        let mut position_m = body.state.grid.centre_m(link.cell);
         position_m[link.axis as usize] += f64::from(t) * h;
         let [lower, upper] = [link.cell, link.upper()].map(|cell| {
-            let voxel = body.grid.voxel_at(cell).expect("a parted link has two voxels");
+            let voxel = body.state.grid.voxel_at(cell).expect("a parted link has two voxels");
             MaterialPoint { position_m, voxel }
         });
         let gradient = body.deformation_gradient(&lower);
@@ -300,7 +300,7 @@ fn thrown_flap(level: u8, rate_hz: f64, t: f32) -> (World, Vec<LinkId>) {
     for n in 0..body.node_count() {
         let rest = body.rest_position_m(n);
         if rest.y > 0.0151 {
-            body.velocity_m_per_s[n][1] = (1.0 - rest.x / 0.045).max(0.0);
+            body.state.velocity_m_per_s[n][1] = (1.0 - rest.x / 0.045).max(0.0);
         }
     }
     (world, links)
@@ -359,13 +359,13 @@ fn a_block_at_a_metre_per_second_does_not_pass_through_a_thin_sheet() {
         let mut scene = scene(vec![falling, sheet]);
         scene.desc.rate_hz = rate_hz;
         let mut world = World::new(&scene).unwrap();
-        world.body_mut(0).velocity_m_per_s.iter_mut().for_each(|v| *v = [0.0, -1.0, 0.0]);
+        world.body_mut(0).state.velocity_m_per_s.iter_mut().for_each(|v| *v = [0.0, -1.0, 0.0]);
         let mut deepest = 0.0f64;
         for _ in 0..(0.1 * rate_hz) as usize {
             run(&mut world, 1);
             deepest = deepest.max(deepest_m(&world));
         }
-        let lowest = |body: &Body| body.position_m.iter().map(|x| x[1]).fold(f64::MAX, f64::min);
+        let lowest = |body: &Body| body.state.position_m.iter().map(|x| x[1]).fold(f64::MAX, f64::min);
         let feet = [0, 1].map(|body| lowest(world.bodies()[body]));
         let speed = velocity_m_per_s(world.bodies()[0]).y;
         println!("{rate_hz} Hz, level {level}: at {speed:.3} m/s, at most {:.4} h deep", deepest / H_M);
@@ -385,7 +385,7 @@ fn bodies_that_fail_together_are_rolled_back_alike_whatever_fails_in_them() {
         let mut world = World::new(&scene).unwrap();
         run(&mut world, 100);
         let carried_m = deepest_m(&world);
-        [0, 1].into_iter().for_each(|index| world.body_mut(index).position_m[40][1] = position_m);
+        [0, 1].into_iter().for_each(|index| world.body_mut(index).state.position_m[40][1] = position_m);
         let output = world.step(&Workers::serial(), &NoClock, &StepInputs::default());
         assert_eq!(output.fault.as_ref().map(|fault| fault.object.as_str()), Some("upper"), "{position_m}");
         assert!(output.energy.residual_j.abs() < 1e-12, "{position_m}: {:?}", output.energy);

@@ -26,7 +26,7 @@ const BAR_SECTION_M2: f64 = 0.04 * 0.05;
 fn stretch(body: &mut Body, strain: f64) {
     for node in 0..body.node_count() {
         let x = body.rest_position_m(node);
-        body.position_m[node] = [x.x * (1.0 + strain), x.y * (1.0 - 0.3 * strain), x.z * (1.0 - 0.3 * strain)];
+        body.state.position_m[node] = [x.x * (1.0 + strain), x.y * (1.0 - 0.3 * strain), x.z * (1.0 - 0.3 * strain)];
     }
 }
 
@@ -128,7 +128,7 @@ fn creep_error(dt_over_tau: f64) -> f64 {
     let body = world.body_mut(0);
     for node in 0..body.node_count() {
         let x = body.rest_position_m(node);
-        body.position_m[node] = [x.x + end / (1.0 + s) * (x.x - 0.01).max(0.0), x.y, x.z];
+        body.state.position_m[node] = [x.x + end / (1.0 + s) * (x.x - 0.01).max(0.0), x.y, x.z];
     }
     let mut worst = 0.0f64;
     for step in 1..=(10.0 / dt_over_tau) as u32 {
@@ -137,7 +137,7 @@ fn creep_error(dt_over_tau: f64) -> f64 {
         let mean = |at: f64| {
             let nodes: Vec<usize> =
                 (0..body.node_count()).filter(|n| (body.rest_position_m(*n).x - at).abs() < 1e-9).collect();
-            nodes.iter().map(|&n| body.position_m[n][0] - at).sum::<f64>() / nodes.len() as f64
+            nodes.iter().map(|&n| body.state.position_m[n][0] - at).sum::<f64>() / nodes.len() as f64
         };
         let strain = (mean(0.08) - mean(0.04)) / 0.04;
         let t = dt_over_tau * f64::from(step);
@@ -163,7 +163,7 @@ fn strained_at_random() -> Body {
     for _ in 0..2 {
         for node in 0..body.node_count() {
             let noise = Vec3::new(rng.unit(), rng.unit(), rng.unit()) * 0.006;
-            body.position_m[node] = (body.rest_position_m(node) + noise).into();
+            body.state.position_m[node] = (body.rest_position_m(node) + noise).into();
         }
         body.evaluate(&Workers::serial(), 60);
         let_time_pass(&mut body);
@@ -178,7 +178,7 @@ fn a_rotation_turns_the_forces_along_and_no_net_torque_appears() {
     let (forces, energy) = (body.elastic_forces_n(), body.energy().elastic_j);
     let largest = forces.iter().flatten().fold(0.0f64, |m, f| m.max(f.abs()));
     let turn = Quat::from_euler_angles(0.4, -1.1, 2.0);
-    for x in &mut body.position_m {
+    for x in &mut body.state.position_m {
         *x = (turn * Vec3::from(*x) + Vec3::new(0.3, -0.2, 0.1)).into();
     }
     body.evaluate(&Workers::serial(), 60);
@@ -186,7 +186,7 @@ fn a_rotation_turns_the_forces_along_and_no_net_torque_appears() {
     let worst = forces.iter().zip(&turned).map(|(f, g)| (turn * Vec3::from(*f) - Vec3::from(*g)).amax());
     let worst = worst.fold(0.0, f64::max) / largest;
     let (mut force, mut torque) = (Vec3::zeros(), Vec3::zeros());
-    for (x, f) in body.position_m.iter().zip(&turned) {
+    for (x, f) in body.state.position_m.iter().zip(&turned) {
         force += Vec3::from(*f);
         torque += Vec3::from(*x).cross(&Vec3::from(*f));
     }
@@ -213,7 +213,7 @@ fn a_split_element_hands_its_memory_to_its_parts() {
     let mut body = body(&desc, params(dt));
     let f = Mat3::identity() + 1e-6 * Mat3::new(2.0, 0.5, -1.0, 1.5, -1.5, 2.0, 1.0, -2.0, 2.5);
     for node in 0..body.node_count() {
-        body.position_m[node] = (f * body.rest_position_m(node)).into();
+        body.state.position_m[node] = (f * body.rest_position_m(node)).into();
     }
     body.evaluate(&Workers::serial(), 30);
     let at_once = body.energy().elastic_j;
@@ -292,7 +292,7 @@ fn an_element_of_several_materials_relaxes_as_they_do_side_by_side() {
         let mut body = body(&desc, params(dt));
         for node in 0..body.node_count() {
             let x = body.rest_position_m(node);
-            body.position_m[node] = [x.x * (1.0 + strain), x.y, x.z];
+            body.state.position_m[node] = [x.x * (1.0 + strain), x.y, x.z];
         }
         body.evaluate(&Workers::serial(), 30);
         for step in 0..20 {

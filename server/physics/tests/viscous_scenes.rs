@@ -166,7 +166,7 @@ fn any_relaxation_time_at_any_step_stays_finite_and_bounded() {
                 for node in 0..body.node_count() {
                     let x = body.rest_position_m(node);
                     let out = (x.x - 0.01).max(0.0);
-                    body.position_m[node] = [x.x + 0.3 * out, x.y - 0.4 * out, x.z * (1.0 - out)];
+                    body.state.position_m[node] = [x.x + 0.3 * out, x.y - 0.4 * out, x.z * (1.0 - out)];
                 }
                 body.evaluate(&Workers::serial(), 30);
                 let first = body.energy().total_j();
@@ -206,7 +206,7 @@ fn violent_starts_gain_no_energy_and_come_to_rest() {
             let body = world.body_mut(0);
             let mut rng = Lcg(5);
             for node in 0..body.node_count() {
-                body.position_m[node] = (middle + start(body.rest_position_m(node) - middle, &mut rng)).into();
+                body.state.position_m[node] = (middle + start(body.rest_position_m(node) - middle, &mut rng)).into();
             }
             body.evaluate(&Workers::serial(), 60);
             body.refresh_operator(&Workers::serial());

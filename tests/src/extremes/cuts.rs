@@ -35,7 +35,7 @@ fn case(name: &str, specimen: Specimen, seed: u64, [steps, per_step]: [usize; 2]
         let mut parted_links = 0;
         for _ in 0..steps {
             let body = trial.world.body_mut(0);
-            let links: Links = (0..per_step).flat_map(|_| cut(&body.grid, &mut rng)).collect();
+            let links: Links = (0..per_step).flat_map(|_| cut(&body.state.grid, &mut rng)).collect();
             let parted = body.part_links(&links).parted;
             body.update_topology(&Workers::serial(), &parted);
             parted_links += parted.len();
@@ -94,7 +94,7 @@ pub(crate) fn check_body(body: &Body, voxels: usize) -> Vec<String> {
     let base = body.base();
     let mut filled = vec![0usize; base.elements.len()];
     let mut astray = 0;
-    for (voxel, &owner) in body.grid.voxels().iter().zip(&base.owner) {
+    for (voxel, &owner) in body.state.grid.voxels().iter().zip(&base.owner) {
         filled[owner as usize] += 1;
         let element = &base.elements[owner as usize];
         let inside = |a: usize| (0..element.size).contains(&((voxel.ijk[a] >> base.exponent) - element.cell[a]));
@@ -111,7 +111,7 @@ pub(crate) fn check_body(body: &Body, voxels: usize) -> Vec<String> {
     if total != voxels || unknown > 0 {
         wrong.push(format!("{total} voxels of {voxels}, {unknown} unknown nodes"));
     }
-    let small: usize = body.grid.piece_sizes().into_iter().take_while(|size| *size < LEAST_PIECE_VOXELS).sum();
+    let small: usize = body.state.grid.piece_sizes().into_iter().take_while(|size| *size < LEAST_PIECE_VOXELS).sum();
     if small > 0 && voxels >= LEAST_PIECE_VOXELS {
         wrong.push(format!("{small} voxels in pieces of fewer than {LEAST_PIECE_VOXELS}"));
     }

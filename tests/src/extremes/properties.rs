@@ -157,7 +157,7 @@ fn strokes_hold(seed: u64, cases: u32) -> Result<(), String> {
         let extent_m = specimen.extent_m();
         let entry_j = ENTRY_SHARE * material.fracture_energy_j_per_m2.unwrap_or(0.0) * extent_m.x * extent_m.y;
         let mut trial = Trial::new(&scene).map_err(|e| TestCaseError::fail(e.to_string()))?;
-        let voxels = trial.world.bodies()[0].grid.voxels().len();
+        let voxels = trial.world.bodies()[0].state.grid.voxels().len();
         let hands: Vec<Vec<ToolMotion>> = tools.iter().map(|strokes| motions(strokes, dt_s)).collect();
         for step in 0..hands.iter().map(Vec::len).max().unwrap_or(0) {
             let now: Vec<ToolMotion> = hands.iter().map(|h| h.get(step).copied().unwrap_or(ToolMotion::Lift)).collect();

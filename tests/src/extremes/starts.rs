@@ -80,11 +80,13 @@ fn shape_error_voxels(body: &kerf_physics::body::Body) -> f64 {
     for element in &body.base().elements {
         for (i, &a) in element.nodes.iter().enumerate() {
             for &b in &element.nodes[..i] {
-                let now = (Vec3::from(body.position_m[a as usize]) - Vec3::from(body.position_m[b as usize])).norm();
+                let now = (Vec3::from(body.state.position_m[a as usize])
+                    - Vec3::from(body.state.position_m[b as usize]))
+                .norm();
                 let then = (body.rest_position_m(a as usize) - body.rest_position_m(b as usize)).norm();
                 worst = worst.max((now - then).abs());
             }
         }
     }
-    worst / body.grid.voxel_size_m()
+    worst / body.state.grid.voxel_size_m()
 }

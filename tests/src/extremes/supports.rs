@@ -103,7 +103,7 @@ fn diced(pitch: i32) -> Case {
             let mut trial = Trial::new(&specimen.scene(specimen.block(), 0))?;
             let body = trial.world.body_mut(0);
             let mut links = Vec::new();
-            for voxel in body.grid.voxels() {
+            for voxel in body.state.grid.voxels() {
                 for axis in 0..3u8 {
                     let mut normal = [0.0; 3];
                     normal[axis as usize] = 1.0;

@@ -84,7 +84,7 @@ impl Trial {
     pub fn new(scene: &Scene) -> Result<Self, SceneError> {
         scene.problems().into_iter().next().map_or(Ok(()), Err)?;
         let world = World::new(scene)?;
-        let volume = |body: &Body| body.grid.voxels().len() as f64 * body.grid.voxel_size_m().powi(3);
+        let volume = |body: &Body| body.state.grid.voxels().len() as f64 * body.state.grid.voxel_size_m().powi(3);
         let bodies = world.bodies();
         let stiff_j = bodies.iter().zip(&scene.desc.objects).map(|(b, o)| o.material.young_modulus_pa * volume(b));
         Ok(Self {
@@ -108,8 +108,8 @@ impl Trial {
         let body = self.world.body_mut(0);
         for node in 0..body.node_count() {
             let (position_m, velocity_m_per_s) = state(body.rest_position_m(node));
-            body.position_m[node] = position_m.into();
-            body.velocity_m_per_s[node] = velocity_m_per_s.into();
+            body.state.position_m[node] = position_m.into();
+            body.state.velocity_m_per_s[node] = velocity_m_per_s.into();
         }
         self.take_start();
     }
@@ -187,6 +187,7 @@ impl Trial {
 
 /// Largest distance of a node from where it was built, in voxels.
 fn left_voxels(body: &Body) -> f64 {
-    let moved = body.position_m.iter().enumerate().map(|(n, x)| (Vec3::from(*x) - body.rest_position_m(n)).norm());
-    moved.fold(0.0, f64::max) / body.grid.voxel_size_m()
+    let moved =
+        body.state.position_m.iter().enumerate().map(|(n, x)| (Vec3::from(*x) - body.rest_position_m(n)).norm());
+    moved.fold(0.0, f64::max) / body.state.grid.voxel_size_m()
 }

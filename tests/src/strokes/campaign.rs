@@ -163,7 +163,7 @@ impl Specimen {
     }
 
     fn voxel_m(&self) -> f64 {
-        self.world.bodies()[0].grid.voxel_size_m()
+        self.world.bodies()[0].state.grid.voxel_size_m()
     }
 
     fn stroke(&mut self, rng: &mut SplitMix64, tally: &mut Tally) {
@@ -201,12 +201,12 @@ impl Specimen {
         if !self.world.bodies()[0].is_finite() {
             wrong.push("a position or velocity is not a number".into());
         }
-        let sizes = self.world.bodies()[0].grid.piece_sizes();
+        let sizes = self.world.bodies()[0].state.grid.piece_sizes();
         tally.most_pieces = tally.most_pieces.max(sizes.len());
         tally.least_piece = tally.least_piece.min(sizes[0]);
         let (voxel_m, whole_m3) = (self.voxel_m(), self.whole_m3);
         for (body, surface) in self.world.bodies_and_surfaces() {
-            let seams = seams(&body.grid, surface);
+            let seams = seams(&body.state.grid, surface);
             tally.lone_cracks = tally.lone_cracks.max(seams.lone);
             if seams.open > 0 {
                 wrong.push(format!("{} open edges", seams.open));
@@ -232,14 +232,14 @@ impl Specimen {
 
     /// Whether the surface that was followed is the one a new viewer gets.
     fn compare_surface(&mut self, tally: &mut Tally) {
-        let followed = |(body, surface): (&Body, &Surface)| *surface == Surface::build(&body.grid);
+        let followed = |(body, surface): (&Body, &Surface)| *surface == Surface::build(&body.state.grid);
         if !self.world.bodies_and_surfaces().all(followed) {
             tally.finding(self.seed, "the surface followed is not the one built anew");
         }
     }
 
     fn is_cut_up(&self) -> bool {
-        let grid = &self.world.bodies()[0].grid;
+        let grid = &self.world.bodies()[0].state.grid;
         let largest = grid.piece_sizes().last().copied().unwrap_or(0) as f64;
         self.idle_strokes >= IDLE_STROKES || largest < CUT_UP_FRACTION * grid.voxels().len() as f64
     }
@@ -259,7 +259,7 @@ fn is_finite(output: &StepOutput) -> bool {
 pub fn cut(model: &Model, seed: u64, strokes: u32) -> Result<Tally, SceneError> {
     let mut specimen = Specimen::new(model, seed)?;
     let mut tally = Tally {
-        voxels: specimen.world.bodies()[0].grid.voxels().len(),
+        voxels: specimen.world.bodies()[0].state.grid.voxels().len(),
         voxel_m: specimen.voxel_m(),
         left_out: specimen.world.object_stats()[0].left_out.voxels,
         least_piece: usize::MAX,

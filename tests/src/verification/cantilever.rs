@@ -75,7 +75,7 @@ fn frequency_hz(mesh: Mesh) -> Result<f64> {
     let mut world = World::new(&scene)?;
     let dt_s = 1.0 / scene.desc.rate_hz;
     let body = world.body_mut(0);
-    body.position_m = bent.position_m;
+    body.state.position_m = bent.state.position_m;
     body.evaluate(&Workers::serial(), 30);
     body.refresh_operator(&Workers::serial());
     let height = |world: &World| displacement_m(world.bodies()[0], end_m(SIDE_M)).map(|u| u.y);

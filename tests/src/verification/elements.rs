@@ -51,7 +51,7 @@ impl Filling {
 
 /// Parts up to `count` links along the axes that are allowed.
 pub fn part_at_random(body: &mut Body, count: usize, allowed: impl Fn(u8) -> bool, rng: &mut Lcg) {
-    let dims = body.grid.dims();
+    let dims = body.state.grid.dims();
     let links: Vec<_> = (0..count)
         .map(|_| {
             let cell = dims.map(|d| (rng.unit() * f64::from(d)) as i32);
@@ -74,7 +74,7 @@ fn patch(filling: Filling, level: u8) -> Result<f64> {
     let stretch = Mat3::new(1.03, 0.02, -0.01, 0.02, 0.96, 0.015, -0.01, 0.015, 1.05);
     let rotation = turn(0.7);
     deform(&mut body, &(rotation * stretch), &Vec3::new(0.5, -1.0, 2.0));
-    let elastic = body.materials[0].elastic;
+    let elastic = body.description.materials[0].elastic;
     let strain = stretch - Mat3::identity();
     let stress = strain * (2.0 * elastic.mu_pa) + Mat3::identity() * (elastic.lambda_pa * strain.trace());
     let expected = body.constant_stress_forces_n(&(rotation * stress));
@@ -87,7 +87,7 @@ fn patch(filling: Filling, level: u8) -> Result<f64> {
 fn rigid(filling: Filling, level: u8) -> Result<[f64; 2]> {
     let mut worst = [0.0f64; 2];
     let mut body = filling.body(level, 10.0)?;
-    let volume = body.grid.voxels().len() as f64 * VOXEL_M.powi(3);
+    let volume = body.state.grid.voxels().len() as f64 * VOXEL_M.powi(3);
     for angle in [0.3, 1.7, 3.1] {
         deform(&mut body, &turn(angle), &Vec3::new(0.5, -1.0, 2.0));
         worst[0] = worst[0].max(largest(&body.elastic_forces_n()) / (YOUNG_PA * VOXEL_M.powi(2)));
@@ -100,7 +100,7 @@ fn rigid(filling: Filling, level: u8) -> Result<[f64; 2]> {
 fn shake(body: &mut Body, share: f64, rng: &mut Lcg) {
     let size_m = share * body.lattice_edge_m();
     for node in 0..body.node_count() {
-        body.position_m[node] = (body.rest_position_m(node) + rng.vector() * size_m).into();
+        body.state.position_m[node] = (body.rest_position_m(node) + rng.vector() * size_m).into();
     }
     body.evaluate(&Workers::serial(), 60);
 }
@@ -113,7 +113,7 @@ fn invariance(filling: Filling, level: u8) -> Result<f64> {
     let mut worst = 0.0f64;
     for angle in [0.3, 1.7, 3.1] {
         let q = turn(angle);
-        body.position_m.iter_mut().for_each(|x| *x = (q * Vec3::from(*x)).into());
+        body.state.position_m.iter_mut().for_each(|x| *x = (q * Vec3::from(*x)).into());
         body.evaluate(&Workers::serial(), 60);
         worst = worst.max((body.energy().elastic_j / energy - 1.0).abs());
     }
@@ -132,13 +132,13 @@ fn gradient(filling: Filling, level: u8, strain_stiffening: f64) -> Result<f64> 
     let mut worst = 0.0f64;
     for _ in 0..60 {
         let (node, axis) = ((rng.unit() * body.node_count() as f64) as usize, (rng.unit() * 3.0) as usize);
-        let middle = body.position_m[node][axis];
+        let middle = body.state.position_m[node][axis];
         let energy = [step, -step].map(|by| {
-            body.position_m[node][axis] = middle + by;
+            body.state.position_m[node][axis] = middle + by;
             body.evaluate(&Workers::serial(), 40);
             body.energy().elastic_j
         });
-        body.position_m[node][axis] = middle;
+        body.state.position_m[node][axis] = middle;
         let slope = (energy[0] - energy[1]) / (2.0 * step);
         worst = worst.max((slope + forces[node][axis]).abs() / scale);
     }

@@ -31,7 +31,7 @@ const CUT: i32 = 6;
 /// Whether each node belongs to the far fragment.
 fn far(body: &Body) -> Vec<bool> {
     let mut far = vec![false; body.node_count()];
-    for (voxel, &element) in body.grid.voxels().iter().zip(&body.base().owner) {
+    for (voxel, &element) in body.state.grid.voxels().iter().zip(&body.base().owner) {
         body.base().elements[element as usize].nodes.iter().for_each(|n| far[*n as usize] |= voxel.ijk[0] > CUT);
     }
     far
@@ -43,7 +43,7 @@ fn momenta(body: &Body, far: &[bool]) -> [(Vec3, Vec3); 2] {
     for (node, p) in body.nodal_momentum().iter().enumerate() {
         let (total, p) = (&mut total[usize::from(far[node])], Vec3::from(*p));
         total.0 += p;
-        total.1 += Vec3::from(body.position_m[node]).cross(&p);
+        total.1 += Vec3::from(body.state.position_m[node]).cross(&p);
     }
     total
 }
@@ -60,7 +60,7 @@ fn tumble(level: u8, steps: u32) -> Result<[f64; 3]> {
         } else {
             (Vec3::new(0.035, 0.02, 0.02), Vec3::new(-5.0, 2.0, 9.0), Vec3::new(-0.4, 0.0, 0.1))
         };
-        body.velocity_m_per_s[node] = (drift + spin.cross(&(body.rest_position_m(node) - middle))).into();
+        body.state.velocity_m_per_s[node] = (drift + spin.cross(&(body.rest_position_m(node) - middle))).into();
     }
     body.evaluate(&Workers::serial(), 60);
     body.refresh_operator(&Workers::serial());
@@ -101,7 +101,7 @@ fn recover(start: Start, level: u8, strain_stiffening: f64) -> Result<[f64; 2]> 
     let body = world.body_mut(0);
     let mut rng = Lcg(5);
     for node in 0..body.node_count() {
-        body.position_m[node] = start(body.rest_position_m(node), &mut rng).into();
+        body.state.position_m[node] = start(body.rest_position_m(node), &mut rng).into();
     }
     body.evaluate(&Workers::serial(), 60);
     body.refresh_operator(&Workers::serial());
@@ -119,12 +119,12 @@ fn recover(start: Start, level: u8, strain_stiffening: f64) -> Result<[f64; 2]> 
 fn shape_error_voxels(body: &Body) -> f64 {
     let n = body.node_count() as f64;
     let rest: Vec<Vec3> = (0..body.node_count()).map(|i| body.rest_position_m(i)).collect();
-    let now: Vec<Vec3> = body.position_m.iter().map(|x| Vec3::from(*x)).collect();
+    let now: Vec<Vec3> = body.state.position_m.iter().map(|x| Vec3::from(*x)).collect();
     let (a, b) = (rest.iter().sum::<Vec3>() / n, now.iter().sum::<Vec3>() / n);
     let covariance = rest.iter().zip(&now).fold(Mat3::zeros(), |m, (r, x)| m + (x - b) * (r - a).transpose());
     let turn = Quat::from_matrix_eps(&covariance, 1e-12, 1000, Quat::identity());
     let error = rest.iter().zip(&now).map(|(r, x)| ((x - b) - turn * (r - a)).norm()).fold(0.0, f64::max);
-    error / body.grid.voxel_size_m()
+    error / body.state.grid.voxel_size_m()
 }
 
 /// The family.

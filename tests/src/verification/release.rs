@@ -21,7 +21,7 @@ const ADVANCE_M: f64 = 0.02;
 
 /// Parts the links across the plane y = `height_m` whose middles lie in one of the ranges of x.
 fn crack(body: &mut Body, height_m: f64, along_m: &[Range<f64>]) {
-    let (h, [nx, _, nz]) = (body.grid.voxel_size_m(), body.grid.dims());
+    let (h, [nx, _, nz]) = (body.state.grid.voxel_size_m(), body.state.grid.dims());
     let j = (height_m / h).round() as i32 - 1;
     let mut links = Vec::new();
     for i in (0..nx).filter(|i| along_m.iter().any(|r| r.contains(&((f64::from(*i) + 0.5) * h)))) {
@@ -38,7 +38,7 @@ fn rest(desc: &ObjectDesc, height_m: f64, along_m: &[Range<f64>]) -> Result<(f64
     let mut body = statics::body(&scene(desc.clone()), statics::HELD_TAU_S)?;
     crack(&mut body, height_m, along_m);
     statics::settle(&mut body)?;
-    let moved = (0..body.node_count()).map(|n| (Vec3::from(body.position_m[n]) - body.rest_position_m(n)).into());
+    let moved = (0..body.node_count()).map(|n| (Vec3::from(body.state.position_m[n]) - body.rest_position_m(n)).into());
     let energy = body.energy();
     Ok((energy.elastic_j + energy.hold_j - body.external_work_j(moved), body))
 }

@@ -47,10 +47,10 @@ pub fn far_bent(scene: &Scene) -> Result<Body> {
     let mut near = body(scene, APPROACH_TAU_S)?;
     for _ in 0..APPROACH_SOLVES {
         let change = correction(&mut near);
-        add(&mut near.position_m, &change);
+        add(&mut near.state.position_m, &change);
     }
     let mut body = body(scene, HELD_TAU_S)?;
-    body.position_m = near.position_m;
+    body.state.position_m = near.state.position_m;
     settle(&mut body)?;
     Ok(body)
 }
@@ -66,14 +66,14 @@ pub fn settle(body: &mut Body) -> Result<()> {
         let change = correction(body);
         let moved = (0..body.node_count()).map(|n| {
             let rest = body.rest_position_m(n);
-            [0, 1, 2].map(|i| body.position_m[n][i] - rest[i])
+            [0, 1, 2].map(|i| body.state.position_m[n][i] - rest[i])
         });
         let displacement = moved.flatten().fold(0.0, |m: f64, x| m.max(x.abs()));
         if largest(&change) < REST * displacement {
             return Ok(());
         }
         sizes.push(format!("{:.0e}", largest(&change) / displacement));
-        history.step(&mut body.position_m, &change);
+        history.step(&mut body.state.position_m, &change);
     }
     bail!("no rest: relative corrections {sizes:?}")
 }

@@ -155,7 +155,7 @@ async fn unwatched(harness: &Harness, session: &str) -> (BTreeMap<u64, Counts>, 
 }
 
 fn surface_counts(world: &World) -> Counts {
-    let surfaces = world.bodies().into_iter().map(|body| Surface::build(&body.grid));
+    let surfaces = world.bodies().into_iter().map(|body| Surface::build(&body.state.grid));
     surfaces
         .fold((0, 0), |(vertices, quads), surface| (vertices + surface.vertices().len(), quads + surface.quads().len()))
 }

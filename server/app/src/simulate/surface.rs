@@ -9,7 +9,7 @@ use kerf_replica::{Face, Triangle};
 /// The deformed surface of every object.
 pub fn of(world: &mut World) -> kerf_replica::Surface {
     let deformed = |(body, surface): (&kerf_physics::body::Body, &Surface)| {
-        triangles(&body.grid, surface, |_, vertex| {
+        triangles(&body.state.grid, surface, |_, vertex| {
             let position_m = vertex.position_m.map(f64::from).into();
             body.current_m(&MaterialPoint { position_m, voxel: vertex.voxel }).map(|c| c as f32).into()
         })

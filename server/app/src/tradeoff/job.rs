@@ -134,7 +134,7 @@ mod tests {
         assert_eq!((scene.problems(), scene.desc.solver.max_iterations), (Vec::new(), 7));
         let world = World::new(&scene).unwrap();
         let body = world.bodies()[0];
-        let half_m = body.grid.voxel_size_m();
+        let half_m = body.state.grid.voxel_size_m();
         let mut seen = [0; 2];
         for element in 0..body.base().elements.len() {
             let (centre_m, level) = (body.rest_centre_m(element), body.element_level(element));

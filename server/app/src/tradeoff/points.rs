@@ -70,7 +70,7 @@ impl Followed {
     pub fn new(bodies: &[&Body], points: &[Point]) -> Self {
         let follow = |point: &Point| {
             let position_m = Vec3::from(point.position_m);
-            let voxel = voxel_of(&bodies[point.object].grid, &position_m);
+            let voxel = voxel_of(&bodies[point.object].state.grid, &position_m);
             (point.object, MaterialPoint { position_m, voxel })
         };
         Self(points.iter().map(follow).collect())
@@ -124,7 +124,7 @@ mod tests {
         for scale in [1.0, 1.7] {
             scene.desc.objects[0].voxel_size_m = Some(size_m * scale);
             let mut world = World::new(&scene).unwrap();
-            for velocity in &mut world.body_mut(0).velocity_m_per_s {
+            for velocity in &mut world.body_mut(0).state.velocity_m_per_s {
                 *velocity = [0.5, -0.25, 1.0];
             }
             (0..10).for_each(|_| {

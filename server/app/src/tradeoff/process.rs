@@ -119,9 +119,9 @@ fn simulate_job(job: Job, progress: &mut dyn FnMut(u64)) -> Result<Run> {
         }
     }
     let bodies = world.bodies();
-    let depth_m = bodies.iter().map(|body| cut_depth_m(&body.grid, &tally.cutting_direction)).fold(0.0, f64::max);
+    let depth_m = bodies.iter().map(|body| cut_depth_m(&body.state.grid, &tally.cutting_direction)).fold(0.0, f64::max);
     Ok(Run {
-        voxels: bodies.iter().map(|body| body.grid.voxels().len() as u64).sum(),
+        voxels: bodies.iter().map(|body| body.state.grid.voxels().len() as u64).sum(),
         elements: elements as u64,
         steps: world.output().step,
         faults: tally.faults,

@@ -22,14 +22,14 @@ pub(super) struct Homogenised(BTreeMap<Vec<u16>, Option<Moduli>>);
 
 impl Body {
     pub(super) fn element_matrices(&mut self, element: usize, voxels: &[VoxelId]) -> ElementMatrices {
-        let moduli = match self.element_kind {
+        let moduli = match self.description.element_kind {
             ElementKind::Galerkin | ElementKind::IncompatibleModes => None,
             ElementKind::ByContent | ElementKind::Homogenised => self.homogenised_moduli(element),
         };
-        let tables = &self.tables[self.base().elements[element].size.ilog2() as usize];
-        let position = |v: VoxelId| tables.position(self.grid.voxels()[v.index()].ijk);
+        let tables = &self.description.tables[self.base().elements[element].size.ilog2() as usize];
+        let position = |v: VoxelId| tables.position(self.state.grid.voxels()[v.index()].ijk);
         let filled: Vec<_> = voxels.iter().map(|&v| (position(v), self.material_of(v).elastic)).collect();
-        match (moduli, self.element_kind) {
+        match (moduli, self.description.element_kind) {
             (Some(moduli), _) => tables.assemble_uniform(&filled, &moduli),
             (None, ElementKind::Galerkin) => tables.assemble(&filled, Field::Trilinear),
             (None, _) => tables.assemble(&filled, Field::IncompatibleModes),
@@ -38,7 +38,7 @@ impl Body {
 
     /// Moduli of an element's cell, where they are to replace its voxels' own.
     fn homogenised_moduli(&mut self, element: usize) -> Option<Moduli> {
-        if self.materials.len() == 1 {
+        if self.description.materials.len() == 1 {
             return None;
         }
         let pattern = self.whole_cell(element)?;
@@ -46,16 +46,16 @@ impl Body {
         if alike {
             return None;
         }
-        if let Some(known) = self.homogenised.0.get(&pattern) {
+        if let Some(known) = self.solver.homogenised.0.get(&pattern) {
             return *known;
         }
-        let tables = &self.tables[self.base().elements[element].size.ilog2() as usize];
-        let elastic: Vec<Elastic> = self.materials.iter().map(|m| m.elastic).collect();
-        let moduli = match self.element_kind {
+        let tables = &self.description.tables[self.base().elements[element].size.ilog2() as usize];
+        let elastic: Vec<Elastic> = self.description.materials.iter().map(|m| m.elastic).collect();
+        let moduli = match self.description.element_kind {
             ElementKind::Homogenised => Some(periodic_moduli(self.element_level(element), &pattern, &elastic)),
             _ => chosen_moduli(tables, self.element_level(element), &pattern, &elastic),
         };
-        self.homogenised.0.insert(pattern, moduli);
+        self.solver.homogenised.0.insert(pattern, moduli);
         moduli
     }
 
@@ -65,7 +65,9 @@ impl Body {
         let (base, edge) = (self.base(), 1 << self.element_level(element));
         let low = base.elements[element].cell.map(|c| c << base.exponent);
         let at = |n: i32| [low[0] + n % edge, low[1] + n / edge % edge, low[2] + n / edge / edge];
-        (0..edge * edge * edge).map(|n| Some(self.grid.voxels()[self.grid.voxel_at(at(n))?.index()].material)).collect()
+        (0..edge * edge * edge)
+            .map(|n| Some(self.state.grid.voxels()[self.state.grid.voxel_at(at(n))?.index()].material))
+            .collect()
     }
 }
 

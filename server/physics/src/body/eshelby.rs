@@ -49,7 +49,7 @@ impl Body {
         let hold_n = self.hold_forces_n(element);
         let (mut push_n, mut slope, mut direction) = (f64x4::ZERO, f64x4::ZERO, f64x4::ZERO);
         for a in 0..8 {
-            let [held, load] = [hold_n[a].into(), self.element_loads_n[element][a]].map(packed);
+            let [held, load] = [hold_n[a].into(), self.solver.element_loads_n[element][a]].map(packed);
             let weight = f64x4::splat(phi[a]);
             push_n = weight.mul_add(corners.force_n[a] - load - held, push_n);
             slope = weight.mul_add(corners.mean_gradient[a], slope);
@@ -65,17 +65,17 @@ impl Body {
 
     /// Elastic energy of an element, J; of relaxing materials, what does not relax.
     pub(crate) fn elastic_energy_j(&self, element: usize) -> f64 {
-        self.states[element / LANES].elastic_j.as_array()[element % LANES]
+        self.state.elements[element / LANES].elastic_j.as_array()[element % LANES]
     }
 
     /// Filled volume of an element, m^3.
     pub(crate) fn filled_volume_m3(&self, element: usize) -> f64 {
-        self.blocks[element / LANES].shapes.volume_m3.as_array()[element % LANES]
+        self.solver.blocks[element / LANES].shapes.volume_m3.as_array()[element % LANES]
     }
 
     /// Shape gradients averaged over the filled volume of an element, 1/m.
     pub(super) fn mean_gradient_per_m(&self, element: usize) -> [Vec3; 8] {
-        let gradient = &self.blocks[element / LANES].shapes.mean_gradient;
+        let gradient = &self.solver.blocks[element / LANES].shapes.mean_gradient;
         gradient.each_ref().map(|g| Vec3::from(g.each_ref().map(|v| v.as_array()[element % LANES])))
     }
 
@@ -88,11 +88,12 @@ impl Body {
     }
 
     fn corners(&self, element: usize) -> Corners {
-        let (block, state, lane) = (&self.blocks[element / LANES], &self.states[element / LANES], element % LANES);
+        let (block, state, lane) =
+            (&self.solver.blocks[element / LANES], &self.state.elements[element / LANES], element % LANES);
         let at = |v: &wide::f64x4| v.as_array()[lane];
         let [x, y, z, w] = state.rotation.each_ref().map(at);
         Corners {
-            position_m: self.base().elements[element].nodes.map(|n| packed(self.position_m[n as usize])),
+            position_m: self.base().elements[element].nodes.map(|n| packed(self.state.position_m[n as usize])),
             force_n: std::array::from_fn(|a| -packed([0, 1, 2].map(|i| at(&state.force_n[3 * a + i])))),
             mean_gradient: block.shapes.mean_gradient.each_ref().map(|g| packed(g.each_ref().map(at))),
             edge_m: at(&block.shapes.edge_m),

@@ -57,10 +57,10 @@ impl GeometricStiffness {
 impl Body {
     /// Takes an element that was rebuilt, at rest for now, among those with geometric stiffness, unless its cell is full.
     pub(super) fn begin_geometric_stiffness(&mut self, element: usize, voxels: &[VoxelId]) {
-        let found = self.geometric.binary_search_by_key(&(element as u32), |s| s.element);
+        let found = self.solver.geometric.binary_search_by_key(&(element as u32), |s| s.element);
         if self.filled_volume_m3(element) > FULL * self.element_edge_m(element).powi(3) {
             if let Ok(at) = found {
-                self.geometric.remove(at);
+                self.solver.geometric.remove(at);
             }
             return;
         }
@@ -70,37 +70,37 @@ impl Body {
         let (stress_j, tension_j) = (Mat3::zeros(), Mat3::zeros());
         let begun = GeometricStiffness { element: element as u32, gradient_per_m, stiffness_j, stress_j, tension_j };
         match found {
-            Ok(at) => self.geometric[at] = begun,
-            Err(at) => self.geometric.insert(at, begun),
+            Ok(at) => self.solver.geometric[at] = begun,
+            Err(at) => self.solver.geometric.insert(at, begun),
         }
     }
 
     /// Geometric stiffness of an element, if it has any.
     pub(super) fn geometric_stiffness(&self, element: usize) -> Option<&GeometricStiffness> {
-        let found = self.geometric.binary_search_by_key(&(element as u32), |s| s.element).ok()?;
-        Some(&self.geometric[found]).filter(|found| !found.is_idle())
+        let found = self.solver.geometric.binary_search_by_key(&(element as u32), |s| s.element).ok()?;
+        Some(&self.solver.geometric[found]).filter(|found| !found.is_idle())
     }
 
     /// `T v` at the corners of each element with geometric stiffness, by node, N/s.
     pub(super) fn geometric_pulls(&self) -> impl Iterator<Item = ([usize; 8], [Vec3; 8])> + '_ {
-        self.geometric.iter().filter(|found| !found.is_idle()).map(|found| {
+        self.solver.geometric.iter().filter(|found| !found.is_idle()).map(|found| {
             let nodes = self.base().elements[found.element as usize].nodes.map(|n| n as usize);
-            (nodes, found.apply(&nodes.map(|n| Vec3::from(self.velocity_m_per_s[n]))))
+            (nodes, found.apply(&nodes.map(|n| Vec3::from(self.state.velocity_m_per_s[n]))))
         })
     }
 
     /// Brings the matrices of stressed elements to the stress of now: of some of them in a step that is short beside
     /// [`FOLLOWS_IN_S`], in turn. Returns the largest change of stress that this made, over Young's modulus.
     pub(super) fn follow_stress(&mut self) -> f64 {
-        let turns = ((FOLLOWS_IN_S / self.params.dt_s) as usize).clamp(1, MOST_TURNS);
-        self.geometric_turn = (self.geometric_turn + 1) % turns;
+        let turns = ((FOLLOWS_IN_S / self.solver.params.dt_s) as usize).clamp(1, MOST_TURNS);
+        self.solver.geometric_turn = (self.solver.geometric_turn + 1) % turns;
         let mut most_change = 0.0f64;
-        for at in (self.geometric_turn..self.geometric.len()).step_by(turns) {
-            let element = self.geometric[at].element as usize;
-            let energy_j = self.states[element / LANES].elastic_j.as_array()[element % LANES];
-            let is_strained = 2.0 * energy_j > self.geometric[at].stiffness_j * LEAST_STRAIN * LEAST_STRAIN;
+        for at in (self.solver.geometric_turn..self.solver.geometric.len()).step_by(turns) {
+            let element = self.solver.geometric[at].element as usize;
+            let energy_j = self.state.elements[element / LANES].elastic_j.as_array()[element % LANES];
+            let is_strained = 2.0 * energy_j > self.solver.geometric[at].stiffness_j * LEAST_STRAIN * LEAST_STRAIN;
             let stress_j = if is_strained { self.element_stress_j(element) } else { Mat3::zeros() };
-            let geometric = &mut self.geometric[at];
+            let geometric = &mut self.solver.geometric[at];
             let change_j = (stress_j - geometric.stress_j).norm();
             if change_j > CHANGE * stress_j.norm() {
                 let axes = stress_j.symmetric_eigen();

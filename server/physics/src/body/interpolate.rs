@@ -30,7 +30,7 @@ impl Body {
         let (nodes, n) = self.weights(point);
         let mut x = Vec3::zeros();
         for (node, n) in nodes.iter().zip(n) {
-            x += Vec3::from(self.position_m[*node as usize]) * n;
+            x += Vec3::from(self.state.position_m[*node as usize]) * n;
         }
         x
     }
@@ -43,7 +43,7 @@ impl Body {
         let gradients = shape_gradients(local);
         let mut f = Mat3::zeros();
         for (node, g) in self.base().elements[element].nodes.iter().zip(gradients) {
-            let x = Vec3::from(self.position_m[*node as usize]);
+            let x = Vec3::from(self.state.position_m[*node as usize]);
             f += x * Vec3::from(g).transpose();
         }
         f / self.element_edge_m(element)
@@ -59,7 +59,8 @@ impl Body {
     /// The same from a guess at that reference position, which saves steps where it is near.
     #[must_use]
     pub(crate) fn invert_map_from(&self, element: usize, scene_m: &Vec3, guess_m: &Vec3) -> Option<Vec3> {
-        let map = TrilinearMap::of(&self.base().elements[element].nodes.map(|n| self.position_m[n as usize].into()));
+        let map =
+            TrilinearMap::of(&self.base().elements[element].nodes.map(|n| self.state.position_m[n as usize].into()));
         let mut local = Vec3::from(self.local_coordinates(element, guess_m));
         for _ in 0..12 {
             let (x, [a, b, c]) = map.at(&local);
@@ -76,7 +77,7 @@ impl Body {
             if size < CONVERGED {
                 let data = &self.base().elements[element];
                 let at = Vec3::from(data.cell.map(f64::from)) + local * f64::from(data.size);
-                return Some(self.grid.origin_m() + at * self.lattice_edge_m());
+                return Some(self.state.grid.origin_m() + at * self.lattice_edge_m());
             }
         }
         None

@@ -10,13 +10,13 @@ use crate::workers::Workers;
 impl Body {
     /// Whether any material relaxes in time.
     pub(super) fn is_viscous(&self) -> bool {
-        self.materials.iter().any(|m| m.law.viscosity.is_some())
+        self.description.materials.iter().any(|m| m.law.viscosity.is_some())
     }
 
     /// Fraction of the relaxing modulus that an element still shows: 1 at its first strain, 0 after a long hold.
     #[must_use]
     pub(crate) fn unrelaxed_share(&self, element: usize) -> f64 {
-        let branch = self.states[element / LANES].branch.as_ref();
+        let branch = self.state.elements[element / LANES].branch.as_ref();
         branch.map_or(0.0, |branch| branch.unrelaxed.as_array()[element % LANES])
     }
 
@@ -39,15 +39,15 @@ impl Body {
 
     /// Hands an element's memory to one that split from it.
     pub(super) fn copy_memory(&mut self, from: usize, to: usize) {
-        if let Some(source) = self.states[from / LANES].branch.clone() {
-            let target = self.states[to / LANES].branch.get_or_insert_default();
+        if let Some(source) = self.state.elements[from / LANES].branch.clone() {
+            let target = self.state.elements[to / LANES].branch.get_or_insert_default();
             target.copy_lane(to % LANES, &source, from % LANES);
         }
     }
 
     /// Takes the branches out of the elements: without them these are as at the end of all relaxation.
     pub(super) fn set_viscosity_aside(&mut self) -> Vec<Option<Box<ViscosityBlock>>> {
-        let blocks = if self.is_viscous() { &mut self.blocks[..] } else { &mut [] };
+        let blocks = if self.is_viscous() { &mut self.solver.blocks[..] } else { &mut [] };
         blocks.iter_mut().map(|block| block.viscosity.take()).collect()
     }
 
@@ -56,18 +56,18 @@ impl Body {
         if viscosity.is_empty() {
             return;
         }
-        for (block, viscosity) in self.blocks.iter_mut().zip(viscosity) {
+        for (block, viscosity) in self.solver.blocks.iter_mut().zip(viscosity) {
             block.viscosity = viscosity;
         }
         self.evaluate(workers, 20);
-        self.states.iter_mut().filter_map(|state| state.branch.as_mut()).for_each(|branch| branch.relax());
+        self.state.elements.iter_mut().filter_map(|state| state.branch.as_mut()).for_each(|branch| branch.relax());
     }
 
     /// Folds in the extensions of the branches, of the elements that have one.
     pub(crate) fn fold_memory_into(&self, hasher: &mut StateHasher) {
         if self.is_viscous() {
             for element in 0..self.base().elements.len() {
-                if let Some(branch) = &self.states[element / LANES].branch {
+                if let Some(branch) = &self.state.elements[element / LANES].branch {
                     branch.extension_m.iter().for_each(|w| hasher.floats(&[w.as_array()[element % LANES]]));
                 }
             }
@@ -109,15 +109,15 @@ material = { young_modulus_pa = 1e5, poisson_ratio = 0.4 }
         let (start, end) = SCENE.rsplit_once("poisson_ratio = 0.4 }").unwrap();
         for (text, is_viscous) in [(SCENE.to_owned(), false), (format!("{start}{viscous}{end}"), true)] {
             let body = body(&text);
-            for (block, data) in body.blocks.iter().enumerate() {
+            for (block, data) in body.solver.blocks.iter().enumerate() {
                 let elements = block * LANES..body.base().elements.len().min((block + 1) * LANES);
                 let relaxes = is_viscous && elements.clone().any(|e| body.rest_centre_m(e).x > 0.04);
                 assert_eq!(data.viscosity.is_some(), relaxes, "block {block}");
-                assert_eq!(body.states[block].branch.is_some(), relaxes, "block {block}");
+                assert_eq!(body.state.elements[block].branch.is_some(), relaxes, "block {block}");
             }
-            let with = body.states.iter().filter(|s| s.branch.is_some()).count();
+            let with = body.state.elements.iter().filter(|s| s.branch.is_some()).count();
             assert_eq!(with > 0, is_viscous, "{with} blocks have a branch");
-            assert!(with < body.states.len(), "all {with} blocks have one");
+            assert!(with < body.state.elements.len(), "all {with} blocks have one");
         }
     }
 }

@@ -24,7 +24,7 @@ impl Body {
     /// Newton steps with a mass term, `(M / tau^2 + K) dx = f`; tau grows while the energy falls and
     /// shrinks where it rises. Velocities are zero at the end, and what relaxes in time has done so.
     pub fn relax(&mut self, workers: &Workers<'_>, progress: &mut dyn FnMut(f64)) -> Relaxation {
-        let params = self.params;
+        let params = self.solver.params;
         let viscosity = self.set_viscosity_aside();
         let mut tau = 0.02;
         self.set_time_step(workers, tau);
@@ -43,8 +43,8 @@ impl Body {
             end.solves += 1;
             change.iter_mut().for_each(|v| *v = [0.0; 3]);
             self.solve_velocity_change(workers, &[], 0.0, &mut change);
-            let saved = self.position_m.clone();
-            for (x, v) in self.position_m.iter_mut().zip(&change) {
+            let saved = self.state.position_m.clone();
+            for (x, v) in self.state.position_m.iter_mut().zip(&change) {
                 (0..3).for_each(|i| x[i] += tau * v[i]);
             }
             self.evaluate(workers, 20);
@@ -65,13 +65,13 @@ impl Body {
                     self.refresh_operator(workers);
                 }
             } else {
-                self.position_m = saved;
+                self.state.position_m = saved;
                 self.evaluate(workers, 20);
                 tau *= 0.25;
                 self.set_time_step(workers, tau);
             }
         }
-        self.params = params;
+        self.solver.params = params;
         self.take_relaxed(workers, viscosity);
         self.set_time_step(workers, params.dt_s);
         self.save_finite_state(workers);
@@ -82,26 +82,27 @@ impl Body {
         let energy = self.energy();
         let displacement = (0..self.node_count()).map(|n| {
             let rest = self.rest_position_m(n);
-            [0, 1, 2].map(|i| self.position_m[n][i] - rest[i])
+            [0, 1, 2].map(|i| self.state.position_m[n][i] - rest[i])
         });
         energy.elastic_j + energy.hold_j - self.external_work_j(displacement)
     }
 
     fn unbalanced_force(&self) -> f64 {
         let norm = |v: &[[f64; 3]]| v.iter().flatten().map(|c| c * c).sum::<f64>().sqrt();
-        norm(&self.scratch.right_side) / (self.params.dt_s * norm(&self.external_n)).max(f64::MIN_POSITIVE)
+        norm(&self.scratch.right_side)
+            / (self.solver.params.dt_s * norm(&self.solver.external_n)).max(f64::MIN_POSITIVE)
     }
 
     fn set_time_step(&mut self, workers: &Workers<'_>, dt_s: f64) {
-        self.params.dt_s = dt_s;
-        self.velocity_m_per_s.iter_mut().for_each(|v| *v = [0.0; 3]);
+        self.solver.params.dt_s = dt_s;
+        self.state.velocity_m_per_s.iter_mut().for_each(|v| *v = [0.0; 3]);
         self.evaluate(workers, 2);
         for element in 0..self.base().elements.len() {
             self.write_matrix(element);
-            self.coarse_stiffening[element] = self.applied_stiffening[element];
+            self.solver.coarse_stiffening[element] = self.solver.applied_stiffening[element];
         }
         self.write_rotations(workers);
-        self.multigrid.rebuild(workers, &self.levels);
+        self.solver.multigrid.rebuild(workers, &self.state.levels);
         self.share_system_matrices();
     }
 }

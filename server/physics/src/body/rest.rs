@@ -1,6 +1,6 @@
 //! Whether a body is at rest: no velocity and no unbalanced force that a solve would resolve.
 
-use super::Body;
+use super::{Body, Nodal};
 use crate::fem::corotation::LANES;
 use crate::workers::Workers;
 
@@ -19,7 +19,8 @@ impl Body {
     /// that none is a solution. What relaxes in time must have done so to the same limit: it is what still would have
     /// been lost of the force.
     pub(crate) fn is_at_rest(&mut self, impulses: &[(u32, [f64; 3])], applied_n_s: f64, kinetic_j: f64) -> bool {
-        let limit_n_s = (self.params.relative_tolerance * applied_n_s).max(self.params.dt_s * self.least_force_n());
+        let limit_n_s =
+            (self.solver.params.relative_tolerance * applied_n_s).max(self.solver.params.dt_s * self.least_force_n());
         // The largest eigenvalue of the mass is no more than the heaviest node.
         let momentum_n_s = (2.0 * kinetic_j * self.heaviest_node_kg()).sqrt();
         momentum_n_s <= limit_n_s && self.unbalanced_n_s(impulses) <= limit_n_s && self.unrelaxed_n_s() <= limit_n_s
@@ -27,8 +28,8 @@ impl Body {
 
     /// Stops the body where it is.
     pub(crate) fn halt(&mut self, workers: &Workers<'_>) {
-        self.velocity_m_per_s.fill([0.0; 3]);
-        self.rigid.forget_turns();
+        self.state.velocity_m_per_s.fill([0.0; 3]);
+        self.state.rigid.forget_turns();
         self.evaluate(workers, 2);
     }
 
@@ -39,23 +40,23 @@ impl Body {
 
     /// Bound on the mass that moves with a node, kg.
     fn heaviest_node_kg(&self) -> f64 {
-        let densities = self.materials.iter().map(|m| m.elastic.density_kg_per_m3);
+        let densities = self.description.materials.iter().map(|m| m.elastic.density_kg_per_m3);
         densities.fold(0.0, f64::max) * self.largest_edge_m().powi(3)
     }
 
     /// Norm of the impulse that elastic forces, holds, loads and `impulses` leave in a step without velocities, N s.
     fn unbalanced_n_s(&mut self, impulses: &[(u32, [f64; 3])]) -> f64 {
-        let dt = self.params.dt_s;
+        let dt = self.solver.params.dt_s;
         let mut sum = std::mem::take(&mut self.scratch.applied);
-        sum.iter_mut().zip(&self.external_n).for_each(|(sum, force)| *sum = force.map(|f| dt * f));
+        sum.iter_mut().zip(&self.solver.external_n).for_each(|(sum, force)| *sum = force.map(|f| dt * f));
         for (index, element) in self.base().elements.iter().enumerate() {
-            let force_n = &self.states[index / LANES].force_n;
+            let force_n = &self.state.elements[index / LANES].force_n;
             for (corner, &node) in element.nodes.iter().enumerate() {
                 let at = |i: usize| force_n[3 * corner + i].as_array()[index % LANES];
                 (0..3).for_each(|i| sum[node as usize][i] += dt * at(i));
             }
         }
-        for (element, _) in &self.holds {
+        for (element, _) in &self.solver.holds {
             let nodes = self.base().elements[*element as usize].nodes;
             for (node, force) in nodes.into_iter().zip(self.hold_forces_n(*element as usize)) {
                 (0..3).for_each(|i| sum[node as usize][i] += dt * force[i]);
@@ -72,11 +73,11 @@ impl Body {
         if !self.is_viscous() {
             return 0.0;
         }
-        let dt = self.params.dt_s;
+        let dt = self.solver.params.dt_s;
         let mut sum = std::mem::take(&mut self.scratch.applied);
         sum.fill([0.0; 3]);
         for (index, element) in self.base().elements.iter().enumerate() {
-            let Some(branch) = &self.states[index / LANES].branch else { continue };
+            let Some(branch) = &self.state.elements[index / LANES].branch else { continue };
             for (corner, &node) in element.nodes.iter().enumerate() {
                 let at = |i: usize| branch.force_n[3 * corner + i].as_array()[index % LANES];
                 (0..3).for_each(|i| sum[node as usize][i] += dt * at(i));
@@ -86,7 +87,7 @@ impl Body {
     }
 
     /// Norm of a sum over the solver's unknowns; hands the vector back to the scratch.
-    fn norm_of(&mut self, mut sum: super::Nodal) -> f64 {
+    fn norm_of(&mut self, mut sum: Nodal) -> f64 {
         self.gather_hanging(&mut sum);
         let square: f64 = sum.iter().flatten().map(|c| c * c).sum();
         self.scratch.applied = sum;

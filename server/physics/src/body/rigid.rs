@@ -9,7 +9,7 @@
 //! be energy from nothing. What a free part turns by is therefore a rotation, by the spin at the middle of the step
 //! that its angular momentum says (Simo and Wong 1991), and its velocities turn along.
 
-use super::{Body, Nodal};
+use super::{Body, Nodal, State};
 use crate::fem::corotation::LANES;
 use crate::fem::lanes::for_packed;
 use crate::grid::levels::{LevelChange, NONE};
@@ -107,7 +107,7 @@ impl RigidParts {
             data.nodes.iter().for_each(|n| node_part[*n as usize] = element_part[element]);
         }
         let mut held = vec![false; count as usize];
-        body.holds.iter().for_each(|(element, _)| held[element_part[*element as usize] as usize] = true);
+        body.solver.holds.iter().for_each(|(element, _)| held[element_part[*element as usize] as usize] = true);
         let (skip, totals) = (held.clone(), vec![Totals::default(); count as usize]);
         let loose = (0..element_part.len() as u32).filter(|e| !held[element_part[*e as usize] as usize]).collect();
         let turns = vec![None; count as usize];
@@ -118,7 +118,7 @@ impl RigidParts {
     /// are as many as before, what is new is in the part that it split from.
     pub(super) fn follow(&mut self, body: &Body, change: &LevelChange) {
         // The coarsest elements hang together as the finest do, and are few.
-        let coarsest = &body.levels[body.levels.len() - 1];
+        let coarsest = &body.state.levels[body.state.levels.len() - 1];
         if coarsest.parts().1 != self.part_count() {
             *self = Self::new(body);
             return;
@@ -167,7 +167,7 @@ impl Body {
     /// Sums what each part that is neither held nor touched (`touched_nodes`) should have gained and has
     /// not. Returns whether there is any such part.
     pub(crate) fn sum_missing_momentum(&mut self, touched_nodes: impl Iterator<Item = u32>, dv: &Nodal) -> bool {
-        let parts = &mut self.rigid;
+        let parts = &mut self.state.rigid;
         parts.skip.copy_from_slice(&parts.held);
         touched_nodes.for_each(|n| parts.skip[parts.node_part[n as usize] as usize] = true);
         if parts.skip.iter().all(|s| *s) {
@@ -177,24 +177,24 @@ impl Body {
         totals.fill(Totals::default());
         self.add_missing_momentum(&mut totals, dv);
         totals.iter_mut().for_each(|total| *total = total.solved());
-        self.rigid.totals = totals;
+        self.state.rigid.totals = totals;
         true
     }
 
     /// The part that a node belongs to.
     pub(crate) fn part_of_node(&self, node: u32) -> u32 {
-        self.rigid.node_part[node as usize]
+        self.state.rigid.node_part[node as usize]
     }
 
     /// What a part is to gain; `None`: it is left alone.
     pub(crate) fn gain_of_part(&self, part: u32) -> Option<Totals> {
-        (!self.rigid.skip[part as usize]).then(|| self.rigid.totals[part as usize])
+        (!self.state.rigid.skip[part as usize]).then(|| self.state.rigid.totals[part as usize])
     }
 
     /// Sets what a part is to gain.
     pub(crate) fn set_gain_of_part(&mut self, part: u32, gain: Option<Totals>) {
-        self.rigid.skip[part as usize] = gain.is_none();
-        self.rigid.totals[part as usize] = gain.unwrap_or_default();
+        self.state.rigid.skip[part as usize] = gain.is_none();
+        self.state.rigid.totals[part as usize] = gain.unwrap_or_default();
     }
 
     /// Adds to `dv` what each part is to gain. Returns the work of the impulses that this wants, see
@@ -208,20 +208,20 @@ impl Body {
     }
 
     fn missing_motion(&self, node: usize) -> Vec3 {
-        let part = self.rigid.node_part[node];
-        if part == NONE || self.rigid.skip[part as usize] {
+        let part = self.state.rigid.node_part[node];
+        if part == NONE || self.state.rigid.skip[part as usize] {
             return Vec3::zeros();
         }
-        let total = &self.rigid.totals[part as usize];
-        total.velocity + total.spin.cross(&(Vec3::from(self.position_m[node]) - total.centre))
+        let total = &self.state.rigid.totals[part as usize];
+        total.velocity + total.spin.cross(&(Vec3::from(self.state.position_m[node]) - total.centre))
     }
 
     /// Work over the motion `v + dv` of a step of the impulses `A d` that change the velocities of free parts by
     /// `d` at each node in the step's system `A dv = b`, J.
     pub(crate) fn impulse_work_j(&self, dv: &Nodal, d_m_per_s: impl Fn(usize) -> Vec3) -> f64 {
-        let operator = self.multigrid.operator();
+        let operator = self.solver.multigrid.operator();
         let mut work_j = 0.0;
-        for element in self.rigid.loose.iter().map(|e| *e as usize) {
+        for element in self.state.rigid.loose.iter().map(|e| *e as usize) {
             let nodes = self.base().elements[element].nodes.map(|n| n as usize);
             let changes = nodes.map(&d_m_per_s);
             if changes.iter().all(|d| *d == Vec3::zeros()) {
@@ -242,34 +242,34 @@ impl Body {
     /// Takes from a step's change of velocity `dv` what free parts would turn by beyond [`MOST_TURN_RAD`];
     /// returns what it took, m/s.
     pub(crate) fn brake_spin(&mut self, dv: &mut Nodal) -> Nodal {
-        let dt = self.params.dt_s;
+        let dt = self.solver.params.dt_s;
         let mut totals = self.motions(|body, node| body.velocity_after(node, dv));
         for total in &mut totals {
             total.spin *= 1.0 - (MOST_TURN_RAD / (dt * total.spin.norm())).min(1.0);
         }
         let mut taken = vec![[0.0; 3]; self.node_count()];
         for (node, (dv, taken)) in dv.iter_mut().zip(&mut taken).enumerate() {
-            if let Some(part) = self.rigid.loose_part(node) {
+            if let Some(part) = self.state.rigid.loose_part(node) {
                 // A spin about where the part is now does no work against what strains it.
                 let total = &totals[part];
-                *taken = total.spin.cross(&(Vec3::from(self.position_m[node]) - total.centre)).into();
+                *taken = total.spin.cross(&(Vec3::from(self.state.position_m[node]) - total.centre)).into();
                 (0..3).for_each(|i| dv[i] -= taken[i]);
             }
         }
-        self.rigid.totals = totals;
+        self.state.rigid.totals = totals;
         taken
     }
 
     /// Momentum and rigid motion of each free part where its nodes are, at velocities `of`. Uses up the buffer of
     /// totals, which is to be given back.
     fn motions(&mut self, of: impl Fn(&Self, usize) -> Vec3) -> Vec<Totals> {
-        let mut totals = std::mem::take(&mut self.rigid.totals);
+        let mut totals = std::mem::take(&mut self.state.rigid.totals);
         totals.fill(Totals::default());
         self.add_mass_moments(&mut totals);
         self.for_each_mass(|part, node, other, mass| {
             let (total, momentum) = (&mut totals[part], of(self, other) * mass);
             total.linear += momentum;
-            total.angular += (Vec3::from(self.position_m[node]) - total.centre).cross(&momentum);
+            total.angular += (Vec3::from(self.state.position_m[node]) - total.centre).cross(&momentum);
         });
         totals.iter_mut().for_each(|total| *total = total.solved());
         totals
@@ -277,13 +277,13 @@ impl Body {
 
     /// Finds how free parts turn in the step of a change of velocity `dv`.
     pub(super) fn find_turns(&mut self, dv: &Nodal) {
-        self.rigid.turns.fill(None);
+        self.state.rigid.turns.fill(None);
         if !self.may_turn_by(LEAST_TURN_RAD, dv) {
             return;
         }
-        let dt = self.params.dt_s;
+        let dt = self.solver.params.dt_s;
         let totals = self.motions(|body, node| body.velocity_after(node, dv));
-        let parts = &mut self.rigid;
+        let parts = &mut self.state.rigid;
         for ((turn, total), held) in parts.turns.iter_mut().zip(&totals).zip(&parts.held) {
             *turn = (!held && dt * total.spin.norm() > LEAST_TURN_RAD).then(|| Turn::of(*total, dt));
         }
@@ -292,7 +292,7 @@ impl Body {
 
     /// Puts the nodes of parts that turn where the turn takes them, from where straight lines have.
     pub(super) fn turn_positions(&mut self) {
-        let dt = self.params.dt_s;
+        let dt = self.solver.params.dt_s;
         self.for_each_turned(|_, Turn { motion, rotation }, x, v| {
             let arm = *x - *v * dt - motion.centre;
             // What it is strained by turns along.
@@ -304,30 +304,30 @@ impl Body {
     /// Turns the velocities of parts that turn, so that their angular momentum stays; returns the kinetic energy that
     /// this made, J. Forces and energies are evaluated anew.
     pub(crate) fn turn_velocities(&mut self, workers: &Workers<'_>) -> f64 {
-        if !self.rigid.any_turns() {
+        if !self.state.rigid.any_turns() {
             return 0.0;
         }
         let before_j = self.energy().kinetic_j;
         self.for_each_turned(|_, Turn { motion, rotation }, _, v| {
             *v = motion.velocity + rotation * (*v - motion.velocity);
         });
-        let mut totals = self.motions(|body, node| Vec3::from(body.velocity_m_per_s[node]));
-        for (total, turn) in totals.iter_mut().zip(&self.rigid.turns) {
+        let mut totals = self.motions(|body, node| Vec3::from(body.state.velocity_m_per_s[node]));
+        for (total, turn) in totals.iter_mut().zip(&self.state.rigid.turns) {
             let kept = turn.map_or(total.angular, |turn| turn.motion.angular);
             *total = Totals { angular: kept - total.angular, ..*total }.solved();
         }
         self.for_each_turned(|part, _, x, v| *v += totals[part].spin.cross(&(*x - totals[part].centre)));
-        self.rigid.totals = totals;
-        let loose = std::mem::take(&mut self.rigid.loose);
+        self.state.rigid.totals = totals;
+        let loose = std::mem::take(&mut self.state.rigid.loose);
         let is_loose = |chunk: usize| loose.binary_search_by(|e| (*e as usize / CHUNK_ELEMENTS).cmp(&chunk)).is_ok();
         self.evaluate_chunks(workers, is_loose, None, 2);
-        self.rigid.loose = loose;
+        self.state.rigid.loose = loose;
         self.energy().kinetic_j - before_j
     }
 
     /// Visits the nodes of parts that turn: part, its turn, position and velocity.
     fn for_each_turned(&mut self, visit: impl Fn(usize, &Turn, &mut Vec3, &mut Vec3)) {
-        let Self { rigid, position_m, velocity_m_per_s, .. } = self;
+        let State { rigid, position_m, velocity_m_per_s, .. } = &mut self.state;
         if !rigid.any_turns() {
             return;
         }
@@ -341,7 +341,7 @@ impl Body {
     }
 
     fn velocity_after(&self, node: usize, dv: &Nodal) -> Vec3 {
-        Vec3::from(self.velocity_m_per_s[node]) + Vec3::from(dv[node])
+        Vec3::from(self.state.velocity_m_per_s[node]) + Vec3::from(dv[node])
     }
 
     /// Whether any element of a free part will turn so fast that the part may have to be braked.
@@ -353,8 +353,8 @@ impl Body {
     fn may_turn_by(&self, angle_rad: f64, dv: &Nodal) -> bool {
         // Of the diagonals of a cube, the one most across the axis moves at sqrt(2/3) of spin times length at
         // least; strain may hide a part of it.
-        let share = 0.5 * angle_rad / self.params.dt_s;
-        self.rigid.loose.iter().any(|element| {
+        let share = 0.5 * angle_rad / self.solver.params.dt_s;
+        self.state.rigid.loose.iter().any(|element| {
             let nodes = self.base().elements[*element as usize].nodes;
             let limit = share * 3f64.sqrt() * self.element_edge_m(*element as usize);
             let at = |corner: usize| self.velocity_after(nodes[corner] as usize, dv);
@@ -364,47 +364,47 @@ impl Body {
 
     /// Momentum that each part should have gained and has not.
     fn add_missing_momentum(&self, totals: &mut [Totals], dv: &Nodal) {
-        let parts = &self.rigid;
+        let parts = &self.state.rigid;
         self.add_mass_moments(totals);
-        let dt = self.params.dt_s;
+        let dt = self.solver.params.dt_s;
         // The change of momentum that the solve should have made: loads less mass damping.
         self.for_each_mass(|part, node, other, mass| {
-            let (total, x) = (&mut totals[part], Vec3::from(self.position_m[node]));
+            let (total, x) = (&mut totals[part], Vec3::from(self.state.position_m[node]));
             let change = Vec3::from(dv[other]) * mass;
             total.linear -= change;
             total.angular -= (x - total.centre).cross(&change);
         });
-        for (node, f) in self.external_n.iter().enumerate() {
+        for (node, f) in self.solver.external_n.iter().enumerate() {
             if parts.node_part[node] == NONE {
                 continue;
             }
             let total = &mut totals[parts.node_part[node] as usize];
             let impulse = Vec3::from(*f) * dt;
             total.linear += impulse;
-            total.angular += (Vec3::from(self.position_m[node]) - total.centre).cross(&impulse);
+            total.angular += (Vec3::from(self.state.position_m[node]) - total.centre).cross(&impulse);
         }
         self.add_mass_damping(totals, dv);
     }
 
     /// `M alpha dt (v + dv)`: what mass-proportional damping takes.
     fn add_mass_damping(&self, totals: &mut [Totals], dv: &Nodal) {
-        let dt = self.params.dt_s;
-        for element in self.rigid.loose.iter().map(|e| *e as usize) {
+        let dt = self.solver.params.dt_s;
+        for element in self.state.rigid.loose.iter().map(|e| *e as usize) {
             let data = &self.base().elements[element];
-            let (block, lane) = (&self.blocks[element / LANES], element % LANES);
+            let (block, lane) = (&self.solver.blocks[element / LANES], element % LANES);
             let alpha = block.alpha_per_s.as_array()[lane];
             if alpha == 0.0 {
                 continue;
             }
-            let total = &mut totals[self.rigid.element_part[element] as usize];
+            let total = &mut totals[self.state.rigid.element_part[element] as usize];
             for a in 0..8 {
                 for b in 0..8 {
                     let (i, j) = (data.nodes[a] as usize, data.nodes[b] as usize);
                     let mass = self.mass_between_kg(element, a, b);
-                    let v = Vec3::from(self.velocity_m_per_s[j]) + Vec3::from(dv[j]);
+                    let v = Vec3::from(self.state.velocity_m_per_s[j]) + Vec3::from(dv[j]);
                     let loss = v * (dt * alpha * mass);
                     total.linear -= loss;
-                    total.angular -= (Vec3::from(self.position_m[i]) - total.centre).cross(&loss);
+                    total.angular -= (Vec3::from(self.state.position_m[i]) - total.centre).cross(&loss);
                 }
             }
         }
@@ -413,22 +413,22 @@ impl Body {
     fn add_mass_moments(&self, totals: &mut [Totals]) {
         self.for_each_mass(|part, node, _, mass| {
             totals[part].mass += mass;
-            totals[part].centre += Vec3::from(self.position_m[node]) * mass;
+            totals[part].centre += Vec3::from(self.state.position_m[node]) * mass;
         });
         totals.iter_mut().for_each(|t| t.centre /= t.mass);
         self.for_each_mass(|part, node, other, mass| {
             let total = &mut totals[part];
-            let a = Vec3::from(self.position_m[node]) - total.centre;
-            let b = Vec3::from(self.position_m[other]) - total.centre;
+            let a = Vec3::from(self.state.position_m[node]) - total.centre;
+            let b = Vec3::from(self.state.position_m[other]) - total.centre;
             total.inertia += (Mat3::identity() * a.dot(&b) - b * a.transpose()) * mass;
         });
     }
 
     /// Visits `(part, node, node, mass entry)` of the consistent mass.
     fn for_each_mass(&self, mut visit: impl FnMut(usize, usize, usize, f64)) {
-        for element in self.rigid.loose.iter().map(|e| *e as usize) {
+        for element in self.state.rigid.loose.iter().map(|e| *e as usize) {
             let data = &self.base().elements[element];
-            let part = self.rigid.element_part[element] as usize;
+            let part = self.state.rigid.element_part[element] as usize;
             for a in 0..8 {
                 for b in 0..8 {
                     let mass = self.mass_between_kg(element, a, b);
@@ -471,7 +471,7 @@ fixed = [{ box = { min_m = [-1.0, -1.0, -1.0], max_m = [0.004, 1.0, 1.0] } }]
             let parted = body.part_links(&links).parted;
             assert_eq!(parted.len(), links.len());
             body.update_topology(&Workers::serial(), &parted);
-            let (followed, anew) = (&body.rigid, RigidParts::new(&body));
+            let (followed, anew) = (&body.state.rigid, RigidParts::new(&body));
             assert_eq!(followed.part_count(), parts);
             assert_eq!((&followed.element_part, &followed.node_part), (&anew.element_part, &anew.node_part));
             assert_eq!((&followed.held, &followed.loose), (&anew.held, &anew.loose));

@@ -31,32 +31,32 @@ impl Body {
     #[must_use]
     pub fn is_finite(&self) -> bool {
         let finite = |values: &[[f64; 3]]| values.iter().flatten().all(|x| x.is_finite());
-        finite(&self.position_m) && finite(&self.velocity_m_per_s)
+        finite(&self.state.position_m) && finite(&self.state.velocity_m_per_s)
     }
 
     /// Remembers the evaluated state if its forces are finite too: a position that is finite but
     /// absurd overflows in them first. Returns whether they were.
     pub(crate) fn save_finite_state(&mut self, workers: &Workers<'_>) -> bool {
-        let energy: f64 = self.chunks.iter().map(|c| c.found.elastic_j.reduce_add()).sum();
-        if self.saved.stiff_j == 0.0 {
-            self.saved.stiff_j = self.sum_stiff_j();
+        let energy: f64 = self.state.chunks.iter().map(|c| c.found.elastic_j.reduce_add()).sum();
+        if self.state.saved.stiff_j == 0.0 {
+            self.state.saved.stiff_j = self.sum_stiff_j();
         }
         let finite = energy.is_finite() && energy < MOST_ENERGY_OF_EV * self.stiff_j() && self.is_finite();
         if finite {
             let is_viscous = self.is_viscous();
-            let FiniteState { position_m, rotation, branch, saves, .. } = &mut self.saved;
+            let FiniteState { position_m, rotation, branch, saves, .. } = &mut self.state.saved;
             *saves = saves.saturating_add(1);
-            position_m.resize(self.position_m.len(), [0.0; 3]);
-            rotation.resize(self.states.len(), [f64x4::ZERO; 4]);
-            workers.for_chunks((&mut position_m[..], &self.position_m[..]), NODE_GRAIN, |_, (saved, x)| {
+            position_m.resize(self.state.position_m.len(), [0.0; 3]);
+            rotation.resize(self.state.elements.len(), [f64x4::ZERO; 4]);
+            workers.for_chunks((&mut position_m[..], &self.state.position_m[..]), NODE_GRAIN, |_, (saved, x)| {
                 saved.copy_from_slice(x);
             });
-            workers.for_chunks((&mut rotation[..], &self.states[..]), NODE_GRAIN, |_, (saved, states)| {
+            workers.for_chunks((&mut rotation[..], &self.state.elements[..]), NODE_GRAIN, |_, (saved, states)| {
                 saved.iter_mut().zip(states).for_each(|(saved, state)| *saved = state.rotation);
             });
             if is_viscous {
-                branch.resize_with(self.states.len(), || None);
-                workers.for_chunks((&mut branch[..], &self.states[..]), NODE_GRAIN, |_, (saved, states)| {
+                branch.resize_with(self.state.elements.len(), || None);
+                workers.for_chunks((&mut branch[..], &self.state.elements[..]), NODE_GRAIN, |_, (saved, states)| {
                     saved.iter_mut().zip(states).for_each(|(saved, state)| saved.clone_from(&state.branch));
                 });
             }
@@ -68,37 +68,38 @@ impl Body {
     /// hardly a step was possible from it, every piece goes back to its rest shape: otherwise it would
     /// be rolled back for ever.
     pub(crate) fn restore_finite_state(&mut self, workers: &Workers<'_>) {
-        self.position_m.clone_from(&self.saved.position_m);
-        self.velocity_m_per_s.iter_mut().for_each(|v| *v = [0.0; 3]);
-        self.rigid.forget_turns();
-        for (state, rotation) in self.states.iter_mut().zip(&self.saved.rotation) {
+        self.state.position_m.clone_from(&self.state.saved.position_m);
+        self.state.velocity_m_per_s.iter_mut().for_each(|v| *v = [0.0; 3]);
+        self.state.rigid.forget_turns();
+        for (state, rotation) in self.state.elements.iter_mut().zip(&self.state.saved.rotation) {
             state.rotation = *rotation;
         }
-        for (state, branch) in self.states.iter_mut().zip(&self.saved.branch) {
+        for (state, branch) in self.state.elements.iter_mut().zip(&self.state.saved.branch) {
             state.branch.clone_from(branch);
         }
-        if self.saved.saves <= 1 {
+        if self.state.saved.saves <= 1 {
             self.return_to_rest_shape();
         }
-        self.saved.saves = 0;
+        self.state.saved.saves = 0;
         self.evaluate(workers, 20);
     }
 
     /// Every piece in its rest shape, relaxed: where it was built if it is held there, else about its middle.
     fn return_to_rest_shape(&mut self) {
         let mut shift: Vec<(Vec3, f64)> = vec![(Vec3::zeros(), 0.0); self.part_count() as usize];
-        for (node, x) in self.position_m.iter().enumerate() {
-            if let Some(sum) = self.rigid.loose_part(node).and_then(|part| shift.get_mut(part)) {
+        for (node, x) in self.state.position_m.iter().enumerate() {
+            if let Some(sum) = self.state.rigid.loose_part(node).and_then(|part| shift.get_mut(part)) {
                 *sum = (sum.0 + Vec3::from(*x) - self.rest_position_m(node), sum.1 + 1.0);
             }
         }
         for node in 0..self.node_count() {
-            let moved = self.rigid.loose_part(node).map_or(Vec3::zeros(), |part| shift[part].0 / shift[part].1);
-            self.position_m[node] = (self.rest_position_m(node) + moved).into();
+            let moved = self.state.rigid.loose_part(node).map_or(Vec3::zeros(), |part| shift[part].0 / shift[part].1);
+            self.state.position_m[node] = (self.rest_position_m(node) + moved).into();
         }
         let [zero, one] = [f64x4::ZERO, f64x4::ONE];
-        self.states.iter_mut().for_each(|state| state.rotation = [zero, zero, zero, one]);
-        self.states
+        self.state.elements.iter_mut().for_each(|state| state.rotation = [zero, zero, zero, one]);
+        self.state
+            .elements
             .iter_mut()
             .filter_map(|state| state.branch.as_mut())
             .for_each(|branch| **branch = Default::default());
@@ -106,11 +107,11 @@ impl Body {
 
     /// Young's modulus times volume, J.
     pub(super) fn stiff_j(&self) -> f64 {
-        self.saved.stiff_j
+        self.state.saved.stiff_j
     }
 
     fn sum_stiff_j(&self) -> f64 {
-        let voxels = (0..self.grid.voxels().len() as u32).map(VoxelId);
-        self.grid.voxel_size_m().powi(3) * voxels.map(|v| self.material_of(v).young_modulus_pa).sum::<f64>()
+        let voxels = (0..self.state.grid.voxels().len() as u32).map(VoxelId);
+        self.state.grid.voxel_size_m().powi(3) * voxels.map(|v| self.material_of(v).young_modulus_pa).sum::<f64>()
     }
 }

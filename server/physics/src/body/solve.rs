@@ -10,21 +10,16 @@ use crate::workers::Workers;
 use wide::f32x4;
 
 impl Body {
-    /// Room for `count` springs in the solver's operators.
-    pub(crate) fn reserve_springs(&mut self, count: usize) {
-        self.multigrid.reserve_springs(count);
-    }
-
     /// Replaces the springs of the solver's operator.
     pub(crate) fn set_springs(&mut self, springs: impl Iterator<Item = PointSpring>) {
-        self.multigrid.set_springs(springs);
+        self.solver.multigrid.set_springs(springs);
     }
 
     /// Norm of the impulses that loads and contacts `impulses` (node, N s) give the nodes in a step.
     pub(crate) fn applied_impulse_norm(&mut self, workers: &Workers<'_>, impulses: &[(u32, [f64; 3])]) -> f64 {
         let mut applied = std::mem::take(&mut self.scratch.applied);
-        let dt = self.params.dt_s;
-        workers.for_chunks((&mut applied[..], &self.external_n[..]), NODE_GRAIN, |_, (applied, external)| {
+        let dt = self.solver.params.dt_s;
+        workers.for_chunks((&mut applied[..], &self.solver.external_n[..]), NODE_GRAIN, |_, (applied, external)| {
             applied.iter_mut().zip(external).for_each(|(a, f)| *a = f.map(|c| dt * c));
         });
         for (node, impulse) in impulses {
@@ -57,7 +52,7 @@ impl Body {
     /// When a solve ends in which the impulses applied have the norm `scale`, N s.
     #[must_use]
     pub fn stop(&self, scale: f64) -> Stop {
-        let StepParams { relative_tolerance, max_iterations, .. } = self.params;
+        let StepParams { relative_tolerance, max_iterations, .. } = self.solver.params;
         Stop { scale, relative_tolerance, max_iterations }
     }
 
@@ -73,7 +68,7 @@ impl Body {
         workers.for_chunks(data, NODE_GRAIN, |_, (narrowed, b)| {
             narrowed.iter_mut().zip(b).for_each(|(narrowed, b)| *narrowed = narrow(b));
         });
-        let hanging = self.multigrid.operator().hanging();
+        let hanging = self.solver.multigrid.operator().hanging();
         for (node, impulse) in impulses {
             for (master, w) in masters_of(hanging, *node as usize) {
                 scratch.right_side_f32[master] += f32x4::splat(w) * narrow(impulse);
@@ -88,8 +83,8 @@ impl Body {
     /// What the solver works on.
     pub(crate) fn system(&mut self) -> System<'_> {
         System {
-            multigrid: &mut self.multigrid,
-            scratch: &mut self.pcg,
+            multigrid: &mut self.solver.multigrid,
+            scratch: &mut self.scratch.pcg,
             b: &self.scratch.right_side_f32,
             x: &mut self.scratch.solution,
         }
@@ -98,12 +93,12 @@ impl Body {
     /// A spring at a point of the body, spread over the solver's unknowns.
     #[must_use]
     pub(crate) fn among_unknowns(&self, spring: &PointSpring) -> PointSpring {
-        self.multigrid.operator().among_unknowns(spring)
+        self.solver.multigrid.operator().among_unknowns(spring)
     }
 
     /// Adds to the solver's product what `spring` does where its point moves by `at`.
     pub(crate) fn add_to_product(&mut self, spring: &PointSpring, at: f32x4) {
-        let operator = self.multigrid.operator_mut();
+        let operator = self.solver.multigrid.operator_mut();
         spring.shares(at).for_each(|(node, force)| operator.add_to_product(node, force));
     }
 
@@ -116,7 +111,7 @@ impl Body {
                 *change = [x, y, z];
             }
         });
-        for hanging in self.multigrid.operator().hanging() {
+        for hanging in self.solver.multigrid.operator().hanging() {
             let mut moved = [0.0; 3];
             for (master, w) in hanging.masters {
                 (0..3).for_each(|i| moved[i] += f64::from(w) * velocity_change[master as usize][i]);

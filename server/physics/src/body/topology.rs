@@ -34,13 +34,13 @@ impl Body {
     pub fn update_topology(&mut self, workers: &Workers<'_>, parted: &[LinkId]) -> TopologyChange {
         let changes = self.update_levels(parted);
         let base = &changes[0];
-        self.boundary.follow(Solid { grid: &self.grid, level: &self.levels[0] }, parted, base);
+        self.state.boundary.follow(Solid { grid: &self.state.grid, level: &self.state.levels[0] }, parted, base);
         if base.touched_cells.is_empty() {
             return TopologyChange::default();
         }
         for &(_, from) in &base.split_nodes {
-            self.position_m.push(self.position_m[from as usize]);
-            self.velocity_m_per_s.push(self.velocity_m_per_s[from as usize]);
+            self.state.position_m.push(self.state.position_m[from as usize]);
+            self.state.velocity_m_per_s.push(self.state.velocity_m_per_s[from as usize]);
         }
         self.resize_blocks();
         for &(new, from) in &base.split_elements {
@@ -51,30 +51,31 @@ impl Body {
         }
         let renumbered = self.number_nodes(Some(&changes));
         self.rebuild_external_forces();
-        let mut rigid = std::mem::take(&mut self.rigid);
+        let mut rigid = std::mem::take(&mut self.state.rigid);
         rigid.follow(self, base);
-        self.rigid = rigid;
+        self.state.rigid = rigid;
         let elements = base.elements();
         self.evaluate_chunks(workers, |chunk| renumbered.binary_search(&chunk).is_ok(), None, 2);
         for &element in &elements {
             self.write_matrix_of_changed(element as usize);
         }
-        self.multigrid.update_changed(&self.levels, &changes);
-        self.turned_rad = f64::INFINITY;
+        self.solver.multigrid.update_changed(&self.state.levels, &changes);
+        self.solver.turned_rad = f64::INFINITY;
         self.save_finite_state(workers);
         let rebound_voxels = base.split_elements.iter().flat_map(|&(new, _)| self.voxels_of(new as usize)).collect();
         TopologyChange { elements, split_nodes: base.split_nodes.clone(), rebound_voxels }
     }
 
     fn update_levels(&mut self, parted: &[LinkId]) -> Vec<LevelChange> {
-        let exponent = self.levels[0].exponent;
+        let exponent = self.state.levels[0].exponent;
         let telling = parted.iter().filter(|link| !self.is_bypassed(**link));
         let voxels: Vec<Ijk> = telling.flat_map(|link| [link.cell, link.upper()]).collect();
-        let units = VoxelUnits { grid: &self.grid, exponent };
-        let mut changes = vec![self.levels[0].update(&units, voxels.into_iter().map(|c| c.map(|x| x >> exponent)))];
-        for i in 1..self.levels.len() {
+        let units = VoxelUnits { grid: &self.state.grid, exponent };
+        let mut changes =
+            vec![self.state.levels[0].update(&units, voxels.into_iter().map(|c| c.map(|x| x >> exponent)))];
+        for i in 1..self.state.levels.len() {
             let touched = changes[i - 1].touched_cells.iter().map(|c| c.map(|x| x >> 1));
-            let (below, above) = self.levels.split_at_mut(i);
+            let (below, above) = self.state.levels.split_at_mut(i);
             let child: &Level = &below[i - 1];
             let change = above[0].update(child, touched);
             changes.push(change);
@@ -86,7 +87,7 @@ impl Body {
     /// holds together nothing has changed then. Along a front that goes on by a voxel this is so nearly everywhere.
     fn is_bypassed(&self, link: LinkId) -> bool {
         let ends = [link.cell, link.upper()];
-        let owner = |cell: Ijk| self.grid.voxel_at(cell).map(|voxel| self.element_of(voxel));
+        let owner = |cell: Ijk| self.state.grid.voxel_at(cell).map(|voxel| self.element_of(voxel));
         let aside = (0..3u8).filter(|axis| *axis != link.axis).flat_map(|axis| [(axis, -1), (axis, 1)]);
         aside.into_iter().any(|(axis, step)| {
             let beside = ends.map(|mut cell| {
@@ -95,15 +96,15 @@ impl Body {
             });
             let is_joined = |end: usize| {
                 let lower = if step > 0 { ends[end] } else { beside[end] };
-                self.grid.is_intact(LinkId { cell: lower, axis }) && owner(ends[end]) == owner(beside[end])
+                self.state.grid.is_intact(LinkId { cell: lower, axis }) && owner(ends[end]) == owner(beside[end])
             };
-            self.grid.is_intact(LinkId { cell: beside[0], axis: link.axis }) && is_joined(0) && is_joined(1)
+            self.state.grid.is_intact(LinkId { cell: beside[0], axis: link.axis }) && is_joined(0) && is_joined(1)
         })
     }
 
     fn copy_state(&mut self, from: usize, to: usize) {
-        let rotation = self.states[from / LANES].rotation.map(|q| q.as_array()[from % LANES]);
-        for (slot, value) in self.states[to / LANES].rotation.iter_mut().zip(rotation) {
+        let rotation = self.state.elements[from / LANES].rotation.map(|q| q.as_array()[from % LANES]);
+        for (slot, value) in self.state.elements[to / LANES].rotation.iter_mut().zip(rotation) {
             slot.as_mut_array()[to % LANES] = value;
         }
         self.copy_memory(from, to);
@@ -111,14 +112,14 @@ impl Body {
 
     fn write_matrix_of_changed(&mut self, element: usize) {
         self.write_matrix(element);
-        self.coarse_stiffening[element] = self.applied_stiffening[element];
+        self.solver.coarse_stiffening[element] = self.solver.applied_stiffening[element];
     }
 
     /// Parts those of `links` that are intact, but for the ones that would set free a piece of fewer
     /// than [`LEAST_PIECE_VOXELS`]: such a piece stays with what it held on to last, so that a cut that
     /// grazes a surface goes around its outermost voxels.
     pub fn part_links(&mut self, links: &[(LinkId, Crossing)]) -> PartedLinks {
-        let grid: &mut Grid = &mut self.grid;
+        let grid: &mut Grid = &mut self.state.grid;
         let crossed: Vec<LinkId> = links.iter().filter(|(l, c)| grid.part(*l, *c)).map(|(l, _)| *l).collect();
         let mut spared = Vec::new();
         for end in crossed.iter().flat_map(|link| [link.cell, link.upper()]) {

@@ -30,7 +30,7 @@ impl SpatialHash {
         self.cell_m = body.lattice_edge_m();
         for id in body.elements_near(near) {
             let element = &body.base().elements[id];
-            let aabb = Aabb::around(element.nodes.iter().map(|n| body.position_m[*n as usize].into()));
+            let aabb = Aabb::around(element.nodes.iter().map(|n| body.state.position_m[*n as usize].into()));
             if !aabb.meets(near) {
                 continue;
             }

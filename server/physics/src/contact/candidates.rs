@@ -59,7 +59,7 @@ impl Candidates {
             if found_at_m.len() != body.node_count() {
                 return false;
             }
-            for (a, b) in found_at_m.iter().zip(&body.position_m) {
+            for (a, b) in found_at_m.iter().zip(&body.state.position_m) {
                 moved2_m2 = moved2_m2.max((0..3).map(|i| (a[i] - b[i]).powi(2)).sum());
             }
         }
@@ -73,7 +73,7 @@ impl Candidates {
         self.patches.clear();
         let mut edge_m = f64::INFINITY;
         for (found_at_m, body) in self.found_at_m.iter_mut().zip(bodies) {
-            found_at_m.clone_from(&body.position_m);
+            found_at_m.clone_from(&body.state.position_m);
             edge_m = edge_m.min(body.lattice_edge_m());
         }
         self.slack_m = SLACK_ELEMENTS * edge_m;

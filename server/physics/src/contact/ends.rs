@@ -29,7 +29,7 @@ impl Contact<ToolEnds> {
     /// Lets it rub with this coefficient, by the normal force at the beginning of the step.
     pub fn rub(&mut self, body: &Body, coefficient: f64) {
         let tool_m = self.ends.tool_point_m - self.ends.tool_point_before_m;
-        let moving_m_per_s = self.ends.weights.sum(&body.velocity_m_per_s) - tool_m / body.dt_s();
+        let moving_m_per_s = self.ends.weights.sum(&body.state.velocity_m_per_s) - tool_m / body.dt_s();
         let sliding_m_per_s = moving_m_per_s - self.direction * moving_m_per_s.dot(&self.direction);
         self.friction = Friction::on_tool(coefficient * self.stiffness_n_per_m * self.gap_before_m, sliding_m_per_s);
     }

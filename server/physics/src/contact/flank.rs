@@ -72,7 +72,7 @@ impl WallsBeside {
         self.keys.clear();
         for patch in body.boundary().walls() {
             let local = place * (body.current_m(&patch.point) - pose.position_m);
-            let Some(nearest) = flanks.nearest(&local, REACH_VOXELS * body.grid.voxel_size_m()) else { continue };
+            let Some(nearest) = flanks.nearest(&local, REACH_VOXELS * body.state.grid.voxel_size_m()) else { continue };
             if !(front_zone_m(body, patch)..=flanks.height_m()).contains(&nearest.height_m) {
                 continue;
             }
@@ -88,7 +88,7 @@ impl WallsBeside {
 
 /// Height above the edge up to which a wall is left to the front, m.
 fn front_zone_m(body: &Body, patch: &SurfacePatch) -> f64 {
-    (FRONT_ZONE_VOXELS * body.grid.voxel_size_m()).max(0.5 * body.element_edge_m(patch.element as usize))
+    (FRONT_ZONE_VOXELS * body.state.grid.voxel_size_m()).max(0.5 * body.element_edge_m(patch.element as usize))
 }
 
 /// A wall and the flank on its side.
@@ -113,14 +113,14 @@ impl<'a> Wall<'a> {
     }
 
     fn is_come_upon(&self, body: &Body) -> bool {
-        self.beyond_middle_m > MOST_COME_UPON_VOXELS * body.grid.voxel_size_m()
+        self.beyond_middle_m > MOST_COME_UPON_VOXELS * body.state.grid.voxel_size_m()
     }
 
     /// The spring between the wall and the flank, as stiff as the element behind the wall: `E A / H`. It
     /// starts in the mode that the tissue's velocity predicts.
     fn contact(&self, body: &Body, before: &Pose, pose: &Pose) -> Option<Contact> {
         let (patch, face) = (self.patch, &self.face);
-        let h = body.grid.voxel_size_m();
+        let h = body.state.grid.voxel_size_m();
         let young = body.material_of(patch.point.voxel).young_modulus_pa;
         let along_tool = [before, pose].map(|pose| pose.transform(&self.beside.position_m));
         let mut contact = Contact {
@@ -131,7 +131,7 @@ impl<'a> Wall<'a> {
             pull_slack_m: SLACK_VOXELS * h,
             ..Contact::default()
         };
-        let drift = body.dt_s() * contact.ends.weights.sum(&body.velocity_m_per_s).dot(&contact.direction);
+        let drift = body.dt_s() * contact.ends.weights.sum(&body.state.velocity_m_per_s).dot(&contact.direction);
         let travel = (contact.ends.tool_point_m - contact.ends.tool_point_before_m).dot(&contact.direction);
         contact.gap_before_m = face.depth_m - travel;
         contact.gap_predicted_m = face.depth_m - drift;

@@ -134,8 +134,8 @@ impl HeldPoint {
     fn springs(&self, body: &Body, path: &ToolPath) -> [Contact; 3] {
         let [before, now] = [&path.before, &path.pose].map(|pose| pose.transform(&self.place_m));
         let ends = ToolEnds::of(body, &self.point, [before, now]);
-        let at = ends.weights.sum(&body.position_m);
-        let drift = ends.weights.sum(&body.velocity_m_per_s) * body.dt_s();
+        let at = ends.weights.sum(&body.state.position_m);
+        let drift = ends.weights.sum(&body.state.velocity_m_per_s) * body.dt_s();
         [Vec3::x(), Vec3::y(), Vec3::z()].map(|direction| Contact {
             ends,
             direction,

@@ -17,8 +17,8 @@ pub fn locate(body: &Body, hash: &SpatialHash, point_m: &Vec3) -> Option<Materia
         let position_m = body.invert_map(element as usize, point_m)?;
         let middle_m = body.rest_centre_m(element as usize);
         let drawn_in_m = position_m + (middle_m - position_m) * BOUNDARY;
-        let voxel = body.grid.voxel_at(body.grid.cell_of(&drawn_in_m))?;
-        let inside = body.element_of(voxel) == element as usize && body.grid.signed_distance_m(&position_m) < 0.0;
+        let voxel = body.state.grid.voxel_at(body.state.grid.cell_of(&drawn_in_m))?;
+        let inside = body.element_of(voxel) == element as usize && body.state.grid.signed_distance_m(&position_m) < 0.0;
         inside.then_some(MaterialPoint { position_m, voxel })
     })
 }

@@ -54,8 +54,8 @@ impl Palpation {
             [-1.0, 1.0].map(|side| pose.transform(&(Vec3::x() * (side * self.capsule.half_length_m))))
         });
         // What the tissue itself moves in a step is less than the margin, or else its next step will do.
-        let margin_m = MARGIN_VOXELS * body.grid.voxel_size_m();
-        let near = Aabb::around(ends).grown(self.capsule.radius_m + margin_m + 2.0 * body.grid.voxel_size_m());
+        let margin_m = MARGIN_VOXELS * body.state.grid.voxel_size_m();
+        let near = Aabb::around(ends).grown(self.capsule.radius_m + margin_m + 2.0 * body.state.grid.voxel_size_m());
         for element in body.elements_near(&near) {
             for patch in skin.of_element(element as u32) {
                 let Some(mut pressing) = contact(body, &self.capsule, patch, path, margin_m) else { continue };
@@ -70,8 +70,8 @@ impl Palpation {
 /// stiffening psi', along the tool's normal; `None` where they are apart, or where the patch looks away.
 fn contact(body: &Body, capsule: &Capsule, patch: &SkinPatch, path: &ToolPath, margin_m: f64) -> Option<Contact> {
     let weights = ContactWeights::of(body, &patch.point, 1.0);
-    let at = weights.sum(&body.position_m);
-    let predicted = at + weights.sum(&body.velocity_m_per_s) * body.dt_s();
+    let at = weights.sum(&body.state.position_m);
+    let predicted = at + weights.sum(&body.state.velocity_m_per_s) * body.dt_s();
     let nearest = capsule.nearest_after(&path.before.to_local(&at), &path.pose.to_local(&predicted));
     if nearest.distance_m > margin_m {
         return None;
@@ -90,8 +90,8 @@ fn contact(body: &Body, capsule: &Capsule, patch: &SkinPatch, path: &ToolPath, m
         stiffness_n_per_m: STIFFNESS * stiffened_pa * patch.area_m2.sqrt(),
         gap_before_m: (before - at).dot(&direction),
         gap_predicted_m: -nearest.distance_m,
-        slack_m: SLACK_VOXELS * body.grid.voxel_size_m(),
-        pull_slack_m: SLACK_VOXELS * body.grid.voxel_size_m(),
+        slack_m: SLACK_VOXELS * body.state.grid.voxel_size_m(),
+        pull_slack_m: SLACK_VOXELS * body.state.grid.voxel_size_m(),
         mode: if nearest.distance_m < 0.0 { Mode::Spring } else { Mode::Off },
         ..Contact::default()
     })

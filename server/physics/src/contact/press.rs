@@ -103,8 +103,8 @@ impl PatchOf<'_> {
         let (body, element) = (self.body, self.patch.element as usize);
         let drawn_in_m = at_m + (body.rest_centre_m(element) - at_m) * BOUNDARY;
         MATERIAL_VOXELS.into_iter().find_map(|depth| {
-            let inner_m = drawn_in_m - self.patch.normal * (depth * body.grid.voxel_size_m());
-            body.grid.voxel_at(body.grid.cell_of(&inner_m)).filter(|v| body.element_of(*v) == element)
+            let inner_m = drawn_in_m - self.patch.normal * (depth * body.state.grid.voxel_size_m());
+            body.state.grid.voxel_at(body.state.grid.cell_of(&inner_m)).filter(|v| body.element_of(*v) == element)
         })
     }
 }
@@ -122,7 +122,7 @@ pub fn approach(point: &PatchOf<'_>, surface: &PatchOf<'_>, dt_s: f64) -> Option
     let distance_m = offset_m.dot(&normal);
     let travel_m = (point.placed.velocity_m_per_s - surface.placed.velocity_m_per_s) * dt_s;
     let end_m = distance_m + travel_m.dot(&normal);
-    let voxel_m = surface.body.grid.voxel_size_m();
+    let voxel_m = surface.body.state.grid.voxel_size_m();
     if normal.dot(&point.placed.normal) > FACING
         || distance_m.min(end_m) > MARGIN_VOXELS * voxel_m
         || distance_m < -MOST_DEPTH_ELEMENTS * surface.edge_m()
@@ -182,7 +182,7 @@ pub fn meet(point: &PatchOf<'_>, surface: &PatchOf<'_>, approach: &Approach, dt_
 /// the other: the two sides of a thin sheet.
 fn is_one_piece(point: &PatchOf<'_>, met: VoxelId) -> bool {
     let own = point.voxel_under(&point.patch.point.position_m).unwrap_or(point.patch.point.voxel);
-    let grid = &point.body.grid;
+    let grid = &point.body.state.grid;
     let [from, to] = [own, met].map(|v| grid.voxels()[v.index()].ijk);
     is_joined(|link| grid.is_intact(link), from, to)
 }

@@ -157,7 +157,7 @@ impl Anchor {
         if distance <= 0.0 {
             return Vec3::zeros();
         }
-        let longest = MARCH_VOXELS * body.grid.voxel_size_m();
+        let longest = MARCH_VOXELS * body.state.grid.voxel_size_m();
         let from = self.current_m(body);
         let mut ahead = *self;
         for _ in 0..MAX_MARCH_STEPS {
@@ -178,7 +178,7 @@ impl Anchor {
     /// The shift of strips that settles on which side a centre on the blade's plane is.
     pub(super) fn nudge(&self, body: &Body, frame: &BladeFrame) -> Vec3 {
         let normal = (self.gradient(body).transpose() * frame.normal).try_normalize(0.0).unwrap_or(frame.normal);
-        normal * (NUDGE_VOXELS * body.grid.voxel_size_m())
+        normal * (NUDGE_VOXELS * body.state.grid.voxel_size_m())
     }
 
     /// Where the strip that is swept now ends here, m.
@@ -189,7 +189,7 @@ impl Anchor {
     /// Finds the link that the blade's plane crosses ahead: so far ahead that the crossing of the
     /// column it is looked for in cannot lie behind the front, where the blade itself has parted it.
     pub(super) fn find_link_ahead(&mut self, body: &Body, frame: &BladeFrame) {
-        let grid = &body.grid;
+        let grid = &body.state.grid;
         let h = grid.voxel_size_m();
         let f = self.gradient(body);
         let LinkAhead { link, near_m: at, .. } = self.link_ahead(body, &f, frame);
@@ -234,7 +234,7 @@ impl Anchor {
 
     /// The link that [`Self::find_link_ahead`] finds, under the deformation gradient `f`.
     fn link_ahead(&self, body: &Body, f: &Mat3, frame: &BladeFrame) -> LinkAhead {
-        let grid = &body.grid;
+        let grid = &body.state.grid;
         let h = grid.voxel_size_m();
         let ahead = pulled_back(f, &frame.forward).normalize();
         let normal = f.transpose() * frame.normal;
@@ -381,7 +381,7 @@ fn joined(body: &Body, a: VoxelId, b: VoxelId) -> bool {
 pub(super) fn fracture_energy(body: &Body, link: LinkId) -> f64 {
     [link.cell, link.upper()]
         .into_iter()
-        .filter_map(|cell| body.grid.voxel_at(cell))
+        .filter_map(|cell| body.state.grid.voxel_at(cell))
         .map(|v| body.material_of(v).fracture_energy_j_per_m2.unwrap_or(f64::INFINITY))
         .fold(f64::INFINITY, f64::min)
 }

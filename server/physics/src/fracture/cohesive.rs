@@ -128,7 +128,7 @@ impl CohesiveSpring {
         weights.add(self.nodes[0], 1.0);
         weights.add(self.nodes[1], -1.0);
         let gap_before_m = self.opening_m + self.offset_m();
-        let parting = weights.sum(&body.velocity_m_per_s).dot(&self.direction());
+        let parting = weights.sum(&body.state.velocity_m_per_s).dot(&self.direction());
         let gap_predicted_m = gap_before_m - dt_s * parting;
         let mut contact = Contact {
             ends: ToolEnds { weights, ..ToolEnds::default() },
@@ -158,7 +158,7 @@ impl CohesiveSpring {
 
     fn conclude(&mut self, body: &Body, force_n: f64, book: &mut CohesiveBook) {
         let before_j = self.stored_j();
-        let [a, b] = self.nodes.map(|n| Vec3::from(body.position_m[n as usize]));
+        let [a, b] = self.nodes.map(|n| Vec3::from(body.state.position_m[n as usize]));
         let opening_m = -(a - b).dot(&self.direction());
         let work_j = force_n * (opening_m - self.opening_m);
         let wider_m = opening_m.min(self.length_m).max(self.widest_m) - self.widest_m;

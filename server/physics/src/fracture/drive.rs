@@ -77,8 +77,9 @@ pub(super) struct Drive {
 
 /// Whether a body is so small beside Gc/E of what it is of that cutting strains all of it.
 pub(super) fn is_small(body: &Body) -> bool {
-    let across_m = body.grid.dims().into_iter().min().map_or(0.0, f64::from) * body.grid.voxel_size_m();
-    let lengths_m = body.materials.iter().filter_map(|m| Some(m.fracture_energy_j_per_m2? / m.young_modulus_pa));
+    let across_m = body.state.grid.dims().into_iter().min().map_or(0.0, f64::from) * body.state.grid.voxel_size_m();
+    let lengths_m =
+        body.description.materials.iter().filter_map(|m| Some(m.fracture_energy_j_per_m2? / m.young_modulus_pa));
     lengths_m.fold(0.0, f64::max) * LARGE > across_m
 }
 

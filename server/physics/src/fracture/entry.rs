@@ -13,8 +13,8 @@ const MOST_SEARCH_STEPS: u32 = 4000;
 /// The point of the object's surface behind `inside` along `-back`, at most about `approach` away in
 /// scene distance; where there is none the edge came in through a cut, `approach` back.
 pub(super) fn surface_behind(body: &Body, inside: Vec3, back: Vec3, approach: f64) -> Vec3 {
-    let h = body.grid.voxel_size_m();
-    let distance = |s: f64| body.grid.signed_distance_m(&(inside - back * s));
+    let h = body.state.grid.voxel_size_m();
+    let distance = |s: f64| body.state.grid.signed_distance_m(&(inside - back * s));
     let reach = 1.5 * approach + 0.5 * h;
     let step = 0.25 * h;
     let (mut low, mut high) = (0.0, step);
@@ -35,7 +35,7 @@ pub(super) fn surface_behind(body: &Body, inside: Vec3, back: Vec3, approach: f6
 
 /// Gradient of the signed distance over a voxel around `at`.
 fn outward(body: &Body, at: &Vec3) -> Vec3 {
-    let grid = &body.grid;
+    let grid = &body.state.grid;
     let h = grid.voxel_size_m();
     Vec3::from_fn(|a, _| {
         let offset = Vec3::from_fn(|b, _| if a == b { 0.5 * h } else { 0.0 });
@@ -46,21 +46,21 @@ fn outward(body: &Body, at: &Vec3) -> Vec3 {
 /// Unit normal into the object's surface at `at`, looked for half a voxel `toward` the inside: a flat side
 /// of the object may be where the grid's samples end. `None` where distance has no direction.
 pub(super) fn inward(body: &Body, at: &Vec3, toward: &Vec3) -> Option<Vec3> {
-    let normal = outward(body, &(at + toward * (0.5 * body.grid.voxel_size_m())));
+    let normal = outward(body, &(at + toward * (0.5 * body.state.grid.voxel_size_m())));
     let finite = normal.iter().all(|c| c.is_finite());
     normal.try_normalize(0.1).filter(|_| finite).map(|outward| -outward)
 }
 
 /// Whether `at` is on a surface that runs along the direction `ahead`, rather than facing it.
 pub(super) fn grazes(body: &Body, at: &Vec3, ahead: &Vec3) -> bool {
-    let on_surface = body.grid.signed_distance_m(at) > -0.25 * body.grid.voxel_size_m();
+    let on_surface = body.state.grid.signed_distance_m(at) > -0.25 * body.state.grid.voxel_size_m();
     let normal = outward(body, at);
     on_surface && normal.dot(ahead) > -FACING * normal.norm() * ahead.norm()
 }
 
 /// Moves a reference point to the object's surface along the signed distance's gradient.
 pub(super) fn onto_surface(body: &Body, at: Vec3) -> Vec3 {
-    let grid = &body.grid;
+    let grid = &body.state.grid;
     let gradient = outward(body, &at);
     let size2 = gradient.norm_squared();
     if size2.is_finite() && size2 > 0.01 { at - gradient * (grid.signed_distance_m(&at) / size2) } else { at }

@@ -79,7 +79,7 @@ impl Front {
     /// A front of `blade`, nowhere in contact.
     #[must_use]
     pub fn new(blade: &Blade, body: &Body) -> Self {
-        let segments = blade.edge.segments(body.grid.voxel_size_m() / MARKERS_PER_VOXEL);
+        let segments = blade.edge.segments(body.state.grid.voxel_size_m() / MARKERS_PER_VOXEL);
         let count = segments.len();
         Self {
             markers: vec![Marker::Outside; count],
@@ -170,7 +170,7 @@ impl Front {
         links: &mut Vec<(LinkId, Crossing)>,
     ) -> FrontBook {
         let mut book = FrontBook::default();
-        let by_link_energy = body.fracture_rule == FractureRule::LinkEnergy;
+        let by_link_energy = body.description.fracture_rule == FractureRule::LinkEnergy;
         let first_link = links.len();
         for contact in &self.contacts {
             let Marker::On(anchor) = &mut self.markers[contact.marker] else { continue };
@@ -207,7 +207,7 @@ impl Front {
     fn open_beside(&self, body: &Body, index: usize, links: &mut Vec<(LinkId, Crossing)>) {
         let Some(own) = self.anchor(index) else { return };
         let frame = &self.frames[index];
-        let out = own.pull_back(body, &frame.forward).normalize() * (-START_VOXELS * body.grid.voxel_size_m());
+        let out = own.pull_back(body, &frame.forward).normalize() * (-START_VOXELS * body.state.grid.voxel_size_m());
         let nudge = own.nudge(body, frame);
         for left in [index.wrapping_sub(1), index] {
             let Some(ends) = self.segment(body, left) else { continue };
@@ -266,7 +266,7 @@ impl Front {
             let to_edge_m = pose.transform(&self.segments[i].middle_m) - anchor.current_m(body);
             Some(ChainPoint { position_m: anchor.position_m, start_m: anchor.start_m, to_edge_m })
         }));
-        let gap = CHAIN_GAP_VOXELS * body.grid.voxel_size_m();
+        let gap = CHAIN_GAP_VOXELS * body.state.grid.voxel_size_m();
         for index in 0..self.markers.len() {
             let Marker::On(anchor) = self.markers[index] else { continue };
             let along = self.frames[index].along;
@@ -299,7 +299,7 @@ impl Front {
 
     /// Samples what the strained body adds to the drive of the front, in a step that it has advanced in.
     pub fn sample_drive(&mut self, body: &Body) {
-        if body.fracture_rule == FractureRule::LinkEnergy {
+        if body.description.fracture_rule == FractureRule::LinkEnergy {
             return;
         }
         let Some(mut drive) = self.drive.take() else { return };
@@ -308,7 +308,7 @@ impl Front {
         let piece = |index| {
             let (anchor, frame) = (self.anchor(index).filter(|a| a.yielded)?, &self.frames[index]);
             let ahead = anchor.pull_back(body, &frame.forward).normalize();
-            if body.grid.signed_distance_m(&(anchor.position_m - ahead * least_m)) > 0.0 {
+            if body.state.grid.signed_distance_m(&(anchor.position_m - ahead * least_m)) > 0.0 {
                 return None;
             }
             let along_m = anchor.pull_back(body, &frame.along) * self.segment_m;
@@ -339,7 +339,7 @@ impl Front {
         for marker in &mut self.markers {
             if let Marker::On(anchor) = marker
                 && anchor.ahead == Ahead::Outside
-                && body.grid.signed_distance_m(&anchor.position_m) > 0.0
+                && body.state.grid.signed_distance_m(&anchor.position_m) > 0.0
             {
                 book.stored_j -= anchor.stored_j;
                 book.numerical_j += anchor.stored_j;
@@ -391,6 +391,6 @@ impl Front {
     fn segment(&self, body: &Body, left: usize) -> Option<[&Anchor; 2]> {
         let ends = [self.anchor(left)?, self.anchor(left + 1)?];
         let gap = (ends[0].swept_m - ends[1].swept_m).norm();
-        (gap < CHAIN_GAP_VOXELS * body.grid.voxel_size_m()).then_some(ends)
+        (gap < CHAIN_GAP_VOXELS * body.state.grid.voxel_size_m()).then_some(ends)
     }
 }

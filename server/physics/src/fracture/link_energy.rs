@@ -34,7 +34,7 @@ const PAST_VOXELS: f64 = 0.05;
 /// none does, as in the half voxel between the last link and the surface.
 pub(super) fn limits_n(body: &Body, anchor: &Anchor, frame: &BladeFrame) -> (f64, f64) {
     let is_inside = matches!(anchor.ahead, Ahead::Intact { .. });
-    let holds = is_inside && body.grid.is_intact(anchor.next_link(body, frame).link);
+    let holds = is_inside && body.state.grid.is_intact(anchor.next_link(body, frame).link);
     let limit_n = if holds { f64::INFINITY } else { 0.0 };
     (limit_n, limit_n)
 }
@@ -56,7 +56,7 @@ pub(super) fn give_way(
     if per_area_j_per_m2(body, &next) < fracture_energy_j_per_m2 {
         return Vec3::zeros();
     }
-    let past_m = PAST_VOXELS * body.grid.voxel_size_m();
+    let past_m = PAST_VOXELS * body.state.grid.voxel_size_m();
     let step = next.ahead * ((next.crossing_m - anchor.position_m).dot(&next.ahead).max(0.0) + past_m);
     let mut moved = *anchor;
     moved.position_m += step;
@@ -72,10 +72,10 @@ pub(super) fn give_way(
 
 /// Elastic energy that a link holds per area, J/m^2; none where the blade's plane meets no voxel.
 fn per_area_j_per_m2(body: &Body, next: &LinkAhead) -> f64 {
-    let at_crossing = body.grid.voxel_at(body.grid.cell_of(&next.crossing_m));
-    let voxel = at_crossing.or_else(|| body.grid.voxel_at(next.link.cell));
+    let at_crossing = body.state.grid.voxel_at(body.state.grid.cell_of(&next.crossing_m));
+    let voxel = at_crossing.or_else(|| body.state.grid.voxel_at(next.link.cell));
     let Some(element) = voxel.map(|voxel| body.element_of(voxel)) else { return 0.0 };
-    body.grid.voxel_size_m() * body.elastic_energy_j(element) / body.filled_volume_m3(element)
+    body.state.grid.voxel_size_m() * body.elastic_energy_j(element) / body.filled_volume_m3(element)
 }
 
 #[cfg(test)]
@@ -107,7 +107,7 @@ poisson_ratio = 0.4
         let stretch = Mat3::new(1.1, 0.02, 0.0, 0.02, 0.95, 0.01, 0.0, 0.01, 1.03);
         let turn = nalgebra::Rotation3::from_euler_angles(0.3, -0.8, 0.5);
         for node in 0..body.node_count() {
-            body.position_m[node] = (turn * stretch * body.rest_position_m(node)).into();
+            body.state.position_m[node] = (turn * stretch * body.rest_position_m(node)).into();
         }
         body.evaluate(&Workers::serial(), 60);
         let strain = stretch - Mat3::identity();
@@ -115,7 +115,7 @@ poisson_ratio = 0.4
         let density = mu_pa * strain.norm_squared() + 0.5 * lambda_pa * strain.trace().powi(2);
         for cell in [[0, 0, 0], [2, 5, 4], [4, 9, 7]] {
             let link = LinkId { cell, axis: 0 };
-            let crossing_m = body.grid.centre_m(cell) + Vec3::x() * 4e-4;
+            let crossing_m = body.state.grid.centre_m(cell) + Vec3::x() * 4e-4;
             let next = LinkAhead { link, crossing_m, ahead: -Vec3::y(), near_m: crossing_m };
             let held = per_area_j_per_m2(&body, &next);
             assert!((held / (density * 0.002) - 1.0).abs() < 1e-9, "{held} against {}", density * 0.002);

@@ -55,7 +55,7 @@ impl Edge {
         };
         let (nodes, n) = body.weights(&point);
         let tissue: Vec3 =
-            nodes.iter().zip(n).map(|(node, n)| Vec3::from(body.velocity_m_per_s[*node as usize]) * n).sum();
+            nodes.iter().zip(n).map(|(node, n)| Vec3::from(body.state.velocity_m_per_s[*node as usize]) * n).sum();
         let approach = (at_m - last_m - tissue * (fraction * body.dt_s())).dot(&self.frame.forward);
         let mut anchor = Anchor::at(point, self.frame.forward, self.half_width_m);
         let back = anchor.pull_back(body, &self.frame.forward);
@@ -93,7 +93,7 @@ impl Edge {
     /// A marker at `anchor`, unless that has gone on in material that is far from `from_m`: the piece that it
     /// would go on in may have been carried away.
     fn unless_lost(&self, body: &Body, hash: &SpatialHash, anchor: Anchor, from_m: &Vec3) -> Marker {
-        let far_m = LOST_VOXELS * body.grid.voxel_size_m();
+        let far_m = LOST_VOXELS * body.state.grid.voxel_size_m();
         let holds = matches!(anchor.ahead, Ahead::Intact { .. });
         if holds && (anchor.current_m(body) - from_m).norm() > far_m {
             return self.emerge(body, hash);
@@ -103,7 +103,7 @@ impl Edge {
 
     /// A marker that was in contact: still is, or has let go.
     pub(super) fn keep(&self, body: &Body, hash: &SpatialHash, mut anchor: Anchor) -> Marker {
-        let h = body.grid.voxel_size_m();
+        let h = body.state.grid.voxel_size_m();
         let was_m = anchor.current_m(body);
         anchor.find_link_ahead(body, &self.frame);
         let offset = self.now_m - anchor.current_m(body);
@@ -124,7 +124,7 @@ impl Edge {
 /// A marker of an edge that has not come in through a surface: buried, or outside. At the surface itself, where
 /// rounding would tell, it is outside.
 pub(super) fn put_down(body: &Body, hash: &SpatialHash, at_m: &Vec3) -> Marker {
-    let depth_m = narrow::locate(body, hash, at_m).map(|point| -body.grid.signed_distance_m(&point.position_m));
-    let skin_m = SKIN_VOXELS * body.grid.voxel_size_m();
+    let depth_m = narrow::locate(body, hash, at_m).map(|point| -body.state.grid.signed_distance_m(&point.position_m));
+    let skin_m = SKIN_VOXELS * body.state.grid.voxel_size_m();
     if depth_m.is_some_and(|depth_m| depth_m > skin_m) { Marker::Buried } else { Marker::Outside }
 }

@@ -41,9 +41,9 @@ impl Tip {
     #[must_use]
     pub fn weight_at(&self, body: &Body, position_m: &Vec3) -> f64 {
         let edge_m = body.lattice_edge_m();
-        let at = (position_m - body.grid.origin_m()) / edge_m;
+        let at = (position_m - body.state.grid.origin_m()) / edge_m;
         let cell = at.map(f64::floor);
-        let centre_m = body.grid.origin_m() + cell.add_scalar(0.5) * edge_m;
+        let centre_m = body.state.grid.origin_m() + cell.add_scalar(0.5) * edge_m;
         let n = shape_functions((at - cell).into());
         self.phi_at_corners(&centre_m, edge_m).map_or(0.0, |phi| phi.iter().zip(n).map(|(phi, n)| phi * n).sum())
     }
@@ -86,7 +86,7 @@ pub struct Released {
 #[must_use]
 pub fn released(body: &Body, tip: &Tip) -> Released {
     let reach_m = Vec3::repeat((OUTER * OUTER + HALF_WIDTH * HALF_WIDTH).sqrt() * tip.element_edge_m);
-    let lattice = |p: Vec3| ((p - body.grid.origin_m()) / body.lattice_edge_m()).map(|c| c.floor() as i32);
+    let lattice = |p: Vec3| ((p - body.state.grid.origin_m()) / body.lattice_edge_m()).map(|c| c.floor() as i32);
     let (low, high) = (lattice(tip.position_m - reach_m), lattice(tip.position_m + reach_m));
     let mut sum = Sum::default();
     for k in low.z..=high.z {

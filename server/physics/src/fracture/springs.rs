@@ -40,8 +40,8 @@ impl FrontContact {
     /// Sets up the springs between `edge` and the anchor of its marker.
     pub(super) fn new(body: &Body, marker: usize, edge: &Edge, anchor: &Anchor, strained: &Strained) -> Self {
         let weights = anchor.weights(body);
-        let at = weights.sum(&body.position_m);
-        let velocity = weights.sum(&body.velocity_m_per_s);
+        let at = weights.sum(&body.state.position_m);
+        let velocity = weights.sum(&body.state.velocity_m_per_s);
         let [k, relaxed] =
             anchor.stiffness_n_per_m2(body, &edge.frame, edge.from_end_m).map(|per_length| edge.segment_m * per_length);
         let spring = |direction: Vec3| Contact {
@@ -53,7 +53,7 @@ impl FrontContact {
             ..Contact::default()
         };
         let mut forward = spring(edge.frame.forward);
-        (forward.limit_n, forward.yield_n) = match body.fracture_rule {
+        (forward.limit_n, forward.yield_n) = match body.description.fracture_rule {
             FractureRule::Front => anchor.limits_n(body, &edge.frame, edge.segment_m, strained),
             FractureRule::LinkEnergy => link_energy::limits_n(body, anchor, &edge.frame),
         };
@@ -111,7 +111,7 @@ impl FrontContact {
         let mut advance = 0.0;
         if forward.mode == Mode::Yield {
             advance = (forward.gap_m - forward.yield_n / k).max(0.0);
-            advance = advance.min(MAX_ADVANCE_VOXELS * body.grid.voxel_size_m());
+            advance = advance.min(MAX_ADVANCE_VOXELS * body.state.grid.voxel_size_m());
         }
         let aside = 0.5 * lateral.force_n * lateral.gap_m;
         let stored = if forward.mode == Mode::Off { 0.0 } else { spring(forward.gap_m - advance) } + aside;
@@ -144,7 +144,7 @@ impl FrontContact {
         }
         if anchor.yielded {
             let slid_m = self.along.gap_m * self.along.direction.dot(&frame.along);
-            anchor.travel.add(advance, slid_m, body.dt_s(), body.grid.voxel_size_m());
+            anchor.travel.add(advance, slid_m, body.dt_s(), body.state.grid.voxel_size_m());
         }
         if !anchor.yielded && forward.mode == Mode::Spring {
             let held_m = EDGE_FRICTION * force / lateral.stiffness_n_per_m;

@@ -13,8 +13,8 @@ use crate::grid::{Crossing, Grid, LinkId};
 /// Parts the intact links across a quadrilateral, but for those that cannot be cut.
 pub(super) fn part_quad(body: &Body, [a, b, c, d]: [Vec3; 4], links: &mut Vec<(LinkId, Crossing)>) {
     for triangle in [[a, b, c], [a, c, d]] {
-        links_across(&body.grid, triangle, |link, crossing| {
-            if body.grid.is_intact(link) && fracture_energy(body, link).is_finite() {
+        links_across(&body.state.grid, triangle, |link, crossing| {
+            if body.state.grid.is_intact(link) && fracture_energy(body, link).is_finite() {
                 links.push((link, crossing));
             }
         });
@@ -38,7 +38,8 @@ impl PartingCost {
         let mut seen = None;
         for (link, crossing) in links {
             if seen.replace(*link) != Some(*link) {
-                let area = body.grid.voxel_size_m().powi(2) * f64::from(crossing.normal[link.axis as usize]).abs();
+                let area =
+                    body.state.grid.voxel_size_m().powi(2) * f64::from(crossing.normal[link.axis as usize]).abs();
                 cost.area_m2 += area;
                 cost.fracture_j += fracture_energy(body, *link) * area;
             }

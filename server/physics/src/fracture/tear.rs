@@ -46,9 +46,9 @@ impl Tearing {
     /// Ends of the cuts that a body has already.
     #[must_use]
     pub fn of(body: &Body) -> Self {
-        let cells = body.grid.voxels().iter().map(|voxel| voxel.ijk);
+        let cells = body.state.grid.voxels().iter().map(|voxel| voxel.ijk);
         let links = cells.flat_map(|cell| [0, 1, 2].map(|axis| LinkId { cell, axis }));
-        let parted: Vec<_> = links.filter(|link| matches!(body.grid.link(*link), Link::Parted(_))).collect();
+        let parted: Vec<_> = links.filter(|link| matches!(body.state.grid.link(*link), Link::Parted(_))).collect();
         let mut tearing = Self::default();
         tearing.update(body, &parted);
         tearing
@@ -56,7 +56,7 @@ impl Tearing {
 
     /// Follows the links that parted in a step.
     pub fn update(&mut self, body: &Body, parted: &[LinkId]) {
-        let grid = &body.grid;
+        let grid = &body.state.grid;
         for ends in self.ends.values_mut() {
             ends.retain(|end| grid.is_intact(end.ahead));
         }
@@ -132,7 +132,7 @@ impl End {
         if facing <= 0.0 {
             return 0.0;
         }
-        body.grid.voxel_size_m() * facing * tip.weight_at(body, &self.at_m)
+        body.state.grid.voxel_size_m() * facing * tip.weight_at(body, &self.at_m)
     }
 }
 
@@ -148,7 +148,7 @@ struct Place {
 impl Place {
     /// `None` where the ends face each other.
     fn new(body: &Body, ends: &[End]) -> Option<Self> {
-        let h = body.grid.voxel_size_m();
+        let h = body.state.grid.voxel_size_m();
         let weight = 1.0 / ends.len() as f64;
         let middle_m = ends.iter().map(|e| (e.at_m + e.toward * (0.5 * h)) * weight).sum::<Vec3>();
         let first = ends.first()?.normal;
@@ -158,7 +158,7 @@ impl Place {
         let along = ahead.cross(&normal);
         let along_m = ends.iter().map(|e| (e.at_m - middle_m).dot(&along));
         let (low, high) = along_m.fold((0.0f64, 0.0f64), |(low, high), s| (low.min(s), high.max(s)));
-        let voxel = body.grid.voxel_at(ends[0].ahead.cell)?;
+        let voxel = body.state.grid.voxel_at(ends[0].ahead.cell)?;
         let element = body.element_of(voxel);
         let elastic = body.material_of(voxel).elastic;
         Some(Self {

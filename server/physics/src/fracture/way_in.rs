@@ -24,7 +24,7 @@ pub(super) struct WayIn {
 /// The way in between two positions; the tissue as it is at the beginning of the step.
 pub(super) fn way_in(body: &Body, hash: &SpatialHash, before_m: &Vec3, now_m: &Vec3) -> Option<WayIn> {
     let way_m = now_m - before_m;
-    let count = (way_m.norm() / (SPACING_VOXELS * body.grid.voxel_size_m())).ceil().clamp(1.0, MOST_POINTS);
+    let count = (way_m.norm() / (SPACING_VOXELS * body.state.grid.voxel_size_m())).ceil().clamp(1.0, MOST_POINTS);
     let fraction = 1.0 / count;
     let mut last_m = *before_m;
     for step in 1..=count as u32 {

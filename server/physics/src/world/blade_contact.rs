@@ -83,7 +83,7 @@ impl BladeContact {
         let motion = motion(&self.blade, self.mount, path);
         let edge_m = motion.blade.edge.points_m();
         let swept = edge_m.iter().flat_map(|at| [motion.before.transform(at), motion.pose.transform(at)]);
-        self.hash.rebuild(body, &Aabb::around(swept).grown(body.grid.voxel_size_m()));
+        self.hash.rebuild(body, &Aabb::around(swept).grown(body.state.grid.voxel_size_m()));
         if path.entered {
             self.front.enter(body, &self.hash, &motion.pose);
         }
@@ -106,7 +106,7 @@ impl BladeContact {
     pub(super) fn touch(&self, body: &Body, path: &ToolPath) -> Touch<'_> {
         let depths_m = self.front.contacts.iter().map(|contact| {
             let forward = &contact.forward;
-            (forward.ends.tool_point_m - forward.ends.weights.sum(&body.position_m)).dot(&forward.direction)
+            (forward.ends.tool_point_m - forward.ends.weights.sum(&body.state.position_m)).dot(&forward.direction)
         });
         let depth_m = depths_m.fold(0.0, f64::max);
         Touch { blade: &self.blade, pose: motion(&self.blade, self.mount, path).pose, depth_m }

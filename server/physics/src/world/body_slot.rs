@@ -14,7 +14,6 @@ use crate::tool::ToolShape;
 use crate::workers::Workers;
 
 /// A body with the step data that belongs to it.
-#[derive(Clone)]
 pub(super) struct BodySlot {
     pub(super) body: Body,
     /// By tool.
@@ -73,6 +72,27 @@ impl BodySlot {
         slot
     }
 
+    /// A copy to keep, without what a step begins anew. [`Self::reserve`] makes it fit for steps again.
+    pub(super) fn kept(&self) -> Self {
+        Self {
+            body: self.body.kept(),
+            contacts: self.contacts.clone(),
+            pulled: self.pulled.clone(),
+            velocity_change: self.velocity_change.clone(),
+            impulses: Vec::new(),
+            tool_impulses: 0,
+            ledger: self.ledger,
+            parting: Vec::new(),
+            parted: Vec::new(),
+            change: TopologyChange::default(),
+            edited: self.edited,
+            island: self.island,
+            activity: self.activity,
+            applied_n_s: self.applied_n_s,
+            front_stored_j: self.front_stored_j,
+        }
+    }
+
     /// Room for every contact there may be until links part again, `tissue_springs` of them with tissue: a
     /// step in between allocates nothing.
     pub(super) fn reserve(&mut self, tissue_springs: usize) {
@@ -81,7 +101,7 @@ impl BodySlot {
         let springs = of_tools + of_cohesive + tissue_springs;
         self.impulses.clear();
         self.impulses.reserve(POINT_NODES * springs);
-        self.body.reserve_springs(springs);
+        self.body.reserve(springs);
     }
 
     pub(super) fn detect_cohesive(&mut self, dt_s: f64) {
@@ -148,7 +168,7 @@ impl BodySlot {
 
     /// From now on something pulls at the body: its cuts may go on by themselves, if it can be cut.
     pub(super) fn feel_pull(&mut self) {
-        if self.body.materials.iter().any(|m| m.fracture_energy_j_per_m2.is_some()) {
+        if self.body.description.materials.iter().any(|m| m.fracture_energy_j_per_m2.is_some()) {
             self.pulled = Some(Pulled::new(&self.body));
         }
     }

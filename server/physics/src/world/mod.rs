@@ -161,7 +161,7 @@ impl World {
             .iter()
             .position(|o| o.name == object)
             .ok_or_else(|| error(format!("there is no object named {object:?}")))?;
-        let grid = &self.slots[body].body.grid;
+        let grid = &self.slots[body].body.state.grid;
         let voxel = grid
             .voxel_at(grid.cell_of(&position_m))
             .ok_or_else(|| error(format!("position_m {position_m:?} lies in no voxel of {object:?}")))?;
@@ -301,7 +301,7 @@ impl World {
             slot.roll_back(workers);
             rolled_back = true;
             // Of several bodies the first is reported: the others may have failed for it.
-            let (step, object) = (self.output.step, &slot.body.name);
+            let (step, object) = (self.output.step, &slot.body.description.name);
             let fault = || Fault { step, object: object.clone(), what: FaultKind::NodeState };
             self.output.fault.get_or_insert_with(fault);
         }

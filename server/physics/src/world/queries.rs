@@ -68,7 +68,7 @@ impl World {
             counts.surface_triangles += 2 * surface.quads().len();
         }
         for slot in &self.slots {
-            counts.voxels += slot.body.grid.voxels().len();
+            counts.voxels += slot.body.state.grid.voxels().len();
             counts.composite_elements += slot.body.base().elements.len();
             counts.nodes += slot.body.node_count();
             counts.parts += slot.body.part_count() as usize;
@@ -80,7 +80,7 @@ impl World {
     #[must_use]
     pub fn object_stats(&self) -> Vec<ObjectStats> {
         let stats = |slot: &BodySlot| {
-            let grid = &slot.body.grid;
+            let grid = &slot.body.state.grid;
             let centres = grid.voxels().iter().map(|v| grid.centre_m(v.ijk));
             let aabb = Aabb::around(centres).grown(0.5 * grid.voxel_size_m());
             ObjectStats {
@@ -154,7 +154,7 @@ impl World {
     /// Displacements of an object's nodes, xyz interleaved, m, scene frame, appended to `out`.
     pub fn node_displacements_m(&self, object: usize, out: &mut Vec<f32>) {
         let body = &self.slots[object].body;
-        for (node, x) in body.position_m.iter().enumerate() {
+        for (node, x) in body.state.position_m.iter().enumerate() {
             let rest = body.rest_position_m(node);
             out.extend((0..3).map(|i| (x[i] - rest[i]) as f32));
         }
@@ -194,7 +194,7 @@ impl World {
         hasher.word(self.output.step);
         for slot in &self.slots {
             slot.activity.fold_into(&mut hasher);
-            for values in [&slot.body.position_m, &slot.body.velocity_m_per_s] {
+            for values in [&slot.body.state.position_m, &slot.body.state.velocity_m_per_s] {
                 values.iter().for_each(|v| hasher.floats(v));
             }
             slot.body.fold_memory_into(&mut hasher);

@@ -8,8 +8,9 @@ use crate::step_io::StepOutput;
 
 /// The state of a world as a step left it: [`World::snapshot`].
 ///
-/// Deliberately absent: the surface, which follows from the state, and what never changes, which the
-/// worlds share.
+/// Deliberately absent: the surface, which follows from the state; what a body is made of, which never changes and which
+/// the worlds share; and the room that a step works in. The solver's matrices are kept, for they follow the state with a
+/// lag: made anew they would lead on to other bits.
 pub struct Snapshot {
     slots: Vec<BodySlot>,
     tools: Vec<Tool>,
@@ -32,7 +33,7 @@ impl World {
     #[must_use]
     pub fn snapshot(&self) -> Snapshot {
         Snapshot {
-            slots: self.slots.clone(),
+            slots: self.slots.iter().map(BodySlot::kept).collect(),
             tools: self.tools.clone(),
             tissue: self.tissue.clone(),
             contact_ledger: self.contact_ledger,
@@ -44,7 +45,7 @@ impl World {
     /// Goes back to a snapshot of this world, or of one of the same scene: the same inputs lead on to the
     /// same bits. The surface is forgotten.
     pub fn restore(&mut self, snapshot: &Snapshot) {
-        self.slots.clone_from(&snapshot.slots);
+        self.slots = snapshot.slots.iter().map(BodySlot::kept).collect();
         self.tissue.clone_from(&snapshot.tissue);
         // A copy has room for what it holds and no more.
         self.tissue.iter_mut().for_each(|tissue| tissue.reserve(&self.slots));

@@ -360,8 +360,8 @@ fn place(slots: &[BodySlot], body: u32, patch: u32) -> PlacedPatch {
     PlacedPatch {
         body,
         patch,
-        at_m: sum(&of.position_m),
-        velocity_m_per_s: sum(&of.velocity_m_per_s),
+        at_m: sum(&of.state.position_m),
+        velocity_m_per_s: sum(&of.state.velocity_m_per_s),
         normal: of.rotation(data.element as usize) * data.normal,
     }
 }
@@ -377,8 +377,8 @@ fn most_travel_m(slots: &[BodySlot]) -> f64 {
 /// How far along each axis patches may be from what they meet within `dt_s`, m.
 fn reach_m(slots: &[BodySlot], dt_s: f64) -> f64 {
     let edge_m = bodies(slots).map(Body::largest_edge_m).fold(0.0, f64::max);
-    let voxel_m = bodies(slots).map(|body| body.grid.voxel_size_m()).fold(0.0, f64::max);
-    let velocities = Aabb::around(bodies(slots).flat_map(|body| &body.velocity_m_per_s).map(|v| Vec3::from(*v)));
+    let voxel_m = bodies(slots).map(|body| body.state.grid.voxel_size_m()).fold(0.0, f64::max);
+    let velocities = Aabb::around(bodies(slots).flat_map(|body| &body.state.velocity_m_per_s).map(|v| Vec3::from(*v)));
     let travel_m = dt_s * (velocities.max_m - velocities.min_m).norm();
     let travel_m = if travel_m.is_finite() { travel_m.min(most_travel_m(slots)) } else { 0.0 };
     edge_m + MARGIN_VOXELS * voxel_m + travel_m
@@ -391,11 +391,11 @@ fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, carried
     let ends = [(point, &point.patch.point, 1.0), (surface, &meeting.point, -1.0)]
         .map(|(of, at, sign)| TissueEnd { body: of.placed.body, weights: ContactWeights::of(of.body, at, sign) });
     let bodies = [point.body, surface.body];
-    let velocity: Vec3 = ends.iter().zip(bodies).map(|(end, body)| end.weights.sum(&body.velocity_m_per_s)).sum();
+    let velocity: Vec3 = ends.iter().zip(bodies).map(|(end, body)| end.weights.sum(&body.state.velocity_m_per_s)).sum();
     // Of the two half elements, in series.
     let compliance: f64 = [point, surface].map(PatchOf::compliance_m_per_pa).iter().sum();
     let closing = velocity.dot(&meeting.normal);
-    let voxel_m = point.body.grid.voxel_size_m();
+    let voxel_m = point.body.state.grid.voxel_size_m();
     let stiffness_n_per_m = STIFFNESS * point.patch.area_m2 / compliance;
     let most_m = carried_m + COMES_UP_VOXELS_PER_S * dt_s * voxel_m;
     let depth_before_m = (-meeting.distance_m).min(MOST_PUSH_VOXELS * voxel_m).min(most_m);

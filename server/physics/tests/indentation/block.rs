@@ -200,7 +200,7 @@ impl Press {
             let mut spring = |across_m: f64, direction: Vec3, share: f64| {
                 let at = middle + across * across_m;
                 let inside = at - Vec3::y() * (0.5 * h);
-                let Some(voxel) = body.grid.voxel_at(body.grid.cell_of(&inside)) else { return };
+                let Some(voxel) = body.state.grid.voxel_at(body.state.grid.cell_of(&inside)) else { return };
                 let weights = ContactWeights::of(&body, &MaterialPoint { position_m: at, voxel }, 1.0);
                 springs.push(Contact {
                     ends: ToolEnds { weights, ..ToolEnds::default() },
@@ -220,7 +220,7 @@ impl Press {
         }
         let mut impulses = Vec::new();
         springs.iter().for_each(|contact| contact.add_impulses(params.dt_s, &mut impulses));
-        body.reserve_springs(springs.len());
+        body.reserve(springs.len());
         body.refresh_operator(&Workers::serial());
         body.set_springs(point_springs(springs.iter(), params.dt_s));
         body.assemble_right_side(&Workers::serial());

@@ -95,7 +95,7 @@ pub fn beam(level: u8, h: f64, poisson_ratio: f64) -> (f64, f64) {
     let body = &world.bodies()[0];
     let tip: Vec<f64> = (0..body.node_count())
         .filter(|n| (body.rest_position_m(*n).z - (length + clamp)).abs() < 1e-9)
-        .map(|n| body.position_m[n][1] - body.rest_position_m(n).y)
+        .map(|n| body.state.position_m[n][1] - body.rest_position_m(n).y)
         .collect();
     let deflection = -tip.iter().sum::<f64>() / tip.len() as f64;
     let q = density * g * side * side;
@@ -127,10 +127,10 @@ pub fn assert_forces_are_the_energys_slope(body: &mut Body) {
         for axis in 0..3 {
             let mut energy = [0.0; 2];
             for (e, sign) in energy.iter_mut().zip([1.0, -1.0]) {
-                body.position_m[node][axis] += sign * step;
+                body.state.position_m[node][axis] += sign * step;
                 body.evaluate(&Workers::serial(), 30);
                 *e = body.energy().elastic_j;
-                body.position_m[node][axis] -= sign * step;
+                body.state.position_m[node][axis] -= sign * step;
             }
             let slope = (energy[0] - energy[1]) / (2.0 * step);
             let error = (slope + forces[node][axis]).abs() / scale;

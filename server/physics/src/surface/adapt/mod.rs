@@ -100,7 +100,7 @@ impl Adaptation {
 
     /// Finds the vertices near a blade.
     fn find_near(&mut self, body: &Body, blade: &BladeBody) {
-        let box_near = blade.around(NEAR_VOXELS * body.grid.voxel_size_m());
+        let box_near = blade.around(NEAR_VOXELS * body.state.grid.voxel_size_m());
         let elements = body.elements_near(&box_near).filter(|element| box_of(body, *element).meets(&box_near));
         self.store.begin_turn();
         let field = &mut Field { body, mesh: &self.mesh, store: &mut self.store };
@@ -118,7 +118,7 @@ impl Adaptation {
         self.order.clear();
         self.march.run(field, &mut self.order);
         for slot in &self.order {
-            deform(field, *slot, NEGLIGIBLE_VOXELS * body.grid.voxel_size_m());
+            deform(field, *slot, NEGLIGIBLE_VOXELS * body.state.grid.voxel_size_m());
         }
     }
 }
@@ -126,7 +126,7 @@ impl Adaptation {
 /// The box around an element and what lies as far outside it as its vertices may.
 fn box_of(body: &Body, element: usize) -> Aabb {
     let nodes = body.base().elements[element].nodes;
-    Aabb::around(nodes.map(|node| body.position_m[node as usize].into())).grown(body.grid.voxel_size_m())
+    Aabb::around(nodes.map(|node| body.state.position_m[node as usize].into())).grown(body.state.grid.voxel_size_m())
 }
 
 /// Moves a vertex of the region by the profile (Eq. 19), as far as its triangles allow.

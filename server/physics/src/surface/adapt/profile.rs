@@ -41,7 +41,7 @@ impl Profile {
     pub fn at(body: &Body, voxel: VoxelId) -> Self {
         let material = body.material_of(voxel);
         let edge_m = body.element_edge_m(body.element_of(voxel));
-        let least_m = edge_m.max(LEAST_REACH_VOXELS * body.grid.voxel_size_m());
+        let least_m = edge_m.max(LEAST_REACH_VOXELS * body.state.grid.voxel_size_m());
         let force_n_per_m = material.fracture_energy_j_per_m2.map(|gc| gc * material.initiation_ratio);
         // What cannot be cut is dented without limit.
         let dent_m = force_n_per_m.map_or(f64::INFINITY, |v| v / material.young_modulus_pa);

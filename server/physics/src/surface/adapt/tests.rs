@@ -74,7 +74,7 @@ fn dent(depth_m: f64) -> Dent {
 /// Adapts a block; vertices of its surface, those looked at, those moved.
 fn adapted(side_m: f64, depth_m: f64) -> [usize; 3] {
     let body = block(side_m);
-    let surface = Surface::build(&body.grid);
+    let surface = Surface::build(&body.state.grid);
     let mut adaptation = Adaptation::default();
     adaptation.follow(&surface, &whole(&body, &surface));
     adaptation.adapt(&body, &[dent(depth_m)]);

@@ -1,0 +1,27 @@
+//! What a body is made of and what acts on it: nothing of this changes.
+
+use super::loads::{FaceLoad, VoxelLoad};
+use super::material::Material;
+use crate::Vec3;
+use crate::fem::composite::CompositeTables;
+use crate::scene::{ElementKind, FractureRule};
+
+/// The constant part of a body, as the scene gave it. A body shares it with the snapshots of it.
+pub struct Description {
+    /// Name in the scene.
+    pub name: String,
+    /// Materials, by a voxel's material index.
+    pub materials: Vec<Material>,
+    /// What decides where a blade parts it.
+    pub fracture_rule: FractureRule,
+    /// Which element a composite cell gets.
+    pub(super) element_kind: ElementKind,
+    /// Gravity, m/s^2, scene frame.
+    pub(super) gravity_m_per_s2: Vec3,
+    /// What holds and pulls each voxel, by voxel.
+    pub(super) voxel_loads: Vec<VoxelLoad>,
+    /// Tractions on faces of voxels, by voxel, ascending.
+    pub(super) face_loads: Vec<FaceLoad>,
+    /// Integrals over a cell's voxels, by log2 of an element's size in cells of the lattice.
+    pub(super) tables: Vec<CompositeTables>,
+}

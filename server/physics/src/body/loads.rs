@@ -1,0 +1,128 @@
+//! What acts on a body from outside: gravity, forces and tractions, spread over the corners of its elements.
+
+use super::Body;
+use crate::Vec3;
+use crate::fem::composite::shape_functions;
+use crate::grid::{Grid, VoxelId, voxelize};
+use crate::scene::{Face, LoadDesc, Meshes, ObjectDesc, SceneError};
+
+/// What acts on a voxel besides its elasticity.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct VoxelLoad {
+    /// Whether it is held where it was built.
+    pub(super) held: bool,
+    /// Force at the voxel's centre other than gravity, N.
+    force_n: Vec3,
+}
+
+/// A traction's resultant on one face of a voxel. It acts at the face: half a voxel inside, a bar of
+/// n voxels would stretch by (n - 1) / n of what it should.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FaceLoad {
+    voxel: VoxelId,
+    face: Face,
+    force_n: Vec3,
+}
+
+impl Body {
+    /// Loads at the corners of an element, from gravity and its voxels' own forces.
+    pub(super) fn element_loads(&self, element: usize, voxels: &[VoxelId]) -> [[f64; 3]; 8] {
+        let volume = self.state.grid.voxel_size_m().powi(3);
+        let mut loads = [[0.0; 3]; 8];
+        for &voxel in voxels {
+            let weight =
+                self.description.gravity_m_per_s2 * (self.material_of(voxel).elastic.density_kg_per_m3 * volume);
+            let force = weight + self.description.voxel_loads[voxel.index()].force_n;
+            if force == Vec3::zeros() {
+                continue;
+            }
+            // N at the centre is the mean of N over the voxel: trilinear along each axis.
+            self.distribute(
+                &mut loads,
+                element,
+                &self.state.grid.centre_m(self.state.grid.voxels()[voxel.index()].ijk),
+                &force,
+            );
+        }
+        for &voxel in voxels {
+            let first = self.description.face_loads.partition_point(|l| l.voxel < voxel);
+            for load in self.description.face_loads[first..].iter().take_while(|l| l.voxel == voxel) {
+                let (axis, step) = load.face.axis_and_step();
+                let mut at = self.state.grid.centre_m(self.state.grid.voxels()[voxel.index()].ijk);
+                at[axis] += 0.5 * f64::from(step) * self.state.grid.voxel_size_m();
+                self.distribute(&mut loads, element, &at, &load.force_n);
+            }
+        }
+        loads
+    }
+
+    /// Sums the elements' loads at the nodes.
+    pub(super) fn rebuild_external_forces(&mut self) {
+        self.solver.external_n.clear();
+        self.solver.external_n.resize(self.state.levels[0].nodes.len(), [0.0; 3]);
+        for (element, loads) in self.state.levels[0].elements.iter().zip(&self.solver.element_loads_n) {
+            for (&node, load) in element.nodes.iter().zip(loads) {
+                (0..3).for_each(|i| self.solver.external_n[node as usize][i] += load[i]);
+            }
+        }
+    }
+
+    /// Distributes a force at a reference position over the corners of an element.
+    fn distribute(&self, loads: &mut [[f64; 3]; 8], element: usize, at_m: &Vec3, force_n: &Vec3) {
+        let n = shape_functions(self.local_coordinates(element, at_m));
+        for (load, n) in loads.iter_mut().zip(n) {
+            (0..3).for_each(|i| load[i] += n * force_n[i]);
+        }
+    }
+}
+
+/// What the object's `fixed` and `loads` say of each voxel, and of faces of voxels.
+pub(super) fn loads_of(
+    grid: &Grid,
+    object: &ObjectDesc,
+    meshes: &Meshes,
+) -> Result<(Vec<VoxelLoad>, Vec<FaceLoad>), SceneError> {
+    let mut loads = vec![VoxelLoad::default(); grid.voxels().len()];
+    let mut face_loads = Vec::new();
+    for shape in &object.fixed {
+        for voxel in voxelize::region_voxels(grid, shape, meshes)? {
+            loads[voxel.index()].held = true;
+        }
+    }
+    let h = grid.voxel_size_m();
+    for load in &object.loads {
+        match load {
+            LoadDesc::BodyForce { region, force_n_per_m3 } => {
+                for voxel in voxelize::region_voxels(grid, region, meshes)? {
+                    loads[voxel.index()].force_n += Vec3::from(*force_n_per_m3) * h.powi(3);
+                }
+            }
+            LoadDesc::Traction { region, face, traction_pa } => {
+                let (axis, step) = face.axis_and_step();
+                for voxel in voxelize::region_voxels(grid, region, meshes)? {
+                    let mut beyond = grid.voxels()[voxel.index()].ijk;
+                    beyond[axis] += step;
+                    if grid.voxel_at(beyond).is_none() {
+                        face_loads.push(FaceLoad { voxel, face: *face, force_n: Vec3::from(*traction_pa) * h * h });
+                    }
+                }
+            }
+        }
+    }
+    face_loads.sort_by_key(|load: &FaceLoad| load.voxel);
+    Ok((loads, face_loads))
+}
+
+impl Face {
+    /// The axis of the face's normal and which way it points.
+    fn axis_and_step(self) -> (usize, i32) {
+        match self {
+            Face::MinX => (0, -1),
+            Face::MaxX => (0, 1),
+            Face::MinY => (1, -1),
+            Face::MaxY => (1, 1),
+            Face::MinZ => (2, -1),
+            Face::MaxZ => (2, 1),
+        }
+    }
+}

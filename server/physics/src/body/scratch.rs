@@ -1,0 +1,48 @@
+//! Room that a body's step works in.
+
+use super::Nodal;
+use crate::fem::corotation::NodalBuffers;
+use crate::grid::levels::Level;
+use crate::solve::assembly::Assembly;
+use crate::solve::operator::NodeVector;
+use crate::solve::pcg::PcgScratch;
+use wide::f64x4;
+
+/// Vectors that are written before they are read in every step: nothing in them survives one.
+#[derive(Default)]
+pub(super) struct Scratch {
+    /// Right side of the velocity solve but for contact, N s, by node, scene frame.
+    pub(super) right_side: Nodal,
+    /// Sums of impulses of which a norm is wanted, N s, by node, scene frame.
+    pub(super) applied: Nodal,
+    /// The right side with contact as the solver takes it, N s, by node, xyz0.
+    pub(super) right_side_f32: NodeVector,
+    /// The solver's guess and then its solution, m/s, by node, xyz0.
+    pub(super) solution: NodeVector,
+    /// Search directions of the conjugate gradients.
+    pub(super) pcg: PcgScratch,
+    /// Nodal values as the elements of each chunk read them, by chunk.
+    pub(super) nodal: Vec<NodalBuffers>,
+    /// Elements of the level above whose matrices are to be made anew.
+    pub(super) stale_parents: Vec<u32>,
+}
+
+impl Scratch {
+    /// Makes room for a level that is assembled as `assembly` says.
+    pub(super) fn fit(&mut self, level: &Level, assembly: &Assembly) {
+        let nodes = level.nodes.len();
+        self.right_side.resize(nodes, [0.0; 3]);
+        self.applied.resize(nodes, [0.0; 3]);
+        self.right_side_f32.resize(nodes, Default::default());
+        self.solution.resize(nodes, Default::default());
+        self.pcg.resize(nodes);
+        self.nodal.resize_with(assembly.chunks().len(), Default::default);
+        for (nodal, chunk) in self.nodal.iter_mut().zip(assembly.chunks()) {
+            for values in [&mut nodal.position_m, &mut nodal.velocity_m_per_s, &mut nodal.velocity_change] {
+                values.resize(chunk.len(), f64x4::ZERO);
+            }
+        }
+        self.stale_parents.clear();
+        self.stale_parents.reserve(level.elements.len());
+    }
+}

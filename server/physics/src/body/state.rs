@@ -1,0 +1,101 @@
+//! What a step changes of a body.
+
+use super::Nodal;
+use super::evaluation::ChunkSums;
+use super::rigid::RigidParts;
+use super::rollback::FiniteState;
+use crate::Vec3;
+use crate::boundary::Boundary;
+use crate::fem::corotation::ElementState;
+use crate::grid::cell_sizes::CellSizes;
+use crate::grid::levels::{Level, VoxelUnits};
+use crate::grid::{Grid, voxelize};
+use crate::scene::{Meshes, ObjectDesc, SceneError};
+use wide::f64x4;
+
+/// Coarsening stops at this many nodes, those of 2x2x2 cells: a dense factor of that size costs less than another
+/// level, and pieces of a body that was cut to shreds still have few enough to be factored as one.
+const COARSEST_NODES: usize = 27;
+
+/// Where a body is, how it moves and what of it is parted, with what follows from that alone.
+#[derive(Clone)]
+pub struct State {
+    /// Voxels, and the links between them that are intact.
+    pub grid: Grid,
+    /// Composite elements: the level that is solved on, then the levels above it. Ids stay when links part.
+    pub levels: Vec<Level>,
+    /// Position of each node, m, scene frame.
+    pub position_m: Nodal,
+    /// Velocity of each node, m/s, scene frame.
+    pub velocity_m_per_s: Nodal,
+    /// Rotation, strain memory, force and energy of each element as last evaluated, four elements to a block.
+    pub(super) elements: Vec<ElementState>,
+    /// What the elements add to the right side as last evaluated, in the chunks' buffers, N, scene frame.
+    pub(super) balance_n: Vec<f64x4>,
+    /// Energies and bounds as last evaluated, by chunk of the solver's assembly.
+    pub(super) chunks: Vec<ChunkSums>,
+    /// The separate pieces, and how those that nothing holds turn.
+    pub(super) rigid: RigidParts,
+    /// The surface and the walls of cuts, in the reference configuration.
+    pub(super) boundary: Boundary,
+    /// The last finite state, to go back to.
+    pub(super) saved: FiniteState,
+}
+
+impl State {
+    /// At rest in the reference configuration; nothing is evaluated yet.
+    pub(super) fn at_rest(grid: Grid, object: &ObjectDesc, meshes: &Meshes) -> Result<Self, SceneError> {
+        let levels = build_levels(&grid, object, meshes)?;
+        let mut state = Self {
+            grid,
+            position_m: Vec::new(),
+            velocity_m_per_s: vec![[0.0; 3]; levels[0].nodes.len()],
+            levels,
+            elements: Vec::new(),
+            balance_n: Vec::new(),
+            chunks: Vec::new(),
+            rigid: RigidParts::default(),
+            boundary: Boundary::default(),
+            saved: FiniteState::default(),
+        };
+        state.position_m = (0..state.levels[0].nodes.len()).map(|n| state.rest_position_m(n).into()).collect();
+        Ok(state)
+    }
+
+    /// Edge of the smallest composite elements, m.
+    pub(super) fn lattice_edge_m(&self) -> f64 {
+        self.grid.voxel_size_m() * f64::from(1u32 << self.levels[0].exponent)
+    }
+
+    /// Reference position of a node, m, scene frame.
+    pub(super) fn rest_position_m(&self, node: usize) -> Vec3 {
+        let edge_m = self.lattice_edge_m();
+        self.grid.origin_m() + Vec3::from(self.levels[0].nodes[node].map(|c| f64::from(c) * edge_m))
+    }
+}
+
+/// The level that is solved on, graded where the object states finer regions, and those above it.
+fn build_levels(grid: &Grid, object: &ObjectDesc, meshes: &Meshes) -> Result<Vec<Level>, SceneError> {
+    let exponent = object.finer.iter().map(|finer| finer.level).fold(object.level, u8::min);
+    let dims = grid.dims().map(|d| (d + (1 << exponent) - 1) >> exponent);
+    let mut finest = std::collections::BTreeMap::new();
+    for finer in &object.finer {
+        for voxel in voxelize::region_voxels(grid, &finer.shape, meshes)? {
+            let cell = grid.voxels()[voxel.index()].ijk.map(|c| c >> exponent);
+            let level = finest.entry(cell).or_insert(object.level);
+            *level = finer.level.min(*level);
+        }
+    }
+    let log2 = |level: u8| level - exponent;
+    let sizes = CellSizes::graded(dims, log2(object.level), |cell| log2(*finest.get(&cell).unwrap_or(&object.level)));
+    let mut levels = vec![Level::base(&VoxelUnits { grid, exponent }, sizes)];
+    loop {
+        let last = &levels[levels.len() - 1];
+        let small = last.nodes.len() <= COARSEST_NODES && !last.is_graded();
+        if small || last.dims().iter().all(|d| *d <= 1) {
+            return Ok(levels);
+        }
+        let above = last.above();
+        levels.push(above);
+    }
+}
