@@ -74,6 +74,67 @@ fn a_free_block_under_traction_strains_as_hooke_says() {
     }
 }
 
+/// A beam along x, its first layer of voxels held, the other end loaded with `traction_pa`.
+fn end_loaded(size_m: [f64; 3], h: f64, young: f64, poisson: f64, traction_pa: [f64; 3]) -> World {
+    let mut desc = object([0.0; 3], [size_m[0] + h, size_m[1], size_m[2]], h, 0);
+    desc.material.young_modulus_pa = young;
+    desc.material.poisson_ratio = poisson;
+    desc.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [h, 10.0, 10.0] }];
+    desc.loads = vec![LoadDesc::Traction { region: EVERYWHERE, face: Face::MaxX, traction_pa }];
+    World::new(&scene(vec![desc])).expect("a valid scene")
+}
+
+/// Mean displacement of the nodes at the end of the beam, m, at rest.
+fn end_at_rest(mut world: World, name: &str) -> [f64; 3] {
+    let end = world.relax(&Workers::serial(), &mut |_| ());
+    assert!(end.converged, "{name} came to no rest: {end:?}");
+    let body = world.bodies()[0];
+    let far = (0..body.node_count()).map(|n| body.rest_position_m(n).x).fold(0.0, f64::max);
+    let nodes: Vec<usize> = (0..body.node_count()).filter(|n| body.rest_position_m(*n).x > far - 1e-9).collect();
+    let mean = [0, 1, 2].map(|i| {
+        nodes.iter().map(|&n| body.state.position_m[n][i] - body.rest_position_m(n)[i]).sum::<f64>() / nodes.len() as f64
+    });
+    println!("{name}: end moved by {mean:.3?} m in {} solves", end.solves);
+    mean
+}
+
+#[test]
+fn a_body_without_loads_is_at_rest_at_once() {
+    let end = end_loaded([0.2, 0.02, 0.02], 0.005, 1e6, 0.3, [0.0; 3]).relax(&Workers::serial(), &mut |_| ());
+    assert!(end.converged && end.solves == 0, "{end:?}");
+}
+
+#[test]
+fn a_thousandth_of_a_load_bends_a_thousandth_as_far() {
+    let under = |pa: f64| end_at_rest(end_loaded([0.2, 0.02, 0.02], 0.005, 1e6, 0.3, [0.0, pa, 0.0]), "beam")[1];
+    let (full, small) = (under(1.0), under(1e-3));
+    assert!((small / full * 1e3 - 1.0).abs() < 1e-3, "{small} m for {full} m");
+}
+
+#[test]
+fn slender_beams_bend_as_macneal_and_harder_say() {
+    // 6 x 0.2 x 0.1, E 1e7, nu 0.3, 1 N at the end: 0.1081 over four elements of thickness, 0.4321 over two.
+    for (axis, expected, bound) in [(1, 0.1081, 0.02), (2, 0.4321, 0.04)] {
+        let mut traction = [0.0; 3];
+        traction[axis] = 1.0 / (0.2 * 0.1);
+        let moved = end_at_rest(end_loaded([6.0, 0.2, 0.1], 0.05, 1e7, 0.3, traction), "straight beam")[axis];
+        assert!((moved / expected - 1.0).abs() < bound, "{moved} m for {expected} m along {axis}");
+    }
+}
+
+#[test]
+fn a_cantilever_bends_far_as_the_elastica_does() {
+    // P L^2 / E I = 5 and 10 (Bisshopp and Drucker 1945; Mattiasson 1981): down and back, over L.
+    let (length, side, young) = (0.2, 0.02, 1e6);
+    for (load, down, back) in [(5.0, 0.713_79, 0.387_63), (10.0, 0.810_61, 0.554_99)] {
+        let force = load * young * side * side * side * side / 12.0 / (length * length);
+        let world = end_loaded([length, side, side], 0.005, young, 0.0, [0.0, -force / (side * side), 0.0]);
+        let [x, y, _] = end_at_rest(world, "elastica");
+        assert!((-y / length / down - 1.0).abs() < 0.02, "{y} m down, {down} L");
+        assert!((-x / length / back - 1.0).abs() < 0.04, "{x} m back, {back} L");
+    }
+}
+
 #[test]
 fn a_heavy_cantilever_sags_as_the_large_deflection_solution() {
     for (level, h, bound) in [(0, 0.005, 0.03), (1, 0.005, 0.06), (2, 0.0025, 0.07)] {
