@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo test test-all same-bits lint verify experiment extremes strokes bench performance
+.PHONY: demo test test-all same-bits lint verify experiment extremes strokes bench performance peers
 
 # Folder of scanned meshes for some of the tests and for `performance`, which leave them out where it is empty.
 TEST_SHARED ?= $(abspath $(wildcard ../shared))
@@ -48,6 +48,14 @@ experiment:
 # Writes docs/performance.md and its plots, in five minutes; nothing else should run.
 performance:
 	cargo run --release -p kerf-system-tests --bin performance
+
+# Steps the same block in MuJoCo and Rapier and writes docs/peers.md; installs both below target/, which needs a network.
+peers:
+	cargo build --release --bin kerf-server
+	cargo build --release --manifest-path tests/peers/rapier/Cargo.toml --target-dir target/peers
+	test -d target/peers/python || python3 -m venv target/peers/python
+	target/peers/python/bin/pip install --quiet mujoco==4.0.0
+	target/peers/python/bin/python tests/peers/run.py
 
 # One run each; figures belong to the machine they were taken on, which should have nothing else to do.
 bench: performance
