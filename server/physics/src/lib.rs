@@ -165,6 +165,7 @@ pub mod stage;
 pub mod step_io;
 pub mod surface;
 pub mod tool;
+mod validate;
 mod view;
 pub mod workers;
 pub mod world;

@@ -2,7 +2,7 @@
 
 use super::{Body, rigid};
 use crate::boundary::Boundary;
-use crate::fem::corotation::{ElementBlock, ElementLaw, ElementState, LANES, SharedByBlocks};
+use crate::fem::block::{ElementBlock, ElementLaw, ElementState, LANES, SharedByBlocks};
 use crate::grid::VoxelId;
 use crate::grid::levels::LevelChange;
 use crate::solve::assembly::CHUNK_ELEMENTS;

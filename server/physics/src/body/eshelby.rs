@@ -1,7 +1,7 @@
 //! What an element contributes to the energy release rate of a crack: Eshelby's energy-momentum (1975).
 
 use super::Body;
-use crate::fem::corotation::LANES;
+use crate::fem::block::LANES;
 use crate::{Mat3, Vec3};
 use wide::f64x4;
 

@@ -3,7 +3,7 @@
 use super::hold::{dot, hold_times};
 use super::{Body, Nodal};
 use crate::Vec3;
-use crate::fem::corotation::{ElementBlock, ElementState, Evaluation, LANES, NodalBuffers, StepTerms};
+use crate::fem::block::{ElementBlock, ElementState, Evaluation, LANES, NodalBuffers, StepTerms};
 use crate::math::Aabb;
 use crate::solve::assembly::{CHUNK_ELEMENTS, Chunk};
 use crate::workers::{Grain, Groups, Workers};

@@ -5,10 +5,11 @@ use super::evaluation::BLOCKS_PER_CHUNK;
 use super::hold::hold_times;
 use super::{Body, Nodal};
 use crate::Vec3;
+use crate::fem::block::LANES;
 use crate::fem::composite::corner_pair;
-use crate::fem::corotation::LANES;
 use crate::fem::lanes::for_packed;
-use crate::solve::operator::{LANES as OPERATOR_LANES, NODE_GRAIN, NODES_PER_CHUNK};
+use crate::solve::assembly::LANES as OPERATOR_LANES;
+use crate::solve::vectors::{NODE_GRAIN, NODES_PER_CHUNK};
 use crate::workers::{Grain, Workers};
 use wide::f64x4;
 
@@ -85,7 +86,7 @@ impl Body {
         self.solver.blocks[element / LANES].shapes.mass_kg[corner_pair(a, b)].as_array()[element % LANES]
     }
 
-    fn for_each_corner(&self, mut visit: impl FnMut(&crate::fem::corotation::ElementState, usize, usize, usize)) {
+    fn for_each_corner(&self, mut visit: impl FnMut(&crate::fem::block::ElementState, usize, usize, usize)) {
         for (element, data) in self.base().elements.iter().enumerate() {
             for (corner, &node) in data.nodes.iter().enumerate() {
                 visit(&self.state.elements[element / LANES], element % LANES, corner, node as usize);

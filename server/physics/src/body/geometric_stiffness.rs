@@ -7,7 +7,7 @@
 //! indefinite. Forces, and so where anything comes to rest, stay as they are.
 
 use super::Body;
-use crate::fem::corotation::LANES;
+use crate::fem::block::LANES;
 use crate::grid::VoxelId;
 use crate::{Mat3, Vec3};
 

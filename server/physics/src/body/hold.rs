@@ -2,8 +2,8 @@
 
 use super::Body;
 use crate::Vec3;
+use crate::fem::block::LANES;
 use crate::fem::composite::shape_functions;
-use crate::fem::corotation::LANES;
 use crate::fem::lanes::diagonal_entry;
 use crate::grid::VoxelId;
 use wide::f64x4;

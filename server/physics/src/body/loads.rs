@@ -112,17 +112,3 @@ pub(super) fn loads_of(
     face_loads.sort_by_key(|load: &FaceLoad| load.voxel);
     Ok((loads, face_loads))
 }
-
-impl Face {
-    /// The axis of the face's normal and which way it points.
-    fn axis_and_step(self) -> (usize, i32) {
-        match self {
-            Face::MinX => (0, -1),
-            Face::MaxX => (0, 1),
-            Face::MinY => (1, -1),
-            Face::MaxY => (1, 1),
-            Face::MinZ => (2, -1),
-            Face::MaxZ => (2, 1),
-        }
-    }
-}

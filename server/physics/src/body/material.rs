@@ -1,7 +1,7 @@
 //! Materials as the step uses them.
 
 use super::ToughnessRate;
-use crate::fem::corotation::ElementLaw;
+use crate::fem::block::ElementLaw;
 use crate::fem::material::Elastic;
 use crate::fem::viscosity::Viscosity;
 use crate::scene::MaterialDesc;

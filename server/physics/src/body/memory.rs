@@ -1,7 +1,7 @@
 //! What a body remembers of its strain: the branches of its elements that relax in time.
 
 use super::Body;
-use crate::fem::corotation::LANES;
+use crate::fem::block::LANES;
 use crate::fem::viscosity::{Viscosity, ViscosityBlock};
 use crate::grid::VoxelId;
 use crate::hash::StateHasher;

@@ -24,6 +24,7 @@ mod topology;
 mod toughness_rate;
 
 pub use crate::grid::{LEAST_PIECE_VOXELS, MaterialPoint};
+pub use crate::math::Nodal;
 pub use description::Description;
 pub use evaluation::BodyEnergy;
 pub(crate) use evaluation::StepEnergies;
@@ -36,8 +37,8 @@ pub(crate) use toughness_rate::ToughnessRate;
 
 use crate::Vec3;
 use crate::boundary::{Boundary, Solid};
+use crate::fem::block::LANES;
 use crate::fem::composite::CompositeTables;
-use crate::fem::corotation::LANES;
 use crate::grid::levels::{Level, Units, VoxelUnits};
 use crate::grid::{VoxelId, voxelize};
 use crate::params::StepParams;
@@ -46,9 +47,6 @@ use crate::workers::Workers;
 use scratch::Scratch;
 use solver::Solver;
 use std::sync::Arc;
-
-/// A node-wise vector in `f64`.
-pub type Nodal = Vec<[f64; 3]>;
 
 /// One soft body.
 pub struct Body {

@@ -1,7 +1,7 @@
 //! Whether a body is at rest: no velocity and no unbalanced force that a solve would resolve.
 
 use super::{Body, Nodal};
-use crate::fem::corotation::LANES;
+use crate::fem::block::LANES;
 use crate::workers::Workers;
 
 /// Strain that counts as none whatever a body carries: forces that strain every element by no more than this are

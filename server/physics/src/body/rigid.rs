@@ -10,7 +10,7 @@
 //! that its angular momentum says (Simo and Wong 1991), and its velocities turn along.
 
 use super::{Body, Nodal, State};
-use crate::fem::corotation::LANES;
+use crate::fem::block::LANES;
 use crate::fem::lanes::for_packed;
 use crate::grid::levels::{LevelChange, NONE};
 use crate::solve::assembly::CHUNK_ELEMENTS;

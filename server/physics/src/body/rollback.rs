@@ -4,7 +4,7 @@ use super::{Body, Nodal};
 use crate::Vec3;
 use crate::fem::viscosity::BranchState;
 use crate::grid::VoxelId;
-use crate::solve::operator::NODE_GRAIN;
+use crate::solve::vectors::NODE_GRAIN;
 use crate::workers::Workers;
 use wide::f64x4;
 

@@ -1,11 +1,11 @@
 //! Room that a body's step works in.
 
-use super::Nodal;
-use crate::fem::corotation::NodalBuffers;
+use crate::fem::block::NodalBuffers;
 use crate::grid::levels::Level;
+use crate::math::Nodal;
 use crate::solve::assembly::Assembly;
-use crate::solve::operator::NodeVector;
 use crate::solve::pcg::PcgScratch;
+use crate::solve::vectors::NodeVector;
 use wide::f64x4;
 
 /// Vectors that are written before they are read in every step: nothing in them survives one.

@@ -2,9 +2,10 @@
 
 use super::{Body, Nodal};
 use crate::params::StepParams;
-use crate::solve::operator::{NODE_GRAIN, masters_of};
+use crate::solve::operator::masters_of;
 use crate::solve::pcg::{self, Factor, PcgReport, Stop, System, Systems};
 use crate::solve::spring::PointSpring;
+use crate::solve::vectors::NODE_GRAIN;
 use crate::step_io::SolveReport;
 use crate::workers::Workers;
 use wide::f32x4;

@@ -1,10 +1,10 @@
 //! What the velocity solve of a body works with.
 
-use super::Nodal;
 use super::element::Homogenised;
 use super::geometric_stiffness::GeometricStiffness;
-use crate::fem::corotation::ElementBlock;
+use crate::fem::block::ElementBlock;
 use crate::grid::levels::Level;
+use crate::math::Nodal;
 use crate::params::StepParams;
 use crate::solve::multigrid::Multigrid;
 

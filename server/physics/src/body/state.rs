@@ -1,15 +1,15 @@
 //! What a step changes of a body.
 
-use super::Nodal;
 use super::evaluation::ChunkSums;
 use super::rigid::RigidParts;
 use super::rollback::FiniteState;
 use crate::Vec3;
 use crate::boundary::Boundary;
-use crate::fem::corotation::ElementState;
+use crate::fem::block::ElementState;
 use crate::grid::cell_sizes::CellSizes;
 use crate::grid::levels::{Level, VoxelUnits};
 use crate::grid::{Grid, voxelize};
+use crate::math::Nodal;
 use crate::scene::{Meshes, ObjectDesc, SceneError};
 use wide::f64x4;
 

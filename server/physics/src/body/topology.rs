@@ -2,7 +2,7 @@
 
 use super::Body;
 use crate::boundary::Solid;
-use crate::fem::corotation::LANES;
+use crate::fem::block::LANES;
 use crate::grid::levels::{Level, LevelChange, VoxelUnits};
 use crate::grid::{Crossing, Grid, Ijk, LEAST_PIECE_VOXELS, LinkId, VoxelId};
 use crate::workers::Workers;

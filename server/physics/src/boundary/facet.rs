@@ -1,6 +1,6 @@
 //! Where an element ends: the faces of its voxels on the body's own surface and at cuts.
 
-use super::Solid;
+use super::solid::Solid;
 use crate::Vec3;
 use crate::fem::composite::shape_functions;
 use crate::grid::levels::LevelChange;
@@ -130,21 +130,6 @@ impl Facets {
             }
             moments_m2
         })
-    }
-}
-
-impl Solid<'_> {
-    /// Element of a voxel.
-    pub(super) fn owner(&self, voxel: VoxelId) -> u32 {
-        self.level.owner[voxel.index()]
-    }
-
-    /// Coordinates of a reference position in the cell of an element; 0..=1 inside it.
-    pub(crate) fn local_coordinates(&self, element: usize, position_m: &Vec3) -> [f64; 3] {
-        let data = &self.level.elements[element];
-        let lattice_edge_m = self.grid.voxel_size_m() * f64::from(1u32 << self.level.exponent);
-        let at = (position_m - self.grid.origin_m()) / lattice_edge_m;
-        [0, 1, 2].map(|a| (at[a] - f64::from(data.cell[a])) / f64::from(data.size))
     }
 }
 

@@ -10,23 +10,16 @@
 mod facet;
 mod patch;
 mod skin;
+mod solid;
 
 pub use patch::{PatchKey, SurfacePatch};
 pub use skin::{Skin, SkinPatch};
+pub(crate) use solid::Solid;
 
 use crate::Vec3;
-use crate::grid::levels::{Level, LevelChange};
-use crate::grid::{Grid, LinkId};
+use crate::grid::LinkId;
+use crate::grid::levels::LevelChange;
 use facet::Facets;
-
-/// Voxels and the elements made of them: what a boundary bounds.
-#[derive(Clone, Copy)]
-pub(crate) struct Solid<'a> {
-    /// Voxels and links.
-    pub(crate) grid: &'a Grid,
-    /// The elements that are solved on.
-    pub(crate) level: &'a Level,
-}
 
 /// The surface of a body.
 #[derive(Clone, Debug, Default)]
@@ -104,7 +97,9 @@ impl Boundary {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::grid::Grid;
     use crate::grid::cell_sizes::CellSizes;
+    use crate::grid::levels::Level;
     use crate::grid::levels::VoxelUnits;
     use crate::grid::{Crossing, Ijk, Voxel};
 

@@ -1,7 +1,7 @@
 //! The surface in patches, by element: what tissue presses on tissue with, and flanks of blades on walls.
 
-use super::Solid;
 use super::facet::Facets;
+use super::solid::Solid;
 use crate::Vec3;
 use crate::grid::{MaterialPoint, VoxelId};
 

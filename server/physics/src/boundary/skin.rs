@@ -1,7 +1,7 @@
 //! The surface in patches as fine as its elements resolve and a tool's radius asks: what a smooth tool presses on.
 
-use super::Solid;
 use super::facet::{Facet, Facets};
+use super::solid::Solid;
 use crate::Vec3;
 use crate::grid::MaterialPoint;
 

@@ -5,7 +5,7 @@
 
 use super::composite::Matrix24;
 use std::ops::{Add, Mul, Sub};
-use wide::{f32x4, f32x8};
+use wide::{f32x4, f32x8, f64x4};
 
 /// Entries of a packed symmetric 24x24 matrix: by node blocks, row block `a`, first the lower
 /// triangle of (a, a), then for each b < a the nine entries of (a, b), row-major.
@@ -253,6 +253,12 @@ pub fn dot<L: Lane>(a: &[L; 24], b: &[L; 24]) -> L {
         sum = a[i].fma(b[i], sum);
     }
     sum
+}
+
+/// Writes one lane.
+#[inline]
+pub fn set_lane(vector: &mut f64x4, lane: usize, value: f64) {
+    vector.as_mut_array()[lane] = value;
 }
 
 #[cfg(test)]

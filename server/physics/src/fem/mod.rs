@@ -1,10 +1,13 @@
 //! Composite finite elements: material, element matrices, rotations and forces.
 
 pub mod anisotropic;
+pub mod block;
 pub mod composite;
-pub mod corotation;
+mod corotation;
 pub mod homogenise;
 pub mod lanes;
 pub mod material;
 pub mod packed;
+mod relaxation;
+mod rotation;
 pub mod viscosity;

@@ -13,7 +13,7 @@ use super::travel::Travel;
 use crate::body::{Body, MaterialPoint};
 use crate::contact::{ContactWeights, Mode};
 use crate::grid::{Link, LinkId, VoxelId};
-use crate::tool::blade::BladeFrame;
+use crate::tool::frame::BladeFrame;
 use crate::{Mat3, Vec3};
 
 /// A front advances through the deformed material in steps of at most this fraction of a voxel, and in

@@ -21,8 +21,9 @@ use crate::contact::broad::SpatialHash;
 use crate::grid::{Crossing, LinkId};
 use crate::scene::FractureRule;
 use crate::tool::Pose;
-use crate::tool::blade::{Blade, BladeFrame};
+use crate::tool::blade::Blade;
 use crate::tool::edge::EdgeSegment;
+use crate::tool::frame::BladeFrame;
 
 /// Markers per voxel edge.
 const MARKERS_PER_VOXEL: f64 = 2.0;

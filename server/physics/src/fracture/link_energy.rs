@@ -25,7 +25,7 @@ use super::book::FrontBook;
 use crate::Vec3;
 use crate::body::Body;
 use crate::contact::{Contact, Mode};
-use crate::tool::blade::BladeFrame;
+use crate::tool::frame::BladeFrame;
 
 /// How far beyond a parted link the front stands, in voxels: where it sees the next.
 const PAST_VOXELS: f64 = 0.05;

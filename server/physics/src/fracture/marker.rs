@@ -7,7 +7,7 @@ use crate::Vec3;
 use crate::body::Body;
 use crate::contact::broad::SpatialHash;
 use crate::contact::narrow;
-use crate::tool::blade::BladeFrame;
+use crate::tool::frame::BladeFrame;
 
 /// A contact that has opened by this fraction of a voxel is let go where nothing is cut.
 const RELEASE_VOXELS: f64 = 0.5;

@@ -10,7 +10,7 @@ use crate::Vec3;
 use crate::body::Body;
 use crate::contact::{Contact, Misjudged, Mode, Solution, ToolEnds};
 use crate::scene::FractureRule;
-use crate::tool::blade::BladeFrame;
+use crate::tool::frame::BladeFrame;
 
 /// A front does not advance by more than this many voxels in a step.
 const MAX_ADVANCE_VOXELS: f64 = 2.0;

@@ -8,5 +8,7 @@ pub use aabb::Aabb;
 pub type Vec3 = nalgebra::Vector3<f64>;
 /// A 3x3 matrix, `f64`.
 pub type Mat3 = nalgebra::Matrix3<f64>;
+/// Vectors by node.
+pub type Nodal = Vec<[f64; 3]>;
 /// A unit quaternion; stored xyzw.
 pub type Quat = nalgebra::UnitQuaternion<f64>;

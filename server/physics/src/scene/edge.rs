@@ -5,8 +5,10 @@ use serde::{Deserialize, Serialize};
 
 use super::{BladeDesc, SceneError};
 use crate::Vec3;
-use crate::tool::edge::{Edge, STEEPEST};
 
+/// An edge that leans more than this towards the cutting direction has none of its own: the cosine
+/// between its tangent and the tool's y axis, of 80 degrees against the x-z plane.
+pub(crate) const STEEPEST: f64 = 0.985;
 /// Points of an edge: each costs a look per step in every body.
 pub const MAX_EDGE_POINTS: usize = 4096;
 /// Waves of an edge: at 64 pieces a wave as many points as an edge may have.
@@ -104,7 +106,7 @@ fn sin(x: f64) -> f64 {
 
 /// The first thing that is wrong with a blade's edge: the field below the blade's, and what it is. The
 /// blade's width is sound.
-pub(super) fn problem(blade: &BladeDesc, smallest_voxel_m: f64, most_voxels: f64) -> Option<(String, String)> {
+pub(crate) fn problem(blade: &BladeDesc, smallest_voxel_m: f64, most_voxels: f64) -> Option<(String, String)> {
     let refused = |field: &str, message: String| Some((format!("edge.{field}"), message));
     let width_m = blade.width_m;
     let field = match &blade.edge {
@@ -150,7 +152,7 @@ pub(super) fn problem(blade: &BladeDesc, smallest_voxel_m: f64, most_voxels: f64
     };
     let points_m = blade.edge.points_m(width_m).ok()?;
     let message = shape_problem(&points_m, width_m).or_else(|| {
-        let length_m = Edge::through(points_m).length_m();
+        let length_m: f64 = points_m.windows(2).map(|ends| (ends[1] - ends[0]).norm()).sum();
         let voxels = length_m / smallest_voxel_m;
         // Of a width that reaches over too many voxels enough is said.
         (voxels > most_voxels && width_m / smallest_voxel_m <= most_voxels).then(|| {

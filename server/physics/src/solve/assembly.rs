@@ -13,6 +13,8 @@ use crate::grid::levels::{Level, NONE};
 use crate::workers::Slices;
 use std::ops::{AddAssign, Mul};
 
+/// Elements per block of the operator: as many as an `f32` vector has lanes.
+pub const LANES: usize = 8;
 /// Elements per chunk.
 pub const CHUNK_ELEMENTS: usize = 128;
 

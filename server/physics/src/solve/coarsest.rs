@@ -142,7 +142,7 @@ impl Coarsest {
             substitute(factor, values);
             for (&node, value) in piece.nodes.iter().zip(values.chunks_exact(3)) {
                 let u = f32x4::new([value[0], value[1], value[2], 0.0]);
-                x[node as usize] = super::operator::times(&self.rotation[node as usize], u);
+                x[node as usize] = super::vectors::times(&self.rotation[node as usize], u);
             }
         }
     }

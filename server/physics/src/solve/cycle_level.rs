@@ -4,8 +4,8 @@
 //! block-diagonal-scaled matrix.
 
 use super::lists::Lists;
-use super::operator::{NODE_GRAIN, NODES_PER_CHUNK, NodeVector, Operator, masters_of};
-use super::pcg::dot;
+use super::operator::{Operator, masters_of};
+use super::vectors::{NODE_GRAIN, NODES_PER_CHUNK, NodeVector, dot};
 use crate::fem::composite::shape_functions;
 use crate::grid::levels::{Element, HangingNode, Level};
 use crate::workers::Workers;

@@ -10,3 +10,4 @@ pub mod operator;
 pub mod pcg;
 mod rows;
 pub mod spring;
+pub mod vectors;

@@ -4,9 +4,10 @@
 //! turned by each coarse element's own rotation; parts are never joined through a coarse cell because
 //! coarse elements are components of linked children.
 
+use super::assembly::LANES;
 use super::coarsest::{Coarsest, orthonormal};
 use super::cycle_level::CycleLevel;
-use super::operator::{LANES, Operator};
+use super::operator::Operator;
 use super::spring::{POINT_NODES, PointSpring};
 use crate::fem::lanes::{PACKED, pack, unpack};
 use crate::grid::levels::{Level, LevelChange};
@@ -266,7 +267,7 @@ mod tests {
     use crate::grid::voxelize::voxelize;
     use crate::grid::{Crossing, Grid, LinkId};
     use crate::scene::SceneDesc;
-    use crate::solve::operator::NodeVector;
+    use crate::solve::vectors::NodeVector;
     use wide::f32x4;
 
     const SCENE: &str = r#"

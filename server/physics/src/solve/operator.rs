@@ -4,30 +4,22 @@
 //! elements add to the buffer of their chunk, see [`super::assembly`]. Node vectors are padded to four
 //! components: a node is one load, and eight nodes become lanes by a transpose in registers.
 
-use super::assembly::{Assembly, CHUNK_ELEMENTS, Chunk};
+use super::assembly::{Assembly, CHUNK_ELEMENTS, Chunk, LANES};
 use super::rows::{MOST_ROW_NODES, RowBuffers, RowEdges};
 use super::spring::{POINT_NODES, PointSpring};
+use super::vectors::{NODE_GRAIN, NODES_PER_CHUNK, NodeVector, times};
 use crate::fem::lanes::{self, PACKED};
 use crate::fem::packed::PackedMatrix;
 use crate::grid::levels::{HangingNode, Level};
 use crate::workers::{Grain, Workers};
 use wide::{f32x4, f32x8};
 
-/// Elements per block.
-pub const LANES: usize = 8;
 /// Blocks per chunk of elements.
 const BLOCKS_PER_CHUNK: usize = CHUNK_ELEMENTS / LANES;
 /// What is added to the diagonal of a node's block, over its trace: well above the rounding of its sum.
 const LEAST_SHARE: f32 = 1e-5;
-/// Nodes per chunk of parallel work.
-pub const NODES_PER_CHUNK: usize = 512;
-/// Of sweeps over nodes: 3 us a chunk.
-pub const NODE_GRAIN: Grain = Grain { chunk: NODES_PER_CHUNK, least: 8 };
 /// Of sums over the chunks of elements: 5 us a chunk.
 const ELEMENT_GRAIN: Grain = Grain { chunk: 1, least: 4 };
-
-/// A vector with three components per node; the fourth is zero.
-pub type NodeVector = Vec<f32x4>;
 
 /// Eight elements.
 #[derive(Clone)]
@@ -495,13 +487,6 @@ impl Diagonal {
         self.on.resize(nodes, f32x4::ZERO);
         self.off.resize(nodes, f32x4::ZERO);
     }
-}
-
-/// `B v` of a 3x3 block given by its columns.
-#[inline(always)]
-pub(super) fn times(columns: &[f32x4; 3], v: f32x4) -> f32x4 {
-    let [x, y, z, _] = v.to_array();
-    columns[0].mul_add(f32x4::splat(x), columns[1].mul_add(f32x4::splat(y), columns[2] * f32x4::splat(z)))
 }
 
 /// Inverses of eight symmetric blocks given by diagonals (xx, yy, zz) and the rest (xy, xz, yz), by

@@ -8,9 +8,9 @@
 
 use super::cycle_level::CycleLevel;
 use super::multigrid::Multigrid;
-use super::operator::{NODE_GRAIN, NODES_PER_CHUNK, NodeVector};
+use super::vectors::{NODE_GRAIN, NODES_PER_CHUNK, NodeVector, dot, dot_chunk};
 use crate::workers::Workers;
-use wide::{f32x4, f64x4};
+use wide::f32x4;
 
 /// Times that a solve mends a preconditioner that turns out indefinite.
 const MAX_REPAIRS: u32 = 3;
@@ -54,28 +54,6 @@ pub struct PcgReport {
     pub tolerance_n_s: f64,
     /// Whether it was given up, see [`Systems::is_moot`].
     pub is_moot: bool,
-}
-
-#[inline(always)]
-fn widen(v: f32x4) -> f64x4 {
-    f64x4::from(v.to_array().map(f64::from))
-}
-
-/// Dot product of two chunks.
-#[inline(always)]
-fn dot_chunk(a: &[f32x4], b: &[f32x4]) -> f64 {
-    let mut sum = f64x4::ZERO;
-    for (x, y) in a.iter().zip(b) {
-        sum = widen(*x).mul_add(widen(*y), sum);
-    }
-    let [x, y, z, _] = sum.to_array();
-    x + y + z
-}
-
-/// Dot product over fixed chunks, summed in a fixed order.
-#[must_use]
-pub fn dot(workers: &Workers<'_>, a: &[f32x4], b: &[f32x4]) -> f64 {
-    workers.reduce_chunks((a, b), NODE_GRAIN, |_, (a, b)| dot_chunk(a, b), |x, y| x + y)
 }
 
 impl PcgScratch {

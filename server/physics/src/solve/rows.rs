@@ -4,7 +4,7 @@
 //! `x y z 0 x y z 0 ..`) a corner of eight elements is one load: a node is transposed once per chunk
 //! and not once for each of its eight elements, which is most of a product's time.
 
-use super::operator::LANES;
+use super::assembly::LANES;
 use crate::fem::lanes;
 use wide::{f32x4, f32x8};
 

@@ -1,6 +1,6 @@
 //! Springs between points of the tissue and something outside it, in the system matrix.
 
-use super::operator::times;
+use super::vectors::times;
 use wide::f32x4;
 
 /// Most nodes that a point is spread over: the corners of two elements, and as many more where those of

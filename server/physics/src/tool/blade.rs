@@ -3,7 +3,6 @@
 use super::edge::Edge;
 use super::flanks::{Flanks, Thickness};
 use crate::scene::{BladeDesc, SceneError};
-use crate::{Quat, Vec3};
 
 /// Shape of a blade in the tool frame. The flanks are the surface that the edge sweeps in +y.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,32 +30,5 @@ impl Blade {
         let flanks = Flanks::behind(&edge, desc.height_m, thickness);
         let BladeDesc { edge_half_width_m, flank_friction, .. } = *desc;
         Ok(Self { edge, flanks, edge_half_width_m, flank_friction, penalty_factor: 1.0 })
-    }
-}
-
-/// Directions of a blade at a point of its edge.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BladeFrame {
-    /// Along the edge.
-    pub along: Vec3,
-    /// The cutting direction, spine to edge, as far as it is across the edge.
-    pub forward: Vec3,
-    /// Normal of the flanks.
-    pub normal: Vec3,
-}
-
-impl BladeFrame {
-    /// In the tool frame, where the edge has the unit tangent `along`; the cutting direction is -y.
-    #[must_use]
-    pub(crate) fn of_tangent(along: Vec3) -> Self {
-        let down = -Vec3::y();
-        let forward = (down - along * along.dot(&down)).normalize();
-        Self { along, forward, normal: forward.cross(&along) }
-    }
-
-    /// The same directions in the scene frame, of a tool with this orientation.
-    #[must_use]
-    pub fn turned(&self, orientation: &Quat) -> Self {
-        Self { along: orientation * self.along, forward: orientation * self.forward, normal: orientation * self.normal }
     }
 }

@@ -1,11 +1,8 @@
 //! The edge of a blade: a polyline in the tool frame, and the frame that each segment of it cuts in.
 
-use super::blade::BladeFrame;
+use super::frame::BladeFrame;
 use crate::Vec3;
-
-/// An edge that leans more than this towards the cutting direction has none of its own: the cosine
-/// between its tangent and the tool's y axis, of 80 degrees against the x-z plane.
-pub(crate) const STEEPEST: f64 = 0.985;
+use crate::scene::edge::STEEPEST;
 
 /// A straight piece of an edge, tool frame.
 #[derive(Clone, Copy, Debug, PartialEq)]

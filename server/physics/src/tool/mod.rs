@@ -4,6 +4,7 @@ pub(crate) mod blade;
 pub(crate) mod capsule;
 pub(crate) mod edge;
 pub(crate) mod flanks;
+pub(crate) mod frame;
 pub(crate) mod grasper;
 mod pose;
 pub(crate) mod scissors;
@@ -65,7 +66,7 @@ impl ToolShape {
         }
     }
 
-    /// Whether what it cuts presses back along the one direction of [`blade::BladeFrame::forward`].
+    /// Whether what it cuts presses back along the one direction of [`frame::BladeFrame::forward`].
     #[must_use]
     pub(crate) fn cuts_forward(&self) -> bool {
         matches!(self, Self::Blade(_))

@@ -1,15 +1,14 @@
 //! A body in the world: what tools do to it in a step, and what the step does with it.
 
+use super::activity::Activity;
 use super::pulled::Pulled;
-use super::sleep::Activity;
-use super::tissue_contact::TissueContacts;
 use super::tool_contact::ToolContact;
 use crate::body::{self, Body, TopologyChange};
 use crate::contact::ends::point_springs;
 use crate::contact::{Misjudged, Mode, Solution};
 use crate::grid::{Crossing, LinkId};
 use crate::ledger::BodyLedger;
-use crate::solve::spring::POINT_NODES;
+use crate::solve::spring::{POINT_NODES, PointSpring};
 use crate::tool::ToolShape;
 use crate::workers::Workers;
 
@@ -108,12 +107,12 @@ impl BodySlot {
         self.pulled.iter_mut().for_each(|pulled| pulled.cohesive.detect(&self.body, dt_s));
     }
 
-    /// Loads the solver with the contacts as they are now; returns the norm of the impulses applied, N s.
+    /// Loads the solver with the contacts as they are now, and with what other tissue does: impulses (node, N s) and
+    /// springs. Returns the norm of the impulses applied, N s.
     pub(super) fn load_system(
         &mut self,
         workers: &Workers<'_>,
-        tissue: Option<&TissueContacts>,
-        index: usize,
+        of_tissue: (impl Iterator<Item = (u32, [f64; 3])>, impl Iterator<Item = PointSpring>),
         dt_s: f64,
     ) -> f64 {
         self.velocity_change.resize(self.body.node_count(), [0.0; 3]);
@@ -124,9 +123,8 @@ impl BodySlot {
             contact.add_impulses(dt_s, &mut self.impulses);
         }
         self.tool_impulses = self.impulses.len();
-        self.impulses.extend(tissue.iter().flat_map(|tissue| tissue.impulses(index, dt_s)));
-        let of_tissue = tissue.iter().flat_map(|tissue| tissue.point_springs(index, dt_s));
-        self.body.set_springs(point_springs(of_tools().chain(cohesive()), dt_s).chain(of_tissue));
+        self.impulses.extend(of_tissue.0);
+        self.body.set_springs(point_springs(of_tools().chain(cohesive()), dt_s).chain(of_tissue.1));
         let scale = self.body.applied_impulse_norm(workers, &self.impulses);
         self.body.load_system(workers, &self.impulses, &self.velocity_change);
         scale

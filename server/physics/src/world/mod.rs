@@ -1,5 +1,6 @@
 //! The state of one scene and the order of its step.
 
+mod activity;
 mod blade_contact;
 mod body_slot;
 mod brake;
@@ -11,6 +12,7 @@ mod sleep;
 mod snapshot;
 mod solve;
 mod tissue_contact;
+mod tool;
 mod tool_contact;
 
 use crate::Vec3;
@@ -22,55 +24,18 @@ use crate::params::StepParams;
 use crate::scene::{Scene, SceneError};
 use crate::stage::{Lap, Stage, StageClock};
 use crate::step_io::{FractureStep, Grasp, StepInputs, StepOutput, ToolMotion, ToolOutput, Wrench};
-use crate::tool::{OPEN, Pose, ToolPath, ToolShape};
+use crate::tool::ToolShape;
 use crate::view::View;
 use crate::workers::Workers;
 use body_slot::BodySlot;
 use contact_model::ContactModelSum;
 use tissue_contact::TissueContacts;
+use tool::Tool;
 use tool_contact::ToolContact;
 
 pub use crate::body::Relaxation;
 pub use queries::{ObjectStats, TissuePress, WorldCounts};
 pub use snapshot::Snapshot;
-
-/// A tool and where it is.
-#[derive(Clone)]
-struct Tool {
-    shape: ToolShape,
-    pose: Option<Pose>,
-    /// Pose at the beginning of the step; equal to `pose` where it has just entered.
-    before: Option<Pose>,
-    /// Fraction of their full opening that its jaws take, if it has any, and took at the beginning of the step.
-    opening: f64,
-    opening_before: f64,
-    entered: bool,
-}
-
-impl Tool {
-    fn new(shape: ToolShape) -> Self {
-        Self { shape, pose: None, before: None, opening: OPEN, opening_before: OPEN, entered: false }
-    }
-
-    fn move_to(&mut self, pose: Pose, opening: f64) {
-        if self.pose.is_none() {
-            return self.enter_at(pose, opening);
-        }
-        (self.pose, self.opening) = (Some(pose), opening);
-    }
-
-    fn enter_at(&mut self, pose: Pose, opening: f64) {
-        (self.pose, self.before, self.entered) = (Some(pose), Some(pose), true);
-        (self.opening, self.opening_before) = (opening, opening);
-    }
-
-    /// How it moves in the step; `None` while it is lifted.
-    fn path(&self) -> Option<ToolPath> {
-        let (pose, before) = (self.pose?, self.before?);
-        let (opening, opening_before) = (self.opening, self.opening_before);
-        Some(ToolPath { before, pose, opening_before, opening, entered: self.entered })
-    }
-}
 
 /// A material point that is followed.
 struct TrackedPoint {

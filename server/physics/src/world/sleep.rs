@@ -5,37 +5,18 @@
 //! tissue that is awake comes to, and when its state, what it is solved to or a tool in it is changed. Bodies that
 //! press on each other fall asleep together.
 
+use super::World;
+use super::activity::Activity;
 use super::body_slot::BodySlot;
 use super::tissue_contact::TissueContacts;
+use super::tool::Tool;
 use super::tool_contact::ToolContact;
-use super::{Tool, World};
-use crate::hash::StateHasher;
 use crate::workers::Workers;
 
 /// How long a body has to be at rest before it sleeps, s: ten times as long as the forces of a cut are sampled apart,
 /// and long enough that what creeps towards rest gets nearer to it than the solver tells. No result hangs on it but
 /// when a body falls asleep.
 const STILL_S: f64 = 0.1;
-
-/// Whether steps are taken of a body.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Activity {
-    /// They are; so many of the last ones found and left it at rest.
-    Awake { still_steps: u32 },
-    /// They are not.
-    Asleep,
-}
-
-impl Activity {
-    /// Folds it into a hash; what moves leaves that as it is.
-    pub(super) fn fold_into(self, hasher: &mut StateHasher) {
-        match self {
-            Self::Awake { still_steps: 0 } => {}
-            Self::Awake { still_steps } => hasher.word(u64::from(still_steps)),
-            Self::Asleep => hasher.word(u64::MAX),
-        }
-    }
-}
 
 impl BodySlot {
     pub(super) fn is_asleep(&self) -> bool {

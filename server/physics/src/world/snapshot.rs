@@ -1,8 +1,9 @@
 //! A world's state between two steps, to go back to.
 
+use super::World;
 use super::body_slot::BodySlot;
 use super::tissue_contact::TissueContacts;
-use super::{Tool, World};
+use super::tool::Tool;
 use crate::ledger::ContactLedger;
 use crate::step_io::StepOutput;
 

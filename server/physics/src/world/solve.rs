@@ -57,7 +57,9 @@ impl World {
         for round in 0..MAX_ACTIVE_SET_SOLVES {
             let mut scale2 = 0.0;
             for (index, slot) in self.slots.iter_mut().enumerate().filter(|(_, slot)| slot.island == id) {
-                scale2 += slot.load_system(workers, self.tissue.as_ref(), index, dt_s).powi(2);
+                let impulses = self.tissue.iter().flat_map(|tissue| tissue.impulses(index, dt_s));
+                let springs = self.tissue.iter().flat_map(|tissue| tissue.point_springs(index, dt_s));
+                scale2 += slot.load_system(workers, (impulses, springs), dt_s).powi(2);
             }
             let scale = scale2.sqrt();
             for slot in self.slots.iter_mut().filter(|slot| slot.island == id) {

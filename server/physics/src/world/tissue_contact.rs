@@ -1,8 +1,8 @@
 //! Tissue against tissue: parts, flaps and bodies that press on each other, within a step.
 
-use super::Tool;
 use super::body_slot::BodySlot;
 use super::part_groups::PartGroups;
+use super::tool::Tool;
 use crate::Vec3;
 use crate::body::Body;
 use crate::boundary::{Boundary, PatchKey, SurfacePatch};

@@ -1,8 +1,8 @@
 //! Where the vertices are before and after they are adapted, and what is known of them meanwhile.
 
-use super::geodesic::Reached;
 use super::mesh::{Mesh, Slot};
 use super::quality;
+use super::reached::Reached;
 use crate::Vec3;
 use crate::body::Body;
 

@@ -8,43 +8,9 @@ use std::collections::BinaryHeap;
 
 use super::field::Field;
 use super::mesh::Slot;
-use super::profile::Profile;
+use super::reached::{Carried, Reached};
 use crate::Vec3;
 use crate::surface::VertexId;
-
-/// What a vertex of the region takes over from the nearest point of the indentation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Carried {
-    /// Displacement at the indentation, m, scene frame.
-    pub by_m: Vec3,
-    /// How the material there follows it.
-    pub profile: Profile,
-}
-
-/// A vertex that the march has reached, or that it starts from.
-#[derive(Clone, Copy, Debug)]
-pub struct Reached {
-    /// Geodesic distance from the indentation, m.
-    pub distance_m: f64,
-    /// From where it was reached.
-    pub carried: Carried,
-    /// Its distance is final.
-    settled: bool,
-}
-
-impl Carried {
-    /// `share` of the way from `self` to `other`.
-    fn towards(&self, other: &Self, share: f64) -> Self {
-        let mix = |a: f64, b: f64| a + share * (b - a);
-        Self {
-            by_m: self.by_m.lerp(&other.by_m, share),
-            profile: Profile {
-                reach_m: mix(self.profile.reach_m, other.profile.reach_m),
-                bulge: mix(self.profile.bulge, other.profile.bulge),
-            },
-        }
-    }
-}
 
 /// Vertices to settle next: the nearest first, of equally near ones that with the lowest id.
 #[derive(Default)]

@@ -11,9 +11,10 @@
 
 use super::blade_body::{BladeBody, Foot, Passage};
 use super::field::Field;
-use super::geodesic::{Carried, March};
+use super::geodesic::March;
 use super::mesh::Slot;
 use super::profile::Profile;
+use super::reached::Carried;
 use super::{Dent, NEGLIGIBLE_VOXELS};
 use crate::Vec3;
 

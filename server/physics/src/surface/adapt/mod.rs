@@ -16,6 +16,7 @@ mod indentation;
 mod mesh;
 mod profile;
 pub mod quality;
+mod reached;
 
 #[cfg(test)]
 mod tests;

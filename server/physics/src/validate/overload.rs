@@ -3,9 +3,9 @@
 //! A dead load goes on pushing however far the tissue has given way. Beyond a stress of the order of E elements
 //! collapse under it, and what was one shape at rest becomes another, or none.
 
-use super::toughness::{LEAST_STIFFENING, stiffens};
-use super::{LoadDesc, MaterialDesc, ObjectDesc};
 use crate::Vec3;
+use crate::scene::toughness::{LEAST_STIFFENING, stiffens};
+use crate::scene::{LoadDesc, MaterialDesc, ObjectDesc};
 
 /// Stress over E up to which a material carries a dead load, linear and stiffened: blocks under gravity, pressed,
 /// drawn and sheared make no energy, and are at rest and back in shape when they are let go (`make extremes`).

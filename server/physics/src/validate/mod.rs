@@ -1,16 +1,18 @@
 //! What is wrong with a scene's values: every field that is out of its range, with value and limit.
 
+mod overload;
+
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 
-use super::edge;
-use super::loads::Loaded;
-use super::toughness::{asked_over_eh, carried_over_eh};
-use super::{
+use crate::grid::voxelize::{extent_m, voxel_size_m};
+use crate::scene::edge;
+use crate::scene::toughness::{asked_over_eh, carried_over_eh};
+use crate::scene::{
     BladeDesc, CapsuleDesc, DialDesc, FractureRule, GrasperDesc, LoadDesc, MaterialDesc, Meshes, ObjectDesc,
     SCENE_VERSION, Scene, SceneDesc, SceneError, ScissorsDesc, ShapeDesc, ToolShapeDesc,
 };
-use crate::grid::voxelize::{extent_m, voxel_size_m};
+use overload::Loaded;
 
 /// Bodies are stepped one after the other; more than this is another kind of simulation.
 pub(crate) const MAX_OBJECTS: usize = 64;

@@ -1,0 +1,269 @@
+//! Four elements side by side: their data, their state, and what an evaluation finds of them.
+
+use super::composite::ElementMatrices;
+use super::lanes::{pack, set_lane};
+use super::packed::{MOST_SHARED, PackedMatrix, Shared};
+use super::viscosity::{BranchState, Viscosity, ViscosityBlock};
+use std::sync::Arc;
+use wide::{f32x4, f64x4};
+
+/// Lanes per block.
+pub const LANES: usize = 4;
+
+/// What four elements have in their rest frames besides their stiffness.
+#[derive(Clone, PartialEq)]
+pub struct ElementShapes {
+    /// Packed mass between corners, kg, lower triangle by rows.
+    pub mass_kg: [f64x4; 36],
+    /// Shape gradients averaged over the filled volume, 1/m.
+    pub mean_gradient: [[f64x4; 3]; 8],
+    /// Edge of the element's cell, m.
+    pub edge_m: f64x4,
+    /// Filled volume, m^3.
+    pub volume_m3: f64x4,
+}
+
+/// Constant data of four elements.
+#[derive(Clone)]
+pub struct ElementBlock {
+    /// Slots of each corner and lane in the buffers of the chunk; unused lanes have slot 0 and zero
+    /// matrices.
+    pub slots: [[u16; LANES]; 8],
+    /// Stiffness, N/m.
+    pub stiffness: PackedMatrix<f64x4>,
+    /// The rest, stored once for blocks that have it in common.
+    pub shapes: Arc<ElementShapes>,
+    /// Rayleigh damping in proportion to mass, 1/s.
+    pub alpha_per_s: f64x4,
+    /// Rayleigh damping in proportion to stiffness, s.
+    pub beta_s: f64x4,
+    /// Present where any of the four stiffens with strain.
+    pub stiffening: Option<StiffeningBlock>,
+    /// Present where any of the four relaxes.
+    pub viscosity: Option<Box<ViscosityBlock>>,
+}
+
+/// Nodal values of a chunk of elements, xyz0, by slot: what blocks read.
+#[derive(Clone, Debug, Default)]
+pub struct NodalBuffers {
+    /// Positions, m.
+    pub position_m: Vec<f64x4>,
+    /// Velocities, m/s.
+    pub velocity_m_per_s: Vec<f64x4>,
+    /// How the step changed the velocities, m/s; empty where there was no step.
+    pub velocity_change: Vec<f64x4>,
+}
+
+/// What an evaluation of four elements found.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Evaluation {
+    /// Elastic energy, J.
+    pub elastic_j: f64x4,
+    /// Kinetic energy, J.
+    pub kinetic_j: f64x4,
+    /// What the step did to the energies.
+    pub step: StepTerms<f64x4>,
+    /// Square of the largest angle that an element has turned by, rad^2.
+    pub turned_rad2: f64x4,
+}
+
+/// Data of the strain-stiffening law of four elements.
+#[derive(Clone)]
+pub struct StiffeningBlock {
+    /// Galerkin stiffness, N/m.
+    pub galerkin: PackedMatrix<f64x4>,
+    /// `2 c / E`, 1/Pa; 0 where the element is linear.
+    pub rate_per_pa: f64x4,
+}
+
+/// State and results of four elements.
+#[derive(Clone)]
+pub struct ElementState {
+    /// Rotation as a quaternion, xyzw.
+    pub rotation: [f64x4; 4],
+    /// The same as a row-major matrix, for the solver.
+    pub rotation_matrix: [f32x4; 9],
+    /// `psi'`: factor on the Galerkin stiffness' part; 1 where linear.
+    pub stiffening: f64x4,
+    /// `psi'' / V`, and the local Galerkin force it goes with.
+    pub curvature: f64x4,
+    /// Local Galerkin force, N; zero where linear.
+    pub galerkin_force_n: [f64x4; 24],
+    /// Elastic force, N, scene frame.
+    pub force_n: [f64x4; 24],
+    /// Elastic energy but for what relaxes, J.
+    pub elastic_j: f64x4,
+    /// Present where any of the four relaxes.
+    pub branch: Option<Box<BranchState>>,
+}
+
+impl Default for ElementState {
+    fn default() -> Self {
+        let zero = f64x4::ZERO;
+        Self {
+            rotation: [zero, zero, zero, f64x4::ONE],
+            rotation_matrix: [0, 1, 2, 3, 4, 5, 6, 7, 8].map(|i| f32x4::splat(if i % 4 == 0 { 1.0 } else { 0.0 })),
+            stiffening: f64x4::ONE,
+            curvature: zero,
+            galerkin_force_n: [zero; 24],
+            force_n: [zero; 24],
+            elastic_j: zero,
+            branch: None,
+        }
+    }
+}
+
+/// Energies of a step of four elements or, in [`crate::body::StepEnergies`], of a body, J. Rotations and forces are
+/// those of the step's beginning, `v` is the velocity at its end, `dx = dt v`.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct StepTerms<E> {
+    /// `1/2 dv^T M dv`, and `dt^2 v^T S dv` where elements have geometric stiffness.
+    pub inertial_j: E,
+    /// `1/2 dx^T K dx`.
+    pub elastic_j: E,
+    /// Work of the elastic forces, `f . dx`.
+    pub force_work_j: E,
+    /// Rayleigh damping, `dt v^T (alpha M + beta K) v`.
+    pub damping_j: E,
+    /// What the dashpots of relaxing materials dissipated.
+    pub viscous_j: E,
+}
+
+/// What blocks have in common.
+#[derive(Default)]
+pub struct SharedByBlocks {
+    matrices: Shared<f64x4>,
+    shapes: Vec<Arc<ElementShapes>>,
+}
+
+/// Properties of one element that are not in its matrices.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ElementLaw {
+    /// Rayleigh damping in proportion to mass, 1/s.
+    pub alpha_per_s: f64,
+    /// Rayleigh damping in proportion to stiffness, s.
+    pub beta_s: f64,
+    /// `2 c / E` of the strain-stiffening law, 1/Pa; 0: linear.
+    pub stiffening_rate_per_pa: f64,
+    /// What relaxes in time, if anything does.
+    pub viscosity: Option<Viscosity>,
+}
+
+impl Default for ElementBlock {
+    fn default() -> Self {
+        let shapes = ElementShapes {
+            mass_kg: [f64x4::ZERO; 36],
+            mean_gradient: [[f64x4::ZERO; 3]; 8],
+            edge_m: f64x4::ONE,
+            volume_m3: f64x4::ONE,
+        };
+        Self {
+            slots: [[0; LANES]; 8],
+            stiffness: PackedMatrix::default(),
+            shapes: Arc::new(shapes),
+            alpha_per_s: f64x4::ZERO,
+            beta_s: f64x4::ZERO,
+            stiffening: None,
+            viscosity: None,
+        }
+    }
+}
+
+impl Evaluation {
+    /// Takes in what was found for other elements.
+    pub fn join(&mut self, other: &Self) {
+        self.elastic_j += other.elastic_j;
+        self.kinetic_j += other.kinetic_j;
+        self.step.inertial_j += other.step.inertial_j;
+        self.step.elastic_j += other.step.elastic_j;
+        self.step.force_work_j += other.step.force_work_j;
+        self.step.damping_j += other.step.damping_j;
+        self.step.viscous_j += other.step.viscous_j;
+        self.turned_rad2 = self.turned_rad2.fast_max(other.turned_rad2);
+    }
+}
+
+impl ElementBlock {
+    /// Sets the slots of a lane's corners.
+    pub fn set_slots(&mut self, lane: usize, slots: &[u16; 8]) {
+        (0..8).for_each(|corner| self.slots[corner][lane] = slots[corner]);
+    }
+
+    /// Sets the matrices of a lane; its branch for steps of `dt_s`.
+    pub fn set_matrices(&mut self, lane: usize, edge_m: f64, matrices: &ElementMatrices, law: ElementLaw, dt_s: f64) {
+        self.stiffness.set(lane, &pack(&matrices.stiffness));
+        let shapes = Arc::make_mut(&mut self.shapes);
+        for a in 0..8 {
+            for b in 0..=a {
+                set_lane(&mut shapes.mass_kg[a * (a + 1) / 2 + b], lane, matrices.mass_kg[a][b]);
+            }
+            for i in 0..3 {
+                set_lane(&mut shapes.mean_gradient[a][i], lane, matrices.mean_gradient[a][i]);
+            }
+        }
+        set_lane(&mut shapes.edge_m, lane, edge_m);
+        set_lane(&mut shapes.volume_m3, lane, matrices.volume_m3);
+        set_lane(&mut self.alpha_per_s, lane, law.alpha_per_s);
+        set_lane(&mut self.beta_s, lane, law.beta_s);
+        if law.stiffening_rate_per_pa > 0.0 {
+            let block = self
+                .stiffening
+                .get_or_insert_with(|| StiffeningBlock { galerkin: PackedMatrix::default(), rate_per_pa: f64x4::ZERO });
+            set_lane(&mut block.rate_per_pa, lane, law.stiffening_rate_per_pa);
+            block.galerkin.set(lane, &pack(&matrices.stiffness_measured));
+        }
+        if law.viscosity.is_some() || self.viscosity.is_some() {
+            self.viscosity.get_or_insert_default().set(lane, law.viscosity.as_ref(), dt_s);
+        }
+    }
+
+    /// Stores matrices and shapes once where the elements have them in common with each other or with
+    /// those of blocks before.
+    pub fn share_matrices(&mut self, shared: &mut SharedByBlocks) {
+        self.stiffness.share(&mut shared.matrices);
+        if let Some(stiffening) = &mut self.stiffening {
+            stiffening.galerkin.share(&mut shared.matrices);
+        }
+        match shared.shapes.iter().find(|shapes| **shapes == self.shapes) {
+            Some(known) => self.shapes = Arc::clone(known),
+            // Where elements differ, blocks hardly ever agree.
+            None if shared.shapes.len() < MOST_SHARED && self.is_uniform() => {
+                shared.shapes.push(Arc::clone(&self.shapes));
+            }
+            None => {}
+        }
+    }
+
+    fn is_uniform(&self) -> bool {
+        let mut values = self.shapes.mass_kg.iter().chain(self.shapes.mean_gradient.as_flattened());
+        values.all(|v| v.as_array().iter().all(|lane| *lane == v.as_array()[0]))
+    }
+
+    /// Values at each corner's components, from those by slot.
+    #[inline(always)]
+    pub(super) fn gather(&self, values: &[f64x4]) -> [f64x4; 24] {
+        let mut out = [f64x4::ZERO; 24];
+        let last = values.len() - 1;
+        for (corner, slots) in self.slots.iter().enumerate() {
+            let at = |lane: usize| values[usize::from(slots[lane]).min(last)];
+            let [x, y, z, _] = f64x4::transpose([at(0), at(1), at(2), at(3)]);
+            out[3 * corner] = x;
+            out[3 * corner + 1] = y;
+            out[3 * corner + 2] = z;
+        }
+        out
+    }
+
+    /// Adds a force on each corner's components, N, scene frame, to the sums by slot.
+    #[inline(always)]
+    pub(super) fn add_to_balance(&self, balance_n: &mut [f64x4], force_n: impl Fn(usize) -> f64x4) {
+        let last = balance_n.len() - 1;
+        for (corner, slots) in self.slots.iter().enumerate() {
+            let [x, y, z] = [0, 1, 2].map(|i| force_n(3 * corner + i));
+            let lanes = f64x4::transpose([x, y, z, f64x4::ZERO]);
+            for lane in 0..LANES {
+                balance_n[usize::from(slots[lane]).min(last)] += lanes[lane];
+            }
+        }
+    }
+}

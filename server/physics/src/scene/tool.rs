@@ -1,0 +1,165 @@
+//! Tools: blades, graspers, probes and scissors.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::EdgeDesc;
+
+/// A tool that may enter the scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ToolDesc {
+    /// Name, unique among the tools.
+    pub name: String,
+    /// What it is.
+    pub shape: ToolShapeDesc,
+}
+
+impl ToolDesc {
+    /// A tool that is a blade.
+    #[must_use]
+    pub fn blade(name: &str, blade: BladeDesc) -> Self {
+        Self { name: name.into(), shape: ToolShapeDesc::Blade(blade) }
+    }
+
+    /// A tool that is a grasper.
+    #[must_use]
+    pub fn grasper(name: &str, grasper: GrasperDesc) -> Self {
+        Self { name: name.into(), shape: ToolShapeDesc::Grasper(grasper) }
+    }
+
+    /// A tool that presses with a smooth surface.
+    #[must_use]
+    pub fn probe(name: &str, capsule: CapsuleDesc) -> Self {
+        Self { name: name.into(), shape: ToolShapeDesc::Probe(capsule) }
+    }
+
+    /// A tool that cuts between two edges.
+    #[must_use]
+    pub fn scissors(name: &str, scissors: ScissorsDesc) -> Self {
+        Self { name: name.into(), shape: ToolShapeDesc::Scissors(scissors) }
+    }
+}
+
+/// What a tool is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ToolShapeDesc {
+    /// Cuts with its edge.
+    Blade(BladeDesc),
+    /// Holds what its jaws close on.
+    Grasper(GrasperDesc),
+    /// Presses with a smooth surface.
+    Probe(CapsuleDesc),
+    /// Cuts between two edges that pivot.
+    Scissors(ScissorsDesc),
+}
+
+/// A blade.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BladeDesc {
+    /// How far the edge reaches along x, m: the length of a straight one.
+    pub width_m: f64,
+    /// Height of the flanks above the edge, m. They are what the edge sweeps in +y.
+    pub height_m: f64,
+    /// Shape of the edge. Default: straight.
+    #[serde(default)]
+    pub edge: EdgeDesc,
+    /// Half-width of the edge, m: the contact's length scale. Default 5e-5: a kitchen knife in use.
+    #[serde(default = "default_edge_half_width_m")]
+    pub edge_half_width_m: f64,
+    /// Thickness of the blade behind its edge, m. Default 0: flanks without volume.
+    #[serde(default)]
+    pub thickness_m: f64,
+    /// Angle between the two flanks at the edge, rad, 0.01 to 2: the thickness grows from nothing at the
+    /// edge to `thickness_m`, which is then above 0. Default: it is there from the edge on.
+    #[serde(default)]
+    pub wedge_angle_rad: Option<f64>,
+    /// Coefficient of the Coulomb friction between the flanks and the walls of the cut, 0.001 to 2.
+    /// Default: they slide freely.
+    #[serde(default)]
+    pub flank_friction: Option<f64>,
+}
+
+impl BladeDesc {
+    /// A straight blade with every default.
+    #[must_use]
+    pub fn straight(width_m: f64, height_m: f64) -> Self {
+        Self {
+            width_m,
+            height_m,
+            edge: EdgeDesc::Straight,
+            edge_half_width_m: default_edge_half_width_m(),
+            thickness_m: 0.0,
+            wedge_angle_rad: None,
+            flank_friction: None,
+        }
+    }
+}
+
+fn default_edge_half_width_m() -> f64 {
+    5e-5
+}
+
+/// A grasper: jaws that take hold of the tissue around the tool's reference point as they close, and keep
+/// it where it is relative to the tool until they open.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GrasperDesc {
+    /// Radius around the reference point within which the jaws take hold, m, 1e-4 to 0.1.
+    pub radius_m: f64,
+    /// Force on the tool above which what it holds slips out, N, 1e-6 to 1e6. Default: none is too much.
+    #[serde(default)]
+    pub max_force_n: Option<f64>,
+}
+
+/// A smooth, blunt tool: all points within a radius of a segment of the tool's x axis, about its origin. It
+/// presses, rubs by the material's `friction_coefficient`, and cuts nothing.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CapsuleDesc {
+    /// Radius, m, 1e-4 to 1; at least two voxels of every object.
+    pub radius_m: f64,
+    /// Length of the segment, m, 0 to 10. Default 0: a sphere.
+    #[serde(default)]
+    pub length_m: f64,
+}
+
+/// Two straight blades on a pivot, which is the tool's reference point: +x runs from there along the closed
+/// blades to their tips, the pivot's axis is z. Closing cuts what lies between them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ScissorsDesc {
+    /// Length of either edge from the pivot to its tip, m, 1e-4 to 10.
+    pub blade_length_m: f64,
+    /// Height of the flanks behind the edges, m, 1e-4 to 10.
+    pub blade_height_m: f64,
+    /// Angle between the edges where they are fully open, rad, 0.1 to 2. Default 0.7: 40 degrees.
+    #[serde(default = "default_max_angle_rad")]
+    pub max_angle_rad: f64,
+    /// Half-width of the edges, m, 1e-8 to 1e-2. Default 5e-5, as a blade's.
+    #[serde(default = "default_edge_half_width_m")]
+    pub edge_half_width_m: f64,
+    /// Thickness behind the edges, m, 0 to 0.1. Default 0: flanks without volume.
+    #[serde(default)]
+    pub thickness_m: f64,
+}
+
+impl ScissorsDesc {
+    /// Scissors with every default.
+    #[must_use]
+    pub fn new(blade_length_m: f64, blade_height_m: f64) -> Self {
+        Self {
+            blade_length_m,
+            blade_height_m,
+            max_angle_rad: default_max_angle_rad(),
+            edge_half_width_m: default_edge_half_width_m(),
+            thickness_m: 0.0,
+        }
+    }
+}
+
+fn default_max_angle_rad() -> f64 {
+    0.7
+}

@@ -1,0 +1,41 @@
+//! A tool in the world.
+
+use crate::tool::{OPEN, Pose, ToolPath, ToolShape};
+
+/// A tool and where it is.
+#[derive(Clone)]
+pub(super) struct Tool {
+    pub(super) shape: ToolShape,
+    pub(super) pose: Option<Pose>,
+    /// Pose at the beginning of the step; equal to `pose` where it has just entered.
+    pub(super) before: Option<Pose>,
+    /// Fraction of their full opening that its jaws take, if it has any, and took at the beginning of the step.
+    pub(super) opening: f64,
+    pub(super) opening_before: f64,
+    pub(super) entered: bool,
+}
+
+impl Tool {
+    pub(super) fn new(shape: ToolShape) -> Self {
+        Self { shape, pose: None, before: None, opening: OPEN, opening_before: OPEN, entered: false }
+    }
+
+    pub(super) fn move_to(&mut self, pose: Pose, opening: f64) {
+        if self.pose.is_none() {
+            return self.enter_at(pose, opening);
+        }
+        (self.pose, self.opening) = (Some(pose), opening);
+    }
+
+    pub(super) fn enter_at(&mut self, pose: Pose, opening: f64) {
+        (self.pose, self.before, self.entered) = (Some(pose), Some(pose), true);
+        (self.opening, self.opening_before) = (opening, opening);
+    }
+
+    /// How it moves in the step; `None` while it is lifted.
+    pub(super) fn path(&self) -> Option<ToolPath> {
+        let (pose, before) = (self.pose?, self.before?);
+        let (opening, opening_before) = (self.opening, self.opening_before);
+        Some(ToolPath { before, pose, opening_before, opening, entered: self.entered })
+    }
+}
