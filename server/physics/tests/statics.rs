@@ -92,7 +92,8 @@ fn end_at_rest(mut world: World, name: &str) -> [f64; 3] {
     let far = (0..body.node_count()).map(|n| body.rest_position_m(n).x).fold(0.0, f64::max);
     let nodes: Vec<usize> = (0..body.node_count()).filter(|n| body.rest_position_m(*n).x > far - 1e-9).collect();
     let mean = [0, 1, 2].map(|i| {
-        nodes.iter().map(|&n| body.state.position_m[n][i] - body.rest_position_m(n)[i]).sum::<f64>() / nodes.len() as f64
+        nodes.iter().map(|&n| body.state.position_m[n][i] - body.rest_position_m(n)[i]).sum::<f64>()
+            / nodes.len() as f64
     });
     println!("{name}: end moved by {mean:.3?} m in {} solves", end.solves);
     mean

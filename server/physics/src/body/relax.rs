@@ -5,7 +5,7 @@
 //! body that bends far then takes hundreds of solves; what L-BFGS learns of the rest from the steps before makes it tens.
 
 use super::{Body, Nodal};
-use crate::fem::corotation::LANES;
+use crate::fem::block::LANES;
 use crate::fem::lanes::for_packed;
 use crate::workers::Workers;
 use std::collections::VecDeque;

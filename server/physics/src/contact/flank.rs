@@ -7,8 +7,9 @@ use crate::tool::Pose;
 use crate::tool::flanks::{FlankFace, FlankPoint, Flanks};
 
 /// Walls closer to the edge than this many voxels, or than half an element, are left to the front: the last row of
-/// parted links lies within a voxel of it, and the springs of the front hold what is nearer. How sensitive forces
-/// are to it has not been measured.
+/// parted links lies within a voxel of it, and the springs of the front hold what is nearer. Under a wedge of 0.3 rad
+/// that slices a soft block half of it adds 5 % to the mean force, of friction and of what spreads the walls, twice
+/// takes 5 % off.
 const FRONT_ZONE_VOXELS: f64 = 2.0;
 /// Walls farther than this many voxels from the blade's middle surface are not looked at: farther than a wall comes
 /// within a step, 2 voxels of 3 mm at 60 Hz being 0.36 m/s. More costs only time; less lets a fast wall through.
@@ -20,9 +21,9 @@ const REACH_VOXELS: f64 = 2.0;
 const SLACK_VOXELS: f64 = 0.05;
 
 /// A wall that comes beside the blade deeper than its middle surface by this many voxels did not get there by
-/// pressing on the flank: it is of a cut that the blade crosses, or of a piece that has just come free. It is
-/// not pushed out. What has pressed on it since the step before is kept whatever its depth, so that this decides on
-/// the first contact alone. How sensitive forces are to it has not been measured.
+/// pressing on the flank: it is of a cut that the blade crosses, or of a piece that has just come free. It is not
+/// pushed out. What has pressed on it since the step before is kept whatever its depth, so that this decides on the
+/// first contact alone. Half or twice changes no bit of a stroke of a wedge that meets no other cut.
 const MOST_COME_UPON_VOXELS: f64 = 0.5;
 
 /// Walls that stand at one blade, from step to step.

@@ -16,19 +16,24 @@ use crate::grid::{Link, LinkId, VoxelId};
 use crate::tool::frame::BladeFrame;
 use crate::{Mat3, Vec3};
 
-/// A front advances through the deformed material in steps of at most this fraction of a voxel, and in
-/// so many of them at most.
+/// A front advances through the deformed material in steps of at most this fraction of a voxel. Ours. Half or twice
+/// moves the mean force by 0.1 and 0.7 %, the first peak by 2 %, the area of the cut by 1 %.
 const MARCH_VOXELS: f64 = 0.25;
+/// And in so many of them at most: 16 voxels, eight times what [`super::springs`] lets it advance by.
 const MAX_MARCH_STEPS: u32 = 64;
-/// Strips are shifted by this fraction of a voxel toward the blade's positive side: a voxel centre that
-/// lies on the blade's plane, give or take the drift of the front, is on its negative side for every
-/// link and every strip.
+/// Strips are shifted by this fraction of a voxel toward the blade's positive side: a voxel centre that lies on the
+/// blade's plane, give or take the drift of the front, is on its negative side for every link and every strip. Ours:
+/// above rounding, far below a voxel. Half or twice moves forces by 0.1 %, one link in 465.
 const NUDGE_VOXELS: f64 = 1e-3;
-/// Compression between H and a of a material that stiffens, over `H / sqrt(c)`.
+/// Compression between H and a of a material that stiffens, over `H / sqrt(c)`: the integral at
+/// [`Anchor::stiffness_n_per_m2`], ours. Where c is 10 and Gc/(E H) 0.2, half of it lowers the first peak by 8 %; twice
+/// raises it by 6 %, takes 8 % off the mean force of slicing, and takes a third more iterations. Where c is 0 nothing
+/// knows of it.
 const SATURATED_GAP: f64 = 1.2;
-/// What two points in two cells spread the load less than its variance says, over the square of how far
-/// they reach across the node between them: in compliance, two columns of nodes are 1.2 times as far
-/// apart at a distance of 2 H as at H, not four times (measured as the rest of `line_compliance`).
+/// What two points in two cells spread the load less than its variance says, over the square of how far they reach
+/// across the node between them: in compliance, two columns of nodes are 1.2 times as far apart at a distance of 2 H
+/// as at H, not four times (measured as the rest of `line_compliance`). Half or twice moves no force by 1e-4 where
+/// the edge is along the lattice.
 const TWO_CELLS: f64 = 2.8;
 
 /// What lies ahead of a marker.

@@ -9,7 +9,8 @@ use crate::body::Body;
 use crate::contact::{Contact, ContactWeights, Mode, ToolEnds};
 
 /// Springs close along a line to the origin. One that is open by less than this fraction of its length is taken as
-/// open by that much: a stiffer spring would hold the nodes as one.
+/// open by that much: a stiffer spring would hold the nodes as one. Ours. Half or twice changes no bit where the
+/// blade pays for the cut.
 const LEAST_OPENING: f64 = 0.05;
 
 /// A pair of nodes that were one.

@@ -2,19 +2,24 @@
 
 use std::f64::consts::PI;
 
-/// Least compliance of the contact, times E: keeps the spring finite under an edge of more than
-/// 0.7 H, where the formula ends.
+/// Least compliance of the contact, times E: keeps the spring finite under an edge of more than 0.7 H, where the
+/// formula ends. Ours. Sharper edges do not change by a bit with half or twice of it.
 const LEAST_COMPLIANCE: f64 = 0.03;
-/// The elements' surplus for an edge of half-width H at a node, over `(1 - nu^2)`, by powers of nu.
+/// The elements' surplus for an edge of half-width H at a node, over `(1 - nu^2)`, by powers of nu; fitted, with the
+/// four that follow, to solutions with resolved edges (`blade_stiffness::`). Twice of it makes the edge come in
+/// later: the area of a cut falls by 2 %, the force differs by 5 % of its peak, rms.
 const AT_NODE: [f64; 3] = [0.909, 0.27, 0.21];
-/// What full FEM (k = 1) gives beyond that, by powers of nu: its volume is sampled at one point.
+/// What full FEM (k = 1) gives beyond that, by powers of nu: its volume is sampled at one point. Fitted as above.
 const AT_NODE_OF_VOXELS: [f64; 3] = [0.0, 0.25, 0.38];
-/// Fraction of the surplus that is gone in the middle between two nodes.
+/// Fraction of the surplus that is gone in the middle between two nodes. Fitted as above; 1 at most. Half moves the
+/// first peak by 1.4 %, the mean force by 0.1 %.
 const BETWEEN_NODES: f64 = 0.782;
-/// Fraction that it gains where the surface lies in the middle between nodes.
+/// Fraction that it gains where the surface lies in the middle between nodes. Fitted as above. Half or twice moves
+/// the first peak by 1.3 %, the mean force by 0.4 %.
 const WITHIN_CELL: f64 = 0.04;
-/// What the contact gives less at an end of the edge, over `(1 - nu^2)`, falling to nothing at H from
-/// it: the elements do not see how sharp an end is. Fitted to edges of 2 to 16 H over a block.
+/// What the contact gives less at an end of the edge, over `(1 - nu^2)`, falling to nothing at H from it: the
+/// elements do not see how sharp an end is. Fitted to edges of 2 to 16 H over a block. Half or twice moves the first
+/// peak by up to 1.7 %, the mean force by 0.7 %.
 const AT_END: f64 = 0.25;
 
 /// Where an edge stands in an element of `2^level` voxels a side, lengths over the element's edge.

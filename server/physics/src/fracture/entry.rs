@@ -3,8 +3,9 @@
 use crate::Vec3;
 use crate::body::Body;
 
-/// A surface faces the edge where the cosine between its inward normal and the cutting direction is
-/// above this.
+/// A surface faces the edge where the cosine between its inward normal and the cutting direction is above this, 78
+/// degrees and less. Ours: an edge that slides along a side does not come in there. Half or twice changes no bit of a
+/// stroke that comes down on a top.
 const FACING: f64 = 0.2;
 /// Quarters of a voxel over which the surface is looked for: a thousand voxels, more than an object has
 /// across. In an element that is inflated without bounds a step back is next to none in the material.

@@ -25,12 +25,15 @@ use crate::tool::blade::Blade;
 use crate::tool::edge::EdgeSegment;
 use crate::tool::frame::BladeFrame;
 
-/// Markers per voxel edge.
+/// Markers per voxel edge. Ours: two find every link. One moves the first peak by up to 4 % and the mean force by 1 %,
+/// and parts 4 links in 465 fewer; four take 2 to 3 % off the peak, at twice the cost of contact.
 const MARKERS_PER_VOXEL: f64 = 2.0;
-/// Neighbouring markers farther apart than this in the material stand in different pieces of it.
+/// Neighbouring markers farther apart than this in the material stand in different pieces of it. Ours: as far as half
+/// a voxel is stretched sixteen times. Strokes do not change by a bit with half or twice of it.
 const CHAIN_GAP_VOXELS: f64 = 8.0;
-/// A cut starts this far outside the point where the edge came in, so that the voxels at the surface
-/// part too.
+/// A cut starts this far outside the point where the edge came in, so that the voxels at the surface part too. Ours:
+/// their centres are within half a voxel of it. Half or twice changes no bit of strokes that come down on a lattice's
+/// face.
 const START_VOXELS: f64 = 0.5;
 
 /// The front of one blade in one body.

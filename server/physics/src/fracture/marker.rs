@@ -9,12 +9,17 @@ use crate::contact::broad::SpatialHash;
 use crate::contact::narrow;
 use crate::tool::frame::BladeFrame;
 
-/// A contact that has opened by this fraction of a voxel is let go where nothing is cut.
+/// A contact that has opened by this fraction of a voxel is let go where nothing is cut. Ours. A contact that is open
+/// carries nothing, so that half or twice changes no force.
 const RELEASE_VOXELS: f64 = 0.5;
 /// A marker this many voxels beside its edge, or that goes on in material so far from where it was, has lost it.
+/// Ours: more than a step's advance, less than the way to another wall. Strokes do not change by a bit with half or
+/// twice of it.
 const LOST_VOXELS: f64 = 2.0;
 
-/// An edge that is put down less than this many voxels under the object's surface is outside still.
+/// An edge that is put down less than this many voxels under the object's surface is outside still: surfaces are
+/// known to about as much. It tells only for edges that appear at a surface; those that come in from outside do not
+/// change by a bit.
 const SKIN_VOXELS: f64 = 0.05;
 
 /// One segment of the edge.

@@ -6,6 +6,10 @@
 //! off it, is sampled around the front (`drive`, `release`). What the point advances is booked
 //! (`book`), and the links across the strip that the chain has swept part (`sweep`). By the other rule
 //! (`link_energy`) a point advances link by link, where the link ahead holds enough energy.
+//!
+//! What constants are said to move was measured by halving and doubling each on two strokes. One is the stroke of the
+//! built-in `liver`. The other cuts a soft block that is drawn apart (E 20 kPa, Gc 20 J/m^2, a stiffening of 10, voxels of
+//! 2.5 mm, level 1): a wedge comes down, slices along and back, and is drawn out. The mean force is that while it cuts.
 
 mod anchor;
 mod book;
@@ -26,8 +30,9 @@ mod way_in;
 pub use book::FrontBook;
 pub use front::{BladeMotion, Front};
 
-/// How often what a body sets free is sampled, at one place ahead of blades and at one end of a cut, s: shorter
-/// steps sample either in turn, or neither.
+/// How often what a body sets free is sampled, at one place ahead of blades and at one end of a cut, s: shorter steps
+/// sample either in turn, or neither. Ours: two steps of 1 kHz, in which a front of 0.1 m/s goes on by a tenth of a
+/// voxel. Half or twice of it moves the force by 0.2 %, rms.
 const SAMPLE_EVERY_S: f64 = 2e-3;
 
 /// What a step samples.

@@ -13,11 +13,16 @@ use crate::Vec3;
 use crate::body::Body;
 use crate::fem::composite::shape_functions;
 
-/// Radii between which phi falls from 1 to 0, in element edges: nodes that share in a contact at the front stay
-/// within the inner one.
+/// Radius within which phi is 1, in element edges: nodes that share in a contact at the front stay within it. Half
+/// adds 1.3 % to the mean force of slicing and lets the contact's own strain in; at twice phi falls from 1 to 0 at
+/// once, and the first peak of a liver rises by 25 %.
 pub(super) const INNER: f64 = 1.5;
+/// Radius beyond which phi is 0, in element edges. Ours: as near as leaves two elements for the slope. Half, as a
+/// step at the inner one, moves the mean force by 0.4 %; twice takes in what is held, and the first peak of a liver
+/// rises by 12 %, the mean force by 0.1 %.
 const OUTER: f64 = 3.0;
-/// Half-width along the front of what one integral sees, in element edges.
+/// Half-width along the front of what one integral sees, in element edges. Ours: an integral of one element is noise.
+/// Half or twice moves the mean force by 0.6 %.
 const HALF_WIDTH: f64 = 2.0;
 /// Distance of a cube's corners from its middle over its edge, and a little more.
 const HALF_DIAGONAL: f64 = 0.867;

@@ -1,8 +1,12 @@
 //! Which way, and how fast, the edge goes through the material at a marker.
 
-/// Travel over which the way is averaged, voxels: shorter than what a cut resolves.
+/// Travel over which the way is averaged, voxels: shorter than what a cut resolves, longer than what a step of the
+/// solve makes of it. Ours. An edge that only presses does not know of it. Where one slices to and fro, it is the way
+/// in which the force turns round: half takes 14 % off the mean force of two turns and a third more iterations, twice
+/// adds 6 %.
 const WINDOW_VOXELS: f64 = 0.5;
-/// Largest ratio of sliding to advance that counts: at it the push is a hundredth of Gc.
+/// Largest ratio of sliding to advance that counts: at it the push is a hundredth of Gc, beyond which the front would
+/// go on for nothing. Half adds 3 % to the mean force of slicing to and fro, twice takes 0.2 % off.
 const MOST_SLICE_PUSH: f64 = 10.0;
 
 /// The edge's motion relative to the front, averaged over the last half voxel of travel.

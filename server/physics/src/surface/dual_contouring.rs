@@ -23,9 +23,10 @@ struct Stencil {
 }
 
 const OUTSIDE: u8 = 15;
-/// Weight of the object's own surface against a cut through the same dual cell. Where the two meet, but not in
-/// this cell, the vertex is to be on the object's surface: what it is off the cut moves material from one side to
-/// the other, what it is off the surface is lost to both.
+/// Weight of the object's own surface against a cut through the same dual cell. Where the two meet, but not in this
+/// cell, the vertex is to be on the object's surface: what it is off the cut moves material from one side to the
+/// other, what it is off the surface is lost to both. Ours; it moves vertices along the rim of a cut alone, and no
+/// force.
 const SURFACE_WEIGHT: f64 = 10.0;
 
 impl Stencil {

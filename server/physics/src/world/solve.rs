@@ -7,8 +7,9 @@ use crate::solve::pcg;
 use crate::step_io::SolveReport;
 use crate::workers::Workers;
 
-/// A step's contact springs are re-solved at most this many times; what still changes then waits for
-/// the next step.
+/// A step's contact springs are re-solved at most this many times; what still changes then waits for the next step.
+/// Ours: nearly every step of a stroke takes 1 to 3 solves, none more than 5. Half of it moves the force of slicing by
+/// 0.3 % of its peak, rms; twice changes no bit.
 const MAX_ACTIVE_SET_SOLVES: u32 = 6;
 
 impl World {
