@@ -159,8 +159,9 @@ impl Body {
                 return Err(unknown("vertex_elements", element));
             }
             let vertex = Vertex { element, local };
-            let before = self.vertices.insert(id, vertex).map_or(0, |before| hash::of_vertex(id, &before));
-            self.exchange_hash(before, hash::of_vertex(id, &vertex));
+            let of = |vertex: Vertex| hash::of_vertex(id, vertex.element, vertex.local);
+            let before = self.vertices.insert(id, vertex).map_or(0, of);
+            self.exchange_hash(before, of(vertex));
         }
         Ok(())
     }

@@ -2,8 +2,6 @@
 
 use kerf_proto::v1;
 
-use crate::body::Vertex;
-
 /// The hash that a keyframe of these bodies states. Entries that have no counterpart in the arrays
 /// beside them are left out.
 #[must_use]
@@ -15,8 +13,7 @@ fn object(body: &v1::BodyStructure) -> u64 {
     let (locals, _) = body.vertex_local.as_chunks::<3>();
     let (corners, _) = body.quad_vertices.as_chunks::<4>();
     let bound = body.vertex_elements.iter().zip(locals);
-    let vertices =
-        body.vertex_ids.iter().zip(bound).map(|(&id, (&element, &local))| of_vertex(id, &Vertex { element, local }));
+    let vertices = body.vertex_ids.iter().zip(bound).map(|(&id, (&element, &local))| of_vertex(id, element, local));
     let quads = body.quad_ids.iter().zip(corners).map(|(&id, &corners)| of_quad(id, corners));
     vertices.chain(quads).fold(0, u64::wrapping_add)
 }
@@ -26,9 +23,9 @@ pub(crate) fn of_objects(sums: impl Iterator<Item = u64>) -> u64 {
     sums.fold(0, fold_in)
 }
 
-pub(crate) fn of_vertex(id: u32, vertex: &Vertex) -> u64 {
-    let [u, v, w] = vertex.local.map(f32::to_bits);
-    of_item(0, id, [vertex.element, u, v, w])
+pub(crate) fn of_vertex(id: u32, element: u32, local: [f32; 3]) -> u64 {
+    let [u, v, w] = local.map(f32::to_bits);
+    of_item(0, id, [element, u, v, w])
 }
 
 pub(crate) fn of_quad(id: u32, corners: [u32; 4]) -> u64 {

@@ -5,13 +5,13 @@ use std::path::PathBuf;
 
 use kerf_physics::SceneError;
 
-use crate::catalog;
+use crate::builtin::builtin_names;
 
 /// Why a scene cannot be had.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// Neither a built-in scene nor a file.
-    #[error("`{name}` is neither a file nor one of the built-in scenes: {}", catalog::builtin_names().join(", "))]
+    #[error("`{name}` is neither a file nor one of the built-in scenes: {}", builtin_names().join(", "))]
     NotFound {
         /// What was asked for.
         name: String,

@@ -3,6 +3,7 @@
 //!
 //! The only crate of the server that knows file formats. Deliberately absent: sessions, time, the network.
 
+mod builtin;
 pub mod catalog;
 pub mod dial;
 mod edge_file;

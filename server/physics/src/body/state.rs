@@ -17,20 +17,21 @@ use wide::f64x4;
 /// level, and pieces of a body that was cut to shreds still have few enough to be factored as one.
 const COARSEST_NODES: usize = 27;
 
-/// Where a body is, how it moves and what of it is parted, with what follows from that alone.
+/// Where a body is, how it moves and what of it is parted, with what the last step found at it. Two bodies of one
+/// description and equal states differ only in what their solvers lag behind.
 #[derive(Clone)]
 pub struct State {
     /// Voxels, and the links between them that are intact.
     pub grid: Grid,
     /// Composite elements: the level that is solved on, then the levels above it. Ids stay when links part.
     pub levels: Vec<Level>,
-    /// Position of each node, m, scene frame.
+    /// Position of each node, by node, m, scene frame.
     pub position_m: Nodal,
-    /// Velocity of each node, m/s, scene frame.
+    /// Velocity of each node, by node, m/s, scene frame.
     pub velocity_m_per_s: Nodal,
     /// Rotation, strain memory, force and energy of each element as last evaluated, four elements to a block.
     pub(super) elements: Vec<ElementState>,
-    /// What the elements add to the right side as last evaluated, in the chunks' buffers, N, scene frame.
+    /// What the elements add to the right side as last evaluated, xyz0 by slot of the chunks' buffers, N, scene frame.
     pub(super) balance_n: Vec<f64x4>,
     /// Energies and bounds as last evaluated, by chunk of the solver's assembly.
     pub(super) chunks: Vec<ChunkSums>,

@@ -1,7 +1,7 @@
 //! The description of a scene: one TOML file, version 1.
 //!
-//! Each part has its data and defaults in a file of its own; [`SceneDesc::from_toml`] reads a file, [`SceneDesc::problems`] says
-//! what is wrong with its values, [`toughness`] what a material asks of its elements.
+//! Each subject has its data and defaults in a file of its own; [`SceneDesc::from_toml`] reads a file,
+//! [`SceneDesc::problems`] says what is wrong with its values, [`toughness`] what a material asks of its elements.
 
 pub(crate) mod edge;
 mod load;
@@ -16,10 +16,11 @@ pub use edge::{EdgeDesc, MAX_EDGE_POINTS};
 pub use load::{Face, LoadDesc};
 pub use material::{MaterialDesc, RateDesc, ViscosityDesc};
 pub use object::{ElementKind, FinerDesc, FractureRule, ObjectDesc, RegionDesc, default_level};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 pub use shape::{Meshes, PlacedMesh, ShapeDesc, TriangleMesh};
 pub use tool::{BladeDesc, CapsuleDesc, GrasperDesc, ScissorsDesc, ToolDesc, ToolShapeDesc};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// Version of the scene format that this crate reads.
 pub const SCENE_VERSION: u32 = 1;
