@@ -65,6 +65,13 @@ impl Track {
         Some(Placement { pose, opening: from.opening + share * (to.opening - from.opening) })
     }
 
+    /// Where it entered the scene, if it is in it at a time: at its first key since it was last out.
+    #[must_use]
+    pub fn entered_at(&self, time_s: f64) -> Option<Placement> {
+        let past = self.keys.partition_point(|key| key.time_s <= time_s);
+        self.keys[..past].iter().rev().map_while(|key| key.placement).last()
+    }
+
     /// Time of the last key, s.
     #[must_use]
     pub fn end_s(&self) -> f64 {
@@ -112,5 +119,16 @@ mod tests {
         let lifted = track().lifted_at_end();
         assert!(lifted.at(3.0).is_some() && lifted.at(3.001).is_none());
         assert_eq!(lifted.clone().lifted_at_end(), lifted);
+    }
+
+    #[test]
+    fn a_tool_enters_at_its_first_key_however_late_that_is_asked() {
+        let entered = |track: &Track, time_s| track.entered_at(time_s).map(|placement| placement.pose.position_m.x);
+        assert_eq!(entered(&track(), 0.9), None);
+        assert_eq!(entered(&track(), 2.9), Some(0.0));
+        let mut twice = track().lifted_at_end();
+        twice.keys.push(key(5.0, 0.7, 0.0));
+        assert_eq!(entered(&twice, 4.0), None);
+        assert_eq!(entered(&twice, 6.0), Some(0.7));
     }
 }

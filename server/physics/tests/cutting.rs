@@ -78,6 +78,45 @@ fn an_edge_put_down_at_the_surface_cuts_like_one_that_comes_from_above() {
 }
 
 #[test]
+fn a_blade_put_down_in_the_tissue_stands_in_a_slit_and_cuts_on_from_there() {
+    for (h, level, depth_m) in [(2.5e-3, 2, 1e-3), (2.5e-3, 2, 0.01), (2.5e-3, 0, 0.01)] {
+        let scene = cutting_scene(block(h, level), 0.12, 500.0);
+        let start = Vec3::new(0.0, BLOCK_HEIGHT_M - depth_m, 4e-4);
+        let mut rig = Rig::new(&scene, start, attitude(0.0, 0.0, 0.0), SPEED_M_PER_S);
+        rig.enter_at(start);
+        rig.drive(BLOCK_HEIGHT_M - depth_m + 4e-3);
+        let name = format!("h {h} m, level {level}, {depth_m} m under the surface");
+        let plateau = rig.mean_force_n(0.005, 0.015) / (GC_J_PER_M2 * BLOCK_SIDE_M);
+        assert!((plateau - 1.0).abs() < 0.05, "{name}: F/(Gc w) = {plateau}");
+        let (area, work) = rig.area_and_work_ratio(GC_J_PER_M2);
+        let cut_m2 = BLOCK_SIDE_M * (BLOCK_HEIGHT_M - depth_m);
+        assert!((area / cut_m2 - 1.0).abs() < 0.1, "{name}: cut {area} of {cut_m2} m^2; the slit is in no book");
+        assert!((work - 1.0).abs() < 0.05, "{name}: work/(Gc A) = {work}");
+        assert_eq!(pieces(rig.body(), |_| true).len(), 2, "{name}: the slit is open to the surface");
+    }
+}
+
+#[test]
+fn a_blade_that_comes_back_into_its_cut_makes_no_second_one() {
+    let scene = cutting_scene(block(2.5e-3, 2), 0.12, 500.0);
+    let start = Vec3::new(0.0, BLOCK_HEIGHT_M + 1e-3, 4e-4);
+    let parted = |comes_back: bool| {
+        let mut rig = Rig::new(&scene, start, attitude(0.0, 0.0, 0.0), SPEED_M_PER_S);
+        rig.drive(0.016);
+        if comes_back {
+            let stands = rig.position_m;
+            rig.lift();
+            rig.enter_at(stands);
+        }
+        rig.drive(0.02);
+        (rig.mean_force_n(0.021, 0.027) / (GC_J_PER_M2 * BLOCK_SIDE_M), rig.sum(|s| f64::from(s.parted_links)))
+    };
+    let ((_, once), (plateau, twice)) = (parted(false), parted(true));
+    assert!((plateau - 1.0).abs() < 0.05, "F/(Gc w) = {plateau} after it came back");
+    assert!(twice <= 1.02 * once, "{once} links parted by the stroke in one, {twice} by that in two");
+}
+
+#[test]
 fn a_stroke_through_the_block_leaves_two_pieces_and_no_bridge_on_any_plane() {
     let voxels = (16 * 12 * 16) as f64;
     let h = 2.5e-3;

@@ -39,11 +39,13 @@ impl Script {
         self.tracks.iter().map(Track::end_s).fold(0.0, f64::max)
     }
 
-    /// What each tool does in the step that ends at `time_s`.
+    /// What each tool does in the step that ends at `time_s`. A tool enters where its first key has it and moves from
+    /// the step after on: were it put down where it is at the step's end, it might have jumped the tissue's surface.
     pub fn advance(&mut self, time_s: f64) -> Vec<ToolInput> {
         let mut inputs = Vec::new();
         for (track, entered) in self.tracks.iter().zip(&mut self.entered) {
-            let now = track.at(time_s).map(|Placement { pose, opening }| (pose_from_script(&pose), opening));
+            let placement = if *entered { track.at(time_s) } else { track.entered_at(time_s) };
+            let now = placement.map(|Placement { pose, opening }| (pose_from_script(&pose), opening));
             let motion = match (now, *entered) {
                 (Some((pose, opening)), true) => ToolMotion::MoveTo { pose, opening },
                 (Some((pose, opening)), false) => ToolMotion::EnterAt { pose, opening },

@@ -18,7 +18,7 @@ use crate::Vec3;
 use crate::body::Body;
 use crate::contact::Mode;
 use crate::contact::broad::SpatialHash;
-use crate::grid::{Crossing, LinkId};
+use crate::grid::{Crossing, Link, LinkId};
 use crate::scene::FractureRule;
 use crate::tool::Pose;
 use crate::tool::blade::Blade;
@@ -53,6 +53,8 @@ pub struct Front {
     /// What drives it in a body that is strained; present in one that is pulled, or so small beside Gc/E that cutting
     /// strains all of it.
     drive: Option<Drive>,
+    /// Whether the blade was put down in the tissue and the slit that it stands in is to be opened.
+    slit: bool,
     /// Springs of the step that is being taken.
     pub contacts: Vec<FrontContact>,
 }
@@ -94,6 +96,7 @@ impl Front {
             chain: Vec::with_capacity(count),
             target: Vec::with_capacity(count),
             drive: is_small(body).then(Drive::default),
+            slit: false,
             contacts: Vec::with_capacity(count),
         }
     }
@@ -112,7 +115,7 @@ impl Front {
         self.contacts.reserve(count.saturating_sub(self.contacts.len()));
     }
 
-    /// Forgets every contact; what is inside now counts as put down inside.
+    /// Forgets every contact.
     pub fn lift(&mut self) {
         for marker in &mut self.markers {
             if let Marker::On(anchor) = marker {
@@ -120,16 +123,21 @@ impl Front {
             }
             *marker = Marker::Outside;
         }
+        self.slit = false;
         self.contacts.clear();
         self.drive.iter_mut().for_each(Drive::clear);
     }
 
-    /// Marks the samples of a blade put down at `pose` inside the tissue as buried.
-    pub fn enter(&mut self, body: &Body, hash: &SpatialHash, pose: &Pose) {
+    /// Puts the blade down. Where that is in the tissue it stands in a slit of its own making, which the step's
+    /// [`Self::advance`] opens, and cuts on from there.
+    pub fn enter(&mut self, body: &Body, hash: &SpatialHash, motion: &BladeMotion<'_>) {
         self.lift();
         for (marker, segment) in self.markers.iter_mut().zip(&self.segments) {
-            *marker = put_down(body, hash, &pose.transform(&segment.middle_m));
+            let (at_m, frame) =
+                (motion.pose.transform(&segment.middle_m), segment.frame.turned(&motion.pose.orientation));
+            *marker = put_down(body, hash, &at_m, &frame, motion.blade.edge_half_width_m);
         }
+        self.slit = self.markers.iter().any(|marker| matches!(marker, Marker::On(_)));
     }
 
     /// Finds which markers touch the tissue and sets up their springs.
@@ -174,6 +182,9 @@ impl Front {
         links: &mut Vec<(LinkId, Crossing)>,
     ) -> FrontBook {
         let mut book = FrontBook::default();
+        if std::mem::take(&mut self.slit) {
+            self.open_slit(body, motion.blade.flanks.height_m(), links);
+        }
         let by_link_energy = body.description.fracture_rule == FractureRule::LinkEnergy;
         let first_link = links.len();
         for contact in &self.contacts {
@@ -204,6 +215,45 @@ impl Front {
             self.drive = Some(Drive::default());
         }
         book
+    }
+
+    /// Parts what the blade stands in, from its edge up to its spine. Nobody pushed it there, so this takes no work and is
+    /// in no book. A link beside a cut stays whole: a blade that comes back into its own cut is not to make a second one.
+    fn open_slit(&self, body: &Body, height_m: f64, links: &mut Vec<(LinkId, Crossing)>) {
+        let first = links.len();
+        // From the edge to the spine, reference configuration.
+        let up = |index: usize| self.anchor(index).map(|a| -a.pull_back(body, &self.frames[index].forward) * height_m);
+        for index in 0..self.markers.len() {
+            let (Some(own), Some(up_m)) = (self.anchor(index), up(index)) else { continue };
+            let from = own.swept_m;
+            for (side, left) in [(-1.0, index.wrapping_sub(1)), (1.0, index)] {
+                match (self.segment(body, left), up(index + 1)) {
+                    (Some(ends), Some(next_up_m)) if left == index => {
+                        let to = ends[1].swept_m;
+                        part_quad(body, [from, to, to + next_up_m, from + up_m], links);
+                    }
+                    (Some(_), _) => {}
+                    (None, _) => {
+                        let half = own.pull_back(body, &self.frames[index].along) * (0.5 * side * self.segment_m);
+                        part_quad(body, [from, from + half, from + half + up_m, from + up_m], links);
+                    }
+                }
+            }
+        }
+        let grid = &body.state.grid;
+        let mut kept = first;
+        for at in first..links.len() {
+            let beside_a_cut = [-1, 1].into_iter().any(|side| {
+                let mut beside = links[at].0;
+                beside.cell[beside.axis as usize] += side;
+                matches!(grid.link(beside), Link::Parted(_))
+            });
+            if !beside_a_cut {
+                links.swap(kept, at);
+                kept += 1;
+            }
+        }
+        links.truncate(kept);
     }
 
     /// Parts what lies between the surface, the marker `index` that is about to start cutting, and the

@@ -4,7 +4,7 @@ use super::anchor::{Ahead, Anchor};
 use super::entry::{grazes, inward, surface_behind};
 use super::way_in::{WayIn, way_in};
 use crate::Vec3;
-use crate::body::Body;
+use crate::body::{Body, MaterialPoint};
 use crate::contact::broad::SpatialHash;
 use crate::contact::narrow;
 use crate::tool::frame::BladeFrame;
@@ -28,7 +28,7 @@ const SKIN_VOXELS: f64 = 0.05;
 pub(super) enum Marker {
     /// Not in the tissue.
     Outside,
-    /// In the tissue without having entered through a surface (put down inside, or drawn backward).
+    /// In the tissue without a front of its own: drawn backward, or carried off its front.
     Buried,
     /// In contact.
     On(Anchor),
@@ -122,14 +122,23 @@ impl Edge {
 
     /// A marker that was buried: still is, or has come out.
     pub(super) fn emerge(&self, body: &Body, hash: &SpatialHash) -> Marker {
-        put_down(body, hash, &self.now_m)
+        if within(body, hash, &self.now_m).is_some() { Marker::Buried } else { Marker::Outside }
     }
 }
 
-/// A marker of an edge that has not come in through a surface: buried, or outside. At the surface itself, where
-/// rounding would tell, it is outside.
-pub(super) fn put_down(body: &Body, hash: &SpatialHash, at_m: &Vec3) -> Marker {
-    let depth_m = narrow::locate(body, hash, at_m).map(|point| -body.state.grid.signed_distance_m(&point.position_m));
+/// A marker whose segment of the edge is put down at `at_m`: in the tissue it goes on from there at once, as at the end
+/// of a cut.
+pub(super) fn put_down(body: &Body, hash: &SpatialHash, at_m: &Vec3, frame: &BladeFrame, half_width_m: f64) -> Marker {
+    let Some(point) = within(body, hash, at_m) else { return Marker::Outside };
+    let mut anchor = Anchor::at(point, frame.forward, half_width_m);
+    anchor.yielded = true;
+    anchor.start_here(body, frame);
+    Marker::On(anchor)
+}
+
+/// The material at a point of an edge that has not come in through a surface. At the surface itself, where rounding
+/// would tell, it is outside.
+fn within(body: &Body, hash: &SpatialHash, at_m: &Vec3) -> Option<MaterialPoint> {
     let skin_m = SKIN_VOXELS * body.state.grid.voxel_size_m();
-    if depth_m.is_some_and(|depth_m| depth_m > skin_m) { Marker::Buried } else { Marker::Outside }
+    narrow::locate(body, hash, at_m).filter(|p| -body.state.grid.signed_distance_m(&p.position_m) > skin_m)
 }

@@ -85,7 +85,7 @@ impl BladeContact {
         let swept = edge_m.iter().flat_map(|at| [motion.before.transform(at), motion.pose.transform(at)]);
         self.hash.rebuild(body, &Aabb::around(swept).grown(body.state.grid.voxel_size_m()));
         if path.entered {
-            self.front.enter(body, &self.hash, &motion.pose);
+            self.front.enter(body, &self.hash, &motion);
         }
         self.front.detect(body, &self.hash, &motion);
         self.flanks.clear();
