@@ -1,0 +1,70 @@
+//! Triangle meshes from OBJ, STL and PLY files.
+//!
+//! What is wrong is told with its line, or with the row where a file is binary. A file that is cut off and one that
+//! goes on after its end are refused: what was meant is not known.
+
+mod obj;
+mod ply;
+mod stl;
+
+use std::path::Path;
+
+use kerf_physics::scene::TriangleMesh;
+
+/// Reads a mesh; the format is that of the file's extension. Polygons are cut into fans.
+///
+/// # Errors
+/// Where the file is wrong, and what is wrong there.
+pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<TriangleMesh, String> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    match extension.as_str() {
+        "obj" => obj::parse(text(bytes)?),
+        "stl" => stl::parse(bytes),
+        "ply" => ply::parse(bytes),
+        other => Err(format!("`.{other}` is not one of .obj, .stl, .ply; export the mesh in one of these formats")),
+    }
+}
+
+/// The text that bytes are.
+fn text(bytes: &[u8]) -> Result<&str, String> {
+    std::str::from_utf8(bytes).map_err(|e| {
+        let line = bytes[..e.valid_up_to()].iter().filter(|byte| **byte == b'\n').count() + 1;
+        format!("line {line}: is not text in UTF-8")
+    })
+}
+
+/// A finite number.
+fn number(word: &str) -> Result<f64, String> {
+    let value = word.parse::<f64>().ok().filter(|value| value.is_finite());
+    value.ok_or_else(|| format!("`{word}` is not a finite number"))
+}
+
+/// The first three of some words as the coordinates of a point.
+fn point<'a>(mut words: impl Iterator<Item = &'a str>) -> Result<[f64; 3], String> {
+    let mut point = [0.0; 3];
+    for (coordinate, axis) in point.iter_mut().zip(["x", "y", "z"]) {
+        let word = words.next().ok_or_else(|| format!("a vertex has three coordinates; {axis} is missing"))?;
+        *coordinate = number(word)?;
+    }
+    Ok(point)
+}
+
+/// Adds a polygon as a fan of triangles.
+fn push_fan(mesh: &mut TriangleMesh, corners: &[u32]) -> Result<(), String> {
+    if corners.len() < 3 {
+        return Err(format!("a face has at least three corners, not {}", corners.len()));
+    }
+    mesh.triangles.extend(corners.windows(2).skip(1).map(|edge| [corners[0], edge[0], edge[1]]));
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn other_formats_are_refused_by_name() {
+        assert!(parse(Path::new("a.step"), b"").unwrap_err().contains(".step"));
+        assert_eq!(parse(Path::new("a.OBJ"), b"v 0 0 0\n\xff").unwrap_err(), "line 2: is not text in UTF-8");
+    }
+}
