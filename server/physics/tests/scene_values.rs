@@ -1,6 +1,7 @@
 //! What is refused in a scene that can be read.
 
 use kerf_physics::World;
+use kerf_physics::scene::wording::given;
 use kerf_physics::scene::{
     BladeDesc, CapsuleDesc, EdgeDesc, FinerDesc, GrasperDesc, MaterialDesc, RateDesc, RegionDesc, Scene, SceneDesc,
     SceneError, ScissorsDesc, ShapeDesc, ToolDesc, ToolShapeDesc, ViscosityDesc,
@@ -34,7 +35,7 @@ fn refused(change: impl FnOnce(&mut SceneDesc)) -> Vec<String> {
     change(&mut scene);
     let field = |e: &SceneError| match e {
         SceneError::Field { field, .. } => field.clone(),
-        SceneError::Parse { .. } => unreachable!("values are judged, not text"),
+        SceneError::InFile { .. } => unreachable!("values are judged, not text"),
     };
     scene.problems().iter().map(field).collect()
 }
@@ -284,7 +285,7 @@ fn each_number_is_taken_up_to_its_limits_and_refused_beyond_with_field_and_limit
             assert_eq!(problems(limit), [""; 0], "{field} = {limit}");
             let outside = limit + outward * (beyond * limit.abs()).max(1e-12);
             let told = problems(outside);
-            let named = format!("{}", limit.abs());
+            let named = given(limit.abs());
             assert!(told.len() == 1 && told[0].starts_with(&format!("{field}: ")), "{field} = {outside}: {told:?}");
             assert!(told[0].contains(&named), "{field} = {outside}: {told:?} does not name {named}");
         }

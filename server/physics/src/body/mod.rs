@@ -67,9 +67,10 @@ impl Body {
     /// What is wrong with the object's shape.
     pub fn new(scene: &Scene, index: usize, params: StepParams, workers: &Workers<'_>) -> Result<Self, SceneError> {
         let object = &scene.desc.objects[index];
-        let grid = voxelize::voxelize(object, &scene.meshes)?;
-        let (voxel_loads, face_loads) = loads::loads_of(&grid, object, &scene.meshes)?;
-        let state = State::at_rest(grid, object, &scene.meshes)?;
+        let here = |error: SceneError| error.within(&format!("objects[{index}]"));
+        let grid = voxelize::voxelize(object, &scene.meshes).map_err(here)?;
+        let (voxel_loads, face_loads) = loads::loads_of(&grid, object, &scene.meshes).map_err(here)?;
+        let state = State::at_rest(grid, object, &scene.meshes).map_err(here)?;
         let exponents = state.levels[0].exponent..=object.level;
         let description = Description {
             name: object.name.clone(),

@@ -3,6 +3,7 @@
 use super::{Grid, Ijk};
 use crate::Vec3;
 use crate::scene::SceneError;
+use crate::scene::wording::brief;
 
 /// Cells of one object's lattice, margin included. At 20 bytes a cell this is 340 MB.
 pub const MAX_CELLS: f64 = (1u64 << 24) as f64;
@@ -57,8 +58,14 @@ impl Lattice {
         let cells: f64 = dims.iter().map(|d| d + 2.0).product();
         if cells > MAX_CELLS {
             let message = format!(
-                "{voxel_size_m} m gives a lattice of {:.0} x {:.0} x {:.0} cells, more than {MAX_CELLS} in all",
-                dims.x, dims.y, dims.z,
+                "{} m gives a lattice of {:.0} x {:.0} x {:.0} cells, more than {MAX_CELLS} in all: the shape is {} m \
+                 long; take larger voxels, or, where it is not meant to be so long, the right unit (metres; of a mesh: \
+                 scale_m_per_unit)",
+                brief(voxel_size_m),
+                dims.x,
+                dims.y,
+                dims.z,
+                brief(bounds.extent_m().max()),
             );
             return Err(SceneError::Field { field: "voxel_size_m".into(), message });
         }

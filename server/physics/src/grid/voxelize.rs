@@ -16,19 +16,6 @@ const LINK_STEPS: u32 = 8;
 /// Halvings of such a step: 1/8 of a link to the last bit of an `f32`.
 const HALVINGS: u32 = 21;
 
-/// Voxelizes an object: a voxel is inside where its centre is.
-///
-/// Pieces of fewer than [`super::LEAST_PIECE_VOXELS`] are left out where there is a larger one, and counted in
-/// [`Grid::left_out`]. The lattice is centred on the shape's bounding box, so a box of a whole number of voxels is filled
-/// by exactly those voxels. Voxels are ordered by z, then y, then x.
-///
-/// # Errors
-/// A field of the object that cannot be voxelized, with the reason: a mesh that is absent, open or
-/// degenerate, a lattice beyond the limit, a shape that holds no voxel's centre.
-pub fn voxelize(object: &ObjectDesc, meshes: &Meshes) -> Result<Grid, SceneError> {
-    voxelize_shape(object, meshes).map_err(|e| e.within(&format!("objects[{:?}]", object.name)))
-}
-
 /// The voxels whose centre lies in a shape, ascending.
 ///
 /// # Errors
@@ -235,7 +222,16 @@ fn widened(lattice: &Lattice, marked: &[bool], axis: usize) -> Vec<bool> {
     wide
 }
 
-fn voxelize_shape(object: &ObjectDesc, meshes: &Meshes) -> Result<Grid, SceneError> {
+/// Voxelizes an object: a voxel is inside where its centre is.
+///
+/// Pieces of fewer than [`super::LEAST_PIECE_VOXELS`] are left out where there is a larger one, and counted in
+/// [`Grid::left_out`]. The lattice is centred on the shape's bounding box, so a box of a whole number of voxels is filled
+/// by exactly those voxels. Voxels are ordered by z, then y, then x.
+///
+/// # Errors
+/// A field within the object that cannot be voxelized, with the reason: a mesh that is absent, open or
+/// degenerate, a lattice beyond the limit, a shape that holds no voxel's centre.
+pub fn voxelize(object: &ObjectDesc, meshes: &Meshes) -> Result<Grid, SceneError> {
     let (bounds, bulge_m) = extent(&object.shape, meshes)?;
     let size_m = size_within(object, &bounds);
     let mut samples = Samples::new(Solid::new(&object.shape, meshes)?, Lattice::over(&bounds, bulge_m, size_m)?)?;

@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::wording::{brief, out_of_range};
 use super::{BladeDesc, SceneError};
 use crate::Vec3;
 
@@ -119,12 +120,15 @@ pub(crate) fn problem(blade: &BladeDesc, smallest_voxel_m: f64, most_voxels: f64
         }
         EdgeDesc::Sine { amplitude_m, wavelength_m } => {
             if !(0.0..=10.0).contains(amplitude_m) {
-                return refused("sine.amplitude_m", format!("{amplitude_m} is not between 0 and 10"));
+                return refused("sine.amplitude_m", out_of_range("amplitude_m", *amplitude_m, 0.0, 10.0));
             }
             if !(width_m / MAX_WAVES..=1e3).contains(wavelength_m) {
                 let least = width_m / MAX_WAVES;
-                let message =
-                    format!("{wavelength_m} is not between {least}, {MAX_WAVES} waves over width_m, and 1000");
+                let message = format!(
+                    "{} is not between {}, {MAX_WAVES} waves over width_m, and 1000 m",
+                    brief(*wavelength_m),
+                    brief(least)
+                );
                 return refused("sine.wavelength_m", message);
             }
             "sine"
@@ -145,7 +149,10 @@ pub(crate) fn problem(blade: &BladeDesc, smallest_voxel_m: f64, most_voxels: f64
                 return refused("file.file", "is empty".into());
             }
             if !(1e-9..=1e6).contains(scale_m_per_unit) {
-                return refused("file.scale_m_per_unit", format!("{scale_m_per_unit} is not between 1e-9 and 1e6"));
+                return refused(
+                    "file.scale_m_per_unit",
+                    out_of_range("scale_m_per_unit", *scale_m_per_unit, 1e-9, 1e6),
+                );
             }
             return None;
         }
@@ -157,8 +164,9 @@ pub(crate) fn problem(blade: &BladeDesc, smallest_voxel_m: f64, most_voxels: f64
         // Of a width that reaches over too many voxels enough is said.
         (voxels > most_voxels && width_m / smallest_voxel_m <= most_voxels).then(|| {
             format!(
-                "makes an edge of {length_m} m, or {voxels:.0} of the smallest voxels, of {smallest_voxel_m} m: more than \
-                 {most_voxels}"
+                "makes an edge of {} m, or {voxels:.0} of the smallest voxels, of {} m: more than {most_voxels}",
+                brief(length_m),
+                brief(smallest_voxel_m)
             )
         })
     });
@@ -171,7 +179,11 @@ fn shape_problem(points_m: &[Vec3], width_m: f64) -> Option<String> {
         let span = ends[1] - ends[0];
         let length_m = span.norm();
         if length_m < LEAST_PIECE_M {
-            return Some(format!("points {i} and {} are {length_m} m apart, less than {LEAST_PIECE_M}", i + 1));
+            return Some(format!(
+                "points {i} and {} are {} m apart, less than {LEAST_PIECE_M}",
+                i + 1,
+                brief(length_m)
+            ));
         }
         if span.y.abs() > STEEPEST * length_m {
             return Some(format!(
@@ -183,6 +195,11 @@ fn shape_problem(points_m: &[Vec3], width_m: f64) -> Option<String> {
     let reach = |pick: fn(f64, f64) -> f64| points_m.iter().map(|p| p.x).reduce(pick).unwrap_or_default();
     let reach_m = reach(f64::max) - reach(f64::min);
     ((reach_m - width_m).abs() > WIDTH_TOLERANCE * width_m).then(|| {
-        format!("the points reach over {reach_m} m along x, not over width_m, {width_m}, to within a hundredth")
+        format!(
+            "the points reach over {} m along x, not over width_m, {}, to within a hundredth; set width_m to the \
+             former, or the points' scale",
+            brief(reach_m),
+            brief(width_m)
+        )
     })
 }

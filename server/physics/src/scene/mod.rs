@@ -11,6 +11,7 @@ mod parse;
 mod shape;
 mod tool;
 pub mod toughness;
+pub mod wording;
 
 pub use edge::{EdgeDesc, MAX_EDGE_POINTS};
 pub use load::{Face, LoadDesc};
@@ -37,9 +38,9 @@ pub struct Scene {
 /// What is wrong with a scene.
 #[derive(Clone, Debug, thiserror::Error, PartialEq)]
 pub enum SceneError {
-    /// The text is not the TOML of a scene.
+    /// A place of a file that is not the TOML of a scene, or has a value that is not supported.
     #[error("{file}:{line}:{column}: {field}: {message}")]
-    Parse {
+    InFile {
         /// The file's name as given.
         file: String,
         /// Line, from 1.
@@ -51,7 +52,7 @@ pub enum SceneError {
         /// What was found and what was expected.
         message: String,
     },
-    /// A field has a value that is not supported.
+    /// A field of a scene that is no file, or is missing in it, has a value that is not supported.
     #[error("{field}: {message}")]
     Field {
         /// Path of the field, as `objects[0].material.poisson_ratio`.
@@ -67,7 +68,7 @@ impl SceneError {
     pub fn within(self, owner: &str) -> Self {
         match self {
             Self::Field { field, message } => Self::Field { field: format!("{owner}.{field}"), message },
-            parse @ Self::Parse { .. } => parse,
+            in_file @ Self::InFile { .. } => in_file,
         }
     }
 }

@@ -1,5 +1,8 @@
 //! From TOML text to a [`SceneDesc`], with the place of what does not fit.
 
+use toml::de::{DeTable, DeValue};
+
+use super::wording::did_you_mean;
 use super::{SCENE_VERSION, SceneDesc, SceneError};
 
 impl SceneDesc {
@@ -7,7 +10,7 @@ impl SceneDesc {
     /// `file` is only used to name the place of an error.
     ///
     /// # Errors
-    /// [`SceneError::Parse`] with file, line, column and field of the first thing that does not fit.
+    /// [`SceneError::InFile`] with file, line, column and field of the first thing that does not fit.
     pub fn from_toml(file: &str, text: &str) -> Result<Self, SceneError> {
         let syntax_error = |e: toml::de::Error| parse_error(file, text, "syntax", &e);
         // A file of another version would drown its reader in unknown fields: look at that first.
@@ -27,13 +30,69 @@ impl SceneDesc {
 fn parse_error(file: &str, text: &str, path: &str, error: &toml::de::Error) -> SceneError {
     let (line, column) = line_and_column(text, error.span().map_or(0, |span| span.start));
     let field = if path == "." { "scene" } else { path };
-    SceneError::Parse {
+    SceneError::InFile {
         file: file.to_owned(),
         line,
         column,
         field: field.to_owned(),
-        message: error.message().trim_end().replace('\n', "; "),
+        message: in_plain_words(&error.message().trim_end().replace('\n', "; ")),
     }
+}
+
+/// What a reader of TOML says, in words that a scene's author knows, and with the name that was probably meant.
+fn in_plain_words(message: &str) -> String {
+    const TYPES: [(&str, &str); 7] = [
+        ("expected f64", "expected a number"),
+        ("expected u8", "expected a whole number"),
+        ("expected u16", "expected a whole number"),
+        ("expected u32", "expected a whole number"),
+        ("expected struct ", "expected a table with the fields of "),
+        ("expected a sequence", "expected a list"),
+        ("invalid type: floating point", "invalid type: number"),
+    ];
+    let plain = TYPES.iter().fold(message.to_owned(), |text, (theirs, ours)| text.replace(theirs, ours));
+    // "unknown field `x`, expected one of `a`, `b`"
+    let mut names = message.split('`').skip(1).step_by(2);
+    match names.next().filter(|_| message.starts_with("unknown")) {
+        Some(word) => plain + &did_you_mean(word, names),
+        None => plain,
+    }
+}
+
+impl SceneError {
+    /// The same with its place in the text of the file that the scene was read from: the field's, or that of the
+    /// table where the field is missing.
+    #[must_use]
+    pub fn placed(self, file: &str, text: &str) -> Self {
+        let Self::Field { field, message } = self else { return self };
+        let Some(offset) = offset_of(text, &field) else { return Self::Field { field, message } };
+        let (line, column) = line_and_column(text, offset);
+        Self::InFile { file: file.to_owned(), line, column, field, message }
+    }
+}
+
+/// Where the value of a field such as `objects[0].material.level` begins, or the last table on the way to it.
+fn offset_of(text: &str, field: &str) -> Option<usize> {
+    let document = DeTable::parse(text).ok()?;
+    let names = field.split(['.', '[']).map(|name| name.trim_end_matches(']'));
+    let mut found = None;
+    let mut table = Some(document.get_ref());
+    let mut list = None;
+    for name in names {
+        let value = match (table, list) {
+            (Some(table), _) => table.get(name),
+            (None, Some(list)) => <_ as AsRef<[_]>>::as_ref(list).get(name.parse::<usize>().ok()?),
+            (None, None) => None,
+        };
+        let Some(value) = value else { break };
+        found = Some(value.span().start);
+        (table, list) = match value.get_ref() {
+            DeValue::Table(inner) => (Some(inner), None),
+            DeValue::Array(inner) => (None, Some(inner)),
+            _ => (None, None),
+        };
+    }
+    found
 }
 
 /// Line and column (in characters) of a byte offset, both from 1.
@@ -61,7 +120,7 @@ poisson_ratio = 0.4
 
     fn place(text: &str) -> (usize, String, String) {
         match SceneDesc::from_toml("block.toml", text).unwrap_err() {
-            SceneError::Parse { file, line, field, message, .. } => {
+            SceneError::InFile { file, line, field, message, .. } => {
                 assert_eq!(file, "block.toml");
                 (line, field, message)
             }
@@ -103,7 +162,35 @@ poisson_ratio = 0.4
     fn a_wrong_type_is_named_with_its_field() {
         let (line, field, message) = place(&SCENE.replace("1e5", "\"stiff\""));
         assert_eq!((line, field.as_str()), (9, "objects[0].material.young_modulus_pa"));
-        assert!(message.contains("expected f64"), "{message}");
+        assert!(message.contains("expected a number"), "{message}");
+    }
+
+    #[test]
+    fn a_value_that_is_refused_is_placed_in_its_file() {
+        let place = |field: &str| {
+            let error = SceneError::Field { field: field.into(), message: "is wrong".into() };
+            error.placed("block.toml", SCENE).to_string()
+        };
+        assert_eq!(
+            place("objects[0].material.poisson_ratio"),
+            "block.toml:10:17: objects[0].material.poisson_ratio: is wrong"
+        );
+        assert!(
+            place("objects[0].shape.box.max_m").starts_with("block.toml:6:52: "),
+            "{}",
+            place("objects[0].shape.box.max_m")
+        );
+        // What is not stated is looked for in its table.
+        assert!(place("objects[0].material.initiation_ratio").starts_with("block.toml:8:1: "));
+        assert_eq!(place("rate_hz"), "rate_hz: is wrong");
+    }
+
+    #[test]
+    fn a_name_that_was_probably_meant_is_suggested() {
+        let (.., message) = place(&SCENE.replace("voxel_size_m", "voxel_sise_m"));
+        assert!(message.ends_with("; did you mean `voxel_size_m`?"), "{message}");
+        let (.., message) = place(&SCENE.replace("{ box", "{ bx"));
+        assert!(message.ends_with("; did you mean `box`?"), "{message}");
     }
 
     #[test]

@@ -8,6 +8,7 @@ use std::ops::RangeInclusive;
 use crate::grid::voxelize::{extent_m, voxel_size_m};
 use crate::scene::edge;
 use crate::scene::toughness::{asked_over_eh, carried_over_eh};
+use crate::scene::wording::{brief, did_you_mean, out_of_range};
 use crate::scene::{
     BladeDesc, CapsuleDesc, DialDesc, FractureRule, GrasperDesc, LoadDesc, MaterialDesc, Meshes, ObjectDesc,
     SCENE_VERSION, Scene, SceneDesc, SceneError, ScissorsDesc, ShapeDesc, ToolShapeDesc,
@@ -139,8 +140,11 @@ fn problems(scene: &SceneDesc, meshes: &Meshes) -> Vec<SceneError> {
     for (i, point) in scene.tracked_points.iter().enumerate() {
         report.vector(&format!("tracked_points[{i}].position_m"), &point.position_m, MAX_LENGTH_M);
         if !scene.objects.iter().any(|o| o.name == point.object) {
-            report
-                .refuse(format!("tracked_points[{i}].object"), format!("there is no object named `{}`", point.object));
+            let meant = did_you_mean(&point.object, scene.objects.iter().map(|o| o.name.as_str()));
+            report.refuse(
+                format!("tracked_points[{i}].object"),
+                format!("there is no object named `{}`{meant}", point.object),
+            );
         }
     }
     report.problems
@@ -161,7 +165,7 @@ impl Report {
     fn number(&mut self, field: &str, value: f64, range: RangeInclusive<f64>) -> bool {
         let fits = range.contains(&value);
         if !fits {
-            self.refuse(field, format!("{value} is not between {} and {}", range.start(), range.end()));
+            self.refuse(field, out_of_range(field, value, *range.start(), *range.end()));
         }
         fits
     }
@@ -262,7 +266,11 @@ impl Report {
         };
         if object.resolution.is_some() && !VOXEL_SIZE_M.contains(&size_m) {
             let (low, high) = (VOXEL_SIZE_M.start(), VOXEL_SIZE_M.end());
-            let message = format!("gives voxels of {size_m} m, which is not between {low} and {high}");
+            let message = format!(
+                "gives voxels of {} m, which is not between {low} and {high}; lengths are in metres, for a mesh by its \
+                 scale_m_per_unit",
+                brief(size_m)
+            );
             self.refuse(format!("{field}.resolution"), message);
         }
         let levels = std::iter::once(object.level).chain(object.finer.iter().map(|f| f.level).min());
@@ -340,13 +348,14 @@ impl Report {
         }
         let loaded = match rule {
             FractureRule::Front => format!(
-                "Gc/(E H) = {:.3} with H = 2^{level} voxels of {voxel_size_m} m, times initiation_ratio {} = {asked:.3},",
+                "Gc/(E H) = {:.3} with H = 2^{level} voxels of {} m, times initiation_ratio {} = {asked:.3},",
                 asked / material.initiation_ratio,
+                brief(voxel_size_m),
                 material.initiation_ratio,
             ),
             FractureRule::LinkEnergy => format!(
-                "a link of a voxel of {voxel_size_m} m holds Gc at a line load of {asked:.3} E H with H = 2^{level} \
-                 voxels, which"
+                "a link of a voxel of {} m holds Gc at a line load of {asked:.3} E H with H = 2^{level} voxels, which",
+                brief(voxel_size_m)
             ),
         };
         let message = format!(
@@ -497,7 +506,10 @@ impl Report {
         let along = length_m / smallest_voxel_m;
         if along > MAX_BLADE_VOXELS {
             let message = format!(
-                "{length_m} is {along:.0} of the smallest voxels, of {smallest_voxel_m} m: more than {MAX_BLADE_VOXELS}"
+                "{} is {along:.0} of the smallest voxels, of {} m: more than {MAX_BLADE_VOXELS}; make the voxels \
+                 larger or the edge shorter",
+                brief(length_m),
+                brief(smallest_voxel_m)
             );
             self.refuse(field, message);
         }
@@ -515,8 +527,10 @@ impl Report {
         self.number(&format!("{field}.length_m"), capsule.length_m, 0.0..=10.0);
         if fits && capsule.radius_m < MIN_PROBE_VOXELS * largest_voxel_m {
             let message = format!(
-                "{} is less than {MIN_PROBE_VOXELS} of the largest voxels, of {largest_voxel_m} m",
-                capsule.radius_m
+                "{} is less than {MIN_PROBE_VOXELS} of the largest voxels, of {} m; make the voxels smaller or the probe \
+                 thicker",
+                brief(capsule.radius_m),
+                brief(largest_voxel_m)
             );
             self.refuse(format!("{field}.radius_m"), message);
         }

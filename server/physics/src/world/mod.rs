@@ -19,8 +19,10 @@ use crate::Vec3;
 use crate::body::{Body, MaterialPoint, PartedLinks, TopologyChange};
 use crate::fault::{Fault, FaultKind};
 use crate::fracture::{FrontBook, Sampling};
+use crate::grid::Grid;
 use crate::ledger::{self, BodyLedger, ContactLedger};
 use crate::params::StepParams;
+use crate::scene::wording::brief;
 use crate::scene::{Scene, SceneError};
 use crate::stage::{Lap, Stage, StageClock};
 use crate::step_io::{FractureStep, Grasp, StepInputs, StepOutput, ToolMotion, ToolOutput, Wrench};
@@ -119,17 +121,17 @@ impl World {
         object: &str,
         position_m: Vec3,
     ) -> Result<TrackedPoint, SceneError> {
-        let error = |message: String| SceneError::Field { field: format!("tracked_points[{index}]"), message };
+        let error =
+            |message: String| SceneError::Field { field: format!("tracked_points[{index}].position_m"), message };
         let body = scene
             .desc
             .objects
             .iter()
             .position(|o| o.name == object)
-            .ok_or_else(|| error(format!("there is no object named {object:?}")))?;
+            .ok_or_else(|| error(format!("there is no object named `{object}`")))?;
         let grid = &self.slots[body].body.state.grid;
-        let voxel = grid
-            .voxel_at(grid.cell_of(&position_m))
-            .ok_or_else(|| error(format!("position_m {position_m:?} lies in no voxel of {object:?}")))?;
+        let voxel =
+            grid.voxel_at(grid.cell_of(&position_m)).ok_or_else(|| error(outside(grid, object, &position_m)))?;
         Ok(TrackedPoint { body, point: MaterialPoint { position_m, voxel } })
     }
 
@@ -440,4 +442,13 @@ impl World {
         slot.edited.get_or_insert(slot.body.boundary().version());
         &mut slot.body
     }
+}
+
+/// What is said of a tracked point in no voxel: where the nearest one is.
+fn outside(grid: &Grid, object: &str, position_m: &Vec3) -> String {
+    let told = |point: Vec3| format!("[{}, {}, {}]", brief(point.x), brief(point.y), brief(point.z));
+    let centres = grid.voxels().iter().map(|voxel| grid.centre_m(voxel.ijk));
+    let away = |centre: &Vec3| (centre - position_m).norm_squared();
+    let nearest = centres.min_by(|a, b| away(a).total_cmp(&away(b))).map_or("none".to_owned(), told);
+    format!("{} lies in no voxel of `{object}`; the nearest voxel's centre is {nearest}", told(*position_m))
 }
