@@ -10,9 +10,12 @@ mod convert;
 mod grpc;
 mod incoming;
 pub mod machine;
+mod progress;
 pub mod recording;
+pub mod scene_args;
 pub mod scenes;
 pub mod schema;
+mod script_warnings;
 pub mod serve;
 mod shutdown;
 pub mod simulate;
@@ -23,4 +26,5 @@ pub mod wire {
 }
 mod status;
 mod telemetry;
+mod tool_sweep;
 pub mod tradeoff;

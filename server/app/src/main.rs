@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use kerf_server::scene_args::SceneArgs;
 use kerf_server::serve::{self, ServeArgs};
 use kerf_server::{check, scenes, schema, simulate, tradeoff};
 
@@ -24,10 +25,7 @@ enum Command {
     /// Prints the JSON schema of a scene.
     Schema,
     /// Says what is wrong with a scene, and what its elements are asked to carry.
-    Check {
-        /// Path of a scene's TOML file, or the name of a built-in scene.
-        file: PathBuf,
-    },
+    Check(SceneArgs),
     /// Runs a scene without a network and writes tables, the last surface and a summary.
     Simulate(simulate::Options),
     /// Sweeps a scene's settings and writes what each costs and how far off it is.
@@ -46,7 +44,7 @@ fn main() -> ExitCode {
         Command::Serve(args) => serve::run(args),
         Command::Scenes => scenes::run(),
         Command::Schema => schema::run(),
-        Command::Check { file } => check::run(&file),
+        Command::Check(args) => check::run(&args),
         Command::Simulate(options) => simulate::run(&options),
         Command::Tradeoff(options) => tradeoff::run(&options),
         Command::TradeoffRun { out } => tradeoff::process::run(&out),

@@ -8,7 +8,7 @@ use kerf_physics::grid::{Grid, VoxelId};
 use kerf_physics::step_io::Grasp;
 use kerf_physics::{NoClock, StepInputs, Workers, World};
 use kerf_scenes::catalog;
-use kerf_server::simulate::read_script;
+use kerf_server::scene_args::read_script;
 
 /// Voxels that hang together with `start` by links that have not parted.
 fn piece(grid: &Grid, start: VoxelId) -> BTreeSet<VoxelId> {

@@ -97,6 +97,8 @@ fn the_references_own_setting_has_no_error() {
     swept(folder.path(), &axes("200"));
     let (said, pareto) = swept(folder.path(), &axes("400"));
     assert!(said.contains("1 runs taken"), "{said}");
+    let warned = text(&sweep(folder.path(), "block.toml", &[&axes("400")[..], &["--deny-warnings"]].concat()).stderr);
+    assert!(warned.contains("is no finer than k0-x1-400hz") && warned.contains("denied by"), "{warned}");
     let reference = &pareto.notes["reference"];
     assert!(reference.starts_with("level 0,") && reference.contains(" 400 Hz"), "{reference}");
     let same = at_level(&pareto, 0);

@@ -2,12 +2,11 @@
 
 use std::path::Path;
 
-use kerf_physics::scene::Meshes;
-use kerf_physics::{Scene, SceneDesc};
+use kerf_physics::Scene;
 
 use crate::builtin::BUILTIN;
 use crate::error::ReadError;
-use crate::file::{self, sound};
+use crate::file::{self, Opened};
 
 pub use crate::builtin::builtin_names;
 
@@ -38,9 +37,13 @@ pub fn paper_counts(name: &str) -> Option<PaperCounts> {
 /// # Errors
 /// [`ReadError::NotFound`] for any other name.
 pub fn builtin(name: &str) -> Result<Scene, ReadError> {
+    open_builtin(name)?.sound()
+}
+
+fn open_builtin(name: &str) -> Result<Opened, ReadError> {
     let found = BUILTIN.iter().find(|(known, _)| *known == name);
     let (name, text) = found.ok_or_else(|| ReadError::NotFound { name: name.to_owned() })?;
-    sound(name, Scene { desc: SceneDesc::from_toml(&format!("{name}.toml"), text)?, meshes: Meshes::new() })
+    Ok(Opened::of_text(&format!("{name}.toml"), text)?)
 }
 
 /// A scene by its built-in name or the path of its file, with its meshes, ready for a world.
@@ -48,15 +51,15 @@ pub fn builtin(name: &str) -> Result<Scene, ReadError> {
 /// # Errors
 /// The first file that cannot be had or read, or every value that is not supported.
 pub fn load(name_or_path: &str) -> Result<Scene, ReadError> {
-    sound(name_or_path, open(name_or_path)?)
+    open(name_or_path)?.sound()
 }
 
 /// A scene by its built-in name or the path of its file, with its meshes; the values of a file are not judged.
 ///
 /// # Errors
 /// The first file that cannot be had or read.
-pub fn open(name_or_path: &str) -> Result<Scene, ReadError> {
-    match builtin(name_or_path) {
+pub fn open(name_or_path: &str) -> Result<Opened, ReadError> {
+    match open_builtin(name_or_path) {
         Err(ReadError::NotFound { .. }) => file::open(Path::new(name_or_path)),
         found => found,
     }
@@ -89,9 +92,10 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_name_lists_the_known_ones() {
+    fn an_unknown_name_lists_the_known_ones_and_the_one_that_was_probably_meant() {
         let message = load("livre").unwrap_err().to_string();
         assert!(message.contains("`livre`") && message.contains("liver-tissue"), "{message}");
+        assert!(message.ends_with("; did you mean `liver`?"), "{message}");
     }
 
     #[test]

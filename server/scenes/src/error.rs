@@ -1,9 +1,9 @@
 //! Why a scene cannot be had.
 
-use std::io;
 use std::path::PathBuf;
 
 use kerf_physics::SceneError;
+use kerf_physics::scene::wording::did_you_mean;
 
 use crate::builtin::builtin_names;
 
@@ -11,18 +11,22 @@ use crate::builtin::builtin_names;
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// Neither a built-in scene nor a file.
-    #[error("`{name}` is neither a file nor one of the built-in scenes: {}", builtin_names().join(", "))]
+    #[error(
+        "`{name}` is neither a file nor one of the built-in scenes: {}{}",
+        builtin_names().join(", "),
+        did_you_mean(name, builtin_names())
+    )]
     NotFound {
         /// What was asked for.
         name: String,
     },
     /// A file cannot be read.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {message}", path.display())]
     Read {
         /// The file.
         path: PathBuf,
         /// Why.
-        source: io::Error,
+        message: String,
     },
     /// A file is larger than the limit.
     #[error("{}: {bytes} bytes are more than the limit of {limit}", path.display())]
@@ -60,11 +64,19 @@ pub enum ReadError {
         object: usize,
     },
     /// Values that are not supported.
-    #[error("{name}: {}", problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
+    #[error("{}", problems.iter().map(|problem| line(name, problem)).collect::<Vec<_>>().join("\n"))]
     Invalid {
         /// Built-in name or path, or what the text is called.
         name: String,
         /// All of them; at least one.
         problems: Vec<SceneError>,
     },
+}
+
+/// A problem with the file's name, which one that has a place tells itself.
+fn line(name: &str, problem: &SceneError) -> String {
+    match problem {
+        SceneError::InFile { .. } => problem.to_string(),
+        SceneError::Field { .. } => format!("{name}: {problem}"),
+    }
 }

@@ -6,7 +6,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use kerf_physics::scene::{EdgeDesc, Meshes, ShapeDesc, ToolShapeDesc, TriangleMesh};
-use kerf_physics::{Scene, SceneDesc};
+use kerf_physics::{Scene, SceneDesc, SceneError};
 
 use crate::error::ReadError;
 use crate::nifti::LabelMap;
@@ -19,22 +19,62 @@ pub const MAX_MESH_BYTES: u64 = 256 << 20;
 /// Largest file of an edge's points, bytes: more than as many points as an edge may have.
 pub const MAX_EDGE_BYTES: u64 = 1 << 20;
 
+/// A scene whose values are not judged yet, with the text that it stands in.
+#[derive(Debug)]
+pub struct Opened {
+    /// The scene.
+    pub scene: Scene,
+    name: String,
+    text: String,
+}
+
+impl Opened {
+    /// The scene of a text that names no files.
+    pub(crate) fn of_text(name: &str, text: &str) -> Result<Self, SceneError> {
+        let scene = Scene { desc: SceneDesc::from_toml(name, text)?, meshes: Meshes::new() };
+        Ok(Self { scene, name: name.to_owned(), text: text.to_owned() })
+    }
+
+    /// A problem or a warning with its place in the text.
+    #[must_use]
+    pub fn placed(&self, problem: SceneError) -> SceneError {
+        problem.placed(&self.name, &self.text)
+    }
+
+    /// Problems as an error, each with its place in the text.
+    #[must_use]
+    pub fn refused(&self, problems: Vec<SceneError>) -> ReadError {
+        let problems = problems.into_iter().map(|problem| self.placed(problem)).collect();
+        ReadError::Invalid { name: self.name.clone(), problems }
+    }
+
+    /// The scene, if all its values are supported.
+    ///
+    /// # Errors
+    /// Every value that is not.
+    pub fn sound(self) -> Result<Scene, ReadError> {
+        let problems = self.scene.problems();
+        if problems.is_empty() { Ok(self.scene) } else { Err(self.refused(problems)) }
+    }
+}
+
 /// A scene from a file with its meshes, edges from files as the polylines they are; its values are not
 /// judged.
 ///
 /// # Errors
 /// The first file that cannot be had or read.
-pub fn open(path: &Path) -> Result<Scene, ReadError> {
+pub fn open(path: &Path) -> Result<Opened, ReadError> {
     let name = path.display().to_string();
     if !path.is_file() {
         return Err(ReadError::NotFound { name });
     }
-    let text = String::from_utf8(read(path, MAX_SCENE_BYTES)?)
-        .map_err(|e| ReadError::Read { path: path.to_owned(), source: io::Error::other(e) })?;
-    let mut desc = SceneDesc::from_toml(&name, &text)?;
+    let bytes = read(path, MAX_SCENE_BYTES)?;
+    let text = str::from_utf8(&bytes)
+        .map_err(|_| ReadError::Read { path: path.to_owned(), message: "is not text in UTF-8".into() })?;
+    let mut opened = Opened::of_text(&name, text)?;
+    let Scene { desc, meshes } = &mut opened.scene;
     let folder = path.parent().unwrap_or(Path::new(""));
-    read_edges(&mut desc, folder)?;
-    let mut meshes = Meshes::new();
+    read_edges(desc, folder)?;
     let mut label_maps = BTreeMap::new();
     for shape in desc.objects.iter().flat_map(|object| object.shapes()) {
         let Some(mesh) = shape.mesh().filter(|mesh| !meshes.contains_key(&mesh.key)) else { continue };
@@ -44,7 +84,7 @@ pub fn open(path: &Path) -> Result<Scene, ReadError> {
         };
         meshes.insert(mesh.key, read);
     }
-    Ok(Scene { desc, meshes })
+    Ok(opened)
 }
 
 /// A scene from a text that is called `name` in what is wrong with it. It may not name files: they would be
@@ -53,10 +93,10 @@ pub fn open(path: &Path) -> Result<Scene, ReadError> {
 /// # Errors
 /// What is wrong with the text, the first object that names a file, or every value that is not supported.
 pub fn from_text(name: &str, text: &str) -> Result<Scene, ReadError> {
-    let desc = SceneDesc::from_toml(name, text)?;
-    match desc.objects.iter().position(|object| object.shapes().any(names_file)) {
+    let opened = Opened::of_text(name, text)?;
+    match opened.scene.desc.objects.iter().position(|object| object.shapes().any(names_file)) {
         Some(object) => Err(ReadError::NamesFile { object }),
-        None => sound(name, Scene { desc, meshes: Meshes::new() }),
+        None => opened.sound(),
     }
 }
 
@@ -105,19 +145,19 @@ fn read_labels(
     label_surface::surface(map, labels).map_err(wrong)
 }
 
-/// The scene, if all its values are supported.
-pub(crate) fn sound(name: &str, scene: Scene) -> Result<Scene, ReadError> {
-    let problems = scene.problems();
-    if problems.is_empty() { Ok(scene) } else { Err(ReadError::Invalid { name: name.to_owned(), problems }) }
-}
-
 fn read(path: &Path, limit: u64) -> Result<Vec<u8>, ReadError> {
-    let failed = |source| ReadError::Read { path: path.to_owned(), source };
+    let failed = |error: io::Error| ReadError::Read { path: path.to_owned(), message: in_plain_words(&error) };
     let bytes = std::fs::metadata(path).map_err(failed)?.len();
     if bytes > limit {
         return Err(ReadError::TooLarge { path: path.to_owned(), bytes, limit });
     }
     std::fs::read(path).map_err(failed)
+}
+
+/// What the system says, without its number.
+pub(crate) fn in_plain_words(error: &io::Error) -> String {
+    let said = error.to_string();
+    said.split(" (os error").next().unwrap_or_default().to_lowercase()
 }
 
 #[cfg(test)]
@@ -139,7 +179,7 @@ mod tests {
         let scene = open(&path);
         std::fs::write(folder.path().join("teeth.csv"), "-20,0,-2\n0,0\n").unwrap();
         let broken = open(&path).unwrap_err().to_string();
-        let ToolShapeDesc::Blade(blade) = &scene.unwrap().desc.tools[0].shape else { panic!("a blade") };
+        let ToolShapeDesc::Blade(blade) = &scene.unwrap().scene.desc.tools[0].shape else { panic!("a blade") };
         let points_m = [[-20.0, 0.0, -2.0], [0.0, 0.0, 2.0], [20.0, 0.0, -2.0]].map(|p| p.map(|x: f64| x * 1e-3));
         assert_eq!(blade.edge, EdgeDesc::Polyline { points_m: points_m.to_vec() });
         assert!(missing.contains("teeth.csv"), "{missing}");
@@ -158,8 +198,8 @@ mod tests {
             .unwrap();
         let read = open(&path).unwrap();
         assert!(missing.contains("tetrahedron.obj"), "{missing}");
-        assert_eq!(read.meshes.len(), 1);
-        assert_eq!(read.meshes["tetrahedron.obj"].triangles.len(), 4);
+        assert_eq!(read.scene.meshes.len(), 1);
+        assert_eq!(read.scene.meshes["tetrahedron.obj"].triangles.len(), 4);
     }
 
     fn scene(shape: &str) -> String {

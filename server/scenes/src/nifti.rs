@@ -34,7 +34,7 @@ impl LabelMap {
     /// The field of the header that cannot be used and its value, or how the data do not fit it.
     pub fn parse(bytes: &[u8]) -> Result<Self, String> {
         if bytes.starts_with(&[0x1f, 0x8b]) {
-            Self::read(GzDecoder::new(bytes)).map_err(|e| format!("{e} (gzip)"))
+            Self::read(GzDecoder::new(bytes)).map_err(|message| format!("{message} (gzip)"))
         } else {
             Self::read(bytes)
         }
@@ -48,7 +48,7 @@ impl LabelMap {
         if !(HEADER_BYTES as f32..=1e6).contains(&start) {
             return Err(format!("vox_offset = {start}: the data begin after the header, at 348 to 1e6"));
         }
-        let short = |e: std::io::Error| format!("the file ends before its {dims:?} voxels: {e}");
+        let short = |_| format!("the file is cut off: it ends before its {dims:?} voxels");
         std::io::copy(&mut source.by_ref().take(start as u64 - HEADER_BYTES as u64), &mut std::io::sink())
             .map_err(short)?;
         let count = dims.iter().product::<usize>();
@@ -121,7 +121,7 @@ struct Header {
 impl Header {
     fn read(source: &mut impl Read) -> Result<Self, String> {
         let mut bytes = [0; HEADER_BYTES];
-        source.read_exact(&mut bytes).map_err(|e| format!("no NIfTI-1 header of 348 bytes: {e}"))?;
+        source.read_exact(&mut bytes).map_err(|_| "the file is cut off: a NIfTI-1 header has 348 bytes".to_owned())?;
         // sizeof_hdr says which way round the numbers are.
         let size = [bytes[0], bytes[1], bytes[2], bytes[3]];
         let is_big_endian = match (i32::from_le_bytes(size), i32::from_be_bytes(size)) {

@@ -210,7 +210,7 @@ fn broken_files_are_refused_with_the_field() {
     let nowhere = changed(HEADER_BYTES, &vec![0; good.len() - HEADER_BYTES]);
     let folder = tempfile::tempdir().unwrap();
     for (bytes, fields, expected) in [
-        (vec![0; 10], "", "no NIfTI-1 header of 348 bytes"),
+        (vec![0; 10], "", "a NIfTI-1 header has 348 bytes"),
         (changed(0, &5i32.to_le_bytes()), "", "sizeof_hdr = 5"),
         (changed(0, &540i32.to_le_bytes()), "", "NIfTI-2"),
         (changed(344, b"ni1\0"), "", ".img"),
@@ -224,8 +224,8 @@ fn broken_files_are_refused_with_the_field() {
         (changed(280, &f32::NAN.to_le_bytes()), "", "not finite"),
         (changed(HEADER_BYTES, &(-3i16).to_le_bytes()), "", "no whole number"),
         (not_whole, "", "no whole number"),
-        (good[..5000].to_vec(), "", "the file ends before its [70, 60, 50] voxels"),
-        (gzip(&good)[..5000].to_vec(), "", "the file ends before"),
+        (good[..5000].to_vec(), "", "it ends before its [70, 60, 50] voxels"),
+        (gzip(&good)[..5000].to_vec(), "", "it ends before"),
         (nowhere, "", "every voxel has the label 0"),
         (good.clone(), ", labels = [0]", "no voxel has the label 0 that is inside"),
         (good.clone(), ", labels = [1, 7]", "no voxel has the label 7; the file's labels are 1, 2"),

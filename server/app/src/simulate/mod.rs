@@ -6,21 +6,19 @@ pub mod summary;
 pub mod surface;
 pub mod tables;
 
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
-use kerf_physics::scene::DialDesc;
+use indicatif::ProgressBar;
 use kerf_physics::{Scene, Workers, World};
 use kerf_replica::glb;
-use kerf_scenes::catalog;
-use kerf_scenes::dial::ParetoFronts;
 use kerf_session::LoggedInputs;
 use kerf_session::clock::MonotonicClock;
 
+use crate::progress::Progress;
 use crate::recording::Recording;
+use crate::scene_args::{Run, SceneArgs, WarningArgs};
 use script::Script;
 use summary::{Summary, Tally};
 use tables::Tables;
@@ -33,13 +31,9 @@ const MAX_STEPS: f64 = 1e7;
 /// Options of a run.
 #[derive(Args, Clone, Debug)]
 pub struct Options {
-    /// Name of a built-in scene, or path of a scene's TOML file.
-    pub scene: String,
-    /// Poses over time, header `time_s,tool,x_m,y_m,z_m,qx,qy,qz,qw`; `lift` for x_m lifts the tool. With
-    /// `,opening` for tools with jaws, 0 (closed) to 1.
-    /// Default: one stroke straight down through the middle of the first object that can be cut.
-    #[arg(long, value_name = "FILE.csv", conflicts_with = "quasi_static")]
-    pub script: Option<PathBuf>,
+    /// What is run.
+    #[command(flatten)]
+    pub scene: SceneArgs,
     /// Inputs of a session that a server with `record_dir` has recorded: the same steps once more, on the
     /// scene the session was of.
     #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["script", "duration", "DialOptions", "rate", "quasi_static"])]
@@ -47,46 +41,16 @@ pub struct Options {
     /// Simulated time, s. Default: the script's length and 0.2 s.
     #[arg(long, value_name = "S", conflicts_with = "quasi_static")]
     pub duration: Option<f64>,
-    /// What the dial is set to, instead of what the scene asks.
-    #[command(flatten)]
-    pub dial: DialOptions,
-    /// Folder of measured Pareto fronts that go before those that come with the program.
-    #[arg(long, value_name = "DIR")]
-    pub pareto_fronts: Option<PathBuf>,
-    /// Steps per simulated second instead of the scene's.
-    #[arg(long, value_name = "HZ")]
-    pub rate: Option<f64>,
     /// Threads lent to the steps. Default: as many as the machine has. The result does not depend on it.
     #[arg(long, value_name = "N")]
     pub threads: Option<usize>,
     /// Takes the scene to rest under its loads, tools lifted, instead of stepping through time.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "script")]
     pub quasi_static: bool,
-    /// Folder for tool.csv, energy.csv, tracked_points.csv, profile.csv, surface.glb and summary.json.
+    /// Folder for tool.csv, energy.csv, tracked_points.csv, profile.csv, surface.glb and summary.json. A run that
+    /// stands there is replaced, unless it has more steps.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-}
-
-/// What a run asks of the dial from fast to exact.
-#[derive(Args, Clone, Debug, Default)]
-#[group(multiple = false)]
-pub struct DialOptions {
-    /// Level of every object instead of the scene's: elements of 2^LEVEL voxels a side.
-    #[arg(long)]
-    pub level: Option<u8>,
-    /// The most exact measured setting whose steps take at most this long in the median, ms.
-    #[arg(long, value_name = "MS")]
-    pub budget_ms: Option<f64>,
-    /// The cheapest measured setting that errs by at most this, relative to the reference solution.
-    #[arg(long, value_name = "ERROR")]
-    pub max_error: Option<f64>,
-}
-
-impl DialOptions {
-    fn asked(&self) -> Option<DialDesc> {
-        let level = self.level.map(DialDesc::Level);
-        level.or(self.budget_ms.map(DialDesc::BudgetMs)).or(self.max_error.map(DialDesc::MaxError))
-    }
 }
 
 /// Runs a scene and writes its files.
@@ -94,29 +58,29 @@ impl DialOptions {
 /// # Errors
 /// The scene or the script cannot be read or is not sound, or a file cannot be written.
 pub fn run(options: &Options) -> Result<()> {
-    let scene = load(options)?;
-    std::fs::create_dir_all(&options.out).with_context(|| options.out.display().to_string())?;
+    let Run { scene, script, mut world, warnings } = options.scene.examine()?;
+    WarningArgs::say(&warnings);
+    options.scene.warnings.judge(warnings.len())?;
     let threads = options.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
     ensure!((1..=256).contains(&threads), "--threads {threads} is not between 1 and 256");
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
     let workers = Workers::of(&pool);
 
-    let mut world = World::new(&scene)?;
-    let tables = Tables::create(&options.out, &scene.desc)?;
     let mut recorded_hash = None;
     let measured = if options.quasi_static {
+        let tables = Tables::create(&options.out, &scene.desc, 1)?;
         relax(&mut world, &workers, tables)?
     } else if let Some(path) = &options.replay {
         let recording = Recording::read(path, scene.desc.tools.len())?;
         recorded_hash = recording.state_hash;
-        step(&mut world, &workers, recording.log.inputs(), tables, recording.log.steps())?
+        let steps = recording.log.steps();
+        let tables = Tables::create(&options.out, &scene.desc, steps)?;
+        step(&mut world, &workers, recording.log.inputs(), tables, steps)?
     } else {
-        let mut script = read_script(options.script.as_deref(), &scene)?;
-        let duration_s = options.duration.unwrap_or(script.end_s() + AFTER_SCRIPT_S);
-        let (rate_hz, steps) = (scene.desc.rate_hz, (duration_s * scene.desc.rate_hz).round());
-        ensure!((1.0..=MAX_STEPS).contains(&steps), "{duration_s} s make {steps} steps, not 1 to {MAX_STEPS}");
-        let steps = steps as u64;
-        let inputs = (1..=steps).map(|index| script.advance(index as f64 / rate_hz).into());
+        let mut script = script;
+        let steps = steps(options, &scene, &script)?;
+        let inputs = (1..=steps).map(|index| script.advance(index as f64 / scene.desc.rate_hz).into());
+        let tables = Tables::create(&options.out, &scene.desc, steps)?;
         step(&mut world, &workers, inputs, tables, steps)?
     };
     let summary = Summary {
@@ -133,35 +97,17 @@ pub fn run(options: &Options) -> Result<()> {
         recorded_hash.is_none_or(|hash| hash == world.state_hash()),
         "the replay ends in another state than the session did: another scene, or another build"
     );
-    Ok(())
+    let untouched = summary.tools_without_contact.iter();
+    untouched.clone().for_each(|tool| eprintln!("warning: tool `{}` felt no force", scene.desc.tools[*tool].name));
+    options.scene.warnings.judge(untouched.len())
 }
 
-/// The scene with what the options change in it.
-fn load(options: &Options) -> Result<Scene> {
-    let mut scene = catalog::load(&options.scene)?;
-    scene.desc.rate_hz = options.rate.unwrap_or(scene.desc.rate_hz);
-    let pareto_fronts = match &options.pareto_fronts {
-        Some(folder) => ParetoFronts::builtin().with_folder(folder).context("--pareto-fronts")?,
-        None => ParetoFronts::builtin(),
-    };
-    if let Some(choice) = pareto_fronts.settle(&mut scene, options.dial.asked())? {
-        eprintln!("{choice}");
-    }
-    match scene.problems().into_iter().next() {
-        Some(problem) => Err(problem).context("with --rate applied"),
-        None => Ok(scene),
-    }
-}
-
-/// The script in a file; without one the scene's default stroke.
-///
-/// # Errors
-/// The file cannot be read or is not a script for the scene's tools, or the scene cannot be voxelized.
-pub fn read_script(path: Option<&Path>, scene: &Scene) -> Result<Script> {
-    let Some(path) = path else { return stroke::default_stroke(scene) };
-    let file = File::open(path).with_context(|| path.display().to_string())?;
-    let tools: Vec<_> = scene.desc.tools.iter().map(|tool| tool.name.clone()).collect();
-    Ok(kerf_script::read(file, &tools).with_context(|| path.display().to_string())?.into())
+/// How many steps a script is run for.
+fn steps(options: &Options, scene: &Scene, script: &Script) -> Result<u64> {
+    let duration_s = options.duration.unwrap_or(script.end_s() + AFTER_SCRIPT_S);
+    let steps = (duration_s * scene.desc.rate_hz).round();
+    ensure!((1.0..=MAX_STEPS).contains(&steps), "{duration_s} s make {steps} steps, not 1 to {MAX_STEPS}");
+    Ok(steps as u64)
 }
 
 fn step(
@@ -172,22 +118,18 @@ fn step(
     steps: u64,
 ) -> Result<Summary> {
     let clock = MonotonicClock;
-    let progress = ProgressBar::new(steps).with_style(
-        ProgressStyle::with_template("{bar:40} {pos}/{len} steps, {per_sec}, {eta} left {msg}")
-            .expect("the template is sound"),
-    );
+    let mut progress = Progress::new(steps);
     let mut tally = Tally::default();
     for inputs in inputs {
         let output = world.step(workers, &clock, &inputs.as_inputs());
         if let Some(fault) = &output.fault {
-            // Not `println` of the bar: that says nothing where there is no terminal.
-            progress.suspend(|| eprintln!("step {}: {:?} in {}, rolled back", fault.step, fault.what, fault.object));
+            progress.say(&format!("step {}: {:?} in {}, rolled back", fault.step, fault.what, fault.object));
         }
         tally.push(output);
         tables.push(output)?;
-        progress.inc(1);
+        progress.advance();
     }
-    progress.finish_and_clear();
+    progress.finish();
     tables.finish()?;
     Ok(tally.summary(world))
 }

@@ -1,7 +1,9 @@
 //! The summary of a run: `summary.json`.
 
-use kerf_physics::World;
+use std::collections::BTreeMap;
+
 use kerf_physics::step_io::StepOutput;
+use kerf_physics::{Vec3, World};
 use serde::Serialize;
 
 /// What a run amounted to. Times are `null` where no such step was taken.
@@ -31,6 +33,8 @@ pub struct Summary {
     pub cut_area_m2: f64,
     /// Links that parted.
     pub parted_links: u64,
+    /// Tools that entered the scene and felt no force, by their place in the scene.
+    pub tools_without_contact: Vec<usize>,
     /// Links that were crossed and spared: parting them would have set free a few voxels.
     pub spared_links: u64,
     /// Steps taken.
@@ -71,6 +75,8 @@ pub struct Tally {
     parted_links: u64,
     spared_links: u64,
     cut_area_m2: f64,
+    /// Whether each tool that entered has felt a force.
+    felt: BTreeMap<usize, bool>,
 }
 
 impl Tally {
@@ -84,6 +90,9 @@ impl Tally {
         self.parted_links += u64::from(parted);
         self.spared_links += u64::from(output.fracture.spared_links);
         self.cut_area_m2 += output.fracture.cut_area_m2;
+        for (tool, state) in output.tools.iter().enumerate().filter(|(_, state)| state.pose.is_some()) {
+            *self.felt.entry(tool).or_default() |= state.wrench.force_n != Vec3::zeros();
+        }
     }
 
     /// The summary of what was added and of the world as it is now.
@@ -102,6 +111,7 @@ impl Tally {
             cut_area_m2: self.cut_area_m2,
             parted_links: self.parted_links,
             spared_links: self.spared_links,
+            tools_without_contact: self.felt.iter().filter(|(_, felt)| !**felt).map(|(tool, _)| *tool).collect(),
             steps: steps as u64,
             fracture_steps: fracture_steps as u64,
             faults: self.faults,

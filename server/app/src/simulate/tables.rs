@@ -2,9 +2,10 @@
 //! `profile.csv`.
 
 use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use kerf_physics::energy_terms::{ENERGY_TERMS, EnergyTerm, TermKind};
 use kerf_physics::stage::Stage;
 use kerf_physics::step_io::{EnergyStep, StepOutput};
@@ -13,6 +14,11 @@ use kerf_physics::{SceneDesc, Vec3};
 use kerf_script::POSE_COLUMNS;
 
 use crate::convert::script_pose;
+
+/// The table whose rows begin with the step.
+const PROFILE: &str = "profile.csv";
+/// More than a row of it takes, bytes.
+const MOST_OF_A_ROW: i64 = 4096;
 
 /// Open tables of a run.
 pub struct Tables {
@@ -26,11 +32,18 @@ pub struct Tables {
 }
 
 impl Tables {
-    /// Creates the tables in a folder and writes their headers.
+    /// Creates the tables of a run of so many steps in a folder, which is created, too, and writes their headers.
     ///
     /// # Errors
-    /// A file cannot be written.
-    pub fn create(folder: &Path, scene: &SceneDesc) -> Result<Self> {
+    /// The tables of a longer run stand there, or a file cannot be written.
+    pub fn create(folder: &Path, scene: &SceneDesc, steps: u64) -> Result<Self> {
+        let standing = standing_steps(&folder.join(PROFILE)).unwrap_or(0);
+        ensure!(
+            standing <= steps,
+            "a run of {standing} steps stands in {}, and this one has {steps}: name another folder, or remove that one",
+            folder.display()
+        );
+        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
         let create = |name: &str, header: Vec<String>| -> Result<csv::Writer<File>> {
             let path = folder.join(name);
             let mut writer = csv::Writer::from_path(&path).with_context(|| path.display().to_string())?;
@@ -43,7 +56,7 @@ impl Tables {
             tool: create("tool.csv", tool_header())?,
             energy: create("energy.csv", energy_header())?,
             tracked_points: create("tracked_points.csv", std::iter::once("time_s".to_owned()).chain(axes).collect())?,
-            profile: create("profile.csv", profile_header())?,
+            profile: create(PROFILE, profile_header())?,
             tool_names: scene.tools.iter().map(|tool| tool.name.clone()).collect(),
             energy_j: EnergyStep::default(),
         })
@@ -103,6 +116,17 @@ impl Tables {
     }
 }
 
+/// Steps of the run whose table this is, whether it came to its end or not; `None` where there is none.
+fn standing_steps(profile: &Path) -> Option<u64> {
+    let mut file = File::open(profile).ok()?;
+    let length = file.metadata().ok()?.len();
+    file.seek(SeekFrom::End(-MOST_OF_A_ROW.min(length as i64))).ok()?;
+    let mut text = String::new();
+    file.read_to_string(&mut text).ok()?;
+    let mut steps = text.lines().rev().filter_map(|row| row.split(',').next()?.parse().ok());
+    steps.next()
+}
+
 fn time(output: &StepOutput) -> String {
     // Nine digits: a nanosecond, so that the product of step and dt prints as it is meant.
     format!("{:.9}", output.sim_time_s)
@@ -144,6 +168,23 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_longer_run_is_not_written_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let scene = catalog::builtin("liver").unwrap().desc;
+        let mut tables = Tables::create(&folder.path().join("run"), &scene, 12).unwrap();
+        for step in 1..=12 {
+            let tracked_displacement_m = vec![Vec3::zeros(); scene.tracked_points.len()];
+            tables.push(&StepOutput { step, tracked_displacement_m, ..StepOutput::default() }).unwrap();
+        }
+        tables.finish().unwrap();
+        let refused = Tables::create(&folder.path().join("run"), &scene, 11).err().unwrap().to_string();
+        assert!(refused.starts_with("a run of 12 steps stands in ") && refused.contains("has 11"), "{refused}");
+        assert_eq!(standing_steps(&folder.path().join("run/profile.csv")), Some(12));
+        Tables::create(&folder.path().join("run"), &scene, 12).unwrap();
+        assert_eq!(standing_steps(&folder.path().join("run/profile.csv")), None);
+    }
+
+    #[test]
     fn rows_have_the_headers_width_and_booked_terms_are_summed() {
         let folder = tempfile::tempdir().unwrap();
         let scene = catalog::builtin("liver").unwrap().desc;
@@ -153,7 +194,7 @@ mod tests {
         output.energy.fracture_j = 0.25;
         output.energy.elastic_j = 3.0;
         (output.energy.tool_work_j, output.energy.residual_j) = (2.0, -0.5);
-        let mut tables = Tables::create(folder.path(), &scene).unwrap();
+        let mut tables = Tables::create(folder.path(), &scene, 2).unwrap();
         tables.push(&output).unwrap();
         tables.push(&output).unwrap();
         tables.finish().unwrap();

@@ -21,10 +21,11 @@ use anyhow::{Context, Result, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
 use kerf_physics::Scene;
 use kerf_physics::grid::voxelize::voxel_size_m;
-use kerf_scenes::catalog;
 use kerf_scenes::dial::{FinerRegions, ParetoFront, Setting};
 
-use crate::simulate::{AFTER_SCRIPT_S, read_script};
+use crate::scene_args::{Run, SceneArgs, WarningArgs};
+use crate::simulate::AFTER_SCRIPT_S;
+use crate::simulate::script::Script;
 use job::Job;
 pub use options::Options;
 use runs::Runs;
@@ -39,8 +40,9 @@ const STROKE_MARGIN_ELEMENTS: f64 = 1.0;
 /// # Errors
 /// The scene or the script cannot be read or is not sound, the reference fails, or a file cannot be written.
 pub fn run(options: &Options) -> Result<()> {
-    let scene = catalog::load(&options.scene)?;
-    let base = base_job(options, &scene)?;
+    let scene_args = SceneArgs { scene: options.scene.clone(), script: options.script.clone(), ..SceneArgs::default() };
+    let Run { scene, script, mut warnings, .. } = scene_args.examine()?;
+    let base = base_job(options, &scene, &script)?;
     let settings = sweep::settings(&scene.desc, &options.axes);
     let runs = Runs::create(&options.out)?;
     let bar = ProgressBar::new(settings.len() as u64 + 1).with_style(
@@ -73,6 +75,8 @@ pub fn run(options: &Options) -> Result<()> {
     }
     bar.finish_and_clear();
     remarks.iter().for_each(|remark| eprintln!("{remark}"));
+    warnings.extend(reference::warnings(&scene, &reference, &swept));
+    WarningArgs::say(&warnings);
     ensure!(!points.is_empty(), "no setting could be measured");
     let mut pareto = ParetoFront { points, ..ParetoFront::of(&scene) };
     pareto.notes.extend(report::notes(options, &reference, &base));
@@ -82,7 +86,7 @@ pub fn run(options: &Options) -> Result<()> {
         plot::profile(&scene.desc.name, &reference, &swept).draw(&options.out)?;
     }
     println!("{} settings measured, {} runs taken: {}", swept.len(), runs.taken(), options.out.display());
-    Ok(())
+    options.warnings.judge(warnings.len())
 }
 
 /// Why a job's scene is not run; `None` where it is.
@@ -99,8 +103,7 @@ fn refusal(job: &Job) -> Result<Option<String>> {
 }
 
 /// What all runs have in common.
-fn base_job(options: &Options, scene: &Scene) -> Result<Job> {
-    let script = read_script(options.script.as_deref(), scene)?;
+fn base_job(options: &Options, scene: &Scene, script: &Script) -> Result<Job> {
     let text = match &options.script {
         Some(path) => std::fs::read_to_string(path).with_context(|| path.display().to_string())?,
         None => String::new(),
@@ -118,7 +121,7 @@ fn base_job(options: &Options, scene: &Scene) -> Result<Job> {
         script: options.script.clone(),
         inputs: Job::inputs_of(scene, &text),
         setting,
-        stroke: if has_own_regions { None } else { sweep::stroke_box(&scene.desc, &script, margin_m) },
+        stroke: if has_own_regions { None } else { sweep::stroke_box(&scene.desc, script, margin_m) },
         level_around_stroke: None,
         max_iterations: None,
         duration_s,

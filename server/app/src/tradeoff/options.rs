@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::sweep::Axes;
+use crate::scene_args::WarningArgs;
 
 /// Options of a sweep.
 #[derive(Args, Clone, Debug)]
@@ -37,6 +38,9 @@ pub struct Options {
     /// and keeps their errors.
     #[arg(long, value_name = "S", num_args = 0..=1, default_missing_value = "10")]
     pub retime: Option<f64>,
+    /// What warnings do.
+    #[command(flatten)]
+    pub warnings: WarningArgs,
     /// Folder for runs/, pareto.csv, pareto.md, pareto.svg and pareto.png, and profile.svg and profile.png
     /// where no tool moves.
     #[arg(long, value_name = "DIR")]

@@ -14,7 +14,7 @@ use super::job::Job;
 use super::points::Followed;
 use super::samples::{Sampler, Samples};
 use crate::machine::peak_memory_mib;
-use crate::simulate;
+use crate::scene_args::read_script;
 use crate::simulate::summary::quantile_ms;
 
 /// What a run cost. Steps in which a tool touches count; all of them where none ever does.
@@ -92,7 +92,7 @@ fn simulate_job(job: Job, progress: &mut dyn FnMut(u64)) -> Result<Run> {
     if let Some(problem) = scene.problems().into_iter().next() {
         return Err(problem.into());
     }
-    let mut script = simulate::read_script(job.script.as_deref(), &catalog::load(&job.scene)?)?;
+    let mut script = read_script(job.script.as_deref(), &catalog::load(&job.scene)?)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(job.threads).build()?;
     let workers = Workers::of(&pool);
     let mut world = World::new(&scene)?;

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, ensure};
 use indicatif::ProgressBar;
-use kerf_physics::Scene;
+use kerf_physics::{Scene, SceneError};
 use kerf_scenes::dial::{FinerRegions, Setting};
 
 use super::job::Job;
@@ -109,6 +109,35 @@ fn estimate_s(job: &Job, runs: &Runs, bar: &ProgressBar) -> Result<f64> {
     let pilot = runs.pilot("pilot", &Job { limit_s: Some(PILOT_S), ..job.clone() }, bar)?;
     let steps = job.duration_s * job.setting.rate_hz;
     Ok(PILOT_MARGIN * steps * pilot.cost.run_s / pilot.steps as f64)
+}
+
+/// What makes the errors against a reference say little.
+pub fn warnings(scene: &Scene, reference: &Run, swept: &[Run]) -> Vec<SceneError> {
+    let warning = |field: &str, message: String| SceneError::Field { field: field.into(), message };
+    let mut warnings = Vec::new();
+    let is_felt = reference.samples.force_n.iter().flatten().flatten().any(|force_n| *force_n != 0.0);
+    if !scene.desc.tools.is_empty() && !is_felt {
+        let message = "no tool touched anything in the reference, so forces and cuts are not compared; a script that \
+                       reaches the tissue is given by --script";
+        warnings.push(warning("reference", message.into()));
+    }
+    let is_finer = |a: &Setting, b: &Setting| {
+        let [a, b] = [a, b].map(|s| [f64::from(s.level), s.voxel_scale, 1.0 / s.rate_hz]);
+        a.iter().zip(b).all(|(a, b)| *a <= b) && a != b
+    };
+    let own = &reference.job.setting;
+    let unjudged: Vec<String> =
+        swept.iter().map(|run| &run.job.setting).filter(|setting| !is_finer(own, setting)).map(sweep::key).collect();
+    if !unjudged.is_empty() {
+        let message = format!(
+            "{} is no finer than {}, whose errors are then the reference's as much as their own; raise \
+             --reference-budget-s, or leave them out",
+            name(&reference.job),
+            unjudged.join(", ")
+        );
+        warnings.push(warning("reference", message));
+    }
+    warnings
 }
 
 /// Script's time just before the tool first touches in the reference, s.

@@ -2,13 +2,13 @@
 
 use clap::Args;
 use kerf_physics::Vec3;
-use kerf_physics::scene::{ElementKind, SceneDesc, ToolShapeDesc};
-use kerf_physics::step_io::ToolMotion;
+use kerf_physics::scene::{ElementKind, SceneDesc};
 use kerf_scenes::dial::{FinerRegions, Setting};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::simulate::script::Script;
+use crate::tool_sweep;
 
 /// Values of each axis; an axis that is not given has its defaults.
 #[derive(Args, Clone, Debug, Default)]
@@ -153,35 +153,17 @@ pub fn name_of(kind: impl Serialize) -> String {
     serde_json::to_value(kind).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
 }
 
-/// Points of a tool that the rest of it lies between, tool frame, m.
-fn outline_m(shape: &ToolShapeDesc) -> Vec<Vec3> {
-    let along = |ends_m: [f64; 2]| ends_m.map(|x| Vec3::new(x, 0.0, 0.0)).to_vec();
-    let about_origin = |length_m: f64| along([-0.5 * length_m, 0.5 * length_m]);
-    match shape {
-        ToolShapeDesc::Blade(blade) => blade.edge.points_m(blade.width_m).unwrap_or_default(),
-        ToolShapeDesc::Grasper(grasper) => about_origin(2.0 * grasper.radius_m),
-        ToolShapeDesc::Probe(capsule) => about_origin(capsule.length_m + 2.0 * capsule.radius_m),
-        ToolShapeDesc::Scissors(scissors) => along([0.0, scissors.blade_length_m]),
-    }
-}
-
-/// Lower and upper corner, m, of the box around all that the tools sweep, with a margin on every side; `None` where no tool moves.
+/// Lower and upper corner, m, of the box around all that the tools sweep, with a margin on every side; `None` where no
+/// tool moves.
 #[must_use]
 pub fn stroke_box(desc: &SceneDesc, script: &Script, margin_m: f64) -> Option<[[f64; 3]; 2]> {
-    let mut script = script.clone();
-    let (mut least, mut most) = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
-    let steps = (script.end_s() * desc.rate_hz).ceil() as u64;
-    for step in 0..=steps {
-        for input in script.advance(step as f64 / desc.rate_hz) {
-            let (ToolMotion::MoveTo { pose, .. } | ToolMotion::EnterAt { pose, .. }) = input.motion else { continue };
-            for point in outline_m(&desc.tools[input.tool].shape) {
-                let at = pose.transform(&point);
-                (least, most) = (least.inf(&at), most.sup(&at));
-            }
-        }
-    }
-    let margin = Vec3::repeat(margin_m);
-    (least.x <= most.x).then(|| [(least - margin).into(), (most + margin).into()])
+    let boxes = tool_sweep::boxes(desc, script).into_iter().zip(&desc.tools);
+    let grown = boxes.filter_map(|(corners, tool)| {
+        let margin = Vec3::repeat(margin_m + tool_sweep::reach_m(&tool.shape));
+        corners.map(|[least, most]| [least - margin, most + margin])
+    });
+    let all = grown.reduce(|[least, most], [other_least, other_most]| [least.inf(&other_least), most.sup(&other_most)]);
+    all.map(|corners| corners.map(Into::into))
 }
 
 #[cfg(test)]

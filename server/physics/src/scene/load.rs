@@ -48,7 +48,8 @@ pub enum Face {
 
 impl Face {
     /// The axis of the face's normal and which way it points.
-    pub(crate) fn axis_and_step(self) -> (usize, i32) {
+    #[must_use]
+    pub fn axis_and_step(self) -> (usize, i32) {
         match self {
             Face::MinX => (0, -1),
             Face::MaxX => (0, 1),

@@ -1,0 +1,298 @@
+//! What is to be said of a scene before it runs. Whoever runs scenes asks here, so that all refuse and warn alike.
+
+use kerf_physics::grid::voxelize::region_voxels;
+use kerf_physics::grid::{Grid, LEAST_PIECE_VOXELS, LeftOut, VoxelId};
+use kerf_physics::scene::{LoadDesc, ObjectDesc, ShapeDesc};
+use kerf_physics::{Scene, SceneError, World};
+
+use crate::mesh_faults::mesh_faults;
+
+/// A scene that can run.
+pub struct Examined {
+    /// At rest.
+    pub world: World,
+    /// See [`warnings`].
+    pub warnings: Vec<SceneError>,
+}
+
+/// Builds a scene and says what it hardly means.
+///
+/// # Errors
+/// Everything that it cannot run with.
+pub fn examine(scene: &Scene) -> Result<Examined, Vec<SceneError>> {
+    let problems = scene.problems();
+    if !problems.is_empty() {
+        return Err(problems);
+    }
+    let world = World::new(scene).map_err(|problem| vec![problem])?;
+    Ok(Examined { warnings: warnings(scene, &world), world })
+}
+
+/// What a scene can run with but hardly means; `world` is built of it.
+#[must_use]
+pub fn warnings(scene: &Scene, world: &World) -> Vec<SceneError> {
+    let mut warnings = Vec::new();
+    let bodies = world.bodies();
+    let grids: Vec<&Grid> = bodies.iter().map(|body| &body.state.grid).collect();
+    for (index, object) in scene.desc.objects.iter().enumerate() {
+        let mut remarks = Remarks { scene, object, grid: grids[index], field: format!("objects[{index}]"), warnings };
+        remarks.meshes();
+        remarks.regions();
+        remarks.supports();
+        remarks.loads();
+        remarks.left_out();
+        warnings = remarks.warnings;
+        for (earlier, grid) in grids[..index].iter().enumerate() {
+            let within = overlap(grids[index], grid).max(overlap(grid, grids[index]));
+            if within > 0 {
+                let message = format!(
+                    "{within} voxels lie within `{}` at the start; what overlaps then never pushes itself apart: move \
+                     them apart, a gap of a tenth of a voxel will do",
+                    scene.desc.objects[earlier].name
+                );
+                warnings.push(SceneError::Field { field: format!("objects[{index}].shape"), message });
+            }
+        }
+    }
+    warnings
+}
+
+/// Voxels of a grid whose centre lies in a voxel of another.
+fn overlap(grid: &Grid, other: &Grid) -> usize {
+    let centres = grid.voxels().iter().map(|voxel| grid.centre_m(voxel.ijk));
+    centres.filter(|centre_m| other.voxel_at(other.cell_of(centre_m)).is_some()).count()
+}
+
+/// What is collected of one object.
+struct Remarks<'a> {
+    scene: &'a Scene,
+    object: &'a ObjectDesc,
+    grid: &'a Grid,
+    /// The object's.
+    field: String,
+    warnings: Vec<SceneError>,
+}
+
+impl Remarks<'_> {
+    fn warn(&mut self, field: &str, message: impl Into<String>) {
+        self.warnings.push(SceneError::Field { field: format!("{}{field}", self.field), message: message.into() });
+    }
+
+    /// The voxels that a shape holds. One that cannot be told has been refused when the world was built.
+    fn held(&self, shape: &ShapeDesc) -> Vec<VoxelId> {
+        region_voxels(self.grid, shape, &self.scene.meshes).unwrap_or_default()
+    }
+
+    fn meshes(&mut self) {
+        let mut named: Vec<&str> = Vec::new();
+        for shape in self.object.shapes() {
+            let ShapeDesc::Mesh { file, .. } = shape else { continue };
+            if let Some(mesh) = self.scene.meshes.get(file).filter(|_| !named.contains(&file.as_str())) {
+                mesh_faults(mesh).into_iter().for_each(|fault| self.warn("", format!("{file}: {fault}")));
+                named.push(file);
+            }
+        }
+    }
+
+    fn regions(&mut self) {
+        for (i, region) in self.object.regions.iter().enumerate() {
+            if !self.grid.voxels().iter().any(|voxel| usize::from(voxel.material) == i + 1) {
+                let message =
+                    format!("`{}` holds no voxel: its shape is elsewhere, or a later region covers it", region.name);
+                self.warn(&format!(".regions[{i}]"), message);
+            }
+        }
+        for (i, finer) in self.object.finer.iter().enumerate() {
+            if self.held(&finer.shape).is_empty() {
+                self.warn(&format!(".finer[{i}]"), "holds no voxel: its shape is elsewhere");
+            }
+        }
+    }
+
+    fn supports(&mut self) {
+        let mut is_held = false;
+        for (i, shape) in self.object.fixed.iter().enumerate() {
+            let voxels = self.held(shape);
+            is_held |= !voxels.is_empty();
+            if voxels.is_empty() {
+                self.warn(&format!(".fixed[{i}]"), "holds no voxel: its shape is elsewhere");
+            }
+        }
+        if !is_held {
+            let moves = match self.scene.desc.gravity_m_per_s2 {
+                [0.0, 0.0, 0.0] => "it drifts off when it is touched",
+                _ => "it falls without end unless another object catches it",
+            };
+            self.warn(
+                "",
+                format!("nothing holds `{}`, so {moves}; say with `fixed` what stands still", self.object.name),
+            );
+        }
+    }
+
+    fn loads(&mut self) {
+        for (i, load) in self.object.loads.iter().enumerate() {
+            let (kind, what, is_empty) = match load {
+                LoadDesc::BodyForce { region, .. } => ("body_force", "voxel", self.held(region).is_empty()),
+                LoadDesc::Traction { region, face, .. } => {
+                    let (axis, step) = face.axis_and_step();
+                    let is_outer = |voxel: &VoxelId| {
+                        let mut beyond = self.grid.voxels()[voxel.index()].ijk;
+                        beyond[axis] += step;
+                        self.grid.voxel_at(beyond).is_none()
+                    };
+                    ("traction", "such face of a voxel", !self.held(region).iter().any(is_outer))
+                }
+            };
+            if is_empty {
+                self.warn(
+                    &format!(".loads[{i}].{kind}"),
+                    format!("holds no {what}, so it loads nothing: its region is elsewhere"),
+                );
+            }
+        }
+    }
+
+    fn left_out(&mut self) {
+        let LeftOut { pieces, voxels, smallest } = self.grid.left_out();
+        if pieces > 0 {
+            let voxel_mm = self.grid.voxel_size_m() * 1e3;
+            self.warn(
+                "",
+                format!(
+                    "{pieces} pieces of fewer than {LEAST_PIECE_VOXELS} voxels are left out, {voxels} voxels, the smallest \
+                     of {smallest}: voxels of {voxel_mm:.3} mm do not join its thin parts; take smaller ones"
+                ),
+            );
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use kerf_physics::scene::{Face, TriangleMesh};
+
+    use super::*;
+    use crate::catalog;
+
+    fn told(scene: &Scene) -> Vec<String> {
+        let examined = examine(scene).unwrap_or_else(|problems| panic!("{problems:?}"));
+        examined.warnings.iter().map(ToString::to_string).collect()
+    }
+
+    fn nowhere() -> ShapeDesc {
+        ShapeDesc::Sphere { center_m: [9.0; 3], radius_m: 0.01 }
+    }
+
+    #[test]
+    fn builtin_scenes_have_neither_problems_nor_warnings() {
+        for name in catalog::builtin_names() {
+            assert_eq!(told(&catalog::builtin(name).unwrap()), [""; 0], "{name}");
+        }
+    }
+
+    #[test]
+    fn what_holds_nothing_and_loads_that_select_nothing_are_warned_of() {
+        let mut scene = catalog::builtin("jelly").unwrap();
+        let object = &mut scene.desc.objects[0];
+        object.fixed[0] = nowhere();
+        let traction = |region| LoadDesc::Traction { region, face: Face::MaxX, traction_pa: [1.0, 0.0, 0.0] };
+        // Within the dome, where no voxel's upper face is outside.
+        let inside = ShapeDesc::Sphere { center_m: [0.0, 0.02, 0.0], radius_m: 0.01 };
+        let everywhere = ShapeDesc::Sphere { center_m: [0.0; 3], radius_m: 1.0 };
+        object.loads = vec![
+            traction(inside),
+            traction(everywhere),
+            LoadDesc::BodyForce { region: nowhere(), force_n_per_m3: [0.0; 3] },
+        ];
+        let told = told(&scene);
+        let starts = [
+            "objects[0].fixed[0]: holds no voxel",
+            "objects[0]: nothing holds `jelly`, so it falls without end",
+            "objects[0].loads[0].traction: holds no such face of a voxel",
+            "objects[0].loads[2].body_force: holds no voxel",
+        ];
+        assert_eq!(told.len(), starts.len(), "{told:?}");
+        assert!(told.iter().zip(starts).all(|(told, start)| told.starts_with(start)), "{told:?}");
+    }
+
+    #[test]
+    fn objects_that_start_overlapped_are_warned_of() {
+        let mut scene = catalog::builtin("two-organs").unwrap();
+        let ShapeDesc::Ellipsoid { center_m, .. } = &mut scene.desc.objects[0].shape else { panic!("an ellipsoid") };
+        center_m[1] -= 0.01;
+        scene.desc.tracked_points.clear();
+        let told = told(&scene);
+        assert!(told.len() == 1 && told[0].starts_with("objects[1].shape: "), "{told:?}");
+        assert!(told[0].contains("lie within `lobe` at the start"), "{told:?}");
+    }
+
+    #[test]
+    fn faults_of_a_mesh_are_warned_of_with_its_file() {
+        let mut scene = catalog::builtin("jelly").unwrap();
+        let object = &mut scene.desc.objects[0];
+        object.shape = ShapeDesc::Mesh { file: "tetrahedron.obj".into(), scale_m_per_unit: 1.0, offset_m: [0.0; 3] };
+        scene.desc.tracked_points.clear();
+        let positions = vec![[-0.04, 0.0, -0.04], [0.08, 0.0, -0.04], [-0.04, 0.0, 0.08], [-0.04, 0.09, -0.04]];
+        let triangles = vec![[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 2, 3]];
+        scene.meshes.insert("tetrahedron.obj".into(), TriangleMesh { positions, triangles });
+        let told = told(&scene);
+        assert!(told.len() == 1 && told[0].contains("tetrahedron.obj: the mesh is wound inconsistently"), "{told:?}");
+    }
+
+    #[test]
+    fn what_a_world_cannot_be_built_of_is_a_problem() {
+        let mut scene = catalog::builtin("jelly").unwrap();
+        scene.desc.tracked_points[0].position_m = [1.0, 0.0, 0.0];
+        let problems = examine(&scene).err().expect("it is refused");
+        assert!(problems[0].to_string().contains("the nearest voxel's centre is"), "{problems:?}");
+    }
+
+    #[test]
+    fn small_pieces_that_are_left_out_are_warned_of() {
+        // A block and, off it, two cubes of one voxel and of two.
+        let corner = |x: f64, size: [f64; 3], c: usize| {
+            std::array::from_fn(|a| if a == 0 { x } else { 0.0 } + size[a] * (c >> a & 1) as f64)
+        };
+        let bar = |x, size| (0..8).map(move |c| corner(x, size, c));
+        let faces = [
+            [0, 2, 1],
+            [1, 2, 3],
+            [4, 5, 6],
+            [5, 7, 6],
+            [0, 1, 4],
+            [1, 5, 4],
+            [2, 6, 3],
+            [3, 6, 7],
+            [0, 4, 2],
+            [2, 4, 6],
+            [1, 3, 5],
+            [3, 7, 5],
+        ];
+        let mut mesh = TriangleMesh::default();
+        for bar in [bar(0.0, [0.04, 0.03, 0.03]), bar(0.06, [0.01, 0.01, 0.01]), bar(0.09, [0.02, 0.01, 0.01])] {
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend(bar);
+            mesh.triangles.extend(faces.map(|face| face.map(|v: u32| v + first)));
+        }
+        let mut scene = catalog::builtin("jelly").unwrap();
+        let object = &mut scene.desc.objects[0];
+        object.shape = ShapeDesc::Mesh { file: "bars".into(), scale_m_per_unit: 1.0, offset_m: [0.0; 3] };
+        (object.voxel_size_m, object.resolution) = (Some(0.01), None);
+        scene.meshes.insert("bars".into(), mesh);
+        scene.desc.tracked_points.clear();
+        let warnings = told(&scene).join("\n");
+        assert!(
+            warnings.contains("2 pieces of fewer than 8 voxels are left out, 3 voxels, the smallest of 1:"),
+            "{warnings}"
+        );
+        let mut world = World::new(&scene).unwrap();
+        let stats = world.object_stats()[0];
+        assert_eq!((stats.left_out.pieces, stats.left_out.voxels, stats.voxels), (2, 3, 36));
+        assert_eq!(world.counts().parts, 1);
+        // What is small as a whole is meant.
+        scene.meshes.get_mut("bars").unwrap().triangles.drain(..12);
+        let stats = World::new(&scene).unwrap().object_stats()[0];
+        assert_eq!((stats.left_out.pieces, stats.voxels), (0, 3));
+    }
+}
