@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
-use kerf_replica::{Surface, glb};
+use kerf_replica::glb;
 
 use crate::metrics::ContactSample;
 use crate::plot;
@@ -26,11 +26,11 @@ pub fn write(dir: &Path, finished: &Finished) -> anyhow::Result<Vec<PathBuf>> {
         .iter()
         .map(|s| plot::Sample { time_s: s.sim_time_s, force_n: s.resistance_n, depth_m: s.depth_m })
         .collect();
-    let figure = plot::force_over_time(&samples, finished.report.force.reference_n, &finished.report.script);
+    let title = format!("{}: force on the tool and its depth, {}", finished.report.scene, finished.report.script);
+    let figure = plot::force_over_time(&samples, finished.report.force.reference_n, &title);
     let [svg, png] = figure.draw(dir).context("cannot plot the force")?;
     let surface = dir.join("surface.glb");
-    let whole: Surface = finished.surfaces.iter().cloned().collect();
-    glb::write(&surface, &whole).with_context(|| format!("cannot write {}", surface.display()))?;
+    glb::write(&surface, &finished.objects).with_context(|| format!("cannot write {}", surface.display()))?;
     Ok(vec![report, force, svg, png, surface])
 }
 

@@ -22,10 +22,12 @@ pub fn force_over_time(samples: &[Sample], reference_n: Option<f64>, title: &str
     let last_s = samples.last().map_or(0.0, |s| s.time_s);
     // Room for a line where all samples are of one time.
     let end_s = if last_s > first_s { last_s } else { first_s + 1.0 };
-    let time = || Axis::fitted("time, s").over(first_s..end_s);
+    let time = || Axis::fitted("simulated time, s").over(first_s..end_s);
     let force = Curve::line("force", over_time(|s| s.force_n)).coloured(RED);
     let reference = reference_n.map(|reference_n| {
-        let label = format!("Gc w = {reference_n:.3} N");
+        // In three digits: it is known no better.
+        let rounded_n: f64 = format!("{reference_n:.2e}").parse().unwrap_or(reference_n);
+        let label = format!("Gc w = {rounded_n} N");
         Curve::dashes(&label, (first_s, reference_n), (end_s, reference_n)).coloured(GREY)
     });
     let curves = std::iter::once(force).chain(reference).collect();
@@ -83,7 +85,9 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let [svg, _] = force_over_time(&two_strokes(), Some(8.0), "Two strokes").draw(directory.path()).unwrap();
         let text = std::fs::read_to_string(svg).unwrap();
-        for expected in ["Two strokes", "Gc w = 8.000 N", "stroke 2", "depth, mm", "force on the tool, N"] {
+        for expected in
+            ["Two strokes", "Gc w = 8 N", "stroke 2", "simulated time, s", "depth, mm", "force on the tool, N"]
+        {
             assert!(text.contains(expected), "{expected} is missing");
         }
     }

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use anyhow::{Context, bail, ensure};
 use kerf_proto::v1;
-use kerf_replica::Surface;
+use kerf_replica::{Surface, glb};
 use nalgebra::Vector3;
 use tokio::sync::{oneshot, watch};
 use tonic::transport::Channel;
@@ -42,8 +42,8 @@ pub struct Finished {
     pub report: Report,
     /// Every contact.
     pub contacts: ContactMetrics,
-    /// The objects' surfaces at the end, as the first viewer's replica has them.
-    pub surfaces: Vec<Surface>,
+    /// The objects with their surfaces at the end, as the first viewer's replica has them.
+    pub objects: Vec<glb::Object>,
 }
 
 /// Runs a script against a server. Ends when the script does, at `--duration` or at Ctrl-C.
@@ -134,7 +134,14 @@ async fn drive(args: &Args, channel: &Channel, session: &Session) -> anyhow::Res
     };
     let mut report = Report::of(&run);
     report.limits_exceeded = args.limits.exceeded(&report);
-    Ok(Finished { report, surfaces: viewed?, contacts: driven.contacts })
+    // The wire does not tell of what region a face is.
+    let object = |(object, surface): (&v1::ObjectSummary, Surface)| glb::Object {
+        name: object.name.clone(),
+        regions: Vec::new(),
+        surface,
+    };
+    let objects = session.scene.objects.iter().zip(viewed?).map(object).collect();
+    Ok(Finished { report, objects, contacts: driven.contacts })
 }
 
 /// What came of the driver's stream.
@@ -269,7 +276,8 @@ fn steady_cut_n(scene: &v1::SceneSummary, script: &Script) -> Option<f64> {
 
 fn describe(args: &Args) -> String {
     if args.script.as_os_str() == "strokes" {
-        format!("{} strokes of seed {}", args.strokes.strokes, args.strokes.seed)
+        let plural = if args.strokes.strokes == 1 { "" } else { "s" };
+        format!("{} stroke{plural} (random seed {})", args.strokes.strokes, args.strokes.seed)
     } else {
         args.script.display().to_string()
     }

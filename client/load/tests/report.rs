@@ -46,7 +46,7 @@ fn report(contacts: &ContactMetrics, view: &ViewTotals) -> Report {
         scene: "liver",
         session_id: "s1",
         step_rate_hz: 1000.0,
-        script: "2 strokes of seed 1".to_owned(),
+        script: "2 strokes (random seed 1)".to_owned(),
         duration_s: 2.0,
         watched_s: 2.0,
         interrupted: false,
@@ -62,7 +62,7 @@ fn report(contacts: &ContactMetrics, view: &ViewTotals) -> Report {
 fn text_has_every_number_that_was_asked_for() {
     let text = report(&contacts(), &view()).to_string();
     let expected = "\
-2 strokes of seed 1 on liver, 2.0 s
+2 strokes (random seed 1) on liver, 2.0 s
 round trip   p50 5.00 ms, p99 9.90 ms, p99.9 9.99 ms, max 10.00 ms (1000 poses)
 poses        495 sent, 247.5 Hz; 3 late, 4 skipped, 1 dropped, 0 rejected
 contacts     500 received, 250.0 Hz, 20.0 kB/s

@@ -8,7 +8,7 @@ use plotters::prelude::*;
 
 use crate::axis::{Axis, Places};
 use crate::curve::{COLOURS, Curve, GREY, Mark};
-use crate::{FONT, figure::DrawResult};
+use crate::{FONT, figure::DrawResult, legend};
 
 /// Colour of [`Stretch`]es.
 const SHADE: RGBColor = RGBColor(240, 236, 226);
@@ -20,20 +20,6 @@ const SAMPLE_PX: i32 = 24;
 const AREA_OPACITY: f64 = 0.18;
 /// From a point to the word beside it.
 const TAG_OFFSET_PX: (i32, i32) = (4, -19);
-
-/// Where the legend stands.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Corner {
-    /// At the top, left.
-    UpperLeft,
-    /// At the top, right. Default.
-    #[default]
-    UpperRight,
-    /// At the bottom, right.
-    LowerRight,
-    /// Half-way up, left.
-    MiddleLeft,
-}
 
 /// A stretch of the axis to the right that is shaded.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,23 +41,15 @@ pub struct Chart {
     pub curves: Vec<Curve>,
     /// Under the curves.
     pub stretches: Vec<Stretch>,
-    /// Where the legend stands, if a curve has a name.
-    pub legend: Corner,
 }
 
 type Context<'a, B> = ChartContext<'a, B, Cartesian2d<Places, Places>>;
 
 impl Chart {
-    /// Curves on two axes; legend at the upper right.
+    /// Curves on two axes; the legend stands where it covers the least of them.
     #[must_use]
     pub fn new(x: Axis, y: Axis, curves: Vec<Curve>) -> Self {
-        Self { x, y, curves, stretches: Vec::new(), legend: Corner::default() }
-    }
-
-    /// The same with its legend elsewhere.
-    #[must_use]
-    pub fn with_legend(self, legend: Corner) -> Self {
-        Self { legend, ..self }
+        Self { x, y, curves, stretches: Vec::new() }
     }
 
     /// The same with shaded stretches.
@@ -102,7 +80,7 @@ impl Chart {
             .label_style((FONT, 14))
             .axis_desc_style((FONT, 15))
             .bold_line_style(GREY.mix(0.3))
-            .light_line_style(GREY.mix(0.1));
+            .light_line_style(TRANSPARENT);
         let x_number = |place: &f64| if has_x_numbers { self.x.label(*place) } else { String::new() };
         let y_number = |place: &f64| self.y.label(*place);
         mesh.x_label_formatter(&x_number).y_label_formatter(&y_number);
@@ -167,14 +145,21 @@ impl Chart {
         if self.curves.iter().all(|curve| curve.label.is_empty()) {
             return Ok(());
         }
+        let (right, down) = chart.plotting_area().get_pixel_range();
+        let on_chart = |point: &(f64, f64)| {
+            let (x, y) = chart.backend_coord(&(self.x.place(point.0), self.y.place(point.1)));
+            (x - right.start, y - down.start)
+        };
+        let drawn = self.curves.iter().flat_map(|curve| {
+            let places: Vec<_> = curve.points.iter().map(on_chart).collect();
+            if curve.mark == Mark::Dots { places } else { legend::along(&places).collect() }
+        });
+        let names = self.curves.iter().map(|curve| curve.label.as_str()).filter(|name| !name.is_empty());
+        let size_px = (right.end - right.start, down.end - down.start);
+        let position = legend::freest(size_px, legend::size_px(names), &drawn.collect::<Vec<_>>());
         chart
             .configure_series_labels()
-            .position(match self.legend {
-                Corner::UpperLeft => SeriesLabelPosition::UpperLeft,
-                Corner::UpperRight => SeriesLabelPosition::UpperRight,
-                Corner::LowerRight => SeriesLabelPosition::LowerRight,
-                Corner::MiddleLeft => SeriesLabelPosition::MiddleLeft,
-            })
+            .position(position)
             .background_style(WHITE.mix(0.85))
             .border_style(GREY.mix(0.5))
             .label_font((FONT, 14))

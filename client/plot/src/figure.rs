@@ -136,7 +136,7 @@ fn register_plot_font() {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Axis, Corner, Curve, Stretch};
+    use crate::{Axis, Curve, Stretch};
 
     #[test]
     fn curves_of_every_kind_are_left_as_svg_and_png_without_system_fonts() {
@@ -153,8 +153,7 @@ mod tests {
         let stretch = Stretch { label: "stretch".into(), range: 2.0..5.0 };
         let upper =
             Chart::new(Axis::log("x, m"), Axis::linear("upper, N"), curves.clone()).with_stretches(vec![stretch]);
-        let lower =
-            Chart::new(Axis::log("x, m"), Axis::linear("lower, mm").downward(), curves).with_legend(Corner::MiddleLeft);
+        let lower = Chart::new(Axis::log("x, m"), Axis::linear("lower, mm").downward(), curves);
         let figure = Figure::column("a.b", "All kinds", [upper, lower], 300);
         let folder = tempfile::tempdir().unwrap();
         let [svg, png] = figure.draw(folder.path()).unwrap();
@@ -167,6 +166,16 @@ mod tests {
         }
         let bytes = std::fs::read(png).unwrap();
         assert!(bytes.starts_with(b"\x89PNG") && bytes.len() > 10_000);
+    }
+
+    #[test]
+    fn a_chart_has_no_more_lines_of_a_grid_than_numbers() {
+        let chart = Chart::new(Axis::linear("x"), Axis::linear("y"), vec![Curve::dots("", vec![(1.0, 1.0)])]);
+        let folder = tempfile::tempdir().unwrap();
+        let [svg, _] = Figure::new("grid", "", chart).draw(folder.path()).unwrap();
+        let text = std::fs::read_to_string(svg).unwrap();
+        let visible = text.matches("<line").count() - text.matches("opacity=\"0\"").count();
+        assert!(visible <= 2 * text.matches("<text").count(), "{visible} lines");
     }
 
     #[test]

@@ -7,9 +7,10 @@ mod axis;
 mod chart;
 mod curve;
 mod figure;
+mod legend;
 
 pub use axis::Axis;
-pub use chart::{Chart, Corner, Stretch};
+pub use chart::{Chart, Stretch};
 pub use curve::{BLACK, BLUE, COLOURS, Curve, GREEN, GREY, OCHRE, PALE, RED, VIOLET};
 pub use figure::{Figure, PlotError};
 pub use plotters::style::RGBColor;

@@ -3,7 +3,7 @@
 use crate::body::Body;
 
 /// What a face of the surface bounds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Face {
     /// The object's own surface.
     Skin,
@@ -18,9 +18,11 @@ pub struct Triangle {
     pub vertices: [u32; 3],
     /// What it bounds.
     pub face: Face,
+    /// Place of the region that it bounds, among the object's own material (0) and its regions.
+    pub region: u16,
 }
 
-/// The surface of one or several objects where they are now.
+/// The surface of an object where it is now.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Surface {
     /// Vertex positions, m, scene frame, in the order of the vertices' ids.
@@ -40,26 +42,11 @@ impl Surface {
         for (id, corners) in body.quads() {
             // The other side of the link exists only where a blade parted it.
             let face = if body.quads().contains_key(&(id ^ 1)) { Face::Cut } else { Face::Skin };
-            // Corners exist (see `Body`), so the search always finds them.
+            // The wire does not tell regions. Corners exist (see `Body`), so the search always finds them.
             let corners = corners.map(|id| ids.partition_point(|&other| other < id) as u32);
-            triangles.extend(split(corners, &rest_m).map(|vertices| Triangle { vertices, face }));
+            triangles.extend(split(corners, &rest_m).map(|vertices| Triangle { vertices, face, region: 0 }));
         }
         Self { positions_m, triangles }
-    }
-}
-
-impl FromIterator<Surface> for Surface {
-    /// Several surfaces side by side as one.
-    fn from_iter<T: IntoIterator<Item = Surface>>(surfaces: T) -> Self {
-        let mut all = Surface::default();
-        for surface in surfaces {
-            let first = all.positions_m.len() as u32;
-            all.positions_m.extend(surface.positions_m);
-            all.triangles.extend(
-                surface.triangles.iter().map(|t| Triangle { vertices: t.vertices.map(|v| first + v), face: t.face }),
-            );
-        }
-        all
     }
 }
 

@@ -1,6 +1,6 @@
 //! Measured and computed force over depth.
 
-use kerf_plot::{Axis, BLACK, BLUE, Chart, Corner, Curve, Figure, OCHRE};
+use kerf_plot::{Axis, BLACK, BLUE, Chart, Curve, Figure, OCHRE};
 
 use super::run::Run;
 use super::{DEPTH_M, Row, measured};
@@ -21,7 +21,7 @@ pub fn figure(rows: &[Row], corners: &[Run]) -> Figure {
     let curves = std::iter::once(band).chain(lines.into_iter().filter_map(line)).chain([points]).collect();
     let x = Axis::linear("depth under the surface, mm").over(0.0..1e3 * DEPTH_M);
     let y = Axis::linear("force on the needle, N").over(0.0..MOST_N);
-    let chart = Chart::new(x, y, curves).with_legend(Corner::UpperLeft);
+    let chart = Chart::new(x, y, curves);
     Figure::new("experiment", "An 18 gauge needle into bovine liver at 3 mm/s", chart)
 }
 

@@ -9,7 +9,7 @@ use kerf_physics::scene::{BladeDesc, FractureRule, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
-use kerf_plot::{Axis, BLUE, Chart, Corner, Curve, Figure, GREEN, RED, RGBColor};
+use kerf_plot::{Axis, BLUE, Chart, Curve, Figure, GREEN, RED, RGBColor};
 use rayon::prelude::*;
 
 use super::scenes::{Mesh, block, material, scene};
@@ -206,7 +206,7 @@ impl Comparison {
             }
         }
         let (x, y) = (Axis::log("edge of a voxel h, mm").over(0.5..3.2), Axis::log(title).over(0.5..1000.0));
-        Chart::new(x, y, curves).with_legend(Corner::MiddleLeft)
+        Chart::new(x, y, curves)
     }
 }
 

@@ -20,7 +20,7 @@ pub mod tip_load;
 pub mod uniaxial;
 
 use anyhow::Result;
-use kerf_plot::{Axis, Chart, Corner, Curve, Figure};
+use kerf_plot::{Axis, Chart, Curve, Figure};
 
 /// How much of a family is run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -168,7 +168,7 @@ impl Study {
         };
         let error = format!("error, %: {}", self.error_of);
         let curves = self.series.iter().map(curve).collect();
-        let chart = Chart::new(Axis::log(self.size_of), Axis::log(&error), curves).with_legend(Corner::LowerRight);
+        let chart = Chart::new(Axis::log(self.size_of), Axis::log(&error), curves);
         Figure::new(&format!("verification-{}", self.file), &self.title, chart)
     }
 }

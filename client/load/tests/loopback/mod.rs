@@ -50,8 +50,8 @@ async fn viewers_follow_the_structure_and_the_first_one_keeps_its_surface() {
     assert!(view.states > 30 && view.bytes_per_s > 1000.0, "{view:?}");
     assert!(server.steps > 100 && server.late_steps.abs_diff(server.steps / 10) <= 1, "{server:?}");
     assert!((server.step_mean_ms - 0.5).abs() < 1e-6 && (server.step_max_ms - 2.0).abs() < 1e-6, "{server:?}");
-    assert_eq!(finished.surfaces.len(), 1);
-    assert_eq!(finished.surfaces[0].triangles.len(), 6);
+    assert_eq!(finished.objects.len(), 1);
+    assert_eq!(finished.objects[0].surface.triangles.len(), 6);
     assert!(finished.report.limits_exceeded.is_empty());
 }
 

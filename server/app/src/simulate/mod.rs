@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use indicatif::ProgressBar;
-use kerf_physics::{Scene, Workers, World};
+use kerf_physics::{Scene, SceneDesc, Workers, World};
 use kerf_replica::glb;
 use kerf_session::LoggedInputs;
 use kerf_session::clock::MonotonicClock;
@@ -90,7 +90,7 @@ pub fn run(options: &Options) -> Result<()> {
         threads,
         ..measured
     };
-    write_results(&options.out, &mut world, &summary)?;
+    write_results(&options.out, &scene.desc, &mut world, &summary)?;
     println!("{}", serde_json::to_string_pretty(&summary)?);
     ensure!(summary.converged != Some(false), "no rest was found; see relaxed_residual");
     ensure!(
@@ -150,9 +150,9 @@ fn relax(world: &mut World, workers: &Workers<'_>, mut tables: Tables) -> Result
     })
 }
 
-fn write_results(folder: &Path, world: &mut World, summary: &Summary) -> Result<()> {
+fn write_results(folder: &Path, scene: &SceneDesc, world: &mut World, summary: &Summary) -> Result<()> {
     let surface = folder.join("surface.glb");
-    glb::write(&surface, &surface::of(world)).with_context(|| surface.display().to_string())?;
+    glb::write(&surface, &surface::of(scene, world)).with_context(|| surface.display().to_string())?;
     let path = folder.join("summary.json");
     std::fs::write(&path, serde_json::to_string_pretty(summary)? + "\n").with_context(|| path.display().to_string())
 }

@@ -1,20 +1,24 @@
 //! The surface of a world as it is now, for a file.
 
 use kerf_physics::World;
-use kerf_physics::body::MaterialPoint;
+use kerf_physics::body::{Body, MaterialPoint};
 use kerf_physics::grid::{Grid, Link};
+use kerf_physics::scene::{ObjectDesc, SceneDesc};
 use kerf_physics::surface::{Surface, SurfaceVertex, VertexId, triangulate};
+use kerf_replica::glb::Object;
 use kerf_replica::{Face, Triangle};
 
-/// The deformed surface of every object.
-pub fn of(world: &mut World) -> kerf_replica::Surface {
-    let deformed = |(body, surface): (&kerf_physics::body::Body, &Surface)| {
-        triangles(&body.state.grid, surface, |_, vertex| {
+/// Every object with its deformed surface.
+pub fn of(scene: &SceneDesc, world: &mut World) -> Vec<Object> {
+    let deformed = |((body, surface), desc): ((&Body, &Surface), &ObjectDesc)| Object {
+        name: desc.name.clone(),
+        regions: desc.regions.iter().map(|region| region.name.clone()).collect(),
+        surface: triangles(&body.state.grid, surface, |_, vertex| {
             let position_m = vertex.position_m.map(f64::from).into();
             body.current_m(&MaterialPoint { position_m, voxel: vertex.voxel }).map(|c| c as f32).into()
-        })
+        }),
     };
-    world.bodies_and_surfaces().map(deformed).collect()
+    world.bodies_and_surfaces().zip(&scene.objects).map(deformed).collect()
 }
 
 /// One object's surface, each vertex where `position_m` puts it.
@@ -31,12 +35,15 @@ pub fn triangles(
         triangles: Vec::with_capacity(2 * surface.quads().len()),
     };
     for (id, quad) in surface.quads() {
-        let face = match grid.link(surface.link_of(id)) {
-            Link::Parted(_) => Face::Cut,
-            _ => Face::Skin,
+        let link = surface.link_of(id);
+        let beside = surface.vertex(quad[0]).expect("a quad's vertices exist").voxel;
+        let (face, voxel) = match grid.link(link) {
+            Link::Parted(_) => (Face::Cut, beside),
+            _ => (Face::Skin, grid.voxel_at(link.cell).or(grid.voxel_at(link.upper())).unwrap_or(beside)),
         };
+        let region = grid.voxels()[voxel.index()].material;
         let split = triangulate(*quad, rest_m);
-        out.triangles.extend(split.map(|triangle| Triangle { vertices: triangle.map(index), face }));
+        out.triangles.extend(split.map(|triangle| Triangle { vertices: triangle.map(index), face, region }));
     }
     out
 }

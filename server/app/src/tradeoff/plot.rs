@@ -1,6 +1,6 @@
 //! The plots: error against load, and the profile of a scene without tools.
 
-use kerf_plot::{Axis, BLACK, COLOURS, Chart, Corner, Curve, Figure, GREY, PALE};
+use kerf_plot::{Axis, BLACK, COLOURS, Chart, Curve, Figure, GREY, PALE};
 use kerf_scenes::dial::{ParetoFront, ParetoPoint};
 
 use super::process::Run;
@@ -46,7 +46,7 @@ pub fn profile(scene: &str, reference: &Run, runs: &[Run]) -> Figure {
     };
     let mut curves: Vec<_> = runs.iter().map(|run| line(&sweep::name_of(run.job.setting.element), run)).collect();
     curves.push(line("reference", reference).coloured(BLACK));
-    let chart = Chart::new(Axis::fitted("x, mm"), Axis::fitted("height, mm"), curves).with_legend(Corner::LowerRight);
+    let chart = Chart::new(Axis::fitted("x, mm"), Axis::fitted("height, mm"), curves);
     Figure::new("profile", &format!("{scene}: its top at the end, in the middle"), chart)
 }
 
