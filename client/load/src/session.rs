@@ -139,7 +139,9 @@ async fn create(
         .create_session(timed(request, CREATE_TIMEOUT))
         .await
         .map_err(|status| refused(&format!("creating a session of {scene}"), &status))?;
-    reply.into_inner().session.context("the server created a session without describing it")
+    let v1::CreateSessionResponse { session, warnings } = reply.into_inner();
+    warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    session.context("the server created a session without describing it")
 }
 
 async fn describe(

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use kerf_server::remote::{self, SessionArgs};
 use kerf_server::scene_args::SceneArgs;
 use kerf_server::serve::{self, ServeArgs};
 use kerf_server::{check, scenes, schema, simulate, tradeoff};
@@ -20,6 +21,8 @@ struct Cli {
 enum Command {
     /// Serves sessions over gRPC until it is told to stop.
     Serve(ServeArgs),
+    /// Asks a server that runs for its sessions, saves their states and takes them back.
+    Session(SessionArgs),
     /// Lists the built-in scenes.
     Scenes,
     /// Prints the JSON schema of a scene.
@@ -42,6 +45,7 @@ enum Command {
 fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Serve(args) => serve::run(args),
+        Command::Session(args) => remote::run(&args),
         Command::Scenes => scenes::run(),
         Command::Schema => schema::run(),
         Command::Check(args) => check::run(&args),

@@ -23,7 +23,7 @@ use crate::config::{ConfigArgs, ServerConfig, TransportLimits};
 use crate::grpc::control_service::ControlService;
 use crate::grpc::session_service::SessionService;
 use crate::grpc::view_service::ViewService;
-use crate::{incoming, recording, shutdown, telemetry};
+use crate::{incoming, print_config, recording, shutdown, telemetry};
 
 /// Arguments of `serve`.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -31,6 +31,9 @@ pub struct ServeArgs {
     /// Where the configuration comes from.
     #[command(flatten)]
     pub config: ConfigArgs,
+    /// Prints every setting with its value and what it is for, as a file for --config, and ends.
+    #[arg(long)]
+    pub print_config: bool,
 }
 
 /// Serves until SIGTERM or SIGINT, then ends sessions and streams.
@@ -39,6 +42,10 @@ pub struct ServeArgs {
 /// The configuration is not valid, the address is taken, or the transport failed.
 pub fn run(args: ServeArgs) -> Result<()> {
     let config = ServerConfig::load(&args.config)?;
+    if args.print_config {
+        print!("{}", print_config::text(&config)?);
+        return Ok(());
+    }
     telemetry::init(&config.log)?;
     let mut runtime = tokio::runtime::Builder::new_multi_thread();
     runtime.worker_threads(config.network_threads).thread_name("kerf-network").enable_all();

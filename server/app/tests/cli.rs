@@ -72,7 +72,7 @@ fn check_and_simulate_refuse_and_warn_alike_and_only_denied_warnings_fail() {
             BLOCK.to_owned() + point,
             &[],
             None,
-            Some("block.toml:16:14: tracked_points[0].position_m: [0.02, 0.04, 0.02]"),
+            Some("block.toml:17:14: tracked_points[0].position_m: [0.02, 0.04, 0.02]"),
         ),
     ] {
         write("block.toml", &scene);
@@ -124,6 +124,16 @@ fn a_file_that_cannot_be_read_is_told_once_and_without_numbers_of_the_system() {
     std::fs::write(folder.path().join("block.toml"), scene).unwrap();
     let output = kerf(&["check", "block.toml"], folder.path());
     assert_eq!(text(&output.stderr), "error: organ.stl: no such file or directory\n");
+}
+
+#[test]
+fn serve_prints_its_settings_as_a_file_that_it_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = kerf(&["serve", "--set", "session.lease_s=3.5", "--print-config"], folder.path());
+    assert!(output.status.success() && text(&output.stdout).contains("\nlease_s = 3.5\n"), "{}", text(&output.stdout));
+    std::fs::write(folder.path().join("kerf.toml"), &output.stdout).unwrap();
+    let again = kerf(&["serve", "--config", "kerf.toml", "--print-config"], folder.path());
+    assert_eq!(text(&again.stdout), text(&output.stdout), "{}", text(&again.stderr));
 }
 
 #[test]

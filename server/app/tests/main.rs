@@ -2,5 +2,6 @@
 
 mod cli;
 mod hepatectomy;
+mod remote;
 mod slit;
 mod tradeoff;

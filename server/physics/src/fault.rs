@@ -19,3 +19,12 @@ pub enum FaultKind {
     /// A wrench on a tool.
     ToolWrench,
 }
+
+impl std::fmt::Display for FaultKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::NodeState => "the state of a node",
+            Self::ToolWrench => "the force on a tool",
+        })
+    }
+}

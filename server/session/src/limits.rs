@@ -1,9 +1,10 @@
 //! Every limit of a session, with its default and the reason for it.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Limits of sessions and of what they queue.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SessionLimits {
     /// Sessions at a time. Default 8: a session wants a core of its own, and a machine with more
@@ -75,7 +76,7 @@ impl Default for SessionLimits {
 }
 
 /// What a plausible pose is.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PoseLimits {
     /// A coordinate's largest magnitude, m. Default 1: devices reach 0.2 m, scenes are smaller.

@@ -61,6 +61,7 @@ impl Registry {
         sessions.insert(id, Arc::clone(&session));
         let dial = session.dial().map(ToString::to_string);
         tracing::info!(session = %id, scene = session.scene().desc.name, dial, "session created");
+        session.warnings().iter().for_each(|warning| tracing::warn!(session = %id, "{warning}"));
         Ok(session)
     }
 

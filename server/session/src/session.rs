@@ -18,7 +18,7 @@ use crate::outbox::{Outbox, Publisher, StepReport, Viewer};
 use crate::pose_check::{PoseRefusal, PoseSample};
 use crate::session_core::SessionCore;
 use crate::session_id::SessionId;
-use crate::session_thread;
+use crate::session_thread::{self, Told};
 use crate::status::{Phase, SessionStatus};
 use crate::tool_slot::DriverId;
 use kerf_scenes::dial::Choice;
@@ -38,6 +38,7 @@ pub struct Session {
     scene: Arc<Scene>,
     choice: Option<Choice>,
     objects: Vec<ObjectStats>,
+    warnings: Vec<String>,
     limits: SessionLimits,
     inbox: Arc<Inbox>,
     outbox: Arc<Outbox>,
@@ -68,9 +69,9 @@ impl Session {
         };
         let (name, threads) = (format!("kerf-{id}"), limits.threads_per_session);
         let (thread, built) = session_thread::start(name, threads, Arc::clone(&inbox), permit, build)?;
-        let objects = built.await.map_err(|_| SessionError::Closed)??;
+        let Told { objects, warnings } = built.await.map_err(|_| SessionError::Closed)??;
         let thread = Mutex::new(Some(thread));
-        Ok(Self { id, scene, choice, objects, limits, inbox, outbox, bell, reports, thread })
+        Ok(Self { id, scene, choice, objects, warnings, limits, inbox, outbox, bell, reports, thread })
     }
 
     /// Its id.
@@ -95,6 +96,12 @@ impl Session {
     #[must_use]
     pub fn object_stats(&self) -> &[ObjectStats] {
         &self.objects
+    }
+
+    /// What its scene hardly means, as `kerf-server check` warns of it.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
     }
 
     /// What it holds clients to.

@@ -14,8 +14,15 @@ use crate::error::SessionError;
 use crate::inbox::Inbox;
 use crate::session_core::{SessionCore, Wake};
 
-/// What the objects of a scene that was built consist of.
-type Built = Result<Vec<ObjectStats>, SessionError>;
+/// What is told of a scene that was built.
+pub(crate) struct Told {
+    /// What its objects consist of.
+    pub objects: Vec<ObjectStats>,
+    /// What it hardly means.
+    pub warnings: Vec<String>,
+}
+
+type Built = Result<Told, SessionError>;
 
 /// Starts a thread that builds a session's core, says so and runs it. The permit stays with the thread, so that a
 /// caller who gives up waiting for a large scene does not make room for another.
@@ -33,7 +40,7 @@ pub(crate) fn start(
         match build() {
             // A session that nobody waits for any more never begins.
             Ok(core) => {
-                if say.send(Ok(core.world().object_stats())).is_ok() {
+                if say.send(Ok(told(&core))).is_ok() {
                     run(core, &inbox, pool.as_ref());
                 }
             }
@@ -42,6 +49,11 @@ pub(crate) fn start(
     };
     let thread = std::thread::Builder::new().name(name).spawn(body);
     Ok((thread.map_err(|error| SessionError::NoThread { message: error.to_string() })?, built))
+}
+
+fn told(core: &SessionCore) -> Told {
+    let warnings = kerf_scenes::examine::warnings(core.scene(), core.world());
+    Told { objects: core.world().object_stats(), warnings: warnings.iter().map(ToString::to_string).collect() }
 }
 
 /// Runs a session on this thread until it is closed.

@@ -212,7 +212,7 @@ impl SessionService for Server {
     ) -> Result<Response<v1::CreateSessionResponse>, Status> {
         match request.into_inner().scene {
             Some(v1::create_session_request::Scene::SceneName(name)) if name == "box" => {
-                Ok(Response::new(v1::CreateSessionResponse { session: Some(description()) }))
+                Ok(Response::new(v1::CreateSessionResponse { session: Some(description()), warnings: Vec::new() }))
             }
             other => Err(Status::not_found(format!("no scene {other:?}"))),
         }

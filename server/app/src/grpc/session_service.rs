@@ -84,8 +84,9 @@ impl v1::session_service_server::SessionService for SessionService {
         }
         let options = SessionOptions { start_paused: request.start_paused, dial: request.dial.map(dial).transpose()? };
         let session = in_time(self.limit_s(), self.registry.create(scene, options)).await?;
+        let warnings = session.warnings().to_vec();
         let session = Some(self.describe(&session).await?);
-        Ok(Response::new(v1::CreateSessionResponse { session }))
+        Ok(Response::new(v1::CreateSessionResponse { session, warnings }))
     }
 
     async fn describe_session(

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use indicatif::ProgressBar;
+use kerf_physics::fault::Fault;
 use kerf_physics::{Scene, SceneDesc, Workers, World};
 use kerf_replica::glb;
 use kerf_session::LoggedInputs;
@@ -123,7 +124,8 @@ fn step(
     for inputs in inputs {
         let output = world.step(workers, &clock, &inputs.as_inputs());
         if let Some(fault) = &output.fault {
-            progress.say(&format!("step {}: {:?} in {}, rolled back", fault.step, fault.what, fault.object));
+            let Fault { step, object, what } = fault;
+            progress.say(&format!("step {step}: {what} in `{object}` was not finite; the step was taken back"));
         }
         tally.push(output);
         tables.push(output)?;

@@ -63,14 +63,16 @@ impl Script {
 mod tests {
     use super::*;
 
-    const ROWS: &str = "time_s,tool,x_m,y_m,z_m,qx,qy,qz,qw\n\
-                        0.1,knife,0,1,0,0,0,0,1\n\
-                        0.3,knife,0,0,2,0,0.70710678,0,0.70710678\n\
-                        0.4,knife,lift,,,,,,\n\
-                        0.6,knife,5,5,5,0,0,0,1\n";
-
-    fn script(text: &str) -> Script {
-        kerf_script::read(text.as_bytes(), &["saw", "knife"].map(str::to_owned)).unwrap().into()
+    /// The second of two tools at heights, with its jaws' opening; lifted where there is none.
+    fn script(keys: &[(f64, Option<(f64, f64)>)]) -> Script {
+        let key = |&(time_s, held): &(f64, Option<(f64, f64)>)| {
+            let placement = held.map(|(y_m, opening)| {
+                let position_m = Vec3::new(0.0, y_m, 0.0);
+                Placement { pose: kerf_script::Pose { position_m, orientation: Default::default() }, opening }
+            });
+            Key { time_s, placement }
+        };
+        vec![Track { tool_id: 1, keys: keys.iter().map(key).collect() }].into()
     }
 
     fn motion(script: &mut Script, time_s: f64) -> Option<ToolMotion> {
@@ -81,23 +83,22 @@ mod tests {
 
     #[test]
     fn tools_enter_move_and_are_lifted() {
-        let mut script = script(ROWS);
+        let mut script =
+            script(&[(0.1, Some((1.0, 1.0))), (0.3, Some((2.0, 1.0))), (0.4, None), (0.6, Some((5.0, 1.0)))]);
         assert_eq!(script.end_s(), 0.6);
         assert_eq!(motion(&mut script, 0.05), None);
         assert!(matches!(motion(&mut script, 0.1), Some(ToolMotion::EnterAt { pose, .. }) if pose.position_m.y == 1.0));
-        assert!(matches!(motion(&mut script, 0.35), Some(ToolMotion::MoveTo { pose, .. }) if pose.position_m.z == 2.0));
+        assert!(matches!(motion(&mut script, 0.35), Some(ToolMotion::MoveTo { pose, .. }) if pose.position_m.y == 2.0));
         assert_eq!(motion(&mut script, 0.45), Some(ToolMotion::Lift));
         assert_eq!(motion(&mut script, 0.5), None);
         assert!(matches!(motion(&mut script, 0.7), Some(ToolMotion::EnterAt { .. })));
-        assert!(matches!(motion(&mut script, 9.0), Some(ToolMotion::MoveTo { pose, .. }) if pose.position_m.x == 5.0));
+        assert!(matches!(motion(&mut script, 9.0), Some(ToolMotion::MoveTo { pose, .. }) if pose.position_m.y == 5.0));
     }
 
     #[test]
     fn a_motion_states_the_opening_of_the_jaws() {
-        let rows = "time_s,tool,x_m,y_m,z_m,qx,qy,qz,qw,opening\n\
-                    0,knife,0,0,0,0,0,0,1,1\n0.2,knife,0,0,0,0,0,0,1,1\n0.4,knife,0,0,0,0,0,0,1,0\n\
-                    0.6,knife,lift,,,,,,,\n0.8,knife,0,0,0,0,0,0,1,0\n";
-        let mut script = script(rows);
+        let keys = [(0.0, Some((0.0, 1.0))), (0.2, Some((0.0, 1.0))), (0.4, Some((0.0, 0.0))), (0.6, None)];
+        let mut script = script(&[&keys[..], &[(0.8, Some((0.0, 0.0)))]].concat());
         let mut opening = |time_s| match script.advance(time_s)[..] {
             [ToolInput { motion: ToolMotion::MoveTo { opening, .. } | ToolMotion::EnterAt { opening, .. }, .. }] => {
                 Some(opening)

@@ -176,6 +176,16 @@ pub enum DialDesc {
     MaxError(f64),
 }
 
+impl std::fmt::Display for DialDesc {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Level(level) => write!(f, "level = {level}"),
+            Self::BudgetMs(ms) => write!(f, "budget_ms = {ms}"),
+            Self::MaxError(error) => write!(f, "max_error = {error}"),
+        }
+    }
+}
+
 /// Bounds of what is given up while a session misses its deadlines.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

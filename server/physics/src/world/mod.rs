@@ -69,7 +69,7 @@ impl World {
     pub fn new(scene: &Scene) -> Result<Self, SceneError> {
         let desc = &scene.desc;
         if let Some(dial) = &desc.dial {
-            let message = format!("{dial:?} is not settled; a world is built of a setting");
+            let message = format!("{dial} is not settled; a world is built of a setting");
             return Err(SceneError::Field { field: "dial".into(), message });
         }
         let params = StepParams {

@@ -29,12 +29,18 @@ pub struct Choice {
 impl fmt::Display for Choice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.setting {
-            Some(s) => write!(
-                f,
-                "{:?}: level {}, voxels x {}, {} Hz, tolerance {:e}, elements {:?}, finer regions {:?}; ",
-                self.asked, s.level, s.voxel_scale, s.rate_hz, s.relative_tolerance, s.element, s.finer
-            )?,
-            None => write!(f, "{:?}: objects of several settings; ", self.asked)?,
+            Some(s) => {
+                let finer = if s.finer == FinerRegions::Stated { "as stated" } else { "left out" };
+                let Setting { level, voxel_scale, rate_hz, relative_tolerance, element, .. } = s;
+                write!(
+                    f,
+                    "dial {}: level {level}, voxels x {voxel_scale}, {rate_hz} Hz, tolerance {relative_tolerance:e}, \
+                     elements {}, finer regions {finer}; ",
+                    self.asked,
+                    element.name()
+                )?;
+            }
+            None => write!(f, "dial {}: objects of several settings; ", self.asked)?,
         }
         let Some(point) = &self.expected else { return write!(f, "not measured for this scene") };
         let keeps_up = if point.load() > 1.0 { "slower than real time" } else { "in real time" };
@@ -205,6 +211,17 @@ impl Wish {
 mod tests {
     use super::*;
     use crate::catalog;
+
+    #[test]
+    fn a_choice_is_told_in_the_words_of_a_scene() {
+        let mut scene = catalog::builtin("liver").unwrap();
+        let choice = ParetoFronts::default().settle(&mut scene, Some(DialDesc::Level(1))).unwrap().unwrap();
+        let told = choice.to_string();
+        assert!(
+            told.starts_with("dial level = 1: level 1, voxels x 1, 1000 Hz, tolerance 1e-3, elements by_content"),
+            "{told}"
+        );
+    }
 
     fn pareto_fronts(scene: &Scene, points: &[(u8, f64, f64)]) -> ParetoFronts {
         let point = |&(level, median_ms, error): &(u8, f64, f64)| ParetoPoint {

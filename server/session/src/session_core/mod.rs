@@ -131,6 +131,11 @@ impl SessionCore {
         })
     }
 
+    /// What the world was built of.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
     /// The world, as the last step left it.
     pub fn world(&self) -> &World {
         &self.world

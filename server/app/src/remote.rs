@@ -1,0 +1,129 @@
+//! `kerf-server session`: the sessions of a server that runs, and the way back to an earlier state of one.
+
+use std::time::Duration;
+
+use anyhow::{Context, Result, anyhow};
+use clap::{Args, Subcommand};
+use kerf_proto::v1;
+use kerf_proto::v1::session_service_client::SessionServiceClient;
+use tonic::transport::{Channel, Endpoint};
+use tonic::{Response, Status};
+
+/// A server that does not answer within this is down, or is not where it was said to be.
+const TIMEOUT: Duration = Duration::from_secs(10);
+
+/// Arguments of `session`.
+#[derive(Args, Clone, Debug)]
+pub struct SessionArgs {
+    /// Address of the server.
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:50051", global = true)]
+    pub server: String,
+    /// What is asked.
+    #[command(subcommand)]
+    pub action: Action,
+}
+
+/// What is asked of a server's sessions.
+#[derive(Clone, Debug, Subcommand)]
+pub enum Action {
+    /// Lists the sessions.
+    List,
+    /// Saves a session's state under a name.
+    Save(Checkpoint),
+    /// Takes a session back to a saved state: undo.
+    Restore(Checkpoint),
+    /// Lists a session's saved states.
+    Checkpoints(Id),
+    /// Forgets a saved state.
+    Delete(Checkpoint),
+    /// Lets a session stand.
+    Pause(Id),
+    /// Lets a session that stands go on.
+    Resume(Id),
+    /// Takes a session back to its beginning.
+    Reset(Id),
+    /// Ends a session.
+    Close(Id),
+}
+
+/// A session.
+#[derive(Args, Clone, Debug)]
+pub struct Id {
+    /// Id of the session, as `list` tells it.
+    pub session: String,
+}
+
+/// A saved state of a session.
+#[derive(Args, Clone, Debug)]
+pub struct Checkpoint {
+    /// Id of the session, as `list` tells it.
+    pub session: String,
+    /// Name of the state.
+    pub name: String,
+}
+
+/// Asks the server and prints what it says, a line each.
+///
+/// # Errors
+/// No server answers there, or what it refuses.
+pub fn run(args: &SessionArgs) -> Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().context("runtime")?;
+    let lines = runtime.block_on(async {
+        let endpoint = Endpoint::from_shared(format!("http://{}", args.server))
+            .with_context(|| format!("--server {} is not an address", args.server))?;
+        let channel = endpoint.connect_timeout(TIMEOUT).timeout(TIMEOUT).connect().await;
+        let channel = channel.map_err(|_| anyhow!("no Kerf server answers at {}", args.server))?;
+        let answer = ask(SessionServiceClient::new(channel), args.action.clone()).await;
+        answer.map_err(|status| anyhow!("{}: {}", status.code().description(), status.message()))
+    })?;
+    lines.iter().for_each(|line| println!("{line}"));
+    Ok(())
+}
+
+async fn ask(mut client: SessionServiceClient<Channel>, action: Action) -> Result<Vec<String>, Status> {
+    let at_step = |what: String, step: u64| vec![format!("{what} at step {step}")];
+    Ok(match action {
+        Action::List => {
+            let sessions = client.list_sessions(v1::ListSessionsRequest {}).await.map(Response::into_inner)?.sessions;
+            let line = |session: v1::SessionInfo| {
+                let state = session.state().as_str_name().trim_start_matches("SESSION_STATE_").to_lowercase();
+                format!("{}  {}  {state}", session.session_id, session.scene_name)
+            };
+            sessions.into_iter().map(line).collect()
+        }
+        Action::Save(Checkpoint { session: session_id, name }) => {
+            let request = v1::SaveCheckpointRequest { session_id, name: name.clone() };
+            at_step(format!("`{name}` saved"), client.save_checkpoint(request).await?.into_inner().step)
+        }
+        Action::Restore(Checkpoint { session: session_id, name }) => {
+            let request = v1::RestoreCheckpointRequest { session_id, name: name.clone() };
+            at_step(format!("back to `{name}`"), client.restore_checkpoint(request).await?.into_inner().step)
+        }
+        Action::Checkpoints(Id { session: session_id }) => {
+            let reply = client.list_checkpoints(v1::ListCheckpointsRequest { session_id }).await?.into_inner();
+            let line =
+                |saved: v1::Checkpoint| format!("{}  step {}  {:.3} s", saved.name, saved.step, saved.sim_time_s);
+            reply.checkpoints.into_iter().map(line).collect()
+        }
+        Action::Delete(Checkpoint { session: session_id, name }) => {
+            client.delete_checkpoint(v1::DeleteCheckpointRequest { session_id, name }).await?;
+            Vec::new()
+        }
+        Action::Pause(Id { session: session_id }) => at_step(
+            "paused".into(),
+            client.pause_session(v1::PauseSessionRequest { session_id }).await?.into_inner().step,
+        ),
+        Action::Resume(Id { session: session_id }) => {
+            let request = v1::ResumeSessionRequest { session_id };
+            at_step("resumed".into(), client.resume_session(request).await?.into_inner().step)
+        }
+        Action::Reset(Id { session: session_id }) => {
+            client.reset_session(v1::ResetSessionRequest { session_id }).await?;
+            Vec::new()
+        }
+        Action::Close(Id { session: session_id }) => {
+            client.close_session(v1::CloseSessionRequest { session_id }).await?;
+            Vec::new()
+        }
+    })
+}

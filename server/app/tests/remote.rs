@@ -1,0 +1,49 @@
+//! `kerf-server session` beside a server that runs.
+
+use std::net::SocketAddr;
+use std::process::Command;
+
+use kerf_proto::v1::session_service_client::SessionServiceClient;
+use kerf_proto::v1::{self, create_session_request};
+use kerf_server::config::ServerConfig;
+use kerf_server::serve::Server;
+
+/// What the command prints, or else says on standard error.
+async fn ask(server: SocketAddr, arguments: &[&str]) -> Result<String, String> {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_kerf-server"));
+    command.arg("session").args(arguments).args(["--server", &server.to_string()]);
+    let output = tokio::task::spawn_blocking(move || command.output()).await.unwrap().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    if output.status.success() { Ok(text(output.stdout)) } else { Err(text(output.stderr)) }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_session_is_taken_back_from_the_command_line_and_its_scene_is_warned_of() {
+    let config = ServerConfig { listen: SocketAddr::from(([127, 0, 0, 1], 0)), ..ServerConfig::default() };
+    let server = Server::start(config).await.unwrap();
+    let address = server.address();
+    let mut client = SessionServiceClient::connect(format!("http://{address}")).await.unwrap();
+    let block = "version = 1\nname = 'block'\nrate_hz = 100.0\n[[objects]]\nname = 'block'\nvoxel_size_m = 0.01\n\
+                 shape = { box = { min_m = [0.0, 0.0, 0.0], max_m = [0.04, 0.04, 0.04] } }\nlevel = 1\n\
+                 material = { young_modulus_pa = 1e5, poisson_ratio = 0.4 }\n";
+    let scene = Some(create_session_request::Scene::SceneToml(block.into()));
+    let request = v1::CreateSessionRequest { scene, ..Default::default() };
+    let created = client.create_session(request).await.unwrap().into_inner();
+    assert_eq!(created.warnings.len(), 1);
+    assert!(created.warnings[0].starts_with("objects[0]: nothing holds `block`"), "{:?}", created.warnings);
+    let id = created.session.unwrap().session_id;
+
+    assert_eq!(ask(address, &["list"]).await.unwrap(), format!("{id}  block  running\n"));
+    assert!(ask(address, &["pause", &id]).await.unwrap().starts_with("paused at step "));
+    let saved = ask(address, &["save", &id, "before"]).await.unwrap();
+    let step = saved.strip_prefix("`before` saved at step ").unwrap().trim();
+    assert!(ask(address, &["resume", &id]).await.unwrap().starts_with("resumed at step "));
+    assert_eq!(ask(address, &["restore", &id, "before"]).await.unwrap(), format!("back to `before` at step {step}\n"));
+    assert!(ask(address, &["checkpoints", &id]).await.unwrap().starts_with(&format!("before  step {step}  ")));
+    assert!(ask(address, &["restore", &id, "after"]).await.unwrap_err().contains("no checkpoint"));
+    assert_eq!(ask(address, &["delete", &id, "before"]).await.unwrap(), "");
+    assert_eq!(ask(address, &["close", &id]).await.unwrap(), "");
+    assert_eq!(ask(address, &["list"]).await.unwrap(), "");
+    server.stop().await;
+    assert!(ask(address, &["list"]).await.unwrap_err().contains("no Kerf server answers"));
+}
