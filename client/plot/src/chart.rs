@@ -14,6 +14,8 @@ use crate::{FONT, figure::DrawResult, legend};
 const SHADE: RGBColor = RGBColor(240, 236, 226);
 const LINE_PX: u32 = 2;
 const DOT_PX: i32 = 4;
+/// Middle of the names of stretches, below the chart's upper end.
+const STRETCH_NAME_PX: i32 = 12;
 /// Length of a line in the legend.
 const SAMPLE_PX: i32 = 24;
 /// Opacity of areas.
@@ -154,6 +156,15 @@ impl Chart {
             let places: Vec<_> = curve.points.iter().map(on_chart).collect();
             if curve.mark == Mark::Dots { places } else { legend::along(&places).collect() }
         });
+        // The names of stretches stand along the top.
+        let names_of_stretches = self.stretches.iter().flat_map(|stretch| {
+            let (x, _) = chart.backend_coord(&(self.x.place(stretch.range.start), 0.0));
+            let width_px = legend::LETTER_WIDTH_PX * stretch.label.chars().count() as i32;
+            legend::along(&[(x - right.start, STRETCH_NAME_PX), (x - right.start + width_px, STRETCH_NAME_PX)])
+                .filter(move |_| width_px > 0)
+                .collect::<Vec<_>>()
+        });
+        let drawn = drawn.chain(names_of_stretches);
         let names = self.curves.iter().map(|curve| curve.label.as_str()).filter(|name| !name.is_empty());
         let size_px = (right.end - right.start, down.end - down.start);
         let position = legend::freest(size_px, legend::size_px(names), &drawn.collect::<Vec<_>>());

@@ -7,7 +7,7 @@ type Px = (i32, i32);
 
 /// Size of an entry of a legend, and what its frame adds; the letters of its font are so wide in the mean.
 const ENTRY_HEIGHT_PX: i32 = 20;
-const LETTER_WIDTH_PX: i32 = 7;
+pub(crate) const LETTER_WIDTH_PX: i32 = 7;
 const FRAME_PX: Px = (44, 10);
 /// From the chart's edge to the legend.
 const MARGIN_PX: i32 = 10;

@@ -74,7 +74,7 @@ pub fn run(args: &SessionArgs) -> Result<()> {
         let channel = endpoint.connect_timeout(TIMEOUT).timeout(TIMEOUT).connect().await;
         let channel = channel.map_err(|_| anyhow!("no Kerf server answers at {}", args.server))?;
         let answer = ask(SessionServiceClient::new(channel), args.action.clone()).await;
-        answer.map_err(|status| anyhow!("{}: {}", status.code().description(), status.message()))
+        answer.map_err(|status| anyhow!("{}", status.message()))
     })?;
     lines.iter().for_each(|line| println!("{line}"));
     Ok(())
