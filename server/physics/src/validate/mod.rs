@@ -265,11 +265,13 @@ impl Report {
             }
         };
         if object.resolution.is_some() && !VOXEL_SIZE_M.contains(&size_m) {
-            let (low, high) = (VOXEL_SIZE_M.start(), VOXEL_SIZE_M.end());
+            let (low, high) = (*VOXEL_SIZE_M.start(), *VOXEL_SIZE_M.end());
             let message = format!(
-                "gives voxels of {} m, which is not between {low} and {high}; lengths are in metres, for a mesh by its \
+                "gives voxels of {} m, which is not between {} and {}; lengths are in metres, for a mesh by its \
                  scale_m_per_unit",
-                brief(size_m)
+                brief(size_m),
+                brief(low),
+                brief(high)
             );
             self.refuse(format!("{field}.resolution"), message);
         }
@@ -361,7 +363,7 @@ impl Report {
         let message = format!(
             "{loaded} is more than the {carried:.3} that the element law carries with strain_stiffening {} at this level: \
              the elements would fold under the blade before they part; raise strain_stiffening (10 carries the \
-             most) or lower fracture_energy_j_per_m2",
+             most) or lower fracture_energy_j_per_m2: docs/scenes.md explains both and has materials that work",
             material.strain_stiffening,
         );
         self.refuse(format!("{field}.fracture_energy_j_per_m2"), message);
