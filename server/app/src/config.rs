@@ -58,6 +58,8 @@ pub struct ServerConfig {
     pub transport: TransportLimits,
     /// Limits of control streams.
     pub control: ControlLimits,
+    /// Limits of view streams.
+    pub view: ViewLimits,
     /// Limits of sessions.
     pub session: SessionLimits,
 }
@@ -72,6 +74,7 @@ impl Default for ServerConfig {
             log: LogConfig::default(),
             transport: TransportLimits::default(),
             control: ControlLimits::default(),
+            view: ViewLimits::default(),
             session: SessionLimits::default(),
         }
     }
@@ -154,6 +157,12 @@ pub struct ControlLimits {
     pub default_contact_rate_hz: f64,
     /// Most contacts a second and tool, Hz. Default 1000: a servo's rate; more carries nothing new.
     pub max_contact_rate_hz: f64,
+    /// Age beyond which no contact is sent, and which those on their way should not exceed by waiting for each
+    /// other, s. Default 0.1: a hand notices a force that comes later.
+    pub max_contact_age_s: f64,
+    /// Poses a second and tool that a driver may send, Hz; those beyond are rejected. Default 2000: twice a servo's
+    /// rate, and no step uses more than the newest.
+    pub max_pose_rate_hz: f64,
     /// Rejected poses in a row after which the stream ends. Default 100: at 1 kHz a tenth of a
     /// second of nothing but garbage, which is a broken client and no glitch.
     pub max_rejected_in_a_row: u32,
@@ -173,12 +182,32 @@ impl Default for ControlLimits {
         Self {
             default_contact_rate_hz: 250.0,
             max_contact_rate_hz: 1000.0,
+            max_contact_age_s: 0.1,
+            max_pose_rate_hz: 2000.0,
             max_rejected_in_a_row: 100,
             max_untold_rejections: 16,
             hello_timeout_s: 5.0,
             idle_timeout_s: 300.0,
             max_unary_drivers: 32,
         }
+    }
+}
+
+/// Limits of view streams.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ViewLimits {
+    /// Age that keyframes, patches and states should not exceed by waiting for each other on their way, s.
+    /// Default 0.25: an eye forgives what a hand does not, and a browser stops for a tenth of a second to tidy up.
+    pub max_age_s: f64,
+    /// Largest message; what is larger comes in fragments of this size. Default 1 MiB: clients of gRPC take 4 MiB
+    /// unless they are told otherwise.
+    pub max_message_bytes: usize,
+}
+
+impl Default for ViewLimits {
+    fn default() -> Self {
+        Self { max_age_s: 0.25, max_message_bytes: 1 << 20 }
     }
 }
 
@@ -229,6 +258,10 @@ impl ServerConfig {
             ("transport.drain_timeout_s", transport.drain_timeout_s),
             ("control.default_contact_rate_hz", control.default_contact_rate_hz),
             ("control.max_contact_rate_hz", control.max_contact_rate_hz),
+            ("control.max_contact_age_s", control.max_contact_age_s),
+            ("control.max_pose_rate_hz", control.max_pose_rate_hz),
+            ("view.max_age_s", self.view.max_age_s),
+            ("view.max_message_bytes", self.view.max_message_bytes as f64),
             ("control.max_rejected_in_a_row", f64::from(control.max_rejected_in_a_row)),
             ("control.max_untold_rejections", control.max_untold_rejections as f64),
             ("control.hello_timeout_s", control.hello_timeout_s),

@@ -167,7 +167,7 @@ async fn routes(registry: &Arc<Registry>, config: &Arc<ServerConfig>) -> Result<
     let control = ControlServiceServer::new(ControlService::new(Arc::clone(registry), config.control.clone()))
         .max_decoding_message_size(limits.max_incoming_bytes)
         .max_encoding_message_size(limits.max_outgoing_bytes);
-    let view = ViewServiceServer::new(ViewService::new(Arc::clone(registry)))
+    let view = ViewServiceServer::new(ViewService::new(Arc::clone(registry), config.view.clone()))
         .max_decoding_message_size(limits.max_incoming_bytes)
         .max_encoding_message_size(limits.max_outgoing_bytes);
     let (health, health_service) = health_reporter();

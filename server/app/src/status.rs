@@ -69,6 +69,15 @@ pub enum RequestError {
     /// A unary driver's lease is not known.
     #[error("lease: unknown or run out; begin anew with an empty one")]
     UnknownLease,
+    /// A unary driver's lease is of another session than the call names.
+    #[error("session_id: the lease is one of {session}")]
+    LeaseOfOther {
+        /// Its session.
+        session: String,
+    },
+    /// A viewer that is not, or not any more.
+    #[error("viewer: there is none of this name; its stream has ended")]
+    NoViewer,
     /// Too many drivers that send one pose a call.
     #[error("{limit} clients send poses one call at a time, as many as may (max_unary_drivers)")]
     TooManyUnaryDrivers {
@@ -107,10 +116,11 @@ impl RequestError {
             | Self::Rate { .. }
             | Self::Dial { .. }
             | Self::TooManyRejected { .. }
+            | Self::LeaseOfOther { .. }
             | Self::SceneText { .. } => Code::InvalidArgument,
             Self::Idle { .. } | Self::Unresponsive { .. } => Code::DeadlineExceeded,
             Self::TooManyUnaryDrivers { .. } => Code::ResourceExhausted,
-            Self::NoScene { .. } => Code::NotFound,
+            Self::NoScene { .. } | Self::NoViewer => Code::NotFound,
         }
     }
 }

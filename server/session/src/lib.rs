@@ -38,6 +38,6 @@ pub use pose_check::{PoseRefusal, PoseSample};
 pub use recorder::{InputLog, LoggedInputs};
 pub use registry::Registry;
 pub use session::{Driver, Reports, Session, SessionOptions};
-pub use session_id::SessionId;
+pub use session_id::{InstanceId, SessionId};
 pub use status::{Phase, SessionStatus, StepTallies, StepTally, StepTimes};
 pub use tool_slot::{DriverId, Echo};

@@ -12,14 +12,15 @@ use crate::error::SessionError;
 use crate::limits::{LimitError, SessionLimits};
 use crate::lock::lock;
 use crate::session::{Session, SessionOptions};
-use crate::session_id::SessionId;
+use crate::session_id::{InstanceId, SessionId};
 
 /// The sessions of a server, at most [`SessionLimits::max_sessions`] of them.
 pub struct Registry {
     limits: SessionLimits,
     pareto_fronts: ParetoFronts,
     sessions: Mutex<BTreeMap<SessionId, Arc<Session>>>,
-    next_id: AtomicU64,
+    instance: InstanceId,
+    next_number: AtomicU64,
     /// One permit per thread that may live, held by the thread.
     permits: Arc<Semaphore>,
 }
@@ -32,7 +33,14 @@ impl Registry {
     pub fn new(limits: SessionLimits, pareto_fronts: ParetoFronts) -> Result<Self, LimitError> {
         limits.validate()?;
         let permits = Arc::new(Semaphore::new(limits.max_sessions));
-        Ok(Self { limits, pareto_fronts, sessions: Mutex::default(), next_id: AtomicU64::new(1), permits })
+        let (instance, next_number) = (InstanceId::random(), AtomicU64::new(1));
+        Ok(Self { limits, pareto_fronts, sessions: Mutex::default(), instance, next_number, permits })
+    }
+
+    /// This run of the server.
+    #[must_use]
+    pub fn instance(&self) -> InstanceId {
+        self.instance
     }
 
     /// What every session holds its clients to.
@@ -51,7 +59,8 @@ impl Registry {
             false => SessionError::TooManySessions { limit: self.limits.max_sessions },
         })?;
         let choice = self.pareto_fronts.settle(&mut scene, options.dial)?;
-        let id = SessionId(self.next_id.fetch_add(1, Ordering::Relaxed));
+        let number = self.next_number.fetch_add(1, Ordering::Relaxed);
+        let id = SessionId { instance: self.instance, number };
         let session = Arc::new(Session::start(id, scene, choice, options, self.limits.clone(), permit).await?);
         let mut sessions = lock(&self.sessions);
         if self.permits.is_closed() {

@@ -145,8 +145,8 @@ async fn a_server_that_stops_tells_its_streams_ends_its_sessions_and_accepts_nob
     let registry = harness.server.registry().clone();
     let reader = tokio::spawn(async move {
         let mut last = None;
-        while let Some(event) = view.message().await.expect("a good end") {
-            last = event.message;
+        while let Some(message) = view.message().await.expect("a good end") {
+            last = Some(message);
         }
         last
     });

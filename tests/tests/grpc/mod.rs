@@ -1,9 +1,11 @@
 //! The server over real gRPC on loopback: what clients do to it, and that it harms nobody else.
 
+mod bystander;
 mod checkpoints;
 mod control;
 mod cut;
 mod dial;
 mod harness;
 mod lifecycle;
+mod stale;
 mod view;

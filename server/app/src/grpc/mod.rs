@@ -2,10 +2,14 @@
 
 pub mod control_service;
 mod control_stream;
+mod in_flight;
+mod pose_budget;
 pub mod session_service;
 mod unary_drivers;
 pub mod view_service;
+mod view_stream;
 
+use std::hash::{BuildHasher, RandomState};
 use std::pin::Pin;
 use std::time::Duration;
 
@@ -18,6 +22,12 @@ use crate::status::RequestError;
 /// What a service answers a stream with: pulled by the transport when it has room, so nothing waits
 /// in between.
 type Outgoing<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
+
+/// A name that only the client knows that it is given to: two keyed hashes under fresh keys of the operating system's
+/// are not to be guessed.
+fn token() -> String {
+    format!("{:016x}{:016x}", RandomState::new().hash_one(0), RandomState::new().hash_one(1))
+}
 
 fn check_version(theirs: u32) -> Result<(), RequestError> {
     match theirs == kerf_proto::PROTOCOL_VERSION {

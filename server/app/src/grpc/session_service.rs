@@ -102,7 +102,7 @@ impl v1::session_service_server::SessionService for SessionService {
         _request: Request<v1::ListSessionsRequest>,
     ) -> Result<Response<v1::ListSessionsResponse>, Status> {
         let sessions = self.registry.list().iter().map(|session| session_info(session)).collect();
-        Ok(Response::new(v1::ListSessionsResponse { sessions }))
+        Ok(Response::new(v1::ListSessionsResponse { sessions, server_instance: self.registry.instance().to_string() }))
     }
 
     async fn close_session(

@@ -282,7 +282,7 @@ fn a_panic_in_a_step_fails_the_session_until_a_reset() {
     events(&mut viewer);
     session.clock.panics.store(true, Ordering::Relaxed);
     session.run(S);
-    assert_eq!(session.reports.borrow().failure.as_deref(), Some("a test's panic"));
+    assert_eq!(session.reports.borrow().phase.failure(), Some("a test's panic"));
     assert_eq!(events(&mut viewer), [SceneEvent::Failed]);
     let failed = SessionError::Failed { message: "a test's panic".into() };
     assert_eq!(session.ask(Command::Resume), Err(failed));
@@ -291,7 +291,7 @@ fn a_panic_in_a_step_fails_the_session_until_a_reset() {
     assert_eq!(events(&mut viewer), [SceneEvent::Reset, SceneEvent::Paused]);
     session.ask(Command::Resume).unwrap();
     session.run(S - MS);
-    assert_eq!((session.status().step, session.reports.borrow().failure.as_deref()), (500, None));
+    assert_eq!((session.status().step, session.reports.borrow().phase.failure()), (500, None));
 }
 
 #[test]
