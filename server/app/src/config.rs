@@ -112,6 +112,11 @@ pub enum LogFormat {
 pub struct TransportLimits {
     /// Connections at a time; more wait to be accepted. Default 256: a client has one or two.
     pub max_connections: usize,
+    /// Connections of one address at a time; further ones are closed as they come. Default 64: a lab behind one
+    /// address, and a quarter of all.
+    pub max_connections_per_peer: usize,
+    /// Time for a connection to begin to speak, s. Default 5.
+    pub handshake_timeout_s: f64,
     /// Calls and streams of one connection at a time. Default 32.
     pub max_streams_per_connection: u32,
     /// Largest message that is accepted. Default 2 MiB: a scene's text, the largest there is, may
@@ -136,6 +141,8 @@ impl Default for TransportLimits {
     fn default() -> Self {
         Self {
             max_connections: 256,
+            max_connections_per_peer: 64,
+            handshake_timeout_s: 5.0,
             max_streams_per_connection: 32,
             max_incoming_bytes: 2 << 20,
             max_outgoing_bytes: kerf_proto::MAX_MESSAGE_BYTES,
@@ -248,6 +255,8 @@ impl ServerConfig {
         let positive = [
             ("network_threads", self.network_threads as f64),
             ("transport.max_connections", transport.max_connections as f64),
+            ("transport.max_connections_per_peer", transport.max_connections_per_peer as f64),
+            ("transport.handshake_timeout_s", transport.handshake_timeout_s),
             ("transport.max_streams_per_connection", f64::from(transport.max_streams_per_connection)),
             ("transport.max_incoming_bytes", transport.max_incoming_bytes as f64),
             ("transport.max_outgoing_bytes", transport.max_outgoing_bytes as f64),

@@ -93,7 +93,7 @@ impl Server {
         let address = listener.local_addr()?;
         let (health, routes) = routes(&registry, &config).await?;
         let (stop, stopped) = oneshot::channel::<()>();
-        let connections = incoming::connections(listener, config.transport.max_connections);
+        let connections = incoming::connections(listener, &config.transport);
         let serving = builder(&config.transport)
             .add_routes(routes)
             .serve_with_incoming_shutdown(connections, async { drop(stopped.await) });

@@ -128,6 +128,9 @@ impl RequestError {
 fn session_code(error: &SessionError) -> Code {
     match error {
         SessionError::TooManySessions { .. }
+        | SessionError::Memory { .. }
+        | SessionError::Load { .. }
+        | SessionError::SetupTime { .. }
         | SessionError::TooManyDrivers { .. }
         | SessionError::TooManyViewers { .. }
         | SessionError::TooManyCommands { .. }

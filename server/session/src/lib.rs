@@ -8,6 +8,7 @@
 //! Deliberately absent: locks on the world, steps inside async tasks, dropped or stretched steps,
 //! knowledge of the wire and of files.
 
+mod admission;
 mod checkpoints;
 pub mod clock;
 pub mod error;
@@ -19,6 +20,7 @@ mod outbox;
 mod overload;
 pub mod pacer;
 pub mod pose_check;
+mod prepare;
 pub mod recorder;
 pub mod registry;
 pub mod session;

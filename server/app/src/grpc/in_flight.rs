@@ -4,7 +4,7 @@
 //! they have read, and the number of messages on their way follows from how long that takes: it grows while they take
 //! little longer than the first ones did, and falls to one where they wait behind each other. The least time ever seen
 //! stands for the path itself; a path that becomes longer for good costs rate, never age. A reader that is slow cannot
-//! be told from a path that is long without trying, so each try that fails doubles the wait for the next one.
+//! be told from a path that is long without trying, so each try that fails makes the wait for the next one four times as long.
 //!
 //! It is told the time and never asks for it.
 
@@ -27,8 +27,8 @@ pub struct InFlight {
     last_number: u64,
     /// Shortest time from sending to acknowledgement.
     least_ns: u64,
-    /// The window was full when something was to be sent.
-    held_back: bool,
+    /// The newest message when the window was last full and something was to be sent.
+    full_at: u64,
     /// Acknowledgements in good time since the window last changed, and how many it takes for it to grow.
     in_time: u32,
     patience: u32,
@@ -52,7 +52,7 @@ impl InFlight {
             sent: VecDeque::new(),
             last_number: 0,
             least_ns: u64::MAX,
-            held_back: false,
+            full_at: 0,
             in_time: 0,
             patience: 1,
             last_change: Change::Shrunk,
@@ -62,8 +62,11 @@ impl InFlight {
 
     /// Whether another message may be sent now.
     pub fn has_room(&mut self) -> bool {
-        self.held_back |= self.sent.len() >= self.window;
-        self.sent.len() < self.window
+        let has_room = self.sent.len() < self.window;
+        if !has_room {
+            self.full_at = self.last_number;
+        }
+        has_room
     }
 
     /// A message is sent; answers with its number.
@@ -92,7 +95,7 @@ impl InFlight {
             }
         } else if waited_ns < self.max_age_ns / 4 {
             self.in_time += 1;
-            if std::mem::take(&mut self.held_back) && self.in_time >= self.patience {
+            if number <= self.full_at && self.in_time >= self.patience {
                 self.grow();
             }
         }
@@ -108,7 +111,7 @@ impl InFlight {
     }
 
     fn shrink(&mut self) {
-        self.patience = (self.patience * 2).min(LONGEST_PATIENCE);
+        self.patience = (self.patience * 4).min(LONGEST_PATIENCE);
         self.window = (self.window / 2).max(1);
         self.shrunk_at = self.last_number;
         (self.in_time, self.last_change) = (0, Change::Shrunk);

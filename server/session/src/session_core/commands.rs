@@ -73,6 +73,8 @@ impl SessionCore {
 
     /// Back to rest; a failed session stands afterwards, others go on as they were.
     fn reset(&mut self) -> Result<(), SessionError> {
+        // Both worlds are there until the new one is whole.
+        let _both = self.admitted.memory.another()?;
         self.world = build_world(&self.scene)?;
         self.log.clear();
         self.tally = Tally::of(&self.scene);

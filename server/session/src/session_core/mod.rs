@@ -22,6 +22,7 @@ use kerf_physics::fault::Fault;
 use kerf_physics::step_io::EnergyStep;
 use kerf_physics::{Scene, StageClock, StepInputs, Workers, World};
 
+use crate::admission::{Admitted, LoadMeter};
 use crate::checkpoints::Checkpoints;
 use crate::error::SessionError;
 use crate::governor::Governor;
@@ -75,6 +76,9 @@ pub(crate) struct SessionCore {
     holders: Vec<Option<DriverId>>,
     tally: Tally,
     views: ViewSchedule,
+    /// What the session takes of the machine.
+    admitted: Admitted,
+    meter: LoadMeter,
 }
 
 /// What has been counted since the scene was at rest.
@@ -111,6 +115,7 @@ impl SessionCore {
         limits: SessionLimits,
         inbox: Arc<Inbox>,
         publisher: Publisher,
+        admitted: Admitted,
     ) -> Result<Self, SessionError> {
         let world = build_world(&scene)?;
         let tool_count = scene.desc.tools.len();
@@ -132,6 +137,8 @@ impl SessionCore {
             holders: vec![None; tool_count],
             tally: Tally::of(&scene),
             views: ViewSchedule::default(),
+            admitted,
+            meter: LoadMeter::default(),
             scene,
             limits,
         })
@@ -189,6 +196,9 @@ impl SessionCore {
         self.tally.energy.book(&output.energy);
         self.tally.steps.add(output, elapsed_ns, pace);
         self.views.add_step(output, elapsed_ns);
+        if let Some(load) = self.meter.step_ended(elapsed_ns, self.scene.desc.rate_hz) {
+            self.admitted.load.set_measured(load);
+        }
         let (step, fault) = (output.step, output.fault.clone());
         for (count, jumped) in self.tally.jumps.iter_mut().zip(&self.tools.jumped) {
             *count += u64::from(*jumped);
