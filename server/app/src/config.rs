@@ -48,6 +48,12 @@ pub struct ServerConfig {
     /// Folder that the inputs of each session are written to when it is reset or ends, for
     /// `simulate --replay`. Default none: nothing is written.
     pub record_dir: Option<PathBuf>,
+    /// Most that is kept in `record_dir`, MiB; what comes when it is full is not recorded, and its client is told.
+    /// Default 1024: two hours of one tool at 1 kHz.
+    pub max_record_mib: f64,
+    /// Folder of scenes, TOML files with the meshes, label maps and edges that they refer to, which clients create by
+    /// the name of the file. Default none.
+    pub scene_dir: Option<PathBuf>,
     /// Folder of measured Pareto fronts, CSV files as `kerf-server tradeoff` writes them, by which sessions are
     /// given a budget or an error. They go before those that come with the program, which were measured on
     /// another machine. Default none.
@@ -70,6 +76,8 @@ impl Default for ServerConfig {
             listen: SocketAddr::from(([127, 0, 0, 1], 50051)),
             network_threads: 2,
             record_dir: None,
+            max_record_mib: 1024.0,
+            scene_dir: None,
             pareto_dir: None,
             log: LogConfig::default(),
             transport: TransportLimits::default(),
@@ -119,9 +127,14 @@ pub struct TransportLimits {
     pub handshake_timeout_s: f64,
     /// Calls and streams of one connection at a time. Default 32.
     pub max_streams_per_connection: u32,
-    /// Largest message that is accepted. Default 2 MiB: a scene's text, the largest there is, may
-    /// have 1 MiB.
+    /// Largest message that is accepted from drivers and viewers. Default 64 KiB: they have little to say.
     pub max_incoming_bytes: usize,
+    /// Largest message that creates a session: a scene's text and the files that it refers to. Default 8 MiB: a
+    /// mesh of 100,000 triangles as text.
+    pub max_upload_bytes: usize,
+    /// Calls about sessions that are read and answered at a time, over all connections; others wait. Default 32: so
+    /// many uploads fit into memory.
+    pub max_session_calls: usize,
     /// Largest message that is sent. Default 64 MiB: what clients accept.
     pub max_outgoing_bytes: usize,
     /// Text of a scene that a client sends. Default 1 MiB: as the protocol says.
@@ -144,7 +157,9 @@ impl Default for TransportLimits {
             max_connections_per_peer: 64,
             handshake_timeout_s: 5.0,
             max_streams_per_connection: 32,
-            max_incoming_bytes: 2 << 20,
+            max_incoming_bytes: 64 << 10,
+            max_upload_bytes: 8 << 20,
+            max_session_calls: 32,
             max_outgoing_bytes: kerf_proto::MAX_MESSAGE_BYTES,
             max_scene_bytes: 1 << 20,
             keepalive_interval_s: 5.0,
@@ -259,6 +274,9 @@ impl ServerConfig {
             ("transport.handshake_timeout_s", transport.handshake_timeout_s),
             ("transport.max_streams_per_connection", f64::from(transport.max_streams_per_connection)),
             ("transport.max_incoming_bytes", transport.max_incoming_bytes as f64),
+            ("max_record_mib", self.max_record_mib),
+            ("transport.max_upload_bytes", transport.max_upload_bytes as f64),
+            ("transport.max_session_calls", transport.max_session_calls as f64),
             ("transport.max_outgoing_bytes", transport.max_outgoing_bytes as f64),
             ("transport.max_scene_bytes", transport.max_scene_bytes as f64),
             ("transport.keepalive_interval_s", transport.keepalive_interval_s),

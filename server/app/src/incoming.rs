@@ -41,7 +41,10 @@ struct Handshake {
 }
 
 /// The connections of a listener.
-pub fn connections(listener: TcpListener, limits: &TransportLimits) -> impl Stream<Item = io::Result<Connection>> {
+pub fn connections(
+    listener: TcpListener,
+    limits: &TransportLimits,
+) -> impl Stream<Item = io::Result<Connection>> + use<> {
     let permits = Arc::new(Semaphore::new(limits.max_connections.min(Semaphore::MAX_PERMITS)));
     let peers = Arc::new(Peers { open: Mutex::default(), max: limits.max_connections_per_peer });
     let handshake_timeout = Duration::from_secs_f64(limits.handshake_timeout_s);

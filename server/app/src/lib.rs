@@ -11,6 +11,7 @@ mod grpc;
 mod incoming;
 pub mod machine;
 pub mod recording;
+mod scene_list;
 pub mod scenes;
 pub mod schema;
 pub mod serve;

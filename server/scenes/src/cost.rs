@@ -62,16 +62,13 @@ impl Counts {
     fn of(object: &ObjectDesc, meshes: &Meshes) -> Result<Self, SceneError> {
         let size_m = voxel_size_m(object, meshes)?.unwrap_or(f64::INFINITY);
         let extent_m = extent_m(object, meshes).unwrap_or_default();
-        let cells: f64 = extent_m.iter().map(|length_m| (length_m / size_m).ceil() + 2.0).product();
-        let coarse_size_m = extent_m.max() / f64::from(COARSE_RESOLUTION);
-        if coarse_size_m <= size_m {
-            // It has few voxels anyhow: as many as cells at most.
-            return Ok(Self { cells, voxels: cells, elements: cells / voxels_of_element(lowest_level(object)) });
-        }
+        let across = extent_m.map(|length_m| (length_m / size_m).ceil());
+        let (cells, in_box) = (across.add_scalar(2.0).product(), across.product());
+        let coarse_size_m = size_m.max(extent_m.max() / f64::from(COARSE_RESOLUTION));
         let coarse = ObjectDesc { voxel_size_m: Some(coarse_size_m), resolution: None, ..object.clone() };
         let Ok(grid) = voxelize(&coarse, meshes) else {
             // Thinner than the coarse cells: no more is known than its box.
-            return Ok(Self { cells, voxels: cells, elements: cells / voxels_of_element(lowest_level(object)) });
+            return Ok(Self { cells, voxels: in_box, elements: in_box / voxels_of_element(lowest_level(object)) });
         };
         let voxels_per_coarse = (coarse_size_m / size_m).powi(3);
         let mut levels = vec![object.level; grid.voxels().len()];

@@ -15,7 +15,8 @@ pub enum SessionError {
     },
     /// The scene, or a checkpoint, needs more memory than is left.
     #[error(
-        "memory: about {needed_mib} MiB are needed, and of the {limit_mib} MiB that sessions may take together          {taken_mib} are taken (max_memory_mib)"
+        "memory: about {needed_mib} MiB are needed, and of the {limit_mib} MiB that sessions may take together \
+         {taken_mib} are taken (max_memory_mib)"
     )]
     Memory {
         /// What it needs, as it is estimated.
@@ -27,7 +28,8 @@ pub enum SessionError {
     },
     /// The scene needs more time of the cores than is left.
     #[error(
-        "load: steps of the scene keep about {needed:.2} cores busy, and of the {limit:.2} that sessions may keep busy          together {taken:.2} are (max_load); lower the step rate or raise the level"
+        "load: steps of the scene keep about {needed:.2} cores busy, and of the {limit:.2} that sessions may keep busy \
+         together {taken:.2} are (max_load); lower the step rate or raise the level"
     )]
     Load {
         /// What it needs, as it is estimated.

@@ -58,8 +58,12 @@ impl Harness {
     }
 
     pub async fn create(&mut self) -> Result<String, Status> {
-        let scene = Some(create_session_request::Scene::SceneToml(BLOCK.into()));
-        let request = v1::CreateSessionRequest { scene, start_paused: false, dial: None, step_rate_hz: None };
+        self.create_of(BLOCK.into()).await
+    }
+
+    pub async fn create_of(&mut self, scene_toml: String) -> Result<String, Status> {
+        let scene = Some(create_session_request::Scene::SceneToml(scene_toml));
+        let request = v1::CreateSessionRequest { scene, ..Default::default() };
         let created = self.sessions.create_session(request).await?.into_inner();
         Ok(created.session.expect("a description").session_id)
     }

@@ -6,6 +6,8 @@ mod control;
 mod cut;
 mod dial;
 mod harness;
+mod hostile;
 mod lifecycle;
+mod own_scenes;
 mod stale;
 mod view;

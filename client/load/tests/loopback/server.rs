@@ -238,7 +238,7 @@ impl SessionService for Server {
         &self,
         _: Request<v1::CloseSessionRequest>,
     ) -> Result<Response<v1::CloseSessionResponse>, Status> {
-        Ok(Response::new(v1::CloseSessionResponse {}))
+        Ok(Response::new(v1::CloseSessionResponse { recording: None }))
     }
 
     async fn list_scenes(&self, _: Request<v1::ListScenesRequest>) -> Result<Response<v1::ListScenesResponse>, Status> {

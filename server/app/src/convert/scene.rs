@@ -129,6 +129,8 @@ pub fn session_description(
         tracked_displacements_m: status.tracked_displacement_m.iter().map(vec3).collect(),
         state_hash: status.state_hash,
         failure,
+        load: session.load(),
+        memory_bytes: session.memory_bytes() as u64,
         dial: session.dial().map(dial_choice),
         relative_tolerance: status.relative_tolerance,
     }

@@ -14,7 +14,6 @@ use std::pin::Pin;
 use std::time::Duration;
 
 use futures_util::Stream;
-use kerf_session::SessionError;
 use tonic::Status;
 
 use crate::status::RequestError;
@@ -46,9 +45,12 @@ fn grant_rate_hz(field: &'static str, wish_hz: f64, default_hz: f64, max_hz: f64
 }
 
 /// The session's answer, unless it takes too long.
-async fn in_time<T>(limit_s: f64, answer: impl Future<Output = Result<T, SessionError>>) -> Result<T, RequestError> {
+async fn in_time<T, E: Into<RequestError>>(
+    limit_s: f64,
+    answer: impl Future<Output = Result<T, E>>,
+) -> Result<T, RequestError> {
     match tokio::time::timeout(Duration::from_secs_f64(limit_s), answer).await {
-        Ok(answer) => answer.map_err(RequestError::from),
+        Ok(answer) => answer.map_err(Into::into),
         Err(_) => Err(RequestError::Unresponsive { limit_s }),
     }
 }

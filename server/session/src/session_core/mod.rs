@@ -125,7 +125,7 @@ impl SessionCore {
             phase: publisher.phase(),
             publisher,
             pacer: pacer(&scene, &limits),
-            overload: OverloadWatch::new(scene.desc.rate_hz),
+            overload: OverloadWatch::default(),
             interrupted: true,
             governor: Governor::of(&scene.desc),
             next_tolerance: None,
@@ -206,7 +206,7 @@ impl SessionCore {
         if pace == Pace::Reanchored {
             self.publisher.event(step, SceneEvent::Reanchored);
         }
-        if let Some(late_share) = self.overload.step_ended(pace != Pace::InTime) {
+        if let Some(late_share) = self.overload.step_ended(ended_ns, pace != Pace::InTime) {
             self.tally.overloads += 1;
             self.tally.late_share = late_share;
             self.publisher.event(step, SceneEvent::Overloaded(late_share));
