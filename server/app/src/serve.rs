@@ -174,7 +174,8 @@ async fn close_idle(registry: Arc<Registry>, config: Arc<ServerConfig>) {
 
 fn builder(limits: &TransportLimits) -> Transport {
     Transport::builder()
-        .timeout(Duration::from_secs_f64(limits.request_timeout_s))
+        // To be answered and, as long again, to be read: an upload may not trickle in for ever.
+        .timeout(Duration::from_secs_f64(2.0 * limits.request_timeout_s))
         .max_concurrent_streams(limits.max_streams_per_connection)
         .http2_keepalive_interval(Some(Duration::from_secs_f64(limits.keepalive_interval_s)))
         .http2_keepalive_timeout(Some(Duration::from_secs_f64(limits.keepalive_timeout_s)))

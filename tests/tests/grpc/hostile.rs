@@ -100,11 +100,19 @@ async fn creations_that_are_given_up_hold_no_place() {
 
 #[tokio::test]
 async fn a_session_that_nobody_has_to_do_with_is_closed() {
-    let mut harness = Harness::with(|config| config.session.idle_timeout_s = 0.5).await;
+    let mut harness = Harness::with(|config| {
+        config.session.idle_timeout_s = 0.5;
+        config.session.lease_s = 0.5;
+    })
+    .await;
     let bystander = Bystander::start(&mut harness).await;
     let viewed = harness.create().await.unwrap();
     let _view = harness.view(harness.channel.clone(), &viewed).await;
-    harness.create().await.unwrap();
+    let abandoned = harness.create().await.unwrap();
+    // A browser that was closed: nobody says good-bye in single calls.
+    let motion = Some(send_pose_request::Motion::Pose(pose(0, 1, 0.0)));
+    let request = v1::SendPoseRequest { session_id: abandoned, lease: String::new(), motion };
+    ControlServiceClient::new(harness.channel.clone()).send_pose(request).await.unwrap();
     assert_eq!(harness.server.registry().list().len(), 3);
     soon("its end", async {
         while harness.server.registry().list().len() > 2 {

@@ -21,7 +21,7 @@ use crate::status::RequestError;
 pub struct ControlService {
     registry: Arc<Registry>,
     limits: ControlLimits,
-    unary: UnaryDrivers,
+    unary: Arc<UnaryDrivers>,
 }
 
 impl ControlService {

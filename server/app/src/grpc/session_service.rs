@@ -92,12 +92,9 @@ impl v1::session_service_server::SessionService for SessionService {
             Ok(scene)
         };
         let session = in_time(self.limit_s(), self.registry.create_from::<RequestError>(read, options)).await?;
-        let mut claim = Claim { registry: Arc::clone(&self.registry), session: Some(session) };
-        let session = match &claim.session {
-            Some(session) => Some(self.describe(session).await?),
-            None => None,
-        };
-        claim.session = None;
+        let claim = Claim { registry: Arc::clone(&self.registry), session: Some(Arc::clone(&session)) };
+        let session = Some(self.describe(&session).await?);
+        claim.release();
         Ok(Response::new(v1::CreateSessionResponse { session }))
     }
 
@@ -201,6 +198,13 @@ impl v1::session_service_server::SessionService for SessionService {
 struct Claim {
     registry: Arc<Registry>,
     session: Option<Arc<Session>>,
+}
+
+impl Claim {
+    /// The client is about to be told.
+    fn release(mut self) {
+        self.session = None;
+    }
 }
 
 impl Drop for Claim {

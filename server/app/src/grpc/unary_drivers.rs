@@ -1,7 +1,7 @@
 //! Drivers that send one pose a call, kept between their calls.
 
 use std::collections::HashMap;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use kerf_session::{Driver, Phase};
@@ -9,6 +9,9 @@ use kerf_session::{Driver, Phase};
 use super::pose_budget::PoseBudget;
 use super::token;
 use crate::status::RequestError;
+
+/// How often drivers are looked for that are silent.
+const PURGE_INTERVAL: Duration = Duration::from_secs(1);
 
 /// Drivers by their lease, a text that only their client knows.
 pub struct UnaryDrivers {
@@ -27,8 +30,18 @@ pub struct UnaryDriver {
 }
 
 impl UnaryDrivers {
-    pub fn new(max: usize, max_pose_rate_hz: f64) -> Self {
-        Self { drivers: Mutex::default(), max, max_pose_rate_hz }
+    /// Without drivers. A task looks after those that come, on the current runtime, while anybody holds this.
+    pub fn new(max: usize, max_pose_rate_hz: f64) -> Arc<Self> {
+        let drivers = Arc::new(Self { drivers: Mutex::default(), max, max_pose_rate_hz });
+        let watched = Arc::downgrade(&drivers);
+        tokio::spawn(async move {
+            while let Some(drivers) = watched.upgrade() {
+                drivers.purge();
+                drop(drivers);
+                tokio::time::sleep(PURGE_INTERVAL).await;
+            }
+        });
+        drivers
     }
 
     fn lock(&self) -> MutexGuard<'_, HashMap<String, UnaryDriver>> {
@@ -36,15 +49,17 @@ impl UnaryDrivers {
     }
 
     /// Forgets drivers whose leases have run out and those of sessions that end. Nobody says good-bye
-    /// in unary calls, so this precedes every call that counts drivers.
+    /// in unary calls, so this precedes every call that counts drivers, and comes by itself for sessions that nobody
+    /// calls any more.
     pub fn purge(&self) {
         self.lock().retain(|_, kept| {
             let session = kept.driver.session();
+            let silent_s = kept.heard.elapsed().as_secs_f64();
             match session.phase() {
                 Phase::Closing => false,
-                // Leases are kept while a session stands.
-                Phase::Paused | Phase::Failed { .. } => true,
-                Phase::Running => kept.heard.elapsed() < Duration::from_secs_f64(session.limits().lease_s),
+                // Leases are kept while a session stands, but not by those who do not come back.
+                Phase::Paused | Phase::Failed { .. } => silent_s < session.limits().idle_timeout_s,
+                Phase::Running => silent_s < session.limits().lease_s,
             }
         });
     }
