@@ -15,6 +15,7 @@ mod progress;
 pub mod recording;
 pub mod remote;
 pub mod scene_args;
+mod scene_list;
 pub mod scenes;
 pub mod schema;
 mod script_warnings;

@@ -141,6 +141,11 @@ impl Inbox {
         Ok(DriverId(state.next_driver - 1))
     }
 
+    /// Drivers that are connected.
+    pub fn drivers(&self) -> usize {
+        lock(&self.state).drivers
+    }
+
     pub fn disconnect_driver(&self, driver: DriverId) {
         let mut state = lock(&self.state);
         state.drivers -= 1;

@@ -151,6 +151,7 @@ impl ControlService for Server {
                 limits: Some(limits()),
                 scene: Some(scene()),
                 contact_rate_hz: 250.0,
+                ..Default::default()
             })),
             up::Message::Pose(pose) => Some(answer(&pose, behaviour)),
             up::Message::Lift(_) => None,
@@ -191,16 +192,24 @@ impl ViewService for Server {
         let behaviour = self.0;
         let (events, stream) = tokio::sync::mpsc::channel(1);
         tokio::spawn(async move {
-            let opening = [keyframe(), state(0, 0), state(0, 10), patch(behaviour), state(1, 20)];
+            let hello = view_event::Message::Hello(v1::ViewHello::default());
+            let opening = [hello, keyframe(), state(0, 0), state(0, 10), patch(behaviour), state(1, 20)];
             let later = (3u64..).map(|n| state(1, 10 * n));
-            for message in opening.into_iter().chain(later) {
-                if events.send(Ok(ViewEvent { message: Some(message) })).await.is_err() {
+            for (number, message) in opening.into_iter().chain(later).enumerate() {
+                if events.send(Ok(ViewEvent { message: Some(message), number: number as u64 })).await.is_err() {
                     return;
                 }
                 tokio::time::sleep(Duration::from_millis(10)).await;
             }
         });
         Ok(Response::new(ReceiverStream::new(stream)))
+    }
+
+    async fn acknowledge(
+        &self,
+        _: Request<v1::AcknowledgeRequest>,
+    ) -> Result<Response<v1::AcknowledgeResponse>, Status> {
+        Ok(Response::new(v1::AcknowledgeResponse {}))
     }
 }
 
@@ -229,7 +238,7 @@ impl SessionService for Server {
         &self,
         _: Request<v1::CloseSessionRequest>,
     ) -> Result<Response<v1::CloseSessionResponse>, Status> {
-        Ok(Response::new(v1::CloseSessionResponse {}))
+        Ok(Response::new(v1::CloseSessionResponse { recording: None }))
     }
 
     async fn list_scenes(&self, _: Request<v1::ListScenesRequest>) -> Result<Response<v1::ListScenesResponse>, Status> {

@@ -10,14 +10,13 @@ use super::scene::energy_ledger;
 use super::{fault, pose, wrench};
 
 /// What a viewer is told, with the energies if it wants them.
-pub fn view_event(message: &ViewMessage, wants_energy: bool) -> v1::ViewEvent {
-    let message = match message {
+pub fn view_message(message: &ViewMessage, wants_energy: bool) -> Message {
+    match message {
         ViewMessage::Keyframe(structure) => Message::Keyframe(keyframe(structure)),
         ViewMessage::Patch(change) => Message::Patch(patch(change)),
         ViewMessage::State(now) => Message::State(state(now, wants_energy)),
         ViewMessage::Event(happened) => event(happened),
-    };
-    v1::ViewEvent { message: Some(message) }
+    }
 }
 
 /// A keyframe as it goes over the wire.
@@ -108,6 +107,7 @@ fn event(happened: &ViewEvent) -> Message {
         SceneEvent::Closing => of(v1::EventKind::Closing),
         SceneEvent::Failed => of(v1::EventKind::Failed),
         SceneEvent::Reanchored => of(v1::EventKind::Reanchored),
+        SceneEvent::Overloaded(late_share) => v1::Event { late_share, ..of(v1::EventKind::Overloaded) },
         SceneEvent::ToolTaken(tool) => v1::Event { tool_id: tool as u32, ..of(v1::EventKind::ToolTaken) },
         SceneEvent::ToolReleased(tool) => v1::Event { tool_id: tool as u32, ..of(v1::EventKind::ToolReleased) },
         SceneEvent::CheckpointSaved(ref name) => {

@@ -73,12 +73,15 @@ impl SessionCore {
 
     /// Back to rest; a failed session stands afterwards, others go on as they were.
     fn reset(&mut self) -> Result<(), SessionError> {
+        // Both worlds are there until the new one is whole.
+        let _both = self.admitted.memory.another()?;
         self.world = build_world(&self.scene)?;
         self.log.clear();
         self.tally = Tally::of(&self.scene);
         self.governor = Governor::of(&self.scene.desc);
         self.next_tolerance = None;
         self.pacer = pacer(&self.scene, &self.limits);
+        self.resets += 1;
         self.inbox.reenter_tools();
         self.begin_anew(SceneEvent::Reset);
         Ok(())
@@ -88,11 +91,14 @@ impl SessionCore {
     pub(super) fn begin_anew(&mut self, event: SceneEvent) {
         self.views = ViewSchedule::default();
         self.interrupted = true;
+        // No step has led here: what tools felt before is of another world.
+        self.tally.ended_ns = 0;
         self.publisher.start_over();
         self.publisher.event(self.world.output().step, event);
         if matches!(self.phase, Phase::Failed { .. }) {
             self.set_phase(Phase::Paused, SceneEvent::Paused);
         }
+        self.publisher.report(self.report());
     }
 
     fn describe(&self) -> SessionStatus {

@@ -22,6 +22,7 @@ use kerf_physics::fault::Fault;
 use kerf_physics::step_io::EnergyStep;
 use kerf_physics::{Scene, StageClock, StepInputs, Workers, World};
 
+use crate::admission::{Admitted, LoadMeter};
 use crate::checkpoints::Checkpoints;
 use crate::error::SessionError;
 use crate::governor::Governor;
@@ -67,12 +68,17 @@ pub(crate) struct SessionCore {
     next_tolerance: Option<f64>,
     log: InputLog,
     checkpoints: Checkpoints,
+    /// Times that the scene was put back to rest.
+    resets: u64,
     commands: Vec<Command>,
     tools: Tick,
     /// Per tool, as of the last tick: who drives it.
     holders: Vec<Option<DriverId>>,
     tally: Tally,
     views: ViewSchedule,
+    /// What the session takes of the machine.
+    admitted: Admitted,
+    meter: LoadMeter,
 }
 
 /// What has been counted since the scene was at rest.
@@ -87,6 +93,9 @@ struct Tally {
     ended_ns: u64,
     /// Relative tolerance of the solves, as the governor has it.
     relative_tolerance: f64,
+    /// Times that too many steps were late, and their share the last time.
+    overloads: u64,
+    late_share: f64,
     /// Times that the session went back to a checkpoint, and the last one's name.
     restores: u64,
     last_restored: Option<Arc<str>>,
@@ -106,6 +115,7 @@ impl SessionCore {
         limits: SessionLimits,
         inbox: Arc<Inbox>,
         publisher: Publisher,
+        admitted: Admitted,
     ) -> Result<Self, SessionError> {
         let world = build_world(&scene)?;
         let tool_count = scene.desc.tools.len();
@@ -115,17 +125,20 @@ impl SessionCore {
             phase: publisher.phase(),
             publisher,
             pacer: pacer(&scene, &limits),
-            overload: OverloadWatch::new(scene.desc.rate_hz),
+            overload: OverloadWatch::default(),
             interrupted: true,
             governor: Governor::of(&scene.desc),
             next_tolerance: None,
             log: InputLog::new(limits.max_recorded_motions),
             checkpoints: Checkpoints::new(limits.max_checkpoints),
+            resets: 0,
             commands: Vec::new(),
             tools: Tick::default(),
             holders: vec![None; tool_count],
             tally: Tally::of(&scene),
             views: ViewSchedule::default(),
+            admitted,
+            meter: LoadMeter::default(),
             scene,
             limits,
         })
@@ -188,6 +201,9 @@ impl SessionCore {
         self.tally.energy.book(&output.energy);
         self.tally.steps.add(output, elapsed_ns, pace);
         self.views.add_step(output, elapsed_ns);
+        if let Some(load) = self.meter.step_ended(elapsed_ns, self.scene.desc.rate_hz) {
+            self.admitted.load.set_measured(load);
+        }
         let (step, fault) = (output.step, output.fault.clone());
         for (count, jumped) in self.tally.jumps.iter_mut().zip(&self.tools.jumped) {
             *count += u64::from(*jumped);
@@ -195,7 +211,10 @@ impl SessionCore {
         if pace == Pace::Reanchored {
             self.publisher.event(step, SceneEvent::Reanchored);
         }
-        if let Some(late_share) = self.overload.step_ended(pace != Pace::InTime) {
+        if let Some(late_share) = self.overload.step_ended(ended_ns, pace != Pace::InTime) {
+            self.tally.overloads += 1;
+            self.tally.late_share = late_share;
+            self.publisher.event(step, SceneEvent::Overloaded(late_share));
             let late_percent = (100.0 * late_share).round();
             tracing::warn!(
                 scene = self.scene.desc.name,
@@ -210,7 +229,7 @@ impl SessionCore {
             self.note_fault(fault);
         }
         if self.tools.drivers > 0 {
-            self.publisher.report(self.report(None));
+            self.publisher.report(self.report());
         }
         self.serve_viewers(ended_ns, clock, true);
     }
@@ -233,7 +252,7 @@ impl SessionCore {
         self.publisher.event(fault.step, SceneEvent::Fault(fault));
     }
 
-    fn report(&self, failure: Option<Arc<str>>) -> StepReport {
+    fn report(&self) -> StepReport {
         let output = self.world.output();
         let tool = |index: usize| ToolReport {
             output: output.tools.get(index).copied().unwrap_or_default(),
@@ -244,13 +263,16 @@ impl SessionCore {
             step: output.step,
             sim_time_s: output.sim_time_s,
             ended_ns: self.tally.ended_ns,
+            phase: self.phase.clone(),
+            resets: self.resets,
             late_steps: self.pacer.counts().late_steps,
+            overloads: self.tally.overloads,
+            late_share: self.tally.late_share,
             relative_tolerance: self.tally.relative_tolerance,
             faults: self.tally.faults,
             last_fault: self.tally.last_fault.clone(),
             restores: self.tally.restores,
             last_restored: self.tally.last_restored.clone(),
-            failure,
             tools: (0..self.tally.jumps.len()).map(tool).collect(),
         }
     }
@@ -281,14 +303,14 @@ impl SessionCore {
             "a step panicked; the session stands until it is reset"
         );
         let message: Arc<str> = message.into();
-        self.set_phase(Phase::Failed { message: Arc::clone(&message) }, SceneEvent::Failed);
-        self.publisher.report(self.report(Some(message)));
+        self.set_phase(Phase::Failed { message }, SceneEvent::Failed);
     }
 
     fn set_phase(&mut self, phase: Phase, event: SceneEvent) {
         self.phase = phase.clone();
         self.publisher.set_phase(phase);
         self.publisher.event(self.world.output().step, event);
+        self.publisher.report(self.report());
     }
 }
 
