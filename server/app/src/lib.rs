@@ -30,3 +30,4 @@ mod status;
 mod telemetry;
 mod tool_sweep;
 pub mod tradeoff;
+mod viewer;
