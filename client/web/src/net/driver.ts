@@ -29,6 +29,8 @@ export interface DriverListener {
 interface Driven {
   /** Absent: the tool is to be lifted. */
   pose?: DrivenPose;
+  /** It is lifted before it goes there, so that it touches nothing on the way. */
+  liftFirst?: boolean;
   isNew: boolean;
   sentMs: number;
 }
@@ -51,7 +53,14 @@ export class Driver {
 
   /** Where a tool is to be now. */
   move(toolId: number, pose: DrivenPose): void {
-    this.tools.set(toolId, { pose, isNew: true, sentMs: this.tools.get(toolId)?.sentMs ?? 0 });
+    const liftFirst = this.tools.get(toolId)?.liftFirst ?? false;
+    this.tools.set(toolId, { pose, liftFirst, isNew: true, sentMs: 0 });
+    this.pump();
+  }
+
+  /** Puts a tool down somewhere, through the air. */
+  put(toolId: number, pose: DrivenPose): void {
+    this.tools.set(toolId, { pose, liftFirst: true, isNew: true, sentMs: 0 });
     this.pump();
   }
 
@@ -77,12 +86,14 @@ export class Driver {
 
   private async send(toolId: number, tool: Driven): Promise<void> {
     this.isBusy = true;
+    const begun = performance.now();
+    const { pose, liftFirst = false } = tool;
     // Behind the others, so that each gets its turn.
     this.tools.delete(toolId);
-    if (tool.pose) this.tools.set(toolId, { pose: tool.pose, isNew: false, sentMs: performance.now() });
-    const begun = performance.now();
+    if (pose) this.tools.set(toolId, { pose, isNew: liftFirst, sentMs: begun });
     try {
-      this.hear(toolId, await control.sendPose(this.request(toolId, tool), { timeoutMs: 5000 }));
+      const request = this.request(toolId, liftFirst ? undefined : pose);
+      this.hear(toolId, await control.sendPose(request, { timeoutMs: 5000 }));
       this.listener.onRoundTrip(performance.now() - begun);
     } catch (error) {
       this.fail(toolId, error);
@@ -91,7 +102,7 @@ export class Driver {
     if ([...this.tools.values()].some((waiting) => waiting.isNew)) this.pump();
   }
 
-  private request(toolId: number, { pose }: Driven) {
+  private request(toolId: number, pose: DrivenPose | undefined) {
     const { sessionId, lease } = this;
     if (!pose) return { sessionId, lease, motion: { case: "lift" as const, value: { toolId } } };
     const [x, y, z] = pose.position;

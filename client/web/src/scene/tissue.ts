@@ -26,6 +26,7 @@ export class Tissue extends Group {
   private readonly faces: Record<Face, Mesh<BufferGeometry, MeshPhysicalMaterial>>;
   private readonly edges: LineSegments<BufferGeometry, LineBasicMaterial>;
   private shape: SurfaceShape | undefined;
+  private vertexCount = 0;
   /** Area of the cut, m^2 at rest. */
   cutAreaM2 = 0;
 
@@ -58,9 +59,9 @@ export class Tissue extends Group {
     return [this.faces.skin, this.faces.cut];
   }
 
-  /** Positions of the vertices now, m; some of the array may be unused. */
+  /** Positions of the vertices now, m. */
   get positions(): Float32Array {
-    return this.shape?.positions ?? new Float32Array(0);
+    return this.shape?.positions.subarray(0, 3 * this.vertexCount) ?? new Float32Array(0);
   }
 
   set style(style: Style) {
@@ -95,6 +96,7 @@ export class Tissue extends Group {
 
   private restructure(structure: SurfaceStructure, shape: SurfaceShape): void {
     this.cutAreaM2 = structure.cutAreaM2;
+    this.vertexCount = structure.vertexCount;
     const position = dynamic(shape.positions);
     const rest = new BufferAttribute(structure.rest, 3);
     const dress = (face: Face, index: Uint32Array, count: number, normals: Float32Array) => {

@@ -1,0 +1,29 @@
+// Dark or light: as the device has it, until somebody chooses.
+
+import type { Backdrop } from "../scene/stage";
+
+const KEY = "kerf-theme";
+const BACKDROPS: Record<string, Backdrop> = {
+  dark: { middle: "#2a313b", rim: "#0c0e12", table: "#3a424d" },
+  light: { middle: "#f7f8fa", rim: "#c9d0d8", table: "#d5dbe2" },
+};
+
+function chosen(): string {
+  const device = matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark";
+  return localStorage.getItem(KEY) ?? device;
+}
+
+/** Applies the theme now and whenever it changes. */
+export function followTheme(apply: (backdrop: Backdrop) => void): { toggle: () => void } {
+  const show = () => {
+    document.documentElement.dataset["theme"] = chosen();
+    apply(BACKDROPS[chosen()]);
+  };
+  matchMedia("(prefers-color-scheme: light)").addEventListener("change", show);
+  show();
+  const toggle = () => {
+    localStorage.setItem(KEY, chosen() === "dark" ? "light" : "dark");
+    show();
+  };
+  return { toggle };
+}
