@@ -22,7 +22,7 @@ export interface SurfaceStructure {
   elementEdges: Uint32Array<ArrayBuffer>;
   /** Area of the cut, m^2 at rest: half that of its two walls. */
   cutAreaM2: number;
-  /** Pieces that it has fallen into: closed surfaces that no quad joins. A hollow would count as one. */
+  /** Pieces that it has fallen into: closed surfaces that no quad joins and that have tissue within. */
   pieces: number;
 }
 
@@ -35,6 +35,9 @@ export interface SurfaceShape {
 
 /** Pairs of an element's corners that its edges join. */
 const EDGE_CORNERS = [0, 1, 2, 3, 4, 5, 6, 7, 0, 2, 1, 3, 4, 6, 5, 7, 0, 4, 1, 5, 2, 6, 3, 7];
+
+/** A piece has more than this share of the whole; the server sets none free of fewer than eight voxels. */
+const LEAST_PIECE = 1e-4;
 
 /** Room for `count` items: what there was if they fit, so that a cut does not need new arrays with every patch. */
 function roomFor(count: number, room: number): number {
@@ -53,6 +56,8 @@ export class BodySurface {
   /** Quad slots, the skin's before those of the cut, and how many are the skin's. */
   private quadOrder = new Uint32Array(0);
   private skinQuads = 0;
+  /** Normals before they are smoothed. */
+  private rough = new Float32Array(0);
 
   constructor(body: Body) {
     this.body = body;
@@ -85,7 +90,7 @@ export class BodySurface {
       cutCount: 6 * (quads - this.skinQuads),
       elementEdges: this.elementEdges(),
       cutAreaM2: wallsM2 / 2,
-      pieces: this.countPieces(),
+      pieces: this.countPieces(rest),
     };
   }
 
@@ -105,8 +110,8 @@ export class BodySurface {
     body.adaptedSlots.forEach((slot, i) => {
       for (let axis = 0; axis < 3; axis++) shape.positions[3 * slot + axis] += body.adaptedOffsets[3 * i + axis];
     });
-    this.sumNormals(0, this.skinQuads, shape.positions, shape.skinNormals);
-    this.sumNormals(this.skinQuads, body.quadCount, shape.positions, shape.cutNormals);
+    this.normals(0, this.skinQuads, shape.positions, shape.skinNormals);
+    this.normals(this.skinQuads, body.quadCount, shape.positions, shape.cutNormals);
     return shape;
   }
 
@@ -164,6 +169,32 @@ export class BodySurface {
     }
   }
 
+  /**
+   * Normals of the faces of one kind: the quads' around each vertex, and their neighbours'. Vertices lie where the
+   * voxels have them, which a wet surface would show; over one quad more it does not.
+   */
+  private normals(from: number, to: number, positions: Float32Array, out: Float32Array<ArrayBuffer>): void {
+    if (this.rough.length !== out.length) this.rough = new Float32Array(out.length);
+    this.sumNormals(from, to, positions, this.rough);
+    const { rough } = this;
+    const { quadVertices } = this.body;
+    out.fill(0);
+    for (let i = from; i < to; i++) {
+      const quad = 4 * this.quadOrder[i];
+      const a = 3 * quadVertices[quad];
+      const b = 3 * quadVertices[quad + 1];
+      const c = 3 * quadVertices[quad + 2];
+      const d = 3 * quadVertices[quad + 3];
+      for (let axis = 0; axis < 3; axis++) {
+        const sum = rough[a + axis] + rough[b + axis] + rough[c + axis] + rough[d + axis];
+        out[a + axis] += sum;
+        out[b + axis] += sum;
+        out[c + axis] += sum;
+        out[d + axis] += sum;
+      }
+    }
+  }
+
   /** Adds each quad's area vector to its corners' normals. */
   private sumNormals(from: number, to: number, positions: Float32Array, normals: Float32Array): void {
     const { quadVertices } = this.body;
@@ -201,33 +232,52 @@ export class BodySurface {
   /** Splits quads along the diagonal that is shorter at rest, as kerf/v1/view.proto says; answers with their area. */
   private triangulate(from: number, to: number, rest: Float32Array, out: Uint32Array): number {
     const { quadVertices } = this.body;
+    const area = new Float64Array(3);
     let areaM2 = 0;
     for (let i = from, at = 0; i < to; i++, at += 6) {
       const quad = 4 * this.quadOrder[i];
-      const [a, b, c, d] = quadVertices.subarray(quad, quad + 4);
+      const a = quadVertices[quad];
+      const b = quadVertices[quad + 1];
+      const c = quadVertices[quad + 2];
+      const d = quadVertices[quad + 3];
       const ac = squaredDistance(rest, a, c);
       const bd = squaredDistance(rest, b, d);
       const byAc = ac < bd || (ac === bd && Math.min(a, c) < Math.min(b, d));
-      out.set(byAc ? [a, b, c, a, c, d] : [b, c, d, b, d, a], at);
-      areaM2 += quadAreaM2(rest, a, b, c, d);
+      out[at] = out[at + 3] = byAc ? a : b;
+      out[at + 1] = byAc ? b : c;
+      out[at + 2] = out[at + 4] = byAc ? c : d;
+      out[at + 5] = byAc ? d : a;
+      quadArea(rest, a, b, c, d, area);
+      areaM2 += Math.hypot(area[0], area[1], area[2]);
     }
     return areaM2;
   }
 
-  /** Joins the corners of each quad; what is left apart are pieces. */
-  private countPieces(): number {
+  /**
+   * Joins the corners of each quad; what is left apart are closed surfaces. Those around tissue are pieces; a crack
+   * that has not come out to the skin encloses nothing at rest, a hollow less than nothing.
+   */
+  private countPieces(rest: Float32Array): number {
     const { quadVertices, quadCount, vertexCount } = this.body;
     const parent = Uint32Array.from({ length: vertexCount }, (_, vertex) => vertex);
     const root = (vertex: number) => {
       while (parent[vertex] !== vertex) vertex = parent[vertex] = parent[parent[vertex]];
       return vertex;
     };
-    const isUsed = new Uint8Array(vertexCount);
-    for (let i = 0; i < 4 * quadCount; i++) {
-      parent[root(quadVertices[i])] = root(quadVertices[i & ~3]);
-      isUsed[quadVertices[i]] = 1;
+    for (let i = 0; i < 4 * quadCount; i++) parent[root(quadVertices[i])] = root(quadVertices[i & ~3]);
+    const volumes = new Float64Array(vertexCount);
+    const area = new Float64Array(3);
+    let total = 0;
+    for (let quad = 0; quad < 4 * quadCount; quad += 4) {
+      const a = quadVertices[quad];
+      const c = quadVertices[quad + 2];
+      quadArea(rest, a, quadVertices[quad + 1], c, quadVertices[quad + 3], area);
+      let volume = 0;
+      for (let axis = 0; axis < 3; axis++) volume += (area[axis] * (rest[3 * a + axis] + rest[3 * c + axis])) / 6;
+      volumes[root(a)] += volume;
+      total += volume;
     }
-    return parent.reduce((count, up, vertex) => count + (up === vertex && isUsed[vertex] ? 1 : 0), 0);
+    return volumes.reduce((count, volume) => count + (volume > LEAST_PIECE * total ? 1 : 0), 0);
   }
 
   private elementEdges(): Uint32Array<ArrayBuffer> {
@@ -270,9 +320,15 @@ function squaredDistance(positions: Float32Array, a: number, b: number): number 
   return x * x + y * y + z * z;
 }
 
-/** Half the length of the cross product of the diagonals. */
-function quadAreaM2(positions: Float32Array, a: number, b: number, c: number, d: number): number {
-  const ac = [0, 1, 2].map((axis) => positions[3 * c + axis] - positions[3 * a + axis]);
-  const bd = [0, 1, 2].map((axis) => positions[3 * d + axis] - positions[3 * b + axis]);
-  return 0.5 * Math.hypot(ac[1] * bd[2] - ac[2] * bd[1], ac[2] * bd[0] - ac[0] * bd[2], ac[0] * bd[1] - ac[1] * bd[0]);
+/** Area vector of a quad, m^2: half the cross product of its diagonals. */
+function quadArea(positions: Float32Array, a: number, b: number, c: number, d: number, out: Float64Array): void {
+  const acX = positions[3 * c] - positions[3 * a];
+  const acY = positions[3 * c + 1] - positions[3 * a + 1];
+  const acZ = positions[3 * c + 2] - positions[3 * a + 2];
+  const bdX = positions[3 * d] - positions[3 * b];
+  const bdY = positions[3 * d + 1] - positions[3 * b + 1];
+  const bdZ = positions[3 * d + 2] - positions[3 * b + 2];
+  out[0] = 0.5 * (acY * bdZ - acZ * bdY);
+  out[1] = 0.5 * (acZ * bdX - acX * bdZ);
+  out[2] = 0.5 * (acX * bdY - acY * bdX);
 }

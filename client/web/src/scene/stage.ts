@@ -25,6 +25,10 @@ const FIELD_OF_VIEW_DEG = 30;
 /** Pixels of the screen that are drawn for one of the page, at most: more cannot be told apart. */
 const MAX_PIXEL_RATIO = 2;
 
+/** On a page wider than this, px, what is looked at stands this far, px, to the left of the middle. */
+const WIDE_PX = 760;
+const ASIDE_PX = 105;
+
 export interface Backdrop {
   middle: string;
   rim: string;
@@ -54,7 +58,7 @@ export class Stage {
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = PCFShadowMap;
     this.scene.environment = studio(this.renderer);
-    this.scene.environmentIntensity = 0.85;
+    this.scene.environmentIntensity = 1.1;
     this.table = table();
     this.sun.castShadow = true;
     this.sun.shadow.mapSize.set(2048, 2048);
@@ -127,6 +131,9 @@ export class Stage {
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, MAX_PIXEL_RATIO));
     this.renderer.setSize(clientWidth, clientHeight, false);
     this.camera.aspect = clientWidth / clientHeight;
+    // The middle of what the panels leave free.
+    const asidePx = clientWidth > WIDE_PX ? ASIDE_PX : 0;
+    this.camera.setViewOffset(clientWidth, clientHeight, asidePx, 0, clientWidth, clientHeight);
     this.camera.updateProjectionMatrix();
     this.invalidate();
   }
@@ -135,7 +142,7 @@ export class Stage {
 /** Light of a dark room with soft boxes, which wet surfaces mirror. */
 function studio(renderer: WebGLRenderer) {
   const room = new Scene();
-  room.background = new Color(0x14161a);
+  room.background = new Color(0x2c3036);
   const box = (color: number, strength: number, size: [number, number, number], at: [number, number, number]) => {
     const material = new MeshBasicMaterial({ color: new Color(color).multiplyScalar(strength) });
     const mesh = new Mesh(new BoxGeometry(...size), material);
@@ -144,12 +151,13 @@ function studio(renderer: WebGLRenderer) {
     room.add(mesh);
   };
   box(0xfff4e6, 9, [3.4, 1.6, 0.05], [-2.5, 4, 2]);
-  box(0xdce8ff, 5, [1.2, 3.2, 0.05], [4.5, 1.8, 1]);
+  box(0xdce8ff, 5, [1.6, 3.4, 0.05], [4.5, 1.6, 1]);
+  box(0xd0e0ff, 2.4, [1.6, 3, 0.05], [-4.5, 1.2, -0.5]);
   box(0xffe6d0, 3.5, [4, 0.7, 0.05], [0, 2.2, -4.5]);
   box(0xe8eeff, 1.2, [6, 6, 0.05], [0, 6, 0]);
   box(0x6a4038, 0.6, [8, 8, 0.05], [0, -3, 0]);
   const generator = new PMREMGenerator(renderer);
-  const texture = generator.fromScene(room, 0.02).texture;
+  const texture = generator.fromScene(room, 0.06).texture;
   generator.dispose();
   return texture;
 }

@@ -67,7 +67,7 @@ class ForceArrow {
   constructor(sceneSizeM: number) {
     this.longestM = 0.3 * sceneSizeM;
     const radiusM = 0.008 * sceneSizeM;
-    const material = new MeshBasicMaterial({ color: 0xffb454, toneMapped: false });
+    const material = new MeshBasicMaterial({ color: 0xffb454, toneMapped: false, depthTest: false, transparent: true });
     this.shaft = new Mesh(new CylinderGeometry(radiusM, radiusM, 1, 16).translate(0, 0.5, 0), material);
     this.head = new Mesh(new ConeGeometry(2.6 * radiusM, 6 * radiusM, 20).translate(0, 3 * radiusM, 0), material);
     this.group.add(this.shaft, this.head);

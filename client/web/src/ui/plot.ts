@@ -7,7 +7,7 @@ export interface PlotPoint {
 }
 
 const WINDOW_S = 8;
-const MARGIN = { left: 40, right: 40, top: 10, bottom: 20 };
+const MARGIN = { left: 40, right: 48, top: 10, bottom: 20 };
 
 interface Curve {
   color: string;
@@ -120,7 +120,7 @@ function grid(context: CanvasRenderingContext2D, area: Area, line: string, text:
 
 /** The next of 1, 2, 5, 10, ... that is not below the value. */
 function niceCeiling(value: number): number {
-  const power = 10 ** Math.floor(Math.log10(Math.max(value, 1e-3)));
+  const power = 10 ** Math.floor(Math.log10(Math.max(value, 0.1)));
   return [1, 2, 5, 10].map((factor) => factor * power).find((ceiling) => ceiling >= value * 0.999)!;
 }
 

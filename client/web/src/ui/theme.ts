@@ -1,4 +1,4 @@
-// Dark or light: as the device has it, until somebody chooses.
+// Dark, in which tissue is seen best, or light, for those who choose it.
 
 import type { Backdrop } from "../scene/stage";
 
@@ -9,17 +9,15 @@ const BACKDROPS: Record<string, Backdrop> = {
 };
 
 function chosen(): string {
-  const device = matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark";
-  return localStorage.getItem(KEY) ?? device;
+  return localStorage.getItem(KEY) === "light" ? "light" : "dark";
 }
 
-/** Applies the theme now and whenever it changes. */
+/** Applies the theme now and whenever it is changed. */
 export function followTheme(apply: (backdrop: Backdrop) => void): { toggle: () => void } {
   const show = () => {
     document.documentElement.dataset["theme"] = chosen();
     apply(BACKDROPS[chosen()]);
   };
-  matchMedia("(prefers-color-scheme: light)").addEventListener("change", show);
   show();
   const toggle = () => {
     localStorage.setItem(KEY, chosen() === "dark" ? "light" : "dark");
