@@ -26,11 +26,11 @@ export default defineConfig({
     target: "es2022",
     chunkSizeWarningLimit: 1000,
     modulePreload: { polyfill: false },
-    rollupOptions: { output: names },
+    rolldownOptions: { output: names },
   },
-  worker: { format: "es", rollupOptions: { output: names } },
+  worker: { format: "es", rolldownOptions: { output: names } },
   plugins: [packed],
   // `npm run dev` beside a server: calls go through to it.
-  server: { proxy: { "^/kerf\\.v1\\.": process.env["KERF_SERVER"] ?? "http://127.0.0.1:50051" } },
+  server: { proxy: { "^/kerf\\.v1\\.": process.env["SERVER"] ?? "http://127.0.0.1:50051" } },
   test: { include: ["test/**/*.test.ts"], benchmark: { include: ["test/**/*.bench.ts"] } },
 } as Parameters<typeof defineConfig>[0]);

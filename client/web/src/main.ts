@@ -25,7 +25,7 @@ import { followTheme } from "./ui/theme";
 const LONGEST_TICK_S = 0.1;
 
 class App {
-  private readonly stage = new Stage(byId<HTMLCanvasElement>("stage"));
+  private readonly stage = new Stage(byId("stage") as HTMLCanvasElement);
   private readonly readings = new Readings();
   private readonly bars: Bars;
   private readonly view: View;
@@ -45,7 +45,9 @@ class App {
       onFault: (object) => this.session?.hearFault(object),
     });
     const theme = followTheme((backdrop) => (this.stage.backdrop = backdrop));
-    const ask = (act: (session: Session) => unknown) => () => void (this.session && act(this.session));
+    const ask = (act: (session: Session) => unknown) => () => {
+      if (this.session) act(this.session);
+    };
     this.bars = new Bars({
       chooseScene: () => this.choose(),
       changeScene: ask(({ id }) => openSettings(id, (toml) => this.change(toml))),
@@ -71,7 +73,7 @@ class App {
       this.session?.tick(Math.min((now - last) / 1000, LONGEST_TICK_S));
       last = now;
       this.view.takeFrame();
-      this.stage.draw();
+      this.stage.draw(now);
       requestAnimationFrame(tick);
     };
     requestAnimationFrame(tick);

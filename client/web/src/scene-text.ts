@@ -10,7 +10,7 @@ export interface Setting {
   least: number;
   most: number;
   value: number;
-  set(value: number): void;
+  set: (value: number) => void;
 }
 
 /** Settings that belong together: an object's, a tool's. */
@@ -47,7 +47,7 @@ export class SceneText {
       setting(material, "strain_stiffening", "Stiffening under strain", "", 0, 20, 0),
       setting(object, "level", "Level (0 exact, higher faster)", "", 0, 4, 2),
     ];
-    return { title: String(object["name"]), settings };
+    return { title: object["name"] as string, settings };
   }
 
   private toolGroup(tool: TomlTable): SettingGroup[] {
@@ -59,7 +59,7 @@ export class SceneText {
       setting(blade, "thickness_m", "Thickness", "m", 0, 0.05, 0),
       setting(blade, "flank_friction", "Friction of the flanks", "", 0, 2, 0),
     ];
-    return [{ title: String(tool["name"]), settings }];
+    return [{ title: tool["name"] as string, settings }];
   }
 }
 
@@ -84,7 +84,7 @@ function setting(
     least,
     most,
     value: typeof stated === "number" ? stated : absent,
-    set(value) {
+    set: (value) => {
       // What is not stated and stays as it is goes on not being stated.
       if (stated !== undefined || value !== absent) table[key] = value;
     },

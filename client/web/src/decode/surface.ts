@@ -33,6 +33,11 @@ export interface SurfaceShape {
   cutNormals: Float32Array<ArrayBuffer>;
 }
 
+/** Its arrays, to be handed from thread to thread. */
+export function shapeArrays({ positions, skinNormals, cutNormals }: SurfaceShape): Float32Array<ArrayBuffer>[] {
+  return [positions, skinNormals, cutNormals];
+}
+
 /** Pairs of an element's corners that its edges join. */
 const EDGE_CORNERS = [0, 1, 2, 3, 4, 5, 6, 7, 0, 2, 1, 3, 4, 6, 5, 7, 0, 4, 1, 5, 2, 6, 3, 7];
 

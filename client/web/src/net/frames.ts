@@ -1,5 +1,6 @@
 // What passes between the page and its worker, which reads the stream, decodes it and makes arrays to draw.
 
+import type { EventKind } from "../gen/kerf/v1/view_pb";
 import type { SurfaceShape, SurfaceStructure } from "../decode/surface";
 
 export type Vector = readonly [number, number, number];
@@ -62,7 +63,7 @@ export type StreamStatus =
 
 /** Something happened to the session. */
 export interface SessionEvent {
-  kind: number;
+  kind: EventKind;
   step: number;
   toolId: number;
   relativeTolerance: number;

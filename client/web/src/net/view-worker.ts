@@ -7,7 +7,7 @@ import { createClient } from "@connectrpc/connect";
 import { createGrpcWebTransport } from "@connectrpc/connect-web";
 import { ReplicaError } from "../decode/check";
 import { Replica } from "../decode/replica";
-import { BodySurface, type SurfaceShape, type SurfaceStructure } from "../decode/surface";
+import { BodySurface, shapeArrays, type SurfaceShape, type SurfaceStructure } from "../decode/surface";
 import { EventKind, type State, type ToolState, type ViewEvent, ViewService } from "../gen/kerf/v1/view_pb";
 import { inWords, isGone } from "./errors";
 import type { Energy, Frame, FromWorker, Sample, StreamStatus, ToolFrame, ToWorker } from "./frames";
@@ -165,7 +165,7 @@ class Viewing {
       ...(nodesAreWanted && { nodes: surface.nodePositions() }),
     }));
     const arrays = bodies.flatMap(({ shape, structure, nodes }) => [
-      ...Object.values(shape),
+      ...shapeArrays(shape),
       ...(structure ? [structure.rest, structure.materials, structure.skin, structure.cut, structure.elementEdges] : []),
       ...(nodes ? [nodes] : []),
     ]);

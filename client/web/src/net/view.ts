@@ -1,6 +1,6 @@
 // The page's end of the view worker.
 
-import type { SurfaceShape } from "../decode/surface";
+import { shapeArrays, type SurfaceShape } from "../decode/surface";
 import type { Frame, FromWorker, SessionEvent, StreamStatus, ToWorker } from "./frames";
 
 /** Who is told of a session. */
@@ -45,8 +45,8 @@ export class View {
     if (!frame) return false;
     this.newest = undefined;
     const shapes = this.listener.onFrame(frame);
-    const buffers = shapes.flatMap((shape) => Object.values(shape).map((array) => (array as Float32Array).buffer));
-    this.worker.postMessage({ kind: "drawn", shapes } satisfies ToWorker, buffers as ArrayBuffer[]);
+    const buffers = shapes.flatMap(shapeArrays).map((array) => array.buffer);
+    this.worker.postMessage({ kind: "drawn", shapes } satisfies ToWorker, buffers);
     return true;
   }
 

@@ -20,6 +20,7 @@ import {
   WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { Quality } from "./quality";
 
 const FIELD_OF_VIEW_DEG = 30;
 /** Pixels of the screen that are drawn for one of the page, at most: more cannot be told apart. */
@@ -48,6 +49,7 @@ export class Stage {
   private readonly renderer: WebGLRenderer;
   private readonly sun = new DirectionalLight(0xfff2e4, 2.6);
   private readonly table: Mesh<CircleGeometry, MeshStandardMaterial>;
+  private readonly quality = new Quality();
   private isStale = true;
 
   constructor(canvas: HTMLCanvasElement) {
@@ -107,28 +109,34 @@ export class Stage {
     sun.shadow.normalBias = 0.004 * sizeM;
     sun.shadow.bias = -0.0004;
     controls.update();
+    this.quality.restart();
     this.invalidate();
   }
 
-  /** Draws if anything has changed since the last picture; says whether it did. */
-  draw(): boolean {
+  /** Draws if anything has changed since the last picture, or stands still that was drawn in haste. */
+  draw(now: number): void {
     this.controls.update();
-    if (!this.isStale) return false;
+    if (this.isStale) this.render(this.quality.moving(now));
+    else if (this.quality.standsStill(now)) this.render(1);
     this.isStale = false;
-    this.renderer.render(this.scene, this.camera);
-    return true;
   }
 
   /** The picture as it is now. */
   picture(): Promise<Blob | null> {
-    this.renderer.render(this.scene, this.camera);
+    this.render(1);
     return new Promise((resolve) => this.canvas.toBlob(resolve, "image/png"));
+  }
+
+  /** `fineness` is a share of the screen's. */
+  private render(fineness: number): void {
+    const ratio = fineness * Math.min(devicePixelRatio, MAX_PIXEL_RATIO);
+    if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
+    this.renderer.render(this.scene, this.camera);
   }
 
   private resize(): void {
     const { clientWidth, clientHeight } = this.canvas;
     if (clientWidth === 0 || clientHeight === 0) return;
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, MAX_PIXEL_RATIO));
     this.renderer.setSize(clientWidth, clientHeight, false);
     this.camera.aspect = clientWidth / clientHeight;
     // The middle of what the panels leave free.

@@ -76,7 +76,7 @@ export class Bars {
     this.tools = tools;
     const look = this.toolButton("look", "Look", () => this.actions.take(undefined));
     const buttons = tools.map(({ name, kind }, toolId) => {
-      const button = this.toolButton((kind.case ?? "look") as Icon, title(name), () => this.actions.take(toolId));
+      const button = this.toolButton((kind.case ?? "look"), title(name), () => this.actions.take(toolId));
       button.title = `Take the ${name} (${toolId + 1})`;
       return button;
     });

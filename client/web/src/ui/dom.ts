@@ -20,10 +20,10 @@ export function element<K extends keyof HTMLElementTagNameMap>(
 }
 
 /** The element of the page that has this id. */
-export function byId<T extends HTMLElement>(id: string): T {
+export function byId(id: string): HTMLElement {
   const found = document.getElementById(id);
   if (!found) throw new Error(`the page has no #${id}`);
-  return found as T;
+  return found;
 }
 
 const ICONS = {

@@ -19,8 +19,9 @@ export function digits(value: number): string {
 /** `0.00123, "J"` as `1.23 mJ`. */
 export function withUnit(value: number, unit: string): string {
   const size = Math.abs(value);
-  const [scale, prefix] = PREFIXES.find(([least]) => size >= least) ?? [1, ""];
-  return `${digits(value / scale)} ${prefix}${unit}`;
+  const found = PREFIXES.find(([least]) => size >= least);
+  // What is smaller than any prefix is rounding.
+  return found ? `${digits(value / found[0])} ${found[1]}${unit}` : `0 ${unit}`;
 }
 
 export function milliseconds(seconds: number): string {

@@ -12,7 +12,7 @@ const MARGIN = { left: 40, right: 48, top: 10, bottom: 20 };
 interface Curve {
   color: string;
   /** Value of a point in the unit of its axis. */
-  value(point: PlotPoint): number;
+  value: (point: PlotPoint) => number;
   side: "left" | "right";
   unit: string;
 }

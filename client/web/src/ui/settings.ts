@@ -36,6 +36,7 @@ export async function openSettings(sessionId: string, begin: (toml: string) => P
       dialog.close();
     } catch (error) {
       problem.textContent = inWords(error);
+      problem.scrollIntoView();
     }
     form.classList.remove("busy");
   };
