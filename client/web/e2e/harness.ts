@@ -69,7 +69,9 @@ export class Server {
   }
 
   async start(): Promise<void> {
-    const args = ["serve", "--listen", `127.0.0.1:${this.port}`, "--log-filter", "error"];
+    // A browser that draws without a graphics card may be busy for longer than a hand holds still.
+    const lease = ["--set", "session.lease_s=30"];
+    const args = ["serve", "--listen", `127.0.0.1:${this.port}`, "--log-filter", "error", ...lease];
     this.process = spawn(BINARY, args, { stdio: ["ignore", "inherit", "inherit"] });
     for (;;) {
       try {

@@ -94,7 +94,8 @@ export class Session {
   /** To be called once a picture. */
   tick(elapsedS: number): void {
     for (const [toolId, hand] of this.hands) {
-      if (hand.follow(elapsedS)) this.driver.move(toolId, hand.pose);
+      if (!hand.follow(elapsedS)) continue;
+      this.driver.move(toolId, hand.pose);
       this.picture.showHand(toolId, hand.goal);
     }
   }
@@ -102,6 +103,7 @@ export class Session {
   /** Shows a frame; answers with arrays that are shown no more. */
   show(frame: Frame): SurfaceShape[] {
     const used = this.picture.show(frame);
+    for (const [toolId, hand] of this.hands) this.picture.showHand(toolId, hand.goal);
     const shown = this.active ?? frame.samples.at(-1)?.tools.findIndex(({ pose }) => pose) ?? -1;
     if (shown >= 0) this.readings.addPoints(this.stroke.points(frame.samples, shown));
     const dtS = this.description.scene?.dtS ?? 1;

@@ -145,7 +145,7 @@ fn bind(body: &Body, surface: &Surface, id: VertexId) -> BoundVertex {
     let element = body.element_of(vertex.voxel);
     let position = vertex.position_m.map(f64::from).into();
     let local = body.local_coordinates(element, &position).map(|c| c as f32);
-    let material = body.grid.voxels()[vertex.voxel.index()].material;
+    let material = body.state.grid.voxels()[vertex.voxel.index()].material;
     BoundVertex { id, element: element as u32, local, material }
 }
 

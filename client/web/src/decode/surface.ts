@@ -61,7 +61,7 @@ export class BodySurface {
   /** Quad slots, the skin's before those of the cut, and how many are the skin's. */
   private quadOrder = new Uint32Array(0);
   private skinQuads = 0;
-  /** Normals before they are smoothed. */
+  /** Normals while they are smoothed. */
   private rough = new Float32Array(0);
 
   constructor(body: Body) {
@@ -175,13 +175,18 @@ export class BodySurface {
   }
 
   /**
-   * Normals of the faces of one kind: the quads' around each vertex, and their neighbours'. Vertices lie where the
-   * voxels have them, which a wet surface would show; over one quad more it does not.
+   * Normals of the faces of one kind: the quads' around each vertex, smoothed over two more. Vertices lie where the
+   * voxels have them, which a wet surface would show.
    */
-  private normals(from: number, to: number, positions: Float32Array, out: Float32Array<ArrayBuffer>): void {
+  private normals(from: number, to: number, positions: Float32Array, out: Float32Array): void {
     if (this.rough.length !== out.length) this.rough = new Float32Array(out.length);
-    this.sumNormals(from, to, positions, this.rough);
-    const { rough } = this;
+    this.sumNormals(from, to, positions, out);
+    this.smooth(from, to, out, this.rough);
+    this.smooth(from, to, this.rough, out);
+  }
+
+  /** Adds the normals of each quad's corners to all of them. */
+  private smooth(from: number, to: number, rough: Float32Array, out: Float32Array): void {
     const { quadVertices } = this.body;
     out.fill(0);
     for (let i = from; i < to; i++) {

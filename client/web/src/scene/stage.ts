@@ -89,12 +89,13 @@ export class Stage {
     const center = box.getCenter(new Vector3());
     const sizeM = box.getSize(new Vector3()).length();
     const { camera, controls, sun } = this;
-    controls.target.copy(center);
+    // A little above the middle, where tools come from.
+    controls.target.copy(center).setY(center.y + 0.06 * sizeM);
     controls.minDistance = 0.3 * sizeM;
     controls.maxDistance = 6 * sizeM;
     // A narrow window sees less to the sides, so the eye goes back.
-    const distanceM = 1.75 * sizeM * Math.max(1, 1.15 / camera.aspect);
-    camera.position.copy(center).addScaledVector(new Vector3(0.38, 0.4, 1).normalize(), distanceM);
+    const distanceM = 2 * sizeM * Math.max(1, 1.15 / camera.aspect);
+    camera.position.copy(controls.target).addScaledVector(new Vector3(0.38, 0.4, 1).normalize(), distanceM);
     camera.near = 0.02 * sizeM;
     camera.far = 30 * sizeM;
     camera.updateProjectionMatrix();
