@@ -132,6 +132,8 @@ export class Stage {
   private render(fineness: number): void {
     const ratio = fineness * Math.min(devicePixelRatio, MAX_PIXEL_RATIO);
     if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
+    // A machine that slow leaves shadows where they were until things stand still.
+    this.renderer.shadowMap.autoUpdate = fineness > 0.5;
     this.renderer.render(this.scene, this.camera);
   }
 
