@@ -61,7 +61,9 @@ async function shoot(page: Page, name: string): Promise<void> {
 test("a liver under the blade", { timeout: PATIENCE_MS }, async () => {
   const page = await watch("liver");
   await page.click("button:has-text('Blade')");
-  await drag(page, [520, 200], [0, 190], async () => (await reading(page, "Cut area")) > 20);
+  await drag(page, [520, 200], [0, 190], async () => (await reading(page, "Cut area")) > 24);
+  // Out again, so that the cut is seen that the tension holds open.
+  await drag(page, [520, 380], [0, -90], never);
   await shoot(page, "viewer-liver.jpg");
 });
 

@@ -52,6 +52,8 @@ export class Tissue extends Group {
     this.edges.frustumCulled = false;
     this.edges.visible = false;
     this.add(this.faces.skin, this.faces.cut, this.edges);
+    // Drawn before there are normals, the material would be flat for good.
+    this.visible = false;
   }
 
   /** The meshes that a ray may hit. */
@@ -95,6 +97,7 @@ export class Tissue extends Group {
   }
 
   private restructure(structure: SurfaceStructure, shape: SurfaceShape): void {
+    this.visible = true;
     this.cutAreaM2 = structure.cutAreaM2;
     this.vertexCount = structure.vertexCount;
     const position = dynamic(shape.positions);
