@@ -18,6 +18,7 @@ fn cube() -> v1::BodyStructure {
         vertex_local: vec![0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0],
         quad_ids: vec![7],
         quad_vertices: vec![10, 20, 30, 40],
+        ..Default::default()
     }
 }
 
@@ -55,6 +56,7 @@ fn patch() -> v1::TopologyPatch {
         vertex_local: vec![1.0, 0.0, 0.0],
         quad_ids: vec![7, 8],
         quad_vertices: vec![10, 30, 40, 10, 20, 30, 40, 20],
+        ..Default::default()
     };
     let after = v1::BodyStructure {
         vertex_ids: vec![10, 20, 30, 40],

@@ -31,3 +31,4 @@ mod status;
 mod telemetry;
 mod tool_sweep;
 pub mod tradeoff;
+mod viewer;

@@ -17,13 +17,14 @@ use tonic::service::{LayerExt, Routes};
 use tonic::transport::Server as Transport;
 use tonic_health::ServingStatus;
 use tonic_health::server::{HealthReporter, health_reporter};
+use tonic_web::GrpcWebLayer;
 use tower::limit::GlobalConcurrencyLimitLayer;
 
 use crate::config::{ConfigArgs, ServerConfig, TransportLimits};
 use crate::grpc::control_service::ControlService;
 use crate::grpc::session_service::SessionService;
 use crate::grpc::view_service::ViewService;
-use crate::{incoming, machine, print_config, recording, shutdown, telemetry};
+use crate::{incoming, machine, print_config, recording, shutdown, telemetry, viewer};
 
 /// Share of the machine's memory that sessions take unless it is set.
 const MEMORY_SHARE: f64 = 0.5;
@@ -183,6 +184,7 @@ fn builder(limits: &TransportLimits) -> Transport {
     Transport::builder()
         // To be answered and, as long again, to be read: an upload may not trickle in for ever.
         .timeout(Duration::from_secs_f64(2.0 * limits.request_timeout_s))
+        .accept_http1(true)
         .max_concurrent_streams(limits.max_streams_per_connection)
         .http2_keepalive_interval(Some(Duration::from_secs_f64(limits.keepalive_interval_s)))
         .http2_keepalive_timeout(Some(Duration::from_secs_f64(limits.keepalive_timeout_s)))
@@ -209,11 +211,13 @@ async fn routes(registry: &Arc<Registry>, config: &Arc<ServerConfig>) -> Result<
             .register_encoded_file_descriptor_set(kerf_proto::FILE_DESCRIPTOR_SET)
             .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
     };
-    let routes = Routes::new(session)
-        .add_service(control)
-        .add_service(view)
+    // Browsers speak gRPC-Web. A layer for each service: over all routes it would refuse the viewer's own pages.
+    let web = GrpcWebLayer::new();
+    let routes = Routes::new(web.named_layer(session))
+        .add_service(web.named_layer(control))
+        .add_service(web.named_layer(view))
         .add_service(health_service)
         .add_service(reflection().build_v1()?)
         .add_service(reflection().build_v1alpha()?);
-    Ok((health, routes))
+    Ok((health, viewer::routes(routes.into_axum_router()).into()))
 }

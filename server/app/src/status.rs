@@ -97,6 +97,14 @@ pub enum RequestError {
         /// What is wrong and where.
         message: String,
     },
+    /// More steps at once than may be, or none.
+    #[error("steps = {steps}: must be 1 to {limit}")]
+    Steps {
+        /// The number.
+        steps: u32,
+        /// Most steps.
+        limit: u32,
+    },
     /// The session did not answer in time.
     #[error("the session did not answer within {limit_s} s (request_timeout_s)")]
     Unresponsive {
@@ -116,6 +124,7 @@ impl RequestError {
             | Self::Missing { .. }
             | Self::Rate { .. }
             | Self::Dial { .. }
+            | Self::Steps { .. }
             | Self::TooManyRejected { .. }
             | Self::LeaseOfOther { .. }
             | Self::SceneText { .. } => Code::InvalidArgument,

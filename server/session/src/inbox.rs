@@ -36,6 +36,8 @@ pub(crate) enum Command {
     Pause(oneshot::Sender<u64>),
     /// Step on; answers with the step from which it goes on.
     Resume(oneshot::Sender<Result<u64, SessionError>>),
+    /// Take this many steps and stand; answers with the step after which the session stands.
+    Step(u32, oneshot::Sender<Result<u64, SessionError>>),
     /// Back to rest.
     Reset(oneshot::Sender<Result<(), SessionError>>),
     /// Describe the session.

@@ -192,6 +192,15 @@ impl Session {
         self.ask(Command::Resume).await?
     }
 
+    /// Takes `steps` steps, one after the other without waiting for their deadlines, and stands after them;
+    /// answers with the step after which it stands.
+    ///
+    /// # Errors
+    /// The queue is full, or the session has ended or failed.
+    pub async fn step(&self, steps: u32) -> Result<u64, SessionError> {
+        self.ask(|answer| Command::Step(steps, answer)).await?
+    }
+
     /// Puts the scene back to rest.
     ///
     /// # Errors

@@ -99,6 +99,7 @@ fn structure() -> v1::BodyStructure {
         vertex_local: corners.flat_map(|corner| corner.map(|bit| bit as f32)).collect(),
         quad_ids: vec![0, 2],
         quad_vertices: vec![0, 1, 5, 4, 2, 6, 7, 3],
+        ..Default::default()
     }
 }
 
@@ -263,6 +264,17 @@ impl SessionService for Server {
         &self,
         _: Request<v1::ResumeSessionRequest>,
     ) -> Result<Response<v1::ResumeSessionResponse>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
+
+    async fn get_scene(&self, _: Request<v1::GetSceneRequest>) -> Result<Response<v1::GetSceneResponse>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
+
+    async fn step_session(
+        &self,
+        _: Request<v1::StepSessionRequest>,
+    ) -> Result<Response<v1::StepSessionResponse>, Status> {
         Err(Status::unimplemented("not asked for here"))
     }
 

@@ -40,6 +40,7 @@ fn object_summary(object: &ObjectDesc, stats: Option<ObjectStats>) -> v1::Object
         composite_elements: stats.composite_elements,
         left_out_pieces: stats.left_out.pieces,
         left_out_voxels: stats.left_out.voxels,
+        material_names: std::iter::once(&object.name).chain(object.regions.iter().map(|r| &r.name)).cloned().collect(),
     }
 }
 

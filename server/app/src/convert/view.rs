@@ -1,6 +1,6 @@
 //! Structure, state and events as viewers get them.
 
-use kerf_physics::step_io::ToolOutput;
+use kerf_physics::step_io::{Grasp, ToolOutput};
 use kerf_physics::surface::delta::{AdaptedVertex, BodyStructure, Keyframe, TopologyPatch};
 use kerf_proto::v1;
 use kerf_proto::v1::view_event::Message;
@@ -49,9 +49,18 @@ fn body(body: &BodyStructure) -> v1::BodyStructure {
         element_nodes: body.elements.iter().flat_map(|element| element.nodes).collect(),
         vertex_ids: body.vertices.iter().map(|vertex| vertex.id).collect(),
         vertex_elements: body.vertices.iter().map(|vertex| vertex.element).collect(),
+        vertex_materials: vertex_materials(body),
         vertex_local: body.vertices.iter().flat_map(|vertex| vertex.local).collect(),
         quad_ids: body.quads.iter().map(|quad| quad.id).collect(),
         quad_vertices: body.quads.iter().flat_map(|quad| quad.vertices).collect(),
+    }
+}
+
+/// Nothing for an object of one material.
+fn vertex_materials(body: &BodyStructure) -> Vec<u32> {
+    match body.vertices.iter().all(|vertex| vertex.material == 0) {
+        true => Vec::new(),
+        false => body.vertices.iter().map(|vertex| u32::from(vertex.material)).collect(),
     }
 }
 
@@ -82,6 +91,8 @@ fn tool_state(tool: &ToolOutput) -> v1::ToolState {
         pose: tool.pose.as_ref().map(pose),
         wrench: Some(wrench(&tool.wrench)),
         cutting_length_m: tool.cutting_length_m as f32,
+        opening: tool.opening as f32,
+        is_holding: tool.grasp == Grasp::Holding,
     }
 }
 

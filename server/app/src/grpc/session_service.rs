@@ -6,6 +6,7 @@ use std::time::Duration;
 use kerf_physics::{Scene, SceneError};
 use kerf_proto::v1;
 use kerf_proto::v1::create_session_request::Scene as Wanted;
+use kerf_proto::v1::get_scene_request::Of as SceneOf;
 use kerf_session::{Registry, Session, SessionOptions};
 use tonic::{Request, Response, Status};
 
@@ -15,6 +16,9 @@ use crate::convert::scene::{checkpoint, dial, session_description, session_info}
 use crate::recording;
 use crate::scene_list::{Listed, SceneList};
 use crate::status::RequestError;
+
+/// Most steps that a session that stands is told to take at once: a second at 1 kHz.
+const MAX_STEPS: u32 = 1000;
 
 /// The service.
 pub struct SessionService {
@@ -71,6 +75,16 @@ impl v1::session_service_server::SessionService for SessionService {
         let info = |listed: Listed| v1::SceneInfo { name: listed.name, description: listed.description };
         let scenes = listed.into_iter().map(info).collect();
         Ok(Response::new(v1::ListScenesResponse { scenes }))
+    }
+
+    async fn get_scene(&self, request: Request<v1::GetSceneRequest>) -> Result<Response<v1::GetSceneResponse>, Status> {
+        let desc = match request.into_inner().of.ok_or(RequestError::Missing { field: "of" })? {
+            SceneOf::SceneName(name) => by_name(&self.scenes, &name)?.desc,
+            SceneOf::SessionId(id) => self.get(&id)?.scene().desc.clone(),
+        };
+        let scene_toml =
+            toml::to_string(&desc).map_err(|error| RequestError::SceneText { message: error.to_string() })?;
+        Ok(Response::new(v1::GetSceneResponse { scene_toml }))
     }
 
     async fn create_session(
@@ -142,6 +156,18 @@ impl v1::session_service_server::SessionService for SessionService {
         let session = self.get(&request.get_ref().session_id)?;
         let step = in_time(self.limit_s(), session.resume()).await?;
         Ok(Response::new(v1::ResumeSessionResponse { step }))
+    }
+
+    async fn step_session(
+        &self,
+        request: Request<v1::StepSessionRequest>,
+    ) -> Result<Response<v1::StepSessionResponse>, Status> {
+        let v1::StepSessionRequest { session_id, steps } = request.get_ref();
+        if !(1..=MAX_STEPS).contains(steps) {
+            return Err(RequestError::Steps { steps: *steps, limit: MAX_STEPS }.into());
+        }
+        let step = in_time(self.limit_s(), self.get(session_id)?.step(*steps)).await?;
+        Ok(Response::new(v1::StepSessionResponse { step }))
     }
 
     async fn reset_session(

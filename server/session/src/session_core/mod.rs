@@ -62,6 +62,8 @@ pub(crate) struct SessionCore {
     overload: OverloadWatch,
     /// The session stood, or its world was replaced: deadlines and leases run from the next step on.
     interrupted: bool,
+    /// Steps that a session that stands has been told to take.
+    owed_steps: u32,
     /// Present where the scene states how much effort may be given up.
     governor: Option<Governor>,
     /// What the governor decided after the last step.
@@ -127,6 +129,7 @@ impl SessionCore {
             pacer: pacer(&scene, &limits),
             overload: OverloadWatch::default(),
             interrupted: true,
+            owed_steps: 0,
             governor: Governor::of(&scene.desc),
             next_tolerance: None,
             log: InputLog::new(limits.max_recorded_motions),
@@ -159,6 +162,7 @@ impl SessionCore {
     pub fn tick(&mut self, now_ns: u64, workers: &Workers<'_>, clock: &dyn StageClock) -> Wake {
         let due = guard(|| match self.phase {
             Phase::Running => self.step_if_due(now_ns, workers, clock),
+            Phase::Paused if self.owed_steps > 0 => self.step_while_standing(now_ns, workers, clock),
             Phase::Paused | Phase::Failed { .. } => self.stand(now_ns, clock),
             Phase::Closing => {}
         });
@@ -167,6 +171,7 @@ impl SessionCore {
         }
         match self.phase {
             Phase::Running => Wake::At(self.pacer.deadline_ns()),
+            Phase::Paused if self.owed_steps > 0 => Wake::At(now_ns),
             Phase::Paused | Phase::Failed { .. } => Wake::OnCommand { or_at_ns: now_ns + STANDING_TICK_NS },
             Phase::Closing => Wake::Never,
         }
@@ -176,6 +181,18 @@ impl SessionCore {
         self.inbox.drain(Drain::Standing, now_ns, &mut self.tools);
         self.tell_leases();
         self.serve_viewers(now_ns, clock, false);
+    }
+
+    /// One of the steps that were asked for while the session stands: due at once, and viewers see the last one.
+    fn step_while_standing(&mut self, now_ns: u64, workers: &Workers<'_>, clock: &dyn StageClock) {
+        self.owed_steps -= 1;
+        if self.owed_steps == 0 {
+            self.views.hasten_state();
+        }
+        self.pacer.restart(now_ns);
+        self.inbox.drain(Drain::Stepping, now_ns, &mut self.tools);
+        self.tell_leases();
+        self.step(now_ns, workers, clock);
     }
 
     fn step_if_due(&mut self, now_ns: u64, workers: &Workers<'_>, clock: &dyn StageClock) {

@@ -339,3 +339,25 @@ fn a_session_that_closes_tells_its_viewers_obeys_nothing_more_and_is_never_due_a
     assert_eq!(events(&mut viewer), [SceneEvent::Closing]);
     assert_eq!(session.core.world().output().step, 500);
 }
+
+#[test]
+fn a_session_that_stands_takes_as_many_steps_as_it_is_told_and_shows_the_last() {
+    let mut session = session();
+    let mut viewer = session.view();
+    session.run(S);
+    let stood = session.ask(Command::Pause);
+    session.run(S);
+    messages(&mut viewer);
+    assert_eq!(session.ask(|answer| Command::Step(3, answer)), Ok(stood + 3));
+    session.run(S);
+    let status = session.status();
+    assert_eq!((status.step, status.late_steps, status.phase), (stood + 3, 0, Phase::Paused));
+    let shown = messages(&mut viewer).into_iter().filter_map(|message| match message {
+        ViewMessage::State(state) => Some(state.step),
+        _ => None,
+    });
+    assert_eq!(shown.last(), Some(stood + 3));
+    assert_eq!(session.ask(Command::Resume), Ok(stood + 3));
+    session.run(S - MS);
+    assert_eq!(session.status().late_steps, 0);
+}
