@@ -27,7 +27,7 @@ viewer: $(if $(NPM),client/web/node_modules)
 	@$(if $(NPM),cd client/web && npm run --silent build,echo "There is no npm here: the server comes without its web viewer.")
 
 client/web/node_modules: client/web/package-lock.json
-	cd client/web && npm ci && touch node_modules
+	cd client/web && npm install --no-save --no-audit --no-fund --loglevel=error && touch node_modules
 
 test:
 	cargo test --workspace

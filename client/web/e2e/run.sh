@@ -8,7 +8,7 @@ if ! command -v npm >/dev/null; then
     echo "The viewer's tests are left out: they need Node 20 or later (npm)."
     exit 0
 fi
-[ node_modules -nt package-lock.json ] || { npm ci && touch node_modules; }
+[ node_modules -nt package-lock.json ] || { npm install --no-save --no-audit --no-fund --loglevel=error && touch node_modules; }
 npm run --silent build
 npm test --silent
 

@@ -61,7 +61,8 @@ async fn the_text_of_a_scene_makes_the_same_scene() {
     let of = Some(get_scene_request::Of::SessionId(session_id.clone()));
     let scene_toml = harness.sessions.get_scene(v1::GetSceneRequest { of }).await.unwrap().into_inner().scene_toml;
     let scene = Some(v1::create_session_request::Scene::SceneToml(scene_toml));
-    let request = v1::CreateSessionRequest { scene, start_paused: true, dial: None, step_rate_hz: None, ..Default::default() };
+    let request =
+        v1::CreateSessionRequest { scene, start_paused: true, dial: None, step_rate_hz: None, ..Default::default() };
     let again = harness.sessions.create_session(request).await.unwrap().into_inner().session.unwrap();
     assert_eq!(again.scene, harness.describe(&session_id).await.scene);
     let of = Some(get_scene_request::Of::SceneName("liver".into()));
