@@ -99,6 +99,7 @@ fn structure() -> v1::BodyStructure {
         vertex_local: corners.flat_map(|corner| corner.map(|bit| bit as f32)).collect(),
         quad_ids: vec![0, 2],
         quad_vertices: vec![0, 1, 5, 4, 2, 6, 7, 3],
+        ..Default::default()
     }
 }
 

@@ -1,0 +1,202 @@
+//! What of the body is held, element by element.
+
+use super::Body;
+use crate::Vec3;
+use crate::fem::composite::ElementMatrices;
+use crate::fem::held::{Corner, HeldVoxel, VoxelCorners, hold};
+use crate::grid::{Grid, Ijk, VoxelId};
+use crate::math::Aabb;
+use crate::solve::assembly::CHUNK_ELEMENTS;
+
+/// Elements that touch what is held.
+#[derive(Clone, Default)]
+pub(super) struct HeldElements {
+    /// Ascending.
+    elements: Vec<u32>,
+    /// By element; present in those.
+    corners: Vec<Option<Box<VoxelCorners>>>,
+    /// Around their cells at rest, by chunk of elements, m.
+    boxes: Vec<Aabb>,
+}
+
+impl HeldElements {
+    pub(super) fn elements(&self) -> &[u32] {
+        &self.elements
+    }
+
+    /// The corners of an element's voxels, if it is held.
+    pub(super) fn corners(&self, element: usize) -> Option<&VoxelCorners> {
+        self.corners[element].as_deref()
+    }
+
+    /// Boxes around what of each chunk of elements is held, m, scene frame; empty where nothing is.
+    pub(super) fn boxes(&self) -> &[Aabb] {
+        &self.boxes
+    }
+
+    pub(super) fn resize(&mut self, elements: usize) {
+        self.corners.resize_with(elements, || None);
+    }
+
+    fn set(&mut self, element: usize, corners: Option<Box<VoxelCorners>>) {
+        let found = self.elements.binary_search(&(element as u32));
+        match (found, corners.is_some()) {
+            (Err(at), true) => self.elements.insert(at, element as u32),
+            (Ok(at), false) => {
+                self.elements.remove(at);
+            }
+            _ => {}
+        }
+        self.corners[element] = corners;
+    }
+}
+
+impl Body {
+    /// Whether something of an element is held.
+    #[must_use]
+    pub(crate) fn is_held(&self, element: usize) -> bool {
+        self.state.held.corners(element).is_some()
+    }
+
+    /// Finds out what of an element is held; returns whether that changed.
+    pub(super) fn find_held_corners(&mut self, element: usize, voxels: &[VoxelId]) -> bool {
+        let corners = self.voxel_corners(element, voxels);
+        let changed = corners.as_deref() != self.state.held.corners(element);
+        self.state.held.set(element, corners);
+        changed
+    }
+
+    /// The corners of an element's voxels; `None` where none is held.
+    fn voxel_corners(&self, element: usize, voxels: &[VoxelId]) -> Option<Box<VoxelCorners>> {
+        if !voxels.iter().any(|voxel| self.description.voxel_loads[voxel.index()].is_beside_held) {
+            return None;
+        }
+        let low = self.first_voxel_of(element);
+        let mut corners = VoxelCorners::new(self.element_level(element));
+        for voxel in voxels {
+            let cell = self.state.grid.voxels()[voxel.index()].ijk;
+            for corner in self.shared_corners(element, cell) {
+                corners.set(from(corner, low), Corner::Shared);
+            }
+        }
+        for voxel in voxels.iter().filter(|voxel| self.description.voxel_loads[voxel.index()].is_beside_held) {
+            let cell = self.state.grid.voxels()[voxel.index()].ijk;
+            for corner in (0..8).map(|c| [0, 1, 2].map(|a| cell[a] + (c >> a & 1))) {
+                if self.is_held_at(element, corner) {
+                    corners.set(from(corner, low), Corner::Held);
+                }
+            }
+        }
+        corners.any_held().then(|| Box::new(corners))
+    }
+
+    /// Corners of a voxel of `element` that voxels of other elements have too, across intact links.
+    fn shared_corners(&self, element: usize, cell: Ijk) -> impl Iterator<Item = Ijk> + '_ {
+        let across = Grid::links_of(cell).enumerate().filter(move |(_, (link, other))| {
+            let beyond = self.state.grid.voxel_at(*other).filter(|_| self.state.grid.is_intact(*link));
+            beyond.is_some_and(|voxel| self.element_of(voxel) != element)
+        });
+        across.flat_map(move |(face, _)| {
+            let (axis, side) = (face / 2, face % 2);
+            (0..8).filter(move |c| c >> axis & 1 == side).map(move |c| [0, 1, 2].map(|a| cell[a] + (c as i32 >> a & 1)))
+        })
+    }
+
+    /// Whether a corner of voxels of `element`, in voxels, is one of a held voxel: of the element itself, or of
+    /// those that it is linked to around the corner.
+    fn is_held_at(&self, element: usize, corner: Ijk) -> bool {
+        let held =
+            |cell: Ijk| self.state.grid.voxel_at(cell).filter(|voxel| self.description.voxel_loads[voxel.index()].held);
+        let owners: Vec<u32> =
+            cells_around(corner).filter_map(held).map(|voxel| self.base().owner[voxel.index()]).collect();
+        if owners.is_empty() || owners.contains(&(element as u32)) {
+            return !owners.is_empty();
+        }
+        let around = self.base().elements_beside(cells_around(corner));
+        let mut linked = vec![element as u32];
+        let mut next = 0;
+        while next < linked.len() {
+            for (_, other) in &self.base().elements[linked[next] as usize].neighbours {
+                if owners.contains(other) {
+                    return true;
+                }
+                if around.contains(other) && !linked.contains(other) {
+                    linked.push(*other);
+                }
+            }
+            next += 1;
+        }
+        false
+    }
+
+    /// The matrices of an element as its voxels are held.
+    pub(super) fn held_matrices(&self, element: usize, voxels: &[VoxelId], plain: ElementMatrices) -> ElementMatrices {
+        let Some(corners) = self.state.held.corners(element) else { return plain };
+        let low = self.first_voxel_of(element);
+        let free = voxels.iter().filter(|voxel| !self.description.voxel_loads[voxel.index()].held);
+        let voxels: Vec<HeldVoxel> = free
+            .map(|voxel| HeldVoxel {
+                at: from(self.state.grid.voxels()[voxel.index()].ijk, low),
+                elastic: self.material_of(*voxel).elastic,
+            })
+            .collect();
+        hold(&plain, corners, &voxels, &self.description.single_voxel)
+    }
+
+    /// Elements that are held otherwise since those of `cells` changed, ascending.
+    pub(super) fn follow_held(&mut self, cells: &[Ijk]) -> Vec<u32> {
+        let touches = |element: &u32| {
+            let data = &self.base().elements[*element as usize];
+            cells.iter().any(|cell| {
+                let size = self.base().sizes().at(*cell).unwrap_or(1);
+                (0..3).all(|a| cell[a] <= data.cell[a] + data.size && data.cell[a] <= cell[a] + size)
+            })
+        };
+        let beside: Vec<u32> = self.state.held.elements().iter().copied().filter(touches).collect();
+        let mut changed = beside;
+        changed.retain(|element| {
+            let voxels = self.voxels_of(*element as usize);
+            self.find_held_corners(*element as usize, &voxels)
+        });
+        changed
+    }
+
+    /// Makes the boxes around what of each chunk of elements is held.
+    pub(super) fn bound_held(&mut self) {
+        let empty = Aabb::around([]);
+        let mut boxes = vec![empty; self.state.chunks.len()];
+        for element in self.state.held.elements.iter().map(|element| *element as usize) {
+            let chunk = &mut boxes[element / CHUNK_ELEMENTS];
+            *chunk = chunk.with(&Aabb::around(self.cell_corners_m(element)));
+        }
+        self.state.held.boxes = boxes;
+    }
+
+    /// Lower corner of an element's cell, in voxels.
+    pub(super) fn first_voxel_of(&self, element: usize) -> Ijk {
+        self.base().elements[element].cell.map(|c| c << self.base().exponent)
+    }
+
+    /// A box around where an element is.
+    pub(crate) fn element_box(&self, element: usize) -> Aabb {
+        let nodes = self.base().elements[element].nodes;
+        let at = nodes.iter().map(|node| Vec3::from(self.state.position_m[*node as usize]));
+        // What is held is where it was, whatever the nodes around it do.
+        Aabb::around(at.chain(self.state.held.corners(element).into_iter().flat_map(|_| self.cell_corners_m(element))))
+    }
+
+    /// Corners of an element's cell at rest, m.
+    pub(super) fn cell_corners_m(&self, element: usize) -> [Vec3; 8] {
+        self.base().elements[element].nodes.map(|node| self.rest_position_m(node as usize))
+    }
+}
+
+/// The eight voxels around a corner.
+fn cells_around(corner: Ijk) -> impl Iterator<Item = Ijk> + Clone {
+    (0..8).map(move |c| [0, 1, 2].map(|a| corner[a] - (c >> a & 1)))
+}
+
+/// A place in voxels from another.
+pub(super) fn from(at: Ijk, low: Ijk) -> Ijk {
+    [0, 1, 2].map(|a| at[a] - low[a])
+}
