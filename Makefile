@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo test test-all same-bits lint verify experiment extremes strokes bench performance peers
+.PHONY: demo viewer test test-viewer screenshots test-all same-bits lint verify experiment extremes strokes bench performance peers
 
 # Folder of scanned meshes for some of the tests and for `performance`, which leave them out where it is empty.
 TEST_SHARED ?= $(abspath $(wildcard ../shared))
@@ -8,16 +8,40 @@ export TEST_SHARED
 DEMO_OUT ?= out/demo
 DEMO_ADDRESS ?= 127.0.0.1:50051
 
-# Starts a server, cuts the liver twice through it, leaves plots and the surface, stops the server.
-demo:
+NPM := $(shell command -v npm)
+
+# Starts a server, cuts the liver twice through it, leaves plots and the surface. On a terminal the server then goes on
+# for whoever opens the page that it names; else it stops.
+demo: viewer
 	cargo build --release --bin kerf-server --bin kerf-load
 	@target/release/kerf-server serve --listen $(DEMO_ADDRESS) --log-filter warn & server=$$!; \
-	trap 'kill $$server 2>/dev/null; wait $$server' EXIT; \
+	trap 'kill $$server 2>/dev/null; wait $$server' EXIT; trap 'exit 0' INT; \
 	target/release/kerf-load --server http://$(DEMO_ADDRESS) --scene liver --step-rates 1000,500,250 --strokes 2 --jitter 0 \
-		--depth 0.05 --speed 0.05 --wait-for-server 10 --out $(DEMO_OUT)
+		--depth 0.05 --speed 0.05 --wait-for-server 10 --out $(DEMO_OUT) || exit 1; \
+	if [ -t 0 ] && [ -t 1 ]; then \
+		printf '\nTo cut by hand, open http://$(DEMO_ADDRESS) in a browser. Enter stops the server.\n'; read -r key; \
+	fi
+
+# The web viewer's files, which the server's build takes in. Without Node the server says how to add them.
+viewer: $(if $(NPM),client/web/node_modules)
+	@$(if $(NPM),cd client/web && npm run --silent build,echo "There is no npm here: the server comes without its web viewer.")
+
+client/web/node_modules: client/web/package-lock.json
+	cd client/web && npm install --no-save --no-audit --no-fund --loglevel=error && touch node_modules
 
 test:
 	cargo test --workspace
+	@$(MAKE) --no-print-directory test-viewer
+
+# The viewer's own tests, and those in a real browser. What is missing for them is said.
+test-viewer:
+	cargo build --bin kerf-server
+	@client/web/e2e/run.sh viewer
+
+# The README's pictures of the viewer, drawn by the same browser.
+screenshots:
+	cargo build --bin kerf-server
+	@client/web/e2e/run.sh screenshots
 
 # The tests marked slow too, each with its reason, and same-bits: at most ten minutes once built. A sweep that prints
 # what constants were read from takes minutes more: cargo test -p kerf-physics blade_stiffness_sweep -- --ignored --nocapture
@@ -32,10 +56,11 @@ same-bits:
 		release=$$(run $$cpu --release) && test "$$dev" = "$$release" || { echo "$$cpu: $$release, not $$dev"; exit 1; }; \
 	done; echo "same bits: $$dev"
 
-lint:
+lint: $(if $(NPM),client/web/node_modules)
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
+	$(if $(NPM),cd client/web && npm run --silent lint)
 
 # Writes docs/verification.md and its plots; figures are deterministic.
 verify:

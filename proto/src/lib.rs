@@ -3,6 +3,8 @@
 //! Deliberately absent: logic. Conversions live with the server, checks of what comes in with
 //! whoever receives it.
 
+pub mod codec;
+
 /// Version 1 of the protocol.
 // Generated code: its style is not ours, and private glue in it carries no docs.
 #[allow(clippy::all, missing_docs, unused_qualifications)]

@@ -17,7 +17,7 @@ fn vertices() -> Vec<BoundVertex> {
         (4_000_000_000, 1, [1.0, 0.5, 1e-30]),
         (4_294_967_295, 0, [0.5; 3]),
     ]
-    .map(|(id, element, local)| BoundVertex { id, element, local })
+    .map(|(id, element, local)| BoundVertex { id, element, local, material: 0 })
     .to_vec()
 }
 
@@ -40,6 +40,7 @@ fn body_on_the_wire() -> v1::BodyStructure {
         vertex_local: vertices().iter().flat_map(|vertex| vertex.local).collect(),
         quad_ids: quads().iter().map(|quad| quad.id).collect(),
         quad_vertices: quads().iter().flat_map(|quad| quad.vertices).collect(),
+        ..Default::default()
     }
 }
 

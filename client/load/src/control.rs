@@ -1,5 +1,7 @@
 //! The driver's stream: hello, poses up, contacts down.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use anyhow::{Context, bail};
@@ -47,7 +49,8 @@ pub async fn open(
         tool_ids,
         contact_rate_hz,
     };
-    up.try_send(Up { message: Some(up::Message::Hello(hello)) }).context("the queue is new and has room")?;
+    up.try_send(Up { message: Some(up::Message::Hello(hello)), received: 0 })
+        .context("the queue is new and has room")?;
     let answer = async {
         let mut down = ControlServiceClient::new(channel)
             .control(ReceiverStream::new(queue))
@@ -75,13 +78,34 @@ pub async fn open(
 /// The receiving half of an open stream.
 pub struct Receiver {
     down: Streaming<Down>,
+    /// For acknowledgements while no pose takes them along.
+    up: mpsc::WeakSender<Up>,
+    received: Arc<AtomicU64>,
+}
+
+/// The sending half of an open stream.
+pub struct Sender {
+    /// Where messages go.
+    pub up: mpsc::Sender<Up>,
+    /// Number of the newest contact that was read.
+    pub received: Arc<AtomicU64>,
+}
+
+impl Sender {
+    /// A message that acknowledges what was read until now.
+    #[must_use]
+    pub fn message(&self, message: up::Message) -> Up {
+        Up { message: Some(message), received: self.received.load(Ordering::Relaxed) }
+    }
 }
 
 impl Control {
     /// Splits the stream: poses are sent from another thread.
     #[must_use]
-    pub fn split(self) -> (mpsc::Sender<Up>, Receiver) {
-        (self.up, Receiver { down: self.down })
+    pub fn split(self) -> (Sender, Receiver) {
+        let received = Arc::new(AtomicU64::new(0));
+        let sender = Sender { up: self.up.clone(), received: Arc::clone(&received) };
+        (sender, Receiver { down: self.down, up: self.up.downgrade(), received })
     }
 }
 
@@ -101,7 +125,10 @@ impl Receiver {
         let down = message.context("the server ended the control stream")?;
         metrics.bytes += down.encoded_len() as u64 + FRAME_BYTES;
         match down.message.context("the server sent an empty message")? {
-            down::Message::Contact(contact) => metrics.contact(&contact, now_ns, script, timetable)?,
+            down::Message::Contact(contact) => {
+                self.acknowledge(contact.number);
+                metrics.contact(&contact, now_ns, script, timetable)?;
+            }
             down::Message::Rejected(rejected) => metrics.rejection(&rejected),
             down::Message::Fault(_) => metrics.faults += 1,
             down::Message::ToleranceChanged(changed) => {
@@ -112,8 +139,18 @@ impl Receiver {
             down::Message::LeaseLost(_) => metrics.leases_lost += 1,
             // Somebody else undid what this script did; it goes on.
             down::Message::CheckpointRestored(_) => {}
+            // Late steps are counted by themselves.
+            down::Message::Event(_) => {}
             down::Message::Hello(_) => bail!("the server sent a second hello"),
         }
         Ok(())
+    }
+
+    /// Where the queue is full, a pose is about to take the acknowledgement along.
+    fn acknowledge(&self, number: u64) {
+        self.received.fetch_max(number, Ordering::Relaxed);
+        if let Some(up) = self.up.upgrade() {
+            let _ = up.try_send(Up { message: None, received: number });
+        }
     }
 }

@@ -4,11 +4,12 @@ use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use kerf_proto::v1::{self, Up, up};
+use kerf_proto::v1::{self, up};
 use kerf_script::Placement;
-use tokio::sync::mpsc::{self, error::TrySendError};
+use tokio::sync::mpsc::error::TrySendError;
 
 use crate::clock;
+use crate::control::Sender;
 use crate::pacer::{Punctuality, Schedule};
 use crate::script::Script;
 use crate::wire;
@@ -114,7 +115,7 @@ pub struct SendTotals {
 pub fn send(
     script: &Script,
     timetable: Timetable,
-    up: &mpsc::Sender<Up>,
+    to: &Sender,
     in_flight: &InFlight,
     stop: &Arc<AtomicBool>,
 ) -> SendTotals {
@@ -141,7 +142,7 @@ pub fn send(
                 None => continue,
             };
             *down = matches!(message, up::Message::Pose(_));
-            match up.try_send(Up { message: Some(message) }) {
+            match to.up.try_send(to.message(message)) {
                 Ok(()) => totals.sent += u64::from(*down),
                 Err(TrySendError::Full(_)) => {
                     in_flight.forget(tool_id, seq);
@@ -153,7 +154,7 @@ pub fn send(
     }
     for (track, _) in script.tracks.iter().zip(down).filter(|(_, down)| *down) {
         // The last message may wait: nothing is paced any more. Closed: the stream lifts them.
-        let _ = up.blocking_send(Up { message: Some(lift(track.tool_id)) });
+        let _ = to.up.blocking_send(to.message(lift(track.tool_id)));
     }
     SendTotals { kept: schedule.kept(), ..totals }
 }
@@ -166,6 +167,7 @@ fn lift(tool_id: u32) -> up::Message {
 mod tests {
     use kerf_script::{Key, Pose, Track};
     use nalgebra::{UnitQuaternion, Vector3};
+    use tokio::sync::mpsc;
 
     use super::*;
     use crate::script::Datum;
@@ -205,6 +207,7 @@ mod tests {
 
     fn messages(script: &Script, duration_s: f64, capacity: usize) -> (SendTotals, Vec<up::Message>) {
         let (up, mut received) = mpsc::channel(capacity);
+        let up = Sender { up, received: Arc::default() };
         let timetable = Timetable { start_ns: clock::now_ns(), rate_hz: 1000.0, duration_s };
         let totals = send(script, timetable, &up, &InFlight::default(), &Arc::default());
         drop(up);
@@ -240,6 +243,7 @@ mod tests {
     #[test]
     fn full_queue_drops_poses_instead_of_waiting() {
         let (up, received) = mpsc::channel(2);
+        let up = Sender { up, received: Arc::default() };
         let timetable = Timetable { start_ns: clock::now_ns(), rate_hz: 1000.0, duration_s: 0.02 };
         let in_flight = Arc::new(InFlight::default());
         let shared = Arc::clone(&in_flight);

@@ -1,5 +1,6 @@
 //! Connecting to a server and getting a session.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -128,13 +129,14 @@ async fn create(
     Wishes { dial, step_rate_hz }: Wishes,
 ) -> anyhow::Result<v1::SessionDescription> {
     let path = Path::new(scene);
-    let source = if path.extension().is_some_and(|extension| extension == "toml") {
+    let (source, files) = if path.extension().is_some_and(|extension| extension == "toml") {
         let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {scene}"))?;
-        create_session_request::Scene::SceneToml(text)
+        let files = files_beside(path, &text)?;
+        (create_session_request::Scene::SceneToml(text), files)
     } else {
-        create_session_request::Scene::SceneName(scene.to_owned())
+        (create_session_request::Scene::SceneName(scene.to_owned()), Vec::new())
     };
-    let request = v1::CreateSessionRequest { scene: Some(source), start_paused: false, dial, step_rate_hz };
+    let request = v1::CreateSessionRequest { scene: Some(source), start_paused: false, dial, step_rate_hz, files };
     let reply = client
         .create_session(timed(request, CREATE_TIMEOUT))
         .await
@@ -142,6 +144,36 @@ async fn create(
     let v1::CreateSessionResponse { session, warnings } = reply.into_inner();
     warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     session.context("the server created a session without describing it")
+}
+
+/// The files that a scene's text refers to, each as it names it, from beside the scene.
+fn files_beside(scene: &Path, text: &str) -> anyhow::Result<Vec<v1::SceneFile>> {
+    let folder = scene.parent().unwrap_or(Path::new(""));
+    let mut names = BTreeSet::new();
+    // What is wrong with the text is the server's to say.
+    file_names(&toml::Value::Table(toml::from_str(text).unwrap_or_default()), &mut names);
+    let read = |name: String| {
+        let path = folder.join(&name);
+        let data = std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        Ok(v1::SceneFile { name, data })
+    };
+    names.into_iter().map(read).collect()
+}
+
+/// Every text that is called `file`, wherever it stands.
+fn file_names(value: &toml::Value, names: &mut BTreeSet<String>) {
+    match value {
+        toml::Value::Array(values) => values.iter().for_each(|value| file_names(value, names)),
+        toml::Value::Table(fields) => {
+            for (field, value) in fields {
+                match value.as_str() {
+                    Some(name) if field == "file" => drop(names.insert(name.to_owned())),
+                    _ => file_names(value, names),
+                }
+            }
+        }
+        _ => {}
+    }
 }
 
 async fn describe(

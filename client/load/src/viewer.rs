@@ -6,7 +6,7 @@ use std::time::Duration;
 use anyhow::{Context, bail};
 use kerf_proto::v1::view_service_client::ViewServiceClient;
 use kerf_proto::v1::{self, ViewEvent, view_event};
-use kerf_replica::{Replica, ReplicaError, Surface};
+use kerf_replica::{Assembler, Replica, ReplicaError, Surface};
 use prost::Message;
 use tokio::sync::watch;
 use tonic::Streaming;
@@ -77,7 +77,7 @@ pub async fn first_surfaces(channel: Channel, request: v1::ViewRequest) -> anyho
         let mut stream = subscribe(channel, request).await?;
         let mut replica = Replica::default();
         loop {
-            let event = next(&mut stream).await?;
+            let event = stream.next().await?;
             replica.apply(&event.message.context("the server sent an empty view event")?)?;
             if let Some(surfaces) = replica.surfaces() {
                 return Ok(surfaces);
@@ -129,7 +129,7 @@ async fn watch_session(
         loop {
             let event = tokio::select! {
                 _ = stop.wait_for(|stop| *stop) => return Ok(replica),
-                event = next(&mut stream) => event?,
+                event = stream.next() => event?,
             };
             if apply(&event, &mut replica, &totals)? == Replicated::Broken {
                 break;
@@ -174,7 +174,10 @@ impl ViewTotals {
                 self.server.get_or_insert_with(|| ServerSteps::starting_at(state)).update(state);
             }
             // Drivers are told of faults too, and count them.
-            view_event::Message::Event(_) | view_event::Message::Fault(_) => {}
+            view_event::Message::Event(_)
+            | view_event::Message::Fault(_)
+            | view_event::Message::Hello(_)
+            | view_event::Message::Fragment(_) => {}
         }
     }
 
@@ -212,16 +215,49 @@ impl ServerSteps {
     }
 }
 
-async fn subscribe(channel: Channel, request: v1::ViewRequest) -> anyhow::Result<Streaming<ViewEvent>> {
-    let reply = ViewServiceClient::new(channel)
-        .max_decoding_message_size(kerf_proto::MAX_MESSAGE_BYTES)
-        .view(request)
-        .await
-        .map_err(|status| refused("opening the view stream", &status))?;
-    Ok(reply.into_inner())
+/// A view stream whose messages are acknowledged as they are asked for.
+struct View {
+    stream: Streaming<ViewEvent>,
+    assembler: Assembler,
+    /// Number of the newest message that was read.
+    read: watch::Sender<u64>,
 }
 
-async fn next(stream: &mut Streaming<ViewEvent>) -> anyhow::Result<ViewEvent> {
-    let event = stream.message().await.map_err(|status| refused("the view stream broke", &status))?;
-    event.context("the server ended the view stream")
+async fn subscribe(channel: Channel, request: v1::ViewRequest) -> anyhow::Result<View> {
+    let mut client = ViewServiceClient::new(channel).max_decoding_message_size(kerf_proto::MAX_MESSAGE_BYTES);
+    let reply = client.view(request).await.map_err(|status| refused("opening the view stream", &status))?;
+    let mut stream = reply.into_inner();
+    let first = stream.message().await.map_err(|status| refused("the view stream broke", &status))?;
+    let Some(ViewEvent { message: Some(view_event::Message::Hello(hello)), .. }) = first else {
+        bail!("the server did not begin with a hello");
+    };
+    let (read, newest) = watch::channel(0);
+    tokio::spawn(acknowledge(client, hello.viewer, newest));
+    Ok(View { stream, assembler: Assembler::default(), read })
+}
+
+/// Tells the server what was read, one call at a time, until the stream is left or the server knows it no more.
+async fn acknowledge(mut client: ViewServiceClient<Channel>, viewer: String, mut newest: watch::Receiver<u64>) {
+    while newest.changed().await.is_ok() {
+        let number = *newest.borrow_and_update();
+        let request = v1::AcknowledgeRequest { viewer: viewer.clone(), number };
+        if client.acknowledge(request).await.is_err() {
+            return;
+        }
+    }
+}
+
+impl View {
+    async fn next(&mut self) -> anyhow::Result<ViewEvent> {
+        loop {
+            let event = self.stream.message().await.map_err(|status| refused("the view stream broke", &status))?;
+            let event = event.context("the server ended the view stream")?;
+            if let Some(whole) = self.assembler.take(event)? {
+                if whole.number > 0 {
+                    self.read.send_replace(whole.number);
+                }
+                return Ok(whole);
+            }
+        }
+    }
 }

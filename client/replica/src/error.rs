@@ -34,6 +34,9 @@ pub enum ReplicaError {
         /// What the replica has.
         computed: u64,
     },
+    /// Fragments do not follow each other, or are no message together.
+    #[error("fragments that do not make a message")]
+    Fragments,
     /// A message speaks of more or fewer objects than there are.
     #[error("{message}.bodies: {got} entries, {expected} expected")]
     BodyCount {
@@ -66,7 +69,7 @@ impl ReplicaError {
     #[must_use]
     pub fn needs_keyframe(&self) -> bool {
         match self {
-            Self::NoKeyframe | Self::PatchOfOtherVersion { .. } | Self::HashMismatch { .. } => true,
+            Self::NoKeyframe | Self::Fragments | Self::PatchOfOtherVersion { .. } | Self::HashMismatch { .. } => true,
             Self::StateOfOtherVersion { have, got } => got > have,
             Self::BodyCount { message, .. } | Self::Field { message, .. } => *message != "state",
         }

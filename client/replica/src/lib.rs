@@ -7,12 +7,14 @@
 //!
 //! Deliberately absent: network, threads, and any knowledge of the physics.
 
+mod assembler;
 mod body;
 mod error;
 pub mod glb;
 mod hash;
 mod surface;
 
+pub use assembler::Assembler;
 pub use body::{Body, Vertex};
 pub use error::{FieldError, Problem, ReplicaError};
 pub use hash::surface_hash;
@@ -53,7 +55,9 @@ impl Replica {
             view_event::Message::Keyframe(keyframe) => self.apply_keyframe(keyframe),
             view_event::Message::Patch(patch) => self.apply_patch(patch),
             view_event::Message::State(state) => self.apply_state(state),
-            view_event::Message::Event(_) | view_event::Message::Fault(_) => Ok(()),
+            view_event::Message::Hello(_) | view_event::Message::Event(_) | view_event::Message::Fault(_) => Ok(()),
+            // The part of one says nothing: see [`Assembler`].
+            view_event::Message::Fragment(_) => Err(ReplicaError::Fragments),
         }
     }
 

@@ -49,6 +49,12 @@ pub struct ServerConfig {
     /// Folder that the inputs of each session are written to when it is reset or ends, for
     /// `simulate --replay`. Default none: nothing is written.
     pub record_dir: Option<PathBuf>,
+    /// Most that is kept in `record_dir`, MiB; what comes when it is full is not recorded, and its client is told.
+    /// Default 1024: two hours of one tool at 1 kHz.
+    pub max_record_mib: f64,
+    /// Folder of scenes, TOML files with the meshes, label maps and edges that they refer to, which clients create by
+    /// the name of the file. Default none.
+    pub scene_dir: Option<PathBuf>,
     /// Folder of measured Pareto fronts, CSV files as `kerf-server tradeoff` writes them, by which sessions are
     /// given a budget or an error. They go before those that come with the program, which were measured on
     /// another machine. Default none.
@@ -59,6 +65,8 @@ pub struct ServerConfig {
     pub transport: TransportLimits,
     /// Limits of control streams.
     pub control: ControlLimits,
+    /// Limits of view streams.
+    pub view: ViewLimits,
     /// Limits of sessions.
     pub session: SessionLimits,
 }
@@ -69,10 +77,13 @@ impl Default for ServerConfig {
             listen: SocketAddr::from(([127, 0, 0, 1], 50051)),
             network_threads: 2,
             record_dir: None,
+            max_record_mib: 1024.0,
+            scene_dir: None,
             pareto_dir: None,
             log: LogConfig::default(),
             transport: TransportLimits::default(),
             control: ControlLimits::default(),
+            view: ViewLimits::default(),
             session: SessionLimits::default(),
         }
     }
@@ -110,11 +121,21 @@ pub enum LogFormat {
 pub struct TransportLimits {
     /// Connections at a time; more wait to be accepted. Default 256: a client has one or two.
     pub max_connections: usize,
+    /// Connections of one address at a time; further ones are closed as they come. Default 64: a lab behind one
+    /// address, and a quarter of all.
+    pub max_connections_per_peer: usize,
+    /// Time for a connection to begin to speak, s. Default 5.
+    pub handshake_timeout_s: f64,
     /// Calls and streams of one connection at a time. Default 32.
     pub max_streams_per_connection: u32,
-    /// Largest message that is accepted. Default 2 MiB: a scene's text, the largest there is, may
-    /// have 1 MiB.
+    /// Largest message that is accepted from drivers and viewers. Default 64 KiB: they have little to say.
     pub max_incoming_bytes: usize,
+    /// Largest message that creates a session: a scene's text and the files that it refers to. Default 8 MiB: a
+    /// mesh of 100,000 triangles as text.
+    pub max_upload_bytes: usize,
+    /// Calls about sessions that are read and answered at a time, over all connections; others wait. Default 32: so
+    /// many uploads fit into memory.
+    pub max_session_calls: usize,
     /// Largest message that is sent. Default 64 MiB: what clients accept.
     pub max_outgoing_bytes: usize,
     /// Text of a scene that a client sends. Default 1 MiB: as the protocol says.
@@ -134,8 +155,12 @@ impl Default for TransportLimits {
     fn default() -> Self {
         Self {
             max_connections: 256,
+            max_connections_per_peer: 64,
+            handshake_timeout_s: 5.0,
             max_streams_per_connection: 32,
-            max_incoming_bytes: 2 << 20,
+            max_incoming_bytes: 64 << 10,
+            max_upload_bytes: 8 << 20,
+            max_session_calls: 32,
             max_outgoing_bytes: kerf_proto::MAX_MESSAGE_BYTES,
             max_scene_bytes: 1 << 20,
             keepalive_interval_s: 5.0,
@@ -155,6 +180,12 @@ pub struct ControlLimits {
     pub default_contact_rate_hz: f64,
     /// Most contacts a second and tool, Hz. Default 1000: a servo's rate; more carries nothing new.
     pub max_contact_rate_hz: f64,
+    /// Age beyond which no contact is sent, and which those on their way should not exceed by waiting for each
+    /// other, s. Default 0.1: a hand notices a force that comes later.
+    pub max_contact_age_s: f64,
+    /// Poses a second and tool that a driver may send, Hz; those beyond are rejected. Default 2000: twice a servo's
+    /// rate, and no step uses more than the newest.
+    pub max_pose_rate_hz: f64,
     /// Rejected poses in a row after which the stream ends. Default 100: at 1 kHz a tenth of a
     /// second of nothing but garbage, which is a broken client and no glitch.
     pub max_rejected_in_a_row: u32,
@@ -174,12 +205,32 @@ impl Default for ControlLimits {
         Self {
             default_contact_rate_hz: 250.0,
             max_contact_rate_hz: 1000.0,
+            max_contact_age_s: 0.1,
+            max_pose_rate_hz: 2000.0,
             max_rejected_in_a_row: 100,
             max_untold_rejections: 16,
             hello_timeout_s: 5.0,
             idle_timeout_s: 300.0,
             max_unary_drivers: 32,
         }
+    }
+}
+
+/// Limits of view streams.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ViewLimits {
+    /// Age that keyframes, patches and states should not exceed by waiting for each other on their way, s.
+    /// Default 0.25: an eye forgives what a hand does not, and a browser stops for a tenth of a second to tidy up.
+    pub max_age_s: f64,
+    /// Largest message; what is larger comes in fragments of this size. Default 1 MiB: clients of gRPC take 4 MiB
+    /// unless they are told otherwise.
+    pub max_message_bytes: usize,
+}
+
+impl Default for ViewLimits {
+    fn default() -> Self {
+        Self { max_age_s: 0.25, max_message_bytes: 1 << 20 }
     }
 }
 
@@ -220,8 +271,13 @@ impl ServerConfig {
         let positive = [
             ("network_threads", self.network_threads as f64),
             ("transport.max_connections", transport.max_connections as f64),
+            ("transport.max_connections_per_peer", transport.max_connections_per_peer as f64),
+            ("transport.handshake_timeout_s", transport.handshake_timeout_s),
             ("transport.max_streams_per_connection", f64::from(transport.max_streams_per_connection)),
             ("transport.max_incoming_bytes", transport.max_incoming_bytes as f64),
+            ("max_record_mib", self.max_record_mib),
+            ("transport.max_upload_bytes", transport.max_upload_bytes as f64),
+            ("transport.max_session_calls", transport.max_session_calls as f64),
             ("transport.max_outgoing_bytes", transport.max_outgoing_bytes as f64),
             ("transport.max_scene_bytes", transport.max_scene_bytes as f64),
             ("transport.keepalive_interval_s", transport.keepalive_interval_s),
@@ -230,6 +286,10 @@ impl ServerConfig {
             ("transport.drain_timeout_s", transport.drain_timeout_s),
             ("control.default_contact_rate_hz", control.default_contact_rate_hz),
             ("control.max_contact_rate_hz", control.max_contact_rate_hz),
+            ("control.max_contact_age_s", control.max_contact_age_s),
+            ("control.max_pose_rate_hz", control.max_pose_rate_hz),
+            ("view.max_age_s", self.view.max_age_s),
+            ("view.max_message_bytes", self.view.max_message_bytes as f64),
             ("control.max_rejected_in_a_row", f64::from(control.max_rejected_in_a_row)),
             ("control.max_untold_rejections", control.max_untold_rejections as f64),
             ("control.hello_timeout_s", control.hello_timeout_s),

@@ -11,14 +11,16 @@
 
 use std::fs::File;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::SystemTime;
 
 use anyhow::{Context, Error, Result, anyhow, bail, ensure};
 use kerf_physics::step_io::{ToolInput, ToolMotion};
 use kerf_physics::tool::Pose;
+use kerf_proto::v1;
 use kerf_session::{InputLog, LoggedInputs, Session};
 
+use crate::config::ServerConfig;
 use crate::convert::{pose_from_script, script_pose};
 
 const HEADER: [&str; 13] = [
@@ -54,31 +56,53 @@ pub struct Recording {
     pub state_hash: Option<u64>,
 }
 
-/// Writes what a session has recorded to a new file in a folder and, beside it, the scene as the dial left
-/// it. What goes wrong is logged: it stops neither a session's end nor its reset.
-pub async fn save(folder: &Path, session: &Session) {
-    match try_save(folder, session).await {
-        Ok(path) => tracing::info!(session = %session.id(), path = %path.display(), "session recorded"),
-        Err(error) => tracing::error!(session = %session.id(), "session not recorded: {error:#}"),
-    }
+/// Writes what a session has recorded to a new file in the server's folder and, beside it, the scene as the dial left
+/// it; says what became of that. `None` where the server has no folder. What goes wrong stops neither a session's end
+/// nor its reset. What a session does after its last reset is lost with the process that is killed.
+pub async fn save(config: &ServerConfig, session: &Session) -> Option<v1::Recording> {
+    let folder = config.record_dir.as_deref()?;
+    Some(match try_save(folder, config.max_record_mib, session).await {
+        Ok(saved) => {
+            tracing::info!(session = %session.id(), file = saved.file, is_cut_off = saved.is_cut_off, "session recorded");
+            saved
+        }
+        Err(error) => {
+            tracing::error!(session = %session.id(), "session not recorded: {error:#}");
+            v1::Recording { error: format!("{error:#}"), ..v1::Recording::default() }
+        }
+    })
 }
 
-async fn try_save(folder: &Path, session: &Session) -> Result<PathBuf> {
+async fn try_save(folder: &Path, max_mib: f64, session: &Session) -> Result<v1::Recording> {
     let recorded = session.query(|inspection| {
         let state_hash = (!inspection.log.is_full()).then(|| inspection.world.state_hash());
         Recording { log: inspection.log.clone(), state_hash }
     });
     let recording = recorded.await?;
-    // Ids start over with the server, and a session that is reset leaves several recordings.
+    // A session that is reset leaves several recordings.
     let saved_ms = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?.as_millis();
-    let path = folder.join(format!("{}-{saved_ms}.csv", session.id()));
+    let file = format!("{}-{saved_ms}.csv", session.id());
+    let (folder, path) = (folder.to_owned(), folder.join(&file));
     let scene = toml::to_string(&session.scene().desc)?;
     let write = move || {
+        let kept_mib = folder_bytes(&folder)? as f64 / f64::from(1 << 20);
+        ensure!(kept_mib < max_mib, "record_dir holds {kept_mib:.0} MiB, at most {max_mib} (max_record_mib)");
         let scene_path = path.with_extension("toml");
-        std::fs::write(&scene_path, scene).with_context(|| scene_path.display().to_string())?;
-        recording.write(&path).map(|()| path)
+        let written = std::fs::write(&scene_path, scene).with_context(|| scene_path.display().to_string());
+        let written = written.and_then(|()| recording.write(&path));
+        if written.is_err() {
+            // Half a recording is none.
+            let _ = (std::fs::remove_file(&path), std::fs::remove_file(&scene_path));
+        }
+        let (steps, is_cut_off) = (recording.log.steps(), recording.log.is_full());
+        written.map(|()| v1::Recording { file, steps, is_cut_off, error: String::new() })
     };
     tokio::task::spawn_blocking(write).await?
+}
+
+fn folder_bytes(folder: &Path) -> Result<u64> {
+    let entries = std::fs::read_dir(folder).with_context(|| folder.display().to_string())?;
+    Ok(entries.filter_map(|entry| entry.ok()?.metadata().ok()).map(|metadata| metadata.len()).sum())
 }
 
 impl Recording {
@@ -88,7 +112,9 @@ impl Recording {
     /// The file is there already or cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         let file = File::create_new(path).with_context(|| path.display().to_string())?;
-        self.to_csv(io::BufWriter::new(file)).with_context(|| path.display().to_string())
+        self.to_csv(io::BufWriter::new(&file)).with_context(|| path.display().to_string())?;
+        // A full disk may only be told of when the file is written out.
+        file.sync_all().with_context(|| path.display().to_string())
     }
 
     /// Reads a file, for a scene with `tools` tools.

@@ -1,7 +1,6 @@
 //! `kerf-server serve`.
 
 use std::net::SocketAddr;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -14,16 +13,23 @@ use kerf_session::Registry;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
-use tonic::service::Routes;
+use tonic::service::{LayerExt, Routes};
 use tonic::transport::Server as Transport;
 use tonic_health::ServingStatus;
 use tonic_health::server::{HealthReporter, health_reporter};
+use tonic_web::GrpcWebLayer;
+use tower::limit::GlobalConcurrencyLimitLayer;
 
 use crate::config::{ConfigArgs, ServerConfig, TransportLimits};
 use crate::grpc::control_service::ControlService;
 use crate::grpc::session_service::SessionService;
 use crate::grpc::view_service::ViewService;
-use crate::{incoming, print_config, recording, shutdown, telemetry};
+use crate::{incoming, machine, print_config, recording, shutdown, telemetry, viewer};
+
+/// Share of the machine's memory that sessions take unless it is set.
+const MEMORY_SHARE: f64 = 0.5;
+/// How often sessions are looked for that nobody has to do with.
+const IDLE_LOOK: Duration = Duration::from_secs(5);
 
 /// Arguments of `serve`.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -65,8 +71,8 @@ pub struct Server {
     address: SocketAddr,
     registry: Arc<Registry>,
     health: HealthReporter,
-    drain_timeout: Duration,
-    record_dir: Option<PathBuf>,
+    config: Arc<ServerConfig>,
+    idle: JoinHandle<()>,
     stop: oneshot::Sender<()>,
     transport: JoinHandle<Result<(), tonic::transport::Error>>,
 }
@@ -85,8 +91,10 @@ impl Server {
     ///
     /// # Errors
     /// The configuration is not valid or the address is taken.
-    pub async fn start(config: ServerConfig) -> Result<Self> {
+    pub async fn start(mut config: ServerConfig) -> Result<Self> {
         config.validate()?;
+        config.session.max_memory_mib.get_or_insert_with(|| MEMORY_SHARE * machine::memory_mib());
+        config.session.max_load.get_or_insert_with(machine::cores);
         if let Some(folder) = &config.record_dir {
             std::fs::create_dir_all(folder).with_context(|| format!("record_dir = {}", folder.display()))?;
         }
@@ -100,15 +108,14 @@ impl Server {
         let address = listener.local_addr()?;
         let (health, routes) = routes(&registry, &config).await?;
         let (stop, stopped) = oneshot::channel::<()>();
-        let connections = incoming::connections(listener, config.transport.max_connections);
+        let connections = incoming::connections(listener, &config.transport);
         let serving = builder(&config.transport)
             .add_routes(routes)
             .serve_with_incoming_shutdown(connections, async { drop(stopped.await) });
         tracing::info!(%address, "listening");
-        let drain_timeout = Duration::from_secs_f64(config.transport.drain_timeout_s);
-        let record_dir = config.record_dir.clone();
         let transport = tokio::spawn(serving);
-        Ok(Self { address, registry, health, drain_timeout, record_dir, stop, transport })
+        let idle = tokio::spawn(close_idle(Arc::clone(&registry), Arc::clone(&config)));
+        Ok(Self { address, registry, health, config, idle, stop, transport })
     }
 
     /// The address it listens on.
@@ -136,18 +143,18 @@ impl Server {
             self.health.set_service_status(service, ServingStatus::NotServing).await;
         }
         self.registry.refuse_new();
+        self.idle.abort();
         // The transport is told by the sender's end as well; either way it accepts no more.
         drop(self.stop);
         let drain = async {
-            if let Some(folder) = &self.record_dir {
-                for session in self.registry.list() {
-                    recording::save(folder, &session).await;
-                }
+            for session in self.registry.list() {
+                recording::save(&self.config, &session).await;
             }
             self.registry.close_all().await;
             (&mut self.transport).await
         };
-        let drained = match tokio::time::timeout(self.drain_timeout, drain).await {
+        let drain_timeout = Duration::from_secs_f64(self.config.transport.drain_timeout_s);
+        let drained = match tokio::time::timeout(drain_timeout, drain).await {
             Ok(_) => Drained::Cleanly,
             Err(_) => {
                 self.transport.abort();
@@ -159,8 +166,25 @@ impl Server {
     }
 }
 
+/// Closes sessions that nobody has had to do with for as long as the limit says.
+async fn close_idle(registry: Arc<Registry>, config: Arc<ServerConfig>) {
+    let mut looks = tokio::time::interval(IDLE_LOOK.min(Duration::from_secs_f64(config.session.idle_timeout_s)));
+    loop {
+        looks.tick().await;
+        for session in registry.idle() {
+            let id = session.id().to_string();
+            tracing::info!(session = id, "nobody has had to do with the session; it is closed");
+            recording::save(&config, &session).await;
+            let _ = registry.close(&id).await;
+        }
+    }
+}
+
 fn builder(limits: &TransportLimits) -> Transport {
     Transport::builder()
+        // To be answered and, as long again, to be read: an upload may not trickle in for ever.
+        .timeout(Duration::from_secs_f64(2.0 * limits.request_timeout_s))
+        .accept_http1(true)
         .max_concurrent_streams(limits.max_streams_per_connection)
         .http2_keepalive_interval(Some(Duration::from_secs_f64(limits.keepalive_interval_s)))
         .http2_keepalive_timeout(Some(Duration::from_secs_f64(limits.keepalive_timeout_s)))
@@ -169,12 +193,13 @@ fn builder(limits: &TransportLimits) -> Transport {
 async fn routes(registry: &Arc<Registry>, config: &Arc<ServerConfig>) -> Result<(HealthReporter, Routes)> {
     let limits = &config.transport;
     let session = SessionServiceServer::new(SessionService::new(Arc::clone(registry), Arc::clone(config)))
-        .max_decoding_message_size(limits.max_incoming_bytes)
+        .max_decoding_message_size(limits.max_upload_bytes)
         .max_encoding_message_size(limits.max_outgoing_bytes);
+    let session = GlobalConcurrencyLimitLayer::new(limits.max_session_calls).named_layer(session);
     let control = ControlServiceServer::new(ControlService::new(Arc::clone(registry), config.control.clone()))
         .max_decoding_message_size(limits.max_incoming_bytes)
         .max_encoding_message_size(limits.max_outgoing_bytes);
-    let view = ViewServiceServer::new(ViewService::new(Arc::clone(registry)))
+    let view = ViewServiceServer::new(ViewService::new(Arc::clone(registry), config.view.clone()))
         .max_decoding_message_size(limits.max_incoming_bytes)
         .max_encoding_message_size(limits.max_outgoing_bytes);
     let (health, health_service) = health_reporter();
@@ -186,11 +211,13 @@ async fn routes(registry: &Arc<Registry>, config: &Arc<ServerConfig>) -> Result<
             .register_encoded_file_descriptor_set(kerf_proto::FILE_DESCRIPTOR_SET)
             .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
     };
-    let routes = Routes::new(session)
-        .add_service(control)
-        .add_service(view)
+    // Browsers speak gRPC-Web. A layer for each service: over all routes it would refuse the viewer's own pages.
+    let web = GrpcWebLayer::new();
+    let routes = Routes::new(web.named_layer(session))
+        .add_service(web.named_layer(control))
+        .add_service(web.named_layer(view))
         .add_service(health_service)
         .add_service(reflection().build_v1()?)
         .add_service(reflection().build_v1alpha()?);
-    Ok((health, routes))
+    Ok((health, viewer::routes(routes.into_axum_router()).into()))
 }

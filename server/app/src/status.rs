@@ -3,6 +3,7 @@
 use kerf_scenes::dial::DialError;
 use kerf_session::SessionError;
 use tonic::{Code, Status};
+use tonic_types::{ErrorDetails, StatusExt};
 
 /// Why a call was refused or a stream ended.
 #[derive(Debug, thiserror::Error)]
@@ -69,6 +70,15 @@ pub enum RequestError {
     /// A unary driver's lease is not known.
     #[error("lease: unknown or run out; begin anew with an empty one")]
     UnknownLease,
+    /// A unary driver's lease is of another session than the call names.
+    #[error("session_id: the lease is one of {session}")]
+    LeaseOfOther {
+        /// Its session.
+        session: String,
+    },
+    /// A viewer that is not, or not any more.
+    #[error("viewer: there is none of this name; its stream has ended")]
+    NoViewer,
     /// Too many drivers that send one pose a call.
     #[error("{limit} clients send poses one call at a time, as many as may (max_unary_drivers)")]
     TooManyUnaryDrivers {
@@ -86,6 +96,14 @@ pub enum RequestError {
     SceneText {
         /// What is wrong and where.
         message: String,
+    },
+    /// More steps at once than may be, or none.
+    #[error("steps = {steps}: must be 1 to {limit}")]
+    Steps {
+        /// The number.
+        steps: u32,
+        /// Most steps.
+        limit: u32,
     },
     /// The session did not answer in time.
     #[error("the session did not answer within {limit_s} s (request_timeout_s)")]
@@ -106,11 +124,13 @@ impl RequestError {
             | Self::Missing { .. }
             | Self::Rate { .. }
             | Self::Dial { .. }
+            | Self::Steps { .. }
             | Self::TooManyRejected { .. }
+            | Self::LeaseOfOther { .. }
             | Self::SceneText { .. } => Code::InvalidArgument,
             Self::Idle { .. } | Self::Unresponsive { .. } => Code::DeadlineExceeded,
             Self::TooManyUnaryDrivers { .. } => Code::ResourceExhausted,
-            Self::NoScene { .. } => Code::NotFound,
+            Self::NoScene { .. } | Self::NoViewer => Code::NotFound,
         }
     }
 }
@@ -118,6 +138,9 @@ impl RequestError {
 fn session_code(error: &SessionError) -> Code {
     match error {
         SessionError::TooManySessions { .. }
+        | SessionError::Memory { .. }
+        | SessionError::Load { .. }
+        | SessionError::SetupTime { .. }
         | SessionError::TooManyDrivers { .. }
         | SessionError::TooManyViewers { .. }
         | SessionError::TooManyCommands { .. }
@@ -139,8 +162,32 @@ fn session_code(error: &SessionError) -> Code {
 
 impl From<RequestError> for Status {
     fn from(error: RequestError) -> Self {
-        Self::new(error.code(), error.to_string())
+        let (code, message) = (error.code(), error.to_string());
+        let details = match code {
+            // Messages begin with the path of the field, where one is at fault, and name the limit in parentheses.
+            Code::InvalidArgument => ErrorDetails::with_bad_request_violation(field(&message), &message),
+            Code::ResourceExhausted => ErrorDetails::with_quota_failure_violation(limit(&message), &message),
+            _ => return Self::new(code, message),
+        };
+        Self::with_error_details(code, message, details)
     }
+}
+
+/// The path that a message begins with, as in `step_rate_hz: must be` and `rate_hz = 0: must be`; else nothing.
+fn field(message: &str) -> &str {
+    let is_path = |c: char| c.is_ascii_alphanumeric() || "_.[]".contains(c);
+    let path = &message[..message.find(|c| !is_path(c)).unwrap_or(message.len())];
+    let follows = &message[path.len()..];
+    if follows.starts_with(':') || follows.starts_with(" = ") { path } else { "" }
+}
+
+/// The setting that a message names, as in `(max_sessions)`; else nothing.
+fn limit(message: &str) -> &str {
+    let named = message.rsplit_once("(max_").and_then(|(before, after)| {
+        let end = before.len() + 1 + "max_".len() + after.find(')')?;
+        message.get(before.len() + 1..end)
+    });
+    named.unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -148,10 +195,22 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_field_that_is_at_fault_is_named_in_the_details() {
+        let violation = |error: RequestError| {
+            Status::from(error).get_details_bad_request().unwrap().field_violations[0].field.clone()
+        };
+        assert_eq!(violation(RequestError::Missing { field: "scene" }), "scene");
+        assert_eq!(violation(RequestError::Rate { field: "rate_hz", value: -1.0 }), "rate_hz");
+        assert_eq!(violation(RequestError::HelloRepeated), "");
+    }
+
+    #[test]
     fn a_full_server_is_told_from_a_bad_request() {
         let status = Status::from(RequestError::from(SessionError::TooManySessions { limit: 3 }));
         assert_eq!(status.code(), Code::ResourceExhausted);
         assert!(status.message().contains("max_sessions"));
+        let quota = status.get_details_quota_failure().unwrap();
+        assert_eq!(quota.violations[0].subject, "max_sessions");
         let taken = SessionError::ToolTaken { tool: 0, lease_s: 2.0 };
         assert_eq!(Status::from(RequestError::from(taken)).code(), Code::FailedPrecondition);
     }

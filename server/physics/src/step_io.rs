@@ -119,6 +119,8 @@ pub struct ToolOutput {
     pub contact: Option<ContactModel>,
     /// Length of the edge whose front is yielding, m; none by the link-energy rule, whose springs are not capped.
     pub cutting_length_m: f64,
+    /// Fraction of their full opening that its jaws take at t + dt, if it has any.
+    pub opening: f64,
     /// What its jaws hold.
     pub grasp: Grasp,
 }

@@ -145,7 +145,9 @@ fn bind(body: &Body, surface: &Surface, id: VertexId) -> BoundVertex {
     let vertex = surface.vertex(id).expect("the surface named this vertex");
     let element = body.element_of(vertex.voxel);
     let position = vertex.position_m.map(f64::from).into();
-    BoundVertex { id, element: element as u32, local: body.local_coordinates(element, &position).map(|c| c as f32) }
+    let local = body.local_coordinates(element, &position).map(|c| c as f32);
+    let material = body.state.grid.voxels()[vertex.voxel.index()].material;
+    BoundVertex { id, element: element as u32, local, material }
 }
 
 /// Those among `ids` that lie in elements of which something is held.

@@ -57,11 +57,11 @@ pub enum ReadError {
     /// The file is not the TOML of a scene.
     #[error(transparent)]
     Parse(#[from] SceneError),
-    /// A scene sent as text names a file, which would be one of the machine that reads it.
-    #[error("objects[{object}]: a scene sent as text may not refer to files")]
-    NamesFile {
-        /// Index of the object.
-        object: usize,
+    /// A scene sent as text refers to a file that was not sent with it.
+    #[error("{name}: the scene refers to this file, which was not sent with it")]
+    NotSent {
+        /// The file, as the scene names it.
+        name: String,
     },
     /// Values that are not supported.
     #[error("{}", problems.iter().map(|problem| line(name, problem)).collect::<Vec<_>>().join("\n"))]

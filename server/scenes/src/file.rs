@@ -1,5 +1,6 @@
-//! Scenes from files, with the files that they name; and from text, which may name none.
+//! Scenes from files, with the files beside them that they name; and from text, with the files that were sent with it.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::io;
@@ -9,7 +10,7 @@ use kerf_physics::scene::{EdgeDesc, Meshes, ShapeDesc, ToolShapeDesc, TriangleMe
 use kerf_physics::{Scene, SceneDesc, SceneError};
 
 use crate::error::ReadError;
-use crate::nifti::LabelMap;
+use crate::nifti::{self, LabelMap};
 use crate::{edge_file, label_surface, mesh_file};
 
 /// Largest scene file, bytes: a thousand times a large scene written by hand.
@@ -18,6 +19,45 @@ pub const MAX_SCENE_BYTES: u64 = 4 << 20;
 pub const MAX_MESH_BYTES: u64 = 256 << 20;
 /// Largest file of an edge's points, bytes: more than as many points as an edge may have.
 pub const MAX_EDGE_BYTES: u64 = 1 << 20;
+/// Most voxels of a label map that was sent: 256 slices of 256 x 256, 32 MB.
+const MAX_SENT_LABEL_VOXELS: u64 = 1 << 24;
+/// How much of a name is repeated to who sent it.
+const MAX_NAME_CHARS: usize = 64;
+
+/// The files that a scene may refer to.
+enum Files<'a> {
+    /// Those beside it.
+    Beside(&'a Path),
+    /// Those that were sent with it, by the names that it has for them.
+    Sent(&'a SentFiles),
+}
+
+/// Files that were sent with a scene's text, by name.
+pub type SentFiles = BTreeMap<String, Vec<u8>>;
+
+impl Files<'_> {
+    /// A file's bytes, and what it is called in what is wrong with it.
+    fn read(&self, name: &str, limit: u64) -> Result<(PathBuf, Cow<'_, [u8]>), ReadError> {
+        match self {
+            Self::Beside(folder) => {
+                let path = folder.join(name);
+                read(&path, limit).map(|bytes| (path, bytes.into()))
+            }
+            Self::Sent(files) => match files.get(name) {
+                Some(bytes) => Ok((name.into(), bytes.into())),
+                None => Err(ReadError::NotSent { name: name.chars().take(MAX_NAME_CHARS).collect() }),
+            },
+        }
+    }
+
+    /// Most voxels of a label map: what was sent is less to be trusted, and unpacked on a machine that others use.
+    fn max_label_voxels(&self) -> u64 {
+        match self {
+            Self::Beside(_) => nifti::MAX_VOXELS,
+            Self::Sent(_) => MAX_SENT_LABEL_VOXELS,
+        }
+    }
+}
 
 /// A scene whose values are not judged yet, with the text that it stands in.
 #[derive(Debug)]
@@ -71,40 +111,35 @@ pub fn open(path: &Path) -> Result<Opened, ReadError> {
     let bytes = read(path, MAX_SCENE_BYTES)?;
     let text = str::from_utf8(&bytes)
         .map_err(|_| ReadError::Read { path: path.to_owned(), message: "is not text in UTF-8".into() })?;
-    let mut opened = Opened::of_text(&name, text)?;
+    with_files(Opened::of_text(&name, text)?, &Files::Beside(path.parent().unwrap_or(Path::new(""))))
+}
+
+/// A scene from a text that is called `name` in what is wrong with it, and the files that were sent with it. It may
+/// refer to no others: they would be those of the machine that reads it.
+///
+/// # Errors
+/// What is wrong with the text, the first file that was not sent or cannot be read, or every value that is not supported.
+pub fn from_text(name: &str, text: &str, files: &SentFiles) -> Result<Scene, ReadError> {
+    with_files(Opened::of_text(name, text)?, &Files::Sent(files))?.sound()
+}
+
+/// The scene with what the files hold that it refers to.
+fn with_files(mut opened: Opened, files: &Files<'_>) -> Result<Opened, ReadError> {
     let Scene { desc, meshes } = &mut opened.scene;
-    let folder = path.parent().unwrap_or(Path::new(""));
-    read_edges(desc, folder)?;
+    read_edges(desc, files)?;
     let mut label_maps = BTreeMap::new();
     for shape in desc.objects.iter().flat_map(|object| object.shapes()) {
         let Some(mesh) = shape.mesh().filter(|mesh| !meshes.contains_key(&mesh.key)) else { continue };
         let read = match shape {
-            ShapeDesc::LabelMap { file, labels, .. } => read_labels(&folder.join(file), labels, &mut label_maps)?,
-            _ => read_mesh(&folder.join(&mesh.key))?,
+            ShapeDesc::LabelMap { file, labels, .. } => read_labels(files, file, labels, &mut label_maps)?,
+            _ => {
+                let (path, bytes) = files.read(&mesh.key, MAX_MESH_BYTES)?;
+                mesh_file::parse(&path, &bytes).map_err(|message| ReadError::Mesh { path, message })?
+            }
         };
         meshes.insert(mesh.key, read);
     }
     Ok(opened)
-}
-
-/// A scene from a text that is called `name` in what is wrong with it. It may not name files: they would be
-/// those of the machine that reads it.
-///
-/// # Errors
-/// What is wrong with the text, the first object that names a file, or every value that is not supported.
-pub fn from_text(name: &str, text: &str) -> Result<Scene, ReadError> {
-    let opened = Opened::of_text(name, text)?;
-    match opened.scene.desc.objects.iter().position(|object| object.shapes().any(names_file)) {
-        Some(object) => Err(ReadError::NamesFile { object }),
-        None => opened.sound(),
-    }
-}
-
-fn names_file(shape: &ShapeDesc) -> bool {
-    match shape {
-        ShapeDesc::SmoothUnion { parts, .. } => parts.iter().any(names_file),
-        _ => shape.mesh().is_some(),
-    }
 }
 
 /// Reads one mesh file.
@@ -117,12 +152,11 @@ pub fn read_mesh(path: &Path) -> Result<TriangleMesh, ReadError> {
 }
 
 /// Puts the points in the place of each edge that names a file: they are few, and the scene is whole then.
-fn read_edges(desc: &mut SceneDesc, folder: &Path) -> Result<(), ReadError> {
+fn read_edges(desc: &mut SceneDesc, files: &Files<'_>) -> Result<(), ReadError> {
     for tool in &mut desc.tools {
         let ToolShapeDesc::Blade(blade) = &mut tool.shape else { continue };
         if let EdgeDesc::File { file, scale_m_per_unit } = &blade.edge {
-            let path = folder.join(file);
-            let bytes = read(&path, MAX_EDGE_BYTES)?;
+            let (path, bytes) = files.read(file, MAX_EDGE_BYTES)?;
             let points_m = edge_file::parse(&bytes, *scale_m_per_unit)
                 .map_err(|message| ReadError::Edge { path: path.clone(), message })?;
             blade.edge = EdgeDesc::Polyline { points_m };
@@ -133,14 +167,19 @@ fn read_edges(desc: &mut SceneDesc, folder: &Path) -> Result<(), ReadError> {
 
 /// The surface of some labels of a map, which is read where it is not among those read before.
 fn read_labels(
-    path: &Path,
+    files: &Files<'_>,
+    file: &str,
     labels: &[u16],
-    read_before: &mut BTreeMap<PathBuf, LabelMap>,
+    read_before: &mut BTreeMap<String, LabelMap>,
 ) -> Result<TriangleMesh, ReadError> {
-    let wrong = |message| ReadError::Mesh { path: path.to_owned(), message };
-    let map = match read_before.entry(path.to_owned()) {
+    let wrong = |message| ReadError::Mesh { path: file.into(), message };
+    let map = match read_before.entry(file.to_owned()) {
         Entry::Occupied(known) => known.into_mut(),
-        Entry::Vacant(new) => new.insert(LabelMap::parse(&read(path, MAX_MESH_BYTES)?).map_err(wrong)?),
+        Entry::Vacant(new) => {
+            let (path, bytes) = files.read(file, MAX_MESH_BYTES)?;
+            let map = LabelMap::parse(&bytes, files.max_label_voxels());
+            new.insert(map.map_err(|message| ReadError::Mesh { path, message })?)
+        }
     };
     label_surface::surface(map, labels).map_err(wrong)
 }
@@ -208,16 +247,22 @@ mod tests {
     }
 
     #[test]
-    fn a_scene_sent_as_text_may_not_name_files_anywhere() {
+    fn a_scene_sent_as_text_may_name_what_was_sent_with_it_and_nothing_else() {
+        let none = SentFiles::new();
+        let refused = |shape: &str| matches!(from_text("x.toml", &scene(shape), &none), Err(ReadError::NotSent { .. }));
         let mesh = r#"{ mesh = { file = "/etc/passwd", scale_m_per_unit = 1.0 } }"#;
-        assert!(matches!(from_text("x.toml", &scene(mesh)), Err(ReadError::NamesFile { object: 0 })));
-        let labels = r#"{ label_map = { file = "/etc/passwd" } }"#;
-        assert!(matches!(from_text("x.toml", &scene(labels)), Err(ReadError::NamesFile { object: 0 })));
+        assert!(refused(mesh));
+        assert!(refused(r#"{ label_map = { file = "/etc/passwd" } }"#));
         let union = format!("{{ smooth_union = {{ blend_m = 0.0, parts = [{mesh}] }} }}");
-        assert!(matches!(from_text("x.toml", &scene(&union)), Err(ReadError::NamesFile { object: 0 })));
-        let finer = scene("{ sphere = { center_m = [0.0, 0.0, 0.0], radius_m = 0.1 } }")
-            + &format!("finer = [{{ shape = {mesh}, level = 1 }}]\n");
-        assert!(matches!(from_text("x.toml", &finer), Err(ReadError::NamesFile { object: 0 })));
-        assert!(from_text("x.toml", &scene("{ sphere = { center_m = [0.0, 0.0, 0.0], radius_m = 0.1 } }")).is_ok());
+        assert!(from_text("x.toml", &scene(&union), &none).is_err());
+        let sphere = "{ sphere = { center_m = [0.0, 0.0, 0.0], radius_m = 0.1 } }";
+        let finer = scene(sphere) + &format!("finer = [{{ shape = {mesh}, level = 1 }}]\n");
+        assert!(matches!(from_text("x.toml", &finer, &none), Err(ReadError::NotSent { .. })));
+        assert!(from_text("x.toml", &scene(sphere), &none).is_ok());
+
+        let tetrahedron = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
+        let sent = SentFiles::from([("../a/b.obj".to_owned(), tetrahedron.into())]);
+        let named = scene(r#"{ mesh = { file = "../a/b.obj", scale_m_per_unit = 0.1 } }"#);
+        assert_eq!(from_text("x.toml", &named, &sent).unwrap().meshes["../a/b.obj"].triangles.len(), 4);
     }
 }

@@ -5,6 +5,7 @@
 
 mod builtin;
 pub mod catalog;
+pub mod cost;
 pub mod dial;
 mod edge_file;
 pub mod error;

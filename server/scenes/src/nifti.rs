@@ -32,17 +32,17 @@ impl LabelMap {
     ///
     /// # Errors
     /// The field of the header that cannot be used and its value, or how the data do not fit it.
-    pub fn parse(bytes: &[u8]) -> Result<Self, String> {
+    pub fn parse(bytes: &[u8], max_voxels: u64) -> Result<Self, String> {
         if bytes.starts_with(&[0x1f, 0x8b]) {
-            Self::read(GzDecoder::new(bytes)).map_err(|message| format!("{message} (gzip)"))
+            Self::read(GzDecoder::new(bytes), max_voxels).map_err(|message| format!("{message} (gzip)"))
         } else {
-            Self::read(bytes)
+            Self::read(bytes, max_voxels)
         }
     }
 
-    fn read(mut source: impl Read) -> Result<Self, String> {
+    fn read(mut source: impl Read, max_voxels: u64) -> Result<Self, String> {
         let header = Header::read(&mut source)?;
-        let dims = header.dims()?;
+        let dims = header.dims(max_voxels)?;
         let kind = header.kind()?;
         let start = header.float(108);
         if !(HEADER_BYTES as f32..=1e6).contains(&start) {
@@ -162,7 +162,7 @@ impl Header {
     }
 
     /// `dim`, offset 40: the number of dimensions, then their sizes.
-    fn dims(&self) -> Result<[usize; 3], String> {
+    fn dims(&self, max_voxels: u64) -> Result<[usize; 3], String> {
         let dim: [i16; 8] = std::array::from_fn(|i| self.short(40 + 2 * i));
         let is_volume = (3..=7).contains(&dim[0]) && dim[4..=dim[0].clamp(3, 7) as usize].iter().all(|n| *n == 1);
         let sizes = [dim[1], dim[2], dim[3]];
@@ -170,8 +170,8 @@ impl Header {
             return Err(format!("dim = {dim:?}: a label map has three dimensions of at least one voxel"));
         }
         let voxels: u64 = sizes.iter().map(|n| *n as u64).product();
-        if voxels > MAX_VOXELS {
-            return Err(format!("dim = {dim:?}: {voxels} voxels are more than the limit of {MAX_VOXELS}"));
+        if voxels > max_voxels {
+            return Err(format!("dim = {dim:?}: {voxels} voxels are more than the limit of {max_voxels}"));
         }
         Ok(sizes.map(|n| n as usize))
     }
@@ -265,9 +265,9 @@ mod tests {
         let half = std::f32::consts::FRAC_1_SQRT_2;
         let pixdim = [(76, -1.0), (80, 1.0), (84, 2.0), (88, 3.0)];
         let quaternion = [(264, half), (268, 5.0), (272, 6.0), (276, 7.0)];
-        let by_qform = LabelMap::parse(&file(false, &[&pixdim[..], &quaternion].concat(), [1, 0])).unwrap();
+        let by_qform = LabelMap::parse(&file(false, &[&pixdim[..], &quaternion].concat(), [1, 0]), MAX_VOXELS).unwrap();
         let rows = [(284, -2.0), (292, 5.0), (296, 1.0), (308, 6.0), (320, -3.0), (324, 7.0)];
-        let by_sform = LabelMap::parse(&file(false, &rows, [0, 1])).unwrap();
+        let by_sform = LabelMap::parse(&file(false, &rows, [0, 1]), MAX_VOXELS).unwrap();
         assert!((by_qform.edges_m - by_sform.edges_m).norm() < 1e-9, "{} {}", by_qform.edges_m, by_sform.edges_m);
         assert_eq!((by_qform.first_m, &by_qform.labels), (by_sform.first_m, &by_sform.labels));
         // The file's first axis is anterior, which is up.
@@ -277,7 +277,8 @@ mod tests {
     #[test]
     fn either_order_of_bytes_is_read() {
         let pixdim = [(80, 1.0), (84, 2.0), (88, 3.0)];
-        let [little, big] = [false, true].map(|is_big| LabelMap::parse(&file(is_big, &pixdim, [0, 0])).unwrap());
+        let [little, big] =
+            [false, true].map(|is_big| LabelMap::parse(&file(is_big, &pixdim, [0, 0]), MAX_VOXELS).unwrap());
         assert_eq!(little, big);
         assert_eq!((little.label([1, 2, 3]), little.label([1, 0, 0]), little.label([2, 0, 0])), (23, 1, 0));
     }

@@ -3,6 +3,7 @@
 use kerf_physics::step_io::EnergyStep;
 use kerf_physics::world::Snapshot;
 
+use crate::admission::Reservation;
 use crate::error::SessionError;
 use crate::governor::Governor;
 use crate::recorder::InputLog;
@@ -33,6 +34,8 @@ pub(crate) struct Checkpoint {
     /// The inputs that led here: a session that has gone back is recorded as if what came after had never
     /// been, also where it then goes on to a checkpoint of that other way.
     pub log: InputLog,
+    /// Held as long as the checkpoint is kept.
+    pub _memory: Reservation,
 }
 
 /// The checkpoints of a session, in the order of saving.

@@ -13,6 +13,40 @@ pub enum SessionError {
         /// `max_sessions`.
         limit: usize,
     },
+    /// The scene, or a checkpoint, needs more memory than is left.
+    #[error(
+        "memory: about {needed_mib} MiB are needed, and of the {limit_mib} MiB that sessions may take together \
+         {taken_mib} are taken (max_memory_mib)"
+    )]
+    Memory {
+        /// What it needs, as it is estimated.
+        needed_mib: u64,
+        /// What others have.
+        taken_mib: u64,
+        /// `max_memory_mib`.
+        limit_mib: u64,
+    },
+    /// The scene needs more time of the cores than is left.
+    #[error(
+        "load: steps of the scene keep about {needed:.2} cores busy, and of the {limit:.2} that sessions may keep busy \
+         together {taken:.2} are (max_load); lower the step rate or raise the level"
+    )]
+    Load {
+        /// What it needs, as it is estimated.
+        needed: f64,
+        /// What others need.
+        taken: f64,
+        /// `max_load`.
+        limit: f64,
+    },
+    /// The scene takes too long to be built.
+    #[error("set-up: the scene takes about {needed_s:.0} s to be built, at most {limit_s:.0} s (max_setup_s)")]
+    SetupTime {
+        /// What it takes, as it is estimated, s.
+        needed_s: f64,
+        /// `max_setup_s`.
+        limit_s: f64,
+    },
     /// The session has as many drivers as it may.
     #[error("the session has {limit} drivers, as many as it may (max_drivers)")]
     TooManyDrivers {

@@ -36,6 +36,8 @@ pub(crate) enum Command {
     Pause(oneshot::Sender<u64>),
     /// Step on; answers with the step from which it goes on.
     Resume(oneshot::Sender<Result<u64, SessionError>>),
+    /// Take this many steps and stand; answers with the step after which the session stands.
+    Step(u32, oneshot::Sender<Result<u64, SessionError>>),
     /// Back to rest.
     Reset(oneshot::Sender<Result<(), SessionError>>),
     /// Describe the session.
@@ -139,6 +141,11 @@ impl Inbox {
         state.drivers += 1;
         state.next_driver += 1;
         Ok(DriverId(state.next_driver - 1))
+    }
+
+    /// Drivers that are connected.
+    pub fn drivers(&self) -> usize {
+        lock(&self.state).drivers
     }
 
     pub fn disconnect_driver(&self, driver: DriverId) {

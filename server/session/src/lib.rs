@@ -8,6 +8,7 @@
 //! Deliberately absent: locks on the world, steps inside async tasks, dropped or stretched steps,
 //! knowledge of the wire and of files.
 
+mod admission;
 mod checkpoints;
 pub mod clock;
 pub mod error;
@@ -19,6 +20,7 @@ mod outbox;
 mod overload;
 pub mod pacer;
 pub mod pose_check;
+mod prepare;
 pub mod recorder;
 pub mod registry;
 pub mod session;
@@ -38,6 +40,6 @@ pub use pose_check::{PoseRefusal, PoseSample};
 pub use recorder::{InputLog, LoggedInputs};
 pub use registry::Registry;
 pub use session::{Driver, Reports, Session, SessionOptions};
-pub use session_id::SessionId;
+pub use session_id::{InstanceId, SessionId};
 pub use status::{Phase, SessionStatus, StepTallies, StepTally, StepTimes};
 pub use tool_slot::{DriverId, Echo};

@@ -10,6 +10,19 @@ pub struct SessionLimits {
     /// Sessions at a time. Default 8: a session wants a core of its own, and a machine with more
     /// cores is rare enough to be configured by hand.
     pub max_sessions: usize,
+    /// Memory of all sessions and their checkpoints together, as it is estimated before they are built, MiB. Default
+    /// half of what the machine or its container has: the estimate is near, and what is cut grows.
+    pub max_memory_mib: Option<f64>,
+    /// Cores that all sessions together may keep busy, as is estimated before they are built and measured while they
+    /// step. Default as many as the machine has. The first session is always admitted.
+    pub max_load: Option<f64>,
+    /// Time that a scene may take to be built, as it is estimated, s. Default 60: nobody waits longer.
+    pub max_setup_s: f64,
+    /// Scenes that are read and built at a time; others wait. Default 2: each takes a core from the sessions.
+    pub max_builds: usize,
+    /// A session that nobody drives, views or calls by its id for this long is closed, s. Default 300: longer than
+    /// a client takes to come back, shorter than those who want its place wait.
+    pub idle_timeout_s: f64,
     /// Threads a session steps with. Default 1: the result does not depend on it, and several
     /// sessions fill the cores better than one.
     pub threads_per_session: usize,
@@ -56,6 +69,11 @@ impl Default for SessionLimits {
     fn default() -> Self {
         Self {
             max_sessions: 8,
+            max_memory_mib: None,
+            max_load: None,
+            max_setup_s: 60.0,
+            max_builds: 2,
+            idle_timeout_s: 300.0,
             threads_per_session: 1,
             max_rate_hz: 4000.0,
             max_lag_s: 0.1,
@@ -133,6 +151,11 @@ impl SessionLimits {
         let pose = &self.pose;
         let positive = [
             ("max_sessions", self.max_sessions as f64),
+            ("max_memory_mib", self.max_memory_mib.unwrap_or(1.0)),
+            ("max_load", self.max_load.unwrap_or(1.0)),
+            ("max_setup_s", self.max_setup_s),
+            ("max_builds", self.max_builds as f64),
+            ("idle_timeout_s", self.idle_timeout_s),
             ("threads_per_session", self.threads_per_session as f64),
             ("max_rate_hz", self.max_rate_hz),
             ("max_lag_s", self.max_lag_s),

@@ -28,8 +28,16 @@ pub struct StepReport {
     pub sim_time_s: f64,
     /// When the step ended, ns on the server's monotonic clock.
     pub ended_ns: u64,
+    /// What the session is doing.
+    pub phase: Phase,
+    /// Times that the scene was put back to rest.
+    pub resets: u64,
     /// Late steps since the session began or was reset.
     pub late_steps: u64,
+    /// Times that too many steps were late, and the share of late ones the last time.
+    pub overloads: u64,
+    /// See [`SceneEvent::Overloaded`].
+    pub late_share: f64,
     /// Relative tolerance of the solves: the scene's, or what the governor has made of it.
     pub relative_tolerance: f64,
     /// Faults since the session began or was reset.
@@ -40,8 +48,6 @@ pub struct StepReport {
     pub restores: u64,
     /// The checkpoint that it went back to last.
     pub last_restored: Option<Arc<str>>,
-    /// Set when a step panicked: nothing follows until a reset.
-    pub failure: Option<Arc<str>>,
     /// One entry per tool of the scene.
     pub tools: Vec<ToolReport>,
 }
@@ -103,6 +109,8 @@ pub enum SceneEvent {
     ToolReleased(usize),
     /// The session gave up time that it had lost.
     Reanchored,
+    /// So large a share of the last seconds' steps was late: the scene runs slower than the hands that drive it.
+    Overloaded(f64),
     /// The governor set the relative tolerance of the solves to this.
     ToleranceChanged(f64),
     /// The state was saved as the checkpoint of this name.
@@ -337,6 +345,11 @@ impl Viewer {
                 return self.try_next();
             }
         }
+    }
+
+    /// Waits for the end of the session.
+    pub async fn closed(&mut self) {
+        while self.bell.changed().await.is_ok() {}
     }
 
     /// What comes next, if there is something. The order: the first keyframe; then events,

@@ -67,6 +67,11 @@ impl InputLog {
         self.steps
     }
 
+    /// Memory that it takes, bytes.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(self.motions.as_slice()) + size_of_val(self.tolerances.as_slice())
+    }
+
     /// Whether the log ended before the session did.
     #[must_use]
     pub fn is_full(&self) -> bool {

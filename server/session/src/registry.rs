@@ -8,20 +8,27 @@ use kerf_physics::Scene;
 use kerf_scenes::dial::ParetoFronts;
 use tokio::sync::Semaphore;
 
+use crate::admission::Admission;
+use crate::clock::MonotonicClock;
 use crate::error::SessionError;
 use crate::limits::{LimitError, SessionLimits};
 use crate::lock::lock;
+use crate::prepare::{Permits, prepare};
 use crate::session::{Session, SessionOptions};
-use crate::session_id::SessionId;
+use crate::session_id::{InstanceId, SessionId};
 
 /// The sessions of a server, at most [`SessionLimits::max_sessions`] of them.
 pub struct Registry {
     limits: SessionLimits,
-    pareto_fronts: ParetoFronts,
+    pareto_fronts: Arc<ParetoFronts>,
     sessions: Mutex<BTreeMap<SessionId, Arc<Session>>>,
-    next_id: AtomicU64,
+    instance: InstanceId,
+    next_number: AtomicU64,
     /// One permit per thread that may live, held by the thread.
     permits: Arc<Semaphore>,
+    /// One permit per scene that may be read and built at a time.
+    builds: Arc<Semaphore>,
+    admission: Arc<Admission>,
 }
 
 impl Registry {
@@ -32,7 +39,26 @@ impl Registry {
     pub fn new(limits: SessionLimits, pareto_fronts: ParetoFronts) -> Result<Self, LimitError> {
         limits.validate()?;
         let permits = Arc::new(Semaphore::new(limits.max_sessions));
-        Ok(Self { limits, pareto_fronts, sessions: Mutex::default(), next_id: AtomicU64::new(1), permits })
+        let builds = Arc::new(Semaphore::new(limits.max_builds));
+        let [max_memory_mib, max_load] =
+            [limits.max_memory_mib, limits.max_load].map(|max| max.unwrap_or(f64::INFINITY));
+        let admission = Admission::new(max_memory_mib, max_load, limits.max_setup_s, limits.threads_per_session);
+        Ok(Self {
+            limits,
+            pareto_fronts: Arc::new(pareto_fronts),
+            sessions: Mutex::default(),
+            instance: InstanceId::random(),
+            next_number: AtomicU64::new(1),
+            permits,
+            builds,
+            admission,
+        })
+    }
+
+    /// This run of the server.
+    #[must_use]
+    pub fn instance(&self) -> InstanceId {
+        self.instance
     }
 
     /// What every session holds its clients to.
@@ -44,19 +70,43 @@ impl Registry {
     /// Builds a scene at the dial's setting and starts a session of it; a large scene takes seconds.
     ///
     /// # Errors
-    /// The server is full or shutting down, the dial cannot be set as asked, or the scene cannot be built.
-    pub async fn create(&self, mut scene: Scene, options: SessionOptions) -> Result<Arc<Session>, SessionError> {
-        let permit = Arc::clone(&self.permits).try_acquire_owned().map_err(|_| match self.permits.is_closed() {
+    /// The server is full or shutting down, the scene needs more than is left of the machine, the dial cannot be set
+    /// as asked, or the scene cannot be built.
+    pub async fn create(&self, scene: Scene, options: SessionOptions) -> Result<Arc<Session>, SessionError> {
+        self.create_from(|| Ok(scene), options).await
+    }
+
+    /// The same for a scene that has yet to be read: `read` runs on a thread of its own when its turn has come, so
+    /// that it may take its time.
+    ///
+    /// # Errors
+    /// Those of [`Registry::create`] and of `read`.
+    pub async fn create_from<E: From<SessionError> + Send + 'static>(
+        &self,
+        read: impl FnOnce() -> Result<Scene, E> + Send + 'static,
+        options: SessionOptions,
+    ) -> Result<Arc<Session>, E> {
+        let slot = Arc::clone(&self.permits).try_acquire_owned().map_err(|_| match self.permits.is_closed() {
             true => SessionError::Draining,
             false => SessionError::TooManySessions { limit: self.limits.max_sessions },
         })?;
-        let choice = self.pareto_fronts.settle(&mut scene, options.dial)?;
-        let id = SessionId(self.next_id.fetch_add(1, Ordering::Relaxed));
-        let session = Arc::new(Session::start(id, scene, choice, options, self.limits.clone(), permit).await?);
+        // A caller who gives up while others are built has cost nothing.
+        let build = Arc::clone(&self.builds).acquire_owned().await.map_err(|_| SessionError::Draining)?;
+        let permits = Permits { slot, build };
+        let (limits, fronts, admission) =
+            (self.limits.clone(), Arc::clone(&self.pareto_fronts), Arc::clone(&self.admission));
+        let prepared = tokio::task::spawn_blocking(move || {
+            Ok::<_, E>(prepare(read()?, &options, &limits, &fronts, &admission, permits)?)
+        });
+        let panicked = |_| SessionError::Failed { message: "a panic while the scene was read".into() };
+        let prepared = prepared.await.map_err(panicked)??;
+        let number = self.next_number.fetch_add(1, Ordering::Relaxed);
+        let id = SessionId { instance: self.instance, number };
+        let session = Arc::new(Session::start(id, prepared, options, self.limits.clone()).await?);
         let mut sessions = lock(&self.sessions);
         if self.permits.is_closed() {
             // The server began to shut down while the scene was being built.
-            return Err(SessionError::Draining);
+            return Err(SessionError::Draining.into());
         }
         sessions.insert(id, Arc::clone(&session));
         let dial = session.dial().map(ToString::to_string);
@@ -71,13 +121,22 @@ impl Registry {
     /// There is none.
     pub fn get(&self, id: &str) -> Result<Arc<Session>, SessionError> {
         let session = lock(&self.sessions).get(&id.parse()?).cloned();
-        session.ok_or_else(|| SessionError::NoSession { id: id.into() })
+        let session = session.ok_or_else(|| SessionError::NoSession { id: id.into() })?;
+        session.touch();
+        Ok(session)
     }
 
     /// All sessions, by id.
     #[must_use]
     pub fn list(&self) -> Vec<Arc<Session>> {
         lock(&self.sessions).values().cloned().collect()
+    }
+
+    /// Sessions that nobody has had to do with for as long as the limit says.
+    #[must_use]
+    pub fn idle(&self) -> Vec<Arc<Session>> {
+        let now_ns = MonotonicClock::now_ns();
+        lock(&self.sessions).values().filter(|session| session.is_idle(now_ns)).cloned().collect()
     }
 
     /// Ends a session and waits for its thread.
@@ -95,6 +154,7 @@ impl Registry {
     /// Creates no more sessions.
     pub fn refuse_new(&self) {
         self.permits.close();
+        self.builds.close();
     }
 
     /// Ends all sessions and waits for their threads; none can be created afterwards.

@@ -1,21 +1,24 @@
 //! A session as others hold it: commands, drivers, viewers.
 
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
 use kerf_physics::Scene;
 use kerf_physics::scene::DialDesc;
 use kerf_physics::world::ObjectStats;
-use tokio::sync::{OwnedSemaphorePermit, oneshot, watch};
+use tokio::sync::{oneshot, watch};
 
+use crate::admission::Load;
 use crate::checkpoints::CheckpointInfo;
 use crate::clock::MonotonicClock;
 use crate::error::SessionError;
 use crate::inbox::{CheckpointCommand, Command, Inbox, Inspection};
-use crate::limits::SessionLimits;
+use crate::limits::{SessionLimits, to_ns};
 use crate::lock::lock;
 use crate::outbox::{Outbox, Publisher, StepReport, Viewer};
 use crate::pose_check::{PoseRefusal, PoseSample};
+use crate::prepare::Prepared;
 use crate::session_core::SessionCore;
 use crate::session_id::SessionId;
 use crate::session_thread::{self, Told};
@@ -45,33 +48,53 @@ pub struct Session {
     bell: watch::Receiver<u64>,
     reports: watch::Receiver<Arc<StepReport>>,
     thread: Mutex<Option<JoinHandle<()>>>,
+    load: Arc<Load>,
+    memory_bytes: f64,
+    /// When somebody last had to do with it.
+    last_used_ns: AtomicU64,
 }
 
 impl Session {
     /// Builds the scene on the session's thread and lets it run.
     pub(crate) async fn start(
         id: SessionId,
-        scene: Scene,
-        choice: Option<Choice>,
+        prepared: Prepared,
         options: SessionOptions,
         limits: SessionLimits,
-        permit: OwnedSemaphorePermit,
     ) -> Result<Self, SessionError> {
-        check_rate(&scene, &limits)?;
+        let Prepared { scene, choice, admitted, permits } = prepared;
         let scene = Arc::new(scene);
         let inbox = Arc::new(Inbox::new(scene.desc.tools.len(), limits.clone()));
         let phase = if options.start_paused { Phase::Paused } else { Phase::Running };
         let outbox = Arc::new(Outbox::new(&limits, phase));
         let (publisher, bell, reports) = Publisher::new(Arc::clone(&outbox));
+        let load = Arc::clone(&admitted.load);
+        let memory_bytes = admitted.memory.bytes();
         let build = {
             let (scene, limits, inbox) = (Arc::clone(&scene), limits.clone(), Arc::clone(&inbox));
-            move || SessionCore::new(scene, limits, inbox, publisher)
+            move || SessionCore::new(scene, limits, inbox, publisher, admitted)
         };
         let (name, threads) = (format!("kerf-{id}"), limits.threads_per_session);
-        let (thread, built) = session_thread::start(name, threads, Arc::clone(&inbox), permit, build)?;
+        let (thread, built) = session_thread::start(name, threads, Arc::clone(&inbox), permits, build)?;
         let Told { objects, warnings } = built.await.map_err(|_| SessionError::Closed)??;
         let thread = Mutex::new(Some(thread));
-        Ok(Self { id, scene, choice, objects, warnings, limits, inbox, outbox, bell, reports, thread })
+        let last_used_ns = AtomicU64::new(MonotonicClock::now_ns());
+        Ok(Self {
+            id,
+            scene,
+            choice,
+            objects,
+            warnings,
+            limits,
+            inbox,
+            outbox,
+            bell,
+            reports,
+            thread,
+            load,
+            memory_bytes,
+            last_used_ns,
+        })
     }
 
     /// Its id.
@@ -128,6 +151,31 @@ impl Session {
         self.inbox.held_tools()
     }
 
+    /// Cores that its steps have kept busy of late: the time of a step over the time that it has.
+    #[must_use]
+    pub fn load(&self) -> f64 {
+        self.load.measured()
+    }
+
+    /// Memory that it was told to need before it was built, bytes.
+    #[must_use]
+    pub fn memory_bytes(&self) -> f64 {
+        self.memory_bytes
+    }
+
+    /// Somebody has to do with it.
+    pub(crate) fn touch(&self) {
+        self.last_used_ns.store(MonotonicClock::now_ns(), Ordering::Relaxed);
+    }
+
+    /// Whether nobody has had to do with it for as long as the limit says.
+    pub(crate) fn is_idle(&self, now_ns: u64) -> bool {
+        if self.viewers() > 0 || self.inbox.drivers() > 0 {
+            self.touch();
+        }
+        now_ns.saturating_sub(self.last_used_ns.load(Ordering::Relaxed)) >= to_ns(self.limits.idle_timeout_s)
+    }
+
     /// Stops stepping; answers with the step after which it stands.
     ///
     /// # Errors
@@ -142,6 +190,15 @@ impl Session {
     /// The queue is full, or the session has ended or failed.
     pub async fn resume(&self) -> Result<u64, SessionError> {
         self.ask(Command::Resume).await?
+    }
+
+    /// Takes `steps` steps, one after the other without waiting for their deadlines, and stands after them;
+    /// answers with the step after which it stands.
+    ///
+    /// # Errors
+    /// The queue is full, or the session has ended or failed.
+    pub async fn step(&self, steps: u32) -> Result<u64, SessionError> {
+        self.ask(|answer| Command::Step(steps, answer)).await?
     }
 
     /// Puts the scene back to rest.
@@ -272,14 +329,6 @@ impl Drop for Session {
     /// A session that nobody holds ends; its thread is not waited for.
     fn drop(&mut self) {
         self.begin_close();
-    }
-}
-
-fn check_rate(scene: &Scene, limits: &SessionLimits) -> Result<(), SessionError> {
-    let rate_hz = scene.desc.rate_hz;
-    match (1.0..=limits.max_rate_hz).contains(&rate_hz) {
-        true => Ok(()),
-        false => Err(SessionError::Rate { rate_hz, limit_hz: limits.max_rate_hz }),
     }
 }
 

@@ -7,11 +7,12 @@ use std::time::Duration;
 use kerf_physics::Workers;
 use kerf_physics::world::ObjectStats;
 use rayon::{ThreadPool, ThreadPoolBuilder};
-use tokio::sync::{OwnedSemaphorePermit, oneshot};
+use tokio::sync::oneshot;
 
 use crate::clock::MonotonicClock;
 use crate::error::SessionError;
 use crate::inbox::Inbox;
+use crate::prepare::Permits;
 use crate::session_core::{SessionCore, Wake};
 
 /// What is told of a scene that was built.
@@ -24,20 +25,25 @@ pub(crate) struct Told {
 
 type Built = Result<Told, SessionError>;
 
-/// Starts a thread that builds a session's core, says so and runs it. The permit stays with the thread, so that a
+/// Starts a thread that builds a session's core, says so and runs it. The permits stay with the thread, so that a
 /// caller who gives up waiting for a large scene does not make room for another.
 pub(crate) fn start(
     name: String,
     threads: usize,
     inbox: Arc<Inbox>,
-    permit: OwnedSemaphorePermit,
+    permits: Permits,
     build: impl FnOnce() -> Result<SessionCore, SessionError> + Send + 'static,
 ) -> Result<(JoinHandle<()>, oneshot::Receiver<Built>), SessionError> {
     let pool = pool(threads)?;
     let (say, built) = oneshot::channel();
     let body = move || {
-        let _permit = permit;
-        match build() {
+        let Permits { slot: _slot, build: building } = permits;
+        if say.is_closed() {
+            return;
+        }
+        let core = build();
+        drop(building);
+        match core {
             // A session that nobody waits for any more never begins.
             Ok(core) => {
                 if say.send(Ok(told(&core))).is_ok() {

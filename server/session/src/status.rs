@@ -9,9 +9,10 @@ use kerf_physics::{Stage, Vec3};
 use crate::pacer::Pace;
 
 /// What a session is doing.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Phase {
     /// It steps.
+    #[default]
     Running,
     /// It stands until it is resumed.
     Paused,
@@ -22,6 +23,17 @@ pub enum Phase {
     },
     /// It is about to end.
     Closing,
+}
+
+impl Phase {
+    /// What the panic said, if one failed the session.
+    #[must_use]
+    pub fn failure(&self) -> Option<&str> {
+        match self {
+            Self::Failed { message } => Some(message),
+            Self::Running | Self::Paused | Self::Closing => None,
+        }
+    }
 }
 
 /// A session's description of itself.

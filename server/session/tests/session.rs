@@ -179,8 +179,8 @@ async fn a_panic_fails_its_session_alone() {
     let driver = broken.drive(&[0]).unwrap();
     let answer = broken.query(|_| -> u64 { panic!("a test's panic") }).await;
     assert!(matches!(answer, Err(SessionError::Failed { .. })));
-    let report = report_where(&driver, |report| report.failure.is_some()).await;
-    assert_eq!(report.failure.as_deref(), Some("a test's panic"));
+    let report = report_where(&driver, |report| report.phase.failure().is_some()).await;
+    assert_eq!(report.phase.failure(), Some("a test's panic"));
     assert!(matches!(broken.drive(&[1]), Err(SessionError::Failed { .. })));
     let witness = other.drive(&[0]).unwrap();
     let step = other.describe().await.unwrap().step;
@@ -189,8 +189,8 @@ async fn a_panic_fails_its_session_alone() {
     broken.resume().await.unwrap();
     // One that begins now hears nothing of the failure before its time.
     let later = broken.drive(&[1]).unwrap();
-    assert!(later.reports().next().await.unwrap().failure.is_none());
-    report_where(&driver, |report| report.failure.is_none() && report.step > 0).await;
+    assert!(later.reports().next().await.unwrap().phase.failure().is_none());
+    report_where(&driver, |report| report.phase.failure().is_none() && report.step > 0).await;
 }
 
 #[tokio::test]

@@ -59,7 +59,7 @@ async fn a_cut_is_undone_for_the_replicas_too() {
     });
     let told = told.await;
     assert_eq!(told.name, "half way");
-    assert!(told.step > step, "{told:?}");
+    assert!(told.step >= step, "{told:?}");
     let lifted = stroke.station.contact_where(|contact| contact.step >= told.step).await;
     assert_ne!(lifted.flags & v1::ContactFlag::Lifted as u32, 0, "{lifted:?}");
     watcher.during(stroke.press(ABOVE_M, FOOT_M)).await;

@@ -160,7 +160,7 @@ async fn hellos_are_checked() {
         Err(status) => status.code(),
     };
     assert_eq!(code(v1::ClientHello { protocol_version: 99, ..hello(&session, &[0]) }).await, Code::FailedPrecondition);
-    assert_eq!(code(hello("session-999", &[0])).await, Code::NotFound);
+    assert_eq!(code(hello("session-00000000-1", &[0])).await, Code::NotFound);
     assert_eq!(code(hello("nonsense", &[0])).await, Code::NotFound);
     assert_eq!(code(hello(&session, &[2])).await, Code::NotFound);
     assert_eq!(code(hello(&session, &[])).await, Code::InvalidArgument);

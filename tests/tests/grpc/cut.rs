@@ -9,10 +9,9 @@ use kerf_proto::v1::{self, view_event};
 use kerf_replica::{Body, Replica, surface_hash};
 use kerf_scenes::catalog;
 use kerf_server::recording::Recording;
-use tonic::Streaming;
 use tonic::transport::Channel;
 
-use super::harness::{Harness, Station, endpoint, next, no_expiry};
+use super::harness::{Harness, Station, View, endpoint, next, no_expiry};
 
 /// Heights of the edge, m: over the block, half way down, and at what holds it.
 pub const ABOVE_M: f32 = 0.015;
@@ -72,7 +71,7 @@ type Counts = (usize, usize);
 
 /// A viewer that keeps a replica and notes each structure that it had.
 pub struct Watcher {
-    view: Streaming<v1::ViewEvent>,
+    view: View,
     pub replica: Replica,
     structures: Vec<Structure>,
 }

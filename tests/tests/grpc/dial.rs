@@ -42,7 +42,7 @@ async fn create(harness: &mut Harness, scene: String, dial: Option<Dial>) -> Res
         scene: Some(Source::SceneToml(scene)),
         start_paused: true,
         dial,
-        step_rate_hz: None,
+        ..Default::default()
     };
     Ok(harness.sessions.create_session(request).await?.into_inner().session.unwrap())
 }

@@ -8,6 +8,7 @@ use kerf_proto::v1::control_service_client::ControlServiceClient;
 use kerf_proto::v1::session_service_client::SessionServiceClient;
 use kerf_proto::v1::view_service_client::ViewServiceClient;
 use kerf_proto::v1::{self, create_session_request, down, up, view_event};
+use kerf_replica::Assembler;
 use kerf_server::config::ServerConfig;
 use kerf_server::serve::Server;
 use tokio::net::{TcpListener, TcpStream};
@@ -57,8 +58,12 @@ impl Harness {
     }
 
     pub async fn create(&mut self) -> Result<String, Status> {
-        let scene = Some(create_session_request::Scene::SceneToml(BLOCK.into()));
-        let request = v1::CreateSessionRequest { scene, start_paused: false, dial: None, step_rate_hz: None };
+        self.create_of(BLOCK.into()).await
+    }
+
+    pub async fn create_of(&mut self, scene_toml: String) -> Result<String, Status> {
+        let scene = Some(create_session_request::Scene::SceneToml(scene_toml));
+        let request = v1::CreateSessionRequest { scene, ..Default::default() };
         let created = self.sessions.create_session(request).await?.into_inner();
         Ok(created.session.expect("a description").session_id)
     }
@@ -94,11 +99,68 @@ impl Harness {
         Station::open(self.channel.clone(), hello(session_id, tool_ids)).await
     }
 
-    pub async fn view(&self, channel: Channel, session_id: &str) -> Streaming<v1::ViewEvent> {
-        let request =
-            v1::ViewRequest { protocol_version: PROTOCOL_VERSION, session_id: session_id.into(), ..Default::default() };
-        let view = ViewServiceClient::new(channel).view(request).await;
-        view.expect("a view").into_inner()
+    pub async fn view(&self, channel: Channel, session_id: &str) -> View {
+        self.view_as(channel, view_request(session_id)).await.expect("a view")
+    }
+
+    pub async fn view_as(&self, channel: Channel, request: v1::ViewRequest) -> Result<View, Status> {
+        View::open(channel, self.channel.clone(), request).await
+    }
+}
+
+pub fn view_request(session_id: &str) -> v1::ViewRequest {
+    v1::ViewRequest { protocol_version: PROTOCOL_VERSION, session_id: session_id.into(), ..Default::default() }
+}
+
+/// A view stream that acknowledges what it is asked for.
+pub struct View {
+    pub stream: Streaming<v1::ViewEvent>,
+    pub viewer: String,
+    assembler: Assembler,
+    client: ViewServiceClient<Channel>,
+}
+
+impl View {
+    /// Views over one channel and acknowledges over another.
+    async fn open(channel: Channel, acknowledged_over: Channel, request: v1::ViewRequest) -> Result<Self, Status> {
+        let mut stream = ViewServiceClient::new(channel).view(request).await?.into_inner();
+        match stream.message().await?.and_then(|event| event.message) {
+            Some(view_event::Message::Hello(hello)) => Ok(Self {
+                stream,
+                viewer: hello.viewer,
+                assembler: Assembler::default(),
+                client: ViewServiceClient::new(acknowledged_over),
+            }),
+            other => panic!("a hello comes first, not {other:?}"),
+        }
+    }
+
+    /// The next event, put together and not acknowledged; `None` at the end.
+    pub async fn event(&mut self) -> Result<Option<v1::ViewEvent>, Status> {
+        while let Some(event) = self.stream.message().await? {
+            if let Some(whole) = self.assembler.take(event).expect("fragments that fit") {
+                return Ok(Some(whole));
+            }
+        }
+        Ok(None)
+    }
+
+    pub async fn acknowledge(&mut self, number: u64) -> Result<(), Status> {
+        let request = v1::AcknowledgeRequest { viewer: self.viewer.clone(), number };
+        self.client.acknowledge(request).await.map(drop)
+    }
+
+    /// The next message, acknowledged; `None` at the end.
+    pub async fn message(&mut self) -> Result<Option<view_event::Message>, Status> {
+        let Some(event) = self.event().await? else { return Ok(None) };
+        if event.number > 0 {
+            let (mut client, viewer) = (self.client.clone(), self.viewer.clone());
+            // By itself, so that a caller who stops waiting loses nothing; a stream that has ended is known no more.
+            tokio::spawn(async move {
+                drop(client.acknowledge(v1::AcknowledgeRequest { viewer, number: event.number }).await);
+            });
+        }
+        Ok(event.message)
     }
 }
 
@@ -120,9 +182,8 @@ pub fn hello(session_id: &str, tool_ids: &[u32]) -> v1::ClientHello {
 }
 
 /// What a viewer gets next.
-pub async fn next(view: &mut Streaming<v1::ViewEvent>) -> view_event::Message {
-    let event = soon("a view event", view.message()).await.expect("no error").expect("the stream goes on");
-    event.message.expect("a message that says something")
+pub async fn next(view: &mut View) -> view_event::Message {
+    soon("a view event", view.message()).await.expect("no error").expect("the stream goes on")
 }
 
 /// A pose above the block.
@@ -143,7 +204,7 @@ pub struct Station {
 impl Station {
     pub async fn open(channel: Channel, hello: v1::ClientHello) -> Result<Self, Status> {
         let (up, messages) = mpsc::channel(64);
-        let first = v1::Up { message: Some(up::Message::Hello(hello)) };
+        let first = v1::Up { message: Some(up::Message::Hello(hello)), received: 0 };
         up.send(first).await.expect("room for the hello");
         let answer = ControlServiceClient::new(channel).control(ReceiverStream::new(messages)).await?;
         let mut down = answer.into_inner();
@@ -155,7 +216,7 @@ impl Station {
 
     /// Whether the message was still taken.
     pub async fn say(&self, message: up::Message) -> bool {
-        self.up.send(v1::Up { message: Some(message) }).await.is_ok()
+        self.up.send(v1::Up { message: Some(message), received: 0 }).await.is_ok()
     }
 
     pub async fn send(&self, pose: v1::ToolPose) -> bool {
@@ -164,8 +225,21 @@ impl Station {
 
     /// The next message, the status that ended the stream, or its good end.
     pub async fn next(&mut self) -> Option<Result<down::Message, Status>> {
+        let message = self.next_unacknowledged().await?;
+        if let Ok(down::Message::Contact(contact)) = &message {
+            self.acknowledge(contact).await;
+        }
+        Some(message)
+    }
+
+    /// The same, but a contact is not acknowledged.
+    pub async fn next_unacknowledged(&mut self) -> Option<Result<down::Message, Status>> {
         let message = soon("a message", self.down.message()).await.transpose()?;
         Some(message.map(|down| down.message.expect("a message that says something")))
+    }
+
+    pub async fn acknowledge(&self, contact: &v1::Contact) {
+        let _ = self.up.send(v1::Up { message: None, received: contact.number }).await;
     }
 
     /// Skips messages until `pick` takes one.

@@ -57,7 +57,7 @@ async fn a_session_pauses_resumes_resets_and_closes() {
 async fn a_session_may_begin_paused() {
     let mut harness = Harness::start().await;
     let scene = Some(create_session_request::Scene::SceneToml(BLOCK.into()));
-    let request = v1::CreateSessionRequest { scene, start_paused: true, dial: None, step_rate_hz: None };
+    let request = v1::CreateSessionRequest { scene, start_paused: true, ..Default::default() };
     let session = harness.sessions.create_session(request).await.unwrap().into_inner().session.unwrap();
     assert_eq!((session.step, session.state()), (0, v1::SessionState::Paused));
     let scene = session.scene.unwrap();
@@ -84,7 +84,7 @@ async fn a_client_may_ask_for_a_step_rate() {
 async fn scenes_that_are_none_are_refused_with_the_reason() {
     let mut harness = Harness::start().await;
     let mut refused = async |scene| {
-        let request = v1::CreateSessionRequest { scene, start_paused: false, dial: None, step_rate_hz: None };
+        let request = v1::CreateSessionRequest { scene, ..Default::default() };
         harness.sessions.create_session(request).await.unwrap_err()
     };
     let toml = |text: String| Some(create_session_request::Scene::SceneToml(text));
@@ -145,8 +145,8 @@ async fn a_server_that_stops_tells_its_streams_ends_its_sessions_and_accepts_nob
     let registry = harness.server.registry().clone();
     let reader = tokio::spawn(async move {
         let mut last = None;
-        while let Some(event) = view.message().await.expect("a good end") {
-            last = event.message;
+        while let Some(message) = view.message().await.expect("a good end") {
+            last = Some(message);
         }
         last
     });

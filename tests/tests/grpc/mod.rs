@@ -1,9 +1,14 @@
 //! The server over real gRPC on loopback: what clients do to it, and that it harms nobody else.
 
+mod browser;
+mod bystander;
 mod checkpoints;
 mod control;
 mod cut;
 mod dial;
 mod harness;
+mod hostile;
 mod lifecycle;
+mod own_scenes;
+mod stale;
 mod view;

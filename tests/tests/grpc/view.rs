@@ -5,12 +5,11 @@ use std::time::Duration;
 use kerf_physics::Stage;
 use kerf_proto::v1;
 use kerf_proto::v1::view_event::Message;
-use kerf_proto::v1::view_service_client::ViewServiceClient;
-use tonic::{Code, Streaming};
+use tonic::Code;
 
-use super::harness::{Harness, endpoint, next, pose, soon};
+use super::harness::{Harness, View, endpoint, next, pose, soon, view_request};
 
-async fn until<T>(view: &mut Streaming<v1::ViewEvent>, pick: impl Fn(Message) -> Option<T>) -> T {
+async fn until<T>(view: &mut View, pick: impl Fn(Message) -> Option<T>) -> T {
     soon("the view event", async {
         loop {
             if let Some(picked) = pick(next(view).await) {
@@ -21,7 +20,7 @@ async fn until<T>(view: &mut Streaming<v1::ViewEvent>, pick: impl Fn(Message) ->
     .await
 }
 
-async fn event(view: &mut Streaming<v1::ViewEvent>, kind: v1::EventKind) -> v1::Event {
+async fn event(view: &mut View, kind: v1::EventKind) -> v1::Event {
     until(view, |message| match message {
         Message::Event(event) => Some(event).filter(|event| event.kind() == kind),
         _ => None,
@@ -29,7 +28,7 @@ async fn event(view: &mut Streaming<v1::ViewEvent>, kind: v1::EventKind) -> v1::
     .await
 }
 
-async fn state(view: &mut Streaming<v1::ViewEvent>) -> v1::State {
+async fn state(view: &mut View) -> v1::State {
     until(view, |message| match message {
         Message::State(state) => Some(state),
         _ => None,
@@ -123,16 +122,11 @@ async fn viewers_beyond_the_limit_are_refused() {
     let mut harness = Harness::with(|config| config.session.max_viewers = 1).await;
     let session = harness.create().await.unwrap();
     let first = harness.view(harness.channel.clone(), &session).await;
-    let request = v1::ViewRequest {
-        protocol_version: kerf_proto::PROTOCOL_VERSION,
-        session_id: session.clone(),
-        ..Default::default()
-    };
-    let mut client = ViewServiceClient::new(harness.channel.clone());
-    assert_eq!(client.view(request.clone()).await.unwrap_err().code(), Code::ResourceExhausted);
+    let refused = harness.view_as(harness.channel.clone(), view_request(&session)).await.err();
+    assert_eq!(refused.map(|status| status.code()), Some(Code::ResourceExhausted));
     drop(first);
     harness.until(&session, |described| described.viewers == 0).await;
-    assert!(client.view(request).await.is_ok());
+    assert!(harness.view_as(harness.channel.clone(), view_request(&session)).await.is_ok());
 }
 
 #[tokio::test]
@@ -141,13 +135,8 @@ async fn who_wants_energies_gets_sums_that_nothing_is_missing_from() {
     let session = harness.create().await.unwrap();
     let mut plain = harness.view(harness.channel.clone(), &session).await;
     assert_eq!(state(&mut plain).await.energy, None);
-    let request = v1::ViewRequest {
-        protocol_version: kerf_proto::PROTOCOL_VERSION,
-        session_id: session.clone(),
-        rate_hz: 5.0,
-        wants_energy: true,
-    };
-    let mut view = ViewServiceClient::new(harness.channel.clone()).view(request).await.unwrap().into_inner();
+    let request = v1::ViewRequest { rate_hz: 5.0, wants_energy: true, ..view_request(&session) };
+    let mut view = harness.view_as(harness.channel.clone(), request).await.unwrap();
     let mut station = harness.drive(&session, &[0]).await.unwrap();
     for seq in 1..=40 {
         let mut down = pose(0, seq, 0.0);

@@ -152,6 +152,7 @@ impl ControlService for Server {
                 limits: Some(limits()),
                 scene: Some(scene()),
                 contact_rate_hz: 250.0,
+                ..Default::default()
             })),
             up::Message::Pose(pose) => Some(answer(&pose, behaviour)),
             up::Message::Lift(_) => None,
@@ -192,16 +193,24 @@ impl ViewService for Server {
         let behaviour = self.0;
         let (events, stream) = tokio::sync::mpsc::channel(1);
         tokio::spawn(async move {
-            let opening = [keyframe(), state(0, 0), state(0, 10), patch(behaviour), state(1, 20)];
+            let hello = view_event::Message::Hello(v1::ViewHello::default());
+            let opening = [hello, keyframe(), state(0, 0), state(0, 10), patch(behaviour), state(1, 20)];
             let later = (3u64..).map(|n| state(1, 10 * n));
-            for message in opening.into_iter().chain(later) {
-                if events.send(Ok(ViewEvent { message: Some(message) })).await.is_err() {
+            for (number, message) in opening.into_iter().chain(later).enumerate() {
+                if events.send(Ok(ViewEvent { message: Some(message), number: number as u64 })).await.is_err() {
                     return;
                 }
                 tokio::time::sleep(Duration::from_millis(10)).await;
             }
         });
         Ok(Response::new(ReceiverStream::new(stream)))
+    }
+
+    async fn acknowledge(
+        &self,
+        _: Request<v1::AcknowledgeRequest>,
+    ) -> Result<Response<v1::AcknowledgeResponse>, Status> {
+        Ok(Response::new(v1::AcknowledgeResponse {}))
     }
 }
 
@@ -230,7 +239,7 @@ impl SessionService for Server {
         &self,
         _: Request<v1::CloseSessionRequest>,
     ) -> Result<Response<v1::CloseSessionResponse>, Status> {
-        Ok(Response::new(v1::CloseSessionResponse {}))
+        Ok(Response::new(v1::CloseSessionResponse { recording: None }))
     }
 
     async fn list_scenes(&self, _: Request<v1::ListScenesRequest>) -> Result<Response<v1::ListScenesResponse>, Status> {
@@ -255,6 +264,17 @@ impl SessionService for Server {
         &self,
         _: Request<v1::ResumeSessionRequest>,
     ) -> Result<Response<v1::ResumeSessionResponse>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
+
+    async fn get_scene(&self, _: Request<v1::GetSceneRequest>) -> Result<Response<v1::GetSceneResponse>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
+
+    async fn step_session(
+        &self,
+        _: Request<v1::StepSessionRequest>,
+    ) -> Result<Response<v1::StepSessionResponse>, Status> {
         Err(Status::unimplemented("not asked for here"))
     }
 

@@ -24,8 +24,8 @@ pub fn rejection(tool_id: u32, seq: u64, refusal: &PoseRefusal) -> v1::PoseRejec
     v1::PoseRejected { tool_id, seq, field: refusal.field().into(), limit: refusal.limit() }
 }
 
-/// What a tool feels. The echo is that of `driver`'s own poses.
-pub fn contact(report: &StepReport, tool: usize, driver: DriverId, flags: u32) -> v1::Contact {
+/// What a tool feels, as message `number` of its stream. The echo is that of `driver`'s own poses.
+pub fn contact(report: &StepReport, tool: usize, driver: DriverId, number: u64, flags: u32) -> v1::Contact {
     let of_tool = report.tools.get(tool).copied().unwrap_or_default();
     let echo = of_tool.echo.filter(|echo| echo.driver == driver);
     let lifted = of_tool.output.pose.is_none().then_some(v1::ContactFlag::Lifted as u32);
@@ -44,6 +44,9 @@ pub fn contact(report: &StepReport, tool: usize, driver: DriverId, flags: u32) -
         model: of_tool.output.contact.as_ref().map(contact_model),
         cutting_length_m: of_tool.output.cutting_length_m as f32,
         flags: flags | lifted.unwrap_or(0) | grasp,
+        number,
+        server_ns: report.ended_ns,
+        echo_arrived_ns: echo.map_or(0, |echo| echo.arrived_ns),
     }
 }
 

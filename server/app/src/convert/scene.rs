@@ -40,6 +40,7 @@ fn object_summary(object: &ObjectDesc, stats: Option<ObjectStats>) -> v1::Object
         composite_elements: stats.composite_elements,
         left_out_pieces: stats.left_out.pieces,
         left_out_voxels: stats.left_out.voxels,
+        material_names: std::iter::once(&object.name).chain(object.regions.iter().map(|r| &r.name)).cloned().collect(),
     }
 }
 
@@ -78,8 +79,7 @@ pub fn limits(session: &Session, control: &ControlLimits) -> v1::Limits {
     let limits = session.limits();
     let extent_m = limits.pose.workspace_half_extent_m as f32;
     v1::Limits {
-        // A step uses the newest pose of each tool and no other.
-        max_pose_rate_hz: session.scene().desc.rate_hz,
+        max_pose_rate_hz: control.max_pose_rate_hz,
         default_contact_rate_hz: control.default_contact_rate_hz,
         max_contact_rate_hz: control.max_contact_rate_hz,
         max_view_rate_hz: limits.view_rate_hz,
@@ -88,10 +88,11 @@ pub fn limits(session: &Session, control: &ControlLimits) -> v1::Limits {
         workspace_max_m: Some(v1::Vec3 { x: extent_m, y: extent_m, z: extent_m }),
         lease_s: limits.lease_s,
         max_rejected_poses_in_a_row: control.max_rejected_in_a_row,
+        max_contact_age_s: control.max_contact_age_s,
     }
 }
 
-fn state(phase: &Phase) -> v1::SessionState {
+pub fn state(phase: &Phase) -> v1::SessionState {
     match phase {
         Phase::Running => v1::SessionState::Running,
         Phase::Paused => v1::SessionState::Paused,
@@ -113,10 +114,7 @@ pub fn session_description(
     status: &SessionStatus,
     control: &ControlLimits,
 ) -> v1::SessionDescription {
-    let failure = match &status.phase {
-        Phase::Failed { message } => message.to_string(),
-        _ => String::new(),
-    };
+    let failure = status.phase.failure().unwrap_or_default().to_owned();
     v1::SessionDescription {
         session_id: session.id().to_string(),
         state: state(&status.phase).into(),
@@ -132,6 +130,8 @@ pub fn session_description(
         tracked_displacements_m: status.tracked_displacement_m.iter().map(vec3).collect(),
         state_hash: status.state_hash,
         failure,
+        load: session.load(),
+        memory_bytes: session.memory_bytes() as u64,
         dial: session.dial().map(dial_choice),
         relative_tolerance: status.relative_tolerance,
     }

@@ -1,6 +1,6 @@
 //! Structure, state and events as viewers get them.
 
-use kerf_physics::step_io::ToolOutput;
+use kerf_physics::step_io::{Grasp, ToolOutput};
 use kerf_physics::surface::delta::{AdaptedVertex, BodyStructure, Keyframe, TopologyPatch};
 use kerf_proto::v1;
 use kerf_proto::v1::view_event::Message;
@@ -10,14 +10,13 @@ use super::scene::energy_ledger;
 use super::{fault, pose, wrench};
 
 /// What a viewer is told, with the energies if it wants them.
-pub fn view_event(message: &ViewMessage, wants_energy: bool) -> v1::ViewEvent {
-    let message = match message {
+pub fn view_message(message: &ViewMessage, wants_energy: bool) -> Message {
+    match message {
         ViewMessage::Keyframe(structure) => Message::Keyframe(keyframe(structure)),
         ViewMessage::Patch(change) => Message::Patch(patch(change)),
         ViewMessage::State(now) => Message::State(state(now, wants_energy)),
         ViewMessage::Event(happened) => event(happened),
-    };
-    v1::ViewEvent { message: Some(message) }
+    }
 }
 
 /// A keyframe as it goes over the wire.
@@ -50,11 +49,20 @@ fn body(body: &BodyStructure) -> v1::BodyStructure {
         element_nodes: body.elements.iter().flat_map(|element| element.nodes).collect(),
         vertex_ids: body.vertices.iter().map(|vertex| vertex.id).collect(),
         vertex_elements: body.vertices.iter().map(|vertex| vertex.element).collect(),
+        vertex_materials: vertex_materials(body),
         vertex_local: body.vertices.iter().flat_map(|vertex| vertex.local).collect(),
         held_vertex_ids: body.held.iter().map(|vertex| vertex.id).collect(),
         held_vertex_weights: body.held.iter().flat_map(|vertex| vertex.weights).collect(),
         quad_ids: body.quads.iter().map(|quad| quad.id).collect(),
         quad_vertices: body.quads.iter().flat_map(|quad| quad.vertices).collect(),
+    }
+}
+
+/// Nothing for an object of one material.
+fn vertex_materials(body: &BodyStructure) -> Vec<u32> {
+    match body.vertices.iter().all(|vertex| vertex.material == 0) {
+        true => Vec::new(),
+        false => body.vertices.iter().map(|vertex| u32::from(vertex.material)).collect(),
     }
 }
 
@@ -85,6 +93,8 @@ fn tool_state(tool: &ToolOutput) -> v1::ToolState {
         pose: tool.pose.as_ref().map(pose),
         wrench: Some(wrench(&tool.wrench)),
         cutting_length_m: tool.cutting_length_m as f32,
+        opening: tool.opening as f32,
+        is_holding: tool.grasp == Grasp::Holding,
     }
 }
 
@@ -110,6 +120,7 @@ fn event(happened: &ViewEvent) -> Message {
         SceneEvent::Closing => of(v1::EventKind::Closing),
         SceneEvent::Failed => of(v1::EventKind::Failed),
         SceneEvent::Reanchored => of(v1::EventKind::Reanchored),
+        SceneEvent::Overloaded(late_share) => v1::Event { late_share, ..of(v1::EventKind::Overloaded) },
         SceneEvent::ToolTaken(tool) => v1::Event { tool_id: tool as u32, ..of(v1::EventKind::ToolTaken) },
         SceneEvent::ToolReleased(tool) => v1::Event { tool_id: tool as u32, ..of(v1::EventKind::ToolReleased) },
         SceneEvent::CheckpointSaved(ref name) => {

@@ -1,10 +1,11 @@
 //! Tool poses in, contacts out.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use kerf_proto::v1;
 use kerf_proto::v1::send_pose_request::Motion;
+use kerf_session::clock::MonotonicClock;
 use kerf_session::{Driver, PoseRefusal, Registry};
 use tonic::{Request, Response, Status, Streaming};
 
@@ -13,19 +14,19 @@ use super::unary_drivers::UnaryDrivers;
 use super::{Outgoing, check_version, grant_rate_hz};
 use crate::config::ControlLimits;
 use crate::convert::contact::{contact, rejection};
-use crate::convert::scene::{limits, scene_summary};
+use crate::convert::scene::{limits, scene_summary, state};
 use crate::status::RequestError;
 
 /// The service.
 pub struct ControlService {
     registry: Arc<Registry>,
     limits: ControlLimits,
-    unary: UnaryDrivers,
+    unary: Arc<UnaryDrivers>,
 }
 
 impl ControlService {
     pub fn new(registry: Arc<Registry>, limits: ControlLimits) -> Self {
-        let unary = UnaryDrivers::new(limits.max_unary_drivers);
+        let unary = UnaryDrivers::new(limits.max_unary_drivers, limits.max_pose_rate_hz);
         Self { registry, limits, unary }
     }
 
@@ -64,6 +65,7 @@ impl ControlService {
             limits: Some(limits(session, &self.limits)),
             scene: Some(scene_summary(session)),
             contact_rate_hz: contacts.rate_hz(),
+            server_instance: self.registry.instance().to_string(),
         };
         v1::Down { message: Some(v1::down::Message::Hello(hello)) }
     }
@@ -71,11 +73,20 @@ impl ControlService {
     /// The lease of a unary driver: the one it has, or a new one.
     fn unary_lease(&self, request: &v1::SendPoseRequest, tool: usize) -> Result<String, RequestError> {
         if !request.lease.is_empty() {
-            self.unary.with(&request.lease, |driver| driver.claim(&[tool]))??;
+            self.unary.with(&request.lease, &request.session_id, |kept| kept.driver.claim(&[tool]))??;
             return Ok(request.lease.clone());
         }
         let session = self.registry.get(&request.session_id)?;
         self.unary.keep(session.drive(&[tool])?)
+    }
+}
+
+impl ControlService {
+    /// What a tool felt after the newest step, unless that is too long ago.
+    fn felt(&self, driver: &Driver, tool: usize) -> Option<v1::Contact> {
+        let report = driver.last_report()?;
+        let age_s = MonotonicClock::now_ns().saturating_sub(report.ended_ns) as f64 * 1e-9;
+        (age_s <= self.limits.max_contact_age_s).then(|| contact(&report, tool, driver.id(), 0, 0))
     }
 }
 
@@ -101,12 +112,21 @@ impl v1::control_service_server::ControlService for ControlService {
         let tool = tool_id as usize;
         self.unary.purge();
         let lease = self.unary_lease(&request, tool)?;
-        let (moved, felt) = self.unary.with(&lease, |driver| {
-            let moved = move_tool(driver, motion);
-            (moved, driver.last_report().map(|report| contact(&report, tool, driver.id(), 0)))
+        let answer = self.unary.with(&lease, &request.session_id, |kept| {
+            let rejected = match motion {
+                Motion::Pose(_) => kept.budget.take(tool_id, seq, Instant::now()).err(),
+                Motion::Lift(_) => None,
+            };
+            let moved = || move_tool(&kept.driver, motion).map_err(|refusal| rejection(tool_id, seq, &refusal));
+            let rejected = rejected.or_else(|| moved().err());
+            v1::SendPoseResponse {
+                lease: lease.clone(),
+                contact: self.felt(&kept.driver, tool),
+                rejected,
+                state: state(&kept.driver.session().phase()).into(),
+            }
         })?;
-        let rejected = moved.err().map(|refusal| rejection(tool_id, seq, &refusal));
-        Ok(Response::new(v1::SendPoseResponse { lease, contact: felt, rejected }))
+        Ok(Response::new(answer))
     }
 }
 

@@ -4,17 +4,20 @@
 
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use futures_util::stream;
 use kerf_proto::v1;
 use kerf_proto::v1::down::Message;
-use kerf_session::{Driver, Echo, PoseRefusal, Reports, SessionError, StepReport};
-use tokio::sync::mpsc;
+use kerf_session::clock::MonotonicClock;
+use kerf_session::{Driver, Echo, Phase, PoseRefusal, Reports, SessionError, StepReport};
+use tokio::sync::{mpsc, watch};
 use tokio::task::JoinHandle;
 use tonic::{Status, Streaming};
 
 use super::Outgoing;
+use super::in_flight::InFlight;
+use super::pose_budget::PoseBudget;
 use crate::config::ControlLimits;
 use crate::convert::contact::{contact, pose_sample, rejection};
 use crate::convert::fault;
@@ -62,22 +65,26 @@ impl Contacts {
         self.rate_hz
     }
 
-    /// Whether it is time for another; then, the steps that were late since the one before. A step
-    /// below the last one means that the scene was reset.
-    fn take(&mut self, report: &StepReport, news: News) -> Option<u64> {
+    /// Whether it is time for another. A step below the last one means that the scene was reset.
+    fn is_due(&self, report: &StepReport, news: News) -> bool {
         let ahead_ns = match news {
             News::NewPose => CONTACTS_AHEAD * self.interval_ns,
             News::None => 0,
         };
-        let reset = self.told.is_some_and(|told| report.step < told.step);
-        if report.ended_ns + ahead_ns < self.due_ns && !reset {
-            return None;
+        match &self.told {
+            Some(told) if report.step == told.step => false,
+            Some(told) if report.step < told.step => true,
+            _ => report.ended_ns + ahead_ns >= self.due_ns,
         }
+    }
+
+    /// This report is told; answers with the steps that were late since the one before.
+    fn tell(&mut self, report: &StepReport) -> u64 {
         // From the time it was due, so that the rate is kept though steps do not divide it.
         self.due_ns = (self.due_ns + self.interval_ns).max(report.ended_ns + self.interval_ns / 2);
         let before = self.told.map_or(report.late_steps, |told| told.late_steps);
         self.told = Some(Told { step: report.step, late_steps: report.late_steps });
-        Some(report.late_steps.saturating_sub(before))
+        report.late_steps.saturating_sub(before)
     }
 }
 
@@ -92,20 +99,34 @@ pub fn outgoing(
     let reports = driver.reports();
     let driver = Arc::new(driver);
     let (rejected, rejections) = mpsc::channel(limits.max_untold_rejections);
-    let reader = Reader { driver: Arc::clone(&driver), incoming, rejected, limits: limits.clone(), in_a_row: 0 };
-    let half = OutgoingHalf {
-        jumps: vec![0; driver.tools().len()],
-        echoes: vec![None; driver.tools().len()],
+    let (received, acknowledged) = watch::channel(0);
+    let reader = Reader {
+        driver: Arc::clone(&driver),
+        incoming,
+        rejected,
+        received,
+        budget: PoseBudget::new(limits.max_pose_rate_hz, driver.tools().len(), Instant::now()),
+        limits: limits.clone(),
+        in_a_row: 0,
+    };
+    let max_contact_age_ns = (limits.max_contact_age_s * 1e9) as u64;
+    let (phase, tools) = (driver.session().phase(), driver.tools().len());
+    let mut half = OutgoingHalf {
+        jumps: vec![0; tools],
+        echoes: vec![None; tools],
         driver,
         contacts,
         reports,
         rejections,
+        acknowledged,
+        in_flight: InFlight::new(max_contact_age_ns),
+        max_contact_age_ns,
         reader: Some(ReaderTask(tokio::spawn(reader.run()))),
         ready: VecDeque::from([hello]),
-        faults: 0,
-        relative_tolerance: None,
-        restores: None,
+        phase: Phase::Running,
+        told: None,
     };
+    half.say_phase(0, &phase);
     Box::pin(stream::unfold(half, |mut half| async move {
         let next = half.next().await?;
         Some((next, half))
@@ -126,15 +147,17 @@ struct OutgoingHalf {
     contacts: Contacts,
     reports: Reports,
     rejections: mpsc::Receiver<v1::PoseRejected>,
+    acknowledged: watch::Receiver<u64>,
+    in_flight: InFlight,
+    max_contact_age_ns: u64,
     /// `None` once the stream has said its last.
     reader: Option<ReaderTask>,
     /// Messages of one report; the next one is looked at when they are gone.
     ready: VecDeque<v1::Down>,
-    faults: u64,
-    /// The tolerance that was told, the first report's before that.
-    relative_tolerance: Option<f64>,
-    /// Returns to a checkpoint that were told, the first report's before that.
-    restores: Option<u64>,
+    /// What the session was doing as far as was told.
+    phase: Phase,
+    /// The last report whose events were told; there is nothing to compare the first with.
+    told: Option<Arc<StepReport>>,
     /// Per claimed tool: jumps that were told.
     jumps: Vec<u64>,
     /// Per claimed tool: the newest pose that was told of.
@@ -143,6 +166,7 @@ struct OutgoingHalf {
 
 enum Woken {
     Rejected(v1::PoseRejected),
+    Acknowledged(u64),
     ReaderEnded(Result<(), RequestError>),
     Reported(Option<Arc<StepReport>>),
 }
@@ -151,21 +175,32 @@ impl OutgoingHalf {
     async fn next(&mut self) -> Option<Result<v1::Down, Status>> {
         loop {
             if let Some(down) = self.ready.pop_front() {
-                return Some(Ok(down));
+                if self.is_in_time(&down) {
+                    return Some(Ok(down));
+                }
+                continue;
             }
             match self.wait().await? {
                 Woken::Rejected(rejected) => self.say(Message::Rejected(rejected)),
+                Woken::Acknowledged(number) => {
+                    self.in_flight.acknowledge(number, MonotonicClock::now_ns());
+                    if let Some(held_back) = self.told.clone() {
+                        self.tell_contacts(&held_back);
+                    }
+                }
                 Woken::ReaderEnded(ended) => {
                     self.reader = None;
                     return ended.err().map(|error| Err(error.into()));
                 }
                 Woken::Reported(Some(report)) => {
-                    if let Some(message) = &report.failure {
+                    if let Some(message) = report.phase.failure() {
                         self.reader = None;
-                        let error = SessionError::Failed { message: message.to_string() };
+                        let error = SessionError::Failed { message: message.to_owned() };
                         return Some(Err(RequestError::from(error).into()));
                     }
-                    self.tell(&report);
+                    self.tell_events(&report);
+                    self.tell_contacts(&report);
+                    self.told = Some(report);
                 }
                 Woken::Reported(None) => {
                     self.reader = None;
@@ -180,13 +215,30 @@ impl OutgoingHalf {
         let reader = &mut self.reader.as_mut()?.0;
         Some(tokio::select! {
             Some(rejected) = self.rejections.recv() => Woken::Rejected(rejected),
+            Ok(()) = self.acknowledged.changed() => Woken::Acknowledged(*self.acknowledged.borrow_and_update()),
             ended = reader => Woken::ReaderEnded(ended.unwrap_or(Ok(()))),
             report = self.reports.next() => Woken::Reported(report),
         })
     }
 
+    /// The transport may have been full since a message was made; a contact does not keep.
+    fn is_in_time(&self, down: &v1::Down) -> bool {
+        match &down.message {
+            Some(Message::Contact(contact)) => self.is_current(contact.server_ns),
+            _ => true,
+        }
+    }
+
+    fn is_current(&self, ended_ns: u64) -> bool {
+        MonotonicClock::now_ns().saturating_sub(ended_ns) <= self.max_contact_age_ns
+    }
+
     fn say(&mut self, message: Message) {
         self.ready.push_back(v1::Down { message: Some(message) });
+    }
+
+    fn say_event(&mut self, step: u64, kind: v1::EventKind, late_share: f64) {
+        self.say(Message::Event(v1::Event { step, kind: kind.into(), late_share, ..v1::Event::default() }));
     }
 
     fn say_lost(&mut self, tools: Vec<usize>, reason: v1::LeaseLostReason) {
@@ -195,22 +247,51 @@ impl OutgoingHalf {
         }
     }
 
-    fn tell(&mut self, report: &StepReport) {
+    /// What the session is doing, where that is not what was told.
+    fn say_phase(&mut self, step: u64, now: &Phase) {
+        if self.phase != *now {
+            match now {
+                Phase::Running => self.say_event(step, v1::EventKind::Resumed, 0.0),
+                Phase::Paused => self.say_event(step, v1::EventKind::Paused, 0.0),
+                // Both end the stream.
+                Phase::Failed { .. } | Phase::Closing => {}
+            }
+            self.phase = now.clone();
+        }
+    }
+
+    fn tell_events(&mut self, report: &StepReport) {
         self.say_lost(self.driver.take_lost_tools(), v1::LeaseLostReason::Silence);
-        if report.faults != self.faults {
-            self.faults = report.faults;
-            if let Some(found) = &report.last_fault {
+        if let Some(told) = self.told.take() {
+            if report.resets != told.resets {
+                self.say_event(report.step, v1::EventKind::Reset, 0.0);
+            }
+            // A reset counts anew from 0.
+            if report.overloads > told.overloads {
+                self.say_event(report.step, v1::EventKind::Overloaded, report.late_share);
+            }
+            if report.faults > told.faults
+                && let Some(found) = &report.last_fault
+            {
                 self.say(Message::Fault(fault(found)));
             }
+            if report.relative_tolerance != told.relative_tolerance {
+                self.say(Message::ToleranceChanged(v1::ToleranceChanged {
+                    step: report.step,
+                    relative_tolerance: report.relative_tolerance,
+                }));
+            }
+            if report.restores > told.restores {
+                let name = report.last_restored.as_deref().unwrap_or_default().to_owned();
+                self.say(Message::CheckpointRestored(v1::CheckpointRestored { step: report.step, name }));
+            }
         }
-        let now = report.relative_tolerance;
-        if self.relative_tolerance.replace(now).is_some_and(|told| told != now) {
-            self.say(Message::ToleranceChanged(v1::ToleranceChanged { step: report.step, relative_tolerance: now }));
-        }
-        if self.restores.replace(report.restores).is_some_and(|told| told != report.restores) {
-            let name = report.last_restored.as_deref().unwrap_or_default().to_owned();
-            self.say(Message::CheckpointRestored(v1::CheckpointRestored { step: report.step, name }));
-        }
+        self.say_phase(report.step, &report.phase);
+    }
+
+    /// Tells of the step what each tool feels, where it is time for it and the client has read enough of what went
+    /// before.
+    fn tell_contacts(&mut self, report: &StepReport) {
         let driver = Arc::clone(&self.driver);
         let echo = |tool: usize| report.tools.get(tool)?.echo.filter(|echo| echo.driver == driver.id());
         let is_new = |(told, tool): (&Option<Echo>, &usize)| echo(*tool).is_some_and(|echo| *told != Some(echo));
@@ -218,7 +299,11 @@ impl OutgoingHalf {
             true => News::NewPose,
             false => News::None,
         };
-        let Some(late_steps) = self.contacts.take(report, news) else { return };
+        if !self.contacts.is_due(report, news) || !self.is_current(report.ended_ns) || !self.in_flight.has_room() {
+            return;
+        }
+        let late_steps = self.contacts.tell(report);
+        let number = self.in_flight.send(MonotonicClock::now_ns());
         for (index, &tool) in driver.tools().iter().enumerate() {
             self.echoes[index] = echo(tool);
             let jumps = report.tools.get(tool).map_or(0, |of_tool| of_tool.jumps);
@@ -230,7 +315,7 @@ impl OutgoingHalf {
                 flags |= v1::ContactFlag::Reentered as u32;
             }
             self.jumps[index] = jumps;
-            self.say(Message::Contact(contact(report, tool, driver.id(), flags)));
+            self.say(Message::Contact(contact(report, tool, driver.id(), number, flags)));
         }
     }
 }
@@ -240,6 +325,9 @@ struct Reader {
     driver: Arc<Driver>,
     incoming: Streaming<v1::Up>,
     rejected: mpsc::Sender<v1::PoseRejected>,
+    /// Number of the newest contact that the client has read.
+    received: watch::Sender<u64>,
+    budget: PoseBudget,
     limits: ControlLimits,
     in_a_row: u32,
 }
@@ -258,8 +346,25 @@ impl Reader {
     }
 
     fn take(&mut self, up: v1::Up) -> Result<(), RequestError> {
+        if up.received > 0 {
+            self.received.send_if_modified(|received| {
+                let is_newer = up.received > *received;
+                *received = up.received.max(*received);
+                is_newer
+            });
+            if up.message.is_none() {
+                return Ok(());
+            }
+        }
         let (tool_id, seq, result) = match up.message {
-            Some(v1::up::Message::Pose(pose)) => (pose.tool_id, pose.seq, submit(&self.driver, &pose)),
+            Some(v1::up::Message::Pose(pose)) => {
+                if let Err(rejected) = self.budget.take(pose.tool_id, pose.seq, Instant::now()) {
+                    // Neither garbage nor a glitch: what a network held up comes together too.
+                    let _ = self.rejected.try_send(rejected);
+                    return Ok(());
+                }
+                (pose.tool_id, pose.seq, submit(&self.driver, &pose))
+            }
             Some(v1::up::Message::Lift(lift)) => (lift.tool_id, 0, self.driver.lift(lift.tool_id as usize)),
             Some(v1::up::Message::Hello(_)) => return Err(RequestError::HelloRepeated),
             None => return Err(RequestError::Missing { field: "message" }),
@@ -295,6 +400,10 @@ pub fn submit(driver: &Driver, pose: &v1::ToolPose) -> Result<(), PoseRefusal> {
 mod tests {
     use super::*;
 
+    fn take(contacts: &mut Contacts, report: &StepReport, news: News) -> Option<u64> {
+        contacts.is_due(report, news).then(|| contacts.tell(report))
+    }
+
     /// Steps, each of `step_ns`, whose reports are told; `news` of the poses by step.
     fn told_steps(
         contacts: &mut Contacts,
@@ -303,7 +412,7 @@ mod tests {
         news: impl Fn(u64) -> News,
     ) -> Vec<u64> {
         let report = |step| StepReport { step, ended_ns: step * step_ns, ..StepReport::default() };
-        steps.filter(|step| contacts.take(&report(*step), news(*step)).is_some()).collect()
+        steps.filter(|step| take(contacts, &report(*step), news(*step)).is_some()).collect()
     }
 
     fn nothing(_step: u64) -> News {
@@ -344,14 +453,14 @@ mod tests {
     #[test]
     fn a_late_step_between_two_contacts_is_told_with_the_second() {
         let mut contacts = Contacts::new(1000.0, 500.0);
-        let mut take = |step, late_steps| {
+        let mut told = |step, late_steps| {
             let report = StepReport { step, ended_ns: step * 1_000_000, late_steps, ..StepReport::default() };
-            contacts.take(&report, News::None)
+            take(&mut contacts, &report, News::None)
         };
-        assert_eq!(take(101, 5), Some(0));
-        assert_eq!(take(102, 5), Some(0));
-        assert_eq!(take(103, 6), None);
-        assert_eq!(take(104, 6), Some(1));
-        assert_eq!(take(106, 6), Some(0));
+        assert_eq!(told(101, 5), Some(0));
+        assert_eq!(told(102, 5), Some(0));
+        assert_eq!(told(103, 6), None);
+        assert_eq!(told(104, 6), Some(1));
+        assert_eq!(told(106, 6), Some(0));
     }
 }

@@ -2,15 +2,18 @@
 
 pub mod control_service;
 mod control_stream;
+mod in_flight;
+mod pose_budget;
 pub mod session_service;
 mod unary_drivers;
 pub mod view_service;
+mod view_stream;
 
+use std::hash::{BuildHasher, RandomState};
 use std::pin::Pin;
 use std::time::Duration;
 
 use futures_util::Stream;
-use kerf_session::SessionError;
 use tonic::Status;
 
 use crate::status::RequestError;
@@ -18,6 +21,12 @@ use crate::status::RequestError;
 /// What a service answers a stream with: pulled by the transport when it has room, so nothing waits
 /// in between.
 type Outgoing<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
+
+/// A name that only the client knows that it is given to: two keyed hashes under fresh keys of the operating system's
+/// are not to be guessed.
+fn token() -> String {
+    format!("{:016x}{:016x}", RandomState::new().hash_one(0), RandomState::new().hash_one(1))
+}
 
 fn check_version(theirs: u32) -> Result<(), RequestError> {
     match theirs == kerf_proto::PROTOCOL_VERSION {
@@ -36,9 +45,12 @@ fn grant_rate_hz(field: &'static str, wish_hz: f64, default_hz: f64, max_hz: f64
 }
 
 /// The session's answer, unless it takes too long.
-async fn in_time<T>(limit_s: f64, answer: impl Future<Output = Result<T, SessionError>>) -> Result<T, RequestError> {
+async fn in_time<T, E: Into<RequestError>>(
+    limit_s: f64,
+    answer: impl Future<Output = Result<T, E>>,
+) -> Result<T, RequestError> {
     match tokio::time::timeout(Duration::from_secs_f64(limit_s), answer).await {
-        Ok(answer) => answer.map_err(RequestError::from),
+        Ok(answer) => answer.map_err(Into::into),
         Err(_) => Err(RequestError::Unresponsive { limit_s }),
     }
 }

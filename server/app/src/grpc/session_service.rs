@@ -6,7 +6,7 @@ use std::time::Duration;
 use kerf_physics::{Scene, SceneError};
 use kerf_proto::v1;
 use kerf_proto::v1::create_session_request::Scene as Wanted;
-use kerf_scenes::catalog;
+use kerf_proto::v1::get_scene_request::Of as SceneOf;
 use kerf_session::{Registry, Session, SessionOptions};
 use tonic::{Request, Response, Status};
 
@@ -14,29 +14,37 @@ use super::in_time;
 use crate::config::ServerConfig;
 use crate::convert::scene::{checkpoint, dial, session_description, session_info};
 use crate::recording;
+use crate::scene_list::{Listed, SceneList};
 use crate::status::RequestError;
+
+/// Most steps that a session that stands is told to take at once: a second at 1 kHz.
+const MAX_STEPS: u32 = 1000;
 
 /// The service.
 pub struct SessionService {
     registry: Arc<Registry>,
+    scenes: Arc<SceneList>,
     config: Arc<ServerConfig>,
 }
 
 impl SessionService {
     pub fn new(registry: Arc<Registry>, config: Arc<ServerConfig>) -> Self {
-        Self { registry, config }
+        let scenes = Arc::new(SceneList::new(config.scene_dir.clone()));
+        Self { registry, scenes, config }
     }
 
     fn get(&self, id: &str) -> Result<Arc<Session>, RequestError> {
         Ok(self.registry.get(id)?)
     }
 
-    /// Keeps what a reset, a way back or the end of a session would lose, unless the session does not answer.
-    async fn record(&self, session: &Session) {
-        if let Some(folder) = &self.config.record_dir {
-            let limit = Duration::from_secs_f64(self.limit_s());
-            let _ = tokio::time::timeout(limit, recording::save(folder, session)).await;
-        }
+    /// Keeps what a reset, a way back or the end of a session would lose, and says what became of it.
+    async fn record(&self, session: &Session) -> Option<v1::Recording> {
+        let limit = Duration::from_secs_f64(self.limit_s());
+        let saved = tokio::time::timeout(limit, recording::save(&self.config, session)).await;
+        saved.unwrap_or_else(|_| {
+            let error = format!("the session did not answer within {} s", self.limit_s());
+            Some(v1::Recording { error, ..v1::Recording::default() })
+        })
     }
 
     fn limit_s(&self) -> f64 {
@@ -62,12 +70,21 @@ impl v1::session_service_server::SessionService for SessionService {
         &self,
         _request: Request<v1::ListScenesRequest>,
     ) -> Result<Response<v1::ListScenesResponse>, Status> {
-        let info = |name: &str| {
-            let description = catalog::builtin(name).ok()?.desc.description;
-            Some(v1::SceneInfo { name: name.into(), description })
-        };
-        let scenes = catalog::builtin_names().into_iter().filter_map(info).collect();
+        let scenes = Arc::clone(&self.scenes);
+        let listed = tokio::task::spawn_blocking(move || scenes.list()).await.unwrap_or_default();
+        let info = |listed: Listed| v1::SceneInfo { name: listed.name, description: listed.description };
+        let scenes = listed.into_iter().map(info).collect();
         Ok(Response::new(v1::ListScenesResponse { scenes }))
+    }
+
+    async fn get_scene(&self, request: Request<v1::GetSceneRequest>) -> Result<Response<v1::GetSceneResponse>, Status> {
+        let desc = match request.into_inner().of.ok_or(RequestError::Missing { field: "of" })? {
+            SceneOf::SceneName(name) => by_name(&self.scenes, &name)?.desc,
+            SceneOf::SessionId(id) => self.get(&id)?.scene().desc.clone(),
+        };
+        let scene_toml =
+            toml::to_string(&desc).map_err(|error| RequestError::SceneText { message: error.to_string() })?;
+        Ok(Response::new(v1::GetSceneResponse { scene_toml }))
     }
 
     async fn create_session(
@@ -75,17 +92,24 @@ impl v1::session_service_server::SessionService for SessionService {
         request: Request<v1::CreateSessionRequest>,
     ) -> Result<Response<v1::CreateSessionResponse>, Status> {
         let request = request.into_inner();
-        let mut scene = match request.scene.ok_or(RequestError::Missing { field: "scene" })? {
-            Wanted::SceneName(name) => by_name(&name),
-            Wanted::SceneToml(text) => from_text(&text, self.config.transport.max_scene_bytes),
-        }?;
-        if let Some(step_rate_hz) = request.step_rate_hz {
-            set_step_rate(&mut scene, step_rate_hz)?;
-        }
         let options = SessionOptions { start_paused: request.start_paused, dial: request.dial.map(dial).transpose()? };
-        let session = in_time(self.limit_s(), self.registry.create(scene, options)).await?;
+        let wanted = request.scene.ok_or(RequestError::Missing { field: "scene" })?;
+        let (scenes, max_bytes) = (Arc::clone(&self.scenes), self.config.transport.max_scene_bytes);
+        let read = move || {
+            let mut scene = match wanted {
+                Wanted::SceneName(name) => by_name(&scenes, &name),
+                Wanted::SceneToml(text) => from_text(&text, request.files, max_bytes),
+            }?;
+            if let Some(step_rate_hz) = request.step_rate_hz {
+                set_step_rate(&mut scene, step_rate_hz)?;
+            }
+            Ok(scene)
+        };
+        let session = in_time(self.limit_s(), self.registry.create_from::<RequestError>(read, options)).await?;
         let warnings = session.warnings().to_vec();
+        let claim = Claim { registry: Arc::clone(&self.registry), session: Some(Arc::clone(&session)) };
         let session = Some(self.describe(&session).await?);
+        claim.release();
         Ok(Response::new(v1::CreateSessionResponse { session, warnings }))
     }
 
@@ -103,7 +127,7 @@ impl v1::session_service_server::SessionService for SessionService {
         _request: Request<v1::ListSessionsRequest>,
     ) -> Result<Response<v1::ListSessionsResponse>, Status> {
         let sessions = self.registry.list().iter().map(|session| session_info(session)).collect();
-        Ok(Response::new(v1::ListSessionsResponse { sessions }))
+        Ok(Response::new(v1::ListSessionsResponse { sessions, server_instance: self.registry.instance().to_string() }))
     }
 
     async fn close_session(
@@ -111,9 +135,9 @@ impl v1::session_service_server::SessionService for SessionService {
         request: Request<v1::CloseSessionRequest>,
     ) -> Result<Response<v1::CloseSessionResponse>, Status> {
         let id = &request.get_ref().session_id;
-        self.record(&*self.get(id)?).await;
+        let recording = self.record(&*self.get(id)?).await;
         in_time(self.limit_s(), self.registry.close(id)).await?;
-        Ok(Response::new(v1::CloseSessionResponse {}))
+        Ok(Response::new(v1::CloseSessionResponse { recording }))
     }
 
     async fn pause_session(
@@ -134,14 +158,26 @@ impl v1::session_service_server::SessionService for SessionService {
         Ok(Response::new(v1::ResumeSessionResponse { step }))
     }
 
+    async fn step_session(
+        &self,
+        request: Request<v1::StepSessionRequest>,
+    ) -> Result<Response<v1::StepSessionResponse>, Status> {
+        let v1::StepSessionRequest { session_id, steps } = request.get_ref();
+        if !(1..=MAX_STEPS).contains(steps) {
+            return Err(RequestError::Steps { steps: *steps, limit: MAX_STEPS }.into());
+        }
+        let step = in_time(self.limit_s(), self.get(session_id)?.step(*steps)).await?;
+        Ok(Response::new(v1::StepSessionResponse { step }))
+    }
+
     async fn reset_session(
         &self,
         request: Request<v1::ResetSessionRequest>,
     ) -> Result<Response<v1::ResetSessionResponse>, Status> {
         let session = self.get(&request.get_ref().session_id)?;
-        self.record(&session).await;
+        let recording = self.record(&session).await;
         in_time(self.limit_s(), session.reset()).await?;
-        Ok(Response::new(v1::ResetSessionResponse {}))
+        Ok(Response::new(v1::ResetSessionResponse { recording }))
     }
 
     async fn save_checkpoint(
@@ -159,9 +195,9 @@ impl v1::session_service_server::SessionService for SessionService {
     ) -> Result<Response<v1::RestoreCheckpointResponse>, Status> {
         let v1::RestoreCheckpointRequest { session_id, name } = request.get_ref();
         let session = self.get(session_id)?;
-        self.record(&session).await;
+        let recording = self.record(&session).await;
         let step = in_time(self.limit_s(), session.restore_checkpoint(name)).await?;
-        Ok(Response::new(v1::RestoreCheckpointResponse { step }))
+        Ok(Response::new(v1::RestoreCheckpointResponse { step, recording }))
     }
 
     async fn list_checkpoints(
@@ -185,18 +221,41 @@ impl v1::session_service_server::SessionService for SessionService {
     }
 }
 
-/// The built-in scene of this name. Paths are not names: a client's word reaches no file.
-fn by_name(name: &str) -> Result<Scene, RequestError> {
-    catalog::builtin(name).map_err(|_| RequestError::NoScene { name: name.chars().take(64).collect() })
+/// A session that its client has not been told of. One that goes away before leaves it to nobody.
+struct Claim {
+    registry: Arc<Registry>,
+    session: Option<Arc<Session>>,
 }
 
-/// A scene from a client's text, which is measured before it is read.
-fn from_text(text: &str, max_bytes: usize) -> Result<Scene, RequestError> {
+impl Claim {
+    /// The client is about to be told.
+    fn release(mut self) {
+        self.session = None;
+    }
+}
+
+impl Drop for Claim {
+    fn drop(&mut self) {
+        if let Some(session) = self.session.take() {
+            let registry = Arc::clone(&self.registry);
+            tokio::spawn(async move { drop(registry.close(&session.id().to_string()).await) });
+        }
+    }
+}
+
+fn by_name(scenes: &SceneList, name: &str) -> Result<Scene, RequestError> {
+    let scene = scenes.load(name).ok_or_else(|| RequestError::NoScene { name: name.chars().take(64).collect() })?;
+    scene.map_err(|error| RequestError::SceneText { message: error.to_string() })
+}
+
+/// A scene from a client's text, which is measured before it is read, and the files that came with it.
+fn from_text(text: &str, files: Vec<v1::SceneFile>, max_bytes: usize) -> Result<Scene, RequestError> {
     let refuse = |message: String| RequestError::SceneText { message };
     if text.len() > max_bytes {
         return Err(refuse(format!("scene_toml: {} bytes, at most {max_bytes} (max_scene_bytes)", text.len())));
     }
-    kerf_scenes::file::from_text("scene_toml", text).map_err(|error| refuse(error.to_string()))
+    let files = files.into_iter().map(|file| (file.name, file.data)).collect();
+    kerf_scenes::file::from_text("scene_toml", text, &files).map_err(|error| refuse(error.to_string()))
 }
 
 #[cfg(test)]
@@ -205,7 +264,7 @@ mod tests {
 
     #[test]
     fn a_scene_that_is_too_large_is_refused_before_it_is_read() {
-        let refused = from_text(&"x".repeat(11), 10).unwrap_err().to_string();
+        let refused = from_text(&"x".repeat(11), Vec::new(), 10).unwrap_err().to_string();
         assert!(refused.contains("11 bytes, at most 10"), "{refused}");
     }
 }

@@ -1,14 +1,17 @@
 //! Shows sessions to viewers.
 
-use std::sync::Arc;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use futures_util::stream;
 use kerf_proto::v1;
 use kerf_session::Registry;
+use tokio::sync::watch;
 use tonic::{Request, Response, Status};
 
-use super::{Outgoing, check_version, grant_rate_hz};
-use crate::convert::view::view_event;
+use super::view_stream::ViewStream;
+use super::{Outgoing, check_version, grant_rate_hz, token};
+use crate::config::ViewLimits;
 use crate::status::RequestError;
 
 /// The rate when a viewer states no wish: a screen's.
@@ -17,11 +20,13 @@ const DEFAULT_RATE_HZ: f64 = 60.0;
 /// The service.
 pub struct ViewService {
     registry: Arc<Registry>,
+    limits: ViewLimits,
+    viewers: Arc<Acknowledged>,
 }
 
 impl ViewService {
-    pub fn new(registry: Arc<Registry>) -> Self {
-        Self { registry }
+    pub fn new(registry: Arc<Registry>, limits: ViewLimits) -> Self {
+        Self { registry, limits, viewers: Arc::default() }
     }
 }
 
@@ -39,10 +44,66 @@ impl v1::view_service_server::ViewService for ViewService {
         // Half a published interval early is in time: the next one would be half an interval late.
         let interval_s = 1.0 / rate_hz - 0.5 / max_hz;
         viewer.set_interval_ns((interval_s * 1e9) as u64);
-        let messages = stream::unfold(viewer, move |mut viewer| async move {
-            let message = viewer.next().await?;
-            Some((Ok(view_event(&message, request.wants_energy)), viewer))
+        let (registered, acknowledged) = self.viewers.register();
+        let hello = v1::ViewHello {
+            protocol_version: kerf_proto::PROTOCOL_VERSION,
+            server_instance: self.registry.instance().to_string(),
+            viewer: registered.name.clone(),
+        };
+        let view = ViewStream::new(hello, viewer, acknowledged, request.wants_energy, &self.limits);
+        let messages = stream::unfold((view, registered), |(mut view, registered)| async move {
+            let event = view.next().await?;
+            Some((Ok(event), (view, registered)))
         });
         Ok(Response::new(Box::pin(messages)))
+    }
+
+    async fn acknowledge(
+        &self,
+        request: Request<v1::AcknowledgeRequest>,
+    ) -> Result<Response<v1::AcknowledgeResponse>, Status> {
+        let v1::AcknowledgeRequest { viewer, number } = request.get_ref();
+        self.viewers.acknowledge(viewer, *number)?;
+        Ok(Response::new(v1::AcknowledgeResponse {}))
+    }
+}
+
+/// The newest message that each viewer has read, by the viewer's name.
+#[derive(Default)]
+struct Acknowledged(Mutex<HashMap<String, watch::Sender<u64>>>);
+
+impl Acknowledged {
+    fn lock(&self) -> MutexGuard<'_, HashMap<String, watch::Sender<u64>>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn register(self: &Arc<Self>) -> (Registered, watch::Receiver<u64>) {
+        let (number, acknowledged) = watch::channel(0);
+        let name = token();
+        self.lock().insert(name.clone(), number);
+        (Registered { name, among: Arc::clone(self) }, acknowledged)
+    }
+
+    fn acknowledge(&self, viewer: &str, number: u64) -> Result<(), RequestError> {
+        let viewers = self.lock();
+        let newest = viewers.get(viewer).ok_or(RequestError::NoViewer)?;
+        newest.send_if_modified(|newest| {
+            let is_newer = number > *newest;
+            *newest = number.max(*newest);
+            is_newer
+        });
+        Ok(())
+    }
+}
+
+/// A viewer that is known as long as its stream lives.
+struct Registered {
+    name: String,
+    among: Arc<Acknowledged>,
+}
+
+impl Drop for Registered {
+    fn drop(&mut self) {
+        self.among.lock().remove(&self.name);
     }
 }

@@ -175,7 +175,8 @@ fn lateral_mode(forward: &Contact) -> Mode {
 fn drag(body: &Body, slide: Contact, forward: &Contact, anchor: &Anchor) -> Contact {
     let advance_m = anchor.travel.speed_m_per_s() * body.dt_s();
     let most_n = MOST_DRAG * forward.yield_n * (1.0 + anchor.travel.slice_push().powi(2));
-    let acts = advance_m > 0.0 && forward.yield_n > 0.0;
+    let known = anchor.travel.is_known(body.state.grid.voxel_size_m());
+    let acts = known && advance_m > 0.0 && forward.yield_n > 0.0;
     let way = if slide.gap_predicted_m < 0.0 { -1.0 } else { 1.0 };
     Contact {
         direction: slide.direction * way,

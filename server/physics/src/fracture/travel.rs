@@ -5,6 +5,9 @@
 /// in which the force turns round: half takes 14 % off the mean force of two turns and a third more iterations, twice
 /// adds 6 %.
 const WINDOW_VOXELS: f64 = 0.5;
+/// Travel below which nothing is known of the way, voxels: an edge that was put down has moved by rounding, and a speed
+/// made of that would make its drag as stiff as rounding is small.
+const LEAST_VOXELS: f64 = 1e-3;
 /// Largest ratio of sliding to advance that counts: at it the push is a hundredth of Gc, beyond which the front would
 /// go on for nothing. Half adds 3 % to the mean force of slicing to and fro, twice takes 0.2 % off.
 const MOST_SLICE_PUSH: f64 = 10.0;
@@ -36,6 +39,11 @@ impl Travel {
     pub(super) fn slice_push(&self) -> f64 {
         let advance_m = self.advance_m();
         if advance_m > 0.0 { self.along_m / advance_m } else { 0.0 }
+    }
+
+    /// Whether the edge has gone far enough to tell which way.
+    pub(super) fn is_known(&self, voxel_size_m: f64) -> bool {
+        (self.forward_m.powi(2) + self.along_m.powi(2)).sqrt() > LEAST_VOXELS * voxel_size_m
     }
 
     /// Speed of the advance, m/s.

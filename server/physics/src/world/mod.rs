@@ -358,7 +358,7 @@ impl World {
                 contact.beside_fronts().for_each(|c| self.contact_ledger.add(c, self.params.dt_s));
             }
             let output = &mut self.output.tools[index];
-            output.pose = tool.pose;
+            (output.pose, output.opening) = (tool.pose, tool.opening);
             output.wrench = wrench;
             output.contact = model.and_then(|m| m.finish(&tool.shape, wrench));
             output.cutting_length_m = self.slots.iter().map(|s| s.contacts[index].cutting_length_m()).sum();

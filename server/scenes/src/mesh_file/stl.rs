@@ -74,7 +74,8 @@ fn parse_text(text: &str) -> Result<TriangleMesh, String> {
             Some("endsolid") if is_open && facet.is_none() => is_open = false,
             Some("facet") if is_open && facet.is_none() => facet = Some(Vec::new()),
             Some("vertex") if facet.is_some() => {
-                facet.iter_mut().try_for_each(|f| Ok(f.push(point(&mut words)?))).map_err(at)?
+                let corner = point(&mut words).map_err(at)?;
+                facet.iter_mut().for_each(|corners| corners.push(corner));
             }
             Some("endfacet") if facet.is_some() => match facet.take().as_deref() {
                 Some([a, b, c]) => corners.push([*a, *b, *c]),

@@ -36,6 +36,7 @@ impl SessionCore {
         }
         // Asked first: a checkpoint that is refused is not copied.
         self.checkpoints.check(&name)?;
+        let memory = self.admitted.memory.checkpoint(self.log.bytes())?;
         let output = self.world.output();
         let (step, sim_time_s) = (output.step, output.sim_time_s);
         let checkpoint = Checkpoint {
@@ -46,6 +47,7 @@ impl SessionCore {
             governor: self.governor.clone(),
             next_tolerance: self.next_tolerance,
             log: self.log.clone(),
+            _memory: memory,
         };
         self.checkpoints.save(name.clone(), checkpoint)?;
         self.publisher.event(step, SceneEvent::CheckpointSaved(name.into()));

@@ -39,6 +39,9 @@ impl SessionCore {
             Command::Resume(answer) => {
                 let _ = answer.send(self.resume());
             }
+            Command::Step(steps, answer) => {
+                let _ = answer.send(self.owe(steps));
+            }
             Command::Reset(answer) => {
                 let _ = answer.send(self.reset());
             }
@@ -57,6 +60,19 @@ impl SessionCore {
         }
     }
 
+    /// Stands, and is to take `steps` steps all the same.
+    fn owe(&mut self, steps: u32) -> Result<u64, SessionError> {
+        match &self.phase {
+            Phase::Failed { message } => return Err(SessionError::Failed { message: message.to_string() }),
+            Phase::Running => self.set_phase(Phase::Paused, SceneEvent::Paused),
+            // As on a resume: tools went on moving while nobody read their poses.
+            Phase::Paused if self.owed_steps == 0 => self.inbox.reenter_tools(),
+            Phase::Paused | Phase::Closing => {}
+        }
+        self.owed_steps = steps;
+        Ok(self.world.output().step + u64::from(steps))
+    }
+
     fn resume(&mut self) -> Result<u64, SessionError> {
         match &self.phase {
             Phase::Failed { message } => return Err(SessionError::Failed { message: message.to_string() }),
@@ -64,6 +80,7 @@ impl SessionCore {
                 // Tools went on moving; the world's poses are as old as the pause.
                 self.inbox.reenter_tools();
                 self.interrupted = true;
+                self.owed_steps = 0;
                 self.set_phase(Phase::Running, SceneEvent::Resumed);
             }
             Phase::Running | Phase::Closing => {}
@@ -73,12 +90,15 @@ impl SessionCore {
 
     /// Back to rest; a failed session stands afterwards, others go on as they were.
     fn reset(&mut self) -> Result<(), SessionError> {
+        // Both worlds are there until the new one is whole.
+        let _both = self.admitted.memory.another()?;
         self.world = build_world(&self.scene)?;
         self.log.clear();
         self.tally = Tally::of(&self.scene);
         self.governor = Governor::of(&self.scene.desc);
         self.next_tolerance = None;
         self.pacer = pacer(&self.scene, &self.limits);
+        self.resets += 1;
         self.inbox.reenter_tools();
         self.begin_anew(SceneEvent::Reset);
         Ok(())
@@ -88,11 +108,15 @@ impl SessionCore {
     pub(super) fn begin_anew(&mut self, event: SceneEvent) {
         self.views = ViewSchedule::default();
         self.interrupted = true;
+        // No step has led here: what tools felt before is of another world.
+        self.tally.ended_ns = 0;
+        self.owed_steps = 0;
         self.publisher.start_over();
         self.publisher.event(self.world.output().step, event);
         if matches!(self.phase, Phase::Failed { .. }) {
             self.set_phase(Phase::Paused, SceneEvent::Paused);
         }
+        self.publisher.report(self.report());
     }
 
     fn describe(&self) -> SessionStatus {

@@ -22,6 +22,7 @@ use kerf_physics::fault::Fault;
 use kerf_physics::step_io::EnergyStep;
 use kerf_physics::{Scene, StageClock, StepInputs, Workers, World};
 
+use crate::admission::{Admitted, LoadMeter};
 use crate::checkpoints::Checkpoints;
 use crate::error::SessionError;
 use crate::governor::Governor;
@@ -61,18 +62,25 @@ pub(crate) struct SessionCore {
     overload: OverloadWatch,
     /// The session stood, or its world was replaced: deadlines and leases run from the next step on.
     interrupted: bool,
+    /// Steps that a session that stands has been told to take.
+    owed_steps: u32,
     /// Present where the scene states how much effort may be given up.
     governor: Option<Governor>,
     /// What the governor decided after the last step.
     next_tolerance: Option<f64>,
     log: InputLog,
     checkpoints: Checkpoints,
+    /// Times that the scene was put back to rest.
+    resets: u64,
     commands: Vec<Command>,
     tools: Tick,
     /// Per tool, as of the last tick: who drives it.
     holders: Vec<Option<DriverId>>,
     tally: Tally,
     views: ViewSchedule,
+    /// What the session takes of the machine.
+    admitted: Admitted,
+    meter: LoadMeter,
 }
 
 /// What has been counted since the scene was at rest.
@@ -87,6 +95,9 @@ struct Tally {
     ended_ns: u64,
     /// Relative tolerance of the solves, as the governor has it.
     relative_tolerance: f64,
+    /// Times that too many steps were late, and their share the last time.
+    overloads: u64,
+    late_share: f64,
     /// Times that the session went back to a checkpoint, and the last one's name.
     restores: u64,
     last_restored: Option<Arc<str>>,
@@ -106,6 +117,7 @@ impl SessionCore {
         limits: SessionLimits,
         inbox: Arc<Inbox>,
         publisher: Publisher,
+        admitted: Admitted,
     ) -> Result<Self, SessionError> {
         let world = build_world(&scene)?;
         let tool_count = scene.desc.tools.len();
@@ -115,17 +127,21 @@ impl SessionCore {
             phase: publisher.phase(),
             publisher,
             pacer: pacer(&scene, &limits),
-            overload: OverloadWatch::new(scene.desc.rate_hz),
+            overload: OverloadWatch::default(),
             interrupted: true,
+            owed_steps: 0,
             governor: Governor::of(&scene.desc),
             next_tolerance: None,
             log: InputLog::new(limits.max_recorded_motions),
             checkpoints: Checkpoints::new(limits.max_checkpoints),
+            resets: 0,
             commands: Vec::new(),
             tools: Tick::default(),
             holders: vec![None; tool_count],
             tally: Tally::of(&scene),
             views: ViewSchedule::default(),
+            admitted,
+            meter: LoadMeter::default(),
             scene,
             limits,
         })
@@ -146,6 +162,7 @@ impl SessionCore {
     pub fn tick(&mut self, now_ns: u64, workers: &Workers<'_>, clock: &dyn StageClock) -> Wake {
         let due = guard(|| match self.phase {
             Phase::Running => self.step_if_due(now_ns, workers, clock),
+            Phase::Paused if self.owed_steps > 0 => self.step_while_standing(now_ns, workers, clock),
             Phase::Paused | Phase::Failed { .. } => self.stand(now_ns, clock),
             Phase::Closing => {}
         });
@@ -154,6 +171,7 @@ impl SessionCore {
         }
         match self.phase {
             Phase::Running => Wake::At(self.pacer.deadline_ns()),
+            Phase::Paused if self.owed_steps > 0 => Wake::At(now_ns),
             Phase::Paused | Phase::Failed { .. } => Wake::OnCommand { or_at_ns: now_ns + STANDING_TICK_NS },
             Phase::Closing => Wake::Never,
         }
@@ -163,6 +181,18 @@ impl SessionCore {
         self.inbox.drain(Drain::Standing, now_ns, &mut self.tools);
         self.tell_leases();
         self.serve_viewers(now_ns, clock, false);
+    }
+
+    /// One of the steps that were asked for while the session stands: due at once, and viewers see the last one.
+    fn step_while_standing(&mut self, now_ns: u64, workers: &Workers<'_>, clock: &dyn StageClock) {
+        self.owed_steps -= 1;
+        if self.owed_steps == 0 {
+            self.views.hasten_state();
+        }
+        self.pacer.restart(now_ns);
+        self.inbox.drain(Drain::Stepping, now_ns, &mut self.tools);
+        self.tell_leases();
+        self.step(now_ns, workers, clock);
     }
 
     fn step_if_due(&mut self, now_ns: u64, workers: &Workers<'_>, clock: &dyn StageClock) {
@@ -188,6 +218,9 @@ impl SessionCore {
         self.tally.energy.book(&output.energy);
         self.tally.steps.add(output, elapsed_ns, pace);
         self.views.add_step(output, elapsed_ns);
+        if let Some(load) = self.meter.step_ended(elapsed_ns, self.scene.desc.rate_hz) {
+            self.admitted.load.set_measured(load);
+        }
         let (step, fault) = (output.step, output.fault.clone());
         for (count, jumped) in self.tally.jumps.iter_mut().zip(&self.tools.jumped) {
             *count += u64::from(*jumped);
@@ -195,7 +228,10 @@ impl SessionCore {
         if pace == Pace::Reanchored {
             self.publisher.event(step, SceneEvent::Reanchored);
         }
-        if let Some(late_share) = self.overload.step_ended(pace != Pace::InTime) {
+        if let Some(late_share) = self.overload.step_ended(ended_ns, pace != Pace::InTime) {
+            self.tally.overloads += 1;
+            self.tally.late_share = late_share;
+            self.publisher.event(step, SceneEvent::Overloaded(late_share));
             let late_percent = (100.0 * late_share).round();
             tracing::warn!(
                 scene = self.scene.desc.name,
@@ -210,7 +246,7 @@ impl SessionCore {
             self.note_fault(fault);
         }
         if self.tools.drivers > 0 {
-            self.publisher.report(self.report(None));
+            self.publisher.report(self.report());
         }
         self.serve_viewers(ended_ns, clock, true);
     }
@@ -233,7 +269,7 @@ impl SessionCore {
         self.publisher.event(fault.step, SceneEvent::Fault(fault));
     }
 
-    fn report(&self, failure: Option<Arc<str>>) -> StepReport {
+    fn report(&self) -> StepReport {
         let output = self.world.output();
         let tool = |index: usize| ToolReport {
             output: output.tools.get(index).copied().unwrap_or_default(),
@@ -244,13 +280,16 @@ impl SessionCore {
             step: output.step,
             sim_time_s: output.sim_time_s,
             ended_ns: self.tally.ended_ns,
+            phase: self.phase.clone(),
+            resets: self.resets,
             late_steps: self.pacer.counts().late_steps,
+            overloads: self.tally.overloads,
+            late_share: self.tally.late_share,
             relative_tolerance: self.tally.relative_tolerance,
             faults: self.tally.faults,
             last_fault: self.tally.last_fault.clone(),
             restores: self.tally.restores,
             last_restored: self.tally.last_restored.clone(),
-            failure,
             tools: (0..self.tally.jumps.len()).map(tool).collect(),
         }
     }
@@ -281,14 +320,14 @@ impl SessionCore {
             "a step panicked; the session stands until it is reset"
         );
         let message: Arc<str> = message.into();
-        self.set_phase(Phase::Failed { message: Arc::clone(&message) }, SceneEvent::Failed);
-        self.publisher.report(self.report(Some(message)));
+        self.set_phase(Phase::Failed { message }, SceneEvent::Failed);
     }
 
     fn set_phase(&mut self, phase: Phase, event: SceneEvent) {
         self.phase = phase.clone();
         self.publisher.set_phase(phase);
         self.publisher.event(self.world.output().step, event);
+        self.publisher.report(self.report());
     }
 }
 

@@ -21,6 +21,11 @@ impl ViewSchedule {
     pub fn add_step(&mut self, output: &StepOutput, elapsed_ns: u64) {
         self.times.add(output, elapsed_ns);
     }
+
+    /// The next step is shown, whenever a state was published last.
+    pub fn hasten_state(&mut self) {
+        self.next_state_ns = 0;
+    }
 }
 
 impl SessionCore {

@@ -6,9 +6,11 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use kerf_physics::tool::{OPEN, Pose};
 use kerf_physics::{Quat, Scene, SceneDesc, StageClock, Vec3, Workers};
+use kerf_scenes::cost::Cost;
 use tokio::sync::{oneshot, watch};
 
 use super::{SessionCore, Wake};
+use crate::admission::Admission;
 use crate::inbox::{Command, Inbox, Inspection};
 use crate::limits::SessionLimits;
 use crate::outbox::{Outbox, Publisher, StepReport, Viewer};
@@ -56,7 +58,9 @@ impl VirtualSession {
         let inbox = Arc::new(Inbox::new(scene.desc.tools.len(), limits.clone()));
         let outbox = Arc::new(Outbox::new(&limits, Phase::Running));
         let (publisher, bell, reports) = Publisher::new(Arc::clone(&outbox));
-        let core = SessionCore::new(Arc::clone(&scene), limits, Arc::clone(&inbox), publisher).unwrap();
+        let admission = Admission::new(f64::INFINITY, f64::INFINITY, f64::INFINITY, 1);
+        let admitted = admission.admit(&Cost::default(), 1.0).unwrap();
+        let core = SessionCore::new(Arc::clone(&scene), limits, Arc::clone(&inbox), publisher, admitted).unwrap();
         let (clock, wake) = (VirtualClock::default(), Wake::At(0));
         Self { core, scene, inbox, outbox, bell, reports, clock, wake, step_ns: MS / 10 }
     }

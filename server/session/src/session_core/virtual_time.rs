@@ -84,6 +84,23 @@ fn lag_past_the_limit_is_given_up_which_viewers_hear() {
 }
 
 #[test]
+fn a_session_that_does_not_keep_its_rate_tells_drivers_and_viewers() {
+    let mut session = session();
+    let mut viewer = session.view();
+    session.run(6 * S);
+    assert_eq!((events(&mut viewer), session.reports.borrow().overloads), (vec![], 0));
+    session.step_ns = 3 * MS;
+    session.run(12 * S);
+    let told = |event: &SceneEvent| matches!(event, SceneEvent::Overloaded(late_share) if *late_share > 0.5);
+    assert!(events(&mut viewer).iter().any(told));
+    session.drive();
+    session.run(S);
+    let report = session.reports.borrow().clone();
+    assert!(report.overloads >= 1 && report.late_share > 0.5, "{report:?}");
+    assert!((session.core.admitted.load.measured() - 1.5).abs() < 0.01, "3 ms of every 2");
+}
+
+#[test]
 fn a_silent_driver_loses_its_tool_after_the_lease_but_not_while_the_session_stands() {
     let mut session = session();
     let mut viewer = session.view();
@@ -282,7 +299,7 @@ fn a_panic_in_a_step_fails_the_session_until_a_reset() {
     events(&mut viewer);
     session.clock.panics.store(true, Ordering::Relaxed);
     session.run(S);
-    assert_eq!(session.reports.borrow().failure.as_deref(), Some("a test's panic"));
+    assert_eq!(session.reports.borrow().phase.failure(), Some("a test's panic"));
     assert_eq!(events(&mut viewer), [SceneEvent::Failed]);
     let failed = SessionError::Failed { message: "a test's panic".into() };
     assert_eq!(session.ask(Command::Resume), Err(failed));
@@ -291,7 +308,7 @@ fn a_panic_in_a_step_fails_the_session_until_a_reset() {
     assert_eq!(events(&mut viewer), [SceneEvent::Reset, SceneEvent::Paused]);
     session.ask(Command::Resume).unwrap();
     session.run(S - MS);
-    assert_eq!((session.status().step, session.reports.borrow().failure.as_deref()), (500, None));
+    assert_eq!((session.status().step, session.reports.borrow().phase.failure()), (500, None));
 }
 
 #[test]
@@ -321,4 +338,26 @@ fn a_session_that_closes_tells_its_viewers_obeys_nothing_more_and_is_never_due_a
     assert!(answered.try_recv().is_err());
     assert_eq!(events(&mut viewer), [SceneEvent::Closing]);
     assert_eq!(session.core.world().output().step, 500);
+}
+
+#[test]
+fn a_session_that_stands_takes_as_many_steps_as_it_is_told_and_shows_the_last() {
+    let mut session = session();
+    let mut viewer = session.view();
+    session.run(S);
+    let stood = session.ask(Command::Pause);
+    session.run(S);
+    messages(&mut viewer);
+    assert_eq!(session.ask(|answer| Command::Step(3, answer)), Ok(stood + 3));
+    session.run(S);
+    let status = session.status();
+    assert_eq!((status.step, status.late_steps, status.phase), (stood + 3, 0, Phase::Paused));
+    let shown = messages(&mut viewer).into_iter().filter_map(|message| match message {
+        ViewMessage::State(state) => Some(state.step),
+        _ => None,
+    });
+    assert_eq!(shown.last(), Some(stood + 3));
+    assert_eq!(session.ask(Command::Resume), Ok(stood + 3));
+    session.run(S - MS);
+    assert_eq!(session.status().late_steps, 0);
 }

@@ -54,6 +54,7 @@ fn whole(body: &Body, surface: &Surface) -> BodyStructure {
         id,
         element: body.element_of(vertex.voxel) as u32,
         local: [0.0; 3],
+        material: 0,
     };
     BodyStructure {
         vertices: surface.vertices().map(bind).collect(),

@@ -1,0 +1,175 @@
+// A server, a browser and pages in it. The browser draws without a graphics card, slowly, so windows are small.
+
+import { type ChildProcess, spawn } from "node:child_process";
+import { once } from "node:events";
+import { type AddressInfo, connect, createServer } from "node:net";
+import { createClient } from "@connectrpc/connect";
+import { createGrpcWebTransport } from "@connectrpc/connect-web";
+import { type Browser, chromium, type Page } from "playwright-core";
+import { SessionService } from "../src/gen/kerf/v1/session_pb";
+
+const BINARY = process.env["SERVER_BINARY"] ?? "../../target/debug/kerf-server";
+const CHROMIUM = process.env["CHROMIUM"] ?? "/usr/bin/chromium";
+const FLAGS = [
+  "--no-sandbox",
+  "--disable-quic",
+  "--no-first-run",
+  "--disable-background-networking",
+  "--disable-component-update",
+  "--disable-sync",
+  "--use-gl=angle",
+  "--use-angle=swiftshader",
+  "--enable-unsafe-swiftshader",
+];
+
+/** A bar held by its left end, that the page's blade goes through. */
+export const BAR = `
+version = 1
+name = "bar"
+description = "A bar that is held by one end."
+rate_hz = 250.0
+[[objects]]
+name = "bar"
+shape = { box = { min_m = [-0.03, 0.0, -0.01], max_m = [0.03, 0.02, 0.01] } }
+resolution = 18
+level = 1
+material = { young_modulus_pa = 3.0e4, poisson_ratio = 0.4, fracture_energy_j_per_m2 = 5.0, strain_stiffening = 10.0, rayleigh_alpha_per_s = 5.0 }
+fixed = [{ box = { min_m = [-1.0, -1.0, -1.0], max_m = [-0.02, 1.0, 1.0] } }]
+[[tools]]
+name = "blade"
+shape = { blade = { width_m = 0.05, height_m = 0.04 } }
+[[tools]]
+name = "grasper"
+shape = { grasper = { radius_m = 0.004 } }
+`;
+
+export async function freePort(): Promise<number> {
+  const probe = createServer().listen(0, "127.0.0.1");
+  await once(probe, "listening");
+  const { port } = probe.address() as AddressInfo;
+  probe.close();
+  return port;
+}
+
+/** A server on a port of its own. */
+export class Server {
+  readonly port: number;
+  private process: ChildProcess | undefined;
+
+  constructor(port: number) {
+    this.port = port;
+  }
+
+  get address(): string {
+    return `http://127.0.0.1:${this.port}`;
+  }
+
+  get sessions() {
+    return createClient(SessionService, createGrpcWebTransport({ baseUrl: this.address }));
+  }
+
+  async start(): Promise<void> {
+    // A browser that draws without a graphics card may be busy for longer than a hand holds still.
+    const lease = ["--set", "session.lease_s=30"];
+    const args = ["serve", "--listen", `127.0.0.1:${this.port}`, "--log-filter", "error", ...lease];
+    this.process = spawn(BINARY, args, { stdio: ["ignore", "inherit", "inherit"] });
+    for (;;) {
+      try {
+        await this.sessions.listSessions({});
+        return;
+      } catch {
+        if (this.process.exitCode !== null) throw new Error(`${BINARY} ended with ${this.process.exitCode}`);
+        await new Promise((resolve) => setTimeout(resolve, 50));
+      }
+    }
+  }
+
+  async create(sceneToml: string): Promise<string> {
+    const { session } = await this.sessions.createSession({ scene: { case: "sceneToml", value: sceneToml } });
+    return session!.sessionId;
+  }
+
+  async stop(): Promise<void> {
+    const { process } = this;
+    if (!process || process.exitCode !== null) return;
+    const ended = once(process, "exit");
+    process.kill("SIGKILL");
+    await ended;
+  }
+}
+
+/** A port that lets only so many bytes a second through to another. */
+export async function slowLink(to: number, bytesPerSecond: number): Promise<{ address: string; close: () => void }> {
+  const tickMs = 50;
+  const server = createServer((client) => {
+    const upstream = connect(to, "127.0.0.1");
+    client.pipe(upstream);
+    const timer = setInterval(() => {
+      const waiting = upstream.readableLength;
+      const share = Math.min(waiting, Math.ceil((bytesPerSecond * tickMs) / 1000));
+      if (share > 0) client.write(upstream.read(share) as Buffer);
+    }, tickMs);
+    const end = () => {
+      clearInterval(timer);
+      client.destroy();
+      upstream.destroy();
+    };
+    for (const socket of [client, upstream]) socket.on("error", end).on("close", end);
+  }).listen(0, "127.0.0.1");
+  await once(server, "listening");
+  const { port } = server.address() as AddressInfo;
+  return { address: `http://127.0.0.1:${port}`, close: () => server.close() };
+}
+
+export function launch(): Promise<Browser> {
+  return chromium.launch({ executablePath: CHROMIUM, args: FLAGS });
+}
+
+/** Opens a page; what goes wrong in it is kept. */
+export async function open(browser: Browser, url: string, size = { width: 800, height: 560 }) {
+  const page = await browser.newPage({ viewport: size });
+  const problems: string[] = [];
+  page.on("pageerror", (error) => problems.push(error.message));
+  page.on("console", (message) => {
+    if (message.type() === "error") problems.push(message.text());
+  });
+  await page.goto(url);
+  return { page, problems };
+}
+
+export async function live(page: Page): Promise<void> {
+  await page.waitForSelector('.connection[data-phase="live"]');
+}
+
+/** What an instrument of the page says. */
+export async function reading(page: Page, name: string): Promise<number> {
+  const text = await page.textContent(`output[data-reading="${name}"]`);
+  return Number.parseFloat(text ?? "");
+}
+
+export async function readingWhere(page: Page, name: string, holds: (value: number) => boolean): Promise<number> {
+  for (;;) {
+    const value = await reading(page, name);
+    if (holds(value)) return value;
+    await page.waitForTimeout(100);
+  }
+}
+
+/** Share of the canvas's pixels that are redder than they are green and blue: tissue. */
+export async function redShare(page: Page): Promise<number> {
+  const picture = (await page.locator("#stage").screenshot()).toString("base64");
+  return page.evaluate(async (base64) => {
+    const image = new Image();
+    image.src = `data:image/png;base64,${base64}`;
+    await image.decode();
+    const canvas = Object.assign(document.createElement("canvas"), { width: image.width, height: image.height });
+    const context = canvas.getContext("2d")!;
+    context.drawImage(image, 0, 0);
+    const { data } = context.getImageData(0, 0, image.width, image.height);
+    let red = 0;
+    for (let i = 0; i < data.length; i += 4) {
+      if (data[i] > 40 && data[i] > 1.5 * data[i + 1] && data[i] > 1.5 * data[i + 2]) red += 1;
+    }
+    return red / (data.length / 4);
+  }, picture);
+}

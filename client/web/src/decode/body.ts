@@ -1,0 +1,171 @@
+// One object: its lattice, the surface bound to it, and where the nodes are.
+
+import type { BodyState, BodyStructure } from "../gen/kerf/v1/view_pb";
+import { checkAscending, checkFinite, checkLength, FieldError, unknownId } from "./check";
+import { add, quadHash, subtract, vertexHash, type Word } from "./hash";
+import { grown, Slots } from "./store";
+
+/** More node slots than any message of a state can carry displacements for. */
+const MAX_NODES = (64 << 20) / 12;
+
+/** Every vertex refers to an element, every element to nodes, every quad to vertices that exist. */
+export class Body {
+  nodeCount = 0;
+  /** Rest position by node slot, m; NaN for a slot without a node. */
+  nodeRest = new Float32Array(0);
+  /** Displacement by node slot, m. */
+  nodeDisplacement = new Float32Array(0);
+
+  private readonly elements = new Slots();
+  /** Eight node slots by element slot; corner c at (c & 1, c >> 1 & 1, c >> 2). */
+  elementNodes = new Uint32Array(0);
+
+  private readonly vertices = new Slots();
+  /** By vertex slot: slot of its element, trilinear coordinates there, material of its voxel, hash. */
+  vertexElement = new Uint32Array(0);
+  vertexLocal = new Float32Array(0);
+  vertexMaterial = new Uint8Array(0);
+  private vertexHashes = new Uint32Array(0);
+
+  private readonly quads = new Slots();
+  /** By quad slot: slots of its corners, counter-clockwise seen from outside; whether a blade laid it open; hash. */
+  quadVertices = new Uint32Array(0);
+  quadIsCut = new Uint8Array(0);
+  private quadHashes = new Uint32Array(0);
+
+  /** Vertices that are not where their elements have them, and their offsets, m. */
+  adaptedSlots = new Uint32Array(0);
+  adaptedOffsets: readonly number[] = [];
+
+  /** Sum of the hashes of the vertices and quads, kept as they come. */
+  readonly hashSum: Word = { hi: 0, lo: 0 };
+
+  get elementCount(): number {
+    return this.elements.count;
+  }
+
+  get vertexCount(): number {
+    return this.vertices.count;
+  }
+
+  get quadCount(): number {
+    return this.quads.count;
+  }
+
+  /** Applies what a keyframe (to an empty body) or a patch says. After an error the body is not to be used. */
+  change(change: BodyStructure): void {
+    this.upsertNodes(change);
+    this.upsertElements(change);
+    this.upsertVertices(change);
+    this.upsertQuads(change);
+  }
+
+  /** Refuses a state that cannot be applied, before any of it is. */
+  checkState(state: BodyState): void {
+    checkLength("node_displacements_m", state.nodeDisplacementsM, 3 * this.nodeCount);
+    checkFinite("node_displacements_m", state.nodeDisplacementsM);
+    checkLength("adapted_offsets_m", state.adaptedOffsetsM, 3 * state.adaptedVertexIds.length);
+    checkFinite("adapted_offsets_m", state.adaptedOffsetsM);
+    for (const id of state.adaptedVertexIds) {
+      if (this.vertices.get(id) === undefined) throw unknownId("adapted_vertex_ids", id);
+    }
+  }
+
+  /** Takes over a state that `checkState` has found valid. */
+  displace(state: BodyState): void {
+    this.nodeDisplacement.set(state.nodeDisplacementsM);
+    this.adaptedSlots = Uint32Array.from(state.adaptedVertexIds, (id) => this.vertices.get(id)!);
+    this.adaptedOffsets = state.adaptedOffsetsM;
+  }
+
+  private upsertNodes(change: BodyStructure): void {
+    const { nodeCount, nodeIds, nodeRestM } = change;
+    if (nodeCount < this.nodeCount || nodeCount > MAX_NODES) {
+      throw new FieldError("node_count", `${nodeCount} is outside ${this.nodeCount}..${MAX_NODES}`);
+    }
+    checkAscending("node_ids", nodeIds);
+    checkLength("node_rest_m", nodeRestM, 3 * nodeIds.length);
+    checkFinite("node_rest_m", nodeRestM);
+    this.nodeRest = grown(this.nodeRest, 3 * nodeCount).fill(Number.NaN, 3 * this.nodeCount);
+    this.nodeDisplacement = grown(this.nodeDisplacement, 3 * nodeCount);
+    this.nodeCount = nodeCount;
+    nodeIds.forEach((id, i) => {
+      if (id >= nodeCount) throw unknownId("node_ids", id);
+      for (let axis = 0; axis < 3; axis++) this.nodeRest[3 * id + axis] = nodeRestM[3 * i + axis];
+    });
+  }
+
+  private upsertElements(change: BodyStructure): void {
+    const { elementIds, elementNodes } = change;
+    checkAscending("element_ids", elementIds);
+    checkLength("element_nodes", elementNodes, 8 * elementIds.length);
+    this.elementNodes = grown(this.elementNodes, 8 * (this.elements.count + elementIds.length));
+    elementIds.forEach((id, i) => {
+      const slot = this.elements.claim(id);
+      for (let corner = 0; corner < 8; corner++) {
+        const node = elementNodes[8 * i + corner];
+        const exists = node < this.nodeCount && !Number.isNaN(this.nodeRest[3 * node]);
+        if (!exists) throw unknownId("element_nodes", node);
+        this.elementNodes[8 * slot + corner] = node;
+      }
+    });
+  }
+
+  private upsertVertices(change: BodyStructure): void {
+    const { vertexIds, vertexElements, vertexLocal, vertexMaterials } = change;
+    const count = vertexIds.length;
+    checkAscending("vertex_ids", vertexIds);
+    checkLength("vertex_elements", vertexElements, count);
+    checkLength("vertex_local", vertexLocal, 3 * count);
+    checkFinite("vertex_local", vertexLocal);
+    if (vertexMaterials.length > 0) checkLength("vertex_materials", vertexMaterials, count);
+    const local = Float32Array.from(vertexLocal);
+    const bits = new Uint32Array(local.buffer);
+    const total = this.vertices.count + count;
+    this.vertexElement = grown(this.vertexElement, total);
+    this.vertexLocal = grown(this.vertexLocal, 3 * total);
+    this.vertexMaterial = grown(this.vertexMaterial, total);
+    this.vertexHashes = grown(this.vertexHashes, 2 * total);
+    vertexIds.forEach((id, i) => {
+      const element = this.elements.get(vertexElements[i]);
+      if (element === undefined) throw unknownId("vertex_elements", vertexElements[i]);
+      const slot = this.vertices.claim(id);
+      this.vertexElement[slot] = element;
+      this.vertexLocal.set(local.subarray(3 * i, 3 * i + 3), 3 * slot);
+      this.vertexMaterial[slot] = vertexMaterials[i] ?? 0;
+      const hash = vertexHash(id, vertexElements[i], bits[3 * i], bits[3 * i + 1], bits[3 * i + 2]);
+      this.exchangeHash(this.vertexHashes, slot, hash);
+    });
+  }
+
+  private upsertQuads(change: BodyStructure): void {
+    const { quadIds, quadVertices } = change;
+    checkAscending("quad_ids", quadIds);
+    checkLength("quad_vertices", quadVertices, 4 * quadIds.length);
+    const total = this.quads.count + quadIds.length;
+    this.quadVertices = grown(this.quadVertices, 4 * total);
+    this.quadIsCut = grown(this.quadIsCut, total);
+    this.quadHashes = grown(this.quadHashes, 2 * total);
+    quadIds.forEach((id, i) => {
+      const slot = this.quads.claim(id);
+      for (let corner = 0; corner < 4; corner++) {
+        const vertex = this.vertices.get(quadVertices[4 * i + corner]);
+        if (vertex === undefined) throw unknownId("quad_vertices", quadVertices[4 * i + corner]);
+        this.quadVertices[4 * slot + corner] = vertex;
+      }
+      // The other side of the link exists only where a blade parted it.
+      const partner = this.quads.get((id ^ 1) >>> 0);
+      this.quadIsCut[slot] = partner === undefined ? 0 : 1;
+      if (partner !== undefined) this.quadIsCut[partner] = 1;
+      const [a, b, c, d] = quadVertices.slice(4 * i, 4 * i + 4);
+      this.exchangeHash(this.quadHashes, slot, quadHash(id, a, b, c, d));
+    });
+  }
+
+  private exchangeHash(hashes: Uint32Array, slot: number, hash: Word): void {
+    subtract(this.hashSum, hashes[2 * slot], hashes[2 * slot + 1]);
+    add(this.hashSum, hash.hi, hash.lo);
+    hashes[2 * slot] = hash.hi;
+    hashes[2 * slot + 1] = hash.lo;
+  }
+}

@@ -1,0 +1,144 @@
+// The hand of whoever sits at the page: where a tool is wanted, by mouse, finger or key, and how it gets there.
+//
+// A tool follows the hand at a hand's speed, however the pointer jumps, so that what is cut is cut in a sweep.
+
+import { type Camera, type PerspectiveCamera, Quaternion, Vector3 } from "three";
+import type { DrivenPose } from "./net/driver";
+
+/** Time in which a tool comes most of the way to where it is wanted, s. */
+const FOLLOW_S = 0.05;
+/** Sizes of the scene that a tool goes in a second, at most. */
+const SPEED_PER_SIZE = 1.0;
+const TURN_RAD_PER_S = 2.5;
+const JAWS_PER_S = 3;
+/** The camera looks down more steeply than this, rad: up and down on the screen is there and back on the table. */
+const STEEP_RAD = 1.0;
+
+const UP = new Vector3(0, 1, 0);
+
+/** What a drag does. */
+export type Grip = "move" | "slice" | "turn";
+
+/** Directions that a drag to the right, a drag upwards and the wheel move along. */
+interface WorkingAxes {
+  right: Vector3;
+  up: Vector3;
+  away: Vector3;
+}
+
+/** A tool in hand. */
+export class Hand {
+  readonly toolId: number;
+  private readonly sceneSizeM: number;
+  private readonly wanted = { position: new Vector3(), turn: new Quaternion(), opening: 1 };
+  private readonly actual = { position: new Vector3(), turn: new Quaternion(), opening: 1 };
+
+  constructor(toolId: number, sceneSizeM: number, position: Vector3, turn: Quaternion) {
+    this.toolId = toolId;
+    this.sceneSizeM = sceneSizeM;
+    for (const pose of [this.wanted, this.actual]) {
+      pose.position.copy(position);
+      pose.turn.copy(turn);
+    }
+  }
+
+  /** Where the tool is to be sent now. */
+  get pose(): DrivenPose {
+    return toPose(this.actual);
+  }
+
+  /** Where it is on its way to. */
+  get goal(): DrivenPose {
+    return toPose(this.wanted);
+  }
+
+  get jawsAreOpen(): boolean {
+    return this.wanted.opening > 0.5;
+  }
+
+  set jawsAreOpen(open: boolean) {
+    this.wanted.opening = open ? 1 : 0;
+  }
+
+  /** A drag by some pixels over a canvas that is `heightPx` high. */
+  drag(grip: Grip, xPx: number, yPx: number, camera: PerspectiveCamera, heightPx: number): void {
+    const distanceM = camera.position.distanceTo(this.wanted.position);
+    const mPerPx = (2 * distanceM * Math.tan((camera.fov * Math.PI) / 360)) / heightPx;
+    const { right, up } = workingAxes(camera);
+    // The plane is seen at a slant; the tool stays under the pointer all the same.
+    const slant = Math.max(0.4, Math.abs(up.dot(screenUp(camera))));
+    const move = right.clone().multiplyScalar(xPx * mPerPx).addScaledVector(up, (-yPx * mPerPx) / slant);
+    if (grip === "turn") {
+      this.turn(UP, xPx * 0.008);
+      this.turn(right, yPx * 0.008);
+    } else if (grip === "slice") {
+      this.slide(move, camera);
+    } else {
+      this.moveBy(move);
+    }
+  }
+
+  /** Moves along the axes of the screen, by shares of the scene's size. */
+  nudge(right: number, up: number, away: number, camera: PerspectiveCamera): void {
+    const axes = workingAxes(camera);
+    const move = new Vector3();
+    move.addScaledVector(axes.right, right).addScaledVector(axes.up, up).addScaledVector(axes.away, away);
+    this.moveBy(move.multiplyScalar(this.sceneSizeM));
+  }
+
+  /** Turns about the vertical and tips about the axis across the screen. */
+  twist(aboutUpRad: number, aboutRightRad: number, camera: Camera): void {
+    this.turn(UP, aboutUpRad);
+    this.turn(workingAxes(camera).right, aboutRightRad);
+  }
+
+  /** Goes on towards where the tool is wanted; says whether it moved. */
+  follow(elapsedS: number): boolean {
+    const { wanted, actual } = this;
+    const share = 1 - Math.exp(-elapsedS / FOLLOW_S);
+    const way = wanted.position.clone().sub(actual.position);
+    const angle = actual.turn.angleTo(wanted.turn);
+    const gap = wanted.opening - actual.opening;
+    if (way.length() < 1e-6 * this.sceneSizeM && angle < 1e-4 && gap === 0) return false;
+    actual.position.add(way.multiplyScalar(share).clampLength(0, SPEED_PER_SIZE * this.sceneSizeM * elapsedS));
+    actual.turn.rotateTowards(wanted.turn, Math.min(share * angle, TURN_RAD_PER_S * elapsedS)).normalize();
+    actual.opening += Math.sign(gap) * Math.min(Math.abs(gap), JAWS_PER_S * elapsedS);
+    return true;
+  }
+
+  private moveBy(move: Vector3): void {
+    // The server's workspace is a metre about the origin.
+    this.wanted.position.add(move).clampScalar(-0.95, 0.95);
+  }
+
+  /** Along the edge alone: sideways on the screen, or upwards where the edge points away from the eye. */
+  private slide(move: Vector3, camera: Camera): void {
+    const edge = new Vector3(1, 0, 0).applyQuaternion(this.wanted.turn);
+    const { right, up, away } = workingAxes(camera);
+    const across = edge.dot(right);
+    const isAcross = Math.abs(across) > 0.3;
+    const along = isAcross ? move.dot(right) / across : move.dot(up) * Math.sign(edge.dot(away));
+    this.moveBy(edge.multiplyScalar(along));
+  }
+
+  private turn(axis: Vector3, angleRad: number): void {
+    this.wanted.turn.premultiply(new Quaternion().setFromAxisAngle(axis, angleRad)).normalize();
+  }
+}
+
+function toPose({ position, turn, opening }: { position: Vector3; turn: Quaternion; opening: number }): DrivenPose {
+  return { position: position.toArray(), orientation: [turn.x, turn.y, turn.z, turn.w], opening };
+}
+
+function screenUp(camera: Camera): Vector3 {
+  return new Vector3(0, 1, 0).applyQuaternion(camera.quaternion);
+}
+
+/** A drag moves in the upright plane that faces the camera; seen from above, over the table. */
+function workingAxes(camera: Camera): WorkingAxes {
+  const right = new Vector3(1, 0, 0).applyQuaternion(camera.quaternion);
+  const forward = new Vector3(0, 0, -1).applyQuaternion(camera.quaternion);
+  const level = new Vector3().crossVectors(UP, right).normalize();
+  const isSteep = Math.asin(Math.min(1, -forward.y)) > STEEP_RAD;
+  return isSteep ? { right, up: level, away: UP.clone().negate() } : { right, up: UP.clone(), away: level };
+}

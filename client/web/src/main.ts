@@ -1,0 +1,236 @@
+// The page: one stage, one session at a time.
+
+import "./style.css";
+import { download, glb } from "./export";
+import type { SessionDescription } from "./gen/kerf/v1/session_pb";
+import { Input } from "./input";
+import { inWords } from "./net/errors";
+import type { StreamStatus } from "./net/frames";
+import { sessions } from "./net/server";
+import { View } from "./net/view";
+import { canDraw, Stage } from "./scene/stage";
+import type { Style } from "./scene/tissue";
+import { Session } from "./session";
+import { Bars } from "./ui/bars";
+import { byId } from "./ui/dom";
+import { openHelp } from "./ui/help";
+import { say, stand, unsay } from "./ui/messages";
+import { openPoints, savePoint } from "./ui/points";
+import { Readings } from "./ui/readings";
+import { openSettings } from "./ui/settings";
+import { openStart } from "./ui/start";
+import { followTheme } from "./ui/theme";
+
+/** A picture that took longer than this does not throw tools ahead, s. */
+const LONGEST_TICK_S = 0.1;
+
+class App {
+  private readonly stage = new Stage(byId("stage") as HTMLCanvasElement);
+  private readonly readings = new Readings();
+  private readonly bars: Bars;
+  private readonly view: View;
+  private readonly input: Input;
+  private session: Session | undefined;
+  /** Sessions that this page began. */
+  private readonly begun = new Set<string>();
+  /** The scene of the session, to begin it anew when the server has lost it. */
+  private sceneToml = "";
+
+  constructor() {
+    this.input = new Input(this.stage, () => this.session);
+    this.view = new View({
+      onFrame: (frame) => this.session?.show(frame) ?? [],
+      onStatus: (status) => this.session?.hearStatus(status),
+      onEvent: (event) => this.session?.hear(event),
+      onFault: (object) => this.session?.hearFault(object),
+    });
+    const theme = followTheme((backdrop) => (this.stage.backdrop = backdrop));
+    const ask = (act: (session: Session) => unknown) => () => {
+      if (this.session) act(this.session);
+    };
+    this.bars = new Bars({
+      chooseScene: () => this.choose(),
+      changeScene: ask(({ id }) => openSettings(id, (toml) => this.change(toml))),
+      share: ask(() => this.share()),
+      savePicture: ask(() => this.savePicture()),
+      saveModel: ask((session) => this.saveModel(session)),
+      toggleTheme: theme.toggle,
+      help: openHelp,
+      take: (toolId) => this.session?.take(toolId),
+      putAway: ask((session) => session.putAway()),
+      toggleJaws: () => this.toggleJaws(),
+      nudge: (away, turn) => this.input.nudge(away, turn),
+      togglePause: ask((session) => session.togglePause()),
+      step: ask((session) => session.step()),
+      reset: ask((session) => session.reset()),
+      savePoint: ask((session) => session.ask(() => savePoint(session.id))),
+      openPoints: ask((session) => openPoints(session.id)),
+      style: (style) => this.draw(style),
+    });
+    window.addEventListener("keydown", (event) => this.key(event));
+    let last = performance.now();
+    const tick = (now: number) => {
+      this.session?.tick(Math.min((now - last) / 1000, LONGEST_TICK_S));
+      last = now;
+      this.view.takeFrame();
+      this.stage.draw(now);
+      requestAnimationFrame(tick);
+    };
+    requestAnimationFrame(tick);
+  }
+
+  /** The session that the address names, or else a choice. */
+  async start(): Promise<void> {
+    const id = new URLSearchParams(location.search).get("session");
+    if (id) await this.join(id);
+    else this.choose();
+  }
+
+  private choose(): void {
+    const scene = async (name: string) => {
+      try {
+        await this.begin({ case: "sceneName", value: name });
+      } catch (error) {
+        stand("This scene did not start", inWords(error), [{ label: "Back", choose: () => this.choose() }]);
+      }
+    };
+    void openStart({ scene: (name) => void scene(name), session: (id) => void this.join(id) });
+  }
+
+  private async begin(scene: { case: "sceneName" | "sceneToml"; value: string }): Promise<void> {
+    byId("stage").classList.add("busy");
+    const { session } = await sessions.createSession({ scene });
+    this.begun.add(session!.sessionId);
+    await this.open(session!);
+  }
+
+  private async join(sessionId: string): Promise<void> {
+    try {
+      const { session } = await sessions.describeSession({ sessionId });
+      await this.open(session!);
+    } catch (error) {
+      stand("This session cannot be joined", inWords(error), [
+        { label: "Choose a scene", choose: () => this.choose() },
+        { label: "Try again", choose: () => void this.join(sessionId) },
+      ]);
+    }
+  }
+
+  private async open(description: SessionDescription): Promise<void> {
+    unsay();
+    this.session?.leave();
+    const { sessionId, scene } = description;
+    history.replaceState(null, "", `?session=${encodeURIComponent(sessionId)}`);
+    this.bars.showScene(scene!.name, scene!.tools);
+    this.session = new Session(this.stage, description, this.readings, {
+      onStatus: (status) => this.showStatus(status),
+      onPaused: (isPaused) => this.bars.showPaused(isPaused),
+      onFailed: (why) => this.sayFailed(why),
+      onTool: (toolId) => {
+        this.bars.showTool(toolId);
+        this.bars.showJaws(this.session?.hand?.jawsAreOpen ?? true);
+        this.input.suit(toolId !== undefined);
+      },
+    });
+    this.input.suit(false);
+    this.view.open(sessionId);
+    this.sceneToml = (await sessions.getScene({ of: { case: "sessionId", value: sessionId } })).sceneToml;
+  }
+
+  /** The same scene with other numbers, in place of a session that nobody else looks at. */
+  private async change(toml: string): Promise<void> {
+    const before = this.session?.id;
+    this.readings.keepForComparison();
+    await this.begin({ case: "sceneToml", value: toml });
+    if (before === undefined || !this.begun.has(before)) return;
+    const { session } = await sessions.describeSession({ sessionId: before });
+    if ((session?.viewers ?? 0) <= 1) await sessions.closeSession({ sessionId: before });
+  }
+
+  private showStatus(status: StreamStatus): void {
+    this.bars.showStatus(status);
+    if (status.phase === "live") unsay();
+    if (status.phase !== "ended") return;
+    const again = () => this.begin({ case: "sceneToml", value: this.sceneToml });
+    stand("This session is over", status.message, [
+      ...(this.sceneToml === "" ? [] : [{ label: "Begin it again", choose: () => void again().catch(sayError) }]),
+      { label: "Choose a scene", choose: () => this.choose() },
+    ]);
+  }
+
+  private sayFailed(why: string): void {
+    const text = `The simulation stopped: ${why}. Put the tissue back to rest to go on.`;
+    stand("A step failed", text, [{ label: "Back to rest", choose: () => void this.session?.reset() }]);
+  }
+
+  private draw(style: Style): void {
+    this.view.wantNodes(style === "elements");
+    if (this.session) this.session.picture.style = style;
+  }
+
+  private toggleJaws(): void {
+    const hand = this.session?.hand;
+    if (!hand) return;
+    hand.jawsAreOpen = !hand.jawsAreOpen;
+    this.bars.showJaws(hand.jawsAreOpen);
+  }
+
+  private async share(): Promise<void> {
+    try {
+      await navigator.clipboard.writeText(location.href);
+      say("The link is copied. Whoever opens it joins this session.");
+    } catch {
+      // Pages that did not come over https or from this machine may not copy.
+      say(`Copy the page's address to let somebody join: ${location.href}`);
+    }
+  }
+
+  private async savePicture(): Promise<void> {
+    const blob = await this.stage.picture();
+    if (blob) download(blob, "kerf.png");
+  }
+
+  private async saveModel(session: Session): Promise<void> {
+    download(await glb(session.picture.exported), "kerf.glb");
+  }
+
+  private key(event: KeyboardEvent): void {
+    const isTyping = event.target instanceof Element && event.target.closest("input, textarea, select, dialog");
+    if (isTyping || event.ctrlKey || event.metaKey) return;
+    const { session } = this;
+    const isButton = event.target instanceof HTMLButtonElement;
+    const keys: Record<string, () => unknown> = {
+      ".": () => session?.step(),
+      r: () => session?.reset(),
+      s: () => session?.ask(() => savePoint(session.id)),
+      b: () => session && openPoints(session.id),
+      c: () => this.toggleJaws(),
+      v: () => this.bars.nextStyle(),
+      p: () => this.savePicture(),
+      "?": openHelp,
+      Escape: () => session?.putAway(),
+      // On a button it presses the button.
+      ...(isButton ? {} : { " ": () => session?.togglePause() }),
+    };
+    const act = keys[event.key] ?? keys[event.key.toLowerCase()];
+    if (act) void act();
+    else if (/^[1-9]$/.test(event.key)) session?.take(Number(event.key) - 1);
+    else if (!this.input.key(event)) return;
+    event.preventDefault();
+  }
+}
+
+function sayError(error: unknown): void {
+  say(inWords(error), "problem");
+}
+
+if (canDraw()) {
+  void new App().start();
+} else {
+  stand(
+    "This browser cannot draw the tissue",
+    "WebGL 2 is missing or switched off. Switch on hardware acceleration in the browser's settings, or open this " +
+      "page in a current Chrome, Edge, Firefox or Safari.",
+    [{ label: "Try again", choose: () => location.reload() }],
+  );
+}

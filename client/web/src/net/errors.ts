@@ -1,0 +1,34 @@
+// Errors in words: what happened, and what to do.
+
+import { Code, ConnectError } from "@connectrpc/connect";
+
+/** The session is not there, or no more. */
+export function isGone(error: unknown): boolean {
+  return ConnectError.from(error).code === Code.NotFound;
+}
+
+/** Nothing was refused: the answer did not come. */
+export function isUnreachable(error: unknown): boolean {
+  const { code } = ConnectError.from(error);
+  return code === Code.Unavailable || code === Code.Unknown || code === Code.Internal;
+}
+
+export function inWords(error: unknown): string {
+  const { code, rawMessage } = ConnectError.from(error);
+  switch (code) {
+    case Code.Unavailable:
+    case Code.Unknown:
+    case Code.Internal:
+      return "The server does not answer. Is it still running, and is the network there?";
+    case Code.DeadlineExceeded:
+      return "The server took too long to answer. It may be busy building a large scene; try again.";
+    case Code.ResourceExhausted:
+      return `The server is full: ${rawMessage}. End a session that nobody needs, then try again.`;
+    case Code.NotFound:
+      return "This session is not there any more. The server was restarted, or somebody ended it.";
+    case Code.InvalidArgument:
+      return `The server cannot use this: ${rawMessage}. Change that value and try again.`;
+    default:
+      return `The server refused: ${rawMessage}.`;
+  }
+}

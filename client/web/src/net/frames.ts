@@ -1,0 +1,85 @@
+// What passes between the page and its worker, which reads the stream, decodes it and makes arrays to draw.
+
+import type { EventKind } from "../gen/kerf/v1/types_pb";
+import type { SurfaceShape, SurfaceStructure } from "../decode/surface";
+
+export type Vector = readonly [number, number, number];
+
+/** A tool as the server has it. */
+export interface ToolFrame {
+  /** Absent while the tool is lifted. */
+  pose?: { position: Vector; orientation: readonly [number, number, number, number] };
+  forceN: Vector;
+  cuttingLengthM: number;
+  /** Fraction of their full opening that its jaws take. */
+  opening: number;
+  isHolding: boolean;
+}
+
+/** Energies since the scene was at rest, J, by the names of kerf.v1.EnergyLedger. */
+export interface Energy {
+  toolWorkJ: number;
+  elasticJ: number;
+  fractureJ: number;
+  dissipatedJ: number;
+  residualJ: number;
+}
+
+/** What a state says of every tool, for plots: none is left out when the page is slower than the stream. */
+export interface Sample {
+  simTimeS: number;
+  tools: ToolFrame[];
+}
+
+export interface BodyFrame {
+  shape: SurfaceShape;
+  /** Present when the structure has changed since the last frame. */
+  structure?: SurfaceStructure;
+  /** Positions of the nodes, when they were asked for. */
+  nodes?: Float32Array<ArrayBuffer>;
+}
+
+/** Everything that a picture needs. */
+export interface Frame {
+  step: number;
+  simTimeS: number;
+  lateSteps: number;
+  stepMeanS: number;
+  stepMaxS: number;
+  stageMeansS: number[];
+  energy?: Energy;
+  samples: Sample[];
+  bodies: BodyFrame[];
+}
+
+/** How the stream is doing. */
+export type StreamStatus =
+  | { phase: "connecting" }
+  | { phase: "live" }
+  /** Lost, and tried again. */
+  | { phase: "lost"; message: string }
+  /** The session is no more: the server says so, or says that it never had it. */
+  | { phase: "ended"; message: string };
+
+/** Something happened to the session. */
+export interface SessionEvent {
+  kind: EventKind;
+  step: number;
+  toolId: number;
+  relativeTolerance: number;
+  checkpointName: string;
+}
+
+export type FromWorker =
+  | { kind: "frame"; frame: Frame }
+  | { kind: "status"; status: StreamStatus }
+  | { kind: "event"; event: SessionEvent }
+  | { kind: "fault"; object: string; step: number };
+
+export type ToWorker =
+  | { kind: "open"; sessionId: string; server: string }
+  | { kind: "close" }
+  /** The frame was drawn; its predecessor's arrays come back to be filled again. */
+  | { kind: "drawn"; shapes: SurfaceShape[] }
+  /** Whether frames carry the nodes of the elements. */
+  | { kind: "nodes"; wanted: boolean };

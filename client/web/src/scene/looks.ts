@@ -1,0 +1,49 @@
+// What things look like. The wire has names, not colours: a look is found by words in a name.
+
+/** How the surface of a material and the walls of a cut in it look; colours as sRGB. */
+export interface Look {
+  skin: number;
+  cut: number;
+  /** What shines through from within, seen where the surface turns away. */
+  glow: number;
+  roughness: number;
+  /** Strength of the wet film. */
+  wetness: number;
+  /** How much the colour varies from place to place, 0 to 1. */
+  mottle: number;
+}
+
+const FLESH: Look = {
+  skin: 0x7d332a,
+  cut: 0xb5483f,
+  glow: 0xff6a4a,
+  roughness: 0.5,
+  wetness: 0.6,
+  mottle: 0.75,
+};
+
+const LOOKS: readonly (readonly [RegExp, Partial<Look>])[] = [
+  [/lesion|tumou?r/i, { skin: 0xc9a27a, cut: 0xe0c49a, glow: 0xffd9a0, mottle: 0.7 }],
+  [/kidney/i, { skin: 0x76302c, cut: 0xb65a4c }],
+  [/skin|dermis/i, { skin: 0xd9a688, cut: 0xd0564c, glow: 0xff8c6a, roughness: 0.6, wetness: 0.15, mottle: 0.25 }],
+  [/fat/i, { skin: 0xe3c27a, cut: 0xf0d494, glow: 0xffe2a8, wetness: 0.5, mottle: 0.3 }],
+  [/bear|gumm/i, { skin: 0xb8232f, cut: 0xd94a50, glow: 0xff4040, roughness: 0.3, wetness: 0.6, mottle: 0.08 }],
+  [/jelly|gelatine/i, { skin: 0xd98a1f, cut: 0xf0ae4a, glow: 0xffb640, roughness: 0.22, wetness: 0.9, mottle: 0.08 }],
+  [/tofu/i, { skin: 0xe9e2d0, cut: 0xf6f1e4, glow: 0xfff4dc, roughness: 0.6, wetness: 0.35, mottle: 0.12 }],
+  [/rubber/i, { skin: 0x3a4048, cut: 0x5c646e, glow: 0x405060, roughness: 0.75, wetness: 0.05, mottle: 0.1 }],
+  [/potato/i, { skin: 0x9a744a, cut: 0xeed9a2, glow: 0xffe6b0, roughness: 0.75, wetness: 0.12, mottle: 0.7 }],
+  [/cucumber/i, { skin: 0x39602f, cut: 0xcfe3b0, glow: 0xc8f0a0, roughness: 0.45, wetness: 0.5, mottle: 0.6 }],
+  [/apple/i, { skin: 0xa62630, cut: 0xf2e6c4, glow: 0xffe0b0, roughness: 0.32, wetness: 0.5, mottle: 0.5 }],
+  [/cuboid|block/i, { skin: 0x96403a, cut: 0xcd5c50, mottle: 0.35 }],
+];
+
+/** Colours of materials that have no look of their own, after an object's first. */
+const OTHERS = [0xc9a27a, 0x9a6fb0, 0x5f8fb0, 0x7fa35c, 0xd08a4e];
+
+/** The look of an object's material, by its name and place among the object's materials. */
+export function lookOf(name: string, index: number): Look {
+  const found = LOOKS.find(([words]) => words.test(name))?.[1];
+  if (found) return { ...FLESH, ...found };
+  const color = OTHERS[(index - 1) % OTHERS.length];
+  return index === 0 ? FLESH : { ...FLESH, skin: color, cut: color };
+}

@@ -1,0 +1,144 @@
+// One object as it is drawn: skin and cut faces over the same positions.
+
+import {
+  BufferAttribute,
+  BufferGeometry,
+  Color,
+  DynamicDrawUsage,
+  Group,
+  LineBasicMaterial,
+  LineSegments,
+  Mesh,
+  type MeshPhysicalMaterial,
+} from "three";
+import type { SurfaceShape, SurfaceStructure } from "../decode/surface";
+import type { BodyFrame } from "../net/frames";
+import { type Look, lookOf } from "./looks";
+import { tissueMaterial } from "./tissue-material";
+
+type Face = "skin" | "cut";
+
+/** What the tissue is drawn as. */
+export type Style = "tissue" | "wires" | "elements";
+
+export class Tissue extends Group {
+  private readonly looks: Look[];
+  private readonly faces: Record<Face, Mesh<BufferGeometry, MeshPhysicalMaterial>>;
+  private readonly edges: LineSegments<BufferGeometry, LineBasicMaterial>;
+  private shape: SurfaceShape | undefined;
+  private vertexCount = 0;
+  /** Area of the cut, m^2 at rest. */
+  cutAreaM2 = 0;
+
+  /** `sizeM` is the size of the object, which the size of its blotches follows. */
+  constructor(materialNames: readonly string[], sizeM: number) {
+    super();
+    this.looks = materialNames.map(lookOf);
+    const face = (kind: Face) => {
+      const material = tissueMaterial(this.looks[0], kind, 14 / sizeM);
+      if (this.looks.length > 1) {
+        material.vertexColors = true;
+        material.color.set(0xffffff);
+      }
+      const mesh = new Mesh(new BufferGeometry(), material);
+      mesh.name = `${materialNames[0]} ${kind}`;
+      mesh.castShadow = mesh.receiveShadow = true;
+      mesh.frustumCulled = false;
+      return mesh;
+    };
+    this.faces = { skin: face("skin"), cut: face("cut") };
+    const lines = new LineBasicMaterial({ color: 0x9fd8ff, transparent: true, opacity: 0.55, depthWrite: false });
+    this.edges = new LineSegments(new BufferGeometry(), lines);
+    this.edges.frustumCulled = false;
+    this.edges.visible = false;
+    this.add(this.faces.skin, this.faces.cut, this.edges);
+    // Drawn before there are normals, the material would be flat for good.
+    this.visible = false;
+  }
+
+  /** The meshes that a ray may hit. */
+  get meshes(): Mesh[] {
+    return [this.faces.skin, this.faces.cut];
+  }
+
+  /** Positions of the vertices now, m. */
+  get positions(): Float32Array {
+    return this.shape?.positions.subarray(0, 3 * this.vertexCount) ?? new Float32Array(0);
+  }
+
+  set style(style: Style) {
+    for (const mesh of [this.faces.skin, this.faces.cut]) {
+      mesh.material.wireframe = style === "wires";
+      mesh.material.transparent = style === "elements";
+      mesh.material.opacity = style === "elements" ? 0.45 : 1;
+      mesh.material.needsUpdate = true;
+    }
+    this.edges.visible = style === "elements";
+  }
+
+  /** Takes a frame over; answers with the arrays that were shown before. */
+  show({ shape, structure, nodes }: BodyFrame): SurfaceShape | undefined {
+    const before = this.shape;
+    this.shape = shape;
+    if (structure) this.restructure(structure, shape);
+    const positions = this.faces.skin.geometry.getAttribute("position") as BufferAttribute;
+    replace(positions, shape.positions);
+    replace(this.faces.skin.geometry.getAttribute("normal") as BufferAttribute, shape.skinNormals);
+    replace(this.faces.cut.geometry.getAttribute("normal") as BufferAttribute, shape.cutNormals);
+    if (nodes && this.edges.visible) this.showNodes(nodes);
+    return before;
+  }
+
+  override dispose(): void {
+    for (const { geometry, material } of [this.faces.skin, this.faces.cut, this.edges]) {
+      geometry.dispose();
+      material.dispose();
+    }
+  }
+
+  private restructure(structure: SurfaceStructure, shape: SurfaceShape): void {
+    this.visible = true;
+    this.cutAreaM2 = structure.cutAreaM2;
+    this.vertexCount = structure.vertexCount;
+    const position = dynamic(shape.positions);
+    const rest = new BufferAttribute(structure.rest, 3);
+    const dress = (face: Face, index: Uint32Array, count: number, normals: Float32Array) => {
+      const geometry = new BufferGeometry();
+      geometry.setAttribute("position", position);
+      geometry.setAttribute("rest", rest);
+      geometry.setAttribute("normal", dynamic(normals));
+      if (this.looks.length > 1) geometry.setAttribute("color", this.colors(face, structure));
+      geometry.setIndex(new BufferAttribute(index, 1));
+      geometry.setDrawRange(0, count);
+      this.faces[face].geometry.dispose();
+      this.faces[face].geometry = geometry;
+    };
+    dress("skin", structure.skin, structure.skinCount, shape.skinNormals);
+    dress("cut", structure.cut, structure.cutCount, shape.cutNormals);
+    this.edges.geometry.setIndex(new BufferAttribute(structure.elementEdges, 1));
+  }
+
+  private colors(face: Face, { materials }: SurfaceStructure): BufferAttribute {
+    const palette = this.looks.map((look) => new Color(look[face]));
+    const colors = new Float32Array(3 * materials.length);
+    materials.forEach((material, i) => (palette[material] ?? palette[0]).toArray(colors, 3 * i));
+    return new BufferAttribute(colors, 3);
+  }
+
+  private showNodes(nodes: Float32Array): void {
+    const index = this.edges.geometry.index;
+    this.edges.geometry.dispose();
+    this.edges.geometry = new BufferGeometry();
+    this.edges.geometry.setAttribute("position", new BufferAttribute(nodes, 3));
+    this.edges.geometry.setIndex(index);
+  }
+}
+
+function dynamic(array: Float32Array): BufferAttribute {
+  return new BufferAttribute(array, 3).setUsage(DynamicDrawUsage);
+}
+
+function replace(attribute: BufferAttribute, array: Float32Array): void {
+  attribute.array = array;
+  attribute.needsUpdate = true;
+}

@@ -1,0 +1,49 @@
+// Keys and gestures.
+
+import { openDialog } from "./dialog";
+import { element } from "./dom";
+
+const POINTER: readonly (readonly [string, string])[] = [
+  ["Drag", "moves the tool; without a tool, turns the view"],
+  ["Wheel", "moves the tool away or nearer; with Ctrl, or without a tool, the view"],
+  ["Shift + drag", "slices: along the edge alone"],
+  ["Alt + drag", "turns the tool"],
+  ["Right button + drag", "turns the view while a tool is in hand"],
+  ["Two fingers", "turn and zoom the view"],
+];
+
+const KEYS: readonly (readonly [string, string])[] = [
+  ["1 to 9", "take a tool"],
+  ["Esc", "put it away"],
+  ["Arrows", "move it sideways, up and down"],
+  ["Page up, Page down", "move it away, nearer"],
+  ["Q, E", "turn it"],
+  ["T, G", "tip it"],
+  ["C", "close or open its jaws"],
+  ["Space", "pause or go on"],
+  [".", "take one step"],
+  ["R", "put the tissue back to rest"],
+  ["S", "save a point"],
+  ["B", "go back to a point"],
+  ["V", "tissue, wires, elements"],
+  ["P", "save a picture"],
+];
+
+export function openHelp(): void {
+  const table = (rows: typeof KEYS) =>
+    element(
+      "dl",
+      {},
+      ...rows.flatMap(([keys, does]) => [
+        element("dt", {}, element("kbd", { textContent: keys })),
+        element("dd", { textContent: does }),
+      ]),
+    );
+  openDialog(
+    "Mouse, fingers and keys",
+    element("h2", { textContent: "Mouse and fingers" }),
+    table(POINTER),
+    element("h2", { textContent: "Keys" }),
+    table(KEYS),
+  );
+}

@@ -1,0 +1,111 @@
+// What the instruments say: force and depth, what was cut, energies, and whether the machine keeps up.
+
+import type { Energy, Frame } from "../net/frames";
+import { byId, element } from "./dom";
+import { digits, milliseconds, withUnit } from "./numbers";
+import { Plot, type PlotPoint } from "./plot";
+
+/** A line of a card: a name and a value that changes. */
+function reading(name: string, tip = ""): { line: HTMLElement; value: HTMLElement } {
+  const value = element("output", { textContent: "–", data: { reading: name } });
+  const line = element("div", { className: "reading", title: tip }, element("span", { textContent: name }), value);
+  return { line, value };
+}
+
+const ENERGIES: readonly (readonly [string, keyof Energy, string])[] = [
+  ["Work of the tools", "toolWorkJ", "What the tools have put into the tissue"],
+  ["Stored", "elasticJ", "Elastic energy that the tissue would give back"],
+  ["Cutting", "fractureJ", "What the new surface has cost: fracture energy times its area"],
+  ["Lost as heat", "dissipatedJ", "Damping, friction and the time step's own dissipation"],
+];
+
+export class Readings {
+  private readonly plot: Plot;
+  private readonly force = element("output", { className: "large force", textContent: "0 N" });
+  private readonly depth = element("output", { className: "large depth", textContent: "0 mm" });
+  private readonly cutArea = reading("Cut area", "At rest, counted once for its two walls");
+  private readonly pieces = reading("Pieces", "Closed surfaces that nothing joins");
+  private readonly energies = ENERGIES.map(([name, key, tip]) => ({ key, ...reading(name, tip) }));
+  private readonly load = element("div", { className: "fill" });
+  private readonly stepTime = reading("Step", "Mean time of a step, and the time that it has");
+  private readonly late = reading("Late steps", "Share of the last seconds' steps that ended after their deadline");
+  private readonly roundTripMs = reading("Round trip", "From sending a pose to its answer");
+  private readonly simTime = reading("Time");
+  private readonly before = element("p", { className: "before", hidden: true });
+  private recentMs = 0;
+  private tally: { step: number; lateSteps: number }[] = [];
+
+  constructor() {
+    const canvas = element("canvas", {
+      className: "plot",
+      aria: { role: "img", label: "Force on the tool and its depth over the last seconds" },
+    });
+    this.plot = new Plot(canvas);
+    const card = (title: string, ...lines: HTMLElement[]) =>
+      element("section", { className: "panel" }, element("h2", { textContent: title }), ...lines);
+    const meter = element("div", { className: "meter" }, this.load);
+    byId("readings").replaceChildren(
+      card("Force and depth", element("div", { className: "pair" }, this.force, this.depth), canvas),
+      card("Cut", this.cutArea.line, this.pieces.line),
+      card("Energy", ...this.energies.map(({ line }) => line)),
+      card("Speed", this.stepTime.line, meter, this.late.line, this.roundTripMs.line, this.simTime.line, this.before),
+    );
+  }
+
+  /** Another session. */
+  clear(): void {
+    this.plot.clear();
+    this.tally = [];
+    this.recentMs = 0;
+    this.roundTripMs.value.textContent = "–";
+  }
+
+  /** Force and depth of the tool that is looked at. */
+  addPoints(points: readonly PlotPoint[]): void {
+    this.plot.add(points);
+    const newest = points.at(-1);
+    if (!newest) return;
+    this.force.textContent = withUnit(newest.forceN, "N");
+    this.depth.textContent = `${digits(1000 * newest.depthM)} mm`;
+  }
+
+  /** What a frame says; `dtS` is the time that a step has. */
+  show(frame: Frame, dtS: number, cutAreaM2: number, pieces: number): void {
+    this.cutArea.value.textContent = `${digits(1e4 * cutAreaM2)} cm²`;
+    this.pieces.value.textContent = String(pieces);
+    for (const { key, value } of this.energies) {
+      value.textContent = frame.energy ? withUnit(frame.energy[key], "J") : "–";
+    }
+    if (frame.stepMeanS > 0) {
+      // Smoothed, so that it can be read.
+      this.recentMs += (this.recentMs === 0 ? 1 : 0.1) * (1000 * frame.stepMeanS - this.recentMs);
+    }
+    const load = this.recentMs / (1000 * dtS);
+    this.stepTime.value.textContent = `${digits(this.recentMs)} of ${milliseconds(dtS)}`;
+    this.load.style.width = `${Math.min(100, 100 * load)}%`;
+    this.load.className = load > 1 ? "fill over" : load > 0.8 ? "fill close" : "fill";
+    this.late.value.textContent = `${digits(this.lateShare(frame))} %`;
+    this.simTime.value.textContent = `${frame.simTimeS.toFixed(1)} s`;
+    this.plot.draw();
+  }
+
+  showRoundTrip(milliseconds: number): void {
+    this.roundTripMs.value.textContent = `${digits(milliseconds)} ms`;
+  }
+
+  /** Keeps what a setting cost and did, to stand beside the next one. */
+  keepForComparison(): void {
+    const peak = withUnit(this.plot.peakForceN, "N");
+    this.before.textContent = `Before the change: ${digits(this.recentMs)} ms a step, peak force ${peak}`;
+    this.before.hidden = false;
+  }
+
+  private lateShare({ step, lateSteps }: Frame): number {
+    const last = this.tally.at(-1);
+    if (last && step < last.step) this.tally = [];
+    this.tally.push({ step, lateSteps });
+    if (this.tally.length > 120) this.tally.shift();
+    const first = this.tally[0];
+    return step > first.step ? (100 * (lateSteps - first.lateSteps)) / (step - first.step) : 0;
+  }
+}

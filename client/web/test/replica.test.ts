@@ -1,0 +1,101 @@
+import { create } from "@bufbuild/protobuf";
+import { describe, expect, test } from "vitest";
+import { ReplicaError } from "../src/decode/check";
+import { Replica } from "../src/decode/replica";
+import { BodyStructureSchema, KeyframeSchema } from "../src/gen/kerf/v1/view_pb";
+import { CORNERS, cube, cutPatch, keyframe, state, UNIT_CUBE } from "./messages";
+
+/** The error that something is refused with. */
+function refusal(act: () => void): ReplicaError {
+  try {
+    act();
+  } catch (error) {
+    if (error instanceof ReplicaError) return error;
+    throw error;
+  }
+  throw new Error("nothing was refused");
+}
+
+function cubeReplica(): Replica {
+  const replica = new Replica();
+  replica.applyKeyframe(keyframe([cube()]));
+  return replica;
+}
+
+describe("the surface hash", () => {
+  test("is the one that a program that shares no line with this one computed from view.proto", () => {
+    // The vector of tests/tests/surface_hash.rs.
+    const ids = [3, 900, 4_000_000_000, 4_294_967_295];
+    const body = create(BodyStructureSchema, {
+      nodeCount: 8,
+      nodeIds: CORNERS,
+      nodeRestM: UNIT_CUBE,
+      elementIds: [0, 1],
+      elementNodes: [...CORNERS, ...CORNERS],
+      vertexIds: ids,
+      vertexElements: [0, 1, 1, 0],
+      vertexLocal: [0, -0, 1, 0.1, 0.25, 0.7, 1, 0.5, 1e-30, 0.5, 0.5, 0.5],
+      quadIds: [1, 4_294_967_294],
+      quadVertices: [...ids, ...ids.toReversed()],
+    });
+    const frame = create(KeyframeSchema, { bodies: [body, body], surfaceHash: 0x6411_8ce0_7d49_23ban });
+    new Replica().applyKeyframe(frame);
+    frame.surfaceHash ^= 1n;
+    expect(refusal(() => new Replica().applyKeyframe(frame)).message).toContain("64118ce07d4923ba");
+  });
+});
+
+describe("a replica", () => {
+  test("follows a patch, whose new quad makes both sides of its link a cut", () => {
+    const replica = cubeReplica();
+    expect(Array.from(replica.bodies[0].quadIsCut.subarray(0, 1))).toEqual([0]);
+    replica.applyPatch(cutPatch());
+    expect(replica.bodies[0].quadCount).toBe(2);
+    expect(Array.from(replica.bodies[0].quadIsCut.subarray(0, 2))).toEqual([1, 1]);
+    replica.applyState(state(Array<number>(27).fill(0.5), 5n));
+  });
+
+  test("needs a keyframe before anything else, and after a patch it missed", () => {
+    expect(refusal(() => new Replica().applyState(state([]))).needsKeyframe).toBe(true);
+    expect(refusal(() => new Replica().applyPatch(cutPatch())).needsKeyframe).toBe(true);
+    const replica = cubeReplica();
+    const missed = cutPatch();
+    missed.fromVersion = 4n;
+    expect(refusal(() => replica.applyPatch(missed)).needsKeyframe).toBe(true);
+    expect(refusal(() => replica.applyState(state([], 4n))).needsKeyframe).toBe(true);
+  });
+
+  test("drops a state of an older structure and goes on", () => {
+    const replica = cubeReplica();
+    expect(refusal(() => replica.applyState(state([], 2n))).needsKeyframe).toBe(false);
+    replica.applyState(state(Array<number>(24).fill(0)));
+  });
+
+  test("names the field that is wrong", () => {
+    const replica = cubeReplica();
+    expect(refusal(() => replica.applyState(state([1]))).message).toBe(
+      "state.bodies[0].node_displacements_m: 1 entries, 24 expected",
+    );
+    const infinite = Array<number>(24).fill(0).with(5, Number.POSITIVE_INFINITY);
+    expect(refusal(() => replica.applyState(state(infinite))).message).toContain("entry 5 is not finite");
+    const wrong: [string, Partial<ReturnType<typeof cube>>][] = [
+      ["element_nodes: id 8", { elementNodes: CORNERS.with(0, 8) }],
+      ["vertex_elements: id 4", { vertexElements: [5, 5, 4, 5] }],
+      ["quad_vertices: id 11", { quadVertices: [10, 20, 30, 11] }],
+      ["vertex_ids: entry 2", { vertexIds: [10, 20, 20, 40] }],
+      ["node_count", { nodeCount: 4e9 }],
+    ];
+    for (const [field, change] of wrong) {
+      const frame = create(KeyframeSchema, { bodies: [{ ...cube(), ...change }] });
+      expect(refusal(() => replica.applyKeyframe(frame)).message).toContain(`keyframe.bodies[0].${field}`);
+    }
+  });
+
+  test("has no structure left after a patch that leads to another surface", () => {
+    const replica = cubeReplica();
+    const patch = cutPatch();
+    patch.surfaceHash ^= 1n;
+    expect(refusal(() => replica.applyPatch(patch)).message).toContain("surface hash at version 5");
+    expect(refusal(() => replica.applyState(state(Array<number>(24).fill(0)))).needsKeyframe).toBe(true);
+  });
+});

@@ -1,0 +1,90 @@
+import { create } from "@bufbuild/protobuf";
+import { expect, test } from "vitest";
+import { Replica } from "../src/decode/replica";
+import { BodySurface } from "../src/decode/surface";
+import { type BodyStructure, StateSchema } from "../src/gen/kerf/v1/view_pb";
+import { cube, cutPatch, keyframe, slab, state, UNIT_CUBE } from "./messages";
+
+function surfaceOf(structure: BodyStructure): { replica: Replica; surface: BodySurface } {
+  const replica = new Replica();
+  replica.applyKeyframe(keyframe([structure]));
+  return { replica, surface: new BodySurface(replica.bodies[0]) };
+}
+
+test("vertices move as the trilinear field of their element", () => {
+  const structure = cube();
+  structure.vertexLocal = [0.25, 0.5, 0.75, 0, 1, 1, 1, 1, 1, 1, 1, 0];
+  const { replica, surface } = surfaceOf(structure);
+  surface.restructure();
+  // A trilinear field: its value at a point is its formula there.
+  const field = (x: number, y: number, z: number) => [0.1 * x * y * z, 0.2 * x * z, 0.3 - 0.1 * y];
+  const displacements = UNIT_CUBE.flatMap((_, i) =>
+    i % 3 === 0 ? field(UNIT_CUBE[i], UNIT_CUBE[i + 1], UNIT_CUBE[i + 2]) : [],
+  );
+  replica.applyState(state(displacements));
+  const moved = field(0.25, 0.5, 0.75);
+  const { positions } = surface.shape();
+  [0.25, 0.5, 0.75].forEach((rest, axis) => expect(positions[axis]).toBeCloseTo(rest + moved[axis], 6));
+});
+
+test("adapted vertices are shown at their offset, in the state that has them and in no other", () => {
+  const { replica, surface } = surfaceOf(cube());
+  surface.restructure();
+  const nodeDisplacementsM = Array<number>(24).fill(0);
+  const adapted = { nodeDisplacementsM, adaptedVertexIds: [20], adaptedOffsetsM: [0, -0.5, 0] };
+  replica.applyState(create(StateSchema, { topologyVersion: 3n, bodies: [adapted] }));
+  expect(surface.shape().positions[4]).toBeCloseTo(0.5);
+  replica.applyState(state(nodeDisplacementsM));
+  expect(surface.shape().positions[4]).toBeCloseTo(1);
+});
+
+test("triangles face outwards and their normals with them", () => {
+  const { replica, surface } = surfaceOf(cube());
+  const { skin, skinCount, cutCount, cutAreaM2 } = surface.restructure();
+  expect([skinCount, cutCount, cutAreaM2]).toEqual([6, 0, 0]);
+  // The top face: seen from above.
+  replica.applyState(state(Array<number>(24).fill(0)));
+  const { positions, skinNormals } = surface.shape();
+  const [a, b, c] = [0, 1, 2].map((i) => positions.subarray(3 * skin[i], 3 * skin[i] + 3));
+  const up = (b[2] - a[2]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[2] - a[2]);
+  expect(up).toBeGreaterThan(0);
+  expect(skinNormals[1]).toBeGreaterThan(0);
+});
+
+test("what a blade laid open is no skin, and its two walls are one cut", () => {
+  const { replica, surface } = surfaceOf(cube());
+  surface.restructure();
+  replica.applyPatch(cutPatch());
+  const { skinCount, cutCount, cutAreaM2 } = surface.restructure();
+  expect([skinCount, cutCount]).toEqual([0, 12]);
+  expect(cutAreaM2).toBeCloseTo(1);
+});
+
+test("the edges of elements are each there once", () => {
+  const { surface } = surfaceOf(slab(2, 1));
+  // Of 2 x 2 x 1 cubes: 6 along x and 6 along z on each of two sides, 9 upright.
+  expect(surface.restructure().elementEdges.length / 2).toBe(33);
+});
+
+test("arrays are used again until they are too small", () => {
+  const { replica, surface } = surfaceOf(cube());
+  surface.restructure();
+  const first = surface.shape();
+  expect(surface.shape(first)).toBe(first);
+  replica.applyPatch(cutPatch());
+  surface.restructure();
+  expect(surface.shape(first)).toBe(first);
+});
+
+test("surfaces that no quad joins are pieces", () => {
+  const { replica, surface } = surfaceOf(slab(2, 2));
+  expect(surface.restructure().pieces).toBe(1);
+  const apart = slab(2, 2);
+  // Without the quads of the middle rows only the outer ones are left, which share no vertex.
+  const across = 4;
+  const rows = [0, 3].flatMap((row) => Array.from({ length: across }, (_, i) => row * across + i));
+  apart.quadVertices = rows.flatMap((quad) => apart.quadVertices.slice(4 * quad, 4 * quad + 4));
+  apart.quadIds = rows.map((quad) => 2 * quad);
+  replica.applyKeyframe(keyframe([apart]));
+  expect(new BodySurface(replica.bodies[0]).restructure().pieces).toBe(2);
+});

@@ -1,0 +1,92 @@
+//! One view stream: what its viewer gets, no faster than it reads.
+
+use std::collections::VecDeque;
+
+use kerf_proto::v1;
+use kerf_proto::v1::view_event::Message;
+use kerf_session::clock::MonotonicClock;
+use kerf_session::{ViewMessage, Viewer};
+use prost::Message as _;
+use tokio::sync::watch;
+
+use super::in_flight::InFlight;
+use crate::config::ViewLimits;
+use crate::convert::view::view_message;
+
+/// A viewer, and how far its client has read.
+pub struct ViewStream {
+    viewer: Viewer,
+    acknowledged: watch::Receiver<u64>,
+    in_flight: InFlight,
+    wants_energy: bool,
+    max_message_bytes: usize,
+    /// The hello, or the fragments of a message.
+    ready: VecDeque<v1::ViewEvent>,
+}
+
+impl ViewStream {
+    pub fn new(
+        hello: v1::ViewHello,
+        viewer: Viewer,
+        acknowledged: watch::Receiver<u64>,
+        wants_energy: bool,
+        limits: &ViewLimits,
+    ) -> Self {
+        Self {
+            viewer,
+            acknowledged,
+            in_flight: InFlight::new((limits.max_age_s * 1e9) as u64),
+            wants_energy,
+            max_message_bytes: limits.max_message_bytes,
+            ready: VecDeque::from([v1::ViewEvent { message: Some(Message::Hello(hello)), number: 0 }]),
+        }
+    }
+
+    /// What comes next, as soon as there is something and room for it; `None` once the session has ended.
+    pub async fn next(&mut self) -> Option<v1::ViewEvent> {
+        if let Some(ready) = self.ready.pop_front() {
+            return Some(ready);
+        }
+        while !self.in_flight.has_room() {
+            tokio::select! {
+                Ok(()) = self.acknowledged.changed() => self.note_acknowledged(),
+                // The end of the session is told to who has read nothing too.
+                () = self.viewer.closed() => break,
+            }
+        }
+        let message = loop {
+            tokio::select! {
+                Ok(()) = self.acknowledged.changed() => self.note_acknowledged(),
+                message = self.viewer.next() => break message?,
+            }
+        };
+        let number = match message {
+            ViewMessage::Event(_) => 0,
+            ViewMessage::Keyframe(_) | ViewMessage::Patch(_) | ViewMessage::State(_) => {
+                self.in_flight.send(MonotonicClock::now_ns())
+            }
+        };
+        let event = v1::ViewEvent { message: Some(view_message(&message, self.wants_energy)), number };
+        if event.encoded_len() <= self.max_message_bytes {
+            return Some(event);
+        }
+        self.ready.extend(fragments(&event, self.max_message_bytes));
+        self.ready.pop_front()
+    }
+
+    fn note_acknowledged(&mut self) {
+        let number = *self.acknowledged.borrow_and_update();
+        self.in_flight.acknowledge(number, MonotonicClock::now_ns());
+    }
+}
+
+/// An event in pieces that hold at most so many bytes of it.
+fn fragments(event: &v1::ViewEvent, max_bytes: usize) -> impl Iterator<Item = v1::ViewEvent> {
+    let data = event.encode_to_vec();
+    let count = data.len().div_ceil(max_bytes);
+    (0..count).map(move |index| {
+        let data = data[index * max_bytes..data.len().min((index + 1) * max_bytes)].to_vec();
+        let fragment = v1::Fragment { data, remaining: (count - 1 - index) as u32 };
+        v1::ViewEvent { message: Some(Message::Fragment(fragment)), number: 0 }
+    })
+}

@@ -1,0 +1,199 @@
+//! What sessions may take of the machine, all of them together: memory, and time of its cores.
+//!
+//! A session is admitted by what it is told to cost, and counts with what it was measured to cost where that is more.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, Weak};
+
+use kerf_scenes::cost::Cost;
+
+use crate::error::SessionError;
+use crate::lock::lock;
+
+/// Part of a session's memory that a checkpoint of it takes: the state without what follows from the scene.
+const CHECKPOINT_SHARE: f64 = 0.5;
+const BYTES_PER_MIB: f64 = 1048576.0;
+
+/// What sessions may take, and what they have taken.
+#[derive(Debug)]
+pub(crate) struct Admission {
+    max_bytes: f64,
+    max_load: f64,
+    max_setup_s: f64,
+    threads_per_session: f64,
+    taken: Mutex<Taken>,
+}
+
+#[derive(Debug, Default)]
+struct Taken {
+    bytes: f64,
+    loads: Vec<Weak<Load>>,
+}
+
+/// What one session takes; given back by its end.
+#[derive(Debug)]
+pub(crate) struct Admitted {
+    /// Its memory.
+    pub memory: Reservation,
+    /// Its time.
+    pub load: Arc<Load>,
+}
+
+impl Admission {
+    pub fn new(max_memory_mib: f64, max_load: f64, max_setup_s: f64, threads_per_session: usize) -> Arc<Self> {
+        Arc::new(Self {
+            max_bytes: max_memory_mib * BYTES_PER_MIB,
+            max_load,
+            max_setup_s,
+            threads_per_session: threads_per_session as f64,
+            taken: Mutex::default(),
+        })
+    }
+
+    /// Takes what a session of a scene needs, or nothing.
+    pub fn admit(self: &Arc<Self>, cost: &Cost, rate_hz: f64) -> Result<Admitted, SessionError> {
+        if cost.setup_s > self.max_setup_s {
+            return Err(SessionError::SetupTime { needed_s: cost.setup_s, limit_s: self.max_setup_s });
+        }
+        // A session that cannot keep its rate takes no more than its threads.
+        let load = (cost.step_s * rate_hz).min(self.threads_per_session);
+        let memory = self.reserve(cost.bytes)?;
+        let mut taken = lock(&self.taken);
+        taken.loads.retain(|load| load.strong_count() > 0);
+        let others: f64 = taken.loads.iter().filter_map(Weak::upgrade).map(|load| load.counted()).sum();
+        // One session is always admitted: whether it keeps its rate is its own affair.
+        if others > 0.0 && others + load > self.max_load {
+            return Err(SessionError::Load { needed: load, taken: others, limit: self.max_load });
+        }
+        let load = Arc::new(Load { told: load, most: self.threads_per_session, measured: AtomicU64::new(0) });
+        taken.loads.push(Arc::downgrade(&load));
+        Ok(Admitted { memory, load })
+    }
+
+    fn reserve(self: &Arc<Self>, bytes: f64) -> Result<Reservation, SessionError> {
+        let mut taken = lock(&self.taken);
+        if taken.bytes + bytes > self.max_bytes {
+            let mib = |bytes: f64| (bytes / BYTES_PER_MIB).ceil() as u64;
+            let (needed_mib, taken_mib) = (mib(bytes), mib(taken.bytes));
+            return Err(SessionError::Memory { needed_mib, taken_mib, limit_mib: mib(self.max_bytes) });
+        }
+        taken.bytes += bytes;
+        Ok(Reservation { admission: Arc::clone(self), bytes })
+    }
+}
+
+/// Memory that is taken while this lives.
+#[derive(Debug)]
+pub(crate) struct Reservation {
+    admission: Arc<Admission>,
+    bytes: f64,
+}
+
+impl Reservation {
+    pub fn bytes(&self) -> f64 {
+        self.bytes
+    }
+
+    /// As much once more, for a world that is built while the old one is there.
+    pub fn another(&self) -> Result<Self, SessionError> {
+        self.admission.reserve(self.bytes)
+    }
+
+    /// What a checkpoint needs whose log of inputs takes `log_bytes`.
+    pub fn checkpoint(&self, log_bytes: usize) -> Result<Self, SessionError> {
+        self.admission.reserve(CHECKPOINT_SHARE * self.bytes + log_bytes as f64)
+    }
+}
+
+impl Drop for Reservation {
+    fn drop(&mut self) {
+        lock(&self.admission.taken).bytes -= self.bytes;
+    }
+}
+
+/// Cores that a session keeps busy.
+#[derive(Debug)]
+pub(crate) struct Load {
+    told: f64,
+    most: f64,
+    /// Bits of what was last measured.
+    measured: AtomicU64,
+}
+
+impl Load {
+    /// What was measured of late: the time of steps over the time they had.
+    pub fn measured(&self) -> f64 {
+        f64::from_bits(self.measured.load(Ordering::Relaxed))
+    }
+
+    pub fn set_measured(&self, load: f64) {
+        self.measured.store(load.to_bits(), Ordering::Relaxed);
+    }
+
+    /// A session at rest costs nothing, until somebody touches its tissue: it counts with what it was told to cost.
+    fn counted(&self) -> f64 {
+        self.told.max(self.measured()).min(self.most)
+    }
+}
+
+/// Sums up steps, a second of simulated time at a time.
+#[derive(Debug, Default)]
+pub(crate) struct LoadMeter {
+    steps: u32,
+    busy_ns: u64,
+}
+
+impl LoadMeter {
+    /// A step has ended; answers with the load at the end of each second.
+    pub fn step_ended(&mut self, elapsed_ns: u64, rate_hz: f64) -> Option<f64> {
+        self.steps += 1;
+        self.busy_ns += elapsed_ns;
+        let had_s = f64::from(self.steps) / rate_hz;
+        (had_s >= 1.0).then(|| std::mem::take(self).busy_ns as f64 * 1e-9 / had_s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const COST: Cost = Cost { bytes: 40.0 * BYTES_PER_MIB, setup_s: 1.0, step_s: 8e-4 };
+
+    fn admission() -> Arc<Admission> {
+        Admission::new(100.0, 2.0, 10.0, 1)
+    }
+
+    #[test]
+    fn memory_is_given_back_when_it_is_not_needed_any_more() {
+        let admission = Admission::new(100.0, f64::INFINITY, 10.0, 1);
+        let [first, _second] = [(); 2].map(|()| admission.admit(&COST, 1000.0).unwrap());
+        let refused = admission.admit(&COST, 1000.0).unwrap_err();
+        assert_eq!(refused, SessionError::Memory { needed_mib: 40, taken_mib: 80, limit_mib: 100 });
+        let checkpoint = first.memory.checkpoint(0).unwrap();
+        assert!(first.memory.checkpoint(0).is_err() && first.memory.another().is_err());
+        drop((first, checkpoint));
+        assert!(admission.admit(&COST, 1000.0).is_ok());
+    }
+
+    #[test]
+    fn sessions_are_admitted_by_what_they_are_told_or_measured_to_need() {
+        let admission = Admission::new(1000.0, 2.0, 10.0, 1);
+        let first = admission.admit(&COST, 1000.0).unwrap();
+        let second = admission.admit(&COST, 1000.0).unwrap();
+        assert!(matches!(admission.admit(&COST, 1000.0), Err(SessionError::Load { limit: 2.0, .. })));
+        assert!(admission.admit(&COST, 100.0).is_ok(), "a slower one fits");
+        drop(second);
+        first.load.set_measured(0.1);
+        assert!(admission.admit(&COST, 1000.0).is_ok(), "the first one rests");
+        first.load.set_measured(40.0);
+        assert!(admission.admit(&COST, 1000.0).is_ok(), "no more than its thread is busy");
+    }
+
+    #[test]
+    fn one_session_is_admitted_though_it_does_not_keep_its_rate_but_not_if_it_takes_for_ever_to_build() {
+        let slow = Cost { step_s: 1.0, ..COST };
+        assert!(Admission::new(100.0, 0.5, 10.0, 1).admit(&slow, 1000.0).is_ok());
+        let large = Cost { setup_s: 11.0, ..COST };
+        assert!(matches!(admission().admit(&large, 1000.0), Err(SessionError::SetupTime { .. })));
+    }
+}

@@ -1,0 +1,48 @@
+//! What precedes the building of a session: its scene is read, set by the dial, judged and admitted.
+
+use std::sync::Arc;
+
+use kerf_physics::Scene;
+use kerf_scenes::cost::Cost;
+use kerf_scenes::dial::{Choice, ParetoFronts};
+use tokio::sync::OwnedSemaphorePermit;
+
+use crate::admission::{Admission, Admitted};
+use crate::error::SessionError;
+use crate::limits::SessionLimits;
+use crate::session::SessionOptions;
+
+/// What a session that is being made holds.
+pub(crate) struct Permits {
+    /// To be one of the server's sessions; until its end.
+    pub slot: OwnedSemaphorePermit,
+    /// To be one of those that are built now.
+    pub build: OwnedSemaphorePermit,
+}
+
+/// A scene that a session may be built of.
+pub(crate) struct Prepared {
+    pub scene: Scene,
+    pub choice: Option<Choice>,
+    pub admitted: Admitted,
+    pub permits: Permits,
+}
+
+/// Sets a scene by the dial, estimates what it costs and takes that from what is left. Takes milliseconds to
+/// seconds, on a thread that may wait.
+pub(crate) fn prepare(
+    mut scene: Scene,
+    options: &SessionOptions,
+    limits: &SessionLimits,
+    pareto_fronts: &ParetoFronts,
+    admission: &Arc<Admission>,
+    permits: Permits,
+) -> Result<Prepared, SessionError> {
+    let choice = pareto_fronts.settle(&mut scene, options.dial)?;
+    let rate_hz = scene.desc.rate_hz;
+    if !(1.0..=limits.max_rate_hz).contains(&rate_hz) {
+        return Err(SessionError::Rate { rate_hz, limit_hz: limits.max_rate_hz });
+    }
+    let admitted = admission.admit(&Cost::of(&scene)?, rate_hz)?;
+    Ok(Prepared { scene, choice, admitted, permits })
+}

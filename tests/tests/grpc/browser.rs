@@ -1,0 +1,85 @@
+//! What a browser needs of the server's port: pages, and calls as gRPC-Web over HTTP/1.1.
+
+use kerf_proto::v1::{self, get_scene_request};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+
+use super::harness::{Harness, soon};
+
+/// Head and body of the answer to a request over HTTP/1.1.
+async fn ask(harness: &Harness, head: &str, body: &[u8]) -> (String, Vec<u8>) {
+    soon("an answer", async {
+        let mut stream = TcpStream::connect(harness.server.address()).await.unwrap();
+        let length = body.len();
+        let head = format!("{head}\r\nhost: kerf\r\nconnection: close\r\ncontent-length: {length}\r\n\r\n");
+        stream.write_all(head.as_bytes()).await.unwrap();
+        stream.write_all(body).await.unwrap();
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).await.unwrap();
+        let end = answer.windows(4).position(|four| four == b"\r\n\r\n").expect("a head");
+        (String::from_utf8_lossy(&answer[..end]).to_lowercase(), answer.split_off(end + 4))
+    })
+    .await
+}
+
+#[tokio::test]
+async fn the_port_of_the_services_has_a_page_whether_the_viewer_was_built_or_not() {
+    let harness = Harness::start().await;
+    let (head, body) = ask(&harness, "GET / HTTP/1.1", &[]).await;
+    assert!(head.starts_with("http/1.1 200") && head.contains("text/html"), "{head}");
+    assert!(head.contains("content-security-policy: default-src 'self'"), "{head}");
+    assert!(String::from_utf8_lossy(&body).contains("Kerf"));
+    let (head, _) = ask(&harness, "GET /nothing.js HTTP/1.1", &[]).await;
+    assert!(head.starts_with("http/1.1 404"), "{head}");
+}
+
+#[tokio::test]
+async fn a_browser_calls_by_grpc_web() {
+    let harness = Harness::start().await;
+    // An empty message: a flag and a length of 0.
+    let head = "POST /kerf.v1.SessionService/ListScenes HTTP/1.1\r\ncontent-type: application/grpc-web+proto";
+    let (head, body) = ask(&harness, head, &[0; 5]).await;
+    assert!(head.starts_with("http/1.1 200") && head.contains("application/grpc-web"), "{head}");
+    let text = String::from_utf8_lossy(&body);
+    assert!(text.contains("gummy-bear") && text.contains("grpc-status:0"), "{text}");
+}
+
+/// A page of another origin may not read what this server says, and its calls need a leave that is not given.
+#[tokio::test]
+async fn pages_of_other_origins_are_given_no_leave() {
+    let harness = Harness::start().await;
+    let head = "OPTIONS /kerf.v1.SessionService/ListScenes HTTP/1.1\r\norigin: http://elsewhere.example\r\n\
+                access-control-request-method: POST\r\naccess-control-request-headers: content-type";
+    let (head, _) = ask(&harness, head, &[]).await;
+    assert!(!head.contains("access-control-allow"), "{head}");
+}
+
+#[tokio::test]
+async fn the_text_of_a_scene_makes_the_same_scene() {
+    let mut harness = Harness::start().await;
+    let session_id = harness.create().await.unwrap();
+    let of = Some(get_scene_request::Of::SessionId(session_id.clone()));
+    let scene_toml = harness.sessions.get_scene(v1::GetSceneRequest { of }).await.unwrap().into_inner().scene_toml;
+    let scene = Some(v1::create_session_request::Scene::SceneToml(scene_toml));
+    let request =
+        v1::CreateSessionRequest { scene, start_paused: true, dial: None, step_rate_hz: None, ..Default::default() };
+    let again = harness.sessions.create_session(request).await.unwrap().into_inner().session.unwrap();
+    assert_eq!(again.scene, harness.describe(&session_id).await.scene);
+    let of = Some(get_scene_request::Of::SceneName("liver".into()));
+    let liver = harness.sessions.get_scene(v1::GetSceneRequest { of }).await.unwrap().into_inner().scene_toml;
+    assert!(liver.contains("smooth_union"), "{liver}");
+}
+
+#[tokio::test]
+async fn a_session_that_stands_is_stepped_by_hand() {
+    let mut harness = Harness::start().await;
+    let session_id = harness.create().await.unwrap();
+    let stood = harness.pause(&session_id).await;
+    let request = |steps| v1::StepSessionRequest { session_id: session_id.clone(), steps };
+    let last = harness.sessions.step_session(request(7)).await.unwrap().into_inner().step;
+    assert_eq!(last, stood + 7);
+    harness.until(&session_id, |described| described.step == last).await;
+    assert_eq!(harness.describe(&session_id).await.state(), v1::SessionState::Paused);
+    let refused = harness.sessions.step_session(request(0)).await.unwrap_err();
+    assert_eq!(refused.message(), "steps = 0: must be 1 to 1000");
+}
