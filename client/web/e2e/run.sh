@@ -14,7 +14,7 @@ npm test --silent
 
 CHROMIUM=${CHROMIUM:-$(command -v chromium || command -v chromium-browser || command -v google-chrome || true)}
 if [ -z "$CHROMIUM" ] && command -v apt-get >/dev/null && [ "$(id -u)" = 0 ]; then
-    apt-get install -qy chromium && CHROMIUM=$(command -v chromium)
+    apt-get update -qq && apt-get install -qqy chromium && CHROMIUM=$(command -v chromium)
 fi
 if [ -z "$CHROMIUM" ]; then
     echo "The viewer's tests in a browser are left out: they need Chromium (Debian: apt-get install chromium)."

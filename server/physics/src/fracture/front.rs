@@ -220,7 +220,7 @@ impl Front {
     /// Parts what the blade stands in, from its edge up to its spine. Nobody pushed it there, so this takes no work and is
     /// in no book. A link beside a cut stays whole: a blade that comes back into its own cut is not to make a second one.
     fn open_slit(&self, body: &Body, height_m: f64, links: &mut Vec<(LinkId, Crossing)>) {
-        let first = links.len();
+        let mut slit = Vec::new();
         // From the edge to the spine, reference configuration.
         let up = |index: usize| self.anchor(index).map(|a| -a.pull_back(body, &self.frames[index].forward) * height_m);
         for index in 0..self.markers.len() {
@@ -230,30 +230,25 @@ impl Front {
                 match (self.segment(body, left), up(index + 1)) {
                     (Some(ends), Some(next_up_m)) if left == index => {
                         let to = ends[1].swept_m;
-                        part_quad(body, [from, to, to + next_up_m, from + up_m], links);
+                        part_quad(body, [from, to, to + next_up_m, from + up_m], &mut slit);
                     }
                     (Some(_), _) => {}
                     (None, _) => {
                         let half = own.pull_back(body, &self.frames[index].along) * (0.5 * side * self.segment_m);
-                        part_quad(body, [from, from + half, from + half + up_m, from + up_m], links);
+                        part_quad(body, [from, from + half, from + half + up_m, from + up_m], &mut slit);
                     }
                 }
             }
         }
         let grid = &body.state.grid;
-        let mut kept = first;
-        for at in first..links.len() {
-            let beside_a_cut = [-1, 1].into_iter().any(|side| {
-                let mut beside = links[at].0;
+        slit.retain(|(link, _)| {
+            ![-1, 1].into_iter().any(|side| {
+                let mut beside = *link;
                 beside.cell[beside.axis as usize] += side;
                 matches!(grid.link(beside), Link::Parted(_))
-            });
-            if !beside_a_cut {
-                links.swap(kept, at);
-                kept += 1;
-            }
-        }
-        links.truncate(kept);
+            })
+        });
+        links.append(&mut slit);
     }
 
     /// Parts what lies between the surface, the marker `index` that is about to start cutting, and the
