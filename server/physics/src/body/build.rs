@@ -12,10 +12,9 @@ use crate::workers::Workers;
 use wide::f64x4;
 
 impl Body {
-    /// Recomputes what is held, the matrices and the loads of an element from its voxels.
+    /// Recomputes the matrices and the loads of an element from its voxels.
     pub(super) fn rebuild_element(&mut self, element: usize) {
         let voxels = self.voxels_of(element);
-        self.find_held_corners(element, &voxels);
         self.solver.element_loads_n[element] = self.element_loads(&voxels);
         let plain = self.element_matrices(element, &voxels);
         let matrices = self.held_matrices(element, &voxels, plain);
@@ -48,7 +47,9 @@ impl Body {
     /// Builds every matrix from scratch and evaluates forces at the current state.
     pub(super) fn rebuild_all(&mut self, workers: &Workers<'_>) {
         self.resize_blocks();
-        for element in 0..self.base().elements.len() {
+        let all: Vec<u32> = (0..self.base().elements.len() as u32).collect();
+        self.find_held(&all);
+        for element in 0..all.len() {
             self.rebuild_element(element);
         }
         self.number_nodes(None);

@@ -15,6 +15,8 @@ pub(super) struct HeldElements {
     elements: Vec<u32>,
     /// By element; present in those.
     corners: Vec<Option<Box<VoxelCorners>>>,
+    /// By element; its nodes that would stand still, if elements around them agreed.
+    nodes: Vec<Option<u8>>,
     /// Around their cells at rest, by chunk of elements, m.
     boxes: Vec<Aabb>,
 }
@@ -36,9 +38,10 @@ impl HeldElements {
 
     pub(super) fn resize(&mut self, elements: usize) {
         self.corners.resize_with(elements, || None);
+        self.nodes.resize(elements, None);
     }
 
-    fn set(&mut self, element: usize, corners: Option<Box<VoxelCorners>>) {
+    fn set(&mut self, element: usize, corners: Option<Box<VoxelCorners>>, nodes: Option<u8>) {
         let found = self.elements.binary_search(&(element as u32));
         match (found, corners.is_some()) {
             (Err(at), true) => self.elements.insert(at, element as u32),
@@ -48,6 +51,7 @@ impl HeldElements {
             _ => {}
         }
         self.corners[element] = corners;
+        self.nodes[element] = nodes;
     }
 }
 
@@ -58,12 +62,57 @@ impl Body {
         self.state.held.corners(element).is_some()
     }
 
-    /// Finds out what of an element is held; returns whether that changed.
-    pub(super) fn find_held_corners(&mut self, element: usize, voxels: &[VoxelId]) -> bool {
-        let corners = self.voxel_corners(element, voxels);
-        let changed = corners.as_deref() != self.state.held.corners(element);
-        self.state.held.set(element, corners);
+    /// Finds out what of `elements` is held, and which nodes around them stand still; returns the elements that are held
+    /// otherwise than before, ascending.
+    pub(super) fn find_held(&mut self, elements: &[u32]) -> Vec<u32> {
+        let mut changed = elements.to_vec();
+        changed.retain(|element| self.find_held_corners(*element as usize));
+        let around = self.held_around(elements);
+        changed.extend(around.into_iter().filter(|element| self.find_still_nodes(*element as usize)));
+        changed.sort_unstable();
+        changed.dedup();
         changed
+    }
+
+    /// Finds out what of an element is held; returns whether that changed.
+    fn find_held_corners(&mut self, element: usize) -> bool {
+        let voxels = self.voxels_of(element);
+        let mut corners = self.voxel_corners(element, &voxels);
+        let before = self.state.held.corners(element);
+        if let (Some(corners), Some(before)) = (&mut corners, before) {
+            corners.set_still(before.still());
+        }
+        let changed = corners.as_deref() != before;
+        let nodes = corners.as_ref().and_then(|corners| {
+            let low = self.first_voxel_of(element);
+            corners.held_nodes(voxels.iter().map(|voxel| from(self.state.grid.voxels()[voxel.index()].ijk, low)))
+        });
+        self.state.held.set(element, corners, nodes);
+        changed
+    }
+
+    /// Finds out which nodes of an element stand still: those that every element around them is to be held at. Returns
+    /// whether that changed.
+    fn find_still_nodes(&mut self, element: usize) -> bool {
+        let nodes = self.base().elements[element].nodes;
+        let still = (0..8).filter(|a| self.stands_still(nodes[*a])).fold(0, |mask, a| mask | 1 << a);
+        let corners = self.state.held.corners[element].as_deref_mut().expect("it is held");
+        let changed = corners.still() != still;
+        corners.set_still(still);
+        changed
+    }
+
+    /// Whether every element around a node is to be held at it.
+    fn stands_still(&self, node: u32) -> bool {
+        let base = self.base();
+        let around = self.elements_at(base.nodes[node as usize]);
+        // Where small elements meet large ones nodes go where others take them.
+        let alike = around.iter().all(|e| base.elements[*e as usize].size == base.elements[around[0] as usize].size);
+        alike
+            && around.into_iter().all(|e| {
+                let Some(corner) = base.elements[e as usize].nodes.iter().position(|n| *n == node) else { return true };
+                self.state.held.nodes[e as usize].is_some_and(|nodes| nodes >> corner & 1 == 1)
+            })
     }
 
     /// The corners of an element's voxels; `None` where none is held.
@@ -143,8 +192,26 @@ impl Body {
         hold(&plain, corners, &voxels, &self.description.single_voxel)
     }
 
-    /// Elements that are held otherwise since those of `cells` changed, ascending.
-    pub(super) fn follow_held(&mut self, cells: &[Ijk]) -> Vec<u32> {
+    /// Elements of the cells around a place of nodes.
+    fn elements_at(&self, place: Ijk) -> Vec<u32> {
+        self.base().elements_beside(cells_around(place.map(|x| x << self.base().exponent)))
+    }
+
+    /// Elements that are held around the nodes of `elements`, ascending.
+    fn held_around(&self, elements: &[u32]) -> Vec<u32> {
+        let nodes = elements.iter().flat_map(|element| self.base().elements[*element as usize].nodes);
+        let mut places: Vec<Ijk> = nodes.map(|node| self.base().nodes[node as usize]).collect();
+        places.sort_unstable();
+        places.dedup();
+        let mut around: Vec<u32> = places.into_iter().flat_map(|place| self.elements_at(place)).collect();
+        around.retain(|element| self.is_held(*element as usize));
+        around.sort_unstable();
+        around.dedup();
+        around
+    }
+
+    /// Elements that are held in or beside cells, ascending.
+    pub(super) fn held_beside(&self, cells: &[Ijk]) -> Vec<u32> {
         let touches = |element: &u32| {
             let data = &self.base().elements[*element as usize];
             cells.iter().any(|cell| {
@@ -152,13 +219,7 @@ impl Body {
                 (0..3).all(|a| cell[a] <= data.cell[a] + data.size && data.cell[a] <= cell[a] + size)
             })
         };
-        let beside: Vec<u32> = self.state.held.elements().iter().copied().filter(touches).collect();
-        let mut changed = beside;
-        changed.retain(|element| {
-            let voxels = self.voxels_of(*element as usize);
-            self.find_held_corners(*element as usize, &voxels)
-        });
-        changed
+        self.state.held.elements().iter().copied().filter(touches).collect()
     }
 
     /// Makes the boxes around what of each chunk of elements is held.

@@ -28,6 +28,13 @@ pub struct PartedLinks {
     pub spared: usize,
 }
 
+/// Without repetitions, ascending.
+fn sorted(mut elements: Vec<u32>) -> Vec<u32> {
+    elements.sort_unstable();
+    elements.dedup();
+    elements
+}
+
 impl Body {
     /// Rebuilds parts, nodes, matrices and preconditioner after `parted` links were parted in the
     /// grid. New nodes start where the nodes they split from are, with their velocity, so nothing
@@ -47,12 +54,11 @@ impl Body {
         for &(new, from) in &base.split_elements {
             self.copy_state(from as usize, new as usize);
         }
-        let held_anew = self.follow_held(&base.touched_cells);
-        let mut elements = base.elements();
-        elements.extend(&held_anew);
-        elements.sort_unstable();
-        elements.dedup();
-        for &element in base.changed_elements.iter().chain(&held_anew) {
+        let mut about = self.held_beside(&base.touched_cells);
+        about.extend(&base.changed_elements);
+        let held_anew = self.find_held(&sorted(about));
+        let elements = sorted([base.elements(), held_anew.clone()].concat());
+        for element in sorted([base.changed_elements.clone(), held_anew.clone()].concat()) {
             self.rebuild_element(element as usize);
         }
         let renumbered = self.number_nodes(Some(&changes));

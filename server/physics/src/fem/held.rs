@@ -68,6 +68,8 @@ pub enum Corner {
 pub struct VoxelCorners {
     exponent: u8,
     corners: Box<[Corner]>,
+    /// Bit a: node a stands still.
+    still: u8,
 }
 
 impl VoxelCorners {
@@ -75,7 +77,13 @@ impl VoxelCorners {
     #[must_use]
     pub fn new(exponent: u8) -> Self {
         let across = (1usize << exponent) + 1;
-        Self { exponent, corners: vec![Corner::Own; across * across * across].into() }
+        Self { exponent, corners: vec![Corner::Own; across * across * across].into(), still: 0 }
+    }
+
+    /// Of an element that is taken as a single voxel: the nodes of a mask are held.
+    fn of_nodes(held: u8) -> Self {
+        let corner = |a: u8| if held >> a & 1 == 1 { Corner::Held } else { Corner::Own };
+        Self { exponent: 0, corners: (0..8).map(corner).collect(), still: held }
     }
 
     fn index(&self, at: [i32; 3]) -> usize {
@@ -104,6 +112,41 @@ impl VoxelCorners {
     #[must_use]
     pub fn any_held(&self) -> bool {
         self.corners.contains(&Corner::Held)
+    }
+
+    /// Nodes that a corner's trilinear displacement comes from; bit a for node a.
+    fn support(&self, at: [i32; 3]) -> u8 {
+        let across = 1 << self.exponent;
+        let of = |a: &usize| (0..3).all(|axis| at[axis] != if a >> axis & 1 == 1 { 0 } else { across });
+        (0..8usize).filter(of).fold(0, |mask, a| mask | 1 << a)
+    }
+
+    /// The nodes that, if they stood still, would hold what is held and nothing else of `voxels`; bit a for node a.
+    /// `None` where what is held does not end at faces of the cell.
+    #[must_use]
+    pub fn held_nodes(&self, voxels: impl Iterator<Item = [i32; 3]> + Clone) -> Option<u8> {
+        let corners = voxels.flat_map(corners_of);
+        let held = corners.clone().filter(|at| self.at(*at) == Corner::Held);
+        let nodes = held.fold(0, |mask, at| mask | self.support(at));
+        let mut free = corners.filter(|at| self.at(*at) != Corner::Held);
+        free.all(|at| self.support(at) & !nodes != 0).then_some(nodes)
+    }
+
+    /// Nodes that stand still; bit a for node a.
+    #[must_use]
+    pub fn still(&self) -> u8 {
+        self.still
+    }
+
+    /// Says which nodes stand still.
+    pub fn set_still(&mut self, nodes: u8) {
+        self.still = nodes;
+    }
+
+    /// Weights of the nodes, but for those that stand still, at local coordinates.
+    fn moving(&self, local: [f64; 3]) -> [f64; 8] {
+        let n = shape_functions(local);
+        std::array::from_fn(|a| if self.still >> a & 1 == 1 { 0.0 } else { n[a] })
     }
 
     /// Local coordinates, 0 to 1 in the cell, of a corner.
@@ -149,7 +192,7 @@ impl VoxelCorners {
         let mut sum = [0.0; 8];
         for (corner, value) in corners_of(voxel).zip(values) {
             if self.at(corner) != Corner::Held {
-                let n = shape_functions(self.local(corner));
+                let n = self.moving(self.local(corner));
                 (0..8).for_each(|a| sum[a] += value * n[a]);
             }
         }
@@ -158,7 +201,7 @@ impl VoxelCorners {
 }
 
 /// The corners of a voxel.
-fn corners_of(voxel: [i32; 3]) -> impl Iterator<Item = [i32; 3]> {
+fn corners_of(voxel: [i32; 3]) -> impl Iterator<Item = [i32; 3]> + Clone {
     (0..8).map(move |c| [0, 1, 2].map(|a| voxel[a] + (c >> a & 1)))
 }
 
@@ -170,6 +213,9 @@ pub struct HeldVoxel {
     /// Its material.
     pub elastic: Elastic,
 }
+
+/// A voxel and its matrices.
+type Part<'a> = ([i32; 3], &'a ElementMatrices);
 
 /// Displacements of the voxels' corners in terms of those of the element's corners and the ground points.
 struct Displacements<'a> {
@@ -191,8 +237,12 @@ impl<'a> Displacements<'a> {
                 if corners.corners[index] == Corner::Held {
                     (0..3).for_each(|point| row[DOFS + 3 * point + axis] = local[point]);
                 } else {
-                    let n = shape_functions(local);
-                    (0..8).for_each(|node| row[3 * node + axis] = n[node]);
+                    let (all, moving) = (shape_functions(local), corners.moving(local));
+                    for node in 0..8 {
+                        row[3 * node + axis] = moving[node];
+                        let along = |point: &usize| node >> point & 1 == 1;
+                        (0..3).filter(along).for_each(|point| row[DOFS + 3 * point + axis] += all[node] - moving[node]);
+                    }
                 }
             }
         }
@@ -209,10 +259,10 @@ impl<'a> Displacements<'a> {
     }
 
     /// Lets corners that no other element has go where the voxels' stiffness takes them.
-    fn condense(&mut self, voxels: &[(HeldVoxel, &ElementMatrices)]) {
+    fn condense(&mut self, voxels: &[Part<'_>]) {
         let mut number = vec![usize::MAX; self.rows.len()];
         let mut count = 0;
-        for at in voxels.iter().flat_map(|(voxel, _)| corners_of(voxel.at)) {
+        for at in voxels.iter().flat_map(|(voxel, _)| corners_of(*voxel)) {
             let index = self.corners.index(at);
             if self.corners.is_inner(at) && number[index] == usize::MAX {
                 number[index] = count;
@@ -225,8 +275,8 @@ impl<'a> Displacements<'a> {
         let mut own = DMatrix::<f64>::zeros(3 * count, 3 * count);
         let mut pull = DMatrix::<f64>::zeros(3 * count, ALL);
         for (voxel, matrices) in voxels {
-            let numbers: Vec<usize> = corners_of(voxel.at).map(|at| number[self.corners.index(at)]).collect();
-            let mut given = self.of_voxel(voxel.at);
+            let numbers: Vec<usize> = corners_of(*voxel).map(|at| number[self.corners.index(at)]).collect();
+            let mut given = self.of_voxel(*voxel);
             (0..DOFS).filter(|i| numbers[i / 3] != usize::MAX).for_each(|i| given[i] = [0.0; ALL]);
             for row in (0..DOFS).filter(|i| numbers[i / 3] != usize::MAX) {
                 let to = 3 * numbers[row / 3] + row % 3;
@@ -248,10 +298,10 @@ impl<'a> Displacements<'a> {
     }
 
     /// `P^T K P` over the voxels.
-    fn stiffness(&self, voxels: &[(HeldVoxel, &ElementMatrices)], of: impl Fn(&ElementMatrices) -> &Matrix24) -> Whole {
+    fn stiffness(&self, voxels: &[Part<'_>], of: impl Fn(&ElementMatrices) -> &Matrix24) -> Whole {
         let mut sum = Box::new([[0.0; ALL]; ALL]);
         for (voxel, matrices) in voxels {
-            let p = self.of_voxel(voxel.at);
+            let p = self.of_voxel(*voxel);
             let k = of(matrices);
             for (row, k) in k.iter().enumerate() {
                 let mut along = [0.0; ALL];
@@ -287,6 +337,10 @@ pub fn hold(
     voxels: &[HeldVoxel],
     single: &CompositeTables,
 ) -> ElementMatrices {
+    let still = corners.still();
+    if still != 0 && still != u8::MAX && corners.held_nodes(voxels.iter().map(|voxel| voxel.at)) == Some(still) {
+        return hold_parts(plain, &VoxelCorners::of_nodes(still), &[([0; 3], plain)]);
+    }
     let mut made: Vec<(Elastic, ElementMatrices)> = Vec::new();
     for voxel in voxels {
         if !made.iter().any(|(elastic, _)| *elastic == voxel.elastic) {
@@ -294,12 +348,17 @@ pub fn hold(
         }
     }
     let of = |voxel: &HeldVoxel| &made.iter().find(|(elastic, _)| *elastic == voxel.elastic).expect("it was made").1;
-    let voxels: Vec<(HeldVoxel, &ElementMatrices)> = voxels.iter().map(|voxel| (*voxel, of(voxel))).collect();
+    let voxels: Vec<_> = voxels.iter().map(|voxel| (voxel.at, of(voxel))).collect();
+    hold_parts(plain, corners, &voxels)
+}
+
+/// The same of an element of parts, each a cell of `corners` with its matrices.
+fn hold_parts(plain: &ElementMatrices, corners: &VoxelCorners, voxels: &[Part<'_>]) -> ElementMatrices {
     let mut displacements = Displacements::truncated(corners);
-    let (measured, measured_ground) = split(&displacements.stiffness(&voxels, |m| &m.stiffness_measured));
-    let mut whole = displacements.stiffness(&voxels, |m| &m.stiffness);
-    displacements.condense(&voxels);
-    let condensed = displacements.stiffness(&voxels, |m| &m.stiffness);
+    let (measured, measured_ground) = split(&displacements.stiffness(voxels, |m| &m.stiffness_measured));
+    let mut whole = displacements.stiffness(voxels, |m| &m.stiffness);
+    displacements.condense(voxels);
+    let condensed = displacements.stiffness(voxels, |m| &m.stiffness);
     for (k, condensed) in whole.as_flattened_mut().iter_mut().zip(condensed.as_flattened()) {
         *k = TRILINEAR * *k + (1.0 - TRILINEAR) * condensed;
     }
@@ -316,9 +375,9 @@ pub fn hold(
     for (k, plain) in held.stiffness.as_flattened_mut().iter_mut().zip(plain.stiffness.as_flattened()) {
         *k += LEFT_OVER * plain;
     }
-    for (voxel, matrices) in &voxels {
-        held.add_voxel(corners, voxel.at, matrices);
-        for (corner, gradient) in corners_of(voxel.at).zip(matrices.mean_gradient) {
+    for (voxel, matrices) in voxels {
+        held.add_voxel(corners, *voxel, matrices);
+        for (corner, gradient) in corners_of(*voxel).zip(matrices.mean_gradient) {
             let n = shape_functions(corners.local(corner));
             (0..8).for_each(|a| (0..3).for_each(|i| whole_gradient[a][i] += matrices.volume_m3 * n[a] * gradient[i]));
         }
@@ -337,7 +396,7 @@ impl ElementMatrices {
     /// Adds a voxel's mass, volume and volume times mean gradient, through the trilinear displacements.
     fn add_voxel(&mut self, corners: &VoxelCorners, at: [i32; 3], voxel: &Self) {
         let n: Vec<Option<[f64; 8]>> = corners_of(at)
-            .map(|corner| (corners.at(corner) != Corner::Held).then(|| shape_functions(corners.local(corner))))
+            .map(|corner| (corners.at(corner) != Corner::Held).then(|| corners.moving(corners.local(corner))))
             .collect();
         for (c, n_c) in n.iter().enumerate().filter_map(|(c, n)| Some((c, (*n)?))) {
             for (d, n_d) in n.iter().enumerate().filter_map(|(d, n)| Some((d, (*n)?))) {
