@@ -22,14 +22,6 @@ struct Corners {
     rotation: Mat3,
 }
 
-/// What holds an element, as it sees it.
-struct Held {
-    /// Gradients of the trilinear shape functions averaged over what is not held, 1/m.
-    gradient_per_m: [Vec3; 8],
-    /// Force on each ground point, N, scene frame.
-    force_n: [Vec3; 3],
-}
-
 /// What moving the material of an element by `phi d` does, its nodes staying where they are.
 pub(crate) struct Moved {
     /// What it takes off the element's elastic energy, loads' work included, J.
@@ -54,8 +46,8 @@ impl Body {
     /// shear that the element does not have in bending.)
     pub(crate) fn move_material(&self, element: usize, phi: &[f64; 8], d: &Vec3) -> Moved {
         let corners = self.corners(element);
-        if let Some(held) = self.what_holds(element) {
-            return self.move_held_material(element, &corners, &held, phi, d);
+        if self.is_held(element) {
+            return self.move_held_material(element, &corners, phi, d);
         }
         let (mut push_n, mut slope, mut direction) = (f64x4::ZERO, f64x4::ZERO, f64x4::ZERO);
         for a in 0..8 {
@@ -73,42 +65,20 @@ impl Body {
         Moved { released_j, push_n, direction, slope, elastic_j }
     }
 
-    /// The same of an element that is held: what holds it pushes on it, and stays where it is.
-    fn move_held_material(&self, element: usize, corners: &Corners, held: &Held, phi: &[f64; 8], d: &Vec3) -> Moved {
-        let (mut push_n, mut slope, mut direction, mut total_n) = (Vec3::zeros(), Vec3::zeros(), *d, Vec3::zeros());
+    /// The same of an element that is held: `phi` is interpolated as displacements are, so that what is held stays.
+    fn move_held_material(&self, element: usize, corners: &Corners, phi: &[f64; 8], d: &Vec3) -> Moved {
+        let (mut push_n, mut slope, mut direction) = (Vec3::zeros(), Vec3::zeros(), *d);
         let at_rest_m = self.cell_corners_m(element);
         for a in 0..8 {
             let force_n = unpacked(corners.force_n[a]);
             push_n += (force_n - Vec3::from(self.solver.element_loads_n[element][a])) * phi[a];
-            total_n += force_n;
-            slope += held.gradient_per_m[a] * phi[a];
+            slope += unpacked(corners.mean_gradient[a]) * phi[a];
             let moved_m = unpacked(corners.position_m[a]) - at_rest_m[a];
             direction += moved_m * unpacked(corners.mean_gradient[a]).dot(d);
         }
-        // What holds it, by its sum and its first moments: phi as far as it is linear.
-        let mean = phi.iter().sum::<f64>() / 8.0;
-        let mut reaction_n = -total_n * mean;
-        for axis in 0..3 {
-            let along: f64 = (0..8).map(|c| if c >> axis & 1 == 1 { phi[c] } else { -phi[c] }).sum::<f64>() / 4.0;
-            reaction_n += (held.force_n[axis] + total_n * 0.5) * along;
-        }
         let elastic_j = self.elastic_energy_j(element);
-        let released_j = (push_n + reaction_n).dot(&direction) - reaction_n.dot(d) - elastic_j * slope.dot(d);
+        let released_j = push_n.dot(&direction) - elastic_j * slope.dot(d);
         Moved { released_j, push_n, direction, slope, elastic_j }
-    }
-
-    /// What holds an element, if anything does.
-    fn what_holds(&self, element: usize) -> Option<Held> {
-        let lane = element % LANES;
-        let ground = self.solver.blocks[element / LANES].ground.as_ref()?;
-        let on_ground_n = self.state.elements[element / LANES].ground_force_n.as_ref()?;
-        self.state.held.corners(element)?;
-        let rotation = self.rotation(element);
-        let at = |i: usize| on_ground_n[i].as_array()[lane];
-        Some(Held {
-            gradient_per_m: ground.whole_gradient(lane).map(Vec3::from),
-            force_n: [0, 1, 2].map(|point| rotation * Vec3::from_fn(|axis, _| at(3 * point + axis))),
-        })
     }
 
     /// Elastic energy of an element, J; of relaxing materials, what does not relax.

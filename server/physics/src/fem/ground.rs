@@ -24,8 +24,6 @@ pub struct GroundBlock {
     pub(super) gradient: [f64x4; 9],
     pub(super) stiffness: GroundLanes,
     pub(super) measured: GroundLanes,
-    /// Gradients of the trilinear shape functions averaged over what is not held, 1/m.
-    whole_gradient: [[f64x4; 3]; 8],
 }
 
 /// Ground points in the rest frames of four elements: relative to the lower corner.
@@ -85,7 +83,6 @@ impl Default for GroundBlock {
             gradient: [zero; 9],
             stiffness: GroundLanes::default(),
             measured: GroundLanes::default(),
-            whole_gradient: [[zero; 3]; 8],
         }
     }
 }
@@ -111,17 +108,8 @@ impl GroundBlock {
                 set_lane(&mut self.gradient[3 * i + j], lane, missing);
             }
         }
-        for (lanes, values) in self.whole_gradient.iter_mut().zip(ground.map_or([[0.0; 3]; 8], |g| g.whole_gradient)) {
-            lanes.iter_mut().zip(values).for_each(|(lanes, value)| set_lane(lanes, lane, value));
-        }
         self.stiffness.set(lane, ground.map(|g| &g.stiffness));
         self.measured.set(lane, ground.map(|g| &g.measured));
-    }
-
-    /// Gradients of the trilinear shape functions averaged over what is not held of the element of a lane, 1/m.
-    #[must_use]
-    pub fn whole_gradient(&self, lane: usize) -> [[f64; 3]; 8] {
-        self.whole_gradient.map(|g| g.map(|x| x.as_array()[lane]))
     }
 
     /// Whether any of the four is held.

@@ -47,8 +47,6 @@ pub struct Ground {
     pub stiffness: GroundStiffness,
     /// Goes with [`ElementMatrices::stiffness_measured`].
     pub measured: GroundStiffness,
-    /// Gradients of the trilinear shape functions averaged over what is not held, 1/m.
-    pub whole_gradient: [[f64; 3]; 8],
 }
 
 /// What the corners of a cell's voxels are.
@@ -371,24 +369,19 @@ fn hold_parts(plain: &ElementMatrices, corners: &VoxelCorners, voxels: &[Part<'_
         volume_m3: 0.0,
         ground: None,
     };
-    let mut whole_gradient = [[0.0; 3]; 8];
     for (k, plain) in held.stiffness.as_flattened_mut().iter_mut().zip(plain.stiffness.as_flattened()) {
         *k += LEFT_OVER * plain;
     }
     for (voxel, matrices) in voxels {
         held.add_voxel(corners, *voxel, matrices);
-        for (corner, gradient) in corners_of(*voxel).zip(matrices.mean_gradient) {
-            let n = shape_functions(corners.local(corner));
-            (0..8).for_each(|a| (0..3).for_each(|i| whole_gradient[a][i] += matrices.volume_m3 * n[a] * gradient[i]));
-        }
     }
     if voxels.is_empty() {
         held.volume_m3 = plain.volume_m3;
     } else {
         let volume_m3 = held.volume_m3;
-        held.mean_gradient.iter_mut().chain(&mut whole_gradient).flatten().for_each(|g| *g /= volume_m3);
+        held.mean_gradient.iter_mut().flatten().for_each(|g| *g /= volume_m3);
     }
-    held.ground = Some(Ground { stiffness: ground, measured: measured_ground, whole_gradient });
+    held.ground = Some(Ground { stiffness: ground, measured: measured_ground });
     held
 }
 
