@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use anyhow::{Context, bail};
 use kerf_proto::v1::control_service_client::ControlServiceClient;
-use kerf_proto::v1::{self, Down, Up, down, up};
+use kerf_proto::v1::{self, ControlRequest, ControlResponse, control_request, control_response};
 use prost::Message;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -28,8 +28,8 @@ pub struct Control {
     /// What the server granted.
     pub hello: v1::ServerHello,
     /// Where poses go.
-    pub up: mpsc::Sender<Up>,
-    down: Streaming<Down>,
+    pub up: mpsc::Sender<ControlRequest>,
+    down: Streaming<ControlResponse>,
 }
 
 /// Opens a stream and takes the leases of the tools.
@@ -49,7 +49,7 @@ pub async fn open(
         tool_ids,
         contact_rate_hz,
     };
-    up.try_send(Up { message: Some(up::Message::Hello(hello)), received: 0 })
+    up.try_send(ControlRequest { message: Some(control_request::Message::Hello(hello)), received: 0 })
         .context("the queue is new and has room")?;
     let answer = async {
         let mut down = ControlServiceClient::new(channel)
@@ -62,7 +62,7 @@ pub async fn open(
     };
     let (down, first) =
         tokio::time::timeout(HELLO_TIMEOUT, answer).await.context("the server did not answer the hello")??;
-    let Some(Down { message: Some(down::Message::Hello(hello)) }) = first else {
+    let Some(ControlResponse { message: Some(control_response::Message::Hello(hello)) }) = first else {
         bail!("the server did not begin with a hello");
     };
     if hello.protocol_version != kerf_proto::PROTOCOL_VERSION {
@@ -77,16 +77,16 @@ pub async fn open(
 
 /// The receiving half of an open stream.
 pub struct Receiver {
-    down: Streaming<Down>,
+    down: Streaming<ControlResponse>,
     /// For acknowledgements while no pose takes them along.
-    up: mpsc::WeakSender<Up>,
+    up: mpsc::WeakSender<ControlRequest>,
     received: Arc<AtomicU64>,
 }
 
 /// The sending half of an open stream.
 pub struct Sender {
     /// Where messages go.
-    pub up: mpsc::Sender<Up>,
+    pub up: mpsc::Sender<ControlRequest>,
     /// Number of the newest contact that was read.
     pub received: Arc<AtomicU64>,
 }
@@ -94,8 +94,8 @@ pub struct Sender {
 impl Sender {
     /// A message that acknowledges what was read until now.
     #[must_use]
-    pub fn message(&self, message: up::Message) -> Up {
-        Up { message: Some(message), received: self.received.load(Ordering::Relaxed) }
+    pub fn message(&self, message: control_request::Message) -> ControlRequest {
+        ControlRequest { message: Some(message), received: self.received.load(Ordering::Relaxed) }
     }
 }
 
@@ -125,23 +125,23 @@ impl Receiver {
         let down = message.context("the server ended the control stream")?;
         metrics.bytes += down.encoded_len() as u64 + FRAME_BYTES;
         match down.message.context("the server sent an empty message")? {
-            down::Message::Contact(contact) => {
+            control_response::Message::Contact(contact) => {
                 self.acknowledge(contact.number);
                 metrics.contact(&contact, now_ns, script, timetable)?;
             }
-            down::Message::Rejected(rejected) => metrics.rejection(&rejected),
-            down::Message::Fault(_) => metrics.faults += 1,
-            down::Message::ToleranceChanged(changed) => {
+            control_response::Message::Rejected(rejected) => metrics.rejection(&rejected),
+            control_response::Message::Fault(_) => metrics.faults += 1,
+            control_response::Message::ToleranceChanged(changed) => {
                 metrics.governor_changes += 1;
                 metrics.governed_tolerance = Some(changed.relative_tolerance);
             }
             // A script with a pause may lose a lease by silence; its next pose takes it again.
-            down::Message::LeaseLost(_) => metrics.leases_lost += 1,
+            control_response::Message::LeaseLost(_) => metrics.leases_lost += 1,
             // Somebody else undid what this script did; it goes on.
-            down::Message::CheckpointRestored(_) => {}
+            control_response::Message::CheckpointRestored(_) => {}
             // Late steps are counted by themselves.
-            down::Message::Event(_) => {}
-            down::Message::Hello(_) => bail!("the server sent a second hello"),
+            control_response::Message::Event(_) => {}
+            control_response::Message::Hello(_) => bail!("the server sent a second hello"),
         }
         Ok(())
     }
@@ -150,7 +150,7 @@ impl Receiver {
     fn acknowledge(&self, number: u64) {
         self.received.fetch_max(number, Ordering::Relaxed);
         if let Some(up) = self.up.upgrade() {
-            let _ = up.try_send(Up { message: None, received: number });
+            let _ = up.try_send(ControlRequest { message: None, received: number });
         }
     }
 }

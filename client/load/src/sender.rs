@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use kerf_proto::v1::{self, up};
+use kerf_proto::v1::{self, control_request};
 use kerf_script::Placement;
 use tokio::sync::mpsc::error::TrySendError;
 
@@ -136,12 +136,12 @@ pub fn send(
                     in_flight.push(tool_id, seq, client_ns);
                     let pose = Some(wire::pose_to_wire(&pose));
                     let opening = Some(opening as f32);
-                    up::Message::Pose(v1::ToolPose { tool_id, seq, client_ns, pose, buttons: 0, opening })
+                    control_request::Message::Pose(v1::ToolPose { tool_id, seq, client_ns, pose, buttons: 0, opening })
                 }
                 None if *down => lift(tool_id),
                 None => continue,
             };
-            *down = matches!(message, up::Message::Pose(_));
+            *down = matches!(message, control_request::Message::Pose(_));
             match to.up.try_send(to.message(message)) {
                 Ok(()) => totals.sent += u64::from(*down),
                 Err(TrySendError::Full(_)) => {
@@ -159,8 +159,8 @@ pub fn send(
     SendTotals { kept: schedule.kept(), ..totals }
 }
 
-fn lift(tool_id: u32) -> up::Message {
-    up::Message::Lift(v1::LiftTool { tool_id })
+fn lift(tool_id: u32) -> control_request::Message {
+    control_request::Message::Lift(v1::LiftTool { tool_id })
 }
 
 #[cfg(test)]
@@ -205,7 +205,7 @@ mod tests {
         assert_eq!(first, Some(6));
     }
 
-    fn messages(script: &Script, duration_s: f64, capacity: usize) -> (SendTotals, Vec<up::Message>) {
+    fn messages(script: &Script, duration_s: f64, capacity: usize) -> (SendTotals, Vec<control_request::Message>) {
         let (up, mut received) = mpsc::channel(capacity);
         let up = Sender { up, received: Arc::default() };
         let timetable = Timetable { start_ns: clock::now_ns(), rate_hz: 1000.0, duration_s };
@@ -223,7 +223,7 @@ mod tests {
         let seqs: Vec<u64> = poses
             .iter()
             .map(|message| match message {
-                up::Message::Pose(pose) => pose.seq,
+                control_request::Message::Pose(pose) => pose.seq,
                 other => panic!("{other:?}"),
             })
             .collect();

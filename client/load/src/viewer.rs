@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use anyhow::{Context, bail};
 use kerf_proto::v1::view_service_client::ViewServiceClient;
-use kerf_proto::v1::{self, ViewEvent, view_event};
+use kerf_proto::v1::{self, ViewResponse, view_response};
 use kerf_replica::{Assembler, Replica, ReplicaError, Surface};
 use prost::Message;
 use tokio::sync::watch;
@@ -146,7 +146,7 @@ enum Replicated {
     Broken,
 }
 
-fn apply(event: &ViewEvent, replica: &mut Replica, totals: &SharedTotals) -> anyhow::Result<Replicated> {
+fn apply(event: &ViewResponse, replica: &mut Replica, totals: &SharedTotals) -> anyhow::Result<Replicated> {
     let message = event.message.as_ref().context("the server sent an empty view event")?;
     let outcome = replica.apply(message);
     let mut totals = totals.lock().unwrap_or_else(PoisonError::into_inner);
@@ -164,20 +164,20 @@ fn apply(event: &ViewEvent, replica: &mut Replica, totals: &SharedTotals) -> any
 }
 
 impl ViewTotals {
-    fn count(&mut self, message: &view_event::Message) {
+    fn count(&mut self, message: &view_response::Message) {
         match message {
-            view_event::Message::Keyframe(_) => self.keyframes += 1,
-            view_event::Message::Patch(_) => self.patches += 1,
-            view_event::Message::State(state) => {
+            view_response::Message::Keyframe(_) => self.keyframes += 1,
+            view_response::Message::Patch(_) => self.patches += 1,
+            view_response::Message::State(state) => {
                 self.states += 1;
                 self.energy = state.energy.or(self.energy);
                 self.server.get_or_insert_with(|| ServerSteps::starting_at(state)).update(state);
             }
             // Drivers are told of faults too, and count them.
-            view_event::Message::Event(_)
-            | view_event::Message::Fault(_)
-            | view_event::Message::Hello(_)
-            | view_event::Message::Fragment(_) => {}
+            view_response::Message::Event(_)
+            | view_response::Message::Fault(_)
+            | view_response::Message::Hello(_)
+            | view_response::Message::Fragment(_) => {}
         }
     }
 
@@ -217,7 +217,7 @@ impl ServerSteps {
 
 /// A view stream whose messages are acknowledged as they are asked for.
 struct View {
-    stream: Streaming<ViewEvent>,
+    stream: Streaming<ViewResponse>,
     assembler: Assembler,
     /// Number of the newest message that was read.
     read: watch::Sender<u64>,
@@ -228,7 +228,7 @@ async fn subscribe(channel: Channel, request: v1::ViewRequest) -> anyhow::Result
     let reply = client.view(request).await.map_err(|status| refused("opening the view stream", &status))?;
     let mut stream = reply.into_inner();
     let first = stream.message().await.map_err(|status| refused("the view stream broke", &status))?;
-    let Some(ViewEvent { message: Some(view_event::Message::Hello(hello)), .. }) = first else {
+    let Some(ViewResponse { message: Some(view_response::Message::Hello(hello)), .. }) = first else {
         bail!("the server did not begin with a hello");
     };
     let (read, newest) = watch::channel(0);
@@ -248,7 +248,7 @@ async fn acknowledge(mut client: ViewServiceClient<Channel>, viewer: String, mut
 }
 
 impl View {
-    async fn next(&mut self) -> anyhow::Result<ViewEvent> {
+    async fn next(&mut self) -> anyhow::Result<ViewResponse> {
         loop {
             let event = self.stream.message().await.map_err(|status| refused("the view stream broke", &status))?;
             let event = event.context("the server ended the view stream")?;

@@ -1,6 +1,6 @@
 //! Puts messages together that were too large for one.
 
-use kerf_proto::v1::{Fragment, ViewEvent, view_event};
+use kerf_proto::v1::{Fragment, ViewResponse, view_response};
 use prost::Message;
 
 use crate::error::ReplicaError;
@@ -18,8 +18,8 @@ impl Assembler {
     ///
     /// # Errors
     /// A fragment is missing, they hold more than [`kerf_proto::MAX_MESSAGE_BYTES`], or are not an event in the end.
-    pub fn take(&mut self, event: ViewEvent) -> Result<Option<ViewEvent>, ReplicaError> {
-        let Some(view_event::Message::Fragment(Fragment { data, remaining })) = event.message else {
+    pub fn take(&mut self, event: ViewResponse) -> Result<Option<ViewResponse>, ReplicaError> {
+        let Some(view_response::Message::Fragment(Fragment { data, remaining })) = event.message else {
             return if self.remaining == 0 { Ok(Some(event)) } else { Err(self.fail()) };
         };
         let follows = self.remaining == 0 || remaining + 1 == self.remaining;
@@ -31,7 +31,7 @@ impl Assembler {
         if remaining > 0 {
             return Ok(None);
         }
-        let whole = ViewEvent::decode(std::mem::take(&mut self.data).as_slice());
+        let whole = ViewResponse::decode(std::mem::take(&mut self.data).as_slice());
         whole.map(Some).map_err(|_| ReplicaError::Fragments)
     }
 
@@ -47,15 +47,15 @@ mod tests {
 
     use super::*;
 
-    fn event(message: view_event::Message) -> ViewEvent {
-        ViewEvent { message: Some(message), number: 0 }
+    fn event(message: view_response::Message) -> ViewResponse {
+        ViewResponse { message: Some(message), number: 0 }
     }
 
-    fn fragments(of: &ViewEvent, bytes: usize) -> Vec<ViewEvent> {
+    fn fragments(of: &ViewResponse, bytes: usize) -> Vec<ViewResponse> {
         let data = of.encode_to_vec();
         let count = data.chunks(bytes).count();
         let fragment = |(index, data): (usize, &[u8])| {
-            event(view_event::Message::Fragment(Fragment {
+            event(view_response::Message::Fragment(Fragment {
                 data: data.to_vec(),
                 remaining: (count - 1 - index) as u32,
             }))
@@ -65,7 +65,7 @@ mod tests {
 
     #[test]
     fn fragments_become_the_message_they_were_cut_from() {
-        let whole = event(view_event::Message::Keyframe(Keyframe { topology_version: 300, ..Keyframe::default() }));
+        let whole = event(view_response::Message::Keyframe(Keyframe { topology_version: 300, ..Keyframe::default() }));
         let mut assembler = Assembler::default();
         for bytes in [1, 2, 100] {
             let mut parts = fragments(&whole, bytes);
@@ -77,13 +77,13 @@ mod tests {
 
     #[test]
     fn a_fragment_that_is_missing_is_noticed() {
-        let whole = event(view_event::Message::Keyframe(Keyframe { topology_version: 300, ..Keyframe::default() }));
+        let whole = event(view_response::Message::Keyframe(Keyframe { topology_version: 300, ..Keyframe::default() }));
         let mut parts = fragments(&whole, 1);
         parts.remove(1);
         let mut assembler = Assembler::default();
         assert_eq!(assembler.take(parts.remove(0)), Ok(None));
         assert_eq!(assembler.take(parts.remove(0)), Err(ReplicaError::Fragments));
-        let hello = event(view_event::Message::Hello(ViewHello::default()));
+        let hello = event(view_response::Message::Hello(ViewHello::default()));
         assert_eq!(assembler.take(hello.clone()), Ok(Some(hello)), "it goes on");
     }
 }

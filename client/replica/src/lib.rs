@@ -20,7 +20,7 @@ pub use error::{FieldError, Problem, ReplicaError};
 pub use hash::surface_hash;
 pub use surface::{Face, Surface, Triangle};
 
-use kerf_proto::v1::{self, view_event};
+use kerf_proto::v1::{self, view_response};
 
 /// The structure and state of every object of a session.
 #[derive(Clone, Debug, Default)]
@@ -50,14 +50,16 @@ impl Replica {
     ///
     /// # Errors
     /// See [`ReplicaError`].
-    pub fn apply(&mut self, message: &view_event::Message) -> Result<(), ReplicaError> {
+    pub fn apply(&mut self, message: &view_response::Message) -> Result<(), ReplicaError> {
         match message {
-            view_event::Message::Keyframe(keyframe) => self.apply_keyframe(keyframe),
-            view_event::Message::Patch(patch) => self.apply_patch(patch),
-            view_event::Message::State(state) => self.apply_state(state),
-            view_event::Message::Hello(_) | view_event::Message::Event(_) | view_event::Message::Fault(_) => Ok(()),
+            view_response::Message::Keyframe(keyframe) => self.apply_keyframe(keyframe),
+            view_response::Message::Patch(patch) => self.apply_patch(patch),
+            view_response::Message::State(state) => self.apply_state(state),
+            view_response::Message::Hello(_) | view_response::Message::Event(_) | view_response::Message::Fault(_) => {
+                Ok(())
+            }
             // The part of one says nothing: see [`Assembler`].
-            view_event::Message::Fragment(_) => Err(ReplicaError::Fragments),
+            view_response::Message::Fragment(_) => Err(ReplicaError::Fragments),
         }
     }
 

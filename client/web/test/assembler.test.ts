@@ -1,18 +1,18 @@
 import { create, toBinary } from "@bufbuild/protobuf";
 import { describe, expect, it } from "vitest";
 import { Assembler } from "../src/decode/assembler";
-import { type ViewEvent, ViewEventSchema } from "../src/gen/kerf/v1/view_pb";
+import { type ViewResponse, ViewResponseSchema } from "../src/gen/kerf/v1/view_pb";
 
-function keyframe(topologyVersion: bigint): ViewEvent {
-  return create(ViewEventSchema, { number: 7n, message: { case: "keyframe", value: { topologyVersion } } });
+function keyframe(topologyVersion: bigint): ViewResponse {
+  return create(ViewResponseSchema, { number: 7n, message: { case: "keyframe", value: { topologyVersion } } });
 }
 
-function fragments(event: ViewEvent, bytes: number): ViewEvent[] {
-  const data = toBinary(ViewEventSchema, event);
+function fragments(event: ViewResponse, bytes: number): ViewResponse[] {
+  const data = toBinary(ViewResponseSchema, event);
   const count = Math.ceil(data.length / bytes);
   return Array.from({ length: count }, (_, index) => {
     const value = { data: data.slice(index * bytes, (index + 1) * bytes), remaining: count - 1 - index };
-    return create(ViewEventSchema, { message: { case: "fragment", value } });
+    return create(ViewResponseSchema, { message: { case: "fragment", value } });
   });
 }
 

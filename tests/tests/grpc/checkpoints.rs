@@ -1,6 +1,6 @@
 //! Checkpoints that a session goes back to, over the wire.
 
-use kerf_proto::v1::{self, down};
+use kerf_proto::v1::{self, control_response};
 use tonic::{Code, Status};
 
 use super::cut::{ABOVE_M, FOOT_M, MIDDLE_M, Stroke, Watcher};
@@ -54,7 +54,7 @@ async fn a_cut_is_undone_for_the_replicas_too() {
     assert_eq!(watcher.replica.topology_version(), Some(saved.topology_version));
     harness.sessions.resume_session(resume).await.unwrap();
     let told = stroke.station.pick(|message| match message {
-        down::Message::CheckpointRestored(restored) => Some(restored),
+        control_response::Message::CheckpointRestored(restored) => Some(restored),
         _ => None,
     });
     let told = told.await;

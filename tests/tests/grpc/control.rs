@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use kerf_proto::v1::control_service_client::ControlServiceClient;
-use kerf_proto::v1::{self, down, send_pose_request, up};
+use kerf_proto::v1::{self, control_request, control_response, send_pose_request};
 use tonic::Code;
 
 use super::harness::{Cable, Harness, Station, connect, hello, no_expiry, pose};
@@ -65,7 +65,7 @@ async fn a_silent_client_is_told_that_its_lease_is_lost_and_has_it_again_with_a_
     station.send(pose(0, 1, 0.0)).await;
     let lost = station
         .pick(|message| match message {
-            down::Message::LeaseLost(lost) => Some(lost),
+            control_response::Message::LeaseLost(lost) => Some(lost),
             _ => None,
         })
         .await;
@@ -170,7 +170,7 @@ async fn hellos_are_checked() {
     let silent = ControlServiceClient::new(harness.channel.clone()).control(tokio_stream::pending()).await;
     assert_eq!(silent.err().map(|status| status.code()), Some(Code::InvalidArgument));
     let twice = harness.drive(&session, &[0]).await.unwrap();
-    twice.say(up::Message::Hello(hello(&session, &[0]))).await;
+    twice.say(control_request::Message::Hello(hello(&session, &[0]))).await;
     assert_eq!(twice.end().await, Code::InvalidArgument);
 }
 

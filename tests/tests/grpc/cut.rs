@@ -5,7 +5,7 @@ use std::pin::pin;
 
 use kerf_physics::surface::Surface;
 use kerf_physics::{NoClock, Workers, World};
-use kerf_proto::v1::{self, view_event};
+use kerf_proto::v1::{self, view_response};
 use kerf_replica::{Body, Replica, surface_hash};
 use kerf_scenes::catalog;
 use kerf_server::recording::Recording;
@@ -102,13 +102,13 @@ impl Watcher {
         }
     }
 
-    fn apply(&mut self, message: &view_event::Message) {
+    fn apply(&mut self, message: &view_response::Message) {
         self.replica.apply(message).unwrap();
         let (source, version, stated_hash) = match message {
-            view_event::Message::Keyframe(keyframe) => {
+            view_response::Message::Keyframe(keyframe) => {
                 (Source::Keyframe, keyframe.topology_version, keyframe.surface_hash)
             }
-            view_event::Message::Patch(patch) => (Source::Patch, patch.to_version, patch.surface_hash),
+            view_response::Message::Patch(patch) => (Source::Patch, patch.to_version, patch.surface_hash),
             _ => return,
         };
         let bodies = self.replica.bodies();

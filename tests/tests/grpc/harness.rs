@@ -7,7 +7,7 @@ use kerf_proto::PROTOCOL_VERSION;
 use kerf_proto::v1::control_service_client::ControlServiceClient;
 use kerf_proto::v1::session_service_client::SessionServiceClient;
 use kerf_proto::v1::view_service_client::ViewServiceClient;
-use kerf_proto::v1::{self, create_session_request, down, up, view_event};
+use kerf_proto::v1::{self, control_request, control_response, create_session_request, view_response};
 use kerf_replica::Assembler;
 use kerf_server::config::ServerConfig;
 use kerf_server::serve::Server;
@@ -114,7 +114,7 @@ pub fn view_request(session_id: &str) -> v1::ViewRequest {
 
 /// A view stream that acknowledges what it is asked for.
 pub struct View {
-    pub stream: Streaming<v1::ViewEvent>,
+    pub stream: Streaming<v1::ViewResponse>,
     pub viewer: String,
     assembler: Assembler,
     client: ViewServiceClient<Channel>,
@@ -125,7 +125,7 @@ impl View {
     async fn open(channel: Channel, acknowledged_over: Channel, request: v1::ViewRequest) -> Result<Self, Status> {
         let mut stream = ViewServiceClient::new(channel).view(request).await?.into_inner();
         match stream.message().await?.and_then(|event| event.message) {
-            Some(view_event::Message::Hello(hello)) => Ok(Self {
+            Some(view_response::Message::Hello(hello)) => Ok(Self {
                 stream,
                 viewer: hello.viewer,
                 assembler: Assembler::default(),
@@ -136,7 +136,7 @@ impl View {
     }
 
     /// The next event, put together and not acknowledged; `None` at the end.
-    pub async fn event(&mut self) -> Result<Option<v1::ViewEvent>, Status> {
+    pub async fn event(&mut self) -> Result<Option<v1::ViewResponse>, Status> {
         while let Some(event) = self.stream.message().await? {
             if let Some(whole) = self.assembler.take(event).expect("fragments that fit") {
                 return Ok(Some(whole));
@@ -151,7 +151,7 @@ impl View {
     }
 
     /// The next message, acknowledged; `None` at the end.
-    pub async fn message(&mut self) -> Result<Option<view_event::Message>, Status> {
+    pub async fn message(&mut self) -> Result<Option<view_response::Message>, Status> {
         let Some(event) = self.event().await? else { return Ok(None) };
         if event.number > 0 {
             let (mut client, viewer) = (self.client.clone(), self.viewer.clone());
@@ -182,7 +182,7 @@ pub fn hello(session_id: &str, tool_ids: &[u32]) -> v1::ClientHello {
 }
 
 /// What a viewer gets next.
-pub async fn next(view: &mut View) -> view_event::Message {
+pub async fn next(view: &mut View) -> view_response::Message {
     soon("a view event", view.message()).await.expect("no error").expect("the stream goes on")
 }
 
@@ -197,53 +197,53 @@ pub fn pose(tool_id: u32, seq: u64, x_m: f32) -> v1::ToolPose {
 /// One end of a control stream.
 pub struct Station {
     pub hello: v1::ServerHello,
-    up: mpsc::Sender<v1::Up>,
-    down: Streaming<v1::Down>,
+    up: mpsc::Sender<v1::ControlRequest>,
+    down: Streaming<v1::ControlResponse>,
 }
 
 impl Station {
     pub async fn open(channel: Channel, hello: v1::ClientHello) -> Result<Self, Status> {
         let (up, messages) = mpsc::channel(64);
-        let first = v1::Up { message: Some(up::Message::Hello(hello)), received: 0 };
+        let first = v1::ControlRequest { message: Some(control_request::Message::Hello(hello)), received: 0 };
         up.send(first).await.expect("room for the hello");
         let answer = ControlServiceClient::new(channel).control(ReceiverStream::new(messages)).await?;
         let mut down = answer.into_inner();
         match down.message().await?.and_then(|message| message.message) {
-            Some(down::Message::Hello(hello)) => Ok(Self { hello, up, down }),
+            Some(control_response::Message::Hello(hello)) => Ok(Self { hello, up, down }),
             other => panic!("a hello comes first, not {other:?}"),
         }
     }
 
     /// Whether the message was still taken.
-    pub async fn say(&self, message: up::Message) -> bool {
-        self.up.send(v1::Up { message: Some(message), received: 0 }).await.is_ok()
+    pub async fn say(&self, message: control_request::Message) -> bool {
+        self.up.send(v1::ControlRequest { message: Some(message), received: 0 }).await.is_ok()
     }
 
     pub async fn send(&self, pose: v1::ToolPose) -> bool {
-        self.say(up::Message::Pose(pose)).await
+        self.say(control_request::Message::Pose(pose)).await
     }
 
     /// The next message, the status that ended the stream, or its good end.
-    pub async fn next(&mut self) -> Option<Result<down::Message, Status>> {
+    pub async fn next(&mut self) -> Option<Result<control_response::Message, Status>> {
         let message = self.next_unacknowledged().await?;
-        if let Ok(down::Message::Contact(contact)) = &message {
+        if let Ok(control_response::Message::Contact(contact)) = &message {
             self.acknowledge(contact).await;
         }
         Some(message)
     }
 
     /// The same, but a contact is not acknowledged.
-    pub async fn next_unacknowledged(&mut self) -> Option<Result<down::Message, Status>> {
+    pub async fn next_unacknowledged(&mut self) -> Option<Result<control_response::Message, Status>> {
         let message = soon("a message", self.down.message()).await.transpose()?;
         Some(message.map(|down| down.message.expect("a message that says something")))
     }
 
     pub async fn acknowledge(&self, contact: &v1::Contact) {
-        let _ = self.up.send(v1::Up { message: None, received: contact.number }).await;
+        let _ = self.up.send(v1::ControlRequest { message: None, received: contact.number }).await;
     }
 
     /// Skips messages until `pick` takes one.
-    pub async fn pick<T>(&mut self, pick: impl Fn(down::Message) -> Option<T>) -> T {
+    pub async fn pick<T>(&mut self, pick: impl Fn(control_response::Message) -> Option<T>) -> T {
         soon("the message", async {
             loop {
                 let message = self.next().await.expect("the stream goes on").expect("no error");
@@ -257,7 +257,7 @@ impl Station {
 
     pub async fn contact_where(&mut self, holds: impl Fn(&v1::Contact) -> bool) -> v1::Contact {
         self.pick(|message| match message {
-            down::Message::Contact(contact) => Some(contact).filter(|contact| holds(contact)),
+            control_response::Message::Contact(contact) => Some(contact).filter(|contact| holds(contact)),
             _ => None,
         })
         .await
@@ -265,7 +265,7 @@ impl Station {
 
     pub async fn rejection(&mut self) -> v1::PoseRejected {
         self.pick(|message| match message {
-            down::Message::Rejected(rejected) => Some(rejected),
+            control_response::Message::Rejected(rejected) => Some(rejected),
             _ => None,
         })
         .await

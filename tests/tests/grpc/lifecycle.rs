@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use kerf_physics::Stage;
-use kerf_proto::v1::{self, create_session_request, view_event};
+use kerf_proto::v1::{self, create_session_request, view_response};
 use kerf_server::serve::Drained;
 use tonic::Code;
 use tonic_health::pb::HealthCheckRequest;
@@ -155,7 +155,7 @@ async fn a_server_that_stops_tells_its_streams_ends_its_sessions_and_accepts_nob
     assert_eq!(soon("the end", harness.server.stop()).await, Drained::Cleanly);
     assert_eq!(ended.await.unwrap(), Code::Ok);
     let last = reader.await.unwrap();
-    assert!(matches!(last, Some(view_event::Message::Event(event)) if event.kind() == v1::EventKind::Closing));
+    assert!(matches!(last, Some(view_response::Message::Event(event)) if event.kind() == v1::EventKind::Closing));
     assert!(registry.list().is_empty());
     assert!(tokio::net::TcpStream::connect(address).await.is_err());
 }

@@ -2,8 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use kerf_proto::v1::view_event::Message;
-use kerf_proto::v1::{self, down, send_pose_request};
+use kerf_proto::v1::view_response::Message;
+use kerf_proto::v1::{self, control_response, send_pose_request};
 use kerf_session::clock::MonotonicClock;
 use tonic::Code;
 
@@ -25,7 +25,9 @@ async fn a_station_that_reads_slowly_holds_no_force_older_than_it_takes_to_read_
     let started = Instant::now();
     while started.elapsed() < Duration::from_secs(4) {
         station.send(pose(0, 1 + read, 0.0)).await;
-        let Some(Ok(down::Message::Contact(contact))) = station.next_unacknowledged().await else { continue };
+        let Some(Ok(control_response::Message::Contact(contact))) = station.next_unacknowledged().await else {
+            continue;
+        };
         // Now and then two are sent at once, to see whether the reader has become faster.
         assert!(age(&contact) < Duration::from_millis(550), "{:?} after {read} others", age(&contact));
         old += u32::from(age(&contact) > Duration::from_millis(100));
@@ -119,7 +121,7 @@ async fn drivers_are_told_of_pause_resume_and_reset() {
     let mut station = harness.drive(&session, &[0]).await.unwrap();
     station.contact_where(|_| true).await;
     let event = |message| match message {
-        down::Message::Event(event) => Some(event.kind()),
+        control_response::Message::Event(event) => Some(event.kind()),
         _ => None,
     };
     harness.pause(&session).await;

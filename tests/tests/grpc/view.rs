@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use kerf_physics::Stage;
 use kerf_proto::v1;
-use kerf_proto::v1::view_event::Message;
+use kerf_proto::v1::view_response::Message;
 use tonic::Code;
 
 use super::harness::{Harness, View, endpoint, next, pose, soon, view_request};

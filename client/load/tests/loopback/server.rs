@@ -6,7 +6,9 @@ use std::time::Duration;
 use kerf_proto::v1::control_service_server::{ControlService, ControlServiceServer};
 use kerf_proto::v1::session_service_server::{SessionService, SessionServiceServer};
 use kerf_proto::v1::view_service_server::{ViewService, ViewServiceServer};
-use kerf_proto::v1::{self, Down, Up, ViewEvent, down, up, view_event};
+use kerf_proto::v1::{
+    self, ControlRequest, ControlResponse, ViewResponse, control_request, control_response, view_response,
+};
 use kerf_replica::surface_hash;
 use tokio::net::TcpListener;
 use tokio_stream::wrappers::{ReceiverStream, TcpListenerStream};
@@ -107,19 +109,23 @@ fn hash(body: &v1::BodyStructure) -> u64 {
     surface_hash(std::slice::from_ref(body))
 }
 
-fn keyframe() -> view_event::Message {
+fn keyframe() -> view_response::Message {
     let body = structure();
-    view_event::Message::Keyframe(v1::Keyframe { topology_version: 0, surface_hash: hash(&body), bodies: vec![body] })
+    view_response::Message::Keyframe(v1::Keyframe {
+        topology_version: 0,
+        surface_hash: hash(&body),
+        bodies: vec![body],
+    })
 }
 
-fn patch(behaviour: Behaviour) -> view_event::Message {
+fn patch(behaviour: Behaviour) -> view_response::Message {
     // The other side of the top's link: it becomes a cut.
     let change =
         v1::BodyStructure { node_count: 8, quad_ids: vec![3], quad_vertices: vec![3, 7, 6, 2], ..Default::default() };
     let mut after = structure();
     after.quad_ids.extend(&change.quad_ids);
     after.quad_vertices.extend(&change.quad_vertices);
-    view_event::Message::Patch(v1::TopologyPatch {
+    view_response::Message::Patch(v1::TopologyPatch {
         from_version: 0,
         to_version: 1,
         bodies: vec![change],
@@ -127,8 +133,8 @@ fn patch(behaviour: Behaviour) -> view_event::Message {
     })
 }
 
-fn state(topology_version: u64, step: u64) -> view_event::Message {
-    view_event::Message::State(v1::State {
+fn state(topology_version: u64, step: u64) -> view_response::Message {
+    view_response::Message::State(v1::State {
         topology_version,
         step,
         sim_time_s: step as f64 * STEP_S,
@@ -141,23 +147,26 @@ fn state(topology_version: u64, step: u64) -> view_event::Message {
 
 #[tonic::async_trait]
 impl ControlService for Server {
-    type ControlStream = Pin<Box<dyn Stream<Item = Result<Down, Status>> + Send>>;
+    type ControlStream = Pin<Box<dyn Stream<Item = Result<ControlResponse, Status>> + Send>>;
 
-    async fn control(&self, request: Request<Streaming<Up>>) -> Result<Response<Self::ControlStream>, Status> {
+    async fn control(
+        &self,
+        request: Request<Streaming<ControlRequest>>,
+    ) -> Result<Response<Self::ControlStream>, Status> {
         let behaviour = self.0;
         let contacts_left = if behaviour == Behaviour::DropsDriver { 5 } else { usize::MAX };
         let answers = request.into_inner().filter_map(move |up| match up.ok()?.message? {
-            up::Message::Hello(_) => Some(down::Message::Hello(v1::ServerHello {
+            control_request::Message::Hello(_) => Some(control_response::Message::Hello(v1::ServerHello {
                 protocol_version: 1,
                 limits: Some(limits()),
                 scene: Some(scene()),
                 contact_rate_hz: 250.0,
                 ..Default::default()
             })),
-            up::Message::Pose(pose) => Some(answer(&pose, behaviour)),
-            up::Message::Lift(_) => None,
+            control_request::Message::Pose(pose) => Some(answer(&pose, behaviour)),
+            control_request::Message::Lift(_) => None,
         });
-        let downs = answers.map(|message| Ok(Down { message: Some(message) })).take(contacts_left);
+        let downs = answers.map(|message| Ok(ControlResponse { message: Some(message) })).take(contacts_left);
         Ok(Response::new(Box::pin(downs)))
     }
 
@@ -166,13 +175,18 @@ impl ControlService for Server {
     }
 }
 
-fn answer(pose: &v1::ToolPose, behaviour: Behaviour) -> down::Message {
+fn answer(pose: &v1::ToolPose, behaviour: Behaviour) -> control_response::Message {
     if behaviour == Behaviour::RejectsPoses && pose.seq.is_multiple_of(5) {
         let (field, limit) = ("pose.position_m.x".to_owned(), "at most 1 m".to_owned());
-        return down::Message::Rejected(v1::PoseRejected { tool_id: pose.tool_id, seq: pose.seq, field, limit });
+        return control_response::Message::Rejected(v1::PoseRejected {
+            tool_id: pose.tool_id,
+            seq: pose.seq,
+            field,
+            limit,
+        });
     }
     let height_m = pose.pose.and_then(|pose| pose.position_m).map_or(1.0, |position_m| position_m.y);
-    down::Message::Contact(v1::Contact {
+    control_response::Message::Contact(v1::Contact {
         step: pose.seq,
         sim_time_s: pose.seq as f64 * STEP_S,
         echo_seq: pose.seq,
@@ -187,17 +201,17 @@ fn answer(pose: &v1::ToolPose, behaviour: Behaviour) -> down::Message {
 
 #[tonic::async_trait]
 impl ViewService for Server {
-    type ViewStream = ReceiverStream<Result<ViewEvent, Status>>;
+    type ViewStream = ReceiverStream<Result<ViewResponse, Status>>;
 
     async fn view(&self, _: Request<v1::ViewRequest>) -> Result<Response<Self::ViewStream>, Status> {
         let behaviour = self.0;
         let (events, stream) = tokio::sync::mpsc::channel(1);
         tokio::spawn(async move {
-            let hello = view_event::Message::Hello(v1::ViewHello::default());
+            let hello = view_response::Message::Hello(v1::ViewHello::default());
             let opening = [hello, keyframe(), state(0, 0), state(0, 10), patch(behaviour), state(1, 20)];
             let later = (3u64..).map(|n| state(1, 10 * n));
             for (number, message) in opening.into_iter().chain(later).enumerate() {
-                if events.send(Ok(ViewEvent { message: Some(message), number: number as u64 })).await.is_err() {
+                if events.send(Ok(ViewResponse { message: Some(message), number: number as u64 })).await.is_err() {
                     return;
                 }
                 tokio::time::sleep(Duration::from_millis(10)).await;

@@ -1,7 +1,7 @@
 // Puts messages together that were too large for one.
 
 import { fromBinary } from "@bufbuild/protobuf";
-import { type ViewEvent, ViewEventSchema } from "../gen/kerf/v1/view_pb";
+import { type ViewResponse, ViewResponseSchema } from "../gen/kerf/v1/view_pb";
 import { ReplicaError } from "./check";
 
 /** What a whole message may hold, bytes: the largest that the server sends. */
@@ -15,7 +15,7 @@ export class Assembler {
   private remaining = 0;
 
   /** Takes the stream's next event; answers with one that is whole, once there is one. */
-  take(event: ViewEvent): ViewEvent | undefined {
+  take(event: ViewResponse): ViewResponse | undefined {
     if (event.message.case !== "fragment") {
       if (this.remaining > 0) throw this.fail();
       return event;
@@ -29,7 +29,7 @@ export class Assembler {
     return remaining > 0 ? undefined : this.whole();
   }
 
-  private whole(): ViewEvent {
+  private whole(): ViewResponse {
     const data = new Uint8Array(this.bytes);
     let at = 0;
     for (const part of this.parts) {
@@ -37,7 +37,7 @@ export class Assembler {
       at += part.length;
     }
     this.clear();
-    return fromBinary(ViewEventSchema, data);
+    return fromBinary(ViewResponseSchema, data);
   }
 
   private fail(): ReplicaError {

@@ -10,7 +10,7 @@ import { ReplicaError } from "../decode/check";
 import { Replica } from "../decode/replica";
 import { BodySurface, shapeArrays, type SurfaceShape, type SurfaceStructure } from "../decode/surface";
 import { EventKind } from "../gen/kerf/v1/types_pb";
-import { type State, type ToolState, type ViewEvent, ViewService } from "../gen/kerf/v1/view_pb";
+import { type State, type ToolState, type ViewResponse, ViewService } from "../gen/kerf/v1/view_pb";
 import { Acknowledger } from "./acknowledger";
 import { inWords, isGone } from "./errors";
 import type { Energy, Frame, FromWorker, Sample, StreamStatus, ToolFrame, ToWorker } from "./frames";
@@ -119,7 +119,7 @@ class Viewing {
     }
   }
 
-  private take(message: ViewEvent["message"]): void {
+  private take(message: ViewResponse["message"]): void {
     switch (message.case) {
       case "keyframe":
         this.replica.applyKeyframe(message.value);

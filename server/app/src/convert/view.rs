@@ -3,7 +3,7 @@
 use kerf_physics::step_io::{Grasp, ToolOutput};
 use kerf_physics::surface::delta::{AdaptedVertex, BodyStructure, Keyframe, TopologyPatch};
 use kerf_proto::v1;
-use kerf_proto::v1::view_event::Message;
+use kerf_proto::v1::view_response::Message;
 use kerf_session::{SceneEvent, StepTimes, ViewEvent, ViewMessage, ViewState};
 
 use super::scene::energy_ledger;

@@ -31,12 +31,12 @@ impl ControlService {
     }
 
     /// The first message, which has to be a hello.
-    async fn read_hello(&self, incoming: &mut Streaming<v1::Up>) -> Result<v1::ClientHello, RequestError> {
+    async fn read_hello(&self, incoming: &mut Streaming<v1::ControlRequest>) -> Result<v1::ClientHello, RequestError> {
         let missing = || RequestError::HelloMissing { limit_s: self.limits.hello_timeout_s };
         let limit = Duration::from_secs_f64(self.limits.hello_timeout_s);
         let first = tokio::time::timeout(limit, incoming.message()).await.map_err(|_| missing())?;
         match first.map_err(|status| RequestError::Transport(Box::new(status)))?.and_then(|up| up.message) {
-            Some(v1::up::Message::Hello(hello)) => Ok(hello),
+            Some(v1::control_request::Message::Hello(hello)) => Ok(hello),
             _ => Err(missing()),
         }
     }
@@ -58,7 +58,7 @@ impl ControlService {
         Ok((driver, Contacts::new(step_rate_hz, rate_hz)))
     }
 
-    fn server_hello(&self, driver: &Driver, contacts: &Contacts) -> v1::Down {
+    fn server_hello(&self, driver: &Driver, contacts: &Contacts) -> v1::ControlResponse {
         let session = driver.session();
         let hello = v1::ServerHello {
             protocol_version: kerf_proto::PROTOCOL_VERSION,
@@ -67,7 +67,7 @@ impl ControlService {
             contact_rate_hz: contacts.rate_hz(),
             server_instance: self.registry.instance().to_string(),
         };
-        v1::Down { message: Some(v1::down::Message::Hello(hello)) }
+        v1::ControlResponse { message: Some(v1::control_response::Message::Hello(hello)) }
     }
 
     /// The lease of a unary driver: the one it has, or a new one.
@@ -92,9 +92,12 @@ impl ControlService {
 
 #[tonic::async_trait]
 impl v1::control_service_server::ControlService for ControlService {
-    type ControlStream = Outgoing<v1::Down>;
+    type ControlStream = Outgoing<v1::ControlResponse>;
 
-    async fn control(&self, request: Request<Streaming<v1::Up>>) -> Result<Response<Self::ControlStream>, Status> {
+    async fn control(
+        &self,
+        request: Request<Streaming<v1::ControlRequest>>,
+    ) -> Result<Response<Self::ControlStream>, Status> {
         let mut incoming = request.into_inner();
         let hello = self.read_hello(&mut incoming).await?;
         let (driver, contacts) = self.grant(&hello)?;

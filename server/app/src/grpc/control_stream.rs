@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use futures_util::stream;
 use kerf_proto::v1;
-use kerf_proto::v1::down::Message;
+use kerf_proto::v1::control_response::Message;
 use kerf_session::clock::MonotonicClock;
 use kerf_session::{Driver, Echo, Phase, PoseRefusal, Reports, SessionError, StepReport};
 use tokio::sync::{mpsc, watch};
@@ -90,12 +90,12 @@ impl Contacts {
 
 /// The answer of a control stream, hello first.
 pub fn outgoing(
-    hello: v1::Down,
+    hello: v1::ControlResponse,
     driver: Driver,
     contacts: Contacts,
-    incoming: Streaming<v1::Up>,
+    incoming: Streaming<v1::ControlRequest>,
     limits: &ControlLimits,
-) -> Outgoing<v1::Down> {
+) -> Outgoing<v1::ControlResponse> {
     let reports = driver.reports();
     let driver = Arc::new(driver);
     let (rejected, rejections) = mpsc::channel(limits.max_untold_rejections);
@@ -153,7 +153,7 @@ struct OutgoingHalf {
     /// `None` once the stream has said its last.
     reader: Option<ReaderTask>,
     /// Messages of one report; the next one is looked at when they are gone.
-    ready: VecDeque<v1::Down>,
+    ready: VecDeque<v1::ControlResponse>,
     /// What the session was doing as far as was told.
     phase: Phase,
     /// The last report whose events were told; there is nothing to compare the first with.
@@ -172,7 +172,7 @@ enum Woken {
 }
 
 impl OutgoingHalf {
-    async fn next(&mut self) -> Option<Result<v1::Down, Status>> {
+    async fn next(&mut self) -> Option<Result<v1::ControlResponse, Status>> {
         loop {
             if let Some(down) = self.ready.pop_front() {
                 if self.is_in_time(&down) {
@@ -222,7 +222,7 @@ impl OutgoingHalf {
     }
 
     /// The transport may have been full since a message was made; a contact does not keep.
-    fn is_in_time(&self, down: &v1::Down) -> bool {
+    fn is_in_time(&self, down: &v1::ControlResponse) -> bool {
         match &down.message {
             Some(Message::Contact(contact)) => self.is_current(contact.server_ns),
             _ => true,
@@ -234,7 +234,7 @@ impl OutgoingHalf {
     }
 
     fn say(&mut self, message: Message) {
-        self.ready.push_back(v1::Down { message: Some(message) });
+        self.ready.push_back(v1::ControlResponse { message: Some(message) });
     }
 
     fn say_event(&mut self, step: u64, kind: v1::EventKind, late_share: f64) {
@@ -323,7 +323,7 @@ impl OutgoingHalf {
 /// Reads what the client sends until it ends or errs too often.
 struct Reader {
     driver: Arc<Driver>,
-    incoming: Streaming<v1::Up>,
+    incoming: Streaming<v1::ControlRequest>,
     rejected: mpsc::Sender<v1::PoseRejected>,
     /// Number of the newest contact that the client has read.
     received: watch::Sender<u64>,
@@ -345,7 +345,7 @@ impl Reader {
         }
     }
 
-    fn take(&mut self, up: v1::Up) -> Result<(), RequestError> {
+    fn take(&mut self, up: v1::ControlRequest) -> Result<(), RequestError> {
         if up.received > 0 {
             self.received.send_if_modified(|received| {
                 let is_newer = up.received > *received;
@@ -357,7 +357,7 @@ impl Reader {
             }
         }
         let (tool_id, seq, result) = match up.message {
-            Some(v1::up::Message::Pose(pose)) => {
+            Some(v1::control_request::Message::Pose(pose)) => {
                 if let Err(rejected) = self.budget.take(pose.tool_id, pose.seq, Instant::now()) {
                     // Neither garbage nor a glitch: what a network held up comes together too.
                     let _ = self.rejected.try_send(rejected);
@@ -365,8 +365,10 @@ impl Reader {
                 }
                 (pose.tool_id, pose.seq, submit(&self.driver, &pose))
             }
-            Some(v1::up::Message::Lift(lift)) => (lift.tool_id, 0, self.driver.lift(lift.tool_id as usize)),
-            Some(v1::up::Message::Hello(_)) => return Err(RequestError::HelloRepeated),
+            Some(v1::control_request::Message::Lift(lift)) => {
+                (lift.tool_id, 0, self.driver.lift(lift.tool_id as usize))
+            }
+            Some(v1::control_request::Message::Hello(_)) => return Err(RequestError::HelloRepeated),
             None => return Err(RequestError::Missing { field: "message" }),
         };
         match result {

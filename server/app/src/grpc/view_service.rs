@@ -32,7 +32,7 @@ impl ViewService {
 
 #[tonic::async_trait]
 impl v1::view_service_server::ViewService for ViewService {
-    type ViewStream = Outgoing<v1::ViewEvent>;
+    type ViewStream = Outgoing<v1::ViewResponse>;
 
     async fn view(&self, request: Request<v1::ViewRequest>) -> Result<Response<Self::ViewStream>, Status> {
         let request = request.into_inner();

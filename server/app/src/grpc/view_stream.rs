@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use kerf_proto::v1;
-use kerf_proto::v1::view_event::Message;
+use kerf_proto::v1::view_response::Message;
 use kerf_session::clock::MonotonicClock;
 use kerf_session::{ViewMessage, Viewer};
 use prost::Message as _;
@@ -21,7 +21,7 @@ pub struct ViewStream {
     wants_energy: bool,
     max_message_bytes: usize,
     /// The hello, or the fragments of a message.
-    ready: VecDeque<v1::ViewEvent>,
+    ready: VecDeque<v1::ViewResponse>,
 }
 
 impl ViewStream {
@@ -38,12 +38,12 @@ impl ViewStream {
             in_flight: InFlight::new((limits.max_age_s * 1e9) as u64),
             wants_energy,
             max_message_bytes: limits.max_message_bytes,
-            ready: VecDeque::from([v1::ViewEvent { message: Some(Message::Hello(hello)), number: 0 }]),
+            ready: VecDeque::from([v1::ViewResponse { message: Some(Message::Hello(hello)), number: 0 }]),
         }
     }
 
     /// What comes next, as soon as there is something and room for it; `None` once the session has ended.
-    pub async fn next(&mut self) -> Option<v1::ViewEvent> {
+    pub async fn next(&mut self) -> Option<v1::ViewResponse> {
         if let Some(ready) = self.ready.pop_front() {
             return Some(ready);
         }
@@ -66,7 +66,7 @@ impl ViewStream {
                 self.in_flight.send(MonotonicClock::now_ns())
             }
         };
-        let event = v1::ViewEvent { message: Some(view_message(&message, self.wants_energy)), number };
+        let event = v1::ViewResponse { message: Some(view_message(&message, self.wants_energy)), number };
         if event.encoded_len() <= self.max_message_bytes {
             return Some(event);
         }
@@ -81,12 +81,12 @@ impl ViewStream {
 }
 
 /// An event in pieces that hold at most so many bytes of it.
-fn fragments(event: &v1::ViewEvent, max_bytes: usize) -> impl Iterator<Item = v1::ViewEvent> {
+fn fragments(event: &v1::ViewResponse, max_bytes: usize) -> impl Iterator<Item = v1::ViewResponse> {
     let data = event.encode_to_vec();
     let count = data.len().div_ceil(max_bytes);
     (0..count).map(move |index| {
         let data = data[index * max_bytes..data.len().min((index + 1) * max_bytes)].to_vec();
         let fragment = v1::Fragment { data, remaining: (count - 1 - index) as u32 };
-        v1::ViewEvent { message: Some(Message::Fragment(fragment)), number: 0 }
+        v1::ViewResponse { message: Some(Message::Fragment(fragment)), number: 0 }
     })
 }
