@@ -7,6 +7,7 @@
 pub mod check;
 pub mod config;
 mod convert;
+mod encode;
 mod grpc;
 mod incoming;
 pub mod machine;
