@@ -62,6 +62,11 @@ export class Body {
     return this.quads.count;
   }
 
+  /** Where a vertex is in the arrays above. */
+  vertexSlot(id: number): number | undefined {
+    return this.vertices.get(id);
+  }
+
   /** Applies what a keyframe (to an empty body) or a patch says. After an error the body is not to be used. */
   change(change: BodyStructure): void {
     this.setQuantum(change);

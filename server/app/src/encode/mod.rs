@@ -27,6 +27,9 @@ pub struct Encoding {
 
 impl Encoding {
     /// What is granted for a wish: the next smaller power of two.
+    ///
+    /// # Errors
+    /// The wish is no error at all.
     pub fn granted(request: &v1::ViewRequest) -> Result<Self, RequestError> {
         let max_error = request.max_error_voxels;
         if !max_error.is_finite() || max_error < 0.0 {
@@ -71,6 +74,7 @@ pub struct HeldReference {
 
 impl Encoder {
     /// For objects of these voxels.
+    #[must_use]
     pub fn new(encoding: Encoding, voxel_sizes_m: impl Iterator<Item = f64>) -> Self {
         Self {
             quanta_m: voxel_sizes_m.map(|size_m| encoding.quantum_m(size_m)).collect(),
@@ -81,6 +85,7 @@ impl Encoder {
     }
 
     /// Unit of each object's displacements, m.
+    #[must_use]
     pub fn quanta_m(&self) -> &[f64] {
         &self.quanta_m
     }
