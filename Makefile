@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo viewer test test-viewer screenshots test-all same-bits lint verify experiment extremes strokes bench performance peers
+.PHONY: demo viewer test test-viewer screenshots test-all same-bits lint publish-protocol verify experiment extremes strokes bench performance peers
 
 # Folder of scanned meshes for some of the tests and for `performance`, which leave them out where it is empty.
 TEST_SHARED ?= $(abspath $(wildcard ../shared))
@@ -61,6 +61,12 @@ lint: $(if $(NPM),client/web/node_modules)
 	cargo clippy --workspace --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
 	$(if $(NPM),cd client/web && npm run --silent lint)
+	$(if $(NPM),client/web/node_modules/.bin/buf lint proto)
+	$(if $(NPM),client/web/node_modules/.bin/buf breaking proto --against proto/published.binpb)
+
+# Takes the .proto files as they are for the version that later ones have to stay compatible with.
+publish-protocol: client/web/node_modules
+	client/web/node_modules/.bin/buf build proto --exclude-source-info --output proto/published.binpb
 
 # Writes docs/verification.md and its plots; figures are deterministic.
 verify:
@@ -85,6 +91,7 @@ peers:
 # One run each; figures belong to the machine they were taken on, which should have nothing else to do.
 bench: performance
 	cargo bench -p kerf-session --bench liver
+	cargo bench -p kerf-server --bench stream
 	cargo bench -p kerf-physics --bench step
 	cargo bench -p kerf-system-tests --bench loopback
 

@@ -4,6 +4,7 @@
 //! whoever receives it.
 
 pub mod codec;
+pub mod integers;
 
 /// Version 1 of the protocol.
 // Generated code: its style is not ours, and private glue in it carries no docs.
@@ -13,7 +14,7 @@ pub mod v1 {
 }
 
 /// The version that both ends of a stream name in their first message.
-pub const PROTOCOL_VERSION: u32 = 1;
+pub const PROTOCOL_VERSION: u32 = 2;
 
 /// Largest message that either side accepts: a keyframe takes 40 bytes per surface vertex, so this
 /// carries a surface of 1.6 million vertices, a hundred times the liver's.

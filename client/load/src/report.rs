@@ -118,7 +118,7 @@ pub struct View {
     pub mismatches: u64,
     /// The first of them.
     pub first_mismatch: Option<String>,
-    /// Bytes a second, all viewers together.
+    /// Bytes a second and viewer.
     pub bytes_per_s: f64,
     /// Version of the structure in the end.
     pub topology_version: u64,
@@ -274,7 +274,7 @@ impl View {
             state_rate_hz: per(run.view.states, run.watched_s * f64::from(run.viewers)),
             mismatches: run.view.mismatches,
             first_mismatch: run.view.first_mismatch.clone(),
-            bytes_per_s: per(run.view.bytes, run.watched_s),
+            bytes_per_s: per(run.view.bytes, run.watched_s * f64::from(run.viewers)),
             topology_version: run.view.server.map_or(0, |server| server.topology_version),
         }
     }
@@ -352,7 +352,7 @@ impl fmt::Display for Report {
         )?;
         writeln!(
             f,
-            "view         {} viewer(s): {} keyframes, {} patches, {} states at {:.1} Hz, {}/s; {} mismatches",
+            "view         {} viewer(s): {} keyframes, {} patches, {} states at {:.1} Hz, {}/s each; {} mismatches",
             view.viewers,
             view.keyframes,
             view.patches,

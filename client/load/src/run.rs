@@ -95,6 +95,7 @@ async fn drive(args: &Args, channel: &Channel, session: &Session) -> anyhow::Res
         session_id: session_id.clone(),
         rate_hz: args.view_rate,
         wants_energy: true,
+        ..v1::ViewRequest::default()
     };
     let surfaces = viewer::first_surfaces(channel.clone(), request.clone()).await?;
     let script = Arc::new(make_script(args, &session.scene, &surfaces)?);

@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use kerf_proto::integers::{self, Malformed};
 use kerf_proto::{MAX_MESSAGE_BYTES, v1};
 
 use crate::error::{FieldError, Problem};
 use crate::hash;
 
-/// Most node slots of an object: a state has to carry 12 bytes for each.
+/// Most node slots of an object: 12 bytes for each are still one message.
 const MAX_NODES: u32 = (MAX_MESSAGE_BYTES / 12) as u32;
 
 /// A surface vertex bound to an element.
@@ -27,6 +28,10 @@ pub struct Body {
     rest_m: Vec<Option<[f32; 3]>>,
     /// Displacement by slot, m, scene frame.
     displacement_m: Vec<[f32; 3]>,
+    /// Unit of what comes with states, m.
+    quantum_m: f64,
+    /// What displacements are differences to, in quanta, xyz by slot; as long as the last one that came.
+    reference: Vec<i64>,
     /// Offset of the vertices that are adapted to a blade, m, scene frame.
     adapted_m: BTreeMap<u32, [f32; 3]>,
     elements: BTreeMap<u32, [u32; 8]>,
@@ -110,6 +115,7 @@ impl Body {
     /// Applies what a keyframe (to an empty body) or a patch says of this object. After an error
     /// the body is not to be used.
     pub(crate) fn change(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
+        self.set_quantum(change)?;
         self.upsert_nodes(change)?;
         self.upsert_elements(change)?;
         self.upsert_vertices(change)?;
@@ -117,21 +123,67 @@ impl Body {
         self.upsert_quads(change)
     }
 
-    pub(crate) fn check_state(&self, state: &v1::BodyState) -> Result<(), FieldError> {
-        let field = "node_displacements_m";
-        check_length(field, 3 * self.rest_m.len(), &state.node_displacements_m)?;
-        check_finite(field, &state.node_displacements_m)?;
-        check_finite("adapted_offsets_m", &state.adapted_offsets_m)?;
-        let unknown_id = adapted(state)?.map(|(id, _)| id).find(|id| !self.vertices.contains_key(id));
-        unknown_id.map_or(Ok(()), |id| Err(unknown("adapted_vertex_ids", id)))
+    /// Reads a state; `has_reference` says whether it brings one.
+    pub(crate) fn read_state(&self, state: &v1::BodyState, has_reference: bool) -> Result<Moved, FieldError> {
+        let numbers = 3 * self.rest_m.len();
+        let reference = match has_reference {
+            true => Some(
+                integers::decode(&state.reference, numbers).map_err(|problem| odd("reference", numbers, problem))?,
+            ),
+            false => None,
+        };
+        let displacements = integers::decode_exactly(&state.displacements, numbers);
+        let mut quanta = displacements.map_err(|problem| odd("displacements", numbers, problem))?;
+        for (number, reference) in quanta.iter_mut().zip(reference.as_ref().unwrap_or(&self.reference)) {
+            *number = number.wrapping_add(*reference);
+        }
+        let (nodes, _) = quanta.as_chunks::<3>();
+        let displacement_m = nodes.iter().map(|node| node.map(|quanta| self.length_m(quanta))).collect();
+        Ok(Moved { reference, displacement_m, adapted_m: self.read_adapted(state)? })
     }
 
-    /// Takes over a state that [`Body::check_state`] has found valid.
-    pub(crate) fn displace(&mut self, state: &v1::BodyState) {
-        let (nodes, _) = state.node_displacements_m.as_chunks::<3>();
-        self.displacement_m.copy_from_slice(nodes);
-        self.adapted_m.clear();
-        self.adapted_m.extend(adapted(state).into_iter().flatten());
+    fn read_adapted(&self, state: &v1::BodyState) -> Result<BTreeMap<u32, [f32; 3]>, FieldError> {
+        let most = self.vertices.len();
+        let steps = integers::decode(&state.adapted_ids, most).map_err(|problem| odd("adapted_ids", most, problem))?;
+        let numbers = 3 * steps.len();
+        let offsets = integers::decode_exactly(&state.adapted_offsets, numbers);
+        let offsets = offsets.map_err(|problem| odd("adapted_offsets", numbers, problem))?;
+        let mut adapted_m = BTreeMap::new();
+        let mut id = 0_i64;
+        for (index, (step, offset)) in steps.iter().zip(offsets.as_chunks::<3>().0).enumerate() {
+            id = id.wrapping_add(*step);
+            let known = u32::try_from(id).ok().filter(|id| self.vertices.contains_key(id));
+            let id = known.ok_or_else(|| unknown("adapted_ids", id as u32))?;
+            if index > 0 && *step <= 0 {
+                return Err(FieldError { field: "adapted_ids", problem: Problem::NotAscending { index, id } });
+            }
+            adapted_m.insert(id, offset.map(|quanta| self.length_m(quanta)));
+        }
+        Ok(adapted_m)
+    }
+
+    fn length_m(&self, quanta: i64) -> f32 {
+        (quanta as f64 * self.quantum_m) as f32
+    }
+
+    /// Takes over a state that [`Body::read_state`] has read.
+    pub(crate) fn displace(&mut self, moved: Moved) {
+        if let Some(reference) = moved.reference {
+            self.reference = reference;
+        }
+        self.displacement_m = moved.displacement_m;
+        self.adapted_m = moved.adapted_m;
+    }
+
+    fn set_quantum(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
+        // A patch leaves it as it is.
+        if change.quantum_m != 0.0 || self.quantum_m == 0.0 {
+            if !change.quantum_m.is_finite() || change.quantum_m <= 0.0 {
+                return Err(FieldError { field: "quantum_m", problem: Problem::NotPositive { got: change.quantum_m } });
+            }
+            self.quantum_m = change.quantum_m;
+        }
+        Ok(())
     }
 
     fn upsert_nodes(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
@@ -209,14 +261,25 @@ impl Body {
     }
 }
 
-/// The vertices of a state that are adapted, and their offsets.
-fn adapted(state: &v1::BodyState) -> Result<impl Iterator<Item = (u32, [f32; 3])> + '_, FieldError> {
-    zip_ids("adapted_vertex_ids", &state.adapted_vertex_ids, "adapted_offsets_m", &state.adapted_offsets_m)
+/// What a state says of an object.
+pub(crate) struct Moved {
+    reference: Option<Vec<i64>>,
+    displacement_m: Vec<[f32; 3]>,
+    adapted_m: BTreeMap<u32, [f32; 3]>,
 }
 
 /// Fraction of corner `c`, at `(c & 1, c >> 1 & 1, c >> 2)`, in a point of an element.
 fn corner_weight(corner: usize, local: [f32; 3]) -> f32 {
     (0..3).map(|axis| if corner >> axis & 1 == 1 { local[axis] } else { 1.0 - local[axis] }).product()
+}
+
+/// Bytes that are not the integers that were expected.
+fn odd(field: &'static str, expected: usize, problem: Malformed) -> FieldError {
+    let problem = match problem {
+        Malformed::Count { got } => Problem::Length { expected, got },
+        Malformed::Truncated | Malformed::TooLarge => Problem::Malformed,
+    };
+    FieldError { field, problem }
 }
 
 fn unknown(field: &'static str, id: u32) -> FieldError {

@@ -24,6 +24,12 @@ pub enum ReplicaError {
         /// Version of the state.
         got: u64,
     },
+    /// A state is differences to a reference that did not come.
+    #[error("state refers to that of step {got}, which did not come")]
+    NoReference {
+        /// Step of the reference.
+        got: u64,
+    },
     /// The surface is not the server's.
     #[error("surface hash at version {topology_version} is {computed:016x}, server says {expected:016x}")]
     HashMismatch {
@@ -69,7 +75,11 @@ impl ReplicaError {
     #[must_use]
     pub fn needs_keyframe(&self) -> bool {
         match self {
-            Self::NoKeyframe | Self::Fragments | Self::PatchOfOtherVersion { .. } | Self::HashMismatch { .. } => true,
+            Self::NoKeyframe
+            | Self::Fragments
+            | Self::NoReference { .. }
+            | Self::PatchOfOtherVersion { .. }
+            | Self::HashMismatch { .. } => true,
             Self::StateOfOtherVersion { have, got } => got > have,
             Self::BodyCount { message, .. } | Self::Field { message, .. } => *message != "state",
         }
@@ -103,6 +113,15 @@ pub enum Problem {
         /// Where in the array.
         index: usize,
     },
+    /// A length that is none.
+    #[error("{got} is not above 0")]
+    NotPositive {
+        /// The length.
+        got: f64,
+    },
+    /// Bytes that are no integers.
+    #[error("no integers as the protocol writes them")]
+    Malformed,
     /// Ids do not ascend.
     #[error("entry {index}, id {id}, is not above the one before it")]
     NotAscending {

@@ -33,6 +33,8 @@ pub struct Replica {
 #[derive(Clone, Debug)]
 struct Structure {
     topology_version: u64,
+    /// Step of the reference of the displacements, once one has come.
+    reference_step: Option<u64>,
     bodies: Vec<Body>,
 }
 
@@ -73,7 +75,7 @@ impl Replica {
             body.change(structure).map_err(|source| ReplicaError::field("keyframe", index, source))?;
         }
         check_hash(&bodies, keyframe.topology_version, keyframe.surface_hash)?;
-        self.structure = Some(Structure { topology_version: keyframe.topology_version, bodies });
+        self.structure = Some(Structure { topology_version: keyframe.topology_version, reference_step: None, bodies });
         self.moment = None;
         Ok(())
     }
@@ -93,20 +95,22 @@ impl Replica {
         }
         check_body_count("patch", structure.bodies.len(), patch.bodies.len())?;
         // Taken out, so that a patch that fails half-way leaves nothing half-changed behind.
-        let Some(Structure { mut bodies, .. }) = self.structure.take() else { return Err(ReplicaError::NoKeyframe) };
+        let Some(Structure { mut bodies, reference_step, .. }) = self.structure.take() else {
+            return Err(ReplicaError::NoKeyframe);
+        };
         self.moment = None;
         for (index, (body, change)) in bodies.iter_mut().zip(&patch.bodies).enumerate() {
             body.change(change).map_err(|source| ReplicaError::field("patch", index, source))?;
         }
         check_hash(&bodies, patch.to_version, patch.surface_hash)?;
-        self.structure = Some(Structure { topology_version: patch.to_version, bodies });
+        self.structure = Some(Structure { topology_version: patch.to_version, reference_step, bodies });
         Ok(())
     }
 
     /// Moves the nodes.
     ///
     /// # Errors
-    /// No keyframe yet, another version, or a field that is not valid.
+    /// No keyframe yet, another version or reference, or a field that is not valid.
     pub fn apply_state(&mut self, state: &v1::State) -> Result<(), ReplicaError> {
         let structure = self.structure.as_mut().ok_or(ReplicaError::NoKeyframe)?;
         if state.topology_version != structure.topology_version {
@@ -116,12 +120,18 @@ impl Replica {
             });
         }
         check_body_count("state", structure.bodies.len(), state.bodies.len())?;
-        for (index, (body, moved)) in structure.bodies.iter().zip(&state.bodies).enumerate() {
-            body.check_state(moved).map_err(|source| ReplicaError::field("state", index, source))?;
+        if !state.has_reference && structure.reference_step != Some(state.reference_step) {
+            return Err(ReplicaError::NoReference { got: state.reference_step });
         }
-        for (body, moved) in structure.bodies.iter_mut().zip(&state.bodies) {
+        let bodies = structure.bodies.iter().zip(&state.bodies).enumerate();
+        let moved = bodies.map(|(index, (body, moved))| {
+            body.read_state(moved, state.has_reference).map_err(|source| ReplicaError::field("state", index, source))
+        });
+        let moved: Vec<_> = moved.collect::<Result<_, _>>()?;
+        for (body, moved) in structure.bodies.iter_mut().zip(moved) {
             body.displace(moved);
         }
+        structure.reference_step = Some(state.reference_step);
         self.moment = Some(Moment { step: state.step, sim_time_s: state.sim_time_s });
         Ok(())
     }

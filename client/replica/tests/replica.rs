@@ -1,9 +1,15 @@
 //! A replica fed with messages made by hand: one element, one quad, and what can go wrong.
 
-use kerf_proto::v1;
+use kerf_proto::{integers, v1};
 use kerf_replica::{Face, Problem, Replica, ReplicaError, surface_hash};
 
 const CORNERS: u32 = 8;
+/// Every length below is a multiple of it.
+const QUANTUM_M: f64 = 1.0 / 64.0;
+
+fn quanta(lengths_m: &[f32]) -> Vec<u8> {
+    integers::encode(lengths_m.iter().map(|length_m| (f64::from(*length_m) / QUANTUM_M) as i64))
+}
 
 /// The unit cube as one element, with the quad of its top face.
 fn cube() -> v1::BodyStructure {
@@ -18,6 +24,7 @@ fn cube() -> v1::BodyStructure {
         vertex_local: vec![0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0],
         quad_ids: vec![7],
         quad_vertices: vec![10, 20, 30, 40],
+        quantum_m: QUANTUM_M,
         ..Default::default()
     }
 }
@@ -32,7 +39,8 @@ fn state(topology_version: u64, node_displacements_m: Vec<f32>) -> v1::State {
         topology_version,
         step: 42,
         sim_time_s: 0.042,
-        bodies: vec![v1::BodyState { node_displacements_m, ..Default::default() }],
+        bodies: vec![v1::BodyState { displacements: quanta(&node_displacements_m).into(), ..Default::default() }],
+        has_reference: true,
         ..Default::default()
     }
 }
@@ -214,7 +222,7 @@ fn truncated_arrays_name_the_field() {
     assert_eq!(problem_of(body), ("vertex_elements", Problem::Length { expected: 4, got: 3 }));
 
     let error = cube_replica().apply_state(&state(3, vec![0.0; 23])).expect_err("short");
-    assert_eq!(error.to_string(), "state.bodies[0].node_displacements_m: 23 entries, 24 expected");
+    assert_eq!(error.to_string(), "state.bodies[0].displacements: 23 entries, 24 expected");
 }
 
 #[test]
@@ -239,23 +247,57 @@ fn odd_numbers_are_refused() {
     let (field, problem) = problem_of(v1::BodyStructure { node_count: u32::MAX, ..cube() });
     assert_eq!(field, "node_count");
     assert!(matches!(problem, Problem::Range { got: u32::MAX, .. }));
-    let mut displacements_m = vec![0.0; 24];
-    displacements_m[3] = f32::INFINITY;
-    let error = cube_replica().apply_state(&state(3, displacements_m)).expect_err("infinite");
-    assert_eq!(error.to_string(), "state.bodies[0].node_displacements_m: entry 3 is not finite");
+    let body = v1::BodyStructure { quantum_m: 0.0, ..cube() };
+    assert_eq!(problem_of(body), ("quantum_m", Problem::NotPositive { got: 0.0 }));
+    let mut cut_off = state(3, vec![1.0; 24]);
+    cut_off.bodies[0].displacements.truncate(47);
+    let error = cube_replica().apply_state(&cut_off).expect_err("an integer that is not whole");
+    assert_eq!(error.to_string(), "state.bodies[0].displacements: no integers as the protocol writes them");
 }
 
-fn adapted(ids: &[u32], offsets_m: &[f32]) -> v1::State {
+/// `steps` are the ids, each less the one before.
+fn adapted(steps: &[i64], offsets_m: &[f32]) -> v1::State {
     let mut state = state(3, vec![0.0; 24]);
-    state.bodies[0].adapted_vertex_ids = ids.to_vec();
-    state.bodies[0].adapted_offsets_m = offsets_m.to_vec();
+    state.bodies[0].adapted_ids = integers::encode(steps.iter().copied()).into();
+    state.bodies[0].adapted_offsets = quanta(offsets_m).into();
     state
+}
+
+#[test]
+fn a_state_is_differences_to_the_reference_that_came_last() {
+    let mut replica = cube_replica();
+    let at = |replica: &Replica| replica.surfaces().expect("state came")[0].positions_m[0];
+    let mut first = state(3, vec![0.25; 24]);
+    first.reference_step = 40;
+    first.bodies[0].reference = quanta(&[1.0; 24]).into();
+    replica.apply_state(&first).expect("it brings its reference");
+    assert_eq!(at(&replica), [1.25, 2.25, 1.25]);
+
+    let second = v1::State { reference_step: 40, has_reference: false, ..state(3, vec![-0.5; 24]) };
+    replica.apply_state(&second).expect("the reference came before");
+    assert_eq!(at(&replica), [0.5, 1.5, 0.5]);
+
+    let other = v1::State { reference_step: 41, ..second };
+    let error = replica.apply_state(&other).expect_err("another reference");
+    assert_eq!(error, ReplicaError::NoReference { got: 41 });
+    assert!(error.needs_keyframe());
+
+    // A slot that is newer than the reference has none.
+    replica.apply_patch(&patch()).expect("valid patch");
+    let third = v1::State { topology_version: 5, reference_step: 40, has_reference: false, ..state(5, vec![0.0; 27]) };
+    replica.apply_state(&third).expect("the reference outlives a patch");
+    let positions_m = &replica.surfaces().expect("state came")[0].positions_m;
+    assert_eq!((positions_m[0], positions_m[3]), ([1.0, 2.0, 1.0], [2.0, 1.0, 0.0]));
+
+    replica.apply_keyframe(&keyframe(cube())).expect("valid");
+    let after = v1::State { reference_step: 40, has_reference: false, ..state(3, vec![0.0; 24]) };
+    assert_eq!(replica.apply_state(&after), Err(ReplicaError::NoReference { got: 40 }));
 }
 
 #[test]
 fn adapted_vertices_are_shown_off_their_elements_until_the_next_state() {
     let mut replica = cube_replica();
-    let state = adapted(&[20, 40], &[0.0, -0.25, 0.0, 0.5, 0.0, 0.0]);
+    let state = adapted(&[20, 20], &[0.0, -0.25, 0.0, 0.5, 0.0, 0.0]);
     replica.apply_state(&state).expect("matching state");
     let positions_m = replica.surfaces().expect("state came")[0].positions_m.clone();
     assert_eq!(positions_m, [[0.0, 1.0, 0.0], [0.0, 0.75, 1.0], [1.0, 1.0, 1.0], [1.5, 1.0, 0.0]]);
@@ -268,10 +310,9 @@ fn adapted_vertices_that_make_no_sense_are_refused_and_change_nothing() {
     let mut replica = cube_replica();
     replica.apply_state(&adapted(&[20], &[0.0, -0.25, 0.0])).expect("matching state");
     let cases = [
-        (adapted(&[20], &[0.0; 2]), "adapted_offsets_m: 2 entries, 3 expected"),
-        (adapted(&[20, 20], &[0.0; 6]), "adapted_vertex_ids: entry 1, id 20, is not above the one before it"),
-        (adapted(&[20], &[0.0, f32::NAN, 0.0]), "adapted_offsets_m: entry 1 is not finite"),
-        (adapted(&[21], &[0.0; 3]), "adapted_vertex_ids: id 21 does not exist"),
+        (adapted(&[20], &[0.25; 2]), "adapted_offsets: 2 entries, 3 expected"),
+        (adapted(&[20, 0], &[0.25; 6]), "adapted_ids: entry 1, id 20, is not above the one before it"),
+        (adapted(&[21], &[0.25; 3]), "adapted_ids: id 21 does not exist"),
     ];
     for (state, problem) in cases {
         let error = replica.apply_state(&state).expect_err(problem);
@@ -316,4 +357,10 @@ fn a_vertex_beside_what_is_held_moves_by_its_own_weights_until_it_comes_anew() {
     replica.apply_patch(&patch).expect("a valid patch");
     replica.apply_state(&state(4, moved)).expect("a valid state");
     assert_eq!(at(&replica), [[0.25, 1.0, 0.0], [0.25, 1.0, 1.0]]);
+}
+
+#[test]
+fn the_surface_hash_is_that_of_the_protocol_s_example() {
+    // docs/protocol.md, worked out there by another program.
+    assert_eq!(surface_hash(&[cube()]), 0x2f18_1873_400e_9fbc);
 }

@@ -14,6 +14,31 @@ import {
 import { Body } from "../src/decode/body";
 import { surfaceHash } from "../src/decode/hash";
 
+/** Unit of displacements, m. */
+export const QUANTUM_M = 2 ** -22;
+
+/** Integers as kerf/v1/view.proto has them. */
+export function integers(values: readonly number[]): Uint8Array<ArrayBuffer> {
+  const bytes: number[] = [];
+  const put = (value: number) => {
+    for (; value > 127; value = Math.floor(value / 128)) bytes.push((value % 128) + 128);
+    bytes.push(value);
+  };
+  for (let i = 0; i < values.length; i++) {
+    put(values[i] < 0 ? -2 * values[i] - 1 : 2 * values[i]);
+    if (values[i] !== 0) continue;
+    const first = i;
+    while (values[i + 1] === 0) i++;
+    put(i - first);
+  }
+  return Uint8Array.from(bytes);
+}
+
+/** Lengths in quanta, as the wire has them. */
+export function quanta(lengthsM: readonly number[]): Uint8Array<ArrayBuffer> {
+  return integers(lengthsM.map((lengthM) => Math.round(lengthM / QUANTUM_M)));
+}
+
 export const CORNERS = [0, 1, 2, 3, 4, 5, 6, 7];
 
 /** Rest positions of the corners of the unit cube. */
@@ -32,6 +57,7 @@ export function cube(): BodyStructure {
     vertexLocal: [0, 1, 0, 0, 1, 1, 1, 1, 1, 1, 1, 0],
     quadIds: [7],
     quadVertices: [10, 20, 30, 40],
+    quantumM: QUANTUM_M,
   });
 }
 
@@ -73,6 +99,7 @@ export function cutPatch(): TopologyPatch {
     vertexLocal: [0, 1, 0, 0, 1, 1, 1, 1, 1, 1, 1, 0, 0, 1, 0],
     quadIds: [6, 7],
     quadVertices: [40, 30, 20, 50, 10, 20, 30, 40],
+    quantumM: QUANTUM_M,
   });
   return create(TopologyPatchSchema, {
     fromVersion: 3n,
@@ -82,8 +109,9 @@ export function cutPatch(): TopologyPatch {
   });
 }
 
-export function state(nodeDisplacementsM: number[], topologyVersion = 3n): State {
-  return create(StateSchema, { topologyVersion, step: 42n, bodies: [{ nodeDisplacementsM }] });
+export function state(displacementsM: number[], topologyVersion = 3n): State {
+  const bodies = [{ displacements: quanta(displacementsM) }];
+  return create(StateSchema, { topologyVersion, step: 42n, bodies, hasReference: true });
 }
 
 /** A square slab of elements with `perElement` x `perElement` quads on the top of each. */
@@ -125,5 +153,6 @@ export function slab(elements: number, perElement: number): BodyStructure {
     vertexLocal,
     quadIds: range(across * across).map((quad) => 2 * quad),
     quadVertices,
+    quantumM: QUANTUM_M,
   });
 }

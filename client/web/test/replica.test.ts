@@ -1,9 +1,10 @@
 import { create } from "@bufbuild/protobuf";
 import { describe, expect, test } from "vitest";
 import { ReplicaError } from "../src/decode/check";
+import { decodeExactly } from "../src/decode/integers";
 import { Replica } from "../src/decode/replica";
 import { BodyStructureSchema, KeyframeSchema } from "../src/gen/kerf/v1/view_pb";
-import { CORNERS, cube, cutPatch, keyframe, state, UNIT_CUBE } from "./messages";
+import { CORNERS, cube, cutPatch, integers, keyframe, quanta, QUANTUM_M, state, UNIT_CUBE } from "./messages";
 
 /** The error that something is refused with. */
 function refusal(act: () => void): ReplicaError {
@@ -37,11 +38,35 @@ describe("the surface hash", () => {
       vertexLocal: [0, -0, 1, 0.1, 0.25, 0.7, 1, 0.5, 1e-30, 0.5, 0.5, 0.5],
       quadIds: [1, 4_294_967_294],
       quadVertices: [...ids, ...ids.toReversed()],
+      quantumM: QUANTUM_M,
     });
     const frame = create(KeyframeSchema, { bodies: [body, body], surfaceHash: 0x6411_8ce0_7d49_23ban });
     new Replica().applyKeyframe(frame);
     frame.surfaceHash ^= 1n;
     expect(refusal(() => new Replica().applyKeyframe(frame)).message).toContain("64118ce07d4923ba");
+  });
+});
+
+describe("integers", () => {
+  test("are read as the protocol's example has them", () => {
+    // docs/protocol.md, worked out by hand there.
+    const values = [0, 0, 0, -1, 3, 150, 0];
+    const bytes = Uint8Array.of(0x00, 0x02, 0x01, 0x06, 0xac, 0x02, 0x00, 0x00);
+    expect(integers(values)).toEqual(bytes);
+    const out = new Int32Array(7);
+    decodeExactly("field", bytes, out);
+    expect([...out]).toEqual(values);
+    expect(() => decodeExactly("field", bytes, new Int32Array(6))).toThrow("more than 6");
+    expect(() => decodeExactly("field", bytes, new Int32Array(8))).toThrow("7 entries");
+    const large = new Float64Array(2);
+    decodeExactly("field", integers([4_294_967_295, -4_294_967_295]), large);
+    expect([...large]).toEqual([4_294_967_295, -4_294_967_295]);
+  });
+
+  test("that end too early, or never, are refused", () => {
+    for (const bytes of [[0x80], [0], Array<number>(20).fill(0xff)]) {
+      expect(() => decodeExactly("field", Uint8Array.from(bytes), new Int32Array(1))).toThrow("no integers");
+    }
   });
 });
 
@@ -74,21 +99,46 @@ describe("a replica", () => {
   test("names the field that is wrong", () => {
     const replica = cubeReplica();
     expect(refusal(() => replica.applyState(state([1]))).message).toBe(
-      "state.bodies[0].node_displacements_m: 1 entries, 24 expected",
+      "state.bodies[0].displacements: 1 entries, 24 expected",
     );
-    const infinite = Array<number>(24).fill(0).with(5, Number.POSITIVE_INFINITY);
-    expect(refusal(() => replica.applyState(state(infinite))).message).toContain("entry 5 is not finite");
+    const cutOff = state(Array<number>(24).fill(1));
+    cutOff.bodies[0].displacements = cutOff.bodies[0].displacements.subarray(0, -1);
+    expect(refusal(() => replica.applyState(cutOff)).message).toContain("displacements: no integers");
     const wrong: [string, Partial<ReturnType<typeof cube>>][] = [
       ["element_nodes: id 8", { elementNodes: CORNERS.with(0, 8) }],
       ["vertex_elements: id 4", { vertexElements: [5, 5, 4, 5] }],
       ["quad_vertices: id 11", { quadVertices: [10, 20, 30, 11] }],
       ["vertex_ids: entry 2", { vertexIds: [10, 20, 20, 40] }],
       ["node_count", { nodeCount: 4e9 }],
+      ["quantum_m", { quantumM: 0 }],
     ];
     for (const [field, change] of wrong) {
       const frame = create(KeyframeSchema, { bodies: [{ ...cube(), ...change }] });
       expect(refusal(() => replica.applyKeyframe(frame)).message).toContain(`keyframe.bodies[0].${field}`);
     }
+  });
+
+  test("takes displacements as differences to the reference that came last", () => {
+    const replica = cubeReplica();
+    const moved = () => replica.bodies[0].nodeDisplacement[4];
+    const first = state(Array<number>(24).fill(0.25));
+    first.referenceStep = 40n;
+    first.bodies[0].reference = quanta(Array<number>(24).fill(1));
+    replica.applyState(first);
+    expect(moved()).toBe(1.25);
+    const second = state(Array<number>(24).fill(-0.5));
+    second.hasReference = false;
+    second.referenceStep = 40n;
+    replica.applyState(second);
+    expect(moved()).toBe(0.5);
+    const other = { ...second, referenceStep: 41n };
+    expect(refusal(() => replica.applyState(other)).needsKeyframe).toBe(true);
+    // A slot that is newer than the reference has none.
+    replica.applyPatch(cutPatch());
+    replica.applyState({ ...state(Array<number>(27).fill(0), 5n), hasReference: false, referenceStep: 40n });
+    expect([moved(), replica.bodies[0].nodeDisplacement[24]]).toEqual([1, 0]);
+    replica.applyKeyframe(keyframe([cube()]));
+    expect(refusal(() => replica.applyState(second)).needsKeyframe).toBe(true);
   });
 
   test("has no structure left after a patch that leads to another surface", () => {

@@ -3,7 +3,7 @@ import { expect, test } from "vitest";
 import { Replica } from "../src/decode/replica";
 import { BodySurface } from "../src/decode/surface";
 import { type BodyStructure, BodyStructureSchema, StateSchema } from "../src/gen/kerf/v1/view_pb";
-import { cube, cutPatch, keyframe, slab, state, UNIT_CUBE } from "./messages";
+import { cube, cutPatch, integers, keyframe, quanta, slab, state, UNIT_CUBE } from "./messages";
 
 function surfaceOf(structure: BodyStructure): { replica: Replica; surface: BodySurface } {
   const replica = new Replica();
@@ -51,11 +51,11 @@ test("a vertex beside what is held moves by its own weights until it comes anew"
 test("adapted vertices are shown at their offset, in the state that has them and in no other", () => {
   const { replica, surface } = surfaceOf(cube());
   surface.restructure();
-  const nodeDisplacementsM = Array<number>(24).fill(0);
-  const adapted = { nodeDisplacementsM, adaptedVertexIds: [20], adaptedOffsetsM: [0, -0.5, 0] };
-  replica.applyState(create(StateSchema, { topologyVersion: 3n, bodies: [adapted] }));
+  const still = Array<number>(24).fill(0);
+  const adapted = { displacements: quanta(still), adaptedIds: integers([20]), adaptedOffsets: quanta([0, -0.5, 0]) };
+  replica.applyState(create(StateSchema, { topologyVersion: 3n, bodies: [adapted], hasReference: true }));
   expect(surface.shape().positions[4]).toBeCloseTo(0.5);
-  replica.applyState(state(nodeDisplacementsM));
+  replica.applyState(state(still));
   expect(surface.shape().positions[4]).toBeCloseTo(1);
 });
 

@@ -7,6 +7,7 @@
 pub mod check;
 pub mod config;
 mod convert;
+mod encode;
 mod grpc;
 mod incoming;
 pub mod machine;
@@ -23,9 +24,10 @@ pub mod serve;
 mod shutdown;
 pub mod simulate;
 
-/// Structure as viewers get it over the wire.
+/// Structure and states as viewers get them over the wire.
 pub mod wire {
     pub use crate::convert::view::{keyframe, patch};
+    pub use crate::encode::{EncodedState, Encoder, Encoding, HeldReference};
 }
 mod status;
 mod telemetry;

@@ -64,7 +64,7 @@ pub struct ToolReport {
 }
 
 /// Where everything is.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct ViewState {
     pub(crate) place: Place,
     /// Version of the structure it belongs to.
@@ -88,6 +88,14 @@ pub struct ViewState {
     pub times: StepTimes,
     /// When it was published, ns on the server's monotonic clock.
     pub published_ns: u64,
+}
+
+impl ViewState {
+    /// Rises when the scene starts over or goes back: versions, steps and node slots mean something else then.
+    #[must_use]
+    pub fn epoch(&self) -> u64 {
+        self.place.epoch
+    }
 }
 
 /// Something that happened to a session.

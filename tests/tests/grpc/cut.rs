@@ -182,7 +182,9 @@ async fn replicas_have_the_servers_surface_at_every_version_of_a_cut() {
     for watcher in [&first, &second] {
         let versions: Vec<u64> = watcher.structures.iter().map(|structure| structure.version).collect();
         assert!(versions[0] <= half_way, "the patches of the second half come as patches");
-        assert_eq!(versions, (versions[0]..=version).collect::<Vec<_>>(), "a keyframe, then every patch");
+        // Each patch applied, so there was no gap; several steps' changes come as one.
+        assert!(versions.is_sorted_by(|a, b| a < b) && versions.last() == Some(&version), "{versions:?} to {version}");
+        assert!(versions.len() > 3, "a keyframe, then patches: {versions:?}");
         for (index, structure) in watcher.structures.iter().enumerate() {
             assert_eq!(structure.source, if index == 0 { Source::Keyframe } else { Source::Patch });
             assert_eq!(structure.hash, structure.stated_hash, "{structure:?}");
@@ -227,6 +229,7 @@ async fn a_viewer_that_falls_off_the_structure_log_goes_on_from_a_keyframe() {
     let mut harness = Harness::with(|config| {
         no_expiry(config);
         config.session.max_log_patches = KEPT;
+        config.session.view_rate_hz = 500.0;
     })
     .await;
     let session = harness.create().await.unwrap();

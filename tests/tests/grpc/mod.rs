@@ -11,4 +11,5 @@ mod hostile;
 mod lifecycle;
 mod own_scenes;
 mod stale;
+mod vectors;
 mod view;

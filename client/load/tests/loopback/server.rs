@@ -101,6 +101,7 @@ fn structure() -> v1::BodyStructure {
         vertex_local: corners.flat_map(|corner| corner.map(|bit| bit as f32)).collect(),
         quad_ids: vec![0, 2],
         quad_vertices: vec![0, 1, 5, 4, 2, 6, 7, 3],
+        quantum_m: 1e-4,
         ..Default::default()
     }
 }
@@ -138,7 +139,8 @@ fn state(topology_version: u64, step: u64) -> view_response::Message {
         topology_version,
         step,
         sim_time_s: step as f64 * STEP_S,
-        bodies: vec![v1::BodyState { node_displacements_m: vec![0.0; 24], ..Default::default() }],
+        bodies: vec![v1::BodyState { displacements: vec![0, 23].into(), ..Default::default() }],
+        has_reference: true,
         late_steps: step / 10,
         profile: Some(v1::StepProfile { steps: 10, step_mean_s: 5e-4, step_max_s: 2e-3, ..Default::default() }),
         ..Default::default()

@@ -2,10 +2,11 @@
 
 import type { BodyState, BodyStructure } from "../gen/kerf/v1/view_pb";
 import { checkAscending, checkFinite, checkLength, FieldError, unknownId } from "./check";
+import { decodeExactly, decodeIntegers } from "./integers";
 import { add, quadHash, subtract, vertexHash, type Word } from "./hash";
 import { grown, Slots } from "./store";
 
-/** More node slots than any message of a state can carry displacements for. */
+/** Most node slots of an object: 12 bytes for each are still one message. */
 const MAX_NODES = (64 << 20) / 12;
 
 /** Every vertex refers to an element, every element to nodes, every quad to vertices that exist. */
@@ -15,6 +16,12 @@ export class Body {
   nodeRest = new Float32Array(0);
   /** Displacement by node slot, m. */
   nodeDisplacement = new Float32Array(0);
+  /** Unit of what comes with states, m. */
+  private quantum = 0;
+  /** What displacements are differences to, in quanta, by node slot; and what the state in hand has there. */
+  private reference = new Int32Array(0);
+  private newReference = new Int32Array(0);
+  private differences = new Int32Array(0);
 
   private readonly elements = new Slots();
   /** Eight node slots by element slot; corner c at (c & 1, c >> 1 & 1, c >> 2). */
@@ -35,9 +42,12 @@ export class Body {
   quadIsCut = new Uint8Array(0);
   private quadHashes = new Uint32Array(0);
 
+  /** What the state in hand says of vertices that are adapted: slots, and offsets in quanta. */
+  private readSlots: ArrayLike<number> = [];
+  private readOffsets: ArrayLike<number> = [];
   /** Vertices that are not where their elements have them, and their offsets, m. */
   adaptedSlots = new Uint32Array(0);
-  adaptedOffsets: readonly number[] = [];
+  adaptedOffsets = new Float32Array(0);
 
   /** Sum of the hashes of the vertices and quads, kept as they come. */
   readonly hashSum: Word = { hi: 0, lo: 0 };
@@ -54,8 +64,14 @@ export class Body {
     return this.quads.count;
   }
 
+  /** Where a vertex is in the arrays above. */
+  vertexSlot(id: number): number | undefined {
+    return this.vertices.get(id);
+  }
+
   /** Applies what a keyframe (to an empty body) or a patch says. After an error the body is not to be used. */
   change(change: BodyStructure): void {
+    this.setQuantum(change);
     this.upsertNodes(change);
     this.upsertElements(change);
     this.upsertVertices(change);
@@ -63,22 +79,62 @@ export class Body {
     this.upsertQuads(change);
   }
 
-  /** Refuses a state that cannot be applied, before any of it is. */
-  checkState(state: BodyState): void {
-    checkLength("node_displacements_m", state.nodeDisplacementsM, 3 * this.nodeCount);
-    checkFinite("node_displacements_m", state.nodeDisplacementsM);
-    checkLength("adapted_offsets_m", state.adaptedOffsetsM, 3 * state.adaptedVertexIds.length);
-    checkFinite("adapted_offsets_m", state.adaptedOffsetsM);
-    for (const id of state.adaptedVertexIds) {
-      if (this.vertices.get(id) === undefined) throw unknownId("adapted_vertex_ids", id);
+  /** Reads a state, which is refused before any of it is taken over; `displace` takes it over. */
+  readState(state: BodyState, hasReference: boolean): void {
+    if (this.differences.length !== 3 * this.nodeCount) {
+      const reference = new Int32Array(3 * this.nodeCount);
+      reference.set(this.reference);
+      this.reference = reference;
+      this.newReference = new Int32Array(3 * this.nodeCount);
+      this.differences = new Int32Array(3 * this.nodeCount);
     }
+    decodeExactly("displacements", state.displacements, this.differences);
+    if (hasReference) {
+      this.newReference.fill(0);
+      decodeIntegers("reference", state.reference, this.newReference);
+    }
+    this.readAdapted(state);
   }
 
-  /** Takes over a state that `checkState` has found valid. */
-  displace(state: BodyState): void {
-    this.nodeDisplacement.set(state.nodeDisplacementsM);
-    this.adaptedSlots = Uint32Array.from(state.adaptedVertexIds, (id) => this.vertices.get(id)!);
-    this.adaptedOffsets = state.adaptedOffsetsM;
+  private readAdapted(state: BodyState): void {
+    if (state.adaptedIds.length === 0 && state.adaptedOffsets.length === 0) {
+      this.readSlots = this.readOffsets = [];
+      return;
+    }
+    const steps = new Float64Array(this.vertices.count);
+    const count = decodeIntegers("adapted_ids", state.adaptedIds, steps);
+    const slots = new Uint32Array(count);
+    for (let i = 0, id = 0; i < count; i++) {
+      id += steps[i];
+      const slot = this.vertices.get(id);
+      if (slot === undefined) throw unknownId("adapted_ids", id);
+      if (i > 0 && steps[i] <= 0) {
+        throw new FieldError("adapted_ids", `entry ${i}, id ${id}, is not above the one before it`);
+      }
+      slots[i] = slot;
+    }
+    const offsets = new Int32Array(3 * count);
+    decodeExactly("adapted_offsets", state.adaptedOffsets, offsets);
+    this.readSlots = slots;
+    this.readOffsets = offsets;
+  }
+
+  /** Takes over the state that `readState` has read. */
+  displace(hasReference: boolean): void {
+    if (hasReference) [this.reference, this.newReference] = [this.newReference, this.reference];
+    const { reference, differences, nodeDisplacement, quantum } = this;
+    for (let i = 0; i < differences.length; i++) nodeDisplacement[i] = (reference[i] + differences[i]) * quantum;
+    this.adaptedSlots = Uint32Array.from(this.readSlots);
+    this.adaptedOffsets = Float32Array.from(this.readOffsets, (offset) => offset * quantum);
+  }
+
+  private setQuantum(change: BodyStructure): void {
+    // A patch leaves it as it is.
+    if (change.quantumM === 0 && this.quantum > 0) return;
+    if (!(change.quantumM > 0 && change.quantumM < Infinity)) {
+      throw new FieldError("quantum_m", `${change.quantumM} is not above 0`);
+    }
+    this.quantum = change.quantumM;
   }
 
   private upsertNodes(change: BodyStructure): void {

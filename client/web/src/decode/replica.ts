@@ -11,6 +11,8 @@ import { surfaceHash } from "./hash";
 /** The objects at one version of their structure. */
 export class Replica {
   private version: bigint | undefined;
+  /** Step of the reference of the displacements, once one has come. */
+  private referenceStep: bigint | undefined;
   private objects: Body[] = [];
 
   /** The objects, in the order of the scene; none before the first keyframe. */
@@ -21,6 +23,7 @@ export class Replica {
   /** Replaces the whole structure. */
   applyKeyframe(keyframe: Keyframe): void {
     this.version = undefined;
+    this.referenceStep = undefined;
     this.objects = keyframe.bodies.map(() => new Body());
     this.change("keyframe", keyframe.bodies, keyframe.topologyVersion, keyframe.surfaceHash);
   }
@@ -44,8 +47,13 @@ export class Replica {
       throw new ReplicaError(`state of version ${state.topologyVersion}, not ${this.version}`, isAhead);
     }
     checkCount("state", state.bodies, this.objects);
-    this.each("state", state.bodies, (body, moved) => body.checkState(moved));
-    this.each("state", state.bodies, (body, moved) => body.displace(moved));
+    const { hasReference, referenceStep } = state;
+    if (!hasReference && referenceStep !== this.referenceStep) {
+      throw new ReplicaError(`state refers to that of step ${referenceStep}, which did not come`, true);
+    }
+    this.each("state", state.bodies, (body, moved) => body.readState(moved, hasReference));
+    for (const body of this.objects) body.displace(hasReference);
+    this.referenceStep = referenceStep;
   }
 
   private change(message: string, changes: BodyStructure[], version: bigint, hash: bigint): void {

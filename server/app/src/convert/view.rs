@@ -1,30 +1,21 @@
-//! Structure, state and events as viewers get them.
+//! Structure and events as viewers get them, and of a state what is no displacement.
 
 use kerf_physics::step_io::{Grasp, ToolOutput};
-use kerf_physics::surface::delta::{AdaptedVertex, BodyStructure, Keyframe, TopologyPatch};
+use kerf_physics::surface::delta::{BodyStructure, Keyframe, TopologyPatch};
 use kerf_proto::v1;
 use kerf_proto::v1::view_response::Message;
-use kerf_session::{SceneEvent, StepTimes, ViewEvent, ViewMessage, ViewState};
+use kerf_session::{SceneEvent, StepTimes, ViewEvent, ViewState};
 
 use super::scene::energy_ledger;
 use super::{fault, pose, wrench};
 
-/// What a viewer is told, with the energies if it wants them.
-pub fn view_message(message: &ViewMessage, wants_energy: bool) -> Message {
-    match message {
-        ViewMessage::Keyframe(structure) => Message::Keyframe(keyframe(structure)),
-        ViewMessage::Patch(change) => Message::Patch(patch(change)),
-        ViewMessage::State(now) => Message::State(state(now, wants_energy)),
-        ViewMessage::Event(happened) => event(happened),
-    }
-}
-
-/// A keyframe as it goes over the wire.
+/// A keyframe as it goes over the wire, with the unit of each object's displacements.
 #[must_use]
-pub fn keyframe(keyframe: &Keyframe) -> v1::Keyframe {
+pub fn keyframe(keyframe: &Keyframe, quanta_m: &[f64]) -> v1::Keyframe {
+    let bodies = keyframe.bodies.iter().zip(quanta_m);
     v1::Keyframe {
         topology_version: keyframe.topology_version,
-        bodies: keyframe.bodies.iter().map(body).collect(),
+        bodies: bodies.map(|(whole, quantum_m)| v1::BodyStructure { quantum_m: *quantum_m, ..body(whole) }).collect(),
         surface_hash: keyframe.surface_hash,
     }
 }
@@ -55,6 +46,7 @@ fn body(body: &BodyStructure) -> v1::BodyStructure {
         held_vertex_weights: body.held.iter().flat_map(|vertex| vertex.weights).collect(),
         quad_ids: body.quads.iter().map(|quad| quad.id).collect(),
         quad_vertices: body.quads.iter().flat_map(|quad| quad.vertices).collect(),
+        quantum_m: 0.0,
     }
 }
 
@@ -66,25 +58,17 @@ fn vertex_materials(body: &BodyStructure) -> Vec<u32> {
     }
 }
 
-fn state(state: &ViewState, wants_energy: bool) -> v1::State {
-    let bodies = state.node_displacements_m.iter().zip(&state.adapted);
+/// A state but for where the objects are, with energies.
+pub fn state_without_bodies(state: &ViewState) -> v1::State {
     v1::State {
         topology_version: state.topology_version,
         step: state.step,
         sim_time_s: state.sim_time_s,
-        bodies: bodies.map(|(displacements_m, adapted)| body_state(displacements_m, adapted)).collect(),
         tools: state.tools.iter().map(tool_state).collect(),
         late_steps: state.late_steps,
         profile: Some(profile(&state.times)),
-        energy: wants_energy.then(|| energy_ledger(&state.energy)),
-    }
-}
-
-fn body_state(node_displacements_m: &[f32], adapted: &[AdaptedVertex]) -> v1::BodyState {
-    v1::BodyState {
-        node_displacements_m: node_displacements_m.to_vec(),
-        adapted_vertex_ids: adapted.iter().map(|vertex| vertex.id).collect(),
-        adapted_offsets_m: adapted.iter().flat_map(|vertex| vertex.offset_m).collect(),
+        energy: Some(energy_ledger(&state.energy)),
+        ..v1::State::default()
     }
 }
 
@@ -110,7 +94,8 @@ fn profile(times: &StepTimes) -> v1::StepProfile {
     }
 }
 
-fn event(happened: &ViewEvent) -> Message {
+/// What happened, as viewers are told.
+pub fn event(happened: &ViewEvent) -> Message {
     let of = |kind: v1::EventKind| v1::Event { step: happened.step, kind: kind.into(), ..v1::Event::default() };
     Message::Event(match happened.event {
         SceneEvent::Fault(ref found) => return Message::Fault(fault(found)),

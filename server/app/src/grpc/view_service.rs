@@ -1,17 +1,18 @@
 //! Shows sessions to viewers.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use futures_util::stream;
 use kerf_proto::v1;
-use kerf_session::Registry;
+use kerf_session::{Registry, Session, SessionId};
 use tokio::sync::watch;
 use tonic::{Request, Response, Status};
 
 use super::view_stream::ViewStream;
 use super::{Outgoing, check_version, grant_rate_hz, token};
 use crate::config::ViewLimits;
+use crate::encode::{Encoder, Encoding};
 use crate::status::RequestError;
 
 /// The rate when a viewer states no wish: a screen's.
@@ -22,11 +23,12 @@ pub struct ViewService {
     registry: Arc<Registry>,
     limits: ViewLimits,
     viewers: Arc<Acknowledged>,
+    encoders: Encoders,
 }
 
 impl ViewService {
     pub fn new(registry: Arc<Registry>, limits: ViewLimits) -> Self {
-        Self { registry, limits, viewers: Arc::default() }
+        Self { registry, limits, viewers: Arc::default(), encoders: Encoders::default() }
     }
 }
 
@@ -39,6 +41,7 @@ impl v1::view_service_server::ViewService for ViewService {
         check_version(request.protocol_version)?;
         let max_hz = self.registry.limits().view_rate_hz;
         let rate_hz = grant_rate_hz("rate_hz", request.rate_hz, DEFAULT_RATE_HZ, max_hz)?;
+        let encoding = Encoding::granted(&request)?;
         let session = self.registry.get(&request.session_id).map_err(RequestError::from)?;
         let mut viewer = session.view().map_err(RequestError::from)?;
         // Half a published interval early is in time: the next one would be half an interval late.
@@ -50,7 +53,8 @@ impl v1::view_service_server::ViewService for ViewService {
             server_instance: self.registry.instance().to_string(),
             viewer: registered.name.clone(),
         };
-        let view = ViewStream::new(hello, viewer, acknowledged, request.wants_energy, &self.limits);
+        let encoder = self.encoders.of(&session, encoding);
+        let view = ViewStream::new(hello, viewer, acknowledged, encoder, request.wants_energy, &self.limits);
         let messages = stream::unfold((view, registered), |(mut view, registered)| async move {
             let event = view.next().await?;
             Some((Ok(event), (view, registered)))
@@ -65,6 +69,24 @@ impl v1::view_service_server::ViewService for ViewService {
         let v1::AcknowledgeRequest { viewer, number } = request.get_ref();
         self.viewers.acknowledge(viewer, *number)?;
         Ok(Response::new(v1::AcknowledgeResponse {}))
+    }
+}
+
+/// What encodes each session's states, for as long as anybody reads them.
+#[derive(Default)]
+struct Encoders(Mutex<HashMap<(SessionId, Encoding), Weak<Mutex<Encoder>>>>);
+
+impl Encoders {
+    fn of(&self, session: &Session, encoding: Encoding) -> Arc<Mutex<Encoder>> {
+        let mut encoders = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        encoders.retain(|_, encoder| encoder.strong_count() > 0);
+        let known = encoders.entry((session.id(), encoding)).or_default();
+        known.upgrade().unwrap_or_else(|| {
+            let voxel_sizes_m = session.object_stats().iter().map(|object| object.voxel_size_m);
+            let encoder = Arc::new(Mutex::new(Encoder::new(encoding, voxel_sizes_m)));
+            *known = Arc::downgrade(&encoder);
+            encoder
+        })
     }
 }
 

@@ -1,6 +1,7 @@
 //! One view stream: what its viewer gets, no faster than it reads.
 
 use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use kerf_proto::v1;
 use kerf_proto::v1::view_response::Message;
@@ -11,13 +12,16 @@ use tokio::sync::watch;
 
 use super::in_flight::InFlight;
 use crate::config::ViewLimits;
-use crate::convert::view::view_message;
+use crate::convert::view;
+use crate::encode::{Encoder, HeldReference};
 
 /// A viewer, and how far its client has read.
 pub struct ViewStream {
     viewer: Viewer,
     acknowledged: watch::Receiver<u64>,
     in_flight: InFlight,
+    encoder: Arc<Mutex<Encoder>>,
+    reference: Option<HeldReference>,
     wants_energy: bool,
     max_message_bytes: usize,
     /// The hello, or the fragments of a message.
@@ -29,6 +33,7 @@ impl ViewStream {
         hello: v1::ViewHello,
         viewer: Viewer,
         acknowledged: watch::Receiver<u64>,
+        encoder: Arc<Mutex<Encoder>>,
         wants_energy: bool,
         limits: &ViewLimits,
     ) -> Self {
@@ -36,6 +41,8 @@ impl ViewStream {
             viewer,
             acknowledged,
             in_flight: InFlight::new((limits.max_age_s * 1e9) as u64),
+            encoder,
+            reference: None,
             wants_energy,
             max_message_bytes: limits.max_message_bytes,
             ready: VecDeque::from([v1::ViewResponse { message: Some(Message::Hello(hello)), number: 0 }]),
@@ -66,12 +73,30 @@ impl ViewStream {
                 self.in_flight.send(MonotonicClock::now_ns())
             }
         };
-        let event = v1::ViewResponse { message: Some(view_message(&message, self.wants_energy)), number };
+        let event = v1::ViewResponse { message: Some(self.encode(&message)), number };
         if event.encoded_len() <= self.max_message_bytes {
             return Some(event);
         }
         self.ready.extend(fragments(&event, self.max_message_bytes));
         self.ready.pop_front()
+    }
+
+    fn encode(&mut self, message: &ViewMessage) -> Message {
+        let mut encoder = self.encoder.lock().unwrap_or_else(PoisonError::into_inner);
+        match message {
+            ViewMessage::Keyframe(structure) => {
+                // The viewer forgets what it had.
+                self.reference = None;
+                Message::Keyframe(view::keyframe(structure, encoder.quanta_m()))
+            }
+            ViewMessage::Patch(change) => Message::Patch(view::patch(change)),
+            ViewMessage::State(state) => {
+                let encoded = encoder.encode(state);
+                drop(encoder);
+                Message::State(encoded.message(&mut self.reference, self.wants_energy))
+            }
+            ViewMessage::Event(happened) => view::event(happened),
+        }
     }
 
     fn note_acknowledged(&mut self) {

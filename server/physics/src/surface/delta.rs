@@ -101,10 +101,60 @@ pub struct AdaptedVertex {
 pub struct TopologyPatch {
     /// Version it applies to.
     pub from_version: u64,
-    /// Version it leads to: `from_version + 1`.
+    /// Version it leads to: `from_version + 1`, unless others were appended.
     pub to_version: u64,
     /// One entry per object of the scene.
     pub bodies: Vec<BodyStructure>,
     /// Hash of the surface after it.
     pub surface_hash: u64,
+}
+
+impl TopologyPatch {
+    /// Goes on with the patch that begins where this one leads to.
+    pub fn append(&mut self, next: &Self) {
+        debug_assert_eq!(self.to_version, next.from_version);
+        self.to_version = next.to_version;
+        self.surface_hash = next.surface_hash;
+        for (body, next) in self.bodies.iter_mut().zip(&next.bodies) {
+            body.node_count = next.node_count;
+            upsert(&mut body.nodes, &next.nodes, |node| node.id);
+            upsert(&mut body.elements, &next.elements, |element| element.id);
+            upsert(&mut body.vertices, &next.vertices, |vertex| vertex.id);
+            upsert(&mut body.quads, &next.quads, |quad| quad.id);
+        }
+    }
+}
+
+/// Replaces the items whose ids come anew and adds the others; ids stay ascending.
+fn upsert<T: Copy>(items: &mut Vec<T>, new: &[T], id: impl Fn(&T) -> u32) {
+    // Of two with one id the later one comes last.
+    items.extend_from_slice(new);
+    items.sort_by_key(&id);
+    let mut kept = 0;
+    for index in 0..items.len() {
+        if items.get(index + 1).is_none_or(|next| id(next) != id(&items[index])) {
+            items[kept] = items[index];
+            kept += 1;
+        }
+    }
+    items.truncate(kept);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_patches_in_one_say_what_both_say_one_after_the_other() {
+        let node = |id, x| LatticeNode { id, rest_m: [x, 0.0, 0.0] };
+        let patch = |from_version, nodes: &[LatticeNode]| {
+            let body = BodyStructure { nodes: nodes.to_vec(), node_count: 9, ..BodyStructure::default() };
+            let surface_hash = from_version;
+            TopologyPatch { from_version, to_version: from_version + 1, bodies: vec![body], surface_hash }
+        };
+        let mut both = patch(3, &[node(2, 0.1), node(5, 0.2), node(7, 0.3)]);
+        both.append(&patch(4, &[node(1, 0.4), node(5, 0.5), node(8, 0.6)]));
+        let nodes = [node(1, 0.4), node(2, 0.1), node(5, 0.5), node(7, 0.3), node(8, 0.6)];
+        assert_eq!(both, TopologyPatch { from_version: 3, to_version: 5, surface_hash: 4, ..patch(4, &nodes) });
+    }
 }

@@ -111,6 +111,7 @@ impl SessionCore {
         // No step has led here: what tools felt before is of another world.
         self.tally.ended_ns = 0;
         self.owed_steps = 0;
+        self.views.forget_patch();
         self.publisher.start_over();
         self.publisher.event(self.world.output().step, event);
         if matches!(self.phase, Phase::Failed { .. }) {

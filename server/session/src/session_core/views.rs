@@ -2,6 +2,7 @@
 
 use kerf_physics::StageClock;
 use kerf_physics::step_io::StepOutput;
+use kerf_physics::surface::delta::TopologyPatch;
 
 use super::SessionCore;
 use crate::limits::to_ns;
@@ -15,11 +16,26 @@ pub(super) struct ViewSchedule {
     next_state_ns: u64,
     next_keyframe_ns: u64,
     times: StepTimes,
+    /// What steps have changed in the structure since the last state.
+    patch: Option<TopologyPatch>,
 }
 
 impl ViewSchedule {
     pub fn add_step(&mut self, output: &StepOutput, elapsed_ns: u64) {
         self.times.add(output, elapsed_ns);
+    }
+
+    /// Keeps what a step has changed until a state is published.
+    fn add_patch(&mut self, next: &TopologyPatch) {
+        match &mut self.patch {
+            Some(patch) => patch.append(next),
+            None => self.patch = Some(next.clone()),
+        }
+    }
+
+    /// The structure is replaced: what was changed in the old one is of no use.
+    pub fn forget_patch(&mut self) {
+        self.patch = None;
     }
 
     /// The next step is shown, whenever a state was published last.
@@ -29,27 +45,32 @@ impl ViewSchedule {
 }
 
 impl SessionCore {
-    /// Publishes structure as it changes and state as it falls due; nothing while nobody views.
+    /// Publishes state as it falls due, after what has changed in the structure since the last one; nothing while
+    /// nobody views.
     pub(super) fn serve_viewers(&mut self, now_ns: u64, clock: &dyn StageClock, stepped: bool) {
         if !self.publisher.is_viewed() {
             // Whoever comes next gets a keyframe of then.
             self.world.forget_surface();
+            self.views.forget_patch();
             return;
         }
-        let patch = if stepped { self.world.topology_patch() } else { None };
-        let mut structure_changed = patch.is_some();
-        if let Some(patch) = patch {
-            self.publisher.patch(patch.clone());
+        if let Some(patch) = self.world.topology_patch().filter(|_| stepped) {
+            self.views.add_patch(patch);
         }
-        if self.publisher.keyframe_wanted() && now_ns >= self.views.next_keyframe_ns {
+        let wants_keyframe = self.publisher.keyframe_wanted() && now_ns >= self.views.next_keyframe_ns;
+        // A session that stands owes the state of the structure that it stands with.
+        let owes_state = if stepped { now_ns >= self.views.next_state_ns } else { self.views.patch.is_some() };
+        if !wants_keyframe && !owes_state {
+            return;
+        }
+        if let Some(patch) = self.views.patch.take() {
+            self.publisher.patch(patch);
+        }
+        if wants_keyframe {
             self.views.next_keyframe_ns = now_ns + to_ns(self.limits.min_keyframe_interval_s);
             self.publisher.keyframe(self.world.keyframe());
-            structure_changed = true;
         }
-        // Structure is always followed by a state of the same version.
-        if structure_changed || (stepped && now_ns >= self.views.next_state_ns) {
-            self.publish_state(now_ns, clock);
-        }
+        self.publish_state(now_ns, clock);
     }
 
     fn publish_state(&mut self, now_ns: u64, clock: &dyn StageClock) {
