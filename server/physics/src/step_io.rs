@@ -181,6 +181,8 @@ pub struct FractureStep {
     pub spared_links: u32,
     /// Area that the fronts swept through intact material, m^2, reference configuration.
     pub cut_area_m2: f64,
+    /// Stations at the ends of cuts at which the energy release rate was taken: those whose surroundings had changed.
+    pub looks: u32,
 }
 
 /// Everything a step reports. Owned by the world and reused.

@@ -3,7 +3,7 @@
 use crate::body::{Body, TopologyChange};
 use crate::fracture::FrontBook;
 use crate::fracture::cohesive::CohesiveSprings;
-use crate::fracture::tear::Tearing;
+use crate::fracture::tear::{Tearing, Torn};
 use crate::grid::{Crossing, LinkId};
 
 /// Tearing in one body.
@@ -24,27 +24,27 @@ impl Pulled {
         Self { tearing: Tearing::of(body), cohesive: CohesiveSprings::default() }
     }
 
-    /// Concludes the step of the cohesive springs and, where the step `samples`, lets cuts go on; `front` is what the
-    /// body's blades have booked.
+    /// Concludes the step of the cohesive springs and lets cuts go on; `front` is what the body's blades have booked.
+    /// Returns how many ends of cuts were looked at too.
     pub(super) fn advance(
         &mut self,
         body: &Body,
         front: &FrontBook,
-        samples: bool,
         links: &mut Vec<(LinkId, Crossing)>,
-    ) -> FrontBook {
+    ) -> (FrontBook, u32) {
         let paid = self.cohesive.conclude(body);
-        let torn = self.tearing.advance(body, samples, links);
+        let Torn { cost: torn, looks } = self.tearing.advance(body, links);
         // What the blades' forces leave to the tissue.
         self.cohesive.owe(torn.fracture_j - front.slip_j);
-        FrontBook {
+        let book = FrontBook {
             stored_j: paid.stored_j,
             fracture_j: torn.fracture_j,
             slip_j: paid.dissipated_j - torn.fracture_j,
             numerical_j: paid.numerical_j,
             area_m2: torn.area_m2,
             ..FrontBook::default()
-        }
+        };
+        (book, looks)
     }
 
     /// Follows what parted.
