@@ -13,6 +13,7 @@ use super::sweep::{PartingCost, part_quad};
 use crate::Vec3;
 use crate::body::Body;
 use crate::grid::{Crossing, Grid, Ijk, Link, LinkId};
+use crate::hash::StateHasher;
 
 /// What is around a front that is at Gc holds about Gc times the square of an element's edge: within a radius r of a
 /// crack that is sheared along its front just Gc r per length (Irwin 1957). With less than this share of it a station
@@ -154,6 +155,15 @@ impl Tearing {
         let looks = due.len() as u32;
         self.due = due;
         Torn { cost: PartingCost::of(body, &mut links[first..]), looks }
+    }
+
+    /// Folds what of it does not follow from what is parted into a hash of state.
+    pub fn fold_into(&self, hasher: &mut StateHasher) {
+        hasher.word(self.step);
+        for station in self.stations.values() {
+            station.ends.iter().for_each(|end| hasher.floats(&[end.since_s]));
+            station.seen.iter().for_each(|seen| hasher.floats(&[seen.held_j, seen.drive]));
+        }
     }
 
     fn now_s(&self, body: &Body) -> f64 {

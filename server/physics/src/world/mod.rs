@@ -384,7 +384,7 @@ impl World {
 
     fn finish(&mut self) {
         let contacts = self.slots.iter_mut().flat_map(|s| &mut s.contacts);
-        self.contact_ledger.front.numerical_j += contacts.map(ToolContact::take_dropped_j).sum::<f64>();
+        self.contact_ledger.front.lost_j += contacts.map(ToolContact::take_dropped_j).sum::<f64>();
         self.contact_ledger.front.stored_j = self.slots.iter().map(|s| s.front_stored_j).sum();
         let before = self.output.energy;
         let ledgers = self.slots.iter().map(|s| &s.ledger);

@@ -5,6 +5,7 @@ use crate::fracture::FrontBook;
 use crate::fracture::cohesive::CohesiveSprings;
 use crate::fracture::tear::{Tearing, Torn};
 use crate::grid::{Crossing, LinkId};
+use crate::hash::StateHasher;
 
 /// Tearing in one body.
 #[derive(Clone)]
@@ -17,6 +18,12 @@ impl Pulled {
     /// Whether there is nothing to tear and no cohesive spring.
     pub(super) fn is_idle(&self) -> bool {
         self.tearing.is_empty() && self.cohesive.contacts.is_empty()
+    }
+
+    /// Folds it into a hash of state.
+    pub(super) fn fold_into(&self, hasher: &mut StateHasher) {
+        self.tearing.fold_into(hasher);
+        self.cohesive.fold_into(hasher);
     }
 
     /// From the cuts that a body has.
@@ -40,7 +47,7 @@ impl Pulled {
             stored_j: paid.stored_j,
             fracture_j: torn.fracture_j,
             slip_j: paid.dissipated_j - torn.fracture_j,
-            numerical_j: paid.numerical_j,
+            lost_j: paid.lost_j,
             area_m2: torn.area_m2,
             ..FrontBook::default()
         };
@@ -53,5 +60,23 @@ impl Pulled {
         if !change.split_nodes.is_empty() {
             self.cohesive.join(&change.split_nodes, &body.pull_n(), body.lattice_edge_m());
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_owed_for_a_tear_is_part_of_the_state() {
+        let hash = |pulled: &Pulled| {
+            let mut hasher = StateHasher::default();
+            pulled.fold_into(&mut hasher);
+            hasher.finish()
+        };
+        let mut pulled = Pulled { tearing: Tearing::default(), cohesive: CohesiveSprings::default() };
+        let before = hash(&pulled);
+        pulled.cohesive.owe(1.0);
+        assert_ne!(hash(&pulled), before);
     }
 }
