@@ -1,7 +1,8 @@
 //! The coarse part of the verification cases against bounds; `make verify` runs all of them.
 
 use kerf_system_tests::verification::{
-    Extent, Family, bending, cantilever, cutting, elements, half_space, link_rule, motion, release, tip_load, uniaxial,
+    Extent, Family, bending, cantilever, cutting, elements, half_space, link_rule, motion, release, tearing, tip_load,
+    uniaxial,
 };
 
 fn coarse(family: fn(Extent) -> anyhow::Result<Family>) -> Family {
@@ -119,4 +120,10 @@ fn steady_cuts_take_gc_per_width_and_release_gc_per_area() {
 #[test]
 fn the_force_of_a_cut_goes_with_width_slide_speed_and_region() {
     hold_checks(&coarse(cutting::variations::family), "");
+}
+
+#[test]
+fn a_tear_runs_at_the_speed_of_waves_whatever_the_step() {
+    let family = coarse(tearing::family);
+    hold(&family, "speed", 0.06);
 }

@@ -56,6 +56,7 @@ pub const ENERGY_TERMS: &[EnergyTerm] = &terms![
     Spent parting_j,
     Spent damping_j,
     Spent friction_j,
+    Spent contact_loss_j,
     Spent numerical_j,
     Spent residual_j,
 ];

@@ -84,18 +84,18 @@ pub fn book<'a>(
             + contact.front.damping_j,
         parting_j: sum(&|b| b.solved.elastic_j - b.after.elastic_j + b.solved.kinetic_j - b.after.kinetic_j),
         friction_j: contact.friction_j,
-        numerical_j: contact.front.numerical_j,
+        contact_loss_j: contact.front.lost_j + contact.spring_work_j - (contact.spring_stored_j - springs_before_j),
+        numerical_j: 0.0,
         residual_j: 0.0,
     };
     // Implicit Euler loses 1/2 dv^T M dv + 1/2 dx^T K dx, but for what linearising the elastic force
     // leaves: dU + f . dx - 1/2 dx^T K dx, with what dashpots took counted as dU.
-    energy.numerical_j += sum(&|b| {
+    energy.numerical_j = sum(&|b| {
         let step = &b.step.elements;
         let taken = b.solved.elastic_j - b.before.elastic_j + step.viscous_j;
         let linearisation = taken + step.force_work_j - step.elastic_j;
         step.inertial_j + step.elastic_j + b.step.geometric_j - linearisation - b.momentum_j - b.turned_j
     });
-    energy.numerical_j += contact.spring_work_j - (contact.spring_stored_j - springs_before_j);
     let stored =
         energy.elastic_j - elastic_before + energy.kinetic_j - kinetic_before + energy.contact_j - before.contact_j;
     energy.residual_j = energy.tool_work_j + energy.load_work_j
@@ -105,6 +105,7 @@ pub fn book<'a>(
         - energy.initiation_j
         - energy.damping_j
         - energy.friction_j
+        - energy.contact_loss_j
         - energy.parting_j
         - energy.numerical_j;
     energy

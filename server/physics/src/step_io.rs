@@ -127,7 +127,7 @@ pub struct ToolOutput {
 
 /// Energy booked in one step, J; positive terms leave the first line and enter the others:
 /// `tool + load = d elastic + d contact + d kinetic + fracture + front_slip + initiation + damping
-///  + friction + parting + numerical + residual`.
+///  + friction + contact_loss + parting + numerical + residual`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EnergyStep {
     /// Work done by tools on the tissue.
@@ -154,7 +154,11 @@ pub struct EnergyStep {
     /// Elastic energy that vanished as composite elements were split: what holding both sides in one
     /// trilinear field had cost.
     pub parting_j: f64,
-    /// Dissipation of the implicit Euler step and its linearisation, computed, not by difference.
+    /// What the springs of contact lost: of tools and fronts, between tissue and tissue, across what tension opens.
+    /// An implicit step takes half of `k dx^2` of a spring whose length it changes by dx; beside that a spring loses,
+    /// or is given, energy where it is let go, comes on or is anchored anew.
+    pub contact_loss_j: f64,
+    /// Dissipation of the implicit Euler step in the tissue and its linearisation, computed, not by difference.
     pub numerical_j: f64,
     /// What the terms above leave unexplained.
     pub residual_j: f64,
@@ -181,6 +185,8 @@ pub struct FractureStep {
     pub spared_links: u32,
     /// Area that the fronts swept through intact material, m^2, reference configuration.
     pub cut_area_m2: f64,
+    /// Stations at the ends of cuts at which the energy release rate was taken: those whose surroundings had changed.
+    pub looks: u32,
 }
 
 /// Everything a step reports. Owned by the world and reused.

@@ -26,13 +26,14 @@ fn report(name: &str, rig: &Rig, force_ratio: f64) {
     let (residual, residual_abs) = rig.residual_ratios();
     println!(
         "{name}: F/(Gc w) {force_ratio:.3}, highest {:.3} N, work/(Gc A) {work:.3}, A {area:.3e} m^2; of the tool's \
-         work: fracture {:.3} slip {:+.3} initiation {:.3} damping {:.3} parting {:+.4} numerical {:+.4} residual {residual:+.1e} ({residual_abs:.1e})",
+         work: fracture {:.3} slip {:+.3} initiation {:.3} damping {:.3} parting {:+.4} contact {:+.4} numerical {:+.4} residual {residual:+.1e} ({residual_abs:.1e})",
         rig.highest_force_n(),
         share(|s| s.energy.fracture_j),
         share(|s| s.energy.front_slip_j),
         share(|s| s.energy.initiation_j),
         share(|s| s.energy.damping_j),
         share(|s| s.energy.parting_j),
+        share(|s| s.energy.contact_loss_j),
         share(|s| s.energy.numerical_j),
     );
 }

@@ -219,12 +219,13 @@ fn real_tissue_gives_at_gc(level: u8) {
     let steady = (late(&|s| s.energy.tool_work_j) + begin - end) / late(&|s| s.energy.fracture_j);
     println!(
         "tissue, level {level}: gives at {:.1} mm, highest {:.2} Gc w, then F/(Gc w) {plateau:.3}, work/(Gc A) {work:.3}, beyond the snap {steady:.3}, A {area:.2e} m^2; \
-         slip {:+.3} initiation {:.3} parting {:+.3} numerical {:+.3} damping {:.3} of the tool's work, residual {residual:.1e} ({residual_abs:.1e})",
+         slip {:+.3} initiation {:.3} parting {:+.3} contact {:+.3} numerical {:+.3} damping {:.3} of the tool's work, residual {residual:.1e} ({residual_abs:.1e})",
         first * 1e3,
         rig.highest_force_n() / (gc * side),
         rig.sum(|s| s.energy.front_slip_j) / tool,
         rig.sum(|s| s.energy.initiation_j) / tool,
         rig.sum(|s| s.energy.parting_j) / tool,
+        rig.sum(|s| s.energy.contact_loss_j) / tool,
         rig.sum(|s| s.energy.numerical_j) / tool,
         rig.sum(|s| s.energy.damping_j) / tool,
     );

@@ -144,8 +144,8 @@ fn hold_release_rates(meshes: &[(u8, f64)]) {
     }
 }
 
-/// Parted links of a specimen whose material can be cut, that starts where `still` is at rest.
-fn torn(specimen: &Specimen, still: &Body, gc_j_per_m2: f64) -> u32 {
+/// A specimen whose material can be cut, that starts where `still` is at rest.
+fn cuttable(specimen: &Specimen, still: &Body, gc_j_per_m2: f64) -> World {
     let mut desc = specimen.desc.clone();
     desc.material.fracture_energy_j_per_m2 = Some(gc_j_per_m2);
     desc.material.rayleigh_beta_s = 1e-3;
@@ -153,12 +153,47 @@ fn torn(specimen: &Specimen, still: &Body, gc_j_per_m2: f64) -> u32 {
     let body = world.body_mut(0);
     specimen.cracks_m.iter().for_each(|along_m| crack(body, specimen.height_m, *along_m));
     body.state.position_m.clone_from(&still.state.position_m);
+    world
+}
+
+/// Links that part in it in 100 steps.
+fn torn(specimen: &Specimen, still: &Body, gc_j_per_m2: f64) -> u32 {
+    let mut world = cuttable(specimen, still, gc_j_per_m2);
     let mut parted = 0;
     for _ in 0..100 {
         run(&mut world, 1);
         parted += world.output().fracture.parted_links;
     }
     parted
+}
+
+#[test]
+fn ends_of_cuts_are_looked_at_where_their_surroundings_have_changed() {
+    let (level, h) = MESHES[0];
+    let specimen = strip(level, h, 1e-3 * YOUNG_PA);
+    let still = still(&specimen);
+    // Two cracks, elements of 10 mm.
+    let stations = 2 * 2;
+    for (share, most) in [(100.0, 0), (1.1, 2 * stations)] {
+        let mut world = cuttable(&specimen, &still, share * strip_theory(&still));
+        let mut looks = 0;
+        for _ in 0..100 {
+            run(&mut world, 1);
+            looks += world.output().fracture.looks;
+        }
+        println!("Gc = {share} G: {looks} looks in 100 steps");
+        assert!(looks <= most && (most == 0 || looks >= stations), "Gc {share} of the theory's G: {looks} looks");
+    }
+    // As it runs, each station once a step at most.
+    let mut world = cuttable(&specimen, &still, 0.5 * strip_theory(&still));
+    let mut parted = 0;
+    for _ in 0..60 {
+        run(&mut world, 1);
+        let fracture = world.output().fracture;
+        parted += fracture.parted_links;
+        assert!(fracture.looks <= stations, "{} looks in a step", fracture.looks);
+    }
+    assert!(parted >= 4 * 16, "{parted} links parted");
 }
 
 #[test]

@@ -419,3 +419,32 @@ fn one_and_two_threads_give_the_same_bits() {
     };
     assert_eq!(hashes(&Workers::serial()), hashes(&Workers::of(&pool)));
 }
+
+/// Relative speed after two cubes have met over that before, at a rate.
+fn restitution(rate_hz: f64) -> f64 {
+    let speed_m_per_s = 0.1;
+    let mut cubes = [-0.0405, 0.0005].map(|x| object([x, 0.0, 0.0], [x + 0.04, 0.04, 0.04], 5e-3, 1));
+    for (cube, name) in cubes.iter_mut().zip(["left", "right"]) {
+        cube.name = name.into();
+        cube.material.young_modulus_pa = 1e5;
+    }
+    let mut scene = scene(cubes.to_vec());
+    scene.desc.rate_hz = rate_hz;
+    let mut world = World::new(&scene).expect("a valid scene");
+    for (index, way) in [1.0, -1.0].into_iter().enumerate() {
+        world.body_mut(index).state.velocity_m_per_s.fill([way * speed_m_per_s, 0.0, 0.0]);
+    }
+    let momentum =
+        |world: &World, index: usize| -> f64 { world.bodies()[index].nodal_momentum().iter().map(|p| p[0]).sum() };
+    let before = momentum(&world, 0) - momentum(&world, 1);
+    super::support::run(&mut world, (0.08 * rate_hz) as usize);
+    (momentum(&world, 1) - momentum(&world, 0)) / before
+}
+
+#[test]
+fn what_bounces_back_depends_on_the_step_as_the_method_says() {
+    let found = [500.0, 2e3, 1e4].map(restitution);
+    println!("restitution at 0.5, 2 and 10 kHz: {found:.2?}");
+    let as_documented = |(found, told): (&f64, f64)| (found - told).abs() < 0.03;
+    assert!(found.iter().zip([0.25, 0.55, 0.68]).all(as_documented), "{found:.2?}");
+}

@@ -16,6 +16,7 @@ pub mod release;
 pub mod report;
 pub mod scenes;
 pub mod statics;
+pub mod tearing;
 pub mod tip_load;
 pub mod uniaxial;
 
@@ -222,7 +223,7 @@ impl Series {
 pub type FamilyFn = fn(Extent) -> Result<Family>;
 
 /// Every family, in the order of the document.
-pub const FAMILIES: [(&str, FamilyFn); 10] = [
+pub const FAMILIES: [(&str, FamilyFn); 11] = [
     ("elements", elements::family),
     ("uniaxial stress", uniaxial::family),
     ("bending", bending::family),
@@ -230,6 +231,7 @@ pub const FAMILIES: [(&str, FamilyFn); 10] = [
     ("tip load", tip_load::family),
     ("half-space", half_space::family),
     ("energy release", release::family),
+    ("tearing", tearing::family),
     ("motion", motion::family),
     ("steady cuts", cutting::steady::family),
     ("widths, slices, speeds and regions", cutting::variations::family),

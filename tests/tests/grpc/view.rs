@@ -164,6 +164,7 @@ async fn who_wants_energies_gets_sums_that_nothing_is_missing_from() {
     let unexplained = energy.tool_work_j + energy.load_work_j
         - stored
         - spent
+        - energy.contact_loss_j
         - energy.parting_j
         - energy.numerical_j
         - energy.residual_j;

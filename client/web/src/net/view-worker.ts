@@ -221,6 +221,6 @@ function summary(state: State): Omit<Frame, "samples" | "bodies"> {
 }
 
 function energyOf(ledger: NonNullable<State["energy"]>): Energy {
-  const { toolWorkJ, elasticJ, fractureJ, dampingJ, frictionJ, numericalJ, residualJ } = ledger;
-  return { toolWorkJ, elasticJ, fractureJ, dissipatedJ: dampingJ + frictionJ + numericalJ, residualJ };
+  const { toolWorkJ, elasticJ, fractureJ, dampingJ, frictionJ, contactLossJ, numericalJ, residualJ } = ledger;
+  return { toolWorkJ, elasticJ, fractureJ, dissipatedJ: dampingJ + frictionJ + contactLossJ + numericalJ, residualJ };
 }

@@ -188,6 +188,7 @@ pub fn energy_ledger(energy: &EnergyStep) -> v1::EnergyLedger {
         parting_j: energy.parting_j,
         damping_j: energy.damping_j,
         friction_j: energy.friction_j,
+        contact_loss_j: energy.contact_loss_j,
         numerical_j: energy.numerical_j,
         residual_j: energy.residual_j,
     }

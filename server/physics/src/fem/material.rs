@@ -29,4 +29,12 @@ impl Elastic {
             density_kg_per_m3,
         }
     }
+
+    /// Speed of waves along a free surface, m/s, within 0.2 % (Rahman, Michelitsch 2006).
+    #[must_use]
+    pub fn rayleigh_wave_m_per_s(&self) -> f64 {
+        let nu = 0.5 * self.lambda_pa / (self.lambda_pa + self.mu_pa);
+        let over_shear_waves = 0.874 + nu * (0.196 - nu * (0.043 + nu * 0.055));
+        over_shear_waves * (self.mu_pa / self.density_kg_per_m3).sqrt()
+    }
 }

@@ -15,7 +15,7 @@ pub struct FrontBook {
     /// anew, J.
     pub damping_j: f64,
     /// Dissipation of the springs' implicit step and of re-anchoring, J.
-    pub numerical_j: f64,
+    pub lost_j: f64,
     /// Area swept through intact material, m^2.
     pub area_m2: f64,
 }
@@ -28,7 +28,7 @@ impl FrontBook {
         self.slip_j += other.slip_j;
         self.initiation_j += other.initiation_j;
         self.damping_j += other.damping_j;
-        self.numerical_j += other.numerical_j;
+        self.lost_j += other.lost_j;
         self.area_m2 += other.area_m2;
     }
 }

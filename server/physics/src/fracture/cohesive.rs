@@ -7,6 +7,7 @@
 use crate::Vec3;
 use crate::body::Body;
 use crate::contact::{Contact, ContactWeights, Mode, ToolEnds};
+use crate::hash::StateHasher;
 
 /// Springs close along a line to the origin. One that is open by less than this fraction of its length is taken as
 /// open by that much: a stiffer spring would hold the nodes as one. Ours. Half or twice changes no bit where the
@@ -41,8 +42,8 @@ pub struct CohesiveSprings {
 pub struct CohesiveBook {
     /// For good, J.
     pub dissipated_j: f64,
-    /// Of it, by steps that are not infinitely small, J.
-    pub numerical_j: f64,
+    /// Beside it, by steps that are not infinitely small, J.
+    pub lost_j: f64,
     /// Level of what closing them would give back, J.
     pub stored_j: f64,
 }
@@ -86,6 +87,16 @@ impl CohesiveSprings {
     #[must_use]
     pub fn count(&self) -> usize {
         self.springs.len()
+    }
+
+    /// Folds the springs and what is owed into a hash of state.
+    pub fn fold_into(&self, hasher: &mut StateHasher) {
+        hasher.floats(&[self.owed_j]);
+        for spring in &self.springs {
+            spring.nodes.iter().for_each(|node| hasher.word(u64::from(*node)));
+            hasher.floats(spring.start_n.as_slice());
+            hasher.floats(&[spring.length_m, spring.opening_m, spring.widest_m]);
+        }
     }
 
     /// Sets up the step's springs.
@@ -169,6 +180,6 @@ impl CohesiveSpring {
         let stored_j = if gone { 0.0 } else { self.stored_j() };
         book.dissipated_j += dissipated_j;
         book.stored_j += stored_j;
-        book.numerical_j += work_j - dissipated_j - (stored_j - before_j);
+        book.lost_j += work_j - dissipated_j - (stored_j - before_j);
     }
 }

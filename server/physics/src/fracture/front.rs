@@ -391,7 +391,7 @@ impl Front {
                 && body.state.grid.signed_distance_m(&anchor.position_m) > 0.0
             {
                 book.stored_j -= anchor.stored_j;
-                book.numerical_j += anchor.stored_j;
+                book.lost_j += anchor.stored_j;
                 *marker = Marker::Outside;
             }
         }

@@ -90,19 +90,33 @@ pub struct Released {
 /// What the front at `tip` sets free.
 #[must_use]
 pub fn released(body: &Body, tip: &Tip) -> Released {
-    let reach_m = Vec3::repeat((OUTER * OUTER + HALF_WIDTH * HALF_WIDTH).sqrt() * tip.element_edge_m);
+    let mut sum = Sum::default();
+    let reach = (OUTER * OUTER + HALF_WIDTH * HALF_WIDTH).sqrt();
+    for_each_element(body, tip, reach, |element| sum.add(body, element, tip));
+    let carried = if sum.weight > 0.0 { sum.direction / sum.weight } else { tip.ahead };
+    Released { j_per_m: sum.released_j - sum.push_n.dot(&carried), carried }
+}
+
+/// Elastic energy of the elements beside `tip`, J: of a cell and its neighbours.
+#[must_use]
+pub(super) fn held_around_j(body: &Body, tip: &Tip) -> f64 {
+    let mut held_j = 0.0;
+    for_each_element(body, tip, 1.0, |element| held_j += body.elastic_energy_j(element));
+    held_j
+}
+
+/// Calls `visit` with the elements of the cells that a box around `tip` meets, `reach` times their edge to each side.
+fn for_each_element(body: &Body, tip: &Tip, reach: f64, mut visit: impl FnMut(usize)) {
+    let reach_m = Vec3::repeat(reach * tip.element_edge_m);
     let lattice = |p: Vec3| ((p - body.state.grid.origin_m()) / body.lattice_edge_m()).map(|c| c.floor() as i32);
     let (low, high) = (lattice(tip.position_m - reach_m), lattice(tip.position_m + reach_m));
-    let mut sum = Sum::default();
     for k in low.z..=high.z {
         for j in low.y..=high.y {
             for i in low.x..=high.x {
-                body.base().elements_in([i, j, k]).for_each(|element| sum.add(body, element as usize, tip));
+                body.base().elements_in([i, j, k]).for_each(|element| visit(element as usize));
             }
         }
     }
-    let carried = if sum.weight > 0.0 { sum.direction / sum.weight } else { tip.ahead };
-    Released { j_per_m: sum.released_j - sum.push_n.dot(&carried), carried }
 }
 
 /// Sums over the elements of a tube.

@@ -129,7 +129,7 @@ impl FrontContact {
         if forward.mode == Mode::Yield && !anchor.yielded {
             book.initiation_j += lost;
         } else {
-            book.numerical_j += lost;
+            book.lost_j += lost;
         }
         book.slip_j += force * advance + self.along.force_n * self.along.gap_m;
         book.stored_j += stored;

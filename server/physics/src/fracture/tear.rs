@@ -1,18 +1,29 @@
 //! Tearing: a cut goes on without a blade where pulled tissue sets free more energy than parting it takes.
 //!
-//! Where the cuts of a body end, intact links lie in the plane of parted ones. Such ends are kept by element cell.
-//! Now and then a step takes the energy release rate at one cell's ends, in turn. Where it exceeds Gc the cut goes on
-//! in its plane by the edge of an element. It runs no faster than the material's shear waves, which carry the news of
-//! what has opened.
+//! Where the cuts of a body end, intact links lie in the plane of parted ones. The ends in a cell of the lattice make a
+//! station. A step takes the energy release rate at each station whose surroundings have changed enough for it to
+//! tear. Where it exceeds Gc the cut goes on in its plane by the edge of an element. It runs no faster than Rayleigh
+//! waves, which carry the news of what has opened: a crack that tension opens does not overtake them (Freund 1990).
 
 use std::collections::BTreeMap;
 
 use super::anchor::fracture_energy;
-use super::release::{Tip, released};
+use super::release::{Tip, held_around_j, released};
 use super::sweep::{PartingCost, part_quad};
 use crate::Vec3;
 use crate::body::Body;
 use crate::grid::{Crossing, Grid, Ijk, Link, LinkId};
+use crate::hash::StateHasher;
+
+/// What is around a front that is at Gc holds about Gc times the square of an element's edge: within a radius r of a
+/// crack that is sheared along its front just Gc r per length (Irwin 1957). With less than this share of it a station
+/// is not looked at.
+const LEAST_HELD: f64 = 0.25;
+/// How many times faster than the energy around it, both relative, a station's release rate is thought to change.
+/// Ours: as it rises with the square of the load 1 would do, but for what a blade close by adds.
+const RELEASE_PER_HELD: f64 = 4.0;
+/// Least relative change of the energy around a station for which it is looked at again.
+const LEAST_CHANGE: f64 = 5e-3;
 
 /// A place where a cut ends: a parted link and the intact one beside it that its plane crosses.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,23 +35,54 @@ struct End {
     normal: Vec3,
     /// Unit direction in the cut toward the intact link.
     toward: Vec3,
-    /// Step in which the link behind it parted.
-    since: u64,
+    /// When the link behind it parted, s.
+    since_s: f64,
+}
+
+/// The ends in one cell of the lattice.
+#[derive(Clone, Debug, Default)]
+struct Station {
+    ends: Vec<End>,
+    /// The ends as one piece of front; absent where they face each other.
+    place: Option<Place>,
+    /// What was found when it was looked at; absent where it was not since its ends changed.
+    seen: Option<Seen>,
+}
+
+/// What was found at a station.
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    /// Elastic energy around it, J.
+    held_j: f64,
+    /// Energy release rate over Gc.
+    drive: f64,
 }
 
 /// Ends of a body's cuts, by the lattice cell they lie in.
 #[derive(Clone, Debug, Default)]
 pub struct Tearing {
-    ends: BTreeMap<Ijk, Vec<End>>,
-    last: Option<Ijk>,
+    stations: BTreeMap<Ijk, Station>,
     step: u64,
+    /// Links that tore in the last step, in order, and when the cut came to where it stands beyond them, s.
+    torn: Vec<(LinkId, f64)>,
+    /// Stations to look at: scratch, kept between steps.
+    due: Vec<Ijk>,
+}
+
+/// What a step found at the ends of a body's cuts.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Torn {
+    /// What parting took that tore.
+    pub cost: PartingCost,
+    /// Stations that were looked at.
+    pub looks: u32,
 }
 
 impl Tearing {
     /// Whether nothing is cut.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.ends.is_empty()
+        self.stations.is_empty()
     }
 
     /// Ends of the cuts that a body has already.
@@ -57,52 +99,101 @@ impl Tearing {
     /// Follows the links that parted in a step.
     pub fn update(&mut self, body: &Body, parted: &[LinkId]) {
         let grid = &body.state.grid;
-        for ends in self.ends.values_mut() {
-            ends.retain(|end| grid.is_intact(end.ahead));
+        let now_s = self.now_s(body);
+        let mut changed = std::collections::BTreeSet::new();
+        for (&cell, station) in &mut self.stations {
+            let before = station.ends.len();
+            station.ends.retain(|end| grid.is_intact(end.ahead));
+            if station.ends.len() < before {
+                changed.insert(cell);
+            }
         }
         for &link in parted {
             let Link::Parted(crossing) = grid.link(link) else { continue };
             let scale = 1 << body.base().exponent;
-            for end in ends_at(grid, link, &crossing, self.step) {
-                self.ends.entry(link.cell.map(|c| c.div_euclid(scale))).or_default().push(end);
+            let torn = self.torn.binary_search_by_key(&link, |torn| torn.0);
+            let since_s = torn.map_or(now_s, |index| self.torn[index].1);
+            for end in ends_at(grid, link, &crossing, since_s) {
+                let cell = link.cell.map(|c| c.div_euclid(scale));
+                self.stations.entry(cell).or_default().ends.push(end);
+                changed.insert(cell);
             }
         }
-        self.ends.retain(|_, ends| !ends.is_empty());
+        self.torn.clear();
+        for cell in changed {
+            if let Some(station) = self.stations.get_mut(&cell) {
+                (station.place, station.seen) = (Place::new(body, &station.ends), None);
+            }
+        }
+        self.stations.retain(|_, station| !station.ends.is_empty());
     }
 
-    /// Goes on by a step. Where the step `samples`, takes the next cell's ends, and adds the links ahead of them to
-    /// `links` where they tear.
-    pub fn advance(&mut self, body: &Body, samples: bool, links: &mut Vec<(LinkId, Crossing)>) -> PartingCost {
+    /// Goes on by a step. Adds the links ahead of the ends that tear to `links`.
+    pub fn advance(&mut self, body: &Body, links: &mut Vec<(LinkId, Crossing)>) -> Torn {
         self.step += 1;
-        if !samples {
-            return PartingCost::default();
-        }
-        let after = self.last.and_then(|last| self.ends.range(next(last)..).next());
-        let Some((&cell, ends)) = after.or_else(|| self.ends.iter().next()) else { return PartingCost::default() };
-        self.last = Some(cell);
-        let Some(place) = Place::new(body, ends) else { return PartingCost::default() };
-        let least = ends.iter().map(|end| fracture_energy(body, end.ahead)).fold(f64::INFINITY, f64::min);
-        let rested_s = (self.step - place.since) as f64 * body.dt_s();
-        if rested_s * place.wave_m_per_s < place.tip.element_edge_m || !least.is_finite() {
-            return PartingCost::default();
-        }
-        let length_m: f64 = self.ends.values().flatten().map(|end| end.length_m(body, &place.tip)).sum();
-        if released(body, &place.tip).j_per_m < least * length_m {
-            return PartingCost::default();
-        }
+        self.torn.clear();
+        let now_s = self.now_s(body);
         let first = links.len();
-        part_quad(body, place.strip(), links);
-        PartingCost::of(body, &mut links[first..])
+        let mut due = std::mem::take(&mut self.due);
+        due.clear();
+        due.extend(self.stations.iter().filter_map(|(cell, station)| station.is_due(body, now_s).then_some(*cell)));
+        for cell in &due {
+            let Some(place) = self.stations[cell].place else { continue };
+            let drive = released(body, &place.tip).j_per_m / (place.gc_j_per_m2 * self.length_m(body, &place.tip));
+            let seen = Seen { held_j: held_around_j(body, &place.tip), drive };
+            if let Some(station) = self.stations.get_mut(cell) {
+                station.seen = Some(seen);
+            }
+            if drive >= 1.0 {
+                let own = links.len();
+                part_quad(body, place.strip(), links);
+                let reached_s = place.may_go_on_s().max(now_s - body.dt_s());
+                self.torn.extend(links[own..].iter().map(|link| (link.0, reached_s)));
+            }
+        }
+        self.torn.sort_unstable_by_key(|torn| torn.0);
+        let looks = due.len() as u32;
+        self.due = due;
+        Torn { cost: PartingCost::of(body, &mut links[first..]), looks }
+    }
+
+    /// Folds what of it does not follow from what is parted into a hash of state.
+    pub fn fold_into(&self, hasher: &mut StateHasher) {
+        hasher.word(self.step);
+        for station in self.stations.values() {
+            station.ends.iter().for_each(|end| hasher.floats(&[end.since_s]));
+            station.seen.iter().for_each(|seen| hasher.floats(&[seen.held_j, seen.drive]));
+        }
+    }
+
+    fn now_s(&self, body: &Body) -> f64 {
+        self.step as f64 * body.dt_s()
+    }
+
+    /// Length of front that counts around a tip, m.
+    fn length_m(&self, body: &Body, tip: &Tip) -> f64 {
+        self.stations.values().flat_map(|station| &station.ends).map(|end| end.length_m(body, tip)).sum()
     }
 }
 
-/// The least key greater than a cell's.
-fn next(cell: Ijk) -> Ijk {
-    [cell[0], cell[1], cell[2] + 1]
+impl Station {
+    /// Whether a look may find that it tears: the news of its opening have come as far as it would tear, and what is
+    /// around it holds so much energy, and so much more or less than when it was looked at, that it may.
+    fn is_due(&self, body: &Body, now_s: f64) -> bool {
+        let Some(place) = self.place.as_ref().filter(|place| place.may_go_on_s() <= now_s) else { return false };
+        let held_j = held_around_j(body, &place.tip);
+        if held_j < LEAST_HELD * place.gc_j_per_m2 * place.tip.element_edge_m.powi(2) {
+            return false;
+        }
+        self.seen.is_none_or(|seen| {
+            let missing = (1.0 - seen.drive).abs() / (RELEASE_PER_HELD * seen.drive.abs().max(1.0));
+            (held_j - seen.held_j).abs() >= missing.max(LEAST_CHANGE) * seen.held_j
+        })
+    }
 }
 
 /// Ends of the cut that a parted link belongs to, at the link.
-fn ends_at(grid: &Grid, link: LinkId, crossing: &Crossing, since: u64) -> impl Iterator<Item = End> {
+fn ends_at(grid: &Grid, link: LinkId, crossing: &Crossing, since_s: f64) -> impl Iterator<Item = End> {
     let axis = link.axis as usize;
     let normal = Vec3::from(crossing.normal.map(f64::from));
     let at_m = {
@@ -120,7 +211,7 @@ fn ends_at(grid: &Grid, link: LinkId, crossing: &Crossing, since: u64) -> impl I
         let mut toward = Vec3::zeros();
         toward[other] = f64::from(step);
         let toward = (toward - normal * toward.dot(&normal)).try_normalize(1e-6)?;
-        grid.is_intact(ahead).then_some(End { ahead, at_m, normal, toward, since })
+        grid.is_intact(ahead).then_some(End { ahead, at_m, normal, toward, since_s })
     })
 }
 
@@ -137,18 +228,25 @@ impl End {
 }
 
 /// The ends in one cell, as one piece of front.
+#[derive(Clone, Copy, Debug)]
 struct Place {
     tip: Tip,
     /// Reach of the ends along the front from the tip, m.
     reach_m: [f64; 2],
-    since: u64,
+    /// When the last of the ends was made, s.
+    since_s: f64,
+    /// Speed of Rayleigh waves, m/s.
     wave_m_per_s: f64,
+    /// The least toughness ahead; finite.
+    gc_j_per_m2: f64,
 }
 
 impl Place {
-    /// `None` where the ends face each other.
+    /// `None` where the ends face each other, or nothing ahead can be cut.
     fn new(body: &Body, ends: &[End]) -> Option<Self> {
         let h = body.state.grid.voxel_size_m();
+        let gc = ends.iter().map(|end| fracture_energy(body, end.ahead)).fold(f64::INFINITY, f64::min);
+        let gc_j_per_m2 = gc.is_finite().then_some(gc)?;
         let weight = 1.0 / ends.len() as f64;
         let middle_m = ends.iter().map(|e| (e.at_m + e.toward * (0.5 * h)) * weight).sum::<Vec3>();
         let first = ends.first()?.normal;
@@ -164,9 +262,15 @@ impl Place {
         Some(Self {
             tip: Tip { position_m: middle_m, ahead, along, element_edge_m: body.element_edge_m(element) },
             reach_m: [low - 0.5 * h, high + 0.5 * h],
-            since: ends.iter().map(|e| e.since).max()?,
-            wave_m_per_s: (elastic.mu_pa / elastic.density_kg_per_m3).sqrt(),
+            since_s: ends.iter().map(|e| e.since_s).fold(0.0, f64::max),
+            wave_m_per_s: elastic.rayleigh_wave_m_per_s(),
+            gc_j_per_m2,
         })
+    }
+
+    /// When the news of what has opened have come as far as it would tear, s.
+    fn may_go_on_s(&self) -> f64 {
+        self.since_s + self.tip.element_edge_m / self.wave_m_per_s
     }
 
     /// Corners of the strip by which the cut goes on.

@@ -18,7 +18,7 @@ mod tool_contact;
 use crate::Vec3;
 use crate::body::{Body, MaterialPoint, PartedLinks, TopologyChange};
 use crate::fault::{Fault, FaultKind};
-use crate::fracture::{FrontBook, Sampling};
+use crate::fracture::{FrontBook, samples_drive};
 use crate::grid::Grid;
 use crate::ledger::{self, BodyLedger, ContactLedger};
 use crate::params::StepParams;
@@ -279,19 +279,21 @@ impl World {
     }
 
     fn advance_fronts(&mut self) {
-        let sampling = Sampling::of_step(self.output.step, self.params.dt_s);
+        let samples = samples_drive(self.output.step, self.params.dt_s);
         for slot in self.slots.iter_mut().filter(|slot| !slot.is_asleep()) {
             let mut book = FrontBook::default();
             for (tool, contact) in self.tools.iter().zip(&mut slot.contacts) {
                 if let Some(path) = tool.path() {
                     book.add(&contact.advance(&slot.body, &path, slot.pulled.is_some(), &mut slot.parting));
-                    if sampling.at_fronts {
+                    if samples {
                         contact.sample_drive(&slot.body);
                     }
                 }
             }
             if let Some(pulled) = &mut slot.pulled {
-                book.add(&pulled.advance(&slot.body, &book, sampling.at_ends, &mut slot.parting));
+                let (of_pull, looks) = pulled.advance(&slot.body, &book, &mut slot.parting);
+                book.add(&of_pull);
+                self.output.fracture.looks += looks;
             }
             slot.front_stored_j = book.stored_j;
             self.contact_ledger.front.add(&book);
@@ -382,7 +384,7 @@ impl World {
 
     fn finish(&mut self) {
         let contacts = self.slots.iter_mut().flat_map(|s| &mut s.contacts);
-        self.contact_ledger.front.numerical_j += contacts.map(ToolContact::take_dropped_j).sum::<f64>();
+        self.contact_ledger.front.lost_j += contacts.map(ToolContact::take_dropped_j).sum::<f64>();
         self.contact_ledger.front.stored_j = self.slots.iter().map(|s| s.front_stored_j).sum();
         let before = self.output.energy;
         let ledgers = self.slots.iter().map(|s| &s.ledger);

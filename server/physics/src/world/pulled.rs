@@ -3,8 +3,9 @@
 use crate::body::{Body, TopologyChange};
 use crate::fracture::FrontBook;
 use crate::fracture::cohesive::CohesiveSprings;
-use crate::fracture::tear::Tearing;
+use crate::fracture::tear::{Tearing, Torn};
 use crate::grid::{Crossing, LinkId};
+use crate::hash::StateHasher;
 
 /// Tearing in one body.
 #[derive(Clone)]
@@ -19,32 +20,38 @@ impl Pulled {
         self.tearing.is_empty() && self.cohesive.contacts.is_empty()
     }
 
+    /// Folds it into a hash of state.
+    pub(super) fn fold_into(&self, hasher: &mut StateHasher) {
+        self.tearing.fold_into(hasher);
+        self.cohesive.fold_into(hasher);
+    }
+
     /// From the cuts that a body has.
     pub(super) fn new(body: &Body) -> Self {
         Self { tearing: Tearing::of(body), cohesive: CohesiveSprings::default() }
     }
 
-    /// Concludes the step of the cohesive springs and, where the step `samples`, lets cuts go on; `front` is what the
-    /// body's blades have booked.
+    /// Concludes the step of the cohesive springs and lets cuts go on; `front` is what the body's blades have booked.
+    /// Returns how many ends of cuts were looked at too.
     pub(super) fn advance(
         &mut self,
         body: &Body,
         front: &FrontBook,
-        samples: bool,
         links: &mut Vec<(LinkId, Crossing)>,
-    ) -> FrontBook {
+    ) -> (FrontBook, u32) {
         let paid = self.cohesive.conclude(body);
-        let torn = self.tearing.advance(body, samples, links);
+        let Torn { cost: torn, looks } = self.tearing.advance(body, links);
         // What the blades' forces leave to the tissue.
         self.cohesive.owe(torn.fracture_j - front.slip_j);
-        FrontBook {
+        let book = FrontBook {
             stored_j: paid.stored_j,
             fracture_j: torn.fracture_j,
             slip_j: paid.dissipated_j - torn.fracture_j,
-            numerical_j: paid.numerical_j,
+            lost_j: paid.lost_j,
             area_m2: torn.area_m2,
             ..FrontBook::default()
-        }
+        };
+        (book, looks)
     }
 
     /// Follows what parted.
@@ -53,5 +60,23 @@ impl Pulled {
         if !change.split_nodes.is_empty() {
             self.cohesive.join(&change.split_nodes, &body.pull_n(), body.lattice_edge_m());
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_owed_for_a_tear_is_part_of_the_state() {
+        let hash = |pulled: &Pulled| {
+            let mut hasher = StateHasher::default();
+            pulled.fold_into(&mut hasher);
+            hasher.finish()
+        };
+        let mut pulled = Pulled { tearing: Tearing::default(), cohesive: CohesiveSprings::default() };
+        let before = hash(&pulled);
+        pulled.cohesive.owe(1.0);
+        assert_ne!(hash(&pulled), before);
     }
 }

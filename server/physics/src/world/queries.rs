@@ -187,7 +187,7 @@ impl World {
         self.view.as_ref().map_or(&[], |view| view.adapted(object))
     }
 
-    /// Hash of positions, velocities, rest and sleep, strain memory, fronts, what graspers hold, what friction remembers and topology.
+    /// Hash of positions, velocities, rest and sleep, strain memory, fronts, ends of cuts, cohesive springs, what graspers hold, what friction remembers and topology.
     #[must_use]
     pub fn state_hash(&self) -> u64 {
         let mut hasher = StateHasher::default();
@@ -202,6 +202,7 @@ impl World {
                 element.nodes.iter().for_each(|n| hasher.word(u64::from(*n)));
             }
             slot.contacts.iter().for_each(|c| c.fold_into(&mut hasher));
+            slot.pulled.iter().for_each(|pulled| pulled.fold_into(&mut hasher));
         }
         self.tissue.iter().for_each(|tissue| tissue.fold_into(&mut hasher));
         hasher.finish()
