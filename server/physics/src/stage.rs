@@ -12,6 +12,8 @@ pub enum Stage {
     SelfContact,
     /// The system matrix and the implicit velocity solve, contact active set included.
     Velocities,
+    /// Contact models of the tools that somebody feels with: what the tissue behind their springs gives.
+    ContactModel,
     /// New positions.
     Integrate,
     /// Element rotations and exact co-rotational forces at the new positions, roll-back of what is not finite, wrenches.
@@ -29,11 +31,12 @@ pub enum Stage {
 
 impl Stage {
     /// Every stage, in the order of execution.
-    pub const ALL: [Stage; 10] = [
+    pub const ALL: [Stage; 11] = [
         Stage::ApplyInputs,
         Stage::Contact,
         Stage::SelfContact,
         Stage::Velocities,
+        Stage::ContactModel,
         Stage::Integrate,
         Stage::Rotations,
         Stage::Fracture,
@@ -50,6 +53,7 @@ impl Stage {
             Stage::Contact => "contact",
             Stage::SelfContact => "self_contact",
             Stage::Velocities => "velocities",
+            Stage::ContactModel => "contact_model",
             Stage::Integrate => "integrate",
             Stage::Rotations => "rotations",
             Stage::Fracture => "fracture",

@@ -12,13 +12,16 @@ pub struct StepInputs<'a> {
     pub tools: &'a [ToolInput],
     /// Relative tolerance of the velocity solve from this step on; absent: as before.
     pub relative_tolerance: Option<f64>,
+    /// Tools, by index, whose contact model is brought up to date in this step; one that is not named keeps what it
+    /// was last found to feel for as long as it touches. What the step does is the same whichever they are.
+    pub models: &'a [usize],
 }
 
 impl<'a> StepInputs<'a> {
     /// Inputs of tools alone.
     #[must_use]
     pub fn of(tools: &'a [ToolInput]) -> Self {
-        Self { tools, relative_tolerance: None }
+        Self { tools, ..Self::default() }
     }
 }
 
@@ -76,18 +79,23 @@ pub struct Wrench {
     pub torque_nm: Vec3,
 }
 
-/// Local model of the contact that a station evaluates at its servo rate:
-/// `wrench(pose) = wrench - stiffness * (pose - reference) - damping * velocity`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Local model of the contact that a station evaluates at its servo rate: wrench(pose, velocity) =
+/// `wrench - stiffness * (pose - reference pose) - damping * (velocity - reference velocity)`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ContactModel {
     /// Tool pose that `wrench` belongs to.
     pub reference: Pose,
+    /// Velocity of the tool's reference point that `wrench` belongs to: that of the step, m/s.
+    pub velocity_m_per_s: Vec3,
+    /// Angular velocity of the tool that `wrench` belongs to, rad/s.
+    pub angular_velocity_rad_per_s: Vec3,
     /// Wrench on the tool at the reference pose.
     pub wrench: Wrench,
-    /// Symmetric 6x6, row-major, [translation m; rotation rad] -> [N; N m].
+    /// Of springs and tissue in series: symmetric 6x6 without negative eigenvalues, row-major, [translation m; rotation
+    /// rad] -> [N; N m].
     pub stiffness: [[f64; 6]; 6],
-    /// Isotropic translational damping, N s/m.
-    pub damping_n_s_per_m: f64,
+    /// Of the tissue: symmetric 6x6 without negative eigenvalues, row-major, [m/s; rad/s] -> [N; N m].
+    pub damping: [[f64; 6]; 6],
     /// While cutting: the force along `cap_direction` does not exceed this, N.
     pub force_cap_n: Option<f64>,
     /// Unit vector of the cap, scene frame: the tool's cutting direction, reversed.
@@ -115,7 +123,9 @@ pub struct ToolOutput {
     pub pose: Option<Pose>,
     /// Wrench on the tool, from the forces the solver applied.
     pub wrench: Wrench,
-    /// Present while the tool touches tissue.
+    /// Whether the tool touches tissue.
+    pub touches: bool,
+    /// Present while the tool touches tissue, once [`StepInputs::models`] has named it.
     pub contact: Option<ContactModel>,
     /// Length of the edge whose front is yielding, m; none by the link-energy rule, whose springs are not capped.
     pub cutting_length_m: f64,

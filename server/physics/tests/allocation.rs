@@ -103,10 +103,11 @@ fn a_world_that_went_back_to_a_snapshot_allocates_nothing_either() {
 #[test]
 fn neither_holding_nor_pressing_allocates() {
     let tools = [
-        ToolDesc::grasper("grasper", GrasperDesc { radius_m: 0.008, max_force_n: None }),
-        ToolDesc::probe("probe", CapsuleDesc { radius_m: 0.01, length_m: 0.01 }),
+        (ToolDesc::blade("blade", BladeDesc::straight(0.06, 0.05)), 0.0405, 5e-5),
+        (ToolDesc::grasper("grasper", GrasperDesc { radius_m: 0.008, max_force_n: None }), 0.045, 1e-4),
+        (ToolDesc::probe("probe", CapsuleDesc { radius_m: 0.01, length_m: 0.01 }), 0.045, 1e-4),
     ];
-    for tool in tools {
+    for (tool, from_m, step_m) in tools {
         let mut scene = cutting_scene();
         scene.desc.tools = vec![tool.clone()];
         let mut world = World::new(&scene).expect("a valid scene");
@@ -115,12 +116,13 @@ fn neither_holding_nor_pressing_allocates() {
         world.restore(&rest);
         let mut allocations = 0;
         for i in 0..60 {
-            let position_m = Vec3::new(0.0, 0.045 - 1e-4 * f64::from(i), 0.0);
+            let position_m = Vec3::new(0.0, from_m - step_m * f64::from(i), 0.0);
             let pose = Pose { position_m, orientation: Quat::identity() };
             let opening = if (20..40).contains(&i) { 0.0 } else { 1.0 };
             let inputs = [ToolInput { tool: 0, motion: ToolMotion::MoveTo { pose, opening } }];
             let before = ALLOCATIONS.get();
-            world.step(&Workers::serial(), &NoClock, &StepInputs::of(&inputs));
+            // With a model of the contact, too.
+            world.step(&Workers::serial(), &NoClock, &StepInputs { models: &[0], ..StepInputs::of(&inputs) });
             // The vectors of a solve come into being in the first step.
             allocations += if i > 0 { ALLOCATIONS.get() - before } else { 0 };
             if i == 30 {

@@ -19,7 +19,7 @@ fn in_a_cut(workers: &Workers<'_>, level: u8, law: usize) -> World {
         parted += press_with(&mut world, workers, height_m(i)).fracture.parted_links;
     }
     let tool = world.output().tools[0];
-    assert!(parted > 0 && tool.contact.is_some() && tool.cutting_length_m > 0.0, "{parted} links parted");
+    assert!(parted > 0 && tool.touches && tool.cutting_length_m > 0.0, "{parted} links parted");
     world
 }
 

@@ -79,6 +79,8 @@ pub(crate) struct Tick {
     pub jumped: Vec<bool>,
     /// Per tool: who drives it.
     pub holders: Vec<Option<DriverId>>,
+    /// Per tool: how far apart models of its contact are wanted, ns.
+    pub model_intervals_ns: Vec<Option<u64>>,
     /// Drivers connected.
     pub drivers: usize,
 }
@@ -170,6 +172,12 @@ impl Inbox {
         Ok(())
     }
 
+    /// While `driver` holds them, models of the contacts of `tools` are wanted this far apart.
+    pub fn ask_for_models(&self, driver: DriverId, tools: &[usize], interval_ns: u64) {
+        let mut state = lock(&self.state);
+        tools.iter().for_each(|tool| state.tools[*tool].ask_for_models(driver, interval_ns));
+    }
+
     /// A pose of a tool that `driver` holds, or that is free: a driver whose lease ran out has it
     /// again with its next pose, unless somebody else was faster.
     pub fn submit(&self, driver: DriverId, tool: usize, sample: &PoseSample, now_ns: u64) -> Result<(), PoseRefusal> {
@@ -245,6 +253,7 @@ impl Inbox {
         tick.echoes.clear();
         tick.jumped.clear();
         tick.holders.clear();
+        tick.model_intervals_ns.clear();
         let lease_ns = to_ns(self.limits.lease_s);
         let mut state = lock(&self.state);
         let state = &mut *state;
@@ -261,6 +270,7 @@ impl Inbox {
             tick.jumped.push(jumped);
             tick.echoes.push(slot.echo());
             tick.holders.push(slot.driver());
+            tick.model_intervals_ns.push(slot.model_interval_ns());
         }
     }
 

@@ -15,7 +15,7 @@ impl LoggedInputs {
     /// As a step takes them.
     #[must_use]
     pub fn as_inputs(&self) -> StepInputs<'_> {
-        StepInputs { tools: &self.tools, relative_tolerance: self.relative_tolerance }
+        StepInputs { tools: &self.tools, relative_tolerance: self.relative_tolerance, ..StepInputs::default() }
     }
 }
 

@@ -373,6 +373,12 @@ impl Driver {
         Ok(())
     }
 
+    /// From now on the reports have models of its tools' contacts, brought up to date `rate_hz` times a second. Without
+    /// this they have none, and nobody pays for any.
+    pub fn ask_for_models(&self, rate_hz: f64) {
+        self.session.inbox.ask_for_models(self.id, &self.tools, to_ns(1.0 / rate_hz));
+    }
+
     /// Where a tool is now.
     ///
     /// # Errors

@@ -53,6 +53,8 @@ pub(crate) struct ToolSlot {
     pending: Option<ToolMotion>,
     /// As of when `pending` is applied.
     presence: Presence,
+    /// Who last asked for models of its contact, and how far apart, ns.
+    models: Option<(DriverId, u64)>,
     /// Whether `pending` puts down a tool that had jumped.
     jumped: bool,
 }
@@ -107,6 +109,16 @@ impl ToolSlot {
         });
         self.presence = Presence::In;
         Ok(())
+    }
+
+    /// While `driver` holds it, models of its contact are wanted this far apart.
+    pub fn ask_for_models(&mut self, driver: DriverId, interval_ns: u64) {
+        self.models = Some((driver, interval_ns));
+    }
+
+    /// How far apart models of its contact are wanted, if whoever holds it wants any, ns.
+    pub fn model_interval_ns(&self) -> Option<u64> {
+        self.models.filter(|(asked, _)| self.driver() == Some(*asked)).map(|(_, interval_ns)| interval_ns)
     }
 
     /// Takes the tool out of the scene until its next pose; the lease goes on.

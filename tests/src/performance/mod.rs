@@ -6,6 +6,7 @@
 
 mod breakdown;
 mod capabilities;
+mod felt;
 mod growth;
 pub mod models;
 mod paper;
@@ -21,11 +22,12 @@ use kerf_server::machine::hardware;
 pub type SectionFn = fn(&Path) -> Result<String>;
 
 /// Every section, in the order of the document.
-pub const SECTIONS: [(&str, SectionFn); 6] = [
+pub const SECTIONS: [(&str, SectionFn); 7] = [
     ("targets", targets::section),
     ("the paper's tables", paper::section),
     ("breakdown", breakdown::section),
     ("capabilities", capabilities::section),
+    ("a driver that feels", felt::section),
     ("threads", growth::threads),
     ("growth", growth::section),
 ];

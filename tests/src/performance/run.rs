@@ -57,6 +57,17 @@ pub fn liver(voxel_m: f64, level: u8, rate_hz: f64) -> Result<Scene> {
 
 /// The default stroke of a scene, at most `max_steps` of it, on a number of threads.
 pub fn stroke(scene: &Scene, threads: usize, viewer: Viewer, max_steps: usize) -> Result<Run> {
+    felt_stroke(scene, threads, viewer, max_steps, usize::MAX)
+}
+
+/// The same with a model of the blade's contact every so many steps.
+pub fn felt_stroke(
+    scene: &Scene,
+    threads: usize,
+    viewer: Viewer,
+    max_steps: usize,
+    steps_per_model: usize,
+) -> Result<Run> {
     let mut script = default_stroke(scene)?;
     let rate_hz = scene.desc.rate_hz;
     let steps = (((script.end_s() + AFTER_S) * rate_hz).round() as usize).min(max_steps);
@@ -71,7 +82,8 @@ pub fn stroke(scene: &Scene, threads: usize, viewer: Viewer, max_steps: usize) -
     let mut samples = Vec::with_capacity(steps);
     for step in 1..=steps {
         let tools = script.advance(step as f64 / rate_hz);
-        world.step(&workers, &MonotonicClock, &StepInputs::of(&tools));
+        let models: &[usize] = if step % steps_per_model == 0 { &[0] } else { &[] };
+        world.step(&workers, &MonotonicClock, &StepInputs { models, ..StepInputs::of(&tools) });
         if viewer == Viewer::Watching && step % steps_per_state == 0 {
             world.adapt_surface(&MonotonicClock);
         }

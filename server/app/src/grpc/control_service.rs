@@ -55,7 +55,9 @@ impl ControlService {
         let rate_hz = grant_rate_hz("hello.contact_rate_hz", hello.contact_rate_hz, default_hz, max_hz)?;
         let tools: Vec<usize> = hello.tool_ids.iter().map(|tool| *tool as usize).collect();
         let driver = session.drive(&tools)?;
-        Ok((driver, Contacts::new(step_rate_hz, rate_hz)))
+        let contacts = Contacts::new(step_rate_hz, rate_hz);
+        driver.ask_for_models(contacts.rate_hz());
+        Ok((driver, contacts))
     }
 
     fn server_hello(&self, driver: &Driver, contacts: &Contacts) -> v1::ControlResponse {
@@ -86,7 +88,8 @@ impl ControlService {
     fn felt(&self, driver: &Driver, tool: usize) -> Option<v1::Contact> {
         let report = driver.last_report()?;
         let age_s = MonotonicClock::now_ns().saturating_sub(report.ended_ns) as f64 * 1e-9;
-        (age_s <= self.limits.max_contact_age_s).then(|| contact(&report, tool, driver.id(), 0, 0))
+        (age_s <= self.limits.max_contact_age_s)
+            .then(|| contact(&report, tool, driver.id(), (0, self.limits.default_contact_rate_hz), 0))
     }
 }
 

@@ -315,7 +315,8 @@ impl OutgoingHalf {
                 flags |= v1::ContactFlag::Reentered as u32;
             }
             self.jumps[index] = jumps;
-            self.say(Message::Contact(contact(report, tool, driver.id(), number, flags)));
+            let numbered = (number, self.contacts.rate_hz());
+            self.say(Message::Contact(contact(report, tool, driver.id(), numbered, flags)));
         }
     }
 }

@@ -181,7 +181,7 @@ impl Default for Tally {
 
 impl Tally {
     fn push(&mut self, output: &StepOutput) {
-        let touches = output.tools.iter().any(|tool| tool.contact.is_some());
+        let touches = output.tools.iter().any(|tool| tool.touches);
         let times = if touches { &mut self.touching_ns } else { &mut self.free_ns };
         times.push(output.profile.total_ns());
         self.faults += u64::from(output.fault.is_some());

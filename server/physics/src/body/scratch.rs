@@ -1,5 +1,6 @@
 //! Room that a body's step works in.
 
+use super::quasi_static::InertiaScratch;
 use crate::fem::block::NodalBuffers;
 use crate::grid::levels::Level;
 use crate::math::Nodal;
@@ -21,6 +22,8 @@ pub(super) struct Scratch {
     pub(super) solution: NodeVector,
     /// Search directions of the conjugate gradients.
     pub(super) pcg: PcgScratch,
+    /// Products of masses.
+    pub(super) inertia: InertiaScratch,
     /// Nodal values as the elements of each chunk read them, by chunk.
     pub(super) nodal: Vec<NodalBuffers>,
     /// Elements of the level above whose matrices are to be made anew.

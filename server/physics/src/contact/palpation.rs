@@ -34,11 +34,15 @@ impl Palpation {
         Self { capsule, contacts: Vec::new() }
     }
 
-    /// Makes room for a contact on every patch. Returns the number of springs that is.
-    pub fn reserve(&mut self, body: &Body) -> usize {
-        let patches = body.boundary().skin().map_or(0, Skin::len);
-        self.contacts.reserve(patches.saturating_sub(self.contacts.len()));
-        patches
+    /// Makes room for a contact on every patch.
+    pub fn reserve(&mut self, body: &Body) {
+        self.contacts.reserve(Self::most_springs(body).saturating_sub(self.contacts.len()));
+    }
+
+    /// One for each patch.
+    #[must_use]
+    pub fn most_springs(body: &Body) -> usize {
+        body.boundary().skin().map_or(0, Skin::len)
     }
 
     /// Forgets every contact.

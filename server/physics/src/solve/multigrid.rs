@@ -12,6 +12,7 @@ use super::spring::{POINT_NODES, PointSpring};
 use crate::fem::lanes::{PACKED, pack, unpack};
 use crate::grid::levels::{Level, LevelChange};
 use crate::workers::{Grain, Workers};
+use wide::f32x4;
 
 /// No eigenvalue of `D^-1 A` is larger: an element or a spring that moves n unknowns takes at most n times what
 /// it has on their diagonals.
@@ -210,6 +211,11 @@ impl Multigrid {
         &mut self.levels[0]
     }
 
+    /// Right side of the finest level; after a solve what is left of the residual.
+    pub fn residual(&self) -> &[f32x4] {
+        &self.levels[0].b
+    }
+
     /// One V-cycle on `A x = b` of the finest level, from zero.
     pub fn precondition(&mut self, workers: &Workers<'_>) {
         self.cycle(workers, 0);
@@ -270,7 +276,6 @@ mod tests {
     use crate::grid::{Crossing, Grid, LinkId};
     use crate::scene::SceneDesc;
     use crate::solve::vectors::NodeVector;
-    use wide::f32x4;
 
     const SCENE: &str = r#"
         version = 1

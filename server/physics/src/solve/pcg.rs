@@ -108,9 +108,15 @@ pub trait Systems {
     /// shows that another system is to be solved, by more than the residual, N s. The solve then ends.
     fn is_moot(&mut self, workers: &Workers<'_>, residual_n_s: f64) -> bool;
 
-    /// Adds what springs between blocks make of `factor` to the products that the blocks' own matrices
+    /// Adds what the blocks' own matrices lack, as springs between blocks, to the products with `factor` that those
     /// have made.
     fn couple(&mut self, factor: Factor);
+
+    /// Mends preconditioners that have turned out indefinite. Returns whether the solve is to go on with them.
+    fn mend(&mut self, workers: &Workers<'_>) -> bool {
+        self.for_each(|s| s.multigrid.widen_spectrum(workers));
+        true
+    }
 }
 
 /// Sum over the blocks.
@@ -147,11 +153,10 @@ pub fn solve<S: Systems>(workers: &Workers<'_>, systems: &mut S, stop: Stop) -> 
         if next_rz.is_nan() || next_rz <= 0.0 {
             // The preconditioner lost definiteness. Mended once or twice it is good again;
             // going on without would only make the answer worse.
-            if repairs == MAX_REPAIRS {
+            if repairs == MAX_REPAIRS || !systems.mend(workers) {
                 break;
             }
             repairs += 1;
-            systems.for_each(|s| s.multigrid.widen_spectrum(workers));
             fresh = true;
             continue;
         }

@@ -1,7 +1,7 @@
 //! A smooth, blunt tool: a capsule, or a sphere where its axis has no length.
 
-use crate::Vec3;
 use crate::scene::CapsuleDesc;
+use crate::{Mat3, Vec3};
 
 /// A normal that points less than this far (cosine) along the one a point came in by is of the other side.
 const SAME_SIDE: f64 = 0.5;
@@ -36,15 +36,6 @@ pub struct Nearest {
     pub distance_m: f64,
 }
 
-/// Stiffness with which a displaced smooth tool is felt to be held, over that of its springs on `patches`
-/// patches of edge s. A dent of radius a is felt with `2 E* a` (Hertz: dF/dd); the springs of the patches in
-/// it, `n s^2 = pi a^2`, have `30 n E s` (see [`crate::contact::palpation`]). With nu = 0.45.
-#[must_use]
-pub(crate) fn felt_share(patches: u32) -> f64 {
-    let patches = f64::from(patches.max(1));
-    2.5 * (patches / std::f64::consts::PI).sqrt() / (30.0 * patches)
-}
-
 impl Capsule {
     fn on_axis(&self, local_m: &Vec3) -> Vec3 {
         Vec3::new(local_m.x.clamp(-self.half_length_m, self.half_length_m), 0.0, 0.0)
@@ -58,6 +49,19 @@ impl Capsule {
         let normal = away.try_normalize(f64::MIN_POSITIVE).unwrap_or_else(Vec3::y);
         let surface_m = axis_m + normal * self.radius_m;
         Nearest { surface_m, normal, distance_m: away.norm() - self.radius_m }
+    }
+
+    /// Centre that the normal at a point of the surface turns about, m, and its change over the way along the surface,
+    /// 1/m, tool frame.
+    #[must_use]
+    pub(crate) fn turning(&self, surface_m: &Vec3) -> (Vec3, Mat3) {
+        let centre_m = self.on_axis(surface_m);
+        let normal = self.nearest(surface_m).normal;
+        let mut across = Mat3::identity() - normal * normal.transpose();
+        if surface_m.x.abs() < self.half_length_m {
+            across -= Vec3::x() * Vec3::x().transpose();
+        }
+        (centre_m, across / self.radius_m)
     }
 
     /// Where a point stands that has gone from `from_m` to `to_m` as seen by the tool: by the side that it

@@ -8,11 +8,6 @@ const CLOSES_BELOW: f64 = 0.1;
 /// See [`CLOSES_BELOW`].
 const OPENS_ABOVE: f64 = 0.2;
 
-/// A rigid ball of radius a in incompressible tissue is held with 6 pi mu a = 6.3 E a and, against turning,
-/// with 8 pi mu a^3 = 8.4 E a^3; the springs of a grasp have 165 E a and 65 E a^3 (33 points of
-/// [`crate::contact::grasp`]). The two act in series.
-pub const FELT_SHARES: [f64; 2] = [6.3 / (6.3 + 165.0), 8.4 / (8.4 + 65.0)];
-
 /// A grasper; the reference point is the middle of its jaws.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grasper {

@@ -10,6 +10,7 @@ mod pose;
 pub(crate) mod scissors;
 
 use crate::scene::{SceneError, ToolShapeDesc};
+use crate::{Mat3, Vec3};
 use blade::Blade;
 use capsule::Capsule;
 use grasper::Grasper;
@@ -44,26 +45,30 @@ impl ToolShape {
         })
     }
 
-    /// Distance from a pose within which the contact there is about the same, m: a twentieth of the size.
+    /// How large the part of it is that touches, m.
     #[must_use]
-    pub fn validity_radius_m(&self) -> f64 {
-        0.05 * match self {
+    pub(crate) fn size_m(&self) -> f64 {
+        match self {
             Self::Blade(blade) | Self::Scissors(Scissors { blade, .. }) => blade.edge.length_m(),
             Self::Grasper(grasper) => 2.0 * grasper.radius_m,
             Self::Probe(capsule) => 2.0 * capsule.radius_m,
         }
     }
 
-    /// Stiffness against displacement and against turning with which a tool is felt to be held, over that
-    /// of its `springs` contact springs: what the tissue gives in series. A blade's springs stand for the
-    /// tissue themselves; see [`grasper::FELT_SHARES`], [`capsule::felt_share`].
+    /// How its normal at a point of a round surface turns as tissue slides along it, scene frame: the centre that it
+    /// turns about, m, and the change of the normal over the way, 1/m. `None` where it is flat or sharp.
     #[must_use]
-    pub(crate) fn felt_shares(&self, springs: u32) -> [f64; 2] {
-        match self {
-            Self::Blade(_) | Self::Scissors(_) => [1.0; 2],
-            Self::Grasper(_) => grasper::FELT_SHARES,
-            Self::Probe(_) => [capsule::felt_share(springs); 2],
-        }
+    pub(crate) fn turning(&self, pose: &Pose, surface_m: &Vec3) -> Option<(Vec3, Mat3)> {
+        let Self::Probe(capsule) = self else { return None };
+        let (centre_m, per_m) = capsule.turning(&pose.to_local(surface_m));
+        let turn = pose.orientation.to_rotation_matrix();
+        Some((pose.transform(&centre_m), turn.matrix() * per_m * turn.matrix().transpose()))
+    }
+
+    /// Whether it pulls at tissue as it pushes.
+    #[must_use]
+    pub(crate) fn pulls(&self) -> bool {
+        matches!(self, Self::Grasper(_))
     }
 
     /// Whether what it cuts presses back along the one direction of [`frame::BladeFrame::forward`].

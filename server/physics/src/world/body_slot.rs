@@ -1,6 +1,7 @@
 //! A body in the world: what tools do to it in a step, and what the step does with it.
 
 use super::activity::Activity;
+use super::contact_model;
 use super::pulled::Pulled;
 use super::tool_contact::ToolContact;
 use crate::body::{self, Body, TopologyChange};
@@ -95,7 +96,8 @@ impl BodySlot {
     /// Room for every contact there may be until links part again, `tissue_springs` of them with tissue: a
     /// step in between allocates nothing.
     pub(super) fn reserve(&mut self, tissue_springs: usize) {
-        let of_tools: usize = self.contacts.iter_mut().map(|c| c.reserve(&self.body)).sum();
+        self.contacts.iter_mut().for_each(|contact| contact.reserve(&self.body));
+        let of_tools: usize = self.contacts.iter().map(|contact| contact.most_springs(&self.body)).sum();
         let of_cohesive = self.pulled.as_ref().map_or(0, |pulled| pulled.cohesive.count());
         let springs = of_tools + of_cohesive + tissue_springs;
         self.impulses.clear();
@@ -128,6 +130,13 @@ impl BodySlot {
         let scale = self.body.applied_impulse_norm(workers, &self.impulses);
         self.body.load_system(workers, &self.impulses, &self.velocity_change);
         scale
+    }
+
+    /// Gives the solver's operator the springs of all that presses, and those of other tissue, as tools feel them.
+    pub(super) fn set_quasi_static_springs(&mut self, of_tissue: impl Iterator<Item = PointSpring>, dt_s: f64) {
+        let cohesive = self.pulled.iter().flat_map(|pulled| &pulled.cohesive.contacts);
+        let pressing = self.contacts.iter().flat_map(ToolContact::pressing).chain(cohesive);
+        self.body.set_springs(pressing.map(|contact| contact_model::point_spring(contact, dt_s)).chain(of_tissue));
     }
 
     /// Whether links may part in this step.

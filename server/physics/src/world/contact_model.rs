@@ -1,74 +1,302 @@
-//! A tool's wrench and the local contact model that stations render from, summed over its contacts.
+//! The local contact model of a tool: how its wrench goes on from where the step left it.
+//!
+//! The springs of the contacts and the tissue behind them act in series. With the springs `k` along `d`, which a twist
+//! `x` of the tool stretches by `B x` and a displacement `u` of the tissue by `-H u`, the energy is
+//! `1/2 (B x - H u)^T k (B x - H u) + 1/2 u^T K u`. The tissue takes the `u` that makes it least. Here it is found
+//! among six fields, one for each unit twist, which are carried from model to model and made better each time
+//! ([`Response`]). Whatever they are the stiffness that is left is symmetric, has no negative eigenvalue, and errs
+//! on the stiff side by the square of what the fields are wrong by.
 
-use crate::Vec3;
-use crate::contact::{Contact, Mode};
+use super::body_slot::BodySlot;
+use crate::body::{Body, Response};
+use crate::contact::Contact;
+use crate::math::{Mat3x6, Mat6, Vec6};
+use crate::solve::spring::PointSpring;
 use crate::step_io::{ContactModel, Wrench};
-use crate::tool::{Pose, ToolShape};
+use crate::tool::{Pose, ToolPath, ToolShape};
+use crate::workers::Workers;
+use crate::{Mat3, Vec3};
+use wide::f32x4;
 
-/// Accumulates the wrench and the local contact model of a tool.
-pub(super) struct ContactModelSum {
-    pose: Pose,
-    forward: Vec3,
-    stiffness: [[f64; 6]; 6],
-    cap_n: f64,
-    yields: bool,
-    contacts: u32,
-    radius_m: f64,
+/// Residual over what the tissue carries at which a field is good enough: the stiffness is then wrong by its square.
+const RELATIVE_TOLERANCE: f64 = 0.1;
+/// What the tissue is first taken to carry of what the springs alone would.
+const FIRST_SHARE: f64 = 0.1;
+/// Iterations for a model, of all of its fields: what is not good enough by then goes on with the next one.
+const MOST_ITERATIONS: u32 = 12;
+/// The same at a first touch, when there is nothing to go on from: jaws that take hold need 30.
+const MOST_AT_FIRST: u32 = 36;
+/// Of the pivots of a field that adds nothing to those before it, over what it was.
+const LEAST_PIVOT: f64 = 1e-9;
+/// Distance from a pose within which the contact there is about the same, over the tool's size.
+const VALID_SHARE: f64 = 0.05;
+/// Distance within which the model holds, over that by which the tissue gives under the force of now. Over half of it a
+/// round dent (Hertz) gets stiffer or softer by a twelfth; twice as far a ball on patches as coarse as a third of it is off
+/// by a third.
+const LINEAR_SHARE: f64 = 0.25;
+
+/// What is carried from model to model of one tool.
+#[derive(Default)]
+pub(super) struct ToolModel {
+    /// By body.
+    tissues: Vec<Tissue>,
+    /// Of the body that is looked at.
+    springs: Vec<Spring>,
+    /// What the tool was last found to feel; none while it touches nothing.
+    pub(super) felt: Option<Felt>,
+    /// Iterations that are left for this model.
+    left: u32,
 }
 
-impl ContactModelSum {
-    pub(super) fn new(pose: Pose, shape: &ToolShape) -> Self {
+/// How a body answers to a tool.
+struct Tissue {
+    /// To each unit twist.
+    fields: [Response; 6],
+    /// What it carries of what the springs alone would, by twist.
+    shares: [f64; 6],
+    /// The twist whose field is looked at first.
+    first: usize,
+}
+
+impl Default for Tissue {
+    fn default() -> Self {
+        Self { fields: Default::default(), shares: [FIRST_SHARE; 6], first: 0 }
+    }
+}
+
+/// How the wrench on a tool changes as it moves on.
+#[derive(Clone, Copy)]
+pub(super) struct Felt {
+    /// `dF/dx`, reversed: [translation m; rotation rad] -> [N; N m].
+    stiffness: Mat6,
+    /// `dF/dv`, reversed.
+    damping: Mat6,
+}
+
+/// A spring of a contact, as a tool feels it.
+struct Spring {
+    /// What a twist of the tool stretches it by.
+    row: Vec6,
+    stiffness_n_per_m: f64,
+    direction: Vec3,
+    /// As [`point_spring`], among the solver's unknowns.
+    point: PointSpring,
+    /// Present where the direction turns as the point slides: the lever arm of what it turns about, m, and how much
+    /// stiffness that takes away, N/m.
+    turning: Option<(Vec3, Mat3)>,
+}
+
+impl Spring {
+    fn new(contact: &Contact, body: &Body, (shape, pose): (&ToolShape, &Pose)) -> Self {
+        let (d, at_m) = (contact.direction, contact.ends.tool_point_m);
+        let turn = (at_m - pose.position_m).cross(&d);
+        let turning =
+            shape.turning(pose, &at_m).map(|(centre_m, per_m)| (centre_m - pose.position_m, per_m * contact.force_n));
         Self {
-            pose,
-            forward: pose.orientation * -Vec3::y(),
-            stiffness: [[0.0; 6]; 6],
-            cap_n: 0.0,
-            yields: false,
-            contacts: 0,
-            radius_m: shape.validity_radius_m(),
+            row: Vec6::new(d.x, d.y, d.z, turn.x, turn.y, turn.z),
+            stiffness_n_per_m: contact.stiffness_n_per_m,
+            direction: d,
+            point: body.among_unknowns(&point_spring(contact, body.quasi_static_dt_s())),
+            turning,
         }
     }
 
-    /// Adds a contact's force to the wrench.
-    pub(super) fn push(&self, contact: &Contact, wrench: &mut Wrench) {
-        let arm = contact.ends.tool_point_m - self.pose.position_m;
-        let force = -contact.applied_n();
-        wrench.force_n += force;
-        wrench.torque_nm += arm.cross(&force);
+    /// What a unit twist of the tool moves its point by along its direction.
+    fn moved(&self, twist: usize) -> f32x4 {
+        let [x, y, z] = (self.direction * self.row[twist]).into();
+        f32x4::new([x as f32, y as f32, z as f32, 0.0])
     }
 
-    /// Adds what a contact does as the pose changes.
-    pub(super) fn add(&mut self, contact: &Contact) {
+    /// What each field moves its point by.
+    fn given(&self, fields: &[Response; 6]) -> Mat3x6 {
+        Mat3x6::from_columns(&std::array::from_fn::<_, 6, _>(|i| {
+            let [x, y, z, _] = self.point.value(&fields[i].displacement).to_array().map(f64::from);
+            Vec3::new(x, y, z)
+        }))
+    }
+}
+
+/// A contact's spring alone, times the square of [`Body::quasi_static_dt_s`]: it holds though it has given, for what comes
+/// back comes back against it, and nothing rubs.
+pub(super) fn point_spring(contact: &Contact, dt_s: f64) -> PointSpring {
+    let stiffness = dt_s * dt_s * contact.stiffness_n_per_m;
+    PointSpring::new(contact.ends.weights.iter(), contact.direction.into(), stiffness)
+}
+
+impl ToolModel {
+    /// Begins a model of tool `index`, which feels nothing yet; with room for all that it may come to feel.
+    pub(super) fn begin(&mut self, index: usize, slots: &mut [BodySlot]) {
+        self.left = if self.felt.take().is_some() { MOST_ITERATIONS } else { MOST_AT_FIRST };
+        self.tissues.resize_with(slots.len(), Default::default);
+        for (tissue, slot) in self.tissues.iter_mut().zip(slots) {
+            tissue.fields.iter_mut().for_each(|field| slot.body.fit(field));
+            let springs = slot.contacts[index].most_springs(&slot.body);
+            self.springs.clear();
+            self.springs.reserve(springs);
+        }
+    }
+
+    /// Adds what the tool feels of a body, whose operator has the springs of all contacts, by [`point_spring`].
+    pub(super) fn feel<'a>(
+        &mut self,
+        workers: &Workers<'_>,
+        (index, body): (usize, &mut Body),
+        tool: (&ToolShape, &Pose),
+        contacts: impl Iterator<Item = &'a Contact>,
+    ) {
+        let (tissue, springs) = (&mut self.tissues[index], &mut self.springs);
+        springs.clear();
+        springs.extend(contacts.map(|contact| Spring::new(contact, body, tool)));
+        self.left -= tissue.solve(workers, body, springs, self.left);
+        let felt = tissue.felt(workers, body, springs);
+        let sum = self.felt.get_or_insert(Felt { stiffness: Mat6::zeros(), damping: Mat6::zeros() });
+        sum.stiffness += felt.stiffness;
+        sum.damping += felt.damping;
+    }
+}
+
+impl Tissue {
+    /// Makes the fields better, in turns, until they are good enough or the iterations used up. Returns how many it took.
+    fn solve(&mut self, workers: &Workers<'_>, body: &mut Body, springs: &[Spring], most: u32) -> u32 {
+        let mut iterations = 0;
+        let first = self.first;
+        // What has no iterations left is still measured against the matrix and the springs of now.
+        for twist in (0..6).map(|i| (first + i) % 6) {
+            let load = springs.iter().map(|spring| (&spring.point, spring.moved(twist)));
+            let tolerance = RELATIVE_TOLERANCE * self.shares[twist];
+            let left = most - iterations;
+            iterations += body.respond(workers, load, (tolerance, left), &mut self.fields[twist]);
+            if left > 0 {
+                self.first = twist;
+            }
+        }
+        iterations
+    }
+
+    fn felt(&mut self, workers: &Workers<'_>, body: &Body, springs: &[Spring]) -> Felt {
+        let dt2_s2 = body.quasi_static_dt_s().powi(2);
+        let carried = Mat6::from_fn(|i, j| Response::work(workers, &self.fields[i], &self.fields[j]) / dt2_s2);
+        let (mut of_tool, mut shared, mut of_springs) = (Mat6::zeros(), Mat6::zeros(), Mat6::zeros());
+        for spring in springs {
+            let (row, k) = (spring.row, spring.stiffness_n_per_m);
+            let given = spring.given(&self.fields).transpose() * spring.direction;
+            of_tool += k * row * row.transpose();
+            shared += k * given * row.transpose();
+            of_springs += k * given * given.transpose();
+        }
+        let of_tissue = carried - of_springs;
+        let least = solve_definite(of_springs + of_tissue, &shared);
+        let mut stiffness = of_tool - shared.transpose() * least;
+        for (i, share) in self.shares.iter_mut().enumerate() {
+            *share = if of_tool[(i, i)] > 0.0 { (stiffness[(i, i)] / of_tool[(i, i)]).clamp(1e-3, 1.0) } else { 1.0 };
+        }
+        for (spring, (arm, turning)) in springs.iter().filter_map(|spring| Some((spring, spring.turning?))) {
+            let slid = moved_at(&arm) - spring.given(&self.fields) * least;
+            stiffness -= slid.transpose() * turning * slid;
+        }
+        let damping = body.damping_time_s() * least.transpose() * of_tissue * least;
+        Felt { stiffness, damping: 0.5 * (damping + damping.transpose()) }
+    }
+}
+
+/// What each unit twist moves a point by that is so far from the reference point.
+fn moved_at(arm: &Vec3) -> Mat3x6 {
+    let [x, y, z] = [Vec3::x(), Vec3::y(), Vec3::z()];
+    Mat3x6::from_columns(&[x, y, z, x.cross(arm), y.cross(arm), z.cross(arm)])
+}
+
+impl Felt {
+    /// Without what pushes a tool on where it has begun to slip: of the stiffness, symmetric, the part without negative
+    /// eigenvalues, turning measured by what it moves at `length_m`.
+    fn definite(&self, length_m: f64) -> Self {
+        let scale = Mat6::from_diagonal(&Vec6::new(1.0, 1.0, 1.0, length_m, length_m, length_m));
+        let back = Mat6::from_diagonal(&scale.diagonal().map(|s| 1.0 / s));
+        // What moves the reference point by a metre, or turns it by as much at the length.
+        let symmetric = 0.5 * (self.stiffness + self.stiffness.transpose());
+        let mut eigen = (back * symmetric * back).symmetric_eigen();
+        eigen.eigenvalues.apply(|value| *value = value.max(0.0));
+        Self { stiffness: scale * eigen.recompose() * scale, damping: self.damping }
+    }
+}
+
+/// `A^-1 B` of a symmetric matrix without negative eigenvalues, zero along what A does not have.
+fn solve_definite(mut a: Mat6, b: &Mat6) -> Mat6 {
+    let mut x = *b;
+    let before = a.diagonal();
+    let mut holds = [false; 6];
+    for i in 0..6 {
+        let pivot = a[(i, i)];
+        holds[i] = pivot > LEAST_PIVOT * before[i];
+        if !holds[i] {
+            continue;
+        }
+        for row in i + 1..6 {
+            let factor = a[(row, i)] / pivot;
+            (i..6).for_each(|column| a[(row, column)] -= factor * a[(i, column)]);
+            (0..6).for_each(|column| x[(row, column)] -= factor * x[(i, column)]);
+        }
+    }
+    for i in (0..6).rev() {
+        for column in 0..6 {
+            let known: f64 = (i + 1..6).map(|j| a[(i, j)] * x[(j, column)]).sum();
+            x[(i, column)] = if holds[i] { (x[(i, column)] - known) / a[(i, i)] } else { 0.0 };
+        }
+    }
+    x
+}
+
+/// Accumulates the wrench of a tool, and what bounds its model.
+pub(super) struct ContactSum {
+    pose: Pose,
+    wrench: Wrench,
+    cap_n: f64,
+    pub(super) touches: bool,
+}
+
+impl ContactSum {
+    pub(super) fn new(pose: Pose) -> Self {
+        Self { pose, wrench: Wrench::default(), cap_n: 0.0, touches: false }
+    }
+
+    pub(super) fn wrench(&self) -> Wrench {
+        self.wrench
+    }
+
+    /// Adds a contact's force.
+    pub(super) fn push(&mut self, contact: &Contact) {
         let arm = contact.ends.tool_point_m - self.pose.position_m;
-        self.contacts += 1;
+        let force = -contact.applied_n();
+        self.wrench.force_n += force;
+        self.wrench.torque_nm += arm.cross(&force);
+    }
+
+    /// Takes note of a contact that holds a pose.
+    pub(super) fn bound(&mut self, contact: &Contact) {
+        self.touches = true;
         if contact.limit_n.is_finite() {
             self.cap_n += contact.limit_n;
         }
-        self.yields |= contact.mode == Mode::Yield;
-        let turn = arm.cross(&contact.direction);
-        let row = [0, 1, 2].map(|i| contact.direction[i]);
-        let row: [f64; 6] = std::array::from_fn(|i| if i < 3 { row[i] } else { turn[i - 3] });
-        for i in 0..6 {
-            for j in 0..6 {
-                self.stiffness[i][j] += contact.stiffness_n_per_m * row[i] * row[j];
-            }
-        }
     }
 
-    pub(super) fn finish(mut self, shape: &ToolShape, wrench: Wrench) -> Option<ContactModel> {
-        // Rows and columns alike: the matrix stays symmetric and definite.
-        let felt = shape.felt_shares(self.contacts).map(f64::sqrt);
-        for (i, row) in self.stiffness.iter_mut().enumerate() {
-            row.iter_mut().enumerate().for_each(|(j, k)| *k *= felt[i / 3] * felt[j / 3]);
-        }
-        (self.contacts > 0).then_some(ContactModel {
+    pub(super) fn model(&self, shape: &ToolShape, path: &ToolPath, dt_s: f64, felt: &Felt) -> ContactModel {
+        let turn = path.pose.orientation * path.before.orientation.inverse();
+        let size_m = shape.size_m();
+        let felt = felt.definite(size_m);
+        let force_n = self.wrench.force_n;
+        let along_force = felt.stiffness.fixed_view::<3, 3>(0, 0) * force_n;
+        // A spring that pushes and does not pull holds as far as its force falls to nothing, and is not the same till then.
+        let gives_m = force_n.norm_squared() * force_n.norm() / along_force.dot(&force_n).max(f64::MIN_POSITIVE);
+        let reach_m = if shape.pulls() { f64::INFINITY } else { LINEAR_SHARE * gives_m };
+        ContactModel {
             reference: self.pose,
-            wrench,
-            stiffness: self.stiffness,
-            damping_n_s_per_m: 0.0,
-            force_cap_n: (self.yields && shape.cuts_forward()).then_some(self.cap_n),
-            cap_direction: -self.forward,
-            validity_radius_m: self.radius_m,
-        })
+            velocity_m_per_s: (path.pose.position_m - path.before.position_m) / dt_s,
+            angular_velocity_rad_per_s: turn.scaled_axis() / dt_s,
+            wrench: self.wrench,
+            stiffness: felt.stiffness.into(),
+            damping: felt.damping.into(),
+            force_cap_n: (self.cap_n > 0.0 && shape.cuts_forward()).then_some(self.cap_n),
+            cap_direction: self.pose.orientation * Vec3::y(),
+            validity_radius_m: (VALID_SHARE * size_m).min(reach_m),
+        }
     }
 }

@@ -25,12 +25,12 @@ use crate::params::StepParams;
 use crate::scene::wording::brief;
 use crate::scene::{Scene, SceneError};
 use crate::stage::{Lap, Stage, StageClock};
-use crate::step_io::{FractureStep, Grasp, StepInputs, StepOutput, ToolMotion, ToolOutput, Wrench};
+use crate::step_io::{FractureStep, Grasp, StepInputs, StepOutput, ToolMotion, ToolOutput};
 use crate::tool::ToolShape;
 use crate::view::View;
 use crate::workers::Workers;
 use body_slot::BodySlot;
-use contact_model::ContactModelSum;
+use contact_model::{ContactSum, ToolModel};
 use tissue_contact::TissueContacts;
 use tool::Tool;
 use tool_contact::ToolContact;
@@ -58,6 +58,8 @@ pub struct World {
     tissue: Option<TissueContacts>,
     contact_ledger: ContactLedger,
     springs_before_j: f64,
+    /// By tool; nothing that a step does depends on them.
+    models: Vec<ToolModel>,
     output: StepOutput,
 }
 
@@ -96,6 +98,7 @@ impl World {
             tissue: None,
             contact_ledger: ContactLedger::default(),
             springs_before_j: 0.0,
+            models: Vec::new(),
             output: StepOutput::default(),
         };
         for (index, point) in desc.tracked_points.iter().enumerate() {
@@ -109,6 +112,7 @@ impl World {
         if world.slots.len() > 1 {
             world.follow_tissue();
         }
+        world.models.resize_with(world.tools.len(), ToolModel::default);
         world.output.tools = vec![ToolOutput::default(); world.tools.len()];
         world.output.tracked_displacement_m = vec![Vec3::zeros(); world.tracked_points.len()];
         Ok(world)
@@ -159,6 +163,10 @@ impl World {
         self.solve_velocities(workers);
         self.brake_spins();
         lap.end(Stage::Velocities);
+        if !inputs.models.is_empty() {
+            self.update_models(workers, inputs.models);
+            lap.end(Stage::ContactModel);
+        }
         self.integrate(workers);
         lap.end(Stage::Integrate);
         self.evaluate(workers);
@@ -340,29 +348,49 @@ impl World {
         }
     }
 
-    /// Wrenches from the forces the solver applied; tool work and the springs' energies with them.
+    /// Brings what `tools` feel up to date: with the step's own matrices, before anything parts.
+    fn update_models(&mut self, workers: &Workers<'_>, tools: &[usize]) {
+        for &index in tools {
+            let Some(tool) = self.tools.get(index) else { continue };
+            let Some(pose) = tool.pose else { continue };
+            let model = &mut self.models[index];
+            model.begin(index, &mut self.slots);
+            for (body, slot) in self.slots.iter_mut().enumerate() {
+                if slot.contacts[index].pressing().next().is_none() {
+                    continue;
+                }
+                let dt_s = slot.body.quasi_static_dt_s();
+                let of_tissue = self.tissue.iter().flat_map(|tissue| tissue.point_springs(body, dt_s));
+                slot.set_quasi_static_springs(of_tissue, dt_s);
+                model.feel(workers, (body, &mut slot.body), (&tool.shape, &pose), slot.contacts[index].pressing());
+            }
+        }
+    }
+
+    /// Wrenches from the forces the solver applied, models about them; tool work and the springs' energies with them.
     fn write_wrenches(&mut self) {
         for (index, tool) in self.tools.iter().enumerate() {
-            let mut wrench = Wrench::default();
-            let mut model = tool.pose.map(|pose| ContactModelSum::new(pose, &tool.shape));
+            let mut sum = tool.pose.map(ContactSum::new);
             for slot in &self.slots {
                 let contact = &slot.contacts[index];
                 for c in contact.acting() {
                     let moved_m = c.ends.tool_point_m - c.ends.tool_point_before_m;
                     self.contact_ledger.tool_work_j += c.applied_n().dot(&moved_m);
-                    if let Some(sum) = &model {
-                        sum.push(c, &mut wrench);
-                    }
+                    sum.iter_mut().for_each(|sum| sum.push(c));
                 }
-                if let Some(sum) = &mut model {
-                    contact.pressing().for_each(|c| sum.add(c));
+                if let Some(sum) = &mut sum {
+                    contact.pressing().for_each(|c| sum.bound(c));
                 }
                 contact.beside_fronts().for_each(|c| self.contact_ledger.add(c, self.params.dt_s));
             }
             let output = &mut self.output.tools[index];
             (output.pose, output.opening) = (tool.pose, tool.opening);
-            output.wrench = wrench;
-            output.contact = model.and_then(|m| m.finish(&tool.shape, wrench));
+            output.wrench = sum.as_ref().map(ContactSum::wrench).unwrap_or_default();
+            output.touches = sum.as_ref().is_some_and(|sum| sum.touches);
+            let felt = &mut self.models[index].felt;
+            *felt = felt.filter(|_| output.touches);
+            let about = sum.zip(tool.path()).zip(felt.as_ref());
+            output.contact = about.map(|((sum, path), felt)| sum.model(&tool.shape, &path, self.params.dt_s, felt));
             output.cutting_length_m = self.slots.iter().map(|s| s.contacts[index].cutting_length_m()).sum();
             let holds = self.slots.iter().any(|s| s.contacts[index].holds());
             output.grasp = if holds { Grasp::Holding } else { Grasp::Nothing };

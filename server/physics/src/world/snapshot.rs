@@ -2,6 +2,7 @@
 
 use super::World;
 use super::body_slot::BodySlot;
+use super::contact_model::ToolModel;
 use super::tissue_contact::TissueContacts;
 use super::tool::Tool;
 use crate::ledger::ContactLedger;
@@ -55,6 +56,7 @@ impl World {
         self.tools.clone_from(&snapshot.tools);
         self.contact_ledger = snapshot.contact_ledger;
         self.springs_before_j = snapshot.springs_before_j;
+        self.models.iter_mut().for_each(|model| *model = ToolModel::default());
         self.output.clone_from(&snapshot.output);
         self.forget_surface();
     }

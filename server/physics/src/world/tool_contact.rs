@@ -117,19 +117,22 @@ impl ToolContact {
         self.edges().iter().any(|edge| !edge.front.contacts.is_empty())
     }
 
-    /// Makes room for all that may touch until links part again. Returns the number of springs that is.
-    pub(super) fn reserve(&mut self, body: &Body) -> usize {
+    /// Makes room for all that may touch until links part again.
+    pub(super) fn reserve(&mut self, body: &Body) {
         let (walls, elements) = (body.boundary().walls().len(), body.base().elements.len());
         match self {
-            Self::Edges(edges) => {
-                edges.iter_mut().for_each(|edge| edge.reserve(walls, elements));
-                edges.iter().map(|edge| edge.most_springs(walls)).sum()
-            }
-            Self::Grasp(grasp) => {
-                grasp.reserve(elements);
-                grasp.most_springs()
-            }
+            Self::Edges(edges) => edges.iter_mut().for_each(|edge| edge.reserve(walls, elements)),
+            Self::Grasp(grasp) => grasp.reserve(elements),
             Self::Palpation(palpation) => palpation.reserve(body),
+        }
+    }
+
+    /// Number of springs that there may be until links part again.
+    pub(super) fn most_springs(&self, body: &Body) -> usize {
+        match self {
+            Self::Edges(edges) => edges.iter().map(|edge| edge.most_springs(body.boundary().walls().len())).sum(),
+            Self::Grasp(grasp) => grasp.most_springs(),
+            Self::Palpation(_) => Palpation::most_springs(body),
         }
     }
 

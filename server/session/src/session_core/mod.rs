@@ -8,6 +8,7 @@
 
 mod checkpoints;
 mod commands;
+mod models;
 mod views;
 #[cfg(test)]
 mod virtual_session;
@@ -34,6 +35,7 @@ use crate::pacer::{Pace, Pacer};
 use crate::recorder::InputLog;
 use crate::status::{Phase, StepTallies};
 use crate::tool_slot::DriverId;
+use models::ModelSchedule;
 use views::ViewSchedule;
 
 /// How often a session that stands looks after its viewers, ns; commands wake it at once.
@@ -78,6 +80,7 @@ pub(crate) struct SessionCore {
     holders: Vec<Option<DriverId>>,
     tally: Tally,
     views: ViewSchedule,
+    models: ModelSchedule,
     /// What the session takes of the machine.
     admitted: Admitted,
     meter: LoadMeter,
@@ -140,6 +143,7 @@ impl SessionCore {
             holders: vec![None; tool_count],
             tally: Tally::of(&scene),
             views: ViewSchedule::default(),
+            models: ModelSchedule::default(),
             admitted,
             meter: LoadMeter::default(),
             scene,
@@ -208,7 +212,9 @@ impl SessionCore {
     }
 
     fn step(&mut self, started_ns: u64, workers: &Workers<'_>, clock: &dyn StageClock) {
-        let inputs = StepInputs { tools: &self.tools.inputs, relative_tolerance: self.next_tolerance.take() };
+        let models = self.models.due(started_ns, &self.tools.model_intervals_ns, &self.world.output().tools);
+        let relative_tolerance = self.next_tolerance.take();
+        let inputs = StepInputs { tools: &self.tools.inputs, relative_tolerance, models };
         self.log.record(&inputs);
         let output = self.world.step(workers, clock, &inputs);
         let ended_ns = clock.now_ns();
