@@ -13,7 +13,7 @@ use kerf_physics::surface::delta::{BodyStructure, Keyframe, TopologyPatch};
 pub(crate) struct Cursor(Option<Place>);
 
 /// A version within one life of the scene: versions start over when the scene is reset.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Place {
     pub epoch: u64,
     pub version: u64,
