@@ -108,7 +108,8 @@ fn profile(times: &StepTimes) -> v1::StepProfile {
     }
 }
 
-fn event(happened: &ViewEvent) -> Message {
+/// Something that happened, as it goes over the wire.
+pub fn event(happened: &ViewEvent) -> Message {
     let of = |kind: v1::EventKind| v1::Event { step: happened.step, kind: kind.into(), ..v1::Event::default() };
     Message::Event(match happened.event {
         SceneEvent::Fault(ref found) => return Message::Fault(fault(found)),
