@@ -50,7 +50,7 @@ pub struct ServerConfig {
     /// Default none: nothing is recorded.
     pub record_dir: Option<PathBuf>,
     /// Most that is kept in `record_dir`, MiB. When it is full recordings end, and none is begun; clients are told.
-    /// Default 1024: about half an hour of the liver at 1 kHz.
+    /// Default 1024: about an hour of the liver at 1 kHz.
     pub max_record_mib: f64,
     /// States that are recorded for the eye, Hz. Default 30: smooth, at half of what a screen's 60 take. Inputs, forces
     /// and hashes are recorded at every step whatever this is.

@@ -58,9 +58,11 @@ fn check(mut recording: Recording, threads: Option<usize>) -> Result<()> {
     let threads = threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
     ensure!((1..=256).contains(&threads), "--threads {threads} is not between 1 and 256");
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
-    let mut progress = Progress::new(recording.chunks() as u64);
-    let verified = verify::verify(&mut recording, &Workers::of(&pool), |_| progress.advance());
-    progress.finish();
+    let mut progress = None;
+    let verified = verify::verify(&mut recording, &Workers::of(&pool), |steps| {
+        progress.get_or_insert_with(|| Progress::new(steps)).advance();
+    });
+    progress.into_iter().for_each(|progress| progress.finish());
     let verify::Verified { steps, resets, restores, state_hash, .. } = verified?;
     println!(
         "{steps} steps, {resets} resets and {restores} ways back to checkpoints: every state is as recorded, the last \

@@ -3,7 +3,8 @@
 //!
 //! In: tool poses, latest-wins per tool, and commands from a bounded queue; both are drained at the
 //! start of a tick. Out: the structure of the scene as an ordered bounded log, and its state,
-//! latest-wins. Nothing is queued per client, and nothing is computed for viewers while nobody views.
+//! latest-wins. Nothing is queued per client, and nothing is computed for viewers while nobody views. Whoever records a
+//! session gets all its steps from a bounded tape; what was recorded is played in a session's place.
 //!
 //! Deliberately absent: locks on the world, steps inside async tasks, dropped or stretched steps,
 //! knowledge of the wire and of files.

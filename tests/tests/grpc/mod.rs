@@ -10,5 +10,6 @@ mod harness;
 mod hostile;
 mod lifecycle;
 mod own_scenes;
+mod recorded;
 mod stale;
 mod view;

@@ -1,13 +1,14 @@
 //! Scenes and the life of sessions.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use kerf_physics::{Scene, SceneError};
 use kerf_proto::v1;
 use kerf_proto::v1::create_session_request::Scene as Wanted;
 use kerf_proto::v1::get_scene_request::Of as SceneOf;
 use kerf_session::player::SPEEDS;
-use kerf_session::{Position, Registry, Seek, Session, SessionOptions};
+use kerf_session::{Position, Registry, Seek, Session, SessionId, SessionOptions};
 use tonic::{Request, Response, Status};
 
 use super::in_time;
@@ -40,6 +41,16 @@ impl SessionService {
 
     fn limit_s(&self) -> f64 {
         self.config.transport.request_timeout_s
+    }
+
+    /// What became of the recording of a session that has ended. A disk that is slow is not waited for without end.
+    async fn finish(&self, session: SessionId) -> Option<v1::Recording> {
+        let so_far = self.recordings.so_far(session);
+        let limit = Duration::from_secs_f64(self.limit_s());
+        tokio::time::timeout(limit, self.recordings.finish(session)).await.unwrap_or_else(|_| {
+            let error = format!("not written out within {} s (request_timeout_s)", self.limit_s());
+            so_far.map(|recording| v1::Recording { error, ..recording })
+        })
     }
 
     async fn describe(&self, session: &Session) -> Result<v1::SessionDescription, RequestError> {
@@ -137,7 +148,7 @@ impl v1::session_service_server::SessionService for SessionService {
         let id = &request.get_ref().session_id;
         let session = self.get(id)?;
         in_time(self.limit_s(), self.registry.close(id)).await?;
-        let recording = self.recordings.finish(session.id()).await;
+        let recording = self.finish(session.id()).await;
         Ok(Response::new(v1::CloseSessionResponse { recording }))
     }
 

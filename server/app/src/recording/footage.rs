@@ -89,7 +89,7 @@ impl FileFootage {
     }
 
     fn find(&mut self, time_ns: u64) -> Result<Option<Frame>> {
-        let until = self.recording.chunks_until(self.recording.span_ns().0 + time_ns);
+        let until = self.recording.chunks_until(self.recording.span_ns().0.saturating_add(time_ns));
         let mut first = self.chunk_with_keyframe(until)?;
         loop {
             self.go_to(first);

@@ -16,13 +16,14 @@ pub mod writer;
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::path::PathBuf;
-use std::sync::{Arc, Mutex};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::thread::JoinHandle;
 use std::time::SystemTime;
 
 use anyhow::{Context, Result, anyhow};
 use kerf_proto::v1;
-use kerf_session::{Session, SessionId};
+use kerf_session::{Reel, Session, SessionId};
 
 pub use footage::FileFootage;
 pub use quota::{Quota, Sink};
@@ -51,8 +52,9 @@ pub struct Pictures {
 
 /// A recording that goes on, or has ended.
 struct Going {
+    session: Weak<Session>,
     told: Arc<Told>,
-    thread: Mutex<Option<std::thread::JoinHandle<()>>>,
+    thread: Mutex<Option<JoinHandle<()>>>,
 }
 
 /// What has become of a recording.
@@ -71,8 +73,8 @@ impl Told {
         change(&mut self.lock());
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, v1::Recording> {
-        self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, v1::Recording> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -95,7 +97,7 @@ impl Recordings {
     }
 
     /// Begins to record a session that was created to be; what stands in the way of that is logged and told.
-    pub fn begin(&self, session: &Session) {
+    pub fn begin(&self, session: &Arc<Session>) {
         let (Some(folder), Some(reel)) = (&self.folder, session.take_reel()) else { return };
         let told = Arc::new(Told::default());
         let thread = self.start(folder, session, reel, &told).unwrap_or_else(|error| {
@@ -104,18 +106,14 @@ impl Recordings {
             None
         });
         let mut going = self.lock();
-        // Those of sessions that nobody closed, as a client that went away while its scene was built.
-        going.retain(|_, recording| !recording.has_ended());
-        going.insert(session.id(), Arc::new(Going { told, thread: Mutex::new(thread) }));
+        // Those of sessions that ended without being asked about, as when a client goes away while its scene is built.
+        going.retain(|_, recording| recording.session.strong_count() > 0);
+        let session_id = session.id();
+        let session = Arc::downgrade(session);
+        going.insert(session_id, Arc::new(Going { session, told, thread: Mutex::new(thread) }));
     }
 
-    fn start(
-        &self,
-        folder: &std::path::Path,
-        session: &Session,
-        reel: kerf_session::Reel,
-        told: &Arc<Told>,
-    ) -> Result<Option<std::thread::JoinHandle<()>>> {
+    fn start(&self, folder: &Path, session: &Session, reel: Reel, told: &Arc<Told>) -> Result<Option<JoinHandle<()>>> {
         self.quota.measure(folder)?;
         let began_ms = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?.as_millis();
         let name = format!("{}-{began_ms}.mcap", session.id());
@@ -153,22 +151,14 @@ impl Recordings {
         }
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, BTreeMap<SessionId, Arc<Going>>> {
-        self.going.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, BTreeMap<SessionId, Arc<Going>>> {
+        self.going.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Going {
-    fn thread(&self) -> std::sync::MutexGuard<'_, Option<std::thread::JoinHandle<()>>> {
-        self.thread.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
-    }
-
-    fn has_ended(&self) -> bool {
-        self.thread().as_ref().is_some_and(std::thread::JoinHandle::is_finished)
-    }
-
     fn join(&self) {
-        let thread = self.thread().take();
+        let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
         if thread.is_some_and(|thread| thread.join().is_err()) {
             self.told.note(|recording| recording.error = "the thread that records panicked".into());
         }

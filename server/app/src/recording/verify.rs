@@ -27,13 +27,14 @@ pub struct Verified {
     pub ending: Ending,
 }
 
-/// Simulates a recording once more, and compares the hash of the state after every step. `progress` hears of each chunk.
+/// Simulates a recording once more, and compares the hash of the state after every step. `progress` hears of each step,
+/// and how many there are.
 ///
 /// # Errors
 /// What cannot be read, or the first step that differs.
 pub fn verify(recording: &mut Recording, workers: &Workers<'_>, mut progress: impl FnMut(u64)) -> Result<Verified> {
     let scene = convert::scene(recording.header()).context("the recorded scene")?;
-    let needed = needed_checkpoints(recording)?;
+    let Survey { steps, needed } = Survey::of(recording)?;
     let mut again = Resimulation::new(&scene)?;
     let (mut verified, mut saved) = (Verified::of(recording.ending()), 0);
     for index in 0..recording.chunks() {
@@ -45,6 +46,7 @@ pub fn verify(recording: &mut Recording, workers: &Workers<'_>, mut progress: im
                     let compared = again.step(workers, step.step, &inputs, step.state_hash);
                     compared.map_err(|difference| verified.place(&difference))?;
                     (verified.steps, verified.state_hash) = (verified.steps + 1, step.state_hash);
+                    progress(steps);
                 }
                 Track::Events => {
                     let Some(happened) = convert::event(&entry.read()?) else { continue };
@@ -64,7 +66,6 @@ pub fn verify(recording: &mut Recording, workers: &Workers<'_>, mut progress: im
                 _ => {}
             }
         }
-        progress(verified.steps);
     }
     Ok(verified)
 }
@@ -81,20 +82,33 @@ impl Verified {
     }
 }
 
-/// Which of the saved checkpoints are gone back to: the others take memory for nothing.
-fn needed_checkpoints(recording: &mut Recording) -> Result<BTreeSet<u64>> {
-    let (mut needed, mut newest, mut saved) = (BTreeSet::new(), HashMap::<Arc<str>, u64>::new(), 0);
-    for index in 0..recording.chunks() {
-        for entry in recording.chunk(index)?.iter().filter(|entry| entry.track == Track::Events) {
-            match convert::event(&entry.read()?).map(|happened| happened.event) {
-                Some(SceneEvent::CheckpointSaved(name)) => {
-                    saved += 1;
-                    newest.insert(name, saved);
+/// What a recording holds.
+struct Survey {
+    steps: u64,
+    /// Which of the saved checkpoints are gone back to: the others take memory for nothing.
+    needed: BTreeSet<u64>,
+}
+
+impl Survey {
+    fn of(recording: &mut Recording) -> Result<Self> {
+        let mut survey = Self { steps: 0, needed: BTreeSet::new() };
+        let (mut newest, mut saved) = (HashMap::<Arc<str>, u64>::new(), 0);
+        for index in 0..recording.chunks() {
+            for entry in recording.chunk(index)? {
+                survey.steps += u64::from(entry.track == Track::Step);
+                if entry.track != Track::Events {
+                    continue;
                 }
-                Some(SceneEvent::CheckpointRestored(name)) => needed.extend(newest.get(&name)),
-                _ => {}
+                match convert::event(&entry.read()?).map(|happened| happened.event) {
+                    Some(SceneEvent::CheckpointSaved(name)) => {
+                        saved += 1;
+                        newest.insert(name, saved);
+                    }
+                    Some(SceneEvent::CheckpointRestored(name)) => survey.needed.extend(newest.get(&name)),
+                    _ => {}
+                }
             }
         }
+        Ok(survey)
     }
-    Ok(needed)
 }

@@ -8,6 +8,8 @@
 
 mod checkpoints;
 mod commands;
+#[cfg(test)]
+mod recording_cost;
 mod views;
 #[cfg(test)]
 mod virtual_session;

@@ -46,7 +46,7 @@ pub struct VirtualSession {
     pub inbox: Arc<Inbox>,
     pub outbox: Arc<Outbox>,
     bell: watch::Receiver<u64>,
-    tape: TapeReader,
+    tape: Option<TapeReader>,
     pub reports: watch::Receiver<Arc<StepReport>>,
     pub clock: VirtualClock,
     pub wake: Wake,
@@ -66,7 +66,7 @@ impl VirtualSession {
         let admitted = admission.admit(&Cost::default(), 1.0).unwrap();
         let core = SessionCore::new(Arc::clone(&scene), limits, Arc::clone(&inbox), publisher, admitted).unwrap();
         let (clock, wake) = (VirtualClock::default(), Wake::At(0));
-        Self { core, scene, inbox, outbox, bell, tape, reports, clock, wake, step_ns: MS / 10 }
+        Self { core, scene, inbox, outbox, bell, tape: Some(tape), reports, clock, wake, step_ns: MS / 10 }
     }
 
     pub fn now_ns(&self) -> u64 {
@@ -113,7 +113,7 @@ impl VirtualSession {
 
     /// What was recorded, once it has led to the session's state once more.
     pub fn resimulated(&mut self) -> Vec<TapeEntry> {
-        let entries = Vec::from(self.tape.take().0);
+        let entries = Vec::from(self.tape.as_ref().expect("a tape").take().0);
         let mut again = Resimulation::new(&self.scene).unwrap();
         again.follow(&Workers::serial(), &entries).unwrap();
         assert_eq!(again.world().state_hash(), self.status().state_hash);
@@ -125,6 +125,19 @@ impl VirtualSession {
         // The first look is what asks for a keyframe.
         assert!(viewer.try_next().is_none());
         viewer
+    }
+
+    /// One who looks on for the record, at half the rate of states.
+    pub fn watch_for_the_record(&self) -> Viewer {
+        let mut viewer = self.outbox.join_for_the_record(self.bell.clone());
+        viewer.set_interval_ns(S / 30);
+        assert!(viewer.try_next().is_none());
+        viewer
+    }
+
+    /// Nobody records any more.
+    pub fn stop_tape(&mut self) {
+        self.tape = None;
     }
 
     pub fn drive(&self) -> DriverId {
