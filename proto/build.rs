@@ -4,11 +4,18 @@ use std::path::PathBuf;
 
 use prost::Message;
 
-const FILES: [&str; 4] =
-    ["kerf/v1/types.proto", "kerf/v1/session.proto", "kerf/v1/control.proto", "kerf/v1/view.proto"];
+const FILES: [&str; 6] = [
+    "kerf/v1/types.proto",
+    "kerf/v1/session.proto",
+    "kerf/v1/control.proto",
+    "kerf/v1/view.proto",
+    "kerf/v1/recording.proto",
+    "foxglove/scene.proto",
+];
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("cargo::rerun-if-changed=kerf");
+    println!("cargo::rerun-if-changed=foxglove");
     let descriptors = protox::compile(FILES, ["."])?;
     let out_dir = PathBuf::from(std::env::var("OUT_DIR")?);
     std::fs::write(out_dir.join("kerf_descriptor.bin"), descriptors.encode_to_vec())?;

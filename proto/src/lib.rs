@@ -1,4 +1,4 @@
-//! Messages and services of Kerf, generated from `kerf/v1/*.proto`.
+//! Messages and services of Kerf, generated from `kerf/v1/*.proto` and `foxglove/*.proto`.
 //!
 //! Deliberately absent: logic. Conversions live with the server, checks of what comes in with
 //! whoever receives it.
@@ -13,6 +13,13 @@ pub mod v1 {
     tonic::include_proto!("kerf.v1");
 }
 
+/// As much of Foxglove's schemas as recordings use.
+// Generated code, as above.
+#[allow(clippy::all, missing_docs, unused_qualifications)]
+pub mod foxglove {
+    tonic::include_proto!("foxglove");
+}
+
 /// The version that both ends of a stream name in their first message.
 pub const PROTOCOL_VERSION: u32 = 2;
 
@@ -20,5 +27,5 @@ pub const PROTOCOL_VERSION: u32 = 2;
 /// carries a surface of 1.6 million vertices, a hundred times the liver's.
 pub const MAX_MESSAGE_BYTES: usize = 64 << 20;
 
-/// The compiled `.proto` files, for reflection.
+/// The compiled `.proto` files, for reflection and for the schemas of recordings.
 pub const FILE_DESCRIPTOR_SET: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/kerf_descriptor.bin"));

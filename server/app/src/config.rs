@@ -46,12 +46,18 @@ pub struct ServerConfig {
     pub listen: SocketAddr,
     /// Threads of the network's runtime. Default 2: the simulation gets the other cores.
     pub network_threads: usize,
-    /// Folder that the inputs of each session are written to when it is reset or ends, for
-    /// `simulate --replay`. Default none: nothing is written.
+    /// Folder that each session is recorded to, an MCAP file a session, for `replay` and for viewers of such files.
+    /// Default none: nothing is recorded.
     pub record_dir: Option<PathBuf>,
-    /// Most that is kept in `record_dir`, MiB; what comes when it is full is not recorded, and its client is told.
-    /// Default 1024: two hours of one tool at 1 kHz.
+    /// Most that is kept in `record_dir`, MiB. When it is full recordings end, and none is begun; clients are told.
+    /// Default 1024: about an hour of the liver at 1 kHz.
     pub max_record_mib: f64,
+    /// States that are recorded for the eye, Hz. Default 30: smooth, at half of what a screen's 60 take. Inputs, forces
+    /// and hashes are recorded at every step whatever this is.
+    pub record_rate_hz: f64,
+    /// Surfaces are recorded too, ten a second, as scenes that common viewers of MCAP files draw. Default false: it makes
+    /// files several times larger, and `replay` does not need them.
+    pub record_surface: bool,
     /// Folder of scenes, TOML files with the meshes, label maps and edges that they refer to, which clients create by
     /// the name of the file. Default none.
     pub scene_dir: Option<PathBuf>,
@@ -78,6 +84,8 @@ impl Default for ServerConfig {
             network_threads: 2,
             record_dir: None,
             max_record_mib: 1024.0,
+            record_rate_hz: 30.0,
+            record_surface: false,
             scene_dir: None,
             pareto_dir: None,
             log: LogConfig::default(),
@@ -276,6 +284,7 @@ impl ServerConfig {
             ("transport.max_streams_per_connection", f64::from(transport.max_streams_per_connection)),
             ("transport.max_incoming_bytes", transport.max_incoming_bytes as f64),
             ("max_record_mib", self.max_record_mib),
+            ("record_rate_hz", self.record_rate_hz),
             ("transport.max_upload_bytes", transport.max_upload_bytes as f64),
             ("transport.max_session_calls", transport.max_session_calls as f64),
             ("transport.max_outgoing_bytes", transport.max_outgoing_bytes as f64),

@@ -15,6 +15,7 @@ mod print_config;
 mod progress;
 pub mod recording;
 pub mod remote;
+pub mod replay;
 pub mod scene_args;
 mod scene_list;
 pub mod scenes;

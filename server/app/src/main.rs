@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use kerf_server::remote::{self, SessionArgs};
+use kerf_server::replay::{self, ReplayArgs};
 use kerf_server::scene_args::SceneArgs;
 use kerf_server::serve::{self, ServeArgs};
 use kerf_server::{check, scenes, schema, simulate, tradeoff};
@@ -21,6 +22,8 @@ struct Cli {
 enum Command {
     /// Serves sessions over gRPC until it is told to stop.
     Serve(ServeArgs),
+    /// Serves a recorded session to viewers as if it were live, or verifies it.
+    Replay(ReplayArgs),
     /// Asks a server that runs for its sessions, saves their states and takes them back.
     Session(SessionArgs),
     /// Lists the built-in scenes.
@@ -45,6 +48,7 @@ enum Command {
 fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Serve(args) => serve::run(args),
+        Command::Replay(args) => replay::run(&args),
         Command::Session(args) => remote::run(&args),
         Command::Scenes => scenes::run(),
         Command::Schema => schema::run(),

@@ -42,6 +42,8 @@ pub enum Action {
     Resume(Id),
     /// Takes a session back to its beginning.
     Reset(Id),
+    /// Takes a recording that is played to another time.
+    Seek(Time),
     /// Ends a session.
     Close(Id),
 }
@@ -60,6 +62,18 @@ pub struct Checkpoint {
     pub session: String,
     /// Name of the state.
     pub name: String,
+}
+
+/// A time of a recording.
+#[derive(Args, Clone, Debug)]
+pub struct Time {
+    /// Id of the session, as `list` tells it.
+    pub session: String,
+    /// Time since the recording began, s. Default: where it is.
+    pub time_s: Option<f64>,
+    /// Times the speed of its making, 0.01 to 100. Default: as it is.
+    #[arg(long, value_name = "FACTOR")]
+    pub speed: Option<f64>,
 }
 
 /// Asks the server and prints what it says, a line each.
@@ -87,7 +101,8 @@ async fn ask(mut client: SessionServiceClient<Channel>, action: Action) -> Resul
             let sessions = client.list_sessions(v1::ListSessionsRequest {}).await.map(Response::into_inner)?.sessions;
             let line = |session: v1::SessionInfo| {
                 let state = session.state().as_str_name().trim_start_matches("SESSION_STATE_").to_lowercase();
-                format!("{}  {}  {state}", session.session_id, session.scene_name)
+                let kind = if session.is_replay { "  replay" } else { "" };
+                format!("{}  {}  {state}{kind}", session.session_id, session.scene_name)
             };
             sessions.into_iter().map(line).collect()
         }
@@ -121,9 +136,18 @@ async fn ask(mut client: SessionServiceClient<Channel>, action: Action) -> Resul
             client.reset_session(v1::ResetSessionRequest { session_id }).await?;
             Vec::new()
         }
+        Action::Seek(Time { session: session_id, time_s, speed }) => {
+            let request = v1::SeekReplayRequest { session_id, time_s, speed };
+            let at = client.seek_replay(request).await?.into_inner();
+            vec![format!("{:.3} s of {:.3} s, at step {}, speed {}", at.time_s, at.length_s, at.step, at.speed)]
+        }
         Action::Close(Id { session: session_id }) => {
-            client.close_session(v1::CloseSessionRequest { session_id }).await?;
-            Vec::new()
+            let closed = client.close_session(v1::CloseSessionRequest { session_id }).await?.into_inner();
+            let line = |recording: v1::Recording| match recording.error.is_empty() {
+                true => format!("recorded: {}, {} steps", recording.file, recording.steps),
+                false => format!("recorded: {}, {} steps: {}", recording.file, recording.steps, recording.error),
+            };
+            closed.recording.map(line).into_iter().collect()
         }
     })
 }

@@ -24,7 +24,8 @@ use crate::config::{ConfigArgs, ServerConfig, TransportLimits};
 use crate::grpc::control_service::ControlService;
 use crate::grpc::session_service::SessionService;
 use crate::grpc::view_service::ViewService;
-use crate::{incoming, machine, print_config, recording, shutdown, telemetry, viewer};
+use crate::recording::Recordings;
+use crate::{incoming, machine, print_config, shutdown, telemetry, viewer};
 
 /// Share of the machine's memory that sessions take unless it is set.
 const MEMORY_SHARE: f64 = 0.5;
@@ -53,10 +54,16 @@ pub fn run(args: ServeArgs) -> Result<()> {
         return Ok(());
     }
     telemetry::init(&config.log)?;
+    serve_until_told(config, async |_: &Server| Ok(()))
+}
+
+/// Starts a server, does what is to be done first, and serves until SIGTERM or SIGINT.
+pub(crate) fn serve_until_told(config: ServerConfig, first: impl AsyncFnOnce(&Server) -> Result<()>) -> Result<()> {
     let mut runtime = tokio::runtime::Builder::new_multi_thread();
     runtime.worker_threads(config.network_threads).thread_name("kerf-network").enable_all();
     runtime.build().context("runtime")?.block_on(async {
         let mut server = Server::start(config).await?;
+        first(&server).await?;
         tokio::select! {
             requested = shutdown::requested() => requested?,
             ended = server.ended() => ended.context("the transport ended by itself")?,
@@ -72,6 +79,7 @@ pub struct Server {
     registry: Arc<Registry>,
     health: HealthReporter,
     config: Arc<ServerConfig>,
+    recordings: Arc<Recordings>,
     idle: JoinHandle<()>,
     stop: oneshot::Sender<()>,
     transport: JoinHandle<Result<(), tonic::transport::Error>>,
@@ -106,7 +114,8 @@ impl Server {
         let registry = Arc::new(Registry::new(config.session.clone(), pareto_fronts)?);
         let listener = TcpListener::bind(config.listen).await.with_context(|| format!("listen = {}", config.listen))?;
         let address = listener.local_addr()?;
-        let (health, routes) = routes(&registry, &config).await?;
+        let recordings = Arc::new(Recordings::new(&config));
+        let (health, routes) = routes(&registry, &config, &recordings).await?;
         let (stop, stopped) = oneshot::channel::<()>();
         let connections = incoming::connections(listener, &config.transport);
         let serving = builder(&config.transport)
@@ -114,8 +123,8 @@ impl Server {
             .serve_with_incoming_shutdown(connections, async { drop(stopped.await) });
         tracing::info!(%address, "listening");
         let transport = tokio::spawn(serving);
-        let idle = tokio::spawn(close_idle(Arc::clone(&registry), Arc::clone(&config)));
-        Ok(Self { address, registry, health, config, idle, stop, transport })
+        let idle = tokio::spawn(close_idle(Arc::clone(&registry), Arc::clone(&config), Arc::clone(&recordings)));
+        Ok(Self { address, registry, health, config, recordings, idle, stop, transport })
     }
 
     /// The address it listens on.
@@ -147,10 +156,8 @@ impl Server {
         // The transport is told by the sender's end as well; either way it accepts no more.
         drop(self.stop);
         let drain = async {
-            for session in self.registry.list() {
-                recording::save(&self.config, &session).await;
-            }
             self.registry.close_all().await;
+            self.recordings.finish_all().await;
             (&mut self.transport).await
         };
         let drain_timeout = Duration::from_secs_f64(self.config.transport.drain_timeout_s);
@@ -167,15 +174,15 @@ impl Server {
 }
 
 /// Closes sessions that nobody has had to do with for as long as the limit says.
-async fn close_idle(registry: Arc<Registry>, config: Arc<ServerConfig>) {
+async fn close_idle(registry: Arc<Registry>, config: Arc<ServerConfig>, recordings: Arc<Recordings>) {
     let mut looks = tokio::time::interval(IDLE_LOOK.min(Duration::from_secs_f64(config.session.idle_timeout_s)));
     loop {
         looks.tick().await;
         for session in registry.idle() {
             let id = session.id().to_string();
             tracing::info!(session = id, "nobody has had to do with the session; it is closed");
-            recording::save(&config, &session).await;
             let _ = registry.close(&id).await;
+            recordings.finish(session.id()).await;
         }
     }
 }
@@ -190,11 +197,19 @@ fn builder(limits: &TransportLimits) -> Transport {
         .http2_keepalive_timeout(Some(Duration::from_secs_f64(limits.keepalive_timeout_s)))
 }
 
-async fn routes(registry: &Arc<Registry>, config: &Arc<ServerConfig>) -> Result<(HealthReporter, Routes)> {
+async fn routes(
+    registry: &Arc<Registry>,
+    config: &Arc<ServerConfig>,
+    recordings: &Arc<Recordings>,
+) -> Result<(HealthReporter, Routes)> {
     let limits = &config.transport;
-    let session = SessionServiceServer::new(SessionService::new(Arc::clone(registry), Arc::clone(config)))
-        .max_decoding_message_size(limits.max_upload_bytes)
-        .max_encoding_message_size(limits.max_outgoing_bytes);
+    let session = SessionServiceServer::new(SessionService::new(
+        Arc::clone(registry),
+        Arc::clone(config),
+        Arc::clone(recordings),
+    ))
+    .max_decoding_message_size(limits.max_upload_bytes)
+    .max_encoding_message_size(limits.max_outgoing_bytes);
     let session = GlobalConcurrencyLimitLayer::new(limits.max_session_calls).named_layer(session);
     let control = ControlServiceServer::new(ControlService::new(Arc::clone(registry), config.control.clone()))
         .max_decoding_message_size(limits.max_incoming_bytes)

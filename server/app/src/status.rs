@@ -2,6 +2,7 @@
 
 use kerf_scenes::dial::DialError;
 use kerf_session::SessionError;
+use kerf_session::player::SPEEDS;
 use tonic::{Code, Status};
 use tonic_types::{ErrorDetails, StatusExt};
 
@@ -105,6 +106,12 @@ pub enum RequestError {
         /// Most steps.
         limit: u32,
     },
+    /// A speed that no recording is played at.
+    #[error("speed = {speed}: must be {} to {}", SPEEDS.start(), SPEEDS.end())]
+    Speed {
+        /// The speed.
+        speed: f64,
+    },
     /// The session did not answer in time.
     #[error("the session did not answer within {limit_s} s (request_timeout_s)")]
     Unresponsive {
@@ -125,6 +132,7 @@ impl RequestError {
             | Self::Rate { .. }
             | Self::Dial { .. }
             | Self::Steps { .. }
+            | Self::Speed { .. }
             | Self::TooManyRejected { .. }
             | Self::LeaseOfOther { .. }
             | Self::SceneText { .. } => Code::InvalidArgument,
@@ -150,7 +158,10 @@ fn session_code(error: &SessionError) -> Code {
         | SessionError::NoTool { .. }
         | SessionError::NoCheckpoint { .. }
         | SessionError::Closed => Code::NotFound,
-        SessionError::ToolTaken { .. } | SessionError::Failed { .. } => Code::FailedPrecondition,
+        SessionError::ToolTaken { .. }
+        | SessionError::Failed { .. }
+        | SessionError::IsReplay
+        | SessionError::NotReplay => Code::FailedPrecondition,
         SessionError::Dial(DialError::Scene(_))
         | SessionError::Scene(_)
         | SessionError::Rate { .. }

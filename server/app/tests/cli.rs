@@ -3,13 +3,6 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use kerf_physics::step_io::{ToolInput, ToolMotion};
-use kerf_physics::tool::Pose;
-use kerf_physics::{Quat, StepInputs, Vec3, Workers};
-use kerf_scenes::catalog;
-use kerf_server::recording::Recording;
-use kerf_session::InputLog;
-
 fn kerf(arguments: &[&str], folder: &Path) -> Output {
     Command::new(env!("CARGO_BIN_EXE_kerf-server")).args(arguments).current_dir(folder).output().unwrap()
 }
@@ -186,27 +179,4 @@ fn simulate_judges_the_scene_with_its_options_applied() {
     let output = kerf(&["simulate", "liver", "--rate", "5", "--out", "run"], folder.path());
     assert_eq!(output.status.code(), Some(1));
     assert!(text(&output.stderr).contains("with --rate applied: rate_hz: 5 is not"), "{}", text(&output.stderr));
-}
-
-#[test]
-fn simulate_replays_a_recording_and_refuses_another_scenes() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut log = InputLog::new(usize::MAX);
-    let pose = Pose { position_m: Vec3::new(0.0, 0.5, 0.0), orientation: Quat::from_euler_angles(0.1, 0.2, 0.3) };
-    log.record(&StepInputs::of(&[]));
-    log.record(&StepInputs::of(&[ToolInput { tool: 0, motion: ToolMotion::enter_at(pose) }]));
-    log.record(&StepInputs::of(&[]));
-    let jelly = catalog::builtin("jelly").unwrap();
-    let state_hash = log.replay(&jelly, &Workers::serial()).unwrap().state_hash();
-    Recording { log, state_hash: Some(state_hash) }.write(&folder.path().join("session.csv")).unwrap();
-
-    let output = kerf(&["simulate", "jelly", "--replay", "session.csv", "--out", "run"], folder.path());
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    let summary = std::fs::read(folder.path().join("run/summary.json")).unwrap();
-    let summary: serde_json::Value = serde_json::from_slice(&summary).unwrap();
-    assert_eq!(summary["steps"], 3);
-    assert_eq!(summary["state_hash"], format!("{state_hash:016x}"));
-    let output = kerf(&["simulate", "tofu", "--replay", "session.csv", "--out", "run"], folder.path());
-    assert_eq!(output.status.code(), Some(1));
-    assert!(text(&output.stderr).contains("ends in another state"), "{}", text(&output.stderr));
 }

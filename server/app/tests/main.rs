@@ -2,6 +2,7 @@
 
 mod cli;
 mod hepatectomy;
+mod killed;
 mod remote;
 mod slit;
 mod tradeoff;

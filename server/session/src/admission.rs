@@ -99,9 +99,9 @@ impl Reservation {
         self.admission.reserve(self.bytes)
     }
 
-    /// What a checkpoint needs whose log of inputs takes `log_bytes`.
-    pub fn checkpoint(&self, log_bytes: usize) -> Result<Self, SessionError> {
-        self.admission.reserve(CHECKPOINT_SHARE * self.bytes + log_bytes as f64)
+    /// What a checkpoint needs.
+    pub fn checkpoint(&self) -> Result<Self, SessionError> {
+        self.admission.reserve(CHECKPOINT_SHARE * self.bytes)
     }
 }
 
@@ -169,8 +169,8 @@ mod tests {
         let [first, _second] = [(); 2].map(|()| admission.admit(&COST, 1000.0).unwrap());
         let refused = admission.admit(&COST, 1000.0).unwrap_err();
         assert_eq!(refused, SessionError::Memory { needed_mib: 40, taken_mib: 80, limit_mib: 100 });
-        let checkpoint = first.memory.checkpoint(0).unwrap();
-        assert!(first.memory.checkpoint(0).is_err() && first.memory.another().is_err());
+        let checkpoint = first.memory.checkpoint().unwrap();
+        assert!(first.memory.checkpoint().is_err() && first.memory.another().is_err());
         drop((first, checkpoint));
         assert!(admission.admit(&COST, 1000.0).is_ok());
     }

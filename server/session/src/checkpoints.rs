@@ -6,7 +6,6 @@ use kerf_physics::world::Snapshot;
 use crate::admission::Reservation;
 use crate::error::SessionError;
 use crate::governor::Governor;
-use crate::recorder::InputLog;
 
 /// Longest name of a checkpoint, bytes: a sentence. Names go into events, logs and lists.
 pub const MAX_CHECKPOINT_NAME_BYTES: usize = 64;
@@ -31,9 +30,6 @@ pub(crate) struct Checkpoint {
     pub relative_tolerance: f64,
     pub governor: Option<Governor>,
     pub next_tolerance: Option<f64>,
-    /// The inputs that led here: a session that has gone back is recorded as if what came after had never
-    /// been, also where it then goes on to a checkpoint of that other way.
-    pub log: InputLog,
     /// Held as long as the checkpoint is kept.
     pub _memory: Reservation,
 }

@@ -115,6 +115,14 @@ pub enum SessionError {
         /// `lease_s`.
         lease_s: f64,
     },
+    /// The session is a recording that is played.
+    #[error(
+        "the session is a recording that is played: it can be viewed, paused, stepped and sought, not driven or changed"
+    )]
+    IsReplay,
+    /// The session is no recording.
+    #[error("the session is simulated: only a recording that is played goes to another time")]
+    NotReplay,
     /// The session is closed or closing.
     #[error("the session is closed")]
     Closed,

@@ -13,8 +13,8 @@ use crate::checkpoints::CheckpointInfo;
 use crate::error::SessionError;
 use crate::limits::{SessionLimits, to_ns};
 use crate::lock::lock;
+use crate::player::{Position, Seek};
 use crate::pose_check::{PoseRefusal, PoseSample};
-use crate::recorder::InputLog;
 use crate::status::{SessionStatus, StepTallies};
 use crate::tool_slot::{DriverId, Echo, ToolSlot};
 
@@ -22,8 +22,6 @@ use crate::tool_slot::{DriverId, Echo, ToolSlot};
 pub struct Inspection<'a> {
     /// The world as the last step left it.
     pub world: &'a mut World,
-    /// All inputs since the scene was at rest.
-    pub log: &'a InputLog,
     /// The scene.
     pub scene: &'a Scene,
     /// The steps since the scene was at rest.
@@ -44,6 +42,8 @@ pub(crate) enum Command {
     Describe(oneshot::Sender<SessionStatus>),
     /// Save a checkpoint, go back to one, tell of them.
     Checkpoint(CheckpointCommand),
+    /// Of a recording that is played: go to a time, set the speed; answers with both.
+    Seek(Seek, oneshot::Sender<Result<Position, SessionError>>),
     /// Inspect the world. The closure holds the answer's channel.
     Query(Box<dyn FnOnce(&mut Inspection<'_>) + Send>),
 }

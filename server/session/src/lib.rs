@@ -3,7 +3,8 @@
 //!
 //! In: tool poses, latest-wins per tool, and commands from a bounded queue; both are drained at the
 //! start of a tick. Out: the structure of the scene as an ordered bounded log, and its state,
-//! latest-wins. Nothing is queued per client, and nothing is computed for viewers while nobody views.
+//! latest-wins. Nothing is queued per client, and nothing is computed for viewers while nobody views. Whoever records a
+//! session gets all its steps from a bounded tape; what was recorded is played in a session's place.
 //!
 //! Deliberately absent: locks on the world, steps inside async tasks, dropped or stretched steps,
 //! knowledge of the wire and of files.
@@ -19,16 +20,19 @@ mod lock;
 mod outbox;
 mod overload;
 pub mod pacer;
+pub mod player;
 pub mod pose_check;
 mod prepare;
-pub mod recorder;
 pub mod registry;
+pub mod resimulation;
 pub mod session;
 mod session_core;
 mod session_id;
 mod session_thread;
 pub mod status;
+pub mod structure;
 mod structure_log;
+pub mod tape;
 mod tool_slot;
 
 pub use checkpoints::{CheckpointInfo, MAX_CHECKPOINT_NAME_BYTES};
@@ -36,10 +40,12 @@ pub use error::SessionError;
 pub use inbox::Inspection;
 pub use limits::{PoseLimits, SessionLimits};
 pub use outbox::{SceneEvent, StepReport, ToolReport, ViewEvent, ViewMessage, ViewState, Viewer};
+pub use player::{Footage, Frame, Position, Seek, Structure};
 pub use pose_check::{PoseRefusal, PoseSample};
-pub use recorder::{InputLog, LoggedInputs};
 pub use registry::Registry;
-pub use session::{Driver, Reports, Session, SessionOptions};
+pub use resimulation::{Difference, Resimulation};
+pub use session::{Driver, Replay, Reports, Session, SessionOptions};
 pub use session_id::{InstanceId, SessionId};
 pub use status::{Phase, SessionStatus, StepTallies, StepTally, StepTimes};
+pub use tape::{LoggedInputs, Reel, TapeEntry, TapeReader, TapeState, TapedStep};
 pub use tool_slot::{DriverId, Echo};

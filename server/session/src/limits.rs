@@ -55,9 +55,6 @@ pub struct SessionLimits {
     /// Shortest time between keyframes taken for readers that fell off the log, s. Default 0.25:
     /// a keyframe costs several steps' time, and everybody shares it.
     pub min_keyframe_interval_s: f64,
-    /// Tool motions recorded for replay; recording ends when they are full. Default 120,000: two
-    /// minutes of one tool at 1 kHz in about 10 MB. 0 turns recording off.
-    pub max_recorded_motions: usize,
     /// Checkpoints that a session keeps to go back to. Default 8: each is a copy of the scene's state, 8 MB and 8 ms
     /// for the liver's 30,420 voxels.
     pub max_checkpoints: usize,
@@ -86,7 +83,6 @@ impl Default for SessionLimits {
             max_log_bytes: 16 << 20,
             max_log_events: 64,
             min_keyframe_interval_s: 0.25,
-            max_recorded_motions: 120_000,
             max_checkpoints: 8,
             pose: PoseLimits::default(),
         }

@@ -17,6 +17,7 @@ use crate::limits::SessionLimits;
 use crate::lock::lock;
 use crate::status::{Phase, StepTimes};
 use crate::structure_log::{Cursor, Next, Place, StructureLog};
+use crate::tape::{Tape, TapeEntry};
 use crate::tool_slot::Echo;
 
 /// What drivers learn of a step.
@@ -164,6 +165,8 @@ pub(crate) struct Outbox {
     shelf: Mutex<Shelf>,
     phase: Mutex<Phase>,
     viewers: AtomicUsize,
+    /// Those who look on for the record.
+    recorders: AtomicUsize,
     max_viewers: usize,
     max_events: usize,
 }
@@ -180,6 +183,7 @@ impl Outbox {
             shelf: Mutex::new(shelf),
             phase: Mutex::new(phase),
             viewers: AtomicUsize::new(0),
+            recorders: AtomicUsize::new(0),
             max_viewers: limits.max_viewers,
             max_events: limits.max_log_events,
         }
@@ -201,21 +205,44 @@ impl Outbox {
         if self.viewers() >= self.max_viewers {
             return Err(SessionError::TooManyViewers { limit: self.max_viewers });
         }
-        self.viewers.fetch_add(1, Ordering::AcqRel);
-        Ok(Viewer {
+        Ok(self.seat(&shelf, bell, Seat::Guest))
+    }
+
+    /// One who looks on for the record, and is no guest: neither counted nor refused.
+    pub fn join_for_the_record(self: &Arc<Self>, bell: watch::Receiver<u64>) -> Viewer {
+        let shelf = lock(&self.shelf);
+        self.seat(&shelf, bell, Seat::Recorder)
+    }
+
+    fn seat(self: &Arc<Self>, shelf: &Shelf, bell: watch::Receiver<u64>, seat: Seat) -> Viewer {
+        self.count(seat).fetch_add(1, Ordering::AcqRel);
+        Viewer {
             outbox: Arc::clone(self),
+            seat,
             bell,
             cursor: Cursor::default(),
             next_event: shelf.event_count,
             last_state: None,
             interval_ns: 0,
             ended: false,
-        })
+        }
     }
 
-    fn leave(&self) {
+    fn count(&self, seat: Seat) -> &AtomicUsize {
+        match seat {
+            Seat::Guest => &self.viewers,
+            Seat::Recorder => &self.recorders,
+        }
+    }
+
+    fn is_viewed(&self) -> bool {
+        [Seat::Guest, Seat::Recorder].into_iter().any(|seat| self.count(seat).load(Ordering::Acquire) > 0)
+    }
+
+    fn leave(&self, seat: Seat) {
         let mut shelf = lock(&self.shelf);
-        if self.viewers.fetch_sub(1, Ordering::AcqRel) == 1 {
+        self.count(seat).fetch_sub(1, Ordering::AcqRel);
+        if !self.is_viewed() {
             // The next viewer gets a keyframe of its own time.
             shelf.log.clear();
             shelf.state = None;
@@ -224,9 +251,18 @@ impl Outbox {
     }
 }
 
+/// What somebody looks on as.
+#[derive(Clone, Copy)]
+enum Seat {
+    Guest,
+    Recorder,
+}
+
 /// The session's end of its output.
 pub(crate) struct Publisher {
     outbox: Arc<Outbox>,
+    /// Where events are recorded, and steps.
+    pub tape: Tape,
     bell: watch::Sender<u64>,
     reports: watch::Sender<Arc<StepReport>>,
 }
@@ -237,7 +273,7 @@ impl Publisher {
     pub fn new(outbox: Arc<Outbox>) -> (Self, watch::Receiver<u64>, watch::Receiver<Arc<StepReport>>) {
         let (bell, bell_reader) = watch::channel(0);
         let (reports, report_reader) = watch::channel(Arc::default());
-        (Self { outbox, bell, reports }, bell_reader, report_reader)
+        (Self { outbox, tape: Tape::default(), bell, reports }, bell_reader, report_reader)
     }
 
     /// What the session is doing, as others see it.
@@ -251,7 +287,7 @@ impl Publisher {
 
     /// Whether anybody views.
     pub fn is_viewed(&self) -> bool {
-        self.outbox.viewers() > 0
+        self.outbox.is_viewed()
     }
 
     pub fn report(&self, report: StepReport) {
@@ -267,6 +303,7 @@ impl Publisher {
     }
 
     pub fn event(&self, step: u64, event: SceneEvent) {
+        self.tape.push(TapeEntry::Event(ViewEvent { step, event: event.clone() }));
         let Some(mut shelf) = self.shelf() else { return };
         shelf.events.push_back(ViewEvent { step, event });
         shelf.event_count += 1;
@@ -320,6 +357,7 @@ impl Publisher {
 /// One viewer of a session. It pulls: what it does not ask for is not kept for it.
 pub struct Viewer {
     outbox: Arc<Outbox>,
+    seat: Seat,
     bell: watch::Receiver<u64>,
     cursor: Cursor,
     next_event: u64,
@@ -413,7 +451,7 @@ impl Viewer {
 
 impl Drop for Viewer {
     fn drop(&mut self) {
-        self.outbox.leave();
+        self.outbox.leave(self.seat);
     }
 }
 

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 use kerf_physics::Scene;
+use kerf_scenes::cost::Cost;
 use kerf_scenes::dial::ParetoFronts;
 use tokio::sync::Semaphore;
 
@@ -14,7 +15,7 @@ use crate::error::SessionError;
 use crate::limits::{LimitError, SessionLimits};
 use crate::lock::lock;
 use crate::prepare::{Permits, prepare};
-use crate::session::{Session, SessionOptions};
+use crate::session::{Replay, Session, SessionOptions};
 use crate::session_id::{InstanceId, SessionId};
 
 /// The sessions of a server, at most [`SessionLimits::max_sessions`] of them.
@@ -112,6 +113,21 @@ impl Registry {
         let dial = session.dial().map(ToString::to_string);
         tracing::info!(session = %id, scene = session.scene().desc.name, dial, "session created");
         session.warnings().iter().for_each(|warning| tracing::warn!(session = %id, "{warning}"));
+        Ok(session)
+    }
+
+    /// Plays a recording in the place of a session.
+    ///
+    /// # Errors
+    /// The server is full or shutting down, or nothing of the recording can be shown.
+    pub fn play(&self, replay: Replay) -> Result<Arc<Session>, SessionError> {
+        let full = |_| SessionError::TooManySessions { limit: self.limits.max_sessions };
+        let slot = Arc::clone(&self.permits).try_acquire_owned().map_err(full)?;
+        let number = self.next_number.fetch_add(1, Ordering::Relaxed);
+        let id = SessionId { instance: self.instance, number };
+        let admitted = self.admission.admit(&Cost::default(), 1.0)?;
+        let session = Arc::new(Session::play(id, replay, admitted, slot, self.limits.clone())?);
+        lock(&self.sessions).insert(id, Arc::clone(&session));
         Ok(session)
     }
 

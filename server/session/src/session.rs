@@ -7,9 +7,9 @@ use std::thread::JoinHandle;
 use kerf_physics::Scene;
 use kerf_physics::scene::DialDesc;
 use kerf_physics::world::ObjectStats;
-use tokio::sync::{oneshot, watch};
+use tokio::sync::{OwnedSemaphorePermit, oneshot, watch};
 
-use crate::admission::Load;
+use crate::admission::{Admitted, Load};
 use crate::checkpoints::CheckpointInfo;
 use crate::clock::MonotonicClock;
 use crate::error::SessionError;
@@ -17,25 +17,41 @@ use crate::inbox::{CheckpointCommand, Command, Inbox, Inspection};
 use crate::limits::{SessionLimits, to_ns};
 use crate::lock::lock;
 use crate::outbox::{Outbox, Publisher, StepReport, Viewer};
+use crate::player::{Footage, Player, Position, Seek};
 use crate::pose_check::{PoseRefusal, PoseSample};
 use crate::prepare::Prepared;
 use crate::session_core::SessionCore;
 use crate::session_id::SessionId;
 use crate::session_thread::{self, Told};
 use crate::status::{Phase, SessionStatus};
+use crate::tape::{CAPACITY, Reel, tape};
 use crate::tool_slot::DriverId;
 use kerf_scenes::dial::Choice;
 
 /// How a session begins.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SessionOptions {
+    /// All that it does goes onto a tape, which [`Session::take_reel`] gives out.
+    pub is_recorded: bool,
     /// It takes its first step only when it is resumed.
     pub start_paused: bool,
     /// Goes before what the scene asks of the dial.
     pub dial: Option<DialDesc>,
 }
 
-/// A scene that is simulated on a thread of its own.
+/// What a session that is played needs besides its frames.
+pub struct Replay {
+    /// The scene that was recorded.
+    pub scene: Scene,
+    /// What its objects consisted of.
+    pub objects: Vec<ObjectStats>,
+    /// Its frames.
+    pub footage: Box<dyn Footage>,
+    /// Where to begin and how fast.
+    pub seek: Seek,
+}
+
+/// A scene that is simulated, or a recording that is played, on a thread of its own.
 pub struct Session {
     id: SessionId,
     scene: Arc<Scene>,
@@ -48,6 +64,8 @@ pub struct Session {
     bell: watch::Receiver<u64>,
     reports: watch::Receiver<Arc<StepReport>>,
     thread: Mutex<Option<JoinHandle<()>>>,
+    reel: Mutex<Option<Reel>>,
+    is_replay: bool,
     load: Arc<Load>,
     memory_bytes: f64,
     /// When somebody last had to do with it.
@@ -67,7 +85,15 @@ impl Session {
         let inbox = Arc::new(Inbox::new(scene.desc.tools.len(), limits.clone()));
         let phase = if options.start_paused { Phase::Paused } else { Phase::Running };
         let outbox = Arc::new(Outbox::new(&limits, phase));
-        let (publisher, bell, reports) = Publisher::new(Arc::clone(&outbox));
+        let (mut publisher, bell, reports) = Publisher::new(Arc::clone(&outbox));
+        let reel = options.is_recorded.then(|| {
+            let mut pictures = outbox.join_for_the_record(bell.clone());
+            // The first look asks for a keyframe.
+            pictures.try_next();
+            let (tape, reader) = tape(CAPACITY);
+            publisher.tape = tape;
+            Reel { tape: reader, pictures }
+        });
         let load = Arc::clone(&admitted.load);
         let memory_bytes = admitted.memory.bytes();
         let build = {
@@ -91,9 +117,52 @@ impl Session {
             bell,
             reports,
             thread,
+            reel: Mutex::new(reel),
+            is_replay: false,
             load,
             memory_bytes,
             last_used_ns,
+        })
+    }
+
+    /// Plays a recording in a session's place.
+    pub(crate) fn play(
+        id: SessionId,
+        replay: Replay,
+        admitted: Admitted,
+        slot: OwnedSemaphorePermit,
+        limits: SessionLimits,
+    ) -> Result<Self, SessionError> {
+        let Replay { scene, objects, footage, seek } = replay;
+        let inbox = Arc::new(Inbox::new(scene.desc.tools.len(), limits.clone()));
+        let outbox = Arc::new(Outbox::new(&limits, Phase::Running));
+        let (publisher, bell, reports) = Publisher::new(Arc::clone(&outbox));
+        let player = Player::new(footage, publisher, seek)?;
+        let thread = {
+            let inbox = Arc::clone(&inbox);
+            std::thread::Builder::new().name(format!("kerf-{id}")).spawn(move || {
+                player.run(&inbox);
+                drop(slot);
+            })
+        };
+        let thread = thread.map_err(|error| SessionError::NoThread { message: error.to_string() })?;
+        Ok(Self {
+            id,
+            scene: Arc::new(scene),
+            choice: None,
+            objects,
+            warnings: Vec::new(),
+            limits,
+            inbox,
+            outbox,
+            bell,
+            reports,
+            thread: Mutex::new(Some(thread)),
+            reel: Mutex::new(None),
+            is_replay: true,
+            load: admitted.load,
+            memory_bytes: admitted.memory.bytes(),
+            last_used_ns: AtomicU64::new(MonotonicClock::now_ns()),
         })
     }
 
@@ -139,6 +208,17 @@ impl Session {
         self.outbox.phase()
     }
 
+    /// Whether it is a recording that is played.
+    #[must_use]
+    pub fn is_replay(&self) -> bool {
+        self.is_replay
+    }
+
+    /// What it was told to put on a tape: given out once, and nothing where it was not.
+    pub fn take_reel(&self) -> Option<Reel> {
+        lock(&self.reel).take()
+    }
+
     /// Viewers that are connected.
     #[must_use]
     pub fn viewers(&self) -> usize {
@@ -170,7 +250,7 @@ impl Session {
 
     /// Whether nobody has had to do with it for as long as the limit says.
     pub(crate) fn is_idle(&self, now_ns: u64) -> bool {
-        if self.viewers() > 0 || self.inbox.drivers() > 0 {
+        if self.viewers() > 0 || self.inbox.drivers() > 0 || self.is_replay {
             self.touch();
         }
         now_ns.saturating_sub(self.last_used_ns.load(Ordering::Relaxed)) >= to_ns(self.limits.idle_timeout_s)
@@ -244,6 +324,14 @@ impl Session {
         self.ask(|answer| Command::Checkpoint(CheckpointCommand::List(answer))).await
     }
 
+    /// Goes to a time of the recording that is played, sets its speed, and tells both.
+    ///
+    /// # Errors
+    /// The session is simulated, the recording cannot be read there, the queue is full or the session has ended.
+    pub async fn seek(&self, to: Seek) -> Result<Position, SessionError> {
+        self.ask(|answer| Command::Seek(to, answer)).await?
+    }
+
     /// Describes the session after its last step.
     ///
     /// # Errors
@@ -261,6 +349,9 @@ impl Session {
         &self,
         inspect: impl FnOnce(&mut Inspection<'_>) -> T + Send + 'static,
     ) -> Result<T, SessionError> {
+        if self.is_replay {
+            return Err(SessionError::IsReplay);
+        }
         self.ask(|answer| {
             Command::Query(Box::new(move |inspection| {
                 let _ = answer.send(inspect(inspection));
@@ -285,6 +376,9 @@ impl Session {
     /// # Errors
     /// A tool is not there or taken, the session has ended, failed or has as many drivers as it may.
     pub fn drive(self: &Arc<Self>, tools: &[usize]) -> Result<Driver, SessionError> {
+        if self.is_replay {
+            return Err(SessionError::IsReplay);
+        }
         if let Phase::Failed { message } = self.phase() {
             return Err(SessionError::Failed { message: message.to_string() });
         }

@@ -37,7 +37,7 @@ impl Phase {
 }
 
 /// A session's description of itself.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SessionStatus {
     /// What it is doing.
     pub phase: Phase,

@@ -8,8 +8,8 @@ use kerf_physics::tool::{OPEN, Pose};
 use kerf_physics::{Quat, Scene, SceneDesc, Vec3, Workers};
 use kerf_scenes::dial::ParetoFronts;
 use kerf_session::{
-    Driver, MAX_CHECKPOINT_NAME_BYTES, Phase, PoseSample, Registry, SceneEvent, Session, SessionError, SessionLimits,
-    SessionOptions, ViewMessage, Viewer,
+    Driver, MAX_CHECKPOINT_NAME_BYTES, Phase, PoseSample, Registry, Resimulation, SceneEvent, Session, SessionError,
+    SessionLimits, SessionOptions, ViewMessage, Viewer,
 };
 
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -18,7 +18,8 @@ async fn session_with(limits: SessionLimits) -> (Registry, Arc<Session>) {
     let scene =
         Scene { desc: toml::from_str::<SceneDesc>(include_str!("block.toml")).unwrap(), meshes: Default::default() };
     let registry = Registry::new(limits, ParetoFronts::default()).unwrap();
-    let session = registry.create(scene, SessionOptions::default()).await.unwrap();
+    let session =
+        registry.create(scene, SessionOptions { is_recorded: true, ..SessionOptions::default() }).await.unwrap();
     (registry, session)
 }
 
@@ -101,10 +102,14 @@ async fn points_outlive_a_reset_and_lead_to_a_way_that_was_left() {
     session.restore_checkpoint("rest").await.unwrap();
     session.reset().await.unwrap();
     session.restore_checkpoint("cut").await.unwrap();
-    let (log, hash) =
-        session.query(|inspection| (inspection.log.clone(), inspection.world.state_hash())).await.unwrap();
-    assert_eq!(hash, cut);
-    assert_eq!(log.replay(session.scene(), &Workers::serial()).unwrap().state_hash(), cut);
+    assert_eq!(session.describe().await.unwrap().state_hash, cut);
+    session.step(1).await.unwrap();
+    session.pause().await.unwrap();
+    let (entries, _) = session.take_reel().unwrap().tape.take();
+    let mut again = Resimulation::new(session.scene()).unwrap();
+    again.follow(&Workers::serial(), &entries).unwrap();
+    let hash = session.describe().await.unwrap().state_hash;
+    assert!(hash != cut && again.world().state_hash() == hash);
 }
 
 #[tokio::test]

@@ -10,11 +10,13 @@ use kerf_physics::tool::{OPEN, Pose};
 use kerf_physics::{Quat, Scene, SceneDesc, Vec3, Workers};
 use kerf_scenes::dial::ParetoFronts;
 use kerf_session::{
-    Driver, Phase, PoseRefusal, PoseSample, Registry, SceneEvent, Session, SessionError, SessionLimits, SessionOptions,
-    StepReport, ViewMessage, Viewer,
+    Driver, Phase, PoseRefusal, PoseSample, Registry, Resimulation, SceneEvent, Session, SessionError, SessionLimits,
+    SessionOptions, StepReport, TapeEntry, TapeState, ViewMessage, Viewer,
 };
 
 const BLOCK: &str = include_str!("block.toml");
+
+const RECORDED: SessionOptions = SessionOptions { is_recorded: true, start_paused: false, dial: None };
 
 fn block() -> Scene {
     Scene { desc: toml::from_str::<SceneDesc>(BLOCK).unwrap(), meshes: Default::default() }
@@ -26,7 +28,7 @@ fn limits() -> SessionLimits {
 
 async fn session_with(limits: SessionLimits) -> (Registry, Arc<Session>) {
     let registry = Registry::new(limits, ParetoFronts::default()).unwrap();
-    let session = registry.create(block(), SessionOptions::default()).await.unwrap();
+    let session = registry.create(block(), RECORDED).await.unwrap();
     (registry, session)
 }
 
@@ -204,10 +206,10 @@ async fn viewers_are_limited_and_one_that_leaves_makes_room() {
 }
 
 #[tokio::test]
-async fn the_input_log_of_a_cut_replays_to_the_same_state() {
+async fn a_recorded_cut_leads_to_the_same_state_once_more() {
     let (_registry, session) = session_with(limits()).await;
     let driver = session.drive(&[0, 1]).unwrap();
-    // What was before a reset is in no log.
+    // What was before a reset is recorded too.
     use_pose(&driver, 1, &pose(1, 0.0)).await;
     session.reset().await.unwrap();
     for seq in 2..=70 {
@@ -226,19 +228,23 @@ async fn the_input_log_of_a_cut_replays_to_the_same_state() {
         }
     }
     session.pause().await.unwrap();
-    let live = session
-        .query(|inspection| (inspection.log.clone(), inspection.world.state_hash(), inspection.world.output().clone()));
-    let (log, hash, output) = live.await.unwrap();
-    assert!(output.topology_version >= 4, "{} times links parted", output.topology_version);
-    assert!(!log.is_full());
-    assert_eq!(log.steps(), output.step);
-    let kinds: HashSet<_> = log.motions().iter().map(|(_, input)| std::mem::discriminant(&input.motion)).collect();
+    let live = session.describe().await.unwrap();
+    assert!(live.topology_version >= 4, "{} times links parted", live.topology_version);
+    let (entries, state) = session.take_reel().unwrap().tape.take();
+    assert_eq!(state, TapeState::Running);
+    let steps = entries.iter().filter_map(|entry| match entry {
+        TapeEntry::Step(taped) => Some(&taped.inputs),
+        TapeEntry::Event(_) => None,
+    });
+    let kinds: HashSet<_> =
+        steps.flat_map(|inputs| &inputs.tools).map(|input| std::mem::discriminant(&input.motion)).collect();
     assert_eq!(kinds.len(), 3, "tools enter, move and are lifted");
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
     for workers in [Workers::serial(), Workers::of(&pool)] {
-        let replayed = log.replay(session.scene(), &workers).unwrap();
-        assert_eq!(replayed.output().topology_version, output.topology_version);
-        assert_eq!(replayed.state_hash(), hash);
+        let mut again = Resimulation::new(session.scene()).unwrap();
+        again.follow(&workers, &entries).unwrap();
+        assert_eq!(again.world().output().topology_version, live.topology_version);
+        assert_eq!(again.world().state_hash(), live.state_hash);
     }
 }
 
@@ -253,7 +259,7 @@ fn block_with_a_grasper() -> Scene {
 #[tokio::test]
 async fn two_drivers_hold_and_cut_the_same_tissue() {
     let registry = Registry::new(limits(), ParetoFronts::default()).unwrap();
-    let session = registry.create(block_with_a_grasper(), SessionOptions::default()).await.unwrap();
+    let session = registry.create(block_with_a_grasper(), RECORDED).await.unwrap();
     let (knife, hand) = (session.drive(&[0]).unwrap(), session.drive(&[2]).unwrap());
     let held_at = [0.008, 0.009, 0.0];
     let closed =
@@ -277,9 +283,8 @@ async fn two_drivers_hold_and_cut_the_same_tissue() {
     use_pose(&hand, 2, &PoseSample { opening: 1.0, ..closed(81, 1e-3) }).await;
     assert_eq!(hand.last_report().unwrap().tools[2].output.grasp, Grasp::Nothing);
     session.pause().await.unwrap();
-    let (log, hash) =
-        session.query(|inspection| (inspection.log.clone(), inspection.world.state_hash())).await.unwrap();
-    assert_eq!(log.replay(session.scene(), &Workers::serial()).unwrap().state_hash(), hash);
+    let (entries, _) = session.take_reel().unwrap().tape.take();
+    Resimulation::new(session.scene()).unwrap().follow(&Workers::serial(), &entries).unwrap();
 }
 
 #[tokio::test]

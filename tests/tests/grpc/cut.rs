@@ -7,8 +7,7 @@ use kerf_physics::surface::Surface;
 use kerf_physics::{NoClock, Workers, World};
 use kerf_proto::v1::{self, view_response};
 use kerf_replica::{Body, Replica, surface_hash};
-use kerf_scenes::catalog;
-use kerf_server::recording::Recording;
+use kerf_session::{Reel, TapeEntry};
 use tonic::transport::Channel;
 
 use super::harness::{Harness, Station, View, endpoint, next, no_expiry};
@@ -118,6 +117,11 @@ impl Watcher {
         self.structures.push(Structure { version, source, stated_hash, hash, counts });
     }
 
+    /// Hash of the surface at each version that it had.
+    pub fn hashes(&self) -> BTreeMap<u64, u64> {
+        self.structures.iter().map(|structure| (structure.version, structure.hash)).collect()
+    }
+
     fn last(&self) -> Structure {
         *self.structures.last().expect("a keyframe")
     }
@@ -138,13 +142,13 @@ fn structure(body: &Body) -> v1::BodyStructure {
 
 /// What the session's inputs lead to in a world that nobody watches: the counts at every version, of
 /// surfaces contoured anew, and the hash in the end.
-async fn unwatched(harness: &Harness, session: &str) -> (BTreeMap<u64, Counts>, u64) {
+fn unwatched(harness: &Harness, session: &str, reel: &Reel) -> (BTreeMap<u64, Counts>, u64) {
     let session = harness.server.registry().get(session).unwrap();
-    let log = session.query(|inspection| inspection.log.clone()).await.unwrap();
     let mut world = World::new(session.scene()).unwrap();
     let mut counts = BTreeMap::from([(0, surface_counts(&world))]);
-    for inputs in log.inputs() {
-        let output = world.step(&Workers::serial(), &NoClock, &inputs.as_inputs());
+    for entry in reel.tape.take().0 {
+        let TapeEntry::Step(taped) = entry else { continue };
+        let output = world.step(&Workers::serial(), &NoClock, &taped.inputs.as_inputs());
         if output.fracture.parted_links > 0 {
             let version = output.topology_version;
             counts.insert(version, surface_counts(&world));
@@ -162,7 +166,7 @@ fn surface_counts(world: &World) -> Counts {
 #[tokio::test]
 async fn replicas_have_the_servers_surface_at_every_version_of_a_cut() {
     let mut harness = Harness::with(no_expiry).await;
-    let session = harness.create().await.unwrap();
+    let (session, reel) = harness.create_on_tape().await;
     let mut first = Watcher::join(&harness, harness.channel.clone(), &session).await;
     let mut stroke = Stroke::begin(&harness, &session).await;
     first.during(stroke.press(ABOVE_M, MIDDLE_M)).await;
@@ -175,7 +179,7 @@ async fn replicas_have_the_servers_surface_at_every_version_of_a_cut() {
         watcher.until(|replica| replica.topology_version() == Some(version)).await;
     }
 
-    let (counts, hash) = unwatched(&harness, &session).await;
+    let (counts, hash) = unwatched(&harness, &session, &reel);
     assert!(half_way >= 3 && version >= half_way + 3, "version {half_way} half way, {version} in the end");
     assert_eq!(counts.len() as u64, version + 1);
     assert!(counts[&version].1 > counts[&0].1, "a cut lays faces open");
@@ -232,7 +236,7 @@ async fn a_viewer_that_falls_off_the_structure_log_goes_on_from_a_keyframe() {
         config.session.view_rate_hz = 500.0;
     })
     .await;
-    let session = harness.create().await.unwrap();
+    let (session, reel) = harness.create_on_tape().await;
     // A window of one state, so that the transport does not read on for the viewer.
     let narrow = endpoint(harness.server.address()).initial_stream_window_size(1024).connect().await.unwrap();
     let mut stalled = Watcher::join(&harness, narrow, &session).await;
@@ -255,40 +259,6 @@ async fn a_viewer_that_falls_off_the_structure_log_goes_on_from_a_keyframe() {
     assert!(stalled.structures.windows(2).any(fell_off), "{versions:?} of {version}");
     assert!(version > half_way, "the second half parts links too");
     assert!(stalled.structures.iter().all(|structure| structure.hash == structure.stated_hash));
-    let (counts, hash) = unwatched(&harness, &session).await;
+    let (counts, hash) = unwatched(&harness, &session, &reel);
     assert_eq!((stalled.last().counts, stalled.last().hash), (counts[&version], hash));
-}
-
-#[tokio::test]
-async fn a_session_is_recorded_when_it_is_reset_and_when_the_server_stops() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut harness = Harness::with(|config| {
-        no_expiry(config);
-        config.record_dir = Some(folder.path().into());
-    })
-    .await;
-    let session = harness.create().await.unwrap();
-    let mut stroke = Stroke::begin(&harness, &session).await;
-    stroke.press(ABOVE_M, MIDDLE_M).await;
-    harness.pause(&session).await;
-    let cut = harness.describe(&session).await;
-    harness.reset(&session).await;
-    let scene = harness.server.registry().get(&session).unwrap().scene().clone();
-    drop((stroke, harness.channel, harness.sessions));
-    harness.server.stop().await;
-
-    let mut paths: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
-    paths.retain(|path| path.extension().is_some_and(|extension| extension == "csv"));
-    paths.sort();
-    let replayed = paths.iter().map(|path| {
-        let recording = Recording::read(path, scene.desc.tools.len()).unwrap();
-        let beside = catalog::load(&path.with_extension("toml").display().to_string()).unwrap();
-        assert_eq!(beside.desc, scene.desc);
-        let world = recording.log.replay(&beside, &Workers::serial()).unwrap();
-        assert_eq!(recording.state_hash, Some(world.state_hash()));
-        (world.output().step, world.output().topology_version, world.state_hash())
-    });
-    let at_rest = World::new(&scene).unwrap().state_hash();
-    assert!(cut.topology_version > 0);
-    assert_eq!(replayed.collect::<Vec<_>>(), [(cut.step, cut.topology_version, cut.state_hash), (0, 0, at_rest)]);
 }

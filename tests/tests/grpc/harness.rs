@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
+use kerf_physics::{Scene, SceneDesc};
 use kerf_proto::PROTOCOL_VERSION;
 use kerf_proto::v1::control_service_client::ControlServiceClient;
 use kerf_proto::v1::session_service_client::SessionServiceClient;
@@ -11,6 +12,7 @@ use kerf_proto::v1::{self, control_request, control_response, create_session_req
 use kerf_replica::Assembler;
 use kerf_server::config::ServerConfig;
 use kerf_server::serve::Server;
+use kerf_session::{Reel, SessionOptions};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
@@ -66,6 +68,15 @@ impl Harness {
         let request = v1::CreateSessionRequest { scene, ..Default::default() };
         let created = self.sessions.create_session(request).await?.into_inner();
         Ok(created.session.expect("a description").session_id)
+    }
+
+    /// A session of the block that tells the test all that it does.
+    pub async fn create_on_tape(&self) -> (String, Reel) {
+        let desc = toml::from_str::<SceneDesc>(BLOCK).expect("a scene");
+        let options = SessionOptions { is_recorded: true, ..SessionOptions::default() };
+        let scene = Scene { desc, meshes: Default::default() };
+        let session = self.server.registry().create(scene, options).await.expect("a session");
+        (session.id().to_string(), session.take_reel().expect("a reel"))
     }
 
     pub async fn describe(&mut self, session_id: &str) -> v1::SessionDescription {

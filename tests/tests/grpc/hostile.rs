@@ -264,36 +264,3 @@ async fn poses_beyond_the_rate_are_rejected_by_its_name_and_the_stream_goes_on()
     station.send(pose(0, 1000, 0.0)).await;
     station.contact_where(|contact| contact.echo_seq == 1000).await;
 }
-
-#[tokio::test]
-async fn what_became_of_a_recording_is_told() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut harness = Harness::with(|config| {
-        config.record_dir = Some(folder.path().into());
-        config.session.max_recorded_motions = 20;
-        config.max_record_mib = 1e-3;
-    })
-    .await;
-    let close = async |harness: &mut Harness, poses| {
-        let session = harness.create().await.unwrap();
-        let mut station = harness.drive(&session, &[0]).await.unwrap();
-        for seq in 1..=poses {
-            station.send(pose(0, seq, 0.0)).await;
-            station.contact_where(|contact| contact.echo_seq == seq).await;
-        }
-        let request = v1::CloseSessionRequest { session_id: session };
-        harness.sessions.close_session(request).await.unwrap().into_inner().recording.expect("a recording")
-    };
-    let whole = close(&mut harness, 5).await;
-    assert!(!whole.is_cut_off && whole.error.is_empty() && folder.path().join(&whole.file).is_file(), "{whole:?}");
-    // The folder's measure is full with the first recording and its scene.
-    let refused = close(&mut harness, 5).await;
-    assert!(refused.error.contains("max_record_mib") && refused.file.is_empty(), "{refused:?}");
-    for entry in std::fs::read_dir(folder.path()).unwrap() {
-        std::fs::remove_file(entry.unwrap().path()).unwrap();
-    }
-    let cut_off = close(&mut harness, 40).await;
-    assert!(cut_off.is_cut_off && cut_off.steps > 0, "{cut_off:?}");
-    std::fs::remove_dir_all(folder.path()).unwrap();
-    assert!(!close(&mut harness, 5).await.error.is_empty());
-}

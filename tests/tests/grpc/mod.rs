@@ -10,6 +10,7 @@ mod harness;
 mod hostile;
 mod lifecycle;
 mod own_scenes;
+mod recorded;
 mod stale;
 mod vectors;
 mod view;

@@ -328,4 +328,8 @@ impl SessionService for Server {
     ) -> Result<Response<v1::DeleteCheckpointResponse>, Status> {
         Err(Status::unimplemented("not asked for here"))
     }
+
+    async fn seek_replay(&self, _: Request<v1::SeekReplayRequest>) -> Result<Response<v1::SeekReplayResponse>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
 }

@@ -106,6 +106,7 @@ pub fn session_info(session: &Session) -> v1::SessionInfo {
         session_id: session.id().to_string(),
         scene_name: session.scene().desc.name.clone(),
         state: state(&session.phase()).into(),
+        is_replay: session.is_replay(),
     }
 }
 
@@ -113,6 +114,7 @@ pub fn session_description(
     session: &Session,
     status: &SessionStatus,
     control: &ControlLimits,
+    recording: Option<v1::Recording>,
 ) -> v1::SessionDescription {
     let failure = status.phase.failure().unwrap_or_default().to_owned();
     v1::SessionDescription {
@@ -132,6 +134,7 @@ pub fn session_description(
         failure,
         load: session.load(),
         memory_bytes: session.memory_bytes() as u64,
+        recording,
         dial: session.dial().map(dial_choice),
         relative_tolerance: status.relative_tolerance,
     }

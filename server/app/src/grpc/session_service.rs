@@ -7,13 +7,14 @@ use kerf_physics::{Scene, SceneError};
 use kerf_proto::v1;
 use kerf_proto::v1::create_session_request::Scene as Wanted;
 use kerf_proto::v1::get_scene_request::Of as SceneOf;
-use kerf_session::{Registry, Session, SessionOptions};
+use kerf_session::player::SPEEDS;
+use kerf_session::{Position, Registry, Seek, Session, SessionId, SessionOptions};
 use tonic::{Request, Response, Status};
 
 use super::in_time;
 use crate::config::ServerConfig;
 use crate::convert::scene::{checkpoint, dial, session_description, session_info};
-use crate::recording;
+use crate::recording::Recordings;
 use crate::scene_list::{Listed, SceneList};
 use crate::status::RequestError;
 
@@ -25,35 +26,36 @@ pub struct SessionService {
     registry: Arc<Registry>,
     scenes: Arc<SceneList>,
     config: Arc<ServerConfig>,
+    recordings: Arc<Recordings>,
 }
 
 impl SessionService {
-    pub fn new(registry: Arc<Registry>, config: Arc<ServerConfig>) -> Self {
+    pub fn new(registry: Arc<Registry>, config: Arc<ServerConfig>, recordings: Arc<Recordings>) -> Self {
         let scenes = Arc::new(SceneList::new(config.scene_dir.clone()));
-        Self { registry, scenes, config }
+        Self { registry, scenes, config, recordings }
     }
 
     fn get(&self, id: &str) -> Result<Arc<Session>, RequestError> {
         Ok(self.registry.get(id)?)
     }
 
-    /// Keeps what a reset, a way back or the end of a session would lose, and says what became of it.
-    async fn record(&self, session: &Session) -> Option<v1::Recording> {
-        let limit = Duration::from_secs_f64(self.limit_s());
-        let saved = tokio::time::timeout(limit, recording::save(&self.config, session)).await;
-        saved.unwrap_or_else(|_| {
-            let error = format!("the session did not answer within {} s", self.limit_s());
-            Some(v1::Recording { error, ..v1::Recording::default() })
-        })
-    }
-
     fn limit_s(&self) -> f64 {
         self.config.transport.request_timeout_s
     }
 
+    /// What became of the recording of a session that has ended. A disk that is slow is not waited for without end.
+    async fn finish(&self, session: SessionId) -> Option<v1::Recording> {
+        let so_far = self.recordings.so_far(session);
+        let limit = Duration::from_secs_f64(self.limit_s());
+        tokio::time::timeout(limit, self.recordings.finish(session)).await.unwrap_or_else(|_| {
+            let error = format!("not written out within {} s (request_timeout_s)", self.limit_s());
+            so_far.map(|recording| v1::Recording { error, ..recording })
+        })
+    }
+
     async fn describe(&self, session: &Session) -> Result<v1::SessionDescription, RequestError> {
         let status = in_time(self.limit_s(), session.describe()).await?;
-        Ok(session_description(session, &status, &self.config.control))
+        Ok(session_description(session, &status, &self.config.control, self.recordings.so_far(session.id())))
     }
 }
 
@@ -92,7 +94,11 @@ impl v1::session_service_server::SessionService for SessionService {
         request: Request<v1::CreateSessionRequest>,
     ) -> Result<Response<v1::CreateSessionResponse>, Status> {
         let request = request.into_inner();
-        let options = SessionOptions { start_paused: request.start_paused, dial: request.dial.map(dial).transpose()? };
+        let options = SessionOptions {
+            is_recorded: self.recordings.is_on(),
+            start_paused: request.start_paused,
+            dial: request.dial.map(dial).transpose()?,
+        };
         let wanted = request.scene.ok_or(RequestError::Missing { field: "scene" })?;
         let (scenes, max_bytes) = (Arc::clone(&self.scenes), self.config.transport.max_scene_bytes);
         let read = move || {
@@ -106,7 +112,12 @@ impl v1::session_service_server::SessionService for SessionService {
             Ok(scene)
         };
         let session = in_time(self.limit_s(), self.registry.create_from::<RequestError>(read, options)).await?;
-        let warnings = session.warnings().to_vec();
+        let mut warnings = session.warnings().to_vec();
+        let recordings = Arc::clone(&self.recordings);
+        let begun = Arc::clone(&session);
+        let _ = tokio::task::spawn_blocking(move || recordings.begin(&begun)).await;
+        let refused = self.recordings.so_far(session.id()).filter(|recording| !recording.error.is_empty());
+        warnings.extend(refused.map(|recording| format!("the session is not recorded: {}", recording.error)));
         let claim = Claim { registry: Arc::clone(&self.registry), session: Some(Arc::clone(&session)) };
         let session = Some(self.describe(&session).await?);
         claim.release();
@@ -135,8 +146,9 @@ impl v1::session_service_server::SessionService for SessionService {
         request: Request<v1::CloseSessionRequest>,
     ) -> Result<Response<v1::CloseSessionResponse>, Status> {
         let id = &request.get_ref().session_id;
-        let recording = self.record(&*self.get(id)?).await;
+        let session = self.get(id)?;
         in_time(self.limit_s(), self.registry.close(id)).await?;
+        let recording = self.finish(session.id()).await;
         Ok(Response::new(v1::CloseSessionResponse { recording }))
     }
 
@@ -175,8 +187,8 @@ impl v1::session_service_server::SessionService for SessionService {
         request: Request<v1::ResetSessionRequest>,
     ) -> Result<Response<v1::ResetSessionResponse>, Status> {
         let session = self.get(&request.get_ref().session_id)?;
-        let recording = self.record(&session).await;
         in_time(self.limit_s(), session.reset()).await?;
+        let recording = self.recordings.so_far(session.id());
         Ok(Response::new(v1::ResetSessionResponse { recording }))
     }
 
@@ -195,8 +207,8 @@ impl v1::session_service_server::SessionService for SessionService {
     ) -> Result<Response<v1::RestoreCheckpointResponse>, Status> {
         let v1::RestoreCheckpointRequest { session_id, name } = request.get_ref();
         let session = self.get(session_id)?;
-        let recording = self.record(&session).await;
         let step = in_time(self.limit_s(), session.restore_checkpoint(name)).await?;
+        let recording = self.recordings.so_far(session.id());
         Ok(Response::new(v1::RestoreCheckpointResponse { step, recording }))
     }
 
@@ -218,6 +230,23 @@ impl v1::session_service_server::SessionService for SessionService {
         let v1::DeleteCheckpointRequest { session_id, name } = request.get_ref();
         in_time(self.limit_s(), self.get(session_id)?.delete_checkpoint(name)).await?;
         Ok(Response::new(v1::DeleteCheckpointResponse {}))
+    }
+
+    async fn seek_replay(
+        &self,
+        request: Request<v1::SeekReplayRequest>,
+    ) -> Result<Response<v1::SeekReplayResponse>, Status> {
+        let v1::SeekReplayRequest { session_id, time_s, speed } = request.into_inner();
+        if let Some(value) = time_s.filter(|time_s| !(time_s.is_finite() && *time_s >= 0.0)) {
+            return Err(RequestError::Rate { field: "time_s", value }.into());
+        }
+        if let Some(speed) = speed.filter(|speed| !SPEEDS.contains(speed)) {
+            return Err(RequestError::Speed { speed }.into());
+        }
+        let session = self.get(&session_id)?;
+        let Position { time_s, length_s, speed, step } =
+            in_time(self.limit_s(), session.seek(Seek { time_s, speed })).await?;
+        Ok(Response::new(v1::SeekReplayResponse { time_s, length_s, speed, step }))
     }
 }
 

@@ -18,7 +18,6 @@ use kerf_session::LoggedInputs;
 use kerf_session::clock::MonotonicClock;
 
 use crate::progress::Progress;
-use crate::recording::Recording;
 use crate::scene_args::{Run, SceneArgs, WarningArgs};
 use script::Script;
 use summary::{Summary, Tally};
@@ -35,10 +34,6 @@ pub struct Options {
     /// What is run.
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// Inputs of a session that a server with `record_dir` has recorded: the same steps once more, on the
-    /// scene the session was of.
-    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["script", "duration", "DialOptions", "rate", "quasi_static"])]
-    pub replay: Option<PathBuf>,
     /// Simulated time, s. Default: the script's length and 0.2 s.
     #[arg(long, value_name = "S", conflicts_with = "quasi_static")]
     pub duration: Option<f64>,
@@ -67,16 +62,9 @@ pub fn run(options: &Options) -> Result<()> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
     let workers = Workers::of(&pool);
 
-    let mut recorded_hash = None;
     let measured = if options.quasi_static {
         let tables = Tables::create(&options.out, &scene.desc, 1)?;
         relax(&mut world, &workers, tables)?
-    } else if let Some(path) = &options.replay {
-        let recording = Recording::read(path, scene.desc.tools.len())?;
-        recorded_hash = recording.state_hash;
-        let steps = recording.log.steps();
-        let tables = Tables::create(&options.out, &scene.desc, steps)?;
-        step(&mut world, &workers, recording.log.inputs(), tables, steps)?
     } else {
         let mut script = script;
         let steps = steps(options, &scene, &script)?;
@@ -94,10 +82,6 @@ pub fn run(options: &Options) -> Result<()> {
     write_results(&options.out, &scene.desc, &mut world, &summary)?;
     println!("{}", serde_json::to_string_pretty(&summary)?);
     ensure!(summary.converged != Some(false), "no rest was found; see relaxed_residual");
-    ensure!(
-        recorded_hash.is_none_or(|hash| hash == world.state_hash()),
-        "the replay ends in another state than the session did: another scene, or another build"
-    );
     let untouched = summary.tools_without_contact.iter();
     untouched.clone().for_each(|tool| eprintln!("warning: tool `{}` felt no force", scene.desc.tools[*tool].name));
     options.scene.warnings.judge(untouched.len())

@@ -36,7 +36,7 @@ impl SessionCore {
         }
         // Asked first: a checkpoint that is refused is not copied.
         self.checkpoints.check(&name)?;
-        let memory = self.admitted.memory.checkpoint(self.log.bytes())?;
+        let memory = self.admitted.memory.checkpoint()?;
         let output = self.world.output();
         let (step, sim_time_s) = (output.step, output.sim_time_s);
         let checkpoint = Checkpoint {
@@ -46,7 +46,6 @@ impl SessionCore {
             relative_tolerance: self.tally.relative_tolerance,
             governor: self.governor.clone(),
             next_tolerance: self.next_tolerance,
-            log: self.log.clone(),
             _memory: memory,
         };
         self.checkpoints.save(name.clone(), checkpoint)?;
@@ -59,7 +58,6 @@ impl SessionCore {
     fn restore_checkpoint(&mut self, name: &str) -> Result<u64, SessionError> {
         let checkpoint = self.checkpoints.get(name)?;
         self.world.restore(&checkpoint.snapshot);
-        self.log = checkpoint.log.clone();
         self.tally.energy = checkpoint.energy;
         self.tally.relative_tolerance = checkpoint.relative_tolerance;
         self.governor = checkpoint.governor.clone();

@@ -49,13 +49,11 @@ impl SessionCore {
                 let _ = answer.send(self.describe());
             }
             Command::Checkpoint(command) => self.obey_checkpoint(command),
+            Command::Seek(_, answer) => {
+                let _ = answer.send(Err(SessionError::NotReplay));
+            }
             Command::Query(inspect) => {
-                inspect(&mut Inspection {
-                    world: &mut self.world,
-                    log: &self.log,
-                    scene: &self.scene,
-                    steps: &self.tally.steps,
-                });
+                inspect(&mut Inspection { world: &mut self.world, scene: &self.scene, steps: &self.tally.steps });
             }
         }
     }
@@ -93,7 +91,6 @@ impl SessionCore {
         // Both worlds are there until the new one is whole.
         let _both = self.admitted.memory.another()?;
         self.world = build_world(&self.scene)?;
-        self.log.clear();
         self.tally = Tally::of(&self.scene);
         self.governor = Governor::of(&self.scene.desc);
         self.next_tolerance = None;

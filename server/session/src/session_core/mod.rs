@@ -9,6 +9,8 @@
 mod checkpoints;
 mod commands;
 mod models;
+#[cfg(test)]
+mod recording_cost;
 mod views;
 #[cfg(test)]
 mod virtual_session;
@@ -32,8 +34,8 @@ use crate::limits::{SessionLimits, to_ns};
 use crate::outbox::{Publisher, SceneEvent, StepReport, ToolReport};
 use crate::overload::OverloadWatch;
 use crate::pacer::{Pace, Pacer};
-use crate::recorder::InputLog;
 use crate::status::{Phase, StepTallies};
+use crate::tape::{LoggedInputs, TapeEntry, TapedStep};
 use crate::tool_slot::DriverId;
 use models::ModelSchedule;
 use views::ViewSchedule;
@@ -70,7 +72,6 @@ pub(crate) struct SessionCore {
     governor: Option<Governor>,
     /// What the governor decided after the last step.
     next_tolerance: Option<f64>,
-    log: InputLog,
     checkpoints: Checkpoints,
     /// Times that the scene was put back to rest.
     resets: u64,
@@ -135,7 +136,6 @@ impl SessionCore {
             owed_steps: 0,
             governor: Governor::of(&scene.desc),
             next_tolerance: None,
-            log: InputLog::new(limits.max_recorded_motions),
             checkpoints: Checkpoints::new(limits.max_checkpoints),
             resets: 0,
             commands: Vec::new(),
@@ -215,7 +215,6 @@ impl SessionCore {
         let models = self.models.due(started_ns, &self.tools.model_intervals_ns, &self.world.output().tools);
         let relative_tolerance = self.next_tolerance.take();
         let inputs = StepInputs { tools: &self.tools.inputs, relative_tolerance, models };
-        self.log.record(&inputs);
         let output = self.world.step(workers, clock, &inputs);
         let ended_ns = clock.now_ns();
         let elapsed_ns = ended_ns - started_ns;
@@ -254,7 +253,17 @@ impl SessionCore {
         if self.tools.drivers > 0 {
             self.publisher.report(self.report());
         }
+        if self.publisher.tape.is_on() {
+            self.record_step(relative_tolerance);
+        }
         self.serve_viewers(ended_ns, clock, true);
+    }
+
+    /// Records the step that was just taken. The events that it led to stand before it.
+    fn record_step(&self, relative_tolerance: Option<f64>) {
+        let inputs = LoggedInputs { tools: self.tools.inputs.clone(), relative_tolerance };
+        let step = TapedStep { inputs, report: self.report(), state_hash: self.world.state_hash() };
+        self.publisher.tape.push(TapeEntry::Step(Box::new(step)));
     }
 
     fn govern(&mut self, step: u64, elapsed_ns: u64, pace: Pace) {

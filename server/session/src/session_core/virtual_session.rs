@@ -11,12 +11,13 @@ use tokio::sync::{oneshot, watch};
 
 use super::{SessionCore, Wake};
 use crate::admission::Admission;
-use crate::inbox::{Command, Inbox, Inspection};
+use crate::inbox::{Command, Inbox};
 use crate::limits::SessionLimits;
 use crate::outbox::{Outbox, Publisher, StepReport, Viewer};
 use crate::pose_check::{PoseRefusal, PoseSample};
-use crate::recorder::InputLog;
+use crate::resimulation::Resimulation;
 use crate::status::{Phase, SessionStatus};
+use crate::tape::{CAPACITY, TapeEntry, TapeReader, tape};
 use crate::tool_slot::DriverId;
 
 pub const MS: u64 = 1_000_000;
@@ -45,6 +46,7 @@ pub struct VirtualSession {
     pub inbox: Arc<Inbox>,
     pub outbox: Arc<Outbox>,
     bell: watch::Receiver<u64>,
+    tape: Option<TapeReader>,
     pub reports: watch::Receiver<Arc<StepReport>>,
     pub clock: VirtualClock,
     pub wake: Wake,
@@ -57,12 +59,14 @@ impl VirtualSession {
         let scene = Arc::new(Scene { desc, meshes: Default::default() });
         let inbox = Arc::new(Inbox::new(scene.desc.tools.len(), limits.clone()));
         let outbox = Arc::new(Outbox::new(&limits, Phase::Running));
-        let (publisher, bell, reports) = Publisher::new(Arc::clone(&outbox));
+        let (mut publisher, bell, reports) = Publisher::new(Arc::clone(&outbox));
+        let (recorded, tape) = tape(10 * CAPACITY);
+        publisher.tape = recorded;
         let admission = Admission::new(f64::INFINITY, f64::INFINITY, f64::INFINITY, 1);
         let admitted = admission.admit(&Cost::default(), 1.0).unwrap();
         let core = SessionCore::new(Arc::clone(&scene), limits, Arc::clone(&inbox), publisher, admitted).unwrap();
         let (clock, wake) = (VirtualClock::default(), Wake::At(0));
-        Self { core, scene, inbox, outbox, bell, reports, clock, wake, step_ns: MS / 10 }
+        Self { core, scene, inbox, outbox, bell, tape: Some(tape), reports, clock, wake, step_ns: MS / 10 }
     }
 
     pub fn now_ns(&self) -> u64 {
@@ -107,11 +111,13 @@ impl VirtualSession {
         self.ask(Command::Describe)
     }
 
-    pub fn log_and_hash(&mut self) -> (InputLog, u64) {
-        self.ask(|answer| {
-            let inspect = |inspection: &mut Inspection<'_>| (inspection.log.clone(), inspection.world.state_hash());
-            Command::Query(Box::new(move |inspection| drop(answer.send(inspect(inspection)))))
-        })
+    /// What was recorded, once it has led to the session's state once more.
+    pub fn resimulated(&mut self) -> Vec<TapeEntry> {
+        let entries = Vec::from(self.tape.as_ref().expect("a tape").take().0);
+        let mut again = Resimulation::new(&self.scene).unwrap();
+        again.follow(&Workers::serial(), &entries).unwrap();
+        assert_eq!(again.world().state_hash(), self.status().state_hash);
+        entries
     }
 
     pub fn view(&self) -> Viewer {
@@ -119,6 +125,19 @@ impl VirtualSession {
         // The first look is what asks for a keyframe.
         assert!(viewer.try_next().is_none());
         viewer
+    }
+
+    /// One who looks on for the record, at half the rate of states.
+    pub fn watch_for_the_record(&self) -> Viewer {
+        let mut viewer = self.outbox.join_for_the_record(self.bell.clone());
+        viewer.set_interval_ns(S / 30);
+        assert!(viewer.try_next().is_none());
+        viewer
+    }
+
+    /// Nobody records any more.
+    pub fn stop_tape(&mut self) {
+        self.tape = None;
     }
 
     pub fn drive(&self) -> DriverId {

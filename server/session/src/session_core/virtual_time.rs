@@ -13,9 +13,10 @@ use super::virtual_session::{MS, S, VirtualSession};
 use crate::error::SessionError;
 use crate::inbox::{CheckpointCommand, Command};
 use crate::limits::SessionLimits;
-use crate::outbox::{SceneEvent, ViewMessage, Viewer};
+use crate::outbox::{SceneEvent, ViewEvent, ViewMessage, Viewer};
 use crate::pose_check::PoseRefusal;
 use crate::status::{Phase, SessionStatus};
+use crate::tape::TapeEntry;
 
 fn block() -> SceneDesc {
     toml::from_str(include_str!("../../tests/block.toml")).unwrap()
@@ -176,13 +177,18 @@ fn a_session_that_goes_back_to_a_point_goes_on_in_time_and_replays() {
     assert!(report.tools[0].output.pose.is_none(), "hands are not where they were then");
     session.cut(driver, 111..180);
     session.ask(Command::Pause);
-    let (log, hash) = session.log_and_hash();
-    let status = session.status();
-    assert_eq!(log.steps(), status.step, "what was undone is not in the log");
-    assert_eq!(status.late_steps, 1, "going back is no lost time");
-    let first = log.motions().iter().find(|(at, _)| *at == step).map(|(_, input)| input.motion);
-    assert_eq!(first, Some(ToolMotion::Lift));
-    assert_eq!(log.replay(&session.scene, &Workers::serial()).unwrap().state_hash(), hash);
+    assert_eq!(session.status().late_steps, 1, "going back is no lost time");
+    let entries = session.resimulated();
+    let went_back = |entry: &TapeEntry| {
+        matches!(entry, TapeEntry::Event(ViewEvent { event: SceneEvent::CheckpointRestored(_), .. }))
+    };
+    let mut after = entries.iter().skip_while(|entry| !went_back(entry)).filter_map(|entry| match entry {
+        TapeEntry::Step(taped) => Some(taped),
+        TapeEntry::Event(_) => None,
+    });
+    let first = after.next().expect("a step after the way back");
+    assert_eq!(first.report.step, step + 1, "what was undone is in the recording, and the way back after it");
+    assert!(first.inputs.tools.iter().all(|input| input.motion == ToolMotion::Lift), "{:?}", first.inputs);
 }
 
 #[test]
@@ -235,9 +241,13 @@ fn after_the_last_viewer_nothing_is_contoured_and_the_next_one_sees_the_surface_
     // The first state sums up all steps since the one that the first viewer saw.
     assert_eq!(state.times.stage_ns[Stage::Surface as usize], 0);
     assert!(state.times.steps >= 89);
-    let (log, _) = session.log_and_hash();
-    let mut replayed = log.replay(&session.scene, &Workers::serial()).unwrap();
-    assert_eq!(replayed.surface_hash(), keyframe.surface_hash);
+    let mut again = World::new(&session.scene).unwrap();
+    for entry in session.resimulated() {
+        if let TapeEntry::Step(taped) = entry {
+            again.step(&Workers::serial(), &NoClock, &taped.inputs.as_inputs());
+        }
+    }
+    assert_eq!(again.surface_hash(), keyframe.surface_hash);
 }
 
 #[test]
@@ -265,13 +275,13 @@ fn late_steps_are_met_with_less_accuracy_and_time_to_spare_with_more_and_a_repla
     let own = session.scene.desc.relative_tolerance();
     assert!(raised.len() >= 2 && raised.iter().rev().is_sorted() && raised.last() == Some(&own), "{raised:?}");
 
-    let (log, hash) = session.log_and_hash();
-    assert_eq!(log.replay(&session.scene, &Workers::serial()).unwrap().state_hash(), hash);
     let mut exact = World::new(&session.scene).unwrap();
-    for inputs in log.inputs() {
-        exact.step(&Workers::serial(), &NoClock, &StepInputs::of(&inputs.tools));
+    for entry in session.resimulated() {
+        if let TapeEntry::Step(taped) = entry {
+            exact.step(&Workers::serial(), &NoClock, &StepInputs::of(&taped.inputs.tools));
+        }
     }
-    assert_ne!(exact.state_hash(), hash, "what the governor did is part of the log");
+    assert_ne!(exact.state_hash(), session.status().state_hash, "what the governor did is part of the recording");
 
     told(&mut session, 3 * MS, 2 * S);
     assert_eq!(session.status().relative_tolerance, 0.02);
@@ -287,7 +297,11 @@ fn without_bounds_nothing_is_given_up() {
     let status = session.status();
     assert!(status.late_steps > 1000, "{}", status.late_steps);
     assert_eq!(status.relative_tolerance, session.scene.desc.relative_tolerance());
-    assert!(session.log_and_hash().0.inputs().all(|inputs| inputs.relative_tolerance.is_none()));
+    let changes_none = |entry: &TapeEntry| match entry {
+        TapeEntry::Step(taped) => taped.inputs.relative_tolerance.is_none(),
+        TapeEntry::Event(_) => true,
+    };
+    assert!(session.resimulated().iter().all(changes_none));
 }
 
 #[test]
