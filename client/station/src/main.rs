@@ -1,0 +1,3 @@
+//! `kerf-station`: connects a haptic device to a session.
+
+fn main() {}

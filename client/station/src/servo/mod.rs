@@ -1,0 +1,27 @@
+//! What is rendered, a thousand times a second.
+
+pub mod clock;
+pub mod model;
+
+use kerf_script::Pose;
+use nalgebra::Vector3;
+
+use self::model::Update;
+
+/// The hand that holds the device, in the scene's frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hand {
+    /// Where it holds the tool.
+    pub pose: Pose,
+    /// Of the tool's reference point, m/s.
+    pub velocity_m_per_s: Vector3<f64>,
+}
+
+/// What the server said last.
+#[derive(Clone, Copy, Debug)]
+pub struct Newest<'a> {
+    /// What it said.
+    pub update: &'a Update,
+    /// Time since it came in, s.
+    pub age_s: f64,
+}
