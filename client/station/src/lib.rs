@@ -8,4 +8,5 @@
 
 pub mod config;
 pub mod device;
+pub mod mapping;
 pub mod servo;

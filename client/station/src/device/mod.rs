@@ -4,9 +4,26 @@
 //! scheduler, a service that answers one message with another, and a thread of our own are all the same to the servo.
 //! All quantities are in the device's own frame, SI units; [`crate::config::MappingConfig`] says how that lies in the scene.
 
+mod paced;
+pub mod recorded;
+pub mod simulated;
+
 use std::sync::atomic::AtomicBool;
 
 use nalgebra::{UnitQuaternion, Vector3};
+
+use crate::config::{DeviceConfig, DeviceKind};
+
+/// Opens a device.
+///
+/// # Errors
+/// What was tried, how it failed and what to do.
+pub fn open(config: &DeviceConfig) -> Result<Box<dyn Device>, DeviceError> {
+    Ok(match &config.kind {
+        DeviceKind::Simulated(simulated) => Box::new(simulated::Simulated::new(simulated)),
+        DeviceKind::Recorded(recorded) => Box::new(recorded::Recorded::open(recorded, &config.tools)?),
+    })
+}
 
 /// A haptic device.
 pub trait Device: Send {
@@ -24,7 +41,7 @@ pub trait Device: Send {
 /// What a device calls once a period, from whatever thread. It neither waits nor allocates nor panics.
 pub trait Servo: Send {
     /// The force to be rendered, N, in the device's frame, until the next call; `now_ns` is the monotonic clock of
-    /// [`crate::servo::clock`].
+    /// [`kerf_load::clock`].
     fn tick(&mut self, now_ns: u64, state: &DeviceState) -> Vector3<f64>;
 }
 
@@ -48,7 +65,7 @@ pub struct DeviceInfo {
 }
 
 /// Where a device is now.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DeviceState {
     /// Of its tip, m.
     pub position_m: Vector3<f64>,

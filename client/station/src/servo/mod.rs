@@ -4,7 +4,6 @@
 //! nothing and cannot fail. [`thread`] puts it behind a device. The guards stand in a file each, in the order in which a
 //! force goes through them: [`fault`], [`recovery`], [`schedule`], [`coupling`], [`passivity`], [`limits`].
 
-pub mod clock;
 pub mod core;
 pub mod coupling;
 pub mod fault;
