@@ -66,6 +66,8 @@ pub struct Rendered {
     pub force_n: Vector3<f64>,
     /// Where the tool is to be; `None` where the hand is nowhere.
     pub tool: Option<Pose>,
+    /// Force of the contact on the tool there, as the model has it, N: before anything is held back.
+    pub contact_n: Vector3<f64>,
     /// What the servo is doing.
     pub state: State,
     /// Stiffness of the coupling, N/m.
@@ -136,6 +138,7 @@ impl Core {
         Rendered {
             force_n,
             tool,
+            contact_n: tool.map_or_else(Vector3::zeros, |tool| self.recovery.reaction(&tool).force_n),
             state,
             coupling_n_per_m: self.schedule.gains().stiffness_n_per_m,
             faults: self.trip.history(),

@@ -30,7 +30,7 @@ fn settings() -> Settings {
 }
 
 fn update(number: u64, model: Option<LocalModel>) -> Update {
-    Update { number, model, blend_s: 8e-3, round_trip_s: 2e-3, max_age_s: MAX_AGE_S }
+    Update { number, model, blend_s: 8e-3, round_trip_s: 2e-3, max_age_s: MAX_AGE_S, ..Update::default() }
 }
 
 fn hand(y_m: f64) -> Hand {

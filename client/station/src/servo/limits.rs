@@ -5,6 +5,9 @@ use nalgebra::Vector3;
 /// Share of a model's greatest age at which its force begins to fade.
 const FADE_FROM: f64 = 0.5;
 
+/// Longest step that the slew limit counts, s: a servo that was away for longer does not make up for it at once.
+const MAX_SLEW_STEP_S: f64 = 2e-3;
+
 /// Share of the force that is rendered from a model of an age: all of it at first, nothing from `max_age_s` on.
 #[must_use]
 pub fn fresh_share(age_s: f64, max_age_s: f64) -> f64 {
@@ -57,7 +60,7 @@ impl Slew {
 
     /// The force that is nearest to the wanted one after a step.
     pub fn toward(&mut self, dt_s: f64, wanted_n: Vector3<f64>) -> Vector3<f64> {
-        self.force_n += clamped(wanted_n - self.force_n, self.most_n_per_s * dt_s);
+        self.force_n += clamped(wanted_n - self.force_n, self.most_n_per_s * dt_s.min(MAX_SLEW_STEP_S));
         self.force_n
     }
 }

@@ -1,7 +1,7 @@
 //! What is rendered, a thousand times a second.
 //!
 //! [`core::Core`] is the whole of it as a function of what it is given: it reads no clock, takes no lock, allocates
-//! nothing and cannot fail. [`thread`] puts it behind a device. The guards stand in a file each, in the order in which a
+//! nothing and cannot fail. [`runner`] puts it behind a device. The guards stand in a file each, in the order in which a
 //! force goes through them: [`fault`], [`recovery`], [`schedule`], [`coupling`], [`passivity`], [`limits`].
 
 pub mod core;
@@ -11,6 +11,7 @@ pub mod limits;
 pub mod model;
 pub mod passivity;
 pub mod recovery;
+pub mod runner;
 pub mod schedule;
 
 use kerf_script::Pose;

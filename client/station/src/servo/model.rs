@@ -8,6 +8,12 @@ use nalgebra::{Matrix3, Vector3};
 pub struct Update {
     /// Rises with each contact that comes in; 0 before the first.
     pub number: u64,
+    /// The tool that it is about, an index into the scene's.
+    pub tool_id: u32,
+    /// When it came in, ns on [`kerf_load::clock`].
+    pub arrived_ns: u64,
+    /// When the pose was taken that it reflects, ns on the same clock; 0: none yet.
+    pub echo_ns: u64,
     /// The contact; `None`: nothing is touched.
     pub model: Option<LocalModel>,
     /// Time over which it takes the place of the one before, s.
