@@ -8,5 +8,6 @@
 
 pub mod config;
 pub mod device;
+pub mod link;
 pub mod mapping;
 pub mod servo;

@@ -44,7 +44,9 @@ pub struct LocalModel {
     pub stiffness_n_per_m: Matrix3<f64>,
     /// Force lost per radian that the tool turns, N/rad.
     pub turning_n_per_rad: Matrix3<f64>,
-    /// Force lost per speed of the tool, N s/m; symmetric.
+    /// Velocity of the tool that `force_n` belongs to, m/s.
+    pub velocity_m_per_s: Vector3<f64>,
+    /// Force lost per change of that velocity, N s/m; symmetric.
     pub damping_n_s_per_m: Matrix3<f64>,
     /// What the contact does along one direction.
     pub along: Along,
@@ -86,8 +88,9 @@ impl LocalModel {
         let moved_m = pose.position_m - self.reference.position_m;
         let turned_rad = (pose.orientation * self.reference.orientation.inverse()).scaled_axis();
         let held_share = (self.validity_radius_m / moved_m.norm().max(f64::MIN_POSITIVE)).min(1.0);
+        let at_rest_n = self.force_n + self.damping_n_s_per_m * self.velocity_m_per_s;
         let force_n =
-            self.force_n - self.stiffness_n_per_m * (moved_m * held_share) - self.turning_n_per_rad * turned_rad;
+            at_rest_n - self.stiffness_n_per_m * (moved_m * held_share) - self.turning_n_per_rad * turned_rad;
         let within = Reaction {
             force_n,
             stiffness_n_per_m: self.stiffness_n_per_m * held_share,
@@ -106,12 +109,13 @@ impl LocalModel {
     /// Whether every number of it is one.
     #[must_use]
     pub fn is_finite(&self) -> bool {
-        let Self { reference, force_n, stiffness_n_per_m, turning_n_per_rad, damping_n_s_per_m, .. } = self;
+        let Self { reference, force_n, stiffness_n_per_m, turning_n_per_rad, velocity_m_per_s, .. } = self;
         let along = match &self.along {
             Along::Yields { direction, cap_n } => direction.sum() + cap_n,
             Along::Pushes | Along::Holds => 0.0,
         };
-        let numbers = force_n.iter().chain(stiffness_n_per_m).chain(turning_n_per_rad).chain(damping_n_s_per_m);
+        let numbers = force_n.iter().chain(stiffness_n_per_m).chain(turning_n_per_rad).chain(&self.damping_n_s_per_m);
+        let numbers = numbers.chain(velocity_m_per_s);
         is_finite(reference) && numbers.chain([&self.validity_radius_m, &along]).all(|number| number.is_finite())
     }
 }
@@ -156,6 +160,7 @@ pub(crate) mod tests {
             force_n: Vector3::y(),
             stiffness_n_per_m: Matrix3::from_diagonal(&Vector3::new(100.0, 500.0, 100.0)),
             turning_n_per_rad: Matrix3::zeros(),
+            velocity_m_per_s: Vector3::zeros(),
             damping_n_s_per_m: Matrix3::zeros(),
             along: Along::Pushes,
             validity_radius_m: 5e-3,
