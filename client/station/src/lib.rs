@@ -10,4 +10,6 @@ pub mod config;
 pub mod device;
 pub mod link;
 pub mod mapping;
+pub mod monitor;
 pub mod servo;
+pub mod station;

@@ -85,7 +85,7 @@ impl Dialler {
         let receiver = Receiver::new(updates, status.clone());
         let session_id = match &settings.session {
             SessionChoice::Join(session_id) => Some(session_id.clone()),
-            SessionChoice::Create(_) => None,
+            SessionChoice::Create(_) => settings.session_id.clone(),
         };
         Self { settings, uplink, status, receiver, session_id, epoch: 0 }
     }

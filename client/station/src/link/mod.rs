@@ -31,6 +31,8 @@ pub struct LinkSettings {
     pub server: ServerConfig,
     /// The session.
     pub session: SessionChoice,
+    /// Id of the session, where it is known already.
+    pub session_id: Option<String>,
     /// Ids of the tools that it drives in turn.
     pub tool_ids: Arc<[u32]>,
     /// Rates and deadbands.
