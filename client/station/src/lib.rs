@@ -8,6 +8,7 @@
 
 pub mod config;
 pub mod device;
+pub mod experiment;
 pub mod link;
 pub mod mapping;
 pub mod monitor;

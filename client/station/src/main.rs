@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use anyhow::anyhow;
 use clap::{Parser, Subcommand};
 use kerf_station::config::StationConfig;
-use kerf_station::device;
+use kerf_station::{device, experiment, monitor};
 use kerf_station::link::{LinkState, SessionChoice, describe};
 use kerf_station::monitor::Monitor;
 use kerf_station::station::{Station, tool_ids};
@@ -24,6 +24,14 @@ struct Args {
 enum Command {
     /// Drives a session's tools until Ctrl-C
     Run(RunArgs),
+    /// Measures in virtual time how stiff tissue may be by round trip; writes haptics.md and its plot
+    Experiment {
+        /// Folder for them
+        folder: PathBuf,
+        /// Lines that `run --json` printed, to be summed up in the report
+        #[arg(long)]
+        loopback: Option<PathBuf>,
+    },
     /// Prints the format of the configuration as a JSON schema
     Schema,
     /// Prints the configuration with every default filled in
@@ -63,6 +71,11 @@ struct RunArgs {
 fn main() -> anyhow::Result<()> {
     match Args::parse().command {
         Command::Run(args) => run(&args),
+        Command::Experiment { folder, loopback } => {
+            let measured = loopback.as_deref().map_or(Ok(String::new()), monitor::loopback_text)?;
+            let text = format!("# Haptics\n\nWritten by `make haptics`.\n\n{measured}{}", experiment::report(folder)?);
+            Ok(std::fs::write(folder.join("haptics.md"), text)?)
+        }
         Command::Schema => {
             println!("{}", serde_json::to_string_pretty(&schemars::schema_for!(StationConfig))?);
             Ok(())

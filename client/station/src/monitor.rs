@@ -1,7 +1,7 @@
 //! What people are told while a station runs.
 
 use hdrhistogram::Histogram;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::link::LinkStatus;
 use crate::servo::core::{Hold, State};
@@ -23,7 +23,7 @@ pub struct Monitor {
 }
 
 /// A line of what a station does.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     /// Servo's calls a second, Hz.
     pub servo_hz: f64,
@@ -160,4 +160,39 @@ impl std::fmt::Display for Report {
         )?;
         self.last_fault.as_ref().map_or(Ok(()), |fault| write!(f, "; last fault: {fault}"))
     }
+}
+
+/// What the lines of a run come to, as a section of a report: medians over its seconds.
+///
+/// # Errors
+/// The file cannot be read, or a line is none of them.
+pub fn loopback_text(path: &std::path::Path) -> anyhow::Result<String> {
+    let lines = std::fs::read_to_string(path)?;
+    let reports = lines.lines().map(serde_json::from_str).collect::<Result<Vec<Report>, _>>()?;
+    let median = |of: &dyn Fn(&Report) -> f64| {
+        let mut values: Vec<f64> = reports.iter().map(of).collect();
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    };
+    let most_n = reports.iter().map(|report| report.max_force_n).fold(0.0, f64::max);
+    let priority = reports.last().map_or("", |report| report.priority.as_str());
+    let rows = [
+        ("servo, Hz", median(&|r| r.servo_hz)),
+        ("dt p50, ms", median(&|r| r.dt_ms[0])),
+        ("dt p99, ms", median(&|r| r.dt_ms[1])),
+        ("a servo's tick p50, us: from the device's motion to its force", median(&|r| r.spent_us[0])),
+        ("a servo's tick p99, us", median(&|r| r.spent_us[1])),
+        ("round trip on loopback, ms", median(&|r| r.round_trip_ms.unwrap_or(f64::NAN))),
+        ("age of the motion that the contact reflects p50, ms", median(&|r| r.motion_age_ms[0])),
+        ("age of the motion that the contact reflects p99, ms", median(&|r| r.motion_age_ms[1])),
+        ("poses sent, Hz, of 500", median(&|r| r.poses_hz)),
+        ("contacts, Hz, of 250", median(&|r| r.contacts_hz)),
+        ("greatest force on the hand, N", most_n),
+    ];
+    let rows: String = rows.iter().map(|(name, value)| format!("| {name} | {value:.3} |\n")).collect();
+    Ok(format!(
+        "## On loopback\n\nThe simulated Omni cuts the liver through a server on the same machine, {} s; medians of the \
+         seconds. Priority of the servo's thread: {priority}.\n\n| | |\n|---|---|\n{rows}\n",
+        reports.len()
+    ))
 }
