@@ -73,7 +73,7 @@ fn main() -> anyhow::Result<()> {
         Command::Run(args) => run(&args),
         Command::Experiment { folder, loopback } => {
             let measured = loopback.as_deref().map_or(Ok(String::new()), monitor::loopback_text)?;
-            let text = format!("# Haptics\n\nWritten by `make haptics`.\n\n{measured}{}", experiment::report(folder)?);
+            let text = format!("# Haptics\n\nWritten by `make haptics`.\n\n{measured}{}", experiment::report(&folder)?);
             Ok(std::fs::write(folder.join("haptics.md"), text)?)
         }
         Command::Schema => {

@@ -14,6 +14,9 @@ use crate::servo::model::Update;
 /// Round trip to reckon with before one was measured, s.
 const UNKNOWN_ROUND_TRIP_S: f64 = 0.2;
 
+/// Age from which no force is rendered where the server names none, s.
+const UNKNOWN_MAX_AGE_S: f64 = 0.1;
+
 /// What a message means for the stream.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Heard {
@@ -55,7 +58,8 @@ impl Receiver {
     /// A stream begins; where its acknowledgements are kept.
     pub(super) fn begin(&mut self, hello: &v1::ServerHello) -> Arc<AtomicU64> {
         self.blend_s = 1.0 / hello.contact_rate_hz.max(1.0);
-        self.max_age_s = hello.limits.as_ref().map_or(0.0, |limits| limits.max_contact_age_s);
+        let max_age_s = hello.limits.as_ref().map_or(0.0, |limits| limits.max_contact_age_s);
+        self.max_age_s = if max_age_s > 0.0 { max_age_s } else { UNKNOWN_MAX_AGE_S };
         // Another server, another clock.
         self.clock_offset = ClockOffset::default();
         self.received = Arc::default();
