@@ -14,6 +14,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use crate::config::{DeviceConfig, HandConfig, SimulatedConfig};
 use crate::device::{Device, simulated::Simulated};
 use crate::servo::core::Core;
+use crate::servo::limits::clamped;
 use crate::servo::model::{Along, LocalModel, Update};
 use crate::servo::runner::settings;
 use crate::servo::{Hand, Newest};
@@ -55,6 +56,16 @@ impl Rendering {
         }
     }
 }
+
+/// What is compared: what is rendered, and the share of the tissue's stiffness that the model says.
+const KINDS: [(&str, Rendering, f64); 6] = [
+    ("held force", Rendering::Held, 1.0),
+    ("local model", Rendering::Model, 1.0),
+    ("local model, passive", Rendering::Passive, 1.0),
+    ("a third of the stiffness", Rendering::Model, 1.0 / 3.0),
+    ("a third, passive", Rendering::Passive, 1.0 / 3.0),
+    ("three times, passive", Rendering::Passive, 3.0),
+];
 
 /// One contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -120,8 +131,9 @@ impl Trial {
             let rendered = core.tick(DT_S, &hand, None, Some(Newest { update: &update, age_s }));
             let (tool_m, felt_n) = match self.rendering {
                 Rendering::Held => {
-                    force_n = update.model.map_or_else(Vector3::zeros, |model| model.force_n);
-                    (state.position_m.y, force_n.y)
+                    let came_n = update.model.map_or_else(Vector3::zeros, |model| model.force_n);
+                    force_n = clamped(came_n, limits.peak_force_n);
+                    (state.position_m.y, came_n.y)
                 }
                 Rendering::Model | Rendering::Passive => {
                     force_n = rendered.force_n;
@@ -194,8 +206,7 @@ pub fn report(folder: &Path) -> anyhow::Result<String> {
         "## The stiffest tissue by round trip\n\nIn virtual time: the simulated Omni (0.1 kg, 3.3 N, 500 N/m, encoders of 55 um) in a \
          light grip (100 N/m, 1 N s/m) leans 5 mm into a spring; contacts come at 250 Hz. Calm is what swings by less \
          than 0.5 mm after 4 s. Searched up to 100,000 N/m. A model that is off says a third, or three times, of the \
-         tissue's stiffness.\n\n| round trip, ms | held force | local model | passive | passive, model a third | passive, \
-         model three times | coupling, N/m |\n|---|---|---|---|---|---|---|\n",
+         tissue's stiffness.\n\n| round trip, ms ",
     );
     let trial = |rendering, round_trip_steps, model_share| Trial {
         rendering,
@@ -203,26 +214,22 @@ pub fn report(folder: &Path) -> anyhow::Result<String> {
         stiffness_n_per_m: 0.0,
         model_share,
     };
-    let mut curves: Vec<Vec<(f64, f64)>> = vec![Vec::new(); Rendering::ALL.len()];
+    let mut curves: Vec<Curve> = KINDS.iter().map(|(name, ..)| Curve::dotted_line(name, Vec::new())).collect();
+    curves.iter().for_each(|curve| text += &format!("| {} ", curve.label));
+    text += &format!("| coupling, N/m |\n|{}\n", "---|".repeat(KINDS.len() + 2));
     let coupling = settings(Simulated::new(&SimulatedConfig::default()).info(), &DeviceConfig::default()).coupling;
     for ms in ROUND_TRIPS_MS {
-        let columns = Rendering::ALL.map(|rendering| trial(rendering, ms, 1.0).stiffest());
-        let off = [1.0 / 3.0, 3.0].map(|share| trial(Rendering::Passive, ms, share).stiffest());
-        for (curve, stiffest) in curves.iter_mut().zip(columns) {
+        let stiffest = KINDS.map(|(_, rendering, model_share)| trial(rendering, ms, model_share).stiffest());
+        for (curve, stiffest) in curves.iter_mut().zip(stiffest) {
             // A round trip of nothing has no place by decades.
-            curve.push((ms.max(1) as f64, stiffest));
+            curve.points.push((ms.max(1) as f64, stiffest));
         }
         let coupling = crate::servo::schedule::Schedule::stiffness_n_per_m(&coupling, ms as f64 * DT_S);
         write!(text, "| {ms} ")?;
-        columns.iter().chain(&off).try_for_each(|stiffest| write!(text, "| {stiffest:.0} "))?;
+        stiffest.iter().try_for_each(|stiffest| write!(text, "| {stiffest:.0} "))?;
         writeln!(text, "| {coupling:.0} |")?;
     }
-    let named = Rendering::ALL.iter().zip(curves);
-    let chart = Chart::new(
-        Axis::log("round trip, ms (0 is drawn at 1)"),
-        Axis::log("stiffest tissue, N/m"),
-        named.map(|(rendering, points)| Curve::dotted_line(rendering.name(), points)).collect(),
-    );
+    let chart = Chart::new(Axis::log("round trip, ms (0 is drawn at 1)"), Axis::log("stiffest tissue, N/m"), curves);
     Figure::new("haptics-stability", "Stiffest tissue that does not shake the hand", chart).draw(folder)?;
     text += "\n![stiffest tissue by round trip](haptics-stability.png)\n\n## What is felt\n\nSwing of the hand, energy \
              given out beyond what was taken in, and the rendered contact's distance from the tissue's force at the same \

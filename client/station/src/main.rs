@@ -7,10 +7,10 @@ use std::time::{Duration, Instant};
 use anyhow::anyhow;
 use clap::{Parser, Subcommand};
 use kerf_station::config::StationConfig;
-use kerf_station::{device, experiment, monitor};
 use kerf_station::link::{LinkState, SessionChoice, describe};
 use kerf_station::monitor::Monitor;
 use kerf_station::station::{Station, tool_ids};
+use kerf_station::{device, experiment, monitor};
 
 /// Connects haptic devices to a session of a Kerf server.
 #[derive(Debug, Parser)]
@@ -122,11 +122,7 @@ fn run(args: &RunArgs) -> anyhow::Result<()> {
 }
 
 /// Shows what the stations do until they have ended, time is up or Ctrl-C is pressed.
-fn watch(
-    args: &RunArgs,
-    stations: &mut [(Station, Monitor)],
-    runtime: &tokio::runtime::Runtime,
-) -> anyhow::Result<()> {
+fn watch(args: &RunArgs, stations: &mut [(Station, Monitor)], runtime: &tokio::runtime::Runtime) -> anyhow::Result<()> {
     let mut interrupted = Box::pin(tokio::signal::ctrl_c());
     let is_live = !args.json && std::io::stdout().is_terminal();
     let period = Duration::from_millis(if is_live { 100 } else { 1000 });

@@ -106,9 +106,8 @@ impl Monitor {
         let last = self.last?;
         let elapsed_s = (last.at_ns.saturating_sub(self.since_ns) as f64 * 1e-9).max(1e-3);
         let rate = |now: u64, before: u64| now.saturating_sub(before) as f64 / elapsed_s;
-        let quantiles = |of: &Histogram<u64>, unit: f64| {
-            [0.5, 0.99].map(|quantile| of.value_at_quantile(quantile) as f64 * unit)
-        };
+        let quantiles =
+            |of: &Histogram<u64>, unit: f64| [0.5, 0.99].map(|quantile| of.value_at_quantile(quantile) as f64 * unit);
         let (fault, faults) = last.rendered.faults;
         let last_fault = thread.device_fault.clone().or_else(|| link.last_fault.clone());
         Some(Report {

@@ -41,7 +41,8 @@ fn a_tick_allocates_nothing() {
     let slots = Slots { updates: contacts, motions, samples, is_leaving: std::sync::Arc::default() };
     let device = Simulated::new(&kerf_station::config::SimulatedConfig::default());
     let mut runner = Runner::new(device.info(), &DeviceConfig::default(), [0].into(), slots);
-    let states = [0.0, -0.004, f64::NAN].map(|y| DeviceState { position_m: Vector3::y() * y, ..DeviceState::default() });
+    let states =
+        [0.0, -0.004, f64::NAN].map(|y| DeviceState { position_m: Vector3::y() * y, ..DeviceState::default() });
     let before = ALLOCATIONS.get();
     for tick in 1..1000_u64 {
         updates.write(Update { number: tick, arrived_ns: tick * 1_000_000, max_age_s: 0.1, ..Update::default() });

@@ -278,10 +278,7 @@ fn refused(what: &str, status: &Status) -> Ended {
 ///
 /// # Errors
 /// What went wrong, for people.
-pub async fn describe(
-    server: &ServerConfig,
-    session: &SessionChoice,
-) -> Result<(v1::SceneSummary, String), String> {
+pub async fn describe(server: &ServerConfig, session: &SessionChoice) -> Result<(v1::SceneSummary, String), String> {
     let text = |ended: Ended| match ended {
         Ended::Broken(why) | Ended::SessionGone(why) | Ended::Hopeless(why) => why,
     };
@@ -299,4 +296,3 @@ pub async fn describe(
     let scene = session.scene.ok_or("the server described a session without its scene")?;
     Ok((scene, session.session_id))
 }
-

@@ -13,10 +13,9 @@ impl RoundTrip {
     pub fn measured(&mut self, round_trip_s: f64) {
         self.smoothed = Some(match self.smoothed {
             None => (round_trip_s, round_trip_s / 2.0),
-            Some((mean_s, spread_s)) => (
-                mean_s + (round_trip_s - mean_s) / 8.0,
-                spread_s + ((round_trip_s - mean_s).abs() - spread_s) / 4.0,
-            ),
+            Some((mean_s, spread_s)) => {
+                (mean_s + (round_trip_s - mean_s) / 8.0, spread_s + ((round_trip_s - mean_s).abs() - spread_s) / 4.0)
+            }
         });
     }
 

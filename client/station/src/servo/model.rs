@@ -89,8 +89,7 @@ impl LocalModel {
         let turned_rad = (pose.orientation * self.reference.orientation.inverse()).scaled_axis();
         let held_share = (self.validity_radius_m / moved_m.norm().max(f64::MIN_POSITIVE)).min(1.0);
         let at_rest_n = self.force_n + self.damping_n_s_per_m * self.velocity_m_per_s;
-        let force_n =
-            at_rest_n - self.stiffness_n_per_m * (moved_m * held_share) - self.turning_n_per_rad * turned_rad;
+        let force_n = at_rest_n - self.stiffness_n_per_m * (moved_m * held_share) - self.turning_n_per_rad * turned_rad;
         let within = Reaction {
             force_n,
             stiffness_n_per_m: self.stiffness_n_per_m * held_share,

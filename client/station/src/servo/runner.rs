@@ -192,9 +192,9 @@ pub fn settings(info: &DeviceInfo, config: &DeviceConfig) -> Settings {
         coupling: CouplingLimits {
             min_stiffness_n_per_m: stiffness * servo.min_stiffness_n_per_m,
             max_stiffness_n_per_m: stiffness
-                * servo.max_stiffness_n_per_m.map_or(info.max_stiffness_n_per_m, |most| {
-                    most.min(info.max_stiffness_n_per_m)
-                }),
+                * servo
+                    .max_stiffness_n_per_m
+                    .map_or(info.max_stiffness_n_per_m, |most| most.min(info.max_stiffness_n_per_m)),
             max_damping_n_s_per_m: stiffness * info.max_damping_n_s_per_m,
             mass_kg: stiffness * info.apparent_mass_kg,
         },

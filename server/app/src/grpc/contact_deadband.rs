@@ -34,7 +34,12 @@ impl ContactDeadband {
         }
         let longest_s = max_age_s / 4.0;
         let keep_alive_s = if keep_alive_s == 0.0 { longest_s } else { keep_alive_s.min(longest_s) };
-        Ok(Self { share: share.min(MAX_SHARE), keep_alive_ns: (keep_alive_s * 1e9) as u64, told_ns: 0, told: Vec::new() })
+        Ok(Self {
+            share: share.min(MAX_SHARE),
+            keep_alive_ns: (keep_alive_s * 1e9) as u64,
+            told_ns: 0,
+            told: Vec::new(),
+        })
     }
 
     /// Whether a report says of these tools what a hand would notice, or has to be told to show that all is well.
@@ -42,9 +47,11 @@ impl ContactDeadband {
         self.share == 0.0
             || report.ended_ns.saturating_sub(self.told_ns) >= self.keep_alive_ns
             || self.told.len() != tools.len()
-            || self.told.iter().zip(tools).any(|(told, &tool)| {
-                report.tools.get(tool).is_none_or(|now| !self.is_predicted(told, &now.output))
-            })
+            || self
+                .told
+                .iter()
+                .zip(tools)
+                .any(|(told, &tool)| report.tools.get(tool).is_none_or(|now| !self.is_predicted(told, &now.output)))
     }
 
     /// This report is told.
