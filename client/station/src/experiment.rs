@@ -231,7 +231,9 @@ pub fn report(folder: &Path) -> anyhow::Result<String> {
     }
     let chart = Chart::new(Axis::log("round trip, ms (0 is drawn at 1)"), Axis::log("stiffest tissue, N/m"), curves);
     Figure::new("haptics-stability", "Stiffest tissue that does not shake the hand", chart).draw(folder)?;
-    text += "\n![stiffest tissue by round trip](haptics-stability.png)\n\n## What is felt\n\nSwing of the hand, energy \
+    text += "\nA model that says too little lets the tool sink in before the server answers, and tool and tissue then throw each \
+             other back: the controller brakes the hand but not the tool. So the server's stiffness has to be right.\n\
+             \n![stiffest tissue by round trip](haptics-stability.png)\n\n## What is felt\n\nSwing of the hand, energy \
              given out beyond what was taken in, and the rendered contact's distance from the tissue's force at the same \
              place.\n\n| tissue, N/m | round trip, ms | rendering | swing, mm | energy, mJ | force error, % |\n\
              |---|---|---|---|---|---|\n";
