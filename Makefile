@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo viewer test test-viewer screenshots test-all same-bits lint publish-protocol verify experiment extremes strokes bench performance peers
+.PHONY: demo station haptics viewer test test-viewer screenshots test-all same-bits lint publish-protocol verify experiment extremes strokes bench performance peers
 
 # Folder of scanned meshes for some of the tests and for `performance`, which leave them out where it is empty.
 TEST_SHARED ?= $(abspath $(wildcard ../shared))
@@ -21,6 +21,24 @@ demo: viewer
 	if [ -t 0 ] && [ -t 1 ]; then \
 		printf '\nTo cut by hand, open http://$(DEMO_ADDRESS) in a browser. Enter stops the server.\n'; read -r key; \
 	fi
+
+# Starts a server and lets a simulated Omni cut the liver through it, until Ctrl-C: no device is needed.
+STATION_ADDRESS ?= 127.0.0.1:50052
+STATION_ARGS ?=
+station:
+	cargo build --release --bin kerf-server --bin kerf-station
+	@target/release/kerf-server serve --listen $(STATION_ADDRESS) --log-filter warn & server=$$!; \
+	trap 'kill $$server 2>/dev/null; wait $$server' EXIT; trap 'exit 0' INT; \
+	target/release/kerf-station run --server http://$(STATION_ADDRESS) --scene liver --config client/station/liver.toml \
+		--wait-for-server 10 $(STATION_ARGS)
+
+# Writes docs/haptics.md and its plot: the closed loop on loopback, which nothing else should disturb, and the stiffest
+# tissue by round trip in virtual time.
+haptics:
+	mkdir -p out
+	$(MAKE) --no-print-directory station STATION_ARGS="--json --duration 16" > out/haptics.log
+	grep '^{' out/haptics.log > out/haptics.jsonl
+	target/release/kerf-station experiment docs --loopback out/haptics.jsonl
 
 # The web viewer's files, which the server's build takes in. Without Node the server says how to add them.
 viewer: $(if $(NPM),client/web/node_modules)

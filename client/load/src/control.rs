@@ -48,6 +48,7 @@ pub async fn open(
         session_id: session_id.to_owned(),
         tool_ids,
         contact_rate_hz,
+        ..v1::ClientHello::default()
     };
     up.try_send(ControlRequest { message: Some(control_request::Message::Hello(hello)), received: 0 })
         .context("the queue is new and has room")?;

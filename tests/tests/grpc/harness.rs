@@ -188,7 +188,7 @@ pub fn hello(session_id: &str, tool_ids: &[u32]) -> v1::ClientHello {
         protocol_version: PROTOCOL_VERSION,
         session_id: session_id.into(),
         tool_ids: tool_ids.to_vec(),
-        contact_rate_hz: 0.0,
+        ..v1::ClientHello::default()
     }
 }
 

@@ -9,6 +9,7 @@ use kerf_session::clock::MonotonicClock;
 use kerf_session::{Driver, PoseRefusal, Registry};
 use tonic::{Request, Response, Status, Streaming};
 
+use super::contact_deadband::ContactDeadband;
 use super::control_stream::{Contacts, outgoing, submit};
 use super::unary_drivers::UnaryDrivers;
 use super::{Outgoing, check_version, grant_rate_hz};
@@ -42,7 +43,7 @@ impl ControlService {
     }
 
     /// A driver and the rate of its contacts.
-    fn grant(&self, hello: &v1::ClientHello) -> Result<(Driver, Contacts), RequestError> {
+    fn grant(&self, hello: &v1::ClientHello) -> Result<(Driver, Contacts, ContactDeadband), RequestError> {
         check_version(hello.protocol_version)?;
         if hello.tool_ids.is_empty() {
             return Err(RequestError::Missing { field: "hello.tool_ids" });
@@ -54,10 +55,12 @@ impl ControlService {
         let default_hz = self.limits.default_contact_rate_hz;
         let rate_hz = grant_rate_hz("hello.contact_rate_hz", hello.contact_rate_hz, default_hz, max_hz)?;
         let tools: Vec<usize> = hello.tool_ids.iter().map(|tool| *tool as usize).collect();
+        let (share, keep_alive_s) = (hello.contact_deadband, hello.contact_keep_alive_s);
+        let deadband = ContactDeadband::new(share, keep_alive_s, self.limits.max_contact_age_s)?;
         let driver = session.drive(&tools)?;
         let contacts = Contacts::new(step_rate_hz, rate_hz);
         driver.ask_for_models(contacts.rate_hz());
-        Ok((driver, contacts))
+        Ok((driver, contacts, deadband))
     }
 
     fn server_hello(&self, driver: &Driver, contacts: &Contacts) -> v1::ControlResponse {
@@ -103,9 +106,9 @@ impl v1::control_service_server::ControlService for ControlService {
     ) -> Result<Response<Self::ControlStream>, Status> {
         let mut incoming = request.into_inner();
         let hello = self.read_hello(&mut incoming).await?;
-        let (driver, contacts) = self.grant(&hello)?;
+        let (driver, contacts, deadband) = self.grant(&hello)?;
         let first = self.server_hello(&driver, &contacts);
-        Ok(Response::new(outgoing(first, driver, contacts, incoming, &self.limits)))
+        Ok(Response::new(outgoing(first, driver, contacts, deadband, incoming, &self.limits)))
     }
 
     async fn send_pose(&self, request: Request<v1::SendPoseRequest>) -> Result<Response<v1::SendPoseResponse>, Status> {

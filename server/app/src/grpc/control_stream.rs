@@ -16,6 +16,7 @@ use tokio::task::JoinHandle;
 use tonic::{Status, Streaming};
 
 use super::Outgoing;
+use super::contact_deadband::ContactDeadband;
 use super::in_flight::InFlight;
 use super::pose_budget::PoseBudget;
 use crate::config::ControlLimits;
@@ -93,6 +94,7 @@ pub fn outgoing(
     hello: v1::ControlResponse,
     driver: Driver,
     contacts: Contacts,
+    deadband: ContactDeadband,
     incoming: Streaming<v1::ControlRequest>,
     limits: &ControlLimits,
 ) -> Outgoing<v1::ControlResponse> {
@@ -116,6 +118,7 @@ pub fn outgoing(
         echoes: vec![None; tools],
         driver,
         contacts,
+        deadband,
         reports,
         rejections,
         acknowledged,
@@ -145,6 +148,7 @@ impl Drop for ReaderTask {
 struct OutgoingHalf {
     driver: Arc<Driver>,
     contacts: Contacts,
+    deadband: ContactDeadband,
     reports: Reports,
     rejections: mpsc::Receiver<v1::PoseRejected>,
     acknowledged: watch::Receiver<u64>,
@@ -299,10 +303,14 @@ impl OutgoingHalf {
             true => News::NewPose,
             false => News::None,
         };
+        if !self.deadband.is_news(report, driver.tools()) {
+            return;
+        }
         if !self.contacts.is_due(report, news) || !self.is_current(report.ended_ns) || !self.in_flight.has_room() {
             return;
         }
         let late_steps = self.contacts.tell(report);
+        self.deadband.tell(report, driver.tools());
         let number = self.in_flight.send(MonotonicClock::now_ns());
         for (index, &tool) in driver.tools().iter().enumerate() {
             self.echoes[index] = echo(tool);

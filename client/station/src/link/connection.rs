@@ -1,0 +1,298 @@
+//! Dialling: one stream after the other, each for the same tools of the same session.
+
+use std::time::Duration;
+
+use kerf_proto::v1::control_service_client::ControlServiceClient;
+use kerf_proto::v1::session_service_client::SessionServiceClient;
+use kerf_proto::v1::{self, control_request, control_response, create_session_request};
+use tokio::sync::{mpsc, oneshot};
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::metadata::{Ascii, MetadataValue};
+use tonic::service::Interceptor;
+use tonic::service::interceptor::InterceptedService;
+use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint};
+use tonic::{Code, Request, Status, Streaming};
+
+use super::receiver::{Heard, Receiver};
+use super::sender::SharedUplink;
+use super::status::{LinkState, SharedStatus};
+use super::{LinkSettings, Uplink};
+use crate::config::ServerConfig;
+use crate::servo::model::Update;
+
+/// Time for each step of dialling: a network that came back is found within two of them.
+const STEP_TIMEOUT: Duration = Duration::from_millis(800);
+/// Building the largest scenes takes seconds.
+const CREATE_TIMEOUT: Duration = Duration::from_secs(120);
+/// Pauses between attempts: the first one, and the longest; each is twice the one before.
+const FIRST_PAUSE: Duration = Duration::from_millis(50);
+const LONGEST_PAUSE: Duration = Duration::from_millis(800);
+/// Messages that may wait for the transport: a few ticks of the network's thread.
+const QUEUED: usize = 8;
+
+/// The session to be joined.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SessionChoice {
+    /// One that exists.
+    Join(String),
+    /// A new one of this scene; when it is gone, another.
+    Create(String),
+}
+
+/// Adds the token, where there is one, to every call.
+#[derive(Clone, Debug)]
+pub struct Token(Option<MetadataValue<Ascii>>);
+
+impl Interceptor for Token {
+    fn call(&mut self, mut request: Request<()>) -> Result<Request<()>, Status> {
+        if let Some(token) = &self.0 {
+            request.metadata_mut().insert("authorization", token.clone());
+        }
+        Ok(request)
+    }
+}
+
+type Wire = InterceptedService<Channel, Token>;
+
+/// Why a stream ended, or did not begin.
+enum Ended {
+    /// To be tried again.
+    Broken(String),
+    /// The session is not there any more.
+    SessionGone(String),
+    /// Trying again is of no use.
+    Hopeless(String),
+}
+
+/// Dials until it is told to stop.
+pub(super) struct Dialler {
+    settings: LinkSettings,
+    uplink: SharedUplink,
+    status: SharedStatus,
+    receiver: Receiver,
+    /// The session, once it is known.
+    session_id: Option<String>,
+    epoch: u64,
+}
+
+impl Dialler {
+    pub(super) fn new(
+        settings: LinkSettings,
+        uplink: SharedUplink,
+        status: SharedStatus,
+        updates: triple_buffer::Input<Update>,
+    ) -> Self {
+        let receiver = Receiver::new(updates, status.clone());
+        let session_id = match &settings.session {
+            SessionChoice::Join(session_id) => Some(session_id.clone()),
+            SessionChoice::Create(_) => settings.session_id.clone(),
+        };
+        Self { settings, uplink, status, receiver, session_id, epoch: 0 }
+    }
+
+    pub(super) async fn run(mut self, mut stopped: oneshot::Receiver<()>) {
+        tokio::select! {
+            _ = &mut stopped => {}
+            () = self.dial() => {}
+        }
+        self.uplink.set(None);
+        self.close().await;
+    }
+
+    async fn dial(&mut self) {
+        let mut pause = FIRST_PAUSE;
+        loop {
+            let before = self.epoch;
+            let ended = self.drive().await;
+            self.uplink.set(None);
+            let (why, state) = match ended {
+                Ended::Broken(why) => (why, LinkState::Connecting),
+                Ended::SessionGone(why) => match &self.settings.session {
+                    SessionChoice::Create(scene) => {
+                        self.session_id = None;
+                        (format!("{why}; a new one of `{scene}` is created"), LinkState::Connecting)
+                    }
+                    SessionChoice::Join(id) => {
+                        (format!("{why}; start the station with another session than {id}"), LinkState::Failed)
+                    }
+                },
+                Ended::Hopeless(why) => (why, LinkState::Failed),
+            };
+            self.status.change(|status| (status.last_fault, status.state) = (Some(why), state));
+            if state == LinkState::Failed {
+                return;
+            }
+            // A stream that stood was a good network; what broke it may be over already.
+            pause = if self.epoch != before { FIRST_PAUSE } else { (pause * 2).min(LONGEST_PAUSE) };
+            tokio::time::sleep(pause).await;
+        }
+    }
+
+    /// One stream from its opening to its end.
+    async fn drive(&mut self) -> Ended {
+        match self.open().await {
+            Err(ended) => ended,
+            Ok(mut down) => loop {
+                let silence = match self.status.get().state {
+                    // A session that stands says nothing; that the connection lives is the transport's to know.
+                    LinkState::Paused => Duration::MAX,
+                    _ => Duration::from_secs_f64(self.settings.link.silence_s),
+                };
+                let Ok(message) = tokio::time::timeout(silence, down.message()).await else {
+                    return Ended::Broken(format!("nothing came for {} s", self.settings.link.silence_s));
+                };
+                let message = match message {
+                    Ok(Some(message)) => message.message,
+                    Ok(None) => return Ended::Broken("the server ended the stream".into()),
+                    Err(status) => return refused("the stream broke", &status),
+                };
+                match message.map(|message| self.receiver.take(message)) {
+                    Some(Ok(Heard::SessionCloses)) => return Ended::SessionGone("the session was closed".into()),
+                    Some(Err(missing)) => self.status.change(|status| status.last_fault = Some(missing.to_string())),
+                    Some(Ok(Heard::Goes)) | None => {}
+                }
+            },
+        }
+    }
+
+    async fn open(&mut self) -> Result<Streaming<v1::ControlResponse>, Ended> {
+        let wire = connect(&self.settings.server).await?;
+        let session_id = match &self.session_id {
+            Some(session_id) => session_id.clone(),
+            None => self.create(wire.clone()).await?,
+        };
+        let (up, queue) = mpsc::channel(QUEUED);
+        let hello = v1::ClientHello {
+            protocol_version: kerf_proto::PROTOCOL_VERSION,
+            session_id: session_id.clone(),
+            tool_ids: self.settings.tool_ids.to_vec(),
+            contact_rate_hz: self.settings.link.contact_rate_hz,
+            contact_deadband: self.settings.link.deadband,
+            contact_keep_alive_s: self.settings.link.keep_alive_s,
+        };
+        let first = v1::ControlRequest { message: Some(control_request::Message::Hello(hello)), received: 0 };
+        up.try_send(first).map_err(|_| Ended::Broken("the queue is full".into()))?;
+        let opening = async {
+            let mut client = ControlServiceClient::new(wire);
+            let mut down = client.control(ReceiverStream::new(queue)).await?.into_inner();
+            let hello = down.message().await?;
+            Ok::<_, Status>((down, hello))
+        };
+        let opened = tokio::time::timeout(STEP_TIMEOUT, opening).await;
+        let opened = opened.map_err(|_| Ended::Broken("the server did not answer the hello".into()))?;
+        let (down, hello) = opened.map_err(|status| refused("opening the stream", &status))?;
+        let Some(v1::ControlResponse { message: Some(control_response::Message::Hello(hello)) }) = hello else {
+            return Err(Ended::Broken("the server did not begin with a hello".into()));
+        };
+        self.epoch += 1;
+        let limits = hello.limits.unwrap_or_default();
+        let received = self.receiver.begin(&hello);
+        let workspace = limits.workspace_min_m.zip(limits.workspace_max_m).map(|(min, max)| [min, max]);
+        self.uplink.set(Some(Uplink { epoch: self.epoch, up, received, lease_s: limits.lease_s, workspace }));
+        self.status.change(|status| {
+            status.connections += 1;
+            (status.state, status.session_id) = (LinkState::Connected, session_id);
+        });
+        Ok(down)
+    }
+
+    async fn create(&mut self, wire: Wire) -> Result<String, Ended> {
+        let SessionChoice::Create(scene) = &self.settings.session else {
+            return Err(Ended::Hopeless("no session was given".into()));
+        };
+        let session = create(wire, scene).await.map_err(|status| refused(&format!("creating `{scene}`"), &status))?;
+        self.session_id = Some(session.session_id.clone());
+        Ok(session.session_id)
+    }
+
+    /// Ends a session that was created for this station.
+    async fn close(&self) {
+        let (SessionChoice::Create(_), Some(session_id)) = (&self.settings.session, &self.session_id) else { return };
+        if let Ok(wire) = connect(&self.settings.server).await {
+            let mut request = Request::new(v1::CloseSessionRequest { session_id: session_id.clone() });
+            request.set_timeout(STEP_TIMEOUT);
+            // The server closes what nobody uses by itself.
+            let _ = SessionServiceClient::new(wire).close_session(request).await;
+        }
+    }
+}
+
+async fn create(wire: Wire, scene: &str) -> Result<v1::SessionDescription, Status> {
+    let scene = Some(create_session_request::Scene::SceneName(scene.to_owned()));
+    let mut request = Request::new(v1::CreateSessionRequest { scene, ..Default::default() });
+    request.set_timeout(CREATE_TIMEOUT);
+    let reply = SessionServiceClient::new(wire).create_session(request).await?.into_inner();
+    reply.session.ok_or_else(|| Status::internal("a session without a description"))
+}
+
+/// The wire to a server, with TLS and a token where they are configured.
+async fn connect(server: &ServerConfig) -> Result<Wire, Ended> {
+    let hopeless = |what: String| Ended::Hopeless(format!("server: {what}"));
+    let read = |path: &std::path::Path| {
+        std::fs::read_to_string(path).map_err(|error| Ended::Hopeless(format!("{}: {error}", path.display())))
+    };
+    let mut endpoint = Endpoint::from_shared(server.url.clone())
+        .map_err(|error| hopeless(error.to_string()))?
+        .tcp_nodelay(true)
+        .connect_timeout(STEP_TIMEOUT)
+        .http2_keep_alive_interval(Duration::from_secs(2))
+        .keep_alive_timeout(Duration::from_secs(2))
+        .keep_alive_while_idle(true);
+    if server.url.starts_with("https://") {
+        let mut tls = ClientTlsConfig::new().with_native_roots();
+        if let Some(path) = &server.ca_file {
+            tls = ClientTlsConfig::new().ca_certificate(Certificate::from_pem(read(path)?));
+        }
+        endpoint = endpoint.tls_config(tls).map_err(|error| hopeless(error.to_string()))?;
+    }
+    let token = match &server.token_file {
+        None => None,
+        Some(path) => {
+            let value = format!("Bearer {}", read(path)?.trim());
+            Some(value.parse().map_err(|_| hopeless(format!("{}: not a token", path.display())))?)
+        }
+    };
+    let broken = |why: &dyn std::fmt::Display| {
+        Ended::Broken(format!("no server answers at {} ({why}); trying again", server.url))
+    };
+    match tokio::time::timeout(STEP_TIMEOUT, endpoint.connect()).await {
+        Err(_) => Err(broken(&"time is up")),
+        Ok(Err(error)) => Err(broken(&error)),
+        Ok(Ok(channel)) => Ok(InterceptedService::new(channel, Token(token))),
+    }
+}
+
+/// What a refusal means.
+fn refused(what: &str, status: &Status) -> Ended {
+    let why = format!("{what}: {}", status.message());
+    match status.code() {
+        Code::NotFound => Ended::SessionGone(why),
+        Code::Unauthenticated | Code::PermissionDenied => {
+            Ended::Hopeless(format!("{why}; set server.token_file to a file with a token that the server takes"))
+        }
+        _ => Ended::Broken(why),
+    }
+}
+
+/// The scene of a session that exists, or of a new one, whose id is then known: tools go by their names there.
+///
+/// # Errors
+/// What went wrong, for people.
+pub async fn describe(server: &ServerConfig, session: &SessionChoice) -> Result<(v1::SceneSummary, String), String> {
+    let text = |ended: Ended| match ended {
+        Ended::Broken(why) | Ended::SessionGone(why) | Ended::Hopeless(why) => why,
+    };
+    let wire = connect(server).await.map_err(text)?;
+    let described = match session {
+        SessionChoice::Create(scene) => create(wire, scene).await,
+        SessionChoice::Join(session_id) => {
+            let request = v1::DescribeSessionRequest { session_id: session_id.clone() };
+            SessionServiceClient::new(wire).describe_session(request).await.and_then(|reply| {
+                reply.into_inner().session.ok_or_else(|| Status::internal("a session without a description"))
+            })
+        }
+    };
+    let session = described.map_err(|status| text(refused("the session", &status)))?;
+    let scene = session.scene.ok_or("the server described a session without its scene")?;
+    Ok((scene, session.session_id))
+}

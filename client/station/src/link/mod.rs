@@ -1,0 +1,104 @@
+//! The link: motions to the server, contacts to the servo.
+//!
+//! Two threads. One sends poses by the clock, as kerf-load does; the other runs the network's tasks: it dials, reads
+//! contacts, and dials again when the stream breaks or falls silent. Neither ever waits for the servo, nor it for them.
+
+mod connection;
+mod deadband;
+mod estimates;
+mod receiver;
+mod sender;
+mod status;
+mod wire;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::JoinHandle;
+
+use kerf_proto::v1;
+use tokio::sync::{mpsc, oneshot};
+
+pub use self::connection::{SessionChoice, describe};
+pub use self::status::{LinkState, LinkStatus, SharedStatus};
+use crate::config::{LinkConfig, ServerConfig};
+use crate::servo::model::Update;
+use crate::servo::runner::Motion;
+
+/// What a link is to do.
+#[derive(Clone, Debug)]
+pub struct LinkSettings {
+    /// The server.
+    pub server: ServerConfig,
+    /// The session.
+    pub session: SessionChoice,
+    /// Id of the session, where it is known already.
+    pub session_id: Option<String>,
+    /// Ids of the tools that it drives in turn.
+    pub tool_ids: Arc<[u32]>,
+    /// Rates and deadbands.
+    pub link: LinkConfig,
+    /// The device's newtons per newton of the scene.
+    pub force_scale: f64,
+}
+
+/// An open stream, as the sending thread sees it; another one takes its place when it breaks.
+#[derive(Clone, Debug)]
+struct Uplink {
+    /// Rises with each stream.
+    epoch: u64,
+    up: mpsc::Sender<v1::ControlRequest>,
+    /// Number of the newest contact that was read.
+    received: Arc<AtomicU64>,
+    lease_s: f64,
+    workspace: Option<[v1::Vec3; 2]>,
+}
+
+/// A running link.
+pub struct Link {
+    status: SharedStatus,
+    stop: Arc<AtomicBool>,
+    stop_network: Option<oneshot::Sender<()>>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl Link {
+    /// Starts a link between the slots of a servo and a server.
+    ///
+    /// # Errors
+    /// A thread cannot be started.
+    pub fn start(
+        settings: LinkSettings,
+        motions: triple_buffer::Output<Motion>,
+        updates: triple_buffer::Input<Update>,
+    ) -> std::io::Result<Self> {
+        let status = SharedStatus::default();
+        let stop = Arc::new(AtomicBool::new(false));
+        let uplink = sender::SharedUplink::default();
+        let (stop_network, stopped) = oneshot::channel();
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+        let mut sender = sender::Sender::new(&settings, motions, uplink.clone(), status.clone(), Arc::clone(&stop));
+        let dialler = connection::Dialler::new(settings, uplink, status.clone(), updates);
+        let thread = |name: &str| std::thread::Builder::new().name(name.to_owned());
+        let threads = vec![
+            thread("station-send").spawn(move || sender.run())?,
+            thread("station-link").spawn(move || runtime.block_on(dialler.run(stopped)))?,
+        ];
+        Ok(Self { status, stop, stop_network: Some(stop_network), threads })
+    }
+
+    /// How it is doing.
+    #[must_use]
+    pub fn status(&self) -> LinkStatus {
+        self.status.get()
+    }
+}
+
+impl Drop for Link {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        drop(self.stop_network.take());
+        for thread in self.threads.drain(..) {
+            let _ = thread.join();
+        }
+    }
+}

@@ -1,0 +1,155 @@
+//! What comes from the server becomes updates for the servo.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use kerf_load::clock;
+use kerf_proto::v1::{self, control_response::Message};
+
+use super::estimates::{ClockOffset, RoundTrip};
+use super::status::{LinkState, SharedStatus};
+use super::wire;
+use crate::servo::model::Update;
+
+/// Round trip to reckon with before one was measured, s.
+const UNKNOWN_ROUND_TRIP_S: f64 = 0.2;
+
+/// Age from which no force is rendered where the server names none, s.
+const UNKNOWN_MAX_AGE_S: f64 = 0.1;
+
+/// What a message means for the stream.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Heard {
+    /// It goes on.
+    Goes,
+    /// The session ends.
+    SessionCloses,
+}
+
+/// Takes messages. It lives longer than a stream: numbers go on rising.
+pub(super) struct Receiver {
+    updates: triple_buffer::Input<Update>,
+    status: SharedStatus,
+    round_trip: RoundTrip,
+    clock_offset: ClockOffset,
+    number: u64,
+    /// Until then nothing is published: the scene was set back, and what the tool feels next is not what it felt.
+    quiet_until_ns: u64,
+    blend_s: f64,
+    max_age_s: f64,
+    received: Arc<AtomicU64>,
+}
+
+impl Receiver {
+    pub(super) fn new(updates: triple_buffer::Input<Update>, status: SharedStatus) -> Self {
+        Self {
+            updates,
+            status,
+            round_trip: RoundTrip::default(),
+            clock_offset: ClockOffset::default(),
+            number: 0,
+            quiet_until_ns: 0,
+            blend_s: 0.0,
+            max_age_s: 0.0,
+            received: Arc::default(),
+        }
+    }
+
+    /// A stream begins; where its acknowledgements are kept.
+    pub(super) fn begin(&mut self, hello: &v1::ServerHello) -> Arc<AtomicU64> {
+        self.blend_s = 1.0 / hello.contact_rate_hz.max(1.0);
+        let max_age_s = hello.limits.as_ref().map_or(0.0, |limits| limits.max_contact_age_s);
+        self.max_age_s = if max_age_s > 0.0 { max_age_s } else { UNKNOWN_MAX_AGE_S };
+        // Another server, another clock.
+        self.clock_offset = ClockOffset::default();
+        self.received = Arc::default();
+        Arc::clone(&self.received)
+    }
+
+    pub(super) fn take(&mut self, message: Message) -> Result<Heard, wire::Missing> {
+        match message {
+            Message::Contact(contact) => self.contact(&contact)?,
+            Message::Rejected(rejected) => self.status.change(|status| {
+                status.rejected += 1;
+                let v1::PoseRejected { tool_id, field, limit, .. } = rejected;
+                status.last_fault = Some(format!("a pose of tool {tool_id} was refused: {field}: {limit}"));
+            }),
+            Message::LeaseLost(lost) if lost.reason() == v1::LeaseLostReason::SessionClosing => {
+                return Ok(Heard::SessionCloses);
+            }
+            Message::LeaseLost(_) => self.fault("the lease ran out: poses came too seldom"),
+            Message::Fault(fault) => {
+                self.fault(&format!("the server rolled `{}` back", fault.object));
+                self.fall_silent();
+            }
+            Message::CheckpointRestored(restored) => {
+                self.fault(&format!("the session went back to checkpoint `{}`", restored.name));
+                self.fall_silent();
+            }
+            Message::Event(event) => self.event(&event),
+            Message::ToleranceChanged(_) | Message::Hello(_) => {}
+        }
+        Ok(Heard::Goes)
+    }
+
+    fn contact(&mut self, contact: &v1::Contact) -> Result<(), wire::Missing> {
+        let now_ns = clock::now_ns();
+        self.received.fetch_max(contact.number, Ordering::Relaxed);
+        let model = wire::model(contact)?;
+        if contact.echo_seq > 0 {
+            // Without the time that the pose was known to the server: a deadband keeps poses for as long as they are good.
+            let known_ns = contact.server_ns.saturating_sub(contact.echo_arrived_ns);
+            let round_trip_ns = now_ns.saturating_sub(contact.echo_ns).saturating_sub(known_ns);
+            self.round_trip.measured(round_trip_ns as f64 * 1e-9);
+            self.clock_offset.measured(now_ns, contact.server_ns, contact.echo_ns, contact.echo_arrived_ns);
+        }
+        self.number += 1;
+        let offset_s = self.clock_offset.estimate_s();
+        self.status.change(|status| {
+            status.contacts += 1;
+            status.state = LinkState::Connected;
+            status.round_trip_s = self.round_trip.mean_s();
+            status.clock_offset_s = offset_s;
+            let took_s = (now_ns as i64 - contact.server_ns as i64) as f64 * 1e-9;
+            status.down_s = offset_s.map(|(offset_s, _)| took_s + offset_s);
+        });
+        if now_ns >= self.quiet_until_ns {
+            self.updates.write(Update {
+                number: self.number,
+                tool_id: contact.tool_id,
+                arrived_ns: now_ns,
+                echo_ns: contact.echo_ns,
+                model,
+                // A contact without a model is of nothing touched: the force goes over a contact's time.
+                blend_s: contact.model.as_ref().map_or(self.blend_s, |model| f64::from(model.blend_time_s)),
+                round_trip_s: self.round_trip.bound_s().unwrap_or(UNKNOWN_ROUND_TRIP_S),
+                max_age_s: self.max_age_s,
+            });
+        }
+        Ok(())
+    }
+
+    fn event(&mut self, event: &v1::Event) {
+        match event.kind() {
+            v1::EventKind::Paused => self.status.change(|status| status.state = LinkState::Paused),
+            v1::EventKind::Resumed => self.status.change(|status| status.state = LinkState::Connected),
+            v1::EventKind::Reset => {
+                self.fault("the session was reset");
+                self.fall_silent();
+            }
+            v1::EventKind::Overloaded => {
+                self.fault(&format!("the server is too slow: {:.0} % of its steps are late", 100.0 * event.late_share));
+            }
+            _ => {}
+        }
+    }
+
+    /// Long enough for the force to fade.
+    fn fall_silent(&mut self) {
+        self.quiet_until_ns = clock::now_ns() + (self.max_age_s * 1e9) as u64;
+    }
+
+    fn fault(&self, what: &str) {
+        self.status.change(|status| status.last_fault = Some(what.to_owned()));
+    }
+}

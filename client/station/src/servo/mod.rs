@@ -1,0 +1,38 @@
+//! What is rendered, a thousand times a second.
+//!
+//! [`core::Core`] is the whole of it as a function of what it is given: it reads no clock, takes no lock, allocates
+//! nothing and cannot fail. [`runner`] puts it behind a device. The guards stand in a file each, in the order in which a
+//! force goes through them: [`fault`], [`recovery`], [`schedule`], [`coupling`], [`passivity`], [`limits`].
+
+pub mod core;
+pub mod coupling;
+pub mod fault;
+pub mod limits;
+pub mod model;
+pub mod passivity;
+pub mod recovery;
+pub mod runner;
+pub mod schedule;
+
+use kerf_script::Pose;
+use nalgebra::Vector3;
+
+use self::model::Update;
+
+/// The hand that holds the device, in the scene's frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hand {
+    /// Where it holds the tool.
+    pub pose: Pose,
+    /// Of the tool's reference point, m/s.
+    pub velocity_m_per_s: Vector3<f64>,
+}
+
+/// What the server said last.
+#[derive(Clone, Copy, Debug)]
+pub struct Newest<'a> {
+    /// What it said.
+    pub update: &'a Update,
+    /// Time since it came in, s.
+    pub age_s: f64,
+}

@@ -1,0 +1,216 @@
+//! The local model of the contact that the servo evaluates.
+
+use kerf_script::Pose;
+use nalgebra::{Matrix3, Vector3};
+
+/// What the server said last.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Update {
+    /// Rises with each contact that comes in; 0 before the first.
+    pub number: u64,
+    /// The tool that it is about, an index into the scene's.
+    pub tool_id: u32,
+    /// When it came in, ns on [`kerf_load::clock`].
+    pub arrived_ns: u64,
+    /// When the pose was taken that it reflects, ns on the same clock; 0: none yet.
+    pub echo_ns: u64,
+    /// The contact; `None`: nothing is touched.
+    pub model: Option<LocalModel>,
+    /// Time over which it takes the place of the one before, s.
+    pub blend_s: f64,
+    /// From a pose's sending to the arrival of the first contact that reflects it, s; smoothed.
+    pub round_trip_s: f64,
+    /// Age from which no force is rendered, s.
+    pub max_age_s: f64,
+}
+
+impl Update {
+    /// Whether every number of it is one.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        let numbers = [self.blend_s, self.round_trip_s, self.max_age_s];
+        self.model.is_none_or(|model| model.is_finite()) && numbers.iter().all(|number| number.is_finite())
+    }
+}
+
+/// Force on the tool near a pose, in the scene's frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LocalModel {
+    /// Pose of the tool that `force_n` belongs to.
+    pub reference: Pose,
+    /// Force on the tool there, N.
+    pub force_n: Vector3<f64>,
+    /// Force lost per metre that the tool moves, N/m; symmetric.
+    pub stiffness_n_per_m: Matrix3<f64>,
+    /// Force lost per radian that the tool turns, N/rad.
+    pub turning_n_per_rad: Matrix3<f64>,
+    /// Velocity of the tool that `force_n` belongs to, m/s.
+    pub velocity_m_per_s: Vector3<f64>,
+    /// Force lost per change of that velocity, N s/m; symmetric.
+    pub damping_n_s_per_m: Matrix3<f64>,
+    /// What the contact does along one direction.
+    pub along: Along,
+    /// Distance from the reference within which the model holds, m.
+    pub validity_radius_m: f64,
+}
+
+/// What a contact does along one direction, whatever the stiffness says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Along {
+    /// It pushes the way it pushes now, and does not pull a tool back that leaves it.
+    Pushes,
+    /// It yields: along this unit vector it pushes no harder than this, N, and does not pull.
+    Yields {
+        /// The cutting direction, reversed.
+        direction: Vector3<f64>,
+        /// Greatest force, N.
+        cap_n: f64,
+    },
+    /// Jaws hold the tissue: it pushes and pulls.
+    Holds,
+}
+
+/// Force of a contact at a pose, and how it changes there.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reaction {
+    /// On the tool at rest, N.
+    pub force_n: Vector3<f64>,
+    /// Force lost per metre, N/m.
+    pub stiffness_n_per_m: Matrix3<f64>,
+    /// Force lost per speed, N s/m.
+    pub damping_n_s_per_m: Matrix3<f64>,
+}
+
+impl LocalModel {
+    /// The force at a pose. Beyond the validity radius it stays what it is at the radius.
+    #[must_use]
+    pub fn reaction(&self, pose: &Pose) -> Reaction {
+        let moved_m = pose.position_m - self.reference.position_m;
+        let turned_rad = (pose.orientation * self.reference.orientation.inverse()).scaled_axis();
+        let held_share = (self.validity_radius_m / moved_m.norm().max(f64::MIN_POSITIVE)).min(1.0);
+        let at_rest_n = self.force_n + self.damping_n_s_per_m * self.velocity_m_per_s;
+        let force_n = at_rest_n - self.stiffness_n_per_m * (moved_m * held_share) - self.turning_n_per_rad * turned_rad;
+        let within = Reaction {
+            force_n,
+            stiffness_n_per_m: self.stiffness_n_per_m * held_share,
+            damping_n_s_per_m: self.damping_n_s_per_m,
+        };
+        match self.along {
+            Along::Holds => within,
+            Along::Yields { direction, cap_n } => within.bounded(&direction, cap_n),
+            Along::Pushes => match self.force_n.try_normalize(f64::MIN_POSITIVE) {
+                Some(direction) => within.bounded(&direction, f64::INFINITY),
+                None => within,
+            },
+        }
+    }
+
+    /// Whether every number of it is one.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        let Self { reference, force_n, stiffness_n_per_m, turning_n_per_rad, velocity_m_per_s, .. } = self;
+        let along = match &self.along {
+            Along::Yields { direction, cap_n } => direction.sum() + cap_n,
+            Along::Pushes | Along::Holds => 0.0,
+        };
+        let numbers = force_n.iter().chain(stiffness_n_per_m).chain(turning_n_per_rad).chain(&self.damping_n_s_per_m);
+        let numbers = numbers.chain(velocity_m_per_s);
+        is_finite(reference) && numbers.chain([&self.validity_radius_m, &along]).all(|number| number.is_finite())
+    }
+}
+
+impl Reaction {
+    /// The same with a force of 0 to `most_n` along a direction; where that bound acts the force does not change.
+    fn bounded(self, direction: &Vector3<f64>, most_n: f64) -> Self {
+        let along_n = self.force_n.dot(direction);
+        let bounded_n = along_n.clamp(0.0, most_n.max(0.0));
+        if bounded_n == along_n {
+            return self;
+        }
+        let across = Matrix3::identity() - direction * direction.transpose();
+        Self {
+            force_n: self.force_n + direction * (bounded_n - along_n),
+            stiffness_n_per_m: across * self.stiffness_n_per_m * across,
+            damping_n_s_per_m: across * self.damping_n_s_per_m * across,
+        }
+    }
+}
+
+/// Whether every number of a pose is one.
+#[must_use]
+pub fn is_finite(pose: &Pose) -> bool {
+    pose.position_m.iter().chain(pose.orientation.coords.iter()).all(|number| number.is_finite())
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use nalgebra::UnitQuaternion;
+
+    use super::*;
+
+    pub(crate) fn at(x: f64, y: f64, z: f64) -> Pose {
+        Pose { position_m: Vector3::new(x, y, z), orientation: UnitQuaternion::identity() }
+    }
+
+    /// 1 N upwards at the origin, 500 N/m, 5 mm.
+    pub(crate) fn floor() -> LocalModel {
+        LocalModel {
+            reference: at(0.0, 0.0, 0.0),
+            force_n: Vector3::y(),
+            stiffness_n_per_m: Matrix3::from_diagonal(&Vector3::new(100.0, 500.0, 100.0)),
+            turning_n_per_rad: Matrix3::zeros(),
+            velocity_m_per_s: Vector3::zeros(),
+            damping_n_s_per_m: Matrix3::zeros(),
+            along: Along::Pushes,
+            validity_radius_m: 5e-3,
+        }
+    }
+
+    #[test]
+    fn the_force_is_linear_within_the_radius_and_stays_beyond_it() {
+        let force = |x, y| floor().reaction(&at(x, y, 0.0)).force_n;
+        assert!((force(1e-3, -2e-3) - Vector3::new(-0.1, 2.0, 0.0)).norm() < 1e-12);
+        assert!((force(0.0, -5e-3).y - 3.5).abs() < 1e-12);
+        assert!((force(0.0, -0.5).y - 3.5).abs() < 1e-12, "no more than at the radius");
+    }
+
+    #[test]
+    fn a_tool_that_leaves_is_not_pulled_back_unless_its_jaws_hold() {
+        let leaving = at(1e-3, 4e-3, 0.0);
+        assert!((floor().reaction(&leaving).force_n - Vector3::new(-0.1, 0.0, 0.0)).norm() < 1e-12);
+        let holding = LocalModel { along: Along::Holds, ..floor() };
+        assert!((holding.reaction(&leaving).force_n.y + 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn while_cutting_the_force_is_capped_along_the_cut_and_free_across_it() {
+        let cutting = LocalModel { along: Along::Yields { direction: Vector3::y(), cap_n: 1.5 }, ..floor() };
+        let deep = cutting.reaction(&at(2e-3, -3e-3, 0.0));
+        assert!((deep.force_n - Vector3::new(-0.2, 1.5, 0.0)).norm() < 1e-12, "{deep:?}");
+        assert_eq!(deep.stiffness_n_per_m[(1, 1)], 0.0);
+        assert_eq!(deep.stiffness_n_per_m[(0, 0)], 100.0);
+        assert_eq!(cutting.reaction(&at(0.0, 4e-3, 0.0)).force_n.y, 0.0);
+    }
+
+    #[test]
+    fn turning_the_tool_changes_the_force() {
+        let mut model = floor();
+        model.turning_n_per_rad[(1, 2)] = 2.0;
+        let mut pose = at(0.0, 0.0, 0.0);
+        pose.orientation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.1);
+        assert!((model.reaction(&pose).force_n.y - 0.8).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_number_that_is_none_is_found_wherever_it_stands() {
+        assert!(floor().is_finite());
+        let mut models = [floor(); 6];
+        models[0].force_n.z = f64::NAN;
+        models[1].stiffness_n_per_m[(1, 2)] = f64::INFINITY;
+        models[2].reference.position_m.x = f64::NAN;
+        models[3].along = Along::Yields { direction: Vector3::y(), cap_n: f64::NAN };
+        models[4].validity_radius_m = f64::NAN;
+        models[5].damping_n_s_per_m[(0, 0)] = f64::NAN;
+        assert!(models.iter().all(|model| !model.is_finite()));
+    }
+}

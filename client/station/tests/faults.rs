@@ -1,0 +1,223 @@
+//! Faults over real gRPC: in each the force goes to zero smoothly, nothing panics, and the station comes back or says
+//! what to do.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use kerf_station::config::{DeviceConfig, DeviceKind, HandConfig, SimulatedConfig, StationConfig};
+use kerf_station::device::simulated::Simulated;
+use kerf_station::device::{Device, DeviceError, DeviceInfo, DeviceState, Servo};
+use kerf_station::link::{LinkState, SessionChoice};
+use kerf_station::servo::core::State;
+use kerf_station::servo::runner::Sample;
+use kerf_station::station::{Opener, Station};
+use nalgebra::Vector3;
+
+use super::server::{Does, Server};
+
+/// Longer than anything here takes on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// The servo's slew limit, N/s, and the longest step that it counts, s.
+const SLEW_N_PER_S: f64 = 500.0;
+const SLEW_STEP_S: f64 = 2e-3;
+
+/// A hand that leans 5 mm into the floor.
+fn device_config() -> DeviceConfig {
+    let hand = HandConfig { path: vec![[0.0, 0.0, -5e-3, 0.0]], ..HandConfig::default() };
+    let mut config = DeviceConfig {
+        kind: DeviceKind::Simulated(SimulatedConfig { hand, ..SimulatedConfig::default() }),
+        ..DeviceConfig::default()
+    };
+    config.servo.ramp_s = 0.1;
+    config
+}
+
+fn simulated() -> Simulated {
+    match device_config().kind {
+        DeviceKind::Simulated(config) => Simulated::new(&config),
+        DeviceKind::Recorded(_) => unreachable!("it is simulated"),
+    }
+}
+
+fn config(server: &Server) -> StationConfig {
+    let mut config = StationConfig::default();
+    config.server.url = format!("http://{}", server.address);
+    config.link.silence_s = 0.3;
+    config
+}
+
+fn start(config: &StationConfig, open: Opener) -> Station {
+    let session = SessionChoice::Join("one".into());
+    Station::start(config, &device_config(), open, [0].into(), session, None).expect("it starts")
+}
+
+fn station(server: &Server) -> Station {
+    start(&config(server), Box::new(|| Ok(Box::new(simulated()))))
+}
+
+/// Reads samples until one is as wanted; every change of the force on the way was within the slew limit.
+fn until(station: &mut Station, what: &str, holds: impl Fn(&Sample) -> bool) -> Sample {
+    let end = Instant::now() + PATIENCE;
+    let mut before: Option<Sample> = None;
+    while Instant::now() < end {
+        while let Ok(sample) = station.samples.pop() {
+            assert!(sample.force_n.iter().all(|n| n.is_finite()));
+            if let Some(before) = before.filter(|before| before.at_ns + 1_000_000_000 > sample.at_ns) {
+                let jump_n = (sample.force_n - before.force_n).norm();
+                let most_n = SLEW_N_PER_S * sample.dt_s.min(SLEW_STEP_S) + 1e-9;
+                assert!(jump_n <= most_n, "{what}: {jump_n} N within {} s", sample.dt_s);
+            }
+            if holds(&sample) {
+                return sample;
+            }
+            before = Some(sample);
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    panic!("{what}: not within {PATIENCE:?}; {:?}, {:?}, {:?}", station.link(), station.thread(), before);
+}
+
+fn feels(sample: &Sample) -> bool {
+    sample.force_n.y > 0.4 && sample.rendered.state == State::Rendering
+}
+
+fn feels_nothing(sample: &Sample) -> bool {
+    sample.force_n.norm() == 0.0 && sample.rendered.state != State::Rendering
+}
+
+#[test]
+fn a_stalled_network_takes_the_force_out_and_its_return_brings_it_back_within_two_seconds() {
+    let server = Server::start();
+    let mut station = station(&server);
+    until(&mut station, "contact", feels);
+    server.set(Does::Stalls);
+    until(&mut station, "the stall", feels_nothing);
+    std::thread::sleep(Duration::from_secs(1));
+    assert_eq!(station.link().state, LinkState::Connecting);
+    server.set(Does::Well);
+    let back = Instant::now();
+    while station.samples.pop().is_ok() {}
+    until(&mut station, "the return", feels);
+    assert!(back.elapsed() < Duration::from_secs(3), "{:?}, ramp included", back.elapsed());
+    assert!(server.streams() >= 2);
+}
+
+#[test]
+fn a_server_that_is_killed_mid_contact_and_started_again_is_found_again() {
+    let server = Server::start();
+    let address = server.address;
+    let mut station = station(&server);
+    until(&mut station, "contact", feels);
+    drop(server);
+    until(&mut station, "the kill", feels_nothing);
+    let again = Server::at(address, None);
+    until(&mut station, "the second server", feels);
+    assert!(again.streams() >= 1);
+}
+
+#[test]
+fn a_contact_that_is_no_number_lets_go_with_a_word_and_good_ones_bring_the_force_back() {
+    let server = Server::start();
+    let mut station = station(&server);
+    until(&mut station, "contact", feels);
+    server.set(Does::NotANumber);
+    let tripped = until(&mut station, "the trip", feels_nothing);
+    assert!(matches!(tripped.rendered.state, State::Tripped(fault) if fault.words().contains("no number")));
+    server.set(Does::Well);
+    until(&mut station, "good contacts", feels);
+}
+
+#[test]
+fn a_session_that_is_gone_ends_in_words_that_say_what_to_do() {
+    let server = Server::start();
+    let mut station = station(&server);
+    until(&mut station, "contact", feels);
+    server.set(Does::SessionGone);
+    until(&mut station, "the end", feels_nothing);
+    std::thread::sleep(Duration::from_millis(100));
+    let link = station.link();
+    assert_eq!(link.state, LinkState::Failed);
+    assert!(link.last_fault.as_ref().unwrap().contains("start the station with another session"), "{link:?}");
+}
+
+#[test]
+fn a_token_is_sent_and_a_wrong_one_is_told_of() {
+    let server = Server::at("127.0.0.1:0".parse().unwrap(), Some("Bearer secret"));
+    let folder = tempfile::tempdir().unwrap();
+    let mut with_token = config(&server);
+    let token_file = folder.path().join("token");
+    std::fs::write(&token_file, "secret\n").unwrap();
+    with_token.server.token_file = Some(token_file);
+    let mut knows = start(&with_token, Box::new(|| Ok(Box::new(simulated()))));
+    until(&mut knows, "contact", feels);
+    let guesses = station(&server);
+    let end = Instant::now() + PATIENCE;
+    while guesses.link().state != LinkState::Failed && Instant::now() < end {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    assert!(guesses.link().last_fault.unwrap().contains("server.token_file"));
+}
+
+/// A device whose plug can be pulled.
+struct Pluggable {
+    device: Simulated,
+    is_out: Arc<AtomicBool>,
+}
+
+impl Device for Pluggable {
+    fn info(&self) -> &DeviceInfo {
+        self.device.info()
+    }
+
+    fn run(&mut self, servo: &mut dyn Servo, stop: &AtomicBool) -> Result<(), DeviceError> {
+        struct Watched<'a>(&'a mut dyn Servo, &'a AtomicBool);
+        impl Servo for Watched<'_> {
+            fn tick(&mut self, now_ns: u64, state: &DeviceState) -> Vector3<f64> {
+                if self.1.load(Ordering::Relaxed) { Vector3::zeros() } else { self.0.tick(now_ns, state) }
+            }
+        }
+        // The plug stops the loop as `stop` does.
+        let either = Arc::new(AtomicBool::new(false));
+        std::thread::scope(|scope| {
+            let is_out = Arc::clone(&self.is_out);
+            let ends = Arc::clone(&either);
+            scope.spawn(move || {
+                while !stop.load(Ordering::Relaxed) && !is_out.load(Ordering::Relaxed) {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+                ends.store(true, Ordering::Relaxed);
+            });
+            let is_out = Arc::clone(&self.is_out);
+            self.device.run(&mut Watched(servo, &is_out), &either)
+        })?;
+        match self.is_out.load(Ordering::Relaxed) {
+            true => Err(unplugged()),
+            false => Ok(()),
+        }
+    }
+}
+
+fn unplugged() -> DeviceError {
+    DeviceError { device: "Omni".into(), what: "it does not answer".into(), remedy: "plug it in".into() }
+}
+
+#[test]
+fn a_device_that_is_unplugged_is_taken_up_again_without_force_at_first() {
+    let server = Server::start();
+    let is_out = Arc::new(AtomicBool::new(false));
+    let plug = Arc::clone(&is_out);
+    let open: Opener = Box::new(move || match plug.load(Ordering::Relaxed) {
+        true => Err(unplugged()),
+        false => Ok(Box::new(Pluggable { device: simulated(), is_out: Arc::clone(&plug) })),
+    });
+    let mut station = start(&config(&server), open);
+    until(&mut station, "contact", feels);
+    is_out.store(true, Ordering::Relaxed);
+    std::thread::sleep(Duration::from_millis(300));
+    assert_eq!(station.thread().device_fault.as_deref(), Some("Omni: it does not answer; plug it in"));
+    while station.samples.pop().is_ok() {}
+    is_out.store(false, Ordering::Relaxed);
+    until(&mut station, "the first tick with the device back", feels_nothing);
+    until(&mut station, "contact again", feels);
+}

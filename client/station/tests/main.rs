@@ -1,0 +1,5 @@
+//! Whole stations.
+
+mod allocation;
+mod faults;
+mod server;

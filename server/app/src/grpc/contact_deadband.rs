@@ -1,0 +1,179 @@
+//! Which contacts a driver can do without: those that the one before predicts as well as a hand can tell.
+
+use kerf_physics::Vec3;
+use kerf_physics::step_io::{ContactModel, ToolOutput};
+use kerf_session::StepReport;
+
+use crate::status::RequestError;
+
+/// Largest share: of more there is no contact to speak of.
+const MAX_SHARE: f64 = 0.5;
+/// Forces below this count as this, N.
+const LEAST_FORCE_N: f64 = 1e-3;
+/// Change of a model's stiffness that is told though the force is as predicted, as a share of it.
+const STIFFNESS_SHARE: f64 = 0.25;
+
+/// What was told of a driver's tools, and how well that has to predict what they feel now.
+pub struct ContactDeadband {
+    share: f64,
+    keep_alive_ns: u64,
+    told_ns: u64,
+    told: Vec<ToolOutput>,
+}
+
+impl ContactDeadband {
+    /// For what a client asks for; `max_age_s` is the greatest age of a contact.
+    ///
+    /// # Errors
+    /// A number is not one.
+    pub fn new(share: f64, keep_alive_s: f64, max_age_s: f64) -> Result<Self, RequestError> {
+        for (field, value) in [("hello.contact_deadband", share), ("hello.contact_keep_alive_s", keep_alive_s)] {
+            if !(value.is_finite() && value >= 0.0) {
+                return Err(RequestError::Rate { field, value });
+            }
+        }
+        let longest_s = max_age_s / 4.0;
+        let keep_alive_s = if keep_alive_s == 0.0 { longest_s } else { keep_alive_s.min(longest_s) };
+        Ok(Self {
+            share: share.min(MAX_SHARE),
+            keep_alive_ns: (keep_alive_s * 1e9) as u64,
+            told_ns: 0,
+            told: Vec::new(),
+        })
+    }
+
+    /// Whether a report says of these tools what a hand would notice, or has to be told to show that all is well.
+    pub fn is_news(&self, report: &StepReport, tools: &[usize]) -> bool {
+        self.share == 0.0
+            || report.ended_ns.saturating_sub(self.told_ns) >= self.keep_alive_ns
+            || self.told.len() != tools.len()
+            || self
+                .told
+                .iter()
+                .zip(tools)
+                .any(|(told, &tool)| report.tools.get(tool).is_none_or(|now| !self.is_predicted(told, &now.output)))
+    }
+
+    /// This report is told.
+    pub fn tell(&mut self, report: &StepReport, tools: &[usize]) {
+        self.told_ns = report.ended_ns;
+        self.told.clear();
+        self.told.extend(tools.iter().filter_map(|&tool| report.tools.get(tool)).map(|of_tool| of_tool.output));
+    }
+
+    fn is_predicted(&self, told: &ToolOutput, now: &ToolOutput) -> bool {
+        let is_alike = told.pose.is_some() == now.pose.is_some()
+            && told.grasp == now.grasp
+            && match (&told.contact, &now.contact) {
+                (Some(told), Some(now)) => is_as_stiff(told, now),
+                (told, now) => told.is_none() && now.is_none(),
+            };
+        let predicted_n = told.contact.as_ref().zip(now.pose).map_or(told.wrench.force_n, |(model, pose)| {
+            let moved_m = pose.position_m - model.reference.position_m;
+            force_n(model, &moved_m)
+        });
+        let felt_n = now.wrench.force_n;
+        let may_differ_n = self.share * felt_n.norm().max(LEAST_FORCE_N);
+        is_alike && (felt_n - predicted_n).norm() <= may_differ_n
+    }
+}
+
+fn is_as_stiff(told: &ContactModel, now: &ContactModel) -> bool {
+    let entries = (0..3).flat_map(|i| (0..3).map(move |j| (i, j)));
+    let (mut changed, mut size) = (0.0, 0.0);
+    for (i, j) in entries {
+        changed += (told.stiffness[i][j] - now.stiffness[i][j]).powi(2);
+        size += told.stiffness[i][j].powi(2);
+    }
+    told.force_cap_n.is_some() == now.force_cap_n.is_some() && changed <= STIFFNESS_SHARE * STIFFNESS_SHARE * size
+}
+
+/// Force of a model for a tool that has moved, as a station renders it.
+fn force_n(model: &ContactModel, moved_m: &Vec3) -> Vec3 {
+    let row = |i: usize| (0..3).map(|j| model.stiffness[i][j] * moved_m[j]).sum::<f64>();
+    let force_n = model.wrench.force_n - Vec3::new(row(0), row(1), row(2));
+    match model.force_cap_n {
+        Some(cap_n) => {
+            let along_n = force_n.dot(&model.cap_direction);
+            force_n + model.cap_direction * (along_n.clamp(0.0, cap_n) - along_n)
+        }
+        None => force_n,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use kerf_physics::step_io::Wrench;
+    use kerf_physics::tool::Pose;
+    use kerf_session::ToolReport;
+
+    use super::*;
+
+    /// A tool that has gone `depth_m` into a floor of 500 N/m.
+    fn report(at_ms: u64, depth_m: f64) -> StepReport {
+        let mut stiffness = [[0.0; 6]; 6];
+        stiffness[1][1] = 500.0;
+        let reference = Pose { position_m: Vec3::new(0.0, -depth_m, 0.0), ..Pose::default() };
+        let wrench = Wrench { force_n: Vec3::y() * (500.0 * depth_m), ..Wrench::default() };
+        let contact = ContactModel {
+            reference,
+            wrench,
+            stiffness,
+            damping: [[0.0; 6]; 6],
+            velocity_m_per_s: Vec3::zeros(),
+            angular_velocity_rad_per_s: Vec3::zeros(),
+            force_cap_n: None,
+            cap_direction: Vec3::y(),
+            validity_radius_m: 0.01,
+        };
+        let output = ToolOutput {
+            pose: Some(reference),
+            wrench,
+            contact: (depth_m > 0.0).then_some(contact),
+            ..ToolOutput::default()
+        };
+        let tools = vec![ToolReport { output, ..ToolReport::default() }];
+        StepReport { ended_ns: at_ms * 1_000_000, tools, ..StepReport::default() }
+    }
+
+    fn deadband(share: f64) -> ContactDeadband {
+        ContactDeadband::new(share, 0.0, 0.1).unwrap()
+    }
+
+    #[test]
+    fn what_the_last_contact_predicts_is_left_out_until_the_keep_alive() {
+        let mut deadband = deadband(0.05);
+        assert!(deadband.is_news(&report(0, 0.002), &[0]), "the first");
+        deadband.tell(&report(0, 0.002), &[0]);
+        // Twice the force, and just as the model says.
+        assert!(!deadband.is_news(&report(10, 0.004), &[0]));
+        assert!(deadband.is_news(&report(25, 0.002), &[0]), "a quarter of 0.1 s");
+    }
+
+    #[test]
+    fn what_it_does_not_predict_is_told() {
+        let mut deadband = deadband(0.05);
+        deadband.tell(&report(0, 0.002), &[0]);
+        let changes: [fn(&mut ToolOutput); 5] = [
+            |output| output.wrench.force_n.y *= 1.1,
+            |output| output.pose = None,
+            |output| output.contact = None,
+            |output| output.contact.as_mut().unwrap().stiffness[1][1] = 700.0,
+            |output| output.contact.as_mut().unwrap().force_cap_n = Some(9.0),
+        ];
+        for change in changes {
+            let mut now = report(4, 0.002);
+            assert!(!deadband.is_news(&now, &[0]));
+            change(&mut now.tools[0].output);
+            assert!(deadband.is_news(&now, &[0]));
+        }
+    }
+
+    #[test]
+    fn without_a_share_everything_is_told_and_numbers_that_are_none_are_refused() {
+        let mut all = deadband(0.0);
+        all.tell(&report(0, 0.002), &[0]);
+        assert!(all.is_news(&report(1, 0.002), &[0]));
+        assert!(ContactDeadband::new(f64::NAN, 0.0, 0.1).is_err() && ContactDeadband::new(0.1, -1.0, 0.1).is_err());
+    }
+}
