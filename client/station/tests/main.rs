@@ -2,4 +2,5 @@
 
 mod allocation;
 mod faults;
+mod openhaptics;
 mod server;

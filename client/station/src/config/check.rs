@@ -77,6 +77,7 @@ impl Faults {
                     self.check(&name, f64::from(press.button), 0.0..=31.0, "");
                 }
             }
+            DeviceKind::OpenHaptics(_) => {}
             DeviceKind::Recorded(recorded) => {
                 self.check(&field("kind.recorded.speed"), recorded.speed, 0.01..=100.0, "");
             }

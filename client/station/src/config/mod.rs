@@ -134,6 +134,9 @@ impl Default for ServoConfig {
 pub enum DeviceKind {
     /// A Phantom Omni and a hand, both simulated.
     Simulated(SimulatedConfig),
+    /// A Phantom Omni, 3D Systems Touch or their kin, through the vendor's library.
+    #[serde(rename = "openhaptics")]
+    OpenHaptics(OpenHapticsConfig),
     /// Strokes from a file.
     Recorded(RecordedConfig),
 }
@@ -205,6 +208,16 @@ pub struct PressConfig {
     pub from_s: f64,
     /// When it goes up, s along the path.
     pub to_s: f64,
+}
+
+/// A device of OpenHaptics.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct OpenHapticsConfig {
+    /// The vendor's library. Default: libHD.so and its kin, where the system looks for libraries.
+    pub library: Option<PathBuf>,
+    /// Name of the device in the vendor's setup tool; needed where there are several. Default: the default one.
+    pub name: Option<String>,
 }
 
 /// Strokes from a file.

@@ -35,6 +35,7 @@ impl StationConfig {
         let files = [config.server.ca_file.as_mut(), config.server.token_file.as_mut()];
         let recordings = config.devices.iter_mut().map(|device| match &mut device.kind {
             DeviceKind::Recorded(recorded) => Some(&mut recorded.file),
+            DeviceKind::OpenHaptics(openhaptics) => openhaptics.library.as_mut(),
             DeviceKind::Simulated(_) => None,
         });
         for file in files.into_iter().chain(recordings).flatten() {
