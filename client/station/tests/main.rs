@@ -2,5 +2,7 @@
 
 mod allocation;
 mod faults;
+mod haply;
 mod openhaptics;
+mod probe;
 mod server;

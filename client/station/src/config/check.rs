@@ -78,6 +78,11 @@ impl Faults {
                 }
             }
             DeviceKind::OpenHaptics(_) => {}
+            DeviceKind::Haply(haply) => {
+                if !haply.url.starts_with("ws://") {
+                    self.0.push(format!("{}: `{}` does not begin with ws://", field("kind.haply.url"), haply.url));
+                }
+            }
             DeviceKind::Recorded(recorded) => {
                 self.check(&field("kind.recorded.speed"), recorded.speed, 0.01..=100.0, "");
             }

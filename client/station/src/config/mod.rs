@@ -137,6 +137,8 @@ pub enum DeviceKind {
     /// A Phantom Omni, 3D Systems Touch or their kin, through the vendor's library.
     #[serde(rename = "openhaptics")]
     OpenHaptics(OpenHapticsConfig),
+    /// An Inverse3 of Haply's, through the vendor's service.
+    Haply(HaplyConfig),
     /// Strokes from a file.
     Recorded(RecordedConfig),
 }
@@ -218,6 +220,22 @@ pub struct OpenHapticsConfig {
     pub library: Option<PathBuf>,
     /// Name of the device in the vendor's setup tool; needed where there are several. Default: the default one.
     pub name: Option<String>,
+}
+
+/// An arm of Haply's.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct HaplyConfig {
+    /// Where the vendor's service is. Default ws://127.0.0.1:10001.
+    pub url: String,
+    /// The arm. Default: the first that the service knows.
+    pub device_id: Option<String>,
+}
+
+impl Default for HaplyConfig {
+    fn default() -> Self {
+        Self { url: "ws://127.0.0.1:10001".into(), device_id: None }
+    }
 }
 
 /// Strokes from a file.

@@ -4,6 +4,7 @@
 //! scheduler, a service that answers one message with another, and a thread of our own are all the same to the servo.
 //! All quantities are in the device's own frame, SI units; [`crate::config::MappingConfig`] says how that lies in the scene.
 
+pub mod haply;
 pub mod openhaptics;
 mod paced;
 pub mod recorded;
@@ -23,6 +24,7 @@ pub fn open(config: &DeviceConfig) -> Result<Box<dyn Device>, DeviceError> {
     Ok(match &config.kind {
         DeviceKind::Simulated(simulated) => Box::new(simulated::Simulated::new(simulated)),
         DeviceKind::OpenHaptics(openhaptics) => Box::new(openhaptics::OpenHaptics::open(openhaptics)?),
+        DeviceKind::Haply(haply) => Box::new(haply::Haply::open(haply)?),
         DeviceKind::Recorded(recorded) => Box::new(recorded::Recorded::open(recorded, &config.tools)?),
     })
 }

@@ -4,53 +4,15 @@ mod library;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
-use std::time::{Duration, Instant};
 
 use kerf_stand_in_hd::{Device as Simulated, code};
 use kerf_station::config::OpenHapticsConfig;
 use kerf_station::device::openhaptics::OpenHaptics;
-use kerf_station::device::{Device, DeviceError, DeviceState, Servo};
+use kerf_station::device::{Device, DeviceState};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use self::library::StandIn;
-
-/// A servo that answers with a function and keeps what it saw.
-struct Probe<F> {
-    answer: F,
-    seen: Vec<(u64, DeviceState)>,
-}
-
-impl<F: FnMut(&DeviceState) -> Vector3<f64> + Send> Servo for Probe<F> {
-    fn tick(&mut self, now_ns: u64, state: &DeviceState) -> Vector3<f64> {
-        self.seen.push((now_ns, *state));
-        (self.answer)(state)
-    }
-}
-
-/// Runs a device until `until` says so, at most 3 s; what the servo saw and how it ended.
-fn run_until(
-    device: &mut OpenHaptics,
-    answer: impl FnMut(&DeviceState) -> Vector3<f64> + Send,
-    until: impl Fn() -> bool,
-) -> (Vec<(u64, DeviceState)>, Result<(), DeviceError>) {
-    let stop = AtomicBool::new(false);
-    let mut probe = Probe { answer, seen: Vec::new() };
-    let outcome = thread::scope(|scope| {
-        let running = scope.spawn(|| device.run(&mut probe, &stop));
-        let begun = Instant::now();
-        while !until() && !running.is_finished() && begun.elapsed() < Duration::from_secs(3) {
-            thread::sleep(Duration::from_millis(1));
-        }
-        stop.store(true, Ordering::Relaxed);
-        running.join().expect("a device does not panic")
-    });
-    (probe.seen, outcome)
-}
-
-/// Pushes up by 1 N.
-fn push(_: &DeviceState) -> Vector3<f64> {
-    Vector3::y()
-}
+use crate::probe::{push, run_until};
 
 fn open_failed(config: &OpenHapticsConfig) -> String {
     OpenHaptics::open(config).err().expect("no device").to_string()
@@ -254,6 +216,7 @@ fn a_panic_in_the_servo_ends_in_zero_force_and_a_word() {
     assert_eq!(library.world().devices[0].force_n, [0.0; 3]);
 }
 
+#[cfg(target_os = "linux")]
 #[test]
 fn what_was_tried_is_told_where_there_is_no_library() {
     let at = |file: &std::path::Path| OpenHapticsConfig { library: Some(file.into()), name: None };
@@ -272,6 +235,7 @@ fn what_was_tried_is_told_where_there_is_no_library() {
     assert!(open_failed(&at(&wrong)).contains("wrong.so: "));
 }
 
+#[cfg(target_os = "linux")]
 #[test]
 fn a_library_without_the_symbols_is_named_as_such() {
     let text = open_failed(&OpenHapticsConfig { library: Some("libm.so.6".into()), name: None });
