@@ -8,6 +8,7 @@
 
 pub mod config;
 pub mod device;
+pub mod doctor;
 pub mod experiment;
 pub mod link;
 pub mod mapping;

@@ -1,6 +1,7 @@
 //! Whole stations.
 
 mod allocation;
+mod doctor;
 mod faults;
 mod haply;
 mod openhaptics;

@@ -52,16 +52,25 @@ impl Interceptor for Token {
     }
 }
 
-type Wire = InterceptedService<Channel, Token>;
+pub(super) type Wire = InterceptedService<Channel, Token>;
 
 /// Why a stream ended, or did not begin.
-enum Ended {
+pub(super) enum Ended {
     /// To be tried again.
     Broken(String),
     /// The session is not there any more.
     SessionGone(String),
     /// Trying again is of no use.
     Hopeless(String),
+}
+
+impl Ended {
+    /// For people.
+    pub(super) fn text(self) -> String {
+        match self {
+            Self::Broken(why) | Self::SessionGone(why) | Self::Hopeless(why) => why,
+        }
+    }
 }
 
 /// Dials until it is told to stop.
@@ -226,7 +235,7 @@ async fn create(wire: Wire, scene: &str) -> Result<v1::SessionDescription, Statu
 }
 
 /// The wire to a server, with TLS and a token where they are configured.
-async fn connect(server: &ServerConfig) -> Result<Wire, Ended> {
+pub(super) async fn connect(server: &ServerConfig) -> Result<Wire, Ended> {
     let hopeless = |what: String| Ended::Hopeless(format!("server: {what}"));
     let read = |path: &std::path::Path| {
         std::fs::read_to_string(path).map_err(|error| Ended::Hopeless(format!("{}: {error}", path.display())))
@@ -279,10 +288,7 @@ fn refused(what: &str, status: &Status) -> Ended {
 /// # Errors
 /// What went wrong, for people.
 pub async fn describe(server: &ServerConfig, session: &SessionChoice) -> Result<(v1::SceneSummary, String), String> {
-    let text = |ended: Ended| match ended {
-        Ended::Broken(why) | Ended::SessionGone(why) | Ended::Hopeless(why) => why,
-    };
-    let wire = connect(server).await.map_err(text)?;
+    let wire = connect(server).await.map_err(Ended::text)?;
     let described = match session {
         SessionChoice::Create(scene) => create(wire, scene).await,
         SessionChoice::Join(session_id) => {
@@ -292,7 +298,7 @@ pub async fn describe(server: &ServerConfig, session: &SessionChoice) -> Result<
             })
         }
     };
-    let session = described.map_err(|status| text(refused("the session", &status)))?;
+    let session = described.map_err(|status| refused("the session", &status).text())?;
     let scene = session.scene.ok_or("the server described a session without its scene")?;
     Ok((scene, session.session_id))
 }

@@ -6,6 +6,7 @@
 mod connection;
 mod deadband;
 mod estimates;
+mod probe;
 mod receiver;
 mod sender;
 mod status;
@@ -19,6 +20,7 @@ use kerf_proto::v1;
 use tokio::sync::{mpsc, oneshot};
 
 pub use self::connection::{SessionChoice, describe};
+pub use self::probe::{ServerProbe, probe};
 pub use self::status::{LinkState, LinkStatus, SharedStatus};
 use crate::config::{LinkConfig, ServerConfig};
 use crate::servo::model::Update;

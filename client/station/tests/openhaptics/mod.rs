@@ -1,6 +1,6 @@
 //! Devices of OpenHaptics, with a stand-in for the vendor's library.
 
-mod library;
+pub mod library;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;

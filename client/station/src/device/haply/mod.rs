@@ -40,7 +40,6 @@ pub struct Haply {
     device_id: String,
     /// Of the arm, as the service tells it.
     firmware: Option<String>,
-    hold: Option<&'static str>,
     url: String,
     socket: WebSocket<MaybeTlsStream<TcpStream>>,
     is_first: bool,
@@ -75,7 +74,6 @@ impl Haply {
             let what = format!("the service knows {wanted}; it knows {known:?}");
             return Err(failed(what, "plug the arm in and see that Haply's Hub shows it, or mend `device_id`"));
         };
-        let hold = arm.status.hold();
         let (kind, firmware) =
             arm.config.map_or(("inverse3".into(), None), |config| (config.kind, config.extended_firmware_version));
         let info = DeviceInfo {
@@ -87,19 +85,13 @@ impl Haply {
             apparent_mass_kg: MASS_KG,
             workspace_m: WORKSPACE_M.map(Vector3::from),
         };
-        Ok(Self { info, device_id: arm.device_id, firmware, hold, url: config.url.clone(), socket, is_first: true })
+        Ok(Self { info, device_id: arm.device_id, firmware, url: config.url.clone(), socket, is_first: true })
     }
 
     /// Version of the arm's firmware, as the service told it.
     #[must_use]
     pub fn firmware(&self) -> Option<&str> {
         self.firmware.as_deref()
-    }
-
-    /// Why the arm could not be driven when it was opened.
-    #[must_use]
-    pub fn hold(&self) -> Option<&'static str> {
-        self.hold
     }
 
     /// Tells a force and reads where the arm is then.

@@ -64,6 +64,15 @@ pub struct Identity {
     pub unanswered: Vec<&'static str>,
 }
 
+/// Loads the library; the file or name that it was found by.
+///
+/// # Errors
+/// What was tried, what each answered and what to do.
+pub fn load(config: &OpenHapticsConfig) -> Result<String, DeviceError> {
+    let driver = Driver::load(config.library.as_deref()).map_err(|attempts| no_library(&attempts))?;
+    Ok(driver.path.display().to_string())
+}
+
 impl OpenHaptics {
     /// Loads the library and takes hold of the device.
     ///
@@ -101,13 +110,6 @@ impl OpenHaptics {
     #[must_use]
     pub fn identity(&self) -> &Identity {
         &self.identity
-    }
-
-    /// Whether it is calibrated; what to do if not.
-    #[must_use]
-    pub fn calibration(&self) -> Option<&'static str> {
-        let is_calibrated = self.shared.calibration.load(Ordering::Relaxed) == abi::CALIBRATION_OK;
-        (!is_calibrated).then(|| callback::calibration_words(self.shared.calibration_style))
     }
 
     fn failed(&self, what: &str, remedy: &str) -> DeviceError {
