@@ -10,7 +10,7 @@ use kerf_station::config::StationConfig;
 use kerf_station::link::{LinkState, SessionChoice, describe};
 use kerf_station::monitor::Monitor;
 use kerf_station::station::{Station, tool_ids};
-use kerf_station::{device, experiment, monitor};
+use kerf_station::{device, doctor, experiment, monitor};
 
 /// Connects haptic devices to a session of a Kerf server.
 #[derive(Debug, Parser)]
@@ -24,6 +24,8 @@ struct Args {
 enum Command {
     /// Drives a session's tools until Ctrl-C
     Run(RunArgs),
+    /// Says in plain words what is well and what is not about devices, machine and server; fails if something is not
+    Doctor(doctor::Args),
     /// Measures in virtual time how stiff tissue may be by round trip; writes haptics.md and its plot
     Experiment {
         /// Folder for them
@@ -71,6 +73,12 @@ struct RunArgs {
 fn main() -> anyhow::Result<()> {
     match Args::parse().command {
         Command::Run(args) => run(&args),
+        Command::Doctor(args) => {
+            if !args.execute()? {
+                std::process::exit(1);
+            }
+            Ok(())
+        }
         Command::Experiment { folder, loopback } => {
             let measured = loopback.as_deref().map_or(Ok(String::new()), monitor::loopback_text)?;
             let text = format!("# Haptics\n\nWritten by `make haptics`.\n\n{measured}{}", experiment::report(&folder)?);

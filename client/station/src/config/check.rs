@@ -78,6 +78,12 @@ impl Faults {
                 }
             }
             DeviceKind::OpenHaptics(_) => {}
+            #[cfg(unix)]
+            DeviceKind::Gamepad(gamepad) => {
+                self.check(&field("kind.gamepad.speed_m_per_s"), gamepad.speed_m_per_s, 1e-3..=1.0, "m/s");
+            }
+            #[cfg(unix)]
+            DeviceKind::Mouse(mouse) => self.check(&field("kind.mouse.cell_m"), mouse.cell_m, 1e-5..=0.1, "m"),
             DeviceKind::Haply(haply) => {
                 if !haply.url.starts_with("ws://") {
                     self.0.push(format!("{}: `{}` does not begin with ws://", field("kind.haply.url"), haply.url));

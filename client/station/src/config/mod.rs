@@ -139,6 +139,12 @@ pub enum DeviceKind {
     OpenHaptics(OpenHapticsConfig),
     /// An Inverse3 of Haply's, through the vendor's service.
     Haply(HaplyConfig),
+    /// A gamepad: position only.
+    #[cfg(unix)]
+    Gamepad(GamepadConfig),
+    /// The mouse in a terminal: position only.
+    #[cfg(unix)]
+    Mouse(MouseConfig),
     /// Strokes from a file.
     Recorded(RecordedConfig),
 }
@@ -235,6 +241,36 @@ pub struct HaplyConfig {
 impl Default for HaplyConfig {
     fn default() -> Self {
         Self { url: "ws://127.0.0.1:10001".into(), device_id: None }
+    }
+}
+
+/// A gamepad, by Linux's joystick interface.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct GamepadConfig {
+    /// Its file. Default /dev/input/js0.
+    pub file: PathBuf,
+    /// Speed of the tip at a stick's end, m/s. Default 0.05.
+    pub speed_m_per_s: f64,
+}
+
+impl Default for GamepadConfig {
+    fn default() -> Self {
+        Self { file: "/dev/input/js0".into(), speed_m_per_s: 0.05 }
+    }
+}
+
+/// The mouse in a terminal.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct MouseConfig {
+    /// How far the tip goes for a cell's width of the pointer and a notch of the wheel, m. Default 0.001.
+    pub cell_m: f64,
+}
+
+impl Default for MouseConfig {
+    fn default() -> Self {
+        Self { cell_m: 1e-3 }
     }
 }
 

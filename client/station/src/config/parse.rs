@@ -36,7 +36,7 @@ impl StationConfig {
         let recordings = config.devices.iter_mut().map(|device| match &mut device.kind {
             DeviceKind::Recorded(recorded) => Some(&mut recorded.file),
             DeviceKind::OpenHaptics(openhaptics) => openhaptics.library.as_mut(),
-            DeviceKind::Simulated(_) | DeviceKind::Haply(_) => None,
+            _ => None,
         });
         for file in files.into_iter().chain(recordings).flatten() {
             *file = folder.join(&*file);

@@ -4,7 +4,11 @@
 //! scheduler, a service that answers one message with another, and a thread of our own are all the same to the servo.
 //! All quantities are in the device's own frame, SI units; [`crate::config::MappingConfig`] says how that lies in the scene.
 
+#[cfg(unix)]
+pub mod gamepad;
 pub mod haply;
+#[cfg(unix)]
+pub mod mouse;
 pub mod openhaptics;
 mod paced;
 pub mod recorded;
@@ -25,8 +29,32 @@ pub fn open(config: &DeviceConfig) -> Result<Box<dyn Device>, DeviceError> {
         DeviceKind::Simulated(simulated) => Box::new(simulated::Simulated::new(simulated)),
         DeviceKind::OpenHaptics(openhaptics) => Box::new(openhaptics::OpenHaptics::open(openhaptics)?),
         DeviceKind::Haply(haply) => Box::new(haply::Haply::open(haply)?),
+        #[cfg(unix)]
+        DeviceKind::Gamepad(gamepad) => Box::new(gamepad::Gamepad::open(gamepad)?),
+        #[cfg(unix)]
+        DeviceKind::Mouse(mouse) => Box::new(mouse::Mouse::open(mouse)?),
         DeviceKind::Recorded(recorded) => Box::new(recorded::Recorded::open(recorded, &config.tools)?),
     })
+}
+
+/// What a device bears that no force moves: its tool is where it is, so nothing limits it.
+fn unmoved(name: String, reach_m: f64) -> DeviceInfo {
+    DeviceInfo {
+        name,
+        rate_hz: 1000.0,
+        peak_force_n: 1e3,
+        max_stiffness_n_per_m: 1e9,
+        max_damping_n_s_per_m: 0.0,
+        apparent_mass_kg: 1e9,
+        workspace_m: [Vector3::repeat(-reach_m), Vector3::repeat(reach_m)],
+    }
+}
+
+/// Opens a file that answers at once, with or without something to read.
+#[cfg(unix)]
+fn nonblocking(path: &std::path::Path, also_write: bool) -> std::io::Result<std::fs::File> {
+    use std::os::unix::fs::OpenOptionsExt;
+    std::fs::OpenOptions::new().read(true).write(also_write).custom_flags(libc::O_NONBLOCK).open(path)
 }
 
 /// A haptic device.

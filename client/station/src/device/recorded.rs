@@ -6,8 +6,11 @@ use std::sync::atomic::AtomicBool;
 use kerf_script::Track;
 use nalgebra::Vector3;
 
-use super::{Device, DeviceError, DeviceInfo, DeviceState, Servo, paced};
+use super::{Device, DeviceError, DeviceInfo, DeviceState, Servo, paced, unmoved};
 use crate::config::RecordedConfig;
+
+/// Half the box that a recording may use, m.
+const REACH_M: f64 = 10.0;
 
 /// A recording that is played.
 pub struct Recorded {
@@ -36,7 +39,7 @@ impl Recorded {
             .map_err(|error| failed(error.to_string(), "mend the file, or name its tool in `tools`"))?;
         let track = tracks.into_iter().next().expect("a script has a track");
         Ok(Self {
-            info: info(config.file.display().to_string()),
+            info: unmoved(config.file.display().to_string(), REACH_M),
             track: track.lifted_at_end(),
             speed: config.speed,
             time_s: 0.0,
@@ -74,19 +77,6 @@ impl Device for Recorded {
     fn run(&mut self, servo: &mut dyn Servo, stop: &AtomicBool) -> Result<(), DeviceError> {
         paced::run(servo, stop, self.info.rate_hz, |dt_s, _| self.step(dt_s));
         Ok(())
-    }
-}
-
-/// Nothing moves it, so nothing limits what it bears: its tool is where it is.
-fn info(name: String) -> DeviceInfo {
-    DeviceInfo {
-        name,
-        rate_hz: 1000.0,
-        peak_force_n: 1e3,
-        max_stiffness_n_per_m: 1e9,
-        max_damping_n_s_per_m: 0.0,
-        apparent_mass_kg: 1e9,
-        workspace_m: [Vector3::repeat(-10.0), Vector3::repeat(10.0)],
     }
 }
 

@@ -71,7 +71,7 @@ fn configured(subject: &str, config: &DeviceConfig, run_for: Duration) -> Result
             findings.push(Finding::good(subject, format!("service at {}, firmware {firmware}", haply.url)));
             Box::new(device)
         }
-        DeviceKind::Simulated(_) | DeviceKind::Recorded(_) => device::open(config)?,
+        _ => device::open(config)?,
     };
     let info = opened.info().clone();
     let [low, high] = info.workspace_m.map(|corner| corner * 1e3);

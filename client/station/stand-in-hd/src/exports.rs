@@ -174,10 +174,10 @@ extern "system" fn hdScheduleAsynchronous(callback: Callback, data: *mut c_void,
     world.last_task += 1;
     let task = Task { id: world.last_task, callback, data: data as usize, priority };
     world.tasks.push(task);
-    task.id as c_ulong
+    task.id
 }
 
 #[unsafe(no_mangle)]
 extern "system" fn hdUnschedule(task: c_ulong) {
-    CONTROL.world().tasks.retain(|other| other.id != u64::from(task));
+    CONTROL.world().tasks.retain(|other| other.id != task);
 }

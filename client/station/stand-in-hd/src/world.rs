@@ -1,6 +1,6 @@
 //! The devices, the error stack and the tasks.
 
-use std::ffi::c_void;
+use std::ffi::{c_ulong, c_void};
 
 /// Numbers of the vendor's errors and states.
 pub mod code {
@@ -38,7 +38,7 @@ pub(crate) type Callback = extern "system" fn(*mut c_void) -> u32;
 
 #[derive(Clone, Copy)]
 pub(crate) struct Task {
-    pub id: u64,
+    pub id: c_ulong,
     pub callback: Callback,
     pub data: usize,
     pub priority: u16,
@@ -114,7 +114,7 @@ pub struct World {
     /// Codes of all errors that there ever were.
     pub history: Vec<u32>,
     pub(crate) tasks: Vec<Task>,
-    pub(crate) last_task: u64,
+    pub(crate) last_task: c_ulong,
     pub(crate) is_running: bool,
     pub(crate) thread: Option<std::thread::JoinHandle<()>>,
 }
