@@ -36,7 +36,7 @@ fn device_config() -> DeviceConfig {
 fn simulated() -> Simulated {
     match device_config().kind {
         DeviceKind::Simulated(config) => Simulated::new(&config),
-        DeviceKind::Recorded(_) => unreachable!("it is simulated"),
+        _ => unreachable!("it is simulated"),
     }
 }
 

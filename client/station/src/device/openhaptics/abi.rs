@@ -140,7 +140,7 @@ impl Hd {
     /// What the system's loader says, or which symbols are missing.
     pub fn load(path: &Path) -> Result<Self, String> {
         let library = open(path).map_err(|error| match std::error::Error::source(&error) {
-            Some(source) => format!("{error}: {source}"),
+            Some(source) => source.to_string(),
             None => error.to_string(),
         })?;
         let functions = Functions::look_up(&library)
