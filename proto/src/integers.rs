@@ -106,7 +106,8 @@ mod tests {
 
     #[test]
     fn every_integer_comes_back() {
-        let values: Vec<i64> = (0..64).flat_map(|bit| [1_i64 << bit, !(1_i64 << bit), 0]).chain([0, 0, i64::MAX]).collect();
+        let values: Vec<i64> =
+            (0..64).flat_map(|bit| [1_i64 << bit, !(1_i64 << bit), 0]).chain([0, 0, i64::MAX]).collect();
         assert_eq!(decode_exactly(&encode(values.iter().copied()), values.len()), Ok(values));
     }
 
@@ -116,7 +117,11 @@ mod tests {
         assert_eq!(decode(&[0x00], 9), Err(Malformed::Truncated));
         assert_eq!(decode(&[0xff; 10], 9), Err(Malformed::TooLarge));
         assert_eq!(decode(&[0x02, 0x02], 1), Err(Malformed::Count { got: 2 }));
-        assert_eq!(decode(&[0, 0xff, 0xff, 0xff, 0xff, 0x7f], 9), Err(Malformed::Count { got: 10 }), "no memory for it");
+        assert_eq!(
+            decode(&[0, 0xff, 0xff, 0xff, 0xff, 0x7f], 9),
+            Err(Malformed::Count { got: 10 }),
+            "no memory for it"
+        );
         assert_eq!(decode_exactly(&[0x02], 2), Err(Malformed::Count { got: 1 }));
     }
 }

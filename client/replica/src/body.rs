@@ -114,7 +114,9 @@ impl Body {
     pub(crate) fn read_state(&self, state: &v1::BodyState, has_reference: bool) -> Result<Moved, FieldError> {
         let numbers = 3 * self.rest_m.len();
         let reference = match has_reference {
-            true => Some(integers::decode(&state.reference, numbers).map_err(|problem| odd("reference", numbers, problem))?),
+            true => Some(
+                integers::decode(&state.reference, numbers).map_err(|problem| odd("reference", numbers, problem))?,
+            ),
             false => None,
         };
         let displacements = integers::decode_exactly(&state.displacements, numbers);

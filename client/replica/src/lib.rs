@@ -95,7 +95,9 @@ impl Replica {
         }
         check_body_count("patch", structure.bodies.len(), patch.bodies.len())?;
         // Taken out, so that a patch that fails half-way leaves nothing half-changed behind.
-        let Some(Structure { mut bodies, reference_step, .. }) = self.structure.take() else { return Err(ReplicaError::NoKeyframe) };
+        let Some(Structure { mut bodies, reference_step, .. }) = self.structure.take() else {
+            return Err(ReplicaError::NoKeyframe);
+        };
         self.moment = None;
         for (index, (body, change)) in bodies.iter_mut().zip(&patch.bodies).enumerate() {
             body.change(change).map_err(|source| ReplicaError::field("patch", index, source))?;

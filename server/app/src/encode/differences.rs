@@ -46,11 +46,7 @@ impl Differences {
             if bytes * reference.states <= reference.total_bytes {
                 reference.states += 1;
                 reference.total_bytes += bytes;
-                return Coded {
-                    reference_step: reference.step,
-                    reference: reference.bytes.clone(),
-                    differences,
-                };
+                return Coded { reference_step: reference.step, reference: reference.bytes.clone(), differences };
             }
         }
         let bytes = encode_above(&quanta, &[]);
@@ -105,7 +101,8 @@ mod tests {
         let mut differences = Differences::default();
         let mut references = |speed: i32| {
             let state = |step: u64| vec![(0..3000).map(|i| i + speed * step as i32 * (i % 7)).collect()];
-            let mut steps: Vec<u64> = (0..120).map(|step| differences.encode(step, state(step)).reference_step).collect();
+            let mut steps: Vec<u64> =
+                (0..120).map(|step| differences.encode(step, state(step)).reference_step).collect();
             steps.dedup();
             differences.start_over();
             steps.len()

@@ -108,14 +108,13 @@ impl Encoder {
         let quanta = objects.map(|(moved_m, quantum_m)| moved_m.iter().map(|m| quantised(*m, *quantum_m)).collect());
         let coded = self.differences.encode(state.step, quanta.collect());
         let adapted = state.adapted.iter().zip(&self.quanta_m);
-        let bodies = coded.differences.into_iter().zip(adapted).map(|(displacements, (adapted, quantum_m))| {
-            v1::BodyState {
+        let bodies =
+            coded.differences.into_iter().zip(adapted).map(|(displacements, (adapted, quantum_m))| v1::BodyState {
                 displacements,
                 reference: Bytes::new(),
                 adapted_ids: adapted_ids(adapted),
                 adapted_offsets: adapted_offsets(adapted, *quantum_m),
-            }
-        });
+            });
         let message = v1::State {
             bodies: bodies.collect(),
             reference_step: coded.reference_step,
