@@ -159,7 +159,7 @@ impl ControlService for Server {
         let contacts_left = if behaviour == Behaviour::DropsDriver { 5 } else { usize::MAX };
         let answers = request.into_inner().filter_map(move |up| match up.ok()?.message? {
             control_request::Message::Hello(_) => Some(control_response::Message::Hello(v1::ServerHello {
-                protocol_version: 1,
+                protocol_version: kerf_proto::PROTOCOL_VERSION,
                 limits: Some(limits()),
                 scene: Some(scene()),
                 contact_rate_hz: 250.0,

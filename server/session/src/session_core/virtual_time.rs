@@ -211,15 +211,48 @@ fn states_come_at_the_view_rate_and_keyframes_for_those_who_fell_behind_at_most_
         // So slowly that links part throughout.
         session.submit(driver, seq, 0.012 - 0.02 * seq as f64 / 600.0).unwrap();
         session.run(2 * MS);
-        if seq % 10 == 0 {
+        if seq % 30 == 0 {
             let keyframes = messages(&mut viewer).iter().filter(|m| matches!(m, ViewMessage::Keyframe(_))).count();
             keyframes_ns.extend(std::iter::repeat_n(session.now_ns(), keyframes));
         }
     }
-    // Readers look every 20 ms.
-    let least_ns = (limits.min_keyframe_interval_s * 1e9) as u64 - 20 * MS;
+    // Readers look every 60 ms, after three or four patches.
+    let least_ns = (limits.min_keyframe_interval_s * 1e9) as u64 - 60 * MS;
     assert!(keyframes_ns.len() >= 2, "{keyframes_ns:?}");
     assert!(keyframes_ns.windows(2).all(|pair| pair[1] - pair[0] >= least_ns), "{keyframes_ns:?}");
+}
+
+#[test]
+fn what_steps_change_between_two_states_comes_as_one_patch_and_is_followed_by_a_state_also_in_a_pause() {
+    let mut session = session();
+    let mut viewer = session.view();
+    session.run(10 * MS);
+    let driver = session.drive();
+    let (mut patches, mut steps_of_patches) = (0, 0);
+    for seq in 1..=400 {
+        session.submit(driver, seq, 0.012 - 0.02 * seq as f64 / 400.0).unwrap();
+        if seq == 400 {
+            session.ask(Command::Pause);
+        }
+        session.run(2 * MS);
+        let mut version = None;
+        for message in messages(&mut viewer) {
+            match message {
+                ViewMessage::Patch(patch) => {
+                    patches += 1;
+                    steps_of_patches += patch.to_version - patch.from_version;
+                    version = Some(patch.to_version);
+                }
+                ViewMessage::State(state) if version.is_some() => {
+                    assert_eq!(version.take(), Some(state.topology_version))
+                }
+                _ => {}
+            }
+        }
+        assert_eq!(version, None, "a state follows");
+    }
+    assert_eq!(steps_of_patches, session.status().topology_version, "nothing is missing");
+    assert!(patches <= 50 && steps_of_patches > patches, "{patches} patches of {steps_of_patches} steps in 0.8 s");
 }
 
 #[test]
