@@ -28,6 +28,7 @@ mod session_core;
 mod session_id;
 mod session_thread;
 pub mod status;
+pub mod stepping;
 mod structure_log;
 mod tool_slot;
 
