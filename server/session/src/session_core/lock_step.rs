@@ -121,16 +121,23 @@ fn a_tool_that_somebody_drives_is_not_moved_by_calls_and_steps_follow_the_driver
 fn calls_take_their_turn_and_each_is_shown_by_its_last_step() {
     let mut session = session();
     let mut viewer = session.view();
+    viewer.set_interval_ns(S / 60);
     session.run(S);
     let mut answers = [3, 4].map(|count| ask(&session, count));
     session.run(S);
     let last = answers.each_mut().map(|answer| answer.try_recv().unwrap().unwrap().outcomes.last().unwrap().step);
     assert_eq!(last, [3, 7]);
-    let shown = std::iter::from_fn(|| viewer.try_next()).filter_map(|message| match message {
-        ViewMessage::State(state) => Some(state.step),
-        _ => None,
-    });
-    assert_eq!(shown.last(), Some(7));
+    let mut shown = || {
+        let states = std::iter::from_fn(|| viewer.try_next()).filter_map(|message| match message {
+            ViewMessage::State(state) => Some(state.step),
+            _ => None,
+        });
+        states.last()
+    };
+    assert_eq!(shown(), Some(7));
+    // However soon after the last: none may follow it.
+    session.step_by(Steps { count: 1, inputs: Vec::new() }).unwrap();
+    assert_eq!(shown(), Some(8));
     assert_eq!(session.status().phase, Phase::Paused);
 }
 
