@@ -1,8 +1,6 @@
 """Client of Kerf, the networked soft-tissue cutting simulator.
 
-    with kerf.LocalServer() as server, server.client() as client, client.create_session("liver") as session:
-        result = session.drive(times_s, poses)
-        print(result.force_n[:, 0, 1], result.energy.fracture_j)
+Begin with `Client`, or `LocalServer` where no server runs yet; `kerf.gym` has an environment for learning.
 """
 
 from kerf.body import Surface

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ class Table:
 
     def __init__(self, width: int, dtype: type[np.generic]) -> None:
         self.ids: U32 = np.zeros(0, dtype=np.uint32)
-        self.rows: NDArray[np.generic] = np.zeros((0, width), dtype=dtype)
+        self.rows: NDArray[Any] = np.zeros((0, width), dtype=dtype)
 
     def find(self, ids: U32, field: str) -> NDArray[np.intp]:
         """Places of these ids.
@@ -37,12 +38,12 @@ class Table:
             raise ReplicaError(f"{field}: id {ids[~known][0]} does not exist", field=field, limit="ids that exist")
         return places
 
-    def known(self, ids: U32) -> tuple[U32, NDArray[np.generic]]:
+    def known(self, ids: U32) -> tuple[U32, NDArray[Any]]:
         """Those of these ids that there are, and their rows."""
         places, known = self._look(ids)
         return ids[known], self.rows[places[known]]
 
-    def upsert(self, ids: U32, rows: NDArray[np.generic]) -> None:
+    def upsert(self, ids: U32, rows: NDArray[Any]) -> None:
         """Adds rows, and replaces those of ids that are there."""
         places, known = self._look(ids)
         self.rows[places[known]] = rows[known]
@@ -96,7 +97,7 @@ class Body:
         self._vertices = Table(1, np.uint32)
         self._local = Table(3, np.float32)
         self._materials = Table(1, np.uint8)
-        # Weights of the displacements of a vertex beside what is held.
+        # Weights of the displacements of vertices beside what is held.
         self._held = Table(8, np.float32)
         self._quads = Table(4, np.uint32)
         self._adapted_ids: U32 = np.zeros(0, dtype=np.uint32)
@@ -171,7 +172,7 @@ class Body:
         ids, local = _rows("vertex_ids", change.vertex_ids, "vertex_local", change.vertex_local, 3, np.float32)
         elements = _array("vertex_elements", change.vertex_elements, len(ids), 1, np.uint32)
         self._elements.find(elements[:, 0], "vertex_elements")
-        materials = np.zeros((len(ids), 1), dtype=np.uint8)
+        materials: NDArray[Any] = np.zeros((len(ids), 1), dtype=np.uint8)
         if change.vertex_materials:
             materials = _array("vertex_materials", change.vertex_materials, len(ids), 1, np.uint8)
         known, before_elements = self._vertices.known(ids)
@@ -202,11 +203,12 @@ def _corner_weights(local: F32) -> F32:
     """Of the eight corners, corner c at (c & 1, c >> 1 & 1, c >> 2)."""
     corners = np.arange(8)
     bits = np.stack([corners & 1, corners >> 1 & 1, corners >> 2], axis=1).astype(bool)
-    return np.where(bits, local[:, None, :], np.float32(1.0) - local[:, None, :]).prod(axis=2)
+    factors: F32 = np.where(bits, local[:, None, :], np.float32(1.0) - local[:, None, :])
+    return np.asarray(factors.prod(axis=2))
 
 
 def _weighted(weights: F32, at_corners: F32) -> F32:
-    return np.einsum("vc,vcx->vx", weights, at_corners)
+    return np.asarray(np.einsum("vc,vcx->vx", weights, at_corners))
 
 
 def _split(quads: NDArray[np.int64], rest_m: F32) -> NDArray[np.int64]:
@@ -217,9 +219,7 @@ def _split(quads: NDArray[np.int64], rest_m: F32) -> NDArray[np.int64]:
     return two.T.reshape(-1, 3)
 
 
-def _array(
-    field: str, values: Sequence[float], rows: int, width: int, dtype: type[np.generic]
-) -> NDArray[np.generic]:
+def _array(field: str, values: Sequence[float], rows: int, width: int, dtype: type[np.generic]) -> NDArray[Any]:
     array = np.array(values, dtype=dtype)
     if len(array) != rows * width:
         limit = f"{rows * width} entries"
@@ -231,7 +231,7 @@ def _array(
 
 def _rows(
     id_field: str, ids: Sequence[int], field: str, values: Sequence[float], width: int, dtype: type[np.generic]
-) -> tuple[U32, NDArray[np.generic]]:
+) -> tuple[U32, NDArray[Any]]:
     """Ascending ids and the values that each of them has."""
     array = np.array(ids, dtype=np.uint32)
     if (array[1:] <= array[:-1]).any():

@@ -88,7 +88,7 @@ class Track:
         # Times that are meant as the end of a step may be off by rounding.
         rounding_s = 1e-9 * dt_s
         steps = max(int(np.ceil((self.times_s[-1] - rounding_s) / dt_s)), 1)
-        ends_s = dt_s * np.arange(1, steps + 1)
+        ends_s: Floats = dt_s * np.arange(1.0, steps + 1.0)
         first = int(np.searchsorted(ends_s, self.times_s[0] - rounding_s))
         poses, openings = self.at(ends_s[first:])
         if enters:

@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,15 +51,16 @@ class Recording:
 
     def save(self, path: str | Path) -> None:
         """Writes the recording as an `.npz` file, with all that a replay needs."""
-        arrays = {f"result_{f.name}": np.asarray(getattr(self.result, f.name)) for f in fields(StepResult)}
+        arrays: dict[str, Any] = {
+            f"result_{f.name}": np.asarray(getattr(self.result, f.name)) for f in fields(StepResult)
+        }
         arrays["result_state_hash"] = np.array(self.result.state_hash, dtype=np.uint64)
         words = {"scene_name": self.scene_name, "scene_toml": self.scene_toml, "tool_names": self.tool_names}
         own = ("told", "poses", "openings", "hash_steps", "state_hashes")
-        files = {f"file_{name}": np.frombuffer(data, dtype=np.uint8) for name, data in self.files.items()}
+        arrays |= {name: getattr(self, name) for name in own}
+        arrays |= {f"file_{name}": np.frombuffer(data, dtype=np.uint8) for name, data in self.files.items()}
         with Path(path).open("wb") as out:
-            np.savez_compressed(
-                out, words=np.array(json.dumps(words)), **{name: getattr(self, name) for name in own}, **arrays, **files
-            )
+            np.savez_compressed(out, words=np.array(json.dumps(words)), **arrays)
 
     @staticmethod
     def load(path: str | Path) -> Recording:

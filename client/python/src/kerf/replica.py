@@ -98,8 +98,9 @@ class Replica:
         if bodies is None:
             raise ReplicaError("a patch came before a keyframe")
         if patch.from_version != self.topology_version or patch.to_version <= patch.from_version:
-            words = f"from version {patch.from_version} to {patch.to_version}, the replica is at {self.topology_version}"
-            raise ReplicaError(f"a patch {words}", field="patch.from_version", limit=str(self.topology_version))
+            words = f"a patch leads from version {patch.from_version} to {patch.to_version}"
+            have = str(self.topology_version)
+            raise ReplicaError(f"{words}, the replica is at {have}", field="patch.from_version", limit=have)
         # Taken out, so that a patch that fails half-way leaves nothing half-changed behind.
         self._drop()
         self._each(bodies, patch.bodies, "patch", Body.change)

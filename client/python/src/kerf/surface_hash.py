@@ -12,13 +12,13 @@ _MASK = (1 << 64) - 1
 
 
 def sum_of_vertices(ids: U32, elements: U32, local: NDArray[np.float32]) -> int:
-    """Sum of the hashes of vertices; `local` are u, v, w in their elements. (n, 3)"""
+    """Sum of the hashes of vertices; `local` are u, v, w in their elements, (n, 3)."""
     bits = np.ascontiguousarray(local, dtype=np.float32).view(np.uint32)
     return _sum(0, ids, np.column_stack([elements, bits]))
 
 
 def sum_of_quads(ids: U32, corners: U32) -> int:
-    """Sum of the hashes of quads. (n, 4)"""
+    """Sum of the hashes of quads, (n, 4)."""
     return _sum(1, ids, corners)
 
 
