@@ -1,18 +1,20 @@
 """Force over depth in jelly, tofu and rubber, the three materials of Fig. 12 of He et al. (2022).
 
-    python examples/force_depth.py --program target/release/kerf-server --out force_depth.png
+Run it with `--program PATH/kerf-server --out force_depth.png`; it takes ten seconds.
 
 The paper shows the cuts; here stand the curves behind them. A level blade goes down through the middle of the same dome
 of each material. Jelly dents deepest before it parts, rubber least.
 """
 
 import argparse
+from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
 
 import kerf
+from kerf.model import Floats
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
@@ -22,8 +24,21 @@ MATERIALS = {"jelly": "#d1495b", "tofu": "#8d8741", "rubber": "#30638e"}
 TOP_M, START_M, END_M = 0.055, 0.057, 0.03
 
 
-def force_depth(client: kerf.Client, scene: str, speed_m_per_s: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Depth of the edge below the top, m, the force that holds it back, N, and the depth at which it first cuts, m."""
+@dataclass(frozen=True)
+class Curve:
+    """Force on a blade on its way down."""
+
+    #: Of the edge below the top of the dome.
+    depth_m: Floats
+    force_n: Floats
+    #: Depth at which the blade begins to cut.
+    first_cut_m: float
+    #: Gc times the width of the edge: what a steady cut takes by theory.
+    steady_n: float
+
+
+def force_depth(client: kerf.Client, scene: str, speed_m_per_s: float) -> Curve:
+    """Presses the blade through the dome of a scene."""
     poses = np.array([[0, START_M, 0, 0, 0, 0, 1], [0, END_M, 0, 0, 0, 0, 1]], dtype=float)
     duration_s = (START_M - END_M) / speed_m_per_s
     with client.create_session(scene) as session:
@@ -36,7 +51,9 @@ def force_depth(client: kerf.Client, scene: str, speed_m_per_s: float) -> tuple[
         f"{scene}: first cut {1e3 * first_cut_m:.1f} mm deep, most {result.force_n[:, 0, 1].max():.0f} N, cut took "
         f"{energy.fracture_j:.2f} J of the blade's {energy.tool_work_j:.2f} J, state hash {result.state_hash:016x}"
     )
-    return depth_m, result.force_n[:, 0, 1], float(first_cut_m)
+    toughness_j_per_m2 = session.scene.objects[0].fracture_energy_j_per_m2 or 0.0
+    steady_n = toughness_j_per_m2 * float(np.ptp(session.scene.tools[0].edge_m[:, 0]))
+    return Curve(depth_m, result.force_n[:, 0, 1], float(first_cut_m), steady_n)
 
 
 def main() -> None:
@@ -49,11 +66,16 @@ def main() -> None:
     figure, axes = plt.subplots(figsize=(7.0, 4.2), layout="constrained")
     with kerf.LocalServer(given.program) as server, server.client() as client:
         for scene, colour in MATERIALS.items():
-            depth_m, force_n, first_cut_m = force_depth(client, scene, given.speed)
-            axes.plot(1e3 * depth_m, force_n, color=colour, label=scene)
-            axes.plot(1e3 * first_cut_m, np.interp(first_cut_m, depth_m, force_n), "o", color=colour)
+            curve = force_depth(client, scene, given.speed)
+            axes.axhline(curve.steady_n, color=colour, linestyle=":", linewidth=1.0)
+            axes.plot(1e3 * curve.depth_m, curve.force_n, color=colour, label=scene)
+            axes.plot(
+                1e3 * curve.first_cut_m, np.interp(curve.first_cut_m, curve.depth_m, curve.force_n), "o", color=colour
+            )
     axes.set(xlabel="depth of the edge below the top, mm", ylabel="force on the blade, N")
-    axes.set_title("A blade on its way into three materials; dots: it begins to cut")
+    axes.set_title(
+        "A blade on its way into three materials\ndots: it begins to cut; dotted: Gc times the width of the edge"
+    )
     axes.grid(alpha=0.3)
     axes.legend(frameon=False)
     figure.savefig(given.out, dpi=150)

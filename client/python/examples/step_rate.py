@@ -1,0 +1,46 @@
+"""What a step costs from Python: one a call, a hundred a call, and with a surface after each.
+
+Run it with `--program PATH/kerf-server --scene jelly`.
+"""
+
+import argparse
+import time
+from collections.abc import Callable
+
+import kerf
+
+STEPS = 1000
+
+
+def microseconds_a_step(take: Callable[[], object], steps: int) -> float:
+    """Mean over `STEPS` steps, of which each call takes some."""
+    begin_s = time.perf_counter()
+    for _ in range(STEPS // steps):
+        take()
+    return (time.perf_counter() - begin_s) * 1e6 / STEPS
+
+
+def main() -> None:
+    """Measures and prints."""
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    arguments.add_argument("--program", default="kerf-server", help="the server to start")
+    arguments.add_argument("--scene", default="jelly")
+    given = arguments.parse_args()
+    with (
+        kerf.LocalServer(given.program) as server,
+        server.client() as client,
+        client.create_session(given.scene) as session,
+    ):
+        session.step(1000)
+        print(f"100 steps a call: {microseconds_a_step(lambda: session.step(100), 100):.0f} us a step")
+        print(f"1 step a call: {microseconds_a_step(session.step, 1):.0f} us a step")
+        with session.view() as view:
+
+            def look() -> None:
+                view.surfaces(step=int(session.step().steps[-1]))
+
+            print(f"1 step a call and the surface after it: {microseconds_a_step(look, 1):.0f} us a step")
+
+
+if __name__ == "__main__":
+    main()
