@@ -31,6 +31,8 @@ pub struct Body {
     adapted_m: BTreeMap<u32, [f32; 3]>,
     elements: BTreeMap<u32, [u32; 8]>,
     vertices: BTreeMap<u32, Vertex>,
+    /// Weights of the nodes' displacements for vertices beside what is held.
+    held: BTreeMap<u32, [f32; 8]>,
     quads: BTreeMap<u32, [u32; 4]>,
     /// Sum of the hashes of the vertices and quads, kept as they come.
     hash_sum: u64,
@@ -64,10 +66,17 @@ impl Body {
     /// Where a vertex is shown now, m, scene frame: where its element has it, and its adapted offset.
     #[must_use]
     pub fn position_m(&self, id: u32, vertex: &Vertex) -> [f32; 3] {
-        let position_m = self.interpolate(vertex, |node| {
-            let (rest_m, moved_m) = (self.rest_m[node].unwrap_or_default(), self.displacement_m[node]);
-            [rest_m[0] + moved_m[0], rest_m[1] + moved_m[1], rest_m[2] + moved_m[2]]
-        });
+        let position_m = match self.held.get(&id) {
+            None => self.interpolate(vertex, |node| {
+                let (rest_m, moved_m) = (self.rest_m[node].unwrap_or_default(), self.displacement_m[node]);
+                [0, 1, 2].map(|axis| rest_m[axis] + moved_m[axis])
+            }),
+            Some(weights) => {
+                let rest_m = self.rest_position_m(vertex);
+                let moved_m = self.weighted(vertex, *weights, |node| self.displacement_m[node]);
+                [0, 1, 2].map(|axis| rest_m[axis] + moved_m[axis])
+            }
+        };
         let offset_m = self.adapted_m.get(&id).copied().unwrap_or_default();
         [position_m[0] + offset_m[0], position_m[1] + offset_m[1], position_m[2] + offset_m[2]]
     }
@@ -79,9 +88,12 @@ impl Body {
     }
 
     fn interpolate(&self, vertex: &Vertex, at_node: impl Fn(usize) -> [f32; 3]) -> [f32; 3] {
+        self.weighted(vertex, std::array::from_fn(|corner| corner_weight(corner, vertex.local)), at_node)
+    }
+
+    fn weighted(&self, vertex: &Vertex, weights: [f32; 8], at_node: impl Fn(usize) -> [f32; 3]) -> [f32; 3] {
         let mut sum = [0.0; 3];
-        for (corner, &node) in self.elements[&vertex.element].iter().enumerate() {
-            let weight = corner_weight(corner, vertex.local);
+        for (&node, weight) in self.elements[&vertex.element].iter().zip(weights) {
             let value = at_node(node as usize);
             for axis in 0..3 {
                 sum[axis] += weight * value[axis];
@@ -101,6 +113,7 @@ impl Body {
         self.upsert_nodes(change)?;
         self.upsert_elements(change)?;
         self.upsert_vertices(change)?;
+        self.upsert_held(change)?;
         self.upsert_quads(change)
     }
 
@@ -159,9 +172,22 @@ impl Body {
                 return Err(unknown("vertex_elements", element));
             }
             let vertex = Vertex { element, local };
+            self.held.remove(&id);
             let of = |vertex: Vertex| hash::of_vertex(id, vertex.element, vertex.local);
             let before = self.vertices.insert(id, vertex).map_or(0, of);
             self.exchange_hash(before, of(vertex));
+        }
+        Ok(())
+    }
+
+    fn upsert_held(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
+        let (ids, weights) = (&change.held_vertex_ids, &change.held_vertex_weights);
+        check_finite("held_vertex_weights", weights)?;
+        for (id, weights) in zip_ids::<f32, 8>("held_vertex_ids", ids, "held_vertex_weights", weights)? {
+            if !self.vertices.contains_key(&id) {
+                return Err(unknown("held_vertex_ids", id));
+            }
+            self.held.insert(id, weights);
         }
         Ok(())
     }

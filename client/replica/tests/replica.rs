@@ -288,3 +288,32 @@ fn number_of_bodies_does_not_change() {
     let error = cube_replica().apply_state(&wrong);
     assert_eq!(error, Err(ReplicaError::BodyCount { message: "state", expected: 1, got: 0 }));
 }
+
+#[test]
+fn a_vertex_beside_what_is_held_moves_by_its_own_weights_until_it_comes_anew() {
+    let mut half = [0.0; 8];
+    half[2] = 0.5;
+    let body = v1::BodyStructure { held_vertex_ids: vec![10], held_vertex_weights: half.to_vec(), ..cube() };
+    let mut replica = Replica::default();
+    replica.apply_keyframe(&keyframe(body)).expect("a valid structure");
+    let moved: Vec<f32> = (0..CORNERS).flat_map(|_| [0.25, 0.0, 0.0]).collect();
+    let at = |replica: &Replica| {
+        let body = &replica.bodies()[0];
+        [10, 20].map(|id| body.position_m(id, &body.vertices()[&id]))
+    };
+    replica.apply_state(&state(3, moved.clone())).expect("a valid state");
+    assert_eq!(at(&replica), [[0.125, 1.0, 0.0], [0.25, 1.0, 1.0]]);
+
+    let anew = v1::BodyStructure {
+        node_count: CORNERS,
+        vertex_ids: vec![10],
+        vertex_elements: vec![5],
+        vertex_local: vec![0.0, 1.0, 0.0],
+        ..Default::default()
+    };
+    let patch =
+        v1::TopologyPatch { from_version: 3, to_version: 4, surface_hash: surface_hash(&[cube()]), bodies: vec![anew] };
+    replica.apply_patch(&patch).expect("a valid patch");
+    replica.apply_state(&state(4, moved)).expect("a valid state");
+    assert_eq!(at(&replica), [[0.25, 1.0, 0.0], [0.25, 1.0, 1.0]]);
+}

@@ -2,7 +2,7 @@ import { create } from "@bufbuild/protobuf";
 import { expect, test } from "vitest";
 import { Replica } from "../src/decode/replica";
 import { BodySurface } from "../src/decode/surface";
-import { type BodyStructure, StateSchema } from "../src/gen/kerf/v1/view_pb";
+import { type BodyStructure, BodyStructureSchema, StateSchema } from "../src/gen/kerf/v1/view_pb";
 import { cube, cutPatch, keyframe, slab, state, UNIT_CUBE } from "./messages";
 
 function surfaceOf(structure: BodyStructure): { replica: Replica; surface: BodySurface } {
@@ -25,6 +25,27 @@ test("vertices move as the trilinear field of their element", () => {
   const moved = field(0.25, 0.5, 0.75);
   const { positions } = surface.shape();
   [0.25, 0.5, 0.75].forEach((rest, axis) => expect(positions[axis]).toBeCloseTo(rest + moved[axis], 6));
+});
+
+test("a vertex beside what is held moves by its own weights until it comes anew", () => {
+  const structure = cube();
+  structure.heldVertexIds = [10];
+  structure.heldVertexWeights = [0, 0, 0.5, 0, 0, 0, 0, 0];
+  const { replica, surface } = surfaceOf(structure);
+  surface.restructure();
+  const displacements = UNIT_CUBE.map((_, i) => (i % 3 === 0 ? 0.25 : 0));
+  replica.applyState(state(displacements));
+  const { positions } = surface.shape();
+  expect([...positions.subarray(0, 6)]).toEqual([0.125, 1, 0, 0.25, 1, 1]);
+  const anew = create(BodyStructureSchema, {
+    nodeCount: 8,
+    vertexIds: [10],
+    vertexElements: [5],
+    vertexLocal: [0, 1, 0],
+  });
+  replica.bodies[0].change(anew);
+  surface.restructure();
+  expect(surface.shape().positions[0]).toBe(0.25);
 });
 
 test("adapted vertices are shown at their offset, in the state that has them and in no other", () => {

@@ -75,17 +75,14 @@ pub fn book<'a>(
         tool_work_j: contact.tool_work_j,
         load_work_j: sum(&|b| b.load_work_j),
         elastic_j: sum(&|b| b.after.elastic_j),
-        contact_j: sum(&|b| b.after.hold_j) + contact.front.stored_j + contact.spring_stored_j,
+        contact_j: contact.front.stored_j + contact.spring_stored_j,
         kinetic_j: sum(&|b| b.after.kinetic_j),
         fracture_j: contact.front.fracture_j,
         front_slip_j: contact.front.slip_j,
         initiation_j: contact.front.initiation_j,
         damping_j: sum(&|b| b.step.elements.damping_j + b.step.elements.viscous_j + b.braked_j)
             + contact.front.damping_j,
-        parting_j: sum(&|b| {
-            b.solved.elastic_j - b.after.elastic_j + b.solved.kinetic_j - b.after.kinetic_j + b.solved.hold_j
-                - b.after.hold_j
-        }),
+        parting_j: sum(&|b| b.solved.elastic_j - b.after.elastic_j + b.solved.kinetic_j - b.after.kinetic_j),
         friction_j: contact.friction_j,
         numerical_j: contact.front.numerical_j,
         residual_j: 0.0,
@@ -96,10 +93,7 @@ pub fn book<'a>(
         let step = &b.step.elements;
         let taken = b.solved.elastic_j - b.before.elastic_j + step.viscous_j;
         let linearisation = taken + step.force_work_j - step.elastic_j;
-        step.inertial_j + step.elastic_j + b.step.hold_j + b.step.geometric_j
-            - linearisation
-            - b.momentum_j
-            - b.turned_j
+        step.inertial_j + step.elastic_j + b.step.geometric_j - linearisation - b.momentum_j - b.turned_j
     });
     energy.numerical_j += contact.spring_work_j - (contact.spring_stored_j - springs_before_j);
     let stored =

@@ -1,11 +1,12 @@
 //! What is kept for viewers: the surfaces, and what the last step changed in the structure. It exists
 //! from when somebody asks for a keyframe until the surface is forgotten.
 
-use crate::body::{Body, TopologyChange};
+use crate::body::{Body, MaterialPoint, TopologyChange};
 use crate::grid::LinkId;
 use crate::surface::adapt::{Adaptation, Dent};
 use crate::surface::delta::{
-    AdaptedVertex, BodyStructure, BoundQuad, BoundVertex, Keyframe, LatticeElement, LatticeNode, TopologyPatch,
+    AdaptedVertex, BodyStructure, BoundQuad, BoundVertex, HeldVertex, Keyframe, LatticeElement, LatticeNode,
+    TopologyPatch,
 };
 use crate::surface::hash::{ObjectHash, surface_hash};
 use crate::surface::{Surface, VertexId};
@@ -149,6 +150,17 @@ fn bind(body: &Body, surface: &Surface, id: VertexId) -> BoundVertex {
     BoundVertex { id, element: element as u32, local, material }
 }
 
+/// Those among `ids` that lie in elements of which something is held.
+fn held(body: &Body, surface: &Surface, ids: impl Iterator<Item = VertexId>) -> Vec<HeldVertex> {
+    let weights = |id: VertexId| {
+        let vertex = surface.vertex(id).expect("the surface named this vertex");
+        let point = MaterialPoint { position_m: vertex.position_m.map(f64::from).into(), voxel: vertex.voxel };
+        let is_held = body.is_held(body.element_of(vertex.voxel));
+        is_held.then(|| HeldVertex { id, weights: body.weights(&point).weights.map(|w| w as f32) })
+    };
+    ids.filter_map(weights).collect()
+}
+
 fn node(body: &Body, id: u32) -> LatticeNode {
     LatticeNode { id, rest_m: body.rest_position_m(id as usize).map(|c| c as f32).into() }
 }
@@ -162,6 +174,7 @@ fn whole(body: &Body, surface: &Surface) -> BodyStructure {
         nodes: (0..body.node_count() as u32).map(|id| node(body, id)).collect(),
         elements: (0..body.base().elements.len() as u32).map(|id| element(body, id)).collect(),
         vertices: surface.vertices().map(|(id, _)| bind(body, surface, id)).collect(),
+        held: held(body, surface, surface.vertices().map(|(id, _)| id)),
         quads: surface.quads().map(|(id, quad)| BoundQuad { id, vertices: *quad }).collect(),
         node_count: body.node_count() as u32,
     }
@@ -174,6 +187,7 @@ fn patch(body: &Body, surface: &mut Surface, parted: &[LinkId], change: &Topolog
         nodes: change.split_nodes.iter().map(|(new, _)| node(body, *new)).collect(),
         elements: change.elements.iter().map(|id| element(body, *id)).collect(),
         vertices: touched.upserted_vertices.iter().map(|id| bind(body, surface, *id)).collect(),
+        held: held(body, surface, touched.upserted_vertices.iter().copied()),
         quads: touched.upserted_quads.iter().map(quad).collect(),
         node_count: body.node_count() as u32,
     }

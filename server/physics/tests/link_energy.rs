@@ -1,7 +1,7 @@
 //! The link-energy rule: what it parts, what that takes, and how its force depends on material and mesh.
 
 use super::support::cutting::*;
-use kerf_physics::scene::toughness::asked_over_eh;
+use kerf_physics::scene::toughness::{asked_over_eh, composite_edge_m};
 use kerf_physics::scene::{FractureRule, RateDesc, Scene, SceneDesc, ShapeDesc};
 use kerf_physics::{Quat, Vec3};
 
@@ -9,13 +9,14 @@ const H_M: f64 = 2.5e-3;
 const LINK_GC_J_PER_M2: f64 = 10.0;
 /// Start of a stroke above the block.
 const CLEARANCE_M: f64 = 5e-4;
-/// From the faces that look along z, which are held, m.
+/// From the faces that look along z this much is held, or an element if that is more, m: in half an element beside what
+/// is held the energy would be as high as in a smaller one.
 const HELD_M: f64 = 5e-3;
 
 /// A block that hangs between its held ends, so that what is cut comes apart.
 fn scene(rule: FractureRule, h: f64, level: u8, gc_j_per_m2: f64, young_pa: f64) -> Scene {
     let mut desc = block(h, level);
-    let held = 0.5 * BLOCK_SIDE_M - HELD_M;
+    let held = 0.5 * BLOCK_SIDE_M - composite_edge_m(h, level).max(HELD_M);
     desc.fixed = vec![
         ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 1.0, -held] },
         ShapeDesc::Box { min_m: [-1.0, -1.0, held], max_m: [1.0; 3] },

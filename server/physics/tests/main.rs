@@ -13,6 +13,7 @@ mod fast_blade;
 mod flanks;
 mod graded;
 mod grasper;
+mod held;
 mod indentation;
 mod link_energy;
 mod mechanics;

@@ -2,6 +2,7 @@
 
 use super::support::cutting::*;
 use kerf_physics::grid::{Crossing, LinkId};
+use kerf_physics::scene::toughness::composite_edge_m;
 use kerf_physics::scene::{ObjectDesc, ShapeDesc};
 use kerf_physics::{Quat, Vec3};
 
@@ -192,7 +193,9 @@ fn real_tissue_gives_at_gc(level: u8) {
     object.material.rayleigh_beta_s = 2e-3;
     object.material.fracture_energy_j_per_m2 = Some(gc);
     object.material.strain_stiffening = 10.0;
-    object.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 1.01 * h, 1.0] }];
+    // Whole elements are held.
+    let held_m = 1.01 * composite_edge_m(h, level);
+    object.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, held_m, 1.0] }];
     let mut rig = rig(object, 0.16, Vec3::new(0.0, height + 5e-4, 4e-4));
     rig.speed_m_per_s = 0.05;
     let mut first = 0.0;

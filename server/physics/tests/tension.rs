@@ -67,7 +67,7 @@ fn rest(scene: &Scene, depth_m: f64) -> (Body, f64) {
     assert!(rest.relative_residual < 1e-5, "{rest:?}");
     let moved = (0..body.node_count()).map(|n| (Vec3::from(body.state.position_m[n]) - body.rest_position_m(n)).into());
     let energy = body.energy();
-    let potential_j = energy.elastic_j + energy.hold_j - body.external_work_j(moved);
+    let potential_j = energy.elastic_j - body.external_work_j(moved);
     (body, potential_j)
 }
 

@@ -110,3 +110,64 @@ fn a_surface_that_was_forgotten_costs_nothing_and_comes_back_as_if_it_had_been_f
     assert!(!patches[0].is_empty());
     assert_eq!(patches[0], patches[1]);
 }
+
+/// What a viewer knows of an object, and where it puts the vertices.
+#[derive(Default)]
+struct Viewer {
+    nodes: std::collections::BTreeMap<u32, Vec3>,
+    elements: std::collections::BTreeMap<u32, [u32; 8]>,
+    vertices: std::collections::BTreeMap<u32, (u32, Vec3)>,
+    held: std::collections::BTreeMap<u32, [f32; 8]>,
+}
+
+impl Viewer {
+    fn take(&mut self, change: &BodyStructure) {
+        self.nodes.extend(change.nodes.iter().map(|node| (node.id, Vec3::from(node.rest_m.map(f64::from)))));
+        self.elements.extend(change.elements.iter().map(|element| (element.id, element.nodes)));
+        for vertex in &change.vertices {
+            self.vertices.insert(vertex.id, (vertex.element, vertex.local.map(f64::from).into()));
+            self.held.remove(&vertex.id);
+        }
+        self.held.extend(change.held.iter().map(|vertex| (vertex.id, vertex.weights)));
+    }
+
+    fn place_m(&self, id: u32, moved_m: &[f32]) -> Vec3 {
+        let (element, local) = &self.vertices[&id];
+        let mut at_m = Vec3::zeros();
+        for (corner, node) in self.elements[element].iter().enumerate() {
+            let along = |axis: usize| if corner >> axis & 1 == 1 { local[axis] } else { 1.0 - local[axis] };
+            let trilinear = along(0) * along(1) * along(2);
+            let weight = self.held.get(&id).map_or(trilinear, |weights| f64::from(weights[corner]));
+            let moved = Vec3::from_fn(|axis, _| f64::from(moved_m[3 * *node as usize + axis]));
+            at_m += self.nodes[node] * trilinear + moved * weight;
+        }
+        at_m
+    }
+}
+
+#[test]
+fn viewers_put_every_vertex_where_its_material_is_also_beside_what_is_held() {
+    use kerf_physics::body::MaterialPoint;
+    let mut world = two_blocks();
+    let mut viewers: [Viewer; 2] = Default::default();
+    viewers.iter_mut().zip(&world.keyframe().bodies).for_each(|(viewer, body)| viewer.take(body));
+    assert!(viewers.iter().all(|viewer| viewer.held.len() > 20), "the blocks stand on what is held");
+    let (mut rng, mut moved_m) = (Lcg(13), Vec::new());
+    for _ in 0..3 {
+        stroke(&mut world, &mut rng, |world, _| {
+            if let Some(patch) = world.topology_patch().cloned() {
+                viewers.iter_mut().zip(&patch.bodies).for_each(|(viewer, body)| viewer.take(body));
+            }
+        });
+        for (object, viewer) in viewers.iter().enumerate() {
+            moved_m.clear();
+            world.node_displacements_m(object, &mut moved_m);
+            let (body, surface) = world.bodies_and_surfaces().nth(object).expect("two objects");
+            for (id, vertex) in surface.vertices() {
+                let point = MaterialPoint { position_m: vertex.position_m.map(f64::from).into(), voxel: vertex.voxel };
+                let off_m = (viewer.place_m(id, &moved_m) - body.current_m(&point)).norm();
+                assert!(off_m < 1e-7, "vertex {id} of object {object} is off by {off_m} m");
+            }
+        }
+    }
+}

@@ -125,9 +125,11 @@ fn a_fast_blade_meets_more_resistance_and_cuts_at_a_smaller_dent_and_the_same_fo
         // What the edge bears is a matter of Gc alone.
         assert!((cut.peak_n / elastic.peak_n - 1.0).abs() < 0.1, "{speed} m/s: {} N", cut.peak_n);
         assert!(cut.residual < 1e-4, "{speed} m/s: {}", cut.residual);
-        dents.push(cut.first_m / elastic.first_m);
+        // Known to the way that the blade goes in a step.
+        dents.push((cut.first_m / elastic.first_m, 1e-3 * speed / elastic.first_m));
     }
-    assert!(dents[0] < 0.97 && dents.is_sorted_by(|slower, faster| slower > faster), "{dents:?}");
+    let smaller = |slower: &(f64, f64), faster: &(f64, f64)| faster.0 - faster.1 < slower.0;
+    assert!(dents.iter().all(|dent| dent.0 < 0.97) && dents.is_sorted_by(smaller), "{dents:?}");
 }
 
 #[test]

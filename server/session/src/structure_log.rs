@@ -153,6 +153,7 @@ fn bytes_of(patch: &TopologyPatch) -> usize {
             + size_of_val(body.nodes.as_slice())
             + size_of_val(body.elements.as_slice())
             + size_of_val(body.vertices.as_slice())
+            + size_of_val(body.held.as_slice())
             + size_of_val(body.quads.as_slice())
     };
     size_of::<TopologyPatch>() + patch.bodies.iter().map(body_bytes).sum::<usize>()

@@ -18,7 +18,8 @@ use super::{Extent, Family, Reference, Row, Table};
 const SIZE_M: [f64; 3] = [0.02, 0.02, 0.04];
 const YOUNG_PA: f64 = 1e6;
 const GC_J_PER_M2: f64 = 10.0;
-/// Depth of the held layers at the block's ends, m: two elements of the coarsest mesh would be all there is.
+/// Depth of the held layers at the block's ends, m, or an element if that is more: in half an element beside what is held
+/// the energy would be as high as in a smaller one.
 const HELD_M: f64 = 5e-3;
 const SPEED_M_PER_S: f64 = 0.1;
 /// The blade's plane from the block's middle, m: beside a face of every mesh's elements.
@@ -75,7 +76,8 @@ fn scene_of(mesh: Mesh, rule: FractureRule) -> Scene {
     object.material.fracture_energy_j_per_m2 = Some(GC_J_PER_M2);
     object.material.rayleigh_beta_s = 2e-4;
     let held = |from_m: f64, to_m: f64| ShapeDesc::Box { min_m: [-1.0, -1.0, from_m], max_m: [1.0, 1.0, to_m] };
-    object.fixed = vec![held(-1.0, HELD_M), held(SIZE_M[2] - HELD_M, 1.0)];
+    let held_m = mesh.element_m().max(HELD_M);
+    object.fixed = vec![held(-1.0, held_m), held(SIZE_M[2] - held_m, 1.0)];
     let mut scene = scene(object);
     scene.desc.solver.relative_tolerance = Some(1e-3);
     scene.desc.tools = vec![ToolDesc::blade("blade", BladeDesc::straight(0.12, 0.06))];

@@ -40,7 +40,7 @@ fn rest(desc: &ObjectDesc, height_m: f64, along_m: &[Range<f64>]) -> Result<(f64
     statics::settle(&mut body)?;
     let moved = (0..body.node_count()).map(|n| (Vec3::from(body.state.position_m[n]) - body.rest_position_m(n)).into());
     let energy = body.energy();
-    Ok((energy.elastic_j + energy.hold_j - body.external_work_j(moved), body))
+    Ok((energy.elastic_j - body.external_work_j(moved), body))
 }
 
 /// The strip between clamps: height and length, m, and thickness of the upper clamp.

@@ -26,6 +26,8 @@ export class Body {
   vertexLocal = new Float32Array(0);
   vertexMaterial = new Uint8Array(0);
   private vertexHashes = new Uint32Array(0);
+  /** Weights of the corners' displacements of vertices beside what is held, by vertex slot. */
+  readonly heldWeights = new Map<number, readonly number[]>();
 
   private readonly quads = new Slots();
   /** By quad slot: slots of its corners, counter-clockwise seen from outside; whether a blade laid it open; hash. */
@@ -57,6 +59,7 @@ export class Body {
     this.upsertNodes(change);
     this.upsertElements(change);
     this.upsertVertices(change);
+    this.upsertHeld(change);
     this.upsertQuads(change);
   }
 
@@ -130,11 +133,24 @@ export class Body {
       const element = this.elements.get(vertexElements[i]);
       if (element === undefined) throw unknownId("vertex_elements", vertexElements[i]);
       const slot = this.vertices.claim(id);
+      this.heldWeights.delete(slot);
       this.vertexElement[slot] = element;
       this.vertexLocal.set(local.subarray(3 * i, 3 * i + 3), 3 * slot);
       this.vertexMaterial[slot] = vertexMaterials[i] ?? 0;
       const hash = vertexHash(id, vertexElements[i], bits[3 * i], bits[3 * i + 1], bits[3 * i + 2]);
       this.exchangeHash(this.vertexHashes, slot, hash);
+    });
+  }
+
+  private upsertHeld(change: BodyStructure): void {
+    const { heldVertexIds, heldVertexWeights } = change;
+    checkAscending("held_vertex_ids", heldVertexIds);
+    checkLength("held_vertex_weights", heldVertexWeights, 8 * heldVertexIds.length);
+    checkFinite("held_vertex_weights", heldVertexWeights);
+    heldVertexIds.forEach((id, i) => {
+      const slot = this.vertices.get(id);
+      if (slot === undefined) throw unknownId("held_vertex_ids", id);
+      this.heldWeights.set(slot, heldVertexWeights.slice(8 * i, 8 * i + 8));
     });
   }
 

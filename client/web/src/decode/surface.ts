@@ -61,6 +61,8 @@ export class BodySurface {
   /** Quad slots, the skin's before those of the cut, and how many are the skin's. */
   private quadOrder = new Uint32Array(0);
   private skinQuads = 0;
+  /** Vertices beside what is held: slot, weights of the corners' displacements, position at rest, m. */
+  private held: { slot: number; weights: readonly number[]; rest: readonly number[] }[] = [];
   /** Normals while they are smoothed. */
   private rough = new Float32Array(0);
 
@@ -79,6 +81,9 @@ export class BodySurface {
     this.cutRoom = roomFor(2 * (quads - this.skinQuads), this.cutRoom);
     const rest = new Float32Array(3 * this.vertexRoom);
     this.interpolate(body.nodeRest, rest);
+    this.held = Array.from(body.heldWeights, ([slot, weights]) => {
+      return { slot, weights, rest: [...rest.subarray(3 * slot, 3 * slot + 3)] };
+    });
     const materials = new Uint8Array(this.vertexRoom);
     materials.set(body.vertexMaterial.subarray(0, body.vertexCount));
     const skin = new Uint32Array(3 * this.skinRoom);
@@ -112,12 +117,28 @@ export class BodySurface {
         };
     const { body } = this;
     this.interpolate(this.nodePositions(), shape.positions);
+    this.placeHeld(shape.positions);
     body.adaptedSlots.forEach((slot, i) => {
       for (let axis = 0; axis < 3; axis++) shape.positions[3 * slot + axis] += body.adaptedOffsets[3 * i + axis];
     });
     this.normals(0, this.skinQuads, shape.positions, shape.skinNormals);
     this.normals(this.skinQuads, body.quadCount, shape.positions, shape.cutNormals);
     return shape;
+  }
+
+  /** Puts vertices beside what is held where their own weights have them. */
+  private placeHeld(positions: Float32Array): void {
+    const { elementNodes, vertexElement, nodeDisplacement } = this.body;
+    for (const { slot, weights, rest } of this.held) {
+      for (let axis = 0; axis < 3; axis++) {
+        let at = rest[axis];
+        for (let corner = 0; corner < 8; corner++) {
+          const node = elementNodes[8 * vertexElement[slot] + corner];
+          at += weights[corner] * nodeDisplacement[3 * node + axis];
+        }
+        positions[3 * slot + axis] = at;
+      }
+    }
   }
 
   /** Where the nodes are, m. */

@@ -51,6 +51,8 @@ fn body(body: &BodyStructure) -> v1::BodyStructure {
         vertex_elements: body.vertices.iter().map(|vertex| vertex.element).collect(),
         vertex_materials: vertex_materials(body),
         vertex_local: body.vertices.iter().flat_map(|vertex| vertex.local).collect(),
+        held_vertex_ids: body.held.iter().map(|vertex| vertex.id).collect(),
+        held_vertex_weights: body.held.iter().flat_map(|vertex| vertex.weights).collect(),
         quad_ids: body.quads.iter().map(|quad| quad.id).collect(),
         quad_vertices: body.quads.iter().flat_map(|quad| quad.vertices).collect(),
     }

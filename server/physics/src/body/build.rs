@@ -3,6 +3,7 @@
 use super::{Body, rigid};
 use crate::boundary::Boundary;
 use crate::fem::block::{ElementBlock, ElementLaw, ElementState, LANES, SharedByBlocks};
+use crate::fem::held::GROUND;
 use crate::grid::VoxelId;
 use crate::grid::levels::LevelChange;
 use crate::solve::assembly::CHUNK_ELEMENTS;
@@ -11,24 +12,21 @@ use crate::workers::Workers;
 use wide::f64x4;
 
 impl Body {
-    /// Recomputes the matrices, the hold and the loads of an element from its voxels.
+    /// Recomputes the matrices and the loads of an element from its voxels.
     pub(super) fn rebuild_element(&mut self, element: usize) {
         let voxels = self.voxels_of(element);
-        self.solver.element_loads_n[element] = self.element_loads(element, &voxels);
-        let matrices = self.element_matrices(element, &voxels);
+        self.solver.element_loads_n[element] = self.element_loads(&voxels);
+        let plain = self.element_matrices(element, &voxels);
+        let matrices = self.held_matrices(element, &voxels, plain);
         let law = self.mean_law(&voxels);
-        let edge = self.element_edge_m(element);
+        let [low_m, ..] = self.cell_corners_m(element);
+        let cell = (low_m.into(), self.element_edge_m(element));
         let (block, state) = (&mut self.solver.blocks[element / LANES], &mut self.state.elements[element / LANES]);
-        block.set_matrices(element % LANES, edge, &matrices, law, self.solver.params.dt_s);
+        block.set_matrices(element % LANES, cell, &matrices, law, self.solver.params.dt_s);
         if block.viscosity.is_some() {
             state.branch.get_or_insert_default();
         }
-        self.solver.holds.retain(|(e, _)| *e as usize != element);
-        if voxels.iter().any(|v| self.description.voxel_loads[v.index()].held) {
-            let hold = self.hold_matrix(&voxels);
-            self.solver.holds.push((element as u32, hold));
-            self.solver.holds.sort_unstable_by_key(|h| h.0);
-        }
+        state.ground_force_n = block.ground.as_ref().map(|_| Box::new([f64x4::ZERO; GROUND]));
         self.begin_geometric_stiffness(element, &voxels);
     }
 
@@ -49,7 +47,9 @@ impl Body {
     /// Builds every matrix from scratch and evaluates forces at the current state.
     pub(super) fn rebuild_all(&mut self, workers: &Workers<'_>) {
         self.resize_blocks();
-        for element in 0..self.base().elements.len() {
+        let all: Vec<u32> = (0..self.base().elements.len() as u32).collect();
+        self.find_held(&all);
+        for element in 0..all.len() {
             self.rebuild_element(element);
         }
         self.number_nodes(None);
@@ -83,7 +83,7 @@ impl Body {
             (0..assembly.chunks().len()).map(|chunk| assembly.buffer_of(chunk)).collect()
         };
         let before = places(&self.solver.multigrid);
-        let renumbered = self.solver.multigrid.set_topology(&self.state.levels, &self.held_nodes(), changes);
+        let renumbered = self.solver.multigrid.set_topology(&self.state.levels, changes);
         let assembly = self.solver.multigrid.operator().assembly();
         let mut balance_n = vec![f64x4::ZERO; assembly.buffer_len()];
         for (chunk, (from, to)) in before.into_iter().zip(places(&self.solver.multigrid)).enumerate() {
@@ -101,6 +101,7 @@ impl Body {
             }
         }
         self.scratch.fit(&self.state.levels[0], assembly);
+        self.bound_held();
         renumbered
     }
 
@@ -110,6 +111,7 @@ impl Body {
         self.solver.blocks.resize_with(blocks, ElementBlock::default);
         self.state.elements.resize_with(blocks, ElementState::default);
         self.solver.element_loads_n.resize(elements, [[0.0; 3]; 8]);
+        self.state.held.resize(elements);
         self.solver.applied_stiffening.resize(elements, 1.0);
         self.solver.coarse_stiffening.resize(elements, 1.0);
     }

@@ -22,6 +22,8 @@ pub struct Description {
     pub(super) voxel_loads: Vec<VoxelLoad>,
     /// Tractions on faces of voxels, by voxel, ascending.
     pub(super) face_loads: Vec<FaceLoad>,
+    /// Integrals over a cell of one voxel.
+    pub(super) single_voxel: CompositeTables,
     /// Integrals over a cell's voxels, by log2 of an element's size in cells of the lattice.
     pub(super) tables: Vec<CompositeTables>,
 }

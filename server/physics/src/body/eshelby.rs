@@ -46,12 +46,14 @@ impl Body {
     /// shear that the element does not have in bending.)
     pub(crate) fn move_material(&self, element: usize, phi: &[f64; 8], d: &Vec3) -> Moved {
         let corners = self.corners(element);
-        let hold_n = self.hold_forces_n(element);
+        if self.is_held(element) {
+            return self.move_held_material(element, &corners, phi, d);
+        }
         let (mut push_n, mut slope, mut direction) = (f64x4::ZERO, f64x4::ZERO, f64x4::ZERO);
         for a in 0..8 {
-            let [held, load] = [hold_n[a].into(), self.solver.element_loads_n[element][a]].map(packed);
+            let load = packed(self.solver.element_loads_n[element][a]);
             let weight = f64x4::splat(phi[a]);
-            push_n = weight.mul_add(corners.force_n[a] - load - held, push_n);
+            push_n = weight.mul_add(corners.force_n[a] - load, push_n);
             slope = weight.mul_add(corners.mean_gradient[a], slope);
             let along = f64x4::splat(unpacked(corners.mean_gradient[a]).dot(d));
             direction = along.mul_add(corners.position_m[a], direction);
@@ -60,6 +62,22 @@ impl Body {
         let bent_j = corners.bilinear_work_j().component_mul(&slope).dot(d);
         let elastic_j = self.elastic_energy_j(element);
         let released_j = push_n.dot(&direction) + bent_j - elastic_j * slope.dot(d);
+        Moved { released_j, push_n, direction, slope, elastic_j }
+    }
+
+    /// The same of an element that is held: `phi` is interpolated as displacements are, so that what is held stays.
+    fn move_held_material(&self, element: usize, corners: &Corners, phi: &[f64; 8], d: &Vec3) -> Moved {
+        let (mut push_n, mut slope, mut direction) = (Vec3::zeros(), Vec3::zeros(), *d);
+        let at_rest_m = self.cell_corners_m(element);
+        for a in 0..8 {
+            let force_n = unpacked(corners.force_n[a]);
+            push_n += (force_n - Vec3::from(self.solver.element_loads_n[element][a])) * phi[a];
+            slope += unpacked(corners.mean_gradient[a]) * phi[a];
+            let moved_m = unpacked(corners.position_m[a]) - at_rest_m[a];
+            direction += moved_m * unpacked(corners.mean_gradient[a]).dot(d);
+        }
+        let elastic_j = self.elastic_energy_j(element);
+        let released_j = push_n.dot(&direction) - elastic_j * slope.dot(d);
         Moved { released_j, push_n, direction, slope, elastic_j }
     }
 
@@ -81,10 +99,20 @@ impl Body {
 
     /// `V sigma` of an element, in the frame that turns with it, J.
     pub(super) fn element_stress_j(&self, element: usize) -> Mat3 {
-        let Corners { position_m, force_n, rotation, .. } = self.corners(element);
+        let Corners { position_m, force_n, rotation, edge_m, .. } = self.corners(element);
+        // The forces add up to zero, or with those on the ground points about the lower corner of the cell.
+        let [low_m, ..] = self.cell_corners_m(element);
         let pairs = force_n.iter().zip(&position_m);
-        let virial: Mat3 = pairs.map(|(f, x)| unpacked(*f) * unpacked(*x).transpose()).sum();
-        rotation.transpose() * ((virial + virial.transpose()) * 0.5) * rotation
+        let virial: Mat3 = pairs.map(|(f, x)| unpacked(*f) * (unpacked(*x) - low_m).transpose()).sum();
+        let mut virial = rotation.transpose() * virial * rotation;
+        if let Some(on_ground_n) = &self.state.elements[element / LANES].ground_force_n {
+            let at = |i: usize| on_ground_n[i].as_array()[element % LANES];
+            for point in 0..3 {
+                let force_n = Vec3::from_fn(|axis, _| at(3 * point + axis));
+                virial += force_n * (rotation.row(point) * edge_m);
+            }
+        }
+        (virial + virial.transpose()) * 0.5
     }
 
     fn corners(&self, element: usize) -> Corners {

@@ -1,6 +1,5 @@
 //! Forces and energies of the elements at the current state.
 
-use super::hold::{dot, hold_times};
 use super::{Body, Nodal};
 use crate::Vec3;
 use crate::fem::block::{ElementBlock, ElementState, Evaluation, LANES, NodalBuffers, StepTerms};
@@ -19,8 +18,6 @@ const EVALUATION_GRAIN: Grain = Grain { chunk: 1, least: 1 };
 pub(crate) struct StepEnergies {
     /// Sums over the elements.
     pub elements: StepTerms<f64>,
-    /// `1/2 dx^T H dx` of held voxels.
-    pub hold_j: f64,
     /// `dx^T T dx` of the geometric stiffness.
     pub geometric_j: f64,
 }
@@ -30,8 +27,6 @@ pub(crate) struct StepEnergies {
 pub struct BodyEnergy {
     /// Elastic, of relaxing branches too.
     pub elastic_j: f64,
-    /// In the springs of held voxels.
-    pub hold_j: f64,
     /// Kinetic.
     pub kinetic_j: f64,
 }
@@ -40,7 +35,7 @@ impl BodyEnergy {
     /// All of it.
     #[must_use]
     pub fn total_j(&self) -> f64 {
-        self.elastic_j + self.hold_j + self.kinetic_j
+        self.elastic_j + self.kinetic_j
     }
 }
 
@@ -121,10 +116,6 @@ impl Body {
             sum.elements.viscous_j += step.viscous_j.reduce_add();
         }
         let dt = self.solver.params.dt_s;
-        for (element, hold) in &self.solver.holds {
-            let v = self.corner_velocities(*element as usize);
-            sum.hold_j += 0.5 * dt * dt * dot(&v, &hold_times(hold, &v));
-        }
         for (nodes, pulls) in self.geometric_pulls() {
             let v = nodes.map(|n| Vec3::from(self.state.velocity_m_per_s[n]));
             sum.geometric_j += dt * dt * v.iter().zip(pulls).map(|(v, pull)| v.dot(&pull)).sum::<f64>();
@@ -164,15 +155,21 @@ impl Body {
     /// Elements whose boxes may meet `near`, ascending: those of the chunks whose boxes do.
     pub(crate) fn elements_near(&self, near: &Aabb) -> impl Iterator<Item = usize> + '_ {
         let near = *near;
-        let met = self.state.chunks.iter().enumerate().filter(move |(_, chunk)| near.meets(&chunk.bounds()));
+        let met = self.chunk_boxes().enumerate().filter(move |(_, bounds)| near.meets(bounds));
         let elements = self.base().elements.len();
         met.flat_map(move |(index, _)| index * CHUNK_ELEMENTS..elements.min((index + 1) * CHUNK_ELEMENTS))
     }
 
-    /// The box around the nodes at the state that was last evaluated.
+    /// The box around the body at the state that was last evaluated.
     #[must_use]
     pub fn bounds(&self) -> Aabb {
-        Aabb::around(self.state.chunks.iter().map(ChunkSums::bounds).flat_map(|b| [b.min_m, b.max_m]))
+        Aabb::around(self.chunk_boxes().flat_map(|b| [b.min_m, b.max_m]))
+    }
+
+    /// Boxes around the chunks of elements. What is held is where it was, whatever the nodes around it do.
+    fn chunk_boxes(&self) -> impl Iterator<Item = Aabb> + '_ {
+        let bounds = self.state.chunks.iter().map(ChunkSums::bounds).zip(self.state.held.boxes());
+        bounds.map(|(chunk, held)| chunk.with(held))
     }
 
     /// Energies at the state that was last evaluated.
@@ -183,10 +180,6 @@ impl Body {
         for chunk in &self.state.chunks {
             energy.elastic_j += chunk.found.elastic_j.reduce_add();
             energy.kinetic_j += chunk.found.kinetic_j.reduce_add();
-        }
-        for (element, hold) in &self.solver.holds {
-            let u = self.corner_displacements(*element as usize);
-            energy.hold_j += 0.5 * dot(&u, &hold_times(hold, &u));
         }
         energy
     }

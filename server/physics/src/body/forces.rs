@@ -2,9 +2,7 @@
 //! state.
 
 use super::evaluation::BLOCKS_PER_CHUNK;
-use super::hold::hold_times;
 use super::{Body, Nodal};
-use crate::Vec3;
 use crate::fem::block::LANES;
 use crate::fem::composite::corner_pair;
 use crate::fem::lanes::for_packed;
@@ -94,23 +92,7 @@ impl Body {
         }
     }
 
-    /// Displacements of an element's corners, m, xyz0.
-    pub(super) fn corner_displacements(&self, element: usize) -> [f64x4; 8] {
-        self.base().elements[element].nodes.map(|n| {
-            let u = Vec3::from(self.state.position_m[n as usize]) - self.rest_position_m(n as usize);
-            f64x4::new([u.x, u.y, u.z, 0.0])
-        })
-    }
-
-    /// Velocities of an element's corners, m/s, xyz0.
-    pub(super) fn corner_velocities(&self, element: usize) -> [f64x4; 8] {
-        self.base().elements[element].nodes.map(|n| {
-            let [x, y, z] = self.state.velocity_m_per_s[n as usize];
-            f64x4::new([x, y, z, 0.0])
-        })
-    }
-
-    /// `A_e = (1 + alpha dt) M + (dt^2 + beta dt) K' + dt^2 (s g K + H + T)` of one element, with the tangent
+    /// `A_e = (1 + alpha dt) M + (dt^2 + beta dt) K' + dt^2 (s g K + T)` of one element, with the tangent
     /// `K' = K + (psi' - 1) K_G + psi'' / V f_G f_G^T`, into the solver's operator.
     pub(super) fn write_matrix(&mut self, element: usize) {
         let (block, state, lane) =
@@ -123,8 +105,6 @@ impl Body {
         let active = stiffening > STIFFENING_THRESHOLD;
         let curvature = if active { at(&state.curvature) } else { 0.0 };
         let branch_factor = block.viscosity.as_ref().map(|v| dt * dt * at(&v.tangent()));
-        let hold =
-            self.solver.holds.binary_search_by_key(&(element as u32), |h| h.0).ok().map(|i| &self.solver.holds[i].1);
         let geometric = self.geometric_stiffness(element);
         let mut packed = [0.0; crate::fem::lanes::PACKED];
         for_packed(|index, row, column| {
@@ -141,7 +121,6 @@ impl Body {
                 let (a, b) = (row / 3, column / 3);
                 let entry = a * (a + 1) / 2 + b;
                 packed[index] += mass_factor * at(&block.shapes.mass_kg[entry]);
-                packed[index] += hold.map_or(0.0, |h| dt * dt * h[entry]);
                 packed[index] += geometric.map_or(0.0, |s| dt * dt * s.stiffness_n_per_m(a, b));
             }
         });
@@ -197,7 +176,7 @@ impl Body {
         }
     }
 
-    /// Writes `dt (f_elastic + f_external + f_hold - drag)` at every node: the right side but for
+    /// Writes `dt (f_elastic + f_external - drag)` at every node: the right side but for
     /// contact.
     pub fn assemble_right_side(&mut self, workers: &Workers<'_>) {
         let dt = self.solver.params.dt_s;
@@ -211,16 +190,6 @@ impl Body {
                 *b = [0, 1, 2].map(|i| dt * (sum[i] + external_n[node][i]));
             }
         });
-        for (element, hold) in &self.solver.holds {
-            // The hold acts at the end of the step: its displacement includes dt v.
-            let (u, v) = (self.corner_displacements(*element as usize), self.corner_velocities(*element as usize));
-            let ahead = std::array::from_fn(|a| f64x4::splat(dt).mul_add(v[a], u[a]));
-            let nodes = self.base().elements[*element as usize].nodes;
-            for (node, force) in nodes.into_iter().zip(hold_times(hold, &ahead)) {
-                let force = force.to_array();
-                (0..3).for_each(|i| b[node as usize][i] -= dt * force[i]);
-            }
-        }
         for (nodes, pulls) in self.geometric_pulls() {
             for (node, pull) in nodes.into_iter().zip(pulls) {
                 (0..3).for_each(|i| b[node][i] -= dt * dt * pull[i]);

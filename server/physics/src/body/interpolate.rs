@@ -2,7 +2,8 @@
 
 use super::Body;
 use crate::fem::composite::{shape_functions, shape_gradients};
-use crate::grid::{MaterialPoint, VoxelId};
+use crate::fem::held::VoxelCorners;
+use crate::grid::{Ijk, MaterialPoint, VoxelId};
 use crate::{Mat3, Vec3};
 
 /// Newton's method has arrived where its last step is below this, in edges of the element: what is left of the
@@ -16,23 +17,29 @@ impl Body {
         self.base().owner[voxel.index()] as usize
     }
 
-    /// Nodes and trilinear weights of a material point.
+    /// What moves a material point.
     #[must_use]
-    pub fn weights(&self, point: &MaterialPoint) -> ([u32; 8], [f64; 8]) {
+    pub fn weights(&self, point: &MaterialPoint) -> PointWeights {
         let element = self.element_of(point.voxel);
-        let n = shape_functions(self.local_coordinates(element, &point.position_m));
-        (self.base().elements[element].nodes, n)
+        let local = self.local_coordinates(element, &point.position_m);
+        let nodes = self.base().elements[element].nodes;
+        let Some(corners) = self.state.held.corners(element) else {
+            return PointWeights { nodes, weights: shape_functions(local), fixed_m: Vec3::zeros() };
+        };
+        let weights = corners.weights(self.voxel_in_cell(element, point.voxel), local);
+        let carried: Vec3 = self.cell_corners_m(element).iter().zip(weights).map(|(corner, n)| corner * n).sum();
+        PointWeights { nodes, weights, fixed_m: point.position_m - carried }
+    }
+
+    /// Place of a voxel in the cell of its element, in voxels.
+    fn voxel_in_cell(&self, element: usize, voxel: VoxelId) -> Ijk {
+        super::held::from(self.state.grid.voxels()[voxel.index()].ijk, self.first_voxel_of(element))
     }
 
     /// Scene position of a material point, m.
     #[must_use]
     pub fn current_m(&self, point: &MaterialPoint) -> Vec3 {
-        let (nodes, n) = self.weights(point);
-        let mut x = Vec3::zeros();
-        for (node, n) in nodes.iter().zip(n) {
-            x += Vec3::from(self.state.position_m[*node as usize]) * n;
-        }
-        x
+        self.weights(point).place_m(&self.state.position_m)
     }
 
     /// Deformation gradient at a material point.
@@ -40,13 +47,23 @@ impl Body {
     pub(crate) fn deformation_gradient(&self, point: &MaterialPoint) -> Mat3 {
         let element = self.element_of(point.voxel);
         let local = self.local_coordinates(element, &point.position_m);
-        let gradients = shape_gradients(local);
-        let mut f = Mat3::zeros();
-        for (node, g) in self.base().elements[element].nodes.iter().zip(gradients) {
-            let x = Vec3::from(self.state.position_m[*node as usize]);
-            f += x * Vec3::from(g).transpose();
+        let nodes = self.base().elements[element].nodes;
+        let edge_m = self.element_edge_m(element);
+        let sum = |at: &dyn Fn(usize) -> Vec3, gradients: [[f64; 3]; 8]| -> Mat3 {
+            let mut f = Mat3::zeros();
+            for (node, g) in nodes.iter().zip(gradients) {
+                f += at(*node as usize) * Vec3::from(g).transpose();
+            }
+            f / edge_m
+        };
+        let position = |node: usize| Vec3::from(self.state.position_m[node]);
+        match self.state.held.corners(element) {
+            None => sum(&position, shape_gradients(local)),
+            Some(corners) => {
+                let gradients = corners.weight_gradients(self.voxel_in_cell(element, point.voxel), local);
+                Mat3::identity() + sum(&|node| position(node) - self.rest_position_m(node), gradients)
+            }
         }
-        f / self.element_edge_m(element)
     }
 
     /// The reference position that an element's trilinear map takes to a scene position, by Newton's
@@ -59,28 +76,94 @@ impl Body {
     /// The same from a guess at that reference position, which saves steps where it is near.
     #[must_use]
     pub(crate) fn invert_map_from(&self, element: usize, scene_m: &Vec3, guess_m: &Vec3) -> Option<Vec3> {
-        let map =
-            TrilinearMap::of(&self.base().elements[element].nodes.map(|n| self.state.position_m[n as usize].into()));
+        let data = &self.base().elements[element];
+        let nodes = data.nodes.map(|node| node as usize);
         let mut local = Vec3::from(self.local_coordinates(element, guess_m));
-        for _ in 0..12 {
-            let (x, [a, b, c]) = map.at(&local);
-            let miss = scene_m - x;
-            let step = Vec3::new(miss.dot(&b.cross(&c)), miss.dot(&c.cross(&a)), miss.dot(&a.cross(&b)));
-            let step = step / a.dot(&b.cross(&c));
-            let size = step.amax();
-            if !size.is_finite() {
-                return None;
+        let found = match self.state.held.corners(element) {
+            None => {
+                let map = TrilinearMap::of(&nodes.map(|n| self.state.position_m[n].into()));
+                invert(&mut local, scene_m, |local| map.at(local))
             }
-            // Far outside the element the trilinear map folds; such points are not in it anyway.
-            let damping = (0.5 / size).min(1.0);
-            local = (local + step * damping).map(|l| l.clamp(-1.0, 2.0));
-            if size < CONVERGED {
-                let data = &self.base().elements[element];
-                let at = Vec3::from(data.cell.map(f64::from)) + local * f64::from(data.size);
-                return Some(self.state.grid.origin_m() + at * self.lattice_edge_m());
+            Some(corners) => {
+                let [low_m, ..] = self.cell_corners_m(element);
+                let edge_m = self.element_edge_m(element);
+                let moved_m = nodes.map(|n| Vec3::from(self.state.position_m[n]) - self.rest_position_m(n));
+                invert(&mut local, scene_m, |local| held_at(corners, &moved_m, (low_m, edge_m), local))
             }
+        };
+        found.then(|| {
+            let at = Vec3::from(data.cell.map(f64::from)) + local * f64::from(data.size);
+            self.state.grid.origin_m() + at * self.lattice_edge_m()
+        })
+    }
+}
+
+/// Brings local coordinates to where `map`, which gives the position, m, and its derivatives along them, is at
+/// `scene_m`; returns whether it arrived.
+fn invert(local: &mut Vec3, scene_m: &Vec3, map: impl Fn(&Vec3) -> (Vec3, [Vec3; 3])) -> bool {
+    for _ in 0..12 {
+        let (x, [a, b, c]) = map(local);
+        let miss = scene_m - x;
+        let step = Vec3::new(miss.dot(&b.cross(&c)), miss.dot(&c.cross(&a)), miss.dot(&a.cross(&b)));
+        let step = step / a.dot(&b.cross(&c));
+        let size = step.amax();
+        if !size.is_finite() {
+            return false;
         }
-        None
+        // Far outside the element the trilinear map folds; such points are not in it anyway.
+        let damping = (0.5 / size).min(1.0);
+        *local = (*local + step * damping).map(|l| l.clamp(-1.0, 2.0));
+        if size < CONVERGED {
+            return true;
+        }
+    }
+    false
+}
+
+/// The map of an element that is held, whose nodes have moved by `moved_m`, in a cell of an edge from its lower corner.
+fn held_at(
+    corners: &VoxelCorners,
+    moved_m: &[Vec3; 8],
+    (low_m, edge_m): (Vec3, f64),
+    local: &Vec3,
+) -> (Vec3, [Vec3; 3]) {
+    let (weights, gradients) = corners.weights_anywhere((*local).into());
+    let mut at_m = low_m + local * edge_m;
+    let mut along = [0, 1, 2].map(|axis| Vec3::ith(axis, edge_m));
+    for ((moved_m, n), gradient) in moved_m.iter().zip(weights).zip(gradients) {
+        at_m += moved_m * n;
+        along.iter_mut().zip(gradient).for_each(|(along, g)| *along += moved_m * g);
+    }
+    (at_m, along)
+}
+
+/// What moves a point: nodes, their weights, and what is held.
+#[derive(Clone, Copy, Debug)]
+pub struct PointWeights {
+    /// The corners of the point's element.
+    pub nodes: [u32; 8],
+    /// How much each of them counts. They add up to one, or to less beside what is held.
+    pub weights: [f64; 8],
+    /// What is held contributes this to the point's position, m, scene frame.
+    pub fixed_m: Vec3,
+}
+
+impl PointWeights {
+    /// Nodes and weights.
+    pub fn iter(&self) -> impl Iterator<Item = (u32, f64)> {
+        self.nodes.into_iter().zip(self.weights)
+    }
+
+    /// Weighted sum of a nodal vector: of velocities, say.
+    #[must_use]
+    pub fn sum(&self, values: &[[f64; 3]]) -> Vec3 {
+        self.iter().fold(Vec3::zeros(), |sum, (node, n)| sum + Vec3::from(values[node as usize]) * n)
+    }
+
+    /// Where the point is, m.
+    #[must_use]
+    pub fn place_m(&self, position_m: &[[f64; 3]]) -> Vec3 {
+        self.sum(position_m) + self.fixed_m
     }
 }
 

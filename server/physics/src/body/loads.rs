@@ -2,8 +2,7 @@
 
 use super::Body;
 use crate::Vec3;
-use crate::fem::composite::shape_functions;
-use crate::grid::{Grid, VoxelId, voxelize};
+use crate::grid::{Grid, Ijk, MaterialPoint, VoxelId, voxelize};
 use crate::scene::{Face, LoadDesc, Meshes, ObjectDesc, SceneError};
 
 /// What acts on a voxel besides its elasticity.
@@ -11,6 +10,8 @@ use crate::scene::{Face, LoadDesc, Meshes, ObjectDesc, SceneError};
 pub(super) struct VoxelLoad {
     /// Whether it is held where it was built.
     pub(super) held: bool,
+    /// Whether it or one that it touches is held.
+    pub(super) is_beside_held: bool,
     /// Force at the voxel's centre other than gravity, N.
     force_n: Vec3,
 }
@@ -26,7 +27,7 @@ pub(super) struct FaceLoad {
 
 impl Body {
     /// Loads at the corners of an element, from gravity and its voxels' own forces.
-    pub(super) fn element_loads(&self, element: usize, voxels: &[VoxelId]) -> [[f64; 3]; 8] {
+    pub(super) fn element_loads(&self, voxels: &[VoxelId]) -> [[f64; 3]; 8] {
         let volume = self.state.grid.voxel_size_m().powi(3);
         let mut loads = [[0.0; 3]; 8];
         for &voxel in voxels {
@@ -37,12 +38,8 @@ impl Body {
                 continue;
             }
             // N at the centre is the mean of N over the voxel: trilinear along each axis.
-            self.distribute(
-                &mut loads,
-                element,
-                &self.state.grid.centre_m(self.state.grid.voxels()[voxel.index()].ijk),
-                &force,
-            );
+            let position_m = self.state.grid.centre_m(self.state.grid.voxels()[voxel.index()].ijk);
+            self.distribute(&mut loads, &MaterialPoint { position_m, voxel }, &force);
         }
         for &voxel in voxels {
             let first = self.description.face_loads.partition_point(|l| l.voxel < voxel);
@@ -50,7 +47,7 @@ impl Body {
                 let (axis, step) = load.face.axis_and_step();
                 let mut at = self.state.grid.centre_m(self.state.grid.voxels()[voxel.index()].ijk);
                 at[axis] += 0.5 * f64::from(step) * self.state.grid.voxel_size_m();
-                self.distribute(&mut loads, element, &at, &load.force_n);
+                self.distribute(&mut loads, &MaterialPoint { position_m: at, voxel }, &load.force_n);
             }
         }
         loads
@@ -67,10 +64,9 @@ impl Body {
         }
     }
 
-    /// Distributes a force at a reference position over the corners of an element.
-    fn distribute(&self, loads: &mut [[f64; 3]; 8], element: usize, at_m: &Vec3, force_n: &Vec3) {
-        let n = shape_functions(self.local_coordinates(element, at_m));
-        for (load, n) in loads.iter_mut().zip(n) {
+    /// Distributes a force at a material point over the corners of its element; what is held bears the rest.
+    fn distribute(&self, loads: &mut [[f64; 3]; 8], point: &MaterialPoint, force_n: &Vec3) {
+        for (load, n) in loads.iter_mut().zip(self.weights(point).weights) {
             (0..3).for_each(|i| load[i] += n * force_n[i]);
         }
     }
@@ -88,6 +84,12 @@ pub(super) fn loads_of(
         for voxel in voxelize::region_voxels(grid, shape, meshes)? {
             loads[voxel.index()].held = true;
         }
+    }
+    for index in 0..grid.voxels().len() {
+        let cell = grid.voxels()[index].ijk;
+        let mut around = (0..27).map(|n| [cell[0] - 1 + n % 3, cell[1] - 1 + n / 3 % 3, cell[2] - 1 + n / 9]);
+        let is_held = |cell: Ijk| grid.voxel_at(cell).is_some_and(|voxel| loads[voxel.index()].held);
+        loads[index].is_beside_held = around.any(is_held);
     }
     let h = grid.voxel_size_m();
     for load in &object.loads {

@@ -7,7 +7,7 @@ mod eshelby;
 mod evaluation;
 mod forces;
 mod geometric_stiffness;
-mod hold;
+mod held;
 mod interpolate;
 mod loads;
 mod material;
@@ -28,6 +28,7 @@ pub use crate::math::Nodal;
 pub use description::Description;
 pub use evaluation::BodyEnergy;
 pub(crate) use evaluation::StepEnergies;
+pub use interpolate::PointWeights;
 pub use material::Material;
 pub use relax::Relaxation;
 pub(crate) use rigid::Totals;
@@ -80,6 +81,7 @@ impl Body {
             gravity_m_per_s2: scene.desc.gravity_m_per_s2.into(),
             voxel_loads,
             face_loads,
+            single_voxel: CompositeTables::new(0, state.grid.voxel_size_m()),
             tables: exponents.map(|exponent| CompositeTables::new(exponent, state.grid.voxel_size_m())).collect(),
         };
         let solver = Solver::new(&state.levels, params);

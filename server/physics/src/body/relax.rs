@@ -172,7 +172,7 @@ impl Body {
             let rest = self.rest_position_m(n);
             [0, 1, 2].map(|i| self.state.position_m[n][i] - rest[i])
         });
-        energy.elastic_j + energy.hold_j - self.external_work_j(displacement)
+        energy.elastic_j - self.external_work_j(displacement)
     }
 
     /// What loads and elements leave unbalanced on each unknown, N.

@@ -44,7 +44,7 @@ impl Body {
         densities.fold(0.0, f64::max) * self.largest_edge_m().powi(3)
     }
 
-    /// Norm of the impulse that elastic forces, holds, loads and `impulses` leave in a step without velocities, N s.
+    /// Norm of the impulse that elastic forces, loads and `impulses` leave in a step without velocities, N s.
     fn unbalanced_n_s(&mut self, impulses: &[(u32, [f64; 3])]) -> f64 {
         let dt = self.solver.params.dt_s;
         let mut sum = std::mem::take(&mut self.scratch.applied);
@@ -54,12 +54,6 @@ impl Body {
             for (corner, &node) in element.nodes.iter().enumerate() {
                 let at = |i: usize| force_n[3 * corner + i].as_array()[index % LANES];
                 (0..3).for_each(|i| sum[node as usize][i] += dt * at(i));
-            }
-        }
-        for (element, _) in &self.solver.holds {
-            let nodes = self.base().elements[*element as usize].nodes;
-            for (node, force) in nodes.into_iter().zip(self.hold_forces_n(*element as usize)) {
-                (0..3).for_each(|i| sum[node as usize][i] += dt * force[i]);
             }
         }
         for (node, impulse) in impulses {

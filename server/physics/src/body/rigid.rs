@@ -107,7 +107,7 @@ impl RigidParts {
             data.nodes.iter().for_each(|n| node_part[*n as usize] = element_part[element]);
         }
         let mut held = vec![false; count as usize];
-        body.solver.holds.iter().for_each(|(element, _)| held[element_part[*element as usize] as usize] = true);
+        body.state.held.elements().iter().for_each(|element| held[element_part[*element as usize] as usize] = true);
         let (skip, totals) = (held.clone(), vec![Totals::default(); count as usize]);
         let loose = (0..element_part.len() as u32).filter(|e| !held[element_part[*e as usize] as usize]).collect();
         let turns = vec![None; count as usize];

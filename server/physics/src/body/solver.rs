@@ -21,8 +21,6 @@ pub(super) struct Solver {
     pub(super) blocks: Vec<ElementBlock>,
     /// Moduli of the patterns of materials met so far.
     pub(super) homogenised: Homogenised,
-    /// Elements with held voxels and the 8x8 matrix of what holds them, lower triangle by rows, N/m; ids ascending.
-    pub(super) holds: Vec<(u32, [f64; 36])>,
     /// Loads of each element at its corners, N, scene frame.
     pub(super) element_loads_n: Vec<[[f64; 3]; 8]>,
     /// Their sums at the nodes: all that acts from outside but contact, N, scene frame.
@@ -50,7 +48,6 @@ impl Solver {
             params,
             blocks: Vec::new(),
             homogenised: Homogenised::default(),
-            holds: Vec::new(),
             element_loads_n: Vec::new(),
             external_n: Vec::new(),
             geometric: Vec::new(),

@@ -1,6 +1,7 @@
 //! What a step changes of a body.
 
 use super::evaluation::ChunkSums;
+use super::held::HeldElements;
 use super::rigid::RigidParts;
 use super::rollback::FiniteState;
 use crate::Vec3;
@@ -35,6 +36,8 @@ pub struct State {
     pub(super) balance_n: Vec<f64x4>,
     /// Energies and bounds as last evaluated, by chunk of the solver's assembly.
     pub(super) chunks: Vec<ChunkSums>,
+    /// Elements of which something is held, and what.
+    pub(super) held: HeldElements,
     /// The separate pieces, and how those that nothing holds turn.
     pub(super) rigid: RigidParts,
     /// The surface and the walls of cuts, in the reference configuration.
@@ -55,6 +58,7 @@ impl State {
             elements: Vec::new(),
             balance_n: Vec::new(),
             chunks: Vec::new(),
+            held: HeldElements::default(),
             rigid: RigidParts::default(),
             boundary: Boundary::default(),
             saved: FiniteState::default(),

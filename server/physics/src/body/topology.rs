@@ -5,6 +5,7 @@ use crate::boundary::Solid;
 use crate::fem::block::LANES;
 use crate::grid::levels::{Level, LevelChange, VoxelUnits};
 use crate::grid::{Crossing, Grid, Ijk, LEAST_PIECE_VOXELS, LinkId, VoxelId};
+use crate::solve::assembly::CHUNK_ELEMENTS;
 use crate::workers::Workers;
 
 /// What a topology update changed, for whoever follows the body from outside.
@@ -27,6 +28,13 @@ pub struct PartedLinks {
     pub spared: usize,
 }
 
+/// Without repetitions, ascending.
+fn sorted(mut elements: Vec<u32>) -> Vec<u32> {
+    elements.sort_unstable();
+    elements.dedup();
+    elements
+}
+
 impl Body {
     /// Rebuilds parts, nodes, matrices and preconditioner after `parted` links were parted in the
     /// grid. New nodes start where the nodes they split from are, with their velocity, so nothing
@@ -46,7 +54,11 @@ impl Body {
         for &(new, from) in &base.split_elements {
             self.copy_state(from as usize, new as usize);
         }
-        for &element in &base.changed_elements {
+        let mut about = self.held_beside(&base.touched_cells);
+        about.extend(&base.changed_elements);
+        let held_anew = self.find_held(&sorted(about));
+        let elements = sorted([base.elements(), held_anew.clone()].concat());
+        for element in sorted([base.changed_elements.clone(), held_anew.clone()].concat()) {
             self.rebuild_element(element as usize);
         }
         let renumbered = self.number_nodes(Some(&changes));
@@ -54,15 +66,18 @@ impl Body {
         let mut rigid = std::mem::take(&mut self.state.rigid);
         rigid.follow(self, base);
         self.state.rigid = rigid;
-        let elements = base.elements();
-        self.evaluate_chunks(workers, |chunk| renumbered.binary_search(&chunk).is_ok(), None, 2);
+        let is_stale = |chunk: usize| {
+            renumbered.binary_search(&chunk).is_ok() || held_anew.iter().any(|e| *e as usize / CHUNK_ELEMENTS == chunk)
+        };
+        self.evaluate_chunks(workers, is_stale, None, 2);
         for &element in &elements {
             self.write_matrix_of_changed(element as usize);
         }
-        self.solver.multigrid.update_changed(&self.state.levels, &changes);
+        self.solver.multigrid.update_changed(&self.state.levels, &changes, &held_anew);
         self.solver.turned_rad = f64::INFINITY;
         self.save_finite_state(workers);
-        let rebound_voxels = base.split_elements.iter().flat_map(|&(new, _)| self.voxels_of(new as usize)).collect();
+        let rebound = base.split_elements.iter().map(|&(new, _)| new).chain(held_anew);
+        let rebound_voxels = rebound.flat_map(|element| self.voxels_of(element as usize)).collect();
         TopologyChange { elements, split_nodes: base.split_nodes.clone(), rebound_voxels }
     }
 

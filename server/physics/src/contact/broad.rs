@@ -29,8 +29,7 @@ impl SpatialHash {
         self.entries.clear();
         self.cell_m = body.lattice_edge_m();
         for id in body.elements_near(near) {
-            let element = &body.base().elements[id];
-            let aabb = Aabb::around(element.nodes.iter().map(|n| body.state.position_m[*n as usize].into()));
+            let aabb = body.element_box(id);
             if !aabb.meets(near) {
                 continue;
             }

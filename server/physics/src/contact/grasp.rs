@@ -134,7 +134,7 @@ impl HeldPoint {
     fn springs(&self, body: &Body, path: &ToolPath) -> [Contact; 3] {
         let [before, now] = [&path.before, &path.pose].map(|pose| pose.transform(&self.place_m));
         let ends = ToolEnds::of(body, &self.point, [before, now]);
-        let at = ends.weights.sum(&body.state.position_m);
+        let at = ends.weights.place_m(&body.state.position_m);
         let drift = ends.weights.sum(&body.state.velocity_m_per_s) * body.dt_s();
         [Vec3::x(), Vec3::y(), Vec3::z()].map(|direction| Contact {
             ends,

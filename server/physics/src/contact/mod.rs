@@ -16,7 +16,7 @@ pub use ends::{TissueEnds, ToolEnds};
 pub use friction::Friction;
 
 use crate::Vec3;
-use crate::body::Body;
+use crate::body::{Body, PointWeights};
 use crate::grid::MaterialPoint;
 use crate::solve::spring::PointSpring;
 
@@ -25,6 +25,8 @@ use crate::solve::spring::PointSpring;
 pub struct ContactWeights {
     entries: [(u32, f64); 16],
     count: usize,
+    /// What is held contributes this to the point's position, m.
+    fixed_m: Vec3,
 }
 
 impl ContactWeights {
@@ -32,9 +34,14 @@ impl ContactWeights {
     #[must_use]
     pub fn of(body: &Body, point: &MaterialPoint, factor: f64) -> Self {
         let mut weights = Self::default();
-        let (nodes, n) = body.weights(point);
-        nodes.into_iter().zip(n).for_each(|(node, n)| weights.add(node, factor * n));
+        weights.add_point(&body.weights(point), factor);
         weights
+    }
+
+    /// Adds those of a point, times `factor`.
+    pub fn add_point(&mut self, point: &PointWeights, factor: f64) {
+        point.iter().for_each(|(node, n)| self.add(node, factor * n));
+        self.fixed_m += point.fixed_m * factor;
     }
 
     /// Adds `weight` at `node`.
@@ -53,7 +60,13 @@ impl ContactWeights {
         self.entries[..self.count].iter().copied()
     }
 
-    /// Weighted sum of a nodal vector.
+    /// Where the point is at these positions of the nodes, m.
+    #[must_use]
+    pub fn place_m(&self, position_m: &[[f64; 3]]) -> Vec3 {
+        self.sum(position_m) + self.fixed_m
+    }
+
+    /// Weighted sum of a nodal vector: of velocities, say.
     #[must_use]
     pub fn sum(&self, values: &[[f64; 3]]) -> Vec3 {
         self.iter().map(|(node, w)| Vec3::from(values[node as usize]) * w).sum()

@@ -70,7 +70,7 @@ impl Palpation {
 /// stiffening psi', along the tool's normal; `None` where they are apart, or where the patch looks away.
 fn contact(body: &Body, capsule: &Capsule, patch: &SkinPatch, path: &ToolPath, margin_m: f64) -> Option<Contact> {
     let weights = ContactWeights::of(body, &patch.point, 1.0);
-    let at = weights.sum(&body.state.position_m);
+    let at = weights.place_m(&body.state.position_m);
     let predicted = at + weights.sum(&body.state.velocity_m_per_s) * body.dt_s();
     let nearest = capsule.nearest_after(&path.before.to_local(&at), &path.pose.to_local(&predicted));
     if nearest.distance_m > margin_m {

@@ -1,6 +1,8 @@
 //! Four elements side by side: their data, their state, and what an evaluation finds of them.
 
 use super::composite::ElementMatrices;
+use super::ground::GroundBlock;
+use super::held::GROUND;
 use super::lanes::{pack, set_lane};
 use super::packed::{MOST_SHARED, PackedMatrix, Shared};
 use super::viscosity::{BranchState, Viscosity, ViscosityBlock};
@@ -41,6 +43,8 @@ pub struct ElementBlock {
     pub stiffening: Option<StiffeningBlock>,
     /// Present where any of the four relaxes.
     pub viscosity: Option<Box<ViscosityBlock>>,
+    /// Present where any of the four is held.
+    pub ground: Option<Box<GroundBlock>>,
 }
 
 /// Nodal values of a chunk of elements, xyz0, by slot: what blocks read.
@@ -95,6 +99,8 @@ pub struct ElementState {
     pub elastic_j: f64x4,
     /// Present where any of the four relaxes.
     pub branch: Option<Box<BranchState>>,
+    /// Force on the ground points, N, rest frame; present where any of the four is held.
+    pub ground_force_n: Option<Box<[f64x4; GROUND]>>,
 }
 
 impl Default for ElementState {
@@ -109,6 +115,7 @@ impl Default for ElementState {
             force_n: [zero; 24],
             elastic_j: zero,
             branch: None,
+            ground_force_n: None,
         }
     }
 }
@@ -165,6 +172,7 @@ impl Default for ElementBlock {
             beta_s: f64x4::ZERO,
             stiffening: None,
             viscosity: None,
+            ground: None,
         }
     }
 }
@@ -189,8 +197,16 @@ impl ElementBlock {
         (0..8).for_each(|corner| self.slots[corner][lane] = slots[corner]);
     }
 
-    /// Sets the matrices of a lane; its branch for steps of `dt_s`.
-    pub fn set_matrices(&mut self, lane: usize, edge_m: f64, matrices: &ElementMatrices, law: ElementLaw, dt_s: f64) {
+    /// Sets the matrices of a lane, of a cell of `edge_m` whose lower corner is at `origin_m`; its branch for steps
+    /// of `dt_s`.
+    pub fn set_matrices(
+        &mut self,
+        lane: usize,
+        (origin_m, edge_m): ([f64; 3], f64),
+        matrices: &ElementMatrices,
+        law: ElementLaw,
+        dt_s: f64,
+    ) {
         self.stiffness.set(lane, &pack(&matrices.stiffness));
         let shapes = Arc::make_mut(&mut self.shapes);
         for a in 0..8 {
@@ -214,6 +230,13 @@ impl ElementBlock {
         }
         if law.viscosity.is_some() || self.viscosity.is_some() {
             self.viscosity.get_or_insert_default().set(lane, law.viscosity.as_ref(), dt_s);
+        }
+        if matrices.ground.is_some() || self.ground.is_some() {
+            let ground = self.ground.get_or_insert_default();
+            ground.set(lane, matrices.ground.as_ref(), (origin_m, edge_m), &matrices.mean_gradient);
+            if !ground.any() {
+                self.ground = None;
+            }
         }
     }
 

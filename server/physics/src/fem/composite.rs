@@ -7,6 +7,7 @@
 //! From each mode the linear part with the same mean gradient over the filled voxels is removed, so that a
 //! constant strain excites none of them (patch test); then the 9x9 block is condensed out.
 
+use super::held::Ground;
 use super::material::Elastic;
 
 /// Stiffness of the hourglass modes of an empty cell over `mu H`. A few voxels in a corner of a cell
@@ -42,8 +43,10 @@ pub struct ElementMatrices {
     pub mass_kg: [[f64; 8]; 8],
     /// Shape gradients averaged over the filled volume, 1/m: F = sum_a x_a d_a^T.
     pub mean_gradient: [[f64; 3]; 8],
-    /// Filled volume, m^3.
+    /// Filled volume, m^3; of a held element that of the voxels which are not held.
     pub volume_m3: f64,
+    /// Present where voxels, or corners of voxels, are held.
+    pub ground: Option<Ground>,
 }
 
 /// Displacements that an element is capable of.
@@ -157,6 +160,7 @@ impl CompositeTables {
             mass_kg: sums.mass,
             mean_gradient: sums.gradient.map(|g| g.map(|x| x / sums.volume)),
             volume_m3: sums.volume,
+            ground: None,
         }
     }
 }

@@ -7,6 +7,8 @@
 
 use super::block::{ElementBlock, ElementState, Evaluation, NodalBuffers, StepTerms};
 use super::composite::corner_pair;
+use super::ground::{GroundBlock, GroundLanes, GroundPoints};
+use super::held::GROUND;
 use super::lanes;
 use super::relaxation::Motion;
 use super::rotation::{improve_rotation, rotation_matrix};
@@ -20,6 +22,18 @@ const LINEAR_BEYOND: f64 = 6.0;
 /// A rotation that was improved by less than 1e-4 rad is off by less than 1e-8 rad after it: the steps
 /// converge quadratically.
 const TURNED_ENOUGH_RAD2: f64 = 1e-8;
+
+/// Where four elements are, in their rest frames.
+pub(super) struct Placed<'a> {
+    /// R and the mean deformation gradient, row-major.
+    pub(super) rotation: &'a [f64x4; 9],
+    pub(super) gradient: &'a [f64x4; 9],
+    /// Positions of the corners from the origin and displacements, m.
+    pub(super) position_m: &'a [f64x4; 24],
+    pub(super) displacement_m: &'a [f64x4; 24],
+    /// Present where any is held.
+    pub(super) ground: Option<GroundPoints>,
+}
 
 /// Products of an element's stiffness matrices with a vector in its rest frame.
 struct Products {
@@ -41,15 +55,15 @@ impl ElementBlock {
         dt_s: f64,
         iterations: u32,
     ) -> Evaluation {
-        // Compiled twice: even untaken, the way through a branch makes the other one slower by 6 %.
-        if self.viscosity.is_some() {
-            self.evaluate_as::<true>(state, nodal, balance_n, dt_s, iterations)
-        } else {
-            self.evaluate_as::<false>(state, nodal, balance_n, dt_s, iterations)
+        // Compiled thrice: even untaken, the way through a branch makes the other one slower by 6 %.
+        match (&self.ground, &self.viscosity) {
+            (Some(_), _) => self.evaluate_as::<true, true>(state, nodal, balance_n, dt_s, iterations),
+            (None, Some(_)) => self.evaluate_as::<true, false>(state, nodal, balance_n, dt_s, iterations),
+            (None, None) => self.evaluate_as::<false, false>(state, nodal, balance_n, dt_s, iterations),
         }
     }
 
-    fn evaluate_as<const RELAXES: bool>(
+    fn evaluate_as<const RELAXES: bool, const HELD: bool>(
         &self,
         state: &mut ElementState,
         nodal: &NodalBuffers,
@@ -57,10 +71,15 @@ impl ElementBlock {
         dt_s: f64,
         iterations: u32,
     ) -> Evaluation {
+        let ground = if HELD { self.ground.as_deref() } else { None };
         let mut x = self.gather(&nodal.position_m);
-        let origin = [x[0], x[1], x[2]];
+        let first = [x[0], x[1], x[2]];
+        let origin = ground.map_or(first, |ground| ground.origin_m(first));
         (0..24).for_each(|i| x[i] -= origin[i % 3]);
-        let gradient = self.deformation_gradient(&x);
+        let mut gradient = self.deformation_gradient(&x);
+        if let Some(ground) = ground {
+            (0..9).for_each(|i| gradient[i] += ground.gradient[i]);
+        }
         let r_before = rotation_matrix(&state.rotation);
         let mut turned_rad2 = f64x4::ZERO;
         for _ in 0..iterations {
@@ -103,16 +122,21 @@ impl ElementBlock {
             found.step = self.step_terms(state, &change, &velocity, kinetic_j, dt_s, [&v, &kv]);
             before = Some((v, products.k));
         }
-        found.elastic_j = self.evaluate_forces(state, &r, &gradient, &y, &vectors[0], products(0));
-        state.elastic_j = found.elastic_j;
+        let placed = Placed {
+            rotation: &r,
+            gradient: &gradient,
+            position_m: &y,
+            displacement_m: &vectors[0],
+            ground: ground.map(|ground| ground.points(&r, self.shapes.edge_m)),
+        };
+        let (elastic_j, linear_j) = self.evaluate_forces(state, &placed, products(0));
+        found.elastic_j = elastic_j;
+        state.elastic_j = elastic_j;
         if RELAXES && let Some(viscosity) = &self.viscosity {
             let motion = Motion {
-                rotation: &r,
-                gradient: &gradient,
-                position_m: &y,
-                displacement_m: &vectors[0],
+                placed: &placed,
                 velocity_m_per_s: &velocity,
-                stiffness_displacement: &stiffness[0],
+                stretched_j: f64x4::splat(2.0) * linear_j,
                 stiffness_velocity: &stiffness[1],
                 before: before.as_ref().map(|(v, kv)| [v, kv]),
             };
@@ -153,34 +177,56 @@ impl ElementBlock {
         f
     }
 
+    /// Forces into the state. Returns the elastic energy, and what of it is linear elasticity's, J.
     #[inline(always)]
-    fn evaluate_forces(
-        &self,
-        state: &mut ElementState,
-        r: &[f64x4; 9],
-        f: &[f64x4; 9],
-        y: &[f64x4; 24],
-        u: &[f64x4; 24],
-        products: Products,
-    ) -> f64x4 {
+    fn evaluate_forces(&self, state: &mut ElementState, placed: &Placed<'_>, products: Products) -> (f64x4, f64x4) {
+        let Placed { displacement_m: u, rotation: r, .. } = placed;
         let mut local = products.k;
         let half = f64x4::splat(0.5);
         let mut energy_j = half * lanes::dot(u, &local);
-        if let (Some(stiffening), Some(g)) = (&self.stiffening, products.g) {
-            let w = half * lanes::dot(u, &g) / self.shapes.volume_m3;
-            let (energy, slope, curvature) = stiffening_law(w, stiffening.rate_per_pa);
+        let mut on_ground_n = self.on_ground(placed, |ground| &ground.stiffness, &mut local, &mut energy_j);
+        let linear_j = energy_j;
+        if let (Some(stiffening), Some(mut g)) = (&self.stiffening, products.g) {
+            let mut w_j = half * lanes::dot(u, &g);
+            let measured_n = self.on_ground(placed, |ground| &ground.measured, &mut g, &mut w_j);
+            let (energy, slope, curvature) = stiffening_law(w_j / self.shapes.volume_m3, stiffening.rate_per_pa);
             energy_j += self.shapes.volume_m3 * energy;
             state.stiffening = slope;
             state.curvature = curvature / self.shapes.volume_m3;
             for i in 0..24 {
                 local[i] = (slope - f64x4::ONE).mul_add(g[i], local[i]);
             }
+            for (force, measured) in on_ground_n.iter_mut().flatten().zip(measured_n.iter().flatten()) {
+                *force = (slope - f64x4::ONE).mul_add(*measured, *force);
+            }
             state.galerkin_force_n = g;
         }
-        self.add_rotation_gradient(&mut local, y, r, f);
+        self.add_rotation_gradient(&mut local, placed, on_ground_n.as_ref());
+        if let (Some(kept), Some(found)) = (&mut state.ground_force_n, on_ground_n) {
+            **kept = found;
+        }
         let scene = lanes::rotate(r, &local);
         (0..24).for_each(|i| state.force_n[i] = -scene[i]);
-        energy_j
+        (energy_j, linear_j)
+    }
+
+    /// Adds what is held to forces `local` of the corners and to an energy; returns the force on the ground points.
+    #[inline(always)]
+    fn on_ground(
+        &self,
+        placed: &Placed<'_>,
+        stiffness: impl Fn(&GroundBlock) -> &GroundLanes,
+        local: &mut [f64x4; 24],
+        energy_j: &mut f64x4,
+    ) -> Option<[f64x4; GROUND]> {
+        let (ground, points) = (self.ground.as_deref()?, placed.ground.as_ref()?);
+        let of_corners = *local;
+        let on_ground_n = stiffness(ground).add_force(placed.displacement_m, &points.displacement_m, local);
+        // The coupling's part of u . f counts for the corners here, for the ground points there.
+        let coupled: [f64x4; 24] = std::array::from_fn(|i| local[i] - of_corners[i]);
+        let both = lanes::dot(placed.displacement_m, &coupled) + lanes::dot(&points.displacement_m, &on_ground_n);
+        *energy_j += f64x4::splat(0.5) * both;
+        Some(on_ground_n)
     }
 
     /// `K' v` in the rest frame of each element, from the products with v.

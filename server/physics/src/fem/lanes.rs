@@ -247,9 +247,9 @@ pub fn join(components: [f32x8; 3]) -> [f32x4; 8] {
 
 /// Dot product of two local vectors.
 #[inline(always)]
-pub fn dot<L: Lane>(a: &[L; 24], b: &[L; 24]) -> L {
+pub fn dot<L: Lane, const N: usize>(a: &[L; N], b: &[L; N]) -> L {
     let mut sum = L::ZERO;
-    for i in 0..24 {
+    for i in 0..N {
         sum = a[i].fma(b[i], sum);
     }
     sum

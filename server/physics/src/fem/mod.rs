@@ -4,6 +4,8 @@ pub mod anisotropic;
 pub mod block;
 pub mod composite;
 mod corotation;
+pub mod ground;
+pub mod held;
 pub mod homogenise;
 pub mod lanes;
 pub mod material;

@@ -1,6 +1,8 @@
 //! Rotations of elements, and what their dependence on the positions does to forces.
 
 use super::block::ElementBlock;
+use super::corotation::Placed;
+use super::held::GROUND;
 use wide::f64x4;
 
 /// Smallest eigenvalue of `tr(S) I - S`, relative to the size of S, at which it is still inverted.
@@ -8,23 +10,25 @@ const ROTATION_FLOOR: f64 = 0.2;
 
 impl ElementBlock {
     /// Adds what the dependence of R on the positions contributes to dU/dx: `B x d_a` with
-    /// `(tr(S) I - S) B = tau`, `tau = sum_a f_a x y_a`. Without it the force is off by percents and
-    /// carries a net torque.
+    /// `(tr(S) I - S) B = tau`, `tau = sum_a f_a x y_a`, the ground points among them. Without it the force is off by
+    /// percents and carries a net torque.
     #[inline(always)]
     pub(super) fn add_rotation_gradient(
         &self,
         local: &mut [f64x4; 24],
-        y: &[f64x4; 24],
-        r: &[f64x4; 9],
-        f: &[f64x4; 9],
+        placed: &Placed<'_>,
+        on_ground_n: Option<&[f64x4; GROUND]>,
     ) {
         let mut tau = [f64x4::ZERO; 3];
-        for a in 0..8 {
-            let torque =
-                cross([local[3 * a], local[3 * a + 1], local[3 * a + 2]], [y[3 * a], y[3 * a + 1], y[3 * a + 2]]);
+        let mut add = |f: &[f64x4], y: &[f64x4]| {
+            let torque = cross([f[0], f[1], f[2]], [y[0], y[1], y[2]]);
             (0..3).for_each(|i| tau[i] += torque[i]);
+        };
+        (0..24).step_by(3).for_each(|i| add(&local[i..i + 3], &placed.position_m[i..i + 3]));
+        if let (Some(force_n), Some(points)) = (on_ground_n, &placed.ground) {
+            (0..GROUND).step_by(3).for_each(|i| add(&force_n[i..i + 3], &points.position_m[i..i + 3]));
         }
-        let m = matmul_transposed_left(r, f);
+        let m = matmul_transposed_left(placed.rotation, placed.gradient);
         let b = solve_rotation(&m, tau);
         for a in 0..8 {
             let turned = cross(b, self.shapes.mean_gradient[a]);

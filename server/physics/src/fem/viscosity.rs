@@ -12,6 +12,7 @@
 //! `g = exp(-a/2)` would lose it. The step applies the force at its end, `s K w1`: it dissipates for every a,
 //! since `1 - (1 - g)^2 >= e^2`.
 
+use super::held::GROUND;
 use super::lanes::set_lane;
 use wide::f64x4;
 
@@ -51,6 +52,9 @@ pub struct BranchState {
     pub extension_m: [f64x4; 24],
     /// Displacement u that it was last brought to, rest frame, m.
     pub displacement_m: [f64x4; 24],
+    /// The same two at the ground points.
+    pub ground_extension_m: [f64x4; GROUND],
+    pub ground_displacement_m: [f64x4; GROUND],
     /// Force of the branch on the nodes, N, scene frame.
     pub force_n: [f64x4; 24],
     /// `w^T K w`, J.
@@ -125,15 +129,18 @@ impl BranchState {
     /// Forgets all strain: what was last reached counts as relaxed.
     pub fn relax(&mut self) {
         self.extension_m = [f64x4::ZERO; 24];
+        self.ground_extension_m = [f64x4::ZERO; GROUND];
     }
 
     /// Takes over the memory of another element.
     pub fn copy_lane(&mut self, lane: usize, from: &Self, from_lane: usize) {
-        let copy = |to: &mut [f64x4; 24], from: &[f64x4; 24]| {
+        let copy = |to: &mut [f64x4], from: &[f64x4]| {
             to.iter_mut().zip(from).for_each(|(to, from)| set_lane(to, lane, from.as_array()[from_lane]));
         };
         copy(&mut self.extension_m, &from.extension_m);
         copy(&mut self.displacement_m, &from.displacement_m);
+        copy(&mut self.ground_extension_m, &from.ground_extension_m);
+        copy(&mut self.ground_displacement_m, &from.ground_displacement_m);
     }
 }
 

@@ -133,8 +133,7 @@ impl Anchor {
     pub(super) fn weights(&self, body: &Body) -> ContactWeights {
         let mut weights = ContactWeights::default();
         for point in self.points() {
-            let (nodes, n) = body.weights(&point);
-            nodes.iter().zip(n).for_each(|(node, n)| weights.add(*node, 0.5 * n));
+            weights.add_point(&body.weights(&point), 0.5);
         }
         weights
     }

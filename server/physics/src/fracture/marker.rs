@@ -58,9 +58,7 @@ impl Edge {
         let Some(WayIn { point, at_m, last_m, fraction }) = way_in(body, hash, &self.before_m, &self.now_m) else {
             return Marker::Outside;
         };
-        let (nodes, n) = body.weights(&point);
-        let tissue: Vec3 =
-            nodes.iter().zip(n).map(|(node, n)| Vec3::from(body.state.velocity_m_per_s[*node as usize]) * n).sum();
+        let tissue = body.weights(&point).sum(&body.state.velocity_m_per_s);
         let approach = (at_m - last_m - tissue * (fraction * body.dt_s())).dot(&self.frame.forward);
         let mut anchor = Anchor::at(point, self.frame.forward, self.half_width_m);
         let back = anchor.pull_back(body, &self.frame.forward);

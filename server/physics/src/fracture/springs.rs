@@ -45,7 +45,7 @@ impl FrontContact {
     /// Sets up the springs between `edge` and the anchor of its marker.
     pub(super) fn new(body: &Body, marker: usize, edge: &Edge, anchor: &Anchor, strained: &Strained) -> Self {
         let weights = anchor.weights(body);
-        let at = weights.sum(&body.state.position_m);
+        let at = weights.place_m(&body.state.position_m);
         let velocity = weights.sum(&body.state.velocity_m_per_s);
         let [k, relaxed] =
             anchor.stiffness_n_per_m2(body, &edge.frame, edge.from_end_m).map(|per_length| edge.segment_m * per_length);

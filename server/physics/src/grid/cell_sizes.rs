@@ -92,7 +92,7 @@ impl CellSizes {
     }
 
     /// Size of the cell that a lattice cell lies in; `None` outside the lattice.
-    pub(super) fn at(&self, cell: Ijk) -> Option<i32> {
+    pub(crate) fn at(&self, cell: Ijk) -> Option<i32> {
         self.slot(cell).map(|slot| 1 << self.log2[slot])
     }
 

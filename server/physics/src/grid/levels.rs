@@ -281,6 +281,17 @@ impl Level {
         })
     }
 
+    /// The elements of the cells that hold voxels, each once.
+    pub(crate) fn elements_beside(&self, voxels: impl Iterator<Item = Ijk>) -> Vec<u32> {
+        let mut cells: Vec<Ijk> = Vec::with_capacity(8);
+        for (cell, _) in voxels.filter_map(|voxel| self.sizes.cell_of(voxel.map(|c| c >> self.exponent))) {
+            if !cells.contains(&cell) {
+                cells.push(cell);
+            }
+        }
+        cells.into_iter().flat_map(|cell| self.elements_in(cell)).collect()
+    }
+
     /// Recomputes components, neighbours and nodes of the cells that hold `touched` lattice cells.
     pub fn update(&mut self, units: &dyn Units, touched: impl Iterator<Item = Ijk>) -> LevelChange {
         let cells = touched.filter_map(|cell| self.sizes.cell_of(cell)).map(|c| c.0).collect();

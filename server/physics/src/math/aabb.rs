@@ -22,6 +22,12 @@ impl Aabb {
         aabb
     }
 
+    /// The box around both.
+    #[must_use]
+    pub fn with(self, other: &Self) -> Self {
+        Self { min_m: self.min_m.inf(&other.min_m), max_m: self.max_m.sup(&other.max_m) }
+    }
+
     /// The box grown by `margin_m` on every side.
     #[must_use]
     pub fn grown(self, margin_m: f64) -> Self {

@@ -38,8 +38,6 @@ pub(super) struct CycleLevel {
     pub(super) prolongation: Vec<Prolongation>,
     /// Its transpose: nodes of this level and their weights, for each node of the level above.
     pub(super) restriction: Lists<(u32, f32)>,
-    /// Whether a node of the finest level is held: it takes nothing from above.
-    held: Vec<bool>,
     /// For each node an element that has it, and as which corner.
     corner_of: Vec<(u32, u8)>,
     /// Element of the level above for each element.
@@ -93,7 +91,6 @@ impl CycleLevel {
             operator: Operator::new(level),
             prolongation: Vec::new(),
             restriction: Lists::default(),
-            held: Vec::new(),
             corner_of: Vec::new(),
             parent: Vec::new(),
             children: Lists::default(),
@@ -112,7 +109,6 @@ impl CycleLevel {
         &mut self,
         level: &Level,
         above: Option<&Level>,
-        held: &[bool],
         changed: Option<[&[u32]; 2]>,
     ) -> Vec<usize> {
         let nodes = level.nodes.len();
@@ -121,9 +117,6 @@ impl CycleLevel {
             v.resize(nodes, f32x4::ZERO);
         }
         let Some(above) = above else { return renumbered };
-        self.held.clear();
-        self.held.extend_from_slice(held);
-        self.held.resize(nodes, false);
         self.corner_of.resize(nodes, (0, 0));
         self.parent.clone_from(&above.owner);
         let parents = self.parent.iter().zip(0..).map(|(parent, child)| (*parent, child));
@@ -154,7 +147,7 @@ impl CycleLevel {
         let weights = self.place[element].weights();
         for (corner, &node) in data.nodes.iter().enumerate() {
             self.corner_of[node as usize] = (element as u32, corner as u8);
-            let takes = !self.held[node as usize] && level.hanging_node(node).is_none();
+            let takes = level.hanging_node(node).is_none();
             self.prolongation[node as usize] = if takes {
                 Prolongation::new(&parent.nodes, &weights[corner], hanging_above)
             } else {
@@ -163,15 +156,12 @@ impl CycleLevel {
         }
     }
 
-    /// Weights of an element's corners among the corners of its parent; zero where a corner is held. A corner
-    /// that hangs goes with its masters, held or not.
+    /// Weights of an element's corners among the corners of its parent. A corner that hangs goes with its masters.
     pub(super) fn weights(&self, element: usize, above: &Operator) -> [[f64; 8]; 8] {
         let mut weights = self.place[element].weights();
         for (weights, &node) in weights.iter_mut().zip(self.operator.element_nodes(element)) {
             if self.operator.hangs(node) {
                 *weights = self.weights_of_masters(node, element, above);
-            } else if self.held[node as usize] {
-                *weights = [0.0; 8];
             }
         }
         weights
@@ -182,7 +172,7 @@ impl CycleLevel {
         let parent_nodes = |element: usize| above.element_nodes(self.parent[element] as usize);
         let mut weights = [0.0; 8];
         let masters = masters_of(self.operator.hanging(), node as usize);
-        for (master, share) in masters.filter(|(master, _)| !self.held[*master]) {
+        for (master, share) in masters {
             let (with_master, corner) = self.corner_of[master];
             let of_master = self.place[with_master as usize].weights()[usize::from(corner)];
             for (above, weight) in parent_nodes(with_master as usize).iter().zip(of_master) {

@@ -67,7 +67,7 @@ impl Multigrid {
     pub fn new(hierarchy: &[Level]) -> Self {
         let mut levels: Vec<CycleLevel> = hierarchy.iter().map(CycleLevel::new).collect();
         for (i, level) in levels.iter_mut().enumerate() {
-            level.set_topology(&hierarchy[i], hierarchy.get(i + 1), &[], None);
+            level.set_topology(&hierarchy[i], hierarchy.get(i + 1), None);
         }
         let coarsest = Coarsest::new(&levels[levels.len() - 1].operator);
         Self { levels, coarsest }
@@ -96,16 +96,13 @@ impl Multigrid {
 
     /// Takes the elements and nodes of `hierarchy`, changed as `changes` of each level say; `None`: all of
     /// them. There is room for the matrices of new elements of the finest level, which are to be set before
-    /// [`Self::update_changed`]. Coarse corrections leave the `held` nodes of the finest level alone: else
-    /// the stiffness that holds them would keep the coarse nodes around them from moving. Returns the
-    /// chunks of the finest level whose numbering changed.
-    pub fn set_topology(&mut self, hierarchy: &[Level], held: &[bool], changes: Option<&[LevelChange]>) -> Vec<usize> {
+    /// [`Self::update_changed`]. Returns the chunks of the finest level whose numbering changed.
+    pub fn set_topology(&mut self, hierarchy: &[Level], changes: Option<&[LevelChange]>) -> Vec<usize> {
         let elements: Option<Vec<Vec<u32>>> = changes.map(|c| c.iter().map(LevelChange::elements).collect());
         let mut renumbered = Vec::new();
         for (i, level) in self.levels.iter_mut().enumerate() {
-            let held = if i == 0 { held } else { &[] };
             let changed = elements.as_ref().map(|e| [&e[i][..], e.get(i + 1).map_or(&[][..], |above| &above[..])]);
-            let chunks = level.set_topology(&hierarchy[i], hierarchy.get(i + 1), held, changed);
+            let chunks = level.set_topology(&hierarchy[i], hierarchy.get(i + 1), changed);
             if i == 0 {
                 renumbered = chunks;
             }
@@ -113,11 +110,16 @@ impl Multigrid {
         renumbered
     }
 
-    /// Recomputes what `changes` touched above the finest level, whose matrices already reflect them.
-    /// [`Self::update_rotations`] and [`Self::update_diagonals`] complete it.
-    pub fn update_changed(&mut self, hierarchy: &[Level], changes: &[LevelChange]) {
+    /// Recomputes what `changes` and other matrices of `elements` touched above the finest level, whose matrices already
+    /// reflect them. [`Self::update_rotations`] and [`Self::update_diagonals`] complete it.
+    pub fn update_changed(&mut self, hierarchy: &[Level], changes: &[LevelChange], elements: &[u32]) {
         let mut touched: Vec<u32> =
             changes[1..].first().map_or(Vec::new(), |c| elements_in_cells(&hierarchy[1], &c.touched_cells));
+        if let Some(above) = hierarchy.get(1) {
+            touched.extend(elements.iter().map(|element| above.owner[*element as usize]));
+            touched.sort_unstable();
+            touched.dedup();
+        }
         self.rebuild_coarse(&mut touched);
         self.factor_coarsest();
     }
@@ -282,13 +284,12 @@ mod tests {
     "#;
 
     /// `A_above x` against `P^T A P x` of the level below, largest difference over the largest entry.
-    fn coarse_operator_error(sizes: CellSizes, grid: &Grid, holds: impl Fn([i32; 3]) -> bool) -> f32 {
+    fn coarse_operator_error(sizes: CellSizes, grid: &Grid) -> f32 {
         let base = Level::base(&VoxelUnits { grid, exponent: 0 }, sizes);
         let above = base.above();
         let levels = [base, above];
-        let held: Vec<bool> = levels[0].nodes.iter().map(|node| holds(*node)).collect();
         let mut multigrid = Multigrid::new(&levels);
-        multigrid.set_topology(&levels, &held, None);
+        multigrid.set_topology(&levels, None);
         let elastic = Elastic::new(1e5, 0.3, 1000.0);
         for (element, data) in levels[0].elements.iter().enumerate() {
             let tables = CompositeTables::new(data.size.ilog2() as u8, 0.01);
@@ -315,17 +316,13 @@ mod tests {
     }
 
     #[test]
-    fn a_coarse_operator_is_the_galerkin_product_also_where_nodes_hang_and_are_held() {
+    fn a_coarse_operator_is_the_galerkin_product_also_where_nodes_hang() {
         let desc = SceneDesc::from_toml("block.toml", SCENE).expect("a scene");
         let grid = voxelize(&desc.objects[0], &Default::default()).expect("a valid object");
         let graded = || CellSizes::graded(grid.dims(), 1, |cell| u8::from(cell[0] >= 8));
-        // Held up to 3, nodes that hang are, and not all of their masters.
-        for highest in [-1, 3, 4] {
-            let holds = |node: [i32; 3]| node[1] <= highest;
-            for sizes in [CellSizes::uniform(grid.dims()), graded()] {
-                let error = coarse_operator_error(sizes, &grid, holds);
-                assert!(error < 1e-5, "held up to {highest}: {error}");
-            }
+        for sizes in [CellSizes::uniform(grid.dims()), graded()] {
+            let error = coarse_operator_error(sizes, &grid);
+            assert!(error < 1e-5, "{error}");
         }
     }
 
@@ -356,7 +353,7 @@ mod tests {
                 let (below, above) = levels.split_at_mut(i);
                 changes.push(above[0].update(&below[i - 1], touched.into_iter().map(|c| c.map(|x| x >> 1))));
             }
-            multigrid.set_topology(&levels, &[], Some(&changes));
+            multigrid.set_topology(&levels, Some(&changes));
             let fresh = Multigrid::new(&levels);
             for (updated, fresh) in multigrid.levels.iter().zip(&fresh.levels) {
                 assert!(updated.operator.assembly() == fresh.operator.assembly());

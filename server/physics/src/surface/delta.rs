@@ -20,6 +20,15 @@ pub struct BoundVertex {
     pub material: u16,
 }
 
+/// Weights of a vertex beside what is held.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HeldVertex {
+    /// Vertex id.
+    pub id: VertexId,
+    /// How much the displacement of each corner of its element counts in its own: less than one in all.
+    pub weights: [f32; 8],
+}
+
 /// An element's nodes, corner `c` at `(c & 1, c >> 1 & 1, c >> 2)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LatticeElement {
@@ -57,6 +66,8 @@ pub struct BodyStructure {
     pub elements: Vec<LatticeElement>,
     /// New or changed vertices, ids ascending.
     pub vertices: Vec<BoundVertex>,
+    /// Those of the vertices that do not move with their elements alone, ids ascending.
+    pub held: Vec<HeldVertex>,
     /// New or changed quads, ids ascending.
     pub quads: Vec<BoundQuad>,
     /// Number of node slots: length of the displacement array over three.

@@ -106,7 +106,7 @@ impl BladeContact {
     pub(super) fn touch(&self, body: &Body, path: &ToolPath) -> Touch<'_> {
         let depths_m = self.front.contacts.iter().map(|contact| {
             let forward = &contact.forward;
-            (forward.ends.tool_point_m - forward.ends.weights.sum(&body.state.position_m)).dot(&forward.direction)
+            (forward.ends.tool_point_m - forward.ends.weights.place_m(&body.state.position_m)).dot(&forward.direction)
         });
         let depth_m = depths_m.fold(0.0, f64::max);
         Touch { blade: &self.blade, pose: motion(&self.blade, self.mount, path).pose, depth_m }

@@ -355,13 +355,12 @@ impl TissueContacts {
 fn place(slots: &[BodySlot], body: u32, patch: u32) -> PlacedPatch {
     let of = &slots[body as usize].body;
     let data = &of.boundary().patches()[patch as usize];
-    let (nodes, n) = of.weights(&data.point);
-    let sum = |values: &[[f64; 3]]| nodes.iter().zip(n).map(|(a, n)| Vec3::from(values[*a as usize]) * n).sum();
+    let weights = of.weights(&data.point);
     PlacedPatch {
         body,
         patch,
-        at_m: sum(&of.state.position_m),
-        velocity_m_per_s: sum(&of.state.velocity_m_per_s),
+        at_m: weights.place_m(&of.state.position_m),
+        velocity_m_per_s: weights.sum(&of.state.velocity_m_per_s),
         normal: of.rotation(data.element as usize) * data.normal,
     }
 }

@@ -126,8 +126,7 @@ impl Adaptation {
 
 /// The box around an element and what lies as far outside it as its vertices may.
 fn box_of(body: &Body, element: usize) -> Aabb {
-    let nodes = body.base().elements[element].nodes;
-    Aabb::around(nodes.map(|node| body.state.position_m[node as usize].into())).grown(body.state.grid.voxel_size_m())
+    body.element_box(element).grown(body.state.grid.voxel_size_m())
 }
 
 /// Moves a vertex of the region by the profile (Eq. 19), as far as its triangles allow.

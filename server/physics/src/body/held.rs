@@ -1,0 +1,263 @@
+//! What of the body is held, element by element.
+
+use super::Body;
+use crate::Vec3;
+use crate::fem::composite::ElementMatrices;
+use crate::fem::held::{Corner, HeldVoxel, VoxelCorners, hold};
+use crate::grid::{Grid, Ijk, VoxelId};
+use crate::math::Aabb;
+use crate::solve::assembly::CHUNK_ELEMENTS;
+
+/// Elements that touch what is held.
+#[derive(Clone, Default)]
+pub(super) struct HeldElements {
+    /// Ascending.
+    elements: Vec<u32>,
+    /// By element; present in those.
+    corners: Vec<Option<Box<VoxelCorners>>>,
+    /// By element; its nodes that would stand still, if elements around them agreed.
+    nodes: Vec<Option<u8>>,
+    /// Around their cells at rest, by chunk of elements, m.
+    boxes: Vec<Aabb>,
+}
+
+impl HeldElements {
+    pub(super) fn elements(&self) -> &[u32] {
+        &self.elements
+    }
+
+    /// The corners of an element's voxels, if it is held.
+    pub(super) fn corners(&self, element: usize) -> Option<&VoxelCorners> {
+        self.corners[element].as_deref()
+    }
+
+    /// Boxes around what of each chunk of elements is held, m, scene frame; empty where nothing is.
+    pub(super) fn boxes(&self) -> &[Aabb] {
+        &self.boxes
+    }
+
+    pub(super) fn resize(&mut self, elements: usize) {
+        self.corners.resize_with(elements, || None);
+        self.nodes.resize(elements, None);
+    }
+
+    fn set(&mut self, element: usize, corners: Option<Box<VoxelCorners>>, nodes: Option<u8>) {
+        let found = self.elements.binary_search(&(element as u32));
+        match (found, corners.is_some()) {
+            (Err(at), true) => self.elements.insert(at, element as u32),
+            (Ok(at), false) => {
+                self.elements.remove(at);
+            }
+            _ => {}
+        }
+        self.corners[element] = corners;
+        self.nodes[element] = nodes;
+    }
+}
+
+impl Body {
+    /// Whether something of an element is held.
+    #[must_use]
+    pub(crate) fn is_held(&self, element: usize) -> bool {
+        self.state.held.corners(element).is_some()
+    }
+
+    /// Finds out what of `elements` is held, and which nodes around them stand still; returns the elements that are held
+    /// otherwise than before, ascending.
+    pub(super) fn find_held(&mut self, elements: &[u32]) -> Vec<u32> {
+        let mut changed = elements.to_vec();
+        changed.retain(|element| self.find_held_corners(*element as usize));
+        let around = self.held_around(elements);
+        changed.extend(around.into_iter().filter(|element| self.find_still_nodes(*element as usize)));
+        changed.sort_unstable();
+        changed.dedup();
+        changed
+    }
+
+    /// Finds out what of an element is held; returns whether that changed.
+    fn find_held_corners(&mut self, element: usize) -> bool {
+        let voxels = self.voxels_of(element);
+        let mut corners = self.voxel_corners(element, &voxels);
+        let before = self.state.held.corners(element);
+        if let (Some(corners), Some(before)) = (&mut corners, before) {
+            corners.set_still(before.still());
+        }
+        let changed = corners.as_deref() != before;
+        let nodes = corners.as_ref().and_then(|corners| {
+            let low = self.first_voxel_of(element);
+            corners.held_nodes(voxels.iter().map(|voxel| from(self.state.grid.voxels()[voxel.index()].ijk, low)))
+        });
+        self.state.held.set(element, corners, nodes);
+        changed
+    }
+
+    /// Finds out which nodes of an element stand still: those that every element around them is to be held at. Returns
+    /// whether that changed.
+    fn find_still_nodes(&mut self, element: usize) -> bool {
+        let nodes = self.base().elements[element].nodes;
+        let still = (0..8).filter(|a| self.stands_still(nodes[*a])).fold(0, |mask, a| mask | 1 << a);
+        let corners = self.state.held.corners[element].as_deref_mut().expect("it is held");
+        let changed = corners.still() != still;
+        corners.set_still(still);
+        changed
+    }
+
+    /// Whether every element around a node is to be held at it.
+    fn stands_still(&self, node: u32) -> bool {
+        let base = self.base();
+        let around = self.elements_at(base.nodes[node as usize]);
+        // Where small elements meet large ones nodes go where others take them.
+        let alike = around.iter().all(|e| base.elements[*e as usize].size == base.elements[around[0] as usize].size);
+        alike
+            && around.into_iter().all(|e| {
+                let Some(corner) = base.elements[e as usize].nodes.iter().position(|n| *n == node) else { return true };
+                self.state.held.nodes[e as usize].is_some_and(|nodes| nodes >> corner & 1 == 1)
+            })
+    }
+
+    /// The corners of an element's voxels; `None` where none is held.
+    fn voxel_corners(&self, element: usize, voxels: &[VoxelId]) -> Option<Box<VoxelCorners>> {
+        if !voxels.iter().any(|voxel| self.description.voxel_loads[voxel.index()].is_beside_held) {
+            return None;
+        }
+        let low = self.first_voxel_of(element);
+        let mut corners = VoxelCorners::new(self.element_level(element));
+        for voxel in voxels {
+            let cell = self.state.grid.voxels()[voxel.index()].ijk;
+            for corner in self.shared_corners(element, cell) {
+                corners.set(from(corner, low), Corner::Shared);
+            }
+        }
+        for voxel in voxels.iter().filter(|voxel| self.description.voxel_loads[voxel.index()].is_beside_held) {
+            let cell = self.state.grid.voxels()[voxel.index()].ijk;
+            for corner in (0..8).map(|c| [0, 1, 2].map(|a| cell[a] + (c >> a & 1))) {
+                if self.is_held_at(element, corner) {
+                    corners.set(from(corner, low), Corner::Held);
+                }
+            }
+        }
+        corners.any_held().then(|| Box::new(corners))
+    }
+
+    /// Corners of a voxel of `element` that voxels of other elements have too, across intact links.
+    fn shared_corners(&self, element: usize, cell: Ijk) -> impl Iterator<Item = Ijk> + '_ {
+        let across = Grid::links_of(cell).enumerate().filter(move |(_, (link, other))| {
+            let beyond = self.state.grid.voxel_at(*other).filter(|_| self.state.grid.is_intact(*link));
+            beyond.is_some_and(|voxel| self.element_of(voxel) != element)
+        });
+        across.flat_map(move |(face, _)| {
+            let (axis, side) = (face / 2, face % 2);
+            (0..8).filter(move |c| c >> axis & 1 == side).map(move |c| [0, 1, 2].map(|a| cell[a] + (c as i32 >> a & 1)))
+        })
+    }
+
+    /// Whether a corner of voxels of `element`, in voxels, is one of a held voxel: of the element itself, or of
+    /// those that it is linked to around the corner.
+    fn is_held_at(&self, element: usize, corner: Ijk) -> bool {
+        let held =
+            |cell: Ijk| self.state.grid.voxel_at(cell).filter(|voxel| self.description.voxel_loads[voxel.index()].held);
+        let owners: Vec<u32> =
+            cells_around(corner).filter_map(held).map(|voxel| self.base().owner[voxel.index()]).collect();
+        if owners.is_empty() || owners.contains(&(element as u32)) {
+            return !owners.is_empty();
+        }
+        let around = self.base().elements_beside(cells_around(corner));
+        let mut linked = vec![element as u32];
+        let mut next = 0;
+        while next < linked.len() {
+            for (_, other) in &self.base().elements[linked[next] as usize].neighbours {
+                if owners.contains(other) {
+                    return true;
+                }
+                if around.contains(other) && !linked.contains(other) {
+                    linked.push(*other);
+                }
+            }
+            next += 1;
+        }
+        false
+    }
+
+    /// The matrices of an element as its voxels are held.
+    pub(super) fn held_matrices(&self, element: usize, voxels: &[VoxelId], plain: ElementMatrices) -> ElementMatrices {
+        let Some(corners) = self.state.held.corners(element) else { return plain };
+        let low = self.first_voxel_of(element);
+        let free = voxels.iter().filter(|voxel| !self.description.voxel_loads[voxel.index()].held);
+        let voxels: Vec<HeldVoxel> = free
+            .map(|voxel| HeldVoxel {
+                at: from(self.state.grid.voxels()[voxel.index()].ijk, low),
+                elastic: self.material_of(*voxel).elastic,
+            })
+            .collect();
+        hold(&plain, corners, &voxels, &self.description.single_voxel)
+    }
+
+    /// Elements of the cells around a place of nodes.
+    fn elements_at(&self, place: Ijk) -> Vec<u32> {
+        self.base().elements_beside(cells_around(place.map(|x| x << self.base().exponent)))
+    }
+
+    /// Elements that are held around the nodes of `elements`, ascending.
+    fn held_around(&self, elements: &[u32]) -> Vec<u32> {
+        let nodes = elements.iter().flat_map(|element| self.base().elements[*element as usize].nodes);
+        let mut places: Vec<Ijk> = nodes.map(|node| self.base().nodes[node as usize]).collect();
+        places.sort_unstable();
+        places.dedup();
+        let mut around: Vec<u32> = places.into_iter().flat_map(|place| self.elements_at(place)).collect();
+        around.retain(|element| self.is_held(*element as usize));
+        around.sort_unstable();
+        around.dedup();
+        around
+    }
+
+    /// Elements that are held in or beside cells, ascending.
+    pub(super) fn held_beside(&self, cells: &[Ijk]) -> Vec<u32> {
+        let touches = |element: &u32| {
+            let data = &self.base().elements[*element as usize];
+            cells.iter().any(|cell| {
+                let size = self.base().sizes().at(*cell).unwrap_or(1);
+                (0..3).all(|a| cell[a] <= data.cell[a] + data.size && data.cell[a] <= cell[a] + size)
+            })
+        };
+        self.state.held.elements().iter().copied().filter(touches).collect()
+    }
+
+    /// Makes the boxes around what of each chunk of elements is held.
+    pub(super) fn bound_held(&mut self) {
+        let empty = Aabb::around([]);
+        let mut boxes = vec![empty; self.state.chunks.len()];
+        for element in self.state.held.elements.iter().map(|element| *element as usize) {
+            let chunk = &mut boxes[element / CHUNK_ELEMENTS];
+            *chunk = chunk.with(&Aabb::around(self.cell_corners_m(element)));
+        }
+        self.state.held.boxes = boxes;
+    }
+
+    /// Lower corner of an element's cell, in voxels.
+    pub(super) fn first_voxel_of(&self, element: usize) -> Ijk {
+        self.base().elements[element].cell.map(|c| c << self.base().exponent)
+    }
+
+    /// A box around where an element is.
+    pub(crate) fn element_box(&self, element: usize) -> Aabb {
+        let nodes = self.base().elements[element].nodes;
+        let at = nodes.iter().map(|node| Vec3::from(self.state.position_m[*node as usize]));
+        // What is held is where it was, whatever the nodes around it do.
+        Aabb::around(at.chain(self.state.held.corners(element).into_iter().flat_map(|_| self.cell_corners_m(element))))
+    }
+
+    /// Corners of an element's cell at rest, m.
+    pub(super) fn cell_corners_m(&self, element: usize) -> [Vec3; 8] {
+        self.base().elements[element].nodes.map(|node| self.rest_position_m(node as usize))
+    }
+}
+
+/// The eight voxels around a corner.
+fn cells_around(corner: Ijk) -> impl Iterator<Item = Ijk> + Clone {
+    (0..8).map(move |c| [0, 1, 2].map(|a| corner[a] - (c >> a & 1)))
+}
+
+/// A place in voxels from another.
+pub(super) fn from(at: Ijk, low: Ijk) -> Ijk {
+    [0, 1, 2].map(|a| at[a] - low[a])
+}

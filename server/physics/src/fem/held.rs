@@ -1,0 +1,405 @@
+//! Elements that touch what is held.
+//!
+//! What is held stays where it is, and the tissue beside it gives way right up to it, however few voxels of an
+//! element that is. So the displacement is interpolated twice: corners of voxels that are held have none, at every
+//! other corner of a voxel it is trilinear between the element's nodes, and within each voxel it is trilinear between
+//! the voxel's corners. Nodes among held voxels are free: their values are what lets the field next to them come
+//! to zero at the surface of what is held.
+//!
+//! Corners that no other element has follow those that others have by static condensation, for the most part.
+//!
+//! An element that turns sees what is held turn the other way. In its frame a held corner at rest position X, from the
+//! cell's lower corner, has the displacement `(R^T - 1) X`: that of the three *ground points* `H e_j`, H the cell's edge,
+//! by the weights X_j / H. With these three beside its eight corners the element is as any other: it resists neither
+//! translation nor rotation of all of them.
+
+use super::composite::{CompositeTables, DOFS, ElementMatrices, Field, Matrix24, shape_functions, shape_gradients};
+use super::material::Elastic;
+use nalgebra::{Cholesky, DMatrix};
+
+/// Ground points' degrees of freedom; `3 * point + axis`.
+pub const GROUND: usize = 9;
+/// Corners' and ground points'.
+const ALL: usize = DOFS + GROUND;
+/// Fraction of the plain element's matrices that is left in an element whose voxels are held or hardly reach out of
+/// what is: its nodes would be singular. Between 1e-6 and 1e-3 it does not show in any displacement.
+const LEFT_OVER: f64 = 1e-3;
+/// Share of the stiffness with all corners trilinear in that which has inner corners condensed. Without it nodes that
+/// only inner corners feel would be singular; at 0.03 the search for rest no longer ends. The built-in liver is off by
+/// 8.0 % at level 2 with all of it, 5.5 % with 0.3, 4.6 % with 0.1.
+const TRILINEAR: f64 = 0.25;
+/// Displacements that are condensed at most: the time goes with the cube. Beyond it they stay trilinear.
+const MOST_CONDENSED: usize = 450;
+
+/// Stiffness between an element's corners and the ground points, N/m, beside that between its corners.
+#[derive(Clone, Debug)]
+pub struct GroundStiffness {
+    /// Row: corner's degree of freedom.
+    pub coupling: Box<[[f64; GROUND]; DOFS]>,
+    /// Of the ground points.
+    pub own: Box<[[f64; GROUND]; GROUND]>,
+}
+
+/// What holds an element.
+#[derive(Clone, Debug)]
+pub struct Ground {
+    /// Goes with [`ElementMatrices::stiffness`].
+    pub stiffness: GroundStiffness,
+    /// Goes with [`ElementMatrices::stiffness_measured`].
+    pub measured: GroundStiffness,
+}
+
+/// What the corners of a cell's voxels are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Corner {
+    /// Of no voxel of the element, or of its voxels alone.
+    #[default]
+    Own,
+    /// Of another element's voxels, too.
+    Shared,
+    /// Held.
+    Held,
+}
+
+/// The corners of the voxels of a cell of 2^exponent voxels a side, and what each is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct VoxelCorners {
+    exponent: u8,
+    corners: Box<[Corner]>,
+    /// Bit a: node a stands still.
+    still: u8,
+}
+
+impl VoxelCorners {
+    /// All [`Corner::Own`].
+    #[must_use]
+    pub fn new(exponent: u8) -> Self {
+        let across = (1usize << exponent) + 1;
+        Self { exponent, corners: vec![Corner::Own; across * across * across].into(), still: 0 }
+    }
+
+    /// Of an element that is taken as a single voxel: the nodes of a mask are held.
+    fn of_nodes(held: u8) -> Self {
+        let corner = |a: u8| if held >> a & 1 == 1 { Corner::Held } else { Corner::Own };
+        Self { exponent: 0, corners: (0..8).map(corner).collect(), still: held }
+    }
+
+    fn index(&self, at: [i32; 3]) -> usize {
+        let across = (1 << self.exponent) + 1;
+        ((at[2] * across + at[1]) * across + at[0]) as usize
+    }
+
+    /// What the corner at `at`, in voxels from the cell's lower corner, is.
+    #[must_use]
+    pub fn at(&self, at: [i32; 3]) -> Corner {
+        self.corners[self.index(at)]
+    }
+
+    /// Whether a corner is the element's own and none of its nodes.
+    fn is_inner(&self, at: [i32; 3]) -> bool {
+        self.at(at) == Corner::Own && at.iter().any(|x| x % (1 << self.exponent) != 0)
+    }
+
+    /// Says what a corner is.
+    pub fn set(&mut self, at: [i32; 3], corner: Corner) {
+        let index = self.index(at);
+        self.corners[index] = corner;
+    }
+
+    /// Whether any is held.
+    #[must_use]
+    pub fn any_held(&self) -> bool {
+        self.corners.contains(&Corner::Held)
+    }
+
+    /// Nodes that a corner's trilinear displacement comes from; bit a for node a.
+    fn support(&self, at: [i32; 3]) -> u8 {
+        let across = 1 << self.exponent;
+        let of = |a: &usize| (0..3).all(|axis| at[axis] != if a >> axis & 1 == 1 { 0 } else { across });
+        (0..8usize).filter(of).fold(0, |mask, a| mask | 1 << a)
+    }
+
+    /// The nodes that, if they stood still, would hold what is held and nothing else of `voxels`; bit a for node a.
+    /// `None` where what is held does not end at faces of the cell.
+    #[must_use]
+    pub fn held_nodes(&self, voxels: impl Iterator<Item = [i32; 3]> + Clone) -> Option<u8> {
+        let corners = voxels.flat_map(corners_of);
+        let held = corners.clone().filter(|at| self.at(*at) == Corner::Held);
+        let nodes = held.fold(0, |mask, at| mask | self.support(at));
+        let mut free = corners.filter(|at| self.at(*at) != Corner::Held);
+        free.all(|at| self.support(at) & !nodes != 0).then_some(nodes)
+    }
+
+    /// Nodes that stand still; bit a for node a.
+    #[must_use]
+    pub fn still(&self) -> u8 {
+        self.still
+    }
+
+    /// Says which nodes stand still.
+    pub fn set_still(&mut self, nodes: u8) {
+        self.still = nodes;
+    }
+
+    /// Weights of the nodes, but for those that stand still, at local coordinates.
+    fn moving(&self, local: [f64; 3]) -> [f64; 8] {
+        let n = shape_functions(local);
+        std::array::from_fn(|a| if self.still >> a & 1 == 1 { 0.0 } else { n[a] })
+    }
+
+    /// Local coordinates, 0 to 1 in the cell, of a corner.
+    fn local(&self, at: [i32; 3]) -> [f64; 3] {
+        at.map(|x| f64::from(x) / f64::from(1 << self.exponent))
+    }
+
+    /// The voxel of a cell that local coordinates lie in, or the one next to them, and where in it they are.
+    fn voxel_at(&self, local: [f64; 3]) -> ([i32; 3], [f64; 3]) {
+        let across = f64::from(1 << self.exponent);
+        let at = local.map(|x| (x * across).floor().clamp(0.0, across - 1.0) as i32);
+        (at, [0, 1, 2].map(|a| local[a] * across - f64::from(at[a])))
+    }
+
+    /// Weights of the element's nodes in the displacement at local coordinates within a voxel, at `voxel` in the cell;
+    /// what is missing to one is held.
+    #[must_use]
+    pub fn weights(&self, voxel: [i32; 3], local: [f64; 3]) -> [f64; 8] {
+        let across = f64::from(1 << self.exponent);
+        let within = [0, 1, 2].map(|a| local[a] * across - f64::from(voxel[a]));
+        self.sum_free(voxel, shape_functions(within))
+    }
+
+    /// Gradients of these weights with respect to the local coordinates.
+    #[must_use]
+    pub fn weight_gradients(&self, voxel: [i32; 3], local: [f64; 3]) -> [[f64; 3]; 8] {
+        let across = f64::from(1 << self.exponent);
+        let within = [0, 1, 2].map(|a| local[a] * across - f64::from(voxel[a]));
+        let gradients = shape_gradients(within);
+        let along = [0, 1, 2].map(|axis| self.sum_free(voxel, gradients.map(|g| across * g[axis])));
+        std::array::from_fn(|node| [0, 1, 2].map(|axis| along[axis][node]))
+    }
+
+    /// Weights at local coordinates and their gradients, in the voxel that these lie in or next to.
+    #[must_use]
+    pub fn weights_anywhere(&self, local: [f64; 3]) -> ([f64; 8], [[f64; 3]; 8]) {
+        let (voxel, _) = self.voxel_at(local);
+        (self.weights(voxel, local), self.weight_gradients(voxel, local))
+    }
+
+    /// Sum over the corners of a voxel that are not held of `values` times the corner's shape functions.
+    fn sum_free(&self, voxel: [i32; 3], values: [f64; 8]) -> [f64; 8] {
+        let mut sum = [0.0; 8];
+        for (corner, value) in corners_of(voxel).zip(values) {
+            if self.at(corner) != Corner::Held {
+                let n = self.moving(self.local(corner));
+                (0..8).for_each(|a| sum[a] += value * n[a]);
+            }
+        }
+        sum
+    }
+}
+
+/// The corners of a voxel.
+fn corners_of(voxel: [i32; 3]) -> impl Iterator<Item = [i32; 3]> + Clone {
+    (0..8).map(move |c| [0, 1, 2].map(|a| voxel[a] + (c >> a & 1)))
+}
+
+/// A voxel of an element that touches what is held.
+#[derive(Clone, Copy, Debug)]
+pub struct HeldVoxel {
+    /// In voxels from the cell's lower corner.
+    pub at: [i32; 3],
+    /// Its material.
+    pub elastic: Elastic,
+}
+
+/// A voxel and its matrices.
+type Part<'a> = ([i32; 3], &'a ElementMatrices);
+
+/// Displacements of the voxels' corners in terms of those of the element's corners and the ground points.
+struct Displacements<'a> {
+    corners: &'a VoxelCorners,
+    /// By voxel corner, three rows each.
+    rows: Vec<[[f64; ALL]; 3]>,
+}
+
+impl<'a> Displacements<'a> {
+    /// Trilinear but for what is held.
+    fn truncated(corners: &'a VoxelCorners) -> Self {
+        let across = 1 << corners.exponent;
+        let mut rows = vec![[[0.0; ALL]; 3]; corners.corners.len()];
+        for (index, row) in rows.iter_mut().enumerate() {
+            let n = index as i32;
+            let at = [n % (across + 1), n / (across + 1) % (across + 1), n / (across + 1) / (across + 1)];
+            let local = corners.local(at);
+            for (axis, row) in row.iter_mut().enumerate() {
+                if corners.corners[index] == Corner::Held {
+                    (0..3).for_each(|point| row[DOFS + 3 * point + axis] = local[point]);
+                } else {
+                    let (all, moving) = (shape_functions(local), corners.moving(local));
+                    for node in 0..8 {
+                        row[3 * node + axis] = moving[node];
+                        let along = |point: &usize| node >> point & 1 == 1;
+                        (0..3).filter(along).for_each(|point| row[DOFS + 3 * point + axis] += all[node] - moving[node]);
+                    }
+                }
+            }
+        }
+        Self { corners, rows }
+    }
+
+    /// The rows of a voxel's corners.
+    fn of_voxel(&self, voxel: [i32; 3]) -> [[f64; ALL]; DOFS] {
+        let mut rows = [[0.0; ALL]; DOFS];
+        for (corner, at) in corners_of(voxel).enumerate() {
+            rows[3 * corner..3 * corner + 3].copy_from_slice(&self.rows[self.corners.index(at)]);
+        }
+        rows
+    }
+
+    /// Lets corners that no other element has go where the voxels' stiffness takes them.
+    fn condense(&mut self, voxels: &[Part<'_>]) {
+        let mut number = vec![usize::MAX; self.rows.len()];
+        let mut count = 0;
+        for at in voxels.iter().flat_map(|(voxel, _)| corners_of(*voxel)) {
+            let index = self.corners.index(at);
+            if self.corners.is_inner(at) && number[index] == usize::MAX {
+                number[index] = count;
+                count += 1;
+            }
+        }
+        if count == 0 || 3 * count > MOST_CONDENSED {
+            return;
+        }
+        let mut own = DMatrix::<f64>::zeros(3 * count, 3 * count);
+        let mut pull = DMatrix::<f64>::zeros(3 * count, ALL);
+        for (voxel, matrices) in voxels {
+            let numbers: Vec<usize> = corners_of(*voxel).map(|at| number[self.corners.index(at)]).collect();
+            let mut given = self.of_voxel(*voxel);
+            (0..DOFS).filter(|i| numbers[i / 3] != usize::MAX).for_each(|i| given[i] = [0.0; ALL]);
+            for row in (0..DOFS).filter(|i| numbers[i / 3] != usize::MAX) {
+                let to = 3 * numbers[row / 3] + row % 3;
+                for column in 0..DOFS {
+                    let k = matrices.stiffness[row][column];
+                    match numbers[column / 3] {
+                        usize::MAX => (0..ALL).for_each(|i| pull[(to, i)] -= k * given[column][i]),
+                        other => own[(to, 3 * other + column % 3)] += k,
+                    }
+                }
+            }
+        }
+        // What hangs on by an edge of a voxel alone has no stiffness against turning there: it stays trilinear.
+        let Some(factor) = Cholesky::new(own) else { return };
+        factor.solve_mut(&mut pull);
+        for (row, number) in self.rows.iter_mut().zip(number).filter(|(_, number)| *number != usize::MAX) {
+            (0..3).for_each(|axis| (0..ALL).for_each(|i| row[axis][i] = pull[(3 * number + axis, i)]));
+        }
+    }
+
+    /// `P^T K P` over the voxels.
+    fn stiffness(&self, voxels: &[Part<'_>], of: impl Fn(&ElementMatrices) -> &Matrix24) -> Whole {
+        let mut sum = Box::new([[0.0; ALL]; ALL]);
+        for (voxel, matrices) in voxels {
+            let p = self.of_voxel(*voxel);
+            let k = of(matrices);
+            for (row, k) in k.iter().enumerate() {
+                let mut along = [0.0; ALL];
+                for (k, p) in k.iter().zip(&p) {
+                    (0..ALL).for_each(|i| along[i] += k * p[i]);
+                }
+                for (sum, p) in sum.iter_mut().zip(p[row]).filter(|(_, p)| *p != 0.0) {
+                    (0..ALL).for_each(|i| sum[i] += p * along[i]);
+                }
+            }
+        }
+        sum
+    }
+}
+
+type Whole = Box<[[f64; ALL]; ALL]>;
+
+/// The blocks of a stiffness over corners and ground points.
+fn split(whole: &Whole) -> (Box<Matrix24>, GroundStiffness) {
+    let mean = |row: usize, column: usize| 0.5 * (whole[row][column] + whole[column][row]);
+    let corners = Box::new(std::array::from_fn(|row| std::array::from_fn(|column| mean(row, column))));
+    let coupling = Box::new(std::array::from_fn(|row| std::array::from_fn(|point| mean(row, DOFS + point))));
+    let own = Box::new(std::array::from_fn(|row| std::array::from_fn(|point| mean(DOFS + row, DOFS + point))));
+    (corners, GroundStiffness { coupling, own })
+}
+
+/// Matrices of an element of which some corners of voxels are held. `plain` are those it would have if none were,
+/// `voxels` those of its voxels that are not held themselves, `single` the tables of one voxel.
+#[must_use]
+pub fn hold(
+    plain: &ElementMatrices,
+    corners: &VoxelCorners,
+    voxels: &[HeldVoxel],
+    single: &CompositeTables,
+) -> ElementMatrices {
+    let still = corners.still();
+    if still != 0 && still != u8::MAX && corners.held_nodes(voxels.iter().map(|voxel| voxel.at)) == Some(still) {
+        return hold_parts(plain, &VoxelCorners::of_nodes(still), &[([0; 3], plain)]);
+    }
+    let mut made: Vec<(Elastic, ElementMatrices)> = Vec::new();
+    for voxel in voxels {
+        if !made.iter().any(|(elastic, _)| *elastic == voxel.elastic) {
+            made.push((voxel.elastic, single.assemble(&[(0, voxel.elastic)], Field::IncompatibleModes)));
+        }
+    }
+    let of = |voxel: &HeldVoxel| &made.iter().find(|(elastic, _)| *elastic == voxel.elastic).expect("it was made").1;
+    let voxels: Vec<_> = voxels.iter().map(|voxel| (voxel.at, of(voxel))).collect();
+    hold_parts(plain, corners, &voxels)
+}
+
+/// The same of an element of parts, each a cell of `corners` with its matrices.
+fn hold_parts(plain: &ElementMatrices, corners: &VoxelCorners, voxels: &[Part<'_>]) -> ElementMatrices {
+    let mut displacements = Displacements::truncated(corners);
+    let (measured, measured_ground) = split(&displacements.stiffness(voxels, |m| &m.stiffness_measured));
+    let mut whole = displacements.stiffness(voxels, |m| &m.stiffness);
+    displacements.condense(voxels);
+    let condensed = displacements.stiffness(voxels, |m| &m.stiffness);
+    for (k, condensed) in whole.as_flattened_mut().iter_mut().zip(condensed.as_flattened()) {
+        *k = TRILINEAR * *k + (1.0 - TRILINEAR) * condensed;
+    }
+    let (stiffness, ground) = split(&whole);
+    let mut held = ElementMatrices {
+        stiffness,
+        stiffness_measured: measured,
+        mass_kg: plain.mass_kg.map(|row| row.map(|m| LEFT_OVER * m)),
+        mean_gradient: [[0.0; 3]; 8],
+        volume_m3: 0.0,
+        ground: None,
+    };
+    for (k, plain) in held.stiffness.as_flattened_mut().iter_mut().zip(plain.stiffness.as_flattened()) {
+        *k += LEFT_OVER * plain;
+    }
+    for (voxel, matrices) in voxels {
+        held.add_voxel(corners, *voxel, matrices);
+    }
+    if voxels.is_empty() {
+        held.volume_m3 = plain.volume_m3;
+    } else {
+        let volume_m3 = held.volume_m3;
+        held.mean_gradient.iter_mut().flatten().for_each(|g| *g /= volume_m3);
+    }
+    held.ground = Some(Ground { stiffness: ground, measured: measured_ground });
+    held
+}
+
+impl ElementMatrices {
+    /// Adds a voxel's mass, volume and volume times mean gradient, through the trilinear displacements.
+    fn add_voxel(&mut self, corners: &VoxelCorners, at: [i32; 3], voxel: &Self) {
+        let n: Vec<Option<[f64; 8]>> = corners_of(at)
+            .map(|corner| (corners.at(corner) != Corner::Held).then(|| corners.moving(corners.local(corner))))
+            .collect();
+        for (c, n_c) in n.iter().enumerate().filter_map(|(c, n)| Some((c, (*n)?))) {
+            for (d, n_d) in n.iter().enumerate().filter_map(|(d, n)| Some((d, (*n)?))) {
+                let mass_kg = voxel.mass_kg[c][d];
+                (0..8).for_each(|a| (0..8).for_each(|b| self.mass_kg[a][b] += mass_kg * n_c[a] * n_d[b]));
+            }
+            for a in 0..8 {
+                (0..3).for_each(|i| self.mean_gradient[a][i] += voxel.volume_m3 * n_c[a] * voxel.mean_gradient[c][i]);
+            }
+        }
+        self.volume_m3 += voxel.volume_m3;
+    }
+}
