@@ -162,8 +162,6 @@ def test_fragments_become_the_message_that_they_were_cut_from():
 
 def test_a_vertex_beside_what_is_held_moves_by_its_own_weights_until_it_comes_anew():
     replica = Replica(["cube"])
-    if "held_vertex_ids" not in pb.BodyStructure.DESCRIPTOR.fields_by_name:
-        pytest.skip("the protocol has no such vertices yet")
     weights = [0, 0, 0.5, 0, 0, 0, 0, 0]
     replica.apply(keyframe({**cube(), "held_vertex_ids": [10], "held_vertex_weights": weights}))
     replica.apply(state([[0.25, 0.0, 0.0]] * 8))

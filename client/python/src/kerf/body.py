@@ -184,8 +184,7 @@ class Body:
         self._local.upsert(ids, local)
         self._materials.upsert(ids, materials)
         self._held.remove(ids)
-        # A server that does not know of them leaves them out.
-        held, of_each = getattr(change, "held_vertex_ids", ()), getattr(change, "held_vertex_weights", ())
+        held, of_each = change.held_vertex_ids, change.held_vertex_weights
         held_ids, weights = _rows("held_vertex_ids", held, "held_vertex_weights", of_each, 8, np.float32)
         self._vertices.find(held_ids, "held_vertex_ids")
         self._held.upsert(held_ids, weights)
