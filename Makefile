@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo station haptics viewer test test-viewer screenshots test-all same-bits lint publish-protocol verify experiment extremes strokes bench performance peers
+.PHONY: demo station haptics viewer test test-viewer test-python screenshots test-all same-bits lint publish-protocol verify experiment extremes strokes bench performance peers
 
 # Folder of scanned meshes for some of the tests and for `performance`, which leave them out where it is empty.
 TEST_SHARED ?= $(abspath $(wildcard ../shared))
@@ -49,12 +49,17 @@ client/web/node_modules: client/web/package-lock.json
 
 test:
 	cargo test --workspace
-	@$(MAKE) --no-print-directory test-viewer
+	@$(MAKE) --no-print-directory test-viewer test-python
 
 # The viewer's own tests, and those in a real browser. What is missing for them is said.
 test-viewer:
 	cargo build --bin kerf-server
 	@client/web/e2e/run.sh viewer
+
+# The Python client against a live server. What is missing for it is said.
+test-python:
+	cargo build --bin kerf-server
+	@client/python/check.sh tests pytest --quiet
 
 # The README's pictures of the viewer, drawn by the same browser.
 screenshots:
@@ -81,6 +86,7 @@ lint: $(if $(NPM),client/web/node_modules)
 	$(if $(NPM),cd client/web && npm run --silent lint)
 	$(if $(NPM),client/web/node_modules/.bin/buf lint proto)
 	$(if $(NPM),client/web/node_modules/.bin/buf breaking proto --against proto/published.binpb)
+	@client/python/check.sh lint sh -ec 'ruff check --quiet && ruff format --check --quiet && mypy'
 
 # Takes the .proto files as they are for the version that later ones have to stay compatible with.
 publish-protocol: client/web/node_modules

@@ -98,6 +98,26 @@ pub enum RequestError {
         /// What is wrong and where.
         message: String,
     },
+    /// More inputs than steps.
+    #[error("inputs: {inputs} entries for {steps} steps")]
+    TooManyInputs {
+        /// The entries.
+        inputs: usize,
+        /// The steps.
+        steps: u32,
+    },
+    /// A motion in an input is none.
+    #[error("inputs[{input}].motions[{motion}]{path}: {limit}")]
+    Motion {
+        /// The input.
+        input: usize,
+        /// Its motion.
+        motion: usize,
+        /// Path of the field in it.
+        path: String,
+        /// The limit that the field broke, for people.
+        limit: String,
+    },
     /// More steps at once than may be, or none.
     #[error("steps = {steps}: must be 1 to {limit}")]
     Steps {
@@ -133,6 +153,8 @@ impl RequestError {
             | Self::Dial { .. }
             | Self::Steps { .. }
             | Self::Speed { .. }
+            | Self::TooManyInputs { .. }
+            | Self::Motion { .. }
             | Self::TooManyRejected { .. }
             | Self::LeaseOfOther { .. }
             | Self::SceneText { .. } => Code::InvalidArgument,
@@ -165,8 +187,10 @@ fn session_code(error: &SessionError) -> Code {
         SessionError::Dial(DialError::Scene(_))
         | SessionError::Scene(_)
         | SessionError::Rate { .. }
+        | SessionError::Input { .. }
         | SessionError::PointName { .. } => Code::InvalidArgument,
         SessionError::Dial(_) => Code::FailedPrecondition,
+        SessionError::StepsEnded { .. } => Code::Aborted,
         SessionError::Draining => Code::Unavailable,
     }
 }

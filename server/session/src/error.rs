@@ -4,6 +4,8 @@ use kerf_physics::SceneError;
 
 use kerf_scenes::dial::DialError;
 
+use crate::pose_check::PoseRefusal;
+
 /// A request that a session or the registry could not serve.
 #[derive(Debug, PartialEq, thiserror::Error)]
 pub enum SessionError {
@@ -123,6 +125,20 @@ pub enum SessionError {
     /// The session is no recording.
     #[error("the session is simulated: only a recording that is played goes to another time")]
     NotReplay,
+    /// A tool may not do in a step what the call for it says.
+    #[error("{path}: {limit}")]
+    Input {
+        /// Path of the field, as on the wire.
+        path: String,
+        /// The limit that it broke, for people.
+        limit: String,
+    },
+    /// The session was told something else while it took the steps of a call.
+    #[error("a pause, a resume, a reset or a way back ended the steps; {taken} of them were taken before")]
+    StepsEnded {
+        /// Steps of the call that were taken.
+        taken: usize,
+    },
     /// The session is closed or closing.
     #[error("the session is closed")]
     Closed,
@@ -147,4 +163,13 @@ pub enum SessionError {
         /// What the operating system said.
         message: String,
     },
+}
+
+impl SessionError {
+    /// Motion `place` of input `index` was refused.
+    pub(crate) fn refused_input(index: usize, place: usize, is_pose: bool, refusal: &PoseRefusal) -> Self {
+        let motion = if is_pose { "pose" } else { "lift" };
+        let path = format!("inputs[{index}].motions[{place}].{motion}.{}", refusal.field());
+        Self::Input { path, limit: refusal.limit() }
+    }
 }

@@ -16,6 +16,7 @@ use crate::lock::lock;
 use crate::player::{Position, Seek};
 use crate::pose_check::{PoseRefusal, PoseSample};
 use crate::status::{SessionStatus, StepTallies};
+use crate::stepping::{StepInput, StepMotion, Stepped, Steps};
 use crate::tool_slot::{DriverId, Echo, ToolSlot};
 
 /// What a query sees between two steps.
@@ -34,8 +35,8 @@ pub(crate) enum Command {
     Pause(oneshot::Sender<u64>),
     /// Step on; answers with the step from which it goes on.
     Resume(oneshot::Sender<Result<u64, SessionError>>),
-    /// Take this many steps and stand; answers with the step after which the session stands.
-    Step(u32, oneshot::Sender<Result<u64, SessionError>>),
+    /// Take steps and stand; answers when they are taken.
+    Step(Steps, StepAnswer),
     /// Back to rest.
     Reset(oneshot::Sender<Result<(), SessionError>>),
     /// Describe the session.
@@ -47,6 +48,9 @@ pub(crate) enum Command {
     /// Inspect the world. The closure holds the answer's channel.
     Query(Box<dyn FnOnce(&mut Inspection<'_>) + Send>),
 }
+
+/// Where the outcome of steps goes.
+pub(crate) type StepAnswer = oneshot::Sender<Result<Stepped, SessionError>>;
 
 /// Something to do with the checkpoints that a session can go back to, by name.
 pub(crate) enum CheckpointCommand {
@@ -219,10 +223,27 @@ impl Inbox {
         state.tools.iter().enumerate().filter(|(_, slot)| slot.driver().is_some()).map(|(tool, _)| tool).collect()
     }
 
-    /// Every tool is put down anew by its next motion: the world has lost its pose, or kept one that
-    /// is too old.
+    /// Every tool is put down anew by its next motion: the world has lost its pose.
     pub fn reenter_tools(&self) {
         lock(&self.state).tools.iter_mut().for_each(ToolSlot::reenter);
+    }
+
+    /// Tools that hands hold are put down anew by their next motion: they went on moving while the session stood.
+    pub fn reenter_driven_tools(&self) {
+        let mut state = lock(&self.state);
+        state.tools.iter_mut().filter(|slot| slot.driver().is_some()).for_each(ToolSlot::reenter);
+    }
+
+    /// Whether tools may do in coming steps of `dt_ns` what a call says of them.
+    pub fn check_inputs(&self, inputs: &[StepInput], dt_ns: u64) -> Result<(), SessionError> {
+        let mut trial = lock(&self.state).tools.clone();
+        let mut inputs = inputs.iter().enumerate();
+        inputs.try_for_each(|(index, input)| follow(&mut trial, index, input, dt_ns, &self.limits))
+    }
+
+    /// Takes tools to where the coming step of `dt_ns` has them; `index` is the place of the step in its call.
+    pub fn follow(&self, index: usize, input: &StepInput, dt_ns: u64) -> Result<(), SessionError> {
+        follow(&mut lock(&self.state).tools, index, input, dt_ns, &self.limits)
     }
 
     /// Every tool is lifted in the next step, or put down where its newest pose has it: the world is at
@@ -281,6 +302,29 @@ impl Inbox {
         // A poisoned lock wakes the session early, which does no harm.
         drop(self.bell.wait_timeout_while(state, timeout, idle));
     }
+}
+
+fn follow(
+    slots: &mut [ToolSlot],
+    index: usize,
+    input: &[StepMotion],
+    dt_ns: u64,
+    limits: &SessionLimits,
+) -> Result<(), SessionError> {
+    let tools = slots.len();
+    for (place, motion) in input.iter().enumerate() {
+        let tool = motion.tool;
+        let slot = slots.get_mut(tool).ok_or(PoseRefusal::NoTool { tool: tool as u64, tools });
+        let followed = match slot {
+            Ok(slot) if slot.driver().is_some() => {
+                return Err(SessionError::ToolTaken { tool, lease_s: limits.lease_s });
+            }
+            Ok(slot) => slot.follow(motion.to.as_ref(), dt_ns, &limits.pose),
+            Err(refusal) => Err(refusal),
+        };
+        followed.map_err(|refusal| SessionError::refused_input(index, place, motion.to.is_some(), &refusal))?;
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -380,7 +424,7 @@ mod tests {
         drained(&inbox, Drain::Stepping, 0);
         inbox.submit(a, 0, &at(2, 0.05), 40_000_000).unwrap();
         assert!(drained(&inbox, Drain::Standing, 50_000_000).inputs.is_empty());
-        inbox.reenter_tools();
+        inbox.reenter_driven_tools();
         let tick = drained(&inbox, Drain::Stepping, 50_000_000);
         assert!(matches!(tick.inputs[0].motion, ToolMotion::EnterAt { .. }));
     }

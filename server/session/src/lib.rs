@@ -30,6 +30,7 @@ mod session_core;
 mod session_id;
 mod session_thread;
 pub mod status;
+pub mod stepping;
 pub mod structure;
 mod structure_log;
 pub mod tape;

@@ -89,6 +89,8 @@ pub struct ViewState {
     pub times: StepTimes,
     /// When it was published, ns on the server's monotonic clock.
     pub published_ns: u64,
+    /// It is shown whatever a viewer's rate: there may be no later one.
+    pub(crate) is_hastened: bool,
 }
 
 impl ViewState {
@@ -439,7 +441,8 @@ impl Viewer {
     fn take_state(&mut self, shelf: &Shelf) -> Option<Arc<ViewState>> {
         let state = shelf.state.as_ref().filter(|state| self.cursor.place() == Some(state.place))?;
         if let Some(last) = self.last_state {
-            let too_early = state.published_ns < last.published_ns.saturating_add(self.interval_ns);
+            let too_early =
+                !state.is_hastened && state.published_ns < last.published_ns.saturating_add(self.interval_ns);
             if state.step == last.step || too_early {
                 return None;
             }

@@ -13,6 +13,7 @@ use crate::error::SessionError;
 use crate::inbox::{CheckpointCommand, Command, Inbox};
 use crate::outbox::{Publisher, SceneEvent, ViewEvent, ViewState};
 use crate::status::{Phase, SessionStatus};
+use crate::stepping::{StepOutcome, Stepped};
 use crate::structure::apply_patch;
 use crate::structure_log::Place;
 
@@ -269,11 +270,12 @@ impl Player {
             Command::Resume(answer) => {
                 let _ = answer.send(self.resume());
             }
-            Command::Step(steps, answer) => {
+            Command::Step(steps, answer) if steps.inputs.is_empty() => {
                 self.pause();
-                self.owed = steps;
-                let _ = answer.send(Ok(self.shown.state.step));
+                self.owed = steps.count;
+                let _ = answer.send(Ok(self.shown()));
             }
+            Command::Step(_, answer) => refuse(answer),
             Command::Describe(answer) => {
                 let _ = answer.send(self.describe());
             }
@@ -313,6 +315,14 @@ impl Player {
             self.set_phase(Phase::Running, SceneEvent::Resumed);
         }
         Ok(self.shown.state.step)
+    }
+
+    /// What is shown as its steps begin to be: a recording shows them one after the other.
+    fn shown(&self) -> Stepped {
+        let ViewState { step, sim_time_s, topology_version, energy, .. } = self.shown.state;
+        let tools = self.shown.state.tools.clone();
+        let outcome = StepOutcome { step, sim_time_s, tools, energy, tracked_displacement_m: Vec::new() };
+        Stepped { outcomes: vec![outcome], topology_version, state_hash: 0 }
     }
 
     fn describe(&self) -> SessionStatus {

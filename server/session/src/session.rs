@@ -24,6 +24,7 @@ use crate::session_core::SessionCore;
 use crate::session_id::SessionId;
 use crate::session_thread::{self, Told};
 use crate::status::{Phase, SessionStatus};
+use crate::stepping::{Stepped, Steps};
 use crate::tape::{CAPACITY, Reel, tape};
 use crate::tool_slot::DriverId;
 use kerf_scenes::dial::Choice;
@@ -272,12 +273,13 @@ impl Session {
         self.ask(Command::Resume).await?
     }
 
-    /// Takes `steps` steps, one after the other without waiting for their deadlines, and stands after them;
-    /// answers with the step after which it stands.
+    /// Takes steps one after the other without waiting for their deadlines, stands after them, and answers then. The
+    /// same calls from the same state lead to the same state.
     ///
     /// # Errors
-    /// The queue is full, or the session has ended or failed.
-    pub async fn step(&self, steps: u32) -> Result<u64, SessionError> {
+    /// An input is refused, before the first step; the session is told something else meanwhile; the queue is full; or
+    /// the session has ended or failed.
+    pub async fn step(&self, steps: Steps) -> Result<Stepped, SessionError> {
         self.ask(|answer| Command::Step(steps, answer)).await?
     }
 

@@ -41,12 +41,12 @@ enum Presence {
 }
 
 /// Lease and pending motion of a tool. At most one motion waits, whatever the rate of poses.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct ToolSlot {
     lease: Option<Lease>,
     /// Who lost the lease by silence and has not been told.
     evicted: Option<DriverId>,
-    /// Last accepted pose under this lease.
+    /// Last accepted pose under this lease, or of the steps that were asked for while nobody held one.
     last: Option<TimedPose>,
     /// The last pose, if it was refused for being too far from `last`.
     jumped_to: Option<TimedPose>,
@@ -79,6 +79,7 @@ impl ToolSlot {
             Some(_) => true,
             None => {
                 self.lease = Some(Lease { driver, heard_ns: now_ns });
+                self.last = None;
                 // Nobody is evicted from what they hold again.
                 self.evicted = self.evicted.filter(|evicted| *evicted != driver);
                 true
@@ -97,18 +98,38 @@ impl ToolSlot {
         let timed = TimedPose { sample: *sample, arrived_ns: now_ns };
         let enters = self.enters_by(&timed, limits)?;
         self.heard(now_ns);
-        self.last = Some(timed);
         self.jumped |= enters && self.jumped_to.take().is_some();
+        self.go_to(timed, enters);
+        Ok(())
+    }
+
+    /// Takes the tool, which nobody may hold, to where the coming step of `dt_ns` has it; without a pose it is lifted.
+    pub fn follow(&mut self, to: Option<&PoseSample>, dt_ns: u64, limits: &PoseLimits) -> Result<(), PoseRefusal> {
+        let Some(&sample) = to else {
+            self.leave_scene();
+            return Ok(());
+        };
+        check_place(&sample, limits)?;
+        let timed = TimedPose { sample, arrived_ns: dt_ns };
+        let from = self.last.filter(|_| self.presence == Presence::In);
+        if let Some(from) = from {
+            check_motion(&TimedPose { arrived_ns: 0, ..from }, &timed, limits)?;
+        }
+        self.go_to(timed, from.is_none());
+        Ok(())
+    }
+
+    fn go_to(&mut self, to: TimedPose, enters: bool) {
+        self.last = Some(to);
         // A tool that was put down since the last tick has touched nothing before its newest pose.
         let was_put_down = matches!(self.pending, Some(ToolMotion::EnterAt { .. }));
-        let (pose, opening) = (sample.pose, sample.opening);
+        let (pose, opening) = (to.sample.pose, to.sample.opening);
         self.pending = Some(if enters || was_put_down {
             ToolMotion::EnterAt { pose, opening }
         } else {
             ToolMotion::MoveTo { pose, opening }
         });
         self.presence = Presence::In;
-        Ok(())
     }
 
     /// While `driver` holds it, models of its contact are wanted this far apart.

@@ -75,11 +75,10 @@ async fn a_session_that_stands_is_stepped_by_hand() {
     let mut harness = Harness::start().await;
     let session_id = harness.create().await.unwrap();
     let stood = harness.pause(&session_id).await;
-    let request = |steps| v1::StepSessionRequest { session_id: session_id.clone(), steps };
+    let request = |steps| v1::StepSessionRequest { session_id: session_id.clone(), steps, inputs: Vec::new() };
     let last = harness.sessions.step_session(request(7)).await.unwrap().into_inner().step;
-    assert_eq!(last, stood + 7);
-    harness.until(&session_id, |described| described.step == last).await;
-    assert_eq!(harness.describe(&session_id).await.state(), v1::SessionState::Paused);
+    let described = harness.describe(&session_id).await;
+    assert_eq!((last, described.step, described.state()), (stood + 7, stood + 7, v1::SessionState::Paused));
     let refused = harness.sessions.step_session(request(0)).await.unwrap_err();
     assert_eq!(refused.message(), "steps = 0: must be 1 to 1000");
 }

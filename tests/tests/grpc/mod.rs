@@ -9,6 +9,7 @@ mod dial;
 mod harness;
 mod hostile;
 mod lifecycle;
+mod lock_step;
 mod own_scenes;
 mod recorded;
 mod stale;

@@ -1,6 +1,6 @@
 //! Poses in, contacts out.
 
-use kerf_physics::step_io::{ContactModel, Grasp};
+use kerf_physics::step_io::{ContactModel, Grasp, ToolOutput};
 use kerf_physics::tool::OPEN;
 use kerf_proto::v1;
 use kerf_session::{DriverId, PoseLimits, PoseRefusal, PoseSample, StepReport};
@@ -39,25 +39,35 @@ pub fn contact(
 ) -> v1::Contact {
     let of_tool = report.tools.get(tool).copied().unwrap_or_default();
     let echo = of_tool.echo.filter(|echo| echo.driver == driver);
-    let lifted = of_tool.output.pose.is_none().then_some(v1::ContactFlag::Lifted as u32);
-    let grasp = match of_tool.output.grasp {
+    let felt = felt(report.step, report.sim_time_s, tool, &of_tool.output, BLENDED_SHARE / rate_hz);
+    v1::Contact {
+        echo_seq: echo.map_or(0, |echo| echo.seq),
+        echo_ns: echo.map_or(0, |echo| echo.client_ns),
+        flags: flags | felt.flags,
+        number,
+        server_ns: report.ended_ns,
+        echo_arrived_ns: echo.map_or(0, |echo| echo.arrived_ns),
+        ..felt
+    }
+}
+
+/// What a tool feels after a step, whoever is told of it; over `blend_time_s` a station goes over to its model.
+pub fn felt(step: u64, sim_time_s: f64, tool: usize, output: &ToolOutput, blend_time_s: f64) -> v1::Contact {
+    let lifted = output.pose.is_none().then_some(v1::ContactFlag::Lifted as u32);
+    let grasp = match output.grasp {
         Grasp::Nothing => 0,
         Grasp::Holding => v1::ContactFlag::Holding as u32,
         Grasp::Slipped => v1::ContactFlag::Slipped as u32,
     };
     v1::Contact {
         tool_id: tool as u32,
-        step: report.step,
-        sim_time_s: report.sim_time_s,
-        echo_seq: echo.map_or(0, |echo| echo.seq),
-        echo_ns: echo.map_or(0, |echo| echo.client_ns),
-        wrench: Some(wrench(&of_tool.output.wrench)),
-        model: of_tool.output.contact.as_ref().map(|model| contact_model(model, BLENDED_SHARE / rate_hz)),
-        cutting_length_m: of_tool.output.cutting_length_m as f32,
-        flags: flags | lifted.unwrap_or(0) | grasp,
-        number,
-        server_ns: report.ended_ns,
-        echo_arrived_ns: echo.map_or(0, |echo| echo.arrived_ns),
+        step,
+        sim_time_s,
+        wrench: Some(wrench(&output.wrench)),
+        model: output.contact.as_ref().map(|model| contact_model(model, blend_time_s)),
+        cutting_length_m: output.cutting_length_m as f32,
+        flags: lifted.unwrap_or(0) | grasp,
+        ..v1::Contact::default()
     }
 }
 

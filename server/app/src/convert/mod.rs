@@ -2,6 +2,7 @@
 
 pub mod contact;
 pub mod scene;
+pub mod stepping;
 pub mod view;
 
 use kerf_physics::fault::{Fault, FaultKind};

@@ -14,12 +14,10 @@ use tonic::{Request, Response, Status};
 use super::in_time;
 use crate::config::ServerConfig;
 use crate::convert::scene::{checkpoint, dial, session_description, session_info};
+use crate::convert::stepping::{step_response, steps};
 use crate::recording::Recordings;
 use crate::scene_list::{Listed, SceneList};
 use crate::status::RequestError;
-
-/// Most steps that a session that stands is told to take at once: a second at 1 kHz.
-const MAX_STEPS: u32 = 1000;
 
 /// The service.
 pub struct SessionService {
@@ -174,12 +172,11 @@ impl v1::session_service_server::SessionService for SessionService {
         &self,
         request: Request<v1::StepSessionRequest>,
     ) -> Result<Response<v1::StepSessionResponse>, Status> {
-        let v1::StepSessionRequest { session_id, steps } = request.get_ref();
-        if !(1..=MAX_STEPS).contains(steps) {
-            return Err(RequestError::Steps { steps: *steps, limit: MAX_STEPS }.into());
-        }
-        let step = in_time(self.limit_s(), self.get(session_id)?.step(*steps)).await?;
-        Ok(Response::new(v1::StepSessionResponse { step }))
+        let request = request.get_ref();
+        let session = self.get(&request.session_id)?;
+        let steps = steps(request, &session.limits().pose)?;
+        let stepped = in_time(self.limit_s(), session.step(steps)).await?;
+        Ok(Response::new(step_response(&stepped)))
     }
 
     async fn reset_session(

@@ -31,6 +31,7 @@ impl SessionCore {
         // A caller that has given up waiting is no error of the session's.
         match command {
             Command::Pause(answer) => {
+                self.forget_owed();
                 if self.phase == Phase::Running {
                     self.set_phase(Phase::Paused, SceneEvent::Paused);
                 }
@@ -39,9 +40,7 @@ impl SessionCore {
             Command::Resume(answer) => {
                 let _ = answer.send(self.resume());
             }
-            Command::Step(steps, answer) => {
-                let _ = answer.send(self.owe(steps));
-            }
+            Command::Step(steps, answer) => self.owe(steps, answer),
             Command::Reset(answer) => {
                 let _ = answer.send(self.reset());
             }
@@ -58,27 +57,13 @@ impl SessionCore {
         }
     }
 
-    /// Stands, and is to take `steps` steps all the same.
-    fn owe(&mut self, steps: u32) -> Result<u64, SessionError> {
-        match &self.phase {
-            Phase::Failed { message } => return Err(SessionError::Failed { message: message.to_string() }),
-            Phase::Running => self.set_phase(Phase::Paused, SceneEvent::Paused),
-            // As on a resume: tools went on moving while nobody read their poses.
-            Phase::Paused if self.owed_steps == 0 => self.inbox.reenter_tools(),
-            Phase::Paused | Phase::Closing => {}
-        }
-        self.owed_steps = steps;
-        Ok(self.world.output().step + u64::from(steps))
-    }
-
     fn resume(&mut self) -> Result<u64, SessionError> {
         match &self.phase {
             Phase::Failed { message } => return Err(SessionError::Failed { message: message.to_string() }),
             Phase::Paused => {
-                // Tools went on moving; the world's poses are as old as the pause.
-                self.inbox.reenter_tools();
+                self.forget_owed();
+                self.inbox.reenter_driven_tools();
                 self.interrupted = true;
-                self.owed_steps = 0;
                 self.set_phase(Phase::Running, SceneEvent::Resumed);
             }
             Phase::Running | Phase::Closing => {}
@@ -107,7 +92,7 @@ impl SessionCore {
         self.interrupted = true;
         // No step has led here: what tools felt before is of another world.
         self.tally.ended_ns = 0;
-        self.owed_steps = 0;
+        self.forget_owed();
         self.views.forget_patch();
         self.publisher.start_over();
         self.publisher.event(self.world.output().step, event);

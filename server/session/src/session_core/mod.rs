@@ -8,7 +8,10 @@
 
 mod checkpoints;
 mod commands;
+#[cfg(test)]
+mod lock_step;
 mod models;
+mod owed_steps;
 #[cfg(test)]
 mod recording_cost;
 mod views;
@@ -18,6 +21,7 @@ mod virtual_session;
 mod virtual_time;
 
 use std::any::Any;
+use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
@@ -38,6 +42,7 @@ use crate::status::{Phase, StepTallies};
 use crate::tape::{LoggedInputs, TapeEntry, TapedStep};
 use crate::tool_slot::DriverId;
 use models::ModelSchedule;
+use owed_steps::OwedSteps;
 use views::ViewSchedule;
 
 /// How often a session that stands looks after its viewers, ns; commands wake it at once.
@@ -66,8 +71,8 @@ pub(crate) struct SessionCore {
     overload: OverloadWatch,
     /// The session stood, or its world was replaced: deadlines and leases run from the next step on.
     interrupted: bool,
-    /// Steps that a session that stands has been told to take.
-    owed_steps: u32,
+    /// Steps that a session that stands has been asked for, a call after the other.
+    owed: VecDeque<OwedSteps>,
     /// Present where the scene states how much effort may be given up.
     governor: Option<Governor>,
     /// What the governor decided after the last step.
@@ -133,7 +138,7 @@ impl SessionCore {
             pacer: pacer(&scene, &limits),
             overload: OverloadWatch::default(),
             interrupted: true,
-            owed_steps: 0,
+            owed: VecDeque::new(),
             governor: Governor::of(&scene.desc),
             next_tolerance: None,
             checkpoints: Checkpoints::new(limits.max_checkpoints),
@@ -166,7 +171,7 @@ impl SessionCore {
     pub fn tick(&mut self, now_ns: u64, workers: &Workers<'_>, clock: &dyn StageClock) -> Wake {
         let due = guard(|| match self.phase {
             Phase::Running => self.step_if_due(now_ns, workers, clock),
-            Phase::Paused if self.owed_steps > 0 => self.step_while_standing(now_ns, workers, clock),
+            Phase::Paused if !self.owed.is_empty() => self.step_while_standing(now_ns, workers, clock),
             Phase::Paused | Phase::Failed { .. } => self.stand(now_ns, clock),
             Phase::Closing => {}
         });
@@ -175,7 +180,7 @@ impl SessionCore {
         }
         match self.phase {
             Phase::Running => Wake::At(self.pacer.deadline_ns()),
-            Phase::Paused if self.owed_steps > 0 => Wake::At(now_ns),
+            Phase::Paused if !self.owed.is_empty() => Wake::At(now_ns),
             Phase::Paused | Phase::Failed { .. } => Wake::OnCommand { or_at_ns: now_ns + STANDING_TICK_NS },
             Phase::Closing => Wake::Never,
         }
@@ -187,38 +192,29 @@ impl SessionCore {
         self.serve_viewers(now_ns, clock, false);
     }
 
-    /// One of the steps that were asked for while the session stands: due at once, and viewers see the last one.
-    fn step_while_standing(&mut self, now_ns: u64, workers: &Workers<'_>, clock: &dyn StageClock) {
-        self.owed_steps -= 1;
-        if self.owed_steps == 0 {
-            self.views.hasten_state();
-        }
-        self.pacer.restart(now_ns);
-        self.inbox.drain(Drain::Stepping, now_ns, &mut self.tools);
-        self.tell_leases();
-        self.step(now_ns, workers, clock);
-    }
-
     fn step_if_due(&mut self, now_ns: u64, workers: &Workers<'_>, clock: &dyn StageClock) {
         if std::mem::take(&mut self.interrupted) {
             self.pacer.restart(now_ns);
             self.inbox.renew_leases(now_ns);
         }
         if now_ns >= self.pacer.deadline_ns() {
-            self.inbox.drain(Drain::Stepping, now_ns, &mut self.tools);
-            self.tell_leases();
-            self.step(now_ns, workers, clock);
+            self.take_step(now_ns, workers, clock);
         }
     }
 
-    fn step(&mut self, started_ns: u64, workers: &Workers<'_>, clock: &dyn StageClock) {
+    fn take_step(&mut self, started_ns: u64, workers: &Workers<'_>, clock: &dyn StageClock) {
+        self.inbox.drain(Drain::Stepping, started_ns, &mut self.tools);
+        self.tell_leases();
         let models = self.models.due(started_ns, &self.tools.model_intervals_ns, &self.world.output().tools);
         let relative_tolerance = self.next_tolerance.take();
         let inputs = StepInputs { tools: &self.tools.inputs, relative_tolerance, models };
         let output = self.world.step(workers, clock, &inputs);
         let ended_ns = clock.now_ns();
         let elapsed_ns = ended_ns - started_ns;
-        let pace = self.pacer.step_ended(ended_ns);
+        let pace = match self.phase {
+            Phase::Running => self.pacer.step_ended(ended_ns),
+            _ => Pace::InTime,
+        };
         self.tally.ended_ns = ended_ns;
         self.tally.energy.book(&output.energy);
         self.tally.steps.add(output, elapsed_ns, pace);
@@ -267,7 +263,7 @@ impl SessionCore {
     }
 
     fn govern(&mut self, step: u64, elapsed_ns: u64, pace: Pace) {
-        let Some(governor) = &mut self.governor else { return };
+        let Some(governor) = self.governor.as_mut().filter(|_| self.phase == Phase::Running) else { return };
         let Some(relative_tolerance) = governor.step_ended(elapsed_ns, pace != Pace::InTime) else { return };
         tracing::info!(step, relative_tolerance, "the governor changed the solver's tolerance");
         self.next_tolerance = Some(relative_tolerance);
@@ -335,6 +331,7 @@ impl SessionCore {
             "a step panicked; the session stands until it is reset"
         );
         let message: Arc<str> = message.into();
+        self.owed.clear();
         self.set_phase(Phase::Failed { message }, SceneEvent::Failed);
     }
 

@@ -10,6 +10,9 @@ use crate::outbox::ViewState;
 use crate::status::StepTimes;
 use crate::structure_log::Place;
 
+/// The next state is due, whatever the rate.
+const AT_ONCE_NS: u64 = 0;
+
 /// When the next of each is due, and what has been summed up for it.
 #[derive(Default)]
 pub(super) struct ViewSchedule {
@@ -40,7 +43,7 @@ impl ViewSchedule {
 
     /// The next step is shown, whenever a state was published last.
     pub fn hasten_state(&mut self) {
-        self.next_state_ns = 0;
+        self.next_state_ns = AT_ONCE_NS;
     }
 }
 
@@ -75,6 +78,7 @@ impl SessionCore {
 
     fn publish_state(&mut self, now_ns: u64, clock: &dyn StageClock) {
         let interval_ns = to_ns(1.0 / self.limits.view_rate_hz);
+        let is_hastened = self.views.next_state_ns == AT_ONCE_NS;
         // From the time it was due, so that the rate is kept though steps do not divide it.
         self.views.next_state_ns = (self.views.next_state_ns + interval_ns).max(now_ns + interval_ns / 2);
         if let Some(took_ns) = self.world.adapt_surface(clock) {
@@ -100,6 +104,7 @@ impl SessionCore {
             energy: self.tally.energy,
             times: std::mem::take(&mut self.views.times),
             published_ns: now_ns,
+            is_hastened,
         });
     }
 }

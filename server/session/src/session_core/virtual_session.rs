@@ -11,12 +11,14 @@ use tokio::sync::{oneshot, watch};
 
 use super::{SessionCore, Wake};
 use crate::admission::Admission;
-use crate::inbox::{Command, Inbox};
+use crate::error::SessionError;
+use crate::inbox::{Command, Inbox, Inspection};
 use crate::limits::SessionLimits;
 use crate::outbox::{Outbox, Publisher, StepReport, Viewer};
 use crate::pose_check::{PoseRefusal, PoseSample};
 use crate::resimulation::Resimulation;
 use crate::status::{Phase, SessionStatus};
+use crate::stepping::{Stepped, Steps};
 use crate::tape::{CAPACITY, TapeEntry, TapeReader, tape};
 use crate::tool_slot::DriverId;
 
@@ -105,6 +107,20 @@ impl VirtualSession {
         self.inbox.push(command(answer)).unwrap();
         self.tick();
         answered.try_recv().expect("a command is obeyed in the tick that finds it")
+    }
+
+    /// Asks for steps and ticks until they are answered.
+    pub fn step_by(&mut self, steps: Steps) -> Result<Stepped, SessionError> {
+        let (answer, mut answered) = oneshot::channel();
+        self.inbox.push(Command::Step(steps, answer)).unwrap();
+        loop {
+            self.tick();
+            match answered.try_recv() {
+                Ok(stepped) => return stepped,
+                Err(oneshot::error::TryRecvError::Empty) => {}
+                Err(error) => panic!("the session gave up its steps: {error}"),
+            }
+        }
     }
 
     pub fn status(&mut self) -> SessionStatus {

@@ -16,6 +16,7 @@ use crate::limits::SessionLimits;
 use crate::outbox::{SceneEvent, ViewEvent, ViewMessage, Viewer};
 use crate::pose_check::PoseRefusal;
 use crate::status::{Phase, SessionStatus};
+use crate::stepping::Steps;
 use crate::tape::TapeEntry;
 
 fn block() -> SceneDesc {
@@ -395,7 +396,8 @@ fn a_session_that_stands_takes_as_many_steps_as_it_is_told_and_shows_the_last() 
     let stood = session.ask(Command::Pause);
     session.run(S);
     messages(&mut viewer);
-    assert_eq!(session.ask(|answer| Command::Step(3, answer)), Ok(stood + 3));
+    let stepped = session.step_by(Steps { count: 3, inputs: Vec::new() }).unwrap();
+    assert_eq!(stepped.outcomes.iter().map(|outcome| outcome.step).collect::<Vec<_>>(), [501, 502, 503]);
     session.run(S);
     let status = session.status();
     assert_eq!((status.step, status.late_steps, status.phase), (stood + 3, 0, Phase::Paused));

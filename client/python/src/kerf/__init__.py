@@ -1,0 +1,71 @@
+"""Client of Kerf, the networked soft-tissue cutting simulator.
+
+Begin with `Client`, or `LocalServer` where no server runs yet; `kerf.gym` has an environment for learning.
+"""
+
+from kerf.body import Surface
+from kerf.client import Client
+from kerf.control import Contact, Control
+from kerf.errors import (
+    DeadlineError,
+    FailedPreconditionError,
+    InvalidArgumentError,
+    KerfError,
+    NotFoundError,
+    PoseRejectedError,
+    ReplicaError,
+    ResourceExhaustedError,
+    StepsEndedError,
+    UnavailableError,
+)
+from kerf.local_server import LocalServer
+from kerf.model import (
+    ENERGY_TERMS,
+    Checkpoint,
+    ContactFlags,
+    EnergyLedger,
+    Scene,
+    SceneInfo,
+    SceneObject,
+    SessionState,
+    SessionStatus,
+    StepResult,
+    Tool,
+)
+from kerf.motion import Placement
+from kerf.recording import Recording
+from kerf.session import Session
+from kerf.view import View
+
+__all__ = [
+    "ENERGY_TERMS",
+    "Checkpoint",
+    "Client",
+    "Contact",
+    "ContactFlags",
+    "Control",
+    "DeadlineError",
+    "EnergyLedger",
+    "FailedPreconditionError",
+    "InvalidArgumentError",
+    "KerfError",
+    "LocalServer",
+    "NotFoundError",
+    "Placement",
+    "PoseRejectedError",
+    "Recording",
+    "ReplicaError",
+    "ResourceExhaustedError",
+    "Scene",
+    "SceneInfo",
+    "SceneObject",
+    "Session",
+    "SessionState",
+    "SessionStatus",
+    "StepResult",
+    "StepsEndedError",
+    "Surface",
+    "Tool",
+    "UnavailableError",
+    "View",
+]

@@ -1,0 +1,238 @@
+"""One object of a view: its lattice, the surface bound to it, and where the nodes are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kerf import surface_hash
+from kerf.errors import ReplicaError
+from kerf.v1 import view_pb2 as pb
+
+F32 = NDArray[np.float32]
+U32 = NDArray[np.uint32]
+
+#: Most node slots of an object: a state has to carry 12 bytes for each, and has 16 MiB at most.
+_MAX_NODES = (16 << 20) // 12
+
+
+class Table:
+    """Rows by ascending id; a change adds rows and replaces some, and nothing is ever removed."""
+
+    def __init__(self, width: int, dtype: type[np.generic]) -> None:
+        self.ids: U32 = np.zeros(0, dtype=np.uint32)
+        self.rows: NDArray[Any] = np.zeros((0, width), dtype=dtype)
+
+    def find(self, ids: U32, field: str) -> NDArray[np.intp]:
+        """Places of these ids.
+
+        Raises:
+            ReplicaError: One of them is not there.
+        """
+        places, known = self._look(ids)
+        if not known.all():
+            raise ReplicaError(f"{field}: id {ids[~known][0]} does not exist", field=field, limit="ids that exist")
+        return places
+
+    def known(self, ids: U32) -> tuple[U32, NDArray[Any]]:
+        """Those of these ids that there are, and their rows."""
+        places, known = self._look(ids)
+        return ids[known], self.rows[places[known]]
+
+    def upsert(self, ids: U32, rows: NDArray[Any]) -> None:
+        """Adds rows, and replaces those of ids that are there."""
+        places, known = self._look(ids)
+        self.rows[places[known]] = rows[known]
+        self.ids = np.insert(self.ids, places[~known], ids[~known])
+        self.rows = np.insert(self.rows, places[~known], rows[~known], axis=0)
+
+    def remove(self, ids: U32) -> None:
+        """Takes rows away, where there are any of these ids."""
+        stays = ~np.isin(self.ids, ids)
+        self.ids, self.rows = self.ids[stays], self.rows[stays]
+
+    def _look(self, ids: U32) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+        places = np.searchsorted(self.ids, ids)
+        if not len(self.ids):
+            return places, np.zeros(len(ids), dtype=bool)
+        return places, (places < len(self.ids)) & (self.ids[np.minimum(places, len(self.ids) - 1)] == ids)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The surface of an object where it is after a step. N vertices, M quads."""
+
+    #: Name of the object.
+    object_name: str
+    #: Where the vertices are, scene frame. (N, 3)
+    vertices_m: F32
+    #: Indices into the vertices, counter-clockwise seen from outside. (M, 4)
+    quads: NDArray[np.int64]
+    #: Two for each quad, split along the diagonal that is shorter at rest. (2 M, 3)
+    triangles: NDArray[np.int64]
+    #: Whether a blade laid the quad open; else it is the object's own surface. (M,)
+    is_cut: NDArray[np.bool_]
+    #: Indices into `SceneObject.material_names`. (N,)
+    materials: NDArray[np.uint8]
+    #: Ids, ascending; they stay as the surface changes. (N,) and (M,)
+    vertex_ids: U32
+    quad_ids: U32
+    #: Steps taken.
+    step: int
+    topology_version: int
+
+
+class Body:
+    """Checked as it comes in, so that positions can be evaluated without looking again."""
+
+    def __init__(self) -> None:
+        self._rest_m: F32 = np.zeros((0, 3), dtype=np.float32)
+        self._is_node: NDArray[np.bool_] = np.zeros(0, dtype=bool)
+        self._displacement_m: F32 = np.zeros((0, 3), dtype=np.float32)
+        self._elements = Table(8, np.uint32)
+        self._vertices = Table(1, np.uint32)
+        self._local = Table(3, np.float32)
+        self._materials = Table(1, np.uint8)
+        # Weights of the displacements of vertices beside what is held.
+        self._held = Table(8, np.float32)
+        self._quads = Table(4, np.uint32)
+        self._adapted_ids: U32 = np.zeros(0, dtype=np.uint32)
+        self._adapted_m: F32 = np.zeros((0, 3), dtype=np.float32)
+        #: Sum of the hashes of the vertices and quads, kept as they come.
+        self.hash_sum = 0
+
+    def change(self, change: pb.BodyStructure) -> None:
+        """Applies what a keyframe (to an empty body) or a patch says. After an error the body is not to be used."""
+        self._change_nodes(change)
+        ids, nodes = _rows("element_ids", change.element_ids, "element_nodes", change.element_nodes, 8, np.uint32)
+        if not (nodes < len(self._is_node)).all() or not self._is_node[nodes].all():
+            raise ReplicaError("element_nodes: a node does not exist", field="element_nodes", limit="ids that exist")
+        self._elements.upsert(ids, nodes)
+        self._change_vertices(change)
+        self._change_quads(change)
+
+    def check_state(self, state: pb.BodyState) -> None:
+        """Whether `displace` can take the state over."""
+        _array("node_displacements_m", state.node_displacements_m, len(self._rest_m), 3, np.float32)
+        field = "adapted_vertex_ids"
+        ids, _ = _rows(field, state.adapted_vertex_ids, "adapted_offsets_m", state.adapted_offsets_m, 3, np.float32)
+        self._vertices.find(ids, field)
+
+    def displace(self, state: pb.BodyState) -> None:
+        """Moves the nodes."""
+        self._displacement_m = np.array(state.node_displacements_m, dtype=np.float32).reshape(-1, 3)
+        self._adapted_ids = np.array(state.adapted_vertex_ids, dtype=np.uint32)
+        self._adapted_m = np.array(state.adapted_offsets_m, dtype=np.float32).reshape(-1, 3)
+
+    def surface(self, object_name: str, step: int, topology_version: int) -> Surface:
+        """Where the surface is now."""
+        ids, quad_ids = self._vertices.ids, self._quads.ids
+        elements = self._elements.find(self._vertices.rows[:, 0].astype(np.uint32), "vertex_elements")
+        nodes = self._elements.rows[elements].astype(np.intp)
+        weights = _corner_weights(self._local.rows.astype(np.float32))
+        rest_m = _weighted(weights, self._rest_m[nodes])
+        weights[np.searchsorted(ids, self._held.ids)] = self._held.rows
+        vertices_m = rest_m + _weighted(weights, self._displacement_m[nodes])
+        vertices_m[np.searchsorted(ids, self._adapted_ids)] += self._adapted_m
+        quads = np.searchsorted(ids, self._quads.rows.astype(np.uint32)).astype(np.int64)
+        return Surface(
+            object_name=object_name,
+            vertices_m=vertices_m,
+            quads=quads,
+            triangles=_split(quads, rest_m),
+            # The other side of the link exists only where a blade parted it.
+            is_cut=np.isin(quad_ids ^ np.uint32(1), quad_ids),
+            materials=self._materials.rows[:, 0].astype(np.uint8),
+            vertex_ids=ids,
+            quad_ids=quad_ids,
+            step=step,
+            topology_version=topology_version,
+        )
+
+    def _change_nodes(self, change: pb.BodyStructure) -> None:
+        have = len(self._rest_m)
+        # Slots are never taken away: elements that nothing uses any more still refer to them.
+        if not have <= change.node_count <= _MAX_NODES:
+            limit = f"{have} to {_MAX_NODES}"
+            raise ReplicaError(f"node_count: {change.node_count} is not {limit}", field="node_count", limit=limit)
+        ids, rest_m = _rows("node_ids", change.node_ids, "node_rest_m", change.node_rest_m, 3, np.float32)
+        if len(ids) and ids[-1] >= change.node_count:
+            raise ReplicaError(f"node_ids: {ids[-1]}", field="node_ids", limit=f"below {change.node_count}")
+        more = change.node_count - have
+        self._rest_m = np.vstack([self._rest_m, np.zeros((more, 3), dtype=np.float32)])
+        self._displacement_m = np.vstack([self._displacement_m, np.zeros((more, 3), dtype=np.float32)])
+        self._is_node = np.concatenate([self._is_node, np.zeros(more, dtype=bool)])
+        self._rest_m[ids], self._is_node[ids] = rest_m, True
+
+    def _change_vertices(self, change: pb.BodyStructure) -> None:
+        ids, local = _rows("vertex_ids", change.vertex_ids, "vertex_local", change.vertex_local, 3, np.float32)
+        elements = _array("vertex_elements", change.vertex_elements, len(ids), 1, np.uint32)
+        self._elements.find(elements[:, 0], "vertex_elements")
+        materials: NDArray[Any] = np.zeros((len(ids), 1), dtype=np.uint8)
+        if change.vertex_materials:
+            materials = _array("vertex_materials", change.vertex_materials, len(ids), 1, np.uint8)
+        known, before_elements = self._vertices.known(ids)
+        _, before_local = self._local.known(ids)
+        before = surface_hash.sum_of_vertices(known, before_elements[:, 0], before_local)
+        after = surface_hash.sum_of_vertices(ids, elements[:, 0], local)
+        self.hash_sum = surface_hash.exchange(self.hash_sum, before, after)
+        self._vertices.upsert(ids, elements)
+        self._local.upsert(ids, local)
+        self._materials.upsert(ids, materials)
+        self._held.remove(ids)
+        held, of_each = change.held_vertex_ids, change.held_vertex_weights
+        held_ids, weights = _rows("held_vertex_ids", held, "held_vertex_weights", of_each, 8, np.float32)
+        self._vertices.find(held_ids, "held_vertex_ids")
+        self._held.upsert(held_ids, weights)
+
+    def _change_quads(self, change: pb.BodyStructure) -> None:
+        ids, corners = _rows("quad_ids", change.quad_ids, "quad_vertices", change.quad_vertices, 4, np.uint32)
+        self._vertices.find(corners.reshape(-1), "quad_vertices")
+        before = surface_hash.sum_of_quads(*self._quads.known(ids))
+        after = surface_hash.sum_of_quads(ids, corners)
+        self.hash_sum = surface_hash.exchange(self.hash_sum, before, after)
+        self._quads.upsert(ids, corners)
+
+
+def _corner_weights(local: F32) -> F32:
+    """Of the eight corners, corner c at (c & 1, c >> 1 & 1, c >> 2)."""
+    corners = np.arange(8)
+    bits = np.stack([corners & 1, corners >> 1 & 1, corners >> 2], axis=1).astype(bool)
+    factors: F32 = np.where(bits, local[:, None, :], np.float32(1.0) - local[:, None, :])
+    return np.asarray(factors.prod(axis=2))
+
+
+def _weighted(weights: F32, at_corners: F32) -> F32:
+    return np.asarray(np.einsum("vc,vcx->vx", weights, at_corners))
+
+
+def _split(quads: NDArray[np.int64], rest_m: F32) -> NDArray[np.int64]:
+    a, b, c, d = quads.T
+    ac, bd = (np.sum((rest_m[to] - rest_m[start]) ** 2, axis=1) for start, to in ((a, c), (b, d)))
+    along_ac = (ac < bd) | ((ac == bd) & (np.minimum(a, c) < np.minimum(b, d)))
+    two = np.where(along_ac, np.stack([a, b, c, a, c, d]), np.stack([b, c, d, b, d, a]))
+    return two.T.reshape(-1, 3)
+
+
+def _array(field: str, values: Sequence[float], rows: int, width: int, dtype: type[np.generic]) -> NDArray[Any]:
+    array = np.array(values, dtype=dtype)
+    if len(array) != rows * width:
+        limit = f"{rows * width} entries"
+        raise ReplicaError(f"{field}: {len(array)} entries, {rows * width} expected", field=field, limit=limit)
+    if not np.isfinite(array).all():
+        raise ReplicaError(f"{field}: an entry is not finite", field=field, limit="finite")
+    return array.reshape(rows, width)
+
+
+def _rows(
+    id_field: str, ids: Sequence[int], field: str, values: Sequence[float], width: int, dtype: type[np.generic]
+) -> tuple[U32, NDArray[Any]]:
+    """Ascending ids and the values that each of them has."""
+    array = np.array(ids, dtype=np.uint32)
+    if (array[1:] <= array[:-1]).any():
+        raise ReplicaError(f"{id_field}: ids do not ascend", field=id_field, limit="ascending")
+    return array, _array(field, values, len(array), width, dtype)

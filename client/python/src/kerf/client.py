@@ -1,0 +1,126 @@
+"""A connection to a server: its scenes and its sessions."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from kerf.errors import InvalidArgumentError
+from kerf.model import SceneInfo, SessionState
+from kerf.rpc import Transport
+from kerf.session import Session
+from kerf.v1 import session_pb2 as pb
+
+if TYPE_CHECKING:
+    from typing import Self
+
+
+class Client:
+    """A connection to a server; a context manager."""
+
+    def __init__(self, address: str = "127.0.0.1:50051", *, timeout_s: float = 60.0) -> None:
+        """Connects.
+
+        Args:
+            address: Host and port.
+            timeout_s: What a call may take, s.
+        """
+        self._transport = Transport(address.removeprefix("http://"), timeout_s)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Ends the connection. Sessions go on."""
+        self._transport.close()
+
+    def wait_until_ready(self, timeout_s: float = 10.0) -> None:
+        """Waits for the server to listen."""
+        self._transport.wait_until_ready(timeout_s)
+
+    def scenes(self) -> list[SceneInfo]:
+        """The scenes that can be created by name."""
+        answer = self._transport.call("SessionService/ListScenes", pb.ListScenesRequest(), pb.ListScenesResponse)
+        return [SceneInfo(scene.name, scene.description) for scene in answer.scenes]
+
+    def scene_toml(self, scene_name: str) -> str:
+        """The text of a scene, to be read, changed and given to `create_session`."""
+        request = pb.GetSceneRequest(scene_name=scene_name)
+        return self._transport.call("SessionService/GetScene", request, pb.GetSceneResponse).scene_toml
+
+    def sessions(self) -> dict[str, SessionState]:
+        """What the sessions of the server are doing, by their ids."""
+        answer = self._transport.call("SessionService/ListSessions", pb.ListSessionsRequest(), pb.ListSessionsResponse)
+        return {session.session_id: SessionState(session.state) for session in answer.sessions}
+
+    def create_session(
+        self,
+        scene_name: str | None = None,
+        *,
+        path: str | Path | None = None,
+        toml: str | None = None,
+        files: Mapping[str, bytes] | None = None,
+        real_time: bool = False,
+        level: int | None = None,
+        budget_ms: float | None = None,
+        max_error: float | None = None,
+        step_rate_hz: float | None = None,
+    ) -> Session:
+        """Builds a scene, named, in a file, or as text, and begins a session of it.
+
+        Args:
+            scene_name: One of `scenes`.
+            path: A scene file; the meshes, label maps and edges that it names are read from beside it.
+            toml: The text of a scene.
+            files: Meshes, label maps and edges that the text names.
+            real_time: It steps by itself, at the scene's rate. Else it stands, and is stepped by `Session.step`.
+            level: Level of every object, 0 (exact) to 4.
+            budget_ms: Or the most exact measured setting whose steps take at most this long in the median.
+            max_error: Or the cheapest measured setting that errs by at most this.
+            step_rate_hz: Steps per simulated second; the scene's unless it is given.
+        """
+        if sum(given is not None for given in (scene_name, path, toml)) != 1:
+            raise InvalidArgumentError("give one of scene_name, path and toml", field="scene", limit="one of three")
+        if path is not None:
+            toml = Path(path).read_text(encoding="utf-8")
+            files = {name: (Path(path).parent / name).read_bytes() for name in _files_of(tomllib.loads(toml))}
+        sent = files or {}
+        request = pb.CreateSessionRequest(
+            scene_name=scene_name,
+            scene_toml=toml,
+            start_paused=not real_time,
+            level=level,
+            budget_ms=budget_ms,
+            max_error=max_error,
+            step_rate_hz=step_rate_hz,
+            files=[pb.SceneFile(name=name, data=data) for name, data in sent.items()],
+        )
+        answer = self._transport.call("SessionService/CreateSession", request, pb.CreateSessionResponse)
+        return Session(self._transport, answer.session, warnings=answer.warnings, files=sent)
+
+    def join_session(self, session_id: str) -> Session:
+        """A session that is there already; it is not closed at the end of a `with`."""
+        request = pb.DescribeSessionRequest(session_id=session_id)
+        answer = self._transport.call("SessionService/DescribeSession", request, pb.DescribeSessionResponse)
+        return Session(self._transport, answer.session, owned=False)
+
+
+def _files_of(value: Any) -> Iterator[str]:  # noqa: ANN401
+    """The files that a scene names."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            if key == "file" and isinstance(inner, str):
+                yield inner
+            else:
+                yield from _files_of(inner)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from _files_of(inner)

@@ -1,0 +1,235 @@
+"""A Gymnasium environment around a session: cutting as a task to learn.
+
+Gymnasium is optional (`pip install kerf[gym]`). Without it `CuttingEnv` is a class of the same methods, and its spaces
+are plain boxes with `low`, `high`, `shape` and `sample`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kerf.client import Client
+from kerf.errors import InvalidArgumentError
+from kerf.model import Floats, StepResult
+from kerf.motion import Motion, Placement, poses_array
+from kerf.session import ToolRef
+
+try:
+    from gymnasium import Env as _Env
+    from gymnasium.spaces import Box
+except ImportError:
+
+    @dataclass
+    class Box:  # type: ignore[no-redef]
+        """Numbers between two bounds, as Gymnasium's."""
+
+        low: Any
+        high: Any
+        shape: tuple[int, ...]
+        dtype: Any = np.float32
+
+        def __post_init__(self) -> None:
+            self._random = np.random.default_rng()
+
+        def seed(self, seed: int | None = None) -> None:
+            """Begins the samples anew."""
+            self._random = np.random.default_rng(seed)
+
+        def sample(self) -> NDArray[Any]:
+            """Any of them, evenly."""
+            return self._random.uniform(self.low, self.high, self.shape).astype(self.dtype)
+
+    class _Env:  # type: ignore[no-redef]
+        """As much of Gymnasium's as `CuttingEnv` needs."""
+
+        np_random: np.random.Generator
+
+        def __class_getitem__(cls, _: object) -> type:
+            return cls
+
+        def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> None:  # noqa: ARG002
+            """Begins the random numbers anew where a seed is given."""
+            if seed is not None or not hasattr(self, "np_random"):
+                self.np_random = np.random.default_rng(seed)
+
+
+if TYPE_CHECKING:
+    Base = _Env[NDArray[np.float32], NDArray[np.float32]]
+else:
+    Base = _Env[np.ndarray, np.ndarray]
+
+Observation = NDArray[np.float32]
+
+#: Under this name the state is kept that every episode begins with.
+_START = "episode"
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What a reward is made of: the tool and the tissue before and after an action."""
+
+    #: Pose of the tool after the action; seven numbers.
+    pose: Floats
+    #: What the steps of the action have led to.
+    result: StepResult
+    #: What the steps of the action before have led to.
+    before: StepResult
+
+    def gained_j(self, term: str) -> float:
+        """By how much an energy has grown in the action, by its name without the unit (`"fracture"`)."""
+        return float(self.result.energy_j(term)[-1] - self.before.energy_j(term)[-1])
+
+
+def cut_area_reward(moment: Moment) -> float:
+    """The energy that went into new cuts, J: Gc times their area."""
+    return moment.gained_j("fracture")
+
+
+class CuttingEnv(Base):
+    """A tool that is moved through tissue, a few steps an action, as fast as the machine steps.
+
+    An action is six numbers from -1 to 1: velocity along the scene's x, y, z as a share of `max_speed_m_per_s`, and
+    turning about the tool's x, y, z as a share of `max_turn_rad_per_s`. With `controls_opening` a seventh opens (1) and
+    closes (-1) the jaws.
+
+    An observation is flat: the tool's position (3) and quaternion (4), the force (3) and torque (3) on it, the length
+    of the edge that cuts (1), then the displacement of each tracked point (3 each). Override `observe` for another one,
+    and `observation_space` with it.
+
+    The same seed and the same actions give the same observations and the same `info["state_hash"]`.
+    """
+
+    def __init__(
+        self,
+        client: Client,
+        scene: str = "jelly",
+        *,
+        start_pose: ArrayLike,
+        tool: ToolRef = 0,
+        steps_per_action: int = 10,
+        max_actions: int = 500,
+        max_speed_m_per_s: float = 0.1,
+        max_turn_rad_per_s: float = 1.0,
+        start_spread_m: float = 0.0,
+        settle_steps: int = 0,
+        controls_opening: bool = False,
+        reward: Callable[[Moment], float] = cut_area_reward,
+        is_done: Callable[[Moment], bool] = lambda _: False,
+        **session_options: Any,  # noqa: ANN401
+    ) -> None:
+        """Builds the scene, and lets it come to rest.
+
+        Args:
+            client: The server. The environment does not close it.
+            scene: One of `client.scenes()`, or nothing with `path` or `toml` among the session's options.
+            start_pose: Where the tool is at the beginning of an episode, outside the tissue; seven numbers.
+            tool: Name or index of the tool that is moved.
+            steps_per_action: Steps that an action lasts.
+            max_actions: Actions after which an episode is truncated.
+            max_speed_m_per_s: Speed that an action of 1 means.
+            max_turn_rad_per_s: Rate of turning that an action of 1 means.
+            start_spread_m: The start is moved by up to this along each axis, by the seed.
+            settle_steps: Steps before the first episode in which nothing is touched, so that weight has acted.
+            controls_opening: Whether an action has a seventh number.
+            reward: What an action was worth.
+            is_done: Whether the task is done; the episode ends then.
+            session_options: As of `Client.create_session`.
+        """
+        named = scene if not {"path", "toml"} & session_options.keys() else None
+        self.session = client.create_session(named, **session_options)
+        self._tool = self.session.tool_index(tool)
+        self._start_pose = poses_array(start_pose, "start_pose")[0]
+        self._steps = steps_per_action
+        self._max_actions = max_actions
+        action_s = steps_per_action * self.session.scene.dt_s
+        self._reach_m, self._turn_rad = max_speed_m_per_s * action_s, max_turn_rad_per_s * action_s
+        self._spread_m = start_spread_m
+        self._reward, self._is_done = reward, is_done
+        self._actions = 0
+        size = 7 if controls_opening else 6
+        self.action_space = Box(-1.0, 1.0, (size,), np.float32)
+        points = len(self.session.scene.tracked_point_names)
+        self.observation_space = Box(-np.inf, np.inf, (14 + 3 * points,), np.float32)
+        if settle_steps:
+            self.session.step(settle_steps)
+        self.session.save_checkpoint(_START)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begins an episode: the tissue whole, the tool at its start."""
+        super().reset(seed=seed, options=options)
+        self.session.restore_checkpoint(_START)
+        self._actions = 0
+        self._pose = self._start_pose.copy()
+        self._pose[:3] += self.np_random.uniform(-self._spread_m, self._spread_m, 3)
+        self._opening = 1.0
+        self._result = self.session.step(1, [{self._tool: Placement(self._pose, self._opening)}])
+        return self.observe(self._pose, self._result), self._info()
+
+    def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Moves the tool for `steps_per_action` steps."""
+        wanted = np.asarray(action, dtype=np.float64)
+        if wanted.shape != self.action_space.shape:
+            limit = f"shape {self.action_space.shape}"
+            raise InvalidArgumentError(f"action: shape {wanted.shape}", field="action", limit=limit)
+        wanted = np.clip(wanted, -1.0, 1.0)
+        result = self.session.step(self._steps, [{self._tool: motion} for motion in self._way(wanted)])
+        moment = Moment(self._pose.copy(), result, self._result)
+        self._result = result
+        self._actions += 1
+        terminated, truncated = bool(self._is_done(moment)), self._actions >= self._max_actions
+        return self.observe(self._pose, result), float(self._reward(moment)), terminated, truncated, self._info()
+
+    def observe(self, pose: Floats, result: StepResult) -> Observation:
+        """What the agent sees of the last step."""
+        tool = self._tool
+        seen = [
+            pose,
+            result.force_n[-1, tool],
+            result.torque_nm[-1, tool],
+            result.cutting_length_m[-1, [tool]],
+            result.tracked_displacements_m[-1].reshape(-1),
+        ]
+        return np.concatenate(seen).astype(np.float32)
+
+    def close(self) -> None:
+        """Ends the session."""
+        self.session.close()
+
+    def _way(self, wanted: Floats) -> list[Motion]:
+        """Evenly from where the tool is to where the action has it; the pose is there afterwards."""
+        start, start_opening = self._pose.copy(), self._opening
+        if len(wanted) > 6:
+            self._opening = (wanted[6] + 1.0) / 2.0
+        way: list[Motion] = []
+        for share in np.arange(1.0, self._steps + 1.0) / self._steps:
+            position_m = start[:3] + share * self._reach_m * wanted[:3]
+            turned = _turned(start[3:], share * self._turn_rad * wanted[3:6])
+            self._pose = np.concatenate([position_m, turned])
+            way.append(Placement(self._pose, start_opening + share * (self._opening - start_opening)))
+        return way
+
+    def _info(self) -> dict[str, Any]:
+        last = self._result
+        return {"state_hash": last.state_hash, "step": int(last.steps[-1]), "energy": last.energy}
+
+
+def _turned(quaternion: Floats, rotation_rad: Floats) -> Floats:
+    """The quaternion x, y, z, w after a rotation about the tool's own axes."""
+    angle = float(np.linalg.norm(rotation_rad))
+    axis = rotation_rad / angle if angle > 0.0 else np.zeros(3)
+    (x, y, z), w = np.sin(angle / 2.0) * axis, np.cos(angle / 2.0)
+    a, b, c, d = quaternion / np.linalg.norm(quaternion)
+    turned = [
+        d * x + a * w + b * z - c * y,
+        d * y - a * z + b * w + c * x,
+        d * z + a * y - b * x + c * w,
+        d * w - a * x - b * y - c * z,
+    ]
+    return np.array(turned)

@@ -1,0 +1,90 @@
+"""Calls to a server: the one place that knows gRPC."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Generic, TypeVar
+
+import grpc
+from google.protobuf.message import Message
+
+from kerf.errors import UnavailableError, of_rpc
+
+R = TypeVar("R", bound=Message)
+
+#: The version of the protocol that this package speaks.
+PROTOCOL_VERSION = 1
+
+#: What one message may hold, bytes; the server cuts larger ones of the view stream in parts.
+_MAX_MESSAGE_BYTES = 16 << 20
+
+
+class Transport:
+    """A connection to a server. Calls are made by name, and errors come as `kerf.KerfError`."""
+
+    def __init__(self, address: str, timeout_s: float) -> None:
+        options = [
+            ("grpc.max_receive_message_length", _MAX_MESSAGE_BYTES),
+            ("grpc.max_send_message_length", _MAX_MESSAGE_BYTES),
+            # Each connection of a program is its own, so that the end of one is the end of one.
+            ("grpc.use_local_subchannel_pool", 1),
+        ]
+        self.address = address
+        self.timeout_s = timeout_s
+        self._channel = grpc.insecure_channel(address, options)
+        self._calls: dict[str, Any] = {}
+
+    def wait_until_ready(self, timeout_s: float) -> None:
+        """Waits for the server to listen."""
+        try:
+            grpc.channel_ready_future(self._channel).result(timeout=timeout_s)
+        except grpc.FutureTimeoutError as error:
+            raise UnavailableError(f"no server at {self.address} within {timeout_s} s") from error
+
+    def call(self, method: str, request: Message, response: type[R], timeout_s: float | None = None) -> R:
+        """Calls `Service/Method` and waits for its answer."""
+        stub = self._stub("unary_unary", method, request, response)
+        try:
+            answer: R = stub(request, timeout=timeout_s or self.timeout_s)
+        except grpc.RpcError as error:
+            raise of_rpc(error) from error
+        return answer
+
+    def read(self, method: str, request: Message, response: type[R]) -> Stream[R]:
+        """Calls `Service/Method` and reads what comes until it ends."""
+        return Stream(self._stub("unary_stream", method, request, response)(request))
+
+    def converse(self, method: str, requests: Iterator[Message], request: Message, response: type[R]) -> Stream[R]:
+        """Calls `Service/Method`, sends requests as they come and reads what comes until it ends."""
+        return Stream(self._stub("stream_stream", method, request, response)(requests))
+
+    def close(self) -> None:
+        """Ends all calls and the connection."""
+        self._channel.close()
+
+    def _stub(self, kind: str, method: str, request: Message, response: type[R]) -> Any:  # noqa: ANN401
+        if method not in self._calls:
+            self._calls[method] = getattr(self._channel, kind)(
+                f"/kerf.v1.{method}",
+                request_serializer=type(request).SerializeToString,
+                response_deserializer=response.FromString,
+            )
+        return self._calls[method]
+
+
+class Stream(Generic[R]):
+    """Messages of a call, until it ends or is cancelled."""
+
+    def __init__(self, call: Any) -> None:  # noqa: ANN401
+        self._call = call
+
+    def __iter__(self) -> Iterator[R]:
+        try:
+            yield from self._call
+        except grpc.RpcError as error:
+            if error.code() != grpc.StatusCode.CANCELLED:
+                raise of_rpc(error) from error
+
+    def cancel(self) -> None:
+        """Ends the call from this side."""
+        self._call.cancel()

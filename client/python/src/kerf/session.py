@@ -1,0 +1,231 @@
+"""A session: its life, its steps, its checkpoints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from numpy.typing import ArrayLike
+
+from kerf import model
+from kerf.control import Control
+from kerf.errors import KerfError, NotFoundError
+from kerf.model import Checkpoint, ContactFlags, SessionStatus, StepResult
+from kerf.motion import Motion, Placement, Track, poses_array, step_input
+from kerf.recording import Recorder
+from kerf.rpc import Transport
+from kerf.v1 import session_pb2 as pb
+from kerf.view import View
+
+if TYPE_CHECKING:
+    from typing import Self
+
+    from kerf.replica import Surface
+
+#: A tool, by its name or its index.
+ToolRef = int | str
+
+#: Most steps that a server takes in one call.
+MAX_STEPS_PER_CALL = 1000
+#: Steps of one call of a long drive: few enough that a call on a large scene is answered in time.
+_STEPS_PER_CALL = 100
+
+
+class Session:
+    """A scene that is simulated on a server.
+
+    A session that was created without `real_time` stands, and moves by `step` and `drive` alone: the same calls lead to
+    the same `state_hash`. As a context manager it closes the session at the end, unless it was only joined.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        description: pb.SessionDescription,
+        *,
+        warnings: Sequence[str] = (),
+        files: Mapping[str, bytes] | None = None,
+        owned: bool = True,
+    ) -> None:
+        self.id = description.session_id
+        #: What is simulated.
+        self.scene = model.scene(description.scene)
+        #: What the scene can run with but hardly means.
+        self.warnings = tuple(warnings)
+        #: Speed of a tool above which a pose is refused, m/s.
+        self.max_tool_speed_m_per_s = description.limits.max_tool_speed_m_per_s
+        #: Meshes, label maps and edges that the scene was sent with.
+        self.files = dict(files or {})
+        self._transport = transport
+        self._owned = owned
+        self._recorder: Recorder | None = None
+        self._tools_in_scene: set[int] = set()
+
+    def __repr__(self) -> str:
+        return f"Session({self.id!r}, scene={self.scene.name!r})"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._owned:
+            self.close()
+
+    # Life
+
+    def describe(self) -> SessionStatus:
+        """How the session is doing after its last step."""
+        request = pb.DescribeSessionRequest(session_id=self.id)
+        answer = self._transport.call("SessionService/DescribeSession", request, pb.DescribeSessionResponse)
+        return model.session_status(answer.session)
+
+    def close(self) -> None:
+        """Ends the session. One that has ended already is left alone."""
+        try:
+            request = pb.CloseSessionRequest(session_id=self.id)
+            self._transport.call("SessionService/CloseSession", request, pb.CloseSessionResponse)
+        except NotFoundError:
+            pass
+
+    def pause(self) -> int:
+        """Stops a session that steps by itself; the step after which it stands."""
+        request = pb.PauseSessionRequest(session_id=self.id)
+        return self._transport.call("SessionService/PauseSession", request, pb.PauseSessionResponse).step
+
+    def resume(self) -> int:
+        """Lets the session step by itself, in real time; the step from which it goes on."""
+        request = pb.ResumeSessionRequest(session_id=self.id)
+        return self._transport.call("SessionService/ResumeSession", request, pb.ResumeSessionResponse).step
+
+    def reset(self) -> None:
+        """Puts the scene back to rest: step 0, every tool lifted."""
+        request = pb.ResetSessionRequest(session_id=self.id)
+        self._transport.call("SessionService/ResetSession", request, pb.ResetSessionResponse)
+        self._tools_in_scene.clear()
+        if self._recorder is not None:
+            self._recorder.start_over()
+
+    def scene_toml(self) -> str:
+        """The text of the scene as it runs; meshes and label maps are not in it."""
+        request = pb.GetSceneRequest(session_id=self.id)
+        return self._transport.call("SessionService/GetScene", request, pb.GetSceneResponse).scene_toml
+
+    def tool_index(self, tool: ToolRef) -> int:
+        """The index of a tool of the scene."""
+        names = [known.name for known in self.scene.tools]
+        if isinstance(tool, str) and tool in names:
+            return names.index(tool)
+        if isinstance(tool, int) and 0 <= tool < len(names):
+            return tool
+        raise NotFoundError(f"no tool {tool!r}", field="tool", limit=f"one of {', '.join(names)}")
+
+    # Steps
+
+    def step(self, count: int = 1, motions: Sequence[Mapping[ToolRef, Motion | ArrayLike]] = ()) -> StepResult:
+        """Takes up to 1000 steps as fast as the machine does, and stands after them.
+
+        Args:
+            count: How many.
+            motions: What tools do in each of them: a placement or a pose of seven numbers to go to, or to enter at;
+                `None` lifts. Tools stay where they are in steps beyond, as do those that are not named.
+        """
+        inputs = [{self.tool_index(tool): _motion(motion) for tool, motion in each.items()} for each in motions]
+        return self._step(count, inputs)
+
+    def drive(
+        self, times_s: ArrayLike, poses: ArrayLike, *, tool: ToolRef = 0, openings: ArrayLike | None = None
+    ) -> StepResult:
+        """Moves a tool through poses, a step after the other, and says what each step has led to.
+
+        The tool moves evenly between two rows, as scripted tools of `kerf-server simulate` do, and stays in the scene
+        at the end.
+
+        Args:
+            times_s: When the tool is at each pose, s, ascending; 0 is now. (N,)
+            poses: Position in metres and quaternion x, y, z, w. (N, 7)
+            tool: Its name or index.
+            openings: Fraction of their full opening that jaws take at each pose. (N,)
+        """
+        index = self.tool_index(tool)
+        track = Track.of(times_s, poses, openings)
+        placements = track.placements(self.scene.dt_s, enters=index not in self._tools_in_scene)
+        inputs: list[dict[int, Motion]] = [{} if to is None else {index: to} for to in placements]
+        chunks = (inputs[at : at + _STEPS_PER_CALL] for at in range(0, len(inputs), _STEPS_PER_CALL))
+        return StepResult.concatenated(self._step(len(chunk), chunk) for chunk in chunks)
+
+    def lift(self, tool: ToolRef = 0) -> StepResult:
+        """Takes a tool out of the scene, in a step of its own."""
+        return self._step(1, [{self.tool_index(tool): None}])
+
+    def _step(self, count: int, inputs: Sequence[dict[int, Motion]]) -> StepResult:
+        request = pb.StepSessionRequest(session_id=self.id, steps=count, inputs=[step_input(each) for each in inputs])
+        answer = self._transport.call("SessionService/StepSession", request, pb.StepSessionResponse)
+        result = model.step_result(answer)
+        lifted = result.flags[-1] & ContactFlags.LIFTED
+        self._tools_in_scene = {tool for tool, is_lifted in enumerate(lifted) if not is_lifted}
+        if self._recorder is not None:
+            self._recorder.add(inputs, result)
+        return result
+
+    # Checkpoints
+
+    def save_checkpoint(self, name: str) -> int:
+        """Saves the state to go back to, in place of one of the same name; its step."""
+        request = pb.SaveCheckpointRequest(session_id=self.id, name=name)
+        return self._transport.call("SessionService/SaveCheckpoint", request, pb.SaveCheckpointResponse).step
+
+    def restore_checkpoint(self, name: str) -> int:
+        """Goes back to a checkpoint, every tool lifted; its step."""
+        if self._recorder is not None:
+            raise KerfError("a drive that is recorded cannot go back to a checkpoint; it can be reset")
+        request = pb.RestoreCheckpointRequest(session_id=self.id, name=name)
+        answer = self._transport.call("SessionService/RestoreCheckpoint", request, pb.RestoreCheckpointResponse)
+        self._tools_in_scene.clear()
+        return answer.step
+
+    def checkpoints(self) -> list[Checkpoint]:
+        """What can be gone back to, in the order of saving."""
+        request = pb.ListCheckpointsRequest(session_id=self.id)
+        answer = self._transport.call("SessionService/ListCheckpoints", request, pb.ListCheckpointsResponse)
+        return [Checkpoint(c.name, c.step, c.sim_time_s) for c in answer.checkpoints]
+
+    def delete_checkpoint(self, name: str) -> None:
+        """Forgets a checkpoint."""
+        request = pb.DeleteCheckpointRequest(session_id=self.id, name=name)
+        self._transport.call("SessionService/DeleteCheckpoint", request, pb.DeleteCheckpointResponse)
+
+    # What is seen, felt and kept
+
+    def view(self, rate_hz: float = 60.0) -> View:
+        """Follows the surface from now on; a context manager."""
+        return View(self._transport, self.id, [known.name for known in self.scene.objects], rate_hz)
+
+    def surfaces(self) -> list[Surface]:
+        """The surface of each object as it is now. Who looks often follows a `view`."""
+        with self.view() as view:
+            return view.surfaces()
+
+    def control(self, *tools: ToolRef, contact_rate_hz: float = 0.0) -> Control:
+        """Drives tools of a session that steps by itself, in real time; a context manager."""
+        indices = [self.tool_index(tool) for tool in tools or (0,)]
+        return Control(self._transport, self.id, indices, contact_rate_hz)
+
+    def record(self) -> Recorder:
+        """Keeps all steps from now on, for a file and a replay; a context manager. The scene is at rest then."""
+        if self.describe().step != 0:
+            raise KerfError("a recording begins with the scene at rest: reset the session first")
+        recorder = Recorder(self.scene, self.scene_toml(), self.files, on_end=self._end_recording)
+        self._recorder = recorder
+        return recorder
+
+    def _end_recording(self) -> None:
+        self._recorder = None
+
+
+def _motion(motion: Motion | ArrayLike) -> Motion:
+    if motion is None or isinstance(motion, Placement):
+        return motion
+    return Placement(poses_array(motion, "motions")[0])

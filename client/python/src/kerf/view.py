@@ -1,0 +1,115 @@
+"""Following the surface of a session."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from kerf.errors import DeadlineError, KerfError, NotFoundError, ReplicaError, UnavailableError
+from kerf.replica import Assembler, Replica, Surface
+from kerf.rpc import PROTOCOL_VERSION, Transport
+from kerf.v1 import view_pb2 as pb
+
+if TYPE_CHECKING:
+    from typing import Self
+
+
+class View:
+    """Keeps a replica of what the session shows, up to date in a thread of its own; a context manager."""
+
+    def __init__(self, transport: Transport, session_id: str, object_names: Sequence[str], rate_hz: float) -> None:
+        self._transport = transport
+        self._replica = Replica(object_names)
+        self._assembler = Assembler()
+        self._viewer = ""
+        self._news = threading.Condition()
+        self._error: KerfError | None = None
+        self._ended = False
+        request = pb.ViewRequest(protocol_version=PROTOCOL_VERSION, session_id=session_id, rate_hz=rate_hz)
+        self._stream = transport.read("ViewService/View", request, pb.ViewResponse)
+        self._thread = threading.Thread(target=self._read, name=f"kerf-view-{session_id}", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def surfaces(self, step: int = 0, timeout_s: float = 10.0) -> list[Surface]:
+        """The surface of each object, as of this step or a later one.
+
+        Raises:
+            DeadlineError: No such state came in time.
+            ReplicaError: What came cannot be applied, or its surface is not the server's.
+        """
+        with self._news:
+            self._wait(step, timeout_s)
+            return self._replica.surfaces()
+
+    def surface(self, name: str | None = None, step: int = 0, timeout_s: float = 10.0) -> Surface:
+        """The surface of one object, by default the first."""
+        surfaces = self.surfaces(step, timeout_s)
+        if name is None:
+            return surfaces[0]
+        named = [surface for surface in surfaces if surface.object_name == name]
+        if not named:
+            raise NotFoundError(f"no object {name!r}", field="name")
+        return named[0]
+
+    def surface_hash(self, step: int = 0, timeout_s: float = 10.0) -> int:
+        """Hash of the surface's structure, which is the server's: this is checked whenever it changes."""
+        with self._news:
+            self._wait(step, timeout_s)
+            return self._replica.surface_hash or 0
+
+    def close(self) -> None:
+        """Stops following."""
+        self._stream.cancel()
+        self._thread.join()
+
+    def _wait(self, step: int, timeout_s: float) -> None:
+        def is_there() -> bool:
+            return self._replica.step is not None and self._replica.step >= step
+
+        self._news.wait_for(lambda: is_there() or self._error is not None or self._ended, timeout=timeout_s)
+        if self._error is not None:
+            raise self._error
+        if is_there():
+            return
+        if self._ended:
+            raise UnavailableError("the view has ended")
+        raise DeadlineError(f"no state of step {step} or later within {timeout_s} s", field="step")
+
+    def _read(self) -> None:
+        try:
+            for part in self._stream:
+                message = self._assembler.take(part)
+                if message is None:
+                    continue
+                if message.WhichOneof("message") == "hello":
+                    self._viewer = message.hello.viewer
+                with self._news:
+                    self._replica.apply(message)
+                    self._news.notify_all()
+                if message.number:
+                    self._acknowledge(message.number)
+        except KerfError as error:
+            with self._news:
+                self._error = error
+        finally:
+            with self._news:
+                self._ended = True
+                self._news.notify_all()
+
+    def _acknowledge(self, number: int) -> None:
+        try:
+            request = pb.AcknowledgeRequest(viewer=self._viewer, number=number)
+            self._transport.call("ViewService/Acknowledge", request, pb.AcknowledgeResponse)
+        except NotFoundError:
+            # The stream has ended meanwhile, as the reading of it will say.
+            pass
+
+
+__all__ = ["ReplicaError", "Surface", "View"]

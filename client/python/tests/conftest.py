@@ -1,0 +1,38 @@
+"""A live server for the tests: `KERF_SERVER`, or the repository's own build."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import kerf
+
+REPOSITORY = Path(__file__).parents[3]
+PROGRAM = Path(os.environ.get("KERF_SERVER", REPOSITORY / "target/debug/kerf-server"))
+
+#: Small enough to step in microseconds, and so stiff that it parts under a blade before it is pressed flat.
+BLOCK = REPOSITORY / "server/session/tests/block.toml"
+
+
+def down(begin_m=0.012, end_m=-0.008, x_m=0.0):
+    """Two poses of a level blade that goes down through the block, between two planes of its voxels."""
+    return np.array([[x_m, begin_m, 4e-4, 0, 0, 0, 1], [x_m, end_m, 4e-4, 0, 0, 0, 1]])
+
+
+@pytest.fixture(scope="session")
+def server():
+    with kerf.LocalServer(PROGRAM) as server:
+        yield server
+
+
+@pytest.fixture(scope="session")
+def client(server):
+    with server.client() as client:
+        yield client
+
+
+@pytest.fixture
+def session(client):
+    with client.create_session(path=BLOCK) as session:
+        yield session

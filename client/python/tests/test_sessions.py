@@ -1,0 +1,107 @@
+import numpy as np
+import pytest
+from conftest import BLOCK, PROGRAM, down
+
+import kerf
+
+
+def test_a_session_lives_from_its_creation_to_the_end_of_the_with(client):
+    with client.create_session(path=BLOCK) as session:
+        assert client.sessions()[session.id] is kerf.SessionState.PAUSED
+        status = session.describe()
+        assert (status.step, status.sim_time_s, status.energy) == (0, 0.0, kerf.EnergyLedger())
+        assert client.join_session(session.id).scene.name == "block"
+    assert session.id not in client.sessions()
+    with pytest.raises(kerf.NotFoundError):
+        session.describe()
+    session.close()
+
+
+def test_scenes_are_listed_and_can_be_read_changed_and_created(client):
+    assert {"jelly", "tofu", "rubber"} <= {scene.name for scene in client.scenes()}
+    text = client.scene_toml("jelly")
+    with client.create_session(toml=text, level=3, step_rate_hz=100.0) as session:
+        tissue, blade = session.scene.objects[0], session.scene.tools[0]
+        assert (session.scene.dt_s, session.tool_index("blade")) == (0.01, 0)
+        assert tissue.fracture_energy_j_per_m2 == 5000.0
+        assert np.ptp(blade.edge_m[:, 0]) == pytest.approx(0.06)
+        assert session.scene.tracked_point_names == ("top", "side")
+
+
+def test_files_that_a_scene_names_are_sent_with_it(client, tmp_path):
+    (tmp_path / "edge.csv").write_text("-10,0,0\n0,2,0\n10,0,0\n")
+    edge = "edge = { file = { file = 'edge.csv', scale_m_per_unit = 0.001 } }"
+    bent = f"[[tools]]\nname = 'bent'\nshape = {{ blade = {{ width_m = 0.02, height_m = 0.01, {edge} }} }}\n"
+    (tmp_path / "block.toml").write_text(f"{BLOCK.read_text()}\n{bent}")
+    with client.create_session(path=tmp_path / "block.toml") as session:
+        assert list(session.files) == ["edge.csv"]
+        assert session.scene.tools[2].edge_m[:, 1].max() == pytest.approx(0.002)
+
+
+def read_until_it_ends(control):
+    while True:
+        control.contact(timeout_s=5.0)
+
+
+def test_a_session_in_real_time_is_paused_stepped_resumed_and_driven(client):
+    with client.create_session(path=BLOCK, real_time=True) as session:
+        with session.control("left", contact_rate_hz=100.0) as control:
+            contacts = control.play([0.0, 0.3], down())
+            assert max(contact.force_n[1] for contact in contacts) > 0.05
+            assert session.describe().driven_tools == (0,)
+            with pytest.raises(kerf.FailedPreconditionError):
+                session.control("left")
+            control.send([9.0, 0, 0, 0, 0, 0, 1])
+            with pytest.raises(kerf.PoseRejectedError) as rejected:
+                read_until_it_ends(control)
+            assert rejected.value.field == "pose.position_m"
+        stood = session.pause()
+        assert session.step(3).steps.tolist() == [stood + 1, stood + 2, stood + 3]
+        assert session.resume() == stood + 3
+        assert session.describe().state is kerf.SessionState.RUNNING
+
+
+def test_checkpoints_are_gone_back_to(session):
+    session.drive([0.0, 0.1], down())
+    session.save_checkpoint("half way")
+    saved = session.describe()
+    session.drive([0.0, 0.1], down()[::-1])
+    assert session.restore_checkpoint("half way") == saved.step
+    assert session.describe().state_hash == saved.state_hash
+    assert [(kept.name, kept.step) for kept in session.checkpoints()] == [("half way", saved.step)]
+    session.delete_checkpoint("half way")
+    with pytest.raises(kerf.NotFoundError):
+        session.restore_checkpoint("half way")
+
+
+def test_what_is_refused_carries_its_field_and_limit(client, session):
+    with pytest.raises(kerf.InvalidArgumentError, match="steps = 0") as refused:
+        session.step(0)
+    assert (refused.value.field, refused.value.limit) == ("steps", "must be 1 to 1000")
+    with pytest.raises(kerf.InvalidArgumentError) as refused:
+        session.step(2, [{0: down()[0]}, {0: down()[1]}])
+    assert refused.value.field == "inputs[1].motions[0].pose.pose.position_m"
+    assert refused.value.limit == "at most 0.0080 m from the last accepted pose"
+    assert session.describe().step == 0, "no step is taken"
+    with pytest.raises(kerf.NotFoundError, match="no scene"):
+        client.create_session("no such scene")
+    with pytest.raises(kerf.InvalidArgumentError, match="young_modulus_pa"):
+        client.create_session(toml=BLOCK.read_text().replace("3.0e4", "3"))
+    with pytest.raises(kerf.InvalidArgumentError) as refused:
+        session.drive([0.0], [[1.0, 2.0]])
+    assert (refused.value.field, refused.value.limit) == ("poses", "shape (N, 7)")
+
+
+def test_a_full_server_names_its_limit():
+    with kerf.LocalServer(PROGRAM, settings={"session.max_sessions": 1}) as server, server.client() as client:
+        client.create_session(path=BLOCK)
+        with pytest.raises(kerf.ResourceExhaustedError) as refused:
+            client.create_session(path=BLOCK)
+        assert refused.value.limit == "max_sessions"
+
+
+def test_a_server_that_is_not_there_is_said():
+    with kerf.Client("127.0.0.1:9", timeout_s=2.0) as client, pytest.raises(kerf.UnavailableError):
+        client.scenes()
+    with pytest.raises(kerf.UnavailableError, match="max_sesions"):
+        kerf.LocalServer(PROGRAM, settings={"session.max_sesions": 1})

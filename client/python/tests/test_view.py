@@ -1,0 +1,175 @@
+import numpy as np
+import pytest
+from conftest import down
+
+import kerf
+from kerf import surface_hash
+from kerf.replica import Assembler, Replica
+from kerf.v1 import view_pb2 as pb
+
+
+def volume_m3(surface):
+    """Enclosed by the triangles (divergence theorem)."""
+    a, b, c = surface.vertices_m[surface.triangles.T].astype(float)
+    return np.einsum("tx,tx->", a, np.cross(b, c)) / 6.0
+
+
+def test_the_surface_is_followed_through_a_cut_and_is_what_a_late_viewer_sees(session):
+    with session.view() as view:
+        whole = view.surface()
+        assert volume_m3(whole) == pytest.approx(0.02**3, rel=0.15)
+        assert not whole.is_cut.any()
+        hashes, versions = [view.surface_hash()], [whole.topology_version]
+        for begin_m, end_m in [(0.012, 0.004), (0.004, -0.002), (-0.002, -0.008)]:
+            result = session.drive([0.0, 0.08], down(begin_m, end_m))
+            followed = view.surface(step=int(result.steps[-1]))
+            assert followed.topology_version == result.topology_version
+            # A keyframe of its own, against patches one after the other.
+            with session.view() as late:
+                seen = late.surface("block")
+                assert late.surface_hash() == view.surface_hash()
+            np.testing.assert_array_equal(seen.vertices_m, followed.vertices_m)
+            np.testing.assert_array_equal(seen.triangles, followed.triangles)
+            hashes.append(view.surface_hash())
+            versions.append(followed.topology_version)
+        assert len(set(hashes)) == len(set(versions)) == 4, "each part of the way cuts"
+        assert followed.is_cut.sum() > 20
+        # Closed: every directed edge is cancelled by its opposite.
+        edges = followed.quads[:, [0, 1, 1, 2, 2, 3, 3, 0]].reshape(-1, 2)
+        forth, back = (sorted(map(tuple, way.tolist())) for way in (edges, edges[:, ::-1]))
+        assert forth == back
+        with pytest.raises(kerf.NotFoundError):
+            view.surface("no such object")
+        session.reset()
+        again = view.surface()
+        while again.topology_version:
+            again = view.surface()
+        assert not again.is_cut.any()
+
+
+def test_one_look_shows_every_object(session):
+    (surface,) = session.surfaces()
+    assert surface.object_name == "block"
+    assert (surface.vertices_m.dtype, surface.quads.shape[1]) == (np.float32, 4)
+    assert surface.materials.shape == surface.vertex_ids.shape
+
+
+def mix(x):
+    mask = (1 << 64) - 1
+    x = (x + 0x9E3779B97F4A7C15) & mask
+    x = ((x ^ (x >> 30)) * 0xBF58476D1CE4E5B9) & mask
+    x = ((x ^ (x >> 27)) * 0x94D049BB133111EB) & mask
+    return x ^ (x >> 31)
+
+
+def test_arrays_are_hashed_as_the_protocol_says_of_one():
+    def of_words(*words):
+        value = 0
+        for word in words:
+            value = mix(value ^ word)
+        return value
+
+    ids, elements = np.array([3, 9], dtype=np.uint32), np.array([1, 2], dtype=np.uint32)
+    local = np.array([[0.25, 0.5, 1.0], [0.0, 1.0, 0.125]], dtype=np.float32)
+    bits = local.view(np.uint32).astype(object)
+    words = [(i << 32 | e, u << 32 | v, w) for i, e, (u, v, w) in zip([3, 9], [1, 2], bits, strict=True)]
+    vertices = surface_hash.sum_of_vertices(ids, elements, local)
+    assert vertices == sum(of_words(*each) for each in words) % 2**64
+    quads = surface_hash.sum_of_quads(ids[:1], np.array([[4, 5, 6, 7]], dtype=np.uint32))
+    assert quads == of_words(3 << 32 | 4, 5 << 32 | 6, 1 << 32 | 7)
+    assert surface_hash.of_surface([vertices, quads]) == of_words(vertices, quads)
+
+
+def cube():
+    """A unit cube, one element, with a vertex at each of four corners and a quad between them."""
+    corners = [[c & 1, c >> 1 & 1, c >> 2] for c in range(8)]
+    local = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    return {
+        "node_count": 8,
+        "node_ids": range(8),
+        "node_rest_m": np.ravel(corners),
+        "element_ids": [5],
+        "element_nodes": range(8),
+        "vertex_ids": [10, 11, 12, 13],
+        "vertex_elements": [5] * 4,
+        "vertex_local": np.ravel(local),
+        "quad_ids": [0],
+        "quad_vertices": [10, 11, 12, 13],
+    }
+
+
+def keyframe(body, version=3, expected=None):
+    ids, local = np.array(body["vertex_ids"], dtype=np.uint32), np.reshape(body["vertex_local"], (-1, 3))
+    vertices = surface_hash.sum_of_vertices(ids, np.array(body["vertex_elements"]), local.astype(np.float32))
+    quads = surface_hash.sum_of_quads(np.array(body["quad_ids"]), np.reshape(body["quad_vertices"], (-1, 4)))
+    expected = expected or surface_hash.of_surface([(vertices + quads) % 2**64])
+    bodies = [pb.BodyStructure(**body)]
+    return pb.ViewResponse(keyframe=pb.Keyframe(topology_version=version, bodies=bodies, surface_hash=expected))
+
+
+def state(moved_m, version=3, **adapted):
+    bodies = [pb.BodyState(node_displacements_m=np.ravel(moved_m), **adapted)]
+    return pb.ViewResponse(state=pb.State(topology_version=version, step=7, bodies=bodies))
+
+
+def test_vertices_move_with_their_element_and_by_their_adapted_offset():
+    replica = Replica(["cube"])
+    replica.apply(keyframe(cube()))
+    with pytest.raises(kerf.ReplicaError, match="no state yet"):
+        replica.surfaces()
+    replica.apply(state([[0.5, 0.0, 0.0]] * 8, adapted_vertex_ids=[11], adapted_offsets_m=[0.0, 0.25, 0.0]))
+    (surface,) = replica.surfaces()
+    assert surface.vertices_m.tolist() == [[0.5, 0, 0], [1.5, 0.25, 0], [1.5, 1, 0], [0.5, 1, 0]]
+    # Equal diagonals: along the one with the lower index.
+    assert surface.triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
+    replica.apply(state([[9.0, 0.0, 0.0]] * 8, version=2))
+    assert replica.surfaces()[0].vertices_m[0, 0] == 0.5, "a state of another version is dropped"
+
+
+def test_what_does_not_fit_is_refused_with_its_field():
+    def refused(**changes):
+        with pytest.raises(kerf.ReplicaError) as error:
+            Replica(["cube"]).apply(keyframe({**cube(), **changes}))
+        return error.value.field
+
+    assert refused(vertex_elements=[5, 5, 6, 5]) == "keyframe.bodies[0].vertex_elements"
+    assert refused(quad_vertices=[10, 11, 12, 14]) == "keyframe.bodies[0].quad_vertices"
+    assert refused(element_nodes=[0, 1, 2, 3, 4, 5, 6, 8]) == "keyframe.bodies[0].element_nodes"
+    assert refused(node_ids=[0, 1, 2, 3, 4, 5, 7, 6]) == "keyframe.bodies[0].node_ids"
+    assert refused(node_count=4) == "keyframe.bodies[0].node_ids"
+    with pytest.raises(kerf.ReplicaError, match="surface hash"):
+        Replica(["cube"]).apply(keyframe(cube(), expected=1))
+    replica = Replica(["cube"])
+    replica.apply(keyframe(cube()))
+    with pytest.raises(kerf.ReplicaError, match="node_displacements_m"):
+        replica.apply(state([[0.0, 0.0, 0.0]] * 7))
+
+
+def test_fragments_become_the_message_that_they_were_cut_from():
+    whole = keyframe(cube())
+    data = whole.SerializeToString()
+    assembler = Assembler()
+    for size in (1, 7, 1000):
+        parts = [data[at : at + size] for at in range(0, len(data), size)]
+        fragments = [pb.Fragment(data=part, remaining=len(parts) - 1 - i) for i, part in enumerate(parts)]
+        taken = [assembler.take(pb.ViewResponse(fragment=fragment)) for fragment in fragments]
+        assert taken == [None] * (len(parts) - 1) + [whole]
+    assembler.take(pb.ViewResponse(fragment=pb.Fragment(data=b"x", remaining=2)))
+    with pytest.raises(kerf.ReplicaError):
+        assembler.take(pb.ViewResponse(hello=pb.ViewHello()))
+    assert assembler.take(whole) == whole
+
+
+def test_a_vertex_beside_what_is_held_moves_by_its_own_weights_until_it_comes_anew():
+    replica = Replica(["cube"])
+    weights = [0, 0, 0.5, 0, 0, 0, 0, 0]
+    replica.apply(keyframe({**cube(), "held_vertex_ids": [10], "held_vertex_weights": weights}))
+    replica.apply(state([[0.25, 0.0, 0.0]] * 8))
+    assert replica.surfaces()[0].vertices_m[:2, 0].tolist() == [0.125, 1.25]
+    hash_now = replica.surface_hash
+    anew = {"node_count": 8, "vertex_ids": [10], "vertex_elements": [5], "vertex_local": [0, 0, 0]}
+    bodies = [pb.BodyStructure(**anew)]
+    patch = pb.TopologyPatch(from_version=3, to_version=4, bodies=bodies, surface_hash=hash_now)
+    replica.apply(pb.ViewResponse(patch=patch))
+    replica.apply(state([[0.25, 0.0, 0.0]] * 8, version=4))
+    assert replica.surfaces()[0].vertices_m[0, 0] == 0.25
