@@ -103,13 +103,24 @@ def keyframe(body, version=3, expected=None):
     vertices = surface_hash.sum_of_vertices(ids, np.array(body["vertex_elements"]), local.astype(np.float32))
     quads = surface_hash.sum_of_quads(np.array(body["quad_ids"]), np.reshape(body["quad_vertices"], (-1, 4)))
     expected = expected or surface_hash.of_surface([(vertices + quads) % 2**64])
-    bodies = [pb.BodyStructure(**body)]
+    bodies = [pb.BodyStructure(quantum_m=QUANTUM_M, **body)]
     return pb.ViewResponse(keyframe=pb.Keyframe(topology_version=version, bodies=bodies, surface_hash=expected))
 
 
-def state(moved_m, version=3, **adapted):
-    bodies = [pb.BodyState(node_displacements_m=np.ravel(moved_m), **adapted)]
-    return pb.ViewResponse(state=pb.State(topology_version=version, step=7, bodies=bodies))
+#: A quarter of a metre, so that the tests' numbers are whole.
+QUANTUM_M = 0.25
+
+
+def packed(values):
+    """Small integers as the wire has them, each zero on its own."""
+    return b"".join(b"\0\0" if value == 0 else bytes([2 * value if value > 0 else -2 * value - 1]) for value in values)
+
+
+def state(moved_m, version=3, reference=None, **adapted):
+    quanta = (np.ravel(moved_m) / QUANTUM_M).astype(int)
+    body = pb.BodyState(displacements=packed(quanta), reference=reference or b"", **adapted)
+    has_reference = reference is not None
+    return pb.ViewResponse(state=pb.State(topology_version=version, step=7, bodies=[body], has_reference=has_reference))
 
 
 def test_vertices_move_with_their_element_and_by_their_adapted_offset():
@@ -117,11 +128,18 @@ def test_vertices_move_with_their_element_and_by_their_adapted_offset():
     replica.apply(keyframe(cube()))
     with pytest.raises(kerf.ReplicaError, match="no state yet"):
         replica.surfaces()
-    replica.apply(state([[0.5, 0.0, 0.0]] * 8, adapted_vertex_ids=[11], adapted_offsets_m=[0.0, 0.25, 0.0]))
+    replica.apply(state([[0.5, 0.0, 0.0]] * 8, adapted_ids=packed([11]), adapted_offsets=packed([0, 1, 0])))
     (surface,) = replica.surfaces()
     assert surface.vertices_m.tolist() == [[0.5, 0, 0], [1.5, 0.25, 0], [1.5, 1, 0], [0.5, 1, 0]]
     # Equal diagonals: along the one with the lower index.
     assert surface.triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
+    # Half a metre in the reference, a quarter beyond it: in that state and in those after it.
+    half = packed([2, 0, 0] * 8)
+    for reference in (half, None):
+        replica.apply(state([[0.25, 0.0, 0.0]] * 8, reference=reference))
+        assert replica.surfaces()[0].vertices_m[0, 0] == 0.75
+    replica.apply(state([[0.0, 0.0, 0.0]] * 8))
+    assert replica.surfaces()[0].vertices_m[0, 0] == 0.5
     replica.apply(state([[9.0, 0.0, 0.0]] * 8, version=2))
     assert replica.surfaces()[0].vertices_m[0, 0] == 0.5, "a state of another version is dropped"
 
@@ -141,7 +159,7 @@ def test_what_does_not_fit_is_refused_with_its_field():
         Replica(["cube"]).apply(keyframe(cube(), expected=1))
     replica = Replica(["cube"])
     replica.apply(keyframe(cube()))
-    with pytest.raises(kerf.ReplicaError, match="node_displacements_m"):
+    with pytest.raises(kerf.ReplicaError, match="displacements: 21 integers, 24 expected"):
         replica.apply(state([[0.0, 0.0, 0.0]] * 7))
 
 

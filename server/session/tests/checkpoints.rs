@@ -7,6 +7,7 @@ use super::session::report_where;
 use kerf_physics::tool::{OPEN, Pose};
 use kerf_physics::{Quat, Scene, SceneDesc, Vec3, Workers};
 use kerf_scenes::dial::ParetoFronts;
+use kerf_session::stepping::Steps;
 use kerf_session::{
     Driver, MAX_CHECKPOINT_NAME_BYTES, Phase, PoseSample, Registry, Resimulation, SceneEvent, Session, SessionError,
     SessionLimits, SessionOptions, ViewMessage, Viewer,
@@ -103,7 +104,7 @@ async fn points_outlive_a_reset_and_lead_to_a_way_that_was_left() {
     session.reset().await.unwrap();
     session.restore_checkpoint("cut").await.unwrap();
     assert_eq!(session.describe().await.unwrap().state_hash, cut);
-    session.step(1).await.unwrap();
+    session.step(Steps { count: 1, inputs: Vec::new() }).await.unwrap();
     session.pause().await.unwrap();
     let (entries, _) = session.take_reel().unwrap().tape.take();
     let mut again = Resimulation::new(session.scene()).unwrap();

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kerf import surface_hash
+from kerf import integers, surface_hash
 from kerf.errors import ReplicaError
 from kerf.v1 import view_pb2 as pb
 
@@ -86,6 +86,16 @@ class Surface:
     topology_version: int
 
 
+@dataclass(frozen=True)
+class Moved:
+    """What a state says of an object."""
+
+    reference: NDArray[np.int64]
+    displacement_m: F32
+    adapted_ids: U32
+    adapted_m: F32
+
+
 class Body:
     """Checked as it comes in, so that positions can be evaluated without looking again."""
 
@@ -100,6 +110,9 @@ class Body:
         # Weights of the displacements of vertices beside what is held.
         self._held = Table(8, np.float32)
         self._quads = Table(4, np.uint32)
+        # Displacements of the reference that those of states are differences to, in quanta.
+        self._reference: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+        self._quantum_m = 0.0
         self._adapted_ids: U32 = np.zeros(0, dtype=np.uint32)
         self._adapted_m: F32 = np.zeros((0, 3), dtype=np.float32)
         #: Sum of the hashes of the vertices and quads, kept as they come.
@@ -107,6 +120,10 @@ class Body:
 
     def change(self, change: pb.BodyStructure) -> None:
         """Applies what a keyframe (to an empty body) or a patch says. After an error the body is not to be used."""
+        if change.quantum_m:
+            self._quantum_m = change.quantum_m
+        if not 0.0 < self._quantum_m < np.inf:
+            raise ReplicaError(f"quantum_m: {self._quantum_m} m", field="quantum_m", limit="above 0")
         self._change_nodes(change)
         ids, nodes = _rows("element_ids", change.element_ids, "element_nodes", change.element_nodes, 8, np.uint32)
         if not (nodes < len(self._is_node)).all() or not self._is_node[nodes].all():
@@ -115,18 +132,33 @@ class Body:
         self._change_vertices(change)
         self._change_quads(change)
 
-    def check_state(self, state: pb.BodyState) -> None:
-        """Whether `displace` can take the state over."""
-        _array("node_displacements_m", state.node_displacements_m, len(self._rest_m), 3, np.float32)
-        field = "adapted_vertex_ids"
-        ids, _ = _rows(field, state.adapted_vertex_ids, "adapted_offsets_m", state.adapted_offsets_m, 3, np.float32)
-        self._vertices.find(ids, field)
+    def read_state(self, state: pb.BodyState, has_reference: bool) -> Moved:
+        """What a state says of the object, for `displace`; whether it brings a reference."""
+        numbers = 3 * len(self._rest_m)
+        reference = self._reference
+        if has_reference:
+            given = integers.decode("reference", state.reference, numbers)
+            reference = np.concatenate([given, np.zeros(numbers - len(given), dtype=np.int64)])
+        displacements = _exactly("displacements", state.displacements, numbers)
+        adapted_ids = np.cumsum(integers.decode("adapted_ids", state.adapted_ids, len(self._vertices.ids)))
+        if (np.diff(adapted_ids) <= 0).any():
+            raise ReplicaError("adapted_ids: ids do not ascend", field="adapted_ids", limit="ascending")
+        self._vertices.find(adapted_ids.astype(np.uint32), "adapted_ids")
+        offsets = _exactly("adapted_offsets", state.adapted_offsets, 3 * len(adapted_ids))
+        return Moved(
+            reference=reference,
+            displacement_m=self._lengths_m(reference + displacements),
+            adapted_ids=adapted_ids.astype(np.uint32),
+            adapted_m=self._lengths_m(offsets),
+        )
 
-    def displace(self, state: pb.BodyState) -> None:
+    def displace(self, moved: Moved) -> None:
         """Moves the nodes."""
-        self._displacement_m = np.array(state.node_displacements_m, dtype=np.float32).reshape(-1, 3)
-        self._adapted_ids = np.array(state.adapted_vertex_ids, dtype=np.uint32)
-        self._adapted_m = np.array(state.adapted_offsets_m, dtype=np.float32).reshape(-1, 3)
+        self._reference, self._displacement_m = moved.reference, moved.displacement_m
+        self._adapted_ids, self._adapted_m = moved.adapted_ids, moved.adapted_m
+
+    def _lengths_m(self, quanta: NDArray[np.int64]) -> F32:
+        return (quanta * self._quantum_m).astype(np.float32).reshape(-1, 3)
 
     def surface(self, object_name: str, step: int, topology_version: int) -> Surface:
         """Where the surface is now."""
@@ -165,6 +197,7 @@ class Body:
         more = change.node_count - have
         self._rest_m = np.vstack([self._rest_m, np.zeros((more, 3), dtype=np.float32)])
         self._displacement_m = np.vstack([self._displacement_m, np.zeros((more, 3), dtype=np.float32)])
+        self._reference = np.concatenate([self._reference, np.zeros(3 * more, dtype=np.int64)])
         self._is_node = np.concatenate([self._is_node, np.zeros(more, dtype=bool)])
         self._rest_m[ids], self._is_node[ids] = rest_m, True
 
@@ -216,6 +249,13 @@ def _split(quads: NDArray[np.int64], rest_m: F32) -> NDArray[np.int64]:
     along_ac = (ac < bd) | ((ac == bd) & (np.minimum(a, c) < np.minimum(b, d)))
     two = np.where(along_ac, np.stack([a, b, c, a, c, d]), np.stack([b, c, d, b, d, a]))
     return two.T.reshape(-1, 3)
+
+
+def _exactly(field: str, data: bytes, count: int) -> NDArray[np.int64]:
+    values = integers.decode(field, data, count)
+    if len(values) != count:
+        raise ReplicaError(f"{field}: {len(values)} integers, {count} expected", field=field, limit=f"{count} integers")
+    return values
 
 
 def _array(field: str, values: Sequence[float], rows: int, width: int, dtype: type[np.generic]) -> NDArray[Any]:

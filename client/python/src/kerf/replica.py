@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from kerf import surface_hash
-from kerf.body import Body, Surface
+from kerf.body import Body, Moved, Surface
 from kerf.errors import ReplicaError
 from kerf.v1 import view_pb2 as pb
 
@@ -110,8 +110,11 @@ class Replica:
         if self._bodies is None or state.topology_version != self.topology_version:
             # Of a structure that is not here: it is dropped, as the protocol says.
             return
-        self._each(self._bodies, state.bodies, "state", Body.check_state)
-        self._each(self._bodies, state.bodies, "state", Body.displace)
+        moved: list[Moved] = []
+        self._each(self._bodies, state.bodies, "state", lambda body, of: moved.append(body.read_state(of, state.has_reference)))
+        # Only once all of it is known to fit.
+        for body, to in zip(self._bodies, moved, strict=True):
+            body.displace(to)
         self.step = state.step
 
     def _take(self, bodies: list[Body], version: int, expected: int) -> None:

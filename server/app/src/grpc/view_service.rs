@@ -74,7 +74,9 @@ impl v1::view_service_server::ViewService for ViewService {
 
 /// What encodes each session's states, for as long as anybody reads them.
 #[derive(Default)]
-struct Encoders(Mutex<HashMap<(SessionId, Encoding), Weak<Mutex<Encoder>>>>);
+struct Encoders(Mutex<HashMap<(SessionId, Encoding), SharedEncoder>>);
+
+type SharedEncoder = Weak<Mutex<Encoder>>;
 
 impl Encoders {
     fn of(&self, session: &Session, encoding: Encoding) -> Arc<Mutex<Encoder>> {

@@ -136,7 +136,10 @@ impl<W: Write + Seek + Send> Writer<W> {
         let finished = match is_file_sound {
             true => tracks.finish().map_err(|error| plain(&error)),
             // What is in it up to the last chunk stays.
-            false => Ok(tracks.abandon()),
+            false => {
+                tracks.abandon();
+                Ok(())
+            }
         };
         let cut_off = ended.is_err();
         let error = ended.and(finished).err().unwrap_or_default();

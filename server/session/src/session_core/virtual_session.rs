@@ -12,7 +12,7 @@ use tokio::sync::{oneshot, watch};
 use super::{SessionCore, Wake};
 use crate::admission::Admission;
 use crate::error::SessionError;
-use crate::inbox::{Command, Inbox, Inspection};
+use crate::inbox::{Command, Inbox};
 use crate::limits::SessionLimits;
 use crate::outbox::{Outbox, Publisher, StepReport, Viewer};
 use crate::pose_check::{PoseRefusal, PoseSample};
