@@ -1,3 +1,7 @@
+import json
+import struct
+from pathlib import Path
+
 import numpy as np
 import pytest
 from conftest import down
@@ -191,3 +195,30 @@ def test_a_vertex_beside_what_is_held_moves_by_its_own_weights_until_it_comes_an
     replica.apply(pb.ViewResponse(patch=patch))
     replica.apply(state([[0.25, 0.0, 0.0]] * 8, version=4))
     assert replica.surfaces()[0].vertices_m[0, 0] == 0.25
+
+
+def test_a_recorded_stream_is_decoded_as_it_is_written_down():
+    vectors = Path(__file__).parents[3] / "proto" / "vectors"
+    data = (vectors / "cut.bin").read_bytes()
+    assembler, replica, at = Assembler(), None, 0
+    expected = iter(json.loads((vectors / "cut.json").read_text()))
+    while at < len(data):
+        (length,) = struct.unpack_from("<I", data, at)
+        message = assembler.take(pb.ViewResponse.FromString(data[at + 4 : at + 4 + length]))
+        at += 4 + length
+        if message is None:
+            continue
+        entry = next(expected)
+        assert message.WhichOneof("message") == entry["message"]
+        if entry["message"] == "keyframe":
+            replica = Replica([f"object {i}" for i in range(len(message.keyframe.bodies))])
+        if replica is None:
+            continue
+        replica.apply(message)
+        if entry["message"] in ("keyframe", "patch"):
+            assert f"{replica.surface_hash:016x}" == entry["surface_hash"].removeprefix("0x")
+        for vertex in entry.get("shown") or []:
+            surface = replica.surfaces()[vertex["object"]]
+            place = int(np.searchsorted(surface.vertex_ids, vertex["id"]))
+            assert np.allclose(surface.vertices_m[place], vertex["position_m"], rtol=0, atol=1e-7)
+    assert next(expected, None) is None
