@@ -1,0 +1,118 @@
+using System.Threading;
+using Kerf.Client;
+using Kerf.V1;
+using UnityEngine;
+
+namespace Kerf.Unity
+{
+    /// <summary>Starts a session or joins one, and shows its objects as children. One unit of this transform is a metre.</summary>
+    public sealed class KerfSession : MonoBehaviour
+    {
+        [Tooltip("Address of the server.")]
+        public string address = "http://127.0.0.1:50051";
+
+        [Tooltip("A session to join. Empty: a new one of the scene below, which ends with this component.")]
+        public string sessionId = "";
+
+        [Tooltip("Scene of a new session, by its name.")]
+        public string sceneName = "liver";
+
+        [Tooltip("States a second.")]
+        public float rateHz = 60;
+
+        [Tooltip("Drawn with the outside of the objects; the default where it is absent.")]
+        public Material skin;
+
+        [Tooltip("Drawn with the walls of cuts; the skin where it is absent.")]
+        public Material cutFace;
+
+        /// <summary>Where everything is; null before the first state.</summary>
+        public State State { get; private set; }
+
+        /// <summary>Drives this session's tools; null until the session is there.</summary>
+        public Driver Driver { get; private set; }
+
+        /// <summary>What is wrong, in words; null while all is well.</summary>
+        public string Trouble => viewer == null ? failure : viewer.Trouble;
+
+        Server server;
+        Viewer viewer;
+        KerfTissue[] objects = new KerfTissue[0];
+        volatile SessionDescription joined;
+        volatile string failure;
+        bool isOwn;
+
+        void OnEnable()
+        {
+            server = new Server(address);
+            isOwn = sessionId.Length == 0;
+            // Building a scene takes a while: not on the thread that draws.
+            new Thread(Join) { IsBackground = true, Name = "kerf-join" }.Start();
+        }
+
+        void Join()
+        {
+            try
+            {
+                joined = isOwn ? server.Create(sceneName) : server.Describe(sessionId);
+            }
+            catch (KerfException error)
+            {
+                failure = error.Message;
+            }
+        }
+
+        void Update()
+        {
+            if (viewer == null && joined != null) Begin();
+            if (viewer != null) viewer.Look(Show);
+        }
+
+        void Begin()
+        {
+            sessionId = joined.SessionId;
+            viewer = new Viewer(server, sessionId, rateHz);
+            Driver = new Driver(server, sessionId);
+            objects = new KerfTissue[joined.Scene.Objects.Count];
+            for (var i = 0; i < objects.Length; i++)
+            {
+                var child = new GameObject(joined.Scene.Objects[i].Name, typeof(MeshFilter), typeof(MeshRenderer));
+                child.transform.SetParent(transform, false);
+                objects[i] = child.AddComponent<KerfTissue>();
+                objects[i].SetMaterials(skin, cutFace ? cutFace : skin);
+            }
+        }
+
+        void Show(Replica replica)
+        {
+            State = replica.State;
+            for (var i = 0; i < objects.Length && i < replica.Bodies.Count; i++) objects[i].Show(replica.Bodies[i], replica.StructureCount);
+        }
+
+        void OnDisable()
+        {
+            Driver?.Dispose();
+            viewer?.Dispose();
+            foreach (var shown in objects) Destroy(shown.gameObject);
+            objects = new KerfTissue[0];
+            if (isOwn && joined != null)
+            {
+                CloseQuietly(server, joined.SessionId);
+                sessionId = "";
+            }
+            (Driver, viewer, joined, failure, State) = (null, null, null, null, null);
+        }
+
+        static void CloseQuietly(Server server, string sessionId)
+        {
+            try
+            {
+                server.Close(sessionId);
+            }
+            catch (KerfException)
+            {
+                // It ends by itself when nobody asks for it any more.
+            }
+        }
+    }
+}

@@ -1,0 +1,192 @@
+using System;
+using System.Collections.Generic;
+using System.Diagnostics;
+using System.Linq;
+using System.Threading;
+using Kerf.Client;
+using Kerf.V1;
+
+/// <summary>Tries the package's pure part against a server that runs. Ends with 0 where all holds.</summary>
+static class LiveTest
+{
+    static Server server;
+
+    static int Main(string[] arguments)
+    {
+        server = new Server(arguments[0]);
+        var tests = new Action[]
+        {
+            AnUnknownSessionIsRefusedInWords,
+            APoseThatIsNoNumberIsRefusedByItsField,
+            ABladeCutsAndTheSurfaceStaysTheServers,
+            ALateViewerSeesWhatAnEarlyOneDoes,
+            AViewerHearsOfTheEnd,
+            NoServerIsSaidInWords,
+        };
+        foreach (var test in tests)
+        {
+            test();
+            Console.WriteLine("ok " + test.Method.Name);
+        }
+        return 0;
+    }
+
+    static void AnUnknownSessionIsRefusedInWords()
+    {
+        try
+        {
+            server.Describe("nobody");
+        }
+        catch (KerfException error)
+        {
+            Expect(error.Code == StatusCode.NotFound && error.Message.Contains("nobody"), error.Code + ": " + error.Message);
+            return;
+        }
+        throw new Exception("an unknown session was described");
+    }
+
+    static void APoseThatIsNoNumberIsRefusedByItsField()
+    {
+        using (var session = new Session())
+        using (var driver = new Driver(server, session.Id))
+        {
+            driver.Move(0, new Vec3 { X = float.NaN }, new Quat { W = 1 });
+            Wait("a word", () => driver.Trouble != null);
+            Expect(driver.Trouble.StartsWith("pose.position_m: finite"), driver.Trouble);
+        }
+    }
+
+    static void ABladeCutsAndTheSurfaceStaysTheServers()
+    {
+        using (var session = new Session())
+        using (var viewer = new Viewer(server, session.Id))
+        using (var driver = new Driver(server, session.Id))
+        {
+            var box = session.Description.Scene.Objects[0];
+            var seen = new Seen();
+            Wait("a first surface", () => { viewer.Look(seen.Take); return seen.ById.Count > 0; });
+            Expect(!seen.IsCut, "a wall of a cut before there is one");
+            foreach (var position in seen.ById.Values) ExpectInside(position, box, 1e-3f);
+            CutThrough(driver, box, () => viewer.Look(seen.Take));
+            Wait("walls of a cut", () => { viewer.Look(seen.Take); return seen.IsCut; });
+            foreach (var position in seen.ById.Values) ExpectInside(position, box, 0.05f);
+            Expect(driver.Trouble == null, driver.Trouble);
+            Expect(viewer.Trouble == null, viewer.Trouble);
+        }
+    }
+
+    static void ALateViewerSeesWhatAnEarlyOneDoes()
+    {
+        using (var session = new Session())
+        using (var early = new Viewer(server, session.Id))
+        using (var driver = new Driver(server, session.Id))
+        {
+            CutThrough(driver, session.Description.Scene.Objects[0], () => { });
+            var stands = server.Pause(session.Id);
+            Seen one = new Seen(), other = new Seen();
+            Wait("the early viewer's last state", () => { early.Look(one.Take); return one.Step >= stands; });
+            using (var late = new Viewer(server, session.Id))
+            {
+                Wait("the late viewer's state", () => { late.Look(other.Take); return other.Step >= stands; });
+            }
+            Expect(one.Hash == other.Hash && one.IsCut && other.IsCut, "they see other surfaces");
+            Expect(one.ById.Count == other.ById.Count, "they see other vertices");
+            var apart = one.ById.Max(entry => entry.Value.Zip(other.ById[entry.Key], (a, b) => Math.Abs(a - b)).Max());
+            Expect(apart < 1e-6, "vertices are " + apart + " m apart");
+        }
+    }
+
+    static void AViewerHearsOfTheEnd()
+    {
+        var session = new Session();
+        using (var viewer = new Viewer(server, session.Id))
+        {
+            Wait("a first state", () => viewer.Look(_ => { }));
+            session.Dispose();
+            Wait("the end", () => viewer.HasEnded);
+            Expect(viewer.Trouble == null, viewer.Trouble);
+        }
+    }
+
+    static void NoServerIsSaidInWords()
+    {
+        using (var viewer = new Viewer(new Server("http://127.0.0.1:9"), "any"))
+        {
+            Wait("a word", () => viewer.Trouble != null && viewer.Trouble.Contains("127.0.0.1:9"));
+            Expect(!viewer.HasEnded, "it does not try again");
+        }
+    }
+
+    /// <summary>What a viewer saw last, by the vertices' ids.</summary>
+    sealed class Seen
+    {
+        public ulong Step, Hash;
+        public bool IsCut;
+        public readonly Dictionary<uint, float[]> ById = new Dictionary<uint, float[]>();
+
+        public void Take(Replica replica)
+        {
+            if (replica.State == null) return;
+            var body = replica.Bodies[0];
+            Expect(replica.Hash() == replica.StatedHash, "the surface is not the server's");
+            Step = replica.State.Step;
+            Hash = replica.Hash();
+            IsCut = Enumerable.Range(0, body.QuadCount).Any(body.IsCutFace);
+            var positions = new float[3 * body.VertexCount];
+            body.Positions(positions);
+            for (var i = 0; i < body.VertexCount; i++) ById[body.IdOf(i)] = new[] { positions[3 * i], positions[3 * i + 1], positions[3 * i + 2] };
+        }
+    }
+
+    /// <summary>Takes the first tool down through the middle of an object, in a second and a half.</summary>
+    static void CutThrough(Driver driver, ObjectSummary box, Action between)
+    {
+        var clock = Stopwatch.StartNew();
+        const double lastsS = 1.5;
+        float top = box.RestMaxM.Y + 0.005f, bottom = box.RestMinM.Y;
+        while (clock.Elapsed.TotalSeconds < lastsS)
+        {
+            var share = (float)(clock.Elapsed.TotalSeconds / lastsS);
+            var at = new Vec3
+            {
+                X = 0.5f * (box.RestMinM.X + box.RestMaxM.X),
+                Y = top + share * (bottom - top),
+                Z = 0.5f * (box.RestMinM.Z + box.RestMaxM.Z),
+            };
+            driver.Move(0, at, new Quat { W = 1 });
+            between();
+            Thread.Sleep(5);
+        }
+    }
+
+    static void ExpectInside(float[] at, ObjectSummary box, float marginM)
+    {
+        var inside = at[0] > box.RestMinM.X - marginM && at[0] < box.RestMaxM.X + marginM
+            && at[1] > box.RestMinM.Y - marginM && at[1] < box.RestMaxM.Y + marginM
+            && at[2] > box.RestMinM.Z - marginM && at[2] < box.RestMaxM.Z + marginM;
+        Expect(inside, "a vertex is outside of its object");
+    }
+
+    sealed class Session : IDisposable
+    {
+        public readonly SessionDescription Description = server.Create(new CreateSessionRequest { SceneName = "cuboid", StepRateHz = 60 });
+        public string Id => Description.SessionId;
+
+        public void Dispose() => server.Close(Id);
+    }
+
+    static void Wait(string what, Func<bool> until)
+    {
+        var clock = Stopwatch.StartNew();
+        while (!until())
+        {
+            Expect(clock.Elapsed.TotalSeconds < 20, "waited in vain for " + what);
+            Thread.Sleep(5);
+        }
+    }
+
+    static void Expect(bool holds, string otherwise)
+    {
+        if (!holds) throw new Exception(otherwise);
+    }
+}
