@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo station haptics viewer test test-viewer test-python screenshots test-all same-bits lint publish-protocol verify experiment extremes strokes bench performance peers
+.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots test-all same-bits lint publish-protocol verify experiment extremes strokes bench performance peers
 
 # Folder of scanned meshes for some of the tests and for `performance`, which leave them out where it is empty.
 TEST_SHARED ?= $(abspath $(wildcard ../shared))
@@ -49,7 +49,7 @@ client/web/node_modules: client/web/package-lock.json
 
 test:
 	cargo test --workspace
-	@$(MAKE) --no-print-directory test-viewer test-python
+	@$(MAKE) --no-print-directory test-viewer test-python test-unity
 
 # The viewer's own tests, and those in a real browser. What is missing for them is said.
 test-viewer:
@@ -60,6 +60,19 @@ test-viewer:
 test-python:
 	cargo build --bin kerf-server
 	@client/python/check.sh tests pytest --quiet
+
+# The Unity package's pure part, compiled by mono and tried against a server.
+test-unity:
+	cargo build --bin kerf-server
+	@client/unity/Tests~/run.sh
+
+# The package's C# of the protocol: Unity has no compiler for it. Needs protoc 3.21.
+unity-protocol:
+	protoc -I proto --csharp_out=client/unity/Runtime/Client/Generated $(addprefix kerf/v1/,$(addsuffix .proto,types session control view))
+
+# Builds the images of docker/ and runs them, with an engine or without one.
+images:
+	@docker/try.sh
 
 # The README's pictures of the viewer, drawn by the same browser.
 screenshots:

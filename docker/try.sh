@@ -43,7 +43,7 @@ cp -a "$(dirname "$(readlink -f "$(command -v npm)")")/.." "$scratch/node/lib/np
 ln -s ../lib/npm/bin/npm-cli.js "$scratch/node/bin/npm"
 registry=${CARGO_HOME:-$HOME/.cargo}/registry
 for target in server load; do
-    buildah bud -q --format docker -f docker/Dockerfile --target $target -t kerf-$target \
+    buildah bud -q --layers --format docker -f docker/Dockerfile --target $target -t kerf-$target \
         --build-arg NODE_IMAGE=localhost/kerf-build --build-arg RUST_IMAGE=localhost/kerf-build \
         --build-arg RUNTIME_IMAGE=localhost/kerf-debian \
         --volume "$(rustc --print sysroot):/opt/rust:ro" --volume "$scratch/node:/opt/node:ro" \

@@ -1,6 +1,8 @@
 using System;
 using System.Collections.Generic;
 using System.Diagnostics;
+using System.Globalization;
+using System.IO;
 using System.Linq;
 using System.Threading;
 using Kerf.Client;
@@ -23,12 +25,51 @@ static class LiveTest
             AViewerHearsOfTheEnd,
             NoServerIsSaidInWords,
         };
+        ARecordedStreamIsDecodedAsItIsWrittenDown(arguments[1], arguments[2]);
         foreach (var test in tests)
         {
             test();
             Console.WriteLine("ok " + test.Method.Name);
         }
         return 0;
+    }
+
+    /// <summary>proto/vectors: the stream, and lines of what is shown after each message: hash, or object, id and position.</summary>
+    static void ARecordedStreamIsDecodedAsItIsWrittenDown(string stream, string expected)
+    {
+        var lines = new Queue<string[]>(File.ReadAllLines(expected).Select(line => line.Split(' ')));
+        var bytes = File.ReadAllBytes(stream);
+        var assembler = new Assembler();
+        var replica = new Replica();
+        for (var at = 0; at < bytes.Length;)
+        {
+            var length = BitConverter.ToInt32(bytes, at);
+            var message = assembler.Take(ViewResponse.Parser.ParseFrom(bytes, at + 4, length));
+            at += 4 + length;
+            if (message == null) continue;
+            replica.Take(message);
+            for (var more = int.Parse(lines.Dequeue()[0]); more > 0; more--) ExpectShown(replica, lines.Dequeue());
+        }
+        Expect(lines.Count == 0, "messages are missing");
+        Console.WriteLine("ok ARecordedStreamIsDecodedAsItIsWrittenDown");
+    }
+
+    static void ExpectShown(Replica replica, string[] line)
+    {
+        if (line.Length == 1)
+        {
+            Expect(replica.Hash().ToString("x16") == line[0], "the surface is not " + line[0]);
+            return;
+        }
+        var body = replica.Bodies[int.Parse(line[0])];
+        var positions = new float[3 * body.VertexCount];
+        body.Positions(positions);
+        var index = Enumerable.Range(0, body.VertexCount).Single(i => body.IdOf(i) == uint.Parse(line[1]));
+        for (var axis = 0; axis < 3; axis++)
+        {
+            var apart = Math.Abs(positions[3 * index + axis] - double.Parse(line[2 + axis], CultureInfo.InvariantCulture));
+            Expect(apart < 1e-7, "vertex " + line[1] + " is " + apart + " m away");
+        }
     }
 
     static void AnUnknownSessionIsRefusedInWords()

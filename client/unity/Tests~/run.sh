@@ -26,7 +26,7 @@ fi
 mkdir -p $build/generated
 protoc -I proto --csharp_out=$build/generated kerf/v1/types.proto kerf/v1/session.proto kerf/v1/control.proto kerf/v1/view.proto
 diff -r $build/generated client/unity/Runtime/Client/Generated >$build/generated.diff ||
-    { echo "unity: client/unity/Runtime/Client/Generated is older than proto/: make unity-protocol"; exit 1; }
+    { echo "unity: client/unity/Runtime/Client/Generated is not what proto/ says: make unity-protocol"; exit 1; }
 
 mcs -langversion:7.2 -target:library -d:GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE -warnaserror -nowarn:1591 \
     -r:$build/Google.Protobuf.dll -out:$build/Kerf.Client.dll -recurse:'client/unity/Runtime/Client/*.cs'
@@ -41,4 +41,12 @@ until $server session --server 127.0.0.1:$port list >/dev/null 2>&1; do
     tries=$((tries + 1)); [ $tries -lt 50 ] || { echo "unity: the server does not answer"; exit 1; }
     sleep 0.2
 done
-mono $build/LiveTest.exe http://127.0.0.1:$port
+# What the recorded stream shows, in lines that need no reader of JSON.
+python3 - proto/vectors/cut.json > $build/cut.txt <<'END'
+import json, sys
+for message in json.load(open(sys.argv[1])):
+    lines = [message["surface_hash"]] if message.get("surface_hash") else []
+    lines += [" ".join(map(str, [shown["object"], shown["id"], *shown["position_m"]])) for shown in message.get("shown") or []]
+    print(len(lines), *lines, sep="\n")
+END
+mono $build/LiveTest.exe http://127.0.0.1:$port proto/vectors/cut.bin $build/cut.txt

@@ -39,47 +39,51 @@ namespace Kerf.V1 {
             "Eh8KBWV2ZW50GAggASgLMg4ua2VyZi52MS5FdmVudEgAQgkKB21lc3NhZ2Ui",
             "MAoSQ2hlY2twb2ludFJlc3RvcmVkEgwKBHN0ZXAYASABKAQSDAoEbmFtZRgC",
             "IAEoCSI8ChBUb2xlcmFuY2VDaGFuZ2VkEgwKBHN0ZXAYASABKAQSGgoScmVs",
-            "YXRpdmVfdG9sZXJhbmNlGAIgASgBImYKC0NsaWVudEhlbGxvEhgKEHByb3Rv",
-            "Y29sX3ZlcnNpb24YASABKA0SEgoKc2Vzc2lvbl9pZBgCIAEoCRIQCgh0b29s",
-            "X2lkcxgDIAMoDRIXCg9jb250YWN0X3JhdGVfaHoYBCABKAEioAEKC1NlcnZl",
-            "ckhlbGxvEhgKEHByb3RvY29sX3ZlcnNpb24YASABKA0SHwoGbGltaXRzGAIg",
-            "ASgLMg8ua2VyZi52MS5MaW1pdHMSJAoFc2NlbmUYAyABKAsyFS5rZXJmLnYx",
-            "LlNjZW5lU3VtbWFyeRIXCg9jb250YWN0X3JhdGVfaHoYBCABKAESFwoPc2Vy",
-            "dmVyX2luc3RhbmNlGAUgASgJIosBCghUb29sUG9zZRIPCgd0b29sX2lkGAEg",
-            "ASgNEgsKA3NlcRgCIAEoBBIRCgljbGllbnRfbnMYAyABKAQSGwoEcG9zZRgE",
-            "IAEoCzINLmtlcmYudjEuUG9zZRIPCgdidXR0b25zGAUgASgNEhQKB29wZW5p",
-            "bmcYBiABKAJIAIgBAUIKCghfb3BlbmluZyIbCghMaWZ0VG9vbBIPCgd0b29s",
-            "X2lkGAEgASgNIosCCgdDb250YWN0Eg8KB3Rvb2xfaWQYASABKA0SDAoEc3Rl",
-            "cBgCIAEoBBISCgpzaW1fdGltZV9zGAMgASgBEhAKCGVjaG9fc2VxGAQgASgE",
-            "Eg8KB2VjaG9fbnMYBSABKAQSHwoGd3JlbmNoGAYgASgLMg8ua2VyZi52MS5X",
-            "cmVuY2gSJAoFbW9kZWwYByABKAsyFS5rZXJmLnYxLkNvbnRhY3RNb2RlbBIY",
-            "ChBjdXR0aW5nX2xlbmd0aF9tGAggASgCEg0KBWZsYWdzGAkgASgNEg4KBm51",
-            "bWJlchgKIAEoBBIRCglzZXJ2ZXJfbnMYCyABKAQSFwoPZWNob19hcnJpdmVk",
-            "X25zGAwgASgEIskBCgxDb250YWN0TW9kZWwSIAoJcmVmZXJlbmNlGAEgASgL",
-            "Mg0ua2VyZi52MS5Qb3NlEhEKCXN0aWZmbmVzcxgCIAMoAhIZChFkYW1waW5n",
-            "X25fc19wZXJfbRgDIAEoAhIYCgtmb3JjZV9jYXBfbhgEIAEoAkgAiAEBEiQK",
-            "DWNhcF9kaXJlY3Rpb24YBSABKAsyDS5rZXJmLnYxLlZlYzMSGQoRdmFsaWRp",
-            "dHlfcmFkaXVzX20YBiABKAJCDgoMX2ZvcmNlX2NhcF9uIkoKDFBvc2VSZWpl",
-            "Y3RlZBIPCgd0b29sX2lkGAEgASgNEgsKA3NlcRgCIAEoBBINCgVmaWVsZBgD",
-            "IAEoCRINCgVsaW1pdBgEIAEoCSJGCglMZWFzZUxvc3QSDwoHdG9vbF9pZBgB",
-            "IAEoDRIoCgZyZWFzb24YAiABKA4yGC5rZXJmLnYxLkxlYXNlTG9zdFJlYXNv",
-            "biKEAQoPU2VuZFBvc2VSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDQoF",
-            "bGVhc2UYAiABKAkSIQoEcG9zZRgDIAEoCzIRLmtlcmYudjEuVG9vbFBvc2VI",
-            "ABIhCgRsaWZ0GAQgASgLMhEua2VyZi52MS5MaWZ0VG9vbEgAQggKBm1vdGlv",
-            "biKTAQoQU2VuZFBvc2VSZXNwb25zZRINCgVsZWFzZRgBIAEoCRIhCgdjb250",
-            "YWN0GAIgASgLMhAua2VyZi52MS5Db250YWN0EicKCHJlamVjdGVkGAMgASgL",
-            "MhUua2VyZi52MS5Qb3NlUmVqZWN0ZWQSJAoFc3RhdGUYBCABKA4yFS5rZXJm",
-            "LnYxLlNlc3Npb25TdGF0ZSqrAQoLQ29udGFjdEZsYWcSHAoYQ09OVEFDVF9G",
-            "TEFHX1VOU1BFQ0lGSUVEEAASFwoTQ09OVEFDVF9GTEFHX0xJRlRFRBABEhoK",
-            "FkNPTlRBQ1RfRkxBR19SRUVOVEVSRUQQAhIVChFDT05UQUNUX0ZMQUdfTEFU",
-            "RRAEEhgKFENPTlRBQ1RfRkxBR19IT0xESU5HEAgSGAoUQ09OVEFDVF9GTEFH",
-            "X1NMSVBQRUQQECp6Cg9MZWFzZUxvc3RSZWFzb24SIQodTEVBU0VfTE9TVF9S",
-            "RUFTT05fVU5TUEVDSUZJRUQQABIdChlMRUFTRV9MT1NUX1JFQVNPTl9TSUxF",
-            "TkNFEAESJQohTEVBU0VfTE9TVF9SRUFTT05fU0VTU0lPTl9DTE9TSU5HEAIy",
-            "kwEKDkNvbnRyb2xTZXJ2aWNlEkAKB0NvbnRyb2wSFy5rZXJmLnYxLkNvbnRy",
-            "b2xSZXF1ZXN0Ghgua2VyZi52MS5Db250cm9sUmVzcG9uc2UoATABEj8KCFNl",
-            "bmRQb3NlEhgua2VyZi52MS5TZW5kUG9zZVJlcXVlc3QaGS5rZXJmLnYxLlNl",
-            "bmRQb3NlUmVzcG9uc2ViBnByb3RvMw=="));
+            "YXRpdmVfdG9sZXJhbmNlGAIgASgBIp4BCgtDbGllbnRIZWxsbxIYChBwcm90",
+            "b2NvbF92ZXJzaW9uGAEgASgNEhIKCnNlc3Npb25faWQYAiABKAkSEAoIdG9v",
+            "bF9pZHMYAyADKA0SFwoPY29udGFjdF9yYXRlX2h6GAQgASgBEhgKEGNvbnRh",
+            "Y3RfZGVhZGJhbmQYBSABKAESHAoUY29udGFjdF9rZWVwX2FsaXZlX3MYBiAB",
+            "KAEioAEKC1NlcnZlckhlbGxvEhgKEHByb3RvY29sX3ZlcnNpb24YASABKA0S",
+            "HwoGbGltaXRzGAIgASgLMg8ua2VyZi52MS5MaW1pdHMSJAoFc2NlbmUYAyAB",
+            "KAsyFS5rZXJmLnYxLlNjZW5lU3VtbWFyeRIXCg9jb250YWN0X3JhdGVfaHoY",
+            "BCABKAESFwoPc2VydmVyX2luc3RhbmNlGAUgASgJIosBCghUb29sUG9zZRIP",
+            "Cgd0b29sX2lkGAEgASgNEgsKA3NlcRgCIAEoBBIRCgljbGllbnRfbnMYAyAB",
+            "KAQSGwoEcG9zZRgEIAEoCzINLmtlcmYudjEuUG9zZRIPCgdidXR0b25zGAUg",
+            "ASgNEhQKB29wZW5pbmcYBiABKAJIAIgBAUIKCghfb3BlbmluZyIbCghMaWZ0",
+            "VG9vbBIPCgd0b29sX2lkGAEgASgNIosCCgdDb250YWN0Eg8KB3Rvb2xfaWQY",
+            "ASABKA0SDAoEc3RlcBgCIAEoBBISCgpzaW1fdGltZV9zGAMgASgBEhAKCGVj",
+            "aG9fc2VxGAQgASgEEg8KB2VjaG9fbnMYBSABKAQSHwoGd3JlbmNoGAYgASgL",
+            "Mg8ua2VyZi52MS5XcmVuY2gSJAoFbW9kZWwYByABKAsyFS5rZXJmLnYxLkNv",
+            "bnRhY3RNb2RlbBIYChBjdXR0aW5nX2xlbmd0aF9tGAggASgCEg0KBWZsYWdz",
+            "GAkgASgNEg4KBm51bWJlchgKIAEoBBIRCglzZXJ2ZXJfbnMYCyABKAQSFwoP",
+            "ZWNob19hcnJpdmVkX25zGAwgASgEIswCCgxDb250YWN0TW9kZWwSIAoJcmVm",
+            "ZXJlbmNlGAEgASgLMg0ua2VyZi52MS5Qb3NlEhEKCXN0aWZmbmVzcxgCIAMo",
+            "AhIZChFkYW1waW5nX25fc19wZXJfbRgDIAEoAhIYCgtmb3JjZV9jYXBfbhgE",
+            "IAEoAkgAiAEBEiQKDWNhcF9kaXJlY3Rpb24YBSABKAsyDS5rZXJmLnYxLlZl",
+            "YzMSGQoRdmFsaWRpdHlfcmFkaXVzX20YBiABKAISDwoHZGFtcGluZxgHIAMo",
+            "AhInChB2ZWxvY2l0eV9tX3Blcl9zGAggASgLMg0ua2VyZi52MS5WZWMzEjEK",
+            "GmFuZ3VsYXJfdmVsb2NpdHlfcmFkX3Blcl9zGAkgASgLMg0ua2VyZi52MS5W",
+            "ZWMzEhQKDGJsZW5kX3RpbWVfcxgKIAEoAkIOCgxfZm9yY2VfY2FwX24iSgoM",
+            "UG9zZVJlamVjdGVkEg8KB3Rvb2xfaWQYASABKA0SCwoDc2VxGAIgASgEEg0K",
+            "BWZpZWxkGAMgASgJEg0KBWxpbWl0GAQgASgJIkYKCUxlYXNlTG9zdBIPCgd0",
+            "b29sX2lkGAEgASgNEigKBnJlYXNvbhgCIAEoDjIYLmtlcmYudjEuTGVhc2VM",
+            "b3N0UmVhc29uIoQBCg9TZW5kUG9zZVJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgB",
+            "IAEoCRINCgVsZWFzZRgCIAEoCRIhCgRwb3NlGAMgASgLMhEua2VyZi52MS5U",
+            "b29sUG9zZUgAEiEKBGxpZnQYBCABKAsyES5rZXJmLnYxLkxpZnRUb29sSABC",
+            "CAoGbW90aW9uIpMBChBTZW5kUG9zZVJlc3BvbnNlEg0KBWxlYXNlGAEgASgJ",
+            "EiEKB2NvbnRhY3QYAiABKAsyEC5rZXJmLnYxLkNvbnRhY3QSJwoIcmVqZWN0",
+            "ZWQYAyABKAsyFS5rZXJmLnYxLlBvc2VSZWplY3RlZBIkCgVzdGF0ZRgEIAEo",
+            "DjIVLmtlcmYudjEuU2Vzc2lvblN0YXRlKqsBCgtDb250YWN0RmxhZxIcChhD",
+            "T05UQUNUX0ZMQUdfVU5TUEVDSUZJRUQQABIXChNDT05UQUNUX0ZMQUdfTElG",
+            "VEVEEAESGgoWQ09OVEFDVF9GTEFHX1JFRU5URVJFRBACEhUKEUNPTlRBQ1Rf",
+            "RkxBR19MQVRFEAQSGAoUQ09OVEFDVF9GTEFHX0hPTERJTkcQCBIYChRDT05U",
+            "QUNUX0ZMQUdfU0xJUFBFRBAQKnoKD0xlYXNlTG9zdFJlYXNvbhIhCh1MRUFT",
+            "RV9MT1NUX1JFQVNPTl9VTlNQRUNJRklFRBAAEh0KGUxFQVNFX0xPU1RfUkVB",
+            "U09OX1NJTEVOQ0UQARIlCiFMRUFTRV9MT1NUX1JFQVNPTl9TRVNTSU9OX0NM",
+            "T1NJTkcQAjKTAQoOQ29udHJvbFNlcnZpY2USQAoHQ29udHJvbBIXLmtlcmYu",
+            "djEuQ29udHJvbFJlcXVlc3QaGC5rZXJmLnYxLkNvbnRyb2xSZXNwb25zZSgB",
+            "MAESPwoIU2VuZFBvc2USGC5rZXJmLnYxLlNlbmRQb3NlUmVxdWVzdBoZLmtl",
+            "cmYudjEuU2VuZFBvc2VSZXNwb25zZWIGcHJvdG8z"));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { global::Kerf.V1.TypesReflection.Descriptor, },
           new pbr::GeneratedClrTypeInfo(new[] {typeof(global::Kerf.V1.ContactFlag), typeof(global::Kerf.V1.LeaseLostReason), }, null, new pbr::GeneratedClrTypeInfo[] {
@@ -87,12 +91,12 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ControlResponse), global::Kerf.V1.ControlResponse.Parser, new[]{ "Hello", "Contact", "Rejected", "LeaseLost", "Fault", "ToleranceChanged", "CheckpointRestored", "Event" }, new[]{ "Message" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CheckpointRestored), global::Kerf.V1.CheckpointRestored.Parser, new[]{ "Step", "Name" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ToleranceChanged), global::Kerf.V1.ToleranceChanged.Parser, new[]{ "Step", "RelativeTolerance" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ClientHello), global::Kerf.V1.ClientHello.Parser, new[]{ "ProtocolVersion", "SessionId", "ToolIds", "ContactRateHz" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ClientHello), global::Kerf.V1.ClientHello.Parser, new[]{ "ProtocolVersion", "SessionId", "ToolIds", "ContactRateHz", "ContactDeadband", "ContactKeepAliveS" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ServerHello), global::Kerf.V1.ServerHello.Parser, new[]{ "ProtocolVersion", "Limits", "Scene", "ContactRateHz", "ServerInstance" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ToolPose), global::Kerf.V1.ToolPose.Parser, new[]{ "ToolId", "Seq", "ClientNs", "Pose", "Buttons", "Opening" }, new[]{ "Opening" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.LiftTool), global::Kerf.V1.LiftTool.Parser, new[]{ "ToolId" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Contact), global::Kerf.V1.Contact.Parser, new[]{ "ToolId", "Step", "SimTimeS", "EchoSeq", "EchoNs", "Wrench", "Model", "CuttingLengthM", "Flags", "Number", "ServerNs", "EchoArrivedNs" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ContactModel), global::Kerf.V1.ContactModel.Parser, new[]{ "Reference", "Stiffness", "DampingNSPerM", "ForceCapN", "CapDirection", "ValidityRadiusM" }, new[]{ "ForceCapN" }, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ContactModel), global::Kerf.V1.ContactModel.Parser, new[]{ "Reference", "Stiffness", "DampingNSPerM", "ForceCapN", "CapDirection", "ValidityRadiusM", "Damping", "VelocityMPerS", "AngularVelocityRadPerS", "BlendTimeS" }, new[]{ "ForceCapN" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.PoseRejected), global::Kerf.V1.PoseRejected.Parser, new[]{ "ToolId", "Seq", "Field", "Limit" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.LeaseLost), global::Kerf.V1.LeaseLost.Parser, new[]{ "ToolId", "Reason" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SendPoseRequest), global::Kerf.V1.SendPoseRequest.Parser, new[]{ "SessionId", "Lease", "Pose", "Lift" }, new[]{ "Motion" }, null, null, null),
@@ -1688,6 +1692,8 @@ namespace Kerf.V1 {
       sessionId_ = other.sessionId_;
       toolIds_ = other.toolIds_.Clone();
       contactRateHz_ = other.contactRateHz_;
+      contactDeadband_ = other.contactDeadband_;
+      contactKeepAliveS_ = other.contactKeepAliveS_;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -1756,6 +1762,37 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "contact_deadband" field.</summary>
+    public const int ContactDeadbandFieldNumber = 5;
+    private double contactDeadband_;
+    /// <summary>
+    /// Share of the force that a hand does not notice, 0 to 0.5: a contact is left out while the one before predicts its
+    /// force, where the tool is now, better than this. 0: none is.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public double ContactDeadband {
+      get { return contactDeadband_; }
+      set {
+        contactDeadband_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "contact_keep_alive_s" field.</summary>
+    public const int ContactKeepAliveSFieldNumber = 6;
+    private double contactKeepAliveS_;
+    /// <summary>
+    /// Longest time without a contact that the deadband may cause, s; 0, and above it: a quarter of Limits.max_contact_age_s.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public double ContactKeepAliveS {
+      get { return contactKeepAliveS_; }
+      set {
+        contactKeepAliveS_ = value;
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -1775,6 +1812,8 @@ namespace Kerf.V1 {
       if (SessionId != other.SessionId) return false;
       if(!toolIds_.Equals(other.toolIds_)) return false;
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(ContactRateHz, other.ContactRateHz)) return false;
+      if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(ContactDeadband, other.ContactDeadband)) return false;
+      if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(ContactKeepAliveS, other.ContactKeepAliveS)) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -1786,6 +1825,8 @@ namespace Kerf.V1 {
       if (SessionId.Length != 0) hash ^= SessionId.GetHashCode();
       hash ^= toolIds_.GetHashCode();
       if (ContactRateHz != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(ContactRateHz);
+      if (ContactDeadband != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(ContactDeadband);
+      if (ContactKeepAliveS != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(ContactKeepAliveS);
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -1817,6 +1858,14 @@ namespace Kerf.V1 {
         output.WriteRawTag(33);
         output.WriteDouble(ContactRateHz);
       }
+      if (ContactDeadband != 0D) {
+        output.WriteRawTag(41);
+        output.WriteDouble(ContactDeadband);
+      }
+      if (ContactKeepAliveS != 0D) {
+        output.WriteRawTag(49);
+        output.WriteDouble(ContactKeepAliveS);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -1840,6 +1889,14 @@ namespace Kerf.V1 {
         output.WriteRawTag(33);
         output.WriteDouble(ContactRateHz);
       }
+      if (ContactDeadband != 0D) {
+        output.WriteRawTag(41);
+        output.WriteDouble(ContactDeadband);
+      }
+      if (ContactKeepAliveS != 0D) {
+        output.WriteRawTag(49);
+        output.WriteDouble(ContactKeepAliveS);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -1858,6 +1915,12 @@ namespace Kerf.V1 {
       }
       size += toolIds_.CalculateSize(_repeated_toolIds_codec);
       if (ContactRateHz != 0D) {
+        size += 1 + 8;
+      }
+      if (ContactDeadband != 0D) {
+        size += 1 + 8;
+      }
+      if (ContactKeepAliveS != 0D) {
         size += 1 + 8;
       }
       if (_unknownFields != null) {
@@ -1881,6 +1944,12 @@ namespace Kerf.V1 {
       toolIds_.Add(other.toolIds_);
       if (other.ContactRateHz != 0D) {
         ContactRateHz = other.ContactRateHz;
+      }
+      if (other.ContactDeadband != 0D) {
+        ContactDeadband = other.ContactDeadband;
+      }
+      if (other.ContactKeepAliveS != 0D) {
+        ContactKeepAliveS = other.ContactKeepAliveS;
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -1914,6 +1983,14 @@ namespace Kerf.V1 {
             ContactRateHz = input.ReadDouble();
             break;
           }
+          case 41: {
+            ContactDeadband = input.ReadDouble();
+            break;
+          }
+          case 49: {
+            ContactKeepAliveS = input.ReadDouble();
+            break;
+          }
         }
       }
     #endif
@@ -1944,6 +2021,14 @@ namespace Kerf.V1 {
           }
           case 33: {
             ContactRateHz = input.ReadDouble();
+            break;
+          }
+          case 41: {
+            ContactDeadband = input.ReadDouble();
+            break;
+          }
+          case 49: {
+            ContactKeepAliveS = input.ReadDouble();
             break;
           }
         }
@@ -3094,7 +3179,7 @@ namespace Kerf.V1 {
     public const int ModelFieldNumber = 7;
     private global::Kerf.V1.ContactModel model_;
     /// <summary>
-    /// Present while the tool touches tissue.
+    /// Present on a stream while the tool touches tissue; a SendPoseResponse has none.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -3599,7 +3684,14 @@ namespace Kerf.V1 {
 
   /// <summary>
   /// Local model of the contact, which a station evaluates at its servo rate:
-  /// wrench(pose) = Contact.wrench - stiffness * (pose - reference) - damping * velocity.
+  ///
+  ///   wrench(pose, velocity) = Contact.wrench - stiffness * (pose - reference)
+  ///                                           - damping * (velocity - reference velocity),
+  ///
+  /// then no more than the cap along the cap's direction. A tool whose CONTACT_FLAG_HOLDING is not set pushes and does
+  /// not pull: where the model's force has turned against that of the contact, the tool has left the tissue. The
+  /// reference, the wrench and the cap are those of Contact.step; stiffness and damping are brought up to date at the
+  /// contacts' rate and may be a contact older. The pose that the model answers is that of Contact.echo_seq.
   /// </summary>
   public sealed partial class ContactModel : pb::IMessage<ContactModel>
   #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
@@ -3643,6 +3735,10 @@ namespace Kerf.V1 {
       forceCapN_ = other.forceCapN_;
       capDirection_ = other.capDirection_ != null ? other.capDirection_.Clone() : null;
       validityRadiusM_ = other.validityRadiusM_;
+      damping_ = other.damping_.Clone();
+      velocityMPerS_ = other.velocityMPerS_ != null ? other.velocityMPerS_.Clone() : null;
+      angularVelocityRadPerS_ = other.angularVelocityRadPerS_ != null ? other.angularVelocityRadPerS_.Clone() : null;
+      blendTimeS_ = other.blendTimeS_;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -3673,7 +3769,8 @@ namespace Kerf.V1 {
         = pb::FieldCodec.ForFloat(18);
     private readonly pbc::RepeatedField<float> stiffness_ = new pbc::RepeatedField<float>();
     /// <summary>
-    /// Symmetric 6x6, [translation m; rotation rad] -> [N; N m], scene frame, about the reference
+    /// Of the contact and the tissue behind it in series, against slow moves. Symmetric 6x6 without negative
+    /// eigenvalues, [translation m; rotation rad] -> [N; N m], scene frame, about the reference
     /// point: the 21 entries of the upper triangle, row by row (xx, xy, xz, xa, xb, xc, yy, yz, ...).
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -3686,7 +3783,7 @@ namespace Kerf.V1 {
     public const int DampingNSPerMFieldNumber = 3;
     private float dampingNSPerM_;
     /// <summary>
-    /// Isotropic translational damping, N s/m.
+    /// Mean of the damping against translation, N s/m: a third of xx + yy + zz.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -3701,7 +3798,8 @@ namespace Kerf.V1 {
     public const int ForceCapNFieldNumber = 4;
     private float forceCapN_;
     /// <summary>
-    /// Present while cutting: the force along cap_direction does not exceed this, N.
+    /// Present where an edge stands on what it can cut: the force along cap_direction does not exceed this, N. Before the
+    /// cut it is what starts one, afterwards what one goes on at.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -3744,7 +3842,8 @@ namespace Kerf.V1 {
     public const int ValidityRadiusMFieldNumber = 6;
     private float validityRadiusM_;
     /// <summary>
-    /// Distance from the reference point within which the model holds, m.
+    /// Distance from the reference point within which the model holds, m: a twentieth of the tool's size, or a quarter of what
+    /// the tool would have to draw back for the force to fall to nothing if that is less.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -3752,6 +3851,65 @@ namespace Kerf.V1 {
       get { return validityRadiusM_; }
       set {
         validityRadiusM_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "damping" field.</summary>
+    public const int DampingFieldNumber = 7;
+    private static readonly pb::FieldCodec<float> _repeated_damping_codec
+        = pb::FieldCodec.ForFloat(58);
+    private readonly pbc::RepeatedField<float> damping_ = new pbc::RepeatedField<float>();
+    /// <summary>
+    /// What the tissue's own damping adds as the velocity changes, [m/s; rad/s] -> [N; N m], as `stiffness` in all else.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public pbc::RepeatedField<float> Damping {
+      get { return damping_; }
+    }
+
+    /// <summary>Field number for the "velocity_m_per_s" field.</summary>
+    public const int VelocityMPerSFieldNumber = 8;
+    private global::Kerf.V1.Vec3 velocityMPerS_;
+    /// <summary>
+    /// Velocity of the reference point that the wrench belongs to, m/s, scene frame. Required.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.Vec3 VelocityMPerS {
+      get { return velocityMPerS_; }
+      set {
+        velocityMPerS_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "angular_velocity_rad_per_s" field.</summary>
+    public const int AngularVelocityRadPerSFieldNumber = 9;
+    private global::Kerf.V1.Vec3 angularVelocityRadPerS_;
+    /// <summary>
+    /// Angular velocity that the wrench belongs to, rad/s, scene frame. Required.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.Vec3 AngularVelocityRadPerS {
+      get { return angularVelocityRadPerS_; }
+      set {
+        angularVelocityRadPerS_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "blend_time_s" field.</summary>
+    public const int BlendTimeSFieldNumber = 10;
+    private float blendTimeS_;
+    /// <summary>
+    /// Time over which a station goes over to this model from the one before, its force continuous at the beginning, s.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public float BlendTimeS {
+      get { return blendTimeS_; }
+      set {
+        blendTimeS_ = value;
       }
     }
 
@@ -3776,6 +3934,10 @@ namespace Kerf.V1 {
       if (!pbc::ProtobufEqualityComparers.BitwiseSingleEqualityComparer.Equals(ForceCapN, other.ForceCapN)) return false;
       if (!object.Equals(CapDirection, other.CapDirection)) return false;
       if (!pbc::ProtobufEqualityComparers.BitwiseSingleEqualityComparer.Equals(ValidityRadiusM, other.ValidityRadiusM)) return false;
+      if(!damping_.Equals(other.damping_)) return false;
+      if (!object.Equals(VelocityMPerS, other.VelocityMPerS)) return false;
+      if (!object.Equals(AngularVelocityRadPerS, other.AngularVelocityRadPerS)) return false;
+      if (!pbc::ProtobufEqualityComparers.BitwiseSingleEqualityComparer.Equals(BlendTimeS, other.BlendTimeS)) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -3789,6 +3951,10 @@ namespace Kerf.V1 {
       if (HasForceCapN) hash ^= pbc::ProtobufEqualityComparers.BitwiseSingleEqualityComparer.GetHashCode(ForceCapN);
       if (capDirection_ != null) hash ^= CapDirection.GetHashCode();
       if (ValidityRadiusM != 0F) hash ^= pbc::ProtobufEqualityComparers.BitwiseSingleEqualityComparer.GetHashCode(ValidityRadiusM);
+      hash ^= damping_.GetHashCode();
+      if (velocityMPerS_ != null) hash ^= VelocityMPerS.GetHashCode();
+      if (angularVelocityRadPerS_ != null) hash ^= AngularVelocityRadPerS.GetHashCode();
+      if (BlendTimeS != 0F) hash ^= pbc::ProtobufEqualityComparers.BitwiseSingleEqualityComparer.GetHashCode(BlendTimeS);
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -3828,6 +3994,19 @@ namespace Kerf.V1 {
         output.WriteRawTag(53);
         output.WriteFloat(ValidityRadiusM);
       }
+      damping_.WriteTo(output, _repeated_damping_codec);
+      if (velocityMPerS_ != null) {
+        output.WriteRawTag(66);
+        output.WriteMessage(VelocityMPerS);
+      }
+      if (angularVelocityRadPerS_ != null) {
+        output.WriteRawTag(74);
+        output.WriteMessage(AngularVelocityRadPerS);
+      }
+      if (BlendTimeS != 0F) {
+        output.WriteRawTag(85);
+        output.WriteFloat(BlendTimeS);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -3859,6 +4038,19 @@ namespace Kerf.V1 {
         output.WriteRawTag(53);
         output.WriteFloat(ValidityRadiusM);
       }
+      damping_.WriteTo(ref output, _repeated_damping_codec);
+      if (velocityMPerS_ != null) {
+        output.WriteRawTag(66);
+        output.WriteMessage(VelocityMPerS);
+      }
+      if (angularVelocityRadPerS_ != null) {
+        output.WriteRawTag(74);
+        output.WriteMessage(AngularVelocityRadPerS);
+      }
+      if (BlendTimeS != 0F) {
+        output.WriteRawTag(85);
+        output.WriteFloat(BlendTimeS);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -3883,6 +4075,16 @@ namespace Kerf.V1 {
         size += 1 + pb::CodedOutputStream.ComputeMessageSize(CapDirection);
       }
       if (ValidityRadiusM != 0F) {
+        size += 1 + 4;
+      }
+      size += damping_.CalculateSize(_repeated_damping_codec);
+      if (velocityMPerS_ != null) {
+        size += 1 + pb::CodedOutputStream.ComputeMessageSize(VelocityMPerS);
+      }
+      if (angularVelocityRadPerS_ != null) {
+        size += 1 + pb::CodedOutputStream.ComputeMessageSize(AngularVelocityRadPerS);
+      }
+      if (BlendTimeS != 0F) {
         size += 1 + 4;
       }
       if (_unknownFields != null) {
@@ -3918,6 +4120,22 @@ namespace Kerf.V1 {
       }
       if (other.ValidityRadiusM != 0F) {
         ValidityRadiusM = other.ValidityRadiusM;
+      }
+      damping_.Add(other.damping_);
+      if (other.velocityMPerS_ != null) {
+        if (velocityMPerS_ == null) {
+          VelocityMPerS = new global::Kerf.V1.Vec3();
+        }
+        VelocityMPerS.MergeFrom(other.VelocityMPerS);
+      }
+      if (other.angularVelocityRadPerS_ != null) {
+        if (angularVelocityRadPerS_ == null) {
+          AngularVelocityRadPerS = new global::Kerf.V1.Vec3();
+        }
+        AngularVelocityRadPerS.MergeFrom(other.AngularVelocityRadPerS);
+      }
+      if (other.BlendTimeS != 0F) {
+        BlendTimeS = other.BlendTimeS;
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -3965,6 +4183,29 @@ namespace Kerf.V1 {
             ValidityRadiusM = input.ReadFloat();
             break;
           }
+          case 58:
+          case 61: {
+            damping_.AddEntriesFrom(input, _repeated_damping_codec);
+            break;
+          }
+          case 66: {
+            if (velocityMPerS_ == null) {
+              VelocityMPerS = new global::Kerf.V1.Vec3();
+            }
+            input.ReadMessage(VelocityMPerS);
+            break;
+          }
+          case 74: {
+            if (angularVelocityRadPerS_ == null) {
+              AngularVelocityRadPerS = new global::Kerf.V1.Vec3();
+            }
+            input.ReadMessage(AngularVelocityRadPerS);
+            break;
+          }
+          case 85: {
+            BlendTimeS = input.ReadFloat();
+            break;
+          }
         }
       }
     #endif
@@ -4009,6 +4250,29 @@ namespace Kerf.V1 {
           }
           case 53: {
             ValidityRadiusM = input.ReadFloat();
+            break;
+          }
+          case 58:
+          case 61: {
+            damping_.AddEntriesFrom(ref input, _repeated_damping_codec);
+            break;
+          }
+          case 66: {
+            if (velocityMPerS_ == null) {
+              VelocityMPerS = new global::Kerf.V1.Vec3();
+            }
+            input.ReadMessage(VelocityMPerS);
+            break;
+          }
+          case 74: {
+            if (angularVelocityRadPerS_ == null) {
+              AngularVelocityRadPerS = new global::Kerf.V1.Vec3();
+            }
+            input.ReadMessage(AngularVelocityRadPerS);
+            break;
+          }
+          case 85: {
+            BlendTimeS = input.ReadFloat();
             break;
           }
         }

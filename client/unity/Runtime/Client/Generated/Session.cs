@@ -24,104 +24,122 @@ namespace Kerf.V1 {
     static SessionReflection() {
       byte[] descriptorData = global::System.Convert.FromBase64String(
           string.Concat(
-            "ChVrZXJmL3YxL3Nlc3Npb24ucHJvdG8SB2tlcmYudjEaE2tlcmYvdjEvdHlw",
-            "ZXMucHJvdG8iEwoRTGlzdFNjZW5lc1JlcXVlc3QiOAoSTGlzdFNjZW5lc1Jl",
-            "c3BvbnNlEiIKBnNjZW5lcxgBIAMoCzISLmtlcmYudjEuU2NlbmVJbmZvIi4K",
-            "CVNjZW5lSW5mbxIMCgRuYW1lGAEgASgJEhMKC2Rlc2NyaXB0aW9uGAIgASgJ",
-            "IkMKD0dldFNjZW5lUmVxdWVzdBIUCgpzY2VuZV9uYW1lGAEgASgJSAASFAoK",
-            "c2Vzc2lvbl9pZBgCIAEoCUgAQgQKAm9mIiYKEEdldFNjZW5lUmVzcG9uc2US",
-            "EgoKc2NlbmVfdG9tbBgBIAEoCSLzAQoUQ3JlYXRlU2Vzc2lvblJlcXVlc3QS",
-            "FAoKc2NlbmVfbmFtZRgBIAEoCUgAEhQKCnNjZW5lX3RvbWwYAiABKAlIABIU",
-            "CgxzdGFydF9wYXVzZWQYAyABKAgSDwoFbGV2ZWwYBCABKA1IARITCglidWRn",
-            "ZXRfbXMYBSABKAFIARITCgltYXhfZXJyb3IYBiABKAFIARIZCgxzdGVwX3Jh",
-            "dGVfaHoYByABKAFIAogBARIhCgVmaWxlcxgIIAMoCzISLmtlcmYudjEuU2Nl",
-            "bmVGaWxlQgcKBXNjZW5lQgYKBGRpYWxCDwoNX3N0ZXBfcmF0ZV9oeiInCglT",
-            "Y2VuZUZpbGUSDAoEbmFtZRgBIAEoCRIMCgRkYXRhGAIgASgMIlcKFUNyZWF0",
-            "ZVNlc3Npb25SZXNwb25zZRIsCgdzZXNzaW9uGAEgASgLMhsua2VyZi52MS5T",
-            "ZXNzaW9uRGVzY3JpcHRpb24SEAoId2FybmluZ3MYAiADKAkiLAoWRGVzY3Jp",
-            "YmVTZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIkcKF0Rlc2Ny",
-            "aWJlU2Vzc2lvblJlc3BvbnNlEiwKB3Nlc3Npb24YASABKAsyGy5rZXJmLnYx",
-            "LlNlc3Npb25EZXNjcmlwdGlvbiIVChNMaXN0U2Vzc2lvbnNSZXF1ZXN0IlcK",
-            "FExpc3RTZXNzaW9uc1Jlc3BvbnNlEiYKCHNlc3Npb25zGAEgAygLMhQua2Vy",
-            "Zi52MS5TZXNzaW9uSW5mbxIXCg9zZXJ2ZXJfaW5zdGFuY2UYAiABKAkiKQoT",
-            "Q2xvc2VTZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIj0KFENs",
-            "b3NlU2Vzc2lvblJlc3BvbnNlEiUKCXJlY29yZGluZxgBIAEoCzISLmtlcmYu",
-            "djEuUmVjb3JkaW5nIksKCVJlY29yZGluZxIMCgRmaWxlGAEgASgJEg0KBXN0",
-            "ZXBzGAIgASgEEhIKCmlzX2N1dF9vZmYYAyABKAgSDQoFZXJyb3IYBCABKAki",
-            "KQoTUGF1c2VTZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIiQK",
-            "FFBhdXNlU2Vzc2lvblJlc3BvbnNlEgwKBHN0ZXAYASABKAQiKgoUUmVzdW1l",
-            "U2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSIlChVSZXN1bWVT",
-            "ZXNzaW9uUmVzcG9uc2USDAoEc3RlcBgBIAEoBCI3ChJTdGVwU2Vzc2lvblJl",
-            "cXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRINCgVzdGVwcxgCIAEoDSIjChNT",
-            "dGVwU2Vzc2lvblJlc3BvbnNlEgwKBHN0ZXAYASABKAQiKQoTUmVzZXRTZXNz",
-            "aW9uUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIj0KFFJlc2V0U2Vzc2lv",
-            "blJlc3BvbnNlEiUKCXJlY29yZGluZxgBIAEoCzISLmtlcmYudjEuUmVjb3Jk",
-            "aW5nIjkKFVNhdmVDaGVja3BvaW50UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEg",
-            "ASgJEgwKBG5hbWUYAiABKAkiJgoWU2F2ZUNoZWNrcG9pbnRSZXNwb25zZRIM",
-            "CgRzdGVwGAEgASgEIjwKGFJlc3RvcmVDaGVja3BvaW50UmVxdWVzdBISCgpz",
-            "ZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAkiUAoZUmVzdG9yZUNoZWNr",
-            "cG9pbnRSZXNwb25zZRIMCgRzdGVwGAEgASgEEiUKCXJlY29yZGluZxgCIAEo",
-            "CzISLmtlcmYudjEuUmVjb3JkaW5nIiwKFkxpc3RDaGVja3BvaW50c1JlcXVl",
-            "c3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSJDChdMaXN0Q2hlY2twb2ludHNSZXNw",
-            "b25zZRIoCgtjaGVja3BvaW50cxgBIAMoCzITLmtlcmYudjEuQ2hlY2twb2lu",
-            "dCI8CgpDaGVja3BvaW50EgwKBG5hbWUYASABKAkSDAoEc3RlcBgCIAEoBBIS",
-            "CgpzaW1fdGltZV9zGAMgASgBIjsKF0RlbGV0ZUNoZWNrcG9pbnRSZXF1ZXN0",
-            "EhIKCnNlc3Npb25faWQYASABKAkSDAoEbmFtZRgCIAEoCSIaChhEZWxldGVD",
-            "aGVja3BvaW50UmVzcG9uc2UiWwoLU2Vzc2lvbkluZm8SEgoKc2Vzc2lvbl9p",
-            "ZBgBIAEoCRISCgpzY2VuZV9uYW1lGAIgASgJEiQKBXN0YXRlGAMgASgOMhUu",
-            "a2VyZi52MS5TZXNzaW9uU3RhdGUi7gMKElNlc3Npb25EZXNjcmlwdGlvbhIS",
-            "CgpzZXNzaW9uX2lkGAEgASgJEiQKBXN0YXRlGAIgASgOMhUua2VyZi52MS5T",
-            "ZXNzaW9uU3RhdGUSJAoFc2NlbmUYAyABKAsyFS5rZXJmLnYxLlNjZW5lU3Vt",
-            "bWFyeRIfCgZsaW1pdHMYBCABKAsyDy5rZXJmLnYxLkxpbWl0cxIMCgRzdGVw",
-            "GAUgASgEEhIKCnNpbV90aW1lX3MYBiABKAESGAoQdG9wb2xvZ3lfdmVyc2lv",
-            "bhgHIAEoBBISCgpsYXRlX3N0ZXBzGAggASgEEg8KB3ZpZXdlcnMYCSABKA0S",
-            "FwoPbGVhc2VkX3Rvb2xfaWRzGAogAygNEiUKBmVuZXJneRgLIAEoCzIVLmtl",
-            "cmYudjEuRW5lcmd5TGVkZ2VyEi4KF3RyYWNrZWRfZGlzcGxhY2VtZW50c19t",
-            "GAwgAygLMg0ua2VyZi52MS5WZWMzEhIKCnN0YXRlX2hhc2gYDSABKAYSDwoH",
-            "ZmFpbHVyZRgOIAEoCRIhCgRkaWFsGA8gASgLMhMua2VyZi52MS5EaWFsQ2hv",
-            "aWNlEhoKEnJlbGF0aXZlX3RvbGVyYW5jZRgQIAEoARIMCgRsb2FkGBEgASgB",
-            "EhQKDG1lbW9yeV9ieXRlcxgSIAEoBCJfCgpEaWFsQ2hvaWNlEiUKB3NldHRp",
-            "bmcYASABKAsyFC5rZXJmLnYxLkRpYWxTZXR0aW5nEioKCGV4cGVjdGVkGAIg",
-            "ASgLMhgua2VyZi52MS5EaWFsRXhwZWN0YXRpb24ieQoLRGlhbFNldHRpbmcS",
-            "DQoFbGV2ZWwYASABKA0SEwoLdm94ZWxfc2NhbGUYAiABKAESGgoScmVsYXRp",
-            "dmVfdG9sZXJhbmNlGAMgASgBEg8KB2VsZW1lbnQYBCABKAkSGQoRaGFzX2Zp",
-            "bmVyX3JlZ2lvbnMYBSABKAgidwoPRGlhbEV4cGVjdGF0aW9uEhEKCW1lZGlh",
-            "bl9tcxgBIAEoARIOCgZwOTlfbXMYAiABKAESGgoSZGlzcGxhY2VtZW50X2Vy",
-            "cm9yGAMgASgBEhMKC2ZvcmNlX2Vycm9yGAQgASgBEhAKCGhhcmR3YXJlGAUg",
-            "ASgJIpQCCgxFbmVyZ3lMZWRnZXISEwoLdG9vbF93b3JrX2oYASABKAESEwoL",
-            "bG9hZF93b3JrX2oYAiABKAESEQoJZWxhc3RpY19qGAMgASgBEhEKCWNvbnRh",
-            "Y3RfahgEIAEoARIRCglraW5ldGljX2oYBSABKAESEgoKZnJhY3R1cmVfahgG",
-            "IAEoARIUCgxmcm9udF9zbGlwX2oYByABKAESFAoMaW5pdGlhdGlvbl9qGAgg",
-            "ASgBEhEKCXBhcnRpbmdfahgJIAEoARIRCglkYW1waW5nX2oYCiABKAESEwoL",
-            "bnVtZXJpY2FsX2oYCyABKAESEgoKcmVzaWR1YWxfahgMIAEoARISCgpmcmlj",
-            "dGlvbl9qGA0gASgBMuoICg5TZXNzaW9uU2VydmljZRJFCgpMaXN0U2NlbmVz",
-            "Ehoua2VyZi52MS5MaXN0U2NlbmVzUmVxdWVzdBobLmtlcmYudjEuTGlzdFNj",
-            "ZW5lc1Jlc3BvbnNlEj8KCEdldFNjZW5lEhgua2VyZi52MS5HZXRTY2VuZVJl",
-            "cXVlc3QaGS5rZXJmLnYxLkdldFNjZW5lUmVzcG9uc2USTgoNQ3JlYXRlU2Vz",
-            "c2lvbhIdLmtlcmYudjEuQ3JlYXRlU2Vzc2lvblJlcXVlc3QaHi5rZXJmLnYx",
-            "LkNyZWF0ZVNlc3Npb25SZXNwb25zZRJUCg9EZXNjcmliZVNlc3Npb24SHy5r",
-            "ZXJmLnYxLkRlc2NyaWJlU2Vzc2lvblJlcXVlc3QaIC5rZXJmLnYxLkRlc2Ny",
-            "aWJlU2Vzc2lvblJlc3BvbnNlEksKDExpc3RTZXNzaW9ucxIcLmtlcmYudjEu",
-            "TGlzdFNlc3Npb25zUmVxdWVzdBodLmtlcmYudjEuTGlzdFNlc3Npb25zUmVz",
-            "cG9uc2USSwoMQ2xvc2VTZXNzaW9uEhwua2VyZi52MS5DbG9zZVNlc3Npb25S",
-            "ZXF1ZXN0Gh0ua2VyZi52MS5DbG9zZVNlc3Npb25SZXNwb25zZRJLCgxQYXVz",
-            "ZVNlc3Npb24SHC5rZXJmLnYxLlBhdXNlU2Vzc2lvblJlcXVlc3QaHS5rZXJm",
-            "LnYxLlBhdXNlU2Vzc2lvblJlc3BvbnNlEk4KDVJlc3VtZVNlc3Npb24SHS5r",
-            "ZXJmLnYxLlJlc3VtZVNlc3Npb25SZXF1ZXN0Gh4ua2VyZi52MS5SZXN1bWVT",
-            "ZXNzaW9uUmVzcG9uc2USSAoLU3RlcFNlc3Npb24SGy5rZXJmLnYxLlN0ZXBT",
-            "ZXNzaW9uUmVxdWVzdBocLmtlcmYudjEuU3RlcFNlc3Npb25SZXNwb25zZRJL",
-            "CgxSZXNldFNlc3Npb24SHC5rZXJmLnYxLlJlc2V0U2Vzc2lvblJlcXVlc3Qa",
-            "HS5rZXJmLnYxLlJlc2V0U2Vzc2lvblJlc3BvbnNlElEKDlNhdmVDaGVja3Bv",
-            "aW50Eh4ua2VyZi52MS5TYXZlQ2hlY2twb2ludFJlcXVlc3QaHy5rZXJmLnYx",
-            "LlNhdmVDaGVja3BvaW50UmVzcG9uc2USWgoRUmVzdG9yZUNoZWNrcG9pbnQS",
-            "IS5rZXJmLnYxLlJlc3RvcmVDaGVja3BvaW50UmVxdWVzdBoiLmtlcmYudjEu",
-            "UmVzdG9yZUNoZWNrcG9pbnRSZXNwb25zZRJUCg9MaXN0Q2hlY2twb2ludHMS",
-            "Hy5rZXJmLnYxLkxpc3RDaGVja3BvaW50c1JlcXVlc3QaIC5rZXJmLnYxLkxp",
-            "c3RDaGVja3BvaW50c1Jlc3BvbnNlElcKEERlbGV0ZUNoZWNrcG9pbnQSIC5r",
-            "ZXJmLnYxLkRlbGV0ZUNoZWNrcG9pbnRSZXF1ZXN0GiEua2VyZi52MS5EZWxl",
-            "dGVDaGVja3BvaW50UmVzcG9uc2ViBnByb3RvMw=="));
+            "ChVrZXJmL3YxL3Nlc3Npb24ucHJvdG8SB2tlcmYudjEaFWtlcmYvdjEvY29u",
+            "dHJvbC5wcm90bxoTa2VyZi92MS90eXBlcy5wcm90byITChFMaXN0U2NlbmVz",
+            "UmVxdWVzdCI4ChJMaXN0U2NlbmVzUmVzcG9uc2USIgoGc2NlbmVzGAEgAygL",
+            "MhIua2VyZi52MS5TY2VuZUluZm8iLgoJU2NlbmVJbmZvEgwKBG5hbWUYASAB",
+            "KAkSEwoLZGVzY3JpcHRpb24YAiABKAkiQwoPR2V0U2NlbmVSZXF1ZXN0EhQK",
+            "CnNjZW5lX25hbWUYASABKAlIABIUCgpzZXNzaW9uX2lkGAIgASgJSABCBAoC",
+            "b2YiJgoQR2V0U2NlbmVSZXNwb25zZRISCgpzY2VuZV90b21sGAEgASgJIvMB",
+            "ChRDcmVhdGVTZXNzaW9uUmVxdWVzdBIUCgpzY2VuZV9uYW1lGAEgASgJSAAS",
+            "FAoKc2NlbmVfdG9tbBgCIAEoCUgAEhQKDHN0YXJ0X3BhdXNlZBgDIAEoCBIP",
+            "CgVsZXZlbBgEIAEoDUgBEhMKCWJ1ZGdldF9tcxgFIAEoAUgBEhMKCW1heF9l",
+            "cnJvchgGIAEoAUgBEhkKDHN0ZXBfcmF0ZV9oehgHIAEoAUgCiAEBEiEKBWZp",
+            "bGVzGAggAygLMhIua2VyZi52MS5TY2VuZUZpbGVCBwoFc2NlbmVCBgoEZGlh",
+            "bEIPCg1fc3RlcF9yYXRlX2h6IicKCVNjZW5lRmlsZRIMCgRuYW1lGAEgASgJ",
+            "EgwKBGRhdGEYAiABKAwiVwoVQ3JlYXRlU2Vzc2lvblJlc3BvbnNlEiwKB3Nl",
+            "c3Npb24YASABKAsyGy5rZXJmLnYxLlNlc3Npb25EZXNjcmlwdGlvbhIQCgh3",
+            "YXJuaW5ncxgCIAMoCSIsChZEZXNjcmliZVNlc3Npb25SZXF1ZXN0EhIKCnNl",
+            "c3Npb25faWQYASABKAkiRwoXRGVzY3JpYmVTZXNzaW9uUmVzcG9uc2USLAoH",
+            "c2Vzc2lvbhgBIAEoCzIbLmtlcmYudjEuU2Vzc2lvbkRlc2NyaXB0aW9uIhUK",
+            "E0xpc3RTZXNzaW9uc1JlcXVlc3QiVwoUTGlzdFNlc3Npb25zUmVzcG9uc2US",
+            "JgoIc2Vzc2lvbnMYASADKAsyFC5rZXJmLnYxLlNlc3Npb25JbmZvEhcKD3Nl",
+            "cnZlcl9pbnN0YW5jZRgCIAEoCSIpChNDbG9zZVNlc3Npb25SZXF1ZXN0EhIK",
+            "CnNlc3Npb25faWQYASABKAkiPQoUQ2xvc2VTZXNzaW9uUmVzcG9uc2USJQoJ",
+            "cmVjb3JkaW5nGAEgASgLMhIua2VyZi52MS5SZWNvcmRpbmciSwoJUmVjb3Jk",
+            "aW5nEgwKBGZpbGUYASABKAkSDQoFc3RlcHMYAiABKAQSEgoKaXNfY3V0X29m",
+            "ZhgDIAEoCBINCgVlcnJvchgEIAEoCSIpChNQYXVzZVNlc3Npb25SZXF1ZXN0",
+            "EhIKCnNlc3Npb25faWQYASABKAkiJAoUUGF1c2VTZXNzaW9uUmVzcG9uc2US",
+            "DAoEc3RlcBgBIAEoBCIqChRSZXN1bWVTZXNzaW9uUmVxdWVzdBISCgpzZXNz",
+            "aW9uX2lkGAEgASgJIiUKFVJlc3VtZVNlc3Npb25SZXNwb25zZRIMCgRzdGVw",
+            "GAEgASgEIlsKElN0ZXBTZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEg",
+            "ASgJEg0KBXN0ZXBzGAIgASgNEiIKBmlucHV0cxgDIAMoCzISLmtlcmYudjEu",
+            "U3RlcElucHV0IjEKCVN0ZXBJbnB1dBIkCgdtb3Rpb25zGAEgAygLMhMua2Vy",
+            "Zi52MS5Ub29sTW90aW9uIlwKClRvb2xNb3Rpb24SIQoEcG9zZRgBIAEoCzIR",
+            "LmtlcmYudjEuVG9vbFBvc2VIABIhCgRsaWZ0GAIgASgLMhEua2VyZi52MS5M",
+            "aWZ0VG9vbEgAQggKBm1vdGlvbiJ5ChNTdGVwU2Vzc2lvblJlc3BvbnNlEgwK",
+            "BHN0ZXAYASABKAQSJgoIb3V0Y29tZXMYAiADKAsyFC5rZXJmLnYxLlN0ZXBP",
+            "dXRjb21lEhgKEHRvcG9sb2d5X3ZlcnNpb24YAyABKAQSEgoKc3RhdGVfaGFz",
+            "aBgEIAEoBiKqAQoLU3RlcE91dGNvbWUSDAoEc3RlcBgBIAEoBBISCgpzaW1f",
+            "dGltZV9zGAIgASgBEiIKCGNvbnRhY3RzGAMgAygLMhAua2VyZi52MS5Db250",
+            "YWN0EiUKBmVuZXJneRgEIAEoCzIVLmtlcmYudjEuRW5lcmd5TGVkZ2VyEi4K",
+            "F3RyYWNrZWRfZGlzcGxhY2VtZW50c19tGAUgAygLMg0ua2VyZi52MS5WZWMz",
+            "IikKE1Jlc2V0U2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSI9",
+            "ChRSZXNldFNlc3Npb25SZXNwb25zZRIlCglyZWNvcmRpbmcYASABKAsyEi5r",
+            "ZXJmLnYxLlJlY29yZGluZyI5ChVTYXZlQ2hlY2twb2ludFJlcXVlc3QSEgoK",
+            "c2Vzc2lvbl9pZBgBIAEoCRIMCgRuYW1lGAIgASgJIiYKFlNhdmVDaGVja3Bv",
+            "aW50UmVzcG9uc2USDAoEc3RlcBgBIAEoBCI8ChhSZXN0b3JlQ2hlY2twb2lu",
+            "dFJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRIMCgRuYW1lGAIgASgJIlAK",
+            "GVJlc3RvcmVDaGVja3BvaW50UmVzcG9uc2USDAoEc3RlcBgBIAEoBBIlCgly",
+            "ZWNvcmRpbmcYAiABKAsyEi5rZXJmLnYxLlJlY29yZGluZyIsChZMaXN0Q2hl",
+            "Y2twb2ludHNSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkiQwoXTGlzdENo",
+            "ZWNrcG9pbnRzUmVzcG9uc2USKAoLY2hlY2twb2ludHMYASADKAsyEy5rZXJm",
+            "LnYxLkNoZWNrcG9pbnQiPAoKQ2hlY2twb2ludBIMCgRuYW1lGAEgASgJEgwK",
+            "BHN0ZXAYAiABKAQSEgoKc2ltX3RpbWVfcxgDIAEoASI7ChdEZWxldGVDaGVj",
+            "a3BvaW50UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiAB",
+            "KAkiGgoYRGVsZXRlQ2hlY2twb2ludFJlc3BvbnNlImUKEVNlZWtSZXBsYXlS",
+            "ZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSEwoGdGltZV9zGAIgASgBSACI",
+            "AQESEgoFc3BlZWQYAyABKAFIAYgBAUIJCgdfdGltZV9zQggKBl9zcGVlZCJT",
+            "ChJTZWVrUmVwbGF5UmVzcG9uc2USDgoGdGltZV9zGAEgASgBEhAKCGxlbmd0",
+            "aF9zGAIgASgBEg0KBXNwZWVkGAMgASgBEgwKBHN0ZXAYBCABKAQibgoLU2Vz",
+            "c2lvbkluZm8SEgoKc2Vzc2lvbl9pZBgBIAEoCRISCgpzY2VuZV9uYW1lGAIg",
+            "ASgJEiQKBXN0YXRlGAMgASgOMhUua2VyZi52MS5TZXNzaW9uU3RhdGUSEQoJ",
+            "aXNfcmVwbGF5GAQgASgIIpUEChJTZXNzaW9uRGVzY3JpcHRpb24SEgoKc2Vz",
+            "c2lvbl9pZBgBIAEoCRIkCgVzdGF0ZRgCIAEoDjIVLmtlcmYudjEuU2Vzc2lv",
+            "blN0YXRlEiQKBXNjZW5lGAMgASgLMhUua2VyZi52MS5TY2VuZVN1bW1hcnkS",
+            "HwoGbGltaXRzGAQgASgLMg8ua2VyZi52MS5MaW1pdHMSDAoEc3RlcBgFIAEo",
+            "BBISCgpzaW1fdGltZV9zGAYgASgBEhgKEHRvcG9sb2d5X3ZlcnNpb24YByAB",
+            "KAQSEgoKbGF0ZV9zdGVwcxgIIAEoBBIPCgd2aWV3ZXJzGAkgASgNEhcKD2xl",
+            "YXNlZF90b29sX2lkcxgKIAMoDRIlCgZlbmVyZ3kYCyABKAsyFS5rZXJmLnYx",
+            "LkVuZXJneUxlZGdlchIuChd0cmFja2VkX2Rpc3BsYWNlbWVudHNfbRgMIAMo",
+            "CzINLmtlcmYudjEuVmVjMxISCgpzdGF0ZV9oYXNoGA0gASgGEg8KB2ZhaWx1",
+            "cmUYDiABKAkSIQoEZGlhbBgPIAEoCzITLmtlcmYudjEuRGlhbENob2ljZRIa",
+            "ChJyZWxhdGl2ZV90b2xlcmFuY2UYECABKAESDAoEbG9hZBgRIAEoARIUCgxt",
+            "ZW1vcnlfYnl0ZXMYEiABKAQSJQoJcmVjb3JkaW5nGBUgASgLMhIua2VyZi52",
+            "MS5SZWNvcmRpbmciXwoKRGlhbENob2ljZRIlCgdzZXR0aW5nGAEgASgLMhQu",
+            "a2VyZi52MS5EaWFsU2V0dGluZxIqCghleHBlY3RlZBgCIAEoCzIYLmtlcmYu",
+            "djEuRGlhbEV4cGVjdGF0aW9uInkKC0RpYWxTZXR0aW5nEg0KBWxldmVsGAEg",
+            "ASgNEhMKC3ZveGVsX3NjYWxlGAIgASgBEhoKEnJlbGF0aXZlX3RvbGVyYW5j",
+            "ZRgDIAEoARIPCgdlbGVtZW50GAQgASgJEhkKEWhhc19maW5lcl9yZWdpb25z",
+            "GAUgASgIIncKD0RpYWxFeHBlY3RhdGlvbhIRCgltZWRpYW5fbXMYASABKAES",
+            "DgoGcDk5X21zGAIgASgBEhoKEmRpc3BsYWNlbWVudF9lcnJvchgDIAEoARIT",
+            "Cgtmb3JjZV9lcnJvchgEIAEoARIQCghoYXJkd2FyZRgFIAEoCSKsAgoMRW5l",
+            "cmd5TGVkZ2VyEhMKC3Rvb2xfd29ya19qGAEgASgBEhMKC2xvYWRfd29ya19q",
+            "GAIgASgBEhEKCWVsYXN0aWNfahgDIAEoARIRCgljb250YWN0X2oYBCABKAES",
+            "EQoJa2luZXRpY19qGAUgASgBEhIKCmZyYWN0dXJlX2oYBiABKAESFAoMZnJv",
+            "bnRfc2xpcF9qGAcgASgBEhQKDGluaXRpYXRpb25fahgIIAEoARIRCglwYXJ0",
+            "aW5nX2oYCSABKAESEQoJZGFtcGluZ19qGAogASgBEhMKC251bWVyaWNhbF9q",
+            "GAsgASgBEhIKCnJlc2lkdWFsX2oYDCABKAESEgoKZnJpY3Rpb25fahgNIAEo",
+            "ARIWCg5jb250YWN0X2xvc3NfahgOIAEoATKxCQoOU2Vzc2lvblNlcnZpY2US",
+            "RQoKTGlzdFNjZW5lcxIaLmtlcmYudjEuTGlzdFNjZW5lc1JlcXVlc3QaGy5r",
+            "ZXJmLnYxLkxpc3RTY2VuZXNSZXNwb25zZRI/CghHZXRTY2VuZRIYLmtlcmYu",
+            "djEuR2V0U2NlbmVSZXF1ZXN0Ghkua2VyZi52MS5HZXRTY2VuZVJlc3BvbnNl",
+            "Ek4KDUNyZWF0ZVNlc3Npb24SHS5rZXJmLnYxLkNyZWF0ZVNlc3Npb25SZXF1",
+            "ZXN0Gh4ua2VyZi52MS5DcmVhdGVTZXNzaW9uUmVzcG9uc2USVAoPRGVzY3Jp",
+            "YmVTZXNzaW9uEh8ua2VyZi52MS5EZXNjcmliZVNlc3Npb25SZXF1ZXN0GiAu",
+            "a2VyZi52MS5EZXNjcmliZVNlc3Npb25SZXNwb25zZRJLCgxMaXN0U2Vzc2lv",
+            "bnMSHC5rZXJmLnYxLkxpc3RTZXNzaW9uc1JlcXVlc3QaHS5rZXJmLnYxLkxp",
+            "c3RTZXNzaW9uc1Jlc3BvbnNlEksKDENsb3NlU2Vzc2lvbhIcLmtlcmYudjEu",
+            "Q2xvc2VTZXNzaW9uUmVxdWVzdBodLmtlcmYudjEuQ2xvc2VTZXNzaW9uUmVz",
+            "cG9uc2USSwoMUGF1c2VTZXNzaW9uEhwua2VyZi52MS5QYXVzZVNlc3Npb25S",
+            "ZXF1ZXN0Gh0ua2VyZi52MS5QYXVzZVNlc3Npb25SZXNwb25zZRJOCg1SZXN1",
+            "bWVTZXNzaW9uEh0ua2VyZi52MS5SZXN1bWVTZXNzaW9uUmVxdWVzdBoeLmtl",
+            "cmYudjEuUmVzdW1lU2Vzc2lvblJlc3BvbnNlEkgKC1N0ZXBTZXNzaW9uEhsu",
+            "a2VyZi52MS5TdGVwU2Vzc2lvblJlcXVlc3QaHC5rZXJmLnYxLlN0ZXBTZXNz",
+            "aW9uUmVzcG9uc2USSwoMUmVzZXRTZXNzaW9uEhwua2VyZi52MS5SZXNldFNl",
+            "c3Npb25SZXF1ZXN0Gh0ua2VyZi52MS5SZXNldFNlc3Npb25SZXNwb25zZRJR",
+            "Cg5TYXZlQ2hlY2twb2ludBIeLmtlcmYudjEuU2F2ZUNoZWNrcG9pbnRSZXF1",
+            "ZXN0Gh8ua2VyZi52MS5TYXZlQ2hlY2twb2ludFJlc3BvbnNlEloKEVJlc3Rv",
+            "cmVDaGVja3BvaW50EiEua2VyZi52MS5SZXN0b3JlQ2hlY2twb2ludFJlcXVl",
+            "c3QaIi5rZXJmLnYxLlJlc3RvcmVDaGVja3BvaW50UmVzcG9uc2USVAoPTGlz",
+            "dENoZWNrcG9pbnRzEh8ua2VyZi52MS5MaXN0Q2hlY2twb2ludHNSZXF1ZXN0",
+            "GiAua2VyZi52MS5MaXN0Q2hlY2twb2ludHNSZXNwb25zZRJXChBEZWxldGVD",
+            "aGVja3BvaW50EiAua2VyZi52MS5EZWxldGVDaGVja3BvaW50UmVxdWVzdBoh",
+            "LmtlcmYudjEuRGVsZXRlQ2hlY2twb2ludFJlc3BvbnNlEkUKClNlZWtSZXBs",
+            "YXkSGi5rZXJmLnYxLlNlZWtSZXBsYXlSZXF1ZXN0Ghsua2VyZi52MS5TZWVr",
+            "UmVwbGF5UmVzcG9uc2ViBnByb3RvMw=="));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
-          new pbr::FileDescriptor[] { global::Kerf.V1.TypesReflection.Descriptor, },
+          new pbr::FileDescriptor[] { global::Kerf.V1.ControlReflection.Descriptor, global::Kerf.V1.TypesReflection.Descriptor, },
           new pbr::GeneratedClrTypeInfo(null, null, new pbr::GeneratedClrTypeInfo[] {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ListScenesRequest), global::Kerf.V1.ListScenesRequest.Parser, null, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ListScenesResponse), global::Kerf.V1.ListScenesResponse.Parser, new[]{ "Scenes" }, null, null, null, null),
@@ -142,8 +160,11 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.PauseSessionResponse), global::Kerf.V1.PauseSessionResponse.Parser, new[]{ "Step" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ResumeSessionRequest), global::Kerf.V1.ResumeSessionRequest.Parser, new[]{ "SessionId" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ResumeSessionResponse), global::Kerf.V1.ResumeSessionResponse.Parser, new[]{ "Step" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.StepSessionRequest), global::Kerf.V1.StepSessionRequest.Parser, new[]{ "SessionId", "Steps" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.StepSessionResponse), global::Kerf.V1.StepSessionResponse.Parser, new[]{ "Step" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.StepSessionRequest), global::Kerf.V1.StepSessionRequest.Parser, new[]{ "SessionId", "Steps", "Inputs" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.StepInput), global::Kerf.V1.StepInput.Parser, new[]{ "Motions" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ToolMotion), global::Kerf.V1.ToolMotion.Parser, new[]{ "Pose", "Lift" }, new[]{ "Motion" }, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.StepSessionResponse), global::Kerf.V1.StepSessionResponse.Parser, new[]{ "Step", "Outcomes", "TopologyVersion", "StateHash" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.StepOutcome), global::Kerf.V1.StepOutcome.Parser, new[]{ "Step", "SimTimeS", "Contacts", "Energy", "TrackedDisplacementsM" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ResetSessionRequest), global::Kerf.V1.ResetSessionRequest.Parser, new[]{ "SessionId" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ResetSessionResponse), global::Kerf.V1.ResetSessionResponse.Parser, new[]{ "Recording" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SaveCheckpointRequest), global::Kerf.V1.SaveCheckpointRequest.Parser, new[]{ "SessionId", "Name" }, null, null, null, null),
@@ -155,12 +176,14 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Checkpoint), global::Kerf.V1.Checkpoint.Parser, new[]{ "Name", "Step", "SimTimeS" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DeleteCheckpointRequest), global::Kerf.V1.DeleteCheckpointRequest.Parser, new[]{ "SessionId", "Name" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DeleteCheckpointResponse), global::Kerf.V1.DeleteCheckpointResponse.Parser, null, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SessionInfo), global::Kerf.V1.SessionInfo.Parser, new[]{ "SessionId", "SceneName", "State" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SessionDescription), global::Kerf.V1.SessionDescription.Parser, new[]{ "SessionId", "State", "Scene", "Limits", "Step", "SimTimeS", "TopologyVersion", "LateSteps", "Viewers", "LeasedToolIds", "Energy", "TrackedDisplacementsM", "StateHash", "Failure", "Dial", "RelativeTolerance", "Load", "MemoryBytes" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SeekReplayRequest), global::Kerf.V1.SeekReplayRequest.Parser, new[]{ "SessionId", "TimeS", "Speed" }, new[]{ "TimeS", "Speed" }, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SeekReplayResponse), global::Kerf.V1.SeekReplayResponse.Parser, new[]{ "TimeS", "LengthS", "Speed", "Step" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SessionInfo), global::Kerf.V1.SessionInfo.Parser, new[]{ "SessionId", "SceneName", "State", "IsReplay" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SessionDescription), global::Kerf.V1.SessionDescription.Parser, new[]{ "SessionId", "State", "Scene", "Limits", "Step", "SimTimeS", "TopologyVersion", "LateSteps", "Viewers", "LeasedToolIds", "Energy", "TrackedDisplacementsM", "StateHash", "Failure", "Dial", "RelativeTolerance", "Load", "MemoryBytes", "Recording" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DialChoice), global::Kerf.V1.DialChoice.Parser, new[]{ "Setting", "Expected" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DialSetting), global::Kerf.V1.DialSetting.Parser, new[]{ "Level", "VoxelScale", "RelativeTolerance", "Element", "HasFinerRegions" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DialExpectation), global::Kerf.V1.DialExpectation.Parser, new[]{ "MedianMs", "P99Ms", "DisplacementError", "ForceError", "Hardware" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.EnergyLedger), global::Kerf.V1.EnergyLedger.Parser, new[]{ "ToolWorkJ", "LoadWorkJ", "ElasticJ", "ContactJ", "KineticJ", "FractureJ", "FrontSlipJ", "InitiationJ", "PartingJ", "DampingJ", "NumericalJ", "ResidualJ", "FrictionJ" }, null, null, null, null)
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.EnergyLedger), global::Kerf.V1.EnergyLedger.Parser, new[]{ "ToolWorkJ", "LoadWorkJ", "ElasticJ", "ContactJ", "KineticJ", "FractureJ", "FrontSlipJ", "InitiationJ", "PartingJ", "DampingJ", "NumericalJ", "ResidualJ", "FrictionJ", "ContactLossJ" }, null, null, null, null)
           }));
     }
     #endregion
@@ -3398,7 +3421,7 @@ namespace Kerf.V1 {
   }
 
   /// <summary>
-  /// What a server that records has kept of a session.
+  /// What a server that records keeps of a session: one file, from its creation to its end.
   /// </summary>
   public sealed partial class Recording : pb::IMessage<Recording>
   #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
@@ -3466,7 +3489,7 @@ namespace Kerf.V1 {
     public const int StepsFieldNumber = 2;
     private ulong steps_;
     /// <summary>
-    /// Steps that it covers.
+    /// Steps in the file so far; resets and ways back are in it too and do not lower this.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -3481,7 +3504,7 @@ namespace Kerf.V1 {
     public const int IsCutOffFieldNumber = 3;
     private bool isCutOff_;
     /// <summary>
-    /// It ends before the session did: more inputs came than are kept.
+    /// It ended before the session did.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -3496,7 +3519,7 @@ namespace Kerf.V1 {
     public const int ErrorFieldNumber = 4;
     private string error_ = "";
     /// <summary>
-    /// Why no file could be written; empty where one was.
+    /// Why it ended, or why no file could be written; empty while it goes on and where it ended with the session.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -4493,7 +4516,7 @@ namespace Kerf.V1 {
   }
 
   /// <summary>
-  /// Asks for a few steps.
+  /// Asks for steps.
   /// </summary>
   public sealed partial class StepSessionRequest : pb::IMessage<StepSessionRequest>
   #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
@@ -4531,6 +4554,7 @@ namespace Kerf.V1 {
     public StepSessionRequest(StepSessionRequest other) : this() {
       sessionId_ = other.sessionId_;
       steps_ = other.steps_;
+      inputs_ = other.inputs_.Clone();
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -4570,6 +4594,20 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "inputs" field.</summary>
+    public const int InputsFieldNumber = 3;
+    private static readonly pb::FieldCodec<global::Kerf.V1.StepInput> _repeated_inputs_codec
+        = pb::FieldCodec.ForMessage(26, global::Kerf.V1.StepInput.Parser);
+    private readonly pbc::RepeatedField<global::Kerf.V1.StepInput> inputs_ = new pbc::RepeatedField<global::Kerf.V1.StepInput>();
+    /// <summary>
+    /// What tools do: entry i in the i-th of these steps. No more than steps; fewer mean that tools stay for the rest.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public pbc::RepeatedField<global::Kerf.V1.StepInput> Inputs {
+      get { return inputs_; }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -4587,6 +4625,7 @@ namespace Kerf.V1 {
       }
       if (SessionId != other.SessionId) return false;
       if (Steps != other.Steps) return false;
+      if(!inputs_.Equals(other.inputs_)) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -4596,6 +4635,7 @@ namespace Kerf.V1 {
       int hash = 1;
       if (SessionId.Length != 0) hash ^= SessionId.GetHashCode();
       if (Steps != 0) hash ^= Steps.GetHashCode();
+      hash ^= inputs_.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -4622,6 +4662,7 @@ namespace Kerf.V1 {
         output.WriteRawTag(16);
         output.WriteUInt32(Steps);
       }
+      inputs_.WriteTo(output, _repeated_inputs_codec);
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -4640,6 +4681,7 @@ namespace Kerf.V1 {
         output.WriteRawTag(16);
         output.WriteUInt32(Steps);
       }
+      inputs_.WriteTo(ref output, _repeated_inputs_codec);
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -4656,6 +4698,7 @@ namespace Kerf.V1 {
       if (Steps != 0) {
         size += 1 + pb::CodedOutputStream.ComputeUInt32Size(Steps);
       }
+      size += inputs_.CalculateSize(_repeated_inputs_codec);
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
       }
@@ -4674,6 +4717,7 @@ namespace Kerf.V1 {
       if (other.Steps != 0) {
         Steps = other.Steps;
       }
+      inputs_.Add(other.inputs_);
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
 
@@ -4695,6 +4739,10 @@ namespace Kerf.V1 {
           }
           case 16: {
             Steps = input.ReadUInt32();
+            break;
+          }
+          case 26: {
+            inputs_.AddEntriesFrom(input, _repeated_inputs_codec);
             break;
           }
         }
@@ -4720,6 +4768,10 @@ namespace Kerf.V1 {
             Steps = input.ReadUInt32();
             break;
           }
+          case 26: {
+            inputs_.AddEntriesFrom(ref input, _repeated_inputs_codec);
+            break;
+          }
         }
       }
     }
@@ -4728,7 +4780,487 @@ namespace Kerf.V1 {
   }
 
   /// <summary>
-  /// The steps are about to be taken.
+  /// What tools do in one step.
+  /// </summary>
+  public sealed partial class StepInput : pb::IMessage<StepInput>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<StepInput> _parser = new pb::MessageParser<StepInput>(() => new StepInput());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<StepInput> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[20]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public StepInput() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public StepInput(StepInput other) : this() {
+      motions_ = other.motions_.Clone();
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public StepInput Clone() {
+      return new StepInput(this);
+    }
+
+    /// <summary>Field number for the "motions" field.</summary>
+    public const int MotionsFieldNumber = 1;
+    private static readonly pb::FieldCodec<global::Kerf.V1.ToolMotion> _repeated_motions_codec
+        = pb::FieldCodec.ForMessage(10, global::Kerf.V1.ToolMotion.Parser);
+    private readonly pbc::RepeatedField<global::Kerf.V1.ToolMotion> motions_ = new pbc::RepeatedField<global::Kerf.V1.ToolMotion>();
+    /// <summary>
+    /// A tool without a motion stays where it is, and one with a driver follows the driver. Of several for one tool the
+    /// last counts.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public pbc::RepeatedField<global::Kerf.V1.ToolMotion> Motions {
+      get { return motions_; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as StepInput);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(StepInput other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if(!motions_.Equals(other.motions_)) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      hash ^= motions_.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      motions_.WriteTo(output, _repeated_motions_codec);
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      motions_.WriteTo(ref output, _repeated_motions_codec);
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      size += motions_.CalculateSize(_repeated_motions_codec);
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(StepInput other) {
+      if (other == null) {
+        return;
+      }
+      motions_.Add(other.motions_);
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 10: {
+            motions_.AddEntriesFrom(input, _repeated_motions_codec);
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 10: {
+            motions_.AddEntriesFrom(ref input, _repeated_motions_codec);
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
+  /// What a tool does in one step.
+  /// </summary>
+  public sealed partial class ToolMotion : pb::IMessage<ToolMotion>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<ToolMotion> _parser = new pb::MessageParser<ToolMotion>(() => new ToolMotion());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<ToolMotion> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[21]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ToolMotion() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ToolMotion(ToolMotion other) : this() {
+      switch (other.MotionCase) {
+        case MotionOneofCase.Pose:
+          Pose = other.Pose.Clone();
+          break;
+        case MotionOneofCase.Lift:
+          Lift = other.Lift.Clone();
+          break;
+      }
+
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ToolMotion Clone() {
+      return new ToolMotion(this);
+    }
+
+    /// <summary>Field number for the "pose" field.</summary>
+    public const int PoseFieldNumber = 1;
+    /// <summary>
+    /// Moves evenly to this pose in the time of the step, or enters the scene there if it is lifted. It moves no faster
+    /// than Limits.max_tool_speed_m_per_s; seq and client_ns are not looked at.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.ToolPose Pose {
+      get { return motionCase_ == MotionOneofCase.Pose ? (global::Kerf.V1.ToolPose) motion_ : null; }
+      set {
+        motion_ = value;
+        motionCase_ = value == null ? MotionOneofCase.None : MotionOneofCase.Pose;
+      }
+    }
+
+    /// <summary>Field number for the "lift" field.</summary>
+    public const int LiftFieldNumber = 2;
+    /// <summary>
+    /// Leaves the scene.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.LiftTool Lift {
+      get { return motionCase_ == MotionOneofCase.Lift ? (global::Kerf.V1.LiftTool) motion_ : null; }
+      set {
+        motion_ = value;
+        motionCase_ = value == null ? MotionOneofCase.None : MotionOneofCase.Lift;
+      }
+    }
+
+    private object motion_;
+    /// <summary>Enum of possible cases for the "motion" oneof.</summary>
+    public enum MotionOneofCase {
+      None = 0,
+      Pose = 1,
+      Lift = 2,
+    }
+    private MotionOneofCase motionCase_ = MotionOneofCase.None;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public MotionOneofCase MotionCase {
+      get { return motionCase_; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void ClearMotion() {
+      motionCase_ = MotionOneofCase.None;
+      motion_ = null;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as ToolMotion);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(ToolMotion other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (!object.Equals(Pose, other.Pose)) return false;
+      if (!object.Equals(Lift, other.Lift)) return false;
+      if (MotionCase != other.MotionCase) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (motionCase_ == MotionOneofCase.Pose) hash ^= Pose.GetHashCode();
+      if (motionCase_ == MotionOneofCase.Lift) hash ^= Lift.GetHashCode();
+      hash ^= (int) motionCase_;
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (motionCase_ == MotionOneofCase.Pose) {
+        output.WriteRawTag(10);
+        output.WriteMessage(Pose);
+      }
+      if (motionCase_ == MotionOneofCase.Lift) {
+        output.WriteRawTag(18);
+        output.WriteMessage(Lift);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (motionCase_ == MotionOneofCase.Pose) {
+        output.WriteRawTag(10);
+        output.WriteMessage(Pose);
+      }
+      if (motionCase_ == MotionOneofCase.Lift) {
+        output.WriteRawTag(18);
+        output.WriteMessage(Lift);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (motionCase_ == MotionOneofCase.Pose) {
+        size += 1 + pb::CodedOutputStream.ComputeMessageSize(Pose);
+      }
+      if (motionCase_ == MotionOneofCase.Lift) {
+        size += 1 + pb::CodedOutputStream.ComputeMessageSize(Lift);
+      }
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(ToolMotion other) {
+      if (other == null) {
+        return;
+      }
+      switch (other.MotionCase) {
+        case MotionOneofCase.Pose:
+          if (Pose == null) {
+            Pose = new global::Kerf.V1.ToolPose();
+          }
+          Pose.MergeFrom(other.Pose);
+          break;
+        case MotionOneofCase.Lift:
+          if (Lift == null) {
+            Lift = new global::Kerf.V1.LiftTool();
+          }
+          Lift.MergeFrom(other.Lift);
+          break;
+      }
+
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 10: {
+            global::Kerf.V1.ToolPose subBuilder = new global::Kerf.V1.ToolPose();
+            if (motionCase_ == MotionOneofCase.Pose) {
+              subBuilder.MergeFrom(Pose);
+            }
+            input.ReadMessage(subBuilder);
+            Pose = subBuilder;
+            break;
+          }
+          case 18: {
+            global::Kerf.V1.LiftTool subBuilder = new global::Kerf.V1.LiftTool();
+            if (motionCase_ == MotionOneofCase.Lift) {
+              subBuilder.MergeFrom(Lift);
+            }
+            input.ReadMessage(subBuilder);
+            Lift = subBuilder;
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 10: {
+            global::Kerf.V1.ToolPose subBuilder = new global::Kerf.V1.ToolPose();
+            if (motionCase_ == MotionOneofCase.Pose) {
+              subBuilder.MergeFrom(Pose);
+            }
+            input.ReadMessage(subBuilder);
+            Pose = subBuilder;
+            break;
+          }
+          case 18: {
+            global::Kerf.V1.LiftTool subBuilder = new global::Kerf.V1.LiftTool();
+            if (motionCase_ == MotionOneofCase.Lift) {
+              subBuilder.MergeFrom(Lift);
+            }
+            input.ReadMessage(subBuilder);
+            Lift = subBuilder;
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
+  /// The steps are taken.
   /// </summary>
   public sealed partial class StepSessionResponse : pb::IMessage<StepSessionResponse>
   #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
@@ -4744,7 +5276,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[20]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[22]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4765,6 +5297,9 @@ namespace Kerf.V1 {
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public StepSessionResponse(StepSessionResponse other) : this() {
       step_ = other.step_;
+      outcomes_ = other.outcomes_.Clone();
+      topologyVersion_ = other.topologyVersion_;
+      stateHash_ = other.stateHash_;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -4789,6 +5324,50 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "outcomes" field.</summary>
+    public const int OutcomesFieldNumber = 2;
+    private static readonly pb::FieldCodec<global::Kerf.V1.StepOutcome> _repeated_outcomes_codec
+        = pb::FieldCodec.ForMessage(18, global::Kerf.V1.StepOutcome.Parser);
+    private readonly pbc::RepeatedField<global::Kerf.V1.StepOutcome> outcomes_ = new pbc::RepeatedField<global::Kerf.V1.StepOutcome>();
+    /// <summary>
+    /// One entry per step, in order.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public pbc::RepeatedField<global::Kerf.V1.StepOutcome> Outcomes {
+      get { return outcomes_; }
+    }
+
+    /// <summary>Field number for the "topology_version" field.</summary>
+    public const int TopologyVersionFieldNumber = 3;
+    private ulong topologyVersion_;
+    /// <summary>
+    /// Version of the structure after the last step.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ulong TopologyVersion {
+      get { return topologyVersion_; }
+      set {
+        topologyVersion_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "state_hash" field.</summary>
+    public const int StateHashFieldNumber = 4;
+    private ulong stateHash_;
+    /// <summary>
+    /// Hash of positions, velocities, fronts and topology after the last step.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ulong StateHash {
+      get { return stateHash_; }
+      set {
+        stateHash_ = value;
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -4805,6 +5384,9 @@ namespace Kerf.V1 {
         return true;
       }
       if (Step != other.Step) return false;
+      if(!outcomes_.Equals(other.outcomes_)) return false;
+      if (TopologyVersion != other.TopologyVersion) return false;
+      if (StateHash != other.StateHash) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -4813,6 +5395,9 @@ namespace Kerf.V1 {
     public override int GetHashCode() {
       int hash = 1;
       if (Step != 0UL) hash ^= Step.GetHashCode();
+      hash ^= outcomes_.GetHashCode();
+      if (TopologyVersion != 0UL) hash ^= TopologyVersion.GetHashCode();
+      if (StateHash != 0UL) hash ^= StateHash.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -4835,6 +5420,15 @@ namespace Kerf.V1 {
         output.WriteRawTag(8);
         output.WriteUInt64(Step);
       }
+      outcomes_.WriteTo(output, _repeated_outcomes_codec);
+      if (TopologyVersion != 0UL) {
+        output.WriteRawTag(24);
+        output.WriteUInt64(TopologyVersion);
+      }
+      if (StateHash != 0UL) {
+        output.WriteRawTag(33);
+        output.WriteFixed64(StateHash);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -4849,6 +5443,15 @@ namespace Kerf.V1 {
         output.WriteRawTag(8);
         output.WriteUInt64(Step);
       }
+      outcomes_.WriteTo(ref output, _repeated_outcomes_codec);
+      if (TopologyVersion != 0UL) {
+        output.WriteRawTag(24);
+        output.WriteUInt64(TopologyVersion);
+      }
+      if (StateHash != 0UL) {
+        output.WriteRawTag(33);
+        output.WriteFixed64(StateHash);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -4861,6 +5464,13 @@ namespace Kerf.V1 {
       int size = 0;
       if (Step != 0UL) {
         size += 1 + pb::CodedOutputStream.ComputeUInt64Size(Step);
+      }
+      size += outcomes_.CalculateSize(_repeated_outcomes_codec);
+      if (TopologyVersion != 0UL) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt64Size(TopologyVersion);
+      }
+      if (StateHash != 0UL) {
+        size += 1 + 8;
       }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
@@ -4876,6 +5486,13 @@ namespace Kerf.V1 {
       }
       if (other.Step != 0UL) {
         Step = other.Step;
+      }
+      outcomes_.Add(other.outcomes_);
+      if (other.TopologyVersion != 0UL) {
+        TopologyVersion = other.TopologyVersion;
+      }
+      if (other.StateHash != 0UL) {
+        StateHash = other.StateHash;
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -4896,6 +5513,18 @@ namespace Kerf.V1 {
             Step = input.ReadUInt64();
             break;
           }
+          case 18: {
+            outcomes_.AddEntriesFrom(input, _repeated_outcomes_codec);
+            break;
+          }
+          case 24: {
+            TopologyVersion = input.ReadUInt64();
+            break;
+          }
+          case 33: {
+            StateHash = input.ReadFixed64();
+            break;
+          }
         }
       }
     #endif
@@ -4913,6 +5542,361 @@ namespace Kerf.V1 {
             break;
           case 8: {
             Step = input.ReadUInt64();
+            break;
+          }
+          case 18: {
+            outcomes_.AddEntriesFrom(ref input, _repeated_outcomes_codec);
+            break;
+          }
+          case 24: {
+            TopologyVersion = input.ReadUInt64();
+            break;
+          }
+          case 33: {
+            StateHash = input.ReadFixed64();
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
+  /// What a step has led to.
+  /// </summary>
+  public sealed partial class StepOutcome : pb::IMessage<StepOutcome>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<StepOutcome> _parser = new pb::MessageParser<StepOutcome>(() => new StepOutcome());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<StepOutcome> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[23]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public StepOutcome() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public StepOutcome(StepOutcome other) : this() {
+      step_ = other.step_;
+      simTimeS_ = other.simTimeS_;
+      contacts_ = other.contacts_.Clone();
+      energy_ = other.energy_ != null ? other.energy_.Clone() : null;
+      trackedDisplacementsM_ = other.trackedDisplacementsM_.Clone();
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public StepOutcome Clone() {
+      return new StepOutcome(this);
+    }
+
+    /// <summary>Field number for the "step" field.</summary>
+    public const int StepFieldNumber = 1;
+    private ulong step_;
+    /// <summary>
+    /// Steps taken, this one included.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ulong Step {
+      get { return step_; }
+      set {
+        step_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "sim_time_s" field.</summary>
+    public const int SimTimeSFieldNumber = 2;
+    private double simTimeS_;
+    /// <summary>
+    /// Simulated time at the end of the step, s.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public double SimTimeS {
+      get { return simTimeS_; }
+      set {
+        simTimeS_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "contacts" field.</summary>
+    public const int ContactsFieldNumber = 3;
+    private static readonly pb::FieldCodec<global::Kerf.V1.Contact> _repeated_contacts_codec
+        = pb::FieldCodec.ForMessage(26, global::Kerf.V1.Contact.Parser);
+    private readonly pbc::RepeatedField<global::Kerf.V1.Contact> contacts_ = new pbc::RepeatedField<global::Kerf.V1.Contact>();
+    /// <summary>
+    /// What each tool feels, in the order of SceneSummary.tools. Contact.model comes with the last step alone; numbers,
+    /// echoes and the server's clock are 0.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public pbc::RepeatedField<global::Kerf.V1.Contact> Contacts {
+      get { return contacts_; }
+    }
+
+    /// <summary>Field number for the "energy" field.</summary>
+    public const int EnergyFieldNumber = 4;
+    private global::Kerf.V1.EnergyLedger energy_;
+    /// <summary>
+    /// Energy booked since the session began or was reset.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.EnergyLedger Energy {
+      get { return energy_; }
+      set {
+        energy_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "tracked_displacements_m" field.</summary>
+    public const int TrackedDisplacementsMFieldNumber = 5;
+    private static readonly pb::FieldCodec<global::Kerf.V1.Vec3> _repeated_trackedDisplacementsM_codec
+        = pb::FieldCodec.ForMessage(42, global::Kerf.V1.Vec3.Parser);
+    private readonly pbc::RepeatedField<global::Kerf.V1.Vec3> trackedDisplacementsM_ = new pbc::RepeatedField<global::Kerf.V1.Vec3>();
+    /// <summary>
+    /// Displacement of each tracked point, m, scene frame.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public pbc::RepeatedField<global::Kerf.V1.Vec3> TrackedDisplacementsM {
+      get { return trackedDisplacementsM_; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as StepOutcome);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(StepOutcome other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (Step != other.Step) return false;
+      if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(SimTimeS, other.SimTimeS)) return false;
+      if(!contacts_.Equals(other.contacts_)) return false;
+      if (!object.Equals(Energy, other.Energy)) return false;
+      if(!trackedDisplacementsM_.Equals(other.trackedDisplacementsM_)) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (Step != 0UL) hash ^= Step.GetHashCode();
+      if (SimTimeS != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(SimTimeS);
+      hash ^= contacts_.GetHashCode();
+      if (energy_ != null) hash ^= Energy.GetHashCode();
+      hash ^= trackedDisplacementsM_.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (Step != 0UL) {
+        output.WriteRawTag(8);
+        output.WriteUInt64(Step);
+      }
+      if (SimTimeS != 0D) {
+        output.WriteRawTag(17);
+        output.WriteDouble(SimTimeS);
+      }
+      contacts_.WriteTo(output, _repeated_contacts_codec);
+      if (energy_ != null) {
+        output.WriteRawTag(34);
+        output.WriteMessage(Energy);
+      }
+      trackedDisplacementsM_.WriteTo(output, _repeated_trackedDisplacementsM_codec);
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (Step != 0UL) {
+        output.WriteRawTag(8);
+        output.WriteUInt64(Step);
+      }
+      if (SimTimeS != 0D) {
+        output.WriteRawTag(17);
+        output.WriteDouble(SimTimeS);
+      }
+      contacts_.WriteTo(ref output, _repeated_contacts_codec);
+      if (energy_ != null) {
+        output.WriteRawTag(34);
+        output.WriteMessage(Energy);
+      }
+      trackedDisplacementsM_.WriteTo(ref output, _repeated_trackedDisplacementsM_codec);
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (Step != 0UL) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt64Size(Step);
+      }
+      if (SimTimeS != 0D) {
+        size += 1 + 8;
+      }
+      size += contacts_.CalculateSize(_repeated_contacts_codec);
+      if (energy_ != null) {
+        size += 1 + pb::CodedOutputStream.ComputeMessageSize(Energy);
+      }
+      size += trackedDisplacementsM_.CalculateSize(_repeated_trackedDisplacementsM_codec);
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(StepOutcome other) {
+      if (other == null) {
+        return;
+      }
+      if (other.Step != 0UL) {
+        Step = other.Step;
+      }
+      if (other.SimTimeS != 0D) {
+        SimTimeS = other.SimTimeS;
+      }
+      contacts_.Add(other.contacts_);
+      if (other.energy_ != null) {
+        if (energy_ == null) {
+          Energy = new global::Kerf.V1.EnergyLedger();
+        }
+        Energy.MergeFrom(other.Energy);
+      }
+      trackedDisplacementsM_.Add(other.trackedDisplacementsM_);
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 8: {
+            Step = input.ReadUInt64();
+            break;
+          }
+          case 17: {
+            SimTimeS = input.ReadDouble();
+            break;
+          }
+          case 26: {
+            contacts_.AddEntriesFrom(input, _repeated_contacts_codec);
+            break;
+          }
+          case 34: {
+            if (energy_ == null) {
+              Energy = new global::Kerf.V1.EnergyLedger();
+            }
+            input.ReadMessage(Energy);
+            break;
+          }
+          case 42: {
+            trackedDisplacementsM_.AddEntriesFrom(input, _repeated_trackedDisplacementsM_codec);
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 8: {
+            Step = input.ReadUInt64();
+            break;
+          }
+          case 17: {
+            SimTimeS = input.ReadDouble();
+            break;
+          }
+          case 26: {
+            contacts_.AddEntriesFrom(ref input, _repeated_contacts_codec);
+            break;
+          }
+          case 34: {
+            if (energy_ == null) {
+              Energy = new global::Kerf.V1.EnergyLedger();
+            }
+            input.ReadMessage(Energy);
+            break;
+          }
+          case 42: {
+            trackedDisplacementsM_.AddEntriesFrom(ref input, _repeated_trackedDisplacementsM_codec);
             break;
           }
         }
@@ -4939,7 +5923,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[21]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[24]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5134,7 +6118,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[22]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[25]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5168,7 +6152,7 @@ namespace Kerf.V1 {
     public const int RecordingFieldNumber = 1;
     private global::Kerf.V1.Recording recording_;
     /// <summary>
-    /// What went before; absent where the server records nothing.
+    /// The recording so far, which goes on; absent where the server records nothing.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -5338,7 +6322,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[23]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[26]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5573,7 +6557,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[24]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[27]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5768,7 +6752,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[25]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[28]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6003,7 +6987,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[26]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[29]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6053,7 +7037,7 @@ namespace Kerf.V1 {
     public const int RecordingFieldNumber = 2;
     private global::Kerf.V1.Recording recording_;
     /// <summary>
-    /// What went before; absent where the server records nothing.
+    /// The recording so far, which goes on; absent where the server records nothing.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -6247,7 +7231,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[27]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[30]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6442,7 +7426,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[28]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[31]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6626,7 +7610,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[29]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[32]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6901,7 +7885,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[30]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[33]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7136,7 +8120,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[31]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[34]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7275,6 +8259,624 @@ namespace Kerf.V1 {
   }
 
   /// <summary>
+  /// Asks a recording that is played for another time or speed, or for neither: then it only tells them.
+  /// </summary>
+  public sealed partial class SeekReplayRequest : pb::IMessage<SeekReplayRequest>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<SeekReplayRequest> _parser = new pb::MessageParser<SeekReplayRequest>(() => new SeekReplayRequest());
+    private pb::UnknownFieldSet _unknownFields;
+    private int _hasBits0;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<SeekReplayRequest> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[35]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public SeekReplayRequest() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public SeekReplayRequest(SeekReplayRequest other) : this() {
+      _hasBits0 = other._hasBits0;
+      sessionId_ = other.sessionId_;
+      timeS_ = other.timeS_;
+      speed_ = other.speed_;
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public SeekReplayRequest Clone() {
+      return new SeekReplayRequest(this);
+    }
+
+    /// <summary>Field number for the "session_id" field.</summary>
+    public const int SessionIdFieldNumber = 1;
+    private string sessionId_ = "";
+    /// <summary>
+    /// The session.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public string SessionId {
+      get { return sessionId_; }
+      set {
+        sessionId_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    /// <summary>Field number for the "time_s" field.</summary>
+    public const int TimeSFieldNumber = 2;
+    private double timeS_;
+    /// <summary>
+    /// Time since the recording began, wall time, s, to go to; beyond its end: its end.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public double TimeS {
+      get { if ((_hasBits0 & 1) != 0) { return timeS_; } else { return 0D; } }
+      set {
+        _hasBits0 |= 1;
+        timeS_ = value;
+      }
+    }
+    /// <summary>Gets whether the "time_s" field is set</summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool HasTimeS {
+      get { return (_hasBits0 & 1) != 0; }
+    }
+    /// <summary>Clears the value of the "time_s" field</summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void ClearTimeS() {
+      _hasBits0 &= ~1;
+    }
+
+    /// <summary>Field number for the "speed" field.</summary>
+    public const int SpeedFieldNumber = 3;
+    private double speed_;
+    /// <summary>
+    /// How many times faster than it was recorded, 0.01 to 100.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public double Speed {
+      get { if ((_hasBits0 & 2) != 0) { return speed_; } else { return 0D; } }
+      set {
+        _hasBits0 |= 2;
+        speed_ = value;
+      }
+    }
+    /// <summary>Gets whether the "speed" field is set</summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool HasSpeed {
+      get { return (_hasBits0 & 2) != 0; }
+    }
+    /// <summary>Clears the value of the "speed" field</summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void ClearSpeed() {
+      _hasBits0 &= ~2;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as SeekReplayRequest);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(SeekReplayRequest other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (SessionId != other.SessionId) return false;
+      if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(TimeS, other.TimeS)) return false;
+      if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(Speed, other.Speed)) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (SessionId.Length != 0) hash ^= SessionId.GetHashCode();
+      if (HasTimeS) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(TimeS);
+      if (HasSpeed) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(Speed);
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (SessionId.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteString(SessionId);
+      }
+      if (HasTimeS) {
+        output.WriteRawTag(17);
+        output.WriteDouble(TimeS);
+      }
+      if (HasSpeed) {
+        output.WriteRawTag(25);
+        output.WriteDouble(Speed);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (SessionId.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteString(SessionId);
+      }
+      if (HasTimeS) {
+        output.WriteRawTag(17);
+        output.WriteDouble(TimeS);
+      }
+      if (HasSpeed) {
+        output.WriteRawTag(25);
+        output.WriteDouble(Speed);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (SessionId.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeStringSize(SessionId);
+      }
+      if (HasTimeS) {
+        size += 1 + 8;
+      }
+      if (HasSpeed) {
+        size += 1 + 8;
+      }
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(SeekReplayRequest other) {
+      if (other == null) {
+        return;
+      }
+      if (other.SessionId.Length != 0) {
+        SessionId = other.SessionId;
+      }
+      if (other.HasTimeS) {
+        TimeS = other.TimeS;
+      }
+      if (other.HasSpeed) {
+        Speed = other.Speed;
+      }
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 10: {
+            SessionId = input.ReadString();
+            break;
+          }
+          case 17: {
+            TimeS = input.ReadDouble();
+            break;
+          }
+          case 25: {
+            Speed = input.ReadDouble();
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 10: {
+            SessionId = input.ReadString();
+            break;
+          }
+          case 17: {
+            TimeS = input.ReadDouble();
+            break;
+          }
+          case 25: {
+            Speed = input.ReadDouble();
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
+  /// Where the recording is.
+  /// </summary>
+  public sealed partial class SeekReplayResponse : pb::IMessage<SeekReplayResponse>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<SeekReplayResponse> _parser = new pb::MessageParser<SeekReplayResponse>(() => new SeekReplayResponse());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<SeekReplayResponse> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[36]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public SeekReplayResponse() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public SeekReplayResponse(SeekReplayResponse other) : this() {
+      timeS_ = other.timeS_;
+      lengthS_ = other.lengthS_;
+      speed_ = other.speed_;
+      step_ = other.step_;
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public SeekReplayResponse Clone() {
+      return new SeekReplayResponse(this);
+    }
+
+    /// <summary>Field number for the "time_s" field.</summary>
+    public const int TimeSFieldNumber = 1;
+    private double timeS_;
+    /// <summary>
+    /// Time since the recording began, s.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public double TimeS {
+      get { return timeS_; }
+      set {
+        timeS_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "length_s" field.</summary>
+    public const int LengthSFieldNumber = 2;
+    private double lengthS_;
+    /// <summary>
+    /// Its length, s.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public double LengthS {
+      get { return lengthS_; }
+      set {
+        lengthS_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "speed" field.</summary>
+    public const int SpeedFieldNumber = 3;
+    private double speed_;
+    /// <summary>
+    /// How many times faster than it was recorded it is played.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public double Speed {
+      get { return speed_; }
+      set {
+        speed_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "step" field.</summary>
+    public const int StepFieldNumber = 4;
+    private ulong step_;
+    /// <summary>
+    /// Step that is shown.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ulong Step {
+      get { return step_; }
+      set {
+        step_ = value;
+      }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as SeekReplayResponse);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(SeekReplayResponse other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(TimeS, other.TimeS)) return false;
+      if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(LengthS, other.LengthS)) return false;
+      if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(Speed, other.Speed)) return false;
+      if (Step != other.Step) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (TimeS != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(TimeS);
+      if (LengthS != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(LengthS);
+      if (Speed != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(Speed);
+      if (Step != 0UL) hash ^= Step.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (TimeS != 0D) {
+        output.WriteRawTag(9);
+        output.WriteDouble(TimeS);
+      }
+      if (LengthS != 0D) {
+        output.WriteRawTag(17);
+        output.WriteDouble(LengthS);
+      }
+      if (Speed != 0D) {
+        output.WriteRawTag(25);
+        output.WriteDouble(Speed);
+      }
+      if (Step != 0UL) {
+        output.WriteRawTag(32);
+        output.WriteUInt64(Step);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (TimeS != 0D) {
+        output.WriteRawTag(9);
+        output.WriteDouble(TimeS);
+      }
+      if (LengthS != 0D) {
+        output.WriteRawTag(17);
+        output.WriteDouble(LengthS);
+      }
+      if (Speed != 0D) {
+        output.WriteRawTag(25);
+        output.WriteDouble(Speed);
+      }
+      if (Step != 0UL) {
+        output.WriteRawTag(32);
+        output.WriteUInt64(Step);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (TimeS != 0D) {
+        size += 1 + 8;
+      }
+      if (LengthS != 0D) {
+        size += 1 + 8;
+      }
+      if (Speed != 0D) {
+        size += 1 + 8;
+      }
+      if (Step != 0UL) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt64Size(Step);
+      }
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(SeekReplayResponse other) {
+      if (other == null) {
+        return;
+      }
+      if (other.TimeS != 0D) {
+        TimeS = other.TimeS;
+      }
+      if (other.LengthS != 0D) {
+        LengthS = other.LengthS;
+      }
+      if (other.Speed != 0D) {
+        Speed = other.Speed;
+      }
+      if (other.Step != 0UL) {
+        Step = other.Step;
+      }
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 9: {
+            TimeS = input.ReadDouble();
+            break;
+          }
+          case 17: {
+            LengthS = input.ReadDouble();
+            break;
+          }
+          case 25: {
+            Speed = input.ReadDouble();
+            break;
+          }
+          case 32: {
+            Step = input.ReadUInt64();
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 9: {
+            TimeS = input.ReadDouble();
+            break;
+          }
+          case 17: {
+            LengthS = input.ReadDouble();
+            break;
+          }
+          case 25: {
+            Speed = input.ReadDouble();
+            break;
+          }
+          case 32: {
+            Step = input.ReadUInt64();
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
   /// A session in a list.
   /// </summary>
   public sealed partial class SessionInfo : pb::IMessage<SessionInfo>
@@ -7291,7 +8893,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[32]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[37]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7314,6 +8916,7 @@ namespace Kerf.V1 {
       sessionId_ = other.sessionId_;
       sceneName_ = other.sceneName_;
       state_ = other.state_;
+      isReplay_ = other.isReplay_;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -7368,6 +8971,21 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "is_replay" field.</summary>
+    public const int IsReplayFieldNumber = 4;
+    private bool isReplay_;
+    /// <summary>
+    /// It is a recording that is played.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool IsReplay {
+      get { return isReplay_; }
+      set {
+        isReplay_ = value;
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -7386,6 +9004,7 @@ namespace Kerf.V1 {
       if (SessionId != other.SessionId) return false;
       if (SceneName != other.SceneName) return false;
       if (State != other.State) return false;
+      if (IsReplay != other.IsReplay) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -7396,6 +9015,7 @@ namespace Kerf.V1 {
       if (SessionId.Length != 0) hash ^= SessionId.GetHashCode();
       if (SceneName.Length != 0) hash ^= SceneName.GetHashCode();
       if (State != global::Kerf.V1.SessionState.Unspecified) hash ^= State.GetHashCode();
+      if (IsReplay != false) hash ^= IsReplay.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -7426,6 +9046,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(24);
         output.WriteEnum((int) State);
       }
+      if (IsReplay != false) {
+        output.WriteRawTag(32);
+        output.WriteBool(IsReplay);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -7448,6 +9072,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(24);
         output.WriteEnum((int) State);
       }
+      if (IsReplay != false) {
+        output.WriteRawTag(32);
+        output.WriteBool(IsReplay);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -7466,6 +9094,9 @@ namespace Kerf.V1 {
       }
       if (State != global::Kerf.V1.SessionState.Unspecified) {
         size += 1 + pb::CodedOutputStream.ComputeEnumSize((int) State);
+      }
+      if (IsReplay != false) {
+        size += 1 + 1;
       }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
@@ -7487,6 +9118,9 @@ namespace Kerf.V1 {
       }
       if (other.State != global::Kerf.V1.SessionState.Unspecified) {
         State = other.State;
+      }
+      if (other.IsReplay != false) {
+        IsReplay = other.IsReplay;
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -7513,6 +9147,10 @@ namespace Kerf.V1 {
           }
           case 24: {
             State = (global::Kerf.V1.SessionState) input.ReadEnum();
+            break;
+          }
+          case 32: {
+            IsReplay = input.ReadBool();
             break;
           }
         }
@@ -7542,6 +9180,10 @@ namespace Kerf.V1 {
             State = (global::Kerf.V1.SessionState) input.ReadEnum();
             break;
           }
+          case 32: {
+            IsReplay = input.ReadBool();
+            break;
+          }
         }
       }
     }
@@ -7566,7 +9208,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[33]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[38]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7604,6 +9246,7 @@ namespace Kerf.V1 {
       relativeTolerance_ = other.relativeTolerance_;
       load_ = other.load_;
       memoryBytes_ = other.memoryBytes_;
+      recording_ = other.recording_ != null ? other.recording_.Clone() : null;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -7882,6 +9525,21 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "recording" field.</summary>
+    public const int RecordingFieldNumber = 21;
+    private global::Kerf.V1.Recording recording_;
+    /// <summary>
+    /// The recording so far; absent where the server records nothing.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.Recording Recording {
+      get { return recording_; }
+      set {
+        recording_ = value;
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -7915,6 +9573,7 @@ namespace Kerf.V1 {
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(RelativeTolerance, other.RelativeTolerance)) return false;
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(Load, other.Load)) return false;
       if (MemoryBytes != other.MemoryBytes) return false;
+      if (!object.Equals(Recording, other.Recording)) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -7940,6 +9599,7 @@ namespace Kerf.V1 {
       if (RelativeTolerance != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(RelativeTolerance);
       if (Load != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(Load);
       if (MemoryBytes != 0UL) hash ^= MemoryBytes.GetHashCode();
+      if (recording_ != null) hash ^= Recording.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -8024,6 +9684,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(144, 1);
         output.WriteUInt64(MemoryBytes);
       }
+      if (recording_ != null) {
+        output.WriteRawTag(170, 1);
+        output.WriteMessage(Recording);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -8100,6 +9764,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(144, 1);
         output.WriteUInt64(MemoryBytes);
       }
+      if (recording_ != null) {
+        output.WriteRawTag(170, 1);
+        output.WriteMessage(Recording);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -8159,6 +9827,9 @@ namespace Kerf.V1 {
       }
       if (MemoryBytes != 0UL) {
         size += 2 + pb::CodedOutputStream.ComputeUInt64Size(MemoryBytes);
+      }
+      if (recording_ != null) {
+        size += 2 + pb::CodedOutputStream.ComputeMessageSize(Recording);
       }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
@@ -8233,6 +9904,12 @@ namespace Kerf.V1 {
       }
       if (other.MemoryBytes != 0UL) {
         MemoryBytes = other.MemoryBytes;
+      }
+      if (other.recording_ != null) {
+        if (recording_ == null) {
+          Recording = new global::Kerf.V1.Recording();
+        }
+        Recording.MergeFrom(other.Recording);
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -8332,6 +10009,13 @@ namespace Kerf.V1 {
           }
           case 144: {
             MemoryBytes = input.ReadUInt64();
+            break;
+          }
+          case 170: {
+            if (recording_ == null) {
+              Recording = new global::Kerf.V1.Recording();
+            }
+            input.ReadMessage(Recording);
             break;
           }
         }
@@ -8434,6 +10118,13 @@ namespace Kerf.V1 {
             MemoryBytes = input.ReadUInt64();
             break;
           }
+          case 170: {
+            if (recording_ == null) {
+              Recording = new global::Kerf.V1.Recording();
+            }
+            input.ReadMessage(Recording);
+            break;
+          }
         }
       }
     }
@@ -8458,7 +10149,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[34]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[39]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8711,7 +10402,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[35]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[40]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9066,7 +10757,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[36]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[41]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9407,7 +11098,7 @@ namespace Kerf.V1 {
   /// <summary>
   /// Energies and works, J:
   /// tool + load = elastic + contact + kinetic (since rest) + fracture + front_slip + initiation
-  /// + damping + friction + parting + numerical + residual.
+  /// + damping + friction + contact_loss + parting + numerical + residual.
   /// </summary>
   public sealed partial class EnergyLedger : pb::IMessage<EnergyLedger>
   #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
@@ -9423,7 +11114,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[37]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[42]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9456,6 +11147,7 @@ namespace Kerf.V1 {
       numericalJ_ = other.numericalJ_;
       residualJ_ = other.residualJ_;
       frictionJ_ = other.frictionJ_;
+      contactLossJ_ = other.contactLossJ_;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -9619,7 +11311,7 @@ namespace Kerf.V1 {
     public const int NumericalJFieldNumber = 11;
     private double numericalJ_;
     /// <summary>
-    /// Dissipation of the implicit Euler step and its linearisation, J.
+    /// Dissipation of the implicit Euler step in the tissue and its linearisation, J.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -9660,6 +11352,21 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "contact_loss_j" field.</summary>
+    public const int ContactLossJFieldNumber = 14;
+    private double contactLossJ_;
+    /// <summary>
+    /// What the springs of contact lost: to implicit steps, and where they were let go, came on or were anchored anew, J.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public double ContactLossJ {
+      get { return contactLossJ_; }
+      set {
+        contactLossJ_ = value;
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -9688,6 +11395,7 @@ namespace Kerf.V1 {
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(NumericalJ, other.NumericalJ)) return false;
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(ResidualJ, other.ResidualJ)) return false;
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(FrictionJ, other.FrictionJ)) return false;
+      if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(ContactLossJ, other.ContactLossJ)) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -9708,6 +11416,7 @@ namespace Kerf.V1 {
       if (NumericalJ != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(NumericalJ);
       if (ResidualJ != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(ResidualJ);
       if (FrictionJ != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(FrictionJ);
+      if (ContactLossJ != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(ContactLossJ);
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -9778,6 +11487,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(105);
         output.WriteDouble(FrictionJ);
       }
+      if (ContactLossJ != 0D) {
+        output.WriteRawTag(113);
+        output.WriteDouble(ContactLossJ);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -9840,6 +11553,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(105);
         output.WriteDouble(FrictionJ);
       }
+      if (ContactLossJ != 0D) {
+        output.WriteRawTag(113);
+        output.WriteDouble(ContactLossJ);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -9887,6 +11604,9 @@ namespace Kerf.V1 {
         size += 1 + 8;
       }
       if (FrictionJ != 0D) {
+        size += 1 + 8;
+      }
+      if (ContactLossJ != 0D) {
         size += 1 + 8;
       }
       if (_unknownFields != null) {
@@ -9939,6 +11659,9 @@ namespace Kerf.V1 {
       }
       if (other.FrictionJ != 0D) {
         FrictionJ = other.FrictionJ;
+      }
+      if (other.ContactLossJ != 0D) {
+        ContactLossJ = other.ContactLossJ;
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -10007,6 +11730,10 @@ namespace Kerf.V1 {
             FrictionJ = input.ReadDouble();
             break;
           }
+          case 113: {
+            ContactLossJ = input.ReadDouble();
+            break;
+          }
         }
       }
     #endif
@@ -10072,6 +11799,10 @@ namespace Kerf.V1 {
           }
           case 105: {
             FrictionJ = input.ReadDouble();
+            break;
+          }
+          case 113: {
+            ContactLossJ = input.ReadDouble();
             break;
           }
         }

@@ -2762,6 +2762,10 @@ namespace Kerf.V1 {
     private static readonly pb::FieldCodec<uint> _repeated_heldVertexIds_codec
         = pb::FieldCodec.ForUInt32(98);
     private readonly pbc::RepeatedField<uint> heldVertexIds_ = new pbc::RepeatedField<uint>();
+    /// <summary>
+    /// Those of the vertices above that lie beside what is held: ids, ascending. A vertex that comes anew without being
+    /// among them moves with its element again.
+    /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public pbc::RepeatedField<uint> HeldVertexIds {
@@ -2773,6 +2777,10 @@ namespace Kerf.V1 {
     private static readonly pb::FieldCodec<float> _repeated_heldVertexWeights_codec
         = pb::FieldCodec.ForFloat(106);
     private readonly pbc::RepeatedField<float> heldVertexWeights_ = new pbc::RepeatedField<float>();
+    /// <summary>
+    /// How much the displacement of each corner of its element counts in the vertex's own, dimensionless: eight per
+    /// vertex. They stand in for weight(c) there, and add up to less than one where something is held.
+    /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public pbc::RepeatedField<float> HeldVertexWeights {
