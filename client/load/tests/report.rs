@@ -66,7 +66,7 @@ fn text_has_every_number_that_was_asked_for() {
 round trip   p50 5.00 ms, p99 9.90 ms, p99.9 9.99 ms, max 10.00 ms (1000 poses)
 poses        495 sent, 247.5 Hz; 3 late, 4 skipped, 1 dropped, 0 rejected
 contacts     500 received, 250.0 Hz, 20.0 kB/s
-view         2 viewer(s): 2 keyframes, 9 patches, 240 states at 60.0 Hz, 1.5 MB/s; 0 mismatches
+view         2 viewer(s): 2 keyframes, 9 patches, 240 states at 60.0 Hz, 750.0 kB/s each; 0 mismatches
 server       2000 steps at 1000 Hz, 50 late (2.5 %), mean 0.75 ms, max 4.00 ms; topology version 9, 0 faults
 OVERLOAD     2.5 % of the steps were late, the session ran at 1.00 of real time: forces and depths are not those of \
 the script's speed. Ask for a lower step rate, a coarser level or a smaller scene.

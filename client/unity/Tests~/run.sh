@@ -2,7 +2,7 @@
 # Compiles the package's pure part with mono and tries it against a server. What is missing for it is said.
 set -eu
 cd "$(dirname "$0")/../../.."
-server=${KERF_SERVER:-target/debug/kerf-server}
+server=target/debug/kerf-server
 build=target/unity
 
 for tool in mcs mono protoc python3; do
@@ -33,7 +33,7 @@ mcs -langversion:7.2 -target:library -d:GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_
 mcs -langversion:7.2 -warnaserror -r:$build/Google.Protobuf.dll,$build/Kerf.Client.dll -out:$build/LiveTest.exe \
     client/unity/Tests~/LiveTest.cs
 
-port=${KERF_PORT:-50071}
+port=50071
 $server serve --listen 127.0.0.1:$port --log-filter error & started=$!
 trap 'kill $started 2>/dev/null; wait $started 2>/dev/null || true' EXIT
 tries=0
