@@ -40,6 +40,7 @@ fn body_on_the_wire() -> v1::BodyStructure {
         vertex_local: vertices().iter().flat_map(|vertex| vertex.local).collect(),
         quad_ids: quads().iter().map(|quad| quad.id).collect(),
         quad_vertices: quads().iter().flat_map(|quad| quad.vertices).collect(),
+        quantum_m: 1.0,
         ..Default::default()
     }
 }
@@ -118,7 +119,7 @@ fn a_replica_that_follows_cuts_has_the_hash_of_the_surface_as_it_is() {
     let desc = SceneDesc::from_toml("two_blocks.toml", TWO_BLOCKS).expect("a sound scene");
     let mut world = World::new(&Scene { desc, meshes: Default::default() }).expect("a valid scene");
     let mut replica = Replica::default();
-    replica.apply_keyframe(&wire::keyframe(&world.keyframe(), &[1.0])).expect("the first keyframe applies");
+    replica.apply_keyframe(&wire::keyframe(&world.keyframe(), &[1.0; 2])).expect("the first keyframe applies");
     let mut patches = 0;
     for number in 1..6 {
         stroke(&mut world, number, |world| {
@@ -129,7 +130,7 @@ fn a_replica_that_follows_cuts_has_the_hash_of_the_surface_as_it_is() {
             assert_eq!(recomputed(&replica), hash);
             // Neither side has lost anything on the way to here.
             let mut afresh = Replica::default();
-            afresh.apply_keyframe(&wire::keyframe(&world.keyframe(), &[1.0])).expect("a keyframe applies");
+            afresh.apply_keyframe(&wire::keyframe(&world.keyframe(), &[1.0; 2])).expect("a keyframe applies");
             assert_eq!(afresh.bodies(), replica.bodies());
             patches += 1;
         });
