@@ -111,7 +111,8 @@ class Replica:
             # Of a structure that is not here: it is dropped, as the protocol says.
             return
         moved: list[Moved] = []
-        self._each(self._bodies, state.bodies, "state", lambda body, of: moved.append(body.read_state(of, state.has_reference)))
+        has_reference = state.has_reference
+        self._each(self._bodies, state.bodies, "state", lambda body, of: moved.append(body.read_state(of, has_reference)))
         # Only once all of it is known to fit.
         for body, to in zip(self._bodies, moved, strict=True):
             body.displace(to)
