@@ -45,7 +45,7 @@ class EnergyLedger:
     """Energies and works since the session began or was reset, J.
 
     tool + load = elastic + contact + kinetic + fracture + front_slip + initiation + damping + friction + parting
-    + numerical + residual.
+    + contact_loss + numerical + residual.
     """
 
     tool_work_j: float = 0.0
@@ -61,6 +61,7 @@ class EnergyLedger:
     numerical_j: float = 0.0
     residual_j: float = 0.0
     friction_j: float = 0.0
+    contact_loss_j: float = 0.0
 
 
 #: Names of the energies, in the order of the columns of `StepResult.energies_j`.
@@ -171,7 +172,7 @@ class StepResult:
     cutting_length_m: Floats
     #: `ContactFlags` of each tool. (n, t)
     flags: NDArray[np.uint32]
-    #: In the order of `ENERGY_TERMS`. (n, 13)
+    #: In the order of `ENERGY_TERMS`. (n, 14)
     energies_j: Floats
     #: Scene frame. (n, p, 3)
     tracked_displacements_m: Floats

@@ -60,9 +60,13 @@ impl SessionCore {
         if let Some(patch) = self.world.topology_patch().filter(|_| stepped) {
             self.views.add_patch(patch);
         }
-        let wants_keyframe = self.publisher.keyframe_wanted() && now_ns >= self.views.next_keyframe_ns;
-        // A session that stands owes the state of the structure that it stands with.
-        let owes_state = if stepped { now_ns >= self.views.next_state_ns } else { self.views.patch.is_some() };
+        let is_keyframe_wanted = self.publisher.keyframe_wanted();
+        let wants_keyframe = is_keyframe_wanted && now_ns >= self.views.next_keyframe_ns;
+        // A session that stands owes the state that it stands with, which comes with the keyframe if one is to come.
+        let owes_state = match stepped {
+            true => now_ns >= self.views.next_state_ns,
+            false => self.views.times.steps > 0 && !is_keyframe_wanted,
+        };
         if !wants_keyframe && !owes_state {
             return;
         }

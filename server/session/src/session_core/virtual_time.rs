@@ -257,6 +257,25 @@ fn what_steps_change_between_two_states_comes_as_one_patch_and_is_followed_by_a_
 }
 
 #[test]
+fn a_session_that_pauses_shows_once_where_it_stands() {
+    let mut session = session();
+    let mut viewer = session.view();
+    session.run(50 * MS);
+    // Between two states.
+    for _ in 0..3 {
+        session.run(2 * MS);
+        let stood = session.ask(Command::Pause);
+        session.run(100 * MS);
+        let steps = messages(&mut viewer).into_iter().filter_map(|message| match message {
+            ViewMessage::State(state) => Some(state.step),
+            _ => None,
+        });
+        assert_eq!(steps.filter(|step| *step == stood).count(), 1, "step {stood}");
+        session.ask(Command::Resume).unwrap();
+    }
+}
+
+#[test]
 fn after_the_last_viewer_nothing_is_contoured_and_the_next_one_sees_the_surface_as_it_is() {
     let mut session = session();
     let mut first = session.view();
