@@ -111,8 +111,11 @@ class Replica:
             # Of a structure that is not here: it is dropped, as the protocol says.
             return
         moved: list[Moved] = []
-        has_reference = state.has_reference
-        self._each(self._bodies, state.bodies, "state", lambda body, of: moved.append(body.read_state(of, has_reference)))
+
+        def read(body: Body, of: pb.BodyState) -> None:
+            moved.append(body.read_state(of, state.has_reference))
+
+        self._each(self._bodies, state.bodies, "state", read)
         # Only once all of it is known to fit.
         for body, to in zip(self._bodies, moved, strict=True):
             body.displace(to)
