@@ -391,9 +391,12 @@ async fn files_that_are_no_recordings_are_refused_in_words() {
         assert_eq!(part.ending, Ending::CutOff);
     }
     let second = Summary::read(&bytes).unwrap().expect("an index").chunk_indexes[1].chunk_start_offset as usize;
-    let mut damaged = bytes.clone();
-    damaged[second + 200] ^= 0xff;
-    assert!(refused(&damaged).contains("chunk "), "{}", refused(&damaged));
+    // Also where it names lengths.
+    for offset in (100..400).step_by(25) {
+        let mut damaged = bytes.clone();
+        damaged[second + offset] ^= 0xff;
+        assert!(refused(&damaged).contains("chunk "), "{offset}: {}", refused(&damaged));
+    }
     rewritten(&path, &other, |topic, data| (topic != "/session/header").then(|| data.to_vec()));
     assert!(verified(&other).unwrap_err().contains("no /session/header"));
     rewritten(&path, &other, |topic, data| {

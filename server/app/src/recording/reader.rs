@@ -8,8 +8,9 @@ use std::path::Path;
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use kerf_proto::v1;
 use mcap::MAGIC;
-use mcap::read::{ChunkReader, parse_record};
-use mcap::records::{Record, op};
+use mcap::read::parse_record;
+use mcap::records::{Record, SchemaHeader, op};
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use prost::Message;
 
 use super::convert::VERSION;
@@ -140,34 +141,54 @@ impl Recording {
     }
 
     fn entries(&mut self, offset: u64, bytes: u64) -> Result<Vec<Entry>> {
-        let mut content = vec![0; bytes as usize];
-        self.file.seek(SeekFrom::Start(offset))?;
-        self.file.read_exact(&mut content)?;
-        let Record::Chunk { header, data } = parse_record(op::CHUNK, &content)? else { bail!("it is no chunk") };
-        ensure!(header.uncompressed_size <= MAX_CHUNK_BYTES, "it holds {} bytes unpacked", header.uncompressed_size);
+        let mut chunk = vec![0; RECORD_HEAD_BYTES + bytes as usize];
+        self.file.seek(SeekFrom::Start(offset - RECORD_HEAD_BYTES as u64))?;
+        self.file.read_exact(&mut chunk)?;
+        // The checksum is looked at before anything that the chunk holds: what is damaged may name any length.
+        let options = LinearReaderOptions::default()
+            .with_skip_start_magic(true)
+            .with_skip_end_magic(true)
+            .with_prevalidate_chunk_crcs(true)
+            .with_record_length_limit(MAX_CHUNK_BYTES as usize);
+        let (mut reader, mut rest) = (LinearReader::new_with_options(options), &chunk[..]);
         let mut schemas = BTreeMap::new();
         let mut entries = Vec::new();
-        for record in ChunkReader::new(header, &data)? {
-            match record? {
-                Record::Schema { header, .. } => drop(schemas.insert(header.id, header)),
-                Record::Channel(channel) => {
-                    let Some(track) = Track::of_topic(&channel.topic) else { continue };
-                    let schema = schemas.get(&channel.schema_id);
-                    let is_ours = channel.message_encoding == ENCODING
-                        && schema.is_some_and(|schema| schema.encoding == ENCODING && schema.name == track.schema());
-                    let name = schema.map_or("none", |schema| schema.name.as_str());
-                    ensure!(is_ours, "{} has schema {name}, not {}", channel.topic, track.schema());
-                    self.channels.insert(channel.id, track);
+        while let Some(event) = reader.next_event() {
+            match event? {
+                LinearReadEvent::ReadRequest(wanted) => {
+                    let (next, after) = rest.split_at(wanted.min(rest.len()));
+                    reader.insert(next.len()).copy_from_slice(next);
+                    reader.notify_read(next.len());
+                    rest = after;
                 }
-                Record::Message { header, data } => {
-                    if let Some(&track) = self.channels.get(&header.channel_id) {
-                        entries.push(Entry { track, time_ns: header.log_time, data: data.into_owned() });
-                    }
+                LinearReadEvent::Record { data, opcode } => {
+                    entries.extend(self.entry(&mut schemas, parse_record(opcode, data)?)?);
                 }
-                _ => {}
             }
         }
         Ok(entries)
+    }
+
+    /// The entry that a record of a chunk is, if it is one; takes in `schemas` and channels.
+    fn entry(&mut self, schemas: &mut BTreeMap<u16, SchemaHeader>, record: Record<'_>) -> Result<Option<Entry>> {
+        match record {
+            Record::Schema { header, .. } => drop(schemas.insert(header.id, header)),
+            Record::Channel(channel) => {
+                let Some(track) = Track::of_topic(&channel.topic) else { return Ok(None) };
+                let schema = schemas.get(&channel.schema_id);
+                let is_ours = channel.message_encoding == ENCODING
+                    && schema.is_some_and(|schema| schema.encoding == ENCODING && schema.name == track.schema());
+                let name = schema.map_or("none", |schema| schema.name.as_str());
+                ensure!(is_ours, "{} has schema {name}, not {}", channel.topic, track.schema());
+                self.channels.insert(channel.id, track);
+            }
+            Record::Message { header, data } => {
+                let entry = |track: &Track| Entry { track: *track, time_ns: header.log_time, data: data.into_owned() };
+                return Ok(self.channels.get(&header.channel_id).map(entry));
+            }
+            _ => {}
+        }
+        Ok(None)
     }
 }
 
