@@ -59,7 +59,7 @@ fn momenta(body: &Body, in_part: impl Fn(usize) -> bool) -> (Vec3, Vec3) {
 fn a_free_body_that_spins_past_a_step_is_braked_not_torn() {
     for turn_rad in [0.5, 1.0, 2.0] {
         let axis = Vec3::new(0.3, 0.2, 1.0).normalize();
-        let mut world = spinning_bar(1e-6, |rate_hz| axis * (turn_rad * rate_hz));
+        let mut world = spinning_bar(1000.0, 1e-6, axis * (turn_rad * 1000.0));
         let put_in_j = world.bodies()[0].energy().kinetic_j;
         let (mut left_j, mut residual_j) = (put_in_j, 0.0);
         for _ in 0..200 {
@@ -69,7 +69,8 @@ fn a_free_body_that_spins_past_a_step_is_braked_not_torn() {
             let held_j = energy.kinetic_j + energy.elastic_j;
             assert!(held_j < put_in_j, "{turn_rad} rad: {held_j} J of {put_in_j} J");
             left_j = held_j;
-            assert!(energy.elastic_j < 1e-6 * put_in_j, "{turn_rad} rad: {} J of {put_in_j} J", energy.elastic_j);
+            // What spins by a quarter of a radian a step, which is 250 rad/s, is stretched by a tenth.
+            assert!(energy.elastic_j < 0.2 * put_in_j, "{turn_rad} rad: {} J of {put_in_j} J", energy.elastic_j);
             residual_j += energy.residual_j.abs();
         }
         println!("{turn_rad} rad in a step: {:.1e} of the energy put in not accounted for", residual_j / put_in_j);
@@ -79,9 +80,11 @@ fn a_free_body_that_spins_past_a_step_is_braked_not_torn() {
 }
 
 /// A bar set spinning by `spin` rad/s about its middle.
-fn spinning_bar(tolerance: f64, spin_of: impl Fn(f64) -> Vec3) -> World {
-    let (scene, mut world) = world(bar(2), tolerance);
-    let spin = spin_of(scene.desc.rate_hz);
+fn spinning_bar(rate_hz: f64, tolerance: f64, spin: Vec3) -> World {
+    let mut scene = scene(vec![bar(2)]);
+    scene.desc.solver.relative_tolerance = Some(tolerance);
+    scene.desc.rate_hz = rate_hz;
+    let mut world = World::new(&scene).expect("a valid scene");
     let body = world.body_mut(0);
     let centre = Vec3::new(0.06, 0.02, 0.02);
     for node in 0..body.node_count() {
@@ -92,10 +95,12 @@ fn spinning_bar(tolerance: f64, spin_of: impl Fn(f64) -> Vec3) -> World {
 }
 
 #[test]
-fn what_turns_freely_is_not_strained_and_keeps_its_energy() {
+fn what_turns_freely_keeps_its_energy() {
     let axes = [("its long axis", Vec3::x()), ("across", Vec3::z()), ("any axis", Vec3::new(0.6, 0.3, 0.8))];
     for ((name, axis), turn_rad) in axes.iter().flat_map(|axis| [0.02, 0.2].map(|turn_rad| (*axis, turn_rad))) {
-        let mut world = spinning_bar(1e-3, |rate_hz| axis.normalize() * (turn_rad * rate_hz));
+        // So slowly that it is hardly strained.
+        let rate_hz = 20.0;
+        let mut world = spinning_bar(rate_hz, 1e-7, axis.normalize() * (turn_rad * rate_hz));
         let put_in_j = world.bodies()[0].energy().kinetic_j;
         let (mut strained_j, mut range, mut residual_j) = (0.0f64, [f64::INFINITY, 0.0f64], 0.0);
         for _ in 0..1000 {
@@ -110,9 +115,31 @@ fn what_turns_freely_is_not_strained_and_keeps_its_energy() {
             strained_j / put_in_j,
             residual_j / put_in_j
         );
-        assert!(strained_j < 1e-12 * put_in_j, "{name}, {turn_rad}: {strained_j} J of {put_in_j} J");
+        assert!(strained_j < 1e-3 * put_in_j, "{name}, {turn_rad}: {strained_j} J of {put_in_j} J");
         assert!(least > 0.999 && most < 1.001, "{name}, {turn_rad}: kinetic energy {least} to {most}");
-        assert!(residual_j < 1e-9 * put_in_j, "{name}, {turn_rad}: {residual_j} J of {put_in_j} J");
+        // A thousand steps' shares, each below the tolerance of its solve.
+        assert!(residual_j < 1e-6 * put_in_j, "{name}, {turn_rad}: {residual_j} J of {put_in_j} J");
+    }
+}
+
+#[test]
+fn a_spinning_bar_is_longer_by_what_its_spin_says_whatever_the_rate() {
+    // From 3 kHz on it moves along straight lines.
+    for rate_hz in [250.0, 1000.0, 2900.0, 3100.0, 10_000.0] {
+        let mut world = spinning_bar(rate_hz, 1e-6, Vec3::z() * 30.0);
+        run(&mut world, rate_hz as usize);
+        let body = world.bodies()[0];
+        // Mean of the nodes of each end.
+        let end_m = |x_m: f64| {
+            let nodes = (0..body.node_count()).filter(|n| (body.rest_position_m(*n).x - x_m).abs() < 1e-9);
+            let at: Vec<_> = nodes.map(|n| Vec3::from(body.state.position_m[n])).collect();
+            at.iter().sum::<Vec3>() / at.len() as f64
+        };
+        let strain = (end_m(0.12) - end_m(0.0)).norm() / 0.12 - 1.0;
+        // rho w^2 (l^2 - x^2) / 2 E along the bar.
+        let expected = 1000.0 * 30.0f64.powi(2) * 0.06f64.powi(2) / (3.0 * 1e6);
+        println!("{rate_hz} Hz: strain {strain:.5} of {expected:.5}");
+        assert!((strain / expected - 1.0).abs() < 0.07, "{rate_hz} Hz: strain {strain} of {expected}");
     }
 }
 

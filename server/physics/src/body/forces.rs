@@ -176,7 +176,7 @@ impl Body {
         }
     }
 
-    /// Writes `dt (f_elastic + f_external - drag)` at every node: the right side but for
+    /// Writes `dt (f_elastic + f_external - drag)` and the impulses of turning at every node: the right side but for
     /// contact.
     pub fn assemble_right_side(&mut self, workers: &Workers<'_>) {
         let dt = self.solver.params.dt_s;
@@ -195,6 +195,7 @@ impl Body {
                 (0..3).for_each(|i| b[node][i] -= dt * dt * pull[i]);
             }
         }
+        self.add_turning_impulses(&mut b);
         self.gather_hanging(&mut b);
         self.scratch.right_side = b;
     }

@@ -23,6 +23,7 @@ mod solver;
 mod state;
 mod topology;
 mod toughness_rate;
+mod turn;
 
 pub use crate::grid::{LEAST_PIECE_VOXELS, MaterialPoint};
 pub use crate::math::Nodal;

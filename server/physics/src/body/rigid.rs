@@ -1,78 +1,42 @@
-//! Free parts keep their momentum whatever the tolerance of the solve, and turn without being strained.
+//! Free parts keep their momentum whatever the tolerance of the solve.
 //!
 //! A relative tolerance leaves a residual in every mode, rigid ones included: a free spinning
 //! fragment would fall too slowly. After a solve each part that nothing outside holds or touches gets
 //! the rigid velocity change that makes its linear and angular momentum what the loads say. Parts that
 //! press on each other get it as one: what they do to each other changes none of their sum.
-//!
-//! The solve moves every node along a straight line, which widens what turns by `sqrt(1 + angle^2)`: the strain would
-//! be energy from nothing. What a free part turns by is therefore a rotation, by the spin at the middle of the step
-//! that its angular momentum says (Simo and Wong 1991), and its velocities turn along.
 
-use super::{Body, Nodal, State};
+use super::turn::Turn;
+use super::{Body, Nodal};
 use crate::fem::block::LANES;
 use crate::fem::lanes::for_packed;
 use crate::grid::levels::{LevelChange, NONE};
-use crate::solve::assembly::CHUNK_ELEMENTS;
-use crate::workers::Workers;
 use crate::{Mat3, Vec3};
-use nalgebra::Rotation3;
-
-/// A free part turns by at most this angle in a step, rad: what it meets is looked for along a straight line.
-const MOST_TURN_RAD: f64 = 0.25;
-/// What turns by less than this in a step moves along straight lines, which widen it by 5e-5 at most, rad.
-const LEAST_TURN_RAD: f64 = 0.01;
-/// Fixed-point iterations for the spin at the middle of a step; each gains as many digits as the turn is small.
-const SPIN_ITERATIONS: usize = 4;
-/// Corners of an element at the ends of its four diagonals.
-const DIAGONALS: [[usize; 2]; 4] = [[0, 7], [1, 6], [2, 5], [4, 3]];
 
 /// The separate pieces of a body.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RigidParts {
     element_part: Vec<u32>,
     node_part: Vec<u32>,
-    held: Vec<bool>,
+    pub(super) held: Vec<bool>,
     /// Elements of the parts that are not held: all that has to be summed over.
-    loose: Vec<u32>,
+    pub(super) loose: Vec<u32>,
     /// Whether a part is left alone this step, and what it is to gain.
-    skip: Vec<bool>,
-    totals: Vec<Totals>,
+    pub(super) skip: Vec<bool>,
+    pub(super) totals: Vec<Totals>,
     /// How a part turns in this step, unless it is along straight lines.
-    turns: Vec<Option<Turn>>,
-}
-
-/// How a part turns in a step.
-#[derive(Clone, Copy, Debug)]
-struct Turn {
-    /// The part's motion at the beginning of the step.
-    motion: Totals,
-    rotation: Mat3,
-}
-
-impl Turn {
-    fn of(motion: Totals, dt_s: f64) -> Self {
-        let rotation = |spin: Vec3, share: f64| *Rotation3::new(spin * (share * dt_s)).matrix();
-        let mut spin = motion.spin;
-        let inertia = motion.inertia.lu();
-        for _ in 0..SPIN_ITERATIONS {
-            let half = rotation(spin, 0.5);
-            spin = half * inertia.solve(&half.tr_mul(&motion.angular)).unwrap_or_default();
-        }
-        Self { motion, rotation: rotation(spin, 1.0) }
-    }
+    pub(super) turns: Vec<Option<Turn>>,
 }
 
 /// Mass, and momentum that is missing, of a part or of several as one.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Totals {
-    mass: f64,
-    centre: Vec3,
-    linear: Vec3,
-    angular: Vec3,
-    inertia: Mat3,
-    velocity: Vec3,
-    spin: Vec3,
+    pub(super) mass: f64,
+    pub(super) centre: Vec3,
+    pub(super) linear: Vec3,
+    pub(super) angular: Vec3,
+    pub(super) inertia: Mat3,
+    pub(super) velocity: Vec3,
+    pub(super) spin: Vec3,
 }
 
 impl Totals {
@@ -88,6 +52,11 @@ impl Totals {
             joined.inertia += one.inertia + (Mat3::identity() * arm.dot(&arm) - arm * arm.transpose()) * one.mass;
         }
         joined
+    }
+
+    /// Velocity of the rigid motion at `x_m`.
+    pub(super) fn motion_at(&self, x_m: Vec3) -> Vec3 {
+        self.velocity + self.spin.cross(&(x_m - self.centre))
     }
 
     /// The rigid motion that makes up for what is missing.
@@ -141,7 +110,7 @@ impl RigidParts {
         self.turns.fill(None);
     }
 
-    fn any_turns(&self) -> bool {
+    pub(super) fn any_turns(&self) -> bool {
         self.turns.iter().any(Option::is_some)
     }
 
@@ -212,8 +181,7 @@ impl Body {
         if part == NONE || self.state.rigid.skip[part as usize] {
             return Vec3::zeros();
         }
-        let total = &self.state.rigid.totals[part as usize];
-        total.velocity + total.spin.cross(&(Vec3::from(self.state.position_m[node]) - total.centre))
+        self.state.rigid.totals[part as usize].motion_at(self.state.position_m[node].into())
     }
 
     /// Work over the motion `v + dv` of a step of the impulses `A d` that change the velocities of free parts by
@@ -239,30 +207,9 @@ impl Body {
         work_j
     }
 
-    /// Takes from a step's change of velocity `dv` what free parts would turn by beyond [`MOST_TURN_RAD`];
-    /// returns what it took, m/s.
-    pub(crate) fn brake_spin(&mut self, dv: &mut Nodal) -> Nodal {
-        let dt = self.solver.params.dt_s;
-        let mut totals = self.motions(|body, node| body.velocity_after(node, dv));
-        for total in &mut totals {
-            total.spin *= 1.0 - (MOST_TURN_RAD / (dt * total.spin.norm())).min(1.0);
-        }
-        let mut taken = vec![[0.0; 3]; self.node_count()];
-        for (node, (dv, taken)) in dv.iter_mut().zip(&mut taken).enumerate() {
-            if let Some(part) = self.state.rigid.loose_part(node) {
-                // A spin about where the part is now does no work against what strains it.
-                let total = &totals[part];
-                *taken = total.spin.cross(&(Vec3::from(self.state.position_m[node]) - total.centre)).into();
-                (0..3).for_each(|i| dv[i] -= taken[i]);
-            }
-        }
-        self.state.rigid.totals = totals;
-        taken
-    }
-
     /// Momentum and rigid motion of each free part where its nodes are, at velocities `of`. Uses up the buffer of
     /// totals, which is to be given back.
-    fn motions(&mut self, of: impl Fn(&Self, usize) -> Vec3) -> Vec<Totals> {
+    pub(super) fn motions(&mut self, of: impl Fn(&Self, usize) -> Vec3) -> Vec<Totals> {
         let mut totals = std::mem::take(&mut self.state.rigid.totals);
         totals.fill(Totals::default());
         self.add_mass_moments(&mut totals);
@@ -275,91 +222,8 @@ impl Body {
         totals
     }
 
-    /// Finds how free parts turn in the step of a change of velocity `dv`.
-    pub(super) fn find_turns(&mut self, dv: &Nodal) {
-        self.state.rigid.turns.fill(None);
-        if !self.may_turn_by(LEAST_TURN_RAD, dv) {
-            return;
-        }
-        let dt = self.solver.params.dt_s;
-        let totals = self.motions(|body, node| body.velocity_after(node, dv));
-        let parts = &mut self.state.rigid;
-        for ((turn, total), held) in parts.turns.iter_mut().zip(&totals).zip(&parts.held) {
-            *turn = (!held && dt * total.spin.norm() > LEAST_TURN_RAD).then(|| Turn::of(*total, dt));
-        }
-        parts.totals = totals;
-    }
-
-    /// Puts the nodes of parts that turn where the turn takes them, from where straight lines have.
-    pub(super) fn turn_positions(&mut self) {
-        let dt = self.solver.params.dt_s;
-        self.for_each_turned(|_, Turn { motion, rotation }, x, v| {
-            let arm = *x - *v * dt - motion.centre;
-            // What it is strained by turns along.
-            let strained = arm + (*v - motion.velocity - motion.spin.cross(&arm)) * dt;
-            *x = motion.centre + motion.velocity * dt + rotation * strained;
-        });
-    }
-
-    /// Turns the velocities of parts that turn, so that their angular momentum stays; returns the kinetic energy that
-    /// this made, J. Forces and energies are evaluated anew.
-    pub(crate) fn turn_velocities(&mut self, workers: &Workers<'_>) -> f64 {
-        if !self.state.rigid.any_turns() {
-            return 0.0;
-        }
-        let before_j = self.energy().kinetic_j;
-        self.for_each_turned(|_, Turn { motion, rotation }, _, v| {
-            *v = motion.velocity + rotation * (*v - motion.velocity);
-        });
-        let mut totals = self.motions(|body, node| Vec3::from(body.state.velocity_m_per_s[node]));
-        for (total, turn) in totals.iter_mut().zip(&self.state.rigid.turns) {
-            let kept = turn.map_or(total.angular, |turn| turn.motion.angular);
-            *total = Totals { angular: kept - total.angular, ..*total }.solved();
-        }
-        self.for_each_turned(|part, _, x, v| *v += totals[part].spin.cross(&(*x - totals[part].centre)));
-        self.state.rigid.totals = totals;
-        let loose = std::mem::take(&mut self.state.rigid.loose);
-        let is_loose = |chunk: usize| loose.binary_search_by(|e| (*e as usize / CHUNK_ELEMENTS).cmp(&chunk)).is_ok();
-        self.evaluate_chunks(workers, is_loose, None, 2);
-        self.state.rigid.loose = loose;
-        self.energy().kinetic_j - before_j
-    }
-
-    /// Visits the nodes of parts that turn: part, its turn, position and velocity.
-    fn for_each_turned(&mut self, visit: impl Fn(usize, &Turn, &mut Vec3, &mut Vec3)) {
-        let State { rigid, position_m, velocity_m_per_s, .. } = &mut self.state;
-        if !rigid.any_turns() {
-            return;
-        }
-        for (node, (x, v)) in position_m.iter_mut().zip(velocity_m_per_s).enumerate() {
-            let Some(part) = rigid.loose_part(node) else { continue };
-            let Some(turn) = &rigid.turns[part] else { continue };
-            let (mut at, mut moving) = (Vec3::from(*x), Vec3::from(*v));
-            visit(part, turn, &mut at, &mut moving);
-            (*x, *v) = (at.into(), moving.into());
-        }
-    }
-
-    fn velocity_after(&self, node: usize, dv: &Nodal) -> Vec3 {
+    pub(super) fn velocity_after(&self, node: usize, dv: &Nodal) -> Vec3 {
         Vec3::from(self.state.velocity_m_per_s[node]) + Vec3::from(dv[node])
-    }
-
-    /// Whether any element of a free part will turn so fast that the part may have to be braked.
-    pub(crate) fn may_spin_too_fast(&self, dv: &Nodal) -> bool {
-        self.may_turn_by(MOST_TURN_RAD, dv)
-    }
-
-    /// Whether any element of a free part may turn by more than this in the step.
-    fn may_turn_by(&self, angle_rad: f64, dv: &Nodal) -> bool {
-        // Of the diagonals of a cube, the one most across the axis moves at sqrt(2/3) of spin times length at
-        // least; strain may hide a part of it.
-        let share = 0.5 * angle_rad / self.solver.params.dt_s;
-        self.state.rigid.loose.iter().any(|element| {
-            let nodes = self.base().elements[*element as usize].nodes;
-            let limit = share * 3f64.sqrt() * self.element_edge_m(*element as usize);
-            let at = |corner: usize| self.velocity_after(nodes[corner] as usize, dv);
-            DIAGONALS.iter().any(|[a, b]| (at(*a) - at(*b)).norm_squared() > limit * limit)
-        })
     }
 
     /// Momentum that each part should have gained and has not.
@@ -425,7 +289,7 @@ impl Body {
     }
 
     /// Visits `(part, node, node, mass entry)` of the consistent mass.
-    fn for_each_mass(&self, mut visit: impl FnMut(usize, usize, usize, f64)) {
+    pub(super) fn for_each_mass(&self, mut visit: impl FnMut(usize, usize, usize, f64)) {
         for element in self.state.rigid.loose.iter().map(|e| *e as usize) {
             let data = &self.base().elements[element];
             let part = self.state.rigid.element_part[element] as usize;
@@ -445,6 +309,7 @@ mod tests {
     use crate::grid::{Crossing, LinkId};
     use crate::params::StepParams;
     use crate::scene::{Meshes, Scene, SceneDesc};
+    use crate::workers::Workers;
 
     const SCENE: &str = r#"
 version = 1

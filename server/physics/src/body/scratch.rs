@@ -14,6 +14,8 @@ use wide::f64x4;
 pub(super) struct Scratch {
     /// Right side of the velocity solve but for contact, N s, by node, scene frame.
     pub(super) right_side: Nodal,
+    /// What of the right side is for turning, N s, by node; empty while nothing turns.
+    pub(super) turning: Nodal,
     /// Sums of impulses of which a norm is wanted, N s, by node, scene frame.
     pub(super) applied: Nodal,
     /// The right side with contact as the solver takes it, N s, by node, xyz0.
