@@ -74,7 +74,12 @@ fn free_motion_keeps_momenta_and_bounds_the_energy() {
     let family = coarse(motion::family);
     hold(&family, "tumbling fragments: linear", 1e-10);
     hold(&family, "tumbling fragments: angular", 1e-10);
-    hold(&family, "", 1e-10);
+    hold(&family, "tumbling fragments: energy", 0.0);
+    // A rod has no width.
+    hold(&family, "spinning bar", 0.06);
+    for start in ["stretched", "collapsed", "random"] {
+        hold(&family, start, 1e-10);
+    }
 }
 
 #[test]
