@@ -13,6 +13,7 @@ use kerf_station::servo::core::State;
 use kerf_station::servo::runner::Sample;
 use kerf_station::station::{Opener, Station};
 use nalgebra::Vector3;
+use tonic::transport::Identity;
 
 use super::server::{Does, Server};
 
@@ -111,7 +112,7 @@ fn a_server_that_is_killed_mid_contact_and_started_again_is_found_again() {
     until(&mut station, "contact", feels);
     drop(server);
     until(&mut station, "the kill", feels_nothing);
-    let again = Server::at(address, None);
+    let again = Server::at(address, None, None);
     until(&mut station, "the second server", feels);
     assert!(again.streams() >= 1);
 }
@@ -143,7 +144,7 @@ fn a_session_that_is_gone_ends_in_words_that_say_what_to_do() {
 
 #[test]
 fn a_token_is_sent_and_a_wrong_one_is_told_of() {
-    let server = Server::at("127.0.0.1:0".parse().unwrap(), Some("Bearer secret"));
+    let server = Server::at("127.0.0.1:0".parse().unwrap(), Some("Bearer secret"), None);
     let folder = tempfile::tempdir().unwrap();
     let mut with_token = config(&server);
     let token_file = folder.path().join("token");
@@ -157,6 +158,25 @@ fn a_token_is_sent_and_a_wrong_one_is_told_of() {
         std::thread::sleep(Duration::from_millis(10));
     }
     assert!(guesses.link().last_fault.unwrap().contains("server.token_file"));
+}
+
+#[test]
+fn over_tls_a_server_is_believed_by_its_certificate_alone() {
+    let certified = rcgen::generate_simple_self_signed(["localhost".to_owned()]).unwrap();
+    let identity = Identity::from_pem(certified.cert.pem(), certified.signing_key.serialize_pem());
+    let server = Server::at("127.0.0.1:0".parse().unwrap(), None, Some(identity));
+    let folder = tempfile::tempdir().unwrap();
+    let ca_file = folder.path().join("ca.pem");
+    std::fs::write(&ca_file, certified.cert.pem()).unwrap();
+    let mut config = config(&server);
+    config.server.url = format!("https://localhost:{}", server.address.port());
+    let mut stranger = start(&config, Box::new(|| Ok(Box::new(simulated()))));
+    config.server.ca_file = Some(ca_file);
+    let mut knows = start(&config, Box::new(|| Ok(Box::new(simulated()))));
+    until(&mut knows, "contact", feels);
+    assert!(until(&mut stranger, "no contact", |_| true).force_n.norm() == 0.0);
+    let link = stranger.link();
+    assert!(link.state == LinkState::Connecting && link.last_fault.as_ref().unwrap().contains("no server"), "{link:?}");
 }
 
 /// A device whose plug can be pulled.

@@ -12,6 +12,7 @@ use tokio::net::TcpListener;
 use tokio::runtime::Runtime;
 use tokio_stream::wrappers::{ReceiverStream, TcpListenerStream};
 use tokio_stream::{Stream, StreamExt};
+use tonic::transport::{Identity, ServerTlsConfig};
 use tonic::{Request, Response, Status, Streaming};
 
 /// Of the floor.
@@ -47,18 +48,22 @@ pub struct Server {
 
 impl Server {
     pub fn start() -> Self {
-        Self::at("127.0.0.1:0".parse().unwrap(), None)
+        Self::at("127.0.0.1:0".parse().unwrap(), None, None)
     }
 
-    /// At an address, for those who know a token.
-    pub fn at(address: SocketAddr, token: Option<&'static str>) -> Self {
+    /// At an address, for those who know a token, over TLS where it has an identity.
+    pub fn at(address: SocketAddr, token: Option<&'static str>, identity: Option<Identity>) -> Self {
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
         let floor = Floor { does: Arc::default(), streams: Arc::default(), token };
         let served = floor.clone();
         let address = runtime.block_on(async move {
             let listener = TcpListener::bind(address).await.expect("a port");
             let address = listener.local_addr().unwrap();
-            let routes = tonic::transport::Server::builder().add_service(ControlServiceServer::new(served));
+            let mut server = tonic::transport::Server::builder();
+            if let Some(identity) = identity {
+                server = server.tls_config(ServerTlsConfig::new().identity(identity)).expect("a certificate");
+            }
+            let routes = server.add_service(ControlServiceServer::new(served));
             tokio::spawn(routes.serve_with_incoming(TcpListenerStream::new(listener)));
             address
         });

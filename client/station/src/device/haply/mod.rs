@@ -21,7 +21,7 @@ use self::message::{Arm, Command, Inventory};
 use super::{Device, DeviceError, DeviceInfo, DeviceState, Servo};
 use crate::config::HaplyConfig;
 
-/// What the service does not tell. Well within what the maker gives for the Inverse3.
+/// What the service does not tell: assumptions, which were not tried on an arm.
 const PEAK_FORCE_N: f64 = 5.0;
 const MAX_STIFFNESS_N_PER_M: f64 = 800.0;
 const MAX_DAMPING_N_S_PER_M: f64 = 5.0;
