@@ -4066,7 +4066,8 @@ namespace Kerf.V1 {
     public const int MaxContactAgeSFieldNumber = 10;
     private double maxContactAgeS_;
     /// <summary>
-    /// Age beyond which no contact is sent and no station should render one, s.
+    /// Age beyond which no contact is sent and no station should render one, s. The server counts from the step, a station
+    /// from the arrival, for its clock is another.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
