@@ -11,7 +11,8 @@ use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 const RATE_HZ: f64 = 500.0;
 const SPEED_M_PER_S: f64 = 0.05;
 const HEIGHT_M: f64 = 0.064;
-const WIDTH_M: f64 = 0.016;
+/// Along the edge: a narrower slab bends aside under the blade, as a column does.
+const WIDTH_M: f64 = 0.048;
 const VOXEL_M: f64 = 0.002;
 /// Energy release rate at which a front starts, over Gc.
 const INITIATION: f64 = 2.0;
@@ -56,8 +57,8 @@ fn press(tissue: &Tissue, level: u8) -> Start {
     let mut start = Start { depth_m: -5e-4, load_n_per_m: 0.0, drop_n_per_m: 0.0 };
     while start.depth_m < 0.9 * HEIGHT_M {
         start.depth_m += SPEED_M_PER_S / RATE_HZ;
-        // Along z, off the planes of the lattice.
-        let position_m = Vec3::new(0.0007, HEIGHT_M - start.depth_m, 0.0);
+        // Along z, off the planes of the lattice and off the slab's middle: symmetry is not to hold what would fold.
+        let position_m = Vec3::new(0.0007, HEIGHT_M - start.depth_m, 1e-5);
         let orientation = Quat::from_euler_angles(0.0, std::f64::consts::FRAC_PI_2, 0.0);
         let motion = ToolMotion::move_to(Pose { position_m, orientation });
         let output = world.step(&Workers::serial(), &NoClock, &StepInputs::of(&[ToolInput { tool: 0, motion }]));
@@ -97,9 +98,8 @@ fn tissues() -> [Tissue; 4] {
 #[test]
 fn tissue_carries_what_cutting_it_takes_at_coarse_levels() {
     for tissue in tissues() {
-        holds(&tissue, 2, 0.6);
-        // At level 3 the slab is one element wide.
-        holds(&tissue, 3, 0.5);
+        holds(&tissue, 2, 0.85);
+        holds(&tissue, 3, 0.85);
     }
 }
 
@@ -107,7 +107,7 @@ fn tissue_carries_what_cutting_it_takes_at_coarse_levels() {
 #[ignore = "slow: the finer levels, half a minute"]
 fn tissue_carries_what_cutting_it_takes_at_the_same_dent_on_finer_levels() {
     for tissue in tissues() {
-        let dents = [(0, 0.7), (1, 0.7), (2, 0.6)].map(|(level, least)| holds(&tissue, level, least));
+        let dents = [0, 1, 2].map(|level| holds(&tissue, level, 0.85));
         for dent in &dents {
             // Within 10 % and a step.
             assert!((dent - dents[0]).abs() < 0.1 * dents[0] + 1e-4, "{}: dents {dents:?} m", tissue.name);
@@ -121,7 +121,7 @@ fn carries_what_scenes_are_granted(level: u8) {
     let material = &slab(&tissue, level).desc.objects[0].material;
     let load_n_per_m = carried_over_eh(material, level) * 1e4 * VOXEL_M * f64::from(1u32 << level);
     tissue.fracture_energy_j_per_m2 = load_n_per_m / INITIATION;
-    holds(&tissue, level, 0.6);
+    holds(&tissue, level, 0.85);
 }
 
 #[test]
