@@ -11,6 +11,7 @@ mod cutting;
 mod determinism;
 mod elements;
 mod fast_blade;
+mod filled;
 mod flanks;
 mod graded;
 mod grasper;

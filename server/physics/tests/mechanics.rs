@@ -93,13 +93,13 @@ fn force_is_the_negative_gradient_of_the_energy() {
 
 #[test]
 fn partly_filled_cells_are_no_stiffer_than_the_full_cell() {
-    use kerf_physics::fem::composite::{CompositeTables, Field};
+    use kerf_physics::fem::composite::{CompositeTables, Field, FilledVoxel};
     use kerf_physics::fem::material::Elastic;
     let tables = CompositeTables::new(2, 0.01);
     let material = Elastic::new(1e6, 0.45, 1000.0);
     let largest =
         |m: &[[f64; 24]; 24]| nalgebra::SMatrix::<f64, 24, 24>::from_fn(|r, c| m[r][c]).symmetric_eigenvalues().max();
-    let all: Vec<_> = (0..64).map(|p| (p, material)).collect();
+    let all: Vec<_> = (0..64).map(|p| FilledVoxel::whole(p, material)).collect();
     let full = largest(&tables.assemble(&all, Field::IncompatibleModes).stiffness_measured);
     let mut rng = Lcg(11);
     for _ in 0..200 {

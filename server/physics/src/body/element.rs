@@ -2,7 +2,7 @@
 
 use super::Body;
 use crate::fem::anisotropic::Moduli;
-use crate::fem::composite::{CompositeTables, ElementMatrices, Field};
+use crate::fem::composite::{CompositeTables, ElementMatrices, Field, FilledVoxel};
 use crate::fem::homogenise::{apparent_moduli, periodic_moduli};
 use crate::fem::material::Elastic;
 use crate::grid::VoxelId;
@@ -28,7 +28,14 @@ impl Body {
         };
         let tables = &self.description.tables[self.base().elements[element].size.ilog2() as usize];
         let position = |v: VoxelId| tables.position(self.state.grid.voxels()[v.index()].ijk);
-        let filled: Vec<_> = voxels.iter().map(|&v| (position(v), self.material_of(v).elastic)).collect();
+        let filled: Vec<_> = voxels
+            .iter()
+            .map(|&v| FilledVoxel {
+                position: position(v),
+                elastic: self.material_of(v).elastic,
+                share: self.state.grid.filled_share(v),
+            })
+            .collect();
         match (moduli, self.description.element_kind) {
             (Some(moduli), _) => tables.assemble_uniform(&filled, &moduli),
             (None, ElementKind::Galerkin) => tables.assemble(&filled, Field::Trilinear),
@@ -78,7 +85,8 @@ fn chosen_moduli(tables: &CompositeTables, exponent: u8, pattern: &[u16], elasti
     if most < CONTRAST * least {
         return None;
     }
-    let voxels: Vec<_> = pattern.iter().enumerate().map(|(at, m)| (at, elastic[*m as usize])).collect();
+    let voxels: Vec<_> =
+        pattern.iter().enumerate().map(|(at, m)| FilledVoxel::whole(at, elastic[*m as usize])).collect();
     let element = tables.assemble(&voxels, Field::IncompatibleModes);
     let apparent = apparent_moduli(&element.stiffness, element.volume_m3.cbrt());
     let moduli = periodic_moduli(exponent, pattern, elastic);

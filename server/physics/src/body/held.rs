@@ -187,6 +187,7 @@ impl Body {
             .map(|voxel| HeldVoxel {
                 at: from(self.state.grid.voxels()[voxel.index()].ijk, low),
                 elastic: self.material_of(*voxel).elastic,
+                share: self.state.grid.filled_share(*voxel),
             })
             .collect();
         hold(&plain, corners, &voxels, &self.description.single_voxel)

@@ -28,11 +28,9 @@ pub(super) struct FaceLoad {
 impl Body {
     /// Loads at the corners of an element, from gravity and its voxels' own forces.
     pub(super) fn element_loads(&self, voxels: &[VoxelId]) -> [[f64; 3]; 8] {
-        let volume = self.state.grid.voxel_size_m().powi(3);
         let mut loads = [[0.0; 3]; 8];
         for &voxel in voxels {
-            let weight =
-                self.description.gravity_m_per_s2 * (self.material_of(voxel).elastic.density_kg_per_m3 * volume);
+            let weight = self.description.gravity_m_per_s2 * self.voxel_mass_kg(voxel);
             let force = weight + self.description.voxel_loads[voxel.index()].force_n;
             if force == Vec3::zeros() {
                 continue;
@@ -96,7 +94,8 @@ pub(super) fn loads_of(
         match load {
             LoadDesc::BodyForce { region, force_n_per_m3 } => {
                 for voxel in voxelize::region_voxels(grid, region, meshes)? {
-                    loads[voxel.index()].force_n += Vec3::from(*force_n_per_m3) * h.powi(3);
+                    loads[voxel.index()].force_n +=
+                        Vec3::from(*force_n_per_m3) * (h.powi(3) * grid.filled_share(voxel));
                 }
             }
             LoadDesc::Traction { region, face, traction_pa } => {
@@ -105,7 +104,13 @@ pub(super) fn loads_of(
                     let mut beyond = grid.voxels()[voxel.index()].ijk;
                     beyond[axis] += step;
                     if grid.voxel_at(beyond).is_none() {
-                        face_loads.push(FaceLoad { voxel, face: *face, force_n: Vec3::from(*traction_pa) * h * h });
+                        let filled = grid.filled_extents(voxel);
+                        let across = filled[(axis + 1) % 3] * filled[(axis + 2) % 3];
+                        face_loads.push(FaceLoad {
+                            voxel,
+                            face: *face,
+                            force_n: Vec3::from(*traction_pa) * (h * h * across),
+                        });
                     }
                 }
             }

@@ -227,10 +227,13 @@ impl Body {
     /// Total mass, kg.
     #[must_use]
     pub fn mass_kg(&self) -> f64 {
-        let volume = self.state.grid.voxel_size_m().powi(3);
-        (0..self.state.grid.voxels().len())
-            .map(|v| self.material_of(VoxelId(v as u32)).elastic.density_kg_per_m3 * volume)
-            .sum()
+        (0..self.state.grid.voxels().len()).map(|v| self.voxel_mass_kg(VoxelId(v as u32))).sum()
+    }
+
+    /// Mass of what fills a voxel, kg.
+    pub(crate) fn voxel_mass_kg(&self, voxel: VoxelId) -> f64 {
+        let filled_m3 = self.state.grid.filled_share(voxel) * self.state.grid.voxel_size_m().powi(3);
+        self.material_of(voxel).elastic.density_kg_per_m3 * filled_m3
     }
 
     /// Voxels of an element, in the order of its cell.

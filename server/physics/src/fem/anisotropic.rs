@@ -4,7 +4,9 @@
 //! incompatible modes are the same: for an isotropic material this is the element of
 //! [`super::composite`].
 
-use super::composite::{CompositeTables, DOFS, ElementMatrices, Field, MODES, Matrix24, Sums, measured_share};
+use super::composite::{
+    CompositeTables, DOFS, ElementMatrices, Field, FilledVoxel, MODES, Matrix24, Sums, measured_share,
+};
 use super::material::Elastic;
 use nalgebra::{Matrix6, Vector6};
 
@@ -27,12 +29,15 @@ fn volumetric_share_pa(moduli: &Moduli) -> f64 {
 }
 
 impl CompositeTables {
-    /// Matrices of an element whose `voxels`, table positions with their materials, all have the stiffness
+    /// Matrices of an element whose `voxels` all have the stiffness
     /// `moduli`; their own materials say how heavy they are.
     #[must_use]
-    pub fn assemble_uniform(&self, voxels: &[(usize, Elastic)], moduli: &Moduli) -> ElementMatrices {
+    pub fn assemble_uniform(&self, voxels: &[FilledVoxel], moduli: &Moduli) -> ElementMatrices {
         let lambda_pa = volumetric_share_pa(moduli);
-        let unit: Vec<_> = voxels.iter().map(|&(at, own)| (at, Elastic { mu_pa: 1.0, lambda_pa, ..own })).collect();
+        let unit: Vec<_> = voxels
+            .iter()
+            .map(|v| FilledVoxel { elastic: Elastic { mu_pa: 1.0, lambda_pa, ..v.elastic }, ..*v })
+            .collect();
         let shear_pa = (3..6).map(|i| moduli[(i, i)]).sum::<f64>() / 3.0;
         let mut sums = Sums::over(self, &unit);
         // The sums took the unit modulus for the material's.
@@ -110,7 +115,7 @@ mod tests {
             moduli.set_column(axis, &soft.column(axis));
         }
         let tables = CompositeTables::new(2, 0.01);
-        let voxels: Vec<_> = (0..64).map(|v| (v, Elastic::new(1.0, 0.45, 1.0))).collect();
+        let voxels: Vec<_> = (0..64).map(|v| FilledVoxel::whole(v, Elastic::new(1.0, 0.45, 1.0))).collect();
         let stiffness = tables.assemble_uniform(&voxels, &moduli).stiffness;
         let matrix = nalgebra::SMatrix::<f64, DOFS, DOFS>::from_fn(|row, column| stiffness[row][column]);
         let mut eigenvalues: Vec<f64> = matrix.symmetric_eigenvalues().iter().copied().collect();
@@ -125,7 +130,8 @@ mod tests {
             let tables = CompositeTables::new(exponent, 0.01);
             let elastic = Elastic::new(1e6, poisson, 1000.0);
             for step in [1, 3] {
-                let voxels: Vec<_> = (0..1 << (3 * exponent)).step_by(step).map(|v| (v, elastic)).collect();
+                let voxels: Vec<_> =
+                    (0..1 << (3 * exponent)).step_by(step).map(|v| FilledVoxel::whole(v, elastic)).collect();
                 let expected = tables.assemble(&voxels, Field::IncompatibleModes);
                 let found = tables.assemble_uniform(&voxels, &isotropic(&elastic));
                 let largest = expected.stiffness.as_flattened().iter().fold(0.0, |m: f64, k| m.max(k.abs()));

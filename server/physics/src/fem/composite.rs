@@ -76,6 +76,25 @@ struct VoxelTable {
     linear_centre: [f64; LINEAR],
 }
 
+/// A voxel of a cell.
+#[derive(Clone, Copy, Debug)]
+pub struct FilledVoxel {
+    /// Position in the cell's tables.
+    pub position: usize,
+    /// Its material.
+    pub elastic: Elastic,
+    /// How much of it is filled; 1: all of it.
+    pub share: f64,
+}
+
+impl FilledVoxel {
+    /// A voxel that is filled wholly.
+    #[must_use]
+    pub fn whole(position: usize, elastic: Elastic) -> Self {
+        Self { position, elastic, share: 1.0 }
+    }
+}
+
 /// Integrals for each voxel position of a cell of one level.
 pub struct CompositeTables {
     exponent: u8,
@@ -138,10 +157,10 @@ impl CompositeTables {
         ((ijk[2] & mask) << (2 * e) | (ijk[1] & mask) << e | (ijk[0] & mask)) as usize
     }
 
-    /// Matrices of an element filled by `voxels`, given as table positions with their materials.
+    /// Matrices of an element filled by `voxels`.
     #[must_use]
-    pub fn assemble(&self, voxels: &[(usize, Elastic)], field: Field) -> ElementMatrices {
-        let shear_modulus = voxels.iter().map(|v| v.1.mu_pa).sum::<f64>() / voxels.len() as f64;
+    pub fn assemble(&self, voxels: &[FilledVoxel], field: Field) -> ElementMatrices {
+        let shear_modulus = voxels.iter().map(|v| v.elastic.mu_pa).sum::<f64>() / voxels.len() as f64;
         self.matrices(Sums::over(self, voxels), field, shear_modulus)
     }
 
@@ -245,7 +264,7 @@ pub(super) struct Sums {
 }
 
 impl Sums {
-    pub(super) fn over(tables: &CompositeTables, voxels: &[(usize, Elastic)]) -> Self {
+    pub(super) fn over(tables: &CompositeTables, voxels: &[FilledVoxel]) -> Self {
         let mut sums = Self {
             shear: Box::new([[0.0; DOFS]; DOFS]),
             volumetric: Box::new([[0.0; DOFS]; DOFS]),
@@ -261,20 +280,21 @@ impl Sums {
         };
         let voxel_volume = tables.voxel_volume_m3;
         let mut mean_mode = [0.0; 3];
-        for &(position, _) in voxels {
-            sums.volume += voxel_volume;
-            let table = &tables.voxels[position];
-            (0..3).for_each(|j| mean_mode[j] += table.mode[j]);
+        for voxel in voxels {
+            sums.volume += voxel.share * voxel_volume;
+            let table = &tables.voxels[voxel.position];
+            (0..3).for_each(|j| mean_mode[j] += voxel.share * table.mode[j]);
         }
         mean_mode = mean_mode.map(|m| m / sums.volume);
-        for &(position, material) in voxels {
-            sums.add(&tables.voxels[position], &material, mean_mode, voxel_volume);
+        for voxel in voxels {
+            sums.add(&tables.voxels[voxel.position], voxel, mean_mode, voxel_volume);
         }
         sums
     }
 
-    fn add(&mut self, table: &VoxelTable, material: &Elastic, mean: [f64; 3], volume: f64) {
-        let (mu, lambda) = (material.mu_pa, material.lambda_pa);
+    fn add(&mut self, table: &VoxelTable, voxel: &FilledVoxel, mean: [f64; 3], volume: f64) {
+        let share = voxel.share;
+        let (mu, lambda) = (share * voxel.elastic.mu_pa, share * voxel.elastic.lambda_pa);
         let measured = lambda * measured_share(mu, lambda);
         let divergence = table.gradient_centre.as_flattened();
         for row in 0..DOFS {
@@ -286,10 +306,10 @@ impl Sums {
         }
         for a in 0..8 {
             for b in 0..8 {
-                self.mass[a][b] += material.density_kg_per_m3 * table.mass[a][b];
+                self.mass[a][b] += share * voxel.elastic.density_kg_per_m3 * table.mass[a][b];
             }
             for i in 0..3 {
-                self.gradient[a][i] += table.gradient[a][i];
+                self.gradient[a][i] += share * table.gradient[a][i];
                 self.add_coupling(table, a, i, mu, mean);
             }
         }

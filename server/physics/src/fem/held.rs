@@ -13,7 +13,9 @@
 //! by the weights X_j / H. With these three beside its eight corners the element is as any other: it resists neither
 //! translation nor rotation of all of them.
 
-use super::composite::{CompositeTables, DOFS, ElementMatrices, Field, Matrix24, shape_functions, shape_gradients};
+use super::composite::{
+    CompositeTables, DOFS, ElementMatrices, Field, FilledVoxel, Matrix24, shape_functions, shape_gradients,
+};
 use super::material::Elastic;
 use nalgebra::{Cholesky, DMatrix};
 
@@ -210,10 +212,12 @@ pub struct HeldVoxel {
     pub at: [i32; 3],
     /// Its material.
     pub elastic: Elastic,
+    /// How much of it is filled; 1: all of it.
+    pub share: f64,
 }
 
-/// A voxel and its matrices.
-type Part<'a> = ([i32; 3], &'a ElementMatrices);
+/// A voxel, its matrices if it were filled, and how much of it is.
+type Part<'a> = ([i32; 3], &'a ElementMatrices, f64);
 
 /// Displacements of the voxels' corners in terms of those of the element's corners and the ground points.
 struct Displacements<'a> {
@@ -260,7 +264,7 @@ impl<'a> Displacements<'a> {
     fn condense(&mut self, voxels: &[Part<'_>]) {
         let mut number = vec![usize::MAX; self.rows.len()];
         let mut count = 0;
-        for at in voxels.iter().flat_map(|(voxel, _)| corners_of(*voxel)) {
+        for at in voxels.iter().flat_map(|(voxel, ..)| corners_of(*voxel)) {
             let index = self.corners.index(at);
             if self.corners.is_inner(at) && number[index] == usize::MAX {
                 number[index] = count;
@@ -272,14 +276,14 @@ impl<'a> Displacements<'a> {
         }
         let mut own = DMatrix::<f64>::zeros(3 * count, 3 * count);
         let mut pull = DMatrix::<f64>::zeros(3 * count, ALL);
-        for (voxel, matrices) in voxels {
+        for (voxel, matrices, share) in voxels {
             let numbers: Vec<usize> = corners_of(*voxel).map(|at| number[self.corners.index(at)]).collect();
             let mut given = self.of_voxel(*voxel);
             (0..DOFS).filter(|i| numbers[i / 3] != usize::MAX).for_each(|i| given[i] = [0.0; ALL]);
             for row in (0..DOFS).filter(|i| numbers[i / 3] != usize::MAX) {
                 let to = 3 * numbers[row / 3] + row % 3;
                 for column in 0..DOFS {
-                    let k = matrices.stiffness[row][column];
+                    let k = share * matrices.stiffness[row][column];
                     match numbers[column / 3] {
                         usize::MAX => (0..ALL).for_each(|i| pull[(to, i)] -= k * given[column][i]),
                         other => own[(to, 3 * other + column % 3)] += k,
@@ -298,13 +302,13 @@ impl<'a> Displacements<'a> {
     /// `P^T K P` over the voxels.
     fn stiffness(&self, voxels: &[Part<'_>], of: impl Fn(&ElementMatrices) -> &Matrix24) -> Whole {
         let mut sum = Box::new([[0.0; ALL]; ALL]);
-        for (voxel, matrices) in voxels {
+        for (voxel, matrices, share) in voxels {
             let p = self.of_voxel(*voxel);
             let k = of(matrices);
             for (row, k) in k.iter().enumerate() {
                 let mut along = [0.0; ALL];
                 for (k, p) in k.iter().zip(&p) {
-                    (0..ALL).for_each(|i| along[i] += k * p[i]);
+                    (0..ALL).for_each(|i| along[i] += share * k * p[i]);
                 }
                 for (sum, p) in sum.iter_mut().zip(p[row]).filter(|(_, p)| *p != 0.0) {
                     (0..ALL).for_each(|i| sum[i] += p * along[i]);
@@ -337,16 +341,19 @@ pub fn hold(
 ) -> ElementMatrices {
     let still = corners.still();
     if still != 0 && still != u8::MAX && corners.held_nodes(voxels.iter().map(|voxel| voxel.at)) == Some(still) {
-        return hold_parts(plain, &VoxelCorners::of_nodes(still), &[([0; 3], plain)]);
+        return hold_parts(plain, &VoxelCorners::of_nodes(still), &[([0; 3], plain, 1.0)]);
     }
     let mut made: Vec<(Elastic, ElementMatrices)> = Vec::new();
     for voxel in voxels {
         if !made.iter().any(|(elastic, _)| *elastic == voxel.elastic) {
-            made.push((voxel.elastic, single.assemble(&[(0, voxel.elastic)], Field::IncompatibleModes)));
+            made.push((
+                voxel.elastic,
+                single.assemble(&[FilledVoxel::whole(0, voxel.elastic)], Field::IncompatibleModes),
+            ));
         }
     }
     let of = |voxel: &HeldVoxel| &made.iter().find(|(elastic, _)| *elastic == voxel.elastic).expect("it was made").1;
-    let voxels: Vec<_> = voxels.iter().map(|voxel| (voxel.at, of(voxel))).collect();
+    let voxels: Vec<_> = voxels.iter().map(|voxel| (voxel.at, of(voxel), voxel.share)).collect();
     hold_parts(plain, corners, &voxels)
 }
 
@@ -372,8 +379,8 @@ fn hold_parts(plain: &ElementMatrices, corners: &VoxelCorners, voxels: &[Part<'_
     for (k, plain) in held.stiffness.as_flattened_mut().iter_mut().zip(plain.stiffness.as_flattened()) {
         *k += LEFT_OVER * plain;
     }
-    for (voxel, matrices) in voxels {
-        held.add_voxel(corners, *voxel, matrices);
+    for (voxel, matrices, share) in voxels {
+        held.add_voxel(corners, *voxel, matrices, *share);
     }
     if voxels.is_empty() {
         held.volume_m3 = plain.volume_m3;
@@ -387,19 +394,21 @@ fn hold_parts(plain: &ElementMatrices, corners: &VoxelCorners, voxels: &[Part<'_
 
 impl ElementMatrices {
     /// Adds a voxel's mass, volume and volume times mean gradient, through the trilinear displacements.
-    fn add_voxel(&mut self, corners: &VoxelCorners, at: [i32; 3], voxel: &Self) {
+    fn add_voxel(&mut self, corners: &VoxelCorners, at: [i32; 3], voxel: &Self, share: f64) {
         let n: Vec<Option<[f64; 8]>> = corners_of(at)
             .map(|corner| (corners.at(corner) != Corner::Held).then(|| corners.moving(corners.local(corner))))
             .collect();
         for (c, n_c) in n.iter().enumerate().filter_map(|(c, n)| Some((c, (*n)?))) {
             for (d, n_d) in n.iter().enumerate().filter_map(|(d, n)| Some((d, (*n)?))) {
-                let mass_kg = voxel.mass_kg[c][d];
+                let mass_kg = share * voxel.mass_kg[c][d];
                 (0..8).for_each(|a| (0..8).for_each(|b| self.mass_kg[a][b] += mass_kg * n_c[a] * n_d[b]));
             }
             for a in 0..8 {
-                (0..3).for_each(|i| self.mean_gradient[a][i] += voxel.volume_m3 * n_c[a] * voxel.mean_gradient[c][i]);
+                (0..3).for_each(|i| {
+                    self.mean_gradient[a][i] += share * voxel.volume_m3 * n_c[a] * voxel.mean_gradient[c][i]
+                });
             }
         }
-        self.volume_m3 += voxel.volume_m3;
+        self.volume_m3 += share * voxel.volume_m3;
     }
 }

@@ -192,7 +192,7 @@ fn modes<L: LaneVector>(packed: &[f64; PACKED]) -> Option<[L::Scalar; MODES]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fem::composite::{CompositeTables, Field};
+    use crate::fem::composite::{CompositeTables, Field, FilledVoxel};
     use crate::fem::lanes::pack;
     use crate::fem::material::Elastic;
     use wide::f64x4;
@@ -201,7 +201,7 @@ mod tests {
     fn stiffness(whole: bool) -> [f64; PACKED] {
         let tables = CompositeTables::new(1, 0.01);
         let elastic = Elastic::new(1e6, 0.45, 1000.0);
-        let filled: Vec<_> = (usize::from(!whole)..8).map(|voxel| (voxel, elastic)).collect();
+        let filled: Vec<_> = (usize::from(!whole)..8).map(|voxel| FilledVoxel::whole(voxel, elastic)).collect();
         pack(&tables.assemble(&filled, Field::IncompatibleModes).stiffness)
     }
 

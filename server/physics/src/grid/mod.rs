@@ -97,6 +97,9 @@ pub enum Link {
 /// seen for what it is nor be carried by the elements' corners, which its few voxels hardly load.
 pub const LEAST_PIECE_VOXELS: usize = 8;
 
+/// Least extent of what is filled along an axis, in voxels: what a surface only grazes is to have some stiffness.
+const LEAST_EXTENT: f64 = 0.05;
+
 const NO_VOXEL: u32 = u32::MAX;
 const NO_CROSSING: u32 = u32::MAX;
 
@@ -249,6 +252,29 @@ impl Grid {
             (true, true) => crossing().map_or(Link::Intact, Link::Parted),
             _ => Link::Boundary(crossing().expect("a boundary link has a crossing from the start")),
         }
+    }
+
+    /// How far the object fills a voxel and what lies between it and the surface, along each axis and in voxels: half a
+    /// voxel to each side, or up to where the surface crosses the link. Of a surface that is oblique each axis counts by
+    /// the square of the normal's share: along any axis the links that cross it bound all of what lies inside.
+    #[must_use]
+    pub(crate) fn filled_extents(&self, voxel: VoxelId) -> [f64; 3] {
+        let cell = self.voxels[voxel.index()].ijk;
+        let mut extents = [1.0; 3];
+        for (link, _) in Self::links_of(cell) {
+            if let Link::Boundary(Crossing { t, normal }) = self.link(link) {
+                let axis = link.axis as usize;
+                let reach = if link.cell == cell { f64::from(t) } else { 1.0 - f64::from(t) };
+                extents[axis] += f64::from(normal[axis]).powi(2) * (reach - 0.5);
+            }
+        }
+        extents.map(|extent| extent.max(LEAST_EXTENT))
+    }
+
+    /// The share of a voxel that the object fills, with what of it reaches beyond the voxel up to the surface.
+    #[must_use]
+    pub(crate) fn filled_share(&self, voxel: VoxelId) -> f64 {
+        self.filled_extents(voxel).iter().product()
     }
 
     /// Whether the face neighbours at the link's ends are both inside and connected.

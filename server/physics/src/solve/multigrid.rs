@@ -268,7 +268,7 @@ fn inherit_rotations(workers: &Workers<'_>, child: &CycleLevel, parent: &mut Ope
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fem::composite::{CompositeTables, Field};
+    use crate::fem::composite::{CompositeTables, Field, FilledVoxel};
     use crate::fem::material::Elastic;
     use crate::grid::cell_sizes::CellSizes;
     use crate::grid::levels::VoxelUnits;
@@ -298,7 +298,8 @@ mod tests {
         let elastic = Elastic::new(1e5, 0.3, 1000.0);
         for (element, data) in levels[0].elements.iter().enumerate() {
             let tables = CompositeTables::new(data.size.ilog2() as u8, 0.01);
-            let filled: Vec<_> = (0..data.size.pow(3) as usize).map(|voxel| (voxel, elastic)).collect();
+            let filled: Vec<_> =
+                (0..data.size.pow(3) as usize).map(|voxel| FilledVoxel::whole(voxel, elastic)).collect();
             multigrid.operator_mut().set_matrix(element, &pack(&tables.assemble(&filled, Field::Trilinear).stiffness));
         }
         let workers = Workers::serial();

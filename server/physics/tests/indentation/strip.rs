@@ -1,7 +1,7 @@
 //! A layer in plane strain made of the simulation's own composite elements: their compliance under a
 //! line load, whichever way it is spread over the nodes.
 
-use kerf_physics::fem::composite::{CompositeTables, Field};
+use kerf_physics::fem::composite::{CompositeTables, Field, FilledVoxel};
 use kerf_physics::fem::material::Elastic;
 
 /// Columns of nodes on either side of the loaded one, and rows from the top down, whose loads are known.
@@ -22,8 +22,8 @@ impl Strip {
         let tables = CompositeTables::new(level, 1.0 / k as f64);
         let elastic = Elastic::new(1.0, poisson_ratio, 1.0);
         let plane = |filled: usize| {
-            let voxels: Vec<(usize, Elastic)> =
-                (0..k * k * k).filter(|v| v / k % k < filled).map(|v| (v, elastic)).collect();
+            let voxels: Vec<FilledVoxel> =
+                (0..k * k * k).filter(|v| v / k % k < filled).map(|v| FilledVoxel::whole(v, elastic)).collect();
             in_plane(&tables.assemble(&voxels, Field::IncompatibleModes).stiffness)
         };
         let (whole, top) = (plane(k), plane(filled));
