@@ -26,10 +26,13 @@ enum Command {
     Run(RunArgs),
     /// Says in plain words what is well and what is not about devices, machine and server; fails if something is not
     Doctor(doctor::Args),
-    /// Measures in virtual time how stiff tissue may be by round trip; writes haptics.md and its plot
+    /// Measures what a hand feels by round trip, in virtual time and through a server; writes haptics.md and its plots
     Experiment {
         /// Folder for them
         folder: PathBuf,
+        /// Address of the server, which should have nothing else to do
+        #[arg(long)]
+        server: std::net::SocketAddr,
         /// Lines that `run --json` printed, to be summed up in the report
         #[arg(long)]
         loopback: Option<PathBuf>,
@@ -79,10 +82,9 @@ fn main() -> anyhow::Result<()> {
             }
             Ok(())
         }
-        Command::Experiment { folder, loopback } => {
+        Command::Experiment { folder, server, loopback } => {
             let measured = loopback.as_deref().map_or(Ok(String::new()), monitor::loopback_text)?;
-            let text = format!("# Haptics\n\nWritten by `make haptics`.\n\n{measured}{}", experiment::report(&folder)?);
-            Ok(std::fs::write(folder.join("haptics.md"), text)?)
+            Ok(std::fs::write(folder.join("haptics.md"), experiment::report(&measured, server, &folder)?)?)
         }
         Command::Schema => {
             println!("{}", serde_json::to_string_pretty(&schemars::schema_for!(StationConfig))?);

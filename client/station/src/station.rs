@@ -12,7 +12,7 @@ use crate::config::{DeviceConfig, StationConfig};
 use crate::device::{Device, DeviceError};
 use crate::link::{Link, LinkSettings, LinkStatus, SessionChoice};
 use crate::servo::model::Update;
-use crate::servo::runner::{Motion, Runner, Sample, Slots};
+use crate::servo::runner::{self, Motion, Runner, Sample, Slots};
 
 /// Ticks that wait for the monitor: four seconds.
 const SAMPLES: usize = 4096;
@@ -66,7 +66,7 @@ impl Station {
         let (is_leaving, stop) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
         let first = open()?;
         let slots = Slots { updates: contacts, motions, samples: sample, is_leaving: Arc::clone(&is_leaving) };
-        let mut runner = Runner::new(first.info(), device, Arc::clone(&tool_ids), slots);
+        let mut runner = Runner::new(runner::settings(first.info(), device), device, Arc::clone(&tool_ids), slots);
         let settings = LinkSettings {
             server: config.server.clone(),
             session,

@@ -8,7 +8,7 @@ use kerf_station::config::DeviceConfig;
 use kerf_station::device::simulated::Simulated;
 use kerf_station::device::{Device, DeviceState, Servo};
 use kerf_station::servo::model::Update;
-use kerf_station::servo::runner::{Motion, Runner, Slots};
+use kerf_station::servo::runner::{Motion, Runner, Slots, settings};
 use nalgebra::Vector3;
 
 thread_local! {
@@ -40,7 +40,8 @@ fn a_tick_allocates_nothing() {
     let (samples, _sample) = rtrb::RingBuffer::new(16);
     let slots = Slots { updates: contacts, motions, samples, is_leaving: std::sync::Arc::default() };
     let device = Simulated::new(&kerf_station::config::SimulatedConfig::default());
-    let mut runner = Runner::new(device.info(), &DeviceConfig::default(), [0].into(), slots);
+    let config = DeviceConfig::default();
+    let mut runner = Runner::new(settings(device.info(), &config), &config, [0].into(), slots);
     let states =
         [0.0, -0.004, f64::NAN].map(|y| DeviceState { position_m: Vector3::y() * y, ..DeviceState::default() });
     let before = ALLOCATIONS.get();

@@ -10,7 +10,7 @@ pub mod haply;
 #[cfg(unix)]
 pub mod mouse;
 pub mod openhaptics;
-mod paced;
+pub(crate) mod paced;
 pub mod recorded;
 pub mod simulated;
 

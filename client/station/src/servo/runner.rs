@@ -92,13 +92,12 @@ pub struct Runner {
 }
 
 impl Runner {
-    /// A servo for a device, a configuration and its tools' ids in the scene.
+    /// A servo with these settings for a device's configuration and its tools' ids in the scene.
     #[must_use]
-    pub fn new(info: &DeviceInfo, config: &DeviceConfig, tool_ids: Arc<[u32]>, slots: Slots) -> Self {
-        let mapping = Mapping::new(&config.mapping);
+    pub fn new(settings: Settings, config: &DeviceConfig, tool_ids: Arc<[u32]>, slots: Slots) -> Self {
         Self {
-            core: Core::new(settings(info, config)),
-            mapping,
+            core: Core::new(settings),
+            mapping: Mapping::new(&config.mapping),
             buttons: config.buttons.clone(),
             tool_ids,
             tool: 0,
@@ -234,7 +233,7 @@ mod tests {
         let (motions, motion) = triple_buffer::triple_buffer(&Motion::default());
         let (samples, sample) = rtrb::RingBuffer::new(4096);
         let slots = Slots { updates: contacts, motions, samples, is_leaving: Arc::default() };
-        let runner = Runner::new(&info, config, tool_ids.into(), slots);
+        let runner = Runner::new(settings(&info, config), config, tool_ids.into(), slots);
         Bench { runner, updates, motions: motion, samples: sample, now_ns: 1_000_000_000, number: 0 }
     }
 

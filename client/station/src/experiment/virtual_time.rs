@@ -11,6 +11,7 @@ use kerf_plot::{Axis, Chart, Curve, Figure};
 use kerf_script::Pose;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
+use super::Rendering;
 use crate::config::{DeviceConfig, HandConfig, SimulatedConfig};
 use crate::device::{Device, simulated::Simulated};
 use crate::servo::core::Core;
@@ -33,29 +34,6 @@ const DEPTH_M: f64 = 5e-3;
 const SEARCHED_N_PER_M: [f64; 2] = [5.0, 1e5];
 /// Round trips, ms.
 const ROUND_TRIPS_MS: [usize; 6] = [0, 5, 20, 50, 100, 200];
-
-/// What is rendered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Rendering {
-    /// The server's force as it came, held until the next one.
-    Held,
-    /// The local model behind the coupling.
-    Model,
-    /// The same with the passivity observer and controller.
-    Passive,
-}
-
-impl Rendering {
-    const ALL: [Self; 3] = [Self::Held, Self::Model, Self::Passive];
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Held => "held force",
-            Self::Model => "local model",
-            Self::Passive => "local model, passive",
-        }
-    }
-}
 
 /// What is compared: what is rendered, and the share of the tissue's stiffness that the model says.
 const KINDS: [(&str, Rendering, f64); 6] = [
