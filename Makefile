@@ -32,13 +32,15 @@ station:
 	target/release/kerf-station run --server http://$(STATION_ADDRESS) --scene liver --config client/station/liver.toml \
 		--wait-for-server 10 $(STATION_ARGS)
 
-# Writes docs/haptics.md and its plot: the closed loop on loopback, which nothing else should disturb, and the stiffest
-# tissue by round trip in virtual time.
+# Writes docs/haptics.md and its plots, in six minutes; nothing else should run: the whole loop on loopback and through
+# networks that are made worse on purpose, and the stiffest tissue by round trip in virtual time.
 haptics:
 	mkdir -p out
 	$(MAKE) --no-print-directory station STATION_ARGS="--json --duration 16" > out/haptics.log
 	grep '^{' out/haptics.log > out/haptics.jsonl
-	target/release/kerf-station experiment docs --loopback out/haptics.jsonl
+	@target/release/kerf-server serve --listen $(STATION_ADDRESS) --log-filter warn & server=$$!; \
+	trap 'kill $$server 2>/dev/null; wait $$server' EXIT; trap 'exit 1' INT; sleep 1; \
+	target/release/kerf-station experiment docs --server $(STATION_ADDRESS) --loopback out/haptics.jsonl
 
 # The web viewer's files, which the server's build takes in. Without Node the server says how to add them.
 viewer: $(if $(NPM),client/web/node_modules)

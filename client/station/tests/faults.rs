@@ -2,14 +2,16 @@
 //! what to do.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::time::{Duration, Instant};
 
+use kerf_load::clock;
 use kerf_station::config::{DeviceConfig, DeviceKind, HandConfig, SimulatedConfig, StationConfig};
 use kerf_station::device::simulated::Simulated;
 use kerf_station::device::{Device, DeviceError, DeviceInfo, DeviceState, Servo};
 use kerf_station::link::{LinkState, SessionChoice};
 use kerf_station::servo::core::State;
+use kerf_station::servo::fault::Fault;
 use kerf_station::servo::runner::Sample;
 use kerf_station::station::{Opener, Station};
 use nalgebra::Vector3;
@@ -177,6 +179,66 @@ fn over_tls_a_server_is_believed_by_its_certificate_alone() {
     assert!(until(&mut stranger, "no contact", |_| true).force_n.norm() == 0.0);
     let link = stranger.link();
     assert!(link.state == LinkState::Connecting && link.last_fault.as_ref().unwrap().contains("no server"), "{link:?}");
+}
+
+/// What is done to a servo's clock, once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+enum Meddling {
+    None,
+    /// Nobody calls it for 0.3 s.
+    Starves,
+    /// The clock is an hour ahead for a call.
+    Jumps,
+}
+
+/// A device whose servo is called at other times.
+struct Meddled {
+    device: Simulated,
+    meddling: Arc<AtomicU8>,
+}
+
+struct MeddledServo<'a>(&'a mut dyn Servo, &'a AtomicU8);
+
+impl Servo for MeddledServo<'_> {
+    fn tick(&mut self, now_ns: u64, state: &DeviceState) -> Vector3<f64> {
+        let meddling = self.1.swap(Meddling::None as u8, Ordering::Relaxed);
+        if meddling == Meddling::Starves as u8 {
+            std::thread::sleep(Duration::from_millis(300));
+            return self.0.tick(clock::now_ns(), state);
+        }
+        let ahead_s = if meddling == Meddling::Jumps as u8 { 3600 } else { 0 };
+        self.0.tick(now_ns + ahead_s * 1_000_000_000, state)
+    }
+}
+
+impl Device for Meddled {
+    fn info(&self) -> &DeviceInfo {
+        self.device.info()
+    }
+
+    fn run(&mut self, servo: &mut dyn Servo, stop: &AtomicBool) -> Result<(), DeviceError> {
+        self.device.run(&mut MeddledServo(servo, &self.meddling), stop)
+    }
+}
+
+#[test]
+fn a_servo_that_starves_and_a_clock_that_jumps_let_go_with_a_word_and_come_back() {
+    let server = Server::start();
+    for meddling in [Meddling::Starves, Meddling::Jumps] {
+        let told = Arc::new(AtomicU8::new(Meddling::None as u8));
+        let of_device = Arc::clone(&told);
+        let open: Opener =
+            Box::new(move || Ok(Box::new(Meddled { device: simulated(), meddling: Arc::clone(&of_device) })));
+        let mut station = start(&config(&server), open);
+        until(&mut station, "contact", feels);
+        told.store(meddling as u8, Ordering::Relaxed);
+        let tripped = until(&mut station, "the gap", |sample| matches!(sample.rendered.state, State::Tripped(_)));
+        assert_eq!(tripped.rendered.faults.0.map(Fault::words), Some(Fault::Gap.words()), "{meddling:?}");
+        until(&mut station, "no force", feels_nothing);
+        until(&mut station, "contact again", feels);
+        assert_eq!(station.link().connections, 1, "the link goes on meanwhile");
+    }
 }
 
 /// A device whose plug can be pulled.

@@ -13,5 +13,6 @@ mod lock_step;
 mod own_scenes;
 mod recorded;
 mod stale;
+mod station;
 mod vectors;
 mod view;

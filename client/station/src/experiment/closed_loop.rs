@@ -15,25 +15,29 @@ use crate::config::{DeviceConfig, HandConfig, LinkConfig, MappingConfig, ServerC
 use crate::device::simulated::Simulated;
 use crate::device::{Device, DeviceState, Servo, paced};
 use crate::link::{Link, LinkSettings, SessionChoice, describe};
-use crate::servo::core::Settings;
+use crate::servo::core::{Settings, State};
 use crate::servo::limits::clamped;
 use crate::servo::model::{Along, Update};
 use crate::servo::runner::{Motion, Runner, Sample, Slots, settings};
 use crate::servo::schedule::CouplingLimits;
+use kerf_plot::{Axis, Chart, Curve, Figure};
 
 /// More than this while the hand holds still is shaking, m.
 const SWING_M: f64 = 0.5e-3;
 /// More than this given out while the hand holds still is no passive tissue, J: the passivity observer leaves it 1 mJ.
 const GIVEN_J: f64 = 2e-3;
-/// The stroke: time, s, and height of the hand's goal above the tissue, m. It touches, leans in and waits, cuts and waits.
-const STROKE: [[f64; 2]; 6] = [[0.0, 0.01], [0.6, 0.0], [1.0, -0.01], [2.0, -0.01], [3.0, -0.04], [4.2, -0.04]];
+/// The stroke: time, s, and height of the hand's goal above the tissue, m. It touches, leans in and waits, leans in further
+/// and waits.
+const STROKE: [[f64; 2]; 6] = [[0.0, 0.01], [0.6, 0.0], [1.0, -0.005], [2.0, -0.005], [2.6, -0.016], [4.2, -0.016]];
 /// Spans of it in which the hand waits and is judged, s.
-const WAITS_S: [[f64; 2]; 2] = [[1.3, 2.0], [3.5, 4.2]];
-/// Height of the right lobe above the scene's floor, and its middle, m.
+const WAITS_S: [[f64; 2]; 2] = [[1.3, 2.0], [3.2, 4.2]];
+/// Middle of the right lobe's top in the scene.
 const TOP_M: [f64; 3] = [-0.042, 0.154, -0.021];
 /// Grip of the hand: between a light one and a firm one.
-const GRIP_N_PER_M: f64 = 150.0;
+const GRIP_N_PER_M: f64 = 200.0;
 const GRIP_N_S_PER_M: f64 = 1.0;
+/// Energies are drawn by decades, from here on, mJ.
+const LEAST_SHOWN_MJ: f64 = 0.01;
 /// A coupling that is none: the tool is in the hand.
 const RIGID_N_PER_M: f64 = 1e9;
 
@@ -47,7 +51,7 @@ struct Tissue {
 
 /// The liver as soft as the real one, and as stiff as the paper's.
 const TISSUES: [Tissue; 2] = [
-    Tissue { name: "soft", scene: "liver-tissue", force_scale: 0.1 },
+    Tissue { name: "soft", scene: "liver-tissue", force_scale: 0.3 },
     Tissue { name: "stiff", scene: "liver", force_scale: 0.02 },
 ];
 
@@ -64,9 +68,11 @@ struct Trial {
 struct Outcome {
     /// Round trip as the link measured it, s.
     round_trip_s: f64,
-    /// How far the hand swings while it waits, m.
+    /// Share of the time that the hand waits in which force is rendered in full.
+    rendered_share: f64,
+    /// How far the hand goes both forth and back in that time, m.
     swing_m: f64,
-    /// Most energy that the device gave out while the hand waited, J.
+    /// Most energy that the device gave out in that time, J.
     given_j: f64,
     /// Force on the hand less what the server found at the same pose, rms over rms.
     force_error: f64,
@@ -75,6 +81,10 @@ struct Outcome {
 }
 
 impl Outcome {
+    fn is_calm(&self) -> bool {
+        self.swing_m < SWING_M && self.given_j < GIVEN_J
+    }
+
     fn word(&self) -> &'static str {
         match (self.swing_m < SWING_M, self.given_j < GIVEN_J) {
             (true, true) => "calm",
@@ -94,6 +104,8 @@ struct Watched {
     update: Update,
     /// When the device was read, ns, and the force on the tool that the hand felt, N.
     felt: Vec<(u64, Vector3<f64>)>,
+    /// By tick.
+    states: Vec<State>,
     /// When the pose was taken, ns, and the force on the tool that the server found there, N.
     found: Vec<(u64, Vector3<f64>)>,
 }
@@ -112,6 +124,7 @@ impl Servo for Watched {
         let force_n = self.runner.tick(now_ns, state);
         while let Ok(sample) = self.samples.pop() {
             self.felt.push((sample.at_ns, sample.rendered.force_n));
+            self.states.push(sample.rendered.state);
         }
         force_n
     }
@@ -188,6 +201,7 @@ impl Trial {
             samples,
             update: Update::default(),
             felt: Vec::with_capacity(ticks),
+            states: Vec::with_capacity(ticks),
             found: Vec::with_capacity(ticks),
         };
         let link = LinkSettings {
@@ -209,51 +223,51 @@ impl Trial {
 
 /// The stroke; what the hand does while it waits.
 fn play(device: &mut Simulated, servo: &mut Watched) -> Outcome {
-    let mut outcome = Outcome::default();
-    let mut work_j = 0.0;
-    let mut waits = WAITS_S.map(|span_s| (span_s, Wait::default()));
+    let (mut work_j, mut greatest_n) = (0.0, 0.0_f64);
+    let mut moments = Vec::with_capacity(servo.felt.capacity());
     let end_s = STROKE[STROKE.len() - 1][0];
-    let rate_hz = device.info().rate_hz;
-    paced::run(servo, &AtomicBool::new(false), rate_hz, |dt_s, force_n| {
+    paced::run(servo, &AtomicBool::new(false), device.info().rate_hz, |dt_s, force_n| {
         let before_m = device.truth().0;
         let state = device.step(dt_s, force_n);
         let now_m = device.truth().0;
         work_j += force_n.dot(&(now_m - before_m));
-        outcome.greatest_n = outcome.greatest_n.max(force_n.norm());
-        for ([from_s, to_s], wait) in &mut waits {
-            if (*from_s..*to_s).contains(&device.time_s()) {
-                wait.take(now_m.y, work_j);
-            }
-        }
+        greatest_n = greatest_n.max(force_n.norm());
+        moments.push(Moment { time_s: device.time_s(), height_m: now_m.y, work_j });
         (device.time_s() < end_s).then_some(state)
     });
-    for (_, wait) in waits {
-        outcome.swing_m = outcome.swing_m.max(wait.heights_m[1] - wait.heights_m[0]);
-        outcome.given_j = outcome.given_j.max(wait.given_j);
+    let is_waiting = |time_s: f64| WAITS_S.iter().any(|[from_s, to_s]| (*from_s..*to_s).contains(&time_s));
+    let ticks = moments.iter().zip(&servo.states);
+    let waiting: Vec<_> = ticks.filter(|(moment, _)| is_waiting(moment.time_s)).collect();
+    let is_rendered = |state: &State| *state == State::Rendering;
+    let rendered = waiting.iter().filter(|(_, state)| is_rendered(state)).count();
+    let mut outcome =
+        Outcome { greatest_n, rendered_share: rendered as f64 / waiting.len() as f64, ..Outcome::default() };
+    // One wait is not the other, and a force that was taken out and let in again is no swing.
+    let goes_on = |one: &(&Moment, &State), next: &(&Moment, &State)| {
+        is_rendered(one.1) == is_rendered(next.1) && next.0.time_s - one.0.time_s < 0.1
+    };
+    for span in waiting.chunk_by(goes_on).filter(|span| is_rendered(span[0].1)) {
+        let (mut lowest_m, mut highest_m, mut least_j) = (f64::MAX, f64::MIN, f64::MAX);
+        let (mut rise_m, mut fall_m) = (0.0_f64, 0.0_f64);
+        for (Moment { height_m, work_j, .. }, _) in span {
+            (lowest_m, highest_m) = (lowest_m.min(*height_m), highest_m.max(*height_m));
+            (rise_m, fall_m) = (rise_m.max(height_m - lowest_m), fall_m.max(highest_m - height_m));
+            least_j = least_j.min(*work_j);
+            outcome.given_j = outcome.given_j.max(work_j - least_j);
+        }
+        // What goes one way alone is a hand that follows tissue or coupling as they give.
+        outcome.swing_m = outcome.swing_m.max(rise_m.min(fall_m));
     }
     outcome
 }
 
-/// What a hand that waits goes through.
+/// The device at a tick.
 #[derive(Clone, Copy, Debug)]
-struct Wait {
-    heights_m: [f64; 2],
-    least_work_j: f64,
-    given_j: f64,
-}
-
-impl Default for Wait {
-    fn default() -> Self {
-        Self { heights_m: [f64::MAX, f64::MIN], least_work_j: f64::MAX, given_j: 0.0 }
-    }
-}
-
-impl Wait {
-    fn take(&mut self, height_m: f64, work_j: f64) {
-        self.heights_m = [self.heights_m[0].min(height_m), self.heights_m[1].max(height_m)];
-        self.least_work_j = self.least_work_j.min(work_j);
-        self.given_j = self.given_j.max(work_j - self.least_work_j);
-    }
+struct Moment {
+    time_s: f64,
+    height_m: f64,
+    /// Of the device on the hand so far, J.
+    work_j: f64,
 }
 
 /// What was felt at each pose that the server has answered, less what it found there, rms over rms; neither beyond
@@ -275,35 +289,91 @@ fn force_error(felt: &[(u64, Vector3<f64>)], found: &[(u64, Vector3<f64>)], most
 /// # Errors
 /// The server does not answer, or a file cannot be written.
 pub fn report(server: SocketAddr, folder: &Path) -> anyhow::Result<String> {
-    let mut text = String::new();
+    let mut text = format!(
+        "## Through a network\n\nIn real time: the simulated Omni in a grip of {GRIP_N_PER_M} N/m and {GRIP_N_S_PER_M} N s/m \
+         touches the liver, leans in by {} mm and waits, leans in by {} mm and waits; gRPC to a server goes through a proxy \
+         that delays in order, adds up to so much jitter each way, and stands still for 200 ms at a time, as TCP does when it \
+         has lost something. Soft is `liver-tissue`, of whose forces {} is felt, stiff is `liver`, of whose forces {} is. \
+         Error is the force on the hand less what the server found at the same pose, rms over rms. In full says how \
+         much of the waits force is neither faded nor ramped; how far the hand swings forth and back, and energy given \
+         out, are those of that time. Calm is a swing of less than {} mm and less than {} mJ.\n\n\
+         | tissue | round trip, ms | jitter, ms | stalls, % of the time | rendering | measured round trip, ms | error, % | greatest force, N | \
+         in full, % | swing, mm | energy, mJ | |\n|{}\n",
+        -1e3 * STROKE[3][1],
+        -1e3 * STROKE[5][1],
+        TISSUES[0].force_scale,
+        TISSUES[1].force_scale,
+        1e3 * SWING_M,
+        1e3 * GIVEN_J,
+        "---|".repeat(12),
+    );
+    let mut played = Vec::new();
     for tissue in TISSUES {
         for quality in qualities() {
             for rendering in Rendering::ALL {
-                let outcome = Trial { tissue, quality, rendering }.run(server)?;
-                let Quality { round_trip_s, jitter_s, stalled_share } = quality;
-                let line = format!(
-                    "| {} | {:.0} | {:.0} | {:.0} | {} | {:.0} | {:.1} | {:.2} | {:.2} | {:.2} | {} |",
-                    tissue.name,
-                    1e3 * round_trip_s,
-                    1e3 * jitter_s,
-                    100.0 * stalled_share,
-                    rendering.name(),
-                    1e3 * outcome.round_trip_s,
-                    100.0 * outcome.force_error,
-                    outcome.greatest_n,
-                    1e3 * outcome.swing_m,
-                    1e3 * outcome.given_j,
-                    outcome.word(),
-                );
-                eprintln!("{line}");
-                writeln!(text, "{line}")?;
+                let trial = Trial { tissue, quality, rendering };
+                let outcome = trial.run(server)?;
+                let row = trial.row(&outcome);
+                eprint!("{row}");
+                text += &row;
+                played.push((trial, outcome));
             }
         }
     }
-    let _ = folder;
+    let passive = || played.iter().filter(|(trial, _)| trial.rendering == Rendering::Passive);
+    let calm = passive().filter(|(_, outcome)| outcome.is_calm()).count();
+    write!(
+        text,
+        "\nWith local model and passivity the hand is calm in {calm} of {} rows.\n\n![error and energy by round trip on \
+         the stiff liver](haptics-closed-loop.png)\n\n",
+        passive().count()
+    )?;
+    draw(&played, folder)?;
     Ok(text)
 }
 
+/// Error and energy by round trip, on the stiff liver over an even network.
+fn draw(played: &[(Trial, Outcome)], folder: &Path) -> anyhow::Result<()> {
+    let curves = |of: &dyn Fn(&Outcome) -> f64| {
+        let curve = |rendering: Rendering| {
+            let is_shown = |trial: &Trial| {
+                let Quality { round_trip_s, .. } = trial.quality;
+                (trial.tissue, trial.rendering, trial.quality)
+                    == (TISSUES[1], rendering, Quality { round_trip_s, ..Quality::default() })
+            };
+            let shown = played.iter().filter(|(trial, _)| is_shown(trial));
+            let points = shown.map(|(trial, outcome)| (1e3 * trial.quality.round_trip_s, of(outcome)));
+            Curve::dotted_line(rendering.name(), points.collect())
+        };
+        Rendering::ALL.map(curve).to_vec()
+    };
+    let round_trip = || Axis::linear("round trip, ms");
+    let error = curves(&|outcome| 100.0 * outcome.force_error);
+    let energy = curves(&|outcome| (1e3 * outcome.given_j).max(LEAST_SHOWN_MJ));
+    let charts = vec![
+        Chart::new(round_trip(), Axis::log("force error, %"), error),
+        Chart::new(round_trip(), Axis::log("energy given out in a wait, mJ"), energy),
+    ];
+    Figure::row("haptics-closed-loop", "Through a network, on the stiff liver", charts).draw(folder)?;
+    Ok(())
+}
+
+impl Trial {
+    fn row(&self, outcome: &Outcome) -> String {
+        let Quality { round_trip_s, jitter_s, stalled_share } = self.quality;
+        let (tissue, rendering, word) = (self.tissue.name, self.rendering.name(), outcome.word());
+        let Outcome { round_trip_s: measured_s, rendered_share, swing_m, given_j, force_error, greatest_n } = outcome;
+        let [ms, jitter_ms, measured_ms] = [round_trip_s, jitter_s, *measured_s].map(|s| 1e3 * s);
+        let [stalled, rendered, error] = [stalled_share, *rendered_share, *force_error].map(|share| 100.0 * share);
+        let [swing_mm, given_mj] = [swing_m, given_j].map(|si| 1e3 * si);
+        format!(
+            "| {tissue} | {ms:.0} | {jitter_ms:.0} | {stalled:.0} | {rendering} | {measured_ms:.0} | {error:.1} | \
+             {greatest_n:.2} | {rendered:.0} | {swing_mm:.2} | {given_mj:.2} | {word} |\n"
+        )
+    }
+}
+
+/// Networks that are tried: even ones, and ones with jitter and with stalls.
 fn qualities() -> Vec<Quality> {
     let even = [0.0, 0.005, 0.02, 0.05, 0.1, 0.2].map(|round_trip_s| Quality { round_trip_s, ..Quality::default() });
     let uneven = [(0.02, 0.01, 0.0), (0.02, 0.01, 0.1), (0.1, 0.01, 0.0), (0.1, 0.01, 0.1)]

@@ -140,7 +140,6 @@ impl Trial {
             velocity_m_per_s: Vector3::zeros(),
             damping_n_s_per_m: Matrix3::zeros(),
             along: Along::Pushes,
-            validity_radius_m: 0.02,
         };
         Update {
             number,

@@ -35,7 +35,6 @@ pub fn model(contact: &v1::Contact) -> Result<Option<LocalModel>, Missing> {
         velocity_m_per_s,
         damping_n_s_per_m: damping.fixed_view::<3, 3>(0, 0).into(),
         along,
-        validity_radius_m: f64::from(model.validity_radius_m),
     }))
 }
 
@@ -85,7 +84,6 @@ mod tests {
             stiffness: (0..21).map(|i| i as f32).collect(),
             damping: (0..21).map(|i| 0.5 * i as f32).collect(),
             velocity_m_per_s: zero,
-            validity_radius_m: 0.01,
             ..Default::default()
         };
         let wrench = Some(v1::Wrench { force_n: Some(v1::Vec3 { x: 0.0, y: 1.0, z: 0.0 }), torque_nm: zero });

@@ -50,8 +50,6 @@ pub struct LocalModel {
     pub damping_n_s_per_m: Matrix3<f64>,
     /// What the contact does along one direction.
     pub along: Along,
-    /// Distance from the reference within which the model holds, m.
-    pub validity_radius_m: f64,
 }
 
 /// What a contact does along one direction, whatever the stiffness says.
@@ -82,19 +80,16 @@ pub struct Reaction {
 }
 
 impl LocalModel {
-    /// The force at a pose. Beyond the validity radius it stays what it is at the radius.
+    /// The force at a pose. It goes on linearly where the server does not vouch for it any more (its validity radius): a
+    /// force that stayed as it is there would let the tool into a wall that the next contact throws it out of.
     #[must_use]
     pub fn reaction(&self, pose: &Pose) -> Reaction {
         let moved_m = pose.position_m - self.reference.position_m;
         let turned_rad = (pose.orientation * self.reference.orientation.inverse()).scaled_axis();
-        let held_share = (self.validity_radius_m / moved_m.norm().max(f64::MIN_POSITIVE)).min(1.0);
         let at_rest_n = self.force_n + self.damping_n_s_per_m * self.velocity_m_per_s;
-        let force_n = at_rest_n - self.stiffness_n_per_m * (moved_m * held_share) - self.turning_n_per_rad * turned_rad;
-        let within = Reaction {
-            force_n,
-            stiffness_n_per_m: self.stiffness_n_per_m * held_share,
-            damping_n_s_per_m: self.damping_n_s_per_m,
-        };
+        let force_n = at_rest_n - self.stiffness_n_per_m * moved_m - self.turning_n_per_rad * turned_rad;
+        let within =
+            Reaction { force_n, stiffness_n_per_m: self.stiffness_n_per_m, damping_n_s_per_m: self.damping_n_s_per_m };
         match self.along {
             Along::Holds => within,
             Along::Yields { direction, cap_n } => within.bounded(&direction, cap_n),
@@ -115,7 +110,7 @@ impl LocalModel {
         };
         let numbers = force_n.iter().chain(stiffness_n_per_m).chain(turning_n_per_rad).chain(&self.damping_n_s_per_m);
         let numbers = numbers.chain(velocity_m_per_s);
-        is_finite(reference) && numbers.chain([&self.validity_radius_m, &along]).all(|number| number.is_finite())
+        is_finite(reference) && numbers.chain([&along]).all(|number| number.is_finite())
     }
 }
 
@@ -152,7 +147,7 @@ pub(crate) mod tests {
         Pose { position_m: Vector3::new(x, y, z), orientation: UnitQuaternion::identity() }
     }
 
-    /// 1 N upwards at the origin, 500 N/m, 5 mm.
+    /// 1 N upwards at the origin, 500 N/m.
     pub(crate) fn floor() -> LocalModel {
         LocalModel {
             reference: at(0.0, 0.0, 0.0),
@@ -162,16 +157,14 @@ pub(crate) mod tests {
             velocity_m_per_s: Vector3::zeros(),
             damping_n_s_per_m: Matrix3::zeros(),
             along: Along::Pushes,
-            validity_radius_m: 5e-3,
         }
     }
 
     #[test]
-    fn the_force_is_linear_within_the_radius_and_stays_beyond_it() {
+    fn the_force_is_linear_however_far_the_tool_goes_in() {
         let force = |x, y| floor().reaction(&at(x, y, 0.0)).force_n;
         assert!((force(1e-3, -2e-3) - Vector3::new(-0.1, 2.0, 0.0)).norm() < 1e-12);
-        assert!((force(0.0, -5e-3).y - 3.5).abs() < 1e-12);
-        assert!((force(0.0, -0.5).y - 3.5).abs() < 1e-12, "no more than at the radius");
+        assert!((force(0.0, -0.5).y - 251.0).abs() < 1e-9);
     }
 
     #[test]
@@ -204,13 +197,12 @@ pub(crate) mod tests {
     #[test]
     fn a_number_that_is_none_is_found_wherever_it_stands() {
         assert!(floor().is_finite());
-        let mut models = [floor(); 6];
+        let mut models = [floor(); 5];
         models[0].force_n.z = f64::NAN;
         models[1].stiffness_n_per_m[(1, 2)] = f64::INFINITY;
         models[2].reference.position_m.x = f64::NAN;
         models[3].along = Along::Yields { direction: Vector3::y(), cap_n: f64::NAN };
-        models[4].validity_radius_m = f64::NAN;
-        models[5].damping_n_s_per_m[(0, 0)] = f64::NAN;
+        models[4].damping_n_s_per_m[(0, 0)] = f64::NAN;
         assert!(models.iter().all(|model| !model.is_finite()));
     }
 }
