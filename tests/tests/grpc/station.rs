@@ -18,16 +18,13 @@ use super::harness::{Harness, PATIENCE};
 const SLEW_N_PER_S: f64 = 500.0;
 const SLEW_STEP_S: f64 = 2e-3;
 
-/// A station whose hand leans into the top of the block.
-fn lean(session_id: &str, url: String) -> Station {
+/// A station whose hand touches the top of the block again and again.
+fn touch(session_id: &str, url: String) -> Station {
     let mut config = StationConfig::default();
     (config.server.url, config.link.silence_s) = (url, 0.3);
-    let hand = HandConfig {
-        path: vec![[0.0, 0.0, 0.002, 0.0], [0.5, 0.0, -0.001, 0.0]],
-        ends: false,
-        ..HandConfig::default()
-    };
-    let hand = HandConfig { path: [hand.path, vec![[600.0, 0.0, -0.001, 0.0]]].concat(), ..hand };
+    // Less than what makes it part; up again, for a tool that is put down within tissue touches none.
+    let path = vec![[0.0, 0.0, 0.002, 0.0], [0.3, 0.0, -4e-4, 0.0], [0.6, 0.0, 0.002, 0.0]];
+    let hand = HandConfig { path, ..HandConfig::default() };
     let simulated = SimulatedConfig { hand, ..SimulatedConfig::default() };
     let mut device = DeviceConfig {
         kind: DeviceKind::Simulated(simulated.clone()),
@@ -88,9 +85,9 @@ async fn a_driven_tool_is_nobody_elses_until_its_lease_has_run_out_behind_a_dead
     let session = harness.create().await.unwrap();
     let bystander = Bystander::start(&mut harness).await;
     let network = Network::to(harness.server.address(), Quality::default()).unwrap();
-    let mut first = lean(&session, format!("http://{}", network.address()));
+    let mut first = touch(&session, format!("http://{}", network.address()));
     until(&mut first, "contact", feels).await;
-    let mut second = lean(&session, format!("http://{}", harness.server.address()));
+    let mut second = touch(&session, format!("http://{}", harness.server.address()));
     link_where(&second, "the refusal", |link| says(link, "driven by another client")).await;
     assert_eq!(first.link().connections, 1);
 
@@ -113,7 +110,7 @@ async fn a_session_that_is_closed_mid_contact_takes_the_force_out_and_says_what_
     let mut harness = Harness::start().await;
     let session = harness.create().await.unwrap();
     let bystander = Bystander::start(&mut harness).await;
-    let mut station = lean(&session, format!("http://{}", harness.server.address()));
+    let mut station = touch(&session, format!("http://{}", harness.server.address()));
     until(&mut station, "contact", feels).await;
     let request = kerf_proto::v1::CloseSessionRequest { session_id: session };
     harness.sessions.close_session(request).await.unwrap();

@@ -78,6 +78,8 @@ struct Outcome {
     force_error: f64,
     /// Greatest force on the hand, N.
     greatest_n: f64,
+    /// Poses and contacts that the deadbands leave of what they might be.
+    sent_shares: [f64; 2],
 }
 
 impl Outcome {
@@ -216,6 +218,9 @@ impl Trial {
         let mut outcome = play(&mut device, &mut servo);
         let status = link.status();
         outcome.round_trip_s = status.round_trip_s.with_context(|| format!("no contact came: {status:?}"))?;
+        let contacts_due = LinkConfig::default().contact_rate_hz * STROKE[STROKE.len() - 1][0];
+        outcome.sent_shares =
+            [status.poses as f64 / status.poses_due.max(1) as f64, status.contacts as f64 / contacts_due];
         outcome.force_error = force_error(&servo.felt, &servo.found, limits.peak_force_n);
         Ok(outcome)
     }
@@ -325,9 +330,16 @@ pub fn report(server: SocketAddr, folder: &Path) -> anyhow::Result<String> {
     write!(
         text,
         "\nWith local model and passivity the hand is calm in {calm} of {} rows.\n\n![error and energy by round trip on \
-         the stiff liver](haptics-closed-loop.png)\n\n",
+         the stiff liver](haptics-closed-loop.png)\n\nWhat the deadbands \
+         keep home over such a stroke; the error above has their share in it:\n\n",
         passive().count()
     )?;
+    for (trial, outcome) in passive().filter(|(trial, _)| trial.quality == Quality::default()) {
+        let [poses, contacts] = outcome.sent_shares.map(|share| 100.0 * (1.0 - share));
+        let name = trial.tissue.name;
+        writeln!(text, "- {name} tissue, no delay: {poses:.0} % fewer poses and {contacts:.0} % fewer contacts")?;
+    }
+    text.push('\n');
     draw(&played, folder)?;
     Ok(text)
 }
@@ -362,7 +374,8 @@ impl Trial {
     fn row(&self, outcome: &Outcome) -> String {
         let Quality { round_trip_s, jitter_s, stalled_share } = self.quality;
         let (tissue, rendering, word) = (self.tissue.name, self.rendering.name(), outcome.word());
-        let Outcome { round_trip_s: measured_s, rendered_share, swing_m, given_j, force_error, greatest_n } = outcome;
+        let Outcome { round_trip_s: measured_s, rendered_share, swing_m, given_j, force_error, greatest_n, .. } =
+            outcome;
         let [ms, jitter_ms, measured_ms] = [round_trip_s, jitter_s, *measured_s].map(|s| 1e3 * s);
         let [stalled, rendered, error] = [stalled_share, *rendered_share, *force_error].map(|share| 100.0 * share);
         let [swing_mm, given_mj] = [swing_m, given_j].map(|si| 1e3 * si);

@@ -153,3 +153,35 @@ impl Receiver {
         self.status.change(|status| status.last_fault = Some(what.to_owned()));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn after_the_scene_was_set_back_nothing_is_felt_for_as_long_as_a_contact_may_be_old() {
+        let reset = v1::Event { kind: v1::EventKind::Reset.into(), ..Default::default() };
+        let set_back = [
+            Message::Fault(v1::Fault::default()),
+            Message::CheckpointRestored(v1::CheckpointRestored::default()),
+            Message::Event(reset),
+        ];
+        for message in set_back {
+            let (updates, mut newest) = triple_buffer::triple_buffer(&Update::default());
+            let mut receiver = Receiver::new(updates, SharedStatus::default());
+            let limits = v1::Limits { max_contact_age_s: 0.05, ..Default::default() };
+            receiver.begin(&v1::ServerHello { limits: Some(limits), ..Default::default() });
+            let zero = Some(v1::Vec3::default());
+            let wrench = Some(v1::Wrench { force_n: zero, torque_nm: zero });
+            let contact = || Message::Contact(v1::Contact { wrench, ..Default::default() });
+            assert_eq!(receiver.take(contact()), Ok(Heard::Goes));
+            assert_eq!(newest.read().number, 1);
+            assert_eq!(receiver.take(message), Ok(Heard::Goes));
+            receiver.take(contact()).unwrap();
+            assert_eq!(newest.read().number, 1);
+            std::thread::sleep(std::time::Duration::from_millis(60));
+            receiver.take(contact()).unwrap();
+            assert_eq!(newest.read().number, 3);
+        }
+    }
+}

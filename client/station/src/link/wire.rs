@@ -101,6 +101,15 @@ mod tests {
     }
 
     #[test]
+    fn poses_stay_in_the_box_that_tools_must_stay_in() {
+        let corner = |of: f32| v1::Vec3 { x: of, y: of, z: of };
+        let pose = Pose { position_m: Vector3::new(0.5, -2.0, 2.0), orientation: UnitQuaternion::identity() };
+        let sent = |workspace| pose_to_wire(&pose, workspace).position_m;
+        assert_eq!(sent(Some([corner(-1.0), corner(1.0)])), Some(v1::Vec3 { x: 0.5, y: -1.0, z: 1.0 }));
+        assert_eq!(sent(None), Some(v1::Vec3 { x: 0.5, y: -2.0, z: 2.0 }));
+    }
+
+    #[test]
     fn what_is_missing_is_named_and_what_is_no_number_is_left_to_the_servo() {
         let without = |change: fn(&mut v1::Contact)| {
             let mut contact = contact();

@@ -104,6 +104,8 @@ fn the_force_fades_with_a_stale_model_and_comes_back_slowly() {
     assert!((fading[45].force_n.y - 1.5).abs() < 1e-3, "{:?}", fading[45]);
     assert!((fading[74].force_n.y - 0.75).abs() < 0.05, "{:?}", fading[74]);
     assert!(fading[100..].iter().all(|r| r.force_n.norm() == 0.0 && r.state == State::Stale));
+    let tool_m = fading[149].tool.unwrap().position_m.y;
+    assert!((tool_m + 4e-3).abs() < 1e-4, "nothing keeps the tool from the hand any more, {tool_m}");
     let back = hold_still(&mut core, &hand(-4e-3), &update(2, Some(floor())), 600);
     assert!(back[50].force_n.y < 0.3, "{:?}", back[50]);
     assert!(back[599].force_n.y > 1.4, "{:?}", back[599]);

@@ -98,6 +98,12 @@ mod tests {
     }
 
     #[test]
+    fn a_debt_is_forgotten_beyond_its_bound() {
+        let (passivity, _) = pushed_along(2000);
+        assert_eq!(passivity.energy_j, -LIMITS.max_debt_j);
+    }
+
+    #[test]
     fn what_was_put_in_is_given_back_without_braking() {
         let mut passivity = Passivity::new(LIMITS);
         // In and out of a spring of 500 N/m.

@@ -274,6 +274,36 @@ mod tests {
     }
 
     #[test]
+    fn no_more_force_is_asked_for_than_the_device_has() {
+        let info = Simulated::new(&crate::config::SimulatedConfig::default()).info().clone();
+        let most_n = |max_force_n| {
+            let servo = crate::config::ServoConfig { max_force_n, ..Default::default() };
+            settings(&info, &DeviceConfig { servo, ..DeviceConfig::default() }).peak_force_n
+        };
+        assert_eq!([most_n(None), most_n(Some(2.0)), most_n(Some(100.0))], [3.3, 2.0, 3.3]);
+    }
+
+    #[test]
+    fn before_anything_has_come_the_coupling_stays_as_soft_as_it_gets() {
+        let mut bench = bench(&DeviceConfig::default(), &[0]);
+        for _ in 0..2000 {
+            bench.now_ns += 1_000_000;
+            assert_eq!(bench.runner.tick(bench.now_ns, &deep(0)).norm(), 0.0);
+        }
+        let rendered = bench.last().rendered;
+        assert_eq!((rendered.state, rendered.coupling_n_per_m), (State::Stale, 20.0));
+    }
+
+    #[test]
+    fn a_station_that_leaves_takes_the_force_out_and_its_tool_too() {
+        let mut bench = bench(&DeviceConfig::default(), &[0]);
+        assert!(bench.ticks(3000, &deep(0), 0).y > 1.0);
+        bench.runner.slots.is_leaving.store(true, Ordering::Relaxed);
+        assert_eq!(bench.ticks(200, &deep(0), 0).norm(), 0.0);
+        assert_eq!(bench.motions.read().placement, None);
+    }
+
+    #[test]
     fn the_clutch_holds_the_tool_and_takes_the_force_out() {
         let mut bench = bench(&DeviceConfig::default(), &[0]);
         assert!(bench.ticks(3000, &deep(0), 0).y > 1.0);

@@ -92,6 +92,13 @@ mod tests {
     }
 
     #[test]
+    fn a_heavy_device_is_damped_no_more_than_it_bears() {
+        let mut schedule = Schedule::new(CouplingLimits { mass_kg: 10.0, ..LIMITS });
+        let gains = (0..10_000).map(|_| schedule.advance(1e-3, 2e-3)).last().unwrap();
+        assert_eq!(gains.damping_n_s_per_m, 5.0, "not 0.8 sqrt(m k) = 57");
+    }
+
+    #[test]
     fn it_gives_way_at_once_and_stiffens_slowly() {
         let mut schedule = Schedule::new(LIMITS);
         let mut after = |steps, round_trip_s| {
