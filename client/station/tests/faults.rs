@@ -1,8 +1,8 @@
 //! Faults over real gRPC: in each the force goes to zero smoothly, nothing panics, and the station comes back or says
 //! what to do.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use kerf_load::clock;
@@ -293,13 +293,56 @@ fn a_device_that_is_unplugged_is_taken_up_again_without_force_at_first() {
         true => Err(unplugged()),
         false => Ok(Box::new(Pluggable { device: simulated(), is_out: Arc::clone(&plug) })),
     });
-    let mut station = start(&config(&server), open);
+    let mut config = config(&server);
+    config.link.deadband = 0.0;
+    let mut station = start(&config, open);
     until(&mut station, "contact", feels);
     is_out.store(true, Ordering::Relaxed);
-    std::thread::sleep(Duration::from_millis(300));
+    std::thread::sleep(Duration::from_millis(700));
+    let poses = station.link().poses;
+    std::thread::sleep(Duration::from_millis(100));
+    assert_eq!(station.link().poses, poses, "nobody tells the server for long that a tool is where nobody holds it");
     assert_eq!(station.thread().device_fault.as_deref(), Some("Omni: it does not answer; plug it in"));
     while station.samples.pop().is_ok() {}
     is_out.store(false, Ordering::Relaxed);
     until(&mut station, "the first tick with the device back", feels_nothing);
     until(&mut station, "contact again", feels);
+}
+
+/// A device that keeps the forces that it was told.
+struct Keeping {
+    device: Simulated,
+    forces_n: Arc<Mutex<Vec<Vector3<f64>>>>,
+}
+
+struct KeepingServo<'a>(&'a mut dyn Servo, &'a Mutex<Vec<Vector3<f64>>>);
+
+impl Servo for KeepingServo<'_> {
+    fn tick(&mut self, now_ns: u64, state: &DeviceState) -> Vector3<f64> {
+        let force_n = self.0.tick(now_ns, state);
+        self.1.lock().unwrap().push(force_n);
+        force_n
+    }
+}
+
+impl Device for Keeping {
+    fn info(&self) -> &DeviceInfo {
+        self.device.info()
+    }
+
+    fn run(&mut self, servo: &mut dyn Servo, stop: &AtomicBool) -> Result<(), DeviceError> {
+        self.device.run(&mut KeepingServo(servo, &self.forces_n), stop)
+    }
+}
+
+#[test]
+fn a_station_that_ends_mid_contact_takes_the_force_out_before_it_lets_go_of_the_device() {
+    let server = Server::start();
+    let forces_n = Arc::new(Mutex::new(Vec::new()));
+    let kept = Arc::clone(&forces_n);
+    let open: Opener = Box::new(move || Ok(Box::new(Keeping { device: simulated(), forces_n: Arc::clone(&kept) })));
+    let mut station = start(&config(&server), open);
+    until(&mut station, "contact", feels);
+    drop(station);
+    assert_eq!(forces_n.lock().unwrap().last(), Some(&Vector3::zeros()));
 }

@@ -98,6 +98,14 @@ mod tests {
     }
 
     #[test]
+    fn a_hand_at_rest_is_not_braked_whatever_the_debt() {
+        let (passivity, _) = pushed_along(20);
+        for v_m_per_s in [0.0, 5e-4, -5e-4] {
+            assert_eq!(passivity.control(1e-3, Vector3::x(), &(Vector3::x() * v_m_per_s)), Vector3::x());
+        }
+    }
+
+    #[test]
     fn a_debt_is_forgotten_beyond_its_bound() {
         let (passivity, _) = pushed_along(2000);
         assert_eq!(passivity.energy_j, -LIMITS.max_debt_j);
