@@ -2,12 +2,13 @@
 
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use clap::{Parser, Subcommand};
 use kerf_station::config::StationConfig;
-use kerf_station::link::{LinkState, SessionChoice, describe};
+use kerf_station::link::{LinkState, SharedSession};
 use kerf_station::monitor::Monitor;
 use kerf_station::station::{Station, tool_ids};
 use kerf_station::{device, doctor, experiment, monitor};
@@ -107,27 +108,27 @@ fn run(args: &RunArgs) -> anyhow::Result<()> {
         config.server.url.clone_from(server);
     }
     let session = match (&args.scene, &args.session) {
-        (Some(scene), _) => SessionChoice::Create(scene.clone()),
-        (None, session) => SessionChoice::Join(session.clone().unwrap_or_default()),
+        (Some(scene), _) => SharedSession::create(scene),
+        (None, session) => SharedSession::join(session.as_deref().unwrap_or_default()),
     };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let patience = Instant::now() + Duration::from_secs_f64(args.wait_for_server.clamp(0.0, 3600.0));
     let (scene, session_id) = loop {
-        match runtime.block_on(describe(&config.server, &session)) {
+        match runtime.block_on(session.describe(&config.server)) {
             Err(_) if Instant::now() < patience => std::thread::sleep(Duration::from_millis(200)),
             described => break described.map_err(|why| anyhow!(why))?,
         }
     };
     eprintln!("session {session_id} of `{}`", scene.name);
-    // All devices share the session that the first one was described.
     let mut stations = Vec::new();
     for device in &config.devices {
         let opener = device.clone();
         let open = Box::new(move || device::open(&opener));
         let ids = tool_ids(device, &scene)?;
-        let id = Some(session_id.clone());
-        stations.push((Station::start(&config, device, open, ids, session.clone(), id)?, Monitor::default()));
+        stations.push((Station::start(&config, device, open, ids, Arc::clone(&session))?, Monitor::default()));
     }
+    // The last of the stations closes it.
+    drop(session);
     watch(args, &mut stations, &runtime)
 }
 

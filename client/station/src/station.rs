@@ -10,7 +10,7 @@ use kerf_proto::v1;
 
 use crate::config::{DeviceConfig, StationConfig};
 use crate::device::{Device, DeviceError};
-use crate::link::{Link, LinkSettings, LinkStatus, SessionChoice};
+use crate::link::{Link, LinkSettings, LinkStatus, SharedSession};
 use crate::servo::model::Update;
 use crate::servo::runner::{self, Motion, Runner, Sample, Slots};
 
@@ -48,7 +48,7 @@ pub struct Station {
 }
 
 impl Station {
-    /// Starts a device's servo and its link to a session; `session_id` is the session's where it is known already.
+    /// Starts a device's servo and its link to a session.
     ///
     /// # Errors
     /// The device cannot be opened, or a thread cannot be started.
@@ -57,8 +57,7 @@ impl Station {
         device: &DeviceConfig,
         mut open: Opener,
         tool_ids: Arc<[u32]>,
-        session: SessionChoice,
-        session_id: Option<String>,
+        session: Arc<SharedSession>,
     ) -> anyhow::Result<Self> {
         let (updates, contacts) = triple_buffer::triple_buffer(&Update::default());
         let (motions, motion) = triple_buffer::triple_buffer(&Motion::default());
@@ -70,7 +69,6 @@ impl Station {
         let settings = LinkSettings {
             server: config.server.clone(),
             session,
-            session_id,
             tool_ids,
             link: config.link.clone(),
             force_scale: device.mapping.force_scale,

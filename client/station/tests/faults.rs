@@ -9,7 +9,7 @@ use kerf_load::clock;
 use kerf_station::config::{DeviceConfig, DeviceKind, HandConfig, SimulatedConfig, StationConfig};
 use kerf_station::device::simulated::Simulated;
 use kerf_station::device::{Device, DeviceError, DeviceInfo, DeviceState, Servo};
-use kerf_station::link::{LinkState, SessionChoice};
+use kerf_station::link::{LinkState, SharedSession};
 use kerf_station::servo::core::State;
 use kerf_station::servo::fault::Fault;
 use kerf_station::servo::runner::Sample;
@@ -51,8 +51,8 @@ fn config(server: &Server) -> StationConfig {
 }
 
 fn start(config: &StationConfig, open: Opener) -> Station {
-    let session = SessionChoice::Join("one".into());
-    Station::start(config, &device_config(), open, [0].into(), session, None).expect("it starts")
+    let session = SharedSession::join("one");
+    Station::start(config, &device_config(), open, [0].into(), session).expect("it starts")
 }
 
 fn station(server: &Server) -> Station {

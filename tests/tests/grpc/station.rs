@@ -1,12 +1,14 @@
 //! Whole stations, a simulated device and its servo included, through a network that fails: what they do to each other, and
 //! that nobody else's simulation knows of it.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use kerf_proto::v1;
 use kerf_station::config::{DeviceConfig, DeviceKind, HandConfig, MappingConfig, SimulatedConfig, StationConfig};
 use kerf_station::device::simulated::Simulated;
 use kerf_station::experiment::network::{Network, Quality};
-use kerf_station::link::{LinkState, LinkStatus, SessionChoice};
+use kerf_station::link::{LinkState, LinkStatus, SharedSession};
 use kerf_station::servo::core::State;
 use kerf_station::servo::runner::Sample;
 use kerf_station::station::Station;
@@ -20,6 +22,11 @@ const SLEW_STEP_S: f64 = 2e-3;
 
 /// A station whose hand touches the top of the block again and again.
 fn touch(session_id: &str, url: String) -> Station {
+    drive(&SharedSession::join(session_id), 0, url)
+}
+
+/// The same hand at a tool of a session.
+fn drive(session: &Arc<SharedSession>, tool_id: u32, url: String) -> Station {
     let mut config = StationConfig::default();
     (config.server.url, config.link.silence_s) = (url, 0.3);
     // Less than what makes it part; up again, for a tool that is put down within tissue touches none.
@@ -33,8 +40,7 @@ fn touch(session_id: &str, url: String) -> Station {
     };
     device.servo.ramp_s = 0.1;
     let open = Box::new(move || Ok(Box::new(Simulated::new(&simulated)) as _));
-    let session = SessionChoice::Join(session_id.into());
-    Station::start(&config, &device, open, [0].into(), session, None).expect("it starts")
+    Station::start(&config, &device, open, [tool_id].into(), Arc::clone(session)).expect("it starts")
 }
 
 /// Reads samples until one is as wanted; the force changes no faster than it may on the way.
@@ -112,10 +118,42 @@ async fn a_session_that_is_closed_mid_contact_takes_the_force_out_and_says_what_
     let bystander = Bystander::start(&mut harness).await;
     let mut station = touch(&session, format!("http://{}", harness.server.address()));
     until(&mut station, "contact", feels).await;
-    let request = kerf_proto::v1::CloseSessionRequest { session_id: session };
+    let request = v1::CloseSessionRequest { session_id: session };
     harness.sessions.close_session(request).await.unwrap();
     until(&mut station, "the end", feels_nothing).await;
     let link = link_where(&station, "the end", |link| link.state == LinkState::Failed).await;
     assert!(says(&link, "start the station with another session"), "{link:?}");
     bystander.check(&mut harness).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn several_devices_drive_the_tools_of_one_session_and_go_to_the_next_one_together() {
+    let mut harness = Harness::start().await;
+    let url = format!("http://{}", harness.server.address());
+    let session = SharedSession::create("hepatectomy");
+    let stations = [0, 1].map(|tool_id| drive(&session, tool_id, url.clone()));
+    drop(session);
+    let mut first = String::new();
+    for station in &stations {
+        let joined = link_where(station, "the session", |link| link.state == LinkState::Connected).await.session_id;
+        assert!(first.is_empty() || joined == first, "{joined} is not {first}");
+        first = joined;
+    }
+    harness.until(&first, |described| described.leased_tool_ids == [0, 1]).await;
+    let request = v1::CloseSessionRequest { session_id: first.clone() };
+    harness.sessions.close_session(request).await.unwrap();
+    let mut next = Vec::new();
+    for station in &stations {
+        next.push(link_where(station, "the next one", |link| link.connections > 1).await.session_id);
+    }
+    assert!(next[0] == next[1] && next[0] != first, "{first}, then {next:?}");
+    let [one, other] = stations;
+    tokio::task::spawn_blocking(|| drop(one)).await.unwrap();
+    let list = async |harness: &mut Harness| {
+        let listed = harness.sessions.list_sessions(v1::ListSessionsRequest {}).await.unwrap();
+        listed.into_inner().sessions.len()
+    };
+    assert_eq!(list(&mut harness).await, 1, "it is still driven");
+    tokio::task::spawn_blocking(|| drop(other)).await.unwrap();
+    assert_eq!(list(&mut harness).await, 0);
 }

@@ -299,7 +299,8 @@ pub struct MappingConfig {
     pub scale: f64,
     /// Newtons of the device per newton of the scene. Default 1.
     pub force_scale: f64,
-    /// Point of the device, m, in its own frame, ...
+    /// Point of the device, m, in its own frame, ... Default: its origin, the middle of its reach. Of the Omni the inkwell
+    /// is at [0, -0.0655, -0.0881].
     pub device_origin_m: [f64; 3],
     /// ... that lies at this point of the scene, m.
     pub scene_origin_m: [f64; 3],

@@ -14,7 +14,7 @@ use super::network::{Network, Quality};
 use crate::config::{DeviceConfig, HandConfig, LinkConfig, MappingConfig, ServerConfig, SimulatedConfig};
 use crate::device::simulated::Simulated;
 use crate::device::{Device, DeviceState, Servo, paced};
-use crate::link::{Link, LinkSettings, SessionChoice, describe};
+use crate::link::{Link, LinkSettings, SharedSession};
 use crate::servo::core::{Settings, State};
 use crate::servo::limits::clamped;
 use crate::servo::model::{Along, Update};
@@ -167,9 +167,9 @@ impl Trial {
     fn run(&self, server: SocketAddr) -> anyhow::Result<Outcome> {
         let network = Network::to(server, self.quality)?;
         let server = ServerConfig { url: format!("http://{}", network.address()), ..ServerConfig::default() };
-        let session = SessionChoice::Create(self.tissue.scene.into());
+        let session = SharedSession::create(self.tissue.scene);
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-        let (_, session_id) = runtime.block_on(describe(&server, &session)).map_err(|why| anyhow!(why))?;
+        runtime.block_on(session.describe(&server)).map_err(|why| anyhow!(why))?;
         let config = DeviceConfig {
             mapping: MappingConfig {
                 scene_origin_m: TOP_M,
@@ -209,7 +209,6 @@ impl Trial {
         let link = LinkSettings {
             server,
             session,
-            session_id: Some(session_id),
             tool_ids: [0].into(),
             link: LinkConfig::default(),
             force_scale: self.tissue.force_scale,

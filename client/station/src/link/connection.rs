@@ -3,8 +3,7 @@
 use std::time::Duration;
 
 use kerf_proto::v1::control_service_client::ControlServiceClient;
-use kerf_proto::v1::session_service_client::SessionServiceClient;
-use kerf_proto::v1::{self, control_request, control_response, create_session_request};
+use kerf_proto::v1::{self, control_request, control_response};
 use tokio::sync::{mpsc, oneshot};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::metadata::{Ascii, MetadataValue};
@@ -21,23 +20,12 @@ use crate::config::ServerConfig;
 use crate::servo::model::Update;
 
 /// Time for each step of dialling: a network that came back is found within two of them.
-const STEP_TIMEOUT: Duration = Duration::from_millis(800);
-/// Building the largest scenes takes seconds.
-const CREATE_TIMEOUT: Duration = Duration::from_secs(120);
+pub(super) const STEP_TIMEOUT: Duration = Duration::from_millis(800);
 /// Pauses between attempts: the first one, and the longest; each is twice the one before.
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
 const LONGEST_PAUSE: Duration = Duration::from_millis(800);
 /// Messages that may wait for the transport: a few ticks of the network's thread.
 const QUEUED: usize = 8;
-
-/// The session to be joined.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum SessionChoice {
-    /// One that exists.
-    Join(String),
-    /// A new one of this scene; when it is gone, another.
-    Create(String),
-}
 
 /// Adds the token, where there is one, to every call.
 #[derive(Clone, Debug)]
@@ -79,8 +67,8 @@ pub(super) struct Dialler {
     uplink: SharedUplink,
     status: SharedStatus,
     receiver: Receiver,
-    /// The session, once it is known.
-    session_id: Option<String>,
+    /// The session that was driven last.
+    session_id: String,
     epoch: u64,
 }
 
@@ -92,11 +80,7 @@ impl Dialler {
         updates: triple_buffer::Input<Update>,
     ) -> Self {
         let receiver = Receiver::new(updates, status.clone());
-        let session_id = match &settings.session {
-            SessionChoice::Join(session_id) => Some(session_id.clone()),
-            SessionChoice::Create(_) => settings.session_id.clone(),
-        };
-        Self { settings, uplink, status, receiver, session_id, epoch: 0 }
+        Self { settings, uplink, status, receiver, session_id: String::new(), epoch: 0 }
     }
 
     pub(super) async fn run(mut self, mut stopped: oneshot::Receiver<()>) {
@@ -105,7 +89,7 @@ impl Dialler {
             () = self.dial() => {}
         }
         self.uplink.set(None);
-        self.close().await;
+        self.settings.session.leave(&self.settings.server).await;
     }
 
     async fn dial(&mut self) {
@@ -116,14 +100,9 @@ impl Dialler {
             self.uplink.set(None);
             let (why, state) = match ended {
                 Ended::Broken(why) => (why, LinkState::Connecting),
-                Ended::SessionGone(why) => match &self.settings.session {
-                    SessionChoice::Create(scene) => {
-                        self.session_id = None;
-                        (format!("{why}; a new one of `{scene}` is created"), LinkState::Connecting)
-                    }
-                    SessionChoice::Join(id) => {
-                        (format!("{why}; start the station with another session than {id}"), LinkState::Failed)
-                    }
+                Ended::SessionGone(why) => match self.settings.session.gone(&self.session_id).await {
+                    Ok(next) => (format!("{why}; {next}"), LinkState::Connecting),
+                    Err(remedy) => (format!("{why}; {remedy}"), LinkState::Failed),
                 },
                 Ended::Hopeless(why) => (why, LinkState::Failed),
             };
@@ -166,10 +145,8 @@ impl Dialler {
 
     async fn open(&mut self) -> Result<Streaming<v1::ControlResponse>, Ended> {
         let wire = connect(&self.settings.server).await?;
-        let session_id = match &self.session_id {
-            Some(session_id) => session_id.clone(),
-            None => self.create(wire.clone()).await?,
-        };
+        let session_id = self.settings.session.id(&wire).await?;
+        self.session_id.clone_from(&session_id);
         let (up, queue) = mpsc::channel(QUEUED);
         let hello = v1::ClientHello {
             protocol_version: kerf_proto::PROTOCOL_VERSION,
@@ -204,34 +181,6 @@ impl Dialler {
         });
         Ok(down)
     }
-
-    async fn create(&mut self, wire: Wire) -> Result<String, Ended> {
-        let SessionChoice::Create(scene) = &self.settings.session else {
-            return Err(Ended::Hopeless("no session was given".into()));
-        };
-        let session = create(wire, scene).await.map_err(|status| refused(&format!("creating `{scene}`"), &status))?;
-        self.session_id = Some(session.session_id.clone());
-        Ok(session.session_id)
-    }
-
-    /// Ends a session that was created for this station.
-    async fn close(&self) {
-        let (SessionChoice::Create(_), Some(session_id)) = (&self.settings.session, &self.session_id) else { return };
-        if let Ok(wire) = connect(&self.settings.server).await {
-            let mut request = Request::new(v1::CloseSessionRequest { session_id: session_id.clone() });
-            request.set_timeout(STEP_TIMEOUT);
-            // The server closes what nobody uses by itself.
-            let _ = SessionServiceClient::new(wire).close_session(request).await;
-        }
-    }
-}
-
-async fn create(wire: Wire, scene: &str) -> Result<v1::SessionDescription, Status> {
-    let scene = Some(create_session_request::Scene::SceneName(scene.to_owned()));
-    let mut request = Request::new(v1::CreateSessionRequest { scene, ..Default::default() });
-    request.set_timeout(CREATE_TIMEOUT);
-    let reply = SessionServiceClient::new(wire).create_session(request).await?.into_inner();
-    reply.session.ok_or_else(|| Status::internal("a session without a description"))
 }
 
 /// The wire to a server, with TLS and a token where they are configured.
@@ -272,7 +221,7 @@ pub(super) async fn connect(server: &ServerConfig) -> Result<Wire, Ended> {
 }
 
 /// What a refusal means.
-fn refused(what: &str, status: &Status) -> Ended {
+pub(super) fn refused(what: &str, status: &Status) -> Ended {
     let why = format!("{what}: {}", status.message());
     match status.code() {
         Code::NotFound => Ended::SessionGone(why),
@@ -281,24 +230,4 @@ fn refused(what: &str, status: &Status) -> Ended {
         }
         _ => Ended::Broken(why),
     }
-}
-
-/// The scene of a session that exists, or of a new one, whose id is then known: tools go by their names there.
-///
-/// # Errors
-/// What went wrong, for people.
-pub async fn describe(server: &ServerConfig, session: &SessionChoice) -> Result<(v1::SceneSummary, String), String> {
-    let wire = connect(server).await.map_err(Ended::text)?;
-    let described = match session {
-        SessionChoice::Create(scene) => create(wire, scene).await,
-        SessionChoice::Join(session_id) => {
-            let request = v1::DescribeSessionRequest { session_id: session_id.clone() };
-            SessionServiceClient::new(wire).describe_session(request).await.and_then(|reply| {
-                reply.into_inner().session.ok_or_else(|| Status::internal("a session without a description"))
-            })
-        }
-    };
-    let session = described.map_err(|status| refused("the session", &status).text())?;
-    let scene = session.scene.ok_or("the server described a session without its scene")?;
-    Ok((scene, session.session_id))
 }

@@ -9,6 +9,7 @@ mod estimates;
 mod probe;
 mod receiver;
 mod sender;
+mod session;
 mod status;
 mod wire;
 
@@ -19,8 +20,8 @@ use std::thread::JoinHandle;
 use kerf_proto::v1;
 use tokio::sync::{mpsc, oneshot};
 
-pub use self::connection::{SessionChoice, describe};
 pub use self::probe::{ServerProbe, probe};
+pub use self::session::SharedSession;
 pub use self::status::{LinkState, LinkStatus, SharedStatus};
 use crate::config::{LinkConfig, ServerConfig};
 use crate::servo::model::Update;
@@ -32,9 +33,7 @@ pub struct LinkSettings {
     /// The server.
     pub server: ServerConfig,
     /// The session.
-    pub session: SessionChoice,
-    /// Id of the session, where it is known already.
-    pub session_id: Option<String>,
+    pub session: Arc<SharedSession>,
     /// Ids of the tools that it drives in turn.
     pub tool_ids: Arc<[u32]>,
     /// Rates and deadbands.
