@@ -120,6 +120,9 @@ impl TopologyPatch {
             upsert(&mut body.nodes, &next.nodes, |node| node.id);
             upsert(&mut body.elements, &next.elements, |element| element.id);
             upsert(&mut body.vertices, &next.vertices, |vertex| vertex.id);
+            // A vertex that comes anew has the weights that come with it, or none.
+            body.held.retain(|held| next.vertices.binary_search_by_key(&held.id, |vertex| vertex.id).is_err());
+            upsert(&mut body.held, &next.held, |held| held.id);
             upsert(&mut body.quads, &next.quads, |quad| quad.id);
         }
     }
@@ -156,5 +159,19 @@ mod tests {
         both.append(&patch(4, &[node(1, 0.4), node(5, 0.5), node(8, 0.6)]));
         let nodes = [node(1, 0.4), node(2, 0.1), node(5, 0.5), node(7, 0.3), node(8, 0.6)];
         assert_eq!(both, TopologyPatch { from_version: 3, to_version: 5, surface_hash: 4, ..patch(4, &nodes) });
+    }
+
+    #[test]
+    fn weights_beside_what_is_held_go_with_the_newest_word_on_their_vertex() {
+        let vertex = |id| BoundVertex { id, element: 0, local: [0.5; 3], material: 0 };
+        let held = |id, weight| HeldVertex { id, weights: [weight; 8] };
+        let patch = |from_version, vertices: &[u32], held: &[HeldVertex]| {
+            let vertices = vertices.iter().map(|id| vertex(*id)).collect();
+            let body = BodyStructure { vertices, held: held.to_vec(), ..BodyStructure::default() };
+            TopologyPatch { from_version, to_version: from_version + 1, bodies: vec![body], surface_hash: 0 }
+        };
+        let mut both = patch(0, &[1, 2, 3], &[held(1, 0.1), held(2, 0.1), held(3, 0.1)]);
+        both.append(&patch(1, &[2, 3, 4], &[held(2, 0.05), held(4, 0.1)]));
+        assert_eq!(both.bodies[0].held, [held(1, 0.1), held(2, 0.05), held(4, 0.1)]);
     }
 }
