@@ -52,7 +52,8 @@ fn replica_and_core_compute_the_hash_that_the_specification_gives() {
     let hash = surface_hash([&object, &object].into_iter());
     // Computed from the words in view.proto by a program that shares no line with either.
     assert_eq!(hash, 0x6411_8ce0_7d49_23ba);
-    let mut keyframe = v1::Keyframe { topology_version: 0, bodies: vec![body_on_the_wire(); 2], surface_hash: hash };
+    let bodies = vec![body_on_the_wire(); 2];
+    let mut keyframe = v1::Keyframe { bodies, surface_hash: hash, ..v1::Keyframe::default() };
     assert_eq!(Replica::default().apply_keyframe(&keyframe), Ok(()));
 
     keyframe.surface_hash ^= 1;
@@ -91,8 +92,18 @@ shape = { blade = { width_m = 0.06, height_m = 0.06 } }
 fn recomputed(replica: &Replica) -> u64 {
     let body = |body: &kerf_replica::Body| v1::BodyStructure {
         vertex_ids: body.vertices().keys().copied().collect(),
-        vertex_elements: body.vertices().values().map(|vertex| vertex.element).collect(),
-        vertex_local: body.vertices().values().flat_map(|vertex| vertex.local).collect(),
+        vertex_elements: body
+            .vertices()
+            .values()
+            .flat_map(|vertex| vertex.binding())
+            .map(|(element, _)| element)
+            .collect(),
+        vertex_local: body
+            .vertices()
+            .values()
+            .flat_map(|vertex| vertex.binding())
+            .flat_map(|(_, local)| local)
+            .collect(),
         quad_ids: body.quads().keys().copied().collect(),
         quad_vertices: body.quads().values().copied().flatten().collect(),
         ..Default::default()

@@ -11,19 +11,37 @@ use crate::hash;
 /// Most node slots of an object: 12 bytes for each are still one message.
 const MAX_NODES: u32 = (MAX_MESSAGE_BYTES / 12) as u32;
 
-/// A surface vertex bound to an element.
+/// What a surface vertex moves with.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Vertex {
-    /// Element it moves with.
-    pub element: u32,
-    /// Trilinear coordinates in the element; corner `c` is at `(c & 1, c >> 1 & 1, c >> 2)`.
-    pub local: [f32; 3],
+pub enum Vertex {
+    /// An element.
+    Bound {
+        /// Its id.
+        element: u32,
+        /// Trilinear coordinates in the element; corner `c` is at `(c & 1, c >> 1 & 1, c >> 2)`.
+        local: [f32; 3],
+    },
+    /// The node whose id is its own: surfaces come as plain vertices.
+    Node,
+}
+
+impl Vertex {
+    /// Its element and its place there, of one that is bound.
+    #[must_use]
+    pub fn binding(self) -> Option<(u32, [f32; 3])> {
+        match self {
+            Self::Bound { element, local } => Some((element, local)),
+            Self::Node => None,
+        }
+    }
 }
 
 /// One object. Every vertex refers to an element, every element to nodes, every quad to vertices
 /// that exist: checked when they come in, relied on when positions are evaluated.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Body {
+    /// Nodes are the vertices.
+    has_plain_vertices: bool,
     /// Rest position by slot, m, scene frame; `None` for a slot without a node.
     rest_m: Vec<Option<[f32; 3]>>,
     /// Displacement by slot, m, scene frame.
@@ -44,6 +62,11 @@ pub struct Body {
 }
 
 impl Body {
+    /// An empty one.
+    pub(crate) fn new(has_plain_vertices: bool) -> Self {
+        Self { has_plain_vertices, ..Self::default() }
+    }
+
     /// Surface vertices by id.
     #[must_use]
     pub fn vertices(&self) -> &BTreeMap<u32, Vertex> {
@@ -64,23 +87,23 @@ impl Body {
 
     /// Where a vertex is at rest, m, scene frame.
     #[must_use]
-    pub fn rest_position_m(&self, vertex: &Vertex) -> [f32; 3] {
-        self.interpolate(vertex, |node| self.rest_m[node].unwrap_or_default())
+    pub fn rest_position_m(&self, id: u32, vertex: &Vertex) -> [f32; 3] {
+        self.interpolate(id, vertex, |node| self.rest_m[node].unwrap_or_default())
     }
 
     /// Where a vertex is shown now, m, scene frame: where its element has it, and its adapted offset.
     #[must_use]
     pub fn position_m(&self, id: u32, vertex: &Vertex) -> [f32; 3] {
-        let position_m = match self.held.get(&id) {
-            None => self.interpolate(vertex, |node| {
+        let position_m = match (self.held.get(&id), vertex) {
+            (Some(weights), Vertex::Bound { element, .. }) => {
+                let rest_m = self.rest_position_m(id, vertex);
+                let moved_m = self.weighted(*element, *weights, |node| self.displacement_m[node]);
+                [0, 1, 2].map(|axis| rest_m[axis] + moved_m[axis])
+            }
+            _ => self.interpolate(id, vertex, |node| {
                 let (rest_m, moved_m) = (self.rest_m[node].unwrap_or_default(), self.displacement_m[node]);
                 [0, 1, 2].map(|axis| rest_m[axis] + moved_m[axis])
             }),
-            Some(weights) => {
-                let rest_m = self.rest_position_m(vertex);
-                let moved_m = self.weighted(vertex, *weights, |node| self.displacement_m[node]);
-                [0, 1, 2].map(|axis| rest_m[axis] + moved_m[axis])
-            }
         };
         let offset_m = self.adapted_m.get(&id).copied().unwrap_or_default();
         [position_m[0] + offset_m[0], position_m[1] + offset_m[1], position_m[2] + offset_m[2]]
@@ -92,13 +115,18 @@ impl Body {
         &self.adapted_m
     }
 
-    fn interpolate(&self, vertex: &Vertex, at_node: impl Fn(usize) -> [f32; 3]) -> [f32; 3] {
-        self.weighted(vertex, std::array::from_fn(|corner| corner_weight(corner, vertex.local)), at_node)
+    fn interpolate(&self, id: u32, vertex: &Vertex, at_node: impl Fn(usize) -> [f32; 3]) -> [f32; 3] {
+        match *vertex {
+            Vertex::Bound { element, local } => {
+                self.weighted(element, std::array::from_fn(|corner| corner_weight(corner, local)), at_node)
+            }
+            Vertex::Node => at_node(id as usize),
+        }
     }
 
-    fn weighted(&self, vertex: &Vertex, weights: [f32; 8], at_node: impl Fn(usize) -> [f32; 3]) -> [f32; 3] {
+    fn weighted(&self, element: u32, weights: [f32; 8], at_node: impl Fn(usize) -> [f32; 3]) -> [f32; 3] {
         let mut sum = [0.0; 3];
-        for (&node, weight) in self.elements[&vertex.element].iter().zip(weights) {
+        for (&node, weight) in self.elements[&element].iter().zip(weights) {
             let value = at_node(node as usize);
             for axis in 0..3 {
                 sum[axis] += weight * value[axis];
@@ -117,9 +145,13 @@ impl Body {
     pub(crate) fn change(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
         self.set_quantum(change)?;
         self.upsert_nodes(change)?;
-        self.upsert_elements(change)?;
-        self.upsert_vertices(change)?;
-        self.upsert_held(change)?;
+        if self.has_plain_vertices {
+            self.vertices.extend(change.node_ids.iter().map(|id| (*id, Vertex::Node)));
+        } else {
+            self.upsert_elements(change)?;
+            self.upsert_vertices(change)?;
+            self.upsert_held(change)?;
+        }
         self.upsert_quads(change)
     }
 
@@ -223,11 +255,10 @@ impl Body {
             if !self.elements.contains_key(&element) {
                 return Err(unknown("vertex_elements", element));
             }
-            let vertex = Vertex { element, local };
             self.held.remove(&id);
-            let of = |vertex: Vertex| hash::of_vertex(id, vertex.element, vertex.local);
-            let before = self.vertices.insert(id, vertex).map_or(0, of);
-            self.exchange_hash(before, of(vertex));
+            let before = self.vertices.insert(id, Vertex::Bound { element, local }).and_then(Vertex::binding);
+            let of = |(element, local)| hash::of_vertex(id, element, local);
+            self.exchange_hash(before.map_or(0, of), of((element, local)));
         }
         Ok(())
     }

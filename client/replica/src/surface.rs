@@ -36,7 +36,8 @@ impl Surface {
     #[must_use]
     pub fn of(body: &Body) -> Self {
         let ids: Vec<u32> = body.vertices().keys().copied().collect();
-        let rest_m: Vec<[f32; 3]> = body.vertices().values().map(|vertex| body.rest_position_m(vertex)).collect();
+        let rest_m = body.vertices().iter().map(|(id, vertex)| body.rest_position_m(*id, vertex));
+        let rest_m: Vec<[f32; 3]> = rest_m.collect();
         let positions_m = body.vertices().iter().map(|(id, vertex)| body.position_m(*id, vertex)).collect();
         let mut triangles = Vec::with_capacity(2 * body.quads().len());
         for (id, corners) in body.quads() {

@@ -31,7 +31,7 @@ fn cube() -> v1::BodyStructure {
 
 fn keyframe(body: v1::BodyStructure) -> v1::Keyframe {
     let bodies = vec![body];
-    v1::Keyframe { topology_version: 3, surface_hash: surface_hash(&bodies), bodies }
+    v1::Keyframe { topology_version: 3, surface_hash: surface_hash(&bodies), bodies, ..Default::default() }
 }
 
 fn state(topology_version: u64, node_displacements_m: Vec<f32>) -> v1::State {
@@ -85,7 +85,7 @@ fn problem_of(body: v1::BodyStructure) -> (&'static str, Problem) {
 }
 
 fn keyframe_unhashed(body: v1::BodyStructure) -> v1::Keyframe {
-    v1::Keyframe { topology_version: 3, bodies: vec![body], surface_hash: 0 }
+    v1::Keyframe { topology_version: 3, bodies: vec![body], ..Default::default() }
 }
 
 #[test]
@@ -152,7 +152,7 @@ fn patch_adds_and_changes() {
     let body = &replica.bodies()[0];
     assert_eq!(body.vertices().keys().copied().collect::<Vec<_>>(), [10, 20, 30, 40]);
     assert_eq!(body.quads().values().copied().collect::<Vec<_>>(), [[10, 30, 40, 10], [20, 30, 40, 20]]);
-    assert_eq!(body.vertices()[&40].element, 6);
+    assert_eq!(body.vertices()[&40].binding().unwrap().0, 6);
     assert_eq!(replica.moment(), None, "displacements of the new node are not known");
     replica.apply_state(&state(5, vec![0.0; 27])).expect("matching state");
     assert_eq!(replica.surfaces().expect("state came")[0].positions_m[3], [2.0, 1.0, 0.0]);
@@ -363,4 +363,39 @@ fn a_vertex_beside_what_is_held_moves_by_its_own_weights_until_it_comes_anew() {
 fn the_surface_hash_is_that_of_the_protocol_s_example() {
     // docs/protocol.md, worked out there by another program.
     assert_eq!(surface_hash(&[cube()]), 0x2f18_1873_400e_9fbc);
+}
+
+#[test]
+fn plain_vertices_are_nodes_themselves() {
+    let body = v1::BodyStructure {
+        node_count: 4,
+        node_ids: vec![0, 1, 2, 3],
+        node_rest_m: vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0],
+        quad_ids: vec![4],
+        quad_vertices: vec![0, 1, 2, 3],
+        quantum_m: QUANTUM_M,
+        ..Default::default()
+    };
+    let mut replica = Replica::default();
+    let encoding = v1::SurfaceEncoding::Vertices.into();
+    replica.apply_keyframe(&v1::Keyframe { encoding, ..keyframe_unhashed(body) }).unwrap();
+    let mut moved_m = vec![0.0; 12];
+    moved_m[4] = 0.25;
+    replica.apply_state(&state(3, moved_m)).unwrap();
+    assert_eq!(replica.surfaces().unwrap()[0].positions_m[1], [1.0, 0.25, 0.0]);
+
+    let another = v1::BodyStructure {
+        node_count: 5,
+        node_ids: vec![4],
+        node_rest_m: vec![2.0, 0.0, 0.0],
+        quad_ids: vec![5],
+        quad_vertices: vec![1, 4, 2, 3],
+        ..Default::default()
+    };
+    let patch = v1::TopologyPatch { from_version: 3, to_version: 4, bodies: vec![another], surface_hash: 0 };
+    replica.apply_patch(&patch).unwrap();
+    replica.apply_state(&state(4, vec![0.0; 15])).unwrap();
+    let surface = &replica.surfaces().unwrap()[0];
+    assert_eq!(surface.positions_m[4], [2.0, 0.0, 0.0]);
+    assert!(surface.triangles.iter().all(|triangle| triangle.face == Face::Cut));
 }

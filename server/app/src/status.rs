@@ -44,6 +44,14 @@ pub enum RequestError {
         /// Its value.
         value: f64,
     },
+    /// A wish that does not go with the others.
+    #[error("{field}: must be {limit}")]
+    Choice {
+        /// The field.
+        field: &'static str,
+        /// What is granted.
+        limit: &'static str,
+    },
     /// A wish for the dial that is no number of its kind.
     #[error("{field} = {value}: must be finite and greater than 0")]
     Dial {
@@ -150,6 +158,7 @@ impl RequestError {
             | Self::HelloRepeated
             | Self::Missing { .. }
             | Self::Rate { .. }
+            | Self::Choice { .. }
             | Self::Dial { .. }
             | Self::Steps { .. }
             | Self::Speed { .. }

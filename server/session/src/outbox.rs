@@ -395,6 +395,12 @@ impl Viewer {
         }
     }
 
+    /// See [`ViewState::epoch`]: that of the structure which came last.
+    #[must_use]
+    pub fn epoch(&self) -> u64 {
+        self.cursor.place().map_or(0, |place| place.epoch)
+    }
+
     /// Waits for the end of the session.
     pub async fn closed(&mut self) {
         while self.bell.changed().await.is_ok() {}

@@ -10,7 +10,7 @@ use kerf_replica::{Body, Replica, surface_hash};
 use kerf_session::{Reel, TapeEntry};
 use tonic::transport::Channel;
 
-use super::harness::{Harness, Station, View, endpoint, next, no_expiry};
+use super::harness::{Harness, Station, View, endpoint, next, no_expiry, view_request};
 
 /// Heights of the edge, m: over the block, half way down, and at what holds it.
 pub const ABOVE_M: f32 = 0.015;
@@ -77,7 +77,11 @@ pub struct Watcher {
 
 impl Watcher {
     pub async fn join(harness: &Harness, channel: Channel, session: &str) -> Self {
-        let view = harness.view(channel, session).await;
+        Self::join_as(harness, channel, view_request(session)).await
+    }
+
+    pub async fn join_as(harness: &Harness, channel: Channel, request: v1::ViewRequest) -> Self {
+        let view = harness.view_as(channel, request).await.expect("a view");
         let mut watcher = Self { view, replica: Replica::default(), structures: Vec::new() };
         watcher.until(|replica| replica.moment().is_some()).await;
         watcher
@@ -132,8 +136,8 @@ fn structure(body: &Body) -> v1::BodyStructure {
     let (vertices, quads) = (body.vertices(), body.quads());
     v1::BodyStructure {
         vertex_ids: vertices.keys().copied().collect(),
-        vertex_elements: vertices.values().map(|vertex| vertex.element).collect(),
-        vertex_local: vertices.values().flat_map(|vertex| vertex.local).collect(),
+        vertex_elements: vertices.values().flat_map(|vertex| vertex.binding()).map(|(element, _)| element).collect(),
+        vertex_local: vertices.values().flat_map(|vertex| vertex.binding()).flat_map(|(_, local)| local).collect(),
         quad_ids: quads.keys().copied().collect(),
         quad_vertices: quads.values().copied().flatten().collect(),
         ..v1::BodyStructure::default()

@@ -15,4 +15,5 @@ mod recorded;
 mod stale;
 mod station;
 mod vectors;
+mod vertices;
 mod view;

@@ -116,6 +116,7 @@ fn keyframe() -> view_response::Message {
         topology_version: 0,
         surface_hash: hash(&body),
         bodies: vec![body],
+        ..Default::default()
     })
 }
 

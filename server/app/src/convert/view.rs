@@ -17,6 +17,7 @@ pub fn keyframe(keyframe: &Keyframe, quanta_m: &[f64]) -> v1::Keyframe {
         topology_version: keyframe.topology_version,
         bodies: bodies.map(|(whole, quantum_m)| v1::BodyStructure { quantum_m: *quantum_m, ..body(whole) }).collect(),
         surface_hash: keyframe.surface_hash,
+        encoding: v1::SurfaceEncoding::Lattice.into(),
     }
 }
 

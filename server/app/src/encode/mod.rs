@@ -1,15 +1,17 @@
 //! States as viewers get them: in quanta, encoded once for all who want the same.
 
 mod differences;
+mod vertices;
 
 use std::sync::Arc;
 
-use kerf_physics::surface::delta::AdaptedVertex;
+use kerf_physics::surface::delta::{AdaptedVertex, Keyframe, TopologyPatch};
 use kerf_proto::{integers, v1};
 use kerf_session::ViewState;
 use prost::bytes::Bytes;
 
 use self::differences::Differences;
+use self::vertices::Vertices;
 use crate::convert::view;
 use crate::status::RequestError;
 
@@ -23,6 +25,30 @@ const EXPONENTS: (i32, i32) = (4, 12);
 pub struct Encoding {
     /// A component is off by at most two to the power of minus this, in voxels.
     error_exponent: i32,
+    surface: Surface,
+}
+
+/// How surfaces go to a viewer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Surface {
+    /// Bound to elements, whose nodes move.
+    Lattice,
+    /// As plain vertices.
+    Vertices { with_normals: bool },
+}
+
+impl Surface {
+    fn granted(request: &v1::ViewRequest) -> Result<Self, RequestError> {
+        match (v1::SurfaceEncoding::try_from(request.encoding), request.wants_normals) {
+            (Ok(v1::SurfaceEncoding::Vertices), with_normals) => Ok(Self::Vertices { with_normals }),
+            (Ok(_), false) => Ok(Self::Lattice),
+            (Ok(_), true) => Err(RequestError::Choice {
+                field: "wants_normals",
+                limit: "false, but with SURFACE_ENCODING_VERTICES: a lattice's client has the surface's place for itself",
+            }),
+            (Err(_), _) => Err(RequestError::Choice { field: "encoding", limit: "one that this server knows" }),
+        }
+    }
 }
 
 impl Encoding {
@@ -39,7 +65,7 @@ impl Encoding {
             true => DEFAULT_EXPONENT,
             false => (-max_error.log2()).ceil().clamp(EXPONENTS.0.into(), EXPONENTS.1.into()) as i32,
         };
-        Ok(Self { error_exponent })
+        Ok(Self { error_exponent, surface: Surface::granted(request)? })
     }
 
     /// What a displacement is counted in, m: rounding errs by half of it.
@@ -52,6 +78,9 @@ impl Encoding {
 pub struct Encoder {
     /// Per object, m.
     quanta_m: Vec<f64>,
+    surface: Surface,
+    /// What plain vertices are told by; unused for a lattice.
+    vertices: Vertices,
     differences: Differences,
     epoch: u64,
     newest: Option<(Arc<ViewState>, Arc<EncodedState>)>,
@@ -78,6 +107,8 @@ impl Encoder {
     pub fn new(encoding: Encoding, voxel_sizes_m: impl Iterator<Item = f64>) -> Self {
         Self {
             quanta_m: voxel_sizes_m.map(|size_m| encoding.quantum_m(size_m)).collect(),
+            surface: encoding.surface,
+            vertices: Vertices::default(),
             differences: Differences::default(),
             epoch: 0,
             newest: None,
@@ -90,38 +121,65 @@ impl Encoder {
         &self.quanta_m
     }
 
-    /// Encodes a state, unless it was the last one that was asked for.
-    pub fn encode(&mut self, state: &Arc<ViewState>) -> Arc<EncodedState> {
-        if let Some((_, encoded)) = self.newest.as_ref().filter(|(newest, _)| Arc::ptr_eq(newest, state)) {
-            return Arc::clone(encoded);
+    /// Encodes a keyframe of the epoch; `None` where the scene has started over since.
+    pub fn keyframe(&mut self, epoch: u64, keyframe: &Keyframe) -> Option<v1::Keyframe> {
+        match self.surface {
+            Surface::Lattice => Some(view::keyframe(keyframe, &self.quanta_m)),
+            Surface::Vertices { .. } => self.vertices.keyframe(epoch, keyframe, &self.quanta_m),
         }
-        let encoded = Arc::new(self.encode_anew(state));
-        self.newest = Some((Arc::clone(state), Arc::clone(&encoded)));
-        encoded
     }
 
-    fn encode_anew(&mut self, state: &ViewState) -> EncodedState {
+    /// Encodes a patch of the epoch; `None` where the scene has started over since.
+    pub fn patch(&mut self, epoch: u64, patch: &TopologyPatch) -> Option<v1::TopologyPatch> {
+        match self.surface {
+            Surface::Lattice => Some(view::patch(patch)),
+            Surface::Vertices { .. } => self.vertices.patch(epoch, patch),
+        }
+    }
+
+    /// Encodes a state, unless it was the last one that was asked for; `None` where other viewers are told of a later
+    /// structure already, and this one will be.
+    pub fn encode(&mut self, state: &Arc<ViewState>) -> Option<Arc<EncodedState>> {
+        if let Some((_, encoded)) = self.newest.as_ref().filter(|(newest, _)| Arc::ptr_eq(newest, state)) {
+            return Some(Arc::clone(encoded));
+        }
+        let (moved, shown) = self.moved(state)?;
         if std::mem::replace(&mut self.epoch, state.epoch()) != state.epoch() {
             self.differences.start_over();
         }
-        let objects = state.node_displacements_m.iter().zip(&self.quanta_m);
-        let quanta = objects.map(|(moved_m, quantum_m)| moved_m.iter().map(|m| quantised(*m, *quantum_m)).collect());
-        let coded = self.differences.encode(state.step, quanta.collect());
-        let adapted = state.adapted.iter().zip(&self.quanta_m);
-        let bodies =
-            coded.differences.into_iter().zip(adapted).map(|(displacements, (adapted, quantum_m))| v1::BodyState {
-                displacements,
-                reference: Bytes::new(),
-                adapted_ids: adapted_ids(adapted),
-                adapted_offsets: adapted_offsets(adapted, *quantum_m),
-            });
+        let coded = self.differences.encode(state.step, moved);
+        let bodies = coded.differences.into_iter().zip(shown);
         let message = v1::State {
-            bodies: bodies.collect(),
+            bodies: bodies.map(|(displacements, shown)| v1::BodyState { displacements, ..shown }).collect(),
             reference_step: coded.reference_step,
             has_reference: false,
             ..view::state_without_bodies(state)
         };
-        EncodedState { epoch: self.epoch, message, reference: coded.reference }
+        let encoded = Arc::new(EncodedState { epoch: self.epoch, message, reference: coded.reference });
+        self.newest = Some((Arc::clone(state), Arc::clone(&encoded)));
+        Some(encoded)
+    }
+
+    /// Displacements in quanta per object, and what else is said of its surface.
+    fn moved(&self, state: &ViewState) -> Option<(Vec<Vec<i32>>, Vec<v1::BodyState>)> {
+        let Surface::Vertices { with_normals } = self.surface else {
+            let quanta =
+                state.node_displacements_m.iter().zip(&self.quanta_m).map(|(m, quantum)| quantised(m, *quantum));
+            let adapted = state.adapted.iter().zip(&self.quanta_m).map(|(adapted, quantum_m)| v1::BodyState {
+                adapted_ids: adapted_ids(adapted),
+                adapted_offsets: adapted_offsets(adapted, *quantum_m),
+                ..v1::BodyState::default()
+            });
+            return Some((quanta.collect(), adapted.collect()));
+        };
+        let moved_m = self.vertices.displacements_m(state)?;
+        let quanta = moved_m.iter().zip(&self.quanta_m).map(|(m, quantum_m)| quantised(m.as_flattened(), *quantum_m));
+        let mut shown = vec![v1::BodyState::default(); moved_m.len()];
+        if with_normals {
+            let normals = self.vertices.normals(&moved_m);
+            shown.iter_mut().zip(normals).for_each(|(body, normals)| body.normals = normals);
+        }
+        Some((quanta.collect(), shown))
     }
 }
 
@@ -141,8 +199,8 @@ impl EncodedState {
     }
 }
 
-fn quantised(length_m: f32, quantum_m: f64) -> i32 {
-    (f64::from(length_m) / quantum_m).round_ties_even() as i32
+fn quantised(lengths_m: &[f32], quantum_m: f64) -> Vec<i32> {
+    lengths_m.iter().map(|length_m| (f64::from(*length_m) / quantum_m).round_ties_even() as i32).collect()
 }
 
 fn adapted_ids(adapted: &[AdaptedVertex]) -> Bytes {
@@ -151,8 +209,8 @@ fn adapted_ids(adapted: &[AdaptedVertex]) -> Bytes {
 }
 
 fn adapted_offsets(adapted: &[AdaptedVertex], quantum_m: f64) -> Bytes {
-    let offsets_m = adapted.iter().flat_map(|vertex| vertex.offset_m);
-    integers::encode(offsets_m.map(|offset_m| i64::from(quantised(offset_m, quantum_m)))).into()
+    let offsets_m: Vec<f32> = adapted.iter().flat_map(|vertex| vertex.offset_m).collect();
+    integers::encode(quantised(&offsets_m, quantum_m).into_iter().map(i64::from)).into()
 }
 
 #[cfg(test)]
@@ -193,7 +251,8 @@ mod tests {
         };
         let surface_hash = kerf_replica::surface_hash(std::slice::from_ref(&body));
         let mut replica = Replica::default();
-        replica.apply_keyframe(&v1::Keyframe { topology_version: 0, bodies: vec![body], surface_hash }).unwrap();
+        let bodies = vec![body];
+        replica.apply_keyframe(&v1::Keyframe { bodies, surface_hash, ..v1::Keyframe::default() }).unwrap();
         replica
     }
 
@@ -203,15 +262,15 @@ mod tests {
         let mut viewers = vec![None; 50];
         for step in 0..10 {
             let state = state(step, &[1e-3; 24]);
-            let encoded: Vec<_> = viewers.iter().map(|_| encoder.encode(&state)).collect();
+            let encoded: Vec<_> = viewers.iter().map(|_| encoder.encode(&state).unwrap()).collect();
             assert!(encoded.iter().all(|other| Arc::ptr_eq(other, &encoded[0])));
             for (held, encoded) in viewers.iter_mut().zip(&encoded) {
                 let message = encoded.message(held, false);
                 assert_eq!((message.has_reference, message.energy), (step == 0, None));
-                assert!(Arc::ptr_eq(&encoder.encode(&state), encoded));
+                assert!(Arc::ptr_eq(&encoder.encode(&state).unwrap(), encoded));
             }
         }
-        let late = encoder.encode(&state(10, &[1e-3; 24])).message(&mut None, true);
+        let late = encoder.encode(&state(10, &[1e-3; 24])).unwrap().message(&mut None, true);
         assert!(late.has_reference && late.energy.is_some() && late.reference_step == 0);
     }
 
@@ -243,7 +302,7 @@ mod tests {
                     if step % *every != 0 {
                         continue;
                     }
-                    replica.apply_state(&encoder.encode(&state).message(held, false)).unwrap();
+                    replica.apply_state(&encoder.encode(&state).unwrap().message(held, false)).unwrap();
                     let shown_m = replica.surfaces().unwrap()[0].positions_m.concat();
                     for (shown_m, true_m) in shown_m.iter().zip(&displacements_m) {
                         // To which the 32-bit floats at either end add their own rounding.

@@ -61,19 +61,20 @@ impl ViewStream {
                 () = self.viewer.closed() => break,
             }
         }
-        let message = loop {
-            tokio::select! {
-                Ok(()) = self.acknowledged.changed() => self.note_acknowledged(),
-                message = self.viewer.next() => break message?,
+        let (message, is_numbered) = loop {
+            let message = tokio::select! {
+                Ok(()) = self.acknowledged.changed() => {
+                    self.note_acknowledged();
+                    continue;
+                }
+                message = self.viewer.next() => message?,
+            };
+            if let Some(encoded) = self.encode(&message) {
+                break (encoded, !matches!(message, ViewMessage::Event(_)));
             }
         };
-        let number = match message {
-            ViewMessage::Event(_) => 0,
-            ViewMessage::Keyframe(_) | ViewMessage::Patch(_) | ViewMessage::State(_) => {
-                self.in_flight.send(MonotonicClock::now_ns())
-            }
-        };
-        let event = v1::ViewResponse { message: Some(self.encode(&message)), number };
+        let number = if is_numbered { self.in_flight.send(MonotonicClock::now_ns()) } else { 0 };
+        let event = v1::ViewResponse { message: Some(message), number };
         if event.encoded_len() <= self.max_message_bytes {
             return Some(event);
         }
@@ -81,21 +82,23 @@ impl ViewStream {
         self.ready.pop_front()
     }
 
-    fn encode(&mut self, message: &ViewMessage) -> Message {
+    /// What the viewer is told; nothing of what is out of date already.
+    fn encode(&mut self, message: &ViewMessage) -> Option<Message> {
+        let epoch = self.viewer.epoch();
         let mut encoder = self.encoder.lock().unwrap_or_else(PoisonError::into_inner);
         match message {
             ViewMessage::Keyframe(structure) => {
                 // The viewer forgets what it had.
                 self.reference = None;
-                Message::Keyframe(view::keyframe(structure, encoder.quanta_m()))
+                encoder.keyframe(epoch, structure).map(Message::Keyframe)
             }
-            ViewMessage::Patch(change) => Message::Patch(view::patch(change)),
+            ViewMessage::Patch(change) => encoder.patch(epoch, change).map(Message::Patch),
             ViewMessage::State(state) => {
-                let encoded = encoder.encode(state);
+                let encoded = encoder.encode(state)?;
                 drop(encoder);
-                Message::State(encoded.message(&mut self.reference, self.wants_energy))
+                Some(Message::State(encoded.message(&mut self.reference, self.wants_energy)))
             }
-            ViewMessage::Event(happened) => view::event(happened),
+            ViewMessage::Event(happened) => Some(view::event(happened)),
         }
     }
 
