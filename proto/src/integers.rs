@@ -17,14 +17,18 @@ pub enum Malformed {
 /// Writes integers.
 #[must_use]
 pub fn encode(values: impl IntoIterator<Item = i64>) -> Vec<u8> {
-    let mut bytes = Vec::new();
+    let values = values.into_iter();
+    // Most take a byte.
+    let mut bytes = Vec::with_capacity(values.size_hint().0);
     let mut zeros = 0_u64;
     for value in values {
         if value == 0 {
             zeros += 1;
             continue;
         }
-        put_zeros(&mut bytes, &mut zeros);
+        if zeros > 0 {
+            put_zeros(&mut bytes, &mut zeros);
+        }
         put(&mut bytes, (value << 1 ^ value >> 63) as u64);
     }
     put_zeros(&mut bytes, &mut zeros);
@@ -39,6 +43,7 @@ fn put_zeros(bytes: &mut Vec<u8>, zeros: &mut u64) {
     }
 }
 
+#[inline]
 fn put(bytes: &mut Vec<u8>, mut value: u64) {
     while value >= 0x80 {
         bytes.push(value as u8 | 0x80);

@@ -25,7 +25,7 @@ static class LiveTest
             AViewerHearsOfTheEnd,
             NoServerIsSaidInWords,
         };
-        ARecordedStreamIsDecodedAsItIsWrittenDown(arguments[1], arguments[2]);
+        for (var i = 1; i < arguments.Length; i += 2) ARecordedStreamIsDecodedAsItIsWrittenDown(arguments[i], arguments[i + 1]);
         foreach (var test in tests)
         {
             test();
@@ -51,7 +51,7 @@ static class LiveTest
             for (var more = int.Parse(lines.Dequeue()[0]); more > 0; more--) ExpectShown(replica, lines.Dequeue());
         }
         Expect(lines.Count == 0, "messages are missing");
-        Console.WriteLine("ok ARecordedStreamIsDecodedAsItIsWrittenDown");
+        Console.WriteLine("ok ARecordedStreamIsDecodedAsItIsWrittenDown " + Path.GetFileName(stream));
     }
 
     static void ExpectShown(Replica replica, string[] line)

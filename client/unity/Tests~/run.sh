@@ -41,12 +41,15 @@ until $server session --server 127.0.0.1:$port list >/dev/null 2>&1; do
     tries=$((tries + 1)); [ $tries -lt 50 ] || { echo "unity: the server does not answer"; exit 1; }
     sleep 0.2
 done
-# What the recorded stream shows, in lines that need no reader of JSON.
-python3 - proto/vectors/cut.json > $build/cut.txt <<'END'
+# What the recorded streams show, in lines that need no reader of JSON.
+for stream in cut cut-vertices; do
+    python3 - proto/vectors/$stream.json > $build/$stream.txt <<'END'
 import json, sys
 for message in json.load(open(sys.argv[1])):
     lines = [message["surface_hash"]] if message.get("surface_hash") else []
     lines += [" ".join(map(str, [shown["object"], shown["id"], *shown["position_m"]])) for shown in message.get("shown") or []]
     print(len(lines), *lines, sep="\n")
 END
-mono $build/LiveTest.exe http://127.0.0.1:$port proto/vectors/cut.bin $build/cut.txt
+done
+mono $build/LiveTest.exe http://127.0.0.1:$port proto/vectors/cut.bin $build/cut.txt \
+    proto/vectors/cut-vertices.bin $build/cut-vertices.txt

@@ -19,8 +19,8 @@ function read(name: string): Buffer {
   return readFileSync(new URL(`../../../proto/vectors/${name}`, import.meta.url));
 }
 
-function messages(): ViewResponse[] {
-  const file = read("cut.bin");
+function messages(name: string): ViewResponse[] {
+  const file = read(name);
   const assembler = new Assembler();
   const wholes: ViewResponse[] = [];
   for (let at = 0; at < file.length; ) {
@@ -32,9 +32,9 @@ function messages(): ViewResponse[] {
   return wholes;
 }
 
-test("a recorded stream is decoded as the Rust replica decodes it", () => {
-  const expected = JSON.parse(read("cut.json").toString()) as Expected[];
-  const wholes = messages();
+test.each(["cut", "cut-vertices"])("%s, recorded, is decoded as the Rust replica decodes it", (name) => {
+  const expected = JSON.parse(read(`${name}.json`).toString()) as Expected[];
+  const wholes = messages(`${name}.bin`);
   expect(wholes.map(({ message }) => message.case)).toEqual(expected.map(({ message }) => message));
   const replica = new Replica();
   let surfaces: BodySurface[] = [];

@@ -1,4 +1,4 @@
-//! The recorded view stream of proto/vectors, which decoders in every language are checked by.
+//! The recorded view streams of proto/vectors, which decoders in every language are checked by.
 
 use std::path::PathBuf;
 
@@ -20,7 +20,7 @@ const EVERY_VERTEX: usize = 37;
 struct Expected {
     message: String,
     topology_version: Option<u64>,
-    /// Of a keyframe or patch, in hexadecimal digits.
+    /// Of a keyframe or patch, in hexadecimal digits; not of plain vertices.
     #[serde(skip_serializing_if = "Option::is_none")]
     surface_hash: Option<String>,
     /// Vertices and quads of all objects.
@@ -66,7 +66,7 @@ fn replayed(messages: &[ViewResponse]) -> Vec<Expected> {
 }
 
 fn expected(message: &view_response::Message, replica: &Replica) -> Expected {
-    let (name, hash) = match message {
+    let (name, stated_hash) = match message {
         view_response::Message::Keyframe(keyframe) => ("keyframe", Some(keyframe.surface_hash)),
         view_response::Message::Patch(patch) => ("patch", Some(patch.surface_hash)),
         view_response::Message::State(_) => ("state", None),
@@ -79,7 +79,7 @@ fn expected(message: &view_response::Message, replica: &Replica) -> Expected {
     Expected {
         message: name.into(),
         topology_version: replica.topology_version(),
-        surface_hash: hash.map(|hash| format!("{hash:016x}")),
+        surface_hash: stated_hash.filter(|hash| *hash != 0).map(|hash| format!("{hash:016x}")),
         counts: (
             bodies.iter().map(|body| body.vertices().len()).sum(),
             bodies.iter().map(|body| body.quads().len()).sum(),
@@ -103,14 +103,15 @@ fn shown(replica: &Replica) -> Vec<Vertex> {
 }
 
 /// A stroke through the block, as a viewer gets it.
-async fn record() -> Vec<ViewResponse> {
+async fn record(encoding: v1::SurfaceEncoding) -> Vec<ViewResponse> {
     let mut harness = Harness::with(|config| {
         no_expiry(config);
         config.view.max_message_bytes = MAX_MESSAGE_BYTES;
     })
     .await;
     let session = harness.create().await.unwrap();
-    let mut view = harness.view_as(harness.channel.clone(), view_request(&session)).await.unwrap();
+    let request = v1::ViewRequest { encoding: encoding.into(), ..view_request(&session) };
+    let mut view = harness.view_as(harness.channel.clone(), request).await.unwrap();
     let mut messages = vec![ViewResponse {
         message: Some(view_response::Message::Hello(v1::ViewHello {
             protocol_version: kerf_proto::PROTOCOL_VERSION,
@@ -141,31 +142,42 @@ async fn part(view: &mut View, assembler: &mut Assembler) -> ViewResponse {
     part
 }
 
-#[tokio::test]
-async fn the_recorded_stream_says_what_is_written_beside_it() {
+/// What is recorded under this name says what is written beside it, and has all that a decoder has to know of.
+async fn check(name: &str, encoding: v1::SurfaceEncoding) -> Vec<v1::State> {
+    let (stream, beside) = (path(&format!("{name}.bin")), path(&format!("{name}.json")));
     if std::env::var_os("KERF_WRITE_VECTORS").is_some() {
-        let messages = record().await;
+        let messages = record(encoding).await;
         let file: Vec<u8> = messages
             .iter()
             .flat_map(|message| [&(message.encoded_len() as u32).to_le_bytes()[..], &message.encode_to_vec()].concat())
             .collect();
-        std::fs::write(path("cut.bin"), file).unwrap();
-        std::fs::write(path("cut.json"), serde_json::to_string(&replayed(&messages)).unwrap()).unwrap();
+        std::fs::write(&stream, file).unwrap();
+        std::fs::write(&beside, serde_json::to_string(&replayed(&messages)).unwrap()).unwrap();
     }
-    let messages = messages(&std::fs::read(path("cut.bin")).unwrap());
-    let written: Vec<Expected> = serde_json::from_slice(&std::fs::read(path("cut.json")).unwrap()).unwrap();
+    let messages = messages(&std::fs::read(stream).unwrap());
+    let written: Vec<Expected> = serde_json::from_slice(&std::fs::read(beside).unwrap()).unwrap();
     assert_eq!(replayed(&messages), written);
 
-    // All that a decoder has to know of is in it.
     let kinds = |kind: &str| written.iter().filter(|expected| expected.message == kind).count();
     assert!(kinds("keyframe") == 1 && kinds("patch") > 3 && kinds("state") > 10, "{}", written.len());
     assert!(messages.len() > written.len(), "fragments");
-    let states = messages.iter().filter_map(|whole| match &whole.message {
+    let states = messages.into_iter().filter_map(|whole| match whole.message {
         Some(view_response::Message::State(state)) => Some(state),
         _ => None,
     });
     let states: Vec<_> = states.collect();
     assert!(states.iter().filter(|state| state.has_reference).count() > 1, "references");
     assert!(states.iter().any(|state| !state.has_reference), "differences to an earlier one");
+    states
+}
+
+#[tokio::test]
+async fn the_recorded_stream_says_what_is_written_beside_it() {
+    let states = check("cut", v1::SurfaceEncoding::Lattice).await;
     assert!(states.iter().any(|state| !state.bodies[0].adapted_ids.is_empty()), "adapted vertices");
+}
+
+#[tokio::test]
+async fn the_recorded_stream_of_plain_vertices_says_what_is_written_beside_it() {
+    check("cut-vertices", v1::SurfaceEncoding::Vertices).await;
 }

@@ -99,7 +99,9 @@ class Moved:
 class Body:
     """Checked as it comes in, so that positions can be evaluated without looking again."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, has_plain_vertices: bool = False) -> None:
+        #: Vertices are nodes themselves.
+        self._has_plain_vertices = has_plain_vertices
         self._rest_m: F32 = np.zeros((0, 3), dtype=np.float32)
         self._is_node: NDArray[np.bool_] = np.zeros(0, dtype=bool)
         self._displacement_m: F32 = np.zeros((0, 3), dtype=np.float32)
@@ -125,11 +127,11 @@ class Body:
         if not 0.0 < self._quantum_m < np.inf:
             raise ReplicaError(f"quantum_m: {self._quantum_m} m", field="quantum_m", limit="above 0")
         self._change_nodes(change)
-        ids, nodes = _rows("element_ids", change.element_ids, "element_nodes", change.element_nodes, 8, np.uint32)
-        if not (nodes < len(self._is_node)).all() or not self._is_node[nodes].all():
-            raise ReplicaError("element_nodes: a node does not exist", field="element_nodes", limit="ids that exist")
-        self._elements.upsert(ids, nodes)
-        self._change_vertices(change)
+        if self._has_plain_vertices:
+            self._change_plain_vertices(change)
+        else:
+            self._change_elements(change)
+            self._change_vertices(change)
         self._change_quads(change)
 
     def read_state(self, state: pb.BodyState, has_reference: bool) -> Moved:
@@ -163,12 +165,8 @@ class Body:
     def surface(self, object_name: str, step: int, topology_version: int) -> Surface:
         """Where the surface is now."""
         ids, quad_ids = self._vertices.ids, self._quads.ids
-        elements = self._elements.find(self._vertices.rows[:, 0].astype(np.uint32), "vertex_elements")
-        nodes = self._elements.rows[elements].astype(np.intp)
-        weights = _corner_weights(self._local.rows.astype(np.float32))
-        rest_m = _weighted(weights, self._rest_m[nodes])
-        weights[np.searchsorted(ids, self._held.ids)] = self._held.rows
-        vertices_m = rest_m + _weighted(weights, self._displacement_m[nodes])
+        rest_m, moved_m = self._plain() if self._has_plain_vertices else self._interpolated()
+        vertices_m = rest_m + moved_m
         vertices_m[np.searchsorted(ids, self._adapted_ids)] += self._adapted_m
         quads = np.searchsorted(ids, self._quads.rows.astype(np.uint32)).astype(np.int64)
         return Surface(
@@ -184,6 +182,19 @@ class Body:
             step=step,
             topology_version=topology_version,
         )
+
+    def _plain(self) -> tuple[F32, F32]:
+        """Rest positions and displacements of the vertices."""
+        return self._rest_m[self._vertices.ids], self._displacement_m[self._vertices.ids]
+
+    def _interpolated(self) -> tuple[F32, F32]:
+        """The same, of vertices that move with elements."""
+        elements = self._elements.find(self._vertices.rows[:, 0].astype(np.uint32), "vertex_elements")
+        nodes = self._elements.rows[elements].astype(np.intp)
+        weights = _corner_weights(self._local.rows.astype(np.float32))
+        rest_m = _weighted(weights, self._rest_m[nodes])
+        weights[np.searchsorted(self._vertices.ids, self._held.ids)] = self._held.rows
+        return rest_m, _weighted(weights, self._displacement_m[nodes])
 
     def _change_nodes(self, change: pb.BodyStructure) -> None:
         have = len(self._rest_m)
@@ -201,13 +212,21 @@ class Body:
         self._is_node = np.concatenate([self._is_node, np.zeros(more, dtype=bool)])
         self._rest_m[ids], self._is_node[ids] = rest_m, True
 
+    def _change_elements(self, change: pb.BodyStructure) -> None:
+        ids, nodes = _rows("element_ids", change.element_ids, "element_nodes", change.element_nodes, 8, np.uint32)
+        if not (nodes < len(self._is_node)).all() or not self._is_node[nodes].all():
+            raise ReplicaError("element_nodes: a node does not exist", field="element_nodes", limit="ids that exist")
+        self._elements.upsert(ids, nodes)
+
+    def _change_plain_vertices(self, change: pb.BodyStructure) -> None:
+        ids = np.array(change.node_ids, dtype=np.uint32)
+        self._vertices.upsert(ids, ids[:, None])
+        self._materials.upsert(ids, _materials(change, len(ids)))
+
     def _change_vertices(self, change: pb.BodyStructure) -> None:
         ids, local = _rows("vertex_ids", change.vertex_ids, "vertex_local", change.vertex_local, 3, np.float32)
         elements = _array("vertex_elements", change.vertex_elements, len(ids), 1, np.uint32)
         self._elements.find(elements[:, 0], "vertex_elements")
-        materials: NDArray[Any] = np.zeros((len(ids), 1), dtype=np.uint8)
-        if change.vertex_materials:
-            materials = _array("vertex_materials", change.vertex_materials, len(ids), 1, np.uint8)
         known, before_elements = self._vertices.known(ids)
         _, before_local = self._local.known(ids)
         before = surface_hash.sum_of_vertices(known, before_elements[:, 0], before_local)
@@ -215,7 +234,7 @@ class Body:
         self.hash_sum = surface_hash.exchange(self.hash_sum, before, after)
         self._vertices.upsert(ids, elements)
         self._local.upsert(ids, local)
-        self._materials.upsert(ids, materials)
+        self._materials.upsert(ids, _materials(change, len(ids)))
         self._held.remove(ids)
         held, of_each = change.held_vertex_ids, change.held_vertex_weights
         held_ids, weights = _rows("held_vertex_ids", held, "held_vertex_weights", of_each, 8, np.float32)
@@ -229,6 +248,12 @@ class Body:
         after = surface_hash.sum_of_quads(ids, corners)
         self.hash_sum = surface_hash.exchange(self.hash_sum, before, after)
         self._quads.upsert(ids, corners)
+
+
+def _materials(change: pb.BodyStructure, count: int) -> NDArray[Any]:
+    if not change.vertex_materials:
+        return np.zeros((count, 1), dtype=np.uint8)
+    return _array("vertex_materials", change.vertex_materials, count, 1, np.uint8)
 
 
 def _corner_weights(local: F32) -> F32:

@@ -10,6 +10,9 @@ namespace Kerf.Client
     {
         const int Corners = 8;
 
+        // Vertices are nodes themselves: SURFACE_ENCODING_VERTICES.
+        readonly bool hasPlainVertices;
+
         // By node slot, three numbers each. Displacements in quanta.
         float[] restM = new float[0];
         long[] reference = new long[0];
@@ -22,6 +25,11 @@ namespace Kerf.Client
         readonly Dictionary<uint, int> slotOfQuad = new Dictionary<uint, int>();
         readonly List<Quad> quads = new List<Quad>();
         readonly List<Adapted> adapted = new List<Adapted>();
+
+        internal Body(bool hasPlainVertices)
+        {
+            this.hasPlainVertices = hasPlainVertices;
+        }
 
         /// <summary>Vertices of the surface; those of a lower index never change their id.</summary>
         public int VertexCount => vertices.Count;
@@ -90,6 +98,12 @@ namespace Kerf.Client
 
         void Position(Vertex vertex, float[] intoM, int at)
         {
+            if (hasPlainVertices)
+            {
+                var of = 3 * (int)vertex.Id;
+                for (var axis = 0; axis < 3; axis++) intoM[at + axis] = (float)(restM[of + axis] + quantumM * displacement[of + axis]);
+                return;
+            }
             var nodes = elements[vertex.Element];
             double x = 0, y = 0, z = 0;
             for (var corner = 0; corner < Corners; corner++)
@@ -119,6 +133,7 @@ namespace Kerf.Client
 
         double Rest(Vertex vertex, int axis)
         {
+            if (hasPlainVertices) return restM[3 * vertex.Id + axis];
             var nodes = elements[vertex.Element];
             double sum = 0;
             for (var corner = 0; corner < Corners; corner++) sum += CornerWeight(corner, vertex) * restM[3 * nodes[corner] + axis];
@@ -139,8 +154,15 @@ namespace Kerf.Client
             if (change.QuantumM > 0) quantumM = change.QuantumM;
             Need(quantumM > 0, "quantum_m", "a positive length");
             ChangeNodes(change);
-            ChangeElements(change);
-            ChangeVertices(change);
+            if (hasPlainVertices)
+            {
+                ChangePlainVertices(change);
+            }
+            else
+            {
+                ChangeElements(change);
+                ChangeVertices(change);
+            }
             ChangeQuads(change);
         }
 
@@ -205,6 +227,25 @@ namespace Kerf.Client
                 else
                 {
                     Exchange(0, after);
+                    slotOfVertex[vertex.Id] = vertices.Count;
+                    vertices.Add(vertex);
+                }
+            }
+        }
+
+        void ChangePlainVertices(BodyStructure change)
+        {
+            var hasMaterials = change.VertexMaterials.Count != 0;
+            if (hasMaterials) NeedCount("vertex_materials", change.VertexMaterials.Count, change.NodeIds.Count);
+            for (var i = 0; i < change.NodeIds.Count; i++)
+            {
+                var vertex = new Vertex { Id = change.NodeIds[i], Material = hasMaterials ? change.VertexMaterials[i] : 0 };
+                if (slotOfVertex.TryGetValue(vertex.Id, out var slot))
+                {
+                    vertices[slot] = vertex;
+                }
+                else
+                {
                     slotOfVertex[vertex.Id] = vertices.Count;
                     vertices.Add(vertex);
                 }

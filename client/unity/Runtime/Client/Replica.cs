@@ -10,6 +10,7 @@ namespace Kerf.Client
     {
         readonly List<Body> bodies = new List<Body>();
         ulong? version;
+        bool hasPlainVertices;
 
         /// <summary>In the order of SceneSummary.objects; new ones with each keyframe.</summary>
         public IReadOnlyList<Body> Bodies => bodies;
@@ -20,7 +21,7 @@ namespace Kerf.Client
         /// <summary>The newest state that was taken; its displacements are in the bodies.</summary>
         public State State { get; private set; }
 
-        /// <summary>The hash that the newest keyframe or patch states for this surface.</summary>
+        /// <summary>The hash that the newest keyframe or patch states for this surface; none of plain vertices.</summary>
         public ulong StatedHash { get; private set; }
 
         /// <summary>The hash of this surface, from what is here.</summary>
@@ -40,7 +41,8 @@ namespace Kerf.Client
             {
                 case ViewResponse.MessageOneofCase.Keyframe:
                     bodies.Clear();
-                    foreach (var _ in message.Keyframe.Bodies) bodies.Add(new Body());
+                    hasPlainVertices = message.Keyframe.Encoding == SurfaceEncoding.Vertices;
+                    foreach (var _ in message.Keyframe.Bodies) bodies.Add(new Body(hasPlainVertices));
                     Change(message.Keyframe.Bodies, message.Keyframe.TopologyVersion, message.Keyframe.SurfaceHash);
                     return true;
                 case ViewResponse.MessageOneofCase.Patch:
@@ -61,7 +63,7 @@ namespace Kerf.Client
             version = null;
             for (var i = 0; i < changes.Count; i++) bodies[i].Change(changes[i]);
             StatedHash = statedHash;
-            if (Hash() != statedHash) throw new MalformedException("surface_hash", "the hash of what came before it");
+            if (!hasPlainVertices && Hash() != statedHash) throw new MalformedException("surface_hash", "the hash of what came before it");
             version = to;
             StructureCount++;
         }

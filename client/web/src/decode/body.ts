@@ -11,6 +11,8 @@ const MAX_NODES = (64 << 20) / 12;
 
 /** Every vertex refers to an element, every element to nodes, every quad to vertices that exist. */
 export class Body {
+  /** Vertices are nodes themselves: `SURFACE_ENCODING_VERTICES`. */
+  readonly hasPlainVertices: boolean;
   nodeCount = 0;
   /** Rest position by node slot, m; NaN for a slot without a node. */
   nodeRest = new Float32Array(0);
@@ -28,7 +30,7 @@ export class Body {
   elementNodes = new Uint32Array(0);
 
   private readonly vertices = new Slots();
-  /** By vertex slot: slot of its element, trilinear coordinates there, material of its voxel, hash. */
+  /** By vertex slot: slot of its element (of its node, of a plain one), trilinear coordinates there, material of its voxel, hash. */
   vertexElement = new Uint32Array(0);
   vertexLocal = new Float32Array(0);
   vertexMaterial = new Uint8Array(0);
@@ -52,6 +54,10 @@ export class Body {
   /** Sum of the hashes of the vertices and quads, kept as they come. */
   readonly hashSum: Word = { hi: 0, lo: 0 };
 
+  constructor(hasPlainVertices = false) {
+    this.hasPlainVertices = hasPlainVertices;
+  }
+
   get elementCount(): number {
     return this.elements.count;
   }
@@ -73,9 +79,13 @@ export class Body {
   change(change: BodyStructure): void {
     this.setQuantum(change);
     this.upsertNodes(change);
-    this.upsertElements(change);
-    this.upsertVertices(change);
-    this.upsertHeld(change);
+    if (this.hasPlainVertices) {
+      this.upsertPlainVertices(change);
+    } else {
+      this.upsertElements(change);
+      this.upsertVertices(change);
+      this.upsertHeld(change);
+    }
     this.upsertQuads(change);
   }
 
@@ -195,6 +205,18 @@ export class Body {
       this.vertexMaterial[slot] = vertexMaterials[i] ?? 0;
       const hash = vertexHash(id, vertexElements[i], bits[3 * i], bits[3 * i + 1], bits[3 * i + 2]);
       this.exchangeHash(this.vertexHashes, slot, hash);
+    });
+  }
+
+  private upsertPlainVertices({ nodeIds, vertexMaterials }: BodyStructure): void {
+    if (vertexMaterials.length > 0) checkLength("vertex_materials", vertexMaterials, nodeIds.length);
+    const total = this.vertices.count + nodeIds.length;
+    this.vertexElement = grown(this.vertexElement, total);
+    this.vertexMaterial = grown(this.vertexMaterial, total);
+    nodeIds.forEach((id, i) => {
+      const slot = this.vertices.claim(id);
+      this.vertexElement[slot] = id;
+      this.vertexMaterial[slot] = vertexMaterials[i] ?? 0;
     });
   }
 

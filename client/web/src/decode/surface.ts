@@ -150,7 +150,8 @@ export class BodySurface {
   }
 
   private sortVertices(): void {
-    const { vertexElement, vertexCount, elementCount } = this.body;
+    const { vertexElement, vertexCount, elementCount, hasPlainVertices } = this.body;
+    if (hasPlainVertices) return;
     const ends = new Uint32Array(elementCount + 1);
     for (let slot = 0; slot < vertexCount; slot++) ends[vertexElement[slot] + 1]++;
     for (let element = 0; element < elementCount; element++) ends[element + 1] += ends[element];
@@ -169,7 +170,13 @@ export class BodySurface {
 
   /** Trilinear values of all vertices, of the values at the nodes. */
   private interpolate(nodes: Float32Array, out: Float32Array): void {
-    const { elementNodes, vertexElement, vertexLocal } = this.body;
+    const { elementNodes, vertexElement, vertexLocal, vertexCount, hasPlainVertices } = this.body;
+    if (hasPlainVertices) {
+      for (let slot = 0; slot < vertexCount; slot++) {
+        for (let axis = 0; axis < 3; axis++) out[3 * slot + axis] = nodes[3 * vertexElement[slot] + axis];
+      }
+      return;
+    }
     const { order } = this;
     // Polynomial of the element whose vertices come next, for each axis: 1, u, v, w, uv, uw, vw, uvw.
     const p = new Float64Array(24);

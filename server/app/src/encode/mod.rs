@@ -200,7 +200,8 @@ impl EncodedState {
 }
 
 fn quantised(lengths_m: &[f32], quantum_m: f64) -> Vec<i32> {
-    lengths_m.iter().map(|length_m| (f64::from(*length_m) / quantum_m).round_ties_even() as i32).collect()
+    let per_m = 1.0 / quantum_m;
+    lengths_m.iter().map(|length_m| (f64::from(*length_m) * per_m).round_ties_even() as i32).collect()
 }
 
 fn adapted_ids(adapted: &[AdaptedVertex]) -> Bytes {

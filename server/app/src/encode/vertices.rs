@@ -206,11 +206,11 @@ fn corner_weight(corner: usize, local: [f32; 3]) -> f32 {
     (0..3).map(|axis| if corner >> axis & 1 == 1 { local[axis] } else { 1.0 - local[axis] }).product()
 }
 
-fn weighted(nodes: &[u32; 8], weights: &[f32; 8], at_node: impl Fn(usize) -> [f32; 3]) -> [f32; 3] {
-    let mut sum = [0.0; 3];
+fn weighted<const N: usize>(nodes: &[u32; 8], weights: &[f32; 8], at_node: impl Fn(usize) -> [f32; N]) -> [f32; N] {
+    let mut sum = [0.0; N];
     for (node, weight) in nodes.iter().zip(weights) {
         let value = at_node(*node as usize);
-        for axis in 0..3 {
+        for axis in 0..N {
             sum[axis] += weight * value[axis];
         }
     }

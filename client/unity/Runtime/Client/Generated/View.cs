@@ -25,67 +25,72 @@ namespace Kerf.V1 {
       byte[] descriptorData = global::System.Convert.FromBase64String(
           string.Concat(
             "ChJrZXJmL3YxL3ZpZXcucHJvdG8SB2tlcmYudjEaFWtlcmYvdjEvc2Vzc2lv",
-            "bi5wcm90bxoTa2VyZi92MS90eXBlcy5wcm90byJ8CgtWaWV3UmVxdWVzdBIY",
-            "ChBwcm90b2NvbF92ZXJzaW9uGAEgASgNEhIKCnNlc3Npb25faWQYAiABKAkS",
-            "DwoHcmF0ZV9oehgDIAEoARIUCgx3YW50c19lbmVyZ3kYBCABKAgSGAoQbWF4",
-            "X2Vycm9yX3ZveGVscxgFIAEoASKoAgoMVmlld1Jlc3BvbnNlEiUKCGtleWZy",
-            "YW1lGAEgASgLMhEua2VyZi52MS5LZXlmcmFtZUgAEicKBXBhdGNoGAIgASgL",
-            "MhYua2VyZi52MS5Ub3BvbG9neVBhdGNoSAASHwoFc3RhdGUYAyABKAsyDi5r",
-            "ZXJmLnYxLlN0YXRlSAASHwoFZXZlbnQYBCABKAsyDi5rZXJmLnYxLkV2ZW50",
-            "SAASHwoFZmF1bHQYBSABKAsyDi5rZXJmLnYxLkZhdWx0SAASIwoFaGVsbG8Y",
-            "BiABKAsyEi5rZXJmLnYxLlZpZXdIZWxsb0gAEiUKCGZyYWdtZW50GAcgASgL",
-            "MhEua2VyZi52MS5GcmFnbWVudEgAEg4KBm51bWJlchgIIAEoBEIJCgdtZXNz",
-            "YWdlIk4KCVZpZXdIZWxsbxIYChBwcm90b2NvbF92ZXJzaW9uGAEgASgNEhcK",
-            "D3NlcnZlcl9pbnN0YW5jZRgCIAEoCRIOCgZ2aWV3ZXIYAyABKAkiKwoIRnJh",
-            "Z21lbnQSDAoEZGF0YRgBIAEoDBIRCglyZW1haW5pbmcYAiABKA0iNAoSQWNr",
-            "bm93bGVkZ2VSZXF1ZXN0Eg4KBnZpZXdlchgBIAEoCRIOCgZudW1iZXIYAiAB",
-            "KAQiFQoTQWNrbm93bGVkZ2VSZXNwb25zZSJiCghLZXlmcmFtZRIYChB0b3Bv",
-            "bG9neV92ZXJzaW9uGAEgASgEEiYKBmJvZGllcxgCIAMoCzIWLmtlcmYudjEu",
-            "Qm9keVN0cnVjdHVyZRIUCgxzdXJmYWNlX2hhc2gYAyABKAYidwoNVG9wb2xv",
-            "Z3lQYXRjaBIUCgxmcm9tX3ZlcnNpb24YASABKAQSEgoKdG9fdmVyc2lvbhgC",
-            "IAEoBBImCgZib2RpZXMYAyADKAsyFi5rZXJmLnYxLkJvZHlTdHJ1Y3R1cmUS",
-            "FAoMc3VyZmFjZV9oYXNoGAQgASgGIsUCCg1Cb2R5U3RydWN0dXJlEhIKCm5v",
-            "ZGVfY291bnQYASABKA0SEAoIbm9kZV9pZHMYAiADKA0SEwoLbm9kZV9yZXN0",
-            "X20YAyADKAISEwoLZWxlbWVudF9pZHMYBCADKA0SFQoNZWxlbWVudF9ub2Rl",
-            "cxgFIAMoDRISCgp2ZXJ0ZXhfaWRzGAYgAygNEhcKD3ZlcnRleF9lbGVtZW50",
-            "cxgHIAMoDRIUCgx2ZXJ0ZXhfbG9jYWwYCCADKAISGAoQdmVydGV4X21hdGVy",
-            "aWFscxgLIAMoDRIQCghxdWFkX2lkcxgJIAMoDRIVCg1xdWFkX3ZlcnRpY2Vz",
-            "GAogAygNEhcKD2hlbGRfdmVydGV4X2lkcxgMIAMoDRIbChNoZWxkX3ZlcnRl",
-            "eF93ZWlnaHRzGA0gAygCEhEKCXF1YW50dW1fbRgOIAEoASKbAgoFU3RhdGUS",
-            "GAoQdG9wb2xvZ3lfdmVyc2lvbhgBIAEoBBIMCgRzdGVwGAIgASgEEhIKCnNp",
-            "bV90aW1lX3MYAyABKAESIgoGYm9kaWVzGAQgAygLMhIua2VyZi52MS5Cb2R5",
-            "U3RhdGUSIQoFdG9vbHMYBSADKAsyEi5rZXJmLnYxLlRvb2xTdGF0ZRISCgps",
-            "YXRlX3N0ZXBzGAYgASgEEiUKB3Byb2ZpbGUYByABKAsyFC5rZXJmLnYxLlN0",
-            "ZXBQcm9maWxlEiUKBmVuZXJneRgIIAEoCzIVLmtlcmYudjEuRW5lcmd5TGVk",
-            "Z2VyEhYKDnJlZmVyZW5jZV9zdGVwGAkgASgEEhUKDWhhc19yZWZlcmVuY2UY",
-            "CiABKAgisgEKCUJvZHlTdGF0ZRIVCg1kaXNwbGFjZW1lbnRzGAQgASgMEhEK",
-            "CXJlZmVyZW5jZRgFIAEoDBITCgthZGFwdGVkX2lkcxgGIAEoDBIXCg9hZGFw",
-            "dGVkX29mZnNldHMYByABKAxKBAgBEAJKBAgCEANKBAgDEARSFG5vZGVfZGlz",
-            "cGxhY2VtZW50c19tUhJhZGFwdGVkX3ZlcnRleF9pZHNSEWFkYXB0ZWRfb2Zm",
-            "c2V0c19tIogBCglUb29sU3RhdGUSGwoEcG9zZRgBIAEoCzINLmtlcmYudjEu",
-            "UG9zZRIfCgZ3cmVuY2gYAiABKAsyDy5rZXJmLnYxLldyZW5jaBIYChBjdXR0",
-            "aW5nX2xlbmd0aF9tGAMgASgCEg8KB29wZW5pbmcYBCABKAISEgoKaXNfaG9s",
-            "ZGluZxgFIAEoCCJ7CgtTdGVwUHJvZmlsZRINCgVzdGVwcxgBIAEoDRIUCgxz",
-            "dGFnZV9tZWFuX3MYAiADKAISEwoLc3RlcF9tZWFuX3MYAyABKAISEgoKc3Rl",
-            "cF9tYXhfcxgEIAEoAhIeChZzb2x2ZXJfaXRlcmF0aW9uc19tZWFuGAUgASgC",
-            "Mo4BCgtWaWV3U2VydmljZRI1CgRWaWV3EhQua2VyZi52MS5WaWV3UmVxdWVz",
-            "dBoVLmtlcmYudjEuVmlld1Jlc3BvbnNlMAESSAoLQWNrbm93bGVkZ2USGy5r",
-            "ZXJmLnYxLkFja25vd2xlZGdlUmVxdWVzdBocLmtlcmYudjEuQWNrbm93bGVk",
-            "Z2VSZXNwb25zZWIGcHJvdG8z"));
+            "bi5wcm90bxoTa2VyZi92MS90eXBlcy5wcm90byK/AQoLVmlld1JlcXVlc3QS",
+            "GAoQcHJvdG9jb2xfdmVyc2lvbhgBIAEoDRISCgpzZXNzaW9uX2lkGAIgASgJ",
+            "Eg8KB3JhdGVfaHoYAyABKAESFAoMd2FudHNfZW5lcmd5GAQgASgIEhgKEG1h",
+            "eF9lcnJvcl92b3hlbHMYBSABKAESKgoIZW5jb2RpbmcYBiABKA4yGC5rZXJm",
+            "LnYxLlN1cmZhY2VFbmNvZGluZxIVCg13YW50c19ub3JtYWxzGAcgASgIIqgC",
+            "CgxWaWV3UmVzcG9uc2USJQoIa2V5ZnJhbWUYASABKAsyES5rZXJmLnYxLktl",
+            "eWZyYW1lSAASJwoFcGF0Y2gYAiABKAsyFi5rZXJmLnYxLlRvcG9sb2d5UGF0",
+            "Y2hIABIfCgVzdGF0ZRgDIAEoCzIOLmtlcmYudjEuU3RhdGVIABIfCgVldmVu",
+            "dBgEIAEoCzIOLmtlcmYudjEuRXZlbnRIABIfCgVmYXVsdBgFIAEoCzIOLmtl",
+            "cmYudjEuRmF1bHRIABIjCgVoZWxsbxgGIAEoCzISLmtlcmYudjEuVmlld0hl",
+            "bGxvSAASJQoIZnJhZ21lbnQYByABKAsyES5rZXJmLnYxLkZyYWdtZW50SAAS",
+            "DgoGbnVtYmVyGAggASgEQgkKB21lc3NhZ2UiTgoJVmlld0hlbGxvEhgKEHBy",
+            "b3RvY29sX3ZlcnNpb24YASABKA0SFwoPc2VydmVyX2luc3RhbmNlGAIgASgJ",
+            "Eg4KBnZpZXdlchgDIAEoCSIrCghGcmFnbWVudBIMCgRkYXRhGAEgASgMEhEK",
+            "CXJlbWFpbmluZxgCIAEoDSI0ChJBY2tub3dsZWRnZVJlcXVlc3QSDgoGdmll",
+            "d2VyGAEgASgJEg4KBm51bWJlchgCIAEoBCIVChNBY2tub3dsZWRnZVJlc3Bv",
+            "bnNlIo4BCghLZXlmcmFtZRIYChB0b3BvbG9neV92ZXJzaW9uGAEgASgEEiYK",
+            "BmJvZGllcxgCIAMoCzIWLmtlcmYudjEuQm9keVN0cnVjdHVyZRIUCgxzdXJm",
+            "YWNlX2hhc2gYAyABKAYSKgoIZW5jb2RpbmcYBCABKA4yGC5rZXJmLnYxLlN1",
+            "cmZhY2VFbmNvZGluZyJ3Cg1Ub3BvbG9neVBhdGNoEhQKDGZyb21fdmVyc2lv",
+            "bhgBIAEoBBISCgp0b192ZXJzaW9uGAIgASgEEiYKBmJvZGllcxgDIAMoCzIW",
+            "LmtlcmYudjEuQm9keVN0cnVjdHVyZRIUCgxzdXJmYWNlX2hhc2gYBCABKAYi",
+            "xQIKDUJvZHlTdHJ1Y3R1cmUSEgoKbm9kZV9jb3VudBgBIAEoDRIQCghub2Rl",
+            "X2lkcxgCIAMoDRITCgtub2RlX3Jlc3RfbRgDIAMoAhITCgtlbGVtZW50X2lk",
+            "cxgEIAMoDRIVCg1lbGVtZW50X25vZGVzGAUgAygNEhIKCnZlcnRleF9pZHMY",
+            "BiADKA0SFwoPdmVydGV4X2VsZW1lbnRzGAcgAygNEhQKDHZlcnRleF9sb2Nh",
+            "bBgIIAMoAhIYChB2ZXJ0ZXhfbWF0ZXJpYWxzGAsgAygNEhAKCHF1YWRfaWRz",
+            "GAkgAygNEhUKDXF1YWRfdmVydGljZXMYCiADKA0SFwoPaGVsZF92ZXJ0ZXhf",
+            "aWRzGAwgAygNEhsKE2hlbGRfdmVydGV4X3dlaWdodHMYDSADKAISEQoJcXVh",
+            "bnR1bV9tGA4gASgBIpsCCgVTdGF0ZRIYChB0b3BvbG9neV92ZXJzaW9uGAEg",
+            "ASgEEgwKBHN0ZXAYAiABKAQSEgoKc2ltX3RpbWVfcxgDIAEoARIiCgZib2Rp",
+            "ZXMYBCADKAsyEi5rZXJmLnYxLkJvZHlTdGF0ZRIhCgV0b29scxgFIAMoCzIS",
+            "LmtlcmYudjEuVG9vbFN0YXRlEhIKCmxhdGVfc3RlcHMYBiABKAQSJQoHcHJv",
+            "ZmlsZRgHIAEoCzIULmtlcmYudjEuU3RlcFByb2ZpbGUSJQoGZW5lcmd5GAgg",
+            "ASgLMhUua2VyZi52MS5FbmVyZ3lMZWRnZXISFgoOcmVmZXJlbmNlX3N0ZXAY",
+            "CSABKAQSFQoNaGFzX3JlZmVyZW5jZRgKIAEoCCLDAQoJQm9keVN0YXRlEhUK",
+            "DWRpc3BsYWNlbWVudHMYBCABKAwSEQoJcmVmZXJlbmNlGAUgASgMEhMKC2Fk",
+            "YXB0ZWRfaWRzGAYgASgMEhcKD2FkYXB0ZWRfb2Zmc2V0cxgHIAEoDBIPCgdu",
+            "b3JtYWxzGAggASgMSgQIARACSgQIAhADSgQIAxAEUhRub2RlX2Rpc3BsYWNl",
+            "bWVudHNfbVISYWRhcHRlZF92ZXJ0ZXhfaWRzUhFhZGFwdGVkX29mZnNldHNf",
+            "bSKIAQoJVG9vbFN0YXRlEhsKBHBvc2UYASABKAsyDS5rZXJmLnYxLlBvc2US",
+            "HwoGd3JlbmNoGAIgASgLMg8ua2VyZi52MS5XcmVuY2gSGAoQY3V0dGluZ19s",
+            "ZW5ndGhfbRgDIAEoAhIPCgdvcGVuaW5nGAQgASgCEhIKCmlzX2hvbGRpbmcY",
+            "BSABKAgiewoLU3RlcFByb2ZpbGUSDQoFc3RlcHMYASABKA0SFAoMc3RhZ2Vf",
+            "bWVhbl9zGAIgAygCEhMKC3N0ZXBfbWVhbl9zGAMgASgCEhIKCnN0ZXBfbWF4",
+            "X3MYBCABKAISHgoWc29sdmVyX2l0ZXJhdGlvbnNfbWVhbhgFIAEoAipwCg9T",
+            "dXJmYWNlRW5jb2RpbmcSIAocU1VSRkFDRV9FTkNPRElOR19VTlNQRUNJRklF",
+            "RBAAEhwKGFNVUkZBQ0VfRU5DT0RJTkdfTEFUVElDRRABEh0KGVNVUkZBQ0Vf",
+            "RU5DT0RJTkdfVkVSVElDRVMQAjKOAQoLVmlld1NlcnZpY2USNQoEVmlldxIU",
+            "LmtlcmYudjEuVmlld1JlcXVlc3QaFS5rZXJmLnYxLlZpZXdSZXNwb25zZTAB",
+            "EkgKC0Fja25vd2xlZGdlEhsua2VyZi52MS5BY2tub3dsZWRnZVJlcXVlc3Qa",
+            "HC5rZXJmLnYxLkFja25vd2xlZGdlUmVzcG9uc2ViBnByb3RvMw=="));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { global::Kerf.V1.SessionReflection.Descriptor, global::Kerf.V1.TypesReflection.Descriptor, },
-          new pbr::GeneratedClrTypeInfo(null, null, new pbr::GeneratedClrTypeInfo[] {
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ViewRequest), global::Kerf.V1.ViewRequest.Parser, new[]{ "ProtocolVersion", "SessionId", "RateHz", "WantsEnergy", "MaxErrorVoxels" }, null, null, null, null),
+          new pbr::GeneratedClrTypeInfo(new[] {typeof(global::Kerf.V1.SurfaceEncoding), }, null, new pbr::GeneratedClrTypeInfo[] {
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ViewRequest), global::Kerf.V1.ViewRequest.Parser, new[]{ "ProtocolVersion", "SessionId", "RateHz", "WantsEnergy", "MaxErrorVoxels", "Encoding", "WantsNormals" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ViewResponse), global::Kerf.V1.ViewResponse.Parser, new[]{ "Keyframe", "Patch", "State", "Event", "Fault", "Hello", "Fragment", "Number" }, new[]{ "Message" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ViewHello), global::Kerf.V1.ViewHello.Parser, new[]{ "ProtocolVersion", "ServerInstance", "Viewer" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Fragment), global::Kerf.V1.Fragment.Parser, new[]{ "Data", "Remaining" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.AcknowledgeRequest), global::Kerf.V1.AcknowledgeRequest.Parser, new[]{ "Viewer", "Number" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.AcknowledgeResponse), global::Kerf.V1.AcknowledgeResponse.Parser, null, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Keyframe), global::Kerf.V1.Keyframe.Parser, new[]{ "TopologyVersion", "Bodies", "SurfaceHash" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Keyframe), global::Kerf.V1.Keyframe.Parser, new[]{ "TopologyVersion", "Bodies", "SurfaceHash", "Encoding" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.TopologyPatch), global::Kerf.V1.TopologyPatch.Parser, new[]{ "FromVersion", "ToVersion", "Bodies", "SurfaceHash" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.BodyStructure), global::Kerf.V1.BodyStructure.Parser, new[]{ "NodeCount", "NodeIds", "NodeRestM", "ElementIds", "ElementNodes", "VertexIds", "VertexElements", "VertexLocal", "VertexMaterials", "QuadIds", "QuadVertices", "HeldVertexIds", "HeldVertexWeights", "QuantumM" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.State), global::Kerf.V1.State.Parser, new[]{ "TopologyVersion", "Step", "SimTimeS", "Bodies", "Tools", "LateSteps", "Profile", "Energy", "ReferenceStep", "HasReference" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.BodyState), global::Kerf.V1.BodyState.Parser, new[]{ "Displacements", "Reference", "AdaptedIds", "AdaptedOffsets" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.BodyState), global::Kerf.V1.BodyState.Parser, new[]{ "Displacements", "Reference", "AdaptedIds", "AdaptedOffsets", "Normals" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ToolState), global::Kerf.V1.ToolState.Parser, new[]{ "Pose", "Wrench", "CuttingLengthM", "Opening", "IsHolding" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.StepProfile), global::Kerf.V1.StepProfile.Parser, new[]{ "Steps", "StageMeanS", "StepMeanS", "StepMaxS", "SolverIterationsMean" }, null, null, null, null)
           }));
@@ -93,6 +98,30 @@ namespace Kerf.V1 {
     #endregion
 
   }
+  #region Enums
+  /// <summary>
+  /// How surfaces come to a viewer.
+  /// </summary>
+  public enum SurfaceEncoding {
+    /// <summary>
+    /// As SURFACE_ENCODING_LATTICE.
+    /// </summary>
+    [pbr::OriginalName("SURFACE_ENCODING_UNSPECIFIED")] Unspecified = 0,
+    /// <summary>
+    /// Vertices are bound to elements, and states move the elements' nodes: the least to send.
+    /// </summary>
+    [pbr::OriginalName("SURFACE_ENCODING_LATTICE")] Lattice = 1,
+    /// <summary>
+    /// Vertices come as they are: each is a node itself, and quad_vertices are node ids. There are no elements, no
+    /// vertex_ids and nothing that runs in parallel to them, no held vertices and no adapted offsets, which are in the displacements;
+    /// vertex_materials run in parallel to node_ids. Node ids are given out from 0 up, without gaps. A vertex is at
+    /// rest + displacement. surface_hash is 0 and says nothing.
+    /// </summary>
+    [pbr::OriginalName("SURFACE_ENCODING_VERTICES")] Vertices = 2,
+  }
+
+  #endregion
+
   #region Messages
   /// <summary>
   /// What a viewer wants.
@@ -136,6 +165,8 @@ namespace Kerf.V1 {
       rateHz_ = other.rateHz_;
       wantsEnergy_ = other.wantsEnergy_;
       maxErrorVoxels_ = other.maxErrorVoxels_;
+      encoding_ = other.encoding_;
+      wantsNormals_ = other.wantsNormals_;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -222,6 +253,36 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "encoding" field.</summary>
+    public const int EncodingFieldNumber = 6;
+    private global::Kerf.V1.SurfaceEncoding encoding_ = global::Kerf.V1.SurfaceEncoding.Unspecified;
+    /// <summary>
+    /// How surfaces come.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.SurfaceEncoding Encoding {
+      get { return encoding_; }
+      set {
+        encoding_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "wants_normals" field.</summary>
+    public const int WantsNormalsFieldNumber = 7;
+    private bool wantsNormals_;
+    /// <summary>
+    /// States come with the normals of the surface. With SURFACE_ENCODING_VERTICES only; else INVALID_ARGUMENT.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool WantsNormals {
+      get { return wantsNormals_; }
+      set {
+        wantsNormals_ = value;
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -242,6 +303,8 @@ namespace Kerf.V1 {
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(RateHz, other.RateHz)) return false;
       if (WantsEnergy != other.WantsEnergy) return false;
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(MaxErrorVoxels, other.MaxErrorVoxels)) return false;
+      if (Encoding != other.Encoding) return false;
+      if (WantsNormals != other.WantsNormals) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -254,6 +317,8 @@ namespace Kerf.V1 {
       if (RateHz != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(RateHz);
       if (WantsEnergy != false) hash ^= WantsEnergy.GetHashCode();
       if (MaxErrorVoxels != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(MaxErrorVoxels);
+      if (Encoding != global::Kerf.V1.SurfaceEncoding.Unspecified) hash ^= Encoding.GetHashCode();
+      if (WantsNormals != false) hash ^= WantsNormals.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -292,6 +357,14 @@ namespace Kerf.V1 {
         output.WriteRawTag(41);
         output.WriteDouble(MaxErrorVoxels);
       }
+      if (Encoding != global::Kerf.V1.SurfaceEncoding.Unspecified) {
+        output.WriteRawTag(48);
+        output.WriteEnum((int) Encoding);
+      }
+      if (WantsNormals != false) {
+        output.WriteRawTag(56);
+        output.WriteBool(WantsNormals);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -322,6 +395,14 @@ namespace Kerf.V1 {
         output.WriteRawTag(41);
         output.WriteDouble(MaxErrorVoxels);
       }
+      if (Encoding != global::Kerf.V1.SurfaceEncoding.Unspecified) {
+        output.WriteRawTag(48);
+        output.WriteEnum((int) Encoding);
+      }
+      if (WantsNormals != false) {
+        output.WriteRawTag(56);
+        output.WriteBool(WantsNormals);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -346,6 +427,12 @@ namespace Kerf.V1 {
       }
       if (MaxErrorVoxels != 0D) {
         size += 1 + 8;
+      }
+      if (Encoding != global::Kerf.V1.SurfaceEncoding.Unspecified) {
+        size += 1 + pb::CodedOutputStream.ComputeEnumSize((int) Encoding);
+      }
+      if (WantsNormals != false) {
+        size += 1 + 1;
       }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
@@ -373,6 +460,12 @@ namespace Kerf.V1 {
       }
       if (other.MaxErrorVoxels != 0D) {
         MaxErrorVoxels = other.MaxErrorVoxels;
+      }
+      if (other.Encoding != global::Kerf.V1.SurfaceEncoding.Unspecified) {
+        Encoding = other.Encoding;
+      }
+      if (other.WantsNormals != false) {
+        WantsNormals = other.WantsNormals;
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -409,6 +502,14 @@ namespace Kerf.V1 {
             MaxErrorVoxels = input.ReadDouble();
             break;
           }
+          case 48: {
+            Encoding = (global::Kerf.V1.SurfaceEncoding) input.ReadEnum();
+            break;
+          }
+          case 56: {
+            WantsNormals = input.ReadBool();
+            break;
+          }
         }
       }
     #endif
@@ -442,6 +543,14 @@ namespace Kerf.V1 {
           }
           case 41: {
             MaxErrorVoxels = input.ReadDouble();
+            break;
+          }
+          case 48: {
+            Encoding = (global::Kerf.V1.SurfaceEncoding) input.ReadEnum();
+            break;
+          }
+          case 56: {
+            WantsNormals = input.ReadBool();
             break;
           }
         }
@@ -2007,6 +2116,7 @@ namespace Kerf.V1 {
       topologyVersion_ = other.topologyVersion_;
       bodies_ = other.bodies_.Clone();
       surfaceHash_ = other.surfaceHash_;
+      encoding_ = other.encoding_;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -2060,6 +2170,21 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "encoding" field.</summary>
+    public const int EncodingFieldNumber = 4;
+    private global::Kerf.V1.SurfaceEncoding encoding_ = global::Kerf.V1.SurfaceEncoding.Unspecified;
+    /// <summary>
+    /// How this stream encodes surfaces: as asked for.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.SurfaceEncoding Encoding {
+      get { return encoding_; }
+      set {
+        encoding_ = value;
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -2078,6 +2203,7 @@ namespace Kerf.V1 {
       if (TopologyVersion != other.TopologyVersion) return false;
       if(!bodies_.Equals(other.bodies_)) return false;
       if (SurfaceHash != other.SurfaceHash) return false;
+      if (Encoding != other.Encoding) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -2088,6 +2214,7 @@ namespace Kerf.V1 {
       if (TopologyVersion != 0UL) hash ^= TopologyVersion.GetHashCode();
       hash ^= bodies_.GetHashCode();
       if (SurfaceHash != 0UL) hash ^= SurfaceHash.GetHashCode();
+      if (Encoding != global::Kerf.V1.SurfaceEncoding.Unspecified) hash ^= Encoding.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -2115,6 +2242,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(25);
         output.WriteFixed64(SurfaceHash);
       }
+      if (Encoding != global::Kerf.V1.SurfaceEncoding.Unspecified) {
+        output.WriteRawTag(32);
+        output.WriteEnum((int) Encoding);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -2134,6 +2265,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(25);
         output.WriteFixed64(SurfaceHash);
       }
+      if (Encoding != global::Kerf.V1.SurfaceEncoding.Unspecified) {
+        output.WriteRawTag(32);
+        output.WriteEnum((int) Encoding);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -2150,6 +2285,9 @@ namespace Kerf.V1 {
       size += bodies_.CalculateSize(_repeated_bodies_codec);
       if (SurfaceHash != 0UL) {
         size += 1 + 8;
+      }
+      if (Encoding != global::Kerf.V1.SurfaceEncoding.Unspecified) {
+        size += 1 + pb::CodedOutputStream.ComputeEnumSize((int) Encoding);
       }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
@@ -2169,6 +2307,9 @@ namespace Kerf.V1 {
       bodies_.Add(other.bodies_);
       if (other.SurfaceHash != 0UL) {
         SurfaceHash = other.SurfaceHash;
+      }
+      if (other.Encoding != global::Kerf.V1.SurfaceEncoding.Unspecified) {
+        Encoding = other.Encoding;
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -2197,6 +2338,10 @@ namespace Kerf.V1 {
             SurfaceHash = input.ReadFixed64();
             break;
           }
+          case 32: {
+            Encoding = (global::Kerf.V1.SurfaceEncoding) input.ReadEnum();
+            break;
+          }
         }
       }
     #endif
@@ -2222,6 +2367,10 @@ namespace Kerf.V1 {
           }
           case 25: {
             SurfaceHash = input.ReadFixed64();
+            break;
+          }
+          case 32: {
+            Encoding = (global::Kerf.V1.SurfaceEncoding) input.ReadEnum();
             break;
           }
         }
@@ -3745,6 +3894,7 @@ namespace Kerf.V1 {
       reference_ = other.reference_;
       adaptedIds_ = other.adaptedIds_;
       adaptedOffsets_ = other.adaptedOffsets_;
+      normals_ = other.normals_;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -3818,6 +3968,23 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "normals" field.</summary>
+    public const int NormalsFieldNumber = 8;
+    private pb::ByteString normals_ = pb::ByteString.Empty;
+    /// <summary>
+    /// Where ViewRequest.wants_normals: two bytes for each node slot, the outward normal there on an octahedron: x and y
+    /// as two's complement of eight bits, over 127, with z = 1 - |x| - |y|; where z &lt; 0, x is (1 - |y|) sgn(x) and y is (1 - |x|) sgn(y)
+    /// of the x and y that came. What is left is to make its length 1. Zero counts as positive.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public pb::ByteString Normals {
+      get { return normals_; }
+      set {
+        normals_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -3837,6 +4004,7 @@ namespace Kerf.V1 {
       if (Reference != other.Reference) return false;
       if (AdaptedIds != other.AdaptedIds) return false;
       if (AdaptedOffsets != other.AdaptedOffsets) return false;
+      if (Normals != other.Normals) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -3848,6 +4016,7 @@ namespace Kerf.V1 {
       if (Reference.Length != 0) hash ^= Reference.GetHashCode();
       if (AdaptedIds.Length != 0) hash ^= AdaptedIds.GetHashCode();
       if (AdaptedOffsets.Length != 0) hash ^= AdaptedOffsets.GetHashCode();
+      if (Normals.Length != 0) hash ^= Normals.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -3882,6 +4051,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(58);
         output.WriteBytes(AdaptedOffsets);
       }
+      if (Normals.Length != 0) {
+        output.WriteRawTag(66);
+        output.WriteBytes(Normals);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -3908,6 +4081,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(58);
         output.WriteBytes(AdaptedOffsets);
       }
+      if (Normals.Length != 0) {
+        output.WriteRawTag(66);
+        output.WriteBytes(Normals);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -3929,6 +4106,9 @@ namespace Kerf.V1 {
       }
       if (AdaptedOffsets.Length != 0) {
         size += 1 + pb::CodedOutputStream.ComputeBytesSize(AdaptedOffsets);
+      }
+      if (Normals.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeBytesSize(Normals);
       }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
@@ -3953,6 +4133,9 @@ namespace Kerf.V1 {
       }
       if (other.AdaptedOffsets.Length != 0) {
         AdaptedOffsets = other.AdaptedOffsets;
+      }
+      if (other.Normals.Length != 0) {
+        Normals = other.Normals;
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -3985,6 +4168,10 @@ namespace Kerf.V1 {
             AdaptedOffsets = input.ReadBytes();
             break;
           }
+          case 66: {
+            Normals = input.ReadBytes();
+            break;
+          }
         }
       }
     #endif
@@ -4014,6 +4201,10 @@ namespace Kerf.V1 {
           }
           case 58: {
             AdaptedOffsets = input.ReadBytes();
+            break;
+          }
+          case 66: {
+            Normals = input.ReadBytes();
             break;
           }
         }
