@@ -234,11 +234,14 @@ pub struct ViewLimits {
     /// Largest message; what is larger comes in fragments of this size. Default 1 MiB: clients of gRPC take 4 MiB
     /// unless they are told otherwise.
     pub max_message_bytes: usize,
+    /// Most voxels of an object whose inside is told. Default 65,536: putting it together takes the session some 10 ms,
+    /// and an answer has some 2 MB.
+    pub max_interior_voxels: u32,
 }
 
 impl Default for ViewLimits {
     fn default() -> Self {
-        Self { max_age_s: 0.25, max_message_bytes: 1 << 20 }
+        Self { max_age_s: 0.25, max_message_bytes: 1 << 20, max_interior_voxels: 1 << 16 }
     }
 }
 

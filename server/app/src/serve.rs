@@ -214,7 +214,8 @@ async fn routes(
     let control = ControlServiceServer::new(ControlService::new(Arc::clone(registry), config.control.clone()))
         .max_decoding_message_size(limits.max_incoming_bytes)
         .max_encoding_message_size(limits.max_outgoing_bytes);
-    let view = ViewServiceServer::new(ViewService::new(Arc::clone(registry), config.view.clone()))
+    let view = ViewService::new(Arc::clone(registry), config.view.clone(), limits.request_timeout_s);
+    let view = ViewServiceServer::new(view)
         .max_decoding_message_size(limits.max_incoming_bytes)
         .max_encoding_message_size(limits.max_outgoing_bytes);
     let (health, health_service) = health_reporter();

@@ -94,6 +94,26 @@ pub enum RequestError {
         /// `max_unary_drivers`.
         limit: usize,
     },
+    /// An object that is not in the scene.
+    #[error("object = {object}: the scene has {objects}, counted from 0")]
+    NoObject {
+        /// Its index.
+        object: u32,
+        /// Objects in the scene.
+        objects: usize,
+    },
+    /// More voxels than are told.
+    #[error(
+        "object = {object}: it has {voxels} voxels, and the inside of {limit} at most is told (max_interior_voxels)"
+    )]
+    TooManyVoxels {
+        /// Its index.
+        object: u32,
+        /// Its voxels.
+        voxels: u32,
+        /// `max_interior_voxels`.
+        limit: u32,
+    },
     /// No scene of this name.
     #[error("no scene {name:?}")]
     NoScene {
@@ -166,6 +186,8 @@ impl RequestError {
             | Self::Motion { .. }
             | Self::TooManyRejected { .. }
             | Self::LeaseOfOther { .. }
+            | Self::NoObject { .. }
+            | Self::TooManyVoxels { .. }
             | Self::SceneText { .. } => Code::InvalidArgument,
             Self::Idle { .. } | Self::Unresponsive { .. } => Code::DeadlineExceeded,
             Self::TooManyUnaryDrivers { .. } => Code::ResourceExhausted,

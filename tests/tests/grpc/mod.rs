@@ -8,6 +8,7 @@ mod cut;
 mod dial;
 mod harness;
 mod hostile;
+mod interior;
 mod lifecycle;
 mod lock_step;
 mod own_scenes;

@@ -229,6 +229,13 @@ impl ViewService for Server {
     ) -> Result<Response<v1::AcknowledgeResponse>, Status> {
         Ok(Response::new(v1::AcknowledgeResponse {}))
     }
+
+    async fn get_interior(
+        &self,
+        _: Request<v1::GetInteriorRequest>,
+    ) -> Result<Response<v1::GetInteriorResponse>, Status> {
+        Err(Status::unimplemented("not part of this stand-in"))
+    }
 }
 
 #[tonic::async_trait]

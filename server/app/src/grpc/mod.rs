@@ -4,6 +4,7 @@ mod contact_deadband;
 pub mod control_service;
 mod control_stream;
 mod in_flight;
+mod interiors;
 mod pose_budget;
 pub mod session_service;
 mod unary_drivers;

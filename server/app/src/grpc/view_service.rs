@@ -9,8 +9,9 @@ use kerf_session::{Registry, Session, SessionId};
 use tokio::sync::watch;
 use tonic::{Request, Response, Status};
 
+use super::interiors::Interiors;
 use super::view_stream::ViewStream;
-use super::{Outgoing, check_version, grant_rate_hz, token};
+use super::{Outgoing, check_version, grant_rate_hz, in_time, token};
 use crate::config::ViewLimits;
 use crate::encode::{Encoder, Encoding};
 use crate::status::RequestError;
@@ -22,13 +23,23 @@ const DEFAULT_RATE_HZ: f64 = 60.0;
 pub struct ViewService {
     registry: Arc<Registry>,
     limits: ViewLimits,
+    /// How long a session has to answer.
+    request_timeout_s: f64,
     viewers: Arc<Acknowledged>,
     encoders: Encoders,
+    interiors: Interiors,
 }
 
 impl ViewService {
-    pub fn new(registry: Arc<Registry>, limits: ViewLimits) -> Self {
-        Self { registry, limits, viewers: Arc::default(), encoders: Encoders::default() }
+    pub fn new(registry: Arc<Registry>, limits: ViewLimits, request_timeout_s: f64) -> Self {
+        Self {
+            registry,
+            limits,
+            request_timeout_s,
+            viewers: Arc::default(),
+            encoders: Encoders::default(),
+            interiors: Interiors::default(),
+        }
     }
 }
 
@@ -69,6 +80,23 @@ impl v1::view_service_server::ViewService for ViewService {
         let v1::AcknowledgeRequest { viewer, number } = request.get_ref();
         self.viewers.acknowledge(viewer, *number)?;
         Ok(Response::new(v1::AcknowledgeResponse {}))
+    }
+
+    async fn get_interior(
+        &self,
+        request: Request<v1::GetInteriorRequest>,
+    ) -> Result<Response<v1::GetInteriorResponse>, Status> {
+        let v1::GetInteriorRequest { session_id, object } = request.get_ref();
+        let session = self.registry.get(session_id).map_err(RequestError::from)?;
+        let objects = session.object_stats();
+        let stats = objects.get(*object as usize);
+        let stats = stats.ok_or(RequestError::NoObject { object: *object, objects: objects.len() })?;
+        let (voxels, limit) = (stats.voxels, self.limits.max_interior_voxels);
+        if voxels > limit {
+            return Err(RequestError::TooManyVoxels { object: *object, voxels, limit }.into());
+        }
+        let interior = in_time(self.request_timeout_s, self.interiors.of(&session, *object as usize)).await?;
+        Ok(Response::new(interior.as_ref().clone()))
     }
 }
 

@@ -5,6 +5,7 @@ mod blade_contact;
 mod body_slot;
 mod brake;
 mod contact_model;
+mod interior;
 mod part_groups;
 mod pulled;
 mod queries;
@@ -36,6 +37,7 @@ use tool::Tool;
 use tool_contact::ToolContact;
 
 pub use crate::body::Relaxation;
+pub use interior::Interior;
 pub use queries::{ObjectStats, TissuePress, WorldCounts};
 pub use snapshot::Snapshot;
 

@@ -41,42 +41,50 @@ namespace Kerf.V1 {
             "Eg4KBnZpZXdlchgDIAEoCSIrCghGcmFnbWVudBIMCgRkYXRhGAEgASgMEhEK",
             "CXJlbWFpbmluZxgCIAEoDSI0ChJBY2tub3dsZWRnZVJlcXVlc3QSDgoGdmll",
             "d2VyGAEgASgJEg4KBm51bWJlchgCIAEoBCIVChNBY2tub3dsZWRnZVJlc3Bv",
-            "bnNlIo4BCghLZXlmcmFtZRIYChB0b3BvbG9neV92ZXJzaW9uGAEgASgEEiYK",
-            "BmJvZGllcxgCIAMoCzIWLmtlcmYudjEuQm9keVN0cnVjdHVyZRIUCgxzdXJm",
-            "YWNlX2hhc2gYAyABKAYSKgoIZW5jb2RpbmcYBCABKA4yGC5rZXJmLnYxLlN1",
-            "cmZhY2VFbmNvZGluZyJ3Cg1Ub3BvbG9neVBhdGNoEhQKDGZyb21fdmVyc2lv",
-            "bhgBIAEoBBISCgp0b192ZXJzaW9uGAIgASgEEiYKBmJvZGllcxgDIAMoCzIW",
-            "LmtlcmYudjEuQm9keVN0cnVjdHVyZRIUCgxzdXJmYWNlX2hhc2gYBCABKAYi",
-            "xQIKDUJvZHlTdHJ1Y3R1cmUSEgoKbm9kZV9jb3VudBgBIAEoDRIQCghub2Rl",
-            "X2lkcxgCIAMoDRITCgtub2RlX3Jlc3RfbRgDIAMoAhITCgtlbGVtZW50X2lk",
-            "cxgEIAMoDRIVCg1lbGVtZW50X25vZGVzGAUgAygNEhIKCnZlcnRleF9pZHMY",
-            "BiADKA0SFwoPdmVydGV4X2VsZW1lbnRzGAcgAygNEhQKDHZlcnRleF9sb2Nh",
-            "bBgIIAMoAhIYChB2ZXJ0ZXhfbWF0ZXJpYWxzGAsgAygNEhAKCHF1YWRfaWRz",
-            "GAkgAygNEhUKDXF1YWRfdmVydGljZXMYCiADKA0SFwoPaGVsZF92ZXJ0ZXhf",
-            "aWRzGAwgAygNEhsKE2hlbGRfdmVydGV4X3dlaWdodHMYDSADKAISEQoJcXVh",
-            "bnR1bV9tGA4gASgBIpsCCgVTdGF0ZRIYChB0b3BvbG9neV92ZXJzaW9uGAEg",
-            "ASgEEgwKBHN0ZXAYAiABKAQSEgoKc2ltX3RpbWVfcxgDIAEoARIiCgZib2Rp",
-            "ZXMYBCADKAsyEi5rZXJmLnYxLkJvZHlTdGF0ZRIhCgV0b29scxgFIAMoCzIS",
-            "LmtlcmYudjEuVG9vbFN0YXRlEhIKCmxhdGVfc3RlcHMYBiABKAQSJQoHcHJv",
-            "ZmlsZRgHIAEoCzIULmtlcmYudjEuU3RlcFByb2ZpbGUSJQoGZW5lcmd5GAgg",
-            "ASgLMhUua2VyZi52MS5FbmVyZ3lMZWRnZXISFgoOcmVmZXJlbmNlX3N0ZXAY",
-            "CSABKAQSFQoNaGFzX3JlZmVyZW5jZRgKIAEoCCLDAQoJQm9keVN0YXRlEhUK",
-            "DWRpc3BsYWNlbWVudHMYBCABKAwSEQoJcmVmZXJlbmNlGAUgASgMEhMKC2Fk",
-            "YXB0ZWRfaWRzGAYgASgMEhcKD2FkYXB0ZWRfb2Zmc2V0cxgHIAEoDBIPCgdu",
-            "b3JtYWxzGAggASgMSgQIARACSgQIAhADSgQIAxAEUhRub2RlX2Rpc3BsYWNl",
-            "bWVudHNfbVISYWRhcHRlZF92ZXJ0ZXhfaWRzUhFhZGFwdGVkX29mZnNldHNf",
-            "bSKIAQoJVG9vbFN0YXRlEhsKBHBvc2UYASABKAsyDS5rZXJmLnYxLlBvc2US",
-            "HwoGd3JlbmNoGAIgASgLMg8ua2VyZi52MS5XcmVuY2gSGAoQY3V0dGluZ19s",
-            "ZW5ndGhfbRgDIAEoAhIPCgdvcGVuaW5nGAQgASgCEhIKCmlzX2hvbGRpbmcY",
-            "BSABKAgiewoLU3RlcFByb2ZpbGUSDQoFc3RlcHMYASABKA0SFAoMc3RhZ2Vf",
-            "bWVhbl9zGAIgAygCEhMKC3N0ZXBfbWVhbl9zGAMgASgCEhIKCnN0ZXBfbWF4",
-            "X3MYBCABKAISHgoWc29sdmVyX2l0ZXJhdGlvbnNfbWVhbhgFIAEoAipwCg9T",
-            "dXJmYWNlRW5jb2RpbmcSIAocU1VSRkFDRV9FTkNPRElOR19VTlNQRUNJRklF",
-            "RBAAEhwKGFNVUkZBQ0VfRU5DT0RJTkdfTEFUVElDRRABEh0KGVNVUkZBQ0Vf",
-            "RU5DT0RJTkdfVkVSVElDRVMQAjKOAQoLVmlld1NlcnZpY2USNQoEVmlldxIU",
-            "LmtlcmYudjEuVmlld1JlcXVlc3QaFS5rZXJmLnYxLlZpZXdSZXNwb25zZTAB",
-            "EkgKC0Fja25vd2xlZGdlEhsua2VyZi52MS5BY2tub3dsZWRnZVJlcXVlc3Qa",
-            "HC5rZXJmLnYxLkFja25vd2xlZGdlUmVzcG9uc2ViBnByb3RvMw=="));
+            "bnNlIjgKEkdldEludGVyaW9yUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJ",
+            "Eg4KBm9iamVjdBgCIAEoDSLVAQoTR2V0SW50ZXJpb3JSZXNwb25zZRIMCgRz",
+            "dGVwGAEgASgEEhgKEHRvcG9sb2d5X3ZlcnNpb24YAiABKAQSFAoMdm94ZWxf",
+            "c2l6ZV9tGAMgASgBEhkKEXZveGVsX3Bvc2l0aW9uc19tGAQgAygCEhYKDnZv",
+            "eGVsX2VsZW1lbnRzGAUgAygNEiEKGWVsZW1lbnRfZW5lcmdpZXNfal9wZXJf",
+            "bTMYBiADKAISFAoMaW50YWN0X2xpbmtzGAcgAygNEhQKDHBhcnRlZF9saW5r",
+            "cxgIIAMoDSKOAQoIS2V5ZnJhbWUSGAoQdG9wb2xvZ3lfdmVyc2lvbhgBIAEo",
+            "BBImCgZib2RpZXMYAiADKAsyFi5rZXJmLnYxLkJvZHlTdHJ1Y3R1cmUSFAoM",
+            "c3VyZmFjZV9oYXNoGAMgASgGEioKCGVuY29kaW5nGAQgASgOMhgua2VyZi52",
+            "MS5TdXJmYWNlRW5jb2RpbmcidwoNVG9wb2xvZ3lQYXRjaBIUCgxmcm9tX3Zl",
+            "cnNpb24YASABKAQSEgoKdG9fdmVyc2lvbhgCIAEoBBImCgZib2RpZXMYAyAD",
+            "KAsyFi5rZXJmLnYxLkJvZHlTdHJ1Y3R1cmUSFAoMc3VyZmFjZV9oYXNoGAQg",
+            "ASgGIsUCCg1Cb2R5U3RydWN0dXJlEhIKCm5vZGVfY291bnQYASABKA0SEAoI",
+            "bm9kZV9pZHMYAiADKA0SEwoLbm9kZV9yZXN0X20YAyADKAISEwoLZWxlbWVu",
+            "dF9pZHMYBCADKA0SFQoNZWxlbWVudF9ub2RlcxgFIAMoDRISCgp2ZXJ0ZXhf",
+            "aWRzGAYgAygNEhcKD3ZlcnRleF9lbGVtZW50cxgHIAMoDRIUCgx2ZXJ0ZXhf",
+            "bG9jYWwYCCADKAISGAoQdmVydGV4X21hdGVyaWFscxgLIAMoDRIQCghxdWFk",
+            "X2lkcxgJIAMoDRIVCg1xdWFkX3ZlcnRpY2VzGAogAygNEhcKD2hlbGRfdmVy",
+            "dGV4X2lkcxgMIAMoDRIbChNoZWxkX3ZlcnRleF93ZWlnaHRzGA0gAygCEhEK",
+            "CXF1YW50dW1fbRgOIAEoASKbAgoFU3RhdGUSGAoQdG9wb2xvZ3lfdmVyc2lv",
+            "bhgBIAEoBBIMCgRzdGVwGAIgASgEEhIKCnNpbV90aW1lX3MYAyABKAESIgoG",
+            "Ym9kaWVzGAQgAygLMhIua2VyZi52MS5Cb2R5U3RhdGUSIQoFdG9vbHMYBSAD",
+            "KAsyEi5rZXJmLnYxLlRvb2xTdGF0ZRISCgpsYXRlX3N0ZXBzGAYgASgEEiUK",
+            "B3Byb2ZpbGUYByABKAsyFC5rZXJmLnYxLlN0ZXBQcm9maWxlEiUKBmVuZXJn",
+            "eRgIIAEoCzIVLmtlcmYudjEuRW5lcmd5TGVkZ2VyEhYKDnJlZmVyZW5jZV9z",
+            "dGVwGAkgASgEEhUKDWhhc19yZWZlcmVuY2UYCiABKAgiwwEKCUJvZHlTdGF0",
+            "ZRIVCg1kaXNwbGFjZW1lbnRzGAQgASgMEhEKCXJlZmVyZW5jZRgFIAEoDBIT",
+            "CgthZGFwdGVkX2lkcxgGIAEoDBIXCg9hZGFwdGVkX29mZnNldHMYByABKAwS",
+            "DwoHbm9ybWFscxgIIAEoDEoECAEQAkoECAIQA0oECAMQBFIUbm9kZV9kaXNw",
+            "bGFjZW1lbnRzX21SEmFkYXB0ZWRfdmVydGV4X2lkc1IRYWRhcHRlZF9vZmZz",
+            "ZXRzX20iiAEKCVRvb2xTdGF0ZRIbCgRwb3NlGAEgASgLMg0ua2VyZi52MS5Q",
+            "b3NlEh8KBndyZW5jaBgCIAEoCzIPLmtlcmYudjEuV3JlbmNoEhgKEGN1dHRp",
+            "bmdfbGVuZ3RoX20YAyABKAISDwoHb3BlbmluZxgEIAEoAhISCgppc19ob2xk",
+            "aW5nGAUgASgIInsKC1N0ZXBQcm9maWxlEg0KBXN0ZXBzGAEgASgNEhQKDHN0",
+            "YWdlX21lYW5fcxgCIAMoAhITCgtzdGVwX21lYW5fcxgDIAEoAhISCgpzdGVw",
+            "X21heF9zGAQgASgCEh4KFnNvbHZlcl9pdGVyYXRpb25zX21lYW4YBSABKAIq",
+            "cAoPU3VyZmFjZUVuY29kaW5nEiAKHFNVUkZBQ0VfRU5DT0RJTkdfVU5TUEVD",
+            "SUZJRUQQABIcChhTVVJGQUNFX0VOQ09ESU5HX0xBVFRJQ0UQARIdChlTVVJG",
+            "QUNFX0VOQ09ESU5HX1ZFUlRJQ0VTEAIy2AEKC1ZpZXdTZXJ2aWNlEjUKBFZp",
+            "ZXcSFC5rZXJmLnYxLlZpZXdSZXF1ZXN0GhUua2VyZi52MS5WaWV3UmVzcG9u",
+            "c2UwARJICgtBY2tub3dsZWRnZRIbLmtlcmYudjEuQWNrbm93bGVkZ2VSZXF1",
+            "ZXN0Ghwua2VyZi52MS5BY2tub3dsZWRnZVJlc3BvbnNlEkgKC0dldEludGVy",
+            "aW9yEhsua2VyZi52MS5HZXRJbnRlcmlvclJlcXVlc3QaHC5rZXJmLnYxLkdl",
+            "dEludGVyaW9yUmVzcG9uc2ViBnByb3RvMw=="));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { global::Kerf.V1.SessionReflection.Descriptor, global::Kerf.V1.TypesReflection.Descriptor, },
           new pbr::GeneratedClrTypeInfo(new[] {typeof(global::Kerf.V1.SurfaceEncoding), }, null, new pbr::GeneratedClrTypeInfo[] {
@@ -86,6 +94,8 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Fragment), global::Kerf.V1.Fragment.Parser, new[]{ "Data", "Remaining" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.AcknowledgeRequest), global::Kerf.V1.AcknowledgeRequest.Parser, new[]{ "Viewer", "Number" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.AcknowledgeResponse), global::Kerf.V1.AcknowledgeResponse.Parser, null, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.GetInteriorRequest), global::Kerf.V1.GetInteriorRequest.Parser, new[]{ "SessionId", "Object" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.GetInteriorResponse), global::Kerf.V1.GetInteriorResponse.Parser, new[]{ "Step", "TopologyVersion", "VoxelSizeM", "VoxelPositionsM", "VoxelElements", "ElementEnergiesJPerM3", "IntactLinks", "PartedLinks" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Keyframe), global::Kerf.V1.Keyframe.Parser, new[]{ "TopologyVersion", "Bodies", "SurfaceHash", "Encoding" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.TopologyPatch), global::Kerf.V1.TopologyPatch.Parser, new[]{ "FromVersion", "ToVersion", "Bodies", "SurfaceHash" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.BodyStructure), global::Kerf.V1.BodyStructure.Parser, new[]{ "NodeCount", "NodeIds", "NodeRestM", "ElementIds", "ElementNodes", "VertexIds", "VertexElements", "VertexLocal", "VertexMaterials", "QuadIds", "QuadVertices", "HeldVertexIds", "HeldVertexWeights", "QuantumM" }, null, null, null, null),
@@ -2077,6 +2087,674 @@ namespace Kerf.V1 {
   }
 
   /// <summary>
+  /// Asks for the inside of an object.
+  /// </summary>
+  public sealed partial class GetInteriorRequest : pb::IMessage<GetInteriorRequest>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<GetInteriorRequest> _parser = new pb::MessageParser<GetInteriorRequest>(() => new GetInteriorRequest());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<GetInteriorRequest> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.ViewReflection.Descriptor.MessageTypes[6]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public GetInteriorRequest() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public GetInteriorRequest(GetInteriorRequest other) : this() {
+      sessionId_ = other.sessionId_;
+      object_ = other.object_;
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public GetInteriorRequest Clone() {
+      return new GetInteriorRequest(this);
+    }
+
+    /// <summary>Field number for the "session_id" field.</summary>
+    public const int SessionIdFieldNumber = 1;
+    private string sessionId_ = "";
+    /// <summary>
+    /// The session.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public string SessionId {
+      get { return sessionId_; }
+      set {
+        sessionId_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    /// <summary>Field number for the "object" field.</summary>
+    public const int ObjectFieldNumber = 2;
+    private uint object_;
+    /// <summary>
+    /// The object, an index into SceneSummary.objects.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public uint Object {
+      get { return object_; }
+      set {
+        object_ = value;
+      }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as GetInteriorRequest);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(GetInteriorRequest other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (SessionId != other.SessionId) return false;
+      if (Object != other.Object) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (SessionId.Length != 0) hash ^= SessionId.GetHashCode();
+      if (Object != 0) hash ^= Object.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (SessionId.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteString(SessionId);
+      }
+      if (Object != 0) {
+        output.WriteRawTag(16);
+        output.WriteUInt32(Object);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (SessionId.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteString(SessionId);
+      }
+      if (Object != 0) {
+        output.WriteRawTag(16);
+        output.WriteUInt32(Object);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (SessionId.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeStringSize(SessionId);
+      }
+      if (Object != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt32Size(Object);
+      }
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(GetInteriorRequest other) {
+      if (other == null) {
+        return;
+      }
+      if (other.SessionId.Length != 0) {
+        SessionId = other.SessionId;
+      }
+      if (other.Object != 0) {
+        Object = other.Object;
+      }
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 10: {
+            SessionId = input.ReadString();
+            break;
+          }
+          case 16: {
+            Object = input.ReadUInt32();
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 10: {
+            SessionId = input.ReadString();
+            break;
+          }
+          case 16: {
+            Object = input.ReadUInt32();
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
+  /// The inside of an object after a step. Voxels are told by their number, from 0, in the order of voxel_positions_m.
+  /// </summary>
+  public sealed partial class GetInteriorResponse : pb::IMessage<GetInteriorResponse>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<GetInteriorResponse> _parser = new pb::MessageParser<GetInteriorResponse>(() => new GetInteriorResponse());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<GetInteriorResponse> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.ViewReflection.Descriptor.MessageTypes[7]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public GetInteriorResponse() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public GetInteriorResponse(GetInteriorResponse other) : this() {
+      step_ = other.step_;
+      topologyVersion_ = other.topologyVersion_;
+      voxelSizeM_ = other.voxelSizeM_;
+      voxelPositionsM_ = other.voxelPositionsM_.Clone();
+      voxelElements_ = other.voxelElements_.Clone();
+      elementEnergiesJPerM3_ = other.elementEnergiesJPerM3_.Clone();
+      intactLinks_ = other.intactLinks_.Clone();
+      partedLinks_ = other.partedLinks_.Clone();
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public GetInteriorResponse Clone() {
+      return new GetInteriorResponse(this);
+    }
+
+    /// <summary>Field number for the "step" field.</summary>
+    public const int StepFieldNumber = 1;
+    private ulong step_;
+    /// <summary>
+    /// Steps taken.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ulong Step {
+      get { return step_; }
+      set {
+        step_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "topology_version" field.</summary>
+    public const int TopologyVersionFieldNumber = 2;
+    private ulong topologyVersion_;
+    /// <summary>
+    /// Changes of the structure, as State.topology_version.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ulong TopologyVersion {
+      get { return topologyVersion_; }
+      set {
+        topologyVersion_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "voxel_size_m" field.</summary>
+    public const int VoxelSizeMFieldNumber = 3;
+    private double voxelSizeM_;
+    /// <summary>
+    /// Edge of a voxel at rest, m.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public double VoxelSizeM {
+      get { return voxelSizeM_; }
+      set {
+        voxelSizeM_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "voxel_positions_m" field.</summary>
+    public const int VoxelPositionsMFieldNumber = 4;
+    private static readonly pb::FieldCodec<float> _repeated_voxelPositionsM_codec
+        = pb::FieldCodec.ForFloat(34);
+    private readonly pbc::RepeatedField<float> voxelPositionsM_ = new pbc::RepeatedField<float>();
+    /// <summary>
+    /// Where the middle of each voxel is now, m, scene frame: x, y, z per voxel.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public pbc::RepeatedField<float> VoxelPositionsM {
+      get { return voxelPositionsM_; }
+    }
+
+    /// <summary>Field number for the "voxel_elements" field.</summary>
+    public const int VoxelElementsFieldNumber = 5;
+    private static readonly pb::FieldCodec<uint> _repeated_voxelElements_codec
+        = pb::FieldCodec.ForUInt32(42);
+    private readonly pbc::RepeatedField<uint> voxelElements_ = new pbc::RepeatedField<uint>();
+    /// <summary>
+    /// Composite element that each voxel belongs to, an index into element_energies_j_per_m3. The ids of a
+    /// BodyStructure of SURFACE_ENCODING_LATTICE are the same.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public pbc::RepeatedField<uint> VoxelElements {
+      get { return voxelElements_; }
+    }
+
+    /// <summary>Field number for the "element_energies_j_per_m3" field.</summary>
+    public const int ElementEnergiesJPerM3FieldNumber = 6;
+    private static readonly pb::FieldCodec<float> _repeated_elementEnergiesJPerM3_codec
+        = pb::FieldCodec.ForFloat(50);
+    private readonly pbc::RepeatedField<float> elementEnergiesJPerM3_ = new pbc::RepeatedField<float>();
+    /// <summary>
+    /// Elastic energy of each composite element over its volume, J/m^3; of relaxing materials, what does not relax. What
+    /// a link holds per area, J/m^2, is voxel_size_m times the mean of its ends' elements: it stands for a layer of one
+    /// voxel. By the link-energy rule it parts where that reaches the fracture energy Gc.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public pbc::RepeatedField<float> ElementEnergiesJPerM3 {
+      get { return elementEnergiesJPerM3_; }
+    }
+
+    /// <summary>Field number for the "intact_links" field.</summary>
+    public const int IntactLinksFieldNumber = 7;
+    private static readonly pb::FieldCodec<uint> _repeated_intactLinks_codec
+        = pb::FieldCodec.ForUInt32(58);
+    private readonly pbc::RepeatedField<uint> intactLinks_ = new pbc::RepeatedField<uint>();
+    /// <summary>
+    /// Links that hold: two voxels per link.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public pbc::RepeatedField<uint> IntactLinks {
+      get { return intactLinks_; }
+    }
+
+    /// <summary>Field number for the "parted_links" field.</summary>
+    public const int PartedLinksFieldNumber = 8;
+    private static readonly pb::FieldCodec<uint> _repeated_partedLinks_codec
+        = pb::FieldCodec.ForUInt32(66);
+    private readonly pbc::RepeatedField<uint> partedLinks_ = new pbc::RepeatedField<uint>();
+    /// <summary>
+    /// Links that have parted, two voxels per link.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public pbc::RepeatedField<uint> PartedLinks {
+      get { return partedLinks_; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as GetInteriorResponse);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(GetInteriorResponse other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (Step != other.Step) return false;
+      if (TopologyVersion != other.TopologyVersion) return false;
+      if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(VoxelSizeM, other.VoxelSizeM)) return false;
+      if(!voxelPositionsM_.Equals(other.voxelPositionsM_)) return false;
+      if(!voxelElements_.Equals(other.voxelElements_)) return false;
+      if(!elementEnergiesJPerM3_.Equals(other.elementEnergiesJPerM3_)) return false;
+      if(!intactLinks_.Equals(other.intactLinks_)) return false;
+      if(!partedLinks_.Equals(other.partedLinks_)) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (Step != 0UL) hash ^= Step.GetHashCode();
+      if (TopologyVersion != 0UL) hash ^= TopologyVersion.GetHashCode();
+      if (VoxelSizeM != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(VoxelSizeM);
+      hash ^= voxelPositionsM_.GetHashCode();
+      hash ^= voxelElements_.GetHashCode();
+      hash ^= elementEnergiesJPerM3_.GetHashCode();
+      hash ^= intactLinks_.GetHashCode();
+      hash ^= partedLinks_.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (Step != 0UL) {
+        output.WriteRawTag(8);
+        output.WriteUInt64(Step);
+      }
+      if (TopologyVersion != 0UL) {
+        output.WriteRawTag(16);
+        output.WriteUInt64(TopologyVersion);
+      }
+      if (VoxelSizeM != 0D) {
+        output.WriteRawTag(25);
+        output.WriteDouble(VoxelSizeM);
+      }
+      voxelPositionsM_.WriteTo(output, _repeated_voxelPositionsM_codec);
+      voxelElements_.WriteTo(output, _repeated_voxelElements_codec);
+      elementEnergiesJPerM3_.WriteTo(output, _repeated_elementEnergiesJPerM3_codec);
+      intactLinks_.WriteTo(output, _repeated_intactLinks_codec);
+      partedLinks_.WriteTo(output, _repeated_partedLinks_codec);
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (Step != 0UL) {
+        output.WriteRawTag(8);
+        output.WriteUInt64(Step);
+      }
+      if (TopologyVersion != 0UL) {
+        output.WriteRawTag(16);
+        output.WriteUInt64(TopologyVersion);
+      }
+      if (VoxelSizeM != 0D) {
+        output.WriteRawTag(25);
+        output.WriteDouble(VoxelSizeM);
+      }
+      voxelPositionsM_.WriteTo(ref output, _repeated_voxelPositionsM_codec);
+      voxelElements_.WriteTo(ref output, _repeated_voxelElements_codec);
+      elementEnergiesJPerM3_.WriteTo(ref output, _repeated_elementEnergiesJPerM3_codec);
+      intactLinks_.WriteTo(ref output, _repeated_intactLinks_codec);
+      partedLinks_.WriteTo(ref output, _repeated_partedLinks_codec);
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (Step != 0UL) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt64Size(Step);
+      }
+      if (TopologyVersion != 0UL) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt64Size(TopologyVersion);
+      }
+      if (VoxelSizeM != 0D) {
+        size += 1 + 8;
+      }
+      size += voxelPositionsM_.CalculateSize(_repeated_voxelPositionsM_codec);
+      size += voxelElements_.CalculateSize(_repeated_voxelElements_codec);
+      size += elementEnergiesJPerM3_.CalculateSize(_repeated_elementEnergiesJPerM3_codec);
+      size += intactLinks_.CalculateSize(_repeated_intactLinks_codec);
+      size += partedLinks_.CalculateSize(_repeated_partedLinks_codec);
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(GetInteriorResponse other) {
+      if (other == null) {
+        return;
+      }
+      if (other.Step != 0UL) {
+        Step = other.Step;
+      }
+      if (other.TopologyVersion != 0UL) {
+        TopologyVersion = other.TopologyVersion;
+      }
+      if (other.VoxelSizeM != 0D) {
+        VoxelSizeM = other.VoxelSizeM;
+      }
+      voxelPositionsM_.Add(other.voxelPositionsM_);
+      voxelElements_.Add(other.voxelElements_);
+      elementEnergiesJPerM3_.Add(other.elementEnergiesJPerM3_);
+      intactLinks_.Add(other.intactLinks_);
+      partedLinks_.Add(other.partedLinks_);
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 8: {
+            Step = input.ReadUInt64();
+            break;
+          }
+          case 16: {
+            TopologyVersion = input.ReadUInt64();
+            break;
+          }
+          case 25: {
+            VoxelSizeM = input.ReadDouble();
+            break;
+          }
+          case 34:
+          case 37: {
+            voxelPositionsM_.AddEntriesFrom(input, _repeated_voxelPositionsM_codec);
+            break;
+          }
+          case 42:
+          case 40: {
+            voxelElements_.AddEntriesFrom(input, _repeated_voxelElements_codec);
+            break;
+          }
+          case 50:
+          case 53: {
+            elementEnergiesJPerM3_.AddEntriesFrom(input, _repeated_elementEnergiesJPerM3_codec);
+            break;
+          }
+          case 58:
+          case 56: {
+            intactLinks_.AddEntriesFrom(input, _repeated_intactLinks_codec);
+            break;
+          }
+          case 66:
+          case 64: {
+            partedLinks_.AddEntriesFrom(input, _repeated_partedLinks_codec);
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 8: {
+            Step = input.ReadUInt64();
+            break;
+          }
+          case 16: {
+            TopologyVersion = input.ReadUInt64();
+            break;
+          }
+          case 25: {
+            VoxelSizeM = input.ReadDouble();
+            break;
+          }
+          case 34:
+          case 37: {
+            voxelPositionsM_.AddEntriesFrom(ref input, _repeated_voxelPositionsM_codec);
+            break;
+          }
+          case 42:
+          case 40: {
+            voxelElements_.AddEntriesFrom(ref input, _repeated_voxelElements_codec);
+            break;
+          }
+          case 50:
+          case 53: {
+            elementEnergiesJPerM3_.AddEntriesFrom(ref input, _repeated_elementEnergiesJPerM3_codec);
+            break;
+          }
+          case 58:
+          case 56: {
+            intactLinks_.AddEntriesFrom(ref input, _repeated_intactLinks_codec);
+            break;
+          }
+          case 66:
+          case 64: {
+            partedLinks_.AddEntriesFrom(ref input, _repeated_partedLinks_codec);
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
   /// The whole structure at one topology version; it replaces whatever the viewer has.
   /// </summary>
   public sealed partial class Keyframe : pb::IMessage<Keyframe>
@@ -2093,7 +2771,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.ViewReflection.Descriptor.MessageTypes[6]; }
+      get { return global::Kerf.V1.ViewReflection.Descriptor.MessageTypes[8]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -2397,7 +3075,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.ViewReflection.Descriptor.MessageTypes[7]; }
+      get { return global::Kerf.V1.ViewReflection.Descriptor.MessageTypes[9]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -2704,7 +3382,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.ViewReflection.Descriptor.MessageTypes[8]; }
+      get { return global::Kerf.V1.ViewReflection.Descriptor.MessageTypes[10]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -3317,7 +3995,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.ViewReflection.Descriptor.MessageTypes[9]; }
+      get { return global::Kerf.V1.ViewReflection.Descriptor.MessageTypes[11]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -3870,7 +4548,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.ViewReflection.Descriptor.MessageTypes[10]; }
+      get { return global::Kerf.V1.ViewReflection.Descriptor.MessageTypes[12]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4231,7 +4909,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.ViewReflection.Descriptor.MessageTypes[11]; }
+      get { return global::Kerf.V1.ViewReflection.Descriptor.MessageTypes[13]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4604,7 +5282,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.ViewReflection.Descriptor.MessageTypes[12]; }
+      get { return global::Kerf.V1.ViewReflection.Descriptor.MessageTypes[14]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
