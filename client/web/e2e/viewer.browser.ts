@@ -74,6 +74,28 @@ test("the mouse cuts a bar in two, and who comes late sees it cut", async () => 
   expect(await reading(page, "Cut area")).toBe(0);
 });
 
+test("voxels and links are drawn while somebody looks at them", async () => {
+  const sessionId = await server.create(BAR);
+  const { page, problems } = await open(browser, `${server.address}/?session=${sessionId}`);
+  await live(page);
+  await readingWhere(page, "Time", (timeS) => timeS > 0.1);
+  const asked: string[] = [];
+  page.on("request", (request) => asked.push(request.url()));
+  const told = () => asked.filter((url) => url.endsWith("/GetInterior")).length;
+  const style = page.locator("select[aria-label='What is drawn']");
+  await style.selectOption("voxels");
+  await expect.poll(told).toBeGreaterThan(2);
+  await style.selectOption("links");
+  await expect.poll(told).toBeGreaterThan(4);
+  // Nobody asks for what nobody sees.
+  await style.selectOption("tissue");
+  await page.waitForTimeout(500);
+  const before = told();
+  await page.waitForTimeout(1000);
+  expect(told()).toBe(before);
+  expect(problems).toEqual([]);
+});
+
 test("a session stands, steps and goes on, by keys", async () => {
   const sessionId = await server.create(BAR);
   const { page } = await open(browser, `${server.address}/?session=${sessionId}`);

@@ -134,6 +134,7 @@ class App {
     });
     this.input.suit(false);
     this.view.open(sessionId);
+    this.draw(this.bars.style);
     this.sceneToml = (await sessions.getScene({ of: { case: "sessionId", value: sessionId } })).sceneToml;
   }
 
@@ -165,7 +166,7 @@ class App {
 
   private draw(style: Style): void {
     this.view.wantNodes(style === "elements");
-    if (this.session) this.session.picture.style = style;
+    if (this.session) this.session.style = style;
   }
 
   private toggleJaws(): void {

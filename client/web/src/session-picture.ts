@@ -3,8 +3,10 @@
 import { Box3, Quaternion, Raycaster, Vector2, Vector3 } from "three";
 import type { SurfaceShape } from "./decode/surface";
 import type { SceneSummary, Vec3 } from "./gen/kerf/v1/types_pb";
+import type { GetInteriorResponse } from "./gen/kerf/v1/view_pb";
 import type { DrivenPose } from "./net/driver";
 import type { Frame } from "./net/frames";
+import { Interior } from "./scene/interior";
 import type { Stage } from "./scene/stage";
 import { type Style, Tissue } from "./scene/tissue";
 import { Tool } from "./scene/tools";
@@ -21,6 +23,8 @@ export class SessionPicture {
   readonly sizeM: number;
   private readonly stage: Stage;
   private readonly tissues: Tissue[];
+  private readonly interiors: Interior[];
+  private shownStyle: Style = "tissue";
   private readonly bounds = new Box3();
   private readonly pieces: number[] = [];
   /** The largest force that was shown, N: the longest arrow. */
@@ -35,8 +39,9 @@ export class SessionPicture {
     this.tissues = scene.objects.map(({ materialNames, restMinM, restMaxM }) => {
       return new Tissue(materialNames, vector(restMinM).distanceTo(vector(restMaxM)));
     });
+    this.interiors = scene.objects.map(({ fractureEnergyJPerM2 }) => new Interior(fractureEnergyJPerM2));
     this.tools = scene.tools.map((summary) => new Tool(summary, this.sizeM));
-    stage.scene.add(...this.tissues, ...this.tools.map(({ group }) => group));
+    stage.scene.add(...this.tissues, ...this.interiors, ...this.tools.map(({ group }) => group));
     stage.frame(this.bounds);
   }
 
@@ -49,7 +54,10 @@ export class SessionPicture {
   }
 
   set style(style: Style) {
+    this.shownStyle = style;
     for (const tissue of this.tissues) tissue.style = style;
+    // What is shown next comes with the next answer.
+    for (const interior of this.interiors) interior.dispose();
     this.stage.invalidate();
   }
 
@@ -67,6 +75,12 @@ export class SessionPicture {
     this.stage.invalidate();
     // One entry per object, or none: the first frame has no forerunner.
     return used.includes(undefined) ? [] : (used as SurfaceShape[]);
+  }
+
+  showInterior(object: number, told: GetInteriorResponse): void {
+    if (this.shownStyle !== "voxels" && this.shownStyle !== "links") return;
+    this.interiors[object].show(told, this.shownStyle);
+    this.stage.invalidate();
   }
 
   showHand(toolId: number, wanted: DrivenPose | undefined): void {
@@ -106,8 +120,8 @@ export class SessionPicture {
   }
 
   dispose(): void {
-    for (const tissue of this.tissues) tissue.dispose();
-    this.stage.scene.remove(...this.tissues, ...this.tools.map(({ group }) => group));
+    for (const part of [...this.tissues, ...this.interiors]) part.dispose();
+    this.stage.scene.remove(...this.tissues, ...this.interiors, ...this.tools.map(({ group }) => group));
   }
 }
 

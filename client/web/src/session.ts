@@ -7,8 +7,10 @@ import { Hand } from "./hand";
 import { Driver } from "./net/driver";
 import { inWords } from "./net/errors";
 import type { Frame, SessionEvent, StreamStatus } from "./net/frames";
+import { Interiors } from "./net/interiors";
 import { sessions } from "./net/server";
 import type { Stage } from "./scene/stage";
+import type { Style } from "./scene/tissue";
 import { SessionPicture } from "./session-picture";
 import { Stroke } from "./stroke";
 import { say } from "./ui/messages";
@@ -33,6 +35,7 @@ export class Session {
   private readonly readings: Readings;
   private readonly listener: SessionListener;
   private readonly driver: Driver;
+  private readonly interiors: Interiors;
   private readonly hands = new Map<number, Hand>();
   private readonly stroke = new Stroke();
   private active: number | undefined;
@@ -56,6 +59,10 @@ export class Session {
       // A lost connection is the stream's to report.
       onError: () => {},
     });
+    this.interiors = new Interiors(this.id, description.scene!.objects.length, {
+      onInterior: (object, told) => this.picture.showInterior(object, told),
+      onRefused: (error) => say(inWords(error), "problem"),
+    });
     readings.clear();
     listener.onPaused(this.paused);
     if (description.state === SessionState.FAILED) listener.onFailed(description.failure);
@@ -63,6 +70,12 @@ export class Session {
 
   get isPaused(): boolean {
     return this.paused;
+  }
+
+  set style(style: Style) {
+    this.picture.style = style;
+    if (style === "voxels" || style === "links") this.interiors.start();
+    else this.interiors.stop();
   }
 
   /** The tool in hand. */
@@ -174,6 +187,7 @@ export class Session {
   /** Lets go of everything; the session goes on. */
   leave(): void {
     this.driver.end();
+    this.interiors.stop();
     this.picture.dispose();
   }
 

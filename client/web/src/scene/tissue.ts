@@ -13,13 +13,14 @@ import {
 } from "three";
 import type { SurfaceShape, SurfaceStructure } from "../decode/surface";
 import type { BodyFrame } from "../net/frames";
+import type { InteriorStyle } from "./interior";
 import { type Look, lookOf } from "./looks";
 import { tissueMaterial } from "./tissue-material";
 
 type Face = "skin" | "cut";
 
 /** What the tissue is drawn as. */
-export type Style = "tissue" | "wires" | "elements";
+export type Style = "tissue" | "wires" | "elements" | InteriorStyle;
 
 export class Tissue extends Group {
   private readonly looks: Look[];
@@ -72,6 +73,8 @@ export class Tissue extends Group {
       mesh.material.transparent = style === "elements";
       mesh.material.opacity = style === "elements" ? 0.45 : 1;
       mesh.material.needsUpdate = true;
+      // Still hit by rays: tools are put down over the surface.
+      mesh.material.visible = style !== "voxels" && style !== "links";
     }
     this.edges.visible = style === "elements";
   }

@@ -37,6 +37,8 @@ const STYLES: readonly (readonly [Style, string])[] = [
   ["tissue", "Tissue"],
   ["wires", "Wires"],
   ["elements", "Elements"],
+  ["voxels", "Voxels"],
+  ["links", "Links"],
 ];
 const HINT = "Drag to move, wheel for depth · Shift slices, Alt turns · right button turns the view";
 const TOUCH_HINT = "One finger moves the tool, two turn the view";
@@ -114,10 +116,15 @@ export class Bars {
     this.step.disabled = !isPaused;
   }
 
+  /** The way of drawing that is chosen. */
+  get style(): Style {
+    return this.styles.value as Style;
+  }
+
   /** The next way of drawing. */
   nextStyle(): void {
     this.styles.selectedIndex = (this.styles.selectedIndex + 1) % STYLES.length;
-    this.actions.style(this.styles.value as Style);
+    this.actions.style(this.style);
   }
 
   private buildTop(): void {
@@ -143,7 +150,7 @@ export class Bars {
     const wide = (button: HTMLElement) => (button.classList.add("wide"), button);
     const gap = () => wide(element("hr"));
     this.styles.append(...STYLES.map(([value, textContent]) => element("option", { value, textContent })));
-    this.styles.addEventListener("change", () => actions.style(this.styles.value as Style));
+    this.styles.addEventListener("change", () => actions.style(this.style));
     byId("transport").append(
       this.pause,
       this.step,

@@ -25,7 +25,7 @@ const KEYS: readonly (readonly [string, string])[] = [
   ["R", "put the tissue back to rest"],
   ["S", "save a point"],
   ["B", "go back to a point"],
-  ["V", "tissue, wires, elements"],
+  ["V", "tissue, wires, elements, voxels, links"],
   ["P", "save a picture"],
 ];
 
