@@ -139,6 +139,7 @@ async fn drive(args: &Args, channel: &Channel, session: &Session) -> anyhow::Res
     let object = |(object, surface): (&v1::ObjectSummary, Surface)| glb::Object {
         name: object.name.clone(),
         regions: Vec::new(),
+        colours: object.material_colors.iter().map(|color| glb::srgb(color)).collect(),
         surface,
     };
     let objects = session.scene.objects.iter().zip(viewed?).map(object).collect();

@@ -15,7 +15,7 @@ use crate::surface::{Face, Surface, Triangle};
 
 /// Cosine of the angle between two faces above which their normals are not blended: 50 degrees.
 const CREASE_ANGLE_COS: f32 = 0.643;
-/// Linear RGB of the regions' skins, in the order in which they come.
+/// Linear RGB of the skins of regions that state no colour, in the order in which they come.
 const SKIN_COLOURS: [[f32; 3]; 6] = [
     [0.50, 0.09, 0.06],
     [0.72, 0.48, 0.14],
@@ -43,6 +43,8 @@ pub struct Object {
     pub name: String,
     /// Names of its regions.
     pub regions: Vec<String>,
+    /// Colours that are stated, sRGB: the object's own, then its regions'. What is missing is chosen.
+    pub colours: Vec<Option<[u8; 3]>>,
     /// Its surface.
     pub surface: Surface,
 }
@@ -141,6 +143,20 @@ fn unit(a: [f32; 3]) -> Option<[f32; 3]> {
     (length > 0.0).then(|| a.map(|c| c / length))
 }
 
+/// A colour as the wire has it, "#rrggbb"; none where none is stated.
+#[must_use]
+pub fn srgb(text: &str) -> Option<[u8; 3]> {
+    let value = u32::from_str_radix(text.strip_prefix('#')?, 16).ok()?;
+    let [_, srgb @ ..] = value.to_be_bytes();
+    Some(srgb)
+}
+
+/// A component of a colour in sRGB as glTF has it (IEC 61966-2-1).
+fn linear(srgb: u8) -> f32 {
+    let c = f32::from(srgb) / 255.0;
+    if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+}
+
 /// The parts of a document as they come.
 #[derive(Default)]
 struct Document {
@@ -209,7 +225,8 @@ impl Document {
             Some(region) => format!("{}: {region}", object.name),
             None => object.name.clone(),
         };
-        let skin = SKIN_COLOURS[(self.regions + region) % SKIN_COLOURS.len()];
+        let stated = object.colours.get(region).copied().flatten().map(|srgb| srgb.map(linear));
+        let skin = stated.unwrap_or(SKIN_COLOURS[(self.regions + region) % SKIN_COLOURS.len()]);
         let (name, [r, g, b]) = match face {
             Face::Skin => (name, skin),
             Face::Cut => (format!("{name}, cut"), skin.map(|c| c + CUT_PALENESS * (1.0 - c))),
@@ -355,7 +372,14 @@ mod tests {
         let mut surface = roof(0.0, Face::Cut);
         surface.triangles[1].region = 1;
         let names = [("liver", vec!["tumour".to_owned()]), ("kidney", vec![])];
-        let objects = names.map(|(name, regions)| Object { name: name.into(), regions, surface: surface.clone() });
+        let colours = vec![None, srgb("#ff0080")];
+        let object = |(name, regions): (&str, _)| Object {
+            name: name.into(),
+            regions,
+            colours: colours.clone(),
+            surface: surface.clone(),
+        };
+        let objects = names.map(object);
         let (document, binary) = parse(&encode(&objects));
         let listed = |list: &str| -> Vec<String> {
             document[list].as_array().unwrap().iter().map(|entry| entry["name"].as_str().unwrap().to_owned()).collect()
@@ -366,6 +390,9 @@ mod tests {
         let colours: Vec<_> =
             (0..3).map(|i| &document["materials"][i]["pbrMetallicRoughness"]["baseColorFactor"]).collect();
         assert!(colours[0] != colours[1] && colours[0] != colours[2]);
+        // The tumour's is stated; 128 of 255 is 0.2159 of the light.
+        assert_eq!((&colours[2][0], &colours[2][1]), (&json!(1.0), &json!(0.0)));
+        assert!((colours[2][2].as_f64().unwrap() - 0.2159).abs() < 1e-4);
         // Each part has the triangles of its region and its kind.
         let parts = document["meshes"][0]["primitives"].as_array().unwrap();
         let counts: Vec<_> = parts

@@ -36,8 +36,8 @@ export class SessionPicture {
       this.bounds.union(new Box3(vector(restMinM), vector(restMaxM)));
     }
     this.sizeM = this.bounds.getSize(new Vector3()).length();
-    this.tissues = scene.objects.map(({ materialNames, restMinM, restMaxM }) => {
-      return new Tissue(materialNames, vector(restMinM).distanceTo(vector(restMaxM)));
+    this.tissues = scene.objects.map(({ materialNames, materialColors, restMinM, restMaxM }) => {
+      return new Tissue(materialNames, materialColors, vector(restMinM).distanceTo(vector(restMaxM)));
     });
     this.interiors = scene.objects.map(({ fractureEnergyJPerM2 }) => new Interior(fractureEnergyJPerM2));
     this.tools = scene.tools.map((summary) => new Tool(summary, this.sizeM));

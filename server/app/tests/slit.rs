@@ -85,7 +85,7 @@ fn an_opened_slit_has_clean_lips_and_no_spikes() {
         opened_m(vertex.position_m, &grid.centre_m(grid.voxels()[vertex.voxel.index()].ijk))
     });
     let path = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("slit.glb");
-    glb::write(&path, &[glb::Object { name: "slit".into(), regions: Vec::new(), surface: mesh.clone() }]).unwrap();
+    glb::write(&path, &[glb::Object { name: "slit".into(), surface: mesh.clone(), ..glb::Object::default() }]).unwrap();
 
     let cut_triangles = mesh.triangles.iter().filter(|t| t.face == Face::Cut).count();
     assert_eq!((cut_triangles, mesh.triangles.len()), (parted * 4, skin_triangles + parted * 4));

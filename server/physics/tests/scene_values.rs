@@ -155,6 +155,22 @@ fn tools_of_every_kind_are_read_with_their_defaults_and_unknown_ones_are_told_wh
 }
 
 #[test]
+fn a_colour_is_written_as_css_writes_it_and_other_texts_are_refused_by_place() {
+    let with = |color: &str| {
+        let text = SCENE.replace("poisson_ratio = 0.4", &format!("poisson_ratio = 0.4, color = \"{color}\""));
+        SceneDesc::from_toml("block.toml", &text).map_err(|e| e.to_string())
+    };
+    let read = with("#B5473c").unwrap();
+    let color = read.objects[0].material.color.unwrap();
+    assert_eq!((color.srgb(), color.to_string().as_str()), ([0xb5, 0x47, 0x3c], "#b5473c"));
+    assert_eq!(SceneDesc::from_toml("block.toml", &toml::to_string(&read).unwrap()).unwrap(), read);
+    for wrong in ["red", "#b5473", "#b5473c0", "b5473c", "#b5473g", "#+12345"] {
+        let told = with(wrong).unwrap_err();
+        assert!(told.contains("block.toml:9") && told.contains("#rrggbb") && told.contains(wrong), "{told}");
+    }
+}
+
+#[test]
 fn a_probe_finer_than_the_surface_and_scissors_over_too_many_voxels_are_refused() {
     assert_eq!(refused(|s| probe(s).radius_m = 0.0201), [""; 0]);
     assert_eq!(refused(|s| probe(s).radius_m = 0.0199), ["tools[0].shape.probe.radius_m"]);

@@ -81,6 +81,7 @@ impl Specimen {
             strain_stiffening: self.strain_stiffening,
             viscosity: None,
             friction_coefficient: 0.0,
+            color: None,
         }
     }
 

@@ -58,6 +58,7 @@ pub fn material(young_modulus_pa: f64, poisson_ratio: f64) -> MaterialDesc {
         strain_stiffening: 0.0,
         viscosity: None,
         friction_coefficient: 0.0,
+        color: None,
     }
 }
 

@@ -36,11 +36,20 @@ async fn scenes_of_the_servers_folder_are_listed_and_created_with_their_meshes()
 }
 
 #[tokio::test]
+async fn colours_of_a_scene_reach_its_viewers() {
+    let mut harness = Harness::start().await;
+    let scene = Scene::SceneToml(BLOCK.replacen("material = { ", "material = { color = \"#204080\", ", 1));
+    let object = create(&mut harness, scene, Vec::new()).await.unwrap();
+    assert_eq!((object.material_names, object.material_colors), (vec!["block".into()], vec!["#204080".into()]));
+}
+
+#[tokio::test]
 async fn a_mesh_is_sent_with_the_scene_that_refers_to_it() {
     let mut harness = Harness::with(|config| config.transport.max_upload_bytes = 100_000).await;
     let file = |data: Vec<u8>| vec![v1::SceneFile { name: "meshes/box.obj".into(), data }];
     let mut sent = async |files| create(&mut harness, Scene::SceneToml(meshed()), files).await;
-    assert_eq!(sent(file(BOX_OBJ.into())).await.unwrap().voxels, 6 * 6 * 6);
+    let object = sent(file(BOX_OBJ.into())).await.unwrap();
+    assert_eq!((object.voxels, object.material_colors), (6 * 6 * 6, vec![String::new()]));
     let absent = sent(Vec::new()).await.unwrap_err();
     assert_eq!((absent.code(), absent.message().contains("meshes/box.obj")), (Code::InvalidArgument, true));
     let broken = sent(file(b"v 0 0 x".to_vec())).await.unwrap_err();

@@ -100,6 +100,8 @@ class SceneObject:
     composite_elements: int
     #: `Surface.materials` are indices into these.
     material_names: tuple[str, ...]
+    #: As `"#rrggbb"`, sRGB, of each of these; empty where the scene states none.
+    material_colors: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -263,6 +265,7 @@ def _scene_object(summary: types_pb2.ObjectSummary) -> SceneObject:
         voxels=summary.voxels,
         composite_elements=summary.composite_elements,
         material_names=tuple(summary.material_names),
+        material_colors=tuple(summary.material_colors),
     )
 
 

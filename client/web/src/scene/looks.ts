@@ -1,4 +1,6 @@
-// What things look like. The wire has names, not colours: a look is found by words in a name.
+// What things look like: by the colour that the scene states, else by words in the name of a material.
+
+import { Color } from "three";
 
 /** How the surface of a material and the walls of a cut in it look; colours as sRGB. */
 export interface Look {
@@ -40,10 +42,18 @@ const LOOKS: readonly (readonly [RegExp, Partial<Look>])[] = [
 /** Colours of materials that have no look of their own, after an object's first. */
 const OTHERS = [0xc9a27a, 0x9a6fb0, 0x5f8fb0, 0x7fa35c, 0xd08a4e];
 
-/** The look of an object's material, by its name and place among the object's materials. */
-export function lookOf(name: string, index: number): Look {
-  const found = LOOKS.find(([words]) => words.test(name))?.[1];
-  if (found) return { ...FLESH, ...found };
+/** How much of the way to white a cut face is where the scene states a colour. */
+const CUT_PALENESS = 0.35;
+
+/** The look of an object's material, by its name, its place among the object's materials, and its "#rrggbb", if any. */
+export function lookOf(name: string, index: number, stated = ""): Look {
+  const found = { ...FLESH, ...LOOKS.find(([words]) => words.test(name))?.[1] };
+  if (stated) {
+    const skin = new Color(stated);
+    const cut = skin.clone().lerp(new Color(0xffffff), CUT_PALENESS);
+    return { ...found, skin: skin.getHex(), cut: cut.getHex(), glow: cut.getHex() };
+  }
+  if (index === 0 || found.skin !== FLESH.skin) return found;
   const color = OTHERS[(index - 1) % OTHERS.length];
-  return index === 0 ? FLESH : { ...FLESH, skin: color, cut: color };
+  return { ...found, skin: color, cut: color };
 }

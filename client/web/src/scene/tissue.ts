@@ -32,9 +32,9 @@ export class Tissue extends Group {
   cutAreaM2 = 0;
 
   /** `sizeM` is the size of the object, which the size of its blotches follows. */
-  constructor(materialNames: readonly string[], sizeM: number) {
+  constructor(materialNames: readonly string[], colors: readonly string[], sizeM: number) {
     super();
-    this.looks = materialNames.map(lookOf);
+    this.looks = materialNames.map((name, index) => lookOf(name, index, colors[index]));
     const face = (kind: Face) => {
       const material = tissueMaterial(this.looks[0], kind, 14 / sizeM);
       if (this.looks.length > 1) {

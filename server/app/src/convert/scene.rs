@@ -41,6 +41,10 @@ fn object_summary(object: &ObjectDesc, stats: Option<ObjectStats>) -> v1::Object
         left_out_pieces: stats.left_out.pieces,
         left_out_voxels: stats.left_out.voxels,
         material_names: std::iter::once(&object.name).chain(object.regions.iter().map(|r| &r.name)).cloned().collect(),
+        material_colors: object
+            .materials()
+            .map(|material| material.color.map(Into::into).unwrap_or_default())
+            .collect(),
     }
 }
 

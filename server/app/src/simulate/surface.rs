@@ -3,7 +3,7 @@
 use kerf_physics::World;
 use kerf_physics::body::{Body, MaterialPoint};
 use kerf_physics::grid::{Grid, Link};
-use kerf_physics::scene::{ObjectDesc, SceneDesc};
+use kerf_physics::scene::{Color, ObjectDesc, SceneDesc};
 use kerf_physics::surface::{Surface, SurfaceVertex, VertexId, triangulate};
 use kerf_replica::glb::Object;
 use kerf_replica::{Face, Triangle};
@@ -13,6 +13,7 @@ pub fn of(scene: &SceneDesc, world: &mut World) -> Vec<Object> {
     let deformed = |((body, surface), desc): ((&Body, &Surface), &ObjectDesc)| Object {
         name: desc.name.clone(),
         regions: desc.regions.iter().map(|region| region.name.clone()).collect(),
+        colours: desc.materials().map(|material| material.color.map(Color::srgb)).collect(),
         surface: triangles(&body.state.grid, surface, |_, vertex| {
             let position_m = vertex.position_m.map(f64::from).into();
             body.current_m(&MaterialPoint { position_m, voxel: vertex.voxel }).map(|c| c as f32).into()

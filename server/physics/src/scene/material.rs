@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::Color;
+
 /// A material.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -41,6 +43,10 @@ pub struct MaterialDesc {
     /// tissue slides.
     #[serde(default)]
     pub friction_coefficient: f64,
+    /// What it looks like, as "#b5473c"; a cut face is drawn paler. For the eye alone. Default: a viewer chooses by name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<String>", regex(pattern = "^#[0-9a-fA-F]{6}$"))]
+    pub color: Option<Color>,
 }
 
 impl MaterialDesc {

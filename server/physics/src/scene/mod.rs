@@ -3,6 +3,7 @@
 //! Each subject has its data and defaults in a file of its own; [`SceneDesc::from_toml`] reads a file,
 //! [`SceneDesc::problems`] says what is wrong with its values, [`toughness`] what a material asks of its elements.
 
+mod color;
 pub(crate) mod edge;
 mod load;
 mod material;
@@ -13,6 +14,7 @@ mod tool;
 pub mod toughness;
 pub mod wording;
 
+pub use color::Color;
 pub use edge::{EdgeDesc, MAX_EDGE_POINTS};
 pub use load::{Face, LoadDesc};
 pub use material::{MaterialDesc, RateDesc, ViscosityDesc};

@@ -98,6 +98,7 @@ mod tests {
             strain_stiffening,
             viscosity: None,
             friction_coefficient: 0.0,
+            color: None,
         }
     }
 

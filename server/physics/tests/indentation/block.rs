@@ -115,6 +115,7 @@ impl Press {
                 strain_stiffening: 0.0,
                 viscosity: None,
                 friction_coefficient: 0.0,
+                color: None,
             },
             regions: Vec::new(),
             finer: Vec::new(),

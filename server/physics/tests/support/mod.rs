@@ -40,6 +40,7 @@ pub fn material() -> MaterialDesc {
         strain_stiffening: 0.0,
         viscosity: None,
         friction_coefficient: 0.0,
+        color: None,
     }
 }
 

@@ -83,6 +83,8 @@ pub fn fingerprint(scene: &Scene) -> u64 {
         object.level = default_level();
         object.element = ElementKind::default();
         object.finer.clear();
+        object.material.color = None;
+        object.regions.iter_mut().for_each(|region| region.material.color = None);
     }
     let mut hash = StateHasher::default();
     let text = toml::to_string(&desc).expect("a scene was read from TOML");

@@ -34,54 +34,54 @@ namespace Kerf.V1 {
             "c2NyaXB0aW9uGAIgASgJEgwKBGR0X3MYAyABKAESJwoHb2JqZWN0cxgEIAMo",
             "CzIWLmtlcmYudjEuT2JqZWN0U3VtbWFyeRIjCgV0b29scxgFIAMoCzIULmtl",
             "cmYudjEuVG9vbFN1bW1hcnkSGwoTdHJhY2tlZF9wb2ludF9uYW1lcxgGIAMo",
-            "CRITCgtzdGFnZV9uYW1lcxgHIAMoCSLNAgoNT2JqZWN0U3VtbWFyeRIMCgRu",
+            "CRITCgtzdGFnZV9uYW1lcxgHIAMoCSLmAgoNT2JqZWN0U3VtbWFyeRIMCgRu",
             "YW1lGAEgASgJEiEKCnJlc3RfbWluX20YAiABKAsyDS5rZXJmLnYxLlZlYzMS",
             "IQoKcmVzdF9tYXhfbRgDIAEoCzINLmtlcmYudjEuVmVjMxIlChhmcmFjdHVy",
             "ZV9lbmVyZ3lfal9wZXJfbTIYBCABKAFIAIgBARIYChB5b3VuZ19tb2R1bHVz",
             "X3BhGAUgASgBEhQKDHZveGVsX3NpemVfbRgGIAEoARIOCgZ2b3hlbHMYByAB",
             "KA0SGgoSY29tcG9zaXRlX2VsZW1lbnRzGAggASgNEhcKD2xlZnRfb3V0X3Bp",
             "ZWNlcxgJIAEoDRIXCg9sZWZ0X291dF92b3hlbHMYCiABKA0SFgoObWF0ZXJp",
-            "YWxfbmFtZXMYCyADKAlCGwoZX2ZyYWN0dXJlX2VuZXJneV9qX3Blcl9tMiKR",
-            "AgoLVG9vbFN1bW1hcnkSDAoEbmFtZRgBIAEoCRImCgVibGFkZRgFIAEoCzIV",
-            "LmtlcmYudjEuQmxhZGVTdW1tYXJ5SAASKgoHZ3Jhc3BlchgGIAEoCzIXLmtl",
-            "cmYudjEuR3Jhc3BlclN1bW1hcnlIABImCgVwcm9iZRgHIAEoCzIVLmtlcmYu",
-            "djEuUHJvYmVTdW1tYXJ5SAASLAoIc2Npc3NvcnMYCCABKAsyGC5rZXJmLnYx",
-            "LlNjaXNzb3JzU3VtbWFyeUgAQgYKBGtpbmRKBAgCEANKBAgDEARKBAgEEAVS",
-            "DWJsYWRlX3dpZHRoX21SDmJsYWRlX2hlaWdodF9tUhFibGFkZV90aGlja25l",
-            "c3NfbSJWCgxCbGFkZVN1bW1hcnkSDwoHd2lkdGhfbRgBIAEoARIQCghoZWln",
-            "aHRfbRgCIAEoARITCgt0aGlja25lc3NfbRgDIAEoARIOCgZlZGdlX20YBCAD",
-            "KAIiTAoOR3Jhc3BlclN1bW1hcnkSEAoIcmFkaXVzX20YASABKAESGAoLbWF4",
-            "X2ZvcmNlX24YAiABKAFIAIgBAUIOCgxfbWF4X2ZvcmNlX24iMgoMUHJvYmVT",
-            "dW1tYXJ5EhAKCHJhZGl1c19tGAEgASgBEhAKCGxlbmd0aF9tGAIgASgBIm0K",
-            "D1NjaXNzb3JzU3VtbWFyeRIWCg5ibGFkZV9sZW5ndGhfbRgBIAEoARIWCg5i",
-            "bGFkZV9oZWlnaHRfbRgCIAEoARIVCg1tYXhfYW5nbGVfcmFkGAMgASgBEhMK",
-            "C3RoaWNrbmVzc19tGAQgASgBIrsCCgZMaW1pdHMSGAoQbWF4X3Bvc2VfcmF0",
-            "ZV9oehgBIAEoARIfChdkZWZhdWx0X2NvbnRhY3RfcmF0ZV9oehgCIAEoARIb",
-            "ChNtYXhfY29udGFjdF9yYXRlX2h6GAMgASgBEhgKEG1heF92aWV3X3JhdGVf",
-            "aHoYBCABKAESHgoWbWF4X3Rvb2xfc3BlZWRfbV9wZXJfcxgFIAEoARImCg93",
-            "b3Jrc3BhY2VfbWluX20YBiABKAsyDS5rZXJmLnYxLlZlYzMSJgoPd29ya3Nw",
-            "YWNlX21heF9tGAcgASgLMg0ua2VyZi52MS5WZWMzEg8KB2xlYXNlX3MYCCAB",
-            "KAESIwobbWF4X3JlamVjdGVkX3Bvc2VzX2luX2Ffcm93GAkgASgNEhkKEW1h",
-            "eF9jb250YWN0X2FnZV9zGAogASgBIkcKBUZhdWx0EgwKBHN0ZXAYASABKAQS",
-            "DgoGb2JqZWN0GAIgASgJEiAKBGtpbmQYAyABKA4yEi5rZXJmLnYxLkZhdWx0",
-            "S2luZCKRAQoFRXZlbnQSDAoEc3RlcBgBIAEoBBIgCgRraW5kGAIgASgOMhIu",
-            "a2VyZi52MS5FdmVudEtpbmQSDwoHdG9vbF9pZBgDIAEoDRIaChJyZWxhdGl2",
-            "ZV90b2xlcmFuY2UYBCABKAESFwoPY2hlY2twb2ludF9uYW1lGAUgASgJEhIK",
-            "CmxhdGVfc2hhcmUYBiABKAEqXgoJRmF1bHRLaW5kEhoKFkZBVUxUX0tJTkRf",
-            "VU5TUEVDSUZJRUQQABIZChVGQVVMVF9LSU5EX05PREVfU1RBVEUQARIaChZG",
-            "QVVMVF9LSU5EX1RPT0xfV1JFTkNIEAIqlwEKDFNlc3Npb25TdGF0ZRIdChlT",
-            "RVNTSU9OX1NUQVRFX1VOU1BFQ0lGSUVEEAASGQoVU0VTU0lPTl9TVEFURV9S",
-            "VU5OSU5HEAESGAoUU0VTU0lPTl9TVEFURV9QQVVTRUQQAhIZChVTRVNTSU9O",
-            "X1NUQVRFX0NMT1NJTkcQAxIYChRTRVNTSU9OX1NUQVRFX0ZBSUxFRBAEKvEC",
-            "CglFdmVudEtpbmQSGgoWRVZFTlRfS0lORF9VTlNQRUNJRklFRBAAEhUKEUVW",
-            "RU5UX0tJTkRfUEFVU0VEEAESFgoSRVZFTlRfS0lORF9SRVNVTUVEEAISFAoQ",
-            "RVZFTlRfS0lORF9SRVNFVBADEhYKEkVWRU5UX0tJTkRfQ0xPU0lORxAEEhkK",
-            "FUVWRU5UX0tJTkRfVE9PTF9UQUtFThAFEhwKGEVWRU5UX0tJTkRfVE9PTF9S",
-            "RUxFQVNFRBAGEhkKFUVWRU5UX0tJTkRfUkVBTkNIT1JFRBAHEhUKEUVWRU5U",
-            "X0tJTkRfRkFJTEVEEAgSIAocRVZFTlRfS0lORF9UT0xFUkFOQ0VfQ0hBTkdF",
-            "RBAJEh8KG0VWRU5UX0tJTkRfQ0hFQ0tQT0lOVF9TQVZFRBAKEiIKHkVWRU5U",
-            "X0tJTkRfQ0hFQ0tQT0lOVF9SRVNUT1JFRBALEhkKFUVWRU5UX0tJTkRfT1ZF",
-            "UkxPQURFRBAMYgZwcm90bzM="));
+            "YWxfbmFtZXMYCyADKAkSFwoPbWF0ZXJpYWxfY29sb3JzGAwgAygJQhsKGV9m",
+            "cmFjdHVyZV9lbmVyZ3lfal9wZXJfbTIikQIKC1Rvb2xTdW1tYXJ5EgwKBG5h",
+            "bWUYASABKAkSJgoFYmxhZGUYBSABKAsyFS5rZXJmLnYxLkJsYWRlU3VtbWFy",
+            "eUgAEioKB2dyYXNwZXIYBiABKAsyFy5rZXJmLnYxLkdyYXNwZXJTdW1tYXJ5",
+            "SAASJgoFcHJvYmUYByABKAsyFS5rZXJmLnYxLlByb2JlU3VtbWFyeUgAEiwK",
+            "CHNjaXNzb3JzGAggASgLMhgua2VyZi52MS5TY2lzc29yc1N1bW1hcnlIAEIG",
+            "CgRraW5kSgQIAhADSgQIAxAESgQIBBAFUg1ibGFkZV93aWR0aF9tUg5ibGFk",
+            "ZV9oZWlnaHRfbVIRYmxhZGVfdGhpY2tuZXNzX20iVgoMQmxhZGVTdW1tYXJ5",
+            "Eg8KB3dpZHRoX20YASABKAESEAoIaGVpZ2h0X20YAiABKAESEwoLdGhpY2tu",
+            "ZXNzX20YAyABKAESDgoGZWRnZV9tGAQgAygCIkwKDkdyYXNwZXJTdW1tYXJ5",
+            "EhAKCHJhZGl1c19tGAEgASgBEhgKC21heF9mb3JjZV9uGAIgASgBSACIAQFC",
+            "DgoMX21heF9mb3JjZV9uIjIKDFByb2JlU3VtbWFyeRIQCghyYWRpdXNfbRgB",
+            "IAEoARIQCghsZW5ndGhfbRgCIAEoASJtCg9TY2lzc29yc1N1bW1hcnkSFgoO",
+            "YmxhZGVfbGVuZ3RoX20YASABKAESFgoOYmxhZGVfaGVpZ2h0X20YAiABKAES",
+            "FQoNbWF4X2FuZ2xlX3JhZBgDIAEoARITCgt0aGlja25lc3NfbRgEIAEoASK7",
+            "AgoGTGltaXRzEhgKEG1heF9wb3NlX3JhdGVfaHoYASABKAESHwoXZGVmYXVs",
+            "dF9jb250YWN0X3JhdGVfaHoYAiABKAESGwoTbWF4X2NvbnRhY3RfcmF0ZV9o",
+            "ehgDIAEoARIYChBtYXhfdmlld19yYXRlX2h6GAQgASgBEh4KFm1heF90b29s",
+            "X3NwZWVkX21fcGVyX3MYBSABKAESJgoPd29ya3NwYWNlX21pbl9tGAYgASgL",
+            "Mg0ua2VyZi52MS5WZWMzEiYKD3dvcmtzcGFjZV9tYXhfbRgHIAEoCzINLmtl",
+            "cmYudjEuVmVjMxIPCgdsZWFzZV9zGAggASgBEiMKG21heF9yZWplY3RlZF9w",
+            "b3Nlc19pbl9hX3JvdxgJIAEoDRIZChFtYXhfY29udGFjdF9hZ2VfcxgKIAEo",
+            "ASJHCgVGYXVsdBIMCgRzdGVwGAEgASgEEg4KBm9iamVjdBgCIAEoCRIgCgRr",
+            "aW5kGAMgASgOMhIua2VyZi52MS5GYXVsdEtpbmQikQEKBUV2ZW50EgwKBHN0",
+            "ZXAYASABKAQSIAoEa2luZBgCIAEoDjISLmtlcmYudjEuRXZlbnRLaW5kEg8K",
+            "B3Rvb2xfaWQYAyABKA0SGgoScmVsYXRpdmVfdG9sZXJhbmNlGAQgASgBEhcK",
+            "D2NoZWNrcG9pbnRfbmFtZRgFIAEoCRISCgpsYXRlX3NoYXJlGAYgASgBKl4K",
+            "CUZhdWx0S2luZBIaChZGQVVMVF9LSU5EX1VOU1BFQ0lGSUVEEAASGQoVRkFV",
+            "TFRfS0lORF9OT0RFX1NUQVRFEAESGgoWRkFVTFRfS0lORF9UT09MX1dSRU5D",
+            "SBACKpcBCgxTZXNzaW9uU3RhdGUSHQoZU0VTU0lPTl9TVEFURV9VTlNQRUNJ",
+            "RklFRBAAEhkKFVNFU1NJT05fU1RBVEVfUlVOTklORxABEhgKFFNFU1NJT05f",
+            "U1RBVEVfUEFVU0VEEAISGQoVU0VTU0lPTl9TVEFURV9DTE9TSU5HEAMSGAoU",
+            "U0VTU0lPTl9TVEFURV9GQUlMRUQQBCrxAgoJRXZlbnRLaW5kEhoKFkVWRU5U",
+            "X0tJTkRfVU5TUEVDSUZJRUQQABIVChFFVkVOVF9LSU5EX1BBVVNFRBABEhYK",
+            "EkVWRU5UX0tJTkRfUkVTVU1FRBACEhQKEEVWRU5UX0tJTkRfUkVTRVQQAxIW",
+            "ChJFVkVOVF9LSU5EX0NMT1NJTkcQBBIZChVFVkVOVF9LSU5EX1RPT0xfVEFL",
+            "RU4QBRIcChhFVkVOVF9LSU5EX1RPT0xfUkVMRUFTRUQQBhIZChVFVkVOVF9L",
+            "SU5EX1JFQU5DSE9SRUQQBxIVChFFVkVOVF9LSU5EX0ZBSUxFRBAIEiAKHEVW",
+            "RU5UX0tJTkRfVE9MRVJBTkNFX0NIQU5HRUQQCRIfChtFVkVOVF9LSU5EX0NI",
+            "RUNLUE9JTlRfU0FWRUQQChIiCh5FVkVOVF9LSU5EX0NIRUNLUE9JTlRfUkVT",
+            "VE9SRUQQCxIZChVFVkVOVF9LSU5EX09WRVJMT0FERUQQDGIGcHJvdG8z"));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { },
           new pbr::GeneratedClrTypeInfo(new[] {typeof(global::Kerf.V1.FaultKind), typeof(global::Kerf.V1.SessionState), typeof(global::Kerf.V1.EventKind), }, null, new pbr::GeneratedClrTypeInfo[] {
@@ -90,7 +90,7 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Pose), global::Kerf.V1.Pose.Parser, new[]{ "PositionM", "Orientation" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Wrench), global::Kerf.V1.Wrench.Parser, new[]{ "ForceN", "TorqueNm" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SceneSummary), global::Kerf.V1.SceneSummary.Parser, new[]{ "Name", "Description", "DtS", "Objects", "Tools", "TrackedPointNames", "StageNames" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ObjectSummary), global::Kerf.V1.ObjectSummary.Parser, new[]{ "Name", "RestMinM", "RestMaxM", "FractureEnergyJPerM2", "YoungModulusPa", "VoxelSizeM", "Voxels", "CompositeElements", "LeftOutPieces", "LeftOutVoxels", "MaterialNames" }, new[]{ "FractureEnergyJPerM2" }, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ObjectSummary), global::Kerf.V1.ObjectSummary.Parser, new[]{ "Name", "RestMinM", "RestMaxM", "FractureEnergyJPerM2", "YoungModulusPa", "VoxelSizeM", "Voxels", "CompositeElements", "LeftOutPieces", "LeftOutVoxels", "MaterialNames", "MaterialColors" }, new[]{ "FractureEnergyJPerM2" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ToolSummary), global::Kerf.V1.ToolSummary.Parser, new[]{ "Name", "Blade", "Grasper", "Probe", "Scissors" }, new[]{ "Kind" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.BladeSummary), global::Kerf.V1.BladeSummary.Parser, new[]{ "WidthM", "HeightM", "ThicknessM", "EdgeM" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.GrasperSummary), global::Kerf.V1.GrasperSummary.Parser, new[]{ "RadiusM", "MaxForceN" }, new[]{ "MaxForceN" }, null, null, null),
@@ -1749,6 +1749,7 @@ namespace Kerf.V1 {
       leftOutPieces_ = other.leftOutPieces_;
       leftOutVoxels_ = other.leftOutVoxels_;
       materialNames_ = other.materialNames_.Clone();
+      materialColors_ = other.materialColors_.Clone();
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -1937,6 +1938,20 @@ namespace Kerf.V1 {
       get { return materialNames_; }
     }
 
+    /// <summary>Field number for the "material_colors" field.</summary>
+    public const int MaterialColorsFieldNumber = 12;
+    private static readonly pb::FieldCodec<string> _repeated_materialColors_codec
+        = pb::FieldCodec.ForString(98);
+    private readonly pbc::RepeatedField<string> materialColors_ = new pbc::RepeatedField<string>();
+    /// <summary>
+    /// What each of them looks like, in sRGB: "#rrggbb"; empty where the scene states no colour. In parallel to material_names.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public pbc::RepeatedField<string> MaterialColors {
+      get { return materialColors_; }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -1963,6 +1978,7 @@ namespace Kerf.V1 {
       if (LeftOutPieces != other.LeftOutPieces) return false;
       if (LeftOutVoxels != other.LeftOutVoxels) return false;
       if(!materialNames_.Equals(other.materialNames_)) return false;
+      if(!materialColors_.Equals(other.materialColors_)) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -1981,6 +1997,7 @@ namespace Kerf.V1 {
       if (LeftOutPieces != 0) hash ^= LeftOutPieces.GetHashCode();
       if (LeftOutVoxels != 0) hash ^= LeftOutVoxels.GetHashCode();
       hash ^= materialNames_.GetHashCode();
+      hash ^= materialColors_.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -2040,6 +2057,7 @@ namespace Kerf.V1 {
         output.WriteUInt32(LeftOutVoxels);
       }
       materialNames_.WriteTo(output, _repeated_materialNames_codec);
+      materialColors_.WriteTo(output, _repeated_materialColors_codec);
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -2091,6 +2109,7 @@ namespace Kerf.V1 {
         output.WriteUInt32(LeftOutVoxels);
       }
       materialNames_.WriteTo(ref output, _repeated_materialNames_codec);
+      materialColors_.WriteTo(ref output, _repeated_materialColors_codec);
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -2132,6 +2151,7 @@ namespace Kerf.V1 {
         size += 1 + pb::CodedOutputStream.ComputeUInt32Size(LeftOutVoxels);
       }
       size += materialNames_.CalculateSize(_repeated_materialNames_codec);
+      size += materialColors_.CalculateSize(_repeated_materialColors_codec);
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
       }
@@ -2181,6 +2201,7 @@ namespace Kerf.V1 {
         LeftOutVoxels = other.LeftOutVoxels;
       }
       materialNames_.Add(other.materialNames_);
+      materialColors_.Add(other.materialColors_);
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
 
@@ -2246,6 +2267,10 @@ namespace Kerf.V1 {
             materialNames_.AddEntriesFrom(input, _repeated_materialNames_codec);
             break;
           }
+          case 98: {
+            materialColors_.AddEntriesFrom(input, _repeated_materialColors_codec);
+            break;
+          }
         }
       }
     #endif
@@ -2309,6 +2334,10 @@ namespace Kerf.V1 {
           }
           case 90: {
             materialNames_.AddEntriesFrom(ref input, _repeated_materialNames_codec);
+            break;
+          }
+          case 98: {
+            materialColors_.AddEntriesFrom(ref input, _repeated_materialColors_codec);
             break;
           }
         }

@@ -27,6 +27,7 @@ fn block(side_m: f64) -> Body {
         viscosity: None,
         rate: None,
         friction_coefficient: 0.0,
+        color: None,
     };
     let half = 0.5 * side_m;
     let object = ObjectDesc {
