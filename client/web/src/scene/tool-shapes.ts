@@ -14,7 +14,7 @@ import {
 } from "three";
 import type { BladeSummary, GrasperSummary, ProbeSummary, ScissorsSummary, ToolSummary } from "../gen/kerf/v1/types_pb";
 
-const STEEL = new MeshPhysicalMaterial({ color: 0xc9d0d8, metalness: 0.9, roughness: 0.3, side: 2 });
+const STEEL = new MeshPhysicalMaterial({ color: 0xc4ccd6, metalness: 0.6, roughness: 0.32, side: 2 });
 const GRIP = new MeshStandardMaterial({ color: 0x39414b, roughness: 0.5, metalness: 0.3 });
 
 /** A blade without thickness is drawn this thick, as a share of its height. */
