@@ -1,12 +1,15 @@
 // Makes the figures of the paper: sessions in lock-step, looked at through the viewer.
 
+import { writeFile } from "node:fs/promises";
 import type { TomlTable } from "smol-toml";
 import type { Browser } from "playwright-core";
 import { afterAll, beforeAll, test } from "vitest";
 import { freePort, launch, Server } from "../harness";
 import { curves } from "./curves";
-import { ACROSS, type Felt, type Leg, LockStep, type Scene, turned } from "./lockstep";
+import { ACROSS, type Felt, type Leg, LockStep, middle, type Place, type Scene, turned } from "./lockstep";
+import { MODELS } from "./models";
 import { type Look, type Panel, Window, writeSheet } from "./sheet";
+import { galleryText } from "./text";
 
 const DOCS = "../../docs";
 /** Without a graphics card a picture takes seconds. */
@@ -22,6 +25,7 @@ beforeAll(async () => {
 });
 
 afterAll(async () => {
+  await writeFile(`${DOCS}/gallery.md`, galleryText());
   await browser?.close();
   await server?.stop();
 });
@@ -59,7 +63,7 @@ async function firstCutM(scene: Scene, first: Leg, leg: Leg): Promise<number> {
   await session.go(first);
   const felt = await session.go(leg, isCutting);
   await session.end();
-  return felt[felt.length - 1].goneM;
+  return felt.find(isCutting)?.goneM ?? felt[felt.length - 1].goneM;
 }
 
 const slow = { timeout: PATIENCE_MS };
@@ -80,6 +84,7 @@ test("Fig. 2: a liver and what it is made of", slow, async () => {
 test("Fig. 4: energy while a cuboid is cut", slow, async () => {
   const scene = { name: "cuboid", stepRateHz: 250, change: (toml: TomlTable) => drawApart(toml, 1, "x", 3e4) };
   const place = (y: number) => ({ tool: "blade", to: { at: [0, y, 0.04], turn: ACROSS } }) as const;
+  const cutM = await firstCutM(scene, place(0.0715), { ...place(0.06), seconds: 0.25 });
   const { session, window, end } = await watched(scene, { eye: [0.11, 0.16, 0.29], at: [0, 0.045, 0.01] });
   const rows: Panel[][] = [[], []];
   const shoot = async (label: string) => {
@@ -87,10 +92,10 @@ test("Fig. 4: energy while a cuboid is cut", slow, async () => {
     rows[1].push({ picture: await window.shoot("voxels"), label: "" });
   };
   await session.go(place(0.0715));
-  await session.go({ ...place(0.067), seconds: 0.1 });
-  await shoot("pressed by 3 mm");
-  const felt = await session.go({ ...place(0.04), seconds: 0.4 }, isCutting);
-  await shoot(`just before it gives: ${mm(0.003 + felt[felt.length - 1].goneM)}`);
+  await session.go({ ...place(0.0715 - 0.5 * cutM), seconds: 0.1 });
+  await shoot(`pressed by ${mm(0.5 * cutM)}`);
+  await session.go({ ...place(0.0715 - 0.97 * cutM), seconds: 0.1 });
+  await shoot(`pressed by ${mm(0.97 * cutM)}, just before it gives`);
   await session.go({ ...place(0.05), seconds: 0.2 });
   await shoot("cut 20 mm deep");
   await session.go({ ...place(0.03), seconds: 0.2 });
@@ -170,12 +175,13 @@ test("Fig. 12: three materials", slow, async () => {
 test("Fig. 13: blades of other shapes", slow, async () => {
   const rows = [];
   for (const [name, title] of [["cuboid-polyline", "An edge of folds"], ["cuboid-sine", "An edge of waves"]]) {
-    const scene = { name, stepRateHz: 250, change: (toml: TomlTable) => drawApart(toml, 2, "z", 3e4) };
+    const scene = { name, stepRateHz: 250, change: (toml: TomlTable) => drawApart(toml, 2, "z", 2e4) };
     const place = (y: number) => ({ tool: "blade", to: { at: [0, y, 0.015] } }) as const;
     const leg = { ...place(0.03), seconds: 0.8 };
     const cutM = await firstCutM(scene, place(0.0705), leg);
     const { session, window, end } = await watched(scene, { eye: [0.13, 0.2, 0.33], at: [0, 0.048, 0] });
-    const above = await Window.open(browser, server.address, session, { eye: [0.02, 0.26, 0.17], at: [0, 0.06, 0.02] });
+    const near = await Window.open(browser, server.address, session, { eye: [0.045, 0.17, 0.17], at: [0, 0.062, 0.015] });
+    await near.hideForces();
     const sides: Panel[] = [];
     const tops: Panel[] = [];
     await session.go(place(0.0705));
@@ -184,13 +190,16 @@ test("Fig. 13: blades of other shapes", slow, async () => {
       await session.go({ ...place(0.0705 - depthM), seconds: (depthM - goneM) / 0.05 });
       goneM = depthM;
       sides.push({ picture: await window.shoot(), label });
-      tops.push({ picture: await above.shoot(), label: "" });
+      tops.push({ picture: await near.shoot(), label: "" });
     };
-    await to(0.35 * cutM, `pressed by ${mm(0.35 * cutM)}`);
-    await to(0.65 * cutM, `pressed by ${mm(0.65 * cutM)}`);
+    await to(0.5 * cutM, `pressed by ${mm(0.5 * cutM)}`);
     await to(0.97 * cutM, `pressed by ${mm(0.97 * cutM)}`);
     await to(0.035, "cut 35 mm deep");
-    await above.close();
+    await session.go({ tool: "blade", to: "lift" });
+    await session.wait(0.1);
+    sides.push({ picture: await window.shoot(), label: "without the blade" });
+    tops.push({ picture: await near.shoot(), label: "" });
+    await near.close();
     await end();
     rows.push({ title, panels: sides }, { panels: tops });
   }
@@ -222,4 +231,24 @@ test("Fig. 14: a hepatectomy", slow, async () => {
   await shoot("taken away, with the lesion");
   await writeSheet(browser, `${DOCS}/gallery-fig14.jpg`, [{ panels }]);
   await end();
+});
+
+test("Fig. 15: other models, cut at will", slow, async () => {
+  const panels: Panel[][] = [[], []];
+  for (const { scene, look, grasp, pull, cut, label } of MODELS) {
+    const { session, window, end } = await watched(scene, look);
+    const holds = (at: Place["at"], opening: number) => ({ tool: "grasper", to: { at, opening } }) as const;
+    await session.go(holds(grasp, 1));
+    await session.go({ ...holds(grasp, 0), seconds: 0.05 });
+    await session.go({ tool: "blade", to: cut.from });
+    await session.go({ tool: "blade", to: middle(cut.from, cut.to), seconds: 0.3 });
+    panels[0].push({ picture: await window.shoot(), label });
+    await session.go({ tool: "blade", to: cut.to, seconds: 0.3 });
+    await session.go({ tool: "blade", to: "lift" });
+    await session.go({ ...holds(pull, 0), seconds: 0.2 });
+    await session.wait(0.1);
+    panels[1].push({ picture: await window.shoot(), label: "" });
+    await end();
+  }
+  await writeSheet(browser, `${DOCS}/gallery-fig15.jpg`, panels.map((row) => ({ panels: row })));
 });

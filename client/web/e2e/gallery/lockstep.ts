@@ -49,6 +49,11 @@ export function turned(axis: readonly [number, number, number], degrees: number)
 /** An edge that points away from whoever looks, so that a cut opens to both sides. */
 export const ACROSS = turned([0, 1, 0], 90);
 
+/** Halfway between two places of a tool that does not turn. */
+export function middle(from: Place, to: Place): Place {
+  return { ...from, at: new Vector3(...from.at).lerp(new Vector3(...to.at), 0.5).toArray() };
+}
+
 /** A session that takes steps when it is told to. */
 export class LockStep {
   readonly sessionId: string;
@@ -98,7 +103,7 @@ export class LockStep {
       outcomes.forEach((outcome, i) => felt.push(feel(outcome, toolId, places[i].at.distanceTo(start.at))));
       this.places.set(tool, places[count - 1]);
       done += count;
-      if (until(felt[felt.length - 1])) break;
+      if (felt.slice(-count).some(until)) break;
     }
     return felt;
   }
