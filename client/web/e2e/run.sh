@@ -1,5 +1,5 @@
 #!/bin/sh
-# Runs the viewer's tests: those of its modules, then the browser's that are named (viewer, screenshots or
+# Runs the viewer's tests: those of its modules, then the browser's that are named (viewer, screenshots, cost or
 # figures), all of them or those with a name like the second argument.
 # A browser is installed where Debian's packages may be; what cannot be had is said, and left out.
 set -eu

@@ -30,6 +30,8 @@ class App {
   private readonly view: View;
   private readonly input: Input;
   private session: Session | undefined;
+  /** No picture of a session was drawn yet: how long that took is measured. */
+  private isFirst = true;
   /** Sessions that this page began. */
   private readonly begun = new Set<string>();
   /** The scene of the session, to begin it anew when the server has lost it. */
@@ -72,8 +74,12 @@ class App {
     window.addEventListener("keydown", (event) => this.key(event));
     const tick = (now: number) => {
       this.session?.tick();
-      this.view.takeFrame();
+      const isNew = this.view.takeFrame();
       this.stage.draw(now);
+      if (isNew && this.isFirst) {
+        this.isFirst = false;
+        performance.mark("kerf-first-picture");
+      }
       requestAnimationFrame(tick);
     };
     requestAnimationFrame(tick);

@@ -37,7 +37,7 @@ export function curves(all: readonly Curve[]): string {
 /** The next of 1, 1.5, 2, 3, 4, 5, 8, 10, ... that is not below the value. */
 function ceiling(value: number): number {
   const power = 10 ** Math.floor(Math.log10(value));
-  return [1, 1.5, 2, 3, 4, 5, 8, 10].map((factor) => factor * power).find((round) => round >= value)!;
+  return [1, 1.5, 2, 3, 4, 5, 8, 10].map((factor) => factor * power).find((round) => round >= 0.999 * value)!;
 }
 
 function number(value: number): string {

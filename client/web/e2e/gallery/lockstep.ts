@@ -24,19 +24,17 @@ export interface Leg {
   seconds?: number;
 }
 
-export interface Scene {
-  name: string;
+export type Scene = ({ name: string } | { text: string }) & {
   stepRateHz?: number;
-  /** What is other than in the built-in scene. */
+  /** What is other than in the built-in scene, or the text. */
   change?: (scene: TomlTable) => void;
-}
+};
 
 /** What is felt after a step. */
 export interface Felt {
   simTimeS: number;
   /** Of the tool that moves. */
   forceN: number;
-  cuttingLengthM: number;
   /** Distance that the tool has gone on this leg, m. */
   goneM: number;
 }
@@ -71,9 +69,9 @@ export class LockStep {
     this.dtS = scene!.dtS;
   }
 
-  static async begin(server: Server, { name, stepRateHz, change }: Scene): Promise<LockStep> {
-    const { sceneToml } = await server.sessions.getScene({ of: { case: "sceneName", value: name } });
-    const scene = parse(sceneToml);
+  static async begin(server: Server, source: Scene): Promise<LockStep> {
+    const { stepRateHz, change } = source;
+    const scene = parse("text" in source ? source.text : await server.textOf(source.name));
     change?.(scene);
     const { session } = await server.sessions.createSession({
       scene: { case: "sceneToml", value: stringify(scene) },
@@ -106,6 +104,12 @@ export class LockStep {
       if (felt.slice(-count).some(until)) break;
     }
     return felt;
+  }
+
+  /** Back to rest, without tools. */
+  async reset(): Promise<void> {
+    this.places.clear();
+    await this.server.sessions.resetSession({ sessionId: this.sessionId });
   }
 
   /** Lets time pass. */
@@ -144,7 +148,6 @@ function motion(toolId: number, { at, turn, opening }: Held) {
 }
 
 function feel({ simTimeS, contacts }: StepOutcome, toolId: number, goneM: number): Felt {
-  const { wrench, cuttingLengthM } = contacts[toolId];
-  const { x = 0, y = 0, z = 0 } = wrench?.forceN ?? {};
-  return { simTimeS, forceN: Math.hypot(x, y, z), cuttingLengthM, goneM };
+  const { x = 0, y = 0, z = 0 } = contacts[toolId].wrench?.forceN ?? {};
+  return { simTimeS, forceN: Math.hypot(x, y, z), goneM };
 }

@@ -36,8 +36,7 @@ the field.`,
     title: "With and without fracture and adaptation",
     seen: `A blade on its way into jelly, at the same three depths in each row. Above it cuts whatever it meets, as in
 cutting by geometry alone. In the middle the cut waits for its energy, so the jelly dents first; but the surface follows
-the elements, which are coarser than the edge. Below it also lies on the blade. The third column is the second from
-nearby.`,
+the elements, which are coarser than the edge. Below it also lies on the blade. The last column is the third from nearby.`,
     ours: `The first row is the same method with hardly any fracture energy, not another program. The middle row is the
 third drawn as the elements have it ("Not adapted" in the viewer): forces and cuts do not depend on the adaptation, so
 these are one session. The paper uses another model.`,
@@ -47,7 +46,7 @@ these are one session. The paper uses another model.`,
     figure: 12,
     title: "Three materials",
     seen: `Jelly dents deepest before it parts, rubber least, tofu between them. The curves are the force on the blade
-over its depth; they drop where the material parts.`,
+over its depth; they drop where the material gives.`,
     ours: `The order is the paper's, from which our fracture energies were taken; the paper gives neither energies nor
 forces. Each material's steady force is its fracture energy times the length of the edge in it, which grows in a dome.`,
     scene: "`jelly`, `tofu` and `rubber` at 500 Hz; the blade goes down 30 mm at 50 mm/s.",
@@ -58,7 +57,7 @@ forces. Each material's steady force is its fracture energy times the length of 
     seen: `A blade whose edge is a fold line, and one whose edge is a wave. The dent has the shape of the edge, and so
 has the cut, which the last column shows without the blade. The second row of each is nearer and from higher up.`,
     ours: `The paper does not say how large its folds and waves are; ours go 10 mm to either side. The block is drawn
-apart by 20 kPa on its front and back so that the cut stands open, and has elements of 4 voxels a side (the scene: 8).`,
+apart by 50 kPa on its front and back so that the cut stands open, and has elements of 4 voxels a side (the scene: 8).`,
     scene: "`cuboid-polyline` and `cuboid-sine` at 250 Hz with `level = 2` and the two tractions; the blade goes down 35 mm.",
   },
   {
