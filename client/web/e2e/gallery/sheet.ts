@@ -46,6 +46,8 @@ export class Window {
       this.session.step,
     );
     const [download] = await Promise.all([page.waitForEvent("download"), page.keyboard.press("p")]);
+    // Ten thousands of voxels would be drawn all the way to the next picture.
+    await page.selectOption("select[aria-label='What is drawn']", "tissue");
     return readFile(await download.path());
   }
 
