@@ -28,7 +28,7 @@ export function curves(all: readonly Curve[]): string {
     text(`x="${AREA.left + 16}" y="${AREA.top + 20 + 24 * i}" font-weight="600"`, name, color),
   ]);
   const axes = [
-    text(`x="${WIDTH - AREA.right}" y="${HEIGHT - 4}" text-anchor="end"`, "depth of the edge below where it touched, mm"),
+    text(`x="${WIDTH - AREA.right}" y="${HEIGHT - 4}" text-anchor="end"`, "depth of the edge below the top, mm"),
     text(`transform="translate(18 ${AREA.top + 4}) rotate(-90)" text-anchor="end"`, "force on the blade, N"),
   ];
   return `<svg viewBox="0 0 ${WIDTH} ${HEIGHT}" font-size="16">${[...grid, ...lines, ...axes].join("")}</svg>`;

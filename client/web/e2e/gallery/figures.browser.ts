@@ -69,6 +69,8 @@ async function givesM(scene: Scene, first: Leg, leg: Leg): Promise<number> {
   return peak.goneM;
 }
 
+/** A tool begins this far over the top, m: it enters the scene touching nothing. */
+const AIR_M = 1e-4;
 const slow = { timeout: PATIENCE_MS };
 
 test("Fig. 2: a liver and what it is made of", slow, async () => {
@@ -87,7 +89,7 @@ test("Fig. 2: a liver and what it is made of", slow, async () => {
 test("Fig. 4: energy while a cuboid is cut", slow, async () => {
   const scene = { name: "cuboid", stepRateHz: 250, change: (toml: TomlTable) => drawApart(toml, 1, "x", 3e4) };
   const place = (y: number) => ({ tool: "blade", to: { at: [0, y, 0.04], turn: ACROSS } }) as const;
-  const deepM = await givesM(scene, place(0.0715), { ...place(0.06), seconds: 0.25 });
+  const deepM = (await givesM(scene, place(0.07 + AIR_M), { ...place(0.06), seconds: 0.2 })) - AIR_M;
   const { session, window, end } = await watched(scene, { eye: [0.11, 0.16, 0.29], at: [0, 0.045, 0.01] });
   const rows: Panel[][] = [[], []];
   const shoot = async (label: string) => {
@@ -95,19 +97,19 @@ test("Fig. 4: energy while a cuboid is cut", slow, async () => {
     rows[1].push({ picture: await window.shoot("voxels"), label: "" });
   };
   // Once before, so that red stands for the same energy in every picture: the most, which is there before it gives.
-  await session.go(place(0.0715));
-  await session.go({ ...place(0.0715 - 0.97 * deepM), seconds: 0.2 });
+  await session.go(place(0.07 + AIR_M));
+  await session.go({ ...place(0.07 - 0.97 * deepM), seconds: 0.2 });
   await window.shoot("voxels");
   await session.reset();
-  await session.go(place(0.0715));
-  await session.go({ ...place(0.0715 - 0.5 * deepM), seconds: 0.1 });
-  await shoot(`pressed by ${mm(0.5 * deepM)}`);
-  await session.go({ ...place(0.0715 - 0.97 * deepM), seconds: 0.1 });
-  await shoot(`pressed by ${mm(0.97 * deepM)}, just before it gives`);
+  await session.go(place(0.07 + AIR_M));
+  await session.go({ ...place(0.07 - 0.5 * deepM), seconds: 0.1 });
+  await shoot(`edge ${mm(0.5 * deepM)} down`);
+  await session.go({ ...place(0.07 - 0.97 * deepM), seconds: 0.1 });
+  await shoot(`${mm(0.97 * deepM)} down, just before it gives`);
   await session.go({ ...place(0.05), seconds: 0.2 });
-  await shoot("cut 20 mm deep");
+  await shoot("20 mm down");
   await session.go({ ...place(0.03), seconds: 0.2 });
-  await shoot("cut 40 mm deep");
+  await shoot("40 mm down");
   const energies = `Elastic energy of each element: none is blue, ${await window.legend()} is red`;
   const titles = ["From dent to cut", energies];
   await writeSheet(browser, `${DOCS}/gallery-fig4.jpg`, rows.map((panels, i) => ({ title: titles[i], panels })));
@@ -155,16 +157,16 @@ test("Fig. 12: three materials", slow, async () => {
   const drawn = [];
   for (const name of ["jelly", "tofu", "rubber"]) {
     const scene = { name, stepRateHz: 500 };
-    const first = place(0.0555);
-    const leg = { ...place(0.0255), seconds: 0.6 };
-    const deepM = await givesM(scene, first, leg);
+    const first = place(0.055 + AIR_M);
+    const leg = { ...place(0.025), seconds: 0.6 };
+    const deepM = (await givesM(scene, first, leg)) - AIR_M;
     const { session, window, end } = await watched(scene, { eye: [0.09, 0.125, 0.22], at: [0, 0.03, 0] });
     const panels: Panel[] = [];
     const points: [number, number][] = [];
     await session.go(first);
-    let goneM = 0;
+    let goneM = -AIR_M;
     const to = async (depthM: number, label: string) => {
-      const felt = await session.go({ ...place(0.0555 - depthM), seconds: (0.6 * (depthM - goneM)) / 0.03 });
+      const felt = await session.go({ ...place(0.055 - depthM), seconds: (0.6 * (depthM - goneM)) / 0.03 });
       points.push(...felt.map((one) => [1000 * (goneM + one.goneM), one.forceN] as [number, number]));
       goneM = depthM;
       panels.push({ picture: await window.shoot(), label: `${label}: ${mm(depthM)}, ${points.at(-1)![1].toFixed(0)} N` });
@@ -186,23 +188,23 @@ test("Fig. 13: blades of other shapes", slow, async () => {
     const scene = { name, stepRateHz: 250, change: (toml: TomlTable) => drawApart(toml, 2, "z", 5e4) };
     const place = (y: number) => ({ tool: "blade", to: { at: [0, y, 0.015] } }) as const;
     const leg = { ...place(0.03), seconds: 0.8 };
-    const deepM = await givesM(scene, place(0.0705), leg);
+    const deepM = (await givesM(scene, place(0.07 + AIR_M), leg)) - AIR_M;
     const { session, window, end } = await watched(scene, { eye: [0.13, 0.2, 0.33], at: [0, 0.048, 0] });
     const near = await Window.open(browser, server.address, session, { eye: [0.045, 0.17, 0.17], at: [0, 0.062, 0.015] });
     await near.hideForces();
     const sides: Panel[] = [];
     const tops: Panel[] = [];
-    await session.go(place(0.0705));
-    let goneM = 0;
+    await session.go(place(0.07 + AIR_M));
+    let goneM = -AIR_M;
     const to = async (depthM: number, label: string) => {
-      await session.go({ ...place(0.0705 - depthM), seconds: (depthM - goneM) / 0.05 });
+      await session.go({ ...place(0.07 - depthM), seconds: (depthM - goneM) / 0.05 });
       goneM = depthM;
       sides.push({ picture: await window.shoot(), label });
       tops.push({ picture: await near.shoot(), label: "" });
     };
-    await to(0.5 * deepM, `pressed by ${mm(0.5 * deepM)}`);
-    await to(0.97 * deepM, `pressed by ${mm(0.97 * deepM)}`);
-    await to(0.035, "cut 35 mm deep");
+    await to(0.5 * deepM, `edge ${mm(0.5 * deepM)} down`);
+    await to(0.97 * deepM, `${mm(0.97 * deepM)} down, just before it gives`);
+    await to(0.035, "35 mm down");
     await session.go({ tool: "blade", to: "lift" });
     await session.wait(0.1);
     sides.push({ picture: await window.shoot(), label: "without the blade" });

@@ -98,7 +98,8 @@ ${seen}
 The figures of "Versatile cutting fracture evolution modeling for deformable object cutting simulation" (He et al.,
 2022), by this program: sessions that are stepped one step after the other, so that they come out the same each time, and
 looked at through the web viewer in a browser without a graphics card. \`make figures\` makes them all. The built-in
-scenes are in \`server/scenes/builtin/\`; the strokes are in \`client/web/e2e/gallery/figures.browser.ts\`.
+scenes are in \`server/scenes/builtin/\`; the strokes are in \`client/web/e2e/gallery/figures.browser.ts\`. Depths are of the
+edge, below the top of the object at rest.
 
 ${ENTRIES.map(section).join("\n")}`;
 }
