@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots test-all same-bits lint publish-protocol verify experiment extremes strokes bench performance peers
+.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures test-all same-bits lint publish-protocol verify experiment extremes strokes bench performance peers
 
 # Folder of scanned meshes for some of the tests and for `performance`, which leave them out where it is empty.
 TEST_SHARED ?= $(abspath $(wildcard ../shared))
@@ -80,6 +80,13 @@ images:
 screenshots:
 	cargo build --bin kerf-server
 	@client/web/e2e/run.sh screenshots
+
+# Writes docs/gallery.md and its pictures: the paper's figures, stepped in lock-step and drawn by the same browser, in
+# some ten minutes; FIGURE=4 makes one of them.
+FIGURE ?=
+figures:
+	cargo build --bin kerf-server
+	@client/web/e2e/run.sh figures $(if $(FIGURE),"Fig. $(FIGURE):")
 
 # The tests marked slow too, each with its reason, and same-bits: at most ten minutes once built. A sweep that prints
 # what constants were read from takes minutes more: cargo test -p kerf-physics blade_stiffness_sweep -- --ignored --nocapture

@@ -51,6 +51,13 @@ export async function freePort(): Promise<number> {
   return port;
 }
 
+/** A bar of apple, drawn apart by its ends, so that a cut across it stands open. */
+export const APPLE = BAR.replaceAll('"bar"', '"apple"').replace(
+  "fixed = [",
+  `loads = [{ traction = { region = { box = { min_m = [-1.0, -1.0, -1.0], max_m = [1.0, 1.0, 1.0] } }, face = "max_x", traction_pa = [2.0e3, 0.0, 0.0] } }]
+fixed = [`,
+);
+
 /** A server on a port of its own. */
 export class Server {
   readonly port: number;
@@ -82,6 +89,11 @@ export class Server {
         await new Promise((resolve) => setTimeout(resolve, 50));
       }
     }
+  }
+
+  /** The text of a built-in scene. */
+  async textOf(name: string): Promise<string> {
+    return (await this.sessions.getScene({ of: { case: "sceneName", value: name } })).sceneToml;
   }
 
   async create(sceneToml: string): Promise<string> {
@@ -155,10 +167,26 @@ export async function readingWhere(page: Page, name: string, holds: (value: numb
   }
 }
 
+/** An energy that an instrument says, J. */
+export async function joules(page: Page, name: string): Promise<number> {
+  const text = (await page.textContent(`output[data-reading="${name}"]`)) ?? "";
+  const [value, unit] = text.split(" ");
+  return Number(value) * ({ "µJ": 1e-6, mJ: 1e-3, J: 1 }[unit] ?? Number.NaN);
+}
+
 /** Share of the canvas's pixels that are redder than they are green and blue: tissue. */
-export async function redShare(page: Page): Promise<number> {
+export function redShare(page: Page): Promise<number> {
+  return share(page, "red");
+}
+
+/** Share of the canvas's pixels that are as bright in red as in green: the flesh of an apple, not its skin. */
+export function paleShare(page: Page): Promise<number> {
+  return share(page, "pale");
+}
+
+async function share(page: Page, color: "red" | "pale"): Promise<number> {
   const picture = (await page.locator("#stage").screenshot()).toString("base64");
-  return page.evaluate(async (base64) => {
+  return page.evaluate(async ([base64, color]) => {
     const image = new Image();
     image.src = `data:image/png;base64,${base64}`;
     await image.decode();
@@ -166,10 +194,13 @@ export async function redShare(page: Page): Promise<number> {
     const context = canvas.getContext("2d")!;
     context.drawImage(image, 0, 0);
     const { data } = context.getImageData(0, 0, image.width, image.height);
-    let red = 0;
+    let count = 0;
     for (let i = 0; i < data.length; i += 4) {
-      if (data[i] > 40 && data[i] > 1.5 * data[i + 1] && data[i] > 1.5 * data[i + 2]) red += 1;
+      const [r, g, b] = data.subarray(i, i + 3);
+      const isRed = r > 40 && r > 1.5 * g && r > 1.5 * b;
+      const isPale = r > 110 && g > 0.8 * r && b < 0.95 * g;
+      if (color === "red" ? isRed : isPale) count += 1;
     }
-    return red / (data.length / 4);
-  }, picture);
+    return count / (data.length / 4);
+  }, [picture, color]);
 }

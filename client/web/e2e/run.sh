@@ -1,5 +1,6 @@
 #!/bin/sh
-# Runs the viewer's tests: those of its modules, then the browser's that are named (viewer or screenshots).
+# Runs the viewer's tests: those of its modules, then the browser's that are named (viewer, screenshots, cost or
+# figures), all of them or those with a name like the second argument.
 # A browser is installed where Debian's packages may be; what cannot be had is said, and left out.
 set -eu
 cd "$(dirname "$0")/.."
@@ -21,4 +22,4 @@ if [ -z "$CHROMIUM" ]; then
     exit 0
 fi
 export CHROMIUM
-npx --no-install vitest run --config e2e/vitest.config.ts "$1"
+npx --no-install vitest run --config e2e/vitest.config.ts "$1" ${2:+--testNamePattern "$2"}

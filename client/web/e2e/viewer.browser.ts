@@ -1,8 +1,25 @@
 // The viewer in a real browser, against a real server.
 
-import type { Browser } from "playwright-core";
+import { readFile } from "node:fs/promises";
+import type { Browser, Page } from "playwright-core";
 import { afterAll, afterEach, beforeAll, expect, test } from "vitest";
-import { BAR, freePort, launch, live, open, reading, readingWhere, redShare, Server, slowLink } from "./harness";
+import { SceneText } from "../src/scene-text";
+import { ACROSS, LockStep } from "./gallery/lockstep";
+import {
+  APPLE,
+  BAR,
+  freePort,
+  joules,
+  launch,
+  live,
+  open,
+  paleShare,
+  reading,
+  readingWhere,
+  redShare,
+  Server,
+  slowLink,
+} from "./harness";
 
 let browser: Browser;
 let server: Server;
@@ -34,6 +51,24 @@ test("a scene is chosen, begins and is seen", async () => {
   await page.waitForSelector("text=This session is over");
 });
 
+/** Rows of the plot that the curve of the force goes through: a few while there is none. */
+function forceRows(page: Page): Promise<number> {
+  return page.evaluate(() => {
+    const canvas = document.querySelector<HTMLCanvasElement>("canvas.plot")!;
+    const { width, height } = canvas;
+    const { data } = canvas.getContext("2d")!.getImageData(0, 0, width, height);
+    const rows = new Set<number>();
+    for (let y = 0; y < height; y++) {
+      // Beside the numbers of the axes.
+      for (let x = Math.round(0.2 * width); x < 0.8 * width; x++) {
+        const [r, g, b] = data.subarray(4 * (y * width + x));
+        if (r > 200 && g > 120 && g < 210 && b < 140) rows.add(y);
+      }
+    }
+    return rows.size;
+  });
+}
+
 test("the mouse cuts a bar in two, and who comes late sees it cut", async () => {
   const sessionId = await server.create(BAR);
   const link = `${server.address}/?session=${sessionId}`;
@@ -48,6 +83,7 @@ test("the mouse cuts a bar in two, and who comes late sees it cut", async () => 
   const at = { x: box.x + 0.4 * box.width, y: box.y + 0.3 * box.height };
   await page.mouse.move(at.x, at.y);
   await page.mouse.down();
+  expect(await forceRows(page)).toBeLessThan(6);
   let peakN = 0;
   for (let i = 1; i <= 60 && (await reading(page, "Pieces")) < 2; i++) {
     await page.mouse.move(at.x, at.y + 5 * i);
@@ -58,6 +94,7 @@ test("the mouse cuts a bar in two, and who comes late sees it cut", async () => 
   await page.mouse.up();
   await readingWhere(page, "Pieces", (pieces) => pieces === 2);
   expect(peakN).toBeGreaterThan(0);
+  expect(await forceRows(page)).toBeGreaterThan(15);
   // The bar's section is 20 mm x 20 mm.
   const areaCm2 = await reading(page, "Cut area");
   expect(areaCm2).toBeGreaterThan(2.5);
@@ -163,4 +200,138 @@ test("a browser that cannot draw is told so, in words", async () => {
   });
   await page.goto(server.address);
   await page.waitForSelector("text=This browser cannot draw the tissue");
+});
+
+test("a cut's faces have a colour of their own", async () => {
+  const session = await LockStep.begin(server, { text: APPLE });
+  const view = "&view=0.02,0.09,0.09,0.002,0.012,0";
+  const { page, problems } = await open(browser, `${server.address}/?session=${session.sessionId}${view}`);
+  await live(page);
+  const shown = () => page.waitForSelector(`[data-reading="Time"][title="Step ${session.step}"]`);
+  const place = (y: number) => ({ at: [0, y, 0] as const, turn: ACROSS });
+  await session.go({ tool: "blade", to: place(0.022) });
+  await session.go({ tool: "blade", to: "lift" });
+  await shown();
+  const before = { pale: await paleShare(page), red: await redShare(page) };
+  expect(before.red).toBeGreaterThan(0.05);
+  await session.go({ tool: "blade", to: place(0.022) });
+  await session.go({ tool: "blade", to: place(0.004), seconds: 0.2 });
+  await session.go({ tool: "blade", to: "lift" });
+  await session.wait(0.2);
+  await shown();
+  expect(await paleShare(page)).toBeGreaterThan(before.pale + 0.004);
+  expect(problems).toEqual([]);
+});
+
+test("every built-in scene can be begun with a tool of each kind", async () => {
+  const { scenes } = await server.sessions.listScenes({});
+  for (const { name } of scenes) {
+    const text = new SceneText(await server.textOf(name));
+    text.addMissingTools();
+    const scene = { case: "sceneToml" as const, value: text.toString() };
+    const { session } = await server.sessions.createSession({ scene, startPaused: true });
+    const kinds = new Set(session!.scene!.tools.map(({ kind }) => kind.case));
+    expect([name, [...kinds].sort()]).toEqual([name, ["blade", "grasper", "probe", "scissors"]]);
+    await server.sessions.closeSession({ sessionId: session!.sessionId });
+  }
+});
+
+test("a grasper takes hold and pulls, by keys", async () => {
+  const sessionId = await server.create(BAR);
+  const { page } = await open(browser, `${server.address}/?session=${sessionId}`);
+  await live(page);
+  await readingWhere(page, "Pieces", (pieces) => pieces === 1);
+  await page.keyboard.press("2");
+  // From the air down into the tissue: its middle stands some 8 mm over it, and a key goes 0.8 mm.
+  for (let i = 0; i < 11; i++) await page.keyboard.press("ArrowDown");
+  await expect.poll(async () => (await page.textContent("#tools [aria-pressed=true]")) ?? "").toContain("Grasper");
+  await page.waitForTimeout(1500);
+  await page.keyboard.press("c");
+  await page.waitForTimeout(1500);
+  const before = await joules(page, "Stored");
+  for (let i = 0; i < 6; i++) await page.keyboard.press("ArrowUp");
+  await expect.poll(() => joules(page, "Stored"), { timeout: 20_000 }).toBeGreaterThan(2 * before + 1e-5);
+});
+
+test("a page that is busy does not hold a tool up", async () => {
+  const sessionId = await server.create(BAR);
+  const { page } = await open(browser, `${server.address}/?session=${sessionId}`);
+  await live(page);
+  await readingWhere(page, "Pieces", (pieces) => pieces === 1);
+  await page.keyboard.press("1");
+  let sent = 0;
+  page.on("request", (request) => (sent += Number(request.url().endsWith("/SendPose"))));
+  await expect.poll(() => sent).toBeGreaterThan(0);
+  const before = sent;
+  await page.evaluate(async () => {
+    // Wanted five centimetres up, which takes a tool most of a second; the page is busy from the next picture on.
+    for (let i = 0; i < 60; i++) window.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowUp" }));
+    for (let i = 0; i < 2; i++) await new Promise(requestAnimationFrame);
+    const until = performance.now() + 1000;
+    while (performance.now() < until);
+  });
+  expect(sent).toBeGreaterThan(before + 8);
+});
+
+/** What is looked at of a GLB. */
+interface Gltf {
+  meshes: { primitives: { attributes: { POSITION: number } }[] }[];
+  accessors: { min: number[]; max: number[] }[];
+}
+
+test("a picture, the surface and a link can be taken along", async () => {
+  const sessionId = await server.create(BAR);
+  const { page } = await open(browser, `${server.address}/?session=${sessionId}`);
+  await live(page);
+  await readingWhere(page, "Pieces", (pieces) => pieces === 1);
+  const saved = async (label: string) => {
+    const [download] = await Promise.all([page.waitForEvent("download"), page.click(`button[aria-label='${label}']`)]);
+    return readFile(await download.path());
+  };
+  const picture = await saved("Save a picture");
+  expect(picture.subarray(1, 4).toString()).toBe("PNG");
+  const glb = await saved("Save the surface as GLB");
+  expect(glb.subarray(0, 4).toString()).toBe("glTF");
+  const { meshes, accessors } = JSON.parse(glb.subarray(20, 20 + glb.readUInt32LE(12)).toString()) as Gltf;
+  const { POSITION } = meshes[0].primitives[0].attributes;
+  expect(accessors[POSITION].max[0] - accessors[POSITION].min[0]).toBeCloseTo(0.06, 2);
+  // The link says what is looked at, and from where: whoever opens it sees the same.
+  await page.mouse.move(400, 250);
+  await page.mouse.down();
+  await page.mouse.move(520, 300, { steps: 8 });
+  await page.mouse.up();
+  await page.waitForTimeout(1000);
+  await page.click("button[aria-label='Copy a link to this session']");
+  await page.waitForURL((url) => url.searchParams.has("view"));
+  const there = await open(browser, page.url());
+  await live(there.page);
+  await there.page.click("button[aria-label='Copy a link to this session']");
+  await there.page.waitForTimeout(200);
+  expect(there.page.url()).toBe(page.url());
+});
+
+test("on a phone every button is in reach, in the dark and in the light", async () => {
+  const sessionId = await server.create(BAR);
+  const { page } = await open(browser, `${server.address}/?session=${sessionId}`, { width: 390, height: 760 });
+  await live(page);
+  await page.click("button:has-text('Blade')");
+  for (const label of ["Pause", "Save a picture", "Save the surface as GLB", "Help", "Put the tool away"]) {
+    const button = page.locator(`button[aria-label='${label}']`);
+    await button.scrollIntoViewIfNeeded();
+    const { x, y, width, height } = (await button.boundingBox())!;
+    expect([label, x >= 0 && y >= 0 && x + width <= 390 && y + height <= 760]).toEqual([label, true]);
+    // Large enough for a finger.
+    expect(Math.min(width, height)).toBeGreaterThanOrEqual(32);
+  }
+  const brightness = () => page.evaluate(() => getComputedStyle(document.body).backgroundColor.match(/\d+/g)!.map(Number)[0]);
+  expect(await brightness()).toBeLessThan(60);
+  await page.click("button[aria-label='Dark or light']");
+  expect(await brightness()).toBeGreaterThan(150);
+});
+
+test("a session that is not there is said in words, with what to do", async () => {
+  const { page } = await open(browser, `${server.address}/?session=nobody`);
+  await page.waitForSelector("text=This session cannot be joined");
+  await page.click("button:has-text('Choose a scene')");
+  await page.waitForSelector('[data-scene="tofu"]');
 });

@@ -1,16 +1,8 @@
-// The hand of whoever sits at the page: where a tool is wanted, by mouse, finger or key, and how it gets there.
-//
-// A tool follows the hand at a hand's speed, however the pointer jumps, so that what is cut is cut in a sweep.
+// The hand of whoever sits at the page: where a tool is wanted, by mouse, finger or key.
 
 import { type Camera, type PerspectiveCamera, Quaternion, Vector3 } from "three";
-import type { DrivenPose } from "./net/driver";
+import type { DrivenPose } from "./net/hands";
 
-/** Time in which a tool comes most of the way to where it is wanted, s. */
-const FOLLOW_S = 0.05;
-/** Sizes of the scene that a tool goes in a second, at most. */
-const SPEED_PER_SIZE = 1.0;
-const TURN_RAD_PER_S = 2.5;
-const JAWS_PER_S = 3;
 /** The camera looks down more steeply than this, rad: up and down on the screen is there and back on the table. */
 const STEEP_RAD = 1.0;
 
@@ -26,30 +18,38 @@ interface WorkingAxes {
   away: Vector3;
 }
 
+interface Wanted {
+  position: Vector3;
+  turn: Quaternion;
+  opening: number;
+}
+
 /** A tool in hand. */
 export class Hand {
   readonly toolId: number;
   private readonly sceneSizeM: number;
-  private readonly wanted = { position: new Vector3(), turn: new Quaternion(), opening: 1 };
-  private readonly actual = { position: new Vector3(), turn: new Quaternion(), opening: 1 };
+  private readonly wanted: Wanted;
+  private said: Wanted | undefined;
 
   constructor(toolId: number, sceneSizeM: number, position: Vector3, turn: Quaternion) {
     this.toolId = toolId;
     this.sceneSizeM = sceneSizeM;
-    for (const pose of [this.wanted, this.actual]) {
-      pose.position.copy(position);
-      pose.turn.copy(turn);
-    }
+    this.wanted = { position: position.clone(), turn: turn.clone(), opening: 1 };
   }
 
-  /** Where the tool is to be sent now. */
-  get pose(): DrivenPose {
-    return toPose(this.actual);
-  }
-
-  /** Where it is on its way to. */
+  /** Where the tool is wanted. */
   get goal(): DrivenPose {
-    return toPose(this.wanted);
+    const { position, turn, opening } = this.wanted;
+    return { position: position.toArray(), orientation: [turn.x, turn.y, turn.z, turn.w], opening };
+  }
+
+  /** Where the tool is wanted, if that is elsewhere than when this was asked last. */
+  moved(): DrivenPose | undefined {
+    const { position, turn, opening } = this.wanted;
+    const said = this.said;
+    if (said && position.equals(said.position) && turn.equals(said.turn) && opening === said.opening) return undefined;
+    this.said = { position: position.clone(), turn: turn.clone(), opening };
+    return this.goal;
   }
 
   get jawsAreOpen(): boolean {
@@ -92,20 +92,6 @@ export class Hand {
     this.turn(workingAxes(camera).right, aboutRightRad);
   }
 
-  /** Goes on towards where the tool is wanted; says whether it moved. */
-  follow(elapsedS: number): boolean {
-    const { wanted, actual } = this;
-    const share = 1 - Math.exp(-elapsedS / FOLLOW_S);
-    const way = wanted.position.clone().sub(actual.position);
-    const angle = actual.turn.angleTo(wanted.turn);
-    const gap = wanted.opening - actual.opening;
-    if (way.length() < 1e-6 * this.sceneSizeM && angle < 1e-4 && gap === 0) return false;
-    actual.position.add(way.multiplyScalar(share).clampLength(0, SPEED_PER_SIZE * this.sceneSizeM * elapsedS));
-    actual.turn.rotateTowards(wanted.turn, Math.min(share * angle, TURN_RAD_PER_S * elapsedS)).normalize();
-    actual.opening += Math.sign(gap) * Math.min(Math.abs(gap), JAWS_PER_S * elapsedS);
-    return true;
-  }
-
   private moveBy(move: Vector3): void {
     // The server's workspace is a metre about the origin.
     this.wanted.position.add(move).clampScalar(-0.95, 0.95);
@@ -124,10 +110,6 @@ export class Hand {
   private turn(axis: Vector3, angleRad: number): void {
     this.wanted.turn.premultiply(new Quaternion().setFromAxisAngle(axis, angleRad)).normalize();
   }
-}
-
-function toPose({ position, turn, opening }: { position: Vector3; turn: Quaternion; opening: number }): DrivenPose {
-  return { position: position.toArray(), orientation: [turn.x, turn.y, turn.z, turn.w], opening };
 }
 
 function screenUp(camera: Camera): Vector3 {

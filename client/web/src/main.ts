@@ -9,7 +9,8 @@ import type { StreamStatus } from "./net/frames";
 import { sessions } from "./net/server";
 import { View } from "./net/view";
 import { canDraw, Stage } from "./scene/stage";
-import type { Style } from "./scene/tissue";
+import { showsElements, type Style } from "./scene/tissue";
+import { SceneText } from "./scene-text";
 import { Session } from "./session";
 import { Bars } from "./ui/bars";
 import { byId } from "./ui/dom";
@@ -20,9 +21,7 @@ import { Readings } from "./ui/readings";
 import { openSettings } from "./ui/settings";
 import { openStart } from "./ui/start";
 import { followTheme } from "./ui/theme";
-
-/** A picture that took longer than this does not throw tools ahead, s. */
-const LONGEST_TICK_S = 0.1;
+import { viewLink, viewOf } from "./view-link";
 
 class App {
   private readonly stage = new Stage(byId("stage") as HTMLCanvasElement);
@@ -31,6 +30,8 @@ class App {
   private readonly view: View;
   private readonly input: Input;
   private session: Session | undefined;
+  /** No picture of a session was drawn yet: how long that took is measured. */
+  private isFirst = true;
   /** Sessions that this page began. */
   private readonly begun = new Set<string>();
   /** The scene of the session, to begin it anew when the server has lost it. */
@@ -66,14 +67,19 @@ class App {
       savePoint: ask((session) => session.ask(() => savePoint(session.id))),
       openPoints: ask((session) => openPoints(session.id)),
       style: (style) => this.draw(style),
+      showForces: (shown) => {
+        if (this.session) this.session.picture.showsForces = shown;
+      },
     });
     window.addEventListener("keydown", (event) => this.key(event));
-    let last = performance.now();
     const tick = (now: number) => {
-      this.session?.tick(Math.min((now - last) / 1000, LONGEST_TICK_S));
-      last = now;
-      this.view.takeFrame();
+      this.session?.tick();
+      const isNew = this.view.takeFrame();
       this.stage.draw(now);
+      if (isNew && this.isFirst) {
+        this.isFirst = false;
+        performance.mark("kerf-first-picture");
+      }
       requestAnimationFrame(tick);
     };
     requestAnimationFrame(tick);
@@ -89,7 +95,10 @@ class App {
   private choose(): void {
     const scene = async (name: string) => {
       try {
-        await this.begin({ case: "sceneName", value: name });
+        const { sceneToml } = await sessions.getScene({ of: { case: "sceneName", value: name } });
+        const text = new SceneText(sceneToml);
+        text.addMissingTools();
+        await this.begin(text.toString());
       } catch (error) {
         stand("This scene did not start", inWords(error), [{ label: "Back", choose: () => this.choose() }]);
       }
@@ -97,9 +106,9 @@ class App {
     void openStart({ scene: (name) => void scene(name), session: (id) => void this.join(id) });
   }
 
-  private async begin(scene: { case: "sceneName" | "sceneToml"; value: string }): Promise<void> {
-    byId("stage").classList.add("busy");
-    const { session } = await sessions.createSession({ scene });
+  private async begin(sceneToml: string): Promise<void> {
+    say("The server makes the tissue…");
+    const { session } = await sessions.createSession({ scene: { case: "sceneToml", value: sceneToml } });
     this.begun.add(session!.sessionId);
     await this.open(session!);
   }
@@ -120,7 +129,9 @@ class App {
     unsay();
     this.session?.leave();
     const { sessionId, scene } = description;
-    history.replaceState(null, "", `?session=${encodeURIComponent(sessionId)}`);
+    // The address that the page was opened with may say where to look from; another session is framed anew.
+    const view = new URLSearchParams(location.search).get("session") === sessionId ? viewOf(location.search) : undefined;
+    history.replaceState(null, "", viewLink(location.href, sessionId, view));
     this.bars.showScene(scene!.name, scene!.tools);
     this.session = new Session(this.stage, description, this.readings, {
       onStatus: (status) => this.showStatus(status),
@@ -132,9 +143,11 @@ class App {
         this.input.suit(toolId !== undefined);
       },
     });
+    if (view) this.stage.look(view);
     this.input.suit(false);
     this.view.open(sessionId);
     this.draw(this.bars.style);
+    this.session.picture.showsForces = this.bars.showsForces;
     this.sceneToml = (await sessions.getScene({ of: { case: "sessionId", value: sessionId } })).sceneToml;
   }
 
@@ -142,7 +155,7 @@ class App {
   private async change(toml: string): Promise<void> {
     const before = this.session?.id;
     this.readings.keepForComparison();
-    await this.begin({ case: "sceneToml", value: toml });
+    await this.begin(toml);
     if (before === undefined || !this.begun.has(before)) return;
     const { session } = await sessions.describeSession({ sessionId: before });
     if ((session?.viewers ?? 0) <= 1) await sessions.closeSession({ sessionId: before });
@@ -152,7 +165,7 @@ class App {
     this.bars.showStatus(status);
     if (status.phase === "live") unsay();
     if (status.phase !== "ended") return;
-    const again = () => this.begin({ case: "sceneToml", value: this.sceneToml });
+    const again = () => this.begin(this.sceneToml);
     stand("This session is over", status.message, [
       ...(this.sceneToml === "" ? [] : [{ label: "Begin it again", choose: () => void again().catch(sayError) }]),
       { label: "Choose a scene", choose: () => this.choose() },
@@ -165,7 +178,7 @@ class App {
   }
 
   private draw(style: Style): void {
-    this.view.wantNodes(style === "elements");
+    this.view.want({ nodes: showsElements(style), adaptation: style !== "unadapted" });
     if (this.session) this.session.style = style;
   }
 
@@ -177,9 +190,10 @@ class App {
   }
 
   private async share(): Promise<void> {
+    if (this.session) history.replaceState(null, "", viewLink(location.href, this.session.id, this.stage.viewPoint));
     try {
       await navigator.clipboard.writeText(location.href);
-      say("The link is copied. Whoever opens it joins this session.");
+      say("The link is copied. Whoever opens it joins this session and sees what you see.");
     } catch {
       // Pages that did not come over https or from this machine may not copy.
       say(`Copy the page's address to let somebody join: ${location.href}`);
@@ -207,6 +221,7 @@ class App {
       b: () => session && openPoints(session.id),
       c: () => this.toggleJaws(),
       v: () => this.bars.nextStyle(),
+      f: () => this.bars.toggleForces(),
       p: () => this.savePicture(),
       "?": openHelp,
       Escape: () => session?.putAway(),

@@ -19,6 +19,11 @@ export interface SettingGroup {
   settings: Setting[];
 }
 
+/** Length of the edge that tools are sized by where a scene has no blade, m. */
+const ABSENT_BLADE_M = 0.06;
+/** Radius of a probe in voxels: the server takes none of less than two. */
+const PROBE_VOXELS = 2.1;
+
 /** A scene whose numbers can be changed. */
 export class SceneText {
   private readonly scene: TomlTable;
@@ -37,6 +42,27 @@ export class SceneText {
     const tools = tables(this.scene["tools"]).flatMap((tool) => this.toolGroup(tool));
     const rate = setting(this.scene, "rate_hz", "Steps a second", "Hz", 10, 4000, 1000);
     return [{ title: "Time", settings: [rate] }, ...objects, ...tools];
+  }
+
+  /** Adds a tool of each kind that the scene has none of, in the size of its blade: lifted, it costs nothing. */
+  addMissingTools(): void {
+    const tools = tables(this.scene["tools"]);
+    const shapes = tools.map((tool) => tool["shape"] as TomlTable);
+    const blade = shapes.map((shape) => shape["blade"] as TomlTable | undefined).find((found) => found);
+    const sizeM = typeof blade?.["width_m"] === "number" ? blade["width_m"] : ABSENT_BLADE_M;
+    const voxelsM = tables(this.scene["objects"]).map(({ voxel_size_m }) => Number(voxel_size_m ?? 0));
+    const kinds: Record<string, TomlTable> = {
+      blade: { width_m: sizeM, height_m: 0.8 * sizeM },
+      scissors: { blade_length_m: 0.6 * sizeM, blade_height_m: 0.1 * sizeM },
+      grasper: { radius_m: 0.12 * sizeM },
+      probe: { radius_m: Math.max(0.1 * sizeM, PROBE_VOXELS * Math.max(0, ...voxelsM)) },
+    };
+    const names = new Set(tools.map(({ name }) => name));
+    for (const [kind, shape] of Object.entries(kinds)) {
+      if (shapes.some((other) => kind in other) || names.has(kind)) continue;
+      tools.push({ name: kind, shape: { [kind]: shape } });
+    }
+    this.scene["tools"] = tools;
   }
 
   private objectGroup(object: TomlTable): SettingGroup {

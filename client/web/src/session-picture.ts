@@ -4,12 +4,13 @@ import { Box3, Quaternion, Raycaster, Vector2, Vector3 } from "three";
 import type { SurfaceShape } from "./decode/surface";
 import type { SceneSummary, Vec3 } from "./gen/kerf/v1/types_pb";
 import type { GetInteriorResponse } from "./gen/kerf/v1/view_pb";
-import type { DrivenPose } from "./net/driver";
+import type { DrivenPose } from "./net/hands";
 import type { Frame } from "./net/frames";
 import { Interior } from "./scene/interior";
 import type { Stage } from "./scene/stage";
 import { type Style, Tissue } from "./scene/tissue";
 import { Tool } from "./scene/tools";
+import { hideLegend, showLegend } from "./ui/legend";
 
 /** Clear air between the tissue and a tool that is put down over it, in sizes of the scene. */
 const CLEARANCE = 0.03;
@@ -39,7 +40,7 @@ export class SessionPicture {
     this.tissues = scene.objects.map(({ materialNames, materialColors, restMinM, restMaxM }) => {
       return new Tissue(materialNames, materialColors, vector(restMinM).distanceTo(vector(restMaxM)));
     });
-    this.interiors = scene.objects.map(({ fractureEnergyJPerM2 }) => new Interior(fractureEnergyJPerM2));
+    this.interiors = scene.objects.map(() => new Interior());
     this.tools = scene.tools.map((summary) => new Tool(summary, this.sizeM));
     stage.scene.add(...this.tissues, ...this.interiors, ...this.tools.map(({ group }) => group));
     stage.frame(this.bounds);
@@ -58,6 +59,13 @@ export class SessionPicture {
     for (const tissue of this.tissues) tissue.style = style;
     // What is shown next comes with the next answer.
     for (const interior of this.interiors) interior.dispose();
+    if (style !== "voxels" && style !== "links") hideLegend();
+    this.stage.invalidate();
+  }
+
+  /** Whether forces are drawn; an arrow that is shown again comes with the next frame. */
+  set showsForces(shown: boolean) {
+    for (const tool of this.tools) tool.showsForce = shown;
     this.stage.invalidate();
   }
 
@@ -80,6 +88,7 @@ export class SessionPicture {
   showInterior(object: number, told: GetInteriorResponse): void {
     if (this.shownStyle !== "voxels" && this.shownStyle !== "links") return;
     this.interiors[object].show(told, this.shownStyle);
+    showLegend(this.interiors.map(({ mostJPerM3 }) => mostJPerM3));
     this.stage.invalidate();
   }
 
@@ -120,6 +129,7 @@ export class SessionPicture {
   }
 
   dispose(): void {
+    hideLegend();
     for (const part of [...this.tissues, ...this.interiors]) part.dispose();
     this.stage.scene.remove(...this.tissues, ...this.interiors, ...this.tools.map(({ group }) => group));
   }

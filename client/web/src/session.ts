@@ -4,9 +4,9 @@ import type { SurfaceShape } from "./decode/surface";
 import type { SessionDescription } from "./gen/kerf/v1/session_pb";
 import { EventKind, SessionState } from "./gen/kerf/v1/types_pb";
 import { Hand } from "./hand";
-import { Driver } from "./net/driver";
 import { inWords } from "./net/errors";
 import type { Frame, SessionEvent, StreamStatus } from "./net/frames";
+import { type FromHandsWorker, Hands } from "./net/hands";
 import { Interiors } from "./net/interiors";
 import { sessions } from "./net/server";
 import type { Stage } from "./scene/stage";
@@ -34,7 +34,7 @@ export class Session {
   private readonly description: SessionDescription;
   private readonly readings: Readings;
   private readonly listener: SessionListener;
-  private readonly driver: Driver;
+  private readonly driven: Hands;
   private readonly interiors: Interiors;
   private readonly hands = new Map<number, Hand>();
   private readonly stroke = new Stroke();
@@ -49,16 +49,7 @@ export class Session {
     this.listener = listener;
     this.picture = new SessionPicture(stage, description.scene!);
     this.paused = description.state !== SessionState.RUNNING;
-    this.driver = new Driver(this.id, {
-      onRoundTrip: (ms) => readings.showRoundTrip(ms),
-      onSlipped: () => say("What the jaws held slipped out: it took more force than they have."),
-      onRefused: (toolId, why) => {
-        this.letGo(toolId);
-        say(why, "problem");
-      },
-      // A lost connection is the stream's to report.
-      onError: () => {},
-    });
+    this.driven = new Hands(this.id, this.picture.sizeM, (message) => this.hearHands(message));
     this.interiors = new Interiors(this.id, description.scene!.objects.length, {
       onInterior: (object, told) => this.picture.showInterior(object, told),
       onRefused: (error) => say(inWords(error), "problem"),
@@ -94,7 +85,7 @@ export class Session {
   /** Takes the tool in hand out of the scene. */
   putAway(): void {
     if (this.active === undefined) return;
-    this.driver.lift(this.active);
+    this.driven.tell({ kind: "lift", toolId: this.active });
     this.letGo(this.active);
   }
 
@@ -105,11 +96,12 @@ export class Session {
   }
 
   /** To be called once a picture. */
-  tick(elapsedS: number): void {
+  tick(): void {
     for (const [toolId, hand] of this.hands) {
-      if (!hand.follow(elapsedS)) continue;
-      this.driver.move(toolId, hand.pose);
-      this.picture.showHand(toolId, hand.goal);
+      const goal = hand.moved();
+      if (!goal) continue;
+      this.driven.tell({ kind: "want", toolId, goal });
+      this.picture.showHand(toolId, goal);
     }
   }
 
@@ -186,16 +178,28 @@ export class Session {
 
   /** Lets go of everything; the session goes on. */
   leave(): void {
-    this.driver.end();
+    this.driven.tell({ kind: "end" });
     this.interiors.stop();
     this.picture.dispose();
+  }
+
+  private hearHands(message: FromHandsWorker): void {
+    switch (message.kind) {
+      case "roundTrip":
+        return this.readings.showRoundTrip(message.milliseconds);
+      case "slipped":
+        return say("What the jaws held slipped out: it took more force than they have.");
+      case "refused":
+        this.letGo(message.toolId);
+        say(message.why, "problem");
+    }
   }
 
   private place(toolId: number, point?: Parameters<SessionPicture["placeOver"]>[1]): void {
     const { position, turn } = this.picture.placeOver(toolId, point);
     const hand = new Hand(toolId, this.picture.sizeM, position, turn);
     this.hands.set(toolId, hand);
-    this.driver.put(toolId, hand.pose);
+    this.driven.tell({ kind: "put", toolId, goal: hand.goal });
   }
 
   /** The tissue is another: tools that were in it begin over it again. */

@@ -1,3 +1,4 @@
+import { parse, type TomlTable } from "smol-toml";
 import { expect, test } from "vitest";
 import { SceneText } from "../src/scene-text";
 
@@ -26,6 +27,17 @@ test("what can be changed has a place, a value and limits", () => {
   expect(groups.map(({ title }) => title)).toEqual(["Time", "block", "knife"]);
   const [time, block] = groups;
   expect([time.settings[0].value, block.settings[0].value, block.settings[3].value]).toEqual([500, 3e4, 1]);
+});
+
+test("a scene has a tool of every kind, and keeps its own", () => {
+  const scene = new SceneText(TOML);
+  scene.addMissingTools();
+  const tools = parse(scene.toString())["tools"] as TomlTable[];
+  expect(tools.map(({ name }) => name)).toEqual(["knife", "forceps", "scissors", "probe"]);
+  expect(tools[2]["shape"]).toEqual({ scissors: { blade_length_m: 0.012, blade_height_m: 0.002 } });
+  const text = scene.toString();
+  scene.addMissingTools();
+  expect(scene.toString()).toBe(text);
 });
 
 test("what is changed is in the text, and what is not stays as it was", () => {

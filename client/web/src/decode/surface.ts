@@ -104,8 +104,11 @@ export class BodySurface {
     };
   }
 
-  /** Positions and normals as the last state has them, in arrays of an earlier shape if they are as long. */
-  shape(used?: SurfaceShape): SurfaceShape {
+  /**
+   * Positions and normals as the last state has them, in arrays of an earlier shape if they are as long. Without
+   * adaptation vertices are where their elements have them, whatever blade is there.
+   */
+  shape(used?: SurfaceShape, isAdapted = true): SurfaceShape {
     const length = 3 * this.vertexRoom;
     const fits = used?.positions.length === length;
     const shape = fits
@@ -118,12 +121,17 @@ export class BodySurface {
     const { body } = this;
     this.interpolate(this.nodePositions(), shape.positions);
     this.placeHeld(shape.positions);
-    body.adaptedSlots.forEach((slot, i) => {
-      for (let axis = 0; axis < 3; axis++) shape.positions[3 * slot + axis] += body.adaptedOffsets[3 * i + axis];
-    });
+    if (isAdapted) this.adapt(shape.positions);
     this.normals(0, this.skinQuads, shape.positions, shape.skinNormals);
     this.normals(this.skinQuads, body.quadCount, shape.positions, shape.cutNormals);
     return shape;
+  }
+
+  private adapt(positions: Float32Array): void {
+    const { adaptedSlots, adaptedOffsets } = this.body;
+    adaptedSlots.forEach((slot, i) => {
+      for (let axis = 0; axis < 3; axis++) positions[3 * slot + axis] += adaptedOffsets[3 * i + axis];
+    });
   }
 
   /** Puts vertices beside what is held where their own weights have them. */

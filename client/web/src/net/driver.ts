@@ -3,27 +3,19 @@
 
 import { Code, ConnectError } from "@connectrpc/connect";
 import { ContactFlag, type SendPoseResponse } from "../gen/kerf/v1/control_pb";
-import type { Vector } from "./frames";
+import type { DrivenPose } from "./hands";
 import { control } from "./server";
 
 /** A tool holds still at least this often, so that its lease goes on, ms. */
 const KEEP_ALIVE_MS = 400;
 
-export interface DrivenPose {
-  position: Vector;
-  orientation: readonly [number, number, number, number];
-  /** Fraction of their full opening that the jaws take. */
-  opening: number;
-}
-
-/** Who is told what became of poses. */
+/** Who is told what became of poses. A lost connection is the stream's to report. */
 export interface DriverListener {
   onRoundTrip(milliseconds: number): void;
   /** The jaws let go of what they held: it took more force than they have. */
   onSlipped(toolId: number): void;
   /** The tool is not to be had; it was put away. */
   onRefused(toolId: number, why: string): void;
-  onError(error: unknown): void;
 }
 
 interface Driven {
@@ -133,7 +125,6 @@ export class Driver {
       this.refuse(toolId, "Somebody else holds this tool.");
     } else {
       this.tools.delete(toolId);
-      this.listener.onError(error);
     }
   }
 

@@ -52,6 +52,14 @@ export interface Frame {
   bodies: BodyFrame[];
 }
 
+/** What a way of drawing needs of frames. */
+export interface Wants {
+  /** The nodes of the elements. */
+  nodes: boolean;
+  /** The surface put on the blade that dents or cuts it, and not only where the elements have it. */
+  adaptation: boolean;
+}
+
 /** How the stream is doing. */
 export type StreamStatus =
   | { phase: "connecting" }
@@ -81,5 +89,4 @@ export type ToWorker =
   | { kind: "close" }
   /** The frame was drawn; its predecessor's arrays come back to be filled again. */
   | { kind: "drawn"; shapes: SurfaceShape[] }
-  /** Whether frames carry the nodes of the elements. */
-  | { kind: "nodes"; wanted: boolean };
+  | { kind: "want"; wants: Wants };

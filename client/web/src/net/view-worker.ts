@@ -13,7 +13,7 @@ import { EventKind } from "../gen/kerf/v1/types_pb";
 import { type State, type ToolState, type ViewResponse, ViewService } from "../gen/kerf/v1/view_pb";
 import { Acknowledger } from "./acknowledger";
 import { inWords, isGone } from "./errors";
-import type { Energy, Frame, FromWorker, Sample, StreamStatus, ToolFrame, ToWorker } from "./frames";
+import type { Energy, Frame, FromWorker, Sample, StreamStatus, ToolFrame, ToWorker, Wants } from "./frames";
 
 const FIRST_RETRY_MS = 250;
 const LAST_RETRY_MS = 4000;
@@ -23,7 +23,7 @@ const MAX_SAMPLES = 600;
 const scope = self as unknown as DedicatedWorkerGlobalScope;
 
 let viewing: Viewing | undefined;
-let nodesAreWanted = false;
+let wants: Wants = { nodes: false, adaptation: true };
 
 scope.onmessage = ({ data }: MessageEvent<ToWorker>) => {
   switch (data.kind) {
@@ -39,8 +39,8 @@ scope.onmessage = ({ data }: MessageEvent<ToWorker>) => {
     case "drawn":
       viewing?.drawn(data.shapes);
       break;
-    case "nodes":
-      nodesAreWanted = data.wanted;
+    case "want":
+      wants = data.wants;
       viewing?.show();
   }
 };
@@ -170,9 +170,9 @@ class Viewing {
     if (!this.pageIsReady || !this.state) return;
     this.pageIsReady = false;
     const bodies = this.surfaces.map((surface, index) => ({
-      shape: surface.shape(this.spare[index]),
+      shape: surface.shape(this.spare[index], wants.adaptation),
       ...(this.structures[index] && { structure: this.structures[index] }),
-      ...(nodesAreWanted && { nodes: surface.nodePositions() }),
+      ...(wants.nodes && { nodes: surface.nodePositions() }),
     }));
     const arrays = bodies.flatMap(({ shape, structure, nodes }) => [
       ...shapeArrays(shape),

@@ -1,7 +1,7 @@
 // The page's end of the view worker.
 
 import { shapeArrays, type SurfaceShape } from "../decode/surface";
-import type { Frame, FromWorker, SessionEvent, StreamStatus, ToWorker } from "./frames";
+import type { Frame, FromWorker, SessionEvent, StreamStatus, ToWorker, Wants } from "./frames";
 
 /** Who is told of a session. */
 export interface ViewListener {
@@ -34,9 +34,9 @@ export class View {
     this.send({ kind: "close" });
   }
 
-  /** Whether frames carry the nodes of the elements. */
-  wantNodes(wanted: boolean): void {
-    this.send({ kind: "nodes", wanted });
+  /** What frames are to carry from now on. */
+  want(wants: Wants): void {
+    this.send({ kind: "want", wants });
   }
 
   /** Hands on the newest frame, if one has come since the last call: to be called once a picture. */

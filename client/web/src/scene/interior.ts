@@ -1,4 +1,4 @@
-// What lies beneath the surface of one object: its voxels or its links, coloured by the energy that they hold.
+// What lies beneath the surface of one object: its voxels or its links, coloured by the elastic energy that is in them.
 
 import {
   BoxGeometry,
@@ -18,21 +18,18 @@ export type InteriorStyle = "voxels" | "links";
 
 /** Edge of a voxel as it is drawn, in voxels: they can be told apart. */
 const DRAWN_EDGE = 0.86;
-/** Colours from no energy to the fracture energy. */
-const RAMP = [0x24406e, 0x2f9c95, 0xe8c547, 0xd7322a].map((color) => new Color(color));
+/** Colours from no energy to the most that was seen. */
+export const RAMP = ["#24406e", "#2f9c95", "#e8c547", "#d7322a"];
+const RAMP_COLORS = RAMP.map((color) => new Color(color));
 const PARTED = new Color(0xffffff);
 
 export class Interior extends Group {
-  private readonly fractureEnergyJPerM2: number | undefined;
-
-  /** Without a fracture energy colours go up to the most that any element holds. */
-  constructor(fractureEnergyJPerM2: number | undefined) {
-    super();
-    this.fractureEnergyJPerM2 = fractureEnergyJPerM2;
-  }
+  /** The most that any element has held, J/m^3: what the last colour stands for, so that it means the same all along. */
+  mostJPerM3 = 0;
 
   show(told: GetInteriorResponse, style: InteriorStyle): void {
     this.dispose();
+    this.mostJPerM3 = told.elementEnergiesJPerM3.reduce((most, energy) => Math.max(most, energy), this.mostJPerM3);
     this.add(style === "voxels" ? this.voxels(told) : this.links(told));
   }
 
@@ -79,16 +76,15 @@ export class Interior extends Group {
     return lines;
   }
 
-  /** Of each composite element. What it holds per area is what a link in it does. */
-  private elementColors({ elementEnergiesJPerM3, voxelSizeM }: GetInteriorResponse): Color[] {
-    const most = this.fractureEnergyJPerM2 ?? Math.max(1e-9, ...elementEnergiesJPerM3) * voxelSizeM;
-    return elementEnergiesJPerM3.map((energy) => ramp((energy * voxelSizeM) / most));
+  private elementColors({ elementEnergiesJPerM3 }: GetInteriorResponse): Color[] {
+    const mostJPerM3 = Math.max(this.mostJPerM3, Number.MIN_VALUE);
+    return elementEnergiesJPerM3.map((energy) => ramp(energy / mostJPerM3));
   }
 }
 
-/** The colour of a share of the fracture energy. Its root: energies are squares of strains, which are what is seen. */
+/** The colour of a share of the most energy. Its root: energies are squares of strains, which are what is seen. */
 function ramp(share: number): Color {
-  const place = Math.min(Math.sqrt(Math.max(share, 0)), 1) * (RAMP.length - 1);
-  const low = Math.min(Math.floor(place), RAMP.length - 2);
-  return RAMP[low].clone().lerp(RAMP[low + 1], place - low);
+  const place = Math.min(Math.sqrt(Math.max(share, 0)), 1) * (RAMP_COLORS.length - 1);
+  const low = Math.min(Math.floor(place), RAMP_COLORS.length - 2);
+  return RAMP_COLORS[low].clone().lerp(RAMP_COLORS[low + 1], place - low);
 }

@@ -17,7 +17,7 @@ export interface Look {
 
 const FLESH: Look = {
   skin: 0x7d332a,
-  cut: 0xb5483f,
+  cut: 0xd0695a,
   glow: 0xff6a4a,
   roughness: 0.5,
   wetness: 0.6,
@@ -32,11 +32,11 @@ const LOOKS: readonly (readonly [RegExp, Partial<Look>])[] = [
   [/bear|gumm/i, { skin: 0xb8232f, cut: 0xd94a50, glow: 0xff4040, roughness: 0.3, wetness: 0.6, mottle: 0.08 }],
   [/jelly|gelatine/i, { skin: 0xd98a1f, cut: 0xf0ae4a, glow: 0xffb640, roughness: 0.22, wetness: 0.9, mottle: 0.08 }],
   [/tofu/i, { skin: 0xe9e2d0, cut: 0xf6f1e4, glow: 0xfff4dc, roughness: 0.6, wetness: 0.35, mottle: 0.12 }],
-  [/rubber/i, { skin: 0x3a4048, cut: 0x5c646e, glow: 0x405060, roughness: 0.75, wetness: 0.05, mottle: 0.1 }],
+  [/rubber/i, { skin: 0x4e5763, cut: 0x8794a4, glow: 0x607080, roughness: 0.75, wetness: 0.05, mottle: 0.1 }],
   [/potato/i, { skin: 0x9a744a, cut: 0xeed9a2, glow: 0xffe6b0, roughness: 0.75, wetness: 0.12, mottle: 0.7 }],
   [/cucumber/i, { skin: 0x39602f, cut: 0xcfe3b0, glow: 0xc8f0a0, roughness: 0.45, wetness: 0.5, mottle: 0.6 }],
   [/apple/i, { skin: 0xa62630, cut: 0xf2e6c4, glow: 0xffe0b0, roughness: 0.32, wetness: 0.5, mottle: 0.5 }],
-  [/cuboid|block/i, { skin: 0x96403a, cut: 0xcd5c50, mottle: 0.35 }],
+  [/cuboid|block/i, { skin: 0x96403a, cut: 0xe08a72, mottle: 0.35 }],
 ];
 
 /** Colours of materials that have no look of their own, after an object's first. */

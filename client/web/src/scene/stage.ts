@@ -20,6 +20,7 @@ import {
   WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import type { ViewPoint } from "../view-link";
 import { Quality } from "./quality";
 
 const FIELD_OF_VIEW_DEG = 30;
@@ -111,6 +112,18 @@ export class Stage {
     sun.shadow.bias = -0.0004;
     controls.update();
     this.quality.restart();
+    this.invalidate();
+  }
+
+  get viewPoint(): ViewPoint {
+    return { eye: this.camera.position.clone(), target: this.controls.target.clone() };
+  }
+
+  /** Looks from there, as near or far as the scene in the frame lets one. */
+  look({ eye, target }: ViewPoint): void {
+    this.controls.target.copy(target);
+    this.camera.position.copy(eye);
+    this.controls.update();
     this.invalidate();
   }
 

@@ -20,7 +20,12 @@ import { tissueMaterial } from "./tissue-material";
 type Face = "skin" | "cut";
 
 /** What the tissue is drawn as. */
-export type Style = "tissue" | "wires" | "elements" | InteriorStyle;
+export type Style = "tissue" | "unadapted" | "wires" | "elements" | InteriorStyle;
+
+/** Ways of drawing that show the edges of the elements. */
+export function showsElements(style: Style): boolean {
+  return style === "elements" || style === "voxels";
+}
 
 export class Tissue extends Group {
   private readonly looks: Look[];
@@ -76,7 +81,9 @@ export class Tissue extends Group {
       // Still hit by rays: tools are put down over the surface.
       mesh.material.visible = style !== "voxels" && style !== "links";
     }
-    this.edges.visible = style === "elements";
+    this.edges.visible = showsElements(style);
+    // Before voxels, whose colours they are not to hide.
+    this.edges.material.opacity = style === "voxels" ? 0.25 : 0.55;
   }
 
   /** Takes a frame over; answers with the arrays that were shown before. */

@@ -14,7 +14,7 @@ import {
 } from "three";
 import type { BladeSummary, GrasperSummary, ProbeSummary, ScissorsSummary, ToolSummary } from "../gen/kerf/v1/types_pb";
 
-const STEEL = new MeshPhysicalMaterial({ color: 0xc9d0d8, metalness: 0.9, roughness: 0.3, side: 2 });
+const STEEL = new MeshPhysicalMaterial({ color: 0xc4ccd6, metalness: 0.6, roughness: 0.32, side: 2 });
 const GRIP = new MeshStandardMaterial({ color: 0x39414b, roughness: 0.5, metalness: 0.3 });
 
 /** A blade without thickness is drawn this thick, as a share of its height. */
@@ -49,9 +49,9 @@ export function toolShape(kind: ToolSummary["kind"]): ToolShape {
 }
 
 function blade({ widthM, heightM, thicknessM, edgeM }: BladeSummary): ToolShape {
-  const points: [number, number][] = [];
-  for (let i = 0; i < edgeM.length; i += 3) points.push([edgeM[i], edgeM[i + 1]]);
-  if (points.length < 2) points.push([-widthM / 2, 0], [widthM / 2, 0]);
+  const points: Point[] = [];
+  for (let i = 0; i < edgeM.length; i += 3) points.push([edgeM[i], edgeM[i + 1], edgeM[i + 2]]);
+  if (points.length < 2) points.push([-widthM / 2, 0, 0], [widthM / 2, 0, 0]);
   const object = new Group();
   object.add(steel(plate(points, heightM, thicknessM)));
   const gripM = Math.min(0.16 * widthM, 0.3 * heightM);
@@ -65,7 +65,7 @@ function scissors({ bladeLengthM, bladeHeightM, maxAngleRad, thicknessM }: Sciss
   const object = new Group();
   const half = (side: 1 | -1) => {
     const arm = new Group();
-    const edge: [number, number][] = [[0, 0], [bladeLengthM, 0]];
+    const edge: Point[] = [[0, 0, 0], [bladeLengthM, 0, 0]];
     const flank = steel(plate(edge, bladeHeightM, thicknessM));
     const ring = new Mesh(new TorusGeometry(0.16 * bladeLengthM, 0.03 * bladeLengthM, 12, 32), GRIP);
     const shankM = 0.9 * bladeLengthM;
@@ -123,18 +123,20 @@ function probe({ radiusM, lengthM }: ProbeSummary): ToolShape {
   return fixed(shadowed(object), 2 * radiusM + lengthM);
 }
 
-/** A flat piece of steel over an edge in the xy plane, ground to the edge. */
-function plate(edge: readonly (readonly [number, number])[], heightM: number, thicknessM: number): BufferGeometry {
+type Point = readonly [number, number, number];
+
+/** A piece of steel as the edge sweeps it upwards, folded where the edge is, and ground to it. */
+export function plate(edge: readonly Point[], heightM: number, thicknessM: number): BufferGeometry {
   const halfM = 0.5 * Math.max(thicknessM, LEAST_THICKNESS * heightM);
   const groundM = 0.14 * heightM;
   const topM = Math.max(...edge.map(([, y]) => y)) + heightM;
   // From one flank over the edge to the other.
-  const profile = edge.map(([x, y]) => [
-    [x, topM, halfM],
-    [x, y + groundM, halfM],
-    [x, y, 0],
-    [x, y + groundM, -halfM],
-    [x, topM, -halfM],
+  const profile = edge.map(([x, y, z]) => [
+    [x, topM, z + halfM],
+    [x, y + groundM, z + halfM],
+    [x, y, z],
+    [x, y + groundM, z - halfM],
+    [x, topM, z - halfM],
   ]);
   const positions: number[] = [];
   for (let i = 0; i + 1 < profile.length; i++) {

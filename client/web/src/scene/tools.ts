@@ -2,7 +2,7 @@
 
 import { ConeGeometry, CylinderGeometry, Group, Mesh, MeshBasicMaterial, Quaternion, Vector3 } from "three";
 import type { ToolSummary } from "../gen/kerf/v1/types_pb";
-import type { DrivenPose } from "../net/driver";
+import type { DrivenPose } from "../net/hands";
 import type { ToolFrame } from "../net/frames";
 import { type ToolShape, toolShape } from "./tool-shapes";
 
@@ -17,6 +17,8 @@ export class Tool {
   readonly group = new Group();
   private readonly ghost: ToolShape;
   private readonly arrow: ForceArrow;
+  /** Whether the force on it is drawn. */
+  private hasArrow = true;
 
   constructor(summary: ToolSummary, sceneSizeM: number) {
     this.name = summary.name;
@@ -36,12 +38,17 @@ export class Tool {
   show({ pose, forceN, opening }: ToolFrame, fullForceN: number): void {
     const { object } = this.shape;
     object.visible = pose !== undefined;
-    this.arrow.group.visible = object.visible;
+    this.arrow.group.visible = false;
     if (!pose) return;
     object.position.fromArray(pose.position);
     object.quaternion.fromArray(pose.orientation);
     this.shape.setOpening(opening);
-    this.arrow.show(object.position, new Vector3(...forceN), fullForceN);
+    if (this.hasArrow) this.arrow.show(object.position, new Vector3(...forceN), fullForceN);
+  }
+
+  set showsForce(shown: boolean) {
+    this.hasArrow = shown;
+    if (!shown) this.arrow.group.visible = false;
   }
 
   /** Shows where its hand wants it to be, if that is elsewhere. */

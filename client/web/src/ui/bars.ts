@@ -25,6 +25,7 @@ export interface Actions {
   savePoint(): void;
   openPoints(): void;
   style(style: Style): void;
+  showForces(shown: boolean): void;
 }
 
 const PHASES: Record<StreamStatus["phase"], string> = {
@@ -35,6 +36,7 @@ const PHASES: Record<StreamStatus["phase"], string> = {
 };
 const STYLES: readonly (readonly [Style, string])[] = [
   ["tissue", "Tissue"],
+  ["unadapted", "Not adapted"],
   ["wires", "Wires"],
   ["elements", "Elements"],
   ["voxels", "Voxels"],
@@ -51,6 +53,7 @@ export class Bars {
   private readonly step: HTMLButtonElement;
   private readonly jaws: HTMLButtonElement;
   private readonly putAway: HTMLButtonElement;
+  private readonly forces: HTMLButtonElement;
   private readonly styles = element("select", { aria: { label: "What is drawn" }, title: "What is drawn (V)" });
   private toolButtons: HTMLButtonElement[] = [];
   private tools: readonly ToolSummary[] = [];
@@ -61,6 +64,8 @@ export class Bars {
     this.step = iconButton("step", "Step", ".", () => actions.step());
     this.jaws = iconButton("jaws", "Close or open the jaws", "C", () => actions.toggleJaws());
     this.putAway = iconButton("putAway", "Put the tool away", "Esc", () => actions.putAway());
+    this.forces = iconButton("force", "Draw the forces", "F", () => this.toggleForces());
+    this.forces.setAttribute("aria-pressed", "true");
     this.buildTop();
     this.buildTransport();
     byId("pad").append(
@@ -127,6 +132,15 @@ export class Bars {
     this.actions.style(this.style);
   }
 
+  get showsForces(): boolean {
+    return this.forces.getAttribute("aria-pressed") === "true";
+  }
+
+  toggleForces(): void {
+    this.forces.setAttribute("aria-pressed", String(!this.showsForces));
+    this.actions.showForces(this.showsForces);
+  }
+
   private buildTop(): void {
     const { actions } = this;
     const readings = iconButton("readings", "All readings", "", () => byId("readings").classList.toggle("open"));
@@ -147,8 +161,7 @@ export class Bars {
 
   private buildTransport(): void {
     const { actions } = this;
-    const wide = (button: HTMLElement) => (button.classList.add("wide"), button);
-    const gap = () => wide(element("hr"));
+    const gap = () => element("hr");
     this.styles.append(...STYLES.map(([value, textContent]) => element("option", { value, textContent })));
     this.styles.addEventListener("change", () => actions.style(this.style));
     byId("transport").append(
@@ -160,8 +173,9 @@ export class Bars {
       iconButton("turnLeft", "Go back to a point", "B", () => actions.openPoints()),
       gap(),
       this.styles,
-      wide(iconButton("picture", "Save a picture", "P", () => actions.savePicture())),
-      wide(iconButton("model", "Save the surface as GLB", "", () => actions.saveModel())),
+      this.forces,
+      iconButton("picture", "Save a picture", "P", () => actions.savePicture()),
+      iconButton("model", "Save the surface as GLB", "", () => actions.saveModel()),
       this.jaws,
       this.putAway,
     );

@@ -51,6 +51,7 @@ const ICONS = {
   turnRight: "M19 9a8 8 0 1 0 1 6m-1-12v6h-6",
   shape: "M12 3l9 6-3.5 11h-11L3 9z",
   readings: "M3 17l5-6 4 4 8-10",
+  force: "M12 20V6m-5 5 5-5 5 5M5 21h14",
   putAway: "M6 6l12 12M18 6 6 18",
 } as const;
 

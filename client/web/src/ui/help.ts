@@ -25,7 +25,8 @@ const KEYS: readonly (readonly [string, string])[] = [
   ["R", "put the tissue back to rest"],
   ["S", "save a point"],
   ["B", "go back to a point"],
-  ["V", "tissue, wires, elements, voxels, links"],
+  ["V", "tissue, not adapted to the blade, wires, elements, voxels, links"],
+  ["F", "draw the forces, or not"],
   ["P", "save a picture"],
 ];
 

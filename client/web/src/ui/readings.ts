@@ -86,6 +86,7 @@ export class Readings {
     this.load.className = load > 1 ? "fill over" : load > 0.8 ? "fill close" : "fill";
     this.late.value.textContent = `${digits(this.lateShare(frame))} %`;
     this.simTime.value.textContent = `${frame.simTimeS.toFixed(1)} s`;
+    this.simTime.value.title = `Step ${frame.step}`;
     this.plot.draw();
   }
 

@@ -1,0 +1,21 @@
+import { expect, test } from "vitest";
+import { plate } from "../src/scene/tool-shapes";
+
+test("a blade is as thick as it is stated, and folded as its edge is", () => {
+  const edge = [[-0.02, 0, 0.01], [0, 0.002, -0.01], [0.02, 0, 0.01]] as const;
+  const { position } = plate(edge, 0.05, 0.004).attributes;
+  const at = (x: number) => {
+    const points = Array.from({ length: position.count }, (_, i) => [position.getX(i), position.getY(i), position.getZ(i)]);
+    return points.filter((point) => Math.abs(point[0] - x) < 1e-9);
+  };
+  for (const [x, y, z] of edge) {
+    const points = at(x);
+    const zs = points.map((point) => point[2]);
+    expect(Math.max(...zs)).toBeCloseTo(z + 0.002, 6);
+    expect(Math.min(...zs)).toBeCloseTo(z - 0.002, 6);
+    const lowest = points.reduce((low, point) => (point[1] < low[1] ? point : low));
+    expect(lowest[1]).toBeCloseTo(y, 6);
+    expect(lowest[2]).toBeCloseTo(z, 6);
+    expect(Math.max(...points.map((point) => point[1]))).toBeCloseTo(0.052, 6);
+  }
+});
