@@ -9,9 +9,13 @@ use anyhow::anyhow;
 use clap::{Parser, Subcommand};
 use kerf_station::config::StationConfig;
 use kerf_station::link::{LinkState, SharedSession};
-use kerf_station::monitor::Monitor;
+use kerf_station::monitor::{Monitor, Report};
 use kerf_station::station::{Station, tool_ids};
 use kerf_station::{device, doctor, experiment, monitor};
+
+/// Time that a report sums up, and how often a line on a terminal is written anew.
+const REPORT_PERIOD: Duration = Duration::from_secs(1);
+const LIVE_PERIOD: Duration = Duration::from_millis(100);
 
 /// Connects haptic devices to a session of a Kerf server.
 #[derive(Debug, Parser)]
@@ -38,6 +42,8 @@ enum Command {
         #[arg(long)]
         loopback: Option<PathBuf>,
     },
+    /// Plays one row of the experiment's table through a server and prints it
+    Trial(experiment::closed_loop::Row),
     /// Prints the format of the configuration as a JSON schema
     Schema,
     /// Prints the configuration with every default filled in
@@ -87,6 +93,7 @@ fn main() -> anyhow::Result<()> {
             let measured = loopback.as_deref().map_or(Ok(String::new()), monitor::loopback_text)?;
             Ok(std::fs::write(folder.join("haptics.md"), experiment::report(&measured, server, &folder)?)?)
         }
+        Command::Trial(row) => row.play(),
         Command::Schema => {
             println!("{}", serde_json::to_string_pretty(&schemars::schema_for!(StationConfig))?);
             Ok(())
@@ -121,35 +128,83 @@ fn run(args: &RunArgs) -> anyhow::Result<()> {
     };
     eprintln!("session {session_id} of `{}`", scene.name);
     let mut stations = Vec::new();
-    for device in &config.devices {
+    for (index, device) in config.devices.iter().enumerate() {
         let opener = device.clone();
         let open = Box::new(move || device::open(&opener));
         let ids = tool_ids(device, &scene)?;
-        stations.push((Station::start(&config, device, open, ids, Arc::clone(&session))?, Monitor::default()));
+        let names: Vec<_> = ids.iter().filter_map(|id| scene.tools.get(*id as usize)).map(|tool| &*tool.name).collect();
+        let driven = names.join(", ");
+        let station = Station::start(&config, device, open, ids, Arc::clone(&session))?;
+        eprintln!("devices[{index}]: {} drives {driven}; Ctrl-C lets go", station.name);
+        stations.push(Shown { station, monitor: Monitor::default(), report: None, has_told: false, fault: None });
     }
     // The last of the stations closes it.
     drop(session);
     watch(args, &mut stations, &runtime)
 }
 
+/// A station and what is shown of it.
+struct Shown {
+    station: Station,
+    monitor: Monitor,
+    /// Of the last second.
+    report: Option<Report>,
+    /// Its servo's priority was told of.
+    has_told: bool,
+    /// The fault that was told of last.
+    fault: Option<String>,
+}
+
+impl Shown {
+    /// A fault that is new since the last time.
+    fn new_fault(&mut self) -> Option<&str> {
+        let fault = self.report.as_ref().and_then(|report| report.last_fault.as_ref())?;
+        (self.fault.as_ref() != Some(fault)).then(|| &**self.fault.insert(fault.clone()))
+    }
+
+    /// Takes what the servo did; a report of the second that `is_due` ends, else the last one with what is so now.
+    fn look(&mut self, is_due: bool) -> Option<&Report> {
+        while let Ok(sample) = self.station.samples.pop() {
+            self.monitor.take(sample);
+        }
+        let priority = self.station.thread().priority;
+        if !self.has_told && !priority.is_empty() {
+            self.has_told = true;
+            eprintln!("priority of the servo's thread: {priority}");
+        }
+        match &mut self.report {
+            Some(report) if !is_due => self.monitor.refresh(report, &self.station),
+            _ => self.report = self.monitor.report(&self.station).or_else(|| self.report.take()),
+        }
+        self.report.as_ref()
+    }
+}
+
 /// Shows what the stations do until they have ended, time is up or Ctrl-C is pressed.
-fn watch(args: &RunArgs, stations: &mut [(Station, Monitor)], runtime: &tokio::runtime::Runtime) -> anyhow::Result<()> {
+fn watch(args: &RunArgs, stations: &mut [Shown], runtime: &tokio::runtime::Runtime) -> anyhow::Result<()> {
     let mut interrupted = Box::pin(tokio::signal::ctrl_c());
-    let is_live = !args.json && std::io::stdout().is_terminal();
-    let period = Duration::from_millis(if is_live { 100 } else { 1000 });
+    // A line that is written over and over holds one device.
+    let is_live = !args.json && stations.len() == 1 && std::io::stdout().is_terminal();
+    let period = if is_live { LIVE_PERIOD } else { REPORT_PERIOD };
     let end = args.duration.map(|s| Instant::now() + Duration::from_secs_f64(s.max(0.0)));
+    let mut due = Instant::now() + REPORT_PERIOD;
     loop {
         let waited = runtime.block_on(async { tokio::time::timeout(period, &mut interrupted).await });
+        let is_due = !is_live || Instant::now() >= due;
+        if is_due {
+            due = Instant::now() + REPORT_PERIOD;
+        }
         let mut all_ended = true;
-        for (station, monitor) in stations.iter_mut() {
-            while let Ok(sample) = station.samples.pop() {
-                monitor.take(sample);
+        for shown in stations.iter_mut() {
+            if let Some(report) = shown.look(is_due) {
+                show(report, args.json, is_live)?;
             }
-            if let Some(report) = monitor.report(station) {
-                show(&report, args.json, is_live)?;
+            // What does not fit on the line that is written over, and goes by on it, has one of its own.
+            if let (true, Some(fault)) = (is_live, shown.new_fault()) {
+                println!("\r\x1b[2K{fault}");
             }
-            all_ended &= station.thread().has_ended;
-            let link = station.link();
+            all_ended &= shown.station.thread().has_ended;
+            let link = shown.station.link();
             if link.state == LinkState::Failed {
                 return Err(anyhow!(link.last_fault.unwrap_or_default()));
             }
@@ -163,14 +218,15 @@ fn watch(args: &RunArgs, stations: &mut [(Station, Monitor)], runtime: &tokio::r
     }
 }
 
-fn show(report: &kerf_station::monitor::Report, is_json: bool, is_live: bool) -> anyhow::Result<()> {
+fn show(report: &Report, is_json: bool, is_live: bool) -> anyhow::Result<()> {
     let mut out = std::io::stdout().lock();
     if is_json {
         writeln!(out, "{}", serde_json::to_string(report)?)?;
     } else if is_live {
-        write!(out, "\r\x1b[2K{report}")?;
+        // Without wrapping: what does not fit is left out.
+        write!(out, "\r\x1b[2K\x1b[?7l{report}\x1b[?7h")?;
     } else {
-        writeln!(out, "{report}")?;
+        writeln!(out, "{}: {report}", report.device)?;
     }
     out.flush()?;
     Ok(())

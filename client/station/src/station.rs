@@ -37,6 +37,8 @@ pub struct ThreadStatus {
 
 /// A running station.
 pub struct Station {
+    /// The device's name, for people.
+    pub name: String,
     /// Samples of the servo's ticks.
     pub samples: rtrb::Consumer<Sample>,
     link: Link,
@@ -64,6 +66,7 @@ impl Station {
         let (sample, samples) = rtrb::RingBuffer::new(SAMPLES);
         let (is_leaving, stop) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
         let first = open()?;
+        let name = first.info().name.clone();
         let slots = Slots { updates: contacts, motions, samples: sample, is_leaving: Arc::clone(&is_leaving) };
         let mut runner = Runner::new(runner::settings(first.info(), device), device, Arc::clone(&tool_ids), slots);
         let settings = LinkSettings {
@@ -100,7 +103,7 @@ impl Station {
             })?
         };
         let fade = Duration::from_secs_f64(device.servo.fade_s) + LEAVE_MARGIN;
-        Ok(Self { samples, link, is_leaving, stop, thread: Some(thread), status, fade })
+        Ok(Self { name, samples, link, is_leaving, stop, thread: Some(thread), status, fade })
     }
 
     /// How the link is doing.
@@ -128,8 +131,8 @@ impl Drop for Station {
     }
 }
 
-/// Asks for a real-time thread: the calling one.
-fn raise_priority() -> String {
+/// Asks for a real-time thread: the calling one. What came of it, for people.
+pub(crate) fn raise_priority() -> String {
     use thread_priority::{ThreadPriority, set_current_thread_priority};
     #[cfg(unix)]
     {

@@ -98,10 +98,21 @@ pub struct ContactModel {
     pub damping: [[f64; 6]; 6],
     /// While cutting: the force along `cap_direction` does not exceed this, N.
     pub force_cap_n: Option<f64>,
+    /// Present where the cut has yet to begin along some of the edge.
+    pub give: Option<Give>,
     /// Unit vector of the cap, scene frame: the tool's cutting direction, reversed.
     pub cap_direction: Vec3,
     /// Distance from the reference pose within which the model holds, m.
     pub validity_radius_m: f64,
+}
+
+/// How a cut begins.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Give {
+    /// Force along the cap's direction at which it does along most of the edge, N; no more than the cap.
+    pub at_n: f64,
+    /// What the cap is once it has begun along all of the edge, N.
+    pub cap_n: f64,
 }
 
 /// What the jaws of a tool hold.

@@ -110,30 +110,66 @@ impl Hand {
     }
 }
 
-/// What a station makes of a model: the force at a place and a velocity. An edge that has a cap pushes along it or
-/// has left, and what holds nothing does not pull.
-fn rendered_n(model: &ContactModel, holds: bool, position_m: Vec3, velocity_m_per_s: Vec3) -> Vec3 {
-    let (moved, faster) = (position_m - model.reference.position_m, velocity_m_per_s - model.velocity_m_per_s);
-    let times = |m: &[[f64; 6]; 6], x: &Vec3| Vec3::from_fn(|i, _| (0..3).map(|j| m[i][j] * x[j]).sum());
-    let mut force_n = model.wrench.force_n - times(&model.stiffness, &moved) - times(&model.damping, &faster);
-    if let Some(cap_n) = model.force_cap_n {
-        force_n -= model.cap_direction * (force_n.dot(&model.cap_direction) - cap_n).max(0.0);
+/// What a station makes of a model. An edge that has a cap pushes along it or has left, and what holds nothing does not
+/// pull.
+#[derive(Clone, Copy)]
+struct Rendered {
+    model: ContactModel,
+    holds: bool,
+}
+
+impl Rendered {
+    /// Of what a step says of a contact, if there is one.
+    fn of(output: &ToolOutput) -> Option<Self> {
+        output.contact.map(|model| Self { model, holds: output.grasp == Grasp::Holding })
     }
-    let pushes = if model.force_cap_n.is_some() { model.cap_direction } else { model.wrench.force_n };
-    if !holds && force_n.dot(&pushes) <= 0.0 { Vec3::zeros() } else { force_n }
+
+    /// If nothing yielded, N.
+    fn unbounded_n(&self, position_m: Vec3, velocity_m_per_s: Vec3) -> Vec3 {
+        let model = &self.model;
+        let (moved, faster) = (position_m - model.reference.position_m, velocity_m_per_s - model.velocity_m_per_s);
+        let times = |m: &[[f64; 6]; 6], x: &Vec3| Vec3::from_fn(|i, _| (0..3).map(|j| m[i][j] * x[j]).sum());
+        model.wrench.force_n - times(&model.stiffness, &moved) - times(&model.damping, &faster)
+    }
+
+    /// The force at a place and a velocity, N.
+    fn force_n(&self, position_m: Vec3, velocity_m_per_s: Vec3) -> Vec3 {
+        let model = &self.model;
+        let mut force_n = self.unbounded_n(position_m, velocity_m_per_s);
+        if let Some(cap_n) = model.force_cap_n {
+            force_n -= model.cap_direction * (force_n.dot(&model.cap_direction) - cap_n).max(0.0);
+        }
+        let pushes = if model.force_cap_n.is_some() { model.cap_direction } else { model.wrench.force_n };
+        if !self.holds && force_n.dot(&pushes) <= 0.0 { Vec3::zeros() } else { force_n }
+    }
+
+    /// The tool has come there: a cut begins at the force that the model says, and what is beyond the cap is lost. Whether
+    /// one began.
+    fn arrive(&mut self, position_m: Vec3, velocity_m_per_s: Vec3) -> bool {
+        let along_n = self.unbounded_n(position_m, velocity_m_per_s).dot(&self.model.cap_direction);
+        let given = self.model.give.filter(|give| along_n >= give.at_n);
+        if let Some(give) = given {
+            (self.model.give, self.model.force_cap_n) =
+                (None, self.model.force_cap_n.map(|cap_n| cap_n.min(give.cap_n)));
+        }
+        if let Some(cap_n) = self.model.force_cap_n {
+            self.model.wrench.force_n -= self.model.cap_direction * (along_n - cap_n).max(0.0);
+        }
+        given.is_some()
+    }
 }
 
 /// Moves by half the validity radius both ways along `axes` within `steps` from rest; the worst error, over the bound.
 fn worst_of_moves(hand: &mut Hand, at_m: Vec3, steps: usize, axes: &[Vec3]) -> f64 {
     let output = (0..8).map(|_| hand.step(at_m, true)).last().expect("steps");
-    let (model, holds) = (output.contact.expect("it touches"), output.grasp == Grasp::Holding);
+    let rendered = Rendered::of(&output).expect("it touches");
     let (snapshot, force_n) = (hand.world.snapshot(), output.wrench.force_n);
     let mut worst: f64 = 0.0;
     for way in axes.iter().flat_map(|axis| [*axis, -axis]) {
         hand.world.restore(&snapshot);
-        let by = way * (0.5 * model.validity_radius_m);
+        let by = way * (0.5 * rendered.model.validity_radius_m);
         let moved_n = hand.go(at_m, at_m + by, steps).wrench.force_n;
-        let said_n = rendered_n(&model, holds, at_m + by, by / (steps as f64 * DT_S));
+        let said_n = rendered.force_n(at_m + by, by / (steps as f64 * DT_S));
         let most_n = OF_CHANGE * (moved_n - force_n).norm() + OF_FORCE[hand.tool] * force_n.norm();
         worst = worst.max((said_n - moved_n).norm() / most_n);
     }
@@ -200,64 +236,97 @@ fn stroke(tool: usize, i: usize) -> Vec3 {
 }
 
 /// A rendered stroke: rms of what is wrong over that of the force, %.
-struct Rendered {
+struct Errors {
     all: f64,
     /// But for where a front has begun or stopped to yield, or the tool has left, since the model before the last: the
     /// force then jumps by its own, and the blend goes on from where it was.
     between_events: f64,
     /// Had the forces been held instead.
     held: f64,
+    /// Had a cut begun for the station when the next model said so.
+    without_give: f64,
+}
+
+/// A station that goes over to each model within a quarter of the time between two.
+struct Station {
+    knows_of_give: bool,
+    rendered: Option<Rendered>,
+    offset_n: Vec3,
+}
+
+impl Station {
+    fn force_n(&self, position_m: Vec3, velocity_m_per_s: Vec3) -> Vec3 {
+        self.rendered.map_or(Vec3::zeros(), |rendered| rendered.force_n(position_m, velocity_m_per_s))
+    }
+
+    fn take(&mut self, output: &ToolOutput, (position_m, velocity_m_per_s): (Vec3, Vec3)) {
+        let before_n = self.force_n(position_m, velocity_m_per_s);
+        let is_first = self.rendered.is_none();
+        self.rendered = Rendered::of(output);
+        if let (false, Some(rendered)) = (self.knows_of_give, &mut self.rendered) {
+            rendered.model.give = None;
+        }
+        self.offset_n = if is_first { Vec3::zeros() } else { before_n - self.force_n(position_m, velocity_m_per_s) };
+    }
 }
 
 /// Renders a stroke from models so many steps apart, each gone over to within a quarter of that.
-fn render(scene: &Scene, tool: usize, interval: usize) -> Rendered {
+fn render(scene: &Scene, tool: usize, interval: usize) -> Errors {
     let mut hand = Hand::new(scene, tool);
     hand.step(stroke(tool, 0), false);
     hand.opening = 0.0;
-    let mut model: Option<(ContactModel, bool)> = None;
-    let (mut offset_n, mut before_m) = (Vec3::zeros(), stroke(tool, 0));
-    let (mut all, mut between, mut held, mut forces) = (0.0, 0.0, 0.0, 0.0);
-    let (mut cutting_m, mut disturbed) = (0.0, [false; 2]);
+    let [mut station, mut plain] =
+        [true, false].map(|knows_of_give| Station { knows_of_give, rendered: None, offset_n: Vec3::zeros() });
+    let (mut all, mut between, mut held, mut without, mut forces) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    let (mut before_m, mut cutting_m, mut disturbed, mut held_n) = (stroke(tool, 0), 0.0, [false; 2], None::<Vec3>);
     for i in 1..=STROKE {
         let at_m = stroke(tool, i);
         let velocity_m_per_s = (at_m - std::mem::replace(&mut before_m, at_m)) / DT_S;
         let is_due = i % interval == 0;
-        let output = hand.step(at_m, is_due || model.is_none());
+        let output = hand.step(at_m, is_due || station.rendered.is_none());
         let force_n = output.wrench.force_n;
-        let of = |model: &Option<(ContactModel, bool)>| {
-            model.as_ref().map_or(Vec3::zeros(), |(m, holds)| rendered_n(m, *holds, at_m, velocity_m_per_s))
-        };
         disturbed[0] |= output.cutting_length_m != cutting_m || !output.touches;
         cutting_m = output.cutting_length_m;
-        let blended = (1.0 - (i % interval) as f64 / (0.25 * interval as f64)).max(0.0);
-        let error = (of(&model) + offset_n * blended - force_n).norm_squared();
+        let since_model = (i - 1) % interval + 1;
+        let blended = (1.0 - since_model as f64 / (0.25 * interval as f64)).max(0.0);
+        held += held_n.map_or(0.0, |held_n| (held_n - force_n).norm_squared());
+        let [error, plain_error] = [&mut station, &mut plain].map(|station| {
+            disturbed[0] |= station.rendered.as_mut().is_some_and(|rendered| rendered.arrive(at_m, velocity_m_per_s));
+            let said_n = station.force_n(at_m, velocity_m_per_s) + station.offset_n * blended;
+            (said_n - force_n).norm_squared()
+        });
         all += error;
+        without += plain_error;
         between += if disturbed[0] || disturbed[1] { 0.0 } else { error };
-        held += model.as_ref().map_or(0.0, |(m, _)| (m.wrench.force_n - force_n).norm_squared());
         forces += force_n.norm_squared();
-        if is_due || model.is_none() {
-            let before_n = of(&model);
-            model = output.contact.map(|m| (m, output.grasp == Grasp::Holding));
-            offset_n = if is_due { before_n - of(&model) } else { Vec3::zeros() };
+        if is_due || station.rendered.is_none() {
+            for station in [&mut station, &mut plain] {
+                station.take(&output, (at_m, velocity_m_per_s));
+            }
+            held_n = output.contact.map(|model| model.wrench.force_n);
             disturbed = [false, disturbed[0]];
         }
     }
-    let [all, between_events, held] = [all, between, held].map(|e: f64| 100.0 * (e / forces).sqrt());
-    Rendered { all, between_events, held }
+    let [all, between_events, held, without_give] =
+        [all, between, held, without].map(|e: f64| 100.0 * (e / forces).sqrt());
+    Errors { all, between_events, held, without_give }
 }
 
 fn strokes_are_rendered(level: u8, material: (f64, f64, f64), what: &str) {
     let scene = block(level, material);
     for (tool, name) in TOOLS {
         for interval in INTERVALS {
-            let Rendered { all, between_events, held } = render(&scene, tool, interval);
+            let Errors { all, between_events, held, without_give } = render(&scene, tool, interval);
             let case = format!("{what}, level {level}, {name}, {interval} ms");
-            println!("{case}: {all:.2} %, {between_events:.2} % between events, {held:.2} % where forces are held");
-            // The ball comes down on voxels of a third of its radius, one by one.
-            let is_coarse = level == 0 && tool == PROBE && material == SOFT && interval == 17;
-            let most = if is_coarse { 8.0 } else { 5.0 };
-            assert!(between_events < most, "{case}: {between_events} %");
-            assert!(tool == BLADE || all < most, "{case}: {all} %");
+            println!(
+                "{case}: {all:.2} %, {between_events:.2} % between events; {without_give:.2} % if a cut begins with the next \
+                 model, {held:.2} % if forces are held"
+            );
+            assert!(between_events < 5.0, "{case}: {between_events} %");
+            // A cut that begins a millisecond early or late is 7 % of such a stroke. From models 17 ms old it does.
+            let most = if tool == BLADE && interval == INTERVALS[1] { 8.0 } else { 5.0 };
+            assert!(all < most, "{case}: {all} %");
+            assert!(tool != BLADE || all < 0.5 * without_give, "{case}: {all} %, {without_give} % without the give");
         }
     }
 }

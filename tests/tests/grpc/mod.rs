@@ -5,6 +5,7 @@ mod bystander;
 mod checkpoints;
 mod control;
 mod cut;
+mod deadband;
 mod dial;
 mod harness;
 mod hostile;

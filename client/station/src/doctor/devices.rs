@@ -11,6 +11,7 @@ use crate::config::{DeviceConfig, DeviceKind, HaplyConfig, OpenHapticsConfig};
 use crate::device::haply::Haply;
 use crate::device::openhaptics::{OpenHaptics, load};
 use crate::device::{self, Device, DeviceError, DeviceState, Servo};
+use crate::station::raise_priority;
 
 /// Share of the rate that a device aims at which is enough.
 const ENOUGH_RATE: f64 = 0.9;
@@ -123,7 +124,12 @@ fn run(device: &mut dyn Device, run_for: Duration) -> Result<Run, DeviceError> {
             thread::sleep(run_for);
             stop.store(true, Ordering::Relaxed);
         });
-        device.run(&mut seen, &stop)
+        // As the station does it, on a thread of its own: this one keeps its priority.
+        let running = scope.spawn(|| {
+            raise_priority();
+            device.run(&mut seen, &stop)
+        });
+        running.join().expect("a device does not panic")
     })?;
     Ok(seen)
 }

@@ -19,7 +19,7 @@ pub fn report(loopback: &str, server: SocketAddr, folder: &Path) -> anyhow::Resu
 }
 
 /// What is rendered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Rendering {
     /// The server's force as it came, held until the next one.
     Held,

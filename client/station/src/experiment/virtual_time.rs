@@ -106,7 +106,8 @@ impl Trial {
                 pose: Pose { position_m: state.position_m, orientation: state.orientation },
                 velocity_m_per_s: state.velocity_m_per_s,
             };
-            let rendered = core.tick(DT_S, &hand, None, Some(Newest { update: &update, age_s }));
+            let pose_age_s = age_s + self.round_trip_steps as f64 * DT_S;
+            let rendered = core.tick(DT_S, &hand, None, Some(Newest { update: &update, age_s, pose_age_s }));
             let (tool_m, felt_n) = match self.rendering {
                 Rendering::Held => {
                     let came_n = update.model.map_or_else(Vector3::zeros, |model| model.force_n);

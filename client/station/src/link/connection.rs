@@ -99,7 +99,7 @@ impl Dialler {
             let ended = self.drive().await;
             self.uplink.set(None);
             let (why, state) = match ended {
-                Ended::Broken(why) => (why, LinkState::Connecting),
+                Ended::Broken(why) => (format!("{why}; trying again"), LinkState::Connecting),
                 Ended::SessionGone(why) => match self.settings.session.gone(&self.session_id).await {
                     Ok(next) => (format!("{why}; {next}"), LinkState::Connecting),
                     Err(remedy) => (format!("{why}; {remedy}"), LinkState::Failed),
@@ -210,14 +210,17 @@ pub(super) async fn connect(server: &ServerConfig) -> Result<Wire, Ended> {
             Some(value.parse().map_err(|_| hopeless(format!("{}: not a token", path.display())))?)
         }
     };
-    let broken = |why: &dyn std::fmt::Display| {
-        Ended::Broken(format!("no server answers at {} ({why}); trying again", server.url))
-    };
+    let broken = |why: String| Ended::Broken(format!("no server answers at {} ({why})", server.url));
     match tokio::time::timeout(STEP_TIMEOUT, endpoint.connect()).await {
-        Err(_) => Err(broken(&"time is up")),
-        Ok(Err(error)) => Err(broken(&error)),
+        Err(_) => Err(broken(format!("nothing within {} s", STEP_TIMEOUT.as_secs_f64()))),
+        Ok(Err(error)) => Err(broken(root_cause(&error))),
         Ok(Ok(channel)) => Ok(InterceptedService::new(channel, Token(token))),
     }
+}
+
+/// What an error comes from in the end: the transport's own words say nothing.
+fn root_cause(error: &dyn std::error::Error) -> String {
+    std::iter::successors(Some(error), |error| error.source()).last().map_or_else(String::new, ToString::to_string)
 }
 
 /// What a refusal means.

@@ -1,8 +1,8 @@
 //! What a hand does not notice is not sent.
 //!
 //! A pose goes out when the contact model says that the force has changed by more than a share of itself since the last
-//! one, when the tool has gone as far as it does in a hundredth of a second, or when nothing has gone out for too long.
-//! In free motion that is a fifth of the poses, at rest a twentieth.
+//! one, when the tool has gone as far as it does in a hundredth of a second (in contact, in the time between two contacts),
+//! or when nothing has gone out for too long. In free motion that is a fifth of the poses, at rest a twentieth.
 
 use nalgebra::Vector3;
 
@@ -10,8 +10,10 @@ use crate::servo::runner::Motion;
 
 /// Forces below this count as this, N: what nobody feels.
 const FELT_N: f64 = 0.03;
-/// How old the server's pose may become by the tool's motion, s.
+/// How old the server's pose may become by the tool's motion, s: of a tool that touches nothing, and of one in contact, for
+/// whose force along the way at the cap of a cut does not tell where it is.
 const MOTION_S: f64 = 0.01;
+const CONTACT_S: f64 = 0.004;
 /// Motion that is never sent by itself, m: the noise of encoders.
 const NOISE_M: f64 = 1e-4;
 /// Turn that is sent, rad.
@@ -58,10 +60,11 @@ impl Deadband {
         };
         let changed_n: Vector3<f64> = motion.contact_n - sent.contact_n;
         let touches = motion.contact_n.norm().max(sent.contact_n.norm());
+        let motion_s = if touches > 0.0 { CONTACT_S } else { MOTION_S };
         let moved_m = (now.pose.position_m - before.pose.position_m).norm();
         before.opening != now.opening
             || changed_n.norm() > self.share * touches.max(self.felt_n)
-            || moved_m > (MOTION_S * motion.speed_m_per_s).max(NOISE_M)
+            || moved_m > (motion_s * motion.speed_m_per_s).max(NOISE_M)
             || before.pose.orientation.angle_to(&now.pose.orientation) > TURN_RAD
     }
 }
@@ -105,6 +108,24 @@ mod tests {
             let (share, error) = passed(speed, stiffness);
             assert!(share < 0.4 && error <= 0.05 + 1e-9, "{name}: {share} sent, {error} off");
         }
+    }
+
+    #[test]
+    fn a_tool_that_cuts_on_is_known_within_the_time_between_two_contacts() {
+        let mut deadband = Deadband::new(0.05, 0.025, 1.0);
+        let (speed_m_per_s, mut sent_m, mut worst_m) = (0.05, f64::NAN, 0.0_f64);
+        for tick in 0..500_u64 {
+            let y_m = speed_m_per_s * tick as f64 * 2e-3;
+            let pose = Pose { position_m: Vector3::y() * -y_m, orientation: UnitQuaternion::identity() };
+            let contact_n = Vector3::y() * 2.0;
+            let sampled_ns = tick * 2_000_000;
+            let placement = Some(pose.into());
+            if deadband.passes(&Motion { sampled_ns, tool: 0, placement, contact_n, speed_m_per_s }) {
+                sent_m = y_m;
+            }
+            worst_m = worst_m.max(y_m - sent_m);
+        }
+        assert!(worst_m <= CONTACT_S * speed_m_per_s + 1e-9, "{worst_m} m");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use kerf_proto::v1::session_service_client::SessionServiceClient;
 use kerf_proto::v1::{self, control_request};
 use tonic::{Code, Status};
 
-use super::connection::connect;
+use super::connection::{Ended, connect};
 use crate::config::ServerConfig;
 
 /// Calls whose time is measured.
@@ -29,7 +29,7 @@ pub struct ServerProbe {
 /// # Errors
 /// What was tried and how it failed.
 pub async fn probe(server: &ServerConfig) -> Result<ServerProbe, String> {
-    let wire = connect(server).await.map_err(|ended| ended.text().trim_end_matches("; trying again").to_owned())?;
+    let wire = connect(server).await.map_err(Ended::text)?;
     let mut sessions = SessionServiceClient::new(wire.clone());
     let said = |status: Status| format!("{} answers, but not as a Kerf server: {}", server.url, status.message());
     let mut scenes = Vec::new();

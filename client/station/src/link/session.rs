@@ -43,7 +43,11 @@ impl SharedSession {
     /// What went wrong, for people.
     pub async fn describe(&self, server: &ServerConfig) -> Result<(v1::SceneSummary, String), String> {
         let wire = connect(server).await.map_err(Ended::text)?;
-        let session_id = self.id(&wire).await.map_err(Ended::text)?;
+        let session_id = match self.id(&wire).await {
+            Ok(session_id) => session_id,
+            Err(Ended::SessionGone(why)) => return Err(format!("{why}{}", scenes(wire).await)),
+            Err(ended) => return Err(ended.text()),
+        };
         let request = v1::DescribeSessionRequest { session_id: session_id.clone() };
         let reply = SessionServiceClient::new(wire).describe_session(request).await;
         let reply = reply.map_err(|status| refused("the session", &status).text())?.into_inner();
@@ -85,6 +89,15 @@ impl SharedSession {
             let _ = SessionServiceClient::new(wire).close_session(request).await;
         }
     }
+}
+
+/// What a server could create instead.
+async fn scenes(wire: Wire) -> String {
+    let Ok(reply) = SessionServiceClient::new(wire).list_scenes(v1::ListScenesRequest {}).await else {
+        return String::new();
+    };
+    let names: Vec<String> = reply.into_inner().scenes.into_iter().map(|scene| scene.name).collect();
+    format!("; the server has: {}", names.join(", "))
 }
 
 async fn create(wire: Wire, scene: &str) -> Result<String, Status> {

@@ -4,7 +4,7 @@ use kerf_proto::v1;
 use kerf_script::Pose;
 use nalgebra::{Matrix6, Quaternion, UnitQuaternion, Vector3};
 
-use crate::servo::model::{Along, LocalModel};
+use crate::servo::model::{Along, Give, LocalModel};
 
 /// A message that lacks what the protocol requires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -23,7 +23,10 @@ pub fn model(contact: &v1::Contact) -> Result<Option<LocalModel>, Missing> {
     let is_holding = contact.flags & v1::ContactFlag::Holding as u32 != 0;
     let along = match (model.force_cap_n, vector(model.cap_direction)) {
         _ if is_holding => Along::Holds,
-        (Some(cap_n), Some(direction)) => Along::Yields { direction, cap_n: f64::from(cap_n) },
+        (Some(cap_n), Some(direction)) => {
+            let give = model.gives_at_n.map(|at_n| Give { at_n: at_n.into(), left_n: model.force_cap_given_n.into() });
+            Along::Yields { direction, cap_n: f64::from(cap_n), give }
+        }
         (Some(_), None) => return Err(Missing("model.cap_direction")),
         (None, _) => Along::Pushes,
     };
@@ -123,6 +126,13 @@ mod tests {
         let capped = without(|c| c.model.as_mut().unwrap().force_cap_n = Some(1.0));
         assert_eq!(capped, Err(Missing("model.cap_direction")));
         assert_eq!(without(|contact| contact.model = None), Ok(None));
+        let beginning = without(|c| {
+            let model = c.model.as_mut().unwrap();
+            (model.force_cap_n, model.cap_direction) = (Some(2.0), Some(v1::Vec3 { x: 0.0, y: 1.0, z: 0.0 }));
+            (model.gives_at_n, model.force_cap_given_n) = (Some(1.75), 1.0);
+        });
+        let give = Some(Give { at_n: 1.75, left_n: 1.0 });
+        assert_eq!(beginning.unwrap().unwrap().along, Along::Yields { direction: Vector3::y(), cap_n: 2.0, give });
         let broken = without(|c| c.model.as_mut().unwrap().stiffness[0] = f32::NAN).unwrap().unwrap();
         assert!(!broken.is_finite());
     }

@@ -158,16 +158,30 @@ impl Core {
         let fresh = newest.map_or(0.0, |newest| fresh_share(newest.age_s, newest.update.max_age_s));
         self.recovery.advance(dt_s);
         match newest {
-            Some(newest) if fresh > 0.0 => self.recovery.take(newest.update, &self.coupling.tool(hand)),
-            _ => self.recovery = Recovery::default(),
+            Some(newest) if fresh > 0.0 => {
+                self.recovery.take(newest.update, &self.coupling.tool(hand), newest.pose_age_s);
+            }
+            // No force is rendered from what is so old, but the tool stands on it still: the hand is not to press it into tissue
+            // that it does not feel, for the server to find it there and throw it out.
+            Some(_) => {}
+            None => self.recovery = Recovery::default(),
         }
         let gains = match newest {
             Some(newest) => self.schedule.advance(dt_s, newest.update.round_trip_s),
             None => self.schedule.gains(),
         };
-        let recovery = &self.recovery;
-        let contact_n = self.coupling.advance(dt_s, hand, gains, |pose| recovery.reaction(pose));
-        let tool = self.coupling.tool(hand);
+        let advance = |coupling: &mut Coupling, recovery: &Recovery| {
+            let force_n = coupling.advance(dt_s, hand, gains, |pose| recovery.reaction(pose));
+            (force_n, coupling.tool(hand), *coupling.velocity_m_per_s())
+        };
+        let before = self.coupling;
+        let (mut contact_n, mut tool, mut velocity_m_per_s) = advance(&mut self.coupling, &self.recovery);
+        if self.recovery.gives(&tool, &velocity_m_per_s) {
+            // The force falls within the step, as it does in the server's.
+            self.coupling = before;
+            (contact_n, tool, velocity_m_per_s) = advance(&mut self.coupling, &self.recovery);
+        }
+        self.recovery.slip(&tool, &velocity_m_per_s);
         let braked_n = match &mut self.passivity {
             Some(passivity) => {
                 passivity.observe(&hand.pose.position_m, self.stored_j);

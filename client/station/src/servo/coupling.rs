@@ -27,6 +27,7 @@ pub struct Gains {
 pub struct Coupling {
     /// `None` before the first step: it begins in the hand.
     tool_m: Option<Vector3<f64>>,
+    velocity_m_per_s: Vector3<f64>,
 }
 
 impl Coupling {
@@ -34,6 +35,12 @@ impl Coupling {
     #[must_use]
     pub fn tool(&self, hand: &Hand) -> Pose {
         Pose { position_m: self.tool_m.unwrap_or(hand.pose.position_m), ..hand.pose }
+    }
+
+    /// How fast it went there in the last step, m/s.
+    #[must_use]
+    pub fn velocity_m_per_s(&self) -> &Vector3<f64> {
+        &self.velocity_m_per_s
     }
 
     /// Moves the tool with the hand, against the contact; returns the force on the hand, N.
@@ -63,6 +70,7 @@ impl Coupling {
             tool.position_m += solver.map_or_else(Vector3::zeros, |solver| solver.solve(&unbalanced_n));
         }
         self.tool_m = Some(tool.position_m);
+        self.velocity_m_per_s = (tool.position_m - from.position_m) / dt_s;
         force_on_hand(&tool.position_m)
     }
 }

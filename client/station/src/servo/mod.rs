@@ -35,4 +35,6 @@ pub struct Newest<'a> {
     pub update: &'a Update,
     /// Time since it came in, s.
     pub age_s: f64,
+    /// Time since the pose was taken that it answers, s; infinite where it answers none.
+    pub pose_age_s: f64,
 }

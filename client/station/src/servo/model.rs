@@ -63,9 +63,20 @@ pub enum Along {
         direction: Vector3<f64>,
         /// Greatest force, N.
         cap_n: f64,
+        /// Present where that is what a cut begins at.
+        give: Option<Give>,
     },
     /// Jaws hold the tissue: it pushes and pulls.
     Holds,
+}
+
+/// How a cut begins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Give {
+    /// Force at which most of the edge gives, N.
+    pub at_n: f64,
+    /// What the cap is from then on, N.
+    pub left_n: f64,
 }
 
 /// Force of a contact at a pose, and how it changes there.
@@ -84,19 +95,60 @@ impl LocalModel {
     /// force that stayed as it is there would let the tool into a wall that the next contact throws it out of.
     #[must_use]
     pub fn reaction(&self, pose: &Pose) -> Reaction {
-        let moved_m = pose.position_m - self.reference.position_m;
-        let turned_rad = (pose.orientation * self.reference.orientation.inverse()).scaled_axis();
-        let at_rest_n = self.force_n + self.damping_n_s_per_m * self.velocity_m_per_s;
-        let force_n = at_rest_n - self.stiffness_n_per_m * moved_m - self.turning_n_per_rad * turned_rad;
-        let within =
-            Reaction { force_n, stiffness_n_per_m: self.stiffness_n_per_m, damping_n_s_per_m: self.damping_n_s_per_m };
+        let within = Reaction {
+            force_n: self.elastic_n(pose),
+            stiffness_n_per_m: self.stiffness_n_per_m,
+            damping_n_s_per_m: self.damping_n_s_per_m,
+        };
         match self.along {
             Along::Holds => within,
-            Along::Yields { direction, cap_n } => within.bounded(&direction, cap_n),
+            Along::Yields { direction, cap_n, .. } => within.bounded(&direction, cap_n),
             Along::Pushes => match self.force_n.try_normalize(f64::MIN_POSITIVE) {
                 Some(direction) => within.bounded(&direction, f64::INFINITY),
                 None => within,
             },
+        }
+    }
+
+    /// The force on the tool at a pose and a velocity if nothing yielded, N.
+    fn unbounded_n(&self, pose: &Pose, velocity_m_per_s: &Vector3<f64>) -> Vector3<f64> {
+        self.elastic_n(pose) - self.damping_n_s_per_m * velocity_m_per_s
+    }
+
+    /// The same at rest, N.
+    fn elastic_n(&self, pose: &Pose) -> Vector3<f64> {
+        let moved_m = pose.position_m - self.reference.position_m;
+        let turned_rad = (pose.orientation * self.reference.orientation.inverse()).scaled_axis();
+        let at_rest_n = self.force_n + self.damping_n_s_per_m * self.velocity_m_per_s;
+        at_rest_n - self.stiffness_n_per_m * moved_m - self.turning_n_per_rad * turned_rad
+    }
+
+    /// Whether the cut that has not begun yet begins with the tool there, at this velocity.
+    #[must_use]
+    pub fn gives(&self, pose: &Pose, velocity_m_per_s: &Vector3<f64>) -> bool {
+        match self.along {
+            Along::Yields { direction, give: Some(give), .. } => {
+                self.unbounded_n(pose, velocity_m_per_s).dot(&direction) >= give.at_n
+            }
+            _ => false,
+        }
+    }
+
+    /// The cut has begun.
+    pub fn give(&mut self) {
+        if let Along::Yields { cap_n, give, .. } = &mut self.along
+            && let Some(given) = give.take()
+        {
+            *cap_n = cap_n.min(given.left_n);
+        }
+    }
+
+    /// The tool has come there at this velocity: what the contact would hold beyond its cap it has lost, so that a tool that
+    /// turns round is let go of at once, and not where the cap was reached.
+    pub fn slip(&mut self, pose: &Pose, velocity_m_per_s: &Vector3<f64>) {
+        if let Along::Yields { direction, cap_n, .. } = self.along {
+            let beyond_n = self.unbounded_n(pose, velocity_m_per_s).dot(&direction) - cap_n.max(0.0);
+            self.force_n -= direction * beyond_n.max(0.0);
         }
     }
 
@@ -105,7 +157,9 @@ impl LocalModel {
     pub fn is_finite(&self) -> bool {
         let Self { reference, force_n, stiffness_n_per_m, turning_n_per_rad, velocity_m_per_s, .. } = self;
         let along = match &self.along {
-            Along::Yields { direction, cap_n } => direction.sum() + cap_n,
+            Along::Yields { direction, cap_n, give } => {
+                direction.sum() + cap_n + give.map_or(0.0, |give| give.at_n + give.left_n)
+            }
             Along::Pushes | Along::Holds => 0.0,
         };
         let numbers = force_n.iter().chain(stiffness_n_per_m).chain(turning_n_per_rad).chain(&self.damping_n_s_per_m);
@@ -177,12 +231,29 @@ pub(crate) mod tests {
 
     #[test]
     fn while_cutting_the_force_is_capped_along_the_cut_and_free_across_it() {
-        let cutting = LocalModel { along: Along::Yields { direction: Vector3::y(), cap_n: 1.5 }, ..floor() };
+        let cutting =
+            LocalModel { along: Along::Yields { direction: Vector3::y(), cap_n: 1.5, give: None }, ..floor() };
         let deep = cutting.reaction(&at(2e-3, -3e-3, 0.0));
         assert!((deep.force_n - Vector3::new(-0.2, 1.5, 0.0)).norm() < 1e-12, "{deep:?}");
         assert_eq!(deep.stiffness_n_per_m[(1, 1)], 0.0);
         assert_eq!(deep.stiffness_n_per_m[(0, 0)], 100.0);
         assert_eq!(cutting.reaction(&at(0.0, 4e-3, 0.0)).force_n.y, 0.0);
+    }
+
+    #[test]
+    fn an_edge_that_turns_round_is_let_go_of_where_it_turns() {
+        let mut cutting =
+            LocalModel { along: Along::Yields { direction: Vector3::y(), cap_n: 1.5, give: None }, ..floor() };
+        let force_n = |model: &LocalModel, y| model.reaction(&at(0.0, y, 0.0)).force_n.y;
+        let rest = Vector3::zeros();
+        cutting.slip(&at(0.0, -5e-3, 0.0), &rest);
+        assert!((force_n(&cutting, -5e-3) - 1.5).abs() < 1e-12);
+        assert!((force_n(&cutting, -4e-3) - 1.0).abs() < 1e-12, "500 N/m back from there");
+        cutting.slip(&at(0.0, -4e-3, 0.0), &rest);
+        assert!((force_n(&cutting, -5e-3) - 1.5).abs() < 1e-12, "nothing more is lost below the cap");
+        let mut pressing = floor();
+        pressing.slip(&at(0.0, -5e-3, 0.0), &rest);
+        assert_eq!(pressing, floor());
     }
 
     #[test]
@@ -197,11 +268,13 @@ pub(crate) mod tests {
     #[test]
     fn a_number_that_is_none_is_found_wherever_it_stands() {
         assert!(floor().is_finite());
-        let mut models = [floor(); 5];
+        let mut models = [floor(); 6];
         models[0].force_n.z = f64::NAN;
         models[1].stiffness_n_per_m[(1, 2)] = f64::INFINITY;
         models[2].reference.position_m.x = f64::NAN;
-        models[3].along = Along::Yields { direction: Vector3::y(), cap_n: f64::NAN };
+        models[3].along = Along::Yields { direction: Vector3::y(), cap_n: f64::NAN, give: None };
+        let give = Some(Give { at_n: 1.0, left_n: f64::NAN });
+        models[5].along = Along::Yields { direction: Vector3::y(), cap_n: 1.0, give };
         models[4].damping_n_s_per_m[(0, 0)] = f64::NAN;
         assert!(models.iter().all(|model| !model.is_finite()));
     }

@@ -148,7 +148,9 @@ impl Servo for Runner {
         // What came of another tool, or before anything came, is no contact of this one.
         let is_ours = update.number > 0 && update.tool_id == self.tool_ids[self.tool];
         let age_s = now_ns.saturating_sub(update.arrived_ns) as f64 * 1e-9;
-        let newest = is_ours.then_some(Newest { update: &update, age_s });
+        let motion_age_s = (update.echo_ns > 0).then(|| now_ns.saturating_sub(update.echo_ns) as f64 * 1e-9);
+        let pose_age_s = motion_age_s.unwrap_or(f64::INFINITY);
+        let newest = is_ours.then_some(Newest { update: &update, age_s, pose_age_s });
         let rendered = self.core.tick(dt_s, &hand, hold, newest);
         let force_n = self.mapping.force_on_device(&rendered.force_n);
         let opening = if self.is_down(Action::Grasp, state.buttons) { 0.0 } else { 1.0 };
@@ -168,7 +170,7 @@ impl Servo for Runner {
             force_n,
             rendered,
             contacts: update.number,
-            motion_age_s: (update.echo_ns > 0).then(|| now_ns.saturating_sub(update.echo_ns) as f64 * 1e-9),
+            motion_age_s,
         };
         // Full: the monitor misses a tick, the hand none.
         let _ = self.slots.samples.push(sample);

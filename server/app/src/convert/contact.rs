@@ -89,12 +89,15 @@ fn contact_model(model: &ContactModel, blend_time_s: f64) -> v1::ContactModel {
         velocity_m_per_s: Some(vec3(&model.velocity_m_per_s)),
         angular_velocity_rad_per_s: Some(vec3(&model.angular_velocity_rad_per_s)),
         blend_time_s: blend_time_s as f32,
+        gives_at_n: model.give.map(|give| give.at_n as f32),
+        force_cap_given_n: model.give.map_or(0.0, |give| give.cap_n as f32),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use kerf_physics::step_io::Give;
     use kerf_physics::tool::Pose;
 
     #[test]
@@ -111,7 +114,10 @@ mod tests {
         assert_eq!((sent.stiffness.len(), sent.damping.len()), (21, 21));
         assert_eq!(sent.stiffness[..8], [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 11.0, 12.0]);
         assert_eq!((sent.damping_n_s_per_m, sent.damping[6], sent.blend_time_s), (1.0, 1.0, 0.004));
-        assert_eq!((sent.force_cap_n, sent.cap_direction), (None, None));
+        assert_eq!((sent.force_cap_n, sent.cap_direction, sent.gives_at_n), (None, None, None));
+        let give = Some(Give { at_n: 1.75, cap_n: 1.0 });
+        let sent = contact_model(&ContactModel { force_cap_n: Some(2.0), give, ..model }, 0.004);
+        assert_eq!((sent.force_cap_n, sent.gives_at_n, sent.force_cap_given_n), (Some(2.0), Some(1.75), 1.0));
     }
 
     #[test]

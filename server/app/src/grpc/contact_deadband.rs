@@ -1,4 +1,6 @@
-//! Which contacts a driver can do without: those that the one before predicts as well as a hand can tell.
+//! Which contacts a driver can do without: those that the one before predicts as well as a hand can tell, for a tool that
+//! has not left the place that its model vouches for. A tool that cuts on meets the same force, but where it turns round
+//! its station has to know where it was.
 
 use kerf_physics::Vec3;
 use kerf_physics::step_io::{ContactModel, ToolOutput};
@@ -61,20 +63,31 @@ impl ContactDeadband {
         self.told.extend(tools.iter().filter_map(|&tool| report.tools.get(tool)).map(|of_tool| of_tool.output));
     }
 
+    /// Whether a station knows when the cut begins as well as it knows the force.
+    fn gives_alike(&self, told: &ContactModel, now: &ContactModel) -> bool {
+        match (told.give, now.give) {
+            (Some(told), Some(now)) => (told.at_n - now.at_n).abs() <= self.share * told.at_n,
+            (told, now) => told.is_none() && now.is_none(),
+        }
+    }
+
     fn is_predicted(&self, told: &ToolOutput, now: &ToolOutput) -> bool {
         let is_alike = told.pose.is_some() == now.pose.is_some()
             && told.grasp == now.grasp
             && match (&told.contact, &now.contact) {
-                (Some(told), Some(now)) => is_as_stiff(told, now),
+                (Some(told), Some(now)) => is_as_stiff(told, now) && self.gives_alike(told, now),
                 (told, now) => told.is_none() && now.is_none(),
             };
+        let is_valid = told.contact.as_ref().zip(now.pose).is_none_or(|(model, pose)| {
+            (pose.position_m - model.reference.position_m).norm() <= model.validity_radius_m
+        });
         let predicted_n = told.contact.as_ref().zip(now.pose).map_or(told.wrench.force_n, |(model, pose)| {
             let moved_m = pose.position_m - model.reference.position_m;
             force_n(model, &moved_m)
         });
         let felt_n = now.wrench.force_n;
         let may_differ_n = self.share * felt_n.norm().max(LEAST_FORCE_N);
-        is_alike && (felt_n - predicted_n).norm() <= may_differ_n
+        is_alike && is_valid && (felt_n - predicted_n).norm() <= may_differ_n
     }
 }
 
@@ -95,6 +108,8 @@ fn force_n(model: &ContactModel, moved_m: &Vec3) -> Vec3 {
     match model.force_cap_n {
         Some(cap_n) => {
             let along_n = force_n.dot(&model.cap_direction);
+            let given = model.give.filter(|give| along_n >= give.at_n);
+            let cap_n = given.map_or(cap_n, |give| cap_n.min(give.cap_n));
             force_n + model.cap_direction * (along_n.clamp(0.0, cap_n) - along_n)
         }
         None => force_n,
@@ -103,7 +118,7 @@ fn force_n(model: &ContactModel, moved_m: &Vec3) -> Vec3 {
 
 #[cfg(test)]
 mod tests {
-    use kerf_physics::step_io::Wrench;
+    use kerf_physics::step_io::{Give, Wrench};
     use kerf_physics::tool::Pose;
     use kerf_session::ToolReport;
 
@@ -123,6 +138,7 @@ mod tests {
             velocity_m_per_s: Vec3::zeros(),
             angular_velocity_rad_per_s: Vec3::zeros(),
             force_cap_n: None,
+            give: None,
             cap_direction: Vec3::y(),
             validity_radius_m: 0.01,
         };
@@ -148,6 +164,8 @@ mod tests {
         // Twice the force, and just as the model says.
         assert!(!deadband.is_news(&report(10, 0.004), &[0]));
         assert!(deadband.is_news(&report(25, 0.002), &[0]), "a quarter of 0.1 s");
+        // Just as the model says, but 11 mm away from where it was made.
+        assert!(deadband.is_news(&report(10, 0.013), &[0]), "its radius is 10 mm");
     }
 
     #[test]
@@ -167,6 +185,22 @@ mod tests {
             change(&mut now.tools[0].output);
             assert!(deadband.is_news(&now, &[0]));
         }
+    }
+
+    #[test]
+    fn a_cut_that_began_or_did_not_where_the_station_felt_it_begin_is_told() {
+        let cutting = |at_ms, depth_m, at_n: Option<f64>| {
+            let mut report = report(at_ms, depth_m);
+            let model = report.tools[0].output.contact.as_mut().unwrap();
+            (model.force_cap_n, model.give) = (Some(2.0), at_n.map(|at_n| Give { at_n, cap_n: 1.0 }));
+            report
+        };
+        let mut deadband = deadband(0.05);
+        deadband.tell(&cutting(0, 0.002, Some(1.8)), &[0]);
+        assert!(!deadband.is_news(&cutting(4, 0.0034, Some(1.8)), &[0]));
+        assert!(deadband.is_news(&cutting(4, 0.0038, Some(1.8)), &[0]), "the station renders 1 N there");
+        assert!(deadband.is_news(&cutting(4, 0.002, Some(1.6)), &[0]), "it begins at another force");
+        assert!(deadband.is_news(&cutting(4, 0.002, None), &[0]), "it has begun");
     }
 
     #[test]

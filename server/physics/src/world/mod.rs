@@ -392,7 +392,10 @@ impl World {
             let felt = &mut self.models[index].felt;
             *felt = felt.filter(|_| output.touches);
             let about = sum.zip(tool.path()).zip(felt.as_ref());
-            output.contact = about.map(|((sum, path), felt)| sum.model(&tool.shape, &path, self.params.dt_s, felt));
+            output.contact = about.map(|((sum, path), felt)| {
+                let give = contact_model::give(|| self.slots.iter().flat_map(|slot| slot.contacts[index].pressing()));
+                sum.model((&tool.shape, &path), self.params.dt_s, felt, give)
+            });
             output.cutting_length_m = self.slots.iter().map(|s| s.contacts[index].cutting_length_m()).sum();
             let holds = self.slots.iter().any(|s| s.contacts[index].holds());
             output.grasp = if holds { Grasp::Holding } else { Grasp::Nothing };

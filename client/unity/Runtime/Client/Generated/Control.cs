@@ -56,34 +56,36 @@ namespace Kerf.V1 {
             "Mg8ua2VyZi52MS5XcmVuY2gSJAoFbW9kZWwYByABKAsyFS5rZXJmLnYxLkNv",
             "bnRhY3RNb2RlbBIYChBjdXR0aW5nX2xlbmd0aF9tGAggASgCEg0KBWZsYWdz",
             "GAkgASgNEg4KBm51bWJlchgKIAEoBBIRCglzZXJ2ZXJfbnMYCyABKAQSFwoP",
-            "ZWNob19hcnJpdmVkX25zGAwgASgEIswCCgxDb250YWN0TW9kZWwSIAoJcmVm",
+            "ZWNob19hcnJpdmVkX25zGAwgASgEIo8DCgxDb250YWN0TW9kZWwSIAoJcmVm",
             "ZXJlbmNlGAEgASgLMg0ua2VyZi52MS5Qb3NlEhEKCXN0aWZmbmVzcxgCIAMo",
             "AhIZChFkYW1waW5nX25fc19wZXJfbRgDIAEoAhIYCgtmb3JjZV9jYXBfbhgE",
             "IAEoAkgAiAEBEiQKDWNhcF9kaXJlY3Rpb24YBSABKAsyDS5rZXJmLnYxLlZl",
             "YzMSGQoRdmFsaWRpdHlfcmFkaXVzX20YBiABKAISDwoHZGFtcGluZxgHIAMo",
             "AhInChB2ZWxvY2l0eV9tX3Blcl9zGAggASgLMg0ua2VyZi52MS5WZWMzEjEK",
             "GmFuZ3VsYXJfdmVsb2NpdHlfcmFkX3Blcl9zGAkgASgLMg0ua2VyZi52MS5W",
-            "ZWMzEhQKDGJsZW5kX3RpbWVfcxgKIAEoAkIOCgxfZm9yY2VfY2FwX24iSgoM",
-            "UG9zZVJlamVjdGVkEg8KB3Rvb2xfaWQYASABKA0SCwoDc2VxGAIgASgEEg0K",
-            "BWZpZWxkGAMgASgJEg0KBWxpbWl0GAQgASgJIkYKCUxlYXNlTG9zdBIPCgd0",
-            "b29sX2lkGAEgASgNEigKBnJlYXNvbhgCIAEoDjIYLmtlcmYudjEuTGVhc2VM",
-            "b3N0UmVhc29uIoQBCg9TZW5kUG9zZVJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgB",
-            "IAEoCRINCgVsZWFzZRgCIAEoCRIhCgRwb3NlGAMgASgLMhEua2VyZi52MS5U",
-            "b29sUG9zZUgAEiEKBGxpZnQYBCABKAsyES5rZXJmLnYxLkxpZnRUb29sSABC",
-            "CAoGbW90aW9uIpMBChBTZW5kUG9zZVJlc3BvbnNlEg0KBWxlYXNlGAEgASgJ",
-            "EiEKB2NvbnRhY3QYAiABKAsyEC5rZXJmLnYxLkNvbnRhY3QSJwoIcmVqZWN0",
-            "ZWQYAyABKAsyFS5rZXJmLnYxLlBvc2VSZWplY3RlZBIkCgVzdGF0ZRgEIAEo",
-            "DjIVLmtlcmYudjEuU2Vzc2lvblN0YXRlKqsBCgtDb250YWN0RmxhZxIcChhD",
-            "T05UQUNUX0ZMQUdfVU5TUEVDSUZJRUQQABIXChNDT05UQUNUX0ZMQUdfTElG",
-            "VEVEEAESGgoWQ09OVEFDVF9GTEFHX1JFRU5URVJFRBACEhUKEUNPTlRBQ1Rf",
-            "RkxBR19MQVRFEAQSGAoUQ09OVEFDVF9GTEFHX0hPTERJTkcQCBIYChRDT05U",
-            "QUNUX0ZMQUdfU0xJUFBFRBAQKnoKD0xlYXNlTG9zdFJlYXNvbhIhCh1MRUFT",
-            "RV9MT1NUX1JFQVNPTl9VTlNQRUNJRklFRBAAEh0KGUxFQVNFX0xPU1RfUkVB",
-            "U09OX1NJTEVOQ0UQARIlCiFMRUFTRV9MT1NUX1JFQVNPTl9TRVNTSU9OX0NM",
-            "T1NJTkcQAjKTAQoOQ29udHJvbFNlcnZpY2USQAoHQ29udHJvbBIXLmtlcmYu",
-            "djEuQ29udHJvbFJlcXVlc3QaGC5rZXJmLnYxLkNvbnRyb2xSZXNwb25zZSgB",
-            "MAESPwoIU2VuZFBvc2USGC5rZXJmLnYxLlNlbmRQb3NlUmVxdWVzdBoZLmtl",
-            "cmYudjEuU2VuZFBvc2VSZXNwb25zZWIGcHJvdG8z"));
+            "ZWMzEhQKDGJsZW5kX3RpbWVfcxgKIAEoAhIXCgpnaXZlc19hdF9uGAsgASgC",
+            "SAGIAQESGQoRZm9yY2VfY2FwX2dpdmVuX24YDCABKAJCDgoMX2ZvcmNlX2Nh",
+            "cF9uQg0KC19naXZlc19hdF9uIkoKDFBvc2VSZWplY3RlZBIPCgd0b29sX2lk",
+            "GAEgASgNEgsKA3NlcRgCIAEoBBINCgVmaWVsZBgDIAEoCRINCgVsaW1pdBgE",
+            "IAEoCSJGCglMZWFzZUxvc3QSDwoHdG9vbF9pZBgBIAEoDRIoCgZyZWFzb24Y",
+            "AiABKA4yGC5rZXJmLnYxLkxlYXNlTG9zdFJlYXNvbiKEAQoPU2VuZFBvc2VS",
+            "ZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDQoFbGVhc2UYAiABKAkSIQoE",
+            "cG9zZRgDIAEoCzIRLmtlcmYudjEuVG9vbFBvc2VIABIhCgRsaWZ0GAQgASgL",
+            "MhEua2VyZi52MS5MaWZ0VG9vbEgAQggKBm1vdGlvbiKTAQoQU2VuZFBvc2VS",
+            "ZXNwb25zZRINCgVsZWFzZRgBIAEoCRIhCgdjb250YWN0GAIgASgLMhAua2Vy",
+            "Zi52MS5Db250YWN0EicKCHJlamVjdGVkGAMgASgLMhUua2VyZi52MS5Qb3Nl",
+            "UmVqZWN0ZWQSJAoFc3RhdGUYBCABKA4yFS5rZXJmLnYxLlNlc3Npb25TdGF0",
+            "ZSqrAQoLQ29udGFjdEZsYWcSHAoYQ09OVEFDVF9GTEFHX1VOU1BFQ0lGSUVE",
+            "EAASFwoTQ09OVEFDVF9GTEFHX0xJRlRFRBABEhoKFkNPTlRBQ1RfRkxBR19S",
+            "RUVOVEVSRUQQAhIVChFDT05UQUNUX0ZMQUdfTEFURRAEEhgKFENPTlRBQ1Rf",
+            "RkxBR19IT0xESU5HEAgSGAoUQ09OVEFDVF9GTEFHX1NMSVBQRUQQECp6Cg9M",
+            "ZWFzZUxvc3RSZWFzb24SIQodTEVBU0VfTE9TVF9SRUFTT05fVU5TUEVDSUZJ",
+            "RUQQABIdChlMRUFTRV9MT1NUX1JFQVNPTl9TSUxFTkNFEAESJQohTEVBU0Vf",
+            "TE9TVF9SRUFTT05fU0VTU0lPTl9DTE9TSU5HEAIykwEKDkNvbnRyb2xTZXJ2",
+            "aWNlEkAKB0NvbnRyb2wSFy5rZXJmLnYxLkNvbnRyb2xSZXF1ZXN0Ghgua2Vy",
+            "Zi52MS5Db250cm9sUmVzcG9uc2UoATABEj8KCFNlbmRQb3NlEhgua2VyZi52",
+            "MS5TZW5kUG9zZVJlcXVlc3QaGS5rZXJmLnYxLlNlbmRQb3NlUmVzcG9uc2Vi",
+            "BnByb3RvMw=="));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { global::Kerf.V1.TypesReflection.Descriptor, },
           new pbr::GeneratedClrTypeInfo(new[] {typeof(global::Kerf.V1.ContactFlag), typeof(global::Kerf.V1.LeaseLostReason), }, null, new pbr::GeneratedClrTypeInfo[] {
@@ -96,7 +98,7 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ToolPose), global::Kerf.V1.ToolPose.Parser, new[]{ "ToolId", "Seq", "ClientNs", "Pose", "Buttons", "Opening" }, new[]{ "Opening" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.LiftTool), global::Kerf.V1.LiftTool.Parser, new[]{ "ToolId" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Contact), global::Kerf.V1.Contact.Parser, new[]{ "ToolId", "Step", "SimTimeS", "EchoSeq", "EchoNs", "Wrench", "Model", "CuttingLengthM", "Flags", "Number", "ServerNs", "EchoArrivedNs" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ContactModel), global::Kerf.V1.ContactModel.Parser, new[]{ "Reference", "Stiffness", "DampingNSPerM", "ForceCapN", "CapDirection", "ValidityRadiusM", "Damping", "VelocityMPerS", "AngularVelocityRadPerS", "BlendTimeS" }, new[]{ "ForceCapN" }, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ContactModel), global::Kerf.V1.ContactModel.Parser, new[]{ "Reference", "Stiffness", "DampingNSPerM", "ForceCapN", "CapDirection", "ValidityRadiusM", "Damping", "VelocityMPerS", "AngularVelocityRadPerS", "BlendTimeS", "GivesAtN", "ForceCapGivenN" }, new[]{ "ForceCapN", "GivesAtN" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.PoseRejected), global::Kerf.V1.PoseRejected.Parser, new[]{ "ToolId", "Seq", "Field", "Limit" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.LeaseLost), global::Kerf.V1.LeaseLost.Parser, new[]{ "ToolId", "Reason" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SendPoseRequest), global::Kerf.V1.SendPoseRequest.Parser, new[]{ "SessionId", "Lease", "Pose", "Lift" }, new[]{ "Motion" }, null, null, null),
@@ -3688,7 +3690,8 @@ namespace Kerf.V1 {
   ///   wrench(pose, velocity) = Contact.wrench - stiffness * (pose - reference)
   ///                                           - damping * (velocity - reference velocity),
   ///
-  /// then no more than the cap along the cap's direction. A tool whose CONTACT_FLAG_HOLDING is not set pushes and does
+  /// then no more than the cap along the cap's direction; what it would be beyond that is lost, and a tool that turns round
+  /// is let go of from there. A tool whose CONTACT_FLAG_HOLDING is not set pushes and does
   /// not pull: where the model's force has turned against that of the contact, the tool has left the tissue. The
   /// reference, the wrench and the cap are those of Contact.step; stiffness and damping are brought up to date at the
   /// contacts' rate and may be a contact older. The pose that the model answers is that of Contact.echo_seq.
@@ -3739,6 +3742,8 @@ namespace Kerf.V1 {
       velocityMPerS_ = other.velocityMPerS_ != null ? other.velocityMPerS_.Clone() : null;
       angularVelocityRadPerS_ = other.angularVelocityRadPerS_ != null ? other.angularVelocityRadPerS_.Clone() : null;
       blendTimeS_ = other.blendTimeS_;
+      givesAtN_ = other.givesAtN_;
+      forceCapGivenN_ = other.forceCapGivenN_;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -3913,6 +3918,51 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "gives_at_n" field.</summary>
+    public const int GivesAtNFieldNumber = 11;
+    private float givesAtN_;
+    /// <summary>
+    /// Present where the cut has yet to begin along some of the edge: the force along cap_direction at which most of that
+    /// gives, N; no more than force_cap_n. A station that gets there goes on with force_cap_given_n for a cap at once, until
+    /// a model answers a pose from after that.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public float GivesAtN {
+      get { if ((_hasBits0 & 2) != 0) { return givesAtN_; } else { return 0F; } }
+      set {
+        _hasBits0 |= 2;
+        givesAtN_ = value;
+      }
+    }
+    /// <summary>Gets whether the "gives_at_n" field is set</summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool HasGivesAtN {
+      get { return (_hasBits0 & 2) != 0; }
+    }
+    /// <summary>Clears the value of the "gives_at_n" field</summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void ClearGivesAtN() {
+      _hasBits0 &= ~2;
+    }
+
+    /// <summary>Field number for the "force_cap_given_n" field.</summary>
+    public const int ForceCapGivenNFieldNumber = 12;
+    private float forceCapGivenN_;
+    /// <summary>
+    /// What force_cap_n becomes once the cut has begun along all of the edge, N. Zero without gives_at_n.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public float ForceCapGivenN {
+      get { return forceCapGivenN_; }
+      set {
+        forceCapGivenN_ = value;
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -3938,6 +3988,8 @@ namespace Kerf.V1 {
       if (!object.Equals(VelocityMPerS, other.VelocityMPerS)) return false;
       if (!object.Equals(AngularVelocityRadPerS, other.AngularVelocityRadPerS)) return false;
       if (!pbc::ProtobufEqualityComparers.BitwiseSingleEqualityComparer.Equals(BlendTimeS, other.BlendTimeS)) return false;
+      if (!pbc::ProtobufEqualityComparers.BitwiseSingleEqualityComparer.Equals(GivesAtN, other.GivesAtN)) return false;
+      if (!pbc::ProtobufEqualityComparers.BitwiseSingleEqualityComparer.Equals(ForceCapGivenN, other.ForceCapGivenN)) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -3955,6 +4007,8 @@ namespace Kerf.V1 {
       if (velocityMPerS_ != null) hash ^= VelocityMPerS.GetHashCode();
       if (angularVelocityRadPerS_ != null) hash ^= AngularVelocityRadPerS.GetHashCode();
       if (BlendTimeS != 0F) hash ^= pbc::ProtobufEqualityComparers.BitwiseSingleEqualityComparer.GetHashCode(BlendTimeS);
+      if (HasGivesAtN) hash ^= pbc::ProtobufEqualityComparers.BitwiseSingleEqualityComparer.GetHashCode(GivesAtN);
+      if (ForceCapGivenN != 0F) hash ^= pbc::ProtobufEqualityComparers.BitwiseSingleEqualityComparer.GetHashCode(ForceCapGivenN);
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -4007,6 +4061,14 @@ namespace Kerf.V1 {
         output.WriteRawTag(85);
         output.WriteFloat(BlendTimeS);
       }
+      if (HasGivesAtN) {
+        output.WriteRawTag(93);
+        output.WriteFloat(GivesAtN);
+      }
+      if (ForceCapGivenN != 0F) {
+        output.WriteRawTag(101);
+        output.WriteFloat(ForceCapGivenN);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -4051,6 +4113,14 @@ namespace Kerf.V1 {
         output.WriteRawTag(85);
         output.WriteFloat(BlendTimeS);
       }
+      if (HasGivesAtN) {
+        output.WriteRawTag(93);
+        output.WriteFloat(GivesAtN);
+      }
+      if (ForceCapGivenN != 0F) {
+        output.WriteRawTag(101);
+        output.WriteFloat(ForceCapGivenN);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -4085,6 +4155,12 @@ namespace Kerf.V1 {
         size += 1 + pb::CodedOutputStream.ComputeMessageSize(AngularVelocityRadPerS);
       }
       if (BlendTimeS != 0F) {
+        size += 1 + 4;
+      }
+      if (HasGivesAtN) {
+        size += 1 + 4;
+      }
+      if (ForceCapGivenN != 0F) {
         size += 1 + 4;
       }
       if (_unknownFields != null) {
@@ -4136,6 +4212,12 @@ namespace Kerf.V1 {
       }
       if (other.BlendTimeS != 0F) {
         BlendTimeS = other.BlendTimeS;
+      }
+      if (other.HasGivesAtN) {
+        GivesAtN = other.GivesAtN;
+      }
+      if (other.ForceCapGivenN != 0F) {
+        ForceCapGivenN = other.ForceCapGivenN;
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -4206,6 +4288,14 @@ namespace Kerf.V1 {
             BlendTimeS = input.ReadFloat();
             break;
           }
+          case 93: {
+            GivesAtN = input.ReadFloat();
+            break;
+          }
+          case 101: {
+            ForceCapGivenN = input.ReadFloat();
+            break;
+          }
         }
       }
     #endif
@@ -4273,6 +4363,14 @@ namespace Kerf.V1 {
           }
           case 85: {
             BlendTimeS = input.ReadFloat();
+            break;
+          }
+          case 93: {
+            GivesAtN = input.ReadFloat();
+            break;
+          }
+          case 101: {
+            ForceCapGivenN = input.ReadFloat();
             break;
           }
         }

@@ -1,14 +1,17 @@
 //! The whole loop: a simulated hand on a simulated Omni, the servo, gRPC through a network that is made worse on
 //! purpose, and a server that cuts the liver. In real time.
 
-use std::fmt::Write as _;
+mod report;
+mod row;
+
 use std::net::SocketAddr;
-use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context, anyhow};
 use nalgebra::{Matrix3, Vector3};
 
+pub use self::report::report;
+pub use self::row::Row;
 use super::Rendering;
 use super::network::{Network, Quality};
 use crate::config::{DeviceConfig, HandConfig, LinkConfig, MappingConfig, ServerConfig, SimulatedConfig};
@@ -20,7 +23,6 @@ use crate::servo::limits::clamped;
 use crate::servo::model::{Along, Update};
 use crate::servo::runner::{Motion, Runner, Sample, Slots, settings};
 use crate::servo::schedule::CouplingLimits;
-use kerf_plot::{Axis, Chart, Curve, Figure};
 
 /// More than this while the hand holds still is shaking, m.
 const SWING_M: f64 = 0.5e-3;
@@ -36,8 +38,6 @@ const TOP_M: [f64; 3] = [-0.042, 0.154, -0.021];
 /// Grip of the hand: between a light one and a firm one.
 const GRIP_N_PER_M: f64 = 200.0;
 const GRIP_N_S_PER_M: f64 = 1.0;
-/// Energies are drawn by decades, from here on, mJ.
-const LEAST_SHOWN_MJ: f64 = 0.01;
 /// A coupling that is none: the tool is in the hand.
 const RIGID_N_PER_M: f64 = 1e9;
 
@@ -76,6 +76,8 @@ struct Outcome {
     given_j: f64,
     /// Force on the hand less what the server found at the same pose, rms over rms.
     force_error: f64,
+    /// The same while force is rendered in full.
+    full_error: f64,
     /// Greatest force on the hand, N.
     greatest_n: f64,
     /// Poses and contacts that the deadbands leave of what they might be.
@@ -96,6 +98,13 @@ impl Outcome {
     }
 }
 
+/// A stroke that was played, tick by tick.
+struct Played {
+    outcome: Outcome,
+    moments: Vec<Moment>,
+    felt: Vec<Sample>,
+}
+
 /// The servo, and what it saw.
 struct Watched {
     runner: Runner,
@@ -104,10 +113,8 @@ struct Watched {
     passed_on: triple_buffer::Input<Update>,
     samples: rtrb::Consumer<Sample>,
     update: Update,
-    /// When the device was read, ns, and the force on the tool that the hand felt, N.
-    felt: Vec<(u64, Vector3<f64>)>,
     /// By tick.
-    states: Vec<State>,
+    felt: Vec<Sample>,
     /// When the pose was taken, ns, and the force on the tool that the server found there, N.
     found: Vec<(u64, Vector3<f64>)>,
 }
@@ -125,8 +132,7 @@ impl Servo for Watched {
         }
         let force_n = self.runner.tick(now_ns, state);
         while let Ok(sample) = self.samples.pop() {
-            self.felt.push((sample.at_ns, sample.rendered.force_n));
-            self.states.push(sample.rendered.state);
+            self.felt.push(sample);
         }
         force_n
     }
@@ -164,7 +170,7 @@ fn limits(info: &crate::device::DeviceInfo, config: &DeviceConfig, rendering: Re
 }
 
 impl Trial {
-    fn run(&self, server: SocketAddr) -> anyhow::Result<Outcome> {
+    fn run(&self, server: SocketAddr) -> anyhow::Result<Played> {
         let network = Network::to(server, self.quality)?;
         let server = ServerConfig { url: format!("http://{}", network.address()), ..ServerConfig::default() };
         let session = SharedSession::create(self.tissue.scene);
@@ -203,7 +209,6 @@ impl Trial {
             samples,
             update: Update::default(),
             felt: Vec::with_capacity(ticks),
-            states: Vec::with_capacity(ticks),
             found: Vec::with_capacity(ticks),
         };
         let link = LinkSettings {
@@ -214,20 +219,22 @@ impl Trial {
             force_scale: self.tissue.force_scale,
         };
         let link = Link::start(link, motion, from_link)?;
-        let mut outcome = play(&mut device, &mut servo);
+        let moments = play(&mut device, &mut servo);
+        let mut outcome = judge(&moments, &servo.felt);
         let status = link.status();
         outcome.round_trip_s = status.round_trip_s.with_context(|| format!("no contact came: {status:?}"))?;
         let contacts_due = LinkConfig::default().contact_rate_hz * STROKE[STROKE.len() - 1][0];
         outcome.sent_shares =
             [status.poses as f64 / status.poses_due.max(1) as f64, status.contacts as f64 / contacts_due];
-        outcome.force_error = force_error(&servo.felt, &servo.found, limits.peak_force_n);
-        Ok(outcome)
+        let error = |in_full| force_error(&servo.felt, &servo.found, limits.peak_force_n, in_full);
+        [outcome.force_error, outcome.full_error] = [false, true].map(error);
+        Ok(Played { outcome, moments, felt: servo.felt })
     }
 }
 
-/// The stroke; what the hand does while it waits.
-fn play(device: &mut Simulated, servo: &mut Watched) -> Outcome {
-    let (mut work_j, mut greatest_n) = (0.0, 0.0_f64);
+/// The stroke.
+fn play(device: &mut Simulated, servo: &mut Watched) -> Vec<Moment> {
+    let mut work_j = 0.0;
     let mut moments = Vec::with_capacity(servo.felt.capacity());
     let end_s = STROKE[STROKE.len() - 1][0];
     paced::run(servo, &AtomicBool::new(false), device.info().rate_hz, |dt_s, force_n| {
@@ -235,22 +242,31 @@ fn play(device: &mut Simulated, servo: &mut Watched) -> Outcome {
         let state = device.step(dt_s, force_n);
         let now_m = device.truth().0;
         work_j += force_n.dot(&(now_m - before_m));
-        greatest_n = greatest_n.max(force_n.norm());
-        moments.push(Moment { time_s: device.time_s(), height_m: now_m.y, work_j });
-        (device.time_s() < end_s).then_some(state)
+        (device.time_s() < end_s).then(|| {
+            moments.push(Moment { time_s: device.time_s(), height_m: now_m.y, work_j });
+            state
+        })
     });
+    moments
+}
+
+/// What the hand does while it waits.
+fn judge(moments: &[Moment], felt: &[Sample]) -> Outcome {
     let is_waiting = |time_s: f64| WAITS_S.iter().any(|[from_s, to_s]| (*from_s..*to_s).contains(&time_s));
-    let ticks = moments.iter().zip(&servo.states);
+    let ticks = moments.iter().zip(felt.iter().map(|sample| sample.rendered.state));
     let waiting: Vec<_> = ticks.filter(|(moment, _)| is_waiting(moment.time_s)).collect();
     let is_rendered = |state: &State| *state == State::Rendering;
     let rendered = waiting.iter().filter(|(_, state)| is_rendered(state)).count();
-    let mut outcome =
-        Outcome { greatest_n, rendered_share: rendered as f64 / waiting.len() as f64, ..Outcome::default() };
-    // One wait is not the other, and a force that was taken out and let in again is no swing.
-    let goes_on = |one: &(&Moment, &State), next: &(&Moment, &State)| {
-        is_rendered(one.1) == is_rendered(next.1) && next.0.time_s - one.0.time_s < 0.1
+    let mut outcome = Outcome {
+        greatest_n: felt.iter().map(|sample| sample.force_n.norm()).fold(0.0, f64::max),
+        rendered_share: rendered as f64 / waiting.len() as f64,
+        ..Outcome::default()
     };
-    for span in waiting.chunk_by(goes_on).filter(|span| is_rendered(span[0].1)) {
+    // One wait is not the other, and a force that was taken out and let in again is no swing.
+    let goes_on = |one: &(&Moment, State), next: &(&Moment, State)| {
+        is_rendered(&one.1) == is_rendered(&next.1) && next.0.time_s - one.0.time_s < 0.1
+    };
+    for span in waiting.chunk_by(goes_on).filter(|span| is_rendered(&span[0].1)) {
         let (mut lowest_m, mut highest_m, mut least_j) = (f64::MAX, f64::MIN, f64::MAX);
         let (mut rise_m, mut fall_m) = (0.0_f64, 0.0_f64);
         for (Moment { height_m, work_j, .. }, _) in span {
@@ -276,119 +292,16 @@ struct Moment {
 
 /// What was felt at each pose that the server has answered, less what it found there, rms over rms; neither beyond
 /// what the device renders.
-fn force_error(felt: &[(u64, Vector3<f64>)], found: &[(u64, Vector3<f64>)], most_n: f64) -> f64 {
+fn force_error(felt: &[Sample], found: &[(u64, Vector3<f64>)], most_n: f64, in_full: bool) -> f64 {
     let (mut wrong, mut right) = (0.0, 0.0);
     for (at_ns, found_n) in found {
         let found_n = clamped(*found_n, most_n);
-        if let Ok(index) = felt.binary_search_by_key(at_ns, |(at_ns, _)| *at_ns) {
-            wrong += (felt[index].1 - found_n).norm_squared();
+        let index = felt.binary_search_by_key(at_ns, |sample| sample.at_ns);
+        let rendered = index.ok().map(|index| &felt[index].rendered);
+        if let Some(rendered) = rendered.filter(|rendered| !in_full || rendered.state == State::Rendering) {
+            wrong += (rendered.force_n - found_n).norm_squared();
             right += found_n.norm_squared();
         }
     }
     (wrong / right.max(f64::MIN_POSITIVE)).sqrt()
-}
-
-/// Plays every trial through a server, draws the plot into a folder and returns the report's text.
-///
-/// # Errors
-/// The server does not answer, or a file cannot be written.
-pub fn report(server: SocketAddr, folder: &Path) -> anyhow::Result<String> {
-    let mut text = format!(
-        "## Through a network\n\nIn real time: the simulated Omni in a grip of {GRIP_N_PER_M} N/m and {GRIP_N_S_PER_M} N s/m \
-         touches the liver, leans in by {} mm and waits, leans in by {} mm and waits; gRPC to a server goes through a proxy \
-         that delays in order, adds up to so much jitter each way, and stands still for 200 ms at a time, as TCP does when it \
-         has lost something. Soft is `liver-tissue`, of whose forces {} is felt, stiff is `liver`, of whose forces {} is. \
-         Error is the force on the hand less what the server found at the same pose, rms over rms. In full says how \
-         much of the waits force is neither faded nor ramped; how far the hand swings forth and back, and energy given \
-         out, are those of that time. Calm is a swing of less than {} mm and less than {} mJ.\n\n\
-         | tissue | round trip, ms | jitter, ms | stalls, % of the time | rendering | measured round trip, ms | error, % | greatest force, N | \
-         in full, % | swing, mm | energy, mJ | |\n|{}\n",
-        -1e3 * STROKE[3][1],
-        -1e3 * STROKE[5][1],
-        TISSUES[0].force_scale,
-        TISSUES[1].force_scale,
-        1e3 * SWING_M,
-        1e3 * GIVEN_J,
-        "---|".repeat(12),
-    );
-    let mut played = Vec::new();
-    for tissue in TISSUES {
-        for quality in qualities() {
-            for rendering in Rendering::ALL {
-                let trial = Trial { tissue, quality, rendering };
-                let outcome = trial.run(server)?;
-                let row = trial.row(&outcome);
-                eprint!("{row}");
-                text += &row;
-                played.push((trial, outcome));
-            }
-        }
-    }
-    let passive = || played.iter().filter(|(trial, _)| trial.rendering == Rendering::Passive);
-    let calm = passive().filter(|(_, outcome)| outcome.is_calm()).count();
-    write!(
-        text,
-        "\nWith local model and passivity the hand is calm in {calm} of {} rows.\n\n![error and energy by round trip on \
-         the stiff liver](haptics-closed-loop.png)\n\nWhat the deadbands \
-         keep home over such a stroke; the error above has their share in it:\n\n",
-        passive().count()
-    )?;
-    for (trial, outcome) in passive().filter(|(trial, _)| trial.quality == Quality::default()) {
-        let [poses, contacts] = outcome.sent_shares.map(|share| 100.0 * (1.0 - share));
-        let name = trial.tissue.name;
-        writeln!(text, "- {name} tissue, no delay: {poses:.0} % fewer poses and {contacts:.0} % fewer contacts")?;
-    }
-    text.push('\n');
-    draw(&played, folder)?;
-    Ok(text)
-}
-
-/// Error and energy by round trip, on the stiff liver over an even network.
-fn draw(played: &[(Trial, Outcome)], folder: &Path) -> anyhow::Result<()> {
-    let curves = |of: &dyn Fn(&Outcome) -> f64| {
-        let curve = |rendering: Rendering| {
-            let is_shown = |trial: &Trial| {
-                let Quality { round_trip_s, .. } = trial.quality;
-                (trial.tissue, trial.rendering, trial.quality)
-                    == (TISSUES[1], rendering, Quality { round_trip_s, ..Quality::default() })
-            };
-            let shown = played.iter().filter(|(trial, _)| is_shown(trial));
-            let points = shown.map(|(trial, outcome)| (1e3 * trial.quality.round_trip_s, of(outcome)));
-            Curve::dotted_line(rendering.name(), points.collect())
-        };
-        Rendering::ALL.map(curve).to_vec()
-    };
-    let round_trip = || Axis::linear("round trip, ms");
-    let error = curves(&|outcome| 100.0 * outcome.force_error);
-    let energy = curves(&|outcome| (1e3 * outcome.given_j).max(LEAST_SHOWN_MJ));
-    let charts = vec![
-        Chart::new(round_trip(), Axis::log("force error, %"), error),
-        Chart::new(round_trip(), Axis::log("energy given out in a wait, mJ"), energy),
-    ];
-    Figure::row("haptics-closed-loop", "Through a network, on the stiff liver", charts).draw(folder)?;
-    Ok(())
-}
-
-impl Trial {
-    fn row(&self, outcome: &Outcome) -> String {
-        let Quality { round_trip_s, jitter_s, stalled_share } = self.quality;
-        let (tissue, rendering, word) = (self.tissue.name, self.rendering.name(), outcome.word());
-        let Outcome { round_trip_s: measured_s, rendered_share, swing_m, given_j, force_error, greatest_n, .. } =
-            outcome;
-        let [ms, jitter_ms, measured_ms] = [round_trip_s, jitter_s, *measured_s].map(|s| 1e3 * s);
-        let [stalled, rendered, error] = [stalled_share, *rendered_share, *force_error].map(|share| 100.0 * share);
-        let [swing_mm, given_mj] = [swing_m, given_j].map(|si| 1e3 * si);
-        format!(
-            "| {tissue} | {ms:.0} | {jitter_ms:.0} | {stalled:.0} | {rendering} | {measured_ms:.0} | {error:.1} | \
-             {greatest_n:.2} | {rendered:.0} | {swing_mm:.2} | {given_mj:.2} | {word} |\n"
-        )
-    }
-}
-
-/// Networks that are tried: even ones, and ones with jitter and with stalls.
-fn qualities() -> Vec<Quality> {
-    let even = [0.0, 0.005, 0.02, 0.05, 0.1, 0.2].map(|round_trip_s| Quality { round_trip_s, ..Quality::default() });
-    let uneven = [(0.02, 0.01, 0.0), (0.02, 0.01, 0.1), (0.1, 0.01, 0.0), (0.1, 0.01, 0.1)]
-        .map(|(round_trip_s, jitter_s, stalled_share)| Quality { round_trip_s, jitter_s, stalled_share });
-    [even.as_slice(), &uneven].concat()
 }
