@@ -28,7 +28,7 @@ const FINE_M: [f64; 3] = [2.0 * VOXEL_M, VOXEL_M, 0.5 * VOXEL_M];
 
 /// The limit of a sequence on halved meshes and its order (Richardson 1911), from the last three terms;
 /// the order is kept between 1 and 4, so that differences near round-off do no harm.
-fn limit([coarse, middle, fine]: [f64; 3]) -> (f64, f64) {
+pub(super) fn limit([coarse, middle, fine]: [f64; 3]) -> (f64, f64) {
     let order = ((coarse - middle) / (middle - fine)).abs().log2().clamp(1.0, 4.0);
     (fine + (fine - middle) / (order.exp2() - 1.0), order)
 }

@@ -22,11 +22,11 @@ const YOUNG_PA: f64 = 2e6;
 const POISSON: f64 = 0.45;
 const DENSITY_KG_PER_M3: f64 = 1100.0;
 
-/// The cantilever along +z under a fraction of its weight.
-fn cantilever(mesh: Mesh, side_m: f64, poisson_ratio: f64, gravity_m_per_s2: f64) -> Scene {
-    let mut desc = block([side_m, side_m, LENGTH_M + CLAMP_M], mesh, material(YOUNG_PA, poisson_ratio));
+/// The cantilever along +z under a fraction of its weight, its first `clamp_m` held.
+fn cantilever(mesh: Mesh, clamp_m: f64, side_m: f64, poisson_ratio: f64, gravity_m_per_s2: f64) -> Scene {
+    let mut desc = block([side_m, side_m, LENGTH_M + clamp_m], mesh, material(YOUNG_PA, poisson_ratio));
     desc.material.density_kg_per_m3 = DENSITY_KG_PER_M3;
-    desc.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 1.0, CLAMP_M] }];
+    desc.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 1.0, clamp_m] }];
     let mut scene = scene(desc);
     scene.desc.gravity_m_per_s2 = [0.0, -gravity_m_per_s2, 0.0];
     scene
@@ -46,8 +46,8 @@ pub fn theory(side_m: f64, poisson_ratio: f64, gravity_m_per_s2: f64) -> Beam {
 }
 
 /// The middle of the free end, m.
-fn end_m(side_m: f64) -> Vec3 {
-    Vec3::new(0.5 * side_m, 0.5 * side_m, LENGTH_M + CLAMP_M)
+fn end_m(clamp_m: f64, side_m: f64) -> Vec3 {
+    Vec3::new(0.5 * side_m, 0.5 * side_m, LENGTH_M + clamp_m)
 }
 
 /// Small displacement of the tip at rest under a fraction of the weight, m.
@@ -55,20 +55,35 @@ fn end_m(side_m: f64) -> Vec3 {
 /// # Errors
 /// It did not come to rest.
 pub fn sag_m(mesh: Mesh, side_m: f64, poisson_ratio: f64, gravity_m_per_s2: f64) -> Result<Vec3> {
-    let mut body = statics::body(&cantilever(mesh, side_m, poisson_ratio, gravity_m_per_s2), statics::HELD_TAU_S)?;
+    sag_of_clamp_m(mesh, CLAMP_M, side_m, poisson_ratio, gravity_m_per_s2)
+}
+
+/// The same where another length of it is held.
+///
+/// # Errors
+/// It did not come to rest.
+pub fn sag_of_clamp_m(
+    mesh: Mesh,
+    clamp_m: f64,
+    side_m: f64,
+    poisson_ratio: f64,
+    gravity_m_per_s2: f64,
+) -> Result<Vec3> {
+    let scene = cantilever(mesh, clamp_m, side_m, poisson_ratio, gravity_m_per_s2);
+    let mut body = statics::body(&scene, statics::HELD_TAU_S)?;
     statics::settle(&mut body)?;
-    displacement_m(&body, end_m(side_m))
+    displacement_m(&body, end_m(clamp_m, side_m))
 }
 
 /// Displacement of the tip at rest under the whole weight, m.
 fn large_sag_m(mesh: Mesh) -> Result<Vec3> {
-    let body = statics::far_bent(&cantilever(mesh, SIDE_M, POISSON, GRAVITY_M_PER_S2))?;
-    displacement_m(&body, end_m(SIDE_M))
+    let body = statics::far_bent(&cantilever(mesh, CLAMP_M, SIDE_M, POISSON, GRAVITY_M_PER_S2))?;
+    displacement_m(&body, end_m(CLAMP_M, SIDE_M))
 }
 
 /// Frequency of the vibration from the rest state under a hundredth of the weight, which is taken away, Hz.
 fn frequency_hz(mesh: Mesh) -> Result<f64> {
-    let mut scene = cantilever(mesh, SIDE_M, POISSON, SMALL * GRAVITY_M_PER_S2);
+    let mut scene = cantilever(mesh, CLAMP_M, SIDE_M, POISSON, SMALL * GRAVITY_M_PER_S2);
     let mut bent = statics::body(&scene, statics::HELD_TAU_S)?;
     statics::settle(&mut bent)?;
     scene.desc.gravity_m_per_s2 = [0.0; 3];
@@ -78,7 +93,7 @@ fn frequency_hz(mesh: Mesh) -> Result<f64> {
     body.state.position_m = bent.state.position_m;
     body.evaluate(&Workers::serial(), 30);
     body.refresh_operator(&Workers::serial());
-    let height = |world: &World| displacement_m(world.bodies()[0], end_m(SIDE_M)).map(|u| u.y);
+    let height = |world: &World| displacement_m(world.bodies()[0], end_m(CLAMP_M, SIDE_M)).map(|u| u.y);
     let (mut before, mut crossings) = (height(&world)?, Vec::new());
     // Half a second is more than a period and a half; zeros by linear interpolation.
     for step in 1..500 {

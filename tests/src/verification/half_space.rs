@@ -245,8 +245,7 @@ pub fn family(extent: Extent) -> Result<Family> {
         text: "A uniform pressure on a square (or a strip, in plane strain) of half-width a on a block of \
                6 a x 6 a x 3 a with the exact tractions of the half-space on its other faces, one to each face of an \
                element. H is the edge of an element. The square's errors below 0.5 % are not yet those of an \
-               asymptote. Contact with a rigid body (Hertz, punch, wedge) is not among these cases: there is no \
-               rigid indenter to press with."
+               asymptote."
             .into(),
         tables,
         studies,

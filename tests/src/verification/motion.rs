@@ -7,7 +7,7 @@ use kerf_physics::scene::{ObjectDesc, ShapeDesc};
 use kerf_physics::{Mat3, Quat, Vec3, Workers, World};
 use rayon::prelude::*;
 
-use super::scenes::{Lcg, Mesh, block, displacement_m, material, run, scene};
+use super::scenes::{Lcg, Mesh, block, material, run, scene};
 use super::{Extent, Family, Reference, Row, Table};
 
 /// The two fragments of a bar that is cut across before it flies.
@@ -76,34 +76,6 @@ fn tumble(level: u8, steps: u32) -> Result<[f64; 3]> {
         worst[2] = worst[2].max(body.energy().total_j() / first_j);
     }
     Ok(worst)
-}
-
-/// Length, width and voxel of the bar that spins, m; its modulus, Pa, density, kg/m^3, and spin, rad/s.
-const SPUN_M: [f64; 3] = [0.12, 0.02, 0.005];
-const SPUN_YOUNG_PA: f64 = 1e6;
-const SPUN_DENSITY_KG_PER_M3: f64 = 1000.0;
-const SPIN_RAD_PER_S: f64 = 30.0;
-
-/// Strain of a free bar, between the middles of its ends, after a second of spinning across.
-fn spun(level: u8, rate_hz: f64) -> Result<f64> {
-    let [length_m, width_m, voxel_m] = SPUN_M;
-    let mut desc = block([length_m, width_m, width_m], Mesh { voxel_m, level }, material(SPUN_YOUNG_PA, 0.45));
-    desc.material.density_kg_per_m3 = SPUN_DENSITY_KG_PER_M3;
-    let mut scene = scene(desc);
-    scene.desc.rate_hz = rate_hz;
-    let mut world = World::new(&scene)?;
-    let middle_m = Vec3::new(length_m, width_m, width_m) / 2.0;
-    let body = world.body_mut(0);
-    for node in 0..body.node_count() {
-        let arm_m = body.rest_position_m(node) - middle_m;
-        body.state.velocity_m_per_s[node] = (Vec3::z() * SPIN_RAD_PER_S).cross(&arm_m).into();
-    }
-    body.evaluate(&Workers::serial(), 60);
-    run(&mut world, rate_hz as u32);
-    let [low, high] = [Vec3::new(0.0, middle_m.y, middle_m.z), Vec3::new(length_m, middle_m.y, middle_m.z)];
-    let body = world.bodies()[0];
-    let apart_m = high + displacement_m(body, high)? - low - displacement_m(body, low)?;
-    Ok(apart_m.norm() / length_m - 1.0)
 }
 
 /// What a body is thrown into, given a rest position.
@@ -182,13 +154,6 @@ pub fn family(extent: Extent) -> Result<Family> {
             "no input; one linearised solve may gain",
         ),
     ];
-    let strain = SPUN_DENSITY_KG_PER_M3 * (SPIN_RAD_PER_S * SPUN_M[0] / 2.0).powi(2) / (3.0 * SPUN_YOUNG_PA);
-    for rate_hz in extent.of(&[1000.0, 250.0, 4000.0], 1) {
-        let ours = levels.par_iter().map(|level| spun(*level, rate_hz)).collect::<Result<Vec<_>>>()?;
-        let reference = Reference::Value(100.0 * strain, "%");
-        let ours = ours.iter().map(|strain| 100.0 * strain).collect();
-        rows.push(row(format!("spinning bar at {rate_hz} Hz: strain"), reference, ours, "rho w^2 l^2 / 3 E"));
-    }
     let stiffenings = extent.of(&[0.0, 10.0], 1);
     let starts = extent.of(&STARTS, 3);
     let runs: Vec<(f64, &str, Start, u8)> = stiffenings
@@ -211,8 +176,7 @@ pub fn family(extent: Extent) -> Result<Family> {
         title: "Motion without input",
         text: format!(
             "Two fragments of a bar, cut beforehand, tumble freely for {steps} steps of 1 ms with solves to 1e-2; \
-             momenta relative to the first. A free bar of 0.12 x 0.02 x 0.02 m (E 1 MPa, nu 0.45, voxels of 5 mm) spins \
-             across at 30 rad/s for a second; l is half its length. An ellipsoid (E 10 kPa, nu 0.45) starts from violent states; its energy \
+             momenta relative to the first. An ellipsoid (E 10 kPa, nu 0.45) starts from violent states; its energy \
              and its distance from the best rigid copy of its rest shape after 1500 steps. From random nodes at \
              c = 10 it has come back by then at k = 4, not at k = 1 and 2. That the same inputs give the same bits at \
              1 and 2 threads is tested by `cargo test -p kerf-physics determinism` and `make same-bits`."

@@ -11,9 +11,9 @@ const HEADER: &str = "# Verification
 
 Written by `make verify`, which runs every case anew; figures are deterministic, so a re-run gives this file.
 Each cell holds our figure and, in brackets, its error relative to the reference; where the reference is
-zero, an upper bound by decades; where it is a limit, the figure alone, in bold if it exceeds the limit. Cuts have
-a row to a figure, with the largest error it may have (none where the figure is there to be read) and what its run's
-energy ledger leaves unexplained.
+zero, an upper bound by decades; where it is a limit, the figure alone, in bold if it exceeds the limit. Clamps, sides
+off the lattice, the probe, cuts and scissors have a row to a figure, with the largest error it may have (none where
+the figure is there to be read) and, where a tool works, what its run's energy ledger leaves unexplained.
 `k` is the number of voxels along the edge of a composite element, `h` the edge of a voxel, `H = k h` that of
 an element. Static cases are solved to a correction of 1e-7 of the displacement. Observed orders are those
 of the three finest meshes; \"not asymptotic\" says that the error changes its sign there or is no power of
@@ -62,7 +62,7 @@ fn write_checks(text: &mut String, checks: &[Check]) {
             significant(*ours),
             percent(check.error()),
             limit.map_or("-".into(), |limit| format!("{} %", 100.0 * limit)),
-            decade(*residual),
+            residual.map_or("-".into(), decade),
             if limit.is_some() { met } else { "-" },
         );
     }

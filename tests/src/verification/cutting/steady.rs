@@ -67,7 +67,7 @@ impl Case {
             reference: 1.0,
             ours,
             limit,
-            residual: outcome.steady.residual,
+            residual: Some(outcome.steady.residual),
             source,
         };
         let check = |what: &str, ours: f64, limit: f64, source| row(what, ours, Some(limit), source);
@@ -189,7 +189,7 @@ fn bars(extent: Extent) -> Result<Vec<Check>> {
             reference,
             ours,
             limit: Some(limit),
-            residual: steady.residual,
+            residual: Some(steady.residual),
             source,
         };
         let force = [stroke.bar_force(), steady.force];
@@ -212,7 +212,7 @@ fn moduli() -> Result<Vec<Check>> {
                 reference: *young_modulus_pa,
                 ours: material(scene)?.0.young_modulus_pa,
                 limit: Some(0.0),
-                residual: 0.0,
+                residual: None,
                 source: "Table 1 of the paper",
             })
         })

@@ -23,7 +23,7 @@ const STROKE_M: f64 = 0.014;
 
 /// A figure of a run as a row.
 fn check(case: String, [reference, ours]: [f64; 2], rig: &Rig, source: &'static str) -> Check {
-    Check { case, reference, ours, limit: Some(LIMIT), residual: ledger_residual(&rig.samples), source }
+    Check { case, reference, ours, limit: Some(LIMIT), residual: Some(ledger_residual(&rig.samples)), source }
 }
 
 /// The base: the paper's liver on its scene's mesh, or on one twice as coarse.
@@ -67,7 +67,7 @@ fn widths(extent: Extent) -> Result<(Vec<Check>, Figure)> {
         reference: gc,
         ours: slope,
         limit: Some(LIMIT),
-        residual,
+        residual: Some(residual),
         source: "F = Gc w, Atkins 2009",
     };
     let longest_m = widths_m[widths_m.len() - 1];
