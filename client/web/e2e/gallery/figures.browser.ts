@@ -129,12 +129,12 @@ test("Fig. 9: with and without fracture and adaptation", slow, async () => {
     const shoot = async (from: Window, label: string) => {
       for (const [i, style] of styles.entries()) rows[i].push({ picture: await from.shoot(style), label });
     };
-    await session.go(place(0.0555));
-    await session.go({ ...place(0.0485), seconds: 0.14 });
-    await shoot(window, "blade 7 mm down");
-    await session.go({ ...place(0.0415), seconds: 0.14 });
+    await session.go(place(0.055 + AIR_M));
+    await session.go({ ...place(0.048), seconds: 0.14 });
+    await shoot(window, "edge 7 mm down");
+    await session.go({ ...place(0.041), seconds: 0.14 });
     await shoot(window, "14 mm");
-    await session.go({ ...place(0.0305), seconds: 0.22 });
+    await session.go({ ...place(0.03), seconds: 0.22 });
     await shoot(window, "25 mm");
     await shoot(near, "25 mm, closer");
     await near.close();

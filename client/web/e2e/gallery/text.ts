@@ -29,7 +29,7 @@ the same steps. It gathers under the edge; where the cut has passed, the walls a
     ours: `The colours go by the root of the energy per volume. The block is drawn apart by 30 kPa on two of its sides,
 a fiftieth of E, so that the cut stands open; the paper's is not. Elements of 2 voxels a side (the scene: 8) show more of
 the field.`,
-    scene: "`cuboid` at 250 Hz with `level = 1` and the two tractions; the blade goes down 42 mm over the front side.",
+    scene: "`cuboid` at 250 Hz with `level = 1` and the two tractions; the blade goes down 40 mm over the front side.",
   },
   {
     figure: 9,
