@@ -2,7 +2,7 @@
 //!
 //! Deliberately absent: exactness. A scene is refused or admitted by these figures, nothing is sized by them.
 
-use kerf_physics::grid::voxelize::{extent_m, region_voxels, voxel_size_m, voxelize};
+use kerf_physics::grid::voxelize::{measures, region_voxels, voxelize};
 use kerf_physics::scene::{Meshes, ObjectDesc};
 use kerf_physics::{Scene, SceneError};
 
@@ -60,8 +60,9 @@ struct Counts {
 
 impl Counts {
     fn of(object: &ObjectDesc, meshes: &Meshes) -> Result<Self, SceneError> {
-        let size_m = voxel_size_m(object, meshes)?.unwrap_or(f64::INFINITY);
-        let extent_m = extent_m(object, meshes).unwrap_or_default();
+        let measures = measures(object, meshes)?;
+        let size_m = measures.map_or(f64::INFINITY, |measures| measures.voxel_size_m);
+        let extent_m = measures.and_then(|measures| measures.extent_m).unwrap_or_default();
         let across = extent_m.map(|length_m| (length_m / size_m).ceil());
         let (cells, in_box) = (across.add_scalar(2.0).product(), across.product());
         let coarse_size_m = size_m.max(extent_m.max() / f64::from(COARSE_RESOLUTION));

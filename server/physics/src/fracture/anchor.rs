@@ -77,6 +77,9 @@ pub(super) struct Anchor {
     /// Half-width of the edge, m.
     half_width_m: f64,
     pub(super) ahead: Ahead,
+    /// Where the other blade's front stands ahead, reference configuration, m: what is between the two holds until they
+    /// meet, whichever links they have parted.
+    pub(super) meeting_m: Option<Vec3>,
     /// Unit normal into the surface that the edge came in through, reference configuration.
     pub(super) inward: Vec3,
     /// Whether it has given: from then on it gives at Gc.
@@ -102,6 +105,7 @@ impl Anchor {
             spread_m: Vec3::zeros(),
             half_width_m,
             ahead: Ahead::Outside,
+            meeting_m: None,
             inward,
             yielded: false,
             travel: Travel::default(),
@@ -196,7 +200,7 @@ impl Anchor {
         let grid = &body.state.grid;
         let h = grid.voxel_size_m();
         let f = self.gradient(body);
-        let LinkAhead { link, near_m: at, .. } = self.link_ahead(body, &f, frame);
+        let LinkAhead { link, near_m: at, ahead, .. } = self.link_ahead(body, &f, frame);
         let axis = link.axis as usize;
         let ends = [grid.voxel_at(link.cell), grid.voxel_at(link.upper())];
         self.spread_m = Vec3::zeros();
@@ -220,6 +224,12 @@ impl Anchor {
             [None, None] => {}
         }
         self.ahead = match grid.link(link) {
+            // The last link before the other blade's front: as before.
+            Link::Parted(_)
+                if self.meeting_m.is_some_and(|meeting_m| (meeting_m - self.position_m).dot(&ahead) > 0.0) =>
+            {
+                self.ahead
+            }
             Link::Parted(_) => Ahead::Parted,
             Link::Intact | Link::Boundary(_) if grid.signed_distance_m(&at) < 0.0 => {
                 let material = body.material_of(self.voxels[0]);

@@ -36,6 +36,10 @@ const CHAIN_GAP_VOXELS: f64 = 8.0;
 /// face.
 const START_VOXELS: f64 = 0.5;
 
+/// The front of a tool's other blade is looked for within this many voxels: where it has parted the next link it stands
+/// within two of them. Ours.
+const MEETING_VOXELS: f64 = 3.0;
+
 /// The front of one blade in one body.
 #[derive(Clone)]
 pub struct Front {
@@ -140,8 +144,9 @@ impl Front {
         self.slit = self.markers.iter().any(|marker| matches!(marker, Marker::On(_)));
     }
 
-    /// Finds which markers touch the tissue and sets up their springs.
-    pub fn detect(&mut self, body: &Body, hash: &SpatialHash, motion: &BladeMotion<'_>) {
+    /// Finds which markers touch the tissue and sets up their springs. The tool's `other` blade may come towards this
+    /// one.
+    pub fn detect(&mut self, body: &Body, hash: &SpatialHash, motion: &BladeMotion<'_>, other: Option<&Self>) {
         self.contacts.clear();
         self.frames.clear();
         self.frames.extend(self.segments.iter().map(|segment| segment.frame.turned(&motion.pose.orientation)));
@@ -159,7 +164,7 @@ impl Front {
             };
             let was = self.markers[index];
             let now = match was {
-                Marker::On(anchor) => edge.keep(body, hash, anchor),
+                Marker::On(anchor) => edge.keep(body, hash, anchor, other),
                 Marker::Outside => edge.enter(body, hash, self.beside(index)),
                 Marker::Buried => edge.emerge(body, hash),
             };
@@ -170,6 +175,23 @@ impl Front {
             }
             self.markers[index] = now;
         }
+    }
+
+    /// Where this front stands in the way of a marker of another one that comes towards it: the point of its chain ahead of
+    /// the marker, reference configuration, m; `None` where nothing of it is near.
+    pub(super) fn meeting_m(&self, body: &Body, anchor: &Anchor, frame: &BladeFrame) -> Option<Vec3> {
+        let near_m = MEETING_VOXELS * body.state.grid.voxel_size_m();
+        let along = anchor.pull_back(body, &frame.along).normalize();
+        let aside = |end: &Anchor| (end.swept_m - anchor.position_m).dot(&along);
+        (0..self.markers.len()).find_map(|left| {
+            let [a, b] = self.segment(body, left).filter(|ends| ends[0].yielded && ends[1].yielded)?;
+            let [from, to] = [aside(a), aside(b)];
+            if from == to || from.signum() == to.signum() {
+                return None;
+            }
+            let at_m = a.swept_m + (b.swept_m - a.swept_m) * (from / (from - to));
+            ((at_m - anchor.position_m).norm() < near_m).then_some(at_m)
+        })
     }
 
     /// Advances the markers that gave way, finds the links their strips cross, and books the energy; in the

@@ -2,6 +2,7 @@
 
 use super::anchor::{Ahead, Anchor};
 use super::entry::{grazes, inward, surface_behind};
+use super::front::Front;
 use super::way_in::{WayIn, way_in};
 use crate::Vec3;
 use crate::body::{Body, MaterialPoint};
@@ -104,11 +105,19 @@ impl Edge {
         Marker::On(anchor)
     }
 
-    /// A marker that was in contact: still is, or has let go.
-    pub(super) fn keep(&self, body: &Body, hash: &SpatialHash, mut anchor: Anchor) -> Marker {
+    /// A marker that was in contact: still is, or has let go. It may be about to meet the front of the tool's `other`
+    /// blade.
+    pub(super) fn keep(&self, body: &Body, hash: &SpatialHash, mut anchor: Anchor, other: Option<&Front>) -> Marker {
         let h = body.state.grid.voxel_size_m();
         let was_m = anchor.current_m(body);
+        let was = anchor;
+        anchor.meeting_m = None;
         anchor.find_link_ahead(body, &self.frame);
+        if let (Some(other), Ahead::Intact { .. }, Ahead::Parted) = (other, was.ahead, anchor.ahead) {
+            anchor = was;
+            anchor.meeting_m = other.meeting_m(body, &anchor, &self.frame);
+            anchor.find_link_ahead(body, &self.frame);
+        }
         let offset = self.now_m - anchor.current_m(body);
         if offset.dot(&self.frame.normal).abs() > LOST_VOXELS * h {
             return Marker::Buried;

@@ -33,24 +33,35 @@ pub fn region_voxels(grid: &Grid, shape: &ShapeDesc, meshes: &Meshes) -> Result<
     })
 }
 
-/// Edge length of an object's voxels, m; `None` where it depends on a mesh that is not in `meshes`.
+/// What can be told of an object before it is voxelized.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measures {
+    /// Edge length of its voxels, m.
+    pub voxel_size_m: f64,
+    /// Edge lengths of the box around it, m; `None` where it depends on a mesh that is not at hand.
+    pub extent_m: Option<Vec3>,
+}
+
+/// Size of an object and of its voxels; `None` where its voxels depend on a mesh that is not in `meshes`.
 ///
 /// # Errors
 /// A mesh that cannot be used, or a lattice beyond the limit of cells.
-pub fn voxel_size_m(object: &ObjectDesc, meshes: &Meshes) -> Result<Option<f64>, SceneError> {
+pub fn measures(object: &ObjectDesc, meshes: &Meshes) -> Result<Option<Measures>, SceneError> {
     if object.shape.mesh().is_some_and(|mesh| !meshes.contains_key(&mesh.key)) {
-        return Ok(object.voxel_size_m);
+        return Ok(object.voxel_size_m.map(|voxel_size_m| Measures { voxel_size_m, extent_m: None }));
     }
     let (bounds, bulge_m) = extent(&object.shape, meshes)?;
-    let size_m = size_within(object, &bounds);
-    Lattice::over(&bounds, bulge_m, size_m)?;
-    Ok(Some(size_m))
+    let voxel_size_m = size_within(object, &bounds);
+    Lattice::over(&bounds, bulge_m, voxel_size_m)?;
+    Ok(Some(Measures { voxel_size_m, extent_m: Some(bounds.extent_m()) }))
 }
 
-/// Edge lengths of the box around an object, m; `None` while they cannot be told.
-#[must_use]
-pub fn extent_m(object: &ObjectDesc, meshes: &Meshes) -> Option<Vec3> {
-    extent(&object.shape, meshes).ok().map(|(bounds, _)| bounds.extent_m())
+/// Edge length of an object's voxels alone, as [`measures`] has it, m.
+///
+/// # Errors
+/// As there.
+pub fn voxel_size_m(object: &ObjectDesc, meshes: &Meshes) -> Result<Option<f64>, SceneError> {
+    Ok(measures(object, meshes)?.map(|measures| measures.voxel_size_m))
 }
 
 fn size_within(object: &ObjectDesc, bounds: &Bounds) -> f64 {

@@ -5,7 +5,7 @@ mod overload;
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 
-use crate::grid::voxelize::{extent_m, voxel_size_m};
+use crate::grid::voxelize::{Measures, measures};
 use crate::scene::edge;
 use crate::scene::toughness::{asked_over_eh, carried_over_eh};
 use crate::scene::wording::{brief, did_you_mean, out_of_range};
@@ -111,14 +111,16 @@ fn problems(scene: &SceneDesc, meshes: &Meshes) -> Vec<SceneError> {
     report.unique("objects", scene.objects.iter().map(|o| o.name.as_str()));
     let mut voxel_sizes_m = Vec::new();
     for (i, object) in scene.objects.iter().enumerate() {
-        let size_m = report.object(&format!("objects[{i}]"), object, meshes);
-        if let (Some(size_m), true) = (size_m, rate_is_sound) {
-            report.waves(scene.rate_hz, object, size_m);
+        let Some(Measures { voxel_size_m, extent_m }) = report.object(&format!("objects[{i}]"), object, meshes) else {
+            continue;
+        };
+        if rate_is_sound {
+            report.waves(scene.rate_hz, object, voxel_size_m);
         }
-        if let Some(extent_m) = size_m.and_then(|_| extent_m(object, meshes)) {
+        if let Some(extent_m) = extent_m {
             report.loads(&format!("objects[{i}]"), &Loaded { object, extent_m }, &scene.gravity_m_per_s2);
         }
-        voxel_sizes_m.extend(size_m);
+        voxel_sizes_m.push(voxel_size_m);
     }
     let largest_voxel_m = voxel_sizes_m.iter().copied().fold(0.0, f64::max);
     let smallest_voxel_m = voxel_sizes_m.into_iter().fold(f64::INFINITY, f64::min);
@@ -205,8 +207,8 @@ impl Report {
         }
     }
 
-    /// Returns the edge of its voxels, m, if it can be told.
-    fn object(&mut self, field: &str, object: &ObjectDesc, meshes: &Meshes) -> Option<f64> {
+    /// Returns its size and its voxels', if they can be told.
+    fn object(&mut self, field: &str, object: &ObjectDesc, meshes: &Meshes) -> Option<Measures> {
         let shape_is_sound = self.shape(&format!("{field}.shape"), &object.shape);
         let size_is_sound = self.voxel_size(field, object);
         let level_is_sound =
@@ -255,15 +257,15 @@ impl Report {
     }
 
     /// What depends on the size of the elements: the lattice's extent and each material's toughness.
-    /// Returns the edge of its voxels, m.
-    fn elements(&mut self, field: &str, object: &ObjectDesc, meshes: &Meshes) -> Option<f64> {
-        let size_m = match voxel_size_m(object, meshes) {
-            Ok(size_m) => size_m?, // a mesh that is not at hand is judged when it is
+    fn elements(&mut self, field: &str, object: &ObjectDesc, meshes: &Meshes) -> Option<Measures> {
+        let measures = match measures(object, meshes) {
+            Ok(measures) => measures?, // a mesh that is not at hand is judged when it is
             Err(problem) => {
                 self.problems.push(problem.within(field));
                 return None;
             }
         };
+        let size_m = measures.voxel_size_m;
         if object.resolution.is_some() && !VOXEL_SIZE_M.contains(&size_m) {
             let (low, high) = (*VOXEL_SIZE_M.start(), *VOXEL_SIZE_M.end());
             let message = format!(
@@ -283,7 +285,7 @@ impl Report {
                 self.toughness(&field, &region.material, object.fracture_rule, size_m, level);
             }
         }
-        Some(size_m)
+        Some(measures)
     }
 
     /// The way of a wave in a step, where nothing holds the object.

@@ -79,7 +79,8 @@ impl BladeContact {
         self.front.contacts.iter().flat_map(|c| [&c.forward, &c.lateral]).chain(&self.flanks)
     }
 
-    pub(super) fn detect(&mut self, body: &Body, path: &ToolPath) {
+    /// Finds what it touches. The tool's `other` blade may come towards it.
+    pub(super) fn detect(&mut self, body: &Body, path: &ToolPath, other: Option<&Self>) {
         let motion = motion(&self.blade, self.mount, path);
         let edge_m = motion.blade.edge.points_m();
         let swept = edge_m.iter().flat_map(|at| [motion.before.transform(at), motion.pose.transform(at)]);
@@ -87,7 +88,7 @@ impl BladeContact {
         if path.entered {
             self.front.enter(body, &self.hash, &motion);
         }
-        self.front.detect(body, &self.hash, &motion);
+        self.front.detect(body, &self.hash, &motion, other.map(|other| &other.front));
         self.flanks.clear();
         let poses = [&motion.before, &motion.pose];
         self.beside.contacts(body, &motion.blade.flanks, poses, &mut self.flanks);

@@ -151,7 +151,13 @@ impl ToolContact {
 
     pub(super) fn detect(&mut self, body: &Body, path: &ToolPath) {
         match self {
-            Self::Edges(edges) => edges.iter_mut().for_each(|edge| edge.detect(body, path)),
+            Self::Edges(edges) => match edges.as_mut_slice() {
+                [upper, lower] => {
+                    upper.detect(body, path, Some(lower));
+                    lower.detect(body, path, Some(upper));
+                }
+                edges => edges.iter_mut().for_each(|edge| edge.detect(body, path, None)),
+            },
             Self::Grasp(grasp) => grasp.detect(body, path),
             Self::Palpation(palpation) => palpation.detect(body, path),
         }
