@@ -128,7 +128,7 @@ pub fn family(extent: Extent) -> Result<Family> {
              far. E is 400 kPa at 30 rad/s and goes with the square of the spin, so that every row has the same strain. By \
              small strains it is rho w^2 l^2 / 3 E = {:.3} %, l half the length; the reference has the stretched rod, its \
              angular momentum, and what the pull across it takes. What turns by 0.01 rad or more in a step is moved along \
-             arcs. What turns by less is moved along straight lines, each of which adds half of the square of its angle to \
+             arcs; what that leaves falls with the square of the angle. What turns by less is moved along straight lines, each of which adds half of the square of its angle to \
              the strain: 0.005 % at most.",
             100.0 * DENSITY_KG_PER_M3 * (SPIN_RAD_PER_S * 0.5 * LENGTH_M).powi(2) / (3.0 * YOUNG_PA),
         ),
