@@ -5,8 +5,8 @@ use super::solid::Solid;
 use crate::Vec3;
 use crate::grid::MaterialPoint;
 
-/// A patch of the surface: at most a quarter of an element's face, as many points as a face has corners
-/// integrate its pressure exactly, and at most half a radius wide, so that nothing slips between points.
+/// A patch of the surface: at most a sixteenth of an element's face, so that a dent that is half as wide as that still
+/// has some twenty points, and at most half a radius wide, so that nothing slips between points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkinPatch {
     /// The element that carries it.
@@ -64,7 +64,7 @@ impl Skin {
 
     fn add_element(&mut self, solid: Solid<'_>, facets: &Facets, element: u32) {
         let edge_voxels = solid.level.elements[element as usize].size << solid.level.exponent;
-        let wide = (edge_voxels >> 1).clamp(1, self.most_voxels);
+        let wide = (edge_voxels >> 2).clamp(1, self.most_voxels);
         let key = |facet: &Facet| (facet.side, facet.cell.map(|c| c / wide));
         let mut facets: Vec<&Facet> = facets.of_element(solid, element).collect();
         facets.sort_by_key(|facet| key(facet));

@@ -154,6 +154,9 @@ pub struct Contact<E = ToolEnds> {
     pub limit_n: f64,
     /// Force that is left after it has given, N.
     pub yield_n: f64,
+    /// Energy at the end of the step beyond half of force times gap, J: of a law that is not linear, whose tangent the
+    /// spring is. It counts while the spring pushes.
+    pub more_stored_j: f64,
     /// Gap up to which it may stay off at the end of the step without another solve, m.
     pub slack_m: f64,
     /// Gap below zero up to which it may stay on so, m.
@@ -183,6 +186,7 @@ impl<E: Default> Default for Contact<E> {
             force_n: 0.0,
             limit_n: f64::INFINITY,
             yield_n: 0.0,
+            more_stored_j: 0.0,
             slack_m: 0.0,
             pull_slack_m: 0.0,
             bilateral: false,
@@ -290,7 +294,7 @@ impl<E> Contact<E> {
     /// Energy stored at the end of the step, J, where it never gives.
     #[must_use]
     pub fn stored_j(&self) -> f64 {
-        0.5 * self.force_n * self.gap_m
+        0.5 * self.force_n * self.gap_m + if self.force_n == 0.0 { 0.0 } else { self.more_stored_j }
     }
 
     /// Work done on the spring in the step, J.
