@@ -108,10 +108,11 @@ pub fn family(extent: Extent) -> Result<Family> {
         title: "Sides off the lattice",
         text: format!(
             "Boxes in voxels of 5 mm, and a cantilever of 0.2 m under a hundredth of its weight (E 2 MPa, 32 mm held), \
-             whose sides cut voxels. Rounded up to whole voxels the boxes would weigh 16, 36, 108 and 23 % more. What is filled of a voxel counts in its middle, so the outer layers of a bar stand too far \
-             out: with that second moment of area beam theory gives {} of the deflection. The error falls with the \
-             square of the voxels in the thickness. Levels add theirs of bending (see above); at nu 0.3 the clamp, which \
-             beam theory has not, takes 1 %.",
+             whose sides cut voxels. Rounded up to whole voxels the boxes would weigh 16, 36, 108 and 23 % more. What is \
+             filled of a voxel counts in its middle, so the outer layers of a bar stand too far out: with that second \
+             moment of area beam theory's deflection changes by so much: {}. That falls with the square of the voxels \
+             in the thickness. Levels add theirs of bending (see above); at nu 0.3 the clamp, which beam theory has not, \
+             takes 1 %.",
             of(&[0, 2, 3, 4])
         ),
         tables: vec![masses()?],
