@@ -1,16 +1,22 @@
 #!/bin/sh
-# Compiles the package's pure part with mono and tries it against a server. What is missing for it is said.
+# Compiles the package's pure part with mono and tries it against a server. Mono is installed where Debian's packages may
+# be; what cannot be had is said.
 set -eu
 cd "$(dirname "$0")/../../.."
 server=target/debug/kerf-server
 build=target/unity
 
+if ! command -v mcs >/dev/null && command -v apt-get >/dev/null && [ "$(id -u)" = 0 ]; then
+    apt-get update -qq && apt-get install -qqy --no-install-recommends mono-mcs mono-runtime protobuf-compiler >/dev/null 2>&1 || true
+fi
 for tool in mcs mono protoc python3; do
     command -v $tool >/dev/null || { echo "unity: skipped, there is no $tool here (Debian: mono-mcs mono-runtime protobuf-compiler)"; exit 0; }
 done
 mkdir -p $build
 if [ ! -e $build/Google.Protobuf.dll ]; then
-    echo "deb-src http://deb.debian.org/debian $(. /etc/os-release; echo "$VERSION_CODENAME") main" > $build/sources.list
+    # Sources come from where packages do.
+    debian=$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' | head -n 1)
+    echo "deb-src $debian $(. /etc/os-release; echo "$VERSION_CODENAME") main" > $build/sources.list
     apt="-o Dir::Etc::SourceList=$PWD/$build/sources.list -o Dir::Etc::SourceParts=- -o Dir::State::Lists=$PWD/$build/lists -qq"
     mkdir -p $build/lists/partial
     (cd $build && apt-get $apt update && apt-get $apt source --download-only protobuf) >$build/apt.log 2>&1 ||
