@@ -1,10 +1,12 @@
 //! The surface of some labels of a map, as a closed triangle mesh.
 //!
 //! Naive surface nets (Gibson, "Constrained elastic surface nets", 1998): a vertex per cell of eight
-//! voxels' centres that the surface passes, at the mean of where it crosses the cell's edges, half-way
-//! between voxels; a quad about each crossing. The steps of the voxels are then smoothed away without
-//! shrinking what they bound (Taubin, "A signal processing approach to fair surface design", 1995), no
-//! vertex farther than its cell reaches. What is at the map's rim is closed there.
+//! voxels' centres that the surface passes, at the mean of where it crosses the cell's edges; a quad about
+//! each crossing. A map says of a voxel only that it is inside, so where between two voxels the surface
+//! crosses is taken from how much around each of them is inside (`occupancy`): half-way everywhere would make
+//! terraces. The steps that are left are smoothed away without shrinking what they bound (Taubin, "A signal
+//! processing approach to fair surface design", 1995), no vertex farther than its cell reaches. What is at the
+//! map's rim is closed there.
 
 use std::collections::BTreeMap;
 
@@ -18,6 +20,11 @@ use crate::nifti::LabelMap;
 const SMOOTHING: [f64; 2] = [0.5, -0.53];
 /// Times that both are gone: a ball's normals gain little beyond.
 const SMOOTHINGS: u32 = 4;
+/// Binomial weights along an axis around a voxel, over 16, and those of the same blur twice, over 256.
+const BLUR: [f64; 5] = [1.0, 4.0, 6.0, 4.0, 1.0];
+const BLUR_TWICE: [f64; 9] = [1.0, 8.0, 28.0, 56.0, 70.0, 56.0, 28.0, 8.0, 1.0];
+/// No crossing is nearer to a voxel's centre, voxels: what is thin keeps some thickness.
+const NEAREST: f64 = 0.1;
 /// Half the edge of a cell, voxels.
 const HALF_CELL: f64 = 0.5;
 
@@ -37,6 +44,8 @@ pub(crate) fn surface(map: &LabelMap, labels: &[u16]) -> Result<TriangleMesh, St
         (label, some) => some.contains(&label),
     };
     let mut nets = Nets { map, vertices: BTreeMap::new(), crossings: Vec::new(), quads: Vec::new() };
+    let mut occupancies = BTreeMap::new();
+    let mut filled = |voxel| *occupancies.entry(voxel).or_insert_with(|| occupancy(voxel, is_wanted));
     let [nx, ny, nz] = map.dims.map(|n| n as i64);
     for k in -1..nz {
         for j in -1..ny {
@@ -46,7 +55,8 @@ pub(crate) fn surface(map: &LabelMap, labels: &[u16]) -> Result<TriangleMesh, St
                     let mut next = [i, j, k];
                     next[axes[0]] += 1;
                     if here != is_wanted(next) {
-                        nets.add_quad([i, j, k], axes, here);
+                        let up = crossing(filled([i, j, k]), filled(next), here);
+                        nets.add_quad([i, j, k], axes, here, up);
                     }
                 }
             }
@@ -71,6 +81,26 @@ fn refuse_absent(map: &LabelMap, labels: &[u16]) -> Result<(), String> {
     }
 }
 
+/// How much of what is around a voxel's centre is inside: blurred over two voxels, so that it rises evenly
+/// across the surface, less what blurring takes from what is bent: 2 B f - B B f.
+fn occupancy(voxel: [i64; 3], is_wanted: impl Fn([i64; 3]) -> bool) -> f64 {
+    let blurred = |weights: &[f64]| {
+        let (reach, whole) = (weights.len() as i64 / 2, weights.iter().sum::<f64>());
+        let around = || (-reach..=reach).zip(weights);
+        let along = |k, j| around().filter(|(i, _)| is_wanted([voxel[0] + i, j, k])).map(|(_, w)| w).sum::<f64>();
+        let across = |k| around().map(|(j, w)| w * along(k, voxel[1] + j)).sum::<f64>();
+        around().map(|(k, w)| w * across(voxel[2] + k)).sum::<f64>() / whole.powi(3)
+    };
+    2.0 * blurred(&BLUR) - blurred(&BLUR_TWICE)
+}
+
+/// Where the surface crosses the link between two voxels, from the lower one up, voxels: where half is inside.
+/// Half-way where the occupancies do not say so, as in what is thinner than the blur.
+fn crossing(lower: f64, upper: f64, lower_is_inside: bool) -> f64 {
+    let is_told = if lower_is_inside { lower > 0.5 && upper < 0.5 } else { lower < 0.5 && upper > 0.5 };
+    if is_told { ((lower - 0.5) / (lower - upper)).clamp(NEAREST, 1.0 - NEAREST) } else { 0.5 }
+}
+
 /// Vertices by the cell they are in, and what they are the mean of.
 struct Nets<'a> {
     map: &'a LabelMap,
@@ -82,10 +112,11 @@ struct Nets<'a> {
 }
 
 impl Nets<'_> {
-    /// The quad across the link from `voxel` along the first axis, through the four cells about it.
-    fn add_quad(&mut self, voxel: [i64; 3], [along, u, v]: [usize; 3], lower_is_inside: bool) {
+    /// The quad across the link from `voxel` along the first axis, which the surface crosses `up` from it, through the
+    /// four cells about it.
+    fn add_quad(&mut self, voxel: [i64; 3], [along, u, v]: [usize; 3], lower_is_inside: bool, up: f64) {
         let mut at = Vector3::from(voxel.map(|index| index as f64));
-        at[along] += 0.5;
+        at[along] += up;
         // Counter-clockwise seen from the link's upper end.
         let corners = [[-1, -1], [0, -1], [0, 0], [-1, 0]].map(|[du, dv]| {
             let mut cell = voxel;
