@@ -165,7 +165,7 @@ fn the_surface_of_a_ball_has_the_balls_normals_and_no_steps() {
         }
     }
     println!("mean cosine {}, farthest {} mm off the ball", normals / count, highest * 1e3);
-    assert!(count > 1000.0 && normals / count > 0.97, "mean cosine {} of {count}", normals / count);
+    assert!(count > 1000.0 && normals / count > 0.99, "mean cosine {} of {count}", normals / count);
     // Half of the longest diagonal of a voxel, 2.5 mm.
     assert!(highest < 1.25e-3, "{highest} m off the ball");
 }
