@@ -1,6 +1,7 @@
 //! A run from connecting to the report.
 
 use std::fs::File;
+use std::pin::pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -112,10 +113,22 @@ async fn drive(args: &Args, channel: &Channel, session: &Session) -> anyhow::Res
 
     let timetable = Timetable { start_ns: clock::now_ns() + LEAD_NS, rate_hz: args.rate, duration_s };
     let progress = Progress::new(args.progress, duration_s);
-    let driven = exchange(control, &script, timetable, progress, &totals).await;
+    let mut driving = pin!(exchange(control, &script, timetable, progress, &totals));
+    let mut viewing = pin!(join(viewers));
+    let mut viewed = None;
+    let driven = loop {
+        tokio::select! {
+            driven = &mut driving => break driven,
+            // Where a viewer fails nobody is left to see what is driven.
+            outcome = &mut viewing, if viewed.is_none() => viewed = Some(outcome?),
+        }
+    };
     // Viewers are told to stop before any error is handed on: their thread ends in each case.
     let _ = stop_viewers.send(true);
-    let viewed = join(viewers).await;
+    let viewed = match viewed {
+        Some(viewed) => Ok(viewed),
+        None => viewing.await,
+    };
     let driven = driven?;
 
     let run = Run {

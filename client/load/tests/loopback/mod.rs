@@ -4,6 +4,7 @@ mod server;
 
 use std::io::{BufRead, BufReader, Write};
 use std::process::Stdio;
+use std::time::Duration;
 
 use self::server::{Behaviour, STIFFNESS_N_PER_M};
 use clap::Parser;
@@ -58,9 +59,10 @@ async fn viewers_follow_the_structure_and_the_first_one_keeps_its_surface() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn replica_that_keeps_coming_apart_ends_the_run() {
     let server = server::start(Behaviour::WrongHash).await;
-    // So many strokes that the replica's ten new starts come first on a busy machine too.
-    let error = load(&server, &["--scene", "box", "--strokes", "100", "--depth", "0.01"]).await.err();
-    let error = error.expect("the hash never matches");
+    // Of so many strokes, which would take minutes.
+    let driven = load(&server, &["--scene", "box", "--strokes", "100", "--depth", "0.01"]);
+    let ended = tokio::time::timeout(Duration::from_secs(60), driven).await;
+    let error = ended.expect("it does not wait for the strokes' end").err().expect("the hash never matches");
     assert!(format!("{error:#}").contains("the replica came apart more than 10 times"), "{error:#}");
 }
 
