@@ -10,12 +10,12 @@ use crate::{Mat3, Vec3};
 const DAMPING: f64 = 0.05;
 const PASSES: usize = 4;
 
-/// Weighted sum of squared distances to tangent planes; lengths in voxels, origin in the dual cell's centre.
+/// Sum of squared distances to tangent planes; lengths in voxels, origin in the dual cell's centre.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Qef {
-    /// Sum of w n n^T.
+    /// Sum of n n^T.
     normal_matrix: Mat3,
-    /// Sum of w n (n . p).
+    /// Sum of n (n . p).
     right_side: Vec3,
     point_sum: Vec3,
     count: u32,
@@ -23,31 +23,50 @@ pub(super) struct Qef {
 
 impl Qef {
     /// Adds the plane through `point`; the sign of its unit normal does not matter.
-    pub(super) fn add(&mut self, point: Vec3, normal: Vec3, weight: f64) {
-        self.normal_matrix += normal * normal.transpose() * weight;
-        self.right_side += normal * (weight * normal.dot(&point));
+    pub(super) fn add(&mut self, point: Vec3, normal: Vec3) {
+        self.normal_matrix += normal * normal.transpose();
+        self.right_side += normal * normal.dot(&point);
         self.point_sum += point;
         self.count += 1;
     }
 
-    /// Mean of the points, whatever their weights.
+    pub(super) fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// The same planes, moved so that they pass through `point`.
+    pub(super) fn through(&self, point: &Vec3) -> Self {
+        Self { right_side: self.normal_matrix * point, ..*self }
+    }
+
+    /// These planes and others, which count `weight` times as much.
+    pub(super) fn and(&self, others: &Self, weight: f64) -> Self {
+        Self {
+            normal_matrix: self.normal_matrix + others.normal_matrix * weight,
+            right_side: self.right_side + others.right_side * weight,
+            point_sum: self.point_sum + others.point_sum,
+            count: self.count + others.count,
+        }
+    }
+
+    /// Mean of the points.
     pub(super) fn mean(&self) -> Vec3 {
         self.point_sum / f64::from(self.count)
     }
 
-    /// The minimiser in the cube of half-width 1/2; where the planes leave directions open, the one
+    /// The minimiser in the cube of half-width `reach`; where the planes leave directions open, the one
     /// nearest to `start`.
-    pub(super) fn minimise(&self, start: &Vec3) -> Vec3 {
+    pub(super) fn minimise(&self, start: &Vec3, reach: f64) -> Vec3 {
         let mut held = [None; 3];
         loop {
             let x = self.damped_solve(start, &held);
             // Holding the worst axis and solving again keeps a vertex on the planes that allow it,
             // where cutting off each coordinate would pull it off all of them.
             let worst = (0..3).max_by(|a, b| x[*a].abs().total_cmp(&x[*b].abs())).expect("three axes");
-            if x[worst].abs() <= 0.5 {
+            if x[worst].abs() <= reach {
                 return x;
             }
-            held[worst] = Some(0.5f64.copysign(x[worst]));
+            held[worst] = Some(reach.copysign(x[worst]));
         }
     }
 
@@ -84,8 +103,8 @@ mod tests {
 
     fn fit(planes: &[([f64; 3], [f64; 3])]) -> Vec3 {
         let mut qef = Qef::default();
-        planes.iter().for_each(|(p, n)| qef.add(Vec3::from(*p), Vec3::from(*n).normalize(), 1.0));
-        qef.minimise(&qef.mean())
+        planes.iter().for_each(|(p, n)| qef.add(Vec3::from(*p), Vec3::from(*n).normalize()));
+        qef.minimise(&qef.mean(), 0.5)
     }
 
     #[test]
