@@ -1,6 +1,6 @@
 //! What is held, voxel by voxel, in elements of many voxels.
 
-use super::support::{assert_forces_are_the_energys_slope, body, object, scene};
+use super::support::{assert_forces_are_the_energys_slope, body, mean_displacement, object, scene};
 use kerf_physics::body::{Body, MaterialPoint};
 use kerf_physics::grid::{Crossing, Grid, LinkId, VoxelId};
 use kerf_physics::scene::{Face, LoadDesc, ShapeDesc, ViscosityDesc};
@@ -18,17 +18,6 @@ fn below(axis: usize, at_m: f64) -> ShapeDesc {
 
 fn params() -> StepParams {
     StepParams { dt_s: 1e-3, relative_tolerance: 1e-3, max_iterations: 200 }
-}
-
-/// Mean displacement of the voxels from `from_m` on along an axis, m.
-fn mean_displacement(body: &Body, axis: usize, from_m: f64) -> Vec3 {
-    let grid = &body.state.grid;
-    let centres = (0..).zip(grid.voxels()).map(|(id, voxel)| (VoxelId(id), grid.centre_m(voxel.ijk)));
-    let moved: Vec<Vec3> = centres
-        .filter(|(_, at)| at[axis] > from_m)
-        .map(|(voxel, position_m)| body.current_m(&MaterialPoint { position_m, voxel }) - position_m)
-        .collect();
-    moved.iter().sum::<Vec3>() / moved.len() as f64
 }
 
 #[test]

@@ -33,6 +33,7 @@ mod strokes;
 mod support;
 mod tearing;
 mod tension;
+mod thin_parts;
 mod tissue;
 mod tissue_contact;
 mod view;

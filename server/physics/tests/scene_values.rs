@@ -51,6 +51,9 @@ fn numbers_out_of_range_or_not_finite_are_refused() {
     assert_eq!(refused(|s| s.rate_hz = f64::NAN), ["rate_hz"]);
     assert_eq!(refused(|s| s.gravity_m_per_s2[1] = f64::INFINITY), ["gravity_m_per_s2"]);
     assert_eq!(refused(|s| s.objects[0].level = 5), ["objects[0].level"]);
+    for across in [0.9, 8.1, f64::NAN] {
+        assert_eq!(refused(|s| s.objects[0].min_elements_across = Some(across)), ["objects[0].min_elements_across"]);
+    }
     let finer = |level| {
         let shape = ShapeDesc::Sphere { center_m: [0.0; 3], radius_m: 0.01 };
         refused(|s| s.objects[0].finer = vec![FinerDesc { shape, level }])

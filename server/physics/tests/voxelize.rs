@@ -35,6 +35,7 @@ fn object(shape: ShapeDesc, voxel_size_m: f64) -> ObjectDesc {
         material: material(),
         regions: vec![],
         finer: vec![],
+        min_elements_across: None,
         fixed: vec![],
         loads: vec![],
     }

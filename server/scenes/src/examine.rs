@@ -1,5 +1,6 @@
 //! What is to be said of a scene before it runs. Whoever runs scenes asks here, so that all refuse and warn alike.
 
+use kerf_physics::grid::thickness::wanted_levels;
 use kerf_physics::grid::voxelize::region_voxels;
 use kerf_physics::grid::{Grid, LEAST_PIECE_VOXELS, LeftOut, VoxelId};
 use kerf_physics::scene::{LoadDesc, ObjectDesc, ShapeDesc};
@@ -39,6 +40,7 @@ pub fn warnings(scene: &Scene, world: &World) -> Vec<SceneError> {
         remarks.meshes();
         remarks.regions();
         remarks.supports();
+        remarks.thin_parts();
         remarks.loads();
         remarks.left_out();
         warnings = remarks.warnings;
@@ -106,6 +108,24 @@ impl Remarks<'_> {
             if self.held(&finer.shape).is_empty() {
                 self.warn(&format!(".finer[{i}]"), "holds no voxel: its shape is elsewhere");
             }
+        }
+    }
+
+    /// Limbs, necks and sheets with less than an element and a half across.
+    fn thin_parts(&mut self) {
+        let ObjectDesc { level: level @ 1.., min_elements_across: None, .. } = *self.object else { return };
+        let size_m = self.grid.voxel_size_m();
+        let with_limit = ObjectDesc { min_elements_across: Some(1.5), ..self.object.clone() };
+        let wanted = wanted_levels(self.grid, &with_limit, size_m);
+        let count = wanted.iter().filter(|wanted| **wanted < level).count();
+        if count * 20 > wanted.len() {
+            let message = format!(
+                "{} % of the voxels lie where the object is thinner than one and a half elements of 2^{level} voxels \
+                 ({} mm each), which bend a sixth too little and less; state min_elements_across = 2.5, or a lower level",
+                100 * count / wanted.len(),
+                1e3 * size_m * f64::from(1u32 << level)
+            );
+            self.warn(".level", message);
         }
     }
 
@@ -192,6 +212,16 @@ mod tests {
     }
 
     #[test]
+    fn parts_that_are_thin_for_their_level_are_warned_of() {
+        let mut scene = catalog::builtin("liver").unwrap();
+        scene.desc.objects[0].level = 4;
+        let [told_of] = &told(&scene)[..] else { panic!("one warning") };
+        assert!(told_of.starts_with("objects[0].level: ") && told_of.contains("min_elements_across"), "{told_of}");
+        scene.desc.objects[0].min_elements_across = Some(2.0);
+        assert_eq!(told(&scene), [""; 0]);
+    }
+
+    #[test]
     fn what_holds_nothing_and_loads_that_select_nothing_are_warned_of() {
         let mut scene = catalog::builtin("jelly").unwrap();
         let object = &mut scene.desc.objects[0];
@@ -237,7 +267,9 @@ mod tests {
         let triangles = vec![[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 2, 3]];
         scene.meshes.insert("tetrahedron.obj".into(), TriangleMesh { positions, triangles });
         let told = told(&scene);
-        assert!(told.len() == 1 && told[0].contains("tetrahedron.obj: the mesh is wound inconsistently"), "{told:?}");
+        let [fault, thin_corners] = &told[..] else { panic!("{told:?}") };
+        assert!(fault.contains("tetrahedron.obj: the mesh is wound inconsistently"), "{fault}");
+        assert!(thin_corners.contains("min_elements_across"), "{thin_corners}");
     }
 
     #[test]

@@ -98,6 +98,7 @@ impl Specimen {
             level: self.level,
             material: self.material(),
             finer: Vec::new(),
+            min_elements_across: None,
             element: Default::default(),
             fracture_rule: Default::default(),
             regions: Vec::new(),

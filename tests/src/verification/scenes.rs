@@ -76,6 +76,7 @@ pub fn block(size_m: [f64; 3], mesh: Mesh, material: MaterialDesc) -> ObjectDesc
         material,
         regions: Vec::new(),
         finer: Vec::new(),
+        min_elements_across: None,
         fixed: Vec::new(),
         loads: Vec::new(),
     }

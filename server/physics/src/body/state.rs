@@ -9,7 +9,7 @@ use crate::boundary::Boundary;
 use crate::fem::block::ElementState;
 use crate::grid::cell_sizes::CellSizes;
 use crate::grid::levels::{Level, VoxelUnits};
-use crate::grid::{Grid, voxelize};
+use crate::grid::{Grid, thickness, voxelize};
 use crate::math::Nodal;
 use crate::scene::{Meshes, ObjectDesc, SceneError};
 use wide::f64x4;
@@ -79,17 +79,20 @@ impl State {
     }
 }
 
-/// The level that is solved on, graded where the object states finer regions, and those above it.
+/// The level that is solved on, graded where the object states finer regions or is thin, and those above it.
 fn build_levels(grid: &Grid, object: &ObjectDesc, meshes: &Meshes) -> Result<Vec<Level>, SceneError> {
-    let exponent = object.finer.iter().map(|finer| finer.level).fold(object.level, u8::min);
-    let dims = grid.dims().map(|d| (d + (1 << exponent) - 1) >> exponent);
-    let mut finest = std::collections::BTreeMap::new();
+    let mut wanted = thickness::wanted_levels(grid, object, grid.voxel_size_m());
     for finer in &object.finer {
         for voxel in voxelize::region_voxels(grid, &finer.shape, meshes)? {
-            let cell = grid.voxels()[voxel.index()].ijk.map(|c| c >> exponent);
-            let level = finest.entry(cell).or_insert(object.level);
-            *level = finer.level.min(*level);
+            wanted[voxel.index()] = finer.level.min(wanted[voxel.index()]);
         }
+    }
+    let exponent = wanted.iter().copied().fold(object.level, u8::min);
+    let dims = grid.dims().map(|d| (d + (1 << exponent) - 1) >> exponent);
+    let mut finest = std::collections::BTreeMap::new();
+    for (voxel, wanted) in grid.voxels().iter().zip(wanted).filter(|(_, wanted)| *wanted < object.level) {
+        let level = finest.entry(voxel.ijk.map(|c| c >> exponent)).or_insert(wanted);
+        *level = wanted.min(*level);
     }
     let log2 = |level: u8| level - exponent;
     let sizes = CellSizes::graded(dims, log2(object.level), |cell| log2(*finest.get(&cell).unwrap_or(&object.level)));

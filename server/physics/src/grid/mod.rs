@@ -11,6 +11,7 @@ pub(crate) mod levels;
 mod mesh;
 mod mesh_faces;
 mod small_pieces;
+pub mod thickness;
 pub mod voxelize;
 
 use crate::Vec3;

@@ -33,6 +33,11 @@ pub struct ObjectDesc {
     /// most one level, so the elements around a region grow step by step. Default: none.
     #[serde(default)]
     pub finer: Vec<FinerDesc>,
+    /// Elements across the thinnest limb, neck or sheet, 1 to 8: where the object is thinner than so many elements of
+    /// its level, they are smaller, but never so small that they would fold under a blade. 2 or 3 are worth their cost.
+    /// Default: the level holds everywhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub min_elements_across: Option<f64>,
     /// Material where no region says otherwise.
     pub material: MaterialDesc,
     /// Shapes within which another material holds; where they overlap the last one wins.

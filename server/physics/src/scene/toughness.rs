@@ -34,6 +34,12 @@ pub fn gc_over_eh(material: &MaterialDesc, composite_edge_m: f64) -> Option<f64>
     material.fracture_energy_j_per_m2.map(|gc| gc / (material.young_modulus_pa * composite_edge_m))
 }
 
+/// Whether a material's elements do not fold under a blade on this level.
+#[must_use]
+pub fn is_carried(material: &MaterialDesc, rule: FractureRule, voxel_size_m: f64, level: u8) -> bool {
+    asked_over_eh(material, rule, voxel_size_m, level).is_none_or(|asked| asked <= carried_over_eh(material, level))
+}
+
 /// Line load that starts a cut over `E H`; `None` for a material that cannot be cut.
 #[must_use]
 pub fn asked_over_eh(material: &MaterialDesc, rule: FractureRule, voxel_size_m: f64, level: u8) -> Option<f64> {

@@ -222,6 +222,9 @@ impl Report {
             self.material(&format!("{field}.regions[{i}].material"), &region.material);
             self.rate_of(&format!("{field}.regions[{i}].material"), &region.material, object.fracture_rule);
         }
+        if let Some(across) = object.min_elements_across {
+            self.number(&format!("{field}.min_elements_across"), across, 1.0..=8.0);
+        }
         self.count(&format!("{field}.finer"), object.finer.len(), 0..=MAX_SHAPES);
         for (i, finer) in object.finer.iter().enumerate() {
             self.shape(&format!("{field}.finer[{i}].shape"), &finer.shape);

@@ -119,6 +119,7 @@ impl Press {
             },
             regions: Vec::new(),
             finer: Vec::new(),
+            min_elements_across: None,
             // Whole cells of every level: a cell that is held in part is held altogether.
             fixed: vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 0.0, 1.0] }],
             loads: Vec::new(),

@@ -6,7 +6,8 @@ pub mod press;
 pub mod swept;
 
 use kerf_physics::StepParams;
-use kerf_physics::body::Body;
+use kerf_physics::body::{Body, MaterialPoint};
+use kerf_physics::grid::VoxelId;
 use kerf_physics::scene::{
     ElementKind, MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc, ViscosityDesc,
 };
@@ -60,6 +61,7 @@ pub fn object(min_m: [f64; 3], max_m: [f64; 3], h: f64, level: u8) -> ObjectDesc
         material: material(),
         regions: Vec::new(),
         finer: Vec::new(),
+        min_elements_across: None,
         fixed: Vec::new(),
         loads: Vec::new(),
     }
@@ -77,6 +79,17 @@ pub fn scene(objects: Vec<ObjectDesc>) -> Scene {
 
 pub fn body(object: &ObjectDesc, params: StepParams) -> Body {
     Body::new(&scene(vec![object.clone()]), 0, params, &Workers::serial()).expect("a valid object")
+}
+
+/// Mean displacement of the voxels from `from_m` on along an axis, m.
+pub fn mean_displacement(body: &Body, axis: usize, from_m: f64) -> Vec3 {
+    let grid = &body.state.grid;
+    let centres = (0..).zip(grid.voxels()).map(|(id, voxel)| (VoxelId(id), grid.centre_m(voxel.ijk)));
+    let moved: Vec<Vec3> = centres
+        .filter(|(_, at)| at[axis] > from_m)
+        .map(|(voxel, position_m)| body.current_m(&MaterialPoint { position_m, voxel }) - position_m)
+        .collect();
+    moved.iter().sum::<Vec3>() / moved.len() as f64
 }
 
 /// Tip deflection of the cantilever under a hundredth of its weight and what beam theory says, m.

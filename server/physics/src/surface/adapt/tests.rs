@@ -41,6 +41,7 @@ fn block(side_m: f64) -> Body {
         material,
         regions: Vec::new(),
         finer: Vec::new(),
+        min_elements_across: None,
         fixed: Vec::new(),
         loads: Vec::new(),
     };
