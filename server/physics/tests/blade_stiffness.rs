@@ -70,3 +70,17 @@ fn the_force_keeps_within_three_percent_while_a_blade_slides() {
         assert!(jump < 0.002, "turn {turn_deg}, level {level}: {jump} in a step of 15 um");
     }
 }
+
+/// The elements' share of the compliance is that under long edges; under short ones it is more.
+#[test]
+fn a_short_edge_feels_nearly_as_stiff_as_the_continuum() {
+    let level = 2;
+    let cell_m = H_M * f64::from(1u32 << level);
+    for (elements, mean_bound, bound) in [(0.5, 0.07, 0.2), (1.0, 0.04, 0.1), (1.5, 0.02, 0.06), (2.0, 0.02, 0.05)] {
+        let press = Press { width_m: elements * cell_m, ..Press::new(0.45, HALF_WIDTH_M, 0.0) };
+        let errors = press.errors(H_M, level, press.reference_n_per_m(), 1);
+        let (mean, worst) = mean_and_worst(&errors);
+        println!("edge of {elements} elements: {:+.1} %, at worst {:.1} %", mean * 100.0, worst * 100.0);
+        assert!(mean.abs() < mean_bound && worst < bound, "{elements} elements: {errors:.3?}");
+    }
+}
