@@ -146,8 +146,9 @@ EXTREMES_SEED ?= 1
 extremes:
 	cargo run --release -p kerf-system-tests --bin extremes -- docs/stability.md --seed $(EXTREMES_SEED)
 
-# Random strokes through the liver and, where their paths are given, meshes; writes docs/strokes.md. Takes hours,
-# and goes on where it was cut off: what was cut stands in STROKES_BODIES, to be removed when the physics changes.
+# Random strokes through the liver and, where their paths are given, meshes; writes docs/strokes.md. Ten thousand
+# through each of four models take half an hour; it goes on where it was cut off: what was cut stands in STROKES_BODIES,
+# to be removed when the physics changes.
 STROKES ?= 10000
 STROKES_SEED ?= 1
 STROKES_PER_BODY ?= 8
