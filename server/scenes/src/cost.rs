@@ -2,8 +2,7 @@
 //!
 //! Deliberately absent: exactness. A scene is refused or admitted by these figures, nothing is sized by them.
 
-use kerf_physics::grid::thickness::wanted_levels;
-use kerf_physics::grid::voxelize::{measures, region_voxels, voxelize};
+use kerf_physics::grid::voxelize::{measures, voxelize, wanted_levels};
 use kerf_physics::scene::{Meshes, ObjectDesc};
 use kerf_physics::{Scene, SceneError};
 
@@ -73,12 +72,7 @@ impl Counts {
             return Ok(Self { cells, voxels: in_box, elements: in_box / voxels_of_element(lowest_level(object)) });
         };
         let voxels_per_coarse = (coarse_size_m / size_m).powi(3);
-        let mut levels = wanted_levels(&grid, object, size_m);
-        for finer in &object.finer {
-            for voxel in region_voxels(&grid, &finer.shape, meshes)? {
-                levels[voxel.index()] = levels[voxel.index()].min(finer.level);
-            }
-        }
+        let levels = wanted_levels(&grid, object, meshes, size_m)?;
         // Elements that the surface cuts are counted whole: half an element's edge more on each side.
         let coarse_side = (levels.len() as f64).cbrt();
         let elements = |level: &u8| {

@@ -1,8 +1,9 @@
 //! What is to be said of a scene before it runs. Whoever runs scenes asks here, so that all refuse and warn alike.
 
-use kerf_physics::grid::thickness::wanted_levels;
+use kerf_physics::grid::thickness::Thickness;
 use kerf_physics::grid::voxelize::region_voxels;
 use kerf_physics::grid::{Grid, LEAST_PIECE_VOXELS, LeftOut, VoxelId};
+use kerf_physics::scene::toughness::{carries, composite_edge_m};
 use kerf_physics::scene::{LoadDesc, ObjectDesc, ShapeDesc};
 use kerf_physics::{Scene, SceneError, World};
 
@@ -115,15 +116,18 @@ impl Remarks<'_> {
     fn thin_parts(&mut self) {
         let ObjectDesc { level: level @ 1.., min_elements_across: None, .. } = *self.object else { return };
         let size_m = self.grid.voxel_size_m();
-        let with_limit = ObjectDesc { min_elements_across: Some(1.5), ..self.object.clone() };
-        let wanted = wanted_levels(self.grid, &with_limit, size_m);
-        let count = wanted.iter().filter(|wanted| **wanted < level).count();
-        if count * 20 > wanted.len() {
+        if !carries(self.object, size_m, level - 1) {
+            return;
+        }
+        let edge_m = composite_edge_m(size_m, level);
+        let thin = Thickness::of(self.grid).thinner_than(1.5 * edge_m);
+        let count = thin.iter().filter(|is_thin| **is_thin).count();
+        if count * 20 > thin.len() {
             let message = format!(
                 "{} % of the voxels lie where the object is thinner than one and a half elements of 2^{level} voxels \
                  ({} mm each), which bend a sixth too little and less; state min_elements_across = 2.5, or a lower level",
-                100 * count / wanted.len(),
-                1e3 * size_m * f64::from(1u32 << level)
+                100 * count / thin.len(),
+                1e3 * edge_m
             );
             self.warn(".level", message);
         }

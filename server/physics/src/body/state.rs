@@ -9,7 +9,7 @@ use crate::boundary::Boundary;
 use crate::fem::block::ElementState;
 use crate::grid::cell_sizes::CellSizes;
 use crate::grid::levels::{Level, VoxelUnits};
-use crate::grid::{Grid, thickness, voxelize};
+use crate::grid::{Grid, voxelize};
 use crate::math::Nodal;
 use crate::scene::{Meshes, ObjectDesc, SceneError};
 use wide::f64x4;
@@ -81,12 +81,7 @@ impl State {
 
 /// The level that is solved on, graded where the object states finer regions or is thin, and those above it.
 fn build_levels(grid: &Grid, object: &ObjectDesc, meshes: &Meshes) -> Result<Vec<Level>, SceneError> {
-    let mut wanted = thickness::wanted_levels(grid, object, grid.voxel_size_m());
-    for finer in &object.finer {
-        for voxel in voxelize::region_voxels(grid, &finer.shape, meshes)? {
-            wanted[voxel.index()] = finer.level.min(wanted[voxel.index()]);
-        }
-    }
+    let wanted = voxelize::wanted_levels(grid, object, meshes, grid.voxel_size_m())?;
     let exponent = wanted.iter().copied().fold(object.level, u8::min);
     let dims = grid.dims().map(|d| (d + (1 << exponent) - 1) >> exponent);
     let mut finest = std::collections::BTreeMap::new();

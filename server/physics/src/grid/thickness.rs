@@ -1,8 +1,6 @@
 //! Where an object is thin: limbs, necks and sheets that a level has few elements across for.
 
 use super::{Grid, Ijk};
-use crate::scene::ObjectDesc;
-use crate::scene::toughness::is_carried;
 
 /// Distance that stands for "no such cell", in voxels squared; larger than any in a grid.
 const FAR: f32 = 1e12;
@@ -15,38 +13,33 @@ const ROOT: f32 = 0.5;
 /// What a ball may be smaller, in voxels: its middle lies between voxels.
 const ROUNDED: f32 = 0.25;
 
-/// The level that each voxel's element is to have so that no part of the object is thinner than
-/// `object.min_elements_across` elements: the object's own level or a lower one, but none on which the elements would
-/// fold under a blade. By voxel; `grid` may have other voxels than the object, whose edge is `voxel_size_m`.
-#[must_use]
-pub fn wanted_levels(grid: &Grid, object: &ObjectDesc, voxel_size_m: f64) -> Vec<u8> {
-    let mut levels = vec![object.level; grid.voxels().len()];
-    let Some(across) = object.min_elements_across else { return levels };
-    let is_carried = |level: u8| object.materials().all(|m| is_carried(m, object.fracture_rule, voxel_size_m, level));
-    for level in (1..=object.level).rev().take_while(|level| is_carried(level - 1)) {
-        let thickness_m = across * voxel_size_m * f64::from(1u32 << level);
-        for (wanted, is_thin) in levels.iter_mut().zip(thinner_than(grid, thickness_m)) {
-            // What is not thin on a level is not on a lower one either, whatever the lattice says.
-            if is_thin && *wanted == level {
-                *wanted = level - 1;
-            }
-        }
-    }
-    levels
+/// How thick an object is around each of its voxels.
+pub struct Thickness<'a> {
+    grid: &'a Grid,
+    to_outside: Distances,
 }
 
-/// For each voxel whether the object is thinner there than this: whether it lies in no ball of this diameter in the
-/// object, but in what juts out of such balls farther than corners do, or beside that.
-#[must_use]
-pub fn thinner_than(grid: &Grid, thickness_m: f64) -> Vec<bool> {
-    let radius = (thickness_m / grid.voxel_size_m() / 2.0) as f32;
-    let to_outside = Distances::to_cells(grid, |cell| grid.voxel_at(cell).is_none());
-    let to_middles = Distances::to_cells(grid, |cell| to_outside.squared(cell) >= (radius - ROUNDED).powi(2));
-    let is_beyond = |cell: Ijk, radii: f32| to_middles.squared(cell) > (radii * radius).powi(2);
-    let to_limbs = Distances::to_cells(grid, |cell| grid.voxel_at(cell).is_some() && is_beyond(cell, BEYOND_CORNERS));
-    let is_thin = |cell: Ijk| is_beyond(cell, 1.0) && to_limbs.squared(cell) <= (BEYOND_CORNERS * radius).powi(2);
-    let to_thin = Distances::to_cells(grid, |cell| grid.voxel_at(cell).is_some() && is_thin(cell));
-    grid.voxels().iter().map(|voxel| to_thin.squared(voxel.ijk) <= (ROOT * radius).powi(2)).collect()
+impl<'a> Thickness<'a> {
+    /// Of what a grid holds.
+    #[must_use]
+    pub fn of(grid: &'a Grid) -> Self {
+        Self { grid, to_outside: Distances::to_cells(grid, |cell| grid.voxel_at(cell).is_none()) }
+    }
+
+    /// For each voxel whether the object is thinner there than this: whether it lies in no ball of this diameter in the
+    /// object, but in what juts out of such balls farther than corners do, or beside that.
+    #[must_use]
+    pub fn thinner_than(&self, thickness_m: f64) -> Vec<bool> {
+        let Self { grid, to_outside } = self;
+        let radius = (thickness_m / grid.voxel_size_m() / 2.0) as f32;
+        let to_middles = Distances::to_cells(grid, |cell| to_outside.squared(cell) >= (radius - ROUNDED).powi(2));
+        let is_beyond = |cell: Ijk, radii: f32| to_middles.squared(cell) > (radii * radius).powi(2);
+        let to_limbs =
+            Distances::to_cells(grid, |cell| grid.voxel_at(cell).is_some() && is_beyond(cell, BEYOND_CORNERS));
+        let is_thin = |cell: Ijk| is_beyond(cell, 1.0) && to_limbs.squared(cell) <= (BEYOND_CORNERS * radius).powi(2);
+        let to_thin = Distances::to_cells(grid, |cell| grid.voxel_at(cell).is_some() && is_thin(cell));
+        grid.voxels().iter().map(|voxel| to_thin.squared(voxel.ijk) <= (ROOT * radius).powi(2)).collect()
+    }
 }
 
 /// Squared distance of each cell's centre to the nearest of some cells', in voxels, over the box `-1..dims + 1`
@@ -112,7 +105,7 @@ fn lower_envelope(line: &[f32], slots: impl Iterator<Item = usize>, values: &mut
 mod tests {
     use super::*;
     use crate::grid::voxelize::voxelize;
-    use crate::scene::Meshes;
+    use crate::scene::{Meshes, ObjectDesc};
 
     fn voxels_of(shape: &str) -> Grid {
         let object: ObjectDesc = toml::from_str(&format!(
@@ -124,7 +117,7 @@ mod tests {
     }
 
     fn share_thinner(grid: &Grid, thickness_m: f64) -> f64 {
-        let thin = thinner_than(grid, thickness_m);
+        let thin = Thickness::of(grid).thinner_than(thickness_m);
         thin.iter().filter(|is_thin| **is_thin).count() as f64 / thin.len() as f64
     }
 
@@ -152,7 +145,7 @@ mod tests {
         let neck = "{ capsule = { from_m = [-16.0, 0.0, 0.0], to_m = [16.0, 0.0, 0.0], radius_m = 3.0 } }";
         let parts = [ball(-20.0), ball(20.0), neck.to_owned()].join(", ");
         let grid = voxels_of(&format!("{{ smooth_union = {{ blend_m = 0.5, parts = [{parts}] }} }}"));
-        for (voxel, is_thin) in grid.voxels().iter().zip(thinner_than(&grid, 10.0)) {
+        for (voxel, is_thin) in grid.voxels().iter().zip(Thickness::of(&grid).thinner_than(10.0)) {
             let x = grid.centre_m(voxel.ijk).x;
             assert!(!is_thin || x.abs() < 13.0, "a ball is no neck: {x}");
             assert!(is_thin || x.abs() > 9.0, "the neck is thin: {x}");

@@ -4,8 +4,10 @@ use super::implicit::Implicit;
 use super::lattice::{Bounds, Lattice};
 use super::mesh::{self, Columns, MeshSolid};
 use super::small_pieces::{self, LeftOut};
+use super::thickness::Thickness;
 use super::{Crossing, Grid, Ijk, LinkId, Voxel, VoxelId};
 use crate::Vec3;
+use crate::scene::toughness::{carries, composite_edge_m};
 use crate::scene::{Meshes, ObjectDesc, PlacedMesh, SceneError, ShapeDesc, TriangleMesh};
 
 /// Cells from a mesh's surface within which its signed distance is exact; beyond, it is this many
@@ -31,6 +33,37 @@ pub fn region_voxels(grid: &Grid, shape: &ShapeDesc, meshes: &Meshes) -> Result<
             ids.filter(|id| inside[lattice.slot(cell(id))]).collect()
         }
     })
+}
+
+/// The level that each voxel's element is to have: the object's, lower in its finer regions and, by
+/// `object.min_elements_across`, where it is thin, but there none on which elements would fold under a blade. `grid` may
+/// have other voxels than the object, whose edge is `voxel_size_m`.
+///
+/// # Errors
+/// As [`region_voxels`].
+pub fn wanted_levels(
+    grid: &Grid,
+    object: &ObjectDesc,
+    meshes: &Meshes,
+    voxel_size_m: f64,
+) -> Result<Vec<u8>, SceneError> {
+    let mut levels = vec![object.level; grid.voxels().len()];
+    if let Some(across) = object.min_elements_across {
+        let thickness = Thickness::of(grid);
+        let is_carried = |level: u8| carries(object, voxel_size_m, level);
+        for level in (1..=object.level).rev().take_while(|level| is_carried(level - 1)) {
+            let is_thin = thickness.thinner_than(across * composite_edge_m(voxel_size_m, level));
+            // What is not thin on a level is not on a lower one either, whatever the lattice says.
+            let thin = levels.iter_mut().zip(is_thin).filter(|(wanted, is_thin)| *is_thin && **wanted == level);
+            thin.for_each(|(wanted, _)| *wanted = level - 1);
+        }
+    }
+    for finer in &object.finer {
+        for voxel in region_voxels(grid, &finer.shape, meshes)? {
+            levels[voxel.index()] = levels[voxel.index()].min(finer.level);
+        }
+    }
+    Ok(levels)
 }
 
 /// What can be told of an object before it is voxelized.

@@ -6,7 +6,7 @@
 //! back. Beyond a limit they fold, the force drops and the blade passes through uncut. By the link-energy rule
 //! the load is another, and mostly a much larger one.
 
-use super::{FractureRule, MaterialDesc};
+use super::{FractureRule, MaterialDesc, ObjectDesc};
 
 /// The strain-stiffening coefficient at which the limits of [`carried_over_eh`] were measured.
 const TESTED_STIFFENING: f64 = 10.0;
@@ -34,10 +34,13 @@ pub fn gc_over_eh(material: &MaterialDesc, composite_edge_m: f64) -> Option<f64>
     material.fracture_energy_j_per_m2.map(|gc| gc / (material.young_modulus_pa * composite_edge_m))
 }
 
-/// Whether a material's elements do not fold under a blade on this level.
+/// Whether no element of an object would fold under a blade on this level.
 #[must_use]
-pub fn is_carried(material: &MaterialDesc, rule: FractureRule, voxel_size_m: f64, level: u8) -> bool {
-    asked_over_eh(material, rule, voxel_size_m, level).is_none_or(|asked| asked <= carried_over_eh(material, level))
+pub fn carries(object: &ObjectDesc, voxel_size_m: f64, level: u8) -> bool {
+    object.materials().all(|material| {
+        let asked = asked_over_eh(material, object.fracture_rule, voxel_size_m, level);
+        asked.is_none_or(|asked| asked <= carried_over_eh(material, level))
+    })
 }
 
 /// Line load that starts a cut over `E H`; `None` for a material that cannot be cut.
