@@ -52,7 +52,9 @@ use scratch::Scratch;
 use solver::Solver;
 use std::sync::Arc;
 
-/// One soft body.
+/// One soft body. A copy shares the description and leaves the scratch out; before steps are taken of it,
+/// [`Body::reserve`] makes room for them.
+#[derive(Clone)]
 pub struct Body {
     /// What it is made of and what acts on it: constant.
     pub description: Arc<Description>,
@@ -91,17 +93,6 @@ impl Body {
         let mut body = Self { description: Arc::new(description), state, solver, scratch: Scratch::default() };
         body.rebuild_all(workers);
         Ok(body)
-    }
-
-    /// A copy to keep: it shares the description and leaves the scratch out. Before steps are taken of it,
-    /// [`Body::reserve`] makes room for them.
-    pub(crate) fn kept(&self) -> Self {
-        Self {
-            description: Arc::clone(&self.description),
-            state: self.state.clone(),
-            solver: self.solver.clone(),
-            scratch: Scratch::default(),
-        }
     }
 
     /// Room for steps with up to `springs` springs: they allocate nothing.

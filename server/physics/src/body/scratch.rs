@@ -32,6 +32,13 @@ pub(super) struct Scratch {
     pub(super) stale_parents: Vec<u32>,
 }
 
+/// A copy begins with nothing.
+impl Clone for Scratch {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
 impl Scratch {
     /// Makes room for a level that is assembled as `assembly` says.
     pub(super) fn fit(&mut self, level: &Level, assembly: &Assembly) {

@@ -14,30 +14,47 @@ use crate::tool::ToolShape;
 use crate::workers::Workers;
 
 /// A body with the step data that belongs to it.
+#[derive(Clone)]
 pub(super) struct BodySlot {
     pub(super) body: Body,
     /// By tool.
     pub(super) contacts: Vec<ToolContact>,
     /// Present where the body can be pulled apart.
     pub(super) pulled: Option<Pulled>,
+    /// The solution of the last solve: the next one's guess.
     pub(super) velocity_change: body::Nodal,
-    pub(super) impulses: Vec<(u32, [f64; 3])>,
-    /// How many of the impulses are the tools'; they come first.
-    pub(super) tool_impulses: usize,
     pub(super) ledger: BodyLedger,
-    pub(super) parting: Vec<(LinkId, Crossing)>,
-    /// Links that were parted in this step, and what that changed.
-    pub(super) parted: Vec<LinkId>,
-    pub(super) change: TopologyChange,
     /// Version of its surface when its state was given out to be set, if it was since the last step.
     pub(super) edited: Option<u64>,
-    /// The first of the bodies that it presses on, or that press on those: they are solved as one.
-    pub(super) island: usize,
     pub(super) activity: Activity,
     /// Norm of the impulses that loads and contacts applied to its island in the last solve, N s.
     pub(super) applied_n_s: f64,
     /// Energy in the springs of its fronts and of its ties at the end of the last step that was taken of it, J.
     pub(super) front_stored_j: f64,
+    pub(super) scratch: SlotScratch,
+}
+
+/// What a step begins anew.
+#[derive(Default)]
+pub(super) struct SlotScratch {
+    /// What contacts give the nodes, (node, N s).
+    pub(super) impulses: Vec<(u32, [f64; 3])>,
+    /// How many of the impulses are the tools'; they come first.
+    pub(super) tool_impulses: usize,
+    /// The first of the bodies that it presses on, or that press on those: they are solved as one.
+    pub(super) island: usize,
+    /// Links that fronts have crossed.
+    pub(super) parting: Vec<(LinkId, Crossing)>,
+    /// Links that were parted in this step, and what that changed.
+    pub(super) parted: Vec<LinkId>,
+    pub(super) change: TopologyChange,
+}
+
+/// A copy begins with nothing.
+impl Clone for SlotScratch {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
 }
 
 impl BodySlot {
@@ -54,43 +71,17 @@ impl BodySlot {
             body,
             contacts,
             pulled: None,
-            impulses: Vec::new(),
-            tool_impulses: 0,
-            parting: Vec::new(),
-            parted: Vec::new(),
-            change: TopologyChange::default(),
             edited: None,
-            island: 0,
             activity: Activity::Awake { still_steps: 0 },
             applied_n_s: 0.0,
             front_stored_j: 0.0,
+            scratch: SlotScratch::default(),
         };
         if loaded {
             slot.feel_pull();
         }
         slot.reserve(0);
         slot
-    }
-
-    /// A copy to keep, without what a step begins anew. [`Self::reserve`] makes it fit for steps again.
-    pub(super) fn kept(&self) -> Self {
-        Self {
-            body: self.body.kept(),
-            contacts: self.contacts.clone(),
-            pulled: self.pulled.clone(),
-            velocity_change: self.velocity_change.clone(),
-            impulses: Vec::new(),
-            tool_impulses: 0,
-            ledger: self.ledger,
-            parting: Vec::new(),
-            parted: Vec::new(),
-            change: TopologyChange::default(),
-            edited: self.edited,
-            island: self.island,
-            activity: self.activity,
-            applied_n_s: self.applied_n_s,
-            front_stored_j: self.front_stored_j,
-        }
     }
 
     /// Room for every contact there may be until links part again, `tissue_springs` of them with tissue: a
@@ -100,8 +91,8 @@ impl BodySlot {
         let of_tools: usize = self.contacts.iter().map(|contact| contact.most_springs(&self.body)).sum();
         let of_cohesive = self.pulled.as_ref().map_or(0, |pulled| pulled.cohesive.count());
         let springs = of_tools + of_cohesive + tissue_springs;
-        self.impulses.clear();
-        self.impulses.reserve(POINT_NODES * springs);
+        self.scratch.impulses.clear();
+        self.scratch.impulses.reserve(POINT_NODES * springs);
         self.body.reserve(springs);
     }
 
@@ -118,17 +109,17 @@ impl BodySlot {
         dt_s: f64,
     ) -> f64 {
         self.velocity_change.resize(self.body.node_count(), [0.0; 3]);
-        self.impulses.clear();
+        self.scratch.impulses.clear();
         let of_tools = || self.contacts.iter().flat_map(ToolContact::springs);
         let cohesive = || self.pulled.iter().flat_map(|pulled| &pulled.cohesive.contacts);
         for contact in of_tools().chain(cohesive()).filter(|c| c.mode != Mode::Off) {
-            contact.add_impulses(dt_s, &mut self.impulses);
+            contact.add_impulses(dt_s, &mut self.scratch.impulses);
         }
-        self.tool_impulses = self.impulses.len();
-        self.impulses.extend(of_tissue.0);
+        self.scratch.tool_impulses = self.scratch.impulses.len();
+        self.scratch.impulses.extend(of_tissue.0);
         self.body.set_springs(point_springs(of_tools().chain(cohesive()), dt_s).chain(of_tissue.1));
-        let scale = self.body.applied_impulse_norm(workers, &self.impulses);
-        self.body.load_system(workers, &self.impulses, &self.velocity_change);
+        let scale = self.body.applied_impulse_norm(workers, &self.scratch.impulses);
+        self.body.load_system(workers, &self.scratch.impulses, &self.velocity_change);
         scale
     }
 

@@ -1,33 +1,30 @@
 //! Free parts that would turn too far in a step are braked; the ledger books the work of the brake.
 
-use super::World;
 use super::body_slot::BodySlot;
+use super::state::State;
 use crate::body::Nodal;
 use crate::contact::Contact;
 
-impl World {
-    /// Brakes what turns too fast, between the solve and the step that it is for.
-    ///
-    /// The solve balances momentum, `M dv + S (v + dv) = f`. With `d` taken from dv this wants the impulse
-    /// `(M + S) d` of the brake, which takes its product with the motion that is left. Contacts keep the force of
-    /// the solve over the motion of the solve: what they did along `d` reached no tissue and is the brake's too.
-    pub(super) fn brake_spins(&mut self) {
-        self.slots.iter_mut().for_each(|slot| slot.ledger.braked_j = 0.0);
-        let brake = |slot: &mut BodySlot| slot.body.brake_spin(&mut slot.velocity_change);
-        if !self.slots.iter().any(|slot| slot.body.may_spin_too_fast(&slot.velocity_change)) {
-            return;
-        }
-        let taken: Vec<Nodal> = self.slots.iter_mut().map(brake).collect();
-        let dt_s = self.params.dt_s;
-        for (slot, taken) in self.slots.iter_mut().zip(&taken) {
-            let kept = slot.body.impulse_work_j(&slot.velocity_change, |node| taken[node].into());
-            let impulse = |c: &Contact| c.applied_n().dot(&c.ends.weights.sum(taken)) * dt_s;
-            let acting = slot.contacts.iter().flat_map(|contact| contact.acting());
-            slot.ledger.braked_j = kept + acting.map(impulse).sum::<f64>();
-        }
-        for spring in self.tissue.iter().flat_map(|tissue| tissue.springs()).filter(|s| s.force_n != 0.0) {
-            let along = spring.ends.relative(|body| &taken[body as usize]);
-            self.slots[spring.ends.ends[0].body as usize].ledger.braked_j += dt_s * spring.applied_n().dot(&along);
-        }
+/// Brakes what turns too fast, between the solve and the step that it is for.
+///
+/// The solve balances momentum, `M dv + S (v + dv) = f`. With `d` taken from dv this wants the impulse
+/// `(M + S) d` of the brake, which takes its product with the motion that is left. Contacts keep the force of
+/// the solve over the motion of the solve: what they did along `d` reached no tissue and is the brake's too.
+pub(super) fn spins(dt_s: f64, state: &mut State) {
+    state.slots.iter_mut().for_each(|slot| slot.ledger.braked_j = 0.0);
+    let brake = |slot: &mut BodySlot| slot.body.brake_spin(&mut slot.velocity_change);
+    if !state.slots.iter().any(|slot| slot.body.may_spin_too_fast(&slot.velocity_change)) {
+        return;
+    }
+    let taken: Vec<Nodal> = state.slots.iter_mut().map(brake).collect();
+    for (slot, taken) in state.slots.iter_mut().zip(&taken) {
+        let kept = slot.body.impulse_work_j(&slot.velocity_change, |node| taken[node].into());
+        let impulse = |c: &Contact| c.applied_n().dot(&c.ends.weights.sum(taken)) * dt_s;
+        let acting = slot.contacts.iter().flat_map(|contact| contact.acting());
+        slot.ledger.braked_j = kept + acting.map(impulse).sum::<f64>();
+    }
+    for spring in state.tissue.iter().flat_map(|tissue| tissue.springs()).filter(|s| s.force_n != 0.0) {
+        let along = spring.ends.relative(|body| &taken[body as usize]);
+        state.slots[spring.ends.ends[0].body as usize].ledger.braked_j += dt_s * spring.applied_n().dot(&along);
     }
 }

@@ -28,11 +28,11 @@ impl World {
     /// The inside of an object as the last step left it: about 0.2 us a voxel.
     #[must_use]
     pub fn interior(&self, object: usize) -> Interior {
-        let body = &self.slots[object].body;
+        let body = &self.state.slots[object].body;
         let grid = &body.state.grid;
         let mut interior = Interior {
-            step: self.output.step,
-            topology_version: self.output.topology_version,
+            step: self.state.step,
+            topology_version: self.state.topology_version,
             element_energies_j_per_m3: (0..body.base().elements.len())
                 .map(|element| (body.elastic_energy_j(element) / body.filled_volume_m3(element)) as f32)
                 .collect(),

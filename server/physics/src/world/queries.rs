@@ -67,7 +67,7 @@ impl World {
             counts.surface_vertices += surface.vertices().len();
             counts.surface_triangles += 2 * surface.quads().len();
         }
-        for slot in &self.slots {
+        for slot in &self.state.slots {
             counts.voxels += slot.body.state.grid.voxels().len();
             counts.composite_elements += slot.body.base().elements.len();
             counts.nodes += slot.body.node_count();
@@ -92,18 +92,18 @@ impl World {
                 composite_elements: slot.body.base().elements.len() as u32,
             }
         };
-        self.slots.iter().map(stats).collect()
+        self.state.slots.iter().map(stats).collect()
     }
 
     /// Whether an object sleeps: it was at rest, and steps leave it as it is until something wakes it.
     #[must_use]
     pub fn is_asleep(&self, object: usize) -> bool {
-        self.slots[object].is_asleep()
+        self.state.slots[object].is_asleep()
     }
 
     /// Where tissue presses on tissue, as the last step left it; nowhere where links parted in it.
     pub fn tissue_presses(&self) -> impl Iterator<Item = TissuePress> + '_ {
-        let springs = self.tissue.iter().flat_map(|tissue| tissue.springs());
+        let springs = self.state.tissue.iter().flat_map(|tissue| tissue.springs());
         springs.map(|spring| TissuePress {
             objects: spring.ends.ends.each_ref().map(|end| end.body as usize),
             force_n: spring.direction * spring.force_n,
@@ -114,19 +114,19 @@ impl World {
     /// Springs between tissue and tissue as the last step left them; none where links parted in it.
     #[cfg(test)]
     pub(crate) fn tissue_springs(&self) -> &[crate::contact::TissueContact] {
-        self.tissue.as_ref().map_or(&[], |tissue| tissue.springs())
+        self.state.tissue.as_ref().map_or(&[], |tissue| tissue.springs())
     }
 
     /// Contours nothing more until the surface is asked for again; it will then be the same as if it
     /// had been followed.
     pub fn forget_surface(&mut self) {
-        self.view = None;
+        self.scratch.view = None;
     }
 
     /// What viewers see, contoured if nobody has yet, and the slots of the bodies it shows.
     fn view(&mut self) -> (&View, &[BodySlot]) {
-        let view = self.view.get_or_insert_with(|| View::new(self.slots.iter().map(|s| &s.body)));
-        (view, &self.slots)
+        let view = self.scratch.view.get_or_insert_with(|| View::new(self.state.slots.iter().map(|s| &s.body)));
+        (view, &self.state.slots)
     }
 
     /// Each body with its surface, which is contoured if nobody has yet.
@@ -139,7 +139,7 @@ impl World {
     /// [`TopologyPatch`], until [`World::forget_surface`].
     #[must_use]
     pub fn keyframe(&mut self) -> Keyframe {
-        let version = self.output.topology_version;
+        let version = self.state.topology_version;
         let (view, slots) = self.view();
         view.keyframe(slots.iter().map(|s| &s.body), version)
     }
@@ -148,12 +148,12 @@ impl World {
     /// has asked for a keyframe since the surface was forgotten.
     #[must_use]
     pub fn topology_patch(&self) -> Option<&TopologyPatch> {
-        self.view.as_ref()?.patch()
+        self.scratch.view.as_ref()?.patch()
     }
 
     /// Displacements of an object's nodes, xyz interleaved, m, scene frame, appended to `out`.
     pub fn node_displacements_m(&self, object: usize, out: &mut Vec<f32>) {
-        let body = &self.slots[object].body;
+        let body = &self.state.slots[object].body;
         for (node, x) in body.state.position_m.iter().enumerate() {
             let rest = body.rest_position_m(node);
             out.extend((0..3).map(|i| (x[i] - rest[i]) as f32));
@@ -164,12 +164,12 @@ impl World {
     /// most steps nobody sees. The time, ns, goes into the profile of that step; `None` where nothing is to be
     /// adapted, where it has been, or where nobody has asked for the surface since it was forgotten.
     pub fn adapt_surface(&mut self, clock: &dyn StageClock) -> Option<u64> {
-        let view = self.view.as_mut().filter(|view| !view.is_adapted())?;
+        let view = self.scratch.view.as_mut().filter(|view| !view.is_adapted())?;
         let touched = |slot: &&BodySlot| slot.contacts.iter().any(ToolContact::touches);
-        self.slots.iter().find(touched)?;
+        self.state.slots.iter().find(touched)?;
         let mut lap = Lap::start(clock);
-        for (object, slot) in self.slots.iter().enumerate().filter(|(_, slot)| touched(slot)) {
-            let placed = self.tools.iter().zip(&slot.contacts);
+        for (object, slot) in self.state.slots.iter().enumerate().filter(|(_, slot)| touched(slot)) {
+            let placed = self.state.tools.iter().zip(&slot.contacts);
             let touches = placed.filter_map(|(tool, contact)| Some(contact.touching(&slot.body, tool.path()?)));
             view.adapt(object, &slot.body, touches.flatten());
         }
@@ -184,15 +184,15 @@ impl World {
     /// them, nor does any hash.
     #[must_use]
     pub fn adapted_vertices(&self, object: usize) -> &[AdaptedVertex] {
-        self.view.as_ref().map_or(&[], |view| view.adapted(object))
+        self.scratch.view.as_ref().map_or(&[], |view| view.adapted(object))
     }
 
     /// Hash of positions, velocities, rest and sleep, strain memory, fronts, ends of cuts, cohesive springs, what graspers hold, what friction remembers and topology.
     #[must_use]
     pub fn state_hash(&self) -> u64 {
         let mut hasher = StateHasher::default();
-        hasher.word(self.output.step);
-        for slot in &self.slots {
+        hasher.word(self.state.step);
+        for slot in &self.state.slots {
             slot.activity.fold_into(&mut hasher);
             for values in [&slot.body.state.position_m, &slot.body.state.velocity_m_per_s] {
                 values.iter().for_each(|v| hasher.floats(v));
@@ -204,7 +204,7 @@ impl World {
             slot.contacts.iter().for_each(|c| c.fold_into(&mut hasher));
             slot.pulled.iter().for_each(|pulled| pulled.fold_into(&mut hasher));
         }
-        self.tissue.iter().for_each(|tissue| tissue.fold_into(&mut hasher));
+        self.state.tissue.iter().for_each(|tissue| tissue.fold_into(&mut hasher));
         hasher.finish()
     }
 

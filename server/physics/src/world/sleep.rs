@@ -5,9 +5,9 @@
 //! tissue that is awake comes to, and when its state, what it is solved to or a tool in it is changed. Bodies that
 //! press on each other fall asleep together.
 
-use super::World;
 use super::activity::Activity;
 use super::body_slot::BodySlot;
+use super::state::State;
 use super::tissue_contact::TissueContacts;
 use super::tool::Tool;
 use super::tool_contact::ToolContact;
@@ -60,18 +60,18 @@ impl BodySlot {
             let moves = tool.path().is_some_and(|path| !path.rests());
             moves && contact.has_springs() || contact.cutting_length_m() > 0.0
         };
-        if !self.parted.is_empty() || tools.iter().zip(&self.contacts).any(is_worked) {
+        if !self.scratch.parted.is_empty() || tools.iter().zip(&self.contacts).any(is_worked) {
             return false;
         }
-        self.impulses.clear();
+        self.scratch.impulses.clear();
         let of_tools = self.contacts.iter().flat_map(ToolContact::acting);
         let cohesive = self.pulled.iter().flat_map(|pulled| &pulled.cohesive.contacts);
         for contact in of_tools.chain(cohesive) {
             let impulse = contact.direction * (dt_s * contact.force_n);
-            self.impulses.extend(contact.ends.weights.iter().map(|(node, w)| (node, (impulse * w).into())));
+            self.scratch.impulses.extend(contact.ends.weights.iter().map(|(node, w)| (node, (impulse * w).into())));
         }
-        self.impulses.extend(tissue.iter().flat_map(|tissue| tissue.resting_impulses(index, dt_s)));
-        self.body.is_at_rest(&self.impulses, self.applied_n_s, self.ledger.after.kinetic_j)
+        self.scratch.impulses.extend(tissue.iter().flat_map(|tissue| tissue.resting_impulses(index, dt_s)));
+        self.body.is_at_rest(&self.scratch.impulses, self.applied_n_s, self.ledger.after.kinetic_j)
     }
 
     /// Stops the body; the ledger takes its kinetic energy for damped.
@@ -88,39 +88,25 @@ impl BodySlot {
     }
 }
 
-impl World {
-    /// Counts the steps that bodies have been at rest for; those that have been long enough fall asleep, with all that
-    /// they press on.
-    pub(super) fn let_sleep(&mut self, workers: &Workers<'_>) {
-        let dt_s = self.params.dt_s;
-        let enough = (STILL_S / dt_s).ceil() as u32;
-        for (index, slot) in self.slots.iter_mut().enumerate() {
-            let Activity::Awake { still_steps } = slot.activity else { continue };
-            let is_still = slot.is_still(&self.tools, self.tissue.as_ref(), index, dt_s);
-            slot.activity = Activity::Awake { still_steps: if is_still { enough.min(still_steps + 1) } else { 0 } };
-        }
-        let ready = Activity::Awake { still_steps: enough };
-        for island in 0..self.slots.len() {
-            if self.slots[island].activity != ready || self.slots[island].island != island {
-                continue;
-            }
-            let members = || self.slots.iter().filter(|slot| slot.island == island);
-            if members().all(|slot| slot.activity == ready) {
-                let members = self.slots.iter_mut().filter(|slot| slot.island == island);
-                members.for_each(|slot| slot.fall_asleep(workers));
-            }
-        }
-        self.tissue.iter_mut().for_each(|tissue| tissue.come_to_rest(&self.slots));
+/// Counts the steps that bodies have been at rest for; those that have been long enough fall asleep, with all that
+/// they press on.
+pub(super) fn let_sleep(workers: &Workers<'_>, dt_s: f64, state: &mut State) {
+    let enough = (STILL_S / dt_s).ceil() as u32;
+    for (index, slot) in state.slots.iter_mut().enumerate() {
+        let Activity::Awake { still_steps } = slot.activity else { continue };
+        let is_still = slot.is_still(&state.tools, state.tissue.as_ref(), index, dt_s);
+        slot.activity = Activity::Awake { still_steps: if is_still { enough.min(still_steps + 1) } else { 0 } };
     }
-
-    /// The surfaces that meet. A body that sleeps wakes as one that is awake meets it, and with it what it presses on.
-    pub(super) fn detect_tissue(&mut self) {
-        let Some(tissue) = &mut self.tissue else { return };
-        loop {
-            tissue.detect(&self.slots, self.params.dt_s);
-            if !tissue.rouse(&mut self.slots, &self.tools) {
-                return;
-            }
+    let ready = Activity::Awake { still_steps: enough };
+    for island in 0..state.slots.len() {
+        if state.slots[island].activity != ready || state.slots[island].scratch.island != island {
+            continue;
+        }
+        let members = || state.slots.iter().filter(|slot| slot.scratch.island == island);
+        if members().all(|slot| slot.activity == ready) {
+            let members = state.slots.iter_mut().filter(|slot| slot.scratch.island == island);
+            members.for_each(|slot| slot.fall_asleep(workers));
         }
     }
+    state.tissue.iter_mut().for_each(|tissue| tissue.come_to_rest(&state.slots));
 }

@@ -105,7 +105,7 @@ impl Island<'_> {
     /// Takes the solution so far; returns how wrong modes were.
     pub(super) fn settle(&mut self, workers: &Workers<'_>, solution: Solution) -> Misjudged {
         let mut wrong = Misjudged::default();
-        for slot in self.slots.iter_mut().filter(|slot| slot.island == self.id) {
+        for slot in self.slots.iter_mut().filter(|slot| slot.scratch.island == self.id) {
             slot.body.take_velocity_change(workers, &mut slot.velocity_change);
             wrong += slot.settle_contacts(self.dt_s, solution);
         }
@@ -292,12 +292,12 @@ impl TissueContacts {
     /// Gives each body the number of its island: the first of the bodies that springs join it to.
     pub(super) fn number_islands(&self, slots: &mut [BodySlot]) {
         for spring in self.springs.iter().filter(|s| s.ends.joins_bodies()) {
-            let [a, b] = [0, 1].map(|end| slots[spring.ends.ends[end].body as usize].island);
+            let [a, b] = [0, 1].map(|end| slots[spring.ends.ends[end].body as usize].scratch.island);
             if a == b {
                 continue;
             }
             let (low, high) = (a.min(b), a.max(b));
-            slots.iter_mut().filter(|slot| slot.island == high).for_each(|slot| slot.island = low);
+            slots.iter_mut().filter(|slot| slot.scratch.island == high).for_each(|slot| slot.scratch.island = low);
         }
     }
 
@@ -322,7 +322,7 @@ impl TissueContacts {
     /// Takes the solution of an island; returns how wrong modes were.
     pub(super) fn settle(&mut self, slots: &[BodySlot], island: usize, dt_s: f64, solution: Solution) -> Misjudged {
         let mut wrong = Misjudged::default();
-        for spring in self.springs.iter_mut().filter(|s| slots[s.ends.ends[0].body as usize].island == island) {
+        for spring in self.springs.iter_mut().filter(|s| slots[s.ends.ends[0].body as usize].scratch.island == island) {
             let change = spring.ends.relative(|body| &slots[body as usize].velocity_change);
             wrong += spring.settle(dt_s, &change, solution);
         }
@@ -428,14 +428,14 @@ impl Systems for Island<'_> {
 
     fn for_each(&mut self, mut visit: impl FnMut(&mut System<'_>)) {
         let id = self.id;
-        self.slots.iter_mut().filter(|slot| slot.island == id).for_each(|slot| visit(&mut slot.body.system()));
+        self.slots.iter_mut().filter(|slot| slot.scratch.island == id).for_each(|slot| visit(&mut slot.body.system()));
     }
 
     fn couple(&mut self, factor: Factor) {
         for bridge in self.tissue.iter().flat_map(|tissue| &tissue.bridges) {
             let [(a, of_a), (b, of_b)] = &bridge.ends;
             let [a, b] = [*a as usize, *b as usize];
-            if self.slots[a].island != self.id {
+            if self.slots[a].scratch.island != self.id {
                 continue;
             }
             let at_a = of_a.value(self.slots[a].body.system().factor(factor));

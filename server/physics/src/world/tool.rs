@@ -1,11 +1,10 @@
 //! A tool in the world.
 
-use crate::tool::{OPEN, Pose, ToolPath, ToolShape};
+use crate::tool::{OPEN, Pose, ToolPath};
 
-/// A tool and where it is.
+/// Where a tool is.
 #[derive(Clone)]
 pub(super) struct Tool {
-    pub(super) shape: ToolShape,
     pub(super) pose: Option<Pose>,
     /// Pose at the beginning of the step; equal to `pose` where it has just entered.
     pub(super) before: Option<Pose>,
@@ -15,11 +14,14 @@ pub(super) struct Tool {
     pub(super) entered: bool,
 }
 
-impl Tool {
-    pub(super) fn new(shape: ToolShape) -> Self {
-        Self { shape, pose: None, before: None, opening: OPEN, opening_before: OPEN, entered: false }
+/// Lifted.
+impl Default for Tool {
+    fn default() -> Self {
+        Self { pose: None, before: None, opening: OPEN, opening_before: OPEN, entered: false }
     }
+}
 
+impl Tool {
     pub(super) fn move_to(&mut self, pose: Pose, opening: f64) {
         if self.pose.is_none() {
             return self.enter_at(pose, opening);

@@ -1,0 +1,70 @@
+//! What a world is of: nothing of this changes while it is stepped.
+
+use super::BodySlot;
+use crate::Vec3;
+use crate::body::MaterialPoint;
+use crate::grid::Grid;
+use crate::params::StepParams;
+use crate::scene::wording::brief;
+use crate::scene::{Scene, SceneError};
+use crate::tool::ToolShape;
+
+/// A material point that is followed.
+pub(super) struct TrackedPoint {
+    pub(super) body: usize,
+    pub(super) point: MaterialPoint,
+}
+
+/// The constant part of a world, as the scene gave it, but for what its bodies are made of, which each has itself.
+pub(super) struct Description {
+    /// Time step, s.
+    pub(super) dt_s: f64,
+    /// By tool.
+    pub(super) shapes: Vec<ToolShape>,
+    pub(super) tracked_points: Vec<TrackedPoint>,
+}
+
+/// Shapes of a scene's tools.
+pub(super) fn shapes(scene: &Scene) -> Result<Vec<ToolShape>, SceneError> {
+    let tools = scene.desc.tools.iter().enumerate();
+    tools.map(|(i, tool)| ToolShape::new(&tool.shape).map_err(|e| e.within(&format!("tools[{i}].shape")))).collect()
+}
+
+/// How a scene's steps are taken.
+pub(super) fn params(scene: &Scene) -> Result<StepParams, SceneError> {
+    let desc = &scene.desc;
+    if let Some(dial) = &desc.dial {
+        let message = format!("{dial} is not settled; a world is built of a setting");
+        return Err(SceneError::Field { field: "dial".into(), message });
+    }
+    Ok(StepParams {
+        dt_s: 1.0 / desc.rate_hz,
+        relative_tolerance: desc.relative_tolerance(),
+        max_iterations: desc.solver.max_iterations,
+    })
+}
+
+/// The points of a scene that are followed, in these bodies.
+pub(super) fn tracked_points(scene: &Scene, slots: &[BodySlot]) -> Result<Vec<TrackedPoint>, SceneError> {
+    (0..scene.desc.tracked_points.len()).map(|index| tracked_point(scene, index, slots)).collect()
+}
+
+fn tracked_point(scene: &Scene, index: usize, slots: &[BodySlot]) -> Result<TrackedPoint, SceneError> {
+    let error = |message: String| SceneError::Field { field: format!("tracked_points[{index}].position_m"), message };
+    let desc = &scene.desc.tracked_points[index];
+    let (object, position_m) = (&desc.object, Vec3::from(desc.position_m));
+    let body = scene.desc.objects.iter().position(|o| o.name == *object);
+    let body = body.ok_or_else(|| error(format!("there is no object named `{object}`")))?;
+    let grid = &slots[body].body.state.grid;
+    let voxel = grid.voxel_at(grid.cell_of(&position_m)).ok_or_else(|| error(outside(grid, object, &position_m)))?;
+    Ok(TrackedPoint { body, point: MaterialPoint { position_m, voxel } })
+}
+
+/// What is said of a tracked point in no voxel: where the nearest one is.
+fn outside(grid: &Grid, object: &str, position_m: &Vec3) -> String {
+    let told = |point: Vec3| format!("[{}, {}, {}]", brief(point.x), brief(point.y), brief(point.z));
+    let centres = grid.voxels().iter().map(|voxel| grid.centre_m(voxel.ijk));
+    let away = |centre: &Vec3| (centre - position_m).norm_squared();
+    let nearest = centres.min_by(|a, b| away(a).total_cmp(&away(b))).map_or("none".to_owned(), told);
+    format!("{} lies in no voxel of `{object}`; the nearest voxel's centre is {nearest}", told(*position_m))
+}

@@ -1,0 +1,59 @@
+//! What comes from outside between two steps: states that were set, poses of tools, a tolerance.
+
+use super::scratch::Scratch;
+use super::state::State;
+use crate::ledger::ContactLedger;
+use crate::step_io::{FractureStep, StepInputs, StepOutput, ToolMotion};
+use crate::view::View;
+use crate::workers::Workers;
+
+/// Takes states that were set from outside.
+pub(super) fn take_edits(workers: &Workers<'_>, state: &mut State) {
+    let mut cut = false;
+    for slot in &mut state.slots {
+        cut |= slot.take_edits(workers);
+    }
+    if cut {
+        state.follow_tissue();
+    }
+}
+
+/// Begins a step with its inputs.
+pub(super) fn apply(inputs: &StepInputs<'_>, state: &mut State, scratch: &mut Scratch, output: &mut StepOutput) {
+    output.fault = None;
+    output.fracture = FractureStep::default();
+    scratch.ledger = ContactLedger::default();
+    scratch.view.iter_mut().for_each(View::begin_step);
+    state.slots.iter_mut().for_each(|slot| slot.scratch.parted.clear());
+    for tool in &mut state.tools {
+        tool.before = tool.pose;
+        tool.opening_before = tool.opening;
+        tool.entered = false;
+    }
+    inputs.relative_tolerance.iter().for_each(|tolerance| set_tolerance(*tolerance, state));
+    for input in inputs.tools {
+        let Some(tool) = state.tools.get_mut(input.tool) else { continue };
+        match input.motion {
+            ToolMotion::MoveTo { pose, opening } => tool.move_to(pose, opening),
+            ToolMotion::EnterAt { pose, opening } => tool.enter_at(pose, opening),
+            ToolMotion::Lift => lift(input.tool, state),
+        }
+    }
+}
+
+fn set_tolerance(relative_tolerance: f64, state: &mut State) {
+    for slot in state.slots.iter_mut().filter(|slot| slot.body.relative_tolerance() != relative_tolerance) {
+        slot.wake();
+        slot.body.set_relative_tolerance(relative_tolerance);
+    }
+}
+
+fn lift(tool: usize, state: &mut State) {
+    state.tools[tool].pose = None;
+    for slot in &mut state.slots {
+        if slot.contacts[tool].has_springs() {
+            slot.wake();
+        }
+        slot.contacts[tool].lift();
+    }
+}

@@ -1,0 +1,64 @@
+//! Cuts go on, links part, and what they held together is taken apart.
+
+use super::scratch::Scratch;
+use super::state::State;
+use crate::body::{PartedLinks, TopologyChange};
+use crate::fracture::{FrontBook, samples_drive};
+use crate::step_io::StepOutput;
+use crate::workers::Workers;
+
+/// Fronts of blades go on, and cuts that are pulled open; which links that crosses is found, none is parted yet.
+pub(super) fn advance_fronts(dt_s: f64, state: &mut State, scratch: &mut Scratch, output: &mut StepOutput) {
+    let samples = samples_drive(state.step, dt_s);
+    for slot in state.slots.iter_mut().filter(|slot| !slot.is_asleep()) {
+        let mut book = FrontBook::default();
+        for (tool, contact) in state.tools.iter().zip(&mut slot.contacts) {
+            if let Some(path) = tool.path() {
+                book.add(&contact.advance(&slot.body, &path, slot.pulled.is_some(), &mut slot.scratch.parting));
+                if samples {
+                    contact.sample_drive(&slot.body);
+                }
+            }
+        }
+        if let Some(pulled) = &mut slot.pulled {
+            let (of_pull, looks) = pulled.advance(&slot.body, &book, &mut slot.scratch.parting);
+            book.add(&of_pull);
+            output.fracture.looks += looks;
+        }
+        slot.front_stored_j = book.stored_j;
+        scratch.ledger.front.add(&book);
+    }
+    output.fracture.cut_area_m2 = scratch.ledger.front.area_m2;
+}
+
+/// Parts, nodes, matrices and surfaces where links part.
+pub(super) fn update_topology(workers: &Workers<'_>, state: &mut State, output: &mut StepOutput) {
+    for slot in &mut state.slots {
+        let PartedLinks { parted, spared } = slot.body.part_links(&slot.scratch.parting);
+        slot.scratch.parted = parted;
+        output.fracture.spared_links += spared as u32;
+        slot.scratch.parting.clear();
+        slot.scratch.change = TopologyChange::default();
+        if slot.scratch.parted.is_empty() {
+            continue;
+        }
+        slot.scratch.change = slot.body.update_topology(workers, &slot.scratch.parted);
+        slot.velocity_change.resize(slot.body.node_count(), [0.0; 3]);
+        slot.ledger.after = slot.body.energy();
+        let (parted, change) = (&slot.scratch.parted, &slot.scratch.change);
+        slot.pulled.iter_mut().for_each(|pulled| pulled.follow(&slot.body, parted, change));
+        output.fracture.parted_links += parted.len() as u32;
+    }
+    if output.fracture.parted_links > 0 {
+        state.topology_version += 1;
+        state.follow_tissue();
+    }
+}
+
+/// What viewers see of it, where there are any.
+pub(super) fn update_view(state: &State, scratch: &mut Scratch) {
+    if let Some(view) = &mut scratch.view {
+        let bodies = state.slots.iter().map(|s| (&s.body, s.scratch.parted.as_slice(), &s.scratch.change));
+        view.update(bodies, state.topology_version);
+    }
+}

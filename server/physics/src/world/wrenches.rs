@@ -1,0 +1,64 @@
+//! What tools feel of the forces that the solver applied.
+
+use super::contact_model::{self, ContactSum};
+use super::description::Description;
+use super::scratch::Scratch;
+use super::state::State;
+use crate::step_io::{Grasp, StepOutput};
+
+/// Wrenches from the forces the solver applied, models about them; tool work and the springs' energies with them.
+pub(super) fn write(description: &Description, state: &mut State, scratch: &mut Scratch, output: &mut StepOutput) {
+    for index in 0..state.tools.len() {
+        write_of_tool(index, description, state, scratch, output);
+    }
+    if let Some(tissue) = &mut state.tissue {
+        tissue.conclude(&mut scratch.ledger, description.dt_s);
+    }
+}
+
+fn write_of_tool(
+    index: usize,
+    description: &Description,
+    state: &State,
+    scratch: &mut Scratch,
+    output: &mut StepOutput,
+) {
+    let (tool, shape, dt_s) = (&state.tools[index], &description.shapes[index], description.dt_s);
+    let contacts = || state.slots.iter().map(|slot| &slot.contacts[index]);
+    let mut sum = tool.pose.map(ContactSum::new);
+    for contact in contacts() {
+        for c in contact.acting() {
+            let moved_m = c.ends.tool_point_m - c.ends.tool_point_before_m;
+            scratch.ledger.tool_work_j += c.applied_n().dot(&moved_m);
+            sum.iter_mut().for_each(|sum| sum.push(c));
+        }
+        if let Some(sum) = &mut sum {
+            contact.pressing().for_each(|c| sum.bound(c));
+        }
+        contact.beside_fronts().for_each(|c| scratch.ledger.add(c, dt_s));
+    }
+    let output = &mut output.tools[index];
+    (output.pose, output.opening) = (tool.pose, tool.opening);
+    output.wrench = sum.as_ref().map(ContactSum::wrench).unwrap_or_default();
+    output.touches = sum.as_ref().is_some_and(|sum| sum.touches);
+    let felt = &mut scratch.models[index].felt;
+    *felt = felt.filter(|_| output.touches);
+    let about = sum.zip(tool.path()).zip(felt.as_ref());
+    output.contact = about.map(|((sum, path), felt)| {
+        let give = contact_model::give(|| contacts().flat_map(|contact| contact.pressing()));
+        sum.model((shape, &path), dt_s, felt, give)
+    });
+    output.cutting_length_m = contacts().map(|contact| contact.cutting_length_m()).sum();
+    let holds = contacts().any(|contact| contact.holds());
+    output.grasp = if holds { Grasp::Holding } else { Grasp::Nothing };
+}
+
+/// What is held with more force than a grasper has slips out of it, all at once.
+pub(super) fn slip(description: &Description, state: &mut State, output: &mut StepOutput) {
+    for (index, (shape, output)) in description.shapes.iter().zip(&mut output.tools).enumerate() {
+        if output.grasp == Grasp::Holding && output.wrench.force_n.norm() > shape.max_hold_n() {
+            state.slots.iter_mut().for_each(|slot| slot.contacts[index].lift());
+            output.grasp = Grasp::Slipped;
+        }
+    }
+}
