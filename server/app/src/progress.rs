@@ -1,6 +1,6 @@
 //! How far a run is: a bar on a terminal, a line every few seconds elsewhere.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write as _};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -40,7 +40,7 @@ impl Progress {
             let now = Instant::now();
             if now >= lines.next {
                 lines.next = now + LINE_EVERY;
-                eprintln!("{}", line(lines.done, lines.total, (now - lines.began).as_secs_f64()));
+                say(&line(lines.done, lines.total, (now - lines.began).as_secs_f64()));
             }
         }
     }
@@ -48,13 +48,18 @@ impl Progress {
     /// Says something beside the bar.
     pub fn say(&self, what: &str) {
         // Not `println` of the bar: that says nothing where there is no terminal.
-        self.bar.suspend(|| eprintln!("{what}"));
+        self.bar.suspend(|| say(what));
     }
 
     /// Takes the bar away.
     pub fn finish(&self) {
         self.bar.finish_and_clear();
     }
+}
+
+/// Says something on standard error. A run goes on though nobody can hear of it.
+pub fn say(what: &str) {
+    let _ = writeln!(std::io::stderr(), "{what}");
 }
 
 fn line(done: u64, total: u64, passed_s: f64) -> String {

@@ -1,5 +1,6 @@
 //! `kerf-server replay`: a recording, shown to viewers as if it were live, or simulated once more and compared.
 
+use std::io::Write as _;
 use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
@@ -9,7 +10,7 @@ use kerf_session::player::SPEEDS;
 use kerf_session::{Replay, Seek};
 
 use crate::config::{ConfigArgs, ServerConfig};
-use crate::progress::Progress;
+use crate::progress::{Progress, say};
 use crate::recording::convert::{object_stats, scene};
 use crate::recording::reader::{Ending, Recording};
 use crate::recording::{FileFootage, verify};
@@ -47,8 +48,8 @@ pub struct ReplayArgs {
 pub fn run(args: &ReplayArgs) -> Result<()> {
     let recording = Recording::open(&args.file)?;
     if recording.ending() == Ending::CutOff {
-        eprintln!(
-            "warning: the recording ends without its index, as one whose server was killed; it is read to its last whole chunk"
+        say(
+            "warning: the recording ends without its index, as one whose server was killed; it is read to its last whole chunk",
         );
     }
     if args.verify { check(recording, args.threads) } else { serve(recording, args) }
@@ -81,7 +82,7 @@ fn serve(recording: Recording, args: &ReplayArgs) -> Result<()> {
     );
     ensure!(args.from >= 0.0, "--from {} is below 0", args.from);
     let mut config = ServerConfig::load(&args.config)?;
-    telemetry::init(&config.log)?;
+    let _log = telemetry::init(&config.log)?;
     // The recording takes the only place: nothing else is created here, and nothing recorded.
     config.session.max_sessions = 1;
     config.record_dir = None;
@@ -93,7 +94,13 @@ fn serve(recording: Recording, args: &ReplayArgs) -> Result<()> {
     };
     serve_until_told(config, async |server: &Server| {
         let session = server.registry().play(replay)?;
-        println!("session {}: open http://{} in a browser to watch", session.id(), server.address());
+        // Nobody has to read it.
+        let _ = writeln!(
+            std::io::stdout(),
+            "session {}: open http://{} in a browser to watch",
+            session.id(),
+            server.address()
+        );
         Ok(())
     })
 }

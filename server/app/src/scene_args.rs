@@ -11,6 +11,7 @@ use kerf_scenes::dial::ParetoFronts;
 use kerf_scenes::examine::{self, examine};
 use kerf_scenes::{catalog, file::Opened};
 
+use crate::progress::say;
 use crate::script_warnings;
 use crate::simulate::script::Script;
 use crate::simulate::stroke::default_stroke;
@@ -72,7 +73,7 @@ pub struct WarningArgs {
 impl WarningArgs {
     /// Says the warnings on standard error.
     pub fn say(warnings: &[SceneError]) {
-        warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+        warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     }
 
     /// Whether the program may end well with so many warnings.
@@ -128,7 +129,7 @@ impl SceneArgs {
             None => ParetoFronts::builtin(),
         };
         if let Some(choice) = pareto_fronts.settle(scene, self.dial.asked())? {
-            eprintln!("{choice}");
+            say(&choice.to_string());
         }
         match scene.problems().into_iter().next() {
             Some(problem) => Err(problem).context("with --rate applied"),

@@ -53,7 +53,7 @@ pub fn run(args: ServeArgs) -> Result<()> {
         print!("{}", print_config::text(&config)?);
         return Ok(());
     }
-    telemetry::init(&config.log)?;
+    let _log = telemetry::init(&config.log)?;
     serve_until_told(config, async |_: &Server| Ok(()))
 }
 

@@ -3,6 +3,8 @@
 mod cli;
 mod hepatectomy;
 mod killed;
+mod log;
+mod process;
 mod remote;
 mod slit;
 mod tradeoff;

@@ -17,7 +17,7 @@ use kerf_replica::glb;
 use kerf_session::LoggedInputs;
 use kerf_session::clock::MonotonicClock;
 
-use crate::progress::Progress;
+use crate::progress::{Progress, say};
 use crate::scene_args::{Run, SceneArgs, WarningArgs};
 use script::Script;
 use summary::{Summary, Tally};
@@ -83,7 +83,7 @@ pub fn run(options: &Options) -> Result<()> {
     println!("{}", serde_json::to_string_pretty(&summary)?);
     ensure!(summary.converged != Some(false), "no rest was found; see relaxed_residual");
     let untouched = summary.tools_without_contact.iter();
-    untouched.clone().for_each(|tool| eprintln!("warning: tool `{}` felt no force", scene.desc.tools[*tool].name));
+    untouched.clone().for_each(|tool| say(&format!("warning: tool `{}` felt no force", scene.desc.tools[*tool].name)));
     options.scene.warnings.judge(untouched.len())
 }
 

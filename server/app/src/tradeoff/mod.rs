@@ -23,6 +23,7 @@ use kerf_physics::Scene;
 use kerf_physics::grid::voxelize::voxel_size_m;
 use kerf_scenes::dial::{FinerRegions, ParetoFront, Setting};
 
+use crate::progress::say;
 use crate::scene_args::{Run, SceneArgs, WarningArgs};
 use crate::simulate::AFTER_SCRIPT_S;
 use crate::simulate::script::Script;
@@ -74,7 +75,7 @@ pub fn run(options: &Options) -> Result<()> {
         bar.inc(1);
     }
     bar.finish_and_clear();
-    remarks.iter().for_each(|remark| eprintln!("{remark}"));
+    remarks.iter().for_each(|remark| say(remark));
     warnings.extend(reference::warnings(&scene, &reference, &swept));
     WarningArgs::say(&warnings);
     ensure!(!points.is_empty(), "no setting could be measured");

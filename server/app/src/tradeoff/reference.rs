@@ -11,6 +11,7 @@ use super::options::Options;
 use super::process::Run;
 use super::runs::Runs;
 use super::sweep;
+use crate::progress::say;
 
 /// Relative tolerance of the reference's solves. The velocity change of a step is kept in single
 /// precision; state, forces and residuals in double.
@@ -55,11 +56,11 @@ pub fn find(
                 "reference {name}: would take some {estimate_s:.0} s, more than --reference-budget-s {}",
                 options.reference_budget_s
             );
-            bar.suspend(|| eprintln!("{remark}"));
+            bar.suspend(|| say(&remark));
             remarks.push(remark);
             continue;
         }
-        bar.suspend(|| eprintln!("reference {name}: some {estimate_s:.0} s"));
+        bar.suspend(|| say(&format!("reference {name}: some {estimate_s:.0} s")));
         let run = runs.take(KEY, job, bar).with_context(|| format!("reference {name}"))?;
         ensure!(run.faults == 0, "reference {name}: {} steps were rolled back", run.faults);
         return Ok((run, remarks));

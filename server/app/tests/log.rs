@@ -1,0 +1,43 @@
+//! A log that nobody reads, or that takes nothing, costs no session.
+
+use std::fs::File;
+use std::process::{ExitStatus, Stdio};
+
+use super::process::Process;
+
+/// Steps that a session goes on by: a second of them.
+const STEPS: u64 = 500;
+
+/// Logs more than a pipe holds, checks that a session lives on meanwhile, and says how the server ends.
+async fn survives(mut process: Process) -> ExitStatus {
+    let session_id = process.create().await.session.unwrap().session_id;
+    for _ in 0..3 {
+        let step = process.until(&session_id, |_| true).await.step;
+        process.until(&session_id, |described| described.step > step + STEPS).await;
+        process.create().await;
+    }
+    process.stop()
+}
+
+/// Everything, so that each call says kilobytes.
+const ALL: [&str; 2] = ["--log-filter", "trace"];
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_log_that_nobody_reads_stops_neither_sessions_nor_the_way_out() {
+    let (unread, stderr) = std::io::pipe().unwrap();
+    assert!(survives(Process::serve(&ALL, stderr).await).await.success());
+    drop(unread);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_log_whose_reader_has_gone_stops_neither_sessions_nor_the_way_out() {
+    let (reader, stderr) = std::io::pipe().unwrap();
+    drop(reader);
+    assert!(survives(Process::serve(&ALL, stderr).await).await.success());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_log_on_a_full_disk_stops_neither_sessions_nor_the_way_out() {
+    let full = File::options().write(true).open("/dev/full").unwrap();
+    assert!(survives(Process::serve(&ALL, Stdio::from(full)).await).await.success());
+}

@@ -1,0 +1,95 @@
+//! A server in a process of its own.
+
+use std::net::SocketAddr;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use kerf_proto::v1::session_service_client::SessionServiceClient;
+use kerf_proto::v1::{self, create_session_request};
+use tonic::transport::Channel;
+
+const BLOCK: &str = include_str!("../../session/tests/block.toml");
+/// Longer than anything here takes on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// Waits for something, but not for ever.
+pub async fn soon<T>(what: &str, future: impl Future<Output = T>) -> T {
+    tokio::time::timeout(PATIENCE, future).await.unwrap_or_else(|_| panic!("{what}: nothing within {PATIENCE:?}"))
+}
+
+/// It is killed where a test ends before it.
+pub struct Process {
+    pub server: Child,
+    pub client: SessionServiceClient<Channel>,
+}
+
+impl Process {
+    /// `kerf-server serve` on a free port.
+    pub async fn serve(arguments: &[&str], stderr: impl Into<Stdio>) -> Self {
+        Self::start(Command::new(env!("CARGO_BIN_EXE_kerf-server")), arguments, stderr).await
+    }
+
+    /// The same behind a command that ends in it.
+    pub async fn start(mut command: Command, arguments: &[&str], stderr: impl Into<Stdio>) -> Self {
+        let address: SocketAddr = std::net::TcpListener::bind(("127.0.0.1", 0)).unwrap().local_addr().unwrap();
+        command.args(["serve", "--listen", &address.to_string()]).args(arguments);
+        let server = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(stderr).spawn().unwrap();
+        let client = soon("a server", async {
+            loop {
+                match SessionServiceClient::connect(format!("http://{address}")).await {
+                    Ok(client) => break client,
+                    Err(_) => tokio::time::sleep(Duration::from_millis(20)).await,
+                }
+            }
+        });
+        Self { server, client: client.await }
+    }
+
+    /// A session of the block.
+    pub async fn create(&mut self) -> v1::CreateSessionResponse {
+        let scene = Some(create_session_request::Scene::SceneToml(BLOCK.into()));
+        let request = v1::CreateSessionRequest { scene, ..Default::default() };
+        soon("a session", self.client.create_session(request)).await.unwrap().into_inner()
+    }
+
+    /// The session's description once it is as wanted.
+    pub async fn until(
+        &mut self,
+        session_id: &str,
+        holds: impl Fn(&v1::SessionDescription) -> bool,
+    ) -> v1::SessionDescription {
+        soon("a description", async {
+            loop {
+                let request = v1::DescribeSessionRequest { session_id: session_id.into() };
+                let described = self.client.describe_session(request).await.unwrap().into_inner().session.unwrap();
+                if holds(&described) {
+                    break described;
+                }
+                tokio::time::sleep(Duration::from_millis(20)).await;
+            }
+        })
+        .await
+    }
+
+    /// How it ends once it is told to.
+    pub fn stop(mut self) -> ExitStatus {
+        let told = Command::new("kill").args(["-TERM", &self.server.id().to_string()]).status().unwrap();
+        assert!(told.success());
+        let began = Instant::now();
+        loop {
+            match self.server.try_wait().unwrap() {
+                Some(status) => break status,
+                None => assert!(began.elapsed() < PATIENCE, "SIGTERM is not obeyed"),
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // It may have ended.
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
