@@ -10,10 +10,13 @@ use crate::tool::{OPEN, Pose};
 pub struct StepInputs<'a> {
     /// At most one per tool. A tool without one stays where it is, or lifted.
     pub tools: &'a [ToolInput],
-    /// Relative tolerance of the velocity solve from this step on; absent: as before.
-    pub relative_tolerance: Option<f64>,
-    /// Tools, by index, whose contact model is brought up to date in this step; one that is not named keeps what it
-    /// was last found to feel for as long as it touches. What the step does is the same whichever they are.
+    /// Work that the step may do before it is content with less, in units of which [`SolveReport::work_units`] says how
+    /// many a step took; absent: all that it takes. Solves then end at [`crate::SceneDesc::most_relative_residual`], what
+    /// is left waits for the next step, and contact models are made over several steps.
+    pub work_units: Option<u64>,
+    /// Tools, by index, for which a new contact model is asked; one that is not named keeps what it was last found to feel
+    /// for as long as it touches. Without a budget it is made in this step. What the step does is the same whichever
+    /// they are.
     pub models: &'a [usize],
 }
 
@@ -194,6 +197,10 @@ pub struct SolveReport {
     pub solves: u32,
     /// Relative residual that was reached by the last solve.
     pub relative_residual: f64,
+    /// Work of the step, its contact models included: what [`StepInputs::work_units`] bounds.
+    pub work_units: u64,
+    /// Whether a solve ended short of the tolerance, because the work was used up.
+    pub is_cut_short: bool,
 }
 
 /// What parted in one step.

@@ -5,6 +5,7 @@ mod allocation;
 mod blade_shapes;
 mod blade_stiffness;
 mod blade_stiffness_sweep;
+mod budget;
 mod collapse;
 mod contact_model;
 mod cutting;

@@ -177,10 +177,6 @@ fn what_touches_changes_or_restores_a_body_wakes_it() {
         world.body_mut(0).state.velocity_m_per_s[0] = [0.0, 1e-3, 0.0];
         wait(world);
     });
-    wakes(&mut world, "the tolerance changes", &mut |world| {
-        let inputs = StepInputs { relative_tolerance: Some(1e-5), ..StepInputs::default() };
-        world.step(&Workers::serial(), &NoClock, &inputs);
-    });
 }
 
 #[test]

@@ -39,7 +39,7 @@ fn go_on(world: &mut World, workers: &Workers<'_>) -> Vec<(u64, StepOutput)> {
 /// Something else: the tool is lifted and put down again over the block, and cuts on faster.
 fn stray(world: &mut World, workers: &Workers<'_>) {
     let lift = [ToolInput { tool: 0, motion: ToolMotion::Lift }];
-    let inputs = StepInputs { relative_tolerance: Some(1e-2), ..StepInputs::of(&lift) };
+    let inputs = StepInputs { work_units: Some(1), ..StepInputs::of(&lift) };
     world.step(workers, &NoClock, &inputs);
     let parted: u32 =
         (0..20).map(|i| press_with(world, workers, 0.045 - 1.5e-3 * f64::from(i)).fracture.parted_links).sum();

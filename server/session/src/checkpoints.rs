@@ -5,7 +5,6 @@ use kerf_physics::world::Snapshot;
 
 use crate::admission::Reservation;
 use crate::error::SessionError;
-use crate::governor::Governor;
 
 /// Longest name of a checkpoint, bytes: a sentence. Names go into events, logs and lists.
 pub const MAX_CHECKPOINT_NAME_BYTES: usize = 64;
@@ -27,9 +26,6 @@ pub(crate) struct Checkpoint {
     pub snapshot: Snapshot,
     pub sim_time_s: f64,
     pub energy: EnergyStep,
-    pub relative_tolerance: f64,
-    pub governor: Option<Governor>,
-    pub next_tolerance: Option<f64>,
     /// Held as long as the checkpoint is kept.
     pub _memory: Reservation,
 }

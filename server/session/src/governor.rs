@@ -1,132 +1,155 @@
-//! Gives up accuracy while a session misses its deadlines, within the bounds that its scene states, and
-//! takes it back when there is time to spare.
+//! Bounds the work of steps so that a session keeps its deadlines.
 //!
-//! What it changes is the relative tolerance of the velocity solve: the one setting of the dial that a
-//! world can change between two steps, and the one whose cost rises when tools press and cut. It is
-//! told how long steps took and never asks, so its behaviour is tested without a clock; what it
-//! decides is an input of the step, recorded and replayed as tools' motions are.
+//! A step's work is counted in units that do not depend on the machine. The governor is told how long steps took and how
+//! much work they did, and finds what a unit takes here; so it never asks the time, and its behaviour is tested without a
+//! clock. The budget that it sets is an input of the step, recorded and replayed as tools' motions are. A first touch or a
+//! step in which much parts then costs accuracy for some steps, within the bound that the scene states, instead of time.
 
 use kerf_physics::SceneDesc;
+use kerf_physics::step_io::SolveReport;
 
-/// Steps are judged by windows of this length, s: long enough that a stall of the machine is not taken for
-/// a scene that costs too much, short enough that a hand hardly feels the wait.
-const WINDOW_S: f64 = 0.1;
-/// Fraction of the late steps in a window from which on effort is reduced.
-const LATE_SHARE: f64 = 0.1;
-/// Fraction of the period that the steps of a window may take on average for effort to be raised: a rung of
-/// tolerance costs up to a third of a step.
-const IDLE_SHARE: f64 = 0.6;
-/// Windows in a row with time to spare before effort is raised: what is given back too early is missed
-/// again at once.
-const IDLE_WINDOWS: u32 = 10;
-/// Factor between two rungs of the tolerance.
-const RUNG: f64 = 3.162_277_660_168_379_5;
+/// Steps of which the time of a unit is taken together: the median of so many does not see single steps that the machine
+/// was taken away from. Fewer follow it, more forget less: none of both changes a budget by a tenth while a scene is stepped.
+const SAMPLES: usize = 64;
+/// Share of the period that a step's work may take. What is left is for inputs, reports, the frame for viewers and for
+/// waking up: 0.1 ms of the 1 ms at 1 kHz, and a reserve for what the units do not foretell.
+const SHARE_OF_PERIOD: f64 = 0.75;
+/// Budgets are rounded down to two digits of an octave's eighths: small changes of speed are no change of the budget.
+const RUNGS_PER_OCTAVE: f64 = 8.0;
+/// How long no step may have been cut short before viewers hear that none is, s.
+const CALM_S: f64 = 1.0;
+/// A residual is told anew from so many times the one that was told last.
+const TELLING: f64 = 2.0;
 
 /// The governor of one session.
 #[derive(Clone, Debug)]
 pub(crate) struct Governor {
-    /// The scene's own tolerance: full effort.
-    least_tolerance: f64,
-    most_tolerance: f64,
-    tolerance: f64,
+    relative_tolerance: f64,
     period_ns: f64,
-    steps_per_window: u32,
-    window: Window,
-    idle_windows: u32,
-}
-
-#[derive(Clone, Copy, Debug, Default)]
-struct Window {
-    steps: u32,
-    late: u32,
-    elapsed_ns: u64,
+    /// Nanoseconds per unit of the last steps, a ring.
+    unit_ns: Vec<f64>,
+    steps: usize,
+    work_units: Option<u64>,
+    /// Residual that was told last, since steps were last calm; `None`: they are.
+    residual: Option<f64>,
+    calm_steps: u32,
 }
 
 impl Governor {
-    /// The governor that a scene asks for; `None` if it asks for none.
-    pub fn of(desc: &SceneDesc) -> Option<Self> {
-        let most_tolerance = desc.governor?.max_relative_tolerance;
-        let tolerance = desc.relative_tolerance();
-        Some(Self {
-            least_tolerance: tolerance,
-            most_tolerance,
-            tolerance,
+    /// The governor of a scene.
+    pub fn of(desc: &SceneDesc) -> Self {
+        Self {
+            relative_tolerance: desc.relative_tolerance(),
             period_ns: 1e9 / desc.rate_hz,
-            steps_per_window: (WINDOW_S * desc.rate_hz).round().max(1.0) as u32,
-            window: Window::default(),
-            idle_windows: 0,
-        })
+            unit_ns: Vec::with_capacity(SAMPLES),
+            steps: 0,
+            work_units: None,
+            residual: None,
+            calm_steps: 0,
+        }
     }
 
-    /// Takes in a step; returns the relative tolerance from the next step on if it changes.
-    pub fn step_ended(&mut self, elapsed_ns: u64, is_late: bool) -> Option<f64> {
-        self.window.steps += 1;
-        self.window.late += u32::from(is_late);
-        self.window.elapsed_ns += elapsed_ns;
-        if self.window.steps < self.steps_per_window {
-            return None;
+    /// Work that the next step may do; `None` while too few have been taken to tell.
+    pub fn work_units(&self) -> Option<u64> {
+        self.work_units
+    }
+
+    /// Takes in a step; returns the relative residual that solves end at from now on if that changes: the scene's
+    /// tolerance, or what cutting short left.
+    pub fn step_ended(&mut self, elapsed_ns: u64, solve: &SolveReport) -> Option<f64> {
+        if solve.work_units > 0 {
+            self.take_sample(elapsed_ns as f64 / solve.work_units as f64);
         }
-        let Window { steps, late, elapsed_ns } = std::mem::take(&mut self.window);
-        let is_idle = late == 0 && elapsed_ns as f64 <= IDLE_SHARE * self.period_ns * f64::from(steps);
-        self.idle_windows = if is_idle { self.idle_windows + 1 } else { 0 };
-        let wanted = if f64::from(late) > LATE_SHARE * f64::from(steps) {
-            self.tolerance * RUNG
-        } else if self.idle_windows >= IDLE_WINDOWS {
-            self.idle_windows = 0;
-            self.tolerance / RUNG
-        } else {
-            self.tolerance
-        };
-        let tolerance = wanted.clamp(self.least_tolerance, self.most_tolerance);
-        (tolerance != self.tolerance).then(|| {
-            self.tolerance = tolerance;
-            tolerance
+        self.judge(solve)
+    }
+
+    fn take_sample(&mut self, unit_ns: f64) {
+        match self.unit_ns.len() < SAMPLES {
+            true => self.unit_ns.push(unit_ns),
+            false => self.unit_ns[self.steps % SAMPLES] = unit_ns,
+        }
+        self.steps += 1;
+        if self.steps.is_multiple_of(SAMPLES) {
+            self.unit_ns.sort_by(f64::total_cmp);
+            self.work_units = Some(rung(SHARE_OF_PERIOD * self.period_ns / self.unit_ns[SAMPLES / 2]));
+        }
+    }
+
+    fn judge(&mut self, solve: &SolveReport) -> Option<f64> {
+        let calm_steps = (CALM_S * 1e9 / self.period_ns) as u32;
+        if solve.is_cut_short {
+            self.calm_steps = 0;
+            let told = self.residual.unwrap_or(0.0);
+            let left = (solve.relative_residual > TELLING * told).then_some(solve.relative_residual)?;
+            self.residual = Some(left);
+            return Some(left);
+        }
+        self.calm_steps = self.calm_steps.saturating_add(1);
+        let is_over = self.residual.is_some() && self.calm_steps >= calm_steps;
+        is_over.then(|| {
+            self.residual = None;
+            self.relative_tolerance
         })
     }
+}
+
+/// The rung of a budget, at most as large.
+fn rung(units: f64) -> u64 {
+    let octave = 2f64.powf(units.max(1.0).log2().floor());
+    (octave * (1.0 + ((units / octave - 1.0) * RUNGS_PER_OCTAVE).floor() / RUNGS_PER_OCTAVE)) as u64
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use kerf_physics::scene::GovernorDesc;
     use kerf_scenes::catalog;
 
     const MS: u64 = 1_000_000;
 
     fn governor() -> Governor {
-        let mut desc = catalog::builtin("liver").unwrap().desc;
-        desc.governor = Some(GovernorDesc { max_relative_tolerance: 0.1 });
-        Governor::of(&desc).unwrap()
+        Governor::of(&catalog::builtin("liver").unwrap().desc)
     }
 
-    /// Tolerances that windows of steps of these durations lead to; a step longer than the period is late.
-    fn tolerances(governor: &mut Governor, windows: u32, step_ns: u64) -> Vec<f64> {
-        let steps = windows * governor.steps_per_window;
-        (0..steps).filter_map(|_| governor.step_ended(step_ns, step_ns > MS)).collect()
+    fn solve(work_units: u64) -> SolveReport {
+        SolveReport { work_units, ..SolveReport::default() }
+    }
+
+    /// The budget after steps of which a unit takes so long.
+    fn settled(governor: &mut Governor, unit_ns: u64) -> u64 {
+        (0..SAMPLES).for_each(|_| _ = governor.step_ended(20_000 * unit_ns, &solve(20_000)));
+        governor.work_units().expect("steps enough to tell")
     }
 
     #[test]
-    fn effort_falls_rung_by_rung_to_the_bound_and_comes_back_slowly() {
+    fn a_budget_is_what_the_machine_does_in_the_time_of_a_step() {
         let mut governor = governor();
-        let fallen = tolerances(&mut governor, 10, 2 * MS);
-        assert_eq!(fallen.len(), 4, "1e-3 to 0.1 in rungs of sqrt 10: {fallen:?}");
-        assert_eq!(fallen.last(), Some(&0.1));
-        assert!(fallen.windows(2).all(|pair| pair[0] < pair[1]));
-        assert_eq!(tolerances(&mut governor, IDLE_WINDOWS - 1, MS / 2), [0.0; 0]);
-        let raised = tolerances(&mut governor, 5 * IDLE_WINDOWS, MS / 2);
-        assert_eq!((raised.len(), raised.last()), (4, Some(&1e-3)));
+        assert_eq!(governor.work_units(), None, "nothing is known yet");
+        for unit_ns in [10, 40, 160, 40] {
+            let takes_ns = settled(&mut governor, unit_ns) * unit_ns;
+            let most_ns = (SHARE_OF_PERIOD * MS as f64) as u64;
+            assert!(takes_ns <= most_ns && takes_ns > most_ns * 4 / 5, "{takes_ns} ns at {unit_ns} ns a unit");
+        }
     }
 
     #[test]
-    fn a_single_stall_and_steps_that_just_fit_change_nothing() {
+    fn a_machine_that_is_taken_away_now_and_then_and_small_changes_of_speed_leave_the_budget_as_it_is() {
         let mut governor = governor();
-        assert_eq!(governor.step_ended(50 * MS, true), None);
-        assert_eq!(tolerances(&mut governor, 5, MS / 2), [0.0; 0]);
-        assert_eq!(tolerances(&mut governor, 100, 9 * MS / 10), [0.0; 0]);
+        let before = settled(&mut governor, 40);
+        for step in 0..4 * SAMPLES as u64 {
+            let stolen_ns = if step % 3 == 0 { 20 * MS } else { 0 };
+            governor.step_ended(20_000 * 40 + step % 7 * 1000 + stolen_ns, &solve(20_000));
+        }
+        assert_eq!(governor.work_units(), Some(before));
     }
 
     #[test]
-    fn a_scene_that_states_no_bounds_has_no_governor() {
-        assert!(Governor::of(&catalog::builtin("liver").unwrap().desc).is_none());
+    fn what_was_cut_short_is_told_as_it_gets_worse_and_once_more_when_it_is_over() {
+        let mut governor = governor();
+        let cut = |relative_residual| SolveReport { relative_residual, is_cut_short: true, ..solve(20_000) };
+        let told: Vec<f64> =
+            [0.01, 0.005, 0.019, 0.021].iter().filter_map(|r| governor.step_ended(MS, &cut(*r))).collect();
+        assert_eq!(told, [0.01, 0.021]);
+        let told: Vec<f64> = (0..3000).filter_map(|_| governor.step_ended(MS / 2, &solve(20_000))).collect();
+        assert_eq!(told, [1e-3]);
     }
 }

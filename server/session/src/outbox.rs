@@ -39,7 +39,7 @@ pub struct StepReport {
     pub overloads: u64,
     /// See [`SceneEvent::Overloaded`].
     pub late_share: f64,
-    /// Relative tolerance of the solves: the scene's, or what the governor has made of it.
+    /// Relative residual that solves end at: the scene's tolerance, or what bounded work has left lately.
     pub relative_tolerance: f64,
     /// Faults since the session began or was reset.
     pub faults: u64,
@@ -122,7 +122,7 @@ pub enum SceneEvent {
     Reanchored,
     /// So large a share of the last seconds' steps was late: the scene runs slower than the hands that drive it.
     Overloaded(f64),
-    /// The governor set the relative tolerance of the solves to this.
+    /// Relative residual that solves end at from now on: bounded work leaves more, or the scene's tolerance is kept again.
     ToleranceChanged(f64),
     /// The state was saved as the checkpoint of this name.
     CheckpointSaved(Arc<str>),

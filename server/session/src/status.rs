@@ -49,7 +49,7 @@ pub struct SessionStatus {
     pub topology_version: u64,
     /// Steps that ended after their deadline, since the session began or was reset.
     pub late_steps: u64,
-    /// Relative tolerance of the solves: the scene's, or what the governor has made of it.
+    /// Relative residual that solves end at: the scene's tolerance, or what bounded work has left lately.
     pub relative_tolerance: f64,
     /// Times that the session gave lost time up, since it began or was reset.
     pub reanchors: u64,

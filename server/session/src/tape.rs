@@ -19,21 +19,21 @@ pub(crate) const CAPACITY: usize = 16_384;
 pub struct LoggedInputs {
     /// See [`StepInputs::tools`].
     pub tools: Vec<ToolInput>,
-    /// See [`StepInputs::relative_tolerance`].
-    pub relative_tolerance: Option<f64>,
+    /// See [`StepInputs::work_units`].
+    pub work_units: Option<u64>,
 }
 
 impl LoggedInputs {
     /// As a step takes them.
     #[must_use]
     pub fn as_inputs(&self) -> StepInputs<'_> {
-        StepInputs { tools: &self.tools, relative_tolerance: self.relative_tolerance, ..StepInputs::default() }
+        StepInputs { tools: &self.tools, work_units: self.work_units, ..StepInputs::default() }
     }
 }
 
 impl From<Vec<ToolInput>> for LoggedInputs {
     fn from(tools: Vec<ToolInput>) -> Self {
-        Self { tools, relative_tolerance: None }
+        Self { tools, work_units: None }
     }
 }
 

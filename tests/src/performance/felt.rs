@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::Result;
 use kerf_physics::Stage;
 
-use super::run::{Viewer, builtin, cell, felt_stroke, mean, quantile, stage_sum, stroke};
+use super::run::{Stroke, builtin, cell, mean, quantile, stage_sum};
 
 /// Models a second, and how many steps of the liver that is.
 const RATES: [(u32, usize); 3] = [(60, 17), (250, 4), (1000, 1)];
@@ -19,10 +19,10 @@ pub fn section(_plots: &Path) -> Result<String> {
          the blade touches, ms | its 95th percentile | of the time of all steps | whole step, mean, ms |\n|---|---|---|---|---|\n",
     );
     let scene = builtin("liver")?;
-    let plain = stroke(&scene, 1, Viewer::Absent, usize::MAX)?;
+    let plain = Stroke::ALONE.run(&scene)?;
     writeln!(text, "| none | | | | {} |", cell(mean(plain.samples.iter().map(|sample| sample.total_ms))))?;
     for (rate_hz, steps_per_model) in RATES {
-        let run = felt_stroke(&scene, 1, Viewer::Absent, usize::MAX, steps_per_model)?;
+        let run = Stroke { steps_per_model, ..Stroke::ALONE }.run(&scene)?;
         // Below this the blade touched nothing.
         let touches = |ms: &f64| *ms > 0.01;
         let models = || run.samples.iter().map(|s| stage_sum(s, &[Stage::ContactModel])).filter(touches);

@@ -5,6 +5,7 @@
 //! them as a document; figures belong to the machine it names.
 
 mod breakdown;
+mod budget;
 mod capabilities;
 mod felt;
 mod growth;
@@ -22,12 +23,13 @@ use kerf_server::machine::hardware;
 pub type SectionFn = fn(&Path) -> Result<String>;
 
 /// Every section, in the order of the document.
-pub const SECTIONS: [(&str, SectionFn); 7] = [
+pub const SECTIONS: [(&str, SectionFn); 8] = [
     ("targets", targets::section),
     ("the paper's tables", paper::section),
     ("breakdown", breakdown::section),
     ("capabilities", capabilities::section),
     ("a driver that feels", felt::section),
+    ("a budget of work", budget::section),
     ("threads", growth::threads),
     ("growth", growth::section),
 ];

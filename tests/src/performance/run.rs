@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use kerf_physics::world::WorldCounts;
-use kerf_physics::{Scene, Stage, StepInputs, StepOutput, Workers, World};
+use kerf_physics::{Scene, Stage, StepInputs, StepOutput, Vec3, Workers, World};
 use kerf_scenes::catalog;
 use kerf_server::simulate::stroke::default_stroke;
 use kerf_session::SessionLimits;
@@ -29,6 +29,9 @@ pub struct Sample {
     pub iterations: u32,
     pub solves: u32,
     pub parted_links: u32,
+    pub work_units: u64,
+    /// Force on the first tool, N.
+    pub force_n: Vec3,
     pub sim_time_s: f64,
 }
 
@@ -55,41 +58,60 @@ pub fn liver(voxel_m: f64, level: u8, rate_hz: f64) -> Result<Scene> {
     Ok(scene)
 }
 
-/// The default stroke of a scene, at most `max_steps` of it, on a number of threads.
-pub fn stroke(scene: &Scene, threads: usize, viewer: Viewer, max_steps: usize) -> Result<Run> {
-    felt_stroke(scene, threads, viewer, max_steps, usize::MAX)
+/// How a stroke is run.
+#[derive(Clone, Copy)]
+pub struct Stroke {
+    pub threads: usize,
+    pub viewer: Viewer,
+    /// Of the stroke at most so many.
+    pub max_steps: usize,
+    /// Steps from one model of the tool's contact to the next.
+    pub steps_per_model: usize,
+    /// Work that a step may do, if it is bounded.
+    pub work_units: Option<u64>,
 }
 
-/// The same with a model of the blade's contact every so many steps.
-pub fn felt_stroke(
-    scene: &Scene,
-    threads: usize,
-    viewer: Viewer,
-    max_steps: usize,
-    steps_per_model: usize,
-) -> Result<Run> {
-    let mut script = default_stroke(scene)?;
-    let rate_hz = scene.desc.rate_hz;
-    let steps = (((script.end_s() + AFTER_S) * rate_hz).round() as usize).min(max_steps);
-    let mut world = World::new(scene)?;
-    let counts = world.counts();
-    if viewer == Viewer::Absent {
-        world.forget_surface();
-    }
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
-    let workers = if threads == 1 { Workers::serial() } else { Workers::of(&pool) };
-    let steps_per_state = (rate_hz / SessionLimits::default().view_rate_hz).round().max(1.0) as usize;
-    let mut samples = Vec::with_capacity(steps);
-    for step in 1..=steps {
-        let tools = script.advance(step as f64 / rate_hz);
-        let models: &[usize] = if step % steps_per_model == 0 { &[0] } else { &[] };
-        world.step(&workers, &MonotonicClock, &StepInputs { models, ..StepInputs::of(&tools) });
-        if viewer == Viewer::Watching && step % steps_per_state == 0 {
-            world.adapt_surface(&MonotonicClock);
+impl Stroke {
+    /// The whole stroke, with nobody who looks or feels, work unbounded.
+    pub const ALONE: Self = Self {
+        threads: 1,
+        viewer: Viewer::Absent,
+        max_steps: usize::MAX,
+        steps_per_model: usize::MAX,
+        work_units: None,
+    };
+
+    /// Runs the default stroke of a scene.
+    pub fn run(&self, scene: &Scene) -> Result<Run> {
+        let mut script = default_stroke(scene)?;
+        let rate_hz = scene.desc.rate_hz;
+        let steps = (((script.end_s() + AFTER_S) * rate_hz).round() as usize).min(self.max_steps);
+        let mut world = World::new(scene)?;
+        let counts = world.counts();
+        if self.viewer == Viewer::Absent {
+            world.forget_surface();
         }
-        samples.push(sample(world.output()));
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build()?;
+        let workers = if self.threads == 1 { Workers::serial() } else { Workers::of(&pool) };
+        let steps_per_state = (rate_hz / SessionLimits::default().view_rate_hz).round().max(1.0) as usize;
+        let mut samples = Vec::with_capacity(steps);
+        for step in 1..=steps {
+            let tools = script.advance(step as f64 / rate_hz);
+            let models: &[usize] = if step % self.steps_per_model == 0 { &[0] } else { &[] };
+            let inputs = StepInputs { models, work_units: self.work_units, ..StepInputs::of(&tools) };
+            world.step(&workers, &MonotonicClock, &inputs);
+            if self.viewer == Viewer::Watching && step % steps_per_state == 0 {
+                world.adapt_surface(&MonotonicClock);
+            }
+            samples.push(sample(world.output()));
+        }
+        Ok(Run { samples, counts, state_hash: world.state_hash() })
     }
-    Ok(Run { samples, counts, state_hash: world.state_hash() })
+}
+
+/// The default stroke of a scene, at most `max_steps` of it, on a number of threads.
+pub fn stroke(scene: &Scene, threads: usize, viewer: Viewer, max_steps: usize) -> Result<Run> {
+    Stroke { threads, viewer, max_steps, ..Stroke::ALONE }.run(scene)
 }
 
 fn sample(output: &StepOutput) -> Sample {
@@ -99,6 +121,8 @@ fn sample(output: &StepOutput) -> Sample {
         iterations: output.solve.iterations,
         solves: output.solve.solves,
         parted_links: output.fracture.parted_links,
+        work_units: output.solve.work_units,
+        force_n: output.tools[0].wrench.force_n,
         sim_time_s: output.sim_time_s,
     }
 }

@@ -93,7 +93,7 @@ pub fn step(taped: &TapedStep) -> v1::RecordedStep {
         step: taped.report.step,
         sim_time_s: taped.report.sim_time_s,
         motions: taped.inputs.tools.iter().map(motion).collect(),
-        relative_tolerance: taped.inputs.relative_tolerance,
+        work_units: taped.inputs.work_units,
         state_hash: taped.state_hash,
     }
 }
@@ -119,7 +119,7 @@ pub fn inputs(step: &v1::RecordedStep) -> Result<LoggedInputs> {
     };
     let tools = step.motions.iter().map(input).collect::<Result<_>>();
     let tools = tools.with_context(|| format!("step {}", step.step))?;
-    Ok(LoggedInputs { tools, relative_tolerance: step.relative_tolerance })
+    Ok(LoggedInputs { tools, work_units: step.work_units })
 }
 
 fn place(pose: &Pose, opening: f64) -> v1::RecordedPlace {

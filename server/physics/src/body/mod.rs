@@ -135,11 +135,6 @@ impl Body {
         self.solver.params.relative_tolerance
     }
 
-    /// Sets the relative tolerance of the solves to come.
-    pub(crate) fn set_relative_tolerance(&mut self, relative_tolerance: f64) {
-        self.solver.params.relative_tolerance = relative_tolerance;
-    }
-
     /// Time step, s.
     #[must_use]
     pub fn dt_s(&self) -> f64 {

@@ -23,7 +23,8 @@ const LONGEST_S: f64 = 0.1;
 pub(crate) struct Response {
     /// How far it gives way, times `dt^2 / kg`.
     pub(crate) displacement: NodeVector,
-    /// The part of the load that it carries so: the matrix times the displacement.
+    /// The part of the load that the tissue itself carries so, without the springs that exert it: its matrix times the
+    /// displacement.
     pub(crate) carried: NodeVector,
 }
 
@@ -43,17 +44,17 @@ impl Response {
 
 impl Body {
     /// Solves for the displacement under forces that `springs` exert where their points are moved by a vector each,
-    /// times dt^2, with the springs that the operator has.
-    pub(crate) fn respond<'a>(
+    /// times dt^2, with the springs that the operator has; these are among them.
+    pub(crate) fn respond<'a, S: Iterator<Item = (&'a PointSpring, f32x4)>>(
         &mut self,
         workers: &Workers<'_>,
-        springs: impl Iterator<Item = (&'a PointSpring, f32x4)>,
+        springs: impl Fn() -> S,
         (relative_tolerance, max_iterations): (f64, u32),
         response: &mut Response,
     ) -> u32 {
         let load = &mut self.scratch.right_side_f32;
         load.fill(f32x4::ZERO);
-        for (spring, moved) in springs {
+        for (spring, moved) in springs() {
             spring.shares(moved).for_each(|(node, force)| load[node] += force);
         }
         let elements = &self.state.levels[0].elements;
@@ -69,10 +70,13 @@ impl Body {
             dt_s: self.solver.params.dt_s,
             scratch: &mut self.scratch.inertia,
         };
-        let report = pcg::solve(workers, &mut system, Stop { scale: 0.0, relative_tolerance, max_iterations });
+        let report =
+            pcg::solve(workers, &mut system, Stop { scale: 0.0, relative_tolerance, max_iterations, effort: None });
         let left = self.solver.multigrid.residual();
-        for ((carried, load), left) in response.carried.iter_mut().zip(&self.scratch.right_side_f32).zip(left) {
-            *carried = *load - *left;
+        response.carried.iter_mut().zip(left).for_each(|(carried, left)| *carried = -*left);
+        for (spring, moved) in springs() {
+            let stretched = moved - spring.value(&response.displacement);
+            spring.shares(stretched).for_each(|(node, force)| response.carried[node] += force);
         }
         report.iterations
     }

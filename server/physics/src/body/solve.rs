@@ -47,14 +47,14 @@ impl Body {
         let stop = self.stop(scale);
         let PcgReport { iterations, relative_residual, .. } = pcg::solve(workers, self, stop);
         self.take_velocity_change(workers, velocity_change);
-        SolveReport { iterations, solves: 1, relative_residual }
+        SolveReport { iterations, solves: 1, relative_residual, ..SolveReport::default() }
     }
 
     /// When a solve ends in which the impulses applied have the norm `scale`, N s.
     #[must_use]
     pub fn stop(&self, scale: f64) -> Stop {
         let StepParams { relative_tolerance, max_iterations, .. } = self.solver.params;
-        Stop { scale, relative_tolerance, max_iterations }
+        Stop { scale, relative_tolerance, max_iterations, effort: None }
     }
 
     /// Writes the right side, contact impulses (node, N s) added, and the guess into the solver's vectors.

@@ -99,8 +99,8 @@ pub struct SceneDesc {
     /// settled before a world is built. Default: the scene is taken as it is.
     #[serde(default)]
     pub dial: Option<DialDesc>,
-    /// How far the solver's effort may be reduced while a session misses its deadlines. Default: not
-    /// at all.
+    /// How far the solver's effort may be reduced so that a session keeps its deadlines. Default: to a residual of 0.03
+    /// of the loads.
     #[serde(default)]
     pub governor: Option<GovernorDesc>,
     /// The soft bodies; at least one.
@@ -140,7 +140,18 @@ impl SceneDesc {
         let by_rate = || (1e-3 * (longer * longer.sqrt()).sqrt()).clamp(1e-3, 1e-2);
         self.solver.relative_tolerance.unwrap_or_else(by_rate)
     }
+
+    /// Relative residual at which a velocity solve may end once a step has used up its work: the governor's bound, or
+    /// [`MOST_RELATIVE_RESIDUAL`].
+    #[must_use]
+    pub fn most_relative_residual(&self) -> f64 {
+        let least = self.relative_tolerance();
+        self.governor.map_or(least.max(MOST_RELATIVE_RESIDUAL), |governor| governor.max_relative_tolerance)
+    }
 }
+
+/// Of the loads; where a scene states no bound.
+const MOST_RELATIVE_RESIDUAL: f64 = 0.03;
 
 fn default_rate_hz() -> f64 {
     1000.0
@@ -188,11 +199,11 @@ impl std::fmt::Display for DialDesc {
     }
 }
 
-/// Bounds of what is given up while a session misses its deadlines.
+/// Bounds of what is given up so that a session keeps its deadlines.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GovernorDesc {
-    /// Largest relative tolerance of the velocity solve, from the solver's own to 0.5.
+    /// Largest relative residual at which a solve may end, from the solver's own tolerance, which gives up nothing, to 0.5.
     pub max_relative_tolerance: f64,
 }
 

@@ -44,6 +44,25 @@ pub struct Stop {
     pub relative_tolerance: f64,
     /// Iterations after which it ends whatever the residual.
     pub max_iterations: u32,
+    /// Present where the solve's work is bounded.
+    pub effort: Option<Effort>,
+}
+
+/// The work that a solve may take before it is content with less.
+#[derive(Clone, Copy, Debug)]
+pub struct Effort {
+    /// Iterations to reach the tolerance in.
+    pub iterations: u32,
+    /// Residual that will do afterwards, relative as the tolerance is.
+    pub relative_residual: f64,
+}
+
+impl Stop {
+    /// Relative residual at which the solve ends, so many iterations having been taken.
+    fn goal(&self, iterations: u32) -> f64 {
+        let spent = self.effort.filter(|effort| iterations >= effort.iterations);
+        spent.map_or(self.relative_tolerance, |effort| effort.relative_residual.max(self.relative_tolerance))
+    }
 }
 
 /// How a solve ended.
@@ -143,7 +162,7 @@ pub fn solve<S: Systems>(workers: &Workers<'_>, systems: &mut S, stop: Stop) -> 
         norm_r = norm_b;
     }
     let reference = norm_b.max(stop.scale);
-    let tolerance_n_s = stop.relative_tolerance * reference;
+    let mut tolerance_n_s = stop.goal(0) * reference;
     let (mut rz, mut alpha, mut iterations) = (0.0, 0.0, 0);
     let mut repairs = 0;
     let mut fresh = true;
@@ -172,6 +191,7 @@ pub fn solve<S: Systems>(workers: &Workers<'_>, systems: &mut S, stop: Stop) -> 
         alpha = rz / curvature;
         norm_r = sum(systems, |s| advance(workers, s, alpha)).sqrt();
         iterations += 1;
+        tolerance_n_s = stop.goal(iterations) * reference;
         if norm_r <= ROUGH * tolerance_n_s && norm_r > tolerance_n_s {
             is_moot = systems.is_moot(workers, norm_r);
             if is_moot {

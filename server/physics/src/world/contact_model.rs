@@ -14,6 +14,7 @@ use crate::math::{Mat3x6, Mat6, Vec6};
 use crate::solve::spring::PointSpring;
 use crate::step_io::{ContactModel, Give, Wrench};
 use crate::tool::{Pose, ToolPath, ToolShape};
+use crate::work::WorkMeter;
 use crate::workers::Workers;
 use crate::{Mat3, Vec3};
 use wide::f32x4;
@@ -22,6 +23,8 @@ use wide::f32x4;
 const RELATIVE_TOLERANCE: f64 = 0.1;
 /// What the tissue is first taken to carry of what the springs alone would.
 const FIRST_SHARE: f64 = 0.1;
+/// Fields of a model: one for each unit twist.
+const FIELDS: u32 = 6;
 /// Iterations for a model, of all of its fields: what is not good enough by then goes on with the next one.
 const MOST_ITERATIONS: u32 = 12;
 /// The same at a first touch, when there is nothing to go on from: jaws that take hold need 30.
@@ -54,8 +57,10 @@ pub(super) struct ToolModel {
     springs: Vec<Spring>,
     /// What the tool was last found to feel; none while it touches nothing.
     pub(super) felt: Option<Felt>,
-    /// Iterations that are left for this model.
-    left: u32,
+    /// Fields that the model in the making has still to look at; 0: none is in the making.
+    fields_left: u32,
+    /// Iterations that are left for it.
+    iterations_left: u32,
 }
 
 /// How a body answers to a tool.
@@ -64,13 +69,15 @@ struct Tissue {
     fields: [Response; 6],
     /// What it carries of what the springs alone would, by twist.
     shares: [f64; 6],
-    /// The twist whose field is looked at first.
+    /// The twist whose field a model looks at first.
     first: usize,
+    /// The twist whose field is looked at next.
+    next: usize,
 }
 
 impl Default for Tissue {
     fn default() -> Self {
-        Self { fields: Default::default(), shares: [FIRST_SHARE; 6], first: 0 }
+        Self { fields: Default::default(), shares: [FIRST_SHARE; 6], first: 0, next: 0 }
     }
 }
 
@@ -134,47 +141,94 @@ pub(super) fn point_spring(contact: &Contact, dt_s: f64) -> PointSpring {
 }
 
 impl ToolModel {
-    /// Begins a model of tool `index`, which feels nothing yet; with room for all that it may come to feel.
-    pub(super) fn begin(&mut self, index: usize, slots: &mut [BodySlot]) {
-        self.left = if self.felt.take().is_some() { MOST_ITERATIONS } else { MOST_AT_FIRST };
-        self.tissues.resize_with(slots.len(), Default::default);
-        for (tissue, slot) in self.tissues.iter_mut().zip(slots) {
-            tissue.fields.iter_mut().for_each(|field| slot.body.fit(field));
-            let springs = slot.contacts[index].most_springs(&slot.body);
-            self.springs.clear();
-            self.springs.reserve(springs);
+    /// Asks for a new model, unless one is in the making.
+    pub(super) fn ask(&mut self) {
+        if self.fields_left == 0 {
+            self.fields_left = FIELDS;
+            self.iterations_left = if self.felt.is_some() { MOST_ITERATIONS } else { MOST_AT_FIRST };
+            self.tissues.iter_mut().for_each(|tissue| tissue.next = tissue.first);
         }
     }
 
-    /// Adds what the tool feels of a body, whose operator has the springs of all contacts, by [`point_spring`].
-    pub(super) fn feel<'a>(
+    /// Whether a model is in the making.
+    pub(super) fn is_asked(&self) -> bool {
+        self.fields_left > 0
+    }
+
+    /// What the tool feels is forgotten: it touches nothing.
+    pub(super) fn forget(&mut self) {
+        (self.felt, self.fields_left) = (None, 0);
+    }
+
+    /// Goes on with the model of tool `index`: as far as the step's work allows, and by one field at least, so that it
+    /// comes to an end. The operators of the bodies that the tool presses on get the springs of all contacts, by
+    /// [`point_spring`], from `load`.
+    pub(super) fn go_on(
         &mut self,
         workers: &Workers<'_>,
-        (index, body): (usize, &mut Body),
-        tool: (&ToolShape, &Pose),
-        contacts: impl Iterator<Item = &'a Contact>,
+        (index, tool): (usize, (&ToolShape, &Pose)),
+        slots: &mut [BodySlot],
+        work: &mut WorkMeter,
+        mut load: impl FnMut(usize, &mut BodySlot),
     ) {
-        let (tissue, springs) = (&mut self.tissues[index], &mut self.springs);
-        springs.clear();
-        springs.extend(contacts.map(|contact| Spring::new(contact, body, tool)));
-        self.left -= tissue.solve(workers, body, springs, self.left);
-        let felt = tissue.felt(workers, body, springs);
-        let sum = self.felt.get_or_insert(Felt { stiffness: Mat6::zeros(), damping: Mat6::zeros() });
-        sum.stiffness += felt.stiffness;
-        sum.damping += felt.damping;
+        let presses = |slot: &BodySlot| slot.contacts[index].pressing().next().is_some();
+        let elements = slots.iter().filter(|slot| presses(slot)).map(|slot| slot.body.base().elements.len()).sum();
+        // A field takes an iteration or so.
+        let allowed = work.iterations_left(elements).unwrap_or(u32::MAX);
+        let fields = self.fields_left.min(allowed.max(1));
+        self.fields_left -= fields;
+        let mut felt: Option<Felt> = None;
+        let mut left = self.iterations_left.min(allowed.max(1));
+        for (body, slot) in slots.iter_mut().enumerate().filter(|(_, slot)| presses(slot)) {
+            load(body, slot);
+            let springs = &mut self.springs;
+            springs.clear();
+            springs.extend(slot.contacts[index].pressing().map(|contact| Spring::new(contact, &slot.body, tool)));
+            let tissue = &mut self.tissues[body];
+            let iterations = tissue.look(workers, &mut slot.body, springs, (fields, left));
+            work.add_fields(slot.body.base().elements.len(), fields, iterations);
+            left -= iterations;
+            self.iterations_left -= iterations;
+            if self.fields_left == 0 {
+                let of_body = tissue.felt(workers, &slot.body, springs);
+                let sum = felt.get_or_insert(Felt { stiffness: Mat6::zeros(), damping: Mat6::zeros() });
+                sum.stiffness += of_body.stiffness;
+                sum.damping += of_body.damping;
+            }
+        }
+        if self.fields_left == 0 {
+            self.felt = felt;
+        }
+    }
+
+    /// Room for all that the tool may come to feel.
+    pub(super) fn fit(&mut self, index: usize, slots: &mut [BodySlot]) {
+        self.tissues.resize_with(slots.len(), Default::default);
+        self.springs.clear();
+        for (tissue, slot) in self.tissues.iter_mut().zip(slots) {
+            tissue.fields.iter_mut().for_each(|field| slot.body.fit(field));
+            self.springs.reserve(slot.contacts[index].most_springs(&slot.body));
+        }
     }
 }
 
 impl Tissue {
-    /// Makes the fields better, in turns, until they are good enough or the iterations used up. Returns how many it took.
-    fn solve(&mut self, workers: &Workers<'_>, body: &mut Body, springs: &[Spring], most: u32) -> u32 {
+    /// Makes so many fields better, in turns, within so many iterations. Returns how many it took.
+    fn look(
+        &mut self,
+        workers: &Workers<'_>,
+        body: &mut Body,
+        springs: &[Spring],
+        (fields, most_iterations): (u32, u32),
+    ) -> u32 {
         let mut iterations = 0;
-        let first = self.first;
-        // What has no iterations left is still measured against the matrix and the springs of now.
-        for twist in (0..6).map(|i| (first + i) % 6) {
-            let load = springs.iter().map(|spring| (&spring.point, spring.moved(twist)));
+        // What has no iterations left is still measured against the matrix of now.
+        for _ in 0..fields {
+            let twist = self.next;
+            self.next = (twist + 1) % 6;
+            let load = || springs.iter().map(|spring| (&spring.point, spring.moved(twist)));
             let tolerance = RELATIVE_TOLERANCE * self.shares[twist];
-            let left = most - iterations;
+            let left = most_iterations - iterations;
             iterations += body.respond(workers, load, (tolerance, left), &mut self.fields[twist]);
             if left > 0 {
                 self.first = twist;
@@ -185,7 +239,7 @@ impl Tissue {
 
     fn felt(&mut self, workers: &Workers<'_>, body: &Body, springs: &[Spring]) -> Felt {
         let dt2_s2 = body.quasi_static_dt_s().powi(2);
-        let carried = Mat6::from_fn(|i, j| Response::work(workers, &self.fields[i], &self.fields[j]) / dt2_s2);
+        let of_tissue = Mat6::from_fn(|i, j| Response::work(workers, &self.fields[i], &self.fields[j]) / dt2_s2);
         let (mut of_tool, mut shared, mut of_springs) = (Mat6::zeros(), Mat6::zeros(), Mat6::zeros());
         for spring in springs {
             let (row, k) = (spring.row, spring.stiffness_n_per_m);
@@ -194,7 +248,6 @@ impl Tissue {
             shared += k * given * row.transpose();
             of_springs += k * given * given.transpose();
         }
-        let of_tissue = carried - of_springs;
         let least = solve_definite(of_springs + of_tissue, &shared);
         let mut stiffness = of_tool - shared.transpose() * least;
         for (i, share) in self.shares.iter_mut().enumerate() {

@@ -19,6 +19,8 @@ pub(super) struct TrackedPoint {
 pub(super) struct Description {
     /// Time step, s.
     pub(super) dt_s: f64,
+    /// See [`crate::SceneDesc::most_relative_residual`].
+    pub(super) most_relative_residual: f64,
     /// By tool.
     pub(super) shapes: Vec<ToolShape>,
     pub(super) tracked_points: Vec<TrackedPoint>,

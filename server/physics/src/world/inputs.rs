@@ -1,4 +1,4 @@
-//! What comes from outside between two steps: states that were set, poses of tools, a tolerance.
+//! What comes from outside between two steps: states that were set and poses of tools.
 
 use super::scratch::Scratch;
 use super::state::State;
@@ -30,7 +30,6 @@ pub(super) fn apply(inputs: &StepInputs<'_>, state: &mut State, scratch: &mut Sc
         tool.opening_before = tool.opening;
         tool.entered = false;
     }
-    inputs.relative_tolerance.iter().for_each(|tolerance| set_tolerance(*tolerance, state));
     for input in inputs.tools {
         let Some(tool) = state.tools.get_mut(input.tool) else { continue };
         match input.motion {
@@ -38,13 +37,6 @@ pub(super) fn apply(inputs: &StepInputs<'_>, state: &mut State, scratch: &mut Sc
             ToolMotion::EnterAt { pose, opening } => tool.enter_at(pose, opening),
             ToolMotion::Lift => lift(input.tool, state),
         }
-    }
-}
-
-fn set_tolerance(relative_tolerance: f64, state: &mut State) {
-    for slot in state.slots.iter_mut().filter(|slot| slot.body.relative_tolerance() != relative_tolerance) {
-        slot.wake();
-        slot.body.set_relative_tolerance(relative_tolerance);
     }
 }
 

@@ -31,6 +31,7 @@ use crate::body::Body;
 use crate::scene::{Scene, SceneError};
 use crate::stage::{Lap, Stage, StageClock};
 use crate::step_io::{EnergyStep, StepInputs, StepOutput, ToolOutput};
+use crate::work::WorkMeter;
 use crate::workers::Workers;
 use body_slot::BodySlot;
 use contact_model::ToolModel;
@@ -90,7 +91,8 @@ impl World {
         if state.slots.len() > 1 {
             state.follow_tissue();
         }
-        let description = Description { dt_s: params.dt_s, shapes, tracked_points };
+        let most_relative_residual = scene.desc.most_relative_residual();
+        let description = Description { dt_s: params.dt_s, most_relative_residual, shapes, tracked_points };
         Ok(Self { description, state, scratch, output })
     }
 
@@ -103,6 +105,7 @@ impl World {
     fn run_stages(&mut self, workers: &Workers<'_>, clock: &dyn StageClock, inputs: &StepInputs<'_>) {
         let Self { description, state, scratch, output } = self;
         let dt_s = description.dt_s;
+        scratch.work = WorkMeter::begin(inputs.work_units, description.most_relative_residual);
         let mut lap = Lap::start(clock);
         inputs::take_edits(workers, state);
         inputs::apply(inputs, state, scratch, output);
@@ -116,11 +119,12 @@ impl World {
             lap.end(Stage::SelfContact);
         }
         detection::cohesive(dt_s, state);
-        output.solve = solve::velocities(workers, dt_s, state);
+        output.solve = solve::velocities(workers, dt_s, state, &mut scratch.work);
         brake::spins(dt_s, state);
         lap.end(Stage::Velocities);
-        if !inputs.models.is_empty() {
-            models::update(workers, inputs.models, description, state, scratch);
+        models::ask(inputs.models, scratch);
+        if scratch.models.iter().any(ToolModel::is_asked) {
+            models::go_on(workers, description, state, scratch);
             lap.end(Stage::ContactModel);
         }
         motion::integrate(workers, state);

@@ -1,30 +1,35 @@
-//! Brings contact models up to date, with the step's own matrices and before anything parts.
+//! Makes the contact models that are asked for, with the step's own matrices and before anything parts.
 
+use super::body_slot::BodySlot;
+use super::contact_model::ToolModel;
 use super::description::Description;
 use super::scratch::Scratch;
 use super::state::State;
 use crate::workers::Workers;
 
-/// What `tools` feel.
-pub(super) fn update(
-    workers: &Workers<'_>,
-    tools: &[usize],
-    description: &Description,
-    state: &mut State,
-    scratch: &mut Scratch,
-) {
-    for &index in tools {
-        let Some(pose) = state.tools.get(index).and_then(|tool| tool.pose) else { continue };
-        let (shape, model) = (&description.shapes[index], &mut scratch.models[index]);
-        model.begin(index, &mut state.slots);
-        for (body, slot) in state.slots.iter_mut().enumerate() {
-            if slot.contacts[index].pressing().next().is_none() {
-                continue;
-            }
+/// Asks for a model of what each of these tools feels.
+pub(super) fn ask(tools: &[usize], scratch: &mut Scratch) {
+    for tool in tools {
+        scratch.models.get_mut(*tool).into_iter().for_each(ToolModel::ask);
+    }
+}
+
+/// Goes on with the models that are asked for, as far as the step's work allows.
+pub(super) fn go_on(workers: &Workers<'_>, description: &Description, state: &mut State, scratch: &mut Scratch) {
+    let State { slots, tools, tissue, .. } = state;
+    let Scratch { models, work, .. } = scratch;
+    for (index, model) in models.iter_mut().enumerate().filter(|(_, model)| model.is_asked()) {
+        // Before it touches: the step in which it does allocates nothing.
+        model.fit(index, slots);
+        let presses = slots.iter().any(|slot| slot.contacts[index].pressing().next().is_some());
+        let Some(pose) = tools[index].pose.filter(|_| presses) else {
+            model.forget();
+            continue;
+        };
+        let load = |body: usize, slot: &mut BodySlot| {
             let dt_s = slot.body.quasi_static_dt_s();
-            let of_tissue = state.tissue.iter().flat_map(|tissue| tissue.point_springs(body, dt_s));
-            slot.set_quasi_static_springs(of_tissue, dt_s);
-            model.feel(workers, (body, &mut slot.body), (shape, &pose), slot.contacts[index].pressing());
-        }
+            slot.set_quasi_static_springs(tissue.iter().flat_map(|tissue| tissue.point_springs(body, dt_s)), dt_s);
+        };
+        model.go_on(workers, (index, (&description.shapes[index], &pose)), slots, work, load);
     }
 }

@@ -12,6 +12,8 @@ pub(super) fn finish(description: &Description, state: &mut State, scratch: &mut
     let contacts = state.slots.iter_mut().flat_map(|s| &mut s.contacts);
     scratch.ledger.front.lost_j += contacts.map(ToolContact::take_dropped_j).sum::<f64>();
     scratch.ledger.front.stored_j = state.slots.iter().map(|s| s.front_stored_j).sum();
+    scratch.work.add_fracture(output.fracture.looks, output.fracture.parted_links);
+    output.solve.work_units = scratch.work.done();
     let ledgers = state.slots.iter().map(|s| &s.ledger);
     state.energy = ledger::book(ledgers, &scratch.ledger, &state.energy, state.spring_stored_j);
     state.spring_stored_j = scratch.ledger.spring_stored_j;

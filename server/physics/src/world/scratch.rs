@@ -3,6 +3,7 @@
 use super::contact_model::ToolModel;
 use crate::ledger::ContactLedger;
 use crate::view::View;
+use crate::work::WorkMeter;
 
 /// Nothing that a step does to the state depends on what the step before left here.
 #[derive(Default)]
@@ -12,6 +13,8 @@ pub(super) struct Scratch {
     pub(super) view: Option<View>,
     /// By tool.
     pub(super) models: Vec<ToolModel>,
+    /// Of the step that is being taken.
+    pub(super) work: WorkMeter,
     /// What contact adds to the energies of the step that is being taken.
     pub(super) ledger: ContactLedger,
 }

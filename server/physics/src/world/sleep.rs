@@ -2,7 +2,7 @@
 //!
 //! A body that was at rest for [`STILL_S`] is stopped. From then on a step would change nothing, and none is taken:
 //! what presses on it presses on as it does. It wakes when a tool that moves comes to touch it or touches it, when
-//! tissue that is awake comes to, and when its state, what it is solved to or a tool in it is changed. Bodies that
+//! tissue that is awake comes to, and when its state or a tool in it is changed. Bodies that
 //! press on each other fall asleep together.
 
 use super::activity::Activity;

@@ -41,9 +41,11 @@ fn write_of_tool(
     (output.pose, output.opening) = (tool.pose, tool.opening);
     output.wrench = sum.as_ref().map(ContactSum::wrench).unwrap_or_default();
     output.touches = sum.as_ref().is_some_and(|sum| sum.touches);
-    let felt = &mut scratch.models[index].felt;
-    *felt = felt.filter(|_| output.touches);
-    let about = sum.zip(tool.path()).zip(felt.as_ref());
+    let model = &mut scratch.models[index];
+    if !output.touches {
+        model.forget();
+    }
+    let about = sum.zip(tool.path()).zip(model.felt.as_ref());
     output.contact = about.map(|((sum, path), felt)| {
         let give = contact_model::give(|| contacts().flat_map(|contact| contact.pressing()));
         sum.model((shape, &path), dt_s, felt, give)

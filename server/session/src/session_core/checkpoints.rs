@@ -39,15 +39,8 @@ impl SessionCore {
         let memory = self.admitted.memory.checkpoint()?;
         let output = self.world.output();
         let (step, sim_time_s) = (output.step, output.sim_time_s);
-        let checkpoint = Checkpoint {
-            snapshot: self.world.snapshot(),
-            sim_time_s,
-            energy: self.tally.energy,
-            relative_tolerance: self.tally.relative_tolerance,
-            governor: self.governor.clone(),
-            next_tolerance: self.next_tolerance,
-            _memory: memory,
-        };
+        let checkpoint =
+            Checkpoint { snapshot: self.world.snapshot(), sim_time_s, energy: self.tally.energy, _memory: memory };
         self.checkpoints.save(name.clone(), checkpoint)?;
         self.publisher.event(step, SceneEvent::CheckpointSaved(name.into()));
         Ok(step)
@@ -59,9 +52,6 @@ impl SessionCore {
         let checkpoint = self.checkpoints.get(name)?;
         self.world.restore(&checkpoint.snapshot);
         self.tally.energy = checkpoint.energy;
-        self.tally.relative_tolerance = checkpoint.relative_tolerance;
-        self.governor = checkpoint.governor.clone();
-        self.next_tolerance = checkpoint.next_tolerance;
         let name: Arc<str> = name.into();
         self.tally.restores += 1;
         self.tally.last_restored = Some(Arc::clone(&name));

@@ -78,7 +78,6 @@ impl SessionCore {
         self.world = build_world(&self.scene)?;
         self.tally = Tally::of(&self.scene);
         self.governor = Governor::of(&self.scene.desc);
-        self.next_tolerance = None;
         self.pacer = pacer(&self.scene, &self.limits);
         self.resets += 1;
         self.inbox.reenter_tools();

@@ -26,7 +26,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use kerf_physics::fault::Fault;
-use kerf_physics::step_io::EnergyStep;
+use kerf_physics::step_io::{EnergyStep, SolveReport};
 use kerf_physics::{Scene, StageClock, StepInputs, Workers, World};
 
 use crate::admission::{Admitted, LoadMeter};
@@ -73,10 +73,7 @@ pub(crate) struct SessionCore {
     interrupted: bool,
     /// Steps that a session that stands has been asked for, a call after the other.
     owed: VecDeque<OwedSteps>,
-    /// Present where the scene states how much effort may be given up.
-    governor: Option<Governor>,
-    /// What the governor decided after the last step.
-    next_tolerance: Option<f64>,
+    governor: Governor,
     checkpoints: Checkpoints,
     /// Times that the scene was put back to rest.
     resets: u64,
@@ -102,7 +99,7 @@ struct Tally {
     steps: StepTallies,
     /// When the last step ended.
     ended_ns: u64,
-    /// Relative tolerance of the solves, as the governor has it.
+    /// Relative residual that solves end at, as the governor has it.
     relative_tolerance: f64,
     /// Times that too many steps were late, and their share the last time.
     overloads: u64,
@@ -140,7 +137,6 @@ impl SessionCore {
             interrupted: true,
             owed: VecDeque::new(),
             governor: Governor::of(&scene.desc),
-            next_tolerance: None,
             checkpoints: Checkpoints::new(limits.max_checkpoints),
             resets: 0,
             commands: Vec::new(),
@@ -206,8 +202,9 @@ impl SessionCore {
         self.inbox.drain(Drain::Stepping, started_ns, &mut self.tools);
         self.tell_leases();
         let models = self.models.due(started_ns, &self.tools.model_intervals_ns, &self.world.output().tools);
-        let relative_tolerance = self.next_tolerance.take();
-        let inputs = StepInputs { tools: &self.tools.inputs, relative_tolerance, models };
+        // A session that stands takes its steps for whoever asks, who waits for them.
+        let work_units = self.governor.work_units().filter(|_| self.phase == Phase::Running);
+        let inputs = StepInputs { tools: &self.tools.inputs, work_units, models };
         let output = self.world.step(workers, clock, &inputs);
         let ended_ns = clock.now_ns();
         let elapsed_ns = ended_ns - started_ns;
@@ -222,7 +219,7 @@ impl SessionCore {
         if let Some(load) = self.meter.step_ended(elapsed_ns, self.scene.desc.rate_hz) {
             self.admitted.load.set_measured(load);
         }
-        let (step, fault) = (output.step, output.fault.clone());
+        let (step, fault, solve) = (output.step, output.fault.clone(), output.solve);
         for (count, jumped) in self.tally.jumps.iter_mut().zip(&self.tools.jumped) {
             *count += u64::from(*jumped);
         }
@@ -242,7 +239,7 @@ impl SessionCore {
                  raise the level"
             );
         }
-        self.govern(step, elapsed_ns, pace);
+        self.govern(step, elapsed_ns, &solve);
         if let Some(fault) = fault {
             self.note_fault(fault);
         }
@@ -250,23 +247,24 @@ impl SessionCore {
             self.publisher.report(self.report());
         }
         if self.publisher.tape.is_on() {
-            self.record_step(relative_tolerance);
+            self.record_step(work_units);
         }
         self.serve_viewers(ended_ns, clock, true);
     }
 
     /// Records the step that was just taken. The events that it led to stand before it.
-    fn record_step(&self, relative_tolerance: Option<f64>) {
-        let inputs = LoggedInputs { tools: self.tools.inputs.clone(), relative_tolerance };
+    fn record_step(&self, work_units: Option<u64>) {
+        let inputs = LoggedInputs { tools: self.tools.inputs.clone(), work_units };
         let step = TapedStep { inputs, report: self.report(), state_hash: self.world.state_hash() };
         self.publisher.tape.push(TapeEntry::Step(Box::new(step)));
     }
 
-    fn govern(&mut self, step: u64, elapsed_ns: u64, pace: Pace) {
-        let Some(governor) = self.governor.as_mut().filter(|_| self.phase == Phase::Running) else { return };
-        let Some(relative_tolerance) = governor.step_ended(elapsed_ns, pace != Pace::InTime) else { return };
-        tracing::info!(step, relative_tolerance, "the governor changed the solver's tolerance");
-        self.next_tolerance = Some(relative_tolerance);
+    fn govern(&mut self, step: u64, elapsed_ns: u64, solve: &SolveReport) {
+        if self.phase != Phase::Running {
+            return;
+        }
+        let Some(relative_tolerance) = self.governor.step_ended(elapsed_ns, solve) else { return };
+        tracing::debug!(step, relative_tolerance, "the residual that solves are left with changed");
         self.tally.relative_tolerance = relative_tolerance;
         self.publisher.event(step, SceneEvent::ToleranceChanged(relative_tolerance));
     }

@@ -702,7 +702,7 @@ namespace Kerf.V1 {
     /// <summary>Field number for the "tolerance_changed" field.</summary>
     public const int ToleranceChangedFieldNumber = 6;
     /// <summary>
-    /// The governor changed the accuracy of the forces.
+    /// The accuracy of the forces changed: the work of a step is bounded by the time it has.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -1418,7 +1418,7 @@ namespace Kerf.V1 {
   }
 
   /// <summary>
-  /// The governor gives up accuracy, because steps are late, or takes it back. Several changes may come as
+  /// The governor gives up accuracy so that steps are in time, or takes it back. Several changes may come as
   /// one.
   /// </summary>
   public sealed partial class ToleranceChanged : pb::IMessage<ToleranceChanged>
@@ -1485,7 +1485,7 @@ namespace Kerf.V1 {
     public const int RelativeToleranceFieldNumber = 2;
     private double relativeTolerance_;
     /// <summary>
-    /// Relative tolerance of the solves from then on.
+    /// Relative residual that the solves of steps are left with from then on.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]

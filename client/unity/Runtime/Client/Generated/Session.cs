@@ -9483,7 +9483,7 @@ namespace Kerf.V1 {
     public const int RelativeToleranceFieldNumber = 16;
     private double relativeTolerance_;
     /// <summary>
-    /// Relative tolerance of the solves: the scene's, or what the governor has made of it.
+    /// Relative residual that solves end at: the scene's tolerance, or what bounded work has left lately.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]

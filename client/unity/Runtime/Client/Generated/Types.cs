@@ -190,7 +190,7 @@ namespace Kerf.V1 {
     /// </summary>
     [pbr::OriginalName("EVENT_KIND_FAILED")] Failed = 8,
     /// <summary>
-    /// The governor gives up accuracy, because steps are late, or takes it back.
+    /// The governor gives up accuracy so that steps are in time, or takes it back.
     /// </summary>
     [pbr::OriginalName("EVENT_KIND_TOLERANCE_CHANGED")] ToleranceChanged = 9,
     /// <summary>
@@ -4850,7 +4850,7 @@ namespace Kerf.V1 {
     public const int RelativeToleranceFieldNumber = 4;
     private double relativeTolerance_;
     /// <summary>
-    /// Of EVENT_KIND_TOLERANCE_CHANGED: relative tolerance of the solves from the next step on.
+    /// Of EVENT_KIND_TOLERANCE_CHANGED: relative residual that the solves of steps are left with from then on.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
