@@ -105,6 +105,46 @@ fn a_body_without_loads_is_at_rest_at_once() {
     assert!(end.converged && end.solves == 0, "{end:?}");
 }
 
+/// A block that its lowest layers of voxels hold, of 1e4 Pa.
+fn held_block(level: u8, strain_stiffening: f64, held_m: f64, traction_pa: [f64; 3]) -> World {
+    let mut desc = object([0.0; 3], [0.08, 0.08, 0.16], 0.004, level);
+    desc.material.young_modulus_pa = 1e4;
+    desc.material.strain_stiffening = strain_stiffening;
+    desc.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 1.0, held_m] }];
+    desc.loads = vec![LoadDesc::Traction { region: EVERYWHERE, face: Face::MaxZ, traction_pa }];
+    World::new(&scene(vec![desc])).expect("a valid scene")
+}
+
+#[test]
+fn a_held_body_without_loads_is_at_rest_at_once_whatever_holds_it() {
+    for level in [0, 1, 2] {
+        for strain_stiffening in [0.0, 10.0] {
+            for held_m in [0.0041, 0.0081, 0.0121, 0.0161] {
+                let end = held_block(level, strain_stiffening, held_m, [0.0; 3]).relax(&Workers::serial(), &mut |_| ());
+                let case = format!("level {level}, c {strain_stiffening}, held {held_m} m");
+                assert!(end.converged && end.solves == 0, "{case}: {end:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_material_that_stiffens_comes_to_rest_under_a_load_that_hardly_strains_it() {
+    // Strains of 1e-4 to 1e-12: near rest the stiffening's energy is the difference of numbers 1e8 to 1e24 times as large.
+    let top = |c: f64, pa: f64| {
+        let mut world = held_block(2, c, 0.0041, [pa, 0.0, 0.0]);
+        let end = world.relax(&Workers::serial(), &mut |_| ());
+        assert!(end.converged, "c {c}, {pa} Pa: {end:?}");
+        let body = world.bodies()[0];
+        let moved = |n: usize| body.state.position_m[n][0] - body.rest_position_m(n).x;
+        (0..body.node_count()).map(moved).fold(0.0, f64::max) / pa
+    };
+    for pa in [1.0, 1e-4, 1e-8] {
+        let (stiffening, linear) = (top(10.0, pa), top(0.0, pa));
+        assert!((stiffening / linear - 1.0).abs() < 1e-4, "{pa} Pa: {stiffening} m/Pa for {linear}");
+    }
+}
+
 #[test]
 fn a_thousandth_of_a_load_bends_a_thousandth_as_far() {
     let under = |pa: f64| end_at_rest(end_loaded([0.2, 0.02, 0.02], 0.005, 1e6, 0.3, [0.0, pa, 0.0]), "beam")[1];
