@@ -15,8 +15,11 @@ use crate::scene::{Meshes, ObjectDesc, PlacedMesh, SceneError, ShapeDesc, Triang
 const BAND_CELLS: i32 = 4;
 /// Steps in which a link is searched for its first crossing.
 const LINK_STEPS: u32 = 8;
-/// Halvings of such a step: what is filled of a box adds up to its volume within 1e-9 of a voxel.
-const HALVINGS: u32 = 30;
+/// Change of the fraction of a link at which a search for its crossing ends: what is filled of a box adds up to its
+/// volume within 1e-9 of a voxel.
+const SHARE_TOLERANCE: f64 = 1e-9;
+/// Secants of such a search at most. Most take 4 to 7; without a limit a distance that is not finite would never end it.
+const MOST_SECANTS: u32 = 60;
 
 /// The voxels whose centre lies in a shape, ascending.
 ///
@@ -214,15 +217,40 @@ impl Samples {
 
 /// Fraction of the way from an inside to an outside point at which a shape is first left.
 fn first_crossing(shape: &Implicit, from_m: &Vec3, to_m: &Vec3) -> f64 {
-    let is_inside = |share: f64| shape.sample(&(from_m + (to_m - from_m) * share)).distance_m < 0.0;
-    let steps = (1..LINK_STEPS).map(|step| f64::from(step) / f64::from(LINK_STEPS));
-    let mut outside = steps.into_iter().find(|share| !is_inside(*share)).unwrap_or(1.0);
-    let mut inside = outside - 1.0 / f64::from(LINK_STEPS);
-    for _ in 0..HALVINGS {
-        let middle = (inside + outside) / 2.0;
-        *(if is_inside(middle) { &mut inside } else { &mut outside }) = middle;
+    let distance_m = |share: f64| shape.sample(&(from_m + (to_m - from_m) * share)).distance_m;
+    let mut inside = (0.0, distance_m(0.0));
+    for step in 1..=LINK_STEPS {
+        let share = f64::from(step) / f64::from(LINK_STEPS);
+        let next = (share, distance_m(share));
+        if next.1 >= 0.0 {
+            return crossing_between(distance_m, inside, next);
+        }
+        inside = next;
     }
-    (inside + outside) / 2.0
+    1.0
+}
+
+/// Where a distance becomes zero between a share at which it is negative and one at which it is not, by secants of which
+/// one end may stay only with half its distance (the Illinois form of the false position).
+fn crossing_between(distance_m: impl Fn(f64) -> f64, mut inside: (f64, f64), mut outside: (f64, f64)) -> f64 {
+    let mut last = f64::NAN;
+    let mut was_inside = None;
+    for _ in 0..MOST_SECANTS {
+        let share = outside.0 - outside.1 * (outside.0 - inside.0) / (outside.1 - inside.1);
+        let found = (share, distance_m(share));
+        if found.1 == 0.0 || (share - last).abs() < SHARE_TOLERANCE {
+            return share;
+        }
+        last = share;
+        let is_inside = found.1 < 0.0;
+        let (moved, kept) = if is_inside { (&mut inside, &mut outside) } else { (&mut outside, &mut inside) };
+        *moved = found;
+        if was_inside == Some(is_inside) {
+            kept.1 *= 0.5;
+        }
+        was_inside = Some(is_inside);
+    }
+    last
 }
 
 /// Signed distances to a mesh: exact in a band about the surface, of the right sign beyond.
