@@ -193,10 +193,18 @@ pub struct EnergyStep {
 pub struct SolveReport {
     /// PCG iterations of all solves of the step.
     pub iterations: u32,
-    /// Solves of the step: 1 + the number of times the contact's active set changed.
+    /// Solves of the step: of each system that bodies make up, 1 + the number of times its contacts changed, and those
+    /// that were taken up again.
     pub solves: u32,
-    /// Relative residual that was reached by the last solve.
+    /// Largest relative residual that the last solve of a system left.
     pub relative_residual: f64,
+    /// Solves that did not get to their tolerance and were taken up again with a preconditioner made anew.
+    pub retries: u32,
+    /// Whether the last solve of a system did not get to its tolerance, and was integrated for want of a better one.
+    pub is_unconverged: bool,
+    /// Norm of the impulses by which contacts are wrong after the last solves of the step, N s; 0 where they have
+    /// settled. They wait for the next step.
+    pub unsettled_n_s: f64,
     /// Work of the step, its contact models included: what [`StepInputs::work_units`] bounds.
     pub work_units: u64,
     /// Whether a solve ended short of the tolerance, because the work was used up.

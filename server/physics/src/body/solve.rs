@@ -3,7 +3,7 @@
 use super::{Body, Nodal};
 use crate::params::StepParams;
 use crate::solve::operator::masters_of;
-use crate::solve::pcg::{self, Factor, PcgReport, Stop, System, Systems};
+use crate::solve::pcg::{self, Factor, Stop, System, Systems};
 use crate::solve::spring::PointSpring;
 use crate::solve::vectors::NODE_GRAIN;
 use crate::step_io::SolveReport;
@@ -45,9 +45,22 @@ impl Body {
     ) -> SolveReport {
         self.load_system(workers, impulses, velocity_change);
         let stop = self.stop(scale);
-        let PcgReport { iterations, relative_residual, .. } = pcg::solve(workers, self, stop);
+        let solve = pcg::solve(workers, self, stop);
         self.take_velocity_change(workers, velocity_change);
-        SolveReport { iterations, solves: 1, relative_residual, ..SolveReport::default() }
+        SolveReport {
+            iterations: solve.iterations,
+            solves: 1,
+            relative_residual: solve.relative_residual,
+            is_unconverged: !solve.is_converged,
+            ..SolveReport::default()
+        }
+    }
+
+    /// Makes what preconditions the solves anew of the matrices as they are. The operator's springs are dropped.
+    pub(crate) fn renew_preconditioner(&mut self, workers: &Workers<'_>) {
+        self.solver.coarse_stiffening.clone_from(&self.solver.applied_stiffening);
+        self.solver.multigrid.rebuild(workers, &self.state.levels);
+        (self.solver.turned_rad, self.solver.unsmoothed) = (0.0, 0.0);
     }
 
     /// When a solve ends in which the impulses applied have the norm `scale`, N s.

@@ -3,6 +3,7 @@
 use super::{Contact, Mode, ToolEnds};
 use crate::body::Body;
 use crate::boundary::{PatchKey, SurfacePatch};
+use crate::math::cofactor;
 use crate::tool::Pose;
 use crate::tool::flanks::{FlankFace, FlankPoint, Flanks};
 
@@ -77,7 +78,7 @@ impl WallsBeside {
             if !(front_zone_m(body, patch)..=flanks.height_m()).contains(&nearest.height_m) {
                 continue;
             }
-            let Some(wall) = Wall::beside(body, patch, flanks, nearest, pose) else { continue };
+            let wall = Wall::beside(body, patch, flanks, nearest, pose);
             let key = (patch.key(), wall.side);
             if !wall.is_come_upon(body) || self.before.binary_search(&key).is_ok() {
                 self.keys.push(key);
@@ -103,14 +104,13 @@ struct Wall<'a> {
 }
 
 impl<'a> Wall<'a> {
-    /// `None` where the tissue is crushed flat.
-    fn beside(body: &Body, patch: &'a SurfacePatch, flanks: &Flanks, beside: FlankPoint, pose: &Pose) -> Option<Self> {
-        let turned = body.deformation_gradient(&patch.point).try_inverse()?.transpose() * patch.normal;
+    fn beside(body: &Body, patch: &'a SurfacePatch, flanks: &Flanks, beside: FlankPoint, pose: &Pose) -> Self {
+        let turned = cofactor(&body.deformation_gradient(&patch.point)) * patch.normal;
         // The blade stands where the wall looks.
         let looks_back = turned.dot(&(pose.orientation * beside.normal)) < 0.0;
         let side = if looks_back { FlankSide::Ahead } else { FlankSide::Behind };
         let face = flanks.face(&beside, side.sign());
-        Some(Self { patch, beside, side, face, beyond_middle_m: -side.sign() * beside.offset_m })
+        Self { patch, beside, side, face, beyond_middle_m: -side.sign() * beside.offset_m }
     }
 
     fn is_come_upon(&self, body: &Body) -> bool {

@@ -11,9 +11,11 @@ pub mod narrow;
 pub mod palpation;
 pub mod patch_hash;
 pub mod press;
+mod solution;
 
 pub use ends::{TissueEnds, ToolEnds};
 pub use friction::Friction;
+pub use solution::{Misjudged, Solution};
 
 use crate::Vec3;
 use crate::body::{Body, PointWeights};
@@ -73,59 +75,16 @@ impl ContactWeights {
     }
 }
 
-/// What a contact does during one solve.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// What a contact does during one solve; of two the lesser has let go of more.
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
 pub enum Mode {
     /// Apart: no force.
     #[default]
     Off,
-    /// A spring.
-    Spring,
     /// Its force is capped: constant, no stiffness.
     Yield,
-}
-
-/// How good the solution is that contacts take their modes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Solution {
-    /// On the way: it tells what presses from what does not, and what has a limit waits for the end. It only says how
-    /// wrong the modes are; they stay.
-    Trial,
-    /// The same, and the modes change.
-    Rough,
-    /// Solved to the tolerance.
-    Final,
-}
-
-/// What contacts did in a solve against what its solution says that they should have done: the sum of the squares of
-/// the impulses that are wrong, N^2 s^2. Like a residual, it need not be zero.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Misjudged(f64);
-
-impl Misjudged {
-    /// One contact, by an impulse, N s.
-    #[must_use]
-    pub fn by(impulse_n_s: f64) -> Self {
-        Self(impulse_n_s * impulse_n_s)
-    }
-
-    /// A contact that holds or gives: its force is what the solve is for.
-    #[must_use]
-    pub fn beyond_doubt() -> Self {
-        Self(f64::INFINITY)
-    }
-
-    /// Norm of the impulses, N s.
-    #[must_use]
-    pub fn norm_n_s(self) -> f64 {
-        self.0.sqrt()
-    }
-}
-
-impl std::ops::AddAssign for Misjudged {
-    fn add_assign(&mut self, other: Self) {
-        self.0 += other.0;
-    }
+    /// A spring.
+    Spring,
 }
 
 /// A unilateral spring between a point of tissue and what presses on it, of a tool or of tissue. The gap is positive
@@ -241,38 +200,61 @@ impl<E> Contact<E> {
 
     /// Takes the solution's change of velocity and what it says of the mode; returns how wrong the mode was.
     pub fn settle(&mut self, dt_s: f64, change_m_per_s: &Vec3, solution: Solution) -> Misjudged {
-        if solution != Solution::Final && self.limit_n.is_finite() {
+        if !solution.is_solved() && self.limit_n.is_finite() {
             return Misjudged::default();
         }
         self.take_solution(dt_s, change_m_per_s);
-        let force = self.stiffness_n_per_m * self.gap_m;
-        let next = match self.mode {
-            Mode::Off if self.gap_m > self.slack_m || self.bilateral => Mode::Spring,
-            Mode::Spring if self.gap_m < -self.pull_slack_m && !self.bilateral => Mode::Off,
-            Mode::Spring if force > self.limit_n => Mode::Yield,
-            Mode::Yield if force < self.yield_n => Mode::Spring,
-            mode => mode,
-        };
+        let next = self.mode_found();
         let mut wrong = Misjudged::default();
-        if let (Some(friction), true) = (&mut self.friction, solution == Solution::Final && self.mode != Mode::Off) {
+        if let (Some(friction), true) = (&mut self.friction, solution.is_solved() && self.mode != Mode::Off) {
             let along = self.direction * change_m_per_s.dot(&self.direction);
             wrong += friction.settle(dt_s, change_m_per_s - along);
         }
         if next != self.mode {
+            wrong += self.misjudged(dt_s, next);
+        }
+        let may_change = match solution {
+            Solution::Trial => false,
+            Solution::Rough | Solution::Final => true,
+            Solution::LettingGo => next < self.mode,
+        };
+        if may_change && next != self.mode {
+            self.change_to(next);
+        }
+        wrong
+    }
+
+    /// The mode that the solution taken says it should have had.
+    fn mode_found(&self) -> Mode {
+        let force_n = self.stiffness_n_per_m * self.gap_m;
+        match self.mode {
+            Mode::Off if self.gap_m > self.slack_m || self.bilateral => Mode::Spring,
+            Mode::Spring | Mode::Yield if self.gap_m < -self.pull_slack_m && !self.bilateral => Mode::Off,
+            Mode::Spring if force_n > self.limit_n => Mode::Yield,
+            Mode::Yield if force_n < self.yield_n => Mode::Spring,
+            mode => mode,
+        }
+    }
+
+    /// By how much it was wrong if `next` is the mode that it should have had.
+    fn misjudged(&self, dt_s: f64, next: Mode) -> Misjudged {
+        let impulse_n_s = dt_s * self.stiffness_n_per_m * self.gap_m;
+        let wrong = match next {
+            Mode::Off => Misjudged::too_much(dt_s * self.force_n),
+            Mode::Yield => Misjudged::too_much(impulse_n_s - dt_s * self.limit_n),
             // What holds up nothing yet is deeper than it will be: the tissue gives way as the spring comes on.
-            let share = if next == Mode::Off { 1.0 } else { self.share_of_compliance };
-            let by_impulse = Misjudged::by(share * dt_s * force);
-            wrong += if self.limit_n.is_finite() { Misjudged::beyond_doubt() } else { by_impulse };
-        }
-        if solution == Solution::Trial {
-            return wrong;
-        }
+            Mode::Spring if self.mode == Mode::Off => Misjudged::by(self.share_of_compliance * impulse_n_s),
+            Mode::Spring => Misjudged::by(impulse_n_s - dt_s * self.yield_n),
+        };
+        if self.limit_n.is_finite() { wrong.beyond_doubt() } else { wrong }
+    }
+
+    fn change_to(&mut self, next: Mode) {
         if next == Mode::Yield {
             // Given once, it gives at the lower force from now on.
             self.limit_n = self.yield_n;
         }
         self.mode = next;
-        wrong
     }
 
     /// Force on the point that the last solve applied, friction included, N, scene frame.

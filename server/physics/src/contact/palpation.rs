@@ -4,7 +4,7 @@ use super::{Contact, ContactWeights, Mode, ToolEnds};
 use crate::Vec3;
 use crate::body::Body;
 use crate::boundary::{Skin, SkinPatch};
-use crate::math::Aabb;
+use crate::math::{Aabb, cofactor};
 use crate::tool::ToolPath;
 use crate::tool::capsule::Capsule;
 
@@ -124,7 +124,7 @@ fn contact(body: &Body, capsule: &Capsule, patch: &SkinPatch, path: &ToolPath, m
         return None;
     }
     let direction = path.pose.orientation * nearest.normal;
-    let turned = body.deformation_gradient(&patch.point).try_inverse()?.transpose() * patch.normal;
+    let turned = cofactor(&body.deformation_gradient(&patch.point)) * patch.normal;
     if turned.dot(&direction) >= 0.0 {
         return None;
     }

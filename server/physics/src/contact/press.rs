@@ -55,10 +55,12 @@ impl Plane {
     /// `None` where the tissue is crushed flat.
     #[must_use]
     pub fn of(body: &Body, patch: &SurfacePatch) -> Option<Self> {
-        let to_rest = body.deformation_gradient(&patch.point).try_inverse()?;
+        let f = body.deformation_gradient(&patch.point);
+        let to_rest = f.try_inverse()?;
         let turned = to_rest.tr_mul(&patch.normal);
         let stretch = turned.norm();
-        Some(Self { to_rest, normal: turned / stretch, stretch })
+        // Of material that is inside out `F^-T` turns what is outward inward.
+        Some(Self { to_rest, normal: turned / stretch.copysign(f.determinant()), stretch })
     }
 }
 

@@ -219,7 +219,7 @@ impl Anchor {
                 self.voxels = [carrier(-aside), carrier(aside)];
                 self.spread_m = aside;
             }
-            [Some(lower), Some(upper)] => self.voxels = [lower, upper],
+            [Some(lower), Some(upper)] => self.voxels = self.sides(body, lower, upper),
             [Some(any), None] | [None, Some(any)] => self.voxels = [any; 2],
             [None, None] => {}
         }
@@ -244,6 +244,21 @@ impl Anchor {
         };
         // Beyond an old cut the crack is there already: nothing has to be initiated.
         self.yielded |= self.ahead == Ahead::Parted;
+    }
+
+    /// The voxels that carry the contact across a cut: both while its sides are one place still, so that nothing jumps as
+    /// links part; else the one that moves on with what carried it: a flap that has folded away or a chip that has
+    /// fallen is elsewhere.
+    fn sides(&self, body: &Body, lower: VoxelId, upper: VoxelId) -> [VoxelId; 2] {
+        let [a_m, b_m] =
+            [lower, upper].map(|voxel| body.current_m(&MaterialPoint { position_m: self.position_m, voxel }));
+        let reach_m =
+            [lower, upper].map(|voxel| body.element_edge_m(body.element_of(voxel))).into_iter().fold(0.0, f64::max);
+        if (a_m - b_m).norm() <= reach_m {
+            return [lower, upper];
+        }
+        let was_m = self.current_m(body);
+        [if (a_m - was_m).norm() <= (b_m - was_m).norm() { lower } else { upper }; 2]
     }
 
     /// The link that [`Self::find_link_ahead`] finds, under the deformation gradient `f`.

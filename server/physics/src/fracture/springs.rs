@@ -79,13 +79,13 @@ impl FrontContact {
     }
 
     /// Takes the solution's change of velocity; returns how wrong the modes were.
-    pub fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]]) -> Misjudged {
+    pub fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]], solution: Solution) -> Misjudged {
         let change_m_per_s = self.forward.ends.weights.sum(velocity_change);
-        let mut wrong = self.forward.settle(dt_s, &change_m_per_s, Solution::Final);
+        let mut wrong = self.forward.settle(dt_s, &change_m_per_s, solution);
         self.lateral.take_solution(dt_s, &change_m_per_s);
         self.lateral.mode = lateral_mode(&self.forward);
         if self.forward.mode == Mode::Yield && self.along.stiffness_n_per_m > 0.0 {
-            wrong += self.along.settle(dt_s, &change_m_per_s, Solution::Final);
+            wrong += self.along.settle(dt_s, &change_m_per_s, solution);
             return wrong;
         }
         self.along.take_solution(dt_s, &change_m_per_s);

@@ -1,8 +1,10 @@
 //! Vector types and the few numerical helpers that more than one module needs.
 
 mod aabb;
+mod cofactor;
 
 pub use aabb::Aabb;
+pub use cofactor::cofactor;
 
 /// A vector or point, `f64`.
 pub type Vec3 = nalgebra::Vector3<f64>;

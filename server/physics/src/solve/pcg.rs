@@ -74,6 +74,8 @@ pub struct PcgReport {
     pub relative_residual: f64,
     /// Norm of the residual that was asked for, N s.
     pub tolerance_n_s: f64,
+    /// Whether it got there.
+    pub is_converged: bool,
     /// Whether it was given up, see [`Systems::is_moot`].
     pub is_moot: bool,
 }
@@ -150,10 +152,16 @@ pub fn solve<S: Systems>(workers: &Workers<'_>, systems: &mut S, stop: Stop) -> 
     let norm_b = sum(systems, |s| dot(workers, s.b, s.b)).sqrt();
     if norm_b < NOTHING_N_S {
         systems.for_each(|s| s.x.fill(f32x4::ZERO));
-        return PcgReport { iterations: 0, relative_residual: 0.0, tolerance_n_s: 0.0, is_moot: false };
+        return PcgReport {
+            iterations: 0,
+            relative_residual: 0.0,
+            tolerance_n_s: 0.0,
+            is_converged: true,
+            is_moot: false,
+        };
     }
     let mut norm_r = begin(workers, systems);
-    if norm_r > norm_b {
+    if norm_r.is_nan() || norm_r > norm_b {
         // The guess is worse than none.
         systems.for_each(|s| {
             s.x.fill(f32x4::ZERO);
@@ -199,7 +207,13 @@ pub fn solve<S: Systems>(workers: &Workers<'_>, systems: &mut S, stop: Stop) -> 
             }
         }
     }
-    PcgReport { iterations, relative_residual: norm_r / reference, tolerance_n_s, is_moot }
+    PcgReport {
+        iterations,
+        relative_residual: norm_r / reference,
+        tolerance_n_s,
+        is_converged: norm_r <= tolerance_n_s,
+        is_moot,
+    }
 }
 
 /// `z` of each block's own cycle; `r . z` and `A p . z`.

@@ -42,9 +42,9 @@ impl BladeContact {
 
     pub(super) fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]], solution: Solution) -> Misjudged {
         let mut wrong = Misjudged::default();
-        if solution == Solution::Final {
+        if solution.is_solved() {
             for front in &mut self.front.contacts {
-                wrong += front.settle(dt_s, velocity_change);
+                wrong += front.settle(dt_s, velocity_change, solution);
             }
         }
         for flank in &mut self.flanks {
