@@ -65,7 +65,7 @@ impl Body {
         let mut shared = SharedByBlocks::default();
         self.solver.blocks.iter_mut().for_each(|b| b.share_matrices(&mut shared));
         self.share_system_matrices();
-        self.save_finite_state(workers);
+        self.save_state(workers);
     }
 
     /// The system's matrices of elements that stiffen come and go with their strain.

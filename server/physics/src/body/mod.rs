@@ -35,6 +35,7 @@ pub use material::Material;
 pub(crate) use quasi_static::Response;
 pub use relax::Relaxation;
 pub(crate) use rigid::Totals;
+pub(crate) use rollback::Lost;
 pub use state::State;
 pub use topology::{PartedLinks, TopologyChange};
 pub(crate) use toughness_rate::ToughnessRate;

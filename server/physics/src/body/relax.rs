@@ -126,7 +126,7 @@ impl Body {
         self.solver.params = params;
         self.take_relaxed(workers, viscosity);
         self.set_time_step(workers, params.dt_s);
-        self.save_finite_state(workers);
+        self.save_state(workers);
         end
     }
 

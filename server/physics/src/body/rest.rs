@@ -35,7 +35,7 @@ impl Body {
 
     /// Norm of the nodes' forces under [`LEAST_STRAIN`], N: `E H^2` times it at each.
     fn least_force_n(&self) -> f64 {
-        LEAST_STRAIN * self.stiff_j() / (self.largest_edge_m() * (self.node_count() as f64).sqrt())
+        LEAST_STRAIN * self.state.rigid.stiff_j() / (self.largest_edge_m() * (self.node_count() as f64).sqrt())
     }
 
     /// Bound on the mass that moves with a node, kg.

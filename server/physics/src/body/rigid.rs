@@ -9,6 +9,7 @@ use super::turn::Turn;
 use super::{Body, Nodal};
 use crate::fem::block::LANES;
 use crate::fem::lanes::for_packed;
+use crate::grid::VoxelId;
 use crate::grid::levels::{LevelChange, NONE};
 use crate::{Mat3, Vec3};
 
@@ -18,6 +19,10 @@ pub(super) struct RigidParts {
     element_part: Vec<u32>,
     node_part: Vec<u32>,
     pub(super) held: Vec<bool>,
+    /// Young's modulus times volume of each part, J.
+    pub(super) stiff_j: Vec<f64>,
+    /// Times that a state of each part was remembered since it was last lost.
+    pub(super) steady_steps: Vec<u32>,
     /// Elements of the parts that are not held: all that has to be summed over.
     pub(super) loose: Vec<u32>,
     /// Whether a part is left alone this step, and what it is to gain.
@@ -80,7 +85,9 @@ impl RigidParts {
         let (skip, totals) = (held.clone(), vec![Totals::default(); count as usize]);
         let loose = (0..element_part.len() as u32).filter(|e| !held[element_part[*e as usize] as usize]).collect();
         let turns = vec![None; count as usize];
-        Self { element_part, node_part, held, loose, skip, totals, turns }
+        let stiff_j = stiff_by_part_j(body, &element_part, count);
+        let steady_steps = vec![0; count as usize];
+        Self { element_part, node_part, held, stiff_j, steady_steps, loose, skip, totals, turns }
     }
 
     /// Follows a change of the elements, whose nodes and holds the body has by now. Parts only ever split: while there
@@ -89,7 +96,8 @@ impl RigidParts {
         // The coarsest elements hang together as the finest do, and are few.
         let coarsest = &body.state.levels[body.state.levels.len() - 1];
         if coarsest.parts().1 != self.part_count() {
-            *self = Self::new(body);
+            let before = std::mem::replace(self, Self::new(body));
+            self.inherit(&before, change);
             return;
         }
         for &(new, from) in &change.split_elements {
@@ -103,6 +111,25 @@ impl RigidParts {
             self.node_part.push(self.node_part[from as usize]);
         }
         self.forget_turns();
+    }
+
+    /// Takes what is remembered of parts from those that they split from.
+    fn inherit(&mut self, before: &Self, change: &LevelChange) {
+        let kept = (0..before.element_part.len() as u32).map(|element| (element, element));
+        for (element, from) in kept.chain(change.split_elements.iter().copied()) {
+            let [part, was] = [self.element_part[element as usize], before.element_part[from as usize]];
+            self.steady_steps[part as usize] = before.steady_steps[was as usize];
+        }
+    }
+
+    /// Young's modulus times volume of all parts, J; parting links changes neither.
+    pub(super) fn stiff_j(&self) -> f64 {
+        self.stiff_j.iter().sum()
+    }
+
+    /// The same of the part that has least of it, J.
+    pub(super) fn least_stiff_j(&self) -> f64 {
+        self.stiff_j.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
     /// Lets go of how parts turn in the step that is going on.
@@ -148,6 +175,11 @@ impl Body {
         totals.iter_mut().for_each(|total| *total = total.solved());
         self.state.rigid.totals = totals;
         true
+    }
+
+    /// The part that an element belongs to.
+    pub(crate) fn part_of_element(&self, element: usize) -> u32 {
+        self.state.rigid.element_part[element]
     }
 
     /// The part that a node belongs to.
@@ -301,6 +333,14 @@ impl Body {
             }
         }
     }
+}
+
+fn stiff_by_part_j(body: &Body, element_part: &[u32], count: u32) -> Vec<f64> {
+    let mut modulus_pa = vec![0.0; count as usize];
+    for voxel in (0..body.state.grid.voxels().len() as u32).map(VoxelId) {
+        modulus_pa[element_part[body.element_of(voxel)] as usize] += body.material_of(voxel).young_modulus_pa;
+    }
+    modulus_pa.iter().map(|sum| body.state.grid.voxel_size_m().powi(3) * sum).collect()
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use super::evaluation::ChunkSums;
 use super::held::HeldElements;
 use super::rigid::RigidParts;
-use super::rollback::FiniteState;
+use super::rollback::SavedState;
 use crate::Vec3;
 use crate::boundary::Boundary;
 use crate::fem::block::ElementState;
@@ -42,8 +42,8 @@ pub struct State {
     pub(super) rigid: RigidParts,
     /// The surface and the walls of cuts, in the reference configuration.
     pub(super) boundary: Boundary,
-    /// The last finite state, to go back to.
-    pub(super) saved: FiniteState,
+    /// Where the last step led to, to go back to.
+    pub(super) saved: SavedState,
 }
 
 impl State {
@@ -61,7 +61,7 @@ impl State {
             held: HeldElements::default(),
             rigid: RigidParts::default(),
             boundary: Boundary::default(),
-            saved: FiniteState::default(),
+            saved: SavedState::default(),
         };
         state.position_m = (0..state.levels[0].nodes.len()).map(|n| state.rest_position_m(n).into()).collect();
         Ok(state)

@@ -75,7 +75,7 @@ impl Body {
         }
         self.solver.multigrid.update_changed(&self.state.levels, &changes, &held_anew);
         self.solver.turned_rad = f64::INFINITY;
-        self.save_finite_state(workers);
+        self.save_state(workers);
         let rebound = base.split_elements.iter().map(|&(new, _)| new).chain(held_anew);
         let rebound_voxels = rebound.flat_map(|element| self.voxels_of(element as usize)).collect();
         TopologyChange { elements, split_nodes: base.split_nodes.clone(), rebound_voxels }

@@ -4,9 +4,9 @@ use super::activity::Activity;
 use super::contact_model;
 use super::pulled::Pulled;
 use super::tool_contact::ToolContact;
-use crate::body::{self, Body, TopologyChange};
+use crate::body::{self, Body, Lost, TopologyChange};
 use crate::contact::ends::point_springs;
-use crate::contact::{Misjudged, Mode, Solution};
+use crate::contact::{Contact, Misjudged, Mode, Solution};
 use crate::grid::{Crossing, LinkId};
 use crate::ledger::BodyLedger;
 use crate::solve::spring::{POINT_NODES, PointSpring};
@@ -154,7 +154,8 @@ impl BodySlot {
         self.wake();
         self.velocity_change.resize(self.body.node_count(), [0.0; 3]);
         self.body.evaluate(workers, 20);
-        if self.body.save_finite_state(workers) {
+        if self.body.find_lost(f64::INFINITY).is_none() {
+            self.body.save_state(workers);
             self.ledger.after = self.body.energy();
         }
         let is_cut = self.body.boundary().version() != version;
@@ -171,13 +172,23 @@ impl BodySlot {
         }
     }
 
-    /// Positions and rotations go back to the last finite step, velocities are zeroed, the tools lifted.
-    pub(super) fn roll_back(&mut self, workers: &Workers<'_>) {
+    /// Pieces that are lost go back to where the last step led them, at rest; tools that touch them are lifted, and
+    /// what holds them together lets go.
+    pub(super) fn roll_back(&mut self, workers: &Workers<'_>, lost: &Lost) {
         self.wake();
-        self.body.restore_finite_state(workers);
-        self.velocity_change.iter_mut().for_each(|v| *v = [0.0; 3]);
-        self.contacts.iter_mut().for_each(ToolContact::lift);
-        self.pulled.iter_mut().for_each(|pulled| pulled.cohesive.release());
+        self.body.restore_lost(workers, lost);
+        let (body, velocity_change) = (&self.body, &mut self.velocity_change);
+        let changes = velocity_change.iter_mut().enumerate();
+        changes.filter(|(node, _)| body.is_lost_at(lost, *node as u32)).for_each(|(_, change)| *change = [0.0; 3]);
+        let is_at_lost = |contact: &Contact| contact.ends.weights.iter().any(|(node, _)| body.is_lost_at(lost, node));
+        self.contacts.iter_mut().filter(|c| c.springs().any(is_at_lost)).for_each(ToolContact::lift);
+        let cohesive = self.pulled.iter_mut().map(|pulled| &mut pulled.cohesive);
+        cohesive.filter(|springs| springs.contacts.iter().any(is_at_lost)).for_each(|springs| springs.release());
         self.ledger = BodyLedger::at_rest(self.body.energy());
+    }
+
+    /// Work of the tools on the body in the step, J.
+    pub(super) fn tool_work_j(&self) -> f64 {
+        self.contacts.iter().map(ToolContact::work_j).sum()
     }
 }

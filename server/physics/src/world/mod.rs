@@ -16,6 +16,7 @@ mod parting;
 mod pulled;
 mod queries;
 mod report;
+mod rollback;
 mod scratch;
 mod sleep;
 mod snapshot;
@@ -129,7 +130,8 @@ impl World {
         }
         motion::integrate(workers, state);
         lap.end(Stage::Integrate);
-        motion::evaluate(workers, state, output);
+        motion::evaluate(workers, state);
+        rollback::take_back_lost(workers, state, output);
         wrenches::write(description, state, scratch, output);
         wrenches::slip(description, state, output);
         lap.end(Stage::Rotations);

@@ -4,7 +4,7 @@ use super::body_slot::BodySlot;
 use super::part_groups::PartGroups;
 use super::tool::Tool;
 use crate::Vec3;
-use crate::body::Body;
+use crate::body::{Body, Lost};
 use crate::boundary::{Boundary, PatchKey, SurfacePatch};
 use crate::contact::candidates::Candidates;
 use crate::contact::ends::{TissueEnd, TissueEnds};
@@ -146,11 +146,21 @@ impl TissueContacts {
         self.reserve(slots);
     }
 
-    /// Lets go of everything: a step that is taken back leaves no force to go on from.
-    pub(super) fn release(&mut self, slots: &[BodySlot]) {
-        self.bridges.clear();
-        self.keep_sleeping(slots);
-        self.carried.iter_mut().for_each(|carried| carried.depth_m.fill(0.0));
+    /// Lets go of the pieces of a body that are lost: a step that is taken back leaves no force to go on from.
+    pub(super) fn release(&mut self, slots: &[BodySlot], index: usize, lost: &Lost) {
+        let body = &slots[index].body;
+        let is_lost = |end: &TissueEnd| {
+            let mut nodes = end.weights.iter();
+            end.body as usize == index && nodes.any(|(node, _)| body.is_lost_at(lost, node))
+        };
+        let Self { springs, carried, .. } = self;
+        springs.retain(|spring| {
+            let keeps = !spring.ends.ends.iter().any(is_lost);
+            if !keeps {
+                carried[spring.ends.ends[0].body as usize].depth_m[spring.ends.patch as usize] = 0.0;
+            }
+            keeps
+        });
     }
 
     /// Lets go of all springs but those of bodies that sleep.

@@ -85,6 +85,12 @@ impl ToolContact {
         self.springs().filter(move |c| holds || c.force_n != 0.0)
     }
 
+    /// Work of the tool on the body in the step, J.
+    pub(super) fn work_j(&self) -> f64 {
+        let moved_m = |c: &Contact| c.ends.tool_point_m - c.ends.tool_point_before_m;
+        self.acting().map(|c| c.applied_n().dot(&moved_m(c))).sum()
+    }
+
     /// Those of them that hold a pose: all that depends on where the tool is rather than on how it moves.
     pub(super) fn pressing(&self) -> impl Iterator<Item = &Contact> {
         let holds = self.holds();

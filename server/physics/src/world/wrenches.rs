@@ -27,11 +27,8 @@ fn write_of_tool(
     let contacts = || state.slots.iter().map(|slot| &slot.contacts[index]);
     let mut sum = tool.pose.map(ContactSum::new);
     for contact in contacts() {
-        for c in contact.acting() {
-            let moved_m = c.ends.tool_point_m - c.ends.tool_point_before_m;
-            scratch.ledger.tool_work_j += c.applied_n().dot(&moved_m);
-            sum.iter_mut().for_each(|sum| sum.push(c));
-        }
+        scratch.ledger.tool_work_j += contact.work_j();
+        contact.acting().for_each(|c| sum.iter_mut().for_each(|sum| sum.push(c)));
         if let Some(sum) = &mut sum {
             contact.pressing().for_each(|c| sum.bound(c));
         }
