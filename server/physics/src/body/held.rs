@@ -80,7 +80,7 @@ impl Body {
         let mut corners = self.voxel_corners(element, &voxels);
         let before = self.state.held.corners(element);
         if let (Some(corners), Some(before)) = (&mut corners, before) {
-            corners.set_still(before.still());
+            corners.set_nodes(before.still(), before.lone());
         }
         let changed = corners.as_deref() != before;
         let nodes = corners.as_ref().and_then(|corners| {
@@ -91,15 +91,22 @@ impl Body {
         changed
     }
 
-    /// Finds out which nodes of an element stand still: those that every element around them is to be held at. Returns
-    /// whether that changed.
+    /// Finds out which nodes of an element stand still, those that every element around them is to be held at, and which no
+    /// other element has. Returns whether that changed.
     fn find_still_nodes(&mut self, element: usize) -> bool {
         let nodes = self.base().elements[element].nodes;
-        let still = (0..8).filter(|a| self.stands_still(nodes[*a])).fold(0, |mask, a| mask | 1 << a);
+        let mask = |is: &dyn Fn(u32) -> bool| (0..8).filter(|a| is(nodes[*a])).fold(0, |mask, a| mask | 1 << a);
+        let (still, lone) = (mask(&|node| self.stands_still(node)), mask(&|node| self.is_lone(element, node)));
         let corners = self.state.held.corners[element].as_deref_mut().expect("it is held");
-        let changed = corners.still() != still;
-        corners.set_still(still);
+        let changed = (corners.still(), corners.lone()) != (still, lone);
+        corners.set_nodes(still, lone);
         changed
+    }
+
+    /// Whether no element but this one has a node.
+    fn is_lone(&self, element: usize, node: u32) -> bool {
+        let mut others = self.elements_at(self.base().nodes[node as usize]).into_iter().filter(|e| *e as usize != element);
+        others.all(|e| !self.base().elements[e as usize].nodes.contains(&node))
     }
 
     /// Whether every element around a node is to be held at it.
