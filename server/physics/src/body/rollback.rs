@@ -129,8 +129,10 @@ impl Body {
             self.state.velocity_m_per_s[node] = [0.0; 3];
         }
         self.state.rigid.forget_turns();
-        for element in 0..self.base().elements.len() {
-            if lost.parts[self.part_of_element(element) as usize] {
+        // Lanes without an element go along: what is no number in them would be added to the others.
+        let elements = self.base().elements.len();
+        for element in 0..LANES * self.state.elements.len() {
+            if element >= elements || lost.parts[self.part_of_element(element) as usize] {
                 self.restore_element(element);
             }
         }

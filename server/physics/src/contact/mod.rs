@@ -291,3 +291,52 @@ impl<E> Contact<E> {
         self.acting_friction().map_or(0.0, |friction| -dt_s * friction.force_n.dot(&friction.sliding_m_per_s))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A contact of 100 N/m that gives at 2 N and then at 1 N, in a mode and at a gap.
+    fn contact(mode: Mode, gap_m: f64) -> Contact {
+        Contact {
+            direction: Vec3::x(),
+            stiffness_n_per_m: 100.0,
+            limit_n: 2.0,
+            yield_n: 1.0,
+            gap_predicted_m: gap_m,
+            mode,
+            ..Contact::default()
+        }
+    }
+
+    fn settled(mut contact: Contact, solution: Solution) -> (Mode, Misjudged) {
+        let wrong = contact.settle(1.0, &Vec3::zeros(), solution);
+        (contact.mode, wrong)
+    }
+
+    #[test]
+    fn what_has_given_lets_go_rather_than_pull() {
+        for solution in [Solution::Final, Solution::LettingGo] {
+            let (mode, wrong) = settled(contact(Mode::Yield, -0.03), solution);
+            assert_eq!(mode, Mode::Off, "{solution:?}");
+            assert!(wrong.exceeds(f64::MAX) && wrong.too_much_n_s() == 1.0, "it pushed by 1 N: {wrong:?}");
+        }
+        assert_eq!(settled(contact(Mode::Yield, 0.005), Solution::Final).0, Mode::Spring);
+    }
+
+    #[test]
+    fn a_contact_that_may_only_let_go_does_not_come_on() {
+        let cases = [
+            // Mode and gap before; mode after, and what it did too much, N s.
+            (Mode::Off, 0.01, Mode::Off, 0.0),
+            (Mode::Yield, 0.005, Mode::Yield, 0.0),
+            (Mode::Spring, 0.03, Mode::Yield, 1.0),
+            (Mode::Spring, -0.03, Mode::Off, 3.0),
+        ];
+        for (before, gap_m, after, too_much_n_s) in cases {
+            let (mode, wrong) = settled(contact(before, gap_m), Solution::LettingGo);
+            assert_eq!((mode, wrong.exceeds(f64::MAX)), (after, true), "{before:?} at {gap_m} m");
+            assert!((wrong.too_much_n_s() - too_much_n_s).abs() < 1e-12, "{before:?} at {gap_m} m: {wrong:?}");
+        }
+    }
+}

@@ -414,3 +414,57 @@ pub(super) fn fracture_energy(body: &Body, link: LinkId) -> f64 {
         .map(|v| body.material_of(v).fracture_energy_j_per_m2.unwrap_or(f64::INFINITY))
         .fold(f64::INFINITY, f64::min)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::params::StepParams;
+    use crate::scene::{Meshes, Scene, SceneDesc};
+    use crate::workers::Workers;
+
+    const SCENE: &str = r#"
+version = 1
+name = "bar"
+[[objects]]
+name = "bar"
+shape = { box = { min_m = [0.0, 0.0, 0.0], max_m = [0.08, 0.02, 0.02] } }
+voxel_size_m = 0.005
+level = 0
+material = { young_modulus_pa = 1e5, poisson_ratio = 0.4 }
+"#;
+
+    /// The bar cut through its middle, what is beyond moved down.
+    fn cut_bar(down_m: f64) -> Body {
+        let scene = Scene { desc: SceneDesc::from_toml("bar.toml", SCENE).unwrap(), meshes: Meshes::new() };
+        let params = StepParams { dt_s: 1e-3, relative_tolerance: 1e-3, max_iterations: 200 };
+        let mut body = Body::new(&scene, 0, params, &Workers::serial()).unwrap();
+        let crossing = crate::grid::Crossing { t: 0.5, normal: [1.0, 0.0, 0.0] };
+        let cells = (0..4).flat_map(|y| (0..4).map(move |z| [7, y, z]));
+        let links: Vec<_> = cells.map(|cell| (LinkId { cell, axis: 0 }, crossing)).collect();
+        let parted = body.part_links(&links).parted;
+        body.update_topology(&Workers::serial(), &parted);
+        let beyond =
+            body.part_of_node((0..body.node_count()).find(|n| body.rest_position_m(*n).x > 0.07).unwrap() as u32);
+        for node in (0..body.node_count()).filter(|n| body.part_of_node(*n as u32) == beyond).collect::<Vec<_>>() {
+            body.state.position_m[node][1] -= down_m;
+        }
+        body
+    }
+
+    /// How far an anchor between the two sides is below where it was built, m.
+    fn below_m(body: &Body) -> f64 {
+        let position_m = Vec3::new(0.0401, 0.015, 0.01);
+        let own = body.state.grid.voxel_at([7, 2, 2]).unwrap();
+        let mut anchor = Anchor::at(MaterialPoint { position_m, voxel: own }, -Vec3::y(), 1e-4);
+        let frame = BladeFrame { forward: -Vec3::y(), along: Vec3::z(), normal: Vec3::x() };
+        anchor.find_link_ahead(body, &frame);
+        assert_eq!(anchor.ahead, Ahead::Parted);
+        position_m.y - anchor.current_m(body).y
+    }
+
+    #[test]
+    fn an_anchor_over_a_cut_stands_between_its_sides_until_one_is_elsewhere() {
+        assert!((below_m(&cut_bar(1e-3)) - 0.5e-3).abs() < 1e-9);
+        assert!(below_m(&cut_bar(1.0)).abs() < 1e-9, "what it stood on has not moved");
+    }
+}
