@@ -242,6 +242,8 @@ pub struct StepOutput {
     pub solve: SolveReport,
     /// What parted.
     pub fracture: FractureStep,
+    /// Pieces that left the scene's reach in this step and were put away.
+    pub put_away: u32,
     /// Rises by one each time links part.
     pub topology_version: u64,
     /// Set when non-finite state was found and rolled back.

@@ -15,6 +15,7 @@ use tokio::sync::watch;
 use crate::error::SessionError;
 use crate::limits::SessionLimits;
 use crate::lock::lock;
+use crate::shortfall::Shortfall;
 use crate::status::{Phase, StepTimes};
 use crate::structure_log::{Cursor, Next, Place, StructureLog};
 use crate::tape::{Tape, TapeEntry};
@@ -128,8 +129,12 @@ pub enum SceneEvent {
     CheckpointSaved(Arc<str>),
     /// The scene is at the checkpoint of this name again, every tool lifted.
     CheckpointRestored(Arc<str>),
-    /// Non-finite state was rolled back.
+    /// State that was not finite, or had energy from nowhere, was rolled back.
     Fault(Fault),
+    /// Solves fell short of what was asked of them.
+    Unsolved(Shortfall),
+    /// So many pieces fell out of the scene's reach and were put away.
+    PutAway(u32),
 }
 
 /// An event and when it happened.

@@ -48,6 +48,7 @@ pub fn fault(fault: &Fault) -> v1::Fault {
     let kind = match fault.what {
         FaultKind::NodeState => v1::FaultKind::NodeState,
         FaultKind::ToolWrench => v1::FaultKind::ToolWrench,
+        FaultKind::Energy => v1::FaultKind::Energy,
     };
     v1::Fault { step: fault.step, object: fault.object.clone(), kind: kind.into() }
 }

@@ -4,7 +4,7 @@ use kerf_physics::step_io::{Grasp, ToolOutput};
 use kerf_physics::surface::delta::{BodyStructure, Keyframe, TopologyPatch};
 use kerf_proto::v1;
 use kerf_proto::v1::view_response::Message;
-use kerf_session::{SceneEvent, StepTimes, ViewEvent, ViewState};
+use kerf_session::{SceneEvent, Shortfall, StepTimes, ViewEvent, ViewState};
 
 use super::scene::energy_ledger;
 use super::{fault, pose, wrench};
@@ -115,6 +115,10 @@ pub fn event(happened: &ViewEvent) -> Message {
         SceneEvent::CheckpointRestored(ref name) => {
             v1::Event { checkpoint_name: name.to_string(), ..of(v1::EventKind::CheckpointRestored) }
         }
+        SceneEvent::Unsolved(Shortfall { steps, relative_residual, unsettled_n_s }) => {
+            v1::Event { unsolved_steps: steps, relative_residual, unsettled_n_s, ..of(v1::EventKind::Unsolved) }
+        }
+        SceneEvent::PutAway(piece_count) => v1::Event { piece_count, ..of(v1::EventKind::PutAway) },
         SceneEvent::ToleranceChanged(relative_tolerance) => {
             v1::Event { relative_tolerance, ..of(v1::EventKind::ToleranceChanged) }
         }

@@ -14,7 +14,7 @@ use kerf_physics::world::ObjectStats;
 use kerf_physics::{Quat, Scene, SceneDesc, ToolInput, Vec3};
 use kerf_proto::v1;
 use kerf_proto::v1::recorded_motion::Motion;
-use kerf_session::{LoggedInputs, SceneEvent, Session, StepTimes, TapedStep, ViewEvent, ViewState};
+use kerf_session::{LoggedInputs, SceneEvent, Session, Shortfall, StepTimes, TapedStep, ViewEvent, ViewState};
 
 use crate::convert::wrench;
 
@@ -301,6 +301,12 @@ pub fn event(recorded: &v1::Event) -> Option<ViewEvent> {
         v1::EventKind::ToolReleased => SceneEvent::ToolReleased(recorded.tool_id as usize),
         v1::EventKind::Overloaded => SceneEvent::Overloaded(recorded.late_share),
         v1::EventKind::ToleranceChanged => SceneEvent::ToleranceChanged(recorded.relative_tolerance),
+        v1::EventKind::Unsolved => SceneEvent::Unsolved(Shortfall {
+            steps: recorded.unsolved_steps,
+            relative_residual: recorded.relative_residual,
+            unsettled_n_s: recorded.unsettled_n_s,
+        }),
+        v1::EventKind::PutAway => SceneEvent::PutAway(recorded.piece_count),
         _ => return None,
     };
     Some(ViewEvent { step: recorded.step, event })

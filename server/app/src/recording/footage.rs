@@ -159,6 +159,7 @@ fn fault(recorded: v1::Fault) -> ViewEvent {
     use kerf_physics::fault::{Fault, FaultKind};
     let what = match recorded.kind() {
         v1::FaultKind::ToolWrench => FaultKind::ToolWrench,
+        v1::FaultKind::Energy => FaultKind::Energy,
         _ => FaultKind::NodeState,
     };
     let step = recorded.step;

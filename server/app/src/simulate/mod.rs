@@ -109,7 +109,7 @@ fn step(
         let output = world.step(workers, &clock, &inputs.as_inputs());
         if let Some(fault) = &output.fault {
             let Fault { step, object, what } = fault;
-            progress.say(&format!("step {step}: {what} in `{object}` was not finite; the step was taken back"));
+            progress.say(&format!("step {step}: {what} in `{object}` is not as it can be; the step was taken back"));
         }
         tally.push(output);
         tables.push(output)?;

@@ -41,8 +41,16 @@ pub struct Summary {
     pub steps: u64,
     /// Steps in which links parted.
     pub fracture_steps: u64,
-    /// Steps in which non-finite state was rolled back.
+    /// Steps in which state that was not finite, or had energy from nowhere, was rolled back.
     pub faults: u64,
+    /// Solves that did not get to their tolerance and were taken up again.
+    pub retried_solves: u64,
+    /// Steps that were taken though their solve did not get there.
+    pub unconverged_steps: u64,
+    /// Steps that were taken though contacts had not settled.
+    pub unsettled_steps: u64,
+    /// Pieces that fell out of the scene's reach and were put away.
+    pub pieces_put_away: u64,
     /// Median duration of the steps in which no link parted, ms.
     pub step_ms_median_without_fracture: Option<f64>,
     /// Median duration of the steps in which links parted, ms.
@@ -72,6 +80,10 @@ pub struct Tally {
     with_fracture_ns: Vec<u64>,
     iterations: u64,
     faults: u64,
+    retried_solves: u64,
+    unconverged_steps: u64,
+    unsettled_steps: u64,
+    pieces_put_away: u64,
     parted_links: u64,
     spared_links: u64,
     cut_area_m2: f64,
@@ -87,6 +99,10 @@ impl Tally {
         times.push(output.profile.total_ns());
         self.iterations += u64::from(output.solve.iterations);
         self.faults += u64::from(output.fault.is_some());
+        self.retried_solves += u64::from(output.solve.retries);
+        self.unconverged_steps += u64::from(output.solve.is_unconverged);
+        self.unsettled_steps += u64::from(output.solve.unsettled_n_s > 0.0);
+        self.pieces_put_away += u64::from(output.put_away);
         self.parted_links += u64::from(parted);
         self.spared_links += u64::from(output.fracture.spared_links);
         self.cut_area_m2 += output.fracture.cut_area_m2;
@@ -115,6 +131,10 @@ impl Tally {
             steps: steps as u64,
             fracture_steps: fracture_steps as u64,
             faults: self.faults,
+            retried_solves: self.retried_solves,
+            unconverged_steps: self.unconverged_steps,
+            unsettled_steps: self.unsettled_steps,
+            pieces_put_away: self.pieces_put_away,
             step_ms_median_without_fracture: quantile_ms(self.without_fracture_ns, 0.5),
             step_ms_median_with_fracture: quantile_ms(self.with_fracture_ns, 0.5),
             step_ms_p99: quantile_ms(all_ns, 0.99),

@@ -54,8 +54,8 @@ impl Body {
         }
         self.number_nodes(None);
         self.state.boundary = Boundary::of(self.solid());
-        self.rebuild_external_forces();
         self.state.rigid = rigid::RigidParts::new(self);
+        self.rebuild_external_forces();
         self.evaluate(workers, 20);
         for element in 0..self.base().elements.len() {
             self.write_matrix(element);

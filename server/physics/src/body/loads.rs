@@ -51,11 +51,13 @@ impl Body {
         loads
     }
 
-    /// Sums the elements' loads at the nodes.
+    /// Sums the elements' loads at the nodes; what was put away bears none.
     pub(super) fn rebuild_external_forces(&mut self) {
         self.solver.external_n.clear();
         self.solver.external_n.resize(self.state.levels[0].nodes.len(), [0.0; 3]);
-        for (element, loads) in self.state.levels[0].elements.iter().zip(&self.solver.element_loads_n) {
+        let parts = &self.state.rigid;
+        let elements = self.state.levels[0].elements.iter().zip(&self.solver.element_loads_n).enumerate();
+        for (_, (element, loads)) in elements.filter(|(element, _)| !parts.is_away(*element)) {
             for (&node, load) in element.nodes.iter().zip(loads) {
                 (0..3).for_each(|i| self.solver.external_n[node as usize][i] += load[i]);
             }

@@ -12,6 +12,7 @@ mod interpolate;
 mod loads;
 mod material;
 mod memory;
+mod put_away;
 mod quasi_static;
 mod relax;
 mod rest;

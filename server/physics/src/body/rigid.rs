@@ -21,8 +21,12 @@ pub(super) struct RigidParts {
     pub(super) held: Vec<bool>,
     /// Young's modulus times volume of each part, J.
     pub(super) stiff_j: Vec<f64>,
-    /// Times that a state of each part was remembered since it was last lost.
+    /// Times that a state of each part was remembered since it was last lost; as many as can be if it never was.
     pub(super) steady_steps: Vec<u32>,
+    /// Whether each part was put away.
+    pub(super) away: Vec<bool>,
+    /// A node of each part.
+    pub(super) first_node: Vec<u32>,
     /// Elements of the parts that are not held: all that has to be summed over.
     pub(super) loose: Vec<u32>,
     /// Whether a part is left alone this step, and what it is to gain.
@@ -86,8 +90,13 @@ impl RigidParts {
         let loose = (0..element_part.len() as u32).filter(|e| !held[element_part[*e as usize] as usize]).collect();
         let turns = vec![None; count as usize];
         let stiff_j = stiff_by_part_j(body, &element_part, count);
-        let steady_steps = vec![0; count as usize];
-        Self { element_part, node_part, held, stiff_j, steady_steps, loose, skip, totals, turns }
+        let away = vec![false; count as usize];
+        let mut first_node = vec![NONE; count as usize];
+        for (node, part) in node_part.iter().enumerate().rev().filter(|(_, part)| **part != NONE) {
+            first_node[*part as usize] = node as u32;
+        }
+        let steady_steps = vec![u32::MAX; count as usize];
+        Self { element_part, node_part, held, stiff_j, steady_steps, away, first_node, loose, skip, totals, turns }
     }
 
     /// Follows a change of the elements, whose nodes and holds the body has by now. Parts only ever split: while there
@@ -119,6 +128,7 @@ impl RigidParts {
         for (element, from) in kept.chain(change.split_elements.iter().copied()) {
             let [part, was] = [self.element_part[element as usize], before.element_part[from as usize]];
             self.steady_steps[part as usize] = before.steady_steps[was as usize];
+            self.away[part as usize] = before.away[was as usize];
         }
     }
 
@@ -130,6 +140,11 @@ impl RigidParts {
     /// The same of the part that has least of it, J.
     pub(super) fn least_stiff_j(&self) -> f64 {
         self.stiff_j.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+
+    /// Whether an element's part was put away.
+    pub(super) fn is_away(&self, element: usize) -> bool {
+        self.away[self.element_part[element] as usize]
     }
 
     /// Lets go of how parts turn in the step that is going on.

@@ -62,10 +62,10 @@ impl Body {
             self.rebuild_element(element as usize);
         }
         let renumbered = self.number_nodes(Some(&changes));
-        self.rebuild_external_forces();
         let mut rigid = std::mem::take(&mut self.state.rigid);
         rigid.follow(self, base);
         self.state.rigid = rigid;
+        self.rebuild_external_forces();
         let is_stale = |chunk: usize| {
             renumbered.binary_search(&chunk).is_ok() || held_anew.iter().any(|e| *e as usize / CHUNK_ELEMENTS == chunk)
         };

@@ -34,6 +34,12 @@ impl Aabb {
         Self { min_m: self.min_m.add_scalar(-margin_m), max_m: self.max_m.add_scalar(margin_m) }
     }
 
+    /// Whether a point is inside.
+    #[must_use]
+    pub fn contains(&self, point: &Vec3) -> bool {
+        (0..3).all(|a| (self.min_m[a]..=self.max_m[a]).contains(&point[a]))
+    }
+
     /// Whether two boxes meet.
     #[must_use]
     pub fn meets(&self, other: &Self) -> bool {

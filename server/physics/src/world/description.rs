@@ -4,6 +4,7 @@ use super::BodySlot;
 use crate::Vec3;
 use crate::body::MaterialPoint;
 use crate::grid::Grid;
+use crate::math::Aabb;
 use crate::params::StepParams;
 use crate::scene::wording::brief;
 use crate::scene::{Scene, SceneError};
@@ -24,6 +25,8 @@ pub(super) struct Description {
     /// By tool.
     pub(super) shapes: Vec<ToolShape>,
     pub(super) tracked_points: Vec<TrackedPoint>,
+    /// What leaves it is put away, scene frame.
+    pub(super) reach: Aabb,
 }
 
 /// Shapes of a scene's tools.

@@ -14,6 +14,7 @@ mod motion;
 mod part_groups;
 mod parting;
 mod pulled;
+mod put_away;
 mod queries;
 mod report;
 mod rollback;
@@ -93,7 +94,8 @@ impl World {
             state.follow_tissue();
         }
         let most_relative_residual = scene.desc.most_relative_residual();
-        let description = Description { dt_s: params.dt_s, most_relative_residual, shapes, tracked_points };
+        let reach = put_away::reach(state.bodies());
+        let description = Description { dt_s: params.dt_s, most_relative_residual, shapes, tracked_points, reach };
         Ok(Self { description, state, scratch, output })
     }
 
@@ -147,6 +149,7 @@ impl World {
             parting::update_view(state, scratch);
             lap.end(Stage::Surface);
         }
+        output.put_away = put_away::put_away(workers, description, state);
         sleep::let_sleep(workers, dt_s, state);
         report::finish(description, state, scratch, output);
         output.profile = lap.finish();

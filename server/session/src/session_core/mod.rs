@@ -38,6 +38,7 @@ use crate::limits::{SessionLimits, to_ns};
 use crate::outbox::{Publisher, SceneEvent, StepReport, ToolReport};
 use crate::overload::OverloadWatch;
 use crate::pacer::{Pace, Pacer};
+use crate::shortfall::ShortfallWatch;
 use crate::status::{Phase, StepTallies};
 use crate::tape::{LoggedInputs, TapeEntry, TapedStep};
 use crate::tool_slot::DriverId;
@@ -69,6 +70,7 @@ pub(crate) struct SessionCore {
     phase: Phase,
     pacer: Pacer,
     overload: OverloadWatch,
+    shortfall: ShortfallWatch,
     /// The session stood, or its world was replaced: deadlines and leases run from the next step on.
     interrupted: bool,
     /// Steps that a session that stands has been asked for, a call after the other.
@@ -134,6 +136,7 @@ impl SessionCore {
             publisher,
             pacer: pacer(&scene, &limits),
             overload: OverloadWatch::default(),
+            shortfall: ShortfallWatch::default(),
             interrupted: true,
             owed: VecDeque::new(),
             governor: Governor::of(&scene.desc),
@@ -219,7 +222,8 @@ impl SessionCore {
         if let Some(load) = self.meter.step_ended(elapsed_ns, self.scene.desc.rate_hz) {
             self.admitted.load.set_measured(load);
         }
-        let (step, fault, solve) = (output.step, output.fault.clone(), output.solve);
+        let (step, fault, solve, put_away) = (output.step, output.fault.clone(), output.solve, output.put_away);
+        let shortfall = self.shortfall.step_ended(ended_ns, &solve);
         for (count, jumped) in self.tally.jumps.iter_mut().zip(&self.tools.jumped) {
             *count += u64::from(*jumped);
         }
@@ -242,6 +246,14 @@ impl SessionCore {
         self.govern(step, elapsed_ns, &solve);
         if let Some(fault) = fault {
             self.note_fault(fault);
+        }
+        if let Some(shortfall) = shortfall {
+            tracing::warn!(step, ?shortfall, "solves fell short, though they were retried");
+            self.publisher.event(step, SceneEvent::Unsolved(shortfall));
+        }
+        if put_away > 0 {
+            tracing::info!(step, pieces = put_away, "fell out of the scene's reach and were put away");
+            self.publisher.event(step, SceneEvent::PutAway(put_away));
         }
         if self.tools.drivers > 0 {
             self.publisher.report(self.report());
@@ -270,7 +282,7 @@ impl SessionCore {
     }
 
     fn note_fault(&mut self, fault: Fault) {
-        tracing::warn!(step = fault.step, object = fault.object, what = ?fault.what, "non-finite state rolled back");
+        tracing::warn!(step = fault.step, object = fault.object, what = ?fault.what, "state rolled back");
         self.tally.faults += 1;
         self.tally.last_fault = Some(fault.clone());
         // The world has lifted the tools.

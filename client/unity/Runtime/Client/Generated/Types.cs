@@ -64,24 +64,28 @@ namespace Kerf.V1 {
             "cmYudjEuVmVjMxIPCgdsZWFzZV9zGAggASgBEiMKG21heF9yZWplY3RlZF9w",
             "b3Nlc19pbl9hX3JvdxgJIAEoDRIZChFtYXhfY29udGFjdF9hZ2VfcxgKIAEo",
             "ASJHCgVGYXVsdBIMCgRzdGVwGAEgASgEEg4KBm9iamVjdBgCIAEoCRIgCgRr",
-            "aW5kGAMgASgOMhIua2VyZi52MS5GYXVsdEtpbmQikQEKBUV2ZW50EgwKBHN0",
+            "aW5kGAMgASgOMhIua2VyZi52MS5GYXVsdEtpbmQi8AEKBUV2ZW50EgwKBHN0",
             "ZXAYASABKAQSIAoEa2luZBgCIAEoDjISLmtlcmYudjEuRXZlbnRLaW5kEg8K",
             "B3Rvb2xfaWQYAyABKA0SGgoScmVsYXRpdmVfdG9sZXJhbmNlGAQgASgBEhcK",
-            "D2NoZWNrcG9pbnRfbmFtZRgFIAEoCRISCgpsYXRlX3NoYXJlGAYgASgBKl4K",
-            "CUZhdWx0S2luZBIaChZGQVVMVF9LSU5EX1VOU1BFQ0lGSUVEEAASGQoVRkFV",
-            "TFRfS0lORF9OT0RFX1NUQVRFEAESGgoWRkFVTFRfS0lORF9UT09MX1dSRU5D",
-            "SBACKpcBCgxTZXNzaW9uU3RhdGUSHQoZU0VTU0lPTl9TVEFURV9VTlNQRUNJ",
-            "RklFRBAAEhkKFVNFU1NJT05fU1RBVEVfUlVOTklORxABEhgKFFNFU1NJT05f",
-            "U1RBVEVfUEFVU0VEEAISGQoVU0VTU0lPTl9TVEFURV9DTE9TSU5HEAMSGAoU",
-            "U0VTU0lPTl9TVEFURV9GQUlMRUQQBCrxAgoJRXZlbnRLaW5kEhoKFkVWRU5U",
-            "X0tJTkRfVU5TUEVDSUZJRUQQABIVChFFVkVOVF9LSU5EX1BBVVNFRBABEhYK",
-            "EkVWRU5UX0tJTkRfUkVTVU1FRBACEhQKEEVWRU5UX0tJTkRfUkVTRVQQAxIW",
-            "ChJFVkVOVF9LSU5EX0NMT1NJTkcQBBIZChVFVkVOVF9LSU5EX1RPT0xfVEFL",
-            "RU4QBRIcChhFVkVOVF9LSU5EX1RPT0xfUkVMRUFTRUQQBhIZChVFVkVOVF9L",
-            "SU5EX1JFQU5DSE9SRUQQBxIVChFFVkVOVF9LSU5EX0ZBSUxFRBAIEiAKHEVW",
-            "RU5UX0tJTkRfVE9MRVJBTkNFX0NIQU5HRUQQCRIfChtFVkVOVF9LSU5EX0NI",
-            "RUNLUE9JTlRfU0FWRUQQChIiCh5FVkVOVF9LSU5EX0NIRUNLUE9JTlRfUkVT",
-            "VE9SRUQQCxIZChVFVkVOVF9LSU5EX09WRVJMT0FERUQQDGIGcHJvdG8z"));
+            "D2NoZWNrcG9pbnRfbmFtZRgFIAEoCRISCgpsYXRlX3NoYXJlGAYgASgBEhYK",
+            "DnVuc29sdmVkX3N0ZXBzGAcgASgNEhkKEXJlbGF0aXZlX3Jlc2lkdWFsGAgg",
+            "ASgBEhUKDXVuc2V0dGxlZF9uX3MYCSABKAESEwoLcGllY2VfY291bnQYCiAB",
+            "KA0qdQoJRmF1bHRLaW5kEhoKFkZBVUxUX0tJTkRfVU5TUEVDSUZJRUQQABIZ",
+            "ChVGQVVMVF9LSU5EX05PREVfU1RBVEUQARIaChZGQVVMVF9LSU5EX1RPT0xf",
+            "V1JFTkNIEAISFQoRRkFVTFRfS0lORF9FTkVSR1kQAyqXAQoMU2Vzc2lvblN0",
+            "YXRlEh0KGVNFU1NJT05fU1RBVEVfVU5TUEVDSUZJRUQQABIZChVTRVNTSU9O",
+            "X1NUQVRFX1JVTk5JTkcQARIYChRTRVNTSU9OX1NUQVRFX1BBVVNFRBACEhkK",
+            "FVNFU1NJT05fU1RBVEVfQ0xPU0lORxADEhgKFFNFU1NJT05fU1RBVEVfRkFJ",
+            "TEVEEAQqowMKCUV2ZW50S2luZBIaChZFVkVOVF9LSU5EX1VOU1BFQ0lGSUVE",
+            "EAASFQoRRVZFTlRfS0lORF9QQVVTRUQQARIWChJFVkVOVF9LSU5EX1JFU1VN",
+            "RUQQAhIUChBFVkVOVF9LSU5EX1JFU0VUEAMSFgoSRVZFTlRfS0lORF9DTE9T",
+            "SU5HEAQSGQoVRVZFTlRfS0lORF9UT09MX1RBS0VOEAUSHAoYRVZFTlRfS0lO",
+            "RF9UT09MX1JFTEVBU0VEEAYSGQoVRVZFTlRfS0lORF9SRUFOQ0hPUkVEEAcS",
+            "FQoRRVZFTlRfS0lORF9GQUlMRUQQCBIgChxFVkVOVF9LSU5EX1RPTEVSQU5D",
+            "RV9DSEFOR0VEEAkSHwobRVZFTlRfS0lORF9DSEVDS1BPSU5UX1NBVkVEEAoS",
+            "IgoeRVZFTlRfS0lORF9DSEVDS1BPSU5UX1JFU1RPUkVEEAsSGQoVRVZFTlRf",
+            "S0lORF9PVkVSTE9BREVEEAwSFwoTRVZFTlRfS0lORF9VTlNPTFZFRBANEhcK",
+            "E0VWRU5UX0tJTkRfUFVUX0FXQVkQDmIGcHJvdG8z"));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { },
           new pbr::GeneratedClrTypeInfo(new[] {typeof(global::Kerf.V1.FaultKind), typeof(global::Kerf.V1.SessionState), typeof(global::Kerf.V1.EventKind), }, null, new pbr::GeneratedClrTypeInfo[] {
@@ -98,7 +102,7 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ScissorsSummary), global::Kerf.V1.ScissorsSummary.Parser, new[]{ "BladeLengthM", "BladeHeightM", "MaxAngleRad", "ThicknessM" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Limits), global::Kerf.V1.Limits.Parser, new[]{ "MaxPoseRateHz", "DefaultContactRateHz", "MaxContactRateHz", "MaxViewRateHz", "MaxToolSpeedMPerS", "WorkspaceMinM", "WorkspaceMaxM", "LeaseS", "MaxRejectedPosesInARow", "MaxContactAgeS" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Fault), global::Kerf.V1.Fault.Parser, new[]{ "Step", "Object", "Kind" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Event), global::Kerf.V1.Event.Parser, new[]{ "Step", "Kind", "ToolId", "RelativeTolerance", "CheckpointName", "LateShare" }, null, null, null, null)
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Event), global::Kerf.V1.Event.Parser, new[]{ "Step", "Kind", "ToolId", "RelativeTolerance", "CheckpointName", "LateShare", "UnsolvedSteps", "RelativeResidual", "UnsettledNS", "PieceCount" }, null, null, null, null)
           }));
     }
     #endregion
@@ -121,6 +125,10 @@ namespace Kerf.V1 {
     /// The wrench on a tool.
     /// </summary>
     [pbr::OriginalName("FAULT_KIND_TOOL_WRENCH")] ToolWrench = 2,
+    /// <summary>
+    /// The energy of a piece: far more than there was and than was worked.
+    /// </summary>
+    [pbr::OriginalName("FAULT_KIND_ENERGY")] Energy = 3,
   }
 
   /// <summary>
@@ -206,6 +214,15 @@ namespace Kerf.V1 {
     /// tissue every tool moves faster than the hand does, which changes forces that depend on speed.
     /// </summary>
     [pbr::OriginalName("EVENT_KIND_OVERLOADED")] Overloaded = 12,
+    /// <summary>
+    /// Steps were taken whose solve did not get to its tolerance, or whose contacts had not settled, though they were
+    /// retried. Told at most once a second.
+    /// </summary>
+    [pbr::OriginalName("EVENT_KIND_UNSOLVED")] Unsolved = 13,
+    /// <summary>
+    /// Pieces fell out of the scene's reach. They stay where they are, at rest and without weight.
+    /// </summary>
+    [pbr::OriginalName("EVENT_KIND_PUT_AWAY")] PutAway = 14,
   }
 
   #endregion
@@ -4792,6 +4809,10 @@ namespace Kerf.V1 {
       relativeTolerance_ = other.relativeTolerance_;
       checkpointName_ = other.checkpointName_;
       lateShare_ = other.lateShare_;
+      unsolvedSteps_ = other.unsolvedSteps_;
+      relativeResidual_ = other.relativeResidual_;
+      unsettledNS_ = other.unsettledNS_;
+      pieceCount_ = other.pieceCount_;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -4891,6 +4912,66 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "unsolved_steps" field.</summary>
+    public const int UnsolvedStepsFieldNumber = 7;
+    private uint unsolvedSteps_;
+    /// <summary>
+    /// Of EVENT_KIND_UNSOLVED: how many steps fell short since that was last told.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public uint UnsolvedSteps {
+      get { return unsolvedSteps_; }
+      set {
+        unsolvedSteps_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "relative_residual" field.</summary>
+    public const int RelativeResidualFieldNumber = 8;
+    private double relativeResidual_;
+    /// <summary>
+    /// Of EVENT_KIND_UNSOLVED: largest relative residual that a solve of these steps was left with.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public double RelativeResidual {
+      get { return relativeResidual_; }
+      set {
+        relativeResidual_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "unsettled_n_s" field.</summary>
+    public const int UnsettledNSFieldNumber = 9;
+    private double unsettledNS_;
+    /// <summary>
+    /// Of EVENT_KIND_UNSOLVED: largest norm of the impulses by which contacts were wrong at the end of one, N s.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public double UnsettledNS {
+      get { return unsettledNS_; }
+      set {
+        unsettledNS_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "piece_count" field.</summary>
+    public const int PieceCountFieldNumber = 10;
+    private uint pieceCount_;
+    /// <summary>
+    /// Of EVENT_KIND_PUT_AWAY: how many pieces.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public uint PieceCount {
+      get { return pieceCount_; }
+      set {
+        pieceCount_ = value;
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -4912,6 +4993,10 @@ namespace Kerf.V1 {
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(RelativeTolerance, other.RelativeTolerance)) return false;
       if (CheckpointName != other.CheckpointName) return false;
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(LateShare, other.LateShare)) return false;
+      if (UnsolvedSteps != other.UnsolvedSteps) return false;
+      if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(RelativeResidual, other.RelativeResidual)) return false;
+      if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(UnsettledNS, other.UnsettledNS)) return false;
+      if (PieceCount != other.PieceCount) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -4925,6 +5010,10 @@ namespace Kerf.V1 {
       if (RelativeTolerance != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(RelativeTolerance);
       if (CheckpointName.Length != 0) hash ^= CheckpointName.GetHashCode();
       if (LateShare != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(LateShare);
+      if (UnsolvedSteps != 0) hash ^= UnsolvedSteps.GetHashCode();
+      if (RelativeResidual != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(RelativeResidual);
+      if (UnsettledNS != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(UnsettledNS);
+      if (PieceCount != 0) hash ^= PieceCount.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -4967,6 +5056,22 @@ namespace Kerf.V1 {
         output.WriteRawTag(49);
         output.WriteDouble(LateShare);
       }
+      if (UnsolvedSteps != 0) {
+        output.WriteRawTag(56);
+        output.WriteUInt32(UnsolvedSteps);
+      }
+      if (RelativeResidual != 0D) {
+        output.WriteRawTag(65);
+        output.WriteDouble(RelativeResidual);
+      }
+      if (UnsettledNS != 0D) {
+        output.WriteRawTag(73);
+        output.WriteDouble(UnsettledNS);
+      }
+      if (PieceCount != 0) {
+        output.WriteRawTag(80);
+        output.WriteUInt32(PieceCount);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -5001,6 +5106,22 @@ namespace Kerf.V1 {
         output.WriteRawTag(49);
         output.WriteDouble(LateShare);
       }
+      if (UnsolvedSteps != 0) {
+        output.WriteRawTag(56);
+        output.WriteUInt32(UnsolvedSteps);
+      }
+      if (RelativeResidual != 0D) {
+        output.WriteRawTag(65);
+        output.WriteDouble(RelativeResidual);
+      }
+      if (UnsettledNS != 0D) {
+        output.WriteRawTag(73);
+        output.WriteDouble(UnsettledNS);
+      }
+      if (PieceCount != 0) {
+        output.WriteRawTag(80);
+        output.WriteUInt32(PieceCount);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -5028,6 +5149,18 @@ namespace Kerf.V1 {
       }
       if (LateShare != 0D) {
         size += 1 + 8;
+      }
+      if (UnsolvedSteps != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt32Size(UnsolvedSteps);
+      }
+      if (RelativeResidual != 0D) {
+        size += 1 + 8;
+      }
+      if (UnsettledNS != 0D) {
+        size += 1 + 8;
+      }
+      if (PieceCount != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt32Size(PieceCount);
       }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
@@ -5058,6 +5191,18 @@ namespace Kerf.V1 {
       }
       if (other.LateShare != 0D) {
         LateShare = other.LateShare;
+      }
+      if (other.UnsolvedSteps != 0) {
+        UnsolvedSteps = other.UnsolvedSteps;
+      }
+      if (other.RelativeResidual != 0D) {
+        RelativeResidual = other.RelativeResidual;
+      }
+      if (other.UnsettledNS != 0D) {
+        UnsettledNS = other.UnsettledNS;
+      }
+      if (other.PieceCount != 0) {
+        PieceCount = other.PieceCount;
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -5098,6 +5243,22 @@ namespace Kerf.V1 {
             LateShare = input.ReadDouble();
             break;
           }
+          case 56: {
+            UnsolvedSteps = input.ReadUInt32();
+            break;
+          }
+          case 65: {
+            RelativeResidual = input.ReadDouble();
+            break;
+          }
+          case 73: {
+            UnsettledNS = input.ReadDouble();
+            break;
+          }
+          case 80: {
+            PieceCount = input.ReadUInt32();
+            break;
+          }
         }
       }
     #endif
@@ -5135,6 +5296,22 @@ namespace Kerf.V1 {
           }
           case 49: {
             LateShare = input.ReadDouble();
+            break;
+          }
+          case 56: {
+            UnsolvedSteps = input.ReadUInt32();
+            break;
+          }
+          case 65: {
+            RelativeResidual = input.ReadDouble();
+            break;
+          }
+          case 73: {
+            UnsettledNS = input.ReadDouble();
+            break;
+          }
+          case 80: {
+            PieceCount = input.ReadUInt32();
             break;
           }
         }
