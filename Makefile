@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures test-all same-bits lint publish-protocol verify experiment extremes strokes bench performance peers
+.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures test-all same-bits lint publish-protocol verify experiment extremes strokes dice bench performance peers
 
 # Folder of scanned meshes for some of the tests and for `performance`, which leave them out where it is empty.
 TEST_SHARED ?= $(abspath $(wildcard ../shared))
@@ -159,3 +159,10 @@ strokes:
 	cargo run --release -p kerf-system-tests --bin strokes -- docs/strokes.md $(STROKES_MODELS) \
 		--strokes $(STROKES) --seed $(STROKES_SEED) --per-body $(STROKES_PER_BODY) \
 		--resolution $(STROKES_RESOLUTION) --bodies $(STROKES_BODIES)
+
+# Random dicings of five built-in scenes; writes docs/dicing.md. Two hundred of each take hours.
+DICINGS ?= 200
+DICE_SEED ?= 1
+DICE_ARGS ?=
+dice:
+	cargo run --release -p kerf-system-tests --bin dice -- docs/dicing.md --dicings $(DICINGS) --seed $(DICE_SEED) $(DICE_ARGS)

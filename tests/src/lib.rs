@@ -2,6 +2,7 @@
 //! physics against analytic and independent results; those that drive it to the ends of its ranges; what
 //! its steps cost; random strokes by the thousand; and one published experiment.
 
+pub mod dicing;
 pub mod experiment;
 pub mod extremes;
 pub mod performance;

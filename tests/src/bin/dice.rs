@@ -1,0 +1,104 @@
+//! Dices models at random and writes what came of it, as Markdown.
+
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result};
+use clap::Parser;
+use kerf_physics::Scene;
+use kerf_system_tests::dicing::campaign::{Tally, dice, model};
+use kerf_system_tests::dicing::report::Report;
+use kerf_system_tests::strokes::campaign::seeds;
+
+/// How long a run that is cut off may have gone on since it last left its figures.
+const REPORT_EVERY: Duration = Duration::from_secs(60);
+
+/// Dices each model at random; the same seed gives the same dicings.
+#[derive(Parser)]
+struct Options {
+    /// Where the report goes.
+    out: PathBuf,
+    /// Built-in scenes.
+    #[arg(default_values = ["liver", "liver-tissue", "gummy-bear", "cuboid", "jelly"])]
+    models: Vec<String>,
+    /// Dicings of each model.
+    #[arg(long, default_value_t = 200)]
+    dicings: usize,
+    /// Plunges of a dicing.
+    #[arg(long, default_value_t = 20)]
+    plunges: u32,
+    /// Chooses the dicings.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Voxels along a model's longest edge; absent: as many as it has.
+    #[arg(long)]
+    resolution: Option<u32>,
+    /// Threads, each with a dicing of its own.
+    #[arg(long, default_value_t = 2)]
+    threads: usize,
+}
+
+/// A run as it goes on: which dicing is next, what came of those before, and when that was last written.
+struct Run<'a> {
+    options: &'a Options,
+    scenes: &'a [Scene],
+    next: Mutex<std::vec::IntoIter<(usize, u64)>>,
+    done: Mutex<(Vec<(String, Vec<Tally>)>, Instant)>,
+}
+
+impl Run<'_> {
+    fn work(&self) -> Result<()> {
+        while let Some((index, seed)) = self.take() {
+            let tally = dice(&self.scenes[index], seed, self.options.plunges)?;
+            let mut done = self.done.lock().expect("no thread panics that holds it");
+            done.0[index].1.push(tally);
+            if done.1.elapsed() > REPORT_EVERY {
+                done.1 = Instant::now();
+                self.write(&mut done.0)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn take(&self) -> Option<(usize, u64)> {
+        self.next.lock().expect("no thread panics that holds it").next()
+    }
+
+    /// Writes the report of the dicings made, whichever came first in the order of their seeds.
+    fn write(&self, models: &mut [(String, Vec<Tally>)]) -> Result<()> {
+        let Options { out, dicings, plunges, seed, resolution, .. } = self.options;
+        let resolution = resolution.map_or(String::new(), |resolution| format!(" --resolution {resolution}"));
+        let names = models.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(" ");
+        let command = format!("dice {names} --dicings {dicings} --plunges {plunges} --seed {seed}{resolution}");
+        models.iter_mut().for_each(|(_, tallies)| tallies.sort_by_key(|tally| tally.seed));
+        let text = Report { command, models }.markdown();
+        let part = out.with_extension("part");
+        std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, out))?;
+        let made: Vec<String> = models.iter().map(|(name, tallies)| format!("{name} {}", tallies.len())).collect();
+        println!("{} of {dicings} each; see {}", made.join(", "), out.display());
+        Ok(())
+    }
+}
+
+fn main() -> Result<()> {
+    let options = Options::parse();
+    let scene = |name: &String| model(name, options.resolution).with_context(|| name.clone());
+    let scenes = options.models.iter().map(scene).collect::<Result<Vec<Scene>>>()?;
+    // Model after model: a run that is cut off has diced all of them about as often.
+    let all = seeds(options.seed).take(options.dicings).flat_map(|seed| (0..scenes.len()).map(move |of| (of, seed)));
+    let empty = options.models.iter().map(|name| (name.clone(), Vec::new())).collect();
+    let run = Run {
+        options: &options,
+        scenes: &scenes,
+        next: Mutex::new(all.collect::<Vec<_>>().into_iter()),
+        done: Mutex::new((empty, Instant::now())),
+    };
+    // A dicing that panics is a line of the report, not of the terminal.
+    std::panic::set_hook(Box::new(|_| ()));
+    std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..options.threads).map(|_| scope.spawn(|| run.work())).collect();
+        threads.into_iter().try_for_each(|thread| thread.join().expect("dicings' panics are caught"))
+    })?;
+    run.write(&mut run.done.lock().expect("no thread panics that holds it").0)
+}
