@@ -115,7 +115,7 @@ pub fn model(name: &str, resolution: Option<u32>) -> Result<Scene> {
     if resolution.is_some() {
         (object.voxel_size_m, object.resolution) = (None, resolution);
     }
-    let stats = World::new(&scene)?.object_stats()[0].clone();
+    let stats = World::new(&scene)?.object_stats()[0];
     let extent_m = Vec3::from(stats.rest_max_m) - Vec3::from(stats.rest_min_m);
     let width_m = REACH * extent_m.x.max(extent_m.z);
     let blade = BladeDesc { thickness_m: 1e-3, ..BladeDesc::straight(width_m, REACH * extent_m.y) };
@@ -136,7 +136,7 @@ pub fn dice(scene: &Scene, seed: u64, plunges: u32) -> Result<Tally> {
     scene.desc.rate_hz = RATES_HZ[rng.index(RATES_HZ.len())];
     let mut tally = Tally { seed, rate_hz: scene.desc.rate_hz, ..Tally::default() };
     let mut world = World::new(&scene)?;
-    let stats = world.object_stats()[0].clone();
+    let stats = world.object_stats()[0];
     let bounds_m = [stats.rest_min_m.into(), stats.rest_max_m.into()];
     let margin_m = 2.0 * world.bodies()[0].state.grid.voxel_size_m();
     let mut sums = Sums::default();

@@ -105,7 +105,8 @@ impl Body {
 
     /// Whether no element but this one has a node.
     fn is_lone(&self, element: usize, node: u32) -> bool {
-        let mut others = self.elements_at(self.base().nodes[node as usize]).into_iter().filter(|e| *e as usize != element);
+        let mut others =
+            self.elements_at(self.base().nodes[node as usize]).into_iter().filter(|e| *e as usize != element);
         others.all(|e| !self.base().elements[e as usize].nodes.contains(&node))
     }
 

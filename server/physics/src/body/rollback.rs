@@ -56,7 +56,8 @@ impl Body {
         let (all, least_j) = (self.energy(), self.state.rigid.least_stiff_j());
         let is_allowed =
             all.total_j() <= MOST_ENERGY_OF_ALL * available_j || all.total_j() <= LEAST_ENERGY_OF_EV * least_j;
-        if is_allowed && all.elastic_j < MOST_ENERGY_OF_EV * least_j && self.is_finite() {
+        let is_finite = all.total_j().is_finite() && self.is_finite();
+        if is_finite && is_allowed && all.elastic_j < MOST_ENERGY_OF_EV * least_j {
             return None;
         }
         let (elastic_j, kinetic_j) = (self.elastic_by_part_j(), self.kinetic_by_part_j());
@@ -69,7 +70,12 @@ impl Body {
             }
             from_nothing || !total_j.is_finite() || elastic_j[part] >= MOST_ENERGY_OF_EV * stiff_j
         };
-        let parts: Vec<bool> = self.state.rigid.stiff_j.iter().enumerate().map(is_lost).collect();
+        let mut parts: Vec<bool> = self.state.rigid.stiff_j.iter().enumerate().map(is_lost).collect();
+        if !parts.contains(&true) && !all.total_j().is_finite() {
+            // It is in no part, but in the room between them.
+            parts.fill(true);
+            what = FaultKind::NodeState;
+        }
         parts.contains(&true).then_some(Lost { parts, what })
     }
 
