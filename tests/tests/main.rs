@@ -1,5 +1,6 @@
 //! The system over real gRPC, and the quick part of what docs/*.md report.
 
+mod dicing;
 mod experiment;
 mod extremes;
 mod grpc;
