@@ -6,6 +6,7 @@ mod blade_shapes;
 mod blade_stiffness;
 mod blade_stiffness_sweep;
 mod budget;
+mod candidates;
 mod collapse;
 mod contact_model;
 mod cutting;

@@ -1,6 +1,7 @@
 //! Broad phase of tissue against tissue: a spatial hash of the patches of all surfaces.
 
 use crate::Vec3;
+use crate::body::Body;
 
 /// A patch of a body's surface where it is now.
 #[derive(Clone, Copy, Debug)]
@@ -17,9 +18,29 @@ pub struct PlacedPatch {
     pub normal: Vec3,
 }
 
+impl PlacedPatch {
+    /// A patch of a body, given by both their indices, with its nodes at `position_m`.
+    #[must_use]
+    pub fn of(body: &Body, position_m: &[[f64; 3]], [index, patch]: [u32; 2]) -> Self {
+        let data = &body.boundary().patches()[patch as usize];
+        let weights = body.weights(&data.point);
+        Self {
+            body: index,
+            patch,
+            at_m: weights.place_m(position_m),
+            velocity_m_per_s: weights.sum(&body.state.velocity_m_per_s),
+            normal: body.rotation(data.element as usize) * data.normal,
+        }
+    }
+}
+
 const NONE: u32 = u32::MAX;
 /// Buckets per patch, at least: few cells then share one.
 const BUCKETS_PER_PATCH: usize = 2;
+
+fn buckets(patches: usize) -> usize {
+    (BUCKETS_PER_PATCH * patches).next_power_of_two()
+}
 
 /// Patches by the cell of space that they lie in (Teschner et al. 2003).
 #[derive(Clone, Debug, Default)]
@@ -35,12 +56,11 @@ pub struct PatchHash {
 impl PatchHash {
     /// Room for so many patches.
     pub fn reserve(&mut self, patches: usize) {
-        self.clear();
-        self.placed.reserve(patches);
-        self.cells.reserve(patches);
-        self.next.reserve(patches);
-        self.heads.clear();
-        self.heads.resize((BUCKETS_PER_PATCH * patches).next_power_of_two(), NONE);
+        let more = patches.saturating_sub(self.placed.len());
+        self.placed.reserve(more);
+        self.cells.reserve(more);
+        self.next.reserve(more);
+        self.heads.reserve(buckets(patches).saturating_sub(self.heads.len()));
     }
 
     /// Empties it.
@@ -64,7 +84,10 @@ impl PatchHash {
     /// Sorts the patches into cells twice as wide as `reach_m`.
     pub fn build(&mut self, reach_m: f64) {
         self.cell_m = 2.0 * reach_m;
-        self.heads.fill(NONE);
+        self.heads.clear();
+        self.heads.resize(buckets(self.placed.len()), NONE);
+        self.cells.clear();
+        self.next.clear();
         for index in 0..self.placed.len() {
             let cell = self.cell(&self.placed[index].at_m);
             let bucket = self.bucket(cell);

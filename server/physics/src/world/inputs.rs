@@ -14,7 +14,7 @@ pub(super) fn take_edits(workers: &Workers<'_>, state: &mut State) {
         cut |= slot.take_edits(workers);
     }
     if cut {
-        state.follow_tissue();
+        state.follow_tissue_anew();
     }
 }
 

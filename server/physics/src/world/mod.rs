@@ -91,7 +91,7 @@ impl World {
             spring_stored_j: 0.0,
         };
         if state.slots.len() > 1 {
-            state.follow_tissue();
+            state.follow_tissue_anew();
         }
         let most_relative_residual = scene.desc.most_relative_residual();
         let reach = put_away::reach(state.bodies());

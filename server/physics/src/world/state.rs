@@ -34,7 +34,16 @@ impl State {
         self.slots.iter().map(|slot| &slot.body)
     }
 
-    /// Takes the surfaces as they are now to the contact of tissue with tissue, where there may be any.
+    /// Takes surfaces that were set from outside to the contact of tissue with tissue, where there may be any.
+    pub(super) fn follow_tissue_anew(&mut self) {
+        match &mut self.tissue {
+            Some(tissue) => tissue.follow_anew(&self.slots),
+            None => self.tissue = Some(TissueContacts::new(&self.slots)),
+        }
+        self.reserve_slots();
+    }
+
+    /// Takes what the parting of links changed in the surfaces to the contact of tissue with tissue.
     pub(super) fn follow_tissue(&mut self) {
         match &mut self.tissue {
             Some(tissue) => tissue.follow(&self.slots),

@@ -8,7 +8,7 @@ use crate::body::{Body, Lost};
 use crate::boundary::{Boundary, PatchKey, SurfacePatch};
 use crate::contact::candidates::Candidates;
 use crate::contact::ends::{TissueEnd, TissueEnds};
-use crate::contact::patch_hash::{PatchHash, PlacedPatch};
+use crate::contact::patch_hash::PlacedPatch;
 use crate::contact::press::{Approach, MARGIN_VOXELS, Meeting, PatchOf, Plane, approach, meet};
 use crate::contact::{Contact, ContactWeights, Friction, Misjudged, Mode, Solution, TissueContact};
 use crate::hash::StateHasher;
@@ -45,7 +45,6 @@ pub(super) struct TissueContacts {
     /// By body.
     carried: Vec<Carried>,
     candidates: Candidates,
-    hash: PatchHash,
     /// By candidate.
     placed: Vec<PlacedPatch>,
     /// By candidate; `None` where the tissue is crushed flat.
@@ -122,7 +121,6 @@ impl TissueContacts {
         let mut contact = Self {
             carried: vec![Carried::default(); slots.len()],
             candidates: Candidates::default(),
-            hash: PatchHash::default(),
             placed: Vec::new(),
             planes: Vec::new(),
             approaches: Vec::new(),
@@ -130,7 +128,7 @@ impl TissueContacts {
             bridges: Vec::new(),
             groups: PartGroups::default(),
         };
-        contact.follow(slots);
+        contact.follow_anew(slots);
         contact
     }
 
@@ -139,8 +137,20 @@ impl TissueContacts {
         self.carried.iter().map(|carried| carried.keys.len()).sum()
     }
 
-    /// Takes what the parting of links changed in the surfaces.
+    /// Takes surfaces that were set from outside.
+    pub(super) fn follow_anew(&mut self, slots: &[BodySlot]) {
+        self.candidates.forget();
+        self.carry(slots);
+    }
+
+    /// Takes what the parting of links changed in the surfaces in this step.
     pub(super) fn follow(&mut self, slots: &[BodySlot]) {
+        let changed: Vec<&[u32]> = slots.iter().map(|slot| slot.scratch.change.elements.as_slice()).collect();
+        self.candidates.follow(&bodies(slots).collect::<Vec<_>>(), &changed);
+        self.carry(slots);
+    }
+
+    fn carry(&mut self, slots: &[BodySlot]) {
         self.keep_sleeping(slots);
         self.carried.iter_mut().zip(bodies(slots)).for_each(|(carried, body)| carried.follow(body.boundary()));
         self.reserve(slots);
@@ -200,7 +210,6 @@ impl TissueContacts {
     pub(super) fn reserve(&mut self, slots: &[BodySlot]) {
         let most = self.most_springs();
         self.candidates.reserve(bodies(slots), most);
-        self.hash.reserve(most);
         self.placed.clear();
         self.placed.reserve(most);
         self.planes.clear();
@@ -222,9 +231,9 @@ impl TissueContacts {
         }
         self.placed.clear();
         self.planes.clear();
-        for &[body, patch] in self.candidates.patches() {
-            self.placed.push(place(slots, body, patch));
+        for [body, patch] in self.candidates.patches() {
             let of = &slots[body as usize].body;
+            self.placed.push(PlacedPatch::of(of, &of.state.position_m, [body, patch]));
             self.planes.push(Plane::of(of, &of.boundary().patches()[patch as usize]));
         }
         let mut approaches = std::mem::take(&mut self.approaches);
@@ -265,19 +274,15 @@ impl TissueContacts {
     /// Finds the patches that may meet another, of the bodies that are cut or near another.
     fn find_candidates(&mut self, slots: &[BodySlot], reach_m: f64) {
         let reach_m = self.candidates.begin(bodies(slots), reach_m);
-        self.hash.clear();
         for (index, body) in bodies(slots).enumerate() {
             let bounds = body.bounds().grown(most_travel_m(slots) + reach_m);
             let mut others = bodies(slots).enumerate().filter(|(other, _)| *other != index);
             if body.boundary().walls().len() == 0 && !others.any(|(_, other)| other.bounds().meets(&bounds)) {
                 continue;
             }
-            for patch in 0..body.boundary().patches().len() {
-                self.hash.push(place(slots, index as u32, patch as u32));
-            }
+            self.candidates.add(index, body);
         }
-        self.hash.build(reach_m);
-        self.candidates.find(&self.hash);
+        self.candidates.find();
     }
 
     /// The springs that act on a body.
@@ -359,19 +364,6 @@ impl TissueContacts {
     /// Springs of the last step; none where links parted in it.
     pub(super) fn springs(&self) -> &[TissueContact] {
         &self.springs
-    }
-}
-
-fn place(slots: &[BodySlot], body: u32, patch: u32) -> PlacedPatch {
-    let of = &slots[body as usize].body;
-    let data = &of.boundary().patches()[patch as usize];
-    let weights = of.weights(&data.point);
-    PlacedPatch {
-        body,
-        patch,
-        at_m: weights.place_m(&of.state.position_m),
-        velocity_m_per_s: weights.sum(&of.state.velocity_m_per_s),
-        normal: of.rotation(data.element as usize) * data.normal,
     }
 }
 
