@@ -111,6 +111,8 @@ impl Tally {
 /// There is no such scene, or it is refused so.
 pub fn model(name: &str, resolution: Option<u32>) -> Result<Scene> {
     let mut scene = catalog::builtin(name)?;
+    // On a coarser lattice they may lie in no voxel.
+    scene.desc.tracked_points.clear();
     let object = &mut scene.desc.objects[0];
     if resolution.is_some() {
         (object.voxel_size_m, object.resolution) = (None, resolution);
@@ -120,7 +122,6 @@ pub fn model(name: &str, resolution: Option<u32>) -> Result<Scene> {
     let width_m = REACH * extent_m.x.max(extent_m.z);
     let blade = BladeDesc { thickness_m: 1e-3, ..BladeDesc::straight(width_m, REACH * extent_m.y) };
     scene.desc.tools = vec![ToolDesc::blade("blade", blade)];
-    scene.desc.tracked_points.clear();
     scene.desc.solver.relative_tolerance = Some(TOLERANCE);
     scene.problems().into_iter().next().map_or(Ok(()), Err)?;
     Ok(scene)
