@@ -81,7 +81,7 @@ def test_what_is_refused_carries_its_field_and_limit(client, session):
     with pytest.raises(kerf.InvalidArgumentError) as refused:
         session.step(2, [{0: down()[0]}, {0: down()[1]}])
     assert refused.value.field == "inputs[1].motions[0].pose.pose.position_m"
-    assert refused.value.limit == "at most 0.0080 m from the last accepted pose"
+    assert refused.value.limit == "too fast: at most 0.0060 m from the last accepted pose"
     assert session.describe().step == 0, "no step is taken"
     with pytest.raises(kerf.NotFoundError, match="no scene"):
         client.create_session("no such scene")

@@ -1,7 +1,8 @@
-//! What a script hardly means: a tool that never comes near the tissue, positions in millimetres.
+//! What a script hardly means: a tool that never comes near the tissue, positions in millimetres, jumps.
 
 use kerf_physics::scene::wording::brief;
 use kerf_physics::{Scene, SceneError, Vec3, World};
+use kerf_session::PoseLimits;
 
 use crate::simulate::script::Script;
 use crate::tool_sweep;
@@ -46,7 +47,22 @@ pub fn of(file: &str, script: &Script, scene: &Scene, world: &World) -> Vec<Scen
         };
         Some(SceneError::Field { field: file.to_owned(), message })
     });
-    warnings.collect()
+    warnings.chain(jumps(file, script, scene)).collect()
+}
+
+/// Tools that go faster than a session lets a hand: there they would be lifted and put down again.
+fn jumps<'a>(file: &'a str, script: &'a Script, scene: &'a Scene) -> impl Iterator<Item = SceneError> + 'a {
+    let limit = PoseLimits::default().max_speed_m_per_s;
+    script.speeds_m_per_s().filter(move |(_, speed)| *speed > limit).map(move |(tool, speed)| {
+        let name = scene.desc.tools.get(tool).map_or("?", |tool| tool.name.as_str());
+        let message = format!(
+            "tool `{name}` moves at {} m/s; a session moves tools at {} m/s at most, and a step that does more does work \
+             that no hand could do",
+            brief(speed),
+            brief(limit)
+        );
+        SceneError::Field { field: file.to_owned(), message }
+    })
 }
 
 /// Distance between two boxes; 0 where they overlap.
@@ -83,8 +99,17 @@ mod tests {
     }
 
     #[test]
+    fn a_tool_that_jumps_is_told_with_the_speed_that_hands_have() {
+        let scene = catalog::builtin("jelly").unwrap();
+        let world = World::new(&scene).unwrap();
+        let script = Script::of_positions(&[(0.0, Vec3::new(0.0, 0.07, 0.0)), (0.01, Vec3::new(0.0, 0.02, 0.0))]);
+        let [warning] = &of("stroke.csv", &script, &scene, &world)[..] else { panic!("one warning") };
+        assert!(warning.to_string().contains("`blade` moves at 5 m/s; a session moves tools at 3 m/s"), "{warning}");
+    }
+
+    #[test]
     fn a_script_in_millimetres_is_recognised() {
-        let [warning] = &told([[0.0, 70.0, 0.0], [0.0, 20.0, 0.0]])[..] else { panic!("one warning") };
+        let [warning, _speed] = &told([[0.0, 70.0, 0.0], [0.0, 20.0, 0.0]])[..] else { panic!("two warnings") };
         assert!(warning.contains("look like millimetres: divide them by 1000"), "{warning}");
     }
 }

@@ -7,6 +7,7 @@ mod blade_stiffness;
 mod blade_stiffness_sweep;
 mod budget;
 mod candidates;
+mod clear;
 mod collapse;
 mod contact_model;
 mod cutting;

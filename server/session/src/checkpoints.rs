@@ -26,6 +26,8 @@ pub(crate) struct Checkpoint {
     pub snapshot: Snapshot,
     pub sim_time_s: f64,
     pub energy: EnergyStep,
+    /// By tool: steps that were asked for had placed it, and nobody held it.
+    pub placed_by_calls: Vec<bool>,
     /// Held as long as the checkpoint is kept.
     pub _memory: Reservation,
 }

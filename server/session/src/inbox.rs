@@ -15,6 +15,7 @@ use crate::limits::{SessionLimits, to_ns};
 use crate::lock::lock;
 use crate::player::{Position, Seek};
 use crate::pose_check::{PoseRefusal, PoseSample};
+use crate::reach::Placement;
 use crate::status::{SessionStatus, StepTallies};
 use crate::stepping::{StepInput, StepMotion, Stepped, Steps};
 use crate::tool_slot::{DriverId, Echo, ToolSlot};
@@ -65,10 +66,10 @@ pub(crate) enum CheckpointCommand {
 }
 
 /// Which poses a tick takes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Drain {
-    /// Poses are applied and leases run out.
-    Stepping,
+    /// Poses are applied in a step of this length, and leases run out.
+    Stepping { dt_s: f64 },
     /// The session stands: poses wait, leases are kept.
     Standing,
 }
@@ -223,33 +224,55 @@ impl Inbox {
         state.tools.iter().enumerate().filter(|(_, slot)| slot.driver().is_some()).map(|(tool, _)| tool).collect()
     }
 
-    /// Every tool is put down anew by its next motion: the world has lost its pose.
+    /// Every tool is put down anew: the world has lost its hold of them.
     pub fn reenter_tools(&self) {
         lock(&self.state).tools.iter_mut().for_each(ToolSlot::reenter);
     }
 
-    /// Tools that hands hold are put down anew by their next motion: they went on moving while the session stood.
-    pub fn reenter_driven_tools(&self) {
-        let mut state = lock(&self.state);
-        state.tools.iter_mut().filter(|slot| slot.driver().is_some()).for_each(ToolSlot::reenter);
+    /// The session has stood, and hands may have gone elsewhere with their tools.
+    pub fn tools_stood(&self) {
+        lock(&self.state).tools.iter_mut().for_each(ToolSlot::stood);
     }
 
-    /// Whether tools may do in coming steps of `dt_ns` what a call says of them.
-    pub fn check_inputs(&self, inputs: &[StepInput], dt_ns: u64) -> Result<(), SessionError> {
+    /// The world is at rest, without tools.
+    pub fn reset_tools(&self) {
+        lock(&self.state).tools.iter_mut().for_each(ToolSlot::reset);
+    }
+
+    /// The world is at another moment and has its tools at `places`; those of `by_calls` were placed by steps that were
+    /// asked for.
+    pub fn take_tools_back(&self, places: impl Iterator<Item = Option<Placement>>, by_calls: &[bool]) {
+        let mut state = lock(&self.state);
+        let slots = state.tools.iter_mut().zip(places).zip(by_calls);
+        slots.for_each(|((slot, placed), by_calls)| slot.go_back(placed, *by_calls));
+    }
+
+    /// By tool, whether steps that were asked for have placed it.
+    pub fn placed_by_calls(&self) -> Vec<bool> {
+        lock(&self.state).tools.iter().map(ToolSlot::is_placed_by_calls).collect()
+    }
+
+    /// The tool that the tick was to put down stays out of the scene for this step; `jumped` as the tick had it.
+    pub fn keep_out(&self, tool: usize, jumped: bool) {
+        lock(&self.state).tools[tool].keep_out(jumped);
+    }
+
+    /// Whether tools may do in coming steps of `dt_s` what a call says of them.
+    pub fn check_inputs(&self, inputs: &[StepInput], dt_s: f64) -> Result<(), SessionError> {
         let mut trial = lock(&self.state).tools.clone();
         let mut inputs = inputs.iter().enumerate();
-        inputs.try_for_each(|(index, input)| follow(&mut trial, index, input, dt_ns, &self.limits))
+        inputs.try_for_each(|(index, input)| {
+            follow(&mut trial, index, input, dt_s, &self.limits)?;
+            for slot in &mut trial {
+                slot.take_motion(dt_s, &self.limits.pose);
+            }
+            Ok(())
+        })
     }
 
-    /// Takes tools to where the coming step of `dt_ns` has them; `index` is the place of the step in its call.
-    pub fn follow(&self, index: usize, input: &StepInput, dt_ns: u64) -> Result<(), SessionError> {
-        follow(&mut lock(&self.state).tools, index, input, dt_ns, &self.limits)
-    }
-
-    /// Every tool is lifted in the next step, or put down where its newest pose has it: the world is at
-    /// another moment, and its tools with it.
-    pub fn withdraw_tools(&self) {
-        lock(&self.state).tools.iter_mut().for_each(ToolSlot::withdraw);
+    /// Takes tools to where the coming step of `dt_s` has them; `index` is the place of the step in its call.
+    pub fn follow(&self, index: usize, input: &StepInput, dt_s: f64) -> Result<(), SessionError> {
+        follow(&mut lock(&self.state).tools, index, input, dt_s, &self.limits)
     }
 
     /// Leases run from now on, after a time in which nobody had to speak.
@@ -281,9 +304,9 @@ impl Inbox {
         tick.drivers = state.drivers;
         for (tool, slot) in state.tools.iter_mut().enumerate() {
             let mut jumped = false;
-            if mode == Drain::Stepping {
+            if let Drain::Stepping { dt_s } = mode {
                 slot.expire(now_ns, lease_ns);
-                if let Some(next) = slot.take_motion() {
+                if let Some(next) = slot.take_motion(dt_s, &self.limits.pose) {
                     tick.inputs.push(ToolInput { tool, motion: next.motion });
                     jumped = next.jumped;
                 }
@@ -308,7 +331,7 @@ fn follow(
     slots: &mut [ToolSlot],
     index: usize,
     input: &[StepMotion],
-    dt_ns: u64,
+    dt_s: f64,
     limits: &SessionLimits,
 ) -> Result<(), SessionError> {
     let tools = slots.len();
@@ -319,7 +342,7 @@ fn follow(
             Ok(slot) if slot.driver().is_some() => {
                 return Err(SessionError::ToolTaken { tool, lease_s: limits.lease_s });
             }
-            Ok(slot) => slot.follow(motion.to.as_ref(), dt_ns, &limits.pose),
+            Ok(slot) => slot.follow(motion.to.as_ref(), dt_s, &limits.pose),
             Err(refusal) => Err(refusal),
         };
         followed.map_err(|refusal| SessionError::refused_input(index, place, motion.to.is_some(), &refusal))?;
@@ -333,6 +356,8 @@ mod tests {
     use kerf_physics::Vec3;
     use kerf_physics::step_io::ToolMotion;
     use kerf_physics::tool::Pose;
+
+    const STEPPING: Drain = Drain::Stepping { dt_s: 2e-3 };
 
     fn inbox(tools: usize) -> Inbox {
         Inbox::new(tools, SessionLimits { max_commands: 2, max_drivers: 2, ..SessionLimits::default() })
@@ -387,9 +412,9 @@ mod tests {
         let inbox = inbox(1);
         let a = inbox.connect_driver().unwrap();
         inbox.submit(a, 0, &at(1, 0.0), 0).unwrap();
-        drained(&inbox, Drain::Stepping, 0);
+        drained(&inbox, STEPPING, 0);
         inbox.disconnect_driver(a);
-        let tick = drained(&inbox, Drain::Stepping, 1);
+        let tick = drained(&inbox, STEPPING, 1);
         assert_eq!(tick.inputs, [ToolInput { tool: 0, motion: ToolMotion::Lift }]);
         assert_eq!((tick.drivers, tick.holders[0]), (0, None));
     }
@@ -401,7 +426,7 @@ mod tests {
         inbox.submit(a, 0, &at(1, 0.0), 0).unwrap();
         let hour_ns = 3_600_000_000_000;
         assert_eq!(drained(&inbox, Drain::Standing, hour_ns).holders, [Some(a)]);
-        assert_eq!(drained(&inbox, Drain::Stepping, hour_ns).holders, [None]);
+        assert_eq!(drained(&inbox, STEPPING, hour_ns).holders, [None]);
         assert!(inbox.take_eviction(a, 0));
     }
 
@@ -410,7 +435,7 @@ mod tests {
         let inbox = inbox(1);
         let (a, b) = (inbox.connect_driver().unwrap(), inbox.connect_driver().unwrap());
         inbox.submit(a, 0, &at(5, 0.0), 0).unwrap();
-        drained(&inbox, Drain::Stepping, 3_000_000_000);
+        drained(&inbox, STEPPING, 3_000_000_000);
         inbox.submit(a, 0, &at(6, 0.4), 3_000_000_000).unwrap();
         assert!(!inbox.take_eviction(a, 0));
         assert!(matches!(inbox.submit(b, 0, &at(1, 0.0), 3_000_000_000), Err(PoseRefusal::ToolTaken { .. })));
@@ -421,11 +446,11 @@ mod tests {
         let inbox = inbox(1);
         let a = inbox.connect_driver().unwrap();
         inbox.submit(a, 0, &at(1, 0.0), 0).unwrap();
-        drained(&inbox, Drain::Stepping, 0);
+        drained(&inbox, STEPPING, 0);
         inbox.submit(a, 0, &at(2, 0.05), 40_000_000).unwrap();
         assert!(drained(&inbox, Drain::Standing, 50_000_000).inputs.is_empty());
-        inbox.reenter_driven_tools();
-        let tick = drained(&inbox, Drain::Stepping, 50_000_000);
+        inbox.tools_stood();
+        let tick = drained(&inbox, STEPPING, 50_000_000);
         assert!(matches!(tick.inputs[0].motion, ToolMotion::EnterAt { .. }));
     }
 }

@@ -23,6 +23,7 @@ pub mod pacer;
 pub mod player;
 pub mod pose_check;
 mod prepare;
+mod reach;
 pub mod registry;
 pub mod resimulation;
 pub mod session;

@@ -63,6 +63,8 @@ pub struct ToolReport {
     pub echo: Option<Echo>,
     /// How often the tool was put down after a jump.
     pub jumps: u64,
+    /// It is lifted although a pose has it in the scene: there is tissue. It enters with a pose that is clear of it.
+    pub waits: bool,
 }
 
 /// Where everything is.

@@ -321,7 +321,8 @@ impl Player {
     fn shown(&self) -> Stepped {
         let ViewState { step, sim_time_s, topology_version, energy, .. } = self.shown.state;
         let tools = self.shown.state.tools.clone();
-        let outcome = StepOutcome { step, sim_time_s, tools, energy, tracked_displacement_m: Vec::new() };
+        let waits = vec![false; tools.len()];
+        let outcome = StepOutcome { step, sim_time_s, tools, waits, energy, tracked_displacement_m: Vec::new() };
         Stepped { outcomes: vec![outcome], topology_version, state_hash: 0 }
     }
 

@@ -4,6 +4,7 @@
 use kerf_physics::tool::{Pose, PoseError};
 
 use crate::limits::PoseLimits;
+use crate::reach::{Placement, Reach};
 
 /// Where a driver says that a tool is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,6 +17,12 @@ pub struct PoseSample {
     pub pose: Pose,
     /// Fraction of their full opening that the tool's jaws take, 0 (closed) to 1; what has none ignores it.
     pub opening: f64,
+}
+
+impl PoseSample {
+    pub(crate) fn placement(&self) -> Placement {
+        Placement { pose: self.pose, opening: self.opening }
+    }
 }
 
 /// A sample that passed, and when it arrived.
@@ -121,8 +128,10 @@ impl PoseRefusal {
             Self::NoPose(PoseError::NoRotation { tolerance, .. }) => format!("norm within {tolerance} of 1"),
             Self::OutsideWorkspace { limit_m, .. } => format!("within {limit_m} m of the origin on each axis"),
             Self::NoOpening { .. } => "between 0 and 1".into(),
-            Self::TooFast { limit_m, .. } => format!("at most {limit_m:.4} m from the last accepted pose"),
-            Self::TurnedTooFast { limit_rad, .. } => format!("at most {limit_rad:.4} rad from the last accepted pose"),
+            Self::TooFast { limit_m, .. } => format!("too fast: at most {limit_m:.4} m from the last accepted pose"),
+            Self::TurnedTooFast { limit_rad, .. } => {
+                format!("too fast: at most {limit_rad:.4} rad from the last accepted pose")
+            }
         }
     }
 }
@@ -143,18 +152,8 @@ pub(crate) fn check_place(sample: &PoseSample, limits: &PoseLimits) -> Result<()
 /// Whether the tool can have moved from one pose to the other.
 pub(crate) fn check_motion(from: &TimedPose, to: &TimedPose, limits: &PoseLimits) -> Result<(), PoseRefusal> {
     let elapsed_s = elapsed_s(from, to).min(limits.speed_window_s);
-    let (from, to) = (&from.sample.pose, &to.sample.pose);
-    let moved_m = (to.position_m - from.position_m).norm();
-    let limit_m = limits.max_speed_m_per_s * elapsed_s + limits.position_slack_m;
-    if moved_m > limit_m {
-        return Err(PoseRefusal::TooFast { moved_m, limit_m });
-    }
-    let turned_rad = from.orientation.angle_to(&to.orientation);
-    let limit_rad = limits.max_angular_speed_rad_per_s * elapsed_s + limits.rotation_slack_rad;
-    if turned_rad > limit_rad {
-        return Err(PoseRefusal::TurnedTooFast { turned_rad, limit_rad });
-    }
-    Ok(())
+    let reach = Reach::within(elapsed_s, limits).plus(Reach::slack(limits));
+    reach.check(&from.sample.pose, &to.sample.pose)
 }
 
 /// The longer of what the server's and the client's clock say: poses that a network held up arrive

@@ -46,6 +46,8 @@ pub struct StepOutcome {
     pub sim_time_s: f64,
     /// One entry per tool of the scene.
     pub tools: Vec<ToolOutput>,
+    /// By tool: see [`crate::ToolReport::waits`].
+    pub waits: Vec<bool>,
     /// Energy booked since the scene was at rest.
     pub energy: EnergyStep,
     /// Displacement of each tracked point, m.

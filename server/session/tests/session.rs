@@ -215,7 +215,7 @@ async fn a_recorded_cut_leads_to_the_same_state_once_more() {
     for seq in 2..=70 {
         use_pose(&driver, 0, &placed([0.0, 0.012 - 2e-4 * seq as f64, 4e-4], askew(seq))).await;
         match seq {
-            20 => use_pose(&driver, 1, &pose(seq, 0.3)).await,
+            20 => use_pose(&driver, 1, &pose(seq, 0.05)).await,
             40 => driver.lift(1).unwrap(),
             50 => {
                 // Tools go on while the session stands, and are put down where they are then.
@@ -265,7 +265,10 @@ async fn two_drivers_hold_and_cut_the_same_tissue() {
     let closed =
         |seq, x_m| PoseSample { opening: 0.0, ..placed([held_at[0] + x_m, held_at[1], held_at[2]], pose(seq, 0.0)) };
     use_pose(&hand, 2, &placed(held_at, pose(1, 0.0))).await;
-    for seq in 2..=20 {
+    use_pose(&hand, 2, &closed(2, 0.0)).await;
+    // Jaws take their time.
+    report_where(&hand, |report| report.tools[2].output.grasp == Grasp::Holding).await;
+    for seq in 3..=20 {
         use_pose(&hand, 2, &closed(seq, 5e-5 * seq as f64)).await;
         assert_eq!(hand.last_report().unwrap().tools[2].output.grasp, Grasp::Holding);
     }
@@ -281,7 +284,7 @@ async fn two_drivers_hold_and_cut_the_same_tissue() {
     assert!(session.describe().await.unwrap().topology_version > 0, "the blade cuts meanwhile");
     assert_eq!((cut.tools[0].echo.unwrap().seq, cut.tools[2].echo.unwrap().seq), (60, 80));
     use_pose(&hand, 2, &PoseSample { opening: 1.0, ..closed(81, 1e-3) }).await;
-    assert_eq!(hand.last_report().unwrap().tools[2].output.grasp, Grasp::Nothing);
+    report_where(&hand, |report| report.tools[2].output.grasp == Grasp::Nothing).await;
     session.pause().await.unwrap();
     let (entries, _) = session.take_reel().unwrap().tape.take();
     Resimulation::new(session.scene()).unwrap().follow(&Workers::serial(), &entries).unwrap();

@@ -203,18 +203,14 @@ async fn replicas_have_the_servers_surface_at_every_version_of_a_cut() {
 }
 
 #[tokio::test]
-async fn a_blade_first_seen_in_the_tissue_stands_in_a_slit_and_cuts_on() {
+async fn a_blade_first_seen_in_the_tissue_cuts_nothing_before_it_was_clear() {
     let mut harness = Harness::with(no_expiry).await;
     let session = harness.create().await.unwrap();
     let mut stroke = Stroke::begin(&harness, &session).await;
-    stroke.press(MIDDLE_M, MIDDLE_M).await;
-    let slit = harness.describe(&session).await.topology_version;
-    assert!(slit > 0, "the slit that it stands in is open");
-    stroke.press(MIDDLE_M, 0.0).await;
-    let contact = stroke.station.contact_where(|_| true).await;
-    let force_n = contact.wrench.and_then(|wrench| wrench.force_n).expect("a wrench").y;
-    assert!(force_n > 0.0, "{force_n} N against the blade");
-    assert!(harness.describe(&session).await.topology_version > slit, "it cuts on");
+    stroke.press(MIDDLE_M, FOOT_M).await;
+    assert_eq!(harness.describe(&session).await.topology_version, 0, "it waits until it is clear");
+    stroke.press(ABOVE_M, FOOT_M).await;
+    assert!(harness.describe(&session).await.topology_version > 0, "it cuts");
 }
 
 #[tokio::test]

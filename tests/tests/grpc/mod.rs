@@ -1,5 +1,6 @@
 //! The server over real gRPC on loopback: what clients do to it, and that it harms nobody else.
 
+mod anew;
 mod browser;
 mod bystander;
 mod checkpoints;

@@ -16,7 +16,7 @@ class KerfError(Exception):
         field: Path of the field that is at fault, as on the wire (`"inputs[0].motions[0].pose.pose.position_m"`);
             empty where no field is.
         limit: The limit that was not kept: a setting of the server (`"max_sessions"`), or words for people
-            (`"at most 0.0080 m from the last accepted pose"`); empty where there is none.
+            (`"too fast: at most 0.0060 m from the last accepted pose"`); empty where there is none.
     """
 
     def __init__(self, message: str, *, field: str = "", limit: str = "") -> None:

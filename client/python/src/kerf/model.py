@@ -38,6 +38,7 @@ class ContactFlags(IntFlag):
     LATE = control_pb2.CONTACT_FLAG_LATE
     HOLDING = control_pb2.CONTACT_FLAG_HOLDING
     SLIPPED = control_pb2.CONTACT_FLAG_SLIPPED
+    WAITS_UNTIL_CLEAR = control_pb2.CONTACT_FLAG_WAITS_UNTIL_CLEAR
 
 
 @dataclass(frozen=True)

@@ -178,7 +178,7 @@ class Session:
         return self._transport.call("SessionService/SaveCheckpoint", request, pb.SaveCheckpointResponse).step
 
     def restore_checkpoint(self, name: str) -> int:
-        """Goes back to a checkpoint, every tool lifted; its step."""
+        """Goes back to a checkpoint, with the tools that this has placed where they were; its step."""
         if self._recorder is not None:
             raise KerfError("a drive that is recorded cannot go back to a checkpoint; it can be reset")
         request = pb.RestoreCheckpointRequest(session_id=self.id, name=name)

@@ -39,7 +39,7 @@ pub fn contact(
 ) -> v1::Contact {
     let of_tool = report.tools.get(tool).copied().unwrap_or_default();
     let echo = of_tool.echo.filter(|echo| echo.driver == driver);
-    let felt = felt(report.step, report.sim_time_s, tool, &of_tool.output, BLENDED_SHARE / rate_hz);
+    let felt = felt((report.step, report.sim_time_s), tool, (&of_tool.output, of_tool.waits), BLENDED_SHARE / rate_hz);
     v1::Contact {
         echo_seq: echo.map_or(0, |echo| echo.seq),
         echo_ns: echo.map_or(0, |echo| echo.client_ns),
@@ -51,9 +51,16 @@ pub fn contact(
     }
 }
 
-/// What a tool feels after a step, whoever is told of it; over `blend_time_s` a station goes over to its model.
-pub fn felt(step: u64, sim_time_s: f64, tool: usize, output: &ToolOutput, blend_time_s: f64) -> v1::Contact {
-    let lifted = output.pose.is_none().then_some(v1::ContactFlag::Lifted as u32);
+/// What a tool feels after a step, whoever is told of it, and whether it waits until it is clear of tissue; over
+/// `blend_time_s` a station goes over to its model.
+pub fn felt(
+    (step, sim_time_s): (u64, f64),
+    tool: usize,
+    (output, waits): (&ToolOutput, bool),
+    blend_time_s: f64,
+) -> v1::Contact {
+    let lifted = if output.pose.is_none() { v1::ContactFlag::Lifted as u32 } else { 0 };
+    let waits = if waits { v1::ContactFlag::WaitsUntilClear as u32 } else { 0 };
     let grasp = match output.grasp {
         Grasp::Nothing => 0,
         Grasp::Holding => v1::ContactFlag::Holding as u32,
@@ -66,7 +73,7 @@ pub fn felt(step: u64, sim_time_s: f64, tool: usize, output: &ToolOutput, blend_
         wrench: Some(wrench(&output.wrench)),
         model: output.contact.as_ref().map(|model| contact_model(model, blend_time_s)),
         cutting_length_m: output.cutting_length_m as f32,
-        flags: lifted.unwrap_or(0) | grasp,
+        flags: lifted | waits | grasp,
         ..v1::Contact::default()
     }
 }

@@ -59,11 +59,12 @@ pub fn step_response(stepped: &Stepped) -> v1::StepSessionResponse {
 
 fn outcome(outcome: &StepOutcome) -> v1::StepOutcome {
     let StepOutcome { step, sim_time_s, .. } = *outcome;
-    let contact = |(tool, output)| felt(step, sim_time_s, tool, output, 0.0);
+    let tools = outcome.tools.iter().zip(outcome.waits.iter().copied()).enumerate();
+    let contact = |(tool, of_tool)| felt((step, sim_time_s), tool, of_tool, 0.0);
     v1::StepOutcome {
         step,
         sim_time_s,
-        contacts: outcome.tools.iter().enumerate().map(contact).collect(),
+        contacts: tools.map(contact).collect(),
         energy: Some(energy_ledger(&outcome.energy)),
         tracked_displacements_m: outcome.tracked_displacement_m.iter().map(vec3).collect(),
     }

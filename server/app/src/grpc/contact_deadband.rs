@@ -3,8 +3,8 @@
 //! its station has to know where it was.
 
 use kerf_physics::Vec3;
-use kerf_physics::step_io::{ContactModel, ToolOutput};
-use kerf_session::StepReport;
+use kerf_physics::step_io::ContactModel;
+use kerf_session::{StepReport, ToolReport};
 
 use crate::status::RequestError;
 
@@ -20,7 +20,7 @@ pub struct ContactDeadband {
     share: f64,
     keep_alive_ns: u64,
     told_ns: u64,
-    told: Vec<ToolOutput>,
+    told: Vec<ToolReport>,
 }
 
 impl ContactDeadband {
@@ -53,14 +53,14 @@ impl ContactDeadband {
                 .told
                 .iter()
                 .zip(tools)
-                .any(|(told, &tool)| report.tools.get(tool).is_none_or(|now| !self.is_predicted(told, &now.output)))
+                .any(|(told, &tool)| report.tools.get(tool).is_none_or(|now| !self.is_predicted(told, now)))
     }
 
     /// This report is told.
     pub fn tell(&mut self, report: &StepReport, tools: &[usize]) {
         self.told_ns = report.ended_ns;
         self.told.clear();
-        self.told.extend(tools.iter().filter_map(|&tool| report.tools.get(tool)).map(|of_tool| of_tool.output));
+        self.told.extend(tools.iter().filter_map(|&tool| report.tools.get(tool)));
     }
 
     /// Whether a station knows when the cut begins as well as it knows the force.
@@ -71,8 +71,11 @@ impl ContactDeadband {
         }
     }
 
-    fn is_predicted(&self, told: &ToolOutput, now: &ToolOutput) -> bool {
-        let is_alike = told.pose.is_some() == now.pose.is_some()
+    fn is_predicted(&self, told: &ToolReport, now: &ToolReport) -> bool {
+        let waits_alike = told.waits == now.waits;
+        let (told, now) = (&told.output, &now.output);
+        let is_alike = waits_alike
+            && told.pose.is_some() == now.pose.is_some()
             && told.grasp == now.grasp
             && match (&told.contact, &now.contact) {
                 (Some(told), Some(now)) => is_as_stiff(told, now) && self.gives_alike(told, now),
@@ -118,9 +121,8 @@ fn force_n(model: &ContactModel, moved_m: &Vec3) -> Vec3 {
 
 #[cfg(test)]
 mod tests {
-    use kerf_physics::step_io::{Give, Wrench};
+    use kerf_physics::step_io::{Give, ToolOutput, Wrench};
     use kerf_physics::tool::Pose;
-    use kerf_session::ToolReport;
 
     use super::*;
 
@@ -185,6 +187,9 @@ mod tests {
             change(&mut now.tools[0].output);
             assert!(deadband.is_news(&now, &[0]));
         }
+        let mut waiting = report(4, 0.002);
+        waiting.tools[0].waits = true;
+        assert!(deadband.is_news(&waiting, &[0]));
     }
 
     #[test]

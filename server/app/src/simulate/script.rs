@@ -39,6 +39,11 @@ impl Script {
         self.tracks.iter().map(Track::end_s).fold(0.0, f64::max)
     }
 
+    /// Tools that it moves, with the greatest speed of their reference points, m/s.
+    pub fn speeds_m_per_s(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
+        self.tracks.iter().map(|track| (track.tool_id as usize, track.max_speed_m_per_s()))
+    }
+
     /// What each tool does in the step that ends at `time_s`. A tool enters where its first key has it and moves from
     /// the step after on: were it put down where it is at the step's end, it might have jumped the tissue's surface.
     pub fn advance(&mut self, time_s: f64) -> Vec<ToolInput> {

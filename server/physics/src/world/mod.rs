@@ -4,6 +4,7 @@ mod activity;
 mod blade_contact;
 mod body_slot;
 mod brake;
+mod clear;
 mod contact_model;
 mod description;
 mod detection;

@@ -11,6 +11,7 @@ use crate::math::Aabb;
 use crate::stage::{Lap, Stage, StageClock};
 use crate::surface::Surface;
 use crate::surface::delta::{AdaptedVertex, Keyframe, TopologyPatch};
+use crate::tool::Pose;
 use crate::view::View;
 
 /// What an object of a scene consists of.
@@ -93,6 +94,11 @@ impl World {
             }
         };
         self.state.slots.iter().map(stats).collect()
+    }
+
+    /// Where each tool is, and the fraction of their full opening that its jaws take; `None`: it is lifted.
+    pub fn tool_places(&self) -> impl Iterator<Item = Option<(Pose, f64)>> + '_ {
+        self.state.tools.iter().map(|tool| tool.pose.map(|pose| (pose, tool.opening)))
     }
 
     /// Whether an object sleeps: it was at rest, and steps leave it as it is until something wakes it.

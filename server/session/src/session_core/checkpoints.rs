@@ -7,6 +7,7 @@ use crate::checkpoints::Checkpoint;
 use crate::error::SessionError;
 use crate::inbox::CheckpointCommand;
 use crate::outbox::SceneEvent;
+use crate::reach::Placement;
 use crate::status::Phase;
 
 impl SessionCore {
@@ -39,15 +40,21 @@ impl SessionCore {
         let memory = self.admitted.memory.checkpoint()?;
         let output = self.world.output();
         let (step, sim_time_s) = (output.step, output.sim_time_s);
-        let checkpoint =
-            Checkpoint { snapshot: self.world.snapshot(), sim_time_s, energy: self.tally.energy, _memory: memory };
+        let checkpoint = Checkpoint {
+            snapshot: self.world.snapshot(),
+            sim_time_s,
+            energy: self.tally.energy,
+            placed_by_calls: self.inbox.placed_by_calls(),
+            _memory: memory,
+        };
         self.checkpoints.save(name.clone(), checkpoint)?;
         self.publisher.event(step, SceneEvent::CheckpointSaved(name.into()));
         Ok(step)
     }
 
-    /// Back to a checkpoint, every tool lifted; a failed session stands afterwards, others go on as they
-    /// were. Answers with the step that the scene is at then.
+    /// Back to a checkpoint; a failed session stands afterwards, others go on as they were. Hands are where they are now:
+    /// a tool goes on in one that is where the tool was then, and is lifted from others. Answers with the step that the
+    /// scene is at then.
     fn restore_checkpoint(&mut self, name: &str) -> Result<u64, SessionError> {
         let checkpoint = self.checkpoints.get(name)?;
         self.world.restore(&checkpoint.snapshot);
@@ -55,8 +62,8 @@ impl SessionCore {
         let name: Arc<str> = name.into();
         self.tally.restores += 1;
         self.tally.last_restored = Some(Arc::clone(&name));
-        // Hands are where they are now, not where they were then.
-        self.inbox.withdraw_tools();
+        let places = self.world.tool_places().map(|place| place.map(|(pose, opening)| Placement { pose, opening }));
+        self.inbox.take_tools_back(places, &checkpoint.placed_by_calls);
         self.begin_anew(SceneEvent::CheckpointRestored(name));
         Ok(self.world.output().step)
     }

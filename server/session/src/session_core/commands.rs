@@ -62,7 +62,7 @@ impl SessionCore {
             Phase::Failed { message } => return Err(SessionError::Failed { message: message.to_string() }),
             Phase::Paused => {
                 self.forget_owed();
-                self.inbox.reenter_driven_tools();
+                self.inbox.tools_stood();
                 self.interrupted = true;
                 self.set_phase(Phase::Running, SceneEvent::Resumed);
             }
@@ -80,7 +80,7 @@ impl SessionCore {
         self.governor = Governor::of(&self.scene.desc);
         self.pacer = pacer(&self.scene, &self.limits);
         self.resets += 1;
-        self.inbox.reenter_tools();
+        self.inbox.reset_tools();
         self.begin_anew(SceneEvent::Reset);
         Ok(())
     }
@@ -91,6 +91,7 @@ impl SessionCore {
         self.interrupted = true;
         // No step has led here: what tools felt before is of another world.
         self.tally.ended_ns = 0;
+        self.waits.fill(false);
         self.forget_owed();
         self.views.forget_patch();
         self.publisher.start_over();

@@ -26,7 +26,7 @@ fn session_with(desc: SceneDesc, step_ns: u64) -> VirtualSession {
     session
 }
 
-fn session() -> VirtualSession {
+pub(super) fn session() -> VirtualSession {
     session_with(block(), MS / 10)
 }
 
@@ -37,12 +37,12 @@ fn at(height_m: f64) -> StepInput {
 }
 
 /// Down through the block, a pose a step, and out again.
-fn stroke() -> Vec<StepInput> {
+pub(super) fn stroke() -> Vec<StepInput> {
     let down = (0..110).map(|step| at(0.012 - 2e-4 * f64::from(step)));
     down.chain([vec![StepMotion { tool: 0, to: None }]]).collect()
 }
 
-fn steps(inputs: &[StepInput]) -> Steps {
+pub(super) fn steps(inputs: &[StepInput]) -> Steps {
     Steps { count: inputs.len() as u32, inputs: inputs.to_vec() }
 }
 
@@ -88,8 +88,8 @@ fn a_call_whose_inputs_are_not_all_valid_takes_no_step_and_names_the_field() {
         Err(SessionError::Input { path, limit }) => format!("{path}: {limit}"),
         other => panic!("{other:?}"),
     };
-    // 3 m/s for the 2 ms of a step, and 2 mm.
-    let jump = "inputs[2].motions[0].pose.pose.position_m: at most 0.0080 m from the last accepted pose";
+    // 3 m/s for the 2 ms of a step.
+    let jump = "inputs[2].motions[0].pose.pose.position_m: too fast: at most 0.0060 m from the last accepted pose";
     assert_eq!(refused(&[at(0.012), at(0.010), at(0.001)]), jump);
     assert!(refused(&[at(7.0)]).starts_with("inputs[0].motions[0].pose.pose.position_m: within 1 m"));
     let no_tool = [vec![StepMotion { tool: 9, to: None }]];
@@ -181,4 +181,12 @@ fn a_scene_that_is_reset_or_taken_back_goes_the_same_way_again() {
         session.step_by(steps(&second)).unwrap()
     };
     assert_eq!(again(), again());
+}
+
+#[test]
+fn a_tool_that_a_call_puts_into_tissue_waits_until_it_is_clear_and_the_outcome_says_so() {
+    let mut session = session();
+    let stepped = session.step_by(steps(&[at(0.008), at(0.0135), at(0.0125)])).unwrap();
+    let told = stepped.outcomes.iter().map(|outcome| (outcome.waits[0], outcome.tools[0].pose.is_some()));
+    assert_eq!(told.collect::<Vec<_>>(), [(true, false), (false, true), (false, true)]);
 }

@@ -8,6 +8,9 @@
 
 mod checkpoints;
 mod commands;
+mod entries;
+#[cfg(test)]
+mod hands;
 #[cfg(test)]
 mod lock_step;
 mod models;
@@ -83,6 +86,8 @@ pub(crate) struct SessionCore {
     tools: Tick,
     /// Per tool, as of the last tick: who drives it.
     holders: Vec<Option<DriverId>>,
+    /// Per tool: kept out of the last step, as it would have been put down in tissue.
+    waits: Vec<bool>,
     tally: Tally,
     views: ViewSchedule,
     models: ModelSchedule,
@@ -145,6 +150,7 @@ impl SessionCore {
             commands: Vec::new(),
             tools: Tick::default(),
             holders: vec![None; tool_count],
+            waits: vec![false; tool_count],
             tally: Tally::of(&scene),
             views: ViewSchedule::default(),
             models: ModelSchedule::default(),
@@ -163,6 +169,10 @@ impl SessionCore {
     /// The world, as the last step left it.
     pub fn world(&self) -> &World {
         &self.world
+    }
+
+    fn dt_s(&self) -> f64 {
+        1.0 / self.scene.desc.rate_hz
     }
 
     /// Does what is due at `now_ns`, which is next to nothing if that is too early; says when to call again.
@@ -202,7 +212,8 @@ impl SessionCore {
     }
 
     fn take_step(&mut self, started_ns: u64, workers: &Workers<'_>, clock: &dyn StageClock) {
-        self.inbox.drain(Drain::Stepping, started_ns, &mut self.tools);
+        self.inbox.drain(Drain::Stepping { dt_s: self.dt_s() }, started_ns, &mut self.tools);
+        self.keep_tools_out_of_tissue();
         self.tell_leases();
         let models = self.models.due(started_ns, &self.tools.model_intervals_ns, &self.world.output().tools);
         // A session that stands takes its steps for whoever asks, who waits for them.
@@ -296,6 +307,7 @@ impl SessionCore {
             output: output.tools.get(index).copied().unwrap_or_default(),
             echo: self.tools.echoes.get(index).copied().flatten(),
             jumps: self.tally.jumps[index],
+            waits: self.waits[index],
         };
         StepReport {
             step: output.step,

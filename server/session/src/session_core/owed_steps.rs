@@ -7,7 +7,6 @@ use kerf_physics::{StageClock, Workers};
 use super::SessionCore;
 use crate::error::SessionError;
 use crate::inbox::StepAnswer;
-use crate::limits::to_ns;
 use crate::outbox::SceneEvent;
 use crate::status::Phase;
 use crate::stepping::{StepInput, StepOutcome, Stepped, Steps};
@@ -37,7 +36,7 @@ impl SessionCore {
             }
             Phase::Running => self.set_phase(Phase::Paused, SceneEvent::Paused),
             // As on a resume.
-            Phase::Paused if self.owed.is_empty() => self.inbox.reenter_driven_tools(),
+            Phase::Paused if self.owed.is_empty() => self.inbox.tools_stood(),
             Phase::Paused | Phase::Closing => {}
         }
         let Steps { count, inputs } = steps;
@@ -74,12 +73,12 @@ impl SessionCore {
 
     /// Moves tools as the next step has them; before the first one all inputs are looked at.
     fn take_inputs(&self, owed: &mut OwedSteps) -> Result<(), SessionError> {
-        let dt_ns = to_ns(1.0 / self.scene.desc.rate_hz);
+        let dt_s = self.dt_s();
         if owed.outcomes.is_empty() {
-            self.inbox.check_inputs(owed.inputs.as_slice(), dt_ns)?;
+            self.inbox.check_inputs(owed.inputs.as_slice(), dt_s)?;
         }
         match owed.inputs.next() {
-            Some(input) => self.inbox.follow(owed.outcomes.len(), &input, dt_ns),
+            Some(input) => self.inbox.follow(owed.outcomes.len(), &input, dt_s),
             None => Ok(()),
         }
     }
@@ -90,6 +89,7 @@ impl SessionCore {
             step: output.step,
             sim_time_s: output.sim_time_s,
             tools: output.tools.clone(),
+            waits: self.waits.clone(),
             energy: self.tally.energy,
             tracked_displacement_m: output.tracked_displacement_m.clone(),
         }
