@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use clap::{Parser, Subcommand};
+use kerf_proto::v1;
 use kerf_station::config::StationConfig;
 use kerf_station::link::{LinkState, SharedSession};
 use kerf_station::monitor::{Monitor, Report};
@@ -127,20 +128,33 @@ fn run(args: &RunArgs) -> anyhow::Result<()> {
         }
     };
     eprintln!("session {session_id} of `{}`", scene.name);
+    match start(&config, &scene, &session) {
+        Ok(mut stations) => {
+            // The last of the stations closes it.
+            drop(session);
+            watch(args, &mut stations, &runtime)
+        }
+        Err(why) => {
+            runtime.block_on(session.leave(&config.server));
+            Err(why)
+        }
+    }
+}
+
+/// Starts a station for each device.
+fn start(config: &StationConfig, scene: &v1::SceneSummary, session: &Arc<SharedSession>) -> anyhow::Result<Vec<Shown>> {
     let mut stations = Vec::new();
     for (index, device) in config.devices.iter().enumerate() {
         let opener = device.clone();
         let open = Box::new(move || device::open(&opener));
-        let ids = tool_ids(device, &scene)?;
+        let ids = tool_ids(device, scene)?;
         let names: Vec<_> = ids.iter().filter_map(|id| scene.tools.get(*id as usize)).map(|tool| &*tool.name).collect();
         let driven = names.join(", ");
-        let station = Station::start(&config, device, open, ids, Arc::clone(&session))?;
+        let station = Station::start(config, device, open, ids, Arc::clone(session))?;
         eprintln!("devices[{index}]: {} drives {driven}; Ctrl-C lets go", station.name);
         stations.push(Shown { station, monitor: Monitor::default(), report: None, has_told: false, fault: None });
     }
-    // The last of the stations closes it.
-    drop(session);
-    watch(args, &mut stations, &runtime)
+    Ok(stations)
 }
 
 /// A station and what is shown of it.
@@ -158,7 +172,10 @@ struct Shown {
 impl Shown {
     /// A fault that is new since the last time.
     fn new_fault(&mut self) -> Option<&str> {
-        let fault = self.report.as_ref().and_then(|report| report.last_fault.as_ref())?;
+        let Some(fault) = self.report.as_ref().and_then(|report| report.last_fault.as_ref()) else {
+            self.fault = None;
+            return None;
+        };
         (self.fault.as_ref() != Some(fault)).then(|| &**self.fault.insert(fault.clone()))
     }
 
@@ -180,9 +197,22 @@ impl Shown {
     }
 }
 
-/// Shows what the stations do until they have ended, time is up or Ctrl-C is pressed.
+/// Until somebody ends the program: Ctrl-C, or a plain `kill`. What a station made goes with it.
+async fn interrupted() {
+    #[cfg(unix)]
+    if let Ok(mut terminated) = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate()) {
+        tokio::select! {
+            _ = tokio::signal::ctrl_c() => {}
+            _ = terminated.recv() => {}
+        }
+        return;
+    }
+    let _ = tokio::signal::ctrl_c().await;
+}
+
+/// Shows what the stations do until they have ended, time is up or the program is ended.
 fn watch(args: &RunArgs, stations: &mut [Shown], runtime: &tokio::runtime::Runtime) -> anyhow::Result<()> {
-    let mut interrupted = Box::pin(tokio::signal::ctrl_c());
+    let mut interrupted = Box::pin(interrupted());
     // A line that is written over and over holds one device.
     let is_live = !args.json && stations.len() == 1 && std::io::stdout().is_terminal();
     let period = if is_live { LIVE_PERIOD } else { REPORT_PERIOD };

@@ -20,6 +20,8 @@ pub struct Monitor {
     last: Option<Sample>,
     since_ns: u64,
     before: LinkStatus,
+    /// Faults of the servo before.
+    faults_before: u64,
 }
 
 /// A line of what a station does.
@@ -53,7 +55,7 @@ pub struct Report {
     pub coupling_n_per_m: f64,
     /// Energy that was given out and never taken in, mJ in the scene's scale.
     pub generated_mj: f64,
-    /// What the servo is doing.
+    /// What the servo is doing, and what there is to do where it has nothing to render.
     pub state: String,
     /// What the link is doing.
     pub link: String,
@@ -61,7 +63,7 @@ pub struct Report {
     pub priority: String,
     /// Faults of the servo so far.
     pub faults: u64,
-    /// The last thing that went wrong.
+    /// What is wrong, or went wrong in the last seconds.
     pub last_fault: Option<String>,
 }
 
@@ -76,6 +78,7 @@ impl Default for Monitor {
             last: None,
             since_ns: 0,
             before: LinkStatus::default(),
+            faults_before: 0,
         }
     }
 }
@@ -100,7 +103,8 @@ impl Monitor {
         let (link, thread) = (station.link(), station.thread());
         let report = self.sum_up(station, &link, &thread);
         let since_ns = self.last.map_or(0, |last| last.at_ns);
-        *self = Self { last: self.last, since_ns, before: link, ..Self::default() };
+        let faults_before = self.last.map_or(0, |last| last.rendered.faults.1);
+        *self = Self { last: self.last, since_ns, before: link, faults_before, ..Self::default() };
         report
     }
 
@@ -136,11 +140,14 @@ impl Monitor {
             max_force_n: self.max_force_n,
             coupling_n_per_m: last.rendered.coupling_n_per_m,
             generated_mj: last.rendered.generated_j * 1e3,
-            state: words(last.rendered.state),
+            state: link.waits.as_ref().map_or_else(|| words(last.rendered.state), |waits| format!("no force: {waits}")),
             link: format!("{:?}", link.state).to_lowercase(),
             priority: thread.priority.clone(),
             faults,
-            last_fault: last_fault.or_else(|| fault.map(|fault| fault.words().to_owned())),
+            last_fault: last_fault.or_else(|| {
+                let fault = fault.filter(|_| faults > self.faults_before)?;
+                Some(fault.words().to_owned())
+            }),
         })
     }
 }
@@ -169,7 +176,7 @@ impl std::fmt::Display for Report {
              {round_trip}, poses {:.0} Hz, contacts {:.0} Hz, {}",
             self.state, self.force_n, self.max_force_n, self.servo_hz, self.poses_hz, self.contacts_hz, self.link
         )?;
-        self.last_fault.as_ref().map_or(Ok(()), |fault| write!(f, "; last fault: {fault}"))
+        self.last_fault.as_ref().map_or(Ok(()), |fault| write!(f, "; fault: {fault}"))
     }
 }
 

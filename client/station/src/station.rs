@@ -29,7 +29,7 @@ pub type Opener = Box<dyn FnMut() -> Result<Box<dyn Device>, DeviceError> + Send
 pub struct ThreadStatus {
     /// Real-time priority, or why not.
     pub priority: String,
-    /// What was wrong with the device last.
+    /// What is wrong with the device.
     pub device_fault: Option<String>,
     /// The device has come to its end.
     pub has_ended: bool,
@@ -99,6 +99,9 @@ impl Station {
                     }
                     std::thread::sleep(REOPEN_PAUSE);
                     device = open();
+                    if device.is_ok() {
+                        tell(&|status| status.device_fault = None);
+                    }
                 }
             })?
         };

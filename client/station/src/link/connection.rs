@@ -106,7 +106,10 @@ impl Dialler {
                 },
                 Ended::Hopeless(why) => (why, LinkState::Failed),
             };
-            self.status.change(|status| (status.last_fault, status.state) = (Some(why), state));
+            self.status.change(|status| {
+                status.fail(why);
+                status.state = state;
+            });
             if state == LinkState::Failed {
                 return;
             }
@@ -136,7 +139,7 @@ impl Dialler {
                 };
                 match message.map(|message| self.receiver.take(message)) {
                     Some(Ok(Heard::SessionCloses)) => return Ended::SessionGone("the session was closed".into()),
-                    Some(Err(missing)) => self.status.change(|status| status.last_fault = Some(missing.to_string())),
+                    Some(Err(missing)) => self.status.change(|status| status.fail(missing.to_string())),
                     Some(Ok(Heard::Goes)) | None => {}
                 }
             },
@@ -146,6 +149,9 @@ impl Dialler {
     async fn open(&mut self) -> Result<Streaming<v1::ControlResponse>, Ended> {
         let wire = connect(&self.settings.server).await?;
         let session_id = self.settings.session.id(&wire).await?;
+        if !self.session_id.is_empty() && self.session_id != session_id {
+            self.receiver.is_made_anew("new organ, not cut yet");
+        }
         self.session_id.clone_from(&session_id);
         let (up, queue) = mpsc::channel(QUEUED);
         let hello = v1::ClientHello {

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
 
 use kerf_load::clock;
 use kerf_proto::v1::{self, control_response::Message};
@@ -35,6 +36,10 @@ pub(super) struct Receiver {
     number: u64,
     /// Until then nothing is published: the scene was set back, and what the tool feels next is not what it felt.
     quiet_until_ns: u64,
+    /// The tool that is kept out of tissue.
+    waiting: Option<u32>,
+    /// What the tissue is since a tool was in the scene last, where it is not as it was then.
+    made_anew: Option<&'static str>,
     blend_s: f64,
     max_age_s: f64,
     received: Arc<AtomicU64>,
@@ -49,6 +54,8 @@ impl Receiver {
             clock_offset: ClockOffset::default(),
             number: 0,
             quiet_until_ns: 0,
+            waiting: None,
+            made_anew: None,
             blend_s: 0.0,
             max_age_s: 0.0,
             received: Arc::default(),
@@ -72,7 +79,7 @@ impl Receiver {
             Message::Rejected(rejected) => self.status.change(|status| {
                 status.rejected += 1;
                 let v1::PoseRejected { tool_id, field, limit, .. } = rejected;
-                status.last_fault = Some(format!("a pose of tool {tool_id} was refused: {field}: {limit}"));
+                status.fail(format!("a pose of tool {tool_id} was refused: {field}: {limit}"));
             }),
             Message::LeaseLost(lost) if lost.reason() == v1::LeaseLostReason::SessionClosing => {
                 return Ok(Heard::SessionCloses);
@@ -80,10 +87,12 @@ impl Receiver {
             Message::LeaseLost(_) => self.fault("the lease ran out: poses came too seldom"),
             Message::Fault(fault) => {
                 self.fault(&format!("the server rolled `{}` back", fault.object));
+                self.is_made_anew("the server rolled the tissue back");
                 self.fall_silent();
             }
             Message::CheckpointRestored(restored) => {
                 self.fault(&format!("the session went back to checkpoint `{}`", restored.name));
+                self.is_made_anew("the tissue is as it was at a checkpoint");
                 self.fall_silent();
             }
             Message::Event(event) => self.event(&event),
@@ -105,9 +114,11 @@ impl Receiver {
         }
         self.number += 1;
         let offset_s = self.clock_offset.estimate_s();
+        let waits = self.waits(contact);
         self.status.change(|status| {
             status.contacts += 1;
-            status.state = LinkState::Connected;
+            status.go_well(Instant::now());
+            status.waits = waits;
             status.round_trip_s = self.round_trip.mean_s();
             status.clock_offset_s = offset_s;
             let took_s = (now_ns as i64 - contact.server_ns as i64) as f64 * 1e-9;
@@ -135,6 +146,7 @@ impl Receiver {
             v1::EventKind::Resumed => self.status.change(|status| status.state = LinkState::Connected),
             v1::EventKind::Reset => {
                 self.fault("the session was reset");
+                self.is_made_anew("the organ is whole again");
                 self.fall_silent();
             }
             v1::EventKind::Overloaded => {
@@ -149,8 +161,28 @@ impl Receiver {
         self.quiet_until_ns = clock::now_ns() + (self.max_age_s * 1e9) as u64;
     }
 
+    /// What the tissue is from now on, until a tool is in the scene again.
+    pub(super) fn is_made_anew(&mut self, what: &'static str) {
+        self.made_anew = Some(what);
+    }
+
+    /// Why the tool in hand feels nothing, if it is kept out of tissue, and what to do.
+    fn waits(&mut self, contact: &v1::Contact) -> Option<String> {
+        let has = |flag: v1::ContactFlag| contact.flags & flag as u32 != 0;
+        if has(v1::ContactFlag::WaitsUntilClear) {
+            self.waiting = Some(contact.tool_id);
+        } else if self.waiting == Some(contact.tool_id) {
+            self.waiting = None;
+        }
+        if !has(v1::ContactFlag::Lifted) {
+            self.made_anew = None;
+        }
+        let made_anew = self.made_anew.map_or(String::new(), |what| format!("{what}: "));
+        self.waiting.map(|_| format!("{made_anew}lift the tool clear of the tissue"))
+    }
+
     fn fault(&self, what: &str) {
-        self.status.change(|status| status.last_fault = Some(what.to_owned()));
+        self.status.change(|status| status.fail(what.to_owned()));
     }
 }
 
@@ -183,5 +215,37 @@ mod tests {
             receiver.take(contact()).unwrap();
             assert_eq!(newest.read().number, 3);
         }
+    }
+
+    #[test]
+    fn a_tool_that_is_kept_out_of_tissue_is_told_why_and_what_to_do_until_it_is_clear() {
+        let (updates, _newest) = triple_buffer::triple_buffer(&Update::default());
+        let status = SharedStatus::default();
+        let mut receiver = Receiver::new(updates, status.clone());
+        let mut told = |tool_id, flags: &[v1::ContactFlag]| {
+            let zero = Some(v1::Vec3::default());
+            let wrench = Some(v1::Wrench { force_n: zero, torque_nm: zero });
+            let flags = flags.iter().map(|flag| *flag as u32).sum();
+            receiver.take(Message::Contact(v1::Contact { tool_id, flags, wrench, ..Default::default() })).unwrap();
+            status.get().waits
+        };
+        let (lifted, waits) = (v1::ContactFlag::Lifted, v1::ContactFlag::WaitsUntilClear);
+        assert_eq!(told(0, &[]), None);
+        assert_eq!(told(0, &[lifted, waits]).as_deref(), Some("lift the tool clear of the tissue"));
+        assert!(told(1, &[lifted]).is_some(), "the other one is not in hand");
+        assert_eq!(told(0, &[]), None);
+        let reset = v1::Event { kind: v1::EventKind::Reset.into(), ..Default::default() };
+        receiver.take(Message::Event(reset)).unwrap();
+        let mut told = |flags: u32| {
+            let zero = Some(v1::Vec3::default());
+            let wrench = Some(v1::Wrench { force_n: zero, torque_nm: zero });
+            receiver.take(Message::Contact(v1::Contact { flags, wrench, ..Default::default() })).unwrap();
+            status.get().waits
+        };
+        let anew = told(lifted as u32 + waits as u32);
+        assert_eq!(anew.as_deref(), Some("the organ is whole again: lift the tool clear of the tissue"));
+        assert_eq!(told(0), None);
+        let again = told(lifted as u32 + waits as u32);
+        assert_eq!(again.as_deref(), Some("lift the tool clear of the tissue"), "it was felt meanwhile");
     }
 }

@@ -73,11 +73,11 @@ impl SharedSession {
         };
         // Another link may have found out before.
         self.id.lock().await.take_if(|id| id == gone_id);
-        Ok(format!("a new one of `{scene}` is created"))
+        Ok(format!("a new one of `{scene}` is created, with an organ that is not cut yet"))
     }
 
     /// The last one closes what was created.
-    pub(super) async fn leave(self: &Arc<Self>, server: &ServerConfig) {
+    pub async fn leave(self: &Arc<Self>, server: &ServerConfig) {
         if self.scene.is_none() || Arc::strong_count(self) > 1 {
             return;
         }
