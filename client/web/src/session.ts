@@ -189,6 +189,8 @@ export class Session {
         return this.readings.showRoundTrip(message.milliseconds);
       case "slipped":
         return say("What the jaws held slipped out: it took more force than they have.");
+      case "waits":
+        return say("The tool is in tissue that it has not cut its way into: lift it clear of the tissue.", "problem");
       case "refused":
         this.letGo(message.toolId);
         say(message.why, "problem");

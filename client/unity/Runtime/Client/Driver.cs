@@ -135,13 +135,20 @@ namespace Kerf.Client
             }
         }
 
+        /// <summary>What there is to do where a tool is kept out of tissue that it has not come into by moving.</summary>
+        static string Waits(Contact contact)
+        {
+            var waits = contact != null && (contact.Flags & (uint)ContactFlag.WaitsUntilClear) != 0;
+            return waits ? "lift the tool clear of the tissue" : null;
+        }
+
         void Send(SendPoseRequest request)
         {
             try
             {
                 var answer = server.Call(Method, request, SendPoseResponse.Parser);
                 lease = answer.Lease;
-                Trouble = answer.Rejected == null ? null : answer.Rejected.Field + ": " + answer.Rejected.Limit;
+                Trouble = answer.Rejected == null ? Waits(answer.Contact) : answer.Rejected.Field + ": " + answer.Rejected.Limit;
                 if (answer.Contact == null) return;
                 lock (gate) contacts[answer.Contact.ToolId] = answer.Contact;
             }

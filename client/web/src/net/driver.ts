@@ -14,6 +14,8 @@ export interface DriverListener {
   onRoundTrip(milliseconds: number): void;
   /** The jaws let go of what they held: it took more force than they have. */
   onSlipped(toolId: number): void;
+  /** The tool is kept out of tissue that it has not come into by moving, or is not any more. */
+  onWaits(toolId: number, waits: boolean): void;
   /** The tool is not to be had; it was put away. */
   onRefused(toolId: number, why: string): void;
 }
@@ -113,7 +115,9 @@ export class Driver {
   private hear(toolId: number, { lease, contact, rejected }: SendPoseResponse): void {
     this.lease = lease;
     if (rejected?.field === "tool_id") this.refuse(toolId, "Somebody else holds this tool.");
-    if (contact && contact.flags & ContactFlag.SLIPPED) this.listener.onSlipped(toolId);
+    if (!contact) return;
+    if (contact.flags & ContactFlag.SLIPPED) this.listener.onSlipped(toolId);
+    this.listener.onWaits(toolId, (contact.flags & ContactFlag.WAITS_UNTIL_CLEAR) !== 0);
   }
 
   private fail(toolId: number, error: unknown): void {

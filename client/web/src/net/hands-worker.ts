@@ -16,6 +16,8 @@ const scope = self as unknown as DedicatedWorkerGlobalScope;
 let driver: Driver | undefined;
 let sceneSizeM = 1;
 const followers = new Map<number, Follower>();
+/** Tools that are kept out of tissue, as the page was told. */
+const waiting = new Set<number>();
 
 const post = (message: FromHandsWorker) => scope.postMessage(message);
 
@@ -27,6 +29,11 @@ scope.onmessage = ({ data }: MessageEvent<ToHandsWorker>) => {
       driver = new Driver(data.sessionId, {
         onRoundTrip: (milliseconds) => post({ kind: "roundTrip", milliseconds }),
         onSlipped: () => post({ kind: "slipped" }),
+        onWaits: (toolId, waits) => {
+          if (waits && !waiting.has(toolId)) post({ kind: "waits" });
+          if (waits) waiting.add(toolId);
+          else waiting.delete(toolId);
+        },
         onRefused: (toolId, why) => {
           followers.delete(toolId);
           post({ kind: "refused", toolId, why });

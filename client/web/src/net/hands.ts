@@ -23,6 +23,8 @@ export type ToHandsWorker =
 export type FromHandsWorker =
   | { kind: "roundTrip"; milliseconds: number }
   | { kind: "slipped" }
+  /** A tool in hand is in tissue that it has not come into by moving: it touches nothing until it is clear. */
+  | { kind: "waits" }
   | { kind: "refused"; toolId: number; why: string };
 
 /** Tools of one session as they are driven. A page has one session, so it has one worker. */

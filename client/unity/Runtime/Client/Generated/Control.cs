@@ -75,17 +75,17 @@ namespace Kerf.V1 {
             "ZXNwb25zZRINCgVsZWFzZRgBIAEoCRIhCgdjb250YWN0GAIgASgLMhAua2Vy",
             "Zi52MS5Db250YWN0EicKCHJlamVjdGVkGAMgASgLMhUua2VyZi52MS5Qb3Nl",
             "UmVqZWN0ZWQSJAoFc3RhdGUYBCABKA4yFS5rZXJmLnYxLlNlc3Npb25TdGF0",
-            "ZSqrAQoLQ29udGFjdEZsYWcSHAoYQ09OVEFDVF9GTEFHX1VOU1BFQ0lGSUVE",
+            "ZSrPAQoLQ29udGFjdEZsYWcSHAoYQ09OVEFDVF9GTEFHX1VOU1BFQ0lGSUVE",
             "EAASFwoTQ09OVEFDVF9GTEFHX0xJRlRFRBABEhoKFkNPTlRBQ1RfRkxBR19S",
             "RUVOVEVSRUQQAhIVChFDT05UQUNUX0ZMQUdfTEFURRAEEhgKFENPTlRBQ1Rf",
-            "RkxBR19IT0xESU5HEAgSGAoUQ09OVEFDVF9GTEFHX1NMSVBQRUQQECp6Cg9M",
-            "ZWFzZUxvc3RSZWFzb24SIQodTEVBU0VfTE9TVF9SRUFTT05fVU5TUEVDSUZJ",
-            "RUQQABIdChlMRUFTRV9MT1NUX1JFQVNPTl9TSUxFTkNFEAESJQohTEVBU0Vf",
-            "TE9TVF9SRUFTT05fU0VTU0lPTl9DTE9TSU5HEAIykwEKDkNvbnRyb2xTZXJ2",
-            "aWNlEkAKB0NvbnRyb2wSFy5rZXJmLnYxLkNvbnRyb2xSZXF1ZXN0Ghgua2Vy",
-            "Zi52MS5Db250cm9sUmVzcG9uc2UoATABEj8KCFNlbmRQb3NlEhgua2VyZi52",
-            "MS5TZW5kUG9zZVJlcXVlc3QaGS5rZXJmLnYxLlNlbmRQb3NlUmVzcG9uc2Vi",
-            "BnByb3RvMw=="));
+            "RkxBR19IT0xESU5HEAgSGAoUQ09OVEFDVF9GTEFHX1NMSVBQRUQQEBIiCh5D",
+            "T05UQUNUX0ZMQUdfV0FJVFNfVU5USUxfQ0xFQVIQICp6Cg9MZWFzZUxvc3RS",
+            "ZWFzb24SIQodTEVBU0VfTE9TVF9SRUFTT05fVU5TUEVDSUZJRUQQABIdChlM",
+            "RUFTRV9MT1NUX1JFQVNPTl9TSUxFTkNFEAESJQohTEVBU0VfTE9TVF9SRUFT",
+            "T05fU0VTU0lPTl9DTE9TSU5HEAIykwEKDkNvbnRyb2xTZXJ2aWNlEkAKB0Nv",
+            "bnRyb2wSFy5rZXJmLnYxLkNvbnRyb2xSZXF1ZXN0Ghgua2VyZi52MS5Db250",
+            "cm9sUmVzcG9uc2UoATABEj8KCFNlbmRQb3NlEhgua2VyZi52MS5TZW5kUG9z",
+            "ZVJlcXVlc3QaGS5rZXJmLnYxLlNlbmRQb3NlUmVzcG9uc2ViBnByb3RvMw=="));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { global::Kerf.V1.TypesReflection.Descriptor, },
           new pbr::GeneratedClrTypeInfo(new[] {typeof(global::Kerf.V1.ContactFlag), typeof(global::Kerf.V1.LeaseLostReason), }, null, new pbr::GeneratedClrTypeInfo[] {
@@ -122,7 +122,8 @@ namespace Kerf.V1 {
     /// </summary>
     [pbr::OriginalName("CONTACT_FLAG_LIFTED")] Lifted = 1,
     /// <summary>
-    /// The tool jumped further than Limits.max_tool_speed_m_per_s allows: it was lifted and re-entered.
+    /// The tool jumped further than Limits.max_tool_speed_m_per_s allows, by one pose or by what poses of one step add up
+    /// to: it was lifted and re-entered.
     /// </summary>
     [pbr::OriginalName("CONTACT_FLAG_REENTERED")] Reentered = 2,
     /// <summary>
@@ -137,6 +138,11 @@ namespace Kerf.V1 {
     /// What they held slipped out in this step: it took more force than they have.
     /// </summary>
     [pbr::OriginalName("CONTACT_FLAG_SLIPPED")] Slipped = 16,
+    /// <summary>
+    /// The tool is lifted although its pose has it in the scene: there is tissue, which it has not come into by moving. It
+    /// enters with the first pose that is clear of tissue.
+    /// </summary>
+    [pbr::OriginalName("CONTACT_FLAG_WAITS_UNTIL_CLEAR")] WaitsUntilClear = 32,
   }
 
   /// <summary>
@@ -687,7 +693,7 @@ namespace Kerf.V1 {
     /// <summary>Field number for the "fault" field.</summary>
     public const int FaultFieldNumber = 5;
     /// <summary>
-    /// Non-finite state was rolled back; tools are lifted and re-enter with their next pose.
+    /// Non-finite state was rolled back; tools are lifted and re-enter with a pose that is clear of tissue.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -717,7 +723,8 @@ namespace Kerf.V1 {
     /// <summary>Field number for the "checkpoint_restored" field.</summary>
     public const int CheckpointRestoredFieldNumber = 7;
     /// <summary>
-    /// The session went back to a checkpoint; tools are lifted and re-enter with their next pose.
+    /// The session went back to a checkpoint; a tool goes on in a hand that is where the tool was then, others are lifted
+    /// and re-enter with a pose that is clear of tissue.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -2834,7 +2841,7 @@ namespace Kerf.V1 {
   }
 
   /// <summary>
-  /// A tool leaves the scene; it enters with its next pose. Its lease is kept for Limits.lease_s, which
+  /// A tool leaves the scene; it enters with its next pose that is clear of tissue. Its lease is kept for Limits.lease_s, which
   /// every LiftTool renews.
   /// </summary>
   public sealed partial class LiftTool : pb::IMessage<LiftTool>
@@ -3136,7 +3143,9 @@ namespace Kerf.V1 {
     public const int EchoSeqFieldNumber = 4;
     private ulong echoSeq_;
     /// <summary>
-    /// `seq` of the newest pose that the step has used; 0 before the first.
+    /// `seq` of the newest pose that the step has used; 0 before the first. No step moves a tool faster than
+    /// Limits.max_tool_speed_m_per_s: behind a pose that it has not reached the tool catches up in the next steps, and
+    /// ContactModel.reference says where it is.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]

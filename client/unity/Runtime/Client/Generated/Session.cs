@@ -5022,8 +5022,9 @@ namespace Kerf.V1 {
     /// <summary>Field number for the "pose" field.</summary>
     public const int PoseFieldNumber = 1;
     /// <summary>
-    /// Moves evenly to this pose in the time of the step, or enters the scene there if it is lifted. It moves no faster
-    /// than Limits.max_tool_speed_m_per_s; seq and client_ns are not looked at.
+    /// Moves evenly to this pose in the time of the step, or enters the scene there if it is lifted and no tissue is
+    /// there; else it waits, with CONTACT_FLAG_WAITS_UNTIL_CLEAR. It moves no faster than Limits.max_tool_speed_m_per_s,
+    /// and jaws take their time (50 ms from open to closed) over the steps that follow. seq and client_ns are not looked at.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]

@@ -206,7 +206,7 @@ namespace Kerf.V1 {
     /// </summary>
     [pbr::OriginalName("EVENT_KIND_CHECKPOINT_SAVED")] CheckpointSaved = 10,
     /// <summary>
-    /// The scene is at a checkpoint again, every tool lifted; a keyframe follows.
+    /// The scene is at a checkpoint again; a keyframe follows. See SessionService.RestoreCheckpoint for its tools.
     /// </summary>
     [pbr::OriginalName("EVENT_KIND_CHECKPOINT_RESTORED")] CheckpointRestored = 11,
     /// <summary>
