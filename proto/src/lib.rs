@@ -6,7 +6,7 @@
 pub mod codec;
 pub mod integers;
 
-/// Version 1 of the protocol.
+/// The package `kerf.v1`.
 // Generated code: its style is not ours, and private glue in it carries no docs.
 #[allow(clippy::all, missing_docs, unused_qualifications)]
 pub mod v1 {
@@ -29,3 +29,19 @@ pub const MAX_MESSAGE_BYTES: usize = 64 << 20;
 
 /// The compiled `.proto` files, for reflection and for the schemas of recordings.
 pub const FILE_DESCRIPTOR_SET: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/kerf_descriptor.bin"));
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_files_and_the_document_name_the_version_that_is_spoken() {
+        let files = [include_str!("../kerf/v1/control.proto"), include_str!("../kerf/v1/view.proto")];
+        let named: Vec<_> = files.iter().flat_map(|file| file.split(" speaks: ").skip(1)).collect();
+        assert_eq!(named.len(), 4);
+        let version = PROTOCOL_VERSION.to_string();
+        assert!(named.iter().all(|named| named.split('.').next() == Some(&version)), "{named:?}");
+        let document = include_str!("../../docs/protocol.md");
+        assert!(document.contains(&format!("states the version it speaks, {version}:")));
+    }
+}

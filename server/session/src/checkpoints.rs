@@ -1,5 +1,6 @@
 //! Named checkpoints that a session can go back to.
 
+use kerf_physics::scene::text::{is_hidden, shortened};
 use kerf_physics::step_io::EnergyStep;
 use kerf_physics::world::Snapshot;
 
@@ -45,8 +46,9 @@ impl Checkpoints {
 
     /// Refuses a name that [`Self::save`] would not take.
     pub fn check(&self, name: &str) -> Result<(), SessionError> {
-        if name.is_empty() || name.len() > MAX_CHECKPOINT_NAME_BYTES {
-            return Err(SessionError::PointName { bytes: name.len(), limit: MAX_CHECKPOINT_NAME_BYTES });
+        if name.is_empty() || name.len() > MAX_CHECKPOINT_NAME_BYTES || name.chars().any(is_hidden) {
+            let name = shortened(name, MAX_CHECKPOINT_NAME_BYTES);
+            return Err(SessionError::PointName { name, limit: MAX_CHECKPOINT_NAME_BYTES });
         }
         let is_known = self.index(name).is_some();
         match self.checkpoints.len() < self.max_checkpoints || is_known {
@@ -87,6 +89,6 @@ impl Checkpoints {
     }
 
     fn unknown(name: &str) -> SessionError {
-        SessionError::NoCheckpoint { name: name.chars().take(MAX_CHECKPOINT_NAME_BYTES).collect() }
+        SessionError::NoCheckpoint { name: shortened(name, MAX_CHECKPOINT_NAME_BYTES) }
     }
 }

@@ -74,10 +74,10 @@ pub enum SessionError {
         limit: usize,
     },
     /// A name that no checkpoint may have.
-    #[error("name: a checkpoint's has 1 to {limit} bytes, not {bytes}")]
+    #[error("name: {name:?} is not a checkpoint's name of 1 to {limit} bytes of printable characters")]
     PointName {
-        /// Its length.
-        bytes: usize,
+        /// The name, shortened.
+        name: String,
         /// [`crate::MAX_CHECKPOINT_NAME_BYTES`].
         limit: usize,
     },

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::session::report_where;
+use kerf_physics::scene::text::is_hidden;
 use kerf_physics::tool::{OPEN, Pose};
 use kerf_physics::{Quat, Scene, SceneDesc, Vec3, Workers};
 use kerf_scenes::dial::ParetoFronts;
@@ -132,9 +133,15 @@ async fn points_are_limited_listed_replaced_and_deleted() {
         (session.restore_checkpoint("b").await, session.delete_checkpoint("b").await.map(|()| 0)),
         (unknown, Err(SessionError::NoCheckpoint { name: "b".into() }))
     );
-    for name in [String::new(), "x".repeat(MAX_CHECKPOINT_NAME_BYTES + 1)] {
-        let refused = session.save_checkpoint(&name).await;
-        assert_eq!(refused, Err(SessionError::PointName { bytes: name.len(), limit: MAX_CHECKPOINT_NAME_BYTES }));
+    let long = "x".repeat(MAX_CHECKPOINT_NAME_BYTES + 1);
+    for name in ["", &long, "two\nlines", "end\0", "turned \u{202e}round", "\u{2066}inside"] {
+        let refused = session.save_checkpoint(name).await;
+        assert!(
+            matches!(&refused, Err(SessionError::PointName { limit: MAX_CHECKPOINT_NAME_BYTES, .. })),
+            "{refused:?}"
+        );
+        let said = refused.unwrap_err().to_string();
+        assert!(said.starts_with("name: ") && !said.contains(is_hidden), "{said}");
     }
 }
 

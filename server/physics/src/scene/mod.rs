@@ -10,6 +10,7 @@ mod material;
 mod object;
 mod parse;
 mod shape;
+pub mod text;
 mod tool;
 pub mod toughness;
 pub mod wording;

@@ -7,6 +7,7 @@ use std::ops::RangeInclusive;
 
 use crate::grid::voxelize::{Measures, measures};
 use crate::scene::edge;
+use crate::scene::text::{is_hidden, shortened};
 use crate::scene::toughness::{asked_over_eh, carried_over_eh};
 use crate::scene::wording::{brief, did_you_mean, out_of_range};
 use crate::scene::{
@@ -191,7 +192,8 @@ impl Report {
     }
 
     fn name(&mut self, field: &str, name: &str) {
-        if name.is_empty() || name.chars().count() > MAX_NAME_CHARS || name.chars().any(char::is_control) {
+        if name.is_empty() || name.chars().count() > MAX_NAME_CHARS || name.chars().any(is_hidden) {
+            let name = shortened(name, MAX_NAME_CHARS);
             self.refuse(field, format!("{name:?} is not a name of 1 to {MAX_NAME_CHARS} printable characters"));
         }
     }
