@@ -103,27 +103,28 @@ impl Session {
         };
         let (name, threads) = (format!("kerf-{id}"), limits.threads_per_session);
         let (thread, built) = session_thread::start(name, threads, Arc::clone(&inbox), permits, build)?;
-        let Told { objects, warnings } = built.await.map_err(|_| SessionError::Closed)??;
-        let thread = Mutex::new(Some(thread));
-        let last_used_ns = AtomicU64::new(MonotonicClock::now_ns());
-        Ok(Self {
+        // Its end closes the inbox: whoever gives up while the scene is built leaves no thread that steps for nobody.
+        let mut session = Self {
             id,
             scene,
             choice,
-            objects,
-            warnings,
+            objects: Vec::new(),
+            warnings: Vec::new(),
             limits,
             inbox,
             outbox,
             bell,
             reports,
-            thread,
+            thread: Mutex::new(Some(thread)),
             reel: Mutex::new(reel),
             is_replay: false,
             load,
             memory_bytes,
-            last_used_ns,
-        })
+            last_used_ns: AtomicU64::new(MonotonicClock::now_ns()),
+        };
+        Told { objects: session.objects, warnings: session.warnings } =
+            built.await.map_err(|_| SessionError::Closed)??;
+        Ok(session)
     }
 
     /// Plays a recording in a session's place.

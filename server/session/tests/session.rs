@@ -2,6 +2,7 @@
 
 use std::collections::HashSet;
 use std::sync::Arc;
+use std::task::{Context, Waker};
 use std::time::Duration;
 
 use kerf_physics::scene::{GrasperDesc, ToolDesc};
@@ -171,6 +172,26 @@ async fn closing_ends_viewers_and_drivers_and_frees_the_place() {
     while reports.next().await.is_some() {}
     assert_eq!(session.pause().await, Err(SessionError::Closed));
     assert!(registry.create(block(), SessionOptions::default()).await.is_ok());
+}
+
+/// A client that goes away when the scene is just built, and nobody has heard of that yet.
+#[tokio::test]
+async fn a_session_that_was_given_up_when_it_was_built_frees_its_place() {
+    let registry = Registry::new(SessionLimits { max_sessions: 1, ..limits() }, ParetoFronts::default()).unwrap();
+    let mut creation = Box::pin(registry.create(block(), SessionOptions::default()));
+    let waits = Duration::from_secs(1);
+    // The scene is judged, then built, each on a thread of its own while nobody looks.
+    for _ in 0..2 {
+        assert!(creation.as_mut().poll(&mut Context::from_waker(Waker::noop())).is_pending());
+        tokio::time::sleep(waits).await;
+    }
+    drop(creation);
+    let place = async {
+        while registry.create(block(), SessionOptions::default()).await.is_err() {
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+    };
+    tokio::time::timeout(Duration::from_secs(10), place).await.expect("the place is free again");
 }
 
 #[tokio::test]

@@ -110,13 +110,14 @@ impl v1::session_service_server::SessionService for SessionService {
             Ok(scene)
         };
         let session = in_time(self.limit_s(), self.registry.create_from::<RequestError>(read, options)).await?;
+        // Before anything that is waited for: a client may go away at any time.
+        let claim = Claim { registry: Arc::clone(&self.registry), session: Some(Arc::clone(&session)) };
         let mut warnings = session.warnings().to_vec();
         let recordings = Arc::clone(&self.recordings);
         let begun = Arc::clone(&session);
         let _ = tokio::task::spawn_blocking(move || recordings.begin(&begun)).await;
         let refused = self.recordings.so_far(session.id()).filter(|recording| !recording.error.is_empty());
         warnings.extend(refused.map(|recording| format!("the session is not recorded: {}", recording.error)));
-        let claim = Claim { registry: Arc::clone(&self.registry), session: Some(Arc::clone(&session)) };
         let session = Some(self.describe(&session).await?);
         claim.release();
         Ok(Response::new(v1::CreateSessionResponse { session, warnings }))
