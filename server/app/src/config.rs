@@ -44,6 +44,9 @@ pub struct ServerConfig {
     /// Address to listen on. Default 127.0.0.1:50051: nothing authenticates clients, so reaching
     /// further than the machine is a decision for whoever runs the server.
     pub listen: SocketAddr,
+    /// Names that a server on a loopback address answers to besides `localhost`, `127.0.0.0/8` and `[::1]`: those of a
+    /// proxy that passes them on. Default none: a page whose name was made to mean this machine gets nothing.
+    pub names: Vec<String>,
     /// Threads of the network's runtime. Default 2: the simulation gets the other cores.
     pub network_threads: usize,
     /// Folder that each session is recorded to, an MCAP file a session, for `replay` and for viewers of such files.
@@ -81,6 +84,7 @@ impl Default for ServerConfig {
     fn default() -> Self {
         Self {
             listen: SocketAddr::from(([127, 0, 0, 1], 50051)),
+            names: Vec::new(),
             network_threads: 2,
             record_dir: None,
             max_record_mib: 1024.0,
@@ -127,7 +131,8 @@ pub enum LogFormat {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TransportLimits {
-    /// Connections at a time; more wait to be accepted. Default 256: a client has one or two.
+    /// Connections at a time. When there are as many, an address that has few gets a place of the one that has most, and
+    /// others are closed at once. Default 256: a client has one or two.
     pub max_connections: usize,
     /// Connections of one address at a time; further ones are closed as they come. Default 64: a lab behind one
     /// address, and a quarter of all.
@@ -141,9 +146,9 @@ pub struct TransportLimits {
     /// Largest message that creates a session: a scene's text and the files that it refers to. Default 8 MiB: a
     /// mesh of 100,000 triangles as text.
     pub max_upload_bytes: usize,
-    /// Calls about sessions that are read and answered at a time, over all connections; others wait. Default 32: so
-    /// many uploads fit into memory.
-    pub max_session_calls: usize,
+    /// Calls about sessions with a message of more than `max_incoming_bytes` that are read and answered at a time. One
+    /// more takes the place of the one that has been read longest. Default 32: so many uploads fit into memory.
+    pub max_uploads: usize,
     /// Largest message that is sent. Default 64 MiB: what clients accept.
     pub max_outgoing_bytes: usize,
     /// Text of a scene that a client sends. Default 1 MiB: as the protocol says.
@@ -168,7 +173,7 @@ impl Default for TransportLimits {
             max_streams_per_connection: 32,
             max_incoming_bytes: 64 << 10,
             max_upload_bytes: 8 << 20,
-            max_session_calls: 32,
+            max_uploads: 32,
             max_outgoing_bytes: kerf_proto::MAX_MESSAGE_BYTES,
             max_scene_bytes: 1 << 20,
             keepalive_interval_s: 5.0,
@@ -289,7 +294,7 @@ impl ServerConfig {
             ("max_record_mib", self.max_record_mib),
             ("record_rate_hz", self.record_rate_hz),
             ("transport.max_upload_bytes", transport.max_upload_bytes as f64),
-            ("transport.max_session_calls", transport.max_session_calls as f64),
+            ("transport.max_uploads", transport.max_uploads as f64),
             ("transport.max_outgoing_bytes", transport.max_outgoing_bytes as f64),
             ("transport.max_scene_bytes", transport.max_scene_bytes as f64),
             ("transport.keepalive_interval_s", transport.keepalive_interval_s),

@@ -1,19 +1,20 @@
-//! Accepts connections: at most as many as the limit, from one peer and from all; the listener's own backlog holds
-//! the others. One that says nothing after it was accepted is let go.
+//! Accepts connections: at most as many as the limit, from one peer and from all. A peer that has few gets a place of
+//! one that has many. A connection that says nothing after it was accepted is let go.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::future::Future;
 use std::io;
-use std::net::IpAddr;
+use std::net::{IpAddr, Ipv6Addr};
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll};
 use std::time::Duration;
 
+use futures_util::future::{Fuse, FutureExt};
 use futures_util::{Stream, stream};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::sync::oneshot;
 use tokio::time::Sleep;
 use tonic::transport::server::{Connected, TcpConnectInfo};
 
@@ -30,8 +31,7 @@ const PREFACE_BYTES: usize = 24;
 pub struct Connection {
     stream: TcpStream,
     handshake: Option<Handshake>,
-    _of_peer: OfPeer,
-    _permit: OwnedSemaphorePermit,
+    place: Place,
 }
 
 /// The beginning of a connection, which may not take for ever.
@@ -45,30 +45,28 @@ pub fn connections(
     listener: TcpListener,
     limits: &TransportLimits,
 ) -> impl Stream<Item = io::Result<Connection>> + use<> {
-    let permits = Arc::new(Semaphore::new(limits.max_connections.min(Semaphore::MAX_PERMITS)));
-    let peers = Arc::new(Peers { open: Mutex::default(), max: limits.max_connections_per_peer });
+    let (max, max_of_peer) = (limits.max_connections, limits.max_connections_per_peer);
+    let places = Arc::new(Places { taken: Mutex::default(), max, max_of_peer });
     let handshake_timeout = Duration::from_secs_f64(limits.handshake_timeout_s);
-    stream::unfold((listener, permits, peers), move |(listener, permits, peers)| async move {
-        let permit = Arc::clone(&permits).acquire_owned().await.ok()?;
-        let (stream, of_peer) = accept(&listener, &peers).await;
+    stream::unfold((listener, places), move |(listener, places)| async move {
+        let (stream, place) = accept(&listener, &places).await;
         let deadline = Box::pin(tokio::time::sleep(handshake_timeout));
         let handshake = Some(Handshake { bytes: 0, deadline });
-        let connection = Connection { stream, handshake, _of_peer: of_peer, _permit: permit };
-        Some((Ok(connection), (listener, permits, peers)))
+        Some((Ok(Connection { stream, handshake, place }), (listener, places)))
     })
 }
 
-async fn accept(listener: &TcpListener, peers: &Arc<Peers>) -> (TcpStream, OfPeer) {
+async fn accept(listener: &TcpListener, places: &Arc<Places>) -> (TcpStream, Place) {
     loop {
         match listener.accept().await {
             Ok((stream, address)) => {
                 // Closed at once where it is one too many: its peer's others go on.
-                let Some(of_peer) = peers.count(address.ip()) else { continue };
+                let Some(place) = places.take(host(address.ip())) else { continue };
                 // A held-back small message costs a round trip; a socket without the option still works.
                 if let Err(error) = stream.set_nodelay(true) {
                     tracing::warn!(%error, "TCP_NODELAY");
                 }
-                return (stream, of_peer);
+                return (stream, place);
             }
             Err(error) => {
                 tracing::warn!(%error, "a connection could not be accepted");
@@ -78,43 +76,65 @@ async fn accept(listener: &TcpListener, peers: &Arc<Peers>) -> (TcpStream, OfPee
     }
 }
 
-/// Connections that are open, by the address of the peer.
-struct Peers {
-    open: Mutex<HashMap<IpAddr, usize>>,
+/// What counts as one peer: an address of IPv4, or what a host is given of IPv6, which is 2^64 addresses.
+fn host(address: IpAddr) -> IpAddr {
+    match address.to_canonical() {
+        IpAddr::V6(address) => Ipv6Addr::from_bits(address.to_bits() >> 64 << 64).into(),
+        address => address,
+    }
+}
+
+/// The places of connections.
+struct Places {
+    taken: Mutex<Taken>,
     max: usize,
+    max_of_peer: usize,
 }
 
-impl Peers {
-    fn lock(&self) -> MutexGuard<'_, HashMap<IpAddr, usize>> {
-        self.open.lock().unwrap_or_else(PoisonError::into_inner)
+#[derive(Default)]
+struct Taken {
+    next_id: u64,
+    /// In the order of their coming: the peer, and what ends the connection by its own end.
+    connections: BTreeMap<u64, (IpAddr, oneshot::Sender<()>)>,
+}
+
+impl Places {
+    fn lock(&self) -> MutexGuard<'_, Taken> {
+        self.taken.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Counts another connection of a peer, unless it has as many as it may.
-    fn count(self: &Arc<Self>, peer: IpAddr) -> Option<OfPeer> {
-        let mut open = self.lock();
-        let count = open.entry(peer).or_default();
-        (*count < self.max).then(|| {
-            *count += 1;
-            OfPeer { peer, peers: Arc::clone(self) }
-        })
-    }
-}
-
-/// Counts as one connection of a peer while it lives.
-struct OfPeer {
-    peer: IpAddr,
-    peers: Arc<Peers>,
-}
-
-impl Drop for OfPeer {
-    fn drop(&mut self) {
-        let mut open = self.peers.lock();
-        if let Some(count) = open.get_mut(&self.peer) {
-            *count -= 1;
-            if *count == 0 {
-                open.remove(&self.peer);
-            }
+    /// A place for another connection of a peer, unless it has as many as it may. Where all are taken, the peer that has
+    /// most gives up its newest, if it has more than this one will.
+    fn take(self: &Arc<Self>, peer: IpAddr) -> Option<Place> {
+        let mut taken = self.lock();
+        let count = |of: IpAddr| taken.connections.values().filter(|(peer, _)| *peer == of).count();
+        let own = count(peer);
+        if own >= self.max_of_peer {
+            return None;
         }
+        if taken.connections.len() >= self.max {
+            let crowd = taken.connections.iter().map(|(id, (peer, _))| (count(*peer), *id));
+            let (_, newest) = crowd.max().filter(|(most, _)| *most > own + 1)?;
+            taken.connections.remove(&newest);
+        }
+        let (id, (connection, given_up)) = (taken.next_id, oneshot::channel());
+        taken.next_id += 1;
+        taken.connections.insert(id, (peer, connection));
+        Some(Place { id, places: Arc::clone(self), given_up: given_up.fuse() })
+    }
+}
+
+/// A place that is taken while this lives.
+struct Place {
+    id: u64,
+    places: Arc<Places>,
+    /// Ends when another peer gets the place.
+    given_up: Fuse<oneshot::Receiver<()>>,
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.places.lock().connections.remove(&self.id);
     }
 }
 
@@ -128,6 +148,9 @@ impl Connected for Connection {
 
 impl AsyncRead for Connection {
     fn poll_read(mut self: Pin<&mut Self>, context: &mut Context<'_>, into: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
+        if self.place.given_up.poll_unpin(context).is_ready() {
+            return Poll::Ready(Err(io::ErrorKind::ConnectionAborted.into()));
+        }
         let before = into.filled().len();
         let read = Pin::new(&mut self.stream).poll_read(context, into);
         let Some(handshake) = &mut self.handshake else { return read };

@@ -5,12 +5,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
+use axum::middleware::from_fn_with_state;
 use kerf_proto::v1::control_service_server::{ControlServiceServer, SERVICE_NAME as CONTROL_SERVICE};
 use kerf_proto::v1::session_service_server::{SERVICE_NAME as SESSION_SERVICE, SessionServiceServer};
 use kerf_proto::v1::view_service_server::{SERVICE_NAME as VIEW_SERVICE, ViewServiceServer};
 use kerf_scenes::dial::ParetoFronts;
 use kerf_session::Registry;
 use tokio::net::TcpListener;
+use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 use tonic::service::{LayerExt, Routes};
@@ -18,17 +20,21 @@ use tonic::transport::Server as Transport;
 use tonic_health::ServingStatus;
 use tonic_health::server::{HealthReporter, health_reporter};
 use tonic_web::GrpcWebLayer;
-use tower::limit::GlobalConcurrencyLimitLayer;
 
 use crate::config::{ConfigArgs, ServerConfig, TransportLimits};
 use crate::grpc::control_service::ControlService;
 use crate::grpc::session_service::SessionService;
 use crate::grpc::view_service::ViewService;
+use crate::hosts::Hosts;
 use crate::recording::Recordings;
-use crate::{incoming, machine, print_config, shutdown, telemetry, viewer};
+use crate::uploads::Uploads;
+use crate::{hosts, incoming, machine, print_config, shutdown, telemetry, uploads, viewer};
 
 /// Share of the machine's memory that sessions take unless it is set.
 const MEMORY_SHARE: f64 = 0.5;
+/// Calls of a connection that were cancelled before the server came to look at them; with one more it ends, and all its
+/// streams. Each takes some hundred bytes. The library's 20 are fewer than a busy client cancels at once.
+const MAX_CANCELLED_CALLS: usize = 1024;
 /// How often sessions are looked for that nobody has to do with.
 const IDLE_LOOK: Duration = Duration::from_secs(5);
 
@@ -62,6 +68,8 @@ pub(crate) fn serve_until_told(config: ServerConfig, first: impl AsyncFnOnce(&Se
     let mut runtime = tokio::runtime::Builder::new_multi_thread();
     runtime.worker_threads(config.network_threads).thread_name("kerf-network").enable_all();
     runtime.build().context("runtime")?.block_on(async {
+        // A file beyond `ulimit -f` is a full disk to whom it is written by, and no end of the process.
+        let _ = signal(SignalKind::from_raw(libc::SIGXFSZ)).context("SIGXFSZ")?;
         let mut server = Server::start(config).await?;
         first(&server).await?;
         tokio::select! {
@@ -115,7 +123,7 @@ impl Server {
         let listener = TcpListener::bind(config.listen).await.with_context(|| format!("listen = {}", config.listen))?;
         let address = listener.local_addr()?;
         let recordings = Arc::new(Recordings::new(&config));
-        let (health, routes) = routes(&registry, &config, &recordings).await?;
+        let (health, routes) = routes(&registry, &config, &recordings, address).await?;
         let (stop, stopped) = oneshot::channel::<()>();
         let connections = incoming::connections(listener, &config.transport);
         let serving = builder(&config.transport)
@@ -193,6 +201,7 @@ fn builder(limits: &TransportLimits) -> Transport {
         .timeout(Duration::from_secs_f64(2.0 * limits.request_timeout_s))
         .accept_http1(true)
         .max_concurrent_streams(limits.max_streams_per_connection)
+        .http2_max_pending_accept_reset_streams(Some(MAX_CANCELLED_CALLS))
         .http2_keepalive_interval(Some(Duration::from_secs_f64(limits.keepalive_interval_s)))
         .http2_keepalive_timeout(Some(Duration::from_secs_f64(limits.keepalive_timeout_s)))
 }
@@ -201,6 +210,7 @@ async fn routes(
     registry: &Arc<Registry>,
     config: &Arc<ServerConfig>,
     recordings: &Arc<Recordings>,
+    address: SocketAddr,
 ) -> Result<(HealthReporter, Routes)> {
     let limits = &config.transport;
     let session = SessionServiceServer::new(SessionService::new(
@@ -210,7 +220,6 @@ async fn routes(
     ))
     .max_decoding_message_size(limits.max_upload_bytes)
     .max_encoding_message_size(limits.max_outgoing_bytes);
-    let session = GlobalConcurrencyLimitLayer::new(limits.max_session_calls).named_layer(session);
     let control = ControlServiceServer::new(ControlService::new(Arc::clone(registry), config.control.clone()))
         .max_decoding_message_size(limits.max_incoming_bytes)
         .max_encoding_message_size(limits.max_outgoing_bytes);
@@ -235,5 +244,8 @@ async fn routes(
         .add_service(health_service)
         .add_service(reflection().build_v1()?)
         .add_service(reflection().build_v1alpha()?);
-    Ok((health, viewer::routes(routes.into_axum_router()).into()))
+    let routes = viewer::routes(routes.into_axum_router())
+        .layer(from_fn_with_state(Uploads::new(limits.clone()), uploads::read_whole))
+        .layer(from_fn_with_state(Hosts::new(address.ip(), &config.names), hosts::check));
+    Ok((health, routes.into()))
 }

@@ -1,5 +1,9 @@
 //! The one place where errors become gRPC statuses.
 
+use axum::body::Body;
+use axum::http::header::CONTENT_TYPE;
+use axum::http::{HeaderMap, Response, StatusCode};
+use kerf_physics::scene::text::{escaped, shortened};
 use kerf_scenes::dial::DialError;
 use kerf_session::SessionError;
 use kerf_session::player::SPEEDS;
@@ -93,6 +97,44 @@ pub enum RequestError {
     TooManyUnaryDrivers {
         /// `max_unary_drivers`.
         limit: usize,
+    },
+    /// A large message that others need the place of, or that finds none.
+    #[error("as many large messages are read and answered as may, {limit} (max_uploads): this one gives way")]
+    TooManyUploads {
+        /// `max_uploads`.
+        limit: usize,
+    },
+    /// A message that is too large to be read.
+    #[error("the message has more than {limit} bytes (max_upload_bytes)")]
+    LargeMessage {
+        /// `max_upload_bytes`.
+        limit: usize,
+    },
+    /// A message that took too long to come.
+    #[error("the message was not whole within {limit_s} s (request_timeout_s)")]
+    UnreadInTime {
+        /// `request_timeout_s`.
+        limit_s: f64,
+    },
+    /// A message that broke off.
+    #[error("the message broke off: {message}")]
+    Unread {
+        /// What the transport says.
+        message: String,
+    },
+    /// A request by a name that this server does not have.
+    #[error("host {host:?}: this server answers to localhost, 127.0.0.0/8, [::1] and its `names` alone")]
+    ForeignHost {
+        /// The name.
+        host: String,
+    },
+    /// A request of another server's page.
+    #[error("origin {origin:?}: pages of {host:?} alone may call this server")]
+    ForeignOrigin {
+        /// Where the page came from.
+        origin: String,
+        /// The name of this server.
+        host: String,
     },
     /// An object that is not in the scene.
     #[error("object = {object}: the scene has {objects}, counted from 0")]
@@ -189,8 +231,12 @@ impl RequestError {
             | Self::NoObject { .. }
             | Self::TooManyVoxels { .. }
             | Self::SceneText { .. } => Code::InvalidArgument,
-            Self::Idle { .. } | Self::Unresponsive { .. } => Code::DeadlineExceeded,
-            Self::TooManyUnaryDrivers { .. } => Code::ResourceExhausted,
+            Self::Idle { .. } | Self::Unresponsive { .. } | Self::UnreadInTime { .. } => Code::DeadlineExceeded,
+            Self::TooManyUnaryDrivers { .. } | Self::TooManyUploads { .. } | Self::LargeMessage { .. } => {
+                Code::ResourceExhausted
+            }
+            Self::Unread { .. } => Code::Cancelled,
+            Self::ForeignHost { .. } | Self::ForeignOrigin { .. } => Code::PermissionDenied,
             Self::NoScene { .. } | Self::NoViewer => Code::NotFound,
         }
     }
@@ -226,9 +272,14 @@ fn session_code(error: &SessionError) -> Code {
     }
 }
 
+/// Longest message of a status, bytes. It goes into the head of an answer twice, for which clients take 8 KiB.
+const MAX_MESSAGE_BYTES: usize = 1024;
+
 impl From<RequestError> for Status {
     fn from(error: RequestError) -> Self {
-        let (code, message) = (error.code(), error.to_string());
+        let code = error.code();
+        // Clients' own texts are in some of them.
+        let message = shortened(&escaped(&error.to_string()), MAX_MESSAGE_BYTES);
         let details = match code {
             // Messages begin with the path of the field, where one is at fault, and name the limit in parentheses.
             Code::InvalidArgument => ErrorDetails::with_bad_request_violation(field(&message), &message),
@@ -236,6 +287,24 @@ impl From<RequestError> for Status {
             _ => return Self::new(code, message),
         };
         Self::with_error_details(code, message, details)
+    }
+}
+
+/// The answer to a request that no service sees: in gRPC's way to those who asked in it, else as a page.
+pub fn refusal(asked: &HeaderMap, error: RequestError) -> Response<Body> {
+    let kind = asked.get(CONTENT_TYPE).filter(|kind| kind.as_bytes().starts_with(b"application/grpc"));
+    let status = Status::from(error);
+    match kind {
+        Some(kind) => {
+            let mut answer = status.into_http::<Body>();
+            answer.headers_mut().insert(CONTENT_TYPE, kind.clone());
+            answer
+        }
+        None => {
+            let mut answer = Response::new(Body::from(format!("{}\n", status.message())));
+            *answer.status_mut() = StatusCode::FORBIDDEN;
+            answer
+        }
     }
 }
 
@@ -268,6 +337,19 @@ mod tests {
         assert_eq!(violation(RequestError::Missing { field: "scene" }), "scene");
         assert_eq!(violation(RequestError::Rate { field: "rate_hz", value: -1.0 }), "rate_hz");
         assert_eq!(violation(RequestError::HelloRepeated), "");
+    }
+
+    #[test]
+    fn texts_of_clients_are_bounded_and_shown_for_what_they_are() {
+        let mean = format!("name: \u{202e}{}\0\u{1b}[2J (max_sessions)", "\u{fffd}".repeat(300_000));
+        let status = Status::from(RequestError::SceneText { message: mean });
+        let message = status.message();
+        assert!(message.len() <= MAX_MESSAGE_BYTES && message.starts_with("name: \\u{202e}"), "{message}");
+        assert!(message.ends_with("\\u{0}\\u{1b}[2J (max_sessions)"), "{message}");
+        assert_eq!(status.get_details_bad_request().unwrap().field_violations[0].field, "name");
+        let head: usize =
+            status.into_http::<Body>().headers().iter().map(|(name, value)| name.as_str().len() + value.len()).sum();
+        assert!(head < 8 << 10, "{head} bytes");
     }
 
     #[test]

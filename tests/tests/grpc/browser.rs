@@ -1,17 +1,25 @@
 //! What a browser needs of the server's port: pages, and calls as gRPC-Web over HTTP/1.1.
 
+use kerf_proto::v1::session_service_client::SessionServiceClient;
 use kerf_proto::v1::{self, get_scene_request};
+use prost::Message;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
+use tonic::Code;
 
-use super::harness::{Harness, soon};
+use super::harness::{Harness, endpoint, soon};
 
 /// Head and body of the answer to a request over HTTP/1.1.
 async fn ask(harness: &Harness, head: &str, body: &[u8]) -> (String, Vec<u8>) {
+    ask_by(harness, "localhost", head, body).await
+}
+
+/// The same of a page that knows the server by another name.
+async fn ask_by(harness: &Harness, host: &str, head: &str, body: &[u8]) -> (String, Vec<u8>) {
     soon("an answer", async {
         let mut stream = TcpStream::connect(harness.server.address()).await.unwrap();
         let length = body.len();
-        let head = format!("{head}\r\nhost: kerf\r\nconnection: close\r\ncontent-length: {length}\r\n\r\n");
+        let head = format!("{head}\r\nhost: {host}\r\nconnection: close\r\ncontent-length: {length}\r\n\r\n");
         stream.write_all(head.as_bytes()).await.unwrap();
         stream.write_all(body).await.unwrap();
         let mut answer = Vec::new();
@@ -52,6 +60,34 @@ async fn pages_of_other_origins_are_given_no_leave() {
                 access-control-request-method: POST\r\naccess-control-request-headers: content-type";
     let (head, _) = ask(&harness, head, &[]).await;
     assert!(!head.contains("access-control-allow"), "{head}");
+}
+
+#[tokio::test]
+async fn a_page_whose_name_was_made_to_mean_this_machine_gets_nothing() {
+    let mut harness = Harness::start().await;
+    let port = harness.server.address().port();
+    let create = "POST /kerf.v1.SessionService/CreateSession HTTP/1.1\r\ncontent-type: application/grpc-web+proto";
+    let scene = Some(v1::create_session_request::Scene::SceneName("jelly".into()));
+    let message = v1::CreateSessionRequest { scene, ..Default::default() }.encode_to_vec();
+    let message = [&[0], &(message.len() as u32).to_be_bytes()[..], &message].concat();
+    for (host, origin, is_ours) in [
+        (format!("rebound.example:{port}"), format!("http://rebound.example:{port}"), false),
+        (format!("localhost:{port}"), "http://elsewhere.example".into(), false),
+        (format!("localhost:{port}"), "null".into(), false),
+        (format!("127.0.0.1:{port}"), format!("http://127.0.0.1:{port}"), true),
+    ] {
+        let (page, _) = ask_by(&harness, &host, &format!("GET / HTTP/1.1\r\norigin: {origin}"), &[]).await;
+        assert!(page.starts_with(if is_ours { "http/1.1 200" } else { "http/1.1 403" }), "{host} {origin}: {page}");
+        let (called, _) = ask_by(&harness, &host, &format!("{create}\r\norigin: {origin}"), &message).await;
+        let is_denied = called.contains("grpc-status: 7") && called.contains("this%20server");
+        assert_eq!(is_denied, !is_ours, "{host} {origin}: {called}");
+        assert_eq!(harness.server.registry().list().is_empty(), !is_ours, "{host} {origin}");
+    }
+    let endpoint = endpoint(harness.server.address()).origin("http://rebound.example".parse().unwrap());
+    harness.sessions = SessionServiceClient::new(endpoint.connect().await.unwrap());
+    let refused = harness.sessions.list_sessions(v1::ListSessionsRequest {}).await.unwrap_err();
+    assert_eq!(refused.code(), Code::PermissionDenied);
+    assert!(refused.message().starts_with("host \"rebound.example\": "), "{refused}");
 }
 
 #[tokio::test]

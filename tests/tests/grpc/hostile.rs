@@ -9,6 +9,7 @@ use kerf_proto::v1::control_service_client::ControlServiceClient;
 use kerf_proto::v1::{self, send_pose_request};
 use kerf_scenes::cost::Cost;
 use tokio::net::TcpStream;
+use tonic::transport::Channel;
 use tonic::{Code, Request, Status};
 use tonic_types::StatusExt;
 
@@ -160,6 +161,40 @@ async fn silent_sockets_keep_nobody_out() {
     })
     .await;
     bystander.check(&mut harness).await;
+}
+
+#[tokio::test]
+async fn addresses_with_many_connections_make_room_for_one_with_few() {
+    let mut harness = Harness::with(|config| {
+        config.transport.max_connections = 24;
+        config.transport.max_connections_per_peer = 12;
+    })
+    .await;
+    let address = harness.server.address();
+    let from = |host: [u8; 4]| endpoint(address).local_address(Some(IpAddr::from(host)));
+    // Connections that answer pings, as many as there may be.
+    let mut many = Vec::new();
+    // The harness has one already.
+    for (peer, connections) in [(1, 11), (2, 12)] {
+        for _ in 0..connections {
+            many.push(soon("a connection", from([127, 0, 0, peer]).connect()).await.unwrap());
+        }
+    }
+    let list = async |channel: Channel| {
+        let mut client = v1::session_service_client::SessionServiceClient::new(channel);
+        client.list_sessions(v1::ListSessionsRequest {}).await
+    };
+    // Three addresses share 24.
+    let mut few = Vec::new();
+    for _ in 0..7 {
+        let channel = soon("a place", from([127, 0, 0, 3]).connect()).await.unwrap();
+        soon("a list", list(channel.clone())).await.unwrap();
+        few.push(channel);
+    }
+    for channel in few {
+        soon("a list", list(channel)).await.unwrap();
+    }
+    assert!(harness.create().await.is_ok(), "who came first stays");
 }
 
 #[tokio::test]
