@@ -34,4 +34,14 @@ async fn a_recording_ends_shortly_before_its_server_was_killed_and_verifies() {
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(output.status.success() && said.contains("every state is as recorded"), "{output:?}");
     assert!(String::from_utf8_lossy(&output.stderr).contains("to its last whole chunk"), "{output:?}");
+
+    // The length of the record after the file's own head: what follows is whole.
+    let mut damaged = std::fs::read(&path).unwrap();
+    let second = 8 + 9 + damaged[9] as usize;
+    damaged[second + 4] ^= 0x40;
+    std::fs::write(&path, damaged).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_kerf-server"));
+    let output = command.arg("replay").arg(&path).arg("--verify").output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(1) && said.contains("a whole chunk follows"), "{output:?}");
 }

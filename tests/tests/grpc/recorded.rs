@@ -17,6 +17,7 @@ use kerf_session::stepping::Steps;
 use kerf_session::{Registry, Replay, Seek as SeekTo, Session, SessionLimits, SessionOptions};
 use mcap::MessageStream;
 use mcap::read::Summary;
+use mcap::records::op;
 use prost::Message;
 use tonic::Code;
 
@@ -112,6 +113,11 @@ async fn a_recording_leads_to_every_state_once_more_and_one_that_was_tampered_wi
     });
     let refused = verified(&tampered).unwrap_err();
     assert!(refused.starts_with("step 8 is recorded where step 7 should be"), "{refused}");
+
+    rewritten(&path, &tampered, |topic, data| {
+        (topic != "/session/step" && topic != "/session/events").then(|| data.to_vec())
+    });
+    assert_eq!(verified(&tampered).unwrap_err(), "the recording has no steps: there is nothing to be verified");
 
     rewritten(&path, &tampered, |topic, data| (topic != "/session/events").then(|| data.to_vec()));
     assert!(verified(&tampered).is_err(), "without its reset and its way back it leads elsewhere");
@@ -384,18 +390,21 @@ async fn files_that_are_no_recordings_are_refused_in_words() {
     assert!(refused(b"step,tool,input").ends_with("this is no MCAP file"));
     assert!(refused(&[]).ends_with("this is no MCAP file"));
     assert!(refused(&bytes[..60]).contains("ends before its first chunk is whole"));
-    // Wherever it is cut, what is whole before verifies.
+    // Wherever it is cut, what is whole before is read.
     for share in [3, 5, 8] {
         std::fs::write(&other, &bytes[..bytes.len() * share / 10]).unwrap();
-        let part = verified(&other).unwrap();
-        assert_eq!(part.ending, Ending::CutOff);
+        assert_eq!(Recording::open(&other).unwrap().ending(), Ending::CutOff);
     }
     let second = Summary::read(&bytes).unwrap().expect("an index").chunk_indexes[1].chunk_start_offset as usize;
     // Also where it names lengths.
+    let (_, end) = *records(&bytes).iter().find(|(kind, _)| *kind == op::DATA_END).expect("an end of the data");
     for offset in (100..400).step_by(25) {
         let mut damaged = bytes.clone();
         damaged[second + offset] ^= 0xff;
-        assert!(refused(&damaged).contains("chunk "), "{offset}: {}", refused(&damaged));
+        let said = refused(&damaged);
+        assert!(said.ends_with("the file is damaged: its checksum differs"), "{offset}: {said}");
+        let said = refused(&damaged[..end]);
+        assert!(said.contains("chunk "), "{offset}: {said}");
     }
     rewritten(&path, &other, |topic, data| (topic != "/session/header").then(|| data.to_vec()));
     assert!(verified(&other).unwrap_err().contains("no /session/header"));
@@ -413,4 +422,48 @@ async fn files_that_are_no_recordings_are_refused_in_words() {
     foreign.finish().unwrap();
     let said = refused(&foreign.into_inner().into_inner());
     assert!(said.contains("/session/header has schema std_msgs.String, not kerf.v1.RecordingHeader"), "{said}");
+}
+
+/// Kind and place of each record of a whole file.
+fn records(bytes: &[u8]) -> Vec<(u8, usize)> {
+    let (mut records, mut offset) = (Vec::new(), mcap::MAGIC.len());
+    while offset + mcap::MAGIC.len() < bytes.len() {
+        records.push((bytes[offset], offset));
+        offset += 9 + u64::from_le_bytes(*bytes[offset + 1..].first_chunk().unwrap()) as usize;
+    }
+    records
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn only_the_last_record_of_a_file_may_be_torn() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, _) = recorded_cut(folder.path()).await;
+    let whole = std::fs::read(&path).unwrap();
+    let records = records(&whole);
+    let end = records.iter().find(|(kind, _)| *kind == op::DATA_END).expect("an end of the data").1;
+    let killed = &whole[..end];
+    let (_, last_chunk) = *records.iter().rfind(|(kind, offset)| *kind == op::CHUNK && *offset < end).unwrap();
+    let other = folder.path().join("other.mcap");
+    let open = |bytes: &[u8]| {
+        std::fs::write(&other, bytes).unwrap();
+        Recording::open(&other)
+    };
+
+    let chunks = open(killed).unwrap().chunks();
+    assert!(chunks > 1);
+    for torn in (last_chunk + 1..end).step_by(101).chain([end]) {
+        let recording = open(&whole[..torn]).unwrap();
+        assert!(recording.ending() == Ending::CutOff && recording.chunks() >= chunks - 1, "{torn}");
+    }
+    // A length or a kind that flipped is no torn end, wherever it points to.
+    for (file, until) in [(&whole[..], whole.len()), (killed, last_chunk)] {
+        for &(kind, offset) in records.iter().filter(|(_, offset)| *offset < until) {
+            for bit in (8..72).step_by(7).chain((kind == op::CHUNK).then_some(2)) {
+                let mut damaged = file.to_vec();
+                damaged[offset + bit / 8] ^= 1 << (bit % 8);
+                let refused = open(&damaged).map(|recording| recording.ending());
+                assert!(refused.is_err(), "kind {kind} at {offset} of {}, bit {bit}: {refused:?}", file.len());
+            }
+        }
+    }
 }

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
+use std::ops::Range;
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
@@ -20,6 +21,11 @@ use super::tracks::{ENCODING, Track};
 const MAX_CHUNK_BYTES: u64 = 1 << 30;
 /// Length of what precedes each record: its kind and its length.
 const RECORD_HEAD_BYTES: usize = 9;
+/// Length of what precedes the packed messages of a chunk: with the name of a compression, of which no one has more than
+/// 11 bytes.
+const CHUNK_HEAD_BYTES: usize = 64;
+/// What is looked through at a time for a chunk, bytes.
+const SCAN_BYTES: usize = 1 << 20;
 
 /// A message of a recording.
 #[derive(Clone, Debug)]
@@ -46,7 +52,7 @@ impl Entry {
 pub enum Ending {
     /// As it was closed.
     Whole,
-    /// In the middle: its writer was killed, or the disk was full. All chunks before are whole.
+    /// In the middle of its last record: its writer was killed, or the disk was full. All chunks before are whole.
     CutOff,
 }
 
@@ -72,7 +78,7 @@ impl Recording {
     /// Looks through a file for its chunks, and reads the header.
     ///
     /// # Errors
-    /// The file cannot be read, or is no recording.
+    /// The file cannot be read, is no recording, or is damaged: only the last record of a file may not be whole.
     pub fn open(path: &Path) -> Result<Self> {
         let context = || path.display().to_string();
         let file = File::open(path).map_err(|error| anyhow!(in_plain_words(&error))).with_context(context)?;
@@ -84,9 +90,7 @@ impl Recording {
         let mut magic = [0; MAGIC.len()];
         let is_mcap = file.read_exact(&mut magic).is_ok() && magic == MAGIC;
         ensure!(is_mcap, "this is no MCAP file");
-        let (mut chunks, ending) = chunks(&mut file, length)?;
-        // A header and its schemas, and no message: a file that was closed at once.
-        chunks.retain(|chunk| chunk.bytes > 0);
+        let (chunks, ending) = chunks(&mut file, length)?;
         let header = v1::RecordingHeader::default();
         let mut recording = Self { file, header, channels: BTreeMap::new(), chunks, ending };
         ensure!(!recording.chunks.is_empty(), "the file ends before its first chunk is whole");
@@ -194,43 +198,132 @@ impl Recording {
 
 /// Where the whole chunks of a file are, and how it ends.
 fn chunks(file: &mut BufReader<File>, length: u64) -> Result<(Vec<Chunk>, Ending)> {
+    let is_complete = ends_with_magic(file, length)?;
     let mut chunks = Vec::new();
     let mut offset = MAGIC.len() as u64;
-    loop {
-        let mut head = [0; RECORD_HEAD_BYTES];
-        if offset + RECORD_HEAD_BYTES as u64 > length {
-            return Ok((chunks, Ending::CutOff));
-        }
-        file.seek(SeekFrom::Start(offset))?;
-        file.read_exact(&mut head)?;
-        let [kind, bytes @ ..] = head;
-        let bytes = u64::from_le_bytes(bytes);
-        offset += RECORD_HEAD_BYTES as u64;
-        if bytes > length - offset {
-            return Ok((chunks, Ending::CutOff));
-        }
+    while let Some((kind, bytes)) = record_head(file, offset, length)? {
+        let damaged = || format!("the record at byte {offset} is damaged");
+        let content = offset + RECORD_HEAD_BYTES as u64;
         match kind {
-            op::CHUNK => {
-                ensure!(bytes <= MAX_CHUNK_BYTES, "the chunk at byte {offset} has {bytes} bytes");
-                // What it begins with is of fixed length, up to the name of the compression.
-                let mut start = vec![0; bytes.min(64) as usize];
-                file.read_exact(&mut start)?;
-                let (start_ns, end_ns) = chunk_times(&start).with_context(|| format!("the chunk at byte {offset}"))?;
-                chunks.push(Chunk { offset, bytes, start_ns, end_ns });
+            op::CHUNK => chunks.push(chunk(file, offset, length)?.with_context(damaged)?),
+            op::FOOTER => {
+                let is_last = is_complete && content + bytes + MAGIC.len() as u64 == length;
+                ensure!(is_last, "{}: it ends the file before its end", damaged());
+                return Ok((chunks, Ending::Whole));
             }
-            op::FOOTER => return Ok((chunks, Ending::Whole)),
-            _ => {}
+            op::DATA_END => {
+                let saved = data_checksum(&record(file, content, bytes)?).with_context(damaged)?;
+                ensure!(saved == 0 || saved == checksum(file, offset)?, "the file is damaged: its checksum differs");
+            }
+            _ => {
+                let whole = record(file, content, bytes)?;
+                let is_known = !matches!(parse_record(kind, &whole).with_context(damaged)?, Record::Unknown { .. });
+                ensure!(is_known, "{}: it is of no known kind", damaged());
+                let swallowed = next_chunk(file, content..content + bytes, length)?;
+                ensure!(swallowed.is_none(), "{}: a chunk begins within it", damaged());
+            }
         }
-        offset += bytes;
+        offset = content + bytes;
+    }
+    // A writer that stopped leaves one record that is not whole, at the very end.
+    let torn = offset;
+    ensure!(!is_complete, "the record at byte {torn} is damaged: it goes on beyond the end of a complete file");
+    if let Some(after) = next_chunk(file, torn + 1..length, length)? {
+        bail!(
+            "the record at byte {torn} is damaged: it goes on beyond the end, and a whole chunk follows at byte {after}"
+        );
+    }
+    Ok((chunks, Ending::CutOff))
+}
+
+fn ends_with_magic(file: &mut BufReader<File>, length: u64) -> Result<bool> {
+    let mut end = [0; MAGIC.len()];
+    file.seek(SeekFrom::Start(length - MAGIC.len() as u64))?;
+    file.read_exact(&mut end)?;
+    Ok(length > MAGIC.len() as u64 && end == MAGIC)
+}
+
+/// Kind and length of the record at an offset; `None` where it is not whole.
+fn record_head(file: &mut BufReader<File>, offset: u64, length: u64) -> Result<Option<(u8, u64)>> {
+    let mut head = [0; RECORD_HEAD_BYTES];
+    let content = offset + RECORD_HEAD_BYTES as u64;
+    if content > length {
+        return Ok(None);
+    }
+    file.seek(SeekFrom::Start(offset))?;
+    file.read_exact(&mut head)?;
+    let [kind, bytes @ ..] = head;
+    let bytes = u64::from_le_bytes(bytes);
+    Ok((bytes <= length - content).then_some((kind, bytes)))
+}
+
+/// The content of a record that is none of the large ones.
+fn record(file: &mut BufReader<File>, content: u64, bytes: u64) -> Result<Vec<u8>> {
+    ensure!(bytes <= MAX_CHUNK_BYTES, "the record at byte {content} has {bytes} bytes, at most {MAX_CHUNK_BYTES}");
+    let mut record = vec![0; bytes as usize];
+    file.seek(SeekFrom::Start(content))?;
+    file.read_exact(&mut record)?;
+    Ok(record)
+}
+
+fn data_checksum(content: &[u8]) -> Result<u32> {
+    match parse_record(op::DATA_END, content)? {
+        Record::DataEnd(end) => Ok(end.data_section_crc),
+        _ => bail!("it is of another kind"),
     }
 }
 
-fn chunk_times(start: &[u8]) -> Result<(u64, u64)> {
-    let (times, _) = start.as_chunks::<8>();
-    match times {
-        [first, last, ..] => Ok((u64::from_le_bytes(*first), u64::from_le_bytes(*last))),
-        _ => bail!("it is too short"),
+/// The checksum of the first so many bytes of a file.
+fn checksum(file: &mut BufReader<File>, bytes: u64) -> Result<u32> {
+    let mut sum = crc32fast::Hasher::new();
+    file.seek(SeekFrom::Start(0))?;
+    let mut rest = bytes;
+    while rest > 0 {
+        let some = file.fill_buf()?;
+        let some = &some[..some.len().min(rest as usize)];
+        ensure!(!some.is_empty(), "the file became shorter while it was read");
+        sum.update(some);
+        let taken = some.len();
+        file.consume(taken);
+        rest -= taken as u64;
     }
+    Ok(sum.finalize())
+}
+
+/// The chunk that the record at an offset is; `None` where its lengths do not agree.
+fn chunk(file: &mut BufReader<File>, offset: u64, length: u64) -> Result<Option<Chunk>> {
+    let mut head = vec![0; CHUNK_HEAD_BYTES.min((length - offset) as usize)];
+    file.seek(SeekFrom::Start(offset))?;
+    file.read_exact(&mut head)?;
+    Ok(whole_chunk(&head, offset, length))
+}
+
+/// The chunk whose record begins with these bytes, if it is one and whole: it has the length of its record twice, once by
+/// the length of what is packed.
+fn whole_chunk(head: &[u8], offset: u64, length: u64) -> Option<Chunk> {
+    let number = |at: usize| Some(u64::from_le_bytes(*head.get(at..)?.first_chunk()?));
+    let (&kind, bytes) = (head.first()?, number(1)?);
+    let offset = offset + RECORD_HEAD_BYTES as u64;
+    let name_bytes = u32::from_le_bytes(*head.get(37..)?.first_chunk()?);
+    let packed = 41 + name_bytes as usize;
+    let is_whole = bytes <= (length.checked_sub(offset)?).min(MAX_CHUNK_BYTES)
+        && bytes == number(packed)?.checked_add((packed + 8 - RECORD_HEAD_BYTES) as u64)?;
+    (kind == op::CHUNK && is_whole).then_some(Chunk { offset, bytes, start_ns: number(9)?, end_ns: number(17)? })
+}
+
+/// Where the first whole chunk begins in a part of the file.
+fn next_chunk(file: &mut BufReader<File>, part: Range<u64>, length: u64) -> Result<Option<u64>> {
+    let mut block = Vec::new();
+    for begin in part.clone().step_by(SCAN_BYTES) {
+        block.clear();
+        file.seek(SeekFrom::Start(begin))?;
+        file.take((SCAN_BYTES + CHUNK_HEAD_BYTES) as u64).read_to_end(&mut block)?;
+        let is_chunk = |at: &usize| whole_chunk(&block[*at..], begin + *at as u64, length).is_some();
+        if let Some(at) = (0..block.len().min(SCAN_BYTES).min((part.end - begin) as usize)).find(is_chunk) {
+            return Ok(Some(begin + at as u64));
+        }
+    }
+    Ok(None)
 }
 
 /// What the system says, without its number.

@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, ensure};
 use kerf_physics::Workers;
 use kerf_proto::v1;
 use kerf_session::{Resimulation, SceneEvent};
@@ -31,7 +31,7 @@ pub struct Verified {
 /// and how many there are.
 ///
 /// # Errors
-/// What cannot be read, or the first step that differs.
+/// What cannot be read, the first step that differs, or that there is none.
 pub fn verify(recording: &mut Recording, workers: &Workers<'_>, mut progress: impl FnMut(u64)) -> Result<Verified> {
     let scene = convert::scene(recording.header()).context("the recorded scene")?;
     let Survey { steps, needed } = Survey::of(recording)?;
@@ -67,6 +67,7 @@ pub fn verify(recording: &mut Recording, workers: &Workers<'_>, mut progress: im
             }
         }
     }
+    ensure!(verified.steps > 0, "the recording has no steps: there is nothing to be verified");
     Ok(verified)
 }
 
