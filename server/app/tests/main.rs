@@ -3,6 +3,7 @@
 mod cli;
 mod hepatectomy;
 mod killed;
+mod limited;
 mod log;
 mod process;
 mod remote;

@@ -8,7 +8,8 @@ use kerf_proto::v1::session_service_client::SessionServiceClient;
 use kerf_proto::v1::{self, create_session_request};
 use tonic::transport::Channel;
 
-const BLOCK: &str = include_str!("../../session/tests/block.toml");
+/// The scene that sessions are tested on.
+pub const BLOCK: &str = include_str!("../../session/tests/block.toml");
 /// Longer than anything here takes on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(20);
 
