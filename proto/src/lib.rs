@@ -21,7 +21,7 @@ pub mod foxglove {
 }
 
 /// The version that both ends of a stream name in their first message.
-pub const PROTOCOL_VERSION: u32 = 2;
+pub const PROTOCOL_VERSION: u32 = 3;
 
 /// Largest message that either side accepts: a keyframe takes 40 bytes per surface vertex, so this
 /// carries a surface of 1.6 million vertices, a hundred times the liver's.

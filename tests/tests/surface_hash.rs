@@ -2,23 +2,30 @@
 
 use kerf_physics::scene::{Scene, SceneDesc};
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::surface::delta::{BodyStructure, BoundQuad, BoundVertex};
+use kerf_physics::surface::delta::{BodyStructure, BoundQuad, BoundVertex, HeldVertex};
 use kerf_physics::surface::hash::{ObjectHash, surface_hash};
 use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
 use kerf_proto::v1;
-use kerf_replica::{Replica, ReplicaError};
+use kerf_replica::{Body, Replica, ReplicaError, Vertex};
 use kerf_server::wire;
 
 fn vertices() -> Vec<BoundVertex> {
     [
-        (3, 0, [0.0, -0.0, 1.0]),
-        (900, 1, [0.1, 0.25, 0.7]),
-        (4_000_000_000, 1, [1.0, 0.5, 1e-30]),
-        (4_294_967_295, 0, [0.5; 3]),
+        (3, 0, [0.0, -0.0, 1.0], 0),
+        (900, 1, [0.1, 0.25, 0.7], 1),
+        (4_000_000_000, 1, [1.0, 0.5, 1e-30], 65535),
+        (4_294_967_295, 0, [0.5; 3], 0),
     ]
-    .map(|(id, element, local)| BoundVertex { id, element, local, material: 0 })
+    .map(|(id, element, local, material)| BoundVertex { id, element, local, material })
     .to_vec()
+}
+
+fn held() -> Vec<HeldVertex> {
+    vec![
+        HeldVertex { id: 900, weights: [0.1, 0.0, 0.7, 1e-30, 0.0, 0.025, 0.0, 0.25] },
+        HeldVertex { id: 4_294_967_295, weights: [0.0; 8] },
+    ]
 }
 
 fn quads() -> Vec<BoundQuad> {
@@ -38,20 +45,22 @@ fn body_on_the_wire() -> v1::BodyStructure {
         vertex_ids: vertices().iter().map(|vertex| vertex.id).collect(),
         vertex_elements: vertices().iter().map(|vertex| vertex.element).collect(),
         vertex_local: vertices().iter().flat_map(|vertex| vertex.local).collect(),
+        vertex_materials: vertices().iter().map(|vertex| u32::from(vertex.material)).collect(),
+        held_vertex_ids: held().iter().map(|vertex| vertex.id).collect(),
+        held_vertex_weights: held().iter().flat_map(|vertex| vertex.weights).collect(),
         quad_ids: quads().iter().map(|quad| quad.id).collect(),
         quad_vertices: quads().iter().flat_map(|quad| quad.vertices).collect(),
         quantum_m: 1.0,
-        ..Default::default()
     }
 }
 
 #[test]
 fn replica_and_core_compute_the_hash_that_the_specification_gives() {
     let mut object = ObjectHash::default();
-    object.follow(&BodyStructure { vertices: vertices(), quads: quads(), ..BodyStructure::default() });
+    object.follow(&BodyStructure { vertices: vertices(), held: held(), quads: quads(), ..BodyStructure::default() });
     let hash = surface_hash([&object, &object].into_iter());
     // Computed from the words in view.proto by a program that shares no line with either.
-    assert_eq!(hash, 0x6411_8ce0_7d49_23ba);
+    assert_eq!(hash, 0x316d_de23_ada7_5291);
     let bodies = vec![body_on_the_wire(); 2];
     let mut keyframe = v1::Keyframe { bodies, surface_hash: hash, ..v1::Keyframe::default() };
     assert_eq!(Replica::default().apply_keyframe(&keyframe), Ok(()));
@@ -88,27 +97,28 @@ name = "blade"
 shape = { blade = { width_m = 0.06, height_m = 0.06 } }
 "#;
 
-/// The hash of what a replica has, computed anew.
-fn recomputed(replica: &Replica) -> u64 {
-    let body = |body: &kerf_replica::Body| v1::BodyStructure {
-        vertex_ids: body.vertices().keys().copied().collect(),
-        vertex_elements: body
-            .vertices()
-            .values()
-            .flat_map(|vertex| vertex.binding())
-            .map(|(element, _)| element)
-            .collect(),
-        vertex_local: body
-            .vertices()
-            .values()
-            .flat_map(|vertex| vertex.binding())
-            .flat_map(|(_, local)| local)
-            .collect(),
-        quad_ids: body.quads().keys().copied().collect(),
-        quad_vertices: body.quads().values().copied().flatten().collect(),
+/// The hash of what a replica has, computed anew rather than from the patches.
+pub fn recomputed(replica: &Replica) -> u64 {
+    kerf_replica::surface_hash(&replica.bodies().iter().map(structure).collect::<Vec<_>>())
+}
+
+fn structure(body: &Body) -> v1::BodyStructure {
+    let (vertices, held, quads) = (body.vertices(), body.held_weights(), body.quads());
+    let mut structure = v1::BodyStructure {
+        held_vertex_ids: held.keys().copied().collect(),
+        held_vertex_weights: held.values().copied().flatten().collect(),
+        quad_ids: quads.keys().copied().collect(),
+        quad_vertices: quads.values().copied().flatten().collect(),
         ..Default::default()
     };
-    kerf_replica::surface_hash(&replica.bodies().iter().map(body).collect::<Vec<_>>())
+    for (id, vertex) in vertices {
+        let Vertex::Bound { element, local, material } = *vertex else { continue };
+        structure.vertex_ids.push(*id);
+        structure.vertex_elements.push(element);
+        structure.vertex_local.extend(local);
+        structure.vertex_materials.push(material);
+    }
+    structure
 }
 
 /// A stroke down through the blocks, numbered so that each goes another way; `after` sees the world

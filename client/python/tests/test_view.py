@@ -76,11 +76,17 @@ def test_arrays_are_hashed_as_the_protocol_says_of_one():
     ids, elements = np.array([3, 9], dtype=np.uint32), np.array([1, 2], dtype=np.uint32)
     local = np.array([[0.25, 0.5, 1.0], [0.0, 1.0, 0.125]], dtype=np.float32)
     bits = local.view(np.uint32).astype(object)
-    words = [(i << 32 | e, u << 32 | v, w) for i, e, (u, v, w) in zip([3, 9], [1, 2], bits, strict=True)]
-    vertices = surface_hash.sum_of_vertices(ids, elements, local)
+    materials = np.array([0, 4], dtype=np.uint32)
+    of_each = zip([3, 9], [1, 2], [0, 4], bits, strict=True)
+    words = [(i << 32 | e, u << 32 | v, m << 32 | w) for i, e, m, (u, v, w) in of_each]
+    vertices = surface_hash.sum_of_vertices(ids, elements, local, materials)
     assert vertices == sum(of_words(*each) for each in words) % 2**64
     quads = surface_hash.sum_of_quads(ids[:1], np.array([[4, 5, 6, 7]], dtype=np.uint32))
-    assert quads == of_words(3 << 32 | 4, 5 << 32 | 6, 1 << 32 | 7)
+    assert quads == of_words(3 << 32 | 4, 5 << 32 | 6, 1 << 48 | 7)
+    weights = np.array([[0.0, 0.125, 0.25, 0.5, 0.0, 0.0, 0.0625, 0.75]], dtype=np.float32)
+    a, b, c, d, e, f, g, h = weights.view(np.uint32)[0].tolist()
+    held = surface_hash.sum_of_held(ids[1:], weights)
+    assert held == of_words(9 << 32 | a, b << 32 | c, d << 32 | e, f << 32 | g, 1 << 49 | h)
     assert surface_hash.of_surface([vertices, quads]) == of_words(vertices, quads)
 
 
@@ -102,12 +108,21 @@ def cube():
     }
 
 
+def hash_of(body):
+    ids, local = np.array(body.vertex_ids, dtype=np.uint32), np.reshape(body.vertex_local, (-1, 3)).astype(np.float32)
+    materials = np.array(body.vertex_materials or [0] * len(ids), dtype=np.uint32)
+    elements, weights = np.array(body.vertex_elements), np.reshape(body.held_vertex_weights, (-1, 8))
+    items = [
+        surface_hash.sum_of_vertices(ids, elements, local, materials),
+        surface_hash.sum_of_held(np.array(body.held_vertex_ids, dtype=np.uint32), weights.astype(np.float32)),
+        surface_hash.sum_of_quads(np.array(body.quad_ids), np.reshape(body.quad_vertices, (-1, 4))),
+    ]
+    return surface_hash.of_surface([sum(items) % 2**64])
+
+
 def keyframe(body, version=3, expected=None):
-    ids, local = np.array(body["vertex_ids"], dtype=np.uint32), np.reshape(body["vertex_local"], (-1, 3))
-    vertices = surface_hash.sum_of_vertices(ids, np.array(body["vertex_elements"]), local.astype(np.float32))
-    quads = surface_hash.sum_of_quads(np.array(body["quad_ids"]), np.reshape(body["quad_vertices"], (-1, 4)))
-    expected = expected or surface_hash.of_surface([(vertices + quads) % 2**64])
     bodies = [pb.BodyStructure(quantum_m=QUANTUM_M, **body)]
+    expected = expected or hash_of(bodies[0])
     return pb.ViewResponse(keyframe=pb.Keyframe(topology_version=version, bodies=bodies, surface_hash=expected))
 
 
@@ -188,10 +203,11 @@ def test_a_vertex_beside_what_is_held_moves_by_its_own_weights_until_it_comes_an
     replica.apply(keyframe({**cube(), "held_vertex_ids": [10], "held_vertex_weights": weights}))
     replica.apply(state([[0.25, 0.0, 0.0]] * 8))
     assert replica.surfaces()[0].vertices_m[:2, 0].tolist() == [0.125, 1.25]
-    hash_now = replica.surface_hash
     anew = {"node_count": 8, "vertex_ids": [10], "vertex_elements": [5], "vertex_local": [0, 0, 0]}
     bodies = [pb.BodyStructure(**anew)]
-    patch = pb.TopologyPatch(from_version=3, to_version=4, bodies=bodies, surface_hash=hash_now)
+    unheld = hash_of(pb.BodyStructure(**cube()))
+    assert unheld != replica.surface_hash, "the hash knows of the weights"
+    patch = pb.TopologyPatch(from_version=3, to_version=4, bodies=bodies, surface_hash=unheld)
     replica.apply(pb.ViewResponse(patch=patch))
     replica.apply(state([[0.25, 0.0, 0.0]] * 8, version=4))
     assert replica.surfaces()[0].vertices_m[0, 0] == 0.25

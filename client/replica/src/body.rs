@@ -20,6 +20,8 @@ pub enum Vertex {
         element: u32,
         /// Trilinear coordinates in the element; corner `c` is at `(c & 1, c >> 1 & 1, c >> 2)`.
         local: [f32; 3],
+        /// Material of its voxel, an index into the object's names of materials.
+        material: u32,
     },
     /// The node whose id is its own: surfaces come as plain vertices.
     Node,
@@ -30,7 +32,7 @@ impl Vertex {
     #[must_use]
     pub fn binding(self) -> Option<(u32, [f32; 3])> {
         match self {
-            Self::Bound { element, local } => Some((element, local)),
+            Self::Bound { element, local, .. } => Some((element, local)),
             Self::Node => None,
         }
     }
@@ -57,7 +59,7 @@ pub struct Body {
     /// Weights of the nodes' displacements for vertices beside what is held.
     held: BTreeMap<u32, [f32; 8]>,
     quads: BTreeMap<u32, [u32; 4]>,
-    /// Sum of the hashes of the vertices and quads, kept as they come.
+    /// Sum of the hashes of the vertices, weights and quads, kept as they come.
     hash_sum: u64,
 }
 
@@ -71,6 +73,12 @@ impl Body {
     #[must_use]
     pub fn vertices(&self) -> &BTreeMap<u32, Vertex> {
         &self.vertices
+    }
+
+    /// Weights of the nodes' displacements in those of vertices beside what is held, by id.
+    #[must_use]
+    pub fn held_weights(&self) -> &BTreeMap<u32, [f32; 8]> {
+        &self.held
     }
 
     /// Vertex ids of each quad by id, counter-clockwise seen from outside.
@@ -117,7 +125,7 @@ impl Body {
 
     fn interpolate(&self, id: u32, vertex: &Vertex, at_node: impl Fn(usize) -> [f32; 3]) -> [f32; 3] {
         match *vertex {
-            Vertex::Bound { element, local } => {
+            Vertex::Bound { element, local, .. } => {
                 self.weighted(element, std::array::from_fn(|corner| corner_weight(corner, local)), at_node)
             }
             Vertex::Node => at_node(id as usize),
@@ -135,7 +143,7 @@ impl Body {
         sum
     }
 
-    /// Sum of the hashes of the vertices and quads.
+    /// Sum of the hashes of the vertices, weights and quads.
     pub(crate) fn hash_sum(&self) -> u64 {
         self.hash_sum
     }
@@ -250,15 +258,20 @@ impl Body {
     fn upsert_vertices(&mut self, change: &v1::BodyStructure) -> Result<(), FieldError> {
         check_finite("vertex_local", &change.vertex_local)?;
         check_length("vertex_elements", change.vertex_ids.len(), &change.vertex_elements)?;
+        if !change.vertex_materials.is_empty() {
+            check_length("vertex_materials", change.vertex_ids.len(), &change.vertex_materials)?;
+        }
+        let materials = change.vertex_materials.iter().copied().chain(std::iter::repeat(0));
         let locals = zip_ids::<f32, 3>("vertex_ids", &change.vertex_ids, "vertex_local", &change.vertex_local)?;
-        for ((id, local), &element) in locals.zip(&change.vertex_elements) {
+        for (((id, local), &element), material) in locals.zip(&change.vertex_elements).zip(materials) {
             if !self.elements.contains_key(&element) {
                 return Err(unknown("vertex_elements", element));
             }
-            self.held.remove(&id);
-            let before = self.vertices.insert(id, Vertex::Bound { element, local }).and_then(Vertex::binding);
-            let of = |(element, local)| hash::of_vertex(id, element, local);
-            self.exchange_hash(before.map_or(0, of), of((element, local)));
+            let vertex = Vertex::Bound { element, local, material };
+            let before = self.vertices.insert(id, vertex).map_or(0, |before| hash::of_vertex(id, before));
+            self.exchange_hash(before, hash::of_vertex(id, vertex));
+            let held = self.held.remove(&id).map_or(0, |weights| hash::of_held(id, weights));
+            self.exchange_hash(held, 0);
         }
         Ok(())
     }
@@ -270,7 +283,8 @@ impl Body {
             if !self.vertices.contains_key(&id) {
                 return Err(unknown("held_vertex_ids", id));
             }
-            self.held.insert(id, weights);
+            let before = self.held.insert(id, weights).map_or(0, |before| hash::of_held(id, before));
+            self.exchange_hash(before, hash::of_held(id, weights));
         }
         Ok(())
     }

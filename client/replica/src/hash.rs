@@ -2,6 +2,12 @@
 
 use kerf_proto::v1;
 
+use crate::body::Vertex;
+
+/// In the place where a vertex has its material, which is below both.
+const QUAD: u32 = 1 << 16;
+const HELD: u32 = 1 << 17;
+
 /// The hash that a keyframe of these bodies states. Entries that have no counterpart in the arrays
 /// beside them are left out.
 #[must_use]
@@ -12,30 +18,43 @@ pub fn surface_hash(bodies: &[v1::BodyStructure]) -> u64 {
 fn object(body: &v1::BodyStructure) -> u64 {
     let (locals, _) = body.vertex_local.as_chunks::<3>();
     let (corners, _) = body.quad_vertices.as_chunks::<4>();
-    let bound = body.vertex_elements.iter().zip(locals);
-    let vertices = body.vertex_ids.iter().zip(bound).map(|(&id, (&element, &local))| of_vertex(id, element, local));
+    let (weights, _) = body.held_vertex_weights.as_chunks::<8>();
+    // No materials: all 0.
+    let materials = body.vertex_materials.iter().copied().chain(std::iter::repeat(0));
+    let bound = body.vertex_elements.iter().zip(locals).zip(materials);
+    let bound = bound.map(|((&element, &local), material)| Vertex::Bound { element, local, material });
+    let vertices = body.vertex_ids.iter().zip(bound).map(|(&id, vertex)| of_vertex(id, vertex));
+    let held = body.held_vertex_ids.iter().zip(weights).map(|(&id, &weights)| of_held(id, weights));
     let quads = body.quad_ids.iter().zip(corners).map(|(&id, &corners)| of_quad(id, corners));
-    vertices.chain(quads).fold(0, u64::wrapping_add)
+    vertices.chain(held).chain(quads).fold(0, u64::wrapping_add)
 }
 
-/// Of the sums over each object's vertices and quads.
+/// Of the sums over each object's items.
 pub(crate) fn of_objects(sums: impl Iterator<Item = u64>) -> u64 {
     sums.fold(0, fold_in)
 }
 
-pub(crate) fn of_vertex(id: u32, element: u32, local: [f32; 3]) -> u64 {
+/// A plain vertex has none.
+pub(crate) fn of_vertex(id: u32, vertex: Vertex) -> u64 {
+    let Vertex::Bound { element, local, material } = vertex else { return 0 };
     let [u, v, w] = local.map(f32::to_bits);
-    of_item(0, id, [element, u, v, w])
+    of_words([[id, element], [u, v], [material, w]])
+}
+
+/// Of the weights of a vertex beside what is held.
+pub(crate) fn of_held(id: u32, weights: [f32; 8]) -> u64 {
+    let [a, b, c, d, e, f, g, h] = weights.map(f32::to_bits);
+    of_words([[id, a], [b, c], [d, e], [f, g], [HELD, h]])
 }
 
 pub(crate) fn of_quad(id: u32, corners: [u32; 4]) -> u64 {
-    of_item(1, id, corners)
+    let [a, b, c, d] = corners;
+    of_words([[id, a], [b, c], [QUAD, d]])
 }
 
-fn of_item(kind: u64, id: u32, values: [u32; 4]) -> u64 {
-    let [a, b, c, d] = values.map(u64::from);
-    let first = fold_in(0, u64::from(id) << 32 | a);
-    fold_in(fold_in(first, b << 32 | c), kind << 32 | d)
+/// Of words told as their upper and lower halves.
+fn of_words<const N: usize>(words: [[u32; 2]; N]) -> u64 {
+    words.into_iter().map(|[high, low]| u64::from(high) << 32 | u64::from(low)).fold(0, fold_in)
 }
 
 fn fold_in(hash: u64, word: u64) -> u64 {

@@ -362,7 +362,37 @@ fn a_vertex_beside_what_is_held_moves_by_its_own_weights_until_it_comes_anew() {
 #[test]
 fn the_surface_hash_is_that_of_the_protocol_s_example() {
     // docs/protocol.md, worked out there by another program.
-    assert_eq!(surface_hash(&[cube()]), 0x2f18_1873_400e_9fbc);
+    let example = v1::BodyStructure {
+        vertex_materials: vec![0, 0, 1, 0],
+        held_vertex_ids: vec![10],
+        held_vertex_weights: vec![0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0],
+        ..cube()
+    };
+    assert_eq!(surface_hash(std::slice::from_ref(&example)), 0x15b3_fba2_a05d_c854);
+    // A replica follows its changes to the same.
+    let keyframe = v1::Keyframe { bodies: vec![example], surface_hash: 0x15b3_fba2_a05d_c854, ..keyframe(cube()) };
+    Replica::default().apply_keyframe(&keyframe).expect("the example's hash");
+}
+
+#[test]
+fn another_weight_or_material_is_another_surface() {
+    let mut weights = [0.0; 8];
+    weights[2] = 0.5;
+    let body = v1::BodyStructure {
+        vertex_materials: vec![1; 4],
+        held_vertex_ids: vec![10],
+        held_vertex_weights: weights.to_vec(),
+        ..cube()
+    };
+    let stated = keyframe(body.clone());
+    for wrong in [
+        v1::BodyStructure { vertex_materials: Vec::new(), ..body.clone() },
+        v1::BodyStructure { held_vertex_weights: vec![0.25; 8], ..body.clone() },
+        v1::BodyStructure { held_vertex_ids: Vec::new(), held_vertex_weights: Vec::new(), ..body },
+    ] {
+        let refused = Replica::default().apply_keyframe(&v1::Keyframe { bodies: vec![wrong], ..stated.clone() });
+        assert!(matches!(refused, Err(ReplicaError::HashMismatch { .. })), "{refused:?}");
+    }
 }
 
 #[test]

@@ -62,12 +62,13 @@ export function cube(): BodyStructure {
 }
 
 function hashOf(bodies: BodyStructure[]): bigint {
-  const sums = bodies.map((structure) => {
-    const body = new Body();
-    body.change(structure);
-    return body.hashSum;
-  });
-  return surfaceHash(sums);
+  return surfaceHash(bodies.map((structure) => bodyOf(structure).hashSum));
+}
+
+export function bodyOf(structure: BodyStructure): Body {
+  const body = new Body();
+  body.change(structure);
+  return body;
 }
 
 export function keyframe(bodies: BodyStructure[], topologyVersion = 3n): Keyframe {

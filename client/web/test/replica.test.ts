@@ -36,14 +36,17 @@ describe("the surface hash", () => {
       vertexIds: ids,
       vertexElements: [0, 1, 1, 0],
       vertexLocal: [0, -0, 1, 0.1, 0.25, 0.7, 1, 0.5, 1e-30, 0.5, 0.5, 0.5],
+      vertexMaterials: [0, 1, 65535, 0],
+      heldVertexIds: [900, 4_294_967_295],
+      heldVertexWeights: [0.1, 0, 0.7, 1e-30, 0, 0.025, 0, 0.25, 0, 0, 0, 0, 0, 0, 0, 0],
       quadIds: [1, 4_294_967_294],
       quadVertices: [...ids, ...ids.toReversed()],
       quantumM: QUANTUM_M,
     });
-    const frame = create(KeyframeSchema, { bodies: [body, body], surfaceHash: 0x6411_8ce0_7d49_23ban });
+    const frame = create(KeyframeSchema, { bodies: [body, body], surfaceHash: 0x316d_de23_ada7_5291n });
     new Replica().applyKeyframe(frame);
     frame.surfaceHash ^= 1n;
-    expect(refusal(() => new Replica().applyKeyframe(frame)).message).toContain("64118ce07d4923ba");
+    expect(refusal(() => new Replica().applyKeyframe(frame)).message).toContain("316dde23ada75291");
   });
 });
 

@@ -3,7 +3,7 @@ import { expect, test } from "vitest";
 import { Replica } from "../src/decode/replica";
 import { BodySurface } from "../src/decode/surface";
 import { type BodyStructure, BodyStructureSchema, StateSchema } from "../src/gen/kerf/v1/view_pb";
-import { cube, cutPatch, integers, keyframe, quanta, slab, state, UNIT_CUBE } from "./messages";
+import { bodyOf, cube, cutPatch, integers, keyframe, quanta, slab, state, UNIT_CUBE } from "./messages";
 
 function surfaceOf(structure: BodyStructure): { replica: Replica; surface: BodySurface } {
   const replica = new Replica();
@@ -44,6 +44,7 @@ test("a vertex beside what is held moves by its own weights until it comes anew"
     vertexLocal: [0, 1, 0],
   });
   replica.bodies[0].change(anew);
+  expect(replica.bodies[0].hashSum).toEqual(bodyOf(cube()).hashSum);
   surface.restructure();
   expect(surface.shape().positions[0]).toBe(0.25);
 });

@@ -2,9 +2,9 @@
 
 use super::support::cutting::attitude;
 use super::support::{Lcg, object, scene};
-use kerf_physics::scene::{BladeDesc, ToolDesc};
+use kerf_physics::scene::{BladeDesc, MaterialDesc, RegionDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::surface::delta::BodyStructure;
+use kerf_physics::surface::delta::{BodyStructure, TopologyPatch};
 use kerf_physics::surface::hash::{ObjectHash, surface_hash};
 use kerf_physics::tool::Pose;
 use kerf_physics::{NoClock, Stage, StepInputs, StepOutput, ToolInput, Vec3, Workers, World};
@@ -13,19 +13,23 @@ const STEPS_PER_STROKE: usize = 60;
 
 /// Two blocks side by side under a blade that reaches over both.
 fn two_blocks() -> World {
+    World::new(&two_blocks_scene()).expect("a valid scene")
+}
+
+fn two_blocks_scene() -> Scene {
     let mut blocks = [-0.032, 0.002].map(|x_m| object([x_m, 0.0, -0.015], [x_m + 0.03, 0.03, 0.015], 0.005, 1));
     for (block, name) in blocks.iter_mut().zip(["left", "right"]) {
         block.name = name.into();
         block.material.young_modulus_pa = 2e4;
         block.material.fracture_energy_j_per_m2 = Some(20.0);
         block.material.rayleigh_beta_s = 1e-3;
-        block.fixed = vec![kerf_physics::scene::ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 0.0051, 1.0] }];
+        block.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 0.0051, 1.0] }];
     }
     let mut scene = scene(blocks.into());
     scene.desc.solver.relative_tolerance = Some(1e-3);
     let blade = BladeDesc::straight(0.06, 0.06);
     scene.desc.tools = vec![ToolDesc::blade("blade", blade)];
-    World::new(&scene).expect("a valid scene")
+    scene
 }
 
 /// A stroke down through the blocks, somewhere and askew; `after` sees the world after every step.
@@ -81,6 +85,50 @@ fn the_hash_that_follows_the_patches_is_that_of_the_surface_as_it_is() {
     hashes.sort_unstable();
     hashes.dedup();
     assert_eq!(hashes.len(), patches + 1, "every version has a hash of its own");
+}
+
+/// Two blocks that stand on what is held; half of the right one is of a second material.
+fn blocks_of_two_materials() -> World {
+    let mut scene = two_blocks_scene();
+    let block = &mut scene.desc.objects[1];
+    let shape = ShapeDesc::Box { min_m: [0.017, -1.0, -1.0], max_m: [1.0; 3] };
+    let material = MaterialDesc { young_modulus_pa: 4e4, ..block.material.clone() };
+    block.regions = vec![RegionDesc { name: "stiff".into(), shape, material }];
+    World::new(&scene).expect("a valid scene")
+}
+
+#[test]
+fn a_structure_that_is_followed_through_cuts_is_a_keyframe_made_anew() {
+    for seed in 21..25 {
+        let mut world = blocks_of_two_materials();
+        let mut rng = Lcg(seed);
+        let mut choice = Lcg(seed + 100);
+        // By every patch, and by patches put together at random, as a viewer gets them who reads slowly.
+        let mut stepwise = world.keyframe();
+        let mut now_and_then = stepwise.clone();
+        assert!(stepwise.bodies[1].vertices.iter().any(|vertex| vertex.material == 1), "a second material");
+        let (mut together, mut patches, mut held_anew) = (None::<TopologyPatch>, 0, 0);
+        for _ in 0..3 {
+            stroke(&mut world, &mut rng, |world, _| {
+                let Some(patch) = world.topology_patch().cloned() else { return };
+                let anew = world.keyframe();
+                stepwise.follow(&patch).expect("patches without a gap");
+                assert_eq!(stepwise, anew, "seed {seed}, version {}", anew.topology_version);
+                match &mut together {
+                    Some(together) => together.append(&patch).expect("patches without a gap"),
+                    None => together = Some(patch.clone()),
+                }
+                if choice.unit() < 0.3 {
+                    let together = together.take().expect("a patch");
+                    now_and_then.follow(&together).expect("patches without a gap");
+                    assert_eq!(now_and_then, anew, "seed {seed}, version {}", anew.topology_version);
+                }
+                patches += 1;
+                held_anew += patch.bodies.iter().map(|body| body.held.len()).sum::<usize>();
+            });
+        }
+        assert!(patches > 10 && held_anew > 20, "seed {seed}: {patches} patches, {held_anew} held vertices");
+    }
 }
 
 #[test]

@@ -33,7 +33,6 @@ mod session_thread;
 mod shortfall;
 pub mod status;
 pub mod stepping;
-pub mod structure;
 mod structure_log;
 pub mod tape;
 mod tool_slot;

@@ -14,7 +14,6 @@ use crate::inbox::{CheckpointCommand, Command, Inbox};
 use crate::outbox::{Publisher, SceneEvent, ViewEvent, ViewState};
 use crate::status::{Phase, SessionStatus};
 use crate::stepping::{StepOutcome, Stepped};
-use crate::structure::apply_patch;
 use crate::structure_log::Place;
 
 /// How often viewers are looked after while nothing is due, ns.
@@ -180,11 +179,8 @@ impl Player {
                     self.keyframe = keyframe;
                 }
                 Structure::Patch(patch) => {
-                    if !apply_patch(&mut self.keyframe, &patch) {
-                        let (have, from) = (self.keyframe.topology_version, patch.from_version);
-                        let message = format!("a patch of version {from} follows version {have}");
-                        return Err(SessionError::Failed { message });
-                    }
+                    let followed = self.keyframe.follow(&patch);
+                    followed.map_err(|unfit| SessionError::Failed { message: unfit.to_string() })?;
                     self.publisher.patch(patch);
                 }
             }

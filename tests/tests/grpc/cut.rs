@@ -6,10 +6,11 @@ use std::pin::pin;
 use kerf_physics::surface::Surface;
 use kerf_physics::{NoClock, Workers, World};
 use kerf_proto::v1::{self, view_response};
-use kerf_replica::{Body, Replica, surface_hash};
+use kerf_replica::{Body, Replica};
 use kerf_session::{Reel, TapeEntry};
 use tonic::transport::Channel;
 
+use super::super::surface_hash::recomputed;
 use super::harness::{Harness, Station, View, endpoint, next, no_expiry, view_request};
 
 /// Heights of the edge, m: over the block, half way down, and at what holds it.
@@ -115,7 +116,7 @@ impl Watcher {
             _ => return,
         };
         let bodies = self.replica.bodies();
-        let hash = surface_hash(&bodies.iter().map(structure).collect::<Vec<_>>());
+        let hash = recomputed(&self.replica);
         let sum = |count: fn(&Body) -> usize| bodies.iter().map(count).sum();
         let counts = (sum(|body| body.vertices().len()), sum(|body| body.quads().len()));
         self.structures.push(Structure { version, source, stated_hash, hash, counts });
@@ -128,19 +129,6 @@ impl Watcher {
 
     fn last(&self) -> Structure {
         *self.structures.last().expect("a keyframe")
-    }
-}
-
-/// What a replica holds of a surface, for its hash to be computed anew rather than from the patches.
-fn structure(body: &Body) -> v1::BodyStructure {
-    let (vertices, quads) = (body.vertices(), body.quads());
-    v1::BodyStructure {
-        vertex_ids: vertices.keys().copied().collect(),
-        vertex_elements: vertices.values().flat_map(|vertex| vertex.binding()).map(|(element, _)| element).collect(),
-        vertex_local: vertices.values().flat_map(|vertex| vertex.binding()).flat_map(|(_, local)| local).collect(),
-        quad_ids: quads.keys().copied().collect(),
-        quad_vertices: quads.values().copied().flatten().collect(),
-        ..v1::BodyStructure::default()
     }
 }
 

@@ -321,7 +321,7 @@ async fn recorded_to(disk: Disk) -> (Registry, Arc<Session>, Arc<Told>) {
     let desc = toml::from_str::<SceneDesc>(BLOCK).unwrap();
     let options = SessionOptions { is_recorded: true, ..SessionOptions::default() };
     let session = registry.create(Scene { desc, meshes: Default::default() }, options).await.unwrap();
-    let header = v1::RecordingHeader { version: 1, scene_toml: BLOCK.into(), ..Default::default() };
+    let header = v1::RecordingHeader { version: 2, scene_toml: BLOCK.into(), ..Default::default() };
     let (told, pictures) = (Arc::new(Told::default()), Pictures { rate_hz: 30.0, with_surface: false });
     let reel = session.take_reel().unwrap();
     let writer = Writer::begin(disk, &header, reel, pictures, Arc::clone(&told), || Ok(())).unwrap();
@@ -412,7 +412,7 @@ async fn files_that_are_no_recordings_are_refused_in_words() {
         let later = || v1::RecordingHeader { version: 9, ..Default::default() }.encode_to_vec();
         Some(if topic == "/session/header" { later() } else { data.to_vec() })
     });
-    assert!(verified(&other).unwrap_err().contains("the recording has version 9; this program reads 1"));
+    assert!(verified(&other).unwrap_err().contains("the recording has version 9; this program reads 2"));
 
     let mut foreign = mcap::Writer::new(io::Cursor::new(Vec::new())).unwrap();
     let schema = foreign.add_schema("std_msgs.String", "protobuf", b"").unwrap();

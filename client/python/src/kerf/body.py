@@ -108,7 +108,7 @@ class Body:
         self._elements = Table(8, np.uint32)
         self._vertices = Table(1, np.uint32)
         self._local = Table(3, np.float32)
-        self._materials = Table(1, np.uint8)
+        self._materials = Table(1, np.uint32)
         # Weights of the displacements of vertices beside what is held.
         self._held = Table(8, np.float32)
         self._quads = Table(4, np.uint32)
@@ -117,7 +117,7 @@ class Body:
         self._quantum_m = 0.0
         self._adapted_ids: U32 = np.zeros(0, dtype=np.uint32)
         self._adapted_m: F32 = np.zeros((0, 3), dtype=np.float32)
-        #: Sum of the hashes of the vertices and quads, kept as they come.
+        #: Sum of the hashes of the vertices, weights and quads, kept as they come.
         self.hash_sum = 0
 
     def change(self, change: pb.BodyStructure) -> None:
@@ -227,19 +227,29 @@ class Body:
         ids, local = _rows("vertex_ids", change.vertex_ids, "vertex_local", change.vertex_local, 3, np.float32)
         elements = _array("vertex_elements", change.vertex_elements, len(ids), 1, np.uint32)
         self._elements.find(elements[:, 0], "vertex_elements")
-        known, before_elements = self._vertices.known(ids)
-        _, before_local = self._local.known(ids)
-        before = surface_hash.sum_of_vertices(known, before_elements[:, 0], before_local)
-        after = surface_hash.sum_of_vertices(ids, elements[:, 0], local)
-        self.hash_sum = surface_hash.exchange(self.hash_sum, before, after)
+        before = self._sum_of_vertices(ids)
         self._vertices.upsert(ids, elements)
         self._local.upsert(ids, local)
         self._materials.upsert(ids, _materials(change, len(ids)))
-        self._held.remove(ids)
+        self.hash_sum = surface_hash.exchange(self.hash_sum, before, self._sum_of_vertices(ids))
+        self._change_held(change)
+
+    def _sum_of_vertices(self, ids: U32) -> int:
+        """Sum of the hashes of those of these vertices that there are."""
+        known, elements = self._vertices.known(ids)
+        (_, local), (_, materials) = self._local.known(ids), self._materials.known(ids)
+        return surface_hash.sum_of_vertices(known, elements[:, 0], local, materials[:, 0])
+
+    def _change_held(self, change: pb.BodyStructure) -> None:
         held, of_each = change.held_vertex_ids, change.held_vertex_weights
-        held_ids, weights = _rows("held_vertex_ids", held, "held_vertex_weights", of_each, 8, np.float32)
-        self._vertices.find(held_ids, "held_vertex_ids")
-        self._held.upsert(held_ids, weights)
+        ids, weights = _rows("held_vertex_ids", held, "held_vertex_weights", of_each, 8, np.float32)
+        self._vertices.find(ids, "held_vertex_ids")
+        # A vertex that comes anew has the weights that come with it, or none.
+        anew = np.union1d(np.array(change.vertex_ids, dtype=np.uint32), ids)
+        before = surface_hash.sum_of_held(*self._held.known(anew))
+        self.hash_sum = surface_hash.exchange(self.hash_sum, before, surface_hash.sum_of_held(ids, weights))
+        self._held.remove(anew)
+        self._held.upsert(ids, weights)
 
     def _change_quads(self, change: pb.BodyStructure) -> None:
         ids, corners = _rows("quad_ids", change.quad_ids, "quad_vertices", change.quad_vertices, 4, np.uint32)
@@ -252,8 +262,8 @@ class Body:
 
 def _materials(change: pb.BodyStructure, count: int) -> NDArray[Any]:
     if not change.vertex_materials:
-        return np.zeros((count, 1), dtype=np.uint8)
-    return _array("vertex_materials", change.vertex_materials, count, 1, np.uint8)
+        return np.zeros((count, 1), dtype=np.uint32)
+    return _array("vertex_materials", change.vertex_materials, count, 1, np.uint32)
 
 
 def _corner_weights(local: F32) -> F32:

@@ -13,7 +13,7 @@ from kerf.errors import UnavailableError, of_rpc
 R = TypeVar("R", bound=Message)
 
 #: The version of the protocol that this package speaks.
-PROTOCOL_VERSION = 2
+PROTOCOL_VERSION = 3
 
 #: What one message may hold, bytes; the server cuts larger ones of the view stream in parts.
 _MAX_MESSAGE_BYTES = 16 << 20

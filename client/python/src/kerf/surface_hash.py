@@ -5,25 +5,37 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+F32 = NDArray[np.float32]
 U32 = NDArray[np.uint32]
 U64 = NDArray[np.uint64]
 
 _MASK = (1 << 64) - 1
 
 
-def sum_of_vertices(ids: U32, elements: U32, local: NDArray[np.float32]) -> int:
+#: In the place where a vertex has its material, which is below both.
+_QUAD, _HELD = 1 << 16, 1 << 17
+
+
+def sum_of_vertices(ids: U32, elements: U32, local: F32, materials: U32) -> int:
     """Sum of the hashes of vertices; `local` are u, v, w in their elements, (n, 3)."""
-    bits = np.ascontiguousarray(local, dtype=np.float32).view(np.uint32)
-    return _sum(0, ids, np.column_stack([elements, bits]))
+    u, v, w = _bits(local).T
+    return _sum(ids, elements, u, v, materials, w)
+
+
+def sum_of_held(ids: U32, weights: F32) -> int:
+    """Sum of the hashes of the weights of vertices beside what is held, (n, 8)."""
+    *first, last = _bits(weights).T
+    return _sum(ids, *first, np.full_like(last, _HELD), last)
 
 
 def sum_of_quads(ids: U32, corners: U32) -> int:
     """Sum of the hashes of quads, (n, 4)."""
-    return _sum(1, ids, corners)
+    a, b, c, d = corners.T
+    return _sum(ids, a, b, c, np.full_like(d, _QUAD), d)
 
 
 def of_surface(sums: list[int]) -> int:
-    """Of the sums over each object's vertices and quads, in order."""
+    """Of the sums over each object's items, in order."""
     value = np.zeros(1, dtype=np.uint64)
     for each in sums:
         value = _mix(value ^ np.uint64(each))
@@ -35,12 +47,15 @@ def exchange(total: int, before: int, after: int) -> int:
     return (total - before + after) & _MASK
 
 
-def _sum(kind: int, ids: U32, values: U32) -> int:
-    a, b, c, d = values.astype(np.uint64).T
-    shift = np.uint64(32)
-    value = _mix(ids.astype(np.uint64) << shift | a)
-    value = _mix(value ^ (b << shift | c))
-    value = _mix(value ^ (np.uint64(kind << 32) | d))
+def _bits(values: F32) -> U32:
+    return np.ascontiguousarray(values, dtype=np.float32).view(np.uint32)
+
+
+def _sum(*halves: U32) -> int:
+    """Sum of the hashes of items that are told by the halves of their words, the upper one first."""
+    value = np.zeros(len(halves[0]), dtype=np.uint64)
+    for upper, lower in zip(halves[::2], halves[1::2], strict=True):
+        value = _mix(value ^ (upper.astype(np.uint64) << np.uint64(32) | lower))
     return int(value.sum(dtype=np.uint64))
 
 

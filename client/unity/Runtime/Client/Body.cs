@@ -37,7 +37,7 @@ namespace Kerf.Client
         /// <summary>Quads of the surface.</summary>
         public int QuadCount => quads.Count;
 
-        /// <summary>Sum of the hashes of the vertices and quads.</summary>
+        /// <summary>Sum of the hashes of the vertices, weights and quads.</summary>
         internal ulong HashSum { get; private set; }
 
         struct Vertex
@@ -331,7 +331,11 @@ namespace Kerf.Client
             unchecked { HashSum = HashSum - before + after; }
         }
 
-        static ulong HashOf(Vertex vertex) => SurfaceHash.OfVertex(vertex.Id, vertex.Element, vertex.U, vertex.V, vertex.W);
+        static ulong HashOf(Vertex vertex)
+        {
+            var bound = SurfaceHash.OfVertex(vertex.Id, vertex.Element, vertex.U, vertex.V, vertex.W, vertex.Material);
+            return vertex.Held == null ? bound : unchecked(bound + SurfaceHash.OfHeld(vertex.Id, vertex.Held));
+        }
 
         static ulong HashOf(Quad quad) => SurfaceHash.OfQuad(quad.Id, quad.A, quad.B, quad.C, quad.D);
 

@@ -11,7 +11,7 @@ namespace Kerf.Client
         const string Sessions = "kerf.v1.SessionService/";
 
         /// <summary>Version of the protocol that this package speaks.</summary>
-        public const uint ProtocolVersion = 2;
+        public const uint ProtocolVersion = 3;
 
         readonly ITransport transport;
 

@@ -5,16 +5,26 @@ namespace Kerf.Client
     /// <summary>The surface hash, as view.proto specifies it. Arithmetic wraps.</summary>
     public static class SurfaceHash
     {
-        /// <summary>Of a vertex bound to an element at local coordinates.</summary>
-        public static ulong OfVertex(uint id, uint element, float u, float v, float w)
+        // In the place where a vertex has its material, which is below both.
+        const uint QuadMark = 1 << 16, HeldMark = 1 << 17;
+
+        /// <summary>Of a vertex bound to an element at local coordinates, in a voxel of a material.</summary>
+        public static ulong OfVertex(uint id, uint element, float u, float v, float w, uint material)
         {
-            return OfItem(0, id, element, Bits(u), Bits(v), Bits(w));
+            return OfWords(id, element, Bits(u), Bits(v), material, Bits(w));
+        }
+
+        /// <summary>Of the eight weights of a vertex beside what is held.</summary>
+        public static ulong OfHeld(uint id, float[] weights)
+        {
+            return OfWords(id, Bits(weights[0]), Bits(weights[1]), Bits(weights[2]), Bits(weights[3]), Bits(weights[4]),
+                Bits(weights[5]), Bits(weights[6]), HeldMark, Bits(weights[7]));
         }
 
         /// <summary>Of a quad.</summary>
         public static ulong OfQuad(uint id, uint a, uint b, uint c, uint d)
         {
-            return OfItem(1, id, a, b, c, d);
+            return OfWords(id, a, b, c, QuadMark, d);
         }
 
         /// <summary>Folds the sum of one object into the hash of those before it.</summary>
@@ -29,10 +39,12 @@ namespace Kerf.Client
             }
         }
 
-        static ulong OfItem(ulong kind, uint id, uint a, uint b, uint c, uint d)
+        // Of words told by their halves, the upper one first.
+        static ulong OfWords(params uint[] halves)
         {
-            var first = Fold(0, (ulong)id << 32 | a);
-            return Fold(Fold(first, (ulong)b << 32 | c), kind << 32 | d);
+            ulong hash = 0;
+            for (var i = 0; i < halves.Length; i += 2) hash = Fold(hash, (ulong)halves[i] << 32 | halves[i + 1]);
+            return hash;
         }
 
         static uint Bits(float value)

@@ -3,7 +3,7 @@
 import type { BodyState, BodyStructure } from "../gen/kerf/v1/view_pb";
 import { checkAscending, checkFinite, checkLength, FieldError, unknownId } from "./check";
 import { decodeExactly, decodeIntegers } from "./integers";
-import { add, quadHash, subtract, vertexHash, type Word } from "./hash";
+import { add, heldHash, quadHash, subtract, vertexHash, type Word } from "./hash";
 import { grown, Slots } from "./store";
 
 /** Most node slots of an object: 12 bytes for each are still one message. */
@@ -35,8 +35,8 @@ export class Body {
   vertexLocal = new Float32Array(0);
   vertexMaterial = new Uint8Array(0);
   private vertexHashes = new Uint32Array(0);
-  /** Weights of the corners' displacements of vertices beside what is held, by vertex slot. */
-  readonly heldWeights = new Map<number, readonly number[]>();
+  /** Vertices beside what is held, by vertex slot: weights of the corners' displacements, and their hash. */
+  readonly held = new Map<number, { readonly weights: readonly number[]; readonly hash: Word }>();
 
   private readonly quads = new Slots();
   /** By quad slot: slots of its corners, counter-clockwise seen from outside; whether a blade laid it open; hash. */
@@ -51,7 +51,7 @@ export class Body {
   adaptedSlots = new Uint32Array(0);
   adaptedOffsets = new Float32Array(0);
 
-  /** Sum of the hashes of the vertices and quads, kept as they come. */
+  /** Sum of the hashes of the vertices, weights and quads, kept as they come. */
   readonly hashSum: Word = { hi: 0, lo: 0 };
 
   constructor(hasPlainVertices = false) {
@@ -199,11 +199,12 @@ export class Body {
       const element = this.elements.get(vertexElements[i]);
       if (element === undefined) throw unknownId("vertex_elements", vertexElements[i]);
       const slot = this.vertices.claim(id);
-      this.heldWeights.delete(slot);
+      this.release(slot);
       this.vertexElement[slot] = element;
       this.vertexLocal.set(local.subarray(3 * i, 3 * i + 3), 3 * slot);
-      this.vertexMaterial[slot] = vertexMaterials[i] ?? 0;
-      const hash = vertexHash(id, vertexElements[i], bits[3 * i], bits[3 * i + 1], bits[3 * i + 2]);
+      const material = vertexMaterials[i] ?? 0;
+      this.vertexMaterial[slot] = material;
+      const hash = vertexHash(id, vertexElements[i], material, bits[3 * i], bits[3 * i + 1], bits[3 * i + 2]);
       this.exchangeHash(this.vertexHashes, slot, hash);
     });
   }
@@ -228,8 +229,20 @@ export class Body {
     heldVertexIds.forEach((id, i) => {
       const slot = this.vertices.get(id);
       if (slot === undefined) throw unknownId("held_vertex_ids", id);
-      this.heldWeights.set(slot, heldVertexWeights.slice(8 * i, 8 * i + 8));
+      this.release(slot);
+      const weights = heldVertexWeights.slice(8 * i, 8 * i + 8);
+      const hash = heldHash(id, weights);
+      this.held.set(slot, { weights, hash });
+      add(this.hashSum, hash.hi, hash.lo);
     });
+  }
+
+  /** Forgets what is held beside a vertex. */
+  private release(slot: number): void {
+    const held = this.held.get(slot);
+    if (held === undefined) return;
+    subtract(this.hashSum, held.hash.hi, held.hash.lo);
+    this.held.delete(slot);
   }
 
   private upsertQuads(change: BodyStructure): void {

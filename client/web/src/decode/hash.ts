@@ -39,25 +39,39 @@ function fold(hash: Word, wordHi: number, wordLo: number): void {
   hash.lo = lo >>> 0;
 }
 
-function hashItem(kind: number, id: number, a: number, b: number, c: number, d: number): Word {
-  const hash = { hi: 0, lo: 0 };
-  fold(hash, id, a);
-  fold(hash, b, c);
-  fold(hash, kind, d);
-  return hash;
-}
+/** In the place where a vertex has its material, which is below both. */
+const QUAD = 1 << 16;
+const HELD = 1 << 17;
 
-/** Hash of a vertex: its id, its element's id and the bit patterns of its local coordinates. */
-export function vertexHash(id: number, element: number, u: number, v: number, w: number): Word {
-  return hashItem(0, id, element, u, v, w);
+/** Hash of a vertex: its id, its element's id, its material and the bit patterns of its local coordinates. */
+export function vertexHash(id: number, element: number, material: number, u: number, v: number, w: number): Word {
+  const hash = { hi: 0, lo: 0 };
+  fold(hash, id, element);
+  fold(hash, u, v);
+  fold(hash, material, w);
+  return hash;
 }
 
 /** Hash of a quad: its id and those of its corners. */
 export function quadHash(id: number, a: number, b: number, c: number, d: number): Word {
-  return hashItem(1, id, a, b, c, d);
+  const hash = { hi: 0, lo: 0 };
+  fold(hash, id, a);
+  fold(hash, b, c);
+  fold(hash, QUAD, d);
+  return hash;
 }
 
-/** Hash of the surface, of the sums over each object's vertices and quads. */
+/** Hash of the weights of a vertex beside what is held: its id and their bit patterns. */
+export function heldHash(id: number, weights: readonly number[]): Word {
+  const bits = new Uint32Array(Float32Array.from(weights).buffer);
+  const hash = { hi: 0, lo: 0 };
+  fold(hash, id, bits[0]);
+  for (let i = 1; i < 7; i += 2) fold(hash, bits[i], bits[i + 1]);
+  fold(hash, HELD, bits[7]);
+  return hash;
+}
+
+/** Hash of the surface, of the sums over each object's items. */
 export function surfaceHash(sums: Iterable<Word>): bigint {
   const hash = { hi: 0, lo: 0 };
   for (const sum of sums) fold(hash, sum.hi, sum.lo);

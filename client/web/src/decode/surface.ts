@@ -81,7 +81,7 @@ export class BodySurface {
     this.cutRoom = roomFor(2 * (quads - this.skinQuads), this.cutRoom);
     const rest = new Float32Array(3 * this.vertexRoom);
     this.interpolate(body.nodeRest, rest);
-    this.held = Array.from(body.heldWeights, ([slot, weights]) => {
+    this.held = Array.from(body.held, ([slot, { weights }]) => {
       return { slot, weights, rest: [...rest.subarray(3 * slot, 3 * slot + 3)] };
     });
     const materials = new Uint8Array(this.vertexRoom);

@@ -101,7 +101,7 @@ class Viewing {
 
   private async follow(begun: () => void): Promise<void> {
     const client = createClient(ViewService, createGrpcWebTransport({ baseUrl: this.server }));
-    const request = { protocolVersion: 2, sessionId: this.sessionId, wantsEnergy: true };
+    const request = { protocolVersion: 3, sessionId: this.sessionId, wantsEnergy: true };
     const assembler = new Assembler();
     let acknowledger: Acknowledger | undefined;
     for await (const part of client.view(request, { signal: this.stop.signal })) {

@@ -18,8 +18,9 @@ use kerf_session::{LoggedInputs, SceneEvent, Session, Shortfall, StepTimes, Tape
 
 use crate::convert::wrench;
 
-/// Version of a recording's layout.
-pub const VERSION: u32 = 1;
+/// Version of a recording's layout. Since 2 the surface hash covers materials and held weights: viewers would refuse
+/// the structures of a recording of version 1.
+pub const VERSION: u32 = 2;
 
 /// What a recording begins with.
 ///

@@ -4,7 +4,6 @@ use std::collections::VecDeque;
 
 use anyhow::Result;
 use kerf_proto::v1;
-use kerf_session::structure::apply_patch;
 use kerf_session::{Footage, Frame, SceneEvent, Structure, ViewEvent};
 
 use super::convert;
@@ -125,7 +124,7 @@ impl FileFootage {
             for change in frame.structure {
                 match (change, &mut structure) {
                     (Structure::Keyframe(keyframe), structure) => *structure = Some(keyframe),
-                    (Structure::Patch(patch), Some(structure)) => drop(apply_patch(structure, &patch)),
+                    (Structure::Patch(patch), Some(structure)) => structure.follow(&patch)?,
                     (Structure::Patch(_), None) => {}
                 }
             }

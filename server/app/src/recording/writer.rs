@@ -10,7 +10,6 @@ use kerf_physics::surface::delta::Keyframe;
 use kerf_proto::v1::view_response::Message;
 use kerf_proto::{foxglove, v1};
 use kerf_session::clock::MonotonicClock;
-use kerf_session::structure::apply_patch;
 use kerf_session::{DriverId, Reel, TapeEntry, TapeState, TapedStep, ViewMessage, ViewState};
 use mcap::{McapError, McapResult};
 
@@ -260,8 +259,9 @@ impl Surface {
     fn follow(&mut self, change: &ViewMessage) {
         match (change, &mut self.structure) {
             (ViewMessage::Keyframe(keyframe), structure) => *structure = Some(Keyframe::clone(keyframe)),
-            (ViewMessage::Patch(patch), Some(structure)) => {
-                apply_patch(structure, patch);
+            // One that does not fit leaves nothing to draw until the next keyframe.
+            (ViewMessage::Patch(patch), structure) => {
+                *structure = structure.take().and_then(|mut known| known.follow(patch).is_ok().then_some(known));
             }
             _ => {}
         }

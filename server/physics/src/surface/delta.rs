@@ -109,38 +109,93 @@ pub struct TopologyPatch {
     pub surface_hash: u64,
 }
 
-impl TopologyPatch {
-    /// Goes on with the patch that begins where this one leads to.
-    pub fn append(&mut self, next: &Self) {
-        debug_assert_eq!(self.to_version, next.from_version);
-        self.to_version = next.to_version;
-        self.surface_hash = next.surface_hash;
-        for (body, next) in self.bodies.iter_mut().zip(&next.bodies) {
-            body.node_count = next.node_count;
-            upsert(&mut body.nodes, &next.nodes, |node| node.id);
-            upsert(&mut body.elements, &next.elements, |element| element.id);
-            upsert(&mut body.vertices, &next.vertices, |vertex| vertex.id);
-            // A vertex that comes anew has the weights that come with it, or none.
-            body.held.retain(|held| next.vertices.binary_search_by_key(&held.id, |vertex| vertex.id).is_err());
-            upsert(&mut body.held, &next.held, |held| held.id);
-            upsert(&mut body.quads, &next.quads, |quad| quad.id);
-        }
+/// Why a patch does not go on from what it is put to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Unfit {
+    /// It begins at another version.
+    #[error("a patch of version {from} follows version {have}")]
+    Version {
+        /// Version that the structure has.
+        have: u64,
+        /// Version that the patch applies to.
+        from: u64,
+    },
+    /// It is of a scene with another number of objects.
+    #[error("a patch of {got} objects follows the structure of {have}")]
+    Objects {
+        /// Objects of the structure.
+        have: usize,
+        /// Objects of the patch.
+        got: usize,
+    },
+}
+
+impl BodyStructure {
+    /// Follows a change: what comes anew replaces what was known by its id, all else is added.
+    fn follow(&mut self, change: &Self) {
+        merge(&mut self.nodes, &change.nodes, |node| node.id);
+        merge(&mut self.elements, &change.elements, |element| element.id);
+        merge(&mut self.vertices, &change.vertices, |vertex| vertex.id);
+        // A vertex that comes anew has the weights that come with it, or none.
+        self.held.retain(|held| change.vertices.binary_search_by_key(&held.id, |vertex| vertex.id).is_err());
+        merge(&mut self.held, &change.held, |held| held.id);
+        merge(&mut self.quads, &change.quads, |quad| quad.id);
+        self.node_count = change.node_count;
     }
 }
 
-/// Replaces the items whose ids come anew and adds the others; ids stay ascending.
-fn upsert<T: Copy>(items: &mut Vec<T>, new: &[T], id: impl Fn(&T) -> u32) {
-    // Of two with one id the later one comes last.
-    items.extend_from_slice(new);
-    items.sort_by_key(&id);
-    let mut kept = 0;
-    for index in 0..items.len() {
-        if items.get(index + 1).is_none_or(|next| id(next) != id(&items[index])) {
-            items[kept] = items[index];
-            kept += 1;
-        }
+impl Keyframe {
+    /// Follows a patch to the version that it leads to: the keyframe is then as one taken there.
+    ///
+    /// # Errors
+    /// The patch is not one of this version and scene; nothing is changed.
+    pub fn follow(&mut self, patch: &TopologyPatch) -> Result<(), Unfit> {
+        follow_all(&mut self.bodies, &mut self.topology_version, patch)?;
+        self.surface_hash = patch.surface_hash;
+        Ok(())
     }
-    items.truncate(kept);
+}
+
+impl TopologyPatch {
+    /// Goes on with the patch that begins where this one leads to: it then says what both say one after the other.
+    ///
+    /// # Errors
+    /// The patch begins elsewhere or is of another scene; nothing is changed.
+    pub fn append(&mut self, next: &Self) -> Result<(), Unfit> {
+        follow_all(&mut self.bodies, &mut self.to_version, next)?;
+        self.surface_hash = next.surface_hash;
+        Ok(())
+    }
+}
+
+/// Takes the structures of a scene's objects from `version` to where `patch` leads.
+fn follow_all(bodies: &mut [BodyStructure], version: &mut u64, patch: &TopologyPatch) -> Result<(), Unfit> {
+    if patch.from_version != *version {
+        return Err(Unfit::Version { have: *version, from: patch.from_version });
+    }
+    if patch.bodies.len() != bodies.len() {
+        return Err(Unfit::Objects { have: bodies.len(), got: patch.bodies.len() });
+    }
+    bodies.iter_mut().zip(&patch.bodies).for_each(|(body, change)| body.follow(change));
+    *version = patch.to_version;
+    Ok(())
+}
+
+/// Replaces and adds entries; both lists ascend by id.
+fn merge<T: Copy>(entries: &mut Vec<T>, changes: &[T], id: impl Fn(&T) -> u32) {
+    if changes.is_empty() {
+        return;
+    }
+    let mut merged = Vec::with_capacity(entries.len() + changes.len());
+    let mut rest = entries.as_slice();
+    for change in changes {
+        let (before, from) = rest.split_at(rest.partition_point(|entry| id(entry) < id(change)));
+        merged.extend_from_slice(before);
+        merged.push(*change);
+        rest = &from[from.partition_point(|entry| id(entry) == id(change))..];
+    }
+    merged.extend_from_slice(rest);
+    *entries = merged;
 }
 
 #[cfg(test)]
@@ -148,30 +203,46 @@ mod tests {
     use super::*;
 
     #[test]
-    fn two_patches_in_one_say_what_both_say_one_after_the_other() {
-        let node = |id, x| LatticeNode { id, rest_m: [x, 0.0, 0.0] };
-        let patch = |from_version, nodes: &[LatticeNode]| {
-            let body = BodyStructure { nodes: nodes.to_vec(), node_count: 9, ..BodyStructure::default() };
-            let surface_hash = from_version;
-            TopologyPatch { from_version, to_version: from_version + 1, bodies: vec![body], surface_hash }
-        };
-        let mut both = patch(3, &[node(2, 0.1), node(5, 0.2), node(7, 0.3)]);
-        both.append(&patch(4, &[node(1, 0.4), node(5, 0.5), node(8, 0.6)]));
-        let nodes = [node(1, 0.4), node(2, 0.1), node(5, 0.5), node(7, 0.3), node(8, 0.6)];
-        assert_eq!(both, TopologyPatch { from_version: 3, to_version: 5, surface_hash: 4, ..patch(4, &nodes) });
+    fn changes_replace_and_add_by_id() {
+        let mut entries = vec![(1, 'a'), (3, 'a'), (5, 'a')];
+        merge(&mut entries, &[(0, 'b'), (3, 'b'), (4, 'b'), (9, 'b')], |(id, _)| *id);
+        assert_eq!(entries, [(0, 'b'), (1, 'a'), (3, 'b'), (4, 'b'), (5, 'a'), (9, 'b')]);
     }
 
     #[test]
     fn weights_beside_what_is_held_go_with_the_newest_word_on_their_vertex() {
         let vertex = |id| BoundVertex { id, element: 0, local: [0.5; 3], material: 0 };
         let held = |id, weight| HeldVertex { id, weights: [weight; 8] };
-        let patch = |from_version, vertices: &[u32], held: &[HeldVertex]| {
+        let body = |vertices: &[u32], held: &[HeldVertex]| {
             let vertices = vertices.iter().map(|id| vertex(*id)).collect();
-            let body = BodyStructure { vertices, held: held.to_vec(), ..BodyStructure::default() };
-            TopologyPatch { from_version, to_version: from_version + 1, bodies: vec![body], surface_hash: 0 }
+            BodyStructure { vertices, held: held.to_vec(), ..BodyStructure::default() }
         };
-        let mut both = patch(0, &[1, 2, 3], &[held(1, 0.1), held(2, 0.1), held(3, 0.1)]);
-        both.append(&patch(1, &[2, 3, 4], &[held(2, 0.05), held(4, 0.1)]));
-        assert_eq!(both.bodies[0].held, [held(1, 0.1), held(2, 0.05), held(4, 0.1)]);
+        let mut followed = body(&[1, 2, 3], &[held(1, 0.1), held(2, 0.1), held(3, 0.1)]);
+        followed.follow(&body(&[2, 3, 4], &[held(2, 0.05), held(4, 0.1)]));
+        assert_eq!(followed.held, [held(1, 0.1), held(2, 0.05), held(4, 0.1)]);
+    }
+
+    #[test]
+    fn a_patch_that_does_not_fit_changes_nothing() {
+        let keyframe =
+            || Keyframe { topology_version: 3, bodies: vec![BodyStructure::default()], ..Keyframe::default() };
+        let patch = |from_version, objects| TopologyPatch {
+            from_version,
+            to_version: from_version + 1,
+            bodies: vec![BodyStructure { node_count: 9, ..BodyStructure::default() }; objects],
+            surface_hash: 1,
+        };
+        for (unfit, why) in [
+            (patch(4, 1), Unfit::Version { have: 3, from: 4 }),
+            (patch(2, 1), Unfit::Version { have: 3, from: 2 }),
+            (patch(3, 2), Unfit::Objects { have: 1, got: 2 }),
+        ] {
+            let mut followed = keyframe();
+            assert_eq!(followed.follow(&unfit), Err(why));
+            assert_eq!(followed, keyframe());
+        }
+        let mut first = patch(3, 1);
+        assert_eq!(first.append(&patch(5, 1)), Err(Unfit::Version { have: 4, from: 5 }));
+        assert_eq!(first, patch(3, 1));
     }
 }

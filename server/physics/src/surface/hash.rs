@@ -1,20 +1,26 @@
 //! The surface hash that replicas check themselves by, as `kerf/v1/view.proto` specifies it.
 //!
-//! An object's hash is the sum of its vertices' and quads' hashes, so that it follows a patch at a
-//! cost in proportion to the patch. It guards against faults, not against somebody who seeks
+//! An object's hash is the sum of the hashes of its items: vertices, the weights of those beside what is held, and
+//! quads. So it follows a patch at a cost in proportion to the patch. It guards against faults, not against somebody who seeks
 //! collisions.
 
 use std::collections::BTreeMap;
 
-use super::delta::{BodyStructure, BoundQuad, BoundVertex};
+use super::delta::{BodyStructure, BoundQuad, BoundVertex, HeldVertex};
 use super::{QuadId, VertexId};
+
+/// Materials are below it, so that no vertex has the words of a quad.
+const QUAD: u32 = 1 << 16;
+/// Tells weights from vertices and quads.
+const HELD: u32 = 1 << 17;
 
 /// Hash of one object's surface; that of an empty one by default.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ObjectHash {
     sum: u64,
-    /// What each vertex and quad adds to the sum, to take it back when it changes.
+    /// What each item adds to the sum, to take it back when it changes.
     vertices: BTreeMap<VertexId, u64>,
+    held: BTreeMap<VertexId, u64>,
     quads: BTreeMap<QuadId, u64>,
 }
 
@@ -23,6 +29,11 @@ impl ObjectHash {
     pub fn follow(&mut self, change: &BodyStructure) {
         for vertex in &change.vertices {
             exchange(&mut self.sum, &mut self.vertices, vertex.id, vertex_hash(vertex));
+            // It has the weights that come with it, or none.
+            self.sum = self.sum.wrapping_sub(self.held.remove(&vertex.id).unwrap_or(0));
+        }
+        for held in &change.held {
+            exchange(&mut self.sum, &mut self.held, held.id, held_hash(held));
         }
         for quad in &change.quads {
             exchange(&mut self.sum, &mut self.quads, quad.id, quad_hash(quad));
@@ -42,12 +53,17 @@ fn exchange(sum: &mut u64, terms: &mut BTreeMap<u32, u64>, id: u32, term: u64) {
 
 fn vertex_hash(vertex: &BoundVertex) -> u64 {
     let [u, v, w] = vertex.local.map(f32::to_bits);
-    sequence_hash([pair(vertex.id, vertex.element), pair(u, v), pair(0, w)])
+    sequence_hash([pair(vertex.id, vertex.element), pair(u, v), pair(vertex.material.into(), w)])
+}
+
+fn held_hash(held: &HeldVertex) -> u64 {
+    let [a, b, c, d, e, f, g, h] = held.weights.map(f32::to_bits);
+    sequence_hash([pair(held.id, a), pair(b, c), pair(d, e), pair(f, g), pair(HELD, h)])
 }
 
 fn quad_hash(quad: &BoundQuad) -> u64 {
     let [a, b, c, d] = quad.vertices;
-    sequence_hash([pair(quad.id, a), pair(b, c), pair(1, d)])
+    sequence_hash([pair(quad.id, a), pair(b, c), pair(QUAD, d)])
 }
 
 fn pair(high: u32, low: u32) -> u64 {

@@ -30,9 +30,9 @@ impl ViewSchedule {
 
     /// Keeps what a step has changed until a state is published.
     fn add_patch(&mut self, next: &TopologyPatch) {
-        match &mut self.patch {
-            Some(patch) => patch.append(next),
-            None => self.patch = Some(next.clone()),
+        let goes_on = self.patch.as_mut().is_some_and(|patch| patch.append(next).is_ok());
+        if !goes_on {
+            self.patch = Some(next.clone());
         }
     }
 

@@ -1716,7 +1716,7 @@ namespace Kerf.V1 {
     public const int ProtocolVersionFieldNumber = 1;
     private uint protocolVersion_;
     /// <summary>
-    /// Version the client speaks: 2. The server refuses others and names its own.
+    /// Version the client speaks: 3. The server refuses others and names its own.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -2102,7 +2102,7 @@ namespace Kerf.V1 {
     public const int ProtocolVersionFieldNumber = 1;
     private uint protocolVersion_;
     /// <summary>
-    /// Version the server speaks: 2.
+    /// Version the server speaks: 3.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]

@@ -190,7 +190,7 @@ namespace Kerf.V1 {
     public const int ProtocolVersionFieldNumber = 1;
     private uint protocolVersion_;
     /// <summary>
-    /// Version the client speaks: 2. The server refuses others with FAILED_PRECONDITION.
+    /// Version the client speaks: 3. The server refuses others with FAILED_PRECONDITION.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -1237,7 +1237,7 @@ namespace Kerf.V1 {
     public const int ProtocolVersionFieldNumber = 1;
     private uint protocolVersion_;
     /// <summary>
-    /// Version the server speaks: 2.
+    /// Version the server speaks: 3.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -3546,7 +3546,7 @@ namespace Kerf.V1 {
     private readonly pbc::RepeatedField<uint> vertexMaterials_ = new pbc::RepeatedField<uint>();
     /// <summary>
     /// Material of the voxel that each vertex lies in, an index into ObjectSummary.material_names. Empty: all 0.
-    /// For the eye alone: the surface hash does not know of it.
+    /// Below 65536.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
