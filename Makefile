@@ -16,8 +16,8 @@ demo: viewer
 	cargo build --release --bin kerf-server --bin kerf-load
 	@target/release/kerf-server serve --listen $(DEMO_ADDRESS) --log-filter warn & server=$$!; \
 	trap 'kill $$server 2>/dev/null; wait $$server' EXIT; trap 'exit 0' INT; \
-	target/release/kerf-load --server http://$(DEMO_ADDRESS) --scene liver --step-rates 1000,500,250,125 --strokes 2 --jitter 0 \
-		--depth 0.05 --speed 0.05 --wait-for-server 10 --out $(DEMO_OUT) || exit 1; \
+	target/release/kerf-load --server http://$(DEMO_ADDRESS) --scene liver --step-rates 1000,500,250,125,60 --levels 2,3 \
+		--strokes 2 --jitter 0 --depth 0.05 --speed 0.05 --wait-for-server 10 --out $(DEMO_OUT) || exit 1; \
 	if [ -t 0 ] && [ -t 1 ]; then \
 		printf '\nTo cut by hand, open http://$(DEMO_ADDRESS) in a browser. Enter stops the server.\n'; read -r key; \
 	fi

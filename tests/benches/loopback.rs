@@ -6,7 +6,7 @@ use std::net::SocketAddr;
 use anyhow::{Context, Result};
 use clap::Parser;
 use kerf_load::args::Args;
-use kerf_load::report::{Report, RoundTripMs};
+use kerf_load::report::{QuantilesMs, Report};
 use kerf_load::run;
 use kerf_server::config::ServerConfig;
 use kerf_server::serve::Server;
@@ -46,7 +46,7 @@ fn print(report: &Report, steps: &StepTallies) -> Result<()> {
     println!("{report}");
     print_steps("steps", &steps.all);
     print_steps("cutting", &steps.cutting);
-    let RoundTripMs { p99, .. } = report.round_trip_ms.context("no pose came back")?;
+    let QuantilesMs { p99, .. } = report.round_trip_ms.context("no pose came back")?;
     let (period_ms, step_p99_ms) = (1e3 / RATE_HZ, quantile_ms(&steps.all, 0.99));
     let limit_ms = period_ms + step_p99_ms + TRANSPORT_MS;
     println!(

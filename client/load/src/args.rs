@@ -38,6 +38,9 @@ pub struct Args {
     /// while a trial session of the script's first seconds is driven
     #[arg(long, value_name = "HZ,...", value_delimiter = ',', value_parser = positive, conflicts_with = "session")]
     pub step_rates: Vec<f64>,
+    /// Levels to choose from, finest first: where none of the step rates is kept at one, the next is tried
+    #[arg(long, value_name = "LEVEL,...", value_delimiter = ',', requires = "step_rates", conflicts_with = "DialArgs")]
+    pub levels: Vec<u32>,
     /// Leaves a created session running
     #[arg(long, conflicts_with = "session")]
     pub keep_session: bool,

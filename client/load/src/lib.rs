@@ -8,6 +8,8 @@
 pub mod args;
 pub mod clock;
 pub mod control;
+pub mod force_age;
+pub mod in_flight;
 pub mod limits;
 pub mod metrics;
 pub mod output;
@@ -19,6 +21,6 @@ pub mod run;
 pub mod script;
 pub mod sender;
 pub mod session;
-pub mod step_rate;
+pub mod setting;
 pub mod viewer;
 pub mod wire;

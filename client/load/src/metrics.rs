@@ -8,14 +8,16 @@ use kerf_proto::v1;
 use nalgebra::Vector3;
 use serde::Serialize;
 
+use crate::force_age::ForceAge;
+use crate::in_flight::InFlight;
 use crate::script::Script;
-use crate::sender::{InFlight, Timetable};
+use crate::sender::Timetable;
 use crate::wire;
 
-/// Longest round trip that is told apart; longer ones count as this.
-const MAX_ROUND_TRIP_NS: u64 = 60_000_000_000;
+/// Longest duration that is told apart; longer ones count as this.
+const MAX_DURATION_NS: u64 = 60_000_000_000;
 /// Three digits: quantiles are exact to 0.1 %, in a fixed 200 kB.
-const ROUND_TRIP_DIGITS: u8 = 3;
+const DURATION_DIGITS: u8 = 3;
 /// Most samples that are kept, about 400 MB: an hour at 1 kHz. Later ones are counted, not kept.
 const MAX_SAMPLES: usize = 3_600_000;
 
@@ -54,16 +56,66 @@ pub struct ContactSample {
     pub resistance_n: f64,
     /// Length of the edge whose front is yielding, m.
     pub cutting_length_m: f64,
-    /// From the sending of the pose that the step used until now, s; absent when an earlier contact
-    /// has told of the same pose.
+    /// From when the pose that the step used was due until now, s; absent when an earlier contact has told of the same
+    /// pose.
     pub round_trip_s: Option<f64>,
+}
+
+/// A histogram of durations, ns.
+#[must_use]
+pub fn durations_ns() -> Histogram<u64> {
+    Histogram::new_with_bounds(1, MAX_DURATION_NS, DURATION_DIGITS)
+        .expect("the bounds are constants that the histogram takes")
+}
+
+/// How the steps that contacts told of kept time, by the server's clock.
+pub struct StepTiming {
+    /// How long after their deadlines the steps ended, ns; 0 in time.
+    pub lag_ns: Histogram<u64>,
+    /// Step, end of it in simulated time, s, and on the server's clock, ns, of the newest contact.
+    last: Option<(u64, f64, u64)>,
+    /// Simulated time from the first contact to the newest, s, and time on the server's clock, ns. A session that goes
+    /// back in time goes on from there.
+    passed: (f64, u64),
+}
+
+impl Default for StepTiming {
+    fn default() -> Self {
+        Self { lag_ns: durations_ns(), last: None, passed: (0.0, 0) }
+    }
+}
+
+impl StepTiming {
+    /// Simulated time over time on the server's clock; `None` before two steps were told of.
+    #[must_use]
+    pub fn pace(&self) -> Option<f64> {
+        let (simulated_s, wall_ns) = self.passed;
+        (wall_ns > 0).then(|| simulated_s / (wall_ns as f64 * 1e-9))
+    }
+
+    /// Each step counts once, however many tools it is told for.
+    pub fn contact(&mut self, contact: &v1::Contact) {
+        let now = (contact.step, contact.sim_time_s, contact.server_ns);
+        let before = self.last.replace(now);
+        if before.is_some_and(|(step, ..)| step == contact.step) {
+            return;
+        }
+        self.lag_ns.saturating_record(contact.lag_ns);
+        if let Some((_, sim_time_s, server_ns)) = before.filter(|(step, ..)| *step < contact.step) {
+            self.passed.0 += contact.sim_time_s - sim_time_s;
+            self.passed.1 += contact.server_ns.saturating_sub(server_ns);
+        }
+    }
 }
 
 /// Contacts, summed up.
 pub struct ContactMetrics {
-    /// Round trips, ns: from the sending of a pose to the first contact of a step that has used it, or a
-    /// newer one.
+    /// Round trips, ns: from when a pose was due to the first contact of a step that has used it, or a newer one.
     pub round_trip_ns: Histogram<u64>,
+    /// How old the force in the hand was.
+    pub force_age: ForceAge,
+    /// How the steps that contacts told of kept time.
+    pub timing: StepTiming,
     /// Contacts that came in.
     pub received: u64,
     /// Bytes that came in, framing included.
@@ -91,8 +143,9 @@ pub struct ContactMetrics {
 impl Default for ContactMetrics {
     fn default() -> Self {
         Self {
-            round_trip_ns: Histogram::new_with_bounds(1, MAX_ROUND_TRIP_NS, ROUND_TRIP_DIGITS)
-                .expect("the bounds are constants that the histogram takes"),
+            round_trip_ns: durations_ns(),
+            force_age: ForceAge::default(),
+            timing: StepTiming::default(),
             received: 0,
             bytes: 0,
             rejected: 0,
@@ -124,6 +177,8 @@ impl ContactMetrics {
         let force_n = wire::vector(wrench.force_n, "contact.wrench.force_n")?;
         let torque_nm = wire::vector(wrench.torque_nm, "contact.wrench.torque_nm")?;
         let round_trip_ns = self.round_trips(contact, now_ns);
+        self.force_age.contact(contact, now_ns, script, timetable);
+        self.timing.contact(contact);
         self.received += 1;
         self.max_force_n = f64::max(self.max_force_n, force_n.norm());
         let sample = sample(contact, force_n, torque_nm, script, timetable);
@@ -145,6 +200,14 @@ impl ContactMetrics {
         });
     }
 
+    /// Round trips of the poses that were answered, and how long those had waited that were not, ns.
+    #[must_use]
+    pub fn round_trips_ns(&self) -> Histogram<u64> {
+        let mut all = self.round_trip_ns.clone();
+        all += self.in_flight.unanswered_ns();
+        all
+    }
+
     /// The contact that came in last.
     #[must_use]
     pub fn last(&self) -> Option<&ContactSample> {
@@ -156,8 +219,8 @@ impl ContactMetrics {
     fn round_trips(&mut self, contact: &v1::Contact, now_ns: u64) -> Option<u64> {
         let Self { in_flight, round_trip_ns, .. } = self;
         let mut echoed_ns = None;
-        in_flight.take_reflected(contact.tool_id, contact.echo_seq, |seq, sent_ns| {
-            let elapsed_ns = now_ns.saturating_sub(sent_ns);
+        in_flight.take_reflected(contact.tool_id, contact.echo_seq, |seq, due_ns| {
+            let elapsed_ns = now_ns.saturating_sub(due_ns);
             round_trip_ns.saturating_record(elapsed_ns);
             if seq == contact.echo_seq {
                 echoed_ns = Some(elapsed_ns);
@@ -176,7 +239,7 @@ fn sample(
     script: &Script,
     timetable: &Timetable,
 ) -> Option<ContactSample> {
-    let pose_time_s = timetable.time_of_seq_s(contact.echo_seq)?;
+    let pose_time_s = timetable.time_of_tick_s(Timetable::tick_of_seq(contact.echo_seq)?);
     let pose = script.track(contact.tool_id)?.at(pose_time_s)?.pose;
     Some(ContactSample {
         time_s: 0.0,
@@ -219,5 +282,27 @@ mod tests {
         let round_trips_ns: Vec<u64> = metrics.round_trip_ns.iter_recorded().map(|v| v.value_iterated_to()).collect();
         assert_eq!(metrics.round_trip_ns.len(), 2, "{round_trips_ns:?}");
         assert!(round_trips_ns[0].abs_diff(2000) < 10 && round_trips_ns[1].abs_diff(4000) < 10, "{round_trips_ns:?}");
+    }
+
+    #[test]
+    fn pace_is_simulated_time_over_the_servers_and_a_step_back_is_no_time() {
+        let mut timing = StepTiming::default();
+        let told = |step: u64, server_ms: u64, lag_ns: u64| v1::Contact {
+            step,
+            sim_time_s: step as f64 * 1e-3,
+            server_ns: server_ms * 1_000_000,
+            lag_ns,
+            ..Default::default()
+        };
+        assert_eq!(timing.pace(), None);
+        // Two tools are told of step 2, which says nothing new.
+        for (step, server_ms, lag_ns) in [(1, 10, 0), (2, 12, 500), (2, 12, 500), (5, 18, 2000)] {
+            timing.contact(&told(step, server_ms, lag_ns));
+        }
+        assert!((timing.pace().expect("steps") - 0.5).abs() < 1e-9);
+        // A reset: the session begins anew.
+        [told(1, 100, 0), told(3, 102, 0)].iter().for_each(|contact| timing.contact(contact));
+        assert!((timing.pace().expect("steps") - 0.6).abs() < 1e-9);
+        assert_eq!((timing.lag_ns.len(), timing.lag_ns.max()), (5, 2000));
     }
 }

@@ -33,9 +33,13 @@ pub struct Report {
     pub duration_s: f64,
     /// Whether the run was broken off from the keyboard.
     pub interrupted: bool,
-    /// From the sending of a pose to the first contact of a step that has used it, or a newer one; absent
+    /// From when a pose was due to the first contact of a step that has used it, or a newer one; absent without any.
+    /// Poses that were left out count as if they had been sent, those that nothing answered with how long they had
+    /// waited.
+    pub round_trip_ms: Option<QuantilesMs>,
+    /// How old the force in the hand was, asked every millisecond: from when the motion was due that it answers; absent
     /// without any.
-    pub round_trip_ms: Option<RoundTripMs>,
+    pub force_age_ms: Option<QuantilesMs>,
     /// What was sent.
     pub poses: Poses,
     /// What came back.
@@ -52,10 +56,10 @@ pub struct Report {
     pub limits_exceeded: Vec<String>,
 }
 
-/// Quantiles of the round trip, ms.
+/// Quantiles of a duration, ms.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct RoundTripMs {
-    /// Poses that were measured.
+pub struct QuantilesMs {
+    /// Durations that were measured.
     pub count: u64,
     /// Median.
     pub p50: f64,
@@ -84,6 +88,8 @@ pub struct Poses {
     pub late_share: f64,
     /// Poses that the server refused.
     pub rejected: u64,
+    /// Poses that no contact answered before the tool was lifted.
+    pub unanswered: u64,
     /// Leases that ran out, or were taken away.
     pub leases_lost: u64,
 }
@@ -140,7 +146,10 @@ pub struct Server {
     /// Longest step, ms.
     pub step_max_ms: f64,
     /// Simulated time over wall time; below 1 the session fell behind, and tools moved faster there than in the hand.
-    pub pace: f64,
+    /// Absent before two steps were told of.
+    pub pace: Option<f64>,
+    /// How long after its deadline a step ended, 0 in time, of the steps that contacts told of; absent without any.
+    pub lag_ms: Option<QuantilesMs>,
     /// Faults that were rolled back.
     pub faults: u64,
     /// Times that the governor changed the relative tolerance of the solves.
@@ -206,6 +215,18 @@ pub struct Run<'a> {
 }
 
 impl Report {
+    /// What a run means to somebody who holds the tool; `None` where no force came back.
+    fn in_words(&self) -> Option<String> {
+        let (ages, Server { step_rate_hz, late_step_share, .. }) = (self.force_age_ms?, &self.server);
+        Some(format!(
+            "{step_rate_hz} steps a second, {:.1} % of them late. The force in the hand was {:.1} ms old half of the \
+             time, and older than {:.1} ms a thousandth of it.",
+            100.0 * late_step_share,
+            ages.p50,
+            ages.p999
+        ))
+    }
+
     /// Sums up a run; limits are not checked yet.
     #[must_use]
     pub fn of(run: &Run<'_>) -> Self {
@@ -218,7 +239,8 @@ impl Report {
             script: run.script.clone(),
             duration_s: run.duration_s,
             interrupted: run.interrupted,
-            round_trip_ms: RoundTripMs::of(&run.contacts.round_trip_ns),
+            round_trip_ms: QuantilesMs::of(&run.contacts.round_trips_ns()),
+            force_age_ms: QuantilesMs::of(run.contacts.force_age.ns()),
             poses: Poses::of(run),
             contacts: Contacts {
                 received: run.contacts.received,
@@ -235,7 +257,14 @@ impl Report {
     }
 }
 
-impl RoundTripMs {
+impl fmt::Display for QuantilesMs {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { p50, p99, p999, max, .. } = self;
+        write!(f, "p50 {p50:.2} ms, p99 {p99:.2} ms, p99.9 {p999:.2} ms, max {max:.2} ms")
+    }
+}
+
+impl QuantilesMs {
     fn of(histogram_ns: &Histogram<u64>) -> Option<Self> {
         let ms = |quantile: f64| histogram_ns.value_at_quantile(quantile) as f64 * 1e-6;
         (!histogram_ns.is_empty()).then(|| Self {
@@ -259,6 +288,7 @@ impl Poses {
             dropped,
             late_share: per(kept.late + kept.skipped, (kept.ticks + kept.skipped) as f64),
             rejected: run.contacts.rejected,
+            unanswered: run.contacts.in_flight.unanswered_ns().len(),
             leases_lost: run.contacts.leases_lost,
         }
     }
@@ -285,7 +315,8 @@ impl Server {
         let steps = run.view.server.unwrap_or_default();
         Self {
             step_rate_hz: run.step_rate_hz,
-            pace: per(steps.steps(), run.watched_s * run.step_rate_hz),
+            pace: run.contacts.timing.pace(),
+            lag_ms: QuantilesMs::of(&run.contacts.timing.lag_ns),
             steps: steps.steps(),
             late_steps: steps.late_steps(),
             late_step_share: per(steps.late_steps(), steps.steps() as f64),
@@ -329,11 +360,13 @@ impl fmt::Display for Report {
         let ended = if self.interrupted { ", interrupted" } else { "" };
         writeln!(f, "{} on {}, {:.1} s{ended}", self.script, self.scene, self.duration_s)?;
         match self.round_trip_ms {
-            Some(RoundTripMs { count, p50, p99, p999, max }) => writeln!(
-                f,
-                "round trip   p50 {p50:.2} ms, p99 {p99:.2} ms, p99.9 {p999:.2} ms, max {max:.2} ms ({count} poses)"
-            )?,
+            Some(times) => {
+                writeln!(f, "round trip   {times} ({} poses, {} unanswered)", times.count, poses.unanswered)?;
+            }
             None => writeln!(f, "round trip   no pose came back")?,
+        }
+        if let Some(ages) = &self.force_age_ms {
+            writeln!(f, "force age    {ages}")?;
         }
         writeln!(
             f,
@@ -376,13 +409,15 @@ impl fmt::Display for Report {
             view.topology_version,
             server.faults
         )?;
+        if let Some((pace, lags)) = server.pace.zip(server.lag_ms) {
+            writeln!(f, "pace         {pace:.3} of real time; steps ended {lags} after they were due")?;
+        }
         if server.late_step_share > OVERLOAD_LATE_SHARE {
             writeln!(
                 f,
-                "OVERLOAD     {:.1} % of the steps were late, the session ran at {:.2} of real time: forces and depths \
-                 are not those of the script's speed. Ask for a lower step rate, a coarser level or a smaller scene.",
-                100.0 * server.late_step_share,
-                server.pace
+                "OVERLOAD     {:.1} % of the steps were late: forces and depths are not those of the script's speed. Ask \
+                 for a lower step rate, a coarser level or a smaller scene.",
+                100.0 * server.late_step_share
             )?;
         }
         if let Some(last) = server.governed_tolerance {
@@ -403,6 +438,9 @@ impl fmt::Display for Report {
             write!(f, " (steady cut: {reference_n:.3} N)")?;
         }
         write!(f, ", {:.1} mm deep", 1e3 * force.max_depth_m)?;
+        if let Some(words) = self.in_words() {
+            write!(f, "\n\n{words}")?;
+        }
         self.limits_exceeded.iter().try_for_each(|exceeded| write!(f, "\nEXCEEDED     {exceeded}"))
     }
 }

@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use anyhow::{Context, bail, ensure};
 use kerf_proto::v1;
+use kerf_proto::v1::create_session_request::Dial;
 use kerf_replica::{Surface, glb};
 use nalgebra::Vector3;
 use tokio::sync::{oneshot, watch};
@@ -23,7 +24,7 @@ use crate::script::strokes::{self, Target};
 use crate::script::{self, Script};
 use crate::sender::{self, SendTotals, Timetable};
 use crate::session::{self, Session, Wishes};
-use crate::step_rate;
+use crate::setting::{self, Setting};
 use crate::viewer::{self, SharedTotals};
 use crate::wire;
 
@@ -34,7 +35,7 @@ const SETTLE: Duration = Duration::from_millis(300);
 /// How much faster than the server's limit a script may not be, rounding of the wire included.
 const SPEED_MARGIN: f64 = 0.999;
 
-/// Longest trial of a step rate, s of the script: the first contact, the first cut and what follows.
+/// Longest trial of a setting, s of the script: the first contact, the first cut and what follows.
 const TRIAL_S: f64 = 4.0;
 
 /// What a run leaves.
@@ -54,8 +55,9 @@ pub struct Finished {
 pub async fn run(args: &Args) -> anyhow::Result<Finished> {
     let channel =
         session::connect(&args.server, Duration::from_secs_f64(args.wait_for_server.clamp(0.0, 3600.0))).await?;
-    let step_rate_hz = step_rate::choose(&args.step_rates, async |hz| try_rate(args, &channel, hz).await).await?;
-    let wishes = Wishes { dial: args.dial.asked(), step_rate_hz };
+    let candidates = setting::candidates(&args.levels, &args.step_rates);
+    let chosen = setting::choose(candidates, async |setting| late_share(args, &channel, setting).await).await?;
+    let wishes = wishes(args, chosen);
     let session = session::open(channel.clone(), args.scene.as_deref(), wishes, args.session.as_deref()).await?;
     if let Some(dial) = &session.description.dial {
         eprintln!("{}", session::dial_text(dial));
@@ -63,16 +65,20 @@ pub async fn run(args: &Args) -> anyhow::Result<Finished> {
     drive_and_close(args, &channel, &session).await
 }
 
-/// Fraction of late steps in a trial session at a step rate.
-async fn try_rate(args: &Args, channel: &Channel, rate_hz: f64) -> anyhow::Result<f64> {
+fn wishes(args: &Args, setting: Option<Setting>) -> Wishes {
+    let level = setting.and_then(|setting| setting.level).map(Dial::Level);
+    Wishes { dial: level.or(args.dial.asked()), step_rate_hz: setting.map(|setting| setting.rate_hz) }
+}
+
+/// Fraction of late steps in a trial session.
+async fn late_share(args: &Args, channel: &Channel, setting: Setting) -> anyhow::Result<f64> {
     let args = Args {
         duration: Some(f64::min(TRIAL_S, args.duration.unwrap_or(f64::INFINITY))),
         progress: ProgressMode::Off,
         keep_session: false,
         ..args.clone()
     };
-    let wishes = Wishes { dial: args.dial.asked(), step_rate_hz: Some(rate_hz) };
-    let session = session::open(channel.clone(), args.scene.as_deref(), wishes, None).await?;
+    let session = session::open(channel.clone(), args.scene.as_deref(), wishes(&args, Some(setting)), None).await?;
     Ok(drive_and_close(&args, channel, &session).await?.report.server.late_step_share)
 }
 
@@ -205,6 +211,7 @@ async fn exchange(
     progress.finish();
     let (sent, up) = ended.ok().context("the sending thread died")?;
     settle(&mut down, &mut contacts, script, &timetable).await?;
+    contacts.force_age.finish(clock::now_ns(), script, &timetable);
     drop(up);
     ensure!(sender.join().is_ok(), "the sending thread died");
     Ok(Driven { sent, contacts, sent_for_s, interrupted })

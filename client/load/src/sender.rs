@@ -1,8 +1,7 @@
 //! The thread that sends poses: paced by absolute deadlines, never waiting on the network.
 
-use std::collections::VecDeque;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use kerf_proto::v1::{self, control_request};
 use kerf_script::Placement;
@@ -10,6 +9,7 @@ use tokio::sync::mpsc::error::TrySendError;
 
 use crate::clock;
 use crate::control::Sender;
+use crate::in_flight::InFlight;
 use crate::pacer::{Punctuality, Schedule};
 use crate::script::Script;
 use crate::wire;
@@ -36,66 +36,28 @@ impl Timetable {
         tick as f64 / self.rate_hz
     }
 
+    /// When a tick is due, on the monotonic clock, ns: the time of the motion that its poses tell of.
+    #[must_use]
+    pub fn due_ns(&self, tick: u64) -> u64 {
+        self.start_ns + (self.time_of_tick_s(tick) * 1e9) as u64
+    }
+
+    /// When the script ends, on the monotonic clock, ns.
+    #[must_use]
+    pub fn end_ns(&self) -> u64 {
+        self.start_ns + (self.duration_s * 1e9) as u64
+    }
+
     /// Sequence number of a tick's poses: 0 means "none yet" on the wire.
     #[must_use]
     pub fn seq_of_tick(tick: u64) -> u64 {
         tick + 1
     }
 
-    /// Script time of a pose by its sequence number, s; `None` for "none yet".
+    /// Tick of a pose by its sequence number; `None` for "none yet".
     #[must_use]
-    pub fn time_of_seq_s(&self, seq: u64) -> Option<f64> {
-        seq.checked_sub(1).map(|tick| self.time_of_tick_s(tick))
-    }
-}
-
-/// Most poses that are remembered until a contact reflects them: seconds at the fastest rate, and a
-/// session that reflects nothing for longer has no round trip to speak of.
-const MAX_IN_FLIGHT: usize = 10_000;
-
-/// A pose that was sent.
-#[derive(Clone, Copy, Debug)]
-struct Sent {
-    tool_id: u32,
-    seq: u64,
-    sent_ns: u64,
-}
-
-/// The poses that were sent and that no contact has reflected yet, oldest first; shared by the thread
-/// that sends and the one that receives.
-#[derive(Debug, Default)]
-pub struct InFlight(Mutex<VecDeque<Sent>>);
-
-impl InFlight {
-    /// A pose is about to be sent.
-    pub fn push(&self, tool_id: u32, seq: u64, sent_ns: u64) {
-        let mut poses = self.lock();
-        if poses.len() == MAX_IN_FLIGHT {
-            poses.pop_front();
-        }
-        poses.push_back(Sent { tool_id, seq, sent_ns });
-    }
-
-    /// A pose that no contact will ever reflect.
-    pub fn forget(&self, tool_id: u32, seq: u64) {
-        self.lock().retain(|pose| (pose.tool_id, pose.seq) != (tool_id, seq));
-    }
-
-    /// Takes the poses of a tool up to the newest that a step has used, and calls `reflected` with the
-    /// number of each and when it was sent, ns. Those before the newest one were used by earlier steps,
-    /// or overtaken on their way to one: this is the first contact to tell of them either way.
-    pub fn take_reflected(&self, tool_id: u32, newest_seq: u64, mut reflected: impl FnMut(u64, u64)) {
-        self.lock().retain(|pose| {
-            let is_reflected = pose.tool_id == tool_id && pose.seq <= newest_seq;
-            if is_reflected {
-                reflected(pose.seq, pose.sent_ns);
-            }
-            !is_reflected
-        });
-    }
-
-    fn lock(&self) -> MutexGuard<'_, VecDeque<Sent>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    pub fn tick_of_seq(seq: u64) -> Option<u64> {
+        seq.checked_sub(1)
     }
 }
 
@@ -122,6 +84,7 @@ pub fn send(
     let mut schedule = Schedule::new(timetable.start_ns, timetable.rate_hz);
     let mut totals = SendTotals::default();
     let mut down = vec![false; script.tracks.len()];
+    let mut next = 0;
     while !stop.load(Ordering::Relaxed) {
         clock::sleep_until_ns(schedule.deadline_ns());
         let tick = schedule.take(clock::now_ns());
@@ -130,33 +93,46 @@ pub fn send(
             break;
         }
         for (track, down) in script.tracks.iter().zip(&mut down) {
-            let (tool_id, seq, client_ns) = (track.tool_id, Timetable::seq_of_tick(tick), clock::now_ns());
+            let tool_id = track.tool_id;
+            // The hand moved on in the ticks that were left out, and their poses wait for an answer as any other.
+            (next..=tick)
+                .filter(|tick| track.at(timetable.time_of_tick_s(*tick)).is_some())
+                .for_each(|tick| in_flight.push(tool_id, Timetable::seq_of_tick(tick), timetable.due_ns(tick)));
             let message = match track.at(time_s) {
-                Some(Placement { pose, opening }) => {
-                    in_flight.push(tool_id, seq, client_ns);
-                    let pose = Some(wire::pose_to_wire(&pose));
-                    let opening = Some(opening as f32);
-                    control_request::Message::Pose(v1::ToolPose { tool_id, seq, client_ns, pose, buttons: 0, opening })
+                Some(placement) => pose(tool_id, tick, &timetable, &placement),
+                None if *down => {
+                    in_flight.give_up(tool_id, clock::now_ns());
+                    lift(tool_id)
                 }
-                None if *down => lift(tool_id),
                 None => continue,
             };
             *down = matches!(message, control_request::Message::Pose(_));
             match to.up.try_send(to.message(message)) {
                 Ok(()) => totals.sent += u64::from(*down),
-                Err(TrySendError::Full(_)) => {
-                    in_flight.forget(tool_id, seq);
-                    totals.dropped += 1;
-                }
+                Err(TrySendError::Full(_)) => totals.dropped += 1,
                 Err(TrySendError::Closed(_)) => return SendTotals { kept: schedule.kept(), ..totals },
             }
         }
+        next = tick + 1;
     }
     for (track, _) in script.tracks.iter().zip(down).filter(|(_, down)| *down) {
+        in_flight.give_up(track.tool_id, clock::now_ns());
         // The last message may wait: nothing is paced any more. Closed: the stream lifts them.
         let _ = to.up.blocking_send(to.message(lift(track.tool_id)));
     }
     SendTotals { kept: schedule.kept(), ..totals }
+}
+
+/// A tick's pose of a tool, which says when its motion was due, not when it is sent.
+fn pose(tool_id: u32, tick: u64, timetable: &Timetable, placement: &Placement) -> control_request::Message {
+    control_request::Message::Pose(v1::ToolPose {
+        tool_id,
+        seq: Timetable::seq_of_tick(tick),
+        client_ns: timetable.due_ns(tick),
+        pose: Some(wire::pose_to_wire(&placement.pose)),
+        buttons: 0,
+        opening: Some(placement.opening as f32),
+    })
 }
 
 fn lift(tool_id: u32) -> control_request::Message {
@@ -177,32 +153,6 @@ mod tests {
         let keys = [from_s, to_s].map(|time_s| Key { time_s, placement: Some(pose.into()) }).to_vec();
         let track = Track { tool_id: 3, keys }.lifted_at_end();
         Script { tracks: vec![track], datums: vec![Datum { from_s: 0.0, height_m: 0.0 }] }
-    }
-
-    #[test]
-    fn a_contact_reflects_the_poses_up_to_its_own_once_and_those_of_no_other_tool() {
-        let in_flight = InFlight::default();
-        let taken = |tool_id, newest_seq| {
-            let mut taken = Vec::new();
-            in_flight.take_reflected(tool_id, newest_seq, |seq, sent_ns| taken.push((seq, sent_ns)));
-            taken
-        };
-        for (tool_id, seq) in [(0, 1), (1, 1), (0, 2), (0, 3), (0, 4)] {
-            in_flight.push(tool_id, seq, 100 * seq);
-        }
-        in_flight.forget(0, 2);
-        assert_eq!(taken(0, 3), [(1, 100), (3, 300)]);
-        assert_eq!(taken(0, 3), []);
-        assert_eq!((taken(1, 9), taken(0, 4)), (vec![(1, 100)], vec![(4, 400)]));
-    }
-
-    #[test]
-    fn poses_that_nothing_reflects_are_forgotten_in_the_end() {
-        let in_flight = InFlight::default();
-        (1..=MAX_IN_FLIGHT as u64 + 5).for_each(|seq| in_flight.push(0, seq, seq));
-        let mut first = None;
-        in_flight.take_reflected(0, u64::MAX, |seq, _| first = first.or(Some(seq)));
-        assert_eq!(first, Some(6));
     }
 
     fn messages(script: &Script, duration_s: f64, capacity: usize) -> (SendTotals, Vec<control_request::Message>) {
@@ -251,9 +201,9 @@ mod tests {
         let totals = sender.join().expect("the sender ends though nobody reads");
         assert_eq!(totals.sent, 2);
         assert!(totals.dropped > 5, "{totals:?}");
-        let mut awaited = 0;
-        in_flight.take_reflected(3, u64::MAX, |_, _| awaited += 1);
-        assert_eq!(awaited, 2, "nobody waits for a pose that was dropped");
+        // 0..=15 ms of the script: those that were dropped wait for an answer too, and so do those left out.
+        let waited = in_flight.unanswered_ns().len();
+        assert!((15..=16).contains(&waited), "{waited} poses");
         drop(received);
     }
 }

@@ -4,15 +4,38 @@ use kerf_load::limits::LimitArgs;
 use kerf_load::metrics::ContactMetrics;
 use kerf_load::pacer::Punctuality;
 use kerf_load::report::{Report, Run, bytes};
-use kerf_load::sender::SendTotals;
+use kerf_load::script::Script;
+use kerf_load::sender::{SendTotals, Timetable};
 use kerf_load::viewer::{ServerSteps, ViewTotals};
 use kerf_proto::v1;
+use kerf_script::{Key, Pose, Track};
+use nalgebra::{UnitQuaternion, Vector3};
 
 fn contacts() -> ContactMetrics {
     let mut contacts = ContactMetrics::default();
     (contacts.received, contacts.bytes, contacts.max_force_n) = (500, 40_000, 1.25);
     (1..=1000).for_each(|n| contacts.round_trip_ns.saturating_record(n * 10_000));
+    let (script, timetable) = (still(), Timetable { start_ns: 0, rate_hz: 1000.0, duration_s: 1.0 });
+    for step in 1..=1000 {
+        let contact = v1::Contact {
+            step,
+            sim_time_s: step as f64 * 1e-3,
+            server_ns: step * 1_250_000,
+            lag_ns: step * 1000,
+            echo_seq: step,
+            ..Default::default()
+        };
+        contacts.timing.contact(&contact);
+        contacts.force_age.contact(&contact, step * 1_000_000 + 2_500_000, &script, &timetable);
+    }
     contacts
+}
+
+/// A tool that stays where it is.
+fn still() -> Script {
+    let pose = Pose { position_m: Vector3::zeros(), orientation: UnitQuaternion::identity() };
+    let keys = vec![Key { time_s: 0.0, placement: Some(pose.into()) }];
+    Script { tracks: vec![Track { tool_id: 0, keys }], datums: Vec::new() }
 }
 
 fn view() -> ViewTotals {
@@ -63,15 +86,20 @@ fn text_has_every_number_that_was_asked_for() {
     let text = report(&contacts(), &view()).to_string();
     let expected = "\
 2 strokes (random seed 1) on liver, 2.0 s
-round trip   p50 5.00 ms, p99 9.90 ms, p99.9 9.99 ms, max 10.00 ms (1000 poses)
+round trip   p50 5.00 ms, p99 9.90 ms, p99.9 9.99 ms, max 10.00 ms (1000 poses, 0 unanswered)
+force age    p50 4.00 ms, p99 4.00 ms, p99.9 4.00 ms, max 4.00 ms
 poses        495 sent, 247.5 Hz; 3 late, 4 skipped, 1 dropped, 0 rejected
 contacts     500 received, 250.0 Hz, 20.0 kB/s
 view         2 viewer(s): 2 keyframes, 9 patches, 240 states at 60.0 Hz, 750.0 kB/s each; 0 mismatches
 server       2000 steps at 1000 Hz, 50 late (2.5 %), mean 0.75 ms, max 4.00 ms; topology version 9, 0 faults
-OVERLOAD     2.5 % of the steps were late, the session ran at 1.00 of real time: forces and depths are not those of \
-the script's speed. Ask for a lower step rate, a coarser level or a smaller scene.
+pace         0.800 of real time; steps ended p50 0.50 ms, p99 0.99 ms, p99.9 1.00 ms, max 1.00 ms after they were due
+OVERLOAD     2.5 % of the steps were late: forces and depths are not those of the script's speed. Ask for a lower step \
+rate, a coarser level or a smaller scene.
 energy       tool work 2.000e-2 J, fracture 1.200e-2 J, residual -1.0e-7 J (-5.0e-6 of the tool work)
-force        max 1.250 N, against the cut 0.000 N (steady cut: 0.800 N), 0.0 mm deep";
+force        max 1.250 N, against the cut 0.000 N (steady cut: 0.800 N), 0.0 mm deep
+
+1000 steps a second, 2.5 % of them late. The force in the hand was 4.0 ms old half of the time, and older than 4.0 ms \
+a thousandth of it.";
     assert_eq!(text, expected);
 }
 
@@ -88,6 +116,8 @@ fn json_has_the_same_numbers() {
     assert_eq!(json["scene"], "liver");
     assert_eq!(json["poses"]["skipped"], 4);
     assert_eq!(json["server"]["late_step_share"], 0.025);
+    assert!((json["server"]["pace"].as_f64().expect("a number") - 0.8).abs() < 1e-9);
+    assert_eq!((&json["server"]["lag_ms"]["count"], &json["poses"]["unanswered"]), (&1000.into(), &0.into()));
     assert_eq!(json["view"]["topology_version"], 9);
     assert_eq!(json["energy"]["residual_over_tool_work"], -1e-7 / 0.02);
     assert_eq!(json["round_trip_ms"]["count"], 1000);

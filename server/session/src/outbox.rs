@@ -30,6 +30,8 @@ pub struct StepReport {
     pub sim_time_s: f64,
     /// When the step ended, ns on the server's monotonic clock.
     pub ended_ns: u64,
+    /// How long after the next step was due it ended, ns; 0 in time.
+    pub lag_ns: u64,
     /// What the session is doing.
     pub phase: Phase,
     /// Times that the scene was put back to rest.

@@ -30,10 +30,27 @@ pub struct PaceCounts {
 pub enum Pace {
     /// Before the next one was due.
     InTime,
-    /// After the next one was due; the lag is caught up.
-    Late,
+    /// So long after the next one was due; the lag is caught up.
+    Late {
+        /// ns.
+        lag_ns: u64,
+    },
     /// So late that the lost time was given up.
-    Reanchored,
+    Reanchored {
+        /// ns.
+        lag_ns: u64,
+    },
+}
+
+impl Pace {
+    /// How long after the next step was due the step ended, ns; 0 in time.
+    #[must_use]
+    pub fn lag_ns(self) -> u64 {
+        match self {
+            Self::InTime => 0,
+            Self::Late { lag_ns } | Self::Reanchored { lag_ns } => lag_ns,
+        }
+    }
 }
 
 impl Pacer {
@@ -60,11 +77,11 @@ impl Pacer {
         }
         self.counts.late_steps += 1;
         if lag_ns <= self.max_lag_ns {
-            return Pace::Late;
+            return Pace::Late { lag_ns };
         }
         self.counts.reanchors += 1;
         self.restart(now_ns);
-        Pace::Reanchored
+        Pace::Reanchored { lag_ns }
     }
 
     /// The next step is due at `now_ns`, without this counting as lost time (after a pause).
@@ -115,6 +132,13 @@ mod tests {
         let starts = starts_ns(&mut pacer, &[5 * MS / 2, MS / 4, MS / 4, MS / 4, MS / 4]);
         assert_eq!(starts, [0, 5 * MS / 2, 11 * MS / 4, 3 * MS, 4 * MS]);
         assert_eq!(pacer.counts(), PaceCounts { late_steps: 2, reanchors: 0 });
+    }
+
+    #[test]
+    fn a_late_step_says_by_how_much_it_missed_its_deadline() {
+        let mut pacer = Pacer::new(1000.0, 100 * MS, 0);
+        let lags = [MS, 5 * MS / 2, 13 * MS / 4, 150 * MS].map(|ended_ns| pacer.step_ended(ended_ns).lag_ns());
+        assert_eq!(lags, [0, MS / 2, MS / 4, 146 * MS]);
     }
 
     #[test]

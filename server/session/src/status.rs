@@ -156,8 +156,8 @@ mod tests {
             let tools = vec![ToolOutput::default(), ToolOutput { cutting_length_m, ..ToolOutput::default() }];
             StepOutput { tools, ..StepOutput::default() }
         };
-        tallies.add(&step(0.0), 1000, Pace::Late);
-        tallies.add(&step(0.01), 5000, Pace::Reanchored);
+        tallies.add(&step(0.0), 1000, Pace::Late { lag_ns: 500 });
+        tallies.add(&step(0.01), 5000, Pace::Reanchored { lag_ns: 1 << 40 });
         tallies.add(&step(0.01), 7000, Pace::InTime);
         assert_eq!((tallies.all.duration_ns.len(), tallies.all.late), (3, 2));
         assert_eq!((tallies.cutting.duration_ns.len(), tallies.cutting.late), (2, 1));

@@ -6,7 +6,7 @@ use std::io::{BufRead, BufReader, Write};
 use std::process::Stdio;
 use std::time::Duration;
 
-use self::server::{Behaviour, STIFFNESS_N_PER_M};
+use self::server::{Behaviour, LAG_NS, STIFFNESS_N_PER_M};
 use clap::Parser;
 use kerf_load::args::Args;
 use kerf_load::output;
@@ -36,11 +36,25 @@ async fn stroke_measures_force_depth_and_round_trip() {
     assert!((report.force.max_depth_m - 0.01).abs() < 1e-5, "{report}");
     assert_eq!(report.force.reference_n, Some(2.0));
     assert_eq!(report.contacts.received, report.poses.sent, "this server answers each pose: {report}");
-    assert_eq!(report.round_trip_ms.map(|round_trip| round_trip.count), Some(report.poses.sent));
+    let due = report.poses.sent + report.poses.skipped + report.poses.dropped;
+    let round_trips = report.round_trip_ms.expect("poses came back");
+    assert!(round_trips.count.abs_diff(due) <= 1, "each pose that was due is told of: {report}");
     for sample in &finished.contacts.samples {
         let expected_n = f64::from(STIFFNESS_N_PER_M) * sample.depth_m.max(0.0);
         assert!((sample.resistance_n - expected_n).abs() < 1e-4, "the echo tells which pose: {sample:?}");
     }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn pace_lag_and_the_age_of_forces_are_told_beside_lateness() {
+    let finished = stroke(Behaviour::Good, &["--rate", "500"]).await.expect("the run succeeds");
+    let report = &finished.report;
+    assert!((report.server.pace.expect("steps were told of") - 0.5).abs() < 1e-6, "{report}");
+    let lag_ms = report.server.lag_ms.expect("steps were told of");
+    assert!((lag_ms.p50 - LAG_NS as f64 * 1e-6).abs() < 0.01 && lag_ms.count == report.contacts.received, "{report}");
+    let (ages, round_trips) = (report.force_age_ms.expect("forces"), report.round_trip_ms.expect("round trips"));
+    assert!(ages.count > 400 && ages.p50 >= round_trips.p50, "a force ages from when it comes in: {report}");
+    assert!(report.to_string().contains("The force in the hand was"), "{report}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -32,6 +32,8 @@ const TOP_M: f32 = 0.05;
 /// Stiffness of its spring, N/m.
 pub const STIFFNESS_N_PER_M: f32 = 100.0;
 const STEP_S: f64 = 1e-3;
+/// How long after its deadline each step ends, ns.
+pub const LAG_NS: u64 = 700_000;
 
 #[derive(Clone, Copy)]
 pub struct Server(pub Behaviour);
@@ -194,6 +196,9 @@ fn answer(pose: &v1::ToolPose, behaviour: Behaviour) -> control_response::Messag
         sim_time_s: pose.seq as f64 * STEP_S,
         echo_seq: pose.seq,
         echo_ns: pose.client_ns,
+        // Twice as long as it simulates.
+        server_ns: (pose.seq as f64 * 2e9 * STEP_S) as u64,
+        lag_ns: LAG_NS,
         wrench: Some(v1::Wrench {
             force_n: Some(vec3(0.0, STIFFNESS_N_PER_M * (TOP_M - height_m).max(0.0), 0.0)),
             torque_nm: Some(vec3(0.0, 0.0, 0.0)),

@@ -46,6 +46,7 @@ pub fn contact(
         flags: flags | felt.flags,
         number,
         server_ns: report.ended_ns,
+        lag_ns: report.lag_ns,
         echo_arrived_ns: echo.map_or(0, |echo| echo.arrived_ns),
         ..felt
     }

@@ -104,8 +104,9 @@ struct Tally {
     faults: u64,
     last_fault: Option<Fault>,
     steps: StepTallies,
-    /// When the last step ended.
+    /// When the last step ended, and how long after its deadline.
     ended_ns: u64,
+    lag_ns: u64,
     /// Relative residual that solves end at, as the governor has it.
     relative_tolerance: f64,
     /// Times that too many steps were late, and their share the last time.
@@ -226,7 +227,7 @@ impl SessionCore {
             Phase::Running => self.pacer.step_ended(ended_ns),
             _ => Pace::InTime,
         };
-        self.tally.ended_ns = ended_ns;
+        (self.tally.ended_ns, self.tally.lag_ns) = (ended_ns, pace.lag_ns());
         self.tally.energy.book(&output.energy);
         self.tally.steps.add(output, elapsed_ns, pace);
         self.views.add_step(output, elapsed_ns);
@@ -238,7 +239,7 @@ impl SessionCore {
         for (count, jumped) in self.tally.jumps.iter_mut().zip(&self.tools.jumped) {
             *count += u64::from(*jumped);
         }
-        if pace == Pace::Reanchored {
+        if matches!(pace, Pace::Reanchored { .. }) {
             self.publisher.event(step, SceneEvent::Reanchored);
         }
         if let Some(late_share) = self.overload.step_ended(ended_ns, pace != Pace::InTime) {
@@ -313,6 +314,7 @@ impl SessionCore {
             step: output.step,
             sim_time_s: output.sim_time_s,
             ended_ns: self.tally.ended_ns,
+            lag_ns: self.tally.lag_ns,
             phase: self.phase.clone(),
             resets: self.resets,
             late_steps: self.pacer.counts().late_steps,

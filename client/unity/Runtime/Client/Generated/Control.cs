@@ -50,42 +50,43 @@ namespace Kerf.V1 {
             "Cgd0b29sX2lkGAEgASgNEgsKA3NlcRgCIAEoBBIRCgljbGllbnRfbnMYAyAB",
             "KAQSGwoEcG9zZRgEIAEoCzINLmtlcmYudjEuUG9zZRIPCgdidXR0b25zGAUg",
             "ASgNEhQKB29wZW5pbmcYBiABKAJIAIgBAUIKCghfb3BlbmluZyIbCghMaWZ0",
-            "VG9vbBIPCgd0b29sX2lkGAEgASgNIosCCgdDb250YWN0Eg8KB3Rvb2xfaWQY",
+            "VG9vbBIPCgd0b29sX2lkGAEgASgNIpsCCgdDb250YWN0Eg8KB3Rvb2xfaWQY",
             "ASABKA0SDAoEc3RlcBgCIAEoBBISCgpzaW1fdGltZV9zGAMgASgBEhAKCGVj",
             "aG9fc2VxGAQgASgEEg8KB2VjaG9fbnMYBSABKAQSHwoGd3JlbmNoGAYgASgL",
             "Mg8ua2VyZi52MS5XcmVuY2gSJAoFbW9kZWwYByABKAsyFS5rZXJmLnYxLkNv",
             "bnRhY3RNb2RlbBIYChBjdXR0aW5nX2xlbmd0aF9tGAggASgCEg0KBWZsYWdz",
             "GAkgASgNEg4KBm51bWJlchgKIAEoBBIRCglzZXJ2ZXJfbnMYCyABKAQSFwoP",
-            "ZWNob19hcnJpdmVkX25zGAwgASgEIo8DCgxDb250YWN0TW9kZWwSIAoJcmVm",
-            "ZXJlbmNlGAEgASgLMg0ua2VyZi52MS5Qb3NlEhEKCXN0aWZmbmVzcxgCIAMo",
-            "AhIZChFkYW1waW5nX25fc19wZXJfbRgDIAEoAhIYCgtmb3JjZV9jYXBfbhgE",
-            "IAEoAkgAiAEBEiQKDWNhcF9kaXJlY3Rpb24YBSABKAsyDS5rZXJmLnYxLlZl",
-            "YzMSGQoRdmFsaWRpdHlfcmFkaXVzX20YBiABKAISDwoHZGFtcGluZxgHIAMo",
-            "AhInChB2ZWxvY2l0eV9tX3Blcl9zGAggASgLMg0ua2VyZi52MS5WZWMzEjEK",
-            "GmFuZ3VsYXJfdmVsb2NpdHlfcmFkX3Blcl9zGAkgASgLMg0ua2VyZi52MS5W",
-            "ZWMzEhQKDGJsZW5kX3RpbWVfcxgKIAEoAhIXCgpnaXZlc19hdF9uGAsgASgC",
-            "SAGIAQESGQoRZm9yY2VfY2FwX2dpdmVuX24YDCABKAJCDgoMX2ZvcmNlX2Nh",
-            "cF9uQg0KC19naXZlc19hdF9uIkoKDFBvc2VSZWplY3RlZBIPCgd0b29sX2lk",
-            "GAEgASgNEgsKA3NlcRgCIAEoBBINCgVmaWVsZBgDIAEoCRINCgVsaW1pdBgE",
-            "IAEoCSJGCglMZWFzZUxvc3QSDwoHdG9vbF9pZBgBIAEoDRIoCgZyZWFzb24Y",
-            "AiABKA4yGC5rZXJmLnYxLkxlYXNlTG9zdFJlYXNvbiKEAQoPU2VuZFBvc2VS",
-            "ZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDQoFbGVhc2UYAiABKAkSIQoE",
-            "cG9zZRgDIAEoCzIRLmtlcmYudjEuVG9vbFBvc2VIABIhCgRsaWZ0GAQgASgL",
-            "MhEua2VyZi52MS5MaWZ0VG9vbEgAQggKBm1vdGlvbiKTAQoQU2VuZFBvc2VS",
-            "ZXNwb25zZRINCgVsZWFzZRgBIAEoCRIhCgdjb250YWN0GAIgASgLMhAua2Vy",
-            "Zi52MS5Db250YWN0EicKCHJlamVjdGVkGAMgASgLMhUua2VyZi52MS5Qb3Nl",
-            "UmVqZWN0ZWQSJAoFc3RhdGUYBCABKA4yFS5rZXJmLnYxLlNlc3Npb25TdGF0",
-            "ZSrPAQoLQ29udGFjdEZsYWcSHAoYQ09OVEFDVF9GTEFHX1VOU1BFQ0lGSUVE",
-            "EAASFwoTQ09OVEFDVF9GTEFHX0xJRlRFRBABEhoKFkNPTlRBQ1RfRkxBR19S",
-            "RUVOVEVSRUQQAhIVChFDT05UQUNUX0ZMQUdfTEFURRAEEhgKFENPTlRBQ1Rf",
-            "RkxBR19IT0xESU5HEAgSGAoUQ09OVEFDVF9GTEFHX1NMSVBQRUQQEBIiCh5D",
-            "T05UQUNUX0ZMQUdfV0FJVFNfVU5USUxfQ0xFQVIQICp6Cg9MZWFzZUxvc3RS",
-            "ZWFzb24SIQodTEVBU0VfTE9TVF9SRUFTT05fVU5TUEVDSUZJRUQQABIdChlM",
-            "RUFTRV9MT1NUX1JFQVNPTl9TSUxFTkNFEAESJQohTEVBU0VfTE9TVF9SRUFT",
-            "T05fU0VTU0lPTl9DTE9TSU5HEAIykwEKDkNvbnRyb2xTZXJ2aWNlEkAKB0Nv",
-            "bnRyb2wSFy5rZXJmLnYxLkNvbnRyb2xSZXF1ZXN0Ghgua2VyZi52MS5Db250",
-            "cm9sUmVzcG9uc2UoATABEj8KCFNlbmRQb3NlEhgua2VyZi52MS5TZW5kUG9z",
-            "ZVJlcXVlc3QaGS5rZXJmLnYxLlNlbmRQb3NlUmVzcG9uc2ViBnByb3RvMw=="));
+            "ZWNob19hcnJpdmVkX25zGAwgASgEEg4KBmxhZ19ucxgNIAEoBCKPAwoMQ29u",
+            "dGFjdE1vZGVsEiAKCXJlZmVyZW5jZRgBIAEoCzINLmtlcmYudjEuUG9zZRIR",
+            "CglzdGlmZm5lc3MYAiADKAISGQoRZGFtcGluZ19uX3NfcGVyX20YAyABKAIS",
+            "GAoLZm9yY2VfY2FwX24YBCABKAJIAIgBARIkCg1jYXBfZGlyZWN0aW9uGAUg",
+            "ASgLMg0ua2VyZi52MS5WZWMzEhkKEXZhbGlkaXR5X3JhZGl1c19tGAYgASgC",
+            "Eg8KB2RhbXBpbmcYByADKAISJwoQdmVsb2NpdHlfbV9wZXJfcxgIIAEoCzIN",
+            "LmtlcmYudjEuVmVjMxIxChphbmd1bGFyX3ZlbG9jaXR5X3JhZF9wZXJfcxgJ",
+            "IAEoCzINLmtlcmYudjEuVmVjMxIUCgxibGVuZF90aW1lX3MYCiABKAISFwoK",
+            "Z2l2ZXNfYXRfbhgLIAEoAkgBiAEBEhkKEWZvcmNlX2NhcF9naXZlbl9uGAwg",
+            "ASgCQg4KDF9mb3JjZV9jYXBfbkINCgtfZ2l2ZXNfYXRfbiJKCgxQb3NlUmVq",
+            "ZWN0ZWQSDwoHdG9vbF9pZBgBIAEoDRILCgNzZXEYAiABKAQSDQoFZmllbGQY",
+            "AyABKAkSDQoFbGltaXQYBCABKAkiRgoJTGVhc2VMb3N0Eg8KB3Rvb2xfaWQY",
+            "ASABKA0SKAoGcmVhc29uGAIgASgOMhgua2VyZi52MS5MZWFzZUxvc3RSZWFz",
+            "b24ihAEKD1NlbmRQb3NlUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEg0K",
+            "BWxlYXNlGAIgASgJEiEKBHBvc2UYAyABKAsyES5rZXJmLnYxLlRvb2xQb3Nl",
+            "SAASIQoEbGlmdBgEIAEoCzIRLmtlcmYudjEuTGlmdFRvb2xIAEIICgZtb3Rp",
+            "b24ikwEKEFNlbmRQb3NlUmVzcG9uc2USDQoFbGVhc2UYASABKAkSIQoHY29u",
+            "dGFjdBgCIAEoCzIQLmtlcmYudjEuQ29udGFjdBInCghyZWplY3RlZBgDIAEo",
+            "CzIVLmtlcmYudjEuUG9zZVJlamVjdGVkEiQKBXN0YXRlGAQgASgOMhUua2Vy",
+            "Zi52MS5TZXNzaW9uU3RhdGUqzwEKC0NvbnRhY3RGbGFnEhwKGENPTlRBQ1Rf",
+            "RkxBR19VTlNQRUNJRklFRBAAEhcKE0NPTlRBQ1RfRkxBR19MSUZURUQQARIa",
+            "ChZDT05UQUNUX0ZMQUdfUkVFTlRFUkVEEAISFQoRQ09OVEFDVF9GTEFHX0xB",
+            "VEUQBBIYChRDT05UQUNUX0ZMQUdfSE9MRElORxAIEhgKFENPTlRBQ1RfRkxB",
+            "R19TTElQUEVEEBASIgoeQ09OVEFDVF9GTEFHX1dBSVRTX1VOVElMX0NMRUFS",
+            "ECAqegoPTGVhc2VMb3N0UmVhc29uEiEKHUxFQVNFX0xPU1RfUkVBU09OX1VO",
+            "U1BFQ0lGSUVEEAASHQoZTEVBU0VfTE9TVF9SRUFTT05fU0lMRU5DRRABEiUK",
+            "IUxFQVNFX0xPU1RfUkVBU09OX1NFU1NJT05fQ0xPU0lORxACMpMBCg5Db250",
+            "cm9sU2VydmljZRJACgdDb250cm9sEhcua2VyZi52MS5Db250cm9sUmVxdWVz",
+            "dBoYLmtlcmYudjEuQ29udHJvbFJlc3BvbnNlKAEwARI/CghTZW5kUG9zZRIY",
+            "LmtlcmYudjEuU2VuZFBvc2VSZXF1ZXN0Ghkua2VyZi52MS5TZW5kUG9zZVJl",
+            "c3BvbnNlYgZwcm90bzM="));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { global::Kerf.V1.TypesReflection.Descriptor, },
           new pbr::GeneratedClrTypeInfo(new[] {typeof(global::Kerf.V1.ContactFlag), typeof(global::Kerf.V1.LeaseLostReason), }, null, new pbr::GeneratedClrTypeInfo[] {
@@ -97,7 +98,7 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ServerHello), global::Kerf.V1.ServerHello.Parser, new[]{ "ProtocolVersion", "Limits", "Scene", "ContactRateHz", "ServerInstance" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ToolPose), global::Kerf.V1.ToolPose.Parser, new[]{ "ToolId", "Seq", "ClientNs", "Pose", "Buttons", "Opening" }, new[]{ "Opening" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.LiftTool), global::Kerf.V1.LiftTool.Parser, new[]{ "ToolId" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Contact), global::Kerf.V1.Contact.Parser, new[]{ "ToolId", "Step", "SimTimeS", "EchoSeq", "EchoNs", "Wrench", "Model", "CuttingLengthM", "Flags", "Number", "ServerNs", "EchoArrivedNs" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Contact), global::Kerf.V1.Contact.Parser, new[]{ "ToolId", "Step", "SimTimeS", "EchoSeq", "EchoNs", "Wrench", "Model", "CuttingLengthM", "Flags", "Number", "ServerNs", "EchoArrivedNs", "LagNs" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ContactModel), global::Kerf.V1.ContactModel.Parser, new[]{ "Reference", "Stiffness", "DampingNSPerM", "ForceCapN", "CapDirection", "ValidityRadiusM", "Damping", "VelocityMPerS", "AngularVelocityRadPerS", "BlendTimeS", "GivesAtN", "ForceCapGivenN" }, new[]{ "ForceCapN", "GivesAtN" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.PoseRejected), global::Kerf.V1.PoseRejected.Parser, new[]{ "ToolId", "Seq", "Field", "Limit" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.LeaseLost), global::Kerf.V1.LeaseLost.Parser, new[]{ "ToolId", "Reason" }, null, null, null, null),
@@ -3085,6 +3086,7 @@ namespace Kerf.V1 {
       number_ = other.number_;
       serverNs_ = other.serverNs_;
       echoArrivedNs_ = other.echoArrivedNs_;
+      lagNs_ = other.lagNs_;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -3278,6 +3280,22 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "lag_ns" field.</summary>
+    public const int LagNsFieldNumber = 13;
+    private ulong lagNs_;
+    /// <summary>
+    /// How long after its deadline, which is when the next step was due, the step ended, ns; 0 in time, and while the
+    /// session waits for its client.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ulong LagNs {
+      get { return lagNs_; }
+      set {
+        lagNs_ = value;
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -3305,6 +3323,7 @@ namespace Kerf.V1 {
       if (Number != other.Number) return false;
       if (ServerNs != other.ServerNs) return false;
       if (EchoArrivedNs != other.EchoArrivedNs) return false;
+      if (LagNs != other.LagNs) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -3324,6 +3343,7 @@ namespace Kerf.V1 {
       if (Number != 0UL) hash ^= Number.GetHashCode();
       if (ServerNs != 0UL) hash ^= ServerNs.GetHashCode();
       if (EchoArrivedNs != 0UL) hash ^= EchoArrivedNs.GetHashCode();
+      if (LagNs != 0UL) hash ^= LagNs.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -3390,6 +3410,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(96);
         output.WriteUInt64(EchoArrivedNs);
       }
+      if (LagNs != 0UL) {
+        output.WriteRawTag(104);
+        output.WriteUInt64(LagNs);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -3448,6 +3472,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(96);
         output.WriteUInt64(EchoArrivedNs);
       }
+      if (LagNs != 0UL) {
+        output.WriteRawTag(104);
+        output.WriteUInt64(LagNs);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -3493,6 +3521,9 @@ namespace Kerf.V1 {
       }
       if (EchoArrivedNs != 0UL) {
         size += 1 + pb::CodedOutputStream.ComputeUInt64Size(EchoArrivedNs);
+      }
+      if (LagNs != 0UL) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt64Size(LagNs);
       }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
@@ -3547,6 +3578,9 @@ namespace Kerf.V1 {
       }
       if (other.EchoArrivedNs != 0UL) {
         EchoArrivedNs = other.EchoArrivedNs;
+      }
+      if (other.LagNs != 0UL) {
+        LagNs = other.LagNs;
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -3617,6 +3651,10 @@ namespace Kerf.V1 {
             EchoArrivedNs = input.ReadUInt64();
             break;
           }
+          case 104: {
+            LagNs = input.ReadUInt64();
+            break;
+          }
         }
       }
     #endif
@@ -3684,6 +3722,10 @@ namespace Kerf.V1 {
           }
           case 96: {
             EchoArrivedNs = input.ReadUInt64();
+            break;
+          }
+          case 104: {
+            LagNs = input.ReadUInt64();
             break;
           }
         }
