@@ -1,8 +1,10 @@
 //! Roll-back: state that is not finite, or that has energy from nowhere, is caught at the end of a solve, taken back and
 //! reported.
 
+use serde::{Deserialize, Serialize};
+
 /// What was found and undone.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fault {
     /// Step at which it was found.
     pub step: u64,
@@ -13,7 +15,7 @@ pub struct Fault {
 }
 
 /// The quantity that was found not finite, or out of all proportion.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FaultKind {
     /// A node's velocity or position after the solve.
     NodeState,

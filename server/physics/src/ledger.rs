@@ -5,9 +5,10 @@ use crate::body::{BodyEnergy, StepEnergies};
 use crate::contact::Contact;
 use crate::fracture::FrontBook;
 use crate::step_io::EnergyStep;
+use serde::{Deserialize, Serialize};
 
 /// Energies of one body around a step.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct BodyLedger {
     /// Before the step.
     pub before: BodyEnergy,

@@ -167,6 +167,7 @@ pub mod surface;
 pub mod tool;
 mod validate;
 mod view;
+mod walk;
 mod work;
 pub mod workers;
 pub mod world;

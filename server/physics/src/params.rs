@@ -1,7 +1,9 @@
 //! Numerical parameters of a step, with their defaults and reasons.
 
+use serde::{Deserialize, Serialize};
+
 /// Parameters of the step that are not properties of the material.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StepParams {
     /// Time step, s.
     pub dt_s: f64,

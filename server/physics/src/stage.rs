@@ -1,5 +1,7 @@
 //! The stages of a step and the profile of what each one took.
 
+use serde::{Deserialize, Serialize};
+
 /// One stage of [`crate::World::step`], in the order of execution, and at the end of what showing it takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(usize)]
@@ -80,7 +82,7 @@ impl StageClock for NoClock {
 }
 
 /// Nanoseconds per stage of one step; `None` for a stage that did not run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StepProfile {
     /// Indexed by `Stage as usize`.
     pub stage_ns: [Option<u64>; Stage::ALL.len()],

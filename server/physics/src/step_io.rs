@@ -4,6 +4,7 @@ use crate::Vec3;
 use crate::fault::Fault;
 use crate::stage::StepProfile;
 use crate::tool::{OPEN, Pose};
+use serde::{Deserialize, Serialize};
 
 /// Input of one step.
 #[derive(Clone, Copy, Debug, Default)]
@@ -74,7 +75,7 @@ impl ToolMotion {
 }
 
 /// Force and torque on a tool, scene frame, torque about the tool's reference point.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Wrench {
     /// Force on the tool, N.
     pub force_n: Vec3,
@@ -84,7 +85,7 @@ pub struct Wrench {
 
 /// Local model of the contact that a station evaluates at its servo rate: wrench(pose, velocity) =
 /// `wrench - stiffness * (pose - reference pose) - damping * (velocity - reference velocity)`.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ContactModel {
     /// Tool pose that `wrench` belongs to.
     pub reference: Pose,
@@ -110,7 +111,7 @@ pub struct ContactModel {
 }
 
 /// How a cut begins.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Give {
     /// Force along the cap's direction at which it does along most of the edge, N; no more than the cap.
     pub at_n: f64,
@@ -119,7 +120,7 @@ pub struct Give {
 }
 
 /// What the jaws of a tool hold.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Grasp {
     /// Nothing.
     #[default]
@@ -131,7 +132,7 @@ pub enum Grasp {
 }
 
 /// State of one tool after a step.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ToolOutput {
     /// Pose at t + dt; `None` while lifted.
     pub pose: Option<Pose>,
@@ -152,7 +153,7 @@ pub struct ToolOutput {
 /// Energy booked in one step, J; positive terms leave the first line and enter the others:
 /// `tool + load = d elastic + d contact + d kinetic + fracture + front_slip + initiation + damping
 ///  + friction + contact_loss + parting + numerical + residual`.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct EnergyStep {
     /// Work done by tools on the tissue.
     pub tool_work_j: f64,
@@ -189,7 +190,7 @@ pub struct EnergyStep {
 }
 
 /// How the velocity solve went.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SolveReport {
     /// PCG iterations of all solves of the step.
     pub iterations: u32,
@@ -212,7 +213,7 @@ pub struct SolveReport {
 }
 
 /// What parted in one step.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FractureStep {
     /// Links that parted.
     pub parted_links: u32,
@@ -226,7 +227,7 @@ pub struct FractureStep {
 }
 
 /// Everything a step reports. Owned by the world and reused.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StepOutput {
     /// Steps taken so far, this one included.
     pub step: u64,
@@ -249,5 +250,6 @@ pub struct StepOutput {
     /// Set when non-finite state was found and rolled back.
     pub fault: Option<Fault>,
     /// Nanoseconds per stage.
+    #[serde(skip)]
     pub profile: StepProfile,
 }

@@ -1,33 +1,41 @@
 //! How a body's solver is made of its description and its state, and made anew where these have changed.
 
-use super::{Body, rigid};
-use crate::boundary::Boundary;
+use super::{Body, Solver, rigid};
+use crate::boundary::{Boundary, Solid};
 use crate::fem::block::{ElementBlock, ElementLaw, ElementState, LANES, SharedByBlocks};
 use crate::fem::held::GROUND;
 use crate::grid::VoxelId;
 use crate::grid::levels::LevelChange;
 use crate::solve::assembly::CHUNK_ELEMENTS;
 use crate::solve::multigrid::Multigrid;
+use crate::walk::WalkError;
 use crate::workers::Workers;
+use std::sync::Arc;
 use wide::f64x4;
 
 impl Body {
     /// Recomputes the matrices and the loads of an element from its voxels.
     pub(super) fn rebuild_element(&mut self, element: usize) {
         let voxels = self.voxels_of(element);
-        self.solver.element_loads_n[element] = self.element_loads(&voxels);
-        let plain = self.element_matrices(element, &voxels);
-        let matrices = self.held_matrices(element, &voxels, plain);
-        let law = self.mean_law(&voxels);
-        let [low_m, ..] = self.cell_corners_m(element);
-        let cell = (low_m.into(), self.element_edge_m(element));
-        let (block, state) = (&mut self.solver.blocks[element / LANES], &mut self.state.elements[element / LANES]);
-        block.set_matrices(element % LANES, cell, &matrices, law, self.solver.params.dt_s);
+        self.make_matrices(element, &voxels);
+        let (block, state) = (&self.solver.blocks[element / LANES], &mut self.state.elements[element / LANES]);
         if block.viscosity.is_some() {
             state.branch.get_or_insert_default();
         }
         state.ground_force_n = block.ground.as_ref().map(|_| Box::new([f64x4::ZERO; GROUND]));
         self.begin_geometric_stiffness(element, &voxels);
+    }
+
+    /// The solver's part of it.
+    fn make_matrices(&mut self, element: usize, voxels: &[VoxelId]) {
+        self.solver.element_loads_n[element] = self.element_loads(voxels);
+        let plain = self.element_matrices(element, voxels);
+        let matrices = self.held_matrices(element, voxels, plain);
+        let law = self.mean_law(voxels);
+        let [low_m, ..] = self.cell_corners_m(element);
+        let cell = (low_m.into(), self.element_edge_m(element));
+        let block = &mut self.solver.blocks[element / LANES];
+        block.set_matrices(element % LANES, cell, &matrices, law, self.solver.params.dt_s);
     }
 
     /// Damping and stiffening of an element: means over its voxels; and what relaxes of it.
@@ -62,17 +70,97 @@ impl Body {
         }
         self.write_rotations(workers);
         self.solver.multigrid.rebuild(workers, &self.state.levels);
-        let mut shared = SharedByBlocks::default();
-        self.solver.blocks.iter_mut().for_each(|b| b.share_matrices(&mut shared));
+        self.share_blocks();
         self.share_system_matrices();
         self.save_state(workers);
     }
 
-    /// The system's matrices of elements that stiffen come and go with their strain.
+    fn share_blocks(&mut self) {
+        let mut shared = SharedByBlocks::default();
+        self.solver.blocks.iter_mut().for_each(|b| b.share_matrices(&mut shared));
+    }
+
+    /// Stores once what blocks of the system's matrices have in common.
     pub(super) fn share_system_matrices(&mut self) {
-        if self.solver.blocks.iter().all(|b| b.stiffening.is_none()) {
+        if !self.stiffens() {
             self.solver.multigrid.share_matrices();
         }
+    }
+
+    /// Whether any element stiffens: the system's matrices of such come and go with their strain.
+    pub(super) fn stiffens(&self) -> bool {
+        self.solver.blocks.iter().any(|b| b.stiffening.is_some())
+    }
+
+    /// Stores anew once what the blocks of these elements have in common, whatever they had before: how a matrix is
+    /// stored follows from what it is.
+    pub(super) fn share_matrices_of(&mut self, elements: &[u32]) {
+        for &element in elements {
+            self.solver.blocks[element as usize / LANES].share_matrices(&mut SharedByBlocks::default());
+            if !self.stiffens() {
+                self.solver.multigrid.operator_mut().share_matrix(element as usize);
+            }
+        }
+    }
+
+    /// Completes a body that was read from a file by what follows from what was read, and by what never changes of one
+    /// like it: of the same scene.
+    ///
+    /// # Errors
+    /// What was read does not fit together, or not to the scene.
+    pub(crate) fn complete(&mut self, like: &Self, workers: &Workers<'_>) -> Result<(), WalkError> {
+        self.description = Arc::clone(&like.description);
+        self.state.grid.complete(&like.state.grid)?;
+        self.state.check()?;
+        let solid = Solid { grid: &self.state.grid, level: &self.state.levels[0] };
+        self.state.boundary.complete(solid, &like.state.boundary);
+        self.solver.multigrid.complete(&self.state.levels)?;
+        let (buffer, elements) = (self.solver.multigrid.operator().assembly().buffer_len(), self.base().elements.len());
+        let Solver { applied_stiffening, coarse_stiffening, .. } = &self.solver;
+        let fits = self.state.balance_n.len() == buffer
+            && [applied_stiffening, coarse_stiffening].into_iter().all(|values| values.len() == elements);
+        if !fits {
+            return Err(WalkError::new("the solver is not of the body's elements".into()));
+        }
+        self.make_solver(workers);
+        Ok(())
+    }
+
+    /// What of the solver follows from the state without a lag.
+    fn make_solver(&mut self, workers: &Workers<'_>) {
+        self.resize_blocks();
+        let elements = self.base().elements.len();
+        (0..elements).for_each(|element| self.make_matrices(element, &self.voxels_of(element)));
+        for (block, state) in self.solver.blocks.iter_mut().zip(&self.state.elements) {
+            if state.branch.is_some() {
+                block.viscosity.get_or_insert_default();
+            }
+        }
+        self.share_blocks();
+        self.number_slots(&(0..self.state.chunks.len()).collect::<Vec<_>>());
+        self.rebuild_external_forces();
+        let applied_stiffening = self.solver.applied_stiffening.clone();
+        (0..elements).for_each(|element| self.write_matrix(element));
+        self.solver.applied_stiffening = applied_stiffening;
+        if !self.stiffens() {
+            self.solver.multigrid.operator_mut().share_matrices();
+        }
+        self.write_rotations(workers);
+        self.solver.multigrid.update_rotations(workers);
+        self.solver.multigrid.invert_diagonals(workers);
+    }
+
+    /// Takes the numbering of the nodes of these chunks into their elements.
+    fn number_slots(&mut self, chunks: &[usize]) {
+        let assembly = self.solver.multigrid.operator().assembly();
+        let elements = self.state.levels[0].elements.len();
+        for &index in chunks {
+            let (chunk, first) = (&assembly.chunks()[index], index * CHUNK_ELEMENTS);
+            for element in first..elements.min(first + CHUNK_ELEMENTS) {
+                self.solver.blocks[element / LANES].set_slots(element % LANES, chunk.corners(element - first));
+            }
+        }
+        self.scratch.fit(&self.state.levels[0], assembly);
     }
 
     /// Takes the levels' nodes into the solver and into the blocks, changed as `changes` of each level say;
@@ -93,14 +181,7 @@ impl Body {
         }
         self.state.balance_n = balance_n;
         self.state.chunks.resize_with(assembly.chunks().len(), Default::default);
-        let elements = self.state.levels[0].elements.len();
-        for &index in &renumbered {
-            let (chunk, first) = (&assembly.chunks()[index], index * CHUNK_ELEMENTS);
-            for element in first..elements.min(first + CHUNK_ELEMENTS) {
-                self.solver.blocks[element / LANES].set_slots(element % LANES, chunk.corners(element - first));
-            }
-        }
-        self.scratch.fit(&self.state.levels[0], assembly);
+        self.number_slots(&renumbered);
         self.bound_held();
         renumbered
     }

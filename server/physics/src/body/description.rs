@@ -5,6 +5,7 @@ use super::material::Material;
 use crate::Vec3;
 use crate::fem::composite::CompositeTables;
 use crate::scene::{ElementKind, FractureRule};
+use std::sync::Arc;
 
 /// The constant part of a body, as the scene gave it. A body shares it with the snapshots of it.
 pub struct Description {
@@ -26,4 +27,21 @@ pub struct Description {
     pub(super) single_voxel: CompositeTables,
     /// Integrals over a cell's voxels, by log2 of an element's size in cells of the lattice.
     pub(super) tables: Vec<CompositeTables>,
+}
+
+impl Description {
+    /// Of a body that was read from a file, until it is completed.
+    pub(super) fn absent() -> Arc<Self> {
+        Arc::new(Self {
+            name: String::new(),
+            materials: Vec::new(),
+            fracture_rule: FractureRule::default(),
+            element_kind: ElementKind::default(),
+            gravity_m_per_s2: Vec3::zeros(),
+            voxel_loads: Vec::new(),
+            face_loads: Vec::new(),
+            single_voxel: CompositeTables::new(0, 1.0),
+            tables: Vec::new(),
+        })
+    }
 }

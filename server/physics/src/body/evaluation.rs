@@ -6,6 +6,7 @@ use crate::fem::block::{ElementBlock, ElementState, Evaluation, LANES, NodalBuff
 use crate::math::Aabb;
 use crate::solve::assembly::{CHUNK_ELEMENTS, Chunk};
 use crate::workers::{Grain, Groups, Workers};
+use serde::{Deserialize, Serialize};
 use wide::f64x4;
 
 /// Blocks per chunk of elements.
@@ -14,7 +15,7 @@ pub(super) const BLOCKS_PER_CHUNK: usize = CHUNK_ELEMENTS / LANES;
 const EVALUATION_GRAIN: Grain = Grain { chunk: 1, least: 1 };
 
 /// What a step did to a body's energies, J.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct StepEnergies {
     /// Sums over the elements.
     pub elements: StepTerms<f64>,
@@ -23,7 +24,7 @@ pub(crate) struct StepEnergies {
 }
 
 /// Energies of a body, J.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BodyEnergy {
     /// Elastic, of relaxing branches too.
     pub elastic_j: f64,
@@ -40,7 +41,7 @@ impl BodyEnergy {
 }
 
 /// What an evaluation found of the elements of a chunk.
-#[derive(Clone, Default)]
+#[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct ChunkSums {
     /// Sums over the elements, one to a lane.
     pub(super) found: Evaluation,

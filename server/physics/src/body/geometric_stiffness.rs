@@ -10,6 +10,7 @@ use super::Body;
 use crate::fem::block::LANES;
 use crate::grid::VoxelId;
 use crate::{Mat3, Vec3};
+use serde::{Deserialize, Serialize};
 
 /// Strain below which the tangent does without.
 const LEAST_STRAIN: f64 = 0.02;
@@ -24,7 +25,7 @@ const MOST_TURNS: usize = 8;
 const FULL: f64 = 1.0 - 1e-9;
 
 /// An element whose cell is not full.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct GeometricStiffness {
     element: u32,
     gradient_per_m: [Vec3; 8],
@@ -100,15 +101,18 @@ impl Body {
             let energy_j = self.state.elements[element / LANES].elastic_j.as_array()[element % LANES];
             let is_strained = 2.0 * energy_j > self.solver.geometric[at].stiffness_j * LEAST_STRAIN * LEAST_STRAIN;
             let stress_j = if is_strained { self.element_stress_j(element) } else { Mat3::zeros() };
-            let geometric = &mut self.solver.geometric[at];
-            let change_j = (stress_j - geometric.stress_j).norm();
+            let change_j = (stress_j - self.solver.geometric[at].stress_j).norm();
             if change_j > CHANGE * stress_j.norm() {
+                let geometric = &mut self.solver.geometric[at];
                 let axes = stress_j.symmetric_eigen();
                 let positive = Mat3::from_diagonal(&axes.eigenvalues.map(|value| value.max(0.0)));
                 geometric.tension_j = axes.eigenvectors * positive * axes.eigenvectors.transpose();
                 geometric.stress_j = stress_j;
                 most_change = most_change.max(change_j / geometric.stiffness_j);
                 self.write_matrix(element);
+                if !self.stiffens() {
+                    self.solver.multigrid.operator_mut().share_matrix(element);
+                }
             }
         }
         most_change

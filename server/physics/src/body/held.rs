@@ -7,9 +7,10 @@ use crate::fem::held::{Corner, HeldVoxel, VoxelCorners, hold};
 use crate::grid::{Grid, Ijk, VoxelId};
 use crate::math::Aabb;
 use crate::solve::assembly::CHUNK_ELEMENTS;
+use serde::{Deserialize, Serialize};
 
 /// Elements that touch what is held.
-#[derive(Clone, Default)]
+#[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct HeldElements {
     /// Ascending.
     elements: Vec<u32>,
@@ -34,6 +35,14 @@ impl HeldElements {
     /// Boxes around what of each chunk of elements is held, m, scene frame; empty where nothing is.
     pub(super) fn boxes(&self) -> &[Aabb] {
         &self.boxes
+    }
+
+    /// Whether they are of so many elements.
+    pub(super) fn fits(&self, elements: usize) -> bool {
+        let lengths = [self.corners.len(), self.nodes.len()] == [elements; 2];
+        let chunks = self.boxes.len() == elements.div_ceil(CHUNK_ELEMENTS);
+        let told = self.corners.iter().zip(0..).filter_map(|(corners, element)| corners.as_ref().map(|_| element));
+        lengths && chunks && told.eq(self.elements.iter().copied())
     }
 
     pub(super) fn resize(&mut self, elements: usize) {

@@ -4,7 +4,6 @@ use super::Body;
 use crate::fem::block::LANES;
 use crate::fem::viscosity::{Viscosity, ViscosityBlock};
 use crate::grid::VoxelId;
-use crate::hash::StateHasher;
 use crate::workers::Workers;
 
 impl Body {
@@ -61,17 +60,6 @@ impl Body {
         }
         self.evaluate(workers, 20);
         self.state.elements.iter_mut().filter_map(|state| state.branch.as_mut()).for_each(|branch| branch.relax());
-    }
-
-    /// Folds in the extensions of the branches, of the elements that have one.
-    pub(crate) fn fold_memory_into(&self, hasher: &mut StateHasher) {
-        if self.is_viscous() {
-            for element in 0..self.base().elements.len() {
-                if let Some(branch) = &self.state.elements[element / LANES].branch {
-                    branch.extension_m.iter().for_each(|w| hasher.floats(&[w.as_array()[element % LANES]]));
-                }
-            }
-        }
     }
 }
 

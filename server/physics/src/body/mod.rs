@@ -51,20 +51,23 @@ use crate::params::StepParams;
 use crate::scene::{Scene, SceneError};
 use crate::workers::Workers;
 use scratch::Scratch;
+use serde::{Deserialize, Serialize};
 use solver::Solver;
 use std::sync::Arc;
 
 /// One soft body. A copy shares the description and leaves the scratch out; before steps are taken of it,
 /// [`Body::reserve`] makes room for them.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct Body {
     /// What it is made of and what acts on it: constant.
+    #[serde(skip, default = "Description::absent")]
     pub description: Arc<Description>,
     /// What a step changes.
     pub state: State,
     /// What the velocity solve works with.
     solver: Solver,
     /// Room to work in.
+    #[serde(skip)]
     scratch: Scratch,
 }
 

@@ -11,13 +11,15 @@ use crate::fem::block::LANES;
 use crate::fem::lanes::for_packed;
 use crate::grid::VoxelId;
 use crate::grid::levels::{LevelChange, NONE};
+use crate::walk::Kept;
 use crate::{Mat3, Vec3};
+use serde::{Deserialize, Serialize};
 
 /// The separate pieces of a body.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct RigidParts {
-    element_part: Vec<u32>,
-    node_part: Vec<u32>,
+    element_part: Kept<Vec<u32>>,
+    node_part: Kept<Vec<u32>>,
     pub(super) held: Vec<bool>,
     /// Young's modulus times volume of each part, J.
     pub(super) stiff_j: Vec<f64>,
@@ -28,7 +30,7 @@ pub(super) struct RigidParts {
     /// A node of each part.
     pub(super) first_node: Vec<u32>,
     /// Elements of the parts that are not held: all that has to be summed over.
-    pub(super) loose: Vec<u32>,
+    pub(super) loose: Kept<Vec<u32>>,
     /// Whether a part is left alone this step, and what it is to gain.
     pub(super) skip: Vec<bool>,
     pub(super) totals: Vec<Totals>,
@@ -37,7 +39,7 @@ pub(super) struct RigidParts {
 }
 
 /// Mass, and momentum that is missing, of a part or of several as one.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct Totals {
     pub(super) mass: f64,
     pub(super) centre: Vec3,
@@ -87,7 +89,8 @@ impl RigidParts {
         let mut held = vec![false; count as usize];
         body.state.held.elements().iter().for_each(|element| held[element_part[*element as usize] as usize] = true);
         let (skip, totals) = (held.clone(), vec![Totals::default(); count as usize]);
-        let loose = (0..element_part.len() as u32).filter(|e| !held[element_part[*e as usize] as usize]).collect();
+        let loose = (0..element_part.len() as u32).filter(|e| !held[element_part[*e as usize] as usize]);
+        let loose = Kept::from(loose.collect::<Vec<_>>());
         let turns = vec![None; count as usize];
         let stiff_j = stiff_by_part_j(body, &element_part, count);
         let away = vec![false; count as usize];
@@ -96,6 +99,7 @@ impl RigidParts {
             first_node[*part as usize] = node as u32;
         }
         let steady_steps = vec![u32::MAX; count as usize];
+        let (element_part, node_part) = (Kept::from(element_part), Kept::from(node_part));
         Self { element_part, node_part, held, stiff_j, steady_steps, away, first_node, loose, skip, totals, turns }
     }
 
@@ -117,7 +121,8 @@ impl RigidParts {
             }
         }
         for &(_, from) in &change.split_nodes {
-            self.node_part.push(self.node_part[from as usize]);
+            let part = self.node_part[from as usize];
+            self.node_part.push(part);
         }
         self.forget_turns();
     }
@@ -145,6 +150,17 @@ impl RigidParts {
     /// Whether an element's part was put away.
     pub(super) fn is_away(&self, element: usize) -> bool {
         self.away[self.element_part[element] as usize]
+    }
+
+    /// Whether they are of so many elements and nodes.
+    pub(super) fn fits(&self, elements: usize, nodes: usize) -> bool {
+        let parts = self.held.len();
+        [self.element_part.len(), self.node_part.len()] == [elements, nodes]
+            && [self.skip.len(), self.totals.len(), self.turns.len()] == [parts; 3]
+            && [self.stiff_j.len(), self.steady_steps.len(), self.away.len(), self.first_node.len()] == [parts; 4]
+            && self.element_part.iter().all(|part| (*part as usize) < parts)
+            && self.node_part.iter().all(|part| *part == NONE || (*part as usize) < parts)
+            && self.loose.iter().all(|element| (*element as usize) < elements)
     }
 
     /// Lets go of how parts turn in the step that is going on.

@@ -8,6 +8,7 @@ use crate::fem::viscosity::BranchState;
 use crate::grid::levels::NONE;
 use crate::solve::vectors::NODE_GRAIN;
 use crate::workers::Workers;
+use serde::{Deserialize, Serialize};
 use wide::f64x4;
 
 /// Elastic energy of a piece over its Young's modulus times volume beyond which it counts as lost: a strain of
@@ -26,7 +27,7 @@ const LEAST_ENERGY_OF_EV: f64 = 1.0;
 const RELAPSE_STEPS: u32 = 2;
 
 /// Copy of what a step changes.
-#[derive(Clone, Default)]
+#[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct SavedState {
     position_m: Nodal,
     rotation: Vec<[f64x4; 4]>,

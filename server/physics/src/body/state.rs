@@ -6,12 +6,15 @@ use super::rigid::RigidParts;
 use super::rollback::SavedState;
 use crate::Vec3;
 use crate::boundary::Boundary;
-use crate::fem::block::ElementState;
+use crate::fem::block::{ElementState, LANES};
 use crate::grid::cell_sizes::CellSizes;
 use crate::grid::levels::{Level, VoxelUnits};
 use crate::grid::{Grid, voxelize};
 use crate::math::Nodal;
 use crate::scene::{Meshes, ObjectDesc, SceneError};
+use crate::solve::assembly::CHUNK_ELEMENTS;
+use crate::walk::{Kept, WalkError};
+use serde::{Deserialize, Serialize};
 use wide::f64x4;
 
 /// Coarsening stops at this many nodes, those of 2x2x2 cells: a dense factor of that size costs less than another
@@ -20,12 +23,12 @@ const COARSEST_NODES: usize = 27;
 
 /// Where a body is, how it moves and what of it is parted, with what the last step found at it. Two bodies of one
 /// description and equal states differ only in what their solvers lag behind.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct State {
     /// Voxels, and the links between them that are intact.
     pub grid: Grid,
     /// Composite elements: the level that is solved on, then the levels above it. Ids stay when links part.
-    pub levels: Vec<Level>,
+    pub levels: Kept<Vec<Level>>,
     /// Position of each node, by node, m, scene frame.
     pub position_m: Nodal,
     /// Velocity of each node, by node, m/s, scene frame.
@@ -37,7 +40,7 @@ pub struct State {
     /// Energies and bounds as last evaluated, by chunk of the solver's assembly.
     pub(super) chunks: Vec<ChunkSums>,
     /// Elements of which something is held, and what.
-    pub(super) held: HeldElements,
+    pub(super) held: Kept<HeldElements>,
     /// The separate pieces, and how those that nothing holds turn.
     pub(super) rigid: RigidParts,
     /// The surface and the walls of cuts, in the reference configuration.
@@ -54,17 +57,37 @@ impl State {
             grid,
             position_m: Vec::new(),
             velocity_m_per_s: vec![[0.0; 3]; levels[0].nodes.len()],
-            levels,
+            levels: levels.into(),
             elements: Vec::new(),
             balance_n: Vec::new(),
             chunks: Vec::new(),
-            held: HeldElements::default(),
+            held: Kept::default(),
             rigid: RigidParts::default(),
             boundary: Boundary::default(),
             saved: SavedState::default(),
         };
         state.position_m = (0..state.levels[0].nodes.len()).map(|n| state.rest_position_m(n).into()).collect();
         Ok(state)
+    }
+
+    /// Whether what was read from a file fits together.
+    ///
+    /// # Errors
+    /// It does not.
+    pub(super) fn check(&self) -> Result<(), WalkError> {
+        let mut units = self.grid.voxels().len();
+        for (index, level) in self.levels.iter().enumerate() {
+            level.check(units).map_err(|what| WalkError::new(format!("level {index}: {what} do not fit")))?;
+            units = level.elements.len();
+        }
+        let Some(base) = self.levels.first() else { return Err(WalkError::new("a body has no level".into())) };
+        let (nodes, elements) = (base.nodes.len(), base.elements.len());
+        let fits = [self.position_m.len(), self.velocity_m_per_s.len()] == [nodes; 2]
+            && self.elements.len() == elements.div_ceil(LANES)
+            && self.chunks.len() == elements.div_ceil(CHUNK_ELEMENTS)
+            && self.held.fits(elements)
+            && self.rigid.fits(elements, nodes);
+        if fits { Ok(()) } else { Err(WalkError::new("a body's state is not of its elements".into())) }
     }
 
     /// Edge of the smallest composite elements, m.

@@ -73,6 +73,7 @@ impl Body {
         for &element in &elements {
             self.write_matrix_of_changed(element as usize);
         }
+        self.share_matrices_of(&elements);
         self.solver.multigrid.update_changed(&self.state.levels, &changes, &held_anew);
         self.solver.turned_rad = f64::INFINITY;
         self.save_state(workers);

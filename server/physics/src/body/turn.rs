@@ -11,6 +11,7 @@ use crate::solve::assembly::CHUNK_ELEMENTS;
 use crate::workers::Workers;
 use crate::{Mat3, Vec3};
 use nalgebra::Rotation3;
+use serde::{Deserialize, Serialize};
 
 /// A free part turns by at most this angle in a step, rad: what it meets is looked for along a straight line.
 const MOST_TURN_RAD: f64 = 0.25;
@@ -22,7 +23,7 @@ const SPIN_ITERATIONS: usize = 4;
 const DIAGONALS: [[usize; 2]; 4] = [[0, 7], [1, 6], [2, 5], [4, 3]];
 
 /// How a part turns in a step.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Turn {
     /// The part's motion at the beginning of the step.
     motion: Totals,

@@ -20,16 +20,21 @@ use crate::Vec3;
 use crate::grid::LinkId;
 use crate::grid::levels::LevelChange;
 use facet::Facets;
+use serde::{Deserialize, Serialize};
 
 /// The surface of a body.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Boundary {
+    #[serde(skip)]
     facets: Facets,
     /// By [`SurfacePatch::key`], ascending.
+    #[serde(skip)]
     patches: Vec<SurfacePatch>,
     /// Which of the patches are walls of cuts, ascending.
+    #[serde(skip)]
     walls: Vec<u32>,
     /// Present where a smooth tool is in the scene.
+    #[serde(skip)]
     skin: Option<Skin>,
     version: u64,
 }
@@ -46,6 +51,13 @@ impl Boundary {
     /// Keeps it in patches as fine as a smooth tool of this radius asks for, too.
     pub(crate) fn resolve(&mut self, solid: Solid<'_>, radius_m: f64) {
         self.skin = Some(Skin::of(solid, &self.facets, radius_m));
+    }
+
+    /// Makes anew what follows from the solid, as finely as `like` is kept: `self` was read from a file.
+    pub(crate) fn complete(&mut self, solid: Solid<'_>, like: &Self) {
+        let version = self.version;
+        *self = Self { version, ..Self::of(solid) };
+        self.skin = like.skin.as_ref().map(|skin| skin.made_anew(solid, &self.facets));
     }
 
     /// Takes what came up as links were `parted` in the grid and the elements changed with them.

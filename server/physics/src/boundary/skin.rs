@@ -31,7 +31,12 @@ impl Skin {
     /// The whole surface of a body, for a tool of this radius.
     pub(super) fn of(solid: Solid<'_>, facets: &Facets, radius_m: f64) -> Self {
         let most_voxels = (0.5 * radius_m / solid.grid.voxel_size_m()).clamp(1.0, f64::from(u16::MAX)) as i32;
-        let mut skin = Self { patches: Vec::new(), most_voxels };
+        Self { patches: Vec::new(), most_voxels }.made_anew(solid, facets)
+    }
+
+    /// The whole surface of a body, as fine as this one.
+    pub(super) fn made_anew(&self, solid: Solid<'_>, facets: &Facets) -> Self {
+        let mut skin = Self { patches: Vec::new(), most_voxels: self.most_voxels };
         (0..solid.level.elements.len() as u32).for_each(|element| skin.add_element(solid, facets, element));
         skin
     }

@@ -5,9 +5,10 @@ use crate::Vec3;
 use crate::body::{Body, Nodal};
 use crate::grid::MaterialPoint;
 use crate::solve::spring::PointSpring;
+use serde::{Deserialize, Serialize};
 
 /// A point of tissue against one of a tool, whose motion is prescribed.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct ToolEnds {
     /// The point of tissue.
     pub weights: ContactWeights,
@@ -56,7 +57,7 @@ pub fn point_springs<'a>(contacts: impl Iterator<Item = &'a Contact>, dt_s: f64)
 }
 
 /// One end of a contact between tissue and tissue.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct TissueEnd {
     /// Index of the body.
     pub body: u32,
@@ -66,7 +67,7 @@ pub struct TissueEnd {
 }
 
 /// A point of tissue, and the surface under it.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct TissueEnds {
     /// The point, and the surface.
     pub ends: [TissueEnd; 2],

@@ -6,6 +6,7 @@ use crate::boundary::{PatchKey, SurfacePatch};
 use crate::math::cofactor;
 use crate::tool::Pose;
 use crate::tool::flanks::{FlankFace, FlankPoint, Flanks};
+use serde::{Deserialize, Serialize};
 
 /// Walls closer to the edge than this many voxels, or than half an element, are left to the front: the last row of
 /// parted links lies within a voxel of it, and the springs of the front hold what is nearer. Under a wedge of 0.3 rad
@@ -28,7 +29,7 @@ const SLACK_VOXELS: f64 = 0.05;
 const MOST_COME_UPON_VOXELS: f64 = 0.5;
 
 /// Walls that stand at one blade, from step to step.
-#[derive(Clone, Default)]
+#[derive(Clone, Default, Serialize, Deserialize)]
 pub struct WallsBeside {
     /// In the order of the boundary's walls.
     keys: Vec<(PatchKey, FlankSide)>,
@@ -38,7 +39,7 @@ pub struct WallsBeside {
 
 /// The flank that a wall looks at. A wall that turns round looks at the other one, from the far side of the
 /// blade: it has not come there by pressing on it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 enum FlankSide {
     /// Ahead of the middle surface along its normal.
     Ahead,

@@ -2,6 +2,7 @@
 
 use super::Misjudged;
 use crate::Vec3;
+use serde::{Deserialize, Serialize};
 
 /// What sticks to a tool creeps along it at no more than this, m/s: a hundredth of the speed of a slow stroke. Half
 /// of it makes the friction twice as stiff in the solve and the creep under a tool at rest half as fast; what
@@ -16,7 +17,7 @@ const CREEP_IN_TISSUE_M_PER_S: f64 = 1e-4;
 const STICK_SLACK: f64 = 1e-3;
 
 /// What friction does during one solve.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Regime {
     /// The ends stick: friction in proportion to the sliding speed, up to the limit at the speed of creep.
     Stick,
@@ -27,7 +28,7 @@ pub enum Regime {
 
 /// Coulomb friction on the point of a contact, against its sliding past what presses on it. A law with a jump at rest
 /// would not be solved by a step: what sticks creeps in proportion to the force.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Friction {
     /// Largest friction, N: the coefficient times the normal force at the beginning of the step.
     pub limit_n: f64,

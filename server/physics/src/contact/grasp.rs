@@ -8,10 +8,11 @@ use super::broad::SpatialHash;
 use super::{Contact, Mode, ToolEnds, narrow};
 use crate::Vec3;
 use crate::body::{Body, MaterialPoint};
-use crate::hash::StateHasher;
 use crate::math::Aabb;
 use crate::tool::grasper::{Grasper, Jaws};
 use crate::tool::{Pose, ToolPath};
+use crate::walk::Kept;
+use serde::{Deserialize, Serialize};
 
 /// Points along the radius: as close as the elements' edge, which resolve no more; but enough to hold
 /// against turning, and not so many that they cost more than the elements. At 2 there are 33 in the ball, at 4 257.
@@ -22,7 +23,7 @@ const POINTS_PER_RADIUS: std::ops::RangeInclusive<f64> = 2.0..=4.0;
 const STIFFNESS: f64 = 10.0;
 
 /// A material point that is held.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct HeldPoint {
     point: MaterialPoint,
     /// Where it is held, tool frame, m.
@@ -31,15 +32,16 @@ struct HeldPoint {
 }
 
 /// What one grasper does in one body.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct Grasp {
     grasper: Grasper,
     jaws: Jaws,
     /// Points of the tool that may hold one of the tissue, tool frame, m.
-    places_m: Vec<Vec3>,
+    places_m: Kept<Vec<Vec3>>,
     /// Distance between them, m.
     spacing_m: f64,
     held: Vec<HeldPoint>,
+    #[serde(skip)]
     hash: SpatialHash,
     /// Springs of the step that is being taken, three per held point.
     pub contacts: Vec<Contact>,
@@ -63,7 +65,7 @@ impl Grasp {
             jaws: Jaws::default(),
             held: Vec::new(),
             contacts: Vec::new(),
-            places_m,
+            places_m: places_m.into(),
             spacing_m,
             hash: SpatialHash::default(),
         }
@@ -108,24 +110,12 @@ impl Grasp {
     /// Holds the tissue where it is: no spring starts with a force.
     fn take_hold(&mut self, body: &Body, pose: &Pose) {
         self.hash.rebuild(body, &Aabb::around([pose.position_m]).grown(self.grasper.radius_m));
-        for place_m in &self.places_m {
+        for place_m in self.places_m.iter() {
             if let Some(point) = narrow::locate(body, &self.hash, &pose.transform(place_m)) {
                 let young_modulus_pa = body.material_of(point.voxel).young_modulus_pa;
                 let stiffness_n_per_m = STIFFNESS * young_modulus_pa * self.spacing_m;
                 self.held.push(HeldPoint { point, place_m: *place_m, stiffness_n_per_m });
             }
-        }
-    }
-
-    /// Folds closed jaws and what they hold into a hash; open ones leave it as it is.
-    pub fn fold_into(&self, hasher: &mut StateHasher) {
-        if self.jaws == Jaws::Closed {
-            hasher.word(self.held.len() as u64);
-        }
-        for held in &self.held {
-            hasher.word(u64::from(held.point.voxel.0));
-            hasher.floats(held.point.position_m.as_slice());
-            hasher.floats(held.place_m.as_slice());
         }
     }
 }

@@ -21,9 +21,10 @@ use crate::Vec3;
 use crate::body::{Body, PointWeights};
 use crate::grid::MaterialPoint;
 use crate::solve::spring::PointSpring;
+use serde::{Deserialize, Serialize};
 
 /// Nodes that share a contact point, and their weights.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ContactWeights {
     entries: [(u32, f64); 16],
     count: usize,
@@ -76,7 +77,7 @@ impl ContactWeights {
 }
 
 /// What a contact does during one solve; of two the lesser has let go of more.
-#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd, Serialize, Deserialize)]
 pub enum Mode {
     /// Apart: no force.
     #[default]
@@ -90,7 +91,7 @@ pub enum Mode {
 /// A unilateral spring between a point of tissue and what presses on it, of a tool or of tissue. The gap is positive
 /// where that has gone past the point along `direction`; the force on the point is along it, and equal and
 /// opposite on what presses.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Contact<E = ToolEnds> {
     /// What it is between.
     pub ends: E,

@@ -7,6 +7,7 @@ use crate::boundary::{Skin, SkinPatch};
 use crate::math::{Aabb, cofactor};
 use crate::tool::ToolPath;
 use crate::tool::capsule::Capsule;
+use serde::{Deserialize, Serialize};
 
 /// What an element lacks of a dent: of the depth of a patch in the middle of its face, over `H (1 - nu^2) / E` times the
 /// pressure on it. Fitted to spheres on a half-space whose dent has a radius of 0.4 to 4 H (`probe_tool::`). Half of
@@ -24,7 +25,7 @@ const MARGIN_VOXELS: f64 = 0.5;
 const SLACK_VOXELS: f64 = 0.01;
 
 /// What one smooth tool does in one body.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct Palpation {
     capsule: Capsule,
     /// Springs of the step that is being taken.

@@ -3,9 +3,10 @@
 use super::composite::ElementMatrices;
 use super::ground::GroundBlock;
 use super::held::GROUND;
-use super::lanes::{pack, set_lane};
+use super::lanes::{PACKED, pack, set_lane};
 use super::packed::{MOST_SHARED, PackedMatrix, Shared};
 use super::viscosity::{BranchState, Viscosity, ViscosityBlock};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use wide::{f32x4, f64x4};
 
@@ -59,7 +60,7 @@ pub struct NodalBuffers {
 }
 
 /// What an evaluation of four elements found.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Evaluation {
     /// Elastic energy, J.
     pub elastic_j: f64x4,
@@ -81,7 +82,7 @@ pub struct StiffeningBlock {
 }
 
 /// State and results of four elements.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct ElementState {
     /// Rotation as a quaternion, xyzw.
     pub rotation: [f64x4; 4],
@@ -122,7 +123,7 @@ impl Default for ElementState {
 
 /// Energies of a step of four elements or, in [`crate::body::StepEnergies`], of a body, J. Rotations and forces are
 /// those of the step's beginning, `v` is the velocity at its end, `dx = dt v`.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct StepTerms<E> {
     /// `1/2 dv^T M dv`, and `dt^2 v^T S dv` where elements have geometric stiffness.
     pub inertial_j: E,
@@ -227,6 +228,9 @@ impl ElementBlock {
                 .get_or_insert_with(|| StiffeningBlock { galerkin: PackedMatrix::default(), rate_per_pa: f64x4::ZERO });
             set_lane(&mut block.rate_per_pa, lane, law.stiffening_rate_per_pa);
             block.galerkin.set(lane, &pack(&matrices.stiffness_measured));
+        } else if let Some(block) = &mut self.stiffening {
+            set_lane(&mut block.rate_per_pa, lane, 0.0);
+            block.galerkin.set(lane, &[0.0; PACKED]);
         }
         if law.viscosity.is_some() || self.viscosity.is_some() {
             self.viscosity.get_or_insert_default().set(lane, law.viscosity.as_ref(), dt_s);

@@ -18,6 +18,7 @@ use super::composite::{
 };
 use super::material::Elastic;
 use nalgebra::{Cholesky, DMatrix};
+use serde::{Deserialize, Serialize};
 
 /// Ground points' degrees of freedom; `3 * point + axis`.
 pub const GROUND: usize = 9;
@@ -55,7 +56,7 @@ pub struct Ground {
 }
 
 /// What the corners of a cell's voxels are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Corner {
     /// Of no voxel of the element, or of its voxels alone.
     #[default]
@@ -67,7 +68,7 @@ pub enum Corner {
 }
 
 /// The corners of the voxels of a cell of 2^exponent voxels a side, and what each is.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct VoxelCorners {
     exponent: u8,
     corners: Box<[Corner]>,

@@ -8,6 +8,8 @@
 //! for 576 products, and there is next to nothing to read.
 
 use super::lanes::{self, LaneVector, PACKED, unpack};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::sync::Arc;
 
 /// Distinct shared matrices that are kept track of; more of them would save little and be searched long.
@@ -22,13 +24,52 @@ pub struct WholeCell<S> {
     modes: [S; MODES],
 }
 
-/// Packed symmetric 24x24 matrices of the elements of a block.
+/// Packed symmetric 24x24 matrices of the elements of a block. Read from a file, the matrix of a whole cell is that
+/// block's own.
 #[derive(Clone)]
 pub enum PackedMatrix<L: LaneVector> {
     /// One for each lane.
     Each(Box<[L; PACKED]>),
     /// That of a whole cell in all lanes.
     Whole(Arc<WholeCell<L::Scalar>>),
+}
+
+/// As it is walked: the entries one after the other.
+#[derive(Serialize, Deserialize)]
+enum Entries<E, W> {
+    Each(E),
+    Whole(W),
+}
+
+impl<L: LaneVector + Serialize> Serialize for PackedMatrix<L>
+where
+    L::Scalar: Serialize,
+{
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let entries: Entries<&[L], &[L::Scalar]> = match self {
+            Self::Each(k) => Entries::Each(&k[..]),
+            Self::Whole(cell) => Entries::Whole(&cell.packed[..]),
+        };
+        entries.serialize(serializer)
+    }
+}
+
+impl<'de, L: LaneVector + Deserialize<'de>> Deserialize<'de> for PackedMatrix<L>
+where
+    L::Scalar: Deserialize<'de>,
+{
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let count = |_| D::Error::custom(format!("a packed matrix has {PACKED} entries"));
+        Ok(match Entries::<Vec<L>, Vec<L::Scalar>>::deserialize(deserializer)? {
+            Entries::Each(k) => Self::Each(k.try_into().map_err(|_| count(()))?),
+            Entries::Whole(packed) => {
+                let packed: [L::Scalar; PACKED] = packed.try_into().map_err(|_| count(()))?;
+                let modes = modes::<L>(&packed.map(Into::into));
+                let modes = modes.ok_or_else(|| D::Error::custom("a matrix is not that of a whole cell"))?;
+                Self::Whole(Arc::new(WholeCell { packed, modes }))
+            }
+        })
+    }
 }
 
 /// Matrices that whole blocks have in common.

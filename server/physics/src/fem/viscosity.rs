@@ -14,6 +14,7 @@
 
 use super::held::GROUND;
 use super::lanes::set_lane;
+use serde::{Deserialize, Serialize};
 use wide::f64x4;
 
 /// Below this dt/tau the coefficients of a step are summed as series: their closed forms cancel.
@@ -46,7 +47,7 @@ pub struct ViscosityBlock {
 }
 
 /// State of the branches of four elements.
-#[derive(Clone, Default)]
+#[derive(Clone, Default, Serialize, Deserialize)]
 pub struct BranchState {
     /// Extension w of the branch's spring at each corner, rest frame, m.
     pub extension_m: [f64x4; 24],

@@ -5,6 +5,7 @@
 //! of a sharp edge is the edge-normal force per length). Where the link ahead is parted already the
 //! cap is zero.
 
+use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_1_SQRT_2;
 
 use super::compliance::{EdgeInElement, line_compliance};
@@ -37,7 +38,7 @@ const SATURATED_GAP: f64 = 1.2;
 const TWO_CELLS: f64 = 2.8;
 
 /// What lies ahead of a marker.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) enum Ahead {
     /// Material that holds, with its fracture energy (infinite: cannot be cut) and initiation ratio.
     Intact { fracture_energy_j_per_m2: f64, initiation_ratio: f64 },
@@ -60,7 +61,7 @@ pub(super) struct LinkAhead {
 }
 
 /// The material point of a marker in contact.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Anchor {
     /// Reference position of the front, m.
     pub(super) position_m: Vec3,

@@ -8,7 +8,7 @@
 use crate::Vec3;
 use crate::body::Body;
 use crate::contact::{Contact, ContactWeights, Mode, ToolEnds};
-use crate::hash::StateHasher;
+use serde::{Deserialize, Serialize};
 
 /// Springs close along a line to the origin. One that is open by less than this fraction of its length is taken as
 /// open by that much: a stiffer spring would hold the nodes as one. Ours. Half or twice changes no bit where the
@@ -19,7 +19,7 @@ const LEAST_OPENING: f64 = 0.05;
 const STARTING_SHARE: f64 = 0.95;
 
 /// A pair of nodes that were one.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct CohesiveSpring {
     nodes: [u32; 2],
     /// Force on the first node that it started with, N.
@@ -32,7 +32,7 @@ struct CohesiveSpring {
 }
 
 /// The cohesive springs of one body.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct CohesiveSprings {
     springs: Vec<CohesiveSpring>,
     /// Energy of what has parted under tension and no node has split for yet, J.
@@ -92,16 +92,6 @@ impl CohesiveSprings {
     #[must_use]
     pub fn count(&self) -> usize {
         self.springs.len()
-    }
-
-    /// Folds the springs and what is owed into a hash of state.
-    pub fn fold_into(&self, hasher: &mut StateHasher) {
-        hasher.floats(&[self.owed_j]);
-        for spring in &self.springs {
-            spring.nodes.iter().for_each(|node| hasher.word(u64::from(*node)));
-            hasher.floats(spring.start_n.as_slice());
-            hasher.floats(&[spring.length_m, spring.opening_m, spring.widest_m]);
-        }
     }
 
     /// Sets up the step's springs.

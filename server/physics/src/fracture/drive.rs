@@ -15,6 +15,7 @@
 use super::release::{Tip, released};
 use crate::Vec3;
 use crate::body::Body;
+use serde::{Deserialize, Serialize};
 
 /// A blade bends and squeezes a body that is less than so many times Gc/E across, too much for q = Gc: a bar's force
 /// is then off by half of the inverse, 1 %. Halved, by 2 %; doubled, by half of one, and more bodies pay for the
@@ -62,7 +63,7 @@ impl Strained {
 }
 
 /// What was found at one place: sums over the length of front around it.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Sample {
     released_j_per_m: f64,
     stretch_m: f64,
@@ -70,11 +71,12 @@ struct Sample {
 }
 
 /// The drive of one front.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Drive {
     samples: Vec<Sample>,
     next: usize,
     /// The front: scratch, kept between steps.
+    #[serde(skip)]
     pieces: Vec<Piece>,
 }
 

@@ -24,6 +24,8 @@ use crate::tool::Pose;
 use crate::tool::blade::Blade;
 use crate::tool::edge::EdgeSegment;
 use crate::tool::frame::BladeFrame;
+use crate::walk::Kept;
+use serde::{Deserialize, Serialize};
 
 /// Markers per voxel edge. Ours: two find every link. One moves the first peak by up to 4 % and the mean force by 1 %,
 /// and parts 4 links in 465 fewer; four take 2 to 3 % off the peak, at twice the cost of contact.
@@ -41,18 +43,21 @@ const START_VOXELS: f64 = 0.5;
 const MEETING_VOXELS: f64 = 3.0;
 
 /// The front of one blade in one body.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct Front {
     markers: Vec<Marker>,
     /// Segments of the edge, one to a marker, and the length of each, m.
-    segments: Vec<EdgeSegment>,
+    segments: Kept<Vec<EdgeSegment>>,
     segment_m: f64,
     /// Directions of each segment at t + dt, scene frame: scratch, kept between steps.
+    #[serde(skip)]
     frames: Vec<BladeFrame>,
     /// Energy in springs that were let go since it was last taken, J.
     dropped_j: f64,
     /// Where the chain stands and starts, and where its strip ends: scratch, kept between steps.
+    #[serde(skip)]
     chain: Vec<Option<ChainPoint>>,
+    #[serde(skip)]
     target: Vec<Vec3>,
     /// What drives it in a body that is strained; present in one that is pulled, or so small beside Gc/E that cutting
     /// strains all of it.
@@ -94,7 +99,7 @@ impl Front {
         Self {
             markers: vec![Marker::Outside; count],
             segment_m: blade.edge.length_m() / count as f64,
-            segments,
+            segments: segments.into(),
             frames: Vec::with_capacity(count),
             dropped_j: 0.0,
             chain: Vec::with_capacity(count),
@@ -103,6 +108,14 @@ impl Front {
             slit: false,
             contacts: Vec::with_capacity(count),
         }
+    }
+
+    /// Whether it is one of an edge of as many segments.
+    #[must_use]
+    pub fn is_like(&self, other: &Self) -> bool {
+        let count = other.segments.len();
+        let known = self.contacts.iter().all(|contact| contact.marker < count);
+        [self.segments.len(), self.markers.len()] == [count; 2] && known
     }
 
     /// Number of springs that the front may have at most.
@@ -136,7 +149,7 @@ impl Front {
     /// [`Self::advance`] opens, and cuts on from there.
     pub fn enter(&mut self, body: &Body, hash: &SpatialHash, motion: &BladeMotion<'_>) {
         self.lift();
-        for (marker, segment) in self.markers.iter_mut().zip(&self.segments) {
+        for (marker, segment) in self.markers.iter_mut().zip(self.segments.iter()) {
             let (at_m, frame) =
                 (motion.pose.transform(&segment.middle_m), segment.frame.turned(&motion.pose.orientation));
             *marker = put_down(body, hash, &at_m, &frame, motion.blade.edge_half_width_m);
@@ -429,20 +442,6 @@ impl Front {
     pub fn cutting_length_m(&self) -> f64 {
         let cutting = |c: &&FrontContact| c.forward.mode == Mode::Yield && c.forward.yield_n > 0.0;
         self.contacts.iter().filter(cutting).count() as f64 * self.segment_m
-    }
-
-    /// Folds the front's state into a hash.
-    pub fn fold_into(&self, hasher: &mut crate::hash::StateHasher) {
-        for marker in &self.markers {
-            match marker {
-                Marker::Outside => hasher.word(0),
-                Marker::Buried => hasher.word(1),
-                Marker::On(anchor) => {
-                    hasher.word(2 + u64::from(anchor.yielded));
-                    hasher.floats(anchor.position_m.as_slice());
-                }
-            }
-        }
     }
 
     fn anchor(&self, index: usize) -> Option<&Anchor> {

@@ -9,6 +9,7 @@ use crate::body::{Body, MaterialPoint};
 use crate::contact::broad::SpatialHash;
 use crate::contact::narrow;
 use crate::tool::frame::BladeFrame;
+use serde::{Deserialize, Serialize};
 
 /// A contact that has opened by this fraction of a voxel is let go where nothing is cut. Ours. A contact that is open
 /// carries nothing, so that half or twice changes no force.
@@ -24,7 +25,7 @@ const LOST_VOXELS: f64 = 2.0;
 const SKIN_VOXELS: f64 = 0.05;
 
 /// One segment of the edge.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant, reason = "a box would be allocated as a marker comes into contact")]
 pub(super) enum Marker {
     /// Not in the tissue.

@@ -12,6 +12,7 @@
 use crate::Vec3;
 use crate::body::Body;
 use crate::fem::composite::shape_functions;
+use serde::{Deserialize, Serialize};
 
 /// Radius within which phi is 1, in element edges: nodes that share in a contact at the front stay within it. Half
 /// adds 1.3 % to the mean force of slicing and lets the contact's own strain in; at twice phi falls from 1 to 0 at
@@ -28,7 +29,7 @@ const HALF_WIDTH: f64 = 2.0;
 const HALF_DIAGONAL: f64 = 0.867;
 
 /// A place on a crack front, reference configuration.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Tip {
     /// Where it is, m.
     pub position_m: Vec3,

@@ -11,6 +11,7 @@ use crate::body::Body;
 use crate::contact::{Contact, Misjudged, Mode, Solution, ToolEnds};
 use crate::scene::FractureRule;
 use crate::tool::frame::BladeFrame;
+use serde::{Deserialize, Serialize};
 
 /// A front does not advance by more than this many voxels in a step; what is left of the way waits at the cap. Ours:
 /// links part within reach of what was detected. At 1 kHz it is 5 m/s; half of it moves no force by 1e-4.
@@ -26,7 +27,7 @@ const EDGE_FRICTION: f64 = 1.0;
 const MOST_DRAG: f64 = 0.5;
 
 /// The springs of one marker during a step.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct FrontContact {
     /// Which marker of the front they belong to.
     pub(super) marker: usize,

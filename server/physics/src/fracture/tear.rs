@@ -5,6 +5,7 @@
 //! tear. Where it exceeds Gc the cut goes on in its plane by the edge of an element. It runs no faster than Rayleigh
 //! waves, which carry the news of what has opened: a crack that tension opens does not overtake them (Freund 1990).
 
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 use super::anchor::fracture_energy;
@@ -13,7 +14,6 @@ use super::sweep::{PartingCost, part_quad};
 use crate::Vec3;
 use crate::body::Body;
 use crate::grid::{Crossing, Grid, Ijk, Link, LinkId};
-use crate::hash::StateHasher;
 
 /// What is around a front that is at Gc holds about Gc times the square of an element's edge: within a radius r of a
 /// crack that is sheared along its front just Gc r per length (Irwin 1957). With less than this share of it a station
@@ -26,7 +26,7 @@ const RELEASE_PER_HELD: f64 = 4.0;
 const LEAST_CHANGE: f64 = 5e-3;
 
 /// A place where a cut ends: a parted link and the intact one beside it that its plane crosses.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct End {
     ahead: LinkId,
     /// Where the plane crosses the parted link, reference configuration, m.
@@ -40,7 +40,7 @@ struct End {
 }
 
 /// The ends in one cell of the lattice.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Station {
     ends: Vec<End>,
     /// The ends as one piece of front; absent where they face each other.
@@ -50,7 +50,7 @@ struct Station {
 }
 
 /// What was found at a station.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Seen {
     /// Elastic energy around it, J.
     held_j: f64,
@@ -59,13 +59,14 @@ struct Seen {
 }
 
 /// Ends of a body's cuts, by the lattice cell they lie in.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Tearing {
     stations: BTreeMap<Ijk, Station>,
     step: u64,
     /// Links that tore in the last step, in order, and when the cut came to where it stands beyond them, s.
     torn: Vec<(LinkId, f64)>,
     /// Stations to look at: scratch, kept between steps.
+    #[serde(skip)]
     due: Vec<Ijk>,
 }
 
@@ -157,15 +158,6 @@ impl Tearing {
         Torn { cost: PartingCost::of(body, &mut links[first..]), looks }
     }
 
-    /// Folds what of it does not follow from what is parted into a hash of state.
-    pub fn fold_into(&self, hasher: &mut StateHasher) {
-        hasher.word(self.step);
-        for station in self.stations.values() {
-            station.ends.iter().for_each(|end| hasher.floats(&[end.since_s]));
-            station.seen.iter().for_each(|seen| hasher.floats(&[seen.held_j, seen.drive]));
-        }
-    }
-
     fn now_s(&self, body: &Body) -> f64 {
         self.step as f64 * body.dt_s()
     }
@@ -228,7 +220,7 @@ impl End {
 }
 
 /// The ends in one cell, as one piece of front.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Place {
     tip: Tip,
     /// Reach of the ends along the front from the tip, m.

@@ -1,5 +1,7 @@
 //! Which way, and how fast, the edge goes through the material at a marker.
 
+use serde::{Deserialize, Serialize};
+
 /// Travel over which the way is averaged, voxels: shorter than what a cut resolves, longer than what a step of the
 /// solve makes of it. Ours. An edge that only presses does not know of it. Where one slices to and fro, it is the way
 /// in which the force turns round: half takes 14 % off the mean force of two turns and a third more iterations, twice
@@ -13,7 +15,7 @@ const LEAST_VOXELS: f64 = 1e-3;
 const MOST_SLICE_PUSH: f64 = 10.0;
 
 /// The edge's motion relative to the front, averaged over the last half voxel of travel.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Travel {
     forward_m: f64,
     along_m: f64,

@@ -17,6 +17,7 @@
 use super::cell_sizes::CellSizes;
 use super::{Grid, Ijk};
 use crate::fem::composite::shape_functions;
+use serde::{Deserialize, Serialize};
 
 /// "No element" in maps from units to elements.
 pub const NONE: u32 = u32::MAX;
@@ -30,7 +31,7 @@ const ROW_ELEMENTS: usize = 8;
 const BRICK_ROWS: i32 = 4;
 
 /// One composite element.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Element {
     /// The lower corner of its cell, in lattice cells of the level.
     pub cell: Ijk,
@@ -46,7 +47,7 @@ pub struct Element {
 }
 
 /// The elements and nodes of one level.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Level {
     /// log2 of the lattice cell's edge in voxels: of the smallest element's.
     pub exponent: u8,
@@ -226,6 +227,30 @@ impl Level {
             element.whole = units.is_full(element.cell, element.size);
         }
         level
+    }
+
+    /// Whether what was read from a file fits together over so many units; else what does not.
+    pub(crate) fn check(&self, units: usize) -> Result<(), &'static str> {
+        let (elements, nodes) = (self.elements.len(), self.nodes.len());
+        let is_element = |id: &u32| (*id as usize) < elements;
+        let may_be_element = |id: &u32| *id == NONE || is_element(id);
+        let fits = |(id, element): (usize, &Element)| {
+            // Those of a cell follow each other from the oldest on.
+            let follows = element.next_in_cell == NONE || element.next_in_cell as usize > id;
+            self.sizes.at(element.cell) == Some(element.size)
+                && element.nodes.iter().all(|node| (*node as usize) < nodes)
+                && element.neighbours.iter().all(|(face, other)| *face < 6 && is_element(other))
+                && follows
+                && may_be_element(&element.next_in_cell)
+        };
+        let checks = [
+            (self.sizes.is_whole() && self.first_in_cell.len() == self.sizes.len(), "cells"),
+            (self.elements.iter().enumerate().all(fits), "elements"),
+            (self.first_in_cell.iter().all(may_be_element), "elements of cells"),
+            (self.owner.len() == units && self.owner.iter().all(is_element), "units"),
+            (self.hosts.len() == nodes && self.hosts.iter().all(may_be_element), "nodes"),
+        ];
+        checks.into_iter().try_for_each(|(holds, what)| if holds { Ok(()) } else { Err(what) })
     }
 
     /// Number of lattice cells along each axis.

@@ -15,6 +15,9 @@ pub mod thickness;
 pub mod voxelize;
 
 use crate::Vec3;
+use crate::walk::{Kept, WalkError};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 pub use small_pieces::LeftOut;
 
@@ -22,7 +25,7 @@ pub use small_pieces::LeftOut;
 pub type Ijk = [i32; 3];
 
 /// Index of a voxel in [`Grid::voxels`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct VoxelId(pub u32);
 
 impl VoxelId {
@@ -34,7 +37,7 @@ impl VoxelId {
 }
 
 /// A point of the reference configuration, followed through the element of one of its voxels.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MaterialPoint {
     /// Reference position, m.
     pub position_m: Vec3,
@@ -53,7 +56,7 @@ pub struct Voxel {
 
 /// A link of the lattice: the segment from the centre of cell `cell` to that of its neighbour in
 /// `+axis`. Either end may be outside the object.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct LinkId {
     /// Cell at the link's lower end; coordinates from -1.
     pub cell: Ijk,
@@ -72,7 +75,7 @@ impl LinkId {
 }
 
 /// Where a surface crosses a link, and its normal there.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Crossing {
     /// Position along the link from its lower end, in 0..=1.
     pub t: f32,
@@ -104,17 +107,29 @@ const LEAST_EXTENT: f64 = 0.05;
 const NO_VOXEL: u32 = u32::MAX;
 const NO_CROSSING: u32 = u32::MAX;
 
-/// Voxels, links and crossings of one object.
-#[derive(Clone, Debug)]
+/// Voxels, links and crossings of one object: what never changes, which copies share, and the links that are parted.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Grid {
+    #[serde(skip)]
+    cells: Arc<Cells>,
+    /// Crossing of each of a cell's three `+axis` links, in the box of the cells: of the object's own surface first,
+    /// then of the parted links.
+    #[serde(skip)]
+    crossing_at: Vec<[u32; 3]>,
+    /// Links that are parted, and where.
+    parted: Kept<Vec<(LinkId, Crossing)>>,
+}
+
+/// What of a grid never changes.
+#[derive(Clone, Debug, Default)]
+struct Cells {
     voxel_size_m: f64,
     origin_m: Vec3,
     dims: [i32; 3],
     voxels: Vec<Voxel>,
     /// Voxel at each cell of the box `-1..dims + 1`, x fastest.
     voxel_at: Vec<u32>,
-    /// Crossing of each of a cell's three `+axis` links, same box.
-    crossing_at: Vec<[u32; 3]>,
+    /// Crossings of the object's own surface.
     crossings: Vec<Crossing>,
     /// Signed distance at the centre of each cell of the same box, m, negative inside.
     signed_distance_m: Vec<f32>,
@@ -134,108 +149,117 @@ impl Grid {
         signed_distance_m: impl Fn(Ijk) -> f32,
         boundary: impl Fn(LinkId) -> Crossing,
     ) -> Self {
-        let cells = dims.iter().map(|d| (d + 2) as usize).product();
-        let mut grid = Self {
+        let count = dims.iter().map(|d| (d + 2) as usize).product();
+        let mut cells = Cells {
             voxel_size_m,
             origin_m,
             dims,
             voxels,
-            voxel_at: vec![NO_VOXEL; cells],
-            crossing_at: vec![[NO_CROSSING; 3]; cells],
+            voxel_at: vec![NO_VOXEL; count],
             crossings: Vec::new(),
-            signed_distance_m: Vec::with_capacity(cells),
+            signed_distance_m: Vec::with_capacity(count),
             left_out: LeftOut::default(),
         };
-        for (id, voxel) in grid.voxels.iter().enumerate() {
-            let slot = grid.slot(voxel.ijk).expect("voxel lies in the box");
-            grid.voxel_at[slot] = id as u32;
+        for (id, voxel) in cells.voxels.iter().enumerate() {
+            let slot = cells.slot(voxel.ijk).expect("voxel lies in the box");
+            cells.voxel_at[slot] = id as u32;
         }
-        for k in -1..=dims[2] {
-            for j in -1..=dims[1] {
-                for i in -1..=dims[0] {
-                    let cell = [i, j, k];
-                    grid.signed_distance_m.push(signed_distance_m(cell));
-                    for axis in 0..3u8 {
-                        let link = LinkId { cell, axis };
-                        if grid.voxel_at(cell).is_some() != grid.voxel_at(link.upper()).is_some() {
-                            grid.set_crossing(link, boundary(link));
-                        }
-                    }
+        let mut crossing_at = vec![[NO_CROSSING; 3]; count];
+        for (slot, cell) in cells.lattice().enumerate() {
+            cells.signed_distance_m.push(signed_distance_m(cell));
+            for axis in 0..3u8 {
+                let link = LinkId { cell, axis };
+                if cells.voxel_at(cell).is_some() != cells.voxel_at(link.upper()).is_some() {
+                    crossing_at[slot][axis as usize] = cells.crossings.len() as u32;
+                    cells.crossings.push(boundary(link));
                 }
             }
         }
-        grid
+        Self { cells: Arc::new(cells), crossing_at, parted: Kept::default() }
+    }
+
+    /// Takes all that never changes of a grid of the same object, whose links are intact or not: `self` was read from a
+    /// file. Refuses links that cannot be parted.
+    pub(crate) fn complete(&mut self, like: &Self) -> Result<(), WalkError> {
+        self.cells = Arc::clone(&like.cells);
+        self.crossing_at.clone_from(&like.crossing_at);
+        for (link, _) in like.parted.iter() {
+            *self.index_of(*link) = NO_CROSSING;
+        }
+        for (link, crossing) in std::mem::take(&mut *self.parted) {
+            if !self.part(link, crossing) {
+                return Err(WalkError::new(format!("{link:?} is parted, and no link of the object")));
+            }
+        }
+        Ok(())
+    }
+
+    fn index_of(&mut self, link: LinkId) -> &mut u32 {
+        let slot = self.slot(link.cell).expect("link lies in the box");
+        &mut self.crossing_at[slot][link.axis as usize]
     }
 
     fn slot(&self, cell: Ijk) -> Option<usize> {
-        let mut slot = 0usize;
-        for axis in (0..3).rev() {
-            if cell[axis] < -1 || cell[axis] > self.dims[axis] {
-                return None;
-            }
-            slot = slot * (self.dims[axis] + 2) as usize + (cell[axis] + 1) as usize;
-        }
-        Some(slot)
+        self.cells.slot(cell)
     }
 
     /// Gives voxels a material.
     fn set_material(&mut self, voxels: &[VoxelId], material: u16) {
-        voxels.iter().for_each(|id| self.voxels[id.index()].material = material);
+        let cells = Arc::make_mut(&mut self.cells);
+        voxels.iter().for_each(|id| cells.voxels[id.index()].material = material);
     }
 
-    fn set_crossing(&mut self, link: LinkId, crossing: Crossing) {
-        let slot = self.slot(link.cell).expect("link lies in the box");
-        self.crossing_at[slot][link.axis as usize] = self.crossings.len() as u32;
-        self.crossings.push(crossing);
+    /// Says what of the shape was left out.
+    fn set_left_out(&mut self, left_out: LeftOut) {
+        Arc::make_mut(&mut self.cells).left_out = left_out;
     }
 
     /// Edge length of a voxel, m.
     #[must_use]
     pub fn voxel_size_m(&self) -> f64 {
-        self.voxel_size_m
+        self.cells.voxel_size_m
     }
 
     /// Reference position of the corner (0, 0, 0) of voxel (0, 0, 0), m.
     #[must_use]
     pub fn origin_m(&self) -> Vec3 {
-        self.origin_m
+        self.cells.origin_m
     }
 
     /// Extent of the box that holds every voxel, in voxels.
     #[must_use]
     pub fn dims(&self) -> [i32; 3] {
-        self.dims
+        self.cells.dims
     }
 
     /// What of the shape was left out.
     #[must_use]
     pub fn left_out(&self) -> LeftOut {
-        self.left_out
+        self.cells.left_out
     }
 
     /// Every voxel.
     #[must_use]
     pub fn voxels(&self) -> &[Voxel] {
-        &self.voxels
+        &self.cells.voxels
     }
 
     /// The voxel at `cell`, if the object fills it.
     #[must_use]
     pub fn voxel_at(&self, cell: Ijk) -> Option<VoxelId> {
-        let id = self.voxel_at[self.slot(cell)?];
-        (id != NO_VOXEL).then_some(VoxelId(id))
+        self.cells.voxel_at(cell)
     }
 
     /// Centre of a cell in the reference configuration, m.
     #[must_use]
     pub fn centre_m(&self, cell: Ijk) -> Vec3 {
-        self.origin_m + Vec3::from_fn(|a, _| (f64::from(cell[a]) + 0.5) * self.voxel_size_m)
+        self.origin_m() + Vec3::from_fn(|a, _| (f64::from(cell[a]) + 0.5) * self.voxel_size_m())
     }
 
     /// The cell that holds a reference position.
     #[must_use]
     pub fn cell_of(&self, position_m: &Vec3) -> Ijk {
-        let local = (position_m - self.origin_m) / self.voxel_size_m;
+        let local = (position_m - self.origin_m()) / self.voxel_size_m();
         [local.x.floor() as i32, local.y.floor() as i32, local.z.floor() as i32]
     }
 
@@ -245,8 +269,9 @@ impl Grid {
         let lower = self.voxel_at(link.cell).is_some();
         let upper = self.voxel_at(link.upper()).is_some();
         let crossing = || {
-            let slot = self.slot(link.cell)?;
-            self.crossings.get(self.crossing_at[slot][link.axis as usize] as usize).copied()
+            let index = self.crossing_at[self.slot(link.cell)?][link.axis as usize] as usize;
+            let own = &self.cells.crossings;
+            own.get(index).copied().or_else(|| Some(self.parted.get(index.checked_sub(own.len())?)?.1))
         };
         match (lower, upper) {
             (false, false) => Link::Outside,
@@ -260,7 +285,7 @@ impl Grid {
     /// the square of the normal's share: along any axis the links that cross it bound all of what lies inside.
     #[must_use]
     pub(crate) fn filled_extents(&self, voxel: VoxelId) -> [f64; 3] {
-        let cell = self.voxels[voxel.index()].ijk;
+        let cell = self.cells.voxels[voxel.index()].ijk;
         let mut extents = [1.0; 3];
         for (link, _) in Self::links_of(cell) {
             if let Link::Boundary(Crossing { t, normal }) = self.link(link) {
@@ -282,7 +307,7 @@ impl Grid {
     #[must_use]
     pub fn is_intact(&self, link: LinkId) -> bool {
         let (Some(slot), Some(_)) = (self.slot(link.cell), self.voxel_at(link.upper())) else { return false };
-        self.voxel_at[slot] != NO_VOXEL && self.crossing_at[slot][link.axis as usize] == NO_CROSSING
+        self.cells.voxel_at[slot] != NO_VOXEL && self.crossing_at[slot][link.axis as usize] == NO_CROSSING
     }
 
     /// Parts an intact link; a link that is parted already keeps its first crossing.
@@ -290,15 +315,20 @@ impl Grid {
     pub fn part(&mut self, link: LinkId, crossing: Crossing) -> bool {
         let intact = self.is_intact(link);
         if intact {
-            self.set_crossing(link, crossing);
+            *self.index_of(link) = (self.cells.crossings.len() + self.parted.len()) as u32;
+            self.parted.push((link, crossing));
         }
         intact
     }
 
     /// Makes a parted link intact again.
     pub(crate) fn rejoin(&mut self, link: LinkId) {
-        let slot = self.slot(link.cell).expect("a parted link lies in the box");
-        self.crossing_at[slot][link.axis as usize] = NO_CROSSING;
+        let index = std::mem::replace(self.index_of(link), NO_CROSSING);
+        let at = index as usize - self.cells.crossings.len();
+        self.parted.swap_remove(at);
+        if let Some(&(moved, _)) = self.parted.get(at) {
+            *self.index_of(moved) = index;
+        }
     }
 
     /// The voxels connected with `voxel` where there are fewer than `limit` of them; else `None`.
@@ -361,7 +391,7 @@ impl Grid {
     /// inside; trilinear between cell centres, `f64::INFINITY` outside the sampled box.
     #[must_use]
     pub fn signed_distance_m(&self, position_m: &Vec3) -> f64 {
-        let local = (position_m - self.origin_m) / self.voxel_size_m - Vec3::repeat(0.5);
+        let local = (position_m - self.origin_m()) / self.voxel_size_m() - Vec3::repeat(0.5);
         let base = local.map(f64::floor);
         let frac = local - base;
         let base = [base.x as i32, base.y as i32, base.z as i32];
@@ -375,8 +405,32 @@ impl Grid {
                 weight *= if up == 1 { frac[axis] } else { 1.0 - frac[axis] };
             }
             let Some(slot) = self.slot(cell) else { return f64::INFINITY };
-            value += weight * f64::from(self.signed_distance_m[slot]);
+            value += weight * f64::from(self.cells.signed_distance_m[slot]);
         }
         value
+    }
+}
+
+impl Cells {
+    /// The cells of the box, x fastest.
+    fn lattice(&self) -> impl Iterator<Item = Ijk> + use<> {
+        let [nx, ny, nz] = self.dims;
+        (-1..=nz).flat_map(move |z| (-1..=ny).flat_map(move |y| (-1..=nx).map(move |x| [x, y, z])))
+    }
+
+    fn slot(&self, cell: Ijk) -> Option<usize> {
+        let mut slot = 0usize;
+        for axis in (0..3).rev() {
+            if cell[axis] < -1 || cell[axis] > self.dims[axis] {
+                return None;
+            }
+            slot = slot * (self.dims[axis] + 2) as usize + (cell[axis] + 1) as usize;
+        }
+        Some(slot)
+    }
+
+    fn voxel_at(&self, cell: Ijk) -> Option<VoxelId> {
+        let id = self.voxel_at[self.slot(cell)?];
+        (id != NO_VOXEL).then_some(VoxelId(id))
     }
 }

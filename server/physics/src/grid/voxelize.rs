@@ -328,7 +328,7 @@ pub fn voxelize(object: &ObjectDesc, meshes: &Meshes) -> Result<Grid, SceneError
         |cell| samples.distance_m[samples.lattice.slot(within_samples(cell))],
         |link| samples.crossing(LinkId { cell: within_samples(link.cell), axis: link.axis }),
     );
-    grid.left_out = left_out;
+    grid.set_left_out(left_out);
     assign_materials(grid, object, meshes)
 }
 

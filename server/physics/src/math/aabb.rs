@@ -1,9 +1,10 @@
 //! Axis-aligned boxes.
 
 use super::Vec3;
+use serde::{Deserialize, Serialize};
 
 /// Axis-aligned box in the scene frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Aabb {
     /// Lower corner, m.
     pub min_m: Vec3,

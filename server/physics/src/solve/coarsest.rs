@@ -10,6 +10,8 @@
 use super::operator::Operator;
 use crate::fem::lanes::{for_packed, unpack};
 use crate::grid::levels::NONE;
+use crate::walk::{Kept, WalkError};
+use serde::{Deserialize, Serialize};
 use std::ops::{AddAssign, Mul};
 use wide::f32x4;
 
@@ -18,10 +20,18 @@ use wide::f32x4;
 const MOST_NODES: usize = 200;
 
 /// A piece: its nodes and the lower triangle of its factor by rows, each diagonal entry inverted.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 struct Piece {
     nodes: Vec<u32>,
     factor: Option<Vec<f32>>,
+}
+
+impl Piece {
+    /// Whether a factor of the other one serves this one.
+    fn is_like(&self, other: &Self) -> bool {
+        let n = 3 * self.nodes.len();
+        self.nodes == other.nodes && other.factor.as_ref().is_none_or(|factor| factor.len() == n * (n + 1) / 2)
+    }
 }
 
 /// Pieces that springs join, as one system in the scene frame.
@@ -36,15 +46,21 @@ struct Joined {
 }
 
 /// The factors and the rotations of the nodes.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct Coarsest {
-    pieces: Vec<Piece>,
+    /// Factors of matrices that may have changed since.
+    pieces: Kept<Vec<Piece>>,
     /// Of each node.
+    #[serde(skip)]
     piece: Vec<u32>,
+    #[serde(skip)]
     joined: Joined,
     /// Columns of each node's rotation.
+    #[serde(skip)]
     rotation: Vec<[f32x4; 3]>,
+    #[serde(skip)]
     sums: Vec<[f64; 9]>,
+    #[serde(skip)]
     buffer: Vec<f32>,
 }
 
@@ -58,13 +74,23 @@ impl Coarsest {
             of.nodes.iter().for_each(|node| piece[*node as usize] = index as u32);
         }
         Self {
-            pieces,
+            pieces: pieces.into(),
             joined: Joined { place: vec![NONE; piece.len()], ..Joined::default() },
             rotation: vec![[f32x4::ZERO; 3]; piece.len()],
             sums: vec![[0.0; 9]; piece.len()],
             buffer: vec![0.0; 3 * piece.len()],
             piece,
         }
+    }
+
+    /// Takes the factors of `read`, of the same pieces.
+    pub fn take_factors(&mut self, read: Self) -> Result<(), WalkError> {
+        let alike = |(own, read): (&Piece, &Piece)| own.is_like(read);
+        if self.pieces.len() != read.pieces.len() || !self.pieces.iter().zip(read.pieces.iter()).all(alike) {
+            return Err(WalkError::new("the factors of the coarsest level are of other pieces".into()));
+        }
+        self.pieces = read.pieces;
+        Ok(())
     }
 
     /// Room for the pieces that springs may join.

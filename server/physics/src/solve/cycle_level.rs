@@ -4,12 +4,14 @@
 //! block-diagonal-scaled matrix.
 
 use super::lists::Lists;
-use super::operator::{Operator, masters_of};
+use super::operator::{Diagonal, Operator, masters_of};
 use super::vectors::{NODE_GRAIN, NODES_PER_CHUNK, NodeVector, dot};
 use crate::fem::composite::shape_functions;
+use crate::fem::packed::PackedMatrix;
 use crate::grid::levels::{Element, HangingNode, Level};
+use crate::walk::Kept;
 use crate::workers::Workers;
-use wide::f32x4;
+use wide::{f32x4, f32x8};
 
 /// Optimised weights of the 4th-kind Chebyshev smoother of degree 2 (Lottes, Numer. Linear Algebra Appl. 30, 2023,
 /// e2518).
@@ -87,8 +89,28 @@ impl Place {
 
 impl CycleLevel {
     pub(super) fn new(level: &Level) -> Self {
+        Self::of(Operator::new(level))
+    }
+
+    /// What of a level follows the state with a lag, and nothing else.
+    pub(super) fn lagging(
+        largest_eigenvalue: f32,
+        diagonal: Kept<Diagonal>,
+        matrices: Option<Vec<PackedMatrix<f32x8>>>,
+    ) -> Self {
+        let operator = Operator::lagging(diagonal, matrices.unwrap_or_default());
+        Self { largest_eigenvalue, ..Self::of(operator) }
+    }
+
+    /// Takes what of `read` follows the state with a lag.
+    pub(super) fn take_lag(&mut self, read: Self) {
+        self.largest_eigenvalue = read.largest_eigenvalue;
+        self.operator.take_lag(read.operator);
+    }
+
+    fn of(operator: Operator) -> Self {
         Self {
-            operator: Operator::new(level),
+            operator,
             prolongation: Vec::new(),
             restriction: Lists::default(),
             corner_of: Vec::new(),

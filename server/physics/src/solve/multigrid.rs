@@ -7,11 +7,14 @@
 use super::assembly::LANES;
 use super::coarsest::{Coarsest, orthonormal};
 use super::cycle_level::CycleLevel;
+use super::lag;
 use super::operator::Operator;
 use super::spring::{POINT_NODES, PointSpring};
 use crate::fem::lanes::{PACKED, pack, unpack};
 use crate::grid::levels::{Level, LevelChange};
+use crate::walk::WalkError;
 use crate::workers::{Grain, Workers};
+use serde::{Deserialize, Serialize};
 use wide::f32x4;
 
 /// No eigenvalue of `D^-1 A` is larger: an element or a spring that moves n unknowns takes at most n times what
@@ -23,8 +26,9 @@ const BLOCKS_PER_CHUNK: usize = 32;
 const ROTATION_GRAIN: Grain = Grain { chunk: BLOCKS_PER_CHUNK, least: 1 };
 
 /// The levels of one object, the finest (the one that is solved on) first.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct Multigrid {
+    #[serde(with = "super::lag")]
     levels: Vec<CycleLevel>,
     coarsest: Coarsest,
 }
@@ -72,6 +76,21 @@ impl Multigrid {
         }
         let coarsest = Coarsest::new(&levels[levels.len() - 1].operator);
         Self { levels, coarsest }
+    }
+
+    /// Completes a cycle of which only is there what follows the state with a lag, as it was read, by what a new cycle
+    /// over `hierarchy` has. The matrices of the finest level and all rotations are still to be set, and
+    /// [`Self::invert_diagonals`] to be called.
+    pub fn complete(&mut self, hierarchy: &[Level]) -> Result<(), WalkError> {
+        let fresh = Self::new(hierarchy);
+        let read = std::mem::replace(self, fresh);
+        lag::complete(read.levels, &mut self.levels, hierarchy)?;
+        self.coarsest.take_factors(read.coarsest)
+    }
+
+    /// Inverts every diagonal as it is. Springs are dropped.
+    pub fn invert_diagonals(&mut self, workers: &Workers<'_>) {
+        self.levels.iter_mut().for_each(|level| level.operator.invert_diagonal(workers));
     }
 
     /// Estimates the smoothers' eigenvalues afresh, and higher than they were: the estimates stay when links

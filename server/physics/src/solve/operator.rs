@@ -11,7 +11,9 @@ use super::vectors::{NODE_GRAIN, NODES_PER_CHUNK, NodeVector, times};
 use crate::fem::lanes::{self, PACKED};
 use crate::fem::packed::PackedMatrix;
 use crate::grid::levels::{HangingNode, Level};
+use crate::walk::{Kept, KeptHash};
 use crate::workers::{Grain, Workers};
+use serde::{Deserialize, Serialize};
 use wide::{f32x4, f32x8};
 
 /// Blocks per chunk of elements.
@@ -27,7 +29,7 @@ const ELEMENT_GRAIN: Grain = Grain { chunk: 1, least: 4 };
 #[derive(Clone)]
 pub struct OperatorBlock {
     /// `A_e` in the rest frame.
-    matrix: PackedMatrix<f32x8>,
+    pub(super) matrix: PackedMatrix<f32x8>,
     /// Rotation of each element, row-major.
     pub rotation: [f32x8; 9],
 }
@@ -42,8 +44,8 @@ enum Corners {
 }
 
 /// Diagonal 3x3 blocks of every node: symmetric, so six entries.
-#[derive(Clone, Default)]
-struct Diagonal {
+#[derive(Clone, Default, Serialize, Deserialize)]
+pub(super) struct Diagonal {
     /// xx, yy, zz.
     on: NodeVector,
     /// xy, xz, yz.
@@ -55,6 +57,8 @@ struct Diagonal {
 pub struct Operator {
     /// Blocks of elements, by element id.
     pub blocks: Vec<OperatorBlock>,
+    /// Of the blocks' matrices.
+    matrices_hash: KeptHash,
     /// Springs that act now, between unknowns.
     springs: Vec<PointSpring>,
     element_nodes: Vec<[u32; 8]>,
@@ -67,7 +71,7 @@ pub struct Operator {
     /// The unknowns that move each hanging node.
     hanging: Vec<HangingNode>,
     /// Of the elements alone.
-    diagonal: Diagonal,
+    diagonal: Kept<Diagonal>,
     /// Of the springs alone; zero but while they are summed.
     spring_diagonal: Diagonal,
     /// Nodes that carry springs.
@@ -197,8 +201,16 @@ impl Operator {
     /// An operator over the elements of `level`, all matrices zero.
     #[must_use]
     pub fn new(level: &Level) -> Self {
-        let mut operator = Self {
+        let mut operator = Self::empty();
+        operator.set_topology(level, None);
+        operator
+    }
+
+    /// An operator over nothing.
+    fn empty() -> Self {
+        Self {
             blocks: Vec::new(),
+            matrices_hash: KeptHash::default(),
             springs: Vec::new(),
             element_nodes: Vec::new(),
             assembly: Assembly::default(),
@@ -206,13 +218,32 @@ impl Operator {
             values: Vec::new(),
             sums: Vec::new(),
             hanging: Vec::new(),
-            diagonal: Diagonal::default(),
+            diagonal: Kept::default(),
             spring_diagonal: Diagonal::default(),
             sprung: Vec::new(),
             inverse: Vec::new(),
-        };
-        operator.set_topology(level, None);
-        operator
+        }
+    }
+
+    /// What of an operator follows the state with a lag, and nothing else.
+    pub(super) fn lagging(diagonal: Kept<Diagonal>, matrices: Vec<PackedMatrix<f32x8>>) -> Self {
+        let block = |matrix| OperatorBlock { matrix, ..OperatorBlock::new() };
+        Self { diagonal, blocks: matrices.into_iter().map(block).collect(), ..Self::empty() }
+    }
+
+    /// Takes what of `read` follows the state with a lag; [`Self::invert_diagonal`] completes it.
+    pub(super) fn take_lag(&mut self, read: Self) {
+        self.diagonal = read.diagonal;
+        self.blocks.iter_mut().zip(read.blocks).for_each(|(block, read)| block.matrix = read.matrix);
+        self.matrices_hash.forget();
+    }
+
+    pub(super) fn matrices_hash(&self) -> &KeptHash {
+        &self.matrices_hash
+    }
+
+    pub(super) fn diagonal(&self) -> &Kept<Diagonal> {
+        &self.diagonal
     }
 
     /// Number of nodes, hanging ones included.
@@ -236,6 +267,7 @@ impl Operator {
         let renumbered = self.assembly.set_topology(level, changed);
         self.element_nodes.resize(elements, [0; 8]);
         self.blocks.resize_with(elements.div_ceil(LANES), OperatorBlock::new);
+        self.matrices_hash.forget();
         self.corners.resize_with(self.assembly.chunks().len(), || Corners::Each(Vec::new()));
         self.values.resize(self.assembly.buffer_len(), f32x4::ZERO);
         self.sums.resize(self.assembly.buffer_len(), f32x4::ZERO);
@@ -280,13 +312,21 @@ impl Operator {
 
     /// Sets the packed matrix of an element.
     pub fn set_matrix(&mut self, element: usize, packed: &[f64; PACKED]) {
+        self.matrices_hash.forget();
         self.blocks[element / LANES].matrix.set(element % LANES, packed);
     }
 
     /// Stores once what blocks have in common.
     pub fn share_matrices(&mut self) {
         let mut shared = Vec::new();
+        self.matrices_hash.forget();
         self.blocks.iter_mut().for_each(|b| b.matrix.share(&mut shared));
+    }
+
+    /// Stores once what the elements of the block of one have in common.
+    pub fn share_matrix(&mut self, element: usize) {
+        self.matrices_hash.forget();
+        self.blocks[element / LANES].matrix.share(&mut Vec::new());
     }
 
     /// The packed matrix of an element, as set.
@@ -388,6 +428,11 @@ impl Operator {
         self.sum_diagonals(workers, [(0, 0), (1, 1), (2, 2)], &mut diagonal.on);
         self.sum_diagonals(workers, [(0, 1), (0, 2), (1, 2)], &mut diagonal.off);
         self.diagonal = diagonal;
+        self.invert_diagonal(workers);
+    }
+
+    /// Inverts the diagonal blocks as they are. Springs are dropped.
+    pub(super) fn invert_diagonal(&mut self, workers: &Workers<'_>) {
         self.springs.clear();
         self.sprung.clear();
         let data = (&self.diagonal.on[..], &self.diagonal.off[..], &mut self.inverse[..]);
@@ -485,6 +530,11 @@ pub fn masters_of(hanging: &[HangingNode], node: usize) -> impl Iterator<Item = 
 }
 
 impl Diagonal {
+    /// Number of nodes.
+    pub(super) fn len(&self) -> usize {
+        self.on.len().min(self.off.len())
+    }
+
     fn resize(&mut self, nodes: usize) {
         self.on.resize(nodes, f32x4::ZERO);
         self.off.resize(nodes, f32x4::ZERO);

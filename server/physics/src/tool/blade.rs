@@ -3,9 +3,10 @@
 use super::edge::Edge;
 use super::flanks::{Flanks, Thickness};
 use crate::scene::{BladeDesc, SceneError};
+use serde::{Deserialize, Serialize};
 
 /// Shape of a blade in the tool frame. The flanks are the surface that the edge sweeps in +y.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Blade {
     /// Its edge.
     pub edge: Edge,

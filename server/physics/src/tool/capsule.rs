@@ -2,6 +2,7 @@
 
 use crate::scene::CapsuleDesc;
 use crate::{Mat3, Vec3};
+use serde::{Deserialize, Serialize};
 
 /// A normal that points less than this far (cosine) along the one a point came in by is of the other side.
 const SAME_SIDE: f64 = 0.5;
@@ -11,7 +12,7 @@ const TOUCH: f64 = 1e-6;
 const MOST_SWEEP_STEPS: u32 = 32;
 
 /// All points within `radius_m` of a segment of the tool's x axis about its origin.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Capsule {
     /// Radius, m.
     pub radius_m: f64,

@@ -3,9 +3,10 @@
 use super::frame::BladeFrame;
 use crate::Vec3;
 use crate::scene::edge::STEEPEST;
+use serde::{Deserialize, Serialize};
 
 /// A straight piece of an edge, tool frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Piece {
     /// Its middle, m.
     pub middle_m: Vec3,
@@ -25,7 +26,7 @@ impl Piece {
 }
 
 /// One segment of an edge, tool frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EdgeSegment {
     /// Its middle, m.
     pub middle_m: Vec3,
@@ -36,7 +37,7 @@ pub struct EdgeSegment {
 }
 
 /// A polyline of the pieces of an edge, tool frame.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Edge {
     points_m: Vec<Vec3>,
     pieces: Vec<Piece>,

@@ -2,12 +2,13 @@
 
 use super::edge::Edge;
 use crate::Vec3;
+use serde::{Deserialize, Serialize};
 
 /// Strips that are looked at together: a wall far from all of them is told so by one box.
 const STRIPS_PER_GROUP: usize = 16;
 
 /// The middle surface behind an edge, `edge + t y`, and how far the flanks stand off it. Tool frame.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Flanks {
     strips: Vec<Strip>,
     /// Bounds of each [`STRIPS_PER_GROUP`] strips seen along y: least x and z, most x and z, m.
@@ -18,7 +19,7 @@ pub struct Flanks {
 }
 
 /// Thickness of a blade by the height above its edge.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Thickness {
     /// Half of it where it is full, m.
     half_m: f64,
@@ -53,7 +54,7 @@ impl Thickness {
 }
 
 /// What a straight piece of the edge sweeps.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Strip {
     middle_m: Vec3,
     /// Unit tangent of the piece seen along y, and half of its length, m.

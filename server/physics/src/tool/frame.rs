@@ -1,9 +1,10 @@
 //! The directions of a blade at a point of its edge.
 
 use crate::{Quat, Vec3};
+use serde::{Deserialize, Serialize};
 
 /// Directions of a blade at a point of its edge.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BladeFrame {
     /// Along the edge.
     pub along: Vec3,

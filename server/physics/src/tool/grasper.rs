@@ -1,6 +1,7 @@
 //! A grasper: jaws that take hold of what is around the reference point.
 
 use crate::scene::GrasperDesc;
+use serde::{Deserialize, Serialize};
 
 /// Jaws that open by less than this fraction close, and hold on until they open by more than
 /// [`OPENS_ABOVE`]: a device that trembles between the two lets nothing go.
@@ -9,7 +10,7 @@ const CLOSES_BELOW: f64 = 0.1;
 const OPENS_ABOVE: f64 = 0.2;
 
 /// A grasper; the reference point is the middle of its jaws.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Grasper {
     /// Radius around the reference point within which it takes hold, m.
     pub radius_m: f64,
@@ -24,7 +25,7 @@ impl From<&GrasperDesc> for Grasper {
 }
 
 /// What jaws do.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Jaws {
     /// Hold nothing.
     #[default]

@@ -1,6 +1,7 @@
 //! Where a tool is: its pose and the opening of its jaws.
 
 use nalgebra::Quaternion;
+use serde::{Deserialize, Serialize};
 
 use crate::{Quat, Vec3};
 
@@ -29,7 +30,7 @@ pub enum PoseError {
 /// Pose of a tool in the scene frame. Tool frame: origin = reference point = middle of the edge,
 /// +x along the edge, -y the cutting direction (spine to edge), +z the blade's normal. The reference point of
 /// scissors is their pivot, a grasper's the middle of its jaws, a probe's that of its axis.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
     /// Reference point, m.
     pub position_m: Vec3,

@@ -7,6 +7,7 @@ use super::blade::Blade;
 use super::pose::Pose;
 use crate::scene::{BladeDesc, SceneError, ScissorsDesc};
 use crate::{Quat, Vec3};
+use serde::{Deserialize, Serialize};
 
 /// Angle by which closed blades have crossed, rad: as real ones do, and the last of the tissue between them
 /// would hold the front's compression otherwise.
@@ -44,7 +45,7 @@ impl Scissors {
 }
 
 /// Which blade of a pair.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Side {
     /// Cuts towards -y.
     Upper,
@@ -53,7 +54,7 @@ pub enum Side {
 }
 
 /// How an edge is mounted on its tool.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Mount {
     /// It is the tool's own edge.
     Fixed,

@@ -11,22 +11,32 @@ use crate::tool::ToolPath;
 use crate::tool::blade::Blade;
 use crate::tool::scissors::Mount;
 use crate::view::Touch;
+use crate::walk::Kept;
+use serde::{Deserialize, Serialize};
 
 /// What one blade of a tool does in one body.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct BladeContact {
-    blade: Blade,
+    blade: Kept<Blade>,
     mount: Mount,
     pub(super) front: Front,
     pub(super) flanks: Vec<Contact>,
     beside: WallsBeside,
+    #[serde(skip)]
     hash: SpatialHash,
 }
 
 impl BladeContact {
     pub(super) fn new(blade: Blade, mount: Mount, body: &Body) -> Self {
         let front = Front::new(&blade, body);
-        Self { front, blade, mount, flanks: Vec::new(), beside: WallsBeside::default(), hash: SpatialHash::default() }
+        Self {
+            front,
+            blade: blade.into(),
+            mount,
+            flanks: Vec::new(),
+            beside: WallsBeside::default(),
+            hash: SpatialHash::default(),
+        }
     }
 
     pub(super) fn scale_penalties(&mut self, factor: f64) {

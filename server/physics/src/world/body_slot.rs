@@ -11,10 +11,12 @@ use crate::grid::{Crossing, LinkId};
 use crate::ledger::BodyLedger;
 use crate::solve::spring::{POINT_NODES, PointSpring};
 use crate::tool::ToolShape;
+use crate::walk::WalkError;
 use crate::workers::Workers;
+use serde::{Deserialize, Serialize};
 
 /// A body with the step data that belongs to it.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct BodySlot {
     pub(super) body: Body,
     /// By tool.
@@ -31,6 +33,7 @@ pub(super) struct BodySlot {
     pub(super) applied_n_s: f64,
     /// Energy in the springs of its fronts and of its ties at the end of the last step that was taken of it, J.
     pub(super) front_stored_j: f64,
+    #[serde(skip)]
     pub(super) scratch: SlotScratch,
 }
 
@@ -82,6 +85,24 @@ impl BodySlot {
         }
         slot.reserve(0);
         slot
+    }
+
+    /// Completes a body that was read from a file by what never changes of one like it.
+    ///
+    /// # Errors
+    /// What was read does not fit together, or not to the scene.
+    pub(super) fn complete(&mut self, like: &Self, workers: &Workers<'_>) -> Result<(), WalkError> {
+        self.body.complete(&like.body, workers)?;
+        let nodes = self.body.node_count();
+        let cohesive = self.pulled.iter().flat_map(|pulled| &pulled.cohesive.contacts);
+        let springs = self.contacts.iter().flat_map(ToolContact::springs).chain(cohesive);
+        let mut at = springs.flat_map(|spring| spring.ends.weights.iter());
+        let alike = self.contacts.iter().zip(&like.contacts).all(|(own, like)| own.is_like(like));
+        let fits = self.contacts.len() == like.contacts.len()
+            && alike
+            && self.velocity_change.len() == nodes
+            && at.all(|(node, _)| (node as usize) < nodes);
+        if fits { Ok(()) } else { Err(WalkError::new("contacts are not of the tools and the body".into())) }
     }
 
     /// Room for every contact there may be until links part again, `tissue_springs` of them with tissue: a

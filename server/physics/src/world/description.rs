@@ -1,6 +1,7 @@
 //! What a world is of: nothing of this changes while it is stepped.
 
 use super::BodySlot;
+use super::file::SceneIdentity;
 use crate::Vec3;
 use crate::body::MaterialPoint;
 use crate::grid::Grid;
@@ -9,6 +10,8 @@ use crate::params::StepParams;
 use crate::scene::wording::brief;
 use crate::scene::{Scene, SceneError};
 use crate::tool::ToolShape;
+use crate::walk;
+use std::sync::Arc;
 
 /// A material point that is followed.
 pub(super) struct TrackedPoint {
@@ -18,6 +21,8 @@ pub(super) struct TrackedPoint {
 
 /// The constant part of a world, as the scene gave it, but for what its bodies are made of, which each has itself.
 pub(super) struct Description {
+    /// What a snapshot is known to be of the same scene by.
+    pub(super) scene: Arc<SceneIdentity>,
     /// Time step, s.
     pub(super) dt_s: f64,
     /// See [`crate::SceneDesc::most_relative_residual`].
@@ -27,6 +32,13 @@ pub(super) struct Description {
     pub(super) tracked_points: Vec<TrackedPoint>,
     /// What leaves it is put away, scene frame.
     pub(super) reach: Aabb,
+}
+
+/// What a scene is known by: a hash over its description and its meshes, too.
+pub(super) fn identity(scene: &Scene) -> SceneIdentity {
+    let meshes: Vec<_> = scene.meshes.iter().map(|(key, mesh)| (key, &mesh.positions, &mesh.triangles)).collect();
+    let hash = walk::hash(&(&scene.desc, meshes));
+    SceneIdentity { name: scene.desc.name.clone(), rate_hz: scene.desc.rate_hz, hash }
 }
 
 /// Shapes of a scene's tools.

@@ -8,6 +8,7 @@ mod clear;
 mod contact_model;
 mod description;
 mod detection;
+mod file;
 mod inputs;
 mod interior;
 mod models;
@@ -41,10 +42,12 @@ use contact_model::ToolModel;
 use description::Description;
 use scratch::Scratch;
 use state::State;
+use std::sync::Arc;
 use tool::Tool;
 use tool_contact::ToolContact;
 
 pub use crate::body::Relaxation;
+pub use file::LoadError;
 pub use interior::Interior;
 pub use queries::{ObjectStats, TissuePress, WorldCounts};
 pub use snapshot::Snapshot;
@@ -96,7 +99,9 @@ impl World {
         }
         let most_relative_residual = scene.desc.most_relative_residual();
         let reach = put_away::reach(state.bodies());
-        let description = Description { dt_s: params.dt_s, most_relative_residual, shapes, tracked_points, reach };
+        let scene = Arc::new(description::identity(scene));
+        let dt_s = params.dt_s;
+        let description = Description { scene, dt_s, most_relative_residual, shapes, tracked_points, reach };
         Ok(Self { description, state, scratch, output })
     }
 

@@ -5,10 +5,10 @@ use crate::fracture::FrontBook;
 use crate::fracture::cohesive::CohesiveSprings;
 use crate::fracture::tear::{Tearing, Torn};
 use crate::grid::{Crossing, LinkId};
-use crate::hash::StateHasher;
+use serde::{Deserialize, Serialize};
 
 /// Tearing in one body.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct Pulled {
     tearing: Tearing,
     pub(super) cohesive: CohesiveSprings,
@@ -18,12 +18,6 @@ impl Pulled {
     /// Whether there is nothing to tear and no cohesive spring.
     pub(super) fn is_idle(&self) -> bool {
         self.tearing.is_empty() && self.cohesive.contacts.is_empty()
-    }
-
-    /// Folds it into a hash of state.
-    pub(super) fn fold_into(&self, hasher: &mut StateHasher) {
-        self.tearing.fold_into(hasher);
-        self.cohesive.fold_into(hasher);
     }
 
     /// From the cuts that a body has.
@@ -60,23 +54,5 @@ impl Pulled {
         if !change.split_nodes.is_empty() {
             self.cohesive.join(&change.split_nodes, &body.pull_n(), body.lattice_edge_m());
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_owed_for_a_tear_is_part_of_the_state() {
-        let hash = |pulled: &Pulled| {
-            let mut hasher = StateHasher::default();
-            pulled.fold_into(&mut hasher);
-            hasher.finish()
-        };
-        let mut pulled = Pulled { tearing: Tearing::default(), cohesive: CohesiveSprings::default() };
-        let before = hash(&pulled);
-        pulled.cohesive.owe(1.0);
-        assert_ne!(hash(&pulled), before);
     }
 }

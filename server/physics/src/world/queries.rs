@@ -6,13 +6,13 @@ use super::tool_contact::ToolContact;
 use crate::Vec3;
 use crate::body::Body;
 use crate::grid::LeftOut;
-use crate::hash::StateHasher;
 use crate::math::Aabb;
 use crate::stage::{Lap, Stage, StageClock};
 use crate::surface::Surface;
 use crate::surface::delta::{AdaptedVertex, Keyframe, TopologyPatch};
 use crate::tool::Pose;
 use crate::view::View;
+use crate::walk;
 
 /// What an object of a scene consists of.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -193,25 +193,11 @@ impl World {
         self.scratch.view.as_ref().map_or(&[], |view| view.adapted(object))
     }
 
-    /// Hash of positions, velocities, rest and sleep, strain memory, fronts, ends of cuts, cohesive springs, what graspers hold, what friction remembers and topology.
+    /// Hash of all that the next step depends on, by its bits: two worlds of a scene whose hashes agree go on to the
+    /// same bits.
     #[must_use]
     pub fn state_hash(&self) -> u64 {
-        let mut hasher = StateHasher::default();
-        hasher.word(self.state.step);
-        for slot in &self.state.slots {
-            slot.activity.fold_into(&mut hasher);
-            for values in [&slot.body.state.position_m, &slot.body.state.velocity_m_per_s] {
-                values.iter().for_each(|v| hasher.floats(v));
-            }
-            slot.body.fold_memory_into(&mut hasher);
-            for element in &slot.body.base().elements {
-                element.nodes.iter().for_each(|n| hasher.word(u64::from(*n)));
-            }
-            slot.contacts.iter().for_each(|c| c.fold_into(&mut hasher));
-            slot.pulled.iter().for_each(|pulled| pulled.fold_into(&mut hasher));
-        }
-        self.state.tissue.iter().for_each(|tissue| tissue.fold_into(&mut hasher));
-        hasher.finish()
+        walk::hash(&self.state)
     }
 
     /// Hash of the surface's structure; see [`crate::surface::hash`].

@@ -2,17 +2,23 @@
 
 use super::World;
 use super::contact_model::ToolModel;
+use super::file::{LoadError, SceneIdentity};
 use super::state::State;
+use crate::body::Body;
 use crate::step_io::StepOutput;
+use crate::walk;
+use std::sync::Arc;
 
 /// The state of a world as a step left it: [`World::snapshot`].
 ///
 /// Deliberately absent: the surface, which follows from the state; what a body is made of, which never changes and which
-/// the worlds share; and the room that a step works in. The solver's matrices are kept, for they follow the state with a
-/// lag: made anew they would lead on to other bits.
+/// the worlds share; and the room that a step works in. What of the solver follows the state with a lag is part of it:
+/// made anew it would lead on to other bits.
+#[derive(Clone)]
 pub struct Snapshot {
-    state: State,
-    output: StepOutput,
+    pub(super) scene: Arc<SceneIdentity>,
+    pub(super) state: State,
+    pub(super) output: StepOutput,
 }
 
 impl Snapshot {
@@ -21,13 +27,38 @@ impl Snapshot {
     pub fn step(&self) -> u64 {
         self.state.step
     }
+
+    /// Simulated time when it was made, s.
+    #[must_use]
+    pub fn sim_time_s(&self) -> f64 {
+        self.output.sim_time_s
+    }
+
+    /// Relative tolerance of the solves; `None` in a scene without objects.
+    #[must_use]
+    pub fn relative_tolerance(&self) -> Option<f64> {
+        self.state.bodies().next().map(Body::relative_tolerance)
+    }
+
+    /// What [`World::state_hash`] was then.
+    #[must_use]
+    pub fn state_hash(&self) -> u64 {
+        walk::hash(&self.state)
+    }
+
+    /// Path of the first number of the state, from its top, in which the two differ by their bits.
+    #[must_use]
+    pub fn difference(&self, other: &Self) -> Option<String> {
+        walk::difference(&self.state, &other.state)
+    }
 }
 
 impl World {
     /// A copy of the state, tools and their contacts included.
     #[must_use]
     pub fn snapshot(&self) -> Snapshot {
-        Snapshot { state: self.state.clone(), output: self.output.clone() }
+        let scene = Arc::clone(&self.description.scene);
+        Snapshot { scene, state: self.state.clone(), output: self.output.clone() }
     }
 
     /// Goes back to a snapshot of this world, or of one of the same scene: the same inputs lead on to the
@@ -39,5 +70,21 @@ impl World {
         self.scratch.models.iter_mut().for_each(|model| *model = ToolModel::default());
         self.output.clone_from(&snapshot.output);
         self.forget_surface();
+    }
+
+    /// The state as a file: [`Snapshot::save`] of a snapshot of now.
+    #[must_use]
+    pub fn save(&self) -> Vec<u8> {
+        self.snapshot().save()
+    }
+
+    /// Goes on from the state in a file that [`World::save`] made of this scene, in this or another process.
+    ///
+    /// # Errors
+    /// As [`Snapshot::load`] says; the world is then as it was.
+    pub fn load(&mut self, file: &[u8]) -> Result<(), LoadError> {
+        let snapshot = self.snapshot().load(file)?;
+        self.restore(&snapshot);
+        Ok(())
     }
 }

@@ -5,10 +5,13 @@ use super::tissue_contact::TissueContacts;
 use super::tool::Tool;
 use crate::body::Body;
 use crate::step_io::EnergyStep;
+use crate::walk::WalkError;
+use crate::workers::Workers;
+use serde::{Deserialize, Serialize};
 
 /// The state of a scene between two steps. The same state and the same inputs lead on to the same bits. A copy leaves
 /// out the room that a step works in; [`State::reserve`] makes it anew.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct State {
     /// Steps taken.
     pub(super) step: u64,
@@ -25,6 +28,25 @@ pub(super) struct State {
 }
 
 impl State {
+    /// Completes a state that was read from a file by what never changes of one like it: of the same scene.
+    ///
+    /// # Errors
+    /// What was read does not fit together, or not to the scene.
+    pub(super) fn complete(&mut self, like: &Self, workers: &Workers<'_>) -> Result<(), WalkError> {
+        let counts = |state: &Self| [state.slots.len(), state.tools.len()];
+        if counts(self) != counts(like) {
+            return Err(WalkError::new("its objects and tools are not the scene's".into()));
+        }
+        for (index, (slot, like)) in self.slots.iter_mut().zip(&like.slots).enumerate() {
+            let completed = slot.complete(like, workers);
+            completed.map_err(|error| WalkError::new(format!("objects[{index}]: {error}")))?;
+        }
+        if self.tissue.as_ref().is_some_and(|tissue| !tissue.fits(&self.slots)) {
+            return Err(WalkError::new("contact of tissue is not between the surfaces".into()));
+        }
+        Ok(())
+    }
+
     /// The bodies of which a step is taken.
     pub(super) fn awake(&mut self) -> impl Iterator<Item = &mut BodySlot> {
         self.slots.iter_mut().filter(|slot| !slot.is_asleep())

@@ -11,12 +11,12 @@ use crate::contact::ends::{TissueEnd, TissueEnds};
 use crate::contact::patch_hash::PlacedPatch;
 use crate::contact::press::{Approach, MARGIN_VOXELS, Meeting, PatchOf, Plane, approach, meet};
 use crate::contact::{Contact, ContactWeights, Friction, Misjudged, Mode, Solution, TissueContact};
-use crate::hash::StateHasher;
 use crate::ledger::ContactLedger;
 use crate::math::Aabb;
 use crate::solve::pcg::{Factor, System, Systems};
 use crate::solve::spring::PointSpring;
 use crate::workers::Workers;
+use serde::{Deserialize, Serialize};
 
 /// Stiffness of an interface over that of the half elements on both sides of it: pressed bodies are softer
 /// by a twentieth of an element than if they were one. Halved, by a tenth; doubled, by a fortieth, at more iterations.
@@ -40,24 +40,30 @@ const MOST_TRAVEL_ELEMENTS: f64 = 16.0;
 const ROOM_FOR_APPROACHES: usize = 256;
 
 /// Springs between tissue and tissue, and what they are found with.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct TissueContacts {
     /// By body.
     carried: Vec<Carried>,
+    #[serde(skip)]
     candidates: Candidates,
     /// By candidate.
+    #[serde(skip)]
     placed: Vec<PlacedPatch>,
     /// By candidate; `None` where the tissue is crushed flat.
+    #[serde(skip)]
     planes: Vec<Option<Plane>>,
     /// Of one candidate to others, with their places: scratch.
+    #[serde(skip)]
     approaches: Vec<(usize, Approach)>,
     springs: Vec<TissueContact>,
+    #[serde(skip)]
     bridges: Vec<Bridge>,
+    #[serde(skip)]
     groups: PartGroups,
 }
 
 /// What the patches of a body's surface carry from step to step.
-#[derive(Clone, Default)]
+#[derive(Clone, Default, Serialize, Deserialize)]
 struct Carried {
     /// Version of the surface.
     version: u64,
@@ -130,6 +136,24 @@ impl TissueContacts {
         };
         contact.follow_anew(slots);
         contact
+    }
+
+    /// Whether it is of the surfaces of these bodies.
+    pub(super) fn fits(&self, slots: &[BodySlot]) -> bool {
+        let is_of = |(carried, body): (&Carried, &Body)| {
+            let patches = body.boundary().patches();
+            carried.version == body.boundary().version()
+                && carried.depth_m.len() == patches.len()
+                && carried.keys.iter().copied().eq(patches.iter().map(SurfacePatch::key))
+        };
+        let is_in = |end: &TissueEnd| {
+            let nodes = slots.get(end.body as usize).map_or(0, |slot| slot.body.node_count());
+            end.weights.iter().all(|(node, _)| (node as usize) < nodes)
+        };
+        let patches = |spring: &TissueContact| self.carried[spring.ends.ends[0].body as usize].keys.len();
+        self.carried.len() == slots.len()
+            && self.carried.iter().zip(bodies(slots)).all(is_of)
+            && self.springs.iter().all(|s| s.ends.ends.iter().all(is_in) && (s.ends.patch as usize) < patches(s))
     }
 
     /// Most springs that there may be until links part again.
@@ -354,11 +378,6 @@ impl TissueContacts {
             let TissueEnds { ends: [point, _], patch } = &spring.ends;
             self.carried[point.body as usize].depth_m[*patch as usize] = depth_m;
         }
-    }
-
-    /// Folds what it remembers into a hash.
-    pub(super) fn fold_into(&self, hasher: &mut StateHasher) {
-        self.carried.iter().for_each(|carried| hasher.floats(&carried.depth_m));
     }
 
     /// Springs of the last step; none where links parted in it.

@@ -1,9 +1,10 @@
 //! A tool in the world.
 
 use crate::tool::{OPEN, Pose, ToolPath};
+use serde::{Deserialize, Serialize};
 
 /// Where a tool is.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct Tool {
     pub(super) pose: Option<Pose>,
     /// Pose at the beginning of the step; equal to `pose` where it has just entered.

@@ -7,13 +7,13 @@ use crate::contact::palpation::Palpation;
 use crate::contact::{Contact, Misjudged, Solution};
 use crate::fracture::FrontBook;
 use crate::grid::{Crossing, LinkId};
-use crate::hash::StateHasher;
 use crate::tool::scissors::Mount;
 use crate::tool::{ToolPath, ToolShape};
 use crate::view::Touch;
+use serde::{Deserialize, Serialize};
 
 /// What one tool does in one body.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) enum ToolContact {
     /// Its edges cut.
     Edges(Vec<BladeContact>),
@@ -33,6 +33,17 @@ impl ToolContact {
             }
             ToolShape::Grasper(grasper) => Self::Grasp(Grasp::new(*grasper, body)),
             ToolShape::Probe(capsule) => Self::Palpation(Palpation::new(*capsule)),
+        }
+    }
+
+    /// Whether it is of a tool of the same kind.
+    pub(super) fn is_like(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Edges(own), Self::Edges(other)) => {
+                own.len() == other.len() && own.iter().zip(other).all(|(own, other)| own.front.is_like(&other.front))
+            }
+            (Self::Grasp(_), Self::Grasp(_)) | (Self::Palpation(_), Self::Palpation(_)) => true,
+            _ => false,
         }
     }
 
@@ -213,15 +224,5 @@ impl ToolContact {
     /// Length of edge that is yielding against intact material, m.
     pub(super) fn cutting_length_m(&self) -> f64 {
         self.edges().iter().map(|edge| edge.front.cutting_length_m()).sum()
-    }
-
-    /// Folds what lasts from step to step into a hash.
-    pub(super) fn fold_into(&self, hasher: &mut StateHasher) {
-        match self {
-            Self::Edges(edges) => edges.iter().for_each(|edge| edge.front.fold_into(hasher)),
-            Self::Grasp(grasp) => grasp.fold_into(hasher),
-            // Where it touches follows from where it and the body are.
-            Self::Palpation(_) => {}
-        }
     }
 }

@@ -1,6 +1,7 @@
 //! Scenes and helpers of the physics tests.
 #![allow(dead_code, reason = "the tests of two crates share it")]
 
+pub mod busy;
 pub mod cutting;
 pub mod press;
 pub mod swept;

@@ -1,0 +1,212 @@
+//! A snapshot as a file, to be kept, sent, and gone back to by another program that runs the same scene.
+//!
+//! [`MAGIC`], [`FORMAT`], a checksum of all that follows, a header, the state and what the last step reported. What
+//! follows from the state is left out and made anew as the file is read. Whoever wrote the file could also have driven
+//! the tools: that it has not come to harm and fits the scene is checked, that somebody has simulated it is not.
+
+use super::snapshot::Snapshot;
+use super::state::State;
+use crate::step_io::StepOutput;
+use crate::walk::{self, WalkError};
+use crate::workers::Workers;
+use serde::{Deserialize, Serialize};
+
+/// What a file of a snapshot begins with.
+pub const MAGIC: [u8; 8] = *b"KERFSNAP";
+/// Goes up whenever what is walked changes: a file of another format is refused.
+pub const FORMAT: u32 = 1;
+/// Characters of a name from a file that an error repeats: names of scenes are shorter.
+const MOST_TOLD: usize = 64;
+/// Bytes before what the checksum is of.
+const HEAD: usize = MAGIC.len() + size_of::<u32>() + size_of::<u64>();
+
+/// Why a file of a snapshot is not taken.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum LoadError {
+    /// It is something else, or less than a head.
+    #[error("it is no snapshot of a world: it does not begin with \"KERFSNAP\"")]
+    NoSnapshot,
+    /// It was written by a program of another format.
+    #[error("format: it is {found}, and this program reads {FORMAT}")]
+    Format {
+        /// That of the file.
+        found: u32,
+    },
+    /// It has come to harm.
+    #[error("checksum: the file says {told:016x}, and its bytes give {found:016x}: it is cut off or changed")]
+    Checksum {
+        /// What the file says.
+        told: u64,
+        /// What its bytes give.
+        found: u64,
+    },
+    /// The program that wrote it or the scene it is of is another one.
+    #[error("{field}: the file is of {found}, and this is {wanted}")]
+    Other {
+        /// What differs.
+        field: &'static str,
+        /// That of the file.
+        found: String,
+        /// That of here.
+        wanted: String,
+    },
+    /// It does not fit together.
+    #[error("it does not fit together: {0}")]
+    Broken(String),
+}
+
+impl From<WalkError> for LoadError {
+    fn from(error: WalkError) -> Self {
+        Self::Broken(error.to_string())
+    }
+}
+
+/// What a file is of, and what the state in it hashes to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Header {
+    program: String,
+    target: String,
+    scene: SceneIdentity,
+    step: u64,
+    state_hash: u64,
+}
+
+/// By what a scene is known: its name, its steps, and a hash over all that it states.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct SceneIdentity {
+    pub(super) name: String,
+    pub(super) rate_hz: f64,
+    pub(super) hash: u64,
+}
+
+impl Header {
+    fn of(snapshot: &Snapshot) -> Self {
+        Self {
+            program: env!("CARGO_PKG_VERSION").into(),
+            target: std::env::consts::ARCH.into(),
+            scene: (*snapshot.scene).clone(),
+            step: snapshot.step(),
+            state_hash: snapshot.state_hash(),
+        }
+    }
+
+    /// Refuses what was written for anything else than `own` is of.
+    fn check(&self, own: &Self) -> Result<(), LoadError> {
+        let scene = |scene: &SceneIdentity| format!("`{}`, {:016x}", told(&scene.name), scene.hash);
+        let pairs = [
+            ("program", told(&self.program), own.program.clone()),
+            ("target", told(&self.target), own.target.clone()),
+            ("scene.name", format!("`{}`", told(&self.scene.name)), format!("`{}`", own.scene.name)),
+            ("scene.rate_hz", format!("{} Hz", self.scene.rate_hz), format!("{} Hz", own.scene.rate_hz)),
+            ("scene", scene(&self.scene), scene(&own.scene)),
+        ];
+        match pairs.into_iter().find(|(_, found, wanted)| found != wanted) {
+            Some((field, found, wanted)) => Err(LoadError::Other { field, found, wanted }),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Snapshot {
+    /// The snapshot as a file.
+    #[must_use]
+    pub fn save(&self) -> Vec<u8> {
+        let mut file = Vec::new();
+        file.extend(MAGIC);
+        file.extend(FORMAT.to_le_bytes());
+        file.extend([0; size_of::<u64>()]);
+        walk::encode(&Header::of(self), &mut file);
+        walk::encode(&self.state, &mut file);
+        walk::encode(&self.output, &mut file);
+        let checksum = walk::checksum(&file[HEAD..]);
+        file[HEAD - size_of::<u64>()..HEAD].copy_from_slice(&checksum.to_le_bytes());
+        file
+    }
+
+    /// The snapshot in a file, of the scene of this one. It costs about what making the scene does.
+    ///
+    /// # Errors
+    /// The file is of another format, program, target or scene, has come to harm, or does not fit together.
+    pub fn load(&self, file: &[u8]) -> Result<Self, LoadError> {
+        let mut rest = body(file)?;
+        let header: Header = walk::decode(&mut rest)?;
+        header.check(&Header::of(self))?;
+        let mut state: State = walk::decode(&mut rest)?;
+        let output: StepOutput = walk::decode(&mut rest)?;
+        if !rest.is_empty() {
+            return Err(LoadError::Broken(format!("{} bytes are left over", rest.len())));
+        }
+        state.complete(&self.state, &Workers::serial())?;
+        let loaded = Self { scene: self.scene.clone(), state, output };
+        if loaded.state_hash() != header.state_hash || loaded.step() != header.step {
+            return Err(LoadError::Broken("its state is not the one that the header tells of".into()));
+        }
+        Ok(loaded)
+    }
+}
+
+/// As much of a name from a file as an error repeats, on one line.
+fn told(name: &str) -> String {
+    name.chars().take(MOST_TOLD).flat_map(char::escape_debug).collect()
+}
+
+/// What follows the checksum, which is right.
+fn body(file: &[u8]) -> Result<&[u8], LoadError> {
+    let head = file.strip_prefix(&MAGIC).ok_or(LoadError::NoSnapshot)?;
+    let (format, head) = head.split_first_chunk().ok_or(LoadError::NoSnapshot)?;
+    let found = u32::from_le_bytes(*format);
+    if found != FORMAT {
+        return Err(LoadError::Format { found });
+    }
+    let (checksum, body) = head.split_first_chunk().ok_or(LoadError::NoSnapshot)?;
+    let (told, found) = (u64::from_le_bytes(*checksum), walk::checksum(body));
+    if told != found {
+        return Err(LoadError::Checksum { told, found });
+    }
+    Ok(body)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::support::busy::Busy;
+    use crate::walk::places::places;
+    use std::collections::BTreeMap;
+
+    #[test]
+    fn every_number_of_the_state_that_is_another_makes_another_hash() {
+        let mut busy = Busy::new(0);
+        busy.run(140);
+        let state = busy.world.snapshot().state;
+        let (mut bytes, hash) = (Vec::new(), walk::hash(&state));
+        walk::encode(&state, &mut bytes);
+        let mut by_field: BTreeMap<String, (u32, u32)> = BTreeMap::new();
+        for (field, at) in places(&state) {
+            let (tried, moved) = by_field.entry(field).or_default();
+            if *moved == 3 || *tried == 100 {
+                continue;
+            }
+            *tried += 1;
+            bytes[at.start] ^= 1;
+            // Lengths, and what says which of several it is, may leave nothing that can be read.
+            if let Ok(changed) = walk::decode::<State>(&mut &bytes[..]) {
+                assert_ne!(walk::hash(&changed), hash, "byte {} says nothing", at.start);
+                *moved += 1;
+            }
+            bytes[at.start] ^= 1;
+        }
+        let moved = by_field.values().filter(|(_, moved)| *moved > 0).count();
+        println!("{moved} of {} fields", by_field.len());
+        for field in [
+            "tools.[].pose",
+            "slots.[].contacts",
+            "tissue",
+            "slots.[].pulled",
+            "slots.[].body.state.elements.[].branch",
+        ] {
+            let of_field = by_field.iter().filter(|(path, (_, moved))| path.starts_with(field) && *moved > 0);
+            assert!(of_field.count() > 0, "`{field}` is not in play");
+        }
+        assert!(moved > 150, "{moved} of {} fields: {by_field:?}", by_field.len());
+    }
+}
