@@ -7,6 +7,7 @@ use kerf_physics::step_io::ToolMotion;
 use kerf_physics::surface::delta::{BodyStructure, TopologyPatch};
 use kerf_physics::surface::hash::{ObjectHash, surface_hash};
 use kerf_physics::tool::Pose;
+use kerf_physics::view::{Frame, StructureChange, View};
 use kerf_physics::{NoClock, Stage, StepInputs, StepOutput, ToolInput, Vec3, Workers, World};
 
 const STEPS_PER_STROKE: usize = 60;
@@ -157,6 +158,48 @@ fn a_surface_that_was_forgotten_costs_nothing_and_comes_back_as_if_it_had_been_f
     stroke(&mut forgotten, &mut same, |world, _| patches[1].extend(world.topology_patch().cloned()));
     assert!(!patches[0].is_empty());
     assert_eq!(patches[0], patches[1]);
+}
+
+#[test]
+fn a_view_without_a_world_that_gets_changes_of_several_steps_at_once_shows_what_the_world_does() {
+    let mut world = two_blocks();
+    let (first, mut view, mut frame) = (world.keyframe(), View::new(world.structure()), Frame::default());
+    assert_eq!(view.keyframe(), first);
+    let (mut waiting, mut step) = (None::<StructureChange>, 0);
+    let (mut changes, mut looks, mut adapted) = (0, 0, 0);
+    let mut rng = Lcg(13);
+    for _ in 0..3 {
+        stroke(&mut world, &mut rng, |world, _| {
+            step += 1;
+            if let Some(change) = world.structure_change() {
+                changes += 1;
+                match &mut waiting {
+                    Some(waiting) => waiting.append(change),
+                    None => waiting = Some(change),
+                }
+            }
+            if step % 7 != 0 {
+                return;
+            }
+            let patch = waiting.take().map(|change| view.follow(&change));
+            world.write_frame(&mut frame);
+            view.adapt(&frame);
+            world.adapt_surface(&NoClock);
+            let keyframe = world.keyframe();
+            assert!(patch.is_none_or(|patch| patch.surface_hash == keyframe.surface_hash));
+            assert_eq!(view.keyframe(), keyframe);
+            for object in 0..2 {
+                let mut displacements_m = [Vec::new(), Vec::new()];
+                world.node_displacements_m(object, &mut displacements_m[0]);
+                view.node_displacements_m(&frame, object, &mut displacements_m[1]);
+                assert_eq!(displacements_m[0], displacements_m[1]);
+                assert_eq!(view.adapted_vertices(object), world.adapted_vertices(object));
+                adapted += view.adapted_vertices(object).len();
+            }
+            looks += 1;
+        });
+    }
+    assert!(changes > 2 * looks && adapted > 100, "{changes} changes in {looks} looks, {adapted} vertices adapted");
 }
 
 /// What a viewer knows of an object, and where it puts the vertices.

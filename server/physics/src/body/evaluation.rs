@@ -168,7 +168,7 @@ impl Body {
     }
 
     /// Boxes around the chunks of elements. What is held is where it was, whatever the nodes around it do.
-    fn chunk_boxes(&self) -> impl Iterator<Item = Aabb> + '_ {
+    pub(crate) fn chunk_boxes(&self) -> impl Iterator<Item = Aabb> + '_ {
         let bounds = self.state.chunks.iter().map(ChunkSums::bounds).zip(self.state.held.boxes());
         bounds.map(|(chunk, held)| chunk.with(held))
     }

@@ -71,6 +71,11 @@ impl Body {
         self.state.held.corners(element).is_some()
     }
 
+    /// The corners of an element's voxels, if something of it is held.
+    pub(crate) fn held_corners(&self, element: usize) -> Option<&VoxelCorners> {
+        self.state.held.corners(element)
+    }
+
     /// Finds out what of `elements` is held, and which nodes around them stand still; returns the elements that are held
     /// otherwise than before, ascending.
     pub(super) fn find_held(&mut self, elements: &[u32]) -> Vec<u32> {

@@ -24,11 +24,10 @@ impl Body {
         let local = self.local_coordinates(element, &point.position_m);
         let nodes = self.base().elements[element].nodes;
         let Some(corners) = self.state.held.corners(element) else {
-            return PointWeights { nodes, weights: shape_functions(local), fixed_m: Vec3::zeros() };
+            return PointWeights::in_element(nodes, local);
         };
         let weights = corners.weights(self.voxel_in_cell(element, point.voxel), local);
-        let carried: Vec3 = self.cell_corners_m(element).iter().zip(weights).map(|(corner, n)| corner * n).sum();
-        PointWeights { nodes, weights, fixed_m: point.position_m - carried }
+        PointWeights::beside_held(nodes, weights, &self.cell_corners_m(element), &point.position_m)
     }
 
     /// Place of a voxel in the cell of its element, in voxels.
@@ -149,6 +148,17 @@ pub struct PointWeights {
 }
 
 impl PointWeights {
+    /// Of a point at these coordinates in an element of which nothing is held.
+    pub(crate) fn in_element(nodes: [u32; 8], local: [f64; 3]) -> Self {
+        Self { nodes, weights: shape_functions(local), fixed_m: Vec3::zeros() }
+    }
+
+    /// Of a point at `position_m` at rest beside what is held, in an element with these corners at rest.
+    pub(crate) fn beside_held(nodes: [u32; 8], weights: [f64; 8], corners_m: &[Vec3; 8], position_m: &Vec3) -> Self {
+        let carried: Vec3 = corners_m.iter().zip(weights).map(|(corner, n)| corner * n).sum();
+        Self { nodes, weights, fixed_m: position_m - carried }
+    }
+
     /// Nodes and weights.
     pub fn iter(&self) -> impl Iterator<Item = (u32, f64)> {
         self.nodes.into_iter().zip(self.weights)

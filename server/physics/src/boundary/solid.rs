@@ -21,9 +21,8 @@ impl Solid<'_> {
 
     /// Coordinates of a reference position in the cell of an element; 0..=1 inside it.
     pub(crate) fn local_coordinates(&self, element: usize, position_m: &Vec3) -> [f64; 3] {
-        let data = &self.level.elements[element];
         let lattice_edge_m = self.grid.voxel_size_m() * f64::from(1u32 << self.level.exponent);
         let at = (position_m - self.grid.origin_m()) / lattice_edge_m;
-        [0, 1, 2].map(|a| (at[a] - f64::from(data.cell[a])) / f64::from(data.size))
+        self.level.elements[element].place().local_coordinates(&at)
     }
 }

@@ -16,6 +16,7 @@
 
 use super::cell_sizes::CellSizes;
 use super::{Grid, Ijk};
+use crate::Vec3;
 use crate::fem::composite::shape_functions;
 use serde::{Deserialize, Serialize};
 
@@ -44,6 +45,31 @@ pub struct Element {
     next_in_cell: u32,
     /// Whether it was its cell's only element and filled it when the level was built.
     whole: bool,
+}
+
+/// Where an element is, and its nodes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct ElementPlace {
+    /// As [`Element::cell`].
+    pub(crate) cell: Ijk,
+    /// As [`Element::size`].
+    pub(crate) size: i32,
+    /// As [`Element::nodes`].
+    pub(crate) nodes: [u32; 8],
+}
+
+impl Element {
+    /// Where it is, and its nodes.
+    pub(crate) fn place(&self) -> ElementPlace {
+        ElementPlace { cell: self.cell, size: self.size, nodes: self.nodes }
+    }
+}
+
+impl ElementPlace {
+    /// Coordinates in the cell, 0..=1 inside it, of a point given in lattice cells of the level.
+    pub(crate) fn local_coordinates(&self, at: &Vec3) -> [f64; 3] {
+        [0, 1, 2].map(|a| (at[a] - f64::from(self.cell[a])) / f64::from(self.size))
+    }
 }
 
 /// The elements and nodes of one level.

@@ -1,10 +1,10 @@
 //! What comes from outside between two steps: states that were set and poses of tools.
 
 use super::scratch::Scratch;
+use super::show::OwnView;
 use super::state::State;
 use crate::ledger::ContactLedger;
 use crate::step_io::{FractureStep, StepInputs, StepOutput, ToolMotion};
-use crate::view::View;
 use crate::workers::Workers;
 
 /// Takes states that were set from outside.
@@ -23,7 +23,7 @@ pub(super) fn apply(inputs: &StepInputs<'_>, state: &mut State, scratch: &mut Sc
     output.fault = None;
     output.fracture = FractureStep::default();
     scratch.ledger = ContactLedger::default();
-    scratch.view.iter_mut().for_each(View::begin_step);
+    scratch.view.iter_mut().for_each(OwnView::begin_step);
     state.slots.iter_mut().for_each(|slot| slot.scratch.parted.clear());
     for tool in &mut state.tools {
         tool.before = tool.pose;

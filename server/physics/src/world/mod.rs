@@ -21,6 +21,7 @@ mod queries;
 mod report;
 mod rollback;
 mod scratch;
+mod show;
 mod sleep;
 mod snapshot;
 mod solve;
@@ -152,7 +153,7 @@ impl World {
             lap.end(Stage::Topology);
         }
         if scratch.view.is_some() && output.fracture.parted_links > 0 {
-            parting::update_view(state, scratch);
+            show::follow(state, scratch);
             lap.end(Stage::Surface);
         }
         output.put_away = put_away::put_away(workers, description, state);

@@ -54,11 +54,3 @@ pub(super) fn update_topology(workers: &Workers<'_>, state: &mut State, output: 
         state.follow_tissue();
     }
 }
-
-/// What viewers see of it, where there are any.
-pub(super) fn update_view(state: &State, scratch: &mut Scratch) {
-    if let Some(view) = &mut scratch.view {
-        let bodies = state.slots.iter().map(|s| (&s.body, s.scratch.parted.as_slice(), &s.scratch.change));
-        view.update(bodies, state.topology_version);
-    }
-}

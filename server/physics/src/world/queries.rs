@@ -2,16 +2,10 @@
 
 use super::World;
 use super::body_slot::BodySlot;
-use super::tool_contact::ToolContact;
 use crate::Vec3;
-use crate::body::Body;
 use crate::grid::LeftOut;
 use crate::math::Aabb;
-use crate::stage::{Lap, Stage, StageClock};
-use crate::surface::Surface;
-use crate::surface::delta::{AdaptedVertex, Keyframe, TopologyPatch};
 use crate::tool::Pose;
-use crate::view::View;
 use crate::walk;
 
 /// What an object of a scene consists of.
@@ -123,40 +117,6 @@ impl World {
         self.state.tissue.as_ref().map_or(&[], |tissue| tissue.springs())
     }
 
-    /// Contours nothing more until the surface is asked for again; it will then be the same as if it
-    /// had been followed.
-    pub fn forget_surface(&mut self) {
-        self.scratch.view = None;
-    }
-
-    /// What viewers see, contoured if nobody has yet, and the slots of the bodies it shows.
-    fn view(&mut self) -> (&View, &[BodySlot]) {
-        let view = self.scratch.view.get_or_insert_with(|| View::new(self.state.slots.iter().map(|s| &s.body)));
-        (view, &self.state.slots)
-    }
-
-    /// Each body with its surface, which is contoured if nobody has yet.
-    pub fn bodies_and_surfaces(&mut self) -> impl Iterator<Item = (&Body, &Surface)> {
-        let (view, slots) = self.view();
-        slots.iter().map(|s| &s.body).zip(view.surfaces())
-    }
-
-    /// Structure of the scene as it is now. From the first call on, steps that part links make a
-    /// [`TopologyPatch`], until [`World::forget_surface`].
-    #[must_use]
-    pub fn keyframe(&mut self) -> Keyframe {
-        let version = self.state.topology_version;
-        let (view, slots) = self.view();
-        view.keyframe(slots.iter().map(|s| &s.body), version)
-    }
-
-    /// What the last step changed in the structure; `None` where no link parted, or where nobody
-    /// has asked for a keyframe since the surface was forgotten.
-    #[must_use]
-    pub fn topology_patch(&self) -> Option<&TopologyPatch> {
-        self.scratch.view.as_ref()?.patch()
-    }
-
     /// Displacements of an object's nodes, xyz interleaved, m, scene frame, appended to `out`.
     pub fn node_displacements_m(&self, object: usize, out: &mut Vec<f32>) {
         let body = &self.state.slots[object].body;
@@ -166,43 +126,10 @@ impl World {
         }
     }
 
-    /// Adapts the surface to the blades that touch it, for who is about to look at what the last step left:
-    /// most steps nobody sees. The time, ns, goes into the profile of that step; `None` where nothing is to be
-    /// adapted, where it has been, or where nobody has asked for the surface since it was forgotten.
-    pub fn adapt_surface(&mut self, clock: &dyn StageClock) -> Option<u64> {
-        let view = self.scratch.view.as_mut().filter(|view| !view.is_adapted())?;
-        let touched = |slot: &&BodySlot| slot.contacts.iter().any(ToolContact::touches);
-        self.state.slots.iter().find(touched)?;
-        let mut lap = Lap::start(clock);
-        for (object, slot) in self.state.slots.iter().enumerate().filter(|(_, slot)| touched(slot)) {
-            let placed = self.state.tools.iter().zip(&slot.contacts);
-            let touches = placed.filter_map(|(tool, contact)| Some(contact.touching(&slot.body, tool.path()?)));
-            view.adapt(object, &slot.body, touches.flatten());
-        }
-        lap.end(Stage::Adaptation);
-        let took_ns = lap.finish().stage_ns[Stage::Adaptation as usize];
-        self.output.profile.stage_ns[Stage::Adaptation as usize] = took_ns;
-        took_ns
-    }
-
-    /// Vertices of an object's surface that are adapted to the blades that touch it, ids ascending: as
-    /// [`World::adapt_surface`] has them after the last step, none before. The mechanics does not know of
-    /// them, nor does any hash.
-    #[must_use]
-    pub fn adapted_vertices(&self, object: usize) -> &[AdaptedVertex] {
-        self.scratch.view.as_ref().map_or(&[], |view| view.adapted(object))
-    }
-
     /// Hash of all that the next step depends on, by its bits: two worlds of a scene whose hashes agree go on to the
     /// same bits.
     #[must_use]
     pub fn state_hash(&self) -> u64 {
         walk::hash(&self.state)
-    }
-
-    /// Hash of the surface's structure; see [`crate::surface::hash`].
-    #[must_use]
-    pub fn surface_hash(&mut self) -> u64 {
-        self.view().0.hash()
     }
 }

@@ -119,12 +119,7 @@ impl ToolContact {
         matches!(self, Self::Grasp(grasp) if !grasp.contacts.is_empty())
     }
 
-    /// Whether a blade is in the tissue or at a wall of a cut.
-    pub(super) fn touches(&self) -> bool {
-        self.edges().iter().any(BladeContact::touches)
-    }
-
-    /// The blades that are, where the tool is.
+    /// The blades that are in the tissue or at a wall of a cut, where the tool is.
     pub(super) fn touching<'a>(&'a self, body: &'a Body, path: ToolPath) -> impl Iterator<Item = Touch<'a>> {
         self.edges().iter().filter(|edge| edge.touches()).map(move |edge| edge.touch(body, &path))
     }

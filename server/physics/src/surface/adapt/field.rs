@@ -4,7 +4,7 @@ use super::mesh::{Mesh, Slot};
 use super::quality;
 use super::reached::Reached;
 use crate::Vec3;
-use crate::body::Body;
+use crate::likeness::Placed;
 
 /// Values by slot; only those of the present turn mean anything, so that nothing is ever cleared.
 #[derive(Default)]
@@ -74,7 +74,7 @@ impl Store {
 /// The store with what it is filled from.
 pub struct Field<'a> {
     /// The body whose surface it is.
-    pub body: &'a Body,
+    pub body: Placed<'a>,
     /// Its surface.
     pub mesh: &'a Mesh,
     /// The values.

@@ -49,7 +49,7 @@ pub struct Near {
 impl Near {
     /// A vertex as it is now, if it is near the blade.
     pub fn find(field: &mut Field<'_>, blade: &BladeBody, slot: Slot) -> Option<Self> {
-        let (at_m, voxel_m) = (field.base_m(slot), field.body.state.grid.voxel_size_m());
+        let (at_m, voxel_m) = (field.base_m(slot), field.body.voxel_size_m());
         let foot = blade.foot(&at_m, REACH_VOXELS * voxel_m)?;
         (foot.beside_m.abs() <= NEAR_VOXELS * voxel_m).then_some(Self { slot, at_m, foot })
     }
@@ -107,7 +107,7 @@ impl Indentation {
     /// Sorts a vertex by the triangles around it.
     fn look_at(&mut self, field: &mut Field<'_>, dent: &Dent, near: &Near) {
         let (blade, &Near { slot, foot, .. }) = (&dent.blade, near);
-        let voxel_m = field.body.state.grid.voxel_size_m();
+        let voxel_m = field.body.voxel_size_m();
         let deepest_m = dent.depth_m + PARTED_VOXELS * voxel_m;
         let within = blade.is_beside(&foot) && foot.beside_m.abs() <= BESIDE_VOXELS * voxel_m;
         match walls_at(field, slot, &foot) {
@@ -163,7 +163,7 @@ pub(crate) fn clear_flanks(field: &mut Field<'_>, blade: &BladeBody, near: &[Nea
         // The edge has displaced it along the blade, so it is as near to it as it was.
         let foot = if at == *at_m { Some(*foot) } else { blade.foot(&at, f64::INFINITY) };
         let Some(foot) = foot.filter(|foot| blade.is_beside(foot)) else { continue };
-        if field.is_held(*slot) || foot.beside_m.abs() > BESIDE_VOXELS * field.body.state.grid.voxel_size_m() {
+        if field.is_held(*slot) || foot.beside_m.abs() > BESIDE_VOXELS * field.body.voxel_size_m() {
             continue;
         }
         let side = side_of(field, *slot, &foot);
@@ -215,8 +215,8 @@ impl Crossed {
 
 /// Starts the march from a vertex, if it is the nearest beginning there.
 fn seed(field: &mut Field<'_>, march: &mut March, slot: Slot, distance_m: f64, by_m: Vec3) {
-    let profile = Profile::at(field.body, field.mesh.point(slot).voxel);
-    let negligible_m = NEGLIGIBLE_VOXELS * field.body.state.grid.voxel_size_m();
+    let profile = Profile::at(field.body.likeness, field.mesh.point(slot).voxel);
+    let negligible_m = NEGLIGIBLE_VOXELS * field.body.voxel_size_m();
     march.start(field, slot, distance_m, Carried { by_m, profile }, negligible_m);
 }
 
@@ -226,7 +226,7 @@ fn put_on_edge(field: &mut Field<'_>, blade: &BladeBody, slot: Slot, arc_m: f64)
     if field.is_held(slot) {
         return true;
     }
-    let spacing_m = TRIED_VOXELS * field.body.state.grid.voxel_size_m() / f64::from(TRIED);
+    let spacing_m = TRIED_VOXELS * field.body.voxel_size_m() / f64::from(TRIED);
     let mut best: Option<(f64, Vec3)> = None;
     for index in -TRIED..=TRIED {
         let point_m = blade.edge_point_m(arc_m + f64::from(index) * spacing_m);

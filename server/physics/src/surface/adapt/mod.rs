@@ -21,7 +21,7 @@ mod reached;
 #[cfg(test)]
 mod tests;
 
-use crate::body::Body;
+use crate::likeness::Placed;
 use crate::math::Aabb;
 use crate::surface::Surface;
 use crate::surface::delta::{AdaptedVertex, BodyStructure};
@@ -83,7 +83,7 @@ impl Adaptation {
     }
 
     /// Adapts the surface to the blades that touch it. Costs in proportion to what lies around them.
-    pub(crate) fn adapt(&mut self, body: &Body, dents: &[Dent]) {
+    pub(crate) fn adapt(&mut self, body: Placed<'_>, dents: &[Dent]) {
         self.store.begin_step(&self.mesh);
         for dent in dents {
             self.find_near(body, &dent.blade);
@@ -100,8 +100,8 @@ impl Adaptation {
     }
 
     /// Finds the vertices near a blade.
-    fn find_near(&mut self, body: &Body, blade: &BladeBody) {
-        let box_near = blade.around(NEAR_VOXELS * body.state.grid.voxel_size_m());
+    fn find_near(&mut self, body: Placed<'_>, blade: &BladeBody) {
+        let box_near = blade.around(NEAR_VOXELS * body.voxel_size_m());
         let elements = body.elements_near(&box_near).filter(|element| box_of(body, *element).meets(&box_near));
         self.store.begin_turn();
         let field = &mut Field { body, mesh: &self.mesh, store: &mut self.store };
@@ -111,7 +111,7 @@ impl Adaptation {
     }
 
     /// Puts vertices on the blade and lets the surface around them follow.
-    fn turn(&mut self, body: &Body, project: impl FnOnce(&mut Indentation, &mut Field<'_>, &[Near], &mut March)) {
+    fn turn(&mut self, body: Placed<'_>, project: impl FnOnce(&mut Indentation, &mut Field<'_>, &[Near], &mut March)) {
         self.store.begin_turn();
         let field = &mut Field { body, mesh: &self.mesh, store: &mut self.store };
         self.march.clear();
@@ -119,14 +119,14 @@ impl Adaptation {
         self.order.clear();
         self.march.run(field, &mut self.order);
         for slot in &self.order {
-            deform(field, *slot, NEGLIGIBLE_VOXELS * body.state.grid.voxel_size_m());
+            deform(field, *slot, NEGLIGIBLE_VOXELS * body.voxel_size_m());
         }
     }
 }
 
 /// The box around an element and what lies as far outside it as its vertices may.
-fn box_of(body: &Body, element: usize) -> Aabb {
-    body.element_box(element).grown(body.state.grid.voxel_size_m())
+fn box_of(body: Placed<'_>, element: usize) -> Aabb {
+    body.element_box(element).grown(body.voxel_size_m())
 }
 
 /// Moves a vertex of the region by the profile (Eq. 19), as far as its triangles allow.

@@ -1,7 +1,7 @@
 //! Profile of the surface beside an indentation: an open uniform B-spline (paper Fig. 8, Eq. 16 to 19).
 
-use crate::body::Body;
 use crate::grid::VoxelId;
+use crate::likeness::Likeness;
 
 /// The material's share of the reach is at most this many times what the elements need: a dent that wide
 /// they show themselves.
@@ -38,10 +38,10 @@ pub struct Profile {
 impl Profile {
     /// Of the material and the element of a voxel.
     #[must_use]
-    pub fn at(body: &Body, voxel: VoxelId) -> Self {
+    pub fn at(body: &Likeness, voxel: VoxelId) -> Self {
         let material = body.material_of(voxel);
         let edge_m = body.element_edge_m(body.element_of(voxel));
-        let least_m = edge_m.max(LEAST_REACH_VOXELS * body.state.grid.voxel_size_m());
+        let least_m = edge_m.max(LEAST_REACH_VOXELS * body.grid().voxel_size_m());
         let force_n_per_m = material.fracture_energy_j_per_m2.map(|gc| gc * material.initiation_ratio);
         // What cannot be cut is dented without limit.
         let dent_m = force_n_per_m.map_or(f64::INFINITY, |v| v / material.young_modulus_pa);

@@ -2,6 +2,7 @@
 
 use super::{Adaptation, Dent};
 use crate::body::Body;
+use crate::likeness::{Likeness, Placed, Placement};
 use crate::params::StepParams;
 use crate::scene::{BladeDesc, MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc};
 use crate::surface::Surface;
@@ -51,7 +52,7 @@ fn block(side_m: f64) -> Body {
 }
 
 /// The surface as a keyframe names it; the coordinates in the elements are not asked for.
-fn whole(body: &Body, surface: &Surface) -> BodyStructure {
+fn whole(body: &Likeness, surface: &Surface) -> BodyStructure {
     let bind = |(id, vertex): (u32, &crate::surface::SurfaceVertex)| BoundVertex {
         id,
         element: body.element_of(vertex.voxel) as u32,
@@ -77,10 +78,12 @@ fn dent(depth_m: f64) -> Dent {
 /// Adapts a block; vertices of its surface, those looked at, those moved.
 fn adapted(side_m: f64, depth_m: f64) -> [usize; 3] {
     let body = block(side_m);
-    let surface = Surface::build(&body.state.grid);
+    let (likeness, mut at) = (Likeness::of(&body), Placement::default());
+    at.write(&body);
+    let surface = Surface::build(likeness.grid());
     let mut adaptation = Adaptation::default();
-    adaptation.follow(&surface, &whole(&body, &surface));
-    adaptation.adapt(&body, &[dent(depth_m)]);
+    adaptation.follow(&surface, &whole(&likeness, &surface));
+    adaptation.adapt(Placed { likeness: &likeness, at: &at }, &[dent(depth_m)]);
     [surface.vertices().len(), adaptation.store.seen(), adaptation.offsets().len()]
 }
 
