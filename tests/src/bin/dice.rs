@@ -39,12 +39,15 @@ struct Options {
     threads: usize,
 }
 
+/// Each model's name, and its dicings.
+type Dicings = Vec<(String, Vec<Tally>)>;
+
 /// A run as it goes on: which dicing is next, what came of those before, and when that was last written.
 struct Run<'a> {
     options: &'a Options,
     scenes: &'a [Scene],
     next: Mutex<std::vec::IntoIter<(usize, u64)>>,
-    done: Mutex<(Vec<(String, Vec<Tally>)>, Instant)>,
+    done: Mutex<(Dicings, Instant)>,
 }
 
 impl Run<'_> {

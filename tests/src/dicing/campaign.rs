@@ -61,6 +61,8 @@ struct Sums {
     worked_j: f64,
     worked_magnitude_j: f64,
     residual_j: f64,
+    /// Most of what was stored beyond what had been worked.
+    gained_j: f64,
 }
 
 impl Sums {
@@ -68,11 +70,13 @@ impl Sums {
         self.worked_j += energy.tool_work_j + energy.load_work_j;
         self.worked_magnitude_j += energy.tool_work_j.abs() + energy.load_work_j.abs();
         self.residual_j += energy.residual_j.abs();
+        let stored_j = energy.elastic_j + energy.kinetic_j + energy.contact_j;
+        self.gained_j = self.gained_j.max(stored_j - self.worked_j);
     }
 
-    fn gained(&self, energy: &EnergyStep) -> f64 {
-        let stored_j = energy.elastic_j + energy.kinetic_j + energy.contact_j;
-        (stored_j - self.worked_j) / self.worked_magnitude_j.max(f64::MIN_POSITIVE)
+    /// Over all that was worked.
+    fn ratio(&self, energy_j: f64) -> f64 {
+        energy_j / self.worked_magnitude_j.max(f64::MIN_POSITIVE)
     }
 }
 
@@ -90,8 +94,8 @@ impl Tally {
             self.findings.push(format!("{} in `{}` at step {}", fault.what, fault.object, fault.step));
         }
         sums.add(&output.energy);
-        self.gain_ratio = self.gain_ratio.max(sums.gained(&output.energy));
-        self.residual_ratio = sums.residual_j / sums.worked_magnitude_j.max(f64::MIN_POSITIVE);
+        self.gain_ratio = sums.ratio(sums.gained_j);
+        self.residual_ratio = sums.ratio(sums.residual_j);
     }
 
     fn judge(&mut self) {

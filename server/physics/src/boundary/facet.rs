@@ -84,9 +84,8 @@ impl Facets {
         }
     }
 
-    /// Takes what came up as links were `parted` and elements changed. Where none did the walls that came up are of
-    /// elements that still hold together: nothing opens there yet, and moments stay. Returns the elements whose
-    /// facets changed and those that face them, ascending.
+    /// Takes what came up as links were `parted` and elements changed. Returns the elements whose facets changed and
+    /// those that face them, ascending.
     pub(super) fn follow(&mut self, solid: Solid<'_>, parted: &[LinkId], change: &LevelChange) -> Vec<u32> {
         self.0.resize_with(solid.level.elements.len(), OfElement::default);
         for &(_, from) in &change.split_elements {
@@ -104,9 +103,8 @@ impl Facets {
         for &element in &touched {
             let OfElement { facets, moments_m2 } = &mut self.0[element as usize];
             facets.sort_unstable_by_key(Facet::key);
-            if !change.touched_cells.is_empty() {
-                *moments_m2 = OnceLock::new();
-            }
+            // Whatever was asked for before: moments follow from the facets.
+            *moments_m2 = OnceLock::new();
             facing.extend(facets.iter().filter_map(|facet| facet.beyond).map(|voxel| solid.owner(voxel)));
         }
         touched.append(&mut facing);
