@@ -14,7 +14,7 @@ const SAMPLES: usize = 64;
 /// Share of the period that a step's work may take. What is left is for inputs, reports, the frame for viewers and for
 /// waking up: 0.1 ms of the 1 ms at 1 kHz, and a reserve for what the units do not foretell.
 const SHARE_OF_PERIOD: f64 = 0.75;
-/// Budgets are rounded down to two digits of an octave's eighths: small changes of speed are no change of the budget.
+/// Budgets are rounded down to eighths of an octave: small changes of speed are no change of the budget.
 const RUNGS_PER_OCTAVE: f64 = 8.0;
 /// How long no step may have been cut short before viewers hear that none is, s.
 const CALM_S: f64 = 1.0;
