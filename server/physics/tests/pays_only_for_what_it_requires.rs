@@ -3,6 +3,7 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use super::support::motion_hash;
 use super::support::press::{cutting_scene, pose_at};
 use kerf_physics::scene::{
     CapsuleDesc, GovernorDesc, GrasperDesc, RegionDesc, Scene, ShapeDesc, ToolDesc, TrackedPointDesc,
@@ -113,7 +114,7 @@ fn topology_and_surface_are_entered_by_steps_in_which_links_part() {
     assert!(entered.iter().all(|count| *count > 3), "{entered:?}");
 }
 
-/// State hash and solver iterations after a stroke that cuts.
+/// Hash of the motion and solver iterations after a stroke that cuts.
 fn stroke(scene: &Scene, mut look: impl FnMut(&mut World)) -> (u64, u32) {
     let mut world = World::new(scene).unwrap();
     let mut iterations = 0;
@@ -124,7 +125,7 @@ fn stroke(scene: &Scene, mut look: impl FnMut(&mut World)) -> (u64, u32) {
         look(&mut world);
     }
     assert!(world.output().topology_version > 3);
-    (world.state_hash(), iterations)
+    (motion_hash(&world), iterations)
 }
 
 #[test]

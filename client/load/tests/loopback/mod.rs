@@ -53,7 +53,10 @@ async fn pace_lag_and_the_age_of_forces_are_told_beside_lateness() {
     let lag_ms = report.server.lag_ms.expect("steps were told of");
     assert!((lag_ms.p50 - LAG_NS as f64 * 1e-6).abs() < 0.01 && lag_ms.count == report.contacts.received, "{report}");
     let (ages, round_trips) = (report.force_age_ms.expect("forces"), report.round_trip_ms.expect("round trips"));
-    assert!(ages.count > 400 && ages.p50 >= round_trips.p50, "a force ages from when it comes in: {report}");
+    assert!(
+        2 * ages.count > 3 * report.contacts.received && ages.p50 >= round_trips.p50,
+        "a force ages from when it comes in: {report}"
+    );
     assert!(report.to_string().contains("The force in the hand was"), "{report}");
 }
 

@@ -56,7 +56,7 @@ use solver::Solver;
 use std::sync::Arc;
 
 /// One soft body. A copy shares the description and leaves the scratch out; before steps are taken of it,
-/// [`Body::reserve`] makes room for them.
+/// `Body::reserve` makes room for them.
 #[derive(Clone, Serialize, Deserialize)]
 pub struct Body {
     /// What it is made of and what acts on it: constant.

@@ -7,12 +7,12 @@ pub mod press;
 pub mod swept;
 
 use kerf_physics::StepParams;
-use kerf_physics::body::{Body, MaterialPoint};
+use kerf_physics::body::{Body, MaterialPoint, State};
 use kerf_physics::grid::VoxelId;
 use kerf_physics::scene::{
     ElementKind, MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc, ViscosityDesc,
 };
-use kerf_physics::{StepInputs, Vec3, Workers, World};
+use kerf_physics::{StateHasher, StepInputs, Vec3, Workers, World};
 
 /// Knuth's linear congruential generator: test inputs that a seed reproduces.
 pub struct Lcg(pub u64);
@@ -76,6 +76,16 @@ pub fn scene(objects: Vec<ObjectDesc>) -> Scene {
         },
         meshes: Default::default(),
     }
+}
+
+/// Hash of where all nodes are and how fast, by their bits: what worlds of different scenes can agree in.
+pub fn motion_hash(world: &World) -> u64 {
+    let mut hasher = StateHasher::default();
+    for body in world.bodies() {
+        let State { position_m, velocity_m_per_s, .. } = &body.state;
+        position_m.iter().chain(velocity_m_per_s).for_each(|v| hasher.floats(v));
+    }
+    hasher.finish()
 }
 
 pub fn body(object: &ObjectDesc, params: StepParams) -> Body {
