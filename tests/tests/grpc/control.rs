@@ -80,6 +80,8 @@ async fn garbage_poses_are_refused_by_field_and_limit_and_the_stream_goes_on() {
     let session = harness.create().await.unwrap();
     let mut station = harness.drive(&session, &[0]).await.unwrap();
     station.send(pose(0, 10, 0.0)).await;
+    // Before it is in the scene it may come down anywhere.
+    station.contact_where(|contact| contact.echo_seq == 10).await;
     let changed = |change: fn(&mut v1::ToolPose)| {
         let mut garbage = pose(0, 11, 0.0);
         change(&mut garbage);
