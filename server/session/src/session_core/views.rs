@@ -70,6 +70,10 @@ impl SessionCore {
         if !wants_keyframe && !owes_state {
             return;
         }
+        if !stepped {
+            // No other follows for who takes fewer.
+            self.views.hasten_state();
+        }
         if let Some(patch) = self.views.patch.take() {
             self.publisher.patch(patch);
         }
