@@ -18,6 +18,8 @@ const AT_ONCE_NS: u64 = 0;
 pub(super) struct ViewSchedule {
     next_state_ns: u64,
     next_keyframe_ns: u64,
+    /// The state of now was shown to every viewer, however few it takes.
+    is_told_to_all: bool,
     times: StepTimes,
     /// What steps have changed in the structure since the last state.
     patch: Option<TopologyPatch>,
@@ -65,14 +67,16 @@ impl SessionCore {
         // A session that stands owes the state that it stands with, which comes with the keyframe if one is to come.
         let owes_state = match stepped {
             true => now_ns >= self.views.next_state_ns,
-            false => self.views.times.steps > 0 && !is_keyframe_wanted,
+            false => !self.views.is_told_to_all && !is_keyframe_wanted,
         };
+        self.views.is_told_to_all &= !stepped;
         if !wants_keyframe && !owes_state {
             return;
         }
         if !stepped {
             // No other follows for who takes fewer.
             self.views.hasten_state();
+            self.views.is_told_to_all = true;
         }
         if let Some(patch) = self.views.patch.take() {
             self.publisher.patch(patch);

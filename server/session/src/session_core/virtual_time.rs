@@ -125,6 +125,28 @@ fn a_silent_driver_loses_its_tool_after_the_lease_but_not_while_the_session_stan
 }
 
 #[test]
+fn who_takes_fewer_states_gets_the_one_that_a_session_stands_with() {
+    // Whenever it is paused: between two states that the viewer takes there are 16 steps.
+    for steps in 0..20 {
+        let mut session = session();
+        let mut viewer = session.watch_for_the_record();
+        let mut shown = None;
+        let mut look = |session: &mut VirtualSession| {
+            session.run(2 * MS);
+            while let Some(message) = viewer.try_next() {
+                if let ViewMessage::State(state) = message {
+                    shown = Some(state.step);
+                }
+            }
+        };
+        (0..30 + steps).for_each(|_| look(&mut session));
+        let stood = session.ask(Command::Pause);
+        (0..20).for_each(|_| look(&mut session));
+        assert_eq!(shown, Some(stood), "paused after {steps} more steps");
+    }
+}
+
+#[test]
 fn a_pause_is_no_lost_time_and_a_reset_starts_over() {
     let mut session = session();
     let mut viewer = session.view();
