@@ -25,6 +25,7 @@ use crate::config::{ConfigArgs, ServerConfig, TransportLimits};
 use crate::grpc::control_service::ControlService;
 use crate::grpc::session_service::SessionService;
 use crate::grpc::view_service::ViewService;
+use crate::grpc::viewing::Viewing;
 use crate::hosts::Hosts;
 use crate::recording::Recordings;
 use crate::uploads::Uploads;
@@ -223,7 +224,8 @@ async fn routes(
     let control = ControlServiceServer::new(ControlService::new(Arc::clone(registry), config.control.clone()))
         .max_decoding_message_size(limits.max_incoming_bytes)
         .max_encoding_message_size(limits.max_outgoing_bytes);
-    let view = ViewService::new(Arc::clone(registry), config.view.clone(), limits.request_timeout_s);
+    let viewing = Viewing::begin().context("threads for viewers")?;
+    let view = ViewService::new(Arc::clone(registry), viewing, config.view.clone(), limits.request_timeout_s);
     let view = ViewServiceServer::new(view)
         .max_decoding_message_size(limits.max_incoming_bytes)
         .max_encoding_message_size(limits.max_outgoing_bytes);

@@ -4,8 +4,8 @@
 //! handed out only at the topology version that its reader has reached.
 
 use std::collections::VecDeque;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 
 use kerf_physics::fault::Fault;
 use kerf_physics::step_io::{EnergyStep, ToolOutput};
@@ -16,6 +16,7 @@ use crate::error::SessionError;
 use crate::limits::SessionLimits;
 use crate::lock::lock;
 use crate::shortfall::Shortfall;
+use crate::showcase::Showcase;
 use crate::status::{Phase, StepTimes};
 use crate::structure_log::{Cursor, Next, Place, StructureLog};
 use crate::tape::{Tape, TapeEntry};
@@ -163,9 +164,10 @@ pub enum ViewMessage {
     Event(ViewEvent),
 }
 
-struct Shelf {
-    log: StructureLog,
-    state: Option<Arc<ViewState>>,
+/// What lies ready for viewers.
+pub(crate) struct Shelf {
+    pub log: StructureLog,
+    pub state: Option<Arc<ViewState>>,
     events: VecDeque<ViewEvent>,
     /// Events ever published; the last of `events` has this number less one.
     event_count: u64,
@@ -173,7 +175,9 @@ struct Shelf {
 
 /// The shared side of a session's output.
 pub(crate) struct Outbox {
-    shelf: Mutex<Shelf>,
+    pub shelf: Mutex<Shelf>,
+    /// As the log has it, for the session's thread: it waits for no viewer.
+    keyframe_wanted: AtomicBool,
     phase: Mutex<Phase>,
     viewers: AtomicUsize,
     /// Those who look on for the record.
@@ -192,6 +196,7 @@ impl Outbox {
         };
         Self {
             shelf: Mutex::new(shelf),
+            keyframe_wanted: AtomicBool::new(false),
             phase: Mutex::new(phase),
             viewers: AtomicUsize::new(0),
             recorders: AtomicUsize::new(0),
@@ -246,8 +251,14 @@ impl Outbox {
         }
     }
 
-    fn is_viewed(&self) -> bool {
+    /// Whether anybody views, for the record or not.
+    pub fn is_viewed(&self) -> bool {
         [Seat::Guest, Seat::Recorder].into_iter().any(|seat| self.count(seat).load(Ordering::Acquire) > 0)
+    }
+
+    /// Takes over from the log whether somebody waits for a keyframe.
+    pub fn note_wish(&self, log: &StructureLog) {
+        self.keyframe_wanted.store(log.keyframe_wanted(), Ordering::Release);
     }
 
     fn leave(&self, seat: Seat) {
@@ -274,17 +285,19 @@ pub(crate) struct Publisher {
     outbox: Arc<Outbox>,
     /// Where events are recorded, and steps.
     pub tape: Tape,
-    bell: watch::Sender<u64>,
+    /// Where surfaces and states go.
+    pub showcase: Showcase,
     reports: watch::Sender<Arc<StepReport>>,
 }
 
 impl Publisher {
     /// The publisher, and what new readers are made from. Readers see the end of the session by the
-    /// publisher's end.
+    /// end of the publisher and of all that its showcase was given to.
     pub fn new(outbox: Arc<Outbox>) -> (Self, watch::Receiver<u64>, watch::Receiver<Arc<StepReport>>) {
         let (bell, bell_reader) = watch::channel(0);
         let (reports, report_reader) = watch::channel(Arc::default());
-        (Self { outbox, tape: Tape::default(), bell, reports }, bell_reader, report_reader)
+        let showcase = Showcase::new(Arc::clone(&outbox), bell);
+        (Self { outbox, tape: Tape::default(), showcase, reports }, bell_reader, report_reader)
     }
 
     /// What the session is doing, as others see it.
@@ -305,63 +318,33 @@ impl Publisher {
         self.reports.send_replace(Arc::new(report));
     }
 
-    /// The shelf, while anybody views. The last who left has cleared it, perhaps since
-    /// [`Publisher::is_viewed`] was asked; what came onto it afterwards would meet the next viewer
-    /// long after its time.
-    fn shelf(&self) -> Option<MutexGuard<'_, Shelf>> {
-        let shelf = lock(&self.outbox.shelf);
-        self.is_viewed().then_some(shelf)
-    }
-
     pub fn event(&self, step: u64, event: SceneEvent) {
         self.tape.push(TapeEntry::Event(ViewEvent { step, event: event.clone() }));
-        let Some(mut shelf) = self.shelf() else { return };
+        let Some(mut shelf) = self.showcase.shelf() else { return };
         shelf.events.push_back(ViewEvent { step, event });
         shelf.event_count += 1;
         while shelf.events.len() > self.outbox.max_events {
             shelf.events.pop_front();
         }
         drop(shelf);
-        self.ring();
+        self.showcase.ring();
     }
 
-    pub fn patch(&self, patch: TopologyPatch) {
-        if let Some(mut shelf) = self.shelf() {
-            shelf.log.push(patch);
-        }
-    }
-
-    pub fn keyframe(&self, keyframe: Keyframe) {
-        if let Some(mut shelf) = self.shelf() {
-            shelf.log.set_keyframe(keyframe);
-        }
-    }
-
+    /// Whether somebody waits for a keyframe.
     pub fn keyframe_wanted(&self) -> bool {
-        lock(&self.outbox.shelf).log.keyframe_wanted()
+        self.outbox.keyframe_wanted.load(Ordering::Acquire)
     }
 
     pub fn epoch(&self) -> u64 {
         lock(&self.outbox.shelf).log.epoch()
     }
 
-    /// The scene is at rest again.
-    pub fn start_over(&self) {
+    /// The scene is another from now on; its epoch.
+    pub fn start_over(&self) -> u64 {
         let mut shelf = lock(&self.outbox.shelf);
         shelf.log.start_over();
         shelf.state = None;
-    }
-
-    /// Replaces the state; wakes viewers, also for structure that was published before it.
-    pub fn state(&self, state: ViewState) {
-        if let Some(mut shelf) = self.shelf() {
-            shelf.state = Some(Arc::new(state));
-        }
-        self.ring();
-    }
-
-    fn ring(&self) {
-        self.bell.send_modify(|rung| *rung = rung.wrapping_add(1));
+        shelf.log.epoch()
     }
 }
 
@@ -437,7 +420,10 @@ impl Viewer {
                 Some(ViewMessage::Patch(patch))
             }
             Next::UpToDate => self.take_state(&shelf).map(ViewMessage::State),
-            Next::Awaiting => None,
+            Next::Awaiting => {
+                outbox.note_wish(&shelf.log);
+                None
+            }
         }
     }
 
@@ -482,12 +468,12 @@ mod tests {
         let outbox = Arc::new(Outbox::new(&SessionLimits::default(), Phase::Running));
         let (publisher, bell, _reports) = Publisher::new(Arc::clone(&outbox));
         drop(outbox.join(bell.clone()).unwrap());
-        publisher.keyframe(Keyframe::default());
-        publisher.patch(TopologyPatch { to_version: 1, ..TopologyPatch::default() });
+        publisher.showcase.keyframe(0, Keyframe::default());
+        publisher.showcase.patch(0, TopologyPatch { to_version: 1, ..TopologyPatch::default() });
         let mut next = outbox.join(bell).unwrap();
         assert!(next.try_next().is_none());
         assert!(publisher.keyframe_wanted());
-        publisher.keyframe(Keyframe { topology_version: 5, ..Keyframe::default() });
+        publisher.showcase.keyframe(0, Keyframe { topology_version: 5, ..Keyframe::default() });
         assert!(matches!(next.try_next(), Some(ViewMessage::Keyframe(now)) if now.topology_version == 5));
     }
 

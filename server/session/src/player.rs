@@ -174,14 +174,14 @@ impl Player {
         for change in std::mem::take(&mut frame.structure) {
             match change {
                 Structure::Keyframe(keyframe) => {
-                    self.publisher.start_over();
-                    self.publisher.keyframe(keyframe.clone());
+                    let epoch = self.publisher.start_over();
+                    self.publisher.showcase.keyframe(epoch, keyframe.clone());
                     self.keyframe = keyframe;
                 }
                 Structure::Patch(patch) => {
                     let followed = self.keyframe.follow(&patch);
                     followed.map_err(|unfit| SessionError::Failed { message: unfit.to_string() })?;
-                    self.publisher.patch(patch);
+                    self.publisher.showcase.patch(self.publisher.epoch(), patch);
                 }
             }
         }
@@ -233,13 +233,13 @@ impl Player {
     fn publish_state(&self) {
         let state = &self.shown.state;
         let place = Place { epoch: self.publisher.epoch(), version: state.topology_version };
-        self.publisher.state(ViewState { place, published_ns: MonotonicClock::now_ns(), ..state.clone() });
+        self.publisher.showcase.state(ViewState { place, published_ns: MonotonicClock::now_ns(), ..state.clone() });
     }
 
     /// A viewer that came later gets the structure of now.
     fn serve_newcomers(&self) {
         if self.publisher.is_viewed() && self.publisher.keyframe_wanted() {
-            self.publisher.keyframe(self.keyframe.clone());
+            self.publisher.showcase.keyframe(self.publisher.epoch(), self.keyframe.clone());
             self.publish_state();
         }
     }

@@ -13,6 +13,8 @@ use crate::clock::MonotonicClock;
 use crate::error::SessionError;
 use crate::inbox::Inbox;
 use crate::prepare::Permits;
+use crate::priority::{self, RealTime};
+use crate::projector::Projector;
 use crate::session_core::{SessionCore, Wake};
 
 /// What is told of a scene that was built.
@@ -32,22 +34,22 @@ pub(crate) fn start(
     threads: usize,
     inbox: Arc<Inbox>,
     permits: Permits,
-    build: impl FnOnce() -> Result<SessionCore, SessionError> + Send + 'static,
+    build: impl FnOnce() -> Result<(SessionCore, Projector), SessionError> + Send + 'static,
 ) -> Result<(JoinHandle<()>, oneshot::Receiver<Built>), SessionError> {
-    let pool = pool(threads)?;
+    let stepping = Stepping::with(threads)?;
     let (say, built) = oneshot::channel();
     let body = move || {
         let Permits { slot: _slot, build: building } = permits;
         if say.is_closed() {
             return;
         }
-        let core = build();
+        let built = build();
         drop(building);
-        match core {
+        match built {
             // A session that nobody waits for any more never begins.
-            Ok(core) => {
+            Ok((core, projector)) => {
                 if say.send(Ok(told(&core))).is_ok() {
-                    run(core, &inbox, pool.as_ref());
+                    run_shown(core, projector, &inbox, &stepping);
                 }
             }
             Err(error) => drop(say.send(Err(error))),
@@ -60,6 +62,25 @@ pub(crate) fn start(
 fn told(core: &SessionCore) -> Told {
     let warnings = kerf_scenes::examine::warnings(core.scene(), core.world());
     Told { objects: core.world().object_stats(), warnings: warnings.iter().map(ToString::to_string).collect() }
+}
+
+/// Runs a session on this thread, and what shows it on another, until it is closed.
+fn run_shown(core: SessionCore, projector: Projector, inbox: &Inbox, stepping: &Stepping) {
+    std::thread::scope(|threads| {
+        let projecting = std::thread::Builder::new().name("kerf-view".into());
+        let projecting = projecting.spawn_scoped(threads, move || {
+            priority::stand_back();
+            projector.run(&MonotonicClock);
+        });
+        if let Err(error) = projecting {
+            tracing::error!(%error, "there is no thread that shows the session: it steps, and viewers see nothing");
+        }
+        // Threads take over the priority of the one that starts them: this one asks when it has started its own.
+        if let Some(real_time) = stepping.real_time.as_ref().filter(|_| stepping.pool.is_none()) {
+            real_time.begin();
+        }
+        run(core, inbox, stepping.pool.as_ref());
+    });
 }
 
 /// Runs a session on this thread until it is closed.
@@ -79,11 +100,26 @@ fn run(mut core: SessionCore, inbox: &Inbox, pool: Option<&ThreadPool>) {
     }
 }
 
-/// The threads that a session steps with; `None`: its own suffices.
-fn pool(threads: usize) -> Result<Option<ThreadPool>, SessionError> {
-    if threads <= 1 {
-        return Ok(None);
+/// The threads that a session steps with.
+struct Stepping {
+    /// `None`: the session's own suffices.
+    pool: Option<ThreadPool>,
+    /// `None` where they may not have it.
+    real_time: Option<Arc<RealTime>>,
+}
+
+impl Stepping {
+    fn with(threads: usize) -> Result<Self, SessionError> {
+        let real_time = RealTime::claim(threads).map(Arc::new);
+        if threads <= 1 {
+            return Ok(Self { pool: None, real_time });
+        }
+        let of_pool = real_time.clone();
+        let pool = ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .thread_name(|i| format!("kerf-worker-{i}"))
+            .start_handler(move |_| of_pool.iter().for_each(|real_time| real_time.begin()));
+        let pool = pool.build().map_err(|error| SessionError::NoThread { message: error.to_string() })?;
+        Ok(Self { pool: Some(pool), real_time })
     }
-    let pool = ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("kerf-worker-{i}")).build();
-    pool.map(Some).map_err(|error| SessionError::NoThread { message: error.to_string() })
 }

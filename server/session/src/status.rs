@@ -66,9 +66,10 @@ pub struct SessionStatus {
 pub struct StepTimes {
     /// Steps summed up.
     pub steps: u32,
-    /// Time per stage, ns, indexed by `Stage as usize`.
+    /// Time per stage, ns, indexed by `Stage as usize`. What is done for viewers, beside the steps, is in it too: contouring
+    /// and adapting the surface.
     pub stage_ns: [u64; Stage::ALL.len()],
-    /// Time of all steps, and of adapting the surface to those that are shown, ns.
+    /// Time of all steps, ns.
     pub total_ns: u64,
     /// Time of the longest step, ns.
     pub max_ns: u64,
@@ -88,10 +89,13 @@ impl StepTimes {
         self.solver_iterations += u64::from(output.solve.iterations);
     }
 
-    /// Adds what it took to adapt the surface after a step.
-    pub(crate) fn add_adaptation(&mut self, took_ns: u64) {
-        self.stage_ns[Stage::Adaptation as usize] += took_ns;
-        self.total_ns += took_ns;
+    /// Adds the steps that came after these.
+    pub(crate) fn join(&mut self, next: &Self) {
+        self.steps += next.steps;
+        self.stage_ns.iter_mut().zip(next.stage_ns).for_each(|(sum, next_ns)| *sum += next_ns);
+        self.total_ns += next.total_ns;
+        self.max_ns = self.max_ns.max(next.max_ns);
+        self.solver_iterations += next.solver_iterations;
     }
 }
 

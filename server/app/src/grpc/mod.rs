@@ -10,6 +10,7 @@ pub mod session_service;
 mod unary_drivers;
 pub mod view_service;
 mod view_stream;
+pub mod viewing;
 
 use std::hash::{BuildHasher, RandomState};
 use std::pin::Pin;

@@ -11,6 +11,7 @@ use tonic::{Request, Response, Status};
 
 use super::interiors::Interiors;
 use super::view_stream::ViewStream;
+use super::viewing::Viewing;
 use super::{Outgoing, check_version, grant_rate_hz, in_time, token};
 use crate::config::ViewLimits;
 use crate::encode::{Encoder, Encoding};
@@ -28,10 +29,11 @@ pub struct ViewService {
     viewers: Arc<Acknowledged>,
     encoders: Encoders,
     interiors: Interiors,
+    viewing: Arc<Viewing>,
 }
 
 impl ViewService {
-    pub fn new(registry: Arc<Registry>, limits: ViewLimits, request_timeout_s: f64) -> Self {
+    pub fn new(registry: Arc<Registry>, viewing: Viewing, limits: ViewLimits, request_timeout_s: f64) -> Self {
         Self {
             registry,
             limits,
@@ -39,6 +41,7 @@ impl ViewService {
             viewers: Arc::default(),
             encoders: Encoders::default(),
             interiors: Interiors::default(),
+            viewing: Arc::new(viewing),
         }
     }
 }
@@ -66,9 +69,13 @@ impl v1::view_service_server::ViewService for ViewService {
         };
         let encoder = self.encoders.of(&session, encoding);
         let view = ViewStream::new(hello, viewer, acknowledged, encoder, request.wants_energy, &self.limits);
-        let messages = stream::unfold((view, registered), |(mut view, registered)| async move {
-            let event = view.next().await?;
-            Some((Ok(event), (view, registered)))
+        let viewing = Arc::clone(&self.viewing);
+        let messages = stream::unfold((view, registered), move |(mut view, registered)| {
+            let next = viewing.work(async move { (view.next().await, view) });
+            async move {
+                let (event, view) = next.await?;
+                Some((Ok(event?), (view, registered)))
+            }
         });
         Ok(Response::new(Box::pin(messages)))
     }

@@ -23,6 +23,7 @@ use std::time::SystemTime;
 
 use anyhow::{Context, Result, anyhow};
 use kerf_proto::v1;
+use kerf_session::priority::stand_back;
 use kerf_session::{Reel, Session, SessionId};
 
 pub use footage::FileFootage;
@@ -125,7 +126,10 @@ impl Recordings {
         let begun = Writer::begin(sink, &header, reel, self.pictures, Arc::clone(told), room);
         let writer = begun.inspect_err(|_| drop(std::fs::remove_file(&path)))?;
         told.note(|recording| recording.file = name);
-        let run = std::thread::Builder::new().name("kerf-recorder".into()).spawn(move || writer.run());
+        let run = std::thread::Builder::new().name("kerf-recorder".into()).spawn(move || {
+            stand_back();
+            writer.run();
+        });
         run.map(Some).map_err(|error| anyhow!("no thread for the recording: {error}"))
     }
 

@@ -87,14 +87,13 @@ impl SessionCore {
 
     /// The world is another than viewers and drivers know.
     pub(super) fn begin_anew(&mut self, event: SceneEvent) {
-        self.views = ViewSchedule::default();
+        self.feed.forget();
+        self.views = ViewSchedule::of_epoch(self.publisher.start_over());
         self.interrupted = true;
         // No step has led here: what tools felt before is of another world.
         self.tally.ended_ns = 0;
         self.waits.fill(false);
         self.forget_owed();
-        self.views.forget_patch();
-        self.publisher.start_over();
         self.publisher.event(self.world.output().step, event);
         if matches!(self.phase, Phase::Failed { .. }) {
             self.set_phase(Phase::Paused, SceneEvent::Paused);

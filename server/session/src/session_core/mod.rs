@@ -17,6 +17,8 @@ mod models;
 mod owed_steps;
 #[cfg(test)]
 mod recording_cost;
+#[cfg(test)]
+mod showing;
 mod views;
 #[cfg(test)]
 mod virtual_session;
@@ -35,12 +37,14 @@ use kerf_physics::{Scene, StageClock, StepInputs, Workers, World};
 use crate::admission::{Admitted, LoadMeter};
 use crate::checkpoints::Checkpoints;
 use crate::error::SessionError;
+use crate::feed::{Feed, feed};
 use crate::governor::Governor;
 use crate::inbox::{Command, Drain, Inbox, Tick};
 use crate::limits::{SessionLimits, to_ns};
 use crate::outbox::{Publisher, SceneEvent, StepReport, ToolReport};
 use crate::overload::OverloadWatch;
 use crate::pacer::{Pace, Pacer};
+use crate::projector::Projector;
 use crate::shortfall::ShortfallWatch;
 use crate::status::{Phase, StepTallies};
 use crate::tape::{LoggedInputs, TapeEntry, TapedStep};
@@ -90,6 +94,7 @@ pub(crate) struct SessionCore {
     waits: Vec<bool>,
     tally: Tally,
     views: ViewSchedule,
+    feed: Feed,
     models: ModelSchedule,
     /// What the session takes of the machine.
     admitted: Admitted,
@@ -125,17 +130,19 @@ impl Tally {
 }
 
 impl SessionCore {
-    /// Builds the scene at rest, in the phase that the publisher shows.
+    /// Builds the scene at rest, in the phase that the publisher shows, and what shows it.
     pub fn new(
         scene: Arc<Scene>,
         limits: SessionLimits,
         inbox: Arc<Inbox>,
         publisher: Publisher,
         admitted: Admitted,
-    ) -> Result<Self, SessionError> {
+    ) -> Result<(Self, Projector), SessionError> {
         let world = build_world(&scene)?;
+        let (feed, shots) = feed();
+        let projector = Projector::new(shots, publisher.showcase.clone());
         let tool_count = scene.desc.tools.len();
-        Ok(Self {
+        let core = Self {
             world,
             inbox,
             phase: publisher.phase(),
@@ -154,12 +161,14 @@ impl SessionCore {
             waits: vec![false; tool_count],
             tally: Tally::of(&scene),
             views: ViewSchedule::default(),
+            feed,
             models: ModelSchedule::default(),
             admitted,
             meter: LoadMeter::default(),
             scene,
             limits,
-        })
+        };
+        Ok((core, projector))
     }
 
     /// What the world was built of.
@@ -182,7 +191,7 @@ impl SessionCore {
         let due = guard(|| match self.phase {
             Phase::Running => self.step_if_due(now_ns, workers, clock),
             Phase::Paused if !self.owed.is_empty() => self.step_while_standing(now_ns, workers, clock),
-            Phase::Paused | Phase::Failed { .. } => self.stand(now_ns, clock),
+            Phase::Paused | Phase::Failed { .. } => self.stand(now_ns),
             Phase::Closing => {}
         });
         if let Err(message) = due {
@@ -196,10 +205,10 @@ impl SessionCore {
         }
     }
 
-    fn stand(&mut self, now_ns: u64, clock: &dyn StageClock) {
+    fn stand(&mut self, now_ns: u64) {
         self.inbox.drain(Drain::Standing, now_ns, &mut self.tools);
         self.tell_leases();
-        self.serve_viewers(now_ns, clock, false);
+        self.serve_viewers(now_ns, false);
     }
 
     fn step_if_due(&mut self, now_ns: u64, workers: &Workers<'_>, clock: &dyn StageClock) {
@@ -273,7 +282,7 @@ impl SessionCore {
         if self.publisher.tape.is_on() {
             self.record_step(work_units);
         }
-        self.serve_viewers(ended_ns, clock, true);
+        self.serve_viewers(ended_ns, true);
     }
 
     /// Records the step that was just taken. The events that it led to stand before it.

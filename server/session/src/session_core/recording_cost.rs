@@ -1,18 +1,12 @@
 //! What it costs the session's thread to be recorded: processor time of the same steps with and without.
 
 use kerf_scenes::catalog;
-use rustix::time::{ClockId, clock_gettime};
 
-use super::virtual_session::{S, VirtualSession};
+use super::virtual_session::{S, VirtualSession, thread_ns};
 use crate::limits::SessionLimits;
 
 /// Ratios are the least of so many runs: others use the machine too.
 const RUNS: usize = 3;
-
-fn thread_ns() -> i64 {
-    let now = clock_gettime(ClockId::ThreadCPUTime);
-    now.tv_sec * 1_000_000_000 + now.tv_nsec
-}
 
 /// Who looks on.
 #[derive(Clone, Copy, PartialEq)]
@@ -22,7 +16,7 @@ enum Onlooker {
     Recorder,
 }
 
-/// Processor time a step, us, of a cut through the liver at a rate.
+/// Processor time a step, us, of the session's own thread in a cut through the liver at a rate.
 fn step_us(rate_hz: f64, onlooker: Onlooker) -> f64 {
     // The first ones contour the surface, once.
     const STEPS: std::ops::Range<u64> = 20..220;
@@ -41,14 +35,14 @@ fn step_us(rate_hz: f64, onlooker: Onlooker) -> f64 {
     let mut began_ns = 0;
     for seq in 1..=STEPS.end {
         if seq == STEPS.start {
-            began_ns = thread_ns();
+            began_ns = thread_ns() - session.showing_ns;
         }
         // From over the liver into it.
         session.submit(driver, seq, 0.15 - 3e-4 * seq as f64).unwrap();
         session.run((S as f64 / rate_hz) as u64);
         while pictures.as_mut().is_some_and(|pictures| pictures.try_next().is_some()) {}
     }
-    let took_ns = thread_ns() - began_ns;
+    let took_ns = thread_ns() - session.showing_ns - began_ns;
     assert!(session.status().topology_version > 0, "it is cut");
     took_ns as f64 * 1e-3 / (STEPS.end - STEPS.start) as f64
 }

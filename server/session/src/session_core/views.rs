@@ -1,12 +1,11 @@
-//! What viewers of a session get, and when.
+//! What viewers of a session get, and when: shots, which are handed over to whoever shows them.
 
-use kerf_physics::StageClock;
 use kerf_physics::step_io::StepOutput;
-use kerf_physics::surface::delta::TopologyPatch;
+use kerf_physics::view::StructureChange;
 
 use super::SessionCore;
+use crate::feed::{News, Shot};
 use crate::limits::to_ns;
-use crate::outbox::ViewState;
 use crate::status::StepTimes;
 use crate::structure_log::Place;
 
@@ -21,26 +20,39 @@ pub(super) struct ViewSchedule {
     /// The state of now was shown to every viewer, however few it takes.
     is_told_to_all: bool,
     times: StepTimes,
-    /// What steps have changed in the structure since the last state.
-    patch: Option<TopologyPatch>,
+    /// Epoch of what is shown.
+    epoch: u64,
+    /// Things in the structure that was handed over: from a change of as many on, the whole costs less. `None` where none
+    /// was, or where what was is of no use any more.
+    pub(super) handed_over: Option<usize>,
+    /// What steps have changed in that structure since the last shot.
+    change: Option<StructureChange>,
 }
 
 impl ViewSchedule {
+    /// Of a scene that has started over.
+    pub fn of_epoch(epoch: u64) -> Self {
+        Self { epoch, ..Self::default() }
+    }
+
     pub fn add_step(&mut self, output: &StepOutput, elapsed_ns: u64) {
         self.times.add(output, elapsed_ns);
     }
 
-    /// Keeps what a step has changed until a state is published.
-    fn add_patch(&mut self, next: &TopologyPatch) {
-        let goes_on = self.patch.as_mut().is_some_and(|patch| patch.append(next).is_ok());
-        if !goes_on {
-            self.patch = Some(next.clone());
+    /// Keeps what a step has changed until a shot is handed over.
+    fn add_change(&mut self, next: StructureChange) {
+        match &mut self.change {
+            Some(change) => change.append(next),
+            None => self.change = Some(next),
+        }
+        if self.change.as_ref().map(StructureChange::len) > self.handed_over {
+            self.forget_structure();
         }
     }
 
-    /// The structure is replaced: what was changed in the old one is of no use.
-    pub fn forget_patch(&mut self) {
-        self.patch = None;
+    /// What was handed over is of no use any more.
+    fn forget_structure(&mut self) {
+        (self.handed_over, self.change) = (None, None);
     }
 
     /// The next step is shown, whenever a state was published last.
@@ -50,17 +62,19 @@ impl ViewSchedule {
 }
 
 impl SessionCore {
-    /// Publishes state as it falls due, after what has changed in the structure since the last one; nothing while
+    /// Hands state over as it falls due, with what has changed in the structure since the last one; nothing while
     /// nobody views.
-    pub(super) fn serve_viewers(&mut self, now_ns: u64, clock: &dyn StageClock, stepped: bool) {
+    pub(super) fn serve_viewers(&mut self, now_ns: u64, stepped: bool) {
         if !self.publisher.is_viewed() {
             // Whoever comes next gets a keyframe of then.
-            self.world.forget_surface();
-            self.views.forget_patch();
+            if self.views.handed_over.is_some() {
+                self.feed.forget();
+                self.views.forget_structure();
+            }
             return;
         }
-        if let Some(patch) = self.world.topology_patch().filter(|_| stepped) {
-            self.views.add_patch(patch);
+        if stepped && self.views.handed_over.is_some() {
+            self.world.structure_change().into_iter().for_each(|change| self.views.add_change(change));
         }
         let is_keyframe_wanted = self.publisher.keyframe_wanted();
         let wants_keyframe = is_keyframe_wanted && now_ns >= self.views.next_keyframe_ns;
@@ -78,45 +92,57 @@ impl SessionCore {
             self.views.hasten_state();
             self.views.is_told_to_all = true;
         }
-        if let Some(patch) = self.views.patch.take() {
-            self.publisher.patch(patch);
-        }
         if wants_keyframe {
             self.views.next_keyframe_ns = now_ns + to_ns(self.limits.min_keyframe_interval_s);
-            self.publisher.keyframe(self.world.keyframe());
         }
-        self.publish_state(now_ns, clock);
+        self.hand_over(now_ns, wants_keyframe);
     }
 
-    fn publish_state(&mut self, now_ns: u64, clock: &dyn StageClock) {
+    fn hand_over(&mut self, now_ns: u64, wants_keyframe: bool) {
         let interval_ns = to_ns(1.0 / self.limits.view_rate_hz);
-        let is_hastened = self.views.next_state_ns == AT_ONCE_NS;
+        let mut shot = self.feed.take_back();
+        shot.state.is_hastened |= self.views.next_state_ns == AT_ONCE_NS;
         // From the time it was due, so that the rate is kept though steps do not divide it.
         self.views.next_state_ns = (self.views.next_state_ns + interval_ns).max(now_ns + interval_ns / 2);
-        if let Some(took_ns) = self.world.adapt_surface(clock) {
-            self.views.times.add_adaptation(took_ns);
-        }
-        let output = self.world.output();
-        let displacements = |object: usize| {
-            let mut displacements_m = Vec::new();
-            self.world.node_displacements_m(object, &mut displacements_m);
-            displacements_m
+        shot.wants_keyframe |= wants_keyframe;
+        self.tell_structure(&mut shot);
+        self.world.write_frame(&mut shot.frame);
+        self.tell_state(&mut shot, now_ns);
+        self.feed.hand_over(shot);
+    }
+
+    /// Goes on with what the shot has of the structure.
+    fn tell_structure(&mut self, shot: &mut Shot) {
+        let told = shot.structure.take();
+        let change = self.views.change.take();
+        let news = match (told, change) {
+            _ if self.views.handed_over.is_none() => None,
+            (Some(News::Change(mut told)), Some(change)) => {
+                told.append(change);
+                (Some(told.len()) <= self.views.handed_over).then_some(Some(News::Change(told)))
+            }
+            // A whole that nobody has taken yet is out of date.
+            (Some(News::Whole(_)), Some(_)) => None,
+            (told, change) => Some(told.or(change.map(News::Change))),
         };
-        let objects = 0..self.scene.desc.objects.len();
-        let version = output.topology_version;
-        self.publisher.state(ViewState {
-            place: Place { epoch: self.publisher.epoch(), version },
-            topology_version: version,
-            step: output.step,
-            sim_time_s: output.sim_time_s,
-            late_steps: self.pacer.counts().late_steps,
-            node_displacements_m: objects.clone().map(displacements).collect(),
-            adapted: objects.map(|object| self.world.adapted_vertices(object).to_vec()).collect(),
-            tools: output.tools.clone(),
-            energy: self.tally.energy,
-            times: std::mem::take(&mut self.views.times),
-            published_ns: now_ns,
-            is_hastened,
+        shot.structure = news.unwrap_or_else(|| {
+            // Those who view have nothing that leads to it.
+            shot.wants_keyframe = true;
+            let structure = self.world.structure();
+            self.views.handed_over = Some(structure.len());
+            Some(News::Whole(structure))
         });
+    }
+
+    fn tell_state(&mut self, shot: &mut Shot, now_ns: u64) {
+        let (output, state) = (self.world.output(), &mut shot.state);
+        state.place = Place { epoch: self.views.epoch, version: output.topology_version };
+        state.topology_version = output.topology_version;
+        (state.step, state.sim_time_s) = (output.step, output.sim_time_s);
+        state.late_steps = self.pacer.counts().late_steps;
+        state.tools.clone_from(&output.tools);
+        state.energy = self.tally.energy;
+        state.times.join(&std::mem::take(&mut self.views.times));
+        state.published_ns = now_ns;
     }
 }

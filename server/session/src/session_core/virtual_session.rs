@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use kerf_physics::tool::{OPEN, Pose};
 use kerf_physics::{Quat, Scene, SceneDesc, StageClock, Vec3, Workers};
 use kerf_scenes::cost::Cost;
+use rustix::time::{ClockId, clock_gettime};
 use tokio::sync::{oneshot, watch};
 
 use super::{SessionCore, Wake};
@@ -16,6 +17,7 @@ use crate::inbox::{Command, Inbox};
 use crate::limits::SessionLimits;
 use crate::outbox::{Outbox, Publisher, StepReport, Viewer};
 use crate::pose_check::{PoseRefusal, PoseSample};
+use crate::projector::Projector;
 use crate::resimulation::Resimulation;
 use crate::status::{Phase, SessionStatus};
 use crate::stepping::{Stepped, Steps};
@@ -41,9 +43,20 @@ impl StageClock for VirtualClock {
     }
 }
 
+/// Processor time of this thread, ns.
+pub fn thread_ns() -> i64 {
+    let now = clock_gettime(ClockId::ThreadCPUTime);
+    now.tv_sec * 1_000_000_000 + now.tv_nsec
+}
+
 /// A session that is ticked by hand.
 pub struct VirtualSession {
     pub core: SessionCore,
+    projector: Projector,
+    /// What is handed over is shown at once.
+    pub shows: bool,
+    /// Processor time of this thread that went into showing, ns.
+    pub showing_ns: i64,
     pub scene: Arc<Scene>,
     pub inbox: Arc<Inbox>,
     pub outbox: Arc<Outbox>,
@@ -66,9 +79,24 @@ impl VirtualSession {
         publisher.tape = recorded;
         let admission = Admission::new(f64::INFINITY, f64::INFINITY, f64::INFINITY, 1);
         let admitted = admission.admit(&Cost::default(), 1.0).unwrap();
-        let core = SessionCore::new(Arc::clone(&scene), limits, Arc::clone(&inbox), publisher, admitted).unwrap();
+        let built = SessionCore::new(Arc::clone(&scene), limits, Arc::clone(&inbox), publisher, admitted);
+        let (core, projector) = built.unwrap();
         let (clock, wake) = (VirtualClock::default(), Wake::At(0));
-        Self { core, scene, inbox, outbox, bell, tape: Some(tape), reports, clock, wake, step_ns: MS / 10 }
+        Self {
+            core,
+            projector,
+            shows: true,
+            showing_ns: 0,
+            scene,
+            inbox,
+            outbox,
+            bell,
+            tape: Some(tape),
+            reports,
+            clock,
+            wake,
+            step_ns: MS / 10,
+        }
     }
 
     pub fn now_ns(&self) -> u64 {
@@ -80,6 +108,11 @@ impl VirtualSession {
         self.clock.step_ns.store(self.step_ns, Ordering::Relaxed);
         self.wake = self.core.tick(self.now_ns(), &Workers::serial(), &self.clock);
         self.clock.step_ns.store(0, Ordering::Relaxed);
+        let began_ns = thread_ns();
+        if self.shows {
+            self.projector.show_waiting(&self.clock);
+        }
+        self.showing_ns += thread_ns() - began_ns;
     }
 
     /// Does all that is due in the coming time.

@@ -5338,7 +5338,7 @@ namespace Kerf.V1 {
     private readonly pbc::RepeatedField<float> stageMeanS_ = new pbc::RepeatedField<float>();
     /// <summary>
     /// Mean duration of each stage, s, in the order of SceneSummary.stage_names; 0 where it did not run. The
-    /// surface is adapted after steps that are shown; that is spread over all of them.
+    /// surface is contoured and adapted beside the steps, for those that are shown; that is spread over all of them.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -5350,7 +5350,7 @@ namespace Kerf.V1 {
     public const int StepMeanSFieldNumber = 3;
     private float stepMeanS_;
     /// <summary>
-    /// Mean duration of a step, the stages above included, s.
+    /// Mean duration of a step, without what is done for viewers beside it, s.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
