@@ -208,7 +208,8 @@ pub struct SolveReport {
     pub unsettled_n_s: f64,
     /// Work of the step, its contact models included: what [`StepInputs::work_units`] bounds.
     pub work_units: u64,
-    /// Whether a solve ended short of the tolerance, because the work was used up.
+    /// Whether a solve ended short of the tolerance, or with contacts that would go on changing, because the work was
+    /// used up.
     pub is_cut_short: bool,
 }
 

@@ -77,7 +77,7 @@ impl Governor {
 
     fn judge(&mut self, solve: &SolveReport) -> Option<f64> {
         let calm_steps = (CALM_S * 1e9 / self.period_ns) as u32;
-        if solve.is_cut_short {
+        if solve.is_cut_short && solve.relative_residual > self.relative_tolerance {
             self.calm_steps = 0;
             let told = self.residual.unwrap_or(0.0);
             let left = (solve.relative_residual > TELLING * told).then_some(solve.relative_residual)?;

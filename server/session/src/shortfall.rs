@@ -26,7 +26,8 @@ pub(crate) struct ShortfallWatch {
 impl ShortfallWatch {
     /// A step has ended. The first that falls short is told at once, others with the next that is due.
     pub fn step_ended(&mut self, ended_ns: u64, solve: &SolveReport) -> Option<Shortfall> {
-        if solve.is_unconverged || solve.unsettled_n_s > 0.0 {
+        // Where the step's work was used up that is asked for, and told as such.
+        if solve.is_unconverged || solve.unsettled_n_s > 0.0 && !solve.is_cut_short {
             let untold = &mut self.untold;
             untold.steps += 1;
             untold.relative_residual = untold.relative_residual.max(solve.relative_residual);
@@ -59,5 +60,7 @@ mod tests {
         let unsettled = SolveReport { unsettled_n_s: 0.5, ..sound };
         assert_eq!(watch.step_ended(4_000_000_000, &unsettled).map(|told| told.unsettled_n_s), Some(0.5));
         assert_eq!(watch.step_ended(6_000_000_000, &sound), None);
+        let budgeted = SolveReport { is_cut_short: true, ..unsettled };
+        assert_eq!(watch.step_ended(8_000_000_000, &budgeted), None);
     }
 }

@@ -98,6 +98,7 @@ fn solve_island(
         let lets_go = wrong.too_much_n_s() > solve.tolerance_n_s && letting_go_solves < MAX_LETTING_GO_SOLVES;
         if is_settled || !may_change && !lets_go {
             let relative_tolerance = state.slots[id].body.relative_tolerance();
+            report.is_cut_short |= !is_settled && work.is_spent();
             report.end_island(&solve, relative_tolerance, if is_settled { 0.0 } else { wrong.norm_n_s() });
             return;
         }
