@@ -108,7 +108,10 @@ fn a_file_of_another_format_or_scene_is_refused_with_the_reason() {
     };
     assert_eq!(other(&|d| d.name = "other".into()), "scene.name: the file is of `test`, and this is `other`");
     assert_eq!(other(&|d| d.rate_hz = 250.0), "scene.rate_hz: the file is of 500 Hz, and this is 250 Hz");
-    assert!(other(&|d| d.objects[0].material.young_modulus_pa *= 2.0).starts_with("scene: the file is of `test`, "));
+    let stiffer = other(&|d| d.objects[0].material.young_modulus_pa *= 2.0);
+    assert!(stiffer.starts_with("scene.objects[0].material.young_modulus_pa: the scene "), "{stiffer}");
+    assert!(other(&|d| d.gravity_m_per_s2[1] -= 1.0).starts_with("scene.gravity_m_per_s2[1]: "));
+    assert!(other(&|d| drop(d.tools.pop())).starts_with("scene.tools: "));
 }
 
 #[test]

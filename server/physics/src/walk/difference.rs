@@ -42,7 +42,8 @@ impl Visitor for Compared {
     }
 }
 
-fn told(path: &[Place]) -> String {
+/// A path as people write it.
+pub(super) fn told(path: &[Place]) -> String {
     path.iter().fold(String::new(), |mut told, place| {
         match place {
             Place::Field(name) if told.is_empty() => told.push_str(name),

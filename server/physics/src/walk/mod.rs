@@ -9,6 +9,7 @@ mod difference;
 mod encode;
 mod hash;
 mod kept;
+mod parts;
 #[cfg(test)]
 pub mod places;
 #[cfg(test)]
@@ -20,6 +21,7 @@ pub use difference::difference;
 pub use encode::{checksum, encode};
 pub use hash::hash;
 pub use kept::{Kept, KeptHash, KeptView};
+pub use parts::parts;
 
 use std::fmt::Display;
 

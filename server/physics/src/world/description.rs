@@ -34,11 +34,17 @@ pub(super) struct Description {
     pub(super) reach: Aabb,
 }
 
-/// What a scene is known by: a hash over its description and its meshes, too.
+/// Down to here a scene is told apart: `objects[0].material.young_modulus_pa`, and what is in it as a whole.
+const DEPTH: usize = 4;
+
+/// What a scene is known by: hashes over its description and its meshes, too.
 pub(super) fn identity(scene: &Scene) -> SceneIdentity {
-    let meshes: Vec<_> = scene.meshes.iter().map(|(key, mesh)| (key, &mesh.positions, &mesh.triangles)).collect();
-    let hash = walk::hash(&(&scene.desc, meshes));
-    SceneIdentity { name: scene.desc.name.clone(), rate_hz: scene.desc.rate_hz, hash }
+    let mut parts = walk::parts(&scene.desc, DEPTH);
+    parts.extend(scene.meshes.iter().map(|(key, mesh)| {
+        let hash = walk::hash(&(&mesh.positions, &mesh.triangles));
+        (format!("meshes[{key:?}]"), hash)
+    }));
+    SceneIdentity { name: scene.desc.name.clone(), rate_hz: scene.desc.rate_hz, parts }
 }
 
 /// Shapes of a scene's tools.

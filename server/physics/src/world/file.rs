@@ -9,12 +9,13 @@ use super::state::State;
 use crate::step_io::StepOutput;
 use crate::walk::{self, WalkError};
 use crate::workers::Workers;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// What a file of a snapshot begins with.
 pub const MAGIC: [u8; 8] = *b"KERFSNAP";
 /// Goes up whenever what is walked changes: a file of another format is refused.
-pub const FORMAT: u32 = 1;
+pub const FORMAT: u32 = 2;
 /// Characters of a name from a file that an error repeats: names of scenes are shorter.
 const MOST_TOLD: usize = 64;
 /// Bytes before what the checksum is of.
@@ -50,6 +51,12 @@ pub enum LoadError {
         /// That of here.
         wanted: String,
     },
+    /// The scene it is of states something else there.
+    #[error("{field}: the scene that the file is of states it otherwise")]
+    OtherScene {
+        /// Path of the first field that differs.
+        field: String,
+    },
     /// It does not fit together.
     #[error("it does not fit together: {0}")]
     Broken(String),
@@ -71,12 +78,22 @@ struct Header {
     state_hash: u64,
 }
 
-/// By what a scene is known: its name, its steps, and a hash over all that it states.
+/// By what a scene is known: its name, its steps, and hashes over all that it states.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct SceneIdentity {
     pub(super) name: String,
     pub(super) rate_hz: f64,
-    pub(super) hash: u64,
+    /// By their paths, in the order of the scene.
+    pub(super) parts: Vec<(String, u64)>,
+}
+
+impl SceneIdentity {
+    /// Path of the first part that only one of them has, or has otherwise.
+    fn difference<'a>(&'a self, other: &'a Self) -> Option<&'a str> {
+        let first = self.parts.iter().zip(&other.parts).find(|(a, b)| a != b).map(|(a, _)| a);
+        let beyond = || self.parts.get(other.parts.len()).or_else(|| other.parts.get(self.parts.len()));
+        first.or_else(beyond).map(|(path, _)| path.as_str())
+    }
 }
 
 impl Header {
@@ -92,16 +109,17 @@ impl Header {
 
     /// Refuses what was written for anything else than `own` is of.
     fn check(&self, own: &Self) -> Result<(), LoadError> {
-        let scene = |scene: &SceneIdentity| format!("`{}`, {:016x}", told(&scene.name), scene.hash);
         let pairs = [
             ("program", told(&self.program), own.program.clone()),
             ("target", told(&self.target), own.target.clone()),
             ("scene.name", format!("`{}`", told(&self.scene.name)), format!("`{}`", own.scene.name)),
             ("scene.rate_hz", format!("{} Hz", self.scene.rate_hz), format!("{} Hz", own.scene.rate_hz)),
-            ("scene", scene(&self.scene), scene(&own.scene)),
         ];
-        match pairs.into_iter().find(|(_, found, wanted)| found != wanted) {
-            Some((field, found, wanted)) => Err(LoadError::Other { field, found, wanted }),
+        if let Some((field, found, wanted)) = pairs.into_iter().find(|(_, found, wanted)| found != wanted) {
+            return Err(LoadError::Other { field, found, wanted });
+        }
+        match self.scene.difference(&own.scene) {
+            Some(path) => Err(LoadError::OtherScene { field: format!("scene.{}", told(path)) }),
             None => Ok(()),
         }
     }
@@ -111,6 +129,12 @@ impl Snapshot {
     /// The snapshot as a file.
     #[must_use]
     pub fn save(&self) -> Vec<u8> {
+        self.save_with(&())
+    }
+
+    /// The snapshot as a file, with what its owner knows besides.
+    #[must_use]
+    pub fn save_with(&self, besides: &impl Serialize) -> Vec<u8> {
         let mut file = Vec::new();
         file.extend(MAGIC);
         file.extend(FORMAT.to_le_bytes());
@@ -118,6 +142,7 @@ impl Snapshot {
         walk::encode(&Header::of(self), &mut file);
         walk::encode(&self.state, &mut file);
         walk::encode(&self.output, &mut file);
+        walk::encode(besides, &mut file);
         let checksum = walk::checksum(&file[HEAD..]);
         file[HEAD - size_of::<u64>()..HEAD].copy_from_slice(&checksum.to_le_bytes());
         file
@@ -128,11 +153,20 @@ impl Snapshot {
     /// # Errors
     /// The file is of another format, program, target or scene, has come to harm, or does not fit together.
     pub fn load(&self, file: &[u8]) -> Result<Self, LoadError> {
+        self.load_with::<()>(file).map(|(snapshot, ())| snapshot)
+    }
+
+    /// The same, with what [`Self::save_with`] was given besides.
+    ///
+    /// # Errors
+    /// As of [`Self::load`].
+    pub fn load_with<T: DeserializeOwned>(&self, file: &[u8]) -> Result<(Self, T), LoadError> {
         let mut rest = body(file)?;
         let header: Header = walk::decode(&mut rest)?;
         header.check(&Header::of(self))?;
         let mut state: State = walk::decode(&mut rest)?;
         let output: StepOutput = walk::decode(&mut rest)?;
+        let besides: T = walk::decode(&mut rest)?;
         if !rest.is_empty() {
             return Err(LoadError::Broken(format!("{} bytes are left over", rest.len())));
         }
@@ -141,7 +175,7 @@ impl Snapshot {
         if loaded.state_hash() != header.state_hash || loaded.step() != header.step {
             return Err(LoadError::Broken("its state is not the one that the header tells of".into()));
         }
-        Ok(loaded)
+        Ok((loaded, besides))
     }
 }
 
