@@ -207,6 +207,26 @@ mod tests {
     use crate::walk::places::places;
     use std::collections::BTreeMap;
 
+    /// As of a file that somebody has changed on purpose: without the checksum the hash of the state stands in the way.
+    #[test]
+    fn a_changed_byte_with_a_checksum_that_is_right_leads_to_no_other_state() {
+        let mut busy = Busy::new(0);
+        busy.run(60);
+        let (own, file) = (busy.world.snapshot(), busy.world.save());
+        let mut refused = 0;
+        for at in (HEAD..file.len()).step_by(file.len() / 199) {
+            let mut changed = file.clone();
+            changed[at] ^= 1 << (at % 8);
+            let checksum = walk::checksum(&changed[HEAD..]);
+            changed[HEAD - size_of::<u64>()..HEAD].copy_from_slice(&checksum.to_le_bytes());
+            match own.load(&changed) {
+                Ok(loaded) => assert_eq!(own.difference(&loaded), None, "byte {at}"),
+                Err(_) => refused += 1,
+            }
+        }
+        assert!(refused > 150, "{refused} are refused");
+    }
+
     #[test]
     fn every_number_of_the_state_that_is_another_makes_another_hash() {
         let mut busy = Busy::new(0);
