@@ -133,6 +133,8 @@ export class Session {
         return this.placeAll(`Back at ${checkpointName}.`);
       case EventKind.CHECKPOINT_SAVED:
         return say(`Saved ${checkpointName}.`);
+      case EventKind.CHECKPOINT_UPLOADED:
+        return say(`${checkpointName} came as a file.`);
       case EventKind.TOOL_TAKEN:
         return this.hands.has(toolId) ? undefined : say(`Somebody has taken the ${toolName()}.`);
       case EventKind.TOOL_RELEASED:

@@ -149,6 +149,12 @@ pub struct TransportLimits {
     /// Calls about sessions with a message of more than `max_incoming_bytes` that are read and answered at a time. One
     /// more takes the place of the one that has been read longest. Default 32: so many uploads fit into memory.
     pub max_uploads: usize,
+    /// Largest file of a checkpoint, in either direction. Default 128 MiB: the liver's has 1.2 MB, 39 bytes a
+    /// voxel, so that one of three million voxels fits.
+    pub max_checkpoint_bytes: usize,
+    /// Files of checkpoints that are on their way at a time; one more takes the place of the oldest that is still being
+    /// sent. Default 4: with `max_checkpoint_bytes`, the memory that they take.
+    pub max_checkpoint_files: usize,
     /// Largest message that is sent. Default 64 MiB: what clients accept.
     pub max_outgoing_bytes: usize,
     /// Text of a scene that a client sends. Default 1 MiB: as the protocol says.
@@ -174,6 +180,8 @@ impl Default for TransportLimits {
             max_incoming_bytes: 64 << 10,
             max_upload_bytes: 8 << 20,
             max_uploads: 32,
+            max_checkpoint_bytes: 128 << 20,
+            max_checkpoint_files: 4,
             max_outgoing_bytes: kerf_proto::MAX_MESSAGE_BYTES,
             max_scene_bytes: 1 << 20,
             keepalive_interval_s: 5.0,
@@ -295,6 +303,8 @@ impl ServerConfig {
             ("record_rate_hz", self.record_rate_hz),
             ("transport.max_upload_bytes", transport.max_upload_bytes as f64),
             ("transport.max_uploads", transport.max_uploads as f64),
+            ("transport.max_checkpoint_bytes", transport.max_checkpoint_bytes as f64),
+            ("transport.max_checkpoint_files", transport.max_checkpoint_files as f64),
             ("transport.max_outgoing_bytes", transport.max_outgoing_bytes as f64),
             ("transport.max_scene_bytes", transport.max_scene_bytes as f64),
             ("transport.keepalive_interval_s", transport.keepalive_interval_s),

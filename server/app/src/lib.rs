@@ -12,6 +12,7 @@ mod grpc;
 mod hosts;
 mod incoming;
 pub mod machine;
+mod places;
 mod print_config;
 mod progress;
 pub mod recording;

@@ -1,5 +1,6 @@
-//! `kerf-server session`: the sessions of a server that runs, and the way back to an earlier state of one.
+//! `kerf-server session`: the sessions of a server that runs, the way back to an earlier state of one, and states as files.
 
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow};
@@ -11,6 +12,10 @@ use tonic::{Response, Status};
 
 /// A server that does not answer within this is down, or is not where it was said to be.
 const TIMEOUT: Duration = Duration::from_secs(10);
+/// A file of the largest size that servers take unless they are told otherwise comes over 20 Mbit/s within this.
+const TIMEOUT_OF_FILES: Duration = Duration::from_secs(60);
+/// Bytes of a part of a file: far below what a server takes.
+const PART_BYTES: usize = 256 << 10;
 
 /// Arguments of `session`.
 #[derive(Args, Clone, Debug)]
@@ -34,6 +39,10 @@ pub enum Action {
     Restore(Checkpoint),
     /// Lists a session's saved states.
     Checkpoints(Id),
+    /// Writes a session's state, or a saved one, to a file.
+    Download(Download),
+    /// Keeps the state in a file as a saved one of a session of the same scene.
+    Upload(Upload),
     /// Forgets a saved state.
     Delete(Checkpoint),
     /// Lets a session stand.
@@ -64,6 +73,33 @@ pub struct Checkpoint {
     pub name: String,
 }
 
+/// A state that goes to a file.
+#[derive(Args, Clone, Debug)]
+pub struct Download {
+    /// Id of the session, as `list` tells it.
+    pub session: String,
+    /// The file.
+    pub file: PathBuf,
+    /// Name of a saved state. Default: the state as it is.
+    #[arg(long, value_name = "NAME", default_value = "", hide_default_value = true)]
+    pub checkpoint: String,
+}
+
+/// A state that comes from a file.
+#[derive(Args, Clone, Debug)]
+pub struct Upload {
+    /// Id of the session, as `list` tells it.
+    pub session: String,
+    /// The file.
+    pub file: PathBuf,
+    /// Name to keep it by. Default: the file's, without its ending.
+    #[arg(long, value_name = "NAME")]
+    pub checkpoint: Option<String>,
+    /// Takes the session to it, too.
+    #[arg(long)]
+    pub restore: bool,
+}
+
 /// A time of a recording.
 #[derive(Args, Clone, Debug)]
 pub struct Time {
@@ -85,13 +121,39 @@ pub fn run(args: &SessionArgs) -> Result<()> {
     let lines = runtime.block_on(async {
         let endpoint = Endpoint::from_shared(format!("http://{}", args.server))
             .with_context(|| format!("--server {} is not an address", args.server))?;
-        let channel = endpoint.connect_timeout(TIMEOUT).timeout(TIMEOUT).connect().await;
+        let timeout = match args.action {
+            Action::Download(_) | Action::Upload(_) => TIMEOUT_OF_FILES,
+            _ => TIMEOUT,
+        };
+        let channel = endpoint.connect_timeout(TIMEOUT).timeout(timeout).connect().await;
         let channel = channel.map_err(|_| anyhow!("no Kerf server answers at {}", args.server))?;
         let answer = ask(SessionServiceClient::new(channel), args.action.clone()).await;
         answer.map_err(|status| anyhow!("{}", status.message()))
     })?;
     lines.iter().for_each(|line| println!("{line}"));
     Ok(())
+}
+
+/// A file of this side that cannot be read or written ends what was asked as a refusal does.
+fn on_file(file: &Path, error: &std::io::Error) -> Status {
+    Status::unknown(format!("{}: {error}", file.display()))
+}
+
+async fn download(mut client: SessionServiceClient<Channel>, wanted: Download) -> Result<Vec<u8>, Status> {
+    let request = v1::DownloadCheckpointRequest { session_id: wanted.session, name: wanted.checkpoint };
+    let mut parts = client.download_checkpoint(request).await?.into_inner();
+    let mut file = Vec::new();
+    while let Some(part) = parts.message().await? {
+        file.extend(part.data);
+    }
+    Ok(file)
+}
+
+async fn upload(mut client: SessionServiceClient<Channel>, to: Checkpoint, file: &[u8]) -> Result<u64, Status> {
+    let first = v1::UploadCheckpointRequest { session_id: to.session, name: to.name, ..Default::default() };
+    let part = |data: &[u8]| v1::UploadCheckpointRequest { data: data.to_vec(), ..Default::default() };
+    let parts: Vec<_> = std::iter::once(first).chain(file.chunks(PART_BYTES).map(part)).collect();
+    Ok(client.upload_checkpoint(futures_util::stream::iter(parts)).await?.into_inner().step)
 }
 
 async fn ask(mut client: SessionServiceClient<Channel>, action: Action) -> Result<Vec<String>, Status> {
@@ -119,6 +181,24 @@ async fn ask(mut client: SessionServiceClient<Channel>, action: Action) -> Resul
             let line =
                 |saved: v1::Checkpoint| format!("{}  step {}  {:.3} s", saved.name, saved.step, saved.sim_time_s);
             reply.checkpoints.into_iter().map(line).collect()
+        }
+        Action::Download(wanted) => {
+            let path = wanted.file.clone();
+            let late = |_| Status::deadline_exceeded(format!("not whole within {} s", TIMEOUT_OF_FILES.as_secs()));
+            let file = tokio::time::timeout(TIMEOUT_OF_FILES, download(client, wanted)).await.map_err(late)??;
+            std::fs::write(&path, &file).map_err(|error| on_file(&path, &error))?;
+            vec![format!("{}: {} bytes", path.display(), file.len())]
+        }
+        Action::Upload(Upload { session, file: path, checkpoint, restore }) => {
+            let file = std::fs::read(&path).map_err(|error| on_file(&path, &error))?;
+            let named_after = || path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            let to = Checkpoint { session, name: checkpoint.unwrap_or_else(named_after) };
+            let step = upload(client.clone(), to.clone(), &file).await?;
+            let mut lines = vec![format!("`{}` uploaded, of step {step}", to.name)];
+            if restore {
+                lines.extend(Box::pin(ask(client, Action::Restore(to))).await?);
+            }
+            lines
         }
         Action::Delete(Checkpoint { session: session_id, name }) => {
             client.delete_checkpoint(v1::DeleteCheckpointRequest { session_id, name }).await?;

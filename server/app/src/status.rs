@@ -4,6 +4,7 @@ use axum::body::Body;
 use axum::http::header::CONTENT_TYPE;
 use axum::http::{HeaderMap, Response, StatusCode};
 use kerf_physics::scene::text::{escaped, shortened};
+use kerf_physics::world::LoadError;
 use kerf_scenes::dial::DialError;
 use kerf_session::SessionError;
 use kerf_session::player::SPEEDS;
@@ -202,6 +203,29 @@ pub enum RequestError {
         /// The speed.
         speed: f64,
     },
+    /// A file that is not taken as a checkpoint.
+    #[error("data: {error}")]
+    CheckpointFile {
+        /// Why.
+        error: LoadError,
+    },
+    /// The file of a checkpoint is too large.
+    #[error(
+        "data: the file has more than {limit} bytes, the most that one of a checkpoint may have (max_checkpoint_bytes)"
+    )]
+    CheckpointSize {
+        /// `max_checkpoint_bytes`.
+        limit: usize,
+    },
+    /// The file of a checkpoint that others need the place of, or that finds none.
+    #[error("as many files of checkpoints are on their way as may, {limit} (max_checkpoint_files): this one gives way")]
+    TooManyCheckpointFiles {
+        /// `max_checkpoint_files`.
+        limit: usize,
+    },
+    /// The file of a checkpoint could not be made or read, for no reason that was foreseen.
+    #[error("the checkpoint's file could not be made or read; the server's log says why")]
+    CheckpointWork,
     /// The session did not answer in time.
     #[error("the session did not answer within {limit_s} s (request_timeout_s)")]
     Unresponsive {
@@ -230,11 +254,15 @@ impl RequestError {
             | Self::LeaseOfOther { .. }
             | Self::NoObject { .. }
             | Self::TooManyVoxels { .. }
+            | Self::CheckpointFile { .. }
             | Self::SceneText { .. } => Code::InvalidArgument,
             Self::Idle { .. } | Self::Unresponsive { .. } | Self::UnreadInTime { .. } => Code::DeadlineExceeded,
-            Self::TooManyUnaryDrivers { .. } | Self::TooManyUploads { .. } | Self::LargeMessage { .. } => {
-                Code::ResourceExhausted
-            }
+            Self::TooManyUnaryDrivers { .. }
+            | Self::TooManyUploads { .. }
+            | Self::LargeMessage { .. }
+            | Self::CheckpointSize { .. }
+            | Self::TooManyCheckpointFiles { .. } => Code::ResourceExhausted,
+            Self::CheckpointWork => Code::Internal,
             Self::Unread { .. } => Code::Cancelled,
             Self::ForeignHost { .. } | Self::ForeignOrigin { .. } => Code::PermissionDenied,
             Self::NoScene { .. } | Self::NoViewer => Code::NotFound,

@@ -1,5 +1,6 @@
 //! The program `kerf-server`: its commands and reports.
 
+mod checkpoint_files;
 mod cli;
 mod hepatectomy;
 mod killed;

@@ -22,6 +22,7 @@ pub async fn soon<T>(what: &str, future: impl Future<Output = T>) -> T {
 pub struct Process {
     pub server: Child,
     pub client: SessionServiceClient<Channel>,
+    pub address: SocketAddr,
 }
 
 impl Process {
@@ -43,7 +44,7 @@ impl Process {
                 }
             }
         });
-        Self { server, client: client.await }
+        Self { server, client: client.await, address }
     }
 
     /// A session of the block.

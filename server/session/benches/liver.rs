@@ -1,6 +1,7 @@
 //! Whole steps of the built-in liver: a stroke of the blade into its right lobe, at 1 kHz on one thread.
 //! Before the timed runs the liver is voxelized once at two million voxels, and one stroke is taken step
-//! by step; the time of the one and the medians of the other are printed.
+//! by step; the time of the one and the medians of the other are printed. So is what the state takes as a file, and how long
+//! it takes to be copied, written, read and hashed, at rest and at the end of the stroke.
 #![allow(missing_docs, reason = "criterion's macros write undocumented functions")]
 
 use std::time::Duration;
@@ -74,6 +75,31 @@ fn print_voxelization() {
     println!("voxelize: {} voxels in {:.2} s", grid.voxels().len(), since(start_ns).as_secs_f64());
 }
 
+/// The hash is that of a state that a step has changed: what did not change since the last one keeps its part of it.
+fn print_state(when: &str, world: &mut World) {
+    const RUNS: usize = 20;
+    let ms = |work: &mut dyn FnMut()| {
+        let start_ns = MonotonicClock::now_ns();
+        work();
+        since(start_ns).as_secs_f64() * 1e3
+    };
+    let snapshot = world.snapshot();
+    let file = snapshot.save();
+    let of = |work: &mut dyn FnMut()| median((0..RUNS).map(|_| ms(work)).collect());
+    let copied = of(&mut || drop(world.snapshot()));
+    let written = of(&mut || drop(snapshot.save()));
+    let read = of(&mut || drop(snapshot.load(&file).expect("its own file")));
+    let hashed = (0..RUNS).map(|_| {
+        world.step(&Workers::serial(), &MonotonicClock, &StepInputs::default());
+        ms(&mut || _ = std::hint::black_box(world.state_hash()))
+    });
+    let hashed = median(hashed.collect());
+    println!(
+        "state {when}: file {} kB; copied {copied:.2} ms, written {written:.2} ms, read {read:.1} ms, hashed {hashed:.3} ms",
+        file.len() / 1000
+    );
+}
+
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
@@ -111,7 +137,11 @@ fn print_profile(stroke: &mut Stroke) {
 fn liver(criterion: &mut Criterion) {
     print_voxelization();
     let mut stroke = Stroke::new();
+    print_state("at rest", &mut stroke.world);
+    stroke = Stroke::new();
     print_profile(&mut stroke);
+    print_state("after the stroke", &mut stroke.world);
+    stroke = Stroke::new();
     let mut group = criterion.benchmark_group("liver");
     group.sample_size(20);
     group.bench_function("step_without_fracture", |b| b.iter_custom(|steps| stroke.time(steps, false)));

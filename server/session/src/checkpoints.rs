@@ -2,7 +2,10 @@
 
 use kerf_physics::scene::text::{is_hidden, shortened};
 use kerf_physics::step_io::EnergyStep;
-use kerf_physics::world::Snapshot;
+use kerf_physics::world::{LoadError, Snapshot};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::sync::Arc;
 
 use crate::admission::Reservation;
 use crate::error::SessionError;
@@ -21,16 +24,68 @@ pub struct CheckpointInfo {
     pub sim_time_s: f64,
 }
 
-/// What a session goes back to. Counts of what happened to the session (late steps, faults) are not in
-/// it: they did happen.
-pub(crate) struct Checkpoint {
-    pub snapshot: Snapshot,
-    pub sim_time_s: f64,
+/// A state that a session goes back to, apart from the session: copies share it. Counts of what happened to the session
+/// (late steps, faults) are not in it: they did happen.
+#[derive(Clone)]
+pub struct Checkpoint {
+    pub(crate) snapshot: Arc<Snapshot>,
+    pub(crate) besides: Besides,
+    /// Held as long as anybody has the state.
+    pub(crate) memory: Arc<Reservation>,
+}
+
+/// What a checkpoint has besides the world's state.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Besides {
+    /// Booked since the session began or was reset.
     pub energy: EnergyStep,
     /// By tool: steps that were asked for had placed it, and nobody held it.
     pub placed_by_calls: Vec<bool>,
-    /// Held as long as the checkpoint is kept.
-    pub _memory: Reservation,
+}
+
+/// Why a file is not taken as a checkpoint.
+#[derive(Debug, PartialEq, thiserror::Error)]
+pub enum FileError {
+    /// The file is not one of a checkpoint of this scene.
+    #[error(transparent)]
+    File(#[from] LoadError),
+    /// There is no room for what is in it.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+}
+
+impl fmt::Debug for Checkpoint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Checkpoint").field("step", &self.step()).finish_non_exhaustive()
+    }
+}
+
+impl Checkpoint {
+    /// Step that it is of.
+    #[must_use]
+    pub fn step(&self) -> u64 {
+        self.snapshot.step()
+    }
+
+    /// The checkpoint as a file, for another session of the scene. It takes some milliseconds: not on a thread that steps.
+    #[must_use]
+    pub fn save(&self) -> Vec<u8> {
+        self.snapshot.save_with(&self.besides)
+    }
+
+    /// The checkpoint in a file, of the scene of this one. It takes about as long as building the scene does.
+    ///
+    /// # Errors
+    /// The file is none of a checkpoint, of another format, program, machine or scene, or has come to harm; or there is no
+    /// room for another checkpoint.
+    pub fn load(&self, file: &[u8]) -> Result<Self, FileError> {
+        let memory = Arc::new(self.memory.another()?);
+        let (snapshot, besides) = self.snapshot.load_with::<Besides>(file)?;
+        if besides.placed_by_calls.len() != self.besides.placed_by_calls.len() {
+            return Err(LoadError::Broken("its tools are not the scene's".into()).into());
+        }
+        Ok(Self { snapshot: Arc::new(snapshot), besides, memory })
+    }
 }
 
 /// The checkpoints of a session, in the order of saving.
@@ -79,7 +134,7 @@ impl Checkpoints {
         let info = |(name, checkpoint): &(String, Checkpoint)| CheckpointInfo {
             name: name.clone(),
             step: checkpoint.snapshot.step(),
-            sim_time_s: checkpoint.sim_time_s,
+            sim_time_s: checkpoint.snapshot.sim_time_s(),
         };
         self.checkpoints.iter().map(info).collect()
     }

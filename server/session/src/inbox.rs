@@ -9,7 +9,7 @@ use std::time::Duration;
 use kerf_physics::{Scene, ToolInput, World};
 use tokio::sync::oneshot;
 
-use crate::checkpoints::CheckpointInfo;
+use crate::checkpoints::{Checkpoint, CheckpointInfo};
 use crate::error::SessionError;
 use crate::limits::{SessionLimits, to_ns};
 use crate::lock::lock;
@@ -59,6 +59,14 @@ pub(crate) enum CheckpointCommand {
     Save(String, oneshot::Sender<Result<u64, SessionError>>),
     /// Go back to one; answers with its step.
     Restore(String, oneshot::Sender<Result<u64, SessionError>>),
+    /// Hand one out.
+    Read(String, oneshot::Sender<Result<Checkpoint, SessionError>>),
+    /// Hand out the state as it is.
+    Copy(oneshot::Sender<Result<Checkpoint, SessionError>>),
+    /// Say whether one of this name could be kept.
+    Check(String, oneshot::Sender<Result<(), SessionError>>),
+    /// Keep one that came as a file; answers with its step.
+    Keep(String, Checkpoint, oneshot::Sender<Result<u64, SessionError>>),
     /// Forget one.
     Delete(String, oneshot::Sender<Result<(), SessionError>>),
     /// List them.

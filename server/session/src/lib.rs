@@ -41,7 +41,7 @@ mod structure_log;
 pub mod tape;
 mod tool_slot;
 
-pub use checkpoints::{CheckpointInfo, MAX_CHECKPOINT_NAME_BYTES};
+pub use checkpoints::{Checkpoint, CheckpointInfo, FileError, MAX_CHECKPOINT_NAME_BYTES};
 pub use error::SessionError;
 pub use inbox::Inspection;
 pub use limits::{PoseLimits, SessionLimits};

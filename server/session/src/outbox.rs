@@ -134,6 +134,8 @@ pub enum SceneEvent {
     CheckpointSaved(Arc<str>),
     /// The scene is at the checkpoint of this name again, every tool lifted.
     CheckpointRestored(Arc<str>),
+    /// A checkpoint of this name came as a file.
+    CheckpointUploaded(Arc<str>),
     /// State that was not finite, or had energy from nowhere, was rolled back.
     Fault(Fault),
     /// Solves fell short of what was asked of them.

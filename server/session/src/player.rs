@@ -281,7 +281,9 @@ impl Player {
             Command::Reset(answer) => refuse(answer),
             Command::Checkpoint(command) => match command {
                 CheckpointCommand::Save(_, answer) | CheckpointCommand::Restore(_, answer) => refuse(answer),
-                CheckpointCommand::Delete(_, answer) => refuse(answer),
+                CheckpointCommand::Read(_, answer) | CheckpointCommand::Copy(answer) => refuse(answer),
+                CheckpointCommand::Keep(_, _, answer) => refuse(answer),
+                CheckpointCommand::Check(_, answer) | CheckpointCommand::Delete(_, answer) => refuse(answer),
                 CheckpointCommand::List(answer) => drop(answer.send(Vec::new())),
             },
             // Refused before it gets here: there is no world to look into.

@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use kerf_physics::world::Snapshot;
+use kerf_physics::world::{LoadError, Snapshot};
 use kerf_physics::{NoClock, Scene, SceneError, Workers, World};
 
+use crate::checkpoints::Besides;
 use crate::outbox::SceneEvent;
 use crate::tape::{LoggedInputs, TapeEntry};
 
@@ -55,7 +56,7 @@ pub enum Difference {
 pub struct Resimulation<'a> {
     scene: &'a Scene,
     world: World,
-    checkpoints: BTreeMap<Arc<str>, Snapshot>,
+    checkpoints: BTreeMap<Arc<str>, Arc<Snapshot>>,
 }
 
 impl<'a> Resimulation<'a> {
@@ -108,7 +109,7 @@ impl<'a> Resimulation<'a> {
         match event {
             SceneEvent::Reset => self.world = World::new(self.scene)?,
             SceneEvent::CheckpointSaved(name) => {
-                self.checkpoints.insert(Arc::clone(name), self.world.snapshot());
+                self.checkpoints.insert(Arc::clone(name), Arc::new(self.world.snapshot()));
             }
             SceneEvent::CheckpointRestored(name) => {
                 let snapshot = self.checkpoints.get(name);
@@ -117,6 +118,16 @@ impl<'a> Resimulation<'a> {
             }
             _ => {}
         }
+        Ok(())
+    }
+
+    /// Keeps a checkpoint that came as a file.
+    ///
+    /// # Errors
+    /// The file is not taken.
+    pub fn take_checkpoint(&mut self, name: &str, file: &[u8]) -> Result<(), LoadError> {
+        let (snapshot, _) = self.world.snapshot().load_with::<Besides>(file)?;
+        self.checkpoints.insert(name.into(), Arc::new(snapshot));
         Ok(())
     }
 
@@ -132,6 +143,10 @@ impl<'a> Resimulation<'a> {
         entries.into_iter().try_for_each(|entry| match entry {
             TapeEntry::Step(taped) => self.step(workers, taped.report.step, &taped.inputs, taped.state_hash),
             TapeEntry::Event(happened) => self.event(&happened.event),
+            TapeEntry::Checkpoint(name, checkpoint) => {
+                self.checkpoints.insert(Arc::clone(name), Arc::clone(&checkpoint.snapshot));
+                Ok(())
+            }
         })
     }
 }

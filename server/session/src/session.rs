@@ -10,7 +10,7 @@ use kerf_physics::world::ObjectStats;
 use tokio::sync::{OwnedSemaphorePermit, oneshot, watch};
 
 use crate::admission::{Admitted, Load};
-use crate::checkpoints::CheckpointInfo;
+use crate::checkpoints::{Checkpoint, CheckpointInfo};
 use crate::clock::MonotonicClock;
 use crate::error::SessionError;
 use crate::inbox::{CheckpointCommand, Command, Inbox, Inspection};
@@ -309,6 +309,39 @@ impl Session {
     /// There is no such checkpoint, the queue is full or the session has ended.
     pub async fn restore_checkpoint(&self, name: &str) -> Result<u64, SessionError> {
         self.ask(|answer| Command::Checkpoint(CheckpointCommand::Restore(name.into(), answer))).await?
+    }
+
+    /// A checkpoint, to be made a file of. It is shared and not copied: no step waits for it.
+    ///
+    /// # Errors
+    /// There is no such checkpoint, the queue is full or the session has ended.
+    pub async fn checkpoint(&self, name: &str) -> Result<Checkpoint, SessionError> {
+        self.ask(|answer| Command::Checkpoint(CheckpointCommand::Read(name.into(), answer))).await?
+    }
+
+    /// A copy of the state as it is: what a file is made of, and read by. It takes no place among the checkpoints.
+    ///
+    /// # Errors
+    /// There is no room for it, the queue is full, or the session has ended or failed.
+    pub async fn copy(&self) -> Result<Checkpoint, SessionError> {
+        self.ask(|answer| Command::Checkpoint(CheckpointCommand::Copy(answer))).await?
+    }
+
+    /// Whether a checkpoint of this name could be kept, to be asked before a large file is read.
+    ///
+    /// # Errors
+    /// The name is empty or too long, the session keeps as many checkpoints as it may, the queue is full, or the session
+    /// has ended.
+    pub async fn check_checkpoint(&self, name: &str) -> Result<(), SessionError> {
+        self.ask(|answer| Command::Checkpoint(CheckpointCommand::Check(name.into(), answer))).await?
+    }
+
+    /// Keeps a checkpoint that came as a file, in place of one of the same name; answers with its step.
+    ///
+    /// # Errors
+    /// As of [`Session::check_checkpoint`].
+    pub async fn keep_checkpoint(&self, name: &str, checkpoint: Checkpoint) -> Result<u64, SessionError> {
+        self.ask(|answer| Command::Checkpoint(CheckpointCommand::Keep(name.into(), checkpoint, answer))).await?
     }
 
     /// Forgets a checkpoint.

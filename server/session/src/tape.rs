@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex};
 
 use kerf_physics::{StepInputs, ToolInput};
 
+use crate::checkpoints::Checkpoint;
 use crate::lock::lock;
 use crate::outbox::{StepReport, ViewEvent, Viewer};
 
@@ -55,6 +56,8 @@ pub enum TapeEntry {
     Step(Box<TapedStep>),
     /// Something happened between two steps, or in the last one.
     Event(ViewEvent),
+    /// A checkpoint came as a file and is kept under this name.
+    Checkpoint(Arc<str>, Checkpoint),
 }
 
 /// Why no more will come, or that more may.

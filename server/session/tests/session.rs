@@ -255,7 +255,7 @@ async fn a_recorded_cut_leads_to_the_same_state_once_more() {
     assert_eq!(state, TapeState::Running);
     let steps = entries.iter().filter_map(|entry| match entry {
         TapeEntry::Step(taped) => Some(&taped.inputs),
-        TapeEntry::Event(_) => None,
+        TapeEntry::Event(_) | TapeEntry::Checkpoint(..) => None,
     });
     let kinds: HashSet<_> =
         steps.flat_map(|inputs| &inputs.tools).map(|input| std::mem::discriminant(&input.motion)).collect();

@@ -3,6 +3,7 @@
 mod anew;
 mod browser;
 mod bystander;
+mod checkpoint_files;
 mod checkpoints;
 mod control;
 mod cut;

@@ -342,6 +342,22 @@ impl SessionService for Server {
         Err(Status::unimplemented("not asked for here"))
     }
 
+    type DownloadCheckpointStream = tokio_stream::Empty<Result<v1::DownloadCheckpointResponse, Status>>;
+
+    async fn download_checkpoint(
+        &self,
+        _: Request<v1::DownloadCheckpointRequest>,
+    ) -> Result<Response<Self::DownloadCheckpointStream>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
+
+    async fn upload_checkpoint(
+        &self,
+        _: Request<tonic::Streaming<v1::UploadCheckpointRequest>>,
+    ) -> Result<Response<v1::UploadCheckpointResponse>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
+
     async fn seek_replay(&self, _: Request<v1::SeekReplayRequest>) -> Result<Response<v1::SeekReplayResponse>, Status> {
         Err(Status::unimplemented("not asked for here"))
     }

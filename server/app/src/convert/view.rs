@@ -115,6 +115,9 @@ pub fn event(happened: &ViewEvent) -> Message {
         SceneEvent::CheckpointRestored(ref name) => {
             v1::Event { checkpoint_name: name.to_string(), ..of(v1::EventKind::CheckpointRestored) }
         }
+        SceneEvent::CheckpointUploaded(ref name) => {
+            v1::Event { checkpoint_name: name.to_string(), ..of(v1::EventKind::CheckpointUploaded) }
+        }
         SceneEvent::Unsolved(Shortfall { steps, relative_residual, unsettled_n_s }) => {
             v1::Event { unsolved_steps: steps, relative_residual, unsettled_n_s, ..of(v1::EventKind::Unsolved) }
         }

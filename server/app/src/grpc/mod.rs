@@ -1,5 +1,6 @@
 //! The services: thin, one file each.
 
+mod checkpoint_files;
 mod contact_deadband;
 pub mod control_service;
 mod control_stream;

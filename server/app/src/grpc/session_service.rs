@@ -9,9 +9,10 @@ use kerf_proto::v1::create_session_request::Scene as Wanted;
 use kerf_proto::v1::get_scene_request::Of as SceneOf;
 use kerf_session::player::SPEEDS;
 use kerf_session::{Position, Registry, Seek, Session, SessionId, SessionOptions};
-use tonic::{Request, Response, Status};
+use tonic::{Request, Response, Status, Streaming};
 
-use super::in_time;
+use super::checkpoint_files::CheckpointFiles;
+use super::{Outgoing, in_time};
 use crate::config::ServerConfig;
 use crate::convert::scene::{checkpoint, dial, session_description, session_info};
 use crate::convert::stepping::{step_response, steps};
@@ -25,12 +26,14 @@ pub struct SessionService {
     scenes: Arc<SceneList>,
     config: Arc<ServerConfig>,
     recordings: Arc<Recordings>,
+    files: CheckpointFiles,
 }
 
 impl SessionService {
     pub fn new(registry: Arc<Registry>, config: Arc<ServerConfig>, recordings: Arc<Recordings>) -> Self {
         let scenes = Arc::new(SceneList::new(config.scene_dir.clone()));
-        Self { registry, scenes, config, recordings }
+        let files = CheckpointFiles::new(&config.transport);
+        Self { registry, scenes, config, recordings, files }
     }
 
     fn get(&self, id: &str) -> Result<Arc<Session>, RequestError> {
@@ -228,6 +231,26 @@ impl v1::session_service_server::SessionService for SessionService {
         let v1::DeleteCheckpointRequest { session_id, name } = request.get_ref();
         in_time(self.limit_s(), self.get(session_id)?.delete_checkpoint(name)).await?;
         Ok(Response::new(v1::DeleteCheckpointResponse {}))
+    }
+
+    type DownloadCheckpointStream = Outgoing<v1::DownloadCheckpointResponse>;
+
+    async fn download_checkpoint(
+        &self,
+        request: Request<v1::DownloadCheckpointRequest>,
+    ) -> Result<Response<Self::DownloadCheckpointStream>, Status> {
+        let connection = request.remote_addr();
+        let v1::DownloadCheckpointRequest { session_id, name } = request.get_ref();
+        Ok(Response::new(self.files.download(connection, &*self.get(session_id)?, name).await?))
+    }
+
+    async fn upload_checkpoint(
+        &self,
+        request: Request<Streaming<v1::UploadCheckpointRequest>>,
+    ) -> Result<Response<v1::UploadCheckpointResponse>, Status> {
+        let connection = request.remote_addr();
+        let step = self.files.upload(connection, request.into_inner(), |id| self.get(id)).await?;
+        Ok(Response::new(v1::UploadCheckpointResponse { step }))
     }
 
     async fn seek_replay(

@@ -298,6 +298,9 @@ pub fn event(recorded: &v1::Event) -> Option<ViewEvent> {
         v1::EventKind::CheckpointRestored => {
             SceneEvent::CheckpointRestored(Arc::from(recorded.checkpoint_name.as_str()))
         }
+        v1::EventKind::CheckpointUploaded => {
+            SceneEvent::CheckpointUploaded(Arc::from(recorded.checkpoint_name.as_str()))
+        }
         v1::EventKind::ToolTaken => SceneEvent::ToolTaken(recorded.tool_id as usize),
         v1::EventKind::ToolReleased => SceneEvent::ToolReleased(recorded.tool_id as usize),
         v1::EventKind::Overloaded => SceneEvent::Overloaded(recorded.late_share),

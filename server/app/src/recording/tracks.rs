@@ -18,6 +18,7 @@ pub enum Track {
     Header,
     Step,
     Events,
+    Checkpoint,
     Faults,
     Energy,
     Keyframe,
@@ -30,8 +31,17 @@ pub enum Track {
 
 impl Track {
     /// Those that are read, by their topics: what is for other programs alone is not among them.
-    const READ: [Self; 8] =
-        [Self::Header, Self::Step, Self::Events, Self::Faults, Self::Energy, Self::Keyframe, Self::Patch, Self::State];
+    const READ: [Self; 9] = [
+        Self::Header,
+        Self::Step,
+        Self::Events,
+        Self::Checkpoint,
+        Self::Faults,
+        Self::Energy,
+        Self::Keyframe,
+        Self::Patch,
+        Self::State,
+    ];
 
     /// The track of a topic, among those that are read.
     pub fn of_topic(topic: &str) -> Option<Self> {
@@ -44,6 +54,7 @@ impl Track {
             Self::Header => "/session/header".into(),
             Self::Step => "/session/step".into(),
             Self::Events => "/session/events".into(),
+            Self::Checkpoint => "/session/checkpoint".into(),
             Self::Faults => "/session/faults".into(),
             Self::Energy => "/energy".into(),
             Self::Keyframe => "/view/keyframe".into(),
@@ -61,6 +72,7 @@ impl Track {
             Self::Header => "kerf.v1.RecordingHeader",
             Self::Step => "kerf.v1.RecordedStep",
             Self::Events => "kerf.v1.Event",
+            Self::Checkpoint => "kerf.v1.RecordedCheckpoint",
             Self::Faults => "kerf.v1.Fault",
             Self::Energy => "kerf.v1.EnergyLedger",
             Self::Keyframe => "kerf.v1.Keyframe",

@@ -63,6 +63,14 @@ pub fn verify(recording: &mut Recording, workers: &Workers<'_>, mut progress: im
                     }
                     again.event(&happened.event).map_err(|difference| verified.place(&difference))?;
                 }
+                Track::Checkpoint => {
+                    saved += 1;
+                    if needed.contains(&saved) {
+                        let v1::RecordedCheckpoint { name, data } = entry.read()?;
+                        let taken = again.take_checkpoint(&name, &data);
+                        taken.with_context(|| format!("checkpoint {name:?}, which came as a file"))?;
+                    }
+                }
                 _ => {}
             }
         }
@@ -86,7 +94,7 @@ impl Verified {
 /// What a recording holds.
 struct Survey {
     steps: u64,
-    /// Which of the saved checkpoints are gone back to: the others take memory for nothing.
+    /// Which of the saved checkpoints, and of those that came as files, are gone back to: the others take memory for nothing.
     needed: BTreeSet<u64>,
 }
 
@@ -97,10 +105,16 @@ impl Survey {
         for index in 0..recording.chunks() {
             for entry in recording.chunk(index)? {
                 survey.steps += u64::from(entry.track == Track::Step);
-                if entry.track != Track::Events {
-                    continue;
-                }
-                match convert::event(&entry.read()?).map(|happened| happened.event) {
+                let happened = match entry.track {
+                    Track::Events => convert::event(&entry.read()?).map(|happened| happened.event),
+                    // Counts as saved: it is found among the checkpoints by its place, too.
+                    Track::Checkpoint => {
+                        let v1::RecordedCheckpoint { name, .. } = entry.read()?;
+                        Some(SceneEvent::CheckpointSaved(name.into()))
+                    }
+                    _ => None,
+                };
+                match happened {
                     Some(SceneEvent::CheckpointSaved(name)) => {
                         saved += 1;
                         newest.insert(name, saved);

@@ -89,7 +89,8 @@ impl<W: Write + Seek + Send> Writer<W> {
         let clock = LogClock::now()?;
         let scene = header.scene.clone().unwrap_or_default();
         let tools = scene.tools.len();
-        let mut tracks = vec![Track::Header, Track::Step, Track::Events, Track::Faults, Track::Energy];
+        let mut tracks =
+            vec![Track::Header, Track::Step, Track::Events, Track::Checkpoint, Track::Faults, Track::Energy];
         tracks.extend([Track::Keyframe, Track::Patch, Track::State]);
         tracks.extend((0..tools).flat_map(|tool| [Track::Contact(tool), Track::Pose(tool)]));
         tracks.extend(pictures.with_surface.then_some(Track::Surface));
@@ -187,6 +188,10 @@ impl<W: Write + Seek + Send> Writer<W> {
             match entry {
                 TapeEntry::Step(taped) => self.write_step(&taped)?,
                 // Between the last look and this one, and after what was written before it.
+                TapeEntry::Checkpoint(name, checkpoint) => {
+                    let recorded = v1::RecordedCheckpoint { name: name.to_string(), data: checkpoint.save() };
+                    self.tracks.write(Track::Checkpoint, self.clock.unix_ns(self.looked_ns), &recorded)?;
+                }
                 TapeEntry::Event(happened) => {
                     let time_ns = self.clock.unix_ns(self.looked_ns);
                     match view::event(&happened) {

@@ -3,12 +3,13 @@
 use std::sync::Arc;
 
 use super::SessionCore;
-use crate::checkpoints::Checkpoint;
+use crate::checkpoints::{Besides, Checkpoint};
 use crate::error::SessionError;
 use crate::inbox::CheckpointCommand;
 use crate::outbox::SceneEvent;
 use crate::reach::Placement;
 use crate::status::Phase;
+use crate::tape::TapeEntry;
 
 impl SessionCore {
     pub(super) fn obey_checkpoint(&mut self, command: CheckpointCommand) {
@@ -20,6 +21,18 @@ impl SessionCore {
             CheckpointCommand::Restore(name, answer) => {
                 let _ = answer.send(self.restore_checkpoint(&name));
             }
+            CheckpointCommand::Read(name, answer) => {
+                let _ = answer.send(self.checkpoints.get(&name).cloned());
+            }
+            CheckpointCommand::Copy(answer) => {
+                let _ = answer.send(self.copy());
+            }
+            CheckpointCommand::Check(name, answer) => {
+                let _ = answer.send(self.checkpoints.check(&name));
+            }
+            CheckpointCommand::Keep(name, checkpoint, answer) => {
+                let _ = answer.send(self.keep_checkpoint(name, checkpoint));
+            }
             CheckpointCommand::Delete(name, answer) => {
                 let _ = answer.send(self.checkpoints.delete(&name));
             }
@@ -29,26 +42,36 @@ impl SessionCore {
         }
     }
 
-    /// Answers with the step that the checkpoint is of.
-    fn save_checkpoint(&mut self, name: String) -> Result<u64, SessionError> {
+    /// The state as it is.
+    fn copy(&self) -> Result<Checkpoint, SessionError> {
         // A step that panicked has left the world half changed.
         if let Phase::Failed { message } = &self.phase {
             return Err(SessionError::Failed { message: message.to_string() });
         }
-        // Asked first: a checkpoint that is refused is not copied.
+        // Asked first: what there is no room for is not copied.
+        let memory = Arc::new(self.admitted.memory.checkpoint()?);
+        let besides = Besides { energy: self.tally.energy, placed_by_calls: self.inbox.placed_by_calls() };
+        Ok(Checkpoint { snapshot: Arc::new(self.world.snapshot()), besides, memory })
+    }
+
+    /// Answers with the step that the checkpoint is of.
+    fn save_checkpoint(&mut self, name: String) -> Result<u64, SessionError> {
         self.checkpoints.check(&name)?;
-        let memory = self.admitted.memory.checkpoint()?;
-        let output = self.world.output();
-        let (step, sim_time_s) = (output.step, output.sim_time_s);
-        let checkpoint = Checkpoint {
-            snapshot: self.world.snapshot(),
-            sim_time_s,
-            energy: self.tally.energy,
-            placed_by_calls: self.inbox.placed_by_calls(),
-            _memory: memory,
-        };
+        let checkpoint = self.copy()?;
+        let step = checkpoint.step();
         self.checkpoints.save(name.clone(), checkpoint)?;
         self.publisher.event(step, SceneEvent::CheckpointSaved(name.into()));
+        Ok(step)
+    }
+
+    /// Keeps what another session saved, and answers with the step that it is of. A recording needs it whole: no step of
+    /// this session leads there.
+    fn keep_checkpoint(&mut self, name: String, checkpoint: Checkpoint) -> Result<u64, SessionError> {
+        let step = checkpoint.step();
+        self.checkpoints.save(name.clone(), checkpoint.clone())?;
+        let name: Arc<str> = name.into();
+        self.publisher.tape.push(TapeEntry::Checkpoint(Arc::clone(&name), checkpoint));
+        self.publisher.event(self.world.output().step, SceneEvent::CheckpointUploaded(name));
         Ok(step)
     }
 
@@ -58,12 +81,12 @@ impl SessionCore {
     fn restore_checkpoint(&mut self, name: &str) -> Result<u64, SessionError> {
         let checkpoint = self.checkpoints.get(name)?;
         self.world.restore(&checkpoint.snapshot);
-        self.tally.energy = checkpoint.energy;
+        self.tally.energy = checkpoint.besides.energy;
         let name: Arc<str> = name.into();
         self.tally.restores += 1;
         self.tally.last_restored = Some(Arc::clone(&name));
         let places = self.world.tool_places().map(|place| place.map(|(pose, opening)| Placement { pose, opening }));
-        self.inbox.take_tools_back(places, &checkpoint.placed_by_calls);
+        self.inbox.take_tools_back(places, &checkpoint.besides.placed_by_calls);
         self.begin_anew(SceneEvent::CheckpointRestored(name));
         Ok(self.world.output().step)
     }

@@ -77,67 +77,76 @@ namespace Kerf.V1 {
             "LnYxLkNoZWNrcG9pbnQiPAoKQ2hlY2twb2ludBIMCgRuYW1lGAEgASgJEgwK",
             "BHN0ZXAYAiABKAQSEgoKc2ltX3RpbWVfcxgDIAEoASI7ChdEZWxldGVDaGVj",
             "a3BvaW50UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiAB",
-            "KAkiGgoYRGVsZXRlQ2hlY2twb2ludFJlc3BvbnNlImUKEVNlZWtSZXBsYXlS",
-            "ZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSEwoGdGltZV9zGAIgASgBSACI",
-            "AQESEgoFc3BlZWQYAyABKAFIAYgBAUIJCgdfdGltZV9zQggKBl9zcGVlZCJT",
-            "ChJTZWVrUmVwbGF5UmVzcG9uc2USDgoGdGltZV9zGAEgASgBEhAKCGxlbmd0",
-            "aF9zGAIgASgBEg0KBXNwZWVkGAMgASgBEgwKBHN0ZXAYBCABKAQibgoLU2Vz",
-            "c2lvbkluZm8SEgoKc2Vzc2lvbl9pZBgBIAEoCRISCgpzY2VuZV9uYW1lGAIg",
-            "ASgJEiQKBXN0YXRlGAMgASgOMhUua2VyZi52MS5TZXNzaW9uU3RhdGUSEQoJ",
-            "aXNfcmVwbGF5GAQgASgIIpUEChJTZXNzaW9uRGVzY3JpcHRpb24SEgoKc2Vz",
-            "c2lvbl9pZBgBIAEoCRIkCgVzdGF0ZRgCIAEoDjIVLmtlcmYudjEuU2Vzc2lv",
-            "blN0YXRlEiQKBXNjZW5lGAMgASgLMhUua2VyZi52MS5TY2VuZVN1bW1hcnkS",
-            "HwoGbGltaXRzGAQgASgLMg8ua2VyZi52MS5MaW1pdHMSDAoEc3RlcBgFIAEo",
-            "BBISCgpzaW1fdGltZV9zGAYgASgBEhgKEHRvcG9sb2d5X3ZlcnNpb24YByAB",
-            "KAQSEgoKbGF0ZV9zdGVwcxgIIAEoBBIPCgd2aWV3ZXJzGAkgASgNEhcKD2xl",
-            "YXNlZF90b29sX2lkcxgKIAMoDRIlCgZlbmVyZ3kYCyABKAsyFS5rZXJmLnYx",
-            "LkVuZXJneUxlZGdlchIuChd0cmFja2VkX2Rpc3BsYWNlbWVudHNfbRgMIAMo",
-            "CzINLmtlcmYudjEuVmVjMxISCgpzdGF0ZV9oYXNoGA0gASgGEg8KB2ZhaWx1",
-            "cmUYDiABKAkSIQoEZGlhbBgPIAEoCzITLmtlcmYudjEuRGlhbENob2ljZRIa",
-            "ChJyZWxhdGl2ZV90b2xlcmFuY2UYECABKAESDAoEbG9hZBgRIAEoARIUCgxt",
-            "ZW1vcnlfYnl0ZXMYEiABKAQSJQoJcmVjb3JkaW5nGBUgASgLMhIua2VyZi52",
-            "MS5SZWNvcmRpbmciXwoKRGlhbENob2ljZRIlCgdzZXR0aW5nGAEgASgLMhQu",
-            "a2VyZi52MS5EaWFsU2V0dGluZxIqCghleHBlY3RlZBgCIAEoCzIYLmtlcmYu",
-            "djEuRGlhbEV4cGVjdGF0aW9uInkKC0RpYWxTZXR0aW5nEg0KBWxldmVsGAEg",
-            "ASgNEhMKC3ZveGVsX3NjYWxlGAIgASgBEhoKEnJlbGF0aXZlX3RvbGVyYW5j",
-            "ZRgDIAEoARIPCgdlbGVtZW50GAQgASgJEhkKEWhhc19maW5lcl9yZWdpb25z",
-            "GAUgASgIIncKD0RpYWxFeHBlY3RhdGlvbhIRCgltZWRpYW5fbXMYASABKAES",
-            "DgoGcDk5X21zGAIgASgBEhoKEmRpc3BsYWNlbWVudF9lcnJvchgDIAEoARIT",
-            "Cgtmb3JjZV9lcnJvchgEIAEoARIQCghoYXJkd2FyZRgFIAEoCSKsAgoMRW5l",
-            "cmd5TGVkZ2VyEhMKC3Rvb2xfd29ya19qGAEgASgBEhMKC2xvYWRfd29ya19q",
-            "GAIgASgBEhEKCWVsYXN0aWNfahgDIAEoARIRCgljb250YWN0X2oYBCABKAES",
-            "EQoJa2luZXRpY19qGAUgASgBEhIKCmZyYWN0dXJlX2oYBiABKAESFAoMZnJv",
-            "bnRfc2xpcF9qGAcgASgBEhQKDGluaXRpYXRpb25fahgIIAEoARIRCglwYXJ0",
-            "aW5nX2oYCSABKAESEQoJZGFtcGluZ19qGAogASgBEhMKC251bWVyaWNhbF9q",
-            "GAsgASgBEhIKCnJlc2lkdWFsX2oYDCABKAESEgoKZnJpY3Rpb25fahgNIAEo",
-            "ARIWCg5jb250YWN0X2xvc3NfahgOIAEoATKxCQoOU2Vzc2lvblNlcnZpY2US",
-            "RQoKTGlzdFNjZW5lcxIaLmtlcmYudjEuTGlzdFNjZW5lc1JlcXVlc3QaGy5r",
-            "ZXJmLnYxLkxpc3RTY2VuZXNSZXNwb25zZRI/CghHZXRTY2VuZRIYLmtlcmYu",
-            "djEuR2V0U2NlbmVSZXF1ZXN0Ghkua2VyZi52MS5HZXRTY2VuZVJlc3BvbnNl",
-            "Ek4KDUNyZWF0ZVNlc3Npb24SHS5rZXJmLnYxLkNyZWF0ZVNlc3Npb25SZXF1",
-            "ZXN0Gh4ua2VyZi52MS5DcmVhdGVTZXNzaW9uUmVzcG9uc2USVAoPRGVzY3Jp",
-            "YmVTZXNzaW9uEh8ua2VyZi52MS5EZXNjcmliZVNlc3Npb25SZXF1ZXN0GiAu",
-            "a2VyZi52MS5EZXNjcmliZVNlc3Npb25SZXNwb25zZRJLCgxMaXN0U2Vzc2lv",
-            "bnMSHC5rZXJmLnYxLkxpc3RTZXNzaW9uc1JlcXVlc3QaHS5rZXJmLnYxLkxp",
-            "c3RTZXNzaW9uc1Jlc3BvbnNlEksKDENsb3NlU2Vzc2lvbhIcLmtlcmYudjEu",
-            "Q2xvc2VTZXNzaW9uUmVxdWVzdBodLmtlcmYudjEuQ2xvc2VTZXNzaW9uUmVz",
-            "cG9uc2USSwoMUGF1c2VTZXNzaW9uEhwua2VyZi52MS5QYXVzZVNlc3Npb25S",
-            "ZXF1ZXN0Gh0ua2VyZi52MS5QYXVzZVNlc3Npb25SZXNwb25zZRJOCg1SZXN1",
-            "bWVTZXNzaW9uEh0ua2VyZi52MS5SZXN1bWVTZXNzaW9uUmVxdWVzdBoeLmtl",
-            "cmYudjEuUmVzdW1lU2Vzc2lvblJlc3BvbnNlEkgKC1N0ZXBTZXNzaW9uEhsu",
-            "a2VyZi52MS5TdGVwU2Vzc2lvblJlcXVlc3QaHC5rZXJmLnYxLlN0ZXBTZXNz",
-            "aW9uUmVzcG9uc2USSwoMUmVzZXRTZXNzaW9uEhwua2VyZi52MS5SZXNldFNl",
-            "c3Npb25SZXF1ZXN0Gh0ua2VyZi52MS5SZXNldFNlc3Npb25SZXNwb25zZRJR",
-            "Cg5TYXZlQ2hlY2twb2ludBIeLmtlcmYudjEuU2F2ZUNoZWNrcG9pbnRSZXF1",
-            "ZXN0Gh8ua2VyZi52MS5TYXZlQ2hlY2twb2ludFJlc3BvbnNlEloKEVJlc3Rv",
-            "cmVDaGVja3BvaW50EiEua2VyZi52MS5SZXN0b3JlQ2hlY2twb2ludFJlcXVl",
-            "c3QaIi5rZXJmLnYxLlJlc3RvcmVDaGVja3BvaW50UmVzcG9uc2USVAoPTGlz",
-            "dENoZWNrcG9pbnRzEh8ua2VyZi52MS5MaXN0Q2hlY2twb2ludHNSZXF1ZXN0",
-            "GiAua2VyZi52MS5MaXN0Q2hlY2twb2ludHNSZXNwb25zZRJXChBEZWxldGVD",
-            "aGVja3BvaW50EiAua2VyZi52MS5EZWxldGVDaGVja3BvaW50UmVxdWVzdBoh",
-            "LmtlcmYudjEuRGVsZXRlQ2hlY2twb2ludFJlc3BvbnNlEkUKClNlZWtSZXBs",
-            "YXkSGi5rZXJmLnYxLlNlZWtSZXBsYXlSZXF1ZXN0Ghsua2VyZi52MS5TZWVr",
-            "UmVwbGF5UmVzcG9uc2ViBnByb3RvMw=="));
+            "KAkiGgoYRGVsZXRlQ2hlY2twb2ludFJlc3BvbnNlIj0KGURvd25sb2FkQ2hl",
+            "Y2twb2ludFJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRIMCgRuYW1lGAIg",
+            "ASgJIioKGkRvd25sb2FkQ2hlY2twb2ludFJlc3BvbnNlEgwKBGRhdGEYASAB",
+            "KAwiSQoXVXBsb2FkQ2hlY2twb2ludFJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgB",
+            "IAEoCRIMCgRuYW1lGAIgASgJEgwKBGRhdGEYAyABKAwiKAoYVXBsb2FkQ2hl",
+            "Y2twb2ludFJlc3BvbnNlEgwKBHN0ZXAYASABKAQiZQoRU2Vla1JlcGxheVJl",
+            "cXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRITCgZ0aW1lX3MYAiABKAFIAIgB",
+            "ARISCgVzcGVlZBgDIAEoAUgBiAEBQgkKB190aW1lX3NCCAoGX3NwZWVkIlMK",
+            "ElNlZWtSZXBsYXlSZXNwb25zZRIOCgZ0aW1lX3MYASABKAESEAoIbGVuZ3Ro",
+            "X3MYAiABKAESDQoFc3BlZWQYAyABKAESDAoEc3RlcBgEIAEoBCJuCgtTZXNz",
+            "aW9uSW5mbxISCgpzZXNzaW9uX2lkGAEgASgJEhIKCnNjZW5lX25hbWUYAiAB",
+            "KAkSJAoFc3RhdGUYAyABKA4yFS5rZXJmLnYxLlNlc3Npb25TdGF0ZRIRCglp",
+            "c19yZXBsYXkYBCABKAgilQQKElNlc3Npb25EZXNjcmlwdGlvbhISCgpzZXNz",
+            "aW9uX2lkGAEgASgJEiQKBXN0YXRlGAIgASgOMhUua2VyZi52MS5TZXNzaW9u",
+            "U3RhdGUSJAoFc2NlbmUYAyABKAsyFS5rZXJmLnYxLlNjZW5lU3VtbWFyeRIf",
+            "CgZsaW1pdHMYBCABKAsyDy5rZXJmLnYxLkxpbWl0cxIMCgRzdGVwGAUgASgE",
+            "EhIKCnNpbV90aW1lX3MYBiABKAESGAoQdG9wb2xvZ3lfdmVyc2lvbhgHIAEo",
+            "BBISCgpsYXRlX3N0ZXBzGAggASgEEg8KB3ZpZXdlcnMYCSABKA0SFwoPbGVh",
+            "c2VkX3Rvb2xfaWRzGAogAygNEiUKBmVuZXJneRgLIAEoCzIVLmtlcmYudjEu",
+            "RW5lcmd5TGVkZ2VyEi4KF3RyYWNrZWRfZGlzcGxhY2VtZW50c19tGAwgAygL",
+            "Mg0ua2VyZi52MS5WZWMzEhIKCnN0YXRlX2hhc2gYDSABKAYSDwoHZmFpbHVy",
+            "ZRgOIAEoCRIhCgRkaWFsGA8gASgLMhMua2VyZi52MS5EaWFsQ2hvaWNlEhoK",
+            "EnJlbGF0aXZlX3RvbGVyYW5jZRgQIAEoARIMCgRsb2FkGBEgASgBEhQKDG1l",
+            "bW9yeV9ieXRlcxgSIAEoBBIlCglyZWNvcmRpbmcYFSABKAsyEi5rZXJmLnYx",
+            "LlJlY29yZGluZyJfCgpEaWFsQ2hvaWNlEiUKB3NldHRpbmcYASABKAsyFC5r",
+            "ZXJmLnYxLkRpYWxTZXR0aW5nEioKCGV4cGVjdGVkGAIgASgLMhgua2VyZi52",
+            "MS5EaWFsRXhwZWN0YXRpb24ieQoLRGlhbFNldHRpbmcSDQoFbGV2ZWwYASAB",
+            "KA0SEwoLdm94ZWxfc2NhbGUYAiABKAESGgoScmVsYXRpdmVfdG9sZXJhbmNl",
+            "GAMgASgBEg8KB2VsZW1lbnQYBCABKAkSGQoRaGFzX2ZpbmVyX3JlZ2lvbnMY",
+            "BSABKAgidwoPRGlhbEV4cGVjdGF0aW9uEhEKCW1lZGlhbl9tcxgBIAEoARIO",
+            "CgZwOTlfbXMYAiABKAESGgoSZGlzcGxhY2VtZW50X2Vycm9yGAMgASgBEhMK",
+            "C2ZvcmNlX2Vycm9yGAQgASgBEhAKCGhhcmR3YXJlGAUgASgJIqwCCgxFbmVy",
+            "Z3lMZWRnZXISEwoLdG9vbF93b3JrX2oYASABKAESEwoLbG9hZF93b3JrX2oY",
+            "AiABKAESEQoJZWxhc3RpY19qGAMgASgBEhEKCWNvbnRhY3RfahgEIAEoARIR",
+            "CglraW5ldGljX2oYBSABKAESEgoKZnJhY3R1cmVfahgGIAEoARIUCgxmcm9u",
+            "dF9zbGlwX2oYByABKAESFAoMaW5pdGlhdGlvbl9qGAggASgBEhEKCXBhcnRp",
+            "bmdfahgJIAEoARIRCglkYW1waW5nX2oYCiABKAESEwoLbnVtZXJpY2FsX2oY",
+            "CyABKAESEgoKcmVzaWR1YWxfahgMIAEoARISCgpmcmljdGlvbl9qGA0gASgB",
+            "EhYKDmNvbnRhY3RfbG9zc19qGA4gASgBMu0KCg5TZXNzaW9uU2VydmljZRJF",
+            "CgpMaXN0U2NlbmVzEhoua2VyZi52MS5MaXN0U2NlbmVzUmVxdWVzdBobLmtl",
+            "cmYudjEuTGlzdFNjZW5lc1Jlc3BvbnNlEj8KCEdldFNjZW5lEhgua2VyZi52",
+            "MS5HZXRTY2VuZVJlcXVlc3QaGS5rZXJmLnYxLkdldFNjZW5lUmVzcG9uc2US",
+            "TgoNQ3JlYXRlU2Vzc2lvbhIdLmtlcmYudjEuQ3JlYXRlU2Vzc2lvblJlcXVl",
+            "c3QaHi5rZXJmLnYxLkNyZWF0ZVNlc3Npb25SZXNwb25zZRJUCg9EZXNjcmli",
+            "ZVNlc3Npb24SHy5rZXJmLnYxLkRlc2NyaWJlU2Vzc2lvblJlcXVlc3QaIC5r",
+            "ZXJmLnYxLkRlc2NyaWJlU2Vzc2lvblJlc3BvbnNlEksKDExpc3RTZXNzaW9u",
+            "cxIcLmtlcmYudjEuTGlzdFNlc3Npb25zUmVxdWVzdBodLmtlcmYudjEuTGlz",
+            "dFNlc3Npb25zUmVzcG9uc2USSwoMQ2xvc2VTZXNzaW9uEhwua2VyZi52MS5D",
+            "bG9zZVNlc3Npb25SZXF1ZXN0Gh0ua2VyZi52MS5DbG9zZVNlc3Npb25SZXNw",
+            "b25zZRJLCgxQYXVzZVNlc3Npb24SHC5rZXJmLnYxLlBhdXNlU2Vzc2lvblJl",
+            "cXVlc3QaHS5rZXJmLnYxLlBhdXNlU2Vzc2lvblJlc3BvbnNlEk4KDVJlc3Vt",
+            "ZVNlc3Npb24SHS5rZXJmLnYxLlJlc3VtZVNlc3Npb25SZXF1ZXN0Gh4ua2Vy",
+            "Zi52MS5SZXN1bWVTZXNzaW9uUmVzcG9uc2USSAoLU3RlcFNlc3Npb24SGy5r",
+            "ZXJmLnYxLlN0ZXBTZXNzaW9uUmVxdWVzdBocLmtlcmYudjEuU3RlcFNlc3Np",
+            "b25SZXNwb25zZRJLCgxSZXNldFNlc3Npb24SHC5rZXJmLnYxLlJlc2V0U2Vz",
+            "c2lvblJlcXVlc3QaHS5rZXJmLnYxLlJlc2V0U2Vzc2lvblJlc3BvbnNlElEK",
+            "DlNhdmVDaGVja3BvaW50Eh4ua2VyZi52MS5TYXZlQ2hlY2twb2ludFJlcXVl",
+            "c3QaHy5rZXJmLnYxLlNhdmVDaGVja3BvaW50UmVzcG9uc2USWgoRUmVzdG9y",
+            "ZUNoZWNrcG9pbnQSIS5rZXJmLnYxLlJlc3RvcmVDaGVja3BvaW50UmVxdWVz",
+            "dBoiLmtlcmYudjEuUmVzdG9yZUNoZWNrcG9pbnRSZXNwb25zZRJUCg9MaXN0",
+            "Q2hlY2twb2ludHMSHy5rZXJmLnYxLkxpc3RDaGVja3BvaW50c1JlcXVlc3Qa",
+            "IC5rZXJmLnYxLkxpc3RDaGVja3BvaW50c1Jlc3BvbnNlElcKEERlbGV0ZUNo",
+            "ZWNrcG9pbnQSIC5rZXJmLnYxLkRlbGV0ZUNoZWNrcG9pbnRSZXF1ZXN0GiEu",
+            "a2VyZi52MS5EZWxldGVDaGVja3BvaW50UmVzcG9uc2USXwoSRG93bmxvYWRD",
+            "aGVja3BvaW50EiIua2VyZi52MS5Eb3dubG9hZENoZWNrcG9pbnRSZXF1ZXN0",
+            "GiMua2VyZi52MS5Eb3dubG9hZENoZWNrcG9pbnRSZXNwb25zZTABElkKEFVw",
+            "bG9hZENoZWNrcG9pbnQSIC5rZXJmLnYxLlVwbG9hZENoZWNrcG9pbnRSZXF1",
+            "ZXN0GiEua2VyZi52MS5VcGxvYWRDaGVja3BvaW50UmVzcG9uc2UoARJFCgpT",
+            "ZWVrUmVwbGF5Ehoua2VyZi52MS5TZWVrUmVwbGF5UmVxdWVzdBobLmtlcmYu",
+            "djEuU2Vla1JlcGxheVJlc3BvbnNlYgZwcm90bzM="));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { global::Kerf.V1.ControlReflection.Descriptor, global::Kerf.V1.TypesReflection.Descriptor, },
           new pbr::GeneratedClrTypeInfo(null, null, new pbr::GeneratedClrTypeInfo[] {
@@ -176,6 +185,10 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Checkpoint), global::Kerf.V1.Checkpoint.Parser, new[]{ "Name", "Step", "SimTimeS" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DeleteCheckpointRequest), global::Kerf.V1.DeleteCheckpointRequest.Parser, new[]{ "SessionId", "Name" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DeleteCheckpointResponse), global::Kerf.V1.DeleteCheckpointResponse.Parser, null, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DownloadCheckpointRequest), global::Kerf.V1.DownloadCheckpointRequest.Parser, new[]{ "SessionId", "Name" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DownloadCheckpointResponse), global::Kerf.V1.DownloadCheckpointResponse.Parser, new[]{ "Data" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.UploadCheckpointRequest), global::Kerf.V1.UploadCheckpointRequest.Parser, new[]{ "SessionId", "Name", "Data" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.UploadCheckpointResponse), global::Kerf.V1.UploadCheckpointResponse.Parser, new[]{ "Step" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SeekReplayRequest), global::Kerf.V1.SeekReplayRequest.Parser, new[]{ "SessionId", "TimeS", "Speed" }, new[]{ "TimeS", "Speed" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SeekReplayResponse), global::Kerf.V1.SeekReplayResponse.Parser, new[]{ "TimeS", "LengthS", "Speed", "Step" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SessionInfo), global::Kerf.V1.SessionInfo.Parser, new[]{ "SessionId", "SceneName", "State", "IsReplay" }, null, null, null, null),
@@ -8260,6 +8273,906 @@ namespace Kerf.V1 {
   }
 
   /// <summary>
+  /// Asks for a checkpoint as a file.
+  /// </summary>
+  public sealed partial class DownloadCheckpointRequest : pb::IMessage<DownloadCheckpointRequest>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<DownloadCheckpointRequest> _parser = new pb::MessageParser<DownloadCheckpointRequest>(() => new DownloadCheckpointRequest());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<DownloadCheckpointRequest> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[35]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public DownloadCheckpointRequest() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public DownloadCheckpointRequest(DownloadCheckpointRequest other) : this() {
+      sessionId_ = other.sessionId_;
+      name_ = other.name_;
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public DownloadCheckpointRequest Clone() {
+      return new DownloadCheckpointRequest(this);
+    }
+
+    /// <summary>Field number for the "session_id" field.</summary>
+    public const int SessionIdFieldNumber = 1;
+    private string sessionId_ = "";
+    /// <summary>
+    /// The session.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public string SessionId {
+      get { return sessionId_; }
+      set {
+        sessionId_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    /// <summary>Field number for the "name" field.</summary>
+    public const int NameFieldNumber = 2;
+    private string name_ = "";
+    /// <summary>
+    /// Name of the checkpoint. Empty: the state as it is.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public string Name {
+      get { return name_; }
+      set {
+        name_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as DownloadCheckpointRequest);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(DownloadCheckpointRequest other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (SessionId != other.SessionId) return false;
+      if (Name != other.Name) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (SessionId.Length != 0) hash ^= SessionId.GetHashCode();
+      if (Name.Length != 0) hash ^= Name.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (SessionId.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteString(SessionId);
+      }
+      if (Name.Length != 0) {
+        output.WriteRawTag(18);
+        output.WriteString(Name);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (SessionId.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteString(SessionId);
+      }
+      if (Name.Length != 0) {
+        output.WriteRawTag(18);
+        output.WriteString(Name);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (SessionId.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeStringSize(SessionId);
+      }
+      if (Name.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeStringSize(Name);
+      }
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(DownloadCheckpointRequest other) {
+      if (other == null) {
+        return;
+      }
+      if (other.SessionId.Length != 0) {
+        SessionId = other.SessionId;
+      }
+      if (other.Name.Length != 0) {
+        Name = other.Name;
+      }
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 10: {
+            SessionId = input.ReadString();
+            break;
+          }
+          case 18: {
+            Name = input.ReadString();
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 10: {
+            SessionId = input.ReadString();
+            break;
+          }
+          case 18: {
+            Name = input.ReadString();
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
+  /// A part of the file.
+  /// </summary>
+  public sealed partial class DownloadCheckpointResponse : pb::IMessage<DownloadCheckpointResponse>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<DownloadCheckpointResponse> _parser = new pb::MessageParser<DownloadCheckpointResponse>(() => new DownloadCheckpointResponse());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<DownloadCheckpointResponse> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[36]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public DownloadCheckpointResponse() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public DownloadCheckpointResponse(DownloadCheckpointResponse other) : this() {
+      data_ = other.data_;
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public DownloadCheckpointResponse Clone() {
+      return new DownloadCheckpointResponse(this);
+    }
+
+    /// <summary>Field number for the "data" field.</summary>
+    public const int DataFieldNumber = 1;
+    private pb::ByteString data_ = pb::ByteString.Empty;
+    /// <summary>
+    /// The bytes that follow those before; 256 KiB at most.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public pb::ByteString Data {
+      get { return data_; }
+      set {
+        data_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as DownloadCheckpointResponse);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(DownloadCheckpointResponse other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (Data != other.Data) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (Data.Length != 0) hash ^= Data.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (Data.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteBytes(Data);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (Data.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteBytes(Data);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (Data.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeBytesSize(Data);
+      }
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(DownloadCheckpointResponse other) {
+      if (other == null) {
+        return;
+      }
+      if (other.Data.Length != 0) {
+        Data = other.Data;
+      }
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 10: {
+            Data = input.ReadBytes();
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 10: {
+            Data = input.ReadBytes();
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
+  /// A part of a file that is to be kept.
+  /// </summary>
+  public sealed partial class UploadCheckpointRequest : pb::IMessage<UploadCheckpointRequest>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<UploadCheckpointRequest> _parser = new pb::MessageParser<UploadCheckpointRequest>(() => new UploadCheckpointRequest());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<UploadCheckpointRequest> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[37]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public UploadCheckpointRequest() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public UploadCheckpointRequest(UploadCheckpointRequest other) : this() {
+      sessionId_ = other.sessionId_;
+      name_ = other.name_;
+      data_ = other.data_;
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public UploadCheckpointRequest Clone() {
+      return new UploadCheckpointRequest(this);
+    }
+
+    /// <summary>Field number for the "session_id" field.</summary>
+    public const int SessionIdFieldNumber = 1;
+    private string sessionId_ = "";
+    /// <summary>
+    /// The session. In the first message; not looked at in others.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public string SessionId {
+      get { return sessionId_; }
+      set {
+        sessionId_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    /// <summary>Field number for the "name" field.</summary>
+    public const int NameFieldNumber = 2;
+    private string name_ = "";
+    /// <summary>
+    /// Name of the checkpoint, 1 to 64 bytes. In the first message; not looked at in others.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public string Name {
+      get { return name_; }
+      set {
+        name_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    /// <summary>Field number for the "data" field.</summary>
+    public const int DataFieldNumber = 3;
+    private pb::ByteString data_ = pb::ByteString.Empty;
+    /// <summary>
+    /// The bytes that follow those before. 256 KiB is a good size: a message of more than 8 MiB is refused.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public pb::ByteString Data {
+      get { return data_; }
+      set {
+        data_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as UploadCheckpointRequest);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(UploadCheckpointRequest other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (SessionId != other.SessionId) return false;
+      if (Name != other.Name) return false;
+      if (Data != other.Data) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (SessionId.Length != 0) hash ^= SessionId.GetHashCode();
+      if (Name.Length != 0) hash ^= Name.GetHashCode();
+      if (Data.Length != 0) hash ^= Data.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (SessionId.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteString(SessionId);
+      }
+      if (Name.Length != 0) {
+        output.WriteRawTag(18);
+        output.WriteString(Name);
+      }
+      if (Data.Length != 0) {
+        output.WriteRawTag(26);
+        output.WriteBytes(Data);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (SessionId.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteString(SessionId);
+      }
+      if (Name.Length != 0) {
+        output.WriteRawTag(18);
+        output.WriteString(Name);
+      }
+      if (Data.Length != 0) {
+        output.WriteRawTag(26);
+        output.WriteBytes(Data);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (SessionId.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeStringSize(SessionId);
+      }
+      if (Name.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeStringSize(Name);
+      }
+      if (Data.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeBytesSize(Data);
+      }
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(UploadCheckpointRequest other) {
+      if (other == null) {
+        return;
+      }
+      if (other.SessionId.Length != 0) {
+        SessionId = other.SessionId;
+      }
+      if (other.Name.Length != 0) {
+        Name = other.Name;
+      }
+      if (other.Data.Length != 0) {
+        Data = other.Data;
+      }
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 10: {
+            SessionId = input.ReadString();
+            break;
+          }
+          case 18: {
+            Name = input.ReadString();
+            break;
+          }
+          case 26: {
+            Data = input.ReadBytes();
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 10: {
+            SessionId = input.ReadString();
+            break;
+          }
+          case 18: {
+            Name = input.ReadString();
+            break;
+          }
+          case 26: {
+            Data = input.ReadBytes();
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
+  /// The file is kept as a checkpoint.
+  /// </summary>
+  public sealed partial class UploadCheckpointResponse : pb::IMessage<UploadCheckpointResponse>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<UploadCheckpointResponse> _parser = new pb::MessageParser<UploadCheckpointResponse>(() => new UploadCheckpointResponse());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<UploadCheckpointResponse> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[38]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public UploadCheckpointResponse() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public UploadCheckpointResponse(UploadCheckpointResponse other) : this() {
+      step_ = other.step_;
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public UploadCheckpointResponse Clone() {
+      return new UploadCheckpointResponse(this);
+    }
+
+    /// <summary>Field number for the "step" field.</summary>
+    public const int StepFieldNumber = 1;
+    private ulong step_;
+    /// <summary>
+    /// Step that the checkpoint is of.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ulong Step {
+      get { return step_; }
+      set {
+        step_ = value;
+      }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as UploadCheckpointResponse);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(UploadCheckpointResponse other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (Step != other.Step) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (Step != 0UL) hash ^= Step.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (Step != 0UL) {
+        output.WriteRawTag(8);
+        output.WriteUInt64(Step);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (Step != 0UL) {
+        output.WriteRawTag(8);
+        output.WriteUInt64(Step);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (Step != 0UL) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt64Size(Step);
+      }
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(UploadCheckpointResponse other) {
+      if (other == null) {
+        return;
+      }
+      if (other.Step != 0UL) {
+        Step = other.Step;
+      }
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 8: {
+            Step = input.ReadUInt64();
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 8: {
+            Step = input.ReadUInt64();
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
   /// Asks a recording that is played for another time or speed, or for neither: then it only tells them.
   /// </summary>
   public sealed partial class SeekReplayRequest : pb::IMessage<SeekReplayRequest>
@@ -8277,7 +9190,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[35]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[39]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8579,7 +9492,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[36]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[40]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8894,7 +9807,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[37]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[41]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9209,7 +10122,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[38]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[42]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10150,7 +11063,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[39]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[43]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10403,7 +11316,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[40]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[44]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10758,7 +11671,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[41]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[45]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11115,7 +12028,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[42]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[46]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]

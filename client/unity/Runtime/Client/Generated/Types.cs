@@ -76,7 +76,7 @@ namespace Kerf.V1 {
             "YXRlEh0KGVNFU1NJT05fU1RBVEVfVU5TUEVDSUZJRUQQABIZChVTRVNTSU9O",
             "X1NUQVRFX1JVTk5JTkcQARIYChRTRVNTSU9OX1NUQVRFX1BBVVNFRBACEhkK",
             "FVNFU1NJT05fU1RBVEVfQ0xPU0lORxADEhgKFFNFU1NJT05fU1RBVEVfRkFJ",
-            "TEVEEAQqowMKCUV2ZW50S2luZBIaChZFVkVOVF9LSU5EX1VOU1BFQ0lGSUVE",
+            "TEVEEAQqxwMKCUV2ZW50S2luZBIaChZFVkVOVF9LSU5EX1VOU1BFQ0lGSUVE",
             "EAASFQoRRVZFTlRfS0lORF9QQVVTRUQQARIWChJFVkVOVF9LSU5EX1JFU1VN",
             "RUQQAhIUChBFVkVOVF9LSU5EX1JFU0VUEAMSFgoSRVZFTlRfS0lORF9DTE9T",
             "SU5HEAQSGQoVRVZFTlRfS0lORF9UT09MX1RBS0VOEAUSHAoYRVZFTlRfS0lO",
@@ -85,7 +85,8 @@ namespace Kerf.V1 {
             "RV9DSEFOR0VEEAkSHwobRVZFTlRfS0lORF9DSEVDS1BPSU5UX1NBVkVEEAoS",
             "IgoeRVZFTlRfS0lORF9DSEVDS1BPSU5UX1JFU1RPUkVEEAsSGQoVRVZFTlRf",
             "S0lORF9PVkVSTE9BREVEEAwSFwoTRVZFTlRfS0lORF9VTlNPTFZFRBANEhcK",
-            "E0VWRU5UX0tJTkRfUFVUX0FXQVkQDmIGcHJvdG8z"));
+            "E0VWRU5UX0tJTkRfUFVUX0FXQVkQDhIiCh5FVkVOVF9LSU5EX0NIRUNLUE9J",
+            "TlRfVVBMT0FERUQQD2IGcHJvdG8z"));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { },
           new pbr::GeneratedClrTypeInfo(new[] {typeof(global::Kerf.V1.FaultKind), typeof(global::Kerf.V1.SessionState), typeof(global::Kerf.V1.EventKind), }, null, new pbr::GeneratedClrTypeInfo[] {
@@ -223,6 +224,10 @@ namespace Kerf.V1 {
     /// Pieces fell out of the scene's reach. They stay where they are, at rest and without weight.
     /// </summary>
     [pbr::OriginalName("EVENT_KIND_PUT_AWAY")] PutAway = 14,
+    /// <summary>
+    /// A checkpoint came as a file: see SessionService.UploadCheckpoint.
+    /// </summary>
+    [pbr::OriginalName("EVENT_KIND_CHECKPOINT_UPLOADED")] CheckpointUploaded = 15,
   }
 
   #endregion

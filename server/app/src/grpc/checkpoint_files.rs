@@ -1,0 +1,172 @@
+//! Checkpoints as files: out in parts, and in. Files are made and read on threads below those that step; a session's own
+//! thread hands its state out and takes one in.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+
+use futures_util::StreamExt;
+use futures_util::stream::unfold;
+use kerf_proto::v1;
+use kerf_session::priority::stand_back;
+use kerf_session::{FileError, Session, SessionError};
+use tokio::sync::{mpsc, oneshot};
+use tonic::{Status, Streaming};
+
+use super::{Outgoing, in_time};
+use crate::config::TransportLimits;
+use crate::places::{Place, Places};
+use crate::status::RequestError;
+
+/// Bytes of a part: well below what clients of gRPC take unasked (4 MiB), and so many that a part costs little beside its
+/// bytes.
+const PART_BYTES: usize = 256 << 10;
+/// Parts that wait for the transport: one to be sent, and the next.
+const PARTS_AHEAD: usize = 2;
+
+/// The files that are on their way.
+pub struct CheckpointFiles {
+    places: Arc<Places>,
+    max_files: usize,
+    max_bytes: usize,
+    limit_s: f64,
+}
+
+impl CheckpointFiles {
+    /// None yet.
+    pub fn new(limits: &TransportLimits) -> Self {
+        Self {
+            places: Places::new(limits.max_checkpoint_files),
+            max_files: limits.max_checkpoint_files,
+            max_bytes: limits.max_checkpoint_bytes,
+            limit_s: limits.request_timeout_s,
+        }
+    }
+
+    /// The file of a checkpoint, or of the state as it is where the name is empty.
+    pub async fn download(
+        &self,
+        connection: Option<SocketAddr>,
+        session: &Session,
+        name: &str,
+    ) -> Result<Outgoing<v1::DownloadCheckpointResponse>, RequestError> {
+        let place = self.take(connection)?;
+        let checkpoint = match name {
+            "" => in_time(self.limit_s, session.copy()).await,
+            name => in_time(self.limit_s, session.checkpoint(name)).await,
+        }?;
+        let (file, place) = in_time(self.limit_s, aside(move || (checkpoint.save(), place))).await?;
+        if file.len() > self.max_bytes {
+            return Err(self.too_large());
+        }
+        let (parts, sent) = mpsc::channel(PARTS_AHEAD);
+        tokio::spawn(send(file, place, parts, self.too_many()));
+        let next = async |mut sent: mpsc::Receiver<_>| sent.recv().await.map(|part| (part, sent));
+        Ok(unfold(sent, next).boxed())
+    }
+
+    /// Reads a file to its end and keeps what is in it as a checkpoint; answers with its step. `find` finds a session.
+    pub async fn upload(
+        &self,
+        connection: Option<SocketAddr>,
+        parts: Streaming<v1::UploadCheckpointRequest>,
+        find: impl Fn(&str) -> Result<Arc<Session>, RequestError>,
+    ) -> Result<u64, RequestError> {
+        let mut place = self.take(connection)?;
+        let limit_s = self.limit_s;
+        let Upload { session, name, file } = tokio::select! {
+            read = tokio::time::timeout(Duration::from_secs_f64(limit_s), self.read(parts, find)) => {
+                read.map_err(|_| RequestError::UnreadInTime { limit_s })??
+            }
+            () = place.given_up() => return Err(self.too_many()),
+        };
+        place.keep();
+        let own = in_time(limit_s, session.copy()).await?;
+        let read = move || {
+            // Held to the end of the work, also where the client has gone away.
+            let _place = place;
+            own.load(&file)
+        };
+        let checkpoint = in_time(limit_s, aside(read)).await?.map_err(|error| match error {
+            FileError::File(error) => RequestError::CheckpointFile { error },
+            FileError::Session(error) => RequestError::Session(error),
+        })?;
+        in_time(limit_s, session.keep_checkpoint(&name, checkpoint)).await
+    }
+
+    async fn read(
+        &self,
+        mut parts: Streaming<v1::UploadCheckpointRequest>,
+        find: impl Fn(&str) -> Result<Arc<Session>, RequestError>,
+    ) -> Result<Upload, RequestError> {
+        let mut next = async || parts.message().await.map_err(|status| RequestError::Transport(Box::new(status)));
+        let first = next().await?.ok_or(RequestError::Missing { field: "session_id" })?;
+        let session = find(&first.session_id)?;
+        // What would be refused in the end is refused before it is read.
+        session.check_checkpoint(&first.name).await?;
+        let (mut file, mut data) = (Vec::new(), first.data);
+        loop {
+            if file.len() + data.len() > self.max_bytes {
+                return Err(self.too_large());
+            }
+            file.extend_from_slice(&data);
+            match next().await? {
+                Some(part) => data = part.data,
+                None => return Ok(Upload { session, name: first.name, file }),
+            }
+        }
+    }
+
+    fn take(&self, connection: Option<SocketAddr>) -> Result<Place, RequestError> {
+        self.places.take(connection).ok_or_else(|| self.too_many())
+    }
+
+    fn too_many(&self) -> RequestError {
+        RequestError::TooManyCheckpointFiles { limit: self.max_files }
+    }
+
+    fn too_large(&self) -> RequestError {
+        RequestError::CheckpointSize { limit: self.max_bytes }
+    }
+}
+
+/// A file that has come whole.
+struct Upload {
+    session: Arc<Session>,
+    name: String,
+    file: Vec<u8>,
+}
+
+/// Sends a file as its reader takes it. A reader that is slow keeps the place until another needs it.
+async fn send(
+    file: Vec<u8>,
+    mut place: Place,
+    parts: mpsc::Sender<Result<v1::DownloadCheckpointResponse, Status>>,
+    too_many: RequestError,
+) {
+    for data in file.chunks(PART_BYTES) {
+        let part = v1::DownloadCheckpointResponse { data: data.to_vec() };
+        tokio::select! {
+            sent = parts.send(Ok(part)) => if sent.is_err() { return },
+            () = place.given_up() => {
+                drop(file);
+                // A reader that has gone away needs no reason.
+                let _ = parts.send(Err(too_many.into())).await;
+                return;
+            }
+        }
+    }
+}
+
+/// Does work on a thread of its own, below those that step.
+async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, RequestError> {
+    let (answer, answered) = oneshot::channel();
+    let thread = std::thread::Builder::new().name("kerf-checkpoint".into()).spawn(move || {
+        stand_back();
+        // Who asked may have gone away.
+        let _ = answer.send(work());
+    });
+    thread.map_err(|error| SessionError::NoThread { message: error.to_string() })?;
+    // A file whose checksum is right and whose content makes no sense may end the work in a panic, which is logged.
+    answered.await.map_err(|_| RequestError::CheckpointWork)
+}
