@@ -74,6 +74,34 @@ def test_checkpoints_are_gone_back_to(session):
         session.restore_checkpoint("half way")
 
 
+def test_a_state_goes_on_in_another_server_from_a_file(client, session, tmp_path):
+    session.drive([0.0, 0.1], down())
+    session.save(tmp_path / "half way.kerf")
+    saved = session.describe()
+    up = [{"left": [0, height_m, 4e-4, 0, 0, 0, 1]} for height_m in np.linspace(-0.008, 0.012, 100)]
+    there = session.step(100, up)
+    with kerf.LocalServer(PROGRAM) as other, other.client() as fresh, fresh.create_session(path=BLOCK) as elsewhere:
+        assert elsewhere.load(tmp_path / "half way.kerf") == saved.step
+        assert [(kept.name, kept.step) for kept in elsewhere.checkpoints()] == [("half way", saved.step)]
+        assert elsewhere.describe().energy == saved.energy
+        here = elsewhere.step(100, up)
+        assert here.state_hash == there.state_hash
+        np.testing.assert_array_equal(here.force_n, there.force_n)
+        elsewhere.save(tmp_path / "again.kerf", "half way")
+        assert (tmp_path / "again.kerf").read_bytes() == (tmp_path / "half way.kerf").read_bytes()
+    with client.create_session("jelly") as jelly:
+        before = jelly.describe().state_hash
+        with pytest.raises(kerf.InvalidArgumentError, match="the file is of `block`, and this is `jelly`") as refused:
+            jelly.load(tmp_path / "half way.kerf")
+        assert refused.value.field == "data"
+        assert (jelly.checkpoints(), jelly.describe().state_hash) == ([], before)
+    (tmp_path / "half.kerf").write_bytes((tmp_path / "half way.kerf").read_bytes()[:1000])
+    with pytest.raises(kerf.InvalidArgumentError, match="cut off or changed"):
+        session.load(tmp_path / "half.kerf")
+    assert session.load(tmp_path / "half way.kerf", "kept", restore=False) == saved.step
+    assert session.describe().step == there.steps[-1]
+
+
 def test_what_is_refused_carries_its_field_and_limit(client, session):
     with pytest.raises(kerf.InvalidArgumentError, match="steps = 0") as refused:
         session.step(0)

@@ -11,6 +11,7 @@ from google.protobuf.message import Message
 from kerf.errors import UnavailableError, of_rpc
 
 R = TypeVar("R", bound=Message)
+Q = TypeVar("Q", bound=Message)
 
 #: The version of the protocol that this package speaks.
 PROTOCOL_VERSION = 3
@@ -53,6 +54,15 @@ class Transport:
     def read(self, method: str, request: Message, response: type[R]) -> Stream[R]:
         """Calls `Service/Method` and reads what comes until it ends."""
         return Stream(self._stub("unary_stream", method, request, response)(request))
+
+    def send(self, method: str, requests: Iterator[Q], request: type[Q], response: type[R]) -> R:
+        """Calls `Service/Method`, sends requests one after another and waits for the answer."""
+        stub = self._stub("stream_unary", method, request(), response)
+        try:
+            answer: R = stub(requests, timeout=self.timeout_s)
+        except grpc.RpcError as error:
+            raise of_rpc(error) from error
+        return answer
 
     def converse(self, method: str, requests: Iterator[Message], request: Message, response: type[R]) -> Stream[R]:
         """Calls `Service/Method`, sends requests as they come and reads what comes until it ends."""

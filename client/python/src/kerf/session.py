@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
@@ -30,6 +31,8 @@ ToolRef = int | str
 MAX_STEPS_PER_CALL = 1000
 #: Steps of one call of a long drive: few enough that a call on a large scene is answered in time.
 _STEPS_PER_CALL = 100
+#: Bytes of a part of a checkpoint's file: far below what a server takes in a message.
+_PART_BYTES = 256 << 10
 
 
 class Session:
@@ -179,8 +182,7 @@ class Session:
 
     def restore_checkpoint(self, name: str) -> int:
         """Goes back to a checkpoint, with the tools that this has placed where they were; its step."""
-        if self._recorder is not None:
-            raise KerfError("a drive that is recorded cannot go back to a checkpoint; it can be reset")
+        self._refuse_while_recorded()
         request = pb.RestoreCheckpointRequest(session_id=self.id, name=name)
         answer = self._transport.call("SessionService/RestoreCheckpoint", request, pb.RestoreCheckpointResponse)
         self._tools_in_scene.clear()
@@ -196,6 +198,39 @@ class Session:
         """Forgets a checkpoint."""
         request = pb.DeleteCheckpointRequest(session_id=self.id, name=name)
         self._transport.call("SessionService/DeleteCheckpoint", request, pb.DeleteCheckpointResponse)
+
+    def save(self, path: str | Path, checkpoint: str = "") -> None:
+        """Writes the state to a file, or a checkpoint: `load` goes on from it in another session of the same scene.
+
+        Args:
+            path: The file.
+            checkpoint: Name of a checkpoint; empty: the state as it is.
+        """
+        request = pb.DownloadCheckpointRequest(session_id=self.id, name=checkpoint)
+        parts = self._transport.read("SessionService/DownloadCheckpoint", request, pb.DownloadCheckpointResponse)
+        Path(path).write_bytes(b"".join(part.data for part in parts))
+
+    def load(self, path: str | Path, checkpoint: str = "", *, restore: bool = True) -> int:
+        """Keeps the state in a file of `save` as a checkpoint and goes to it; its step.
+
+        The file is of the same scene, step rate and dial included, in this or another server of the same version.
+
+        Args:
+            path: The file.
+            checkpoint: Name to keep it by; empty: the file's, without its ending.
+            restore: Whether to go to it; `restore_checkpoint` does so later.
+        """
+        if restore:
+            self._refuse_while_recorded()
+        file, name = Path(path).read_bytes(), checkpoint or Path(path).stem
+        parts = _upload(self.id, name, file)
+        method = "SessionService/UploadCheckpoint"
+        step = self._transport.send(method, parts, pb.UploadCheckpointRequest, pb.UploadCheckpointResponse).step
+        return self.restore_checkpoint(name) if restore else step
+
+    def _refuse_while_recorded(self) -> None:
+        if self._recorder is not None:
+            raise KerfError("a drive that is recorded cannot go back to a checkpoint; it can be reset")
 
     # What is seen, felt and kept
 
@@ -223,6 +258,12 @@ class Session:
 
     def _end_recording(self) -> None:
         self._recorder = None
+
+
+def _upload(session_id: str, name: str, file: bytes) -> Iterator[pb.UploadCheckpointRequest]:
+    yield pb.UploadCheckpointRequest(session_id=session_id, name=name)
+    for start in range(0, len(file), _PART_BYTES):
+        yield pb.UploadCheckpointRequest(data=file[start : start + _PART_BYTES])
 
 
 def _motion(motion: Motion | ArrayLike) -> Motion:
