@@ -3,13 +3,14 @@
 use std::time::Duration;
 
 use kerf_proto::v1;
+use kerf_proto::v1::session_service_client::SessionServiceClient;
 use kerf_server::config::ServerConfig;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Code, Status, Streaming};
 use tonic_types::StatusExt;
 
-use super::harness::{BLOCK, Harness, connect, soon};
+use super::harness::{BLOCK, Harness, connect, endpoint, soon};
 
 async fn parts(
     harness: &mut Harness,
@@ -174,11 +175,41 @@ async fn names_slots_and_sizes_are_bounded() {
     assert!(names(&mut harness, &session).await.is_empty());
 }
 
+fn two(config: &mut ServerConfig) {
+    config.transport.max_checkpoint_files = 2;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_file_that_is_not_fetched_gives_way_to_those_who_come_later() {
+    let mut harness = Harness::with(two).await;
+    // Larger than what waits in sockets and queues.
+    let session = harness.create_of(BLOCK.replacen("resolution = 6", "resolution = 36", 1)).await.unwrap();
+    harness.pause(&session).await;
+    let file = download(&mut harness, &session, "").await.unwrap();
+    assert!(file.len() > 1 << 20, "{} bytes", file.len());
+    let narrow = endpoint(harness.server.address()).initial_stream_window_size(65_535);
+    let mut slow = SessionServiceClient::new(narrow.connect().await.unwrap());
+    let request = v1::DownloadCheckpointRequest { session_id: session.clone(), ..Default::default() };
+    let mut first = slow.download_checkpoint(request.clone()).await.unwrap().into_inner();
+    let mut second = slow.download_checkpoint(request).await.unwrap().into_inner();
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    assert!(download(&mut harness, &session, "").await.unwrap() == file);
+    let refused = loop {
+        match soon("a part", first.message()).await {
+            Ok(part) => assert!(part.is_some(), "it does not end as if it were whole"),
+            Err(status) => break status,
+        }
+    };
+    assert_refused(Err(refused), Code::ResourceExhausted, "max_checkpoint_files", "this one gives way");
+    let mut fetched = Vec::new();
+    while let Some(part) = soon("a part", second.message()).await.unwrap() {
+        fetched.extend(part.data);
+    }
+    assert!(fetched == file, "the other goes on");
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn what_is_not_whole_gives_way_to_those_who_come_later() {
-    fn two(config: &mut ServerConfig) {
-        config.transport.max_checkpoint_files = 2;
-    }
     let mut harness = Harness::with(two).await;
     let session = harness.create().await.unwrap();
     let file = download(&mut harness, &session, "").await.unwrap();
@@ -196,7 +227,7 @@ async fn what_is_not_whole_gives_way_to_those_who_come_later() {
     }
     // Somebody else, over another connection, finds a place.
     let channel = connect(harness.server.address()).await;
-    harness.sessions = v1::session_service_client::SessionServiceClient::new(channel);
+    harness.sessions = SessionServiceClient::new(channel);
     upload(&mut harness, &session, "third", &file).await.unwrap();
     let (_sender, first) = waiting.remove(0);
     let refused = soon("the refusal of the oldest", first).await.unwrap().map(|_| 0);
