@@ -71,6 +71,11 @@ impl Body {
         self.state.held.corners(element).is_some()
     }
 
+    /// Whether anything of it is held.
+    pub(crate) fn is_anything_held(&self) -> bool {
+        !self.state.held.elements().is_empty()
+    }
+
     /// The corners of an element's voxels, if something of it is held.
     pub(crate) fn held_corners(&self, element: usize) -> Option<&VoxelCorners> {
         self.state.held.corners(element)

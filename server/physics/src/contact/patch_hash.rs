@@ -108,23 +108,28 @@ impl PatchHash {
         mixed as usize & (self.heads.len() - 1)
     }
 
-    /// Index of every patch within the reach of a point along each axis, in a fixed order.
-    pub fn near(&self, at_m: &Vec3) -> impl Iterator<Item = usize> + '_ {
-        let (at_m, reach_m) = (*at_m, 0.5 * self.cell_m);
-        let low = self.cell(&at_m.add_scalar(-0.5 * self.cell_m));
-        (0..8).flat_map(move |corner| {
-            let cell = std::array::from_fn(|a| low[a].wrapping_add(corner >> a & 1));
+    /// Index of every patch within `reach_m` of a point along each axis, in a fixed order.
+    pub fn near(&self, at_m: Vec3, reach_m: f64) -> impl Iterator<Item = usize> + '_ {
+        let (low, high) = (self.cell(&at_m.add_scalar(-reach_m)), self.cell(&at_m.add_scalar(reach_m)));
+        let across = [0, 1, 2].map(|a| i64::from(high[a]) - i64::from(low[a]) + 1);
+        let cells = across.into_iter().fold(1i64, i64::saturating_mul);
+        // Where more cells than patches are within reach, all patches are looked at.
+        let (all, cells) = if cells > self.placed.len() as i64 { (self.placed.len(), 0) } else { (0, cells) };
+        let in_cells = (0..cells).flat_map(move |n| {
+            let along = [n % across[0], n / across[0] % across[1], n / across[0] / across[1]];
+            let cell = [0, 1, 2].map(|a| low[a] + along[a] as i32);
             let mut at = self.heads[self.bucket(cell)];
             std::iter::from_fn(move || {
                 while at != NONE {
                     let index = at as usize;
                     at = self.next[index];
-                    if self.cells[index] == cell && (self.placed[index].at_m - at_m).amax() <= reach_m {
+                    if self.cells[index] == cell {
                         return Some(index);
                     }
                 }
                 None
             })
-        })
+        });
+        in_cells.chain(0..all).filter(move |index| (self.placed[*index].at_m - at_m).amax() <= reach_m)
     }
 }

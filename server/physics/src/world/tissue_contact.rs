@@ -6,13 +6,12 @@ use super::tool::Tool;
 use crate::Vec3;
 use crate::body::{Body, Lost};
 use crate::boundary::{Boundary, PatchKey, SurfacePatch};
-use crate::contact::candidates::Candidates;
+use crate::contact::candidates::{Candidates, Reach};
 use crate::contact::ends::{TissueEnd, TissueEnds};
 use crate::contact::patch_hash::PlacedPatch;
 use crate::contact::press::{Approach, MARGIN_VOXELS, Meeting, PatchOf, Plane, approach, meet};
 use crate::contact::{Contact, ContactWeights, Friction, Misjudged, Mode, Solution, TissueContact};
 use crate::ledger::ContactLedger;
-use crate::math::Aabb;
 use crate::solve::pcg::{Factor, System, Systems};
 use crate::solve::spring::PointSpring;
 use crate::workers::Workers;
@@ -169,8 +168,7 @@ impl TissueContacts {
 
     /// Takes what the parting of links changed in the surfaces in this step.
     pub(super) fn follow(&mut self, slots: &[BodySlot]) {
-        let changed: Vec<&[u32]> = slots.iter().map(|slot| slot.scratch.change.elements.as_slice()).collect();
-        self.candidates.follow(&bodies(slots).collect::<Vec<_>>(), &changed);
+        self.candidates.follow(bodies(slots), |index| slots[index].scratch.change.elements.as_slice());
         self.carry(slots);
     }
 
@@ -249,9 +247,9 @@ impl TissueContacts {
     /// Finds the patches that meet a surface in this step. Between bodies that sleep all stays as it is.
     pub(super) fn detect(&mut self, slots: &[BodySlot], dt_s: f64) {
         self.keep_sleeping(slots);
-        let reach_m = reach_m(slots, dt_s);
-        if !self.candidates.hold(bodies(slots), reach_m) {
-            self.find_candidates(slots, reach_m);
+        let reach = reach(slots);
+        if !self.candidates.hold(bodies(slots)) {
+            self.candidates.look_again(bodies(slots), reach);
         }
         self.placed.clear();
         self.planes.clear();
@@ -269,7 +267,7 @@ impl TissueContacts {
                 if sleeps(index) && sleeps(other) {
                     return None;
                 }
-                let is_near = (self.placed[other].at_m - placed.at_m).amax() <= reach_m;
+                let is_near = reach.meets(placed, &self.placed[other], dt_s);
                 let found = if is_near { approach(&point, &self.patch_of(slots, other), dt_s) } else { None };
                 Some((other, found?))
             }));
@@ -293,20 +291,6 @@ impl TissueContacts {
         let body = &slots[placed.body as usize].body;
         let patch = &body.boundary().patches()[placed.patch as usize];
         PatchOf { body, patch, placed, plane: self.planes[index].as_ref() }
-    }
-
-    /// Finds the patches that may meet another, of the bodies that are cut or near another.
-    fn find_candidates(&mut self, slots: &[BodySlot], reach_m: f64) {
-        let reach_m = self.candidates.begin(bodies(slots), reach_m);
-        for (index, body) in bodies(slots).enumerate() {
-            let bounds = body.bounds().grown(most_travel_m(slots) + reach_m);
-            let mut others = bodies(slots).enumerate().filter(|(other, _)| *other != index);
-            if body.boundary().walls().len() == 0 && !others.any(|(_, other)| other.bounds().meets(&bounds)) {
-                continue;
-            }
-            self.candidates.add(index, body);
-        }
-        self.candidates.find();
     }
 
     /// The springs that act on a body.
@@ -386,22 +370,15 @@ impl TissueContacts {
     }
 }
 
-fn bodies(slots: &[BodySlot]) -> impl ExactSizeIterator<Item = &Body> {
+fn bodies(slots: &[BodySlot]) -> impl ExactSizeIterator<Item = &Body> + Clone {
     slots.iter().map(|slot| &slot.body)
 }
 
-fn most_travel_m(slots: &[BodySlot]) -> f64 {
-    MOST_TRAVEL_ELEMENTS * bodies(slots).map(Body::largest_edge_m).fold(0.0, f64::max)
-}
-
-/// How far along each axis patches may be from what they meet within `dt_s`, m.
-fn reach_m(slots: &[BodySlot], dt_s: f64) -> f64 {
+/// How far patches may be from what they meet.
+fn reach(slots: &[BodySlot]) -> Reach {
     let edge_m = bodies(slots).map(Body::largest_edge_m).fold(0.0, f64::max);
     let voxel_m = bodies(slots).map(|body| body.state.grid.voxel_size_m()).fold(0.0, f64::max);
-    let velocities = Aabb::around(bodies(slots).flat_map(|body| &body.state.velocity_m_per_s).map(|v| Vec3::from(*v)));
-    let travel_m = dt_s * (velocities.max_m - velocities.min_m).norm();
-    let travel_m = if travel_m.is_finite() { travel_m.min(most_travel_m(slots)) } else { 0.0 };
-    edge_m + MARGIN_VOXELS * voxel_m + travel_m
+    Reach { still_m: edge_m + MARGIN_VOXELS * voxel_m, most_travel_m: MOST_TRAVEL_ELEMENTS * edge_m }
 }
 
 /// The spring of a patch that meets a surface. The surface's own patches have springs on this one in turn,

@@ -1,126 +1,222 @@
-//! What a cut changes of them: pairs of patches that stay as they were stay as they were found.
+//! What a cut, and what moves on, changes of them: pairs of patches that stay as they were stay as they were found.
 
-use super::{Candidates, Lists, OfBody, facing};
+use super::nodes::Motion;
+use super::{Candidates, Lists, OfBody, ROOM_FOR_OTHERS, SLACK_ELEMENTS};
+use crate::Vec3;
 use crate::body::Body;
 use crate::contact::patch_hash::{PatchHash, PlacedPatch};
+use crate::contact::press::FACING;
 
-/// Stands for a patch that is gone or has changed.
+/// What the cosine between two normals may fall by while patches are not looked for: elements whose nodes move by the
+/// slack turn by 0.048, where their edges are at right angles; this is for 0.08 each. Fast ones may turn by more.
+pub(super) const TURN: f64 = 0.16;
+/// Stands for a patch that is gone or is looked for again.
 const GONE: u32 = u32::MAX;
-/// Fraction of the slack that nodes may have used up where patches that changed are placed among those that did not:
-/// by 0.15 of it their elements have turned since the others were placed, by 0.15 they turn from there, 0.25 together.
-const MOST_SLACK_USED: f64 = 2.0 / 3.0;
 
-/// The patches after links parted, beside those before.
-struct Follower {
+/// The patches after links parted or things moved on, beside those before.
+#[derive(Debug, Default)]
+pub(super) struct Follower {
     hash: PatchHash,
-    /// By patch in the hash before, its place in the one after; [`GONE`] where it changed.
+    lists: Lists,
+    /// By patch in the hash before, its place in the one after; [`GONE`] where it is looked for again.
     after: Vec<u32>,
-    /// By patch in the hash after, whether it stayed as it was.
-    stayed: Vec<bool>,
+    /// By patch in the hash after, how far it may move if it is looked for again, m.
+    again_m: Vec<Option<f64>>,
+    /// Pairs of a patch that is looked for again and one that it may meet, ascending by the first; and pairs that one
+    /// found which the other does not look for.
+    found: Vec<[u32; 2]>,
+    returned: Vec<[u32; 2]>,
+    /// Of a body's patches, what each was before, or [`GONE`].
+    before: Vec<u32>,
+    /// Of all nodes along an axis, m/s.
+    speeds: Vec<f64>,
 }
 
 impl Candidates {
-    /// Follows surfaces whose links parted. `changed` are, by body, the elements that carry their patches in another
-    /// way than before, ascending.
-    pub fn follow(&mut self, bodies: &[&Body], changed: &[&[u32]]) {
-        let cut = bodies.iter().map(|body| body.boundary().walls().len() > 0);
-        let is_first_cut = cut.zip(&self.bodies).any(|(is_cut, of_body)| is_cut && of_body.first.is_none());
-        self.bodies.iter_mut().zip(bodies).for_each(|(of_body, body)| of_body.follow_nodes(body));
-        if is_first_cut || self.moved_m(bodies.iter().copied()) > MOST_SLACK_USED * self.slack_m {
-            self.forget();
-            return;
+    /// Follows surfaces whose links parted, and what has moved on. `changed` are, by body, the elements that carry their
+    /// patches in another way than before, ascending.
+    pub fn follow<'a, 'b>(
+        &mut self,
+        bodies: impl Iterator<Item = &'a Body> + Clone,
+        changed: impl Fn(usize) -> &'b [u32],
+    ) {
+        if !self.bodies.iter().any(|of_body| of_body.nodes.is_forgotten()) {
+            self.look(bodies, changed);
         }
-        let follower = self.place(bodies, changed);
-        let found = follower.find();
-        self.lists = follower.merge(&self.lists, &found);
-        self.hash = follower.hash;
     }
 
-    /// Places the patches that changed where the nodes were when the others were placed.
-    fn place(&mut self, bodies: &[&Body], changed: &[&[u32]]) -> Follower {
-        let placed = self.hash.placed();
-        let patches = bodies.iter().map(|body| body.boundary().patches().len()).sum();
-        let mut follower = Follower { hash: PatchHash::default(), after: vec![GONE; placed.len()], stayed: Vec::new() };
-        follower.hash.reserve(patches);
-        for (index, (of_body, body)) in self.bodies.iter_mut().zip(bodies).enumerate() {
-            let next = follower.stayed.len() as u32;
-            let Some(start) = of_body.first else { continue };
+    /// Looks for patches of which elements are `changed` or moved on, or for all where they were forgotten.
+    pub(super) fn look<'a, 'b>(
+        &mut self,
+        bodies: impl Iterator<Item = &'a Body> + Clone,
+        changed: impl Fn(usize) -> &'b [u32],
+    ) {
+        let edge_m = bodies.clone().map(Body::lattice_edge_m).fold(f64::INFINITY, f64::min);
+        let motion = Motion {
+            slack_m: SLACK_ELEMENTS * edge_m,
+            most_travel_m: self.reach.most_travel_m,
+            common_m_per_s: self.follower.common_m_per_s(bodies.clone()),
+        };
+        self.bodies.iter_mut().zip(bodies.clone()).for_each(|(of, body)| of.nodes.place_again(body, motion));
+        self.place(bodies, changed, motion.slack_m);
+        self.follower.find(self.reach.still_m, motion.slack_m);
+        self.follower.merge(&self.lists);
+        std::mem::swap(&mut self.hash, &mut self.follower.hash);
+        std::mem::swap(&mut self.lists, &mut self.follower.lists);
+    }
+
+    /// Places the patches that are looked for again, where their nodes were placed.
+    fn place<'a, 'b>(
+        &mut self,
+        bodies: impl Iterator<Item = &'a Body> + Clone,
+        changed: impl Fn(usize) -> &'b [u32],
+        slack_m: f64,
+    ) {
+        // Nodes that were not placed now have used less than all they may, and may move by it yet.
+        let most_m = self.bodies.iter().map(|of_body| of_body.nodes.most_of_all_m()).fold(0.0, f64::max);
+        let near_m = self.reach.still_m + 4.0 * most_m;
+        let Self { bodies: of_bodies, follower, hash, .. } = self;
+        let placed = hash.placed();
+        follower.begin(placed.len());
+        for (index, (of_body, body)) in of_bodies.iter_mut().zip(bodies.clone()).enumerate() {
+            let start = of_body.first.take();
+            let bounds = body.bounds().grown(near_m);
+            let mut others = bodies.clone().enumerate().filter(|(other, _)| *other != index);
+            if body.boundary().walls().len() == 0 && !others.any(|(_, other)| other.bounds().meets(&bounds)) {
+                continue;
+            }
+            let next = follower.again_m.len() as u32;
             of_body.first = Some(next);
-            for (patch, before) in (0..).zip(of_body.follow_patches(body, changed[index])) {
-                follower.stayed.push(before != GONE);
-                follower.hash.push(if before == GONE {
-                    PlacedPatch::of(body, &of_body.found_at_m, [index as u32, patch])
-                } else {
-                    let was = (start + before) as usize;
+            of_body.follow_patches(body, &mut follower.before);
+            for patch in 0..of_body.patches.len() as u32 {
+                let element = of_body.patches[patch as usize].element;
+                let nodes = &body.base().elements[element as usize].nodes;
+                let before = follower.before[patch as usize];
+                let stays = before != GONE
+                    && !of_body.nodes.any_placed(nodes)
+                    && changed(index).binary_search(&element).is_err();
+                if let Some(was) = start.filter(|_| stays).map(|start| (start + before) as usize) {
                     follower.after[was] = next + patch;
-                    PlacedPatch { patch, ..placed[was] }
-                });
+                    follower.add(PlacedPatch { patch, ..placed[was] }, None);
+                } else {
+                    let placed = PlacedPatch::of(body, of_body.nodes.found_at_m(), [index as u32, patch]);
+                    follower.add(placed, Some(of_body.nodes.most_m(nodes)));
+                }
             }
         }
-        follower.hash.build(self.reach_m);
-        follower
+        follower.hash.build(self.reach.still_m + 2.0 * slack_m);
     }
 }
 
 impl OfBody {
-    /// New nodes lie where those do that they split from, and from here on they move by themselves.
-    fn follow_nodes(&mut self, body: &Body) {
-        if !self.found_at_m.is_empty() {
-            self.found_at_m.extend_from_slice(&body.state.position_m[self.found_at_m.len()..]);
-        }
-    }
-
-    /// What each of its patches was before, or [`GONE`].
-    fn follow_patches(&mut self, body: &Body, changed: &[u32]) -> Vec<u32> {
+    /// Takes its patches, and says what each of them was before, or [`GONE`].
+    fn follow_patches(&mut self, body: &Body, before: &mut Vec<u32>) {
         let after = body.boundary().patches();
-        let mut before = (0..).zip(&self.patches).peekable();
-        let stayed = after.iter().map(|patch| {
-            while before.next_if(|(_, was)| was.key() < patch.key()).is_some() {}
-            let same = before.next_if(|(_, was)| *was == patch && changed.binary_search(&patch.element).is_err());
-            same.map_or(GONE, |(index, _)| index)
-        });
-        let stayed = stayed.collect();
+        before.clear();
+        if self.version == body.boundary().version() {
+            before.extend(0..self.patches.len() as u32);
+            return;
+        }
+        let mut known = (0..).zip(&self.patches).peekable();
+        before.extend(after.iter().map(|patch| {
+            while known.next_if(|(_, was)| was.key() < patch.key()).is_some() {}
+            known.next_if(|(_, was)| *was == patch).map_or(GONE, |(index, _)| index)
+        }));
         self.patches.clear();
         self.patches.extend_from_slice(after);
-        stayed
+        self.version = body.boundary().version();
     }
 }
 
 impl Follower {
-    /// The pairs of a patch that changed and one that it may meet, of either order, ascending.
-    fn find(&self) -> Vec<[u32; 2]> {
-        let mut pairs = Vec::new();
-        for patch in (0..self.stayed.len()).filter(|patch| !self.stayed[*patch]) {
-            for other in facing(&self.hash, patch) {
-                pairs.push([patch as u32, other]);
-                if self.stayed[other as usize] {
-                    pairs.push([other, patch as u32]);
+    pub(super) fn reserve(&mut self, patches: usize, nodes: usize) {
+        self.hash.reserve(patches);
+        self.lists.reserve(patches);
+        for list in [&mut self.after, &mut self.before] {
+            list.reserve(patches.saturating_sub(list.len()));
+        }
+        self.again_m.reserve(patches.saturating_sub(self.again_m.len()));
+        self.found.reserve((ROOM_FOR_OTHERS * patches).saturating_sub(self.found.len()));
+        self.returned.reserve(patches.saturating_sub(self.returned.len()));
+        self.speeds.reserve(nodes.saturating_sub(self.speeds.len()));
+    }
+
+    fn begin(&mut self, before: usize) {
+        self.hash.clear();
+        self.again_m.clear();
+        self.after.clear();
+        self.after.resize(before, GONE);
+    }
+
+    /// Adds the next patch, and how far it may move if it is looked for again, m.
+    fn add(&mut self, patch: PlacedPatch, again_m: Option<f64>) {
+        self.hash.push(patch);
+        self.again_m.push(again_m);
+    }
+
+    /// The median along each axis. What is held does not move with the rest: then none.
+    fn common_m_per_s<'a>(&mut self, bodies: impl Iterator<Item = &'a Body> + Clone) -> Vec3 {
+        if bodies.clone().any(Body::is_anything_held) {
+            return Vec3::zeros();
+        }
+        Vec3::from_fn(|axis, _| {
+            self.speeds.clear();
+            self.speeds.extend(bodies.clone().flat_map(|body| &body.state.velocity_m_per_s).map(|v| v[axis]));
+            let middle = self.speeds.len() / 2;
+            *self.speeds.select_nth_unstable_by(middle, f64::total_cmp).1
+        })
+    }
+
+    /// The pairs of a patch that is looked for again. Of two that are the farther one that moves looks for both.
+    fn find(&mut self, still_m: f64, slack_m: f64) {
+        let Self { hash, again_m, found, returned, .. } = self;
+        found.clear();
+        returned.clear();
+        let placed = hash.placed();
+        for (patch, may_move_m) in again_m.iter().enumerate().filter_map(|(patch, m)| Some((patch, (*m)?))) {
+            let is_fast = may_move_m > slack_m;
+            let PlacedPatch { at_m, normal, .. } = placed[patch];
+            let reach_m = still_m + may_move_m + if is_fast { may_move_m } else { slack_m };
+            for other in hash.near(at_m, reach_m) {
+                let other_m = again_m[other].unwrap_or(slack_m);
+                let other_is_fast = other_m > slack_m;
+                let looks = if is_fast {
+                    !other_is_fast || (other_m, other) < (may_move_m, patch)
+                } else {
+                    !other_is_fast && normal.dot(&placed[other].normal) <= FACING + TURN
+                };
+                if !looks || (placed[other].at_m - at_m).amax() > still_m + may_move_m + other_m {
+                    continue;
+                }
+                found.push([patch as u32, other as u32]);
+                if is_fast || again_m[other].is_none() {
+                    returned.push([other as u32, patch as u32]);
                 }
             }
         }
-        pairs.sort_unstable();
-        pairs
+        returned.sort_unstable();
     }
 
     /// The pairs that stay together with those that were found.
-    fn merge(&self, before: &Lists, found: &[[u32; 2]]) -> Lists {
-        let mut lists = Lists::default();
-        lists.reserve(self.stayed.len());
-        let after = |place: u32| self.after[before.patches[place as usize] as usize];
+    fn merge(&mut self, before: &Lists) {
+        let Self { lists, after, again_m, found, returned, .. } = self;
+        lists.clear();
+        let after = |place: u32| after[before.patches[place as usize] as usize];
         let mut kept = (0..before.patches.len())
             .map(|place| (after(place as u32), place))
             .filter(|kept| kept.0 != GONE)
             .peekable();
-        let mut found = found.iter().peekable();
-        for patch in 0..self.stayed.len() as u32 {
+        let (mut found, mut returned) = (found.iter().peekable(), returned.iter().peekable());
+        for patch in 0..again_m.len() as u32 {
             lists.push(|list| {
                 if let Some((_, place)) = kept.next_if(|kept| kept.0 == patch) {
                     list.extend(before.of(place).iter().map(|other| after(*other)).filter(|other| *other != GONE));
                 }
-                list.extend(std::iter::from_fn(|| found.next_if(|pair| pair[0] == patch)).map(|pair| pair[1]));
+                for pairs in [&mut found, &mut returned] {
+                    list.extend(std::iter::from_fn(|| pairs.next_if(|pair| pair[0] == patch)).map(|pair| pair[1]));
+                }
             });
         }
         lists.finish();
-        lists
     }
 }

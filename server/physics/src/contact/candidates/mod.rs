@@ -1,22 +1,22 @@
-//! The patches that can meet one another before the tissue has moved on: found now and then, among all of
-//! them, with some slack (Verlet 1967), so that a step looks at those pairs alone. Where links part only the patches
-//! that changed are looked for again ([`Candidates::follow`]).
+//! The patches that can meet one another before the tissue has moved on: found now and then, with some
+//! slack (Verlet 1967), so that a step looks at those pairs alone. Where links part, or something has moved farther than
+//! its slack, only the patches there are looked for again ([`Candidates::follow`]).
 
 mod follow;
+mod nodes;
 
 use super::patch_hash::{PatchHash, PlacedPatch};
-use super::press::FACING;
-use crate::body::{Body, Nodal};
+use crate::body::Body;
 use crate::boundary::SurfacePatch;
+use follow::Follower;
+use nodes::Nodes;
 
-/// Nodes may move by this fraction of the smallest element's edge before the patches are found anew. It changes what is
-/// looked at and when, never what is found: less is found anew more often, more looks at more pairs in each step.
-const SLACK_ELEMENTS: f64 = 0.125;
-/// What the cosine between two normals may fall by meanwhile: elements whose nodes move by the slack turn by
-/// 0.15, where their edges are at right angles; this is for 0.25 each.
-const TURN: f64 = 0.5;
+/// Nodes may move by this fraction of the smallest element's edge before patches there are found anew. It changes what is
+/// looked at and when, never what is found: less is found anew more often, more looks at more pairs in each step: with
+/// three times as much, also at those whose normals are at right angles.
+const SLACK_ELEMENTS: f64 = 0.04;
 /// Others that a patch has room for on average: where there are more, a step that finds them allocates.
-const ROOM_FOR_OTHERS: usize = 64;
+const ROOM_FOR_OTHERS: usize = 32;
 
 /// Patches that may meet another.
 #[derive(Debug, Default)]
@@ -26,10 +26,27 @@ pub struct Candidates {
     /// The patches that were looked at, where they were then.
     hash: PatchHash,
     lists: Lists,
-    /// How far others may have been from them along each axis, m.
-    reach_m: f64,
-    /// How far nodes may move, m.
-    slack_m: f64,
+    reach: Reach,
+    /// Those after links parted or things moved on: scratch.
+    follower: Follower,
+}
+
+/// How far along each axis patches may be from what they meet.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Reach {
+    /// Where nothing moves, m.
+    pub still_m: f64,
+    /// More for as far as the two travel towards each other in the step, each this far at most, m.
+    pub most_travel_m: f64,
+}
+
+impl Reach {
+    /// Whether two patches may meet within a step.
+    #[must_use]
+    pub fn meets(&self, a: &PlacedPatch, b: &PlacedPatch, dt_s: f64) -> bool {
+        let beyond_m = (a.at_m - b.at_m).amax() - self.still_m;
+        beyond_m <= 0.0 || beyond_m <= self.most_travel_m.min((a.velocity_m_per_s - b.velocity_m_per_s).norm() * dt_s)
+    }
 }
 
 /// A copy finds its own: they change what is looked at, never what is found.
@@ -42,11 +59,12 @@ impl Clone for Candidates {
 /// A body as it was when they were found.
 #[derive(Debug, Default)]
 struct OfBody {
-    /// Where its nodes were, m; empty where they are to be found.
-    found_at_m: Nodal,
+    nodes: Nodes,
     /// Its first patch in the hash, if its patches were looked at.
     first: Option<u32>,
     patches: Vec<SurfacePatch>,
+    /// Version of the surface that they are of.
+    version: u64,
 }
 
 /// What each patch may meet.
@@ -68,72 +86,32 @@ impl Candidates {
         self.hash.reserve(patches);
         self.lists.reserve(patches);
         self.bodies.resize_with(bodies.len(), OfBody::default);
+        let mut nodes_of_all = 0;
         for (of_body, body) in self.bodies.iter_mut().zip(bodies) {
-            let OfBody { found_at_m, patches, .. } = of_body;
-            found_at_m.reserve(body.node_count().saturating_sub(found_at_m.len()));
+            let OfBody { nodes, patches, .. } = of_body;
+            nodes.reserve(body.node_count());
+            nodes_of_all += body.node_count();
             patches.reserve(body.boundary().patches().len().saturating_sub(patches.len()));
         }
+        self.follower.reserve(patches, nodes_of_all);
     }
 
     /// Forgets them: they are to be found anew.
     pub fn forget(&mut self) {
-        self.bodies.iter_mut().for_each(|of_body| of_body.found_at_m.clear());
+        self.bodies.iter_mut().for_each(|of_body| of_body.nodes.forget());
     }
 
-    /// Whether nothing else can meet anything within `reach_m` along an axis.
+    /// Whether nothing else can meet anything within reach in the step that begins.
     #[must_use]
-    pub fn hold<'a>(&self, bodies: impl Iterator<Item = &'a Body>, reach_m: f64) -> bool {
-        let moved_m = self.moved_m(bodies);
-        moved_m <= self.slack_m && reach_m + 2.0 * moved_m <= self.reach_m
+    pub fn hold<'a>(&self, mut bodies: impl Iterator<Item = &'a Body>) -> bool {
+        self.bodies.iter().all(|of_body| bodies.next().is_some_and(|body| of_body.nodes.hold(body)))
     }
 
-    /// How far a node has moved at most, m; infinite where they are to be found.
-    fn moved_m<'a>(&self, bodies: impl Iterator<Item = &'a Body>) -> f64 {
-        let mut moved2_m2 = 0.0f64;
-        for (OfBody { found_at_m, .. }, body) in self.bodies.iter().zip(bodies) {
-            if found_at_m.len() != body.node_count() {
-                return f64::INFINITY;
-            }
-            for (a, b) in found_at_m.iter().zip(&body.state.position_m) {
-                moved2_m2 = moved2_m2.max((0..3).map(|i| (a[i] - b[i]).powi(2)).sum());
-            }
-        }
-        moved2_m2.sqrt()
-    }
-
-    /// Begins to find them; returns how far from a patch others are to be looked for along each axis, m, where
-    /// they meet within `reach_m`.
-    pub fn begin<'a>(&mut self, bodies: impl Iterator<Item = &'a Body>, reach_m: f64) -> f64 {
-        self.hash.clear();
-        let mut edge_m = f64::INFINITY;
-        for (of_body, body) in self.bodies.iter_mut().zip(bodies) {
-            of_body.found_at_m.clone_from(&body.state.position_m);
-            of_body.first = None;
-            edge_m = edge_m.min(body.lattice_edge_m());
-        }
-        self.slack_m = SLACK_ELEMENTS * edge_m;
-        self.reach_m = reach_m + 2.0 * self.slack_m;
-        self.reach_m
-    }
-
-    /// Looks at the patches of a body.
-    pub fn add(&mut self, index: usize, body: &Body) {
-        let OfBody { first, patches, .. } = &mut self.bodies[index];
-        *first = Some(self.hash.placed().len() as u32);
-        patches.clear();
-        patches.extend_from_slice(body.boundary().patches());
-        for patch in 0..patches.len() {
-            self.hash.push(PlacedPatch::of(body, &body.state.position_m, [index as u32, patch as u32]));
-        }
-    }
-
-    /// Finds them among the patches of the bodies that were added since [`Self::begin`].
-    pub fn find(&mut self) {
-        let Self { hash, lists, .. } = self;
-        hash.build(self.reach_m);
-        lists.clear();
-        (0..hash.placed().len()).for_each(|patch| lists.push(|list| list.extend(facing(hash, patch))));
-        lists.finish();
+    /// Looks for those of what has moved on, or for all where they were forgotten: of all bodies that are cut or near
+    /// another.
+    pub fn look_again<'a>(&mut self, bodies: impl Iterator<Item = &'a Body> + Clone, reach: Reach) {
+        self.reach = reach;
+        self.look(bodies, |_| &[]);
     }
 
     /// Body and patch of each, ascending.
@@ -149,13 +127,6 @@ impl Candidates {
     pub fn others(&self, index: usize) -> impl Iterator<Item = usize> + '_ {
         self.lists.of(index).iter().map(|other| *other as usize)
     }
-}
-
-/// The patches of a hash that one of them may meet, in the order that it finds them in.
-fn facing(hash: &PatchHash, patch: usize) -> impl Iterator<Item = u32> + '_ {
-    let placed = hash.placed();
-    let PlacedPatch { at_m, normal, .. } = &placed[patch];
-    hash.near(at_m).filter(move |other| normal.dot(&placed[*other].normal) <= FACING + TURN).map(|other| other as u32)
 }
 
 impl Lists {
