@@ -444,3 +444,56 @@ impl ElementMatrices {
         self.volume_m3 += share * voxel.volume_m3;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const H_M: f64 = 0.01;
+
+    /// What an element pushes its nodes back with where they and, after them, the ground points are moved, N.
+    fn forces_n(element: &ElementMatrices, moved_m: &[f64; ALL]) -> [f64; DOFS] {
+        let ground = element.ground.as_ref().expect("something of it is held");
+        std::array::from_fn(|row| {
+            let of_nodes: f64 = element.stiffness[row].iter().zip(moved_m).map(|(k, u)| k * u).sum();
+            let of_ground: f64 = ground.stiffness.coupling[row].iter().zip(&moved_m[DOFS..]).map(|(k, u)| k * u).sum();
+            of_nodes + of_ground
+        })
+    }
+
+    #[test]
+    fn a_node_that_only_a_held_sliver_has_is_tied_to_what_is_held_and_turns_with_it() {
+        // Of a cell of 4 x 4 x 4 voxels the one at node 0 is left, and all its corners are held.
+        let elastic = Elastic::new(1e6, 0.45, 1000.0);
+        let plain = CompositeTables::new(2, H_M).assemble(&[FilledVoxel::whole(0, elastic)], Field::IncompatibleModes);
+        let mut corners = VoxelCorners::new(2);
+        corners_of([0; 3]).for_each(|at| corners.set(at, Corner::Held));
+        // Node 0 is another element's, too.
+        corners.set_nodes(0, 0b1111_1110);
+        let sliver = [HeldVoxel { at: [0; 3], elastic, share: 1.0 }];
+        let held = hold(&plain, &corners, &sliver, &CompositeTables::new(0, H_M));
+        for dof in 0..DOFS {
+            let share = held.stiffness[dof][dof] / plain.stiffness[dof][dof];
+            if dof / 3 == 0 {
+                assert!(share < 0.01, "node 0 is resisted by {share} of the plain element");
+            } else {
+                assert!(share > 0.09, "node {} is resisted by {share} of the plain element", dof / 3);
+            }
+        }
+        // What is held turns in the frame of an element that turns, and the nodes with it: nothing resists that.
+        let edge_m = 4.0 * H_M;
+        let turned_m = |at: [f64; 3]| [-at[1] + 0.3 * at[2], at[0], -0.3 * at[0]].map(|x| 1e-3 * edge_m * x);
+        let mut moved_m = [0.0; ALL];
+        for node in 0..8 {
+            let at = [0, 1, 2].map(|axis| f64::from(node as u8 >> axis & 1));
+            moved_m[3 * node..3 * node + 3].copy_from_slice(&turned_m(at));
+        }
+        for point in 0..3 {
+            let at = [0, 1, 2].map(|axis| if axis == point { 1.0 } else { 0.0 });
+            moved_m[DOFS + 3 * point..DOFS + 3 * point + 3].copy_from_slice(&turned_m(at));
+        }
+        let stiffest_n_per_m = (0..DOFS).map(|dof| plain.stiffness[dof][dof]).fold(0.0, f64::max);
+        let most_n = forces_n(&held, &moved_m).into_iter().map(f64::abs).fold(0.0, f64::max);
+        assert!(most_n < 1e-9 * stiffest_n_per_m * edge_m, "{most_n} N of {stiffest_n_per_m} N/m");
+    }
+}
