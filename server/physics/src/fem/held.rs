@@ -231,103 +231,132 @@ pub struct HeldVoxel {
 /// A voxel, its matrices if it were filled, and how much of it is.
 type Part<'a> = ([i32; 3], &'a ElementMatrices, f64);
 
-/// Displacements of the voxels' corners in terms of those of the element's corners and the ground points.
+/// What moves a corner of a voxel: the element's corners, then the ground points, each by the same weight along all axes.
+const SHARES: usize = ALL / 3;
+
+/// Displacements of the voxels' corners in terms of those of the element's corners and the ground points: trilinear but
+/// for what is held.
 struct Displacements<'a> {
     corners: &'a VoxelCorners,
-    /// By voxel corner, three rows each.
-    rows: Vec<[[f64; ALL]; 3]>,
+    /// By voxel corner.
+    weights: Vec<[f64; SHARES]>,
 }
 
 impl<'a> Displacements<'a> {
-    /// Trilinear but for what is held.
     fn truncated(corners: &'a VoxelCorners) -> Self {
-        let across = 1 << corners.exponent;
-        let mut rows = vec![[[0.0; ALL]; 3]; corners.corners.len()];
-        for (index, row) in rows.iter_mut().enumerate() {
-            let n = index as i32;
-            let at = [n % (across + 1), n / (across + 1) % (across + 1), n / (across + 1) / (across + 1)];
-            let local = corners.local(at);
-            for (axis, row) in row.iter_mut().enumerate() {
-                if corners.corners[index] == Corner::Held {
-                    (0..3).for_each(|point| row[DOFS + 3 * point + axis] = local[point]);
-                } else {
-                    let (all, moving) = (shape_functions(local), corners.moving(local));
-                    for node in 0..8 {
-                        row[3 * node + axis] = moving[node];
-                        let along = |point: &usize| node >> point & 1 == 1;
-                        (0..3).filter(along).for_each(|point| row[DOFS + 3 * point + axis] += all[node] - moving[node]);
-                    }
+        let across = (1 << corners.exponent) + 1;
+        let weights_of = |n: i32| {
+            let local = corners.local([n % across, n / across % across, n / across / across]);
+            let mut weights = [0.0; SHARES];
+            if corners.corners[n as usize] == Corner::Held {
+                weights[8..].copy_from_slice(&local);
+            } else {
+                let (all, moving) = (shape_functions(local), corners.moving(local));
+                for node in 0..8 {
+                    weights[node] = moving[node];
+                    let along = |point: &usize| node >> point & 1 == 1;
+                    (0..3).filter(along).for_each(|point| weights[8 + point] += all[node] - moving[node]);
+                }
+            }
+            weights
+        };
+        Self { corners, weights: (0..corners.corners.len() as i32).map(weights_of).collect() }
+    }
+
+    /// The weights of a voxel's corners.
+    fn of_voxel(&self, voxel: [i32; 3]) -> [[f64; SHARES]; 8] {
+        let mut weights = [[0.0; SHARES]; 8];
+        for (weights, at) in weights.iter_mut().zip(corners_of(voxel)) {
+            *weights = self.weights[self.corners.index(at)];
+        }
+        weights
+    }
+
+    /// For each pair of corners of the voxels that have these `matrices`, the sum of the products of their weights:
+    /// `P^T K P` over these voxels is that of the products with the blocks of K.
+    fn products(&self, voxels: &[Part<'_>], matrices: &ElementMatrices) -> Box<[[[f64; SHARES]; SHARES]; 64]> {
+        let mut products = Box::new([[[0.0; SHARES]; SHARES]; 64]);
+        for (voxel, _, share) in voxels.iter().filter(|(_, of, _)| std::ptr::eq(*of, matrices)) {
+            let weights = self.of_voxel(*voxel);
+            for (pair, sum) in products.iter_mut().enumerate() {
+                let (row, column) = (&weights[pair / 8], &weights[pair % 8]);
+                for (sum, row) in sum.iter_mut().zip(row).filter(|(_, row)| **row != 0.0) {
+                    (0..SHARES).for_each(|q| sum[q] += share * row * column[q]);
                 }
             }
         }
-        Self { corners, rows }
+        products
     }
 
-    /// The rows of a voxel's corners.
-    fn of_voxel(&self, voxel: [i32; 3]) -> [[f64; ALL]; DOFS] {
-        let mut rows = [[0.0; ALL]; DOFS];
-        for (corner, at) in corners_of(voxel).enumerate() {
-            rows[3 * corner..3 * corner + 3].copy_from_slice(&self.rows[self.corners.index(at)]);
-        }
-        rows
-    }
-
-    /// Lets corners that no other element has go where the voxels' stiffness takes them.
-    fn condense(&mut self, voxels: &[Part<'_>]) {
-        let mut number = vec![usize::MAX; self.rows.len()];
-        let mut count = 0;
-        for at in voxels.iter().flat_map(|(voxel, ..)| corners_of(*voxel)) {
-            let index = self.corners.index(at);
-            if self.corners.is_inner(at) && number[index] == usize::MAX {
-                number[index] = count;
-                count += 1;
+    /// `P^T K P` over the voxels, of their stiffness and of what of it strain stiffening measures.
+    fn stiffness(&self, voxels: &[Part<'_>]) -> [Whole; 2] {
+        let mut sums = [(); 2].map(|()| Box::new([[0.0; ALL]; ALL]));
+        for (index, (_, matrices, _)) in voxels.iter().enumerate() {
+            if voxels[..index].iter().any(|(_, other, _)| std::ptr::eq(*other, *matrices)) {
+                continue;
             }
+            for (pair, products) in self.products(voxels, matrices).iter().enumerate() {
+                for (k, sum) in [&matrices.stiffness, &matrices.stiffness_measured].into_iter().zip(&mut sums) {
+                    add_block(sum, products, |i, j| k[3 * (pair / 8) + i][3 * (pair % 8) + j]);
+                }
+            }
+        }
+        sums
+    }
+
+    /// `(K P)` at the corners that no other element has, and the part of K between those; three rows and columns each, in
+    /// the order of the corners. `None` where there are none, or too many.
+    fn inner(&self, voxels: &[Part<'_>]) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
+        let mut is_inner = vec![false; self.weights.len()];
+        for at in voxels.iter().flat_map(|(voxel, ..)| corners_of(*voxel)).filter(|at| self.corners.is_inner(*at)) {
+            is_inner[self.corners.index(at)] = true;
+        }
+        let mut count = 0;
+        let mut number = vec![None; is_inner.len()];
+        for number in number.iter_mut().zip(is_inner).filter_map(|(number, is)| is.then_some(number)) {
+            *number = Some(count);
+            count += 1;
         }
         if count == 0 || 3 * count > MOST_CONDENSED {
-            return;
+            return None;
         }
         let mut own = DMatrix::<f64>::zeros(3 * count, 3 * count);
-        let mut pull = DMatrix::<f64>::zeros(3 * count, ALL);
+        let mut unbalanced = DMatrix::<f64>::zeros(3 * count, ALL);
         for (voxel, matrices, share) in voxels {
-            let numbers: Vec<usize> = corners_of(*voxel).map(|at| number[self.corners.index(at)]).collect();
-            let mut given = self.of_voxel(*voxel);
-            (0..DOFS).filter(|i| numbers[i / 3] != usize::MAX).for_each(|i| given[i] = [0.0; ALL]);
-            for row in (0..DOFS).filter(|i| numbers[i / 3] != usize::MAX) {
-                let to = 3 * numbers[row / 3] + row % 3;
-                for column in 0..DOFS {
-                    let k = share * matrices.stiffness[row][column];
-                    match numbers[column / 3] {
-                        usize::MAX => (0..ALL).for_each(|i| pull[(to, i)] -= k * given[column][i]),
-                        other => own[(to, 3 * other + column % 3)] += k,
+            let weights = self.of_voxel(*voxel);
+            let numbers: Vec<_> = corners_of(*voxel).map(|at| number[self.corners.index(at)]).collect();
+            for (row, to) in numbers.iter().enumerate().filter_map(|(row, to)| Some((row, (*to)?))) {
+                for (column, (weights, other)) in weights.iter().zip(&numbers).enumerate() {
+                    let k = |i: usize, j: usize| share * matrices.stiffness[3 * row + i][3 * column + j];
+                    for (i, j) in (0..9).map(|n| (n / 3, n % 3)) {
+                        (0..SHARES).for_each(|q| unbalanced[(3 * to + i, 3 * q + j)] += k(i, j) * weights[q]);
+                        if let Some(other) = other {
+                            own[(3 * to + i, 3 * other + j)] += k(i, j);
+                        }
                     }
                 }
             }
         }
-        // What hangs on by an edge of a voxel alone has no stiffness against turning there: it stays trilinear.
-        let Some(factor) = Cholesky::new(own) else { return };
-        factor.solve_mut(&mut pull);
-        for (row, number) in self.rows.iter_mut().zip(number).filter(|(_, number)| *number != usize::MAX) {
-            (0..3).for_each(|axis| (0..ALL).for_each(|i| row[axis][i] = pull[(3 * number + axis, i)]));
-        }
+        Some((own, unbalanced))
     }
 
-    /// `P^T K P` over the voxels.
-    fn stiffness(&self, voxels: &[Part<'_>], of: impl Fn(&ElementMatrices) -> &Matrix24) -> Whole {
-        let mut sum = Box::new([[0.0; ALL]; ALL]);
-        for (voxel, matrices, share) in voxels {
-            let p = self.of_voxel(*voxel);
-            let k = of(matrices);
-            for (row, k) in k.iter().enumerate() {
-                let mut along = [0.0; ALL];
-                for (k, p) in k.iter().zip(&p) {
-                    (0..ALL).for_each(|i| along[i] += share * k * p[i]);
-                }
-                for (sum, p) in sum.iter_mut().zip(p[row]).filter(|(_, p)| *p != 0.0) {
-                    (0..ALL).for_each(|i| sum[i] += p * along[i]);
-                }
-            }
+    /// What `P^T K P` loses where corners that no other element has go where the voxels' stiffness takes them.
+    fn relief(&self, voxels: &[Part<'_>]) -> Option<DMatrix<f64>> {
+        let (own, mut unbalanced) = self.inner(voxels)?;
+        // What hangs on by an edge of a voxel alone has no stiffness against turning there: it stays trilinear.
+        let factor = Cholesky::new(own)?;
+        factor.l_dirty().solve_lower_triangular_mut(&mut unbalanced);
+        Some(unbalanced.tr_mul(&unbalanced))
+    }
+}
+
+/// Adds the products of weights with a 3x3 block.
+fn add_block(sum: &mut Whole, products: &[[f64; SHARES]; SHARES], block: impl Fn(usize, usize) -> f64) {
+    for (p, row) in products.iter().enumerate() {
+        for (i, j) in (0..9).map(|n| (n / 3, n % 3)) {
+            let k = block(i, j);
+            (0..SHARES).for_each(|q| sum[3 * p + i][3 * q + j] += k * row[q]);
         }
-        sum
     }
 }
 
@@ -371,13 +400,13 @@ pub fn hold(
 
 /// The same of an element of parts, each a cell of `corners` with its matrices.
 fn hold_parts(plain: &ElementMatrices, corners: &VoxelCorners, voxels: &[Part<'_>]) -> ElementMatrices {
-    let mut displacements = Displacements::truncated(corners);
-    let (measured, measured_ground) = split(&displacements.stiffness(voxels, |m| &m.stiffness_measured));
-    let mut whole = displacements.stiffness(voxels, |m| &m.stiffness);
-    displacements.condense(voxels);
-    let condensed = displacements.stiffness(voxels, |m| &m.stiffness);
-    for (k, condensed) in whole.as_flattened_mut().iter_mut().zip(condensed.as_flattened()) {
-        *k = TRILINEAR * *k + (1.0 - TRILINEAR) * condensed;
+    let displacements = Displacements::truncated(corners);
+    let [mut whole, measured] = displacements.stiffness(voxels);
+    let (measured, measured_ground) = split(&measured);
+    if let Some(relief) = displacements.relief(voxels) {
+        for (row, k) in whole.iter_mut().enumerate() {
+            k.iter_mut().enumerate().for_each(|(column, k)| *k -= (1.0 - TRILINEAR) * relief[(row, column)]);
+        }
     }
     tie_weak_nodes(&mut whole, plain, corners.lone);
     let (stiffness, ground) = split(&whole);
