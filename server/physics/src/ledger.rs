@@ -95,7 +95,7 @@ pub fn book<'a>(
         let step = &b.step.elements;
         let taken = b.solved.elastic_j - b.before.elastic_j + step.viscous_j;
         let linearisation = taken + step.force_work_j - step.elastic_j;
-        step.inertial_j + step.elastic_j + b.step.geometric_j - linearisation - b.momentum_j - b.turned_j
+        b.step.inertial_j + step.elastic_j + b.step.geometric_j - linearisation - b.momentum_j - b.turned_j
     });
     let stored =
         energy.elastic_j - elastic_before + energy.kinetic_j - kinetic_before + energy.contact_j - before.contact_j;

@@ -19,6 +19,8 @@ const EVALUATION_GRAIN: Grain = Grain { chunk: 1, least: 1 };
 pub(crate) struct StepEnergies {
     /// Sums over the elements.
     pub elements: StepTerms<f64>,
+    /// `1/2 dv^T M dv`.
+    pub inertial_j: f64,
     /// `dx^T T dx` of the geometric stiffness.
     pub geometric_j: f64,
 }
@@ -107,15 +109,17 @@ impl Body {
     /// The same at the end of a step that changed the velocities by `velocity_change`; returns what the
     /// step did to the energies.
     pub(crate) fn evaluate_step(&mut self, workers: &Workers<'_>, velocity_change: &Nodal) -> StepEnergies {
+        let before_j = self.energy().kinetic_j;
         self.evaluate_chunks(workers, |_| true, Some(velocity_change), 2);
         let mut sum = StepEnergies::default();
         for step in self.state.chunks.iter().map(|chunk| &chunk.found.step) {
-            sum.elements.inertial_j += step.inertial_j.reduce_add();
+            sum.elements.inertial_work_j += step.inertial_work_j.reduce_add();
             sum.elements.elastic_j += step.elastic_j.reduce_add();
             sum.elements.force_work_j += step.force_work_j.reduce_add();
             sum.elements.damping_j += step.damping_j.reduce_add();
             sum.elements.viscous_j += step.viscous_j.reduce_add();
         }
+        sum.inertial_j = sum.elements.inertial_work_j - (self.energy().kinetic_j - before_j);
         let dt = self.solver.params.dt_s;
         for (nodes, pulls) in self.geometric_pulls() {
             let v = nodes.map(|n| Vec3::from(self.state.velocity_m_per_s[n]));

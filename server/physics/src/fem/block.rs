@@ -125,8 +125,8 @@ impl Default for ElementState {
 /// those of the step's beginning, `v` is the velocity at its end, `dx = dt v`.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct StepTerms<E> {
-    /// `1/2 dv^T M dv`, and `dt^2 v^T S dv` where elements have geometric stiffness.
-    pub inertial_j: E,
+    /// Work against inertia, `dv^T M v`: kinetic energy grows by this less `1/2 dv^T M dv`.
+    pub inertial_work_j: E,
     /// `1/2 dx^T K dx`.
     pub elastic_j: E,
     /// Work of the elastic forces, `f . dx`.
@@ -183,7 +183,7 @@ impl Evaluation {
     pub fn join(&mut self, other: &Self) {
         self.elastic_j += other.elastic_j;
         self.kinetic_j += other.kinetic_j;
-        self.step.inertial_j += other.step.inertial_j;
+        self.step.inertial_work_j += other.step.inertial_work_j;
         self.step.elastic_j += other.step.elastic_j;
         self.step.force_work_j += other.step.force_work_j;
         self.step.damping_j += other.step.damping_j;

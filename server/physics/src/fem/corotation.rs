@@ -10,6 +10,7 @@ use super::composite::corner_pair;
 use super::ground::{GroundBlock, GroundLanes, GroundPoints};
 use super::held::GROUND;
 use super::lanes;
+use super::packed::PackedMatrix;
 use super::relaxation::Motion;
 use super::rotation::{improve_rotation, rotation_matrix};
 use wide::{f32x4, f64x4};
@@ -102,10 +103,19 @@ impl ElementBlock {
         }
         let y = lanes::rotate_back(&r, &x);
         let velocity = self.gather(&nodal.velocity_m_per_s);
+        // What is not held resists no translation: of the velocities what differs from the first corner's counts.
+        let mut strain_velocity = velocity;
+        if !HELD {
+            (0..24).for_each(|i| strain_velocity[i] -= velocity[i % 3]);
+        }
         // The stiffness is most of what an evaluation reads: once for both.
-        let vectors = [self.displacement(&y), lanes::rotate_back(&r, &velocity)];
-        let stiffness = self.stiffness.apply_to_each(&vectors);
-        let galerkin = self.stiffening.as_ref().map(|s| s.galerkin.apply_to_each(&vectors));
+        let vectors = [self.displacement(&y), lanes::rotate_back(&r, &strain_velocity)];
+        let product = |matrix: &PackedMatrix<f64x4>| match HELD {
+            true => matrix.apply_to_each(&vectors),
+            false => matrix.apply_from_first_corner(&vectors),
+        };
+        let stiffness = product(&self.stiffness);
+        let galerkin = self.stiffening.as_ref().map(|s| product(&s.galerkin));
         let products = |n: usize| Products { k: stiffness[n], g: galerkin.as_ref().map(|g| g[n]) };
         let momentum = self.mass_times(&velocity);
         let half = f64x4::splat(0.5);
@@ -116,14 +126,14 @@ impl ElementBlock {
             // What has hardly turned has hardly another product in the frame that it was in.
             let has_turned = !turned_rad2.simd_lt(f64x4::splat(TURNED_ENOUGH_RAD2)).all();
             let (v, products) = if has_turned {
-                let v = lanes::rotate_back(&r_before, &velocity);
+                let v = lanes::rotate_back(&r_before, &strain_velocity);
                 (v, Products { k: self.stiffness.apply(&v), g: self.stiffening.as_ref().map(|s| s.galerkin.apply(&v)) })
             } else {
                 (vectors[1], products(1))
             };
             let kv = self.tangent(state, &v, &products);
             let change = self.gather(&nodal.velocity_change);
-            found.step = self.step_terms(state, &change, &velocity, kinetic_j, dt_s, [&v, &kv]);
+            found.step = self.step_terms(state, &change, [&velocity, &momentum], kinetic_j, dt_s, [&v, &kv]);
             before = Some((v, products.k));
         }
         let placed = Placed {
@@ -268,7 +278,7 @@ impl ElementBlock {
         &self,
         state: &ElementState,
         change: &[f64x4; 24],
-        velocity: &[f64x4; 24],
+        [velocity, momentum]: [&[f64x4; 24]; 2],
         kinetic_j: f64x4,
         dt_s: f64,
         [local, kv]: [&[f64x4; 24]; 2],
@@ -276,7 +286,7 @@ impl ElementBlock {
         let (half, dt) = (f64x4::splat(0.5), f64x4::splat(dt_s));
         let vkv = lanes::dot(local, kv);
         StepTerms {
-            inertial_j: half * lanes::dot(change, &self.mass_times(change)),
+            inertial_work_j: lanes::dot(change, momentum),
             elastic_j: half * dt * dt * vkv,
             force_work_j: dt * lanes::dot(&state.force_n, velocity),
             damping_j: dt * (f64x4::splat(2.0) * self.alpha_per_s * kinetic_j + self.beta_s * vkv),

@@ -137,46 +137,13 @@ pub fn unpack(packed: &[f64; PACKED]) -> Matrix24 {
     matrix
 }
 
-/// `y = K u` for the packed matrix of every lane.
+/// `y_n = K u_n` of several vectors, by the packed matrix of every lane, which is read once for all of them; the rows
+/// and columns of the corners before `FIRST` are left out.
 #[inline(always)]
-pub fn apply<L: Lane>(k: &[L; PACKED], u: &[L; 24]) -> [L; 24] {
-    let mut y = [L::ZERO; 24];
-    let mut index = 0;
-    for a in 0..8 {
-        let ua = [u[3 * a], u[3 * a + 1], u[3 * a + 2]];
-        let d = &k[index..index + 6];
-        let mut ya = [
-            d[0].fma(ua[0], d[1].fma(ua[1], d[3] * ua[2])),
-            d[1].fma(ua[0], d[2].fma(ua[1], d[4] * ua[2])),
-            d[3].fma(ua[0], d[4].fma(ua[1], d[5] * ua[2])),
-        ];
-        index += 6;
-        for b in 0..a {
-            let m = &k[index..index + 9];
-            let ub = [u[3 * b], u[3 * b + 1], u[3 * b + 2]];
-            for i in 0..3 {
-                ya[i] = m[3 * i].fma(ub[0], m[3 * i + 1].fma(ub[1], m[3 * i + 2].fma(ub[2], ya[i])));
-            }
-            for j in 0..3 {
-                y[3 * b + j] = m[j].fma(ua[0], m[3 + j].fma(ua[1], m[6 + j].fma(ua[2], y[3 * b + j])));
-            }
-            index += 9;
-        }
-        for i in 0..3 {
-            y[3 * a + i] = ya[i];
-        }
-    }
-    y
-}
-
-/// `y_n = K u_n` of several vectors: the matrix is read once for all of them.
-#[inline(always)]
-pub fn apply_to_each<L: Lane, const N: usize>(k: &[L; PACKED], u: &[[L; 24]; N]) -> [[L; 24]; N] {
+fn product<L: Lane, const N: usize, const FIRST: usize>(k: &[L; PACKED], u: &[[L; 24]; N]) -> [[L; 24]; N] {
     let mut y = [[L::ZERO; 24]; N];
-    let mut index = 0;
-    for a in 0..8 {
-        let d = &k[index..index + 6];
-        index += 6;
+    for a in FIRST..8 {
+        let (d, beside) = k[diagonal_entry(a)..].split_at(6);
         let mut ya = [[L::ZERO; 3]; N];
         for n in 0..N {
             let ua = [u[n][3 * a], u[n][3 * a + 1], u[n][3 * a + 2]];
@@ -186,9 +153,8 @@ pub fn apply_to_each<L: Lane, const N: usize>(k: &[L; PACKED], u: &[[L; 24]; N])
                 d[3].fma(ua[0], d[4].fma(ua[1], d[5] * ua[2])),
             ];
         }
-        for b in 0..a {
-            let m = &k[index..index + 9];
-            index += 9;
+        for b in FIRST..a {
+            let m = &beside[9 * b..9 * b + 9];
             for n in 0..N {
                 let (u, y) = (&u[n], &mut y[n]);
                 let ua = [u[3 * a], u[3 * a + 1], u[3 * a + 2]];
@@ -203,6 +169,25 @@ pub fn apply_to_each<L: Lane, const N: usize>(k: &[L; PACKED], u: &[[L; 24]; N])
         }
         for n in 0..N {
             y[n][3 * a..3 * a + 3].copy_from_slice(&ya[n]);
+        }
+    }
+    y
+}
+
+/// `y_n = K u_n` of several vectors.
+#[inline(always)]
+pub fn apply_to_each<L: Lane, const N: usize>(k: &[L; PACKED], u: &[[L; 24]; N]) -> [[L; 24]; N] {
+    product::<L, N, 0>(k, u)
+}
+
+/// The same of a matrix that does not resist translation, where the first corner of every vector is zero: what that bears
+/// is what the others leave.
+#[inline(always)]
+pub fn apply_from_first_corner<L: LaneVector, const N: usize>(k: &[L; PACKED], u: &[[L; 24]; N]) -> [[L; 24]; N] {
+    let mut y = product::<L, N, 1>(k, u);
+    for y in &mut y {
+        for i in 0..3 {
+            y[i] = (1..8).fold(L::ZERO, |left, a| left - y[3 * a + i]);
         }
     }
     y
@@ -278,10 +263,34 @@ mod tests {
         let u: [f64; 24] = std::array::from_fn(|i| (i as f64 * 0.7).sin());
         let packed = pack(&full);
         assert_eq!(unpack(&packed), full);
-        let y = apply(&packed, &u);
+        let [y] = apply_to_each(&packed, &[u]);
         for i in 0..24 {
             let expected: f64 = (0..24).map(|j| full[i][j] * u[j]).sum();
             assert!((y[i] - expected).abs() < 1e-12, "row {i}: {} against {expected}", y[i]);
+        }
+    }
+
+    #[test]
+    fn a_product_from_the_first_corner_is_the_full_one_where_nothing_resists_translation() {
+        // Springs between all pairs of corners, as different as their places in the matrix.
+        let mut full = [[0.0; 24]; 24];
+        for (a, b) in (0..8).flat_map(|a| (0..a).map(move |b| (a, b))) {
+            for (i, j) in (0..9).map(|n| (n / 3, n % 3)) {
+                let k = ((a * 31 + b * 17 + 5 * (i + j) + i * j) % 23) as f64;
+                full[3 * a + i][3 * b + j] -= k;
+                full[3 * b + i][3 * a + j] -= k;
+                full[3 * a + i][3 * a + j] += k;
+                full[3 * b + i][3 * b + j] += k;
+            }
+        }
+        let packed = pack(&full).map(f64x4::splat);
+        let mut u: [f64x4; 24] = std::array::from_fn(|i| f64x4::splat((i as f64 * 0.7).sin()));
+        u[..3].fill(f64x4::ZERO);
+        let [whole] = apply_to_each(&packed, &[u]);
+        let [from_first] = apply_from_first_corner(&packed, &[u]);
+        for (i, (a, b)) in from_first.iter().zip(whole).enumerate() {
+            let (a, b) = (a.as_array()[0], b.as_array()[0]);
+            assert!((a - b).abs() < 1e-12, "row {i}: {a} against {b}");
         }
     }
 }

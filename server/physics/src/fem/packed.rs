@@ -147,11 +147,23 @@ impl<L: LaneVector> PackedMatrix<L> {
         }
     }
 
+    /// The same of matrices that do not resist translation, where the first corner of every vector is zero.
+    #[inline(always)]
+    pub fn apply_from_first_corner<const N: usize>(&self, u: &[[L; 24]; N]) -> [[L; 24]; N] {
+        match self {
+            Self::Each(k) => lanes::apply_from_first_corner(k, u),
+            Self::Whole(_) => self.apply_to_each(u),
+        }
+    }
+
     /// `y = K u`.
     #[inline(always)]
     pub fn apply(&self, u: &[L; 24]) -> [L; 24] {
         match self {
-            Self::Each(k) => lanes::apply(k, u),
+            Self::Each(k) => {
+                let [y] = lanes::apply_to_each(k, std::array::from_ref(u));
+                y
+            }
             Self::Whole(cell) => {
                 let mut y = *u;
                 cell.apply::<L>(&mut y);
