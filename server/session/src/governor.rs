@@ -11,6 +11,8 @@ use kerf_physics::step_io::SolveReport;
 /// Steps of which the time of a unit is taken together: the median of so many does not see single steps that the machine
 /// was taken away from. Fewer follow it, more forget less: none of both changes a budget by a tenth while a scene is stepped.
 const SAMPLES: usize = 64;
+/// Steps from which on a unit is known well enough to begin with.
+const FIRST_SAMPLES: usize = 8;
 /// Share of the period that a step's work may take. What is left is for inputs, reports, the frame for viewers and for
 /// waking up: 0.1 ms of the 1 ms at 1 kHz, and a reserve for what the units do not foretell.
 const SHARE_OF_PERIOD: f64 = 0.75;
@@ -54,6 +56,11 @@ impl Governor {
         self.work_units
     }
 
+    /// Whether enough steps have been taken to tell what a unit takes.
+    pub fn is_ready(&self) -> bool {
+        self.work_units.is_some()
+    }
+
     /// Takes in a step; returns the relative residual that solves end at from now on if that changes: the scene's
     /// tolerance, or what cutting short left.
     pub fn step_ended(&mut self, elapsed_ns: u64, solve: &SolveReport) -> Option<f64> {
@@ -69,9 +76,9 @@ impl Governor {
             false => self.unit_ns[self.steps % SAMPLES] = unit_ns,
         }
         self.steps += 1;
-        if self.steps.is_multiple_of(SAMPLES) {
+        if self.steps == FIRST_SAMPLES || self.steps.is_multiple_of(SAMPLES) {
             self.unit_ns.sort_by(f64::total_cmp);
-            self.work_units = Some(rung(SHARE_OF_PERIOD * self.period_ns / self.unit_ns[SAMPLES / 2]));
+            self.work_units = Some(rung(SHARE_OF_PERIOD * self.period_ns / self.unit_ns[self.unit_ns.len() / 2]));
         }
     }
 

@@ -86,6 +86,7 @@ fn run_shown(core: SessionCore, projector: Projector, inbox: &Inbox, stepping: &
 /// Runs a session on this thread until it is closed.
 fn run(mut core: SessionCore, inbox: &Inbox, pool: Option<&ThreadPool>) {
     let workers = pool.map_or_else(Workers::serial, Workers::of);
+    core.warm_up(&workers, &MonotonicClock);
     let mut wake = Wake::At(MonotonicClock::now_ns());
     loop {
         match wake {

@@ -56,6 +56,9 @@ use views::ViewSchedule;
 /// How often a session that stands looks after its viewers, ns; commands wake it at once.
 const STANDING_TICK_NS: u64 = 20_000_000;
 
+/// A scene whose steps take longer than this is late at any rate that a hand feels, ns.
+const LONGEST_WARM_UP_NS: u64 = 100_000_000;
+
 /// When the next tick is due.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wake {
@@ -183,6 +186,28 @@ impl SessionCore {
 
     fn dt_s(&self) -> f64 {
         1.0 / self.scene.desc.rate_hz
+    }
+
+    /// Takes a few steps and takes them back: what a step needs is in the caches then, and the governor knows what work takes
+    /// here, so that the first touch is bounded as any other. Tools are out of the scene. Takes no longer than
+    /// `LONGEST_WARM_UP_NS` and a step.
+    pub fn warm_up(&mut self, workers: &Workers<'_>, clock: &dyn StageClock) {
+        let begun_ns = clock.now_ns();
+        let warmed = guard(|| {
+            let at_rest = self.world.snapshot();
+            while !self.governor.is_ready() && clock.now_ns() - begun_ns < LONGEST_WARM_UP_NS {
+                let before_ns = clock.now_ns();
+                let solve = self.world.step(workers, clock, &StepInputs::default()).solve;
+                if solve.work_units == 0 {
+                    break;
+                }
+                self.governor.step_ended(clock.now_ns() - before_ns, &solve);
+            }
+            self.world.restore(&at_rest);
+        });
+        if let Err(message) = warmed {
+            self.fail(&message);
+        }
     }
 
     /// Does what is due at `now_ns`, which is next to nothing if that is too early; says when to call again.

@@ -1,11 +1,11 @@
 //! Sessions in virtual time: minutes take milliseconds, and every run is the same.
 
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use kerf_physics::scene::GovernorDesc;
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::{NoClock, SceneDesc, Stage, StepInputs, Workers, World};
+use kerf_physics::{NoClock, SceneDesc, Stage, StageClock, StepInputs, Workers, World};
 use tokio::sync::oneshot;
 
 use super::Wake;
@@ -448,4 +448,31 @@ fn a_session_that_stands_takes_as_many_steps_as_it_is_told_and_shows_the_last() 
     assert_eq!(session.ask(Command::Resume), Ok(stood + 3));
     session.run(S - MS);
     assert_eq!(session.status().late_steps, 0);
+}
+
+/// Goes on each time that it is asked.
+#[derive(Default)]
+struct AdvancingClock(AtomicU64);
+
+impl StageClock for AdvancingClock {
+    fn now_ns(&self) -> u64 {
+        self.0.fetch_add(MS / 100, Ordering::Relaxed)
+    }
+}
+
+#[test]
+fn a_session_that_has_warmed_up_begins_as_it_was_built_and_with_its_work_bounded() {
+    let mut warm = session();
+    let at_rest = warm.core.world().state_hash();
+    warm.core.warm_up(&Workers::serial(), &AdvancingClock::default());
+    assert_eq!((warm.core.world().state_hash(), warm.core.world().output().step), (at_rest, 0));
+    let first_budget = |session: &mut VirtualSession| {
+        session.tick();
+        session.resimulated().into_iter().find_map(|entry| match entry {
+            TapeEntry::Step(step) => Some(step.inputs.work_units),
+            _ => None,
+        })
+    };
+    assert!(matches!(first_budget(&mut warm), Some(Some(units)) if units > 0));
+    assert_eq!(first_budget(&mut session()), Some(None), "a session that has not takes what its steps take");
 }
