@@ -3,7 +3,7 @@
 //!
 //! Three threads: the sender paces poses by the clock and never waits on the network; the driver's
 //! runtime receives contacts, alone, so that round trips are not measured behind the viewers' work;
-//! the viewers' runtime, on a connection of its own, applies deltas.
+//! the viewers' runtime, on connections of their own, applies deltas.
 
 pub mod args;
 pub mod clock;

@@ -87,8 +87,8 @@ pub async fn first_surfaces(channel: Channel, request: v1::ViewRequest) -> anyho
     tokio::time::timeout(FIRST_SURFACE_TIMEOUT, read).await.context("the server showed no surface")?
 }
 
-/// Runs viewers on a thread and a connection of their own until `stop` turns true; returns the
-/// surfaces that the first one has in the end.
+/// Runs viewers on a thread of their own, each on its own connection as those of different people are, until `stop` turns
+/// true; returns the surfaces that the first one has in the end.
 ///
 /// # Errors
 /// A stream cannot be opened, breaks, or does not fit together too often.
@@ -102,11 +102,10 @@ pub fn spawn(
     std::thread::Builder::new().name("kerf-load-view".to_owned()).spawn(move || {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
         runtime.block_on(async {
-            let channel = session::connect(&server, Duration::ZERO).await?;
             let mut tasks = Vec::new();
             for _ in 0..viewers {
-                let (channel, request) = (channel.clone(), request.clone());
-                tasks.push(tokio::spawn(watch_session(channel, request, totals.clone(), stop.clone())));
+                let channel = session::connect(&server, Duration::ZERO).await?;
+                tasks.push(tokio::spawn(watch_session(channel, request.clone(), totals.clone(), stop.clone())));
             }
             let mut replicas = Vec::new();
             for (index, task) in tasks.into_iter().enumerate() {

@@ -32,6 +32,8 @@ const TOP_M: f32 = 0.05;
 /// Stiffness of its spring, N/m.
 pub const STIFFNESS_N_PER_M: f32 = 100.0;
 const STEP_S: f64 = 1e-3;
+/// Calls and streams that a connection may have at a time.
+const STREAMS_PER_CONNECTION: u32 = 4;
 /// How long after its deadline each step ends, ns.
 pub const LAG_NS: u64 = 700_000;
 
@@ -45,6 +47,7 @@ pub async fn start(behaviour: Behaviour) -> String {
     let server = Server(behaviour);
     let routes = tonic::transport::Server::builder()
         .tcp_nodelay(true)
+        .max_concurrent_streams(STREAMS_PER_CONNECTION)
         .add_service(SessionServiceServer::new(server))
         .add_service(ControlServiceServer::new(server))
         .add_service(ViewServiceServer::new(server));
