@@ -329,6 +329,28 @@ test("on a phone every button is in reach, in the dark and in the light", async 
   expect(await brightness()).toBeGreaterThan(150);
 });
 
+test("pieces that fall out of reach are told of", async () => {
+  const sceneToml = `
+    version = 1
+    name = "crumb"
+    rate_hz = 250.0
+    gravity_m_per_s2 = [0.0, -9.81, 0.0]
+    [[objects]]
+    name = "crumb"
+    shape = { box = { min_m = [0.0, 0.0, 0.0], max_m = [0.01, 0.01, 0.01] } }
+    resolution = 4
+    level = 1
+    material = { young_modulus_pa = 1e5, poisson_ratio = 0.4 }
+  `;
+  const scene = { case: "sceneToml" as const, value: sceneToml };
+  const { session } = await server.sessions.createSession({ scene, startPaused: true });
+  const { page, problems } = await open(browser, `${server.address}/?session=${session!.sessionId}`);
+  await page.waitForSelector('[aria-label="Go on"]');
+  await server.sessions.resumeSession({ sessionId: session!.sessionId });
+  await page.waitForSelector("text=1 piece fell out of reach");
+  expect(problems).toEqual([]);
+});
+
 test("a session that is not there is said in words, with what to do", async () => {
   const { page } = await open(browser, `${server.address}/?session=nobody`);
   await page.waitForSelector("text=This session cannot be joined");

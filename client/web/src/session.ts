@@ -19,6 +19,11 @@ import type { Readings } from "./ui/readings";
 /** Words about late steps come at most this often, ms. */
 const OVERLOAD_WORDS_MS = 20_000;
 
+/** So many of something. */
+function times(count: number, noun: string): string {
+  return count === 1 ? `1 ${noun}` : `${count} ${noun}s`;
+}
+
 /** Who shows what a session is doing. */
 export interface SessionListener {
   onStatus(status: StreamStatus): void;
@@ -120,7 +125,7 @@ export class Session {
     this.listener.onStatus(status);
   }
 
-  hear({ kind, toolId, checkpointName, relativeTolerance }: SessionEvent): void {
+  hear({ kind, toolId, checkpointName, relativeTolerance, unsolvedSteps, pieceCount }: SessionEvent): void {
     const toolName = () => this.picture.tools[toolId]?.name ?? "tool";
     switch (kind) {
       case EventKind.PAUSED:
@@ -143,6 +148,10 @@ export class Session {
         return this.sayOverload();
       case EventKind.TOLERANCE_CHANGED:
         return say(`Forces are now computed to ${relativeTolerance.toExponential(0)}, to keep up.`);
+      case EventKind.UNSOLVED:
+        return say(`Forces may jump: ${times(unsolvedSteps, "step")} ended before they had settled.`);
+      case EventKind.PUT_AWAY:
+        return say(`${times(pieceCount, "piece")} fell out of reach and stopped there.`);
       case EventKind.FAILED:
         void sessions.describeSession({ sessionId: this.id }).then(({ session }) => {
           this.listener.onFailed(session?.failure ?? "");

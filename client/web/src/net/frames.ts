@@ -76,6 +76,10 @@ export interface SessionEvent {
   toolId: number;
   relativeTolerance: number;
   checkpointName: string;
+  /** Steps that fell short. */
+  unsolvedSteps: number;
+  /** Pieces that were put away. */
+  pieceCount: number;
 }
 
 export type FromWorker =

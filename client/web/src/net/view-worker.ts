@@ -135,8 +135,9 @@ class Viewing {
         this.takeState(message.value);
         break;
       case "event": {
-        const { kind, step, toolId, relativeTolerance, checkpointName } = message.value;
-        post({ kind: "event", event: { kind, step: Number(step), toolId, relativeTolerance, checkpointName } });
+        const { kind, step, toolId, relativeTolerance, checkpointName, unsolvedSteps, pieceCount } = message.value;
+        const event = { kind, step: Number(step), toolId, relativeTolerance, checkpointName, unsolvedSteps, pieceCount };
+        post({ kind: "event", event });
         break;
       }
       case "fault":
