@@ -12,7 +12,7 @@ use kerf_physics::step_io::SolveReport;
 /// was taken away from. Fewer follow it, more forget less: none of both changes a budget by a tenth while a scene is stepped.
 const SAMPLES: usize = 64;
 /// Steps from which on a unit is known well enough to begin with.
-const FIRST_SAMPLES: usize = 8;
+pub(crate) const FIRST_SAMPLES: usize = 8;
 /// Share of the period that a step's work may take. What is left is for inputs, reports, the frame for viewers and for
 /// waking up: 0.1 ms of the 1 ms at 1 kHz, and a reserve for what the units do not foretell.
 const SHARE_OF_PERIOD: f64 = 0.75;
@@ -54,11 +54,6 @@ impl Governor {
     /// Work that the next step may do; `None` while too few have been taken to tell.
     pub fn work_units(&self) -> Option<u64> {
         self.work_units
-    }
-
-    /// Whether enough steps have been taken to tell what a unit takes.
-    pub fn is_ready(&self) -> bool {
-        self.work_units.is_some()
     }
 
     /// Takes in a step; returns the relative residual that solves end at from now on if that changes: the scene's

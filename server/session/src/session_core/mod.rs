@@ -38,7 +38,7 @@ use crate::admission::{Admitted, LoadMeter};
 use crate::checkpoints::Checkpoints;
 use crate::error::SessionError;
 use crate::feed::{Feed, feed};
-use crate::governor::Governor;
+use crate::governor::{FIRST_SAMPLES, Governor};
 use crate::inbox::{Command, Drain, Inbox, Tick};
 use crate::limits::{SessionLimits, to_ns};
 use crate::outbox::{Publisher, SceneEvent, StepReport, ToolReport};
@@ -188,25 +188,19 @@ impl SessionCore {
         1.0 / self.scene.desc.rate_hz
     }
 
-    /// Takes a few steps and takes them back: what a step needs is in the caches then, and the governor knows what work takes
-    /// here, so that the first touch is bounded as any other. Tools are out of the scene. Takes no longer than
+    /// Takes the first steps before their time, as fast as they go: what a step needs is in the caches then, and the
+    /// governor knows what work takes here, so that the first touch is bounded as any other. Takes no longer than
     /// `LONGEST_WARM_UP_NS` and a step.
     pub fn warm_up(&mut self, workers: &Workers<'_>, clock: &dyn StageClock) {
         let begun_ns = clock.now_ns();
-        let warmed = guard(|| {
-            let at_rest = self.world.snapshot();
-            while !self.governor.is_ready() && clock.now_ns() - begun_ns < LONGEST_WARM_UP_NS {
-                let before_ns = clock.now_ns();
-                let solve = self.world.step(workers, clock, &StepInputs::default()).solve;
-                if solve.work_units == 0 {
-                    break;
-                }
-                self.governor.step_ended(clock.now_ns() - before_ns, &solve);
+        for _ in 0..FIRST_SAMPLES {
+            let now_ns = clock.now_ns();
+            if self.phase != Phase::Running || now_ns - begun_ns > LONGEST_WARM_UP_NS {
+                return;
             }
-            self.world.restore(&at_rest);
-        });
-        if let Err(message) = warmed {
-            self.fail(&message);
+            if let Err(message) = guard(|| self.take_step(now_ns, workers, clock)) {
+                self.fail(&message);
+            }
         }
     }
 
@@ -258,7 +252,7 @@ impl SessionCore {
         let ended_ns = clock.now_ns();
         let elapsed_ns = ended_ns - started_ns;
         let pace = match self.phase {
-            Phase::Running => self.pacer.step_ended(ended_ns),
+            Phase::Running if !self.interrupted => self.pacer.step_ended(ended_ns),
             _ => Pace::InTime,
         };
         (self.tally.ended_ns, self.tally.lag_ns) = (ended_ns, pace.lag_ns());
