@@ -5,6 +5,7 @@ mod description;
 mod element;
 mod eshelby;
 mod evaluation;
+mod flap;
 mod forces;
 mod geometric_stiffness;
 mod held;

@@ -247,13 +247,13 @@ impl Body {
         self.state.rigid.totals[part as usize].motion_at(self.state.position_m[node].into())
     }
 
-    /// Work over the motion `v + dv` of a step of the impulses `A d` that change the velocities of free parts by
-    /// `d` at each node in the step's system `A dv = b`, J.
+    /// Work over the motion `v + dv` of a step of the impulses `A d` that change the velocities by `d` at each node in
+    /// the step's system `A dv = b`, J.
     pub(crate) fn impulse_work_j(&self, dv: &Nodal, d_m_per_s: impl Fn(usize) -> Vec3) -> f64 {
         let operator = self.solver.multigrid.operator();
         let mut work_j = 0.0;
-        for element in self.state.rigid.loose.iter().map(|e| *e as usize) {
-            let nodes = self.base().elements[element].nodes.map(|n| n as usize);
+        for (element, data) in self.base().elements.iter().enumerate() {
+            let nodes = data.nodes.map(|n| n as usize);
             let changes = nodes.map(&d_m_per_s);
             if changes.iter().all(|d| *d == Vec3::zeros()) {
                 continue;

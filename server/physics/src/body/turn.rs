@@ -44,25 +44,23 @@ impl Turn {
 }
 
 impl Body {
-    /// Takes from a step's change of velocity `dv` what free parts would turn by beyond [`MOST_TURN_RAD`];
-    /// returns what it took, m/s.
-    pub(crate) fn brake_spin(&mut self, dv: &mut Nodal) -> Nodal {
+    /// Takes from a step's change of velocity `dv` what free parts would turn by beyond [`MOST_TURN_RAD`]; what it
+    /// takes, m/s, is added to `taken`.
+    pub(crate) fn brake_spin(&mut self, dv: &mut Nodal, taken: &mut Nodal) {
         let dt = self.solver.params.dt_s;
         let mut totals = self.motions(|body, node| body.velocity_after(node, dv));
         for total in &mut totals {
             total.spin *= 1.0 - (MOST_TURN_RAD / (dt * total.spin.norm())).min(1.0);
         }
-        let mut taken = vec![[0.0; 3]; self.node_count()];
-        for (node, (dv, taken)) in dv.iter_mut().zip(&mut taken).enumerate() {
+        for (node, (dv, taken)) in dv.iter_mut().zip(taken).enumerate() {
             if let Some(part) = self.state.rigid.loose_part(node) {
                 // A spin about where the part is now does no work against what strains it.
                 let total = &totals[part];
-                *taken = total.spin.cross(&(Vec3::from(self.state.position_m[node]) - total.centre)).into();
-                (0..3).for_each(|i| dv[i] -= taken[i]);
+                let excess = total.spin.cross(&(Vec3::from(self.state.position_m[node]) - total.centre));
+                (0..3).for_each(|i| (dv[i], taken[i]) = (dv[i] - excess[i], taken[i] + excess[i]));
             }
         }
         self.state.rigid.totals = totals;
-        taken
     }
 
     /// Adds to the right side `impulses_n_s` what keeps straight on what turns: at the end of the step velocities are
