@@ -61,6 +61,12 @@ pub struct ServerConfig {
     /// Surfaces are recorded too, ten a second, as scenes that common viewers of MCAP files draw. Default false: it makes
     /// files several times larger, and `replay` does not need them.
     pub record_surface: bool,
+    /// Folder of the sessions' journals, which bring them back when the server was killed or the machine lost power. It
+    /// is the server's own. Default none: sessions end with the server.
+    pub journal_dir: Option<PathBuf>,
+    /// Most that is kept in `journal_dir`, MiB. When it is full journals end; that is logged. Default 1024: a journal of
+    /// the liver takes some 2 MiB, however long its session goes on.
+    pub max_journal_mib: f64,
     /// Folder of scenes, TOML files with the meshes, label maps and edges that they refer to, which clients create by
     /// the name of the file. Default none.
     pub scene_dir: Option<PathBuf>,
@@ -90,6 +96,8 @@ impl Default for ServerConfig {
             max_record_mib: 1024.0,
             record_rate_hz: 30.0,
             record_surface: false,
+            journal_dir: None,
+            max_journal_mib: 1024.0,
             scene_dir: None,
             pareto_dir: None,
             log: LogConfig::default(),
@@ -301,6 +309,7 @@ impl ServerConfig {
             ("transport.max_incoming_bytes", transport.max_incoming_bytes as f64),
             ("max_record_mib", self.max_record_mib),
             ("record_rate_hz", self.record_rate_hz),
+            ("max_journal_mib", self.max_journal_mib),
             ("transport.max_upload_bytes", transport.max_upload_bytes as f64),
             ("transport.max_uploads", transport.max_uploads as f64),
             ("transport.max_checkpoint_bytes", transport.max_checkpoint_bytes as f64),

@@ -6,6 +6,7 @@ use std::future::Future;
 use std::io;
 use std::net::{IpAddr, Ipv6Addr};
 use std::pin::Pin;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll};
 use std::time::Duration;
@@ -40,13 +41,38 @@ struct Handshake {
     deadline: Pin<Box<Sleep>>,
 }
 
-/// The connections of a listener.
+/// What ends the connections of a listener.
+pub struct Cut(Arc<Places>);
+
+impl Cut {
+    /// Ends all connections as a kill would: their clients take the server for lost, and look for it. Returns when none is
+    /// left, or after a tenth of a second.
+    pub async fn all(&self) {
+        for _ in 0..100 {
+            self.0.lock().connections.clear();
+            if self.0.open.load(Ordering::Acquire) == 0 {
+                return;
+            }
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
+    }
+}
+
+/// The connections of a listener, and what ends them.
 pub fn connections(
     listener: TcpListener,
     limits: &TransportLimits,
-) -> impl Stream<Item = io::Result<Connection>> + use<> {
+) -> (impl Stream<Item = io::Result<Connection>> + use<>, Cut) {
     let (max, max_of_peer) = (limits.max_connections, limits.max_connections_per_peer);
-    let places = Arc::new(Places { taken: Mutex::default(), max, max_of_peer });
+    let places = Arc::new(Places { taken: Mutex::default(), open: AtomicUsize::new(0), max, max_of_peer });
+    (accepted(listener, Arc::clone(&places), limits), Cut(places))
+}
+
+fn accepted(
+    listener: TcpListener,
+    places: Arc<Places>,
+    limits: &TransportLimits,
+) -> impl Stream<Item = io::Result<Connection>> + use<> {
     let handshake_timeout = Duration::from_secs_f64(limits.handshake_timeout_s);
     stream::unfold((listener, places), move |(listener, places)| async move {
         let (stream, place) = accept(&listener, &places).await;
@@ -87,6 +113,8 @@ fn host(address: IpAddr) -> IpAddr {
 /// The places of connections.
 struct Places {
     taken: Mutex<Taken>,
+    /// Connections that have not ended yet, those that lost their places among them.
+    open: AtomicUsize,
     max: usize,
     max_of_peer: usize,
 }
@@ -120,6 +148,7 @@ impl Places {
         let (id, (connection, given_up)) = (taken.next_id, oneshot::channel());
         taken.next_id += 1;
         taken.connections.insert(id, (peer, connection));
+        self.open.fetch_add(1, Ordering::AcqRel);
         Some(Place { id, places: Arc::clone(self), given_up: given_up.fuse() })
     }
 }
@@ -135,6 +164,7 @@ struct Place {
 impl Drop for Place {
     fn drop(&mut self) {
         self.places.lock().connections.remove(&self.id);
+        self.places.open.fetch_sub(1, Ordering::AcqRel);
     }
 }
 

@@ -11,6 +11,7 @@ mod encode;
 mod grpc;
 mod hosts;
 mod incoming;
+mod journal;
 pub mod machine;
 mod places;
 mod print_config;

@@ -27,6 +27,7 @@ use crate::grpc::session_service::SessionService;
 use crate::grpc::view_service::ViewService;
 use crate::grpc::viewing::Viewing;
 use crate::hosts::Hosts;
+use crate::journal::Journals;
 use crate::recording::Recordings;
 use crate::uploads::Uploads;
 use crate::{hosts, incoming, machine, print_config, shutdown, telemetry, uploads, viewer};
@@ -89,7 +90,9 @@ pub struct Server {
     health: HealthReporter,
     config: Arc<ServerConfig>,
     recordings: Arc<Recordings>,
+    journals: Arc<Journals>,
     idle: JoinHandle<()>,
+    cut: incoming::Cut,
     stop: oneshot::Sender<()>,
     transport: JoinHandle<Result<(), tonic::transport::Error>>,
 }
@@ -124,16 +127,19 @@ impl Server {
         let listener = TcpListener::bind(config.listen).await.with_context(|| format!("listen = {}", config.listen))?;
         let address = listener.local_addr()?;
         let recordings = Arc::new(Recordings::new(&config));
-        let (health, routes) = routes(&registry, &config, &recordings, address).await?;
+        let journals = Arc::new(Journals::new(&config)?);
+        journals.bring_back(&registry, &recordings).await?;
+        let (health, routes) = routes(&registry, &config, (&recordings, &journals), address).await?;
         let (stop, stopped) = oneshot::channel::<()>();
-        let connections = incoming::connections(listener, &config.transport);
+        let (connections, cut) = incoming::connections(listener, &config.transport);
         let serving = builder(&config.transport)
             .add_routes(routes)
             .serve_with_incoming_shutdown(connections, async { drop(stopped.await) });
         tracing::info!(%address, "listening");
         let transport = tokio::spawn(serving);
-        let idle = tokio::spawn(close_idle(Arc::clone(&registry), Arc::clone(&config), Arc::clone(&recordings)));
-        Ok(Self { address, registry, health, config, recordings, idle, stop, transport })
+        let records = (Arc::clone(&recordings), Arc::clone(&journals));
+        let idle = tokio::spawn(close_idle(Arc::clone(&registry), Arc::clone(&config), records));
+        Ok(Self { address, registry, health, config, recordings, journals, idle, cut, stop, transport })
     }
 
     /// The address it listens on.
@@ -155,18 +161,24 @@ impl Server {
     }
 
     /// Accepts nothing new, ends all sessions and with them their streams, and waits for clients to
-    /// take what they were sent, for as long as the limit says.
+    /// take what they were sent, for as long as the limit says. Where sessions have journals connections are cut first.
     pub async fn stop(mut self) -> Drained {
         for service in ["", SESSION_SERVICE, CONTROL_SERVICE, VIEW_SERVICE] {
             self.health.set_service_status(service, ServingStatus::NotServing).await;
         }
         self.registry.refuse_new();
+        self.journals.stop();
         self.idle.abort();
         // The transport is told by the sender's end as well; either way it accepts no more.
         drop(self.stop);
         let drain = async {
+            if self.journals.is_on() {
+                // Sessions that come back do not end for their clients.
+                self.cut.all().await;
+            }
             self.registry.close_all().await;
             self.recordings.finish_all().await;
+            self.journals.finish_all().await;
             (&mut self.transport).await
         };
         let drain_timeout = Duration::from_secs_f64(self.config.transport.drain_timeout_s);
@@ -183,7 +195,11 @@ impl Server {
 }
 
 /// Closes sessions that nobody has had to do with for as long as the limit says.
-async fn close_idle(registry: Arc<Registry>, config: Arc<ServerConfig>, recordings: Arc<Recordings>) {
+async fn close_idle(
+    registry: Arc<Registry>,
+    config: Arc<ServerConfig>,
+    (recordings, journals): (Arc<Recordings>, Arc<Journals>),
+) {
     let mut looks = tokio::time::interval(IDLE_LOOK.min(Duration::from_secs_f64(config.session.idle_timeout_s)));
     loop {
         looks.tick().await;
@@ -192,6 +208,7 @@ async fn close_idle(registry: Arc<Registry>, config: Arc<ServerConfig>, recordin
             tracing::info!(session = id, "nobody has had to do with the session; it is closed");
             let _ = registry.close(&id).await;
             recordings.finish(session.id()).await;
+            journals.finish(session.id()).await;
         }
     }
 }
@@ -210,14 +227,14 @@ fn builder(limits: &TransportLimits) -> Transport {
 async fn routes(
     registry: &Arc<Registry>,
     config: &Arc<ServerConfig>,
-    recordings: &Arc<Recordings>,
+    (recordings, journals): (&Arc<Recordings>, &Arc<Journals>),
     address: SocketAddr,
 ) -> Result<(HealthReporter, Routes)> {
     let limits = &config.transport;
     let session = SessionServiceServer::new(SessionService::new(
         Arc::clone(registry),
         Arc::clone(config),
-        Arc::clone(recordings),
+        (Arc::clone(recordings), Arc::clone(journals)),
     ))
     .max_decoding_message_size(limits.max_upload_bytes)
     .max_encoding_message_size(limits.max_outgoing_bytes);

@@ -287,6 +287,7 @@ fn session_code(error: &SessionError) -> Code {
         | SessionError::Closed => Code::NotFound,
         SessionError::ToolTaken { .. }
         | SessionError::Failed { .. }
+        | SessionError::Unrecoverable { .. }
         | SessionError::IsReplay
         | SessionError::NotReplay => Code::FailedPrecondition,
         SessionError::Dial(DialError::Scene(_))

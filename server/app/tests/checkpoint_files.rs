@@ -3,23 +3,16 @@
 use std::process::{Command, Stdio};
 
 use kerf_physics::Workers;
-use kerf_proto::v1::{self, create_session_request, tool_motion};
+use kerf_proto::v1;
 use kerf_server::recording::reader::Recording;
 use kerf_server::recording::verify::verify;
 
-use super::process::{BLOCK, Process, soon};
+use super::process::{Process, at};
 
 /// Steps after which the state is saved: the edge is in the block.
 const BEFORE: usize = 60;
 /// Steps in lock-step after it.
 const AFTER: usize = 200;
-
-fn at(height_m: f64) -> v1::StepInput {
-    let position_m = Some(v1::Vec3 { x: 0.0, y: height_m as f32, z: 4e-4 });
-    let pose = v1::Pose { position_m, orientation: Some(v1::Quat { w: 1.0, ..Default::default() }) };
-    let motion = Some(tool_motion::Motion::Pose(v1::ToolPose { pose: Some(pose), ..Default::default() }));
-    v1::StepInput { motions: vec![v1::ToolMotion { motion }] }
-}
 
 /// Down into the block, up to its top and down again, all the time in the tissue once it is there.
 fn stroke() -> Vec<v1::StepInput> {
@@ -29,20 +22,6 @@ fn stroke() -> Vec<v1::StepInput> {
         _ => 0.008 - 2e-4 * (step - 180) as f64,
     };
     (0..BEFORE + AFTER).map(|step| at(height_m(step))).collect()
-}
-
-/// A session of the block that waits for its steps.
-async fn stand(process: &mut Process) -> String {
-    let scene = Some(create_session_request::Scene::SceneToml(BLOCK.into()));
-    let request = v1::CreateSessionRequest { scene, start_paused: true, ..Default::default() };
-    let created = soon("a session", process.client.create_session(request)).await.unwrap().into_inner();
-    created.session.unwrap().session_id
-}
-
-async fn step(process: &mut Process, session_id: &str, inputs: &[v1::StepInput]) -> v1::StepSessionResponse {
-    let request =
-        v1::StepSessionRequest { session_id: session_id.into(), steps: inputs.len() as u32, inputs: inputs.to_vec() };
-    soon("steps", process.client.step_session(request)).await.unwrap().into_inner()
 }
 
 /// What `kerf-server session` prints, or else says on standard error.
@@ -60,13 +39,13 @@ async fn a_state_goes_on_in_a_fresh_server_to_the_same_bits_and_its_recording_ve
     let path = folder.path().join("half way.kerf");
     let (file, inputs) = (path.to_str().unwrap(), stroke());
     let mut first = Process::serve(&["--log-filter", "warn"], Stdio::inherit()).await;
-    let id = stand(&mut first).await;
-    let before = step(&mut first, &id, &inputs[..BEFORE]).await;
+    let id = first.stand().await;
+    let before = first.step(&id, &inputs[..BEFORE]).await;
     assert!(before.topology_version > 0, "it has begun to cut");
     ask(&first, &["save", &id, "half way"]).unwrap();
     let said = ask(&first, &["download", &id, file, "--checkpoint", "half way"]).unwrap();
     assert_eq!(said, format!("{file}: {} bytes\n", std::fs::metadata(&path).unwrap().len()));
-    let there = step(&mut first, &id, &inputs[BEFORE..]).await;
+    let there = first.step(&id, &inputs[BEFORE..]).await;
     // The state as it is needs no name.
     let end = folder.path().join("end.kerf");
     ask(&first, &["download", &id, end.to_str().unwrap()]).unwrap();
@@ -74,13 +53,13 @@ async fn a_state_goes_on_in_a_fresh_server_to_the_same_bits_and_its_recording_ve
 
     let records = format!("record_dir={}", folder.path().join("records").display());
     let mut second = Process::serve(&["--set", &records, "--log-filter", "warn"], Stdio::inherit()).await;
-    let id = stand(&mut second).await;
+    let id = second.stand().await;
     // Steps of its own, and a checkpoint that the file takes the place of: the recording has to tell them apart.
-    step(&mut second, &id, &inputs[..20]).await;
+    second.step(&id, &inputs[..20]).await;
     ask(&second, &["save", &id, "half way"]).unwrap();
     let said = ask(&second, &["upload", &id, file, "--restore"]).unwrap();
     assert_eq!(said, format!("`half way` uploaded, of step {0}\nback to `half way` at step {0}\n", before.step));
-    let here = step(&mut second, &id, &inputs[BEFORE..]).await;
+    let here = second.step(&id, &inputs[BEFORE..]).await;
     assert_eq!((here.step, here.state_hash), ((BEFORE + AFTER) as u64, there.state_hash));
     // Forces, energies since the session began, tracked points: all of them.
     assert_eq!(here, there);

@@ -3,6 +3,7 @@
 mod checkpoint_files;
 mod cli;
 mod hepatectomy;
+mod journal;
 mod killed;
 mod limited;
 mod log;

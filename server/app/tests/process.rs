@@ -5,7 +5,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use kerf_proto::v1::session_service_client::SessionServiceClient;
-use kerf_proto::v1::{self, create_session_request};
+use kerf_proto::v1::{self, create_session_request, tool_motion};
 use tonic::transport::Channel;
 
 /// The scene that sessions are tested on.
@@ -16,6 +16,14 @@ const PATIENCE: Duration = Duration::from_secs(20);
 /// Waits for something, but not for ever.
 pub async fn soon<T>(what: &str, future: impl Future<Output = T>) -> T {
     tokio::time::timeout(PATIENCE, future).await.unwrap_or_else(|_| panic!("{what}: nothing within {PATIENCE:?}"))
+}
+
+/// The first tool's blade at a height over the middle of the block.
+pub fn at(height_m: f64) -> v1::StepInput {
+    let position_m = Some(v1::Vec3 { x: 0.0, y: height_m as f32, z: 4e-4 });
+    let pose = v1::Pose { position_m, orientation: Some(v1::Quat { w: 1.0, ..Default::default() }) };
+    let motion = Some(tool_motion::Motion::Pose(v1::ToolPose { pose: Some(pose), ..Default::default() }));
+    v1::StepInput { motions: vec![v1::ToolMotion { motion }] }
 }
 
 /// It is killed where a test ends before it.
@@ -52,6 +60,21 @@ impl Process {
         let scene = Some(create_session_request::Scene::SceneToml(BLOCK.into()));
         let request = v1::CreateSessionRequest { scene, ..Default::default() };
         soon("a session", self.client.create_session(request)).await.unwrap().into_inner()
+    }
+
+    /// A session of the block that waits for its steps.
+    pub async fn stand(&mut self) -> String {
+        let scene = Some(create_session_request::Scene::SceneToml(BLOCK.into()));
+        let request = v1::CreateSessionRequest { scene, start_paused: true, ..Default::default() };
+        let created = soon("a session", self.client.create_session(request)).await.unwrap().into_inner();
+        created.session.unwrap().session_id
+    }
+
+    /// Steps of a session that stands.
+    pub async fn step(&mut self, session_id: &str, inputs: &[v1::StepInput]) -> v1::StepSessionResponse {
+        let (session_id, steps) = (session_id.into(), inputs.len() as u32);
+        let request = v1::StepSessionRequest { session_id, steps, inputs: inputs.to_vec() };
+        soon("steps", self.client.step_session(request)).await.unwrap().into_inner()
     }
 
     /// The session's description once it is as wanted.

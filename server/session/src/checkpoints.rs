@@ -130,6 +130,15 @@ impl Checkpoints {
         Ok(())
     }
 
+    pub fn count(&self) -> usize {
+        self.checkpoints.len()
+    }
+
+    /// Copies of all, which share their states, in the order of saving.
+    pub fn all(&self) -> Vec<(Arc<str>, Checkpoint)> {
+        self.checkpoints.iter().map(|(name, checkpoint)| (name.as_str().into(), checkpoint.clone())).collect()
+    }
+
     pub fn list(&self) -> Vec<CheckpointInfo> {
         let info = |(name, checkpoint): &(String, Checkpoint)| CheckpointInfo {
             name: name.clone(),

@@ -28,6 +28,12 @@ pub enum SessionError {
         /// `max_memory_mib`.
         limit_mib: u64,
     },
+    /// What a journal says of a session does not lead to where it stood.
+    #[error("the session cannot be brought back: {message}")]
+    Unrecoverable {
+        /// Why not.
+        message: String,
+    },
     /// The scene needs more time of the cores than is left.
     #[error(
         "load: steps of the scene keep about {needed:.2} cores busy, and of the {limit:.2} that sessions may keep busy \

@@ -321,7 +321,7 @@ impl Publisher {
     }
 
     pub fn event(&self, step: u64, event: SceneEvent) {
-        self.tape.push(TapeEntry::Event(ViewEvent { step, event: event.clone() }));
+        self.tape.push(&TapeEntry::Event(ViewEvent { step, event: event.clone() }));
         let Some(mut shelf) = self.showcase.shelf() else { return };
         shelf.events.push_back(ViewEvent { step, event });
         shelf.event_count += 1;

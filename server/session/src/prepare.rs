@@ -10,6 +10,7 @@ use tokio::sync::OwnedSemaphorePermit;
 use crate::admission::{Admission, Admitted};
 use crate::error::SessionError;
 use crate::limits::SessionLimits;
+use crate::past::Past;
 use crate::session::SessionOptions;
 
 /// What a session that is being made holds.
@@ -23,6 +24,8 @@ pub(crate) struct Permits {
 /// A scene that a session may be built of.
 pub(crate) struct Prepared {
     pub scene: Scene,
+    /// What has happened to it already.
+    pub past: Option<Past>,
     pub choice: Option<Choice>,
     pub admitted: Admitted,
     pub permits: Permits,
@@ -31,18 +34,19 @@ pub(crate) struct Prepared {
 /// Sets a scene by the dial, estimates what it costs and takes that from what is left. Takes milliseconds to
 /// seconds, on a thread that may wait.
 pub(crate) fn prepare(
-    mut scene: Scene,
+    (mut scene, past): (Scene, Option<Past>),
     options: &SessionOptions,
     limits: &SessionLimits,
     pareto_fronts: &ParetoFronts,
     admission: &Arc<Admission>,
     permits: Permits,
 ) -> Result<Prepared, SessionError> {
-    let choice = pareto_fronts.settle(&mut scene, options.dial)?;
+    // The dial had its say when the session was created.
+    let choice = if past.is_some() { None } else { pareto_fronts.settle(&mut scene, options.dial)? };
     let rate_hz = scene.desc.rate_hz;
     if !(1.0..=limits.max_rate_hz).contains(&rate_hz) {
         return Err(SessionError::Rate { rate_hz, limit_hz: limits.max_rate_hz });
     }
     let admitted = admission.admit(&Cost::of(&scene)?, rate_hz)?;
-    Ok(Prepared { scene, choice, admitted, permits })
+    Ok(Prepared { scene, past, choice, admitted, permits })
 }

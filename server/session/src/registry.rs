@@ -14,6 +14,7 @@ use crate::clock::MonotonicClock;
 use crate::error::SessionError;
 use crate::limits::{LimitError, SessionLimits};
 use crate::lock::lock;
+use crate::past::Past;
 use crate::prepare::{Permits, prepare};
 use crate::session::{Replay, Session, SessionOptions};
 use crate::session_id::{InstanceId, SessionId};
@@ -77,6 +78,20 @@ impl Registry {
         self.create_from(|| Ok(scene), options).await
     }
 
+    /// Brings a session back that another run of the server had: what `read` says of it leads to where it stood.
+    ///
+    /// # Errors
+    /// Those of [`Registry::create`] and of `read`, and that it does not lead there.
+    pub async fn bring_back<E: From<SessionError> + Send + 'static>(
+        &self,
+        id: SessionId,
+        read: impl FnOnce() -> Result<(Scene, Past), E> + Send + 'static,
+        options: SessionOptions,
+    ) -> Result<Arc<Session>, E> {
+        let read = || read().map(|(scene, past)| (scene, Some(past)));
+        self.begin(Some(id), read, options).await
+    }
+
     /// The same for a scene that has yet to be read: `read` runs on a thread of its own when its turn has come, so
     /// that it may take its time.
     ///
@@ -85,6 +100,16 @@ impl Registry {
     pub async fn create_from<E: From<SessionError> + Send + 'static>(
         &self,
         read: impl FnOnce() -> Result<Scene, E> + Send + 'static,
+        options: SessionOptions,
+    ) -> Result<Arc<Session>, E> {
+        self.begin(None, || Ok((read()?, None)), options).await
+    }
+
+    /// Begins a session, under an id of this run unless it has one.
+    async fn begin<E: From<SessionError> + Send + 'static>(
+        &self,
+        id: Option<SessionId>,
+        read: impl FnOnce() -> Result<(Scene, Option<Past>), E> + Send + 'static,
         options: SessionOptions,
     ) -> Result<Arc<Session>, E> {
         let slot = Arc::clone(&self.permits).try_acquire_owned().map_err(|_| match self.permits.is_closed() {
@@ -101,8 +126,7 @@ impl Registry {
         });
         let panicked = |_| SessionError::Failed { message: "a panic while the scene was read".into() };
         let prepared = prepared.await.map_err(panicked)??;
-        let number = self.next_number.fetch_add(1, Ordering::Relaxed);
-        let id = SessionId { instance: self.instance, number };
+        let id = id.unwrap_or_else(|| self.next_id());
         let session = Arc::new(Session::start(id, prepared, options, self.limits.clone()).await?);
         let mut sessions = lock(&self.sessions);
         if self.permits.is_closed() {
@@ -123,12 +147,15 @@ impl Registry {
     pub fn play(&self, replay: Replay) -> Result<Arc<Session>, SessionError> {
         let full = |_| SessionError::TooManySessions { limit: self.limits.max_sessions };
         let slot = Arc::clone(&self.permits).try_acquire_owned().map_err(full)?;
-        let number = self.next_number.fetch_add(1, Ordering::Relaxed);
-        let id = SessionId { instance: self.instance, number };
+        let id = self.next_id();
         let admitted = self.admission.admit(&Cost::default(), 1.0)?;
         let session = Arc::new(Session::play(id, replay, admitted, slot, self.limits.clone())?);
         lock(&self.sessions).insert(id, Arc::clone(&session));
         Ok(session)
+    }
+
+    fn next_id(&self) -> SessionId {
+        SessionId { instance: self.instance, number: self.next_number.fetch_add(1, Ordering::Relaxed) }
     }
 
     /// The session of this id.

@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use kerf_physics::step_io::EnergyStep;
 use kerf_physics::world::{LoadError, Snapshot};
 use kerf_physics::{NoClock, Scene, SceneError, Workers, World};
 
-use crate::checkpoints::Besides;
+use crate::checkpoints::{Besides, Checkpoint};
 use crate::outbox::SceneEvent;
 use crate::tape::{LoggedInputs, TapeEntry};
 
@@ -56,7 +57,16 @@ pub enum Difference {
 pub struct Resimulation<'a> {
     scene: &'a Scene,
     world: World,
-    checkpoints: BTreeMap<Arc<str>, Arc<Snapshot>>,
+    /// Booked since the session began or was reset.
+    energy: EnergyStep,
+    checkpoints: BTreeMap<Arc<str>, Resimulated>,
+}
+
+/// A checkpoint that a recording led to, or had.
+#[derive(Clone)]
+pub(crate) struct Resimulated {
+    pub snapshot: Arc<Snapshot>,
+    pub energy: EnergyStep,
 }
 
 impl<'a> Resimulation<'a> {
@@ -65,7 +75,28 @@ impl<'a> Resimulation<'a> {
     /// # Errors
     /// It cannot be built.
     pub fn new(scene: &'a Scene) -> Result<Self, Difference> {
-        Ok(Self { scene, world: World::new(scene)?, checkpoints: BTreeMap::new() })
+        Ok(Self::of(scene, World::new(scene)?))
+    }
+
+    /// The scene as `world` is, which was built of it.
+    pub(crate) fn of(scene: &'a Scene, world: World) -> Self {
+        Self { scene, world, energy: EnergyStep::default(), checkpoints: BTreeMap::new() }
+    }
+
+    /// Goes on from the state in the file of a checkpoint; returns by tool whether calls had placed it.
+    ///
+    /// # Errors
+    /// The file is not taken.
+    pub fn go_on_from(&mut self, file: &[u8]) -> Result<Vec<bool>, LoadError> {
+        let (snapshot, Besides { energy, placed_by_calls }) = self.world.snapshot().load_with(file)?;
+        self.world.restore(&snapshot);
+        self.energy = energy;
+        Ok(placed_by_calls)
+    }
+
+    /// The world, what was booked, and the checkpoints.
+    pub(crate) fn end(self) -> (World, EnergyStep, BTreeMap<Arc<str>, Resimulated>) {
+        (self.world, self.energy, self.checkpoints)
     }
 
     /// The world after what it has followed.
@@ -74,7 +105,7 @@ impl<'a> Resimulation<'a> {
         &self.world
     }
 
-    /// Takes a step and compares.
+    /// Takes a step, and compares its state where its hash is known.
     ///
     /// # Errors
     /// The step led elsewhere, or is not the next one.
@@ -83,7 +114,7 @@ impl<'a> Resimulation<'a> {
         workers: &Workers<'_>,
         step: u64,
         inputs: &LoggedInputs,
-        state_hash: u64,
+        state_hash: Option<u64>,
     ) -> Result<(), Difference> {
         let next = self.world.output().step + 1;
         if step != next {
@@ -93,11 +124,13 @@ impl<'a> Resimulation<'a> {
         if let Some(input) = inputs.tools.iter().find(|input| input.tool >= tools) {
             return Err(Difference::NoTool { step, tool: input.tool, tools });
         }
-        self.world.step(workers, &NoClock, &inputs.as_inputs());
+        let output = self.world.step(workers, &NoClock, &inputs.as_inputs());
+        self.energy.book(&output.energy);
+        let Some(recorded) = state_hash else { return Ok(()) };
         let simulated = self.world.state_hash();
-        match simulated == state_hash {
+        match simulated == recorded {
             true => Ok(()),
-            false => Err(Difference::State { step, simulated, recorded: state_hash }),
+            false => Err(Difference::State { step, simulated, recorded }),
         }
     }
 
@@ -107,14 +140,16 @@ impl<'a> Resimulation<'a> {
     /// The scene cannot be built, or there is no such checkpoint.
     pub fn event(&mut self, event: &SceneEvent) -> Result<(), Difference> {
         match event {
-            SceneEvent::Reset => self.world = World::new(self.scene)?,
+            SceneEvent::Reset => (self.world, self.energy) = (World::new(self.scene)?, EnergyStep::default()),
             SceneEvent::CheckpointSaved(name) => {
-                self.checkpoints.insert(Arc::clone(name), Arc::new(self.world.snapshot()));
+                let saved = Resimulated { snapshot: Arc::new(self.world.snapshot()), energy: self.energy };
+                self.checkpoints.insert(Arc::clone(name), saved);
             }
             SceneEvent::CheckpointRestored(name) => {
-                let snapshot = self.checkpoints.get(name);
-                let snapshot = snapshot.ok_or_else(|| Difference::NoCheckpoint { name: Arc::clone(name) })?;
-                self.world.restore(snapshot);
+                let saved = self.checkpoints.get(name);
+                let saved = saved.ok_or_else(|| Difference::NoCheckpoint { name: Arc::clone(name) })?;
+                self.world.restore(&saved.snapshot);
+                self.energy = saved.energy;
             }
             _ => {}
         }
@@ -126,8 +161,9 @@ impl<'a> Resimulation<'a> {
     /// # Errors
     /// The file is not taken.
     pub fn take_checkpoint(&mut self, name: &str, file: &[u8]) -> Result<(), LoadError> {
-        let (snapshot, _) = self.world.snapshot().load_with::<Besides>(file)?;
-        self.checkpoints.insert(name.into(), Arc::new(snapshot));
+        let (snapshot, besides) = self.world.snapshot().load_with::<Besides>(file)?;
+        let taken = Resimulated { snapshot: Arc::new(snapshot), energy: besides.energy };
+        self.checkpoints.insert(name.into(), taken);
         Ok(())
     }
 
@@ -143,10 +179,13 @@ impl<'a> Resimulation<'a> {
         entries.into_iter().try_for_each(|entry| match entry {
             TapeEntry::Step(taped) => self.step(workers, taped.report.step, &taped.inputs, taped.state_hash),
             TapeEntry::Event(happened) => self.event(&happened.event),
-            TapeEntry::Checkpoint(name, checkpoint) => {
-                self.checkpoints.insert(Arc::clone(name), Arc::clone(&checkpoint.snapshot));
+            TapeEntry::Checkpoint(name, Checkpoint { snapshot, besides, .. }) => {
+                let taken = Resimulated { snapshot: Arc::clone(snapshot), energy: besides.energy };
+                self.checkpoints.insert(Arc::clone(name), taken);
                 Ok(())
             }
+            // The steps lead there.
+            TapeEntry::Base(_) => Ok(()),
         })
     }
 }

@@ -25,7 +25,7 @@ use crate::session_id::SessionId;
 use crate::session_thread::{self, Told};
 use crate::status::{Phase, SessionStatus};
 use crate::stepping::{Stepped, Steps};
-use crate::tape::{CAPACITY, Reel, tape};
+use crate::tape::{CAPACITY, Reel, TapeReader, Wants};
 use crate::tool_slot::DriverId;
 use kerf_scenes::dial::Choice;
 
@@ -34,6 +34,8 @@ use kerf_scenes::dial::Choice;
 pub struct SessionOptions {
     /// All that it does goes onto a tape, which [`Session::take_reel`] gives out.
     pub is_recorded: bool,
+    /// All that brings it back goes onto a tape, which [`Session::take_journal`] gives out.
+    pub is_journaled: bool,
     /// It takes its first step only when it is resumed.
     pub start_paused: bool,
     /// Goes before what the scene asks of the dial.
@@ -66,6 +68,7 @@ pub struct Session {
     reports: watch::Receiver<Arc<StepReport>>,
     thread: Mutex<Option<JoinHandle<()>>>,
     reel: Mutex<Option<Reel>>,
+    journal: Mutex<Option<TapeReader>>,
     is_replay: bool,
     load: Arc<Load>,
     memory_bytes: f64,
@@ -74,14 +77,14 @@ pub struct Session {
 }
 
 impl Session {
-    /// Builds the scene on the session's thread and lets it run.
+    /// Builds the scene on the session's thread, takes it to where its past left it, and lets it run.
     pub(crate) async fn start(
         id: SessionId,
         prepared: Prepared,
         options: SessionOptions,
         limits: SessionLimits,
     ) -> Result<Self, SessionError> {
-        let Prepared { scene, choice, admitted, permits } = prepared;
+        let Prepared { scene, past, choice, admitted, permits } = prepared;
         let scene = Arc::new(scene);
         let inbox = Arc::new(Inbox::new(scene.desc.tools.len(), limits.clone()));
         let phase = if options.start_paused { Phase::Paused } else { Phase::Running };
@@ -91,15 +94,14 @@ impl Session {
             let mut pictures = outbox.join_for_the_record(bell.clone());
             // The first look asks for a keyframe.
             pictures.try_next();
-            let (tape, reader) = tape(CAPACITY);
-            publisher.tape = tape;
-            Reel { tape: reader, pictures }
+            Reel { tape: publisher.tape.reader(Wants::Hashes, CAPACITY), pictures }
         });
+        let journal = options.is_journaled.then(|| publisher.tape.reader(Wants::Bases, CAPACITY));
         let load = Arc::clone(&admitted.load);
         let memory_bytes = admitted.memory.bytes();
         let build = {
             let (scene, limits, inbox) = (Arc::clone(&scene), limits.clone(), Arc::clone(&inbox));
-            move || SessionCore::new(scene, limits, inbox, publisher, admitted)
+            move || SessionCore::new(scene, limits, inbox, publisher, admitted, past)
         };
         let (name, threads) = (format!("kerf-{id}"), limits.threads_per_session);
         let (thread, built) = session_thread::start(name, threads, Arc::clone(&inbox), permits, build)?;
@@ -117,6 +119,7 @@ impl Session {
             reports,
             thread: Mutex::new(Some(thread)),
             reel: Mutex::new(reel),
+            journal: Mutex::new(journal),
             is_replay: false,
             load,
             memory_bytes,
@@ -161,6 +164,7 @@ impl Session {
             reports,
             thread: Mutex::new(Some(thread)),
             reel: Mutex::new(None),
+            journal: Mutex::new(None),
             is_replay: true,
             load: admitted.load,
             memory_bytes: admitted.memory.bytes(),
@@ -219,6 +223,11 @@ impl Session {
     /// What it was told to put on a tape: given out once, and nothing where it was not.
     pub fn take_reel(&self) -> Option<Reel> {
         lock(&self.reel).take()
+    }
+
+    /// The tape of its journal: given out once, and nothing where it has none.
+    pub fn take_journal(&self) -> Option<TapeReader> {
+        lock(&self.journal).take()
     }
 
     /// Viewers that are connected.

@@ -17,7 +17,8 @@ use kerf_session::{
 
 const BLOCK: &str = include_str!("block.toml");
 
-const RECORDED: SessionOptions = SessionOptions { is_recorded: true, start_paused: false, dial: None };
+const RECORDED: SessionOptions =
+    SessionOptions { is_recorded: true, is_journaled: false, start_paused: false, dial: None };
 
 fn block() -> Scene {
     Scene { desc: toml::from_str::<SceneDesc>(BLOCK).unwrap(), meshes: Default::default() }
@@ -255,7 +256,7 @@ async fn a_recorded_cut_leads_to_the_same_state_once_more() {
     assert_eq!(state, TapeState::Running);
     let steps = entries.iter().filter_map(|entry| match entry {
         TapeEntry::Step(taped) => Some(&taped.inputs),
-        TapeEntry::Event(_) | TapeEntry::Checkpoint(..) => None,
+        TapeEntry::Event(_) | TapeEntry::Checkpoint(..) | TapeEntry::Base(_) => None,
     });
     let kinds: HashSet<_> =
         steps.flat_map(|inputs| &inputs.tools).map(|input| std::mem::discriminant(&input.motion)).collect();

@@ -16,6 +16,7 @@ use super::{Outgoing, in_time};
 use crate::config::ServerConfig;
 use crate::convert::scene::{checkpoint, dial, session_description, session_info};
 use crate::convert::stepping::{step_response, steps};
+use crate::journal::Journals;
 use crate::recording::Recordings;
 use crate::scene_list::{Listed, SceneList};
 use crate::status::RequestError;
@@ -26,14 +27,19 @@ pub struct SessionService {
     scenes: Arc<SceneList>,
     config: Arc<ServerConfig>,
     recordings: Arc<Recordings>,
+    journals: Arc<Journals>,
     files: CheckpointFiles,
 }
 
 impl SessionService {
-    pub fn new(registry: Arc<Registry>, config: Arc<ServerConfig>, recordings: Arc<Recordings>) -> Self {
+    pub fn new(
+        registry: Arc<Registry>,
+        config: Arc<ServerConfig>,
+        (recordings, journals): (Arc<Recordings>, Arc<Journals>),
+    ) -> Self {
         let scenes = Arc::new(SceneList::new(config.scene_dir.clone()));
         let files = CheckpointFiles::new(&config.transport);
-        Self { registry, scenes, config, recordings, files }
+        Self { registry, scenes, config, recordings, journals, files }
     }
 
     fn get(&self, id: &str) -> Result<Arc<Session>, RequestError> {
@@ -97,6 +103,7 @@ impl v1::session_service_server::SessionService for SessionService {
         let request = request.into_inner();
         let options = SessionOptions {
             is_recorded: self.recordings.is_on(),
+            is_journaled: self.journals.is_on(),
             start_paused: request.start_paused,
             dial: request.dial.map(dial).transpose()?,
         };
@@ -116,9 +123,13 @@ impl v1::session_service_server::SessionService for SessionService {
         // Before anything that is waited for: a client may go away at any time.
         let claim = Claim { registry: Arc::clone(&self.registry), session: Some(Arc::clone(&session)) };
         let mut warnings = session.warnings().to_vec();
-        let recordings = Arc::clone(&self.recordings);
+        let (recordings, journals) = (Arc::clone(&self.recordings), Arc::clone(&self.journals));
         let begun = Arc::clone(&session);
-        let _ = tokio::task::spawn_blocking(move || recordings.begin(&begun)).await;
+        let begin = move || {
+            recordings.begin(&begun);
+            journals.begin(&begun)
+        };
+        warnings.extend(tokio::task::spawn_blocking(begin).await.ok().flatten());
         let refused = self.recordings.so_far(session.id()).filter(|recording| !recording.error.is_empty());
         warnings.extend(refused.map(|recording| format!("the session is not recorded: {}", recording.error)));
         let session = Some(self.describe(&session).await?);
@@ -151,6 +162,7 @@ impl v1::session_service_server::SessionService for SessionService {
         let session = self.get(id)?;
         in_time(self.limit_s(), self.registry.close(id)).await?;
         let recording = self.finish(session.id()).await;
+        self.journals.finish(session.id()).await;
         Ok(Response::new(v1::CloseSessionResponse { recording }))
     }
 

@@ -14,7 +14,9 @@ use kerf_physics::world::ObjectStats;
 use kerf_physics::{Quat, Scene, SceneDesc, ToolInput, Vec3};
 use kerf_proto::v1;
 use kerf_proto::v1::recorded_motion::Motion;
-use kerf_session::{LoggedInputs, SceneEvent, Session, Shortfall, StepTimes, TapedStep, ViewEvent, ViewState};
+use kerf_session::{
+    Checkpoint, LoggedInputs, Phase, SceneEvent, Session, Shortfall, StepTimes, TapedStep, ViewEvent, ViewState,
+};
 
 use crate::convert::wrench;
 
@@ -39,6 +41,7 @@ pub fn header(session: &Session, summary: v1::SceneSummary) -> Result<v1::Record
         scene_toml: toml::to_string(&session.scene().desc)?,
         meshes: session.scene().meshes.iter().map(mesh).collect(),
         scene: Some(summary),
+        is_paused: session.phase() != Phase::Running,
     })
 }
 
@@ -97,6 +100,11 @@ pub fn step(taped: &TapedStep) -> v1::RecordedStep {
         work_units: taped.inputs.work_units,
         state_hash: taped.state_hash,
     }
+}
+
+/// A checkpoint as a file.
+pub fn checkpoint(name: &str, checkpoint: &Checkpoint) -> v1::RecordedCheckpoint {
+    v1::RecordedCheckpoint { name: name.into(), data: checkpoint.save() }
 }
 
 /// What went into a step.

@@ -6,18 +6,18 @@
 
 pub mod convert;
 mod footage;
+mod going;
 mod quota;
 pub mod reader;
 mod schemas;
 mod surface;
-mod tracks;
+pub(crate) mod tracks;
 pub mod verify;
 pub mod writer;
 
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::SystemTime;
 
@@ -27,6 +27,7 @@ use kerf_session::priority::stand_back;
 use kerf_session::{Reel, Session, SessionId};
 
 pub use footage::FileFootage;
+pub use going::Going;
 pub use quota::{Quota, Sink};
 pub use writer::Writer;
 
@@ -39,7 +40,7 @@ pub struct Recordings {
     folder: Option<PathBuf>,
     quota: Arc<Quota>,
     pictures: Pictures,
-    going: Mutex<BTreeMap<SessionId, Arc<Going>>>,
+    going: Going,
 }
 
 /// What is recorded for the eye.
@@ -49,13 +50,6 @@ pub struct Pictures {
     pub rate_hz: f64,
     /// Surfaces are recorded too, as a scene that viewers of MCAP files know.
     pub with_surface: bool,
-}
-
-/// A recording that goes on, or has ended.
-struct Going {
-    session: Weak<Session>,
-    told: Arc<Told>,
-    thread: Mutex<Option<JoinHandle<()>>>,
 }
 
 /// What has become of a recording.
@@ -70,7 +64,7 @@ impl Told {
     }
 
     /// Changes it.
-    fn note(&self, change: impl FnOnce(&mut v1::Recording)) {
+    pub fn note(&self, change: impl FnOnce(&mut v1::Recording)) {
         change(&mut self.lock());
     }
 
@@ -85,9 +79,9 @@ impl Recordings {
     pub fn new(config: &ServerConfig) -> Self {
         Self {
             folder: config.record_dir.clone(),
-            quota: Arc::new(Quota::of_mib(config.max_record_mib)),
+            quota: Arc::new(Quota::of_mib(["record_dir", "max_record_mib"], config.max_record_mib)),
             pictures: Pictures { rate_hz: config.record_rate_hz, with_surface: config.record_surface },
-            going: Mutex::default(),
+            going: Going::default(),
         }
     }
 
@@ -101,20 +95,14 @@ impl Recordings {
     pub fn begin(&self, session: &Arc<Session>) {
         let (Some(folder), Some(reel)) = (&self.folder, session.take_reel()) else { return };
         let told = Arc::new(Told::default());
-        let thread = self.start(folder, session, reel, &told).unwrap_or_else(|error| {
+        let thread = self.start(folder, session, reel, &told).map_err(|error| {
             tracing::error!(session = %session.id(), "the session is not recorded: {error:#}");
             told.note(|recording| recording.error = format!("{error:#}"));
-            None
         });
-        let mut going = self.lock();
-        // Those of sessions that ended without being asked about, as when a client goes away while its scene is built.
-        going.retain(|_, recording| recording.session.strong_count() > 0);
-        let session_id = session.id();
-        let session = Arc::downgrade(session);
-        going.insert(session_id, Arc::new(Going { session, told, thread: Mutex::new(thread) }));
+        self.going.add(session, told, thread.ok());
     }
 
-    fn start(&self, folder: &Path, session: &Session, reel: Reel, told: &Arc<Told>) -> Result<Option<JoinHandle<()>>> {
+    fn start(&self, folder: &Path, session: &Session, reel: Reel, told: &Arc<Told>) -> Result<JoinHandle<()>> {
         self.quota.measure(folder)?;
         let began_ms = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?.as_millis();
         let name = format!("{}-{began_ms}.mcap", session.id());
@@ -130,41 +118,22 @@ impl Recordings {
             stand_back();
             writer.run();
         });
-        run.map(Some).map_err(|error| anyhow!("no thread for the recording: {error}"))
+        run.map_err(|error| anyhow!("no thread for the recording: {error}"))
     }
 
     /// What has become of a session's recording so far; `None` where none is made.
     #[must_use]
     pub fn so_far(&self, session: SessionId) -> Option<v1::Recording> {
-        self.lock().get(&session).map(|going| going.told.so_far())
+        self.going.so_far(session)
     }
 
     /// Waits until a session that has ended is written out, and says what became of it.
     pub async fn finish(&self, session: SessionId) -> Option<v1::Recording> {
-        let going = self.lock().remove(&session)?;
-        let joined = Arc::clone(&going);
-        let _ = tokio::task::spawn_blocking(move || joined.join()).await;
-        Some(going.told.so_far())
+        self.going.finish(session).await
     }
 
     /// Waits until all sessions are written out; all have ended.
     pub async fn finish_all(&self) {
-        let sessions: Vec<_> = self.lock().keys().copied().collect();
-        for session in sessions {
-            self.finish(session).await;
-        }
-    }
-
-    fn lock(&self) -> MutexGuard<'_, BTreeMap<SessionId, Arc<Going>>> {
-        self.going.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl Going {
-    fn join(&self) {
-        let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
-        if thread.is_some_and(|thread| thread.join().is_err()) {
-            self.told.note(|recording| recording.error = "the thread that records panicked".into());
-        }
+        self.going.finish_all().await;
     }
 }

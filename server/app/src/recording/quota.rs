@@ -1,4 +1,4 @@
-//! Where recordings are written to, whole chunks at a time, and how much of the disk they may take together.
+//! Where recordings and journals are written to, whole chunks at a time, and how much of the disk they may take together.
 
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
@@ -10,19 +10,26 @@ use anyhow::{Context, Error};
 
 const BYTES_PER_MIB: f64 = 1048576.0;
 
-/// How much recordings may take together.
+/// How much the files of a folder may take together.
 #[derive(Debug)]
 pub struct Quota {
+    /// The settings of the folder and of what it may hold.
+    names: [&'static str; 2],
     max_mib: f64,
     /// What the folder held when it was last measured, and what was written since.
     kept_bytes: AtomicU64,
 }
 
 impl Quota {
-    /// So much.
+    /// So much in the folder of the setting `names[0]`, by the setting `names[1]`.
     #[must_use]
-    pub fn of_mib(max_mib: f64) -> Self {
-        Self { max_mib, kept_bytes: AtomicU64::new(0) }
+    pub fn of_mib(names: [&'static str; 2], max_mib: f64) -> Self {
+        Self { names, max_mib, kept_bytes: AtomicU64::new(0) }
+    }
+
+    /// So much of it was removed.
+    pub fn free(&self, bytes: u64) {
+        self.kept_bytes.fetch_sub(bytes.min(self.kept_bytes.load(Ordering::Relaxed)), Ordering::Relaxed);
     }
 
     /// Measures what is in the folder now: people remove what they do not need any more.
@@ -44,7 +51,10 @@ impl Quota {
         let kept_mib = self.kept_bytes.load(Ordering::Relaxed) as f64 / BYTES_PER_MIB;
         match kept_mib < self.max_mib {
             true => Ok(()),
-            false => Err(format!("record_dir holds {kept_mib:.1} MiB, at most {} (max_record_mib)", self.max_mib)),
+            false => {
+                let [folder, limit] = self.names;
+                Err(format!("{folder} holds {kept_mib:.1} MiB, at most {} ({limit})", self.max_mib))
+            }
         }
     }
 }

@@ -31,7 +31,7 @@ const SCAN_BYTES: usize = 1 << 20;
 #[derive(Clone, Debug)]
 pub struct Entry {
     /// Where it stands.
-    pub(super) track: Track,
+    pub(crate) track: Track,
     /// Log time, ns since 1970.
     pub time_ns: u64,
     data: Vec<u8>,

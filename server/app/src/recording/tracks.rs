@@ -19,6 +19,7 @@ pub enum Track {
     Step,
     Events,
     Checkpoint,
+    Base,
     Faults,
     Energy,
     Keyframe,
@@ -31,11 +32,12 @@ pub enum Track {
 
 impl Track {
     /// Those that are read, by their topics: what is for other programs alone is not among them.
-    const READ: [Self; 9] = [
+    const READ: [Self; 10] = [
         Self::Header,
         Self::Step,
         Self::Events,
         Self::Checkpoint,
+        Self::Base,
         Self::Faults,
         Self::Energy,
         Self::Keyframe,
@@ -55,6 +57,7 @@ impl Track {
             Self::Step => "/session/step".into(),
             Self::Events => "/session/events".into(),
             Self::Checkpoint => "/session/checkpoint".into(),
+            Self::Base => "/session/base".into(),
             Self::Faults => "/session/faults".into(),
             Self::Energy => "/energy".into(),
             Self::Keyframe => "/view/keyframe".into(),
@@ -73,6 +76,7 @@ impl Track {
             Self::Step => "kerf.v1.RecordedStep",
             Self::Events => "kerf.v1.Event",
             Self::Checkpoint => "kerf.v1.RecordedCheckpoint",
+            Self::Base => "kerf.v1.RecordedBase",
             Self::Faults => "kerf.v1.Fault",
             Self::Energy => "kerf.v1.EnergyLedger",
             Self::Keyframe => "kerf.v1.Keyframe",

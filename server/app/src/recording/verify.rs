@@ -45,7 +45,8 @@ pub fn verify(recording: &mut Recording, workers: &Workers<'_>, mut progress: im
                     let inputs = convert::inputs(&step)?;
                     let compared = again.step(workers, step.step, &inputs, step.state_hash);
                     compared.map_err(|difference| verified.place(&difference))?;
-                    (verified.steps, verified.state_hash) = (verified.steps + 1, step.state_hash);
+                    verified.steps += 1;
+                    verified.state_hash = step.state_hash.unwrap_or(verified.state_hash);
                     progress(steps);
                 }
                 Track::Events => {
@@ -62,6 +63,10 @@ pub fn verify(recording: &mut Recording, workers: &Workers<'_>, mut progress: im
                         _ => {}
                     }
                     again.event(&happened.event).map_err(|difference| verified.place(&difference))?;
+                }
+                Track::Base => {
+                    let v1::RecordedBase { data, .. } = entry.read()?;
+                    again.go_on_from(&data).context("the state that the recording begins with")?;
                 }
                 Track::Checkpoint => {
                     saved += 1;

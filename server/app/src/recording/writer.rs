@@ -10,7 +10,7 @@ use kerf_physics::surface::delta::Keyframe;
 use kerf_proto::v1::view_response::Message;
 use kerf_proto::{foxglove, v1};
 use kerf_session::clock::MonotonicClock;
-use kerf_session::{DriverId, Reel, TapeEntry, TapeState, TapedStep, ViewMessage, ViewState};
+use kerf_session::{Base, DriverId, Reel, TapeEntry, TapeState, TapedStep, ViewMessage, ViewState};
 use mcap::{McapError, McapResult};
 
 use super::tracks::{Track, Tracks};
@@ -57,18 +57,23 @@ struct Surface {
 
 /// Wall time that the monotonic clock moves on.
 #[derive(Clone, Copy)]
-struct LogClock {
+pub(crate) struct LogClock {
     unix_ns: u64,
     monotonic_ns: u64,
 }
 
 impl LogClock {
-    fn now() -> Result<Self> {
+    /// As both clocks are now.
+    ///
+    /// # Errors
+    /// It is before 1970.
+    pub fn now() -> Result<Self> {
         let unix_ns = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?.as_nanos() as u64;
         Ok(Self { unix_ns, monotonic_ns: MonotonicClock::now_ns() })
     }
 
-    fn unix_ns(self, monotonic_ns: u64) -> u64 {
+    /// Wall time, ns since 1970, of a time of the monotonic clock.
+    pub fn unix_ns(self, monotonic_ns: u64) -> u64 {
         (self.unix_ns + monotonic_ns).saturating_sub(self.monotonic_ns)
     }
 }
@@ -89,8 +94,15 @@ impl<W: Write + Seek + Send> Writer<W> {
         let clock = LogClock::now()?;
         let scene = header.scene.clone().unwrap_or_default();
         let tools = scene.tools.len();
-        let mut tracks =
-            vec![Track::Header, Track::Step, Track::Events, Track::Checkpoint, Track::Faults, Track::Energy];
+        let mut tracks = vec![
+            Track::Header,
+            Track::Base,
+            Track::Step,
+            Track::Events,
+            Track::Checkpoint,
+            Track::Faults,
+            Track::Energy,
+        ];
         tracks.extend([Track::Keyframe, Track::Patch, Track::State]);
         tracks.extend((0..tools).flat_map(|tool| [Track::Contact(tool), Track::Pose(tool)]));
         tracks.extend(pictures.with_surface.then_some(Track::Surface));
@@ -189,9 +201,15 @@ impl<W: Write + Seek + Send> Writer<W> {
                 TapeEntry::Step(taped) => self.write_step(&taped)?,
                 // Between the last look and this one, and after what was written before it.
                 TapeEntry::Checkpoint(name, checkpoint) => {
-                    let recorded = v1::RecordedCheckpoint { name: name.to_string(), data: checkpoint.save() };
+                    let recorded = convert::checkpoint(&name, &checkpoint);
                     self.tracks.write(Track::Checkpoint, self.clock.unix_ns(self.looked_ns), &recorded)?;
                 }
+                // Of a session that was brought back; to later ones its steps lead.
+                TapeEntry::Base(base) if self.steps == 0 => {
+                    let time_ns = self.clock.unix_ns(self.looked_ns);
+                    base_messages(&mut self.tracks, time_ns, &base)?;
+                }
+                TapeEntry::Base(_) => {}
                 TapeEntry::Event(happened) => {
                     let time_ns = self.clock.unix_ns(self.looked_ns);
                     match view::event(&happened) {
@@ -260,6 +278,14 @@ impl<W: Write + Seek + Send> Writer<W> {
     }
 }
 
+/// Writes a state to go on from, and the checkpoints that there are by then.
+pub(crate) fn base_messages<W: Write + Seek>(tracks: &mut Tracks<W>, time_ns: u64, base: &Base) -> McapResult<()> {
+    let recorded = v1::RecordedBase { data: base.state.save(), is_paused: base.is_paused };
+    tracks.write(Track::Base, time_ns, &recorded)?;
+    let mut checkpoints = base.checkpoints.iter();
+    checkpoints.try_for_each(|(name, kept)| tracks.write(Track::Checkpoint, time_ns, &convert::checkpoint(name, kept)))
+}
+
 impl Surface {
     fn follow(&mut self, change: &ViewMessage) {
         match (change, &mut self.structure) {
@@ -280,7 +306,7 @@ impl Surface {
 }
 
 /// What went wrong, without the numbers of the operating system.
-fn plain(error: &McapError) -> String {
+pub(crate) fn plain(error: &McapError) -> String {
     let said = match error {
         McapError::Io(error) => error.to_string(),
         other => other.to_string(),

@@ -34,7 +34,7 @@ impl SessionCore {
                 let _ = answer.send(self.keep_checkpoint(name, checkpoint));
             }
             CheckpointCommand::Delete(name, answer) => {
-                let _ = answer.send(self.checkpoints.delete(&name));
+                let _ = answer.send(self.delete_checkpoint(&name));
             }
             CheckpointCommand::List(answer) => {
                 let _ = answer.send(self.checkpoints.list());
@@ -42,8 +42,15 @@ impl SessionCore {
         }
     }
 
+    /// A journal goes on from a state without it.
+    fn delete_checkpoint(&mut self, name: &str) -> Result<(), SessionError> {
+        self.checkpoints.delete(name)?;
+        self.write_base();
+        Ok(())
+    }
+
     /// The state as it is.
-    fn copy(&self) -> Result<Checkpoint, SessionError> {
+    pub(super) fn copy(&self) -> Result<Checkpoint, SessionError> {
         // A step that panicked has left the world half changed.
         if let Phase::Failed { message } = &self.phase {
             return Err(SessionError::Failed { message: message.to_string() });
@@ -70,7 +77,7 @@ impl SessionCore {
         let step = checkpoint.step();
         self.checkpoints.save(name.clone(), checkpoint.clone())?;
         let name: Arc<str> = name.into();
-        self.publisher.tape.push(TapeEntry::Checkpoint(Arc::clone(&name), checkpoint));
+        self.publisher.tape.push(&TapeEntry::Checkpoint(Arc::clone(&name), checkpoint));
         self.publisher.event(self.world.output().step, SceneEvent::CheckpointUploaded(name));
         Ok(step)
     }

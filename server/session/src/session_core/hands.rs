@@ -45,7 +45,7 @@ fn deep(session: &mut VirtualSession) -> DriverId {
 fn steps(entries: &[TapeEntry]) -> impl Iterator<Item = (&StepReport, Option<ToolMotion>)> {
     entries.iter().filter_map(|entry| match entry {
         TapeEntry::Step(taped) => Some((&taped.report, taped.inputs.tools.first().map(|input| input.motion))),
-        TapeEntry::Event(_) | TapeEntry::Checkpoint(..) => None,
+        TapeEntry::Event(_) | TapeEntry::Checkpoint(..) | TapeEntry::Base(_) => None,
     })
 }
 

@@ -11,6 +11,9 @@ mod commands;
 mod entries;
 #[cfg(test)]
 mod hands;
+mod journal;
+#[cfg(test)]
+mod journaled;
 #[cfg(test)]
 mod lock_step;
 mod models;
@@ -44,11 +47,13 @@ use crate::limits::{SessionLimits, to_ns};
 use crate::outbox::{Publisher, SceneEvent, StepReport, ToolReport};
 use crate::overload::OverloadWatch;
 use crate::pacer::{Pace, Pacer};
+use crate::past::Past;
 use crate::projector::Projector;
 use crate::shortfall::ShortfallWatch;
 use crate::status::{Phase, StepTallies};
-use crate::tape::{LoggedInputs, TapeEntry, TapedStep};
+use crate::tape::{LoggedInputs, TapeEntry, TapedStep, Wants};
 use crate::tool_slot::DriverId;
+use journal::{BaseSchedule, HASHED_STEPS};
 use models::ModelSchedule;
 use owed_steps::OwedSteps;
 use views::ViewSchedule;
@@ -99,6 +104,8 @@ pub(crate) struct SessionCore {
     views: ViewSchedule,
     feed: Feed,
     models: ModelSchedule,
+    /// When a journal gets its next state to go on from.
+    bases: BaseSchedule,
     /// What the session takes of the machine.
     admitted: Admitted,
     meter: LoadMeter,
@@ -133,19 +140,26 @@ impl Tally {
 }
 
 impl SessionCore {
-    /// Builds the scene at rest, in the phase that the publisher shows, and what shows it.
+    /// Builds the scene, in the phase that the publisher shows, and what shows it: at rest, or as `past` says.
     pub fn new(
         scene: Arc<Scene>,
         limits: SessionLimits,
         inbox: Arc<Inbox>,
         publisher: Publisher,
         admitted: Admitted,
+        past: Option<Past>,
     ) -> Result<(Self, Projector), SessionError> {
-        let world = build_world(&scene)?;
+        let mut world = build_world(&scene)?;
+        let mut arrived = None;
+        if let Some(past) = past {
+            let followed = guard(|| past.follow(&scene, world, &admitted.memory, &Workers::serial()));
+            let (there, stand) = followed.map_err(|message| SessionError::Failed { message })??;
+            (world, arrived) = (there, Some(stand));
+        }
         let (feed, shots) = feed();
         let projector = Projector::new(shots, publisher.showcase.clone());
         let tool_count = scene.desc.tools.len();
-        let core = Self {
+        let mut core = Self {
             world,
             inbox,
             phase: publisher.phase(),
@@ -166,11 +180,13 @@ impl SessionCore {
             views: ViewSchedule::default(),
             feed,
             models: ModelSchedule::default(),
+            bases: BaseSchedule::default(),
             admitted,
             meter: LoadMeter::default(),
             scene,
             limits,
         };
+        arrived.map_or(Ok(()), |arrived| core.arrive(arrived))?;
         Ok((core, projector))
     }
 
@@ -300,6 +316,7 @@ impl SessionCore {
         }
         if self.publisher.tape.is_on() {
             self.record_step(work_units);
+            self.write_base_if_due(elapsed_ns, clock);
         }
         self.serve_viewers(ended_ns, true);
     }
@@ -307,8 +324,11 @@ impl SessionCore {
     /// Records the step that was just taken. The events that it led to stand before it.
     fn record_step(&self, work_units: Option<u64>) {
         let inputs = LoggedInputs { tools: self.tools.inputs.clone(), work_units };
-        let step = TapedStep { inputs, report: self.report(), state_hash: self.world.state_hash() };
-        self.publisher.tape.push(TapeEntry::Step(Box::new(step)));
+        let is_hashed =
+            self.publisher.tape.is_for(Wants::Hashes) || self.world.output().step.is_multiple_of(HASHED_STEPS);
+        let state_hash = is_hashed.then(|| self.world.state_hash());
+        let step = TapedStep { inputs, report: self.report(), state_hash };
+        self.publisher.tape.push(&TapeEntry::Step(Arc::new(step)));
     }
 
     fn govern(&mut self, step: u64, elapsed_ns: u64, solve: &SolveReport) {

@@ -14,6 +14,8 @@ enum Onlooker {
     Nobody,
     Viewer,
     Recorder,
+    /// Nobody, and a journal is written, with a state to go on from.
+    Journal,
 }
 
 /// Processor time a step, us, of the session's own thread in a cut through the liver at a rate.
@@ -22,9 +24,14 @@ fn step_us(rate_hz: f64, onlooker: Onlooker) -> f64 {
     const STEPS: std::ops::Range<u64> = 20..220;
     let mut desc = catalog::builtin("liver").unwrap().desc;
     desc.rate_hz = rate_hz;
-    let mut session = VirtualSession::new(desc, SessionLimits::default());
+    let mut session = match onlooker {
+        Onlooker::Journal => VirtualSession::journaled(desc, None).unwrap(),
+        _ => VirtualSession::new(desc, SessionLimits::default()),
+    };
+    // As long as steps of a second in all, which ask a journal for a state.
+    session.step_ns = S / (STEPS.end - STEPS.start);
     let mut pictures = match onlooker {
-        Onlooker::Nobody => None,
+        Onlooker::Nobody | Onlooker::Journal => None,
         Onlooker::Viewer => Some(session.view()),
         Onlooker::Recorder => Some(session.watch_for_the_record()),
     };
@@ -51,15 +58,19 @@ fn step_us(rate_hz: f64, onlooker: Onlooker) -> f64 {
 #[ignore = "a measurement for docs/server.md"]
 fn what_recording_costs_the_liver() {
     for rate_hz in [60.0, 1000.0] {
-        let mut least = [f64::INFINITY; 3];
+        let mut least = [f64::INFINITY; 4];
         for _ in 0..RUNS {
-            let onlookers = [Onlooker::Nobody, Onlooker::Viewer, Onlooker::Recorder];
+            let onlookers = [Onlooker::Nobody, Onlooker::Viewer, Onlooker::Recorder, Onlooker::Journal];
             for (least_us, onlooker) in least.iter_mut().zip(onlookers) {
                 *least_us = least_us.min(step_us(rate_hz, onlooker));
             }
         }
-        let [alone_us, viewed_us, recorded_us] = least;
-        println!("{rate_hz} Hz: {alone_us:.0} us alone, {viewed_us:.0} us viewed, {recorded_us:.0} us recorded");
+        let [alone_us, viewed_us, recorded_us, journaled_us] = least;
+        println!(
+            "{rate_hz} Hz: {alone_us:.0} us alone, {viewed_us:.0} us viewed, {recorded_us:.0} us recorded, \
+             {journaled_us:.0} us journaled"
+        );
+        assert!(journaled_us < 1.1 * alone_us, "a journal costs next to nothing");
         assert!(recorded_us < 1.15 * viewed_us, "it costs little more than a viewer");
     }
 }

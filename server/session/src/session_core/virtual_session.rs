@@ -16,12 +16,13 @@ use crate::error::SessionError;
 use crate::inbox::{Command, Inbox};
 use crate::limits::SessionLimits;
 use crate::outbox::{Outbox, Publisher, StepReport, Viewer};
+use crate::past::Past;
 use crate::pose_check::{PoseRefusal, PoseSample};
 use crate::projector::Projector;
 use crate::resimulation::Resimulation;
 use crate::status::{Phase, SessionStatus};
 use crate::stepping::{Stepped, Steps};
-use crate::tape::{CAPACITY, TapeEntry, TapeReader, tape};
+use crate::tape::{CAPACITY, TapeEntry, TapeReader, Wants};
 use crate::tool_slot::DriverId;
 
 pub const MS: u64 = 1_000_000;
@@ -62,6 +63,7 @@ pub struct VirtualSession {
     pub outbox: Arc<Outbox>,
     bell: watch::Receiver<u64>,
     tape: Option<TapeReader>,
+    pub journal: Option<TapeReader>,
     pub reports: watch::Receiver<Arc<StepReport>>,
     pub clock: VirtualClock,
     pub wake: Wake,
@@ -71,18 +73,32 @@ pub struct VirtualSession {
 
 impl VirtualSession {
     pub fn new(desc: SceneDesc, limits: SessionLimits) -> Self {
+        Self::begin(desc, limits, false, None).unwrap()
+    }
+
+    /// One with a journal, from where another journal leads.
+    pub fn journaled(desc: SceneDesc, past: Option<Past>) -> Result<Self, SessionError> {
+        Self::begin(desc, SessionLimits::default(), true, past)
+    }
+
+    fn begin(
+        desc: SceneDesc,
+        limits: SessionLimits,
+        is_journaled: bool,
+        past: Option<Past>,
+    ) -> Result<Self, SessionError> {
         let scene = Arc::new(Scene { desc, meshes: Default::default() });
         let inbox = Arc::new(Inbox::new(scene.desc.tools.len(), limits.clone()));
         let outbox = Arc::new(Outbox::new(&limits, Phase::Running));
         let (mut publisher, bell, reports) = Publisher::new(Arc::clone(&outbox));
-        let (recorded, tape) = tape(10 * CAPACITY);
-        publisher.tape = recorded;
+        let tape = publisher.tape.reader(Wants::Hashes, 10 * CAPACITY);
+        let journal = is_journaled.then(|| publisher.tape.reader(Wants::Bases, 10 * CAPACITY));
         let admission = Admission::new(f64::INFINITY, f64::INFINITY, f64::INFINITY, 1);
         let admitted = admission.admit(&Cost::default(), 1.0).unwrap();
-        let built = SessionCore::new(Arc::clone(&scene), limits, Arc::clone(&inbox), publisher, admitted);
-        let (core, projector) = built.unwrap();
+        let built = SessionCore::new(Arc::clone(&scene), limits, Arc::clone(&inbox), publisher, admitted, past);
+        let (core, projector) = built?;
         let (clock, wake) = (VirtualClock::default(), Wake::At(0));
-        Self {
+        Ok(Self {
             core,
             projector,
             shows: true,
@@ -92,11 +108,12 @@ impl VirtualSession {
             outbox,
             bell,
             tape: Some(tape),
+            journal,
             reports,
             clock,
             wake,
             step_ns: MS / 10,
-        }
+        })
     }
 
     pub fn now_ns(&self) -> u64 {

@@ -206,7 +206,7 @@ fn a_session_that_goes_back_to_a_point_goes_on_in_time_and_replays() {
     };
     let mut after = entries.iter().skip_while(|entry| !went_back(entry)).filter_map(|entry| match entry {
         TapeEntry::Step(taped) => Some(taped),
-        TapeEntry::Event(_) | TapeEntry::Checkpoint(..) => None,
+        TapeEntry::Event(_) | TapeEntry::Checkpoint(..) | TapeEntry::Base(_) => None,
     });
     let first = after.next().expect("a step after the way back");
     assert_eq!(first.report.step, step + 1, "what was undone is in the recording, and the way back after it");

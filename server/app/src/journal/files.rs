@@ -1,0 +1,67 @@
+//! The files of a session's journal: `<session>.<number>.mcap`, the newest with the highest number.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use kerf_session::SessionId;
+
+const EXTENSION: &str = "mcap";
+
+/// The files of a session's journal.
+pub struct Files {
+    pub folder: PathBuf,
+    pub session: SessionId,
+    /// Those there are, the newest last.
+    pub before: Vec<PathBuf>,
+}
+
+impl Files {
+    /// Those of all sessions in a folder.
+    pub fn in_folder(folder: &Path) -> io::Result<BTreeMap<SessionId, Vec<PathBuf>>> {
+        let mut found = BTreeMap::<SessionId, Vec<PathBuf>>::new();
+        for entry in std::fs::read_dir(folder)? {
+            let path = entry?.path();
+            if let Some((session, _)) = parse(&path) {
+                found.entry(session).or_default().push(path);
+            }
+        }
+        // Numbers have as many digits, so that names are in their order.
+        found.values_mut().for_each(|files| files.sort());
+        Ok(found)
+    }
+
+    /// A name for the next one.
+    pub fn next(&self) -> PathBuf {
+        let next = self.before.last().and_then(|path| parse(path)).map_or(1, |(_, number)| number + 1);
+        self.folder.join(format!("{}.{next:012}.{EXTENSION}", self.session))
+    }
+}
+
+/// The session and the number of a file, if it is one of a journal.
+fn parse(path: &Path) -> Option<(SessionId, u64)> {
+    let name = path.file_name()?.to_str()?.strip_suffix(EXTENSION)?.strip_suffix('.')?;
+    let (session, number) = name.rsplit_once('.')?;
+    Some((session.parse().ok()?, number.parse().ok()?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_found_by_session_in_the_order_of_their_numbers_and_the_next_follows() {
+        let folder = tempfile::tempdir().unwrap();
+        let session: SessionId = "session-0000002a-7".parse().unwrap();
+        let mut files = Files { folder: folder.path().into(), session, before: Vec::new() };
+        for _ in 0..11 {
+            let next = files.next();
+            std::fs::write(&next, "").unwrap();
+            files.before.push(next);
+        }
+        for other in ["lock", "notes.mcap", "session-0000002a-7.mcap", "session-0000002a-8.000000000001.part"] {
+            std::fs::write(folder.path().join(other), "").unwrap();
+        }
+        assert_eq!(Files::in_folder(folder.path()).unwrap(), BTreeMap::from([(session, files.before)]));
+    }
+}

@@ -1,0 +1,159 @@
+//! Journals: what brings sessions back when the server was killed, or the machine lost power.
+//!
+//! The journal of a session is a recording without pictures: the scene, a state to go on from, and every input and event
+//! since. A thread of its own writes a chunk every 50 ms and lets another one sync it, so that no step waits for a disk.
+//! Every second of stepping the session gives it a new state; the journal goes on in a new file then, and the file before
+//! is removed once the new one is on the disk. So a session comes back about as fast as its scene is built, however
+//! long it has gone on.
+//!
+//! A session that is closed has no journal any more; one whose server stops, or is stopped, is brought back by the next one.
+
+mod disk;
+mod files;
+mod past;
+#[cfg(test)]
+mod tests;
+mod writer;
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+
+use anyhow::{Context, Result, anyhow, ensure};
+use futures_util::future::join_all;
+use kerf_session::priority::stand_back;
+use kerf_session::{Registry, Session, SessionId, SessionOptions, TapeReader};
+
+use crate::config::ServerConfig;
+use crate::recording::{Going, Quota, Recordings, Told};
+use files::Files;
+use writer::Writer;
+
+/// Keeps a second server out of the folder.
+const LOCK_FILE: &str = "lock";
+
+/// The journals of a server's sessions.
+pub struct Journals {
+    /// Nothing is written without.
+    folder: Option<Folder>,
+    quota: Arc<Quota>,
+    /// The server stops, and its sessions with it: they are to come back.
+    is_stopping: Arc<AtomicBool>,
+    going: Going,
+}
+
+struct Folder {
+    path: PathBuf,
+    /// Locked as long as the server runs.
+    _lock: File,
+}
+
+impl Folder {
+    fn take(path: &Path) -> Result<Self> {
+        std::fs::create_dir_all(path)?;
+        let lock = File::options().create(true).truncate(false).write(true).open(path.join(LOCK_FILE))?;
+        ensure!(lock.try_lock().is_ok(), "it is the folder of another server that runs");
+        Ok(Self { path: path.into(), _lock: lock })
+    }
+}
+
+impl Journals {
+    /// None yet.
+    ///
+    /// # Errors
+    /// The folder cannot be made, or is another server's.
+    pub fn new(config: &ServerConfig) -> Result<Self> {
+        let take = |path: &PathBuf| Folder::take(path).with_context(|| format!("journal_dir = {}", path.display()));
+        Ok(Self {
+            folder: config.journal_dir.as_ref().map(take).transpose()?,
+            quota: Arc::new(Quota::of_mib(["journal_dir", "max_journal_mib"], config.max_journal_mib)),
+            is_stopping: Arc::default(),
+            going: Going::default(),
+        })
+    }
+
+    /// Whether sessions are to have journals.
+    #[must_use]
+    pub fn is_on(&self) -> bool {
+        self.folder.is_some()
+    }
+
+    /// Begins the journal of a session that was created to have one. What stands in the way of that is logged, and
+    /// returned for the client.
+    pub fn begin(&self, session: &Arc<Session>) -> Option<String> {
+        self.go_on(session, Vec::new())
+    }
+
+    /// Brings back the sessions of the server before. What does not come back is logged, and its journal left.
+    pub async fn bring_back(&self, registry: &Registry, recordings: &Recordings) -> Result<()> {
+        let Some(folder) = &self.folder else { return Ok(()) };
+        let sessions = Files::in_folder(&folder.path).context("journal_dir")?;
+        join_all(sessions.into_iter().map(|(id, files)| async move {
+            let options =
+                SessionOptions { is_recorded: recordings.is_on(), is_journaled: true, ..SessionOptions::default() };
+            let read = {
+                let files = files.clone();
+                move || past::read(&files)
+            };
+            match registry.bring_back::<anyhow::Error>(id, read, options).await {
+                Ok(session) => {
+                    recordings.begin(&session);
+                    self.go_on(&session, files);
+                }
+                Err(error) => {
+                    let newest = files.last().map(|path| path.display().to_string());
+                    tracing::error!(session = %id, newest, "the session does not come back: {error:#}");
+                }
+            }
+        }))
+        .await;
+        Ok(())
+    }
+
+    /// Goes on with the journal of a session, or begins it; files `before` are removed once there is a newer one.
+    fn go_on(&self, session: &Arc<Session>, before: Vec<PathBuf>) -> Option<String> {
+        let (Some(folder), Some(tape)) = (&self.folder, session.take_journal()) else { return None };
+        let told = Arc::new(Told::default());
+        let thread = self.start(folder, session, (tape, before), &told).map_err(|error| {
+            tracing::error!(session = %session.id(), "the session has no journal: {error:#}");
+            format!("the session has no journal: {error:#}")
+        });
+        let refused = thread.as_ref().err().cloned();
+        self.going.add(session, told, thread.ok());
+        refused
+    }
+
+    fn start(
+        &self,
+        folder: &Folder,
+        session: &Session,
+        (tape, before): (TapeReader, Vec<PathBuf>),
+        told: &Arc<Told>,
+    ) -> Result<JoinHandle<()>> {
+        self.quota.measure(&folder.path)?;
+        let files = Files { folder: folder.path.clone(), session: session.id(), before };
+        let writer = Writer::begin(files, session, tape, &self.quota, told, &self.is_stopping)?;
+        let run = std::thread::Builder::new().name("kerf-journal".into()).spawn(move || {
+            stand_back();
+            writer.run();
+        });
+        run.map_err(|error| anyhow!("no thread for the journal: {error}"))
+    }
+
+    /// Waits until the journal of a session that was closed is removed.
+    pub async fn finish(&self, session: SessionId) {
+        self.going.finish(session).await;
+    }
+
+    /// From now on sessions end with the server: their journals stay.
+    pub fn stop(&self) {
+        self.is_stopping.store(true, Ordering::Release);
+    }
+
+    /// Waits until all journals are on the disk; all sessions have ended.
+    pub async fn finish_all(&self) {
+        self.going.finish_all().await;
+    }
+}

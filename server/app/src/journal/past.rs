@@ -1,0 +1,63 @@
+//! Reading a journal: what brings its session back.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use kerf_physics::Scene;
+use kerf_proto::v1;
+use kerf_session::{Past, PastEntry};
+
+use crate::recording::convert;
+use crate::recording::reader::Recording;
+use crate::recording::tracks::Track;
+
+/// What brings a session back: of its files the newest that has a beginning. An older one is there where the server was
+/// killed before the newer one was on the disk, and leads as far as that begins.
+pub fn read(files: &[PathBuf]) -> Result<(Scene, Past)> {
+    let mut why_not = None;
+    for path in files.iter().rev() {
+        match read_file(path) {
+            Ok(read) => return Ok(read),
+            Err(error) => {
+                tracing::warn!(path = %path.display(), "not a whole file of a journal: {error:#}");
+                why_not.get_or_insert(error);
+            }
+        }
+    }
+    Err(why_not.context("the journal has no file")?)
+}
+
+fn read_file(path: &Path) -> Result<(Scene, Past)> {
+    let mut recording = Recording::open(path)?;
+    let past = past(&mut recording).with_context(|| path.display().to_string())?;
+    Ok((convert::scene(recording.header()).context("the scene")?, past))
+}
+
+fn past(recording: &mut Recording) -> Result<Past> {
+    let mut past = Past { is_paused: recording.header().is_paused, ..Past::default() };
+    for index in 0..recording.chunks() {
+        for entry in recording.chunk(index)? {
+            match entry.track {
+                Track::Base => {
+                    let v1::RecordedBase { data, is_paused } = entry.read()?;
+                    past = Past { base: Some(data), is_paused, entries: Vec::new() };
+                }
+                Track::Step => {
+                    let step: v1::RecordedStep = entry.read()?;
+                    let inputs = convert::inputs(&step)?;
+                    past.entries.push(PastEntry::Step { step: step.step, inputs, state_hash: step.state_hash });
+                }
+                Track::Events => {
+                    let happened = convert::event(&entry.read()?);
+                    past.entries.extend(happened.map(|happened| PastEntry::Event(happened.event)));
+                }
+                Track::Checkpoint => {
+                    let v1::RecordedCheckpoint { name, data } = entry.read()?;
+                    past.entries.push(PastEntry::Checkpoint(name.into(), data));
+                }
+                _ => {}
+            }
+        }
+    }
+    Ok(past)
+}

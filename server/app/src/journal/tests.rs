@@ -1,0 +1,120 @@
+//! Journals that were cut, and whose bits were flipped.
+
+use std::path::Path;
+
+use kerf_physics::tool::{OPEN, Pose};
+use kerf_physics::{Quat, Scene, Vec3};
+use kerf_scenes::dial::ParetoFronts;
+use kerf_session::stepping::{StepMotion, Steps};
+use kerf_session::{Past, PastEntry, PoseSample, Registry, SessionLimits, SessionOptions};
+
+use super::{Journals, past};
+use crate::config::ServerConfig;
+
+const BLOCK: &str = include_str!("../../../session/tests/block.toml");
+
+/// The journal of a session that takes so many steps, and goes on from a state in between.
+async fn journal(folder: &Path, steps: usize) -> Vec<u8> {
+    let config = ServerConfig { journal_dir: Some(folder.into()), ..ServerConfig::default() };
+    let journals = Journals::new(&config).unwrap();
+    let registry = Registry::new(SessionLimits::default(), ParetoFronts::builtin()).unwrap();
+    let scene = Scene { desc: toml::from_str(BLOCK).unwrap(), meshes: Default::default() };
+    let options = SessionOptions { is_journaled: true, start_paused: true, ..SessionOptions::default() };
+    let session = registry.create(scene, options).await.unwrap();
+    assert_eq!(journals.begin(&session), None);
+    let at = |step: usize| {
+        let position_m = Vec3::new(0.0, 0.012 - 2e-4 * step as f64, 4e-4);
+        let pose = Pose { position_m, orientation: Quat::identity() };
+        vec![StepMotion { tool: 0, to: Some(PoseSample { seq: 0, client_ns: 0, pose, opening: OPEN }) }]
+    };
+    for step in 0..steps {
+        session.step(Steps { count: 1, inputs: vec![at(step)] }).await.unwrap();
+        // Chunks of several steps, and a state to go on from, without a checkpoint that there was.
+        if step % 10 == 9 {
+            tokio::time::sleep(std::time::Duration::from_millis(80)).await;
+        }
+        if step == steps / 2 {
+            session.save_checkpoint("kept").await.unwrap();
+            session.save_checkpoint("left").await.unwrap();
+            session.delete_checkpoint("left").await.unwrap();
+        }
+    }
+    journals.stop();
+    registry.close_all().await;
+    journals.finish_all().await;
+    let files = super::Files::in_folder(folder).unwrap();
+    let [files] = files.into_values().collect::<Vec<_>>().try_into().unwrap();
+    let [file] = <[_; 1]>::try_from(files).unwrap();
+    std::fs::read(file).unwrap()
+}
+
+/// What says a journal: its base, and each step with its hash.
+fn says(past: &Past) -> (Option<&Vec<u8>>, Vec<String>) {
+    (
+        past.base.as_ref(),
+        past.entries
+            .iter()
+            .map(|entry| match entry {
+                PastEntry::Step { step, inputs, state_hash } => format!("{step} {inputs:?} {state_hash:?}"),
+                PastEntry::Event(event) => format!("{event:?}"),
+                PastEntry::Checkpoint(name, file) => format!("{name} {}", file.len()),
+            })
+            .collect(),
+    )
+}
+
+/// Whether a file leads as far along the same way, or is refused.
+fn is_prefix_or_refused(
+    folder: &Path,
+    bytes: &[u8],
+    (base, entries): &(Option<&Vec<u8>>, Vec<String>),
+) -> Option<usize> {
+    let path = folder.join("session-00000001-1.000000000001.mcap");
+    std::fs::write(&path, bytes).unwrap();
+    let (_, past) = past::read(&[path]).ok()?;
+    let (found_base, found) = says(&past);
+    assert!(found.is_empty() && found_base.is_none() || found_base == *base, "another state to go on from");
+    assert_eq!(found[..], entries[..found.len()], "another way");
+    Some(found.len())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_journal_that_is_cut_at_any_byte_leads_to_a_prefix_or_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = journal(&folder.path().join("journals"), 40).await;
+    let path = folder.path().join("session-00000001-1.000000000001.mcap");
+    std::fs::write(&path, &bytes).unwrap();
+    let whole = past::read(&[path]).unwrap().1;
+    let whole = says(&whole);
+    assert!(whole.0.is_some() && whole.1.len() > 15, "{} entries", whole.1.len());
+    let (mut refused, mut lengths) = (0, std::collections::BTreeSet::new());
+    for end in 0..bytes.len() {
+        match is_prefix_or_refused(folder.path(), &bytes[..end], &whole) {
+            Some(length) => drop(lengths.insert(length)),
+            None => refused += 1,
+        }
+    }
+    println!("{} bytes: {refused} ends are refused, {} different prefixes", bytes.len(), lengths.len());
+    // Without its first chunk, which has the scene and the state, there is nothing to go on from.
+    assert!(lengths.len() > 2 && refused < bytes.len());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_journal_with_any_bit_flipped_leads_nowhere_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut bytes = journal(&folder.path().join("journals"), 40).await;
+    let path = folder.path().join("session-00000001-1.000000000001.mcap");
+    std::fs::write(&path, &bytes).unwrap();
+    let whole = past::read(&[path]).unwrap().1;
+    let whole = says(&whole);
+    let mut refused = 0;
+    // A prime, so that every place of a record and every bit of a byte has its turn.
+    let flips: Vec<usize> = (0..8 * bytes.len()).step_by(53).collect();
+    for bit in &flips {
+        bytes[bit / 8] ^= 1 << (bit % 8);
+        refused += usize::from(is_prefix_or_refused(folder.path(), &bytes, &whole).is_none());
+        bytes[bit / 8] ^= 1 << (bit % 8);
+    }
+    println!("{refused} of {} flips are refused", flips.len());
+    assert!(refused > flips.len() / 2);
+}

@@ -1,0 +1,106 @@
+//! What a journal says of a session, and the way to where the session stood.
+
+use std::sync::Arc;
+
+use kerf_physics::step_io::EnergyStep;
+use kerf_physics::{Scene, Workers, World};
+
+use crate::admission::Reservation;
+use crate::checkpoints::{Besides, Checkpoint};
+use crate::error::SessionError;
+use crate::outbox::SceneEvent;
+use crate::resimulation::{Resimulated, Resimulation};
+use crate::tape::LoggedInputs;
+
+/// What a journal says of a session that did not come to its end.
+#[derive(Debug, Default)]
+pub struct Past {
+    /// The file of the state that it goes on from; `None`: the scene at rest.
+    pub base: Option<Vec<u8>>,
+    /// Whether the session stood there.
+    pub is_paused: bool,
+    /// What happened then, in order.
+    pub entries: Vec<PastEntry>,
+}
+
+/// One thing that happened to a session.
+#[derive(Debug)]
+pub enum PastEntry {
+    /// A step was taken.
+    Step {
+        /// Steps taken, this one included.
+        step: u64,
+        /// What went into it.
+        inputs: LoggedInputs,
+        /// Hash of the state after it, where it is known.
+        state_hash: Option<u64>,
+    },
+    /// Something happened between two steps, or in the last one.
+    Event(SceneEvent),
+    /// There is a checkpoint of this name, in this file.
+    Checkpoint(Arc<str>, Vec<u8>),
+}
+
+/// How a session stood, besides its world.
+pub(crate) struct Arrived {
+    pub energy: EnergyStep,
+    /// By tool: steps that were asked for had placed it, and nobody held it.
+    pub placed_by_calls: Vec<bool>,
+    pub checkpoints: Vec<(Arc<str>, Checkpoint)>,
+    pub is_paused: bool,
+}
+
+impl Past {
+    /// Takes the steps once more, from `world`, which is the scene at rest. Checkpoints take as much memory as `memory`.
+    ///
+    /// # Errors
+    /// A file is not of this scene, program and machine, a step leads elsewhere, or there is no room for a checkpoint.
+    pub(crate) fn follow(
+        self,
+        scene: &Scene,
+        world: World,
+        memory: &Reservation,
+        workers: &Workers<'_>,
+    ) -> Result<(World, Arrived), SessionError> {
+        let Self { base, mut is_paused, entries } = self;
+        let mut again = Resimulation::of(scene, world);
+        let mut is_held = vec![false; scene.desc.tools.len()];
+        if let Some(file) = base {
+            let by_calls = again.go_on_from(&file).map_err(lost)?;
+            is_held =
+                again.world().tool_places().zip(by_calls).map(|(at, by_calls)| at.is_some() && !by_calls).collect();
+        }
+        for entry in entries {
+            match entry {
+                PastEntry::Step { step, inputs, state_hash } => {
+                    again.step(workers, step, &inputs, state_hash).map_err(lost)?;
+                }
+                PastEntry::Checkpoint(name, file) => again.take_checkpoint(&name, &file).map_err(lost)?,
+                PastEntry::Event(event) => {
+                    again.event(&event).map_err(lost)?;
+                    match event {
+                        SceneEvent::Paused | SceneEvent::Failed => is_paused = true,
+                        SceneEvent::Resumed => is_paused = false,
+                        SceneEvent::ToolTaken(tool) => is_held.iter_mut().skip(tool).take(1).for_each(|it| *it = true),
+                        SceneEvent::ToolReleased(tool) => {
+                            is_held.iter_mut().skip(tool).take(1).for_each(|it| *it = false)
+                        }
+                        _ => {}
+                    }
+                }
+            }
+        }
+        let (world, energy, checkpoints) = again.end();
+        let placed_by_calls = world.tool_places().zip(&is_held).map(|(at, is_held)| at.is_some() && !is_held).collect();
+        let keep = |(name, Resimulated { snapshot, energy }): (Arc<str>, Resimulated)| {
+            let besides = Besides { energy, placed_by_calls: vec![false; is_held.len()] };
+            Ok((name, Checkpoint { snapshot, besides, memory: Arc::new(memory.checkpoint()?) }))
+        };
+        let checkpoints = checkpoints.into_iter().map(keep).collect::<Result<_, SessionError>>()?;
+        Ok((world, Arrived { energy, placed_by_calls, checkpoints, is_paused }))
+    }
+}
+
+fn lost(error: impl std::error::Error) -> SessionError {
+    SessionError::Unrecoverable { message: error.to_string() }
+}
