@@ -95,6 +95,28 @@ fn spinning_bar(rate_hz: f64, tolerance: f64, spin: Vec3) -> World {
 }
 
 #[test]
+fn a_free_body_that_a_load_spins_past_a_step_is_booked_to_the_last_joule() {
+    // What keeps its momentum is the larger the looser the solve is, and is braked as all else.
+    let everywhere = ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0; 3] };
+    let mut desc = bar(1);
+    desc.loads = vec![LoadDesc::Traction { region: everywhere, face: Face::MaxX, traction_pa: [0.0, 1e4, 0.0] }];
+    let mut scene = scene(vec![desc]);
+    scene.desc.rate_hz = 60.0;
+    scene.desc.solver.relative_tolerance = Some(1e-2);
+    let mut world = World::new(&scene).expect("a valid scene");
+    let (mut worked_j, mut residual_j, mut braked_j) = (0.0, 0.0, 0.0);
+    for _ in 0..20 {
+        let energy = world.step(&Workers::serial(), &NoClock, &StepInputs::default()).energy;
+        worked_j += energy.load_work_j.abs();
+        braked_j += energy.damping_j;
+        residual_j += energy.residual_j.abs();
+    }
+    println!("{worked_j:.2e} J worked, {braked_j:.2e} J braked, {residual_j:.1e} J unexplained");
+    assert!(braked_j > 0.1 * worked_j, "it is braked: {braked_j} J of {worked_j} J");
+    assert!(residual_j < 1e-3 * worked_j, "{residual_j} J of {worked_j} J");
+}
+
+#[test]
 fn a_flap_that_is_thrown_past_a_step_is_braked_not_stretched() {
     for turn_rad in [0.5, 1.2, 3.0] {
         // Two elements of one voxel: the first is held, the second hangs on by a face.

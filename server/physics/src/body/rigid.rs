@@ -229,13 +229,18 @@ impl Body {
         self.state.rigid.totals[part as usize] = gain.unwrap_or_default();
     }
 
-    /// Adds to `dv` what each part is to gain. Returns the work of the impulses that this wants, see
-    /// [`Self::impulse_work_j`].
+    /// Adds to `dv` what each part is to gain. Returns the work of the impulses that this wants.
     pub(crate) fn add_missing_motion(&self, dv: &mut Nodal) -> f64 {
         for (node, change) in dv.iter_mut().enumerate() {
             let gain = self.missing_motion(node);
             (0..3).for_each(|i| change[i] += gain[i]);
         }
+        self.missing_motion_work_j(dv)
+    }
+
+    /// Work over the motion `v + dv` of a step of the impulses that give each part what it is to gain, J; see
+    /// [`Self::impulse_work_j`].
+    pub(crate) fn missing_motion_work_j(&self, dv: &Nodal) -> f64 {
         self.impulse_work_j(dv, |node| self.missing_motion(node))
     }
 

@@ -48,6 +48,7 @@ impl Body {
     /// takes, m/s, is added to `taken`.
     pub(crate) fn brake_spin(&mut self, dv: &mut Nodal, taken: &mut Nodal) {
         let dt = self.solver.params.dt_s;
+        let gains = self.state.rigid.totals.clone();
         let mut totals = self.motions(|body, node| body.velocity_after(node, dv));
         for total in &mut totals {
             total.spin *= 1.0 - (MOST_TURN_RAD / (dt * total.spin.norm())).min(1.0);
@@ -60,7 +61,7 @@ impl Body {
                 (0..3).for_each(|i| (dv[i], taken[i]) = (dv[i] - excess[i], taken[i] + excess[i]));
             }
         }
-        self.state.rigid.totals = totals;
+        self.state.rigid.totals = gains;
     }
 
     /// Adds to the right side `impulses_n_s` what keeps straight on what turns: at the end of the step velocities are

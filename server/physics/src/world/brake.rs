@@ -9,7 +9,8 @@ use crate::contact::Contact;
 ///
 /// The solve balances momentum, `M dv + S (v + dv) = f`. With `d` taken from dv this wants the impulse
 /// `(M + S) d` of the brake, which takes its product with the motion that is left. Contacts keep the force of
-/// the solve over the motion of the solve: what they did along `d` reached no tissue and is the brake's too.
+/// the solve over the motion of the solve: what they did along `d` reached no tissue and is the brake's too. What keeps
+/// the momentum of free parts does its work over the motion that is left.
 pub(super) fn spins(dt_s: f64, state: &mut State) {
     state.slots.iter_mut().for_each(|slot| slot.ledger.braked_j = 0.0);
     if !state.slots.iter().any(may_turn_too_far) {
@@ -24,6 +25,7 @@ pub(super) fn spins(dt_s: f64, state: &mut State) {
         let impulse = |c: &Contact| c.applied_n().dot(&c.ends.weights.sum(taken)) * dt_s;
         let acting = slot.contacts.iter().flat_map(|contact| contact.acting());
         let cohesive = slot.pulled.iter().flat_map(|pulled| &pulled.cohesive.contacts).filter(|c| c.force_n != 0.0);
+        slot.ledger.momentum_j = slot.body.missing_motion_work_j(&slot.velocity_change);
         slot.ledger.braked_j = kept + acting.chain(cohesive).map(impulse).sum::<f64>();
     }
     for spring in state.tissue.iter().flat_map(|tissue| tissue.springs()).filter(|s| s.force_n != 0.0) {
