@@ -137,9 +137,18 @@ export function launch(): Promise<Browser> {
   return chromium.launch({ executablePath: CHROMIUM, args: FLAGS });
 }
 
+/** What a page is opened with. */
+interface Opened {
+  width: number;
+  height: number;
+  colorScheme?: "dark" | "light";
+  hasTouch?: boolean;
+}
+
 /** Opens a page; what goes wrong in it is kept. */
-export async function open(browser: Browser, url: string, size = { width: 800, height: 560 }) {
-  const page = await browser.newPage({ viewport: size });
+export async function open(browser: Browser, url: string, how: Opened = { width: 800, height: 560 }) {
+  const { width, height, colorScheme = "dark", hasTouch = false } = how;
+  const page = await browser.newPage({ viewport: { width, height }, colorScheme, hasTouch });
   const problems: string[] = [];
   page.on("pageerror", (error) => problems.push(error.message));
   page.on("console", (message) => {
@@ -203,4 +212,28 @@ async function share(page: Page, color: "red" | "pale"): Promise<number> {
     }
     return count / (data.length / 4);
   }, [picture, color]);
+}
+
+/** Share of the canvas's pixels that are darker by a third than they were in an earlier picture of it. */
+export async function darkenedShare(page: Page, before: Buffer): Promise<number> {
+  const pictures = [before, await page.locator("#stage").screenshot()].map((picture) => picture.toString("base64"));
+  return page.evaluate(async (pictures) => {
+    const [one, other] = await Promise.all(
+      pictures.map(async (base64) => {
+        const image = new Image();
+        image.src = `data:image/png;base64,${base64}`;
+        await image.decode();
+        const canvas = Object.assign(document.createElement("canvas"), { width: image.width, height: image.height });
+        const context = canvas.getContext("2d")!;
+        context.drawImage(image, 0, 0);
+        return context.getImageData(0, 0, image.width, image.height).data;
+      }),
+    );
+    let count = 0;
+    for (let i = 0; i < one.length; i += 4) {
+      const [was, is] = [one, other].map((data) => data[i] + data[i + 1] + data[i + 2]);
+      if (was > 60 && is < 0.67 * was) count += 1;
+    }
+    return count / (one.length / 4);
+  }, pictures);
 }

@@ -8,6 +8,7 @@ import { ACROSS, LockStep } from "./gallery/lockstep";
 import {
   APPLE,
   BAR,
+  darkenedShare,
   freePort,
   joules,
   launch,
@@ -220,6 +221,41 @@ test("a cut's faces have a colour of their own", async () => {
   await session.wait(0.2);
   await shown();
   expect(await paleShare(page)).toBeGreaterThan(before.pale + 0.004);
+  expect(problems).toEqual([]);
+});
+
+test.each([
+  ["near", 1],
+  ["far", 3],
+])("a cut that has closed again is seen from %s, and where it was dark before it is not", async (_, distance) => {
+  const session = await LockStep.begin(server, { name: "tofu", stepRateHz: 125 });
+  const eye = [0.06, 0.1, 0.16].map((at) => (at * distance).toFixed(3));
+  const link = `${server.address}/?session=${session.sessionId}&view=${eye.join(",")},0,0.03,0`;
+  const { page, problems } = await open(browser, link);
+  await live(page);
+  const shown = async () => {
+    await page.waitForSelector(`[data-reading="Time"][title="Step ${session.step}"]`);
+    // Until it is drawn as fine as the screen.
+    await page.waitForTimeout(2500);
+  };
+  const place = (y: number) => ({ at: [0.005, y, 0] as const, turn: ACROSS });
+  await session.go({ tool: "blade", to: place(0.065) });
+  await session.go({ tool: "blade", to: "lift" });
+  await session.wait(0.3);
+  await shown();
+  const whole = await page.locator("#stage").screenshot();
+  expect(await darkenedShare(page, whole)).toBe(0);
+  await session.go({ tool: "blade", to: place(0.065) });
+  await session.go({ tool: "blade", to: place(0.03), seconds: 0.4 });
+  await session.go({ tool: "blade", to: place(0.065), seconds: 0.2 });
+  await session.go({ tool: "blade", to: "lift" });
+  await session.wait(2);
+  await shown();
+  const share = await darkenedShare(page, whole);
+  // A line of one and a half pixels and more across the dome: some hundreds of the 448,000 pixels, and no more. Shadows
+  // that are elsewhere than before are 5e-4 of them.
+  expect(share).toBeGreaterThan(8e-4);
+  expect(share).toBeLessThan(1e-2);
   expect(problems).toEqual([]);
 });
 

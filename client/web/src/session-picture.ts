@@ -73,7 +73,7 @@ export class SessionPicture {
   show(frame: Frame): SurfaceShape[] {
     const used = frame.bodies.map((body, index) => {
       if (body.structure) this.pieces[index] = body.structure.pieces;
-      return this.tissues[index].show(body);
+      return this.tissues[index].show(body, frame.simTimeS);
     });
     const newest = frame.samples.at(-1);
     newest?.tools.forEach((tool, index) => {

@@ -115,7 +115,9 @@ export class Session {
     const used = this.picture.show(frame);
     for (const [toolId, hand] of this.hands) this.picture.showHand(toolId, hand.goal);
     const shown = this.active ?? frame.samples.at(-1)?.tools.findIndex(({ pose }) => pose) ?? -1;
+    // Without a tool in the scene nothing is felt.
     if (shown >= 0) this.readings.addPoints(this.stroke.points(frame.samples, shown));
+    else this.readings.showNothingFelt();
     const dtS = this.description.scene?.dtS ?? 1;
     this.readings.show(frame, dtS, this.picture.cutAreaM2, this.picture.pieceCount);
     return used;

@@ -1,4 +1,5 @@
-// How deep a tool is: how far it has gone along its cutting direction since it first touched.
+// How deep a tool is: how far it has gone along its cutting direction since it first touched. Of jaws that hold tissue: how
+// far they have pulled it, whichever way.
 
 import { Quaternion, Vector3 } from "three";
 import type { Sample, ToolFrame } from "./net/frames";
@@ -6,6 +7,8 @@ import type { PlotPoint } from "./ui/plot";
 
 export class Stroke {
   private touched: { at: Vector3; forward: Vector3 } | undefined;
+  /** Where the jaws took hold. */
+  private held: Vector3 | undefined;
 
   /** What a plot shows of a tool. */
   points(samples: readonly Sample[], toolId: number): PlotPoint[] {
@@ -15,12 +18,14 @@ export class Stroke {
     });
   }
 
-  private depthM({ pose, forceN }: ToolFrame): number {
+  private depthM({ pose, forceN, isHolding }: ToolFrame): number {
     if (!pose) {
-      this.touched = undefined;
+      this.touched = this.held = undefined;
       return 0;
     }
     const at = new Vector3(...pose.position);
+    this.held = isHolding ? (this.held ?? at) : undefined;
+    if (this.held) return at.distanceTo(this.held);
     const touches = forceN.some((component) => component !== 0);
     if (touches && !this.touched) {
       this.touched = { at, forward: new Vector3(0, -1, 0).applyQuaternion(new Quaternion(...pose.orientation)) };

@@ -16,3 +16,10 @@ test("depth counts from the first touch, along the cutting direction, until the 
   expect(points.map(({ depthM }) => Number(depthM.toFixed(6)))).toEqual([0, 0, 0.01, 0, 0]);
   expect(points.map(({ forceN }) => forceN)).toEqual([0, 0.1, 2, 0, 1]);
 });
+
+test("of jaws that hold tissue it is how far they have pulled it", () => {
+  const stroke = new Stroke();
+  const way = [sample(0, 0.05, 0), sample(1, 0.05, 1), sample(2, 0.08, 3), sample(3, 0.08, 0)];
+  way[1].tools[0].isHolding = way[2].tools[0].isHolding = true;
+  expect(stroke.points(way, 0).map(({ depthM }) => Number(depthM.toFixed(6)))).toEqual([0, 0, 0.03, 0]);
+});

@@ -82,6 +82,60 @@ test("what a blade laid open is no skin, and its two walls are one cut", () => {
   expect(cutAreaM2).toBeCloseTo(1);
 });
 
+/** A slab of 4 x 4 quads; each of the middle column becomes a wall, as if its other side had been laid open. */
+function openedSlab(): { surface: BodySurface } {
+  const structure = slab(2, 2);
+  const opened = [1, 5, 9, 13];
+  const others = opened.map((quad) => 2 * quad + 1);
+  structure.quadVertices.push(...opened.flatMap((quad) => structure.quadVertices.slice(4 * quad, 4 * quad + 4).reverse()));
+  structure.quadIds.push(...others);
+  // Ids ascend.
+  const order = structure.quadIds.map((_, i) => i).sort((a, b) => structure.quadIds[a] - structure.quadIds[b]);
+  structure.quadVertices = order.flatMap((quad) => structure.quadVertices.slice(4 * quad, 4 * quad + 4));
+  structure.quadIds = order.map((quad) => structure.quadIds[quad]);
+  return surfaceOf(structure);
+}
+
+test("a seam runs where walls of a cut meet the skin, each edge once, and nowhere else", () => {
+  const { surface } = openedSlab();
+  const { seam } = surface.restructure();
+  // The column of four walls has skin at both long sides: columns of vertices 1 and 2 of 0 to 4.
+  const column = (vertex: number) => vertex % 5;
+  const edges = Array.from({ length: seam.length / 2 }, (_, i) => [seam[2 * i], seam[2 * i + 1]]);
+  expect(edges.length).toBe(8);
+  for (const [a, b] of edges) expect([column(a) === column(b), [1, 2].includes(column(a))]).toEqual([true, true]);
+  expect(new Set(edges.map(([a, b]) => Math.min(a, b) * 25 + Math.max(a, b))).size).toBe(8);
+});
+
+test("an uncut surface has no seam, and none of it is a rim", () => {
+  const { surface } = surfaceOf(slab(2, 2));
+  const { seam, rims } = surface.restructure();
+  expect(seam.length).toBe(0);
+  expect(rims.every((value) => value === 0)).toBe(true);
+});
+
+test("a seam keeps the time at which it was cut, and fades into the tissue beside it", () => {
+  const { surface } = openedSlab();
+  const { rims, seam } = surface.restructure(2);
+  const again = surface.restructure(5).rims;
+  const [onSeam] = seam;
+  expect([rims[2 * onSeam], rims[2 * onSeam + 1], again[2 * onSeam + 1]]).toEqual([1, 2, 2]);
+  const beside = rims[2 * 0];
+  expect(beside).toBeGreaterThan(0);
+  expect(beside).toBeLessThan(1);
+  // Two columns away.
+  expect(rims[2 * 4]).toBe(0);
+});
+
+test("the line of a seam goes with the tissue", () => {
+  const { surface } = openedSlab();
+  const { seam } = surface.restructure();
+  const shape = surface.shape();
+  seam.forEach((vertex, i) => {
+    expect([...shape.seam.subarray(3 * i, 3 * i + 3)]).toEqual([...shape.positions.subarray(3 * vertex, 3 * vertex + 3)]);
+  });
+});
+
 test("the edges of elements are each there once", () => {
   const { surface } = surfaceOf(slab(2, 1));
   // Of 2 x 2 x 1 cubes: 6 along x and 6 along z on each of two sides, 9 upright.

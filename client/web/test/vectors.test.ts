@@ -62,4 +62,10 @@ test.each(["cut", "cut-vertices"])("%s, recorded, is decoded as the Rust replica
     }
   });
   expect(worst).toBeLessThan(1e-7);
+  // The stream ends with a cut: its seam is lines that go on, along edges that only one wall has.
+  const { seam } = surfaces[0].restructure();
+  const ends = new Map<number, number>();
+  for (const vertex of seam) ends.set(vertex, (ends.get(vertex) ?? 0) + 1);
+  expect(ends.size).toBeGreaterThan(8);
+  expect([...ends.values()].every((count) => count % 2 === 0)).toBe(true);
 });

@@ -5,6 +5,7 @@
 // that the rim between them stays sharp, and share their positions.
 
 import type { Body } from "./body";
+import { LONG_AGO_S, Seam, seamEdges } from "./seam";
 
 /** What changes only with the structure. Arrays have room to spare; counts say how much of them is used. */
 export interface SurfaceStructure {
@@ -18,6 +19,10 @@ export interface SurfaceStructure {
   skinCount: number;
   cut: Uint32Array<ArrayBuffer>;
   cutCount: number;
+  /** Two vertices for each edge at which a wall of a cut meets the skin. */
+  seam: Uint32Array<ArrayBuffer>;
+  /** Two numbers a vertex: how near it is to a seam, 0 to 1, and the sim time since when, s. */
+  rims: Float32Array<ArrayBuffer>;
   /** Two nodes for each edge of the elements. */
   elementEdges: Uint32Array<ArrayBuffer>;
   /** Area of the cut, m^2 at rest: half that of its two walls. */
@@ -31,11 +36,19 @@ export interface SurfaceShape {
   positions: Float32Array<ArrayBuffer>;
   skinNormals: Float32Array<ArrayBuffer>;
   cutNormals: Float32Array<ArrayBuffer>;
+  /** Both ends of each edge of the seam. */
+  seam: Float32Array<ArrayBuffer>;
 }
 
 /** Its arrays, to be handed from thread to thread. */
-export function shapeArrays({ positions, skinNormals, cutNormals }: SurfaceShape): Float32Array<ArrayBuffer>[] {
-  return [positions, skinNormals, cutNormals];
+export function shapeArrays({ positions, skinNormals, cutNormals, seam }: SurfaceShape): Float32Array<ArrayBuffer>[] {
+  return [positions, skinNormals, cutNormals, seam];
+}
+
+/** Those of a structure. */
+export function structureArrays(structure: SurfaceStructure): (Float32Array | Uint32Array | Uint8Array)[] {
+  const { rest, materials, skin, cut, seam, rims, elementEdges } = structure;
+  return [rest, materials, skin, cut, seam, rims, elementEdges];
 }
 
 /** Pairs of an element's corners that its edges join. */
@@ -63,6 +76,9 @@ export class BodySurface {
   private skinQuads = 0;
   /** Vertices beside what is held: slot, weights of the corners' displacements, position at rest, m. */
   private held: { slot: number; weights: readonly number[]; rest: readonly number[] }[] = [];
+  /** Ends of the seam's edges, and since when vertices lie there. */
+  private seamEnds = new Uint32Array(0);
+  private readonly seam = new Seam();
   /** Normals while they are smoothed. */
   private rough = new Float32Array(0);
 
@@ -70,8 +86,8 @@ export class BodySurface {
     this.body = body;
   }
 
-  /** To be called after each change of the body's structure. */
-  restructure(): SurfaceStructure {
+  /** To be called after each change of the body's structure; seams that are new are of the sim time `nowS`. */
+  restructure(nowS = LONG_AGO_S): SurfaceStructure {
     const { body } = this;
     const quads = body.quadCount;
     this.sortVertices();
@@ -90,6 +106,7 @@ export class BodySurface {
     const cut = new Uint32Array(3 * this.cutRoom);
     this.triangulate(0, this.skinQuads, rest, skin);
     const wallsM2 = this.triangulate(this.skinQuads, quads, rest, cut);
+    this.seamEnds = seamEdges(body.quadVertices, this.quadOrder, this.skinQuads, body.vertexCount);
     return {
       vertexCount: body.vertexCount,
       rest,
@@ -98,6 +115,9 @@ export class BodySurface {
       skinCount: 6 * this.skinQuads,
       cut,
       cutCount: 6 * (quads - this.skinQuads),
+      // The page keeps the one, this end the other.
+      seam: this.seamEnds.slice(),
+      rims: this.seam.rims(this.seamEnds, body.quadVertices, quads, this.vertexRoom, nowS),
       elementEdges: this.elementEdges(),
       cutAreaM2: wallsM2 / 2,
       pieces: this.countPieces(rest),
@@ -110,13 +130,14 @@ export class BodySurface {
    */
   shape(used?: SurfaceShape, isAdapted = true): SurfaceShape {
     const length = 3 * this.vertexRoom;
-    const fits = used?.positions.length === length;
+    const fits = used?.positions.length === length && used.seam.length === 3 * this.seamEnds.length;
     const shape = fits
       ? used
       : {
           positions: new Float32Array(length),
           skinNormals: new Float32Array(length),
           cutNormals: new Float32Array(length),
+          seam: new Float32Array(3 * this.seamEnds.length),
         };
     const { body } = this;
     this.interpolate(this.nodePositions(), shape.positions);
@@ -124,6 +145,9 @@ export class BodySurface {
     if (isAdapted) this.adapt(shape.positions);
     this.normals(0, this.skinQuads, shape.positions, shape.skinNormals);
     this.normals(this.skinQuads, body.quadCount, shape.positions, shape.cutNormals);
+    this.seamEnds.forEach((vertex, i) => {
+      for (let axis = 0; axis < 3; axis++) shape.seam[3 * i + axis] = shape.positions[3 * vertex + axis];
+    });
     return shape;
   }
 

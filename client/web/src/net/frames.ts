@@ -16,13 +16,15 @@ export interface ToolFrame {
   isHolding: boolean;
 }
 
-/** Energies since the scene was at rest, J, by the names of kerf.v1.EnergyLedger. */
+/** Energies since the scene was at rest, J. */
 export interface Energy {
   toolWorkJ: number;
   elasticJ: number;
   fractureJ: number;
+  /** Never below 0. */
   dissipatedJ: number;
-  residualJ: number;
+  /** What the others leave unexplained, either way. */
+  errorJ: number;
 }
 
 /** What a state says of every tool, for plots: none is left out when the page is slower than the stream. */

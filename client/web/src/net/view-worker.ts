@@ -8,12 +8,19 @@ import { createGrpcWebTransport } from "@connectrpc/connect-web";
 import { Assembler } from "../decode/assembler";
 import { ReplicaError } from "../decode/check";
 import { Replica } from "../decode/replica";
-import { BodySurface, shapeArrays, type SurfaceShape, type SurfaceStructure } from "../decode/surface";
+import {
+  BodySurface,
+  shapeArrays,
+  structureArrays,
+  type SurfaceShape,
+  type SurfaceStructure,
+} from "../decode/surface";
 import { EventKind } from "../gen/kerf/v1/types_pb";
 import { type State, type ToolState, type ViewResponse, ViewService } from "../gen/kerf/v1/view_pb";
 import { Acknowledger } from "./acknowledger";
 import { inWords, isGone } from "./errors";
-import type { Energy, Frame, FromWorker, Sample, StreamStatus, ToolFrame, ToWorker, Wants } from "./frames";
+import { energyOf } from "./energy";
+import type { Frame, FromWorker, Sample, StreamStatus, ToolFrame, ToWorker, Wants } from "./frames";
 
 const FIRST_RETRY_MS = 250;
 const LAST_RETRY_MS = 4000;
@@ -58,6 +65,8 @@ class Viewing {
   private surfaces: BodySurface[] = [];
   private structures: (SurfaceStructure | undefined)[] = [];
   private state: State | undefined;
+  /** That of the newest state: a patch that comes after it opens seams that are new then. */
+  private simTimeS = 0;
   private samples: Sample[] = [];
   /** Arrays that the page has done with, by object. */
   private spare: (SurfaceShape | undefined)[] = [];
@@ -129,7 +138,7 @@ class Viewing {
         break;
       case "patch":
         this.replica.applyPatch(message.value);
-        this.restructure((index) => message.value.bodies[index].quadIds.length > 0);
+        this.restructure((index) => message.value.bodies[index].quadIds.length > 0, this.simTimeS);
         break;
       case "state":
         this.takeState(message.value);
@@ -145,11 +154,11 @@ class Viewing {
     }
   }
 
-  private restructure(hasChanged: (index: number) => boolean): void {
+  private restructure(hasChanged: (index: number) => boolean, nowS?: number): void {
     // New nodes have no place before the state that follows.
     this.state = undefined;
     this.surfaces.forEach((surface, index) => {
-      if (hasChanged(index)) this.structures[index] = surface.restructure();
+      if (hasChanged(index)) this.structures[index] = surface.restructure(nowS);
     });
   }
 
@@ -161,6 +170,7 @@ class Viewing {
       throw error;
     }
     this.state = state;
+    this.simTimeS = state.simTimeS;
     this.samples.push({ simTimeS: state.simTimeS, tools: state.tools.map(toolFrame) });
     if (this.samples.length > MAX_SAMPLES) this.samples.shift();
     this.show();
@@ -177,7 +187,7 @@ class Viewing {
     }));
     const arrays = bodies.flatMap(({ shape, structure, nodes }) => [
       ...shapeArrays(shape),
-      ...(structure ? [structure.rest, structure.materials, structure.skin, structure.cut, structure.elementEdges] : []),
+      ...(structure ? structureArrays(structure) : []),
       ...(nodes ? [nodes] : []),
     ]);
     const frame: Frame = { ...summary(this.state), samples: this.samples, bodies };
@@ -219,9 +229,4 @@ function summary(state: State): Omit<Frame, "samples" | "bodies"> {
     stageMeansS: profile?.stageMeanS ?? [],
     ...(energy && { energy: energyOf(energy) }),
   };
-}
-
-function energyOf(ledger: NonNullable<State["energy"]>): Energy {
-  const { toolWorkJ, elasticJ, fractureJ, dampingJ, frictionJ, contactLossJ, numericalJ, residualJ } = ledger;
-  return { toolWorkJ, elasticJ, fractureJ, dissipatedJ: dampingJ + frictionJ + contactLossJ + numericalJ, residualJ };
 }

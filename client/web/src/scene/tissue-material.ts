@@ -3,6 +3,7 @@
 
 import { Color, DoubleSide, MeshPhysicalMaterial } from "three";
 import type { Look } from "./looks";
+import { AGEING } from "./seam-line";
 
 const NOISE = /* glsl */ `
 vec3 gradientAt(vec3 p) {
@@ -26,8 +27,16 @@ float noise(vec3 p) {
 const mat3 ACROSS = mat3(0.0, 0.8, 0.6, -0.8, 0.36, -0.48, -0.6, -0.48, 0.64);
 `;
 
-/** Makes the material of one kind of face. `detailPerM` says how many blotches there are on a metre. */
-export function tissueMaterial(look: Look, face: "skin" | "cut", detailPerM: number): MeshPhysicalMaterial {
+/**
+ * Makes the material of one kind of face. `detailPerM` says how many blotches there are on a metre, `nowS` the sim time,
+ * by which rims of cuts are new or old.
+ */
+export function tissueMaterial(
+  look: Look,
+  face: "skin" | "cut",
+  detailPerM: number,
+  nowS: { value: number },
+): MeshPhysicalMaterial {
   const isCut = face === "cut";
   const material = new MeshPhysicalMaterial({
     color: isCut ? look.cut : look.skin,
@@ -41,19 +50,36 @@ export function tissueMaterial(look: Look, face: "skin" | "cut", detailPerM: num
     detailPerM: { value: isCut ? 1.7 * detailPerM : detailPerM },
     mottle: { value: look.mottle },
     glow: { value: new Color(look.glow) },
+    fresh: { value: new Color(look.fresh) },
+    // Linear: how much of each colour is left beside a seam.
+    stain: { value: new Color(look.stain) },
+    nowS,
   };
   material.onBeforeCompile = (shader) => {
     Object.assign(shader.uniforms, uniforms);
     shader.vertexShader = shader.vertexShader
-      .replace("#include <common>", "#include <common>\nattribute vec3 rest;\nvarying vec3 vRest;")
-      .replace("#include <begin_vertex>", "#include <begin_vertex>\nvRest = rest;");
+      .replace("#include <common>", `#include <common>
+        attribute vec3 rest;
+        attribute vec2 rim;
+        uniform float nowS;
+        varying vec3 vRest;
+        varying vec2 vRim;
+        ${AGEING}`)
+      .replace(
+        "#include <begin_vertex>",
+        `#include <begin_vertex>
+        vRest = rest;
+        float ageS = nowS - rim.y;
+        vRim = rim.x * vec2(spread(ageS), freshness(ageS));`,
+      );
     shader.fragmentShader = shader.fragmentShader
       .replace(
         "#include <common>",
         `#include <common>
         varying vec3 vRest;
+        varying vec2 vRim;
         uniform float detailPerM, mottle;
-        uniform vec3 glow;
+        uniform vec3 glow, fresh, stain;
         ${NOISE}`,
       )
       .replace(
@@ -61,12 +87,16 @@ export function tissueMaterial(look: Look, face: "skin" | "cut", detailPerM: num
         `#include <color_fragment>
         vec3 place = ACROSS * vRest * detailPerM;
         float blotches = noise(place) + 0.45 * noise(ACROSS * place * 4.0);
-        diffuseColor.rgb *= exp(0.8 * mottle * blotches);`,
+        diffuseColor.rgb *= exp(0.8 * mottle * blotches);
+        // Not in an even band: it runs along the blotches.
+        vec2 rim = clamp(vRim * (1.0 + 0.5 * blotches), 0.0, 1.0);
+        diffuseColor.rgb *= mix(vec3(1.0), stain, rim.x);
+        diffuseColor.rgb = mix(diffuseColor.rgb, fresh, 0.75 * rim.y);`,
       )
       .replace(
         "#include <roughnessmap_fragment>",
         `#include <roughnessmap_fragment>
-        roughnessFactor = clamp(roughnessFactor + 0.25 * blotches, 0.08, 1.0);`,
+        roughnessFactor = clamp((roughnessFactor + 0.25 * blotches) * (1.0 - 0.6 * rim.x), 0.08, 1.0);`,
       )
       .replace(
         "#include <emissivemap_fragment>",

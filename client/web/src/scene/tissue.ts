@@ -15,6 +15,7 @@ import type { SurfaceShape, SurfaceStructure } from "../decode/surface";
 import type { BodyFrame } from "../net/frames";
 import type { InteriorStyle } from "./interior";
 import { type Look, lookOf } from "./looks";
+import { type SeamDress, SeamLine } from "./seam-line";
 import { tissueMaterial } from "./tissue-material";
 
 type Face = "skin" | "cut";
@@ -31,6 +32,9 @@ export class Tissue extends Group {
   private readonly looks: Look[];
   private readonly faces: Record<Face, Mesh<BufferGeometry, MeshPhysicalMaterial>>;
   private readonly edges: LineSegments<BufferGeometry, LineBasicMaterial>;
+  private readonly seam: SeamLine;
+  /** Of the picture that is shown, s. */
+  private readonly nowS = { value: 0 };
   private shape: SurfaceShape | undefined;
   private vertexCount = 0;
   /** Area of the cut, m^2 at rest. */
@@ -41,7 +45,7 @@ export class Tissue extends Group {
     super();
     this.looks = materialNames.map((name, index) => lookOf(name, index, colors[index]));
     const face = (kind: Face) => {
-      const material = tissueMaterial(this.looks[0], kind, 14 / sizeM);
+      const material = tissueMaterial(this.looks[0], kind, 14 / sizeM, this.nowS);
       if (this.looks.length > 1) {
         material.vertexColors = true;
         material.color.set(0xffffff);
@@ -57,7 +61,8 @@ export class Tissue extends Group {
     this.edges = new LineSegments(new BufferGeometry(), lines);
     this.edges.frustumCulled = false;
     this.edges.visible = false;
-    this.add(this.faces.skin, this.faces.cut, this.edges);
+    this.seam = new SeamLine(sizeM);
+    this.add(this.faces.skin, this.faces.cut, this.edges, this.seam);
     // Drawn before there are normals, the material would be flat for good.
     this.visible = false;
   }
@@ -81,26 +86,29 @@ export class Tissue extends Group {
       // Still hit by rays: tools are put down over the surface.
       mesh.material.visible = style !== "voxels" && style !== "links";
     }
+    this.seam.material.visible = style !== "voxels" && style !== "links";
     this.edges.visible = showsElements(style);
     // Before voxels, whose colours they are not to hide.
     this.edges.material.opacity = style === "voxels" ? 0.25 : 0.55;
   }
 
   /** Takes a frame over; answers with the arrays that were shown before. */
-  show({ shape, structure, nodes }: BodyFrame): SurfaceShape | undefined {
+  show({ shape, structure, nodes }: BodyFrame, nowS: number): SurfaceShape | undefined {
     const before = this.shape;
     this.shape = shape;
+    this.nowS.value = nowS;
     if (structure) this.restructure(structure, shape);
     const positions = this.faces.skin.geometry.getAttribute("position") as BufferAttribute;
     replace(positions, shape.positions);
     replace(this.faces.skin.geometry.getAttribute("normal") as BufferAttribute, shape.skinNormals);
     replace(this.faces.cut.geometry.getAttribute("normal") as BufferAttribute, shape.cutNormals);
+    this.seam.show(shape.seam, nowS);
     if (nodes && this.edges.visible) this.showNodes(nodes);
     return before;
   }
 
   override dispose(): void {
-    for (const { geometry, material } of [this.faces.skin, this.faces.cut, this.edges]) {
+    for (const { geometry, material } of [this.faces.skin, this.faces.cut, this.edges, this.seam]) {
       geometry.dispose();
       material.dispose();
     }
@@ -112,10 +120,12 @@ export class Tissue extends Group {
     this.vertexCount = structure.vertexCount;
     const position = dynamic(shape.positions);
     const rest = new BufferAttribute(structure.rest, 3);
+    const rim = new BufferAttribute(structure.rims, 2);
     const dress = (face: Face, index: Uint32Array, count: number, normals: Float32Array) => {
       const geometry = new BufferGeometry();
       geometry.setAttribute("position", position);
       geometry.setAttribute("rest", rest);
+      geometry.setAttribute("rim", rim);
       geometry.setAttribute("normal", dynamic(normals));
       if (this.looks.length > 1) geometry.setAttribute("color", this.colors(face, structure));
       geometry.setIndex(new BufferAttribute(index, 1));
@@ -126,6 +136,19 @@ export class Tissue extends Group {
     dress("skin", structure.skin, structure.skinCount, shape.skinNormals);
     dress("cut", structure.cut, structure.cutCount, shape.cutNormals);
     this.edges.geometry.setIndex(new BufferAttribute(structure.elementEdges, 1));
+    this.seam.restructure(this.seamDress(structure), shape.seam);
+  }
+
+  private seamDress({ seam, materials, rims }: SurfaceStructure): SeamDress {
+    const count = seam.length / 2;
+    const dress = { settled: new Float32Array(3 * count), fresh: new Float32Array(3 * count) };
+    const palette = this.looks.map((look) => ({ settled: new Color(look.seam), fresh: new Color(look.fresh) }));
+    for (let edge = 0; edge < count; edge++) {
+      const { settled, fresh } = palette[materials[seam[2 * edge]]] ?? palette[0];
+      settled.toArray(dress.settled, 3 * edge);
+      fresh.toArray(dress.fresh, 3 * edge);
+    }
+    return { ...dress, born: Float32Array.from(seam, (vertex) => rims[2 * vertex + 1]) };
   }
 
   private colors(face: Face, { materials }: SurfaceStructure): BufferAttribute {

@@ -7,14 +7,19 @@ export interface PlotPoint {
 }
 
 const WINDOW_S = 8;
-const MARGIN = { left: 40, right: 48, top: 10, bottom: 20 };
+/** An axis reaches to this at least, N and m: less is rounding. */
+const LEAST_FULL = 1e-3;
+const MARGIN = { top: 10, bottom: 20 };
+/** Clear of the labels of an axis, px. */
+const BESIDE = 6;
 
 interface Curve {
   color: string;
-  /** Value of a point in the unit of its axis. */
   value: (point: PlotPoint) => number;
   side: "left" | "right";
-  unit: string;
+  /** Value at the upper end of its axis, and what is written at the lower end, the middle and the upper one. */
+  full: number;
+  labels: readonly string[];
 }
 
 export class Plot {
@@ -57,30 +62,34 @@ export class Plot {
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.clearRect(0, 0, width, height);
     context.font = `11px ${style.fontFamily}`;
+    const color = (name: string) => style.getPropertyValue(name);
+    const force = this.curveOf(color("--force"), "left", "N", (point) => point.forceN);
+    const depth = this.curveOf(color("--depth"), "right", "m", (point) => point.depthM);
+    // As much room beside the curves as the labels take.
+    const room = ({ labels }: Curve) => Math.max(...labels.map((label) => context.measureText(label).width)) + 2 * BESIDE;
     const area = {
-      x: MARGIN.left,
+      x: room(force),
       y: MARGIN.top,
-      width: width - MARGIN.left - MARGIN.right,
+      width: width - room(force) - room(depth),
       height: height - MARGIN.top - MARGIN.bottom,
     };
-    const color = (name: string) => style.getPropertyValue(name);
     grid(context, area, color("--line"), color("--muted"));
-    const force: Curve = { color: color("--force"), value: (p) => p.forceN, side: "left", unit: "N" };
-    const depth: Curve = { color: color("--depth"), value: (p) => 1000 * p.depthM, side: "right", unit: "mm" };
     this.curve(context, area, depth);
     this.curve(context, area, force);
   }
 
+  private curveOf(color: string, side: Curve["side"], unit: string, value: Curve["value"]): Curve {
+    const full = niceCeiling(this.points.reduce((most, point) => Math.max(most, value(point)), 0));
+    return { color, side, value, full, labels: axisLabels(full, unit) };
+  }
+
   private curve(context: CanvasRenderingContext2D, area: Area, curve: Curve): void {
+    const { full } = curve;
     const values = this.points.map(curve.value);
-    const full = niceCeiling(values.reduce((most, value) => Math.max(most, value), 0));
     context.fillStyle = curve.color;
     context.textAlign = curve.side === "left" ? "right" : "left";
-    const x = curve.side === "left" ? area.x - 6 : area.x + area.width + 6;
-    for (const share of [0, 0.5, 1]) {
-      const label = share === 1 ? `${short(full)} ${curve.unit}` : short(share * full);
-      context.fillText(label, x, area.y + area.height * (1 - share) + 4);
-    }
+    const x = curve.side === "left" ? area.x - BESIDE : area.x + area.width + BESIDE;
+    curve.labels.forEach((label, i) => context.fillText(label, x, area.y + area.height * (1 - i / 2) + 4));
     const now = this.points.at(-1)?.timeS ?? 0;
     context.strokeStyle = curve.color;
     context.lineWidth = 1.6;
@@ -118,9 +127,15 @@ function grid(context: CanvasRenderingContext2D, area: Area, line: string, text:
   context.fillText("now", area.x + area.width, area.y + area.height + 15);
 }
 
-/** The next of 1, 2, 5, 10, ... that is not below the value. */
-function niceCeiling(value: number): number {
-  const power = 10 ** Math.floor(Math.log10(Math.max(value, 0.1)));
+/** Numbers at the lower end, the middle and the upper end of an axis, the last with its unit. */
+export function axisLabels(full: number, unit: string): readonly string[] {
+  const [power, prefix] = full >= 1000 ? [1e3, "k"] : full >= 1 ? [1, ""] : [1e-3, "m"];
+  return ["0", short(full / 2 / power), `${short(full / power)} ${prefix}${unit}`];
+}
+
+/** The next of 1, 2, 5, 10, ... times a power of ten that is not below the value. */
+export function niceCeiling(value: number): number {
+  const power = 10 ** Math.floor(Math.log10(Math.max(value, LEAST_FULL)));
   return [1, 2, 5, 10].map((factor) => factor * power).find((ceiling) => ceiling >= value * 0.999)!;
 }
 

@@ -17,6 +17,7 @@ const ENERGIES: readonly (readonly [string, keyof Energy, string])[] = [
   ["Stored", "elasticJ", "Elastic energy that the tissue would give back"],
   ["Cutting", "fractureJ", "What the new surface has cost: fracture energy times its area"],
   ["Lost as heat", "dissipatedJ", "Damping, friction and the time step's own dissipation"],
+  ["Error", "errorJ", "What the others leave unexplained: steps are not exact"],
 ];
 
 export class Readings {
@@ -67,6 +68,11 @@ export class Readings {
     if (!newest) return;
     this.force.textContent = withUnit(newest.forceN, "N");
     this.depth.textContent = `${digits(1000 * newest.depthM)} mm`;
+  }
+
+  showNothingFelt(): void {
+    this.force.textContent = "0 N";
+    this.depth.textContent = "0 mm";
   }
 
   /** What a frame says; `dtS` is the time that a step has. */
