@@ -109,7 +109,13 @@ def test_what_is_refused_carries_its_field_and_limit(client, session):
     with pytest.raises(kerf.InvalidArgumentError) as refused:
         session.step(2, [{0: down()[0]}, {0: down()[1]}])
     assert refused.value.field == "inputs[1].motions[0].pose.pose.position_m"
-    assert refused.value.limit == "too fast: at most 0.0060 m from the last accepted pose"
+    # What was asked for, what is the limit, and what that is in a step.
+    words = "too fast: 10.000 m/s, limit 3.000 m/s: at most 0.0060 m from the last accepted pose, not 0.0200 m"
+    assert refused.value.limit == words
+    with pytest.raises(kerf.NotFoundError, match="did you mean `liver`"):
+        client.create_session("livre")
+    with pytest.raises(kerf.NotFoundError, match="did you mean 'left'"):
+        session.tool_index("lefft")
     assert session.describe().step == 0, "no step is taken"
     with pytest.raises(kerf.NotFoundError, match="no scene"):
         client.create_session("no such scene")
@@ -133,3 +139,18 @@ def test_a_server_that_is_not_there_is_said():
         client.scenes()
     with pytest.raises(kerf.UnavailableError, match="max_sesions"):
         kerf.LocalServer(PROGRAM, settings={"session.max_sesions": 1})
+
+
+def test_settings_of_a_local_server_are_as_python_has_them(tmp_path):
+    settings = {"record_dir": str(tmp_path), "record_surface": True, "session.max_sessions": 2}
+    with kerf.LocalServer(PROGRAM, settings=settings) as server, server.client() as client:
+        assert client.sessions() == {}
+
+
+def test_more_sessions_than_cores_wait_for_their_steps(server):
+    """They are late for nobody: memory alone admits them."""
+    with server.client() as client:
+        made = [client.create_session("cuboid", step_rate_hz=4000.0, level=1) for _ in range(6)]
+        for session in made:
+            session.step(1)
+            session.close()

@@ -95,3 +95,33 @@ def test_a_recording_begins_at_rest(session):
     session.step()
     with pytest.raises(kerf.KerfError, match="at rest"):
         session.record()
+
+
+def test_a_result_prints_six_lines_and_says_where_tools_were_and_how_deep(session):
+    result = session.drive([0.0, 0.25], down())
+    assert len(repr(result).splitlines()) == 6
+    assert "StepResult of 125 steps" in repr(result)
+    # As it was told, evenly; the other tool is not there.
+    np.testing.assert_allclose(result.poses[-1, 0], down()[1])
+    np.testing.assert_allclose(result.poses[0, 0], down()[0])
+    assert np.isnan(result.poses[:, 1]).all()
+    # From where it first felt something, 2 mm below its start, to its end.
+    touched = np.flatnonzero(result.force_n[:, 0].any(axis=1))[0]
+    expected_m = result.poses[touched, 0, 1] - result.poses[:, 0, 1]
+    np.testing.assert_allclose(result.depth_m[touched:, 0], expected_m[touched:], atol=1e-12)
+    assert (result.depth_m[:touched] == 0).all()
+    assert 0.017 < result.depth_m[-1, 0] < 0.019
+    out = session.drive([0.0, 0.1], down(-0.008, 0.02))
+    assert out.depth_m[-1, 0] == 0
+    assert np.isnan(session.lift().poses[-1]).all()
+    session.reset()
+    assert session.drive([0.0, 0.25], down()).depth_m[-1, 0] == result.depth_m[-1, 0]
+
+
+def test_what_is_recorded_is_saved_at_once(session, tmp_path):
+    with session.record() as recorder:
+        result = session.drive([0.0, 0.1], down())
+    recorder.save(tmp_path / "drive.npz")
+    loaded = kerf.Recording.load(tmp_path / "drive.npz")
+    np.testing.assert_array_equal(loaded.result.poses, result.poses)
+    np.testing.assert_array_equal(loaded.result.depth_m, result.depth_m)

@@ -3,6 +3,8 @@
 Begin with `Client`, or `LocalServer` where no server runs yet; `kerf.gym` has an environment for learning.
 """
 
+import contextlib
+
 from kerf.body import Surface
 from kerf.client import Client
 from kerf.control import Contact, Control
@@ -18,6 +20,7 @@ from kerf.errors import (
     StepsEndedError,
     UnavailableError,
 )
+from kerf.gym import register as _register
 from kerf.local_server import LocalServer
 from kerf.model import (
     ENERGY_TERMS,
@@ -36,6 +39,10 @@ from kerf.motion import Placement
 from kerf.recording import Recording
 from kerf.session import Session
 from kerf.view import View
+
+# The ids of its environments are known from here on, where Gymnasium is installed.
+with contextlib.suppress(ImportError):
+    _register()
 
 __all__ = [
     "ENERGY_TERMS",

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kerf import integers, surface_hash
+from kerf import integers, surface_file, surface_hash
 from kerf.errors import ReplicaError
 from kerf.v1 import view_pb2 as pb
 
@@ -84,6 +85,34 @@ class Surface:
     #: Steps taken.
     step: int
     topology_version: int
+
+    def pieces(self) -> list[NDArray[np.intp]]:
+        """Indices of the triangles of each closed surface that nothing joins to the others, the largest first."""
+        roots = _components(self.quads, len(self.vertices_m))[self.triangles[:, 0]]
+        pieces = [np.flatnonzero(roots == root) for root in np.unique(roots)]
+        return sorted(pieces, key=len, reverse=True)
+
+    def save(self, path: str | Path) -> None:
+        """Writes the surface to a file, by its ending: `.stl`, `.ply`, `.obj`, `.vtu` or `.glb`.
+
+        All are of metres in the scene frame. A `.glb` has a mesh for each piece, a `.vtu` says of each triangle which
+        piece it is of and whether it is a wall of a cut. Needs `pip install kerf[mesh]`.
+        """
+        surface_file.save(self, Path(path))
+
+
+def _components(quads: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Of each vertex the lowest of those that quads join it to."""
+    lowest = np.arange(count)
+    while True:
+        of_quad = lowest[quads].min(axis=1)
+        lower = lowest.copy()
+        np.minimum.at(lower, quads.reshape(-1), np.repeat(of_quad, 4))
+        # Half the way at once: what a vertex points to points further.
+        lower = lower[lower]
+        if np.array_equal(lower, lowest):
+            return lower
+        lowest = lower
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import re
+from collections.abc import Iterable
 from typing import Any
 
 import grpc
@@ -16,7 +18,7 @@ class KerfError(Exception):
         field: Path of the field that is at fault, as on the wire (`"inputs[0].motions[0].pose.pose.position_m"`);
             empty where no field is.
         limit: The limit that was not kept: a setting of the server (`"max_sessions"`), or words for people
-            (`"too fast: at most 0.0060 m from the last accepted pose"`); empty where there is none.
+            (`"must be 1 to 1000"`); empty where there is none.
     """
 
     def __init__(self, message: str, *, field: str = "", limit: str = "") -> None:
@@ -59,6 +61,12 @@ class PoseRejectedError(KerfError, ValueError):
 
 class ReplicaError(KerfError):
     """A message of the view stream that cannot be applied, or a surface that is not the server's."""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Words that follow a name that is not known, where one that is known is like it; else nothing."""
+    likely = difflib.get_close_matches(name, list(known), n=1)
+    return f"; did you mean {likely[0]!r}?" if likely else ""
 
 
 _BY_CODE: dict[grpc.StatusCode, type[KerfError]] = {

@@ -1,23 +1,29 @@
 """A Gymnasium environment around a session: cutting as a task to learn.
 
-Gymnasium is optional (`pip install kerf[gym]`). Without it `CuttingEnv` is a class of the same methods, and its spaces
+`gymnasium.make("kerf/Cut-v0")` makes one, on a server of its own or at `address`. Gymnasium is optional
+(`pip install kerf[gym]`). Without it `CuttingEnv` is a class of the same methods, and its spaces
 are plain boxes with `low`, `high`, `shape` and `sample`.
 """
 
 from __future__ import annotations
 
+import atexit
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kerf.client import Client
 from kerf.errors import InvalidArgumentError
+from kerf.local_server import LocalServer
 from kerf.model import Floats, StepResult
 from kerf.motion import Motion, Placement, poses_array
+from kerf.picture import Painter
 from kerf.session import ToolRef
+from kerf.view import View
 
 try:
     from gymnasium import Env as _Env
@@ -97,12 +103,16 @@ class CuttingEnv(Base):
     turning about the tool's x, y, z as a share of `max_turn_rad_per_s`. With `controls_opening` a seventh opens (1) and
     closes (-1) the jaws.
 
+    With `render_mode="rgb_array"` `render` draws the tissue and the tools.
+
     An observation is flat: the tool's position (3) and quaternion (4), the force (3) and torque (3) on it, the length
     of the edge that cuts (1), then the displacement of each tracked point (3 each). Override `observe` for another one,
     and `observation_space` with it.
 
     The same seed and the same actions give the same observations and the same `info["state_hash"]`.
     """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 25}  # noqa: RUF012
 
     def __init__(
         self,
@@ -120,6 +130,8 @@ class CuttingEnv(Base):
         controls_opening: bool = False,
         reward: Callable[[Moment], float] = cut_area_reward,
         is_done: Callable[[Moment], bool] = lambda _: False,
+        render_mode: str | None = None,
+        picture_size: tuple[int, int] = (480, 360),
         **session_options: Any,  # noqa: ANN401
     ) -> None:
         """Builds the scene, and lets it come to rest.
@@ -138,8 +150,17 @@ class CuttingEnv(Base):
             controls_opening: Whether an action has a seventh number.
             reward: What an action was worth.
             is_done: Whether the task is done; the episode ends then.
+            render_mode: `"rgb_array"`, or nothing: `render` answers with nothing then.
+            picture_size: Width and height of a picture, pixels.
             session_options: As of `Client.create_session`.
         """
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            limit = f"one of {', '.join(self.metadata['render_modes'])}, or None"
+            raise InvalidArgumentError(f"render_mode: {render_mode!r} is not {limit}", field="render_mode", limit=limit)
+        self.render_mode = render_mode
+        self._picture_size = picture_size
+        self._painter: Painter | None = None
+        self._view: View | None = None
         named = scene if not {"path", "toml"} & session_options.keys() else None
         self.session = client.create_session(named, **session_options)
         self._tool = self.session.tool_index(tool)
@@ -198,8 +219,27 @@ class CuttingEnv(Base):
         ]
         return np.concatenate(seen).astype(np.float32)
 
+    def render(self) -> NDArray[np.uint8] | None:
+        """A picture of the tissue and the tools after the last step: rows of red, green and blue."""
+        if self.render_mode is None:
+            return None
+        if self._painter is None or self._view is None:
+            objects = self.session.scene.objects
+            rest_min_m = np.min([known.rest_min_m for known in objects], axis=0)
+            rest_max_m = np.max([known.rest_max_m for known in objects], axis=0)
+            self._painter = Painter(rest_min_m, rest_max_m, self.session.scene.tools, self._picture_size)
+            self._view = self.session.view()
+        # A way back to the start may be behind what was seen before: what is shown is as of this step, or newer.
+        surfaces = self._view.surfaces()
+        while surfaces[0].step != self._result.steps[-1]:
+            surfaces = self._view.surfaces(step=int(self._result.steps[-1]))
+        return self._painter.picture(surfaces, self._result.poses[-1])
+
     def close(self) -> None:
         """Ends the session."""
+        if self._view is not None:
+            self._view.close()
+            self._view = None
         self.session.close()
 
     def _way(self, wanted: Floats) -> list[Motion]:
@@ -217,7 +257,73 @@ class CuttingEnv(Base):
 
     def _info(self) -> dict[str, Any]:
         last = self._result
-        return {"state_hash": last.state_hash, "step": int(last.steps[-1]), "energy": last.energy}
+        # Of 64 bits and no sign: vectors of environments keep it in an array.
+        return {"state_hash": np.uint64(last.state_hash), "step": int(last.steps[-1]), "energy": last.energy}
+
+
+def make_cutting_env(address: str | None = None, **options: Any) -> CuttingEnv:  # noqa: ANN401
+    """An environment with a connection of its own: `gymnasium.make("kerf/Cut-v0", ...)`.
+
+    Args:
+        address: The server. Without one this process starts its own, once: the program that `KERF_SERVER` names, or
+            `kerf-server` on the path.
+        options: As of `CuttingEnv`. The scene is `jelly`, and the tool begins above its middle, unless they say so.
+    """
+    options = {"start_pose": [0.0, 0.06, 0.0, 0.0, 0.0, 0.0, 1.0], **options}
+    return _OwnClientEnv(address, **options)
+
+
+class _OwnClientEnv(CuttingEnv):
+    """Closes its connection too, and the server of this process with the last of them that uses it."""
+
+    _server: ClassVar[LocalServer | None] = None
+    #: A process that was forked has its parent's server in memory, and may neither use nor end it.
+    _server_of_process: ClassVar[int] = 0
+    _users: ClassVar[int] = 0
+
+    def __init__(self, address: str | None, **options: Any) -> None:  # noqa: ANN401
+        self._uses_server = address is None
+        self._client = Client(address or self._shared_server().address)
+        try:
+            super().__init__(self._client, **options)
+        except BaseException:
+            self._leave()
+            raise
+
+    def close(self) -> None:
+        super().close()
+        self._leave()
+
+    def _leave(self) -> None:
+        self._client.close()
+        kind = _OwnClientEnv
+        if not self._uses_server or kind._server_of_process != os.getpid():
+            return
+        self._uses_server = False
+        kind._users -= 1
+        if kind._users == 0 and kind._server is not None:
+            kind._server.stop()
+            kind._server = None
+
+    @staticmethod
+    def _shared_server() -> LocalServer:
+        kind = _OwnClientEnv
+        if kind._server is None or kind._server_of_process != os.getpid():
+            kind._server = LocalServer(os.environ.get("KERF_SERVER", "kerf-server"))
+            kind._server_of_process, kind._users = os.getpid(), 0
+            # Environments that nobody closes.
+            atexit.register(kind._server.stop)
+        kind._users += 1
+        return kind._server
+
+
+def register() -> None:
+    """Makes the ids of the environments known to Gymnasium, which calls this by itself where it is installed."""
+    from gymnasium.envs.registration import register as known
+    from gymnasium.envs.registration import registry
+
+    if "kerf/Cut-v0" not in registry:
+        known("kerf/Cut-v0", entry_point="kerf.gym:make_cutting_env")
 
 
 def _turned(quaternion: Floats, rotation_rad: Floats) -> Floats:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import collections
 import json
+import os
 import shutil
 import subprocess
 import threading
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from kerf.client import Client
 from kerf.errors import NotFoundError, UnavailableError
@@ -41,9 +44,11 @@ class LocalServer:
         if found is None:
             raise NotFoundError(f"no program {str(program)!r}", field="program", limit="a kerf-server")
         given = {"log.format": "json", **(settings or {})}
-        flags = [f"--set={name}={value}" for name, value in given.items()]
+        flags = [f"--set={name}={_as_setting(value)}" for name, value in given.items()]
+        # That one names the program. The server takes what begins with KERF_ for its settings, and knows none such.
+        environment = {name: value for name, value in os.environ.items() if name != "KERF_SERVER"}
         self._process = subprocess.Popen(
-            [found, "serve", "--listen", "127.0.0.1:0", *flags], stderr=subprocess.PIPE, text=True
+            [found, "serve", "--listen", "127.0.0.1:0", *flags], stderr=subprocess.PIPE, text=True, env=environment
         )
         #: Host and port.
         self.address = self._listening_address()
@@ -79,3 +84,8 @@ class LocalServer:
                 threading.Thread(target=collections.deque, args=(log, 0), daemon=True).start()
                 return str(fields["address"])
         raise UnavailableError(f"the server ended with status {self._process.wait()}: {''.join(kept)}")
+
+
+def _as_setting(value: object) -> str:
+    """A value as `--set` reads it: `True` is Python's word, `true` the server's."""
+    return str(value).lower() if isinstance(value, bool | np.bool_) else str(value)

@@ -157,7 +157,7 @@ class SceneInfo:
     description: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class StepResult:
     """What steps have led to: arrays with a row for each step.
 
@@ -175,6 +175,11 @@ class StepResult:
     cutting_length_m: Floats
     #: `ContactFlags` of each tool. (n, t)
     flags: NDArray[np.uint32]
+    #: Where each tool was: position in metres, then a quaternion x, y, z, w; not a number while it is lifted, or where
+    #: this session has not placed it. (n, t, 7)
+    poses: Floats
+    #: How far each tool has gone the way it cuts since it first touched, m; 0 while it is out. (n, t)
+    depth_m: Floats
     #: In the order of `ENERGY_TERMS`. (n, 14)
     energies_j: Floats
     #: Scene frame. (n, p, 3)
@@ -186,6 +191,26 @@ class StepResult:
 
     def __len__(self) -> int:
         return len(self.steps)
+
+    def __repr__(self) -> str:
+        """Six lines: what happened, without the arrays."""
+        tools = range(self.force_n.shape[1])
+        forces_n = np.linalg.norm(self.force_n, axis=2)
+        # The tool that felt most.
+        tool = int(np.argmax(forces_n.max(axis=0))) if len(tools) else 0
+        felt_n = forces_n[:, tool] if len(tools) else np.zeros(1)
+        depth_m, edge_m = (of[-1, tool] if len(tools) else 0.0 for of in (self.depth_m, self.cutting_length_m))
+        energy = self.energy
+        return "\n".join(
+            [
+                f"StepResult of {len(self)} steps, to step {self.steps[-1]} at {self.sim_time_s[-1]:.3f} s",
+                f"  force   {felt_n[-1]:.4g} N at the end, {felt_n.max():.4g} N at most (tool {tool} of {len(tools)})",
+                f"  depth   {1e3 * depth_m:.2f} mm; {1e3 * edge_m:.1f} mm of its edge cut",
+                f"  energy  {energy.tool_work_j:.4g} J from tools, {energy.elastic_j:.4g} J stored",
+                f"  cut     {energy.fracture_j:.4g} J, structure {self.topology_version}",
+                f"  state   {self.state_hash:016x}",
+            ]
+        )
 
     @property
     def energy(self) -> EnergyLedger:
@@ -212,7 +237,7 @@ class StepResult:
 
 
 def step_result(message: session_pb2.StepSessionResponse) -> StepResult:
-    """Arrays of an answer's steps."""
+    """Arrays of an answer's steps. It does not say where tools were: who told them knows (`ToolWay`)."""
     outcomes = message.outcomes
     n, tools, points = len(outcomes), len(outcomes[0].contacts), len(outcomes[0].tracked_displacements_m)
     felt = [
@@ -230,6 +255,8 @@ def step_result(message: session_pb2.StepSessionResponse) -> StepResult:
         torque_nm=per_tool[..., 3:6],
         cutting_length_m=per_tool[..., 6],
         flags=np.array([[c.flags for c in outcome.contacts] for outcome in outcomes], dtype=np.uint32),
+        poses=np.full((n, tools, 7), np.nan),
+        depth_m=np.zeros((n, tools)),
         energies_j=np.array([energies_of(outcome.energy) for outcome in outcomes]),
         tracked_displacements_m=np.array(moved, dtype=np.float64).reshape(n, points, 3),
         topology_version=message.topology_version,

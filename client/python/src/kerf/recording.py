@@ -67,7 +67,11 @@ class Recording:
         """Reads what `save` wrote."""
         with np.load(path, allow_pickle=False) as kept:
             words = json.loads(str(kept["words"]))
-            result = {f.name: kept[f"result_{f.name}"] for f in fields(StepResult)}
+            result = {f.name: kept[f"result_{f.name}"] for f in fields(StepResult) if f"result_{f.name}" in kept}
+            # Files that were written before these were kept have none.
+            shape = result["cutting_length_m"].shape
+            result.setdefault("poses", np.full((*shape, len(POSE_COLUMNS)), np.nan))
+            result.setdefault("depth_m", np.full(shape, np.nan))
             result |= {name: int(result[name]) for name in ("topology_version", "state_hash")}
             own = {name: kept[name] for name in ("told", "poses", "openings", "hash_steps", "state_hashes")}
             files = {name.removeprefix("file_"): kept[name].tobytes() for name in kept if name.startswith("file_")}
@@ -147,6 +151,14 @@ class Recorder:
         self._inputs += inputs
         self._inputs += [{}] * (len(result) - len(inputs))
         self._results.append(result)
+
+    def save(self, path: str | Path) -> None:
+        """Writes what was kept so far as an `.npz` file, as `Recording.save`."""
+        self.recording.save(path)
+
+    def save_script(self, path: str | Path) -> None:
+        """Writes what was kept so far as a script, as `Recording.save_script`."""
+        self.recording.save_script(path)
 
     @property
     def recording(self) -> Recording:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -11,11 +12,12 @@ from numpy.typing import ArrayLike
 
 from kerf import model
 from kerf.control import Control
-from kerf.errors import KerfError, NotFoundError
+from kerf.errors import KerfError, NotFoundError, did_you_mean
 from kerf.model import Checkpoint, ContactFlags, SessionStatus, StepResult
 from kerf.motion import Motion, Placement, Track, poses_array, step_input
 from kerf.recording import Recorder
 from kerf.rpc import Transport
+from kerf.tool_way import ToolWay
 from kerf.v1 import session_pb2 as pb
 from kerf.view import View
 
@@ -64,6 +66,7 @@ class Session:
         self._owned = owned
         self._recorder: Recorder | None = None
         self._tools_in_scene: set[int] = set()
+        self._way = ToolWay(len(self.scene.tools))
 
     def __repr__(self) -> str:
         return f"Session({self.id!r}, scene={self.scene.name!r})"
@@ -107,7 +110,7 @@ class Session:
         """Puts the scene back to rest: step 0, every tool lifted."""
         request = pb.ResetSessionRequest(session_id=self.id)
         self._transport.call("SessionService/ResetSession", request, pb.ResetSessionResponse)
-        self._tools_in_scene.clear()
+        self._forget_tools()
         if self._recorder is not None:
             self._recorder.start_over()
 
@@ -123,7 +126,9 @@ class Session:
             return names.index(tool)
         if isinstance(tool, int) and 0 <= tool < len(names):
             return tool
-        raise NotFoundError(f"no tool {tool!r}", field="tool", limit=f"one of {', '.join(names)}")
+        guess = did_you_mean(tool, names) if isinstance(tool, str) else ""
+        words = f"no tool {tool!r} among {', '.join(names)}{guess}"
+        raise NotFoundError(words, field="tool", limit=f"one of {', '.join(names)}")
 
     # Steps
 
@@ -167,6 +172,8 @@ class Session:
         request = pb.StepSessionRequest(session_id=self.id, steps=count, inputs=[step_input(each) for each in inputs])
         answer = self._transport.call("SessionService/StepSession", request, pb.StepSessionResponse)
         result = model.step_result(answer)
+        poses, depth_m = self._way.take(inputs, result.flags, result.force_n)
+        result = replace(result, poses=poses, depth_m=depth_m)
         lifted = result.flags[-1] & ContactFlags.LIFTED
         self._tools_in_scene = {tool for tool, is_lifted in enumerate(lifted) if not is_lifted}
         if self._recorder is not None:
@@ -185,8 +192,12 @@ class Session:
         self._refuse_while_recorded()
         request = pb.RestoreCheckpointRequest(session_id=self.id, name=name)
         answer = self._transport.call("SessionService/RestoreCheckpoint", request, pb.RestoreCheckpointResponse)
-        self._tools_in_scene.clear()
+        self._forget_tools()
         return answer.step
+
+    def _forget_tools(self) -> None:
+        self._tools_in_scene.clear()
+        self._way.forget()
 
     def checkpoints(self) -> list[Checkpoint]:
         """What can be gone back to, in the order of saving."""

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from kerf.errors import DeadlineError, KerfError, NotFoundError, ReplicaError, UnavailableError
+from kerf.errors import DeadlineError, KerfError, NotFoundError, ReplicaError, UnavailableError, did_you_mean
 from kerf.replica import Assembler, Replica, Surface
 from kerf.rpc import PROTOCOL_VERSION, Transport
 from kerf.v1 import view_pb2 as pb
@@ -55,7 +55,9 @@ class View:
             return surfaces[0]
         named = [surface for surface in surfaces if surface.object_name == name]
         if not named:
-            raise NotFoundError(f"no object {name!r}", field="name")
+            known = [surface.object_name for surface in surfaces]
+            words = f"no object {name!r} among {', '.join(known)}{did_you_mean(name, known)}"
+            raise NotFoundError(words, field="name", limit=f"one of {', '.join(known)}")
         return named[0]
 
     def surface_hash(self, step: int = 0, timeout_s: float = 10.0) -> int:

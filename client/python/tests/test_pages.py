@@ -1,0 +1,89 @@
+"""The lines of Python on the pages are run as they stand there."""
+
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+from conftest import PROGRAM, REPOSITORY
+
+PAGES = ["README.md", "docs/tutorial.md", "client/python/README.md"]
+
+
+def blocks(page, language):
+    text = (REPOSITORY / page).read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+
+
+def test_there_are_lines_to_run():
+    assert all(blocks(page, "python") for page in PAGES)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder as whoever follows the pages has it: what the tutorial has saved, and the program where it is built."""
+    (tmp_path / "block.toml").write_text(blocks("docs/tutorial.md", "toml")[0])
+    built = tmp_path / "target/release"
+    built.mkdir(parents=True)
+    (built / "kerf-server").symlink_to(PROGRAM)
+    return tmp_path
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_the_lines_of_a_page_run(page, folder, server):
+    for number, block in enumerate(blocks(page, "python")):
+        # What goes on from a block before begins with what that one has. The server that runs already runs here.
+        running = block.replace("127.0.0.1:50051", server.address)
+        program = "\n".join(_needed(page, number)) + "\n" + running
+        path = os.pathsep.join([str(folder / "target/release"), os.environ["PATH"]])
+        environment = {**os.environ, "PATH": path}
+        ran = subprocess.run(
+            [sys.executable, "-c", program],
+            check=False,
+            cwd=folder,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=120,
+        )
+        assert ran.returncode == 0, f"{page}, block {number}:\n{block}\n{ran.stderr}"
+
+
+def _needed(page, number):
+    """Lines that a page states before a block, as prose or in a block that went before."""
+    if page == "client/python/README.md" and number > 0:
+        return [
+            "import numpy as np, kerf",
+            "down = np.array([[0, 0.057, 0, 0, 0, 0, 1], [0, 0.03, 0, 0, 0, 0, 1]])",
+            "server = kerf.LocalServer('target/release/kerf-server')",
+            "import atexit; atexit.register(server.stop)",
+            "client = server.client()",
+        ]
+    return []
+
+
+def test_the_tutorials_commands_are_commands_of_the_program():
+    """Every `kerf-server WORD` of the pages is one, with options that it has."""
+    lines = [
+        line.split("#")[0].split()
+        for page in PAGES
+        for line in (REPOSITORY / page).read_text(encoding="utf-8").splitlines()
+        if line.startswith("    kerf-server ")
+    ]
+    assert len(lines) > 5
+    known = {}
+
+    def help_of(*command):
+        if command not in known:
+            asked = [PROGRAM, *command, "--help"]
+            known[command] = subprocess.run(asked, capture_output=True, text=True, check=True).stdout
+        return known[command]
+
+    for words in lines:
+        command = [words[1]]
+        # Some have commands of their own.
+        if "Commands:" in help_of(*command):
+            command.append(words[2])
+        for option in (word.split("=")[0] for word in words if word.startswith("--")):
+            assert option in help_of(*command), f"{option} in: {' '.join(words)}"
