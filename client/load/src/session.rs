@@ -136,7 +136,14 @@ async fn create(
     } else {
         (create_session_request::Scene::SceneName(scene.to_owned()), Vec::new())
     };
-    let request = v1::CreateSessionRequest { scene: Some(source), start_paused: false, dial, step_rate_hz, files };
+    let request = v1::CreateSessionRequest {
+        scene: Some(source),
+        start_paused: false,
+        dial,
+        step_rate_hz,
+        files,
+        fit_step_rate: false,
+    };
     let reply = client
         .create_session(timed(request, CREATE_TIMEOUT))
         .await

@@ -74,3 +74,24 @@ test("a gummy bear, cut open", { timeout: PATIENCE_MS }, async () => {
   await drag(page, [520, 400], [60, -60], never);
   await shoot(page, "viewer-bear.jpg");
 });
+
+test("every built-in scene, for the choice of scenes", { timeout: 4 * PATIENCE_MS }, async () => {
+  const { scenes } = await server.sessions.listScenes({});
+  for (const { name } of scenes) {
+    const { session } = await server.sessions.createSession({
+      scene: { case: "sceneName", value: name },
+      stepRateHz: 125,
+      startPaused: true,
+    });
+    const { sessionId } = session!;
+    await server.sessions.stepSession({ sessionId, steps: 30 });
+    const { page } = await open(browser, `${server.address}/?session=${sessionId}`, { width: 640, height: 360 });
+    await live(page);
+    // Bars and readings are not of the scene.
+    await page.addStyleTag({ content: "body > :not(#stage) { display: none !important; }" });
+    await page.waitForTimeout(4000);
+    await page.screenshot({ path: `public/scene-${name}.jpg`, type: "jpeg", quality: 72 });
+    await page.close();
+    await server.sessions.closeSession({ sessionId });
+  }
+});

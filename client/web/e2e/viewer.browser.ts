@@ -346,23 +346,116 @@ test("a picture, the surface and a link can be taken along", async () => {
   expect(there.page.url()).toBe(page.url());
 });
 
-test("on a phone every button is in reach, in the dark and in the light", async () => {
-  const sessionId = await server.create(BAR);
-  const { page } = await open(browser, `${server.address}/?session=${sessionId}`, { width: 390, height: 760 });
+const SCREENS = [
+  { name: "a phone", width: 390, height: 844 },
+  { name: "a tablet", width: 820, height: 1180 },
+];
+
+test.each(SCREENS)("on $name every control is in reach of a finger", async ({ width, height }) => {
+  const others = `
+[[tools]]
+name = "probe"
+shape = { probe = { radius_m = 0.008 } }
+[[tools]]
+name = "scissors"
+shape = { scissors = { blade_length_m = 0.03, blade_height_m = 0.005 } }
+`;
+  const sessionId = await server.create(BAR + others);
+  const screen = { width, height, hasTouch: true };
+  const { page, problems } = await open(browser, `${server.address}/?session=${sessionId}`, screen);
   await live(page);
-  await page.click("button:has-text('Blade')");
-  for (const label of ["Pause", "Save a picture", "Save the surface as GLB", "Help", "Put the tool away"]) {
-    const button = page.locator(`button[aria-label='${label}']`);
-    await button.scrollIntoViewIfNeeded();
-    const { x, y, width, height } = (await button.boundingBox())!;
-    expect([label, x >= 0 && y >= 0 && x + width <= 390 && y + height <= 760]).toEqual([label, true]);
-    // Large enough for a finger.
-    expect(Math.min(width, height)).toBeGreaterThanOrEqual(32);
+  await page.tap("button:has-text('Grasper')");
+  await page.waitForSelector("button[aria-label='Close or open the jaws']:visible");
+  // A bar that has wrapped moves those above it with the next picture.
+  await page.waitForTimeout(500);
+  // All that can be pressed, without a way to scroll: whole, on the page, large enough, and not under something else.
+  const controls = await page.evaluate(() =>
+    [...document.querySelectorAll<HTMLElement>("button, select")]
+      .filter((control) => control.checkVisibility())
+      .map((control) => {
+        const { left, top, right, bottom, width, height } = control.getBoundingClientRect();
+        const name = control.getAttribute("aria-label") ?? control.textContent;
+        const isOnPage = left >= 0 && top >= 0 && right <= innerWidth && bottom <= innerHeight;
+        const above = document.elementFromPoint((left + right) / 2, (top + bottom) / 2);
+        return { name, isOnPage, isClear: control.contains(above), side: Math.min(width, height) };
+      }),
+  );
+  const names = controls.map(({ name }) => name);
+  for (const name of ["Look", "Blade", "Probe", "Pause", "Draw the forces", "Save a picture", "Save the surface as GLB"]) {
+    expect(names).toContain(name);
   }
-  const brightness = () => page.evaluate(() => getComputedStyle(document.body).backgroundColor.match(/\d+/g)!.map(Number)[0]);
-  expect(await brightness()).toBeLessThan(60);
-  await page.click("button[aria-label='Dark or light']");
-  expect(await brightness()).toBeGreaterThan(150);
+  for (const name of ["Put the tool away", "Help", "Dark or light", "Scenes and sessions", "Away", "Turn left"]) {
+    expect(names).toContain(name);
+  }
+  for (const { name, isOnPage, isClear, side } of controls) {
+    expect([name, isOnPage, isClear, side >= 44]).toEqual([name, true, true, true]);
+  }
+  expect(await page.locator("#top .scene").boundingBox()).toMatchObject({ height: expect.any(Number) as number });
+  expect(await page.locator("#top .scene").textContent()).toBe("Bar");
+  // A word in passing covers no reading, nor does what stands.
+  await page.tap("button[aria-label='Save a point to go back to']");
+  await page.waitForSelector("text=Saved Point 1");
+  const boxes = async (selector: string) => {
+    const found = await page.locator(selector).all();
+    return (await Promise.all(found.map((one) => one.boundingBox()))).filter((box) => box !== null);
+  };
+  for (const message of await boxes(".message")) {
+    for (const reading of await boxes("#readings .panel")) {
+      const isApart =
+        message.x + message.width <= reading.x ||
+        reading.x + reading.width <= message.x ||
+        message.y + message.height <= reading.y ||
+        reading.y + reading.height <= message.y;
+      expect([message, reading, isApart]).toEqual([message, reading, true]);
+    }
+  }
+  // All readings, at a press where they are not all there.
+  const all = page.locator("button[aria-label='All readings']");
+  if (await all.isVisible()) await all.tap();
+  expect(await page.locator("output[data-reading='Pieces']").isVisible()).toBe(true);
+  expect(problems).toEqual([]);
+});
+
+test("a page is dark or light as the system is, until somebody chooses", async () => {
+  const sessionId = await server.create(BAR);
+  const brightness = (page: Page) =>
+    page.evaluate(() => getComputedStyle(document.body).backgroundColor.match(/\d+/g)!.map(Number)[0]);
+  for (const colorScheme of ["dark", "light"] as const) {
+    const { page } = await open(browser, `${server.address}/?session=${sessionId}`, { width: 800, height: 560, colorScheme });
+    await live(page);
+    const isLight = async () => (await brightness(page)) > 150;
+    expect(await isLight()).toBe(colorScheme === "light");
+    await page.emulateMedia({ colorScheme: colorScheme === "light" ? "dark" : "light" });
+    await expect.poll(isLight).toBe(colorScheme !== "light");
+    await page.click("button[aria-label='Dark or light']");
+    expect(await isLight()).toBe(colorScheme === "light");
+    await page.close();
+  }
+});
+
+test("the first scene is the liver, at a rate that the machine keeps, without a red word", async () => {
+  const { page, problems } = await open(browser, server.address, { width: 1280, height: 800 });
+  await page.waitForSelector(".card");
+  const cards = await page.evaluate(() =>
+    [...document.querySelectorAll<HTMLElement>(".card")].map((card) => ({
+      name: card.dataset["scene"],
+      hasPicture: (card.querySelector("img")?.naturalWidth ?? 0) > 0,
+      isWhole: [...card.querySelectorAll("span")].every((span) => span.scrollHeight <= span.clientHeight),
+    })),
+  );
+  expect(cards[0].name).toBe("liver");
+  expect(cards.filter(({ hasPicture, isWhole }) => !hasPicture || !isWhole)).toEqual([]);
+  await page.click(".card");
+  await page.waitForSelector("text=The server makes the tissue");
+  await live(page);
+  await page.waitForFunction(() => !document.querySelector(".message.busy"));
+  await readingWhere(page, "Time", (timeS) => timeS > 1);
+  expect(await page.locator(".problem").count()).toBe(0);
+  const sessionId = new URL(page.url()).searchParams.get("session")!;
+  const { session } = await server.sessions.describeSession({ sessionId });
+  expect(session!.load).toBeLessThan(1);
+  await server.sessions.closeSession({ sessionId });
+  expect(problems).toEqual([]);
 });
 
 test("pieces that fall out of reach are told of", async () => {

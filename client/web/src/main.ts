@@ -15,7 +15,8 @@ import { Session } from "./session";
 import { Bars } from "./ui/bars";
 import { byId } from "./ui/dom";
 import { openHelp } from "./ui/help";
-import { say, stand, unsay } from "./ui/messages";
+import { followLayout } from "./ui/layout";
+import { say, sayUntil, stand, unsay } from "./ui/messages";
 import { openPoints, savePoint } from "./ui/points";
 import { Readings } from "./ui/readings";
 import { openSettings } from "./ui/settings";
@@ -71,6 +72,7 @@ class App {
         if (this.session) this.session.picture.showsForces = shown;
       },
     });
+    followLayout();
     window.addEventListener("keydown", (event) => this.key(event));
     const tick = (now: number) => {
       this.session?.tick();
@@ -98,7 +100,7 @@ class App {
         const { sceneToml } = await sessions.getScene({ of: { case: "sceneName", value: name } });
         const text = new SceneText(sceneToml);
         text.addMissingTools();
-        await this.begin(text.toString());
+        await this.begin(text.toString(), true);
       } catch (error) {
         stand("This scene did not start", inWords(error), [{ label: "Back", choose: () => this.choose() }]);
       }
@@ -106,11 +108,17 @@ class App {
     void openStart({ scene: (name) => void scene(name), session: (id) => void this.join(id) });
   }
 
-  private async begin(sceneToml: string): Promise<void> {
-    say("The server makes the tissue…");
-    const { session } = await sessions.createSession({ scene: { case: "sceneToml", value: sceneToml } });
-    this.begun.add(session!.sessionId);
-    await this.open(session!);
+  /** With `fits` at a step rate that the server's machine keeps, else at the scene's own. */
+  private async begin(sceneToml: string, fits = false): Promise<void> {
+    const done = sayUntil("The server makes the tissue…");
+    try {
+      const scene = { case: "sceneToml" as const, value: sceneToml };
+      const { session } = await sessions.createSession({ scene, fitStepRate: fits });
+      this.begun.add(session!.sessionId);
+      await this.open(session!);
+    } finally {
+      done();
+    }
   }
 
   private async join(sessionId: string): Promise<void> {

@@ -238,6 +238,6 @@ export class Session {
     if (now - this.overloadSaidMs < OVERLOAD_WORDS_MS) return;
     this.overloadSaidMs = now;
     const words = "The machine does not keep up, so the tissue moves slower than your hand.";
-    say(`${words} Change the scene: fewer steps a second, or a higher level.`, "problem");
+    say(`${words} Change the scene: fewer steps a second, or a higher level.`);
   }
 }

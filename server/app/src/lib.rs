@@ -13,6 +13,7 @@ mod hosts;
 mod incoming;
 mod journal;
 pub mod machine;
+mod pace;
 mod places;
 mod print_config;
 mod progress;

@@ -50,12 +50,13 @@ impl SceneList {
         Self { builtin, folder, read: Mutex::default() }
     }
 
-    /// All of them, by name. Reads what is new in the folder: not for threads that may not wait.
+    /// All of them: those of the folder by name, which somebody put there on purpose, then the built-in ones in their
+    /// order. Reads what is new in the folder: not for threads that may not wait.
     #[must_use]
     pub fn list(&self) -> Vec<Listed> {
-        let mut listed = self.builtin.clone();
-        listed.extend(self.in_folder().into_iter().map(|(_, listed)| listed));
+        let mut listed: Vec<_> = self.in_folder().into_iter().map(|(_, listed)| listed).collect();
         listed.sort_by(|a, b| a.name.cmp(&b.name));
+        listed.extend(self.builtin.iter().cloned());
         listed
     }
 
@@ -124,6 +125,7 @@ mod tests {
         let names = || scenes.list().into_iter().map(|listed| listed.name).collect::<Vec<_>>();
         assert!(names().contains(&"mine".into()) && !names().contains(&"broken".into()));
         assert_eq!(names().len(), catalog::builtin_names().len() + 1);
+        assert_eq!(names()[..2], ["mine", "liver"], "what was put there, then what a newcomer would choose");
         assert_eq!(scenes.load("mine").unwrap().unwrap().desc.name, "block");
         assert_eq!(scenes.load("liver").unwrap().unwrap().desc.name, "liver", "a built-in scene is not replaced");
         write("mine.toml", &format!("description = \"changed\"\n{block}"));

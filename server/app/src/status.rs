@@ -158,10 +158,12 @@ pub enum RequestError {
         limit: u32,
     },
     /// No scene of this name.
-    #[error("no scene {name:?}")]
+    #[error("no scene {name:?}{guess}")]
     NoScene {
         /// The name.
         name: String,
+        /// Words about a name that is like it, or nothing.
+        guess: String,
     },
     /// The text of a scene is not one.
     #[error("{message}")]

@@ -42,8 +42,8 @@ const STYLES: readonly (readonly [Style, string])[] = [
   ["voxels", "Voxels"],
   ["links", "Links"],
 ];
-const HINT = "Drag to move, wheel for depth · Shift slices, Alt turns · right button turns the view";
-const TOUCH_HINT = "One finger moves the tool, two turn the view";
+const HINT = "Drag to move, wheel for depth · Shift slices, Alt turns · double-click places · right button turns the view";
+const TOUCH_HINT = "One finger moves the tool, two turn the view · tap twice to place it";
 
 export class Bars {
   private readonly actions: Actions;

@@ -8,8 +8,12 @@ const POINTER: readonly (readonly [string, string])[] = [
   ["Wheel", "moves the tool away or nearer; with Ctrl, or without a tool, the view"],
   ["Shift + drag", "slices: along the edge alone"],
   ["Alt + drag", "turns the tool"],
-  ["Right button + drag", "turns the view while a tool is in hand"],
+  ["Double-click, double tap", "puts the tool in hand down over that place"],
+  ["Right button + drag", "turns the view while a tool is in hand; without one, moves it"],
+  ["Middle button + drag", "moves the view while a tool is in hand; without one, comes nearer"],
+  ["One finger", "moves the tool; without a tool, turns the view"],
   ["Two fingers", "turn and zoom the view"],
+  ["Hold a button of the pad", "moves the tool away or nearer, or turns it, for as long as it is held"],
 ];
 
 const KEYS: readonly (readonly [string, string])[] = [

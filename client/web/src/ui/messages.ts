@@ -3,12 +3,30 @@
 import { byId, element, textButton } from "./dom";
 
 const SHOWN_MS = 6000;
+/** More than these at a time nobody reads. */
+const MOST_SHOWN = 3;
 
 /** Something in passing. */
 export function say(text: string, kind: "note" | "problem" = "note"): void {
   const message = element("p", { className: `message ${kind}`, textContent: text });
-  byId("messages").append(message);
+  const messages = byId("messages");
+  messages.append(message);
+  while (messages.childElementCount > MOST_SHOWN) messages.firstElementChild!.remove();
   setTimeout(() => message.remove(), SHOWN_MS);
+}
+
+/** Something that takes its time: stands, with the seconds that have gone, until the answer is called. */
+export function sayUntil(text: string): () => void {
+  const begun = performance.now();
+  const message = element("p", { className: "message busy", textContent: text });
+  byId("messages").append(message);
+  const timer = setInterval(() => {
+    message.textContent = `${text} ${Math.round((performance.now() - begun) / 1000)} s`;
+  }, 1000);
+  return () => {
+    clearInterval(timer);
+    message.remove();
+  };
 }
 
 export interface Choice {

@@ -35,6 +35,7 @@ export async function openStart(choice: StartChoice): Promise<void> {
       const card = element(
         "button",
         { type: "button", className: "card", data: { scene: name } },
+        picture(name),
         element("strong", { textContent: title(name) }),
         element("span", { textContent: description }),
       );
@@ -75,6 +76,13 @@ async function listSessions(
     );
   });
   into.replaceChildren(element("h2", { textContent: "Sessions that are there" }), ...rows);
+}
+
+/** What a built-in scene looks like; nothing of one that has no picture. */
+function picture(name: string): HTMLImageElement {
+  const image = element("img", { src: `scene-${name}.jpg`, alt: "", width: 320, height: 180 });
+  image.addEventListener("error", () => image.remove());
+  return image;
 }
 
 /** `gummy-bear` as `Gummy bear`. */

@@ -1,4 +1,4 @@
-// Dark, in which tissue is seen best, or light, for those who choose it.
+// Dark or light, as the system prefers it or as it was chosen on the page.
 
 import type { Backdrop } from "../scene/stage";
 
@@ -8,19 +8,24 @@ const BACKDROPS: Record<string, Backdrop> = {
   light: { middle: "#f7f8fa", rim: "#c9d0d8", table: "#d5dbe2" },
 };
 
-function chosen(): string {
-  return localStorage.getItem(KEY) === "light" ? "light" : "dark";
+const prefersLight = matchMedia("(prefers-color-scheme: light)");
+
+/** What was chosen on this page, else what the system prefers. */
+function shown(): string {
+  return localStorage.getItem(KEY) ?? (prefersLight.matches ? "light" : "dark");
 }
 
-/** Applies the theme now and whenever it is changed. */
+/** Applies the theme now and whenever it is changed, here or in the system. */
 export function followTheme(apply: (backdrop: Backdrop) => void): { toggle: () => void } {
   const show = () => {
-    document.documentElement.dataset["theme"] = chosen();
-    apply(BACKDROPS[chosen()]);
+    const theme = shown() === "light" ? "light" : "dark";
+    document.documentElement.dataset["theme"] = theme;
+    apply(BACKDROPS[theme]);
   };
   show();
+  prefersLight.addEventListener("change", show);
   const toggle = () => {
-    localStorage.setItem(KEY, chosen() === "dark" ? "light" : "dark");
+    localStorage.setItem(KEY, shown() === "light" ? "dark" : "light");
     show();
   };
   return { toggle };

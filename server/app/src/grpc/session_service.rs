@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use kerf_physics::scene::wording::did_you_mean;
 use kerf_physics::{Scene, SceneError};
 use kerf_proto::v1;
 use kerf_proto::v1::create_session_request::Scene as Wanted;
@@ -17,6 +18,7 @@ use crate::config::ServerConfig;
 use crate::convert::scene::{checkpoint, dial, session_description, session_info};
 use crate::convert::stepping::{step_response, steps};
 use crate::journal::Journals;
+use crate::pace;
 use crate::recording::Recordings;
 use crate::scene_list::{Listed, SceneList};
 use crate::status::RequestError;
@@ -108,6 +110,10 @@ impl v1::session_service_server::SessionService for SessionService {
             dial: request.dial.map(dial).transpose()?,
         };
         let wanted = request.scene.ok_or(RequestError::Missing { field: "scene" })?;
+        if request.fit_step_rate && request.step_rate_hz.is_some() {
+            let message = "fit_step_rate: not together with step_rate_hz".into();
+            return Err(RequestError::SceneText { message }.into());
+        }
         let (scenes, max_bytes) = (Arc::clone(&self.scenes), self.config.transport.max_scene_bytes);
         let read = move || {
             let mut scene = match wanted {
@@ -116,6 +122,10 @@ impl v1::session_service_server::SessionService for SessionService {
             }?;
             if let Some(step_rate_hz) = request.step_rate_hz {
                 set_step_rate(&mut scene, step_rate_hz)?;
+            }
+            if request.fit_step_rate {
+                let kept_hz = pace::kept_rate_hz(&scene);
+                set_step_rate(&mut scene, kept_hz)?;
             }
             Ok(scene)
         };
@@ -306,7 +316,12 @@ impl Drop for Claim {
 }
 
 fn by_name(scenes: &SceneList, name: &str) -> Result<Scene, RequestError> {
-    let scene = scenes.load(name).ok_or_else(|| RequestError::NoScene { name: name.chars().take(64).collect() })?;
+    let scene = scenes.load(name).ok_or_else(|| {
+        let name: String = name.chars().take(64).collect();
+        let known = scenes.list();
+        let guess = did_you_mean(&name, known.iter().map(|listed| listed.name.as_str()));
+        RequestError::NoScene { name, guess }
+    })?;
     scene.map_err(|error| RequestError::SceneText { message: error.to_string() })
 }
 

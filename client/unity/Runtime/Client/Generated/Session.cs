@@ -30,123 +30,124 @@ namespace Kerf.V1 {
             "MhIua2VyZi52MS5TY2VuZUluZm8iLgoJU2NlbmVJbmZvEgwKBG5hbWUYASAB",
             "KAkSEwoLZGVzY3JpcHRpb24YAiABKAkiQwoPR2V0U2NlbmVSZXF1ZXN0EhQK",
             "CnNjZW5lX25hbWUYASABKAlIABIUCgpzZXNzaW9uX2lkGAIgASgJSABCBAoC",
-            "b2YiJgoQR2V0U2NlbmVSZXNwb25zZRISCgpzY2VuZV90b21sGAEgASgJIvMB",
+            "b2YiJgoQR2V0U2NlbmVSZXNwb25zZRISCgpzY2VuZV90b21sGAEgASgJIooC",
             "ChRDcmVhdGVTZXNzaW9uUmVxdWVzdBIUCgpzY2VuZV9uYW1lGAEgASgJSAAS",
             "FAoKc2NlbmVfdG9tbBgCIAEoCUgAEhQKDHN0YXJ0X3BhdXNlZBgDIAEoCBIP",
             "CgVsZXZlbBgEIAEoDUgBEhMKCWJ1ZGdldF9tcxgFIAEoAUgBEhMKCW1heF9l",
             "cnJvchgGIAEoAUgBEhkKDHN0ZXBfcmF0ZV9oehgHIAEoAUgCiAEBEiEKBWZp",
-            "bGVzGAggAygLMhIua2VyZi52MS5TY2VuZUZpbGVCBwoFc2NlbmVCBgoEZGlh",
-            "bEIPCg1fc3RlcF9yYXRlX2h6IicKCVNjZW5lRmlsZRIMCgRuYW1lGAEgASgJ",
-            "EgwKBGRhdGEYAiABKAwiVwoVQ3JlYXRlU2Vzc2lvblJlc3BvbnNlEiwKB3Nl",
-            "c3Npb24YASABKAsyGy5rZXJmLnYxLlNlc3Npb25EZXNjcmlwdGlvbhIQCgh3",
-            "YXJuaW5ncxgCIAMoCSIsChZEZXNjcmliZVNlc3Npb25SZXF1ZXN0EhIKCnNl",
-            "c3Npb25faWQYASABKAkiRwoXRGVzY3JpYmVTZXNzaW9uUmVzcG9uc2USLAoH",
-            "c2Vzc2lvbhgBIAEoCzIbLmtlcmYudjEuU2Vzc2lvbkRlc2NyaXB0aW9uIhUK",
-            "E0xpc3RTZXNzaW9uc1JlcXVlc3QiVwoUTGlzdFNlc3Npb25zUmVzcG9uc2US",
-            "JgoIc2Vzc2lvbnMYASADKAsyFC5rZXJmLnYxLlNlc3Npb25JbmZvEhcKD3Nl",
-            "cnZlcl9pbnN0YW5jZRgCIAEoCSIpChNDbG9zZVNlc3Npb25SZXF1ZXN0EhIK",
-            "CnNlc3Npb25faWQYASABKAkiPQoUQ2xvc2VTZXNzaW9uUmVzcG9uc2USJQoJ",
-            "cmVjb3JkaW5nGAEgASgLMhIua2VyZi52MS5SZWNvcmRpbmciSwoJUmVjb3Jk",
-            "aW5nEgwKBGZpbGUYASABKAkSDQoFc3RlcHMYAiABKAQSEgoKaXNfY3V0X29m",
-            "ZhgDIAEoCBINCgVlcnJvchgEIAEoCSIpChNQYXVzZVNlc3Npb25SZXF1ZXN0",
-            "EhIKCnNlc3Npb25faWQYASABKAkiJAoUUGF1c2VTZXNzaW9uUmVzcG9uc2US",
-            "DAoEc3RlcBgBIAEoBCIqChRSZXN1bWVTZXNzaW9uUmVxdWVzdBISCgpzZXNz",
-            "aW9uX2lkGAEgASgJIiUKFVJlc3VtZVNlc3Npb25SZXNwb25zZRIMCgRzdGVw",
-            "GAEgASgEIlsKElN0ZXBTZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEg",
-            "ASgJEg0KBXN0ZXBzGAIgASgNEiIKBmlucHV0cxgDIAMoCzISLmtlcmYudjEu",
-            "U3RlcElucHV0IjEKCVN0ZXBJbnB1dBIkCgdtb3Rpb25zGAEgAygLMhMua2Vy",
-            "Zi52MS5Ub29sTW90aW9uIlwKClRvb2xNb3Rpb24SIQoEcG9zZRgBIAEoCzIR",
-            "LmtlcmYudjEuVG9vbFBvc2VIABIhCgRsaWZ0GAIgASgLMhEua2VyZi52MS5M",
-            "aWZ0VG9vbEgAQggKBm1vdGlvbiJ5ChNTdGVwU2Vzc2lvblJlc3BvbnNlEgwK",
-            "BHN0ZXAYASABKAQSJgoIb3V0Y29tZXMYAiADKAsyFC5rZXJmLnYxLlN0ZXBP",
-            "dXRjb21lEhgKEHRvcG9sb2d5X3ZlcnNpb24YAyABKAQSEgoKc3RhdGVfaGFz",
-            "aBgEIAEoBiKqAQoLU3RlcE91dGNvbWUSDAoEc3RlcBgBIAEoBBISCgpzaW1f",
-            "dGltZV9zGAIgASgBEiIKCGNvbnRhY3RzGAMgAygLMhAua2VyZi52MS5Db250",
-            "YWN0EiUKBmVuZXJneRgEIAEoCzIVLmtlcmYudjEuRW5lcmd5TGVkZ2VyEi4K",
-            "F3RyYWNrZWRfZGlzcGxhY2VtZW50c19tGAUgAygLMg0ua2VyZi52MS5WZWMz",
-            "IikKE1Jlc2V0U2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSI9",
-            "ChRSZXNldFNlc3Npb25SZXNwb25zZRIlCglyZWNvcmRpbmcYASABKAsyEi5r",
-            "ZXJmLnYxLlJlY29yZGluZyI5ChVTYXZlQ2hlY2twb2ludFJlcXVlc3QSEgoK",
-            "c2Vzc2lvbl9pZBgBIAEoCRIMCgRuYW1lGAIgASgJIiYKFlNhdmVDaGVja3Bv",
-            "aW50UmVzcG9uc2USDAoEc3RlcBgBIAEoBCI8ChhSZXN0b3JlQ2hlY2twb2lu",
-            "dFJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRIMCgRuYW1lGAIgASgJIlAK",
-            "GVJlc3RvcmVDaGVja3BvaW50UmVzcG9uc2USDAoEc3RlcBgBIAEoBBIlCgly",
-            "ZWNvcmRpbmcYAiABKAsyEi5rZXJmLnYxLlJlY29yZGluZyIsChZMaXN0Q2hl",
-            "Y2twb2ludHNSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkiQwoXTGlzdENo",
-            "ZWNrcG9pbnRzUmVzcG9uc2USKAoLY2hlY2twb2ludHMYASADKAsyEy5rZXJm",
-            "LnYxLkNoZWNrcG9pbnQiPAoKQ2hlY2twb2ludBIMCgRuYW1lGAEgASgJEgwK",
-            "BHN0ZXAYAiABKAQSEgoKc2ltX3RpbWVfcxgDIAEoASI7ChdEZWxldGVDaGVj",
-            "a3BvaW50UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiAB",
-            "KAkiGgoYRGVsZXRlQ2hlY2twb2ludFJlc3BvbnNlIj0KGURvd25sb2FkQ2hl",
-            "Y2twb2ludFJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRIMCgRuYW1lGAIg",
-            "ASgJIioKGkRvd25sb2FkQ2hlY2twb2ludFJlc3BvbnNlEgwKBGRhdGEYASAB",
-            "KAwiSQoXVXBsb2FkQ2hlY2twb2ludFJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgB",
-            "IAEoCRIMCgRuYW1lGAIgASgJEgwKBGRhdGEYAyABKAwiKAoYVXBsb2FkQ2hl",
-            "Y2twb2ludFJlc3BvbnNlEgwKBHN0ZXAYASABKAQiZQoRU2Vla1JlcGxheVJl",
-            "cXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRITCgZ0aW1lX3MYAiABKAFIAIgB",
-            "ARISCgVzcGVlZBgDIAEoAUgBiAEBQgkKB190aW1lX3NCCAoGX3NwZWVkIlMK",
-            "ElNlZWtSZXBsYXlSZXNwb25zZRIOCgZ0aW1lX3MYASABKAESEAoIbGVuZ3Ro",
-            "X3MYAiABKAESDQoFc3BlZWQYAyABKAESDAoEc3RlcBgEIAEoBCJuCgtTZXNz",
-            "aW9uSW5mbxISCgpzZXNzaW9uX2lkGAEgASgJEhIKCnNjZW5lX25hbWUYAiAB",
-            "KAkSJAoFc3RhdGUYAyABKA4yFS5rZXJmLnYxLlNlc3Npb25TdGF0ZRIRCglp",
-            "c19yZXBsYXkYBCABKAgilQQKElNlc3Npb25EZXNjcmlwdGlvbhISCgpzZXNz",
-            "aW9uX2lkGAEgASgJEiQKBXN0YXRlGAIgASgOMhUua2VyZi52MS5TZXNzaW9u",
-            "U3RhdGUSJAoFc2NlbmUYAyABKAsyFS5rZXJmLnYxLlNjZW5lU3VtbWFyeRIf",
-            "CgZsaW1pdHMYBCABKAsyDy5rZXJmLnYxLkxpbWl0cxIMCgRzdGVwGAUgASgE",
-            "EhIKCnNpbV90aW1lX3MYBiABKAESGAoQdG9wb2xvZ3lfdmVyc2lvbhgHIAEo",
-            "BBISCgpsYXRlX3N0ZXBzGAggASgEEg8KB3ZpZXdlcnMYCSABKA0SFwoPbGVh",
-            "c2VkX3Rvb2xfaWRzGAogAygNEiUKBmVuZXJneRgLIAEoCzIVLmtlcmYudjEu",
-            "RW5lcmd5TGVkZ2VyEi4KF3RyYWNrZWRfZGlzcGxhY2VtZW50c19tGAwgAygL",
-            "Mg0ua2VyZi52MS5WZWMzEhIKCnN0YXRlX2hhc2gYDSABKAYSDwoHZmFpbHVy",
-            "ZRgOIAEoCRIhCgRkaWFsGA8gASgLMhMua2VyZi52MS5EaWFsQ2hvaWNlEhoK",
-            "EnJlbGF0aXZlX3RvbGVyYW5jZRgQIAEoARIMCgRsb2FkGBEgASgBEhQKDG1l",
-            "bW9yeV9ieXRlcxgSIAEoBBIlCglyZWNvcmRpbmcYFSABKAsyEi5rZXJmLnYx",
-            "LlJlY29yZGluZyJfCgpEaWFsQ2hvaWNlEiUKB3NldHRpbmcYASABKAsyFC5r",
-            "ZXJmLnYxLkRpYWxTZXR0aW5nEioKCGV4cGVjdGVkGAIgASgLMhgua2VyZi52",
-            "MS5EaWFsRXhwZWN0YXRpb24ieQoLRGlhbFNldHRpbmcSDQoFbGV2ZWwYASAB",
-            "KA0SEwoLdm94ZWxfc2NhbGUYAiABKAESGgoScmVsYXRpdmVfdG9sZXJhbmNl",
-            "GAMgASgBEg8KB2VsZW1lbnQYBCABKAkSGQoRaGFzX2ZpbmVyX3JlZ2lvbnMY",
-            "BSABKAgidwoPRGlhbEV4cGVjdGF0aW9uEhEKCW1lZGlhbl9tcxgBIAEoARIO",
-            "CgZwOTlfbXMYAiABKAESGgoSZGlzcGxhY2VtZW50X2Vycm9yGAMgASgBEhMK",
-            "C2ZvcmNlX2Vycm9yGAQgASgBEhAKCGhhcmR3YXJlGAUgASgJIqwCCgxFbmVy",
-            "Z3lMZWRnZXISEwoLdG9vbF93b3JrX2oYASABKAESEwoLbG9hZF93b3JrX2oY",
-            "AiABKAESEQoJZWxhc3RpY19qGAMgASgBEhEKCWNvbnRhY3RfahgEIAEoARIR",
-            "CglraW5ldGljX2oYBSABKAESEgoKZnJhY3R1cmVfahgGIAEoARIUCgxmcm9u",
-            "dF9zbGlwX2oYByABKAESFAoMaW5pdGlhdGlvbl9qGAggASgBEhEKCXBhcnRp",
-            "bmdfahgJIAEoARIRCglkYW1waW5nX2oYCiABKAESEwoLbnVtZXJpY2FsX2oY",
-            "CyABKAESEgoKcmVzaWR1YWxfahgMIAEoARISCgpmcmljdGlvbl9qGA0gASgB",
-            "EhYKDmNvbnRhY3RfbG9zc19qGA4gASgBMu0KCg5TZXNzaW9uU2VydmljZRJF",
-            "CgpMaXN0U2NlbmVzEhoua2VyZi52MS5MaXN0U2NlbmVzUmVxdWVzdBobLmtl",
-            "cmYudjEuTGlzdFNjZW5lc1Jlc3BvbnNlEj8KCEdldFNjZW5lEhgua2VyZi52",
-            "MS5HZXRTY2VuZVJlcXVlc3QaGS5rZXJmLnYxLkdldFNjZW5lUmVzcG9uc2US",
-            "TgoNQ3JlYXRlU2Vzc2lvbhIdLmtlcmYudjEuQ3JlYXRlU2Vzc2lvblJlcXVl",
-            "c3QaHi5rZXJmLnYxLkNyZWF0ZVNlc3Npb25SZXNwb25zZRJUCg9EZXNjcmli",
-            "ZVNlc3Npb24SHy5rZXJmLnYxLkRlc2NyaWJlU2Vzc2lvblJlcXVlc3QaIC5r",
-            "ZXJmLnYxLkRlc2NyaWJlU2Vzc2lvblJlc3BvbnNlEksKDExpc3RTZXNzaW9u",
-            "cxIcLmtlcmYudjEuTGlzdFNlc3Npb25zUmVxdWVzdBodLmtlcmYudjEuTGlz",
-            "dFNlc3Npb25zUmVzcG9uc2USSwoMQ2xvc2VTZXNzaW9uEhwua2VyZi52MS5D",
-            "bG9zZVNlc3Npb25SZXF1ZXN0Gh0ua2VyZi52MS5DbG9zZVNlc3Npb25SZXNw",
-            "b25zZRJLCgxQYXVzZVNlc3Npb24SHC5rZXJmLnYxLlBhdXNlU2Vzc2lvblJl",
-            "cXVlc3QaHS5rZXJmLnYxLlBhdXNlU2Vzc2lvblJlc3BvbnNlEk4KDVJlc3Vt",
-            "ZVNlc3Npb24SHS5rZXJmLnYxLlJlc3VtZVNlc3Npb25SZXF1ZXN0Gh4ua2Vy",
-            "Zi52MS5SZXN1bWVTZXNzaW9uUmVzcG9uc2USSAoLU3RlcFNlc3Npb24SGy5r",
-            "ZXJmLnYxLlN0ZXBTZXNzaW9uUmVxdWVzdBocLmtlcmYudjEuU3RlcFNlc3Np",
-            "b25SZXNwb25zZRJLCgxSZXNldFNlc3Npb24SHC5rZXJmLnYxLlJlc2V0U2Vz",
-            "c2lvblJlcXVlc3QaHS5rZXJmLnYxLlJlc2V0U2Vzc2lvblJlc3BvbnNlElEK",
-            "DlNhdmVDaGVja3BvaW50Eh4ua2VyZi52MS5TYXZlQ2hlY2twb2ludFJlcXVl",
-            "c3QaHy5rZXJmLnYxLlNhdmVDaGVja3BvaW50UmVzcG9uc2USWgoRUmVzdG9y",
-            "ZUNoZWNrcG9pbnQSIS5rZXJmLnYxLlJlc3RvcmVDaGVja3BvaW50UmVxdWVz",
-            "dBoiLmtlcmYudjEuUmVzdG9yZUNoZWNrcG9pbnRSZXNwb25zZRJUCg9MaXN0",
-            "Q2hlY2twb2ludHMSHy5rZXJmLnYxLkxpc3RDaGVja3BvaW50c1JlcXVlc3Qa",
-            "IC5rZXJmLnYxLkxpc3RDaGVja3BvaW50c1Jlc3BvbnNlElcKEERlbGV0ZUNo",
-            "ZWNrcG9pbnQSIC5rZXJmLnYxLkRlbGV0ZUNoZWNrcG9pbnRSZXF1ZXN0GiEu",
-            "a2VyZi52MS5EZWxldGVDaGVja3BvaW50UmVzcG9uc2USXwoSRG93bmxvYWRD",
-            "aGVja3BvaW50EiIua2VyZi52MS5Eb3dubG9hZENoZWNrcG9pbnRSZXF1ZXN0",
-            "GiMua2VyZi52MS5Eb3dubG9hZENoZWNrcG9pbnRSZXNwb25zZTABElkKEFVw",
-            "bG9hZENoZWNrcG9pbnQSIC5rZXJmLnYxLlVwbG9hZENoZWNrcG9pbnRSZXF1",
-            "ZXN0GiEua2VyZi52MS5VcGxvYWRDaGVja3BvaW50UmVzcG9uc2UoARJFCgpT",
-            "ZWVrUmVwbGF5Ehoua2VyZi52MS5TZWVrUmVwbGF5UmVxdWVzdBobLmtlcmYu",
-            "djEuU2Vla1JlcGxheVJlc3BvbnNlYgZwcm90bzM="));
+            "bGVzGAggAygLMhIua2VyZi52MS5TY2VuZUZpbGUSFQoNZml0X3N0ZXBfcmF0",
+            "ZRgJIAEoCEIHCgVzY2VuZUIGCgRkaWFsQg8KDV9zdGVwX3JhdGVfaHoiJwoJ",
+            "U2NlbmVGaWxlEgwKBG5hbWUYASABKAkSDAoEZGF0YRgCIAEoDCJXChVDcmVh",
+            "dGVTZXNzaW9uUmVzcG9uc2USLAoHc2Vzc2lvbhgBIAEoCzIbLmtlcmYudjEu",
+            "U2Vzc2lvbkRlc2NyaXB0aW9uEhAKCHdhcm5pbmdzGAIgAygJIiwKFkRlc2Ny",
+            "aWJlU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSJHChdEZXNj",
+            "cmliZVNlc3Npb25SZXNwb25zZRIsCgdzZXNzaW9uGAEgASgLMhsua2VyZi52",
+            "MS5TZXNzaW9uRGVzY3JpcHRpb24iFQoTTGlzdFNlc3Npb25zUmVxdWVzdCJX",
+            "ChRMaXN0U2Vzc2lvbnNSZXNwb25zZRImCghzZXNzaW9ucxgBIAMoCzIULmtl",
+            "cmYudjEuU2Vzc2lvbkluZm8SFwoPc2VydmVyX2luc3RhbmNlGAIgASgJIikK",
+            "E0Nsb3NlU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSI9ChRD",
+            "bG9zZVNlc3Npb25SZXNwb25zZRIlCglyZWNvcmRpbmcYASABKAsyEi5rZXJm",
+            "LnYxLlJlY29yZGluZyJLCglSZWNvcmRpbmcSDAoEZmlsZRgBIAEoCRINCgVz",
+            "dGVwcxgCIAEoBBISCgppc19jdXRfb2ZmGAMgASgIEg0KBWVycm9yGAQgASgJ",
+            "IikKE1BhdXNlU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSIk",
+            "ChRQYXVzZVNlc3Npb25SZXNwb25zZRIMCgRzdGVwGAEgASgEIioKFFJlc3Vt",
+            "ZVNlc3Npb25SZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkiJQoVUmVzdW1l",
+            "U2Vzc2lvblJlc3BvbnNlEgwKBHN0ZXAYASABKAQiWwoSU3RlcFNlc3Npb25S",
+            "ZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDQoFc3RlcHMYAiABKA0SIgoG",
+            "aW5wdXRzGAMgAygLMhIua2VyZi52MS5TdGVwSW5wdXQiMQoJU3RlcElucHV0",
+            "EiQKB21vdGlvbnMYASADKAsyEy5rZXJmLnYxLlRvb2xNb3Rpb24iXAoKVG9v",
+            "bE1vdGlvbhIhCgRwb3NlGAEgASgLMhEua2VyZi52MS5Ub29sUG9zZUgAEiEK",
+            "BGxpZnQYAiABKAsyES5rZXJmLnYxLkxpZnRUb29sSABCCAoGbW90aW9uInkK",
+            "E1N0ZXBTZXNzaW9uUmVzcG9uc2USDAoEc3RlcBgBIAEoBBImCghvdXRjb21l",
+            "cxgCIAMoCzIULmtlcmYudjEuU3RlcE91dGNvbWUSGAoQdG9wb2xvZ3lfdmVy",
+            "c2lvbhgDIAEoBBISCgpzdGF0ZV9oYXNoGAQgASgGIqoBCgtTdGVwT3V0Y29t",
+            "ZRIMCgRzdGVwGAEgASgEEhIKCnNpbV90aW1lX3MYAiABKAESIgoIY29udGFj",
+            "dHMYAyADKAsyEC5rZXJmLnYxLkNvbnRhY3QSJQoGZW5lcmd5GAQgASgLMhUu",
+            "a2VyZi52MS5FbmVyZ3lMZWRnZXISLgoXdHJhY2tlZF9kaXNwbGFjZW1lbnRz",
+            "X20YBSADKAsyDS5rZXJmLnYxLlZlYzMiKQoTUmVzZXRTZXNzaW9uUmVxdWVz",
+            "dBISCgpzZXNzaW9uX2lkGAEgASgJIj0KFFJlc2V0U2Vzc2lvblJlc3BvbnNl",
+            "EiUKCXJlY29yZGluZxgBIAEoCzISLmtlcmYudjEuUmVjb3JkaW5nIjkKFVNh",
+            "dmVDaGVja3BvaW50UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5h",
+            "bWUYAiABKAkiJgoWU2F2ZUNoZWNrcG9pbnRSZXNwb25zZRIMCgRzdGVwGAEg",
+            "ASgEIjwKGFJlc3RvcmVDaGVja3BvaW50UmVxdWVzdBISCgpzZXNzaW9uX2lk",
+            "GAEgASgJEgwKBG5hbWUYAiABKAkiUAoZUmVzdG9yZUNoZWNrcG9pbnRSZXNw",
+            "b25zZRIMCgRzdGVwGAEgASgEEiUKCXJlY29yZGluZxgCIAEoCzISLmtlcmYu",
+            "djEuUmVjb3JkaW5nIiwKFkxpc3RDaGVja3BvaW50c1JlcXVlc3QSEgoKc2Vz",
+            "c2lvbl9pZBgBIAEoCSJDChdMaXN0Q2hlY2twb2ludHNSZXNwb25zZRIoCgtj",
+            "aGVja3BvaW50cxgBIAMoCzITLmtlcmYudjEuQ2hlY2twb2ludCI8CgpDaGVj",
+            "a3BvaW50EgwKBG5hbWUYASABKAkSDAoEc3RlcBgCIAEoBBISCgpzaW1fdGlt",
+            "ZV9zGAMgASgBIjsKF0RlbGV0ZUNoZWNrcG9pbnRSZXF1ZXN0EhIKCnNlc3Np",
+            "b25faWQYASABKAkSDAoEbmFtZRgCIAEoCSIaChhEZWxldGVDaGVja3BvaW50",
+            "UmVzcG9uc2UiPQoZRG93bmxvYWRDaGVja3BvaW50UmVxdWVzdBISCgpzZXNz",
+            "aW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAkiKgoaRG93bmxvYWRDaGVja3Bv",
+            "aW50UmVzcG9uc2USDAoEZGF0YRgBIAEoDCJJChdVcGxvYWRDaGVja3BvaW50",
+            "UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAkSDAoE",
+            "ZGF0YRgDIAEoDCIoChhVcGxvYWRDaGVja3BvaW50UmVzcG9uc2USDAoEc3Rl",
+            "cBgBIAEoBCJlChFTZWVrUmVwbGF5UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEg",
+            "ASgJEhMKBnRpbWVfcxgCIAEoAUgAiAEBEhIKBXNwZWVkGAMgASgBSAGIAQFC",
+            "CQoHX3RpbWVfc0IICgZfc3BlZWQiUwoSU2Vla1JlcGxheVJlc3BvbnNlEg4K",
+            "BnRpbWVfcxgBIAEoARIQCghsZW5ndGhfcxgCIAEoARINCgVzcGVlZBgDIAEo",
+            "ARIMCgRzdGVwGAQgASgEIm4KC1Nlc3Npb25JbmZvEhIKCnNlc3Npb25faWQY",
+            "ASABKAkSEgoKc2NlbmVfbmFtZRgCIAEoCRIkCgVzdGF0ZRgDIAEoDjIVLmtl",
+            "cmYudjEuU2Vzc2lvblN0YXRlEhEKCWlzX3JlcGxheRgEIAEoCCKVBAoSU2Vz",
+            "c2lvbkRlc2NyaXB0aW9uEhIKCnNlc3Npb25faWQYASABKAkSJAoFc3RhdGUY",
+            "AiABKA4yFS5rZXJmLnYxLlNlc3Npb25TdGF0ZRIkCgVzY2VuZRgDIAEoCzIV",
+            "LmtlcmYudjEuU2NlbmVTdW1tYXJ5Eh8KBmxpbWl0cxgEIAEoCzIPLmtlcmYu",
+            "djEuTGltaXRzEgwKBHN0ZXAYBSABKAQSEgoKc2ltX3RpbWVfcxgGIAEoARIY",
+            "ChB0b3BvbG9neV92ZXJzaW9uGAcgASgEEhIKCmxhdGVfc3RlcHMYCCABKAQS",
+            "DwoHdmlld2VycxgJIAEoDRIXCg9sZWFzZWRfdG9vbF9pZHMYCiADKA0SJQoG",
+            "ZW5lcmd5GAsgASgLMhUua2VyZi52MS5FbmVyZ3lMZWRnZXISLgoXdHJhY2tl",
+            "ZF9kaXNwbGFjZW1lbnRzX20YDCADKAsyDS5rZXJmLnYxLlZlYzMSEgoKc3Rh",
+            "dGVfaGFzaBgNIAEoBhIPCgdmYWlsdXJlGA4gASgJEiEKBGRpYWwYDyABKAsy",
+            "Ey5rZXJmLnYxLkRpYWxDaG9pY2USGgoScmVsYXRpdmVfdG9sZXJhbmNlGBAg",
+            "ASgBEgwKBGxvYWQYESABKAESFAoMbWVtb3J5X2J5dGVzGBIgASgEEiUKCXJl",
+            "Y29yZGluZxgVIAEoCzISLmtlcmYudjEuUmVjb3JkaW5nIl8KCkRpYWxDaG9p",
+            "Y2USJQoHc2V0dGluZxgBIAEoCzIULmtlcmYudjEuRGlhbFNldHRpbmcSKgoI",
+            "ZXhwZWN0ZWQYAiABKAsyGC5rZXJmLnYxLkRpYWxFeHBlY3RhdGlvbiJ5CgtE",
+            "aWFsU2V0dGluZxINCgVsZXZlbBgBIAEoDRITCgt2b3hlbF9zY2FsZRgCIAEo",
+            "ARIaChJyZWxhdGl2ZV90b2xlcmFuY2UYAyABKAESDwoHZWxlbWVudBgEIAEo",
+            "CRIZChFoYXNfZmluZXJfcmVnaW9ucxgFIAEoCCJ3Cg9EaWFsRXhwZWN0YXRp",
+            "b24SEQoJbWVkaWFuX21zGAEgASgBEg4KBnA5OV9tcxgCIAEoARIaChJkaXNw",
+            "bGFjZW1lbnRfZXJyb3IYAyABKAESEwoLZm9yY2VfZXJyb3IYBCABKAESEAoI",
+            "aGFyZHdhcmUYBSABKAkirAIKDEVuZXJneUxlZGdlchITCgt0b29sX3dvcmtf",
+            "ahgBIAEoARITCgtsb2FkX3dvcmtfahgCIAEoARIRCgllbGFzdGljX2oYAyAB",
+            "KAESEQoJY29udGFjdF9qGAQgASgBEhEKCWtpbmV0aWNfahgFIAEoARISCgpm",
+            "cmFjdHVyZV9qGAYgASgBEhQKDGZyb250X3NsaXBfahgHIAEoARIUCgxpbml0",
+            "aWF0aW9uX2oYCCABKAESEQoJcGFydGluZ19qGAkgASgBEhEKCWRhbXBpbmdf",
+            "ahgKIAEoARITCgtudW1lcmljYWxfahgLIAEoARISCgpyZXNpZHVhbF9qGAwg",
+            "ASgBEhIKCmZyaWN0aW9uX2oYDSABKAESFgoOY29udGFjdF9sb3NzX2oYDiAB",
+            "KAEy7QoKDlNlc3Npb25TZXJ2aWNlEkUKCkxpc3RTY2VuZXMSGi5rZXJmLnYx",
+            "Lkxpc3RTY2VuZXNSZXF1ZXN0Ghsua2VyZi52MS5MaXN0U2NlbmVzUmVzcG9u",
+            "c2USPwoIR2V0U2NlbmUSGC5rZXJmLnYxLkdldFNjZW5lUmVxdWVzdBoZLmtl",
+            "cmYudjEuR2V0U2NlbmVSZXNwb25zZRJOCg1DcmVhdGVTZXNzaW9uEh0ua2Vy",
+            "Zi52MS5DcmVhdGVTZXNzaW9uUmVxdWVzdBoeLmtlcmYudjEuQ3JlYXRlU2Vz",
+            "c2lvblJlc3BvbnNlElQKD0Rlc2NyaWJlU2Vzc2lvbhIfLmtlcmYudjEuRGVz",
+            "Y3JpYmVTZXNzaW9uUmVxdWVzdBogLmtlcmYudjEuRGVzY3JpYmVTZXNzaW9u",
+            "UmVzcG9uc2USSwoMTGlzdFNlc3Npb25zEhwua2VyZi52MS5MaXN0U2Vzc2lv",
+            "bnNSZXF1ZXN0Gh0ua2VyZi52MS5MaXN0U2Vzc2lvbnNSZXNwb25zZRJLCgxD",
+            "bG9zZVNlc3Npb24SHC5rZXJmLnYxLkNsb3NlU2Vzc2lvblJlcXVlc3QaHS5r",
+            "ZXJmLnYxLkNsb3NlU2Vzc2lvblJlc3BvbnNlEksKDFBhdXNlU2Vzc2lvbhIc",
+            "LmtlcmYudjEuUGF1c2VTZXNzaW9uUmVxdWVzdBodLmtlcmYudjEuUGF1c2VT",
+            "ZXNzaW9uUmVzcG9uc2USTgoNUmVzdW1lU2Vzc2lvbhIdLmtlcmYudjEuUmVz",
+            "dW1lU2Vzc2lvblJlcXVlc3QaHi5rZXJmLnYxLlJlc3VtZVNlc3Npb25SZXNw",
+            "b25zZRJICgtTdGVwU2Vzc2lvbhIbLmtlcmYudjEuU3RlcFNlc3Npb25SZXF1",
+            "ZXN0Ghwua2VyZi52MS5TdGVwU2Vzc2lvblJlc3BvbnNlEksKDFJlc2V0U2Vz",
+            "c2lvbhIcLmtlcmYudjEuUmVzZXRTZXNzaW9uUmVxdWVzdBodLmtlcmYudjEu",
+            "UmVzZXRTZXNzaW9uUmVzcG9uc2USUQoOU2F2ZUNoZWNrcG9pbnQSHi5rZXJm",
+            "LnYxLlNhdmVDaGVja3BvaW50UmVxdWVzdBofLmtlcmYudjEuU2F2ZUNoZWNr",
+            "cG9pbnRSZXNwb25zZRJaChFSZXN0b3JlQ2hlY2twb2ludBIhLmtlcmYudjEu",
+            "UmVzdG9yZUNoZWNrcG9pbnRSZXF1ZXN0GiIua2VyZi52MS5SZXN0b3JlQ2hl",
+            "Y2twb2ludFJlc3BvbnNlElQKD0xpc3RDaGVja3BvaW50cxIfLmtlcmYudjEu",
+            "TGlzdENoZWNrcG9pbnRzUmVxdWVzdBogLmtlcmYudjEuTGlzdENoZWNrcG9p",
+            "bnRzUmVzcG9uc2USVwoQRGVsZXRlQ2hlY2twb2ludBIgLmtlcmYudjEuRGVs",
+            "ZXRlQ2hlY2twb2ludFJlcXVlc3QaIS5rZXJmLnYxLkRlbGV0ZUNoZWNrcG9p",
+            "bnRSZXNwb25zZRJfChJEb3dubG9hZENoZWNrcG9pbnQSIi5rZXJmLnYxLkRv",
+            "d25sb2FkQ2hlY2twb2ludFJlcXVlc3QaIy5rZXJmLnYxLkRvd25sb2FkQ2hl",
+            "Y2twb2ludFJlc3BvbnNlMAESWQoQVXBsb2FkQ2hlY2twb2ludBIgLmtlcmYu",
+            "djEuVXBsb2FkQ2hlY2twb2ludFJlcXVlc3QaIS5rZXJmLnYxLlVwbG9hZENo",
+            "ZWNrcG9pbnRSZXNwb25zZSgBEkUKClNlZWtSZXBsYXkSGi5rZXJmLnYxLlNl",
+            "ZWtSZXBsYXlSZXF1ZXN0Ghsua2VyZi52MS5TZWVrUmVwbGF5UmVzcG9uc2Vi",
+            "BnByb3RvMw=="));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { global::Kerf.V1.ControlReflection.Descriptor, global::Kerf.V1.TypesReflection.Descriptor, },
           new pbr::GeneratedClrTypeInfo(null, null, new pbr::GeneratedClrTypeInfo[] {
@@ -155,7 +156,7 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SceneInfo), global::Kerf.V1.SceneInfo.Parser, new[]{ "Name", "Description" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.GetSceneRequest), global::Kerf.V1.GetSceneRequest.Parser, new[]{ "SceneName", "SessionId" }, new[]{ "Of" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.GetSceneResponse), global::Kerf.V1.GetSceneResponse.Parser, new[]{ "SceneToml" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CreateSessionRequest), global::Kerf.V1.CreateSessionRequest.Parser, new[]{ "SceneName", "SceneToml", "StartPaused", "Level", "BudgetMs", "MaxError", "StepRateHz", "Files" }, new[]{ "Scene", "Dial", "StepRateHz" }, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CreateSessionRequest), global::Kerf.V1.CreateSessionRequest.Parser, new[]{ "SceneName", "SceneToml", "StartPaused", "Level", "BudgetMs", "MaxError", "StepRateHz", "Files", "FitStepRate" }, new[]{ "Scene", "Dial", "StepRateHz" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SceneFile), global::Kerf.V1.SceneFile.Parser, new[]{ "Name", "Data" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CreateSessionResponse), global::Kerf.V1.CreateSessionResponse.Parser, new[]{ "Session", "Warnings" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DescribeSessionRequest), global::Kerf.V1.DescribeSessionRequest.Parser, new[]{ "SessionId" }, null, null, null, null),
@@ -1282,6 +1283,7 @@ namespace Kerf.V1 {
       startPaused_ = other.startPaused_;
       stepRateHz_ = other.stepRateHz_;
       files_ = other.files_.Clone();
+      fitStepRate_ = other.fitStepRate_;
       switch (other.SceneCase) {
         case SceneOneofCase.SceneName:
           SceneName = other.SceneName;
@@ -1444,6 +1446,22 @@ namespace Kerf.V1 {
       get { return files_; }
     }
 
+    /// <summary>Field number for the "fit_step_rate" field.</summary>
+    public const int FitStepRateFieldNumber = 9;
+    private bool fitStepRate_;
+    /// <summary>
+    /// The step rate is halved until this server's machine keeps it while a tool works, to no less than a sixteenth: for a
+    /// hand at a screen. What a step takes here is measured once. Not together with step_rate_hz.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool FitStepRate {
+      get { return fitStepRate_; }
+      set {
+        fitStepRate_ = value;
+      }
+    }
+
     private object scene_;
     /// <summary>Enum of possible cases for the "scene" oneof.</summary>
     public enum SceneOneofCase {
@@ -1510,6 +1528,7 @@ namespace Kerf.V1 {
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(MaxError, other.MaxError)) return false;
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(StepRateHz, other.StepRateHz)) return false;
       if(!files_.Equals(other.files_)) return false;
+      if (FitStepRate != other.FitStepRate) return false;
       if (SceneCase != other.SceneCase) return false;
       if (DialCase != other.DialCase) return false;
       return Equals(_unknownFields, other._unknownFields);
@@ -1527,6 +1546,7 @@ namespace Kerf.V1 {
       if (dialCase_ == DialOneofCase.MaxError) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(MaxError);
       if (HasStepRateHz) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(StepRateHz);
       hash ^= files_.GetHashCode();
+      if (FitStepRate != false) hash ^= FitStepRate.GetHashCode();
       hash ^= (int) sceneCase_;
       hash ^= (int) dialCase_;
       if (_unknownFields != null) {
@@ -1576,6 +1596,10 @@ namespace Kerf.V1 {
         output.WriteDouble(StepRateHz);
       }
       files_.WriteTo(output, _repeated_files_codec);
+      if (FitStepRate != false) {
+        output.WriteRawTag(72);
+        output.WriteBool(FitStepRate);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -1615,6 +1639,10 @@ namespace Kerf.V1 {
         output.WriteDouble(StepRateHz);
       }
       files_.WriteTo(ref output, _repeated_files_codec);
+      if (FitStepRate != false) {
+        output.WriteRawTag(72);
+        output.WriteBool(FitStepRate);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -1647,6 +1675,9 @@ namespace Kerf.V1 {
         size += 1 + 8;
       }
       size += files_.CalculateSize(_repeated_files_codec);
+      if (FitStepRate != false) {
+        size += 1 + 1;
+      }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
       }
@@ -1666,6 +1697,9 @@ namespace Kerf.V1 {
         StepRateHz = other.StepRateHz;
       }
       files_.Add(other.files_);
+      if (other.FitStepRate != false) {
+        FitStepRate = other.FitStepRate;
+      }
       switch (other.SceneCase) {
         case SceneOneofCase.SceneName:
           SceneName = other.SceneName;
@@ -1734,6 +1768,10 @@ namespace Kerf.V1 {
             files_.AddEntriesFrom(input, _repeated_files_codec);
             break;
           }
+          case 72: {
+            FitStepRate = input.ReadBool();
+            break;
+          }
         }
       }
     #endif
@@ -1779,6 +1817,10 @@ namespace Kerf.V1 {
           }
           case 66: {
             files_.AddEntriesFrom(ref input, _repeated_files_codec);
+            break;
+          }
+          case 72: {
+            FitStepRate = input.ReadBool();
             break;
           }
         }
