@@ -63,7 +63,7 @@ test-python:
 	cargo build --bin kerf-server
 	@client/python/check.sh tests pytest --quiet
 
-# The Unity package's pure part, compiled by mono and tried against a server.
+# The Unity package and its sample, compiled by mono and tried against a server.
 test-unity:
 	cargo build --bin kerf-server
 	@client/unity/Tests~/run.sh

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Compiles the package's pure part with mono and tries it against a server. Mono is installed where Debian's packages may
+# Compiles the package and its sample with mono and tries them against a server; Unity's types are stand-ins (Stubs). Mono is installed where Debian's packages may
 # be; what cannot be had is said.
 set -eu
 cd "$(dirname "$0")/../../.."
@@ -31,13 +31,31 @@ fi
 # What is checked in is what the protocol's files say.
 mkdir -p $build/generated
 protoc -I proto --csharp_out=$build/generated kerf/v1/types.proto kerf/v1/session.proto kerf/v1/control.proto kerf/v1/view.proto
-diff -r $build/generated client/unity/Runtime/Client/Generated >$build/generated.diff ||
+diff -r -x '*.meta' $build/generated client/unity/Runtime/Client/Generated >$build/generated.diff ||
     { echo "unity: client/unity/Runtime/Client/Generated is not what proto/ says: make unity-protocol"; exit 1; }
 
 mcs -langversion:7.2 -target:library -d:GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE -warnaserror -nowarn:1591 \
     -r:$build/Google.Protobuf.dll -out:$build/Kerf.Client.dll -recurse:'client/unity/Runtime/Client/*.cs'
 mcs -langversion:7.2 -warnaserror -r:$build/Google.Protobuf.dll,$build/Kerf.Client.dll -out:$build/LiveTest.exe \
     client/unity/Tests~/LiveTest.cs
+mcs -langversion:7.2 -target:library -warnaserror -nowarn:649 -out:$build/UnityEngine.dll client/unity/Tests~/Stubs/UnityEngine.cs
+unity=-r:$build/Google.Protobuf.dll,$build/Kerf.Client.dll,$build/UnityEngine.dll
+# The editor writes into fields that nobody here does.
+mcs -langversion:7.2 -target:library -warnaserror -nowarn:649,1591 $unity -out:$build/Kerf.Unity.dll -recurse:'client/unity/Runtime/Unity/*.cs'
+mcs -langversion:7.2 -target:library -warnaserror -nowarn:1591 $unity,$build/Kerf.Unity.dll -out:$build/Kerf.Editor.dll \
+    -recurse:'client/unity/Editor/*.cs'
+for input in old new; do
+    [ $input = old ] && define= || define=-d:ENABLE_INPUT_SYSTEM
+    mcs -langversion:7.2 -warnaserror -nowarn:649 $define $unity,$build/Kerf.Unity.dll,$build/Kerf.Editor.dll \
+        -out:$build/SampleTest-$input.exe client/unity/Samples~/Cut/CutSample.cs client/unity/Tests~/SampleTest.cs
+done
+
+# Whatever Unity would import has a .meta with an id of its own: a package from a git address cannot be given any later.
+find client/unity/* -not -path '*~*' -not -name '*.meta' | while read -r asset; do
+    [ -e "$asset.meta" ] || { echo "unity: $asset has no .meta"; exit 1; }
+done
+twice=$(find client/unity -name '*.meta' -exec grep -h '^guid: ' {} + | sort | uniq -d)
+[ -z "$twice" ] || { echo "unity: two .meta files say $twice"; exit 1; }
 
 port=50071
 $server serve --listen 127.0.0.1:$port --log-filter error & started=$!
@@ -59,3 +77,6 @@ END
 done
 mono $build/LiveTest.exe http://127.0.0.1:$port proto/vectors/cut.bin $build/cut.txt \
     proto/vectors/cut-vertices.bin $build/cut-vertices.txt
+for input in old new; do
+    mono $build/SampleTest-$input.exe http://127.0.0.1:$port client/unity/Runtime/Resources
+done

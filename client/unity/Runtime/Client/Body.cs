@@ -84,6 +84,38 @@ namespace Kerf.Client
             into[at + 5] = d;
         }
 
+        /// <summary>Edges at which a wall of a cut meets the outside, two vertices each: a cut that has closed again shows
+        /// nowhere else.</summary>
+        public int[] Seam()
+        {
+            var walls = new HashSet<ulong>();
+            for (var quad = 0; quad < quads.Count; quad++)
+            {
+                if (!IsCutFace(quad)) continue;
+                for (var corner = 0; corner < 4; corner++) walls.Add(Edge(quads[quad], corner));
+            }
+            var seam = new List<int>();
+            for (var quad = 0; quad < quads.Count && walls.Count > 0; quad++)
+            {
+                if (IsCutFace(quad)) continue;
+                for (var corner = 0; corner < 4; corner++)
+                {
+                    var edge = Edge(quads[quad], corner);
+                    if (!walls.Remove(edge)) continue;
+                    seam.Add(slotOfVertex[(uint)(edge >> 32)]);
+                    seam.Add(slotOfVertex[(uint)edge]);
+                }
+            }
+            return seam.ToArray();
+        }
+
+        static ulong Edge(Quad quad, int corner)
+        {
+            var from = corner == 0 ? quad.A : corner == 1 ? quad.B : corner == 2 ? quad.C : quad.D;
+            var to = corner == 0 ? quad.B : corner == 1 ? quad.C : corner == 2 ? quad.D : quad.A;
+            return from < to ? (ulong)from << 32 | to : (ulong)to << 32 | from;
+        }
+
         /// <summary>Where every vertex is now, m: x, y, z each.</summary>
         public void Positions(float[] intoM)
         {

@@ -17,14 +17,20 @@ namespace Kerf.Unity
         [Tooltip("Scene of a new session, by its name.")]
         public string sceneName = "liver";
 
+        [Tooltip("Steps a second of a new session. 0: what the scene asks for, or fewer, where the server's machine does not keep that up.")]
+        public float stepRateHz;
+
         [Tooltip("States a second.")]
         public float rateHz = 60;
 
-        [Tooltip("Drawn with the outside of the objects; the default where it is absent.")]
+        [Tooltip("Drawn with the outside of the objects; the package's own where it is absent.")]
         public Material skin;
 
-        [Tooltip("Drawn with the walls of cuts; the skin where it is absent.")]
+        [Tooltip("Drawn with the walls of cuts; the package's own where it is absent.")]
         public Material cutFace;
+
+        [Tooltip("Drawn with the lines where cuts meet the outside; the package's own where it is absent.")]
+        public Material seam;
 
         /// <summary>Where everything is; null before the first state.</summary>
         public State State { get; private set; }
@@ -33,39 +39,47 @@ namespace Kerf.Unity
         public Driver Driver { get; private set; }
 
         /// <summary>What is wrong, in words; null while all is well.</summary>
-        public string Trouble => viewer == null ? failure : viewer.Trouble;
+        public string Trouble => failure ?? viewer?.Trouble ?? Driver?.Trouble;
 
-        Server server;
+        volatile Server server;
         Viewer viewer;
         KerfTissue[] objects = new KerfTissue[0];
         volatile SessionDescription joined;
         volatile string failure;
         bool isOwn;
 
-        void OnEnable()
+        // Not when it is enabled: who adds this by code sets its fields after that.
+        void Update()
         {
-            server = new Server(address);
-            isOwn = sessionId.Length == 0;
-            // Building a scene takes a while: not on the thread that draws.
-            new Thread(Join) { IsBackground = true, Name = "kerf-join" }.Start();
+            if (server == null) Join();
+            if (viewer == null && joined != null) Begin();
+            if (viewer != null) viewer.Look(Show);
         }
 
         void Join()
         {
+            server = new Server(address);
+            isOwn = sessionId.Length == 0;
+            var asked = new CreateSessionRequest { SceneName = sceneName, FitStepRate = stepRateHz <= 0 };
+            if (stepRateHz > 0) asked.StepRateHz = stepRateHz;
+            var (of, id) = (server, sessionId);
+            // Building a scene takes a while: not on the thread that draws.
+            new Thread(() => Join(of, id, asked)) { IsBackground = true, Name = "kerf-join" }.Start();
+        }
+
+        void Join(Server of, string id, CreateSessionRequest asked)
+        {
             try
             {
-                joined = isOwn ? server.Create(sceneName) : server.Describe(sessionId);
+                var description = id.Length == 0 ? of.Create(asked) : of.Describe(id);
+                // Disabled meanwhile: nobody is left to end it.
+                if (of != server && id.Length == 0) CloseQuietly(of, description.SessionId);
+                else joined = description;
             }
             catch (KerfException error)
             {
-                failure = error.Message;
+                if (of == server) failure = error.Message;
             }
-        }
-
-        void Update()
-        {
-            if (viewer == null && joined != null) Begin();
-            if (viewer != null) viewer.Look(Show);
         }
 
         void Begin()
@@ -79,7 +93,7 @@ namespace Kerf.Unity
                 var child = new GameObject(joined.Scene.Objects[i].Name, typeof(MeshFilter), typeof(MeshRenderer));
                 child.transform.SetParent(transform, false);
                 objects[i] = child.AddComponent<KerfTissue>();
-                objects[i].SetMaterials(skin, cutFace ? cutFace : skin);
+                objects[i].SetMaterials(Own(skin, "Skin"), Own(cutFace, "CutFace"), Own(seam, "Seam"));
             }
         }
 
@@ -100,7 +114,12 @@ namespace Kerf.Unity
                 CloseQuietly(server, joined.SessionId);
                 sessionId = "";
             }
-            (Driver, viewer, joined, failure, State) = (null, null, null, null, null);
+            (Driver, viewer, joined, failure, State, server) = (null, null, null, null, null, null);
+        }
+
+        static Material Own(Material given, string name)
+        {
+            return given ? given : KerfMaterials.Load(name);
         }
 
         static void CloseQuietly(Server server, string sessionId)

@@ -5,7 +5,8 @@ using UnityEngine.Rendering;
 
 namespace Kerf.Unity
 {
-    /// <summary>Draws one object: a mesh whose first part is its outside and whose second the walls of its cuts.</summary>
+    /// <summary>Draws one object: a mesh whose first part is its outside, whose second the walls of its cuts, and whose
+    /// third the lines where those meet.</summary>
     [RequireComponent(typeof(MeshFilter), typeof(MeshRenderer))]
     public sealed class KerfTissue : MonoBehaviour
     {
@@ -23,10 +24,10 @@ namespace Kerf.Unity
 
         void OnDestroy() => Destroy(mesh);
 
-        /// <summary>Materials of the outside and of the walls of cuts; null keeps what is set.</summary>
-        public void SetMaterials(Material skin, Material cutFace)
+        /// <summary>Materials of the outside, of the walls of cuts and of their seams.</summary>
+        public void SetMaterials(Material skin, Material cutFace, Material seam)
         {
-            if (skin) GetComponent<MeshRenderer>().sharedMaterials = new[] { skin, cutFace };
+            GetComponent<MeshRenderer>().sharedMaterials = new[] { skin, cutFace, seam };
         }
 
         /// <summary>Takes over where the object is; its triangles are made anew where the structure is.</summary>
@@ -40,9 +41,10 @@ namespace Kerf.Unity
             if (structure != structureCount)
             {
                 structure = structureCount;
-                mesh.subMeshCount = 2;
+                mesh.subMeshCount = 3;
                 mesh.SetTriangles(Triangles(body, false), 0, false);
                 mesh.SetTriangles(Triangles(body, true), 1, false);
+                mesh.SetIndices(body.Seam(), MeshTopology.Lines, 2, false);
             }
             mesh.RecalculateNormals();
             mesh.RecalculateBounds();
@@ -64,8 +66,8 @@ namespace Kerf.Unity
                 if (body.IsCutFace(quad) != cutFaces) continue;
                 body.Triangles(quad, triangles, end);
                 // Mirrored, they are seen from the other side.
-                (triangles[end], triangles[end + 1]) = (triangles[end + 1], triangles[end]);
-                (triangles[end + 3], triangles[end + 4]) = (triangles[end + 4], triangles[end + 3]);
+                Array.Reverse(triangles, end, 3);
+                Array.Reverse(triangles, end + 3, 3);
                 end += 6;
             }
             Array.Resize(ref triangles, end);
