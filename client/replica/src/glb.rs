@@ -1,20 +1,17 @@
-//! Surfaces as binary glTF 2.0, metres, +y up: a node for each object, by its name, and materials for each of its
-//! regions, one of its skin and one of what a blade laid open.
+//! Surfaces as binary glTF 2.0, metres, +y up: a node and a mesh for each piece of each object, and no vertex twice, so that
+//! a piece is a closed body to whoever reads it.
 //!
-//! Skin and cut faces do not share vertices, nor do faces that meet at more than 50 degrees: each such
-//! group round a vertex gets a copy of it with a normal of its own. So the lips of a cut are crisp, and
-//! its two sides are shaded apart where they meet at the front. Vertices at which skin and cut meet are dark, so that
-//! a cut is seen as a seam while it is closed.
+//! What is skin, what a blade laid open, and of which region it is, is told by the vertices' colours: parts with materials
+//! of their own would be open surfaces. Vertices at which skin and cut meet are dark, so that a cut is seen as a seam
+//! while it is closed.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use serde_json::{Value, json};
 
 use crate::surface::{Face, Surface, Triangle};
 
-/// Cosine of the angle between two faces above which their normals are not blended: 50 degrees.
-const CREASE_ANGLE_COS: f32 = 0.643;
 /// Linear RGB of the skins of regions that state no colour, in the order in which they come.
 const SKIN_COLOURS: [[f32; 3]; 6] = [
     [0.50, 0.09, 0.06],
@@ -26,13 +23,12 @@ const SKIN_COLOURS: [[f32; 3]; 6] = [
 ];
 /// How much of the way to white a cut face is from the skin's colour.
 const CUT_PALENESS: f32 = 0.4;
-/// What a material's colour is multiplied by at a vertex, and where skin and cut meet.
-const PLAIN: [u8; 4] = [255; 4];
-const SEAM: [u8; 4] = [40, 40, 40, 255];
+/// What is left of the skin's colour where it meets a cut.
+const SEAM_DARKNESS: f32 = 0.02;
 
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
-const UNSIGNED_BYTE: u32 = 5121;
+const UNSIGNED_SHORT: u32 = 5123;
 const UNSIGNED_INT: u32 = 5125;
 const FLOAT: u32 = 5126;
 
@@ -67,56 +63,54 @@ pub fn encode(objects: &[Object]) -> Vec<u8> {
     document.container()
 }
 
-/// Vertices ready for a renderer: as many normals and colours as positions.
-#[derive(Default)]
-struct Shaded {
-    positions_m: Vec<[f32; 3]>,
-    normals: Vec<[f32; 3]>,
-    colours: Vec<[u8; 4]>,
-    indices: Vec<u32>,
-}
-
-/// Gives every smooth group of triangles round a vertex a copy of it.
-fn shaded(surface: &Surface) -> Shaded {
-    let area_normals: Vec<[f32; 3]> = surface.triangles.iter().map(|t| area_normal(surface, t)).collect();
-    let mut corners_at = vec![Vec::new(); surface.positions_m.len()];
-    for (corner, vertex) in surface.triangles.iter().flat_map(|t| t.vertices).enumerate() {
-        corners_at[vertex as usize].push(corner);
+/// Triangles of each closed surface that no triangle joins to another, the largest first.
+#[must_use]
+pub fn pieces(surface: &Surface) -> Vec<Vec<Triangle>> {
+    let mut parent: Vec<u32> = (0..surface.positions_m.len() as u32).collect();
+    fn root(parent: &mut [u32], mut vertex: u32) -> u32 {
+        while parent[vertex as usize] != vertex {
+            parent[vertex as usize] = parent[parent[vertex as usize] as usize];
+            vertex = parent[vertex as usize];
+        }
+        vertex
     }
-    let is = |face: Face| move |corner: &usize| surface.triangles[corner / 3].face == face;
-    let mut shaded = Shaded { indices: vec![0; surface.triangles.len() * 3], ..Shaded::default() };
-    for (vertex, mut corners) in corners_at.into_iter().enumerate() {
-        let is_seam = corners.iter().any(is(Face::Skin)) && corners.iter().any(is(Face::Cut));
-        while let Some(first) = corners.pop() {
-            let group = smooth_group(surface, &area_normals, first, &mut corners);
-            let index = shaded.positions_m.len() as u32;
-            group.iter().for_each(|corner| shaded.indices[*corner] = index);
-            let sum = group.iter().fold([0.0; 3], |sum, corner| add(sum, area_normals[corner / 3]));
-            shaded.positions_m.push(surface.positions_m[vertex]);
-            shaded.normals.push(unit(sum).unwrap_or([0.0, 1.0, 0.0]));
-            shaded.colours.push(if is_seam { SEAM } else { PLAIN });
+    for Triangle { vertices: [a, b, c], .. } in &surface.triangles {
+        for other in [*b, *c] {
+            let (one, other) = (root(&mut parent, *a), root(&mut parent, other));
+            parent[other as usize] = one;
         }
     }
-    shaded
+    let mut pieces: BTreeMap<u32, Vec<Triangle>> = BTreeMap::new();
+    for triangle in &surface.triangles {
+        pieces.entry(root(&mut parent, triangle.vertices[0])).or_default().push(*triangle);
+    }
+    let mut pieces: Vec<_> = pieces.into_values().collect();
+    pieces.sort_by_key(|triangles| std::cmp::Reverse(triangles.len()));
+    pieces
 }
 
-/// Takes out of `corners` those that `first` is joined to by a chain of faces of one kind, each
-/// within the crease angle of another, and returns them with it.
-fn smooth_group(surface: &Surface, area_normals: &[[f32; 3]], first: usize, corners: &mut Vec<usize>) -> Vec<usize> {
-    let smooth = |a: usize, b: usize| {
-        let (Some(normal_a), Some(normal_b)) = (unit(area_normals[a / 3]), unit(area_normals[b / 3])) else {
-            return true; // A triangle without area has no direction to differ in.
-        };
-        surface.triangles[a / 3].face == surface.triangles[b / 3].face && dot(normal_a, normal_b) >= CREASE_ANGLE_COS
-    };
-    let mut group = vec![first];
-    let mut next = 0;
-    while next < group.len() {
-        let member = group[next];
-        group.extend(corners.extract_if(.., |corner| smooth(member, *corner)));
-        next += 1;
+/// What a vertex is of, from the triangles around it.
+#[derive(Clone, Copy, Default)]
+struct Vertex {
+    normal: [f32; 3],
+    region: u16,
+    is_on_skin: bool,
+    is_on_cut: bool,
+}
+
+fn vertices(surface: &Surface) -> Vec<Vertex> {
+    let mut vertices = vec![Vertex::default(); surface.positions_m.len()];
+    for triangle in &surface.triangles {
+        let normal = area_normal(surface, triangle);
+        for vertex in triangle.vertices {
+            let vertex = &mut vertices[vertex as usize];
+            vertex.normal = add(vertex.normal, normal);
+            vertex.region = vertex.region.max(triangle.region);
+            vertex.is_on_skin |= triangle.face == Face::Skin;
+            vertex.is_on_cut |= triangle.face == Face::Cut;
+        }
     }
-    group
+    vertices
 }
 
 /// Normal of a triangle with twice its area as length.
@@ -163,7 +157,6 @@ struct Document {
     binary: Vec<u8>,
     views: Vec<Value>,
     accessors: Vec<Value>,
-    materials: Vec<Value>,
     meshes: Vec<Value>,
     nodes: Vec<Value>,
     /// Regions so far, of all objects.
@@ -171,41 +164,60 @@ struct Document {
 }
 
 impl Document {
-    /// Adds an object: a node with a mesh, whose parts share their vertices and have a material each.
+    /// Adds an object: a node with a mesh for each of its pieces.
     fn add(&mut self, object: &Object) {
-        let shaded = shaded(&object.surface);
-        let bound = |pick: fn(f32, f32) -> f32| {
-            shaded.positions_m.iter().copied().reduce(|a, b| std::array::from_fn(|i| pick(a[i], b[i])))
-        };
-        let count = shaded.positions_m.len();
-        let positions = json!({ "componentType": FLOAT, "count": count, "type": "VEC3",
-                                "min": bound(f32::min), "max": bound(f32::max) });
-        let positions = self.accessor(&floats(&shaded.positions_m), ARRAY_BUFFER, positions);
-        let normals = json!({ "componentType": FLOAT, "count": count, "type": "VEC3" });
-        let normals = self.accessor(&floats(&shaded.normals), ARRAY_BUFFER, normals);
-        let colours = json!({ "componentType": UNSIGNED_BYTE, "normalized": true, "count": count, "type": "VEC4" });
-        let colours = self.accessor(shaded.colours.as_flattened(), ARRAY_BUFFER, colours);
-
-        let mut parts: BTreeMap<(u16, Face), Vec<u32>> = BTreeMap::new();
-        let (triangles, _) = shaded.indices.as_chunks::<3>();
-        for (triangle, indices) in object.surface.triangles.iter().zip(triangles) {
-            parts.entry((triangle.region, triangle.face)).or_default().extend(indices);
+        let vertices = vertices(&object.surface);
+        let pieces = pieces(&object.surface);
+        for (index, triangles) in pieces.iter().enumerate() {
+            let name = if pieces.len() == 1 { object.name.clone() } else { format!("{} {}", object.name, index + 1) };
+            self.add_piece(object, &name, &vertices, triangles);
         }
-        let primitives: Vec<Value> = parts
-            .into_iter()
-            .map(|((region, face), indices)| {
-                let bytes: Vec<u8> = indices.iter().flat_map(|i| i.to_le_bytes()).collect();
-                let described = json!({ "componentType": UNSIGNED_INT, "count": indices.len(), "type": "SCALAR" });
-                json!({
-                    "attributes": { "POSITION": positions, "NORMAL": normals, "COLOR_0": colours },
-                    "indices": self.accessor(&bytes, ELEMENT_ARRAY_BUFFER, described),
-                    "material": self.material(object, region, face),
-                })
-            })
-            .collect();
-        self.nodes.push(json!({ "mesh": self.meshes.len(), "name": object.name }));
-        self.meshes.push(json!({ "name": object.name, "primitives": primitives }));
         self.regions += 1 + object.regions.len();
+    }
+
+    fn add_piece(&mut self, object: &Object, name: &str, vertices: &[Vertex], triangles: &[Triangle]) {
+        let used: BTreeSet<u32> = triangles.iter().flat_map(|triangle| triangle.vertices).collect();
+        let place: BTreeMap<u32, u32> = used.iter().zip(0..).map(|(vertex, place)| (*vertex, place)).collect();
+        let positions_m: Vec<_> = used.iter().map(|vertex| object.surface.positions_m[*vertex as usize]).collect();
+        let of = |vertex: &u32| vertices[*vertex as usize];
+        let normals: Vec<_> = used.iter().map(|v| unit(of(v).normal).unwrap_or([0.0, 1.0, 0.0])).collect();
+        let colours: Vec<[u16; 4]> = used.iter().map(|vertex| self.colour(object, of(vertex))).collect();
+        let indices: Vec<u8> =
+            triangles.iter().flat_map(|t| t.vertices).flat_map(|vertex| place[&vertex].to_le_bytes()).collect();
+
+        let bound = |pick: fn(f32, f32) -> f32| {
+            positions_m.iter().copied().reduce(|a, b| std::array::from_fn(|i| pick(a[i], b[i])))
+        };
+        let count = positions_m.len();
+        let described = json!({ "componentType": FLOAT, "count": count, "type": "VEC3",
+                                "min": bound(f32::min), "max": bound(f32::max) });
+        let positions = self.accessor(&floats(&positions_m), ARRAY_BUFFER, described);
+        let described = json!({ "componentType": FLOAT, "count": count, "type": "VEC3" });
+        let normals = self.accessor(&floats(&normals), ARRAY_BUFFER, described);
+        let described = json!({ "componentType": UNSIGNED_SHORT, "normalized": true, "count": count, "type": "VEC4" });
+        let colours: Vec<u8> = colours.as_flattened().iter().flat_map(|c| c.to_le_bytes()).collect();
+        let colours = self.accessor(&colours, ARRAY_BUFFER, described);
+        let described = json!({ "componentType": UNSIGNED_INT, "count": 3 * triangles.len(), "type": "SCALAR" });
+        let indices = self.accessor(&indices, ELEMENT_ARRAY_BUFFER, described);
+        self.nodes.push(json!({ "mesh": self.meshes.len(), "name": name }));
+        self.meshes.push(json!({ "name": name, "primitives": [{
+            "attributes": { "POSITION": positions, "NORMAL": normals, "COLOR_0": colours },
+            "indices": indices,
+            "material": 0,
+        }] }));
+    }
+
+    /// Linear, of 16 bits: dark ones would show steps of 8.
+    fn colour(&self, object: &Object, vertex: Vertex) -> [u16; 4] {
+        let region = usize::from(vertex.region);
+        let stated = object.colours.get(region).copied().flatten().map(|srgb| srgb.map(linear));
+        let skin = stated.unwrap_or(SKIN_COLOURS[(self.regions + region) % SKIN_COLOURS.len()]);
+        let [r, g, b] = match (vertex.is_on_skin, vertex.is_on_cut) {
+            (true, true) => skin.map(|c| SEAM_DARKNESS * c),
+            (false, true) => skin.map(|c| c + CUT_PALENESS * (1.0 - c)),
+            _ => skin,
+        };
+        [r, g, b, 1.0].map(|c| (c * f32::from(u16::MAX)).round() as u16)
     }
 
     /// Adds bytes, and returns the place of what is described by them.
@@ -217,25 +229,6 @@ impl Document {
         self.binary.extend_from_slice(bytes);
         self.accessors.push(described);
         self.accessors.len() - 1
-    }
-
-    fn material(&mut self, object: &Object, region: u16, face: Face) -> usize {
-        let region = usize::from(region);
-        let name = match region.checked_sub(1).and_then(|region| object.regions.get(region)) {
-            Some(region) => format!("{}: {region}", object.name),
-            None => object.name.clone(),
-        };
-        let stated = object.colours.get(region).copied().flatten().map(|srgb| srgb.map(linear));
-        let skin = stated.unwrap_or(SKIN_COLOURS[(self.regions + region) % SKIN_COLOURS.len()]);
-        let (name, [r, g, b]) = match face {
-            Face::Skin => (name, skin),
-            Face::Cut => (format!("{name}, cut"), skin.map(|c| c + CUT_PALENESS * (1.0 - c))),
-        };
-        self.materials.push(json!({
-            "name": name,
-            "pbrMetallicRoughness": { "baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.55 },
-        }));
-        self.materials.len() - 1
     }
 
     /// The header and the chunks, each padded to four bytes.
@@ -251,7 +244,13 @@ impl Document {
             let lists = [
                 ("bufferViews", self.views),
                 ("accessors", self.accessors),
-                ("materials", self.materials),
+                (
+                    "materials",
+                    vec![json!({
+                        "name": "tissue",
+                        "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": 0.55 },
+                    })],
+                ),
                 ("meshes", self.meshes),
                 ("nodes", self.nodes),
             ];
@@ -356,53 +355,75 @@ mod tests {
         for normal in vectors(view(&document, &binary, 1, 12)) {
             assert!((dot(normal, normal) - 1.0).abs() < 1e-5 && normal[1] > 0.8, "{normal:?}");
         }
-        assert_eq!(view(&document, &binary, 2, 4).chunks(4).next(), Some(PLAIN.as_slice()));
+        let first = view(&document, &binary, 2, 8).chunks(2).next().unwrap();
+        assert_eq!(u16::from_le_bytes(first.try_into().unwrap()), (0.5 * 65535.0f32).round() as u16);
     }
 
-    #[test]
-    fn normals_are_blended_over_gentle_edges_of_one_kind_only() {
-        for (angle_degrees, right, vertices) in [(30.0, Face::Skin, 6), (80.0, Face::Skin, 8), (0.0, Face::Cut, 8)] {
-            let (document, _) = parse(&encode(&[Object { surface: roof(angle_degrees, right), ..Object::default() }]));
-            assert_eq!(document["accessors"][0]["count"], vertices, "{angle_degrees} {right:?}");
+    /// A closed body: every edge of its triangles is passed once each way, and no vertex is there twice.
+    fn assert_is_closed(document: &serde_json::Value, binary: &[u8], mesh: usize, volume_m3: f32) {
+        let part = &document["meshes"][mesh]["primitives"][0];
+        let number = |value: &serde_json::Value| value.as_u64().unwrap() as usize;
+        let positions = vectors(view(document, binary, number(&part["attributes"]["POSITION"]), 12));
+        let indices = view(document, binary, number(&part["indices"]), 4);
+        let indices: Vec<u32> = indices.chunks(4).map(|b| u32::from_le_bytes(b.try_into().unwrap())).collect();
+        let (triangles, _) = indices.as_chunks::<3>();
+        let edges: BTreeSet<_> = triangles.iter().flat_map(|[a, b, c]| [(*a, *b), (*b, *c), (*c, *a)]).collect();
+        assert_eq!(edges.len(), indices.len());
+        assert!(edges.iter().all(|(a, b)| edges.contains(&(*b, *a))));
+        let places: BTreeSet<_> = positions.iter().map(|place| place.map(f32::to_bits)).collect();
+        assert_eq!(places.len(), positions.len());
+        let volume = |[a, b, c]: &[u32; 3]| {
+            let [a, b, c] = [a, b, c].map(|vertex| positions[*vertex as usize]);
+            let cross: [f32; 3] =
+                std::array::from_fn(|i| b[(i + 1) % 3] * c[(i + 2) % 3] - b[(i + 2) % 3] * c[(i + 1) % 3]);
+            dot(a, cross) / 6.0
+        };
+        assert!((triangles.iter().map(volume).sum::<f32>() - volume_m3).abs() < 1e-5);
+    }
+
+    /// Two tetrahedra that touch with a face each, as if a blade had parted them.
+    fn parted() -> Surface {
+        let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let mut surface = Surface::default();
+        for (tip, flips) in [([0.0, 0.0, 1.0], false), ([0.0, 0.0, -1.0], true)] {
+            let first = surface.positions_m.len() as u32;
+            surface.positions_m.extend(corners);
+            surface.positions_m.push(tip);
+            for (mut vertices, face) in
+                [([0, 2, 1], Face::Cut), ([0, 1, 3], Face::Skin), ([1, 2, 3], Face::Skin), ([2, 0, 3], Face::Skin)]
+            {
+                if flips {
+                    vertices.swap(0, 1);
+                }
+                let vertices = vertices.map(|vertex| first + vertex);
+                surface.triangles.push(Triangle { vertices, face, region: u16::from(flips) });
+            }
         }
+        surface
     }
 
     #[test]
-    fn objects_are_nodes_and_their_regions_materials() {
-        let mut surface = roof(0.0, Face::Cut);
-        surface.triangles[1].region = 1;
-        let names = [("liver", vec!["tumour".to_owned()]), ("kidney", vec![])];
-        let colours = vec![None, srgb("#ff0080")];
-        let object = |(name, regions): (&str, _)| Object {
+    fn pieces_are_nodes_and_closed_though_their_walls_touch() {
+        let object = |name: &str| Object {
             name: name.into(),
-            regions,
-            colours: colours.clone(),
-            surface: surface.clone(),
+            regions: vec!["tumour".to_owned()],
+            colours: vec![None, srgb("#ff0080")],
+            surface: parted(),
         };
-        let objects = names.map(object);
-        let (document, binary) = parse(&encode(&objects));
-        let listed = |list: &str| -> Vec<String> {
-            document[list].as_array().unwrap().iter().map(|entry| entry["name"].as_str().unwrap().to_owned()).collect()
-        };
-        assert_eq!(listed("nodes"), ["liver", "kidney"]);
-        assert_eq!(document["scenes"][0]["nodes"], json!([0, 1]));
-        assert_eq!(listed("materials")[..3], ["liver", "liver, cut", "liver: tumour"]);
-        let colours: Vec<_> =
-            (0..3).map(|i| &document["materials"][i]["pbrMetallicRoughness"]["baseColorFactor"]).collect();
-        assert!(colours[0] != colours[1] && colours[0] != colours[2]);
-        // The tumour's is stated; 128 of 255 is 0.2159 of the light.
-        assert_eq!((&colours[2][0], &colours[2][1]), (&json!(1.0), &json!(0.0)));
-        assert!((colours[2][2].as_f64().unwrap() - 0.2159).abs() < 1e-4);
-        // Each part has the triangles of its region and its kind.
-        let parts = document["meshes"][0]["primitives"].as_array().unwrap();
-        let counts: Vec<_> = parts
-            .iter()
-            .map(|part| &document["accessors"][part["indices"].as_u64().unwrap() as usize]["count"])
-            .collect();
-        assert_eq!(counts, [3, 6, 3]);
-        // Skin and cut meet at two of the six places, each of which has a vertex on either side.
-        let colours = view(&document, &binary, 2, 4);
-        assert_eq!(colours.chunks(4).filter(|colour| *colour == SEAM).count(), 4);
+        let one = Object { name: "kidney".into(), surface: roof(30.0, Face::Skin), ..Object::default() };
+        let (document, binary) = parse(&encode(&[object("liver"), one]));
+        let names: Vec<_> = document["nodes"].as_array().unwrap().iter().map(|node| node["name"].as_str()).collect();
+        assert_eq!(names, ["liver 1", "liver 2", "kidney"].map(Some));
+        assert_eq!(document["scenes"][0]["nodes"], json!([0, 1, 2]));
+        (0..2).for_each(|mesh| assert_is_closed(&document, &binary, mesh, 1.0 / 6.0));
+        // Of the second piece, which is of the tumour, the tip is skin of the colour that is stated, and the rim dark.
+        let colours = document["meshes"][1]["primitives"][0]["attributes"]["COLOR_0"].as_u64().unwrap() as usize;
+        let colours: Vec<u16> =
+            view(&document, &binary, colours, 8).chunks(2).map(|b| u16::from_le_bytes(b.try_into().unwrap())).collect();
+        // 128 of 255 is 0.2159 of the light.
+        assert_eq!((colours[12], colours[13]), (65535, 0));
+        assert!((f32::from(colours[14]) / 65535.0 - 0.2159).abs() < 1e-4);
+        assert!(colours[0] < 2000, "{colours:?}");
     }
 
     #[test]

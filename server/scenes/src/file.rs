@@ -10,7 +10,7 @@ use kerf_physics::scene::{EdgeDesc, Meshes, ShapeDesc, ToolShapeDesc, TriangleMe
 use kerf_physics::{Scene, SceneDesc, SceneError};
 
 use crate::error::ReadError;
-use crate::nifti::{self, LabelMap};
+use crate::label_map::{self, LabelMap};
 use crate::{edge_file, label_surface, mesh_file};
 
 /// Largest scene file, bytes: a thousand times a large scene written by hand.
@@ -53,7 +53,7 @@ impl Files<'_> {
     /// Most voxels of a label map: what was sent is less to be trusted, and unpacked on a machine that others use.
     fn max_label_voxels(&self) -> u64 {
         match self {
-            Self::Beside(_) => nifti::MAX_VOXELS,
+            Self::Beside(_) => label_map::MAX_VOXELS,
             Self::Sent(_) => MAX_SENT_LABEL_VOXELS,
         }
     }

@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use kerf_physics::scene::TriangleMesh;
 use nalgebra::Vector3;
 
-use crate::nifti::LabelMap;
+use crate::label_map::LabelMap;
 
 /// Fractions of the way to the mean of its neighbours that a vertex goes in turn: smoothing, and back from the
 /// shrinking that it does.
@@ -29,6 +29,9 @@ const NEAREST: f64 = 0.1;
 /// Half the edge of a cell, voxels.
 const HALF_CELL: f64 = 0.5;
 
+/// A piece of fewer voxels than the largest piece's over this is left out.
+const STRAY: usize = 1000;
+
 /// Axes of a link and of the cells around it, in cyclic order.
 const AXES: [[usize; 3]; 3] = [[0, 1, 2], [1, 2, 0], [2, 0, 1]];
 
@@ -39,14 +42,11 @@ const AXES: [[usize; 3]; 3] = [[0, 1, 2], [1, 2, 0], [2, 0, 1]];
 /// A label that no voxel has, or no label at all.
 pub(crate) fn surface(map: &LabelMap, labels: &[u16]) -> Result<TriangleMesh, String> {
     refuse_absent(map, labels)?;
-    let is_wanted = |voxel| match (map.label(voxel), labels) {
-        (0, _) => false,
-        (_, []) => true,
-        (label, some) => some.contains(&label),
-    };
+    let filled = Filled::without_strays(map, |label| label != 0 && (labels.is_empty() || labels.contains(&label)));
+    let is_wanted = |voxel| filled.has(voxel);
     let mut nets = Nets { map, vertices: BTreeMap::new(), crossings: Vec::new(), quads: Vec::new() };
     let mut occupancies = BTreeMap::new();
-    let mut filled = |voxel| *occupancies.entry(voxel).or_insert_with(|| occupancy(voxel, is_wanted));
+    let mut share = |voxel| *occupancies.entry(voxel).or_insert_with(|| occupancy(voxel, is_wanted));
     let [nx, ny, nz] = map.dims.map(|n| n as i64);
     for k in -1..nz {
         for j in -1..ny {
@@ -56,7 +56,7 @@ pub(crate) fn surface(map: &LabelMap, labels: &[u16]) -> Result<TriangleMesh, St
                     let mut next = [i, j, k];
                     next[axes[0]] += 1;
                     if here != is_wanted(next) {
-                        let up = crossing(filled([i, j, k]), filled(next), here);
+                        let up = crossing(share([i, j, k]), share(next), here);
                         nets.add_quad([i, j, k], axes, here, up);
                     }
                 }
@@ -64,6 +64,59 @@ pub(crate) fn surface(map: &LabelMap, labels: &[u16]) -> Result<TriangleMesh, St
         }
     }
     Ok(nets.finish())
+}
+
+/// Voxels that are inside.
+struct Filled<'a> {
+    map: &'a LabelMap,
+    is_filled: Vec<bool>,
+}
+
+impl<'a> Filled<'a> {
+    /// Those whose label is wanted, but for what a thousandth of the largest piece is more than: strays of a segmentation,
+    /// which would stretch the box that a resolution is counted over.
+    fn without_strays(map: &'a LabelMap, is_wanted: impl Fn(u16) -> bool) -> Self {
+        let is_filled: Vec<bool> = map.labels.iter().map(|label| is_wanted(*label)).collect();
+        let mut pieces = Vec::new();
+        let mut left = Self { map, is_filled: is_filled.clone() };
+        for first in 0..is_filled.len() {
+            if left.is_filled[first] {
+                pieces.push((left.take_piece(first), first));
+            }
+        }
+        let mut filled = Self { map, is_filled };
+        let largest = pieces.iter().map(|(voxels, _)| *voxels).max().unwrap_or_default();
+        for (_, first) in pieces.into_iter().filter(|(voxels, _)| STRAY * voxels < largest) {
+            filled.take_piece(first);
+        }
+        filled
+    }
+
+    /// Empties all that hangs together with a voxel; how many they were.
+    fn take_piece(&mut self, first: usize) -> usize {
+        let [nx, ny, nz] = self.map.dims;
+        let mut open = vec![first];
+        let mut voxels = 0;
+        self.is_filled[first] = false;
+        while let Some(at) = open.pop() {
+            voxels += 1;
+            let place = [at % nx, at / nx % ny, at / (nx * ny)];
+            for (axis, (size, stride)) in [(nx, 1), (ny, nx), (nz, nx * ny)].into_iter().enumerate() {
+                let below = (place[axis] > 0).then(|| at - stride);
+                let above = (place[axis] + 1 < size).then(|| at + stride);
+                for next in [below, above].into_iter().flatten() {
+                    if std::mem::take(&mut self.is_filled[next]) {
+                        open.push(next);
+                    }
+                }
+            }
+        }
+        voxels
+    }
+
+    fn has(&self, voxel: [i64; 3]) -> bool {
+        self.map.index(voxel).is_some_and(|index| self.is_filled[index])
+    }
 }
 
 fn refuse_absent(map: &LabelMap, labels: &[u16]) -> Result<(), String> {

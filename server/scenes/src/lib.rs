@@ -11,9 +11,11 @@ mod edge_file;
 pub mod error;
 pub mod examine;
 pub mod file;
+mod label_map;
 mod label_surface;
 mod mesh_faults;
 mod mesh_file;
 mod nifti;
+mod nrrd;
 
 pub use error::ReadError;

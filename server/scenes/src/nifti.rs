@@ -1,188 +1,175 @@
-//! Label maps from NIfTI-1 files (`.nii`, `.nii.gz`): the header's fields that place and type the voxels.
+//! Label maps from NIfTI files, version 1 and 2 (`.nii`, `.nii.gz`): the header's fields that place and type the voxels.
 //!
-//! Source: the header as nifti1.h of the NIfTI Data Format Working Group defines it; byte offsets stand at
-//! the reads. Deliberately absent: `.hdr`/`.img` pairs, NIfTI-2, extensions, colours and real-valued maps.
+//! Source: the headers as nifti1.h and nifti2.h of the NIfTI Data Format Working Group define them; byte offsets
+//! stand in `Layout`. Deliberately absent: `.hdr`/`.img` pairs, extensions, colours and real-valued maps.
 
 use std::io::Read;
 
-use flate2::read::GzDecoder;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
-/// Most voxels of a map: 512 slices of 512 x 512.
-pub const MAX_VOXELS: u64 = 1 << 27;
-const HEADER_BYTES: usize = 348;
-/// Determinant of the voxel's edges over the product of their lengths below which they have no volume.
-const FLAT: f64 = 1e-6;
+use crate::label_map::{Kind, LabelMap, checked_dims, little_endian, to_scene_m};
 
-/// Integer labels on a lattice, placed in the scene's axes.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct LabelMap {
-    /// Voxels along the file's three axes.
-    pub dims: [usize; 3],
-    /// First axis fastest; 0 is outside.
-    pub labels: Vec<u16>,
-    /// Edges of a voxel along the file's axes, as columns, m, in the scene's axes.
-    pub edges_m: Matrix3<f64>,
-    /// Centre of the first voxel, m, in the scene's axes, from the file's origin.
-    pub first_m: Vector3<f64>,
+/// Reads a file, not compressed.
+pub(crate) fn read(mut source: impl Read, max_voxels: u64) -> Result<LabelMap, String> {
+    let header = Header::read(&mut source)?;
+    let dims = header.dims(max_voxels)?;
+    let kind = header.kind()?;
+    let (start, least) = (header.data_start(), header.layout.bytes as f64);
+    if !(least..=1e6).contains(&start) {
+        return Err(format!("vox_offset = {start}: the data begin after the header, at {least} to 1e6"));
+    }
+    let short = |_| format!("the file is cut off: it ends before its {dims:?} voxels");
+    std::io::copy(&mut source.by_ref().take((start - least) as u64), &mut std::io::sink()).map_err(short)?;
+    let mut data = vec![0; dims.iter().product::<usize>() * kind.bytes()];
+    source.read_exact(&mut data).map_err(short)?;
+    LabelMap::of_data(dims, (kind, header.is_big_endian), &data, header.placement_m()?)
 }
 
-impl LabelMap {
-    /// Reads a file's bytes, which a gzip header says to be compressed.
-    ///
-    /// # Errors
-    /// The field of the header that cannot be used and its value, or how the data do not fit it.
-    pub fn parse(bytes: &[u8], max_voxels: u64) -> Result<Self, String> {
-        if bytes.starts_with(&[0x1f, 0x8b]) {
-            Self::read(GzDecoder::new(bytes), max_voxels).map_err(|message| format!("{message} (gzip)"))
-        } else {
-            Self::read(bytes, max_voxels)
-        }
-    }
-
-    fn read(mut source: impl Read, max_voxels: u64) -> Result<Self, String> {
-        let header = Header::read(&mut source)?;
-        let dims = header.dims(max_voxels)?;
-        let kind = header.kind()?;
-        let start = header.float(108);
-        if !(HEADER_BYTES as f32..=1e6).contains(&start) {
-            return Err(format!("vox_offset = {start}: the data begin after the header, at 348 to 1e6"));
-        }
-        let short = |_| format!("the file is cut off: it ends before its {dims:?} voxels");
-        std::io::copy(&mut source.by_ref().take(start as u64 - HEADER_BYTES as u64), &mut std::io::sink())
-            .map_err(short)?;
-        let count = dims.iter().product::<usize>();
-        let mut data = vec![0; count * kind.bytes()];
-        source.read_exact(&mut data).map_err(short)?;
-        let labels = data.chunks_exact(kind.bytes()).map(|voxel| kind.label(header.array(voxel)));
-        let labels = labels.collect::<Option<Vec<u16>>>().ok_or("a voxel is no whole number from 0 to 65535")?;
-        let (edges_m, first_m) = header.placement_m()?;
-        let lengths: f64 = edges_m.column_iter().map(|edge| edge.norm()).product();
-        if edges_m.determinant().abs() <= FLAT * lengths {
-            return Err("the orientation (sform, qform or pixdim) gives voxels without a volume".into());
-        }
-        Ok(Self { dims, labels, edges_m, first_m })
-    }
-
-    /// Label of a voxel; 0 beyond the map.
-    pub fn label(&self, voxel: [i64; 3]) -> u16 {
-        let inside = (0..3).all(|a| (0..self.dims[a] as i64).contains(&voxel[a]));
-        let [i, j, k] = voxel.map(|index| index as usize);
-        if inside { self.labels[(k * self.dims[1] + j) * self.dims[0] + i] } else { 0 }
-    }
+/// Where the fields of a version's header stand, bytes; numbers of version 2 are twice as wide.
+struct Layout {
+    bytes: usize,
+    /// Numbers have 64 bits where those of version 1 have 16 or 32.
+    is_wide: bool,
+    magic: usize,
+    datatype: usize,
+    dim: usize,
+    pixdim: usize,
+    vox_offset: usize,
+    scl_slope: usize,
+    xyzt_units: usize,
+    qform_code: usize,
+    sform_code: usize,
+    /// quatern_b to qoffset_z, then srow_x to srow_z, one after the other.
+    quatern_b: usize,
+    srow_x: usize,
 }
 
-/// Type of a voxel's number.
-#[derive(Clone, Copy)]
-enum Kind {
-    U8,
-    I8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-}
-
-impl Kind {
-    fn bytes(self) -> usize {
-        match self {
-            Self::U8 | Self::I8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
-        }
-    }
-
-    /// The label that little-endian bytes are, padded with zeros.
-    fn label(self, bytes: [u8; 8]) -> Option<u16> {
-        let [a, b, c, d, ..] = bytes;
-        let whole = |value: f64| (value.fract() == 0.0 && (0.0..=65535.0).contains(&value)).then_some(value as u16);
-        match self {
-            Self::U8 => Some(u16::from(a)),
-            Self::I8 => u16::try_from(a as i8).ok(),
-            Self::I16 => u16::try_from(i16::from_le_bytes([a, b])).ok(),
-            Self::U16 => Some(u16::from_le_bytes([a, b])),
-            Self::I32 => u16::try_from(i32::from_le_bytes([a, b, c, d])).ok(),
-            Self::U32 => u16::try_from(u32::from_le_bytes([a, b, c, d])).ok(),
-            Self::F32 => whole(f32::from_le_bytes([a, b, c, d]).into()),
-            Self::F64 => whole(f64::from_le_bytes(bytes)),
-        }
-    }
-}
+const VERSION_1: Layout = Layout {
+    bytes: 348,
+    is_wide: false,
+    magic: 344,
+    datatype: 70,
+    dim: 40,
+    pixdim: 76,
+    vox_offset: 108,
+    scl_slope: 112,
+    xyzt_units: 123,
+    qform_code: 252,
+    sform_code: 254,
+    quatern_b: 256,
+    srow_x: 280,
+};
+const VERSION_2: Layout = Layout {
+    bytes: 540,
+    is_wide: true,
+    magic: 4,
+    datatype: 12,
+    dim: 16,
+    pixdim: 104,
+    vox_offset: 168,
+    scl_slope: 176,
+    xyzt_units: 500,
+    qform_code: 344,
+    sform_code: 348,
+    quatern_b: 352,
+    srow_x: 400,
+};
 
 /// The header's bytes and their order.
 struct Header {
-    bytes: [u8; HEADER_BYTES],
+    bytes: Vec<u8>,
+    layout: &'static Layout,
     is_big_endian: bool,
 }
 
 impl Header {
     fn read(source: &mut impl Read) -> Result<Self, String> {
-        let mut bytes = [0; HEADER_BYTES];
-        source.read_exact(&mut bytes).map_err(|_| "the file is cut off: a NIfTI-1 header has 348 bytes".to_owned())?;
-        // sizeof_hdr says which way round the numbers are.
-        let size = [bytes[0], bytes[1], bytes[2], bytes[3]];
-        let is_big_endian = match (i32::from_le_bytes(size), i32::from_be_bytes(size)) {
-            (348, _) => false,
-            (_, 348) => true,
-            (540, _) | (_, 540) => return Err("NIfTI-2 is not read; convert it to NIfTI-1".into()),
-            (found, _) => return Err(format!("sizeof_hdr = {found}: a NIfTI-1 file begins with 348")),
+        let mut size = [0; 4];
+        source.read_exact(&mut size).map_err(|_| "the file is cut off: a NIfTI header has 348 bytes or 540")?;
+        // sizeof_hdr says which version it is, and which way round the numbers are.
+        let (layout, is_big_endian) = match (i32::from_le_bytes(size), i32::from_be_bytes(size)) {
+            (348, _) => (&VERSION_1, false),
+            (_, 348) => (&VERSION_1, true),
+            (540, _) => (&VERSION_2, false),
+            (_, 540) => (&VERSION_2, true),
+            _ => return Err("is neither a NIfTI file (.nii, .nii.gz) nor an NRRD file (.nrrd, .seg.nrrd)".into()),
         };
-        match &bytes[344..348] {
-            b"n+1\0" => Ok(Self { bytes, is_big_endian }),
-            b"ni1\0" => Err("magic = ni1: the voxels are in an .img file; convert it to one .nii file".into()),
-            magic => Err(format!("magic = {:?}: a NIfTI-1 file has n+1", String::from_utf8_lossy(magic))),
+        let mut bytes = size.to_vec();
+        let rest = layout.bytes as u64 - 4;
+        let read = source.by_ref().take(rest).read_to_end(&mut bytes).unwrap_or_default();
+        if read as u64 != rest {
+            return Err(format!("the file is cut off: its header has {} bytes", layout.bytes));
+        }
+        match &bytes[layout.magic..layout.magic + 4] {
+            b"n+1\0" | b"n+2\0" => Ok(Self { bytes, layout, is_big_endian }),
+            b"ni1\0" | b"ni2\0" => {
+                Err("magic = ni1: the voxels are in an .img file; convert it to one .nii file".into())
+            }
+            magic => Err(format!("magic = {:?}: a NIfTI file has n+1 or n+2", String::from_utf8_lossy(magic))),
         }
     }
 
-    /// Up to eight bytes as little-endian ones, zeros behind them.
-    fn array(&self, bytes: &[u8]) -> [u8; 8] {
-        let mut array = [0; 8];
-        array[..bytes.len()].copy_from_slice(bytes);
-        if self.is_big_endian {
-            array[..bytes.len()].reverse();
-        }
-        array
+    fn array(&self, at: usize, bytes: usize) -> [u8; 8] {
+        little_endian(&self.bytes[at..at + bytes], self.is_big_endian)
     }
 
     fn short(&self, at: usize) -> i16 {
-        let [low, high, ..] = self.array(&self.bytes[at..at + 2]);
+        let [low, high, ..] = self.array(at, 2);
         i16::from_le_bytes([low, high])
     }
 
-    fn float(&self, at: usize) -> f32 {
-        let [a, b, c, d, ..] = self.array(&self.bytes[at..at + 4]);
-        f32::from_le_bytes([a, b, c, d])
+    /// A code, of 16 bits in version 1 and of 32 in version 2.
+    fn code(&self, at: usize) -> i32 {
+        if self.layout.is_wide { self.int(at) } else { self.short(at).into() }
+    }
+
+    fn int(&self, at: usize) -> i32 {
+        let [a, b, c, d, ..] = self.array(at, 4);
+        i32::from_le_bytes([a, b, c, d])
+    }
+
+    /// Entries of `dim`.
+    fn size(&self, index: usize) -> i64 {
+        if self.layout.is_wide {
+            i64::from_le_bytes(self.array(self.layout.dim + 8 * index, 8))
+        } else {
+            self.short(self.layout.dim + 2 * index).into()
+        }
     }
 
     fn floats<const N: usize>(&self, at: usize) -> [f64; N] {
-        std::array::from_fn(|i| f64::from(self.float(at + 4 * i)))
+        std::array::from_fn(|i| {
+            if self.layout.is_wide {
+                return f64::from_le_bytes(self.array(at + 8 * i, 8));
+            }
+            let [a, b, c, d, ..] = self.array(at + 4 * i, 4);
+            f32::from_le_bytes([a, b, c, d]).into()
+        })
     }
 
-    /// `dim`, offset 40: the number of dimensions, then their sizes.
+    /// `vox_offset`.
+    fn data_start(&self) -> f64 {
+        let at = self.layout.vox_offset;
+        if self.layout.is_wide { i64::from_le_bytes(self.array(at, 8)) as f64 } else { self.floats::<1>(at)[0] }
+    }
+
+    /// `dim`: the number of dimensions, then their sizes.
     fn dims(&self, max_voxels: u64) -> Result<[usize; 3], String> {
-        let dim: [i16; 8] = std::array::from_fn(|i| self.short(40 + 2 * i));
+        let dim: [i64; 8] = std::array::from_fn(|i| self.size(i));
         let is_volume = (3..=7).contains(&dim[0]) && dim[4..=dim[0].clamp(3, 7) as usize].iter().all(|n| *n == 1);
-        let sizes = [dim[1], dim[2], dim[3]];
-        if !is_volume || sizes.iter().any(|n| *n < 1) {
+        if !is_volume {
             return Err(format!("dim = {dim:?}: a label map has three dimensions of at least one voxel"));
         }
-        let voxels: u64 = sizes.iter().map(|n| *n as u64).product();
-        if voxels > max_voxels {
-            return Err(format!("dim = {dim:?}: {voxels} voxels are more than the limit of {max_voxels}"));
-        }
-        Ok(sizes.map(|n| n as usize))
+        checked_dims("dim", [dim[1], dim[2], dim[3]], max_voxels)
     }
 
-    /// `datatype`, offset 70, and the scaling that labels must not have, offset 112.
+    /// `datatype`, and the scaling that labels must not have.
     fn kind(&self) -> Result<Kind, String> {
-        let [slope, shift] = self.floats(112);
+        let [slope, shift] = self.floats(self.layout.scl_slope);
         if slope != 0.0 && (slope != 1.0 || shift != 0.0) {
             return Err(format!("scl_slope = {slope}, scl_inter = {shift}: labels are not scaled"));
         }
-        Ok(match self.short(70) {
+        Ok(match self.short(self.layout.datatype) {
             2 => Kind::U8,
             4 => Kind::I16,
             8 => Kind::I32,
@@ -191,28 +178,33 @@ impl Header {
             256 => Kind::I8,
             512 => Kind::U16,
             768 => Kind::U32,
-            other => return Err(format!("datatype = {other}: labels are integers of 8 to 32 bits, or whole floats")),
+            1024 => Kind::I64,
+            1280 => Kind::U64,
+            other => return Err(format!("datatype = {other}: labels are integers of 8 to 64 bits, or whole floats")),
         })
     }
 
     /// Edges of a voxel as columns and centre of the first one, m, scene axes. Of the orientations that a
     /// file may state the first that it does holds: sform, qform, none (axes along the patient's).
     fn placement_m(&self) -> Result<(Matrix3<f64>, Vector3<f64>), String> {
-        // xyzt_units, offset 123; files without a unit are in millimetres by custom.
-        let unit_m = match self.bytes[123] & 7 {
+        let layout = self.layout;
+        // Files without a unit are in millimetres by custom.
+        let units = if layout.is_wide { self.int(layout.xyzt_units) } else { self.bytes[layout.xyzt_units].into() };
+        let unit_m = match units & 7 {
             1 => 1.0,
             0 | 2 => 1e-3,
             3 => 1e-6,
             other => return Err(format!("xyzt_units = {other}: lengths are in m, mm or um")),
         };
-        let [handedness, dx, dy, dz] = self.floats(76);
+        let [handedness, dx, dy, dz] = self.floats(layout.pixdim);
         let spacing = Matrix3::from_diagonal(&Vector3::new(dx, dy, dz));
-        let (edges, first) = if self.short(254) > 0 {
-            let [x, y, z]: [[f64; 4]; 3] = [self.floats(280), self.floats(296), self.floats(312)];
+        let (edges, first) = if self.code(layout.sform_code) > 0 {
+            let row = if layout.is_wide { 32 } else { 16 };
+            let [x, y, z]: [[f64; 4]; 3] = [0, 1, 2].map(|axis| self.floats(layout.srow_x + axis * row));
             let edges = Matrix3::new(x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2]);
             (edges, Vector3::new(x[3], y[3], z[3]))
-        } else if self.short(252) > 0 {
-            let [b, c, d, x, y, z]: [f64; 6] = self.floats(256);
+        } else if self.code(layout.qform_code) > 0 {
+            let [b, c, d, x, y, z]: [f64; 6] = self.floats(layout.quatern_b);
             let a = (1.0 - b * b - c * c - d * d).max(0.0).sqrt();
             let turn = UnitQuaternion::new_normalize(Quaternion::new(a, b, c, d)).to_rotation_matrix();
             // pixdim[0] is -1 where the third axis is mirrored.
@@ -221,20 +213,20 @@ impl Header {
         } else {
             (spacing, Vector3::zeros())
         };
-        if !edges.iter().chain(first.iter()).all(|value| value.is_finite()) {
-            return Err("the orientation (sform, qform or pixdim) is not finite".into());
-        }
-        // Right, anterior, superior to the scene's x, y, z: half a turn about the anterior axis. The
-        // patient lies on the back, seen from the feet.
-        let to_scene_m = Matrix3::from_diagonal(&Vector3::new(-unit_m, unit_m, -unit_m));
-        Ok((to_scene_m * edges, to_scene_m * first))
+        to_scene_m(unit_m, (edges, first))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::label_map::MAX_VOXELS;
 
+    fn label(map: &LabelMap, voxel: [i64; 3]) -> u16 {
+        map.index(voxel).map_or(0, |index| map.labels[index])
+    }
+
+    const HEADER_BYTES: usize = VERSION_1.bytes;
     const DIMS: [i16; 8] = [3, 2, 3, 4, 1, 1, 1, 1];
 
     /// A file of labels 0 to 23 whose orientation is what `orient` writes, big-endian where wanted.
@@ -280,6 +272,32 @@ mod tests {
         let [little, big] =
             [false, true].map(|is_big| LabelMap::parse(&file(is_big, &pixdim, [0, 0]), MAX_VOXELS).unwrap());
         assert_eq!(little, big);
-        assert_eq!((little.label([1, 2, 3]), little.label([1, 0, 0]), little.label([2, 0, 0])), (23, 1, 0));
+        assert_eq!((label(&little, [1, 2, 3]), label(&little, [1, 0, 0]), label(&little, [2, 0, 0])), (23, 1, 0));
+    }
+
+    #[test]
+    fn version_2_says_the_same_with_wider_numbers() {
+        let pixdim = [(80, 1.0), (84, 2.0), (88, 3.0)];
+        let expected = LabelMap::parse(&file(false, &pixdim, [0, 0]), MAX_VOXELS).unwrap();
+        for is_big_endian in [false, true] {
+            let mut bytes = vec![0; VERSION_2.bytes];
+            let mut put = |at: usize, little: &[u8]| {
+                bytes[at..at + little.len()].copy_from_slice(little);
+                if is_big_endian {
+                    bytes[at..at + little.len()].reverse();
+                }
+            };
+            put(0, &540i32.to_le_bytes());
+            DIMS.iter().enumerate().for_each(|(i, n)| put(16 + 8 * i, &i64::from(*n).to_le_bytes()));
+            put(12, &1024i16.to_le_bytes());
+            put(168, &544i64.to_le_bytes());
+            [1.0f64, 2.0, 3.0].iter().enumerate().for_each(|(i, mm)| put(112 + 8 * i, &mm.to_le_bytes()));
+            bytes[4..12].copy_from_slice(b"n+2\0\r\n\x1a\n");
+            // Four bytes that say that no extension follows.
+            bytes.extend([0; 4]);
+            let number = |label: i64| if is_big_endian { label.to_be_bytes() } else { label.to_le_bytes() };
+            bytes.extend((0..24i64).flat_map(number));
+            assert_eq!(LabelMap::parse(&bytes, MAX_VOXELS).unwrap(), expected, "big-endian: {is_big_endian}");
+        }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! A session is admitted by what it is told to cost, and counts with what it was measured to cost where that is more.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, Weak};
 
 use kerf_scenes::cost::Cost;
@@ -50,22 +50,27 @@ impl Admission {
         })
     }
 
-    /// Takes what a session of a scene needs, or nothing.
-    pub fn admit(self: &Arc<Self>, cost: &Cost, rate_hz: f64) -> Result<Admitted, SessionError> {
+    /// Takes what a session of a scene needs, or nothing. One that waits for its client's steps is late for nobody: it
+    /// takes memory, and time only once it is to run by itself (`Load::run`).
+    pub fn admit(self: &Arc<Self>, cost: &Cost, rate_hz: f64, waits: bool) -> Result<Admitted, SessionError> {
         if cost.setup_s > self.max_setup_s {
             return Err(SessionError::SetupTime { needed_s: cost.setup_s, limit_s: self.max_setup_s });
         }
         // A session that cannot keep its rate takes no more than its threads.
         let load = (cost.step_s * rate_hz).min(self.threads_per_session);
         let memory = self.reserve(cost.bytes)?;
+        let load = Arc::new(Load {
+            told: load,
+            most: self.threads_per_session,
+            measured: AtomicU64::new(0),
+            runs: AtomicBool::new(false),
+            admission: Arc::clone(self),
+        });
+        if !waits {
+            load.run()?;
+        }
         let mut taken = lock(&self.taken);
         taken.loads.retain(|load| load.strong_count() > 0);
-        let others: f64 = taken.loads.iter().filter_map(Weak::upgrade).map(|load| load.counted()).sum();
-        // One session is always admitted: whether it keeps its rate is its own affair.
-        if others > 0.0 && others + load > self.max_load {
-            return Err(SessionError::Load { needed: load, taken: others, limit: self.max_load });
-        }
-        let load = Arc::new(Load { told: load, most: self.threads_per_session, measured: AtomicU64::new(0) });
         taken.loads.push(Arc::downgrade(&load));
         Ok(Admitted { memory, load })
     }
@@ -118,9 +123,30 @@ pub(crate) struct Load {
     most: f64,
     /// Bits of what was last measured.
     measured: AtomicU64,
+    /// It steps by itself, or did: it is counted.
+    runs: AtomicBool,
+    admission: Arc<Admission>,
 }
 
 impl Load {
+    /// Takes the time that the session needs to step by itself, for as long as it lives.
+    ///
+    /// # Errors
+    /// The sessions that run leave too little.
+    pub fn run(&self) -> Result<(), SessionError> {
+        let taken = lock(&self.admission.taken);
+        if self.runs.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+        let others: f64 = taken.loads.iter().filter_map(Weak::upgrade).map(|load| load.counted()).sum();
+        // One session is always admitted: whether it keeps its rate is its own affair.
+        if others > 0.0 && others + self.told > self.admission.max_load {
+            return Err(SessionError::Load { needed: self.told, taken: others, limit: self.admission.max_load });
+        }
+        self.runs.store(true, Ordering::Relaxed);
+        Ok(())
+    }
+
     /// What was measured of late: the time of steps over the time they had.
     pub fn measured(&self) -> f64 {
         f64::from_bits(self.measured.load(Ordering::Relaxed))
@@ -132,6 +158,9 @@ impl Load {
 
     /// A session at rest costs nothing, until somebody touches its tissue: it counts with what it was told to cost.
     fn counted(&self) -> f64 {
+        if !self.runs.load(Ordering::Relaxed) {
+            return 0.0;
+        }
         self.told.max(self.measured()).min(self.most)
     }
 }
@@ -166,34 +195,45 @@ mod tests {
     #[test]
     fn memory_is_given_back_when_it_is_not_needed_any_more() {
         let admission = Admission::new(100.0, f64::INFINITY, 10.0, 1);
-        let [first, _second] = [(); 2].map(|()| admission.admit(&COST, 1000.0).unwrap());
-        let refused = admission.admit(&COST, 1000.0).unwrap_err();
+        let [first, _second] = [(); 2].map(|()| admission.admit(&COST, 1000.0, false).unwrap());
+        let refused = admission.admit(&COST, 1000.0, false).unwrap_err();
         assert_eq!(refused, SessionError::Memory { needed_mib: 40, taken_mib: 80, limit_mib: 100 });
         let checkpoint = first.memory.checkpoint().unwrap();
         assert!(first.memory.checkpoint().is_err() && first.memory.another().is_err());
         drop((first, checkpoint));
-        assert!(admission.admit(&COST, 1000.0).is_ok());
+        assert!(admission.admit(&COST, 1000.0, false).is_ok());
     }
 
     #[test]
     fn sessions_are_admitted_by_what_they_are_told_or_measured_to_need() {
         let admission = Admission::new(1000.0, 2.0, 10.0, 1);
-        let first = admission.admit(&COST, 1000.0).unwrap();
-        let second = admission.admit(&COST, 1000.0).unwrap();
-        assert!(matches!(admission.admit(&COST, 1000.0), Err(SessionError::Load { limit: 2.0, .. })));
-        assert!(admission.admit(&COST, 100.0).is_ok(), "a slower one fits");
+        let first = admission.admit(&COST, 1000.0, false).unwrap();
+        let second = admission.admit(&COST, 1000.0, false).unwrap();
+        assert!(matches!(admission.admit(&COST, 1000.0, false), Err(SessionError::Load { limit: 2.0, .. })));
+        assert!(admission.admit(&COST, 100.0, false).is_ok(), "a slower one fits");
         drop(second);
         first.load.set_measured(0.1);
-        assert!(admission.admit(&COST, 1000.0).is_ok(), "the first one rests");
+        assert!(admission.admit(&COST, 1000.0, false).is_ok(), "the first one rests");
         first.load.set_measured(40.0);
-        assert!(admission.admit(&COST, 1000.0).is_ok(), "no more than its thread is busy");
+        assert!(admission.admit(&COST, 1000.0, false).is_ok(), "no more than its thread is busy");
+    }
+
+    #[test]
+    fn sessions_that_wait_for_their_clients_take_time_only_once_they_run() {
+        let admission = admission();
+        let waiting: Vec<_> = (0..2).map(|_| admission.admit(&COST, 1000.0, true).unwrap()).collect();
+        let running: Vec<_> = (0..2).map(|_| admission.admit(&Cost { bytes: 0.0, ..COST }, 1000.0, false)).collect();
+        assert!(running.iter().all(Result::is_ok), "two take 1.6 of 2 cores");
+        assert!(matches!(waiting[0].load.run(), Err(SessionError::Load { limit: 2.0, .. })));
+        drop(running);
+        assert_eq!((waiting[0].load.run(), waiting[0].load.run()), (Ok(()), Ok(())), "it is counted once");
     }
 
     #[test]
     fn one_session_is_admitted_though_it_does_not_keep_its_rate_but_not_if_it_takes_for_ever_to_build() {
         let slow = Cost { step_s: 1.0, ..COST };
-        assert!(Admission::new(100.0, 0.5, 10.0, 1).admit(&slow, 1000.0).is_ok());
+        assert!(Admission::new(100.0, 0.5, 10.0, 1).admit(&slow, 1000.0, false).is_ok());
         let large = Cost { setup_s: 11.0, ..COST };
-        assert!(matches!(admission().admit(&large, 1000.0), Err(SessionError::SetupTime { .. })));
+        assert!(matches!(admission().admit(&large, 1000.0, false), Err(SessionError::SetupTime { .. })));
     }
 }

@@ -37,7 +37,8 @@ pub enum SessionError {
     /// The scene needs more time of the cores than is left.
     #[error(
         "load: steps of the scene keep about {needed:.2} cores busy, and of the {limit:.2} that sessions may keep busy \
-         together {taken:.2} are (max_load); lower the step rate or raise the level"
+         together {taken:.2} are (max_load); lower the step rate or raise the level, or let the client take the steps: a \
+         session that is made paused and stepped takes none"
     )]
     Load {
         /// What it needs, as it is estimated.

@@ -51,6 +51,16 @@ pub(crate) struct Arrived {
 }
 
 impl Past {
+    /// Whether the session stood at last.
+    pub(crate) fn stands(&self) -> bool {
+        let told = |entry: &PastEntry| match entry {
+            PastEntry::Event(SceneEvent::Paused | SceneEvent::Failed) => Some(true),
+            PastEntry::Event(SceneEvent::Resumed) => Some(false),
+            _ => None,
+        };
+        self.entries.iter().rev().find_map(told).unwrap_or(self.is_paused)
+    }
+
     /// Takes the steps once more, from `world`, which is the scene at rest. Checkpoints take as much memory as `memory`.
     ///
     /// # Errors
@@ -62,7 +72,8 @@ impl Past {
         memory: &Reservation,
         workers: &Workers<'_>,
     ) -> Result<(World, Arrived), SessionError> {
-        let Self { base, mut is_paused, entries } = self;
+        let is_paused = self.stands();
+        let Self { base, entries, .. } = self;
         let mut again = Resimulation::of(scene, world);
         let mut is_held = vec![false; scene.desc.tools.len()];
         if let Some(file) = base {
@@ -79,8 +90,6 @@ impl Past {
                 PastEntry::Event(event) => {
                     again.event(&event).map_err(lost)?;
                     match event {
-                        SceneEvent::Paused | SceneEvent::Failed => is_paused = true,
-                        SceneEvent::Resumed => is_paused = false,
                         SceneEvent::ToolTaken(tool) => is_held.iter_mut().skip(tool).take(1).for_each(|it| *it = true),
                         SceneEvent::ToolReleased(tool) => {
                             is_held.iter_mut().skip(tool).take(1).for_each(|it| *it = false)

@@ -89,6 +89,8 @@ pub enum PoseRefusal {
         moved_m: f64,
         /// Plausible distance in the elapsed time, m.
         limit_m: f64,
+        /// `pose.max_tool_speed_m_per_s`.
+        max_m_per_s: f64,
     },
     /// The tool cannot have turned so far in the time.
     #[error("orientation: turned {turned_rad} rad, at most {limit_rad} rad is plausible since the last accepted pose")]
@@ -128,9 +130,16 @@ impl PoseRefusal {
             Self::NoPose(PoseError::NoRotation { tolerance, .. }) => format!("norm within {tolerance} of 1"),
             Self::OutsideWorkspace { limit_m, .. } => format!("within {limit_m} m of the origin on each axis"),
             Self::NoOpening { .. } => "between 0 and 1".into(),
-            Self::TooFast { limit_m, .. } => format!("too fast: at most {limit_m:.4} m from the last accepted pose"),
-            Self::TurnedTooFast { limit_rad, .. } => {
-                format!("too fast: at most {limit_rad:.4} rad from the last accepted pose")
+            Self::TooFast { moved_m, limit_m, max_m_per_s } => {
+                // Over the time that the limit is for.
+                let m_per_s = max_m_per_s * moved_m / limit_m;
+                format!(
+                    "too fast: {m_per_s:.3} m/s, limit {max_m_per_s:.3} m/s: at most {limit_m:.4} m from the last \
+                     accepted pose, not {moved_m:.4} m"
+                )
+            }
+            Self::TurnedTooFast { turned_rad, limit_rad } => {
+                format!("too fast: at most {limit_rad:.4} rad from the last accepted pose, not {turned_rad:.4} rad")
             }
         }
     }

@@ -47,6 +47,7 @@ pub(crate) fn prepare(
     if !(1.0..=limits.max_rate_hz).contains(&rate_hz) {
         return Err(SessionError::Rate { rate_hz, limit_hz: limits.max_rate_hz });
     }
-    let admitted = admission.admit(&Cost::of(&scene)?, rate_hz)?;
+    let stands = past.as_ref().map_or(options.start_paused, Past::stands);
+    let admitted = admission.admit(&Cost::of(&scene)?, rate_hz, stands)?;
     Ok(Prepared { scene, past, choice, admitted, permits })
 }

@@ -24,6 +24,8 @@ pub(crate) struct Reach {
     turned_rad: f64,
     /// Of the jaws, as a fraction of their full opening.
     opened: f64,
+    /// The limit of speed that the way is gone at, to be told.
+    max_m_per_s: f64,
 }
 
 impl Reach {
@@ -33,12 +35,18 @@ impl Reach {
             moved_m: limits.max_speed_m_per_s * time_s,
             turned_rad: limits.max_angular_speed_rad_per_s * time_s,
             opened: limits.max_opening_rate_per_s * time_s,
+            max_m_per_s: limits.max_speed_m_per_s,
         }
     }
 
     /// What is always plausible, in no time; jaws may have done anything.
     pub fn slack(limits: &PoseLimits) -> Self {
-        Self { moved_m: limits.position_slack_m, turned_rad: limits.rotation_slack_rad, opened: f64::INFINITY }
+        Self {
+            moved_m: limits.position_slack_m,
+            turned_rad: limits.rotation_slack_rad,
+            opened: f64::INFINITY,
+            max_m_per_s: limits.max_speed_m_per_s,
+        }
     }
 
     /// The longer of two ways that are gone one after the other.
@@ -47,6 +55,7 @@ impl Reach {
             moved_m: self.moved_m + other.moved_m,
             turned_rad: self.turned_rad + other.turned_rad,
             opened: self.opened + other.opened,
+            max_m_per_s: self.max_m_per_s,
         }
     }
 
@@ -57,7 +66,7 @@ impl Reach {
     pub fn check(&self, from: &Pose, to: &Pose) -> Result<(), PoseRefusal> {
         let moved_m = (to.position_m - from.position_m).norm();
         if moved_m > self.moved_m {
-            return Err(PoseRefusal::TooFast { moved_m, limit_m: self.moved_m });
+            return Err(PoseRefusal::TooFast { moved_m, limit_m: self.moved_m, max_m_per_s: self.max_m_per_s });
         }
         let turned_rad = from.orientation.angle_to(&to.orientation);
         if turned_rad > self.turned_rad {

@@ -148,7 +148,7 @@ impl Registry {
         let full = |_| SessionError::TooManySessions { limit: self.limits.max_sessions };
         let slot = Arc::clone(&self.permits).try_acquire_owned().map_err(full)?;
         let id = self.next_id();
-        let admitted = self.admission.admit(&Cost::default(), 1.0)?;
+        let admitted = self.admission.admit(&Cost::default(), 1.0, false)?;
         let session = Arc::new(Session::play(id, replay, admitted, slot, self.limits.clone())?);
         lock(&self.sessions).insert(id, Arc::clone(&session));
         Ok(session)

@@ -278,8 +278,9 @@ impl Session {
     /// Steps on; answers with the step from which it goes on.
     ///
     /// # Errors
-    /// The queue is full, or the session has ended or failed.
+    /// The queue is full, the sessions that run leave no time for this one, or it has ended or failed.
     pub async fn resume(&self) -> Result<u64, SessionError> {
+        self.load.run()?;
         self.ask(Command::Resume).await?
     }
 

@@ -88,8 +88,9 @@ fn a_call_whose_inputs_are_not_all_valid_takes_no_step_and_names_the_field() {
         Err(SessionError::Input { path, limit }) => format!("{path}: {limit}"),
         other => panic!("{other:?}"),
     };
-    // 3 m/s for the 2 ms of a step.
-    let jump = "inputs[2].motions[0].pose.pose.position_m: too fast: at most 0.0060 m from the last accepted pose";
+    // 9 mm in the 2 ms of a step, at 3 m/s at most.
+    let jump = "inputs[2].motions[0].pose.pose.position_m: too fast: 4.500 m/s, limit 3.000 m/s: at most 0.0060 m from \
+                the last accepted pose, not 0.0090 m";
     assert_eq!(refused(&[at(0.012), at(0.010), at(0.001)]), jump);
     assert!(refused(&[at(7.0)]).starts_with("inputs[0].motions[0].pose.pose.position_m: within 1 m"));
     let no_tool = [vec![StepMotion { tool: 9, to: None }]];
