@@ -60,7 +60,7 @@ test-viewer:
 
 # The Python client against a live server. What is missing for it is said.
 test-python:
-	cargo build --bin kerf-server
+	cargo build --bin kerf-server --bin kerf-station
 	@client/python/check.sh tests pytest --quiet
 
 # The Unity package and its sample, compiled by mono and tried against a server.

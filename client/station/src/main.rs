@@ -10,9 +10,12 @@ use clap::{Parser, Subcommand};
 use kerf_proto::v1;
 use kerf_station::config::StationConfig;
 use kerf_station::link::{LinkState, SharedSession};
+use kerf_station::log::Log;
 use kerf_station::monitor::{Monitor, Report};
+use kerf_station::run_report::RunReport;
+use kerf_station::servo::runner::Sample;
 use kerf_station::station::{Station, tool_ids};
-use kerf_station::{device, doctor, experiment, monitor};
+use kerf_station::{device, doctor, experiment, monitor, run_report};
 
 /// Time that a report sums up, and how often a line on a terminal is written anew.
 const REPORT_PERIOD: Duration = Duration::from_secs(1);
@@ -79,6 +82,12 @@ struct RunArgs {
     /// Prints a JSON object a line, instead of a line for people
     #[arg(long)]
     json: bool,
+    /// Writes what each tick of the servos did to this file
+    #[arg(long, value_name = "FILE.mcap")]
+    log: Option<PathBuf>,
+    /// Writes plots of force and latency into this folder at the end
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
 }
 
 fn main() -> anyhow::Result<()> {
@@ -127,12 +136,24 @@ fn run(args: &RunArgs) -> anyhow::Result<()> {
             described => break described.map_err(|why| anyhow!(why))?,
         }
     };
-    eprintln!("session {session_id} of `{}`", scene.name);
+    let page = format!("{}/?session={session_id}", config.server.url.trim_end_matches('/'));
+    eprintln!("session {session_id} of `{}`; to be seen at {page}", scene.name);
     match start(&config, &scene, &session) {
         Ok(mut stations) => {
             // The last of the stations closes it.
             drop(session);
-            watch(args, &mut stations, &runtime)
+            stations.iter_mut().for_each(|shown| shown.monitor.page.clone_from(&page));
+            let mut log = match &args.log {
+                Some(path) => Some(Log::create(path, stations.iter().map(|shown| &*shown.station.name))?),
+                None => None,
+            };
+            let watched = watch(args, &mut stations, &runtime, &mut log);
+            // Also of a run that has failed: that is when it is wanted.
+            log.map_or(Ok(()), Log::finish)?;
+            if let Some(folder) = &args.report {
+                run_report::write(folder, stations.iter().map(|shown| &shown.sums))?;
+            }
+            watched
         }
         Err(why) => {
             runtime.block_on(session.leave(&config.server));
@@ -152,7 +173,9 @@ fn start(config: &StationConfig, scene: &v1::SceneSummary, session: &Arc<SharedS
         let driven = names.join(", ");
         let station = Station::start(config, device, open, ids, Arc::clone(session))?;
         eprintln!("devices[{index}]: {} drives {driven}; Ctrl-C lets go", station.name);
-        stations.push(Shown { station, monitor: Monitor::default(), report: None, has_told: false, fault: None });
+        let sums = RunReport::new(&station.name);
+        let monitor = Monitor::default();
+        stations.push(Shown { station, monitor, sums, report: None, has_told: false, fault: None });
     }
     Ok(stations)
 }
@@ -161,6 +184,8 @@ fn start(config: &StationConfig, scene: &v1::SceneSummary, session: &Arc<SharedS
 struct Shown {
     station: Station,
     monitor: Monitor,
+    /// Of the whole run.
+    sums: RunReport,
     /// Of the last second.
     report: Option<Report>,
     /// Its servo's priority was told of.
@@ -180,8 +205,14 @@ impl Shown {
     }
 
     /// Takes what the servo did; a report of the second that `is_due` ends, else the last one with what is so now.
-    fn look(&mut self, is_due: bool) -> Option<&Report> {
+    fn look(
+        &mut self,
+        is_due: bool,
+        mut log: impl FnMut(&Sample) -> anyhow::Result<()>,
+    ) -> anyhow::Result<Option<&Report>> {
         while let Ok(sample) = self.station.samples.pop() {
+            log(&sample)?;
+            self.sums.take(&sample);
             self.monitor.take(sample);
         }
         let priority = self.station.thread().priority;
@@ -193,25 +224,36 @@ impl Shown {
             Some(report) if !is_due => self.monitor.refresh(report, &self.station),
             _ => self.report = self.monitor.report(&self.station).or_else(|| self.report.take()),
         }
-        self.report.as_ref()
+        Ok(self.report.as_ref())
     }
 }
 
-/// Until somebody ends the program: Ctrl-C, or a plain `kill`. What a station made goes with it.
+/// Until somebody ends the program: Ctrl-C, a plain `kill`, or the end of its terminal. What a station made goes with it.
 async fn interrupted() {
     #[cfg(unix)]
-    if let Ok(mut terminated) = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate()) {
-        tokio::select! {
-            _ = tokio::signal::ctrl_c() => {}
-            _ = terminated.recv() => {}
+    {
+        use tokio::signal::unix::{SignalKind, signal};
+        let other = |kind| signal(kind).ok();
+        if let (Some(mut terminated), Some(mut hung_up)) = (other(SignalKind::terminate()), other(SignalKind::hangup()))
+        {
+            tokio::select! {
+                _ = tokio::signal::ctrl_c() => {}
+                _ = terminated.recv() => {}
+                _ = hung_up.recv() => {}
+            }
+            return;
         }
-        return;
     }
     let _ = tokio::signal::ctrl_c().await;
 }
 
 /// Shows what the stations do until they have ended, time is up or the program is ended.
-fn watch(args: &RunArgs, stations: &mut [Shown], runtime: &tokio::runtime::Runtime) -> anyhow::Result<()> {
+fn watch(
+    args: &RunArgs,
+    stations: &mut [Shown],
+    runtime: &tokio::runtime::Runtime,
+    log: &mut Option<Log>,
+) -> anyhow::Result<()> {
     let mut interrupted = Box::pin(interrupted());
     // A line that is written over and over holds one device.
     let is_live = !args.json && stations.len() == 1 && std::io::stdout().is_terminal();
@@ -225,8 +267,9 @@ fn watch(args: &RunArgs, stations: &mut [Shown], runtime: &tokio::runtime::Runti
             due = Instant::now() + REPORT_PERIOD;
         }
         let mut all_ended = true;
-        for shown in stations.iter_mut() {
-            if let Some(report) = shown.look(is_due) {
+        for (index, shown) in stations.iter_mut().enumerate() {
+            let keep = |sample: &Sample| log.as_mut().map_or(Ok(()), |log| log.write(index, sample));
+            if let Some(report) = shown.look(is_due, keep)? {
                 show(report, args.json, is_live)?;
             }
             // What does not fit on the line that is written over, and goes by on it, has one of its own.

@@ -22,6 +22,8 @@ pub struct Monitor {
     before: LinkStatus,
     /// Faults of the servo before.
     faults_before: u64,
+    /// Where the session is to be seen.
+    pub page: String,
 }
 
 /// A line of what a station does.
@@ -47,6 +49,8 @@ pub struct Report {
     pub down_ms: Option<f64>,
     /// Age of the motion that the rendered contact reflects, ms: median and 99th percentile.
     pub motion_age_ms: [f64; 2],
+    /// Where the tool is to be, m, scene frame; absent while it is out of the scene.
+    pub position_m: Option<[f64; 3]>,
     /// Force on the hand now, N.
     pub force_n: f64,
     /// Greatest since the last line, N.
@@ -65,6 +69,9 @@ pub struct Report {
     pub faults: u64,
     /// What is wrong, or went wrong in the last seconds.
     pub last_fault: Option<String>,
+    /// Where the session is to be seen.
+    #[serde(default)]
+    pub page: String,
 }
 
 impl Default for Monitor {
@@ -79,6 +86,7 @@ impl Default for Monitor {
             since_ns: 0,
             before: LinkStatus::default(),
             faults_before: 0,
+            page: String::new(),
         }
     }
 }
@@ -104,7 +112,8 @@ impl Monitor {
         let report = self.sum_up(station, &link, &thread);
         let since_ns = self.last.map_or(0, |last| last.at_ns);
         let faults_before = self.last.map_or(0, |last| last.rendered.faults.1);
-        *self = Self { last: self.last, since_ns, before: link, faults_before, ..Self::default() };
+        let page = std::mem::take(&mut self.page);
+        *self = Self { last: self.last, since_ns, before: link, faults_before, page, ..Self::default() };
         report
     }
 
@@ -112,8 +121,8 @@ impl Monitor {
     pub fn refresh(&self, report: &mut Report, station: &Station) {
         if let Some(now) = self.sum_up(station, &station.link(), &station.thread()) {
             report.max_force_n = report.max_force_n.max(now.max_force_n);
-            let Report { force_n, state, link, faults, last_fault, .. } = now;
-            *report = Report { force_n, state, link, faults, last_fault, ..report.clone() };
+            let Report { position_m, force_n, state, link, faults, last_fault, .. } = now;
+            *report = Report { position_m, force_n, state, link, faults, last_fault, ..report.clone() };
         }
     }
 
@@ -136,6 +145,7 @@ impl Monitor {
             round_trip_ms: link.round_trip_s.map(|s| s * 1e3),
             down_ms: link.down_s.map(|s| s * 1e3),
             motion_age_ms: quantiles(&self.motion_age_us, 1e-3),
+            position_m: last.rendered.tool.map(|pose| pose.position_m.into()),
             force_n: last.force_n.norm(),
             max_force_n: self.max_force_n,
             coupling_n_per_m: last.rendered.coupling_n_per_m,
@@ -148,6 +158,7 @@ impl Monitor {
                 let fault = fault.filter(|_| faults > self.faults_before)?;
                 Some(fault.words().to_owned())
             }),
+            page: self.page.clone(),
         })
     }
 }
@@ -170,11 +181,22 @@ impl std::fmt::Display for Report {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let [median_ms, late_ms] = self.dt_ms;
         let round_trip = self.round_trip_ms.map_or_else(|| "-".into(), |ms| format!("{ms:.1} ms"));
+        let at = self
+            .position_m
+            .map_or_else(|| "out of the scene".into(), |at| at.map(|m| format!("{:.1}", 1e3 * m)).join(" ") + " mm");
         write!(
             f,
-            "{}, force {:.2} N (max {:.2}), servo {:.0} Hz (dt {median_ms:.2}/{late_ms:.2} ms), round trip \
-             {round_trip}, poses {:.0} Hz, contacts {:.0} Hz, {}",
-            self.state, self.force_n, self.max_force_n, self.servo_hz, self.poses_hz, self.contacts_hz, self.link
+            "{}, at {at}, force {:.2} N (max {:.2}), motion {:.0} ms old, servo {:.0} Hz (dt {median_ms:.2}/{late_ms:.2} \
+             ms), round trip {round_trip}, poses {:.0} Hz, contacts {:.0} Hz, {}, {}",
+            self.state,
+            self.force_n,
+            self.max_force_n,
+            self.motion_age_ms[0],
+            self.servo_hz,
+            self.poses_hz,
+            self.contacts_hz,
+            self.link,
+            self.page
         )?;
         self.last_fault.as_ref().map_or(Ok(()), |fault| write!(f, "; fault: {fault}"))
     }

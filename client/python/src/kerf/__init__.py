@@ -38,6 +38,7 @@ from kerf.model import (
 from kerf.motion import Placement
 from kerf.recording import Recording
 from kerf.session import Session
+from kerf.station_log import StationLog, read_log
 from kerf.view import View
 
 # The ids of its environments are known from here on, where Gymnasium is installed.
@@ -69,10 +70,12 @@ __all__ = [
     "Session",
     "SessionState",
     "SessionStatus",
+    "StationLog",
     "StepResult",
     "StepsEndedError",
     "Surface",
     "Tool",
     "UnavailableError",
     "View",
+    "read_log",
 ]

@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use super::Newest;
 use super::core::{Core, Hold, Rendered, Settings};
 use super::fault::FaultLimits;
-use super::model::Update;
+use super::model::{LocalModel, Update};
 use super::passivity::PassivityLimits;
 use super::schedule::CouplingLimits;
 use crate::config::{Action, ButtonConfig, DeviceConfig};
@@ -64,6 +64,8 @@ pub struct Sample {
     pub contacts: u64,
     /// Age of the motion that the newest contact reflects, s; absent before the first.
     pub motion_age_s: Option<f64>,
+    /// The newest contact; `None`: nothing is touched.
+    pub model: Option<LocalModel>,
 }
 
 /// The slots that a servo shares with other threads; none of them ever makes it wait.
@@ -171,6 +173,7 @@ impl Servo for Runner {
             rendered,
             contacts: update.number,
             motion_age_s,
+            model: update.model.filter(|_| is_ours),
         };
         // Full: the monitor misses a tick, the hand none.
         let _ = self.slots.samples.push(sample);
