@@ -100,6 +100,10 @@ test("the mouse cuts a bar in two, and who comes late sees it cut", async () => 
   const areaCm2 = await reading(page, "Cut area");
   expect(areaCm2).toBeGreaterThan(2.5);
   expect(areaCm2).toBeLessThan(6);
+  // What is taken along of it is two closed bodies.
+  const saving = page.waitForEvent("download");
+  await page.click("button[aria-label='Save the surface as GLB']");
+  expect(edgesThatAreOpen(await readFile(await (await saving).path()))).toEqual([0, 0]);
   const late = await open(browser, link);
   await live(late.page);
   await readingWhere(late.page, "Pieces", (pieces) => pieces === 2);
@@ -311,8 +315,31 @@ test("a page that is busy does not hold a tool up", async () => {
 
 /** What is looked at of a GLB. */
 interface Gltf {
-  meshes: { primitives: { attributes: { POSITION: number } }[] }[];
-  accessors: { min: number[]; max: number[] }[];
+  meshes: { primitives: { attributes: { POSITION: number }; indices: number }[] }[];
+  accessors: { min: number[]; max: number[]; count: number; bufferView: number; componentType: number }[];
+  bufferViews: { byteOffset?: number }[];
+}
+
+function gltf(file: Buffer): Gltf {
+  return JSON.parse(file.subarray(20, 20 + file.readUInt32LE(12)).toString()) as Gltf;
+}
+
+/** Of each mesh: edges of its triangles that no other passes the other way. A closed body has none. */
+function edgesThatAreOpen(file: Buffer): number[] {
+  const { meshes, accessors, bufferViews } = gltf(file);
+  const binary = 28 + file.readUInt32LE(12);
+  return meshes.map(({ primitives: [{ indices }] }) => {
+    const { count, bufferView, componentType } = accessors[indices];
+    const at = binary + (bufferViews[bufferView].byteOffset ?? 0);
+    const isShort = componentType === 5123;
+    const vertex = (i: number) => (isShort ? file.readUInt16LE(at + 2 * i) : file.readUInt32LE(at + 4 * i));
+    const edges = new Set<string>();
+    for (let i = 0; i < count; i += 3) {
+      const [a, b, c] = [vertex(i), vertex(i + 1), vertex(i + 2)];
+      for (const edge of [`${a} ${b}`, `${b} ${c}`, `${c} ${a}`]) edges.add(edge);
+    }
+    return [...edges].filter((edge) => !edges.has(edge.split(" ").reverse().join(" "))).length;
+  });
 }
 
 test("a picture, the surface and a link can be taken along", async () => {
@@ -328,9 +355,10 @@ test("a picture, the surface and a link can be taken along", async () => {
   expect(picture.subarray(1, 4).toString()).toBe("PNG");
   const glb = await saved("Save the surface as GLB");
   expect(glb.subarray(0, 4).toString()).toBe("glTF");
-  const { meshes, accessors } = JSON.parse(glb.subarray(20, 20 + glb.readUInt32LE(12)).toString()) as Gltf;
+  const { meshes, accessors } = gltf(glb);
   const { POSITION } = meshes[0].primitives[0].attributes;
   expect(accessors[POSITION].max[0] - accessors[POSITION].min[0]).toBeCloseTo(0.06, 2);
+  expect(edgesThatAreOpen(glb)).toEqual([0]);
   // The link says what is looked at, and from where: whoever opens it sees the same.
   await page.mouse.move(400, 250);
   await page.mouse.down();

@@ -37,8 +37,8 @@ export class SessionPicture {
       this.bounds.union(new Box3(vector(restMinM), vector(restMaxM)));
     }
     this.sizeM = this.bounds.getSize(new Vector3()).length();
-    this.tissues = scene.objects.map(({ materialNames, materialColors, restMinM, restMaxM }) => {
-      return new Tissue(materialNames, materialColors, vector(restMinM).distanceTo(vector(restMaxM)));
+    this.tissues = scene.objects.map(({ name, materialNames, materialColors, restMinM, restMaxM }) => {
+      return new Tissue(name, materialNames, materialColors, vector(restMinM).distanceTo(vector(restMaxM)));
     });
     this.interiors = scene.objects.map(() => new Interior());
     this.tools = scene.tools.map((summary) => new Tool(summary, this.sizeM));

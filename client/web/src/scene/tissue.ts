@@ -37,12 +37,15 @@ export class Tissue extends Group {
   private readonly nowS = { value: 0 };
   private shape: SurfaceShape | undefined;
   private vertexCount = 0;
+  /** Material of each vertex. */
+  private materials = new Uint8Array(0);
   /** Area of the cut, m^2 at rest. */
   cutAreaM2 = 0;
 
   /** `sizeM` is the size of the object, which the size of its blotches follows. */
-  constructor(materialNames: readonly string[], colors: readonly string[], sizeM: number) {
+  constructor(name: string, materialNames: readonly string[], colors: readonly string[], sizeM: number) {
     super();
+    this.name = name;
     this.looks = materialNames.map((name, index) => lookOf(name, index, colors[index]));
     const face = (kind: Face) => {
       const material = tissueMaterial(this.looks[0], kind, 14 / sizeM, this.nowS);
@@ -75,6 +78,31 @@ export class Tissue extends Group {
   /** Positions of the vertices now, m. */
   get positions(): Float32Array {
     return this.shape?.positions.subarray(0, 3 * this.vertexCount) ?? new Float32Array(0);
+  }
+
+  /** Three vertices a triangle, of the skin and of the walls of cuts. */
+  get triangles(): Uint32Array {
+    const [skin, cut] = [this.faces.skin, this.faces.cut].map(({ geometry }) => {
+      return geometry.index?.array.slice(0, geometry.drawRange.count) ?? [];
+    });
+    return Uint32Array.from([...skin, ...cut]);
+  }
+
+  /** Linear colours of the vertices, three numbers each: those of the skin, of walls, and of seams between them. */
+  get vertexColors(): Float32Array {
+    const colors = new Float32Array(3 * this.vertexCount);
+    const palette = this.looks.map(({ skin, cut, seam }) => [skin, cut, seam].map((color) => new Color(color)));
+    const isOf = (face: Face) => {
+      const { index, drawRange } = this.faces[face].geometry;
+      return new Set(index?.array.slice(0, drawRange.count));
+    };
+    const [onSkin, onCut] = [isOf("skin"), isOf("cut")];
+    for (let vertex = 0; vertex < this.vertexCount; vertex++) {
+      const [skin, cut, seam] = palette[this.materials[vertex]] ?? palette[0];
+      const color = !onCut.has(vertex) ? skin : onSkin.has(vertex) ? seam : cut;
+      color.toArray(colors, 3 * vertex);
+    }
+    return colors;
   }
 
   set style(style: Style) {
@@ -118,6 +146,7 @@ export class Tissue extends Group {
     this.visible = true;
     this.cutAreaM2 = structure.cutAreaM2;
     this.vertexCount = structure.vertexCount;
+    this.materials = structure.materials;
     const position = dynamic(shape.positions);
     const rest = new BufferAttribute(structure.rest, 3);
     const rim = new BufferAttribute(structure.rims, 2);

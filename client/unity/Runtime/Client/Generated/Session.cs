@@ -1882,7 +1882,7 @@ namespace Kerf.V1 {
     public const int NameFieldNumber = 1;
     private string name_ = "";
     /// <summary>
-    /// As the scene's text names it; the ending says what it is: .obj, .stl, .ply, .nii, .nii.gz, .csv.
+    /// As the scene's text names it; the ending says what it is: .obj, .stl, .ply, .nii, .nii.gz, .nrrd, .seg.nrrd, .csv.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
