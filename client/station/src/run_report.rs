@@ -13,7 +13,7 @@ const FORCE_EVERY_S: f64 = 0.02;
 /// Points that are drawn at most; from then on every second one is kept.
 const MOST_POINTS: usize = 20_000;
 /// Width of a bar of the histogram, ms, and their number; what took longer is in the last.
-const BAR_MS: f64 = 0.5;
+const BAR_MS: f64 = 1.0;
 const BARS: usize = 200;
 
 /// What one device did, summed up as it goes.

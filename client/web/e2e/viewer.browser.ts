@@ -31,8 +31,12 @@ beforeAll(async () => {
   browser = await launch();
 });
 
-// A page that is left open goes on drawing, which slows the others down.
-afterEach(() => Promise.all(browser.contexts().map((context) => context.close())));
+// A page that is left open goes on drawing, which slows the others down; of sessions a server runs only so many.
+afterEach(async () => {
+  await Promise.all(browser.contexts().map((context) => context.close()));
+  const { sessions } = await server.sessions.listSessions({});
+  await Promise.all(sessions.map(({ sessionId }) => server.sessions.closeSession({ sessionId })));
+});
 
 afterAll(async () => {
   await browser?.close();

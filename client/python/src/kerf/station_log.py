@@ -49,7 +49,8 @@ class StationLog:
 
     def __repr__(self) -> str:
         most_n = np.linalg.norm(self.device_force_n, axis=1).max(initial=0.0)
-        return f"StationLog({self.device!r}, {len(self)} ticks, {self.time_s[-1]:.3f} s, {most_n:.3g} N on the hand at most)"
+        lasted = f"{len(self)} ticks, {self.time_s[-1]:.3f} s"
+        return f"StationLog({self.device!r}, {lasted}, {most_n:.3g} N on the hand at most)"
 
 
 def read_log(path: str | Path) -> list[StationLog]:
