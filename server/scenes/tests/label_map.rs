@@ -210,11 +210,12 @@ fn broken_files_are_refused_with_the_field() {
     let nowhere = changed(HEADER_BYTES, &vec![0; good.len() - HEADER_BYTES]);
     let folder = tempfile::tempdir().unwrap();
     for (bytes, fields, expected) in [
-        (vec![0; 10], "", "a NIfTI-1 header has 348 bytes"),
-        (changed(0, &5i32.to_le_bytes()), "", "sizeof_hdr = 5"),
-        (changed(0, &540i32.to_le_bytes()), "", "NIfTI-2"),
+        (vec![0; 10], "", "is neither a NIfTI file (.nii, .nii.gz) nor an NRRD file (.nrrd, .seg.nrrd)"),
+        (changed(0, &5i32.to_le_bytes()), "", "is neither a NIfTI file"),
+        (changed(0, &540i32.to_le_bytes()), "", "magic"),
+        (good[..100].to_vec(), "", "its header has 348 bytes"),
         (changed(344, b"ni1\0"), "", ".img"),
-        (changed(42, &0i16.to_le_bytes()), "", "dim = [3, 0, 60, 50"),
+        (changed(42, &0i16.to_le_bytes()), "", "dim = [0, 60, 50]"),
         (changed(40, &2i16.to_le_bytes()), "", "dim = [2, 70"),
         (changed(42, &[0xff, 0x7f, 0xff, 0x7f, 0xff, 0x7f]), "", "limit of"),
         (changed(70, &128i16.to_le_bytes()), "", "datatype = 128"),
@@ -234,4 +235,20 @@ fn broken_files_are_refused_with_the_field() {
         assert!(message.contains(expected) && message.contains("m.nii.gz"), "{expected:?}: {message}");
     }
     assert!(load(folder.path(), &good, &scene_text(", labels = [1, 2]")).is_ok());
+}
+
+#[test]
+fn strays_of_a_segmentation_do_not_stretch_the_object() {
+    let folder = tempfile::tempdir().unwrap();
+    let alone = ball_in_ball();
+    let mut strewn = ball_in_ball();
+    let [nx, ny, nz] = strewn.dims;
+    // The map's corners, and eight voxels in a row along its rim.
+    for (i, j, k) in [(0, 0, 0), (nx - 1, 0, nz - 1), (0, ny - 1, nz - 1)].into_iter().chain((5..13).map(|i| (i, 1, 1)))
+    {
+        strewn.labels[(k * ny + j) * nx + i] = 1;
+    }
+    let [alone, strewn] = [alone, strewn].map(|map| load(folder.path(), &map.bytes(), &scene_text("")).unwrap());
+    assert_eq!((strewn.dims(), strewn.voxels().len()), (alone.dims(), alone.voxels().len()));
+    assert!((strewn.origin_m() - alone.origin_m()).norm() < 1e-12);
 }
