@@ -154,7 +154,8 @@ export async function open(browser: Browser, url: string, how: Opened = { width:
   page.on("console", (message) => {
     if (message.type() === "error") problems.push(message.text());
   });
-  await page.goto(url);
+  // Another page that draws without a graphics card holds it up.
+  await page.goto(url, { timeout: 90_000 });
   return { page, problems };
 }
 

