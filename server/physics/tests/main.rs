@@ -10,6 +10,7 @@ mod candidates;
 mod clear;
 mod collapse;
 mod contact_model;
+mod crack;
 mod cutting;
 mod determinism;
 mod elements;

@@ -63,6 +63,12 @@ impl ContactWeights {
         self.entries[..self.count].iter().copied()
     }
 
+    /// Whether it may be of a mesh of so many nodes: what was read from a file may not.
+    #[must_use]
+    pub fn fits(&self, nodes: usize) -> bool {
+        self.count <= self.entries.len() && self.iter().all(|(node, _)| (node as usize) < nodes)
+    }
+
     /// Where the point is at these positions of the nodes, m.
     #[must_use]
     pub fn place_m(&self, position_m: &[[f64; 3]]) -> Vec3 {

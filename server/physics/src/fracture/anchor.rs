@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_1_SQRT_2;
 
 use super::compliance::{EdgeInElement, line_compliance};
+use super::crack::{AT_VOXELS, Crack, OnWay, Way};
 use super::drive::Strained;
 use super::travel::Travel;
 use crate::body::{Body, MaterialPoint};
@@ -36,6 +37,10 @@ const SATURATED_GAP: f64 = 1.2;
 /// as at H, not four times (measured as the rest of `line_compliance`). Half or twice moves no force by 1e-4 where
 /// the edge is along the lattice.
 const TWO_CELLS: f64 = 2.8;
+
+/// A marker this near to where the cut ends is there, voxels: neighbours that cut take the end on by about that in a step,
+/// and it must not run after it for nothing. Ours.
+const CAUGHT_UP_VOXELS: f64 = 0.05;
 
 /// What lies ahead of a marker.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -78,9 +83,9 @@ pub(super) struct Anchor {
     /// Half-width of the edge, m.
     half_width_m: f64,
     pub(super) ahead: Ahead,
-    /// Where the other blade's front stands ahead, reference configuration, m: what is between the two holds until they
-    /// meet, whichever links they have parted.
-    pub(super) meeting_m: Option<Vec3>,
+    /// Where the crack ends on its way as the step began, reference configuration: up to its own front it is in a cut,
+    /// and what is before one that faces it holds, whichever links have parted.
+    fronts: FrontsAhead,
     /// Unit normal into the surface that the edge came in through, reference configuration.
     pub(super) inward: Vec3,
     /// Whether it has given: from then on it gives at Gc.
@@ -95,6 +100,28 @@ pub(super) struct Anchor {
     pub(super) unrelaxed: f64,
 }
 
+/// Ends of the crack on the way of a marker, reference configuration.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct FrontsAhead {
+    /// Where the cut that it is in ends ahead, m.
+    own_m: Option<Vec3>,
+    /// Where one ends that faces it, m.
+    facing_m: Option<Vec3>,
+    /// Whether the crack has an end here, at the marker or behind it.
+    is_at_own: bool,
+}
+
+impl FrontsAhead {
+    fn on(way: &Way, found: OnWay, voxel_size_m: f64) -> Self {
+        let at_m = CAUGHT_UP_VOXELS * voxel_size_m;
+        let ahead = |distance_m: Option<f64>| {
+            distance_m.filter(|distance_m| *distance_m > at_m).map(|distance_m| way.position_m + way.ahead * distance_m)
+        };
+        let is_at_own = found.front_m.is_some_and(|distance_m| distance_m <= at_m);
+        Self { own_m: ahead(found.front_m), facing_m: ahead(found.facing_m), is_at_own }
+    }
+}
+
 impl Anchor {
     /// An anchor at `point` under a surface that faces `inward`, with nothing ahead of it yet.
     pub(super) fn at(point: MaterialPoint, inward: Vec3, half_width_m: f64) -> Self {
@@ -106,7 +133,7 @@ impl Anchor {
             spread_m: Vec3::zeros(),
             half_width_m,
             ahead: Ahead::Outside,
-            meeting_m: None,
+            fronts: FrontsAhead::default(),
             inward,
             yielded: false,
             travel: Travel::default(),
@@ -117,9 +144,16 @@ impl Anchor {
     }
 
     /// Starts the cut where the anchor is: what lies ahead is seen from here, strips begin here.
-    pub(super) fn start_here(&mut self, body: &Body, frame: &BladeFrame) {
+    pub(super) fn start_here(&mut self, body: &Body, crack: &Crack, frame: &BladeFrame) {
+        self.look_ahead(body, crack, frame);
         self.start_m = self.position_m;
+        self.swept_m = self.strip_end_m(body, frame);
+    }
+
+    /// Starts beside a neighbour that it was copied from: what that sees of the crack it sees too.
+    pub(super) fn start_beside(&mut self, body: &Body, frame: &BladeFrame) {
         self.find_link_ahead(body, frame);
+        self.start_m = self.position_m;
         self.swept_m = self.strip_end_m(body, frame);
     }
 
@@ -175,7 +209,8 @@ impl Anchor {
                 break;
             }
             let step = ahead.pull_back(body, &frame.forward) * left;
-            ahead.position_m += step * (longest / step.norm()).min(1.0);
+            let most = longest.min(ahead.next_front_m(&step.normalize(), longest));
+            ahead.position_m += step * (most / step.norm()).min(1.0);
             ahead.find_link_ahead(body, frame);
             if ahead.ahead != self.ahead {
                 break;
@@ -193,6 +228,43 @@ impl Anchor {
     /// Where the strip that is swept now ends here, m.
     pub(super) fn strip_end_m(&self, body: &Body, frame: &BladeFrame) -> Vec3 {
         self.position_m + self.nudge(body, frame)
+    }
+
+    /// Its way through the material.
+    pub(super) fn way(&self, body: &Body, frame: &BladeFrame) -> Way {
+        let f = self.gradient(body);
+        Way::new(self.position_m, pulled_back(&f, &frame.forward).normalize(), &pulled_back(&f, &frame.along))
+    }
+
+    /// Finds what lies ahead: where the body's crack ends, and the link that is next.
+    pub(super) fn look_ahead(&mut self, body: &Body, crack: &Crack, frame: &BladeFrame) {
+        let held = matches!(self.ahead, Ahead::Intact { .. });
+        self.fronts = FrontsAhead::default();
+        if !crack.is_empty() {
+            let way = self.way(body, frame);
+            let h = body.state.grid.voxel_size_m();
+            let found = crack.on_way(&way, h);
+            self.fronts = FrontsAhead::on(&way, found, h);
+            if held {
+                // Where it cuts already it is the front, and not that of its neighbours beside it.
+                self.fronts.own_m = None;
+            } else if self.fronts.is_at_own {
+                self.position_m += way.ahead * found.front_m.map_or(0.0, |left_m| left_m.max(0.0));
+            }
+        }
+        self.find_link_ahead(body, frame);
+    }
+
+    /// Whether the body keeps where the front is here.
+    pub(super) fn is_at_end(&self) -> bool {
+        self.fronts.is_at_own
+    }
+
+    /// Distance to where what is ahead changes, m, no more than `longest_m`.
+    fn next_front_m(&self, ahead: &Vec3, longest_m: f64) -> f64 {
+        let next = if self.ahead == Ahead::Parted { self.fronts.own_m } else { self.fronts.facing_m };
+        let distance_m = next.map_or(longest_m, |at_m| (at_m - self.position_m).dot(ahead));
+        if distance_m > 0.0 { distance_m } else { longest_m }
     }
 
     /// Finds the link that the blade's plane crosses ahead: so far ahead that the crossing of the
@@ -224,21 +296,17 @@ impl Anchor {
             [Some(any), None] | [None, Some(any)] => self.voxels = [any; 2],
             [None, None] => {}
         }
+        let is_ahead =
+            |front_m: Option<Vec3>| front_m.is_some_and(|at_m| (at_m - self.position_m).dot(&ahead) > AT_VOXELS * h);
+        let holds = || Ahead::Intact {
+            fracture_energy_j_per_m2: fracture_energy(body, link),
+            initiation_ratio: body.material_of(self.voxels[0]).initiation_ratio,
+        };
         self.ahead = match grid.link(link) {
-            // The last link before the other blade's front: as before.
-            Link::Parted(_)
-                if self.meeting_m.is_some_and(|meeting_m| (meeting_m - self.position_m).dot(&ahead) > 0.0) =>
-            {
-                self.ahead
-            }
+            Link::Intact | Link::Parted(_) if is_ahead(self.fronts.own_m) => Ahead::Parted,
+            Link::Parted(_) if is_ahead(self.fronts.facing_m) => holds(),
             Link::Parted(_) => Ahead::Parted,
-            Link::Intact | Link::Boundary(_) if grid.signed_distance_m(&at) < 0.0 => {
-                let material = body.material_of(self.voxels[0]);
-                Ahead::Intact {
-                    fracture_energy_j_per_m2: fracture_energy(body, link),
-                    initiation_ratio: material.initiation_ratio,
-                }
-            }
+            Link::Intact | Link::Boundary(_) if grid.signed_distance_m(&at) < 0.0 => holds(),
             // Past the last link what held there holds on to the surface.
             _ if grid.signed_distance_m(&self.position_m) < 0.0 => self.ahead,
             _ => Ahead::Outside,

@@ -7,17 +7,17 @@
 
 use super::anchor::{Ahead, Anchor};
 use super::book::FrontBook;
+use super::crack::{Crack, Span};
 use super::drive::{Drive, Piece, Strained, is_small};
 use super::entry::{inward, onto_surface};
 use super::link_energy;
-use super::marker::{Edge, Marker, put_down};
+use super::marker::{Edge, Marker, Tissue, put_down};
 use super::release::INNER;
 use super::springs::FrontContact;
 use super::sweep::{PartingCost, part_quad};
 use crate::Vec3;
 use crate::body::Body;
 use crate::contact::Mode;
-use crate::contact::broad::SpatialHash;
 use crate::grid::{Crossing, Link, LinkId};
 use crate::scene::FractureRule;
 use crate::tool::Pose;
@@ -38,10 +38,6 @@ const CHAIN_GAP_VOXELS: f64 = 8.0;
 /// face.
 const START_VOXELS: f64 = 0.5;
 
-/// The front of a tool's other blade is looked for within this many voxels: where it has parted the next link it stands
-/// within two of them. Ours.
-const MEETING_VOXELS: f64 = 3.0;
-
 /// The front of one blade in one body.
 #[derive(Clone, Serialize, Deserialize)]
 pub struct Front {
@@ -59,6 +55,9 @@ pub struct Front {
     chain: Vec<Option<ChainPoint>>,
     #[serde(skip)]
     target: Vec<Vec3>,
+    /// Pieces of the front that cut: scratch, kept between steps.
+    #[serde(skip)]
+    spans: Vec<Span>,
     /// What drives it in a body that is strained; present in one that is pulled, or so small beside Gc/E that cutting
     /// strains all of it.
     drive: Option<Drive>,
@@ -104,6 +103,7 @@ impl Front {
             dropped_j: 0.0,
             chain: Vec::with_capacity(count),
             target: Vec::with_capacity(count),
+            spans: Vec::with_capacity(3 * count),
             drive: is_small(body).then(Drive::default),
             slit: false,
             contacts: Vec::with_capacity(count),
@@ -118,6 +118,12 @@ impl Front {
         [self.segments.len(), self.markers.len()] == [count; 2] && known
     }
 
+    /// Number of its markers.
+    #[must_use]
+    pub fn markers(&self) -> usize {
+        self.markers.len()
+    }
+
     /// Number of springs that the front may have at most.
     #[must_use]
     pub fn most_springs(&self) -> usize {
@@ -129,6 +135,7 @@ impl Front {
         let count = self.markers.len();
         self.chain.reserve(count.saturating_sub(self.chain.len()));
         self.target.reserve(count.saturating_sub(self.target.len()));
+        self.spans.reserve((3 * count).saturating_sub(self.spans.len()));
         self.contacts.reserve(count.saturating_sub(self.contacts.len()));
     }
 
@@ -147,19 +154,19 @@ impl Front {
 
     /// Puts the blade down. Where that is in the tissue it stands in a slit of its own making, which the step's
     /// [`Self::advance`] opens, and cuts on from there.
-    pub fn enter(&mut self, body: &Body, hash: &SpatialHash, motion: &BladeMotion<'_>) {
+    pub fn enter(&mut self, tissue: &Tissue<'_>, motion: &BladeMotion<'_>) {
         self.lift();
         for (marker, segment) in self.markers.iter_mut().zip(self.segments.iter()) {
             let (at_m, frame) =
                 (motion.pose.transform(&segment.middle_m), segment.frame.turned(&motion.pose.orientation));
-            *marker = put_down(body, hash, &at_m, &frame, motion.blade.edge_half_width_m);
+            *marker = put_down(tissue, &at_m, &frame, motion.blade.edge_half_width_m);
         }
         self.slit = self.markers.iter().any(|marker| matches!(marker, Marker::On(_)));
     }
 
-    /// Finds which markers touch the tissue and sets up their springs. The tool's `other` blade may come towards this
-    /// one.
-    pub fn detect(&mut self, body: &Body, hash: &SpatialHash, motion: &BladeMotion<'_>, other: Option<&Self>) {
+    /// Finds which markers touch the tissue and sets up their springs.
+    pub fn detect(&mut self, tissue: &Tissue<'_>, motion: &BladeMotion<'_>) {
+        let body = tissue.body;
         self.contacts.clear();
         self.frames.clear();
         self.frames.extend(self.segments.iter().map(|segment| segment.frame.turned(&motion.pose.orientation)));
@@ -177,9 +184,9 @@ impl Front {
             };
             let was = self.markers[index];
             let now = match was {
-                Marker::On(anchor) => edge.keep(body, hash, anchor, other),
-                Marker::Outside => edge.enter(body, hash, self.beside(index)),
-                Marker::Buried => edge.emerge(body, hash),
+                Marker::On(anchor) => edge.keep(tissue, anchor),
+                Marker::Outside => edge.enter(tissue, self.beside(index)),
+                Marker::Buried => edge.emerge(tissue),
             };
             match (&was, &now) {
                 (_, Marker::On(anchor)) => self.contacts.push(FrontContact::new(body, index, &edge, anchor, &strained)),
@@ -190,28 +197,13 @@ impl Front {
         }
     }
 
-    /// Where this front stands in the way of a marker of another one that comes towards it: the point of its chain ahead of
-    /// the marker, reference configuration, m; `None` where nothing of it is near.
-    pub(super) fn meeting_m(&self, body: &Body, anchor: &Anchor, frame: &BladeFrame) -> Option<Vec3> {
-        let near_m = MEETING_VOXELS * body.state.grid.voxel_size_m();
-        let along = anchor.pull_back(body, &frame.along).normalize();
-        let aside = |end: &Anchor| (end.swept_m - anchor.position_m).dot(&along);
-        (0..self.markers.len()).find_map(|left| {
-            let [a, b] = self.segment(body, left).filter(|ends| ends[0].yielded && ends[1].yielded)?;
-            let [from, to] = [aside(a), aside(b)];
-            if from == to || from.signum() == to.signum() {
-                return None;
-            }
-            let at_m = a.swept_m + (b.swept_m - a.swept_m) * (from / (from - to));
-            ((at_m - anchor.position_m).norm() < near_m).then_some(at_m)
-        })
-    }
-
-    /// Advances the markers that gave way, finds the links their strips cross, and books the energy; in the
-    /// step that they were detected in. Where the body is `pulled`, what that adds is felt from then on.
+    /// Advances the markers that gave way, and the body's crack with them, finds the links their strips cross, and books
+    /// the energy; in the step that they were detected in. Where the body is `pulled`, what that adds is felt from then
+    /// on.
     pub fn advance(
         &mut self,
         body: &Body,
+        crack: &mut Crack,
         motion: &BladeMotion<'_>,
         pulled: bool,
         links: &mut Vec<(LinkId, Crossing)>,
@@ -238,6 +230,7 @@ impl Front {
                 anchor.position_m += step;
             }
         }
+        self.take_crack_along(body, crack);
         self.sweep(body, links);
         if by_link_energy {
             let cost = PartingCost::of(body, &mut links[first_link..]);
@@ -339,6 +332,39 @@ impl Front {
             }
         }
         self.target = target;
+    }
+
+    /// The body's crack goes on where markers cut, in the step that they were detected in.
+    fn take_crack_along(&mut self, body: &Body, crack: &mut Crack) {
+        let mut spans = std::mem::take(&mut self.spans);
+        spans.clear();
+        let cuts = |index: usize| self.anchor(index).filter(|a| a.yielded && matches!(a.ahead, Ahead::Intact { .. }));
+        for (index, frame) in self.frames.iter().enumerate() {
+            let Some(own) = cuts(index) else { continue };
+            let way = own.way(body, frame);
+            let half_m = 0.5 * own.reference_width_m(body, frame, self.segment_m);
+            if !own.is_at_end() {
+                crack.begin(&way, half_m);
+            }
+            let (from_m, ahead) = (own.position_m, way.ahead);
+            let went = |anchor: &Anchor| (anchor.position_m - anchor.swept_m).norm();
+            for (side, left) in [(-1.0, index.wrapping_sub(1)), (1.0, index)] {
+                let beside = if left == index { index + 1 } else { left };
+                match cuts(beside).filter(|_| self.segment(body, left).is_some()) {
+                    Some(next) if left == index => {
+                        let went_m = went(own).max(went(next));
+                        spans.push(Span { from_m, to_m: next.position_m, ahead, went_m });
+                    }
+                    Some(_) => {}
+                    None => {
+                        let to_m = from_m + way.along * (side * half_m);
+                        spans.push(Span { from_m, to_m, ahead, went_m: went(own) });
+                    }
+                }
+            }
+        }
+        crack.follow(body, &spans);
+        self.spans = spans;
     }
 
     /// Slides markers along the chain to where their segment of the edge is now.

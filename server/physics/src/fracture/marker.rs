@@ -1,8 +1,8 @@
 //! A marker: one segment of the edge, and how it comes into contact, stays in it and lets go.
 
 use super::anchor::{Ahead, Anchor};
+use super::crack::Crack;
 use super::entry::{grazes, inward, surface_behind};
-use super::front::Front;
 use super::way_in::{WayIn, way_in};
 use crate::Vec3;
 use crate::body::{Body, MaterialPoint};
@@ -36,6 +36,17 @@ pub(super) enum Marker {
     On(Anchor),
 }
 
+/// What an edge may meet: a body, its elements near the edge, and its crack.
+#[derive(Clone, Copy)]
+pub struct Tissue<'a> {
+    /// The body.
+    pub body: &'a Body,
+    /// Its elements near the edge.
+    pub hash: &'a SpatialHash,
+    /// Where its cuts end.
+    pub crack: &'a Crack,
+}
+
 /// One segment of the edge during a step.
 pub(super) struct Edge {
     /// Scene position of its middle at t, m.
@@ -56,12 +67,13 @@ pub(super) struct Edge {
 
 impl Edge {
     /// A marker that was outside: still is, or the edge has come in through a surface.
-    pub(super) fn enter(&self, body: &Body, hash: &SpatialHash, beside: Option<(f64, Anchor)>) -> Marker {
+    pub(super) fn enter(&self, tissue: &Tissue<'_>, beside: Option<(f64, Anchor)>) -> Marker {
+        let Tissue { body, hash, crack } = *tissue;
         let Some(WayIn { point, at_m, last_m, fraction }) = way_in(body, hash, &self.before_m, &self.now_m) else {
             return Marker::Outside;
         };
-        let tissue = body.weights(&point).sum(&body.state.velocity_m_per_s);
-        let approach = (at_m - last_m - tissue * (fraction * body.dt_s())).dot(&self.frame.forward);
+        let velocity = body.weights(&point).sum(&body.state.velocity_m_per_s);
+        let approach = (at_m - last_m - velocity * (fraction * body.dt_s())).dot(&self.frame.forward);
         let mut anchor = Anchor::at(point, self.frame.forward, self.half_width_m);
         let back = anchor.pull_back(body, &self.frame.forward);
         if approach > 0.0 {
@@ -69,12 +81,12 @@ impl Edge {
             anchor.inward = inward(body, &anchor.position_m, &anchor.inward).unwrap_or(anchor.inward);
         }
         match beside.filter(|_| grazes(body, &anchor.position_m, &back)) {
-            Some((side, neighbour)) => self.join(body, hash, side, neighbour),
+            Some((side, neighbour)) => self.join(tissue, side, neighbour),
             None if approach > 0.0 => {
-                anchor.start_here(body, &self.frame);
-                self.unless_lost(body, hash, anchor, &at_m)
+                anchor.start_here(body, crack, &self.frame);
+                self.unless_lost(tissue, anchor, &at_m)
             }
-            None => self.emerge(body, hash),
+            None => self.emerge(tissue),
         }
     }
 
@@ -82,65 +94,61 @@ impl Edge {
     /// neighbour that is in contact already: the marker goes on with the neighbour's front as soon as there is material
     /// for it there. (Where the edge itself is, it would stand deeper than the front by the contact's
     /// compression.)
-    fn join(&self, body: &Body, hash: &SpatialHash, side: f64, neighbour: Anchor) -> Marker {
+    fn join(&self, tissue: &Tissue<'_>, side: f64, neighbour: Anchor) -> Marker {
+        let body = tissue.body;
         let mut anchor = neighbour;
         anchor.position_m -= neighbour.pull_back(body, &self.frame.along) * (side * self.segment_m);
         anchor.stored_j = 0.0;
         anchor.ahead = Ahead::Outside;
-        anchor.start_here(body, &self.frame);
+        anchor.start_beside(body, &self.frame);
         if anchor.ahead == Ahead::Outside {
             return Marker::Outside;
         }
         let beside_m = neighbour.current_m(body) - self.frame.along * (side * self.segment_m);
-        self.unless_lost(body, hash, anchor, &beside_m)
+        self.unless_lost(tissue, anchor, &beside_m)
     }
 
     /// A marker at `anchor`, unless that has gone on in material that is far from `from_m`: the piece that it
     /// would go on in may have been carried away.
-    fn unless_lost(&self, body: &Body, hash: &SpatialHash, anchor: Anchor, from_m: &Vec3) -> Marker {
+    fn unless_lost(&self, tissue: &Tissue<'_>, anchor: Anchor, from_m: &Vec3) -> Marker {
+        let body = tissue.body;
         let far_m = LOST_VOXELS * body.state.grid.voxel_size_m();
         let holds = matches!(anchor.ahead, Ahead::Intact { .. });
         if holds && (anchor.current_m(body) - from_m).norm() > far_m {
-            return self.emerge(body, hash);
+            return self.emerge(tissue);
         }
         Marker::On(anchor)
     }
 
-    /// A marker that was in contact: still is, or has let go. It may be about to meet the front of the tool's `other`
-    /// blade.
-    pub(super) fn keep(&self, body: &Body, hash: &SpatialHash, mut anchor: Anchor, other: Option<&Front>) -> Marker {
+    /// A marker that was in contact: still is, or has let go.
+    pub(super) fn keep(&self, tissue: &Tissue<'_>, mut anchor: Anchor) -> Marker {
+        let Tissue { body, hash, crack } = *tissue;
         let h = body.state.grid.voxel_size_m();
         let was_m = anchor.current_m(body);
-        let was = anchor;
-        anchor.meeting_m = None;
-        anchor.find_link_ahead(body, &self.frame);
-        if let (Some(other), Ahead::Intact { .. }, Ahead::Parted) = (other, was.ahead, anchor.ahead) {
-            anchor = was;
-            anchor.meeting_m = other.meeting_m(body, &anchor, &self.frame);
-            anchor.find_link_ahead(body, &self.frame);
-        }
+        anchor.look_ahead(body, crack, &self.frame);
         let offset = self.now_m - anchor.current_m(body);
         if offset.dot(&self.frame.normal).abs() > LOST_VOXELS * h {
             return Marker::Buried;
         }
         let opened = offset.dot(&self.frame.forward) < -RELEASE_VOXELS * h;
         let gone = opened && (!anchor.yielded || narrow::locate(body, hash, &self.now_m).is_none());
-        if gone { Marker::Outside } else { self.unless_lost(body, hash, anchor, &was_m) }
+        if gone { Marker::Outside } else { self.unless_lost(tissue, anchor, &was_m) }
     }
 
     /// A marker that was buried: still is, or has come out.
-    pub(super) fn emerge(&self, body: &Body, hash: &SpatialHash) -> Marker {
-        if within(body, hash, &self.now_m).is_some() { Marker::Buried } else { Marker::Outside }
+    pub(super) fn emerge(&self, tissue: &Tissue<'_>) -> Marker {
+        if within(tissue.body, tissue.hash, &self.now_m).is_some() { Marker::Buried } else { Marker::Outside }
     }
 }
 
 /// A marker whose segment of the edge is put down at `at_m`: in the tissue it goes on from there at once, as at the end
 /// of a cut.
-pub(super) fn put_down(body: &Body, hash: &SpatialHash, at_m: &Vec3, frame: &BladeFrame, half_width_m: f64) -> Marker {
+pub(super) fn put_down(tissue: &Tissue<'_>, at_m: &Vec3, frame: &BladeFrame, half_width_m: f64) -> Marker {
+    let Tissue { body, hash, crack } = *tissue;
     let Some(point) = within(body, hash, at_m) else { return Marker::Outside };
     let mut anchor = Anchor::at(point, frame.forward, half_width_m);
     anchor.yielded = true;
-    anchor.start_here(body, frame);
+    anchor.start_here(body, crack, frame);
     Marker::On(anchor)
 }
 

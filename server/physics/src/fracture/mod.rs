@@ -4,7 +4,8 @@
 //! contact pushes, through springs (`springs`), on a point of the material (`anchor`) that it
 //! found where the edge came in through the surface (`entry`); what a strained body adds to its drive, or takes
 //! off it, is sampled around the front (`drive`, `release`). What the point advances is booked
-//! (`book`), and the links across the strip that the chain has swept part (`sweep`). By the other rule
+//! (`book`), and the links across the strip that the chain has swept part (`sweep`). Where the cut stands beyond them the
+//! body keeps (`crack`), so that it goes on from there under whatever drives it next. By the other rule
 //! (`link_energy`) a point advances link by link, where the link ahead holds enough energy.
 //!
 //! What constants are said to move was measured by halving and doubling each on two strokes. One is the stroke of the
@@ -15,6 +16,7 @@ mod anchor;
 mod book;
 pub mod cohesive;
 mod compliance;
+mod crack;
 mod drive;
 mod entry;
 mod front;
@@ -28,7 +30,9 @@ mod travel;
 mod way_in;
 
 pub use book::FrontBook;
+pub use crack::Crack;
 pub use front::{BladeMotion, Front};
+pub use marker::Tissue;
 
 /// How often what a body sets free is sampled at one place ahead of blades, s: not every one of shorter steps does.
 /// Ours: two steps of 1 kHz, in which a front of 0.1 m/s goes on by a tenth of a voxel. Half or twice of it moves the

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 use super::anchor::fracture_energy;
+use super::crack::{Crack, Way};
 use super::release::{Tip, held_around_j, released};
 use super::sweep::{PartingCost, part_quad};
 use crate::Vec3;
@@ -130,11 +131,12 @@ impl Tearing {
     }
 
     /// Goes on by a step. Adds the links ahead of the ends that tear to `links`.
-    pub fn advance(&mut self, body: &Body, links: &mut Vec<(LinkId, Crossing)>) -> Torn {
+    pub fn advance(&mut self, body: &Body, crack: &mut Crack, links: &mut Vec<(LinkId, Crossing)>) -> Torn {
         self.step += 1;
         self.torn.clear();
         let now_s = self.now_s(body);
         let first = links.len();
+        let mut cut_already = PartingCost::default();
         let mut due = std::mem::take(&mut self.due);
         due.clear();
         due.extend(self.stations.iter().filter_map(|(cell, station)| station.is_due(body, now_s).then_some(*cell)));
@@ -148,6 +150,9 @@ impl Tearing {
             if drive >= 1.0 {
                 let own = links.len();
                 part_quad(body, place.strip(), links);
+                let cut_m2 = crack.tear(body, &place.way(), place.reach_m, place.tip.element_edge_m);
+                cut_already.area_m2 += cut_m2;
+                cut_already.fracture_j += place.gc_j_per_m2 * cut_m2;
                 let reached_s = place.may_go_on_s().max(now_s - body.dt_s());
                 self.torn.extend(links[own..].iter().map(|link| (link.0, reached_s)));
             }
@@ -155,7 +160,10 @@ impl Tearing {
         self.torn.sort_unstable_by_key(|torn| torn.0);
         let looks = due.len() as u32;
         self.due = due;
-        Torn { cost: PartingCost::of(body, &mut links[first..]), looks }
+        let mut cost = PartingCost::of(body, &mut links[first..]);
+        cost.area_m2 -= cut_already.area_m2;
+        cost.fracture_j -= cut_already.fracture_j;
+        Torn { cost, looks }
     }
 
     fn now_s(&self, body: &Body) -> f64 {
@@ -263,6 +271,11 @@ impl Place {
     /// When the news of what has opened have come as far as it would tear, s.
     fn may_go_on_s(&self) -> f64 {
         self.since_s + self.tip.element_edge_m / self.wave_m_per_s
+    }
+
+    /// From where, and which way, it goes on.
+    fn way(&self) -> Way {
+        Way { position_m: self.tip.position_m, ahead: self.tip.ahead, along: self.tip.along }
     }
 
     /// Corners of the strip by which the cut goes on.

@@ -4,7 +4,7 @@ use crate::body::Body;
 use crate::contact::broad::SpatialHash;
 use crate::contact::flank::WallsBeside;
 use crate::contact::{Contact, Misjudged, Mode, Solution};
-use crate::fracture::{BladeMotion, Front, FrontBook};
+use crate::fracture::{BladeMotion, Crack, Front, FrontBook, Tissue};
 use crate::grid::{Crossing, LinkId};
 use crate::math::Aabb;
 use crate::tool::ToolPath;
@@ -89,16 +89,17 @@ impl BladeContact {
         self.front.contacts.iter().flat_map(|c| [&c.forward, &c.lateral]).chain(&self.flanks)
     }
 
-    /// Finds what it touches. The tool's `other` blade may come towards it.
-    pub(super) fn detect(&mut self, body: &Body, path: &ToolPath, other: Option<&Self>) {
+    /// Finds what it touches.
+    pub(super) fn detect(&mut self, body: &Body, crack: &Crack, path: &ToolPath) {
         let motion = motion(&self.blade, self.mount, path);
         let edge_m = motion.blade.edge.points_m();
         let swept = edge_m.iter().flat_map(|at| [motion.before.transform(at), motion.pose.transform(at)]);
         self.hash.rebuild(body, &Aabb::around(swept).grown(body.state.grid.voxel_size_m()));
+        let tissue = Tissue { body, hash: &self.hash, crack };
         if path.entered {
-            self.front.enter(body, &self.hash, &motion);
+            self.front.enter(&tissue, &motion);
         }
-        self.front.detect(body, &self.hash, &motion, other.map(|other| &other.front));
+        self.front.detect(&tissue, &motion);
         self.flanks.clear();
         let poses = [&motion.before, &motion.pose];
         self.beside.contacts(body, &motion.blade.flanks, poses, &mut self.flanks);
@@ -125,12 +126,12 @@ impl BladeContact {
 
     pub(super) fn advance(
         &mut self,
-        body: &Body,
+        (body, crack): (&Body, &mut Crack),
         path: &ToolPath,
         pulled: bool,
         parting: &mut Vec<(LinkId, Crossing)>,
     ) -> FrontBook {
-        self.front.advance(body, &motion(&self.blade, self.mount, path), pulled, parting)
+        self.front.advance(body, crack, &motion(&self.blade, self.mount, path), pulled, parting)
     }
 }
 

@@ -7,6 +7,7 @@ use super::tool_contact::ToolContact;
 use crate::body::{self, Body, Lost, TopologyChange};
 use crate::contact::ends::point_springs;
 use crate::contact::{Contact, Misjudged, Mode, Solution};
+use crate::fracture::Crack;
 use crate::grid::{Crossing, LinkId};
 use crate::ledger::BodyLedger;
 use crate::solve::spring::{POINT_NODES, PointSpring};
@@ -15,10 +16,15 @@ use crate::walk::WalkError;
 use crate::workers::Workers;
 use serde::{Deserialize, Serialize};
 
+/// Ends of cuts that a marker may make until links part: in less than a voxel's way forward, some along. Ours.
+const ENDS_PER_MARKER: usize = 4;
+
 /// A body with the step data that belongs to it.
 #[derive(Clone, Serialize, Deserialize)]
 pub(super) struct BodySlot {
     pub(super) body: Body,
+    /// Where its cuts end.
+    pub(super) crack: Crack,
     /// By tool.
     pub(super) contacts: Vec<ToolContact>,
     /// Present where the body can be pulled apart.
@@ -72,6 +78,7 @@ impl BodySlot {
             velocity_change: vec![[0.0; 3]; body.node_count()],
             ledger: BodyLedger::at_rest(energy),
             body,
+            crack: Crack::default(),
             contacts,
             pulled: None,
             edited: None,
@@ -95,13 +102,12 @@ impl BodySlot {
         self.body.complete(&like.body, workers)?;
         let nodes = self.body.node_count();
         let cohesive = self.pulled.iter().flat_map(|pulled| &pulled.cohesive.contacts);
-        let springs = self.contacts.iter().flat_map(ToolContact::springs).chain(cohesive);
-        let mut at = springs.flat_map(|spring| spring.ends.weights.iter());
+        let mut springs = self.contacts.iter().flat_map(ToolContact::springs).chain(cohesive);
         let alike = self.contacts.iter().zip(&like.contacts).all(|(own, like)| own.is_like(like));
         let fits = self.contacts.len() == like.contacts.len()
             && alike
             && self.velocity_change.len() == nodes
-            && at.all(|(node, _)| (node as usize) < nodes);
+            && springs.all(|spring| spring.ends.weights.fits(nodes));
         if fits { Ok(()) } else { Err(WalkError::new("contacts are not of the tools and the body".into())) }
     }
 
@@ -110,6 +116,8 @@ impl BodySlot {
     pub(super) fn reserve(&mut self, tissue_springs: usize) {
         self.contacts.iter_mut().for_each(|contact| contact.reserve(&self.body));
         let of_tools: usize = self.contacts.iter().map(|contact| contact.most_springs(&self.body)).sum();
+        let markers: usize = self.contacts.iter().map(ToolContact::markers).sum();
+        self.crack.reserve(ENDS_PER_MARKER * markers);
         let of_cohesive = self.pulled.as_ref().map_or(0, |pulled| pulled.cohesive.count());
         let springs = of_tools + of_cohesive + tissue_springs;
         self.scratch.impulses.clear();

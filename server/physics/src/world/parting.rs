@@ -14,14 +14,19 @@ pub(super) fn advance_fronts(dt_s: f64, state: &mut State, scratch: &mut Scratch
         let mut book = FrontBook::default();
         for (tool, contact) in state.tools.iter().zip(&mut slot.contacts) {
             if let Some(path) = tool.path() {
-                book.add(&contact.advance(&slot.body, &path, slot.pulled.is_some(), &mut slot.scratch.parting));
+                book.add(&contact.advance(
+                    (&slot.body, &mut slot.crack),
+                    &path,
+                    slot.pulled.is_some(),
+                    &mut slot.scratch.parting,
+                ));
                 if samples {
                     contact.sample_drive(&slot.body);
                 }
             }
         }
         if let Some(pulled) = &mut slot.pulled {
-            let (of_pull, looks) = pulled.advance(&slot.body, &book, &mut slot.scratch.parting);
+            let (of_pull, looks) = pulled.advance((&slot.body, &mut slot.crack), &book, &mut slot.scratch.parting);
             book.add(&of_pull);
             output.fracture.looks += looks;
         }

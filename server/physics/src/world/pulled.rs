@@ -1,9 +1,9 @@
 //! A body that can be pulled: its cuts may go on by themselves, and what tension opens has to be paid for.
 
 use crate::body::{Body, TopologyChange};
-use crate::fracture::FrontBook;
 use crate::fracture::cohesive::CohesiveSprings;
 use crate::fracture::tear::{Tearing, Torn};
+use crate::fracture::{Crack, FrontBook};
 use crate::grid::{Crossing, LinkId};
 use serde::{Deserialize, Serialize};
 
@@ -29,12 +29,12 @@ impl Pulled {
     /// Returns how many ends of cuts were looked at too.
     pub(super) fn advance(
         &mut self,
-        body: &Body,
+        (body, crack): (&Body, &mut Crack),
         front: &FrontBook,
         links: &mut Vec<(LinkId, Crossing)>,
     ) -> (FrontBook, u32) {
         let paid = self.cohesive.conclude(body);
-        let Torn { cost: torn, looks } = self.tearing.advance(body, links);
+        let Torn { cost: torn, looks } = self.tearing.advance(body, crack, links);
         // What the blades' forces leave to the tissue.
         self.cohesive.owe(torn.fracture_j - front.slip_j);
         let book = FrontBook {

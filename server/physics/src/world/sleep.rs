@@ -35,7 +35,7 @@ impl BodySlot {
         for (tool, contact) in tools.iter().zip(&mut self.contacts) {
             if let Some(path) = tool.path().filter(|path| !(sleeps && path.rests())) {
                 touched |= contact.has_springs();
-                contact.detect(&self.body, &path);
+                contact.detect(&self.body, &self.crack, &path);
                 touched |= contact.has_springs();
             }
         }
@@ -49,7 +49,7 @@ impl BodySlot {
         self.wake();
         for (tool, contact) in tools.iter().zip(&mut self.contacts) {
             if let Some(path) = tool.path().filter(|path| path.rests()) {
-                contact.detect(&self.body, &path);
+                contact.detect(&self.body, &self.crack, &path);
             }
         }
     }

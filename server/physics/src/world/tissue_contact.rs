@@ -147,7 +147,7 @@ impl TissueContacts {
         };
         let is_in = |end: &TissueEnd| {
             let nodes = slots.get(end.body as usize).map_or(0, |slot| slot.body.node_count());
-            end.weights.iter().all(|(node, _)| (node as usize) < nodes)
+            end.weights.fits(nodes)
         };
         let patches = |spring: &TissueContact| self.carried[spring.ends.ends[0].body as usize].keys.len();
         self.carried.len() == slots.len()

@@ -5,7 +5,7 @@ use crate::body::Body;
 use crate::contact::grasp::Grasp;
 use crate::contact::palpation::Palpation;
 use crate::contact::{Contact, Misjudged, Solution};
-use crate::fracture::FrontBook;
+use crate::fracture::{Crack, FrontBook};
 use crate::grid::{Crossing, LinkId};
 use crate::tool::scissors::Mount;
 use crate::tool::{ToolPath, ToolShape};
@@ -139,6 +139,11 @@ impl ToolContact {
         }
     }
 
+    /// Number of markers on its edges.
+    pub(super) fn markers(&self) -> usize {
+        self.edges().iter().map(|edge| edge.front.markers()).sum()
+    }
+
     /// Number of springs that there may be until links part again.
     pub(super) fn most_springs(&self, body: &Body) -> usize {
         match self {
@@ -161,15 +166,9 @@ impl ToolContact {
         }
     }
 
-    pub(super) fn detect(&mut self, body: &Body, path: &ToolPath) {
+    pub(super) fn detect(&mut self, body: &Body, crack: &Crack, path: &ToolPath) {
         match self {
-            Self::Edges(edges) => match edges.as_mut_slice() {
-                [upper, lower] => {
-                    upper.detect(body, path, Some(lower));
-                    lower.detect(body, path, Some(upper));
-                }
-                edges => edges.iter_mut().for_each(|edge| edge.detect(body, path, None)),
-            },
+            Self::Edges(edges) => edges.iter_mut().for_each(|edge| edge.detect(body, crack, path)),
             Self::Grasp(grasp) => grasp.detect(body, path),
             Self::Palpation(palpation) => palpation.detect(body, path),
         }
@@ -196,13 +195,13 @@ impl ToolContact {
     /// Advances the fronts of its edges; see [`crate::fracture::Front::advance`].
     pub(super) fn advance(
         &mut self,
-        body: &Body,
+        (body, crack): (&Body, &mut Crack),
         path: &ToolPath,
         pulled: bool,
         parting: &mut Vec<(LinkId, Crossing)>,
     ) -> FrontBook {
         let mut book = FrontBook::default();
-        self.edges_mut().iter_mut().for_each(|edge| book.add(&edge.advance(body, path, pulled, parting)));
+        self.edges_mut().iter_mut().for_each(|edge| book.add(&edge.advance((body, crack), path, pulled, parting)));
         book
     }
 
