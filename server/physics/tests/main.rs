@@ -13,6 +13,7 @@ mod contact_model;
 mod crack;
 mod cutting;
 mod determinism;
+mod drawn_blade;
 mod elements;
 mod fast_blade;
 mod filled;

@@ -8,7 +8,7 @@ use crate::math::Aabb;
 #[derive(Clone, Default)]
 pub struct SpatialHash {
     cell_m: f64,
-    /// Elements near the tool and their boxes, ascending.
+    /// Elements near the tool and their boxes, ascending in each place that was asked for.
     boxes: Vec<(u32, Aabb)>,
     /// (cell, index into `boxes`), sorted.
     entries: Vec<([i32; 3], u32)>,
@@ -25,9 +25,22 @@ impl SpatialHash {
 
     /// Fills the hash with the elements of `body` whose boxes meet `near`.
     pub fn rebuild(&mut self, body: &Body, near: &Aabb) {
+        self.rebuild_near(body, [*near]);
+    }
+
+    /// Fills the hash with the elements of `body` whose boxes meet any of those; returns which of them are met.
+    pub fn rebuild_near<const N: usize>(&mut self, body: &Body, near: [Aabb; N]) -> [bool; N] {
         self.boxes.clear();
         self.entries.clear();
         self.cell_m = body.lattice_edge_m();
+        let met = near.map(|near| self.add(body, &near));
+        self.entries.sort_unstable();
+        met
+    }
+
+    /// Adds the elements whose boxes meet `near`; returns whether there are any.
+    fn add(&mut self, body: &Body, near: &Aabb) -> bool {
+        let before = self.boxes.len();
         for id in body.elements_near(near) {
             let aabb = body.element_box(id);
             if !aabb.meets(near) {
@@ -44,7 +57,7 @@ impl SpatialHash {
             }
             self.boxes.push((id as u32, aabb));
         }
-        self.entries.sort_unstable();
+        self.boxes.len() > before
     }
 
     fn cell(&self, p: &Vec3) -> [i32; 3] {

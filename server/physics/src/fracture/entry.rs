@@ -52,11 +52,15 @@ pub(super) fn inward(body: &Body, at: &Vec3, toward: &Vec3) -> Option<Vec3> {
     normal.try_normalize(0.1).filter(|_| finite).map(|outward| -outward)
 }
 
-/// Whether `at` is on a surface that runs along the direction `ahead`, rather than facing it.
+/// Whether `at` is on the object's surface.
+pub(super) fn is_on_surface(body: &Body, at: &Vec3) -> bool {
+    body.state.grid.signed_distance_m(at) > -0.25 * body.state.grid.voxel_size_m()
+}
+
+/// Whether the surface at `at` runs along the direction `ahead`, rather than facing it.
 pub(super) fn grazes(body: &Body, at: &Vec3, ahead: &Vec3) -> bool {
-    let on_surface = body.state.grid.signed_distance_m(at) > -0.25 * body.state.grid.voxel_size_m();
     let normal = outward(body, at);
-    on_surface && normal.dot(ahead) > -FACING * normal.norm() * ahead.norm()
+    normal.dot(ahead) > -FACING * normal.norm() * ahead.norm()
 }
 
 /// Moves a reference point to the object's surface along the signed distance's gradient.

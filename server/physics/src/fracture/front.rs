@@ -11,7 +11,7 @@ use super::crack::{Crack, Span};
 use super::drive::{Drive, Piece, Strained, is_small};
 use super::entry::{inward, onto_surface};
 use super::link_energy;
-use super::marker::{Edge, Marker, Tissue, put_down};
+use super::marker::{Beside, Edge, Marker, Tissue, put_down};
 use super::release::INNER;
 use super::springs::FrontContact;
 use super::sweep::{PartingCost, part_quad};
@@ -42,9 +42,10 @@ const START_VOXELS: f64 = 0.5;
 #[derive(Clone, Serialize, Deserialize)]
 pub struct Front {
     markers: Vec<Marker>,
-    /// Segments of the edge, one to a marker, and the length of each, m.
+    /// Segments of the blade's outline, one to a marker.
     segments: Kept<Vec<EdgeSegment>>,
-    segment_m: f64,
+    /// How many of them are of the first end, and of the edge after it; the others are of the last end.
+    counts: [usize; 2],
     /// Directions of each segment at t + dt, scene frame: scratch, kept between steps.
     #[serde(skip)]
     frames: Vec<BladeFrame>,
@@ -93,12 +94,12 @@ impl Front {
     /// A front of `blade`, nowhere in contact.
     #[must_use]
     pub fn new(blade: &Blade, body: &Body) -> Self {
-        let segments = blade.edge.segments(body.state.grid.voxel_size_m() / MARKERS_PER_VOXEL);
+        let (segments, counts) = blade.outline(body.state.grid.voxel_size_m() / MARKERS_PER_VOXEL);
         let count = segments.len();
         Self {
             markers: vec![Marker::Outside; count],
-            segment_m: blade.edge.length_m() / count as f64,
             segments: segments.into(),
+            counts,
             frames: Vec::with_capacity(count),
             dropped_j: 0.0,
             chain: Vec::with_capacity(count),
@@ -164,37 +165,48 @@ impl Front {
         self.slit = self.markers.iter().any(|marker| matches!(marker, Marker::On(_)));
     }
 
-    /// Finds which markers touch the tissue and sets up their springs.
-    pub fn detect(&mut self, tissue: &Tissue<'_>, motion: &BladeMotion<'_>) {
-        let body = tissue.body;
+    /// Finds which markers touch the tissue and sets up their springs. Tissue is `near` the first end, the edge and the
+    /// last end, or not.
+    pub fn detect(&mut self, tissue: &Tissue<'_>, motion: &BladeMotion<'_>, near: [bool; 3]) {
         self.contacts.clear();
         self.frames.clear();
         self.frames.extend(self.segments.iter().map(|segment| segment.frame.turned(&motion.pose.orientation)));
         let strained = self.drive.as_ref().map_or(Strained::NOT, Drive::strained);
-        for index in 0..self.markers.len() {
-            let segment = &self.segments[index];
-            let edge = Edge {
-                before_m: motion.before.transform(&segment.middle_m),
-                now_m: motion.pose.transform(&segment.middle_m),
-                frame: self.frames[index],
-                half_width_m: motion.blade.edge_half_width_m,
-                penalty_factor: motion.blade.penalty_factor,
-                segment_m: self.segment_m,
-                from_end_m: segment.from_end_m,
-            };
-            let was = self.markers[index];
-            let now = match was {
-                Marker::On(anchor) => edge.keep(tissue, anchor),
-                Marker::Outside => edge.enter(tissue, self.beside(index)),
-                Marker::Buried => edge.emerge(tissue),
-            };
-            match (&was, &now) {
-                (_, Marker::On(anchor)) => self.contacts.push(FrontContact::new(body, index, &edge, anchor, &strained)),
-                (Marker::On(let_go), _) => self.dropped_j += let_go.stored_j,
-                _ => {}
+        let edge = self.of_edge();
+        for (part, near) in [0..edge.start, edge.clone(), edge.end..self.markers.len()].into_iter().zip(near) {
+            if near || self.markers[part.clone()].iter().any(|marker| !matches!(marker, Marker::Outside)) {
+                part.for_each(|index| self.detect_at(index, tissue, motion, &strained));
             }
-            self.markers[index] = now;
         }
+    }
+
+    /// Finds whether a marker touches the tissue and sets up its springs.
+    fn detect_at(&mut self, index: usize, tissue: &Tissue<'_>, motion: &BladeMotion<'_>, strained: &Strained) {
+        let segment = &self.segments[index];
+        let edge = Edge {
+            before_m: motion.before.transform(&segment.middle_m),
+            now_m: motion.pose.transform(&segment.middle_m),
+            frame: self.frames[index],
+            half_width_m: motion.blade.edge_half_width_m,
+            penalty_factor: motion.blade.penalty_factor,
+            segment_m: segment.length_m,
+            from_end_m: segment.from_end_m,
+            is_end: !self.of_edge().contains(&index),
+        };
+        let was = self.markers[index];
+        let now = match was {
+            Marker::On(anchor) => edge.keep(tissue, anchor),
+            Marker::Outside => edge.enter(tissue, self.beside(index, &motion.pose)),
+            Marker::Buried => edge.emerge_or_join(tissue, self.beside(index, &motion.pose)),
+        };
+        match (&was, &now) {
+            (_, Marker::On(anchor)) => {
+                self.contacts.push(FrontContact::new(tissue.body, index, &edge, anchor, strained));
+            }
+            (Marker::On(let_go), _) => self.dropped_j += let_go.stored_j,
+            _ => {}
+        }
+        self.markers[index] = now;
     }
 
     /// Advances the markers that gave way, and the body's crack with them, finds the links their strips cross, and books
@@ -218,7 +230,7 @@ impl Front {
             let Marker::On(anchor) = &mut self.markers[contact.marker] else { continue };
             let frame = self.frames[contact.marker];
             let virgin = !anchor.yielded;
-            let mut step = contact.conclude(body, anchor, &frame, self.segment_m, &mut book);
+            let mut step = contact.conclude(body, anchor, &frame, self.segments[contact.marker].length_m, &mut book);
             if by_link_energy {
                 step += link_energy::give_way(body, anchor, &frame, &contact.forward, &mut book);
             }
@@ -251,18 +263,19 @@ impl Front {
         let mut slit = Vec::new();
         // From the edge to the spine, reference configuration.
         let up = |index: usize| self.anchor(index).map(|a| -a.pull_back(body, &self.frames[index].forward) * height_m);
-        for index in 0..self.markers.len() {
+        for index in self.of_edge() {
             let (Some(own), Some(up_m)) = (self.anchor(index), up(index)) else { continue };
             let from = own.swept_m;
             for (side, left) in [(-1.0, index.wrapping_sub(1)), (1.0, index)] {
-                match (self.segment(body, left), up(index + 1)) {
+                match (self.segment(body, left).filter(|_| self.goes_on(left)), up(index + 1)) {
                     (Some(ends), Some(next_up_m)) if left == index => {
                         let to = ends[1].swept_m;
                         part_quad(body, [from, to, to + next_up_m, from + up_m], &mut slit);
                     }
                     (Some(_), _) => {}
                     (None, _) => {
-                        let half = own.pull_back(body, &self.frames[index].along) * (0.5 * side * self.segment_m);
+                        let half = own.pull_back(body, &self.frames[index].along)
+                            * (0.5 * side * self.segments[index].length_m);
                         part_quad(body, [from, from + half, from + half + up_m, from + up_m], &mut slit);
                     }
                 }
@@ -318,9 +331,10 @@ impl Front {
                 } else if own.yielded {
                     // The chain ends here: half a segment beyond at the blade's end, and up to the next
                     // marker where that one is outside the material.
-                    let half = own.pull_back(body, &self.frames[index].along) * (0.5 * side * self.segment_m);
+                    let half =
+                        own.pull_back(body, &self.frames[index].along) * (0.5 * side * self.segments[index].length_m);
                     let beside = if left == index { index + 1 } else { left };
-                    let outside = matches!(self.markers.get(beside), Some(Marker::Outside));
+                    let outside = self.goes_on(left) && matches!(self.markers.get(beside), Some(Marker::Outside));
                     let reach = if outside { 2.0 * half } else { half };
                     part_quad(body, [from, from + reach, to + reach, to], links);
                 }
@@ -342,7 +356,7 @@ impl Front {
         for (index, frame) in self.frames.iter().enumerate() {
             let Some(own) = cuts(index) else { continue };
             let way = own.way(body, frame);
-            let half_m = 0.5 * own.reference_width_m(body, frame, self.segment_m);
+            let half_m = 0.5 * own.reference_width_m(body, frame, self.segments[index].length_m);
             if !own.is_at_end() {
                 crack.begin(&way, half_m);
             }
@@ -350,7 +364,7 @@ impl Front {
             let went = |anchor: &Anchor| (anchor.position_m - anchor.swept_m).norm();
             for (side, left) in [(-1.0, index.wrapping_sub(1)), (1.0, index)] {
                 let beside = if left == index { index + 1 } else { left };
-                match cuts(beside).filter(|_| self.segment(body, left).is_some()) {
+                match cuts(beside).filter(|_| self.goes_on(left) && self.segment(body, left).is_some()) {
                     Some(next) if left == index => {
                         let went_m = went(own).max(went(next));
                         spans.push(Span { from_m, to_m: next.position_m, ahead, went_m });
@@ -382,11 +396,11 @@ impl Front {
             let along = self.frames[index].along;
             let slip = chain[index].map_or(0.0, |point| point.to_edge_m.dot(&along));
             let next = if slip > 0.0 { index + 1 } else { index.wrapping_sub(1) };
-            let beside = chain.get(next).copied().flatten();
+            let beside = chain.get(next).copied().flatten().filter(|_| self.goes_on(index.min(next)));
             let mut moved = anchor;
             match beside.filter(|b| (b.position_m - anchor.position_m).norm() < gap) {
                 Some(beside) => {
-                    let fraction = (slip.abs() / self.segment_m).min(1.0);
+                    let fraction = (slip.abs() / self.segments[index].length_m).min(1.0);
                     let unbend = self.unbend(body, &anchor, pose, [index, next], &beside.to_edge_m);
                     moved.position_m += (beside.position_m - anchor.position_m + unbend) * fraction;
                     moved.start_m += (beside.start_m - anchor.start_m + unbend) * fraction;
@@ -421,7 +435,7 @@ impl Front {
             if body.state.grid.signed_distance_m(&(anchor.position_m - ahead * least_m)) > 0.0 {
                 return None;
             }
-            let along_m = anchor.pull_back(body, &frame.along) * self.segment_m;
+            let along_m = anchor.pull_back(body, &frame.along) * self.segments[index].length_m;
             Some(Piece { position_m: anchor.position_m, ahead, along_m, forward: frame.forward })
         };
         drive.sample(body, (0..self.markers.len()).filter_map(piece));
@@ -437,7 +451,7 @@ impl Front {
             return Vec3::zeros();
         }
         let chord = pose.orientation * (self.segments[next].middle_m - self.segments[index].middle_m);
-        let tangent = own.along * self.segment_m.copysign(own.along.dot(&chord));
+        let tangent = own.along * self.segments[index].length_m.copysign(own.along.dot(&chord));
         let turned = (own.along - other.along) * to_edge.dot(&other.along)
             + (own.forward - other.forward) * to_edge.dot(&other.forward)
             + (own.normal - other.normal) * to_edge.dot(&other.normal);
@@ -467,7 +481,19 @@ impl Front {
     #[must_use]
     pub fn cutting_length_m(&self) -> f64 {
         let cutting = |c: &&FrontContact| c.forward.mode == Mode::Yield && c.forward.yield_n > 0.0;
-        self.contacts.iter().filter(cutting).count() as f64 * self.segment_m
+        self.contacts.iter().filter(cutting).map(|c| self.segments[c.marker].length_m).sum()
+    }
+
+    /// The markers of the edge, without those of its ends.
+    fn of_edge(&self) -> std::ops::Range<usize> {
+        self.counts[0]..self.counts[0] + self.counts[1]
+    }
+
+    /// Whether the outline goes on without a corner from the marker `left` to the next.
+    fn goes_on(&self, left: usize) -> bool {
+        let edge = self.of_edge();
+        let next = left.wrapping_add(1);
+        next != edge.start && next != edge.end
     }
 
     fn anchor(&self, index: usize) -> Option<&Anchor> {
@@ -477,10 +503,14 @@ impl Front {
         }
     }
 
-    /// A neighbour of a marker that is in contact, and on which side of the marker it stands.
-    fn beside(&self, index: usize) -> Option<(f64, Anchor)> {
-        let side = |side: f64, at: usize| self.anchor(at).map(|anchor| (side, *anchor));
-        side(-1.0, index.wrapping_sub(1)).or_else(|| side(1.0, index + 1))
+    /// A neighbour of a marker that is in contact.
+    fn beside(&self, index: usize, pose: &Pose) -> Option<Beside> {
+        let of = |at: usize| {
+            let anchor = *self.anchor(at)?;
+            let chord_m = self.segments[index].middle_m - self.segments[at].middle_m;
+            Some(Beside { anchor, chord_m: pose.orientation * chord_m })
+        };
+        of(index.wrapping_sub(1)).or_else(|| of(index + 1))
     }
 
     /// The anchors of two neighbouring markers where they stand in one piece of material.

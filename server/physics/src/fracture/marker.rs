@@ -2,7 +2,7 @@
 
 use super::anchor::{Ahead, Anchor};
 use super::crack::Crack;
-use super::entry::{grazes, inward, surface_behind};
+use super::entry::{grazes, inward, is_on_surface, surface_behind};
 use super::way_in::{WayIn, way_in};
 use crate::Vec3;
 use crate::body::{Body, MaterialPoint};
@@ -47,6 +47,12 @@ pub struct Tissue<'a> {
     pub crack: &'a Crack,
 }
 
+/// A neighbour of a marker that is in contact, and the chord from its segment's middle to the marker's, scene frame, m.
+pub(super) struct Beside {
+    pub(super) anchor: Anchor,
+    pub(super) chord_m: Vec3,
+}
+
 /// One segment of the edge during a step.
 pub(super) struct Edge {
     /// Scene position of its middle at t, m.
@@ -63,30 +69,37 @@ pub(super) struct Edge {
     pub(super) segment_m: f64,
     /// Distance of its middle from the nearer end of the edge, m.
     pub(super) from_end_m: f64,
+    /// Whether it is of an end of the edge, which cuts on where the edge has cut, and dents no surface that runs along it.
+    pub(super) is_end: bool,
 }
 
 impl Edge {
     /// A marker that was outside: still is, or the edge has come in through a surface.
-    pub(super) fn enter(&self, tissue: &Tissue<'_>, beside: Option<(f64, Anchor)>) -> Marker {
+    pub(super) fn enter(&self, tissue: &Tissue<'_>, beside: Option<Beside>) -> Marker {
         let Tissue { body, hash, crack } = *tissue;
         let Some(WayIn { point, at_m, last_m, fraction }) = way_in(body, hash, &self.before_m, &self.now_m) else {
             return Marker::Outside;
         };
         let velocity = body.weights(&point).sum(&body.state.velocity_m_per_s);
-        let approach = (at_m - last_m - velocity * (fraction * body.dt_s())).dot(&self.frame.forward);
+        let came_m = at_m - last_m - velocity * (fraction * body.dt_s());
+        let approach = came_m.dot(&self.frame.forward);
         let mut anchor = Anchor::at(point, self.frame.forward, self.half_width_m);
         let back = anchor.pull_back(body, &self.frame.forward);
         if approach > 0.0 {
             anchor.position_m = surface_behind(body, point.position_m, back, approach);
             anchor.inward = inward(body, &anchor.position_m, &anchor.inward).unwrap_or(anchor.inward);
         }
-        match beside.filter(|_| grazes(body, &anchor.position_m, &back)) {
-            Some((side, neighbour)) => self.join(tissue, side, neighbour),
-            None if approach > 0.0 => {
+        let on_surface = is_on_surface(body, &anchor.position_m);
+        let grazes = on_surface && grazes(body, &anchor.position_m, &back);
+        // What comes in along itself, or through a wall of a cut, goes on with the cut of its neighbour.
+        let follows = approach < came_m.dot(&self.frame.along).abs() || !on_surface;
+        match beside {
+            Some(beside) if follows && beside.anchor.yielded || grazes && !self.is_end => self.join(tissue, &beside),
+            _ if approach > 0.0 && !(grazes && self.is_end) => {
                 anchor.start_here(body, crack, &self.frame);
                 self.unless_lost(tissue, anchor, &at_m)
             }
-            None => self.emerge(tissue),
+            _ => self.emerge(tissue),
         }
     }
 
@@ -94,17 +107,17 @@ impl Edge {
     /// neighbour that is in contact already: the marker goes on with the neighbour's front as soon as there is material
     /// for it there. (Where the edge itself is, it would stand deeper than the front by the contact's
     /// compression.)
-    fn join(&self, tissue: &Tissue<'_>, side: f64, neighbour: Anchor) -> Marker {
+    fn join(&self, tissue: &Tissue<'_>, beside: &Beside) -> Marker {
         let body = tissue.body;
-        let mut anchor = neighbour;
-        anchor.position_m -= neighbour.pull_back(body, &self.frame.along) * (side * self.segment_m);
+        let mut anchor = beside.anchor;
+        anchor.position_m += beside.anchor.pull_back(body, &beside.chord_m);
         anchor.stored_j = 0.0;
         anchor.ahead = Ahead::Outside;
         anchor.start_beside(body, &self.frame);
         if anchor.ahead == Ahead::Outside {
             return Marker::Outside;
         }
-        let beside_m = neighbour.current_m(body) - self.frame.along * (side * self.segment_m);
+        let beside_m = beside.anchor.current_m(body) + beside.chord_m;
         self.unless_lost(tissue, anchor, &beside_m)
     }
 
@@ -133,6 +146,25 @@ impl Edge {
         let opened = offset.dot(&self.frame.forward) < -RELEASE_VOXELS * h;
         let gone = opened && (!anchor.yielded || narrow::locate(body, hash, &self.now_m).is_none());
         if gone { Marker::Outside } else { self.unless_lost(tissue, anchor, &was_m) }
+    }
+
+    /// A marker that was buried: still is, has come out, or goes forward beside a neighbour that cuts, and cuts on with it.
+    pub(super) fn emerge_or_join(&self, tissue: &Tissue<'_>, beside: Option<Beside>) -> Marker {
+        match (self.emerge(tissue), beside) {
+            (Marker::Buried, Some(beside)) if beside.anchor.yielded && self.goes_forward(tissue) => {
+                self.join(tissue, &beside)
+            }
+            (marker, _) => marker,
+        }
+    }
+
+    /// Whether it goes forward through the tissue that it is in.
+    fn goes_forward(&self, tissue: &Tissue<'_>) -> bool {
+        let Tissue { body, hash, .. } = *tissue;
+        within(body, hash, &self.now_m).is_some_and(|point| {
+            let velocity = body.weights(&point).sum(&body.state.velocity_m_per_s);
+            (self.now_m - self.before_m - velocity * body.dt_s()).dot(&self.frame.forward) > 0.0
+        })
     }
 
     /// A marker that was buried: still is, or has come out.

@@ -171,7 +171,7 @@ fn lateral_mode(forward: &Contact) -> Mode {
 /// What the edge drags along as it slices: the force is opposite to the edge's motion relative to the front,
 /// of size `Gc v_n / |v|` per length (Atkins, Xu and Jeronimidis, J. Mater. Sci. 39, 2004, 2761), so
 /// that its work is Gc per area swept whichever way the edge goes. Its part along the edge is
-/// `forward.yield_n` times the slice-push ratio: here, times this step's slide over the mean advance. Taken
+/// `forward.yield_n` times the slice-push ratio, as far as that counts: an edge that only slides opens nothing. Here, times this step's slide over the mean advance. Taken
 /// of past slides alone it would push on after tissue softer than Gc over a voxel has turned round.
 fn drag(body: &Body, slide: Contact, forward: &Contact, anchor: &Anchor) -> Contact {
     let advance_m = anchor.travel.speed_m_per_s() * body.dt_s();
@@ -181,7 +181,7 @@ fn drag(body: &Body, slide: Contact, forward: &Contact, anchor: &Anchor) -> Cont
     let way = if slide.gap_predicted_m < 0.0 { -1.0 } else { 1.0 };
     Contact {
         direction: slide.direction * way,
-        stiffness_n_per_m: if acts { forward.yield_n / advance_m } else { 0.0 },
+        stiffness_n_per_m: if acts { anchor.travel.advanced_share() * forward.yield_n / advance_m } else { 0.0 },
         gap_before_m: 0.0,
         gap_predicted_m: slide.gap_predicted_m * way,
         limit_n: most_n,

@@ -37,6 +37,12 @@ impl Travel {
         self.forward_m.max(self.along_m.abs() / MOST_SLICE_PUSH)
     }
 
+    /// What of [`Self::advance_m`] it has gone: 1 but where it slides more than counts.
+    pub(super) fn advanced_share(&self) -> f64 {
+        let advance_m = self.advance_m();
+        if advance_m > 0.0 { self.forward_m.max(0.0) / advance_m } else { 1.0 }
+    }
+
     /// The slice-push ratio xi, sliding over advance.
     pub(super) fn slice_push(&self) -> f64 {
         let advance_m = self.advance_m();

@@ -80,6 +80,11 @@ pub struct BladeDesc {
     /// Default: they slide freely.
     #[serde(default)]
     pub flank_friction: Option<f64>,
+    /// Whether the two ends of the edge cut too, up to the spine: those of a blade that is drawn along its edge. Default:
+    /// they do.
+    // Not written where it is as it was before there was a choice: Pareto fronts know their scenes by their text.
+    #[serde(default = "default_sharp_ends", skip_serializing_if = "Clone::clone")]
+    pub sharp_ends: bool,
 }
 
 impl BladeDesc {
@@ -94,8 +99,13 @@ impl BladeDesc {
             thickness_m: 0.0,
             wedge_angle_rad: None,
             flank_friction: None,
+            sharp_ends: default_sharp_ends(),
         }
     }
+}
+
+fn default_sharp_ends() -> bool {
+    true
 }
 
 fn default_edge_half_width_m() -> f64 {

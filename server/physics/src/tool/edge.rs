@@ -32,8 +32,19 @@ pub struct EdgeSegment {
     pub middle_m: Vec3,
     /// Along the segment's chord, forward, across.
     pub frame: BladeFrame,
+    /// Its length along the edge, m.
+    pub length_m: f64,
     /// Arc length from its middle to the nearer end of the edge, m.
     pub from_end_m: f64,
+}
+
+/// Which end of an edge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum EdgeEnd {
+    /// Where its first point is.
+    First,
+    /// Where its last one is.
+    Last,
 }
 
 /// A polyline of the pieces of an edge, tool frame.
@@ -99,9 +110,39 @@ impl Edge {
             EdgeSegment {
                 middle_m: piece.at(arc_m),
                 frame: BladeFrame::of_tangent(chord.unwrap_or(piece.along)),
+                length_m: 2.0 * half_m,
                 from_end_m: 0.5 * self.length_m - arc_m.abs(),
             }
         };
         (0..count).map(segment).collect()
+    }
+
+    /// Equal segments, no longer than `longest_m`, of an end of the edge up to a spine `height_m` above it: in the order
+    /// in which they follow on the edge's, round the outline.
+    pub(crate) fn end_segments(&self, end: EdgeEnd, height_m: f64, longest_m: f64) -> Vec<EdgeSegment> {
+        let (point_m, frame) = self.end(end);
+        let count = (height_m / longest_m).ceil().max(1.0) as usize;
+        let length_m = height_m / count as f64;
+        let segment = |index: usize| {
+            let from_edge_m = (index as f64 + 0.5) * length_m;
+            let from_end_m = from_edge_m.min(height_m - from_edge_m);
+            EdgeSegment { middle_m: point_m + Vec3::y() * from_edge_m, frame, length_m, from_end_m }
+        };
+        let up = (0..count).map(segment);
+        match end {
+            EdgeEnd::First => up.rev().collect(),
+            EdgeEnd::Last => up.collect(),
+        }
+    }
+
+    /// Where an end is, m, and the directions in which it cuts: out of the blade, in its surface.
+    fn end(&self, end: EdgeEnd) -> (Vec3, BladeFrame) {
+        let (point, piece, along) = match end {
+            EdgeEnd::First => (self.points_m.first(), self.pieces.first(), -Vec3::y()),
+            EdgeEnd::Last => (self.points_m.last(), self.pieces.last(), Vec3::y()),
+        };
+        let tangent = piece.map_or(Vec3::x(), |piece| piece.along);
+        let level = (tangent - Vec3::y() * tangent.y).normalize() * along.y;
+        (point.copied().unwrap_or_default(), BladeFrame { along, forward: level, normal: level.cross(&along) })
     }
 }

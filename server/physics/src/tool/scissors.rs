@@ -31,6 +31,8 @@ impl Scissors {
         let blade = BladeDesc {
             edge_half_width_m: desc.edge_half_width_m,
             thickness_m: desc.thickness_m,
+            // They cut between their edges.
+            sharp_ends: false,
             ..BladeDesc::straight(desc.blade_length_m, desc.blade_height_m)
         };
         Ok(Self { blade: Blade::new(&blade)?, max_angle_rad: desc.max_angle_rad })

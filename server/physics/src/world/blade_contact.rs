@@ -6,7 +6,6 @@ use crate::contact::flank::WallsBeside;
 use crate::contact::{Contact, Misjudged, Mode, Solution};
 use crate::fracture::{BladeMotion, Crack, Front, FrontBook, Tissue};
 use crate::grid::{Crossing, LinkId};
-use crate::math::Aabb;
 use crate::tool::ToolPath;
 use crate::tool::blade::Blade;
 use crate::tool::scissors::Mount;
@@ -47,7 +46,8 @@ impl BladeContact {
         self.front.reserve();
         self.flanks.reserve(walls.saturating_sub(self.flanks.len()));
         self.beside.reserve(walls);
-        self.hash.reserve(elements);
+        // An element may be near each part of the outline.
+        self.hash.reserve(self.blade.sharp_parts() * elements);
     }
 
     pub(super) fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]], solution: Solution) -> Misjudged {
@@ -92,16 +92,15 @@ impl BladeContact {
     /// Finds what it touches.
     pub(super) fn detect(&mut self, body: &Body, crack: &Crack, path: &ToolPath) {
         let motion = motion(&self.blade, self.mount, path);
-        let edge_m = motion.blade.edge.points_m();
-        let swept = edge_m.iter().flat_map(|at| [motion.before.transform(at), motion.pose.transform(at)]);
-        self.hash.rebuild(body, &Aabb::around(swept).grown(body.state.grid.voxel_size_m()));
+        let poses = [&motion.before, &motion.pose];
+        let swept = motion.blade.swept_boxes(poses, body.state.grid.voxel_size_m());
+        let near = self.hash.rebuild_near(body, swept);
         let tissue = Tissue { body, hash: &self.hash, crack };
         if path.entered {
             self.front.enter(&tissue, &motion);
         }
-        self.front.detect(&tissue, &motion);
+        self.front.detect(&tissue, &motion, near);
         self.flanks.clear();
-        let poses = [&motion.before, &motion.pose];
         self.beside.contacts(body, &motion.blade.flanks, poses, &mut self.flanks);
         for flank in &mut self.flanks {
             flank.stiffness_n_per_m *= self.blade.penalty_factor;
