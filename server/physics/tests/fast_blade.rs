@@ -1,5 +1,6 @@
 //! A blade that moves by many voxels in a step meets what lies on its way.
 
+use super::support::cutting::*;
 use kerf_physics::scene::{BladeDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
@@ -80,4 +81,31 @@ fn an_edge_that_is_drawn_back_through_a_sheet_meets_nothing() {
     step(&mut world, at(-0.008));
     assert_eq!(step(&mut world, at(0.009)), 0.0);
     assert_eq!(step(&mut world, at(0.010)), 0.0);
+}
+
+#[test]
+fn a_fast_stroke_leaves_no_bridge() {
+    // Up to 16 voxels a step; from where the edge stands before it comes in.
+    for (h, level, speed_m_per_s, clear_m) in [
+        (2.5e-3, 1, 1.0, 1e-3),
+        (2.5e-3, 1, 3.5, 6e-3),
+        (2.5e-3, 1, 5.0, 1e-3),
+        (2.5e-3, 0, 5.0, 1.3e-2),
+        (1.25e-3, 2, 5.0, 6e-3),
+    ] {
+        let scene = cutting_scene(block(h, level), 0.06, 250.0);
+        let start = Vec3::new(0.0, BLOCK_HEIGHT_M + clear_m, 4e-4);
+        let mut rig = Rig::new(&scene, start, Quat::identity(), speed_m_per_s);
+        rig.rest(1);
+        rig.drive(BLOCK_HEIGHT_M + clear_m + 0.02);
+        let sizes = pieces(rig.body(), |_| true);
+        let (area, _) = rig.area_and_work_ratio(GC_J_PER_M2);
+        let (share, (residual, _)) = (area / (BLOCK_SIDE_M * BLOCK_HEIGHT_M), rig.residual_ratios());
+        println!(
+            "h {h}, level {level}, {speed_m_per_s} m/s: pieces {sizes:?}, area {share:.3}, residual {residual:.1e}"
+        );
+        assert_eq!(sizes.len(), 2, "h {h}, level {level}, {speed_m_per_s} m/s: pieces of {sizes:?} voxels");
+        assert!((share - 1.0).abs() < 0.03, "h {h}, level {level}, {speed_m_per_s} m/s: {share} of the section");
+        assert!(residual.abs() < 1e-4, "h {h}, level {level}, {speed_m_per_s} m/s: {residual} of the work");
+    }
 }

@@ -21,7 +21,7 @@ use crate::{Mat3, Vec3};
 /// A front advances through the deformed material in steps of at most this fraction of a voxel. Ours. Half or twice
 /// moves the mean force by 0.1 and 0.7 %, the first peak by 2 %, the area of the cut by 1 %.
 const MARCH_VOXELS: f64 = 0.25;
-/// And in so many of them at most: 16 voxels, eight times what [`super::springs`] lets it advance by.
+/// And in so many of them at most: 16 voxels, what [`super::springs`] lets it advance by.
 const MAX_MARCH_STEPS: u32 = 64;
 /// Strips are shifted by this fraction of a voxel toward the blade's positive side: a voxel centre that lies on the
 /// blade's plane, give or take the drift of the front, is on its negative side for every link and every strip. Ours:
