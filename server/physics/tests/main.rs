@@ -43,6 +43,7 @@ pub(crate) mod support;
 mod tearing;
 mod tension;
 mod thin_parts;
+mod thin_sheet;
 mod tissue;
 mod tissue_contact;
 mod view;

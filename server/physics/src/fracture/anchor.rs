@@ -307,6 +307,8 @@ impl Anchor {
             Link::Parted(_) if is_ahead(self.fronts.facing_m) => holds(),
             Link::Parted(_) => Ahead::Parted,
             Link::Intact | Link::Boundary(_) if grid.signed_distance_m(&at) < 0.0 => holds(),
+            // A sheet thinner than half a voxel ends before the link that it lies in.
+            Link::Intact if grid.signed_distance_m(&self.position_m) < 0.0 => holds(),
             // Past the last link what held there holds on to the surface.
             _ if grid.signed_distance_m(&self.position_m) < 0.0 => self.ahead,
             _ => Ahead::Outside,
