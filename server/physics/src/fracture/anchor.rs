@@ -232,16 +232,21 @@ impl Anchor {
 
     /// Its way through the material.
     pub(super) fn way(&self, body: &Body, frame: &BladeFrame) -> Way {
-        let f = self.gradient(body);
-        Way::new(self.position_m, pulled_back(&f, &frame.forward).normalize(), &pulled_back(&f, &frame.along))
+        self.way_in(&self.gradient(body), frame)
+    }
+
+    /// The same where the deformation gradient is known.
+    fn way_in(&self, f: &Mat3, frame: &BladeFrame) -> Way {
+        Way::new(self.position_m, pulled_back(f, &frame.forward).normalize(), &pulled_back(f, &frame.along))
     }
 
     /// Finds what lies ahead: where the body's crack ends, and the link that is next.
     pub(super) fn look_ahead(&mut self, body: &Body, crack: &Crack, frame: &BladeFrame) {
         let held = matches!(self.ahead, Ahead::Intact { .. });
         self.fronts = FrontsAhead::default();
+        let mut f = self.gradient(body);
         if !crack.is_empty() {
-            let way = self.way(body, frame);
+            let way = self.way_in(&f, frame);
             let h = body.state.grid.voxel_size_m();
             let found = crack.on_way(&way, h);
             self.fronts = FrontsAhead::on(&way, found, h);
@@ -250,9 +255,10 @@ impl Anchor {
                 self.fronts.own_m = None;
             } else if self.fronts.is_at_own {
                 self.position_m += way.ahead * found.front_m.map_or(0.0, |left_m| left_m.max(0.0));
+                f = self.gradient(body);
             }
         }
-        self.find_link_ahead(body, frame);
+        self.find_link_ahead_in(body, &f, frame);
     }
 
     /// Whether the body keeps where the front is here.
@@ -270,10 +276,14 @@ impl Anchor {
     /// Finds the link that the blade's plane crosses ahead: so far ahead that the crossing of the
     /// column it is looked for in cannot lie behind the front, where the blade itself has parted it.
     pub(super) fn find_link_ahead(&mut self, body: &Body, frame: &BladeFrame) {
+        self.find_link_ahead_in(body, &self.gradient(body), frame);
+    }
+
+    /// The same where the deformation gradient is known.
+    fn find_link_ahead_in(&mut self, body: &Body, f: &Mat3, frame: &BladeFrame) {
         let grid = &body.state.grid;
         let h = grid.voxel_size_m();
-        let f = self.gradient(body);
-        let LinkAhead { link, near_m: at, ahead, .. } = self.link_ahead(body, &f, frame);
+        let LinkAhead { link, near_m: at, ahead, .. } = self.link_ahead(body, f, frame);
         let axis = link.axis as usize;
         let ends = [grid.voxel_at(link.cell), grid.voxel_at(link.upper())];
         self.spread_m = Vec3::zeros();
@@ -283,7 +293,7 @@ impl Anchor {
                 // without a step as they cross from cell to cell.
                 let beyond = self.position_m[axis] - grid.origin_m()[axis] >= h * f64::from(link.upper()[axis]);
                 let middle = if beyond { upper } else { lower };
-                let aside = self.across(&f, frame) * (FRAC_1_SQRT_2 * self.half_width_m);
+                let aside = self.across(f, frame) * (FRAC_1_SQRT_2 * self.half_width_m);
                 let carrier = |aside: Vec3| {
                     let mut near = at + aside;
                     near[axis] = self.position_m[axis] + aside[axis];

@@ -14,6 +14,9 @@ use serde::{Deserialize, Serialize};
 /// How far ahead and behind an end is looked for, in voxels: beyond the link ahead, which a front that has not parted it
 /// cannot have passed. Ours.
 const REACH_VOXELS: f64 = 1.5;
+/// No end farther away than this along any axis is crossed, in voxels: an end reaches no farther than a voxel and a half to
+/// each side, six times what its part of an edge is long.
+const FAR_VOXELS: f64 = 2.0 + REACH_VOXELS + BESIDE_VOXELS;
 /// An end farther than this beside the plane of a blade is of another cut, in voxels: links tell cuts apart that are one
 /// voxel apart.
 const BESIDE_VOXELS: f64 = 0.5;
@@ -69,6 +72,10 @@ impl Way {
     /// Where an end crosses it: how far ahead, m, and how far from the end's middle, over half of its length.
     fn crosses(&self, end: &End, voxel_size_m: f64) -> Option<(f64, f64)> {
         let to = end.position_m - self.position_m;
+        // Most ends of a body that is much cut are far away.
+        if to.amax() > FAR_VOXELS * voxel_size_m {
+            return None;
+        }
         let aside_m = to.dot(&self.along);
         let half_m = end.half_m.dot(&self.along);
         if aside_m.abs() > BEYOND * half_m.abs() || half_m.abs() < LEAST_ACROSS * end.half_m.norm() {
