@@ -68,7 +68,9 @@ pub fn run(options: &Options) -> Result<()> {
     } else {
         let mut script = script;
         let steps = steps(options, &scene, &script)?;
-        let inputs = (1..=steps).map(|index| script.advance(index as f64 / scene.desc.rate_hz).into());
+        // As a world counts time: a script of the times that a session told is met to the bit.
+        let dt_s = 1.0 / scene.desc.rate_hz;
+        let inputs = (1..=steps).map(|index| script.advance(index as f64 * dt_s).into());
         let tables = Tables::create(&options.out, &scene.desc, steps)?;
         step(&mut world, &workers, inputs, tables, steps)?
     };
