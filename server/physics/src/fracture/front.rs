@@ -7,7 +7,7 @@
 
 use super::anchor::{Ahead, Anchor};
 use super::book::FrontBook;
-use super::crack::{Crack, Span};
+use super::crack::{AT_VOXELS, Crack, Span};
 use super::drive::{Drive, Piece, Strained, is_small};
 use super::entry::{inward, onto_surface};
 use super::link_energy;
@@ -357,7 +357,9 @@ impl Front {
             let Some(own) = cuts(index) else { continue };
             let way = own.way(body, frame);
             let half_m = 0.5 * own.reference_width_m(body, frame, self.segments[index].length_m);
-            if !own.is_at_end() {
+            // One that was put down in tissue has cut nothing before it goes on.
+            let goes_on = (own.position_m - own.swept_m).dot(&way.ahead) > AT_VOXELS * body.state.grid.voxel_size_m();
+            if goes_on && !own.is_at_end() {
                 crack.begin(&way, half_m);
             }
             let (from_m, ahead) = (own.position_m, way.ahead);
