@@ -5,7 +5,7 @@ import { once } from "node:events";
 import { type AddressInfo, connect, createServer } from "node:net";
 import { createClient } from "@connectrpc/connect";
 import { createGrpcWebTransport } from "@connectrpc/connect-web";
-import { type Browser, chromium, type Page } from "playwright-core";
+import { type Browser, chromium, type JSHandle, type Page } from "playwright-core";
 import { SessionService } from "../src/gen/kerf/v1/session_pb";
 
 const BINARY = process.env["SERVER_BINARY"] ?? "../../target/debug/kerf-server";
@@ -195,15 +195,8 @@ export function paleShare(page: Page): Promise<number> {
 }
 
 async function share(page: Page, color: "red" | "pale"): Promise<number> {
-  const picture = (await page.locator("#stage").screenshot()).toString("base64");
-  return page.evaluate(async ([base64, color]) => {
-    const image = new Image();
-    image.src = `data:image/png;base64,${base64}`;
-    await image.decode();
-    const canvas = Object.assign(document.createElement("canvas"), { width: image.width, height: image.height });
-    const context = canvas.getContext("2d")!;
-    context.drawImage(image, 0, 0);
-    const { data } = context.getImageData(0, 0, image.width, image.height);
+  const picture = await pixels(page, await page.locator("#stage").screenshot());
+  return page.evaluate(([data, color]) => {
     let count = 0;
     for (let i = 0; i < data.length; i += 4) {
       const [r, g, b] = data.subarray(i, i + 3);
@@ -212,29 +205,31 @@ async function share(page: Page, color: "red" | "pale"): Promise<number> {
       if (color === "red" ? isRed : isPale) count += 1;
     }
     return count / (data.length / 4);
-  }, [picture, color]);
+  }, [picture, color] as const);
 }
 
 /** Share of the canvas's pixels that are darker by a third than they were in an earlier picture of it. */
 export async function darkenedShare(page: Page, before: Buffer): Promise<number> {
-  const pictures = [before, await page.locator("#stage").screenshot()].map((picture) => picture.toString("base64"));
-  return page.evaluate(async (pictures) => {
-    const [one, other] = await Promise.all(
-      pictures.map(async (base64) => {
-        const image = new Image();
-        image.src = `data:image/png;base64,${base64}`;
-        await image.decode();
-        const canvas = Object.assign(document.createElement("canvas"), { width: image.width, height: image.height });
-        const context = canvas.getContext("2d")!;
-        context.drawImage(image, 0, 0);
-        return context.getImageData(0, 0, image.width, image.height).data;
-      }),
-    );
+  const after = await page.locator("#stage").screenshot();
+  return page.evaluate(([one, other]) => {
     let count = 0;
     for (let i = 0; i < one.length; i += 4) {
       const [was, is] = [one, other].map((data) => data[i] + data[i + 1] + data[i + 2]);
       if (was > 60 && is < 0.67 * was) count += 1;
     }
     return count / (one.length / 4);
-  }, pictures);
+  }, [await pixels(page, before), await pixels(page, after)] as const);
+}
+
+/** Red, green, blue and alpha of a picture's pixels, in the page, which can decode it. */
+function pixels(page: Page, png: Buffer): Promise<JSHandle<Uint8ClampedArray>> {
+  return page.evaluateHandle(async (base64) => {
+    const image = new Image();
+    image.src = `data:image/png;base64,${base64}`;
+    await image.decode();
+    const canvas = Object.assign(document.createElement("canvas"), { width: image.width, height: image.height });
+    const context = canvas.getContext("2d")!;
+    context.drawImage(image, 0, 0);
+    return context.getImageData(0, 0, image.width, image.height).data;
+  }, png.toString("base64"));
 }

@@ -53,15 +53,13 @@ fn measure_steps() -> anyhow::Result<f64> {
     let told_s = Cost::of(&scene)?.step_s;
     let mut script = default_stroke(&scene)?;
     let mut world = World::new(&scene)?;
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-    let workers = Workers::of(&pool);
     let mut begun = Instant::now();
     for step in 1..=LAST_STEP {
         if step == FIRST_STEP {
             begun = Instant::now();
         }
         let inputs: LoggedInputs = script.advance(step as f64 / MEASURED_HZ).into();
-        world.step(&workers, &MonotonicClock, &inputs.as_inputs());
+        world.step(&Workers::serial(), &MonotonicClock, &inputs.as_inputs());
     }
     let step_s = begun.elapsed().as_secs_f64() / (LAST_STEP - FIRST_STEP + 1) as f64;
     tracing::info!("a step of `{MEASURED}` takes {:.2} ms here", 1e3 * step_s);

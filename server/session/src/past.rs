@@ -89,12 +89,10 @@ impl Past {
                 PastEntry::Checkpoint(name, file) => again.take_checkpoint(&name, &file).map_err(lost)?,
                 PastEntry::Event(event) => {
                     again.event(&event).map_err(lost)?;
-                    match event {
-                        SceneEvent::ToolTaken(tool) => is_held.iter_mut().skip(tool).take(1).for_each(|it| *it = true),
-                        SceneEvent::ToolReleased(tool) => {
-                            is_held.iter_mut().skip(tool).take(1).for_each(|it| *it = false)
-                        }
-                        _ => {}
+                    if let SceneEvent::ToolTaken(tool) | SceneEvent::ToolReleased(tool) = event
+                        && let Some(is_held) = is_held.get_mut(tool)
+                    {
+                        *is_held = matches!(event, SceneEvent::ToolTaken(_));
                     }
                 }
             }

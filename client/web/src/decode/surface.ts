@@ -4,6 +4,7 @@
 // normals are made for every state that is shown. Skin and cut faces have their own triangles and normals, so
 // that the rim between them stays sharp, and share their positions.
 
+import { joined } from "../pieces";
 import type { Body } from "./body";
 import { LONG_AGO_S, Seam, seamEdges } from "./seam";
 
@@ -329,12 +330,7 @@ export class BodySurface {
    */
   private countPieces(rest: Float32Array): number {
     const { quadVertices, quadCount, vertexCount } = this.body;
-    const parent = Uint32Array.from({ length: vertexCount }, (_, vertex) => vertex);
-    const root = (vertex: number) => {
-      while (parent[vertex] !== vertex) vertex = parent[vertex] = parent[parent[vertex]];
-      return vertex;
-    };
-    for (let i = 0; i < 4 * quadCount; i++) parent[root(quadVertices[i])] = root(quadVertices[i & ~3]);
+    const root = joined(quadVertices.subarray(0, 4 * quadCount), 4, vertexCount);
     const volumes = new Float64Array(vertexCount);
     const area = new Float64Array(3);
     let total = 0;

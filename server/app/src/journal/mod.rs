@@ -27,7 +27,7 @@ use kerf_session::priority::stand_back;
 use kerf_session::{Registry, Session, SessionId, SessionOptions, TapeReader};
 
 use crate::config::ServerConfig;
-use crate::recording::{Going, Quota, Recordings, Told};
+use crate::recording::{Going, Quota, Recordings};
 use files::Files;
 use writer::Writer;
 
@@ -115,13 +115,12 @@ impl Journals {
     /// Goes on with the journal of a session, or begins it; files `before` are removed once there is a newer one.
     fn go_on(&self, session: &Arc<Session>, before: Vec<PathBuf>) -> Option<String> {
         let (Some(folder), Some(tape)) = (&self.folder, session.take_journal()) else { return None };
-        let told = Arc::new(Told::default());
-        let thread = self.start(folder, session, (tape, before), &told).map_err(|error| {
+        let thread = self.start(folder, session, (tape, before)).map_err(|error| {
             tracing::error!(session = %session.id(), "the session has no journal: {error:#}");
             format!("the session has no journal: {error:#}")
         });
         let refused = thread.as_ref().err().cloned();
-        self.going.add(session, told, thread.ok());
+        self.going.add(session, Arc::default(), thread.ok());
         refused
     }
 
@@ -130,11 +129,10 @@ impl Journals {
         folder: &Folder,
         session: &Session,
         (tape, before): (TapeReader, Vec<PathBuf>),
-        told: &Arc<Told>,
     ) -> Result<JoinHandle<()>> {
         self.quota.measure(&folder.path)?;
         let files = Files { folder: folder.path.clone(), session: session.id(), before };
-        let writer = Writer::begin(files, session, tape, &self.quota, told, &self.is_stopping)?;
+        let writer = Writer::begin(files, session, tape, &self.quota, &self.is_stopping)?;
         let run = std::thread::Builder::new().name("kerf-journal".into()).spawn(move || {
             stand_back();
             writer.run();

@@ -7,18 +7,17 @@ use std::time::Duration;
 
 use anyhow::{Context, Error, Result};
 use kerf_proto::v1;
-use kerf_proto::v1::view_response::Message;
 use kerf_session::clock::MonotonicClock;
-use kerf_session::{Base, Session, TapeEntry, TapeReader, TapeState};
+use kerf_session::{Session, TapeEntry, TapeReader, TapeState};
 use mcap::McapResult;
 
 use super::disk::{Disk, remove};
 use super::files::Files;
 use crate::convert::scene::scene_summary;
-use crate::convert::view;
+use crate::recording::tape::{self, plain};
 use crate::recording::tracks::{Track, Tracks};
-use crate::recording::writer::{LogClock, base_messages, plain};
-use crate::recording::{Quota, Sink, Told, convert};
+use crate::recording::writer::LogClock;
+use crate::recording::{Quota, Sink, convert};
 
 /// How often the tape is looked at.
 const LOOK: Duration = Duration::from_millis(8);
@@ -35,10 +34,11 @@ pub struct Writer {
     tape: TapeReader,
     disk: Disk,
     quota: Arc<Quota>,
-    told: Arc<Told>,
     is_stopping: Arc<AtomicBool>,
     clock: LogClock,
     flushed_ns: u64,
+    /// Something was written since: a session that stands asks nothing of the disk.
+    is_unsynced: bool,
 }
 
 /// The file that is written to.
@@ -55,7 +55,6 @@ impl Writer {
         session: &Session,
         tape: TapeReader,
         quota: &Arc<Quota>,
-        told: &Arc<Told>,
         is_stopping: &Arc<AtomicBool>,
     ) -> Result<Self> {
         let mut writer = Self {
@@ -64,10 +63,10 @@ impl Writer {
             tape,
             disk: Disk::new(Arc::clone(quota)).context("a thread for the disk")?,
             quota: Arc::clone(quota),
-            told: Arc::clone(told),
             is_stopping: Arc::clone(is_stopping),
             clock: LogClock::now()?,
             flushed_ns: MonotonicClock::now_ns(),
+            is_unsynced: false,
             files,
         };
         if writer.files.before.is_empty() {
@@ -93,7 +92,6 @@ impl Writer {
             Ok(()) => tracing::info!(%session, "the journal of the session stays, for the next server"),
             Err(error) => {
                 tracing::error!(%session, "the journal has ended before its session, which would come back as it was then: {error}");
-                self.told.note(|journal| (journal.is_cut_off, journal.error) = (true, error));
             }
         }
     }
@@ -102,13 +100,13 @@ impl Writer {
     /// journal does before it.
     fn look(&mut self) -> McapResult<Option<Result<(), String>>> {
         let (entries, state) = self.tape.take();
-        for entry in &entries {
-            self.write(entry)?;
-        }
+        self.is_unsynced |= !entries.is_empty();
+        entries.iter().try_for_each(|entry| self.write(entry))?;
         let now_ns = MonotonicClock::now_ns();
         if state != TapeState::Running || now_ns - self.flushed_ns >= FLUSH_NS {
             self.flushed_ns = now_ns;
-            if let Some(Going { tracks, file }) = &mut self.file {
+            let is_unsynced = std::mem::take(&mut self.is_unsynced);
+            if let Some(Going { tracks, file }) = self.file.as_mut().filter(|_| is_unsynced) {
                 tracks.flush()?;
                 self.disk.sync(file);
             }
@@ -119,37 +117,20 @@ impl Writer {
                 return Ok(Some(Err(full)));
             }
         }
-        Ok(match state {
-            TapeState::Running => None,
-            TapeState::Ended => Some(Ok(())),
-            TapeState::Overrun { capacity } => Some(Err(format!(
-                "the disk is slower than the session: {capacity} steps and events waited to be written"
-            ))),
-        })
+        Ok(tape::ended(state))
     }
 
+    /// A state to go on from begins a new file.
     fn write(&mut self, entry: &TapeEntry) -> McapResult<()> {
-        if let TapeEntry::Base(base) = entry {
-            return self.begin_file(Some(base));
+        if let TapeEntry::Base(_) = entry {
+            return self.begin_file(Some(entry));
         }
         let Some(Going { tracks, .. }) = &mut self.file else { return Ok(()) };
-        let now_ns = self.clock.unix_ns(MonotonicClock::now_ns());
-        match entry {
-            TapeEntry::Step(taped) => tracks.write(Track::Step, now_ns, &convert::step(taped)),
-            TapeEntry::Checkpoint(name, file) => {
-                tracks.write(Track::Checkpoint, now_ns, &convert::checkpoint(name, file))
-            }
-            TapeEntry::Event(happened) => match view::event(happened) {
-                Message::Event(event) => tracks.write(Track::Events, now_ns, &event),
-                Message::Fault(fault) => tracks.write(Track::Faults, now_ns, &fault),
-                _ => Ok(()),
-            },
-            TapeEntry::Base(_) => Ok(()),
-        }
+        tape::write(tracks, self.clock.unix_ns(MonotonicClock::now_ns()), entry)
     }
 
     /// Goes on in a new file, which begins with a state to go on from, or with the scene at rest.
-    fn begin_file(&mut self, base: Option<&Base>) -> McapResult<()> {
+    fn begin_file(&mut self, base: Option<&TapeEntry>) -> McapResult<()> {
         if let Some(Going { mut tracks, .. }) = self.file.take() {
             tracks.flush()?;
             tracks.abandon();
@@ -158,14 +139,11 @@ impl Writer {
         let file = File::create_new(&path)?;
         let same = Arc::new(file.try_clone()?);
         let before = std::mem::replace(&mut self.files.before, vec![path]);
-        let mut tracks = Tracks::begin(Sink::new(file, Arc::clone(&self.quota)), TRACKS)?;
         let time_ns = self.clock.unix_ns(MonotonicClock::now_ns());
-        let written = tracks.write(Track::Header, time_ns, &self.header);
-        let written = written.and_then(|()| base.map_or(Ok(()), |base| base_messages(&mut tracks, time_ns, base)));
-        if let Err(error) = written.and_then(|()| tracks.flush()) {
-            tracks.abandon();
-            return Err(error);
-        }
+        let tracks = Tracks::begin(Sink::new(file, Arc::clone(&self.quota)), TRACKS, |tracks| {
+            tracks.write(Track::Header, time_ns, &self.header)?;
+            base.map_or(Ok(()), |base| tape::write(tracks, time_ns, base))
+        })?;
         self.disk.replace(&same, self.files.folder.clone(), before);
         self.file = Some(Going { tracks, file: same });
         Ok(())

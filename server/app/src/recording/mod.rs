@@ -11,6 +11,7 @@ mod quota;
 pub mod reader;
 mod schemas;
 mod surface;
+pub(crate) mod tape;
 pub(crate) mod tracks;
 pub mod verify;
 pub mod writer;

@@ -98,8 +98,12 @@ pub struct Tracks<W: Write + Seek> {
 }
 
 impl<W: Write + Seek> Tracks<W> {
-    /// Begins a file with these tracks.
-    pub fn begin(sink: W, tracks: impl IntoIterator<Item = Track>) -> McapResult<Self> {
+    /// Begins a file with these tracks and writes its first messages out; without them it is left as it is.
+    pub fn begin(
+        sink: W,
+        tracks: impl IntoIterator<Item = Track>,
+        first: impl FnOnce(&mut Self) -> McapResult<()>,
+    ) -> McapResult<Self> {
         let options = WriteOptions::new()
             .library(concat!("kerf-server ", env!("CARGO_PKG_VERSION")))
             .compression(Some(Compression::Zstd))
@@ -113,7 +117,14 @@ impl<W: Write + Seek> Tracks<W> {
             let schema = file.add_schema(track.schema(), ENCODING, &schemas.of(track.schema()))?;
             channels.insert(track, file.add_channel(schema, &track.topic(), ENCODING, &BTreeMap::new())?);
         }
-        Ok(Self { file, channels, newest_ns: 0 })
+        let mut begun = Self { file, channels, newest_ns: 0 };
+        match first(&mut begun).and_then(|()| begun.flush()) {
+            Ok(()) => Ok(begun),
+            Err(error) => {
+                begun.abandon();
+                Err(error)
+            }
+        }
     }
 
     /// Writes a message; nothing on a track that the file does not have.

@@ -7,14 +7,14 @@ use std::time::{Duration, SystemTime};
 
 use anyhow::Result;
 use kerf_physics::surface::delta::Keyframe;
-use kerf_proto::v1::view_response::Message;
 use kerf_proto::{foxglove, v1};
 use kerf_session::clock::MonotonicClock;
-use kerf_session::{Base, DriverId, Reel, TapeEntry, TapeState, TapedStep, ViewMessage, ViewState};
-use mcap::{McapError, McapResult};
+use kerf_session::{DriverId, Reel, TapeEntry, TapeState, TapedStep, ViewMessage, ViewState};
+use mcap::McapResult;
 
+use super::tape::plain;
 use super::tracks::{Track, Tracks};
-use super::{Pictures, Told, convert, surface};
+use super::{Pictures, Told, convert, surface, tape};
 use crate::convert::contact::contact;
 use crate::convert::scene::energy_ledger;
 use crate::convert::view;
@@ -106,16 +106,7 @@ impl<W: Write + Seek + Send> Writer<W> {
         tracks.extend([Track::Keyframe, Track::Patch, Track::State]);
         tracks.extend((0..tools).flat_map(|tool| [Track::Contact(tool), Track::Pose(tool)]));
         tracks.extend(pictures.with_surface.then_some(Track::Surface));
-        let begun = Tracks::begin(sink, tracks).and_then(|mut tracks| {
-            let written = tracks.write(Track::Header, clock.unix_ns, header).and_then(|()| tracks.flush());
-            match written {
-                Ok(()) => Ok(tracks),
-                Err(error) => {
-                    tracks.abandon();
-                    Err(error)
-                }
-            }
-        });
+        let begun = Tracks::begin(sink, tracks, |tracks| tracks.write(Track::Header, clock.unix_ns, header));
         let tracks = begun.map_err(|error| anyhow::Error::msg(plain(&error)))?;
         reel.pictures.set_interval_ns((1e9 / pictures.rate_hz) as u64);
         let objects = scene.objects.into_iter().map(|object| object.name).collect();
@@ -186,46 +177,23 @@ impl<W: Write + Seek + Send> Writer<W> {
                 return Ok(Some(Err(full)));
             }
         }
-        Ok(match state {
-            TapeState::Running => None,
-            TapeState::Ended => Some(Ok(())),
-            TapeState::Overrun { capacity } => Some(Err(format!(
-                "the disk is slower than the session: {capacity} steps and events waited to be written"
-            ))),
-        })
+        Ok(tape::ended(state))
     }
 
     fn write_entries(&mut self, entries: VecDeque<TapeEntry>) -> McapResult<()> {
-        for entry in entries {
-            match entry {
-                TapeEntry::Step(taped) => self.write_step(&taped)?,
-                // Between the last look and this one, and after what was written before it.
-                TapeEntry::Checkpoint(name, checkpoint) => {
-                    let recorded = convert::checkpoint(&name, &checkpoint);
-                    self.tracks.write(Track::Checkpoint, self.clock.unix_ns(self.looked_ns), &recorded)?;
-                }
-                // Of a session that was brought back; to later ones its steps lead.
-                TapeEntry::Base(base) if self.steps == 0 => {
-                    let time_ns = self.clock.unix_ns(self.looked_ns);
-                    base_messages(&mut self.tracks, time_ns, &base)?;
-                }
-                TapeEntry::Base(_) => {}
-                TapeEntry::Event(happened) => {
-                    let time_ns = self.clock.unix_ns(self.looked_ns);
-                    match view::event(&happened) {
-                        Message::Event(event) => self.tracks.write(Track::Events, time_ns, &event)?,
-                        Message::Fault(fault) => self.tracks.write(Track::Faults, time_ns, &fault)?,
-                        _ => {}
-                    }
-                }
-            }
-        }
-        Ok(())
+        // Between the last look and this one, and after what was written before it.
+        let time_ns = self.clock.unix_ns(self.looked_ns);
+        entries.iter().try_for_each(|entry| match entry {
+            TapeEntry::Step(taped) => self.write_step(taped, entry),
+            // Steps that were recorded lead there.
+            TapeEntry::Base(_) if self.steps > 0 => Ok(()),
+            _ => tape::write(&mut self.tracks, time_ns, entry),
+        })
     }
 
-    fn write_step(&mut self, taped: &TapedStep) -> McapResult<()> {
+    fn write_step(&mut self, taped: &TapedStep, entry: &TapeEntry) -> McapResult<()> {
         let time_ns = self.clock.unix_ns(taped.report.ended_ns);
-        self.tracks.write(Track::Step, time_ns, &convert::step(taped))?;
+        tape::write(&mut self.tracks, time_ns, entry)?;
         for (tool, was_placed) in self.placed.iter_mut().enumerate() {
             let is_placed = taped.report.tools.get(tool).is_some_and(|tool| tool.output.pose.is_some());
             if std::mem::replace(was_placed, is_placed) || is_placed {
@@ -278,14 +246,6 @@ impl<W: Write + Seek + Send> Writer<W> {
     }
 }
 
-/// Writes a state to go on from, and the checkpoints that there are by then.
-pub(crate) fn base_messages<W: Write + Seek>(tracks: &mut Tracks<W>, time_ns: u64, base: &Base) -> McapResult<()> {
-    let recorded = v1::RecordedBase { data: base.state.save(), is_paused: base.is_paused };
-    tracks.write(Track::Base, time_ns, &recorded)?;
-    let mut checkpoints = base.checkpoints.iter();
-    checkpoints.try_for_each(|(name, kept)| tracks.write(Track::Checkpoint, time_ns, &convert::checkpoint(name, kept)))
-}
-
 impl Surface {
     fn follow(&mut self, change: &ViewMessage) {
         match (change, &mut self.structure) {
@@ -303,13 +263,4 @@ impl Surface {
         self.drawn_ns = time_ns;
         Some(surface::scene_update(time_ns, &self.objects, structure, state))
     }
-}
-
-/// What went wrong, without the numbers of the operating system.
-pub(crate) fn plain(error: &McapError) -> String {
-    let said = match error {
-        McapError::Io(error) => error.to_string(),
-        other => other.to_string(),
-    };
-    said.split(" (os error").next().unwrap_or_default().to_lowercase()
 }

@@ -66,8 +66,6 @@ impl Body {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::params::StepParams;
-    use crate::scene::{Scene, SceneDesc};
 
     const SCENE: &str = r#"
 version = 1
@@ -84,19 +82,12 @@ shape = { box = { min_m = [0.04, -1.0, -1.0], max_m = [1.0, 1.0, 1.0] } }
 material = { young_modulus_pa = 1e5, poisson_ratio = 0.4 }
 "#;
 
-    fn body(text: &str) -> Body {
-        let desc = SceneDesc::from_toml("block.toml", text).unwrap();
-        let params = StepParams { dt_s: 1e-3, relative_tolerance: 1e-3, max_iterations: 200 };
-        let scene = Scene { desc, meshes: crate::scene::Meshes::new() };
-        Body::new(&scene, 0, params, &Workers::serial()).unwrap()
-    }
-
     #[test]
     fn only_elements_that_relax_store_anything() {
         let viscous = "poisson_ratio = 0.4, viscosity = { relaxation_time_s = 0.1, relaxing_modulus_ratio = 0.5 } }";
         let (start, end) = SCENE.rsplit_once("poisson_ratio = 0.4 }").unwrap();
         for (text, is_viscous) in [(SCENE.to_owned(), false), (format!("{start}{viscous}{end}"), true)] {
-            let body = body(&text);
+            let body = Body::of_text(&text);
             for (block, data) in body.solver.blocks.iter().enumerate() {
                 let elements = block * LANES..body.base().elements.len().min((block + 1) * LANES);
                 let relaxes = is_viscous && elements.clone().any(|e| body.rest_centre_m(e).x > 0.04);

@@ -247,3 +247,13 @@ impl Body {
         self.solid().local_coordinates(element, position_m)
     }
 }
+
+#[cfg(test)]
+impl Body {
+    /// The first object of a scene, at rest, in steps of a millisecond.
+    pub(crate) fn of_text(scene_toml: &str) -> Self {
+        let desc = crate::scene::SceneDesc::from_toml("scene.toml", scene_toml).expect("a scene");
+        let params = StepParams { dt_s: 1e-3, relative_tolerance: 1e-3, max_iterations: 200 };
+        Self::new(&Scene { desc, meshes: Default::default() }, 0, params, &Workers::serial()).expect("a body")
+    }
+}

@@ -241,7 +241,8 @@ impl Body {
     /// Work over the motion `v + dv` of a step of the impulses that give each part what it is to gain, J; see
     /// [`Self::impulse_work_j`].
     pub(crate) fn missing_motion_work_j(&self, dv: &Nodal) -> f64 {
-        self.impulse_work_j(dv, |node| self.missing_motion(node))
+        let loose = self.state.rigid.loose.iter().map(|element| *element as usize);
+        self.impulse_work_j(loose, dv, |node| self.missing_motion(node))
     }
 
     fn missing_motion(&self, node: usize) -> Vec3 {
@@ -252,13 +253,18 @@ impl Body {
         self.state.rigid.totals[part as usize].motion_at(self.state.position_m[node].into())
     }
 
-    /// Work over the motion `v + dv` of a step of the impulses `A d` that change the velocities by `d` at each node in
-    /// the step's system `A dv = b`, J.
-    pub(crate) fn impulse_work_j(&self, dv: &Nodal, d_m_per_s: impl Fn(usize) -> Vec3) -> f64 {
+    /// Work over the motion `v + dv` of a step of the impulses `A d` that change the velocities by `d` at each node of
+    /// `elements` in the step's system `A dv = b`, J; elsewhere `d` is zero.
+    pub(crate) fn impulse_work_j(
+        &self,
+        elements: impl Iterator<Item = usize>,
+        dv: &Nodal,
+        d_m_per_s: impl Fn(usize) -> Vec3,
+    ) -> f64 {
         let operator = self.solver.multigrid.operator();
         let mut work_j = 0.0;
-        for (element, data) in self.base().elements.iter().enumerate() {
-            let nodes = data.nodes.map(|n| n as usize);
+        for element in elements {
+            let nodes = self.base().elements[element].nodes.map(|n| n as usize);
             let changes = nodes.map(&d_m_per_s);
             if changes.iter().all(|d| *d == Vec3::zeros()) {
                 continue;
@@ -383,8 +389,6 @@ fn stiff_by_part_j(body: &Body, element_part: &[u32], count: u32) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::grid::{Crossing, LinkId};
-    use crate::params::StepParams;
-    use crate::scene::{Meshes, Scene, SceneDesc};
     use crate::workers::Workers;
 
     const SCENE: &str = r#"
@@ -401,9 +405,7 @@ fixed = [{ box = { min_m = [-1.0, -1.0, -1.0], max_m = [0.004, 1.0, 1.0] } }]
 
     #[test]
     fn parts_follow_cuts_to_what_they_would_be_if_they_were_counted_anew() {
-        let scene = Scene { desc: SceneDesc::from_toml("bar.toml", SCENE).unwrap(), meshes: Meshes::new() };
-        let params = StepParams { dt_s: 1e-3, relative_tolerance: 1e-3, max_iterations: 200 };
-        let mut body = Body::new(&scene, 0, params, &Workers::serial()).unwrap();
+        let mut body = Body::of_text(SCENE);
         // Across the bar, within a layer of elements and between two: half way, then through.
         for (x, rows, parts) in [(20, 0..4, 1), (20, 4..8, 2), (31, 0..4, 2), (31, 4..8, 3), (10, 0..6, 3)] {
             let cells = rows.flat_map(|y| (0..8).map(move |z| [x, y, z]));

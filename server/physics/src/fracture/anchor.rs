@@ -499,8 +499,6 @@ pub(super) fn fracture_energy(body: &Body, link: LinkId) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::params::StepParams;
-    use crate::scene::{Meshes, Scene, SceneDesc};
     use crate::workers::Workers;
 
     const SCENE: &str = r#"
@@ -516,9 +514,7 @@ material = { young_modulus_pa = 1e5, poisson_ratio = 0.4 }
 
     /// The bar cut through its middle, what is beyond moved down.
     fn cut_bar(down_m: f64) -> Body {
-        let scene = Scene { desc: SceneDesc::from_toml("bar.toml", SCENE).unwrap(), meshes: Meshes::new() };
-        let params = StepParams { dt_s: 1e-3, relative_tolerance: 1e-3, max_iterations: 200 };
-        let mut body = Body::new(&scene, 0, params, &Workers::serial()).unwrap();
+        let mut body = Body::of_text(SCENE);
         let crossing = crate::grid::Crossing { t: 0.5, normal: [1.0, 0.0, 0.0] };
         let cells = (0..4).flat_map(|y| (0..4).map(move |z| [7, y, z]));
         let links: Vec<_> = cells.map(|cell| (LinkId { cell, axis: 0 }, crossing)).collect();

@@ -261,9 +261,6 @@ impl Span {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::params::StepParams;
-    use crate::scene::{Meshes, Scene, SceneDesc};
-    use crate::workers::Workers;
 
     const SCENE: &str = r#"
 version = 1
@@ -278,9 +275,7 @@ material = { young_modulus_pa = 1e5, poisson_ratio = 0.4 }
 
     /// A cut across the bar's width that goes along x, 21.5 mm in, in two ends.
     fn cut_bar() -> (Body, Crack, Way) {
-        let scene = Scene { desc: SceneDesc::from_toml("bar.toml", SCENE).unwrap(), meshes: Meshes::new() };
-        let params = StepParams { dt_s: 1e-3, relative_tolerance: 1e-3, max_iterations: 200 };
-        let body = Body::new(&scene, 0, params, &Workers::serial()).unwrap();
+        let body = Body::of_text(SCENE);
         let way = Way::new(Vec3::new(0.0215, 0.021, 0.01), Vec3::x(), &Vec3::z());
         let mut crack = Crack::default();
         for z in [0.005, 0.015] {

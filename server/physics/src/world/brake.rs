@@ -21,7 +21,8 @@ pub(super) fn spins(dt_s: f64, state: &mut State) {
         return;
     }
     for (slot, taken) in state.slots.iter_mut().zip(&taken) {
-        let kept = slot.body.impulse_work_j(&slot.velocity_change, |node| taken[node].into());
+        let elements = 0..slot.body.base().elements.len();
+        let kept = slot.body.impulse_work_j(elements, &slot.velocity_change, |node| taken[node].into());
         let impulse = |c: &Contact| c.applied_n().dot(&c.ends.weights.sum(taken)) * dt_s;
         let acting = slot.contacts.iter().flat_map(|contact| contact.acting());
         let cohesive = slot.pulled.iter().flat_map(|pulled| &pulled.cohesive.contacts).filter(|c| c.force_n != 0.0);
@@ -42,7 +43,7 @@ fn may_turn_too_far(slot: &BodySlot) -> bool {
 /// Returns by how much each node is slower, m/s.
 fn brake(slot: &mut BodySlot) -> Nodal {
     let mut taken = vec![[0.0; 3]; slot.body.node_count()];
-    if may_turn_too_far(slot) {
+    if !slot.is_asleep() {
         slot.body.brake_spin(&mut slot.velocity_change, &mut taken);
         slot.body.brake_flaps(&mut slot.velocity_change, &mut taken);
     }
