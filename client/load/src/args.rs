@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{ArgGroup, Args as ClapArgs, Parser, ValueEnum};
+use kerf_access::Access;
 use kerf_proto::v1::create_session_request::Dial;
 
 use crate::limits::LimitArgs;
@@ -21,6 +22,9 @@ pub struct Args {
     /// Address of the server
     #[arg(long, env = "KERF_SERVER", default_value = "http://127.0.0.1:50051")]
     pub server: String,
+    /// What the server asks for
+    #[command(flatten)]
+    pub access: Access,
     /// How long to wait for a server that is still starting, s
     #[arg(long, default_value_t = 0.0)]
     pub wait_for_server: f64,

@@ -5,13 +5,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use anyhow::{Context, bail};
+use kerf_access::Wire;
 use kerf_proto::v1::control_service_client::ControlServiceClient;
 use kerf_proto::v1::{self, ControlRequest, ControlResponse, control_request, control_response};
 use prost::Message;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::Streaming;
-use tonic::transport::Channel;
 
 use crate::clock;
 use crate::metrics::ContactMetrics;
@@ -37,7 +37,7 @@ pub struct Control {
 /// # Errors
 /// What the server answers, or another protocol version.
 pub async fn open(
-    channel: Channel,
+    channel: Wire,
     session_id: &str,
     tool_ids: Vec<u32>,
     contact_rate_hz: f64,

@@ -7,12 +7,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::{Context, bail, ensure};
+use kerf_access::Wire;
 use kerf_proto::v1;
 use kerf_proto::v1::create_session_request::Dial;
 use kerf_replica::{Surface, glb};
 use nalgebra::Vector3;
 use tokio::sync::{oneshot, watch};
-use tonic::transport::Channel;
 
 use crate::args::{Args, ProgressMode};
 use crate::clock;
@@ -54,7 +54,8 @@ pub struct Finished {
 /// No server, no session, a script that cannot be run there, or a stream that broke.
 pub async fn run(args: &Args) -> anyhow::Result<Finished> {
     let channel =
-        session::connect(&args.server, Duration::from_secs_f64(args.wait_for_server.clamp(0.0, 3600.0))).await?;
+        session::connect(&args.server, &args.access, Duration::from_secs_f64(args.wait_for_server.clamp(0.0, 3600.0)))
+            .await?;
     let candidates = setting::candidates(&args.levels, &args.step_rates);
     let chosen = setting::choose(candidates, async |setting| late_share(args, &channel, setting).await).await?;
     let wishes = wishes(args, chosen);
@@ -71,7 +72,7 @@ fn wishes(args: &Args, setting: Option<Setting>) -> Wishes {
 }
 
 /// Fraction of late steps in a trial session.
-async fn late_share(args: &Args, channel: &Channel, setting: Setting) -> anyhow::Result<f64> {
+async fn late_share(args: &Args, channel: &Wire, setting: Setting) -> anyhow::Result<f64> {
     let args = Args {
         duration: Some(f64::min(TRIAL_S, args.duration.unwrap_or(f64::INFINITY))),
         progress: ProgressMode::Off,
@@ -83,7 +84,7 @@ async fn late_share(args: &Args, channel: &Channel, setting: Setting) -> anyhow:
 }
 
 /// Drives a session, and ends one that was created for it.
-async fn drive_and_close(args: &Args, channel: &Channel, session: &Session) -> anyhow::Result<Finished> {
+async fn drive_and_close(args: &Args, channel: &Wire, session: &Session) -> anyhow::Result<Finished> {
     let outcome = drive(args, channel, session).await;
     if session.created && !args.keep_session {
         let closed = session::close(channel.clone(), &session.description.session_id).await;
@@ -95,7 +96,7 @@ async fn drive_and_close(args: &Args, channel: &Channel, session: &Session) -> a
     outcome
 }
 
-async fn drive(args: &Args, channel: &Channel, session: &Session) -> anyhow::Result<Finished> {
+async fn drive(args: &Args, channel: &Wire, session: &Session) -> anyhow::Result<Finished> {
     let session_id = &session.description.session_id;
     let request = v1::ViewRequest {
         protocol_version: kerf_proto::PROTOCOL_VERSION,
@@ -115,7 +116,8 @@ async fn drive(args: &Args, channel: &Channel, session: &Session) -> anyhow::Res
     let totals = SharedTotals::default();
     let (stop_viewers, stop) = watch::channel(false);
     let watched_from_ns = clock::now_ns();
-    let viewers = viewer::spawn(args.server.clone(), request, args.viewers, totals.clone(), stop)?;
+    let viewers =
+        viewer::spawn((args.server.clone(), args.access.clone()), request, args.viewers, totals.clone(), stop)?;
 
     let timetable = Timetable { start_ns: clock::now_ns() + LEAD_NS, rate_hz: args.rate, duration_s };
     let progress = Progress::new(args.progress, duration_s);

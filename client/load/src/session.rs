@@ -5,9 +5,9 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow, bail};
+use kerf_access::{Access, Wire, root_cause};
 use kerf_proto::v1::session_service_client::SessionServiceClient;
 use kerf_proto::v1::{self, create_session_request};
-use tonic::transport::{Channel, Endpoint};
 
 /// Pause between two attempts to reach a server that is starting.
 const RETRY_PAUSE: Duration = Duration::from_millis(100);
@@ -35,11 +35,10 @@ pub struct Session {
 /// Connects to a server, given as a URL or as host:port; tries again for `patience` if it is not there.
 ///
 /// # Errors
-/// The address is not one, or nobody answers there.
-pub async fn connect(server: &str, patience: Duration) -> anyhow::Result<Channel> {
-    let url = if server.contains("://") { server.to_owned() } else { format!("http://{server}") };
-    let endpoint = Endpoint::from_shared(url)
-        .with_context(|| format!("{server} is not an address"))?
+/// The address is not one, what `access` names cannot be read, or nobody answers there.
+pub async fn connect(server: &str, access: &Access, patience: Duration) -> anyhow::Result<Wire> {
+    let endpoint = access
+        .endpoint(server)?
         .tcp_nodelay(true)
         .connect_timeout(CONNECT_TIMEOUT)
         .http2_keep_alive_interval(KEEP_ALIVE)
@@ -47,11 +46,13 @@ pub async fn connect(server: &str, patience: Duration) -> anyhow::Result<Channel
         .keep_alive_while_idle(true)
         .initial_stream_window_size(WINDOW_BYTES)
         .initial_connection_window_size(WINDOW_BYTES);
+    let token = access.token()?;
     let deadline = Instant::now() + patience;
     loop {
         match endpoint.connect().await {
+            Ok(channel) => return Ok(token.over(channel)),
             Err(_) if Instant::now() < deadline => tokio::time::sleep(RETRY_PAUSE).await,
-            outcome => return outcome.with_context(|| format!("no Kerf server answers at {server}")),
+            Err(error) => bail!("no Kerf server answers at {server} ({})", root_cause(&error)),
         }
     }
 }
@@ -70,7 +71,7 @@ pub struct Wishes {
 /// # Errors
 /// What the server answers, or a reply without a scene.
 pub async fn open(
-    channel: Channel,
+    channel: Wire,
     scene: Option<&str>,
     wishes: Wishes,
     session: Option<&str>,
@@ -89,7 +90,7 @@ pub async fn open(
 ///
 /// # Errors
 /// What the server answers.
-pub async fn close(channel: Channel, session_id: &str) -> anyhow::Result<()> {
+pub async fn close(channel: Wire, session_id: &str) -> anyhow::Result<()> {
     let request = timed(v1::CloseSessionRequest { session_id: session_id.to_owned() }, CALL_TIMEOUT);
     SessionServiceClient::new(channel)
         .close_session(request)
@@ -124,7 +125,7 @@ pub fn refused(what: &str, status: &tonic::Status) -> anyhow::Error {
 }
 
 async fn create(
-    client: &mut SessionServiceClient<Channel>,
+    client: &mut SessionServiceClient<Wire>,
     scene: &str,
     Wishes { dial, step_rate_hz }: Wishes,
 ) -> anyhow::Result<v1::SessionDescription> {
@@ -143,6 +144,7 @@ async fn create(
         step_rate_hz,
         files,
         fit_step_rate: false,
+        private: false,
     };
     let reply = client
         .create_session(timed(request, CREATE_TIMEOUT))
@@ -183,10 +185,7 @@ fn file_names(value: &toml::Value, names: &mut BTreeSet<String>) {
     }
 }
 
-async fn describe(
-    client: &mut SessionServiceClient<Channel>,
-    session_id: &str,
-) -> anyhow::Result<v1::SessionDescription> {
+async fn describe(client: &mut SessionServiceClient<Wire>, session_id: &str) -> anyhow::Result<v1::SessionDescription> {
     let request = v1::DescribeSessionRequest { session_id: session_id.to_owned() };
     let reply = client
         .describe_session(timed(request, CALL_TIMEOUT))

@@ -4,13 +4,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context, bail};
+use kerf_access::{Access, Wire};
 use kerf_proto::v1::view_service_client::ViewServiceClient;
 use kerf_proto::v1::{self, ViewResponse, view_response};
 use kerf_replica::{Assembler, Replica, ReplicaError, Surface};
 use prost::Message;
 use tokio::sync::watch;
 use tonic::Streaming;
-use tonic::transport::Channel;
 
 use crate::session::{self, refused};
 use crate::wire::FRAME_BYTES;
@@ -72,7 +72,7 @@ pub fn snapshot(totals: &SharedTotals) -> ViewTotals {
 ///
 /// # Errors
 /// The stream cannot be opened, breaks, or does not fit together.
-pub async fn first_surfaces(channel: Channel, request: v1::ViewRequest) -> anyhow::Result<Vec<Surface>> {
+pub async fn first_surfaces(channel: Wire, request: v1::ViewRequest) -> anyhow::Result<Vec<Surface>> {
     let read = async {
         let mut stream = subscribe(channel, request).await?;
         let mut replica = Replica::default();
@@ -93,7 +93,7 @@ pub async fn first_surfaces(channel: Channel, request: v1::ViewRequest) -> anyho
 /// # Errors
 /// A stream cannot be opened, breaks, or does not fit together too often.
 pub fn spawn(
-    server: String,
+    (server, access): (String, Access),
     request: v1::ViewRequest,
     viewers: u32,
     totals: SharedTotals,
@@ -104,7 +104,7 @@ pub fn spawn(
         runtime.block_on(async {
             let mut tasks = Vec::new();
             for _ in 0..viewers {
-                let channel = session::connect(&server, Duration::ZERO).await?;
+                let channel = session::connect(&server, &access, Duration::ZERO).await?;
                 tasks.push(tokio::spawn(watch_session(channel, request.clone(), totals.clone(), stop.clone())));
             }
             let mut replicas = Vec::new();
@@ -117,7 +117,7 @@ pub fn spawn(
 }
 
 async fn watch_session(
-    channel: Channel,
+    channel: Wire,
     request: v1::ViewRequest,
     totals: SharedTotals,
     mut stop: watch::Receiver<bool>,
@@ -222,7 +222,7 @@ struct View {
     read: watch::Sender<u64>,
 }
 
-async fn subscribe(channel: Channel, request: v1::ViewRequest) -> anyhow::Result<View> {
+async fn subscribe(channel: Wire, request: v1::ViewRequest) -> anyhow::Result<View> {
     let mut client = ViewServiceClient::new(channel).max_decoding_message_size(kerf_proto::MAX_MESSAGE_BYTES);
     let reply = client.view(request).await.map_err(|status| refused("opening the view stream", &status))?;
     let mut stream = reply.into_inner();
@@ -236,7 +236,7 @@ async fn subscribe(channel: Channel, request: v1::ViewRequest) -> anyhow::Result
 }
 
 /// Tells the server what was read, one call at a time, until the stream is left or the server knows it no more.
-async fn acknowledge(mut client: ViewServiceClient<Channel>, viewer: String, mut newest: watch::Receiver<u64>) {
+async fn acknowledge(mut client: ViewServiceClient<Wire>, viewer: String, mut newest: watch::Receiver<u64>) {
     while newest.changed().await.is_ok() {
         let number = *newest.borrow_and_update();
         let request = v1::AcknowledgeRequest { viewer: viewer.clone(), number };

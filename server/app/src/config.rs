@@ -16,6 +16,8 @@ use toml::{Table, Value};
 const ENV_PREFIX: &str = "KERF_";
 /// Names the file; not a field.
 const ENV_FILE: &str = "KERF_CONFIG";
+/// What clients read: no fields either, though a server may have them in its environment.
+const ENV_OF_CLIENTS: [&str; 4] = ["KERF_SERVER", "KERF_CA_FILE", "KERF_TOKEN", "KERF_TOKEN_FILE"];
 
 /// Where settings come from besides the defaults.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -26,6 +28,13 @@ pub struct ConfigArgs {
     /// Address to listen on; port 0 takes a free one.
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub listen: Option<SocketAddr>,
+    /// Folder with the server's tokens and certificate. What is missing in it is made at the start, and the first token
+    /// shown once: security.dir.
+    #[arg(long, value_name = "FOLDER")]
+    pub security_dir: Option<PathBuf>,
+    /// Serves whoever reaches the server, without TLS and tokens: security.insecure.
+    #[arg(long)]
+    pub insecure: bool,
     /// Log output: text or json.
     #[arg(long, value_name = "FORMAT")]
     pub log_format: Option<String>,
@@ -41,11 +50,12 @@ pub struct ConfigArgs {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ServerConfig {
-    /// Address to listen on. Default 127.0.0.1:50051: nothing authenticates clients, so reaching
-    /// further than the machine is a decision for whoever runs the server.
+    /// Address to listen on. Default 127.0.0.1:50051. Any other than loopback takes TLS and tokens (security), or a word
+    /// that it shall go without.
     pub listen: SocketAddr,
-    /// Names that a server on a loopback address answers to besides `localhost`, `127.0.0.0/8` and `[::1]`: those of a
-    /// proxy that passes them on. Default none: a page whose name was made to mean this machine gets nothing.
+    /// Names that the server answers to besides `localhost`, `127.0.0.0/8` and `[::1]`: those of a proxy that passes
+    /// them on, and the machine's own. Default none: on loopback a page whose name was made to mean this machine gets
+    /// nothing; reached from elsewhere the server answers to any name then, and else to these and to addresses.
     pub names: Vec<String>,
     /// Threads of the network's runtime. Default 2: the simulation gets the other cores.
     pub network_threads: usize,
@@ -74,6 +84,8 @@ pub struct ServerConfig {
     /// given a budget or an error. They go before those that come with the program, which were measured on
     /// another machine. Default none.
     pub pareto_dir: Option<PathBuf>,
+    /// Who gets in.
+    pub security: SecurityConfig,
     /// Logging.
     pub log: LogConfig,
     /// Limits of the transport.
@@ -100,11 +112,51 @@ impl Default for ServerConfig {
             max_journal_mib: 1024.0,
             scene_dir: None,
             pareto_dir: None,
+            security: SecurityConfig::default(),
             log: LogConfig::default(),
             transport: TransportLimits::default(),
             control: ControlLimits::default(),
             view: ViewLimits::default(),
             session: SessionLimits::default(),
+        }
+    }
+}
+
+/// Who gets in.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SecurityConfig {
+    /// Folder with `tokens.toml`, `certificate.pem` and `key.pem`, of which those are used that have no setting of their
+    /// own. What is missing is made at the start: a certificate of the server's own, and an operator's token, which is
+    /// shown once on standard output. Default none.
+    pub dir: Option<PathBuf>,
+    /// File of the tokens that are taken, as `kerf-server token new` writes it; read again when it changes. Default that
+    /// of `dir`, and without it no token is asked for: whoever reaches the server is its operator.
+    pub token_file: Option<PathBuf>,
+    /// Certificate (PEM), and those that lead from it to one that clients trust; read again when it changes. Default that
+    /// of `dir`, and without it there is no TLS.
+    pub certificate_file: Option<PathBuf>,
+    /// Key of the certificate (PEM). Given together with it.
+    pub key_file: Option<PathBuf>,
+    /// A server that others can reach starts without TLS and tokens. Default false. The log says so at each start.
+    pub insecure: bool,
+    /// Sessions that one token has at a time. Default 4: half of all, so that nobody takes the whole machine unasked.
+    pub max_sessions_per_token: usize,
+    /// Wrong tokens of one address a minute; more are refused without a line in the log. Default 30: a client that was
+    /// given the wrong one tries now and then, and nobody guesses.
+    pub max_wrong_tokens_per_minute: u32,
+}
+
+impl Default for SecurityConfig {
+    fn default() -> Self {
+        Self {
+            dir: None,
+            token_file: None,
+            certificate_file: None,
+            key_file: None,
+            insecure: false,
+            max_sessions_per_token: 4,
+            max_wrong_tokens_per_minute: 30,
         }
     }
 }
@@ -278,11 +330,12 @@ impl ServerConfig {
     fn from_sources(args: &ConfigArgs, env: impl Iterator<Item = (String, String)>) -> Result<Self> {
         let mut table = args.config.as_deref().map_or_else(|| Ok(Table::new()), read_file)?;
         for (name, text) in env {
-            let Some(path) = name.strip_prefix(ENV_PREFIX).filter(|_| name != ENV_FILE) else { continue };
+            let is_field = name != ENV_FILE && !ENV_OF_CLIENTS.contains(&name.as_str());
+            let Some(path) = name.strip_prefix(ENV_PREFIX).filter(|_| is_field) else { continue };
             set(&mut table, &path.to_lowercase().replace("__", "."), &text, &name)?;
         }
         for (field, text) in args.named() {
-            set(&mut table, field, &text, &format!("--{}", field.replace('.', "-")))?;
+            set(&mut table, field, &text, &format!("--{}", field.replace(['.', '_'], "-")))?;
         }
         for setting in &args.set {
             let (field, text) = setting.split_once('=').with_context(|| format!("--set {setting}: no '='"))?;
@@ -299,8 +352,14 @@ impl ServerConfig {
     /// The first field whose value makes no sense.
     pub fn validate(&self) -> Result<()> {
         self.session.validate().context("session")?;
-        let (transport, control) = (&self.transport, &self.control);
+        let (transport, control, security) = (&self.transport, &self.control, &self.security);
+        ensure!(
+            security.certificate_file.is_some() == security.key_file.is_some(),
+            "security.certificate_file, security.key_file: are given together, or not at all"
+        );
         let positive = [
+            ("security.max_sessions_per_token", security.max_sessions_per_token as f64),
+            ("security.max_wrong_tokens_per_minute", f64::from(security.max_wrong_tokens_per_minute)),
             ("network_threads", self.network_threads as f64),
             ("transport.max_connections", transport.max_connections as f64),
             ("transport.max_connections_per_peer", transport.max_connections_per_peer as f64),
@@ -346,7 +405,12 @@ impl ConfigArgs {
         let listen = self.listen.map(|listen| ("listen", listen.to_string()));
         let format = self.log_format.clone().map(|format| ("log.format", format));
         let filter = self.log_filter.clone().map(|filter| ("log.filter", filter));
-        [listen, format, filter].into_iter().flatten()
+        let dir = self
+            .security_dir
+            .as_ref()
+            .map(|dir| ("security.dir", Value::String(dir.to_string_lossy().into()).to_string()));
+        let insecure = self.insecure.then(|| ("security.insecure", "true".into()));
+        [listen, dir, insecure, format, filter].into_iter().flatten()
     }
 }
 

@@ -1,5 +1,5 @@
 //! Accepts connections: at most as many as the limit, from one peer and from all. A peer that has few gets a place of
-//! one that has many. A connection that says nothing after it was accepted is let go.
+//! one that has many. A connection that says nothing after it was accepted, or takes too long over TLS, is let go.
 
 use std::collections::BTreeMap;
 use std::future::Future;
@@ -8,7 +8,7 @@ use std::net::{IpAddr, Ipv6Addr};
 use std::pin::Pin;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::task::{Context, Poll};
+use std::task::{Context, Poll, ready};
 use std::time::Duration;
 
 use futures_util::future::{Fuse, FutureExt};
@@ -18,6 +18,9 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::oneshot;
 use tokio::time::Sleep;
 use tonic::transport::server::{Connected, TcpConnectInfo};
+
+use tokio_rustls::server::TlsStream;
+use tokio_rustls::{Accept, TlsAcceptor};
 
 use crate::config::TransportLimits;
 
@@ -30,9 +33,46 @@ const PREFACE_BYTES: usize = 24;
 
 /// A connection that is counted.
 pub struct Connection {
-    stream: TcpStream,
+    stream: Wire,
+    info: TcpConnectInfo,
     handshake: Option<Handshake>,
     place: Place,
+}
+
+trait ReadWrite: AsyncRead + AsyncWrite + Unpin {}
+
+impl<T: AsyncRead + AsyncWrite + Unpin> ReadWrite for T {}
+
+/// What bytes come over.
+enum Wire {
+    Plain(TcpStream),
+    /// TLS begins with what its client says first: on the connection's own task, so that nobody waits for a slow one.
+    Begins(Box<Accept<TcpStream>>),
+    Tls(Box<TlsStream<TcpStream>>),
+}
+
+impl Wire {
+    fn new(stream: TcpStream, tls: Option<&TlsAcceptor>) -> Self {
+        match tls {
+            None => Self::Plain(stream),
+            Some(tls) => Self::Begins(Box::new(tls.accept(stream))),
+        }
+    }
+
+    /// What can be read and written, once there is.
+    fn poll_ready(&mut self, context: &mut Context<'_>) -> Poll<io::Result<Pin<&mut dyn ReadWrite>>> {
+        if let Self::Begins(accept) = self {
+            match accept.poll_unpin(context) {
+                Poll::Pending => return Poll::Pending,
+                Poll::Ready(begun) => *self = Self::Tls(Box::new(begun?)),
+            }
+        }
+        match self {
+            Self::Plain(stream) => Poll::Ready(Ok(Pin::new(stream))),
+            Self::Tls(stream) => Poll::Ready(Ok(Pin::new(stream.as_mut()))),
+            Self::Begins(_) => Poll::Pending,
+        }
+    }
 }
 
 /// The beginning of a connection, which may not take for ever.
@@ -62,23 +102,26 @@ impl Cut {
 pub fn connections(
     listener: TcpListener,
     limits: &TransportLimits,
+    tls: Option<TlsAcceptor>,
 ) -> (impl Stream<Item = io::Result<Connection>> + use<>, Cut) {
     let (max, max_of_peer) = (limits.max_connections, limits.max_connections_per_peer);
     let places = Arc::new(Places { taken: Mutex::default(), open: AtomicUsize::new(0), max, max_of_peer });
-    (accepted(listener, Arc::clone(&places), limits), Cut(places))
+    (accepted(listener, Arc::clone(&places), limits, tls), Cut(places))
 }
 
 fn accepted(
     listener: TcpListener,
     places: Arc<Places>,
     limits: &TransportLimits,
+    tls: Option<TlsAcceptor>,
 ) -> impl Stream<Item = io::Result<Connection>> + use<> {
     let handshake_timeout = Duration::from_secs_f64(limits.handshake_timeout_s);
-    stream::unfold((listener, places), move |(listener, places)| async move {
+    stream::unfold((listener, places, tls), move |(listener, places, tls)| async move {
         let (stream, place) = accept(&listener, &places).await;
         let deadline = Box::pin(tokio::time::sleep(handshake_timeout));
         let handshake = Some(Handshake { bytes: 0, deadline });
-        Some((Ok(Connection { stream, handshake, place }), (listener, places)))
+        let (info, stream) = (stream.connect_info(), Wire::new(stream, tls.as_ref()));
+        Some((Ok(Connection { stream, info, handshake, place }), (listener, places, tls)))
     })
 }
 
@@ -103,7 +146,7 @@ async fn accept(listener: &TcpListener, places: &Arc<Places>) -> (TcpStream, Pla
 }
 
 /// What counts as one peer: an address of IPv4, or what a host is given of IPv6, which is 2^64 addresses.
-fn host(address: IpAddr) -> IpAddr {
+pub fn host(address: IpAddr) -> IpAddr {
     match address.to_canonical() {
         IpAddr::V6(address) => Ipv6Addr::from_bits(address.to_bits() >> 64 << 64).into(),
         address => address,
@@ -172,7 +215,7 @@ impl Connected for Connection {
     type ConnectInfo = TcpConnectInfo;
 
     fn connect_info(&self) -> TcpConnectInfo {
-        self.stream.connect_info()
+        self.info.clone()
     }
 }
 
@@ -182,7 +225,11 @@ impl AsyncRead for Connection {
             return Poll::Ready(Err(io::ErrorKind::ConnectionAborted.into()));
         }
         let before = into.filled().len();
-        let read = Pin::new(&mut self.stream).poll_read(context, into);
+        let read = match self.stream.poll_ready(context) {
+            Poll::Ready(Ok(stream)) => stream.poll_read(context, into),
+            Poll::Ready(Err(error)) => Poll::Ready(Err(error)),
+            Poll::Pending => Poll::Pending,
+        };
         let Some(handshake) = &mut self.handshake else { return read };
         handshake.bytes += into.filled().len() - before;
         if handshake.bytes >= PREFACE_BYTES {
@@ -196,19 +243,20 @@ impl AsyncRead for Connection {
 
 impl AsyncWrite for Connection {
     fn poll_write(mut self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
-        Pin::new(&mut self.stream).poll_write(context, bytes)
+        ready!(self.stream.poll_ready(context))?.poll_write(context, bytes)
     }
 
     fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_flush(context)
+        ready!(self.stream.poll_ready(context))?.poll_flush(context)
     }
 
     fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.stream).poll_shutdown(context)
+        ready!(self.stream.poll_ready(context))?.poll_shutdown(context)
     }
 
+    /// TCP takes several pieces at once, and so does TLS.
     fn is_write_vectored(&self) -> bool {
-        self.stream.is_write_vectored()
+        true
     }
 
     fn poll_write_vectored(
@@ -216,6 +264,6 @@ impl AsyncWrite for Connection {
         context: &mut Context<'_>,
         slices: &[io::IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
-        Pin::new(&mut self.stream).poll_write_vectored(context, slices)
+        ready!(self.stream.poll_ready(context))?.poll_write_vectored(context, slices)
     }
 }

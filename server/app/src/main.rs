@@ -8,6 +8,7 @@ use clap::{Parser, Subcommand};
 use kerf_server::remote::{self, SessionArgs};
 use kerf_server::replay::{self, ReplayArgs};
 use kerf_server::scene_args::SceneArgs;
+use kerf_server::security::token_command::{self, TokenArgs};
 use kerf_server::serve::{self, ServeArgs};
 use kerf_server::{check, scenes, schema, simulate, tradeoff};
 
@@ -27,6 +28,8 @@ enum Command {
     Replay(ReplayArgs),
     /// Asks a server that runs for its sessions, saves their states and takes them back.
     Session(SessionArgs),
+    /// Makes tokens, with which clients are let in.
+    Token(TokenArgs),
     /// Lists the built-in scenes.
     Scenes,
     /// Prints the JSON schema of a scene.
@@ -51,6 +54,7 @@ fn main() -> ExitCode {
         Command::Serve(args) => serve::run(args),
         Command::Replay(args) => replay::run(&args),
         Command::Session(args) => remote::run(&args),
+        Command::Token(args) => token_command::run(args),
         Command::Scenes => scenes::run(),
         Command::Schema => schema::run(),
         Command::Check(args) => check::run(&args),

@@ -5,10 +5,13 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow};
 use clap::{Args, Subcommand};
+use kerf_access::{Access, Wire, root_cause};
 use kerf_proto::v1;
 use kerf_proto::v1::session_service_client::SessionServiceClient;
-use tonic::transport::{Channel, Endpoint};
 use tonic::{Response, Status};
+use tonic_health::pb::HealthCheckRequest;
+use tonic_health::pb::health_check_response::ServingStatus;
+use tonic_health::pb::health_client::HealthClient;
 
 /// A server that does not answer within this is down, or is not where it was said to be.
 const TIMEOUT: Duration = Duration::from_secs(10);
@@ -20,9 +23,12 @@ const PART_BYTES: usize = 256 << 10;
 /// Arguments of `session`.
 #[derive(Args, Clone, Debug)]
 pub struct SessionArgs {
-    /// Address of the server.
-    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:50051", global = true)]
+    /// Address of the server, also as https://NAME:PORT.
+    #[arg(long, env = "KERF_SERVER", value_name = "ADDRESS:PORT", default_value = "127.0.0.1:50051", global = true)]
     pub server: String,
+    /// What the server asks for.
+    #[command(flatten)]
+    pub access: Access,
     /// What is asked.
     #[command(subcommand)]
     pub action: Action,
@@ -31,6 +37,8 @@ pub struct SessionArgs {
 /// What is asked of a server's sessions.
 #[derive(Clone, Debug, Subcommand)]
 pub enum Action {
+    /// Says whether the server serves; takes no token. Ends with status 1 where it does not.
+    Health,
     /// Lists the sessions.
     List,
     /// Saves a session's state under a name.
@@ -119,15 +127,15 @@ pub struct Time {
 pub fn run(args: &SessionArgs) -> Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().context("runtime")?;
     let lines = runtime.block_on(async {
-        let endpoint = Endpoint::from_shared(format!("http://{}", args.server))
-            .with_context(|| format!("--server {} is not an address", args.server))?;
+        let endpoint = args.access.endpoint(&args.server)?;
         let timeout = match args.action {
             Action::Download(_) | Action::Upload(_) => TIMEOUT_OF_FILES,
             _ => TIMEOUT,
         };
         let channel = endpoint.connect_timeout(TIMEOUT).timeout(timeout).connect().await;
-        let channel = channel.map_err(|_| anyhow!("no Kerf server answers at {}", args.server))?;
-        let answer = ask(SessionServiceClient::new(channel), args.action.clone()).await;
+        let channel =
+            channel.map_err(|error| anyhow!("no Kerf server answers at {} ({})", args.server, root_cause(&error)))?;
+        let answer = ask(args.access.token()?.over(channel), args.action.clone()).await;
         answer.map_err(|status| anyhow!("{}", status.message()))
     })?;
     lines.iter().for_each(|line| println!("{line}"));
@@ -139,7 +147,7 @@ fn on_file(file: &Path, error: &std::io::Error) -> Status {
     Status::unknown(format!("{}: {error}", file.display()))
 }
 
-async fn download(mut client: SessionServiceClient<Channel>, wanted: Download) -> Result<Vec<u8>, Status> {
+async fn download(mut client: SessionServiceClient<Wire>, wanted: Download) -> Result<Vec<u8>, Status> {
     let request = v1::DownloadCheckpointRequest { session_id: wanted.session, name: wanted.checkpoint };
     let mut parts = client.download_checkpoint(request).await?.into_inner();
     let mut file = Vec::new();
@@ -149,16 +157,28 @@ async fn download(mut client: SessionServiceClient<Channel>, wanted: Download) -
     Ok(file)
 }
 
-async fn upload(mut client: SessionServiceClient<Channel>, to: Checkpoint, file: &[u8]) -> Result<u64, Status> {
+async fn upload(mut client: SessionServiceClient<Wire>, to: Checkpoint, file: &[u8]) -> Result<u64, Status> {
     let first = v1::UploadCheckpointRequest { session_id: to.session, name: to.name, ..Default::default() };
     let part = |data: &[u8]| v1::UploadCheckpointRequest { data: data.to_vec(), ..Default::default() };
     let parts: Vec<_> = std::iter::once(first).chain(file.chunks(PART_BYTES).map(part)).collect();
     Ok(client.upload_checkpoint(futures_util::stream::iter(parts)).await?.into_inner().step)
 }
 
-async fn ask(mut client: SessionServiceClient<Channel>, action: Action) -> Result<Vec<String>, Status> {
+/// Whether all of the server serves.
+async fn is_healthy(wire: Wire) -> Result<Vec<String>, Status> {
+    let request = HealthCheckRequest::default();
+    let status = HealthClient::new(wire).check(request).await?.into_inner().status();
+    match status {
+        ServingStatus::Serving => Ok(vec!["serving".into()]),
+        _ => Err(Status::unavailable("the server does not serve")),
+    }
+}
+
+async fn ask(wire: Wire, action: Action) -> Result<Vec<String>, Status> {
+    let mut client = SessionServiceClient::new(wire.clone());
     let at_step = |what: String, step: u64| vec![format!("{what} at step {step}")];
     Ok(match action {
+        Action::Health => is_healthy(wire).await?,
         Action::List => {
             let sessions = client.list_sessions(v1::ListSessionsRequest {}).await.map(Response::into_inner)?.sessions;
             let line = |session: v1::SessionInfo| {
@@ -193,10 +213,10 @@ async fn ask(mut client: SessionServiceClient<Channel>, action: Action) -> Resul
             let file = std::fs::read(&path).map_err(|error| on_file(&path, &error))?;
             let named_after = || path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let to = Checkpoint { session, name: checkpoint.unwrap_or_else(named_after) };
-            let step = upload(client.clone(), to.clone(), &file).await?;
+            let step = upload(client, to.clone(), &file).await?;
             let mut lines = vec![format!("`{}` uploaded, of step {step}", to.name)];
             if restore {
-                lines.extend(Box::pin(ask(client, Action::Restore(to))).await?);
+                lines.extend(Box::pin(ask(wire, Action::Restore(to))).await?);
             }
             lines
         }

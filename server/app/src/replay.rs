@@ -95,12 +95,7 @@ fn serve(recording: Recording, args: &ReplayArgs) -> Result<()> {
     serve_until_told(config, async |server: &Server| {
         let session = server.registry().play(replay)?;
         // Nobody has to read it.
-        let _ = writeln!(
-            std::io::stdout(),
-            "session {}: open http://{} in a browser to watch",
-            session.id(),
-            server.address()
-        );
+        let _ = writeln!(std::io::stdout(), "session {}: open {} in a browser to watch", session.id(), server.url());
         Ok(())
     })
 }

@@ -26,11 +26,12 @@ use crate::grpc::control_service::ControlService;
 use crate::grpc::session_service::SessionService;
 use crate::grpc::view_service::ViewService;
 use crate::grpc::viewing::Viewing;
-use crate::hosts::Hosts;
 use crate::journal::Journals;
 use crate::recording::Recordings;
+use crate::security::Security;
+use crate::security::door::{self, Door};
 use crate::uploads::Uploads;
-use crate::{hosts, incoming, machine, print_config, shutdown, telemetry, uploads, viewer};
+use crate::{incoming, machine, print_config, security, shutdown, telemetry, uploads, viewer};
 
 /// Share of the machine's memory that sessions take unless it is set.
 const MEMORY_SHARE: f64 = 0.5;
@@ -110,9 +111,10 @@ impl Server {
     /// Listens and serves on the current runtime.
     ///
     /// # Errors
-    /// The configuration is not valid or the address is taken.
+    /// The configuration is not valid, others can reach the server and nothing keeps them out, or the address is taken.
     pub async fn start(mut config: ServerConfig) -> Result<Self> {
         config.validate()?;
+        security::check(&config)?;
         config.session.max_memory_mib.get_or_insert_with(|| MEMORY_SHARE * machine::memory_mib());
         config.session.max_load.get_or_insert_with(machine::cores);
         if let Some(folder) = &config.record_dir {
@@ -126,12 +128,13 @@ impl Server {
         let registry = Arc::new(Registry::new(config.session.clone(), pareto_fronts)?);
         let listener = TcpListener::bind(config.listen).await.with_context(|| format!("listen = {}", config.listen))?;
         let address = listener.local_addr()?;
+        let Security { door, tls } = Security::begin(&config, address)?;
         let recordings = Arc::new(Recordings::new(&config));
         let journals = Arc::new(Journals::new(&config)?);
         journals.bring_back(&registry, &recordings).await?;
-        let (health, routes) = routes(&registry, &config, (&recordings, &journals), address).await?;
+        let (health, routes) = routes(&registry, &config, (&recordings, &journals), door).await?;
         let (stop, stopped) = oneshot::channel::<()>();
-        let (connections, cut) = incoming::connections(listener, &config.transport);
+        let (connections, cut) = incoming::connections(listener, &config.transport, tls);
         let serving = builder(&config.transport)
             .add_routes(routes)
             .serve_with_incoming_shutdown(connections, async { drop(stopped.await) });
@@ -146,6 +149,12 @@ impl Server {
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// Where a browser finds it.
+    #[must_use]
+    pub fn url(&self) -> String {
+        security::url(&self.config, self.address)
     }
 
     /// Its sessions.
@@ -228,7 +237,7 @@ async fn routes(
     registry: &Arc<Registry>,
     config: &Arc<ServerConfig>,
     (recordings, journals): (&Arc<Recordings>, &Arc<Journals>),
-    address: SocketAddr,
+    door: Arc<Door>,
 ) -> Result<(HealthReporter, Routes)> {
     let limits = &config.transport;
     let session = SessionServiceServer::new(SessionService::new(
@@ -265,6 +274,6 @@ async fn routes(
         .add_service(reflection().build_v1alpha()?);
     let routes = viewer::routes(routes.into_axum_router())
         .layer(from_fn_with_state(Uploads::new(limits.clone()), uploads::read_whole))
-        .layer(from_fn_with_state(Hosts::new(address.ip(), &config.names), hosts::check));
+        .layer(from_fn_with_state(door, door::judge));
     Ok((health, routes.into()))
 }

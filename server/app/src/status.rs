@@ -1,8 +1,8 @@
 //! The one place where errors become gRPC statuses.
 
 use axum::body::Body;
-use axum::http::header::CONTENT_TYPE;
-use axum::http::{HeaderMap, Response, StatusCode};
+use axum::http::header::{CONTENT_TYPE, WWW_AUTHENTICATE};
+use axum::http::{HeaderMap, HeaderValue, Response, StatusCode};
 use kerf_physics::scene::text::{escaped, shortened};
 use kerf_physics::world::LoadError;
 use kerf_scenes::dial::DialError;
@@ -137,6 +137,62 @@ pub enum RequestError {
         /// The name of this server.
         host: String,
     },
+    /// A path at which there is nothing.
+    #[error("{path}: there is no such call, and no such page")]
+    NoCall {
+        /// The path.
+        path: String,
+    },
+    /// A call without a token.
+    #[error(
+        "this server takes no call without a token, sent as `authorization: Bearer TOKEN`; `kerf-server token new` makes \
+         one (security.token_file)"
+    )]
+    TokenMissing,
+    /// A call with a token that is none.
+    #[error("the token is not known, or has expired (security.token_file)")]
+    TokenUnknown,
+    /// More wrong tokens than may be.
+    #[error("more than {limit} wrong tokens came from this address within a minute (max_wrong_tokens_per_minute)")]
+    TooManyWrongTokens {
+        /// `max_wrong_tokens_per_minute`.
+        limit: u32,
+    },
+    /// A token that is not good for this.
+    #[error("the token of {name:?} is a {role}'s, and {path} takes a {needed}'s")]
+    Role {
+        /// Whose it is.
+        name: String,
+        /// What it is good for.
+        role: &'static str,
+        /// What was called.
+        path: String,
+        /// What that takes.
+        needed: &'static str,
+    },
+    /// The end of a session that is somebody else's.
+    #[error("session {session}: its owner and operators alone end it")]
+    NotOwner {
+        /// The session.
+        session: String,
+    },
+    /// A token of one session, and something that is about another or none.
+    #[error("the token is good for session {session} alone, and creates none")]
+    OfOneSession {
+        /// Its session.
+        session: String,
+    },
+    /// A private session of nobody.
+    #[error("private: this server asks for no tokens, and knows nobody whose own a session could be")]
+    NobodysOwn,
+    /// More sessions of a token than may be.
+    #[error("the token of {name:?} has {limit} sessions, as many as one may (max_sessions_per_token)")]
+    TooManySessionsOfToken {
+        /// Whose it is.
+        name: String,
+        /// `max_sessions_per_token`.
+        limit: usize,
+    },
     /// An object that is not in the scene.
     #[error("object = {object}: the scene has {objects}, counted from 0")]
     NoObject {
@@ -241,7 +297,7 @@ impl RequestError {
         match self {
             Self::Session(error) => session_code(error),
             Self::Transport(status) => status.code(),
-            Self::ProtocolVersion { .. } | Self::UnknownLease => Code::FailedPrecondition,
+            Self::ProtocolVersion { .. } | Self::UnknownLease | Self::NobodysOwn => Code::FailedPrecondition,
             Self::HelloMissing { .. }
             | Self::HelloRepeated
             | Self::Missing { .. }
@@ -263,10 +319,18 @@ impl RequestError {
             | Self::TooManyUploads { .. }
             | Self::LargeMessage { .. }
             | Self::CheckpointSize { .. }
+            | Self::TooManyWrongTokens { .. }
+            | Self::TooManySessionsOfToken { .. }
             | Self::TooManyCheckpointFiles { .. } => Code::ResourceExhausted,
+            Self::TokenMissing | Self::TokenUnknown => Code::Unauthenticated,
             Self::CheckpointWork => Code::Internal,
             Self::Unread { .. } => Code::Cancelled,
-            Self::ForeignHost { .. } | Self::ForeignOrigin { .. } => Code::PermissionDenied,
+            Self::ForeignHost { .. }
+            | Self::ForeignOrigin { .. }
+            | Self::NoCall { .. }
+            | Self::Role { .. }
+            | Self::NotOwner { .. }
+            | Self::OfOneSession { .. } => Code::PermissionDenied,
             Self::NoScene { .. } | Self::NoViewer => Code::NotFound,
         }
     }
@@ -333,7 +397,14 @@ pub fn refusal(asked: &HeaderMap, error: RequestError) -> Response<Body> {
         }
         None => {
             let mut answer = Response::new(Body::from(format!("{}\n", status.message())));
-            *answer.status_mut() = StatusCode::FORBIDDEN;
+            *answer.status_mut() = match status.code() {
+                Code::Unauthenticated => StatusCode::UNAUTHORIZED,
+                Code::ResourceExhausted => StatusCode::TOO_MANY_REQUESTS,
+                _ => StatusCode::FORBIDDEN,
+            };
+            if status.code() == Code::Unauthenticated {
+                answer.headers_mut().insert(WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
+            }
             answer
         }
     }

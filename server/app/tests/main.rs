@@ -2,6 +2,8 @@
 
 mod checkpoint_files;
 mod cli;
+mod door;
+mod first_start;
 mod hepatectomy;
 mod journal;
 mod killed;
@@ -9,5 +11,7 @@ mod limited;
 mod log;
 mod process;
 mod remote;
+mod secured;
 mod slit;
+mod tls;
 mod tradeoff;

@@ -52,7 +52,7 @@ pub use player::{Footage, Frame, Position, Seek, Structure};
 pub use pose_check::{PoseRefusal, PoseSample};
 pub use registry::Registry;
 pub use resimulation::{Difference, Resimulation};
-pub use session::{Driver, Replay, Reports, Session, SessionOptions};
+pub use session::{Driver, Owner, Replay, Reports, Session, SessionOptions};
 pub use session_id::{InstanceId, SessionId};
 pub use shortfall::Shortfall;
 pub use status::{Phase, SessionStatus, StepTallies, StepTally, StepTimes};

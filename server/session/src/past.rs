@@ -10,6 +10,7 @@ use crate::checkpoints::{Besides, Checkpoint};
 use crate::error::SessionError;
 use crate::outbox::SceneEvent;
 use crate::resimulation::{Resimulated, Resimulation};
+use crate::session::Owner;
 use crate::tape::LoggedInputs;
 
 /// What a journal says of a session that did not come to its end.
@@ -19,6 +20,8 @@ pub struct Past {
     pub base: Option<Vec<u8>>,
     /// Whether the session stood there.
     pub is_paused: bool,
+    /// Whose it is.
+    pub owner: Option<Owner>,
     /// What happened then, in order.
     pub entries: Vec<PastEntry>,
 }

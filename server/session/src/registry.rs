@@ -121,8 +121,9 @@ impl Registry {
         let permits = Permits { slot, build };
         let (limits, fronts, admission) =
             (self.limits.clone(), Arc::clone(&self.pareto_fronts), Arc::clone(&self.admission));
+        let wishes = options.clone();
         let prepared = tokio::task::spawn_blocking(move || {
-            Ok::<_, E>(prepare(read()?, &options, &limits, &fronts, &admission, permits)?)
+            Ok::<_, E>(prepare(read()?, &wishes, &limits, &fronts, &admission, permits)?)
         });
         let panicked = |_| SessionError::Failed { message: "a panic while the scene was read".into() };
         let prepared = prepared.await.map_err(panicked)??;
@@ -163,7 +164,16 @@ impl Registry {
     /// # Errors
     /// There is none.
     pub fn get(&self, id: &str) -> Result<Arc<Session>, SessionError> {
-        let session = lock(&self.sessions).get(&id.parse()?).cloned();
+        self.get_if(id, |_| true)
+    }
+
+    /// The session of this id, for somebody who is to know of those alone that `is_known` says. Others are not kept alive
+    /// by being asked for.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn get_if(&self, id: &str, is_known: impl FnOnce(&Session) -> bool) -> Result<Arc<Session>, SessionError> {
+        let session = lock(&self.sessions).get(&id.parse()?).filter(|session| is_known(session)).cloned();
         let session = session.ok_or_else(|| SessionError::NoSession { id: id.into() })?;
         session.touch();
         Ok(session)

@@ -29,8 +29,17 @@ use crate::tape::{CAPACITY, Reel, TapeReader, Wants};
 use crate::tool_slot::DriverId;
 use kerf_scenes::dial::Choice;
 
+/// Whose a session is. Who lets clients in judges by it; the session does not.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Owner {
+    /// The name of whoever created it.
+    pub name: String,
+    /// It is nobody else's business.
+    pub is_private: bool,
+}
+
 /// How a session begins.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SessionOptions {
     /// All that it does goes onto a tape, which [`Session::take_reel`] gives out.
     pub is_recorded: bool,
@@ -40,6 +49,8 @@ pub struct SessionOptions {
     pub start_paused: bool,
     /// Goes before what the scene asks of the dial.
     pub dial: Option<DialDesc>,
+    /// Whose it is; `None`: nobody's. One that a journal brings back is whose it was.
+    pub owner: Option<Owner>,
 }
 
 /// What a session that is played needs besides its frames.
@@ -57,6 +68,7 @@ pub struct Replay {
 /// A scene that is simulated, or a recording that is played, on a thread of its own.
 pub struct Session {
     id: SessionId,
+    owner: Option<Owner>,
     scene: Arc<Scene>,
     choice: Option<Choice>,
     objects: Vec<ObjectStats>,
@@ -85,6 +97,7 @@ impl Session {
         limits: SessionLimits,
     ) -> Result<Self, SessionError> {
         let Prepared { scene, past, choice, admitted, permits } = prepared;
+        let owner = past.as_ref().map_or(options.owner, |past| past.owner.clone());
         let scene = Arc::new(scene);
         let inbox = Arc::new(Inbox::new(scene.desc.tools.len(), limits.clone()));
         let phase = if options.start_paused { Phase::Paused } else { Phase::Running };
@@ -108,6 +121,7 @@ impl Session {
         // Its end closes the inbox: whoever gives up while the scene is built leaves no thread that steps for nobody.
         let mut session = Self {
             id,
+            owner,
             scene,
             choice,
             objects: Vec::new(),
@@ -153,6 +167,7 @@ impl Session {
         let thread = thread.map_err(|error| SessionError::NoThread { message: error.to_string() })?;
         Ok(Self {
             id,
+            owner: None,
             scene: Arc::new(scene),
             choice: None,
             objects,
@@ -176,6 +191,12 @@ impl Session {
     #[must_use]
     pub fn id(&self) -> SessionId {
         self.id
+    }
+
+    /// Whose it is; `None`: nobody's.
+    #[must_use]
+    pub fn owner(&self) -> Option<&Owner> {
+        self.owner.as_ref()
     }
 
     /// Its scene.

@@ -18,7 +18,7 @@ use kerf_session::{
 const BLOCK: &str = include_str!("block.toml");
 
 const RECORDED: SessionOptions =
-    SessionOptions { is_recorded: true, is_journaled: false, start_paused: false, dial: None };
+    SessionOptions { is_recorded: true, is_journaled: false, start_paused: false, dial: None, owner: None };
 
 fn block() -> Scene {
     Scene { desc: toml::from_str::<SceneDesc>(BLOCK).unwrap(), meshes: Default::default() }

@@ -2,15 +2,12 @@
 
 use std::time::Duration;
 
+use kerf_access::{Access, Wire, root_cause};
 use kerf_proto::v1::control_service_client::ControlServiceClient;
 use kerf_proto::v1::{self, control_request, control_response};
 use tokio::sync::{mpsc, oneshot};
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::metadata::{Ascii, MetadataValue};
-use tonic::service::Interceptor;
-use tonic::service::interceptor::InterceptedService;
-use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint};
-use tonic::{Code, Request, Status, Streaming};
+use tonic::{Code, Status, Streaming};
 
 use super::receiver::{Heard, Receiver};
 use super::sender::SharedUplink;
@@ -26,21 +23,6 @@ const FIRST_PAUSE: Duration = Duration::from_millis(50);
 const LONGEST_PAUSE: Duration = Duration::from_millis(800);
 /// Messages that may wait for the transport: a few ticks of the network's thread.
 const QUEUED: usize = 8;
-
-/// Adds the token, where there is one, to every call.
-#[derive(Clone, Debug)]
-pub struct Token(Option<MetadataValue<Ascii>>);
-
-impl Interceptor for Token {
-    fn call(&mut self, mut request: Request<()>) -> Result<Request<()>, Status> {
-        if let Some(token) = &self.0 {
-            request.metadata_mut().insert("authorization", token.clone());
-        }
-        Ok(request)
-    }
-}
-
-pub(super) type Wire = InterceptedService<Channel, Token>;
 
 /// Why a stream ended, or did not begin.
 pub(super) enum Ended {
@@ -192,41 +174,21 @@ impl Dialler {
 /// The wire to a server, with TLS and a token where they are configured.
 pub(super) async fn connect(server: &ServerConfig) -> Result<Wire, Ended> {
     let hopeless = |what: String| Ended::Hopeless(format!("server: {what}"));
-    let read = |path: &std::path::Path| {
-        std::fs::read_to_string(path).map_err(|error| Ended::Hopeless(format!("{}: {error}", path.display())))
-    };
-    let mut endpoint = Endpoint::from_shared(server.url.clone())
-        .map_err(|error| hopeless(error.to_string()))?
+    let access = Access { ca_file: server.ca_file.clone(), token_file: server.token_file.clone() };
+    let endpoint = access.endpoint(&server.url).map_err(|error| hopeless(error.to_string()))?;
+    let endpoint = endpoint
         .tcp_nodelay(true)
         .connect_timeout(STEP_TIMEOUT)
         .http2_keep_alive_interval(Duration::from_secs(2))
         .keep_alive_timeout(Duration::from_secs(2))
         .keep_alive_while_idle(true);
-    if server.url.starts_with("https://") {
-        let mut tls = ClientTlsConfig::new().with_native_roots();
-        if let Some(path) = &server.ca_file {
-            tls = ClientTlsConfig::new().ca_certificate(Certificate::from_pem(read(path)?));
-        }
-        endpoint = endpoint.tls_config(tls).map_err(|error| hopeless(error.to_string()))?;
-    }
-    let token = match &server.token_file {
-        None => None,
-        Some(path) => {
-            let value = format!("Bearer {}", read(path)?.trim());
-            Some(value.parse().map_err(|_| hopeless(format!("{}: not a token", path.display())))?)
-        }
-    };
+    let token = access.token().map_err(|error| hopeless(error.to_string()))?;
     let broken = |why: String| Ended::Broken(format!("no server answers at {} ({why})", server.url));
     match tokio::time::timeout(STEP_TIMEOUT, endpoint.connect()).await {
         Err(_) => Err(broken(format!("nothing within {} s", STEP_TIMEOUT.as_secs_f64()))),
         Ok(Err(error)) => Err(broken(root_cause(&error))),
-        Ok(Ok(channel)) => Ok(InterceptedService::new(channel, Token(token))),
+        Ok(Ok(channel)) => Ok(token.over(channel)),
     }
-}
-
-/// What an error comes from in the end: the transport's own words say nothing.
-fn root_cause(error: &dyn std::error::Error) -> String {
-    std::iter::successors(Some(error), |error| error.source()).last().map_or_else(String::new, ToString::to_string)
 }
 
 /// What a refusal means.

@@ -3,12 +3,13 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use kerf_access::Wire;
 use kerf_proto::v1::session_service_client::SessionServiceClient;
 use kerf_proto::v1::{self, create_session_request};
 use tokio::sync::Mutex;
 use tonic::{Request, Status};
 
-use super::connection::{Ended, STEP_TIMEOUT, Wire, connect, refused};
+use super::connection::{Ended, STEP_TIMEOUT, connect, refused};
 use crate::config::ServerConfig;
 
 /// Building the largest scenes takes seconds.

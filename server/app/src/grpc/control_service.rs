@@ -16,6 +16,7 @@ use super::{Outgoing, check_version, grant_rate_hz};
 use crate::config::ControlLimits;
 use crate::convert::contact::{contact, rejection};
 use crate::convert::scene::{limits, scene_summary, state};
+use crate::security::caller::Caller;
 use crate::status::RequestError;
 
 /// The service.
@@ -43,13 +44,17 @@ impl ControlService {
     }
 
     /// A driver and the rate of its contacts.
-    fn grant(&self, hello: &v1::ClientHello) -> Result<(Driver, Contacts, ContactDeadband), RequestError> {
+    fn grant(
+        &self,
+        caller: &Caller,
+        hello: &v1::ClientHello,
+    ) -> Result<(Driver, Contacts, ContactDeadband), RequestError> {
         check_version(hello.protocol_version)?;
         if hello.tool_ids.is_empty() {
             return Err(RequestError::Missing { field: "hello.tool_ids" });
         }
         self.unary.purge();
-        let session = self.registry.get(&hello.session_id)?;
+        let session = caller.session(&self.registry, &hello.session_id)?;
         let step_rate_hz = session.scene().desc.rate_hz;
         let max_hz = self.limits.max_contact_rate_hz.min(step_rate_hz);
         let default_hz = self.limits.default_contact_rate_hz;
@@ -75,13 +80,13 @@ impl ControlService {
         v1::ControlResponse { message: Some(v1::control_response::Message::Hello(hello)) }
     }
 
-    /// The lease of a unary driver: the one it has, or a new one.
-    fn unary_lease(&self, request: &v1::SendPoseRequest, tool: usize) -> Result<String, RequestError> {
+    /// The lease of a unary driver: the one it has, or a new one. Whoever has one was to know of its session.
+    fn unary_lease(&self, caller: &Caller, request: &v1::SendPoseRequest, tool: usize) -> Result<String, RequestError> {
         if !request.lease.is_empty() {
             self.unary.with(&request.lease, &request.session_id, |kept| kept.driver.claim(&[tool]))??;
             return Ok(request.lease.clone());
         }
-        let session = self.registry.get(&request.session_id)?;
+        let session = caller.session(&self.registry, &request.session_id)?;
         self.unary.keep(session.drive(&[tool])?)
     }
 }
@@ -104,14 +109,16 @@ impl v1::control_service_server::ControlService for ControlService {
         &self,
         request: Request<Streaming<v1::ControlRequest>>,
     ) -> Result<Response<Self::ControlStream>, Status> {
+        let caller = Caller::of(request.extensions())?;
         let mut incoming = request.into_inner();
         let hello = self.read_hello(&mut incoming).await?;
-        let (driver, contacts, deadband) = self.grant(&hello)?;
+        let (driver, contacts, deadband) = self.grant(&caller, &hello)?;
         let first = self.server_hello(&driver, &contacts);
         Ok(Response::new(outgoing(first, driver, contacts, deadband, incoming, &self.limits)))
     }
 
     async fn send_pose(&self, request: Request<v1::SendPoseRequest>) -> Result<Response<v1::SendPoseResponse>, Status> {
+        let caller = Caller::of(request.extensions())?;
         let request = request.into_inner();
         let motion = request.motion.as_ref().ok_or(RequestError::Missing { field: "motion" })?;
         let (tool_id, seq) = match motion {
@@ -120,7 +127,7 @@ impl v1::control_service_server::ControlService for ControlService {
         };
         let tool = tool_id as usize;
         self.unary.purge();
-        let lease = self.unary_lease(&request, tool)?;
+        let lease = self.unary_lease(&caller, &request, tool)?;
         let answer = self.unary.with(&lease, &request.session_id, |kept| {
             let rejected = match motion {
                 Motion::Pose(_) => kept.budget.take(tool_id, seq, Instant::now()).err(),

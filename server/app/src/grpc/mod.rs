@@ -6,6 +6,7 @@ pub mod control_service;
 mod control_stream;
 mod in_flight;
 mod interiors;
+mod owned;
 mod pose_budget;
 pub mod session_service;
 mod unary_drivers;

@@ -13,6 +13,7 @@ use kerf_session::{Position, Registry, Seek, Session, SessionId, SessionOptions}
 use tonic::{Request, Response, Status, Streaming};
 
 use super::checkpoint_files::CheckpointFiles;
+use super::owned::Owned;
 use super::{Outgoing, in_time};
 use crate::config::ServerConfig;
 use crate::convert::scene::{checkpoint, dial, session_description, session_info};
@@ -21,6 +22,7 @@ use crate::journal::Journals;
 use crate::pace;
 use crate::recording::Recordings;
 use crate::scene_list::{Listed, SceneList};
+use crate::security::caller::Caller;
 use crate::status::RequestError;
 
 /// The service.
@@ -31,6 +33,7 @@ pub struct SessionService {
     recordings: Arc<Recordings>,
     journals: Arc<Journals>,
     files: CheckpointFiles,
+    owned: Owned,
 }
 
 impl SessionService {
@@ -41,11 +44,13 @@ impl SessionService {
     ) -> Self {
         let scenes = Arc::new(SceneList::new(config.scene_dir.clone()));
         let files = CheckpointFiles::new(&config.transport);
-        Self { registry, scenes, config, recordings, journals, files }
+        let owned = Owned::new(config.security.max_sessions_per_token);
+        Self { registry, scenes, config, recordings, journals, files, owned }
     }
 
-    fn get(&self, id: &str) -> Result<Arc<Session>, RequestError> {
-        Ok(self.registry.get(id)?)
+    /// The session that a request names, if its caller is to know of it.
+    fn get<T>(&self, request: &Request<T>, id: &str) -> Result<Arc<Session>, RequestError> {
+        Caller::of(request.extensions())?.session(&self.registry, id)
     }
 
     fn limit_s(&self) -> f64 {
@@ -89,9 +94,9 @@ impl v1::session_service_server::SessionService for SessionService {
     }
 
     async fn get_scene(&self, request: Request<v1::GetSceneRequest>) -> Result<Response<v1::GetSceneResponse>, Status> {
-        let desc = match request.into_inner().of.ok_or(RequestError::Missing { field: "of" })? {
-            SceneOf::SceneName(name) => by_name(&self.scenes, &name)?.desc,
-            SceneOf::SessionId(id) => self.get(&id)?.scene().desc.clone(),
+        let desc = match request.get_ref().of.as_ref().ok_or(RequestError::Missing { field: "of" })? {
+            SceneOf::SceneName(name) => by_name(&self.scenes, name)?.desc,
+            SceneOf::SessionId(id) => self.get(&request, id)?.scene().desc.clone(),
         };
         let scene_toml =
             toml::to_string(&desc).map_err(|error| RequestError::SceneText { message: error.to_string() })?;
@@ -102,12 +107,15 @@ impl v1::session_service_server::SessionService for SessionService {
         &self,
         request: Request<v1::CreateSessionRequest>,
     ) -> Result<Response<v1::CreateSessionResponse>, Status> {
+        let caller = Caller::of(request.extensions())?;
         let request = request.into_inner();
+        let _place = self.owned.take(&self.registry, &caller)?;
         let options = SessionOptions {
             is_recorded: self.recordings.is_on(),
             is_journaled: self.journals.is_on(),
             start_paused: request.start_paused,
             dial: request.dial.map(dial).transpose()?,
+            owner: caller.owner(request.private)?,
         };
         let wanted = request.scene.ok_or(RequestError::Missing { field: "scene" })?;
         if request.fit_step_rate && request.step_rate_hz.is_some() {
@@ -151,16 +159,18 @@ impl v1::session_service_server::SessionService for SessionService {
         &self,
         request: Request<v1::DescribeSessionRequest>,
     ) -> Result<Response<v1::DescribeSessionResponse>, Status> {
-        let session = self.get(&request.get_ref().session_id)?;
+        let session = self.get(&request, &request.get_ref().session_id)?;
         let session = Some(self.describe(&session).await?);
         Ok(Response::new(v1::DescribeSessionResponse { session }))
     }
 
     async fn list_sessions(
         &self,
-        _request: Request<v1::ListSessionsRequest>,
+        request: Request<v1::ListSessionsRequest>,
     ) -> Result<Response<v1::ListSessionsResponse>, Status> {
-        let sessions = self.registry.list().iter().map(|session| session_info(session)).collect();
+        let caller = Caller::of(request.extensions())?;
+        let known = self.registry.list().into_iter().filter(|session| caller.knows(session));
+        let sessions = known.map(|session| session_info(&session)).collect();
         Ok(Response::new(v1::ListSessionsResponse { sessions, server_instance: self.registry.instance().to_string() }))
     }
 
@@ -169,7 +179,9 @@ impl v1::session_service_server::SessionService for SessionService {
         request: Request<v1::CloseSessionRequest>,
     ) -> Result<Response<v1::CloseSessionResponse>, Status> {
         let id = &request.get_ref().session_id;
-        let session = self.get(id)?;
+        let caller = Caller::of(request.extensions())?;
+        let session = caller.session(&self.registry, id)?;
+        caller.check_end(&session)?;
         in_time(self.limit_s(), self.registry.close(id)).await?;
         let recording = self.finish(session.id()).await;
         self.journals.finish(session.id()).await;
@@ -180,7 +192,7 @@ impl v1::session_service_server::SessionService for SessionService {
         &self,
         request: Request<v1::PauseSessionRequest>,
     ) -> Result<Response<v1::PauseSessionResponse>, Status> {
-        let session = self.get(&request.get_ref().session_id)?;
+        let session = self.get(&request, &request.get_ref().session_id)?;
         let step = in_time(self.limit_s(), session.pause()).await?;
         Ok(Response::new(v1::PauseSessionResponse { step }))
     }
@@ -189,7 +201,7 @@ impl v1::session_service_server::SessionService for SessionService {
         &self,
         request: Request<v1::ResumeSessionRequest>,
     ) -> Result<Response<v1::ResumeSessionResponse>, Status> {
-        let session = self.get(&request.get_ref().session_id)?;
+        let session = self.get(&request, &request.get_ref().session_id)?;
         let step = in_time(self.limit_s(), session.resume()).await?;
         Ok(Response::new(v1::ResumeSessionResponse { step }))
     }
@@ -198,8 +210,8 @@ impl v1::session_service_server::SessionService for SessionService {
         &self,
         request: Request<v1::StepSessionRequest>,
     ) -> Result<Response<v1::StepSessionResponse>, Status> {
+        let session = self.get(&request, &request.get_ref().session_id)?;
         let request = request.get_ref();
-        let session = self.get(&request.session_id)?;
         let steps = steps(request, &session.limits().pose)?;
         let stepped = in_time(self.limit_s(), session.step(steps)).await?;
         Ok(Response::new(step_response(&stepped)))
@@ -209,7 +221,7 @@ impl v1::session_service_server::SessionService for SessionService {
         &self,
         request: Request<v1::ResetSessionRequest>,
     ) -> Result<Response<v1::ResetSessionResponse>, Status> {
-        let session = self.get(&request.get_ref().session_id)?;
+        let session = self.get(&request, &request.get_ref().session_id)?;
         in_time(self.limit_s(), session.reset()).await?;
         let recording = self.recordings.so_far(session.id());
         Ok(Response::new(v1::ResetSessionResponse { recording }))
@@ -220,7 +232,7 @@ impl v1::session_service_server::SessionService for SessionService {
         request: Request<v1::SaveCheckpointRequest>,
     ) -> Result<Response<v1::SaveCheckpointResponse>, Status> {
         let v1::SaveCheckpointRequest { session_id, name } = request.get_ref();
-        let step = in_time(self.limit_s(), self.get(session_id)?.save_checkpoint(name)).await?;
+        let step = in_time(self.limit_s(), self.get(&request, session_id)?.save_checkpoint(name)).await?;
         Ok(Response::new(v1::SaveCheckpointResponse { step }))
     }
 
@@ -229,7 +241,7 @@ impl v1::session_service_server::SessionService for SessionService {
         request: Request<v1::RestoreCheckpointRequest>,
     ) -> Result<Response<v1::RestoreCheckpointResponse>, Status> {
         let v1::RestoreCheckpointRequest { session_id, name } = request.get_ref();
-        let session = self.get(session_id)?;
+        let session = self.get(&request, session_id)?;
         let step = in_time(self.limit_s(), session.restore_checkpoint(name)).await?;
         let recording = self.recordings.so_far(session.id());
         Ok(Response::new(v1::RestoreCheckpointResponse { step, recording }))
@@ -239,7 +251,7 @@ impl v1::session_service_server::SessionService for SessionService {
         &self,
         request: Request<v1::ListCheckpointsRequest>,
     ) -> Result<Response<v1::ListCheckpointsResponse>, Status> {
-        let session = self.get(&request.get_ref().session_id)?;
+        let session = self.get(&request, &request.get_ref().session_id)?;
         let checkpoints = in_time(self.limit_s(), session.checkpoints()).await?;
         Ok(Response::new(v1::ListCheckpointsResponse {
             checkpoints: checkpoints.into_iter().map(checkpoint).collect(),
@@ -251,7 +263,7 @@ impl v1::session_service_server::SessionService for SessionService {
         request: Request<v1::DeleteCheckpointRequest>,
     ) -> Result<Response<v1::DeleteCheckpointResponse>, Status> {
         let v1::DeleteCheckpointRequest { session_id, name } = request.get_ref();
-        in_time(self.limit_s(), self.get(session_id)?.delete_checkpoint(name)).await?;
+        in_time(self.limit_s(), self.get(&request, session_id)?.delete_checkpoint(name)).await?;
         Ok(Response::new(v1::DeleteCheckpointResponse {}))
     }
 
@@ -263,15 +275,16 @@ impl v1::session_service_server::SessionService for SessionService {
     ) -> Result<Response<Self::DownloadCheckpointStream>, Status> {
         let connection = request.remote_addr();
         let v1::DownloadCheckpointRequest { session_id, name } = request.get_ref();
-        Ok(Response::new(self.files.download(connection, &*self.get(session_id)?, name).await?))
+        Ok(Response::new(self.files.download(connection, &*self.get(&request, session_id)?, name).await?))
     }
 
     async fn upload_checkpoint(
         &self,
         request: Request<Streaming<v1::UploadCheckpointRequest>>,
     ) -> Result<Response<v1::UploadCheckpointResponse>, Status> {
-        let connection = request.remote_addr();
-        let step = self.files.upload(connection, request.into_inner(), |id| self.get(id)).await?;
+        let (connection, caller) = (request.remote_addr(), Caller::of(request.extensions())?);
+        let find = |id: &str| caller.session(&self.registry, id);
+        let step = self.files.upload(connection, request.into_inner(), find).await?;
         Ok(Response::new(v1::UploadCheckpointResponse { step }))
     }
 
@@ -279,6 +292,7 @@ impl v1::session_service_server::SessionService for SessionService {
         &self,
         request: Request<v1::SeekReplayRequest>,
     ) -> Result<Response<v1::SeekReplayResponse>, Status> {
+        let caller = Caller::of(request.extensions())?;
         let v1::SeekReplayRequest { session_id, time_s, speed } = request.into_inner();
         if let Some(value) = time_s.filter(|time_s| !(time_s.is_finite() && *time_s >= 0.0)) {
             return Err(RequestError::Rate { field: "time_s", value }.into());
@@ -286,7 +300,7 @@ impl v1::session_service_server::SessionService for SessionService {
         if let Some(speed) = speed.filter(|speed| !SPEEDS.contains(speed)) {
             return Err(RequestError::Speed { speed }.into());
         }
-        let session = self.get(&session_id)?;
+        let session = caller.session(&self.registry, &session_id)?;
         let Position { time_s, length_s, speed, step } =
             in_time(self.limit_s(), session.seek(Seek { time_s, speed })).await?;
         Ok(Response::new(v1::SeekReplayResponse { time_s, length_s, speed, step }))

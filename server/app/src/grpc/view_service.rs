@@ -15,6 +15,7 @@ use super::viewing::Viewing;
 use super::{Outgoing, check_version, grant_rate_hz, in_time, token};
 use crate::config::ViewLimits;
 use crate::encode::{Encoder, Encoding};
+use crate::security::caller::Caller;
 use crate::status::RequestError;
 
 /// The rate when a viewer states no wish: a screen's.
@@ -51,12 +52,13 @@ impl v1::view_service_server::ViewService for ViewService {
     type ViewStream = Outgoing<v1::ViewResponse>;
 
     async fn view(&self, request: Request<v1::ViewRequest>) -> Result<Response<Self::ViewStream>, Status> {
+        let caller = Caller::of(request.extensions())?;
         let request = request.into_inner();
         check_version(request.protocol_version)?;
         let max_hz = self.registry.limits().view_rate_hz;
         let rate_hz = grant_rate_hz("rate_hz", request.rate_hz, DEFAULT_RATE_HZ, max_hz)?;
         let encoding = Encoding::granted(&request)?;
-        let session = self.registry.get(&request.session_id).map_err(RequestError::from)?;
+        let session = caller.session(&self.registry, &request.session_id)?;
         let mut viewer = session.view().map_err(RequestError::from)?;
         // Half a published interval early is in time: the next one would be half an interval late.
         let interval_s = 1.0 / rate_hz - 0.5 / max_hz;
@@ -94,7 +96,7 @@ impl v1::view_service_server::ViewService for ViewService {
         request: Request<v1::GetInteriorRequest>,
     ) -> Result<Response<v1::GetInteriorResponse>, Status> {
         let v1::GetInteriorRequest { session_id, object } = request.get_ref();
-        let session = self.registry.get(session_id).map_err(RequestError::from)?;
+        let session = Caller::of(request.extensions())?.session(&self.registry, session_id)?;
         let objects = session.object_stats();
         let stats = objects.get(*object as usize);
         let stats = stats.ok_or(RequestError::NoObject { object: *object, objects: objects.len() })?;

@@ -34,13 +34,14 @@ fn read_file(path: &Path) -> Result<(Scene, Past)> {
 }
 
 fn past(recording: &mut Recording) -> Result<Past> {
-    let mut past = Past { is_paused: recording.header().is_paused, ..Past::default() };
+    let (is_paused, owner) = (recording.header().is_paused, convert::owner(recording.header()));
+    let mut past = Past { is_paused, owner, ..Past::default() };
     for index in 0..recording.chunks() {
         for entry in recording.chunk(index)? {
             match entry.track {
                 Track::Base => {
                     let v1::RecordedBase { data, is_paused } = entry.read()?;
-                    past = Past { base: Some(data), is_paused, entries: Vec::new() };
+                    past = Past { base: Some(data), is_paused, entries: Vec::new(), ..past };
                 }
                 Track::Step => {
                     let step: v1::RecordedStep = entry.read()?;

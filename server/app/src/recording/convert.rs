@@ -15,7 +15,7 @@ use kerf_physics::{Quat, Scene, SceneDesc, ToolInput, Vec3};
 use kerf_proto::v1;
 use kerf_proto::v1::recorded_motion::Motion;
 use kerf_session::{
-    Checkpoint, LoggedInputs, Phase, SceneEvent, Session, Shortfall, StepTimes, TapedStep, ViewEvent, ViewState,
+    Checkpoint, LoggedInputs, Owner, Phase, SceneEvent, Session, Shortfall, StepTimes, TapedStep, ViewEvent, ViewState,
 };
 
 use crate::convert::wrench;
@@ -42,7 +42,15 @@ pub fn header(session: &Session, summary: v1::SceneSummary) -> Result<v1::Record
         meshes: session.scene().meshes.iter().map(mesh).collect(),
         scene: Some(summary),
         is_paused: session.phase() != Phase::Running,
+        owner: session.owner().map(|owner| owner.name.clone()).unwrap_or_default(),
+        is_private: session.owner().is_some_and(|owner| owner.is_private),
     })
+}
+
+/// Whose session was recorded.
+pub fn owner(header: &v1::RecordingHeader) -> Option<Owner> {
+    let v1::RecordingHeader { owner, is_private, .. } = header;
+    (!owner.is_empty()).then(|| Owner { name: owner.clone(), is_private: *is_private })
 }
 
 /// The scene that was recorded.

@@ -40,7 +40,7 @@ fn past(entries: &[TapeEntry]) -> Past {
                 past.entries.push(PastEntry::Checkpoint(Arc::clone(name), file.save()));
             }
             TapeEntry::Base(base) => {
-                past = Past { base: Some(base.state.save()), is_paused: base.is_paused, entries: Vec::new() };
+                past = Past { base: Some(base.state.save()), is_paused: base.is_paused, ..Past::default() };
                 let kept =
                     base.checkpoints.iter().map(|(name, kept)| PastEntry::Checkpoint(Arc::clone(name), kept.save()));
                 past.entries.extend(kept);

@@ -2,15 +2,11 @@
 //! this machine (DNS rebinding), gets nothing.
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
-use std::sync::Arc;
 
-use axum::extract::{Request, State};
 use axum::http::header::{HOST, ORIGIN};
 use axum::http::{HeaderMap, HeaderValue, Uri};
-use axum::middleware::Next;
-use axum::response::Response;
 
-use crate::status::{RequestError, refusal};
+use crate::status::RequestError;
 
 /// The names that a server answers to.
 pub struct Hosts {
@@ -20,26 +16,21 @@ pub struct Hosts {
     names: Vec<String>,
 }
 
-/// Hands on a request that names this server, and comes from no page or from one of its own.
-pub async fn check(State(hosts): State<Arc<Hosts>>, request: Request, next: Next) -> Response {
-    match hosts.judge(request.uri(), request.headers()) {
-        Ok(()) => next.run(request).await,
-        Err(error) => refusal(request.headers(), error),
-    }
-}
-
 impl Hosts {
     /// Of a server that listens there.
-    pub fn new(listens: IpAddr, names: &[String]) -> Arc<Self> {
-        Arc::new(Self { is_loopback: listens.to_canonical().is_loopback(), names: names.to_vec() })
+    pub fn new(listens: IpAddr, names: &[String]) -> Self {
+        Self { is_loopback: listens.to_canonical().is_loopback(), names: names.to_vec() }
     }
 
-    fn judge(&self, uri: &Uri, headers: &HeaderMap) -> Result<(), RequestError> {
+    /// Ends in an error unless a request names this server, and comes from no page or from one of its own.
+    pub fn judge(&self, uri: &Uri, headers: &HeaderMap) -> Result<(), RequestError> {
         // HTTP/2 has it in the address, HTTP/1.1 in a header.
         let authority = uri.authority().map_or_else(|| text(headers.get(HOST)), |authority| authority.as_str());
         let host = without_port(authority);
-        let is_ours = || is_loopback_name(host) || self.names.iter().any(|name| name.eq_ignore_ascii_case(host));
-        if self.is_loopback && !is_ours() {
+        let is_named = || self.names.iter().any(|name| name.eq_ignore_ascii_case(host));
+        // A page's own name can be made to mean any machine. An address cannot, and a name that is not asked for here.
+        let is_ours = || is_loopback_name(host) || is_named() || !self.is_loopback && address(host).is_some();
+        if (self.is_loopback || !self.names.is_empty()) && !is_ours() {
             return Err(RequestError::ForeignHost { host: host.into() });
         }
         let Some(origin) = headers.get(ORIGIN) else { return Ok(()) };
@@ -63,11 +54,15 @@ fn without_port(authority: &str) -> &str {
     }
 }
 
+fn address(host: &str) -> Option<IpAddr> {
+    match host.strip_prefix('[').and_then(|host| host.strip_suffix(']')) {
+        Some(host) => host.parse::<Ipv6Addr>().ok().map(IpAddr::from),
+        None => host.parse::<Ipv4Addr>().ok().map(IpAddr::from),
+    }
+}
+
 fn is_loopback_name(host: &str) -> bool {
-    let bracketed = host.strip_prefix('[').and_then(|host| host.strip_suffix(']'));
-    host.eq_ignore_ascii_case("localhost")
-        || host.parse::<Ipv4Addr>().is_ok_and(|address| address.is_loopback())
-        || bracketed.and_then(|host| host.parse::<Ipv6Addr>().ok()).is_some_and(|address| address.is_loopback())
+    host.eq_ignore_ascii_case("localhost") || address(host).is_some_and(|address| address.is_loopback())
 }
 
 #[cfg(test)]
@@ -75,9 +70,13 @@ mod tests {
     use super::*;
 
     fn is_answered(listens: [u8; 4], host: &str, origin: Option<&str>) -> bool {
+        is_answered_by(&["liver.example".into()], listens, host, origin)
+    }
+
+    fn is_answered_by(names: &[String], listens: [u8; 4], host: &str, origin: Option<&str>) -> bool {
         let headers = [(HOST, host)].into_iter().chain(origin.map(|origin| (ORIGIN, origin)));
         let headers = headers.map(|(name, value)| (name, HeaderValue::from_str(value).unwrap())).collect();
-        let hosts = Hosts::new(listens.into(), &["liver.example".into()]);
+        let hosts = Hosts::new(listens.into(), names);
         hosts.judge(&Uri::from_static("/"), &headers).is_ok()
     }
 
@@ -92,7 +91,17 @@ mod tests {
             ["", "rebound.example:50051", "localhost.rebound.example", "10.0.0.1:50051", "127.0.0.1.nip.example"]
         {
             assert!(!is_answered([127, 0, 0, 1], host, None), "{host}");
-            assert!(is_answered([0, 0, 0, 0], host, None), "{host}: reached from elsewhere it has any name");
+            assert!(is_answered_by(&[], [0, 0, 0, 0], host, None), "{host}: reached from elsewhere it has any name");
+        }
+    }
+
+    #[test]
+    fn a_server_that_is_reached_from_elsewhere_and_knows_its_names_answers_to_those_and_to_addresses() {
+        for host in ["liver.example:50051", "10.0.0.1:50051", "[fe80::1]:50051", "localhost"] {
+            assert!(is_answered([0, 0, 0, 0], host, None), "{host}");
+        }
+        for host in ["", "rebound.example:50051", "127.0.0.1.nip.example"] {
+            assert!(!is_answered([0, 0, 0, 0], host, None), "{host}");
         }
     }
 

@@ -1,0 +1,132 @@
+//! Who gets in: TLS on the wire, tokens, what each is good for, and the one door that judges every request.
+//!
+//! Deliberately absent: accounts and passwords, which are for a proxy in front to ask for; tokens that say of themselves
+//! what they are good for, which cannot be taken back; cookies, which a foreign page could use.
+
+pub mod caller;
+pub mod door;
+mod failures;
+mod first_start;
+mod hosts;
+mod reloaded;
+pub mod roles;
+mod tls;
+pub mod token_command;
+mod tokens;
+
+use std::net::SocketAddr;
+use std::os::unix::fs::DirBuilderExt;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail};
+use tokio_rustls::TlsAcceptor;
+
+use crate::config::{SecurityConfig, ServerConfig};
+use door::Door;
+use hosts::Hosts;
+use reloaded::Reloaded;
+use tls::Files;
+use tokens::Tokens;
+
+/// What keeps others out.
+pub struct Security {
+    /// Judges requests.
+    pub door: Arc<Door>,
+    /// Begins TLS on connections; `None`: they have none.
+    pub tls: Option<TlsAcceptor>,
+}
+
+/// Refuses a server that others can reach, unless it has TLS and tokens, or is told to go without.
+///
+/// # Errors
+/// What is missing, and what would help.
+pub fn check(config: &ServerConfig) -> Result<()> {
+    let ServerConfig { listen, security, .. } = config;
+    let missing = match (security.has_tls(), security.has_tokens()) {
+        _ if listen.ip().to_canonical().is_loopback() => return Ok(()),
+        (true, true) => return Ok(()),
+        (false, false) => "neither TLS (security.certificate_file, security.key_file) nor tokens (security.token_file)",
+        (false, true) => "no TLS (security.certificate_file, security.key_file)",
+        (true, false) => "no tokens (security.token_file)",
+    };
+    if security.insecure {
+        tracing::warn!(%listen, "security.insecure: others can reach this server, and it has {missing}");
+        return Ok(());
+    }
+    bail!(
+        "listen = {listen}: others can reach it there, and this server has {missing}. One of these helps:\n  \
+         --security-dir FOLDER  makes what is missing in it, and shows the first token once\n  \
+         --listen 127.0.0.1:{port}  is reached from this machine alone\n  \
+         --insecure  serves whoever comes, and whoever listens in on the way",
+        port = listen.port()
+    )
+}
+
+impl Security {
+    /// Reads what there is, and makes what is missing in `security.dir`. `listens` is where the server listens.
+    ///
+    /// # Errors
+    /// What cannot be read or made.
+    pub fn begin(config: &ServerConfig, listens: SocketAddr) -> Result<Self> {
+        let ServerConfig { names, security, .. } = config;
+        if let Some(folder) = &security.dir {
+            let made = std::fs::DirBuilder::new().recursive(true).mode(0o700).create(folder);
+            made.with_context(|| format!("security.dir = {}", folder.display()))?;
+        }
+        let files = security.tls_files();
+        if let (Some(files), true) = (&files, security.certificate_file.is_none()) {
+            first_start::certificate(files, first_start::own_names(listens, names))?;
+        }
+        let tls = files.as_ref().map(tls::acceptor).transpose()?;
+        let token_file = security.token_file();
+        if let (Some(file), true) = (&token_file, security.token_file.is_none()) {
+            let url = url(config, listens);
+            first_start::token(file, |token| format!("{url}/#token={}", token.reveal()))?;
+        }
+        let tokens = token_file.map(|file| {
+            let read = {
+                let file = file.clone();
+                move || Tokens::read(&file)
+            };
+            Reloaded::begin("the tokens", vec![file], read)
+        });
+        let hosts = Hosts::new(listens.ip(), names);
+        Ok(Self { door: Door::new(hosts, tokens.transpose()?, security.max_wrong_tokens_per_minute), tls })
+    }
+}
+
+/// The address that a browser on this machine finds a server at; from elsewhere by the first of its names.
+pub fn url(config: &ServerConfig, listens: SocketAddr) -> String {
+    let scheme = if config.security.has_tls() { "https" } else { "http" };
+    match listens.ip().is_unspecified() {
+        false => format!("{scheme}://{listens}"),
+        true => {
+            let name = config.names.first().map_or("localhost", String::as_str);
+            format!("{scheme}://{name}:{}", listens.port())
+        }
+    }
+}
+
+impl SecurityConfig {
+    fn has_tls(&self) -> bool {
+        self.dir.is_some() || self.certificate_file.is_some()
+    }
+
+    fn has_tokens(&self) -> bool {
+        self.dir.is_some() || self.token_file.is_some()
+    }
+
+    fn token_file(&self) -> Option<PathBuf> {
+        self.token_file.clone().or_else(|| Some(self.dir.as_ref()?.join("tokens.toml")))
+    }
+
+    /// Where `certificate_file` and `key_file` are given, which are given together, or in the folder.
+    fn tls_files(&self) -> Option<Files> {
+        let given = self.certificate_file.clone().zip(self.key_file.clone());
+        let given = given.map(|(certificate, key)| Files { certificate, key });
+        let made =
+            |folder: &PathBuf| Files { certificate: folder.join("certificate.pem"), key: folder.join("key.pem") };
+        given.or_else(|| self.dir.as_ref().map(made))
+    }
+}
