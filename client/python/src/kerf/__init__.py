@@ -9,6 +9,7 @@ from kerf.body import Surface
 from kerf.client import Client
 from kerf.control import Contact, Control
 from kerf.errors import (
+    AccessDeniedError,
     DeadlineError,
     FailedPreconditionError,
     InvalidArgumentError,
@@ -47,6 +48,7 @@ with contextlib.suppress(ImportError):
 
 __all__ = [
     "ENERGY_TERMS",
+    "AccessDeniedError",
     "Checkpoint",
     "Client",
     "Contact",

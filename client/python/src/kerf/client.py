@@ -21,14 +21,25 @@ if TYPE_CHECKING:
 class Client:
     """A connection to a server; a context manager."""
 
-    def __init__(self, address: str = "127.0.0.1:50051", *, timeout_s: float = 60.0) -> None:
+    def __init__(
+        self,
+        address: str = "127.0.0.1:50051",
+        *,
+        timeout_s: float = 60.0,
+        token: str | None = None,
+        ca_file: str | Path | None = None,
+    ) -> None:
         """Connects.
 
         Args:
-            address: Host and port.
+            address: Host and port; `https://` before them asks for TLS.
             timeout_s: What a call may take, s.
+            token: What the server lets this client in by. Else it is read from the file that `KERF_TOKEN_FILE` names, or
+                from `KERF_TOKEN`.
+            ca_file: Certificates (PEM) of those who are trusted to sign the server's; asks for TLS. Else those of the file
+                that `KERF_CA_FILE` names, or the system's.
         """
-        self._transport = Transport(address.removeprefix("http://"), timeout_s)
+        self._transport = Transport(address, timeout_s, token=token, ca_file=ca_file)
 
     def __enter__(self) -> Self:
         return self
@@ -73,6 +84,7 @@ class Client:
         budget_ms: float | None = None,
         max_error: float | None = None,
         step_rate_hz: float | None = None,
+        private: bool = False,
     ) -> Session:
         """Builds a scene, named, in a file, or as text, and begins a session of it.
 
@@ -86,6 +98,7 @@ class Client:
             budget_ms: Or the most exact measured setting whose steps take at most this long in the median.
             max_error: Or the cheapest measured setting that errs by at most this.
             step_rate_hz: Steps per simulated second; the scene's unless it is given.
+            private: Nobody gets to know of it but clients with the same token, and operators.
         """
         if sum(given is not None for given in (scene_name, path, toml)) != 1:
             raise InvalidArgumentError("give one of scene_name, path and toml", field="scene", limit="one of three")
@@ -101,6 +114,7 @@ class Client:
             budget_ms=budget_ms,
             max_error=max_error,
             step_rate_hz=step_rate_hz,
+            private=private,
             files=[pb.SceneFile(name=name, data=data) for name, data in sent.items()],
         )
         answer = self._transport.call("SessionService/CreateSession", request, pb.CreateSessionResponse)

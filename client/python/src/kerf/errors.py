@@ -47,6 +47,10 @@ class StepsEndedError(KerfError):
     """Steps were ended by a pause, a resume, a reset or a way back before all were taken."""
 
 
+class AccessDeniedError(KerfError, PermissionError):
+    """The server asks for a token, takes another one than was given, or one that is good for more."""
+
+
 class UnavailableError(KerfError, ConnectionError):
     """The server cannot be reached, or goes down."""
 
@@ -74,6 +78,8 @@ _BY_CODE: dict[grpc.StatusCode, type[KerfError]] = {
     grpc.StatusCode.NOT_FOUND: NotFoundError,
     grpc.StatusCode.RESOURCE_EXHAUSTED: ResourceExhaustedError,
     grpc.StatusCode.FAILED_PRECONDITION: FailedPreconditionError,
+    grpc.StatusCode.UNAUTHENTICATED: AccessDeniedError,
+    grpc.StatusCode.PERMISSION_DENIED: AccessDeniedError,
     grpc.StatusCode.ABORTED: StepsEndedError,
     grpc.StatusCode.UNAVAILABLE: UnavailableError,
     grpc.StatusCode.DEADLINE_EXCEEDED: DeadlineError,

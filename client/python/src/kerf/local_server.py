@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import collections
 import json
-import os
 import shutil
 import subprocess
 import threading
@@ -45,10 +44,8 @@ class LocalServer:
             raise NotFoundError(f"no program {str(program)!r}", field="program", limit="a kerf-server")
         given = {"log.format": "json", **(settings or {})}
         flags = [f"--set={name}={_as_setting(value)}" for name, value in given.items()]
-        # That one names the program. The server takes what begins with KERF_ for its settings, and knows none such.
-        environment = {name: value for name, value in os.environ.items() if name != "KERF_SERVER"}
         self._process = subprocess.Popen(
-            [found, "serve", "--listen", "127.0.0.1:0", *flags], stderr=subprocess.PIPE, text=True, env=environment
+            [found, "serve", "--listen", "127.0.0.1:0", *flags], stderr=subprocess.PIPE, text=True
         )
         #: Host and port.
         self.address = self._listening_address()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import grpc
@@ -23,7 +25,10 @@ _MAX_MESSAGE_BYTES = 16 << 20
 class Transport:
     """A connection to a server. Calls are made by name, and errors come as `kerf.KerfError`."""
 
-    def __init__(self, address: str, timeout_s: float) -> None:
+    def __init__(self, address: str, timeout_s: float, *, token: str | None, ca_file: str | Path | None) -> None:
+        token, ca_file = token or _token_of_environment(), ca_file or os.environ.get("KERF_CA_FILE")
+        is_secure = address.startswith("https://") or (ca_file is not None and "://" not in address)
+        address = address.removeprefix("http://").removeprefix("https://")
         options = [
             ("grpc.max_receive_message_length", _MAX_MESSAGE_BYTES),
             ("grpc.max_send_message_length", _MAX_MESSAGE_BYTES),
@@ -32,7 +37,13 @@ class Transport:
         ]
         self.address = address
         self.timeout_s = timeout_s
-        self._channel = grpc.insecure_channel(address, options)
+        if is_secure:
+            certificates = None if ca_file is None else Path(ca_file).read_bytes()
+            credentials = grpc.ssl_channel_credentials(root_certificates=certificates)
+            self._channel = grpc.secure_channel(address, credentials, options)
+        else:
+            self._channel = grpc.insecure_channel(address, options)
+        self._metadata = [("authorization", f"Bearer {token}")] if token else []
         self._calls: dict[str, Any] = {}
 
     def wait_until_ready(self, timeout_s: float) -> None:
@@ -46,27 +57,27 @@ class Transport:
         """Calls `Service/Method` and waits for its answer."""
         stub = self._stub("unary_unary", method, request, response)
         try:
-            answer: R = stub(request, timeout=timeout_s or self.timeout_s)
+            answer: R = stub(request, timeout=timeout_s or self.timeout_s, metadata=self._metadata)
         except grpc.RpcError as error:
             raise of_rpc(error) from error
         return answer
 
     def read(self, method: str, request: Message, response: type[R]) -> Stream[R]:
         """Calls `Service/Method` and reads what comes until it ends."""
-        return Stream(self._stub("unary_stream", method, request, response)(request))
+        return Stream(self._stub("unary_stream", method, request, response)(request, metadata=self._metadata))
 
     def send(self, method: str, requests: Iterator[Q], request: type[Q], response: type[R]) -> R:
         """Calls `Service/Method`, sends requests one after another and waits for the answer."""
         stub = self._stub("stream_unary", method, request(), response)
         try:
-            answer: R = stub(requests, timeout=self.timeout_s)
+            answer: R = stub(requests, timeout=self.timeout_s, metadata=self._metadata)
         except grpc.RpcError as error:
             raise of_rpc(error) from error
         return answer
 
     def converse(self, method: str, requests: Iterator[Message], request: Message, response: type[R]) -> Stream[R]:
         """Calls `Service/Method`, sends requests as they come and reads what comes until it ends."""
-        return Stream(self._stub("stream_stream", method, request, response)(requests))
+        return Stream(self._stub("stream_stream", method, request, response)(requests, metadata=self._metadata))
 
     def close(self) -> None:
         """Ends all calls and the connection."""
@@ -80,6 +91,13 @@ class Transport:
                 response_deserializer=response.FromString,
             )
         return self._calls[method]
+
+
+def _token_of_environment() -> str | None:
+    """The token in the file that `KERF_TOKEN_FILE` names, or in `KERF_TOKEN`."""
+    if file := os.environ.get("KERF_TOKEN_FILE"):
+        return Path(file).read_text(encoding="utf-8").strip()
+    return os.environ.get("KERF_TOKEN")
 
 
 class Stream(Generic[R]):
