@@ -2,7 +2,10 @@
 
 import { type ChildProcess, spawn } from "node:child_process";
 import { once } from "node:events";
+import { mkdtemp, rm } from "node:fs/promises";
 import { type AddressInfo, connect, createServer } from "node:net";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
 import { createClient } from "@connectrpc/connect";
 import { createGrpcWebTransport } from "@connectrpc/connect-web";
 import { type Browser, chromium, type JSHandle, type Page } from "playwright-core";
@@ -110,6 +113,28 @@ export class Server {
   }
 }
 
+/** A server with TLS that asks for tokens, and the link that it shows at its first start. */
+export async function startSecured(): Promise<{ link: URL; stop: () => Promise<void> }> {
+  const folder = await mkdtemp(join(tmpdir(), "kerf-"));
+  const listen = `127.0.0.1:${await freePort()}`;
+  const args = ["serve", "--listen", listen, "--log-filter", "error", "--security-dir", folder];
+  const process = spawn(BINARY, args, { stdio: ["ignore", "pipe", "inherit"] });
+  let shown = "";
+  for await (const part of process.stdout) {
+    shown += String(part);
+    const link = /https:\S+#token=\S+/.exec(shown)?.[0];
+    if (!link) continue;
+    const stop = async () => {
+      const ended = once(process, "exit");
+      process.kill("SIGKILL");
+      await ended;
+      await rm(folder, { recursive: true });
+    };
+    return { link: new URL(link), stop };
+  }
+  throw new Error(`${BINARY} ended and showed no link: ${shown}`);
+}
+
 /** A port that lets only so many bytes a second through to another. */
 export async function slowLink(to: number, bytesPerSecond: number): Promise<{ address: string; close: () => void }> {
   const tickMs = 50;
@@ -148,7 +173,8 @@ interface Opened {
 /** Opens a page; what goes wrong in it is kept. */
 export async function open(browser: Browser, url: string, how: Opened = { width: 800, height: 560 }) {
   const { width, height, colorScheme = "dark", hasTouch = false } = how;
-  const page = await browser.newPage({ viewport: { width, height }, colorScheme, hasTouch });
+  // A server's own certificate is one that no browser knows.
+  const page = await browser.newPage({ viewport: { width, height }, colorScheme, hasTouch, ignoreHTTPSErrors: true });
   const problems: string[] = [];
   page.on("pageerror", (error) => problems.push(error.message));
   page.on("console", (message) => {

@@ -20,6 +20,7 @@ import {
   redShare,
   Server,
   slowLink,
+  startSecured,
 } from "./harness";
 
 let browser: Browser;
@@ -519,4 +520,33 @@ test("a session that is not there is said in words, with what to do", async () =
   await page.waitForSelector("text=This session cannot be joined");
   await page.click("button:has-text('Choose a scene')");
   await page.waitForSelector('[data-scene="tofu"]');
+});
+
+test("the link of a server that asks for a token opens it, and whoever has none is asked", async () => {
+  const { link, stop } = await startSecured();
+  try {
+    const token = new URLSearchParams(link.hash.slice(1)).get("token")!;
+    const { page, problems } = await open(browser, link.href);
+    await page.click('[data-scene="jelly"]');
+    await live(page);
+    await page.click("button:has-text('Blade')");
+    await readingWhere(page, "Round trip", (milliseconds) => milliseconds > 0);
+    expect(page.url()).not.toContain(token);
+    await page.reload();
+    await live(page);
+    expect(problems).toEqual([]);
+    await page.context().close();
+
+    const { page: stranger } = await open(browser, link.origin);
+    const asks = stranger.locator("dialog[aria-label='Sign in'] input");
+    await asks.fill("wrong");
+    await asks.press("Enter");
+    await stranger.waitForEvent("load");
+    await asks.fill(token);
+    await asks.press("Enter");
+    await stranger.waitForSelector('[data-scene="tofu"]');
+    expect(await stranger.evaluate(() => document.cookie + JSON.stringify(localStorage))).toBe("{}");
+  } finally {
+    await stop();
+  }
 });

@@ -6,7 +6,8 @@ import type { SessionDescription } from "./gen/kerf/v1/session_pb";
 import { Input } from "./input";
 import { inWords } from "./net/errors";
 import type { StreamStatus } from "./net/frames";
-import { sessions } from "./net/server";
+import { sessions, whenUnknown } from "./net/server";
+import { takeToken } from "./net/token";
 import { View } from "./net/view";
 import { canDraw, Stage } from "./scene/stage";
 import { showsElements, type Style } from "./scene/tissue";
@@ -20,6 +21,7 @@ import { say, sayUntil, stand, unsay } from "./ui/messages";
 import { openPoints, savePoint } from "./ui/points";
 import { Readings } from "./ui/readings";
 import { openSettings } from "./ui/settings";
+import { openSignIn } from "./ui/sign-in";
 import { openStart } from "./ui/start";
 import { followTheme } from "./ui/theme";
 import { viewLink, viewOf } from "./view-link";
@@ -248,6 +250,8 @@ function sayError(error: unknown): void {
   say(inWords(error), "problem");
 }
 
+takeToken();
+whenUnknown(openSignIn);
 if (canDraw()) {
   void new App().start();
 } else {

@@ -7,6 +7,11 @@ export function isGone(error: unknown): boolean {
   return ConnectError.from(error).code === Code.NotFound;
 }
 
+/** The server does not know who this is: it asks for a token, or for another one. */
+export function isUnknownHere(error: unknown): boolean {
+  return ConnectError.from(error).code === Code.Unauthenticated;
+}
+
 /** Nothing was refused: the answer did not come. */
 export function isUnreachable(error: unknown): boolean {
   const { code } = ConnectError.from(error);
@@ -28,6 +33,8 @@ export function inWords(error: unknown): string {
       return "This session is not there any more. The server was restarted, or somebody ended it.";
     case Code.InvalidArgument:
       return `The server cannot use this: ${rawMessage}. Change that value and try again.`;
+    case Code.Unauthenticated:
+      return "The server does not let this page in without a token that it knows. Sign in with yours.";
     default:
       return `The server refused: ${rawMessage}.`;
   }

@@ -91,7 +91,7 @@ export type FromWorker =
   | { kind: "fault"; object: string; step: number };
 
 export type ToWorker =
-  | { kind: "open"; sessionId: string; server: string }
+  | { kind: "open"; sessionId: string; server: string; token: string | undefined }
   | { kind: "close" }
   /** The frame was drawn; its predecessor's arrays come back to be filled again. */
   | { kind: "drawn"; shapes: SurfaceShape[] }

@@ -5,6 +5,7 @@
 import { Driver } from "./driver";
 import { Follower } from "./follower";
 import type { FromHandsWorker, ToHandsWorker } from "./hands";
+import { sayToken } from "./token";
 
 /** Poses come twice as often as pictures, ms: a tool goes in smaller steps, and a call costs a browser half of one. */
 const EVERY_MS = 8;
@@ -25,6 +26,7 @@ scope.onmessage = ({ data }: MessageEvent<ToHandsWorker>) => {
   switch (data.kind) {
     case "open":
       end();
+      sayToken(data.token);
       sceneSizeM = data.sceneSizeM;
       driver = new Driver(data.sessionId, {
         onRoundTrip: (milliseconds) => post({ kind: "roundTrip", milliseconds }),

@@ -1,6 +1,7 @@
 // The page's end of the worker that drives tools: the page says where they are wanted.
 
 import type { Vector } from "./frames";
+import { heldToken } from "./token";
 
 export interface DrivenPose {
   position: Vector;
@@ -10,7 +11,7 @@ export interface DrivenPose {
 }
 
 export type ToHandsWorker =
-  | { kind: "open"; sessionId: string; sceneSizeM: number }
+  | { kind: "open"; sessionId: string; sceneSizeM: number; token: string | undefined }
   /** Puts a tool down somewhere, through the air. */
   | { kind: "put"; toolId: number; goal: DrivenPose }
   /** Where a tool that was put down is wanted now. */
@@ -36,7 +37,7 @@ export class Hands {
 
   constructor(sessionId: string, sceneSizeM: number, hear: (message: FromHandsWorker) => void) {
     Hands.worker.onmessage = ({ data }: MessageEvent<FromHandsWorker>) => hear(data);
-    this.tell({ kind: "open", sessionId, sceneSizeM });
+    this.tell({ kind: "open", sessionId, sceneSizeM, token: heldToken() });
   }
 
   tell(message: ToHandsWorker): void {

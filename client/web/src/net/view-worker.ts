@@ -21,6 +21,7 @@ import { Acknowledger } from "./acknowledger";
 import { inWords, isGone } from "./errors";
 import { energyOf } from "./energy";
 import type { Frame, FromWorker, Sample, StreamStatus, ToolFrame, ToWorker, Wants } from "./frames";
+import { sayToken, withToken } from "./token";
 
 const FIRST_RETRY_MS = 250;
 const LAST_RETRY_MS = 4000;
@@ -36,6 +37,7 @@ scope.onmessage = ({ data }: MessageEvent<ToWorker>) => {
   switch (data.kind) {
     case "open":
       viewing?.end();
+      sayToken(data.token);
       viewing = new Viewing(data.sessionId, data.server);
       void viewing.run();
       break;
@@ -109,7 +111,7 @@ class Viewing {
   }
 
   private async follow(begun: () => void): Promise<void> {
-    const client = createClient(ViewService, createGrpcWebTransport({ baseUrl: this.server }));
+    const client = createClient(ViewService, createGrpcWebTransport({ baseUrl: this.server, interceptors: [withToken] }));
     const request = { protocolVersion: 3, sessionId: this.sessionId, wantsEnergy: true };
     const assembler = new Assembler();
     let acknowledger: Acknowledger | undefined;

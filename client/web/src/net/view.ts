@@ -2,6 +2,7 @@
 
 import { shapeArrays, type SurfaceShape } from "../decode/surface";
 import type { Frame, FromWorker, SessionEvent, StreamStatus, ToWorker, Wants } from "./frames";
+import { heldToken } from "./token";
 
 /** Who is told of a session. */
 export interface ViewListener {
@@ -26,7 +27,7 @@ export class View {
 
   open(sessionId: string): void {
     this.newest = undefined;
-    this.send({ kind: "open", sessionId, server: location.origin });
+    this.send({ kind: "open", sessionId, server: location.origin, token: heldToken() });
   }
 
   close(): void {
