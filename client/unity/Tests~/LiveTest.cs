@@ -24,12 +24,13 @@ static class LiveTest
             ALateViewerSeesWhatAnEarlyOneDoes,
             AViewerHearsOfTheEnd,
             NoServerIsSaidInWords,
+            () => ATokenOverTlsLetsIn(arguments[1], File.ReadAllText(arguments[2]).Trim(), arguments[3]),
         };
-        for (var i = 1; i < arguments.Length; i += 2) ARecordedStreamIsDecodedAsItIsWrittenDown(arguments[i], arguments[i + 1]);
+        for (var i = 4; i < arguments.Length; i += 2) ARecordedStreamIsDecodedAsItIsWrittenDown(arguments[i], arguments[i + 1]);
         foreach (var test in tests)
         {
             test();
-            Console.WriteLine("ok " + test.Method.Name);
+            Console.WriteLine("ok " + (test.Method.Name.StartsWith("<") ? nameof(ATokenOverTlsLetsIn) : test.Method.Name));
         }
         return 0;
     }
@@ -206,6 +207,27 @@ static class LiveTest
             && at[1] > box.RestMinM.Y - marginM && at[1] < box.RestMaxM.Y + marginM
             && at[2] > box.RestMinM.Z - marginM && at[2] < box.RestMaxM.Z + marginM;
         Expect(inside, "a vertex is outside of its object");
+    }
+
+    static void ATokenOverTlsLetsIn(string address, string token, string certificateFile)
+    {
+        Expect(new Server(address, token, certificateFile).ListScenes().Count > 0, "no scenes");
+        ExpectRefused(StatusCode.Unauthenticated, () => new Server(address, "wrong", certificateFile).ListScenes());
+        ExpectRefused(StatusCode.Unavailable, () => new Server(address, token).ListScenes());
+    }
+
+    static void ExpectRefused(StatusCode code, Action act)
+    {
+        try
+        {
+            act();
+        }
+        catch (KerfException error)
+        {
+            Expect(error.Code == code, error.Code + ": " + error.Message);
+            return;
+        }
+        throw new Exception("not refused as " + code);
     }
 
     sealed class Session : IDisposable

@@ -58,8 +58,16 @@ twice=$(find client/unity -name '*.meta' -exec grep -h '^guid: ' {} + | sort | u
 [ -z "$twice" ] || { echo "unity: two .meta files say $twice"; exit 1; }
 
 port=50071
+secured=50072
+rm -rf $build/security && mkdir -p $build/security
+$server token new --name unity --role driver --file $build/security/tokens.toml --out $build/token
 $server serve --listen 127.0.0.1:$port --log-filter error & started=$!
+$server serve --listen 127.0.0.1:$secured --security-dir $build/security --log-filter error & started="$started $!"
 trap 'kill $started 2>/dev/null; wait $started 2>/dev/null || true' EXIT
+until $server session --server 127.0.0.1:$secured --ca-file $build/security/certificate.pem health >/dev/null 2>&1; do
+    kill -0 ${started#* } || { echo "unity: the server with TLS ended"; exit 1; }
+    sleep 0.2
+done
 tries=0
 until $server session --server 127.0.0.1:$port list >/dev/null 2>&1; do
     tries=$((tries + 1)); [ $tries -lt 50 ] || { echo "unity: the server does not answer"; exit 1; }
@@ -75,7 +83,7 @@ for message in json.load(open(sys.argv[1])):
     print(len(lines), *lines, sep="\n")
 END
 done
-mono $build/LiveTest.exe http://127.0.0.1:$port proto/vectors/cut.bin $build/cut.txt \
+mono $build/LiveTest.exe http://127.0.0.1:$port https://127.0.0.1:$secured $build/token $build/security/certificate.pem proto/vectors/cut.bin $build/cut.txt \
     proto/vectors/cut-vertices.bin $build/cut-vertices.txt
 for input in old new; do
     mono $build/SampleTest-$input.exe http://127.0.0.1:$port client/unity/Runtime/Resources

@@ -2,6 +2,9 @@ using System;
 using System.Collections.Generic;
 using System.IO;
 using System.Net;
+using System.Net.Security;
+using System.Security.Cryptography;
+using System.Security.Cryptography.X509Certificates;
 using System.Text;
 using System.Threading;
 
@@ -17,13 +20,17 @@ namespace Kerf.Client
 
         readonly string address;
         readonly string token;
+        readonly X509Certificate2 known;
 
-        /// <param name="address">As "http://127.0.0.1:50051".</param>
+        /// <param name="address">As "http://127.0.0.1:50051" or "https://kerf.example:50051".</param>
         /// <param name="token">Sent as a bearer token where the server asks for one.</param>
-        public GrpcWebTransport(string address, string token = null)
+        /// <param name="certificateFile">The server's certificate (PEM), where nobody whom the system trusts has signed it.</param>
+        /// <exception cref="KerfException">The file holds no certificate.</exception>
+        public GrpcWebTransport(string address, string token = null, string certificateFile = null)
         {
             this.address = address.TrimEnd('/');
             this.token = token;
+            if (!string.IsNullOrEmpty(certificateFile)) known = ReadCertificate(certificateFile);
             // A viewer's stream, its acknowledgements and a driver go side by side.
             ServicePointManager.DefaultConnectionLimit = Math.Max(ServicePointManager.DefaultConnectionLimit, 16);
         }
@@ -66,10 +73,38 @@ namespace Kerf.Client
             http.ContentType = "application/grpc-web+proto";
             http.Headers["X-Grpc-Web"] = "1";
             if (!string.IsNullOrEmpty(token)) http.Headers["Authorization"] = "Bearer " + token;
+            if (known != null)
+            {
+                http.ServerCertificateValidationCallback = (sender, shown, chain, wrong) => Trusts(shown, wrong);
+                // Connections are kept and used again: not by those who would not have made them.
+                http.ConnectionGroupName = known.GetCertHashString();
+            }
             http.ServicePoint.Expect100Continue = false;
             http.ServicePoint.UseNagleAlgorithm = false;
             http.ReadWriteTimeout = Timeout.Infinite;
             return http;
+        }
+
+        /// <summary>Whether a certificate is vouched for by the system, or is the one that is known: who has its key is that server,
+        /// by whatever name it was called.</summary>
+        bool Trusts(X509Certificate shown, SslPolicyErrors wrong)
+        {
+            if (wrong == SslPolicyErrors.None) return true;
+            if (shown == null) return false;
+            var isKnown = Convert.ToBase64String(shown.GetRawCertData()) == Convert.ToBase64String(known.GetRawCertData());
+            return isKnown && DateTime.Now < known.NotAfter;
+        }
+
+        static X509Certificate2 ReadCertificate(string file)
+        {
+            try
+            {
+                return new X509Certificate2(file);
+            }
+            catch (Exception error) when (error is CryptographicException || error is IOException)
+            {
+                throw new KerfException(StatusCode.InvalidArgument, file + " holds no certificate (PEM): " + error.Message, error);
+            }
         }
 
         static void Write(HttpWebRequest http, byte[] request)

@@ -15,6 +15,8 @@ namespace Kerf.Client
         InvalidArgument = 3,
         /// <summary>No such session, scene, tool or viewer.</summary>
         NotFound = 5,
+        /// <summary>The token is not good for this, or the session is somebody else's.</summary>
+        PermissionDenied = 7,
         /// <summary>The server is full; the message names the limit.</summary>
         ResourceExhausted = 8,
         /// <summary>Another protocol version, or somebody else drives the tool.</summary>
@@ -25,6 +27,8 @@ namespace Kerf.Client
         Internal = 13,
         /// <summary>The server could not be reached, or the connection broke.</summary>
         Unavailable = 14,
+        /// <summary>The server asks for a token, or does not know the one that was sent.</summary>
+        Unauthenticated = 16,
     }
 
     /// <summary>A call failed.</summary>

@@ -16,9 +16,11 @@ namespace Kerf.Client
         readonly ITransport transport;
 
         /// <summary>A server that is reached over gRPC-Web.</summary>
-        /// <param name="address">As "http://127.0.0.1:50051".</param>
-        public Server(string address)
-            : this(new GrpcWebTransport(address))
+        /// <param name="address">As "http://127.0.0.1:50051" or "https://kerf.example:50051".</param>
+        /// <param name="token">Sent as a bearer token where the server asks for one.</param>
+        /// <param name="certificateFile">The server's certificate (PEM), where nobody whom the system trusts has signed it.</param>
+        public Server(string address, string token = null, string certificateFile = null)
+            : this(new GrpcWebTransport(address, token, certificateFile))
         {
         }
 

@@ -1,3 +1,5 @@
+using System;
+using System.IO;
 using System.Threading;
 using Kerf.Client;
 using Kerf.V1;
@@ -10,6 +12,15 @@ namespace Kerf.Unity
     {
         [Tooltip("Address of the server.")]
         public string address = "http://127.0.0.1:50051";
+
+        [Tooltip("File with the token that the server asks for, so that no token stands in the project. Empty: the one that code has set, or none.")]
+        public string tokenFile = "";
+
+        [Tooltip("File with the server's certificate (PEM), where nobody whom the system trusts has signed it.")]
+        public string certificateFile = "";
+
+        /// <summary>The token that the server asks for, where no file has it. It is not kept with the scene.</summary>
+        public string Token { get; set; }
 
         [Tooltip("A session to join. Empty: a new one of the scene below, which ends with this component.")]
         public string sessionId = "";
@@ -58,7 +69,17 @@ namespace Kerf.Unity
 
         void Join()
         {
-            server = new Server(address);
+            if (failure != null) return;
+            try
+            {
+                var token = tokenFile.Length == 0 ? Token : File.ReadAllText(tokenFile).Trim();
+                server = new Server(address, token, certificateFile);
+            }
+            catch (Exception error) when (error is KerfException || error is IOException || error is UnauthorizedAccessException)
+            {
+                failure = error.Message;
+                return;
+            }
             isOwn = sessionId.Length == 0;
             var asked = new CreateSessionRequest { SceneName = sceneName, FitStepRate = stepRateHz <= 0 };
             if (stepRateHz > 0) asked.StepRateHz = stepRateHz;

@@ -30,124 +30,124 @@ namespace Kerf.V1 {
             "MhIua2VyZi52MS5TY2VuZUluZm8iLgoJU2NlbmVJbmZvEgwKBG5hbWUYASAB",
             "KAkSEwoLZGVzY3JpcHRpb24YAiABKAkiQwoPR2V0U2NlbmVSZXF1ZXN0EhQK",
             "CnNjZW5lX25hbWUYASABKAlIABIUCgpzZXNzaW9uX2lkGAIgASgJSABCBAoC",
-            "b2YiJgoQR2V0U2NlbmVSZXNwb25zZRISCgpzY2VuZV90b21sGAEgASgJIooC",
+            "b2YiJgoQR2V0U2NlbmVSZXNwb25zZRISCgpzY2VuZV90b21sGAEgASgJIpsC",
             "ChRDcmVhdGVTZXNzaW9uUmVxdWVzdBIUCgpzY2VuZV9uYW1lGAEgASgJSAAS",
             "FAoKc2NlbmVfdG9tbBgCIAEoCUgAEhQKDHN0YXJ0X3BhdXNlZBgDIAEoCBIP",
             "CgVsZXZlbBgEIAEoDUgBEhMKCWJ1ZGdldF9tcxgFIAEoAUgBEhMKCW1heF9l",
             "cnJvchgGIAEoAUgBEhkKDHN0ZXBfcmF0ZV9oehgHIAEoAUgCiAEBEiEKBWZp",
             "bGVzGAggAygLMhIua2VyZi52MS5TY2VuZUZpbGUSFQoNZml0X3N0ZXBfcmF0",
-            "ZRgJIAEoCEIHCgVzY2VuZUIGCgRkaWFsQg8KDV9zdGVwX3JhdGVfaHoiJwoJ",
-            "U2NlbmVGaWxlEgwKBG5hbWUYASABKAkSDAoEZGF0YRgCIAEoDCJXChVDcmVh",
-            "dGVTZXNzaW9uUmVzcG9uc2USLAoHc2Vzc2lvbhgBIAEoCzIbLmtlcmYudjEu",
-            "U2Vzc2lvbkRlc2NyaXB0aW9uEhAKCHdhcm5pbmdzGAIgAygJIiwKFkRlc2Ny",
-            "aWJlU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSJHChdEZXNj",
-            "cmliZVNlc3Npb25SZXNwb25zZRIsCgdzZXNzaW9uGAEgASgLMhsua2VyZi52",
-            "MS5TZXNzaW9uRGVzY3JpcHRpb24iFQoTTGlzdFNlc3Npb25zUmVxdWVzdCJX",
-            "ChRMaXN0U2Vzc2lvbnNSZXNwb25zZRImCghzZXNzaW9ucxgBIAMoCzIULmtl",
-            "cmYudjEuU2Vzc2lvbkluZm8SFwoPc2VydmVyX2luc3RhbmNlGAIgASgJIikK",
-            "E0Nsb3NlU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSI9ChRD",
-            "bG9zZVNlc3Npb25SZXNwb25zZRIlCglyZWNvcmRpbmcYASABKAsyEi5rZXJm",
-            "LnYxLlJlY29yZGluZyJLCglSZWNvcmRpbmcSDAoEZmlsZRgBIAEoCRINCgVz",
-            "dGVwcxgCIAEoBBISCgppc19jdXRfb2ZmGAMgASgIEg0KBWVycm9yGAQgASgJ",
-            "IikKE1BhdXNlU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSIk",
-            "ChRQYXVzZVNlc3Npb25SZXNwb25zZRIMCgRzdGVwGAEgASgEIioKFFJlc3Vt",
-            "ZVNlc3Npb25SZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkiJQoVUmVzdW1l",
-            "U2Vzc2lvblJlc3BvbnNlEgwKBHN0ZXAYASABKAQiWwoSU3RlcFNlc3Npb25S",
-            "ZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDQoFc3RlcHMYAiABKA0SIgoG",
-            "aW5wdXRzGAMgAygLMhIua2VyZi52MS5TdGVwSW5wdXQiMQoJU3RlcElucHV0",
-            "EiQKB21vdGlvbnMYASADKAsyEy5rZXJmLnYxLlRvb2xNb3Rpb24iXAoKVG9v",
-            "bE1vdGlvbhIhCgRwb3NlGAEgASgLMhEua2VyZi52MS5Ub29sUG9zZUgAEiEK",
-            "BGxpZnQYAiABKAsyES5rZXJmLnYxLkxpZnRUb29sSABCCAoGbW90aW9uInkK",
-            "E1N0ZXBTZXNzaW9uUmVzcG9uc2USDAoEc3RlcBgBIAEoBBImCghvdXRjb21l",
-            "cxgCIAMoCzIULmtlcmYudjEuU3RlcE91dGNvbWUSGAoQdG9wb2xvZ3lfdmVy",
-            "c2lvbhgDIAEoBBISCgpzdGF0ZV9oYXNoGAQgASgGIqoBCgtTdGVwT3V0Y29t",
-            "ZRIMCgRzdGVwGAEgASgEEhIKCnNpbV90aW1lX3MYAiABKAESIgoIY29udGFj",
-            "dHMYAyADKAsyEC5rZXJmLnYxLkNvbnRhY3QSJQoGZW5lcmd5GAQgASgLMhUu",
-            "a2VyZi52MS5FbmVyZ3lMZWRnZXISLgoXdHJhY2tlZF9kaXNwbGFjZW1lbnRz",
-            "X20YBSADKAsyDS5rZXJmLnYxLlZlYzMiKQoTUmVzZXRTZXNzaW9uUmVxdWVz",
-            "dBISCgpzZXNzaW9uX2lkGAEgASgJIj0KFFJlc2V0U2Vzc2lvblJlc3BvbnNl",
-            "EiUKCXJlY29yZGluZxgBIAEoCzISLmtlcmYudjEuUmVjb3JkaW5nIjkKFVNh",
-            "dmVDaGVja3BvaW50UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5h",
-            "bWUYAiABKAkiJgoWU2F2ZUNoZWNrcG9pbnRSZXNwb25zZRIMCgRzdGVwGAEg",
-            "ASgEIjwKGFJlc3RvcmVDaGVja3BvaW50UmVxdWVzdBISCgpzZXNzaW9uX2lk",
-            "GAEgASgJEgwKBG5hbWUYAiABKAkiUAoZUmVzdG9yZUNoZWNrcG9pbnRSZXNw",
-            "b25zZRIMCgRzdGVwGAEgASgEEiUKCXJlY29yZGluZxgCIAEoCzISLmtlcmYu",
-            "djEuUmVjb3JkaW5nIiwKFkxpc3RDaGVja3BvaW50c1JlcXVlc3QSEgoKc2Vz",
-            "c2lvbl9pZBgBIAEoCSJDChdMaXN0Q2hlY2twb2ludHNSZXNwb25zZRIoCgtj",
-            "aGVja3BvaW50cxgBIAMoCzITLmtlcmYudjEuQ2hlY2twb2ludCI8CgpDaGVj",
-            "a3BvaW50EgwKBG5hbWUYASABKAkSDAoEc3RlcBgCIAEoBBISCgpzaW1fdGlt",
-            "ZV9zGAMgASgBIjsKF0RlbGV0ZUNoZWNrcG9pbnRSZXF1ZXN0EhIKCnNlc3Np",
-            "b25faWQYASABKAkSDAoEbmFtZRgCIAEoCSIaChhEZWxldGVDaGVja3BvaW50",
-            "UmVzcG9uc2UiPQoZRG93bmxvYWRDaGVja3BvaW50UmVxdWVzdBISCgpzZXNz",
-            "aW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAkiKgoaRG93bmxvYWRDaGVja3Bv",
-            "aW50UmVzcG9uc2USDAoEZGF0YRgBIAEoDCJJChdVcGxvYWRDaGVja3BvaW50",
-            "UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAkSDAoE",
-            "ZGF0YRgDIAEoDCIoChhVcGxvYWRDaGVja3BvaW50UmVzcG9uc2USDAoEc3Rl",
-            "cBgBIAEoBCJlChFTZWVrUmVwbGF5UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEg",
-            "ASgJEhMKBnRpbWVfcxgCIAEoAUgAiAEBEhIKBXNwZWVkGAMgASgBSAGIAQFC",
-            "CQoHX3RpbWVfc0IICgZfc3BlZWQiUwoSU2Vla1JlcGxheVJlc3BvbnNlEg4K",
-            "BnRpbWVfcxgBIAEoARIQCghsZW5ndGhfcxgCIAEoARINCgVzcGVlZBgDIAEo",
-            "ARIMCgRzdGVwGAQgASgEIm4KC1Nlc3Npb25JbmZvEhIKCnNlc3Npb25faWQY",
-            "ASABKAkSEgoKc2NlbmVfbmFtZRgCIAEoCRIkCgVzdGF0ZRgDIAEoDjIVLmtl",
-            "cmYudjEuU2Vzc2lvblN0YXRlEhEKCWlzX3JlcGxheRgEIAEoCCKVBAoSU2Vz",
-            "c2lvbkRlc2NyaXB0aW9uEhIKCnNlc3Npb25faWQYASABKAkSJAoFc3RhdGUY",
-            "AiABKA4yFS5rZXJmLnYxLlNlc3Npb25TdGF0ZRIkCgVzY2VuZRgDIAEoCzIV",
-            "LmtlcmYudjEuU2NlbmVTdW1tYXJ5Eh8KBmxpbWl0cxgEIAEoCzIPLmtlcmYu",
-            "djEuTGltaXRzEgwKBHN0ZXAYBSABKAQSEgoKc2ltX3RpbWVfcxgGIAEoARIY",
-            "ChB0b3BvbG9neV92ZXJzaW9uGAcgASgEEhIKCmxhdGVfc3RlcHMYCCABKAQS",
-            "DwoHdmlld2VycxgJIAEoDRIXCg9sZWFzZWRfdG9vbF9pZHMYCiADKA0SJQoG",
-            "ZW5lcmd5GAsgASgLMhUua2VyZi52MS5FbmVyZ3lMZWRnZXISLgoXdHJhY2tl",
-            "ZF9kaXNwbGFjZW1lbnRzX20YDCADKAsyDS5rZXJmLnYxLlZlYzMSEgoKc3Rh",
-            "dGVfaGFzaBgNIAEoBhIPCgdmYWlsdXJlGA4gASgJEiEKBGRpYWwYDyABKAsy",
-            "Ey5rZXJmLnYxLkRpYWxDaG9pY2USGgoScmVsYXRpdmVfdG9sZXJhbmNlGBAg",
-            "ASgBEgwKBGxvYWQYESABKAESFAoMbWVtb3J5X2J5dGVzGBIgASgEEiUKCXJl",
-            "Y29yZGluZxgVIAEoCzISLmtlcmYudjEuUmVjb3JkaW5nIl8KCkRpYWxDaG9p",
-            "Y2USJQoHc2V0dGluZxgBIAEoCzIULmtlcmYudjEuRGlhbFNldHRpbmcSKgoI",
-            "ZXhwZWN0ZWQYAiABKAsyGC5rZXJmLnYxLkRpYWxFeHBlY3RhdGlvbiJ5CgtE",
-            "aWFsU2V0dGluZxINCgVsZXZlbBgBIAEoDRITCgt2b3hlbF9zY2FsZRgCIAEo",
-            "ARIaChJyZWxhdGl2ZV90b2xlcmFuY2UYAyABKAESDwoHZWxlbWVudBgEIAEo",
-            "CRIZChFoYXNfZmluZXJfcmVnaW9ucxgFIAEoCCJ3Cg9EaWFsRXhwZWN0YXRp",
-            "b24SEQoJbWVkaWFuX21zGAEgASgBEg4KBnA5OV9tcxgCIAEoARIaChJkaXNw",
-            "bGFjZW1lbnRfZXJyb3IYAyABKAESEwoLZm9yY2VfZXJyb3IYBCABKAESEAoI",
-            "aGFyZHdhcmUYBSABKAkirAIKDEVuZXJneUxlZGdlchITCgt0b29sX3dvcmtf",
-            "ahgBIAEoARITCgtsb2FkX3dvcmtfahgCIAEoARIRCgllbGFzdGljX2oYAyAB",
-            "KAESEQoJY29udGFjdF9qGAQgASgBEhEKCWtpbmV0aWNfahgFIAEoARISCgpm",
-            "cmFjdHVyZV9qGAYgASgBEhQKDGZyb250X3NsaXBfahgHIAEoARIUCgxpbml0",
-            "aWF0aW9uX2oYCCABKAESEQoJcGFydGluZ19qGAkgASgBEhEKCWRhbXBpbmdf",
-            "ahgKIAEoARITCgtudW1lcmljYWxfahgLIAEoARISCgpyZXNpZHVhbF9qGAwg",
-            "ASgBEhIKCmZyaWN0aW9uX2oYDSABKAESFgoOY29udGFjdF9sb3NzX2oYDiAB",
-            "KAEy7QoKDlNlc3Npb25TZXJ2aWNlEkUKCkxpc3RTY2VuZXMSGi5rZXJmLnYx",
-            "Lkxpc3RTY2VuZXNSZXF1ZXN0Ghsua2VyZi52MS5MaXN0U2NlbmVzUmVzcG9u",
-            "c2USPwoIR2V0U2NlbmUSGC5rZXJmLnYxLkdldFNjZW5lUmVxdWVzdBoZLmtl",
-            "cmYudjEuR2V0U2NlbmVSZXNwb25zZRJOCg1DcmVhdGVTZXNzaW9uEh0ua2Vy",
-            "Zi52MS5DcmVhdGVTZXNzaW9uUmVxdWVzdBoeLmtlcmYudjEuQ3JlYXRlU2Vz",
-            "c2lvblJlc3BvbnNlElQKD0Rlc2NyaWJlU2Vzc2lvbhIfLmtlcmYudjEuRGVz",
-            "Y3JpYmVTZXNzaW9uUmVxdWVzdBogLmtlcmYudjEuRGVzY3JpYmVTZXNzaW9u",
-            "UmVzcG9uc2USSwoMTGlzdFNlc3Npb25zEhwua2VyZi52MS5MaXN0U2Vzc2lv",
-            "bnNSZXF1ZXN0Gh0ua2VyZi52MS5MaXN0U2Vzc2lvbnNSZXNwb25zZRJLCgxD",
-            "bG9zZVNlc3Npb24SHC5rZXJmLnYxLkNsb3NlU2Vzc2lvblJlcXVlc3QaHS5r",
-            "ZXJmLnYxLkNsb3NlU2Vzc2lvblJlc3BvbnNlEksKDFBhdXNlU2Vzc2lvbhIc",
-            "LmtlcmYudjEuUGF1c2VTZXNzaW9uUmVxdWVzdBodLmtlcmYudjEuUGF1c2VT",
-            "ZXNzaW9uUmVzcG9uc2USTgoNUmVzdW1lU2Vzc2lvbhIdLmtlcmYudjEuUmVz",
-            "dW1lU2Vzc2lvblJlcXVlc3QaHi5rZXJmLnYxLlJlc3VtZVNlc3Npb25SZXNw",
-            "b25zZRJICgtTdGVwU2Vzc2lvbhIbLmtlcmYudjEuU3RlcFNlc3Npb25SZXF1",
-            "ZXN0Ghwua2VyZi52MS5TdGVwU2Vzc2lvblJlc3BvbnNlEksKDFJlc2V0U2Vz",
-            "c2lvbhIcLmtlcmYudjEuUmVzZXRTZXNzaW9uUmVxdWVzdBodLmtlcmYudjEu",
-            "UmVzZXRTZXNzaW9uUmVzcG9uc2USUQoOU2F2ZUNoZWNrcG9pbnQSHi5rZXJm",
-            "LnYxLlNhdmVDaGVja3BvaW50UmVxdWVzdBofLmtlcmYudjEuU2F2ZUNoZWNr",
-            "cG9pbnRSZXNwb25zZRJaChFSZXN0b3JlQ2hlY2twb2ludBIhLmtlcmYudjEu",
-            "UmVzdG9yZUNoZWNrcG9pbnRSZXF1ZXN0GiIua2VyZi52MS5SZXN0b3JlQ2hl",
-            "Y2twb2ludFJlc3BvbnNlElQKD0xpc3RDaGVja3BvaW50cxIfLmtlcmYudjEu",
-            "TGlzdENoZWNrcG9pbnRzUmVxdWVzdBogLmtlcmYudjEuTGlzdENoZWNrcG9p",
-            "bnRzUmVzcG9uc2USVwoQRGVsZXRlQ2hlY2twb2ludBIgLmtlcmYudjEuRGVs",
-            "ZXRlQ2hlY2twb2ludFJlcXVlc3QaIS5rZXJmLnYxLkRlbGV0ZUNoZWNrcG9p",
-            "bnRSZXNwb25zZRJfChJEb3dubG9hZENoZWNrcG9pbnQSIi5rZXJmLnYxLkRv",
-            "d25sb2FkQ2hlY2twb2ludFJlcXVlc3QaIy5rZXJmLnYxLkRvd25sb2FkQ2hl",
-            "Y2twb2ludFJlc3BvbnNlMAESWQoQVXBsb2FkQ2hlY2twb2ludBIgLmtlcmYu",
-            "djEuVXBsb2FkQ2hlY2twb2ludFJlcXVlc3QaIS5rZXJmLnYxLlVwbG9hZENo",
-            "ZWNrcG9pbnRSZXNwb25zZSgBEkUKClNlZWtSZXBsYXkSGi5rZXJmLnYxLlNl",
-            "ZWtSZXBsYXlSZXF1ZXN0Ghsua2VyZi52MS5TZWVrUmVwbGF5UmVzcG9uc2Vi",
-            "BnByb3RvMw=="));
+            "ZRgJIAEoCBIPCgdwcml2YXRlGAogASgIQgcKBXNjZW5lQgYKBGRpYWxCDwoN",
+            "X3N0ZXBfcmF0ZV9oeiInCglTY2VuZUZpbGUSDAoEbmFtZRgBIAEoCRIMCgRk",
+            "YXRhGAIgASgMIlcKFUNyZWF0ZVNlc3Npb25SZXNwb25zZRIsCgdzZXNzaW9u",
+            "GAEgASgLMhsua2VyZi52MS5TZXNzaW9uRGVzY3JpcHRpb24SEAoId2Fybmlu",
+            "Z3MYAiADKAkiLAoWRGVzY3JpYmVTZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9u",
+            "X2lkGAEgASgJIkcKF0Rlc2NyaWJlU2Vzc2lvblJlc3BvbnNlEiwKB3Nlc3Np",
+            "b24YASABKAsyGy5rZXJmLnYxLlNlc3Npb25EZXNjcmlwdGlvbiIVChNMaXN0",
+            "U2Vzc2lvbnNSZXF1ZXN0IlcKFExpc3RTZXNzaW9uc1Jlc3BvbnNlEiYKCHNl",
+            "c3Npb25zGAEgAygLMhQua2VyZi52MS5TZXNzaW9uSW5mbxIXCg9zZXJ2ZXJf",
+            "aW5zdGFuY2UYAiABKAkiKQoTQ2xvc2VTZXNzaW9uUmVxdWVzdBISCgpzZXNz",
+            "aW9uX2lkGAEgASgJIj0KFENsb3NlU2Vzc2lvblJlc3BvbnNlEiUKCXJlY29y",
+            "ZGluZxgBIAEoCzISLmtlcmYudjEuUmVjb3JkaW5nIksKCVJlY29yZGluZxIM",
+            "CgRmaWxlGAEgASgJEg0KBXN0ZXBzGAIgASgEEhIKCmlzX2N1dF9vZmYYAyAB",
+            "KAgSDQoFZXJyb3IYBCABKAkiKQoTUGF1c2VTZXNzaW9uUmVxdWVzdBISCgpz",
+            "ZXNzaW9uX2lkGAEgASgJIiQKFFBhdXNlU2Vzc2lvblJlc3BvbnNlEgwKBHN0",
+            "ZXAYASABKAQiKgoUUmVzdW1lU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9p",
+            "ZBgBIAEoCSIlChVSZXN1bWVTZXNzaW9uUmVzcG9uc2USDAoEc3RlcBgBIAEo",
+            "BCJbChJTdGVwU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRIN",
+            "CgVzdGVwcxgCIAEoDRIiCgZpbnB1dHMYAyADKAsyEi5rZXJmLnYxLlN0ZXBJ",
+            "bnB1dCIxCglTdGVwSW5wdXQSJAoHbW90aW9ucxgBIAMoCzITLmtlcmYudjEu",
+            "VG9vbE1vdGlvbiJcCgpUb29sTW90aW9uEiEKBHBvc2UYASABKAsyES5rZXJm",
+            "LnYxLlRvb2xQb3NlSAASIQoEbGlmdBgCIAEoCzIRLmtlcmYudjEuTGlmdFRv",
+            "b2xIAEIICgZtb3Rpb24ieQoTU3RlcFNlc3Npb25SZXNwb25zZRIMCgRzdGVw",
+            "GAEgASgEEiYKCG91dGNvbWVzGAIgAygLMhQua2VyZi52MS5TdGVwT3V0Y29t",
+            "ZRIYChB0b3BvbG9neV92ZXJzaW9uGAMgASgEEhIKCnN0YXRlX2hhc2gYBCAB",
+            "KAYiqgEKC1N0ZXBPdXRjb21lEgwKBHN0ZXAYASABKAQSEgoKc2ltX3RpbWVf",
+            "cxgCIAEoARIiCghjb250YWN0cxgDIAMoCzIQLmtlcmYudjEuQ29udGFjdBIl",
+            "CgZlbmVyZ3kYBCABKAsyFS5rZXJmLnYxLkVuZXJneUxlZGdlchIuChd0cmFj",
+            "a2VkX2Rpc3BsYWNlbWVudHNfbRgFIAMoCzINLmtlcmYudjEuVmVjMyIpChNS",
+            "ZXNldFNlc3Npb25SZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkiPQoUUmVz",
+            "ZXRTZXNzaW9uUmVzcG9uc2USJQoJcmVjb3JkaW5nGAEgASgLMhIua2VyZi52",
+            "MS5SZWNvcmRpbmciOQoVU2F2ZUNoZWNrcG9pbnRSZXF1ZXN0EhIKCnNlc3Np",
+            "b25faWQYASABKAkSDAoEbmFtZRgCIAEoCSImChZTYXZlQ2hlY2twb2ludFJl",
+            "c3BvbnNlEgwKBHN0ZXAYASABKAQiPAoYUmVzdG9yZUNoZWNrcG9pbnRSZXF1",
+            "ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDAoEbmFtZRgCIAEoCSJQChlSZXN0",
+            "b3JlQ2hlY2twb2ludFJlc3BvbnNlEgwKBHN0ZXAYASABKAQSJQoJcmVjb3Jk",
+            "aW5nGAIgASgLMhIua2VyZi52MS5SZWNvcmRpbmciLAoWTGlzdENoZWNrcG9p",
+            "bnRzUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIkMKF0xpc3RDaGVja3Bv",
+            "aW50c1Jlc3BvbnNlEigKC2NoZWNrcG9pbnRzGAEgAygLMhMua2VyZi52MS5D",
+            "aGVja3BvaW50IjwKCkNoZWNrcG9pbnQSDAoEbmFtZRgBIAEoCRIMCgRzdGVw",
+            "GAIgASgEEhIKCnNpbV90aW1lX3MYAyABKAEiOwoXRGVsZXRlQ2hlY2twb2lu",
+            "dFJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRIMCgRuYW1lGAIgASgJIhoK",
+            "GERlbGV0ZUNoZWNrcG9pbnRSZXNwb25zZSI9ChlEb3dubG9hZENoZWNrcG9p",
+            "bnRSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDAoEbmFtZRgCIAEoCSIq",
+            "ChpEb3dubG9hZENoZWNrcG9pbnRSZXNwb25zZRIMCgRkYXRhGAEgASgMIkkK",
+            "F1VwbG9hZENoZWNrcG9pbnRSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkS",
+            "DAoEbmFtZRgCIAEoCRIMCgRkYXRhGAMgASgMIigKGFVwbG9hZENoZWNrcG9p",
+            "bnRSZXNwb25zZRIMCgRzdGVwGAEgASgEImUKEVNlZWtSZXBsYXlSZXF1ZXN0",
+            "EhIKCnNlc3Npb25faWQYASABKAkSEwoGdGltZV9zGAIgASgBSACIAQESEgoF",
+            "c3BlZWQYAyABKAFIAYgBAUIJCgdfdGltZV9zQggKBl9zcGVlZCJTChJTZWVr",
+            "UmVwbGF5UmVzcG9uc2USDgoGdGltZV9zGAEgASgBEhAKCGxlbmd0aF9zGAIg",
+            "ASgBEg0KBXNwZWVkGAMgASgBEgwKBHN0ZXAYBCABKAQibgoLU2Vzc2lvbklu",
+            "Zm8SEgoKc2Vzc2lvbl9pZBgBIAEoCRISCgpzY2VuZV9uYW1lGAIgASgJEiQK",
+            "BXN0YXRlGAMgASgOMhUua2VyZi52MS5TZXNzaW9uU3RhdGUSEQoJaXNfcmVw",
+            "bGF5GAQgASgIIpUEChJTZXNzaW9uRGVzY3JpcHRpb24SEgoKc2Vzc2lvbl9p",
+            "ZBgBIAEoCRIkCgVzdGF0ZRgCIAEoDjIVLmtlcmYudjEuU2Vzc2lvblN0YXRl",
+            "EiQKBXNjZW5lGAMgASgLMhUua2VyZi52MS5TY2VuZVN1bW1hcnkSHwoGbGlt",
+            "aXRzGAQgASgLMg8ua2VyZi52MS5MaW1pdHMSDAoEc3RlcBgFIAEoBBISCgpz",
+            "aW1fdGltZV9zGAYgASgBEhgKEHRvcG9sb2d5X3ZlcnNpb24YByABKAQSEgoK",
+            "bGF0ZV9zdGVwcxgIIAEoBBIPCgd2aWV3ZXJzGAkgASgNEhcKD2xlYXNlZF90",
+            "b29sX2lkcxgKIAMoDRIlCgZlbmVyZ3kYCyABKAsyFS5rZXJmLnYxLkVuZXJn",
+            "eUxlZGdlchIuChd0cmFja2VkX2Rpc3BsYWNlbWVudHNfbRgMIAMoCzINLmtl",
+            "cmYudjEuVmVjMxISCgpzdGF0ZV9oYXNoGA0gASgGEg8KB2ZhaWx1cmUYDiAB",
+            "KAkSIQoEZGlhbBgPIAEoCzITLmtlcmYudjEuRGlhbENob2ljZRIaChJyZWxh",
+            "dGl2ZV90b2xlcmFuY2UYECABKAESDAoEbG9hZBgRIAEoARIUCgxtZW1vcnlf",
+            "Ynl0ZXMYEiABKAQSJQoJcmVjb3JkaW5nGBUgASgLMhIua2VyZi52MS5SZWNv",
+            "cmRpbmciXwoKRGlhbENob2ljZRIlCgdzZXR0aW5nGAEgASgLMhQua2VyZi52",
+            "MS5EaWFsU2V0dGluZxIqCghleHBlY3RlZBgCIAEoCzIYLmtlcmYudjEuRGlh",
+            "bEV4cGVjdGF0aW9uInkKC0RpYWxTZXR0aW5nEg0KBWxldmVsGAEgASgNEhMK",
+            "C3ZveGVsX3NjYWxlGAIgASgBEhoKEnJlbGF0aXZlX3RvbGVyYW5jZRgDIAEo",
+            "ARIPCgdlbGVtZW50GAQgASgJEhkKEWhhc19maW5lcl9yZWdpb25zGAUgASgI",
+            "IncKD0RpYWxFeHBlY3RhdGlvbhIRCgltZWRpYW5fbXMYASABKAESDgoGcDk5",
+            "X21zGAIgASgBEhoKEmRpc3BsYWNlbWVudF9lcnJvchgDIAEoARITCgtmb3Jj",
+            "ZV9lcnJvchgEIAEoARIQCghoYXJkd2FyZRgFIAEoCSKsAgoMRW5lcmd5TGVk",
+            "Z2VyEhMKC3Rvb2xfd29ya19qGAEgASgBEhMKC2xvYWRfd29ya19qGAIgASgB",
+            "EhEKCWVsYXN0aWNfahgDIAEoARIRCgljb250YWN0X2oYBCABKAESEQoJa2lu",
+            "ZXRpY19qGAUgASgBEhIKCmZyYWN0dXJlX2oYBiABKAESFAoMZnJvbnRfc2xp",
+            "cF9qGAcgASgBEhQKDGluaXRpYXRpb25fahgIIAEoARIRCglwYXJ0aW5nX2oY",
+            "CSABKAESEQoJZGFtcGluZ19qGAogASgBEhMKC251bWVyaWNhbF9qGAsgASgB",
+            "EhIKCnJlc2lkdWFsX2oYDCABKAESEgoKZnJpY3Rpb25fahgNIAEoARIWCg5j",
+            "b250YWN0X2xvc3NfahgOIAEoATLtCgoOU2Vzc2lvblNlcnZpY2USRQoKTGlz",
+            "dFNjZW5lcxIaLmtlcmYudjEuTGlzdFNjZW5lc1JlcXVlc3QaGy5rZXJmLnYx",
+            "Lkxpc3RTY2VuZXNSZXNwb25zZRI/CghHZXRTY2VuZRIYLmtlcmYudjEuR2V0",
+            "U2NlbmVSZXF1ZXN0Ghkua2VyZi52MS5HZXRTY2VuZVJlc3BvbnNlEk4KDUNy",
+            "ZWF0ZVNlc3Npb24SHS5rZXJmLnYxLkNyZWF0ZVNlc3Npb25SZXF1ZXN0Gh4u",
+            "a2VyZi52MS5DcmVhdGVTZXNzaW9uUmVzcG9uc2USVAoPRGVzY3JpYmVTZXNz",
+            "aW9uEh8ua2VyZi52MS5EZXNjcmliZVNlc3Npb25SZXF1ZXN0GiAua2VyZi52",
+            "MS5EZXNjcmliZVNlc3Npb25SZXNwb25zZRJLCgxMaXN0U2Vzc2lvbnMSHC5r",
+            "ZXJmLnYxLkxpc3RTZXNzaW9uc1JlcXVlc3QaHS5rZXJmLnYxLkxpc3RTZXNz",
+            "aW9uc1Jlc3BvbnNlEksKDENsb3NlU2Vzc2lvbhIcLmtlcmYudjEuQ2xvc2VT",
+            "ZXNzaW9uUmVxdWVzdBodLmtlcmYudjEuQ2xvc2VTZXNzaW9uUmVzcG9uc2US",
+            "SwoMUGF1c2VTZXNzaW9uEhwua2VyZi52MS5QYXVzZVNlc3Npb25SZXF1ZXN0",
+            "Gh0ua2VyZi52MS5QYXVzZVNlc3Npb25SZXNwb25zZRJOCg1SZXN1bWVTZXNz",
+            "aW9uEh0ua2VyZi52MS5SZXN1bWVTZXNzaW9uUmVxdWVzdBoeLmtlcmYudjEu",
+            "UmVzdW1lU2Vzc2lvblJlc3BvbnNlEkgKC1N0ZXBTZXNzaW9uEhsua2VyZi52",
+            "MS5TdGVwU2Vzc2lvblJlcXVlc3QaHC5rZXJmLnYxLlN0ZXBTZXNzaW9uUmVz",
+            "cG9uc2USSwoMUmVzZXRTZXNzaW9uEhwua2VyZi52MS5SZXNldFNlc3Npb25S",
+            "ZXF1ZXN0Gh0ua2VyZi52MS5SZXNldFNlc3Npb25SZXNwb25zZRJRCg5TYXZl",
+            "Q2hlY2twb2ludBIeLmtlcmYudjEuU2F2ZUNoZWNrcG9pbnRSZXF1ZXN0Gh8u",
+            "a2VyZi52MS5TYXZlQ2hlY2twb2ludFJlc3BvbnNlEloKEVJlc3RvcmVDaGVj",
+            "a3BvaW50EiEua2VyZi52MS5SZXN0b3JlQ2hlY2twb2ludFJlcXVlc3QaIi5r",
+            "ZXJmLnYxLlJlc3RvcmVDaGVja3BvaW50UmVzcG9uc2USVAoPTGlzdENoZWNr",
+            "cG9pbnRzEh8ua2VyZi52MS5MaXN0Q2hlY2twb2ludHNSZXF1ZXN0GiAua2Vy",
+            "Zi52MS5MaXN0Q2hlY2twb2ludHNSZXNwb25zZRJXChBEZWxldGVDaGVja3Bv",
+            "aW50EiAua2VyZi52MS5EZWxldGVDaGVja3BvaW50UmVxdWVzdBohLmtlcmYu",
+            "djEuRGVsZXRlQ2hlY2twb2ludFJlc3BvbnNlEl8KEkRvd25sb2FkQ2hlY2tw",
+            "b2ludBIiLmtlcmYudjEuRG93bmxvYWRDaGVja3BvaW50UmVxdWVzdBojLmtl",
+            "cmYudjEuRG93bmxvYWRDaGVja3BvaW50UmVzcG9uc2UwARJZChBVcGxvYWRD",
+            "aGVja3BvaW50EiAua2VyZi52MS5VcGxvYWRDaGVja3BvaW50UmVxdWVzdBoh",
+            "LmtlcmYudjEuVXBsb2FkQ2hlY2twb2ludFJlc3BvbnNlKAESRQoKU2Vla1Jl",
+            "cGxheRIaLmtlcmYudjEuU2Vla1JlcGxheVJlcXVlc3QaGy5rZXJmLnYxLlNl",
+            "ZWtSZXBsYXlSZXNwb25zZWIGcHJvdG8z"));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { global::Kerf.V1.ControlReflection.Descriptor, global::Kerf.V1.TypesReflection.Descriptor, },
           new pbr::GeneratedClrTypeInfo(null, null, new pbr::GeneratedClrTypeInfo[] {
@@ -156,7 +156,7 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SceneInfo), global::Kerf.V1.SceneInfo.Parser, new[]{ "Name", "Description" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.GetSceneRequest), global::Kerf.V1.GetSceneRequest.Parser, new[]{ "SceneName", "SessionId" }, new[]{ "Of" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.GetSceneResponse), global::Kerf.V1.GetSceneResponse.Parser, new[]{ "SceneToml" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CreateSessionRequest), global::Kerf.V1.CreateSessionRequest.Parser, new[]{ "SceneName", "SceneToml", "StartPaused", "Level", "BudgetMs", "MaxError", "StepRateHz", "Files", "FitStepRate" }, new[]{ "Scene", "Dial", "StepRateHz" }, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CreateSessionRequest), global::Kerf.V1.CreateSessionRequest.Parser, new[]{ "SceneName", "SceneToml", "StartPaused", "Level", "BudgetMs", "MaxError", "StepRateHz", "Files", "FitStepRate", "Private" }, new[]{ "Scene", "Dial", "StepRateHz" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SceneFile), global::Kerf.V1.SceneFile.Parser, new[]{ "Name", "Data" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CreateSessionResponse), global::Kerf.V1.CreateSessionResponse.Parser, new[]{ "Session", "Warnings" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DescribeSessionRequest), global::Kerf.V1.DescribeSessionRequest.Parser, new[]{ "SessionId" }, null, null, null, null),
@@ -1284,6 +1284,7 @@ namespace Kerf.V1 {
       stepRateHz_ = other.stepRateHz_;
       files_ = other.files_.Clone();
       fitStepRate_ = other.fitStepRate_;
+      private_ = other.private_;
       switch (other.SceneCase) {
         case SceneOneofCase.SceneName:
           SceneName = other.SceneName;
@@ -1462,6 +1463,22 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "private" field.</summary>
+    public const int PrivateFieldNumber = 10;
+    private bool private_;
+    /// <summary>
+    /// Nobody but who creates it gets to know of the session, but for operators: to others it answers NOT_FOUND. Who that
+    /// is the server tells by the token of the call; a server that asks for none answers FAILED_PRECONDITION.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Private {
+      get { return private_; }
+      set {
+        private_ = value;
+      }
+    }
+
     private object scene_;
     /// <summary>Enum of possible cases for the "scene" oneof.</summary>
     public enum SceneOneofCase {
@@ -1529,6 +1546,7 @@ namespace Kerf.V1 {
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(StepRateHz, other.StepRateHz)) return false;
       if(!files_.Equals(other.files_)) return false;
       if (FitStepRate != other.FitStepRate) return false;
+      if (Private != other.Private) return false;
       if (SceneCase != other.SceneCase) return false;
       if (DialCase != other.DialCase) return false;
       return Equals(_unknownFields, other._unknownFields);
@@ -1547,6 +1565,7 @@ namespace Kerf.V1 {
       if (HasStepRateHz) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(StepRateHz);
       hash ^= files_.GetHashCode();
       if (FitStepRate != false) hash ^= FitStepRate.GetHashCode();
+      if (Private != false) hash ^= Private.GetHashCode();
       hash ^= (int) sceneCase_;
       hash ^= (int) dialCase_;
       if (_unknownFields != null) {
@@ -1600,6 +1619,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(72);
         output.WriteBool(FitStepRate);
       }
+      if (Private != false) {
+        output.WriteRawTag(80);
+        output.WriteBool(Private);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -1643,6 +1666,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(72);
         output.WriteBool(FitStepRate);
       }
+      if (Private != false) {
+        output.WriteRawTag(80);
+        output.WriteBool(Private);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -1678,6 +1705,9 @@ namespace Kerf.V1 {
       if (FitStepRate != false) {
         size += 1 + 1;
       }
+      if (Private != false) {
+        size += 1 + 1;
+      }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
       }
@@ -1699,6 +1729,9 @@ namespace Kerf.V1 {
       files_.Add(other.files_);
       if (other.FitStepRate != false) {
         FitStepRate = other.FitStepRate;
+      }
+      if (other.Private != false) {
+        Private = other.Private;
       }
       switch (other.SceneCase) {
         case SceneOneofCase.SceneName:
@@ -1772,6 +1805,10 @@ namespace Kerf.V1 {
             FitStepRate = input.ReadBool();
             break;
           }
+          case 80: {
+            Private = input.ReadBool();
+            break;
+          }
         }
       }
     #endif
@@ -1821,6 +1858,10 @@ namespace Kerf.V1 {
           }
           case 72: {
             FitStepRate = input.ReadBool();
+            break;
+          }
+          case 80: {
+            Private = input.ReadBool();
             break;
           }
         }
