@@ -8,8 +8,11 @@ cd "$(dirname "$0")/.."
 has() { command -v "$1" >/dev/null; }
 
 if has docker && docker info >/dev/null 2>&1; then
-    docker compose -f docker/compose.yaml build
-    docker compose -f docker/compose.yaml up --abort-on-container-exit --exit-code-from load
+    # A project of its own: nobody's sessions and tokens are touched.
+    compose="docker compose --project-name kerf-try --file docker/compose.yaml --profile load"
+    trap '$compose down --volumes' EXIT
+    $compose build
+    $compose run --rm load
     exit
 fi
 for tool in buildah debootstrap cargo npm; do
@@ -52,14 +55,21 @@ done
 
 container kerf-server kerf-try-server
 container kerf-load kerf-try-load
-buildah run kerf-try-server -- kerf-server serve --listen 127.0.0.1:50061 & server=$!
+of_server() { buildah run kerf-try-server -- "$@"; }
+
+of_server kerf-server serve --listen 127.0.0.1:50061 --security-dir security & server=$!
 tries=0
-until buildah run kerf-try-server -- kerf-server session --server 127.0.0.1:50061 list >/dev/null 2>&1; do
+until of_server kerf-server session --server 127.0.0.1:50061 --ca-file security/certificate.pem health >/dev/null 2>&1; do
     tries=$((tries + 1)); [ $tries -lt 20 ] || { echo "images: the server does not answer"; exit 1; }
     sleep 0.5
 done
-buildah run kerf-try-load -- kerf-load --server http://127.0.0.1:50061 --scene liver --step-rates 500,250,60 --strokes 1 \
-    --jitter 0 --depth 0.05 --speed 0.05
-buildah run kerf-try-server -- id -un
+of_server kerf-server token new --name load --role driver --file security/tokens.toml >"$scratch/token"
+of_server cat security/certificate.pem >"$scratch/certificate.pem"
+buildah copy -q --chown 10001 kerf-try-load "$scratch/token" "$scratch/certificate.pem" /var/lib/kerf/ >/dev/null
+# The server reads its tokens again within a second.
+sleep 2
+buildah run kerf-try-load -- kerf-load --server https://127.0.0.1:50061 --ca-file certificate.pem --token-file token \
+    --scene liver --step-rates 500,250,60 --strokes 1 --jitter 0 --depth 0.05 --speed 0.05
+of_server id -un
 kill $server; wait $server 2>/dev/null || true
 buildah images --filter reference=kerf-server --filter reference=kerf-load --format '{{.Name}} {{.Size}}'
