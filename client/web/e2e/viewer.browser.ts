@@ -532,6 +532,12 @@ test("the link of a server that asks for a token opens it, and whoever has none 
     await page.click("button:has-text('Blade')");
     await readingWhere(page, "Round trip", (milliseconds) => milliseconds > 0);
     expect(page.url()).not.toContain(token);
+    await page.context().grantPermissions(["clipboard-read", "clipboard-write"]);
+    await page.click("button[aria-label*='link']");
+    await page.waitForSelector("text=The link is copied");
+    const shared = await page.evaluate(() => navigator.clipboard.readText());
+    expect(shared).toContain("#token=");
+    expect(shared).not.toContain(token);
     // The tab keeps it.
     await page.goto(link.origin);
     await page.waitForSelector('[data-scene="jelly"]');
@@ -546,6 +552,12 @@ test("the link of a server that asks for a token opens it, and whoever has none 
     await asks.press("Enter");
     await stranger.waitForSelector('[data-scene="tofu"]');
     expect(await stranger.evaluate(() => document.cookie + JSON.stringify(localStorage))).toBe("{}");
+    await stranger.context().close();
+
+    const { page: guest } = await open(browser, shared);
+    await live(guest);
+    await guest.click("button:has-text('Blade')");
+    await guest.waitForSelector("text=takes a driver's");
   } finally {
     await stop();
   }

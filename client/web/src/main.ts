@@ -7,7 +7,7 @@ import { Input } from "./input";
 import { inWords } from "./net/errors";
 import type { StreamStatus } from "./net/frames";
 import { sessions, whenUnknown } from "./net/server";
-import { takeToken } from "./net/token";
+import { heldToken, takeToken, withTokenBehind } from "./net/token";
 import { View } from "./net/view";
 import { canDraw, Stage } from "./scene/stage";
 import { showsElements, type Style } from "./scene/tissue";
@@ -201,12 +201,29 @@ class App {
 
   private async share(): Promise<void> {
     if (this.session) history.replaceState(null, "", viewLink(location.href, this.session.id, this.stage.viewPoint));
+    const { link, words } = await this.linkToShare();
     try {
-      await navigator.clipboard.writeText(location.href);
-      say("The link is copied. Whoever opens it joins this session and sees what you see.");
+      await navigator.clipboard.writeText(link);
+      say(`The link is copied. ${words}`);
     } catch {
       // Pages that did not come over https or from this machine may not copy.
-      say(`Copy the page's address to let somebody join: ${location.href}`);
+      say(`Copy this to let somebody join: ${link}`);
+    }
+  }
+
+  /** The page's address. Where tokens are asked for, it brings one that shows the session and does nothing else. */
+  private async linkToShare(): Promise<{ link: string; words: string }> {
+    const link = location.href;
+    if (heldToken() === undefined || !this.session) {
+      return { link, words: "Whoever opens it joins this session and sees what you see." };
+    }
+    try {
+      const { token, goodForS } = await sessions.inviteViewer({ sessionId: this.session.id });
+      const hours = Math.max(1, Math.round(goodForS / 3600));
+      return { link: withTokenBehind(link, token), words: `For ${hours} h whoever opens it sees this session, and cannot touch it.` };
+    } catch {
+      // Viewers invite nobody.
+      return { link, words: "Whoever opens it needs a token of their own." };
     }
   }
 

@@ -145,6 +145,10 @@ pub struct SecurityConfig {
     /// Wrong tokens of one address a minute; more are refused without a line in the log. Default 30: a client that was
     /// given the wrong one tries now and then, and nobody guesses.
     pub max_wrong_tokens_per_minute: u32,
+    /// How long a link that is handed to a viewer is good, s. Default 28800: a working day.
+    pub guest_stay_s: f64,
+    /// Links that are good at a time. Default 256.
+    pub max_guests: usize,
 }
 
 impl Default for SecurityConfig {
@@ -157,6 +161,8 @@ impl Default for SecurityConfig {
             insecure: false,
             max_sessions_per_token: 4,
             max_wrong_tokens_per_minute: 30,
+            guest_stay_s: 28_800.0,
+            max_guests: 256,
         }
     }
 }
@@ -359,6 +365,8 @@ impl ServerConfig {
         );
         let positive = [
             ("security.max_sessions_per_token", security.max_sessions_per_token as f64),
+            ("security.guest_stay_s", security.guest_stay_s),
+            ("security.max_guests", security.max_guests as f64),
             ("security.max_wrong_tokens_per_minute", f64::from(security.max_wrong_tokens_per_minute)),
             ("network_threads", self.network_threads as f64),
             ("transport.max_connections", transport.max_connections as f64),

@@ -30,6 +30,7 @@ use crate::journal::Journals;
 use crate::recording::Recordings;
 use crate::security::Security;
 use crate::security::door::{self, Door};
+use crate::security::guests::Guests;
 use crate::uploads::Uploads;
 use crate::{incoming, machine, print_config, security, shutdown, telemetry, uploads, viewer};
 
@@ -128,11 +129,11 @@ impl Server {
         let registry = Arc::new(Registry::new(config.session.clone(), pareto_fronts)?);
         let listener = TcpListener::bind(config.listen).await.with_context(|| format!("listen = {}", config.listen))?;
         let address = listener.local_addr()?;
-        let Security { door, tls } = Security::begin(&config, address)?;
+        let Security { door, tls, guests } = Security::begin(&config, address)?;
         let recordings = Arc::new(Recordings::new(&config));
         let journals = Arc::new(Journals::new(&config)?);
         journals.bring_back(&registry, &recordings).await?;
-        let (health, routes) = routes(&registry, &config, (&recordings, &journals), door).await?;
+        let (health, routes) = routes(&registry, &config, (&recordings, &journals), (door, guests)).await?;
         let (stop, stopped) = oneshot::channel::<()>();
         let (connections, cut) = incoming::connections(listener, &config.transport, tls);
         let serving = builder(&config.transport)
@@ -237,13 +238,14 @@ async fn routes(
     registry: &Arc<Registry>,
     config: &Arc<ServerConfig>,
     (recordings, journals): (&Arc<Recordings>, &Arc<Journals>),
-    door: Arc<Door>,
+    (door, guests): (Arc<Door>, Arc<Guests>),
 ) -> Result<(HealthReporter, Routes)> {
     let limits = &config.transport;
     let session = SessionServiceServer::new(SessionService::new(
         Arc::clone(registry),
         Arc::clone(config),
         (Arc::clone(recordings), Arc::clone(journals)),
+        guests,
     ))
     .max_decoding_message_size(limits.max_upload_bytes)
     .max_encoding_message_size(limits.max_outgoing_bytes);

@@ -185,6 +185,18 @@ pub enum RequestError {
     /// A private session of nobody.
     #[error("private: this server asks for no tokens, and knows nobody whose own a session could be")]
     NobodysOwn,
+    /// A guest on a server that lets in anybody.
+    #[error("this server asks for no tokens: whoever has the session's address can view it")]
+    NoGuests,
+    /// More guests than may be.
+    #[error("{limit} links for viewers are good, as many as may be (max_guests)")]
+    TooManyGuests {
+        /// `max_guests`.
+        limit: usize,
+    },
+    /// The system gives no random numbers.
+    #[error("the system gives no random numbers")]
+    NoRandomNumbers,
     /// More sessions of a token than may be.
     #[error("the token of {name:?} has {limit} sessions, as many as one may (max_sessions_per_token)")]
     TooManySessionsOfToken {
@@ -297,7 +309,9 @@ impl RequestError {
         match self {
             Self::Session(error) => session_code(error),
             Self::Transport(status) => status.code(),
-            Self::ProtocolVersion { .. } | Self::UnknownLease | Self::NobodysOwn => Code::FailedPrecondition,
+            Self::ProtocolVersion { .. } | Self::UnknownLease | Self::NobodysOwn | Self::NoGuests => {
+                Code::FailedPrecondition
+            }
             Self::HelloMissing { .. }
             | Self::HelloRepeated
             | Self::Missing { .. }
@@ -321,9 +335,10 @@ impl RequestError {
             | Self::CheckpointSize { .. }
             | Self::TooManyWrongTokens { .. }
             | Self::TooManySessionsOfToken { .. }
+            | Self::TooManyGuests { .. }
             | Self::TooManyCheckpointFiles { .. } => Code::ResourceExhausted,
             Self::TokenMissing | Self::TokenUnknown => Code::Unauthenticated,
-            Self::CheckpointWork => Code::Internal,
+            Self::CheckpointWork | Self::NoRandomNumbers => Code::Internal,
             Self::Unread { .. } => Code::Cancelled,
             Self::ForeignHost { .. }
             | Self::ForeignOrigin { .. }

@@ -188,3 +188,49 @@ async fn a_token_that_is_taken_back_is_good_for_nothing_and_a_broken_file_change
     assert_eq!(list(&mut viewer).await.unwrap_err().code(), Code::Unauthenticated);
     list(&mut secured.sessions("anna").await).await.unwrap();
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_guest_views_the_session_of_its_link_until_its_host_is_known_no_more() {
+    let secured = Secured::start(|config| config.security.max_guests = 1).await;
+    let mut anna = secured.sessions("anna").await;
+    let (own, shared) = (create(&mut anna, true).await.unwrap(), create(&mut anna, false).await.unwrap());
+    let invite = |id: &str| v1::InviteViewerRequest { session_id: id.into() };
+    let refused = secured.sessions("ben").await.invite_viewer(invite(&own)).await.unwrap_err();
+    assert_eq!(refused.code(), Code::NotFound);
+    let invited = anna.invite_viewer(invite(&own)).await.unwrap().into_inner();
+    assert!(invited.good_for_s > 3600.0);
+    std::fs::write(secured.folder.path().join("guest"), &invited.token).unwrap();
+    let refused = anna.invite_viewer(invite(&own)).await.unwrap_err();
+    assert!(refused.code() == Code::ResourceExhausted && refused.message().contains("max_guests"), "{refused}");
+
+    let mut guest = secured.sessions("guest").await;
+    assert_eq!(list(&mut guest).await.unwrap(), [&*own]);
+    assert_eq!(
+        codes(&secured, "guest", &own).await,
+        [Code::Ok, Code::PermissionDenied, Code::Ok, Code::PermissionDenied, Code::PermissionDenied]
+    );
+    assert_eq!(codes(&secured, "guest", &shared).await[0], Code::NotFound);
+    let file = secured.folder.path().join("tokens.toml");
+    let tokens = std::fs::read_to_string(&file).unwrap();
+    let others = tokens.split("[[token]]").filter(|entry| !entry.contains("\"anna\"")).collect::<Vec<_>>();
+    std::fs::write(&file, others.join("[[token]]")).unwrap();
+    soon("the end of the guest", async {
+        while list(&mut guest).await.is_ok() {
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    })
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn where_no_tokens_are_asked_for_nobody_is_anybodys_guest_and_nothing_is_private() {
+    let secured = Secured::start(|config| config.security = kerf_server::config::SecurityConfig::default()).await;
+    let address = format!("http://{}", secured.server.address());
+    let channel = tonic::transport::Endpoint::from_shared(address).unwrap().connect().await.unwrap();
+    let wire = kerf_access::Access::default().token().unwrap().over(channel);
+    let mut anybody = v1::session_service_client::SessionServiceClient::new(wire);
+    assert_eq!(create(&mut anybody, true).await.unwrap_err().code(), Code::FailedPrecondition);
+    let session_id = create(&mut anybody, false).await.unwrap();
+    let refused = anybody.invite_viewer(v1::InviteViewerRequest { session_id }).await.unwrap_err();
+    assert_eq!(refused.code(), Code::FailedPrecondition);
+}

@@ -34,6 +34,11 @@ export function takeToken(): void {
   held = sessionStorage.getItem(KEY) ?? undefined;
 }
 
+/** An address that brings a token along. */
+export function withTokenBehind(address: string, token: string): string {
+  return `${address}#token=${encodeURIComponent(token)}`;
+}
+
 /** Whether a text can be one: a call can carry no others. */
 export function isToken(text: string): boolean {
   return /^[\x21-\x7e]+$/.test(text);

@@ -23,6 +23,7 @@ use crate::pace;
 use crate::recording::Recordings;
 use crate::scene_list::{Listed, SceneList};
 use crate::security::caller::Caller;
+use crate::security::guests::Guests;
 use crate::status::RequestError;
 
 /// The service.
@@ -33,6 +34,7 @@ pub struct SessionService {
     recordings: Arc<Recordings>,
     journals: Arc<Journals>,
     files: CheckpointFiles,
+    guests: Arc<Guests>,
     owned: Owned,
 }
 
@@ -41,11 +43,12 @@ impl SessionService {
         registry: Arc<Registry>,
         config: Arc<ServerConfig>,
         (recordings, journals): (Arc<Recordings>, Arc<Journals>),
+        guests: Arc<Guests>,
     ) -> Self {
         let scenes = Arc::new(SceneList::new(config.scene_dir.clone()));
         let files = CheckpointFiles::new(&config.transport);
         let owned = Owned::new(config.security.max_sessions_per_token);
-        Self { registry, scenes, config, recordings, journals, files, owned }
+        Self { registry, scenes, config, recordings, journals, files, guests, owned }
     }
 
     /// The session that a request names, if its caller is to know of it.
@@ -286,6 +289,18 @@ impl v1::session_service_server::SessionService for SessionService {
         let find = |id: &str| caller.session(&self.registry, id);
         let step = self.files.upload(connection, request.into_inner(), find).await?;
         Ok(Response::new(v1::UploadCheckpointResponse { step }))
+    }
+
+    async fn invite_viewer(
+        &self,
+        request: Request<v1::InviteViewerRequest>,
+    ) -> Result<Response<v1::InviteViewerResponse>, Status> {
+        let caller = Caller::of(request.extensions())?;
+        let session = caller.session(&self.registry, &request.get_ref().session_id)?;
+        let host = caller.name().ok_or(RequestError::NoGuests)?;
+        let (token, stay) = self.guests.invite(host, session.id())?;
+        let (token, good_for_s) = (token.reveal().into(), stay.as_secs_f64());
+        Ok(Response::new(v1::InviteViewerResponse { token, good_for_s }))
     }
 
     async fn seek_replay(

@@ -14,6 +14,7 @@ use tonic::transport::server::TcpConnectInfo;
 
 use super::caller::Caller;
 use super::failures::Failures;
+use super::guests::Guests;
 use super::hosts::Hosts;
 use super::reloaded::Reloaded;
 use super::roles::{Need, need};
@@ -29,6 +30,7 @@ pub struct Door {
     hosts: Hosts,
     /// `None`: none is asked for.
     tokens: Option<Arc<Reloaded<Tokens>>>,
+    guests: Arc<Guests>,
     failures: Failures,
     max_failures: u32,
 }
@@ -49,9 +51,14 @@ pub async fn judge(State(door): State<Arc<Door>>, mut request: Request, next: Ne
 }
 
 impl Door {
-    /// Of a server of these names that takes these tokens, and so many wrong ones of a peer a minute.
-    pub fn new(hosts: Hosts, tokens: Option<Arc<Reloaded<Tokens>>>, max_failures: u32) -> Arc<Self> {
-        Arc::new(Self { hosts, tokens, failures: Failures::new(max_failures), max_failures })
+    /// Of a server of these names that takes these tokens and guests, and so many wrong tokens of a peer a minute.
+    pub fn new(
+        hosts: Hosts,
+        tokens: Option<Arc<Reloaded<Tokens>>>,
+        guests: Arc<Guests>,
+        max_failures: u32,
+    ) -> Arc<Self> {
+        Arc::new(Self { hosts, tokens, guests, failures: Failures::new(max_failures), max_failures })
     }
 
     /// Who calls; `None`: nobody has to say.
@@ -66,10 +73,11 @@ impl Door {
         if !scheme.eq_ignore_ascii_case(SCHEME.as_bytes()) {
             return Err(RequestError::TokenMissing);
         }
-        let known = tokens.get();
-        let caller = known.whose(token.trim_ascii()).ok_or_else(|| self.fail(peer(request)))?;
+        let (known, token) = (tokens.get(), token.trim_ascii());
+        let guest = || self.guests.whose(token, |host| known.has(host));
+        let caller = known.whose(token).cloned().or_else(guest).ok_or_else(|| self.fail(peer(request)))?;
         match caller.role() >= needed {
-            true => Ok(Some(caller.clone())),
+            true => Ok(Some(caller)),
             false => Err(RequestError::Role {
                 name: caller.name().unwrap_or_default().into(),
                 role: caller.role().name(),

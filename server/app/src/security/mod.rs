@@ -7,6 +7,7 @@ pub mod caller;
 pub mod door;
 mod failures;
 mod first_start;
+pub mod guests;
 mod hosts;
 mod reloaded;
 pub mod roles;
@@ -24,6 +25,7 @@ use tokio_rustls::TlsAcceptor;
 
 use crate::config::{SecurityConfig, ServerConfig};
 use door::Door;
+use guests::Guests;
 use hosts::Hosts;
 use reloaded::Reloaded;
 use tls::Files;
@@ -35,6 +37,8 @@ pub struct Security {
     pub door: Arc<Door>,
     /// Begins TLS on connections; `None`: they have none.
     pub tls: Option<TlsAcceptor>,
+    /// Whom links are handed to.
+    pub guests: Arc<Guests>,
 }
 
 /// Refuses a server that others can reach, unless it has TLS and tokens, or is told to go without.
@@ -92,7 +96,10 @@ impl Security {
             Reloaded::begin("the tokens", vec![file], read)
         });
         let hosts = Hosts::new(listens.ip(), names);
-        Ok(Self { door: Door::new(hosts, tokens.transpose()?, security.max_wrong_tokens_per_minute), tls })
+        let guests = Arc::new(Guests::new(security));
+        let max_wrong = security.max_wrong_tokens_per_minute;
+        let door = Door::new(hosts, tokens.transpose()?, Arc::clone(&guests), max_wrong);
+        Ok(Self { door, tls, guests })
     }
 }
 

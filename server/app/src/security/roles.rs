@@ -61,6 +61,8 @@ pub const CALLS: &[(&str, Need)] = &[
     // It takes one of few places for files, and copies the state on the session's own thread.
     ("/kerf.v1.SessionService/DownloadCheckpoint", Of(Role::Driver)),
     ("/kerf.v1.SessionService/UploadCheckpoint", Of(Role::Driver)),
+    // Who may drive a session may show it.
+    ("/kerf.v1.SessionService/InviteViewer", Of(Role::Driver)),
     // All who watch a recording are taken to another time.
     ("/kerf.v1.SessionService/SeekReplay", Of(Role::Driver)),
     ("/kerf.v1.ControlService/Control", Of(Role::Driver)),

@@ -97,6 +97,11 @@ impl Tokens {
         Ok(Self(known.collect::<Result<_>>()?))
     }
 
+    /// Whether there is a token of this name that has not expired.
+    pub fn has(&self, name: &str) -> bool {
+        self.0.iter().any(|known| known.caller.name() == Some(name) && known.is_fresh())
+    }
+
     /// Whose a token is. How long it takes tells nothing of how near it was to one.
     pub fn whose(&self, token: &[u8]) -> Option<&Caller> {
         let presented = sha256(token);
@@ -106,8 +111,13 @@ impl Tokens {
                 found = Some(known);
             }
         }
-        let is_fresh = |known: &&Known| known.expires.is_none_or(|expires| SystemTime::now() < expires);
-        found.filter(is_fresh).map(|known| &known.caller)
+        found.filter(|known| known.is_fresh()).map(|known| &known.caller)
+    }
+}
+
+impl Known {
+    fn is_fresh(&self) -> bool {
+        self.expires.is_none_or(|expires| SystemTime::now() < expires)
     }
 }
 
@@ -117,7 +127,8 @@ impl fmt::Debug for Tokens {
     }
 }
 
-fn sha256(token: &[u8]) -> [u8; 32] {
+/// Digest of a token.
+pub fn sha256(token: &[u8]) -> [u8; 32] {
     digest(&SHA256, token).as_ref().try_into().expect("SHA-256 has 32 bytes")
 }
 
