@@ -4,6 +4,7 @@
 import { Code, ConnectError } from "@connectrpc/connect";
 import { ContactFlag, type SendPoseResponse } from "../gen/kerf/v1/control_pb";
 import type { DrivenPose } from "./hands";
+import { inWords } from "./errors";
 import { control } from "./server";
 
 /** A tool holds still at least this often, so that its lease goes on, ms. */
@@ -127,6 +128,8 @@ export class Driver {
       this.lease = "";
     } else if (code === Code.FailedPrecondition) {
       this.refuse(toolId, "Somebody else holds this tool.");
+    } else if (code === Code.PermissionDenied || code === Code.Unauthenticated) {
+      this.refuse(toolId, inWords(error));
     } else {
       this.tools.delete(toolId);
     }
