@@ -174,6 +174,15 @@ async fn a_token_that_is_taken_back_is_good_for_nothing_and_a_broken_file_change
     let file = secured.folder.path().join("tokens.toml");
     let before = std::fs::read_to_string(&file).unwrap();
     let mut viewer = secured.sessions("viewer").await;
+    let session_id = create(&mut secured.sessions("anna").await, false).await.unwrap();
+    let view = async |token: &str| {
+        let (protocol_version, session_id) = (PROTOCOL_VERSION, session_id.clone());
+        let request = v1::ViewRequest { protocol_version, session_id, ..Default::default() };
+        let mut client = ViewServiceClient::new(secured.connect(Some(token)).await);
+        client.view(request).await.unwrap().into_inner()
+    };
+    let (mut seen, mut seen_by_other) = (view("viewer").await, view("ben").await);
+    let skip = async |seen: &mut tonic::Streaming<v1::ViewResponse>| while let Ok(Some(_)) = seen.message().await {};
     std::fs::write(&file, "[[token]]\nname = 3").unwrap();
     tokio::time::sleep(Duration::from_millis(1500)).await;
     list(&mut viewer).await.unwrap();
@@ -186,6 +195,9 @@ async fn a_token_that_is_taken_back_is_good_for_nothing_and_a_broken_file_change
     })
     .await;
     assert_eq!(list(&mut viewer).await.unwrap_err().code(), Code::Unauthenticated);
+    // Streams that stand end with their token, and no others.
+    soon("the end of the view", skip(&mut seen)).await;
+    assert!(tokio::time::timeout(Duration::from_millis(1500), skip(&mut seen_by_other)).await.is_err());
     list(&mut secured.sessions("anna").await).await.unwrap();
 }
 

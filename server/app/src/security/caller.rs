@@ -9,7 +9,7 @@ use super::roles::Role;
 use crate::status::RequestError;
 
 /// Who calls.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Caller {
     /// Of its token; `None` where the server asks for none.
     name: Option<Arc<str>>,

@@ -6,6 +6,7 @@ use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Instant;
 
+use axum::body::Body;
 use axum::extract::{Request, State};
 use axum::http::header::AUTHORIZATION;
 use axum::middleware::Next;
@@ -18,7 +19,8 @@ use super::guests::Guests;
 use super::hosts::Hosts;
 use super::reloaded::Reloaded;
 use super::roles::{Need, need};
-use super::tokens::Tokens;
+use super::tokens::{Digest, Tokens, sha256};
+use super::while_good::WhileGood;
 use crate::incoming;
 use crate::status::{RequestError, refusal};
 
@@ -37,17 +39,28 @@ pub struct Door {
 
 /// Hands on a request that may come in, with its caller.
 pub async fn judge(State(door): State<Arc<Door>>, mut request: Request, next: Next) -> Response {
-    match door.caller(&request) {
-        Ok(caller) => {
-            // Nobody behind the door has a use for it, so that nobody can tell it.
-            request.headers_mut().remove(AUTHORIZATION);
-            if let Some(caller) = caller {
-                request.extensions_mut().insert(caller);
-            }
-            next.run(request).await
-        }
-        Err(error) => refusal(request.headers(), error),
+    let Admitted { caller, token } = match door.admit(&request) {
+        Ok(admitted) => admitted,
+        Err(error) => return refusal(request.headers(), error),
+    };
+    // Nobody behind the door has a use for it, so that nobody can tell it.
+    request.headers_mut().remove(AUTHORIZATION);
+    if let Some(caller) = caller.clone() {
+        request.extensions_mut().insert(caller);
     }
+    let response = next.run(request).await;
+    match token {
+        None => response,
+        Some(token) => response.map(|body| Body::new(WhileGood::new(body, move || door.whose(&token) == caller))),
+    }
+}
+
+/// Who may come in.
+struct Admitted {
+    /// `None`: nobody has to say.
+    caller: Option<Caller>,
+    /// What of its token is kept.
+    token: Option<Digest>,
 }
 
 impl Door {
@@ -61,23 +74,18 @@ impl Door {
         Arc::new(Self { hosts, tokens, guests, failures: Failures::new(max_failures), max_failures })
     }
 
-    /// Who calls; `None`: nobody has to say.
-    fn caller(&self, request: &Request) -> Result<Option<Caller>, RequestError> {
+    fn admit(&self, request: &Request) -> Result<Admitted, RequestError> {
         self.hosts.judge(request.uri(), request.headers())?;
         let path = request.uri().path();
         let needed = need(request.method(), path).ok_or_else(|| RequestError::NoCall { path: path.into() })?;
-        let Need::Role(needed) = needed else { return Ok(None) };
-        let Some(tokens) = &self.tokens else { return Ok(Some(Caller::anybody())) };
-        let sent = request.headers().get(AUTHORIZATION).ok_or(RequestError::TokenMissing)?.as_bytes();
-        let (scheme, token) = sent.split_at_checked(SCHEME.len()).ok_or(RequestError::TokenMissing)?;
-        if !scheme.eq_ignore_ascii_case(SCHEME.as_bytes()) {
-            return Err(RequestError::TokenMissing);
+        let Need::Role(needed) = needed else { return Ok(Admitted { caller: None, token: None }) };
+        if self.tokens.is_none() {
+            return Ok(Admitted { caller: Some(Caller::anybody()), token: None });
         }
-        let (known, token) = (tokens.get(), token.trim_ascii());
-        let guest = || self.guests.whose(token, |host| known.has(host));
-        let caller = known.whose(token).cloned().or_else(guest).ok_or_else(|| self.fail(peer(request)))?;
+        let token = sha256(said(request).ok_or(RequestError::TokenMissing)?);
+        let caller = self.whose(&token).ok_or_else(|| self.fail(peer(request)))?;
         match caller.role() >= needed {
-            true => Ok(Some(caller)),
+            true => Ok(Admitted { caller: Some(caller), token: Some(token) }),
             false => Err(RequestError::Role {
                 name: caller.name().unwrap_or_default().into(),
                 role: caller.role().name(),
@@ -85,6 +93,13 @@ impl Door {
                 needed: needed.name(),
             }),
         }
+    }
+
+    /// Whose a token is at present.
+    fn whose(&self, token: &Digest) -> Option<Caller> {
+        let known = self.tokens.as_ref()?.get();
+        let guest = || self.guests.whose(token, |host| known.has(host));
+        known.whose(token).cloned().or_else(guest)
     }
 
     fn fail(&self, peer: Option<IpAddr>) -> RequestError {
@@ -96,6 +111,12 @@ impl Door {
             false => RequestError::TooManyWrongTokens { limit: self.max_failures },
         }
     }
+}
+
+/// The token that a request says.
+fn said(request: &Request) -> Option<&[u8]> {
+    let (scheme, token) = request.headers().get(AUTHORIZATION)?.as_bytes().split_at_checked(SCHEME.len())?;
+    scheme.eq_ignore_ascii_case(SCHEME.as_bytes()).then(|| token.trim_ascii())
 }
 
 fn peer(request: &Request) -> Option<IpAddr> {

@@ -9,7 +9,7 @@ use kerf_session::SessionId;
 
 use super::caller::Caller;
 use super::roles::Role;
-use super::tokens::{Token, sha256};
+use super::tokens::{Digest, Token, sha256};
 use crate::config::SecurityConfig;
 use crate::status::RequestError;
 
@@ -18,7 +18,7 @@ pub struct Guests {
     max: usize,
     stay: Duration,
     /// By the digests of their tokens. How long it takes to find one tells of the digest alone, from which no token follows.
-    known: Mutex<HashMap<[u8; 32], Guest>>,
+    known: Mutex<HashMap<Digest, Guest>>,
 }
 
 #[derive(Clone)]
@@ -36,7 +36,7 @@ impl Guests {
         Self { max: config.max_guests, stay, known: Mutex::default() }
     }
 
-    fn lock(&self) -> MutexGuard<'_, HashMap<[u8; 32], Guest>> {
+    fn lock(&self) -> MutexGuard<'_, HashMap<Digest, Guest>> {
         self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -56,8 +56,8 @@ impl Guests {
     }
 
     /// Whose a token is, if its host is known still.
-    pub fn whose(&self, token: &[u8], is_known: impl FnOnce(&str) -> bool) -> Option<Caller> {
-        let guest = self.lock().get(&sha256(token)).cloned()?;
+    pub fn whose(&self, token: &Digest, is_known: impl FnOnce(&str) -> bool) -> Option<Caller> {
+        let guest = self.lock().get(token).cloned()?;
         (Instant::now() < guest.until && is_known(&guest.host)).then_some(guest.caller)
     }
 }

@@ -14,6 +14,7 @@ pub mod roles;
 mod tls;
 pub mod token_command;
 mod tokens;
+mod while_good;
 
 use std::net::SocketAddr;
 use std::os::unix::fs::DirBuilderExt;

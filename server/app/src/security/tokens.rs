@@ -78,7 +78,7 @@ pub struct Entry {
 pub struct Tokens(Vec<Known>);
 
 struct Known {
-    digest: [u8; 32],
+    digest: Digest,
     expires: Option<SystemTime>,
     caller: Caller,
 }
@@ -103,11 +103,10 @@ impl Tokens {
     }
 
     /// Whose a token is. How long it takes tells nothing of how near it was to one.
-    pub fn whose(&self, token: &[u8]) -> Option<&Caller> {
-        let presented = sha256(token);
+    pub fn whose(&self, presented: &Digest) -> Option<&Caller> {
         let mut found = None;
         for known in &self.0 {
-            if bool::from(known.digest.ct_eq(&presented)) {
+            if bool::from(known.digest.ct_eq(presented)) {
                 found = Some(known);
             }
         }
@@ -127,16 +126,19 @@ impl fmt::Debug for Tokens {
     }
 }
 
-/// Digest of a token.
-pub fn sha256(token: &[u8]) -> [u8; 32] {
+/// SHA-256 of a token: all that is kept of one.
+pub type Digest = [u8; 32];
+
+/// The digest of a token.
+pub fn sha256(token: &[u8]) -> Digest {
     digest(&SHA256, token).as_ref().try_into().expect("SHA-256 has 32 bytes")
 }
 
-fn hex(digest: [u8; 32]) -> String {
+fn hex(digest: Digest) -> String {
     digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn unhex(text: &str) -> Option<[u8; 32]> {
+fn unhex(text: &str) -> Option<Digest> {
     let digits = text.as_bytes().as_chunks::<2>().0;
     let byte = |pair: &[u8; 2]| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok();
     let bytes = digits.iter().map(byte).collect::<Option<Vec<u8>>>()?;
@@ -240,6 +242,10 @@ mod tests {
 
     use super::*;
 
+    fn of(token: &str) -> Digest {
+        sha256(token.as_bytes())
+    }
+
     fn wanted(name: &str, role: Role) -> Wanted {
         Wanted { name: name.into(), role, expires: None, session: None }
     }
@@ -253,10 +259,10 @@ mod tests {
         let text = std::fs::read_to_string(&path).unwrap();
         assert!(text.starts_with("# The lab's.\n") && !text.contains(anna.reveal()), "{text}");
         let tokens = Tokens::read(&path).unwrap();
-        assert_eq!(tokens.whose(anna.reveal().as_bytes()).unwrap().name(), Some("anna"));
-        assert_eq!(tokens.whose(ben.reveal().as_bytes()).unwrap().name(), Some("ben"));
+        assert_eq!(tokens.whose(&of(anna.reveal())).unwrap().name(), Some("anna"));
+        assert_eq!(tokens.whose(&of(ben.reveal())).unwrap().name(), Some("ben"));
         for stranger in [&anna.reveal()[1..], "", &format!("{}A", anna.reveal())] {
-            assert!(tokens.whose(stranger.as_bytes()).is_none(), "{stranger}");
+            assert!(tokens.whose(&of(stranger)).is_none(), "{stranger}");
         }
         assert!(add(&path, wanted("anna", Role::Viewer)).err().unwrap().to_string().contains("another token has it"));
     }
@@ -272,8 +278,8 @@ mod tests {
         let add = |name, expires| add(&path, Wanted { expires: Some(expires), ..wanted(name, Role::Viewer) }).unwrap();
         let [late, good] = [add("late", past), add("good", future)];
         let tokens = Tokens::read(&path).unwrap();
-        assert!(tokens.whose(late.reveal().as_bytes()).is_none());
-        assert!(tokens.whose(good.reveal().as_bytes()).is_some());
+        assert!(tokens.whose(&of(late.reveal())).is_none());
+        assert!(tokens.whose(&of(good.reveal())).is_some());
     }
 
     #[test]
