@@ -18,6 +18,7 @@ mod lifecycle;
 mod lock_step;
 mod own_scenes;
 mod recorded;
+mod secured;
 mod stale;
 mod station;
 mod unfinished;

@@ -5,7 +5,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use kerf_proto::v1;
-use kerf_station::config::{DeviceConfig, DeviceKind, HandConfig, MappingConfig, SimulatedConfig, StationConfig};
+use kerf_station::config::{
+    DeviceConfig, DeviceKind, HandConfig, MappingConfig, ServerConfig as StationServer, SimulatedConfig, StationConfig,
+};
 use kerf_station::device::simulated::Simulated;
 use kerf_station::experiment::network::{Network, Quality};
 use kerf_station::link::{LinkState, LinkStatus, SharedSession};
@@ -27,8 +29,13 @@ fn touch(session_id: &str, url: String) -> Station {
 
 /// The same hand at a tool of a session.
 fn drive(session: &Arc<SharedSession>, tool_id: u32, url: String) -> Station {
+    drive_at(session, tool_id, StationServer { url, ..StationServer::default() })
+}
+
+/// The same, let in as it is told.
+pub fn drive_at(session: &Arc<SharedSession>, tool_id: u32, server: StationServer) -> Station {
     let mut config = StationConfig::default();
-    (config.server.url, config.link.silence_s) = (url, 0.3);
+    (config.server, config.link.silence_s) = (server, 0.3);
     // Less than what makes it part; up again, for a tool that is put down within tissue touches none.
     let path = vec![[0.0, 0.0, 0.002, 0.0], [0.3, 0.0, -4e-4, 0.0], [0.6, 0.0, 0.002, 0.0]];
     let hand = HandConfig { path, ..HandConfig::default() };
@@ -44,7 +51,7 @@ fn drive(session: &Arc<SharedSession>, tool_id: u32, url: String) -> Station {
 }
 
 /// Reads samples until one is as wanted; the force changes no faster than it may on the way.
-async fn until(station: &mut Station, what: &str, holds: impl Fn(&Sample) -> bool) {
+pub async fn until(station: &mut Station, what: &str, holds: impl Fn(&Sample) -> bool) {
     let end = Instant::now() + PATIENCE;
     let mut before: Option<Sample> = None;
     while Instant::now() < end {
@@ -64,7 +71,7 @@ async fn until(station: &mut Station, what: &str, holds: impl Fn(&Sample) -> boo
 }
 
 /// What the link says once it says what is wanted.
-async fn link_where(station: &Station, what: &str, holds: impl Fn(&LinkStatus) -> bool) -> LinkStatus {
+pub async fn link_where(station: &Station, what: &str, holds: impl Fn(&LinkStatus) -> bool) -> LinkStatus {
     let end = Instant::now() + PATIENCE;
     while !holds(&station.link()) {
         assert!(Instant::now() < end, "{what}: {:?}", station.link());
@@ -73,7 +80,7 @@ async fn link_where(station: &Station, what: &str, holds: impl Fn(&LinkStatus) -
     station.link()
 }
 
-fn feels(sample: &Sample) -> bool {
+pub fn feels(sample: &Sample) -> bool {
     sample.force_n.norm() > 0.005 && sample.rendered.state == State::Rendering
 }
 
@@ -81,7 +88,7 @@ fn feels_nothing(sample: &Sample) -> bool {
     sample.force_n.norm() == 0.0 && sample.rendered.state != State::Rendering
 }
 
-fn says(status: &LinkStatus, word: &str) -> bool {
+pub fn says(status: &LinkStatus, word: &str) -> bool {
     status.last_fault.as_ref().is_some_and(|fault| fault.contains(word))
 }
 
