@@ -43,13 +43,13 @@ def test_token_and_certificate_come_from_the_environment(secured, monkeypatch):
 @pytest.mark.parametrize("token", [None, "wrong"])
 def test_without_the_right_token_nothing_is_said(secured, token):
     server, folder, _ = secured
-    with kerf.Client(server.address, token=token, ca_file=folder / "certificate.pem") as client:
-        with pytest.raises(kerf.AccessDeniedError, match="token"):
-            client.sessions()
+    client = kerf.Client(server.address, token=token, ca_file=folder / "certificate.pem")
+    with client, pytest.raises(kerf.AccessDeniedError, match="token"):
+        client.sessions()
 
 
 def test_a_server_that_nobody_vouches_for_is_not_talked_to(secured):
     server, _, token = secured
-    with kerf.Client(f"https://{server.address}", token=token, timeout_s=2.0) as client:
-        with pytest.raises(kerf.UnavailableError):
-            client.sessions()
+    client = kerf.Client(f"https://{server.address}", token=token, timeout_s=2.0)
+    with client, pytest.raises(kerf.UnavailableError):
+        client.sessions()

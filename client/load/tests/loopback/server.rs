@@ -361,6 +361,13 @@ impl SessionService for Server {
         Err(Status::unimplemented("not asked for here"))
     }
 
+    async fn invite_viewer(
+        &self,
+        _: Request<v1::InviteViewerRequest>,
+    ) -> Result<Response<v1::InviteViewerResponse>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
+
     async fn seek_replay(&self, _: Request<v1::SeekReplayRequest>) -> Result<Response<v1::SeekReplayResponse>, Status> {
         Err(Status::unimplemented("not asked for here"))
     }

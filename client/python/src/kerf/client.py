@@ -34,10 +34,10 @@ class Client:
         Args:
             address: Host and port; `https://` before them asks for TLS.
             timeout_s: What a call may take, s.
-            token: What the server lets this client in by. Else it is read from the file that `KERF_TOKEN_FILE` names, or
-                from `KERF_TOKEN`.
-            ca_file: Certificates (PEM) of those who are trusted to sign the server's; asks for TLS. Else those of the file
-                that `KERF_CA_FILE` names, or the system's.
+            token: What the server lets this client in by. Else it is read from the file that `KERF_TOKEN_FILE` names,
+                or from `KERF_TOKEN`.
+            ca_file: Certificates (PEM) of those who are trusted to sign the server's; asks for TLS. Else those of the
+                file that `KERF_CA_FILE` names, or the system's.
         """
         self._transport = Transport(address, timeout_s, token=token, ca_file=ca_file)
 
