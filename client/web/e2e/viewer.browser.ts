@@ -471,6 +471,8 @@ test("a page is dark or light as the system is, until somebody chooses", async (
 test("the first scene is the liver, at a rate that the machine keeps, without a red word", async () => {
   const { page, problems } = await open(browser, server.address, { width: 1280, height: 800 });
   await page.waitForSelector(".card");
+  // A picture that cannot be had is taken away, and missed below.
+  await page.waitForFunction(() => [...document.querySelectorAll("img")].every(({ complete }) => complete));
   const cards = await page.evaluate(() =>
     [...document.querySelectorAll<HTMLElement>(".card")].map((card) => ({
       name: card.dataset["scene"],
