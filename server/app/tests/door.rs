@@ -169,8 +169,14 @@ async fn wrong_tokens_are_bounded_and_keep_out_no_right_one() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_token_that_is_taken_back_is_good_for_nothing_and_a_broken_file_changes_nothing() {
-    let secured = Secured::start(|_| ()).await;
+async fn a_token_that_is_taken_back_or_has_expired_is_good_for_nothing_and_a_broken_file_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["viewer", "anna", "ben"] {
+        make_token(folder.path(), name, if name == "viewer" { "viewer" } else { "driver" }, &[]);
+    }
+    // A second, in days.
+    make_token(folder.path(), "late", "viewer", &["--days", "0.0000116"]);
+    let secured = Secured::again(folder, |_| ()).await;
     let file = secured.folder.path().join("tokens.toml");
     let before = std::fs::read_to_string(&file).unwrap();
     let mut viewer = secured.sessions("viewer").await;
@@ -186,6 +192,7 @@ async fn a_token_that_is_taken_back_is_good_for_nothing_and_a_broken_file_change
     std::fs::write(&file, "[[token]]\nname = 3").unwrap();
     tokio::time::sleep(Duration::from_millis(1500)).await;
     list(&mut viewer).await.unwrap();
+    assert_eq!(list(&mut secured.sessions("late").await).await.unwrap_err().code(), Code::Unauthenticated);
     let others = before.split("[[token]]").filter(|entry| !entry.contains("\"viewer\"")).collect::<Vec<_>>();
     std::fs::write(&file, others.join("[[token]]")).unwrap();
     soon("the end of the token", async {

@@ -122,10 +122,12 @@ async fn the_first_token_is_shown_once_and_no_token_is_ever_logged() {
     let mut client = served.connect(&operator).await;
     list(&mut client).await.unwrap();
     let scene = Some(v1::create_session_request::Scene::SceneName("jelly".into()));
-    client.create_session(v1::CreateSessionRequest { scene, ..Default::default() }).await.unwrap();
+    let created = client.create_session(v1::CreateSessionRequest { scene, ..Default::default() }).await.unwrap();
+    let session_id = created.into_inner().session.unwrap().session_id;
+    let guest = client.invite_viewer(v1::InviteViewerRequest { session_id }).await.unwrap().into_inner().token;
     // As a browser says it, right and wrong.
     let address = served.address.parse().unwrap();
-    for said in [&token, "wrong-and-secret"] {
+    for said in [&token, &guest, "wrong-and-secret"] {
         let stream = tls::dial(address, &[&certificate], "http/1.1").await.unwrap();
         let heads = format!("authorization: Bearer {said}\r\n");
         tls::call(stream, "/kerf.v1.SessionService/ListSessions", &heads).await;
@@ -149,7 +151,7 @@ async fn the_first_token_is_shown_once_and_no_token_is_ever_logged() {
     for log in ["log", "log-again"] {
         let log = read(&file(log));
         assert!(log.contains("TRACE") && log.contains("the certificate"), "too little is logged to tell");
-        for secret in [&token, "wrong-and-secret", "authorization", "Bearer", "PRIVATE KEY"] {
+        for secret in [&token, &guest, "wrong-and-secret", "authorization", "Bearer", "PRIVATE KEY"] {
             let said = log.lines().find(|line| line.to_lowercase().contains(&secret.to_lowercase()));
             assert_eq!(said, None, "{secret}");
         }
