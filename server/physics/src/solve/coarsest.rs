@@ -8,18 +8,18 @@
 //! springs change, in the scene frame and with the springs.
 
 use super::operator::Operator;
+use super::spring::PointSpring;
 use crate::fem::lanes::{for_packed, unpack};
 use crate::grid::levels::NONE;
 use crate::walk::{Kept, WalkError};
 use serde::{Deserialize, Serialize};
-use std::ops::{AddAssign, Mul};
 use wide::f32x4;
 
 /// Pieces of more nodes than this are left to the smoother: the work of a dense factor grows with
 /// the cube of its size.
 const MOST_NODES: usize = 200;
 
-/// A piece: its nodes and the lower triangle of its factor by rows, each diagonal entry inverted.
+/// A piece: its nodes and the factor of its matrix, by [`factor`].
 #[derive(Clone, Serialize, Deserialize)]
 struct Piece {
     nodes: Vec<u32>,
@@ -29,18 +29,27 @@ struct Piece {
 impl Piece {
     /// Whether a factor of the other one serves this one.
     fn is_like(&self, other: &Self) -> bool {
-        let n = 3 * self.nodes.len();
-        self.nodes == other.nodes && other.factor.as_ref().is_none_or(|factor| factor.len() == n * (n + 1) / 2)
+        let entries = row_start(3 * self.nodes.len(), 3 * self.nodes.len());
+        self.nodes == other.nodes && other.factor.as_ref().is_none_or(|factor| factor.len() == entries)
     }
 }
 
 /// Pieces that springs join, as one system in the scene frame.
 #[derive(Clone, Default)]
 struct Joined {
+    /// In order.
+    pieces: Vec<u32>,
+    /// By piece: scratch.
+    is_joined: Vec<bool>,
+    /// Of the pieces, one after the other.
     nodes: Vec<u32>,
     /// Of each node of the level among these; [`NONE`]: its piece is not joined.
     place: Vec<u32>,
-    /// Lower triangle by rows, and its factor rounded, each diagonal entry inverted.
+    /// What the elements add to the matrix; empty: not known yet.
+    elements: Vec<f64>,
+    /// The springs that are in the factor.
+    springs: Vec<PointSpring>,
+    /// The factor as it is computed, and as it is used.
     matrix: Vec<f64>,
     factor: Vec<f32>,
 }
@@ -74,8 +83,12 @@ impl Coarsest {
             of.nodes.iter().for_each(|node| piece[*node as usize] = index as u32);
         }
         Self {
+            joined: Joined {
+                is_joined: vec![false; pieces.len()],
+                place: vec![NONE; piece.len()],
+                ..Joined::default()
+            },
             pieces: pieces.into(),
-            joined: Joined { place: vec![NONE; piece.len()], ..Joined::default() },
             rotation: vec![[f32x4::ZERO; 3]; piece.len()],
             sums: vec![[0.0; 9]; piece.len()],
             buffer: vec![0.0; 3 * piece.len()],
@@ -93,42 +106,31 @@ impl Coarsest {
         Ok(())
     }
 
-    /// Room for the pieces that springs may join.
-    pub fn reserve(&mut self) {
+    /// Room for the pieces that `count` springs may join.
+    pub fn reserve(&mut self, count: usize) {
         if self.pieces.len() > 1 {
             let n = 3 * self.piece.len().min(MOST_NODES);
-            let Joined { nodes, matrix, factor, .. } = &mut self.joined;
+            let entries = row_start(n, n);
+            let Joined { nodes, springs, elements, matrix, factor, .. } = &mut self.joined;
             nodes.reserve(self.piece.len() - nodes.len());
-            matrix.reserve((n * (n + 1) / 2).saturating_sub(matrix.len()));
-            factor.reserve((n * (n + 1) / 2).saturating_sub(factor.len()));
+            springs.reserve(count.saturating_sub(springs.len()));
+            elements.reserve(entries.saturating_sub(elements.len()));
+            matrix.reserve(entries.saturating_sub(matrix.len()));
+            factor.reserve(entries.saturating_sub(factor.len()));
         }
     }
 
     /// Takes in the springs between pieces.
     pub fn set_springs(&mut self, operator: &Operator) {
-        let Joined { nodes, place, .. } = &mut self.joined;
-        nodes.drain(..).for_each(|node| place[node as usize] = NONE);
-        for spring in operator.springs() {
-            let mut pieces = spring.entries().map(|(node, _)| self.piece[node]);
-            let first = pieces.next();
-            if pieces.any(|piece| Some(piece) != first) {
-                for (node, _) in spring.entries().filter(|(_, w)| *w != 0.0) {
-                    let piece = &self.pieces[self.piece[node] as usize].nodes;
-                    if place[node] == NONE {
-                        piece.iter().zip(nodes.len() as u32..).for_each(|(node, at)| place[*node as usize] = at);
-                        nodes.extend(piece);
-                    }
-                }
-            }
-        }
-        if !nodes.is_empty() && (nodes.len() > MOST_NODES || !self.joined.factor(operator)) {
-            let Joined { nodes, place, .. } = &mut self.joined;
-            nodes.drain(..).for_each(|node| place[node as usize] = NONE);
+        self.joined.find(&self.pieces, &self.piece, operator.springs());
+        if !self.joined.nodes.is_empty() && (self.joined.nodes.len() > MOST_NODES || !self.joined.factor(operator)) {
+            self.joined.separate();
         }
     }
 
     /// Takes the rotation of each node from the elements around it.
     pub fn update_rotations(&mut self, operator: &Operator) {
+        self.joined.elements.clear();
         self.sums.fill([0.0; 9]);
         for element in 0..operator.element_count() {
             let r = operator.rotation(element);
@@ -174,27 +176,31 @@ impl Coarsest {
     }
 }
 
-/// `v = (L L^T)^-1 v`.
+/// Where a row begins in an upper triangle of `n` rows; of row `n`, the number of its entries.
+fn row_start(n: usize, row: usize) -> usize {
+    row * n - row * row.saturating_sub(1) / 2
+}
+
+/// `v = (U^T U)^-1 v`.
 fn substitute(factor: &[f32], v: &mut [f32]) {
-    let mut start = 0;
-    for i in 0..v.len() {
-        let row = &factor[start..start + i];
-        v[i] = (v[i] - dot(row, &v[..i])) * factor[start + i];
-        start += i + 1;
+    let n = v.len();
+    let mut rows = factor;
+    for i in 0..n {
+        let (row, below) = rows.split_at(n - i);
+        rows = below;
+        let (own, rest) = v[i..].split_at_mut(1);
+        own[0] *= row[0];
+        rest.iter_mut().zip(&row[1..]).for_each(|(v, u)| *v -= own[0] * u);
     }
-    for i in (0..v.len()).rev() {
-        start -= i + 1;
-        let value = v[i] * factor[start + i];
-        v[i] = value;
-        for (v, l) in v[..i].iter_mut().zip(&factor[start..start + i]) {
-            *v -= value * l;
-        }
+    for i in (0..n).rev() {
+        let row = &factor[row_start(n, i)..][..n - i];
+        v[i] = (v[i] - dot(&row[1..], &v[i + 1..])) * row[0];
     }
 }
 
 /// Dot product in sixteen partial sums.
-fn dot<T: Copy + Default + AddAssign + Mul<Output = T>>(a: &[T], b: &[T]) -> T {
-    let mut sums = [T::default(); 16];
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let mut sums = [0.0; 16];
     let ((a_chunks, a_rest), (b_chunks, b_rest)) = (a.as_chunks::<16>(), b.as_chunks::<16>());
     for (x, y) in a_chunks.iter().zip(b_chunks) {
         (0..16).for_each(|i| sums[i] += x[i] * y[i]);
@@ -207,45 +213,98 @@ fn dot<T: Copy + Default + AddAssign + Mul<Output = T>>(a: &[T], b: &[T]) -> T {
 }
 
 impl Joined {
-    /// Factors the system; whether it is definite.
-    fn factor(&mut self, operator: &Operator) -> bool {
-        let n = 3 * self.nodes.len();
-        self.matrix.clear();
-        self.matrix.resize(n * (n + 1) / 2, 0.0);
-        let Self { place, matrix, factor, .. } = self;
-        let mut add = |a: usize, i: usize, b: usize, j: usize, value: f64| {
-            let (row, column) = (3 * place[a] as usize + i, 3 * place[b] as usize + j);
-            if row >= column {
-                matrix[row * (row + 1) / 2 + column] += value;
+    /// Finds the pieces that these springs join.
+    fn find(&mut self, pieces: &[Piece], piece: &[u32], springs: &[PointSpring]) {
+        self.is_joined.fill(false);
+        for spring in springs {
+            let carriers = || spring.entries().filter(|(_, w)| *w != 0.0).map(|(node, _)| piece[node]);
+            let first = carriers().next();
+            if carriers().any(|piece| Some(piece) != first) {
+                carriers().for_each(|piece| self.is_joined[piece as usize] = true);
             }
-        };
+        }
+        let found = (0..pieces.len() as u32).filter(|piece| self.is_joined[*piece as usize]);
+        if found.clone().eq(self.pieces.iter().copied()) {
+            return;
+        }
+        let Self { nodes, place, .. } = self;
+        nodes.drain(..).for_each(|node| place[node as usize] = NONE);
+        nodes.extend(found.clone().flat_map(|piece| &pieces[piece as usize].nodes));
+        nodes.iter().zip(0..).for_each(|(node, at)| place[*node as usize] = at);
+        self.pieces.clear();
+        self.pieces.extend(found);
+        self.elements.clear();
+    }
+
+    /// Leaves every piece to itself.
+    fn separate(&mut self) {
+        let Self { nodes, place, .. } = self;
+        nodes.drain(..).for_each(|node| place[node as usize] = NONE);
+        self.pieces.clear();
+        self.factor.clear();
+    }
+
+    /// Factors the system, unless the factor is of these springs; whether it is definite.
+    fn factor(&mut self, operator: &Operator) -> bool {
+        let is_anew = self.elements.is_empty();
+        if is_anew {
+            self.sum_elements(operator);
+        }
+        let n = 3 * self.nodes.len();
+        let Self { place, elements, springs, matrix, factor, .. } = self;
+        let within = |spring: &&PointSpring| spring.entries().all(|(node, w)| w == 0.0 || place[node] != NONE);
+        let acting = operator.springs().iter().filter(within);
+        if !is_anew && acting.clone().eq(springs.iter()) {
+            return true;
+        }
+        springs.clear();
+        springs.extend(acting);
+        matrix.clear();
+        matrix.extend_from_slice(elements);
+        for spring in springs.iter() {
+            let stiffness = spring.stiffness();
+            let carriers = || spring.entries().filter(|(_, w)| *w != 0.0);
+            for ((a, wa), (b, wb)) in carriers().flat_map(|a| carriers().map(move |b| (a, b))) {
+                let weight = f64::from(wa) * f64::from(wb);
+                let block = stiffness.map(|row| [0, 1, 2].map(|column| weight * row[column]));
+                add_block(matrix, n, [place[a], place[b]], &block);
+            }
+        }
+        let is_definite = self::factor(matrix, n);
+        factor.clear();
+        factor.extend(matrix.iter().map(|u| *u as f32));
+        is_definite
+    }
+
+    /// The elements' matrices, in the scene frame.
+    fn sum_elements(&mut self, operator: &Operator) {
+        let n = 3 * self.nodes.len();
+        let Self { place, elements, .. } = self;
+        elements.resize(row_start(n, n), 0.0);
         for element in 0..operator.element_count() {
-            let nodes = operator.element_nodes(element).map(|node| node as usize);
-            if place[nodes[0]] != NONE {
+            let nodes = operator.element_nodes(element).map(|node| place[node as usize]);
+            if nodes[0] != NONE {
                 let (k, r) = (unpack(&operator.matrix(element)), operator.rotation(element));
                 for (a, b) in (0..64).map(|pair| (pair / 8, pair % 8)) {
                     // R K_ab R^T.
                     let half = |i: usize, m: usize| (0..3).map(|l| r[3 * i + l] * k[3 * a + l][3 * b + m]).sum::<f64>();
                     let half: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|m| half(i, m)));
-                    for (i, j) in (0..9).map(|entry| (entry / 3, entry % 3)) {
-                        add(nodes[a], i, nodes[b], j, (0..3).map(|m| half[i][m] * r[3 * j + m]).sum());
-                    }
+                    let whole = |i: usize, j: usize| (0..3).map(|m| half[i][m] * r[3 * j + m]).sum();
+                    let block = std::array::from_fn(|i| std::array::from_fn(|j| whole(i, j)));
+                    add_block(elements, n, [nodes[a], nodes[b]], &block);
                 }
             }
         }
-        for spring in operator.springs().iter().filter(|s| s.entries().all(|(node, _)| place[node] != NONE)) {
-            let stiffness = spring.stiffness();
-            for (a, wa) in spring.entries() {
-                for (b, wb) in spring.entries() {
-                    let weight = f64::from(wa) * f64::from(wb);
-                    (0..9).for_each(|entry| add(a, entry / 3, b, entry % 3, weight * stiffness[entry / 3][entry % 3]));
-                }
-            }
+    }
+}
+
+/// Adds a block at the places of two nodes to an upper triangle of `n` rows; what is below the diagonal is left out.
+fn add_block(triangle: &mut [f64], n: usize, places: [u32; 2], block: &[[f64; 3]; 3]) {
+    let [first_row, first_column] = places.map(|place| 3 * place as usize);
+    for (row, values) in (first_row..).zip(block) {
+        for (column, value) in (first_column..).zip(values).filter(|(column, _)| *column >= row) {
+            triangle[row_start(n, row) + column - row] += value;
         }
-        let found = self::factor(matrix, n);
-        factor.clear();
-        factor.extend(matrix.iter().map(|l| *l as f32));
-        found
     }
 }
 
@@ -273,26 +332,29 @@ fn pieces(operator: &Operator) -> Vec<Piece> {
             pieces[piece].nodes.push(node as u32);
         }
     }
-    let triangle = |nodes: usize| vec![0.0; 3 * nodes * (3 * nodes + 1) / 2];
+    let triangle = |nodes: usize| vec![0.0; row_start(3 * nodes, 3 * nodes)];
     let mut matrices: Vec<Option<Vec<f64>>> =
         pieces.iter().map(|p| (p.nodes.len() <= MOST_NODES).then(|| triangle(p.nodes.len()))).collect();
     for element in 0..operator.element_count() {
         let nodes = operator.element_nodes(element);
-        let Some(matrix) = &mut matrices[place[nodes[0] as usize].0] else { continue };
+        let piece = place[nodes[0] as usize].0;
+        let Some(matrix) = &mut matrices[piece] else { continue };
+        let n = 3 * pieces[piece].nodes.len();
         let packed = operator.matrix(element);
         for_packed(|index, row, column| {
             let local = |dof: usize| 3 * place[nodes[dof / 3] as usize].1 + dof % 3;
             // Nodes of a coarse element may coincide: an entry of either triangle may be one of the lower.
             let (i, j) = (local(row), local(column));
-            matrix[i.max(j) * (i.max(j) + 1) / 2 + i.min(j)] += packed[index];
+            let entry = row_start(n, i.min(j)) + i.abs_diff(j);
+            matrix[entry] += packed[index];
             if row != column && i == j {
-                matrix[i * (i + 1) / 2 + i] += packed[index];
+                matrix[entry] += packed[index];
             }
         });
     }
     for (piece, matrix) in pieces.iter_mut().zip(matrices) {
         piece.factor = matrix.and_then(|mut matrix| {
-            factor(&mut matrix, 3 * piece.nodes.len()).then(|| matrix.into_iter().map(|l| l as f32).collect())
+            factor(&mut matrix, 3 * piece.nodes.len()).then(|| matrix.into_iter().map(|u| u as f32).collect())
         });
     }
     pieces
@@ -306,28 +368,50 @@ fn find(root: &mut [u32], mut node: u32) -> u32 {
     node
 }
 
-/// Cholesky's factor of a matrix of `n` rows in the place of its lower triangle, each diagonal entry inverted; whether
-/// the matrix is definite.
-fn factor(rows: &mut [f64], n: usize) -> bool {
-    let mut start = 0;
-    for i in 0..n {
-        let (above, row) = rows.split_at_mut(start);
-        let mut start_above = 0;
-        for j in 0..i {
-            let other = &above[start_above..=start_above + j];
-            row[j] = (row[j] - dot(&row[..j], &other[..j])) * other[j];
-            start_above += j + 1;
-        }
+/// Rows that leave those below them together.
+const ROWS: usize = 4;
+
+/// Cholesky's factor U of a matrix `U^T U` of `n` rows, in the place of its upper triangle, which stands by rows; each
+/// diagonal entry inverted. Whether the matrix is definite.
+fn factor(triangle: &mut [f64], n: usize) -> bool {
+    for row in 0..n {
         // Nodes that carry next to nothing make the matrix rank-deficient in f32 entries; a fraction of
         // the diagonal well above that rounding keeps the factor definite.
-        let pivot = row[i] * (1.0 + 1e-5) + f64::MIN_POSITIVE - dot(&row[..i], &row[..i]);
-        if pivot.is_nan() || pivot <= 0.0 {
-            return false;
+        let diagonal = &mut triangle[row_start(n, row)];
+        *diagonal = *diagonal * (1.0 + 1e-5) + f64::MIN_POSITIVE;
+    }
+    for first in (0..n).step_by(ROWS) {
+        let end = n.min(first + ROWS);
+        let (above, below) = triangle.split_at_mut(row_start(n, end));
+        for row in first..end {
+            let (done, values) = above.split_at_mut(row_start(n, row));
+            let values = &mut values[..n - row];
+            for other in first..row {
+                let other = &done[row_start(n, other) + row - other..][..n - row];
+                values.iter_mut().zip(other).for_each(|(v, u)| *v = (-other[0]).mul_add(*u, *v));
+            }
+            let pivot = values[0];
+            if pivot.is_nan() || pivot <= 0.0 {
+                return false;
+            }
+            // A row of nothing: its unknown is zero.
+            let root = pivot.sqrt();
+            let inverse = if root < f64::from(f32::MIN_POSITIVE) { 0.0 } else { 1.0 / root };
+            values.iter_mut().for_each(|v| *v *= inverse);
+            values[0] = inverse;
         }
-        // A row of nothing: its unknown is zero.
-        let l = pivot.sqrt();
-        row[i] = if l < f64::from(f32::MIN_POSITIVE) { 0.0 } else { 1.0 / l };
-        start += i + 1;
+        let mut rest = below;
+        for row in end..n {
+            let (values, next) = rest.split_at_mut(n - row);
+            rest = next;
+            // There are rows below whole bands only.
+            let [a, b, c, d] =
+                std::array::from_fn::<_, ROWS, _>(|i| &above[row_start(n, first + i) + row - first - i..][..n - row]);
+            for (i, v) in values.iter_mut().enumerate() {
+                let half = (-a[0]).mul_add(a[i], (-b[0]).mul_add(b[i], *v));
+                *v = (-c[0]).mul_add(c[i], (-d[0]).mul_add(d[i], half));
+            }
+        }
     }
     true
 }

@@ -207,7 +207,7 @@ impl Multigrid {
     pub fn reserve_springs(&mut self, count: usize) {
         self.levels.iter_mut().for_each(|l| l.operator.reserve_springs(count));
         if count > 0 {
-            self.coarsest.reserve();
+            self.coarsest.reserve(count);
         }
     }
 
