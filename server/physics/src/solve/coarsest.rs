@@ -13,7 +13,7 @@ use crate::fem::lanes::{for_packed, unpack};
 use crate::grid::levels::NONE;
 use crate::walk::{Kept, WalkError};
 use serde::{Deserialize, Serialize};
-use wide::f32x4;
+use wide::{f32x4, f64x4};
 
 /// Pieces of more nodes than this are left to the smoother: the work of a dense factor grows with
 /// the cube of its size.
@@ -46,13 +46,18 @@ struct Joined {
     /// Of each node of the level among these; [`NONE`]: its piece is not joined.
     place: Vec<u32>,
     /// What the elements add to the matrix; empty: not known yet.
-    elements: Vec<f64>,
+    elements: Vec<Block>,
     /// The springs that are in the factor.
     springs: Vec<PointSpring>,
-    /// The factor as it is computed, and as it is used.
+    /// The matrix, the factor as it is computed, and as it is used.
+    blocks: Vec<Block>,
     matrix: Vec<f64>,
     factor: Vec<f32>,
 }
+
+/// Rows of the block of two nodes, the last lane idle. Those of an upper triangle stand by rows, as entries do; of the
+/// blocks on the diagonal the lower part is there too.
+type Block = [f64x4; 3];
 
 /// The factors and the rotations of the nodes.
 #[derive(Clone, Serialize, Deserialize)]
@@ -109,12 +114,13 @@ impl Coarsest {
     /// Room for the pieces that `count` springs may join.
     pub fn reserve(&mut self, count: usize) {
         if self.pieces.len() > 1 {
-            let n = 3 * self.piece.len().min(MOST_NODES);
-            let entries = row_start(n, n);
-            let Joined { nodes, springs, elements, matrix, factor, .. } = &mut self.joined;
+            let most = self.piece.len().min(MOST_NODES);
+            let (pairs, entries) = (row_start(most, most), row_start(3 * most, 3 * most));
+            let Joined { nodes, springs, elements, blocks, matrix, factor, .. } = &mut self.joined;
             nodes.reserve(self.piece.len() - nodes.len());
             springs.reserve(count.saturating_sub(springs.len()));
-            elements.reserve(entries.saturating_sub(elements.len()));
+            elements.reserve(pairs.saturating_sub(elements.len()));
+            blocks.reserve(pairs.saturating_sub(blocks.len()));
             matrix.reserve(entries.saturating_sub(matrix.len()));
             factor.reserve(entries.saturating_sub(factor.len()));
         }
@@ -250,8 +256,8 @@ impl Joined {
         if is_anew {
             self.sum_elements(operator);
         }
-        let n = 3 * self.nodes.len();
-        let Self { place, elements, springs, matrix, factor, .. } = self;
+        let count = self.nodes.len();
+        let Self { place, elements, springs, blocks, matrix, factor, .. } = self;
         let within = |spring: &&PointSpring| spring.entries().all(|(node, w)| w == 0.0 || place[node] != NONE);
         let acting = operator.springs().iter().filter(within);
         if !is_anew && acting.clone().eq(springs.iter()) {
@@ -259,18 +265,18 @@ impl Joined {
         }
         springs.clear();
         springs.extend(acting);
-        matrix.clear();
-        matrix.extend_from_slice(elements);
+        blocks.clear();
+        blocks.extend_from_slice(elements);
         for spring in springs.iter() {
-            let stiffness = spring.stiffness();
+            let stiffness = spring.stiffness().map(f64x4::from);
             let carriers = || spring.entries().filter(|(_, w)| *w != 0.0);
             for ((a, wa), (b, wb)) in carriers().flat_map(|a| carriers().map(move |b| (a, b))) {
-                let weight = f64::from(wa) * f64::from(wb);
-                let block = stiffness.map(|row| [0, 1, 2].map(|column| weight * row[column]));
-                add_block(matrix, n, [place[a], place[b]], &block);
+                let weight = f64x4::splat(f64::from(wa) * f64::from(wb));
+                add_block(blocks, count, [place[a], place[b]], stiffness.map(|row| weight * row));
             }
         }
-        let is_definite = self::factor(matrix, n);
+        write_rows(blocks, count, matrix);
+        let is_definite = self::factor(matrix, 3 * count);
         factor.clear();
         factor.extend(matrix.iter().map(|u| *u as f32));
         is_definite
@@ -278,9 +284,9 @@ impl Joined {
 
     /// The elements' matrices, in the scene frame.
     fn sum_elements(&mut self, operator: &Operator) {
-        let n = 3 * self.nodes.len();
+        let count = self.nodes.len();
         let Self { place, elements, .. } = self;
-        elements.resize(row_start(n, n), 0.0);
+        elements.resize(row_start(count, count), [f64x4::ZERO; 3]);
         for element in 0..operator.element_count() {
             let nodes = operator.element_nodes(element).map(|node| place[node as usize]);
             if nodes[0] != NONE {
@@ -290,20 +296,31 @@ impl Joined {
                     let half = |i: usize, m: usize| (0..3).map(|l| r[3 * i + l] * k[3 * a + l][3 * b + m]).sum::<f64>();
                     let half: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|m| half(i, m)));
                     let whole = |i: usize, j: usize| (0..3).map(|m| half[i][m] * r[3 * j + m]).sum();
-                    let block = std::array::from_fn(|i| std::array::from_fn(|j| whole(i, j)));
-                    add_block(elements, n, [nodes[a], nodes[b]], &block);
+                    let block = [0, 1, 2].map(|i| f64x4::new([whole(i, 0), whole(i, 1), whole(i, 2), 0.0]));
+                    add_block(elements, count, [nodes[a], nodes[b]], block);
                 }
             }
         }
     }
 }
 
-/// Adds a block at the places of two nodes to an upper triangle of `n` rows; what is below the diagonal is left out.
-fn add_block(triangle: &mut [f64], n: usize, places: [u32; 2], block: &[[f64; 3]; 3]) {
-    let [first_row, first_column] = places.map(|place| 3 * place as usize);
-    for (row, values) in (first_row..).zip(block) {
-        for (column, value) in (first_column..).zip(values).filter(|(column, _)| *column >= row) {
-            triangle[row_start(n, row) + column - row] += value;
+/// Adds the block of the nodes at two places to an upper triangle of `count` nodes; one below the diagonal is left out.
+fn add_block(triangle: &mut [Block], count: usize, places: [u32; 2], block: Block) {
+    let [row, column] = places.map(|place| place as usize);
+    if row <= column {
+        let sum = &mut triangle[row_start(count, row) + column - row];
+        *sum = std::array::from_fn(|i| sum[i] + block[i]);
+    }
+}
+
+/// The rows of an upper triangle of blocks of `count` nodes.
+fn write_rows(blocks: &[Block], count: usize, rows: &mut Vec<f64>) {
+    rows.clear();
+    for row in 0..count {
+        let of_row = &blocks[row_start(count, row)..][..count - row];
+        for i in 0..3 {
+            rows.extend_from_slice(&of_row[0][i].to_array()[i..3]);
+            rows.extend(of_row[1..].iter().flat_map(|block| block[i].to_array().into_iter().take(3)));
         }
     }
 }

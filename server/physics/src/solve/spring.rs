@@ -1,7 +1,8 @@
 //! Springs between points of the tissue and something outside it, in the system matrix.
 
+use super::assembly::LANES;
 use super::vectors::times;
-use wide::f32x4;
+use wide::{f32x4, u32x8};
 
 /// Most nodes that a point is spread over: the corners of two elements, and as many more where those of
 /// them that hang are moved by others.
@@ -37,13 +38,24 @@ impl PointSpring {
     }
 
     fn add_weight(&mut self, node: u32, weight: f32) {
-        match self.nodes[..self.count].iter().position(|n| *n == node) {
-            Some(found) => self.weights[found] += weight,
-            None => {
-                (self.nodes[self.count], self.weights[self.count]) = (node, weight);
-                self.count += 1;
-            }
+        let found = self.place(node);
+        if found == self.count {
+            self.nodes[found] = node;
+            self.count += 1;
         }
+        self.weights[found] += weight;
+    }
+
+    /// Where a node is among those of the point, or the place after them.
+    fn place(&self, node: u32) -> usize {
+        let (groups, []) = self.nodes.as_chunks::<LANES>() else { unreachable!("whole groups") };
+        let is_node = |group: &[u32; LANES]| u32x8::from(*group).simd_eq(u32x8::splat(node)).to_bitmask();
+        let found = groups.iter().take(self.count.div_ceil(LANES)).enumerate().find_map(|(index, group)| {
+            let lane = is_node(group).trailing_zeros() as usize;
+            (lane < LANES).then_some(LANES * index + lane)
+        });
+        // Behind them are zeros, which are a node's number too.
+        found.map_or(self.count, |found| found.min(self.count))
     }
 
     /// The same springs with every node spread over those that move it.
