@@ -86,6 +86,8 @@ pub(super) struct Anchor {
     /// Where the crack ends on its way as the step began, reference configuration: up to its own front it is in a cut,
     /// and what is before one that faces it holds, whichever links have parted.
     fronts: FrontsAhead,
+    /// Where it was when it looked ahead, reference configuration, m.
+    looked_m: Vec3,
     /// Unit normal into the surface that the edge came in through, reference configuration.
     pub(super) inward: Vec3,
     /// Whether it has given: from then on it gives at Gc.
@@ -134,6 +136,7 @@ impl Anchor {
             half_width_m,
             ahead: Ahead::Outside,
             fronts: FrontsAhead::default(),
+            looked_m: point.position_m,
             inward,
             yielded: false,
             travel: Travel::default(),
@@ -259,6 +262,14 @@ impl Anchor {
             }
         }
         self.find_link_ahead_in(body, &f, frame);
+        self.looked_m = self.position_m;
+    }
+
+    /// Whether it is in the material, and near enough to where it looked ahead to be carried by the same voxels.
+    pub(super) fn knows_ahead(&self, body: &Body) -> bool {
+        let grid = &body.state.grid;
+        (self.position_m - self.looked_m).norm() <= MARCH_VOXELS * grid.voxel_size_m()
+            && grid.signed_distance_m(&self.position_m) < 0.0
     }
 
     /// Whether the body keeps where the front is here.

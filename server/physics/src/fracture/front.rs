@@ -159,7 +159,7 @@ impl Front {
         self.lift();
         for (marker, segment) in self.markers.iter_mut().zip(self.segments.iter()) {
             let (at_m, frame) =
-                (motion.pose.transform(&segment.middle_m), segment.frame.turned(&motion.pose.orientation));
+                (motion.pose.transform(&segment.outline_m()), segment.frame.turned(&motion.pose.orientation));
             *marker = put_down(tissue, &at_m, &frame, motion.blade.edge_half_width_m);
         }
         self.slit = self.markers.iter().any(|marker| matches!(marker, Marker::On(_)));
@@ -191,15 +191,18 @@ impl Front {
             penalty_factor: motion.blade.penalty_factor,
             segment_m: segment.length_m,
             from_end_m: segment.from_end_m,
+            clearance_m: segment.clearance_m,
             is_end: !self.of_edge().contains(&index),
         };
         let was = self.markers[index];
         let now = match was {
+            Marker::On(anchor) if anchor.knows_ahead(tissue.body) && edge.is_clear(tissue.body, &anchor) => return,
             Marker::On(anchor) => edge.keep(tissue, anchor),
             Marker::Outside => edge.enter(tissue, self.beside(index, &motion.pose)),
             Marker::Buried => edge.emerge_or_join(tissue, self.beside(index, &motion.pose)),
         };
         match (&was, &now) {
+            (_, Marker::On(anchor)) if edge.is_clear(tissue.body, anchor) => {}
             (_, Marker::On(anchor)) => {
                 self.contacts.push(FrontContact::new(tissue.body, index, &edge, anchor, strained));
             }
@@ -352,7 +355,9 @@ impl Front {
     fn take_crack_along(&mut self, body: &Body, crack: &mut Crack) {
         let mut spans = std::mem::take(&mut self.spans);
         spans.clear();
-        let cuts = |index: usize| self.anchor(index).filter(|a| a.yielded && matches!(a.ahead, Ahead::Intact { .. }));
+        let presses = |index: usize| self.contacts.binary_search_by_key(&index, |contact| contact.marker).is_ok();
+        let has_cut = |anchor: &&Anchor| anchor.yielded && matches!(anchor.ahead, Ahead::Intact { .. });
+        let cuts = |index: usize| self.anchor(index).filter(has_cut).filter(|_| presses(index));
         for (index, frame) in self.frames.iter().enumerate() {
             let Some(own) = cuts(index) else { continue };
             let way = own.way(body, frame);
@@ -396,7 +401,8 @@ impl Front {
         for index in 0..self.markers.len() {
             let Marker::On(anchor) = self.markers[index] else { continue };
             let along = self.frames[index].along;
-            let slip = chain[index].map_or(0.0, |point| point.to_edge_m.dot(&along));
+            let to_edge_m = chain[index].map_or(Vec3::zeros(), |point| point.to_edge_m);
+            let slip = to_edge_m.dot(&along);
             let next = if slip > 0.0 { index + 1 } else { index.wrapping_sub(1) };
             let beside = chain.get(next).copied().flatten().filter(|_| self.goes_on(index.min(next)));
             let mut moved = anchor;
@@ -408,7 +414,14 @@ impl Front {
                     moved.start_m += (beside.start_m - anchor.start_m + unbend) * fraction;
                 }
                 None => {
-                    let shift = anchor.pull_back(body, &along) * slip;
+                    // Round a corner of the outline it goes no farther than what is beyond has cut.
+                    let lead_m = |corner: ChainPoint| {
+                        let apart_m = pose.orientation * (self.segments[index].middle_m - self.segments[next].middle_m);
+                        (apart_m - to_edge_m + corner.to_edge_m).dot(&along) * slip.signum()
+                    };
+                    let most_m =
+                        chain.get(next).copied().flatten().map_or(f64::INFINITY, |corner| (-lead_m(corner)).max(0.0));
+                    let shift = anchor.pull_back(body, &along) * slip.clamp(-most_m, most_m);
                     moved.position_m += shift;
                     moved.start_m += shift;
                 }
@@ -509,7 +522,7 @@ impl Front {
     fn beside(&self, index: usize, pose: &Pose) -> Option<Beside> {
         let of = |at: usize| {
             let anchor = *self.anchor(at)?;
-            let chord_m = self.segments[index].middle_m - self.segments[at].middle_m;
+            let chord_m = self.segments[index].outline_m() - self.segments[at].outline_m();
             Some(Beside { anchor, chord_m: pose.orientation * chord_m })
         };
         of(index.wrapping_sub(1)).or_else(|| of(index + 1))

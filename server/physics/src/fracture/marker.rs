@@ -7,7 +7,7 @@ use super::way_in::{WayIn, way_in};
 use crate::Vec3;
 use crate::body::{Body, MaterialPoint};
 use crate::contact::broad::SpatialHash;
-use crate::contact::narrow;
+use crate::contact::{Mode, narrow};
 use crate::tool::frame::BladeFrame;
 use serde::{Deserialize, Serialize};
 
@@ -23,6 +23,10 @@ const LOST_VOXELS: f64 = 2.0;
 /// known to about as much. It tells only for edges that appear at a surface; those that come in from outside do not
 /// change by a bit.
 const SKIN_VOXELS: f64 = 0.05;
+
+/// A marker of an end is clear where it has this much of its clearance left. Ours: what comes on within a step is found
+/// a step later, as far as that is not foreseen.
+const CLEAR: f64 = 0.25;
 
 /// One segment of the edge.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
@@ -69,6 +73,8 @@ pub(super) struct Edge {
     pub(super) segment_m: f64,
     /// Distance of its middle from the nearer end of the edge, m.
     pub(super) from_end_m: f64,
+    /// How far it stands behind the blade's outline, m.
+    pub(super) clearance_m: f64,
     /// Whether it is of an end of the edge, which cuts on where the edge has cut, and dents no surface that runs along it.
     pub(super) is_end: bool,
 }
@@ -92,9 +98,12 @@ impl Edge {
         let on_surface = is_on_surface(body, &anchor.position_m);
         let grazes = on_surface && grazes(body, &anchor.position_m, &back);
         // What comes in along itself, or through a wall of a cut, goes on with the cut of its neighbour.
-        let follows = approach < came_m.dot(&self.frame.along).abs() || !on_surface;
+        let slides = approach < came_m.dot(&self.frame.along).abs();
+        let follows = slides || !on_surface;
         match beside {
             Some(beside) if follows && beside.anchor.yielded || grazes && !self.is_end => self.join(tissue, &beside),
+            // An end that comes down behind its edge waits until that has cut.
+            _ if slides && self.is_end => self.emerge(tissue),
             _ if approach > 0.0 && !(grazes && self.is_end) => {
                 anchor.start_here(body, crack, &self.frame);
                 self.unless_lost(tissue, anchor, &at_m)
@@ -131,6 +140,20 @@ impl Edge {
             return self.emerge(tissue);
         }
         Marker::On(anchor)
+    }
+
+    /// Whether it stands clear of where its cut ends, and will at the end of the step: it presses on nothing.
+    pub(super) fn is_clear(&self, body: &Body, anchor: &Anchor) -> bool {
+        let presses = anchor.mode != Mode::Off || !anchor.yielded;
+        if self.clearance_m == 0.0 || presses {
+            return false;
+        }
+        let weights = anchor.weights(body);
+        let end_m = weights.place_m(&body.state.position_m);
+        let next_end_m = end_m + weights.sum(&body.state.velocity_m_per_s) * body.dt_s();
+        let gap_m = (self.now_m - next_end_m).dot(&self.frame.forward);
+        let aside_m = (self.now_m - end_m).dot(&self.frame.normal).abs();
+        gap_m < -CLEAR * self.clearance_m && aside_m <= LOST_VOXELS * body.state.grid.voxel_size_m()
     }
 
     /// A marker that was in contact: still is, or has let go.

@@ -28,14 +28,24 @@ impl Piece {
 /// One segment of an edge, tool frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EdgeSegment {
-    /// Its middle, m.
+    /// Its middle, m; of an end of the edge, [`Self::clearance_m`] behind the outline.
     pub middle_m: Vec3,
     /// Along the segment's chord, forward, across.
     pub frame: BladeFrame,
+    /// How far its middle stands behind the outline, m.
+    pub clearance_m: f64,
     /// Its length along the edge, m.
     pub length_m: f64,
     /// Arc length from its middle to the nearer end of the edge, m.
     pub from_end_m: f64,
+}
+
+impl EdgeSegment {
+    /// Its middle on the outline, m.
+    #[must_use]
+    pub fn outline_m(&self) -> Vec3 {
+        self.middle_m + self.frame.forward * self.clearance_m
+    }
 }
 
 /// Which end of an edge.
@@ -110,6 +120,7 @@ impl Edge {
             EdgeSegment {
                 middle_m: piece.at(arc_m),
                 frame: BladeFrame::of_tangent(chord.unwrap_or(piece.along)),
+                clearance_m: 0.0,
                 length_m: 2.0 * half_m,
                 from_end_m: 0.5 * self.length_m - arc_m.abs(),
             }
@@ -118,15 +129,19 @@ impl Edge {
     }
 
     /// Equal segments, no longer than `longest_m`, of an end of the edge up to a spine `height_m` above it: in the order
-    /// in which they follow on the edge's, round the outline.
+    /// in which they follow on the edge's, round the outline. The cut that an edge makes ends at the outline, and tissue
+    /// that works to and fro by a little does not press on the end of a blade that only comes down: its segments touch
+    /// half a segment later, where the last one of the edge stands too.
     pub(crate) fn end_segments(&self, end: EdgeEnd, height_m: f64, longest_m: f64) -> Vec<EdgeSegment> {
         let (point_m, frame) = self.end(end);
         let count = (height_m / longest_m).ceil().max(1.0) as usize;
         let length_m = height_m / count as f64;
+        let clearance_m = 0.5 * longest_m.min(0.5 * self.length_m);
         let segment = |index: usize| {
             let from_edge_m = (index as f64 + 0.5) * length_m;
             let from_end_m = from_edge_m.min(height_m - from_edge_m);
-            EdgeSegment { middle_m: point_m + Vec3::y() * from_edge_m, frame, length_m, from_end_m }
+            let middle_m = point_m + Vec3::y() * from_edge_m - frame.forward * clearance_m;
+            EdgeSegment { middle_m, frame, clearance_m, length_m, from_end_m }
         };
         let up = (0..count).map(segment);
         match end {

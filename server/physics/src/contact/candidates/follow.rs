@@ -136,8 +136,9 @@ impl Follower {
             list.reserve(patches.saturating_sub(list.len()));
         }
         self.again_m.reserve(patches.saturating_sub(self.again_m.len()));
-        self.found.reserve((ROOM_FOR_OTHERS * patches).saturating_sub(self.found.len()));
-        self.returned.reserve(patches.saturating_sub(self.returned.len()));
+        for pairs in [&mut self.found, &mut self.returned] {
+            pairs.reserve((ROOM_FOR_OTHERS * patches).saturating_sub(pairs.len()));
+        }
         self.speeds.reserve(nodes.saturating_sub(self.speeds.len()));
     }
 
