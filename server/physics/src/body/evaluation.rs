@@ -158,9 +158,9 @@ impl Body {
     }
 
     /// Elements whose boxes may meet `near`, ascending: those of the chunks whose boxes do.
-    pub(crate) fn elements_near(&self, near: &Aabb) -> impl Iterator<Item = usize> + '_ {
-        let near = *near;
-        let met = self.chunk_boxes().enumerate().filter(move |(_, bounds)| near.meets(bounds));
+    pub(crate) fn elements_near<const N: usize>(&self, near: [Aabb; N]) -> impl Iterator<Item = usize> + '_ {
+        let is_met = move |bounds: &Aabb| near.iter().any(|near| near.meets(bounds));
+        let met = self.chunk_boxes().enumerate().filter(move |(_, bounds)| is_met(bounds));
         let elements = self.base().elements.len();
         met.flat_map(move |(index, _)| index * CHUNK_ELEMENTS..elements.min((index + 1) * CHUNK_ELEMENTS))
     }

@@ -48,19 +48,13 @@ impl Body {
         let local = self.local_coordinates(element, &point.position_m);
         let nodes = self.base().elements[element].nodes;
         let edge_m = self.element_edge_m(element);
-        let sum = |at: &dyn Fn(usize) -> Vec3, gradients: [[f64; 3]; 8]| -> Mat3 {
-            let mut f = Mat3::zeros();
-            for (node, g) in nodes.iter().zip(gradients) {
-                f += at(*node as usize) * Vec3::from(g).transpose();
-            }
-            f / edge_m
-        };
         let position = |node: usize| Vec3::from(self.state.position_m[node]);
         match self.state.held.corners(element) {
-            None => sum(&position, shape_gradients(local)),
+            None => gradient(nodes.map(|node| position(node as usize)), shape_gradients(local)) / edge_m,
             Some(corners) => {
                 let gradients = corners.weight_gradients(self.voxel_in_cell(element, point.voxel), local);
-                Mat3::identity() + sum(&|node| position(node) - self.rest_position_m(node), gradients)
+                let moved = nodes.map(|node| position(node as usize) - self.rest_position_m(node as usize));
+                Mat3::identity() + gradient(moved, gradients) / edge_m
             }
         }
     }
@@ -95,6 +89,11 @@ impl Body {
             self.state.grid.origin_m() + at * self.lattice_edge_m()
         })
     }
+}
+
+/// Sum of what stands at the nodes times the gradients of their weights.
+fn gradient(at: [Vec3; 8], gradients: [[f64; 3]; 8]) -> Mat3 {
+    at.iter().zip(gradients).fold(Mat3::zeros(), |sum, (at, g)| sum + at * Vec3::from(g).transpose())
 }
 
 /// Brings local coordinates to where `map`, which gives the position, m, and its derivatives along them, is at

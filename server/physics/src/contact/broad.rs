@@ -8,7 +8,7 @@ use crate::math::Aabb;
 #[derive(Clone, Default)]
 pub struct SpatialHash {
     cell_m: f64,
-    /// Elements near the tool and their boxes, ascending in each place that was asked for.
+    /// Elements near the tool and their boxes, ascending.
     boxes: Vec<(u32, Aabb)>,
     /// (cell, index into `boxes`), sorted.
     entries: Vec<([i32; 3], u32)>,
@@ -33,31 +33,27 @@ impl SpatialHash {
         self.boxes.clear();
         self.entries.clear();
         self.cell_m = body.lattice_edge_m();
-        let met = near.map(|near| self.add(body, &near));
-        self.entries.sort_unstable();
-        met
-    }
-
-    /// Adds the elements whose boxes meet `near`; returns whether there are any.
-    fn add(&mut self, body: &Body, near: &Aabb) -> bool {
-        let before = self.boxes.len();
+        let mut met = [false; N];
         for id in body.elements_near(near) {
             let aabb = body.element_box(id);
-            if !aabb.meets(near) {
-                continue;
-            }
-            // Only what can be asked for: an inflated element does not flood the hash.
-            let (low, high) = (self.cell(&aabb.min_m.sup(&near.min_m)), self.cell(&aabb.max_m.inf(&near.max_m)));
-            for k in low[2]..=high[2] {
-                for j in low[1]..=high[1] {
-                    for i in low[0]..=high[0] {
-                        self.entries.push(([i, j, k], self.boxes.len() as u32));
+            for (near, met) in near.iter().zip(&mut met).filter(|(near, _)| aabb.meets(near)) {
+                *met = true;
+                // Only what can be asked for: an inflated element does not flood the hash.
+                let (low, high) = (self.cell(&aabb.min_m.sup(&near.min_m)), self.cell(&aabb.max_m.inf(&near.max_m)));
+                for k in low[2]..=high[2] {
+                    for j in low[1]..=high[1] {
+                        for i in low[0]..=high[0] {
+                            self.entries.push(([i, j, k], self.boxes.len() as u32));
+                        }
                     }
                 }
             }
             self.boxes.push((id as u32, aabb));
         }
-        self.boxes.len() > before
+        // Where two of those places meet, an element was entered twice.
+        self.entries.sort_unstable();
+        self.entries.dedup();
+        met
     }
 
     fn cell(&self, p: &Vec3) -> [i32; 3] {

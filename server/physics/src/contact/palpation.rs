@@ -65,7 +65,7 @@ impl Palpation {
         // What the tissue itself moves in a step is less than the margin, or else its next step will do.
         let margin_m = MARGIN_VOXELS * body.state.grid.voxel_size_m();
         let near = Aabb::around(ends).grown(self.capsule.radius_m + margin_m + 2.0 * body.state.grid.voxel_size_m());
-        for element in body.elements_near(&near) {
+        for element in body.elements_near([near]) {
             for patch in skin.of_element(element as u32) {
                 let Some(mut pressing) = contact(body, &self.capsule, patch, path, margin_m) else { continue };
                 pressing.rub(body, body.material_of(patch.point.voxel).friction_coefficient);

@@ -58,7 +58,7 @@ fn is_clear_of_probe(body: &Body, capsule: &Capsule, pose: &Pose) -> bool {
     let axis_m = (0..=pieces).map(|i| pose.transform(&(Vec3::x() * along(i))));
     let near = Aabb::around(axis_m.clone()).grown(capsule.radius_m);
     let skin = body.boundary().skin().into_iter();
-    let patches = skin.flat_map(|skin| body.elements_near(&near).flat_map(|element| skin.of_element(element as u32)));
+    let patches = skin.flat_map(|skin| body.elements_near([near]).flat_map(|element| skin.of_element(element as u32)));
     let is_in = |at_m: Vec3| capsule.nearest(&pose.to_local(&at_m)).distance_m < -on_surface_m(body);
     !patches.map(|patch| body.current_m(&patch.point)).any(is_in) && is_free(body, axis_m)
 }
