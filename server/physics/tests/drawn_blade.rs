@@ -1,7 +1,8 @@
 //! A blade that is drawn along its edge cuts with its end.
 
 use super::support::cutting::*;
-use kerf_physics::scene::{BladeDesc, EdgeDesc, ObjectDesc, ShapeDesc, ToolDesc};
+use kerf_physics::scene::{BladeDesc, EdgeDesc, Face, LoadDesc, ObjectDesc, ShapeDesc, ToolDesc};
+use kerf_physics::step_io::SolveReport;
 use kerf_physics::tool::blade::Blade;
 use kerf_physics::{Quat, Vec3};
 
@@ -60,4 +61,31 @@ fn a_blade_drawn_along_its_edge_cuts_with_its_end_at_gc_times_the_depth() {
         assert!((area - 1.0).abs() < 0.06, "{name}: A/(d l) = {area}");
         assert!(residual.abs() < 5e-3, "{name}: residual {residual} of the work");
     }
+}
+
+/// Iterations and solves of a stroke straight down, and the area that it cuts, m^2.
+fn stroke_down(sharp_ends: bool) -> (u32, u32, f64) {
+    let mut scene = cutting_scene(block(2.5e-3, 1), 0.02, 500.0);
+    // Drawn apart along x, as cuts in the built-in scenes are.
+    let pull = |face, traction_pa| LoadDesc::Traction {
+        region: ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0; 3] },
+        face,
+        traction_pa: [traction_pa, 0.0, 0.0],
+    };
+    scene.desc.objects[0].loads = vec![pull(Face::MinX, -2e4), pull(Face::MaxX, 2e4)];
+    scene.desc.tools = vec![ToolDesc::blade("blade", BladeDesc { sharp_ends, ..BladeDesc::straight(0.02, 0.06) })];
+    let across = Quat::from_axis_angle(&Vec3::y_axis(), std::f64::consts::FRAC_PI_2);
+    let mut rig = Rig::new(&scene, Vec3::new(3e-4, BLOCK_HEIGHT_M + 1e-3, 0.0), across, 0.05);
+    rig.drive(0.02);
+    let sum = |of: fn(&SolveReport) -> u32| rig.samples.iter().map(|s| of(&s.solve)).sum();
+    (sum(|s| s.iterations), sum(|s| s.solves), rig.samples.iter().map(|s| s.area_m2).sum())
+}
+
+#[test]
+fn the_ends_of_a_blade_that_only_comes_down_cost_next_to_no_solves() {
+    let [sharp, blunt] = [true, false].map(stroke_down);
+    println!("iterations, solves, area: sharp {sharp:?}, blunt {blunt:?}");
+    assert!(f64::from(sharp.0) < 1.1 * f64::from(blunt.0), "iterations {} against {}", sharp.0, blunt.0);
+    assert!(f64::from(sharp.1) < 1.05 * f64::from(blunt.1), "solves {} against {}", sharp.1, blunt.1);
+    assert!((sharp.2 / blunt.2 - 1.0).abs() < 0.02, "area {} against {} m^2", sharp.2, blunt.2);
 }
