@@ -75,6 +75,11 @@ impl Admission {
         Ok(Admitted { memory, load })
     }
 
+    /// Memory that is taken, bytes.
+    pub fn taken_bytes(&self) -> f64 {
+        lock(&self.taken).bytes
+    }
+
     fn reserve(self: &Arc<Self>, bytes: f64) -> Result<Reservation, SessionError> {
         let mut taken = lock(&self.taken);
         if taken.bytes + bytes > self.max_bytes {

@@ -158,6 +158,11 @@ impl Inbox {
         Ok(DriverId(state.next_driver - 1))
     }
 
+    /// Commands that wait.
+    pub fn waiting_commands(&self) -> usize {
+        lock(&self.state).commands.len()
+    }
+
     /// Drivers that are connected.
     pub fn drivers(&self) -> usize {
         lock(&self.state).drivers

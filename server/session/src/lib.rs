@@ -12,6 +12,7 @@
 mod admission;
 mod checkpoints;
 pub mod clock;
+pub mod counts;
 pub mod error;
 mod feed;
 mod governor;
@@ -41,8 +42,10 @@ pub mod stepping;
 mod structure_log;
 pub mod tape;
 mod tool_slot;
+mod vitals;
 
 pub use checkpoints::{Checkpoint, CheckpointInfo, FileError, MAX_CHECKPOINT_NAME_BYTES};
+pub use counts::Counts;
 pub use error::SessionError;
 pub use inbox::Inspection;
 pub use limits::{PoseLimits, SessionLimits};
@@ -58,3 +61,4 @@ pub use shortfall::Shortfall;
 pub use status::{Phase, SessionStatus, StepTallies, StepTally, StepTimes};
 pub use tape::{Base, LoggedInputs, Reel, TapeEntry, TapeReader, TapeState, TapedStep};
 pub use tool_slot::{DriverId, Echo};
+pub use vitals::{Done, Watched};

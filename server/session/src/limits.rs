@@ -52,6 +52,10 @@ pub struct SessionLimits {
     /// Events (paused, tool taken, fault, ...) kept for readers that are behind. Default 64: they
     /// are rare, and a reader that misses one is told of none of the session's state wrongly.
     pub max_log_events: usize,
+    /// A session whose thread neither steps nor looks after its clients for this long hangs, s: health checks and metrics
+    /// say so, and a reset may take `max_setup_s` more. Default 10: a hundred times the longest step that anybody can
+    /// work with, and less than a team waits before it asks.
+    pub hangs_after_s: f64,
     /// Shortest time between keyframes taken for readers that fell off the log, s. Default 0.25:
     /// a keyframe costs several steps' time, and everybody shares it.
     pub min_keyframe_interval_s: f64,
@@ -82,6 +86,7 @@ impl Default for SessionLimits {
             max_log_patches: 256,
             max_log_bytes: 16 << 20,
             max_log_events: 64,
+            hangs_after_s: 10.0,
             min_keyframe_interval_s: 0.25,
             max_checkpoints: 8,
             pose: PoseLimits::default(),
@@ -173,6 +178,7 @@ impl SessionLimits {
             ("max_log_patches", self.max_log_patches as f64),
             ("max_log_bytes", self.max_log_bytes as f64),
             ("max_log_events", self.max_log_events as f64),
+            ("hangs_after_s", self.hangs_after_s),
             ("min_keyframe_interval_s", self.min_keyframe_interval_s),
             ("max_checkpoints", self.max_checkpoints as f64),
             ("pose.workspace_half_extent_m", pose.workspace_half_extent_m),

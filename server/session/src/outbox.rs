@@ -12,8 +12,9 @@ use kerf_physics::step_io::{EnergyStep, ToolOutput};
 use kerf_physics::surface::delta::{AdaptedVertex, Keyframe, TopologyPatch};
 use tokio::sync::watch;
 
+use crate::counts::Counts;
 use crate::error::SessionError;
-use crate::limits::SessionLimits;
+use crate::limits::{SessionLimits, to_ns};
 use crate::lock::lock;
 use crate::shortfall::Shortfall;
 use crate::showcase::Showcase;
@@ -21,6 +22,7 @@ use crate::status::{Phase, StepTimes};
 use crate::structure_log::{Cursor, Next, Place, StructureLog};
 use crate::tape::{Tape, TapeEntry};
 use crate::tool_slot::Echo;
+use crate::vitals::Vitals;
 
 /// What drivers learn of a step.
 #[derive(Clone, Debug, Default)]
@@ -186,6 +188,8 @@ pub(crate) struct Outbox {
     recorders: AtomicUsize,
     max_viewers: usize,
     max_events: usize,
+    /// What shows without being asked for.
+    pub vitals: Vitals,
 }
 
 impl Outbox {
@@ -204,7 +208,18 @@ impl Outbox {
             recorders: AtomicUsize::new(0),
             max_viewers: limits.max_viewers,
             max_events: limits.max_log_events,
+            vitals: Vitals::new(to_ns(limits.hangs_after_s)),
         }
+    }
+
+    /// Patches that are kept for viewers, and the bytes that they hold.
+    pub fn kept_patches(&self) -> (usize, usize) {
+        lock(&self.shelf).log.kept()
+    }
+
+    /// Whether a viewer waits for a keyframe.
+    pub fn keyframe_wanted(&self) -> bool {
+        self.keyframe_wanted.load(Ordering::Acquire)
     }
 
     /// What the session is doing.
@@ -289,6 +304,8 @@ pub(crate) struct Publisher {
     pub tape: Tape,
     /// Where surfaces and states go.
     pub showcase: Showcase,
+    /// What is counted of all sessions; by itself until it is told of the others.
+    pub counts: Arc<Counts>,
     reports: watch::Sender<Arc<StepReport>>,
 }
 
@@ -299,7 +316,8 @@ impl Publisher {
         let (bell, bell_reader) = watch::channel(0);
         let (reports, report_reader) = watch::channel(Arc::default());
         let showcase = Showcase::new(Arc::clone(&outbox), bell);
-        (Self { outbox, tape: Tape::default(), showcase, reports }, bell_reader, report_reader)
+        let publisher = Self { outbox, tape: Tape::default(), showcase, counts: Arc::default(), reports };
+        (publisher, bell_reader, report_reader)
     }
 
     /// What the session is doing, as others see it.
@@ -309,6 +327,11 @@ impl Publisher {
 
     pub fn set_phase(&self, phase: Phase) {
         *lock(&self.outbox.phase) = phase;
+    }
+
+    /// What shows of the session without being asked for.
+    pub fn vitals(&self) -> &Vitals {
+        &self.outbox.vitals
     }
 
     /// Whether anybody views.
@@ -334,7 +357,7 @@ impl Publisher {
 
     /// Whether somebody waits for a keyframe.
     pub fn keyframe_wanted(&self) -> bool {
-        self.outbox.keyframe_wanted.load(Ordering::Acquire)
+        self.outbox.keyframe_wanted()
     }
 
     pub fn epoch(&self) -> u64 {

@@ -127,6 +127,7 @@ impl Player {
         while inbox.take_commands(&mut commands) {
             commands.drain(..).for_each(|command| self.obey(command));
             let now_ns = MonotonicClock::now_ns();
+            self.publisher.vitals().come_by(now_ns);
             if let Err(error) = self.play(now_ns) {
                 self.fail(&error);
             }

@@ -11,6 +11,7 @@ use tokio::sync::Semaphore;
 
 use crate::admission::Admission;
 use crate::clock::MonotonicClock;
+use crate::counts::Counts;
 use crate::error::SessionError;
 use crate::limits::{LimitError, SessionLimits};
 use crate::lock::lock;
@@ -31,6 +32,7 @@ pub struct Registry {
     /// One permit per scene that may be read and built at a time.
     builds: Arc<Semaphore>,
     admission: Arc<Admission>,
+    counts: Arc<Counts>,
 }
 
 impl Registry {
@@ -54,6 +56,7 @@ impl Registry {
             permits,
             builds,
             admission,
+            counts: Arc::default(),
         })
     }
 
@@ -61,6 +64,18 @@ impl Registry {
     #[must_use]
     pub fn instance(&self) -> InstanceId {
         self.instance
+    }
+
+    /// What is counted of all its sessions, those that have ended among them.
+    #[must_use]
+    pub fn counts(&self) -> &Counts {
+        &self.counts
+    }
+
+    /// Memory that is taken by sessions and their checkpoints, as it was estimated, bytes.
+    #[must_use]
+    pub fn taken_memory_bytes(&self) -> f64 {
+        self.admission.taken_bytes()
     }
 
     /// What every session holds its clients to.
@@ -128,7 +143,8 @@ impl Registry {
         let panicked = |_| SessionError::Failed { message: "a panic while the scene was read".into() };
         let prepared = prepared.await.map_err(panicked)??;
         let id = id.unwrap_or_else(|| self.next_id());
-        let session = Arc::new(Session::start(id, prepared, options, self.limits.clone()).await?);
+        let (limits, counts) = (self.limits.clone(), Arc::clone(&self.counts));
+        let session = Arc::new(Session::start(id, prepared, options, limits, counts).await?);
         let mut sessions = lock(&self.sessions);
         if self.permits.is_closed() {
             // The server began to shut down while the scene was being built.

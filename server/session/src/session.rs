@@ -12,6 +12,7 @@ use tokio::sync::{OwnedSemaphorePermit, oneshot, watch};
 use crate::admission::{Admitted, Load};
 use crate::checkpoints::{Checkpoint, CheckpointInfo};
 use crate::clock::MonotonicClock;
+use crate::counts::Counts;
 use crate::error::SessionError;
 use crate::inbox::{CheckpointCommand, Command, Inbox, Inspection};
 use crate::limits::{SessionLimits, to_ns};
@@ -27,6 +28,7 @@ use crate::status::{Phase, SessionStatus};
 use crate::stepping::{Stepped, Steps};
 use crate::tape::{CAPACITY, Reel, TapeReader, Wants};
 use crate::tool_slot::DriverId;
+use crate::vitals::Watched;
 use kerf_scenes::dial::Choice;
 
 /// Whose a session is. Who lets clients in judges by it; the session does not.
@@ -95,6 +97,7 @@ impl Session {
         prepared: Prepared,
         options: SessionOptions,
         limits: SessionLimits,
+        counts: Arc<Counts>,
     ) -> Result<Self, SessionError> {
         let Prepared { scene, past, choice, admitted, permits } = prepared;
         let owner = past.as_ref().map_or(options.owner, |past| past.owner.clone());
@@ -103,6 +106,7 @@ impl Session {
         let phase = if options.start_paused { Phase::Paused } else { Phase::Running };
         let outbox = Arc::new(Outbox::new(&limits, phase));
         let (mut publisher, bell, reports) = Publisher::new(Arc::clone(&outbox));
+        publisher.counts = counts;
         let reel = options.is_recorded.then(|| {
             let mut pictures = outbox.join_for_the_record(bell.clone());
             // The first look asks for a keyframe.
@@ -249,6 +253,25 @@ impl Session {
     /// The tape of its journal: given out once, and nothing where it has none.
     pub fn take_journal(&self) -> Option<TapeReader> {
         lock(&self.journal).take()
+    }
+
+    /// How it is doing, as of now. Nobody is asked: a thread that hangs is waited for by none.
+    #[must_use]
+    pub fn watched(&self) -> Watched {
+        let (now_ns, vitals) = (MonotonicClock::now_ns(), &self.outbox.vitals);
+        let (kept_patches, kept_patch_bytes) = self.outbox.kept_patches();
+        Watched {
+            phase: self.phase(),
+            hangs: vitals.hangs(now_ns),
+            away_ns: vitals.away_ns(now_ns),
+            done: vitals.done(),
+            viewers: self.viewers(),
+            drivers: self.inbox.drivers(),
+            waiting_commands: self.inbox.waiting_commands(),
+            kept_patches,
+            kept_patch_bytes,
+            awaits_keyframe: self.outbox.keyframe_wanted(),
+        }
     }
 
     /// Viewers that are connected.

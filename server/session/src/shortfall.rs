@@ -16,6 +16,12 @@ pub struct Shortfall {
     pub unsettled_n_s: f64,
 }
 
+/// Whether a step's solves fell short of what was asked of them. Where its work was used up that is asked for, and told as
+/// such.
+pub(crate) fn falls_short(solve: &SolveReport) -> bool {
+    solve.is_unconverged || solve.unsettled_n_s > 0.0 && !solve.is_cut_short
+}
+
 /// Watches the solves of a session.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ShortfallWatch {
@@ -26,8 +32,7 @@ pub(crate) struct ShortfallWatch {
 impl ShortfallWatch {
     /// A step has ended. The first that falls short is told at once, others with the next that is due.
     pub fn step_ended(&mut self, ended_ns: u64, solve: &SolveReport) -> Option<Shortfall> {
-        // Where the step's work was used up that is asked for, and told as such.
-        if solve.is_unconverged || solve.unsettled_n_s > 0.0 && !solve.is_cut_short {
+        if falls_short(solve) {
             let untold = &mut self.untold;
             untold.steps += 1;
             untold.relative_residual = untold.relative_residual.max(solve.relative_residual);

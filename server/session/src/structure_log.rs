@@ -67,6 +67,11 @@ impl StructureLog {
         self.epoch
     }
 
+    /// Patches that are kept, and the bytes that they hold.
+    pub fn kept(&self) -> (usize, usize) {
+        (self.patches.len(), self.bytes)
+    }
+
     /// Whether a reader waits for a keyframe.
     pub fn keyframe_wanted(&self) -> bool {
         self.keyframe_wanted

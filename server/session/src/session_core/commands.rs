@@ -4,6 +4,7 @@ use super::{SessionCore, Tally, ViewSchedule, build_world, guard, pacer};
 use crate::error::SessionError;
 use crate::governor::Governor;
 use crate::inbox::{Command, Inspection};
+use crate::limits::to_ns;
 use crate::outbox::SceneEvent;
 use crate::status::{Phase, SessionStatus};
 
@@ -73,6 +74,7 @@ impl SessionCore {
 
     /// Back to rest; a failed session stands afterwards, others go on as they were.
     fn reset(&mut self) -> Result<(), SessionError> {
+        self.publisher.vitals().ask_for_patience(to_ns(self.limits.max_setup_s));
         // Both worlds are there until the new one is whole.
         let _both = self.admitted.memory.another()?;
         self.world = build_world(&self.scene)?;

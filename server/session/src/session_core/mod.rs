@@ -27,6 +27,8 @@ mod views;
 mod virtual_session;
 #[cfg(test)]
 mod virtual_time;
+#[cfg(test)]
+mod watching;
 
 use std::any::Any;
 use std::collections::VecDeque;
@@ -39,6 +41,7 @@ use kerf_physics::{Scene, StageClock, StepInputs, Workers, World};
 
 use crate::admission::{Admitted, LoadMeter};
 use crate::checkpoints::Checkpoints;
+use crate::counts::TimedStep;
 use crate::error::SessionError;
 use crate::feed::{Feed, feed};
 use crate::governor::{FIRST_SAMPLES, Governor};
@@ -209,6 +212,7 @@ impl SessionCore {
     /// `LONGEST_WARM_UP_NS` and a step.
     pub fn warm_up(&mut self, workers: &Workers<'_>, clock: &dyn StageClock) {
         let begun_ns = clock.now_ns();
+        self.publisher.vitals().come_by(begun_ns);
         for _ in 0..FIRST_SAMPLES {
             let now_ns = clock.now_ns();
             if self.phase != Phase::Running || now_ns - begun_ns > LONGEST_WARM_UP_NS {
@@ -223,6 +227,7 @@ impl SessionCore {
     /// Does what is due at `now_ns`, which is next to nothing if that is too early; says when to call again.
     /// `clock` tells how long it takes.
     pub fn tick(&mut self, now_ns: u64, workers: &Workers<'_>, clock: &dyn StageClock) -> Wake {
+        self.publisher.vitals().come_by(now_ns);
         let due = guard(|| match self.phase {
             Phase::Running => self.step_if_due(now_ns, workers, clock),
             Phase::Paused if !self.owed.is_empty() => self.step_while_standing(now_ns, workers, clock),
@@ -275,9 +280,14 @@ impl SessionCore {
         self.tally.energy.book(&output.energy);
         self.tally.steps.add(output, elapsed_ns, pace);
         self.views.add_step(output, elapsed_ns);
-        if let Some(load) = self.meter.step_ended(elapsed_ns, self.scene.desc.rate_hz) {
+        let load = self.meter.step_ended(elapsed_ns, self.scene.desc.rate_hz);
+        if let Some(load) = load {
             self.admitted.load.set_measured(load);
         }
+        let is_paced = self.phase == Phase::Running;
+        let timed = TimedStep { output, elapsed_ns, pace: is_paced.then_some(pace), budget_units: work_units };
+        self.publisher.counts.step_ended(&timed);
+        self.publisher.vitals().step_ended(&timed, self.tally.energy.residual_j, load.is_some());
         let (step, fault, solve, put_away) = (output.step, output.fault.clone(), output.solve, output.put_away);
         let shortfall = self.shortfall.step_ended(ended_ns, &solve);
         for (count, jumped) in self.tally.jumps.iter_mut().zip(&self.tools.jumped) {
@@ -397,6 +407,8 @@ impl SessionCore {
 
     /// A panic ends the stepping, not the session: it can still be described, reset, closed.
     fn fail(&mut self, message: &str) {
+        self.publisher.counts.panicked();
+        self.publisher.vitals().panicked();
         tracing::error!(
             step = self.world.output().step,
             message,

@@ -31,7 +31,7 @@ pub const S: u64 = 1000 * MS;
 /// Goes on by the length of a step when the step first asks for the time.
 #[derive(Default)]
 pub struct VirtualClock {
-    now_ns: AtomicU64,
+    pub now_ns: AtomicU64,
     step_ns: AtomicU64,
     pub panics: AtomicBool,
 }
