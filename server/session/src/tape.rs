@@ -11,7 +11,8 @@ use kerf_physics::{StepInputs, ToolInput};
 
 use crate::checkpoints::Checkpoint;
 use crate::lock::lock;
-use crate::outbox::{StepReport, ViewEvent, Viewer};
+use crate::outbox::{ViewEvent, Viewer};
+use crate::step_report::StepReport;
 
 /// Entries that wait at most: 16 s at 1 kHz, some 30 MB.
 pub(crate) const CAPACITY: usize = 16_384;

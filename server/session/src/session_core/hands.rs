@@ -6,7 +6,7 @@ use super::virtual_session::{MS, S, VirtualSession};
 use crate::inbox::CheckpointCommand::{Restore, Save};
 use crate::inbox::Command;
 use crate::limits::SessionLimits;
-use crate::outbox::{StepReport, ToolReport};
+use crate::step_report::{StepReport, ToolReport};
 use crate::tape::TapeEntry;
 use crate::tool_slot::DriverId;
 
