@@ -53,6 +53,9 @@ pub struct ServerConfig {
     /// Address to listen on. Default 127.0.0.1:50051. Any other than loopback takes TLS and tokens (security), or a word
     /// that it shall go without.
     pub listen: SocketAddr,
+    /// Address where Prometheus reads metrics, at `/metrics`. Default none: no other port is open than the one that clients
+    /// need. Who gets in is judged as at `listen`: a server that asks for tokens asks for a viewer's here.
+    pub metrics_listen: Option<SocketAddr>,
     /// Names that the server answers to besides `localhost`, `127.0.0.0/8` and `[::1]`: those of a proxy that passes
     /// them on, and the machine's own. Default none: on loopback a page whose name was made to mean this machine gets
     /// nothing; reached from elsewhere the server answers to any name then, and else to these and to addresses.
@@ -102,6 +105,7 @@ impl Default for ServerConfig {
     fn default() -> Self {
         Self {
             listen: SocketAddr::from(([127, 0, 0, 1], 50051)),
+            metrics_listen: None,
             names: Vec::new(),
             network_threads: 2,
             record_dir: None,

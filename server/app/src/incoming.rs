@@ -6,7 +6,6 @@ use std::future::Future;
 use std::io;
 use std::net::{IpAddr, Ipv6Addr};
 use std::pin::Pin;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, ready};
 use std::time::Duration;
@@ -23,6 +22,7 @@ use tokio_rustls::server::TlsStream;
 use tokio_rustls::{Accept, TlsAcceptor};
 
 use crate::config::TransportLimits;
+use crate::traffic::Traffic;
 
 /// Time to wait when a connection cannot be accepted: the process is out of file descriptors, and
 /// only the end of other connections helps.
@@ -33,6 +33,7 @@ const PREFACE_BYTES: usize = 24;
 
 /// A connection that is counted.
 pub struct Connection {
+    traffic: Arc<Traffic>,
     stream: Wire,
     info: TcpConnectInfo,
     handshake: Option<Handshake>,
@@ -90,7 +91,7 @@ impl Cut {
     pub async fn all(&self) {
         for _ in 0..100 {
             self.0.lock().connections.clear();
-            if self.0.open.load(Ordering::Acquire) == 0 {
+            if self.0.traffic.open() == 0 {
                 return;
             }
             tokio::time::sleep(Duration::from_millis(1)).await;
@@ -98,14 +99,15 @@ impl Cut {
     }
 }
 
-/// The connections of a listener, and what ends them.
+/// The connections of a listener, counted, and what ends them.
 pub fn connections(
     listener: TcpListener,
     limits: &TransportLimits,
     tls: Option<TlsAcceptor>,
+    traffic: Arc<Traffic>,
 ) -> (impl Stream<Item = io::Result<Connection>> + use<>, Cut) {
     let (max, max_of_peer) = (limits.max_connections, limits.max_connections_per_peer);
-    let places = Arc::new(Places { taken: Mutex::default(), open: AtomicUsize::new(0), max, max_of_peer });
+    let places = Arc::new(Places { taken: Mutex::default(), traffic, max, max_of_peer });
     (accepted(listener, Arc::clone(&places), limits, tls), Cut(places))
 }
 
@@ -121,7 +123,8 @@ fn accepted(
         let deadline = Box::pin(tokio::time::sleep(handshake_timeout));
         let handshake = Some(Handshake { bytes: 0, deadline });
         let (info, stream) = (stream.connect_info(), Wire::new(stream, tls.as_ref()));
-        Some((Ok(Connection { stream, info, handshake, place }), (listener, places, tls)))
+        let traffic = Arc::clone(&places.traffic);
+        Some((Ok(Connection { traffic, stream, info, handshake, place }), (listener, places, tls)))
     })
 }
 
@@ -130,7 +133,10 @@ async fn accept(listener: &TcpListener, places: &Arc<Places>) -> (TcpStream, Pla
         match listener.accept().await {
             Ok((stream, address)) => {
                 // Closed at once where it is one too many: its peer's others go on.
-                let Some(place) = places.take(host(address.ip())) else { continue };
+                let Some(place) = places.take(host(address.ip())) else {
+                    places.traffic.refused.add(1);
+                    continue;
+                };
                 // A held-back small message costs a round trip; a socket without the option still works.
                 if let Err(error) = stream.set_nodelay(true) {
                     tracing::warn!(%error, "TCP_NODELAY");
@@ -156,8 +162,8 @@ pub fn host(address: IpAddr) -> IpAddr {
 /// The places of connections.
 struct Places {
     taken: Mutex<Taken>,
-    /// Connections that have not ended yet, those that lost their places among them.
-    open: AtomicUsize,
+    /// Counts those that have not ended yet, those that lost their places among them.
+    traffic: Arc<Traffic>,
     max: usize,
     max_of_peer: usize,
 }
@@ -191,7 +197,7 @@ impl Places {
         let (id, (connection, given_up)) = (taken.next_id, oneshot::channel());
         taken.next_id += 1;
         taken.connections.insert(id, (peer, connection));
-        self.open.fetch_add(1, Ordering::AcqRel);
+        self.traffic.begin();
         Some(Place { id, places: Arc::clone(self), given_up: given_up.fuse() })
     }
 }
@@ -207,7 +213,7 @@ struct Place {
 impl Drop for Place {
     fn drop(&mut self) {
         self.places.lock().connections.remove(&self.id);
-        self.places.open.fetch_sub(1, Ordering::AcqRel);
+        self.places.traffic.end();
     }
 }
 
@@ -216,6 +222,15 @@ impl Connected for Connection {
 
     fn connect_info(&self) -> TcpConnectInfo {
         self.info.clone()
+    }
+}
+
+impl Connection {
+    fn count_sent(&self, written: Poll<io::Result<usize>>) -> Poll<io::Result<usize>> {
+        if let Poll::Ready(Ok(bytes)) = written {
+            self.traffic.sent_bytes.add(bytes as u64);
+        }
+        written
     }
 }
 
@@ -230,8 +245,10 @@ impl AsyncRead for Connection {
             Poll::Ready(Err(error)) => Poll::Ready(Err(error)),
             Poll::Pending => Poll::Pending,
         };
+        let bytes = into.filled().len() - before;
+        self.traffic.received_bytes.add(bytes as u64);
         let Some(handshake) = &mut self.handshake else { return read };
-        handshake.bytes += into.filled().len() - before;
+        handshake.bytes += bytes;
         if handshake.bytes >= PREFACE_BYTES {
             self.handshake = None;
         } else if read.is_pending() && handshake.deadline.as_mut().poll(context).is_ready() {
@@ -243,7 +260,8 @@ impl AsyncRead for Connection {
 
 impl AsyncWrite for Connection {
     fn poll_write(mut self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
-        ready!(self.stream.poll_ready(context))?.poll_write(context, bytes)
+        let written = ready!(self.stream.poll_ready(context))?.poll_write(context, bytes);
+        self.count_sent(written)
     }
 
     fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
@@ -264,6 +282,7 @@ impl AsyncWrite for Connection {
         context: &mut Context<'_>,
         slices: &[io::IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
-        ready!(self.stream.poll_ready(context))?.poll_write_vectored(context, slices)
+        let written = ready!(self.stream.poll_ready(context))?.poll_write_vectored(context, slices);
+        self.count_sent(written)
     }
 }

@@ -12,6 +12,7 @@ mod grpc;
 mod incoming;
 mod journal;
 pub mod machine;
+pub mod metrics;
 mod pace;
 mod places;
 mod print_config;
@@ -37,6 +38,9 @@ pub mod wire {
 mod status;
 mod telemetry;
 mod tool_sweep;
+pub mod top;
 pub mod tradeoff;
+mod traffic;
 mod uploads;
 mod viewer;
+mod watchdog;

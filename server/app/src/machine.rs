@@ -72,6 +72,13 @@ pub fn peak_memory_mib() -> Result<f64> {
     Ok(kib(&status, "VmHWM:").context("/proc/self/status: VmHWM")? / 1024.0)
 }
 
+/// Memory that this process has now, bytes: `VmRSS`; `None` where the system does not tell.
+#[must_use]
+pub fn resident_memory_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    Some((kib(&status, "VmRSS:")? * 1024.0) as u64)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

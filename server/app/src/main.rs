@@ -10,6 +10,7 @@ use kerf_server::replay::{self, ReplayArgs};
 use kerf_server::scene_args::SceneArgs;
 use kerf_server::security::token_command::{self, TokenArgs};
 use kerf_server::serve::{self, ServeArgs};
+use kerf_server::top::{self, TopArgs};
 use kerf_server::{check, scenes, schema, simulate, tradeoff};
 
 /// Simulates soft tissue that is cut.
@@ -28,6 +29,8 @@ enum Command {
     Replay(ReplayArgs),
     /// Asks a server that runs for its sessions, saves their states and takes them back.
     Session(SessionArgs),
+    /// Shows what a server's sessions are doing, second by second.
+    Top(TopArgs),
     /// Makes tokens, with which clients are let in.
     Token(TokenArgs),
     /// Lists the built-in scenes.
@@ -54,6 +57,7 @@ fn main() -> ExitCode {
         Command::Serve(args) => serve::run(args),
         Command::Replay(args) => replay::run(&args),
         Command::Session(args) => remote::run(&args),
+        Command::Top(args) => top::run(&args),
         Command::Token(args) => token_command::run(args),
         Command::Scenes => scenes::run(),
         Command::Schema => schema::run(),

@@ -8,13 +8,15 @@ use clap::{Args, Subcommand};
 use kerf_access::{Access, Wire, root_cause};
 use kerf_proto::v1;
 use kerf_proto::v1::session_service_client::SessionServiceClient;
-use tonic::{Response, Status};
+use tonic::{Code, Response, Status};
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 
+use crate::watchdog::SESSIONS;
+
 /// A server that does not answer within this is down, or is not where it was said to be.
-const TIMEOUT: Duration = Duration::from_secs(10);
+pub(crate) const TIMEOUT: Duration = Duration::from_secs(10);
 /// A file of the largest size that servers take unless they are told otherwise comes over 20 Mbit/s within this.
 const TIMEOUT_OF_FILES: Duration = Duration::from_secs(60);
 /// Bytes of a part of a file: far below what a server takes.
@@ -37,7 +39,7 @@ pub struct SessionArgs {
 /// What is asked of a server's sessions.
 #[derive(Clone, Debug, Subcommand)]
 pub enum Action {
-    /// Says whether the server serves; takes no token. Ends with status 1 where it does not.
+    /// Says whether the server serves and all its sessions live; takes no token. Ends with status 1 where not.
     Health,
     /// Lists the sessions.
     List,
@@ -164,13 +166,24 @@ async fn upload(mut client: SessionServiceClient<Wire>, to: Checkpoint, file: &[
     Ok(client.upload_checkpoint(futures_util::stream::iter(parts)).await?.into_inner().step)
 }
 
-/// Whether all of the server serves.
+/// Whether the server serves, and all of its sessions live.
 async fn is_healthy(wire: Wire) -> Result<Vec<String>, Status> {
-    let request = HealthCheckRequest::default();
-    let status = HealthClient::new(wire).check(request).await?.into_inner().status();
-    match status {
-        ServingStatus::Serving => Ok(vec!["serving".into()]),
-        _ => Err(Status::unavailable("the server does not serve")),
+    let mut health = HealthClient::new(wire);
+    let mut serves = async |service: &str| {
+        let status = health.check(HealthCheckRequest { service: service.into() }).await?.into_inner().status();
+        Ok::<_, Status>(status == ServingStatus::Serving)
+    };
+    if !serves("").await? {
+        return Err(Status::unavailable("the server does not serve"));
+    }
+    match serves(SESSIONS).await {
+        Ok(true) => Ok(vec!["serving".into()]),
+        Ok(false) => {
+            Err(Status::unavailable("degraded: the server serves, but a session's thread hangs (kerf-server top)"))
+        }
+        // A server of before does not know.
+        Err(status) if status.code() == Code::NotFound => Ok(vec!["serving".into()]),
+        Err(status) => Err(status),
     }
 }
 

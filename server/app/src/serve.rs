@@ -27,11 +27,16 @@ use crate::grpc::session_service::SessionService;
 use crate::grpc::view_service::ViewService;
 use crate::grpc::viewing::Viewing;
 use crate::journal::Journals;
+use crate::metrics::endpoint::Endpoint;
+use crate::metrics::refusals::{self, Refusals};
+use crate::metrics::{Metrics, Sources};
 use crate::recording::Recordings;
 use crate::security::Security;
 use crate::security::door::{self, Door};
 use crate::security::guests::Guests;
+use crate::traffic::Traffic;
 use crate::uploads::Uploads;
+use crate::watchdog::{self, SESSIONS};
 use crate::{incoming, machine, print_config, security, shutdown, telemetry, uploads, viewer};
 
 /// Share of the machine's memory that sessions take unless it is set.
@@ -93,7 +98,9 @@ pub struct Server {
     config: Arc<ServerConfig>,
     recordings: Arc<Recordings>,
     journals: Arc<Journals>,
-    idle: JoinHandle<()>,
+    /// What looks after sessions.
+    keepers: [JoinHandle<()>; 2],
+    metrics: Option<Endpoint>,
     cut: incoming::Cut,
     stop: oneshot::Sender<()>,
     transport: JoinHandle<Result<(), tonic::transport::Error>>,
@@ -129,13 +136,23 @@ impl Server {
         let registry = Arc::new(Registry::new(config.session.clone(), pareto_fronts)?);
         let listener = TcpListener::bind(config.listen).await.with_context(|| format!("listen = {}", config.listen))?;
         let address = listener.local_addr()?;
-        let Security { door, tls, guests } = Security::begin(&config, address)?;
+        let security = Arc::new(Security::begin(&config, address)?);
         let recordings = Arc::new(Recordings::new(&config));
         let journals = Arc::new(Journals::new(&config)?);
         journals.bring_back(&registry, &recordings).await?;
-        let (health, routes) = routes(&registry, &config, (&recordings, &journals), (door, guests)).await?;
+        let (traffic, refusals) = (Arc::<Traffic>::default(), Arc::<Refusals>::default());
+        let watched = Sources {
+            registry: Arc::clone(&registry),
+            journals: Arc::clone(&journals),
+            traffic: Arc::clone(&traffic),
+            refusals: Arc::clone(&refusals),
+            security: Arc::clone(&security),
+        };
+        let metrics = metrics(&config, watched).await?;
+        let guests = (security.door(address), Arc::clone(&security.guests), refusals);
+        let (health, routes) = routes(&registry, &config, (&recordings, &journals), guests).await?;
         let (stop, stopped) = oneshot::channel::<()>();
-        let (connections, cut) = incoming::connections(listener, &config.transport, tls);
+        let (connections, cut) = incoming::connections(listener, &config.transport, security.tls(), traffic);
         let serving = builder(&config.transport)
             .add_routes(routes)
             .serve_with_incoming_shutdown(connections, async { drop(stopped.await) });
@@ -143,13 +160,20 @@ impl Server {
         let transport = tokio::spawn(serving);
         let records = (Arc::clone(&recordings), Arc::clone(&journals));
         let idle = tokio::spawn(close_idle(Arc::clone(&registry), Arc::clone(&config), records));
-        Ok(Self { address, registry, health, config, recordings, journals, idle, cut, stop, transport })
+        let keepers = [idle, tokio::spawn(watchdog::watch(Arc::clone(&registry), health.clone()))];
+        Ok(Self { address, registry, health, config, recordings, journals, keepers, metrics, cut, stop, transport })
     }
 
     /// The address it listens on.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// The address where metrics are read, if they are.
+    #[must_use]
+    pub fn metrics_address(&self) -> Option<SocketAddr> {
+        self.metrics.as_ref().map(Endpoint::address)
     }
 
     /// Where a browser finds it.
@@ -173,12 +197,12 @@ impl Server {
     /// Accepts nothing new, ends all sessions and with them their streams, and waits for clients to
     /// take what they were sent, for as long as the limit says. Where sessions have journals connections are cut first.
     pub async fn stop(mut self) -> Drained {
-        for service in ["", SESSION_SERVICE, CONTROL_SERVICE, VIEW_SERVICE] {
+        self.keepers.iter().for_each(JoinHandle::abort);
+        for service in ["", SESSION_SERVICE, CONTROL_SERVICE, VIEW_SERVICE, SESSIONS] {
             self.health.set_service_status(service, ServingStatus::NotServing).await;
         }
         self.registry.refuse_new();
         self.journals.stop();
-        self.idle.abort();
         // The transport is told by the sender's end as well; either way it accepts no more.
         drop(self.stop);
         let drain = async {
@@ -202,6 +226,14 @@ impl Server {
         tracing::info!(?drained, "stopped");
         drained
     }
+}
+
+/// Serves metrics where they are to be read.
+async fn metrics(config: &ServerConfig, watched: Sources) -> Result<Option<Endpoint>> {
+    let Some(listen) = config.metrics_listen else { return Ok(None) };
+    let security = Arc::clone(&watched.security);
+    let transport = (builder(&config.transport), &config.transport);
+    Endpoint::start(listen, Metrics::new(watched), &security, transport).await.map(Some)
 }
 
 /// Closes sessions that nobody has had to do with for as long as the limit says.
@@ -238,7 +270,7 @@ async fn routes(
     registry: &Arc<Registry>,
     config: &Arc<ServerConfig>,
     (recordings, journals): (&Arc<Recordings>, &Arc<Journals>),
-    (door, guests): (Arc<Door>, Arc<Guests>),
+    (door, guests, refusals): (Arc<Door>, Arc<Guests>, Arc<Refusals>),
 ) -> Result<(HealthReporter, Routes)> {
     let limits = &config.transport;
     let session = SessionServiceServer::new(SessionService::new(
@@ -258,7 +290,7 @@ async fn routes(
         .max_decoding_message_size(limits.max_incoming_bytes)
         .max_encoding_message_size(limits.max_outgoing_bytes);
     let (health, health_service) = health_reporter();
-    for service in [SESSION_SERVICE, CONTROL_SERVICE, VIEW_SERVICE] {
+    for service in [SESSION_SERVICE, CONTROL_SERVICE, VIEW_SERVICE, SESSIONS] {
         health.set_service_status(service, ServingStatus::Serving).await;
     }
     let reflection = || {
@@ -276,6 +308,7 @@ async fn routes(
         .add_service(reflection().build_v1alpha()?);
     let routes = viewer::routes(routes.into_axum_router())
         .layer(from_fn_with_state(Uploads::new(limits.clone()), uploads::read_whole))
-        .layer(from_fn_with_state(door, door::judge));
+        .layer(from_fn_with_state(door, door::judge))
+        .layer(from_fn_with_state(refusals, refusals::count));
     Ok((health, routes.into()))
 }

@@ -1,5 +1,7 @@
 //! The one place where errors become gRPC statuses.
 
+use std::sync::Arc;
+
 use axum::body::Body;
 use axum::http::header::{CONTENT_TYPE, WWW_AUTHENTICATE};
 use axum::http::{HeaderMap, HeaderValue, Response, StatusCode};
@@ -387,16 +389,25 @@ const MAX_MESSAGE_BYTES: usize = 1024;
 
 impl From<RequestError> for Status {
     fn from(error: RequestError) -> Self {
-        let code = error.code();
+        let mut status = error.status();
+        // What it was made of stays on this side: refusals are counted by it.
+        status.set_source(Arc::new(error));
+        status
+    }
+}
+
+impl RequestError {
+    fn status(&self) -> Status {
+        let code = self.code();
         // Clients' own texts are in some of them.
-        let message = shortened(&escaped(&error.to_string()), MAX_MESSAGE_BYTES);
+        let message = shortened(&escaped(&self.to_string()), MAX_MESSAGE_BYTES);
         let details = match code {
             // Messages begin with the path of the field, where one is at fault, and name the limit in parentheses.
             Code::InvalidArgument => ErrorDetails::with_bad_request_violation(field(&message), &message),
             Code::ResourceExhausted => ErrorDetails::with_quota_failure_violation(limit(&message), &message),
-            _ => return Self::new(code, message),
+            _ => return Status::new(code, message),
         };
-        Self::with_error_details(code, message, details)
+        Status::with_error_details(code, message, details)
     }
 }
 
@@ -420,6 +431,7 @@ pub fn refusal(asked: &HeaderMap, error: RequestError) -> Response<Body> {
             if status.code() == Code::Unauthenticated {
                 answer.headers_mut().insert(WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
             }
+            answer.extensions_mut().insert(status);
             answer
         }
     }

@@ -18,7 +18,8 @@ use crate::shortfall::falls_short;
 pub struct Count(AtomicU64);
 
 impl Count {
-    pub(crate) fn add(&self, more: u64) {
+    /// Adds so much.
+    pub fn add(&self, more: u64) {
         self.0.fetch_add(more, Ordering::Relaxed);
     }
 

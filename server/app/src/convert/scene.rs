@@ -6,7 +6,7 @@ use kerf_physics::step_io::EnergyStep;
 use kerf_physics::world::ObjectStats;
 use kerf_proto::v1;
 use kerf_scenes::dial::{Choice, FinerRegions};
-use kerf_session::{CheckpointInfo, Phase, Session, SessionStatus};
+use kerf_session::{CheckpointInfo, Phase, Session, SessionStatus, Watched};
 
 use super::vec3;
 use crate::config::ControlLimits;
@@ -111,6 +111,24 @@ pub fn session_info(session: &Session) -> v1::SessionInfo {
         scene_name: session.scene().desc.name.clone(),
         state: state(&session.phase()).into(),
         is_replay: session.is_replay(),
+        vitals: Some(session_vitals(session)),
+    }
+}
+
+fn session_vitals(session: &Session) -> v1::SessionVitals {
+    let Watched { done, viewers, drivers, hangs, .. } = session.watched();
+    v1::SessionVitals {
+        step_rate_hz: session.scene().desc.rate_hz,
+        steps: done.steps,
+        late_steps: done.late_steps,
+        busy_s: done.busy_ns as f64 * 1e-9,
+        longest_step_s: done.longest_step_ns as f64 * 1e-9,
+        viewers: viewers as u32,
+        drivers: drivers as u32,
+        faults: done.faults,
+        parted_links: done.parted_links,
+        memory_bytes: session.memory_bytes() as u64,
+        hangs,
     }
 }
 

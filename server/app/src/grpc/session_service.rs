@@ -19,12 +19,12 @@ use crate::config::ServerConfig;
 use crate::convert::scene::{checkpoint, dial, session_description, session_info};
 use crate::convert::stepping::{step_response, steps};
 use crate::journal::Journals;
-use crate::pace;
 use crate::recording::Recordings;
 use crate::scene_list::{Listed, SceneList};
 use crate::security::caller::Caller;
 use crate::security::guests::Guests;
 use crate::status::RequestError;
+use crate::{machine, pace};
 
 /// The service.
 pub struct SessionService {
@@ -174,7 +174,13 @@ impl v1::session_service_server::SessionService for SessionService {
         let caller = Caller::of(request.extensions())?;
         let known = self.registry.list().into_iter().filter(|session| caller.knows(session));
         let sessions = known.map(|session| session_info(&session)).collect();
-        Ok(Response::new(v1::ListSessionsResponse { sessions, server_instance: self.registry.instance().to_string() }))
+        let server = v1::ServerVitals {
+            version: env!("CARGO_PKG_VERSION").into(),
+            resident_memory_bytes: machine::resident_memory_bytes().unwrap_or_default(),
+            max_sessions: self.registry.limits().max_sessions as u32,
+        };
+        let server_instance = self.registry.instance().to_string();
+        Ok(Response::new(v1::ListSessionsResponse { sessions, server_instance, server: Some(server) }))
     }
 
     async fn close_session(

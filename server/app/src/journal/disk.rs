@@ -8,6 +8,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
+use super::health::Unsynced;
 use crate::recording::Quota;
 
 /// Syncs the files of a journal, in order, and removes those that newer ones stand in for.
@@ -34,12 +35,14 @@ enum Job {
 
 impl Disk {
     /// A disk that frees what it removes.
-    pub fn new(quota: Arc<Quota>) -> io::Result<Self> {
+    pub fn new(quota: Arc<Quota>, unsynced: Arc<Unsynced>) -> io::Result<Self> {
         let (jobs, waiting) = channel();
         let shared = Arc::new(Shared::default());
         let thread = {
             let shared = Arc::clone(&shared);
-            std::thread::Builder::new().name("kerf-disk".into()).spawn(move || work(&waiting, &shared, &quota))?
+            std::thread::Builder::new()
+                .name("kerf-disk".into())
+                .spawn(move || work(&waiting, &shared, &quota, &unsynced))?
         };
         Ok(Self { jobs: Some(jobs), shared, thread: Some(thread) })
     }
@@ -78,14 +81,16 @@ impl Drop for Disk {
     }
 }
 
-fn work(jobs: &Receiver<Job>, shared: &Shared, quota: &Quota) {
+fn work(jobs: &Receiver<Job>, shared: &Shared, quota: &Quota, unsynced: &Unsynced) {
     for job in jobs {
         let done = match job {
             Job::Sync(file) => {
                 shared.is_asked.store(false, Ordering::Release);
+                unsynced.sync_begins();
                 file.sync_data()
             }
             Job::Replace { file, folder, before } => {
+                unsynced.sync_begins();
                 let on_disk = file.sync_all().and_then(|()| File::open(folder)?.sync_all());
                 on_disk.map(|()| before.iter().for_each(|path| remove(path, quota)))
             }
@@ -95,6 +100,7 @@ fn work(jobs: &Receiver<Job>, shared: &Shared, quota: &Quota) {
             failure.get_or_insert_with(|| format!("what was written may not be on the disk: {error}"));
             return;
         }
+        unsynced.synced();
     }
 }
 

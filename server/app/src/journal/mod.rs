@@ -10,6 +10,7 @@
 
 mod disk;
 mod files;
+mod health;
 mod past;
 #[cfg(test)]
 mod tests;
@@ -29,6 +30,7 @@ use kerf_session::{Registry, Session, SessionId, SessionOptions, TapeReader};
 use crate::config::ServerConfig;
 use crate::recording::{Going, Quota, Recordings};
 use files::Files;
+use health::Health;
 use writer::Writer;
 
 /// Keeps a second server out of the folder.
@@ -42,6 +44,7 @@ pub struct Journals {
     /// The server stops, and its sessions with it: they are to come back.
     is_stopping: Arc<AtomicBool>,
     going: Going,
+    health: Arc<Health>,
 }
 
 struct Folder {
@@ -71,6 +74,7 @@ impl Journals {
             quota: Arc::new(Quota::of_mib(["journal_dir", "max_journal_mib"], config.max_journal_mib)),
             is_stopping: Arc::default(),
             going: Going::default(),
+            health: Arc::default(),
         })
     }
 
@@ -78,6 +82,12 @@ impl Journals {
     #[must_use]
     pub fn is_on(&self) -> bool {
         self.folder.is_some()
+    }
+
+    /// How they are doing.
+    #[must_use]
+    pub fn health(&self) -> &Health {
+        &self.health
     }
 
     /// Begins the journal of a session that was created to have one. What stands in the way of that is logged, and
@@ -103,6 +113,7 @@ impl Journals {
                     self.go_on(&session, files);
                 }
                 Err(error) => {
+                    self.health.not_brought_back.add(1);
                     let newest = files.last().map(|path| path.display().to_string());
                     tracing::error!(session = %id, newest, "the session does not come back: {error:#}");
                 }
@@ -116,6 +127,7 @@ impl Journals {
     fn go_on(&self, session: &Arc<Session>, before: Vec<PathBuf>) -> Option<String> {
         let (Some(folder), Some(tape)) = (&self.folder, session.take_journal()) else { return None };
         let thread = self.start(folder, session, (tape, before)).map_err(|error| {
+            self.health.not_begun.add(1);
             tracing::error!(session = %session.id(), "the session has no journal: {error:#}");
             format!("the session has no journal: {error:#}")
         });
@@ -132,7 +144,7 @@ impl Journals {
     ) -> Result<JoinHandle<()>> {
         self.quota.measure(&folder.path)?;
         let files = Files { folder: folder.path.clone(), session: session.id(), before };
-        let writer = Writer::begin(files, session, tape, &self.quota, &self.is_stopping)?;
+        let writer = Writer::begin(files, session, tape, (&self.quota, &self.health), &self.is_stopping)?;
         let run = std::thread::Builder::new().name("kerf-journal".into()).spawn(move || {
             stand_back();
             writer.run();

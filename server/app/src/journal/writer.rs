@@ -13,6 +13,7 @@ use mcap::McapResult;
 
 use super::disk::{Disk, remove};
 use super::files::Files;
+use super::health::{Health, Unsynced};
 use crate::convert::scene::scene_summary;
 use crate::recording::tape::{self, plain};
 use crate::recording::tracks::{Track, Tracks};
@@ -34,6 +35,8 @@ pub struct Writer {
     tape: TapeReader,
     disk: Disk,
     quota: Arc<Quota>,
+    health: Arc<Health>,
+    unsynced: Arc<Unsynced>,
     is_stopping: Arc<AtomicBool>,
     clock: LogClock,
     flushed_ns: u64,
@@ -46,6 +49,17 @@ struct Going {
     tracks: Tracks<Sink>,
     /// The same, to be synced.
     file: Arc<File>,
+    /// What of it was written.
+    bytes: u64,
+}
+
+impl Going {
+    /// Writes what came out; tells how much that is.
+    fn flush(&mut self) -> McapResult<u64> {
+        self.tracks.flush()?;
+        let before = std::mem::replace(&mut self.bytes, self.file.metadata()?.len());
+        Ok(self.bytes - before)
+    }
 }
 
 impl Writer {
@@ -54,15 +68,19 @@ impl Writer {
         files: Files,
         session: &Session,
         tape: TapeReader,
-        quota: &Arc<Quota>,
+        (quota, health): (&Arc<Quota>, &Arc<Health>),
         is_stopping: &Arc<AtomicBool>,
     ) -> Result<Self> {
+        let unsynced = health.begin();
+        let disk = Disk::new(Arc::clone(quota), Arc::clone(&unsynced)).context("a thread for the disk")?;
         let mut writer = Self {
             header: convert::header(session, scene_summary(session))?,
             file: None,
             tape,
-            disk: Disk::new(Arc::clone(quota)).context("a thread for the disk")?,
+            disk,
             quota: Arc::clone(quota),
+            health: Arc::clone(health),
+            unsynced,
             is_stopping: Arc::clone(is_stopping),
             clock: LogClock::now()?,
             flushed_ns: MonotonicClock::now_ns(),
@@ -91,6 +109,7 @@ impl Writer {
             }
             Ok(()) => tracing::info!(%session, "the journal of the session stays, for the next server"),
             Err(error) => {
+                self.health.broken_off.add(1);
                 tracing::error!(%session, "the journal has ended before its session, which would come back as it was then: {error}");
             }
         }
@@ -101,14 +120,17 @@ impl Writer {
     fn look(&mut self) -> McapResult<Option<Result<(), String>>> {
         let (entries, state) = self.tape.take();
         self.is_unsynced |= !entries.is_empty();
-        entries.iter().try_for_each(|entry| self.write(entry))?;
         let now_ns = MonotonicClock::now_ns();
+        if self.file.is_some() && !entries.is_empty() {
+            self.unsynced.came(now_ns);
+        }
+        entries.iter().try_for_each(|entry| self.write(entry))?;
         if state != TapeState::Running || now_ns - self.flushed_ns >= FLUSH_NS {
             self.flushed_ns = now_ns;
             let is_unsynced = std::mem::take(&mut self.is_unsynced);
-            if let Some(Going { tracks, file }) = self.file.as_mut().filter(|_| is_unsynced) {
-                tracks.flush()?;
-                self.disk.sync(file);
+            if let Some(going) = self.file.as_mut().filter(|_| is_unsynced) {
+                self.unsynced.written(going.flush()?);
+                self.disk.sync(&going.file);
             }
             if let Some(failure) = self.disk.failure() {
                 return Ok(Some(Err(failure)));
@@ -131,9 +153,9 @@ impl Writer {
 
     /// Goes on in a new file, which begins with a state to go on from, or with the scene at rest.
     fn begin_file(&mut self, base: Option<&TapeEntry>) -> McapResult<()> {
-        if let Some(Going { mut tracks, .. }) = self.file.take() {
-            tracks.flush()?;
-            tracks.abandon();
+        if let Some(mut going) = self.file.take() {
+            self.unsynced.written(going.flush()?);
+            going.tracks.abandon();
         }
         let path = self.files.next();
         let file = File::create_new(&path)?;
@@ -144,8 +166,10 @@ impl Writer {
             tracks.write(Track::Header, time_ns, &self.header)?;
             base.map_or(Ok(()), |base| tape::write(tracks, time_ns, base))
         })?;
-        self.disk.replace(&same, self.files.folder.clone(), before);
-        self.file = Some(Going { tracks, file: same });
+        let mut going = Going { tracks, file: same, bytes: 0 };
+        self.unsynced.written(going.flush()?);
+        self.disk.replace(&going.file, self.files.folder.clone(), before);
+        self.file = Some(going);
         Ok(())
     }
 }

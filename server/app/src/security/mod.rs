@@ -5,6 +5,7 @@
 
 pub mod caller;
 pub mod door;
+mod expiry;
 mod failures;
 mod first_start;
 pub mod guests;
@@ -23,6 +24,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use tokio_rustls::TlsAcceptor;
+use tokio_rustls::rustls::sign::CertifiedKey;
 
 use crate::config::{SecurityConfig, ServerConfig};
 use door::Door;
@@ -34,12 +36,14 @@ use tokens::Tokens;
 
 /// What keeps others out.
 pub struct Security {
-    /// Judges requests.
-    pub door: Arc<Door>,
-    /// Begins TLS on connections; `None`: they have none.
-    pub tls: Option<TlsAcceptor>,
+    /// What begins TLS on connections, and the certificate; `None`: they have none.
+    tls: Option<(TlsAcceptor, Arc<Reloaded<CertifiedKey>>)>,
+    /// `None`: none is asked for.
+    tokens: Option<Arc<Reloaded<Tokens>>>,
     /// Whom links are handed to.
     pub guests: Arc<Guests>,
+    names: Vec<String>,
+    max_wrong_tokens_per_minute: u32,
 }
 
 /// Refuses a server that others can reach, unless it has TLS and tokens, or is told to go without.
@@ -47,7 +51,12 @@ pub struct Security {
 /// # Errors
 /// What is missing, and what would help.
 pub fn check(config: &ServerConfig) -> Result<()> {
-    let ServerConfig { listen, security, .. } = config;
+    let listens = [("listen", Some(config.listen)), ("metrics_listen", config.metrics_listen)];
+    listens.into_iter().try_for_each(|(field, listen)| listen.map_or(Ok(()), |listen| check_at(field, listen, config)))
+}
+
+fn check_at(field: &str, listen: SocketAddr, config: &ServerConfig) -> Result<()> {
+    let security = &config.security;
     let missing = match (security.has_tls(), security.has_tokens()) {
         _ if listen.ip().to_canonical().is_loopback() => return Ok(()),
         (true, true) => return Ok(()),
@@ -56,14 +65,15 @@ pub fn check(config: &ServerConfig) -> Result<()> {
         (true, false) => "no tokens (security.token_file)",
     };
     if security.insecure {
-        tracing::warn!(%listen, "security.insecure: others can reach this server, and it has {missing}");
+        tracing::warn!(field, %listen, "security.insecure: others can reach this server, and it has {missing}");
         return Ok(());
     }
     bail!(
-        "listen = {listen}: others can reach it there, and this server has {missing}. One of these helps:\n  \
+        "{field} = {listen}: others can reach it there, and this server has {missing}. One of these helps:\n  \
          --security-dir FOLDER  makes what is missing in it, and shows the first token once\n  \
-         --listen 127.0.0.1:{port}  is reached from this machine alone\n  \
+         {flag}127.0.0.1:{port}  is reached from this machine alone\n  \
          --insecure  serves whoever comes, and whoever listens in on the way",
+        flag = if field == "listen" { "--listen ".into() } else { format!("--set {field}=") },
         port = listen.port()
     )
 }
@@ -96,11 +106,30 @@ impl Security {
             };
             Reloaded::begin("the tokens", vec![file], read)
         });
-        let hosts = Hosts::new(listens.ip(), names);
-        let guests = Arc::new(Guests::new(security));
-        let max_wrong = security.max_wrong_tokens_per_minute;
-        let door = Door::new(hosts, tokens.transpose()?, Arc::clone(&guests), max_wrong);
-        Ok(Self { door, tls, guests })
+        Ok(Self {
+            tls,
+            tokens: tokens.transpose()?,
+            guests: Arc::new(Guests::new(security)),
+            names: names.clone(),
+            max_wrong_tokens_per_minute: security.max_wrong_tokens_per_minute,
+        })
+    }
+
+    /// What judges requests to this address.
+    pub fn door(&self, listens: SocketAddr) -> Arc<Door> {
+        let hosts = Hosts::new(listens.ip(), &self.names);
+        Door::new(hosts, self.tokens.clone(), Arc::clone(&self.guests), self.max_wrong_tokens_per_minute)
+    }
+
+    /// What begins TLS on connections; `None`: they have none.
+    pub fn tls(&self) -> Option<TlsAcceptor> {
+        self.tls.as_ref().map(|(acceptor, _)| acceptor.clone())
+    }
+
+    /// When the certificate stops being good, seconds since 1970.
+    pub fn certificate_expires_s(&self) -> Option<i64> {
+        let (_, certificate) = self.tls.as_ref()?;
+        expiry::expires_s(certificate.get().cert.first()?)
     }
 }
 

@@ -79,10 +79,17 @@ pub const CALLS: &[(&str, Need)] = &[
     ("/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo", Of(Role::Viewer)),
 ];
 
+/// Where metrics are read, on their own address.
+pub const METRICS_PATH: &str = "/metrics";
+
 /// What a request needs; `None`: there is nothing there.
 pub fn need(method: &Method, path: &str) -> Option<Need> {
     if let Some((_, need)) = CALLS.iter().find(|(call, _)| *call == path) {
         return Some(*need);
+    }
+    if path == METRICS_PATH {
+        // They have ids of sessions, as lists do.
+        return (*method == Method::GET).then_some(Of(Role::Viewer));
     }
     // The viewer's own files, in which no secret is: the page has to be there before it can say a token.
     let is_file = path.strip_prefix('/').is_some_and(|name| !name.contains('/'));
@@ -141,5 +148,7 @@ mod tests {
         assert_eq!(need(&Method::GET, "/a/b"), None);
         assert_eq!(need(&Method::GET, "/index.html"), Some(Nothing));
         assert_eq!(need(&Method::POST, "/index.html"), None);
+        assert_eq!(need(&Method::GET, METRICS_PATH), Some(Of(Role::Viewer)));
+        assert_eq!(need(&Method::POST, METRICS_PATH), None);
     }
 }

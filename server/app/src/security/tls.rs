@@ -26,11 +26,11 @@ pub struct Files {
     pub key: PathBuf,
 }
 
-/// What begins TLS on a connection.
+/// What begins TLS on a connection, and the certificate that it begins with.
 ///
 /// # Errors
 /// The files cannot be read, or do not go together.
-pub fn acceptor(files: &Files) -> Result<TlsAcceptor> {
+pub fn acceptor(files: &Files) -> Result<(TlsAcceptor, Arc<Reloaded<CertifiedKey>>)> {
     let read = {
         let files = files.clone();
         move || certified(&files)
@@ -39,9 +39,9 @@ pub fn acceptor(files: &Files) -> Result<TlsAcceptor> {
     tracing::info!(sha256 = fingerprint(&certificate.get()), "the certificate {}", files.certificate.display());
     let builder =
         ServerConfig::builder_with_provider(Arc::new(default_provider())).with_safe_default_protocol_versions();
-    let mut config = builder?.with_no_client_auth().with_cert_resolver(Arc::new(Newest(certificate)));
+    let mut config = builder?.with_no_client_auth().with_cert_resolver(Arc::new(Newest(Arc::clone(&certificate))));
     config.alpn_protocols = vec![b"h2".to_vec(), b"http/1.1".to_vec()];
-    Ok(Arc::new(config).into())
+    Ok((Arc::new(config).into(), certificate))
 }
 
 fn certified(files: &Files) -> Result<CertifiedKey> {

@@ -43,115 +43,124 @@ namespace Kerf.V1 {
             "Z3MYAiADKAkiLAoWRGVzY3JpYmVTZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9u",
             "X2lkGAEgASgJIkcKF0Rlc2NyaWJlU2Vzc2lvblJlc3BvbnNlEiwKB3Nlc3Np",
             "b24YASABKAsyGy5rZXJmLnYxLlNlc3Npb25EZXNjcmlwdGlvbiIVChNMaXN0",
-            "U2Vzc2lvbnNSZXF1ZXN0IlcKFExpc3RTZXNzaW9uc1Jlc3BvbnNlEiYKCHNl",
+            "U2Vzc2lvbnNSZXF1ZXN0In4KFExpc3RTZXNzaW9uc1Jlc3BvbnNlEiYKCHNl",
             "c3Npb25zGAEgAygLMhQua2VyZi52MS5TZXNzaW9uSW5mbxIXCg9zZXJ2ZXJf",
-            "aW5zdGFuY2UYAiABKAkiKQoTQ2xvc2VTZXNzaW9uUmVxdWVzdBISCgpzZXNz",
-            "aW9uX2lkGAEgASgJIj0KFENsb3NlU2Vzc2lvblJlc3BvbnNlEiUKCXJlY29y",
-            "ZGluZxgBIAEoCzISLmtlcmYudjEuUmVjb3JkaW5nIksKCVJlY29yZGluZxIM",
-            "CgRmaWxlGAEgASgJEg0KBXN0ZXBzGAIgASgEEhIKCmlzX2N1dF9vZmYYAyAB",
-            "KAgSDQoFZXJyb3IYBCABKAkiKQoTUGF1c2VTZXNzaW9uUmVxdWVzdBISCgpz",
-            "ZXNzaW9uX2lkGAEgASgJIiQKFFBhdXNlU2Vzc2lvblJlc3BvbnNlEgwKBHN0",
-            "ZXAYASABKAQiKgoUUmVzdW1lU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9p",
-            "ZBgBIAEoCSIlChVSZXN1bWVTZXNzaW9uUmVzcG9uc2USDAoEc3RlcBgBIAEo",
-            "BCJbChJTdGVwU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRIN",
-            "CgVzdGVwcxgCIAEoDRIiCgZpbnB1dHMYAyADKAsyEi5rZXJmLnYxLlN0ZXBJ",
-            "bnB1dCIxCglTdGVwSW5wdXQSJAoHbW90aW9ucxgBIAMoCzITLmtlcmYudjEu",
-            "VG9vbE1vdGlvbiJcCgpUb29sTW90aW9uEiEKBHBvc2UYASABKAsyES5rZXJm",
-            "LnYxLlRvb2xQb3NlSAASIQoEbGlmdBgCIAEoCzIRLmtlcmYudjEuTGlmdFRv",
-            "b2xIAEIICgZtb3Rpb24ieQoTU3RlcFNlc3Npb25SZXNwb25zZRIMCgRzdGVw",
-            "GAEgASgEEiYKCG91dGNvbWVzGAIgAygLMhQua2VyZi52MS5TdGVwT3V0Y29t",
-            "ZRIYChB0b3BvbG9neV92ZXJzaW9uGAMgASgEEhIKCnN0YXRlX2hhc2gYBCAB",
-            "KAYiqgEKC1N0ZXBPdXRjb21lEgwKBHN0ZXAYASABKAQSEgoKc2ltX3RpbWVf",
-            "cxgCIAEoARIiCghjb250YWN0cxgDIAMoCzIQLmtlcmYudjEuQ29udGFjdBIl",
-            "CgZlbmVyZ3kYBCABKAsyFS5rZXJmLnYxLkVuZXJneUxlZGdlchIuChd0cmFj",
-            "a2VkX2Rpc3BsYWNlbWVudHNfbRgFIAMoCzINLmtlcmYudjEuVmVjMyIpChNS",
-            "ZXNldFNlc3Npb25SZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkiPQoUUmVz",
-            "ZXRTZXNzaW9uUmVzcG9uc2USJQoJcmVjb3JkaW5nGAEgASgLMhIua2VyZi52",
-            "MS5SZWNvcmRpbmciOQoVU2F2ZUNoZWNrcG9pbnRSZXF1ZXN0EhIKCnNlc3Np",
-            "b25faWQYASABKAkSDAoEbmFtZRgCIAEoCSImChZTYXZlQ2hlY2twb2ludFJl",
-            "c3BvbnNlEgwKBHN0ZXAYASABKAQiPAoYUmVzdG9yZUNoZWNrcG9pbnRSZXF1",
-            "ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDAoEbmFtZRgCIAEoCSJQChlSZXN0",
-            "b3JlQ2hlY2twb2ludFJlc3BvbnNlEgwKBHN0ZXAYASABKAQSJQoJcmVjb3Jk",
-            "aW5nGAIgASgLMhIua2VyZi52MS5SZWNvcmRpbmciLAoWTGlzdENoZWNrcG9p",
-            "bnRzUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIkMKF0xpc3RDaGVja3Bv",
-            "aW50c1Jlc3BvbnNlEigKC2NoZWNrcG9pbnRzGAEgAygLMhMua2VyZi52MS5D",
-            "aGVja3BvaW50IjwKCkNoZWNrcG9pbnQSDAoEbmFtZRgBIAEoCRIMCgRzdGVw",
-            "GAIgASgEEhIKCnNpbV90aW1lX3MYAyABKAEiOwoXRGVsZXRlQ2hlY2twb2lu",
-            "dFJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRIMCgRuYW1lGAIgASgJIhoK",
-            "GERlbGV0ZUNoZWNrcG9pbnRSZXNwb25zZSI9ChlEb3dubG9hZENoZWNrcG9p",
-            "bnRSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDAoEbmFtZRgCIAEoCSIq",
-            "ChpEb3dubG9hZENoZWNrcG9pbnRSZXNwb25zZRIMCgRkYXRhGAEgASgMIkkK",
-            "F1VwbG9hZENoZWNrcG9pbnRSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkS",
-            "DAoEbmFtZRgCIAEoCRIMCgRkYXRhGAMgASgMIigKGFVwbG9hZENoZWNrcG9p",
-            "bnRSZXNwb25zZRIMCgRzdGVwGAEgASgEIikKE0ludml0ZVZpZXdlclJlcXVl",
-            "c3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSI5ChRJbnZpdGVWaWV3ZXJSZXNwb25z",
-            "ZRINCgV0b2tlbhgBIAEoCRISCgpnb29kX2Zvcl9zGAIgASgBImUKEVNlZWtS",
-            "ZXBsYXlSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSEwoGdGltZV9zGAIg",
-            "ASgBSACIAQESEgoFc3BlZWQYAyABKAFIAYgBAUIJCgdfdGltZV9zQggKBl9z",
-            "cGVlZCJTChJTZWVrUmVwbGF5UmVzcG9uc2USDgoGdGltZV9zGAEgASgBEhAK",
-            "CGxlbmd0aF9zGAIgASgBEg0KBXNwZWVkGAMgASgBEgwKBHN0ZXAYBCABKAQi",
-            "bgoLU2Vzc2lvbkluZm8SEgoKc2Vzc2lvbl9pZBgBIAEoCRISCgpzY2VuZV9u",
-            "YW1lGAIgASgJEiQKBXN0YXRlGAMgASgOMhUua2VyZi52MS5TZXNzaW9uU3Rh",
-            "dGUSEQoJaXNfcmVwbGF5GAQgASgIIpUEChJTZXNzaW9uRGVzY3JpcHRpb24S",
-            "EgoKc2Vzc2lvbl9pZBgBIAEoCRIkCgVzdGF0ZRgCIAEoDjIVLmtlcmYudjEu",
-            "U2Vzc2lvblN0YXRlEiQKBXNjZW5lGAMgASgLMhUua2VyZi52MS5TY2VuZVN1",
-            "bW1hcnkSHwoGbGltaXRzGAQgASgLMg8ua2VyZi52MS5MaW1pdHMSDAoEc3Rl",
-            "cBgFIAEoBBISCgpzaW1fdGltZV9zGAYgASgBEhgKEHRvcG9sb2d5X3ZlcnNp",
-            "b24YByABKAQSEgoKbGF0ZV9zdGVwcxgIIAEoBBIPCgd2aWV3ZXJzGAkgASgN",
-            "EhcKD2xlYXNlZF90b29sX2lkcxgKIAMoDRIlCgZlbmVyZ3kYCyABKAsyFS5r",
-            "ZXJmLnYxLkVuZXJneUxlZGdlchIuChd0cmFja2VkX2Rpc3BsYWNlbWVudHNf",
-            "bRgMIAMoCzINLmtlcmYudjEuVmVjMxISCgpzdGF0ZV9oYXNoGA0gASgGEg8K",
-            "B2ZhaWx1cmUYDiABKAkSIQoEZGlhbBgPIAEoCzITLmtlcmYudjEuRGlhbENo",
-            "b2ljZRIaChJyZWxhdGl2ZV90b2xlcmFuY2UYECABKAESDAoEbG9hZBgRIAEo",
-            "ARIUCgxtZW1vcnlfYnl0ZXMYEiABKAQSJQoJcmVjb3JkaW5nGBUgASgLMhIu",
-            "a2VyZi52MS5SZWNvcmRpbmciXwoKRGlhbENob2ljZRIlCgdzZXR0aW5nGAEg",
-            "ASgLMhQua2VyZi52MS5EaWFsU2V0dGluZxIqCghleHBlY3RlZBgCIAEoCzIY",
-            "LmtlcmYudjEuRGlhbEV4cGVjdGF0aW9uInkKC0RpYWxTZXR0aW5nEg0KBWxl",
-            "dmVsGAEgASgNEhMKC3ZveGVsX3NjYWxlGAIgASgBEhoKEnJlbGF0aXZlX3Rv",
-            "bGVyYW5jZRgDIAEoARIPCgdlbGVtZW50GAQgASgJEhkKEWhhc19maW5lcl9y",
-            "ZWdpb25zGAUgASgIIncKD0RpYWxFeHBlY3RhdGlvbhIRCgltZWRpYW5fbXMY",
-            "ASABKAESDgoGcDk5X21zGAIgASgBEhoKEmRpc3BsYWNlbWVudF9lcnJvchgD",
-            "IAEoARITCgtmb3JjZV9lcnJvchgEIAEoARIQCghoYXJkd2FyZRgFIAEoCSKs",
-            "AgoMRW5lcmd5TGVkZ2VyEhMKC3Rvb2xfd29ya19qGAEgASgBEhMKC2xvYWRf",
-            "d29ya19qGAIgASgBEhEKCWVsYXN0aWNfahgDIAEoARIRCgljb250YWN0X2oY",
-            "BCABKAESEQoJa2luZXRpY19qGAUgASgBEhIKCmZyYWN0dXJlX2oYBiABKAES",
-            "FAoMZnJvbnRfc2xpcF9qGAcgASgBEhQKDGluaXRpYXRpb25fahgIIAEoARIR",
-            "CglwYXJ0aW5nX2oYCSABKAESEQoJZGFtcGluZ19qGAogASgBEhMKC251bWVy",
-            "aWNhbF9qGAsgASgBEhIKCnJlc2lkdWFsX2oYDCABKAESEgoKZnJpY3Rpb25f",
-            "ahgNIAEoARIWCg5jb250YWN0X2xvc3NfahgOIAEoATK6CwoOU2Vzc2lvblNl",
-            "cnZpY2USRQoKTGlzdFNjZW5lcxIaLmtlcmYudjEuTGlzdFNjZW5lc1JlcXVl",
-            "c3QaGy5rZXJmLnYxLkxpc3RTY2VuZXNSZXNwb25zZRI/CghHZXRTY2VuZRIY",
-            "LmtlcmYudjEuR2V0U2NlbmVSZXF1ZXN0Ghkua2VyZi52MS5HZXRTY2VuZVJl",
-            "c3BvbnNlEk4KDUNyZWF0ZVNlc3Npb24SHS5rZXJmLnYxLkNyZWF0ZVNlc3Np",
-            "b25SZXF1ZXN0Gh4ua2VyZi52MS5DcmVhdGVTZXNzaW9uUmVzcG9uc2USVAoP",
-            "RGVzY3JpYmVTZXNzaW9uEh8ua2VyZi52MS5EZXNjcmliZVNlc3Npb25SZXF1",
-            "ZXN0GiAua2VyZi52MS5EZXNjcmliZVNlc3Npb25SZXNwb25zZRJLCgxMaXN0",
-            "U2Vzc2lvbnMSHC5rZXJmLnYxLkxpc3RTZXNzaW9uc1JlcXVlc3QaHS5rZXJm",
-            "LnYxLkxpc3RTZXNzaW9uc1Jlc3BvbnNlEksKDENsb3NlU2Vzc2lvbhIcLmtl",
-            "cmYudjEuQ2xvc2VTZXNzaW9uUmVxdWVzdBodLmtlcmYudjEuQ2xvc2VTZXNz",
-            "aW9uUmVzcG9uc2USSwoMUGF1c2VTZXNzaW9uEhwua2VyZi52MS5QYXVzZVNl",
-            "c3Npb25SZXF1ZXN0Gh0ua2VyZi52MS5QYXVzZVNlc3Npb25SZXNwb25zZRJO",
-            "Cg1SZXN1bWVTZXNzaW9uEh0ua2VyZi52MS5SZXN1bWVTZXNzaW9uUmVxdWVz",
-            "dBoeLmtlcmYudjEuUmVzdW1lU2Vzc2lvblJlc3BvbnNlEkgKC1N0ZXBTZXNz",
-            "aW9uEhsua2VyZi52MS5TdGVwU2Vzc2lvblJlcXVlc3QaHC5rZXJmLnYxLlN0",
-            "ZXBTZXNzaW9uUmVzcG9uc2USSwoMUmVzZXRTZXNzaW9uEhwua2VyZi52MS5S",
-            "ZXNldFNlc3Npb25SZXF1ZXN0Gh0ua2VyZi52MS5SZXNldFNlc3Npb25SZXNw",
-            "b25zZRJRCg5TYXZlQ2hlY2twb2ludBIeLmtlcmYudjEuU2F2ZUNoZWNrcG9p",
-            "bnRSZXF1ZXN0Gh8ua2VyZi52MS5TYXZlQ2hlY2twb2ludFJlc3BvbnNlEloK",
-            "EVJlc3RvcmVDaGVja3BvaW50EiEua2VyZi52MS5SZXN0b3JlQ2hlY2twb2lu",
-            "dFJlcXVlc3QaIi5rZXJmLnYxLlJlc3RvcmVDaGVja3BvaW50UmVzcG9uc2US",
-            "VAoPTGlzdENoZWNrcG9pbnRzEh8ua2VyZi52MS5MaXN0Q2hlY2twb2ludHNS",
-            "ZXF1ZXN0GiAua2VyZi52MS5MaXN0Q2hlY2twb2ludHNSZXNwb25zZRJXChBE",
-            "ZWxldGVDaGVja3BvaW50EiAua2VyZi52MS5EZWxldGVDaGVja3BvaW50UmVx",
-            "dWVzdBohLmtlcmYudjEuRGVsZXRlQ2hlY2twb2ludFJlc3BvbnNlEl8KEkRv",
-            "d25sb2FkQ2hlY2twb2ludBIiLmtlcmYudjEuRG93bmxvYWRDaGVja3BvaW50",
-            "UmVxdWVzdBojLmtlcmYudjEuRG93bmxvYWRDaGVja3BvaW50UmVzcG9uc2Uw",
-            "ARJZChBVcGxvYWRDaGVja3BvaW50EiAua2VyZi52MS5VcGxvYWRDaGVja3Bv",
-            "aW50UmVxdWVzdBohLmtlcmYudjEuVXBsb2FkQ2hlY2twb2ludFJlc3BvbnNl",
-            "KAESSwoMSW52aXRlVmlld2VyEhwua2VyZi52MS5JbnZpdGVWaWV3ZXJSZXF1",
-            "ZXN0Gh0ua2VyZi52MS5JbnZpdGVWaWV3ZXJSZXNwb25zZRJFCgpTZWVrUmVw",
-            "bGF5Ehoua2VyZi52MS5TZWVrUmVwbGF5UmVxdWVzdBobLmtlcmYudjEuU2Vl",
-            "a1JlcGxheVJlc3BvbnNlYgZwcm90bzM="));
+            "aW5zdGFuY2UYAiABKAkSJQoGc2VydmVyGAMgASgLMhUua2VyZi52MS5TZXJ2",
+            "ZXJWaXRhbHMiVAoMU2VydmVyVml0YWxzEg8KB3ZlcnNpb24YASABKAkSHQoV",
+            "cmVzaWRlbnRfbWVtb3J5X2J5dGVzGAIgASgEEhQKDG1heF9zZXNzaW9ucxgD",
+            "IAEoDSIpChNDbG9zZVNlc3Npb25SZXF1ZXN0EhIKCnNlc3Npb25faWQYASAB",
+            "KAkiPQoUQ2xvc2VTZXNzaW9uUmVzcG9uc2USJQoJcmVjb3JkaW5nGAEgASgL",
+            "MhIua2VyZi52MS5SZWNvcmRpbmciSwoJUmVjb3JkaW5nEgwKBGZpbGUYASAB",
+            "KAkSDQoFc3RlcHMYAiABKAQSEgoKaXNfY3V0X29mZhgDIAEoCBINCgVlcnJv",
+            "chgEIAEoCSIpChNQYXVzZVNlc3Npb25SZXF1ZXN0EhIKCnNlc3Npb25faWQY",
+            "ASABKAkiJAoUUGF1c2VTZXNzaW9uUmVzcG9uc2USDAoEc3RlcBgBIAEoBCIq",
+            "ChRSZXN1bWVTZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIiUK",
+            "FVJlc3VtZVNlc3Npb25SZXNwb25zZRIMCgRzdGVwGAEgASgEIlsKElN0ZXBT",
+            "ZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEg0KBXN0ZXBzGAIg",
+            "ASgNEiIKBmlucHV0cxgDIAMoCzISLmtlcmYudjEuU3RlcElucHV0IjEKCVN0",
+            "ZXBJbnB1dBIkCgdtb3Rpb25zGAEgAygLMhMua2VyZi52MS5Ub29sTW90aW9u",
+            "IlwKClRvb2xNb3Rpb24SIQoEcG9zZRgBIAEoCzIRLmtlcmYudjEuVG9vbFBv",
+            "c2VIABIhCgRsaWZ0GAIgASgLMhEua2VyZi52MS5MaWZ0VG9vbEgAQggKBm1v",
+            "dGlvbiJ5ChNTdGVwU2Vzc2lvblJlc3BvbnNlEgwKBHN0ZXAYASABKAQSJgoI",
+            "b3V0Y29tZXMYAiADKAsyFC5rZXJmLnYxLlN0ZXBPdXRjb21lEhgKEHRvcG9s",
+            "b2d5X3ZlcnNpb24YAyABKAQSEgoKc3RhdGVfaGFzaBgEIAEoBiKqAQoLU3Rl",
+            "cE91dGNvbWUSDAoEc3RlcBgBIAEoBBISCgpzaW1fdGltZV9zGAIgASgBEiIK",
+            "CGNvbnRhY3RzGAMgAygLMhAua2VyZi52MS5Db250YWN0EiUKBmVuZXJneRgE",
+            "IAEoCzIVLmtlcmYudjEuRW5lcmd5TGVkZ2VyEi4KF3RyYWNrZWRfZGlzcGxh",
+            "Y2VtZW50c19tGAUgAygLMg0ua2VyZi52MS5WZWMzIikKE1Jlc2V0U2Vzc2lv",
+            "blJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSI9ChRSZXNldFNlc3Npb25S",
+            "ZXNwb25zZRIlCglyZWNvcmRpbmcYASABKAsyEi5rZXJmLnYxLlJlY29yZGlu",
+            "ZyI5ChVTYXZlQ2hlY2twb2ludFJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEo",
+            "CRIMCgRuYW1lGAIgASgJIiYKFlNhdmVDaGVja3BvaW50UmVzcG9uc2USDAoE",
+            "c3RlcBgBIAEoBCI8ChhSZXN0b3JlQ2hlY2twb2ludFJlcXVlc3QSEgoKc2Vz",
+            "c2lvbl9pZBgBIAEoCRIMCgRuYW1lGAIgASgJIlAKGVJlc3RvcmVDaGVja3Bv",
+            "aW50UmVzcG9uc2USDAoEc3RlcBgBIAEoBBIlCglyZWNvcmRpbmcYAiABKAsy",
+            "Ei5rZXJmLnYxLlJlY29yZGluZyIsChZMaXN0Q2hlY2twb2ludHNSZXF1ZXN0",
+            "EhIKCnNlc3Npb25faWQYASABKAkiQwoXTGlzdENoZWNrcG9pbnRzUmVzcG9u",
+            "c2USKAoLY2hlY2twb2ludHMYASADKAsyEy5rZXJmLnYxLkNoZWNrcG9pbnQi",
+            "PAoKQ2hlY2twb2ludBIMCgRuYW1lGAEgASgJEgwKBHN0ZXAYAiABKAQSEgoK",
+            "c2ltX3RpbWVfcxgDIAEoASI7ChdEZWxldGVDaGVja3BvaW50UmVxdWVzdBIS",
+            "CgpzZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAkiGgoYRGVsZXRlQ2hl",
+            "Y2twb2ludFJlc3BvbnNlIj0KGURvd25sb2FkQ2hlY2twb2ludFJlcXVlc3QS",
+            "EgoKc2Vzc2lvbl9pZBgBIAEoCRIMCgRuYW1lGAIgASgJIioKGkRvd25sb2Fk",
+            "Q2hlY2twb2ludFJlc3BvbnNlEgwKBGRhdGEYASABKAwiSQoXVXBsb2FkQ2hl",
+            "Y2twb2ludFJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRIMCgRuYW1lGAIg",
+            "ASgJEgwKBGRhdGEYAyABKAwiKAoYVXBsb2FkQ2hlY2twb2ludFJlc3BvbnNl",
+            "EgwKBHN0ZXAYASABKAQiKQoTSW52aXRlVmlld2VyUmVxdWVzdBISCgpzZXNz",
+            "aW9uX2lkGAEgASgJIjkKFEludml0ZVZpZXdlclJlc3BvbnNlEg0KBXRva2Vu",
+            "GAEgASgJEhIKCmdvb2RfZm9yX3MYAiABKAEiZQoRU2Vla1JlcGxheVJlcXVl",
+            "c3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRITCgZ0aW1lX3MYAiABKAFIAIgBARIS",
+            "CgVzcGVlZBgDIAEoAUgBiAEBQgkKB190aW1lX3NCCAoGX3NwZWVkIlMKElNl",
+            "ZWtSZXBsYXlSZXNwb25zZRIOCgZ0aW1lX3MYASABKAESEAoIbGVuZ3RoX3MY",
+            "AiABKAESDQoFc3BlZWQYAyABKAESDAoEc3RlcBgEIAEoBCKWAQoLU2Vzc2lv",
+            "bkluZm8SEgoKc2Vzc2lvbl9pZBgBIAEoCRISCgpzY2VuZV9uYW1lGAIgASgJ",
+            "EiQKBXN0YXRlGAMgASgOMhUua2VyZi52MS5TZXNzaW9uU3RhdGUSEQoJaXNf",
+            "cmVwbGF5GAQgASgIEiYKBnZpdGFscxgFIAEoCzIWLmtlcmYudjEuU2Vzc2lv",
+            "blZpdGFscyLdAQoNU2Vzc2lvblZpdGFscxIUCgxzdGVwX3JhdGVfaHoYASAB",
+            "KAESDQoFc3RlcHMYAiABKAQSEgoKbGF0ZV9zdGVwcxgDIAEoBBIOCgZidXN5",
+            "X3MYBCABKAESFgoObG9uZ2VzdF9zdGVwX3MYBSABKAESDwoHdmlld2VycxgG",
+            "IAEoDRIPCgdkcml2ZXJzGAcgASgNEg4KBmZhdWx0cxgIIAEoBBIUCgxwYXJ0",
+            "ZWRfbGlua3MYCSABKAQSFAoMbWVtb3J5X2J5dGVzGAogASgEEg0KBWhhbmdz",
+            "GAsgASgIIpUEChJTZXNzaW9uRGVzY3JpcHRpb24SEgoKc2Vzc2lvbl9pZBgB",
+            "IAEoCRIkCgVzdGF0ZRgCIAEoDjIVLmtlcmYudjEuU2Vzc2lvblN0YXRlEiQK",
+            "BXNjZW5lGAMgASgLMhUua2VyZi52MS5TY2VuZVN1bW1hcnkSHwoGbGltaXRz",
+            "GAQgASgLMg8ua2VyZi52MS5MaW1pdHMSDAoEc3RlcBgFIAEoBBISCgpzaW1f",
+            "dGltZV9zGAYgASgBEhgKEHRvcG9sb2d5X3ZlcnNpb24YByABKAQSEgoKbGF0",
+            "ZV9zdGVwcxgIIAEoBBIPCgd2aWV3ZXJzGAkgASgNEhcKD2xlYXNlZF90b29s",
+            "X2lkcxgKIAMoDRIlCgZlbmVyZ3kYCyABKAsyFS5rZXJmLnYxLkVuZXJneUxl",
+            "ZGdlchIuChd0cmFja2VkX2Rpc3BsYWNlbWVudHNfbRgMIAMoCzINLmtlcmYu",
+            "djEuVmVjMxISCgpzdGF0ZV9oYXNoGA0gASgGEg8KB2ZhaWx1cmUYDiABKAkS",
+            "IQoEZGlhbBgPIAEoCzITLmtlcmYudjEuRGlhbENob2ljZRIaChJyZWxhdGl2",
+            "ZV90b2xlcmFuY2UYECABKAESDAoEbG9hZBgRIAEoARIUCgxtZW1vcnlfYnl0",
+            "ZXMYEiABKAQSJQoJcmVjb3JkaW5nGBUgASgLMhIua2VyZi52MS5SZWNvcmRp",
+            "bmciXwoKRGlhbENob2ljZRIlCgdzZXR0aW5nGAEgASgLMhQua2VyZi52MS5E",
+            "aWFsU2V0dGluZxIqCghleHBlY3RlZBgCIAEoCzIYLmtlcmYudjEuRGlhbEV4",
+            "cGVjdGF0aW9uInkKC0RpYWxTZXR0aW5nEg0KBWxldmVsGAEgASgNEhMKC3Zv",
+            "eGVsX3NjYWxlGAIgASgBEhoKEnJlbGF0aXZlX3RvbGVyYW5jZRgDIAEoARIP",
+            "CgdlbGVtZW50GAQgASgJEhkKEWhhc19maW5lcl9yZWdpb25zGAUgASgIIncK",
+            "D0RpYWxFeHBlY3RhdGlvbhIRCgltZWRpYW5fbXMYASABKAESDgoGcDk5X21z",
+            "GAIgASgBEhoKEmRpc3BsYWNlbWVudF9lcnJvchgDIAEoARITCgtmb3JjZV9l",
+            "cnJvchgEIAEoARIQCghoYXJkd2FyZRgFIAEoCSKsAgoMRW5lcmd5TGVkZ2Vy",
+            "EhMKC3Rvb2xfd29ya19qGAEgASgBEhMKC2xvYWRfd29ya19qGAIgASgBEhEK",
+            "CWVsYXN0aWNfahgDIAEoARIRCgljb250YWN0X2oYBCABKAESEQoJa2luZXRp",
+            "Y19qGAUgASgBEhIKCmZyYWN0dXJlX2oYBiABKAESFAoMZnJvbnRfc2xpcF9q",
+            "GAcgASgBEhQKDGluaXRpYXRpb25fahgIIAEoARIRCglwYXJ0aW5nX2oYCSAB",
+            "KAESEQoJZGFtcGluZ19qGAogASgBEhMKC251bWVyaWNhbF9qGAsgASgBEhIK",
+            "CnJlc2lkdWFsX2oYDCABKAESEgoKZnJpY3Rpb25fahgNIAEoARIWCg5jb250",
+            "YWN0X2xvc3NfahgOIAEoATK6CwoOU2Vzc2lvblNlcnZpY2USRQoKTGlzdFNj",
+            "ZW5lcxIaLmtlcmYudjEuTGlzdFNjZW5lc1JlcXVlc3QaGy5rZXJmLnYxLkxp",
+            "c3RTY2VuZXNSZXNwb25zZRI/CghHZXRTY2VuZRIYLmtlcmYudjEuR2V0U2Nl",
+            "bmVSZXF1ZXN0Ghkua2VyZi52MS5HZXRTY2VuZVJlc3BvbnNlEk4KDUNyZWF0",
+            "ZVNlc3Npb24SHS5rZXJmLnYxLkNyZWF0ZVNlc3Npb25SZXF1ZXN0Gh4ua2Vy",
+            "Zi52MS5DcmVhdGVTZXNzaW9uUmVzcG9uc2USVAoPRGVzY3JpYmVTZXNzaW9u",
+            "Eh8ua2VyZi52MS5EZXNjcmliZVNlc3Npb25SZXF1ZXN0GiAua2VyZi52MS5E",
+            "ZXNjcmliZVNlc3Npb25SZXNwb25zZRJLCgxMaXN0U2Vzc2lvbnMSHC5rZXJm",
+            "LnYxLkxpc3RTZXNzaW9uc1JlcXVlc3QaHS5rZXJmLnYxLkxpc3RTZXNzaW9u",
+            "c1Jlc3BvbnNlEksKDENsb3NlU2Vzc2lvbhIcLmtlcmYudjEuQ2xvc2VTZXNz",
+            "aW9uUmVxdWVzdBodLmtlcmYudjEuQ2xvc2VTZXNzaW9uUmVzcG9uc2USSwoM",
+            "UGF1c2VTZXNzaW9uEhwua2VyZi52MS5QYXVzZVNlc3Npb25SZXF1ZXN0Gh0u",
+            "a2VyZi52MS5QYXVzZVNlc3Npb25SZXNwb25zZRJOCg1SZXN1bWVTZXNzaW9u",
+            "Eh0ua2VyZi52MS5SZXN1bWVTZXNzaW9uUmVxdWVzdBoeLmtlcmYudjEuUmVz",
+            "dW1lU2Vzc2lvblJlc3BvbnNlEkgKC1N0ZXBTZXNzaW9uEhsua2VyZi52MS5T",
+            "dGVwU2Vzc2lvblJlcXVlc3QaHC5rZXJmLnYxLlN0ZXBTZXNzaW9uUmVzcG9u",
+            "c2USSwoMUmVzZXRTZXNzaW9uEhwua2VyZi52MS5SZXNldFNlc3Npb25SZXF1",
+            "ZXN0Gh0ua2VyZi52MS5SZXNldFNlc3Npb25SZXNwb25zZRJRCg5TYXZlQ2hl",
+            "Y2twb2ludBIeLmtlcmYudjEuU2F2ZUNoZWNrcG9pbnRSZXF1ZXN0Gh8ua2Vy",
+            "Zi52MS5TYXZlQ2hlY2twb2ludFJlc3BvbnNlEloKEVJlc3RvcmVDaGVja3Bv",
+            "aW50EiEua2VyZi52MS5SZXN0b3JlQ2hlY2twb2ludFJlcXVlc3QaIi5rZXJm",
+            "LnYxLlJlc3RvcmVDaGVja3BvaW50UmVzcG9uc2USVAoPTGlzdENoZWNrcG9p",
+            "bnRzEh8ua2VyZi52MS5MaXN0Q2hlY2twb2ludHNSZXF1ZXN0GiAua2VyZi52",
+            "MS5MaXN0Q2hlY2twb2ludHNSZXNwb25zZRJXChBEZWxldGVDaGVja3BvaW50",
+            "EiAua2VyZi52MS5EZWxldGVDaGVja3BvaW50UmVxdWVzdBohLmtlcmYudjEu",
+            "RGVsZXRlQ2hlY2twb2ludFJlc3BvbnNlEl8KEkRvd25sb2FkQ2hlY2twb2lu",
+            "dBIiLmtlcmYudjEuRG93bmxvYWRDaGVja3BvaW50UmVxdWVzdBojLmtlcmYu",
+            "djEuRG93bmxvYWRDaGVja3BvaW50UmVzcG9uc2UwARJZChBVcGxvYWRDaGVj",
+            "a3BvaW50EiAua2VyZi52MS5VcGxvYWRDaGVja3BvaW50UmVxdWVzdBohLmtl",
+            "cmYudjEuVXBsb2FkQ2hlY2twb2ludFJlc3BvbnNlKAESSwoMSW52aXRlVmll",
+            "d2VyEhwua2VyZi52MS5JbnZpdGVWaWV3ZXJSZXF1ZXN0Gh0ua2VyZi52MS5J",
+            "bnZpdGVWaWV3ZXJSZXNwb25zZRJFCgpTZWVrUmVwbGF5Ehoua2VyZi52MS5T",
+            "ZWVrUmVwbGF5UmVxdWVzdBobLmtlcmYudjEuU2Vla1JlcGxheVJlc3BvbnNl",
+            "YgZwcm90bzM="));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { global::Kerf.V1.ControlReflection.Descriptor, global::Kerf.V1.TypesReflection.Descriptor, },
           new pbr::GeneratedClrTypeInfo(null, null, new pbr::GeneratedClrTypeInfo[] {
@@ -166,7 +175,8 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DescribeSessionRequest), global::Kerf.V1.DescribeSessionRequest.Parser, new[]{ "SessionId" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DescribeSessionResponse), global::Kerf.V1.DescribeSessionResponse.Parser, new[]{ "Session" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ListSessionsRequest), global::Kerf.V1.ListSessionsRequest.Parser, null, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ListSessionsResponse), global::Kerf.V1.ListSessionsResponse.Parser, new[]{ "Sessions", "ServerInstance" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ListSessionsResponse), global::Kerf.V1.ListSessionsResponse.Parser, new[]{ "Sessions", "ServerInstance", "Server" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ServerVitals), global::Kerf.V1.ServerVitals.Parser, new[]{ "Version", "ResidentMemoryBytes", "MaxSessions" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CloseSessionRequest), global::Kerf.V1.CloseSessionRequest.Parser, new[]{ "SessionId" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CloseSessionResponse), global::Kerf.V1.CloseSessionResponse.Parser, new[]{ "Recording" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Recording), global::Kerf.V1.Recording.Parser, new[]{ "File", "Steps", "IsCutOff", "Error" }, null, null, null, null),
@@ -198,7 +208,8 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.InviteViewerResponse), global::Kerf.V1.InviteViewerResponse.Parser, new[]{ "Token", "GoodForS" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SeekReplayRequest), global::Kerf.V1.SeekReplayRequest.Parser, new[]{ "SessionId", "TimeS", "Speed" }, new[]{ "TimeS", "Speed" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SeekReplayResponse), global::Kerf.V1.SeekReplayResponse.Parser, new[]{ "TimeS", "LengthS", "Speed", "Step" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SessionInfo), global::Kerf.V1.SessionInfo.Parser, new[]{ "SessionId", "SceneName", "State", "IsReplay" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SessionInfo), global::Kerf.V1.SessionInfo.Parser, new[]{ "SessionId", "SceneName", "State", "IsReplay", "Vitals" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SessionVitals), global::Kerf.V1.SessionVitals.Parser, new[]{ "StepRateHz", "Steps", "LateSteps", "BusyS", "LongestStepS", "Viewers", "Drivers", "Faults", "PartedLinks", "MemoryBytes", "Hangs" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SessionDescription), global::Kerf.V1.SessionDescription.Parser, new[]{ "SessionId", "State", "Scene", "Limits", "Step", "SimTimeS", "TopologyVersion", "LateSteps", "Viewers", "LeasedToolIds", "Energy", "TrackedDisplacementsM", "StateHash", "Failure", "Dial", "RelativeTolerance", "Load", "MemoryBytes", "Recording" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DialChoice), global::Kerf.V1.DialChoice.Parser, new[]{ "Setting", "Expected" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DialSetting), global::Kerf.V1.DialSetting.Parser, new[]{ "Level", "VoxelScale", "RelativeTolerance", "Element", "HasFinerRegions" }, null, null, null, null),
@@ -2938,6 +2949,7 @@ namespace Kerf.V1 {
     public ListSessionsResponse(ListSessionsResponse other) : this() {
       sessions_ = other.sessions_.Clone();
       serverInstance_ = other.serverInstance_;
+      server_ = other.server_ != null ? other.server_.Clone() : null;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -2976,6 +2988,21 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "server" field.</summary>
+    public const int ServerFieldNumber = 3;
+    private global::Kerf.V1.ServerVitals server_;
+    /// <summary>
+    /// How the server is doing.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.ServerVitals Server {
+      get { return server_; }
+      set {
+        server_ = value;
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -2993,6 +3020,7 @@ namespace Kerf.V1 {
       }
       if(!sessions_.Equals(other.sessions_)) return false;
       if (ServerInstance != other.ServerInstance) return false;
+      if (!object.Equals(Server, other.Server)) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -3002,6 +3030,7 @@ namespace Kerf.V1 {
       int hash = 1;
       hash ^= sessions_.GetHashCode();
       if (ServerInstance.Length != 0) hash ^= ServerInstance.GetHashCode();
+      if (server_ != null) hash ^= Server.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -3025,6 +3054,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(18);
         output.WriteString(ServerInstance);
       }
+      if (server_ != null) {
+        output.WriteRawTag(26);
+        output.WriteMessage(Server);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -3040,6 +3073,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(18);
         output.WriteString(ServerInstance);
       }
+      if (server_ != null) {
+        output.WriteRawTag(26);
+        output.WriteMessage(Server);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -3053,6 +3090,9 @@ namespace Kerf.V1 {
       size += sessions_.CalculateSize(_repeated_sessions_codec);
       if (ServerInstance.Length != 0) {
         size += 1 + pb::CodedOutputStream.ComputeStringSize(ServerInstance);
+      }
+      if (server_ != null) {
+        size += 1 + pb::CodedOutputStream.ComputeMessageSize(Server);
       }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
@@ -3069,6 +3109,12 @@ namespace Kerf.V1 {
       sessions_.Add(other.sessions_);
       if (other.ServerInstance.Length != 0) {
         ServerInstance = other.ServerInstance;
+      }
+      if (other.server_ != null) {
+        if (server_ == null) {
+          Server = new global::Kerf.V1.ServerVitals();
+        }
+        Server.MergeFrom(other.Server);
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -3093,6 +3139,13 @@ namespace Kerf.V1 {
             ServerInstance = input.ReadString();
             break;
           }
+          case 26: {
+            if (server_ == null) {
+              Server = new global::Kerf.V1.ServerVitals();
+            }
+            input.ReadMessage(Server);
+            break;
+          }
         }
       }
     #endif
@@ -3114,6 +3167,288 @@ namespace Kerf.V1 {
           }
           case 18: {
             ServerInstance = input.ReadString();
+            break;
+          }
+          case 26: {
+            if (server_ == null) {
+              Server = new global::Kerf.V1.ServerVitals();
+            }
+            input.ReadMessage(Server);
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
+  /// How a server is doing.
+  /// </summary>
+  public sealed partial class ServerVitals : pb::IMessage<ServerVitals>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<ServerVitals> _parser = new pb::MessageParser<ServerVitals>(() => new ServerVitals());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<ServerVitals> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[12]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ServerVitals() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ServerVitals(ServerVitals other) : this() {
+      version_ = other.version_;
+      residentMemoryBytes_ = other.residentMemoryBytes_;
+      maxSessions_ = other.maxSessions_;
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ServerVitals Clone() {
+      return new ServerVitals(this);
+    }
+
+    /// <summary>Field number for the "version" field.</summary>
+    public const int VersionFieldNumber = 1;
+    private string version_ = "";
+    /// <summary>
+    /// The program's version.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public string Version {
+      get { return version_; }
+      set {
+        version_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    /// <summary>Field number for the "resident_memory_bytes" field.</summary>
+    public const int ResidentMemoryBytesFieldNumber = 2;
+    private ulong residentMemoryBytes_;
+    /// <summary>
+    /// Memory that the process has, bytes; 0 where the system does not tell.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ulong ResidentMemoryBytes {
+      get { return residentMemoryBytes_; }
+      set {
+        residentMemoryBytes_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "max_sessions" field.</summary>
+    public const int MaxSessionsFieldNumber = 3;
+    private uint maxSessions_;
+    /// <summary>
+    /// Sessions that there may be.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public uint MaxSessions {
+      get { return maxSessions_; }
+      set {
+        maxSessions_ = value;
+      }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as ServerVitals);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(ServerVitals other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (Version != other.Version) return false;
+      if (ResidentMemoryBytes != other.ResidentMemoryBytes) return false;
+      if (MaxSessions != other.MaxSessions) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (Version.Length != 0) hash ^= Version.GetHashCode();
+      if (ResidentMemoryBytes != 0UL) hash ^= ResidentMemoryBytes.GetHashCode();
+      if (MaxSessions != 0) hash ^= MaxSessions.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (Version.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteString(Version);
+      }
+      if (ResidentMemoryBytes != 0UL) {
+        output.WriteRawTag(16);
+        output.WriteUInt64(ResidentMemoryBytes);
+      }
+      if (MaxSessions != 0) {
+        output.WriteRawTag(24);
+        output.WriteUInt32(MaxSessions);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (Version.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteString(Version);
+      }
+      if (ResidentMemoryBytes != 0UL) {
+        output.WriteRawTag(16);
+        output.WriteUInt64(ResidentMemoryBytes);
+      }
+      if (MaxSessions != 0) {
+        output.WriteRawTag(24);
+        output.WriteUInt32(MaxSessions);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (Version.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeStringSize(Version);
+      }
+      if (ResidentMemoryBytes != 0UL) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt64Size(ResidentMemoryBytes);
+      }
+      if (MaxSessions != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt32Size(MaxSessions);
+      }
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(ServerVitals other) {
+      if (other == null) {
+        return;
+      }
+      if (other.Version.Length != 0) {
+        Version = other.Version;
+      }
+      if (other.ResidentMemoryBytes != 0UL) {
+        ResidentMemoryBytes = other.ResidentMemoryBytes;
+      }
+      if (other.MaxSessions != 0) {
+        MaxSessions = other.MaxSessions;
+      }
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 10: {
+            Version = input.ReadString();
+            break;
+          }
+          case 16: {
+            ResidentMemoryBytes = input.ReadUInt64();
+            break;
+          }
+          case 24: {
+            MaxSessions = input.ReadUInt32();
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 10: {
+            Version = input.ReadString();
+            break;
+          }
+          case 16: {
+            ResidentMemoryBytes = input.ReadUInt64();
+            break;
+          }
+          case 24: {
+            MaxSessions = input.ReadUInt32();
             break;
           }
         }
@@ -3140,7 +3475,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[12]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[13]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -3335,7 +3670,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[13]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[14]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -3539,7 +3874,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[14]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[15]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -3854,7 +4189,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[15]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[16]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4049,7 +4384,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[16]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[17]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4244,7 +4579,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[17]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[18]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4439,7 +4774,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[18]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[19]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4634,7 +4969,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[19]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[20]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4898,7 +5233,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[20]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[21]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5083,7 +5418,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[21]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[22]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5379,7 +5714,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[22]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[23]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5683,7 +6018,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[23]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[24]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6026,7 +6361,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[24]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[25]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6221,7 +6556,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[25]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[26]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6425,7 +6760,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[26]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[27]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6660,7 +6995,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[27]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[28]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6855,7 +7190,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[28]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[29]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7090,7 +7425,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[29]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[30]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7334,7 +7669,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[30]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[31]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7529,7 +7864,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[31]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[32]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7713,7 +8048,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[32]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[33]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7988,7 +8323,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[33]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[34]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8223,7 +8558,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[34]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[35]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8378,7 +8713,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[35]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[36]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8613,7 +8948,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[36]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[37]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8808,7 +9143,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[37]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[38]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9083,7 +9418,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[38]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[39]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9278,7 +9613,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[39]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[40]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9473,7 +9808,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[40]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[41]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9709,7 +10044,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[41]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[42]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10011,7 +10346,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[42]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[43]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10326,7 +10661,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[43]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[44]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10350,6 +10685,7 @@ namespace Kerf.V1 {
       sceneName_ = other.sceneName_;
       state_ = other.state_;
       isReplay_ = other.isReplay_;
+      vitals_ = other.vitals_ != null ? other.vitals_.Clone() : null;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -10419,6 +10755,21 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "vitals" field.</summary>
+    public const int VitalsFieldNumber = 5;
+    private global::Kerf.V1.SessionVitals vitals_;
+    /// <summary>
+    /// How it is doing. Told without asking the session, also of one that hangs.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.SessionVitals Vitals {
+      get { return vitals_; }
+      set {
+        vitals_ = value;
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -10438,6 +10789,7 @@ namespace Kerf.V1 {
       if (SceneName != other.SceneName) return false;
       if (State != other.State) return false;
       if (IsReplay != other.IsReplay) return false;
+      if (!object.Equals(Vitals, other.Vitals)) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -10449,6 +10801,7 @@ namespace Kerf.V1 {
       if (SceneName.Length != 0) hash ^= SceneName.GetHashCode();
       if (State != global::Kerf.V1.SessionState.Unspecified) hash ^= State.GetHashCode();
       if (IsReplay != false) hash ^= IsReplay.GetHashCode();
+      if (vitals_ != null) hash ^= Vitals.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -10483,6 +10836,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(32);
         output.WriteBool(IsReplay);
       }
+      if (vitals_ != null) {
+        output.WriteRawTag(42);
+        output.WriteMessage(Vitals);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -10509,6 +10866,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(32);
         output.WriteBool(IsReplay);
       }
+      if (vitals_ != null) {
+        output.WriteRawTag(42);
+        output.WriteMessage(Vitals);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -10530,6 +10891,9 @@ namespace Kerf.V1 {
       }
       if (IsReplay != false) {
         size += 1 + 1;
+      }
+      if (vitals_ != null) {
+        size += 1 + pb::CodedOutputStream.ComputeMessageSize(Vitals);
       }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
@@ -10554,6 +10918,12 @@ namespace Kerf.V1 {
       }
       if (other.IsReplay != false) {
         IsReplay = other.IsReplay;
+      }
+      if (other.vitals_ != null) {
+        if (vitals_ == null) {
+          Vitals = new global::Kerf.V1.SessionVitals();
+        }
+        Vitals.MergeFrom(other.Vitals);
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -10584,6 +10954,13 @@ namespace Kerf.V1 {
           }
           case 32: {
             IsReplay = input.ReadBool();
+            break;
+          }
+          case 42: {
+            if (vitals_ == null) {
+              Vitals = new global::Kerf.V1.SessionVitals();
+            }
+            input.ReadMessage(Vitals);
             break;
           }
         }
@@ -10617,6 +10994,608 @@ namespace Kerf.V1 {
             IsReplay = input.ReadBool();
             break;
           }
+          case 42: {
+            if (vitals_ == null) {
+              Vitals = new global::Kerf.V1.SessionVitals();
+            }
+            input.ReadMessage(Vitals);
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
+  /// How a session is doing. What is counted is counted since it began, resets included.
+  /// </summary>
+  public sealed partial class SessionVitals : pb::IMessage<SessionVitals>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<SessionVitals> _parser = new pb::MessageParser<SessionVitals>(() => new SessionVitals());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<SessionVitals> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[45]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public SessionVitals() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public SessionVitals(SessionVitals other) : this() {
+      stepRateHz_ = other.stepRateHz_;
+      steps_ = other.steps_;
+      lateSteps_ = other.lateSteps_;
+      busyS_ = other.busyS_;
+      longestStepS_ = other.longestStepS_;
+      viewers_ = other.viewers_;
+      drivers_ = other.drivers_;
+      faults_ = other.faults_;
+      partedLinks_ = other.partedLinks_;
+      memoryBytes_ = other.memoryBytes_;
+      hangs_ = other.hangs_;
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public SessionVitals Clone() {
+      return new SessionVitals(this);
+    }
+
+    /// <summary>Field number for the "step_rate_hz" field.</summary>
+    public const int StepRateHzFieldNumber = 1;
+    private double stepRateHz_;
+    /// <summary>
+    /// Steps per second of simulated time, Hz.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public double StepRateHz {
+      get { return stepRateHz_; }
+      set {
+        stepRateHz_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "steps" field.</summary>
+    public const int StepsFieldNumber = 2;
+    private ulong steps_;
+    /// <summary>
+    /// Steps taken.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ulong Steps {
+      get { return steps_; }
+      set {
+        steps_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "late_steps" field.</summary>
+    public const int LateStepsFieldNumber = 3;
+    private ulong lateSteps_;
+    /// <summary>
+    /// Steps that ended after their deadline.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ulong LateSteps {
+      get { return lateSteps_; }
+      set {
+        lateSteps_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "busy_s" field.</summary>
+    public const int BusySFieldNumber = 4;
+    private double busyS_;
+    /// <summary>
+    /// Time of all steps, s.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public double BusyS {
+      get { return busyS_; }
+      set {
+        busyS_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "longest_step_s" field.</summary>
+    public const int LongestStepSFieldNumber = 5;
+    private double longestStepS_;
+    /// <summary>
+    /// The longest step of the last whole second of simulated time, s.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public double LongestStepS {
+      get { return longestStepS_; }
+      set {
+        longestStepS_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "viewers" field.</summary>
+    public const int ViewersFieldNumber = 6;
+    private uint viewers_;
+    /// <summary>
+    /// Viewers that are connected.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public uint Viewers {
+      get { return viewers_; }
+      set {
+        viewers_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "drivers" field.</summary>
+    public const int DriversFieldNumber = 7;
+    private uint drivers_;
+    /// <summary>
+    /// Control streams, and clients that send poses one call at a time.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public uint Drivers {
+      get { return drivers_; }
+      set {
+        drivers_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "faults" field.</summary>
+    public const int FaultsFieldNumber = 8;
+    private ulong faults_;
+    /// <summary>
+    /// State that was taken back as it was not finite or had energy from nowhere, and panics.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ulong Faults {
+      get { return faults_; }
+      set {
+        faults_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "parted_links" field.</summary>
+    public const int PartedLinksFieldNumber = 9;
+    private ulong partedLinks_;
+    /// <summary>
+    /// Links between voxels that parted.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ulong PartedLinks {
+      get { return partedLinks_; }
+      set {
+        partedLinks_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "memory_bytes" field.</summary>
+    public const int MemoryBytesFieldNumber = 10;
+    private ulong memoryBytes_;
+    /// <summary>
+    /// Memory that the scene was estimated to need, bytes.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ulong MemoryBytes {
+      get { return memoryBytes_; }
+      set {
+        memoryBytes_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "hangs" field.</summary>
+    public const int HangsFieldNumber = 11;
+    private bool hangs_;
+    /// <summary>
+    /// Its thread has stayed away for longer than it may, though it should step.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Hangs {
+      get { return hangs_; }
+      set {
+        hangs_ = value;
+      }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as SessionVitals);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(SessionVitals other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(StepRateHz, other.StepRateHz)) return false;
+      if (Steps != other.Steps) return false;
+      if (LateSteps != other.LateSteps) return false;
+      if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(BusyS, other.BusyS)) return false;
+      if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(LongestStepS, other.LongestStepS)) return false;
+      if (Viewers != other.Viewers) return false;
+      if (Drivers != other.Drivers) return false;
+      if (Faults != other.Faults) return false;
+      if (PartedLinks != other.PartedLinks) return false;
+      if (MemoryBytes != other.MemoryBytes) return false;
+      if (Hangs != other.Hangs) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (StepRateHz != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(StepRateHz);
+      if (Steps != 0UL) hash ^= Steps.GetHashCode();
+      if (LateSteps != 0UL) hash ^= LateSteps.GetHashCode();
+      if (BusyS != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(BusyS);
+      if (LongestStepS != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(LongestStepS);
+      if (Viewers != 0) hash ^= Viewers.GetHashCode();
+      if (Drivers != 0) hash ^= Drivers.GetHashCode();
+      if (Faults != 0UL) hash ^= Faults.GetHashCode();
+      if (PartedLinks != 0UL) hash ^= PartedLinks.GetHashCode();
+      if (MemoryBytes != 0UL) hash ^= MemoryBytes.GetHashCode();
+      if (Hangs != false) hash ^= Hangs.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (StepRateHz != 0D) {
+        output.WriteRawTag(9);
+        output.WriteDouble(StepRateHz);
+      }
+      if (Steps != 0UL) {
+        output.WriteRawTag(16);
+        output.WriteUInt64(Steps);
+      }
+      if (LateSteps != 0UL) {
+        output.WriteRawTag(24);
+        output.WriteUInt64(LateSteps);
+      }
+      if (BusyS != 0D) {
+        output.WriteRawTag(33);
+        output.WriteDouble(BusyS);
+      }
+      if (LongestStepS != 0D) {
+        output.WriteRawTag(41);
+        output.WriteDouble(LongestStepS);
+      }
+      if (Viewers != 0) {
+        output.WriteRawTag(48);
+        output.WriteUInt32(Viewers);
+      }
+      if (Drivers != 0) {
+        output.WriteRawTag(56);
+        output.WriteUInt32(Drivers);
+      }
+      if (Faults != 0UL) {
+        output.WriteRawTag(64);
+        output.WriteUInt64(Faults);
+      }
+      if (PartedLinks != 0UL) {
+        output.WriteRawTag(72);
+        output.WriteUInt64(PartedLinks);
+      }
+      if (MemoryBytes != 0UL) {
+        output.WriteRawTag(80);
+        output.WriteUInt64(MemoryBytes);
+      }
+      if (Hangs != false) {
+        output.WriteRawTag(88);
+        output.WriteBool(Hangs);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (StepRateHz != 0D) {
+        output.WriteRawTag(9);
+        output.WriteDouble(StepRateHz);
+      }
+      if (Steps != 0UL) {
+        output.WriteRawTag(16);
+        output.WriteUInt64(Steps);
+      }
+      if (LateSteps != 0UL) {
+        output.WriteRawTag(24);
+        output.WriteUInt64(LateSteps);
+      }
+      if (BusyS != 0D) {
+        output.WriteRawTag(33);
+        output.WriteDouble(BusyS);
+      }
+      if (LongestStepS != 0D) {
+        output.WriteRawTag(41);
+        output.WriteDouble(LongestStepS);
+      }
+      if (Viewers != 0) {
+        output.WriteRawTag(48);
+        output.WriteUInt32(Viewers);
+      }
+      if (Drivers != 0) {
+        output.WriteRawTag(56);
+        output.WriteUInt32(Drivers);
+      }
+      if (Faults != 0UL) {
+        output.WriteRawTag(64);
+        output.WriteUInt64(Faults);
+      }
+      if (PartedLinks != 0UL) {
+        output.WriteRawTag(72);
+        output.WriteUInt64(PartedLinks);
+      }
+      if (MemoryBytes != 0UL) {
+        output.WriteRawTag(80);
+        output.WriteUInt64(MemoryBytes);
+      }
+      if (Hangs != false) {
+        output.WriteRawTag(88);
+        output.WriteBool(Hangs);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (StepRateHz != 0D) {
+        size += 1 + 8;
+      }
+      if (Steps != 0UL) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt64Size(Steps);
+      }
+      if (LateSteps != 0UL) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt64Size(LateSteps);
+      }
+      if (BusyS != 0D) {
+        size += 1 + 8;
+      }
+      if (LongestStepS != 0D) {
+        size += 1 + 8;
+      }
+      if (Viewers != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt32Size(Viewers);
+      }
+      if (Drivers != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt32Size(Drivers);
+      }
+      if (Faults != 0UL) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt64Size(Faults);
+      }
+      if (PartedLinks != 0UL) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt64Size(PartedLinks);
+      }
+      if (MemoryBytes != 0UL) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt64Size(MemoryBytes);
+      }
+      if (Hangs != false) {
+        size += 1 + 1;
+      }
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(SessionVitals other) {
+      if (other == null) {
+        return;
+      }
+      if (other.StepRateHz != 0D) {
+        StepRateHz = other.StepRateHz;
+      }
+      if (other.Steps != 0UL) {
+        Steps = other.Steps;
+      }
+      if (other.LateSteps != 0UL) {
+        LateSteps = other.LateSteps;
+      }
+      if (other.BusyS != 0D) {
+        BusyS = other.BusyS;
+      }
+      if (other.LongestStepS != 0D) {
+        LongestStepS = other.LongestStepS;
+      }
+      if (other.Viewers != 0) {
+        Viewers = other.Viewers;
+      }
+      if (other.Drivers != 0) {
+        Drivers = other.Drivers;
+      }
+      if (other.Faults != 0UL) {
+        Faults = other.Faults;
+      }
+      if (other.PartedLinks != 0UL) {
+        PartedLinks = other.PartedLinks;
+      }
+      if (other.MemoryBytes != 0UL) {
+        MemoryBytes = other.MemoryBytes;
+      }
+      if (other.Hangs != false) {
+        Hangs = other.Hangs;
+      }
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 9: {
+            StepRateHz = input.ReadDouble();
+            break;
+          }
+          case 16: {
+            Steps = input.ReadUInt64();
+            break;
+          }
+          case 24: {
+            LateSteps = input.ReadUInt64();
+            break;
+          }
+          case 33: {
+            BusyS = input.ReadDouble();
+            break;
+          }
+          case 41: {
+            LongestStepS = input.ReadDouble();
+            break;
+          }
+          case 48: {
+            Viewers = input.ReadUInt32();
+            break;
+          }
+          case 56: {
+            Drivers = input.ReadUInt32();
+            break;
+          }
+          case 64: {
+            Faults = input.ReadUInt64();
+            break;
+          }
+          case 72: {
+            PartedLinks = input.ReadUInt64();
+            break;
+          }
+          case 80: {
+            MemoryBytes = input.ReadUInt64();
+            break;
+          }
+          case 88: {
+            Hangs = input.ReadBool();
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 9: {
+            StepRateHz = input.ReadDouble();
+            break;
+          }
+          case 16: {
+            Steps = input.ReadUInt64();
+            break;
+          }
+          case 24: {
+            LateSteps = input.ReadUInt64();
+            break;
+          }
+          case 33: {
+            BusyS = input.ReadDouble();
+            break;
+          }
+          case 41: {
+            LongestStepS = input.ReadDouble();
+            break;
+          }
+          case 48: {
+            Viewers = input.ReadUInt32();
+            break;
+          }
+          case 56: {
+            Drivers = input.ReadUInt32();
+            break;
+          }
+          case 64: {
+            Faults = input.ReadUInt64();
+            break;
+          }
+          case 72: {
+            PartedLinks = input.ReadUInt64();
+            break;
+          }
+          case 80: {
+            MemoryBytes = input.ReadUInt64();
+            break;
+          }
+          case 88: {
+            Hangs = input.ReadBool();
+            break;
+          }
         }
       }
     }
@@ -10641,7 +11620,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[44]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[46]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11582,7 +12561,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[45]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[47]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11835,7 +12814,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[46]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[48]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -12190,7 +13169,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[47]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[49]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -12547,7 +13526,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[48]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[50]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
