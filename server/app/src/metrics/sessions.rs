@@ -100,8 +100,9 @@ fn steps(page: &mut Page<'_>, counts: &Counts) -> fmt::Result {
     page.durations(("step", help), "kind", &steps)?;
     let help = "How long after their deadline late steps ended; the count is that of late steps.";
     page.durations(("step_lag", help), "kind", &[("paced", &counts.lags)])?;
-    let help = "Time of steps by stage.";
-    let stages = Stage::ALL.map(|stage| (stage.name(), counts.stage_ns[stage as usize].get() as f64 * 1e-9));
+    let help = "Time of steps by stage; surfaces for viewers are made beside steps, and not in it.";
+    let stages = Stage::ALL.into_iter().filter(|stage| !matches!(stage, Stage::Surface | Stage::Adaptation));
+    let stages = stages.map(|stage| (stage.name(), counts.stage_ns[stage as usize].get() as f64 * 1e-9));
     page.counters(("step_stage", Some(Seconds), help), "stage", stages)?;
     let help = "Times that a session gave up time that it had lost, as it was later than session.max_lag_s.";
     page.counter(("reanchors", None, help), counts.reanchors.get())
