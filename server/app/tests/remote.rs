@@ -8,6 +8,8 @@ use kerf_proto::v1::{self, create_session_request};
 use kerf_server::config::ServerConfig;
 use kerf_server::serve::Server;
 
+use super::process::{BLOCK, soon};
+
 /// What the command prints, or else says on standard error.
 async fn ask(server: SocketAddr, arguments: &[&str]) -> Result<String, String> {
     let mut command = Command::new(env!("CARGO_BIN_EXE_kerf-server"));
@@ -46,4 +48,29 @@ async fn a_session_is_taken_back_from_the_command_line_and_its_scene_is_warned_o
     assert_eq!(ask(address, &["list"]).await.unwrap(), "");
     server.stop().await;
     assert!(ask(address, &["list"]).await.unwrap_err().contains("no Kerf server answers"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn health_tells_a_server_that_serves_from_one_in_which_a_session_hangs() {
+    let mut config = ServerConfig { listen: SocketAddr::from(([127, 0, 0, 1], 0)), ..ServerConfig::default() };
+    config.session.hangs_after_s = 0.3;
+    let server = Server::start(config).await.unwrap();
+    let mut client = SessionServiceClient::connect(format!("http://{}", server.address())).await.unwrap();
+    let scene = Some(create_session_request::Scene::SceneToml(BLOCK.into()));
+    let created = client.create_session(v1::CreateSessionRequest { scene, ..Default::default() }).await.unwrap();
+    assert_eq!(ask(server.address(), &["health"]).await.unwrap(), "serving\n");
+    let (let_go, held) = std::sync::mpsc::channel::<()>();
+    let session = server.registry().get(&created.into_inner().session.unwrap().session_id).unwrap();
+    let hangs = tokio::spawn(async move { session.query(move |_| held.recv().is_err()).await });
+    let degraded = soon("a session that hangs", async {
+        loop {
+            if let Err(said) = ask(server.address(), &["health"]).await {
+                break said;
+            }
+        }
+    });
+    assert!(degraded.await.contains("degraded: the server serves, but a session's thread hangs"));
+    drop(let_go);
+    assert!(hangs.await.unwrap().unwrap());
+    server.stop().await;
 }

@@ -27,7 +27,7 @@ pub struct StepReport {
     pub late_steps: u64,
     /// Times that too many steps were late, and the share of late ones the last time.
     pub overloads: u64,
-    /// See [`SceneEvent::Overloaded`].
+    /// See [`crate::SceneEvent::Overloaded`].
     pub late_share: f64,
     /// Relative residual that solves end at: the scene's tolerance, or what bounded work has left lately.
     pub relative_tolerance: f64,
