@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures test-all same-bits lint publish-protocol verify experiment extremes strokes dice bench performance peers
+.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures test-all same-bits lint publish-protocol verify verify-page experiment extremes extremes-page strokes strokes-page dice bench performance peers
 
 # Folder of scanned meshes for some of the tests and for `performance`, which leave them out where it is empty.
 TEST_SHARED ?= $(abspath $(wildcard ../shared))
@@ -114,9 +114,13 @@ lint: $(if $(NPM),client/web/node_modules)
 publish-protocol: client/web/node_modules
 	client/web/node_modules/.bin/buf build proto --exclude-source-info --output proto/published.binpb
 
-# Writes docs/verification.md and its plots; figures are deterministic.
+# Writes the tables and plots of docs/reference/verification, and from these docs/explanation/verification.md; figures are
+# deterministic. verify-page, extremes-page and strokes-page write a page from its tables, without a run.
 verify:
 	cargo run --release -p kerf-system-tests --bin verify
+
+verify-page:
+	cargo run --release -p kerf-system-tests --bin verify -- --page-only
 
 # Writes docs/experiment.md and its plot: a published needle in liver beside ours; figures are deterministic.
 experiment:
@@ -141,14 +145,18 @@ bench: performance
 	cargo bench -p kerf-physics --bench step
 	cargo bench -p kerf-system-tests --bench loopback
 
-# Every supported range from end to end; writes docs/stability.md, the same bytes from the same seed.
+# Every supported range from end to end; writes docs/reference/stability and docs/explanation/stability.md, the same bytes
+# from the same seed.
 EXTREMES_SEED ?= 1
 extremes:
-	cargo run --release -p kerf-system-tests --bin extremes -- docs/stability.md --seed $(EXTREMES_SEED)
+	cargo run --release -p kerf-system-tests --bin extremes -- docs --seed $(EXTREMES_SEED)
 
-# Random strokes through the liver and, where their paths are given, meshes; writes docs/strokes.md. Ten thousand
-# through each of four models take half an hour; it goes on where it was cut off: what was cut stands in STROKES_BODIES,
-# to be removed when the physics changes.
+extremes-page:
+	cargo run --release -p kerf-system-tests --bin extremes -- docs --seed $(EXTREMES_SEED) --page-only
+
+# Random strokes through the liver and, where their paths are given, meshes; writes docs/reference/strokes and
+# docs/explanation/strokes.md. Ten thousand through each of four models take half an hour; it goes on where it was cut off:
+# what was cut stands in STROKES_BODIES, to be removed when the physics changes.
 STROKES ?= 10000
 STROKES_SEED ?= 1
 STROKES_PER_BODY ?= 8
@@ -156,13 +164,16 @@ STROKES_RESOLUTION ?= 20
 STROKES_BODIES ?= out/strokes
 STROKES_MODELS ?= liver
 strokes:
-	cargo run --release -p kerf-system-tests --bin strokes -- docs/strokes.md $(STROKES_MODELS) \
+	cargo run --release -p kerf-system-tests --bin strokes -- docs $(STROKES_MODELS) \
 		--strokes $(STROKES) --seed $(STROKES_SEED) --per-body $(STROKES_PER_BODY) \
 		--resolution $(STROKES_RESOLUTION) --bodies $(STROKES_BODIES)
 
-# Random dicings of five built-in scenes; writes docs/dicing.md. Two hundred of each take hours.
+strokes-page:
+	cargo run --release -p kerf-system-tests --bin strokes -- docs --bodies $(STROKES_BODIES) --page-only
+
+# Random dicings of five built-in scenes; writes docs/explanation/dicing.md. Two hundred of each take hours.
 DICINGS ?= 200
 DICE_SEED ?= 1
 DICE_ARGS ?=
 dice:
-	cargo run --release -p kerf-system-tests --bin dice -- docs/dicing.md --dicings $(DICINGS) --seed $(DICE_SEED) $(DICE_ARGS)
+	cargo run --release -p kerf-system-tests --bin dice -- docs/explanation/dicing.md --dicings $(DICINGS) --seed $(DICE_SEED) $(DICE_ARGS)

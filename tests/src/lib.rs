@@ -6,6 +6,7 @@ pub mod dicing;
 pub mod experiment;
 pub mod extremes;
 pub mod performance;
+pub mod rows;
 pub mod shared;
 pub mod strokes;
 pub mod verification;

@@ -1,4 +1,4 @@
-//! The quick part of the extremes; `make extremes` runs the whole matrix and writes docs/stability.md.
+//! The quick part of the extremes; `make extremes` runs the whole matrix and writes docs/explanation/stability.md.
 
 use kerf_physics::SceneDesc;
 use kerf_scenes::catalog;

@@ -1,4 +1,4 @@
-//! The system over real gRPC, and the quick part of what docs/*.md report.
+//! The system over real gRPC, and the quick part of what docs/ reports.
 
 mod dicing;
 mod experiment;

@@ -1,4 +1,4 @@
-//! A few random strokes; `make strokes` makes thousands and writes docs/strokes.md. Meshes as found.
+//! A few random strokes; `make strokes` makes thousands and writes docs/explanation/strokes.md. Meshes as found.
 
 use kerf_physics::grid::voxelize::voxelize;
 use kerf_physics::scene::TriangleMesh;
@@ -9,7 +9,7 @@ use kerf_system_tests::strokes::campaign::{Tally, cut, seeds};
 use kerf_system_tests::strokes::model::Model;
 
 /// Enclosed volume may change by this fraction of the cut area times a voxel's edge on so coarse a lattice;
-/// docs/strokes.md has the bound that is asked for.
+/// docs/explanation/strokes.md has the bound that is asked for.
 const COARSE_VOLUME_SHARE: f64 = 0.25;
 
 #[test]

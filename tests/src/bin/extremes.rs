@@ -1,14 +1,15 @@
-//! Runs the matrix of extremes and writes what came of it, as Markdown.
+//! Runs the matrix of extremes, writes what came of it as tables, and from these the page.
 
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
-use kerf_system_tests::extremes::properties::{PROPERTIES, Property};
+use kerf_system_tests::extremes::properties::{PROPERTIES, Property as Tried};
 use kerf_system_tests::extremes::refusals::refusals;
-use kerf_system_tests::extremes::report::Report;
+use kerf_system_tests::extremes::tables::{Property, Tables};
 use kerf_system_tests::extremes::{Budget, matrix, run_all};
+use kerf_system_tests::rows::read_commit;
 use rayon::prelude::*;
 
 /// Cases at places that the seed chooses.
@@ -17,22 +18,40 @@ const RANDOM_CASES: usize = 40;
 const PROPERTY_INPUTS: u32 = 200;
 const BUDGET: Budget = Budget { most_steps: 2500 };
 
-/// Runs the matrix of extremes; the report has no times in it, so the same seed gives the same bytes.
+/// Runs the matrix of extremes; the files have no times in them, so the same seed gives the same bytes.
 #[derive(Parser)]
 struct Options {
-    /// Where the report goes.
-    out: PathBuf,
-    /// Runs only the cases whose name holds this; with them the properties and refusals.
+    /// Folder of the project's documents.
+    docs: PathBuf,
+    /// Runs only the cases whose name has this in it; with them the properties and refusals.
     #[arg(long)]
     only: Option<String>,
     /// Chooses the random cases and the inputs of the properties.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Writes the page from the tables as they are, without a run.
+    #[arg(long)]
+    page_only: bool,
 }
 
 fn main() -> Result<()> {
     let options = Options::parse();
-    // A case that panics is a line of the report, not of the terminal.
+    let folder = options.docs.join("reference/stability");
+    if !options.page_only {
+        run(&options)?.write(&folder)?;
+    }
+    let tables = Tables::read(&folder)?;
+    tables.figure().draw(&folder)?;
+    let page = options.docs.join("explanation/stability.md");
+    std::fs::write(&page, tables.page(options.seed, &read_commit(&folder)?))
+        .with_context(|| page.display().to_string())?;
+    let holding = tables.cases.iter().filter(|case| case.holds()).count();
+    println!("{holding} of {} cases hold; see {}", tables.cases.len(), page.display());
+    Ok(())
+}
+
+fn run(options: &Options) -> Result<Tables> {
+    // A case that panics is a line of the tables, not of the terminal.
     std::panic::set_hook(Box::new(|_| ()));
     let mut cases = matrix(options.seed, RANDOM_CASES);
     if let Some(only) = &options.only {
@@ -44,17 +63,17 @@ fn main() -> Result<()> {
         progress.inc(1);
         progress.set_message(row.name.clone());
     });
-    let try_out = |(name, property): &Property| {
+    let try_out = |(name, property): &Tried| {
         let outcome = property(options.seed, PROPERTY_INPUTS);
         progress.inc(1);
-        (*name, PROPERTY_INPUTS, outcome)
+        let verdict = outcome.map_or_else(|failure| failure.replace('\n', " "), |()| "holds".into());
+        Property { property: (*name).to_owned(), inputs: PROPERTY_INPUTS, verdict }
     };
-    let properties: Vec<_> = PROPERTIES.par_iter().map(try_out).collect();
+    let properties = PROPERTIES.par_iter().map(try_out).collect();
     progress.finish_and_clear();
-    let refusals = refusals();
-    let report = Report { seed: options.seed, rows: &rows, refusals: &refusals, properties: &properties };
-    std::fs::write(&options.out, report.markdown()).with_context(|| options.out.display().to_string())?;
-    let open = rows.iter().filter(|row| !row.findings.is_empty()).count();
-    println!("{} of {} cases hold; see {}", rows.len() - open, rows.len(), options.out.display());
-    Ok(())
+    Ok(Tables {
+        cases: rows.iter().map(Into::into).collect(),
+        refusals: refusals().iter().map(Into::into).collect(),
+        properties,
+    })
 }

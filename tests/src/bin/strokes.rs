@@ -1,4 +1,4 @@
-//! Cuts models by thousands of random strokes and writes what came of it, as Markdown.
+//! Cuts models by thousands of random strokes, writes what came of it as a table, and from it the page.
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -6,9 +6,10 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 use clap::Parser;
+use kerf_system_tests::rows::{read, read_commit, write as write_rows, write_commit};
 use kerf_system_tests::strokes::campaign::{Tally, cut, seeds};
 use kerf_system_tests::strokes::model::Model;
-use kerf_system_tests::strokes::report::{Report, Summary};
+use kerf_system_tests::strokes::report::{Asked, Row, page};
 
 /// How long a run that is cut off may have gone on since it last left its figures.
 const REPORT_EVERY: Duration = Duration::from_secs(60);
@@ -16,8 +17,8 @@ const REPORT_EVERY: Duration = Duration::from_secs(60);
 /// Cuts each model by random strokes; the same seed gives the same strokes.
 #[derive(Parser)]
 struct Options {
-    /// Where the report goes.
-    out: PathBuf,
+    /// Folder of the project's documents.
+    docs: PathBuf,
     /// `liver`, or the paths of meshes; one that is absent is passed over with a word.
     #[arg(default_value = "liver")]
     models: Vec<String>,
@@ -36,6 +37,26 @@ struct Options {
     /// Folder of the bodies' figures; those that stand there are not taken again.
     #[arg(long)]
     bodies: PathBuf,
+    /// Writes the page from the table as it is, without a run.
+    #[arg(long)]
+    page_only: bool,
+}
+
+impl Options {
+    fn folder(&self) -> PathBuf {
+        self.docs.join("reference/strokes")
+    }
+
+    fn page(&self) -> PathBuf {
+        self.docs.join("explanation/strokes.md")
+    }
+
+    /// The page, from the table.
+    fn write_page(&self) -> Result<()> {
+        let rows: Vec<Row> = read(&self.folder().join("strokes.csv"))?;
+        let path = self.page();
+        replace(&path, &page(&rows, &read_commit(&self.folder())?)).with_context(|| path.display().to_string())
+    }
 }
 
 /// The bodies of one model, in the order of their seeds.
@@ -114,20 +135,18 @@ impl<'a> Run<'a> {
         Some((index, bodies.tallies.len() - 1, seed, bodies.model))
     }
 
-    /// Writes the report and says how far the run is.
+    /// Writes table and page and says how far the run is.
     fn write(&self, bodies: &[Bodies<'a>]) -> Result<()> {
-        let Options { out, strokes, seed, per_body, resolution, .. } = self.options;
-        let summary = |of: &'_ Bodies<'a>| Summary {
-            name: &of.model.name,
-            tally: of.sum(*strokes),
-            early_resident_bytes: of.sum(strokes / 10).resident_bytes,
-        };
-        let models: Vec<_> = bodies.iter().map(summary).collect();
-        let report =
-            Report { seed: *seed, strokes: *strokes, per_body: *per_body, resolution: *resolution, models: &models };
-        replace(out, &report.markdown()).with_context(|| out.display().to_string())?;
-        let made = models.iter().map(|model| format!("{} {}", model.name, model.tally.strokes)).collect::<Vec<_>>();
-        let failures: u32 = models.iter().map(|model| model.tally.failures).sum();
+        let Options { strokes, seed, per_body, resolution, .. } = *self.options;
+        let asked = Asked { seed, strokes, per_body, resolution };
+        let row =
+            |of: &Bodies<'a>| Row::new(&of.model.name, asked, of.sum(strokes), of.sum(strokes / 10).resident_bytes);
+        let models: Vec<_> = bodies.iter().map(row).collect();
+        write_rows(&self.options.folder().join("strokes.csv"), &models)?;
+        write_commit(&self.options.folder())?;
+        self.options.write_page()?;
+        let made = models.iter().map(|model| format!("{} {}", model.model, model.strokes)).collect::<Vec<_>>();
+        let failures: u32 = models.iter().map(|model| model.failures).sum();
         let minutes = self.began.elapsed().as_secs_f64() / 60.0;
         println!("{minutes:.1} min, strokes {} of {strokes} each: {failures} failures", made.join(", "));
         Ok(())
@@ -143,6 +162,9 @@ fn replace(path: &Path, text: &str) -> std::io::Result<()> {
 
 fn main() -> Result<()> {
     let options = Options::parse();
+    if options.page_only {
+        return options.write_page();
+    }
     std::fs::create_dir_all(&options.bodies).with_context(|| options.bodies.display().to_string())?;
     let mut models = Vec::new();
     for name in &options.models {
@@ -163,6 +185,6 @@ fn main() -> Result<()> {
         threads.into_iter().try_for_each(|thread| thread.join().expect("strokes' panics are caught"))
     })?;
     run.write(&run.state.lock().expect("no thread panics that holds it").0)?;
-    println!("see {}", options.out.display());
+    println!("see {}", options.page().display());
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! `docs/dicing.md`, from the tallies of a run.
+//! `docs/explanation/dicing.md`, from the tallies of a run.
 
 use std::fmt::Write as _;
 

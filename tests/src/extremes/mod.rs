@@ -10,6 +10,7 @@ pub mod report;
 pub mod scenes;
 mod starts;
 mod supports;
+pub mod tables;
 mod tools;
 pub mod trial;
 pub mod verdict;

@@ -1,156 +1,190 @@
-//! `docs/stability.md`, from the rows of a run. Without times, so that a run with the same seed writes
-//! the same bytes.
+//! `docs/explanation/stability.md` and its figure, from the tables of a run.
 
 use std::fmt::Write as _;
 
-use super::refusals::Refusal;
-use super::trial::Measures;
-use super::verdict::{MOST_MADE, MOST_MEDIAN_ITERATIONS, REST_KINETIC, REST_PERIODS, REST_VOXELS};
-use super::{Family, Row};
+use kerf_plot::{Axis, Chart, Curve, Figure};
 
-/// What is reported.
-pub struct Report<'a> {
-    /// Seed of the run.
-    pub seed: u64,
-    /// Lines of the matrix.
-    pub rows: &'a [Row],
-    /// What was refused.
-    pub refusals: &'a [Refusal],
-    /// Each property, how many inputs it was tried on, and the smallest input that failed.
-    pub properties: &'a [(&'static str, u32, Result<(), String>)],
+use super::Family;
+use super::tables::{Case, Tables};
+use super::verdict::{MOST_MADE, MOST_MEDIAN_ITERATIONS, REST_KINETIC, REST_PERIODS, REST_VOXELS};
+
+/// Share of a limit from which a case that holds counts as close to it.
+const CLOSE: f64 = 0.5;
+/// Energies that are less than this share of what was put in are drawn as this.
+const LEAST_DRAWN: f64 = 1e-6;
+
+/// What is known of why the cases of a family fail.
+fn cause(family: Family) -> &'static str {
+    match family {
+        Family::Contrast => "The layers differ by the largest ratio that a scene may have, over single voxels.",
+        Family::Supports => "A string of single voxels is held by one end; a corner by one voxel.",
+        Family::Starts => {
+            "The body starts with overlapping or inverted elements in a strongly stiffening material (c = 10)."
+        }
+        Family::Tools => {
+            "The blade starts inside the tissue or jumps within it. Its contact springs come on compressed, and that \
+             energy is no work of the tool. A server lifts a tool that a driver puts down in tissue; a script of \
+             `simulate` may do it."
+        }
+        Family::Materials | Family::Loads | Family::Cuts => "The cause is not known.",
+    }
 }
 
-impl Report<'_> {
-    /// The report in Markdown.
+impl Tables {
+    fn of(&self, family: Family) -> impl Iterator<Item = &Case> {
+        self.cases.iter().filter(move |case| case.family == family.title())
+    }
+
+    /// The page; `seed` is that of the run, `commit` what it was measured at.
     #[must_use]
-    pub fn markdown(&self) -> String {
-        let mut text = preface(self.seed);
+    pub fn page(&self, seed: u64, commit: &str) -> String {
+        let mut text = self.preface(seed, commit);
         self.summary(&mut text);
-        self.findings(&mut text);
-        self.supported(&mut text);
-        self.tried(&mut text);
-        for family in Family::ALL {
-            self.family(&mut text, family);
-        }
+        self.failures(&mut text);
+        self.close(&mut text);
+        self.properties(&mut text);
+        self.refused(&mut text);
         text
     }
 
-    fn of(&self, family: Family) -> impl Iterator<Item = &Row> {
-        self.rows.iter().filter(move |row| row.family == family)
+    fn preface(&self, seed: u64, commit: &str) -> String {
+        let holding = self.cases.iter().filter(|case| case.holds()).count();
+        let not_finite = self.cases.iter().filter(|case| case.finite == "no").count();
+        let true_properties = self.properties.iter().filter(|p| p.verdict == "holds").count();
+        format!(
+            "# Stability at the extremes\n\n\
+             Every supported range is run at its ends: stiffness from 100 Pa to 10 GPa, Poisson's ratio to 0.4999, time \
+             steps from 0.1 ms to 0.1 s, voxels from 10 um to 1 m, starts far from rest, blades at 10 m/s. {holding} of \
+             {cases} cases hold, and {true_properties} of {properties} properties that are tried on random inputs. The \
+             failures are [below](#what-fails). {not_finite} cases have a number that is not finite.\n\n\
+             `make extremes` runs all of it with seed {seed}, and writes this page and its \
+             [tables](../reference/stability/README.md). The same code and seed give the same bytes; these \
+             are of commit {commit}. Every case runs at the solver's default tolerance and iteration cap. Materials are damped at a tenth of critical in proportion to \
+             mass and as much in proportion to stiffness, at the body's lowest frequency.\n\n\
+             A case holds where all of this is true:\n\n\
+             - Every number is finite. No step is rolled back. Every solve reaches its tolerance. The median step takes at \
+             most {MOST_MEDIAN_ITERATIONS} iterations.\n\
+             - Energy is bounded. The stored energy (elastic, contact, kinetic) never exceeds that of the start plus the \
+             net work of tools and loads by more than {MOST_MADE} of the energy put in. The energy put in is the start's \
+             energy, the magnitudes of all work, and what a blade put down in tissue compresses; at least 1e-6 E V.\n\
+             - The body comes to rest. After {REST_PERIODS} periods of its slowest vibration its kinetic energy is at most \
+             {REST_KINETIC:e} of the energy put in. Where it is fixed, whole and unloaded, every node is within \
+             {REST_VOXELS} voxels of its place at rest. Shorter runs are not judged by this.\n\n",
+            cases = self.cases.len(),
+            properties = self.properties.len(),
+        )
     }
 
     fn summary(&self, text: &mut String) {
-        let holds = self.rows.iter().filter(|row| row.findings.is_empty()).count();
-        _ = writeln!(text, "## Summary\n\n{holds} of {} cases hold.\n", self.rows.len());
-        text.push_str("| family | cases | hold | finite | with rollbacks | energy made, worst | iterations, worst median | worst step |\n");
-        text.push_str("|---|---|---|---|---|---|---|---|\n");
+        text.push_str(
+            "| family | cases | hold | with rollbacks | largest energy error | largest median of iterations | most in a step |\n\
+             |---|---|---|---|---|---|---|\n",
+        );
         for family in Family::ALL {
-            let rows: Vec<&Row> = self.of(family).collect();
-            let seen: Vec<&Measures> = rows.iter().filter_map(|row| row.seen.as_ref()).collect();
-            let made = seen.iter().map(|s| s.made_of_put_in).fold(0.0, f64::max);
-            let iterations = |i: usize| seen.iter().map(|s| s.iterations[i]).max().unwrap_or(0);
-            _ = writeln!(
+            let cases: Vec<&Case> = self.of(family).collect();
+            let largest = |of: fn(&Case) -> &str| cases.iter().filter_map(|c| number(of(c))).fold(0.0, f64::max);
+            let _ = writeln!(
                 text,
-                "| {} | {} | {} | {} | {} | {made:.1e} | {} | {} |",
+                "| {} | {} | {} | {} | {:.1e} | {} | {} |",
                 family.title(),
-                rows.len(),
-                rows.iter().filter(|row| row.findings.is_empty()).count(),
-                seen.iter().filter(|s| s.finite).count(),
-                seen.iter().filter(|s| s.faults > 0).count(),
-                iterations(0),
-                iterations(1),
+                cases.len(),
+                cases.iter().filter(|case| case.holds()).count(),
+                cases.iter().filter(|case| number(&case.rolled_back).is_some_and(|n| n > 0.0)).count(),
+                largest(|case| &case.made),
+                largest(|case| &case.iterations_median),
+                largest(|case| &case.iterations_most),
+            );
+        }
+        text.push_str(
+            "\nThe energy error is the energy beyond what was put in, over what was put in.\n\n\
+             ![Energy error of every case, in order of size](../reference/stability/stability-energy.png)\n\n\
+             The energy error of every case, in order of its size. Most cases make no energy and lie on the lowest \
+             line; the dashed line is the limit.\n\n",
+        );
+    }
+
+    fn failures(&self, text: &mut String) {
+        text.push_str("## What fails\n");
+        for family in Family::ALL {
+            let failed: Vec<&Case> = self.of(family).filter(|case| !case.holds()).collect();
+            if failed.is_empty() {
+                continue;
+            }
+            let _ = writeln!(text, "\n**{}.** {}\n", family.title(), cause(family));
+            for case in failed {
+                let _ = writeln!(text, "- {} ({}): {}", case.case, case.values, case.finding);
+            }
+        }
+    }
+
+    fn close(&self, text: &mut String) {
+        let is_close = |case: &&Case| {
+            let beyond = |of: &str, limit: f64| number(of).is_some_and(|value| value > CLOSE * limit);
+            let is_judged = number(&case.rest_periods).is_some_and(|periods| periods >= REST_PERIODS);
+            case.holds()
+                && (beyond(&case.made, MOST_MADE)
+                    || beyond(&case.iterations_median, MOST_MEDIAN_ITERATIONS.into())
+                    || is_judged && (beyond(&case.rest_kinetic, REST_KINETIC) || beyond(&case.off_voxels, REST_VOXELS)))
+        };
+        text.push_str("\n## Close to a limit\n\nThese hold, with more than half of a limit used.\n\n");
+        for case in self.cases.iter().filter(is_close) {
+            let Case { case, values, made, iterations_median, rest_kinetic, off_voxels, .. } = case;
+            let dash = |cell: &str| if cell.is_empty() { "-".to_owned() } else { cell.to_owned() };
+            let _ = writeln!(
+                text,
+                "- {case} ({values}): energy error {made}, median of {iterations_median} iterations, kinetic energy at \
+                 rest {}, {} voxels off",
+                dash(rest_kinetic),
+                dash(off_voxels),
             );
         }
     }
 
-    fn findings(&self, text: &mut String) {
-        text.push_str("\n## What does not hold\n\n| family | case | values | finding |\n|---|---|---|---|\n");
-        for row in self.rows.iter().filter(|row| !row.findings.is_empty()) {
-            let findings: Vec<String> = row.findings.iter().map(ToString::to_string).collect();
-            let (family, name) = (row.family.title(), &row.name);
-            _ = writeln!(text, "| {family} | {name} | {} | {} |", row.parameters, findings.join("; "));
+    fn properties(&self, text: &mut String) {
+        text.push_str(
+            "\n## Properties\n\nproptest draws inputs from the same seed and shrinks what fails. The table of properties \
+             has the smallest failing input.\n\n| property | inputs | verdict |\n|---|---|---|\n",
+        );
+        for property in &self.properties {
+            let verdict = property.verdict.split(" at tests/").next().unwrap_or_default();
+            let verdict = verdict.split(": Measures").next().unwrap_or_default();
+            let verdict = if verdict == "holds" { verdict.to_owned() } else { format!("**fails**, {verdict}") };
+            let _ = writeln!(text, "| {} | {} | {verdict} |", property.property, property.inputs);
         }
     }
 
-    fn supported(&self, text: &mut String) {
-        text.push_str("\n## Outside the supported range\n\nRefused when the scene is loaded:\n\n");
-        text.push_str("| what was said | names field and limit |\n|---|---|\n");
-        for refusal in self.refusals {
-            let verdict = if refusal.holds() { "yes" } else { "**no**" };
-            _ = writeln!(text, "| `{}` | {verdict} |", refusal.said.join("; "));
+    fn refused(&self, text: &mut String) {
+        let named = self.refusals.iter().filter(|refused| refused.names_field_and_limit == "yes").count();
+        let _ = writeln!(
+            text,
+            "\n## Outside the ranges\n\nA value outside its range is refused when the scene is loaded. {named} of the {} \
+             messages that were tried name the field and its limit, for example:\n",
+            self.refusals.len(),
+        );
+        for refused in self.refusals.iter().step_by(10) {
+            let _ = writeln!(text, "- `{}`", refused.said);
         }
     }
 
-    fn tried(&self, text: &mut String) {
-        text.push_str("\n## Properties\n\nInputs chosen by proptest from the same seed; a failure is shrunk.\n\n");
-        text.push_str("| property | inputs | verdict |\n|---|---|---|\n");
-        for (name, inputs, outcome) in self.properties {
-            let verdict = match outcome {
-                Ok(()) => "holds".to_owned(),
-                Err(failure) => failure.replace('\n', " ").replace('|', "/"),
-            };
-            _ = writeln!(text, "| {name} | {inputs} | {verdict} |");
-        }
-    }
-
-    fn family(&self, text: &mut String, family: Family) {
-        _ = writeln!(text, "\n## {}\n", family.title());
-        text.push_str("| case | values | steps | finite | put in, J | stored at most | made | residual | at rest: kinetic | after periods | off, voxels | iterations median, most | unconverged | rolled back | links parted | verdict |\n");
-        text.push_str("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
-        for row in self.of(family) {
-            let verdict = if row.findings.is_empty() { "holds" } else { "**see above**" };
-            let measured = row.seen.as_ref().map_or_else(|| "- | ".repeat(13), measured);
-            _ = writeln!(text, "| {} | {} | {measured}{verdict} |", row.name, row.parameters);
-        }
+    /// Energy error of every case in order of size, by family.
+    #[must_use]
+    pub fn figure(&self) -> Figure {
+        let curve = |family: Family| {
+            let made = self.of(family).filter_map(|case| number(&case.made));
+            let mut made: Vec<f64> = made.map(|made| made.clamp(LEAST_DRAWN, 1e3)).collect();
+            made.sort_by(f64::total_cmp);
+            let last = made.len().saturating_sub(1).max(1) as f64;
+            let points = made.iter().enumerate().map(|(i, made)| (100.0 * i as f64 / last, *made)).collect();
+            Curve::dotted_line(family.title(), points)
+        };
+        let mut curves: Vec<Curve> = Family::ALL.into_iter().map(curve).collect();
+        curves.push(Curve::dashes("limit", (0.0, MOST_MADE), (100.0, MOST_MADE)));
+        let energy = "energy made over energy put in (drawn from 1e-6 to 1e3)";
+        let chart = Chart::new(Axis::linear("share of the family's cases, %"), Axis::log(energy), curves);
+        Figure::new("stability-energy", "Energy error by family", chart)
     }
 }
 
-/// The cells of what was measured, each with its bar.
-fn measured(seen: &Measures) -> String {
-    let dash = || "-".to_owned();
-    let rest = seen.rest.as_ref();
-    let left = rest.and_then(|r| r.left_voxels).map_or_else(dash, |l| format!("{l:.1e}"));
-    let kinetic = rest.map_or_else(dash, |r| format!("{:.1e}", r.kinetic_of_put_in));
-    let periods = rest.map_or_else(dash, |r| {
-        if r.periods < 1e3 { format!("{:.1}", r.periods) } else { format!("{:.0e}", r.periods) }
-    });
-    let cells = [
-        seen.steps.to_string(),
-        if seen.finite { "yes" } else { "**no**" }.to_owned(),
-        format!("{:.1e}", seen.put_in_j),
-        format!("{:.2e}", seen.stored_of_put_in),
-        format!("{:.1e}", seen.made_of_put_in),
-        format!("{:.1e}", seen.residual_of_put_in),
-        kinetic,
-        periods,
-        left,
-        format!("{}, {}", seen.iterations[0], seen.iterations[1]),
-        seen.unconverged_steps.to_string(),
-        seen.faults.to_string(),
-        seen.parted_links.to_string(),
-    ];
-    cells.iter().map(|cell| format!("{cell} | ")).collect()
-}
-
-fn preface(seed: u64) -> String {
-    format!(
-        "# Stability at the extremes\n\n\
-         Written by `make extremes`, seed {seed}; a run with the same seed writes the same bytes. Every case\n\
-         runs at the solver's default tolerance and cap of iterations, on materials damped at a tenth of the\n\
-         critical in proportion to mass and as much in proportion to stiffness at the body's lowest frequency.\n\n\
-         Asked of every case:\n\n\
-         - every number is finite, no step is rolled back, every solve reaches its tolerance, and the median\n  \
-           step takes at most {MOST_MEDIAN_ITERATIONS} iterations;\n\
-         - energy is bounded by what was put in: at no time does the stored energy (elastic, contact, kinetic)\n  \
-           exceed what was stored at the start plus the net work of tools and loads by more than {MOST_MADE} of\n  \
-           the energy put in (column *made*; put in: the start's energy, the magnitudes of all work, what a blade\n  \
-           put down in the tissue compresses; at least 1e-6 E V). *Stored at most* and *residual*, what the\n  \
-           ledger leaves unexplained, are over the energy put in too;\n\
-         - let go for {REST_PERIODS} periods of its slowest vibration or more, a body is at rest: kinetic energy\n  \
-           over the last tenth of the steps at most {REST_KINETIC:e} of the energy put in and, where it is held,\n  \
-           whole and unloaded, every node within {REST_VOXELS} voxels of where it was built. Where fewer periods\n  \
-           pass, rest is not judged.\n\n\
-         Units: E in Pa, rho in kg/m^3, dt in s, h (voxel) in m; k voxels to an element's edge, c the strain\n\
-         stiffening. Periods are those of bending.\n\n"
-    )
+fn number(text: &str) -> Option<f64> {
+    text.parse().ok()
 }

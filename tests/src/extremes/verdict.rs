@@ -44,7 +44,7 @@ impl std::fmt::Display for Finding {
             Self::NotAtRest(share) => write!(f, "not at rest: kinetic energy {share:.1e} of what was put in"),
             Self::NotBack(voxels) => write!(f, "rests {voxels:.2} voxels off its place"),
             Self::Slow(median) => write!(f, "slow: {median} iterations in every other step"),
-            Self::Unconverged(share) => write!(f, "{:.0} % of the steps unconverged", 100.0 * share),
+            Self::Unconverged(share) => write!(f, "{:.2} % of the steps unconverged", 100.0 * share),
             Self::Other(what) => write!(f, "{what}"),
         }
     }

@@ -1,11 +1,14 @@
-//! `docs/strokes.md`, from the tallies of a run.
+//! `docs/explanation/strokes.md`, from a table with a row for each model.
 
 use std::fmt::Write as _;
 
+use serde::{Deserialize, Serialize};
+
 use super::campaign::Tally;
 
-/// What is reported.
-pub struct Report<'a> {
+/// How a run was asked for.
+#[derive(Clone, Copy, Debug)]
+pub struct Asked {
     /// Seed of the run.
     pub seed: u64,
     /// Strokes through each model that were asked for.
@@ -14,107 +17,197 @@ pub struct Report<'a> {
     pub per_body: u32,
     /// Voxels along a model's longest edge.
     pub resolution: u32,
-    /// One for each model.
-    pub models: &'a [Summary<'a>],
 }
 
-/// What came of all strokes through a model.
-pub struct Summary<'a> {
+/// What came of all strokes through a model: a row of the table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Row {
     /// The model's name.
-    pub name: &'a str,
-    /// Its bodies summed up.
-    pub tally: Tally,
-    /// Highest resident set of the process in the first tenth of the strokes, bytes.
-    pub early_resident_bytes: Option<u64>,
+    pub model: String,
+    /// Seed of the run.
+    pub seed: u64,
+    /// Strokes that were asked for.
+    pub asked_strokes: u32,
+    /// Strokes through one body, at most.
+    pub per_body: u32,
+    /// Voxels along its longest edge.
+    pub resolution: u32,
+    /// Fine voxels of a body.
+    pub voxels: usize,
+    /// Edge of a voxel, mm.
+    pub voxel_mm: String,
+    /// Voxels of a mesh's thin parts that were left out.
+    pub left_out: u32,
+    /// Strokes made.
+    pub strokes: u32,
+    /// Those in which links parted.
+    pub cutting_strokes: u32,
+    /// Bodies cut.
+    pub bodies: u32,
+    /// Steps taken.
+    pub steps: u64,
+    /// Links parted.
+    pub parted_links: u64,
+    /// Links spared, lest a piece below the least be set free.
+    pub spared_links: u64,
+    /// Area the fronts swept, m^2.
+    pub cut_area_m2: String,
+    /// Pieces of one body, at most.
+    pub most_pieces: usize,
+    /// Voxels of the smallest piece of all.
+    pub least_piece_voxels: usize,
+    /// Steps whose state was rolled back.
+    pub rolled_back: u32,
+    /// Change of the enclosed volume over cut area times voxel edge: mean over bodies.
+    pub volume_ratio_mean: String,
+    /// The same, at most.
+    pub volume_ratio_worst: String,
+    /// Strokes after which it was beyond its bound.
+    pub volume_misses: u32,
+    /// Ledger's residual over the tools' work, at most over bodies.
+    pub residual_worst: String,
+    /// Cracks of one link that hang together with no other face, at most after a stroke.
+    pub lone_cracks: usize,
+    /// Highest resident set of the process in the first tenth of the strokes, MB; empty where it is not told.
+    pub memory_early_mb: String,
+    /// The same in all strokes.
+    pub memory_mb: String,
+    /// State hash of the last body.
+    pub last_state: String,
+    /// Demands that failed.
+    pub failures: u32,
+    /// The first of them in words.
+    pub findings: String,
 }
 
-impl Report<'_> {
-    /// The report in Markdown.
+impl Row {
+    /// The row of a model; `early_resident_bytes` is the memory in the first tenth of its strokes.
     #[must_use]
-    pub fn markdown(&self) -> String {
-        let mut text = self.preface();
-        if self.models.iter().any(|model| model.tally.strokes < self.strokes) {
-            _ = writeln!(
-                text,
-                "The run was cut off before all of its strokes were made: these are the figures so far.\n"
-            );
+    pub fn new(name: &str, asked: Asked, tally: Tally, early_resident_bytes: Option<u64>) -> Self {
+        let mb = |bytes: Option<u64>| bytes.map_or_else(String::new, |bytes| format!("{:.0}", bytes as f64 * 1e-6));
+        Self {
+            model: name.to_owned(),
+            seed: asked.seed,
+            asked_strokes: asked.strokes,
+            per_body: asked.per_body,
+            resolution: asked.resolution,
+            voxels: tally.voxels,
+            voxel_mm: format!("{:.2}", tally.voxel_m * 1e3),
+            left_out: tally.left_out,
+            strokes: tally.strokes,
+            cutting_strokes: tally.cutting_strokes,
+            bodies: tally.bodies,
+            steps: tally.steps,
+            parted_links: tally.parted_links,
+            spared_links: tally.spared_links,
+            cut_area_m2: format!("{:.3}", tally.cut_area_m2),
+            most_pieces: tally.most_pieces,
+            least_piece_voxels: tally.least_piece,
+            rolled_back: tally.faults,
+            volume_ratio_mean: format!("{:.3}", tally.volume_change_m3 / (tally.cut_area_m2 * tally.voxel_m)),
+            volume_ratio_worst: format!("{:.3}", tally.volume_ratio),
+            volume_misses: tally.volume_misses,
+            residual_worst: format!("{:.1e}", tally.residual_ratio),
+            lone_cracks: tally.lone_cracks,
+            memory_early_mb: mb(early_resident_bytes),
+            memory_mb: mb(tally.resident_bytes),
+            last_state: format!("{:016x}", tally.state_hash),
+            failures: tally.failures,
+            findings: tally.findings.join("; "),
         }
-        text.push_str(
-            "| model | voxels | h, mm | left out | strokes | that cut | bodies | steps | links parted | spared | area, m^2 | most pieces \
-             | least piece, voxels | rolled back | dV/(A h), mean, worst | beyond 0.1 | residual/work, worst | lone cracks | memory, MB, early, all | last state | failures |\n\
-             |---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
+    }
+}
+
+/// The page of a run's rows, measured at `commit`.
+#[must_use]
+pub fn page(rows: &[Row], commit: &str) -> String {
+    let sum = |of: fn(&Row) -> u64| rows.iter().map(of).sum::<u64>();
+    let (strokes, missed) = (sum(|row| row.strokes.into()), sum(|row| row.volume_misses.into()));
+    let mut text = format!(
+        "# Random strokes\n\n\
+         {strokes} random strokes cut {} models. {} demands failed, {} steps were rolled back. After {missed} strokes \
+         ({:.2} %) the enclosed volume was beyond its bound; that limit is missed.\n\n",
+        rows.len(),
+        sum(|row| row.failures.into()),
+        sum(|row| row.rolled_back.into()),
+        100.0 * missed as f64 / strokes.max(1) as f64,
+    );
+    if let Some(row) = rows.first() {
+        let Row { asked_strokes, per_body, resolution, seed, .. } = row;
+        let _ = writeln!(
+            text,
+            "`make strokes` runs `strokes --strokes {asked_strokes} --per-body {per_body} --resolution {resolution} --seed \
+             {seed}` and writes this page and its [table](../reference/strokes/strokes.csv). The figures are those of \
+             commit {commit}.\n"
         );
-        for model in self.models {
-            _ = writeln!(text, "{}", row(model));
-        }
-        text.push_str("\n## What does not hold\n\n");
-        if self.models.iter().all(|Summary { tally, .. }| tally.failures + tally.volume_misses == 0) {
-            text.push_str("Nothing was found.\n");
-        }
-        for Summary { name, tally, .. } in self.models {
-            if tally.volume_misses > 0 {
-                let Tally { volume_misses, strokes, .. } = tally;
-                _ = writeln!(
-                    text,
-                    "- {name}: after {volume_misses} of {strokes} strokes the enclosed volume was beyond its bound."
-                );
-            }
-            tally.findings.iter().for_each(|finding| _ = writeln!(text, "- {name}: {finding}"));
-        }
-        text
     }
-
-    fn preface(&self) -> String {
-        let Self { seed, strokes, per_body, resolution, .. } = self;
-        format!(
-            "# Arbitrary strokes\n\n\
-             Written by `make strokes`: `strokes --strokes {strokes} --per-body {per_body} --resolution {resolution} --seed {seed}`.\n\
-             Each body has a seed, drawn from that, and its strokes are drawn from the body's: a blade (four of five times\n\
-             straight, else a sine or an arc) comes from any side, at any attitude, at 0.05 to 1 m/s, aimed at any place\n\
-             of the model's box, slicing by up to half its way, and is lifted where it ends: between a fifth of the way\n\
-             and beyond the far side. The liver is the built-in one, the others are meshes (`STROKES_MODELS`) of its size,\n\
-             0.2 m, and material, held at their foot; gravity and loads are off, so that what is cut off stays in reach. A\n\
-             body gives way to a fresh one after {per_body} strokes, and earlier where its largest piece is below a quarter\n\
-             of its voxels or 15 strokes in a row parted nothing of it.\n\n\
-             Asked after every stroke: no step rolled back, no panic, every number finite; every voxel in one element and\n\
-             in one piece, no piece of fewer than 8 voxels (those that a mesh has at first are left out); every edge of\n\
-             the surface passed equally often in both directions, and the surface followed from patch to patch equal to\n\
-             one built anew (when a body is given up); enclosed rest volume within A h/10 of the uncut one (A: area the\n\
-             fronts swept in this body, h: voxel edge; the mean is over the bodies at their end); the energy the ledger\n\
-             leaves unexplained within 1e-2 of the tools' work, at a tolerance of 1e-3 (at this rate's default, 4.8e-3, it\n\
-             is up to 3e-2: it is what the solver leaves). A lone crack is a parted link whose faces share no edge with\n\
-             another link's. Memory is the highest resident set of the process, which cuts a body on each\n\
-             thread, in the first tenth of the strokes and in all.\n\n"
-        )
+    if rows.iter().any(|row| row.strokes < row.asked_strokes) {
+        text.push_str("The run was cut off before all of its strokes were made: these are the figures so far.\n\n");
     }
+    text.push_str(STROKES);
+    text.push_str(
+        "| model | voxels | strokes | that cut | links parted | area, m^2 | most pieces | rolled back | volume ratio: mean, worst | strokes beyond 0.1 | residual, worst |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|\n",
+    );
+    for row in rows {
+        let _ = writeln!(
+            text,
+            "| {} | {} | {} | {} | {} | {} | {} | {} | {}, {} | {} | {} |",
+            row.model,
+            row.voxels,
+            row.strokes,
+            row.cutting_strokes,
+            row.parted_links,
+            row.cut_area_m2,
+            row.most_pieces,
+            row.rolled_back,
+            row.volume_ratio_mean,
+            row.volume_ratio_worst,
+            row.volume_misses,
+            row.residual_worst,
+        );
+    }
+    text.push_str(
+        "\nVolume ratio: change of the enclosed rest volume over A h. Residual: what the ledger leaves unexplained, over \
+         the tools' work.\n\n## What fails\n\n",
+    );
+    let failing = rows.iter().filter(|row| row.failures + row.volume_misses > 0);
+    let mut lines: Vec<String> = Vec::new();
+    for Row { model, volume_misses, strokes, volume_ratio_worst, findings, .. } in failing {
+        if *volume_misses > 0 {
+            lines.push(format!(
+                "- {model}: the volume is beyond its bound after {volume_misses} of {strokes} strokes, worst ratio \
+                 {volume_ratio_worst}, limit 0.1"
+            ));
+        }
+        lines.extend(findings.split("; ").filter(|finding| !finding.is_empty()).map(|f| format!("- {model}: {f}")));
+    }
+    text.push_str(&if lines.is_empty() { "Nothing.\n".into() } else { lines.join("\n") + "\n" });
+    text
 }
 
-fn row(model: &Summary<'_>) -> String {
-    let Summary { name, tally: t, early_resident_bytes } = model;
-    let mb = |bytes: Option<u64>| bytes.map_or("-".to_owned(), |bytes| format!("{:.0}", bytes as f64 * 1e-6));
-    format!(
-        "| {name} | {} | {:.2} | {} | {} | {} | {} | {} | {} | {} | {:.3} | {} | {} | {} | {:.3}, {:.3} | {} | {:.1e} | {} | {}, {} | {:016x} | {} |",
-        t.voxels,
-        t.voxel_m * 1e3,
-        t.left_out,
-        t.strokes,
-        t.cutting_strokes,
-        t.bodies,
-        t.steps,
-        t.parted_links,
-        t.spared_links,
-        t.cut_area_m2,
-        t.most_pieces,
-        t.least_piece,
-        t.faults,
-        t.volume_change_m3 / (t.cut_area_m2 * t.voxel_m),
-        t.volume_ratio,
-        t.volume_misses,
-        t.residual_ratio,
-        t.lone_cracks,
-        mb(*early_resident_bytes),
-        mb(t.resident_bytes),
-        t.state_hash,
-        t.failures,
-    )
-}
+const STROKES: &str = "## What a stroke is
+
+Each body has a seed, and its strokes are drawn from it. A blade comes from any side, at any attitude, at 0.05 to 1 m/s. It
+is aimed at any place of the model's box and slices by up to half its way. Four of five blades are straight, the others a
+sine or an arc. The blade is lifted where the stroke ends, between a fifth of the way and beyond the far side.
+
+The liver is the built-in one. The others are scanned meshes of its size, 0.2 m, and material, fixed at their foot; they do
+not come with Kerf (`STROKES_MODELS` names their paths). Gravity and loads are off, so that severed pieces stay in reach. A
+body is replaced after the strokes per body above, or earlier where its largest piece is below a quarter of its voxels or 15
+strokes in a row parted nothing.
+
+## What is asked after every stroke
+
+- No panic, no step rolled back, every number finite.
+- Every voxel is in one element and in one piece. No piece has fewer than 8 voxels.
+- Every edge of the surface is passed equally often in both directions. The surface that was followed patch by patch equals
+  one built anew (when a body is replaced).
+- The enclosed rest volume is within A h/10 of the uncut one, with A the area that the fronts swept in this body and h the
+  voxel edge.
+- The ledger explains all energy but 1e-2 of the tools' work, at a solver tolerance of 1e-3. At this rate's default tolerance,
+  4.8e-3, the residual is up to 3e-2: it is what the solver leaves.
+
+## Results
+
+";

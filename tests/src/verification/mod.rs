@@ -2,7 +2,7 @@
 //!
 //! A family is a function that runs its cases on a set of meshes and returns what it found: tables of
 //! figures beside their references, and studies of convergence under refinement. The binary `verify`
-//! writes all of it as a document; the test `verification` holds the coarse part against bounds.
+//! writes the figures as CSV files and a page from these; the test `verification` holds the coarse part against bounds.
 
 pub mod beam;
 pub mod bending;
@@ -14,6 +14,7 @@ pub mod half_space;
 pub mod held;
 pub mod link_rule;
 pub mod motion;
+pub mod page;
 pub mod probe;
 pub mod release;
 pub mod report;
@@ -21,6 +22,7 @@ pub mod scenes;
 pub mod scissors;
 pub mod spin;
 pub mod statics;
+pub mod tables;
 pub mod tearing;
 pub mod tip_load;
 pub mod uniaxial;
