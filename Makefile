@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures test-all same-bits lint publish-protocol verify verify-page experiment extremes extremes-page strokes strokes-page dice bench performance peers
+.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures docs reference test-all same-bits lint publish-protocol verify verify-page experiment extremes extremes-page strokes strokes-page dice bench performance peers
 
 # Folder of scanned meshes for some of the tests and for `performance`, which leave them out where it is empty.
 TEST_SHARED ?= $(abspath $(wildcard ../shared))
@@ -32,7 +32,7 @@ station:
 	target/release/kerf-station run --server http://$(STATION_ADDRESS) --scene liver --config client/station/liver.toml \
 		--wait-for-server 10 $(STATION_ARGS)
 
-# Writes docs/haptics.md and its plots, in six minutes; nothing else should run: the whole loop on loopback and through
+# Writes docs/explanation/haptics.md and its plots, in six minutes; nothing else should run: the whole loop on loopback and through
 # networks that are made worse on purpose, and the stiffest tissue by round trip in virtual time.
 haptics:
 	mkdir -p out
@@ -40,7 +40,7 @@ haptics:
 	grep '^{' out/haptics.log > out/haptics.jsonl
 	@target/release/kerf-server serve --listen $(STATION_ADDRESS) --log-filter warn & server=$$!; \
 	trap 'kill $$server 2>/dev/null; wait $$server' EXIT; trap 'exit 1' INT; sleep 1; \
-	target/release/kerf-station experiment docs --server $(STATION_ADDRESS) --loopback out/haptics.jsonl
+	target/release/kerf-station experiment docs/explanation --server $(STATION_ADDRESS) --loopback out/haptics.jsonl
 
 # The web viewer's files, which the server's build takes in. Without Node the server says how to add them.
 viewer: $(if $(NPM),client/web/node_modules)
@@ -48,6 +48,29 @@ viewer: $(if $(NPM),client/web/node_modules)
 
 client/web/node_modules: client/web/package-lock.json
 	cd client/web && npm install --no-save --no-audit --no-fund --loglevel=error && touch node_modules
+
+# The documents as a book in docs/book, which the next build of the server takes in. It needs mdBook, which is installed
+# below target/ where cargo may fetch it; formulas are drawn where npm has installed KaTeX.
+MDBOOK_VERSION := 0.5.4
+MDBOOK := $(or $(shell command -v mdbook),target/mdbook/bin/mdbook)
+KATEX := client/web/node_modules/katex/dist
+docs: $(if $(NPM),client/web/node_modules)
+	@command -v $(MDBOOK) >/dev/null || cargo install --quiet --locked --root target/mdbook --version $(MDBOOK_VERSION) \
+		--no-default-features --features search mdbook || \
+		{ echo "The book is not built: it needs mdBook $(MDBOOK_VERSION) (cargo install mdbook), which could not be installed."; exit 1; }
+	@$(MDBOOK) build docs
+	@printf '# Made by `make docs`; the folder itself is here so that the server builds without it.\n*\n!.gitignore\n' > docs/book/.gitignore
+	@rm -rf docs/book/book.toml docs/book/lint docs/book/print.html docs/book/reference/generate.py; \
+	find docs/book/explanation docs/book/reference -name '*.svg' -delete
+	@if [ -d $(KATEX) ]; then mkdir -p docs/book/katex/fonts && cp $(KATEX)/katex.min.js $(KATEX)/katex.min.css docs/book/katex && \
+		cp $(KATEX)/fonts/*.woff2 docs/book/katex/fonts; \
+	else echo "Formulas in the book stay as text: KaTeX is missing (npm install in client/web)."; fi
+	@echo "The book is in docs/book; build the server to serve it at /docs."
+
+# Writes docs/reference/settings.md and scene-fields.md from what the program says.
+reference:
+	cargo build --bin kerf-server
+	python3 docs/reference/generate.py target/debug/kerf-server
 
 test:
 	cargo test --workspace
@@ -76,12 +99,13 @@ unity-protocol:
 images:
 	@docker/try.sh
 
-# The README's pictures of the viewer, drawn by the same browser.
+# The README's pictures of the viewer, drawn by the same browser, and the one that moves, put together by Pillow.
 screenshots:
 	cargo build --bin kerf-server
 	@client/web/e2e/run.sh screenshots
+	@client/python/check.sh "moving picture" python ../web/e2e/animate.py ../../out/cut ../../docs/images/cut.webp
 
-# Writes docs/gallery.md and its pictures: the paper's figures, stepped in lock-step and drawn by the same browser, in
+# Writes docs/explanation/gallery.md and its pictures: the paper's figures, stepped in lock-step and drawn by the same browser, in
 # some ten minutes; FIGURE=4 makes one of them.
 FIGURE ?=
 figures:
@@ -122,15 +146,15 @@ verify:
 verify-page:
 	cargo run --release -p kerf-system-tests --bin verify -- --page-only
 
-# Writes docs/experiment.md and its plot: a published needle in liver beside ours; figures are deterministic.
+# Writes docs/explanation/experiment.md and its plot: a published needle in liver beside ours; figures are deterministic.
 experiment:
 	cargo run --release -p kerf-system-tests --bin experiment
 
-# Writes docs/performance.md and its plots, in five minutes; nothing else should run.
+# Writes docs/explanation/performance.md and its plots, in five minutes; nothing else should run.
 performance:
 	cargo run --release -p kerf-system-tests --bin performance
 
-# Steps the same block in MuJoCo and Rapier and writes docs/peers.md; installs both below target/, which needs a network.
+# Steps the same block in MuJoCo and Rapier and writes docs/explanation/peers.md; installs both below target/, which needs a network.
 peers:
 	cargo build --release --bin kerf-server
 	cargo build --release --manifest-path tests/peers/rapier/Cargo.toml --target-dir target/peers

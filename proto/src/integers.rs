@@ -102,7 +102,7 @@ mod tests {
 
     #[test]
     fn integers_are_written_as_the_protocol_s_example_has_them() {
-        // docs/protocol.md, worked out by hand there.
+        // docs/reference/protocol.md, worked out by hand there.
         let bytes = [0x00, 0x02, 0x01, 0x06, 0xac, 0x02, 0x00, 0x00];
         let values = [0, 0, 0, -1, 3, 150, 0];
         assert_eq!(encode(values), bytes);

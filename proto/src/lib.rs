@@ -41,7 +41,7 @@ mod tests {
         assert_eq!(named.len(), 4);
         let version = PROTOCOL_VERSION.to_string();
         assert!(named.iter().all(|named| named.split('.').next() == Some(&version)), "{named:?}");
-        let document = include_str!("../../docs/protocol.md");
+        let document = include_str!("../../docs/reference/protocol.md");
         assert!(document.contains(&format!("states the version it speaks, {version}:")));
     }
 }

@@ -1,4 +1,4 @@
-"""Steps the same soft block in MuJoCo, in Rapier and here, one thread each, in turn, and writes docs/peers.md."""
+"""Steps the same soft block in MuJoCo, in Rapier and here, one thread each, in turn, and writes docs/explanation/peers.md."""
 
 import csv
 import json
@@ -57,8 +57,8 @@ def main():
         rows.append(f"| {peer}{said} | {rate_hz:.0f} | {of[0]['elements']} | {step_ms:.2f} | {step_ms / own_ms:.1f} | "
                     f"{of[0]['sag_m'] * 1e3:.4f} |\n")
     free_mm = 1000 * 9.81 * 0.09**2 / (2 * 1.5e6) * 1e3
-    (ROOT / "docs/peers.md").write_text(HEAD.format(rounds=ROUNDS, free=free_mm) + "".join(rows))
-    print("docs/peers.md", *rows, sep="\n")
+    (ROOT / "docs/explanation/peers.md").write_text(HEAD.format(rounds=ROUNDS, free=free_mm) + "".join(rows))
+    print("docs/explanation/peers.md", *rows, sep="\n")
 
 
 main()

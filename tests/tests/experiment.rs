@@ -1,4 +1,4 @@
-//! The needle in liver: what `docs/experiment.md` says of it.
+//! The needle in liver: what `docs/explanation/experiment.md` says of it.
 
 use kerf_system_tests::experiment::measured::{PUNCTURE, loading_depth_m, loading_n};
 use kerf_system_tests::experiment::run::{griffith_n, run, scene};

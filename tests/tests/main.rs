@@ -4,6 +4,7 @@ mod dicing;
 mod experiment;
 mod extremes;
 mod grpc;
+mod pages;
 mod paper_models;
 mod strokes;
 mod surface_hash;

@@ -8,7 +8,7 @@ import sys
 import pytest
 from conftest import PROGRAM, REPOSITORY
 
-PAGES = ["README.md", "docs/tutorial.md", "client/python/README.md"]
+PAGES = ["README.md", "docs/tutorial/README.md", "client/python/README.md"]
 
 
 def blocks(page, language):
@@ -23,7 +23,7 @@ def test_there_are_lines_to_run():
 @pytest.fixture
 def folder(tmp_path):
     """A folder as whoever follows the pages has it: what the tutorial has saved, and the program where it is built."""
-    (tmp_path / "block.toml").write_text(blocks("docs/tutorial.md", "toml")[0])
+    (tmp_path / "block.toml").write_text(blocks("docs/tutorial/README.md", "toml")[0])
     built = tmp_path / "target/release"
     built.mkdir(parents=True)
     (built / "kerf-server").symlink_to(PROGRAM)

@@ -361,7 +361,7 @@ fn a_vertex_beside_what_is_held_moves_by_its_own_weights_until_it_comes_anew() {
 
 #[test]
 fn the_surface_hash_is_that_of_the_protocol_s_example() {
-    // docs/protocol.md, worked out there by another program.
+    // docs/reference/protocol.md, worked out there by another program.
     let example = v1::BodyStructure {
         vertex_materials: vec![0, 0, 1, 0],
         held_vertex_ids: vec![10],

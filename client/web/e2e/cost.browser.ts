@@ -1,9 +1,8 @@
 // What a picture costs the page, measured in a browser: the first one after a load, and handing the arrays of a state of
 // 20,000 vertices to the graphics card. Figures are of the machine; none is asserted.
 
-import type { Browser } from "playwright-core";
-import { afterAll, beforeAll, expect, test } from "vitest";
-import { freePort, launch, live, open, Server } from "./harness";
+import { expect, test } from "vitest";
+import { browser, live, open, server, useBrowserAndServer } from "./harness";
 
 /** A slab of 96 x 4 x 96 voxels: some 20,000 vertices. */
 const SLAB = `
@@ -24,19 +23,7 @@ interface Pictures {
 }
 type Call = (...given: unknown[]) => void;
 
-let browser: Browser;
-let server: Server;
-
-beforeAll(async () => {
-  server = new Server(await freePort());
-  await server.start();
-  browser = await launch();
-});
-
-afterAll(async () => {
-  await browser?.close();
-  await server?.stop();
-});
+useBrowserAndServer();
 
 function quantiles(values: number[]): string {
   values.sort((a, b) => a - b);

@@ -9,6 +9,7 @@ import { join } from "node:path";
 import { createClient } from "@connectrpc/connect";
 import { createGrpcWebTransport } from "@connectrpc/connect-web";
 import { type Browser, chromium, type JSHandle, type Page } from "playwright-core";
+import { afterAll, beforeAll } from "vitest";
 import { SessionService } from "../src/gen/kerf/v1/session_pb";
 
 const BINARY = process.env["SERVER_BINARY"] ?? "../../target/debug/kerf-server";
@@ -46,7 +47,7 @@ name = "grasper"
 shape = { grasper = { radius_m = 0.004 } }
 `;
 
-export async function freePort(): Promise<number> {
+async function freePort(): Promise<number> {
   const probe = createServer().listen(0, "127.0.0.1");
   await once(probe, "listening");
   const { port } = probe.address() as AddressInfo;
@@ -158,8 +159,21 @@ export async function slowLink(to: number, bytesPerSecond: number): Promise<{ ad
   return { address: `http://127.0.0.1:${port}`, close: () => server.close() };
 }
 
-export function launch(): Promise<Browser> {
-  return chromium.launch({ executablePath: CHROMIUM, args: FLAGS });
+/** The browser and the server of a file of tests, while it runs: see `useBrowserAndServer`. */
+export let browser: Browser;
+export let server: Server;
+
+/** Starts a server and a browser before a file's tests, and ends both after them. */
+export function useBrowserAndServer(): void {
+  beforeAll(async () => {
+    server = new Server(await freePort());
+    await server.start();
+    browser = await chromium.launch({ executablePath: CHROMIUM, args: FLAGS });
+  });
+  afterAll(async () => {
+    await browser?.close();
+    await server?.stop();
+  });
 }
 
 /** What a page is opened with. */

@@ -1,26 +1,17 @@
 // Draws the README's pictures of the viewer.
 
-import type { Browser, Page } from "playwright-core";
-import { afterAll, beforeAll, test } from "vitest";
-import { freePort, launch, live, open, reading, readingWhere, Server } from "./harness";
+import { mkdir, rm, writeFile } from "node:fs/promises";
+import type { Page } from "playwright-core";
+import { test } from "vitest";
+import { ACROSS, LockStep } from "./gallery/lockstep";
+import { Window } from "./gallery/sheet";
+import { browser, live, open, reading, readingWhere, server, useBrowserAndServer } from "./harness";
 
 const SIZE = { width: 1280, height: 800 };
 /** Without a graphics card a picture takes seconds. */
 const PATIENCE_MS = 400_000;
 
-let browser: Browser;
-let server: Server;
-
-beforeAll(async () => {
-  server = new Server(await freePort());
-  await server.start();
-  browser = await launch();
-});
-
-afterAll(async () => {
-  await browser?.close();
-  await server?.stop();
-});
+useBrowserAndServer();
 
 /** A session of a built-in scene at a rate that a busy machine keeps. */
 async function watch(name: string): Promise<Page> {
@@ -54,7 +45,7 @@ async function shoot(page: Page, name: string): Promise<void> {
   await page.waitForSelector("button[aria-label='Go on']");
   await page.mouse.move(5, 795);
   await page.waitForTimeout(6000);
-  await page.screenshot({ path: `../../docs/${name}`, type: "jpeg", quality: 88 });
+  await page.screenshot({ path: `../../docs/images/${name}`, type: "jpeg", quality: 88 });
   await page.close();
 }
 
@@ -73,6 +64,32 @@ test("a gummy bear, cut open", { timeout: PATIENCE_MS }, async () => {
   await drag(page, [520, 200], [0, 300], async () => (await reading(page, "Cut area")) > 9);
   await drag(page, [520, 400], [60, -60], never);
   await shoot(page, "viewer-bear.jpg");
+});
+
+/** Frames of the moving picture, which `animate.py` puts together. */
+const FRAMES = "../../out/cut";
+
+test("a liver, cut and opened, picture by picture", { timeout: 2 * PATIENCE_MS }, async () => {
+  await rm(FRAMES, { recursive: true, force: true });
+  await mkdir(FRAMES, { recursive: true });
+  const session = await LockStep.begin(server, { name: "liver", stepRateHz: 250 });
+  const look = { eye: [0.11, 0.23, 0.33], at: [0.0, 0.1, 0] } as const;
+  const window = await Window.open(browser, server.address, session, look);
+  let frames = 0;
+  const move = async (y: number, pictures: number) => {
+    const from = edgeM;
+    for (let i = 1; i <= pictures; i++) {
+      edgeM = from + ((y - from) * i) / pictures;
+      await session.go({ tool: "blade", to: { at: [0, edgeM, 0.02], turn: ACROSS }, seconds: 0.04 });
+      await writeFile(`${FRAMES}/${String(frames++).padStart(3, "0")}.png`, await window.shoot());
+    }
+  };
+  let edgeM = 0.165;
+  await session.go({ tool: "blade", to: { at: [0, edgeM, 0.02], turn: ACROSS } });
+  await move(0.085, 28);
+  await move(0.165, 14);
+  await window.close();
+  await session.end();
 });
 
 test("every built-in scene, for the choice of scenes", { timeout: 4 * PATIENCE_MS }, async () => {

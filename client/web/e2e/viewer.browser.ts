@@ -1,47 +1,35 @@
 // The viewer in a real browser, against a real server.
 
 import { readFile } from "node:fs/promises";
-import type { Browser, Page } from "playwright-core";
-import { afterAll, afterEach, beforeAll, expect, test } from "vitest";
+import type { Page } from "playwright-core";
+import { afterEach, expect, test } from "vitest";
 import { SceneText } from "../src/scene-text";
 import { ACROSS, LockStep } from "./gallery/lockstep";
 import {
   APPLE,
   BAR,
+  browser,
   darkenedShare,
-  freePort,
   joules,
-  launch,
   live,
   open,
   paleShare,
   reading,
   readingWhere,
   redShare,
-  Server,
+  server,
   slowLink,
   startSecured,
+  useBrowserAndServer,
 } from "./harness";
 
-let browser: Browser;
-let server: Server;
-
-beforeAll(async () => {
-  server = new Server(await freePort());
-  await server.start();
-  browser = await launch();
-});
+useBrowserAndServer();
 
 // A page that is left open goes on drawing, which slows the others down; of sessions a server runs only so many.
 afterEach(async () => {
   await Promise.all(browser.contexts().map((context) => context.close()));
   const { sessions } = await server.sessions.listSessions({});
   await Promise.all(sessions.map(({ sessionId }) => server.sessions.closeSession({ sessionId })));
-});
-
-afterAll(async () => {
-  await browser?.close();
-  await server?.stop();
 });
 
 test("a scene is chosen, begins and is seen", async () => {

@@ -52,7 +52,7 @@ describe("the surface hash", () => {
 
 describe("integers", () => {
   test("are read as the protocol's example has them", () => {
-    // docs/protocol.md, worked out by hand there.
+    // docs/reference/protocol.md, worked out by hand there.
     const values = [0, 0, 0, -1, 3, 150, 0];
     const bytes = Uint8Array.of(0x00, 0x02, 0x01, 0x06, 0xac, 0x02, 0x00, 0x00);
     expect(integers(values)).toEqual(bytes);

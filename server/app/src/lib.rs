@@ -4,9 +4,11 @@
 //! Services are thin: they turn messages into calls of `kerf-session` and back. Deliberately absent:
 //! physics, pacing, queues of state.
 
+mod book;
 pub mod check;
 pub mod config;
 mod convert;
+mod embedded;
 mod encode;
 mod grpc;
 mod incoming;

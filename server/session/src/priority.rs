@@ -50,7 +50,7 @@ impl RealTime {
             Ok(()) => tracing::info!(priority = REAL_TIME_PRIORITY, "sessions step with real-time priority"),
             Err(error) => tracing::info!(
                 ?error,
-                "sessions step without real-time priority: on a busy machine steps may come late; docs/server.md says how to \
+                "sessions step without real-time priority: on a busy machine steps may come late; docs/reference/server.md says how to \
                  allow it"
             ),
         });

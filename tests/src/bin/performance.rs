@@ -1,4 +1,4 @@
-//! Measures every section of `docs/performance.md` anew and writes it with its plots.
+//! Measures every section of `docs/explanation/performance.md` anew and writes it with its plots.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use kerf_system_tests::performance::{SECTIONS, header};
 
 fn main() -> Result<()> {
-    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/explanation");
     let bar = ProgressBar::new(SECTIONS.len() as u64);
     bar.set_style(ProgressStyle::with_template("{bar:24} {pos}/{len} {msg} {elapsed}")?);
     let mut text = header();

@@ -17,7 +17,7 @@ const LARGE: f64 = 0.05;
 pub fn section(_plots: &Path) -> Result<String> {
     let mut text = String::from(
         "\n## A step with a budget of work\n\nThe liver at 1 kHz, one thread, with a contact model every 4 ms. A session bounds the work \
-         of a step by the time it has ([method.md](method.md)); here the budget is stated, over the median work of a step in \
+         of a step by the time it has ([solver](solver.md)); here the budget is stated, over the median work of a step in \
          which the blade touches. The error is that of the force on the blade against unbounded work, over the greatest force.\n\n\
          | budget | step, p50, ms | p99, ms | greatest, ms | work, p99 over p50 | force, rms | greatest | longest above 5 %, ms |\n\
          |---|---|---|---|---|---|---|---|\n",

@@ -282,7 +282,7 @@ force together, A the area that is cut, and Gc the fracture energy of the materi
 ```
 
 (Irwin and Kies 1954). The derivative is measured between states at rest, from forces, energies and areas alone. No
-value inside the fracture code can make it come out right. The force of a blade of width w is then F = Gc w. That
+value inside the fracture code enters it. The force of a blade of width w is then F = Gc w. That
 balance follows from how the crack front is built, so it is the weaker proof. Each limit in this table is 5 %.
 
 | material | cases | -dPi/dA over Gc | -dU/dA, blade at rest, over Gc | F over Gc w |

@@ -42,6 +42,22 @@ async fn the_port_of_the_services_has_a_page_whether_the_viewer_was_built_or_not
 }
 
 #[tokio::test]
+async fn the_port_of_the_services_has_the_documents_whether_the_book_was_built_or_not() {
+    let harness = Harness::start().await;
+    let (head, _) = ask(&harness, "GET /docs HTTP/1.1", b"").await;
+    assert!(head.starts_with("http/1.1 308") && head.contains("location: /docs/"), "{head}");
+    let (head, body) = ask(&harness, "GET /docs/ HTTP/1.1", b"").await;
+    let text = String::from_utf8(body).expect("a page or a word");
+    if head.starts_with("http/1.1 200") {
+        assert!(text.contains("<title>Kerf"), "{text}");
+    } else {
+        assert!(head.starts_with("http/1.1 404") && text.contains("make docs"), "{head}\n{text}");
+    }
+    let (head, _) = ask(&harness, "GET /docs/none.html HTTP/1.1", b"").await;
+    assert!(head.starts_with("http/1.1 404"), "{head}");
+}
+
+#[tokio::test]
 async fn a_browser_calls_by_grpc_web() {
     let harness = Harness::start().await;
     // An empty message: a flag and a length of 0.

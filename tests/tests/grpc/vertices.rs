@@ -70,7 +70,7 @@ async fn plain_vertices_show_the_surface_of_the_lattice_through_a_cut_whenever_o
     check_alike(&early.replica, &lattice.replica, 3.0 / 128.0 * voxel_m);
 }
 
-/// As docs/protocol.md says.
+/// As docs/reference/protocol.md says.
 fn normal([x, y]: [u8; 2]) -> [f32; 3] {
     let coordinate = |byte: u8| f32::from(byte as i8) / 127.0;
     let (x, y) = (coordinate(x), coordinate(y));

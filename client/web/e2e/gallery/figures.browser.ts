@@ -2,33 +2,21 @@
 
 import { writeFile } from "node:fs/promises";
 import type { TomlTable } from "smol-toml";
-import type { Browser } from "playwright-core";
-import { afterAll, beforeAll, test } from "vitest";
-import { freePort, launch, Server } from "../harness";
+import { afterAll, test } from "vitest";
+import { browser, server, useBrowserAndServer } from "../harness";
 import { curves } from "./curves";
 import { ACROSS, type Leg, LockStep, middle, type Place, type Scene, turned } from "./lockstep";
 import { MODELS } from "./models";
 import { type Look, type Panel, Window, writeSheet } from "./sheet";
 import { galleryText } from "./text";
 
-const DOCS = "../../docs";
+const DOCS = "../../docs/explanation";
 /** Without a graphics card a picture takes seconds. */
 const PATIENCE_MS = 1_200_000;
 
-let browser: Browser;
-let server: Server;
+useBrowserAndServer();
 
-beforeAll(async () => {
-  server = new Server(await freePort());
-  await server.start();
-  browser = await launch();
-});
-
-afterAll(async () => {
-  await writeFile(`${DOCS}/gallery.md`, galleryText());
-  await browser?.close();
-  await server?.stop();
-});
+afterAll(() => writeFile(`${DOCS}/gallery.md`, galleryText()));
 
 /** A session with a window on it. */
 async function watched(scene: Scene, look: Look) {

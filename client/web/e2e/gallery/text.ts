@@ -1,4 +1,4 @@
-// The words of docs/gallery.md.
+// The words of docs/explanation/gallery.md.
 
 interface Entry {
   figure: number;

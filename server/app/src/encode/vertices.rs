@@ -243,7 +243,7 @@ mod tests {
 
     use super::*;
 
-    /// As docs/protocol.md says.
+    /// As docs/reference/protocol.md says.
     fn from_octahedron([x, y]: [i8; 2]) -> [f32; 3] {
         let (mut x, mut y) = (f32::from(x) / 127.0, f32::from(y) / 127.0);
         let z = 1.0 - x.abs() - y.abs();

@@ -91,8 +91,9 @@ pub fn need(method: &Method, path: &str) -> Option<Need> {
         // They have ids of sessions, as lists do.
         return (*method == Method::GET).then_some(Of(Role::Viewer));
     }
-    // The viewer's own files, in which no secret is: the page has to be there before it can say a token.
-    let is_file = path.strip_prefix('/').is_some_and(|name| !name.contains('/'));
+    // The viewer's own files and the book, in which no secret is: the page has to be there before it can say a token.
+    let is_book = path.starts_with("/docs/");
+    let is_file = is_book || path.strip_prefix('/').is_some_and(|name| !name.contains('/'));
     (is_file && [Method::GET, Method::HEAD].contains(method)).then_some(Nothing)
 }
 
@@ -150,5 +151,7 @@ mod tests {
         assert_eq!(need(&Method::POST, "/index.html"), None);
         assert_eq!(need(&Method::GET, METRICS_PATH), Some(Of(Role::Viewer)));
         assert_eq!(need(&Method::POST, METRICS_PATH), None);
+        assert_eq!(need(&Method::GET, "/docs/explanation/method.html"), Some(Nothing));
+        assert_eq!(need(&Method::POST, "/docs/explanation/method.html"), None);
     }
 }

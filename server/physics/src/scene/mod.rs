@@ -152,7 +152,7 @@ impl SceneDesc {
 }
 
 /// Of the loads; where a scene states no bound. Ours: forces of the liver's stroke are then .2 % off, rms, where steps may do
-/// the median of their work (docs/performance.md). Less gives up less time, more makes a cut begin earlier or later.
+/// the median of their work (docs/explanation/performance.md). Less gives up less time, more makes a cut begin earlier or later.
 const MOST_RELATIVE_RESIDUAL: f64 = 0.03;
 
 fn default_rate_hz() -> f64 {

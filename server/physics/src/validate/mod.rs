@@ -370,7 +370,7 @@ impl Report {
         let message = format!(
             "{loaded} is more than the {carried:.3} that the element law carries with strain_stiffening {} at this level: \
              the elements would fold under the blade before they part; raise strain_stiffening (10 carries the \
-             most) or lower fracture_energy_j_per_m2: docs/scenes.md explains both and has materials that work",
+             most) or lower fracture_energy_j_per_m2: docs/reference/scenes.md explains both and has materials that work",
             material.strain_stiffening,
         );
         self.refuse(format!("{field}.fracture_energy_j_per_m2"), message);

@@ -55,7 +55,7 @@ fn step_us(rate_hz: f64, onlooker: Onlooker) -> f64 {
 }
 
 #[test]
-#[ignore = "a measurement for docs/server.md"]
+#[ignore = "a measurement for docs/reference/server.md"]
 fn what_recording_costs_the_liver() {
     for rate_hz in [60.0, 1000.0] {
         let mut least = [f64::INFINITY; 4];
