@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures docs reference test-all same-bits lint publish-protocol verify verify-page experiment extremes extremes-page strokes strokes-page dice bench performance peers
+.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures docs imports reference test-all same-bits lint publish-protocol verify verify-page experiment extremes extremes-page strokes strokes-page dice bench performance peers
 
 # Folder of scanned meshes for some of the tests and for `performance`, which leave them out where it is empty.
 TEST_SHARED ?= $(abspath $(wildcard ../shared))
@@ -67,6 +67,12 @@ docs: $(if $(NPM),client/web/node_modules)
 	else echo "Formulas in the book stay as text: KaTeX is missing (npm install in client/web)."; fi
 	@echo "The book is in docs/book; build the server to serve it at /docs."
 
+# Which modules import which, as Mermaid drawings, and the groups of modules that import each other.
+IMPORTS ?= $(wildcard server/*/src client/*/src proto/src tests/src)
+imports:
+	@python3 docs/lint/imports.py $(IMPORTS)
+	@python3 docs/lint/imports.py --circles $(IMPORTS) || true
+
 # Writes docs/reference/settings.md and scene-fields.md from what the program says.
 reference:
 	cargo build --bin kerf-server
@@ -133,6 +139,8 @@ lint: $(if $(NPM),client/web/node_modules)
 	$(if $(NPM),client/web/node_modules/.bin/buf lint proto)
 	$(if $(NPM),client/web/node_modules/.bin/buf breaking proto --against proto/published.binpb)
 	@client/python/check.sh lint sh -ec 'ruff check --quiet && ruff format --check --quiet && mypy'
+	@if command -v python3 >/dev/null; then git ls-files '*.md' | grep -v LICENSE | xargs python3 docs/lint/prose.py; \
+	else echo "The linter of the documents' prose is left out: it needs Python 3."; fi
 
 # Takes the .proto files as they are for the version that later ones have to stay compatible with.
 publish-protocol: client/web/node_modules

@@ -231,13 +231,13 @@ pub fn loopback_text(path: &std::path::Path) -> anyhow::Result<String> {
     ];
     let rows: String = rows.iter().map(|(name, value)| format!("| {name} | {value:.3} |\n")).collect();
     Ok(format!(
-        "## On loopback\n\nThe simulated Omni cuts the liver through a server on the same machine, {} s; medians of the \
-         seconds. Priority of the servo's thread: {priority}. Poses and contacts are as few as they are because the deadbands \
-         keep home what a hand does not notice: in free motion a pose goes out every 10 ms, in contact every 4 ms or 0.1 mm \
-         and where the force changes by 5 %, a contact where the one before does not predict it or the tool has left its validity \
-         radius, and either every 25 ms in any case. So the age of the motion that the newest contact reflects is that of a \
-         prediction that still holds, not a delay of the force: it is old where nothing happens. What is on its way \
-         takes the round trip.\n\n| | |\n|---|---|\n{rows}\n",
+        "## On loopback\n\nThe simulated Omni cuts the liver through a server on the same machine, {} s; medians \
+         of the seconds. Priority of the servo's thread: {priority}. Few poses and contacts are sent, because \
+         deadbands skip changes that a hand does not notice. In free motion a pose is sent every 10 ms; in \
+         contact every 4 ms or 0.1 mm, and where the force changes by 5 %. A contact is sent where the one \
+         before does not predict it or the tool has left its validity radius. Either is sent every 25 ms in any \
+         case. So the age of the motion that the newest contact reflects is that of a prediction that still \
+         holds, not a delay of the force. The delay is the round trip.\n\n| | |\n|---|---|\n{rows}\n",
         reports.len()
     ))
 }

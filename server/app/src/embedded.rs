@@ -22,12 +22,7 @@ pub fn file<Files: RustEmbed>(name: &str, headers: &HeaderMap, policy: &'static 
 }
 
 /// An answer of its own.
-pub fn answer(
-    status: StatusCode,
-    content_type: &'static str,
-    policy: &'static str,
-    body: Body,
-) -> Response<Body> {
+pub fn answer(status: StatusCode, content_type: &'static str, policy: &'static str, body: Body) -> Response<Body> {
     let mut response = Response::new(body);
     *response.status_mut() = status;
     let headers = response.headers_mut();

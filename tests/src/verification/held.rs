@@ -75,11 +75,11 @@ fn text(exact: &[(f64, f64)]) -> String {
         format!("{:+.2} % of Timoshenko's beam at nu {nu}", 100.0 * (exact_m / beam_m - 1.0))
     };
     format!(
-        "The cantilever of 0.2 m and of 8 x 8 voxels of 2.5 mm again, held by 1, 2, 3 and 5 layers of voxels, where \
-         elements are 1, 2, 4 and 8 layers thick (levels 0 to 3). Were whole elements held, one layer would take 7.5 and \
-         17.5 mm off its free length at levels 2 and 3, which is 14 and 31 % of how far it sinks. The reference is the \
-         limit of full FEM under refinement (10, 5 and 2.5 mm, Richardson 1911), with a clamp of whole elements: {}. \
-         Levels may be off by 2, 3, 6 and 12 %.",
+        "The cantilever of 0.2 m and of 8 x 8 voxels of 2.5 mm, fixed by 1, 2, 3 and 5 layers of voxels. \
+         Elements are 1, 2, 4 and 8 layers thick (levels 0 to 3). If whole elements were fixed, one layer would \
+         shorten the free length by 7.5 and 17.5 mm at levels 2 and 3, which is 14 and 31 % of the deflection. \
+         The reference is the limit of full FEM under refinement (10, 5 and 2.5 mm, Richardson 1911), with a \
+         clamp of whole elements: {}. Levels may be off by 2, 3, 6 and 12 %.",
         exact.iter().map(beside).collect::<Vec<_>>().join(", ")
     )
 }

@@ -131,10 +131,10 @@ pub fn family(extent: Extent) -> Result<Family> {
     Ok(Family {
         title: "A probe on a half-space",
         text: format!(
-            "A sphere of {} mm is pressed into a block of 80 x 40 x 80 mm (E 100 kPa, nu 0.3, voxels of 2.5 mm, held below) \
-             until the contact's radius is {} voxels, and rests there. The reference is Hertz's force, corrected for the \
-             block: how much less its top gives than a half-space's is taken from a uniform pressure on a square, \
-             and changes the force by {}. Elements are 1, 2, 4 and 8 voxels wide.",
+            "A sphere of {} mm is pressed into a block until the contact's radius is {} voxels. The block is 80 \
+             x 40 x 80 mm (E 100 kPa, nu 0.3, voxels of 2.5 mm) and fixed below. The reference is Hertz's force, \
+             corrected for the block, whose top is stiffer than a half-space's. That correction is taken from a \
+             uniform pressure on a square and changes the force by {}. Elements are 1, 2, 4 and 8 voxels wide.",
             1e3 * RADIUS_M,
             contact_voxels.join(" and "),
             block_share.join(" and "),

@@ -232,7 +232,7 @@ pub fn family(extent: Extent) -> Result<Family> {
     checks.extend(bars(extent)?);
     checks.extend(moduli()?);
     let figures = if extent == Extent::Full { vec![force_by_depth(&cases, &outcomes)] } else { Vec::new() };
-    Ok(Family { title: "Steady cuts", text: TEXT.into(), checks, figures, ..Family::default() })
+    Ok(Family { title: "Steady cuts", text: TEXT.trim_end().into(), checks, figures, ..Family::default() })
 }
 
 /// Force by depth on the three sizes at k = 4.
@@ -250,29 +250,4 @@ fn force_by_depth(cases: &[Case], outcomes: &[Outcome]) -> Figure {
     )
 }
 
-const TEXT: &str = "A straight edge of 50 um goes through a block whose bottom is held; its force presses, starts the cut at twice \
-     Gc w, falls and stays. F is the mean over 15 % of the block's height. The work is that of the tool less what is \
-     stored, over all of the stroke, less the surplus that the ledger books at initiation. The energy release rates \
-     are differences of stored energy between states at rest, from forces, energies and areas alone, over the way of \
-     the front through an element, in up to 16 parts: at constant force, F dz - dU; at a held blade, with the front a \
-     part farther on and the blade back at its pose, for the force before. (What an element still holds is set free \
-     as the front leaves it: over less than an element G is now less, now more.) Residual: the sum of the sizes of \
-     all steps' ledger residuals over the tool's work, at most 1 % for a row to be met. The liver is a block of 112 x \
-     168 x 56 mm of the scene `liver`'s material (the paper's 2.0 MPa, which its horse, armadillo and bunny have \
-     too), 0.25 m/s. Planes, places, penalties (a third of an element off a node plane) and edges are at k 4, h 3.5 \
-     mm, 1 ms. (1,1,0) is cut straight down as (1,0,1); (1,1,1) along (1,-1,0), its edge coming in point by point. \
-     Penalties are the springs that hold the tissue beside the edge and those between flanks and walls; the spring \
-     ahead of the edge is no penalty but the compliance of the continuum between an element and the edge, which is \
-     varied by the edge's half-width. Other materials: blocks of 32 x 64 x 16 voxels of their scenes, of half as many \
-     each way where Gc/E is below a tenth of a voxel, without the rise of Gc with speed.\n\n\
-     Where a block is less than 50 Gc/E across (real liver, gummy bear, jelly, tofu, skin), cutting strains all of \
-     it: on its bottom alone it would be squeezed to nine tenths and, as it is slender, buckle. It is held at its \
-     sides, too, and taller (real liver: 112 x 336 x 56 mm of `liver-tissue`'s, 10 kPa, 0.1 m/s, twice that at k 8, h \
-     7 mm): far from the front on either side nothing is strained, and the steady force is Gc w at any deformation. F \
-     is taken over the steady part, between 45 and 60 % of the height, where what the snap from 2 Gc to Gc set free \
-     has gone into damping, and so is a work beside that of all of the stroke. The work of the capped force alone \
-     stands without a limit: the edge stands on squeezed tissue and goes less far in the scene than the front in the \
-     material, the more so the finer the mesh; the rest of Gc A comes out of the body, by damping and numerical loss \
-     in the ledger. Bars of real liver are held at their bottom alone, and four times as wide along the edge lest \
-     they buckle. Far below the front a bar of section A is shortened to lambda and stores U per volume, far above it \
-     is at rest, so that F lambda + U A = Gc w: a force of more than Gc w.";
+const TEXT: &str = include_str!("steady.md");

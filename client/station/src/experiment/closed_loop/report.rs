@@ -17,16 +17,17 @@ const LEAST_SHOWN_MJ: f64 = 0.01;
 /// The server does not answer, or a file cannot be written.
 pub fn report(server: SocketAddr, folder: &Path) -> anyhow::Result<String> {
     let mut text = format!(
-        "## Through a network\n\nIn real time: the simulated Omni in a grip of {GRIP_N_PER_M} N/m and {GRIP_N_S_PER_M} N s/m \
-         touches the liver, leans in by {} mm and waits, leans in by {} mm and waits; gRPC to a server goes through a proxy \
-         that delays in order, adds up to so much jitter each way, and stands still for 200 ms at a time, as TCP does when it \
-         has lost something. Soft is `liver-tissue`, of whose forces {} is felt, stiff is `liver`, of whose forces {} is. \
-         Error is the force on the hand less what the server found at the same pose, rms over rms: over the whole stroke, and \
-         while force is neither faded nor ramped. Where the network stalls what is stale is faded out and then let in \
-         again within half a second, and that is most of the former. In full says how much of the waits that is not so; how \
-         far the hand swings forth and back, and energy given out, are those of that time. Calm is a swing of less than {} mm and less than {} mJ.\n\n\
-         | tissue | round trip, ms | jitter, ms | stalls, % of the time | rendering | measured round trip, ms | error, % | in full, % | greatest force, N | \
-         in full, % of the waits | swing, mm | energy, mJ | |\n|{}\n",
+        "## Through a network\n\nIn real time: the simulated Omni in a grip of {GRIP_N_PER_M} N/m and \
+         {GRIP_N_S_PER_M} N s/m touches the liver, leans in by {} mm and waits, leans in by {} mm and waits; \
+         gRPC goes through a proxy between station and server. It delays in order, adds jitter up to the given \
+         value each way, and stalls for 200 ms at a time, as TCP does after a loss. Soft is `liver-tissue`, with \
+         {} of its forces felt; stiff is `liver`, with {}. Error is the force on the hand less the server's at \
+         the same pose, rms over rms: over the whole stroke, and at full force (neither faded nor ramped). Where \
+         the network stalls, stale force fades out and returns within half a second; that is most of the first \
+         error. The share of the waits at full force has its own column. Swing of the hand and energy given out \
+         are those at full force. Calm is a swing of less than {} mm and less than {} mJ.\n\n| tissue | round \
+         trip, ms | jitter, ms | stalls, % of the time | rendering | measured round trip, ms | error, % | in \
+         full, % | greatest force, N | in full, % of the waits | swing, mm | energy, mJ | |\n|{}\n",
         -1e3 * STROKE[3][1],
         -1e3 * STROKE[5][1],
         TISSUES[0].force_scale,
