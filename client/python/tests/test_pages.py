@@ -8,7 +8,14 @@ import sys
 import pytest
 from conftest import PROGRAM, REPOSITORY
 
-PAGES = ["README.md", "docs/tutorial/README.md", "client/python/README.md"]
+PAGES = ["README.md", "docs/tutorial/README.md", "docs/how-to/python.md", "client/python/README.md"]
+COMMANDS = [
+    *PAGES,
+    "docs/how-to/mesh.md",
+    "docs/how-to/tls.md",
+    "docs/reference/server.md",
+    "docs/reference/security.md",
+]
 
 
 def blocks(page, language):
@@ -63,11 +70,19 @@ def _needed(page, number):
     return []
 
 
+def test_the_generated_pages_are_what_the_program_says(tmp_path):
+    """`make reference` writes them."""
+    script = REPOSITORY / "docs/reference/generate.py"
+    subprocess.run([sys.executable, script, PROGRAM, tmp_path], check=True, timeout=60)
+    for page in ["settings.md", "scene-fields.md"]:
+        assert (tmp_path / page).read_text() == (REPOSITORY / "docs/reference" / page).read_text(), page
+
+
 def test_the_tutorials_commands_are_commands_of_the_program():
     """Every `kerf-server WORD` of the pages is one, with options that it has."""
     lines = [
         line.split("#")[0].split()
-        for page in PAGES
+        for page in COMMANDS
         for line in (REPOSITORY / page).read_text(encoding="utf-8").splitlines()
         if line.startswith("    kerf-server ")
     ]
