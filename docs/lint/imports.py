@@ -17,7 +17,7 @@ def module(path, folder):
 
 
 def rust_imports(path, names):
-    text = path.read_text(encoding="utf-8").split("#[cfg(test)]")[0]
+    text = re.sub(r"//.*", "", path.read_text(encoding="utf-8").split("#[cfg(test)]")[0])
     found = set(re.findall(r"\bcrate::(\w+)", text))
     for group in re.findall(r"\buse crate::\{(.*?)\};", text, re.DOTALL):
         found |= set(re.findall(r"(?:^|,)\s*(\w+)", re.sub(r"\{[^{}]*\}", "", group)))

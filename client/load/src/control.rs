@@ -16,9 +16,13 @@ use tonic::Streaming;
 use crate::clock;
 use crate::metrics::ContactMetrics;
 use crate::script::Script;
-use crate::sender::{QUEUED_POSES, Timetable};
 use crate::session::refused;
+use crate::timetable::Timetable;
 use crate::wire::FRAME_BYTES;
+
+/// Poses that may wait for the transport. Only the newest counts, so few; but the runtime's thread
+/// may be a few ticks late on a busy machine, and a dropped pose is a jerk of the tool.
+const QUEUED_POSES: usize = 8;
 
 /// A server that accepts a stream answers the hello at once.
 const HELLO_TIMEOUT: Duration = Duration::from_secs(10);

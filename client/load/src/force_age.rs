@@ -8,9 +8,9 @@ use std::collections::BTreeMap;
 use hdrhistogram::Histogram;
 use kerf_proto::v1;
 
-use crate::metrics::durations_ns;
+use crate::durations::durations_ns;
 use crate::script::Script;
-use crate::sender::Timetable;
+use crate::timetable::Timetable;
 
 /// Time between two askings, ns: haptic devices are served at 1 kHz.
 const SERVO_PERIOD_NS: u64 = 1_000_000;

@@ -5,7 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use hdrhistogram::Histogram;
 
-use crate::metrics::durations_ns;
+use crate::durations::durations_ns;
 
 /// Most poses that are remembered until a contact reflects them: seconds at the fastest rate. The oldest is given up
 /// for the next.

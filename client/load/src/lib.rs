@@ -8,6 +8,7 @@
 pub mod args;
 pub mod clock;
 pub mod control;
+pub mod durations;
 pub mod force_age;
 pub mod in_flight;
 pub mod limits;
@@ -22,5 +23,6 @@ pub mod script;
 pub mod sender;
 pub mod session;
 pub mod setting;
+pub mod timetable;
 pub mod viewer;
 pub mod wire;

@@ -8,16 +8,13 @@ use kerf_proto::v1;
 use nalgebra::Vector3;
 use serde::Serialize;
 
+use crate::durations::durations_ns;
 use crate::force_age::ForceAge;
 use crate::in_flight::InFlight;
 use crate::script::Script;
-use crate::sender::Timetable;
+use crate::timetable::Timetable;
 use crate::wire;
 
-/// Longest duration that is told apart; longer ones count as this.
-const MAX_DURATION_NS: u64 = 60_000_000_000;
-/// Three digits: quantiles are exact to 0.1 %, in a fixed 200 kB.
-const DURATION_DIGITS: u8 = 3;
 /// Most samples that are kept, about 400 MB: an hour at 1 kHz. Later ones are counted, not kept.
 const MAX_SAMPLES: usize = 3_600_000;
 
@@ -59,13 +56,6 @@ pub struct ContactSample {
     /// From when the pose that the step used was due until now, s; absent when an earlier contact has told of the same
     /// pose.
     pub round_trip_s: Option<f64>,
-}
-
-/// A histogram of durations, ns.
-#[must_use]
-pub fn durations_ns() -> Histogram<u64> {
-    Histogram::new_with_bounds(1, MAX_DURATION_NS, DURATION_DIGITS)
-        .expect("the bounds are constants that the histogram takes")
 }
 
 /// How the steps that contacts told of kept time, by the server's clock.

@@ -22,9 +22,10 @@ use crate::progress::{self, Progress};
 use crate::report::{Report, Run};
 use crate::script::strokes::{self, Target};
 use crate::script::{self, Script};
-use crate::sender::{self, SendTotals, Timetable};
+use crate::sender::{self, SendTotals};
 use crate::session::{self, Session, Wishes};
 use crate::setting::{self, Setting};
+use crate::timetable::Timetable;
 use crate::viewer::{self, SharedTotals};
 use crate::wire;
 

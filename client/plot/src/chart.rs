@@ -8,7 +8,7 @@ use plotters::prelude::*;
 
 use crate::axis::{Axis, Places};
 use crate::curve::{COLOURS, Curve, GREY, Mark};
-use crate::{FONT, figure::DrawResult, legend};
+use crate::{DrawResult, FONT, legend};
 
 /// Colour of [`Stretch`]es.
 const SHADE: RGBColor = RGBColor(240, 236, 226);

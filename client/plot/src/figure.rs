@@ -6,8 +6,8 @@ use std::sync::Once;
 use plotters::prelude::*;
 use plotters::style::{FontStyle, register_font};
 
-use crate::FONT;
 use crate::chart::Chart;
+use crate::{DrawResult, FONT};
 
 /// How several charts stand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,8 +50,6 @@ pub enum PlotError {
         message: String,
     },
 }
-
-pub(crate) type DrawResult<B> = Result<(), DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>>;
 
 impl Figure {
     /// A figure of one chart.

@@ -3,6 +3,9 @@
 //! A [`Figure`] has one or several [`Chart`]s, a chart two axes and its curves. Deliberately absent: styles to
 //! choose from, and knowledge of what is plotted.
 
+use plotters::drawing::DrawingAreaErrorKind;
+use plotters::prelude::DrawingBackend;
+
 mod axis;
 mod chart;
 mod curve;
@@ -17,3 +20,6 @@ pub use plotters::style::RGBColor;
 
 /// Font of all text. The machine may have no fonts and no fontconfig, so it comes with the program.
 const FONT: &str = "sans-serif";
+
+/// What drawing on a backend leads to.
+type DrawResult<B> = Result<(), DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>>;

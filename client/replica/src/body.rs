@@ -7,36 +7,10 @@ use kerf_proto::{MAX_MESSAGE_BYTES, v1};
 
 use crate::error::{FieldError, Problem};
 use crate::hash;
+use crate::vertex::Vertex;
 
 /// Most node slots of an object: 12 bytes for each are still one message.
 const MAX_NODES: u32 = (MAX_MESSAGE_BYTES / 12) as u32;
-
-/// What a surface vertex moves with.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Vertex {
-    /// An element.
-    Bound {
-        /// Its id.
-        element: u32,
-        /// Trilinear coordinates in the element; corner `c` is at `(c & 1, c >> 1 & 1, c >> 2)`.
-        local: [f32; 3],
-        /// Material of its voxel, an index into the object's names of materials.
-        material: u32,
-    },
-    /// The node whose id is its own: surfaces come as plain vertices.
-    Node,
-}
-
-impl Vertex {
-    /// Its element and its place there, of one that is bound.
-    #[must_use]
-    pub fn binding(self) -> Option<(u32, [f32; 3])> {
-        match self {
-            Self::Bound { element, local, .. } => Some((element, local)),
-            Self::Node => None,
-        }
-    }
-}
 
 /// One object. Every vertex refers to an element, every element to nodes, every quad to vertices
 /// that exist: checked when they come in, relied on when positions are evaluated.

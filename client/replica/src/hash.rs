@@ -2,7 +2,7 @@
 
 use kerf_proto::v1;
 
-use crate::body::Vertex;
+use crate::vertex::Vertex;
 
 /// In the place where a vertex has its material, which is below both.
 const QUAD: u32 = 1 << 16;

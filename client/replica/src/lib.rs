@@ -13,12 +13,14 @@ mod error;
 pub mod glb;
 mod hash;
 mod surface;
+mod vertex;
 
 pub use assembler::Assembler;
-pub use body::{Body, Vertex};
+pub use body::Body;
 pub use error::{FieldError, Problem, ReplicaError};
 pub use hash::surface_hash;
 pub use surface::{Face, Surface, Triangle};
+pub use vertex::Vertex;
 
 use kerf_proto::v1::{self, view_response};
 

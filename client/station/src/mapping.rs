@@ -1,11 +1,19 @@
 //! From the device's frame to the scene's and back.
 
 use kerf_script::Pose;
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 
-use crate::config::{Axis, MappingConfig};
+use crate::config::MappingConfig;
 use crate::device::DeviceState;
-use crate::servo::Hand;
+
+/// The hand that holds the device, in the scene's frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hand {
+    /// Where it holds the tool.
+    pub pose: Pose,
+    /// Of the tool's reference point, m/s.
+    pub velocity_m_per_s: Vector3<f64>,
+}
 
 /// How a device lies in the scene, and where the clutch has moved it since.
 #[derive(Clone, Copy, Debug)]
@@ -28,7 +36,7 @@ impl Mapping {
     pub fn new(config: &MappingConfig) -> Self {
         let [roll, pitch, yaw] = config.tool_orientation_rad;
         Self {
-            turn: UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes(&config.axes))),
+            turn: UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(config.axes_matrix())),
             scale: config.scale,
             force_scale: config.force_scale,
             device_origin_m: config.device_origin_m.into(),
@@ -77,22 +85,10 @@ impl Mapping {
     }
 }
 
-/// The matrix whose rows are the device's axes along the scene's.
-pub(crate) fn axes(axes: &[Axis; 3]) -> Matrix3<f64> {
-    let row = |axis: &Axis| match axis {
-        Axis::X => Vector3::x(),
-        Axis::Y => Vector3::y(),
-        Axis::Z => Vector3::z(),
-        Axis::MinusX => -Vector3::x(),
-        Axis::MinusY => -Vector3::y(),
-        Axis::MinusZ => -Vector3::z(),
-    };
-    Matrix3::from_columns(&axes.each_ref().map(row)).transpose()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Axis;
 
     fn state(x: f64, y: f64, z: f64) -> DeviceState {
         DeviceState { position_m: Vector3::new(x, y, z), ..DeviceState::default() }

@@ -7,9 +7,30 @@ const SPEED_M_PER_S: f64 = 0.1;
 /// Start of a stroke above the block.
 const CLEARANCE_M: f64 = 5e-4;
 
-fn rig(h: f64, level: u8, yaw: f64, roll: f64, pitch: f64, off_m: f64, rate_hz: f64) -> Rig {
-    let scene = cutting_scene(block(h, level), 0.12, rate_hz);
-    let orientation = attitude(yaw, roll, pitch);
+/// A mesh, a plane through it and a step rate.
+#[derive(Clone, Copy)]
+struct Setup {
+    /// Edge of a voxel, m.
+    h_m: f64,
+    level: u8,
+    /// Turn of the blade, degrees: about the scene's y, about the blade's normal, about its edge.
+    yaw_deg: f64,
+    roll_deg: f64,
+    pitch_deg: f64,
+    /// Distance of the plane from the block's middle, m.
+    off_m: f64,
+    rate_hz: f64,
+}
+
+impl Default for Setup {
+    fn default() -> Self {
+        Self { h_m: 2.5e-3, level: 2, yaw_deg: 0.0, roll_deg: 0.0, pitch_deg: 0.0, off_m: 0.0, rate_hz: 1000.0 }
+    }
+}
+
+fn rig(Setup { h_m, level, yaw_deg, roll_deg, pitch_deg, off_m, rate_hz }: Setup) -> Rig {
+    let scene = cutting_scene(block(h_m, level), 0.12, rate_hz);
+    let orientation = attitude(yaw_deg, roll_deg, pitch_deg);
     let forward = orientation * -Vec3::y();
     let normal = orientation * Vec3::z();
     // Through the block's middle, `off_m` beside it; the edge starts clear of the block.
@@ -41,14 +62,15 @@ fn report(name: &str, rig: &Rig, force_ratio: f64) {
 #[test]
 fn steady_cutting_takes_gc_per_width_and_gc_per_area_on_every_mesh() {
     // Off the node planes by a fraction of a voxel that differs between the meshes.
-    for (h, level, off_m, rate_hz) in [
-        (2.5e-3, 2, 4e-4, 1000.0),
-        (2.5e-3, 2, 4e-4, 2000.0),
-        (2.5e-3, 2, 5e-3, 1000.0),
-        (2.5e-3, 1, -9e-4, 1000.0),
-        (1.25e-3, 2, 1.7e-3, 1000.0),
+    for setup in [
+        Setup { off_m: 4e-4, ..Setup::default() },
+        Setup { off_m: 4e-4, rate_hz: 2000.0, ..Setup::default() },
+        Setup { off_m: 5e-3, ..Setup::default() },
+        Setup { level: 1, off_m: -9e-4, ..Setup::default() },
+        Setup { h_m: 1.25e-3, off_m: 1.7e-3, ..Setup::default() },
     ] {
-        let mut rig = rig(h, level, 0.0, 0.0, 0.0, off_m, rate_hz);
+        let mut rig = rig(setup);
+        let Setup { h_m: h, level, off_m, rate_hz, .. } = setup;
         rig.drive(0.022);
         let plateau = rig.mean_force_n(0.008, 0.022) / (GC_J_PER_M2 * BLOCK_SIDE_M);
         report(&format!("h {h}, level {level}, off {off_m:+.1e}, {rate_hz} Hz"), &rig, plateau);
@@ -120,27 +142,28 @@ fn a_blade_that_comes_back_into_its_cut_makes_no_second_one() {
 #[test]
 fn a_stroke_through_the_block_leaves_two_pieces_and_no_bridge_on_any_plane() {
     let voxels = (16 * 12 * 16) as f64;
-    let h = 2.5e-3;
-    for (name, yaw, roll, pitch, off_m) in [
-        ("(0, 0, 1) between the centres", 0.0, 0.0, 0.0, 4e-4),
-        ("(0, 0, 1) through the centres", 0.0, 0.0, 0.0, 0.5 * h),
-        ("(0, 0, 1) between the voxels", 0.0, 0.0, 0.0, h),
-        ("(1, 0, 0)", 90.0, 0.0, 0.0, 3e-4),
-        ("(1, 0, 1) through the centres", 45.0, 0.0, 0.0, 0.0),
-        ("(-1, 0, 1)", -45.0, 0.0, 0.0, 4e-4),
-        ("(1, 1, 1)", 45.0, 0.0, -35.26, 3e-4),
-        ("(0, 0, 1), edge oblique", 0.0, 20.0, 0.0, 4e-4),
-        ("(1, 1, 1), edge oblique", 45.0, 30.0, -35.26, 0.0),
-        ("(2, 0, 3)", 33.7, 0.0, 0.0, 1e-4),
+    let plane = Setup::default();
+    let h = plane.h_m;
+    for (name, setup) in [
+        ("(0, 0, 1) between the centres", Setup { off_m: 4e-4, ..plane }),
+        ("(0, 0, 1) through the centres", Setup { off_m: 0.5 * h, ..plane }),
+        ("(0, 0, 1) between the voxels", Setup { off_m: h, ..plane }),
+        ("(1, 0, 0)", Setup { yaw_deg: 90.0, off_m: 3e-4, ..plane }),
+        ("(1, 0, 1) through the centres", Setup { yaw_deg: 45.0, ..plane }),
+        ("(-1, 0, 1)", Setup { yaw_deg: -45.0, off_m: 4e-4, ..plane }),
+        ("(1, 1, 1)", Setup { yaw_deg: 45.0, pitch_deg: -35.26, off_m: 3e-4, ..plane }),
+        ("(0, 0, 1), edge oblique", Setup { roll_deg: 20.0, off_m: 4e-4, ..plane }),
+        ("(1, 1, 1), edge oblique", Setup { yaw_deg: 45.0, roll_deg: 30.0, pitch_deg: -35.26, ..plane }),
+        ("(2, 0, 3)", Setup { yaw_deg: 33.7, off_m: 1e-4, ..plane }),
     ] {
-        let mut rig = rig(h, 2, yaw, roll, pitch, off_m, 1000.0);
+        let mut rig = rig(setup);
         let forward = rig.forward();
         let half = Vec3::new(0.5 * BLOCK_SIDE_M, 0.5 * BLOCK_HEIGHT_M, 0.5 * BLOCK_SIDE_M);
         let reach = (0..3).map(|a| half[a] * forward[a].abs()).sum::<f64>();
         rig.drive(2.0 * reach + 4e-3);
         let normal = rig.orientation * Vec3::z();
         let middle = Vec3::new(0.0, 0.5 * BLOCK_HEIGHT_M, 0.0);
-        let polygon = plane_area_in_box(middle + normal * off_m, normal, middle - half, middle + half);
+        let polygon = plane_area_in_box(middle + normal * setup.off_m, normal, middle - half, middle + half);
         let (area, work) = rig.area_and_work_ratio(GC_J_PER_M2);
         let sizes = pieces(rig.body(), |_| true);
         report(&format!("{name}: pieces {sizes:?} of {voxels}, A / polygon {:.3}", area / polygon), &rig, 0.0);

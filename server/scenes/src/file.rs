@@ -11,7 +11,7 @@ use kerf_physics::{Scene, SceneDesc, SceneError};
 
 use crate::error::ReadError;
 use crate::label_map::{self, LabelMap};
-use crate::{edge_file, label_surface, mesh_file};
+use crate::{edge_file, label_map_file, label_surface, mesh_file};
 
 /// Largest scene file, bytes: a thousand times a large scene written by hand.
 pub const MAX_SCENE_BYTES: u64 = 4 << 20;
@@ -177,7 +177,7 @@ fn read_labels(
         Entry::Occupied(known) => known.into_mut(),
         Entry::Vacant(new) => {
             let (path, bytes) = files.read(file, MAX_MESH_BYTES)?;
-            let map = LabelMap::parse(&bytes, files.max_label_voxels());
+            let map = label_map_file::parse(&bytes, files.max_label_voxels());
             new.insert(map.map_err(|message| ReadError::Mesh { path, message })?)
         }
     };

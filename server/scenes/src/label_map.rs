@@ -1,11 +1,6 @@
-//! Label maps: integers on a lattice that is placed in the patient's axes, from NIfTI and NRRD files.
+//! Label maps: integers on a lattice that is placed in the patient's axes.
 
-use std::io::Read;
-
-use flate2::read::GzDecoder;
 use nalgebra::{Matrix3, Vector3};
-
-use crate::{nifti, nrrd};
 
 /// Most voxels of a map: 512 slices of 512 x 512.
 pub const MAX_VOXELS: u64 = 1 << 27;
@@ -26,25 +21,6 @@ pub(crate) struct LabelMap {
 }
 
 impl LabelMap {
-    /// Reads a file's bytes, which a gzip header says to be compressed.
-    ///
-    /// # Errors
-    /// The field of the header that cannot be used and its value, or how the data do not fit it.
-    pub fn parse(bytes: &[u8], max_voxels: u64) -> Result<Self, String> {
-        if bytes.starts_with(&[0x1f, 0x8b]) {
-            Self::read(GzDecoder::new(bytes), max_voxels).map_err(|message| format!("{message} (gzip)"))
-        } else {
-            Self::read(bytes, max_voxels)
-        }
-    }
-
-    fn read(mut source: impl Read, max_voxels: u64) -> Result<Self, String> {
-        let mut magic = [0; 4];
-        source.read_exact(&mut magic).map_err(|_| "the file is empty, or cut off")?;
-        let source = magic.chain(source);
-        if &magic == b"NRRD" { nrrd::read(source, max_voxels) } else { nifti::read(source, max_voxels) }
-    }
-
     /// A map of data of one kind in an order of bytes.
     pub fn of_data(
         dims: [usize; 3],

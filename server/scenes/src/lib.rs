@@ -12,6 +12,7 @@ pub mod error;
 pub mod examine;
 pub mod file;
 mod label_map;
+mod label_map_file;
 mod label_surface;
 mod mesh_faults;
 mod mesh_file;

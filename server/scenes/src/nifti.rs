@@ -221,6 +221,7 @@ impl Header {
 mod tests {
     use super::*;
     use crate::label_map::MAX_VOXELS;
+    use crate::label_map_file;
 
     fn label(map: &LabelMap, voxel: [i64; 3]) -> u16 {
         map.index(voxel).map_or(0, |index| map.labels[index])
@@ -257,9 +258,10 @@ mod tests {
         let half = std::f32::consts::FRAC_1_SQRT_2;
         let pixdim = [(76, -1.0), (80, 1.0), (84, 2.0), (88, 3.0)];
         let quaternion = [(264, half), (268, 5.0), (272, 6.0), (276, 7.0)];
-        let by_qform = LabelMap::parse(&file(false, &[&pixdim[..], &quaternion].concat(), [1, 0]), MAX_VOXELS).unwrap();
+        let by_qform =
+            label_map_file::parse(&file(false, &[&pixdim[..], &quaternion].concat(), [1, 0]), MAX_VOXELS).unwrap();
         let rows = [(284, -2.0), (292, 5.0), (296, 1.0), (308, 6.0), (320, -3.0), (324, 7.0)];
-        let by_sform = LabelMap::parse(&file(false, &rows, [0, 1]), MAX_VOXELS).unwrap();
+        let by_sform = label_map_file::parse(&file(false, &rows, [0, 1]), MAX_VOXELS).unwrap();
         assert!((by_qform.edges_m - by_sform.edges_m).norm() < 1e-9, "{} {}", by_qform.edges_m, by_sform.edges_m);
         assert_eq!((by_qform.first_m, &by_qform.labels), (by_sform.first_m, &by_sform.labels));
         // The file's first axis is anterior, which is up.
@@ -270,7 +272,7 @@ mod tests {
     fn either_order_of_bytes_is_read() {
         let pixdim = [(80, 1.0), (84, 2.0), (88, 3.0)];
         let [little, big] =
-            [false, true].map(|is_big| LabelMap::parse(&file(is_big, &pixdim, [0, 0]), MAX_VOXELS).unwrap());
+            [false, true].map(|is_big| label_map_file::parse(&file(is_big, &pixdim, [0, 0]), MAX_VOXELS).unwrap());
         assert_eq!(little, big);
         assert_eq!((label(&little, [1, 2, 3]), label(&little, [1, 0, 0]), label(&little, [2, 0, 0])), (23, 1, 0));
     }
@@ -278,7 +280,7 @@ mod tests {
     #[test]
     fn version_2_says_the_same_with_wider_numbers() {
         let pixdim = [(80, 1.0), (84, 2.0), (88, 3.0)];
-        let expected = LabelMap::parse(&file(false, &pixdim, [0, 0]), MAX_VOXELS).unwrap();
+        let expected = label_map_file::parse(&file(false, &pixdim, [0, 0]), MAX_VOXELS).unwrap();
         for is_big_endian in [false, true] {
             let mut bytes = vec![0; VERSION_2.bytes];
             let mut put = |at: usize, little: &[u8]| {
@@ -297,7 +299,7 @@ mod tests {
             bytes.extend([0; 4]);
             let number = |label: i64| if is_big_endian { label.to_be_bytes() } else { label.to_le_bytes() };
             bytes.extend((0..24i64).flat_map(number));
-            assert_eq!(LabelMap::parse(&bytes, MAX_VOXELS).unwrap(), expected, "big-endian: {is_big_endian}");
+            assert_eq!(label_map_file::parse(&bytes, MAX_VOXELS).unwrap(), expected, "big-endian: {is_big_endian}");
         }
     }
 }

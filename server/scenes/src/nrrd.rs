@@ -170,6 +170,7 @@ mod tests {
 
     use super::*;
     use crate::label_map::MAX_VOXELS;
+    use crate::label_map_file;
 
     fn label(map: &LabelMap, voxel: [i64; 3]) -> u16 {
         map.index(voxel).map_or(0, |index| map.labels[index])
@@ -193,8 +194,9 @@ mod tests {
 
     #[test]
     fn every_type_and_encoding_gives_the_same_map() {
-        let read =
-            |kind, encoding, width| LabelMap::parse(&file(kind, encoding, "", &labels(width)), MAX_VOXELS).unwrap();
+        let read = |kind, encoding, width| {
+            label_map_file::parse(&file(kind, encoding, "", &labels(width)), MAX_VOXELS).unwrap()
+        };
         let map = read("unsigned char", "raw", 1);
         for (kind, width) in [("short", 2), ("uint32", 4), ("int64", 8), ("unsigned long long", 8)] {
             for encoding in ["raw", "gzip"] {
@@ -211,7 +213,7 @@ mod tests {
     fn what_cannot_be_read_is_told_by_its_field() {
         let refused = |from: &str, to: &str| {
             let text = String::from_utf8(file("unsigned char", "raw", "", &labels(1))).unwrap().replacen(from, to, 1);
-            LabelMap::parse(text.as_bytes(), MAX_VOXELS).unwrap_err()
+            label_map_file::parse(text.as_bytes(), MAX_VOXELS).unwrap_err()
         };
         for (from, to, field) in [
             ("sizes: 2 3 4", "sizes: 2 2 3 4", "sizes = 2 2 3 4"),

@@ -3,7 +3,6 @@
 use std::ops::RangeInclusive;
 
 use super::{DeviceConfig, DeviceKind, MappingConfig, StationConfig};
-use crate::mapping;
 
 impl StationConfig {
     /// Every value that is not within its limits, with field and limit.
@@ -109,7 +108,7 @@ impl Faults {
             }
         }
         // Left-handed axes would mirror the tool's turns.
-        if (mapping::axes(&mapping.axes).determinant() - 1.0).abs() > 1e-9 {
+        if (mapping.axes_matrix().determinant() - 1.0).abs() > 1e-9 {
             self.0.push(format!(
                 "{at}.axes: {:?} is no rotation; each axis has to come once, and the third has to be the \
                  first turned towards the second by the right hand",

@@ -5,6 +5,7 @@ mod parse;
 
 use std::path::PathBuf;
 
+use nalgebra::{Matrix3, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -322,6 +323,21 @@ impl Default for MappingConfig {
             turns_tool: true,
             tool_orientation_rad: [0.0; 3],
         }
+    }
+}
+
+impl MappingConfig {
+    /// The matrix whose rows are the device's axes along the scene's.
+    pub(crate) fn axes_matrix(&self) -> Matrix3<f64> {
+        let row = |axis: &Axis| match axis {
+            Axis::X => Vector3::x(),
+            Axis::Y => Vector3::y(),
+            Axis::Z => Vector3::z(),
+            Axis::MinusX => -Vector3::x(),
+            Axis::MinusY => -Vector3::y(),
+            Axis::MinusZ => -Vector3::z(),
+        };
+        Matrix3::from_columns(&self.axes.each_ref().map(row)).transpose()
     }
 }
 

@@ -14,19 +14,8 @@ pub mod recovery;
 pub mod runner;
 pub mod schedule;
 
-use kerf_script::Pose;
-use nalgebra::Vector3;
-
 use self::model::Update;
-
-/// The hand that holds the device, in the scene's frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Hand {
-    /// Where it holds the tool.
-    pub pose: Pose,
-    /// Of the tool's reference point, m/s.
-    pub velocity_m_per_s: Vector3<f64>,
-}
+pub use crate::mapping::Hand;
 
 /// What the server said last.
 #[derive(Clone, Copy, Debug)]

@@ -12,7 +12,8 @@ use std::collections::BTreeMap;
 /// Ratio of shear moduli within a cell below which its own voxels' element always serves. Layers at this
 /// ratio leave that element three times too stiff across them.
 const CONTRAST: f64 = 10.0;
-/// How much stiffer than the periodic material a cell's element may be under any uniform strain.
+/// How much stiffer than the periodic material a cell's element may be under any uniform strain. The bars of layers and
+/// inclusions of `elements::`, at a contrast of 100, are the same from 1.2 to 2.5: their cells exceed all of these.
 const MOST_EXCESS_STIFFNESS: f64 = 1.5;
 
 /// Moduli of the patterns of materials met so far; `None` where the voxels' own element serves. Layered
