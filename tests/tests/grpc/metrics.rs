@@ -202,10 +202,10 @@ async fn the_document_has_every_metric_as_the_server_tells_it() {
         format!("| `{name}` | {} | {labels} | {} |", of.kind, of.help)
     };
     let rows: Vec<String> = all().await.families.iter().map(|(name, family)| row(name, family)).collect();
-    let document = file("docs/metrics.md");
+    let document = file("docs/reference/metrics.md");
     let told: Vec<&str> =
         document.lines().filter(|line| line.starts_with("| `kerf_") || line.starts_with("| `process_")).collect();
-    assert_eq!(told, rows, "docs/metrics.md should have:\n{}", rows.join("\n"));
+    assert_eq!(told, rows, "docs/reference/metrics.md should have:\n{}", rows.join("\n"));
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -124,13 +124,13 @@ fn the_files_that_are_shipped_for_prometheus_are_sound_and_alerts_come_when_they
     let (alerts, tests, document) = (
         read("alerts.yaml"),
         read("alerts_test.yaml"),
-        std::fs::read_to_string(root().join("docs/metrics.md")).unwrap(),
+        std::fs::read_to_string(root().join("docs/reference/metrics.md")).unwrap(),
     );
     let names: Vec<&str> = alerts.lines().filter_map(|line| line.trim().strip_prefix("- alert: ")).collect();
     assert!(names.len() >= 8, "{names:?}");
     for name in names {
         let tried = [format!("alertname: {name}, exp_alerts: []"), format!("alertname: {name}\n")];
         assert!(tried.iter().all(|test| tests.contains(test)), "{name} is tried both ways");
-        assert!(document.contains(&format!("### {name}\n")), "docs/metrics.md says what to do at {name}");
+        assert!(document.contains(&format!("### {name}\n")), "docs/reference/metrics.md says what to do at {name}");
     }
 }
