@@ -214,3 +214,28 @@ fn a_dragged_sphere_is_held_back_by_mu_times_its_normal_force() {
         assert!(residual < 1e-3 * work, "{residual} of {work}");
     }
 }
+
+#[test]
+fn a_probe_put_down_inside_brings_no_energy_and_comes_up_to_the_force_of_one_that_pressed() {
+    let (radius_m, depth_m) = (0.006, 0.002);
+    let scene = block(0.02, 0.02, 0.0025, 1, sphere(radius_m));
+    let mut pressed = World::new(&scene).expect("a valid scene");
+    let pressed_n = press(&mut pressed, [3e-4, 0.0], radius_m, depth_m, 100).0.tools[0].wrench.force_n.y;
+    let mut world = World::new(&scene).expect("a valid scene");
+    let pose = Pose { position_m: Vec3::new(3e-4, radius_m - depth_m, 0.0), orientation: Quat::identity() };
+    let (mut made_j, mut work_j, mut most_step_n, mut last_n) = (0.0, 0.0, 0.0_f64, 0.0);
+    for i in 0..2000 {
+        let motion = if i == 0 { ToolMotion::enter_at(pose) } else { ToolMotion::move_to(pose) };
+        let output = world.step(&Workers::serial(), &NoClock, &StepInputs::of(&[ToolInput { tool: 0, motion }]));
+        let force_n = output.tools[0].wrench.force_n.y;
+        (most_step_n, last_n) = (most_step_n.max(force_n - last_n), force_n);
+        made_j += (-output.energy.contact_loss_j).max(0.0);
+        work_j += output.energy.tool_work_j.abs();
+    }
+    println!(
+        "made {made_j:.1e} J of {work_j:.1e} J of work, {last_n:.4} N, pressed {pressed_n:.4} N, step {most_step_n:.1e} N"
+    );
+    assert!(made_j < 1e-3 * work_j, "{made_j} J made of {work_j} J of work");
+    assert!(most_step_n < 0.02 * pressed_n, "its force rises by {most_step_n} N in a step");
+    assert!((last_n / pressed_n - 1.0).abs() < 0.02, "{last_n} N against {pressed_n} N");
+}

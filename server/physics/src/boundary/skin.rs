@@ -11,6 +11,8 @@ use crate::grid::MaterialPoint;
 pub struct SkinPatch {
     /// The element that carries it.
     pub element: u32,
+    /// Side of the voxel at its point that it is part of: with that voxel, what it is known by.
+    pub side: u8,
     /// Mean of its crossings by area.
     pub point: MaterialPoint,
     /// Mean outward normal by area, reference configuration; not of unit length.
@@ -77,7 +79,7 @@ impl Skin {
             let area_m2: f64 = patch.iter().map(|facet| facet.area_m2).sum();
             let mean = |of: fn(&Facet) -> Vec3| patch.iter().map(|f| of(f) * (f.area_m2 / area_m2)).sum::<Vec3>();
             let point = MaterialPoint { position_m: mean(|f| f.at_m), voxel: patch[0].voxel };
-            self.patches.push(SkinPatch { element, point, normal: mean(|f| f.outward), area_m2 });
+            self.patches.push(SkinPatch { element, side: patch[0].side, point, normal: mean(|f| f.outward), area_m2 });
         }
     }
 }

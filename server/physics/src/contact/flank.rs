@@ -1,6 +1,6 @@
 //! Flanks of a blade against the walls of the cut it stands in.
 
-use super::{Contact, Mode, ToolEnds};
+use super::{COMES_UP_VOXELS_PER_S, Contact, Mode, ToolEnds};
 use crate::body::Body;
 use crate::boundary::{PatchKey, SurfacePatch};
 use crate::math::cofactor;
@@ -32,9 +32,19 @@ const MOST_COME_UPON_VOXELS: f64 = 0.5;
 #[derive(Clone, Default, Serialize, Deserialize)]
 pub struct WallsBeside {
     /// In the order of the boundary's walls.
-    keys: Vec<(PatchKey, FlankSide)>,
+    walls: Vec<WallBeside>,
     /// Those of the step before.
-    before: Vec<(PatchKey, FlankSide)>,
+    before: Vec<WallBeside>,
+}
+
+/// A wall that stands at a blade.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+struct WallBeside {
+    key: (PatchKey, FlankSide),
+    /// How far its spring is compressed at the end of the step, m.
+    compressed_m: f64,
+    /// Whether it has a spring.
+    is_near: bool,
 }
 
 /// The flank that a wall looks at. A wall that turns round looks at the other one, from the far side of the
@@ -58,21 +68,25 @@ impl FlankSide {
 impl WallsBeside {
     /// Room for so many walls.
     pub fn reserve(&mut self, walls: usize) {
-        for keys in [&mut self.keys, &mut self.before] {
-            keys.reserve(walls.saturating_sub(keys.len()));
+        for beside in [&mut self.walls, &mut self.before] {
+            beside.reserve(walls.saturating_sub(beside.len()));
         }
     }
 
     /// Forgets them.
     pub fn clear(&mut self) {
-        self.keys.clear();
+        self.walls.clear();
     }
 
-    /// Contacts of the flanks at `pose` with the walls they press on or are about to.
+    /// Contacts of the flanks at `pose` with the walls they press on or are about to. `out` has those of the step before.
     pub fn contacts(&mut self, body: &Body, flanks: &Flanks, [before, pose]: [&Pose; 2], out: &mut Vec<Contact>) {
         let place = pose.orientation.inverse();
-        std::mem::swap(&mut self.keys, &mut self.before);
-        self.keys.clear();
+        for (wall, contact) in self.walls.iter_mut().filter(|wall| wall.is_near).zip(&*out) {
+            wall.compressed_m = contact.compressed_m();
+        }
+        out.clear();
+        std::mem::swap(&mut self.walls, &mut self.before);
+        self.walls.clear();
         for patch in body.boundary().walls() {
             let local = place * (body.current_m(&patch.point) - pose.position_m);
             let Some(nearest) = flanks.nearest(&local, REACH_VOXELS * body.state.grid.voxel_size_m()) else { continue };
@@ -81,10 +95,14 @@ impl WallsBeside {
             }
             let wall = Wall::beside(body, patch, flanks, nearest, pose);
             let key = (patch.key(), wall.side);
-            if !wall.is_come_upon(body) || self.before.binary_search(&key).is_ok() {
-                self.keys.push(key);
-                out.extend(wall.contact(body, before, pose));
+            let known = self.before.binary_search_by_key(&key, |wall| wall.key).ok();
+            if known.is_none() && wall.is_come_upon(body) {
+                continue;
             }
+            let compressed_m = known.map_or(0.0, |index| self.before[index].compressed_m);
+            let contact = wall.contact(body, before, pose, compressed_m);
+            self.walls.push(WallBeside { key, compressed_m: 0.0, is_near: contact.is_some() });
+            out.extend(contact);
         }
     }
 }
@@ -119,8 +137,8 @@ impl<'a> Wall<'a> {
     }
 
     /// The spring between the wall and the flank, as stiff as the element behind the wall: `E A / H`. It
-    /// starts in the mode that the tissue's velocity predicts.
-    fn contact(&self, body: &Body, before: &Pose, pose: &Pose) -> Option<Contact> {
+    /// starts in the mode that the tissue's velocity predicts, `compressed_m` as the last step left it.
+    fn contact(&self, body: &Body, before: &Pose, pose: &Pose, compressed_m: f64) -> Option<Contact> {
         let (patch, face) = (self.patch, &self.face);
         let h = body.state.grid.voxel_size_m();
         let young = body.material_of(patch.point.voxel).young_modulus_pa;
@@ -137,6 +155,7 @@ impl<'a> Wall<'a> {
         let travel = (contact.ends.tool_point_m - contact.ends.tool_point_before_m).dot(&contact.direction);
         contact.gap_before_m = face.depth_m - travel;
         contact.gap_predicted_m = face.depth_m - drift;
+        contact.begin_compressed_by(compressed_m, COMES_UP_VOXELS_PER_S * body.dt_s() * h);
         contact.mode = if contact.gap_predicted_m > 0.0 { Mode::Spring } else { Mode::Off };
         (contact.gap_predicted_m > -0.5 * h).then_some(contact)
     }

@@ -23,6 +23,11 @@ use crate::grid::MaterialPoint;
 use crate::solve::spring::PointSpring;
 use serde::{Deserialize, Serialize};
 
+/// Voxels per second by which a contact begins deeper than the last step left it, towards the depth that it is found at. A
+/// contact that took up at once what it is found at would make energy of it. It comes up to its force within the
+/// milliseconds that this says; at half of it in twice the time.
+pub(crate) const COMES_UP_VOXELS_PER_S: f64 = 1.0;
+
 /// Nodes that share a contact point, and their weights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ContactWeights {
@@ -278,6 +283,12 @@ impl<E> Contact<E> {
     pub fn come_to_rest(&mut self) {
         (self.gap_before_m, self.gap_predicted_m) = (self.gap_m, self.gap_m);
         self.friction = None;
+    }
+
+    /// How far it is compressed at the end of the step, m.
+    #[must_use]
+    pub fn compressed_m(&self) -> f64 {
+        if self.force_n == 0.0 { 0.0 } else { self.force_n / self.stiffness_n_per_m }
     }
 
     /// Energy stored at the end of the step, J, where it never gives.

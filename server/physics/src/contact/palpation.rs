@@ -1,6 +1,6 @@
 //! A smooth tool on the surface of one body: it presses and slides, rubs where the material does, cuts nothing.
 
-use super::{Contact, ContactWeights, Mode, ToolEnds};
+use super::{COMES_UP_VOXELS_PER_S, Contact, ContactWeights, Mode, ToolEnds};
 use crate::Vec3;
 use crate::body::Body;
 use crate::boundary::{Skin, SkinPatch};
@@ -30,18 +30,37 @@ pub struct Palpation {
     capsule: Capsule,
     /// Springs of the step that is being taken.
     pub contacts: Vec<Contact>,
+    /// The patches that they press on.
+    pressed: Vec<Pressed>,
+    /// Those of the step before, by key.
+    before: Vec<Pressed>,
+}
+
+/// A patch that the tool presses on.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+struct Pressed {
+    /// The voxel and its side.
+    key: (u32, u8),
+    /// Gap of its spring beyond the compression of its bed, m.
+    shift_m: f64,
+    /// Compression of its bed at the end of the step, m.
+    compressed_m: f64,
 }
 
 impl Palpation {
     /// A tool that touches nothing.
     #[must_use]
     pub fn new(capsule: Capsule) -> Self {
-        Self { capsule, contacts: Vec::new() }
+        Self { capsule, contacts: Vec::new(), pressed: Vec::new(), before: Vec::new() }
     }
 
     /// Makes room for a contact on every patch.
     pub fn reserve(&mut self, body: &Body) {
-        self.contacts.reserve(Self::most_springs(body).saturating_sub(self.contacts.len()));
+        let most = Self::most_springs(body);
+        self.contacts.reserve(most.saturating_sub(self.contacts.len()));
+        for pressed in [&mut self.pressed, &mut self.before] {
+            pressed.reserve(most.saturating_sub(pressed.len()));
+        }
     }
 
     /// One for each patch.
@@ -53,10 +72,16 @@ impl Palpation {
     /// Forgets every contact.
     pub fn clear(&mut self) {
         self.contacts.clear();
+        self.pressed.clear();
     }
 
     /// Finds which patches the tool meets on its way and sets up their springs.
     pub fn detect(&mut self, body: &Body, path: &ToolPath) {
+        std::mem::swap(&mut self.pressed, &mut self.before);
+        for (pressed, contact) in self.before.iter_mut().zip(&self.contacts) {
+            pressed.compressed_m = if contact.force_n > 0.0 { contact.gap_m - pressed.shift_m } else { 0.0 };
+        }
+        self.before.sort_unstable_by_key(|pressed| pressed.key);
         self.clear();
         let Some(skin) = body.boundary().skin() else { return };
         let ends = [path.before, path.pose].into_iter().flat_map(|pose| {
@@ -68,8 +93,16 @@ impl Palpation {
         for element in body.elements_near([near]) {
             for patch in skin.of_element(element as u32) {
                 let Some(mut pressing) = contact(body, &self.capsule, patch, path, margin_m) else { continue };
+                let key = (patch.point.voxel.0, patch.side);
+                let known = self.before.binary_search_by_key(&key, |pressed| pressed.key).ok();
+                pressing.begin_compressed_by(
+                    known.map_or(0.0, |index| self.before[index].compressed_m),
+                    COMES_UP_VOXELS_PER_S * body.dt_s() * body.state.grid.voxel_size_m(),
+                );
+                let shift_m = Bed::under(body, patch, self.capsule.radius_m).press(&mut pressing);
                 pressing.rub(body, body.material_of(patch.point.voxel).friction_coefficient);
                 self.contacts.push(pressing);
+                self.pressed.push(Pressed { key, shift_m, compressed_m: 0.0 });
             }
         }
     }
@@ -104,6 +137,16 @@ impl Bed {
         Self { stiffness_n_per_m: plane_pa * patch.area_m2 / thickness_m, thickness_m }
     }
 
+    /// Makes a contact its tangent where it is compressed as at the beginning of the step. Returns how far the gap is from
+    /// the compression, m.
+    fn press(&self, contact: &mut Contact) -> f64 {
+        let [stiffness_n_per_m, shift_m, more_stored_j] = self.tangent(contact.gap_before_m);
+        (contact.stiffness_n_per_m, contact.more_stored_j) = (stiffness_n_per_m, more_stored_j);
+        contact.gap_before_m += shift_m;
+        contact.gap_predicted_m += shift_m;
+        shift_m
+    }
+
     /// The spring that is its tangent where it is compressed by so much: its stiffness, N/m, how far its gap is from that,
     /// m, and what is stored in the bed beyond it, J.
     fn tangent(&self, compressed_m: f64) -> [f64; 3] {
@@ -114,8 +157,8 @@ impl Bed {
     }
 }
 
-/// The unilateral spring between a patch and the tool along the tool's normal; `None` where they are apart, or where the
-/// patch looks away.
+/// The contact between a patch and the tool along the tool's normal, without a stiffness; `None` where they are apart, or
+/// where the patch looks away.
 fn contact(body: &Body, capsule: &Capsule, patch: &SkinPatch, path: &ToolPath, margin_m: f64) -> Option<Contact> {
     let weights = ContactWeights::of(body, &patch.point, 1.0);
     let at = weights.place_m(&body.state.position_m);
@@ -130,15 +173,11 @@ fn contact(body: &Body, capsule: &Capsule, patch: &SkinPatch, path: &ToolPath, m
         return None;
     }
     let (before, now) = (path.before.transform(&nearest.surface_m), path.pose.transform(&nearest.surface_m));
-    let gap_before_m = (before - at).dot(&direction);
-    let [stiffness_n_per_m, shift_m, more_stored_j] = Bed::under(body, patch, capsule.radius_m).tangent(gap_before_m);
     Some(Contact {
         ends: ToolEnds { weights, tool_point_m: now, tool_point_before_m: before },
         direction,
-        stiffness_n_per_m,
-        gap_before_m: gap_before_m + shift_m,
-        gap_predicted_m: shift_m - nearest.distance_m,
-        more_stored_j,
+        gap_before_m: (before - at).dot(&direction),
+        gap_predicted_m: -nearest.distance_m,
         slack_m: SLACK_VOXELS * body.state.grid.voxel_size_m(),
         pull_slack_m: SLACK_VOXELS * body.state.grid.voxel_size_m(),
         mode: if nearest.distance_m < 0.0 { Mode::Spring } else { Mode::Off },

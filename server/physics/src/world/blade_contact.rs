@@ -65,7 +65,7 @@ impl BladeContact {
 
     pub(super) fn come_to_rest(&mut self) {
         let of_front = self.front.contacts.iter_mut().flat_map(|c| [&mut c.forward, &mut c.lateral, &mut c.along]);
-        of_front.chain(&mut self.flanks).for_each(Contact::come_to_rest);
+        of_front.chain(&mut self.flanks).for_each(Contact::stay);
     }
 
     pub(super) fn lift(&mut self) {
@@ -100,7 +100,6 @@ impl BladeContact {
             self.front.enter(&tissue, &motion);
         }
         self.front.detect(&tissue, &motion, near);
-        self.flanks.clear();
         self.beside.contacts(body, &motion.blade.flanks, poses, &mut self.flanks);
         for flank in &mut self.flanks {
             flank.stiffness_n_per_m *= self.blade.penalty_factor;

@@ -10,7 +10,9 @@ use crate::contact::candidates::{Candidates, Reach};
 use crate::contact::ends::{TissueEnd, TissueEnds};
 use crate::contact::patch_hash::PlacedPatch;
 use crate::contact::press::{Approach, MARGIN_VOXELS, Meeting, PatchOf, Plane, approach, meet};
-use crate::contact::{Contact, ContactWeights, Friction, Misjudged, Mode, Solution, TissueContact};
+use crate::contact::{
+    COMES_UP_VOXELS_PER_S, Contact, ContactWeights, Friction, Misjudged, Mode, Solution, TissueContact,
+};
 use crate::ledger::ContactLedger;
 use crate::solve::pcg::{Factor, System, Systems};
 use crate::solve::spring::PointSpring;
@@ -27,10 +29,6 @@ const SLACK_VOXELS: f64 = 1e-3;
 /// deep: a spring that finds itself deep in tissue would throw it out. At this depth the interface carries
 /// a pressure of `E` and more, so that halving or doubling it changes nothing that is pressed by less than that.
 const MOST_PUSH_VOXELS: f64 = 0.25;
-/// Voxels per second by which a spring begins deeper than the last step left it. Meetings change from step to
-/// step, and with them the depth that is found: a spring that took it up at once would make energy of it. A contact
-/// comes up to its force within the milliseconds that this says, at half of it in twice the time.
-const COMES_UP_VOXELS_PER_S: f64 = 1.0;
 /// Elements that a surface may move by in a step and still be caught: 17 mm, a step of a metre per second
 /// at 60 Hz, of the smallest elements in use. It bounds what is searched, and only where something moves so fast.
 const MOST_TRAVEL_ELEMENTS: f64 = 16.0;

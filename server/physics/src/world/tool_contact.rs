@@ -85,7 +85,7 @@ impl ToolContact {
         match self {
             Self::Edges(edges) => edges.iter_mut().for_each(BladeContact::come_to_rest),
             Self::Grasp(Grasp { contacts, .. }) | Self::Palpation(Palpation { contacts, .. }) => {
-                contacts.iter_mut().for_each(Contact::come_to_rest);
+                contacts.iter_mut().for_each(Contact::stay);
             }
         }
     }

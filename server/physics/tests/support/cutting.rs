@@ -164,6 +164,11 @@ impl Rig {
         (area, self.sum(|s| s.energy.fracture_j + s.energy.front_slip_j) / (gc * area))
     }
 
+    /// Energy that steps made at contacts, and the magnitude of the tool's work, J.
+    pub fn made_and_work_j(&self) -> (f64, f64) {
+        (self.sum(|s| (-s.energy.contact_loss_j).max(0.0)), self.sum(|s| s.energy.tool_work_j.abs()))
+    }
+
     /// Sum of the steps' energy residuals over the tool's work, and of their magnitudes.
     pub fn residual_ratios(&self) -> (f64, f64) {
         let work = self.sum(|s| s.energy.tool_work_j);
