@@ -22,9 +22,8 @@ fn cause(family: Family) -> &'static str {
             "The body starts with overlapping or inverted elements in a strongly stiffening material (c = 10)."
         }
         Family::Tools => {
-            "The blade starts inside the tissue or jumps within it. Its contact springs come on compressed, and that \
-             energy is no work of the tool. A server lifts a tool that a driver puts down in tissue; a script of \
-             `simulate` may do it."
+            "The blade crosses most of the tissue within a few steps, from anywhere and turning as it goes. A server \
+             refuses such speeds; a script of `simulate` may ask for them."
         }
         Family::Materials | Family::Loads | Family::Cuts => "The cause is not known.",
     }
