@@ -1,6 +1,6 @@
 //! What a body is made of and what acts on it: nothing of this changes.
 
-use super::loads::{FaceLoad, VoxelLoad};
+use super::loads::{FaceLoad, Hold, VoxelLoad};
 use super::material::Material;
 use crate::Vec3;
 use crate::fem::composite::CompositeTables;
@@ -19,7 +19,9 @@ pub struct Description {
     pub(super) element_kind: ElementKind,
     /// Gravity, m/s^2, scene frame.
     pub(super) gravity_m_per_s2: Vec3,
-    /// What holds and pulls each voxel, by voxel.
+    /// Whether each voxel is held, by voxel.
+    pub(super) holds: Vec<Hold>,
+    /// Forces at the centres of voxels other than gravity, by voxel, ascending.
     pub(super) voxel_loads: Vec<VoxelLoad>,
     /// Tractions on faces of voxels, by voxel, ascending.
     pub(super) face_loads: Vec<FaceLoad>,
@@ -38,6 +40,7 @@ impl Description {
             fracture_rule: FractureRule::default(),
             element_kind: ElementKind::default(),
             gravity_m_per_s2: Vec3::zeros(),
+            holds: Vec::new(),
             voxel_loads: Vec::new(),
             face_loads: Vec::new(),
             single_voxel: CompositeTables::new(0, 1.0),

@@ -1,6 +1,7 @@
 //! What of the body is held, element by element.
 
 use super::Body;
+use super::loads::Hold;
 use crate::Vec3;
 use crate::fem::composite::ElementMatrices;
 use crate::fem::held::{Corner, HeldVoxel, VoxelCorners, hold};
@@ -144,7 +145,7 @@ impl Body {
 
     /// The corners of an element's voxels; `None` where none is held.
     fn voxel_corners(&self, element: usize, voxels: &[VoxelId]) -> Option<Box<VoxelCorners>> {
-        if !voxels.iter().any(|voxel| self.description.voxel_loads[voxel.index()].is_beside_held) {
+        if !voxels.iter().any(|voxel| self.description.holds[voxel.index()] >= Hold::Beside) {
             return None;
         }
         let low = self.first_voxel_of(element);
@@ -155,7 +156,7 @@ impl Body {
                 corners.set(from(corner, low), Corner::Shared);
             }
         }
-        for voxel in voxels.iter().filter(|voxel| self.description.voxel_loads[voxel.index()].is_beside_held) {
+        for voxel in voxels.iter().filter(|voxel| self.description.holds[voxel.index()] >= Hold::Beside) {
             let cell = self.state.grid.voxels()[voxel.index()].ijk;
             for corner in (0..8).map(|c| [0, 1, 2].map(|a| cell[a] + (c >> a & 1))) {
                 if self.is_held_at(element, corner) {
@@ -181,8 +182,8 @@ impl Body {
     /// Whether a corner of voxels of `element`, in voxels, is one of a held voxel: of the element itself, or of
     /// those that it is linked to around the corner.
     fn is_held_at(&self, element: usize, corner: Ijk) -> bool {
-        let held =
-            |cell: Ijk| self.state.grid.voxel_at(cell).filter(|voxel| self.description.voxel_loads[voxel.index()].held);
+        let is_held = |voxel: &VoxelId| self.description.holds[voxel.index()] == Hold::Held;
+        let held = |cell: Ijk| self.state.grid.voxel_at(cell).filter(is_held);
         let owners: Vec<u32> =
             cells_around(corner).filter_map(held).map(|voxel| self.base().owner[voxel.index()]).collect();
         if owners.is_empty() || owners.contains(&(element as u32)) {
@@ -209,7 +210,7 @@ impl Body {
     pub(super) fn held_matrices(&self, element: usize, voxels: &[VoxelId], plain: ElementMatrices) -> ElementMatrices {
         let Some(corners) = self.state.held.corners(element) else { return plain };
         let low = self.first_voxel_of(element);
-        let free = voxels.iter().filter(|voxel| !self.description.voxel_loads[voxel.index()].held);
+        let free = voxels.iter().filter(|voxel| self.description.holds[voxel.index()] != Hold::Held);
         let voxels: Vec<HeldVoxel> = free
             .map(|voxel| HeldVoxel {
                 at: from(self.state.grid.voxels()[voxel.index()].ijk, low),

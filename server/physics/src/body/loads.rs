@@ -4,15 +4,23 @@ use super::Body;
 use crate::Vec3;
 use crate::grid::{Grid, Ijk, MaterialPoint, VoxelId, voxelize};
 use crate::scene::{Face, LoadDesc, Meshes, ObjectDesc, SceneError};
+use std::collections::BTreeMap;
 
-/// What acts on a voxel besides its elasticity.
-#[derive(Clone, Copy, Debug, Default)]
+/// Whether a voxel is held where it was built.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Hold {
+    /// Neither it nor one that it touches.
+    Free,
+    /// One that it touches is.
+    Beside,
+    /// It is.
+    Held,
+}
+
+/// A force at a voxel's centre other than gravity.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct VoxelLoad {
-    /// Whether it is held where it was built.
-    pub(super) held: bool,
-    /// Whether it or one that it touches is held.
-    pub(super) is_beside_held: bool,
-    /// Force at the voxel's centre other than gravity, N.
+    voxel: VoxelId,
     force_n: Vec3,
 }
 
@@ -25,13 +33,24 @@ pub(super) struct FaceLoad {
     force_n: Vec3,
 }
 
+/// What the object's `fixed` and `loads` say.
+pub(super) struct Loads {
+    /// By voxel.
+    pub(super) holds: Vec<Hold>,
+    /// By voxel, ascending.
+    pub(super) of_voxels: Vec<VoxelLoad>,
+    /// By voxel, ascending.
+    pub(super) of_faces: Vec<FaceLoad>,
+}
+
 impl Body {
     /// Loads at the corners of an element, from gravity and its voxels' own forces.
     pub(super) fn element_loads(&self, voxels: &[VoxelId]) -> [[f64; 3]; 8] {
         let mut loads = [[0.0; 3]; 8];
         for &voxel in voxels {
             let weight = self.description.gravity_m_per_s2 * self.voxel_mass_kg(voxel);
-            let force = weight + self.description.voxel_loads[voxel.index()].force_n;
+            let own = self.description.voxel_loads.binary_search_by_key(&voxel, |load| load.voxel);
+            let force = weight + own.map_or(Vec3::zeros(), |found| self.description.voxel_loads[found].force_n);
             if force == Vec3::zeros() {
                 continue;
             }
@@ -73,30 +92,29 @@ impl Body {
 }
 
 /// What the object's `fixed` and `loads` say of each voxel, and of faces of voxels.
-pub(super) fn loads_of(
-    grid: &Grid,
-    object: &ObjectDesc,
-    meshes: &Meshes,
-) -> Result<(Vec<VoxelLoad>, Vec<FaceLoad>), SceneError> {
-    let mut loads = vec![VoxelLoad::default(); grid.voxels().len()];
-    let mut face_loads = Vec::new();
+pub(super) fn loads_of(grid: &Grid, object: &ObjectDesc, meshes: &Meshes) -> Result<Loads, SceneError> {
+    let mut holds = vec![Hold::Free; grid.voxels().len()];
     for shape in &object.fixed {
         for voxel in voxelize::region_voxels(grid, shape, meshes)? {
-            loads[voxel.index()].held = true;
+            holds[voxel.index()] = Hold::Held;
         }
     }
-    for index in 0..grid.voxels().len() {
-        let cell = grid.voxels()[index].ijk;
+    for (index, voxel) in grid.voxels().iter().enumerate() {
+        let cell = voxel.ijk;
         let mut around = (0..27).map(|n| [cell[0] - 1 + n % 3, cell[1] - 1 + n / 3 % 3, cell[2] - 1 + n / 9]);
-        let is_held = |cell: Ijk| grid.voxel_at(cell).is_some_and(|voxel| loads[voxel.index()].held);
-        loads[index].is_beside_held = around.any(is_held);
+        let is_held = |cell: Ijk| grid.voxel_at(cell).is_some_and(|voxel| holds[voxel.index()] == Hold::Held);
+        if holds[index] == Hold::Free && around.any(is_held) {
+            holds[index] = Hold::Beside;
+        }
     }
+    let mut forces_n = BTreeMap::<VoxelId, Vec3>::new();
+    let mut of_faces = Vec::new();
     let h = grid.voxel_size_m();
     for load in &object.loads {
         match load {
             LoadDesc::BodyForce { region, force_n_per_m3 } => {
                 for voxel in voxelize::region_voxels(grid, region, meshes)? {
-                    loads[voxel.index()].force_n +=
+                    *forces_n.entry(voxel).or_default() +=
                         Vec3::from(*force_n_per_m3) * (h.powi(3) * grid.filled_share(voxel));
                 }
             }
@@ -108,7 +126,7 @@ pub(super) fn loads_of(
                     if grid.voxel_at(beyond).is_none() {
                         let filled = grid.filled_extents(voxel);
                         let across = filled[(axis + 1) % 3] * filled[(axis + 2) % 3];
-                        face_loads.push(FaceLoad {
+                        of_faces.push(FaceLoad {
                             voxel,
                             face: *face,
                             force_n: Vec3::from(*traction_pa) * (h * h * across),
@@ -118,6 +136,7 @@ pub(super) fn loads_of(
             }
         }
     }
-    face_loads.sort_by_key(|load: &FaceLoad| load.voxel);
-    Ok((loads, face_loads))
+    of_faces.sort_by_key(|load: &FaceLoad| load.voxel);
+    let of_voxels = forces_n.into_iter().map(|(voxel, force_n)| VoxelLoad { voxel, force_n }).collect();
+    Ok(Loads { holds, of_voxels, of_faces })
 }

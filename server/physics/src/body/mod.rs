@@ -81,7 +81,7 @@ impl Body {
         let object = &scene.desc.objects[index];
         let here = |error: SceneError| error.within(&format!("objects[{index}]"));
         let grid = voxelize::voxelize(object, &scene.meshes).map_err(here)?;
-        let (voxel_loads, face_loads) = loads::loads_of(&grid, object, &scene.meshes).map_err(here)?;
+        let loads = loads::loads_of(&grid, object, &scene.meshes).map_err(here)?;
         let state = State::at_rest(grid, object, &scene.meshes).map_err(here)?;
         let exponents = state.levels[0].exponent..=object.level;
         let description = Description {
@@ -90,8 +90,9 @@ impl Body {
             fracture_rule: object.fracture_rule,
             element_kind: object.element,
             gravity_m_per_s2: scene.desc.gravity_m_per_s2.into(),
-            voxel_loads,
-            face_loads,
+            holds: loads.holds,
+            voxel_loads: loads.of_voxels,
+            face_loads: loads.of_faces,
             single_voxel: CompositeTables::new(0, state.grid.voxel_size_m()),
             tables: exponents.map(|exponent| CompositeTables::new(exponent, state.grid.voxel_size_m())).collect(),
         };

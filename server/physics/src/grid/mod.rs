@@ -10,12 +10,16 @@ pub(crate) mod lattice;
 pub(crate) mod levels;
 mod mesh;
 mod mesh_faces;
+mod parted;
+mod ranked;
 mod small_pieces;
 pub mod thickness;
 pub mod voxelize;
 
 use crate::Vec3;
 use crate::walk::{Kept, WalkError};
+use parted::PartedPlaces;
+use ranked::RankedSet;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -104,18 +108,17 @@ pub const LEAST_PIECE_VOXELS: usize = 8;
 /// Least extent of what is filled along an axis, in voxels: what a surface only grazes is to have some stiffness.
 const LEAST_EXTENT: f64 = 0.05;
 
-const NO_VOXEL: u32 = u32::MAX;
-const NO_CROSSING: u32 = u32::MAX;
+/// Links that are a cell's: those to its upper neighbours.
+const LINKS_OF_CELL: usize = 3;
 
 /// Voxels, links and crossings of one object: what never changes, which copies share, and the links that are parted.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Grid {
     #[serde(skip)]
     cells: Arc<Cells>,
-    /// Crossing of each of a cell's three `+axis` links, in the box of the cells: of the object's own surface first,
-    /// then of the parted links.
+    /// Where the links that are parted stand among them.
     #[serde(skip)]
-    crossing_at: Vec<[u32; 3]>,
+    places: PartedPlaces,
     /// Links that are parted, and where.
     parted: Kept<Vec<(LinkId, Crossing)>>,
 }
@@ -126,10 +129,13 @@ struct Cells {
     voxel_size_m: f64,
     origin_m: Vec3,
     dims: [i32; 3],
+    /// By z, then y, then x.
     voxels: Vec<Voxel>,
-    /// Voxel at each cell of the box `-1..dims + 1`, x fastest.
-    voxel_at: Vec<u32>,
-    /// Crossings of the object's own surface.
+    /// Slots of the cells that they fill, in the box `-1..dims + 1`, x fastest.
+    filled: RankedSet,
+    /// Keys of the links that the object's own surface crosses.
+    at_surface: RankedSet,
+    /// Where it crosses them, in this order.
     crossings: Vec<Crossing>,
     /// Signed distance at the centre of each cell of the same box, m, negative inside.
     signed_distance_m: Vec<f32>,
@@ -145,47 +151,34 @@ impl Grid {
         voxel_size_m: f64,
         origin_m: Vec3,
         dims: [i32; 3],
-        voxels: Vec<Voxel>,
+        mut voxels: Vec<Voxel>,
         signed_distance_m: impl Fn(Ijk) -> f32,
         boundary: impl Fn(LinkId) -> Crossing,
     ) -> Self {
         let count = dims.iter().map(|d| (d + 2) as usize).product();
-        let mut cells = Cells {
-            voxel_size_m,
-            origin_m,
-            dims,
-            voxels,
-            voxel_at: vec![NO_VOXEL; count],
-            crossings: Vec::new(),
-            signed_distance_m: Vec::with_capacity(count),
-            left_out: LeftOut::default(),
-        };
-        for (id, voxel) in cells.voxels.iter().enumerate() {
-            let slot = cells.slot(voxel.ijk).expect("voxel lies in the box");
-            cells.voxel_at[slot] = id as u32;
-        }
-        let mut crossing_at = vec![[NO_CROSSING; 3]; count];
-        for (slot, cell) in cells.lattice().enumerate() {
-            cells.signed_distance_m.push(signed_distance_m(cell));
-            for axis in 0..3u8 {
-                let link = LinkId { cell, axis };
-                if cells.voxel_at(cell).is_some() != cells.voxel_at(link.upper()).is_some() {
-                    crossing_at[slot][axis as usize] = cells.crossings.len() as u32;
-                    cells.crossings.push(boundary(link));
-                }
-            }
-        }
-        Self { cells: Arc::new(cells), crossing_at, parted: Kept::default() }
+        voxels.sort_unstable_by_key(|voxel| [voxel.ijk[2], voxel.ijk[1], voxel.ijk[0]]);
+        voxels.shrink_to_fit();
+        let mut cells = Cells { voxel_size_m, origin_m, dims, voxels, ..Cells::default() };
+        let slots = cells.voxels.iter().map(|voxel| cells.slot(voxel.ijk).expect("voxel lies in the box"));
+        cells.filled = RankedSet::new(count, slots);
+        cells.signed_distance_m.reserve_exact(count);
+        cells.signed_distance_m.extend(cells.lattice().map(signed_distance_m));
+        let links = cells.lattice().flat_map(|cell| (0..3u8).map(move |axis| LinkId { cell, axis }));
+        let is_inside = |cell: Ijk| cells.voxel_at(cell).is_some();
+        let at_surface: Vec<LinkId> = links.filter(|link| is_inside(link.cell) != is_inside(link.upper())).collect();
+        let keys = at_surface.iter().map(|link| cells.key(*link).expect("link lies in the box"));
+        cells.at_surface = RankedSet::new(LINKS_OF_CELL * count, keys);
+        cells.crossings = at_surface.into_iter().map(boundary).collect();
+        cells.crossings.shrink_to_fit();
+        let places = PartedPlaces::none(LINKS_OF_CELL * count);
+        Self { cells: Arc::new(cells), places, parted: Kept::default() }
     }
 
-    /// Takes all that never changes of a grid of the same object, whose links are intact or not: `self` was read from a
-    /// file. Refuses links that cannot be parted.
+    /// Takes all that never changes of a grid of the same object: `self` was read from a file. Refuses links that cannot
+    /// be parted.
     pub(crate) fn complete(&mut self, like: &Self) -> Result<(), WalkError> {
         self.cells = Arc::clone(&like.cells);
-        self.crossing_at.clone_from(&like.crossing_at);
-        for (link, _) in like.parted.iter() {
-            *self.index_of(*link) = NO_CROSSING;
-        }
+        self.places = PartedPlaces::none(LINKS_OF_CELL * self.cells.signed_distance_m.len());
         for (link, crossing) in std::mem::take(&mut *self.parted) {
             if !self.part(link, crossing) {
                 return Err(WalkError::new(format!("{link:?} is parted, and no link of the object")));
@@ -194,13 +187,12 @@ impl Grid {
         Ok(())
     }
 
-    fn index_of(&mut self, link: LinkId) -> &mut u32 {
-        let slot = self.slot(link.cell).expect("link lies in the box");
-        &mut self.crossing_at[slot][link.axis as usize]
-    }
-
     fn slot(&self, cell: Ijk) -> Option<usize> {
         self.cells.slot(cell)
+    }
+
+    fn key(&self, link: LinkId) -> usize {
+        self.cells.key(link).expect("link lies in the box")
     }
 
     /// Gives voxels a material.
@@ -268,15 +260,16 @@ impl Grid {
     pub fn link(&self, link: LinkId) -> Link {
         let lower = self.voxel_at(link.cell).is_some();
         let upper = self.voxel_at(link.upper()).is_some();
-        let crossing = || {
-            let index = self.crossing_at[self.slot(link.cell)?][link.axis as usize] as usize;
-            let own = &self.cells.crossings;
-            own.get(index).copied().or_else(|| Some(self.parted.get(index.checked_sub(own.len())?)?.1))
-        };
         match (lower, upper) {
             (false, false) => Link::Outside,
-            (true, true) => crossing().map_or(Link::Intact, Link::Parted),
-            _ => Link::Boundary(crossing().expect("a boundary link has a crossing from the start")),
+            (true, true) => {
+                let place = self.places.place(self.key(link));
+                place.map_or(Link::Intact, |place| Link::Parted(self.parted[place].1))
+            }
+            _ => {
+                let place = self.cells.at_surface.rank(self.key(link));
+                Link::Boundary(self.cells.crossings[place.expect("the surface crosses the link") as usize])
+            }
         }
     }
 
@@ -306,8 +299,9 @@ impl Grid {
     /// Whether the face neighbours at the link's ends are both inside and connected.
     #[must_use]
     pub fn is_intact(&self, link: LinkId) -> bool {
-        let (Some(slot), Some(_)) = (self.slot(link.cell), self.voxel_at(link.upper())) else { return false };
-        self.cells.voxel_at[slot] != NO_VOXEL && self.crossing_at[slot][link.axis as usize] == NO_CROSSING
+        let (Some(lower), Some(upper)) = (self.slot(link.cell), self.slot(link.upper())) else { return false };
+        let is_filled = |slot| self.cells.filled.contains(slot);
+        is_filled(lower) && is_filled(upper) && !self.places.contains(LINKS_OF_CELL * lower + usize::from(link.axis))
     }
 
     /// Parts an intact link; a link that is parted already keeps its first crossing.
@@ -315,7 +309,7 @@ impl Grid {
     pub fn part(&mut self, link: LinkId, crossing: Crossing) -> bool {
         let intact = self.is_intact(link);
         if intact {
-            *self.index_of(link) = (self.cells.crossings.len() + self.parted.len()) as u32;
+            self.places.insert(self.key(link), self.parted.len());
             self.parted.push((link, crossing));
         }
         intact
@@ -323,11 +317,10 @@ impl Grid {
 
     /// Makes a parted link intact again.
     pub(crate) fn rejoin(&mut self, link: LinkId) {
-        let index = std::mem::replace(self.index_of(link), NO_CROSSING);
-        let at = index as usize - self.cells.crossings.len();
-        self.parted.swap_remove(at);
-        if let Some(&(moved, _)) = self.parted.get(at) {
-            *self.index_of(moved) = index;
+        let place = self.places.remove(self.key(link));
+        self.parted.swap_remove(place);
+        if let Some(&(moved, _)) = self.parted.get(place) {
+            self.places.insert(self.key(moved), place);
         }
     }
 
@@ -378,13 +371,16 @@ impl Grid {
 
     /// The six links of a cell with their other ends: -x, +x, -y, +y, -z, +z.
     pub fn links_of(cell: Ijk) -> impl Iterator<Item = (LinkId, Ijk)> {
-        (0..6u8).map(move |face| {
-            let axis = (face / 2) as usize;
-            let mut other = cell;
-            other[axis] += if face % 2 == 0 { -1 } else { 1 };
-            let lower = if face % 2 == 0 { other } else { cell };
-            (LinkId { cell: lower, axis: axis as u8 }, other)
-        })
+        (0..6u8).map(move |face| Self::link_of(cell, face))
+    }
+
+    /// One of these.
+    pub(crate) fn link_of(cell: Ijk, face: u8) -> (LinkId, Ijk) {
+        let axis = (face / 2) as usize;
+        let mut other = cell;
+        other[axis] += if face % 2 == 0 { -1 } else { 1 };
+        let lower = if face % 2 == 0 { other } else { cell };
+        (LinkId { cell: lower, axis: axis as u8 }, other)
     }
 
     /// Signed distance to the object's own (uncut) surface at a reference position, m, negative
@@ -429,8 +425,12 @@ impl Cells {
         Some(slot)
     }
 
+    /// The number of a link in the box, of those of its lower cell.
+    fn key(&self, link: LinkId) -> Option<usize> {
+        Some(LINKS_OF_CELL * self.slot(link.cell)? + usize::from(link.axis))
+    }
+
     fn voxel_at(&self, cell: Ijk) -> Option<VoxelId> {
-        let id = self.voxel_at[self.slot(cell)?];
-        (id != NO_VOXEL).then_some(VoxelId(id))
+        self.filled.rank(self.slot(cell)?).map(VoxelId)
     }
 }
