@@ -4,6 +4,10 @@ use crate::Vec3;
 use crate::body::Body;
 use crate::math::Aabb;
 
+/// Elements that there is room for before any is near. A tool is near a few hundred where elements are a tenth of its
+/// width; a step that finds more allocates, once.
+const ROOM_FOR_ELEMENTS: usize = 512;
+
 /// Elements by the cells of space that their boxes cover, near one tool.
 #[derive(Clone, Default)]
 pub struct SpatialHash {
@@ -15,8 +19,10 @@ pub struct SpatialHash {
 }
 
 impl SpatialHash {
-    /// Room for all elements of a body: one of about the size of a cell covers up to eight cells.
+    /// Room for the elements of a body, but for no more than [`ROOM_FOR_ELEMENTS`]: one of about the size of a cell
+    /// covers up to eight cells.
     pub fn reserve(&mut self, elements: usize) {
+        let elements = elements.min(ROOM_FOR_ELEMENTS);
         self.boxes.clear();
         self.boxes.reserve(elements);
         self.entries.clear();

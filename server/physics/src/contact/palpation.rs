@@ -5,6 +5,7 @@ use crate::Vec3;
 use crate::body::Body;
 use crate::boundary::{Skin, SkinPatch};
 use crate::math::{Aabb, cofactor};
+use crate::solve::spring::ROOM_FOR_SPRINGS;
 use crate::tool::ToolPath;
 use crate::tool::capsule::Capsule;
 use serde::{Deserialize, Serialize};
@@ -56,7 +57,7 @@ impl Palpation {
 
     /// Makes room for a contact on every patch.
     pub fn reserve(&mut self, body: &Body) {
-        let most = Self::most_springs(body);
+        let most = Self::most_springs(body).min(ROOM_FOR_SPRINGS);
         self.contacts.reserve(most.saturating_sub(self.contacts.len()));
         for pressed in [&mut self.pressed, &mut self.before] {
             pressed.reserve(most.saturating_sub(pressed.len()));

@@ -52,11 +52,6 @@ impl Blade {
         [end(edge_m.first()), around(edge_m), end(edge_m.last())]
     }
 
-    /// How many of the parts of its outline cut.
-    pub(crate) fn sharp_parts(&self) -> usize {
-        if self.sharp_ends { 3 } else { 1 }
-    }
-
     /// What of its outline cuts, from one end to the other: segments no longer than `longest_m`, and how many of them are
     /// of the first end and of the edge.
     pub(crate) fn outline(&self, longest_m: f64) -> (Vec<EdgeSegment>, [usize; 2]) {

@@ -6,6 +6,7 @@ use crate::contact::flank::WallsBeside;
 use crate::contact::{Contact, Misjudged, Mode, Solution};
 use crate::fracture::{BladeMotion, Crack, Front, FrontBook, Tissue};
 use crate::grid::{Crossing, LinkId};
+use crate::solve::spring::ROOM_FOR_SPRINGS;
 use crate::tool::ToolPath;
 use crate::tool::blade::Blade;
 use crate::tool::scissors::Mount;
@@ -44,10 +45,9 @@ impl BladeContact {
 
     pub(super) fn reserve(&mut self, walls: usize, elements: usize) {
         self.front.reserve();
-        self.flanks.reserve(walls.saturating_sub(self.flanks.len()));
+        self.flanks.reserve(walls.min(ROOM_FOR_SPRINGS).saturating_sub(self.flanks.len()));
         self.beside.reserve(walls);
-        // An element may be near each part of the outline.
-        self.hash.reserve(self.blade.sharp_parts() * elements);
+        self.hash.reserve(elements);
     }
 
     pub(super) fn settle(&mut self, dt_s: f64, velocity_change: &[[f64; 3]], solution: Solution) -> Misjudged {

@@ -10,7 +10,7 @@ use crate::contact::{Contact, Misjudged, Mode, Solution};
 use crate::fracture::Crack;
 use crate::grid::{Crossing, LinkId};
 use crate::ledger::BodyLedger;
-use crate::solve::spring::{POINT_NODES, PointSpring};
+use crate::solve::spring::{POINT_NODES, PointSpring, ROOM_FOR_SPRINGS};
 use crate::tool::ToolShape;
 use crate::walk::WalkError;
 use crate::workers::Workers;
@@ -111,15 +111,15 @@ impl BodySlot {
         if fits { Ok(()) } else { Err(WalkError::new("contacts are not of the tools and the body".into())) }
     }
 
-    /// Room for every contact there may be until links part again, `tissue_springs` of them with tissue: a
-    /// step in between allocates nothing.
+    /// Room for the contacts there may be until links part again, `tissue_springs` of them with tissue, but for no more
+    /// than [`ROOM_FOR_SPRINGS`]: a step in between allocates nothing.
     pub(super) fn reserve(&mut self, tissue_springs: usize) {
         self.contacts.iter_mut().for_each(|contact| contact.reserve(&self.body));
         let of_tools: usize = self.contacts.iter().map(|contact| contact.most_springs(&self.body)).sum();
         let markers: usize = self.contacts.iter().map(ToolContact::markers).sum();
         self.crack.reserve(ENDS_PER_MARKER * markers);
         let of_cohesive = self.pulled.as_ref().map_or(0, |pulled| pulled.cohesive.count());
-        let springs = of_tools + of_cohesive + tissue_springs;
+        let springs = (of_tools + of_cohesive + tissue_springs).min(ROOM_FOR_SPRINGS);
         self.scratch.impulses.clear();
         self.scratch.impulses.reserve(POINT_NODES * springs);
         self.body.reserve(springs);

@@ -15,7 +15,7 @@ use crate::contact::{
 };
 use crate::ledger::ContactLedger;
 use crate::solve::pcg::{Factor, System, Systems};
-use crate::solve::spring::PointSpring;
+use crate::solve::spring::{PointSpring, ROOM_FOR_SPRINGS};
 use crate::workers::Workers;
 use serde::{Deserialize, Serialize};
 
@@ -236,9 +236,10 @@ impl TissueContacts {
         self.planes.reserve(most);
         self.approaches.clear();
         self.approaches.reserve(ROOM_FOR_APPROACHES);
-        self.springs.reserve(most.saturating_sub(self.springs.len()));
+        let springs = most.min(ROOM_FOR_SPRINGS);
+        self.springs.reserve(springs.saturating_sub(self.springs.len()));
         self.bridges.clear();
-        self.bridges.reserve(if slots.len() > 1 { most } else { 0 });
+        self.bridges.reserve(if slots.len() > 1 { springs } else { 0 });
         self.groups.reserve(slots);
     }
 

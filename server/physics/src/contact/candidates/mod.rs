@@ -15,8 +15,9 @@ use nodes::Nodes;
 /// looked at and when, never what is found: less is found anew more often, more looks at more pairs in each step: with
 /// three times as much, also at those whose normals are at right angles.
 const SLACK_ELEMENTS: f64 = 0.04;
-/// Others that a patch has room for on average: where there are more, a step that finds them allocates.
-const ROOM_FOR_OTHERS: usize = 32;
+/// Others that a patch has room for, on average over all of a surface, most of which meets nothing: where there are more,
+/// a step that finds them allocates, once.
+const ROOM_FOR_OTHERS: usize = 4;
 
 /// Patches that may meet another.
 #[derive(Debug, Default)]
