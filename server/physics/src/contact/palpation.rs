@@ -57,17 +57,17 @@ impl Palpation {
 
     /// Makes room for a contact on every patch.
     pub fn reserve(&mut self, body: &Body) {
-        let most = Self::most_springs(body).min(ROOM_FOR_SPRINGS);
+        let most = Self::most_springs(body);
         self.contacts.reserve(most.saturating_sub(self.contacts.len()));
         for pressed in [&mut self.pressed, &mut self.before] {
             pressed.reserve(most.saturating_sub(pressed.len()));
         }
     }
 
-    /// One for each patch.
+    /// One for each patch, of as many as there is room for.
     #[must_use]
     pub fn most_springs(body: &Body) -> usize {
-        body.boundary().skin().map_or(0, Skin::len)
+        body.boundary().skin().map_or(0, Skin::len).min(ROOM_FOR_SPRINGS)
     }
 
     /// Forgets every contact.

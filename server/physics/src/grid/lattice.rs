@@ -5,7 +5,7 @@ use crate::Vec3;
 use crate::scene::SceneError;
 use crate::scene::wording::brief;
 
-/// Cells of one object's lattice, margin included. At 20 bytes a cell this is 340 MB.
+/// Cells of one object's lattice, margin included. At 11 bytes a cell while it is sampled this is 180 MB.
 pub const MAX_CELLS: f64 = (1u64 << 24) as f64;
 
 /// A share of a voxel by which a shape may exceed a whole number of voxels and still count as whole:

@@ -378,8 +378,8 @@ impl Grid {
     pub(crate) fn link_of(cell: Ijk, face: u8) -> (LinkId, Ijk) {
         let axis = (face / 2) as usize;
         let mut other = cell;
-        other[axis] += if face % 2 == 0 { -1 } else { 1 };
-        let lower = if face % 2 == 0 { other } else { cell };
+        other[axis] += if face.is_multiple_of(2) { -1 } else { 1 };
+        let lower = if face.is_multiple_of(2) { other } else { cell };
         (LinkId { cell: lower, axis: axis as u8 }, other)
     }
 

@@ -166,7 +166,9 @@ impl Samples {
         Ok(match solid {
             Solid::Implicit(shape) => {
                 let sample = |cell| shape.sample(&lattice.centre_m(cell)).distance_m;
-                let (inside, distance_m) = lattice.cells().map(sample).map(|d| (d < 0.0, d as f32)).unzip();
+                let mut sampled = (Vec::with_capacity(lattice.len()), Vec::with_capacity(lattice.len()));
+                sampled.extend(lattice.cells().map(sample).map(|d| (d < 0.0, d as f32)));
+                let (inside, distance_m) = sampled;
                 Self { lattice, inside, distance_m, surface: Surface::Implicit(shape) }
             }
             Solid::Mesh(solid) => {

@@ -8,8 +8,8 @@ use wide::{f32x4, u32x8};
 /// them that hang are moved by others.
 pub const POINT_NODES: usize = 32;
 
-/// Springs that there is room for before any press. A blade in an organ has fewer. A step that finds more allocates,
-/// once: their room stays.
+/// Springs between surfaces that there is room for before any press. A blade in an organ has fewer at its flanks. A step
+/// that finds more allocates, once: their room stays.
 pub const ROOM_FOR_SPRINGS: usize = 256;
 
 /// A point of the tissue held by springs: adds `w w^T (x) S` to the system matrix.

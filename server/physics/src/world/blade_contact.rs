@@ -74,9 +74,9 @@ impl BladeContact {
         self.beside.clear();
     }
 
-    /// Number of springs that there may be at most against so many walls.
+    /// Number of springs that there is room for against so many walls.
     pub(super) fn most_springs(&self, walls: usize) -> usize {
-        self.front.most_springs() + walls
+        self.front.most_springs() + walls.min(ROOM_FOR_SPRINGS)
     }
 
     pub(super) fn springs(&self) -> impl Iterator<Item = &Contact> {

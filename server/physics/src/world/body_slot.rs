@@ -111,7 +111,7 @@ impl BodySlot {
         if fits { Ok(()) } else { Err(WalkError::new("contacts are not of the tools and the body".into())) }
     }
 
-    /// Room for the contacts there may be until links part again, `tissue_springs` of them with tissue, but for no more
+    /// Room for the contacts there may be until links part again, `tissue_springs` of them with tissue, of these no more
     /// than [`ROOM_FOR_SPRINGS`]: a step in between allocates nothing.
     pub(super) fn reserve(&mut self, tissue_springs: usize) {
         self.contacts.iter_mut().for_each(|contact| contact.reserve(&self.body));
@@ -119,7 +119,7 @@ impl BodySlot {
         let markers: usize = self.contacts.iter().map(ToolContact::markers).sum();
         self.crack.reserve(ENDS_PER_MARKER * markers);
         let of_cohesive = self.pulled.as_ref().map_or(0, |pulled| pulled.cohesive.count());
-        let springs = (of_tools + of_cohesive + tissue_springs).min(ROOM_FOR_SPRINGS);
+        let springs = of_tools + of_cohesive + tissue_springs.min(ROOM_FOR_SPRINGS);
         self.scratch.impulses.clear();
         self.scratch.impulses.reserve(POINT_NODES * springs);
         self.body.reserve(springs);

@@ -14,7 +14,7 @@ use super::body_slot::BodySlot;
 use crate::body::{Body, Response};
 use crate::contact::Contact;
 use crate::math::{Mat3x6, Mat6, Vec6};
-use crate::solve::spring::{PointSpring, ROOM_FOR_SPRINGS};
+use crate::solve::spring::PointSpring;
 use crate::step_io::{ContactModel, Give, Wrench};
 use crate::tool::{Pose, ToolPath, ToolShape};
 use crate::work::WorkMeter;
@@ -216,7 +216,7 @@ impl ToolModel {
         self.springs.clear();
         for (tissue, slot) in self.tissues.iter_mut().zip(slots) {
             tissue.fields.iter_mut().for_each(|field| slot.body.fit(field));
-            self.springs.reserve(slot.contacts[index].most_springs(&slot.body).min(ROOM_FOR_SPRINGS));
+            self.springs.reserve(slot.contacts[index].most_springs(&slot.body));
         }
     }
 }

@@ -1,7 +1,7 @@
 //! What a cut, and what moves on, changes of them: pairs of patches that stay as they were stay as they were found.
 
 use super::nodes::Motion;
-use super::{Candidates, Lists, OfBody, ROOM_FOR_OTHERS, SLACK_ELEMENTS};
+use super::{Candidates, Lists, OfBody, SLACK_ELEMENTS, room_for_others};
 use crate::Vec3;
 use crate::body::Body;
 use crate::contact::patch_hash::{PatchHash, PlacedPatch};
@@ -137,7 +137,7 @@ impl Follower {
         }
         self.again_m.reserve(patches.saturating_sub(self.again_m.len()));
         for pairs in [&mut self.found, &mut self.returned] {
-            pairs.reserve((ROOM_FOR_OTHERS * patches).saturating_sub(pairs.len()));
+            pairs.reserve(room_for_others(patches).saturating_sub(pairs.len()));
         }
         self.speeds.reserve(nodes.saturating_sub(self.speeds.len()));
     }

@@ -15,9 +15,15 @@ use nodes::Nodes;
 /// looked at and when, never what is found: less is found anew more often, more looks at more pairs in each step: with
 /// three times as much, also at those whose normals are at right angles.
 const SLACK_ELEMENTS: f64 = 0.04;
-/// Others that a patch has room for, on average over all of a surface, most of which meets nothing: where there are more,
-/// a step that finds them allocates, once.
-const ROOM_FOR_OTHERS: usize = 4;
+/// Others that a patch has room for on average: where there are more, a step that finds them allocates.
+const ROOM_FOR_OTHERS: usize = 32;
+/// Patches that may meet others and that there is room for, with theirs: of most of a surface none does.
+const ROOM_FOR_MEETING: usize = 256;
+
+/// Room for the others of so many patches.
+fn room_for_others(patches: usize) -> usize {
+    ROOM_FOR_OTHERS * patches.min(ROOM_FOR_MEETING)
+}
 
 /// Patches that may meet another.
 #[derive(Debug, Default)]
@@ -135,7 +141,7 @@ impl Lists {
         for list in [&mut self.patches, &mut self.ends, &mut self.places] {
             list.reserve(patches.saturating_sub(list.len()));
         }
-        self.others.reserve((ROOM_FOR_OTHERS * patches).saturating_sub(self.others.len()));
+        self.others.reserve(room_for_others(patches).saturating_sub(self.others.len()));
     }
 
     fn clear(&mut self) {
