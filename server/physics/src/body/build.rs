@@ -189,11 +189,20 @@ impl Body {
     pub(super) fn resize_blocks(&mut self) {
         let elements = self.base().elements.len();
         let blocks = elements.div_ceil(LANES);
-        self.solver.blocks.resize_with(blocks, ElementBlock::default);
-        self.state.elements.resize_with(blocks, ElementState::default);
-        self.solver.element_loads_n.resize(elements, [[0.0; 3]; 8]);
+        grow(&mut self.solver.blocks, blocks, ElementBlock::default);
+        grow(&mut self.state.elements, blocks, ElementState::default);
+        grow(&mut self.solver.element_loads_n, elements, Default::default);
         self.state.held.resize(elements);
         self.solver.applied_stiffening.resize(elements, 1.0);
         self.solver.coarse_stiffening.resize(elements, 1.0);
     }
+}
+
+/// Resizes what is large by element, with room for a few more: parting links adds elements few at a time, and where room
+/// doubled half of it would stay empty.
+fn grow<T>(values: &mut Vec<T>, count: usize, value: impl FnMut() -> T) {
+    if count > values.capacity() {
+        values.reserve_exact(count + count / 8 - values.len());
+    }
+    values.resize_with(count, value);
 }

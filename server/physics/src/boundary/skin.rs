@@ -73,7 +73,7 @@ impl Skin {
         let edge_voxels = solid.level.elements[element as usize].size << solid.level.exponent;
         let wide = (edge_voxels >> 2).clamp(1, self.most_voxels);
         let key = |facet: &Facet| (facet.side, facet.cell.map(|c| c / wide));
-        let mut facets: Vec<&Facet> = facets.of_element(solid, element).collect();
+        let mut facets: Vec<Facet> = facets.of_element(solid, element).collect();
         facets.sort_by_key(|facet| key(facet));
         for patch in facets.chunk_by(|a, b| key(a) == key(b)) {
             let area_m2: f64 = patch.iter().map(|facet| facet.area_m2).sum();
