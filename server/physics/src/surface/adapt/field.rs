@@ -6,50 +6,40 @@ use super::reached::Reached;
 use crate::Vec3;
 use crate::likeness::Placed;
 
-/// Values by slot; only those of the present turn mean anything, so that nothing is ever cleared.
+/// Values of the vertices that were looked at in a step, side by side: those of a blade's surroundings, of a surface that
+/// may be large.
 #[derive(Default)]
 pub struct Store {
     vertices: Vec<Vertex>,
-    /// The turn of one tool's edge or flanks, and the first turn of the step.
-    turn: u64,
-    first: u64,
-    /// Vertices that were looked at in this step.
-    seen: Vec<Slot>,
+    /// By slot: where its values are, if they are those of this slot. So nothing is ever cleared (Briggs and Torczon
+    /// 1993).
+    places: Vec<u32>,
+    /// The turn of one tool's edge or flanks.
+    turn: u32,
 }
 
-#[derive(Clone, Copy)]
-struct Vertex {
-    turn: u64,
+/// What is known of a vertex.
+pub(super) struct Vertex {
+    slot: Slot,
+    turn: u32,
     /// Where the element has it, m.
     carried_m: Vec3,
     /// Where it was when the turn began, m.
-    base_m: Vec3,
+    pub(super) base_m: Vec3,
     /// Where it is, m.
     adapted_m: Vec3,
-    reached: Option<Reached>,
+    /// What the march knows of it.
+    pub(super) reached: Option<Reached>,
     /// On a blade: it stays there.
     held: bool,
 }
 
-const UNSEEN: Vertex = Vertex {
-    turn: 0,
-    carried_m: Vec3::new(0.0, 0.0, 0.0),
-    base_m: Vec3::new(0.0, 0.0, 0.0),
-    adapted_m: Vec3::new(0.0, 0.0, 0.0),
-    reached: None,
-    held: false,
-};
-
 impl Store {
     /// Begins a step: every vertex is where its element has it.
     pub(crate) fn begin_step(&mut self, mesh: &Mesh) {
-        if self.vertices.len() != mesh.len() {
-            self.vertices.resize(mesh.len(), UNSEEN);
-            self.seen = Vec::with_capacity(mesh.len());
-        }
-        self.seen.clear();
-        self.turn += 1;
-        self.first = self.turn;
+        self.places.resize(mesh.len(), 0);
+        self.vertices.clear();
+        self.turn = 0;
     }
 
     /// Begins another turn, in which the vertices begin where the last one left them.
@@ -59,15 +49,14 @@ impl Store {
 
     /// Vertices that have moved in this step, by how much, m, and whether onto a blade.
     pub fn moved(&self) -> impl Iterator<Item = (Slot, Vec3, bool)> + '_ {
-        let seen = self.seen.iter().map(|slot| (*slot, &self.vertices[*slot as usize]));
-        seen.filter(|(_, vertex)| vertex.adapted_m != vertex.carried_m)
-            .map(|(slot, vertex)| (slot, vertex.adapted_m - vertex.carried_m, vertex.held))
+        let moved = self.vertices.iter().filter(|vertex| vertex.adapted_m != vertex.carried_m);
+        moved.map(|vertex| (vertex.slot, vertex.adapted_m - vertex.carried_m, vertex.held))
     }
 
     /// Number of vertices that were looked at in this step.
     #[cfg(test)]
     pub fn seen(&self) -> usize {
-        self.seen.len()
+        self.vertices.len()
     }
 }
 
@@ -82,26 +71,49 @@ pub struct Field<'a> {
 }
 
 impl Field<'_> {
+    /// Where the values of a vertex are in this turn.
     #[inline]
-    fn vertex(&mut self, slot: Slot) -> &mut Vertex {
-        if self.store.vertices[slot as usize].turn < self.store.turn {
-            self.begin(slot);
+    pub(super) fn place(&mut self, slot: Slot) -> usize {
+        let place = self.store.places[slot as usize] as usize;
+        match self.store.vertices.get(place) {
+            Some(vertex) if vertex.slot == slot && vertex.turn == self.store.turn => place,
+            _ => self.begin(slot, place),
         }
-        &mut self.store.vertices[slot as usize]
     }
 
-    /// Brings a vertex into this turn.
+    /// The values at a place.
+    #[inline]
+    pub(super) fn at(&self, place: usize) -> &Vertex {
+        &self.store.vertices[place]
+    }
+
+    /// The values at a place.
+    #[inline]
+    pub(super) fn at_mut(&mut self, place: usize) -> &mut Vertex {
+        &mut self.store.vertices[place]
+    }
+
+    #[inline]
+    fn vertex(&mut self, slot: Slot) -> &mut Vertex {
+        let place = self.place(slot);
+        self.at_mut(place)
+    }
+
+    /// Brings a vertex into this turn; its place.
     #[cold]
-    fn begin(&mut self, slot: Slot) {
+    fn begin(&mut self, slot: Slot, place: usize) -> usize {
         let store = &mut *self.store;
-        let vertex = &mut store.vertices[slot as usize];
-        if vertex.turn < store.first {
-            let carried_m = self.body.current_m(&self.mesh.point(slot));
-            *vertex = Vertex { turn: store.turn, carried_m, base_m: carried_m, adapted_m: carried_m, ..UNSEEN };
-            store.seen.push(slot);
-        } else {
-            *vertex = Vertex { turn: store.turn, base_m: vertex.adapted_m, reached: None, ..*vertex };
+        let turn = store.turn;
+        if let Some(vertex) = store.vertices.get_mut(place).filter(|vertex| vertex.slot == slot) {
+            (vertex.turn, vertex.base_m, vertex.reached) = (turn, vertex.adapted_m, None);
+            return place;
         }
+        let carried_m = self.body.current_m(&self.mesh.point(slot));
+        let place = store.vertices.len();
+        store.places[slot as usize] = place as u32;
+        let (base_m, adapted_m) = (carried_m, carried_m);
+        store.vertices.push(Vertex { slot, turn, carried_m, base_m, adapted_m, reached: None, held: false });
+        place
     }
 
     /// Where a vertex was when the turn began, m.
@@ -118,11 +130,6 @@ impl Field<'_> {
     /// What the march knows of a vertex.
     pub fn reached(&mut self, slot: Slot) -> Option<Reached> {
         self.vertex(slot).reached
-    }
-
-    /// Sets what the march knows of a vertex.
-    pub fn reach(&mut self, slot: Slot, reached: Reached) {
-        self.vertex(slot).reached = Some(reached);
     }
 
     /// Whether a vertex is on a blade.

@@ -22,12 +22,6 @@ pub struct March {
 }
 
 impl March {
-    /// Room for a surface of so many vertices, each taken up twice, which all are seldom.
-    pub(crate) fn reserve(&mut self, vertices: usize) {
-        self.queue.clear();
-        self.queue.reserve(2 * vertices);
-    }
-
     /// Starts anew.
     pub fn clear(&mut self) {
         self.queue.clear();
@@ -37,45 +31,53 @@ impl March {
     /// Starts from a vertex, if there is no nearer beginning there. What moves by less than `negligible_m` need not
     /// be reached.
     pub fn start(&mut self, field: &mut Field<'_>, slot: Slot, distance_m: f64, carried: Carried, negligible_m: f64) {
-        if field.reached(slot).is_none_or(|reached| distance_m < reached.distance_m) {
+        let place = field.place(slot);
+        let known = field.at(place).reached.as_ref();
+        if known.is_none_or(|reached| distance_m < reached.distance_m) {
             self.end_m = self.end_m.max(carried.profile.end_m(carried.by_m.norm(), negligible_m));
-            self.reach(field, slot, distance_m, carried);
+            self.reach(field, (slot, place), distance_m, carried);
         }
     }
 
     /// Takes a vertex up, or nearer than it was.
-    fn reach(&mut self, field: &mut Field<'_>, slot: Slot, distance_m: f64, carried: Carried) {
-        field.reach(slot, Reached { distance_m, carried, settled: false });
+    fn reach(&mut self, field: &mut Field<'_>, (slot, place): (Slot, usize), distance_m: f64, carried: Carried) {
+        field.at_mut(place).reached = Some(Reached { distance_m, carried, settled: false });
         self.queue.push(Reverse((distance_m.to_bits(), field.mesh.id(slot), slot)));
     }
 
     /// Marches on until everything within reach is settled; `order` gets the vertices as they settle.
     pub fn run(&mut self, field: &mut Field<'_>, order: &mut Vec<Slot>) {
         while let Some(Reverse((.., slot))) = self.queue.pop() {
-            let Some(here) = field.reached(slot).filter(|here| !here.settled) else { continue };
-            field.reach(slot, Reached { settled: true, ..here });
+            let place = field.place(slot);
+            let vertex = field.at_mut(place);
+            let from_m = vertex.base_m;
+            let Some(here) = vertex.reached.as_mut().filter(|here| !here.settled) else { continue };
+            here.settled = true;
+            let from = (*here, from_m);
             order.push(slot);
-            let (mesh, from) = (field.mesh, (here, field.base_m(slot)));
-            for [left, right] in mesh.triangles_at(slot) {
-                self.cross(field, from, left, right);
-                self.cross(field, from, right, left);
+            let mesh = field.mesh;
+            for others in mesh.triangles_at(slot) {
+                let [left, right] = others.map(|other| (other, field.place(other)));
+                self.cross(field, &from, left, right.1);
+                self.cross(field, &from, right, left.1);
             }
         }
     }
 
-    /// Reaches `next` over the triangle that a vertex which has just settled forms with it and `other`.
-    fn cross(&mut self, field: &mut Field<'_>, (near, from_m): (Reached, Vec3), next: Slot, other: Slot) {
-        let known = field.reached(next);
-        if known.is_some_and(|known| known.settled) {
+    /// Reaches `next` over the triangle that a vertex which has just settled forms with it and the vertex at the place
+    /// `other`.
+    fn cross(&mut self, field: &mut Field<'_>, (near, from_m): &(Reached, Vec3), next: (Slot, usize), other: usize) {
+        let [to, beside] = [next.1, other].map(|place| field.at(place));
+        if to.reached.as_ref().is_some_and(|known| known.settled) {
             return;
         }
-        let a = from_m - field.base_m(next);
-        let across = field.reached(other).filter(|far| far.settled).and_then(|far| {
-            let b = field.base_m(other) - field.base_m(next);
+        let a = from_m - to.base_m;
+        let across = beside.reached.as_ref().filter(|far| far.settled).and_then(|far| {
+            let b = beside.base_m - to.base_m;
             planar(a, b, near.distance_m, far.distance_m).map(|(distance_m, share)| (distance_m, share, far))
         });
         let distance_m = across.map_or_else(|| near.distance_m + a.norm(), |(distance_m, ..)| distance_m);
-        if distance_m >= self.end_m || known.is_some_and(|known| distance_m >= known.distance_m) {
+        if distance_m >= self.end_m || to.reached.as_ref().is_some_and(|known| distance_m >= known.distance_m) {
             return;
         }
         let carried = across.map_or(near.carried, |(_, share, far)| near.carried.towards(&far.carried, share));

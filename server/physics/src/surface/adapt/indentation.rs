@@ -73,14 +73,6 @@ pub struct Indentation {
 }
 
 impl Indentation {
-    /// Room for what there may be on a surface of so many vertices.
-    pub(crate) fn reserve(&mut self, vertices: usize) {
-        self.crossed.clear();
-        self.crossed.reserve(vertices);
-        self.bottoms.clear();
-        self.bottoms.reserve(vertices);
-    }
-
     /// Finds the vertices among `near` that the edge has gone past and puts them on it; the march is to
     /// start from them and from the other ends of the edges that the blade passes.
     pub fn project(&mut self, field: &mut Field<'_>, dent: &Dent, near: &[Near], march: &mut March) {

@@ -61,15 +61,7 @@ impl Adaptation {
     /// Takes over what has changed in the surface, or the whole of it at first.
     pub(crate) fn follow(&mut self, surface: &Surface, change: &BodyStructure) {
         self.mesh.follow(surface, change);
-        let vertices = self.mesh.len();
-        self.near.clear();
-        self.near.reserve(vertices);
-        self.order.clear();
-        self.order.reserve(vertices);
-        self.march.reserve(vertices);
-        self.indentation.reserve(vertices);
         self.offsets.clear();
-        self.offsets.reserve(vertices);
     }
 
     /// Vertices that are not where their elements have them, ids ascending.
