@@ -11,10 +11,12 @@ use crate::script::strokes::StrokeParams;
 
 /// Fastest rate of poses: what haptic devices are read at.
 const MAX_RATE_HZ: f64 = 1000.0;
-/// Most viewers: each keeps a replica and checks it, on one thread.
+/// Most sessions: each has threads of its own here.
+const MAX_SESSIONS: u32 = 256;
+/// Most viewers of a session: each keeps a replica and checks it, on one thread.
 const MAX_VIEWERS: u32 = 64;
 
-/// Drives a tool of a Kerf session by a script, watches the session, and reports on both.
+/// Drives tools of Kerf sessions by a script, watches the sessions, and reports on both.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "kerf-load", version)]
 #[command(group(ArgGroup::new("what").required(true).args(["scene", "session"])))]
@@ -39,7 +41,7 @@ pub struct Args {
     #[command(flatten)]
     pub dial: DialArgs,
     /// Step rates to choose from, Hz, highest first: the session runs at the first one that the server keeps
-    /// while a trial session of the script's first seconds is driven
+    /// while a trial session of the script's first seconds is driven; a single one is taken without a trial
     #[arg(long, value_name = "HZ,...", value_delimiter = ',', value_parser = positive, conflicts_with = "session")]
     pub step_rates: Vec<f64>,
     /// Levels to choose from, finest first: where none of the step rates is kept at one, the next is tried
@@ -67,7 +69,14 @@ pub struct Args {
     /// Ends the script after this time, s
     #[arg(long, value_parser = positive)]
     pub duration: Option<f64>,
-    /// Viewers, each with a replica of its own; the first one's is written at the end
+    /// Sessions of the scene that are created; what the server refuses is reported
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SESSIONS)), conflicts_with = "session",
+        default_value_t = 1)]
+    pub sessions: u32,
+    /// Sessions that are driven, each by strokes of its own; the others are only watched. All by default
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SESSIONS)), conflicts_with = "session")]
+    pub stations: Option<u32>,
+    /// Viewers of each session, each with a replica of its own; the first one's is written at the end
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_VIEWERS)))]
     pub viewers: u32,
     /// States a second and viewer, Hz

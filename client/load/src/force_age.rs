@@ -45,6 +45,11 @@ impl ForceAge {
         &self.age_ns
     }
 
+    /// Adds the ages of forces in other hands.
+    pub fn add(&mut self, other: &Self) {
+        self.age_ns += &other.age_ns;
+    }
+
     /// A force came in at `now_ns`.
     pub fn contact(&mut self, contact: &v1::Contact, now_ns: u64, script: &Script, timetable: &Timetable) {
         let hand = self.hands.entry(contact.tool_id).or_default();

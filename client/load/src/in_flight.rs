@@ -81,6 +81,11 @@ impl InFlight {
         self.lock().unanswered_ns.clone()
     }
 
+    /// Adds how long poses had waited in other hands that nothing answered.
+    pub fn add_unanswered(&self, waited_ns: &Histogram<u64>) {
+        self.lock().unanswered_ns += waited_ns;
+    }
+
     fn lock(&self) -> MutexGuard<'_, Waiting> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -1,14 +1,15 @@
-//! What `kerf-load` is made of: a scripted driver of a tool, viewers that keep replicas, and the
+//! What `kerf-load` is made of: scripted drivers of tools, viewers that keep replicas, and the
 //! report on both.
 //!
-//! Three threads: the sender paces poses by the clock and never waits on the network; the driver's
-//! runtime receives contacts, alone, so that round trips are not measured behind the viewers' work;
-//! the viewers' runtime, on connections of their own, applies deltas.
+//! Each session that is driven has two threads: the sender paces poses by the clock and never waits on the network; the
+//! viewers' runtime, on connections of their own, applies deltas. One more runtime receives contacts, those of all
+//! sessions and nothing else, so that round trips are not measured behind the viewers' work.
 
 pub mod args;
 pub mod clock;
 pub mod control;
 pub mod durations;
+pub mod fleet;
 pub mod force_age;
 pub mod in_flight;
 pub mod limits;

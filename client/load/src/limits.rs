@@ -38,7 +38,7 @@ impl LimitArgs {
         };
         let p99_ms = report.round_trip_ms.map_or(f64::INFINITY, |round_trip| round_trip.p99);
         at_most("round trip p99 in ms", p99_ms, self.max_p99_ms);
-        at_most("share of late steps", report.server.late_step_share, self.max_late_step_share);
+        at_most("share of late steps", report.server.steps.late_step_share, self.max_late_step_share);
         at_most("share of late sends", report.poses.late_share, self.max_late_send_share);
         at_most("number of mismatches", report.view.mismatches as f64, Some(self.max_mismatches as f64));
         if let Some(limit) = self.min_contact_rate

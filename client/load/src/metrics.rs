@@ -83,6 +83,13 @@ impl StepTiming {
         (wall_ns > 0).then(|| simulated_s / (wall_ns as f64 * 1e-9))
     }
 
+    /// Adds the steps of another session.
+    fn add(&mut self, other: &Self) {
+        self.lag_ns += &other.lag_ns;
+        self.passed.0 += other.passed.0;
+        self.passed.1 += other.passed.1;
+    }
+
     /// Each step counts once, however many tools it is told for.
     pub fn contact(&mut self, contact: &v1::Contact) {
         let now = (contact.step, contact.sim_time_s, contact.server_ns);
@@ -188,6 +195,23 @@ impl ContactMetrics {
             let v1::PoseRejected { tool_id, seq, field, limit } = rejected;
             format!("pose {seq} of tool {tool_id}: {field}: {limit}")
         });
+    }
+
+    /// Adds what another session's driver counted; samples stay those of this one.
+    pub fn add(&mut self, other: &Self) {
+        self.round_trip_ns += &other.round_trip_ns;
+        self.in_flight.add_unanswered(&other.in_flight.unanswered_ns());
+        self.force_age.add(&other.force_age);
+        self.timing.add(&other.timing);
+        self.received += other.received;
+        self.bytes += other.bytes;
+        self.rejected += other.rejected;
+        self.first_rejection = self.first_rejection.take().or_else(|| other.first_rejection.clone());
+        self.faults += other.faults;
+        self.governor_changes += other.governor_changes;
+        self.governed_tolerance = self.governed_tolerance.or(other.governed_tolerance);
+        self.leases_lost += other.leases_lost;
+        self.max_force_n = f64::max(self.max_force_n, other.max_force_n);
     }
 
     /// Round trips of the poses that were answered, and how long those had waited that were not, ns.

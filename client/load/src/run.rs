@@ -6,7 +6,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, ensure};
+use futures_util::future::try_join_all;
 use kerf_access::Wire;
 use kerf_proto::v1;
 use kerf_proto::v1::create_session_request::Dial;
@@ -14,19 +15,20 @@ use kerf_replica::{Surface, glb};
 use nalgebra::Vector3;
 use tokio::sync::{oneshot, watch};
 
-use crate::args::{Args, ProgressMode};
+use crate::args::{Args, ProgressMode, StrokeArgs};
 use crate::clock;
 use crate::control::{self, Receiver};
+use crate::fleet::{self, Fleet, watch_resting};
 use crate::metrics::ContactMetrics;
 use crate::progress::{self, Progress};
-use crate::report::{Report, Run};
+use crate::report::{Report, Run, Sessions};
 use crate::script::strokes::{self, Target};
 use crate::script::{self, Script};
 use crate::sender::{self, SendTotals};
 use crate::session::{self, Session, Wishes};
 use crate::setting::{self, Setting};
 use crate::timetable::Timetable;
-use crate::viewer::{self, SharedTotals};
+use crate::viewer::{self, SharedTotals, ViewTotals};
 use crate::wire;
 
 /// From the opening of the streams to the first pose: threads have to start.
@@ -49,7 +51,7 @@ pub struct Finished {
     pub objects: Vec<glb::Object>,
 }
 
-/// Runs a script against a server. Ends when the script does, at `--duration` or at Ctrl-C.
+/// Runs scripts against a server. Ends when the last script does, at `--duration` or at Ctrl-C.
 ///
 /// # Errors
 /// No server, no session, a script that cannot be run there, or a stream that broke.
@@ -59,12 +61,11 @@ pub async fn run(args: &Args) -> anyhow::Result<Finished> {
             .await?;
     let candidates = setting::candidates(&args.levels, &args.step_rates);
     let chosen = setting::choose(candidates, async |setting| late_share(args, &channel, setting).await).await?;
-    let wishes = wishes(args, chosen);
-    let session = session::open(channel.clone(), args.scene.as_deref(), wishes, args.session.as_deref()).await?;
-    if let Some(dial) = &session.description.dial {
+    let fleet = Fleet::open(args, &channel, wishes(args, chosen)).await?;
+    if let Some(dial) = &fleet.sessions[0].description.dial {
         eprintln!("{}", session::dial_text(dial));
     }
-    drive_and_close(args, &channel, &session).await
+    drive_and_close(args, &channel, &fleet).await
 }
 
 fn wishes(args: &Args, setting: Option<Setting>) -> Wishes {
@@ -78,17 +79,18 @@ async fn late_share(args: &Args, channel: &Wire, setting: Setting) -> anyhow::Re
         duration: Some(f64::min(TRIAL_S, args.duration.unwrap_or(f64::INFINITY))),
         progress: ProgressMode::Off,
         keep_session: false,
+        sessions: 1,
         ..args.clone()
     };
-    let session = session::open(channel.clone(), args.scene.as_deref(), wishes(&args, Some(setting)), None).await?;
-    Ok(drive_and_close(&args, channel, &session).await?.report.server.late_step_share)
+    let fleet = Fleet::open(&args, channel, wishes(&args, Some(setting))).await?;
+    Ok(drive_and_close(&args, channel, &fleet).await?.report.server.steps.late_step_share)
 }
 
-/// Drives a session, and ends one that was created for it.
-async fn drive_and_close(args: &Args, channel: &Wire, session: &Session) -> anyhow::Result<Finished> {
-    let outcome = drive(args, channel, session).await;
-    if session.created && !args.keep_session {
-        let closed = session::close(channel.clone(), &session.description.session_id).await;
+/// Drives sessions, and ends those that were created for it.
+async fn drive_and_close(args: &Args, channel: &Wire, fleet: &Fleet) -> anyhow::Result<Finished> {
+    let outcome = drive_all(args, fleet).await;
+    if !args.keep_session {
+        let closed = fleet.close(channel).await;
         // What went wrong first is what the user wants to read.
         if outcome.is_ok() {
             closed?;
@@ -97,23 +99,85 @@ async fn drive_and_close(args: &Args, channel: &Wire, session: &Session) -> anyh
     outcome
 }
 
-async fn drive(args: &Args, channel: &Wire, session: &Session) -> anyhow::Result<Finished> {
-    let session_id = &session.description.session_id;
-    let request = v1::ViewRequest {
-        protocol_version: kerf_proto::PROTOCOL_VERSION,
-        session_id: session_id.clone(),
-        rate_hz: args.view_rate,
-        wants_energy: true,
-        ..v1::ViewRequest::default()
+/// Drives some of the sessions, watches all, and sums up.
+async fn drive_all(args: &Args, fleet: &Fleet) -> anyhow::Result<Finished> {
+    let (driven, resting) = fleet.split(args.stations);
+    let (end, over) = watch::channel(false);
+    let driving = async {
+        let stations = driven.iter().enumerate().map(|(index, session)| {
+            // Others go their own ways, and the first one alone is told of while it goes on.
+            let seed = args.strokes.seed.wrapping_add(index as u64);
+            let progress = if index == 0 { args.progress } else { ProgressMode::Off };
+            drive(Args { strokes: StrokeArgs { seed, ..args.strokes.clone() }, progress, ..args.clone() }, session)
+        });
+        let driven = try_join_all(stations).await;
+        // Where one fails the others' threads end too.
+        let _ = end.send(true);
+        driven
     };
+    let (parts, watched) = tokio::try_join!(driving, watch_resting(args, resting, over))?;
+    let session = &fleet.sessions[0];
+    let stations = parts.len() as u32;
+    let mut parts = parts.into_iter();
+    let mut all = parts.next().context("at least one session is driven")?;
+    for part in parts {
+        all.driven.add(&part.driven);
+        all.view.add(&part.view);
+        all.watched_s = f64::max(all.watched_s, part.watched_s);
+    }
+    let run = Run {
+        server_address: &args.server,
+        scene: &session.scene.name,
+        session_id: &session.description.session_id,
+        sessions: Sessions::of(args, (stations, resting.len() as u32), &fleet.refusals, &watched),
+        step_rate_hz: 1.0 / session.scene.dt_s,
+        script: describe(args),
+        duration_s: f64::min(all.duration_s, all.driven.sent_for_s),
+        watched_s: all.watched_s,
+        interrupted: all.driven.interrupted,
+        viewers: args.viewers * stations,
+        reference_n: all.reference_n,
+        sent: all.driven.sent,
+        contacts: &all.driven.contacts,
+        view: &all.view,
+    };
+    let mut report = Report::of(&run);
+    report.limits_exceeded = args.limits.exceeded(&report);
+    // The wire does not tell of what region a face is.
+    let object = |(object, surface): (&v1::ObjectSummary, Surface)| glb::Object {
+        name: object.name.clone(),
+        regions: Vec::new(),
+        colours: object.material_colors.iter().map(|color| glb::srgb(color)).collect(),
+        surface,
+    };
+    let objects = session.scene.objects.iter().zip(all.surfaces).map(object).collect();
+    Ok(Finished { report, objects, contacts: all.driven.contacts })
+}
+
+/// What came of a session that was driven.
+struct Part {
+    driven: Driven,
+    view: ViewTotals,
+    /// How long the script was to take, s.
+    duration_s: f64,
+    watched_s: f64,
+    reference_n: Option<f64>,
+    surfaces: Vec<Surface>,
+}
+
+/// Drives a session over a connection of its own, as a station has one.
+async fn drive(args: Args, session: &Session) -> anyhow::Result<Part> {
+    let channel = session::connect(&args.server, &args.access, Duration::ZERO).await?;
+    let session_id = &session.description.session_id;
+    let request = fleet::view_request(&args, session);
     let surfaces = viewer::first_surfaces(channel.clone(), request.clone()).await?;
-    let script = Arc::new(make_script(args, &session.scene, &surfaces)?);
+    let script = Arc::new(make_script(&args, &session.scene, &surfaces)?);
     check_speed(&script, session.description.limits.as_ref())?;
     let duration_s = f64::min(script.duration_s(), args.duration.unwrap_or(f64::INFINITY));
 
     let tool_ids = script.tracks.iter().map(|track| track.tool_id).collect();
     let contact_rate_hz = args.contact_rate.unwrap_or(args.rate);
-    let control = control::open(channel.clone(), session_id, tool_ids, contact_rate_hz).await?;
+    let control = control::open(channel, session_id, tool_ids, contact_rate_hz).await?;
     let totals = SharedTotals::default();
     let (stop_viewers, stop) = watch::channel(false);
     let watched_from_ns = clock::now_ns();
@@ -123,7 +187,7 @@ async fn drive(args: &Args, channel: &Wire, session: &Session) -> anyhow::Result
     let timetable = Timetable { start_ns: clock::now_ns() + LEAD_NS, rate_hz: args.rate, duration_s };
     let progress = Progress::new(args.progress, duration_s);
     let mut driving = pin!(exchange(control, &script, timetable, progress, &totals));
-    let mut viewing = pin!(join(viewers));
+    let mut viewing = pin!(fleet::join(viewers));
     let mut viewed = None;
     let driven = loop {
         tokio::select! {
@@ -138,34 +202,14 @@ async fn drive(args: &Args, channel: &Wire, session: &Session) -> anyhow::Result
         Some(viewed) => Ok(viewed),
         None => viewing.await,
     };
-    let driven = driven?;
-
-    let run = Run {
-        server_address: &args.server,
-        scene: &session.scene.name,
-        session_id,
-        step_rate_hz: 1.0 / session.scene.dt_s,
-        script: describe(args),
-        duration_s: f64::min(duration_s, driven.sent_for_s),
+    Ok(Part {
+        driven: driven?,
+        view: viewer::snapshot(&totals),
+        duration_s,
         watched_s: (clock::now_ns() - watched_from_ns) as f64 * 1e-9,
-        interrupted: driven.interrupted,
-        viewers: args.viewers,
         reference_n: steady_cut_n(&session.scene, &script),
-        sent: driven.sent,
-        contacts: &driven.contacts,
-        view: &viewer::snapshot(&totals),
-    };
-    let mut report = Report::of(&run);
-    report.limits_exceeded = args.limits.exceeded(&report);
-    // The wire does not tell of what region a face is.
-    let object = |(object, surface): (&v1::ObjectSummary, Surface)| glb::Object {
-        name: object.name.clone(),
-        regions: Vec::new(),
-        colours: object.material_colors.iter().map(|color| glb::srgb(color)).collect(),
-        surface,
-    };
-    let objects = session.scene.objects.iter().zip(viewed?).map(object).collect();
-    Ok(Finished { report, objects, contacts: driven.contacts })
+        surfaces: viewed?,
+    })
 }
 
 /// What came of the driver's stream.
@@ -174,6 +218,16 @@ struct Driven {
     contacts: ContactMetrics,
     sent_for_s: f64,
     interrupted: bool,
+}
+
+impl Driven {
+    /// Adds what came of another driver's stream.
+    fn add(&mut self, other: &Self) {
+        self.sent.add(&other.sent);
+        self.contacts.add(&other.contacts);
+        self.sent_for_s = f64::max(self.sent_for_s, other.sent_for_s);
+        self.interrupted |= other.interrupted;
+    }
 }
 
 /// Sends the script from a thread of its own and receives until it has ended.
@@ -237,14 +291,6 @@ async fn settle(
 
 fn script_time_s(timetable: &Timetable) -> f64 {
     clock::now_ns().saturating_sub(timetable.start_ns) as f64 * 1e-9
-}
-
-async fn join(thread: std::thread::JoinHandle<anyhow::Result<Vec<Surface>>>) -> anyhow::Result<Vec<Surface>> {
-    let joined = tokio::task::spawn_blocking(move || thread.join()).await?;
-    match joined {
-        Ok(outcome) => outcome,
-        Err(_) => bail!("the viewers' thread died"),
-    }
 }
 
 fn make_script(args: &Args, scene: &v1::SceneSummary, surfaces: &[Surface]) -> anyhow::Result<Script> {

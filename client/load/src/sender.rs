@@ -26,6 +26,17 @@ pub struct SendTotals {
     pub kept: Punctuality,
 }
 
+impl SendTotals {
+    /// Adds what another session's driver sent.
+    pub fn add(&mut self, other: &Self) {
+        self.sent += other.sent;
+        self.dropped += other.dropped;
+        self.kept.ticks += other.kept.ticks;
+        self.kept.late += other.kept.late;
+        self.kept.skipped += other.kept.skipped;
+    }
+}
+
 /// Sends a script's poses until it ends, `stop` is set or the stream is gone; then lifts the tools.
 #[must_use]
 pub fn send(

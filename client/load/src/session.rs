@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, anyhow, bail};
+use anyhow::{Context, bail};
 use kerf_access::{Access, Wire, root_cause};
 use kerf_proto::v1::session_service_client::SessionServiceClient;
 use kerf_proto::v1::{self, create_session_request};
@@ -118,10 +118,20 @@ pub fn dial_text(dial: &v1::DialChoice) -> String {
     format!("dial:{setting}{expected}")
 }
 
+/// What was asked and what the server answered.
+#[derive(Debug, thiserror::Error)]
+#[error("{what}: {}: {}", status.code().description(), status.message())]
+pub struct Refused {
+    /// What was asked.
+    what: String,
+    /// The answer.
+    pub status: tonic::Status,
+}
+
 /// An error that says what was asked and what the server answered.
 #[must_use]
 pub fn refused(what: &str, status: &tonic::Status) -> anyhow::Error {
-    anyhow!("{what}: {}: {}", status.code().description(), status.message())
+    Refused { what: what.to_owned(), status: status.clone() }.into()
 }
 
 async fn create(

@@ -46,7 +46,7 @@ pub fn candidates(levels: &[u32], rates_hz: &[f64]) -> impl Iterator<Item = Sett
 
 /// The first setting that is kept, else the one of which least is late; says on the terminal what was found.
 /// `late_share_at` runs a trial and returns the fraction of its steps that were late. `None` where there is none to
-/// choose from.
+/// choose from, and one alone without a trial.
 ///
 /// # Errors
 /// A trial's.
@@ -54,6 +54,10 @@ pub async fn choose(
     candidates: impl Iterator<Item = Setting>,
     late_share_at: impl AsyncFn(Setting) -> anyhow::Result<f64>,
 ) -> anyhow::Result<Option<Setting>> {
+    let candidates: Vec<Setting> = candidates.collect();
+    if let [only] = candidates[..] {
+        return Ok(Some(only));
+    }
     let mut trials: Vec<Trial> = Vec::new();
     for setting in candidates {
         let trial = Trial { setting, late_share: late_share_at(setting).await? };
@@ -123,6 +127,8 @@ mod tests {
         assert_eq!(chosen(&[], late_share).await, Some(Setting { level: None, rate_hz: 500.0 }));
         let none = choose(candidates(&[1], &[]), async |_| Ok(0.0)).await.expect("no trial");
         assert_eq!(none, None);
+        let only = choose(candidates(&[], &[60.0]), async |_| unreachable!("nothing to choose from")).await;
+        assert_eq!(only.expect("no trial"), Some(Setting { level: None, rate_hz: 60.0 }));
     }
 
     #[test]

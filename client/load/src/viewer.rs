@@ -163,6 +163,19 @@ fn apply(event: &ViewResponse, replica: &mut Replica, totals: &SharedTotals) -> 
 }
 
 impl ViewTotals {
+    /// Adds what the viewers of another session have counted; energy stays that of this one.
+    pub fn add(&mut self, other: &Self) {
+        self.keyframes += other.keyframes;
+        self.patches += other.patches;
+        self.states += other.states;
+        self.mismatches += other.mismatches;
+        self.first_mismatch = self.first_mismatch.take().or_else(|| other.first_mismatch.clone());
+        self.bytes += other.bytes;
+        if let Some(steps) = &other.server {
+            self.server.get_or_insert_default().add(steps);
+        }
+    }
+
     fn count(&mut self, message: &view_response::Message) {
         match message {
             view_response::Message::Keyframe(_) => self.keyframes += 1,
@@ -199,6 +212,15 @@ impl ServerSteps {
             self.profiled_s += f64::from(profile.steps) * f64::from(profile.step_mean_s);
             self.step_max_s = f64::max(self.step_max_s, f64::from(profile.step_max_s));
         }
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.first = (self.first.0 + other.first.0, self.first.1 + other.first.1);
+        self.last = (self.last.0 + other.last.0, self.last.1 + other.last.1);
+        self.topology_version = self.topology_version.max(other.topology_version);
+        self.profiled_steps += other.profiled_steps;
+        self.profiled_s += other.profiled_s;
+        self.step_max_s = f64::max(self.step_max_s, other.step_max_s);
     }
 
     /// Steps between the first state and the last one.

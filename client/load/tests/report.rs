@@ -3,7 +3,7 @@
 use kerf_load::limits::LimitArgs;
 use kerf_load::metrics::ContactMetrics;
 use kerf_load::pacer::Punctuality;
-use kerf_load::report::{Report, Run, bytes};
+use kerf_load::report::{Refusal, Report, Resting, Run, Sessions, Steps, bytes};
 use kerf_load::script::Script;
 use kerf_load::sender::SendTotals;
 use kerf_load::timetable::Timetable;
@@ -69,6 +69,7 @@ fn report(contacts: &ContactMetrics, view: &ViewTotals) -> Report {
         server_address: "http://127.0.0.1:1",
         scene: "liver",
         session_id: "s1",
+        sessions: Sessions { asked: 1, driven: 1, ..Sessions::default() },
         step_rate_hz: 1000.0,
         script: "2 strokes (random seed 1)".to_owned(),
         duration_s: 2.0,
@@ -102,6 +103,20 @@ force        max 1.250 N, against the cut 0.000 N (steady cut: 0.800 N), 0.0 mm 
 1000 steps a second, 2.5 % of them late. The force in the hand was 4.0 ms old half of the time, and older than 4.0 ms \
 a thousandth of it.";
     assert_eq!(text, expected);
+}
+
+#[test]
+fn several_sessions_are_told_of_with_those_at_rest_and_the_servers_words_to_others() {
+    let steps = Steps { steps: 1000, late_steps: 5, late_step_share: 0.005, step_mean_ms: 0.02, step_max_ms: 1.0 };
+    let refusals = vec![Refusal { count: 2, words: "load: full".to_owned() }];
+    let resting = Some(Resting { sessions: 3, steps, bytes_per_s: 1500.0 });
+    let sessions = Sessions { asked: 6, driven: 1, resting, refusals };
+    let expected = "\
+sessions     6 asked for, 1 driven
+             3 at rest: 0.5 % late, mean 0.020 ms, 1.5 kB/s a viewer
+             2 refused: load: full
+";
+    assert_eq!(sessions.to_string(), expected);
 }
 
 #[test]

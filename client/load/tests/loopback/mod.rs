@@ -67,11 +67,32 @@ async fn viewers_follow_the_structure_and_the_first_one_keeps_its_surface() {
     let (view, server) = (&finished.report.view, &finished.report.server);
     assert_eq!((view.keyframes, view.patches, view.mismatches, view.topology_version), (6, 6, 0, 1));
     assert!(view.states > 30 && view.bytes_per_s > 1000.0, "{view:?}");
-    assert!(server.steps > 100 && server.late_steps.abs_diff(server.steps / 10) <= 1, "{server:?}");
-    assert!((server.step_mean_ms - 0.5).abs() < 1e-6 && (server.step_max_ms - 2.0).abs() < 1e-6, "{server:?}");
+    assert!(server.steps.steps > 100 && server.steps.late_steps.abs_diff(server.steps.steps / 10) <= 1, "{server:?}");
+    assert!(
+        (server.steps.step_mean_ms - 0.5).abs() < 1e-6 && (server.steps.step_max_ms - 2.0).abs() < 1e-6,
+        "{server:?}"
+    );
     assert_eq!(finished.objects.len(), 1);
     assert_eq!(finished.objects[0].surface.triangles.len(), 6);
     assert!(finished.report.limits_exceeded.is_empty());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn some_of_several_sessions_are_driven_and_those_that_a_full_server_refuses_are_counted() {
+    let extra = ["--sessions", "5", "--stations", "2", "--viewers", "2"];
+    let finished = stroke(Behaviour::TakesFourSessions, &extra).await.expect("the run succeeds");
+    let report = &finished.report;
+    let sessions = &report.sessions;
+    assert_eq!((sessions.asked, sessions.driven), (5, 2), "{report}");
+    let resting = sessions.resting.expect("two are not driven");
+    assert_eq!(resting.sessions, 2);
+    assert!(resting.steps.steps > 100 && resting.bytes_per_s > 1000.0, "{report}");
+    let refusals: Vec<_> = sessions.refusals.iter().map(|refusal| (refusal.count, refusal.words.as_str())).collect();
+    assert_eq!(refusals, [(1, "four sessions")]);
+    // Both drivers' poses, and all viewers of driven sessions.
+    let once = stroke(Behaviour::Good, &[]).await.expect("the run succeeds").report;
+    assert!(report.poses.sent > once.poses.sent * 3 / 2, "{report}");
+    assert_eq!((report.view.viewers, report.view.keyframes), (4, 4), "{report}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -1,6 +1,8 @@
 //! A server of a few lines: a box that pushes back like a spring, and whose top opens once.
 
 use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use kerf_proto::v1::control_service_server::{ControlService, ControlServiceServer};
@@ -25,6 +27,8 @@ pub enum Behaviour {
     DropsDriver,
     /// Every fifth pose is rejected.
     RejectsPoses,
+    /// A fifth session is refused.
+    TakesFourSessions,
 }
 
 /// Height of the box, m.
@@ -37,19 +41,22 @@ const STREAMS_PER_CONNECTION: u32 = 4;
 /// How long after its deadline each step ends, ns.
 pub const LAG_NS: u64 = 700_000;
 
-#[derive(Clone, Copy)]
-pub struct Server(pub Behaviour);
+#[derive(Clone)]
+pub struct Server {
+    behaviour: Behaviour,
+    created: Arc<AtomicU32>,
+}
 
 /// Serves on a free port and returns its address.
 pub async fn start(behaviour: Behaviour) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").await.expect("loopback has free ports");
     let address = listener.local_addr().expect("bound");
-    let server = Server(behaviour);
+    let server = Server { behaviour, created: Arc::default() };
     let routes = tonic::transport::Server::builder()
         .tcp_nodelay(true)
         .max_concurrent_streams(STREAMS_PER_CONNECTION)
-        .add_service(SessionServiceServer::new(server))
-        .add_service(ControlServiceServer::new(server))
+        .add_service(SessionServiceServer::new(server.clone()))
+        .add_service(ControlServiceServer::new(server.clone()))
         .add_service(ViewServiceServer::new(server));
     tokio::spawn(routes.serve_with_incoming(TcpListenerStream::new(listener)));
     address.to_string()
@@ -161,7 +168,7 @@ impl ControlService for Server {
         &self,
         request: Request<Streaming<ControlRequest>>,
     ) -> Result<Response<Self::ControlStream>, Status> {
-        let behaviour = self.0;
+        let behaviour = self.behaviour;
         let contacts_left = if behaviour == Behaviour::DropsDriver { 5 } else { usize::MAX };
         let answers = request.into_inner().filter_map(move |up| match up.ok()?.message? {
             control_request::Message::Hello(_) => Some(control_response::Message::Hello(v1::ServerHello {
@@ -215,7 +222,7 @@ impl ViewService for Server {
     type ViewStream = ReceiverStream<Result<ViewResponse, Status>>;
 
     async fn view(&self, _: Request<v1::ViewRequest>) -> Result<Response<Self::ViewStream>, Status> {
-        let behaviour = self.0;
+        let behaviour = self.behaviour;
         let (events, stream) = tokio::sync::mpsc::channel(1);
         tokio::spawn(async move {
             let hello = view_response::Message::Hello(v1::ViewHello::default());
@@ -252,6 +259,10 @@ impl SessionService for Server {
         &self,
         request: Request<v1::CreateSessionRequest>,
     ) -> Result<Response<v1::CreateSessionResponse>, Status> {
+        let before = self.created.fetch_add(1, Ordering::Relaxed);
+        if self.behaviour == Behaviour::TakesFourSessions && before >= 4 {
+            return Err(Status::resource_exhausted("four sessions"));
+        }
         match request.into_inner().scene {
             Some(v1::create_session_request::Scene::SceneName(name)) if name == "box" => {
                 Ok(Response::new(v1::CreateSessionResponse { session: Some(description()), warnings: Vec::new() }))

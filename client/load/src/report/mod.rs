@@ -6,6 +6,10 @@ use hdrhistogram::Histogram;
 use kerf_proto::v1;
 use serde::Serialize;
 
+mod sessions;
+
+pub use sessions::{Refusal, Resting, Sessions};
+
 use crate::metrics::ContactMetrics;
 use crate::sender::SendTotals;
 use crate::viewer::ViewTotals;
@@ -27,6 +31,9 @@ pub struct Report {
     pub scene: String,
     /// The session.
     pub session_id: String,
+    /// How many sessions there were. Where several were driven, durations and counts are those of all, forces, energy and
+    /// surface those of the first.
+    pub sessions: Sessions,
     /// What the tool did.
     pub script: String,
     /// How long poses were sent, s.
@@ -136,15 +143,8 @@ pub struct Server {
     /// Steps per simulated second that the session was to take, Hz.
     pub step_rate_hz: f64,
     /// Steps while it was watched.
-    pub steps: u64,
-    /// Of these, steps that ended after their deadline.
-    pub late_steps: u64,
-    /// Their share.
-    pub late_step_share: f64,
-    /// Mean duration of a step, ms.
-    pub step_mean_ms: f64,
-    /// Longest step, ms.
-    pub step_max_ms: f64,
+    #[serde(flatten)]
+    pub steps: Steps,
     /// Simulated time over wall time; below 1 the session fell behind, and tools moved faster there than in the hand.
     /// Absent before two steps were told of.
     pub pace: Option<f64>,
@@ -156,6 +156,21 @@ pub struct Server {
     pub governor_changes: u64,
     /// What it changed it to last.
     pub governed_tolerance: Option<f64>,
+}
+
+/// Steps of sessions while they were watched.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Steps {
+    /// Steps.
+    pub steps: u64,
+    /// Of these, steps that ended after their deadline.
+    pub late_steps: u64,
+    /// Their share.
+    pub late_step_share: f64,
+    /// Mean duration of a step, ms.
+    pub step_mean_ms: f64,
+    /// Longest step, ms.
+    pub step_max_ms: f64,
 }
 
 /// What the server booked of energy since the session began, J.
@@ -192,6 +207,8 @@ pub struct Run<'a> {
     pub scene: &'a str,
     /// The session.
     pub session_id: &'a str,
+    /// How many there were.
+    pub sessions: Sessions,
     /// Steps per simulated second, Hz.
     pub step_rate_hz: f64,
     /// What the tool did.
@@ -217,7 +234,8 @@ pub struct Run<'a> {
 impl Report {
     /// What a run means to somebody who holds the tool; `None` where no force came back.
     fn in_words(&self) -> Option<String> {
-        let (ages, Server { step_rate_hz, late_step_share, .. }) = (self.force_age_ms?, &self.server);
+        let (ages, Server { step_rate_hz, steps: Steps { late_step_share, .. }, .. }) =
+            (self.force_age_ms?, &self.server);
         Some(format!(
             "{step_rate_hz} steps a second, {:.1} % of them late. The force in the hand was {:.1} ms old half of the \
              time, and older than {:.1} ms a thousandth of it.",
@@ -236,6 +254,7 @@ impl Report {
             server_address: run.server_address.to_owned(),
             scene: run.scene.to_owned(),
             session_id: run.session_id.to_owned(),
+            sessions: run.sessions.clone(),
             script: run.script.clone(),
             duration_s: run.duration_s,
             interrupted: run.interrupted,
@@ -312,20 +331,28 @@ impl View {
 
 impl Server {
     fn of(run: &Run<'_>) -> Self {
-        let steps = run.view.server.unwrap_or_default();
         Self {
             step_rate_hz: run.step_rate_hz,
+            steps: Steps::of(run.view),
             pace: run.contacts.timing.pace(),
             lag_ms: QuantilesMs::of(&run.contacts.timing.lag_ns),
+            faults: run.contacts.faults,
+            governor_changes: run.contacts.governor_changes,
+            governed_tolerance: run.contacts.governed_tolerance,
+        }
+    }
+}
+
+impl Steps {
+    fn of(view: &ViewTotals) -> Self {
+        let steps = view.server.unwrap_or_default();
+        Self {
             steps: steps.steps(),
             late_steps: steps.late_steps(),
             late_step_share: per(steps.late_steps(), steps.steps() as f64),
             step_mean_ms: 1e3
                 * if steps.profiled_steps == 0 { 0.0 } else { steps.profiled_s / steps.profiled_steps as f64 },
             step_max_ms: 1e3 * steps.step_max_s,
-            faults: run.contacts.faults,
-            governor_changes: run.contacts.governor_changes,
-            governed_tolerance: run.contacts.governed_tolerance,
         }
     }
 }
@@ -359,6 +386,7 @@ impl fmt::Display for Report {
         let Self { poses, contacts, view, server, force, .. } = self;
         let ended = if self.interrupted { ", interrupted" } else { "" };
         writeln!(f, "{} on {}, {:.1} s{ended}", self.script, self.scene, self.duration_s)?;
+        write!(f, "{}", self.sessions)?;
         match self.round_trip_ms {
             Some(times) => {
                 writeln!(f, "round trip   {times} ({} poses, {} unanswered)", times.count, poses.unanswered)?;
@@ -400,24 +428,24 @@ impl fmt::Display for Report {
         writeln!(
             f,
             "server       {} steps at {} Hz, {} late ({:.1} %), mean {:.2} ms, max {:.2} ms; topology version {}, {} faults",
-            server.steps,
+            server.steps.steps,
             server.step_rate_hz,
-            server.late_steps,
-            100.0 * server.late_step_share,
-            server.step_mean_ms,
-            server.step_max_ms,
+            server.steps.late_steps,
+            100.0 * server.steps.late_step_share,
+            server.steps.step_mean_ms,
+            server.steps.step_max_ms,
             view.topology_version,
             server.faults
         )?;
         if let Some((pace, lags)) = server.pace.zip(server.lag_ms) {
             writeln!(f, "pace         {pace:.3} of real time; steps ended {lags} after they were due")?;
         }
-        if server.late_step_share > OVERLOAD_LATE_SHARE {
+        if server.steps.late_step_share > OVERLOAD_LATE_SHARE {
             writeln!(
                 f,
                 "OVERLOAD     {:.1} % of the steps were late: forces and depths are not those of the script's speed. Ask \
                  for a lower step rate, a coarser level or a smaller scene.",
-                100.0 * server.late_step_share
+                100.0 * server.steps.late_step_share
             )?;
         }
         if let Some(last) = server.governed_tolerance {
