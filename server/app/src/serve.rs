@@ -124,7 +124,7 @@ impl Server {
         config.validate()?;
         security::check(&config)?;
         config.session.max_memory_mib.get_or_insert_with(|| MEMORY_SHARE * machine::memory_mib());
-        config.session.max_load.get_or_insert_with(machine::cores);
+        config.session.max_load.get_or_insert_with(machine::cores_for_steps);
         if let Some(folder) = &config.record_dir {
             std::fs::create_dir_all(folder).with_context(|| format!("record_dir = {}", folder.display()))?;
         }

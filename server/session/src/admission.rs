@@ -12,6 +12,9 @@ use crate::lock::lock;
 
 /// Part of a session's memory that a checkpoint of it takes: the state without what follows from the scene.
 const CHECKPOINT_SHARE: f64 = 0.5;
+/// What a load counts that was measured a second ago: half is left after 23 s. A hand that lifts its tool puts it down
+/// again; for whom it keeps its place longer is refused who could have come.
+const KEPT_SHARE: f64 = 0.97;
 const BYTES_PER_MIB: f64 = 1048576.0;
 
 /// What sessions may take, and what they have taken.
@@ -63,6 +66,7 @@ impl Admission {
             told: load,
             most: self.threads_per_session,
             measured: AtomicU64::new(0),
+            peak: AtomicU64::new(0),
             runs: AtomicBool::new(false),
             admission: Arc::clone(self),
         });
@@ -128,6 +132,8 @@ pub(crate) struct Load {
     most: f64,
     /// Bits of what was last measured.
     measured: AtomicU64,
+    /// Bits of the most that was measured, less what it has faded since.
+    peak: AtomicU64,
     /// It steps by itself, or did: it is counted.
     runs: AtomicBool,
     admission: Arc<Admission>,
@@ -143,10 +149,17 @@ impl Load {
         if self.runs.load(Ordering::Relaxed) {
             return Ok(());
         }
-        let others: f64 = taken.loads.iter().filter_map(Weak::upgrade).map(|load| load.counted()).sum();
+        let loads = || taken.loads.iter().filter_map(Weak::upgrade);
+        let others: f64 = loads().map(|load| load.counted()).sum();
         // One session is always admitted: whether it keeps its rate is its own affair.
         if others > 0.0 && others + self.told > self.admission.max_load {
-            return Err(SessionError::Load { needed: self.told, taken: others, limit: self.admission.max_load });
+            let measured = loads().map(|load| load.measured()).sum();
+            return Err(SessionError::Load {
+                needed: self.told,
+                taken: others,
+                measured,
+                limit: self.admission.max_load,
+            });
         }
         self.runs.store(true, Ordering::Relaxed);
         Ok(())
@@ -157,8 +170,11 @@ impl Load {
         f64::from_bits(self.measured.load(Ordering::Relaxed))
     }
 
+    /// The load of another second of simulated time.
     pub fn set_measured(&self, load: f64) {
         self.measured.store(load.to_bits(), Ordering::Relaxed);
+        let faded = KEPT_SHARE * f64::from_bits(self.peak.load(Ordering::Relaxed));
+        self.peak.store(faded.max(load).to_bits(), Ordering::Relaxed);
     }
 
     /// A session at rest costs nothing, until somebody touches its tissue: it counts with what it was told to cost.
@@ -166,7 +182,7 @@ impl Load {
         if !self.runs.load(Ordering::Relaxed) {
             return 0.0;
         }
-        self.told.max(self.measured()).min(self.most)
+        self.told.max(f64::from_bits(self.peak.load(Ordering::Relaxed))).min(self.most)
     }
 }
 
@@ -184,6 +200,11 @@ impl LoadMeter {
         self.busy_ns += elapsed_ns;
         let had_s = f64::from(self.steps) / rate_hz;
         (had_s >= 1.0).then(|| std::mem::take(self).busy_ns as f64 * 1e-9 / had_s)
+    }
+
+    /// Least load of the second that has begun: what it would be if no step took any more time.
+    pub fn so_far(&self) -> f64 {
+        self.busy_ns as f64 * 1e-9
     }
 }
 
@@ -221,6 +242,20 @@ mod tests {
         assert!(admission.admit(&COST, 1000.0, false).is_ok(), "the first one rests");
         first.load.set_measured(40.0);
         assert!(admission.admit(&COST, 1000.0, false).is_ok(), "no more than its thread is busy");
+    }
+
+    #[test]
+    fn a_session_that_worked_is_counted_a_while_longer_and_a_refusal_says_what_is_measured_now() {
+        let admission = Admission::new(1000.0, 2.0, 10.0, 2);
+        let first = admission.admit(&COST, 1000.0, false).unwrap();
+        first.load.set_measured(1.6);
+        first.load.set_measured(0.1);
+        let refused = admission.admit(&COST, 1000.0, false).unwrap_err();
+        let SessionError::Load { needed, taken, measured, limit } = refused else { panic!("{refused}") };
+        assert_eq!((needed, measured, limit), (0.8, 0.1, 2.0));
+        assert!((1.5..1.6).contains(&taken), "{taken}");
+        (0..30).for_each(|_| first.load.set_measured(0.1));
+        assert!(admission.admit(&COST, 1000.0, false).is_ok(), "it has rested for long");
     }
 
     #[test]

@@ -37,14 +37,17 @@ pub enum SessionError {
     /// The scene needs more time of the cores than is left.
     #[error(
         "load: steps of the scene keep about {needed:.2} cores busy, and of the {limit:.2} that sessions may keep busy \
-         together {taken:.2} are (max_load); lower the step rate or raise the level, or let the client take the steps: a \
+         together {taken:.2} are taken (max_load): {measured:.2} by steps of the last second, the others for sessions that \
+         may begin to cut; lower the step rate or raise the level, or let the client take the steps: a \
          session that is made paused and stepped takes none"
     )]
     Load {
         /// What it needs, as it is estimated.
         needed: f64,
-        /// What others need.
+        /// What others need, at least what they are told to need.
         taken: f64,
+        /// What their steps took in the last second.
+        measured: f64,
         /// `max_load`.
         limit: f64,
     },

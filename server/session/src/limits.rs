@@ -7,14 +7,15 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SessionLimits {
-    /// Sessions at a time. Default 8: a session wants a core of its own, and a machine with more
-    /// cores is rare enough to be configured by hand.
+    /// Sessions at a time. Default 64: what they cost is bounded by `max_memory_mib` and `max_load`, this bounds their
+    /// threads.
     pub max_sessions: usize,
     /// Memory of all sessions and their checkpoints together, as it is estimated before they are built, MiB. Default
     /// half of what the machine or its container has: the estimate is near, and what is cut grows.
     pub max_memory_mib: Option<f64>,
-    /// Cores that all sessions together may keep busy, as is estimated before they are built and measured while they
-    /// step. Default as many as the machine has. The first session is always admitted.
+    /// Cores that the steps of all sessions together may keep busy, as is estimated before they are built and measured
+    /// while they step. Default 0.65 of what the machine has: the rest is for the network and for viewers. The first session
+    /// is always admitted.
     pub max_load: Option<f64>,
     /// Time that a scene may take to be built, as it is estimated, s. Default 60: nobody waits longer.
     pub max_setup_s: f64,
@@ -69,7 +70,7 @@ pub struct SessionLimits {
 impl Default for SessionLimits {
     fn default() -> Self {
         Self {
-            max_sessions: 8,
+            max_sessions: 64,
             max_memory_mib: None,
             max_load: None,
             max_setup_s: 60.0,

@@ -13,7 +13,7 @@ use crate::clock::MonotonicClock;
 use crate::error::SessionError;
 use crate::inbox::Inbox;
 use crate::prepare::Permits;
-use crate::priority::{self, RealTime};
+use crate::priority::{self, Following, RealTime};
 use crate::projector::Projector;
 use crate::session_core::{SessionCore, Wake};
 
@@ -76,9 +76,6 @@ fn run_shown(core: SessionCore, projector: Projector, inbox: &Inbox, stepping: &
             tracing::error!(%error, "there is no thread that shows the session: it steps, and viewers see nothing");
         }
         // Threads take over the priority of the one that starts them: this one asks when it has started its own.
-        if let Some(real_time) = stepping.real_time.as_ref().filter(|_| stepping.pool.is_none()) {
-            real_time.begin();
-        }
         run(core, inbox, stepping.pool.as_ref());
     });
 }
@@ -87,6 +84,7 @@ fn run_shown(core: SessionCore, projector: Projector, inbox: &Inbox, stepping: &
 fn run(mut core: SessionCore, inbox: &Inbox, pool: Option<&ThreadPool>) {
     let workers = pool.map_or_else(Workers::serial, Workers::of);
     core.warm_up(&workers, &MonotonicClock);
+    let mut priority = Following::default();
     let mut wake = Wake::At(MonotonicClock::now_ns());
     loop {
         match wake {
@@ -95,6 +93,9 @@ fn run(mut core: SessionCore, inbox: &Inbox, pool: Option<&ThreadPool>) {
                 inbox.wait(Duration::from_nanos(or_at_ns.saturating_sub(MonotonicClock::now_ns())));
             }
             Wake::Never => return,
+        }
+        if pool.is_none() {
+            priority.follow(core.load());
         }
         core.obey_commands();
         wake = core.tick(MonotonicClock::now_ns(), &workers, &MonotonicClock);
@@ -105,22 +106,22 @@ fn run(mut core: SessionCore, inbox: &Inbox, pool: Option<&ThreadPool>) {
 struct Stepping {
     /// `None`: the session's own suffices.
     pool: Option<ThreadPool>,
-    /// `None` where they may not have it.
-    real_time: Option<Arc<RealTime>>,
+    /// What the pool's may have.
+    _real_time: Option<Arc<RealTime>>,
 }
 
 impl Stepping {
     fn with(threads: usize) -> Result<Self, SessionError> {
-        let real_time = RealTime::claim(threads).map(Arc::new);
         if threads <= 1 {
-            return Ok(Self { pool: None, real_time });
+            return Ok(Self { pool: None, _real_time: None });
         }
+        let real_time = RealTime::claim(threads as f64).map(Arc::new);
         let of_pool = real_time.clone();
         let pool = ThreadPoolBuilder::new()
             .num_threads(threads)
             .thread_name(|i| format!("kerf-worker-{i}"))
             .start_handler(move |_| of_pool.iter().for_each(|real_time| real_time.begin()));
         let pool = pool.build().map_err(|error| SessionError::NoThread { message: error.to_string() })?;
-        Ok(Self { pool: Some(pool), real_time })
+        Ok(Self { pool: Some(pool), _real_time: real_time })
     }
 }

@@ -262,6 +262,11 @@ impl SessionCore {
         }
     }
 
+    /// Cores that its steps keep busy: of the last whole second, or more where this one has come to more.
+    pub fn load(&self) -> f64 {
+        f64::max(self.admitted.load.measured(), self.meter.so_far())
+    }
+
     fn take_step(&mut self, started_ns: u64, workers: &Workers<'_>, clock: &dyn StageClock) {
         self.inbox.drain(Drain::Stepping { dt_s: self.dt_s() }, started_ns, &mut self.tools);
         self.keep_tools_out_of_tissue();
