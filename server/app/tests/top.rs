@@ -24,9 +24,9 @@ async fn top_shows_a_servers_sessions_once_where_there_is_no_terminal() {
         assert!(is_well && text.starts_with("kerf-server "), "{text}");
         let (running, stands) = (words(&running), words(&stands));
         assert_eq!((running[2].as_str(), stands[2].as_str()), ("running", "paused"), "{text}");
-        let kept: f64 = running[3].parse().unwrap();
+        let kept: f64 = running[4].parse().unwrap();
         assert!(kept > 10.0 && kept < 200.0, "{text}");
-        assert_eq!(stands[3..6], ["-"; 3], "{text}");
+        assert_eq!(stands[3..7], ["-"; 4], "{text}");
     }
     assert!(process.stop().success());
 }

@@ -105,13 +105,14 @@ pub fn state(phase: &Phase) -> v1::SessionState {
     }
 }
 
-pub fn session_info(session: &Session) -> v1::SessionInfo {
+pub fn session_info(session: &Session, journal: Option<v1::Journal>) -> v1::SessionInfo {
     v1::SessionInfo {
         session_id: session.id().to_string(),
         scene_name: session.scene().desc.name.clone(),
         state: state(&session.phase()).into(),
         is_replay: session.is_replay(),
         vitals: Some(session_vitals(session)),
+        journal,
     }
 }
 
@@ -136,7 +137,7 @@ pub fn session_description(
     session: &Session,
     status: &SessionStatus,
     control: &ControlLimits,
-    recording: Option<v1::Recording>,
+    (recording, journal): (Option<v1::Recording>, Option<v1::Journal>),
 ) -> v1::SessionDescription {
     let failure = status.phase.failure().unwrap_or_default().to_owned();
     v1::SessionDescription {
@@ -157,6 +158,7 @@ pub fn session_description(
         load: session.load(),
         memory_bytes: session.memory_bytes() as u64,
         recording,
+        journal,
         dial: session.dial().map(dial_choice),
         relative_tolerance: status.relative_tolerance,
     }

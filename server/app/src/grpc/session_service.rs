@@ -72,7 +72,8 @@ impl SessionService {
 
     async fn describe(&self, session: &Session) -> Result<v1::SessionDescription, RequestError> {
         let status = in_time(self.limit_s(), session.describe()).await?;
-        Ok(session_description(session, &status, &self.config.control, self.recordings.so_far(session.id())))
+        let kept = (self.recordings.so_far(session.id()), self.journals.so_far(session.id()));
+        Ok(session_description(session, &status, &self.config.control, kept))
     }
 }
 
@@ -173,7 +174,7 @@ impl v1::session_service_server::SessionService for SessionService {
     ) -> Result<Response<v1::ListSessionsResponse>, Status> {
         let caller = Caller::of(request.extensions())?;
         let known = self.registry.list().into_iter().filter(|session| caller.knows(session));
-        let sessions = known.map(|session| session_info(&session)).collect();
+        let sessions = known.map(|session| session_info(&session, self.journals.so_far(session.id()))).collect();
         let server = v1::ServerVitals {
             version: env!("CARGO_PKG_VERSION").into(),
             resident_memory_bytes: machine::resident_memory_bytes().unwrap_or_default(),

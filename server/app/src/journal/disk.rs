@@ -8,6 +8,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
+use super::Sync;
 use super::health::Unsynced;
 use crate::recording::Quota;
 
@@ -15,6 +16,10 @@ use crate::recording::Quota;
 pub struct Disk {
     jobs: Option<Sender<Job>>,
     shared: Arc<Shared>,
+    /// What it frees by removing files.
+    pub quota: Arc<Quota>,
+    /// What it has yet to confirm.
+    pub unsynced: Arc<Unsynced>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -35,16 +40,16 @@ enum Job {
 
 impl Disk {
     /// A disk that frees what it removes.
-    pub fn new(quota: Arc<Quota>, unsynced: Arc<Unsynced>) -> io::Result<Self> {
+    pub fn new(quota: Arc<Quota>, unsynced: Arc<Unsynced>, sync: Sync) -> io::Result<Self> {
         let (jobs, waiting) = channel();
         let shared = Arc::new(Shared::default());
         let thread = {
-            let shared = Arc::clone(&shared);
+            let (shared, quota, unsynced) = (Arc::clone(&shared), Arc::clone(&quota), Arc::clone(&unsynced));
             std::thread::Builder::new()
                 .name("kerf-disk".into())
-                .spawn(move || work(&waiting, &shared, &quota, &unsynced))?
+                .spawn(move || work(&waiting, &shared, (&quota, &unsynced), sync))?
         };
-        Ok(Self { jobs: Some(jobs), shared, thread: Some(thread) })
+        Ok(Self { jobs: Some(jobs), shared, quota, unsynced, thread: Some(thread) })
     }
 
     /// Syncs a file soon.
@@ -81,17 +86,17 @@ impl Drop for Disk {
     }
 }
 
-fn work(jobs: &Receiver<Job>, shared: &Shared, quota: &Quota, unsynced: &Unsynced) {
+fn work(jobs: &Receiver<Job>, shared: &Shared, (quota, unsynced): (&Quota, &Unsynced), sync: Sync) {
     for job in jobs {
         let done = match job {
             Job::Sync(file) => {
                 shared.is_asked.store(false, Ordering::Release);
                 unsynced.sync_begins();
-                file.sync_data()
+                sync(&file)
             }
             Job::Replace { file, folder, before } => {
                 unsynced.sync_begins();
-                let on_disk = file.sync_all().and_then(|()| File::open(folder)?.sync_all());
+                let on_disk = sync(&file).and_then(|()| File::open(folder)?.sync_all());
                 on_disk.map(|()| before.iter().for_each(|path| remove(path, quota)))
             }
         };

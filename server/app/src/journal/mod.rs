@@ -17,6 +17,7 @@ mod tests;
 mod writer;
 
 use std::fs::File;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -24,14 +25,16 @@ use std::thread::JoinHandle;
 
 use anyhow::{Context, Result, anyhow, ensure};
 use futures_util::future::join_all;
+use kerf_proto::v1;
 use kerf_session::priority::stand_back;
 use kerf_session::{Registry, Session, SessionId, SessionOptions, TapeReader};
 
 use crate::config::ServerConfig;
-use crate::recording::{Going, Quota, Recordings};
+use crate::recording::{Going, Quota, Recordings, Told};
+use disk::Disk;
 use files::Files;
 use health::Health;
-use writer::Writer;
+use writer::{Account, Writer};
 
 /// Keeps a second server out of the folder.
 const LOCK_FILE: &str = "lock";
@@ -45,7 +48,12 @@ pub struct Journals {
     is_stopping: Arc<AtomicBool>,
     going: Going,
     health: Arc<Health>,
+    /// How a file is brought to the disk; tests have disks that fail.
+    sync: Sync,
 }
+
+/// Waits until the disk has what was written to a file.
+type Sync = fn(&File) -> io::Result<()>;
 
 struct Folder {
     path: PathBuf,
@@ -75,6 +83,7 @@ impl Journals {
             is_stopping: Arc::default(),
             going: Going::default(),
             health: Arc::default(),
+            sync: File::sync_data,
         })
     }
 
@@ -82,6 +91,12 @@ impl Journals {
     #[must_use]
     pub fn is_on(&self) -> bool {
         self.folder.is_some()
+    }
+
+    /// What has become of a session's journal so far; `None` where none is kept.
+    #[must_use]
+    pub fn so_far(&self, session: SessionId) -> Option<v1::Journal> {
+        self.going.so_far(session).map(|told| v1::Journal { error: told.error })
     }
 
     /// How they are doing.
@@ -126,13 +141,15 @@ impl Journals {
     /// Goes on with the journal of a session, or begins it; files `before` are removed once there is a newer one.
     fn go_on(&self, session: &Arc<Session>, before: Vec<PathBuf>) -> Option<String> {
         let (Some(folder), Some(tape)) = (&self.folder, session.take_journal()) else { return None };
-        let thread = self.start(folder, session, (tape, before)).map_err(|error| {
+        let told = Arc::new(Told::default());
+        let thread = self.start(folder, session, (tape, before), &told).map_err(|error| {
             self.health.not_begun.add(1);
             tracing::error!(session = %session.id(), "the session has no journal: {error:#}");
+            told.note(|journal| journal.error = format!("{error:#}"));
             format!("the session has no journal: {error:#}")
         });
         let refused = thread.as_ref().err().cloned();
-        self.going.add(session, Arc::default(), thread.ok());
+        self.going.add(session, told, thread.ok());
         refused
     }
 
@@ -141,10 +158,14 @@ impl Journals {
         folder: &Folder,
         session: &Session,
         (tape, before): (TapeReader, Vec<PathBuf>),
+        told: &Arc<Told>,
     ) -> Result<JoinHandle<()>> {
         self.quota.measure(&folder.path)?;
         let files = Files { folder: folder.path.clone(), session: session.id(), before };
-        let writer = Writer::begin(files, session, tape, (&self.quota, &self.health), &self.is_stopping)?;
+        let disk =
+            Disk::new(Arc::clone(&self.quota), self.health.begin(), self.sync).context("a thread for the disk")?;
+        let account = Account { health: Arc::clone(&self.health), told: Arc::clone(told) };
+        let writer = Writer::begin(files, session, tape, disk, account, &self.is_stopping)?;
         let run = std::thread::Builder::new().name("kerf-journal".into()).spawn(move || {
             stand_back();
             writer.run();

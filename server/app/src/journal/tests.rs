@@ -1,6 +1,7 @@
 //! Journals that were cut, and whose bits were flipped.
 
 use std::path::Path;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use kerf_physics::tool::{OPEN, Pose};
 use kerf_physics::{Quat, Scene, Vec3};
@@ -46,6 +47,47 @@ async fn journal(folder: &Path, steps: usize) -> Vec<u8> {
     let [files] = files.into_values().collect::<Vec<_>>().try_into().unwrap();
     let [file] = <[_; 1]>::try_from(files).unwrap();
     std::fs::read(file).unwrap()
+}
+
+/// A disk that confirms a few times and fails from then on.
+fn fails_later(file: &std::fs::File) -> std::io::Result<()> {
+    static SYNCS: AtomicU32 = AtomicU32::new(0);
+    match SYNCS.fetch_add(1, Ordering::Relaxed) {
+        ..3 => file.sync_data(),
+        _ => Err(std::io::Error::from_raw_os_error(libc::EIO)),
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_disk_that_fails_to_sync_ends_the_journal_without_a_retry_and_the_session_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = ServerConfig { journal_dir: Some(folder.path().into()), ..ServerConfig::default() };
+    let journals = Journals { sync: fails_later, ..Journals::new(&config).unwrap() };
+    let registry = Registry::new(SessionLimits::default(), ParetoFronts::builtin()).unwrap();
+    let scene = Scene { desc: toml::from_str(BLOCK).unwrap(), meshes: Default::default() };
+    let options = SessionOptions { is_journaled: true, ..SessionOptions::default() };
+    let session = registry.create(scene, options).await.unwrap();
+    assert_eq!(journals.begin(&session), None);
+    let error = || journals.so_far(session.id()).unwrap().error;
+    for _ in 0..1000 {
+        if !error().is_empty() {
+            break;
+        }
+        tokio::time::sleep(std::time::Duration::from_millis(10)).await;
+    }
+    assert!(error().contains("may not be on the disk") && error().contains("Input/output error"), "{}", error());
+    assert_eq!(journals.health().broken_off.get(), 1);
+    let (step, bytes) = (session.describe().await.unwrap().step, written(folder.path()));
+    tokio::time::sleep(std::time::Duration::from_millis(300)).await;
+    assert!(session.describe().await.unwrap().step > step + 20, "it steps on");
+    assert_eq!(written(folder.path()), bytes, "nothing is written to a disk that has lost something");
+    registry.close_all().await;
+    journals.finish_all().await;
+}
+
+/// Bytes in a folder.
+fn written(folder: &Path) -> u64 {
+    std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().metadata().unwrap().len()).sum()
 }
 
 /// What says a journal: its base, and each step with its hash.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use anyhow::{Context, Error, Result};
+use anyhow::{Error, Result};
 use kerf_proto::v1;
 use kerf_session::clock::MonotonicClock;
 use kerf_session::{Session, TapeEntry, TapeReader, TapeState};
@@ -13,12 +13,12 @@ use mcap::McapResult;
 
 use super::disk::{Disk, remove};
 use super::files::Files;
-use super::health::{Health, Unsynced};
+use super::health::Health;
 use crate::convert::scene::scene_summary;
 use crate::recording::tape::{self, plain};
 use crate::recording::tracks::{Track, Tracks};
 use crate::recording::writer::LogClock;
-use crate::recording::{Quota, Sink, convert};
+use crate::recording::{Sink, Told, convert};
 
 /// How often the tape is looked at.
 const LOOK: Duration = Duration::from_millis(8);
@@ -34,14 +34,20 @@ pub struct Writer {
     file: Option<Going>,
     tape: TapeReader,
     disk: Disk,
-    quota: Arc<Quota>,
-    health: Arc<Health>,
-    unsynced: Arc<Unsynced>,
+    account: Account,
     is_stopping: Arc<AtomicBool>,
     clock: LogClock,
     flushed_ns: u64,
     /// Something was written since: a session that stands asks nothing of the disk.
     is_unsynced: bool,
+}
+
+/// Where it is told what becomes of the journal.
+pub struct Account {
+    /// Of all journals.
+    pub health: Arc<Health>,
+    /// Of this one.
+    pub told: Arc<Told>,
 }
 
 /// The file that is written to.
@@ -68,19 +74,16 @@ impl Writer {
         files: Files,
         session: &Session,
         tape: TapeReader,
-        (quota, health): (&Arc<Quota>, &Arc<Health>),
+        disk: Disk,
+        account: Account,
         is_stopping: &Arc<AtomicBool>,
     ) -> Result<Self> {
-        let unsynced = health.begin();
-        let disk = Disk::new(Arc::clone(quota), Arc::clone(&unsynced)).context("a thread for the disk")?;
         let mut writer = Self {
             header: convert::header(session, scene_summary(session))?,
             file: None,
             tape,
             disk,
-            quota: Arc::clone(quota),
-            health: Arc::clone(health),
-            unsynced,
+            account,
             is_stopping: Arc::clone(is_stopping),
             clock: LogClock::now()?,
             flushed_ns: MonotonicClock::now_ns(),
@@ -105,11 +108,12 @@ impl Writer {
         };
         match ended {
             Ok(()) if !self.is_stopping.load(Ordering::Acquire) => {
-                self.files.before.iter().for_each(|path| remove(path, &self.quota))
+                self.files.before.iter().for_each(|path| remove(path, &self.disk.quota))
             }
             Ok(()) => tracing::info!(%session, "the journal of the session stays, for the next server"),
             Err(error) => {
-                self.health.broken_off.add(1);
+                self.account.health.broken_off.add(1);
+                self.account.told.note(|journal| journal.error.clone_from(&error));
                 tracing::error!(%session, "the journal has ended before its session, which would come back as it was then: {error}");
             }
         }
@@ -122,20 +126,20 @@ impl Writer {
         self.is_unsynced |= !entries.is_empty();
         let now_ns = MonotonicClock::now_ns();
         if self.file.is_some() && !entries.is_empty() {
-            self.unsynced.came(now_ns);
+            self.disk.unsynced.came(now_ns);
         }
         entries.iter().try_for_each(|entry| self.write(entry))?;
         if state != TapeState::Running || now_ns - self.flushed_ns >= FLUSH_NS {
             self.flushed_ns = now_ns;
             let is_unsynced = std::mem::take(&mut self.is_unsynced);
             if let Some(going) = self.file.as_mut().filter(|_| is_unsynced) {
-                self.unsynced.written(going.flush()?);
+                self.disk.unsynced.written(going.flush()?);
                 self.disk.sync(&going.file);
             }
             if let Some(failure) = self.disk.failure() {
                 return Ok(Some(Err(failure)));
             }
-            if let (TapeState::Running, Err(full)) = (state, self.quota.check()) {
+            if let (TapeState::Running, Err(full)) = (state, self.disk.quota.check()) {
                 return Ok(Some(Err(full)));
             }
         }
@@ -154,7 +158,7 @@ impl Writer {
     /// Goes on in a new file, which begins with a state to go on from, or with the scene at rest.
     fn begin_file(&mut self, base: Option<&TapeEntry>) -> McapResult<()> {
         if let Some(mut going) = self.file.take() {
-            self.unsynced.written(going.flush()?);
+            self.disk.unsynced.written(going.flush()?);
             going.tracks.abandon();
         }
         let path = self.files.next();
@@ -162,12 +166,12 @@ impl Writer {
         let same = Arc::new(file.try_clone()?);
         let before = std::mem::replace(&mut self.files.before, vec![path]);
         let time_ns = self.clock.unix_ns(MonotonicClock::now_ns());
-        let tracks = Tracks::begin(Sink::new(file, Arc::clone(&self.quota)), TRACKS, |tracks| {
+        let tracks = Tracks::begin(Sink::new(file, Arc::clone(&self.disk.quota)), TRACKS, |tracks| {
             tracks.write(Track::Header, time_ns, &self.header)?;
             base.map_or(Ok(()), |base| tape::write(tracks, time_ns, base))
         })?;
         let mut going = Going { tracks, file: same, bytes: 0 };
-        self.unsynced.written(going.flush()?);
+        self.disk.unsynced.written(going.flush()?);
         self.disk.replace(&going.file, self.files.folder.clone(), before);
         self.file = Some(going);
         Ok(())

@@ -33,6 +33,8 @@ pub struct SessionSeen {
     pub step_ms: Option<f64>,
     /// The session's account of itself.
     pub vitals: v1::SessionVitals,
+    /// Its journal; `None` where none is kept.
+    pub journal: Option<v1::Journal>,
 }
 
 impl Sample {
@@ -66,7 +68,8 @@ fn seen(now: &v1::SessionInfo, then: Option<v1::SessionVitals>, elapsed_s: f64) 
         (kept, share(late, steps), share(1e3 * (vitals.busy_s - then.busy_s), steps))
     });
     let (kept, late, step_ms) = since.unwrap_or_default();
-    SessionSeen { id: now.session_id.clone(), scene: now.scene_name.clone(), state, kept, late, step_ms, vitals }
+    let (id, scene, journal) = (now.session_id.clone(), now.scene_name.clone(), now.journal.clone());
+    SessionSeen { id, scene, state, kept, late, step_ms, vitals, journal }
 }
 
 #[cfg(test)]
@@ -93,6 +96,7 @@ pub mod tests {
                 memory_bytes: 41 << 20,
                 ..Default::default()
             }),
+            journal: Some(v1::Journal::default()),
             ..Default::default()
         };
         let server =
@@ -100,7 +104,8 @@ pub mod tests {
         let of = |sessions| v1::ListSessionsResponse { sessions, server: server.clone(), ..Default::default() };
         let at = Instant::now();
         let before = Sample { at, listed: of(vec![info(500, 7, 2.0)]) };
-        let newcomer = v1::SessionInfo { session_id: "session-1a2b-2".into(), ..info(40, 0, 0.1) };
+        let journal = Some(v1::Journal { error: "the disk is full".into() });
+        let newcomer = v1::SessionInfo { session_id: "session-1a2b-2".into(), journal, ..info(40, 0, 0.1) };
         let listed = of(vec![info(600, 27, 3.5), newcomer]);
         Sample { at: at + Duration::from_secs(2), listed }.since(&before)
     }

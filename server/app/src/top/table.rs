@@ -12,11 +12,12 @@ use super::sample::{Seen, SessionSeen};
 
 const MIB: f64 = 1048576.0;
 
-/// Heads of the columns; the first three are words, the others numbers.
-const HEADS: [&str; 12] = [
+/// Heads of the columns; the first four are words, the others numbers.
+const HEADS: [&str; 13] = [
     "SESSION",
     "SCENE",
     "STATE",
+    "JOURNAL",
     "KEPT",
     "LATE",
     "STEP",
@@ -27,19 +28,22 @@ const HEADS: [&str; 12] = [
     "LINKS CUT",
     "MEMORY",
 ];
-const WORDS: usize = 3;
+const WORDS: usize = 4;
 
 /// Late steps that a hand notices: as of the events that say so.
 const MANY_LATE: f64 = 0.02;
 
-fn cells(session: &SessionSeen) -> [String; 12] {
+fn cells(session: &SessionSeen) -> [String; 13] {
     let percent = |share: Option<f64>| share.map_or("-".into(), |share| format!("{:.1} %", 100.0 * share));
     let ms = |ms: Option<f64>| ms.map_or("-".into(), |ms| format!("{ms:.2} ms"));
     let vitals = &session.vitals;
+    let journal =
+        session.journal.as_ref().map_or("-", |journal| if journal.error.is_empty() { "kept" } else { "ENDED" });
     [
         session.id.clone(),
         session.scene.clone(),
         session.state.clone(),
+        journal.into(),
         percent(session.kept),
         percent(session.late),
         ms(session.step_ms),
@@ -59,7 +63,7 @@ fn title(seen: &Seen) -> String {
     format!("kerf-server {}: {sessions} of {most} sessions, {memory_mib:.0} MiB", server.version)
 }
 
-fn widths(rows: &[[String; 12]]) -> [usize; 12] {
+fn widths(rows: &[[String; 13]]) -> [usize; 13] {
     std::array::from_fn(|column| {
         let cells = rows.iter().map(|row| row[column].chars().count());
         cells.chain([HEADS[column].len()]).max().unwrap_or_default()
@@ -89,7 +93,7 @@ pub fn draw(frame: &mut Frame<'_>, seen: &Seen, trouble: Option<&str>) {
     frame.render_widget(Line::styled(title(seen), Modifier::BOLD), top);
     let rows: Vec<_> = seen.sessions.iter().map(cells).collect();
     let widths = widths(&rows);
-    let line = |row: &[String; 12]| {
+    let line = |row: &[String; 13]| {
         Row::new((0..HEADS.len()).map(|column| aligned(column, &row[column], widths[column])).collect::<Vec<_>>())
     };
     let heads = line(&HEADS.map(str::to_owned)).style(Modifier::REVERSED);
@@ -107,6 +111,7 @@ pub fn draw(frame: &mut Frame<'_>, seen: &Seen, trouble: Option<&str>) {
 fn style(session: &SessionSeen) -> Style {
     match session {
         _ if session.vitals.hangs || session.state == "failed" => Color::Red.into(),
+        _ if session.journal.as_ref().is_some_and(|journal| !journal.error.is_empty()) => Color::Red.into(),
         _ if session.late.is_some_and(|late| late > MANY_LATE) => Color::Yellow.into(),
         _ => Style::new(),
     }
@@ -127,23 +132,30 @@ mod tests {
         assert_eq!(lines[0], "kerf-server 0.1.0: 2 of 8 sessions, 200 MiB");
         assert_eq!(
             lines[2],
-            "session-1a2b-1  liver  running  50.0 %  20.0 %  15.00 ms  31.00 ms        3        0       1       1234  41 MiB"
+            "session-1a2b-1  liver  running  kept     50.0 %  20.0 %  15.00 ms  31.00 ms        3        0       1       1234  \
+             41 MiB"
         );
-        assert!(lines[3].starts_with("session-1a2b-2  liver  running       -       -         -  31.00 ms"), "{text}");
-        assert!(lines[1].starts_with("SESSION         SCENE  STATE      KEPT    LATE      STEP   LONGEST"), "{text}");
+        assert!(
+            lines[3].starts_with("session-1a2b-2  liver  running  ENDED         -       -         -  31.00 ms"),
+            "{text}"
+        );
+        assert!(
+            lines[1].starts_with("SESSION         SCENE  STATE    JOURNAL    KEPT    LATE      STEP   LONGEST"),
+            "{text}"
+        );
     }
 
     #[test]
     fn a_terminal_shows_the_same_and_why_it_is_out_of_date() {
-        let mut terminal = Terminal::new(TestBackend::new(130, 6)).unwrap();
+        let mut terminal = Terminal::new(TestBackend::new(140, 6)).unwrap();
         let seen = sampled();
         terminal.draw(|frame| draw(frame, &seen, Some("no server"))).unwrap();
         let buffer = terminal.backend().buffer().clone();
-        let line = |y| (0..130).map(|x| buffer[(x, y)].symbol()).collect::<String>().trim_end().to_owned();
+        let line = |y| (0..140).map(|x| buffer[(x, y)].symbol()).collect::<String>().trim_end().to_owned();
         let plain = plain(&seen);
         let shown: Vec<String> = (0..4).map(line).collect();
         assert_eq!(shown, plain.lines().collect::<Vec<_>>());
         assert_eq!(line(5), "out of date: no server");
-        assert_eq!((buffer[(0, 2)].fg, buffer[(0, 3)].fg), (Color::Yellow, Color::Reset));
+        assert_eq!((buffer[(0, 2)].fg, buffer[(0, 3)].fg), (Color::Yellow, Color::Red));
     }
 }

@@ -52,115 +52,117 @@ namespace Kerf.V1 {
             "KAkiPQoUQ2xvc2VTZXNzaW9uUmVzcG9uc2USJQoJcmVjb3JkaW5nGAEgASgL",
             "MhIua2VyZi52MS5SZWNvcmRpbmciSwoJUmVjb3JkaW5nEgwKBGZpbGUYASAB",
             "KAkSDQoFc3RlcHMYAiABKAQSEgoKaXNfY3V0X29mZhgDIAEoCBINCgVlcnJv",
-            "chgEIAEoCSIpChNQYXVzZVNlc3Npb25SZXF1ZXN0EhIKCnNlc3Npb25faWQY",
-            "ASABKAkiJAoUUGF1c2VTZXNzaW9uUmVzcG9uc2USDAoEc3RlcBgBIAEoBCIq",
-            "ChRSZXN1bWVTZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIiUK",
-            "FVJlc3VtZVNlc3Npb25SZXNwb25zZRIMCgRzdGVwGAEgASgEIlsKElN0ZXBT",
-            "ZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEg0KBXN0ZXBzGAIg",
-            "ASgNEiIKBmlucHV0cxgDIAMoCzISLmtlcmYudjEuU3RlcElucHV0IjEKCVN0",
-            "ZXBJbnB1dBIkCgdtb3Rpb25zGAEgAygLMhMua2VyZi52MS5Ub29sTW90aW9u",
-            "IlwKClRvb2xNb3Rpb24SIQoEcG9zZRgBIAEoCzIRLmtlcmYudjEuVG9vbFBv",
-            "c2VIABIhCgRsaWZ0GAIgASgLMhEua2VyZi52MS5MaWZ0VG9vbEgAQggKBm1v",
-            "dGlvbiJ5ChNTdGVwU2Vzc2lvblJlc3BvbnNlEgwKBHN0ZXAYASABKAQSJgoI",
-            "b3V0Y29tZXMYAiADKAsyFC5rZXJmLnYxLlN0ZXBPdXRjb21lEhgKEHRvcG9s",
-            "b2d5X3ZlcnNpb24YAyABKAQSEgoKc3RhdGVfaGFzaBgEIAEoBiKqAQoLU3Rl",
-            "cE91dGNvbWUSDAoEc3RlcBgBIAEoBBISCgpzaW1fdGltZV9zGAIgASgBEiIK",
-            "CGNvbnRhY3RzGAMgAygLMhAua2VyZi52MS5Db250YWN0EiUKBmVuZXJneRgE",
-            "IAEoCzIVLmtlcmYudjEuRW5lcmd5TGVkZ2VyEi4KF3RyYWNrZWRfZGlzcGxh",
-            "Y2VtZW50c19tGAUgAygLMg0ua2VyZi52MS5WZWMzIikKE1Jlc2V0U2Vzc2lv",
-            "blJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSI9ChRSZXNldFNlc3Npb25S",
-            "ZXNwb25zZRIlCglyZWNvcmRpbmcYASABKAsyEi5rZXJmLnYxLlJlY29yZGlu",
-            "ZyI5ChVTYXZlQ2hlY2twb2ludFJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEo",
-            "CRIMCgRuYW1lGAIgASgJIiYKFlNhdmVDaGVja3BvaW50UmVzcG9uc2USDAoE",
-            "c3RlcBgBIAEoBCI8ChhSZXN0b3JlQ2hlY2twb2ludFJlcXVlc3QSEgoKc2Vz",
-            "c2lvbl9pZBgBIAEoCRIMCgRuYW1lGAIgASgJIlAKGVJlc3RvcmVDaGVja3Bv",
-            "aW50UmVzcG9uc2USDAoEc3RlcBgBIAEoBBIlCglyZWNvcmRpbmcYAiABKAsy",
-            "Ei5rZXJmLnYxLlJlY29yZGluZyIsChZMaXN0Q2hlY2twb2ludHNSZXF1ZXN0",
-            "EhIKCnNlc3Npb25faWQYASABKAkiQwoXTGlzdENoZWNrcG9pbnRzUmVzcG9u",
-            "c2USKAoLY2hlY2twb2ludHMYASADKAsyEy5rZXJmLnYxLkNoZWNrcG9pbnQi",
-            "PAoKQ2hlY2twb2ludBIMCgRuYW1lGAEgASgJEgwKBHN0ZXAYAiABKAQSEgoK",
-            "c2ltX3RpbWVfcxgDIAEoASI7ChdEZWxldGVDaGVja3BvaW50UmVxdWVzdBIS",
-            "CgpzZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAkiGgoYRGVsZXRlQ2hl",
-            "Y2twb2ludFJlc3BvbnNlIj0KGURvd25sb2FkQ2hlY2twb2ludFJlcXVlc3QS",
-            "EgoKc2Vzc2lvbl9pZBgBIAEoCRIMCgRuYW1lGAIgASgJIioKGkRvd25sb2Fk",
-            "Q2hlY2twb2ludFJlc3BvbnNlEgwKBGRhdGEYASABKAwiSQoXVXBsb2FkQ2hl",
-            "Y2twb2ludFJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRIMCgRuYW1lGAIg",
-            "ASgJEgwKBGRhdGEYAyABKAwiKAoYVXBsb2FkQ2hlY2twb2ludFJlc3BvbnNl",
-            "EgwKBHN0ZXAYASABKAQiKQoTSW52aXRlVmlld2VyUmVxdWVzdBISCgpzZXNz",
-            "aW9uX2lkGAEgASgJIjkKFEludml0ZVZpZXdlclJlc3BvbnNlEg0KBXRva2Vu",
-            "GAEgASgJEhIKCmdvb2RfZm9yX3MYAiABKAEiZQoRU2Vla1JlcGxheVJlcXVl",
-            "c3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRITCgZ0aW1lX3MYAiABKAFIAIgBARIS",
-            "CgVzcGVlZBgDIAEoAUgBiAEBQgkKB190aW1lX3NCCAoGX3NwZWVkIlMKElNl",
-            "ZWtSZXBsYXlSZXNwb25zZRIOCgZ0aW1lX3MYASABKAESEAoIbGVuZ3RoX3MY",
-            "AiABKAESDQoFc3BlZWQYAyABKAESDAoEc3RlcBgEIAEoBCKWAQoLU2Vzc2lv",
-            "bkluZm8SEgoKc2Vzc2lvbl9pZBgBIAEoCRISCgpzY2VuZV9uYW1lGAIgASgJ",
-            "EiQKBXN0YXRlGAMgASgOMhUua2VyZi52MS5TZXNzaW9uU3RhdGUSEQoJaXNf",
-            "cmVwbGF5GAQgASgIEiYKBnZpdGFscxgFIAEoCzIWLmtlcmYudjEuU2Vzc2lv",
-            "blZpdGFscyLdAQoNU2Vzc2lvblZpdGFscxIUCgxzdGVwX3JhdGVfaHoYASAB",
-            "KAESDQoFc3RlcHMYAiABKAQSEgoKbGF0ZV9zdGVwcxgDIAEoBBIOCgZidXN5",
-            "X3MYBCABKAESFgoObG9uZ2VzdF9zdGVwX3MYBSABKAESDwoHdmlld2VycxgG",
-            "IAEoDRIPCgdkcml2ZXJzGAcgASgNEg4KBmZhdWx0cxgIIAEoBBIUCgxwYXJ0",
-            "ZWRfbGlua3MYCSABKAQSFAoMbWVtb3J5X2J5dGVzGAogASgEEg0KBWhhbmdz",
-            "GAsgASgIIpUEChJTZXNzaW9uRGVzY3JpcHRpb24SEgoKc2Vzc2lvbl9pZBgB",
-            "IAEoCRIkCgVzdGF0ZRgCIAEoDjIVLmtlcmYudjEuU2Vzc2lvblN0YXRlEiQK",
-            "BXNjZW5lGAMgASgLMhUua2VyZi52MS5TY2VuZVN1bW1hcnkSHwoGbGltaXRz",
-            "GAQgASgLMg8ua2VyZi52MS5MaW1pdHMSDAoEc3RlcBgFIAEoBBISCgpzaW1f",
-            "dGltZV9zGAYgASgBEhgKEHRvcG9sb2d5X3ZlcnNpb24YByABKAQSEgoKbGF0",
-            "ZV9zdGVwcxgIIAEoBBIPCgd2aWV3ZXJzGAkgASgNEhcKD2xlYXNlZF90b29s",
-            "X2lkcxgKIAMoDRIlCgZlbmVyZ3kYCyABKAsyFS5rZXJmLnYxLkVuZXJneUxl",
-            "ZGdlchIuChd0cmFja2VkX2Rpc3BsYWNlbWVudHNfbRgMIAMoCzINLmtlcmYu",
-            "djEuVmVjMxISCgpzdGF0ZV9oYXNoGA0gASgGEg8KB2ZhaWx1cmUYDiABKAkS",
-            "IQoEZGlhbBgPIAEoCzITLmtlcmYudjEuRGlhbENob2ljZRIaChJyZWxhdGl2",
-            "ZV90b2xlcmFuY2UYECABKAESDAoEbG9hZBgRIAEoARIUCgxtZW1vcnlfYnl0",
-            "ZXMYEiABKAQSJQoJcmVjb3JkaW5nGBUgASgLMhIua2VyZi52MS5SZWNvcmRp",
-            "bmciXwoKRGlhbENob2ljZRIlCgdzZXR0aW5nGAEgASgLMhQua2VyZi52MS5E",
-            "aWFsU2V0dGluZxIqCghleHBlY3RlZBgCIAEoCzIYLmtlcmYudjEuRGlhbEV4",
-            "cGVjdGF0aW9uInkKC0RpYWxTZXR0aW5nEg0KBWxldmVsGAEgASgNEhMKC3Zv",
-            "eGVsX3NjYWxlGAIgASgBEhoKEnJlbGF0aXZlX3RvbGVyYW5jZRgDIAEoARIP",
-            "CgdlbGVtZW50GAQgASgJEhkKEWhhc19maW5lcl9yZWdpb25zGAUgASgIIncK",
-            "D0RpYWxFeHBlY3RhdGlvbhIRCgltZWRpYW5fbXMYASABKAESDgoGcDk5X21z",
-            "GAIgASgBEhoKEmRpc3BsYWNlbWVudF9lcnJvchgDIAEoARITCgtmb3JjZV9l",
-            "cnJvchgEIAEoARIQCghoYXJkd2FyZRgFIAEoCSKsAgoMRW5lcmd5TGVkZ2Vy",
-            "EhMKC3Rvb2xfd29ya19qGAEgASgBEhMKC2xvYWRfd29ya19qGAIgASgBEhEK",
-            "CWVsYXN0aWNfahgDIAEoARIRCgljb250YWN0X2oYBCABKAESEQoJa2luZXRp",
-            "Y19qGAUgASgBEhIKCmZyYWN0dXJlX2oYBiABKAESFAoMZnJvbnRfc2xpcF9q",
-            "GAcgASgBEhQKDGluaXRpYXRpb25fahgIIAEoARIRCglwYXJ0aW5nX2oYCSAB",
-            "KAESEQoJZGFtcGluZ19qGAogASgBEhMKC251bWVyaWNhbF9qGAsgASgBEhIK",
-            "CnJlc2lkdWFsX2oYDCABKAESEgoKZnJpY3Rpb25fahgNIAEoARIWCg5jb250",
-            "YWN0X2xvc3NfahgOIAEoATK6CwoOU2Vzc2lvblNlcnZpY2USRQoKTGlzdFNj",
-            "ZW5lcxIaLmtlcmYudjEuTGlzdFNjZW5lc1JlcXVlc3QaGy5rZXJmLnYxLkxp",
-            "c3RTY2VuZXNSZXNwb25zZRI/CghHZXRTY2VuZRIYLmtlcmYudjEuR2V0U2Nl",
-            "bmVSZXF1ZXN0Ghkua2VyZi52MS5HZXRTY2VuZVJlc3BvbnNlEk4KDUNyZWF0",
-            "ZVNlc3Npb24SHS5rZXJmLnYxLkNyZWF0ZVNlc3Npb25SZXF1ZXN0Gh4ua2Vy",
-            "Zi52MS5DcmVhdGVTZXNzaW9uUmVzcG9uc2USVAoPRGVzY3JpYmVTZXNzaW9u",
-            "Eh8ua2VyZi52MS5EZXNjcmliZVNlc3Npb25SZXF1ZXN0GiAua2VyZi52MS5E",
-            "ZXNjcmliZVNlc3Npb25SZXNwb25zZRJLCgxMaXN0U2Vzc2lvbnMSHC5rZXJm",
-            "LnYxLkxpc3RTZXNzaW9uc1JlcXVlc3QaHS5rZXJmLnYxLkxpc3RTZXNzaW9u",
-            "c1Jlc3BvbnNlEksKDENsb3NlU2Vzc2lvbhIcLmtlcmYudjEuQ2xvc2VTZXNz",
-            "aW9uUmVxdWVzdBodLmtlcmYudjEuQ2xvc2VTZXNzaW9uUmVzcG9uc2USSwoM",
-            "UGF1c2VTZXNzaW9uEhwua2VyZi52MS5QYXVzZVNlc3Npb25SZXF1ZXN0Gh0u",
-            "a2VyZi52MS5QYXVzZVNlc3Npb25SZXNwb25zZRJOCg1SZXN1bWVTZXNzaW9u",
-            "Eh0ua2VyZi52MS5SZXN1bWVTZXNzaW9uUmVxdWVzdBoeLmtlcmYudjEuUmVz",
-            "dW1lU2Vzc2lvblJlc3BvbnNlEkgKC1N0ZXBTZXNzaW9uEhsua2VyZi52MS5T",
-            "dGVwU2Vzc2lvblJlcXVlc3QaHC5rZXJmLnYxLlN0ZXBTZXNzaW9uUmVzcG9u",
-            "c2USSwoMUmVzZXRTZXNzaW9uEhwua2VyZi52MS5SZXNldFNlc3Npb25SZXF1",
-            "ZXN0Gh0ua2VyZi52MS5SZXNldFNlc3Npb25SZXNwb25zZRJRCg5TYXZlQ2hl",
-            "Y2twb2ludBIeLmtlcmYudjEuU2F2ZUNoZWNrcG9pbnRSZXF1ZXN0Gh8ua2Vy",
-            "Zi52MS5TYXZlQ2hlY2twb2ludFJlc3BvbnNlEloKEVJlc3RvcmVDaGVja3Bv",
-            "aW50EiEua2VyZi52MS5SZXN0b3JlQ2hlY2twb2ludFJlcXVlc3QaIi5rZXJm",
-            "LnYxLlJlc3RvcmVDaGVja3BvaW50UmVzcG9uc2USVAoPTGlzdENoZWNrcG9p",
-            "bnRzEh8ua2VyZi52MS5MaXN0Q2hlY2twb2ludHNSZXF1ZXN0GiAua2VyZi52",
-            "MS5MaXN0Q2hlY2twb2ludHNSZXNwb25zZRJXChBEZWxldGVDaGVja3BvaW50",
-            "EiAua2VyZi52MS5EZWxldGVDaGVja3BvaW50UmVxdWVzdBohLmtlcmYudjEu",
-            "RGVsZXRlQ2hlY2twb2ludFJlc3BvbnNlEl8KEkRvd25sb2FkQ2hlY2twb2lu",
-            "dBIiLmtlcmYudjEuRG93bmxvYWRDaGVja3BvaW50UmVxdWVzdBojLmtlcmYu",
-            "djEuRG93bmxvYWRDaGVja3BvaW50UmVzcG9uc2UwARJZChBVcGxvYWRDaGVj",
-            "a3BvaW50EiAua2VyZi52MS5VcGxvYWRDaGVja3BvaW50UmVxdWVzdBohLmtl",
-            "cmYudjEuVXBsb2FkQ2hlY2twb2ludFJlc3BvbnNlKAESSwoMSW52aXRlVmll",
-            "d2VyEhwua2VyZi52MS5JbnZpdGVWaWV3ZXJSZXF1ZXN0Gh0ua2VyZi52MS5J",
-            "bnZpdGVWaWV3ZXJSZXNwb25zZRJFCgpTZWVrUmVwbGF5Ehoua2VyZi52MS5T",
-            "ZWVrUmVwbGF5UmVxdWVzdBobLmtlcmYudjEuU2Vla1JlcGxheVJlc3BvbnNl",
-            "YgZwcm90bzM="));
+            "chgEIAEoCSIYCgdKb3VybmFsEg0KBWVycm9yGAEgASgJIikKE1BhdXNlU2Vz",
+            "c2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSIkChRQYXVzZVNlc3Np",
+            "b25SZXNwb25zZRIMCgRzdGVwGAEgASgEIioKFFJlc3VtZVNlc3Npb25SZXF1",
+            "ZXN0EhIKCnNlc3Npb25faWQYASABKAkiJQoVUmVzdW1lU2Vzc2lvblJlc3Bv",
+            "bnNlEgwKBHN0ZXAYASABKAQiWwoSU3RlcFNlc3Npb25SZXF1ZXN0EhIKCnNl",
+            "c3Npb25faWQYASABKAkSDQoFc3RlcHMYAiABKA0SIgoGaW5wdXRzGAMgAygL",
+            "MhIua2VyZi52MS5TdGVwSW5wdXQiMQoJU3RlcElucHV0EiQKB21vdGlvbnMY",
+            "ASADKAsyEy5rZXJmLnYxLlRvb2xNb3Rpb24iXAoKVG9vbE1vdGlvbhIhCgRw",
+            "b3NlGAEgASgLMhEua2VyZi52MS5Ub29sUG9zZUgAEiEKBGxpZnQYAiABKAsy",
+            "ES5rZXJmLnYxLkxpZnRUb29sSABCCAoGbW90aW9uInkKE1N0ZXBTZXNzaW9u",
+            "UmVzcG9uc2USDAoEc3RlcBgBIAEoBBImCghvdXRjb21lcxgCIAMoCzIULmtl",
+            "cmYudjEuU3RlcE91dGNvbWUSGAoQdG9wb2xvZ3lfdmVyc2lvbhgDIAEoBBIS",
+            "CgpzdGF0ZV9oYXNoGAQgASgGIqoBCgtTdGVwT3V0Y29tZRIMCgRzdGVwGAEg",
+            "ASgEEhIKCnNpbV90aW1lX3MYAiABKAESIgoIY29udGFjdHMYAyADKAsyEC5r",
+            "ZXJmLnYxLkNvbnRhY3QSJQoGZW5lcmd5GAQgASgLMhUua2VyZi52MS5FbmVy",
+            "Z3lMZWRnZXISLgoXdHJhY2tlZF9kaXNwbGFjZW1lbnRzX20YBSADKAsyDS5r",
+            "ZXJmLnYxLlZlYzMiKQoTUmVzZXRTZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9u",
+            "X2lkGAEgASgJIj0KFFJlc2V0U2Vzc2lvblJlc3BvbnNlEiUKCXJlY29yZGlu",
+            "ZxgBIAEoCzISLmtlcmYudjEuUmVjb3JkaW5nIjkKFVNhdmVDaGVja3BvaW50",
+            "UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAkiJgoW",
+            "U2F2ZUNoZWNrcG9pbnRSZXNwb25zZRIMCgRzdGVwGAEgASgEIjwKGFJlc3Rv",
+            "cmVDaGVja3BvaW50UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5h",
+            "bWUYAiABKAkiUAoZUmVzdG9yZUNoZWNrcG9pbnRSZXNwb25zZRIMCgRzdGVw",
+            "GAEgASgEEiUKCXJlY29yZGluZxgCIAEoCzISLmtlcmYudjEuUmVjb3JkaW5n",
+            "IiwKFkxpc3RDaGVja3BvaW50c1JlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEo",
+            "CSJDChdMaXN0Q2hlY2twb2ludHNSZXNwb25zZRIoCgtjaGVja3BvaW50cxgB",
+            "IAMoCzITLmtlcmYudjEuQ2hlY2twb2ludCI8CgpDaGVja3BvaW50EgwKBG5h",
+            "bWUYASABKAkSDAoEc3RlcBgCIAEoBBISCgpzaW1fdGltZV9zGAMgASgBIjsK",
+            "F0RlbGV0ZUNoZWNrcG9pbnRSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkS",
+            "DAoEbmFtZRgCIAEoCSIaChhEZWxldGVDaGVja3BvaW50UmVzcG9uc2UiPQoZ",
+            "RG93bmxvYWRDaGVja3BvaW50UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJ",
+            "EgwKBG5hbWUYAiABKAkiKgoaRG93bmxvYWRDaGVja3BvaW50UmVzcG9uc2US",
+            "DAoEZGF0YRgBIAEoDCJJChdVcGxvYWRDaGVja3BvaW50UmVxdWVzdBISCgpz",
+            "ZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAkSDAoEZGF0YRgDIAEoDCIo",
+            "ChhVcGxvYWRDaGVja3BvaW50UmVzcG9uc2USDAoEc3RlcBgBIAEoBCIpChNJ",
+            "bnZpdGVWaWV3ZXJSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkiOQoUSW52",
+            "aXRlVmlld2VyUmVzcG9uc2USDQoFdG9rZW4YASABKAkSEgoKZ29vZF9mb3Jf",
+            "cxgCIAEoASJlChFTZWVrUmVwbGF5UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEg",
+            "ASgJEhMKBnRpbWVfcxgCIAEoAUgAiAEBEhIKBXNwZWVkGAMgASgBSAGIAQFC",
+            "CQoHX3RpbWVfc0IICgZfc3BlZWQiUwoSU2Vla1JlcGxheVJlc3BvbnNlEg4K",
+            "BnRpbWVfcxgBIAEoARIQCghsZW5ndGhfcxgCIAEoARINCgVzcGVlZBgDIAEo",
+            "ARIMCgRzdGVwGAQgASgEIrkBCgtTZXNzaW9uSW5mbxISCgpzZXNzaW9uX2lk",
+            "GAEgASgJEhIKCnNjZW5lX25hbWUYAiABKAkSJAoFc3RhdGUYAyABKA4yFS5r",
+            "ZXJmLnYxLlNlc3Npb25TdGF0ZRIRCglpc19yZXBsYXkYBCABKAgSJgoGdml0",
+            "YWxzGAUgASgLMhYua2VyZi52MS5TZXNzaW9uVml0YWxzEiEKB2pvdXJuYWwY",
+            "BiABKAsyEC5rZXJmLnYxLkpvdXJuYWwi3QEKDVNlc3Npb25WaXRhbHMSFAoM",
+            "c3RlcF9yYXRlX2h6GAEgASgBEg0KBXN0ZXBzGAIgASgEEhIKCmxhdGVfc3Rl",
+            "cHMYAyABKAQSDgoGYnVzeV9zGAQgASgBEhYKDmxvbmdlc3Rfc3RlcF9zGAUg",
+            "ASgBEg8KB3ZpZXdlcnMYBiABKA0SDwoHZHJpdmVycxgHIAEoDRIOCgZmYXVs",
+            "dHMYCCABKAQSFAoMcGFydGVkX2xpbmtzGAkgASgEEhQKDG1lbW9yeV9ieXRl",
+            "cxgKIAEoBBINCgVoYW5ncxgLIAEoCCK4BAoSU2Vzc2lvbkRlc2NyaXB0aW9u",
+            "EhIKCnNlc3Npb25faWQYASABKAkSJAoFc3RhdGUYAiABKA4yFS5rZXJmLnYx",
+            "LlNlc3Npb25TdGF0ZRIkCgVzY2VuZRgDIAEoCzIVLmtlcmYudjEuU2NlbmVT",
+            "dW1tYXJ5Eh8KBmxpbWl0cxgEIAEoCzIPLmtlcmYudjEuTGltaXRzEgwKBHN0",
+            "ZXAYBSABKAQSEgoKc2ltX3RpbWVfcxgGIAEoARIYChB0b3BvbG9neV92ZXJz",
+            "aW9uGAcgASgEEhIKCmxhdGVfc3RlcHMYCCABKAQSDwoHdmlld2VycxgJIAEo",
+            "DRIXCg9sZWFzZWRfdG9vbF9pZHMYCiADKA0SJQoGZW5lcmd5GAsgASgLMhUu",
+            "a2VyZi52MS5FbmVyZ3lMZWRnZXISLgoXdHJhY2tlZF9kaXNwbGFjZW1lbnRz",
+            "X20YDCADKAsyDS5rZXJmLnYxLlZlYzMSEgoKc3RhdGVfaGFzaBgNIAEoBhIP",
+            "CgdmYWlsdXJlGA4gASgJEiEKBGRpYWwYDyABKAsyEy5rZXJmLnYxLkRpYWxD",
+            "aG9pY2USGgoScmVsYXRpdmVfdG9sZXJhbmNlGBAgASgBEgwKBGxvYWQYESAB",
+            "KAESFAoMbWVtb3J5X2J5dGVzGBIgASgEEiUKCXJlY29yZGluZxgVIAEoCzIS",
+            "LmtlcmYudjEuUmVjb3JkaW5nEiEKB2pvdXJuYWwYFiABKAsyEC5rZXJmLnYx",
+            "LkpvdXJuYWwiXwoKRGlhbENob2ljZRIlCgdzZXR0aW5nGAEgASgLMhQua2Vy",
+            "Zi52MS5EaWFsU2V0dGluZxIqCghleHBlY3RlZBgCIAEoCzIYLmtlcmYudjEu",
+            "RGlhbEV4cGVjdGF0aW9uInkKC0RpYWxTZXR0aW5nEg0KBWxldmVsGAEgASgN",
+            "EhMKC3ZveGVsX3NjYWxlGAIgASgBEhoKEnJlbGF0aXZlX3RvbGVyYW5jZRgD",
+            "IAEoARIPCgdlbGVtZW50GAQgASgJEhkKEWhhc19maW5lcl9yZWdpb25zGAUg",
+            "ASgIIncKD0RpYWxFeHBlY3RhdGlvbhIRCgltZWRpYW5fbXMYASABKAESDgoG",
+            "cDk5X21zGAIgASgBEhoKEmRpc3BsYWNlbWVudF9lcnJvchgDIAEoARITCgtm",
+            "b3JjZV9lcnJvchgEIAEoARIQCghoYXJkd2FyZRgFIAEoCSKsAgoMRW5lcmd5",
+            "TGVkZ2VyEhMKC3Rvb2xfd29ya19qGAEgASgBEhMKC2xvYWRfd29ya19qGAIg",
+            "ASgBEhEKCWVsYXN0aWNfahgDIAEoARIRCgljb250YWN0X2oYBCABKAESEQoJ",
+            "a2luZXRpY19qGAUgASgBEhIKCmZyYWN0dXJlX2oYBiABKAESFAoMZnJvbnRf",
+            "c2xpcF9qGAcgASgBEhQKDGluaXRpYXRpb25fahgIIAEoARIRCglwYXJ0aW5n",
+            "X2oYCSABKAESEQoJZGFtcGluZ19qGAogASgBEhMKC251bWVyaWNhbF9qGAsg",
+            "ASgBEhIKCnJlc2lkdWFsX2oYDCABKAESEgoKZnJpY3Rpb25fahgNIAEoARIW",
+            "Cg5jb250YWN0X2xvc3NfahgOIAEoATK6CwoOU2Vzc2lvblNlcnZpY2USRQoK",
+            "TGlzdFNjZW5lcxIaLmtlcmYudjEuTGlzdFNjZW5lc1JlcXVlc3QaGy5rZXJm",
+            "LnYxLkxpc3RTY2VuZXNSZXNwb25zZRI/CghHZXRTY2VuZRIYLmtlcmYudjEu",
+            "R2V0U2NlbmVSZXF1ZXN0Ghkua2VyZi52MS5HZXRTY2VuZVJlc3BvbnNlEk4K",
+            "DUNyZWF0ZVNlc3Npb24SHS5rZXJmLnYxLkNyZWF0ZVNlc3Npb25SZXF1ZXN0",
+            "Gh4ua2VyZi52MS5DcmVhdGVTZXNzaW9uUmVzcG9uc2USVAoPRGVzY3JpYmVT",
+            "ZXNzaW9uEh8ua2VyZi52MS5EZXNjcmliZVNlc3Npb25SZXF1ZXN0GiAua2Vy",
+            "Zi52MS5EZXNjcmliZVNlc3Npb25SZXNwb25zZRJLCgxMaXN0U2Vzc2lvbnMS",
+            "HC5rZXJmLnYxLkxpc3RTZXNzaW9uc1JlcXVlc3QaHS5rZXJmLnYxLkxpc3RT",
+            "ZXNzaW9uc1Jlc3BvbnNlEksKDENsb3NlU2Vzc2lvbhIcLmtlcmYudjEuQ2xv",
+            "c2VTZXNzaW9uUmVxdWVzdBodLmtlcmYudjEuQ2xvc2VTZXNzaW9uUmVzcG9u",
+            "c2USSwoMUGF1c2VTZXNzaW9uEhwua2VyZi52MS5QYXVzZVNlc3Npb25SZXF1",
+            "ZXN0Gh0ua2VyZi52MS5QYXVzZVNlc3Npb25SZXNwb25zZRJOCg1SZXN1bWVT",
+            "ZXNzaW9uEh0ua2VyZi52MS5SZXN1bWVTZXNzaW9uUmVxdWVzdBoeLmtlcmYu",
+            "djEuUmVzdW1lU2Vzc2lvblJlc3BvbnNlEkgKC1N0ZXBTZXNzaW9uEhsua2Vy",
+            "Zi52MS5TdGVwU2Vzc2lvblJlcXVlc3QaHC5rZXJmLnYxLlN0ZXBTZXNzaW9u",
+            "UmVzcG9uc2USSwoMUmVzZXRTZXNzaW9uEhwua2VyZi52MS5SZXNldFNlc3Np",
+            "b25SZXF1ZXN0Gh0ua2VyZi52MS5SZXNldFNlc3Npb25SZXNwb25zZRJRCg5T",
+            "YXZlQ2hlY2twb2ludBIeLmtlcmYudjEuU2F2ZUNoZWNrcG9pbnRSZXF1ZXN0",
+            "Gh8ua2VyZi52MS5TYXZlQ2hlY2twb2ludFJlc3BvbnNlEloKEVJlc3RvcmVD",
+            "aGVja3BvaW50EiEua2VyZi52MS5SZXN0b3JlQ2hlY2twb2ludFJlcXVlc3Qa",
+            "Ii5rZXJmLnYxLlJlc3RvcmVDaGVja3BvaW50UmVzcG9uc2USVAoPTGlzdENo",
+            "ZWNrcG9pbnRzEh8ua2VyZi52MS5MaXN0Q2hlY2twb2ludHNSZXF1ZXN0GiAu",
+            "a2VyZi52MS5MaXN0Q2hlY2twb2ludHNSZXNwb25zZRJXChBEZWxldGVDaGVj",
+            "a3BvaW50EiAua2VyZi52MS5EZWxldGVDaGVja3BvaW50UmVxdWVzdBohLmtl",
+            "cmYudjEuRGVsZXRlQ2hlY2twb2ludFJlc3BvbnNlEl8KEkRvd25sb2FkQ2hl",
+            "Y2twb2ludBIiLmtlcmYudjEuRG93bmxvYWRDaGVja3BvaW50UmVxdWVzdBoj",
+            "LmtlcmYudjEuRG93bmxvYWRDaGVja3BvaW50UmVzcG9uc2UwARJZChBVcGxv",
+            "YWRDaGVja3BvaW50EiAua2VyZi52MS5VcGxvYWRDaGVja3BvaW50UmVxdWVz",
+            "dBohLmtlcmYudjEuVXBsb2FkQ2hlY2twb2ludFJlc3BvbnNlKAESSwoMSW52",
+            "aXRlVmlld2VyEhwua2VyZi52MS5JbnZpdGVWaWV3ZXJSZXF1ZXN0Gh0ua2Vy",
+            "Zi52MS5JbnZpdGVWaWV3ZXJSZXNwb25zZRJFCgpTZWVrUmVwbGF5Ehoua2Vy",
+            "Zi52MS5TZWVrUmVwbGF5UmVxdWVzdBobLmtlcmYudjEuU2Vla1JlcGxheVJl",
+            "c3BvbnNlYgZwcm90bzM="));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { global::Kerf.V1.ControlReflection.Descriptor, global::Kerf.V1.TypesReflection.Descriptor, },
           new pbr::GeneratedClrTypeInfo(null, null, new pbr::GeneratedClrTypeInfo[] {
@@ -180,6 +182,7 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CloseSessionRequest), global::Kerf.V1.CloseSessionRequest.Parser, new[]{ "SessionId" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CloseSessionResponse), global::Kerf.V1.CloseSessionResponse.Parser, new[]{ "Recording" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Recording), global::Kerf.V1.Recording.Parser, new[]{ "File", "Steps", "IsCutOff", "Error" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.Journal), global::Kerf.V1.Journal.Parser, new[]{ "Error" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.PauseSessionRequest), global::Kerf.V1.PauseSessionRequest.Parser, new[]{ "SessionId" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.PauseSessionResponse), global::Kerf.V1.PauseSessionResponse.Parser, new[]{ "Step" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ResumeSessionRequest), global::Kerf.V1.ResumeSessionRequest.Parser, new[]{ "SessionId" }, null, null, null, null),
@@ -208,9 +211,9 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.InviteViewerResponse), global::Kerf.V1.InviteViewerResponse.Parser, new[]{ "Token", "GoodForS" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SeekReplayRequest), global::Kerf.V1.SeekReplayRequest.Parser, new[]{ "SessionId", "TimeS", "Speed" }, new[]{ "TimeS", "Speed" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SeekReplayResponse), global::Kerf.V1.SeekReplayResponse.Parser, new[]{ "TimeS", "LengthS", "Speed", "Step" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SessionInfo), global::Kerf.V1.SessionInfo.Parser, new[]{ "SessionId", "SceneName", "State", "IsReplay", "Vitals" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SessionInfo), global::Kerf.V1.SessionInfo.Parser, new[]{ "SessionId", "SceneName", "State", "IsReplay", "Vitals", "Journal" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SessionVitals), global::Kerf.V1.SessionVitals.Parser, new[]{ "StepRateHz", "Steps", "LateSteps", "BusyS", "LongestStepS", "Viewers", "Drivers", "Faults", "PartedLinks", "MemoryBytes", "Hangs" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SessionDescription), global::Kerf.V1.SessionDescription.Parser, new[]{ "SessionId", "State", "Scene", "Limits", "Step", "SimTimeS", "TopologyVersion", "LateSteps", "Viewers", "LeasedToolIds", "Energy", "TrackedDisplacementsM", "StateHash", "Failure", "Dial", "RelativeTolerance", "Load", "MemoryBytes", "Recording" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SessionDescription), global::Kerf.V1.SessionDescription.Parser, new[]{ "SessionId", "State", "Scene", "Limits", "Step", "SimTimeS", "TopologyVersion", "LateSteps", "Viewers", "LeasedToolIds", "Energy", "TrackedDisplacementsM", "StateHash", "Failure", "Dial", "RelativeTolerance", "Load", "MemoryBytes", "Recording", "Journal" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DialChoice), global::Kerf.V1.DialChoice.Parser, new[]{ "Setting", "Expected" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DialSetting), global::Kerf.V1.DialSetting.Parser, new[]{ "Level", "VoxelScale", "RelativeTolerance", "Element", "HasFinerRegions" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DialExpectation), global::Kerf.V1.DialExpectation.Parser, new[]{ "MedianMs", "P99Ms", "DisplacementError", "ForceError", "Hardware" }, null, null, null, null),
@@ -4173,6 +4176,202 @@ namespace Kerf.V1 {
   }
 
   /// <summary>
+  /// What a server that keeps journals has of a session, to bring it back after a kill or a power cut.
+  /// </summary>
+  public sealed partial class Journal : pb::IMessage<Journal>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<Journal> _parser = new pb::MessageParser<Journal>(() => new Journal());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<Journal> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[16]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public Journal() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public Journal(Journal other) : this() {
+      error_ = other.error_;
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public Journal Clone() {
+      return new Journal(this);
+    }
+
+    /// <summary>Field number for the "error" field.</summary>
+    public const int ErrorFieldNumber = 1;
+    private string error_ = "";
+    /// <summary>
+    /// Why it ended before the session did, which would come back as it was then, or why none could be begun; empty while
+    /// it goes on.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public string Error {
+      get { return error_; }
+      set {
+        error_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as Journal);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(Journal other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (Error != other.Error) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (Error.Length != 0) hash ^= Error.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (Error.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteString(Error);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (Error.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteString(Error);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (Error.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeStringSize(Error);
+      }
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(Journal other) {
+      if (other == null) {
+        return;
+      }
+      if (other.Error.Length != 0) {
+        Error = other.Error;
+      }
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 10: {
+            Error = input.ReadString();
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 10: {
+            Error = input.ReadString();
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
   /// Asks for a pause.
   /// </summary>
   public sealed partial class PauseSessionRequest : pb::IMessage<PauseSessionRequest>
@@ -4189,7 +4388,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[16]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[17]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4384,7 +4583,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[17]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[18]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4579,7 +4778,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[18]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[19]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4774,7 +4973,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[19]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[20]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4969,7 +5168,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[20]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[21]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5233,7 +5432,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[21]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[22]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5418,7 +5617,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[22]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[23]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5714,7 +5913,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[23]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[24]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6018,7 +6217,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[24]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[25]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6361,7 +6560,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[25]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[26]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6556,7 +6755,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[26]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[27]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6760,7 +6959,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[27]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[28]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6995,7 +7194,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[28]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[29]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7190,7 +7389,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[29]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[30]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7425,7 +7624,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[30]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[31]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7669,7 +7868,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[31]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[32]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7864,7 +8063,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[32]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[33]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8048,7 +8247,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[33]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[34]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8323,7 +8522,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[34]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[35]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8558,7 +8757,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[35]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[36]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8713,7 +8912,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[36]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[37]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8948,7 +9147,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[37]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[38]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9143,7 +9342,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[38]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[39]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9418,7 +9617,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[39]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[40]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9613,7 +9812,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[40]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[41]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9808,7 +10007,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[41]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[42]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10044,7 +10243,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[42]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[43]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10346,7 +10545,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[43]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[44]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10661,7 +10860,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[44]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[45]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10686,6 +10885,7 @@ namespace Kerf.V1 {
       state_ = other.state_;
       isReplay_ = other.isReplay_;
       vitals_ = other.vitals_ != null ? other.vitals_.Clone() : null;
+      journal_ = other.journal_ != null ? other.journal_.Clone() : null;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -10770,6 +10970,21 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "journal" field.</summary>
+    public const int JournalFieldNumber = 6;
+    private global::Kerf.V1.Journal journal_;
+    /// <summary>
+    /// Its journal; absent where the server keeps none.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.Journal Journal {
+      get { return journal_; }
+      set {
+        journal_ = value;
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -10790,6 +11005,7 @@ namespace Kerf.V1 {
       if (State != other.State) return false;
       if (IsReplay != other.IsReplay) return false;
       if (!object.Equals(Vitals, other.Vitals)) return false;
+      if (!object.Equals(Journal, other.Journal)) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -10802,6 +11018,7 @@ namespace Kerf.V1 {
       if (State != global::Kerf.V1.SessionState.Unspecified) hash ^= State.GetHashCode();
       if (IsReplay != false) hash ^= IsReplay.GetHashCode();
       if (vitals_ != null) hash ^= Vitals.GetHashCode();
+      if (journal_ != null) hash ^= Journal.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -10840,6 +11057,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(42);
         output.WriteMessage(Vitals);
       }
+      if (journal_ != null) {
+        output.WriteRawTag(50);
+        output.WriteMessage(Journal);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -10870,6 +11091,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(42);
         output.WriteMessage(Vitals);
       }
+      if (journal_ != null) {
+        output.WriteRawTag(50);
+        output.WriteMessage(Journal);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -10894,6 +11119,9 @@ namespace Kerf.V1 {
       }
       if (vitals_ != null) {
         size += 1 + pb::CodedOutputStream.ComputeMessageSize(Vitals);
+      }
+      if (journal_ != null) {
+        size += 1 + pb::CodedOutputStream.ComputeMessageSize(Journal);
       }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
@@ -10924,6 +11152,12 @@ namespace Kerf.V1 {
           Vitals = new global::Kerf.V1.SessionVitals();
         }
         Vitals.MergeFrom(other.Vitals);
+      }
+      if (other.journal_ != null) {
+        if (journal_ == null) {
+          Journal = new global::Kerf.V1.Journal();
+        }
+        Journal.MergeFrom(other.Journal);
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -10961,6 +11195,13 @@ namespace Kerf.V1 {
               Vitals = new global::Kerf.V1.SessionVitals();
             }
             input.ReadMessage(Vitals);
+            break;
+          }
+          case 50: {
+            if (journal_ == null) {
+              Journal = new global::Kerf.V1.Journal();
+            }
+            input.ReadMessage(Journal);
             break;
           }
         }
@@ -11001,6 +11242,13 @@ namespace Kerf.V1 {
             input.ReadMessage(Vitals);
             break;
           }
+          case 50: {
+            if (journal_ == null) {
+              Journal = new global::Kerf.V1.Journal();
+            }
+            input.ReadMessage(Journal);
+            break;
+          }
         }
       }
     }
@@ -11025,7 +11273,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[45]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[46]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11620,7 +11868,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[46]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[47]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11659,6 +11907,7 @@ namespace Kerf.V1 {
       load_ = other.load_;
       memoryBytes_ = other.memoryBytes_;
       recording_ = other.recording_ != null ? other.recording_.Clone() : null;
+      journal_ = other.journal_ != null ? other.journal_.Clone() : null;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -11952,6 +12201,21 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "journal" field.</summary>
+    public const int JournalFieldNumber = 22;
+    private global::Kerf.V1.Journal journal_;
+    /// <summary>
+    /// Its journal; absent where the server keeps none.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.Journal Journal {
+      get { return journal_; }
+      set {
+        journal_ = value;
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -11986,6 +12250,7 @@ namespace Kerf.V1 {
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(Load, other.Load)) return false;
       if (MemoryBytes != other.MemoryBytes) return false;
       if (!object.Equals(Recording, other.Recording)) return false;
+      if (!object.Equals(Journal, other.Journal)) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -12012,6 +12277,7 @@ namespace Kerf.V1 {
       if (Load != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(Load);
       if (MemoryBytes != 0UL) hash ^= MemoryBytes.GetHashCode();
       if (recording_ != null) hash ^= Recording.GetHashCode();
+      if (journal_ != null) hash ^= Journal.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -12100,6 +12366,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(170, 1);
         output.WriteMessage(Recording);
       }
+      if (journal_ != null) {
+        output.WriteRawTag(178, 1);
+        output.WriteMessage(Journal);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -12180,6 +12450,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(170, 1);
         output.WriteMessage(Recording);
       }
+      if (journal_ != null) {
+        output.WriteRawTag(178, 1);
+        output.WriteMessage(Journal);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -12242,6 +12516,9 @@ namespace Kerf.V1 {
       }
       if (recording_ != null) {
         size += 2 + pb::CodedOutputStream.ComputeMessageSize(Recording);
+      }
+      if (journal_ != null) {
+        size += 2 + pb::CodedOutputStream.ComputeMessageSize(Journal);
       }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
@@ -12322,6 +12599,12 @@ namespace Kerf.V1 {
           Recording = new global::Kerf.V1.Recording();
         }
         Recording.MergeFrom(other.Recording);
+      }
+      if (other.journal_ != null) {
+        if (journal_ == null) {
+          Journal = new global::Kerf.V1.Journal();
+        }
+        Journal.MergeFrom(other.Journal);
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -12428,6 +12711,13 @@ namespace Kerf.V1 {
               Recording = new global::Kerf.V1.Recording();
             }
             input.ReadMessage(Recording);
+            break;
+          }
+          case 178: {
+            if (journal_ == null) {
+              Journal = new global::Kerf.V1.Journal();
+            }
+            input.ReadMessage(Journal);
             break;
           }
         }
@@ -12537,6 +12827,13 @@ namespace Kerf.V1 {
             input.ReadMessage(Recording);
             break;
           }
+          case 178: {
+            if (journal_ == null) {
+              Journal = new global::Kerf.V1.Journal();
+            }
+            input.ReadMessage(Journal);
+            break;
+          }
         }
       }
     }
@@ -12561,7 +12858,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[47]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[48]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -12814,7 +13111,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[48]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[49]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -13169,7 +13466,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[49]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[50]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -13526,7 +13823,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[50]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[51]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
