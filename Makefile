@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures docs imports reference test-all same-bits lint publish-protocol verify verify-page experiment extremes extremes-page strokes strokes-page dice bench performance peers
+.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures docs imports reference test-all same-bits lint publish-protocol verify verify-page experiment extremes extremes-page strokes strokes-page dice bench performance peers load load-page
 
 # Folder of scanned meshes for some of the tests and for `performance`, which leave them out where it is empty.
 TEST_SHARED ?= $(abspath $(wildcard ../shared))
@@ -209,3 +209,12 @@ DICE_SEED ?= 1
 DICE_ARGS ?=
 dice:
 	cargo run --release -p kerf-system-tests --bin dice -- docs/explanation/dicing.md --dicings $(DICINGS) --seed $(DICE_SEED) $(DICE_ARGS)
+
+# How many livers a server keeps at 60 Hz, and what 50 viewers cost: tables, and docs/explanation/load.md from these, in six
+# minutes; nothing else should run. load-page writes the page without a run.
+load:
+	cargo build --release --bin kerf-server --bin kerf-load
+	python3 tests/load/run.py
+
+load-page:
+	python3 tests/load/run.py --page-only
