@@ -14,6 +14,7 @@ mod process;
 mod remote;
 mod secured;
 mod slit;
+mod station;
 mod tls;
 mod top;
 mod tradeoff;

@@ -40,8 +40,18 @@ impl Process {
     }
 
     /// The same behind a command that ends in it.
-    pub async fn start(mut command: Command, arguments: &[&str], stderr: impl Into<Stdio>) -> Self {
-        let address: SocketAddr = std::net::TcpListener::bind(("127.0.0.1", 0)).unwrap().local_addr().unwrap();
+    pub async fn start(command: Command, arguments: &[&str], stderr: impl Into<Stdio>) -> Self {
+        let address = std::net::TcpListener::bind(("127.0.0.1", 0)).unwrap().local_addr().unwrap();
+        Self::start_at(address, command, arguments, stderr).await
+    }
+
+    /// The same at an address, as of a server before it.
+    pub async fn start_at(
+        address: SocketAddr,
+        mut command: Command,
+        arguments: &[&str],
+        stderr: impl Into<Stdio>,
+    ) -> Self {
         command.args(["serve", "--listen", &address.to_string()]).args(arguments);
         let server = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(stderr).spawn().unwrap();
         let client = soon("a server", async {
