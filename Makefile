@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures docs imports reference test-all same-bits lint publish-protocol verify verify-page experiment extremes extremes-page strokes strokes-page dice bench performance peers load load-page
+.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures docs imports reference test-all same-bits lint publish-protocol verify verify-page experiment extremes extremes-page strokes strokes-page dice bench performance peers load load-page deny advisories deb sbom
 
 # Folder of scanned meshes for some of the tests and for `performance`, which leave them out where it is empty.
 TEST_SHARED ?= $(abspath $(wildcard ../shared))
@@ -218,3 +218,28 @@ load:
 
 load-page:
 	python3 tests/load/run.py --page-only
+
+# Whether licences, sources and versions of what is depended on are as deny.toml has them, and, with the network's list,
+# whether any of it is known to be unsafe.
+deny: target/tools/bin/cargo-deny
+	target/tools/bin/cargo-deny check licenses bans sources
+
+advisories: target/tools/bin/cargo-deny
+	target/tools/bin/cargo-deny check advisories
+
+# A package for Debian in target/debian, with the viewer and what systemd is to run.
+deb: viewer target/tools/bin/cargo-deb
+	cargo build --release --bin kerf-server
+	target/tools/bin/cargo-deb -p kerf-server --no-build --strip --output target/debian/
+
+# What the programs consist of, as CycloneDX, in target/sbom.
+sbom: target/tools/bin/cargo-cyclonedx
+	target/tools/bin/cargo-cyclonedx cyclonedx --manifest-path server/app/Cargo.toml --format json --quiet
+	mkdir -p target/sbom
+	find . -name '*.cdx.json' -not -path './target/*' -exec mv {} target/sbom/ \;
+
+TOOL_VERSION_cargo-deny := 0.20.2
+TOOL_VERSION_cargo-deb := 3.8.0
+TOOL_VERSION_cargo-cyclonedx := 0.5.9
+target/tools/bin/%:
+	cargo install --quiet --locked --root target/tools --version $(TOOL_VERSION_$*) $*
