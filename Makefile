@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures docs imports reference test-all same-bits lint publish-protocol verify verify-page experiment extremes extremes-page strokes strokes-page dice bench performance peers load load-page deny advisories deb sbom
+.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures docs imports reference test-all same-bits lint publish-protocol verify verify-page experiment extremes extremes-page strokes strokes-page dice bench performance peers load load-page fuzz deny advisories deb sbom
 
 # Folder of scanned meshes for some of the tests and for `performance`, which leave them out where it is empty.
 TEST_SHARED ?= $(abspath $(wildcard ../shared))
@@ -122,6 +122,16 @@ figures:
 # what constants were read from takes minutes more: cargo test -p kerf-physics blade_stiffness_sweep -- --ignored --nocapture
 test-all: same-bits
 	cargo test --workspace -- --include-ignored --skip blade_stiffness_sweep
+
+# Bytes that nobody meant, for as long with each of the readers; `make test` does it for two seconds each. A failure names
+# its seed and the file that has the input. FUZZ=state picks a reader.
+FUZZ_SECONDS ?= 60
+FUZZ_SEED ?= 1
+FUZZ ?=
+fuzz:
+	cargo test -p kerf-system-tests --no-run
+	ulimit -v 8388608; FUZZ_SECONDS=$(FUZZ_SECONDS) FUZZ_SEED=$(FUZZ_SEED) RUST_BACKTRACE=0 \
+		cargo test --quiet -p kerf-system-tests fuzz::$(FUZZ) -- --nocapture
 
 # The same strokes give the same bits in the tests' profile, in release and, where the machine has it, with AVX-512.
 same-bits:

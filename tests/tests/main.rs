@@ -3,6 +3,7 @@
 mod dicing;
 mod experiment;
 mod extremes;
+mod fuzz;
 mod grpc;
 mod pages;
 mod paper_models;

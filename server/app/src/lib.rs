@@ -12,7 +12,7 @@ mod embedded;
 mod encode;
 mod grpc;
 mod incoming;
-mod journal;
+pub mod journal;
 pub mod machine;
 pub mod metrics;
 mod pace;

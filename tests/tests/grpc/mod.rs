@@ -12,7 +12,7 @@ mod dial;
 mod exposition;
 mod frames;
 mod given_up;
-mod harness;
+pub mod harness;
 mod hostile;
 mod interior;
 mod lifecycle;

@@ -11,7 +11,7 @@
 mod disk;
 mod files;
 mod health;
-mod past;
+pub mod past;
 #[cfg(test)]
 mod tests;
 mod writer;
