@@ -128,10 +128,12 @@ test-all: same-bits
 FUZZ_SECONDS ?= 60
 FUZZ_SEED ?= 1
 FUZZ ?=
-fuzz:
+fuzz: $(if $(NPM),client/web/node_modules)
 	cargo test -p kerf-system-tests --no-run
 	ulimit -v 8388608; FUZZ_SECONDS=$(FUZZ_SECONDS) FUZZ_SEED=$(FUZZ_SEED) RUST_BACKTRACE=0 \
 		cargo test --quiet -p kerf-system-tests fuzz::$(FUZZ) -- --nocapture
+	$(if $(NPM),cd client/web && FUZZ_SECONDS=$(FUZZ_SECONDS) FUZZ_SEED=$(FUZZ_SEED) npm test --silent -- test/fuzz.test.ts)
+	@FUZZ_SECONDS=$(FUZZ_SECONDS) FUZZ_SEED=$(FUZZ_SEED) client/python/check.sh fuzzing pytest --quiet tests/test_fuzz.py
 
 # The same strokes give the same bits in the tests' profile, in release and, where the machine has it, with AVX-512.
 same-bits:

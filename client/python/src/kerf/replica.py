@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
+from google.protobuf.message import DecodeError
+
 from kerf import surface_hash
 from kerf.body import Body, Moved, Surface
 from kerf.errors import ReplicaError
@@ -44,7 +46,10 @@ class Assembler:
         self._remaining = fragment.remaining
         if self._remaining:
             return None
-        whole = pb.ViewResponse.FromString(bytes(self._data))
+        try:
+            whole = pb.ViewResponse.FromString(bytes(self._data))
+        except DecodeError as error:
+            raise self._failed() from error
         self._data.clear()
         return whole
 

@@ -37,7 +37,11 @@ export class Assembler {
       at += part.length;
     }
     this.clear();
-    return fromBinary(ViewResponseSchema, data);
+    try {
+      return fromBinary(ViewResponseSchema, data);
+    } catch (error) {
+      throw new ReplicaError(`fragments that do not make a message: ${String(error)}`, true);
+    }
   }
 
   private fail(): ReplicaError {

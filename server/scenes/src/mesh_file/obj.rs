@@ -25,7 +25,8 @@ pub(super) fn parse(text: &str) -> Result<TriangleMesh, String> {
     }
     let (vertex, line) = greatest;
     if vertex as usize >= mesh.positions.len() && !mesh.triangles.is_empty() {
-        return Err(format!("line {line}: a face names vertex {}, the file has {}", vertex + 1, mesh.positions.len()));
+        let named = u64::from(vertex) + 1;
+        return Err(format!("line {line}: a face names vertex {named}, the file has {}", mesh.positions.len()));
     }
     Ok(mesh)
 }
@@ -85,6 +86,7 @@ mod tests {
             ("f 1 2", "line 4: a face has at least three corners, not 2"),
             ("f 1 2 0", "line 4: a face names vertex 0; the first is 1"),
             ("f 1 2 9", "line 4: a face names vertex 9, the file has 3"),
+            ("f 1 2 4294967296", "line 4: a face names vertex 4294967296, the file has 3"),
             ("f 1 2 -4", "line 4: a face names vertex -4, 3 stand before it"),
             ("f 1 2 c", "line 4: `c` is not a corner of a face"),
             ("v 1 \\\n2 x", "line 4: `x` is not a finite number"),
