@@ -269,14 +269,15 @@ impl Level {
                 && follows
                 && may_be_element(&element.next_in_cell)
         };
-        let checks = [
-            (self.sizes.is_whole() && self.first_in_cell.len() == self.sizes.len(), "cells"),
-            (self.elements.iter().enumerate().all(fits), "elements"),
-            (self.first_in_cell.iter().all(may_be_element), "elements of cells"),
-            (self.owner.len() == units && self.owner.iter().all(is_element), "units"),
-            (self.hosts.len() == nodes && self.hosts.iter().all(may_be_element), "nodes"),
+        // One after the other: elements are looked up among cells that fit.
+        let checks: [(&dyn Fn() -> bool, &str); 5] = [
+            (&|| self.sizes.is_whole() && self.first_in_cell.len() == self.sizes.len(), "cells"),
+            (&|| self.elements.iter().enumerate().all(fits), "elements"),
+            (&|| self.first_in_cell.iter().all(may_be_element), "elements of cells"),
+            (&|| self.owner.len() == units && self.owner.iter().all(is_element), "units"),
+            (&|| self.hosts.len() == nodes && self.hosts.iter().all(may_be_element), "nodes"),
         ];
-        checks.into_iter().try_for_each(|(holds, what)| if holds { Ok(()) } else { Err(what) })
+        checks.into_iter().try_for_each(|(holds, what)| if holds() { Ok(()) } else { Err(what) })
     }
 
     /// Number of lattice cells along each axis.
@@ -629,4 +630,32 @@ fn sorted(mut cells: Vec<Ijk>) -> Vec<Ijk> {
     cells.sort_unstable_by_key(|c| [c[2], c[1], c[0]]);
     cells.dedup();
     cells
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::voxelize::voxelize;
+    use crate::scene::SceneDesc;
+
+    const SCENE: &str = r#"
+        version = 1
+        name = "block"
+        [[objects]]
+        name = "block"
+        shape = { box = { min_m = [0.0, 0.0, 0.0], max_m = [0.04, 0.04, 0.04] } }
+        voxel_size_m = 0.01
+        material = { young_modulus_pa = 1e5, poisson_ratio = 0.4 }
+    "#;
+
+    #[test]
+    fn cells_of_a_file_that_are_none_are_refused_before_elements_are_looked_up_in_them() {
+        let desc: SceneDesc = toml::from_str(SCENE).unwrap();
+        let grid = voxelize(&desc.objects[0], &Default::default()).unwrap();
+        let level = Level::base(&VoxelUnits { grid: &grid, exponent: 0 }, CellSizes::uniform(grid.dims()));
+        assert_eq!(level.check(grid.voxels().len()), Ok(()));
+        let mut damaged = level.clone();
+        damaged.sizes.dims = [i32::MAX; 3];
+        assert_eq!(damaged.check(grid.voxels().len()), Err("cells"));
+    }
 }
