@@ -7,6 +7,9 @@ namespace Kerf.Client
     /// <summary>Puts fragments together to the message that they are parts of.</summary>
     public sealed class Assembler
     {
+        /// <summary>What a whole message may hold, bytes: the largest that the server sends.</summary>
+        const int MaxBytes = 64 * 1024 * 1024;
+
         readonly MemoryStream data = new MemoryStream();
         uint remaining;
 
@@ -22,6 +25,7 @@ namespace Kerf.Client
             }
             var fragment = message.Fragment;
             if (!isFirst && fragment.Remaining != remaining - 1) throw new MalformedException("fragment.remaining", (remaining - 1).ToString());
+            if (data.Length + fragment.Data.Length > MaxBytes) throw new MalformedException("fragment.data", "at most " + MaxBytes + " bytes in all");
             remaining = fragment.Remaining;
             fragment.Data.WriteTo(data);
             if (remaining > 0) return null;
