@@ -15,6 +15,7 @@ mod remote;
 mod secured;
 mod slit;
 mod station;
+mod stopped;
 mod tls;
 mod top;
 mod tradeoff;

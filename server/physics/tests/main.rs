@@ -26,6 +26,7 @@ mod link_energy;
 mod mechanics;
 mod motion;
 mod pays_only_for_what_it_requires;
+mod prestrain;
 mod probe_tool;
 mod put_away;
 mod robust;

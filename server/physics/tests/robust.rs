@@ -90,7 +90,7 @@ fn rampage_of(blade: &BladeDesc, held: Held, tools: usize, seed: u64, steps: u32
     let mut rng = Lcg(seed);
     let mut hands: Vec<Option<Hand>> = (0..tools).map(|_| None).collect();
     let (mut put_in, mut worst, mut parted, mut spared) = (0.0, 0.0f64, 0, 0);
-    let (mut residual, mut booked) = (0.0, 0.0);
+    let (mut residual, mut booked, mut made) = (0.0, 0.0, 0.0);
     for step in 0..steps {
         let mut inputs = Vec::new();
         for (tool, hand) in hands.iter_mut().enumerate() {
@@ -120,6 +120,7 @@ fn rampage_of(blade: &BladeDesc, held: Held, tools: usize, seed: u64, steps: u32
         put_in += e.tool_work_j.abs() + e.contact_j;
         booked += e.tool_work_j.abs();
         residual += e.residual_j.abs();
+        made += (-e.contact_loss_j).max(0.0);
         parted += output.fracture.parted_links;
         spared += output.fracture.spared_links;
         worst = worst.max((e.elastic_j + e.kinetic_j) / (put_in + 1e-4));
@@ -132,11 +133,13 @@ fn rampage_of(blade: &BladeDesc, held: Held, tools: usize, seed: u64, steps: u32
     assert!(least >= LEAST_PIECE_VOXELS, "{held:?}, seed {seed}: a piece of {least} voxels");
     println!(
         "{held:?}, {tools} tools, seed {seed}: {parted} links parted, {spared} spared, {} pieces, the least of {least} \
-         voxels, energy at most {worst:.2} of what was put in, residual {:.1e} of the work",
+         voxels, energy at most {worst:.2} of what was put in, residual {:.1e} of the work, made {:.1e} of it",
         sizes.len(),
-        residual / booked
+        residual / booked,
+        made / booked
     );
     assert!(residual < 1e-3 * booked, "{held:?}, seed {seed}: {residual} J of {booked} J are not accounted for");
+    assert!(made < 3e-2 * booked, "{held:?}, seed {seed}: contacts made {made} J of nothing, {booked} J were done");
     assert!(worst < 1.5, "{held:?}, seed {seed}: {worst} of the energy that was put in");
 }
 

@@ -3,8 +3,8 @@
 use kerf_physics::World;
 use kerf_physics::scene::wording::given;
 use kerf_physics::scene::{
-    BladeDesc, CapsuleDesc, EdgeDesc, FinerDesc, GrasperDesc, MaterialDesc, RateDesc, RegionDesc, Scene, SceneDesc,
-    SceneError, ScissorsDesc, ShapeDesc, ToolDesc, ToolShapeDesc, ViscosityDesc,
+    BladeDesc, CapsuleDesc, EdgeDesc, FinerDesc, GrasperDesc, MaterialDesc, PrestrainDesc, RateDesc, RegionDesc, Scene,
+    SceneDesc, SceneError, ScissorsDesc, ShapeDesc, ToolDesc, ToolShapeDesc, ViscosityDesc,
 };
 
 const SCENE: &str = r#"
@@ -256,6 +256,21 @@ fn each_number_is_taken_up_to_its_limits_and_refused_beyond_with_field_and_limit
             "objects[0].material.viscosity.relaxing_modulus_ratio",
             [1e-6, 100.0],
             1e-6,
+        ),
+        bound(
+            |s, v| s.objects[0].material.prestrain = Some(PrestrainDesc { strain: v, along: None }),
+            "objects[0].material.prestrain.strain",
+            [-0.2, 0.5],
+            1e-9,
+        ),
+        bound(
+            |s, v| {
+                let along = Some([0.0, v, 0.0]);
+                s.objects[0].material.prestrain = Some(PrestrainDesc { strain: 0.1, along });
+            },
+            "objects[0].material.prestrain.along",
+            [1e-6, 1e6],
+            1e-9,
         ),
         bound(
             |s, v| s.objects[0].material.friction_coefficient = v,

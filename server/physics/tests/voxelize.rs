@@ -18,6 +18,7 @@ fn material() -> MaterialDesc {
         rate: None,
         strain_stiffening: 0.0,
         viscosity: None,
+        prestrain: None,
         friction_coefficient: 0.0,
         color: None,
     }

@@ -1,12 +1,13 @@
 //! Names and texts of the built-in scenes.
 
 /// Name and TOML of each, in the order in which a newcomer would look at them.
-pub(crate) const BUILTIN: [(&str, &str); 17] = [
+pub(crate) const BUILTIN: [(&str, &str); 18] = [
     ("liver", include_str!("../builtin/liver.toml")),
     ("gummy-bear", include_str!("../builtin/gummy-bear.toml")),
     ("apple", include_str!("../builtin/apple.toml")),
     ("tofu", include_str!("../builtin/tofu.toml")),
     ("jelly", include_str!("../builtin/jelly.toml")),
+    ("tense-skin", include_str!("../builtin/tense-skin.toml")),
     ("hepatectomy", include_str!("../builtin/hepatectomy.toml")),
     ("two-organs", include_str!("../builtin/two-organs.toml")),
     ("liver-tissue", include_str!("../builtin/liver-tissue.toml")),

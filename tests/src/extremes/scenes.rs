@@ -80,6 +80,7 @@ impl Specimen {
             rate: None,
             strain_stiffening: self.strain_stiffening,
             viscosity: None,
+            prestrain: None,
             friction_coefficient: 0.0,
             color: None,
         }

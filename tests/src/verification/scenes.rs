@@ -57,6 +57,7 @@ pub fn material(young_modulus_pa: f64, poisson_ratio: f64) -> MaterialDesc {
         rate: None,
         strain_stiffening: 0.0,
         viscosity: None,
+        prestrain: None,
         friction_coefficient: 0.0,
         color: None,
     }

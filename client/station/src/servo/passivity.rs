@@ -126,6 +126,52 @@ mod tests {
         }
     }
 
+    /// A light hand that wanders, and a contact that pushes it along wherever it goes, at random hard but no harder than the
+    /// brake can take: the most that was given out over any stretch of time, and in a single step, J.
+    fn given_by_an_adversary(seed: u64, limits: PassivityLimits) -> (f64, f64) {
+        const DT_S: f64 = 1e-3;
+        let mut state = seed;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            2.0 * ((state >> 11) as f64 / (1u64 << 53) as f64) - 1.0
+        };
+        let mut passivity = Passivity::new(limits);
+        let (mut hand_m, mut v_m_per_s, mut wanted_n) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
+        let (mut given_j, mut most_j, mut most_in_step_j) = (0.0f64, 0.0f64, 0.0f64);
+        for step in 0..5000 {
+            if step % 100 == 0 {
+                wanted_n = Vector3::from_fn(|_, _| random());
+            }
+            passivity.observe(&hand_m, 0.0);
+            let push_n_s_per_m = 0.8 * LIMITS.max_damping_n_s_per_m * random().abs();
+            let force_n = passivity.control(DT_S, v_m_per_s * push_n_s_per_m, &v_m_per_s);
+            passivity.rendered(hand_m, force_n);
+            v_m_per_s += (force_n + wanted_n - 2.0 * v_m_per_s) * (DT_S / 0.1);
+            hand_m += DT_S * v_m_per_s;
+            let step_j = force_n.dot(&v_m_per_s) * DT_S;
+            given_j = (given_j + step_j).max(0.0);
+            most_j = most_j.max(given_j);
+            most_in_step_j = most_in_step_j.max(step_j);
+        }
+        (most_j, most_in_step_j)
+    }
+
+    #[test]
+    fn no_contact_gets_more_out_of_the_station_than_the_margin_and_what_two_steps_give() {
+        let mut worst: f64 = 0.0;
+        for seed in 0..200 {
+            let (most_j, in_step_j) = given_by_an_adversary(seed, LIMITS);
+            worst = worst.max((most_j - LIMITS.margin_j) / in_step_j);
+            assert!(most_j <= LIMITS.margin_j + 2.0 * in_step_j, "seed {seed}: {most_j} J, {in_step_j} J in one step");
+        }
+        let (unbraked_j, _) = given_by_an_adversary(0, PassivityLimits { max_damping_n_s_per_m: 0.0, ..LIMITS });
+        println!("beyond the margin at most {worst:.2} of a step; without a brake {unbraked_j:.3} J");
+        assert!(
+            unbraked_j > 10.0 * LIMITS.margin_j,
+            "the contact gives nothing out that had to be braked: {unbraked_j} J"
+        );
+    }
+
     #[test]
     fn the_work_of_a_cut_is_no_credit_for_later() {
         let mut passivity = Passivity::new(LIMITS);

@@ -1,6 +1,7 @@
 //! How a body's solver is made of its description and its state, and made anew where these have changed.
 
 use super::{Body, Solver, rigid};
+use crate::Mat3;
 use crate::boundary::{Boundary, Solid};
 use crate::fem::block::{ElementBlock, ElementLaw, ElementState, LANES, SharedByBlocks};
 use crate::fem::held::GROUND;
@@ -38,10 +39,11 @@ impl Body {
         block.set_matrices(element % LANES, cell, &matrices, law, self.solver.params.dt_s);
     }
 
-    /// Damping and stiffening of an element: means over its voxels; and what relaxes of it.
+    /// Damping and stiffening of an element: means over its voxels; what relaxes of it and what it is strained by in life.
     fn mean_law(&self, voxels: &[VoxelId]) -> ElementLaw {
-        let viscosity = self.mean_viscosity(voxels);
-        let mut mean = ElementLaw { alpha_per_s: 0.0, beta_s: 0.0, stiffening_rate_per_pa: 0.0, viscosity };
+        let (viscosity, free_stretch) = (self.mean_viscosity(voxels), self.mean_free_stretch(voxels));
+        let mut mean =
+            ElementLaw { alpha_per_s: 0.0, beta_s: 0.0, stiffening_rate_per_pa: 0.0, viscosity, free_stretch };
         let weight = 1.0 / voxels.len() as f64;
         for &voxel in voxels {
             let law = self.material_of(voxel).law;
@@ -50,6 +52,19 @@ impl Body {
             mean.stiffening_rate_per_pa += weight * law.stiffening_rate_per_pa;
         }
         mean
+    }
+
+    /// Mean over an element's voxels of what they would stretch by if they were free, as stiff as they are: under it
+    /// their stresses add up to none. `None` where no voxel is strained in life.
+    fn mean_free_stretch(&self, voxels: &[VoxelId]) -> Option<Mat3> {
+        let materials = || voxels.iter().map(|v| self.material_of(*v));
+        materials().find(|material| material.law.free_stretch.is_some())?;
+        let (mut sum, mut stiffness) = (Mat3::zeros(), 0.0);
+        for material in materials() {
+            sum += material.young_modulus_pa * material.law.free_stretch.unwrap_or_else(Mat3::identity);
+            stiffness += material.young_modulus_pa;
+        }
+        Some(sum / stiffness)
     }
 
     /// Builds every matrix from scratch and evaluates forces at the current state.

@@ -4,7 +4,8 @@ use super::ToughnessRate;
 use crate::fem::block::ElementLaw;
 use crate::fem::material::Elastic;
 use crate::fem::viscosity::Viscosity;
-use crate::scene::MaterialDesc;
+use crate::scene::{MaterialDesc, PrestrainDesc};
+use crate::{Mat3, Vec3};
 
 /// Material of a voxel as the step uses it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,11 +42,24 @@ impl From<&MaterialDesc> for Material {
                     modulus_ratio: v.relaxing_modulus_ratio,
                     relaxation_time_s: v.relaxation_time_s,
                 }),
+                free_stretch: desc.prestrain.as_ref().map(free_stretch),
             },
             fracture_energy_j_per_m2: desc.fracture_energy_j_per_m2,
             initiation_ratio: desc.initiation_ratio,
             toughness_rate: desc.rate.map(ToughnessRate::from),
             friction_coefficient: desc.friction_coefficient,
+        }
+    }
+}
+
+/// Stretch from the shape in life to the one that the tissue takes where nothing holds it.
+fn free_stretch(prestrain: &PrestrainDesc) -> Mat3 {
+    let stretch = 1.0 / (1.0 + prestrain.strain);
+    match prestrain.along {
+        None => Mat3::from_diagonal_element(stretch),
+        Some(along) => {
+            let along = Vec3::from(along).normalize();
+            Mat3::identity() + (stretch - 1.0) * along * along.transpose()
         }
     }
 }

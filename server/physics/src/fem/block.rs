@@ -6,6 +6,7 @@ use super::held::GROUND;
 use super::lanes::{PACKED, pack, set_lane};
 use super::packed::{MOST_SHARED, PackedMatrix, Shared};
 use super::viscosity::{BranchState, Viscosity, ViscosityBlock};
+use crate::Mat3;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use wide::{f32x4, f64x4};
@@ -46,6 +47,8 @@ pub struct ElementBlock {
     pub viscosity: Option<Box<ViscosityBlock>>,
     /// Present where any of the four is held.
     pub ground: Option<Box<GroundBlock>>,
+    /// Edges of the cells if they were free, m, `3 * axis + edge`; present where any of the four is strained in life.
+    pub free_edges_m: Option<Box<[f64x4; 9]>>,
 }
 
 /// Nodal values of a chunk of elements, xyz0, by slot: what blocks read.
@@ -155,6 +158,8 @@ pub struct ElementLaw {
     pub stiffening_rate_per_pa: f64,
     /// What relaxes in time, if anything does.
     pub viscosity: Option<Viscosity>,
+    /// Stretch to the shape that it would take if it were free, if that is not the one in life.
+    pub free_stretch: Option<Mat3>,
 }
 
 impl Default for ElementBlock {
@@ -174,6 +179,7 @@ impl Default for ElementBlock {
             stiffening: None,
             viscosity: None,
             ground: None,
+            free_edges_m: None,
         }
     }
 }
@@ -235,12 +241,26 @@ impl ElementBlock {
         if law.viscosity.is_some() || self.viscosity.is_some() {
             self.viscosity.get_or_insert_default().set(lane, law.viscosity.as_ref(), dt_s);
         }
+        self.set_free_stretch(lane, law.free_stretch);
         if matrices.ground.is_some() || self.ground.is_some() {
             let ground = self.ground.get_or_insert_default();
             ground.set(lane, matrices.ground.as_ref(), (origin_m, edge_m), &matrices.mean_gradient);
             if !ground.any() {
                 self.ground = None;
             }
+        }
+    }
+
+    fn set_free_stretch(&mut self, lane: usize, stretch: Option<Mat3>) {
+        if stretch.is_none() && self.free_edges_m.is_none() {
+            return;
+        }
+        let (stretch, edge_m) = (stretch.unwrap_or_else(Mat3::identity), self.shapes.edge_m);
+        let edges_m = self
+            .free_edges_m
+            .get_or_insert_with(|| Box::new(std::array::from_fn(|i| if i % 4 == 0 { edge_m } else { f64x4::ZERO })));
+        for (i, edge) in edges_m.iter_mut().enumerate() {
+            set_lane(edge, lane, stretch[(i / 3, i % 3)] * edge_m.as_array()[lane]);
         }
     }
 

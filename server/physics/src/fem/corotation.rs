@@ -1,7 +1,7 @@
 //! Rotations and exact co-rotational forces, four elements at a time.
 //!
-//! Energy of an element: `U = 1/2 u^T K u + V (psi(w) - w)`, `u = R^T x - X`, R the rotation of the
-//! mean deformation gradient, `w = 1/2 u^T K_G u / V`, `psi(w) = E/(2c) (exp(2 c w / E) - 1)`: strain
+//! Energy of an element: `U = 1/2 u^T K u + V (psi(w) - w)`, `u = R^T x - S X`, R the rotation of the
+//! mean deformation gradient, S the stretch to the shape that it would take if it were free (1 but for prestrain), `w = 1/2 u^T K_G u / V`, `psi(w) = E/(2c) (exp(2 c w / E) - 1)`: strain
 //! stiffening, uniaxially `sigma = E eps exp(c eps^2)`; the second term is absent for c = 0. What relaxes
 //! in time stands beside it: [`super::relaxation`].
 
@@ -141,7 +141,7 @@ impl ElementBlock {
             gradient: &gradient,
             position_m: &y,
             displacement_m: &vectors[0],
-            ground: ground.map(|ground| ground.points(&r, self.shapes.edge_m)),
+            ground: ground.map(|ground| ground.points(&r, self.shapes.edge_m, self.free_edges_m.as_deref())),
         };
         let (elastic_j, linear_j) = self.evaluate_forces(state, &placed, products(0));
         found.elastic_j = elastic_j;
@@ -164,10 +164,17 @@ impl ElementBlock {
         found
     }
 
-    /// `y - X` for positions `y` in the rest frame, relative to the first corner.
+    /// `y - S X` for positions `y` in the rest frame, relative to the first corner.
     #[inline(always)]
     fn displacement(&self, y: &[f64x4; 24]) -> [f64x4; 24] {
         let mut u = *y;
+        if let Some(free_edges_m) = self.free_edges_m.as_deref() {
+            for (i, u) in u.iter_mut().enumerate() {
+                let (corner, axis) = (i / 3, i % 3);
+                (0..3).filter(|edge| corner >> edge & 1 == 1).for_each(|edge| *u -= free_edges_m[3 * axis + edge]);
+            }
+            return u;
+        }
         for corner in 0..8 {
             for i in 0..3 {
                 if corner >> i & 1 == 1 {

@@ -123,13 +123,16 @@ impl GroundBlock {
         [0, 1, 2].map(|i| self.is_held.bitselect(self.origin_m[i], first[i]))
     }
 
-    /// The ground points as elements that have turned by `r` see them.
+    /// The ground points as elements that have turned by `r` see them; `free_edges_m` as the block has them.
     #[inline(always)]
-    pub(super) fn points(&self, r: &[f64x4; 9], edge_m: f64x4) -> GroundPoints {
+    pub(super) fn points(&self, r: &[f64x4; 9], edge_m: f64x4, free_edges_m: Option<&[f64x4; 9]>) -> GroundPoints {
         // R^T e_j is row j of R.
         let position_m = r.map(|entry| edge_m * entry);
         let mut displacement_m = position_m;
-        (0..3).for_each(|i| displacement_m[4 * i] -= edge_m);
+        match free_edges_m {
+            Some(edges_m) => (0..9).for_each(|i| displacement_m[i] -= edges_m[3 * (i % 3) + i / 3]),
+            None => (0..3).for_each(|i| displacement_m[4 * i] -= edge_m),
+        }
         GroundPoints { position_m, displacement_m }
     }
 }

@@ -8,7 +8,7 @@ use super::link_energy;
 use super::marker::Edge;
 use crate::Vec3;
 use crate::body::Body;
-use crate::contact::{Contact, Misjudged, Mode, Solution, ToolEnds};
+use crate::contact::{COMES_UP_VOXELS_PER_S, Contact, Misjudged, Mode, Solution, ToolEnds};
 use crate::scene::FractureRule;
 use crate::tool::frame::BladeFrame;
 use serde::{Deserialize, Serialize};
@@ -73,6 +73,16 @@ impl FrontContact {
         let mut lateral = spring(edge.frame.normal);
         lateral.stiffness_n_per_m *= edge.penalty_factor;
         lateral.bilateral = true;
+        // Found farther in, or more to the side, than work has pressed it, an edge does not push for that: it would make
+        // energy. One that cuts is as far in as its cap, whatever element it has come to; the first touch is a step's way in.
+        let comes_up_m = COMES_UP_VOXELS_PER_S * body.dt_s() * body.state.grid.voxel_size_m();
+        if forward.mode == Mode::Spring || anchor.yielded && forward.mode == Mode::Off {
+            let pressed_m = pressed_m(&forward, anchor.stored_j) + comes_up_m;
+            shift_gap(&mut forward, |gap_m| gap_m.min(pressed_m));
+        }
+        let beside_j = anchor.stored_j - held_j(&forward, forward.gap_before_m);
+        let aside_m = pressed_m(&lateral, beside_j) + comes_up_m;
+        shift_gap(&mut lateral, |gap_m| gap_m.clamp(-aside_m, aside_m));
         lateral.mode = lateral_mode(&forward);
         let mut slide = spring(edge.frame.along);
         slide.gap_predicted_m -= slide.gap_before_m;
@@ -107,21 +117,13 @@ impl FrontContact {
     ) -> Vec3 {
         let (forward, lateral) = (&self.forward, &self.lateral);
         let (k, force) = (forward.stiffness_n_per_m, forward.force_n);
-        // What the force, capped while it yields, can still do over the gap: where the front may not
-        // advance by all of it in one step, the rest waits at the cap.
-        let cap_m = if forward.mode == Mode::Yield { forward.yield_n / k } else { f64::INFINITY };
-        let spring = |gap: f64| {
-            let gap = gap.max(0.0);
-            let held = gap.min(cap_m);
-            k * held * (gap - 0.5 * held)
-        };
         let mut advance = 0.0;
         if forward.mode == Mode::Yield {
             advance = (forward.gap_m - forward.yield_n / k).max(0.0);
             advance = advance.min(MAX_ADVANCE_VOXELS * body.state.grid.voxel_size_m());
         }
         let aside = 0.5 * lateral.force_n * lateral.gap_m;
-        let stored = if forward.mode == Mode::Off { 0.0 } else { spring(forward.gap_m - advance) } + aside;
+        let stored = if forward.mode == Mode::Off { 0.0 } else { held_j(forward, forward.gap_m - advance) } + aside;
         let work =
             force * (forward.gap_m - forward.gap_before_m) + lateral.force_n * (lateral.gap_m - lateral.gap_before_m);
         // The springs' stiffness falls as the material relaxes, and their energy with it.
@@ -162,6 +164,28 @@ impl FrontContact {
         }
         step
     }
+}
+
+/// What the force, capped while it yields, can still do over a gap, J: where the front may not advance by all of it in
+/// one step, the rest waits at the cap.
+fn held_j(forward: &Contact, gap_m: f64) -> f64 {
+    let k = forward.stiffness_n_per_m;
+    let cap_m = if forward.mode == Mode::Yield { forward.yield_n / k } else { f64::INFINITY };
+    let gap_m = gap_m.max(0.0);
+    let held_m = gap_m.min(cap_m);
+    k * held_m * (gap_m - 0.5 * held_m)
+}
+
+/// Gap at which a spring holds so much, m.
+fn pressed_m(contact: &Contact, held_j: f64) -> f64 {
+    (2.0 * held_j.max(0.0) / contact.stiffness_n_per_m).sqrt()
+}
+
+/// Begins the step at another gap.
+fn shift_gap(contact: &mut Contact, to: impl Fn(f64) -> f64) {
+    let by_m = to(contact.gap_before_m) - contact.gap_before_m;
+    contact.gap_before_m += by_m;
+    contact.gap_predicted_m += by_m;
 }
 
 /// The edge holds the material beside it while it presses on material that holds.

@@ -38,6 +38,9 @@ pub struct MaterialDesc {
     /// What relaxes in time. Default: nothing, which costs nothing.
     #[serde(default)]
     pub viscosity: Option<ViscosityDesc>,
+    /// Strain that the tissue is under in life: where it is cut, it retracts. Default: none, which costs nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prestrain: Option<PrestrainDesc>,
     /// Coefficient of Coulomb friction of the material's surfaces on each other, 0 to 10; between two
     /// materials the geometric mean of theirs; of a smooth probe on them it is the material's own. Default 0: wet
     /// tissue slides.
@@ -77,6 +80,18 @@ pub struct ViscosityDesc {
     pub relaxation_time_s: f64,
     /// Modulus s that relaxes, over `young_modulus_pa`, which remains; 1e-6 to 100.
     pub relaxing_modulus_ratio: f64,
+}
+
+/// Strain of tissue in life over the shape that it shrinks to where nothing holds it. The scene begins at rest under it
+/// and the loads.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PrestrainDesc {
+    /// Lengthening over the length when free, -0.2 to 0.5; below 0 the tissue swells where it is cut.
+    pub strain: f64,
+    /// Direction of the strain, of any length. Default: all directions alike.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub along: Option<[f64; 3]>,
 }
 
 fn default_density() -> f64 {

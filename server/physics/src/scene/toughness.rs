@@ -106,6 +106,7 @@ mod tests {
             rate: None,
             strain_stiffening,
             viscosity: None,
+            prestrain: None,
             friction_coefficient: 0.0,
             color: None,
         }

@@ -405,6 +405,13 @@ impl Report {
             number("viscosity.relaxation_time_s", viscosity.relaxation_time_s, 1e-4..=1e4);
             number("viscosity.relaxing_modulus_ratio", viscosity.relaxing_modulus_ratio, 1e-6..=100.0);
         }
+        if let Some(prestrain) = &material.prestrain {
+            number("prestrain.strain", prestrain.strain, -0.2..=0.5);
+            if let Some(along) = &prestrain.along {
+                let length = along.iter().map(|c| c * c).sum::<f64>().sqrt();
+                number("prestrain.along", length, 1e-6..=1e6);
+            }
+        }
     }
 
     fn shape(&mut self, field: &str, shape: &ShapeDesc) -> bool {

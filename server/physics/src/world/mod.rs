@@ -75,7 +75,18 @@ impl World {
         let shapes = description::shapes(scene)?;
         let mut slots = Vec::with_capacity(scene.desc.objects.len());
         for (index, object) in scene.desc.objects.iter().enumerate() {
-            let body = Body::new(scene, index, params, &Workers::serial())?;
+            let mut body = Body::new(scene, index, params, &Workers::serial())?;
+            if object.materials().any(|material| material.prestrain.is_some()) {
+                let Relaxation { converged, relative_residual, .. } = body.relax(&Workers::serial(), &mut |_| ());
+                if !converged {
+                    return Err(SceneError::Field {
+                        field: format!("objects[{index}].material.prestrain"),
+                        message: format!(
+                            "does not come to rest: {relative_residual:.1e} of the forces stay unbalanced"
+                        ),
+                    });
+                }
+            }
             slots.push(BodySlot::new(body, shapes.iter(), !object.loads.is_empty()));
         }
         let tracked_points = description::tracked_points(scene, &slots)?;

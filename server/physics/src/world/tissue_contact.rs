@@ -10,9 +10,7 @@ use crate::contact::candidates::{Candidates, Reach};
 use crate::contact::ends::{TissueEnd, TissueEnds};
 use crate::contact::patch_hash::PlacedPatch;
 use crate::contact::press::{Approach, MARGIN_VOXELS, Meeting, PatchOf, Plane, approach, meet};
-use crate::contact::{
-    COMES_UP_VOXELS_PER_S, Contact, ContactWeights, Friction, Misjudged, Mode, Solution, TissueContact,
-};
+use crate::contact::{Contact, ContactWeights, Friction, Misjudged, Mode, Solution, TissueContact};
 use crate::ledger::ContactLedger;
 use crate::solve::pcg::{Factor, System, Systems};
 use crate::solve::spring::{PointSpring, ROOM_FOR_SPRINGS};
@@ -65,24 +63,28 @@ struct Carried {
     /// Version of the surface.
     version: u64,
     keys: Vec<PatchKey>,
-    /// Depth of each patch's spring at the end of the last step, m: where the next one goes on from.
-    depth_m: Vec<f64>,
+    /// Work done on each patch's spring since it touched, J: it never holds more.
+    work_j: Vec<f64>,
+    /// The same before the last step: scratch.
+    #[serde(skip)]
+    before_j: Vec<f64>,
 }
 
 impl Carried {
-    /// Follows a surface that has changed. What a patch gains or loses in area carries the pressure that it has.
+    /// Follows a surface that has changed. A patch that gains or loses area keeps what its spring holds.
     fn follow(&mut self, boundary: &Boundary) {
         if self.version == boundary.version() {
             return;
         }
-        let mut before = self.keys.iter().zip(&self.depth_m).peekable();
-        let depth_m = boundary.patches().iter().map(|patch| {
+        let mut before = self.keys.iter().zip(&self.work_j).peekable();
+        let work_j = boundary.patches().iter().map(|patch| {
             while before.next_if(|(key, _)| **key < patch.key()).is_some() {}
-            before.next_if(|(key, _)| **key == patch.key()).map_or(0.0, |(_, depth_m)| *depth_m)
+            before.next_if(|(key, _)| **key == patch.key()).map_or(0.0, |(_, work_j)| *work_j)
         });
-        let depth_m = depth_m.collect();
+        let work_j: Vec<f64> = work_j.collect();
         let keys = boundary.patches().iter().map(SurfacePatch::key).collect();
-        *self = Self { version: boundary.version(), keys, depth_m };
+        let before_j = vec![0.0; work_j.len()];
+        *self = Self { version: boundary.version(), keys, work_j, before_j };
     }
 }
 
@@ -140,7 +142,7 @@ impl TissueContacts {
         let is_of = |(carried, body): (&Carried, &Body)| {
             let patches = body.boundary().patches();
             carried.version == body.boundary().version()
-                && carried.depth_m.len() == patches.len()
+                && carried.work_j.len() == patches.len()
                 && carried.keys.iter().copied().eq(patches.iter().map(SurfacePatch::key))
         };
         let is_in = |end: &TissueEnd| {
@@ -187,7 +189,7 @@ impl TissueContacts {
         springs.retain(|spring| {
             let keeps = !spring.ends.ends.iter().any(is_lost);
             if !keeps {
-                carried[spring.ends.ends[0].body as usize].depth_m[spring.ends.patch as usize] = 0.0;
+                carried[spring.ends.ends[0].body as usize].work_j[spring.ends.patch as usize] = 0.0;
             }
             keeps
         });
@@ -277,8 +279,8 @@ impl TissueContacts {
                 Some((surface, meet(&point, &surface, approach, dt_s)?))
             });
             if let Some((surface, meeting)) = met.next() {
-                let depth_m = self.carried[placed.body as usize].depth_m[placed.patch as usize];
-                self.springs.push(spring(&point, &surface, &meeting, depth_m, dt_s));
+                let work_j = self.carried[placed.body as usize].work_j[placed.patch as usize];
+                self.springs.push(spring(&point, &surface, &meeting, work_j, dt_s));
             }
         }
         self.approaches = approaches;
@@ -351,15 +353,20 @@ impl TissueContacts {
         wrong
     }
 
-    /// Books the springs' energies and what friction took, and keeps their depths, from which the next step's begin and
-    /// which limit its friction.
+    /// Books the springs' energies and what friction took, and keeps the work done on them, from which the next step's
+    /// begin and which limits its friction.
     pub(super) fn conclude(&mut self, ledger: &mut ContactLedger, dt_s: f64) {
-        self.carried.iter_mut().for_each(|carried| carried.depth_m.fill(0.0));
+        for Carried { work_j, before_j, .. } in &mut self.carried {
+            before_j.clone_from(work_j);
+            work_j.fill(0.0);
+        }
         for spring in &self.springs {
             ledger.add(spring, dt_s);
-            let depth_m = spring.force_n.max(0.0) / spring.stiffness_n_per_m;
             let TissueEnds { ends: [point, _], patch } = &spring.ends;
-            self.carried[point.body as usize].depth_m[*patch as usize] = depth_m;
+            let Carried { work_j, before_j, .. } = &mut self.carried[point.body as usize];
+            if spring.force_n > 0.0 {
+                work_j[*patch as usize] = (before_j[*patch as usize] + spring.work_j()).max(0.0);
+            }
         }
     }
 
@@ -383,7 +390,7 @@ fn reach(slots: &[BodySlot]) -> Reach {
 /// The spring of a patch that meets a surface. The surface's own patches have springs on this one in turn,
 /// so that each has half of the interface's stiffness. It starts in the mode that its depth says: what the velocity
 /// predicts is, in tissue at rest, what the last solve left of its residual.
-fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, carried_m: f64, dt_s: f64) -> TissueContact {
+fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, work_j: f64, dt_s: f64) -> TissueContact {
     let ends = [(point, &point.patch.point, 1.0), (surface, &meeting.point, -1.0)]
         .map(|(of, at, sign)| TissueEnd { body: of.placed.body, weights: ContactWeights::of(of.body, at, sign) });
     let bodies = [point.body, surface.body];
@@ -393,12 +400,13 @@ fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, carried
     let closing = velocity.dot(&meeting.normal);
     let voxel_m = point.body.state.grid.voxel_size_m();
     let stiffness_n_per_m = STIFFNESS * point.patch.area_m2 / compliance;
-    let most_m = carried_m + COMES_UP_VOXELS_PER_S * dt_s * voxel_m;
-    let depth_before_m = (-meeting.distance_m).min(MOST_PUSH_VOXELS * voxel_m).min(most_m);
+    // What is found deeper than work has pressed it does not push for that: it would make energy.
+    let pressed_m = (2.0 * work_j / stiffness_n_per_m).sqrt();
+    let depth_before_m = (-meeting.distance_m).min(MOST_PUSH_VOXELS * voxel_m).min(pressed_m);
     let depth_predicted_m = depth_before_m - dt_s * closing;
     let [mu, of_surface] = [(point, point.patch.point.voxel), (surface, meeting.point.voxel)]
         .map(|(of, voxel)| of.body.material_of(voxel).friction_coefficient);
-    let limit_n = (mu * of_surface).sqrt() * stiffness_n_per_m * carried_m;
+    let limit_n = (mu * of_surface).sqrt() * stiffness_n_per_m * depth_before_m.max(0.0);
     Contact {
         ends: TissueEnds { ends, patch: point.placed.patch },
         direction: meeting.normal,

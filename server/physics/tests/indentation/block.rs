@@ -114,6 +114,7 @@ impl Press {
                 rate: None,
                 strain_stiffening: 0.0,
                 viscosity: None,
+                prestrain: None,
                 friction_coefficient: 0.0,
                 color: None,
             },

@@ -41,6 +41,7 @@ pub fn material() -> MaterialDesc {
         rate: None,
         strain_stiffening: 0.0,
         viscosity: None,
+        prestrain: None,
         friction_coefficient: 0.0,
         color: None,
     }

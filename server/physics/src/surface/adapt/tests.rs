@@ -26,6 +26,7 @@ fn block(side_m: f64) -> Body {
         initiation_ratio: 2.0,
         strain_stiffening: 0.0,
         viscosity: None,
+        prestrain: None,
         rate: None,
         friction_coefficient: 0.0,
         color: None,
