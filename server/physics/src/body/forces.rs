@@ -5,7 +5,7 @@ use super::evaluation::BLOCKS_PER_CHUNK;
 use super::{Body, Nodal};
 use crate::fem::block::LANES;
 use crate::fem::composite::corner_pair;
-use crate::fem::lanes::for_packed;
+use crate::fem::lanes::{PACKED, for_packed};
 use crate::solve::assembly::LANES as OPERATOR_LANES;
 use crate::solve::vectors::{NODE_GRAIN, NODES_PER_CHUNK};
 use crate::workers::{Grain, Workers};
@@ -95,37 +95,45 @@ impl Body {
     /// `A_e = (1 + alpha dt) M + (dt^2 + beta dt) K' + dt^2 (s g K + T)` of one element, with the tangent
     /// `K' = K + (psi' - 1) K_G + psi'' / V f_G f_G^T`, into the solver's operator.
     pub(super) fn write_matrix(&mut self, element: usize) {
-        let (block, state, lane) =
-            (&self.solver.blocks[element / LANES], &self.state.elements[element / LANES], element % LANES);
-        let dt = self.solver.params.dt_s;
-        let at = |v: &wide::f64x4| v.as_array()[lane];
-        let mass_factor = 1.0 + dt * at(&block.alpha_per_s);
-        let stiffness_factor = dt * (dt + at(&block.beta_s));
-        let stiffening = at(&state.stiffening) - 1.0;
-        let active = stiffening > STIFFENING_THRESHOLD;
-        let curvature = if active { at(&state.curvature) } else { 0.0 };
-        let branch_factor = block.viscosity.as_ref().map(|v| dt * dt * at(&v.tangent()));
-        let geometric = self.geometric_stiffness(element);
-        let mut packed = [0.0; crate::fem::lanes::PACKED];
+        self.write_matrices(element / LANES, std::array::from_fn(|lane| lane == element % LANES));
+    }
+
+    /// The same of those elements of a block that are to be `written`.
+    fn write_matrices(&mut self, index: usize, written: [bool; LANES]) {
+        let (block, state, first) = (&self.solver.blocks[index], &self.state.elements[index], index * LANES);
+        let dt = f64x4::splat(self.solver.params.dt_s);
+        let mass_factor = f64x4::ONE + dt * block.alpha_per_s;
+        let stiffness_factor = dt * (dt + block.beta_s);
+        let stiffening = state.stiffening - f64x4::ONE;
+        let active = stiffening.simd_gt(f64x4::splat(STIFFENING_THRESHOLD));
+        let branch_factor = block.viscosity.as_ref().map(|v| dt * dt * v.tangent());
+        let geometric: [_; LANES] =
+            std::array::from_fn(|lane| written[lane].then(|| self.geometric_stiffness(first + lane)).flatten());
+        let mut packed = [f64x4::ZERO; PACKED];
         for_packed(|index, row, column| {
-            let mut k = block.stiffness.at(index, lane);
-            if active && let Some(data) = &block.stiffening {
-                k += stiffening * data.galerkin.at(index, lane)
-                    + curvature * at(&state.galerkin_force_n[row]) * at(&state.galerkin_force_n[column]);
+            let mut k = block.stiffness.entry(index);
+            if let Some(data) = &block.stiffening {
+                let rises = stiffening * data.galerkin.entry(index)
+                    + state.curvature * state.galerkin_force_n[row] * state.galerkin_force_n[column];
+                k = active.bitselect(k + rises, k);
             }
             packed[index] = stiffness_factor * k;
             if let Some(factor) = branch_factor {
-                packed[index] += factor * block.stiffness.at(index, lane);
+                packed[index] += factor * block.stiffness.entry(index);
             }
             if row % 3 == column % 3 {
                 let (a, b) = (row / 3, column / 3);
-                let entry = a * (a + 1) / 2 + b;
-                packed[index] += mass_factor * at(&block.shapes.mass_kg[entry]);
-                packed[index] += geometric.map_or(0.0, |s| dt * dt * s.stiffness_n_per_m(a, b));
+                packed[index] += mass_factor * block.shapes.mass_kg[a * (a + 1) / 2 + b];
+                for (entry, geometric) in packed[index].as_mut_array().iter_mut().zip(&geometric) {
+                    *entry += geometric.map_or(0.0, |s| (dt * dt).as_array()[0] * s.stiffness_n_per_m(a, b));
+                }
             }
         });
-        self.solver.applied_stiffening[element] = if active { 1.0 + stiffening } else { 1.0 };
-        self.solver.multigrid.operator_mut().set_matrix(element, &packed);
+        let applied = active.bitselect(f64x4::ONE + stiffening, f64x4::ONE).to_array();
+        for lane in (0..LANES).filter(|lane| written[*lane]) {
+            self.solver.applied_stiffening[first + lane] = applied[lane];
+        }
+        self.solver.multigrid.operator_mut().set_matrices(first, &packed, written);
     }
 
     /// Rotations of all elements into the solver's operator.
@@ -146,18 +154,25 @@ impl Body {
         let mut rewritten = false;
         self.solver.unsmoothed += self.follow_stress();
         if self.solver.blocks.iter().any(|b| b.stiffening.is_some()) {
-            for element in 0..self.base().elements.len() {
-                let stiffening = self.state.elements[element / LANES].stiffening.as_array()[element % LANES];
-                let active = stiffening - 1.0 > STIFFENING_THRESHOLD;
-                if active || self.solver.applied_stiffening[element] != 1.0 {
-                    self.write_matrix(element);
+            for block in 0..self.state.elements.len() {
+                let stiffening = self.state.elements[block].stiffening.to_array();
+                let elements = block * LANES..self.base().elements.len().min((block + 1) * LANES);
+                let mut written = [false; LANES];
+                for element in elements.clone() {
+                    let active = stiffening[element % LANES] - 1.0 > STIFFENING_THRESHOLD;
+                    written[element % LANES] = active || self.solver.applied_stiffening[element] != 1.0;
+                }
+                if written.contains(&true) {
+                    self.write_matrices(block, written);
                     rewritten = true;
                 }
-                let ratio = self.solver.applied_stiffening[element] / self.solver.coarse_stiffening[element];
-                if !(1.0 / COARSE_STIFFENING_FACTOR..=COARSE_STIFFENING_FACTOR).contains(&ratio) {
-                    self.solver.coarse_stiffening[element] = self.solver.applied_stiffening[element];
-                    if let Some(above) = self.state.levels.get(1) {
-                        self.scratch.stale_parents.push(above.owner[element]);
+                for element in elements {
+                    let ratio = self.solver.applied_stiffening[element] / self.solver.coarse_stiffening[element];
+                    if !(1.0 / COARSE_STIFFENING_FACTOR..=COARSE_STIFFENING_FACTOR).contains(&ratio) {
+                        self.solver.coarse_stiffening[element] = self.solver.applied_stiffening[element];
+                        if let Some(above) = self.state.levels.get(1) {
+                            self.scratch.stale_parents.push(above.owner[element]);
+                        }
                     }
                 }
             }

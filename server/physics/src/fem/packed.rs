@@ -11,6 +11,7 @@ use super::lanes::{self, LaneVector, PACKED, unpack};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::sync::Arc;
+use wide::f64x4;
 
 /// Distinct shared matrices that are kept track of; more of them would save little and be searched long.
 pub const MOST_SHARED: usize = 32;
@@ -103,8 +104,19 @@ impl<L: LaneVector> PackedMatrix<L> {
 
     /// Sets the matrix of a lane.
     pub fn set(&mut self, lane: usize, packed: &[f64; PACKED]) {
+        self.write(std::iter::once(lane), |index, _| packed[index]);
+    }
+
+    /// Sets the matrices of those of four lanes from `first` on that are `written`.
+    pub fn set_lanes(&mut self, first: usize, packed: &[f64x4; PACKED], written: [bool; 4]) {
+        let lanes = (0..4).filter(|lane| written[*lane]).map(|lane| first + lane);
+        self.write(lanes, |index, lane| packed[index].as_array()[lane - first]);
+    }
+
+    fn write(&mut self, lanes: impl Iterator<Item = usize> + Clone, value: impl Fn(usize, usize) -> f64) {
         if let Self::Whole(cell) = self {
-            if (0..PACKED).all(|i| cell.packed[i] == L::narrow(packed[i])) {
+            let is_same = |lane| (0..PACKED).all(|i| cell.packed[i] == L::narrow(value(i, lane)));
+            if lanes.clone().all(is_same) {
                 return;
             }
             let mut each = Box::new([L::ZERO; PACKED]);
@@ -112,7 +124,9 @@ impl<L: LaneVector> PackedMatrix<L> {
             *self = Self::Each(each);
         }
         if let Self::Each(k) = self {
-            (0..PACKED).for_each(|i| k[i].set_lane(lane, L::narrow(packed[i])));
+            for (i, entry) in k.iter_mut().enumerate() {
+                lanes.clone().for_each(|lane| entry.set_lane(lane, L::narrow(value(i, lane))));
+            }
         }
     }
 
@@ -248,7 +262,6 @@ mod tests {
     use crate::fem::composite::{CompositeTables, Field, FilledVoxel};
     use crate::fem::lanes::pack;
     use crate::fem::material::Elastic;
-    use wide::f64x4;
 
     /// Stiffness of a cell of 2^3 voxels, all filled or all but one.
     fn stiffness(whole: bool) -> [f64; PACKED] {

@@ -14,7 +14,7 @@ use crate::grid::levels::{HangingNode, Level};
 use crate::walk::{Kept, KeptHash};
 use crate::workers::{Grain, Workers};
 use serde::{Deserialize, Serialize};
-use wide::{f32x4, f32x8};
+use wide::{f32x4, f32x8, f64x4};
 
 /// Blocks per chunk of elements.
 const BLOCKS_PER_CHUNK: usize = CHUNK_ELEMENTS / LANES;
@@ -314,6 +314,12 @@ impl Operator {
     pub fn set_matrix(&mut self, element: usize, packed: &[f64; PACKED]) {
         self.matrices_hash.forget();
         self.blocks[element / LANES].matrix.set(element % LANES, packed);
+    }
+
+    /// Sets the packed matrices of those of four elements from `first` on that are `written`.
+    pub fn set_matrices(&mut self, first: usize, packed: &[f64x4; PACKED], written: [bool; 4]) {
+        self.matrices_hash.forget();
+        self.blocks[first / LANES].matrix.set_lanes(first % LANES, packed, written);
     }
 
     /// Stores once what blocks have in common.
