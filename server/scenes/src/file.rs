@@ -21,6 +21,8 @@ pub const MAX_MESH_BYTES: u64 = 256 << 20;
 pub const MAX_EDGE_BYTES: u64 = 1 << 20;
 /// Most voxels of a label map that was sent: 256 slices of 256 x 256, 32 MB.
 const MAX_SENT_LABEL_VOXELS: u64 = 1 << 24;
+/// Most numbers that a mesh that was sent may unpack to: some two million tetrahedra.
+const MAX_SENT_MESH_NUMBERS: u64 = 1 << 24;
 /// How much of a name is repeated to who sent it.
 const MAX_NAME_CHARS: usize = 64;
 
@@ -55,6 +57,14 @@ impl Files<'_> {
         match self {
             Self::Beside(_) => label_map::MAX_VOXELS,
             Self::Sent(_) => MAX_SENT_LABEL_VOXELS,
+        }
+    }
+
+    /// Most numbers of a mesh that is packed, for the same reason.
+    fn max_mesh_numbers(&self) -> u64 {
+        match self {
+            Self::Beside(_) => mesh_file::MAX_NUMBERS,
+            Self::Sent(_) => MAX_SENT_MESH_NUMBERS,
         }
     }
 }
@@ -134,7 +144,8 @@ fn with_files(mut opened: Opened, files: &Files<'_>) -> Result<Opened, ReadError
             ShapeDesc::LabelMap { file, labels, .. } => read_labels(files, file, labels, &mut label_maps)?,
             _ => {
                 let (path, bytes) = files.read(&mesh.key, MAX_MESH_BYTES)?;
-                mesh_file::parse(&path, &bytes).map_err(|message| ReadError::Mesh { path, message })?
+                let mesh = mesh_file::parse(&path, &bytes, files.max_mesh_numbers());
+                mesh.map_err(|message| ReadError::Mesh { path, message })?
             }
         };
         meshes.insert(mesh.key, read);
@@ -148,7 +159,8 @@ fn with_files(mut opened: Opened, files: &Files<'_>) -> Result<Opened, ReadError
 /// The file cannot be read, is too large, or is not the mesh that its extension says.
 pub fn read_mesh(path: &Path) -> Result<TriangleMesh, ReadError> {
     let bytes = read(path, MAX_MESH_BYTES)?;
-    mesh_file::parse(path, &bytes).map_err(|message| ReadError::Mesh { path: path.to_owned(), message })
+    mesh_file::parse(path, &bytes, mesh_file::MAX_NUMBERS)
+        .map_err(|message| ReadError::Mesh { path: path.to_owned(), message })
 }
 
 /// Puts the points in the place of each edge that names a file: they are few, and the scene is whole then.

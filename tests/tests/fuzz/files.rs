@@ -59,6 +59,21 @@ fn ply() {
 }
 
 #[test]
+fn vtu() {
+    shapes(".vtu");
+}
+
+#[test]
+fn vtp() {
+    shapes(".vtp");
+}
+
+#[test]
+fn msh() {
+    shapes(".msh");
+}
+
+#[test]
 fn nifti() {
     shapes(".nii");
 }

@@ -56,7 +56,8 @@ pub enum ShapeDesc {
         /// What is united; no meshes, no unions.
         parts: Vec<ShapeDesc>,
     },
-    /// A closed triangle mesh from an OBJ, STL or PLY file.
+    /// A closed mesh from an OBJ, STL, PLY, VTK (`.vtu`, `.vtp`) or Gmsh (`.msh`) file; of cells with a volume their
+    /// boundary.
     Mesh {
         /// Path, relative to the scene file.
         file: String,

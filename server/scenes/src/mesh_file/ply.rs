@@ -2,7 +2,8 @@
 
 use kerf_physics::scene::TriangleMesh;
 
-use super::{number, push_fan};
+use super::kind::Kind;
+use super::{index, number, push_fan};
 
 pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, String> {
     let header = Header::read(bytes)?;
@@ -44,57 +45,19 @@ enum Encoding {
     BigEndian,
 }
 
-/// How a number stands in a binary file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-}
-
-impl Kind {
-    fn of(word: &str) -> Result<Self, String> {
-        Ok(match word {
-            "char" | "int8" => Self::I8,
-            "uchar" | "uint8" => Self::U8,
-            "short" | "int16" => Self::I16,
-            "ushort" | "uint16" => Self::U16,
-            "int" | "int32" => Self::I32,
-            "uint" | "uint32" => Self::U32,
-            "float" | "float32" => Self::F32,
-            "double" | "float64" => Self::F64,
-            other => return Err(format!("`{other}` is not a type of PLY, as float or uchar are")),
-        })
-    }
-
-    fn bytes(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
-        }
-    }
-
-    /// The number in as many bytes, little-endian, zeros behind them.
-    fn value(self, bytes: [u8; 8]) -> f64 {
-        let [a, b, c, d, ..] = bytes;
-        match self {
-            Self::I8 => f64::from(a as i8),
-            Self::U8 => f64::from(a),
-            Self::I16 => f64::from(i16::from_le_bytes([a, b])),
-            Self::U16 => f64::from(u16::from_le_bytes([a, b])),
-            Self::I32 => f64::from(i32::from_le_bytes([a, b, c, d])),
-            Self::U32 => f64::from(u32::from_le_bytes([a, b, c, d])),
-            Self::F32 => f64::from(f32::from_le_bytes([a, b, c, d])),
-            Self::F64 => f64::from_le_bytes(bytes),
-        }
-    }
+/// The type that a word of the header names.
+fn kind_of(word: &str) -> Result<Kind, String> {
+    Ok(match word {
+        "char" | "int8" => Kind::I8,
+        "uchar" | "uint8" => Kind::U8,
+        "short" | "int16" => Kind::I16,
+        "ushort" | "uint16" => Kind::U16,
+        "int" | "int32" => Kind::I32,
+        "uint" | "uint32" => Kind::U32,
+        "float" | "float32" => Kind::F32,
+        "double" | "float64" => Kind::F64,
+        other => return Err(format!("`{other}` is not a type of PLY, as float or uchar are")),
+    })
 }
 
 struct Property {
@@ -173,11 +136,11 @@ impl Header {
                 self.elements.push(Element { name: name.into(), count, properties: Vec::new() });
             }
             ["property", "list", count, kind, name] => {
-                let count = Some(Kind::of(count)?);
-                self.property(Property { name: name.into(), kind: Kind::of(kind)?, count })?;
+                let count = Some(kind_of(count)?);
+                self.property(Property { name: name.into(), kind: kind_of(kind)?, count })?;
             }
             ["property", kind, name] => {
-                self.property(Property { name: name.into(), kind: Kind::of(kind)?, count: None })?;
+                self.property(Property { name: name.into(), kind: kind_of(kind)?, count: None })?;
             }
             _ => return Err(format!("`{}` has no place in the header of a PLY file", words.join(" "))),
         }
@@ -210,8 +173,7 @@ impl Row {
             "y" => self.position[1] = value,
             "z" => self.position[2] = value,
             _ if is_corners(name) => {
-                let is_index = value >= 0.0 && value <= f64::from(u32::MAX) && value.fract() == 0.0;
-                self.corners.push(is_index.then_some(value as u32).ok_or_else(|| format!("{value} is not a vertex"))?);
+                self.corners.push(index(value).ok_or_else(|| format!("{value} is not a vertex"))?);
             }
             _ => {}
         }
@@ -249,15 +211,10 @@ impl Rows<'_> {
     }
 
     fn binary(&mut self, kind: Kind) -> Result<f64, String> {
-        let size = kind.bytes();
-        let found = self.bytes.get(..size).ok_or("the file is cut off here; export it again")?;
-        let mut bytes = [0; 8];
-        bytes[..size].copy_from_slice(found);
-        if self.encoding == Encoding::BigEndian {
-            bytes[..size].reverse();
-        }
-        self.bytes = &self.bytes[size..];
-        Ok(kind.value(bytes))
+        let is_big = self.encoding == Encoding::BigEndian;
+        let (value, rest) = kind.take(self.bytes, is_big).ok_or("the file is cut off here; export it again")?;
+        self.bytes = rest;
+        Ok(value)
     }
 }
 
