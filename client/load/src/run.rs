@@ -143,10 +143,9 @@ async fn drive_all(args: &Args, fleet: &Fleet) -> anyhow::Result<Finished> {
     };
     let mut report = Report::of(&run);
     report.limits_exceeded = args.limits.exceeded(&report);
-    // The wire does not tell of what region a face is.
     let object = |(object, surface): (&v1::ObjectSummary, Surface)| glb::Object {
         name: object.name.clone(),
-        regions: Vec::new(),
+        regions: object.material_names.iter().skip(1).cloned().collect(),
         colours: object.material_colors.iter().map(|color| glb::srgb(color)).collect(),
         surface,
     };

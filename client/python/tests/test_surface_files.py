@@ -35,14 +35,35 @@ def test_other_programs_read_the_surface(halves, tmp_path, ending):
 
 def test_a_glb_is_a_closed_body_for_each_piece(halves, tmp_path):
     halves.save(tmp_path / "cut.glb")
-    # As it is loaded by default.
-    pieces = list(trimesh.load(tmp_path / "cut.glb").geometry.values())
+    scene = trimesh.load(tmp_path / "cut.glb", merge_primitives=True)
+    pieces = [piece for piece in scene.geometry.values() if isinstance(piece, trimesh.Trimesh)]
+    for piece in pieces:
+        piece.merge_vertices(merge_norm=True, merge_tex=True)
     assert [piece.is_watertight for piece in pieces] == [True, True]
     volumes_m3 = sorted(piece.volume for piece in pieces)
     assert sum(volumes_m3) == pytest.approx(0.02**3, rel=0.05)
     a, b, c = np.moveaxis(halves.vertices_m[halves.triangles].astype(float), 1, 0)
     each = np.einsum("tx,tx->t", a, np.cross(b, c)) / 6.0
     np.testing.assert_allclose(volumes_m3, sorted(each[piece].sum() for piece in halves.pieces()), rtol=1e-5)
+
+
+def test_a_glb_has_a_material_for_the_skin_and_one_for_the_cut_and_lines_where_they_meet(halves, tmp_path):
+    halves.save(tmp_path / "cut.glb")
+    parts = trimesh.load(tmp_path / "cut.glb").geometry
+    faces, edges = {}, []
+    for part in parts.values():
+        if isinstance(part, trimesh.Trimesh):
+            faces[part.visual.material.name] = faces.get(part.visual.material.name, 0) + len(part.faces)
+        else:
+            edges.append(part.vertices.reshape(-1, 2, 3))
+    cut = 2 * np.count_nonzero(halves.is_cut)
+    assert faces == {"block": len(halves.triangles) - cut, "block cut": cut}
+    # A line goes round the wall of each half: at every place as many edges begin as end.
+    assert len(edges) == 2
+    for ends in edges:
+        _, counts = np.unique(ends.reshape(-1, 3), axis=0, return_counts=True)
+        assert (counts % 2 == 0).all()
+        assert np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).sum() == pytest.approx(4 * 0.02, rel=0.25)
 
 
 def test_a_vtu_says_what_is_cut_and_of_which_piece(halves, tmp_path):

@@ -1,9 +1,10 @@
 //! Surfaces as binary glTF 2.0, metres, +y up: a node and a mesh for each piece of each object, and no vertex twice, so that
-//! a piece is a closed body to whoever reads it.
+//! a piece is a closed body to whoever puts its primitives together.
 //!
-//! What is skin, what a blade laid open, and of which region it is, is told by the vertices' colours: parts with materials
-//! of their own would be open surfaces. Vertices at which skin and cut meet are dark, so that a cut is seen as a seam
-//! while it is closed.
+//! A piece has a primitive for the skin of each region and one for what a blade laid open in it, with materials of the
+//! region's name. All have the same vertices and differ in which triangles they have. Where skin and cut meet there are
+//! lines, in a node below the piece's: readers that merge a mesh's primitives expect triangles alone. The vertices there
+//! are dark, so that a cut is seen as a seam while it is closed, also by readers that draw no lines.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -26,6 +27,7 @@ const CUT_PALENESS: f32 = 0.4;
 /// What is left of the skin's colour where it meets a cut.
 const SEAM_DARKNESS: f32 = 0.02;
 
+const LINES: u32 = 1;
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 const UNSIGNED_SHORT: u32 = 5123;
@@ -93,7 +95,6 @@ pub fn pieces(surface: &Surface) -> Vec<Vec<Triangle>> {
 #[derive(Clone, Copy, Default)]
 struct Vertex {
     normal: [f32; 3],
-    region: u16,
     is_on_skin: bool,
     is_on_cut: bool,
 }
@@ -105,12 +106,30 @@ fn vertices(surface: &Surface) -> Vec<Vertex> {
         for vertex in triangle.vertices {
             let vertex = &mut vertices[vertex as usize];
             vertex.normal = add(vertex.normal, normal);
-            vertex.region = vertex.region.max(triangle.region);
             vertex.is_on_skin |= triangle.face == Face::Skin;
             vertex.is_on_cut |= triangle.face == Face::Cut;
         }
     }
     vertices
+}
+
+/// What is left of the materials' colours at a vertex, linear, of 16 bits: dark ones would show steps of 8.
+fn shade(vertex: Vertex) -> [u16; 4] {
+    let left = if vertex.is_on_skin && vertex.is_on_cut { SEAM_DARKNESS } else { 1.0 };
+    [left, left, left, 1.0].map(|c| (c * f32::from(u16::MAX)).round() as u16)
+}
+
+/// Edges at which skin and what was laid open meet, each once.
+fn seam(triangles: &[Triangle]) -> Vec<[u32; 2]> {
+    let of_face = |face: Face| -> BTreeSet<[u32; 2]> {
+        let edges = |[a, b, c]: [u32; 3]| [[a, b], [b, c], [c, a]].map(|[from, to]| [from.min(to), from.max(to)]);
+        triangles
+            .iter()
+            .filter(|triangle| triangle.face == face)
+            .flat_map(|triangle| edges(triangle.vertices))
+            .collect()
+    };
+    of_face(Face::Skin).intersection(&of_face(Face::Cut)).copied().collect()
 }
 
 /// Normal of a triangle with twice its area as length.
@@ -159,6 +178,13 @@ struct Document {
     accessors: Vec<Value>,
     meshes: Vec<Value>,
     nodes: Vec<Value>,
+    /// The nodes that are in no other.
+    roots: Vec<usize>,
+    materials: Vec<Value>,
+    /// Place of each material that there is, by the object's first region among all, the region and the face.
+    known_materials: BTreeMap<(usize, u16, Face), usize>,
+    /// Place of the material of seams, once there is one.
+    seam_material: Option<usize>,
     /// Regions so far, of all objects.
     regions: usize,
 }
@@ -170,54 +196,106 @@ impl Document {
         let pieces = pieces(&object.surface);
         for (index, triangles) in pieces.iter().enumerate() {
             let name = if pieces.len() == 1 { object.name.clone() } else { format!("{} {}", object.name, index + 1) };
-            self.add_piece(object, &name, &vertices, triangles);
+            let piece = self.add_piece(object, &name, &vertices, triangles);
+            self.roots.push(piece);
         }
         self.regions += 1 + object.regions.len();
     }
 
-    fn add_piece(&mut self, object: &Object, name: &str, vertices: &[Vertex], triangles: &[Triangle]) {
+    /// Adds a piece and its seams, and returns the place of its node.
+    fn add_piece(&mut self, object: &Object, name: &str, vertices: &[Vertex], triangles: &[Triangle]) -> usize {
         let used: BTreeSet<u32> = triangles.iter().flat_map(|triangle| triangle.vertices).collect();
         let place: BTreeMap<u32, u32> = used.iter().zip(0..).map(|(vertex, place)| (*vertex, place)).collect();
         let positions_m: Vec<_> = used.iter().map(|vertex| object.surface.positions_m[*vertex as usize]).collect();
         let of = |vertex: &u32| vertices[*vertex as usize];
         let normals: Vec<_> = used.iter().map(|v| unit(of(v).normal).unwrap_or([0.0, 1.0, 0.0])).collect();
-        let colours: Vec<[u16; 4]> = used.iter().map(|vertex| self.colour(object, of(vertex))).collect();
-        let indices: Vec<u8> =
-            triangles.iter().flat_map(|t| t.vertices).flat_map(|vertex| place[&vertex].to_le_bytes()).collect();
+        let colours: Vec<[u16; 4]> = used.iter().map(|vertex| shade(of(vertex))).collect();
 
-        let bound = |pick: fn(f32, f32) -> f32| {
-            positions_m.iter().copied().reduce(|a, b| std::array::from_fn(|i| pick(a[i], b[i])))
-        };
+        let positions = self.positions(&positions_m);
         let count = positions_m.len();
-        let described = json!({ "componentType": FLOAT, "count": count, "type": "VEC3",
-                                "min": bound(f32::min), "max": bound(f32::max) });
-        let positions = self.accessor(&floats(&positions_m), ARRAY_BUFFER, described);
         let described = json!({ "componentType": FLOAT, "count": count, "type": "VEC3" });
         let normals = self.accessor(&floats(&normals), ARRAY_BUFFER, described);
         let described = json!({ "componentType": UNSIGNED_SHORT, "normalized": true, "count": count, "type": "VEC4" });
         let colours: Vec<u8> = colours.as_flattened().iter().flat_map(|c| c.to_le_bytes()).collect();
         let colours = self.accessor(&colours, ARRAY_BUFFER, described);
-        let described = json!({ "componentType": UNSIGNED_INT, "count": 3 * triangles.len(), "type": "SCALAR" });
-        let indices = self.accessor(&indices, ELEMENT_ARRAY_BUFFER, described);
-        self.nodes.push(json!({ "mesh": self.meshes.len(), "name": name }));
-        self.meshes.push(json!({ "name": name, "primitives": [{
-            "attributes": { "POSITION": positions, "NORMAL": normals, "COLOR_0": colours },
-            "indices": indices,
-            "material": 0,
-        }] }));
+
+        let mut parts: BTreeMap<(u16, Face), Vec<u8>> = BTreeMap::new();
+        for triangle in triangles {
+            let indices = parts.entry((triangle.region, triangle.face)).or_default();
+            indices.extend(triangle.vertices.iter().flat_map(|vertex| place[vertex].to_le_bytes()));
+        }
+        let mut primitives = Vec::new();
+        for ((region, face), indices) in parts {
+            let described = json!({ "componentType": UNSIGNED_INT, "count": indices.len() / 4, "type": "SCALAR" });
+            let indices = self.accessor(&indices, ELEMENT_ARRAY_BUFFER, described);
+            primitives.push(json!({
+                "attributes": { "POSITION": positions, "NORMAL": normals, "COLOR_0": colours },
+                "indices": indices,
+                "material": self.material(object, region, face),
+            }));
+        }
+        let mut node = json!({ "mesh": self.meshes.len(), "name": name });
+        self.meshes.push(json!({ "name": name, "primitives": primitives }));
+        let seam_m: Vec<_> =
+            seam(triangles).into_iter().flatten().map(|vertex| object.surface.positions_m[vertex as usize]).collect();
+        if !seam_m.is_empty() {
+            node["children"] = json!([self.add_seam(&format!("{name} seam"), &seam_m)]);
+        }
+        self.nodes.push(node);
+        self.nodes.len() - 1
     }
 
-    /// Linear, of 16 bits: dark ones would show steps of 8.
-    fn colour(&self, object: &Object, vertex: Vertex) -> [u16; 4] {
-        let region = usize::from(vertex.region);
-        let stated = object.colours.get(region).copied().flatten().map(|srgb| srgb.map(linear));
-        let skin = stated.unwrap_or(SKIN_COLOURS[(self.regions + region) % SKIN_COLOURS.len()]);
-        let [r, g, b] = match (vertex.is_on_skin, vertex.is_on_cut) {
-            (true, true) => skin.map(|c| SEAM_DARKNESS * c),
-            (false, true) => skin.map(|c| c + CUT_PALENESS * (1.0 - c)),
-            _ => skin,
+    /// Adds lines between each two of these places, and returns the place of their node. They have vertices of their own:
+    /// some readers of lines look at no indices.
+    fn add_seam(&mut self, name: &str, ends_m: &[[f32; 3]]) -> usize {
+        let positions = self.positions(ends_m);
+        let material = *self.seam_material.get_or_insert_with(|| {
+            self.materials.push(json!({
+                "name": "seam",
+                "pbrMetallicRoughness": {
+                    "baseColorFactor": [0.0, 0.0, 0.0, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0,
+                },
+            }));
+            self.materials.len() - 1
+        });
+        self.nodes.push(json!({ "mesh": self.meshes.len(), "name": name }));
+        self.meshes.push(json!({ "name": name, "primitives": [{
+            "attributes": { "POSITION": positions }, "mode": LINES, "material": material,
+        }] }));
+        self.nodes.len() - 1
+    }
+
+    /// The material of a region's skin, or of what was laid open in it.
+    fn material(&mut self, object: &Object, region: u16, face: Face) -> usize {
+        if let Some(known) = self.known_materials.get(&(self.regions, region, face)) {
+            return *known;
+        }
+        let index = usize::from(region);
+        let stated = object.colours.get(index).copied().flatten().map(|srgb| srgb.map(linear));
+        let skin = stated.unwrap_or(SKIN_COLOURS[(self.regions + index) % SKIN_COLOURS.len()]);
+        let own = index.checked_sub(1).and_then(|index| object.regions.get(index)).unwrap_or(&object.name);
+        let (name, [r, g, b]) = match face {
+            Face::Skin => (own.clone(), skin),
+            Face::Cut => (format!("{own} cut"), skin.map(|c| c + CUT_PALENESS * (1.0 - c))),
         };
-        [r, g, b, 1.0].map(|c| (c * f32::from(u16::MAX)).round() as u16)
+        self.materials.push(json!({
+            "name": name,
+            "pbrMetallicRoughness": {
+                "baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.55,
+            },
+        }));
+        self.known_materials.insert((self.regions, region, face), self.materials.len() - 1);
+        self.materials.len() - 1
+    }
+
+    /// Adds places, m, with their bounds.
+    fn positions(&mut self, positions_m: &[[f32; 3]]) -> usize {
+        let bound = |pick: fn(f32, f32) -> f32| {
+            positions_m.iter().copied().reduce(|a, b| std::array::from_fn(|i| pick(a[i], b[i])))
+        };
+        let described = json!({ "componentType": FLOAT, "count": positions_m.len(), "type": "VEC3",
+                                "min": bound(f32::min), "max": bound(f32::max) });
+        self.accessor(&floats(positions_m), ARRAY_BUFFER, described)
     }
 
     /// Adds bytes, and returns the place of what is described by them.
@@ -239,18 +317,12 @@ impl Document {
             "scenes": [{}],
         });
         if !self.nodes.is_empty() {
-            document["scenes"] = json!([{ "nodes": (0..self.nodes.len()).collect::<Vec<_>>() }]);
+            document["scenes"] = json!([{ "nodes": self.roots }]);
             document["buffers"] = json!([{ "byteLength": self.binary.len() }]);
             let lists = [
                 ("bufferViews", self.views),
                 ("accessors", self.accessors),
-                (
-                    "materials",
-                    vec![json!({
-                        "name": "tissue",
-                        "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": 0.55 },
-                    })],
-                ),
+                ("materials", self.materials),
                 ("meshes", self.meshes),
                 ("nodes", self.nodes),
             ];
@@ -283,42 +355,32 @@ fn floats(values: &[[f32; 3]]) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
+    use gltf::Gltf;
+    use gltf::mesh::Mode;
+
     use super::*;
 
-    /// The JSON and binary chunks, after checking the framing.
-    fn parse(glb: &[u8]) -> (serde_json::Value, Vec<u8>) {
-        let word = |at: usize| u32::from_le_bytes(glb[at..at + 4].try_into().unwrap()) as usize;
-        assert_eq!((&glb[..4], word(4), word(8)), (b"glTF".as_slice(), 2, glb.len()));
-        let mut at = 12;
-        let mut chunk = |kind: &[u8; 4]| {
-            if at == glb.len() {
-                return Vec::new();
-            }
-            let length = word(at);
-            assert_eq!((length % 4, &glb[at + 4..at + 8]), (0, kind.as_slice()));
-            at += 8 + length;
-            glb[at - length..at].to_vec()
+    /// What another reader makes of a file that it finds sound.
+    fn read(objects: &[Object]) -> (Gltf, Vec<u8>) {
+        let mut file = Gltf::from_slice(&encode(objects)).expect("a sound file");
+        let binary = file.blob.take().unwrap_or_default();
+        (file, binary)
+    }
+
+    /// A mesh with the triangles of all its primitives, after a check that they have the same vertices.
+    fn merged(mesh: &gltf::Mesh<'_>, binary: &[u8]) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
+        let of = |primitive: &gltf::Primitive<'_>| {
+            primitive.get(&gltf::Semantic::Positions).map(|positions| positions.index())
         };
-        let document = serde_json::from_slice(&chunk(b"JSON")).unwrap();
-        let binary = chunk(b"BIN\0");
-        assert_eq!(at, glb.len());
-        (document, binary)
-    }
-
-    /// Bytes of an accessor's view, after checking that it fits.
-    fn view<'a>(document: &serde_json::Value, binary: &'a [u8], accessor: usize, stride: usize) -> &'a [u8] {
-        let number = |value: &serde_json::Value| value.as_u64().unwrap() as usize;
-        let accessor = &document["accessors"][accessor];
-        let view = &document["bufferViews"][number(&accessor["bufferView"])];
-        let (offset, length) = (number(&view["byteOffset"]), number(&view["byteLength"]));
-        assert_eq!((offset % 4, length), (0, number(&accessor["count"]) * stride));
-        assert!(offset + length <= number(&document["buffers"][0]["byteLength"]) && offset + length <= binary.len());
-        &binary[offset..offset + length]
-    }
-
-    fn vectors(bytes: &[u8]) -> Vec<[f32; 3]> {
-        let floats: Vec<f32> = bytes.chunks(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
-        floats.as_chunks::<3>().0.to_vec()
+        let (mut positions_m, mut indices) = (Vec::new(), Vec::new());
+        let first = mesh.primitives().next().expect("a primitive");
+        for primitive in mesh.primitives() {
+            assert_eq!((primitive.mode(), of(&primitive)), (Mode::Triangles, of(&first)));
+            let reader = primitive.reader(|_| Some(binary));
+            positions_m = reader.read_positions().expect("positions").collect();
+            indices.extend(reader.read_indices().expect("indices").into_u32());
+        }
+        (positions_m, indices.as_chunks::<3>().0.to_vec())
     }
 
     /// A roof of two squares that meet at this angle along x = 0; the right one is laid open by a cut
@@ -338,42 +400,63 @@ mod tests {
     }
 
     #[test]
-    fn a_mesh_reads_back_with_its_bounds_and_indices_in_range() {
+    fn a_mesh_reads_back_with_its_bounds_normals_and_colour() {
         let surface = roof(30.0, Face::Skin);
-        let (document, binary) = parse(&encode(&[Object { surface: surface.clone(), ..Object::default() }]));
-        let positions = vectors(view(&document, &binary, 0, 12));
+        let (file, binary) = read(&[Object { name: "roof".into(), surface: surface.clone(), ..Object::default() }]);
+        let mesh = file.meshes().next().expect("a mesh");
+        let [primitive] = &mesh.primitives().collect::<Vec<_>>()[..] else { panic!("one primitive") };
+        let bounds = primitive.bounding_box();
         for (axis, (low, high)) in [(-1.0, 0.75f32.sqrt()), (-0.5, 0.0), (0.0, 1.0)].into_iter().enumerate() {
-            let bound = |which: &str| document["accessors"][0][which][axis].as_f64().unwrap() as f32;
-            assert!((bound("min") - low).abs() < 1e-6 && (bound("max") - high).abs() < 1e-6, "axis {axis}");
+            assert!((bounds.min[axis] - low).abs() < 1e-6 && (bounds.max[axis] - high).abs() < 1e-6, "axis {axis}");
         }
-        let indices: Vec<usize> = view(&document, &binary, 3, 4)
-            .chunks(4)
-            .map(|b| u32::from_le_bytes(b.try_into().unwrap()) as usize)
-            .collect();
+        let (positions_m, triangles) = merged(&mesh, &binary);
         let expected = surface.triangles.iter().flat_map(|t| t.vertices).map(|v| surface.positions_m[v as usize]);
-        assert!(indices.iter().map(|i| positions[*i]).eq(expected));
-        for normal in vectors(view(&document, &binary, 1, 12)) {
+        assert!(triangles.into_iter().flatten().map(|i| positions_m[i as usize]).eq(expected));
+        let reader = primitive.reader(|_| Some(&binary[..]));
+        for normal in reader.read_normals().expect("normals") {
             assert!((dot(normal, normal) - 1.0).abs() < 1e-5 && normal[1] > 0.8, "{normal:?}");
         }
-        let first = view(&document, &binary, 2, 8).chunks(2).next().unwrap();
-        assert_eq!(u16::from_le_bytes(first.try_into().unwrap()), (0.5 * 65535.0f32).round() as u16);
+        let shades: Vec<_> = reader.read_colors(0).expect("colours").into_rgba_u16().collect();
+        assert_eq!(shades, [[u16::MAX; 4]; 6], "no seam");
+        let material = primitive.material();
+        assert_eq!(material.name(), Some("roof"));
+        assert_eq!(material.pbr_metallic_roughness().base_color_factor(), [0.50, 0.09, 0.06, 1.0]);
+        assert_eq!(file.nodes().len(), 1);
+    }
+
+    #[test]
+    fn skin_and_cut_have_materials_of_their_own_and_meet_in_a_line() {
+        let (file, binary) =
+            read(&[Object { surface: roof(30.0, Face::Cut), name: "roof".into(), ..Object::default() }]);
+        let [piece] = &file.scenes().next().expect("a scene").nodes().collect::<Vec<_>>()[..] else { panic!("a node") };
+        let mesh = piece.mesh().expect("a mesh");
+        let materials: Vec<_> = mesh.primitives().map(|primitive| primitive.material()).collect();
+        assert_eq!(materials.iter().map(|m| m.name()).collect::<Vec<_>>(), [Some("roof"), Some("roof cut")]);
+        let [skin, cut] = [0, 1].map(|i: usize| materials[i].pbr_metallic_roughness().base_color_factor());
+        assert!((0..3).all(|c| (cut[c] - (skin[c] + 0.4 * (1.0 - skin[c]))).abs() < 1e-6), "{skin:?} {cut:?}");
+        let skin_part = mesh.primitives().next().expect("a primitive");
+        let reader = skin_part.reader(|_| Some(&binary[..]));
+        let shades: Vec<_> = reader.read_colors(0).expect("colours").into_rgba_f32().collect();
+        assert!(shades[2][0] < 0.03 && shades[3][0] < 0.03 && shades[0][0] == 1.0, "{shades:?}");
+        let [seam] = &piece.children().collect::<Vec<_>>()[..] else { panic!("a node") };
+        let mesh = seam.mesh().expect("a mesh");
+        assert_eq!((seam.name(), mesh.primitives().len()), (Some("roof seam"), 1));
+        let lines = mesh.primitives().next().expect("a primitive");
+        let ends_m: Vec<_> = lines.reader(|_| Some(&binary[..])).read_positions().expect("positions").collect();
+        assert_eq!((lines.mode(), lines.material().name()), (Mode::Lines, Some("seam")));
+        assert_eq!(ends_m, [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]);
     }
 
     /// A closed body: every edge of its triangles is passed once each way, and no vertex is there twice.
-    fn assert_is_closed(document: &serde_json::Value, binary: &[u8], mesh: usize, volume_m3: f32) {
-        let part = &document["meshes"][mesh]["primitives"][0];
-        let number = |value: &serde_json::Value| value.as_u64().unwrap() as usize;
-        let positions = vectors(view(document, binary, number(&part["attributes"]["POSITION"]), 12));
-        let indices = view(document, binary, number(&part["indices"]), 4);
-        let indices: Vec<u32> = indices.chunks(4).map(|b| u32::from_le_bytes(b.try_into().unwrap())).collect();
-        let (triangles, _) = indices.as_chunks::<3>();
+    fn assert_is_closed(mesh: &gltf::Mesh<'_>, binary: &[u8], volume_m3: f32) {
+        let (positions_m, triangles) = merged(mesh, binary);
         let edges: BTreeSet<_> = triangles.iter().flat_map(|[a, b, c]| [(*a, *b), (*b, *c), (*c, *a)]).collect();
-        assert_eq!(edges.len(), indices.len());
+        assert_eq!(edges.len(), 3 * triangles.len());
         assert!(edges.iter().all(|(a, b)| edges.contains(&(*b, *a))));
-        let places: BTreeSet<_> = positions.iter().map(|place| place.map(f32::to_bits)).collect();
-        assert_eq!(places.len(), positions.len());
+        let places: BTreeSet<_> = positions_m.iter().map(|place| place.map(f32::to_bits)).collect();
+        assert_eq!(places.len(), positions_m.len());
         let volume = |[a, b, c]: &[u32; 3]| {
-            let [a, b, c] = [a, b, c].map(|vertex| positions[*vertex as usize]);
+            let [a, b, c] = [a, b, c].map(|vertex| positions_m[*vertex as usize]);
             let cross: [f32; 3] =
                 std::array::from_fn(|i| b[(i + 1) % 3] * c[(i + 2) % 3] - b[(i + 2) % 3] * c[(i + 1) % 3]);
             dot(a, cross) / 6.0
@@ -411,25 +494,46 @@ mod tests {
             surface: parted(),
         };
         let one = Object { name: "kidney".into(), surface: roof(30.0, Face::Skin), ..Object::default() };
-        let (document, binary) = parse(&encode(&[object("liver"), one]));
-        let names: Vec<_> = document["nodes"].as_array().unwrap().iter().map(|node| node["name"].as_str()).collect();
+        let (file, binary) = read(&[object("liver"), one]);
+        let nodes: Vec<_> = file.scenes().next().expect("a scene").nodes().collect();
+        let names: Vec<_> = nodes.iter().map(gltf::Node::name).collect();
         assert_eq!(names, ["liver 1", "liver 2", "kidney"].map(Some));
-        assert_eq!(document["scenes"][0]["nodes"], json!([0, 1, 2]));
-        (0..2).for_each(|mesh| assert_is_closed(&document, &binary, mesh, 1.0 / 6.0));
-        // Of the second piece, which is of the tumour, the tip is skin of the colour that is stated, and the rim dark.
-        let colours = document["meshes"][1]["primitives"][0]["attributes"]["COLOR_0"].as_u64().unwrap() as usize;
-        let colours: Vec<u16> =
-            view(&document, &binary, colours, 8).chunks(2).map(|b| u16::from_le_bytes(b.try_into().unwrap())).collect();
-        // 128 of 255 is 0.2159 of the light.
-        assert_eq!((colours[12], colours[13]), (65535, 0));
-        assert!((f32::from(colours[14]) / 65535.0 - 0.2159).abs() < 1e-4);
-        assert!(colours[0] < 2000, "{colours:?}");
+        nodes[..2].iter().for_each(|node| assert_is_closed(&node.mesh().expect("a mesh"), &binary, 1.0 / 6.0));
+        // Three edges of each face that was laid open, and none of what was not cut.
+        let lines = |node: &gltf::Node<'_>| {
+            let seams = node.children().filter_map(|child| child.mesh()).flat_map(|mesh| mesh.primitives());
+            seams.map(|lines| lines.get(&gltf::Semantic::Positions).expect("positions").count() / 2).sum::<usize>()
+        };
+        assert_eq!(nodes.iter().map(lines).collect::<Vec<_>>(), [3, 3, 0]);
+        // The second piece is of the tumour, whose colour is stated: 128 of 255 is 0.2159 of the light.
+        let of_second = nodes[1].mesh().expect("a mesh").primitives().next().expect("a primitive").material();
+        let [r, g, b, _] = of_second.pbr_metallic_roughness().base_color_factor();
+        assert_eq!((of_second.name(), r, g), (Some("tumour"), 1.0, 0.0));
+        assert!((b - 0.2159).abs() < 1e-4, "{b}");
+        assert_eq!(file.materials().len(), 6, "skin and cut of two regions, the kidney, and seams");
     }
 
     #[test]
+    fn a_region_within_a_piece_is_a_primitive_and_the_piece_stays_closed() {
+        let mut surface = parted();
+        surface.triangles.iter_mut().for_each(|triangle| triangle.region = u16::from(triangle.vertices.contains(&3)));
+        let object = Object { name: "liver".into(), regions: vec!["tumour".into()], surface, ..Object::default() };
+        let (file, binary) = read(&[object]);
+        let first = file.scenes().next().expect("a scene").nodes().next().and_then(|node| node.mesh()).expect("a mesh");
+        let names: Vec<_> = first.primitives().map(|part| part.material().name().map(str::to_owned)).collect();
+        assert_eq!(names, ["liver cut", "tumour"].map(|name| Some(name.to_owned())));
+        assert_is_closed(&first, &binary, 1.0 / 6.0);
+    }
+
+    /// Without a node, which glTF allows and the other reader does not.
+    #[test]
     fn an_empty_mesh_is_an_empty_scene() {
-        let (document, binary) = parse(&encode(&[Object::default()]));
-        assert_eq!((document["asset"]["version"].as_str(), binary.len()), (Some("2.0"), 0));
-        assert!(document.get("buffers").is_none() && document.get("meshes").is_none());
+        let glb = encode(&[Object::default()]);
+        let length = u32::from_le_bytes(glb[12..16].try_into().expect("four bytes")) as usize;
+        let document: Value = serde_json::from_slice(&glb[20..20 + length]).expect("JSON");
+        assert_eq!((document["asset"]["version"].as_str(), glb.len()), (Some("2.0"), 20 + length));
+        assert!(
+            document["scenes"] == json!([{}]) && document.get("buffers").is_none() && document.get("meshes").is_none()
+        );
     }
 }

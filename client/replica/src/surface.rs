@@ -43,12 +43,22 @@ impl Surface {
         for (id, corners) in body.quads() {
             // The other side of the link exists only where a blade parted it.
             let face = if body.quads().contains_key(&(id ^ 1)) { Face::Cut } else { Face::Skin };
-            // The wire does not tell regions. Corners exist (see `Body`), so the search always finds them.
+            let region = region(corners.map(|id| body.vertices()[&id].material()));
+            // Corners exist (see `Body`), so the search always finds them.
             let corners = corners.map(|id| ids.partition_point(|&other| other < id) as u32);
-            triangles.extend(split(corners, &rest_m).map(|vertices| Triangle { vertices, face, region: 0 }));
+            triangles.extend(split(corners, &rest_m).map(|vertices| Triangle { vertices, face, region }));
         }
         Self { positions_m, triangles }
     }
+}
+
+/// The region of a quad, of which the wire tells the materials of its corners: that of most of them, of the first where
+/// several are of as many.
+fn region(materials: [u32; 4]) -> u16 {
+    let count = |material: &u32| materials.iter().filter(|other| *other == material).count();
+    let most = materials.iter().map(count).max();
+    let found = materials.iter().find(|material| Some(count(material)) == most);
+    found.and_then(|material| u16::try_from(*material).ok()).unwrap_or_default()
 }
 
 /// Splits a quad along its shorter diagonal; of equal ones, along that with the lower index.
@@ -59,4 +69,17 @@ fn split([a, b, c, d]: [u32; 4], rest_m: &[[f32; 3]]) -> [[u32; 3]; 2] {
     };
     let (ac, bd) = (length2(a, c), length2(b, d));
     if ac < bd || (ac == bd && a.min(c) < b.min(d)) { [[a, b, c], [a, c, d]] } else { [[b, c, d], [b, d, a]] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::region;
+
+    #[test]
+    fn a_quad_is_of_the_region_that_most_of_its_corners_have_and_of_the_first_of_as_many() {
+        assert_eq!(region([0, 2, 2, 1]), 2);
+        assert_eq!(region([1, 0, 0, 1]), 1);
+        assert_eq!(region([3, 1, 0, 2]), 3);
+        assert_eq!(region([7; 4]), 7);
+    }
 }

@@ -17,6 +17,16 @@ pub enum Vertex {
 }
 
 impl Vertex {
+    /// Material of its voxel, an index into the object's names of materials. Plain vertices do not tell: 0, the object's
+    /// own.
+    #[must_use]
+    pub fn material(self) -> u32 {
+        match self {
+            Self::Bound { material, .. } => material,
+            Self::Node => 0,
+        }
+    }
+
     /// Its element and its place there, of one that is bound.
     #[must_use]
     pub fn binding(self) -> Option<(u32, [f32; 3])> {

@@ -96,7 +96,14 @@ test("the mouse cuts a bar in two, and who comes late sees it cut", async () => 
   // What is taken along of it is two closed bodies.
   const saving = page.waitForEvent("download");
   await page.click("button[aria-label='Save the surface as GLB']");
-  expect(edgesThatAreOpen(await readFile(await (await saving).path()))).toEqual([0, 0]);
+  const file = await readFile(await (await saving).path());
+  expect(edgesThatAreOpen(file)).toEqual([0, 0]);
+  const { meshes, materials } = gltf(file);
+  expect(materials.map(({ name }) => name).sort()).toEqual(["bar", "bar cut", "seam"]);
+  // Both have walls, and a line around them.
+  expect(meshes.map(({ primitives }) => primitives.map(({ mode, material }) => [mode ?? 4, materials[material].name])).sort()).toEqual(
+    [[[1, "seam"]], [[1, "seam"]], [[4, "bar"], [4, "bar cut"]], [[4, "bar"], [4, "bar cut"]]],
+  );
   const late = await open(browser, link);
   await live(late.page);
   await readingWhere(late.page, "Pieces", (pieces) => pieces === 2);
@@ -309,8 +316,9 @@ test("a page that is busy does not hold a tool up", async () => {
 
 /** What is looked at of a GLB. */
 interface Gltf {
-  meshes: { primitives: { attributes: { POSITION: number }; indices: number }[] }[];
-  accessors: { min: number[]; max: number[]; count: number; bufferView: number; componentType: number }[];
+  meshes: { primitives: { attributes: { POSITION: number }; indices?: number; mode?: number; material: number }[] }[];
+  materials: { name: string }[];
+  accessors: { min: number[]; max: number[]; count: number; byteOffset?: number; bufferView: number; componentType: number }[];
   bufferViews: { byteOffset?: number }[];
 }
 
@@ -318,19 +326,24 @@ function gltf(file: Buffer): Gltf {
   return JSON.parse(file.subarray(20, 20 + file.readUInt32LE(12)).toString()) as Gltf;
 }
 
-/** Of each mesh: edges of its triangles that no other passes the other way. A closed body has none. */
+/** Of each mesh of triangles: edges that no other of its triangles passes the other way. A closed body has none. */
 function edgesThatAreOpen(file: Buffer): number[] {
   const { meshes, accessors, bufferViews } = gltf(file);
   const binary = 28 + file.readUInt32LE(12);
-  return meshes.map(({ primitives: [{ indices }] }) => {
-    const { count, bufferView, componentType } = accessors[indices];
-    const at = binary + (bufferViews[bufferView].byteOffset ?? 0);
-    const isShort = componentType === 5123;
-    const vertex = (i: number) => (isShort ? file.readUInt16LE(at + 2 * i) : file.readUInt32LE(at + 4 * i));
+  const ofTriangles = meshes.filter(({ primitives: [{ mode }] }) => mode !== 1);
+  return ofTriangles.map(({ primitives }) => {
+    // Parts of a piece have the same vertices.
+    expect(new Set(primitives.map(({ attributes }) => attributes.POSITION)).size).toBe(1);
     const edges = new Set<string>();
-    for (let i = 0; i < count; i += 3) {
-      const [a, b, c] = [vertex(i), vertex(i + 1), vertex(i + 2)];
-      for (const edge of [`${a} ${b}`, `${b} ${c}`, `${c} ${a}`]) edges.add(edge);
+    for (const { indices } of primitives) {
+      const { count, bufferView, byteOffset, componentType } = accessors[indices!];
+      const at = binary + (bufferViews[bufferView].byteOffset ?? 0) + (byteOffset ?? 0);
+      const isShort = componentType === 5123;
+      const vertex = (i: number) => (isShort ? file.readUInt16LE(at + 2 * i) : file.readUInt32LE(at + 4 * i));
+      for (let i = 0; i < count; i += 3) {
+        const [a, b, c] = [vertex(i), vertex(i + 1), vertex(i + 2)];
+        for (const edge of [`${a} ${b}`, `${b} ${c}`, `${c} ${a}`]) edges.add(edge);
+      }
     }
     return [...edges].filter((edge) => !edges.has(edge.split(" ").reverse().join(" "))).length;
   });

@@ -85,6 +85,9 @@ class Surface:
     #: Steps taken.
     step: int
     topology_version: int
+    #: Names of the materials, and their colours as `"#rrggbb"`, sRGB, empty where the scene states none.
+    material_names: tuple[str, ...] = ()
+    material_colors: tuple[str, ...] = ()
 
     def pieces(self) -> list[NDArray[np.intp]]:
         """Indices of the triangles of each closed surface that nothing joins to the others, the largest first."""
@@ -95,8 +98,9 @@ class Surface:
     def save(self, path: str | Path) -> None:
         """Writes the surface to a file, by its ending: `.stl`, `.ply`, `.obj`, `.vtu` or `.glb`.
 
-        All are of metres in the scene frame. A `.glb` has a mesh for each piece, a `.vtu` says of each triangle which
-        piece it is of and whether it is a wall of a cut. Needs `pip install kerf[mesh]`.
+        All are of metres in the scene frame. A `.glb` has a mesh for each piece, with a primitive for the skin of each
+        material and one for its cuts, and lines where these meet. A `.vtu` says of each triangle which piece it is of
+        and whether it is a wall of a cut. All but `.glb` need `pip install kerf[mesh]`.
         """
         surface_file.save(self, Path(path))
 

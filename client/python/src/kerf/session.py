@@ -247,7 +247,7 @@ class Session:
 
     def view(self, rate_hz: float = 60.0) -> View:
         """Follows the surface from now on; a context manager."""
-        return View(self._transport, self.id, [known.name for known in self.scene.objects], rate_hz)
+        return View(self._transport, self.id, self.scene.objects, rate_hz)
 
     def surfaces(self) -> list[Surface]:
         """The surface of each object as it is now. Who looks often follows a `view`."""

@@ -1,4 +1,4 @@
-"""Surfaces as files that other programs read. Needs `pip install kerf[mesh]`."""
+"""Surfaces as files that other programs read. All but `.glb` need `pip install kerf[mesh]`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kerf import glb_file
 from kerf.errors import InvalidArgumentError, KerfError, did_you_mean
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ _SKIN, _CUT = (125, 51, 42, 255), (208, 105, 90, 255)
 
 def save(surface: Surface, path: Path) -> None:
     """Writes a surface by the ending of the path."""
-    write = {".stl": _trimesh, ".ply": _trimesh, ".obj": _trimesh, ".glb": _trimesh, ".vtu": _vtu}
+    write = {".stl": _trimesh, ".ply": _trimesh, ".obj": _trimesh, ".glb": glb_file.write, ".vtu": _vtu}
     ending = path.suffix.lower()
     if ending not in write:
         limit = f"one of {', '.join(write)}"
@@ -36,19 +37,7 @@ def _trimesh(surface: Surface, path: Path) -> None:
 
     colors = np.where(_is_on_wall(surface)[:, None], _CUT, _SKIN).astype(np.uint8)
     # As they are: readers that join vertices by their places would join the walls of a shut cut.
-    whole = trimesh.Trimesh(surface.vertices_m, surface.triangles, vertex_colors=colors, process=False)
-    if path.suffix.lower() != ".glb":
-        whole.export(path)
-        return
-    scene: Any = trimesh.Scene()
-    for number, faces in enumerate(surface.pieces(), 1):
-        vertices, local = np.unique(surface.triangles[faces], return_inverse=True)
-        piece = trimesh.Trimesh(
-            surface.vertices_m[vertices], local.reshape(-1, 3), vertex_colors=colors[vertices], process=False
-        )
-        name = f"{surface.object_name} {number}"
-        scene.add_geometry(piece, node_name=name, geom_name=name)
-    scene.export(path)
+    trimesh.Trimesh(surface.vertices_m, surface.triangles, vertex_colors=colors, process=False).export(path)
 
 
 def _vtu(surface: Surface, path: Path) -> None:

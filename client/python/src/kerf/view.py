@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from kerf.errors import DeadlineError, KerfError, NotFoundError, ReplicaError, UnavailableError, did_you_mean
@@ -14,13 +15,16 @@ from kerf.v1 import view_pb2 as pb
 if TYPE_CHECKING:
     from typing import Self
 
+    from kerf.model import SceneObject
+
 
 class View:
     """Keeps a replica of what the session shows, up to date in a thread of its own; a context manager."""
 
-    def __init__(self, transport: Transport, session_id: str, object_names: Sequence[str], rate_hz: float) -> None:
+    def __init__(self, transport: Transport, session_id: str, objects: Sequence[SceneObject], rate_hz: float) -> None:
         self._transport = transport
-        self._replica = Replica(object_names)
+        self._objects = tuple(objects)
+        self._replica = Replica([known.name for known in objects])
         self._assembler = Assembler()
         self._viewer = ""
         self._news = threading.Condition()
@@ -46,7 +50,12 @@ class View:
         """
         with self._news:
             self._wait(step, timeout_s)
-            return self._replica.surfaces()
+            surfaces = self._replica.surfaces()
+        looks = [(known.material_names, known.material_colors) for known in self._objects]
+        return [
+            replace(surface, material_names=names, material_colors=colors)
+            for surface, (names, colors) in zip(surfaces, looks, strict=True)
+        ]
 
     def surface(self, name: str | None = None, step: int = 0, timeout_s: float = 10.0) -> Surface:
         """The surface of one object, by default the first."""

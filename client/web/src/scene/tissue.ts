@@ -13,6 +13,7 @@ import {
 } from "three";
 import type { SurfaceShape, SurfaceStructure } from "../decode/surface";
 import type { BodyFrame } from "../net/frames";
+import type { Faces } from "../pieces";
 import type { InteriorStyle } from "./interior";
 import { type Look, lookOf } from "./looks";
 import { type SeamDress, SeamLine } from "./seam-line";
@@ -29,7 +30,8 @@ export function showsElements(style: Style): boolean {
 }
 
 export class Tissue extends Group {
-  private readonly looks: Look[];
+  /** What each of its materials looks like. */
+  readonly looks: readonly Look[];
   private readonly faces: Record<Face, Mesh<BufferGeometry, MeshPhysicalMaterial>>;
   private readonly edges: LineSegments<BufferGeometry, LineBasicMaterial>;
   private readonly seam: SeamLine;
@@ -39,11 +41,13 @@ export class Tissue extends Group {
   private vertexCount = 0;
   /** Material of each vertex. */
   private materials = new Uint8Array(0);
+  /** Two vertices for each edge at which skin and walls meet. */
+  private seamEdges = new Uint32Array(0);
   /** Area of the cut, m^2 at rest. */
   cutAreaM2 = 0;
 
   /** `sizeM` is the size of the object, which the size of its blotches follows. */
-  constructor(name: string, materialNames: readonly string[], colors: readonly string[], sizeM: number) {
+  constructor(name: string, readonly materialNames: readonly string[], colors: readonly string[], sizeM: number) {
     super();
     this.name = name;
     this.looks = materialNames.map((name, index) => lookOf(name, index, colors[index]));
@@ -80,29 +84,10 @@ export class Tissue extends Group {
     return this.shape?.positions.subarray(0, 3 * this.vertexCount) ?? new Float32Array(0);
   }
 
-  /** Three vertices a triangle, of the skin and of the walls of cuts. */
-  get triangles(): Uint32Array {
-    const [skin, cut] = [this.faces.skin, this.faces.cut].map(({ geometry }) => {
-      return geometry.index?.array.slice(0, geometry.drawRange.count) ?? [];
-    });
-    return Uint32Array.from([...skin, ...cut]);
-  }
-
-  /** Linear colours of the vertices, three numbers each: those of the skin, of walls, and of seams between them. */
-  get vertexColors(): Float32Array {
-    const colors = new Float32Array(3 * this.vertexCount);
-    const palette = this.looks.map(({ skin, cut, seam }) => [skin, cut, seam].map((color) => new Color(color)));
-    const isOf = (face: Face) => {
-      const { index, drawRange } = this.faces[face].geometry;
-      return new Set(index?.array.slice(0, drawRange.count));
-    };
-    const [onSkin, onCut] = [isOf("skin"), isOf("cut")];
-    for (let vertex = 0; vertex < this.vertexCount; vertex++) {
-      const [skin, cut, seam] = palette[this.materials[vertex]] ?? palette[0];
-      const color = !onCut.has(vertex) ? skin : onSkin.has(vertex) ? seam : cut;
-      color.toArray(colors, 3 * vertex);
-    }
-    return colors;
+  /** The skin, the walls of cuts, and where they meet. */
+  get parts(): Faces {
+    const of = ({ geometry }: Mesh) => Uint32Array.from(geometry.index?.array.slice(0, geometry.drawRange.count) ?? []);
+    return { skin: of(this.faces.skin), cut: of(this.faces.cut), seam: this.seamEdges, materials: this.materials };
   }
 
   set style(style: Style) {
@@ -147,6 +132,7 @@ export class Tissue extends Group {
     this.cutAreaM2 = structure.cutAreaM2;
     this.vertexCount = structure.vertexCount;
     this.materials = structure.materials;
+    this.seamEdges = structure.seam;
     const position = dynamic(shape.positions);
     const rest = new BufferAttribute(structure.rest, 3);
     const rim = new BufferAttribute(structure.rims, 2);
