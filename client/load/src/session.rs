@@ -15,6 +15,8 @@ const RETRY_PAUSE: Duration = Duration::from_millis(100);
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 /// Building the largest scenes takes seconds; a server that is this slow has hung.
 const CREATE_TIMEOUT: Duration = Duration::from_secs(120);
+/// Bytes of a part of a file: as the protocol advises.
+const PART_BYTES: usize = 256 << 10;
 /// For calls that only ask.
 const CALL_TIMEOUT: Duration = Duration::from_secs(10);
 /// A server that has vanished without a word is noticed after twice this.
@@ -152,17 +154,37 @@ async fn create(
         start_paused: false,
         dial,
         step_rate_hz,
-        files,
-        fit_step_rate: false,
-        private: false,
+        files: Vec::new(),
+        ..Default::default()
     };
-    let reply = client
-        .create_session(timed(request, CREATE_TIMEOUT))
-        .await
-        .map_err(|status| refused(&format!("creating a session of {scene}"), &status))?;
-    let v1::CreateSessionResponse { session, warnings } = reply.into_inner();
+    let refused = |status| refused(&format!("creating a session of {scene}"), &status);
+    let (session, warnings) = if files.is_empty() {
+        let reply = client.create_session(timed(request, CREATE_TIMEOUT)).await.map_err(refused)?;
+        let v1::CreateSessionResponse { session, warnings } = reply.into_inner();
+        (session, warnings)
+    } else {
+        let parts = futures_util::stream::iter(in_parts(request, files));
+        let reply = client.upload_scene(timed(parts, CREATE_TIMEOUT)).await.map_err(refused)?;
+        let v1::UploadSceneResponse { session, warnings } = reply.into_inner();
+        (session, warnings)
+    };
     warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     session.context("the server created a session without describing it")
+}
+
+/// A request for a session, and after it its files in parts.
+fn in_parts(
+    request: v1::CreateSessionRequest,
+    files: Vec<v1::SceneFile>,
+) -> impl Iterator<Item = v1::UploadSceneRequest> {
+    let first = v1::UploadSceneRequest { request: Some(request), ..Default::default() };
+    let parts = |v1::SceneFile { name, data }| {
+        let begin = v1::UploadSceneRequest { file_name: name, ..Default::default() };
+        let part = |data: &[u8]| v1::UploadSceneRequest { data: data.to_vec(), ..Default::default() };
+        let parts: Vec<_> = data.chunks(PART_BYTES).map(part).collect();
+        std::iter::once(begin).chain(parts)
+    };
+    std::iter::once(first).chain(files.into_iter().flat_map(parts))
 }
 
 /// The files that a scene's text refers to, each as it names it, from beside the scene.

@@ -98,8 +98,36 @@ def test_a_state_goes_on_in_another_server_from_a_file(client, session, tmp_path
     (tmp_path / "half.kerf").write_bytes((tmp_path / "half way.kerf").read_bytes()[:1000])
     with pytest.raises(kerf.InvalidArgumentError, match="cut off or changed"):
         session.load(tmp_path / "half.kerf")
-    assert session.load(tmp_path / "half way.kerf", "kept", restore=False) == saved.step
+    told = []
+    step = session.load(tmp_path / "half way.kerf", "kept", restore=False, progress=lambda *so_far: told.append(so_far))
+    size = (tmp_path / "half way.kerf").stat().st_size
+    assert step == saved.step
+    assert told[-1] == (size, size)
     assert session.describe().step == there.steps[-1]
+
+
+def test_files_of_a_scene_are_sent_in_parts_and_tell_how_far_they_are(client):
+    box = """v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1
+f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 3 4 8 7\nf 2 3 7 6\nf 4 1 5 8\n"""
+    # More than a single message may hold, 8 MiB.
+    large = (box + "# a remark of some length\n" * 400_000).encode()
+    lines = BLOCK.read_text().splitlines()
+    mesh = 'shape = { mesh = { file = "box.obj", scale_m_per_unit = 0.01 } }'
+    toml = "\n".join(mesh if line.startswith("shape = { box") else line for line in lines)
+    told = []
+    files = {"box.obj": large}
+    with client.create_session(toml=toml, files=files, progress=lambda *so_far: told.append(so_far)) as session:
+        assert session.scene.objects[0].voxels == 6 * 6 * 6
+    sent, total = zip(*told, strict=True)
+    assert set(total) == {len(large)}
+    assert list(sent) == sorted(sent)
+    assert (len(sent), sent[-1]) == (-(-len(large) // (256 << 10)), len(large))
+    settings = {"transport.max_upload_bytes": 1 << 20}
+    with kerf.LocalServer(PROGRAM, settings=settings) as narrow, narrow.client() as other:
+        with pytest.raises(kerf.ResourceExhaustedError, match="more than 1048576 bytes") as refused:
+            other.create_session(toml=toml, files=files)
+        assert refused.value.limit == "max_upload_bytes"
+        assert other.sessions() == {}
 
 
 def test_what_is_refused_carries_its_field_and_limit(client, session):

@@ -45,6 +45,34 @@ test("a scene is chosen, begins and is seen", async () => {
   await page.waitForSelector("text=This session is over");
 });
 
+test("a scene of one's own is sent with its mesh, and how far it is is seen", async () => {
+  const { page, problems } = await open(browser, server.address);
+  const toml = BAR.replace(/shape = \{ box = .*/, 'shape = { mesh = { file = "meshes/bar.obj", scale_m_per_unit = 0.01 } }');
+  const corners = "v -3 0 -1\nv 3 0 -1\nv 3 2 -1\nv -3 2 -1\nv -3 0 1\nv 3 0 1\nv 3 2 1\nv -3 2 1\n";
+  const mesh = `${corners}f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 3 4 8 7\nf 2 3 7 6\nf 4 1 5 8\n`;
+  const file = (name: string, text: string) => ({ name, mimeType: "text/plain", buffer: Buffer.from(text) });
+  const chosen = page.locator("input[type=file]");
+  await chosen.setInputFiles([file("mine.toml", toml)]);
+  await page.waitForSelector("text=The scene refers to bar.obj");
+  // What the page says of the way there, of more than one message's size.
+  await page.evaluate(() => {
+    const said: string[] = [];
+    Object.assign(window, { said });
+    const bar = document.querySelector("progress")!;
+    new MutationObserver(() => said.push(bar.hidden ? "hidden" : bar.value.toFixed(2))).observe(bar, { attributes: true });
+  });
+  const long = mesh + "# a remark of some length\n".repeat(40_000);
+  await chosen.setInputFiles([file("mine.toml", toml), file("bar.obj", long)]);
+  await live(page);
+  await readingWhere(page, "Pieces", (pieces) => pieces === 1);
+  const said = await page.evaluate(() => (window as unknown as { said: string[] }).said);
+  const values = said.filter((word) => word !== "hidden").map(Number);
+  expect(values.length).toBeGreaterThan(3);
+  expect(values).toEqual([...values].sort((a, b) => a - b));
+  expect(values.at(-1)).toBe(1);
+  expect(problems).toEqual([]);
+});
+
 /** Rows of the plot that the curve of the force goes through: a few while there is none. */
 function forceRows(page: Page): Promise<number> {
   return page.evaluate(() => {

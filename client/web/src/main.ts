@@ -107,15 +107,26 @@ class App {
         stand("This scene did not start", inWords(error), [{ label: "Back", choose: () => this.choose() }]);
       }
     };
-    void openStart({ scene: (name) => void scene(name), session: (id) => void this.join(id) });
+    const own = async (toml: string, uploadId: string) => {
+      try {
+        await this.begin(toml, true, uploadId);
+      } catch (error) {
+        stand("This scene did not start", inWords(error), [{ label: "Back", choose: () => this.choose() }]);
+      }
+    };
+    void openStart({
+      scene: (name) => void scene(name),
+      session: (id) => void this.join(id),
+      own: (toml, uploadId) => void own(toml, uploadId),
+    });
   }
 
-  /** With `fits` at a step rate that the server's machine keeps, else at the scene's own. */
-  private async begin(sceneToml: string, fits = false): Promise<void> {
+  /** With `fits` at a step rate that the server's machine keeps, else at the scene's own; with files that were sent. */
+  private async begin(sceneToml: string, fits = false, uploadId = ""): Promise<void> {
     const done = sayUntil("The server makes the tissue…");
     try {
       const scene = { case: "sceneToml" as const, value: sceneToml };
-      const { session } = await sessions.createSession({ scene, fitStepRate: fits });
+      const { session } = await sessions.createSession({ scene, fitStepRate: fits, uploadId });
       this.begun.add(session!.sessionId);
       await this.open(session!);
     } finally {

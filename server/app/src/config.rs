@@ -213,18 +213,19 @@ pub struct TransportLimits {
     pub max_streams_per_connection: u32,
     /// Largest message that is accepted from drivers and viewers. Default 64 KiB: they have little to say.
     pub max_incoming_bytes: usize,
-    /// Largest message that creates a session: a scene's text and the files that it refers to. Default 8 MiB: a
-    /// mesh of 100,000 triangles as text.
-    pub max_upload_bytes: usize,
+    /// Largest message about sessions, and largest part of an upload. Default 8 MiB: a mesh of 100,000 triangles as text
+    /// fits into the message that creates a session.
+    pub max_request_bytes: usize,
     /// Calls about sessions with a message of more than `max_incoming_bytes` that are read and answered at a time. One
-    /// more takes the place of the one that has been read longest. Default 32: so many uploads fit into memory.
+    /// more takes the place of the one that has been read longest. Default 32: so many fit into memory.
+    pub max_large_requests: usize,
+    /// Largest upload, which comes in parts: a scene's text with its files, or the file of a checkpoint; and the largest
+    /// file of a checkpoint that is handed out. Default 128 MiB: a checkpoint of three million voxels, at 39 bytes a
+    /// voxel, or a mesh of two million triangles in binary.
+    pub max_upload_bytes: usize,
+    /// Uploads, and files of checkpoints that are handed out, that are on their way at a time; one more takes the place of
+    /// the oldest that is not whole. Default 4: with `max_upload_bytes`, the memory that they take.
     pub max_uploads: usize,
-    /// Largest file of a checkpoint, in either direction. Default 128 MiB: the liver's has 1.2 MB, 39 bytes a
-    /// voxel, so that one of three million voxels fits.
-    pub max_checkpoint_bytes: usize,
-    /// Files of checkpoints that are on their way at a time; one more takes the place of the oldest that is still being
-    /// sent. Default 4: with `max_checkpoint_bytes`, the memory that they take.
-    pub max_checkpoint_files: usize,
     /// Largest message that is sent. Default 64 MiB: what clients accept.
     pub max_outgoing_bytes: usize,
     /// Text of a scene that a client sends. Default 1 MiB: as the protocol says.
@@ -248,10 +249,10 @@ impl Default for TransportLimits {
             handshake_timeout_s: 5.0,
             max_streams_per_connection: 32,
             max_incoming_bytes: 64 << 10,
-            max_upload_bytes: 8 << 20,
-            max_uploads: 32,
-            max_checkpoint_bytes: 128 << 20,
-            max_checkpoint_files: 4,
+            max_request_bytes: 8 << 20,
+            max_large_requests: 32,
+            max_upload_bytes: 128 << 20,
+            max_uploads: 4,
             max_outgoing_bytes: kerf_proto::MAX_MESSAGE_BYTES,
             max_scene_bytes: 1 << 20,
             keepalive_interval_s: 5.0,
@@ -381,10 +382,10 @@ impl ServerConfig {
             ("max_record_mib", self.max_record_mib),
             ("record_rate_hz", self.record_rate_hz),
             ("max_journal_mib", self.max_journal_mib),
+            ("transport.max_request_bytes", transport.max_request_bytes as f64),
+            ("transport.max_large_requests", transport.max_large_requests as f64),
             ("transport.max_upload_bytes", transport.max_upload_bytes as f64),
             ("transport.max_uploads", transport.max_uploads as f64),
-            ("transport.max_checkpoint_bytes", transport.max_checkpoint_bytes as f64),
-            ("transport.max_checkpoint_files", transport.max_checkpoint_files as f64),
             ("transport.max_outgoing_bytes", transport.max_outgoing_bytes as f64),
             ("transport.max_scene_bytes", transport.max_scene_bytes as f64),
             ("transport.keepalive_interval_s", transport.keepalive_interval_s),

@@ -27,6 +27,7 @@ use crate::grpc::session_service::SessionService;
 use crate::grpc::view_service::ViewService;
 use crate::grpc::viewing::Viewing;
 use crate::journal::Journals;
+use crate::large_messages::LargeMessages;
 use crate::metrics::endpoint::Endpoint;
 use crate::metrics::refusals::{self, Refusals};
 use crate::metrics::{Metrics, Sources};
@@ -35,9 +36,8 @@ use crate::security::Security;
 use crate::security::door::{self, Door};
 use crate::security::guests::Guests;
 use crate::traffic::Traffic;
-use crate::uploads::Uploads;
 use crate::watchdog::{self, SESSIONS};
-use crate::{incoming, machine, print_config, security, shutdown, telemetry, uploads, viewer};
+use crate::{incoming, large_messages, machine, print_config, security, shutdown, telemetry, viewer};
 
 /// Share of the machine's memory that sessions take unless it is set.
 const MEMORY_SHARE: f64 = 0.5;
@@ -279,7 +279,7 @@ async fn routes(
         (Arc::clone(recordings), Arc::clone(journals)),
         guests,
     ))
-    .max_decoding_message_size(limits.max_upload_bytes)
+    .max_decoding_message_size(limits.max_request_bytes)
     .max_encoding_message_size(limits.max_outgoing_bytes);
     let control = ControlServiceServer::new(ControlService::new(Arc::clone(registry), config.control.clone()))
         .max_decoding_message_size(limits.max_incoming_bytes)
@@ -307,7 +307,7 @@ async fn routes(
         .add_service(reflection().build_v1()?)
         .add_service(reflection().build_v1alpha()?);
     let routes = viewer::routes(routes.into_axum_router())
-        .layer(from_fn_with_state(Uploads::new(limits.clone()), uploads::read_whole))
+        .layer(from_fn_with_state(LargeMessages::new(limits.clone()), large_messages::read_whole))
         .layer(from_fn_with_state(door, door::judge))
         .layer(from_fn_with_state(refusals, refusals::count));
     Ok((health, routes.into()))

@@ -95,6 +95,15 @@ pub enum RequestError {
     /// A viewer that is not, or not any more.
     #[error("viewer: there is none of this name; its stream has ended")]
     NoViewer,
+    /// An upload that is not, or not any more.
+    #[error(
+        "upload_id: there is none of this name; it has been used, was not heard of for {limit_s} s (request_timeout_s), \
+         was too large, or gave way to another (max_uploads): send the files anew"
+    )]
+    NoUpload {
+        /// `request_timeout_s`.
+        limit_s: f64,
+    },
     /// Too many drivers that send one pose a call.
     #[error("{limit} clients send poses one call at a time, as many as may (max_unary_drivers)")]
     TooManyUnaryDrivers {
@@ -102,15 +111,15 @@ pub enum RequestError {
         limit: usize,
     },
     /// A large message that others need the place of, or that finds none.
-    #[error("as many large messages are read and answered as may, {limit} (max_uploads): this one gives way")]
-    TooManyUploads {
-        /// `max_uploads`.
+    #[error("as many large messages are read and answered as may, {limit} (max_large_requests): this one gives way")]
+    TooManyLargeMessages {
+        /// `max_large_requests`.
         limit: usize,
     },
     /// A message that is too large to be read.
-    #[error("the message has more than {limit} bytes (max_upload_bytes)")]
+    #[error("the message has more than {limit} bytes (max_request_bytes); a scene's files may be sent in parts")]
     LargeMessage {
-        /// `max_upload_bytes`.
+        /// `max_request_bytes`.
         limit: usize,
     },
     /// A message that took too long to come.
@@ -281,18 +290,18 @@ pub enum RequestError {
         /// Why.
         error: LoadError,
     },
-    /// The file of a checkpoint is too large.
+    /// What is sent in parts is too large.
     #[error(
-        "data: the file has more than {limit} bytes, the most that one of a checkpoint may have (max_checkpoint_bytes)"
+        "data: more than {limit} bytes, the most that a file of a checkpoint or those of a scene have (max_upload_bytes)"
     )]
-    CheckpointSize {
-        /// `max_checkpoint_bytes`.
+    UploadSize {
+        /// `max_upload_bytes`.
         limit: usize,
     },
-    /// The file of a checkpoint that others need the place of, or that finds none.
-    #[error("as many files of checkpoints are on their way as may, {limit} (max_checkpoint_files): this one gives way")]
-    TooManyCheckpointFiles {
-        /// `max_checkpoint_files`.
+    /// What is sent in parts, and others need the place of, or finds none.
+    #[error("as many files are on their way as may, {limit} (max_uploads): this one gives way")]
+    TooManyUploads {
+        /// `max_uploads`.
         limit: usize,
     },
     /// The file of a checkpoint could not be made or read, for no reason that was foreseen.
@@ -332,13 +341,13 @@ impl RequestError {
             | Self::SceneText { .. } => Code::InvalidArgument,
             Self::Idle { .. } | Self::Unresponsive { .. } | Self::UnreadInTime { .. } => Code::DeadlineExceeded,
             Self::TooManyUnaryDrivers { .. }
-            | Self::TooManyUploads { .. }
+            | Self::TooManyLargeMessages { .. }
             | Self::LargeMessage { .. }
-            | Self::CheckpointSize { .. }
+            | Self::UploadSize { .. }
             | Self::TooManyWrongTokens { .. }
             | Self::TooManySessionsOfToken { .. }
             | Self::TooManyGuests { .. }
-            | Self::TooManyCheckpointFiles { .. } => Code::ResourceExhausted,
+            | Self::TooManyUploads { .. } => Code::ResourceExhausted,
             Self::TokenMissing | Self::TokenUnknown => Code::Unauthenticated,
             Self::CheckpointWork | Self::NoRandomNumbers => Code::Internal,
             Self::Unread { .. } => Code::Cancelled,
@@ -348,7 +357,7 @@ impl RequestError {
             | Self::Role { .. }
             | Self::NotOwner { .. }
             | Self::OfOneSession { .. } => Code::PermissionDenied,
-            Self::NoScene { .. } | Self::NoViewer => Code::NotFound,
+            Self::NoScene { .. } | Self::NoViewer | Self::NoUpload { .. } => Code::NotFound,
         }
     }
 }

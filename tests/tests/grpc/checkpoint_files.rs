@@ -154,13 +154,13 @@ async fn names_slots_and_sizes_are_bounded() {
     upload(&mut harness, &session, "a", &file).await.unwrap();
 
     let limit = file.len() - 1;
-    let mut harness = Harness::with(|config| config.transport.max_checkpoint_bytes = limit).await;
+    let mut harness = Harness::with(|config| config.transport.max_upload_bytes = limit).await;
     let session = harness.create().await.unwrap();
     let says = format!("more than {limit} bytes");
     let refused = upload(&mut harness, &session, "a", &file).await;
-    assert_refused(refused, Code::ResourceExhausted, "max_checkpoint_bytes", &says);
+    assert_refused(refused, Code::ResourceExhausted, "max_upload_bytes", &says);
     let refused = download(&mut harness, &session, "").await.map(|_| 0);
-    assert_refused(refused, Code::ResourceExhausted, "max_checkpoint_bytes", &says);
+    assert_refused(refused, Code::ResourceExhausted, "max_upload_bytes", &says);
     // One that never ends is refused as soon as it is too large.
     let (sender, endless) = mpsc::channel(1);
     tokio::spawn({
@@ -171,12 +171,12 @@ async fn names_slots_and_sizes_are_bounded() {
         }
     });
     let refused = soon("a refusal", harness.sessions.upload_checkpoint(ReceiverStream::new(endless))).await;
-    assert_refused(refused.map(|_| 0), Code::ResourceExhausted, "max_checkpoint_bytes", &says);
+    assert_refused(refused.map(|_| 0), Code::ResourceExhausted, "max_upload_bytes", &says);
     assert!(names(&mut harness, &session).await.is_empty());
 }
 
 fn two(config: &mut ServerConfig) {
-    config.transport.max_checkpoint_files = 2;
+    config.transport.max_uploads = 2;
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -200,7 +200,7 @@ async fn a_file_that_is_not_fetched_gives_way_to_those_who_come_later() {
             Err(status) => break status,
         }
     };
-    assert_refused(Err(refused), Code::ResourceExhausted, "max_checkpoint_files", "this one gives way");
+    assert_refused(Err(refused), Code::ResourceExhausted, "max_uploads", "this one gives way");
     let mut fetched = Vec::new();
     while let Some(part) = soon("a part", second.message()).await.unwrap() {
         fetched.extend(part.data);
@@ -231,7 +231,7 @@ async fn what_is_not_whole_gives_way_to_those_who_come_later() {
     upload(&mut harness, &session, "third", &file).await.unwrap();
     let (_sender, first) = waiting.remove(0);
     let refused = soon("the refusal of the oldest", first).await.unwrap().map(|_| 0);
-    assert_refused(refused, Code::ResourceExhausted, "max_checkpoint_files", "this one gives way");
+    assert_refused(refused, Code::ResourceExhausted, "max_uploads", "this one gives way");
     // One that breaks off leaves nothing.
     let (_, second) = waiting.remove(0);
     assert_eq!(soon("the end of the other", second).await.unwrap().unwrap_err().code(), Code::InvalidArgument);

@@ -34,7 +34,7 @@ async fn messages_that_never_end_hold_up_no_call() {
 async fn large_messages_that_never_end_give_way_and_those_of_others_do_not() {
     let mut harness = Harness::with(|config| {
         config.transport.max_incoming_bytes = 64;
-        config.transport.max_uploads = 4;
+        config.transport.max_large_requests = 4;
     })
     .await;
     let address = harness.server.address();
@@ -63,7 +63,7 @@ async fn large_messages_that_never_end_give_way_and_those_of_others_do_not() {
 async fn a_large_message_that_gives_way_is_told_so() {
     let harness = Harness::with(|config| {
         config.transport.max_incoming_bytes = 64;
-        config.transport.max_uploads = 1;
+        config.transport.max_large_requests = 1;
     })
     .await;
     let (whole, mut frames) = (create(), Frames::open(harness.server.address()).await);

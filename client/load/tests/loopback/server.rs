@@ -271,6 +271,20 @@ impl SessionService for Server {
         }
     }
 
+    async fn upload_scene(
+        &self,
+        _: Request<Streaming<v1::UploadSceneRequest>>,
+    ) -> Result<Response<v1::UploadSceneResponse>, Status> {
+        Err(Status::unimplemented("not part of this stand-in"))
+    }
+
+    async fn send_scene_file(
+        &self,
+        _: Request<v1::SendSceneFileRequest>,
+    ) -> Result<Response<v1::SendSceneFileResponse>, Status> {
+        Err(Status::unimplemented("not part of this stand-in"))
+    }
+
     async fn describe_session(
         &self,
         _: Request<v1::DescribeSessionRequest>,

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from kerf.errors import InvalidArgumentError
 from kerf.model import SceneInfo, SessionState
-from kerf.rpc import Transport
+from kerf.rpc import Transport, parts_of
 from kerf.session import Session
 from kerf.v1 import session_pb2 as pb
 
@@ -85,6 +85,7 @@ class Client:
         max_error: float | None = None,
         step_rate_hz: float | None = None,
         private: bool = False,
+        progress: Callable[[int, int], object] | None = None,
     ) -> Session:
         """Builds a scene, named, in a file, or as text, and begins a session of it.
 
@@ -99,6 +100,8 @@ class Client:
             max_error: Or the cheapest measured setting that errs by at most this.
             step_rate_hz: Steps per simulated second; the scene's unless it is given.
             private: Nobody gets to know of it but clients with the same token, and operators.
+            progress: Called with the bytes of the files that were sent and those that there are, part by part, from
+                another thread.
         """
         if sum(given is not None for given in (scene_name, path, toml)) != 1:
             raise InvalidArgumentError("give one of scene_name, path and toml", field="scene", limit="one of three")
@@ -115,9 +118,13 @@ class Client:
             max_error=max_error,
             step_rate_hz=step_rate_hz,
             private=private,
-            files=[pb.SceneFile(name=name, data=data) for name, data in sent.items()],
         )
-        answer = self._transport.call("SessionService/CreateSession", request, pb.CreateSessionResponse)
+        if not sent:
+            created = self._transport.call("SessionService/CreateSession", request, pb.CreateSessionResponse)
+            return Session(self._transport, created.session, warnings=created.warnings, files=sent)
+        parts = _scene_in_parts(request, sent, progress)
+        method = "SessionService/UploadScene"
+        answer = self._transport.send(method, parts, pb.UploadSceneRequest, pb.UploadSceneResponse)
         return Session(self._transport, answer.session, warnings=answer.warnings, files=sent)
 
     def join_session(self, session_id: str) -> Session:
@@ -125,6 +132,21 @@ class Client:
         request = pb.DescribeSessionRequest(session_id=session_id)
         answer = self._transport.call("SessionService/DescribeSession", request, pb.DescribeSessionResponse)
         return Session(self._transport, answer.session, owned=False)
+
+
+def _scene_in_parts(
+    request: pb.CreateSessionRequest, files: Mapping[str, bytes], progress: Callable[[int, int], object] | None
+) -> Iterator[pb.UploadSceneRequest]:
+    """What is asked for, then each file by its name and in parts."""
+    yield pb.UploadSceneRequest(request=request)
+    sent, total = 0, sum(map(len, files.values()))
+    for name, data in files.items():
+        yield pb.UploadSceneRequest(file_name=name)
+        for part in parts_of(data):
+            yield pb.UploadSceneRequest(data=part)
+            sent += len(part)
+            if progress is not None:
+                progress(sent, total)
 
 
 def _files_of(value: Any) -> Iterator[str]:  # noqa: ANN401

@@ -22,6 +22,16 @@ PROTOCOL_VERSION = 3
 _MAX_MESSAGE_BYTES = 16 << 20
 
 
+#: Bytes of a part of a file: as the protocol advises.
+_PART_BYTES = 256 << 10
+
+
+def parts_of(data: bytes) -> Iterator[bytes]:
+    """A file as it is sent, part by part."""
+    for start in range(0, len(data), _PART_BYTES):
+        yield data[start : start + _PART_BYTES]
+
+
 class Transport:
     """A connection to a server. Calls are made by name, and errors come as `kerf.KerfError`."""
 

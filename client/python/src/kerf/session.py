@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -16,7 +16,7 @@ from kerf.errors import KerfError, NotFoundError, did_you_mean
 from kerf.model import Checkpoint, ContactFlags, SessionStatus, StepResult
 from kerf.motion import Motion, Placement, Track, poses_array, step_input
 from kerf.recording import Recorder
-from kerf.rpc import Transport
+from kerf.rpc import Transport, parts_of
 from kerf.tool_way import ToolWay
 from kerf.v1 import session_pb2 as pb
 from kerf.view import View
@@ -33,8 +33,6 @@ ToolRef = int | str
 MAX_STEPS_PER_CALL = 1000
 #: Steps of one call of a long drive: few enough that a call on a large scene is answered in time.
 _STEPS_PER_CALL = 100
-#: Bytes of a part of a checkpoint's file: far below what a server takes in a message.
-_PART_BYTES = 256 << 10
 
 
 class Session:
@@ -221,7 +219,14 @@ class Session:
         parts = self._transport.read("SessionService/DownloadCheckpoint", request, pb.DownloadCheckpointResponse)
         Path(path).write_bytes(b"".join(part.data for part in parts))
 
-    def load(self, path: str | Path, checkpoint: str = "", *, restore: bool = True) -> int:
+    def load(
+        self,
+        path: str | Path,
+        checkpoint: str = "",
+        *,
+        restore: bool = True,
+        progress: Callable[[int, int], object] | None = None,
+    ) -> int:
         """Keeps the state in a file of `save` as a checkpoint and goes to it; its step.
 
         The file is of the same scene, step rate and dial included, in this or another server of the same version.
@@ -230,11 +235,12 @@ class Session:
             path: The file.
             checkpoint: Name to keep it by; empty: the file's, without its ending.
             restore: Whether to go to it; `restore_checkpoint` does so later.
+            progress: Called with the bytes that were sent and those that there are, from another thread.
         """
         if restore:
             self._refuse_while_recorded()
         file, name = Path(path).read_bytes(), checkpoint or Path(path).stem
-        parts = _upload(self.id, name, file)
+        parts = _upload(self.id, name, file, progress)
         method = "SessionService/UploadCheckpoint"
         step = self._transport.send(method, parts, pb.UploadCheckpointRequest, pb.UploadCheckpointResponse).step
         return self.restore_checkpoint(name) if restore else step
@@ -271,10 +277,16 @@ class Session:
         self._recorder = None
 
 
-def _upload(session_id: str, name: str, file: bytes) -> Iterator[pb.UploadCheckpointRequest]:
+def _upload(
+    session_id: str, name: str, file: bytes, progress: Callable[[int, int], object] | None
+) -> Iterator[pb.UploadCheckpointRequest]:
     yield pb.UploadCheckpointRequest(session_id=session_id, name=name)
-    for start in range(0, len(file), _PART_BYTES):
-        yield pb.UploadCheckpointRequest(data=file[start : start + _PART_BYTES])
+    sent = 0
+    for part in parts_of(file):
+        yield pb.UploadCheckpointRequest(data=part)
+        sent += len(part)
+        if progress is not None:
+            progress(sent, len(file))
 
 
 def _motion(motion: Motion | ArrayLike) -> Motion:

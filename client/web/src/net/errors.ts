@@ -28,8 +28,10 @@ export function inWords(error: unknown): string {
     case Code.DeadlineExceeded:
       return "The server took too long to answer. It may be busy building a large scene; try again.";
     case Code.ResourceExhausted:
+      if (rawMessage.includes("_bytes)")) return `This is too large for the server: ${rawMessage}.`;
       return `The server is full: ${rawMessage}. End a session that nobody needs, then try again.`;
     case Code.NotFound:
+      if (rawMessage.startsWith("upload_id")) return "The server does not have the files any more. Choose them again.";
       return "This session is not there any more. The server was restarted, or somebody ended it.";
     case Code.InvalidArgument:
       return `The server cannot use this: ${rawMessage}. Change that value and try again.`;

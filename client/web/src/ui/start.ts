@@ -1,8 +1,11 @@
 // Which scene, or which session: the first thing that is asked.
 
+import { ConnectError } from "@connectrpc/connect";
 import { SessionState } from "../gen/kerf/v1/types_pb";
 import { inWords } from "../net/errors";
+import { sendFiles } from "../net/send-files";
 import { sessions } from "../net/server";
+import { ENDINGS, ownScene } from "../own-scene";
 import { openDialog } from "./dialog";
 import { element, textButton } from "./dom";
 import { say } from "./messages";
@@ -11,6 +14,8 @@ import { say } from "./messages";
 export interface StartChoice {
   scene(name: string): void;
   session(id: string): void;
+  /** A scene of one's own, whose files the server has by the name of their upload. */
+  own(sceneToml: string, uploadId: string): void;
 }
 
 const STATES: Partial<Record<SessionState, string>> = {
@@ -22,12 +27,14 @@ const STATES: Partial<Record<SessionState, string>> = {
 export async function openStart(choice: StartChoice): Promise<void> {
   const scenes = element("div", { className: "cards" });
   const running = element("div", { className: "sessions" });
-  const dialog = openDialog("Choose what to cut", running, scenes);
+  const own = element("div", { className: "row own" });
+  const dialog = openDialog("Choose what to cut", running, scenes, own);
   dialog.classList.add("start");
   const choose = (act: () => void) => () => {
     dialog.close();
     act();
   };
+  offerOwn(own, (toml, uploadId) => choose(() => choice.own(toml, uploadId))());
   try {
     await listSessions(running, choice, choose);
     const { scenes: known } = await sessions.listScenes({});
@@ -49,6 +56,41 @@ export async function openStart(choice: StartChoice): Promise<void> {
       textButton("Try again", choose(() => void openStart(choice)), "primary"),
     );
   }
+}
+
+/** A scene from files of whoever sits at the page. */
+function offerOwn(into: HTMLElement, begin: (toml: string, uploadId: string) => void): void {
+  const files = element("input", { type: "file", multiple: true, accept: ENDINGS, hidden: true, aria: { label: "Files of a scene" } });
+  const said = element("span", { aria: { live: "polite" } });
+  const bar = element("progress", { hidden: true, max: 1, aria: { label: "Files sent" } });
+  const choose = textButton("A scene of your own…", () => files.click());
+  files.addEventListener("change", () => void send([...(files.files ?? [])]));
+  const send = async (chosen: File[]) => {
+    // The same files may be chosen again.
+    files.value = "";
+    if (chosen.length === 0) return;
+    choose.disabled = true;
+    said.textContent = "";
+    try {
+      const { toml, files: named } = await ownScene(chosen, (file) => file.text());
+      bar.value = 0;
+      bar.hidden = false;
+      const uploadId = await sendFiles(named, (sentBytes, totalBytes) => {
+        bar.value = totalBytes === 0 ? 1 : sentBytes / totalBytes;
+        said.textContent = `${megabytes(sentBytes)} of ${megabytes(totalBytes)} MB sent`;
+      });
+      if (into.isConnected) begin(toml, uploadId);
+    } catch (error) {
+      said.textContent = error instanceof ConnectError ? inWords(error) : (error as Error).message;
+    }
+    bar.hidden = true;
+    choose.disabled = false;
+  };
+  into.replaceChildren(choose, files, bar, said);
+}
+
+function megabytes(bytes: number): string {
+  return (bytes / 1e6).toFixed(1);
 }
 
 async function listSessions(

@@ -3,7 +3,6 @@
 
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::time::Duration;
 
 use futures_util::StreamExt;
 use futures_util::stream::unfold;
@@ -13,9 +12,9 @@ use kerf_session::{FileError, Session, SessionError};
 use tokio::sync::{mpsc, oneshot};
 use tonic::{Status, Streaming};
 
+use super::in_parts::{InParts, next_of};
 use super::{Outgoing, in_time};
-use crate::config::TransportLimits;
-use crate::places::{Place, Places};
+use crate::places::Place;
 use crate::status::RequestError;
 
 /// Bytes of a part: well below what clients of gRPC take unasked (4 MiB), and so many that a part costs little beside its
@@ -24,23 +23,15 @@ const PART_BYTES: usize = 256 << 10;
 /// Parts that wait for the transport: one to be sent, and the next.
 const PARTS_AHEAD: usize = 2;
 
-/// The files that are on their way.
+/// Makes files and reads them.
 pub struct CheckpointFiles {
-    places: Arc<Places>,
-    max_files: usize,
-    max_bytes: usize,
+    in_parts: Arc<InParts>,
     limit_s: f64,
 }
 
 impl CheckpointFiles {
-    /// None yet.
-    pub fn new(limits: &TransportLimits) -> Self {
-        Self {
-            places: Places::new(limits.max_checkpoint_files),
-            max_files: limits.max_checkpoint_files,
-            max_bytes: limits.max_checkpoint_bytes,
-            limit_s: limits.request_timeout_s,
-        }
+    pub fn new(in_parts: Arc<InParts>, limit_s: f64) -> Self {
+        Self { in_parts, limit_s }
     }
 
     /// The file of a checkpoint, or of the state as it is where the name is empty.
@@ -50,17 +41,15 @@ impl CheckpointFiles {
         session: &Session,
         name: &str,
     ) -> Result<Outgoing<v1::DownloadCheckpointResponse>, RequestError> {
-        let place = self.take(connection)?;
+        let place = self.in_parts.take(connection)?;
         let checkpoint = match name {
             "" => in_time(self.limit_s, session.copy()).await,
             name => in_time(self.limit_s, session.checkpoint(name)).await,
         }?;
         let (file, place) = in_time(self.limit_s, aside(move || (checkpoint.save(), place))).await?;
-        if file.len() > self.max_bytes {
-            return Err(self.too_large());
-        }
+        self.in_parts.check_size(file.len())?;
         let (parts, sent) = mpsc::channel(PARTS_AHEAD);
-        tokio::spawn(send(file, place, parts, self.too_many()));
+        tokio::spawn(send(file, place, parts, self.in_parts.too_many()));
         let next = async |mut sent: mpsc::Receiver<_>| sent.recv().await.map(|part| (part, sent));
         Ok(unfold(sent, next).boxed())
     }
@@ -72,15 +61,8 @@ impl CheckpointFiles {
         parts: Streaming<v1::UploadCheckpointRequest>,
         find: impl Fn(&str) -> Result<Arc<Session>, RequestError>,
     ) -> Result<u64, RequestError> {
-        let mut place = self.take(connection)?;
         let limit_s = self.limit_s;
-        let Upload { session, name, file } = tokio::select! {
-            read = tokio::time::timeout(Duration::from_secs_f64(limit_s), self.read(parts, find)) => {
-                read.map_err(|_| RequestError::UnreadInTime { limit_s })??
-            }
-            () = place.given_up() => return Err(self.too_many()),
-        };
-        place.keep();
+        let (Upload { session, name, file }, place) = self.in_parts.receive(connection, self.read(parts, find)).await?;
         let own = in_time(limit_s, session.copy()).await?;
         let read = move || {
             // Held to the end of the work, also where the client has gone away.
@@ -99,34 +81,19 @@ impl CheckpointFiles {
         mut parts: Streaming<v1::UploadCheckpointRequest>,
         find: impl Fn(&str) -> Result<Arc<Session>, RequestError>,
     ) -> Result<Upload, RequestError> {
-        let mut next = async || parts.message().await.map_err(|status| RequestError::Transport(Box::new(status)));
-        let first = next().await?.ok_or(RequestError::Missing { field: "session_id" })?;
+        let first = next_of(&mut parts).await?.ok_or(RequestError::Missing { field: "session_id" })?;
         let session = find(&first.session_id)?;
         // What would be refused in the end is refused before it is read.
         session.check_checkpoint(&first.name).await?;
         let (mut file, mut data) = (Vec::new(), first.data);
         loop {
-            if file.len() + data.len() > self.max_bytes {
-                return Err(self.too_large());
-            }
+            self.in_parts.check_size(file.len() + data.len())?;
             file.extend_from_slice(&data);
-            match next().await? {
+            match next_of(&mut parts).await? {
                 Some(part) => data = part.data,
                 None => return Ok(Upload { session, name: first.name, file }),
             }
         }
-    }
-
-    fn take(&self, connection: Option<SocketAddr>) -> Result<Place, RequestError> {
-        self.places.take(connection).ok_or_else(|| self.too_many())
-    }
-
-    fn too_many(&self) -> RequestError {
-        RequestError::TooManyCheckpointFiles { limit: self.max_files }
-    }
-
-    fn too_large(&self) -> RequestError {
-        RequestError::CheckpointSize { limit: self.max_bytes }
     }
 }
 

@@ -13,12 +13,15 @@ use kerf_session::{Position, Registry, Seek, Session, SessionId, SessionOptions}
 use tonic::{Request, Response, Status, Streaming};
 
 use super::checkpoint_files::CheckpointFiles;
+use super::in_parts::InParts;
 use super::owned::Owned;
+use super::sent_files::SentFiles;
 use super::{Outgoing, in_time};
 use crate::config::ServerConfig;
 use crate::convert::scene::{checkpoint, dial, session_description, session_info};
 use crate::convert::stepping::{step_response, steps};
 use crate::journal::Journals;
+use crate::places::Place;
 use crate::recording::Recordings;
 use crate::scene_list::{Listed, SceneList};
 use crate::security::caller::Caller;
@@ -33,6 +36,8 @@ pub struct SessionService {
     config: Arc<ServerConfig>,
     recordings: Arc<Recordings>,
     journals: Arc<Journals>,
+    in_parts: Arc<InParts>,
+    sent_files: SentFiles,
     files: CheckpointFiles,
     guests: Arc<Guests>,
     owned: Owned,
@@ -46,9 +51,11 @@ impl SessionService {
         guests: Arc<Guests>,
     ) -> Self {
         let scenes = Arc::new(SceneList::new(config.scene_dir.clone()));
-        let files = CheckpointFiles::new(&config.transport);
+        let in_parts = Arc::new(InParts::new(&config.transport));
+        let sent_files = SentFiles::new(Arc::clone(&in_parts));
+        let files = CheckpointFiles::new(Arc::clone(&in_parts), config.transport.request_timeout_s);
         let owned = Owned::new(config.security.max_sessions_per_token);
-        Self { registry, scenes, config, recordings, journals, files, guests, owned }
+        Self { registry, scenes, config, recordings, journals, in_parts, sent_files, files, guests, owned }
     }
 
     /// The session that a request names, if its caller is to know of it.
@@ -68,6 +75,60 @@ impl SessionService {
             let error = format!("not written out within {} s (request_timeout_s)", self.limit_s());
             so_far.map(|recording| v1::Recording { error, ..recording })
         })
+    }
+
+    /// A session as a caller asks for it, and what it is warned of. The place of its files is held until they are read.
+    async fn create(
+        &self,
+        caller: &Caller,
+        request: v1::CreateSessionRequest,
+        place_of_files: Option<Place>,
+    ) -> Result<(v1::SessionDescription, Vec<String>), RequestError> {
+        let _place = self.owned.take(&self.registry, caller)?;
+        let options = SessionOptions {
+            is_recorded: self.recordings.is_on(),
+            is_journaled: self.journals.is_on(),
+            start_paused: request.start_paused,
+            dial: request.dial.map(dial).transpose()?,
+            owner: caller.owner(request.private)?,
+        };
+        let wanted = request.scene.ok_or(RequestError::Missing { field: "scene" })?;
+        if request.fit_step_rate && request.step_rate_hz.is_some() {
+            let message = "fit_step_rate: not together with step_rate_hz".into();
+            return Err(RequestError::SceneText { message });
+        }
+        let (scenes, max_bytes) = (Arc::clone(&self.scenes), self.config.transport.max_scene_bytes);
+        let read = move || {
+            let _place = place_of_files;
+            let mut scene = match wanted {
+                Wanted::SceneName(name) => by_name(&scenes, &name),
+                Wanted::SceneToml(text) => from_text(&text, request.files, max_bytes),
+            }?;
+            if let Some(step_rate_hz) = request.step_rate_hz {
+                set_step_rate(&mut scene, step_rate_hz)?;
+            }
+            if request.fit_step_rate {
+                let kept_hz = pace::kept_rate_hz(&scene);
+                set_step_rate(&mut scene, kept_hz)?;
+            }
+            Ok(scene)
+        };
+        let session = in_time(self.limit_s(), self.registry.create_from::<RequestError>(read, options)).await?;
+        // Before anything that is waited for: a client may go away at any time.
+        let claim = Claim { registry: Arc::clone(&self.registry), session: Some(Arc::clone(&session)) };
+        let mut warnings = session.warnings().to_vec();
+        let (recordings, journals) = (Arc::clone(&self.recordings), Arc::clone(&self.journals));
+        let begun = Arc::clone(&session);
+        let begin = move || {
+            recordings.begin(&begun);
+            journals.begin(&begun)
+        };
+        warnings.extend(tokio::task::spawn_blocking(begin).await.ok().flatten());
+        let refused = self.recordings.so_far(session.id()).filter(|recording| !recording.error.is_empty());
+        warnings.extend(refused.map(|recording| format!("the session is not recorded: {}", recording.error)));
+        let session = self.describe(&session).await?;
+        claim.release();
+        Ok((session, warnings))
     }
 
     async fn describe(&self, session: &Session) -> Result<v1::SessionDescription, RequestError> {
@@ -112,51 +173,34 @@ impl v1::session_service_server::SessionService for SessionService {
         request: Request<v1::CreateSessionRequest>,
     ) -> Result<Response<v1::CreateSessionResponse>, Status> {
         let caller = Caller::of(request.extensions())?;
-        let request = request.into_inner();
-        let _place = self.owned.take(&self.registry, &caller)?;
-        let options = SessionOptions {
-            is_recorded: self.recordings.is_on(),
-            is_journaled: self.journals.is_on(),
-            start_paused: request.start_paused,
-            dial: request.dial.map(dial).transpose()?,
-            owner: caller.owner(request.private)?,
-        };
-        let wanted = request.scene.ok_or(RequestError::Missing { field: "scene" })?;
-        if request.fit_step_rate && request.step_rate_hz.is_some() {
-            let message = "fit_step_rate: not together with step_rate_hz".into();
-            return Err(RequestError::SceneText { message }.into());
+        let mut request = request.into_inner();
+        let mut place = None;
+        if !request.upload_id.is_empty() {
+            let (files, of_files) = self.sent_files.take(&caller, &request.upload_id).await?;
+            request.files.extend(files);
+            place = Some(of_files);
         }
-        let (scenes, max_bytes) = (Arc::clone(&self.scenes), self.config.transport.max_scene_bytes);
-        let read = move || {
-            let mut scene = match wanted {
-                Wanted::SceneName(name) => by_name(&scenes, &name),
-                Wanted::SceneToml(text) => from_text(&text, request.files, max_bytes),
-            }?;
-            if let Some(step_rate_hz) = request.step_rate_hz {
-                set_step_rate(&mut scene, step_rate_hz)?;
-            }
-            if request.fit_step_rate {
-                let kept_hz = pace::kept_rate_hz(&scene);
-                set_step_rate(&mut scene, kept_hz)?;
-            }
-            Ok(scene)
-        };
-        let session = in_time(self.limit_s(), self.registry.create_from::<RequestError>(read, options)).await?;
-        // Before anything that is waited for: a client may go away at any time.
-        let claim = Claim { registry: Arc::clone(&self.registry), session: Some(Arc::clone(&session)) };
-        let mut warnings = session.warnings().to_vec();
-        let (recordings, journals) = (Arc::clone(&self.recordings), Arc::clone(&self.journals));
-        let begun = Arc::clone(&session);
-        let begin = move || {
-            recordings.begin(&begun);
-            journals.begin(&begun)
-        };
-        warnings.extend(tokio::task::spawn_blocking(begin).await.ok().flatten());
-        let refused = self.recordings.so_far(session.id()).filter(|recording| !recording.error.is_empty());
-        warnings.extend(refused.map(|recording| format!("the session is not recorded: {}", recording.error)));
-        let session = Some(self.describe(&session).await?);
-        claim.release();
-        Ok(Response::new(v1::CreateSessionResponse { session, warnings }))
+        let (session, warnings) = self.create(&caller, request, place).await?;
+        Ok(Response::new(v1::CreateSessionResponse { session: Some(session), warnings }))
+    }
+
+    async fn send_scene_file(
+        &self,
+        request: Request<v1::SendSceneFileRequest>,
+    ) -> Result<Response<v1::SendSceneFileResponse>, Status> {
+        let (connection, caller) = (request.remote_addr(), Caller::of(request.extensions())?);
+        Ok(Response::new(self.sent_files.push(connection, &caller, request.into_inner())?))
+    }
+
+    async fn upload_scene(
+        &self,
+        request: Request<Streaming<v1::UploadSceneRequest>>,
+    ) -> Result<Response<v1::UploadSceneResponse>, Status> {
+        let (connection, caller) = (request.remote_addr(), Caller::of(request.extensions())?);
+        let parts = self.in_parts.scene(request.into_inner());
+        let (request, place) = self.in_parts.receive(connection, parts).await?;
+        let (session, warnings) = self.create(&caller, request, Some(place)).await?;
+        Ok(Response::new(v1::UploadSceneResponse { session: Some(session), warnings }))
     }
 
     async fn describe_session(

@@ -30,139 +30,150 @@ namespace Kerf.V1 {
             "MhIua2VyZi52MS5TY2VuZUluZm8iLgoJU2NlbmVJbmZvEgwKBG5hbWUYASAB",
             "KAkSEwoLZGVzY3JpcHRpb24YAiABKAkiQwoPR2V0U2NlbmVSZXF1ZXN0EhQK",
             "CnNjZW5lX25hbWUYASABKAlIABIUCgpzZXNzaW9uX2lkGAIgASgJSABCBAoC",
-            "b2YiJgoQR2V0U2NlbmVSZXNwb25zZRISCgpzY2VuZV90b21sGAEgASgJIpsC",
+            "b2YiJgoQR2V0U2NlbmVSZXNwb25zZRISCgpzY2VuZV90b21sGAEgASgJIq4C",
             "ChRDcmVhdGVTZXNzaW9uUmVxdWVzdBIUCgpzY2VuZV9uYW1lGAEgASgJSAAS",
             "FAoKc2NlbmVfdG9tbBgCIAEoCUgAEhQKDHN0YXJ0X3BhdXNlZBgDIAEoCBIP",
             "CgVsZXZlbBgEIAEoDUgBEhMKCWJ1ZGdldF9tcxgFIAEoAUgBEhMKCW1heF9l",
             "cnJvchgGIAEoAUgBEhkKDHN0ZXBfcmF0ZV9oehgHIAEoAUgCiAEBEiEKBWZp",
             "bGVzGAggAygLMhIua2VyZi52MS5TY2VuZUZpbGUSFQoNZml0X3N0ZXBfcmF0",
-            "ZRgJIAEoCBIPCgdwcml2YXRlGAogASgIQgcKBXNjZW5lQgYKBGRpYWxCDwoN",
-            "X3N0ZXBfcmF0ZV9oeiInCglTY2VuZUZpbGUSDAoEbmFtZRgBIAEoCRIMCgRk",
-            "YXRhGAIgASgMIlcKFUNyZWF0ZVNlc3Npb25SZXNwb25zZRIsCgdzZXNzaW9u",
-            "GAEgASgLMhsua2VyZi52MS5TZXNzaW9uRGVzY3JpcHRpb24SEAoId2Fybmlu",
-            "Z3MYAiADKAkiLAoWRGVzY3JpYmVTZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9u",
-            "X2lkGAEgASgJIkcKF0Rlc2NyaWJlU2Vzc2lvblJlc3BvbnNlEiwKB3Nlc3Np",
-            "b24YASABKAsyGy5rZXJmLnYxLlNlc3Npb25EZXNjcmlwdGlvbiIVChNMaXN0",
-            "U2Vzc2lvbnNSZXF1ZXN0In4KFExpc3RTZXNzaW9uc1Jlc3BvbnNlEiYKCHNl",
-            "c3Npb25zGAEgAygLMhQua2VyZi52MS5TZXNzaW9uSW5mbxIXCg9zZXJ2ZXJf",
-            "aW5zdGFuY2UYAiABKAkSJQoGc2VydmVyGAMgASgLMhUua2VyZi52MS5TZXJ2",
-            "ZXJWaXRhbHMiVAoMU2VydmVyVml0YWxzEg8KB3ZlcnNpb24YASABKAkSHQoV",
-            "cmVzaWRlbnRfbWVtb3J5X2J5dGVzGAIgASgEEhQKDG1heF9zZXNzaW9ucxgD",
-            "IAEoDSIpChNDbG9zZVNlc3Npb25SZXF1ZXN0EhIKCnNlc3Npb25faWQYASAB",
-            "KAkiPQoUQ2xvc2VTZXNzaW9uUmVzcG9uc2USJQoJcmVjb3JkaW5nGAEgASgL",
-            "MhIua2VyZi52MS5SZWNvcmRpbmciSwoJUmVjb3JkaW5nEgwKBGZpbGUYASAB",
-            "KAkSDQoFc3RlcHMYAiABKAQSEgoKaXNfY3V0X29mZhgDIAEoCBINCgVlcnJv",
-            "chgEIAEoCSIYCgdKb3VybmFsEg0KBWVycm9yGAEgASgJIikKE1BhdXNlU2Vz",
-            "c2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSIkChRQYXVzZVNlc3Np",
-            "b25SZXNwb25zZRIMCgRzdGVwGAEgASgEIioKFFJlc3VtZVNlc3Npb25SZXF1",
-            "ZXN0EhIKCnNlc3Npb25faWQYASABKAkiJQoVUmVzdW1lU2Vzc2lvblJlc3Bv",
-            "bnNlEgwKBHN0ZXAYASABKAQiWwoSU3RlcFNlc3Npb25SZXF1ZXN0EhIKCnNl",
-            "c3Npb25faWQYASABKAkSDQoFc3RlcHMYAiABKA0SIgoGaW5wdXRzGAMgAygL",
-            "MhIua2VyZi52MS5TdGVwSW5wdXQiMQoJU3RlcElucHV0EiQKB21vdGlvbnMY",
-            "ASADKAsyEy5rZXJmLnYxLlRvb2xNb3Rpb24iXAoKVG9vbE1vdGlvbhIhCgRw",
-            "b3NlGAEgASgLMhEua2VyZi52MS5Ub29sUG9zZUgAEiEKBGxpZnQYAiABKAsy",
-            "ES5rZXJmLnYxLkxpZnRUb29sSABCCAoGbW90aW9uInkKE1N0ZXBTZXNzaW9u",
-            "UmVzcG9uc2USDAoEc3RlcBgBIAEoBBImCghvdXRjb21lcxgCIAMoCzIULmtl",
-            "cmYudjEuU3RlcE91dGNvbWUSGAoQdG9wb2xvZ3lfdmVyc2lvbhgDIAEoBBIS",
-            "CgpzdGF0ZV9oYXNoGAQgASgGIqoBCgtTdGVwT3V0Y29tZRIMCgRzdGVwGAEg",
-            "ASgEEhIKCnNpbV90aW1lX3MYAiABKAESIgoIY29udGFjdHMYAyADKAsyEC5r",
-            "ZXJmLnYxLkNvbnRhY3QSJQoGZW5lcmd5GAQgASgLMhUua2VyZi52MS5FbmVy",
-            "Z3lMZWRnZXISLgoXdHJhY2tlZF9kaXNwbGFjZW1lbnRzX20YBSADKAsyDS5r",
-            "ZXJmLnYxLlZlYzMiKQoTUmVzZXRTZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9u",
-            "X2lkGAEgASgJIj0KFFJlc2V0U2Vzc2lvblJlc3BvbnNlEiUKCXJlY29yZGlu",
-            "ZxgBIAEoCzISLmtlcmYudjEuUmVjb3JkaW5nIjkKFVNhdmVDaGVja3BvaW50",
-            "UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAkiJgoW",
-            "U2F2ZUNoZWNrcG9pbnRSZXNwb25zZRIMCgRzdGVwGAEgASgEIjwKGFJlc3Rv",
-            "cmVDaGVja3BvaW50UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5h",
-            "bWUYAiABKAkiUAoZUmVzdG9yZUNoZWNrcG9pbnRSZXNwb25zZRIMCgRzdGVw",
-            "GAEgASgEEiUKCXJlY29yZGluZxgCIAEoCzISLmtlcmYudjEuUmVjb3JkaW5n",
-            "IiwKFkxpc3RDaGVja3BvaW50c1JlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEo",
-            "CSJDChdMaXN0Q2hlY2twb2ludHNSZXNwb25zZRIoCgtjaGVja3BvaW50cxgB",
-            "IAMoCzITLmtlcmYudjEuQ2hlY2twb2ludCI8CgpDaGVja3BvaW50EgwKBG5h",
-            "bWUYASABKAkSDAoEc3RlcBgCIAEoBBISCgpzaW1fdGltZV9zGAMgASgBIjsK",
-            "F0RlbGV0ZUNoZWNrcG9pbnRSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkS",
-            "DAoEbmFtZRgCIAEoCSIaChhEZWxldGVDaGVja3BvaW50UmVzcG9uc2UiPQoZ",
-            "RG93bmxvYWRDaGVja3BvaW50UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJ",
-            "EgwKBG5hbWUYAiABKAkiKgoaRG93bmxvYWRDaGVja3BvaW50UmVzcG9uc2US",
-            "DAoEZGF0YRgBIAEoDCJJChdVcGxvYWRDaGVja3BvaW50UmVxdWVzdBISCgpz",
-            "ZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAkSDAoEZGF0YRgDIAEoDCIo",
-            "ChhVcGxvYWRDaGVja3BvaW50UmVzcG9uc2USDAoEc3RlcBgBIAEoBCIpChNJ",
-            "bnZpdGVWaWV3ZXJSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkiOQoUSW52",
-            "aXRlVmlld2VyUmVzcG9uc2USDQoFdG9rZW4YASABKAkSEgoKZ29vZF9mb3Jf",
-            "cxgCIAEoASJlChFTZWVrUmVwbGF5UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEg",
-            "ASgJEhMKBnRpbWVfcxgCIAEoAUgAiAEBEhIKBXNwZWVkGAMgASgBSAGIAQFC",
-            "CQoHX3RpbWVfc0IICgZfc3BlZWQiUwoSU2Vla1JlcGxheVJlc3BvbnNlEg4K",
-            "BnRpbWVfcxgBIAEoARIQCghsZW5ndGhfcxgCIAEoARINCgVzcGVlZBgDIAEo",
-            "ARIMCgRzdGVwGAQgASgEIrkBCgtTZXNzaW9uSW5mbxISCgpzZXNzaW9uX2lk",
-            "GAEgASgJEhIKCnNjZW5lX25hbWUYAiABKAkSJAoFc3RhdGUYAyABKA4yFS5r",
-            "ZXJmLnYxLlNlc3Npb25TdGF0ZRIRCglpc19yZXBsYXkYBCABKAgSJgoGdml0",
-            "YWxzGAUgASgLMhYua2VyZi52MS5TZXNzaW9uVml0YWxzEiEKB2pvdXJuYWwY",
-            "BiABKAsyEC5rZXJmLnYxLkpvdXJuYWwi3QEKDVNlc3Npb25WaXRhbHMSFAoM",
-            "c3RlcF9yYXRlX2h6GAEgASgBEg0KBXN0ZXBzGAIgASgEEhIKCmxhdGVfc3Rl",
-            "cHMYAyABKAQSDgoGYnVzeV9zGAQgASgBEhYKDmxvbmdlc3Rfc3RlcF9zGAUg",
-            "ASgBEg8KB3ZpZXdlcnMYBiABKA0SDwoHZHJpdmVycxgHIAEoDRIOCgZmYXVs",
-            "dHMYCCABKAQSFAoMcGFydGVkX2xpbmtzGAkgASgEEhQKDG1lbW9yeV9ieXRl",
-            "cxgKIAEoBBINCgVoYW5ncxgLIAEoCCK4BAoSU2Vzc2lvbkRlc2NyaXB0aW9u",
-            "EhIKCnNlc3Npb25faWQYASABKAkSJAoFc3RhdGUYAiABKA4yFS5rZXJmLnYx",
-            "LlNlc3Npb25TdGF0ZRIkCgVzY2VuZRgDIAEoCzIVLmtlcmYudjEuU2NlbmVT",
-            "dW1tYXJ5Eh8KBmxpbWl0cxgEIAEoCzIPLmtlcmYudjEuTGltaXRzEgwKBHN0",
-            "ZXAYBSABKAQSEgoKc2ltX3RpbWVfcxgGIAEoARIYChB0b3BvbG9neV92ZXJz",
-            "aW9uGAcgASgEEhIKCmxhdGVfc3RlcHMYCCABKAQSDwoHdmlld2VycxgJIAEo",
-            "DRIXCg9sZWFzZWRfdG9vbF9pZHMYCiADKA0SJQoGZW5lcmd5GAsgASgLMhUu",
-            "a2VyZi52MS5FbmVyZ3lMZWRnZXISLgoXdHJhY2tlZF9kaXNwbGFjZW1lbnRz",
-            "X20YDCADKAsyDS5rZXJmLnYxLlZlYzMSEgoKc3RhdGVfaGFzaBgNIAEoBhIP",
-            "CgdmYWlsdXJlGA4gASgJEiEKBGRpYWwYDyABKAsyEy5rZXJmLnYxLkRpYWxD",
-            "aG9pY2USGgoScmVsYXRpdmVfdG9sZXJhbmNlGBAgASgBEgwKBGxvYWQYESAB",
-            "KAESFAoMbWVtb3J5X2J5dGVzGBIgASgEEiUKCXJlY29yZGluZxgVIAEoCzIS",
-            "LmtlcmYudjEuUmVjb3JkaW5nEiEKB2pvdXJuYWwYFiABKAsyEC5rZXJmLnYx",
-            "LkpvdXJuYWwiXwoKRGlhbENob2ljZRIlCgdzZXR0aW5nGAEgASgLMhQua2Vy",
-            "Zi52MS5EaWFsU2V0dGluZxIqCghleHBlY3RlZBgCIAEoCzIYLmtlcmYudjEu",
-            "RGlhbEV4cGVjdGF0aW9uInkKC0RpYWxTZXR0aW5nEg0KBWxldmVsGAEgASgN",
-            "EhMKC3ZveGVsX3NjYWxlGAIgASgBEhoKEnJlbGF0aXZlX3RvbGVyYW5jZRgD",
-            "IAEoARIPCgdlbGVtZW50GAQgASgJEhkKEWhhc19maW5lcl9yZWdpb25zGAUg",
-            "ASgIIncKD0RpYWxFeHBlY3RhdGlvbhIRCgltZWRpYW5fbXMYASABKAESDgoG",
-            "cDk5X21zGAIgASgBEhoKEmRpc3BsYWNlbWVudF9lcnJvchgDIAEoARITCgtm",
-            "b3JjZV9lcnJvchgEIAEoARIQCghoYXJkd2FyZRgFIAEoCSKsAgoMRW5lcmd5",
-            "TGVkZ2VyEhMKC3Rvb2xfd29ya19qGAEgASgBEhMKC2xvYWRfd29ya19qGAIg",
-            "ASgBEhEKCWVsYXN0aWNfahgDIAEoARIRCgljb250YWN0X2oYBCABKAESEQoJ",
-            "a2luZXRpY19qGAUgASgBEhIKCmZyYWN0dXJlX2oYBiABKAESFAoMZnJvbnRf",
-            "c2xpcF9qGAcgASgBEhQKDGluaXRpYXRpb25fahgIIAEoARIRCglwYXJ0aW5n",
-            "X2oYCSABKAESEQoJZGFtcGluZ19qGAogASgBEhMKC251bWVyaWNhbF9qGAsg",
-            "ASgBEhIKCnJlc2lkdWFsX2oYDCABKAESEgoKZnJpY3Rpb25fahgNIAEoARIW",
-            "Cg5jb250YWN0X2xvc3NfahgOIAEoATK6CwoOU2Vzc2lvblNlcnZpY2USRQoK",
-            "TGlzdFNjZW5lcxIaLmtlcmYudjEuTGlzdFNjZW5lc1JlcXVlc3QaGy5rZXJm",
-            "LnYxLkxpc3RTY2VuZXNSZXNwb25zZRI/CghHZXRTY2VuZRIYLmtlcmYudjEu",
-            "R2V0U2NlbmVSZXF1ZXN0Ghkua2VyZi52MS5HZXRTY2VuZVJlc3BvbnNlEk4K",
-            "DUNyZWF0ZVNlc3Npb24SHS5rZXJmLnYxLkNyZWF0ZVNlc3Npb25SZXF1ZXN0",
-            "Gh4ua2VyZi52MS5DcmVhdGVTZXNzaW9uUmVzcG9uc2USVAoPRGVzY3JpYmVT",
-            "ZXNzaW9uEh8ua2VyZi52MS5EZXNjcmliZVNlc3Npb25SZXF1ZXN0GiAua2Vy",
-            "Zi52MS5EZXNjcmliZVNlc3Npb25SZXNwb25zZRJLCgxMaXN0U2Vzc2lvbnMS",
-            "HC5rZXJmLnYxLkxpc3RTZXNzaW9uc1JlcXVlc3QaHS5rZXJmLnYxLkxpc3RT",
-            "ZXNzaW9uc1Jlc3BvbnNlEksKDENsb3NlU2Vzc2lvbhIcLmtlcmYudjEuQ2xv",
-            "c2VTZXNzaW9uUmVxdWVzdBodLmtlcmYudjEuQ2xvc2VTZXNzaW9uUmVzcG9u",
-            "c2USSwoMUGF1c2VTZXNzaW9uEhwua2VyZi52MS5QYXVzZVNlc3Npb25SZXF1",
-            "ZXN0Gh0ua2VyZi52MS5QYXVzZVNlc3Npb25SZXNwb25zZRJOCg1SZXN1bWVT",
-            "ZXNzaW9uEh0ua2VyZi52MS5SZXN1bWVTZXNzaW9uUmVxdWVzdBoeLmtlcmYu",
-            "djEuUmVzdW1lU2Vzc2lvblJlc3BvbnNlEkgKC1N0ZXBTZXNzaW9uEhsua2Vy",
-            "Zi52MS5TdGVwU2Vzc2lvblJlcXVlc3QaHC5rZXJmLnYxLlN0ZXBTZXNzaW9u",
-            "UmVzcG9uc2USSwoMUmVzZXRTZXNzaW9uEhwua2VyZi52MS5SZXNldFNlc3Np",
-            "b25SZXF1ZXN0Gh0ua2VyZi52MS5SZXNldFNlc3Npb25SZXNwb25zZRJRCg5T",
-            "YXZlQ2hlY2twb2ludBIeLmtlcmYudjEuU2F2ZUNoZWNrcG9pbnRSZXF1ZXN0",
-            "Gh8ua2VyZi52MS5TYXZlQ2hlY2twb2ludFJlc3BvbnNlEloKEVJlc3RvcmVD",
-            "aGVja3BvaW50EiEua2VyZi52MS5SZXN0b3JlQ2hlY2twb2ludFJlcXVlc3Qa",
-            "Ii5rZXJmLnYxLlJlc3RvcmVDaGVja3BvaW50UmVzcG9uc2USVAoPTGlzdENo",
-            "ZWNrcG9pbnRzEh8ua2VyZi52MS5MaXN0Q2hlY2twb2ludHNSZXF1ZXN0GiAu",
-            "a2VyZi52MS5MaXN0Q2hlY2twb2ludHNSZXNwb25zZRJXChBEZWxldGVDaGVj",
-            "a3BvaW50EiAua2VyZi52MS5EZWxldGVDaGVja3BvaW50UmVxdWVzdBohLmtl",
-            "cmYudjEuRGVsZXRlQ2hlY2twb2ludFJlc3BvbnNlEl8KEkRvd25sb2FkQ2hl",
-            "Y2twb2ludBIiLmtlcmYudjEuRG93bmxvYWRDaGVja3BvaW50UmVxdWVzdBoj",
-            "LmtlcmYudjEuRG93bmxvYWRDaGVja3BvaW50UmVzcG9uc2UwARJZChBVcGxv",
-            "YWRDaGVja3BvaW50EiAua2VyZi52MS5VcGxvYWRDaGVja3BvaW50UmVxdWVz",
-            "dBohLmtlcmYudjEuVXBsb2FkQ2hlY2twb2ludFJlc3BvbnNlKAESSwoMSW52",
-            "aXRlVmlld2VyEhwua2VyZi52MS5JbnZpdGVWaWV3ZXJSZXF1ZXN0Gh0ua2Vy",
-            "Zi52MS5JbnZpdGVWaWV3ZXJSZXNwb25zZRJFCgpTZWVrUmVwbGF5Ehoua2Vy",
-            "Zi52MS5TZWVrUmVwbGF5UmVxdWVzdBobLmtlcmYudjEuU2Vla1JlcGxheVJl",
-            "c3BvbnNlYgZwcm90bzM="));
+            "ZRgJIAEoCBIPCgdwcml2YXRlGAogASgIEhEKCXVwbG9hZF9pZBgLIAEoCUIH",
+            "CgVzY2VuZUIGCgRkaWFsQg8KDV9zdGVwX3JhdGVfaHoiJwoJU2NlbmVGaWxl",
+            "EgwKBG5hbWUYASABKAkSDAoEZGF0YRgCIAEoDCJXChVDcmVhdGVTZXNzaW9u",
+            "UmVzcG9uc2USLAoHc2Vzc2lvbhgBIAEoCzIbLmtlcmYudjEuU2Vzc2lvbkRl",
+            "c2NyaXB0aW9uEhAKCHdhcm5pbmdzGAIgAygJImUKElVwbG9hZFNjZW5lUmVx",
+            "dWVzdBIuCgdyZXF1ZXN0GAEgASgLMh0ua2VyZi52MS5DcmVhdGVTZXNzaW9u",
+            "UmVxdWVzdBIRCglmaWxlX25hbWUYAiABKAkSDAoEZGF0YRgDIAEoDCJVChNV",
+            "cGxvYWRTY2VuZVJlc3BvbnNlEiwKB3Nlc3Npb24YASABKAsyGy5rZXJmLnYx",
+            "LlNlc3Npb25EZXNjcmlwdGlvbhIQCgh3YXJuaW5ncxgCIAMoCSJKChRTZW5k",
+            "U2NlbmVGaWxlUmVxdWVzdBIRCgl1cGxvYWRfaWQYASABKAkSEQoJZmlsZV9u",
+            "YW1lGAIgASgJEgwKBGRhdGEYAyABKAwiQgoVU2VuZFNjZW5lRmlsZVJlc3Bv",
+            "bnNlEhEKCXVwbG9hZF9pZBgBIAEoCRIWCg5yZWNlaXZlZF9ieXRlcxgCIAEo",
+            "BCIsChZEZXNjcmliZVNlc3Npb25SZXF1ZXN0EhIKCnNlc3Npb25faWQYASAB",
+            "KAkiRwoXRGVzY3JpYmVTZXNzaW9uUmVzcG9uc2USLAoHc2Vzc2lvbhgBIAEo",
+            "CzIbLmtlcmYudjEuU2Vzc2lvbkRlc2NyaXB0aW9uIhUKE0xpc3RTZXNzaW9u",
+            "c1JlcXVlc3QifgoUTGlzdFNlc3Npb25zUmVzcG9uc2USJgoIc2Vzc2lvbnMY",
+            "ASADKAsyFC5rZXJmLnYxLlNlc3Npb25JbmZvEhcKD3NlcnZlcl9pbnN0YW5j",
+            "ZRgCIAEoCRIlCgZzZXJ2ZXIYAyABKAsyFS5rZXJmLnYxLlNlcnZlclZpdGFs",
+            "cyJUCgxTZXJ2ZXJWaXRhbHMSDwoHdmVyc2lvbhgBIAEoCRIdChVyZXNpZGVu",
+            "dF9tZW1vcnlfYnl0ZXMYAiABKAQSFAoMbWF4X3Nlc3Npb25zGAMgASgNIikK",
+            "E0Nsb3NlU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSI9ChRD",
+            "bG9zZVNlc3Npb25SZXNwb25zZRIlCglyZWNvcmRpbmcYASABKAsyEi5rZXJm",
+            "LnYxLlJlY29yZGluZyJLCglSZWNvcmRpbmcSDAoEZmlsZRgBIAEoCRINCgVz",
+            "dGVwcxgCIAEoBBISCgppc19jdXRfb2ZmGAMgASgIEg0KBWVycm9yGAQgASgJ",
+            "IhgKB0pvdXJuYWwSDQoFZXJyb3IYASABKAkiKQoTUGF1c2VTZXNzaW9uUmVx",
+            "dWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIiQKFFBhdXNlU2Vzc2lvblJlc3Bv",
+            "bnNlEgwKBHN0ZXAYASABKAQiKgoUUmVzdW1lU2Vzc2lvblJlcXVlc3QSEgoK",
+            "c2Vzc2lvbl9pZBgBIAEoCSIlChVSZXN1bWVTZXNzaW9uUmVzcG9uc2USDAoE",
+            "c3RlcBgBIAEoBCJbChJTdGVwU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9p",
+            "ZBgBIAEoCRINCgVzdGVwcxgCIAEoDRIiCgZpbnB1dHMYAyADKAsyEi5rZXJm",
+            "LnYxLlN0ZXBJbnB1dCIxCglTdGVwSW5wdXQSJAoHbW90aW9ucxgBIAMoCzIT",
+            "LmtlcmYudjEuVG9vbE1vdGlvbiJcCgpUb29sTW90aW9uEiEKBHBvc2UYASAB",
+            "KAsyES5rZXJmLnYxLlRvb2xQb3NlSAASIQoEbGlmdBgCIAEoCzIRLmtlcmYu",
+            "djEuTGlmdFRvb2xIAEIICgZtb3Rpb24ieQoTU3RlcFNlc3Npb25SZXNwb25z",
+            "ZRIMCgRzdGVwGAEgASgEEiYKCG91dGNvbWVzGAIgAygLMhQua2VyZi52MS5T",
+            "dGVwT3V0Y29tZRIYChB0b3BvbG9neV92ZXJzaW9uGAMgASgEEhIKCnN0YXRl",
+            "X2hhc2gYBCABKAYiqgEKC1N0ZXBPdXRjb21lEgwKBHN0ZXAYASABKAQSEgoK",
+            "c2ltX3RpbWVfcxgCIAEoARIiCghjb250YWN0cxgDIAMoCzIQLmtlcmYudjEu",
+            "Q29udGFjdBIlCgZlbmVyZ3kYBCABKAsyFS5rZXJmLnYxLkVuZXJneUxlZGdl",
+            "chIuChd0cmFja2VkX2Rpc3BsYWNlbWVudHNfbRgFIAMoCzINLmtlcmYudjEu",
+            "VmVjMyIpChNSZXNldFNlc3Npb25SZXF1ZXN0EhIKCnNlc3Npb25faWQYASAB",
+            "KAkiPQoUUmVzZXRTZXNzaW9uUmVzcG9uc2USJQoJcmVjb3JkaW5nGAEgASgL",
+            "MhIua2VyZi52MS5SZWNvcmRpbmciOQoVU2F2ZUNoZWNrcG9pbnRSZXF1ZXN0",
+            "EhIKCnNlc3Npb25faWQYASABKAkSDAoEbmFtZRgCIAEoCSImChZTYXZlQ2hl",
+            "Y2twb2ludFJlc3BvbnNlEgwKBHN0ZXAYASABKAQiPAoYUmVzdG9yZUNoZWNr",
+            "cG9pbnRSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDAoEbmFtZRgCIAEo",
+            "CSJQChlSZXN0b3JlQ2hlY2twb2ludFJlc3BvbnNlEgwKBHN0ZXAYASABKAQS",
+            "JQoJcmVjb3JkaW5nGAIgASgLMhIua2VyZi52MS5SZWNvcmRpbmciLAoWTGlz",
+            "dENoZWNrcG9pbnRzUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIkMKF0xp",
+            "c3RDaGVja3BvaW50c1Jlc3BvbnNlEigKC2NoZWNrcG9pbnRzGAEgAygLMhMu",
+            "a2VyZi52MS5DaGVja3BvaW50IjwKCkNoZWNrcG9pbnQSDAoEbmFtZRgBIAEo",
+            "CRIMCgRzdGVwGAIgASgEEhIKCnNpbV90aW1lX3MYAyABKAEiOwoXRGVsZXRl",
+            "Q2hlY2twb2ludFJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRIMCgRuYW1l",
+            "GAIgASgJIhoKGERlbGV0ZUNoZWNrcG9pbnRSZXNwb25zZSI9ChlEb3dubG9h",
+            "ZENoZWNrcG9pbnRSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDAoEbmFt",
+            "ZRgCIAEoCSIqChpEb3dubG9hZENoZWNrcG9pbnRSZXNwb25zZRIMCgRkYXRh",
+            "GAEgASgMIkkKF1VwbG9hZENoZWNrcG9pbnRSZXF1ZXN0EhIKCnNlc3Npb25f",
+            "aWQYASABKAkSDAoEbmFtZRgCIAEoCRIMCgRkYXRhGAMgASgMIigKGFVwbG9h",
+            "ZENoZWNrcG9pbnRSZXNwb25zZRIMCgRzdGVwGAEgASgEIikKE0ludml0ZVZp",
+            "ZXdlclJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSI5ChRJbnZpdGVWaWV3",
+            "ZXJSZXNwb25zZRINCgV0b2tlbhgBIAEoCRISCgpnb29kX2Zvcl9zGAIgASgB",
+            "ImUKEVNlZWtSZXBsYXlSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSEwoG",
+            "dGltZV9zGAIgASgBSACIAQESEgoFc3BlZWQYAyABKAFIAYgBAUIJCgdfdGlt",
+            "ZV9zQggKBl9zcGVlZCJTChJTZWVrUmVwbGF5UmVzcG9uc2USDgoGdGltZV9z",
+            "GAEgASgBEhAKCGxlbmd0aF9zGAIgASgBEg0KBXNwZWVkGAMgASgBEgwKBHN0",
+            "ZXAYBCABKAQiuQEKC1Nlc3Npb25JbmZvEhIKCnNlc3Npb25faWQYASABKAkS",
+            "EgoKc2NlbmVfbmFtZRgCIAEoCRIkCgVzdGF0ZRgDIAEoDjIVLmtlcmYudjEu",
+            "U2Vzc2lvblN0YXRlEhEKCWlzX3JlcGxheRgEIAEoCBImCgZ2aXRhbHMYBSAB",
+            "KAsyFi5rZXJmLnYxLlNlc3Npb25WaXRhbHMSIQoHam91cm5hbBgGIAEoCzIQ",
+            "LmtlcmYudjEuSm91cm5hbCLdAQoNU2Vzc2lvblZpdGFscxIUCgxzdGVwX3Jh",
+            "dGVfaHoYASABKAESDQoFc3RlcHMYAiABKAQSEgoKbGF0ZV9zdGVwcxgDIAEo",
+            "BBIOCgZidXN5X3MYBCABKAESFgoObG9uZ2VzdF9zdGVwX3MYBSABKAESDwoH",
+            "dmlld2VycxgGIAEoDRIPCgdkcml2ZXJzGAcgASgNEg4KBmZhdWx0cxgIIAEo",
+            "BBIUCgxwYXJ0ZWRfbGlua3MYCSABKAQSFAoMbWVtb3J5X2J5dGVzGAogASgE",
+            "Eg0KBWhhbmdzGAsgASgIIrgEChJTZXNzaW9uRGVzY3JpcHRpb24SEgoKc2Vz",
+            "c2lvbl9pZBgBIAEoCRIkCgVzdGF0ZRgCIAEoDjIVLmtlcmYudjEuU2Vzc2lv",
+            "blN0YXRlEiQKBXNjZW5lGAMgASgLMhUua2VyZi52MS5TY2VuZVN1bW1hcnkS",
+            "HwoGbGltaXRzGAQgASgLMg8ua2VyZi52MS5MaW1pdHMSDAoEc3RlcBgFIAEo",
+            "BBISCgpzaW1fdGltZV9zGAYgASgBEhgKEHRvcG9sb2d5X3ZlcnNpb24YByAB",
+            "KAQSEgoKbGF0ZV9zdGVwcxgIIAEoBBIPCgd2aWV3ZXJzGAkgASgNEhcKD2xl",
+            "YXNlZF90b29sX2lkcxgKIAMoDRIlCgZlbmVyZ3kYCyABKAsyFS5rZXJmLnYx",
+            "LkVuZXJneUxlZGdlchIuChd0cmFja2VkX2Rpc3BsYWNlbWVudHNfbRgMIAMo",
+            "CzINLmtlcmYudjEuVmVjMxISCgpzdGF0ZV9oYXNoGA0gASgGEg8KB2ZhaWx1",
+            "cmUYDiABKAkSIQoEZGlhbBgPIAEoCzITLmtlcmYudjEuRGlhbENob2ljZRIa",
+            "ChJyZWxhdGl2ZV90b2xlcmFuY2UYECABKAESDAoEbG9hZBgRIAEoARIUCgxt",
+            "ZW1vcnlfYnl0ZXMYEiABKAQSJQoJcmVjb3JkaW5nGBUgASgLMhIua2VyZi52",
+            "MS5SZWNvcmRpbmcSIQoHam91cm5hbBgWIAEoCzIQLmtlcmYudjEuSm91cm5h",
+            "bCJfCgpEaWFsQ2hvaWNlEiUKB3NldHRpbmcYASABKAsyFC5rZXJmLnYxLkRp",
+            "YWxTZXR0aW5nEioKCGV4cGVjdGVkGAIgASgLMhgua2VyZi52MS5EaWFsRXhw",
+            "ZWN0YXRpb24ieQoLRGlhbFNldHRpbmcSDQoFbGV2ZWwYASABKA0SEwoLdm94",
+            "ZWxfc2NhbGUYAiABKAESGgoScmVsYXRpdmVfdG9sZXJhbmNlGAMgASgBEg8K",
+            "B2VsZW1lbnQYBCABKAkSGQoRaGFzX2ZpbmVyX3JlZ2lvbnMYBSABKAgidwoP",
+            "RGlhbEV4cGVjdGF0aW9uEhEKCW1lZGlhbl9tcxgBIAEoARIOCgZwOTlfbXMY",
+            "AiABKAESGgoSZGlzcGxhY2VtZW50X2Vycm9yGAMgASgBEhMKC2ZvcmNlX2Vy",
+            "cm9yGAQgASgBEhAKCGhhcmR3YXJlGAUgASgJIqwCCgxFbmVyZ3lMZWRnZXIS",
+            "EwoLdG9vbF93b3JrX2oYASABKAESEwoLbG9hZF93b3JrX2oYAiABKAESEQoJ",
+            "ZWxhc3RpY19qGAMgASgBEhEKCWNvbnRhY3RfahgEIAEoARIRCglraW5ldGlj",
+            "X2oYBSABKAESEgoKZnJhY3R1cmVfahgGIAEoARIUCgxmcm9udF9zbGlwX2oY",
+            "ByABKAESFAoMaW5pdGlhdGlvbl9qGAggASgBEhEKCXBhcnRpbmdfahgJIAEo",
+            "ARIRCglkYW1waW5nX2oYCiABKAESEwoLbnVtZXJpY2FsX2oYCyABKAESEgoK",
+            "cmVzaWR1YWxfahgMIAEoARISCgpmcmljdGlvbl9qGA0gASgBEhYKDmNvbnRh",
+            "Y3RfbG9zc19qGA4gASgBMtYMCg5TZXNzaW9uU2VydmljZRJFCgpMaXN0U2Nl",
+            "bmVzEhoua2VyZi52MS5MaXN0U2NlbmVzUmVxdWVzdBobLmtlcmYudjEuTGlz",
+            "dFNjZW5lc1Jlc3BvbnNlEj8KCEdldFNjZW5lEhgua2VyZi52MS5HZXRTY2Vu",
+            "ZVJlcXVlc3QaGS5rZXJmLnYxLkdldFNjZW5lUmVzcG9uc2USTgoNQ3JlYXRl",
+            "U2Vzc2lvbhIdLmtlcmYudjEuQ3JlYXRlU2Vzc2lvblJlcXVlc3QaHi5rZXJm",
+            "LnYxLkNyZWF0ZVNlc3Npb25SZXNwb25zZRJKCgtVcGxvYWRTY2VuZRIbLmtl",
+            "cmYudjEuVXBsb2FkU2NlbmVSZXF1ZXN0Ghwua2VyZi52MS5VcGxvYWRTY2Vu",
+            "ZVJlc3BvbnNlKAESTgoNU2VuZFNjZW5lRmlsZRIdLmtlcmYudjEuU2VuZFNj",
+            "ZW5lRmlsZVJlcXVlc3QaHi5rZXJmLnYxLlNlbmRTY2VuZUZpbGVSZXNwb25z",
+            "ZRJUCg9EZXNjcmliZVNlc3Npb24SHy5rZXJmLnYxLkRlc2NyaWJlU2Vzc2lv",
+            "blJlcXVlc3QaIC5rZXJmLnYxLkRlc2NyaWJlU2Vzc2lvblJlc3BvbnNlEksK",
+            "DExpc3RTZXNzaW9ucxIcLmtlcmYudjEuTGlzdFNlc3Npb25zUmVxdWVzdBod",
+            "LmtlcmYudjEuTGlzdFNlc3Npb25zUmVzcG9uc2USSwoMQ2xvc2VTZXNzaW9u",
+            "Ehwua2VyZi52MS5DbG9zZVNlc3Npb25SZXF1ZXN0Gh0ua2VyZi52MS5DbG9z",
+            "ZVNlc3Npb25SZXNwb25zZRJLCgxQYXVzZVNlc3Npb24SHC5rZXJmLnYxLlBh",
+            "dXNlU2Vzc2lvblJlcXVlc3QaHS5rZXJmLnYxLlBhdXNlU2Vzc2lvblJlc3Bv",
+            "bnNlEk4KDVJlc3VtZVNlc3Npb24SHS5rZXJmLnYxLlJlc3VtZVNlc3Npb25S",
+            "ZXF1ZXN0Gh4ua2VyZi52MS5SZXN1bWVTZXNzaW9uUmVzcG9uc2USSAoLU3Rl",
+            "cFNlc3Npb24SGy5rZXJmLnYxLlN0ZXBTZXNzaW9uUmVxdWVzdBocLmtlcmYu",
+            "djEuU3RlcFNlc3Npb25SZXNwb25zZRJLCgxSZXNldFNlc3Npb24SHC5rZXJm",
+            "LnYxLlJlc2V0U2Vzc2lvblJlcXVlc3QaHS5rZXJmLnYxLlJlc2V0U2Vzc2lv",
+            "blJlc3BvbnNlElEKDlNhdmVDaGVja3BvaW50Eh4ua2VyZi52MS5TYXZlQ2hl",
+            "Y2twb2ludFJlcXVlc3QaHy5rZXJmLnYxLlNhdmVDaGVja3BvaW50UmVzcG9u",
+            "c2USWgoRUmVzdG9yZUNoZWNrcG9pbnQSIS5rZXJmLnYxLlJlc3RvcmVDaGVj",
+            "a3BvaW50UmVxdWVzdBoiLmtlcmYudjEuUmVzdG9yZUNoZWNrcG9pbnRSZXNw",
+            "b25zZRJUCg9MaXN0Q2hlY2twb2ludHMSHy5rZXJmLnYxLkxpc3RDaGVja3Bv",
+            "aW50c1JlcXVlc3QaIC5rZXJmLnYxLkxpc3RDaGVja3BvaW50c1Jlc3BvbnNl",
+            "ElcKEERlbGV0ZUNoZWNrcG9pbnQSIC5rZXJmLnYxLkRlbGV0ZUNoZWNrcG9p",
+            "bnRSZXF1ZXN0GiEua2VyZi52MS5EZWxldGVDaGVja3BvaW50UmVzcG9uc2US",
+            "XwoSRG93bmxvYWRDaGVja3BvaW50EiIua2VyZi52MS5Eb3dubG9hZENoZWNr",
+            "cG9pbnRSZXF1ZXN0GiMua2VyZi52MS5Eb3dubG9hZENoZWNrcG9pbnRSZXNw",
+            "b25zZTABElkKEFVwbG9hZENoZWNrcG9pbnQSIC5rZXJmLnYxLlVwbG9hZENo",
+            "ZWNrcG9pbnRSZXF1ZXN0GiEua2VyZi52MS5VcGxvYWRDaGVja3BvaW50UmVz",
+            "cG9uc2UoARJLCgxJbnZpdGVWaWV3ZXISHC5rZXJmLnYxLkludml0ZVZpZXdl",
+            "clJlcXVlc3QaHS5rZXJmLnYxLkludml0ZVZpZXdlclJlc3BvbnNlEkUKClNl",
+            "ZWtSZXBsYXkSGi5rZXJmLnYxLlNlZWtSZXBsYXlSZXF1ZXN0Ghsua2VyZi52",
+            "MS5TZWVrUmVwbGF5UmVzcG9uc2ViBnByb3RvMw=="));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { global::Kerf.V1.ControlReflection.Descriptor, global::Kerf.V1.TypesReflection.Descriptor, },
           new pbr::GeneratedClrTypeInfo(null, null, new pbr::GeneratedClrTypeInfo[] {
@@ -171,9 +182,13 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SceneInfo), global::Kerf.V1.SceneInfo.Parser, new[]{ "Name", "Description" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.GetSceneRequest), global::Kerf.V1.GetSceneRequest.Parser, new[]{ "SceneName", "SessionId" }, new[]{ "Of" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.GetSceneResponse), global::Kerf.V1.GetSceneResponse.Parser, new[]{ "SceneToml" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CreateSessionRequest), global::Kerf.V1.CreateSessionRequest.Parser, new[]{ "SceneName", "SceneToml", "StartPaused", "Level", "BudgetMs", "MaxError", "StepRateHz", "Files", "FitStepRate", "Private" }, new[]{ "Scene", "Dial", "StepRateHz" }, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CreateSessionRequest), global::Kerf.V1.CreateSessionRequest.Parser, new[]{ "SceneName", "SceneToml", "StartPaused", "Level", "BudgetMs", "MaxError", "StepRateHz", "Files", "FitStepRate", "Private", "UploadId" }, new[]{ "Scene", "Dial", "StepRateHz" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SceneFile), global::Kerf.V1.SceneFile.Parser, new[]{ "Name", "Data" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CreateSessionResponse), global::Kerf.V1.CreateSessionResponse.Parser, new[]{ "Session", "Warnings" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.UploadSceneRequest), global::Kerf.V1.UploadSceneRequest.Parser, new[]{ "Request", "FileName", "Data" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.UploadSceneResponse), global::Kerf.V1.UploadSceneResponse.Parser, new[]{ "Session", "Warnings" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SendSceneFileRequest), global::Kerf.V1.SendSceneFileRequest.Parser, new[]{ "UploadId", "FileName", "Data" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SendSceneFileResponse), global::Kerf.V1.SendSceneFileResponse.Parser, new[]{ "UploadId", "ReceivedBytes" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DescribeSessionRequest), global::Kerf.V1.DescribeSessionRequest.Parser, new[]{ "SessionId" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DescribeSessionResponse), global::Kerf.V1.DescribeSessionResponse.Parser, new[]{ "Session" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ListSessionsRequest), global::Kerf.V1.ListSessionsRequest.Parser, null, null, null, null, null),
@@ -1305,6 +1320,7 @@ namespace Kerf.V1 {
       files_ = other.files_.Clone();
       fitStepRate_ = other.fitStepRate_;
       private_ = other.private_;
+      uploadId_ = other.uploadId_;
       switch (other.SceneCase) {
         case SceneOneofCase.SceneName:
           SceneName = other.SceneName;
@@ -1459,7 +1475,8 @@ namespace Kerf.V1 {
         = pb::FieldCodec.ForMessage(66, global::Kerf.V1.SceneFile.Parser);
     private readonly pbc::RepeatedField<global::Kerf.V1.SceneFile> files_ = new pbc::RepeatedField<global::Kerf.V1.SceneFile>();
     /// <summary>
-    /// The meshes, label maps and edges that scene_toml refers to; at most 8 MiB together, with the text.
+    /// The meshes, label maps and edges that scene_toml refers to; at most 8 MiB together, with the text. Larger ones, of
+    /// 128 MiB together where the server says no other, are sent by UploadScene.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -1496,6 +1513,21 @@ namespace Kerf.V1 {
       get { return private_; }
       set {
         private_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "upload_id" field.</summary>
+    public const int UploadIdFieldNumber = 11;
+    private string uploadId_ = "";
+    /// <summary>
+    /// Files that SendSceneFile brought; they are forgotten with this call. Not in UploadScene. Empty: none.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public string UploadId {
+      get { return uploadId_; }
+      set {
+        uploadId_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
       }
     }
 
@@ -1567,6 +1599,7 @@ namespace Kerf.V1 {
       if(!files_.Equals(other.files_)) return false;
       if (FitStepRate != other.FitStepRate) return false;
       if (Private != other.Private) return false;
+      if (UploadId != other.UploadId) return false;
       if (SceneCase != other.SceneCase) return false;
       if (DialCase != other.DialCase) return false;
       return Equals(_unknownFields, other._unknownFields);
@@ -1586,6 +1619,7 @@ namespace Kerf.V1 {
       hash ^= files_.GetHashCode();
       if (FitStepRate != false) hash ^= FitStepRate.GetHashCode();
       if (Private != false) hash ^= Private.GetHashCode();
+      if (UploadId.Length != 0) hash ^= UploadId.GetHashCode();
       hash ^= (int) sceneCase_;
       hash ^= (int) dialCase_;
       if (_unknownFields != null) {
@@ -1643,6 +1677,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(80);
         output.WriteBool(Private);
       }
+      if (UploadId.Length != 0) {
+        output.WriteRawTag(90);
+        output.WriteString(UploadId);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -1690,6 +1728,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(80);
         output.WriteBool(Private);
       }
+      if (UploadId.Length != 0) {
+        output.WriteRawTag(90);
+        output.WriteString(UploadId);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -1728,6 +1770,9 @@ namespace Kerf.V1 {
       if (Private != false) {
         size += 1 + 1;
       }
+      if (UploadId.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeStringSize(UploadId);
+      }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
       }
@@ -1752,6 +1797,9 @@ namespace Kerf.V1 {
       }
       if (other.Private != false) {
         Private = other.Private;
+      }
+      if (other.UploadId.Length != 0) {
+        UploadId = other.UploadId;
       }
       switch (other.SceneCase) {
         case SceneOneofCase.SceneName:
@@ -1829,6 +1877,10 @@ namespace Kerf.V1 {
             Private = input.ReadBool();
             break;
           }
+          case 90: {
+            UploadId = input.ReadString();
+            break;
+          }
         }
       }
     #endif
@@ -1882,6 +1934,10 @@ namespace Kerf.V1 {
           }
           case 80: {
             Private = input.ReadBool();
+            break;
+          }
+          case 90: {
+            UploadId = input.ReadString();
             break;
           }
         }
@@ -1943,7 +1999,8 @@ namespace Kerf.V1 {
     public const int NameFieldNumber = 1;
     private string name_ = "";
     /// <summary>
-    /// As the scene's text names it; the ending says what it is: .obj, .stl, .ply, .nii, .nii.gz, .nrrd, .seg.nrrd, .csv.
+    /// As the scene's text names it; the ending says what it is: .obj, .stl, .ply, .vtu, .vtp, .msh, .nii, .nii.gz, .nrrd,
+    /// .seg.nrrd, .csv.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
@@ -2360,6 +2417,1034 @@ namespace Kerf.V1 {
   }
 
   /// <summary>
+  /// A part of what a session is to be created of.
+  /// </summary>
+  public sealed partial class UploadSceneRequest : pb::IMessage<UploadSceneRequest>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<UploadSceneRequest> _parser = new pb::MessageParser<UploadSceneRequest>(() => new UploadSceneRequest());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<UploadSceneRequest> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[8]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public UploadSceneRequest() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public UploadSceneRequest(UploadSceneRequest other) : this() {
+      request_ = other.request_ != null ? other.request_.Clone() : null;
+      fileName_ = other.fileName_;
+      data_ = other.data_;
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public UploadSceneRequest Clone() {
+      return new UploadSceneRequest(this);
+    }
+
+    /// <summary>Field number for the "request" field.</summary>
+    public const int RequestFieldNumber = 1;
+    private global::Kerf.V1.CreateSessionRequest request_;
+    /// <summary>
+    /// What is asked for. In the first message; not looked at in others. Its files may be sent with it, or in the parts.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.CreateSessionRequest Request {
+      get { return request_; }
+      set {
+        request_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "file_name" field.</summary>
+    public const int FileNameFieldNumber = 2;
+    private string fileName_ = "";
+    /// <summary>
+    /// Name of the file that begins with this part, as SceneFile.name; empty where the file before goes on. A file that is
+    /// there comes whole before the next.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public string FileName {
+      get { return fileName_; }
+      set {
+        fileName_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    /// <summary>Field number for the "data" field.</summary>
+    public const int DataFieldNumber = 3;
+    private pb::ByteString data_ = pb::ByteString.Empty;
+    /// <summary>
+    /// The bytes of the file that follow those before. 256 KiB is a good size: a message of more than 8 MiB is refused.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public pb::ByteString Data {
+      get { return data_; }
+      set {
+        data_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as UploadSceneRequest);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(UploadSceneRequest other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (!object.Equals(Request, other.Request)) return false;
+      if (FileName != other.FileName) return false;
+      if (Data != other.Data) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (request_ != null) hash ^= Request.GetHashCode();
+      if (FileName.Length != 0) hash ^= FileName.GetHashCode();
+      if (Data.Length != 0) hash ^= Data.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (request_ != null) {
+        output.WriteRawTag(10);
+        output.WriteMessage(Request);
+      }
+      if (FileName.Length != 0) {
+        output.WriteRawTag(18);
+        output.WriteString(FileName);
+      }
+      if (Data.Length != 0) {
+        output.WriteRawTag(26);
+        output.WriteBytes(Data);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (request_ != null) {
+        output.WriteRawTag(10);
+        output.WriteMessage(Request);
+      }
+      if (FileName.Length != 0) {
+        output.WriteRawTag(18);
+        output.WriteString(FileName);
+      }
+      if (Data.Length != 0) {
+        output.WriteRawTag(26);
+        output.WriteBytes(Data);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (request_ != null) {
+        size += 1 + pb::CodedOutputStream.ComputeMessageSize(Request);
+      }
+      if (FileName.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeStringSize(FileName);
+      }
+      if (Data.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeBytesSize(Data);
+      }
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(UploadSceneRequest other) {
+      if (other == null) {
+        return;
+      }
+      if (other.request_ != null) {
+        if (request_ == null) {
+          Request = new global::Kerf.V1.CreateSessionRequest();
+        }
+        Request.MergeFrom(other.Request);
+      }
+      if (other.FileName.Length != 0) {
+        FileName = other.FileName;
+      }
+      if (other.Data.Length != 0) {
+        Data = other.Data;
+      }
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 10: {
+            if (request_ == null) {
+              Request = new global::Kerf.V1.CreateSessionRequest();
+            }
+            input.ReadMessage(Request);
+            break;
+          }
+          case 18: {
+            FileName = input.ReadString();
+            break;
+          }
+          case 26: {
+            Data = input.ReadBytes();
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 10: {
+            if (request_ == null) {
+              Request = new global::Kerf.V1.CreateSessionRequest();
+            }
+            input.ReadMessage(Request);
+            break;
+          }
+          case 18: {
+            FileName = input.ReadString();
+            break;
+          }
+          case 26: {
+            Data = input.ReadBytes();
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
+  /// The session that was created.
+  /// </summary>
+  public sealed partial class UploadSceneResponse : pb::IMessage<UploadSceneResponse>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<UploadSceneResponse> _parser = new pb::MessageParser<UploadSceneResponse>(() => new UploadSceneResponse());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<UploadSceneResponse> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[9]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public UploadSceneResponse() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public UploadSceneResponse(UploadSceneResponse other) : this() {
+      session_ = other.session_ != null ? other.session_.Clone() : null;
+      warnings_ = other.warnings_.Clone();
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public UploadSceneResponse Clone() {
+      return new UploadSceneResponse(this);
+    }
+
+    /// <summary>Field number for the "session" field.</summary>
+    public const int SessionFieldNumber = 1;
+    private global::Kerf.V1.SessionDescription session_;
+    /// <summary>
+    /// The new session.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.SessionDescription Session {
+      get { return session_; }
+      set {
+        session_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "warnings" field.</summary>
+    public const int WarningsFieldNumber = 2;
+    private static readonly pb::FieldCodec<string> _repeated_warnings_codec
+        = pb::FieldCodec.ForString(18);
+    private readonly pbc::RepeatedField<string> warnings_ = new pbc::RepeatedField<string>();
+    /// <summary>
+    /// As CreateSessionResponse.warnings.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public pbc::RepeatedField<string> Warnings {
+      get { return warnings_; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as UploadSceneResponse);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(UploadSceneResponse other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (!object.Equals(Session, other.Session)) return false;
+      if(!warnings_.Equals(other.warnings_)) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (session_ != null) hash ^= Session.GetHashCode();
+      hash ^= warnings_.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (session_ != null) {
+        output.WriteRawTag(10);
+        output.WriteMessage(Session);
+      }
+      warnings_.WriteTo(output, _repeated_warnings_codec);
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (session_ != null) {
+        output.WriteRawTag(10);
+        output.WriteMessage(Session);
+      }
+      warnings_.WriteTo(ref output, _repeated_warnings_codec);
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (session_ != null) {
+        size += 1 + pb::CodedOutputStream.ComputeMessageSize(Session);
+      }
+      size += warnings_.CalculateSize(_repeated_warnings_codec);
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(UploadSceneResponse other) {
+      if (other == null) {
+        return;
+      }
+      if (other.session_ != null) {
+        if (session_ == null) {
+          Session = new global::Kerf.V1.SessionDescription();
+        }
+        Session.MergeFrom(other.Session);
+      }
+      warnings_.Add(other.warnings_);
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 10: {
+            if (session_ == null) {
+              Session = new global::Kerf.V1.SessionDescription();
+            }
+            input.ReadMessage(Session);
+            break;
+          }
+          case 18: {
+            warnings_.AddEntriesFrom(input, _repeated_warnings_codec);
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 10: {
+            if (session_ == null) {
+              Session = new global::Kerf.V1.SessionDescription();
+            }
+            input.ReadMessage(Session);
+            break;
+          }
+          case 18: {
+            warnings_.AddEntriesFrom(ref input, _repeated_warnings_codec);
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
+  /// A part of a file that a scene refers to.
+  /// </summary>
+  public sealed partial class SendSceneFileRequest : pb::IMessage<SendSceneFileRequest>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<SendSceneFileRequest> _parser = new pb::MessageParser<SendSceneFileRequest>(() => new SendSceneFileRequest());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<SendSceneFileRequest> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[10]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public SendSceneFileRequest() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public SendSceneFileRequest(SendSceneFileRequest other) : this() {
+      uploadId_ = other.uploadId_;
+      fileName_ = other.fileName_;
+      data_ = other.data_;
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public SendSceneFileRequest Clone() {
+      return new SendSceneFileRequest(this);
+    }
+
+    /// <summary>Field number for the "upload_id" field.</summary>
+    public const int UploadIdFieldNumber = 1;
+    private string uploadId_ = "";
+    /// <summary>
+    /// The upload, as the answer to its first part names it; empty in the first.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public string UploadId {
+      get { return uploadId_; }
+      set {
+        uploadId_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    /// <summary>Field number for the "file_name" field.</summary>
+    public const int FileNameFieldNumber = 2;
+    private string fileName_ = "";
+    /// <summary>
+    /// Name of the file that begins with this part, as SceneFile.name; empty where the file before goes on.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public string FileName {
+      get { return fileName_; }
+      set {
+        fileName_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    /// <summary>Field number for the "data" field.</summary>
+    public const int DataFieldNumber = 3;
+    private pb::ByteString data_ = pb::ByteString.Empty;
+    /// <summary>
+    /// The bytes of the file that follow those before. 256 KiB is a good size: a message of more than 8 MiB is refused.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public pb::ByteString Data {
+      get { return data_; }
+      set {
+        data_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as SendSceneFileRequest);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(SendSceneFileRequest other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (UploadId != other.UploadId) return false;
+      if (FileName != other.FileName) return false;
+      if (Data != other.Data) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (UploadId.Length != 0) hash ^= UploadId.GetHashCode();
+      if (FileName.Length != 0) hash ^= FileName.GetHashCode();
+      if (Data.Length != 0) hash ^= Data.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (UploadId.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteString(UploadId);
+      }
+      if (FileName.Length != 0) {
+        output.WriteRawTag(18);
+        output.WriteString(FileName);
+      }
+      if (Data.Length != 0) {
+        output.WriteRawTag(26);
+        output.WriteBytes(Data);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (UploadId.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteString(UploadId);
+      }
+      if (FileName.Length != 0) {
+        output.WriteRawTag(18);
+        output.WriteString(FileName);
+      }
+      if (Data.Length != 0) {
+        output.WriteRawTag(26);
+        output.WriteBytes(Data);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (UploadId.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeStringSize(UploadId);
+      }
+      if (FileName.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeStringSize(FileName);
+      }
+      if (Data.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeBytesSize(Data);
+      }
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(SendSceneFileRequest other) {
+      if (other == null) {
+        return;
+      }
+      if (other.UploadId.Length != 0) {
+        UploadId = other.UploadId;
+      }
+      if (other.FileName.Length != 0) {
+        FileName = other.FileName;
+      }
+      if (other.Data.Length != 0) {
+        Data = other.Data;
+      }
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 10: {
+            UploadId = input.ReadString();
+            break;
+          }
+          case 18: {
+            FileName = input.ReadString();
+            break;
+          }
+          case 26: {
+            Data = input.ReadBytes();
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 10: {
+            UploadId = input.ReadString();
+            break;
+          }
+          case 18: {
+            FileName = input.ReadString();
+            break;
+          }
+          case 26: {
+            Data = input.ReadBytes();
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
+  /// The part has come.
+  /// </summary>
+  public sealed partial class SendSceneFileResponse : pb::IMessage<SendSceneFileResponse>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<SendSceneFileResponse> _parser = new pb::MessageParser<SendSceneFileResponse>(() => new SendSceneFileResponse());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<SendSceneFileResponse> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[11]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public SendSceneFileResponse() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public SendSceneFileResponse(SendSceneFileResponse other) : this() {
+      uploadId_ = other.uploadId_;
+      receivedBytes_ = other.receivedBytes_;
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public SendSceneFileResponse Clone() {
+      return new SendSceneFileResponse(this);
+    }
+
+    /// <summary>Field number for the "upload_id" field.</summary>
+    public const int UploadIdFieldNumber = 1;
+    private string uploadId_ = "";
+    /// <summary>
+    /// The upload: to be named in the parts that follow, and in CreateSessionRequest.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public string UploadId {
+      get { return uploadId_; }
+      set {
+        uploadId_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    /// <summary>Field number for the "received_bytes" field.</summary>
+    public const int ReceivedBytesFieldNumber = 2;
+    private ulong receivedBytes_;
+    /// <summary>
+    /// Bytes of all its files so far.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ulong ReceivedBytes {
+      get { return receivedBytes_; }
+      set {
+        receivedBytes_ = value;
+      }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as SendSceneFileResponse);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(SendSceneFileResponse other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (UploadId != other.UploadId) return false;
+      if (ReceivedBytes != other.ReceivedBytes) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (UploadId.Length != 0) hash ^= UploadId.GetHashCode();
+      if (ReceivedBytes != 0UL) hash ^= ReceivedBytes.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (UploadId.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteString(UploadId);
+      }
+      if (ReceivedBytes != 0UL) {
+        output.WriteRawTag(16);
+        output.WriteUInt64(ReceivedBytes);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (UploadId.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteString(UploadId);
+      }
+      if (ReceivedBytes != 0UL) {
+        output.WriteRawTag(16);
+        output.WriteUInt64(ReceivedBytes);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (UploadId.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeStringSize(UploadId);
+      }
+      if (ReceivedBytes != 0UL) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt64Size(ReceivedBytes);
+      }
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(SendSceneFileResponse other) {
+      if (other == null) {
+        return;
+      }
+      if (other.UploadId.Length != 0) {
+        UploadId = other.UploadId;
+      }
+      if (other.ReceivedBytes != 0UL) {
+        ReceivedBytes = other.ReceivedBytes;
+      }
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 10: {
+            UploadId = input.ReadString();
+            break;
+          }
+          case 16: {
+            ReceivedBytes = input.ReadUInt64();
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 10: {
+            UploadId = input.ReadString();
+            break;
+          }
+          case 16: {
+            ReceivedBytes = input.ReadUInt64();
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
   /// Asks for a description.
   /// </summary>
   public sealed partial class DescribeSessionRequest : pb::IMessage<DescribeSessionRequest>
@@ -2376,7 +3461,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[8]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[12]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -2571,7 +3656,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[9]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[13]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -2775,7 +3860,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[10]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[14]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -2930,7 +4015,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[11]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[15]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -3203,7 +4288,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[12]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[16]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -3478,7 +4563,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[13]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[17]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -3673,7 +4758,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[14]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[18]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -3877,7 +4962,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[15]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[19]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4192,7 +5277,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[16]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[20]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4388,7 +5473,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[17]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[21]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4583,7 +5668,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[18]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[22]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4778,7 +5863,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[19]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[23]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4973,7 +6058,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[20]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[24]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5168,7 +6253,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[21]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[25]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5432,7 +6517,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[22]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[26]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5617,7 +6702,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[23]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[27]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5913,7 +6998,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[24]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[28]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6217,7 +7302,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[25]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[29]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6560,7 +7645,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[26]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[30]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6755,7 +7840,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[27]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[31]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6959,7 +8044,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[28]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[32]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7194,7 +8279,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[29]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[33]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7389,7 +8474,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[30]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[34]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7624,7 +8709,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[31]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[35]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7868,7 +8953,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[32]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[36]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8063,7 +9148,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[33]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[37]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8247,7 +9332,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[34]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[38]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8522,7 +9607,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[35]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[39]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8757,7 +9842,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[36]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[40]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8912,7 +9997,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[37]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[41]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9147,7 +10232,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[38]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[42]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9342,7 +10427,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[39]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[43]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9617,7 +10702,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[40]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[44]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9812,7 +10897,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[41]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[45]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10007,7 +11092,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[42]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[46]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10243,7 +11328,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[43]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[47]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10545,7 +11630,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[44]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[48]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10860,7 +11945,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[45]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[49]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11273,7 +12358,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[46]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[50]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11868,7 +12953,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[47]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[51]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -12858,7 +13943,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[48]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[52]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -13111,7 +14196,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[49]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[53]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -13466,7 +14551,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[50]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[54]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -13823,7 +14908,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[51]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[55]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]

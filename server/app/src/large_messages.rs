@@ -23,25 +23,25 @@ use crate::status::{RequestError, refusal};
 /// What encloses a message on its way, bytes: gRPC's prefix, and the trailers of gRPC-Web.
 const FRAMING_BYTES: usize = 1024;
 
-/// The one call about sessions that is read part by part: its service has places of its own for what it reads.
-const IN_PARTS: &str = "/UploadCheckpoint";
+/// The calls about sessions that are read part by part: their service has places of its own for what it reads.
+const IN_PARTS: [&str; 2] = ["/UploadCheckpoint", "/UploadScene"];
 
 /// The large messages that are read or answered. A place is kept once its message is whole.
-pub struct Uploads {
+pub struct LargeMessages {
     limits: TransportLimits,
     places: Arc<Places>,
 }
 
 /// Reads the message of a call about sessions and hands it on.
-pub async fn read_whole(State(uploads): State<Arc<Uploads>>, request: Request, next: Next) -> Response {
+pub async fn read_whole(State(large): State<Arc<LargeMessages>>, request: Request, next: Next) -> Response {
     let path = request.uri().path();
     let method = path.strip_prefix('/').and_then(|path| path.strip_prefix(SESSION_SERVICE));
-    if !method.is_some_and(|method| method.starts_with('/') && method != IN_PARTS) {
+    if !method.is_some_and(|method| method.starts_with('/') && !IN_PARTS.contains(&method)) {
         return next.run(request).await;
     }
     let (parts, body) = request.into_parts();
     let connection = parts.extensions.get::<TcpConnectInfo>().and_then(TcpConnectInfo::remote_addr);
-    match uploads.read(connection, max_bytes(&uploads.limits, &parts.headers), body).await {
+    match large.read(connection, max_bytes(&large.limits, &parts.headers), body).await {
         Ok((message, _place)) => next.run(Request::from_parts(parts, message.into())).await,
         Err(error) => refusal(&parts.headers, error),
     }
@@ -51,13 +51,13 @@ pub async fn read_whole(State(uploads): State<Arc<Uploads>>, request: Request, n
 fn max_bytes(limits: &TransportLimits, headers: &HeaderMap) -> usize {
     let is_text =
         headers.get(CONTENT_TYPE).is_some_and(|kind| kind.as_bytes().starts_with(b"application/grpc-web-text"));
-    limits.max_upload_bytes + FRAMING_BYTES + if is_text { limits.max_upload_bytes / 3 } else { 0 }
+    limits.max_request_bytes + FRAMING_BYTES + if is_text { limits.max_request_bytes / 3 } else { 0 }
 }
 
-impl Uploads {
+impl LargeMessages {
     /// None yet.
     pub fn new(limits: TransportLimits) -> Arc<Self> {
-        let places = Places::new(limits.max_uploads);
+        let places = Places::new(limits.max_large_requests);
         Arc::new(Self { limits, places })
     }
 
@@ -93,7 +93,7 @@ impl Uploads {
             let Some(bytes) = next else { break };
             message.extend_from_slice(&bytes.map_err(|error| RequestError::Unread { message: error.to_string() })?);
             if message.len() > max_bytes {
-                return Err(RequestError::LargeMessage { limit: self.limits.max_upload_bytes });
+                return Err(RequestError::LargeMessage { limit: self.limits.max_request_bytes });
             }
             if place.is_none() && message.len() > self.limits.max_incoming_bytes {
                 place = Some(self.take(connection)?);
@@ -108,6 +108,6 @@ impl Uploads {
     }
 
     fn too_many(&self) -> RequestError {
-        RequestError::TooManyUploads { limit: self.limits.max_uploads }
+        RequestError::TooManyLargeMessages { limit: self.limits.max_large_requests }
     }
 }
