@@ -142,6 +142,10 @@ pub struct SecurityConfig {
     pub certificate_file: Option<PathBuf>,
     /// Key of the certificate (PEM). Given together with it.
     pub key_file: Option<PathBuf>,
+    /// Origins whose pages may call the server besides its own, such as `["https://lab.example:8443"]`: each exactly as
+    /// browsers send it, `scheme://host` or `scheme://host:port`, http or https. A page still needs a token where one is
+    /// asked for. Default none.
+    pub allowed_origins: Vec<String>,
     /// A server that others can reach starts without TLS and tokens. Default false. The log says so at each start.
     pub insecure: bool,
     /// Sessions that one token has at a time. Default 4: half of all, so that nobody takes the whole machine unasked.
@@ -162,6 +166,7 @@ impl Default for SecurityConfig {
             token_file: None,
             certificate_file: None,
             key_file: None,
+            allowed_origins: Vec::new(),
             insecure: false,
             max_sessions_per_token: 4,
             max_wrong_tokens_per_minute: 30,

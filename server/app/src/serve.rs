@@ -34,7 +34,6 @@ use crate::metrics::{Metrics, Sources};
 use crate::recording::Recordings;
 use crate::security::Security;
 use crate::security::door::{self, Door};
-use crate::security::guests::Guests;
 use crate::traffic::Traffic;
 use crate::watchdog::{self, SESSIONS};
 use crate::{incoming, large_messages, machine, print_config, security, shutdown, telemetry, viewer};
@@ -149,8 +148,8 @@ impl Server {
             security: Arc::clone(&security),
         };
         let metrics = metrics(&config, watched).await?;
-        let guests = (security.door(address), Arc::clone(&security.guests), refusals);
-        let (health, routes) = routes(&registry, &config, (&recordings, &journals), guests).await?;
+        let doors = (Arc::clone(&security), security.door(address), refusals);
+        let (health, routes) = routes(&registry, &config, (&recordings, &journals), doors).await?;
         let (stop, stopped) = oneshot::channel::<()>();
         let (connections, cut) = incoming::connections(listener, &config.transport, security.tls(), traffic);
         let serving = builder(&config.transport)
@@ -270,14 +269,14 @@ async fn routes(
     registry: &Arc<Registry>,
     config: &Arc<ServerConfig>,
     (recordings, journals): (&Arc<Recordings>, &Arc<Journals>),
-    (door, guests, refusals): (Arc<Door>, Arc<Guests>, Arc<Refusals>),
+    (security, door, refusals): (Arc<Security>, Arc<Door>, Arc<Refusals>),
 ) -> Result<(HealthReporter, Routes)> {
     let limits = &config.transport;
     let session = SessionServiceServer::new(SessionService::new(
         Arc::clone(registry),
         Arc::clone(config),
         (Arc::clone(recordings), Arc::clone(journals)),
-        guests,
+        Arc::clone(&security.guests),
     ))
     .max_decoding_message_size(limits.max_request_bytes)
     .max_encoding_message_size(limits.max_outgoing_bytes);
@@ -308,7 +307,13 @@ async fn routes(
         .add_service(reflection().build_v1alpha()?);
     let routes = viewer::routes(routes.into_axum_router())
         .layer(from_fn_with_state(LargeMessages::new(limits.clone()), large_messages::read_whole))
-        .layer(from_fn_with_state(door, door::judge))
-        .layer(from_fn_with_state(refusals, refusals::count));
+        .layer(from_fn_with_state(door, door::judge));
+    // Before the door, for two reasons: a preflight comes without the token that the call will have, and a page may read
+    // why it was refused.
+    let routes = match security.cors() {
+        Some(cors) => routes.layer(cors),
+        None => routes,
+    };
+    let routes = routes.layer(from_fn_with_state(refusals, refusals::count));
     Ok((health, routes.into()))
 }

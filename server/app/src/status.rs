@@ -141,7 +141,7 @@ pub enum RequestError {
         host: String,
     },
     /// A request of another server's page.
-    #[error("origin {origin:?}: pages of {host:?} alone may call this server")]
+    #[error("origin {origin:?}: pages of {host:?} and of security.allowed_origins alone may call this server")]
     ForeignOrigin {
         /// Where the page came from.
         origin: String,

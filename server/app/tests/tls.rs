@@ -76,6 +76,21 @@ async fn grpc_comes_over_http_2_and_a_browsers_over_http_1_1() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_page_of_an_allowed_origin_needs_a_token_and_may_read_why() {
+    let page = "https://lab.example";
+    let secured = Secured::start(|config| config.security.allowed_origins = vec![page.into()]).await;
+    let certificate = secured.folder.path().join("certificate.pem");
+    let dial = async || dial(secured.server.address(), &[&certificate], "http/1.1").await.unwrap();
+    let heads = format!("origin: {page}\r\n");
+    let refused = call(dial().await, "/kerf.v1.SessionService/ListScenes", &heads).await;
+    assert!(refused.contains("grpc-status: 16") && !refused.contains("gummy-bear"), "{refused}");
+    assert!(refused.contains(&format!("access-control-allow-origin: {page}")), "{refused}");
+    let token = std::fs::read_to_string(secured.folder.path().join("viewer")).unwrap();
+    let heads = format!("{heads}authorization: Bearer {}\r\n", token.trim());
+    assert!(call(dial().await, "/kerf.v1.SessionService/ListScenes", &heads).await.contains("gummy-bear"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn who_does_not_speak_tls_gets_nothing() {
     let secured = Secured::start(|_| ()).await;
     let plain = Endpoint::from_shared(format!("http://{}", secured.server.address())).unwrap().connect_lazy();

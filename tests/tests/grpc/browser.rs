@@ -2,6 +2,8 @@
 
 use kerf_proto::v1::session_service_client::SessionServiceClient;
 use kerf_proto::v1::{self, get_scene_request};
+use kerf_server::config::ServerConfig;
+use kerf_server::serve::Server;
 use prost::Message;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
@@ -104,6 +106,73 @@ async fn a_page_whose_name_was_made_to_mean_this_machine_gets_nothing() {
     let refused = harness.sessions.list_sessions(v1::ListSessionsRequest {}).await.unwrap_err();
     assert_eq!(refused.code(), Code::PermissionDenied);
     assert!(refused.message().starts_with("host \"rebound.example\": "), "{refused}");
+}
+
+/// What a browser asks before a page of another origin may call.
+fn preflight(origin: &str) -> String {
+    format!(
+        "OPTIONS /kerf.v1.SessionService/CreateSession HTTP/1.1\r\norigin: {origin}\r\n\
+         access-control-request-method: POST\r\naccess-control-request-headers: authorization,content-type,x-grpc-web"
+    )
+}
+
+#[tokio::test]
+async fn a_page_of_an_allowed_origin_is_given_leave_and_calls() {
+    let allowed = "https://lab.example:8443";
+    let harness = Harness::with(|config| config.security.allowed_origins = vec![allowed.into()]).await;
+    let leave = format!("access-control-allow-origin: {allowed}");
+    let (head, _) = ask(&harness, &preflight(allowed), &[]).await;
+    assert!(head.starts_with("http/1.1 200") && head.contains(&leave), "{head}");
+    let given = |name: &str| {
+        let line = head.lines().find(|line| line.starts_with(name));
+        line.unwrap_or_else(|| panic!("{name}: {head}")).to_owned()
+    };
+    assert!(given("access-control-allow-methods").contains("post"), "{head}");
+    for name in ["authorization", "content-type", "x-grpc-web"] {
+        assert!(given("access-control-allow-headers").contains(name), "{name}: {head}");
+    }
+    let call = format!(
+        "POST /kerf.v1.SessionService/ListScenes HTTP/1.1\r\ncontent-type: application/grpc-web+proto\r\norigin: {allowed}"
+    );
+    let (head, body) = ask(&harness, &call, &[0; 5]).await;
+    assert!(head.starts_with("http/1.1 200") && head.contains(&leave), "{head}");
+    assert!(head.contains("access-control-expose-headers: grpc-status"), "{head}");
+    assert!(String::from_utf8_lossy(&body).contains("grpc-status:0"), "{head}");
+}
+
+#[tokio::test]
+async fn a_page_of_an_origin_that_resembles_an_allowed_one_drives_nothing() {
+    let allowed = "https://lab.example:8443";
+    let harness = Harness::with(|config| config.security.allowed_origins = vec![allowed.into()]).await;
+    let create = "POST /kerf.v1.SessionService/CreateSession HTTP/1.1\r\ncontent-type: application/grpc-web+proto";
+    let scene = Some(v1::create_session_request::Scene::SceneName("jelly".into()));
+    let message = v1::CreateSessionRequest { scene, ..Default::default() }.encode_to_vec();
+    let message = [&[0], &(message.len() as u32).to_be_bytes()[..], &message].concat();
+    for (host, origin) in [
+        ("localhost", "https://lab.example"),
+        ("localhost", "http://lab.example:8443"),
+        ("localhost", "https://lab.example:8443.elsewhere.example"),
+        ("localhost", "https://a.lab.example:8443"),
+        ("localhost", "null"),
+        // The page is one of ours, and the name of the server was made to mean this machine.
+        ("rebound.example", allowed),
+    ] {
+        let (head, _) = ask_by(&harness, host, &preflight(origin), &[]).await;
+        assert_eq!(head.contains("access-control-allow-origin"), origin == allowed, "{host} {origin}: {head}");
+        let (called, _) = ask_by(&harness, host, &format!("{create}\r\norigin: {origin}"), &message).await;
+        assert!(called.contains("grpc-status: 7") && called.contains("this%20server"), "{host} {origin}: {called}");
+        assert!(harness.server.registry().list().is_empty(), "{host} {origin}");
+    }
+    let (_, _) = ask(&harness, &format!("{create}\r\norigin: {allowed}"), &message).await;
+    assert_eq!(harness.server.registry().list().len(), 1);
+}
+
+#[tokio::test]
+async fn a_server_with_a_bad_origin_does_not_start() {
+    let mut config = ServerConfig { listen: ([127, 0, 0, 1], 0).into(), ..ServerConfig::default() };
+    config.security.allowed_origins = vec!["https://lab.example".into(), "https://*.lab.example/".into()];
+    let error = format!("{:#}", Server::start(config).await.err().expect("a refusal"));
+    assert!(error.starts_with("security.allowed_origins: \"https://*.lab.example/\""), "{error}");
 }
 
 #[tokio::test]

@@ -6,6 +6,7 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 use axum::http::header::{HOST, ORIGIN};
 use axum::http::{HeaderMap, HeaderValue, Uri};
 
+use super::origins::Origins;
 use crate::status::RequestError;
 
 /// The names that a server answers to.
@@ -14,15 +15,19 @@ pub struct Hosts {
     is_loopback: bool,
     /// Others that it answers to then.
     names: Vec<String>,
+    /// Whose pages may call it besides its own.
+    origins: Origins,
 }
 
 impl Hosts {
     /// Of a server that listens there.
-    pub fn new(listens: IpAddr, names: &[String]) -> Self {
-        Self { is_loopback: listens.to_canonical().is_loopback(), names: names.to_vec() }
+    pub fn new(listens: IpAddr, names: &[String], origins: &Origins) -> Self {
+        let is_loopback = listens.to_canonical().is_loopback();
+        Self { is_loopback, names: names.to_vec(), origins: origins.clone() }
     }
 
-    /// Ends in an error unless a request names this server, and comes from no page or from one of its own.
+    /// Ends in an error unless a request names this server, and comes from no page, from one of its own, or from one of an
+    /// allowed origin.
     pub fn judge(&self, uri: &Uri, headers: &HeaderMap) -> Result<(), RequestError> {
         // HTTP/2 has it in the address, HTTP/1.1 in a header.
         let authority = uri.authority().map_or_else(|| text(headers.get(HOST)), |authority| authority.as_str());
@@ -34,6 +39,9 @@ impl Hosts {
             return Err(RequestError::ForeignHost { host: host.into() });
         }
         let Some(origin) = headers.get(ORIGIN) else { return Ok(()) };
+        if self.origins.has(origin) {
+            return Ok(());
+        }
         let origin = text(Some(origin));
         match origin.split_once("://").is_some_and(|(_, site)| site.eq_ignore_ascii_case(authority)) {
             true => Ok(()),
@@ -76,7 +84,7 @@ mod tests {
     fn is_answered_by(names: &[String], listens: [u8; 4], host: &str, origin: Option<&str>) -> bool {
         let headers = [(HOST, host)].into_iter().chain(origin.map(|origin| (ORIGIN, origin)));
         let headers = headers.map(|(name, value)| (name, HeaderValue::from_str(value).unwrap())).collect();
-        let hosts = Hosts::new(listens.into(), names);
+        let hosts = Hosts::new(listens.into(), names, &Origins::default());
         hosts.judge(&Uri::from_static("/"), &headers).is_ok()
     }
 

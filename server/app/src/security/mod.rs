@@ -10,6 +10,7 @@ mod failures;
 mod first_start;
 pub mod guests;
 mod hosts;
+mod origins;
 mod reloaded;
 pub mod roles;
 mod tls;
@@ -25,11 +26,13 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail};
 use tokio_rustls::TlsAcceptor;
 use tokio_rustls::rustls::sign::CertifiedKey;
+use tower_http::cors::CorsLayer;
 
 use crate::config::{SecurityConfig, ServerConfig};
 use door::Door;
 use guests::Guests;
 use hosts::Hosts;
+use origins::Origins;
 use reloaded::Reloaded;
 use tls::Files;
 use tokens::Tokens;
@@ -43,6 +46,7 @@ pub struct Security {
     /// Whom links are handed to.
     pub guests: Arc<Guests>,
     names: Vec<String>,
+    origins: Origins,
     max_wrong_tokens_per_minute: u32,
 }
 
@@ -85,6 +89,7 @@ impl Security {
     /// What cannot be read or made.
     pub fn begin(config: &ServerConfig, listens: SocketAddr) -> Result<Self> {
         let ServerConfig { names, security, .. } = config;
+        let origins = Origins::read(&security.allowed_origins)?;
         if let Some(folder) = &security.dir {
             let made = std::fs::DirBuilder::new().recursive(true).mode(0o700).create(folder);
             made.with_context(|| format!("security.dir = {}", folder.display()))?;
@@ -111,14 +116,20 @@ impl Security {
             tokens: tokens.transpose()?,
             guests: Arc::new(Guests::new(security)),
             names: names.clone(),
+            origins,
             max_wrong_tokens_per_minute: security.max_wrong_tokens_per_minute,
         })
     }
 
     /// What judges requests to this address.
     pub fn door(&self, listens: SocketAddr) -> Arc<Door> {
-        let hosts = Hosts::new(listens.ip(), &self.names);
+        let hosts = Hosts::new(listens.ip(), &self.names, &self.origins);
         Door::new(hosts, self.tokens.clone(), Arc::clone(&self.guests), self.max_wrong_tokens_per_minute)
+    }
+
+    /// What tells browsers which pages may call; `None`: those of this server alone.
+    pub fn cors(&self) -> Option<CorsLayer> {
+        self.origins.cors()
     }
 
     /// What begins TLS on connections; `None`: they have none.
