@@ -7,10 +7,10 @@ server=target/debug/kerf-server
 build=target/unity
 
 if ! command -v mcs >/dev/null && command -v apt-get >/dev/null && [ "$(id -u)" = 0 ]; then
-    apt-get update -qq && apt-get install -qqy --no-install-recommends mono-mcs mono-runtime protobuf-compiler >/dev/null 2>&1 || true
+    apt-get update -qq && apt-get install -qqy --no-install-recommends mono-mcs mono-runtime openssl protobuf-compiler >/dev/null 2>&1 || true
 fi
-for tool in mcs mono protoc python3; do
-    command -v $tool >/dev/null || { echo "unity: skipped, there is no $tool here (Debian: mono-mcs mono-runtime protobuf-compiler)"; exit 0; }
+for tool in mcs mono openssl protoc python3; do
+    command -v $tool >/dev/null || { echo "unity: skipped, there is no $tool here (Debian: mono-mcs mono-runtime openssl protobuf-compiler)"; exit 0; }
 done
 mkdir -p $build
 if [ ! -e $build/Google.Protobuf.dll ]; then
@@ -63,6 +63,29 @@ rm -rf $build/security && mkdir -p $build/security
 $server token new --name unity --role driver --file $build/security/tokens.toml --out $build/token
 $server serve --listen 127.0.0.1:$port --log-filter error & started=$!
 $server serve --listen 127.0.0.1:$secured --security-dir $build/security --log-filter error & started="$started $!"
+authority=$build/authority
+client/unity/Tests~/authority.sh $authority
+signed=50073
+$server serve --listen 127.0.0.1:$signed --security-dir $build/security --log-filter error \
+    --set security.certificate_file=$authority/server-chain.pem --set security.key_file=$authority/server.key & started="$started $!"
+# Where the certificate is refused nothing is asked: a server that speaks TLS alone is enough.
+port_of_shown=$signed
+printf '%s\n' "$authority/ca.pem https://localhost:$signed " "$authority/ca.pem https://127.0.0.1:$signed " \
+    "$authority/elliptic.pem https://localhost:$signed is not signed by $authority/elliptic.pem" > $authority/cases
+while read -r shown file words; do
+    port_of_shown=$((port_of_shown + 1))
+    openssl s_server -accept 127.0.0.1:$port_of_shown -cert $authority/$shown.pem -key $authority/$shown.key \
+        -cert_chain $authority/$shown-chain.pem -www -quiet 2>/dev/null & started="$started $!"
+    echo "$authority/$file.pem https://localhost:$port_of_shown $words" >> $authority/cases
+done <<END
+elsewhere ca the server's certificate is not made out to localhost
+forged ca the server's certificate is not signed by
+expired ca NotTimeValid
+client ca not one for servers
+under-server ca the server's certificate is not signed by
+under-elliptic elliptic this runtime does not check signatures of elliptic curves
+server server-of-elsewhere another certificate than
+END
 trap 'kill $started 2>/dev/null; wait $started 2>/dev/null || true' EXIT
 until $server session --server 127.0.0.1:$secured --ca-file $build/security/certificate.pem health >/dev/null 2>&1; do
     kill -0 ${started#* } || { echo "unity: the server with TLS ended"; exit 1; }
@@ -83,7 +106,7 @@ for message in json.load(open(sys.argv[1])):
     print(len(lines), *lines, sep="\n")
 END
 done
-mono $build/LiveTest.exe http://127.0.0.1:$port https://127.0.0.1:$secured $build/token $build/security/certificate.pem proto/vectors/cut.bin $build/cut.txt \
+mono $build/LiveTest.exe http://127.0.0.1:$port https://127.0.0.1:$secured $build/token $build/security/certificate.pem $authority/cases proto/vectors/cut.bin $build/cut.txt \
     proto/vectors/cut-vertices.bin $build/cut-vertices.txt
 for input in old new; do
     mono $build/SampleTest-$input.exe http://127.0.0.1:$port client/unity/Runtime/Resources

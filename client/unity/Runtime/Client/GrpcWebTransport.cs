@@ -2,9 +2,6 @@ using System;
 using System.Collections.Generic;
 using System.IO;
 using System.Net;
-using System.Net.Security;
-using System.Security.Cryptography;
-using System.Security.Cryptography.X509Certificates;
 using System.Text;
 using System.Threading;
 
@@ -20,17 +17,18 @@ namespace Kerf.Client
 
         readonly string address;
         readonly string token;
-        readonly X509Certificate2 known;
+        readonly Trust trust;
 
         /// <param name="address">As "http://127.0.0.1:50051" or "https://kerf.example:50051".</param>
         /// <param name="token">Sent as a bearer token where the server asks for one.</param>
-        /// <param name="certificateFile">The server's certificate (PEM), where nobody whom the system trusts has signed it.</param>
+        /// <param name="certificateFile">Certificate (PEM) of the server, or of the authority that has signed it, where the system
+        /// does not trust it. The server's own is taken under any name, a signed one under the names that stand in it.</param>
         /// <exception cref="KerfException">The file holds no certificate.</exception>
         public GrpcWebTransport(string address, string token = null, string certificateFile = null)
         {
             this.address = address.TrimEnd('/');
             this.token = token;
-            if (!string.IsNullOrEmpty(certificateFile)) known = ReadCertificate(certificateFile);
+            if (!string.IsNullOrEmpty(certificateFile)) trust = new Trust(certificateFile);
             // A viewer's stream, its acknowledgements and a driver go side by side.
             ServicePointManager.DefaultConnectionLimit = Math.Max(ServicePointManager.DefaultConnectionLimit, 16);
         }
@@ -46,7 +44,9 @@ namespace Kerf.Client
         /// <inheritdoc/>
         public void Stream(string method, byte[] request, Action<byte[]> take, CancellationToken cancel)
         {
-            var http = Request(method);
+            // The exception of a handshake does not say why the certificate was refused.
+            string refusal = null;
+            var http = Request(method, why => refusal = why);
             using (cancel.Register(http.Abort))
             {
                 try
@@ -61,50 +61,33 @@ namespace Kerf.Client
                 catch (Exception error) when (error is WebException || error is IOException || error is ObjectDisposedException)
                 {
                     if (cancel.IsCancellationRequested) throw new KerfException(StatusCode.Cancelled, method + " was cancelled", error);
-                    throw new KerfException(StatusCode.Unavailable, address + " does not answer: " + error.Message, error);
+                    throw new KerfException(StatusCode.Unavailable, address + " does not answer: " + (refusal ?? error.Message), error);
                 }
             }
         }
 
-        HttpWebRequest Request(string method)
+        HttpWebRequest Request(string method, Action<string> refuse)
         {
             var http = (HttpWebRequest)WebRequest.Create(address + "/" + method);
             http.Method = "POST";
             http.ContentType = "application/grpc-web+proto";
             http.Headers["X-Grpc-Web"] = "1";
             if (!string.IsNullOrEmpty(token)) http.Headers["Authorization"] = "Bearer " + token;
-            if (known != null)
+            if (trust != null)
             {
-                http.ServerCertificateValidationCallback = (sender, shown, chain, wrong) => Trusts(shown, wrong);
-                // Connections are kept and used again: not by those who would not have made them.
-                http.ConnectionGroupName = known.GetCertHashString();
+                var host = http.RequestUri.DnsSafeHost;
+                http.ServerCertificateValidationCallback = (sender, shown, chain, wrong) =>
+                {
+                    var why = trust.Refusal(host, shown, chain, wrong);
+                    refuse(why);
+                    return why == null;
+                };
+                http.ConnectionGroupName = trust.Group;
             }
             http.ServicePoint.Expect100Continue = false;
             http.ServicePoint.UseNagleAlgorithm = false;
             http.ReadWriteTimeout = Timeout.Infinite;
             return http;
-        }
-
-        /// <summary>Whether a certificate is vouched for by the system, or is the one that is known: who has its key is that server,
-        /// by whatever name it was called.</summary>
-        bool Trusts(X509Certificate shown, SslPolicyErrors wrong)
-        {
-            if (wrong == SslPolicyErrors.None) return true;
-            if (shown == null) return false;
-            var isKnown = Convert.ToBase64String(shown.GetRawCertData()) == Convert.ToBase64String(known.GetRawCertData());
-            return isKnown && DateTime.Now < known.NotAfter;
-        }
-
-        static X509Certificate2 ReadCertificate(string file)
-        {
-            try
-            {
-                return new X509Certificate2(file);
-            }
-            catch (Exception error) when (error is CryptographicException || error is IOException)
-            {
-                throw new KerfException(StatusCode.InvalidArgument, file + " holds no certificate (PEM): " + error.Message, error);
-            }
         }
 
         static void Write(HttpWebRequest http, byte[] request)

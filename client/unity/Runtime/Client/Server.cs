@@ -18,7 +18,8 @@ namespace Kerf.Client
         /// <summary>A server that is reached over gRPC-Web.</summary>
         /// <param name="address">As "http://127.0.0.1:50051" or "https://kerf.example:50051".</param>
         /// <param name="token">Sent as a bearer token where the server asks for one.</param>
-        /// <param name="certificateFile">The server's certificate (PEM), where nobody whom the system trusts has signed it.</param>
+        /// <param name="certificateFile">Certificate (PEM) of the server, or of the authority that has signed it, where the system
+        /// does not trust it.</param>
         public Server(string address, string token = null, string certificateFile = null)
             : this(new GrpcWebTransport(address, token, certificateFile))
         {

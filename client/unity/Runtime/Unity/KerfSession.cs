@@ -16,7 +16,7 @@ namespace Kerf.Unity
         [Tooltip("File with the token that the server asks for, so that no token stands in the project. Empty: the one that code has set, or none.")]
         public string tokenFile = "";
 
-        [Tooltip("File with the server's certificate (PEM), where nobody whom the system trusts has signed it.")]
+        [Tooltip("File with the certificate (PEM) of the server, or of the authority that has signed it, where the system does not trust it.")]
         public string certificateFile = "";
 
         /// <summary>The token that the server asks for, where no file has it. It is not kept with the scene.</summary>
