@@ -1,6 +1,6 @@
 // A server, a browser and pages in it. The browser draws without a graphics card, slowly, so windows are small.
 
-import { type ChildProcess, spawn } from "node:child_process";
+import { type ChildProcess, spawn, spawnSync } from "node:child_process";
 import { once } from "node:events";
 import { mkdtemp, rm } from "node:fs/promises";
 import { type AddressInfo, connect, createServer } from "node:net";
@@ -114,8 +114,16 @@ export class Server {
   }
 }
 
-/** A server with TLS that asks for tokens, and the link that it shows at its first start. */
-export async function startSecured(): Promise<{ link: URL; stop: () => Promise<void> }> {
+/** A server with TLS that asks for tokens. */
+export interface Secured {
+  /** That it shows at its first start: an operator's. */
+  link: URL;
+  /** A link with a token that the command makes. */
+  linkOf: (name: string, role: string) => Promise<URL>;
+  stop: () => Promise<void>;
+}
+
+export async function startSecured(): Promise<Secured> {
   const folder = await mkdtemp(join(tmpdir(), "kerf-"));
   const listen = `127.0.0.1:${await freePort()}`;
   const args = ["serve", "--listen", listen, "--log-filter", "error", "--security-dir", folder];
@@ -131,7 +139,16 @@ export async function startSecured(): Promise<{ link: URL; stop: () => Promise<v
       await ended;
       await rm(folder, { recursive: true });
     };
-    return { link: new URL(link), stop };
+    const linkOf = async (name: string, role: string) => {
+      const file = join(folder, "tokens.toml");
+      const made = spawnSync(BINARY, ["token", "new", "--name", name, "--role", role, "--file", file], { encoding: "utf8" });
+      const token = /[\w-]{43}/.exec(made.stdout)?.[0];
+      if (!token) throw new Error(`token new: ${made.stderr}`);
+      // The server reads the file again within a second.
+      await new Promise((resolve) => setTimeout(resolve, 1500));
+      return Object.assign(new URL(link), { hash: `token=${token}` });
+    };
+    return { link: new URL(link), linkOf, stop };
   }
   throw new Error(`${BINARY} ended and showed no link: ${shown}`);
 }

@@ -593,3 +593,45 @@ test("the link of a server that asks for a token opens it, and whoever has none 
     await stop();
   }
 });
+
+test("a private session is seen by its owner and by who is handed a link, and stays private", async () => {
+  const { linkOf, stop } = await startSecured();
+  try {
+    const { page: anna, problems } = await open(browser, (await linkOf("anna", "driver")).href);
+    await anna.check("input[name='private']");
+    await anna.click('[data-scene="jelly"]');
+    await live(anna);
+    const { page: ben } = await open(browser, (await linkOf("ben", "driver")).href);
+    await ben.waitForSelector('[data-scene="jelly"]');
+    expect(await ben.locator("text=Sessions that are there").count()).toBe(0);
+    await ben.goto(anna.url());
+    await ben.waitForSelector("text=This session cannot be joined");
+
+    // The same scene with other numbers is another session, which is as private.
+    const before = anna.url();
+    await anna.click("button[aria-label='Change the scene']");
+    await anna.locator("label:has-text('Stiffness') input").fill("4000");
+    await anna.click("text=Begin with these");
+    await anna.waitForURL((url) => url.href !== before);
+    await live(anna);
+    await ben.goto(anna.url());
+    await ben.waitForSelector("text=This session cannot be joined");
+
+    await anna.context().grantPermissions(["clipboard-read", "clipboard-write"]);
+    await anna.click("button[aria-label*='link']");
+    await anna.waitForSelector("text=The link is copied");
+    const shared = await anna.evaluate(() => navigator.clipboard.readText());
+    const { page: guest } = await open(browser, shared);
+    await live(guest);
+    expect(problems).toEqual([]);
+
+    // What is not begun in private others may join.
+    await anna.goto(new URL("/", anna.url()).href);
+    await anna.click('[data-scene="tofu"]');
+    await live(anna);
+    await ben.goto(anna.url());
+    await live(ben);
+  } finally {
+    await stop();
+  }
+});

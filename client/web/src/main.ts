@@ -39,6 +39,8 @@ class App {
   private readonly begun = new Set<string>();
   /** The scene of the session, to begin it anew when the server has lost it. */
   private sceneToml = "";
+  /** What is begun in place of the session is as private. */
+  private isPrivate = false;
 
   constructor() {
     this.input = new Input(this.stage, () => this.session);
@@ -97,36 +99,39 @@ class App {
   }
 
   private choose(): void {
-    const scene = async (name: string) => {
+    const scene = async (name: string, isPrivate: boolean) => {
       try {
         const { sceneToml } = await sessions.getScene({ of: { case: "sceneName", value: name } });
         const text = new SceneText(sceneToml);
         text.addMissingTools();
-        await this.begin(text.toString(), true);
+        await this.begin(text.toString(), { isPrivate, fits: true });
       } catch (error) {
         stand("This scene did not start", inWords(error), [{ label: "Back", choose: () => this.choose() }]);
       }
     };
-    const own = async (toml: string, uploadId: string) => {
+    const own = async (toml: string, uploadId: string, isPrivate: boolean) => {
       try {
-        await this.begin(toml, true, uploadId);
+        await this.begin(toml, { isPrivate, fits: true, uploadId });
       } catch (error) {
         stand("This scene did not start", inWords(error), [{ label: "Back", choose: () => this.choose() }]);
       }
     };
     void openStart({
-      scene: (name) => void scene(name),
+      scene: (name, isPrivate) => void scene(name, isPrivate),
       session: (id) => void this.join(id),
-      own: (toml, uploadId) => void own(toml, uploadId),
+      own: (toml, uploadId, isPrivate) => void own(toml, uploadId, isPrivate),
     });
   }
 
   /** With `fits` at a step rate that the server's machine keeps, else at the scene's own; with files that were sent. */
-  private async begin(sceneToml: string, fits = false, uploadId = ""): Promise<void> {
+  private async begin(
+    sceneToml: string,
+    { isPrivate, fits = false, uploadId = "" }: { isPrivate: boolean; fits?: boolean; uploadId?: string },
+  ): Promise<void> {
     const done = sayUntil("The server makes the tissue…");
     try {
       const scene = { case: "sceneToml" as const, value: sceneToml };
-      const { session } = await sessions.createSession({ scene, fitStepRate: fits, uploadId });
+      const { session } = await sessions.createSession({ scene, fitStepRate: fits, uploadId, private: isPrivate });
       this.begun.add(session!.sessionId);
       await this.open(session!);
     } finally {
@@ -150,6 +155,7 @@ class App {
     unsay();
     this.session?.leave();
     const { sessionId, scene } = description;
+    this.isPrivate = description.private;
     // The address that the page was opened with may say where to look from; another session is framed anew.
     const view = new URLSearchParams(location.search).get("session") === sessionId ? viewOf(location.search) : undefined;
     history.replaceState(null, "", viewLink(location.href, sessionId, view));
@@ -176,7 +182,7 @@ class App {
   private async change(toml: string): Promise<void> {
     const before = this.session?.id;
     this.readings.keepForComparison();
-    await this.begin(toml);
+    await this.begin(toml, { isPrivate: this.isPrivate });
     if (before === undefined || !this.begun.has(before)) return;
     const { session } = await sessions.describeSession({ sessionId: before });
     if ((session?.viewers ?? 0) <= 1) await sessions.closeSession({ sessionId: before });
@@ -186,7 +192,7 @@ class App {
     this.bars.showStatus(status);
     if (status.phase === "live") unsay();
     if (status.phase !== "ended") return;
-    const again = () => this.begin(this.sceneToml);
+    const again = () => this.begin(this.sceneToml, { isPrivate: this.isPrivate });
     stand("This session is over", status.message, [
       ...(this.sceneToml === "" ? [] : [{ label: "Begin it again", choose: () => void again().catch(sayError) }]),
       { label: "Choose a scene", choose: () => this.choose() },

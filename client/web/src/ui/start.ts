@@ -5,6 +5,7 @@ import { SessionState } from "../gen/kerf/v1/types_pb";
 import { inWords } from "../net/errors";
 import { sendFiles } from "../net/send-files";
 import { sessions } from "../net/server";
+import { heldToken } from "../net/token";
 import { ENDINGS, ownScene } from "../own-scene";
 import { openDialog } from "./dialog";
 import { element, textButton } from "./dom";
@@ -12,10 +13,11 @@ import { say } from "./messages";
 
 /** What was chosen. */
 export interface StartChoice {
-  scene(name: string): void;
+  /** Private: its owner, operators and those who are handed a link see it. */
+  scene(name: string, isPrivate: boolean): void;
   session(id: string): void;
   /** A scene of one's own, whose files the server has by the name of their upload. */
-  own(sceneToml: string, uploadId: string): void;
+  own(sceneToml: string, uploadId: string, isPrivate: boolean): void;
 }
 
 const STATES: Partial<Record<SessionState, string>> = {
@@ -28,13 +30,21 @@ export async function openStart(choice: StartChoice): Promise<void> {
   const scenes = element("div", { className: "cards" });
   const running = element("div", { className: "sessions" });
   const own = element("div", { className: "row own" });
-  const dialog = openDialog("Choose what to cut", running, scenes, own);
+  const privacy = element("input", { type: "checkbox", name: "private" });
+  // A server that asks for no token cannot tell an owner from others.
+  const begin = element(
+    "label",
+    { className: "check", hidden: heldToken() === undefined },
+    privacy,
+    element("span", { textContent: "Begin it in private: you, operators and those you hand a link see the session" }),
+  );
+  const dialog = openDialog("Choose what to cut", running, begin, scenes, own);
   dialog.classList.add("start");
   const choose = (act: () => void) => () => {
     dialog.close();
     act();
   };
-  offerOwn(own, (toml, uploadId) => choose(() => choice.own(toml, uploadId))());
+  offerOwn(own, (toml, uploadId) => choose(() => choice.own(toml, uploadId, privacy.checked))());
   try {
     await listSessions(running, choice, choose);
     const { scenes: known } = await sessions.listScenes({});
@@ -46,7 +56,7 @@ export async function openStart(choice: StartChoice): Promise<void> {
         element("strong", { textContent: title(name) }),
         element("span", { textContent: description }),
       );
-      card.addEventListener("click", choose(() => choice.scene(name)));
+      card.addEventListener("click", choose(() => choice.scene(name, privacy.checked)));
       scenes.append(card);
     }
     scenes.querySelector("button")?.focus();

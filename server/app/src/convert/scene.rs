@@ -159,6 +159,7 @@ pub fn session_description(
         memory_bytes: session.memory_bytes() as u64,
         recording,
         journal,
+        private: session.owner().is_some_and(|owner| owner.is_private),
         dial: session.dial().map(dial_choice),
         relative_tolerance: status.relative_tolerance,
     }
