@@ -7,6 +7,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
+use axum::http::Uri;
 use kerf_session::SessionLimits;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -91,6 +92,8 @@ pub struct ServerConfig {
     pub security: SecurityConfig,
     /// Logging.
     pub log: LogConfig,
+    /// Traces.
+    pub traces: TracesConfig,
     /// Limits of the transport.
     pub transport: TransportLimits,
     /// Limits of control streams.
@@ -118,6 +121,7 @@ impl Default for ServerConfig {
             pareto_dir: None,
             security: SecurityConfig::default(),
             log: LogConfig::default(),
+            traces: TracesConfig::default(),
             transport: TransportLimits::default(),
             control: ControlLimits::default(),
             view: ViewLimits::default(),
@@ -200,6 +204,18 @@ pub enum LogFormat {
     Text,
     /// One object a line, for collectors.
     Json,
+}
+
+/// Traces: spans of requests, of sessions' lives, and of some late steps.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct TracesConfig {
+    /// Where they are sent: a collector that takes OTLP over gRPC, such as "http://127.0.0.1:4317". Default none: none are
+    /// made. A collector that is absent costs no session anything; it is warned of once.
+    pub endpoint: Option<String>,
+    /// Certificates (PEM) of those who are trusted to sign the collector's, where its address begins with https. Default
+    /// the system's.
+    pub ca_file: Option<PathBuf>,
 }
 
 /// Limits of the transport.
@@ -373,6 +389,12 @@ impl ServerConfig {
             security.certificate_file.is_some() == security.key_file.is_some(),
             "security.certificate_file, security.key_file: are given together, or not at all"
         );
+        let endpoints = [("traces.endpoint", &self.traces.endpoint, &["http", "https"][..])];
+        for (field, endpoint, schemes) in endpoints {
+            let Some(endpoint) = endpoint else { continue };
+            let forms = schemes.iter().map(|scheme| format!("{scheme}://host:port")).collect::<Vec<_>>().join(" or ");
+            ensure!(is_address(endpoint, schemes), "{field} = {endpoint:?}: must be {forms}");
+        }
         let positive = [
             ("security.max_sessions_per_token", security.max_sessions_per_token as f64),
             ("security.guest_stay_s", security.guest_stay_s),
@@ -430,6 +452,14 @@ impl ConfigArgs {
         let insecure = self.insecure.then(|| ("security.insecure", "true".into()));
         [listen, dir, insecure, format, filter].into_iter().flatten()
     }
+}
+
+/// Whether a text is the address of a server and nothing else.
+fn is_address(text: &str, schemes: &[&str]) -> bool {
+    text.parse::<Uri>().is_ok_and(|uri| {
+        let is_scheme = uri.scheme_str().is_some_and(|scheme| schemes.contains(&scheme));
+        is_scheme && uri.host().is_some_and(|host| !host.is_empty()) && uri.path() == "/" && uri.query().is_none()
+    })
 }
 
 fn read_file(path: &Path) -> Result<Table> {
@@ -495,6 +525,19 @@ mod tests {
         assert!(error.contains("line 3") && error.contains("max_rejected"), "{error}");
         assert!(load("", &[("KERF_NONSENSE", "1")], &[]).is_err());
         assert!(load("", &[], &["session.nonsense=1"]).is_err());
+    }
+
+    #[test]
+    fn an_endpoint_of_traces_is_an_address_and_nothing_else() {
+        let traces =
+            |endpoint: &str| load("", &[], &[&format!("traces.endpoint={endpoint}")]).map(|config| config.traces);
+        for endpoint in ["http://127.0.0.1:4317", "https://collector.example:4317", "http://[::1]:4317/"] {
+            assert_eq!(traces(endpoint).unwrap().endpoint.as_deref(), Some(endpoint));
+        }
+        for endpoint in ["127.0.0.1:4317", "ftp://collector.example", "http://collector.example/v1/traces", "http://"] {
+            let error = format!("{:#}", traces(endpoint).unwrap_err());
+            assert!(error.starts_with(&format!("traces.endpoint = {endpoint:?}: ")), "{error}");
+        }
     }
 
     #[test]

@@ -42,6 +42,7 @@ mod status;
 mod telemetry;
 mod tool_sweep;
 pub mod top;
+pub mod traces;
 pub mod tradeoff;
 mod traffic;
 mod viewer;

@@ -82,7 +82,7 @@ fn serve(recording: Recording, args: &ReplayArgs) -> Result<()> {
     );
     ensure!(args.from >= 0.0, "--from {} is below 0", args.from);
     let mut config = ServerConfig::load(&args.config)?;
-    let _log = telemetry::init(&config.log)?;
+    let _telemetry = telemetry::init(&config)?;
     // The recording takes the only place: nothing else is created here, and nothing recorded.
     config.session.max_sessions = 1;
     config.record_dir = None;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
-use axum::middleware::from_fn_with_state;
+use axum::middleware::{from_fn, from_fn_with_state};
 use kerf_proto::v1::control_service_server::{ControlServiceServer, SERVICE_NAME as CONTROL_SERVICE};
 use kerf_proto::v1::session_service_server::{SERVICE_NAME as SESSION_SERVICE, SessionServiceServer};
 use kerf_proto::v1::view_service_server::{SERVICE_NAME as VIEW_SERVICE, ViewServiceServer};
@@ -34,6 +34,7 @@ use crate::metrics::{Metrics, Sources};
 use crate::recording::Recordings;
 use crate::security::Security;
 use crate::security::door::{self, Door};
+use crate::traces::{late_steps, requests};
 use crate::traffic::Traffic;
 use crate::watchdog::{self, SESSIONS};
 use crate::{incoming, large_messages, machine, print_config, security, shutdown, telemetry, viewer};
@@ -67,7 +68,7 @@ pub fn run(args: ServeArgs) -> Result<()> {
         print!("{}", print_config::text(&config)?);
         return Ok(());
     }
-    let _log = telemetry::init(&config.log)?;
+    let _telemetry = telemetry::init(&config)?;
     serve_until_told(config, async |_: &Server| Ok(()))
 }
 
@@ -98,7 +99,7 @@ pub struct Server {
     recordings: Arc<Recordings>,
     journals: Arc<Journals>,
     /// What looks after sessions.
-    keepers: [JoinHandle<()>; 2],
+    keepers: Vec<JoinHandle<()>>,
     metrics: Option<Endpoint>,
     cut: incoming::Cut,
     stop: oneshot::Sender<()>,
@@ -159,7 +160,10 @@ impl Server {
         let transport = tokio::spawn(serving);
         let records = (Arc::clone(&recordings), Arc::clone(&journals));
         let idle = tokio::spawn(close_idle(Arc::clone(&registry), Arc::clone(&config), records));
-        let keepers = [idle, tokio::spawn(watchdog::watch(Arc::clone(&registry), health.clone()))];
+        let mut keepers = vec![idle, tokio::spawn(watchdog::watch(Arc::clone(&registry), health.clone()))];
+        if config.traces.endpoint.is_some() {
+            keepers.push(tokio::spawn(late_steps::watch(Arc::clone(&registry))));
+        }
         Ok(Self { address, registry, health, config, recordings, journals, keepers, metrics, cut, stop, transport })
     }
 
@@ -314,6 +318,6 @@ async fn routes(
         Some(cors) => routes.layer(cors),
         None => routes,
     };
-    let routes = routes.layer(from_fn_with_state(refusals, refusals::count));
+    let routes = routes.layer(from_fn_with_state(refusals, refusals::count)).layer(from_fn(requests::trace));
     Ok((health, routes.into()))
 }

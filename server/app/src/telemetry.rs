@@ -9,38 +9,55 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
 
 use anyhow::{Context, Result};
-use tracing_subscriber::EnvFilter;
+use kerf_session::TRACES;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
+use tracing_subscriber::{EnvFilter, Layer};
 
-use crate::config::{LogConfig, LogFormat};
+use crate::config::{LogFormat, ServerConfig};
+use crate::traces::Traces;
 
 /// Lines that wait to be written: what a busy server says in a minute. More only takes memory while nobody reads.
 const MAX_LINES: usize = 1024;
 /// Most time that the last lines get at the end: a reader that is there takes them at once.
 const LAST_WORDS: Duration = Duration::from_millis(500);
 
-/// Logs to standard error from now on, panics too. The log is kept while this lives; its end writes what waits.
+/// What is told of the server while it runs; its end writes and sends what waits.
+pub struct Telemetry {
+    /// Ends before the log, which has what becomes of it.
+    _traces: Option<Traces>,
+    _log: Log,
+}
+
+/// Logs to standard error from now on, panics too, and sends traces where the configuration says so.
 ///
 /// # Errors
-/// The filter is none, the system gives no thread, or the process logs already.
-pub fn init(config: &LogConfig) -> Result<Log> {
-    let filter = EnvFilter::try_new(&config.filter).with_context(|| format!("log.filter = {:?}", config.filter))?;
+/// The filter is none, the system gives no thread, certificates cannot be read, or the process logs already.
+pub fn init(config: &ServerConfig) -> Result<Telemetry> {
+    let filter = EnvFilter::try_new(&config.log.filter);
+    let filter = filter.with_context(|| format!("log.filter = {:?}", config.log.filter))?;
+    // Spans that are traced would stand before each line that is written within them.
+    let filter = filter.add_directive(format!("{TRACES}=off").parse()?);
+    let traces = Traces::begin(&config.traces)?;
     let (log, lines) = Log::begin(io::stderr())?;
-    let writer = tracing_subscriber::fmt().with_env_filter(filter).with_writer(move || lines.clone());
-    let started = match config.format {
-        LogFormat::Text => writer.try_init(),
-        LogFormat::Json => writer.json().try_init(),
+    let writer = tracing_subscriber::fmt::layer().with_writer(move || lines.clone());
+    let writer = match config.log.format {
+        LogFormat::Text => writer.boxed(),
+        LogFormat::Json => writer.json().boxed(),
     };
+    let subscriber = tracing_subscriber::registry().with(traces.as_ref().map(Traces::layer));
+    let started = subscriber.with(writer.with_filter(filter)).try_init();
     started.map_err(|error| anyhow::anyhow!("log: {error}"))?;
     std::panic::set_hook(Box::new(|panic| {
         let (thread, backtrace) = (std::thread::current(), Backtrace::capture());
         let backtrace = (backtrace.status() == BacktraceStatus::Captured).then_some(backtrace);
         tracing::error!(thread = thread.name(), backtrace = backtrace.map(tracing::field::display), "{panic}");
     }));
-    Ok(log)
+    Ok(Telemetry { _traces: traces, _log: log })
 }
 
 /// A log that is written.
-pub struct Log {
+struct Log {
     lines: SyncSender<Entry>,
     written: Receiver<()>,
 }

@@ -18,5 +18,6 @@ mod station;
 mod stopped;
 mod tls;
 mod top;
+mod traces;
 mod tradeoff;
 mod unit;

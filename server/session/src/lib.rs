@@ -17,6 +17,7 @@ pub mod error;
 mod feed;
 mod governor;
 mod inbox;
+mod late_steps;
 pub mod limits;
 mod lock;
 mod outbox;
@@ -49,6 +50,7 @@ pub use checkpoints::{Checkpoint, CheckpointInfo, FileError, MAX_CHECKPOINT_NAME
 pub use counts::Counts;
 pub use error::SessionError;
 pub use inbox::Inspection;
+pub use late_steps::{LateStep, MAX_LATE_STEPS};
 pub use limits::{PoseLimits, SessionLimits};
 pub use outbox::{SceneEvent, ViewEvent, ViewMessage, ViewState, Viewer};
 pub use past::{Past, PastEntry};
@@ -64,3 +66,6 @@ pub use step_report::{StepReport, ToolReport};
 pub use tape::{Base, LoggedInputs, Reel, TapeEntry, TapeReader, TapeState, TapedStep};
 pub use tool_slot::{DriverId, Echo};
 pub use vitals::{Done, Watched};
+
+/// Target of the spans that are traced, and of nothing else.
+pub const TRACES: &str = "kerf::traces";

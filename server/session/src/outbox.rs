@@ -10,10 +10,12 @@ use std::sync::{Arc, Mutex};
 use kerf_physics::fault::Fault;
 use kerf_physics::step_io::{EnergyStep, ToolOutput};
 use kerf_physics::surface::delta::{AdaptedVertex, Keyframe, TopologyPatch};
+use rtrb::Producer;
 use tokio::sync::watch;
 
 use crate::counts::Counts;
 use crate::error::SessionError;
+use crate::late_steps::LateStep;
 use crate::limits::{SessionLimits, to_ns};
 use crate::lock::lock;
 use crate::shortfall::Shortfall;
@@ -259,6 +261,8 @@ pub(crate) struct Publisher {
     /// What is counted of all sessions; by itself until it is told of the others.
     pub counts: Arc<Counts>,
     reports: watch::Sender<Arc<StepReport>>,
+    /// Where late steps go, if anybody may ask for them.
+    pub late_steps: Option<Producer<LateStep>>,
 }
 
 impl Publisher {
@@ -268,7 +272,8 @@ impl Publisher {
         let (bell, bell_reader) = watch::channel(0);
         let (reports, report_reader) = watch::channel(Arc::default());
         let showcase = Showcase::new(Arc::clone(&outbox), bell);
-        let publisher = Self { outbox, tape: Tape::default(), showcase, counts: Arc::default(), reports };
+        let (tape, counts) = (Tape::default(), Arc::default());
+        let publisher = Self { outbox, tape, showcase, counts, reports, late_steps: None };
         (publisher, bell_reader, report_reader)
     }
 
@@ -284,6 +289,13 @@ impl Publisher {
     /// What shows of the session without being asked for.
     pub fn vitals(&self) -> &Vitals {
         &self.outbox.vitals
+    }
+
+    pub fn late_step(&mut self, late: LateStep) {
+        if let Some(late_steps) = &mut self.late_steps {
+            // Where there is no room it is counted alone.
+            let _ = late_steps.push(late);
+        }
     }
 
     /// Whether anybody views.

@@ -8,13 +8,16 @@ use kerf_physics::Scene;
 use kerf_physics::scene::DialDesc;
 use kerf_physics::world::ObjectStats;
 use tokio::sync::{OwnedSemaphorePermit, oneshot, watch};
+use tracing::Span;
 
+use crate::TRACES;
 use crate::admission::{Admitted, Load};
 use crate::checkpoints::{Checkpoint, CheckpointInfo};
 use crate::clock::MonotonicClock;
 use crate::counts::Counts;
 use crate::error::SessionError;
 use crate::inbox::{CheckpointCommand, Command, Inbox, Inspection};
+use crate::late_steps::{LateStep, LateSteps};
 use crate::limits::{SessionLimits, to_ns};
 use crate::lock::lock;
 use crate::outbox::{Outbox, Publisher, Viewer};
@@ -86,9 +89,27 @@ pub struct Session {
     journal: Mutex<Option<TapeReader>>,
     is_replay: bool,
     load: Arc<Load>,
+    /// `None`: it takes no steps.
+    late_steps: Option<LateSteps>,
+    /// Of its life, for traces.
+    span: Span,
     memory_bytes: f64,
     /// When somebody last had to do with it.
     last_used_ns: AtomicU64,
+}
+
+/// The span of a session's life. It has no parent, because it outlives the request that it begins with; that one is linked.
+fn life(id: SessionId, scene: &Scene) -> Span {
+    let span = tracing::info_span!(
+        target: TRACES,
+        parent: None,
+        "session",
+        session.id = %id,
+        scene.name = scene.desc.name,
+        step_rate_hz = scene.desc.rate_hz,
+    );
+    span.follows_from(Span::current());
+    span
 }
 
 impl Session {
@@ -108,6 +129,8 @@ impl Session {
         let outbox = Arc::new(Outbox::new(&limits, phase));
         let (mut publisher, bell, reports) = Publisher::new(Arc::clone(&outbox));
         publisher.counts = counts;
+        let (late_steps, put) = LateSteps::new();
+        publisher.late_steps = Some(put);
         let reel = options.is_recorded.then(|| {
             let mut pictures = outbox.join_for_the_record(bell.clone());
             // The first look asks for a keyframe.
@@ -123,6 +146,7 @@ impl Session {
         };
         let (name, threads) = (format!("kerf-{id}"), limits.threads_per_session);
         let (thread, built) = session_thread::start(name, threads, Arc::clone(&inbox), permits, build)?;
+        let span = life(id, &scene);
         // Its end closes the inbox: whoever gives up while the scene is built leaves no thread that steps for nobody.
         let mut session = Self {
             id,
@@ -141,6 +165,8 @@ impl Session {
             journal: Mutex::new(journal),
             is_replay: false,
             load,
+            late_steps: Some(late_steps),
+            span,
             memory_bytes,
             last_used_ns: AtomicU64::new(MonotonicClock::now_ns()),
         };
@@ -170,6 +196,7 @@ impl Session {
             })
         };
         let thread = thread.map_err(|error| SessionError::NoThread { message: error.to_string() })?;
+        let span = life(id, &scene);
         Ok(Self {
             id,
             owner: None,
@@ -187,6 +214,8 @@ impl Session {
             journal: Mutex::new(None),
             is_replay: true,
             load: admitted.load,
+            late_steps: None,
+            span,
             memory_bytes: admitted.memory.bytes(),
             last_used_ns: AtomicU64::new(MonotonicClock::now_ns()),
         })
@@ -291,6 +320,25 @@ impl Session {
     #[must_use]
     pub fn load(&self) -> f64 {
         self.load.measured()
+    }
+
+    /// Some of the steps that have ended late since this was last asked: the first [`crate::MAX_LATE_STEPS`].
+    #[must_use]
+    pub fn take_late_steps(&self) -> Vec<LateStep> {
+        self.late_steps.as_ref().map(LateSteps::take).unwrap_or_default()
+    }
+
+    /// Notes in a span that is traced which session it is about.
+    pub fn note_in(&self, span: &Span) {
+        if !span.is_disabled() {
+            span.record("session.id", self.id.to_string()).record("scene.name", self.scene.desc.name.as_str());
+        }
+    }
+
+    /// The span of its life, which ends with it.
+    #[must_use]
+    pub fn span(&self) -> &Span {
+        &self.span
     }
 
     /// Memory that it was told to need before it was built, bytes.

@@ -11,6 +11,7 @@ use kerf_proto::v1::get_scene_request::Of as SceneOf;
 use kerf_session::player::SPEEDS;
 use kerf_session::{Position, Registry, Seek, Session, SessionId, SessionOptions};
 use tonic::{Request, Response, Status, Streaming};
+use tracing::Span;
 
 use super::checkpoint_files::CheckpointFiles;
 use super::in_parts::InParts;
@@ -114,6 +115,7 @@ impl SessionService {
             Ok(scene)
         };
         let session = in_time(self.limit_s(), self.registry.create_from::<RequestError>(read, options)).await?;
+        session.note_in(&Span::current());
         // Before anything that is waited for: a client may go away at any time.
         let claim = Claim { registry: Arc::clone(&self.registry), session: Some(Arc::clone(&session)) };
         let mut warnings = session.warnings().to_vec();

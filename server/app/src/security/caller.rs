@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use kerf_session::{Owner, Registry, Session, SessionId};
 use tonic::Extensions;
+use tracing::Span;
 
 use super::roles::Role;
 use crate::status::RequestError;
@@ -57,7 +58,9 @@ impl Caller {
 
     /// The session of this id, if the caller is to know of it: there is none otherwise.
     pub fn session(&self, registry: &Registry, id: &str) -> Result<Arc<Session>, RequestError> {
-        Ok(registry.get_if(id, |session| self.knows(session))?)
+        let session = registry.get_if(id, |session| self.knows(session))?;
+        session.note_in(&Span::current());
+        Ok(session)
     }
 
     /// Ends in an error unless it may end a session that it knows of.

@@ -46,6 +46,7 @@ use crate::error::SessionError;
 use crate::feed::{Feed, feed};
 use crate::governor::{FIRST_SAMPLES, Governor};
 use crate::inbox::{Command, Drain, Inbox, Tick};
+use crate::late_steps::LateStep;
 use crate::limits::{SessionLimits, to_ns};
 use crate::outbox::{Publisher, SceneEvent};
 use crate::overload::OverloadWatch;
@@ -295,6 +296,9 @@ impl SessionCore {
         self.publisher.counts.step_ended(&timed);
         self.publisher.vitals().step_ended(&timed, self.tally.energy.residual_j, load.is_some());
         let (step, fault, solve, put_away) = (output.step, output.fault.clone(), output.solve, output.put_away);
+        if is_paced && pace.lag_ns() > 0 {
+            self.publisher.late_step(LateStep { step, ended_ns, elapsed_ns, lag_ns: pace.lag_ns() });
+        }
         let shortfall = self.shortfall.step_ended(ended_ns, &solve);
         for (count, jumped) in self.tally.jumps.iter_mut().zip(&self.tools.jumped) {
             *count += u64::from(*jumped);
