@@ -151,6 +151,7 @@ lint: $(if $(NPM),client/web/node_modules)
 	$(if $(NPM),client/web/node_modules/.bin/buf lint proto)
 	$(if $(NPM),client/web/node_modules/.bin/buf breaking proto --against proto/published.binpb)
 	@client/python/check.sh lint sh -ec 'ruff check --quiet && ruff format --check --quiet && mypy'
+	@client/python/check.sh "lint of manifests" python ../../deploy/kubernetes/lint.py
 	@if command -v python3 >/dev/null; then git ls-files '*.md' | grep -v LICENSE | xargs python3 docs/lint/prose.py; \
 	else echo "The linter of the documents' prose is left out: it needs Python 3."; fi
 

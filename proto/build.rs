@@ -13,9 +13,13 @@ const FILES: [&str; 6] = [
     "foxglove/scene.proto",
 ];
 
+/// What the sidecar of a pod speaks. Apart, because a server offers no service of it.
+const FILES_OF_AGONES: [&str; 2] = ["agones/dev/sdk/sdk.proto", "agones/dev/sdk/beta/beta.proto"];
+
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("cargo::rerun-if-changed=kerf");
     println!("cargo::rerun-if-changed=foxglove");
+    println!("cargo::rerun-if-changed=agones");
     let descriptors = protox::compile(FILES, ["."])?;
     let out_dir = PathBuf::from(std::env::var("OUT_DIR")?);
     std::fs::write(out_dir.join("kerf_descriptor.bin"), descriptors.encode_to_vec())?;
@@ -24,5 +28,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         // Encoded once, and shared by all viewers that get them.
         .bytes(".kerf.v1.BodyState")
         .compile_fds(descriptors)?;
+    tonic_prost_build::compile_fds(protox::compile(FILES_OF_AGONES, ["."])?)?;
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Messages and services of Kerf, generated from `kerf/v1/*.proto` and `foxglove/*.proto`.
+//! Messages and services of Kerf, generated from `kerf/v1/*.proto` and `foxglove/*.proto`, and those of Agones's sidecar.
 //!
 //! Deliberately absent: logic. Conversions live with the server, checks of what comes in with
 //! whoever receives it.
@@ -18,6 +18,18 @@ pub mod v1 {
 #[allow(clippy::all, missing_docs, unused_qualifications)]
 pub mod foxglove {
     tonic::include_proto!("foxglove");
+}
+
+/// As much of Agones's SDK as a server uses.
+// Generated code, as above.
+#[allow(clippy::all, missing_docs, unused_qualifications)]
+pub mod agones {
+    tonic::include_proto!("agones.dev.sdk");
+
+    /// Counters.
+    pub mod beta {
+        tonic::include_proto!("agones.dev.sdk.beta");
+    }
 }
 
 /// The version that both ends of a stream name in their first message.

@@ -94,6 +94,8 @@ pub struct ServerConfig {
     pub log: LogConfig,
     /// Traces.
     pub traces: TracesConfig,
+    /// A fleet that the server is of.
+    pub agones: AgonesConfig,
     /// Limits of the transport.
     pub transport: TransportLimits,
     /// Limits of control streams.
@@ -122,6 +124,7 @@ impl Default for ServerConfig {
             security: SecurityConfig::default(),
             log: LogConfig::default(),
             traces: TracesConfig::default(),
+            agones: AgonesConfig::default(),
             transport: TransportLimits::default(),
             control: ControlLimits::default(),
             view: ViewLimits::default(),
@@ -216,6 +219,23 @@ pub struct TracesConfig {
     /// Certificates (PEM) of those who are trusted to sign the collector's, where its address begins with https. Default
     /// the system's.
     pub ca_file: Option<PathBuf>,
+}
+
+/// A fleet of Agones's that the server is of: its sidecar is told when the server takes sessions, how many it has, that it
+/// lives, and that it ends.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct AgonesConfig {
+    /// Where the sidecar is, such as "http://127.0.0.1:9357". Default none: the server is of no fleet.
+    pub endpoint: Option<String>,
+    /// Counter of sessions in the fleet's manifest. Default "sessions".
+    pub counter: String,
+}
+
+impl Default for AgonesConfig {
+    fn default() -> Self {
+        Self { endpoint: None, counter: "sessions".into() }
+    }
 }
 
 /// Limits of the transport.
@@ -389,7 +409,10 @@ impl ServerConfig {
             security.certificate_file.is_some() == security.key_file.is_some(),
             "security.certificate_file, security.key_file: are given together, or not at all"
         );
-        let endpoints = [("traces.endpoint", &self.traces.endpoint, &["http", "https"][..])];
+        let endpoints = [
+            ("traces.endpoint", &self.traces.endpoint, &["http", "https"][..]),
+            ("agones.endpoint", &self.agones.endpoint, &["http"]),
+        ];
         for (field, endpoint, schemes) in endpoints {
             let Some(endpoint) = endpoint else { continue };
             let forms = schemes.iter().map(|scheme| format!("{scheme}://host:port")).collect::<Vec<_>>().join(" or ");

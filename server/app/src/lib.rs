@@ -4,6 +4,7 @@
 //! Services are thin: they turn messages into calls of `kerf-session` and back. Deliberately absent:
 //! physics, pacing, queues of state.
 
+mod agones;
 mod book;
 pub mod check;
 pub mod config;

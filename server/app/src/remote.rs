@@ -40,7 +40,7 @@ pub struct SessionArgs {
 #[derive(Clone, Debug, Subcommand)]
 pub enum Action {
     /// Says whether the server serves and all its sessions live; takes no token. Ends with status 1 where not.
-    Health,
+    Health(Health),
     /// Lists the sessions.
     List,
     /// Saves a session's state under a name.
@@ -65,6 +65,14 @@ pub enum Action {
     Seek(Time),
     /// Ends a session.
     Close(Id),
+}
+
+/// What is asked of a server's health.
+#[derive(Args, Clone, Debug)]
+pub struct Health {
+    /// Asks for the server and for none of its sessions: whoever restarts it for one that hangs ends all others.
+    #[arg(long)]
+    pub server_only: bool,
 }
 
 /// A session.
@@ -166,8 +174,8 @@ async fn upload(mut client: SessionServiceClient<Wire>, to: Checkpoint, file: &[
     Ok(client.upload_checkpoint(futures_util::stream::iter(parts)).await?.into_inner().step)
 }
 
-/// Whether the server serves, and all of its sessions live.
-async fn is_healthy(wire: Wire) -> Result<Vec<String>, Status> {
+/// Whether the server serves, and all of its sessions live, if they are asked for.
+async fn is_healthy(wire: Wire, wanted: &Health) -> Result<Vec<String>, Status> {
     let mut health = HealthClient::new(wire);
     let mut serves = async |service: &str| {
         let status = health.check(HealthCheckRequest { service: service.into() }).await?.into_inner().status();
@@ -175,6 +183,9 @@ async fn is_healthy(wire: Wire) -> Result<Vec<String>, Status> {
     };
     if !serves("").await? {
         return Err(Status::unavailable("the server does not serve"));
+    }
+    if wanted.server_only {
+        return Ok(vec!["serving".into()]);
     }
     match serves(SESSIONS).await {
         Ok(true) => Ok(vec!["serving".into()]),
@@ -191,7 +202,7 @@ async fn ask(wire: Wire, action: Action) -> Result<Vec<String>, Status> {
     let mut client = SessionServiceClient::new(wire.clone());
     let at_step = |what: String, step: u64| vec![format!("{what} at step {step}")];
     Ok(match action {
-        Action::Health => is_healthy(wire).await?,
+        Action::Health(wanted) => is_healthy(wire, &wanted).await?,
         Action::List => {
             let sessions = client.list_sessions(v1::ListSessionsRequest {}).await.map(Response::into_inner)?.sessions;
             let line = |session: v1::SessionInfo| {

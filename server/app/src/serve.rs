@@ -21,6 +21,7 @@ use tonic_health::ServingStatus;
 use tonic_health::server::{HealthReporter, health_reporter};
 use tonic_web::GrpcWebLayer;
 
+use crate::agones::Membership;
 use crate::config::{ConfigArgs, ServerConfig, TransportLimits};
 use crate::grpc::control_service::ControlService;
 use crate::grpc::session_service::SessionService;
@@ -100,6 +101,8 @@ pub struct Server {
     journals: Arc<Journals>,
     /// What looks after sessions.
     keepers: Vec<JoinHandle<()>>,
+    /// `None`: it is of no fleet.
+    fleet: Option<Membership>,
     metrics: Option<Endpoint>,
     cut: incoming::Cut,
     stop: oneshot::Sender<()>,
@@ -164,7 +167,21 @@ impl Server {
         if config.traces.endpoint.is_some() {
             keepers.push(tokio::spawn(late_steps::watch(Arc::clone(&registry))));
         }
-        Ok(Self { address, registry, health, config, recordings, journals, keepers, metrics, cut, stop, transport })
+        let fleet = Membership::begin(&config, &registry);
+        Ok(Self {
+            address,
+            registry,
+            health,
+            config,
+            recordings,
+            journals,
+            keepers,
+            fleet,
+            metrics,
+            cut,
+            stop,
+            transport,
+        })
     }
 
     /// The address it listens on.
@@ -226,6 +243,9 @@ impl Server {
                 Drained::Forcibly
             }
         };
+        if let Some(fleet) = self.fleet {
+            fleet.end().await;
+        }
         tracing::info!(?drained, "stopped");
         drained
     }

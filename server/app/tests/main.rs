@@ -1,5 +1,6 @@
 //! The program `kerf-server`: its commands and reports.
 
+mod agones;
 mod checkpoint_files;
 mod cli;
 mod door;
@@ -9,6 +10,7 @@ mod journal;
 mod killed;
 mod limited;
 mod log;
+mod manifests;
 mod metrics;
 mod process;
 mod remote;

@@ -69,7 +69,10 @@ async fn health_tells_a_server_that_serves_from_one_in_which_a_session_hangs() {
             }
         }
     });
-    assert!(degraded.await.contains("degraded: the server serves, but a session's thread hangs"));
+    let degraded = degraded.await;
+    // What a probe asks: a restart would end the sessions that live.
+    assert_eq!(ask(server.address(), &["health", "--server-only"]).await.unwrap(), "serving\n");
+    assert!(degraded.contains("degraded: the server serves, but a session's thread hangs"));
     drop(let_go);
     assert!(hangs.await.unwrap().unwrap());
     server.stop().await;
