@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures docs imports reference test-all same-bits lint publish-protocol verify verify-page experiment extremes extremes-page strokes strokes-page dice bench performance peers load load-page fuzz deny advisories deb sbom
+.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures docs imports reference test-all same-bits lint publish-protocol verify verify-page experiment extremes extremes-page strokes strokes-page dice bench performance peers load load-page fuzz deny advisories deb sbom image-archives wheel release-files checksums release-notes
 
 # Folder of scanned meshes for some of the tests and for `performance`, which leave them out where it is empty.
 TEST_SHARED ?= $(abspath $(wildcard ../shared))
@@ -151,6 +151,7 @@ lint: $(if $(NPM),client/web/node_modules)
 	$(if $(NPM),client/web/node_modules/.bin/buf lint proto)
 	$(if $(NPM),client/web/node_modules/.bin/buf breaking proto --against proto/published.binpb)
 	@client/python/check.sh lint sh -ec 'ruff check --quiet && ruff format --check --quiet && mypy'
+	$(if $(NPM),cd client/web && node lint-workflows.mjs ../../.github/workflows/*.yml)
 	@client/python/check.sh "lint of manifests" python ../../deploy/kubernetes/lint.py
 	@if command -v python3 >/dev/null; then git ls-files '*.md' | grep -v LICENSE | xargs python3 docs/lint/prose.py; \
 	else echo "The linter of the documents' prose is left out: it needs Python 3."; fi
@@ -250,6 +251,35 @@ sbom: target/tools/bin/cargo-cyclonedx
 	target/tools/bin/cargo-cyclonedx cyclonedx --manifest-path server/app/Cargo.toml --format json --quiet
 	mkdir -p target/sbom
 	find . -name '*.cdx.json' -not -path './target/*' -exec mv {} target/sbom/ \;
+
+# The images as files, for machines that no registry is reached from: docker load --input FILE
+image-archives:
+	mkdir -p target/images
+	for target in server load; do \
+		docker build --file docker/Dockerfile --target $$target --tag kerf-$$target . && \
+		docker save kerf-$$target | gzip > target/images/kerf-$$target-image.tar.gz || exit 1; \
+	done
+
+# The Python client's package, for every processor: it has no code of the machine's.
+wheel:
+	@client/python/check.sh wheel pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir ../../target/wheel .
+
+# What a release has of one kind of processor, by names that tell it, in target/release-files.
+ARCHITECTURE ?= $(shell uname -m)
+release-files:
+	mkdir -p target/release-files
+	cp target/debian/*.deb target/release-files/
+	for file in target/sbom/*.cdx.json target/images/*.tar.gz; do \
+		name=$$(basename $$file); cp $$file target/release-files/$${name%%.*}-$(ARCHITECTURE).$${name#*.} || exit 1; \
+	done
+
+checksums:
+	cd target/release-files && rm -f SHA256SUMS && sha256sum -- * > ../SHA256SUMS && mv ../SHA256SUMS .
+
+# What CHANGELOG.md says of a version, if all files state that one.
+VERSION ?= $(shell sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml)
+release-notes:
+	@python3 deploy/release/notes.py $(VERSION)
 
 TOOL_VERSION_cargo-deny := 0.20.2
 TOOL_VERSION_cargo-deb := 3.8.0

@@ -7,6 +7,7 @@ mod fuzz;
 mod grpc;
 mod pages;
 mod paper_models;
+mod releases;
 mod strokes;
 mod surface_hash;
 mod verification;
