@@ -110,7 +110,7 @@ namespace Kerf.V1 {
             "BBIOCgZidXN5X3MYBCABKAESFgoObG9uZ2VzdF9zdGVwX3MYBSABKAESDwoH",
             "dmlld2VycxgGIAEoDRIPCgdkcml2ZXJzGAcgASgNEg4KBmZhdWx0cxgIIAEo",
             "BBIUCgxwYXJ0ZWRfbGlua3MYCSABKAQSFAoMbWVtb3J5X2J5dGVzGAogASgE",
-            "Eg0KBWhhbmdzGAsgASgIIrgEChJTZXNzaW9uRGVzY3JpcHRpb24SEgoKc2Vz",
+            "Eg0KBWhhbmdzGAsgASgIIskEChJTZXNzaW9uRGVzY3JpcHRpb24SEgoKc2Vz",
             "c2lvbl9pZBgBIAEoCRIkCgVzdGF0ZRgCIAEoDjIVLmtlcmYudjEuU2Vzc2lv",
             "blN0YXRlEiQKBXNjZW5lGAMgASgLMhUua2VyZi52MS5TY2VuZVN1bW1hcnkS",
             "HwoGbGltaXRzGAQgASgLMg8ua2VyZi52MS5MaW1pdHMSDAoEc3RlcBgFIAEo",
@@ -123,57 +123,57 @@ namespace Kerf.V1 {
             "ChJyZWxhdGl2ZV90b2xlcmFuY2UYECABKAESDAoEbG9hZBgRIAEoARIUCgxt",
             "ZW1vcnlfYnl0ZXMYEiABKAQSJQoJcmVjb3JkaW5nGBUgASgLMhIua2VyZi52",
             "MS5SZWNvcmRpbmcSIQoHam91cm5hbBgWIAEoCzIQLmtlcmYudjEuSm91cm5h",
-            "bCJfCgpEaWFsQ2hvaWNlEiUKB3NldHRpbmcYASABKAsyFC5rZXJmLnYxLkRp",
-            "YWxTZXR0aW5nEioKCGV4cGVjdGVkGAIgASgLMhgua2VyZi52MS5EaWFsRXhw",
-            "ZWN0YXRpb24ieQoLRGlhbFNldHRpbmcSDQoFbGV2ZWwYASABKA0SEwoLdm94",
-            "ZWxfc2NhbGUYAiABKAESGgoScmVsYXRpdmVfdG9sZXJhbmNlGAMgASgBEg8K",
-            "B2VsZW1lbnQYBCABKAkSGQoRaGFzX2ZpbmVyX3JlZ2lvbnMYBSABKAgidwoP",
-            "RGlhbEV4cGVjdGF0aW9uEhEKCW1lZGlhbl9tcxgBIAEoARIOCgZwOTlfbXMY",
-            "AiABKAESGgoSZGlzcGxhY2VtZW50X2Vycm9yGAMgASgBEhMKC2ZvcmNlX2Vy",
-            "cm9yGAQgASgBEhAKCGhhcmR3YXJlGAUgASgJIqwCCgxFbmVyZ3lMZWRnZXIS",
-            "EwoLdG9vbF93b3JrX2oYASABKAESEwoLbG9hZF93b3JrX2oYAiABKAESEQoJ",
-            "ZWxhc3RpY19qGAMgASgBEhEKCWNvbnRhY3RfahgEIAEoARIRCglraW5ldGlj",
-            "X2oYBSABKAESEgoKZnJhY3R1cmVfahgGIAEoARIUCgxmcm9udF9zbGlwX2oY",
-            "ByABKAESFAoMaW5pdGlhdGlvbl9qGAggASgBEhEKCXBhcnRpbmdfahgJIAEo",
-            "ARIRCglkYW1waW5nX2oYCiABKAESEwoLbnVtZXJpY2FsX2oYCyABKAESEgoK",
-            "cmVzaWR1YWxfahgMIAEoARISCgpmcmljdGlvbl9qGA0gASgBEhYKDmNvbnRh",
-            "Y3RfbG9zc19qGA4gASgBMtYMCg5TZXNzaW9uU2VydmljZRJFCgpMaXN0U2Nl",
-            "bmVzEhoua2VyZi52MS5MaXN0U2NlbmVzUmVxdWVzdBobLmtlcmYudjEuTGlz",
-            "dFNjZW5lc1Jlc3BvbnNlEj8KCEdldFNjZW5lEhgua2VyZi52MS5HZXRTY2Vu",
-            "ZVJlcXVlc3QaGS5rZXJmLnYxLkdldFNjZW5lUmVzcG9uc2USTgoNQ3JlYXRl",
-            "U2Vzc2lvbhIdLmtlcmYudjEuQ3JlYXRlU2Vzc2lvblJlcXVlc3QaHi5rZXJm",
-            "LnYxLkNyZWF0ZVNlc3Npb25SZXNwb25zZRJKCgtVcGxvYWRTY2VuZRIbLmtl",
-            "cmYudjEuVXBsb2FkU2NlbmVSZXF1ZXN0Ghwua2VyZi52MS5VcGxvYWRTY2Vu",
-            "ZVJlc3BvbnNlKAESTgoNU2VuZFNjZW5lRmlsZRIdLmtlcmYudjEuU2VuZFNj",
-            "ZW5lRmlsZVJlcXVlc3QaHi5rZXJmLnYxLlNlbmRTY2VuZUZpbGVSZXNwb25z",
-            "ZRJUCg9EZXNjcmliZVNlc3Npb24SHy5rZXJmLnYxLkRlc2NyaWJlU2Vzc2lv",
-            "blJlcXVlc3QaIC5rZXJmLnYxLkRlc2NyaWJlU2Vzc2lvblJlc3BvbnNlEksK",
-            "DExpc3RTZXNzaW9ucxIcLmtlcmYudjEuTGlzdFNlc3Npb25zUmVxdWVzdBod",
-            "LmtlcmYudjEuTGlzdFNlc3Npb25zUmVzcG9uc2USSwoMQ2xvc2VTZXNzaW9u",
-            "Ehwua2VyZi52MS5DbG9zZVNlc3Npb25SZXF1ZXN0Gh0ua2VyZi52MS5DbG9z",
-            "ZVNlc3Npb25SZXNwb25zZRJLCgxQYXVzZVNlc3Npb24SHC5rZXJmLnYxLlBh",
-            "dXNlU2Vzc2lvblJlcXVlc3QaHS5rZXJmLnYxLlBhdXNlU2Vzc2lvblJlc3Bv",
-            "bnNlEk4KDVJlc3VtZVNlc3Npb24SHS5rZXJmLnYxLlJlc3VtZVNlc3Npb25S",
-            "ZXF1ZXN0Gh4ua2VyZi52MS5SZXN1bWVTZXNzaW9uUmVzcG9uc2USSAoLU3Rl",
-            "cFNlc3Npb24SGy5rZXJmLnYxLlN0ZXBTZXNzaW9uUmVxdWVzdBocLmtlcmYu",
-            "djEuU3RlcFNlc3Npb25SZXNwb25zZRJLCgxSZXNldFNlc3Npb24SHC5rZXJm",
-            "LnYxLlJlc2V0U2Vzc2lvblJlcXVlc3QaHS5rZXJmLnYxLlJlc2V0U2Vzc2lv",
-            "blJlc3BvbnNlElEKDlNhdmVDaGVja3BvaW50Eh4ua2VyZi52MS5TYXZlQ2hl",
-            "Y2twb2ludFJlcXVlc3QaHy5rZXJmLnYxLlNhdmVDaGVja3BvaW50UmVzcG9u",
-            "c2USWgoRUmVzdG9yZUNoZWNrcG9pbnQSIS5rZXJmLnYxLlJlc3RvcmVDaGVj",
-            "a3BvaW50UmVxdWVzdBoiLmtlcmYudjEuUmVzdG9yZUNoZWNrcG9pbnRSZXNw",
-            "b25zZRJUCg9MaXN0Q2hlY2twb2ludHMSHy5rZXJmLnYxLkxpc3RDaGVja3Bv",
-            "aW50c1JlcXVlc3QaIC5rZXJmLnYxLkxpc3RDaGVja3BvaW50c1Jlc3BvbnNl",
-            "ElcKEERlbGV0ZUNoZWNrcG9pbnQSIC5rZXJmLnYxLkRlbGV0ZUNoZWNrcG9p",
-            "bnRSZXF1ZXN0GiEua2VyZi52MS5EZWxldGVDaGVja3BvaW50UmVzcG9uc2US",
-            "XwoSRG93bmxvYWRDaGVja3BvaW50EiIua2VyZi52MS5Eb3dubG9hZENoZWNr",
-            "cG9pbnRSZXF1ZXN0GiMua2VyZi52MS5Eb3dubG9hZENoZWNrcG9pbnRSZXNw",
-            "b25zZTABElkKEFVwbG9hZENoZWNrcG9pbnQSIC5rZXJmLnYxLlVwbG9hZENo",
-            "ZWNrcG9pbnRSZXF1ZXN0GiEua2VyZi52MS5VcGxvYWRDaGVja3BvaW50UmVz",
-            "cG9uc2UoARJLCgxJbnZpdGVWaWV3ZXISHC5rZXJmLnYxLkludml0ZVZpZXdl",
-            "clJlcXVlc3QaHS5rZXJmLnYxLkludml0ZVZpZXdlclJlc3BvbnNlEkUKClNl",
-            "ZWtSZXBsYXkSGi5rZXJmLnYxLlNlZWtSZXBsYXlSZXF1ZXN0Ghsua2VyZi52",
-            "MS5TZWVrUmVwbGF5UmVzcG9uc2ViBnByb3RvMw=="));
+            "bBIPCgdwcml2YXRlGBcgASgIIl8KCkRpYWxDaG9pY2USJQoHc2V0dGluZxgB",
+            "IAEoCzIULmtlcmYudjEuRGlhbFNldHRpbmcSKgoIZXhwZWN0ZWQYAiABKAsy",
+            "GC5rZXJmLnYxLkRpYWxFeHBlY3RhdGlvbiJ5CgtEaWFsU2V0dGluZxINCgVs",
+            "ZXZlbBgBIAEoDRITCgt2b3hlbF9zY2FsZRgCIAEoARIaChJyZWxhdGl2ZV90",
+            "b2xlcmFuY2UYAyABKAESDwoHZWxlbWVudBgEIAEoCRIZChFoYXNfZmluZXJf",
+            "cmVnaW9ucxgFIAEoCCJ3Cg9EaWFsRXhwZWN0YXRpb24SEQoJbWVkaWFuX21z",
+            "GAEgASgBEg4KBnA5OV9tcxgCIAEoARIaChJkaXNwbGFjZW1lbnRfZXJyb3IY",
+            "AyABKAESEwoLZm9yY2VfZXJyb3IYBCABKAESEAoIaGFyZHdhcmUYBSABKAki",
+            "rAIKDEVuZXJneUxlZGdlchITCgt0b29sX3dvcmtfahgBIAEoARITCgtsb2Fk",
+            "X3dvcmtfahgCIAEoARIRCgllbGFzdGljX2oYAyABKAESEQoJY29udGFjdF9q",
+            "GAQgASgBEhEKCWtpbmV0aWNfahgFIAEoARISCgpmcmFjdHVyZV9qGAYgASgB",
+            "EhQKDGZyb250X3NsaXBfahgHIAEoARIUCgxpbml0aWF0aW9uX2oYCCABKAES",
+            "EQoJcGFydGluZ19qGAkgASgBEhEKCWRhbXBpbmdfahgKIAEoARITCgtudW1l",
+            "cmljYWxfahgLIAEoARISCgpyZXNpZHVhbF9qGAwgASgBEhIKCmZyaWN0aW9u",
+            "X2oYDSABKAESFgoOY29udGFjdF9sb3NzX2oYDiABKAEy1gwKDlNlc3Npb25T",
+            "ZXJ2aWNlEkUKCkxpc3RTY2VuZXMSGi5rZXJmLnYxLkxpc3RTY2VuZXNSZXF1",
+            "ZXN0Ghsua2VyZi52MS5MaXN0U2NlbmVzUmVzcG9uc2USPwoIR2V0U2NlbmUS",
+            "GC5rZXJmLnYxLkdldFNjZW5lUmVxdWVzdBoZLmtlcmYudjEuR2V0U2NlbmVS",
+            "ZXNwb25zZRJOCg1DcmVhdGVTZXNzaW9uEh0ua2VyZi52MS5DcmVhdGVTZXNz",
+            "aW9uUmVxdWVzdBoeLmtlcmYudjEuQ3JlYXRlU2Vzc2lvblJlc3BvbnNlEkoK",
+            "C1VwbG9hZFNjZW5lEhsua2VyZi52MS5VcGxvYWRTY2VuZVJlcXVlc3QaHC5r",
+            "ZXJmLnYxLlVwbG9hZFNjZW5lUmVzcG9uc2UoARJOCg1TZW5kU2NlbmVGaWxl",
+            "Eh0ua2VyZi52MS5TZW5kU2NlbmVGaWxlUmVxdWVzdBoeLmtlcmYudjEuU2Vu",
+            "ZFNjZW5lRmlsZVJlc3BvbnNlElQKD0Rlc2NyaWJlU2Vzc2lvbhIfLmtlcmYu",
+            "djEuRGVzY3JpYmVTZXNzaW9uUmVxdWVzdBogLmtlcmYudjEuRGVzY3JpYmVT",
+            "ZXNzaW9uUmVzcG9uc2USSwoMTGlzdFNlc3Npb25zEhwua2VyZi52MS5MaXN0",
+            "U2Vzc2lvbnNSZXF1ZXN0Gh0ua2VyZi52MS5MaXN0U2Vzc2lvbnNSZXNwb25z",
+            "ZRJLCgxDbG9zZVNlc3Npb24SHC5rZXJmLnYxLkNsb3NlU2Vzc2lvblJlcXVl",
+            "c3QaHS5rZXJmLnYxLkNsb3NlU2Vzc2lvblJlc3BvbnNlEksKDFBhdXNlU2Vz",
+            "c2lvbhIcLmtlcmYudjEuUGF1c2VTZXNzaW9uUmVxdWVzdBodLmtlcmYudjEu",
+            "UGF1c2VTZXNzaW9uUmVzcG9uc2USTgoNUmVzdW1lU2Vzc2lvbhIdLmtlcmYu",
+            "djEuUmVzdW1lU2Vzc2lvblJlcXVlc3QaHi5rZXJmLnYxLlJlc3VtZVNlc3Np",
+            "b25SZXNwb25zZRJICgtTdGVwU2Vzc2lvbhIbLmtlcmYudjEuU3RlcFNlc3Np",
+            "b25SZXF1ZXN0Ghwua2VyZi52MS5TdGVwU2Vzc2lvblJlc3BvbnNlEksKDFJl",
+            "c2V0U2Vzc2lvbhIcLmtlcmYudjEuUmVzZXRTZXNzaW9uUmVxdWVzdBodLmtl",
+            "cmYudjEuUmVzZXRTZXNzaW9uUmVzcG9uc2USUQoOU2F2ZUNoZWNrcG9pbnQS",
+            "Hi5rZXJmLnYxLlNhdmVDaGVja3BvaW50UmVxdWVzdBofLmtlcmYudjEuU2F2",
+            "ZUNoZWNrcG9pbnRSZXNwb25zZRJaChFSZXN0b3JlQ2hlY2twb2ludBIhLmtl",
+            "cmYudjEuUmVzdG9yZUNoZWNrcG9pbnRSZXF1ZXN0GiIua2VyZi52MS5SZXN0",
+            "b3JlQ2hlY2twb2ludFJlc3BvbnNlElQKD0xpc3RDaGVja3BvaW50cxIfLmtl",
+            "cmYudjEuTGlzdENoZWNrcG9pbnRzUmVxdWVzdBogLmtlcmYudjEuTGlzdENo",
+            "ZWNrcG9pbnRzUmVzcG9uc2USVwoQRGVsZXRlQ2hlY2twb2ludBIgLmtlcmYu",
+            "djEuRGVsZXRlQ2hlY2twb2ludFJlcXVlc3QaIS5rZXJmLnYxLkRlbGV0ZUNo",
+            "ZWNrcG9pbnRSZXNwb25zZRJfChJEb3dubG9hZENoZWNrcG9pbnQSIi5rZXJm",
+            "LnYxLkRvd25sb2FkQ2hlY2twb2ludFJlcXVlc3QaIy5rZXJmLnYxLkRvd25s",
+            "b2FkQ2hlY2twb2ludFJlc3BvbnNlMAESWQoQVXBsb2FkQ2hlY2twb2ludBIg",
+            "LmtlcmYudjEuVXBsb2FkQ2hlY2twb2ludFJlcXVlc3QaIS5rZXJmLnYxLlVw",
+            "bG9hZENoZWNrcG9pbnRSZXNwb25zZSgBEksKDEludml0ZVZpZXdlchIcLmtl",
+            "cmYudjEuSW52aXRlVmlld2VyUmVxdWVzdBodLmtlcmYudjEuSW52aXRlVmll",
+            "d2VyUmVzcG9uc2USRQoKU2Vla1JlcGxheRIaLmtlcmYudjEuU2Vla1JlcGxh",
+            "eVJlcXVlc3QaGy5rZXJmLnYxLlNlZWtSZXBsYXlSZXNwb25zZWIGcHJvdG8z"));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { global::Kerf.V1.ControlReflection.Descriptor, global::Kerf.V1.TypesReflection.Descriptor, },
           new pbr::GeneratedClrTypeInfo(null, null, new pbr::GeneratedClrTypeInfo[] {
@@ -228,7 +228,7 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SeekReplayResponse), global::Kerf.V1.SeekReplayResponse.Parser, new[]{ "TimeS", "LengthS", "Speed", "Step" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SessionInfo), global::Kerf.V1.SessionInfo.Parser, new[]{ "SessionId", "SceneName", "State", "IsReplay", "Vitals", "Journal" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SessionVitals), global::Kerf.V1.SessionVitals.Parser, new[]{ "StepRateHz", "Steps", "LateSteps", "BusyS", "LongestStepS", "Viewers", "Drivers", "Faults", "PartedLinks", "MemoryBytes", "Hangs" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SessionDescription), global::Kerf.V1.SessionDescription.Parser, new[]{ "SessionId", "State", "Scene", "Limits", "Step", "SimTimeS", "TopologyVersion", "LateSteps", "Viewers", "LeasedToolIds", "Energy", "TrackedDisplacementsM", "StateHash", "Failure", "Dial", "RelativeTolerance", "Load", "MemoryBytes", "Recording", "Journal" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SessionDescription), global::Kerf.V1.SessionDescription.Parser, new[]{ "SessionId", "State", "Scene", "Limits", "Step", "SimTimeS", "TopologyVersion", "LateSteps", "Viewers", "LeasedToolIds", "Energy", "TrackedDisplacementsM", "StateHash", "Failure", "Dial", "RelativeTolerance", "Load", "MemoryBytes", "Recording", "Journal", "Private" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DialChoice), global::Kerf.V1.DialChoice.Parser, new[]{ "Setting", "Expected" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DialSetting), global::Kerf.V1.DialSetting.Parser, new[]{ "Level", "VoxelScale", "RelativeTolerance", "Element", "HasFinerRegions" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.DialExpectation), global::Kerf.V1.DialExpectation.Parser, new[]{ "MedianMs", "P99Ms", "DisplacementError", "ForceError", "Hardware" }, null, null, null, null),
@@ -12993,6 +12993,7 @@ namespace Kerf.V1 {
       memoryBytes_ = other.memoryBytes_;
       recording_ = other.recording_ != null ? other.recording_.Clone() : null;
       journal_ = other.journal_ != null ? other.journal_.Clone() : null;
+      private_ = other.private_;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -13301,6 +13302,21 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "private" field.</summary>
+    public const int PrivateFieldNumber = 23;
+    private bool private_;
+    /// <summary>
+    /// Its owner and operators alone get to know of it, and those that one of them hands a link.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Private {
+      get { return private_; }
+      set {
+        private_ = value;
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -13336,6 +13352,7 @@ namespace Kerf.V1 {
       if (MemoryBytes != other.MemoryBytes) return false;
       if (!object.Equals(Recording, other.Recording)) return false;
       if (!object.Equals(Journal, other.Journal)) return false;
+      if (Private != other.Private) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -13363,6 +13380,7 @@ namespace Kerf.V1 {
       if (MemoryBytes != 0UL) hash ^= MemoryBytes.GetHashCode();
       if (recording_ != null) hash ^= Recording.GetHashCode();
       if (journal_ != null) hash ^= Journal.GetHashCode();
+      if (Private != false) hash ^= Private.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -13455,6 +13473,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(178, 1);
         output.WriteMessage(Journal);
       }
+      if (Private != false) {
+        output.WriteRawTag(184, 1);
+        output.WriteBool(Private);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -13539,6 +13561,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(178, 1);
         output.WriteMessage(Journal);
       }
+      if (Private != false) {
+        output.WriteRawTag(184, 1);
+        output.WriteBool(Private);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -13604,6 +13630,9 @@ namespace Kerf.V1 {
       }
       if (journal_ != null) {
         size += 2 + pb::CodedOutputStream.ComputeMessageSize(Journal);
+      }
+      if (Private != false) {
+        size += 2 + 1;
       }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
@@ -13690,6 +13719,9 @@ namespace Kerf.V1 {
           Journal = new global::Kerf.V1.Journal();
         }
         Journal.MergeFrom(other.Journal);
+      }
+      if (other.Private != false) {
+        Private = other.Private;
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -13805,6 +13837,10 @@ namespace Kerf.V1 {
             input.ReadMessage(Journal);
             break;
           }
+          case 184: {
+            Private = input.ReadBool();
+            break;
+          }
         }
       }
     #endif
@@ -13917,6 +13953,10 @@ namespace Kerf.V1 {
               Journal = new global::Kerf.V1.Journal();
             }
             input.ReadMessage(Journal);
+            break;
+          }
+          case 184: {
+            Private = input.ReadBool();
             break;
           }
         }
