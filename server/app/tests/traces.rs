@@ -94,7 +94,7 @@ async fn overload(process: &mut Process) -> String {
     let fine = BLOCK.replace("resolution = 6\nlevel = 1", "resolution = 24\nlevel = 0");
     assert_ne!(fine, BLOCK);
     let scene = Some(create_session_request::Scene::SceneToml(fine));
-    let request = v1::CreateSessionRequest { scene, step_rate_hz: Some(10_000.0), ..Default::default() };
+    let request = v1::CreateSessionRequest { scene, step_rate_hz: Some(4000.0), ..Default::default() };
     let created = soon("a session", process.client.create_session(request)).await.unwrap().into_inner();
     created.session.unwrap().session_id
 }
@@ -131,7 +131,7 @@ async fn a_collector_gets_requests_a_sessions_life_and_late_steps() {
     let close = v1::CloseSessionRequest { session_id: session_id.clone() };
     soon("the end", process.client.close_session(close)).await.unwrap();
     let life = collected.first("session", is_ours).await;
-    assert_eq!((of(&life)["scene.name"].as_str(), of(&life)["step_rate_hz"].as_str()), ("block", "10000"));
+    assert_eq!((of(&life)["scene.name"].as_str(), of(&life)["step_rate_hz"].as_str()), ("block", "4000"));
     assert_eq!((&late.parent_span_id, &late.trace_id), (&life.span_id, &life.trace_id));
     assert!(
         life.start_time_unix_nano <= late.start_time_unix_nano && late.end_time_unix_nano <= life.end_time_unix_nano
