@@ -29,7 +29,7 @@ def stated(root):
 
 def section(changelog, version):
     """The text below `## VERSION`, with a date behind it or without; None where there is no such heading."""
-    found = re.search(rf"^## {re.escape(version)}(?: .*)?\n(.*?)(?=^## |\Z)", changelog, re.MULTILINE | re.DOTALL)
+    found = re.search(rf"^## {re.escape(version)}(?: [^\n]*)?\n(.*?)(?=^## |\Z)", changelog, re.MULTILINE | re.DOTALL)
     return found and found[1].strip()
 
 

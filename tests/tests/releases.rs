@@ -14,10 +14,13 @@ fn commands(workflow: &str) -> impl Iterator<Item = &str> {
     workflow.lines().filter_map(|line| line.trim_start().trim_start_matches("- ").strip_prefix("run: "))
 }
 
-/// The targets of `make A B VARIABLE=c`.
-fn targets(command: &str) -> Option<impl Iterator<Item = &str>> {
-    let words = command.strip_prefix("make ")?.split_whitespace().take_while(|word| *word != ">");
-    Some(words.filter(|word| !word.starts_with('-') && !word.contains('=')))
+/// The targets of `make A B VARIABLE=c`; what `${{ }}` stands for may have spaces in it.
+fn targets(command: &str) -> Option<Vec<String>> {
+    let pieces =
+        command.strip_prefix("make ")?.split("${{").map(|piece| piece.split_once("}}").map_or(piece, |(_, rest)| rest));
+    let words: String = pieces.collect();
+    let words = words.split_whitespace().take_while(|word| *word != ">");
+    Some(words.filter(|word| !word.starts_with('-') && !word.contains('=')).map(str::to_owned).collect())
 }
 
 #[test]
@@ -34,7 +37,7 @@ fn workflows_call_programs_and_targets_that_are_there() {
         for command in commands(&text) {
             let program = command.split_whitespace().next().unwrap_or_default();
             match targets(command) {
-                Some(targets) => called.extend(targets.map(str::to_owned)),
+                Some(targets) => called.extend(targets),
                 None if program.contains('/') => {
                     assert!(root().join(program).exists(), "{}: {program}", path.display())
                 }
