@@ -596,6 +596,8 @@ test("the link of a server that asks for a token opens it, and whoever has none 
 
 test("a private session is seen by its owner and by who is handed a link, and stays private", async () => {
   const { linkOf, stop } = await startSecured();
+  // Another page that draws without a graphics card holds it up.
+  const visit = (page: Page, url: string) => page.goto(url, { timeout: 90_000 });
   try {
     const { page: anna, problems } = await open(browser, (await linkOf("anna", "driver")).href);
     await anna.check("input[name='private']");
@@ -604,7 +606,7 @@ test("a private session is seen by its owner and by who is handed a link, and st
     const { page: ben } = await open(browser, (await linkOf("ben", "driver")).href);
     await ben.waitForSelector('[data-scene="jelly"]');
     expect(await ben.locator("text=Sessions that are there").count()).toBe(0);
-    await ben.goto(anna.url());
+    await visit(ben, anna.url());
     await ben.waitForSelector("text=This session cannot be joined");
 
     // The same scene with other numbers is another session, which is as private.
@@ -614,7 +616,7 @@ test("a private session is seen by its owner and by who is handed a link, and st
     await anna.click("text=Begin with these");
     await anna.waitForURL((url) => url.href !== before);
     await live(anna);
-    await ben.goto(anna.url());
+    await visit(ben, anna.url());
     await ben.waitForSelector("text=This session cannot be joined");
 
     await anna.context().grantPermissions(["clipboard-read", "clipboard-write"]);
@@ -623,13 +625,14 @@ test("a private session is seen by its owner and by who is handed a link, and st
     const shared = await anna.evaluate(() => navigator.clipboard.readText());
     const { page: guest } = await open(browser, shared);
     await live(guest);
+    await guest.context().close();
     expect(problems).toEqual([]);
 
     // What is not begun in private others may join.
-    await anna.goto(new URL("/", anna.url()).href);
+    await visit(anna, new URL("/", anna.url()).href);
     await anna.click('[data-scene="tofu"]');
     await live(anna);
-    await ben.goto(anna.url());
+    await visit(ben, anna.url());
     await live(ben);
   } finally {
     await stop();
