@@ -153,6 +153,26 @@ export async function startSecured(): Promise<Secured> {
   throw new Error(`${BINARY} ended and showed no link: ${shown}`);
 }
 
+/** The sessions that whoever has a link sees, whose server shows a certificate of its own. */
+export async function seenBy(link: URL): Promise<string[]> {
+  const transport = createGrpcWebTransport({
+    baseUrl: link.origin,
+    interceptors: [
+      (next) => (request) => {
+        request.header.set("authorization", `Bearer ${link.hash.replace("#token=", "")}`);
+        return next(request);
+      },
+    ],
+  });
+  process.env["NODE_TLS_REJECT_UNAUTHORIZED"] = "0";
+  try {
+    const { sessions } = await createClient(SessionService, transport).listSessions({});
+    return sessions.map(({ sessionId }) => sessionId);
+  } finally {
+    delete process.env["NODE_TLS_REJECT_UNAUTHORIZED"];
+  }
+}
+
 /** A port that lets only so many bytes a second through to another. */
 export async function slowLink(to: number, bytesPerSecond: number): Promise<{ address: string; close: () => void }> {
   const tickMs = 50;
