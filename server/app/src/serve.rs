@@ -338,6 +338,10 @@ async fn routes(
         Some(cors) => routes.layer(cors),
         None => routes,
     };
-    let routes = routes.layer(from_fn_with_state(refusals, refusals::count)).layer(from_fn(requests::trace));
+    let routes = routes.layer(from_fn_with_state(refusals, refusals::count));
+    let routes = match config.traces.endpoint {
+        Some(_) => routes.layer(from_fn(requests::trace)),
+        None => routes,
+    };
     Ok((health, routes.into()))
 }

@@ -106,10 +106,15 @@ impl Process {
         .await
     }
 
+    /// Sends it a signal, by the name that `kill` has for it.
+    pub fn signal(&self, name: &str) {
+        let told = Command::new("kill").args([name, &self.server.id().to_string()]).status().unwrap();
+        assert!(told.success(), "kill {name}");
+    }
+
     /// How it ends once it is told to.
     pub fn stop(mut self) -> ExitStatus {
-        let told = Command::new("kill").args(["-TERM", &self.server.id().to_string()]).status().unwrap();
-        assert!(told.success());
+        self.signal("-TERM");
         let began = Instant::now();
         loop {
             match self.server.try_wait().unwrap() {

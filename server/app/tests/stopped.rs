@@ -1,6 +1,6 @@
 //! A server that the machine stops for a second while a hand moves on.
 
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use std::time::Duration;
 
 use kerf_proto::PROTOCOL_VERSION;
@@ -18,11 +18,6 @@ const SPEED_M_PER_S: f64 = 0.015;
 const TOP_M: f64 = 0.01;
 const STOPPED: Duration = Duration::from_secs(1);
 
-fn signal(process: &Process, name: &str) {
-    let told = Command::new("kill").args([name, &process.server.id().to_string()]).status().unwrap();
-    assert!(told.success());
-}
-
 fn pose(milliseconds: u64) -> v1::ControlRequest {
     let y_m = TOP_M + 5e-4 - SPEED_M_PER_S * 1e-3 * milliseconds as f64;
     let position_m = Some(v1::Vec3 { x: 0.0, y: y_m as f32, z: 4e-4 });
@@ -35,11 +30,9 @@ fn pose(milliseconds: u64) -> v1::ControlRequest {
 async fn a_hand_that_moves_on_while_the_server_is_stopped_feels_no_more_than_the_cut_after_it() {
     let mut process = Process::serve(&["--log-filter", "warn"], Stdio::inherit()).await;
     let session_id = process.create().await.session.unwrap().session_id;
-    let hello = v1::ClientHello { protocol_version: PROTOCOL_VERSION, session_id, ..Default::default() };
-    let hello = v1::ControlRequest {
-        message: Some(control_request::Message::Hello(v1::ClientHello { tool_ids: vec![0], ..hello })),
-        received: 0,
-    };
+    let hello =
+        v1::ClientHello { protocol_version: PROTOCOL_VERSION, session_id, tool_ids: vec![0], ..Default::default() };
+    let hello = v1::ControlRequest { message: Some(control_request::Message::Hello(hello)), received: 0 };
     let (up, messages) = mpsc::channel(64);
     up.send(hello).await.unwrap();
     let hand = up.clone();
@@ -80,9 +73,9 @@ async fn a_hand_that_moves_on_while_the_server_is_stopped_feels_no_more_than_the
             }
             last_ns = contact.server_ns;
             if resumes_at.is_none() && depth_m(contact.echo_seq) > 4e-3 {
-                signal(&process, "-STOP");
+                process.signal("-STOP");
                 tokio::time::sleep(STOPPED).await;
-                signal(&process, "-CONT");
+                process.signal("-CONT");
                 resumes_at = Some(contact.echo_seq);
             }
             if depth_m(contact.echo_seq) > 0.022 {

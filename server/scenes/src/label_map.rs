@@ -2,6 +2,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::kind::{Kind, little_endian};
+
 /// Most voxels of a map: 512 slices of 512 x 512.
 pub const MAX_VOXELS: u64 = 1 << 27;
 /// Determinant of the voxel's edges over the product of their lengths below which they have no volume.
@@ -68,58 +70,4 @@ pub(crate) fn to_scene_m(
     }
     let to_scene_m = Matrix3::from_diagonal(&Vector3::new(-unit_m, unit_m, -unit_m));
     Ok((to_scene_m * edges, to_scene_m * first))
-}
-
-/// Up to eight bytes as little-endian ones, zeros behind them.
-pub(crate) fn little_endian(bytes: &[u8], is_big_endian: bool) -> [u8; 8] {
-    let mut array = [0; 8];
-    array[..bytes.len()].copy_from_slice(bytes);
-    if is_big_endian {
-        array[..bytes.len()].reverse();
-    }
-    array
-}
-
-/// Type of a voxel's number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
-    U8,
-    I8,
-    I16,
-    U16,
-    I32,
-    U32,
-    I64,
-    U64,
-    F32,
-    F64,
-}
-
-impl Kind {
-    pub fn bytes(self) -> usize {
-        match self {
-            Self::U8 | Self::I8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::I64 | Self::U64 | Self::F64 => 8,
-        }
-    }
-
-    /// The label that little-endian bytes are, padded with zeros.
-    fn label(self, bytes: [u8; 8]) -> Option<u16> {
-        let [a, b, c, d, ..] = bytes;
-        let whole = |value: f64| (value.fract() == 0.0 && (0.0..=65535.0).contains(&value)).then_some(value as u16);
-        match self {
-            Self::U8 => Some(u16::from(a)),
-            Self::I8 => u16::try_from(a as i8).ok(),
-            Self::I16 => u16::try_from(i16::from_le_bytes([a, b])).ok(),
-            Self::U16 => Some(u16::from_le_bytes([a, b])),
-            Self::I32 => u16::try_from(i32::from_le_bytes([a, b, c, d])).ok(),
-            Self::U32 => u16::try_from(u32::from_le_bytes([a, b, c, d])).ok(),
-            Self::I64 => u16::try_from(i64::from_le_bytes(bytes)).ok(),
-            Self::U64 => u16::try_from(u64::from_le_bytes(bytes)).ok(),
-            Self::F32 => whole(f32::from_le_bytes([a, b, c, d]).into()),
-            Self::F64 => whole(f64::from_le_bytes(bytes)),
-        }
-    }
 }

@@ -11,6 +11,7 @@ mod edge_file;
 pub mod error;
 pub mod examine;
 pub mod file;
+mod kind;
 mod label_map;
 mod label_map_file;
 mod label_surface;

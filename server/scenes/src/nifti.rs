@@ -7,7 +7,8 @@ use std::io::Read;
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
-use crate::label_map::{Kind, LabelMap, checked_dims, little_endian, to_scene_m};
+use crate::kind::{Kind, little_endian};
+use crate::label_map::{LabelMap, checked_dims, to_scene_m};
 
 /// Reads a file, not compressed.
 pub(crate) fn read(mut source: impl Read, max_voxels: u64) -> Result<LabelMap, String> {

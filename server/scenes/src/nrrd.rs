@@ -9,7 +9,8 @@ use std::io::{BufRead, BufReader, Read};
 use flate2::read::GzDecoder;
 use nalgebra::{Matrix3, Vector3};
 
-use crate::label_map::{Kind, LabelMap, checked_dims, to_scene_m};
+use crate::kind::Kind;
+use crate::label_map::{LabelMap, checked_dims, to_scene_m};
 
 /// Most bytes of a header: that of a segmentation has some lines for each segment.
 const MAX_HEADER_BYTES: u64 = 1 << 20;

@@ -26,12 +26,11 @@ const PARTS_AHEAD: usize = 2;
 /// Makes files and reads them.
 pub struct CheckpointFiles {
     in_parts: Arc<InParts>,
-    limit_s: f64,
 }
 
 impl CheckpointFiles {
-    pub fn new(in_parts: Arc<InParts>, limit_s: f64) -> Self {
-        Self { in_parts, limit_s }
+    pub fn new(in_parts: Arc<InParts>) -> Self {
+        Self { in_parts }
     }
 
     /// The file of a checkpoint, or of the state as it is where the name is empty.
@@ -43,10 +42,10 @@ impl CheckpointFiles {
     ) -> Result<Outgoing<v1::DownloadCheckpointResponse>, RequestError> {
         let place = self.in_parts.take(connection)?;
         let checkpoint = match name {
-            "" => in_time(self.limit_s, session.copy()).await,
-            name => in_time(self.limit_s, session.checkpoint(name)).await,
+            "" => in_time(self.in_parts.limit_s, session.copy()).await,
+            name => in_time(self.in_parts.limit_s, session.checkpoint(name)).await,
         }?;
-        let (file, place) = in_time(self.limit_s, aside(move || (checkpoint.save(), place))).await?;
+        let (file, place) = in_time(self.in_parts.limit_s, aside(move || (checkpoint.save(), place))).await?;
         self.in_parts.check_size(file.len())?;
         let (parts, sent) = mpsc::channel(PARTS_AHEAD);
         tokio::spawn(send(file, place, parts, self.in_parts.too_many()));
@@ -61,7 +60,7 @@ impl CheckpointFiles {
         parts: Streaming<v1::UploadCheckpointRequest>,
         find: impl Fn(&str) -> Result<Arc<Session>, RequestError>,
     ) -> Result<u64, RequestError> {
-        let limit_s = self.limit_s;
+        let limit_s = self.in_parts.limit_s;
         let (Upload { session, name, file }, place) = self.in_parts.receive(connection, self.read(parts, find)).await?;
         let own = in_time(limit_s, session.copy()).await?;
         let read = move || {

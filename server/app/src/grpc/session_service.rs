@@ -54,7 +54,7 @@ impl SessionService {
         let scenes = Arc::new(SceneList::new(config.scene_dir.clone()));
         let in_parts = Arc::new(InParts::new(&config.transport));
         let sent_files = SentFiles::new(Arc::clone(&in_parts));
-        let files = CheckpointFiles::new(Arc::clone(&in_parts), config.transport.request_timeout_s);
+        let files = CheckpointFiles::new(Arc::clone(&in_parts));
         let owned = Owned::new(config.security.max_sessions_per_token);
         Self { registry, scenes, config, recordings, journals, in_parts, sent_files, files, guests, owned }
     }

@@ -38,10 +38,10 @@ pub async fn trace(request: Request, next: Next) -> Response {
 /// The span of a call of one of this program's services. Of names that clients make up, and of health checks, there are none.
 fn span_of(request: &Request) -> Option<Span> {
     let asked = request.uri().path();
-    let (path, _) = CALLS.iter().find(|(path, _)| *path == asked && path.starts_with("/kerf."))?;
-    if TOO_MANY.contains(path) {
+    if TOO_MANY.contains(&asked) {
         return None;
     }
+    let (path, _) = CALLS.iter().find(|(path, _)| *path == asked && path.starts_with("/kerf."))?;
     let (service, method) = path.trim_start_matches('/').split_once('/')?;
     let span = tracing::info_span!(
         target: TRACES,

@@ -99,9 +99,10 @@ impl Body {
     }
 
     /// The same of those elements of a block that are to be `written`.
-    fn write_matrices(&mut self, index: usize, written: [bool; LANES]) {
-        let (block, state, first) = (&self.solver.blocks[index], &self.state.elements[index], index * LANES);
-        let dt = f64x4::splat(self.solver.params.dt_s);
+    fn write_matrices(&mut self, of_block: usize, written: [bool; LANES]) {
+        let (block, state, first) = (&self.solver.blocks[of_block], &self.state.elements[of_block], of_block * LANES);
+        let dt_s = self.solver.params.dt_s;
+        let dt = f64x4::splat(dt_s);
         let mass_factor = f64x4::ONE + dt * block.alpha_per_s;
         let stiffness_factor = dt * (dt + block.beta_s);
         let stiffening = state.stiffening - f64x4::ONE;
@@ -123,9 +124,9 @@ impl Body {
             }
             if row % 3 == column % 3 {
                 let (a, b) = (row / 3, column / 3);
-                packed[index] += mass_factor * block.shapes.mass_kg[a * (a + 1) / 2 + b];
+                packed[index] += mass_factor * block.shapes.mass_kg[corner_pair(a, b)];
                 for (entry, geometric) in packed[index].as_mut_array().iter_mut().zip(&geometric) {
-                    *entry += geometric.map_or(0.0, |s| (dt * dt).as_array()[0] * s.stiffness_n_per_m(a, b));
+                    *entry += geometric.map_or(0.0, |s| dt_s * dt_s * s.stiffness_n_per_m(a, b));
                 }
             }
         });
@@ -156,23 +157,22 @@ impl Body {
         if self.solver.blocks.iter().any(|b| b.stiffening.is_some()) {
             for block in 0..self.state.elements.len() {
                 let stiffening = self.state.elements[block].stiffening.to_array();
-                let elements = block * LANES..self.base().elements.len().min((block + 1) * LANES);
+                let applied = self.solver.applied_stiffening[block * LANES..].iter().take(LANES);
                 let mut written = [false; LANES];
-                for element in elements.clone() {
-                    let active = stiffening[element % LANES] - 1.0 > STIFFENING_THRESHOLD;
-                    written[element % LANES] = active || self.solver.applied_stiffening[element] != 1.0;
+                for (lane, applied) in applied.enumerate() {
+                    written[lane] = stiffening[lane] - 1.0 > STIFFENING_THRESHOLD || *applied != 1.0;
                 }
                 if written.contains(&true) {
                     self.write_matrices(block, written);
                     rewritten = true;
                 }
-                for element in elements {
-                    let ratio = self.solver.applied_stiffening[element] / self.solver.coarse_stiffening[element];
-                    if !(1.0 / COARSE_STIFFENING_FACTOR..=COARSE_STIFFENING_FACTOR).contains(&ratio) {
-                        self.solver.coarse_stiffening[element] = self.solver.applied_stiffening[element];
-                        if let Some(above) = self.state.levels.get(1) {
-                            self.scratch.stale_parents.push(above.owner[element]);
-                        }
+            }
+            for element in 0..self.base().elements.len() {
+                let ratio = self.solver.applied_stiffening[element] / self.solver.coarse_stiffening[element];
+                if !(1.0 / COARSE_STIFFENING_FACTOR..=COARSE_STIFFENING_FACTOR).contains(&ratio) {
+                    self.solver.coarse_stiffening[element] = self.solver.applied_stiffening[element];
+                    if let Some(above) = self.state.levels.get(1) {
+                        self.scratch.stale_parents.push(above.owner[element]);
                     }
                 }
             }

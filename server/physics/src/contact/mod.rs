@@ -28,6 +28,11 @@ use serde::{Deserialize, Serialize};
 /// milliseconds that this says; at half of it in twice the time.
 pub(crate) const COMES_UP_VOXELS_PER_S: f64 = 1.0;
 
+/// Depth to which so much energy presses a spring, m; 0 where it is less than none.
+pub(crate) fn pressed_m(stiffness_n_per_m: f64, held_j: f64) -> f64 {
+    (2.0 * held_j.max(0.0) / stiffness_n_per_m).sqrt()
+}
+
 /// Nodes that share a contact point, and their weights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ContactWeights {

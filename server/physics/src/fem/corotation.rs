@@ -1,9 +1,10 @@
 //! Rotations and exact co-rotational forces, four elements at a time.
 //!
-//! Energy of an element: `U = 1/2 u^T K u + V (psi(w) - w)`, `u = R^T x - S X`, R the rotation of the
-//! mean deformation gradient, S the stretch to the shape that it would take if it were free (1 but for prestrain), `w = 1/2 u^T K_G u / V`, `psi(w) = E/(2c) (exp(2 c w / E) - 1)`: strain
-//! stiffening, uniaxially `sigma = E eps exp(c eps^2)`; the second term is absent for c = 0. What relaxes
-//! in time stands beside it: [`super::relaxation`].
+//! Energy of an element: `U = 1/2 u^T K u + V (psi(w) - w)`, `u = R^T x - S X`, R the rotation of the mean deformation
+//! gradient, S the stretch to the shape that it would take if it were free (1 but for prestrain),
+//! `w = 1/2 u^T K_G u / V`, `psi(w) = E/(2c) (exp(2 c w / E) - 1)`: strain stiffening, uniaxially
+//! `sigma = E eps exp(c eps^2)`; the second term is absent for c = 0. What relaxes in time stands beside it:
+//! [`super::relaxation`].
 
 use super::block::{ElementBlock, ElementState, Evaluation, NodalBuffers, StepTerms};
 use super::composite::corner_pair;

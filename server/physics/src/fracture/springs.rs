@@ -8,7 +8,7 @@ use super::link_energy;
 use super::marker::Edge;
 use crate::Vec3;
 use crate::body::Body;
-use crate::contact::{COMES_UP_VOXELS_PER_S, Contact, Misjudged, Mode, Solution, ToolEnds};
+use crate::contact::{COMES_UP_VOXELS_PER_S, Contact, Misjudged, Mode, Solution, ToolEnds, pressed_m};
 use crate::scene::FractureRule;
 use crate::tool::frame::BladeFrame;
 use serde::{Deserialize, Serialize};
@@ -77,11 +77,11 @@ impl FrontContact {
         // energy. One that cuts is as far in as its cap, whatever element it has come to; the first touch is a step's way in.
         let comes_up_m = COMES_UP_VOXELS_PER_S * body.dt_s() * body.state.grid.voxel_size_m();
         if forward.mode == Mode::Spring || anchor.yielded && forward.mode == Mode::Off {
-            let pressed_m = pressed_m(&forward, anchor.stored_j) + comes_up_m;
+            let pressed_m = pressed_m(forward.stiffness_n_per_m, anchor.stored_j) + comes_up_m;
             shift_gap(&mut forward, |gap_m| gap_m.min(pressed_m));
         }
         let beside_j = anchor.stored_j - held_j(&forward, forward.gap_before_m);
-        let aside_m = pressed_m(&lateral, beside_j) + comes_up_m;
+        let aside_m = pressed_m(lateral.stiffness_n_per_m, beside_j) + comes_up_m;
         shift_gap(&mut lateral, |gap_m| gap_m.clamp(-aside_m, aside_m));
         lateral.mode = lateral_mode(&forward);
         let mut slide = spring(edge.frame.along);
@@ -174,11 +174,6 @@ fn held_j(forward: &Contact, gap_m: f64) -> f64 {
     let gap_m = gap_m.max(0.0);
     let held_m = gap_m.min(cap_m);
     k * held_m * (gap_m - 0.5 * held_m)
-}
-
-/// Gap at which a spring holds so much, m.
-fn pressed_m(contact: &Contact, held_j: f64) -> f64 {
-    (2.0 * held_j.max(0.0) / contact.stiffness_n_per_m).sqrt()
 }
 
 /// Begins the step at another gap.

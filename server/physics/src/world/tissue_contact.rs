@@ -10,7 +10,7 @@ use crate::contact::candidates::{Candidates, Reach};
 use crate::contact::ends::{TissueEnd, TissueEnds};
 use crate::contact::patch_hash::PlacedPatch;
 use crate::contact::press::{Approach, MARGIN_VOXELS, Meeting, PatchOf, Plane, approach, meet};
-use crate::contact::{Contact, ContactWeights, Friction, Misjudged, Mode, Solution, TissueContact};
+use crate::contact::{Contact, ContactWeights, Friction, Misjudged, Mode, Solution, TissueContact, pressed_m};
 use crate::ledger::ContactLedger;
 use crate::solve::pcg::{Factor, System, Systems};
 use crate::solve::spring::{PointSpring, ROOM_FOR_SPRINGS};
@@ -401,7 +401,7 @@ fn spring(point: &PatchOf<'_>, surface: &PatchOf<'_>, meeting: &Meeting, work_j:
     let voxel_m = point.body.state.grid.voxel_size_m();
     let stiffness_n_per_m = STIFFNESS * point.patch.area_m2 / compliance;
     // What is found deeper than work has pressed it does not push for that: it would make energy.
-    let pressed_m = (2.0 * work_j / stiffness_n_per_m).sqrt();
+    let pressed_m = pressed_m(stiffness_n_per_m, work_j);
     let depth_before_m = (-meeting.distance_m).min(MOST_PUSH_VOXELS * voxel_m).min(pressed_m);
     let depth_predicted_m = depth_before_m - dt_s * closing;
     let [mu, of_surface] = [(point, point.patch.point.voxel), (surface, meeting.point.voxel)]

@@ -6,7 +6,6 @@
 mod cells;
 #[cfg(test)]
 mod foreign_tests;
-mod kind;
 mod msh;
 mod obj;
 mod ply;

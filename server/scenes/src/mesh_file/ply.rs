@@ -2,8 +2,8 @@
 
 use kerf_physics::scene::TriangleMesh;
 
-use super::kind::Kind;
 use super::{index, number, push_fan};
+use crate::kind::Kind;
 
 pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, String> {
     let header = Header::read(bytes)?;

@@ -5,8 +5,8 @@ use std::borrow::Cow;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
-use super::super::kind::Kind;
 use super::super::text;
+use crate::kind::Kind;
 
 /// What stands before the data that are kept behind the XML.
 const APPENDED: &[u8] = b"<AppendedData";

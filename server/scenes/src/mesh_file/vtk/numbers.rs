@@ -7,9 +7,9 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use flate2::read::ZlibDecoder;
 
-use super::super::kind::Kind;
 use super::super::number;
 use super::document::{Appended, Array, Packing, Place};
+use crate::kind::{Kind, little_endian};
 
 /// Reads arrays, and no more numbers in all than a file may have.
 pub(super) struct Numbers<'a> {
@@ -97,12 +97,7 @@ impl Numbers<'_> {
     fn length(&self, source: &mut Bytes<'_>) -> Result<u64, String> {
         let kind = if self.packing.has_long_header { Kind::U64 } else { Kind::U32 };
         let bytes = source.take(kind.bytes() as u64)?;
-        let mut little = [0; 8];
-        little[..bytes.len()].copy_from_slice(&bytes);
-        if self.packing.is_big {
-            little[..bytes.len()].reverse();
-        }
-        Ok(u64::from_le_bytes(little))
+        Ok(u64::from_le_bytes(little_endian(&bytes, self.packing.is_big)))
     }
 
     /// Takes what an array needs from what is left, before memory is taken for it.

@@ -2,7 +2,7 @@
 
 /// How a number stands in a binary file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(crate) enum Kind {
     I8,
     U8,
     I16,
@@ -16,7 +16,7 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    pub(super) fn bytes(self) -> usize {
+    pub(crate) fn bytes(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
             Self::I16 | Self::U16 => 2,
@@ -27,7 +27,7 @@ impl Kind {
 
     /// The number in as many bytes, little-endian, zeros behind them. Beyond 2^53 the nearest that there is: no mesh has
     /// as many vertices.
-    pub(super) fn value(self, bytes: [u8; 8]) -> f64 {
+    pub(crate) fn value(self, bytes: [u8; 8]) -> f64 {
         let [a, b, c, d, ..] = bytes;
         match self {
             Self::I8 => f64::from(a as i8),
@@ -43,14 +43,25 @@ impl Kind {
         }
     }
 
-    /// The number that some bytes begin with, and the bytes behind it; `None` where they are too few.
-    pub(super) fn take(self, bytes: &[u8], is_big: bool) -> Option<(f64, &[u8])> {
-        let (found, rest) = bytes.split_at_checked(self.bytes())?;
-        let mut little = [0; 8];
-        little[..found.len()].copy_from_slice(found);
-        if is_big {
-            little[..found.len()].reverse();
-        }
-        Some((self.value(little), rest))
+    /// The label of a voxel that the same bytes are; `None`: no whole number from 0 to 65535.
+    pub(crate) fn label(self, bytes: [u8; 8]) -> Option<u16> {
+        let value = self.value(bytes);
+        (value.fract() == 0.0 && (0.0..=65535.0).contains(&value)).then_some(value as u16)
     }
+
+    /// The number that some bytes begin with, and the bytes behind it; `None` where they are too few.
+    pub(crate) fn take(self, bytes: &[u8], is_big: bool) -> Option<(f64, &[u8])> {
+        let (found, rest) = bytes.split_at_checked(self.bytes())?;
+        Some((self.value(little_endian(found, is_big)), rest))
+    }
+}
+
+/// Up to eight bytes as little-endian ones, zeros behind them.
+pub(crate) fn little_endian(bytes: &[u8], is_big: bool) -> [u8; 8] {
+    let mut little = [0; 8];
+    little[..bytes.len()].copy_from_slice(bytes);
+    if is_big {
+        little[..bytes.len()].reverse();
+    }
+    little
 }
