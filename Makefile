@@ -67,11 +67,10 @@ docs: $(if $(NPM),client/web/node_modules)
 	else echo "Formulas in the book stay as text: KaTeX is missing (npm install in client/web)."; fi
 	@echo "The book is in docs/book; build the server to serve it at /docs."
 
-# Which modules import which, as Mermaid drawings, and the groups of modules that import each other.
+# Which modules import which, as Mermaid drawings.
 IMPORTS ?= $(wildcard server/*/src client/*/src proto/src tests/src)
 imports:
 	@python3 docs/lint/imports.py $(IMPORTS)
-	@python3 docs/lint/imports.py --circles $(IMPORTS) || true
 
 # Writes docs/reference/settings.md and scene-fields.md from what the program says.
 reference:
@@ -153,8 +152,9 @@ lint: $(if $(NPM),client/web/node_modules)
 	@client/python/check.sh lint sh -ec 'ruff check --quiet && ruff format --check --quiet && mypy'
 	$(if $(NPM),cd client/web && node lint-workflows.mjs ../../.github/workflows/*.yml)
 	@client/python/check.sh "lint of manifests" python ../../deploy/kubernetes/lint.py
-	@if command -v python3 >/dev/null; then git ls-files '*.md' | grep -v LICENSE | xargs python3 docs/lint/prose.py; \
-	else echo "The linter of the documents' prose is left out: it needs Python 3."; fi
+	@if command -v python3 >/dev/null; then \
+		python3 docs/lint/imports.py --circles $(IMPORTS) && git ls-files '*.md' | grep -v LICENSE | xargs python3 docs/lint/prose.py; \
+	else echo "The linters of imports and of the documents' prose are left out: they need Python 3."; fi
 
 # Takes the .proto files as they are for the version that later ones have to stay compatible with.
 publish-protocol: client/web/node_modules

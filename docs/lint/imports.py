@@ -69,7 +69,7 @@ def main():
         if only_circles:
             for group in circles(edges):
                 found = True
-                print(f"{folder}: {', '.join(group)}")
+                print(f"{folder}: these import each other: {', '.join(group)}")
             continue
         print(f"%% {folder}\nflowchart LR")
         print("\n".join(f"  {name} --> {to}" for name, tos in edges.items() for to in sorted(tos)))

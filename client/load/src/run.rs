@@ -142,7 +142,7 @@ async fn drive_all(args: &Args, fleet: &Fleet) -> anyhow::Result<Finished> {
         view: &all.view,
     };
     let mut report = Report::of(&run);
-    report.limits_exceeded = args.limits.exceeded(&report);
+    report.limits_exceeded = report.exceeded(&args.limits);
     let object = |(object, surface): (&v1::ObjectSummary, Surface)| glb::Object {
         name: object.name.clone(),
         regions: object.material_names.iter().skip(1).cloned().collect(),

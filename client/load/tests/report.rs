@@ -142,7 +142,7 @@ fn json_has_the_same_numbers() {
 #[test]
 fn limits_name_what_was_exceeded_with_both_numbers() {
     let report = report(&contacts(), &view());
-    assert_eq!(LimitArgs::default().exceeded(&report), Vec::<String>::new());
+    assert_eq!(report.exceeded(&LimitArgs::default()), Vec::<String>::new());
     let limits = LimitArgs {
         max_p99_ms: Some(5.0),
         max_late_step_share: Some(0.5),
@@ -150,7 +150,7 @@ fn limits_name_what_was_exceeded_with_both_numbers() {
         min_contact_rate: Some(300.0),
         max_mismatches: 0,
     };
-    let exceeded = limits.exceeded(&report);
+    let exceeded = report.exceeded(&limits);
     assert_eq!(exceeded.len(), 3, "{exceeded:?}");
     assert!(exceeded[0].starts_with("round trip p99 in ms is 9.9"), "{exceeded:?}");
     assert!(exceeded[0].ends_with("at most 5 was asked for"), "{exceeded:?}");
@@ -161,13 +161,13 @@ fn limits_name_what_was_exceeded_with_both_numbers() {
 #[test]
 fn mismatches_exceed_the_default_limits() {
     let view = ViewTotals { mismatches: 1, ..view() };
-    assert_eq!(LimitArgs::default().exceeded(&report(&contacts(), &view)).len(), 1);
+    assert_eq!(report(&contacts(), &view).exceeded(&LimitArgs::default()).len(), 1);
 }
 
 #[test]
 fn run_without_round_trips_exceeds_a_limit_on_them() {
     let limits = LimitArgs { max_p99_ms: Some(1e9), ..LimitArgs::default() };
-    assert_eq!(limits.exceeded(&report(&ContactMetrics::default(), &view())).len(), 1);
+    assert_eq!(report(&ContactMetrics::default(), &view()).exceeded(&limits).len(), 1);
 }
 
 #[test]

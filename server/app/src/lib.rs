@@ -28,7 +28,7 @@ pub mod scene_args;
 mod scene_list;
 pub mod scenes;
 pub mod schema;
-mod script_warnings;
+pub mod script;
 pub mod security;
 pub mod serve;
 mod shutdown;
@@ -41,7 +41,6 @@ pub mod wire {
 }
 mod status;
 mod telemetry;
-mod tool_sweep;
 pub mod top;
 pub mod traces;
 pub mod tradeoff;

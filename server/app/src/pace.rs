@@ -12,7 +12,7 @@ use kerf_scenes::cost::Cost;
 use kerf_session::LoggedInputs;
 use kerf_session::clock::MonotonicClock;
 
-use crate::simulate::stroke::default_stroke;
+use crate::script::stroke::default_stroke;
 
 /// What is measured: small, soon built, and one of the paper's. Its blade is in the tissue for most of these steps.
 const MEASURED: &str = "jelly";

@@ -12,9 +12,9 @@ use kerf_scenes::examine::{self, examine};
 use kerf_scenes::{catalog, file::Opened};
 
 use crate::progress::say;
-use crate::script_warnings;
-use crate::simulate::script::Script;
-use crate::simulate::stroke::default_stroke;
+use crate::script::Script;
+use crate::script::stroke::default_stroke;
+use crate::script::warnings;
 
 /// A scene and what is changed in it.
 #[derive(Args, Clone, Debug, Default)]
@@ -116,7 +116,7 @@ impl SceneArgs {
         let script = read_script(self.script.as_deref(), &opened.scene)?;
         warnings = warnings.into_iter().map(|warning| opened.placed(warning)).collect();
         if let Some(path) = &self.script {
-            warnings.extend(script_warnings::of(&path.display().to_string(), &script, &opened.scene, &world));
+            warnings.extend(warnings::of(&path.display().to_string(), &script, &opened.scene, &world));
         }
         Ok(Run { scene: opened.scene, script, world, warnings })
     }

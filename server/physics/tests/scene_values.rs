@@ -509,9 +509,14 @@ fn shapes_without_extent_are_refused() {
 
 #[test]
 fn a_union_holds_no_unions() {
-    let inner = ShapeDesc::SmoothUnion { blend_m: 0.0, parts: vec![] };
-    let fields = refused(|s| s.objects[0].shape = ShapeDesc::SmoothUnion { blend_m: 0.0, parts: vec![inner] });
+    let inner = ShapeDesc::SmoothUnion { blend_m: 0.0, parts: vec![], without: vec![] };
+    let fields =
+        refused(|s| s.objects[0].shape = ShapeDesc::SmoothUnion { blend_m: 0.0, parts: vec![inner], without: vec![] });
     assert_eq!(fields, ["objects[0].shape.smooth_union.parts[0]"]);
+    let ball = ShapeDesc::Sphere { center_m: [0.0; 3], radius_m: 0.1 };
+    let without = vec![ShapeDesc::Sphere { center_m: [0.0; 3], radius_m: -0.1 }];
+    let fields = refused(|s| s.objects[0].shape = ShapeDesc::SmoothUnion { blend_m: 0.0, parts: vec![ball], without });
+    assert_eq!(fields, ["objects[0].shape.smooth_union.without[0].sphere.radius_m"]);
 }
 
 #[test]
@@ -548,6 +553,6 @@ fn a_label_map_is_refused_by_field_and_no_part_of_a_union() {
     assert_eq!(refused_map(map(&[1], 1.0, f64::NAN)), ["objects[0].shape.label_map.offset_m"]);
     let nameless = ShapeDesc::LabelMap { file: String::new(), labels: vec![], scale: 1.0, offset_m: [0.0; 3] };
     assert_eq!(refused_map(nameless), ["objects[0].shape.label_map.file"]);
-    let union = ShapeDesc::SmoothUnion { blend_m: 0.0, parts: vec![map(&[], 1.0, 0.0)] };
+    let union = ShapeDesc::SmoothUnion { blend_m: 0.0, parts: vec![map(&[], 1.0, 0.0)], without: vec![] };
     assert_eq!(refused_map(union), ["objects[0].shape.smooth_union.parts[0]"]);
 }

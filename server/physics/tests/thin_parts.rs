@@ -11,7 +11,7 @@ fn bent(level: u8, min_elements_across: Option<f64>) -> (f64, usize) {
     let neck = ShapeDesc::Capsule { from_m: [-0.05, 0.001, 0.0], to_m: [0.05, 0.001, 0.0], radius_m: 0.008 };
     let beyond = |x: f64| ShapeDesc::Box { min_m: [x, -1.0, -1.0], max_m: [1.0; 3] };
     let mut desc = object([0.0; 3], [0.0; 3], 0.0035, level);
-    desc.shape = ShapeDesc::SmoothUnion { blend_m: 0.005, parts: vec![ball(-0.05), ball(0.05), neck] };
+    desc.shape = ShapeDesc::SmoothUnion { blend_m: 0.005, parts: vec![ball(-0.05), ball(0.05), neck], without: vec![] };
     desc.min_elements_across = min_elements_across;
     desc.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [-0.05, 1.0, 1.0] }];
     desc.loads =

@@ -187,7 +187,7 @@ fn a_link_that_leaves_twice_is_crossed_where_it_leaves_first() {
     // A plate and, a fifth of a voxel above, a sheet that no centre meets: the link ends beyond both.
     let plate = ShapeDesc::Box { min_m: [0.0; 3], max_m: [0.4, 0.4, 0.16] };
     let fin = ShapeDesc::Box { min_m: [0.0, 0.0, 0.178], max_m: [0.4, 0.4, 0.19] };
-    let grid = grid_of(ShapeDesc::SmoothUnion { blend_m: 0.0, parts: vec![plate, fin] }, 0.1);
+    let grid = grid_of(ShapeDesc::SmoothUnion { blend_m: 0.0, parts: vec![plate, fin], without: vec![] }, 0.1);
     let top: Vec<_> = boundary(&grid).into_iter().filter(|(link, _, up)| link.axis == 2 && *up > 0.0).collect();
     assert_eq!(top.len(), 16);
     for (link, crossing, _) in top {

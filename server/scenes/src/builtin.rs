@@ -3,6 +3,7 @@
 /// Name and TOML of each, in the order in which a newcomer would look at them.
 pub(crate) const BUILTIN: [(&str, &str); 18] = [
     ("liver", include_str!("../builtin/liver.toml")),
+    ("liver-tissue", include_str!("../builtin/liver-tissue.toml")),
     ("gummy-bear", include_str!("../builtin/gummy-bear.toml")),
     ("apple", include_str!("../builtin/apple.toml")),
     ("tofu", include_str!("../builtin/tofu.toml")),
@@ -10,7 +11,6 @@ pub(crate) const BUILTIN: [(&str, &str); 18] = [
     ("tense-skin", include_str!("../builtin/tense-skin.toml")),
     ("hepatectomy", include_str!("../builtin/hepatectomy.toml")),
     ("two-organs", include_str!("../builtin/two-organs.toml")),
-    ("liver-tissue", include_str!("../builtin/liver-tissue.toml")),
     ("potato", include_str!("../builtin/potato.toml")),
     ("cucumber", include_str!("../builtin/cucumber.toml")),
     ("skin", include_str!("../builtin/skin.toml")),

@@ -1,13 +1,20 @@
 //! What is to be said of a scene before it runs. Whoever runs scenes asks here, so that all refuse and warn alike.
 
+use kerf_physics::grid::missed::{MissedPart, largest_missed_part, volume_m3};
 use kerf_physics::grid::thickness::Thickness;
 use kerf_physics::grid::voxelize::region_voxels;
 use kerf_physics::grid::{Grid, LEAST_PIECE_VOXELS, LeftOut, VoxelId};
 use kerf_physics::scene::toughness::{carries, composite_edge_m};
 use kerf_physics::scene::{LoadDesc, ObjectDesc, ShapeDesc};
+use kerf_physics::surface::Surface;
 use kerf_physics::{Scene, SceneError, World};
 
 use crate::mesh_faults::mesh_faults;
+
+/// A part that voxels miss is worth a word where it is longer than so many of them: tips and edges are not.
+const LEAST_MISSED_VOXELS: f64 = 3.0;
+/// Share of a shape's volume by which its surface may be off without a word.
+const MOST_VOLUME_ERROR: f64 = 0.05;
 
 /// A scene that can run.
 pub struct Examined {
@@ -42,6 +49,7 @@ pub fn warnings(scene: &Scene, world: &World) -> Vec<SceneError> {
         remarks.regions();
         remarks.supports();
         remarks.thin_parts();
+        remarks.missed();
         remarks.loads();
         remarks.left_out();
         warnings = remarks.warnings;
@@ -130,6 +138,47 @@ impl Remarks<'_> {
                 1e3 * edge_m
             );
             self.warn(".level", message);
+        }
+    }
+
+    /// Parts of the shape between the voxels' centres, and a surface that encloses too little or too much.
+    fn missed(&mut self) {
+        let Self { object, scene, grid, .. } = *self;
+        let voxel_m = grid.voxel_size_m();
+        let field = if object.resolution.is_some() { ".resolution" } else { ".voxel_size_m" };
+        // What cannot be told has been refused when the world was built.
+        if let Ok(Some(MissedPart { bounds, thickness_m })) = largest_missed_part(grid, &object.shape, &scene.meshes)
+            && bounds.extent_m().max() > LEAST_MISSED_VOXELS * voxel_m
+        {
+            let [low, high] = [bounds.min_m, bounds.max_m].map(|p| format!("({:.4}, {:.4}, {:.4})", p.x, p.y, p.z));
+            let message = format!(
+                "a part of the shape, {:.2} mm thick, from {low} to {high} m, lies between the centres of the voxels of \
+                 {:.2} mm and is missing; voxels of {:.2} mm would have it",
+                1e3 * thickness_m,
+                1e3 * voxel_m,
+                1e3 * thickness_m / 2.0,
+            );
+            self.warn(field, message);
+        }
+        let is_faulty = object
+            .shape
+            .mesh()
+            .and_then(|mesh| scene.meshes.get(&mesh.key))
+            .is_some_and(|mesh| !mesh_faults(mesh).is_empty());
+        let Ok(shape_m3) = volume_m3(&object.shape, &scene.meshes, voxel_m) else { return };
+        let surface_m3 = Surface::build(grid).volume_m3();
+        let excess = surface_m3 / shape_m3 - 1.0;
+        if excess.abs() > MOST_VOLUME_ERROR && !is_faulty {
+            let message = format!(
+                "the surface of the voxels of {:.2} mm encloses {:.2} cm3, the shape {:.2} cm3, so {:.0} % {}: walls and tips \
+                 are thin for such voxels; take smaller ones",
+                1e3 * voxel_m,
+                1e6 * surface_m3,
+                1e6 * shape_m3,
+                100.0 * excess.abs(),
+                if excess < 0.0 { "less" } else { "more" },
+            );
+            self.warn(field, message);
         }
     }
 
@@ -223,6 +272,53 @@ mod tests {
         assert!(told_of.starts_with("objects[0].level: ") && told_of.contains("min_elements_across"), "{told_of}");
         scene.desc.objects[0].min_elements_across = Some(2.0);
         assert_eq!(told(&scene), [""; 0]);
+    }
+
+    #[test]
+    fn walls_and_fins_that_are_thin_for_their_voxels_are_told_with_place_and_size() {
+        let told_of = |shape: &str| {
+            let mut scene = catalog::builtin("cuboid").unwrap();
+            let object = &mut scene.desc.objects[0];
+            object.shape = toml::from_str::<std::collections::BTreeMap<String, ShapeDesc>>(&format!("shape = {shape}"))
+                .unwrap()
+                .remove("shape")
+                .unwrap();
+            (object.voxel_size_m, object.resolution, object.level) = (Some(0.002), None, 0);
+            object.material.fracture_energy_j_per_m2 = Some(100.0);
+            object.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [-0.02, 1.0, 1.0] }];
+            scene.desc.tracked_points.clear();
+            told(&scene)
+        };
+        let hose = |wall_m: f64| {
+            let rod = |radius_m: f64| {
+                format!(
+                    "{{ capsule = {{ from_m = [-0.03, 0.0, 0.0], to_m = [0.03, 0.003, 0.007], radius_m = {radius_m} }} }}"
+                )
+            };
+            format!(
+                "{{ smooth_union = {{ blend_m = 0.0, parts = [{}], without = [{}] }} }}",
+                rod(0.02),
+                rod(0.02 - wall_m)
+            )
+        };
+        let [volume] = &told_of(&hose(0.002))[..] else { panic!("one warning") };
+        assert!(
+            volume.starts_with("objects[0].voxel_size_m: the surface of the voxels of 2.00 mm encloses "),
+            "{volume}"
+        );
+        assert!(volume.contains(" % less: walls and tips are thin"), "{volume}");
+        assert_eq!(told_of(&hose(0.006)), [""; 0]);
+        let fin = |half_m: f64| {
+            format!(
+                "{{ smooth_union = {{ blend_m = 0.0, parts = [
+                   {{ box = {{ min_m = [-0.03, -0.02, -0.02], max_m = [0.01, 0.02, 0.02] }} }},
+                   {{ box = {{ min_m = [0.01, -0.02, -{half_m}], max_m = [0.03, 0.02, {half_m}] }} }}] }} }}"
+            )
+        };
+        let told = told_of(&fin(0.000_7));
+        let starts = "objects[0].voxel_size_m: a part of the shape, 1.33 mm thick, from (0.0120, -0.0200, -0.0007) to (0.0300, 0.0200, 0.0007) m, ";
+        assert!(told[0].starts_with(starts) && told[0].ends_with("voxels of 0.67 mm would have it"), "{told:?}");
+        assert_eq!(told_of(&fin(0.003)), [""; 0]);
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! Scenes with moduli and fracture energies as measured: they are cut at Gc per length of edge.
 
-use crate::support::cutting::Rig;
-use kerf_physics::{Quat, Vec3};
+use crate::support::cutting::{Rig, attitude};
+use kerf_physics::scene::TrackedPointDesc;
+use kerf_physics::{NoClock, Quat, StepInputs, Vec3, Workers};
 use kerf_scenes::catalog;
 
 /// Side and height of each block, m.
@@ -32,4 +33,43 @@ fn each_material_parts_before_the_blade_is_at_the_table_and_takes_gc_then() {
         assert!(parted > 100, "{name}: {parted} links");
         assert!((force - 1.0).abs() < 0.06, "{name}: F/(Gc w) = {force}");
     }
+}
+
+#[test]
+fn the_capsule_of_a_liver_draws_a_cut_open() {
+    /// By how much two points beside a cut through the top are farther apart after it than before, m.
+    fn gape_m(is_tense: bool) -> f64 {
+        let mut scene = catalog::builtin("liver-tissue").unwrap();
+        let object = &mut scene.desc.objects[0];
+        (object.voxel_size_m, object.level) = (Some(0.007), 1);
+        if !is_tense {
+            object.material.prestrain = None;
+        }
+        scene.desc.rate_hz = 250.0;
+        let beside = |name: &str, x_m: f64| TrackedPointDesc {
+            name: name.into(),
+            object: "liver".into(),
+            position_m: [x_m, 0.135, 0.0],
+        };
+        scene.desc.tracked_points = vec![beside("right", -0.01), beside("left", 0.01)];
+        let mut rig = Rig::new(&scene, Vec3::new(0.0, 0.155, 0.0), attitude(90.0, 0.0, 0.0), 0.1);
+        let apart_m = |rig: &mut Rig, steps: usize| {
+            let step = |_| {
+                let output = rig.world.step(&Workers::serial(), &NoClock, &StepInputs::default());
+                output.tracked_displacement_m[1].x - output.tracked_displacement_m[0].x
+            };
+            (0..steps).map(step).last().expect("a step")
+        };
+        let before_m = apart_m(&mut rig, 1);
+        rig.drive(0.06);
+        rig.drive(-0.06);
+        rig.lift();
+        let area_m2: f64 = rig.samples.iter().map(|sample| sample.area_m2).sum();
+        assert!(area_m2 > 5e-4, "{area_m2} m2 are cut");
+        apart_m(&mut rig, 250) - before_m
+    }
+    let [slack_m, tense_m] = [false, true].map(gape_m);
+    println!("beside a cut: {:.2} mm without tension, {:.2} mm with", 1e3 * slack_m, 1e3 * tense_m);
+    assert!(slack_m.abs() < 5e-4, "{slack_m}");
+    assert!(tense_m > 1e-3, "{tense_m}");
 }

@@ -4,7 +4,7 @@ use kerf_physics::SceneError;
 
 use kerf_scenes::dial::DialError;
 
-use crate::pose_check::PoseRefusal;
+use crate::pose_refusal::PoseRefusal;
 
 /// A request that a session or the registry could not serve.
 #[derive(Debug, PartialEq, thiserror::Error)]

@@ -9,7 +9,7 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use kerf_physics::view::{Frame, Structure, StructureChange};
 
 use crate::lock::lock;
-use crate::outbox::ViewState;
+use crate::view_message::ViewState;
 
 /// What there is to show of a step.
 #[derive(Default)]

@@ -7,120 +7,15 @@ use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 
-use kerf_physics::fault::Fault;
-use kerf_physics::step_io::{EnergyStep, ToolOutput};
-use kerf_physics::surface::delta::{AdaptedVertex, Keyframe, TopologyPatch};
-use rtrb::Producer;
 use tokio::sync::watch;
 
-use crate::counts::Counts;
 use crate::error::SessionError;
-use crate::late_steps::LateStep;
 use crate::limits::{SessionLimits, to_ns};
 use crate::lock::lock;
-use crate::shortfall::Shortfall;
-use crate::showcase::Showcase;
-use crate::status::{Phase, StepTimes};
-use crate::step_report::StepReport;
-use crate::structure_log::{Cursor, Next, Place, StructureLog};
-use crate::tape::{Tape, TapeEntry};
+use crate::status::Phase;
+use crate::structure_log::{Cursor, Next, StructureLog};
+use crate::view_message::{SceneEvent, ViewEvent, ViewMessage, ViewState};
 use crate::vitals::Vitals;
-
-/// Where everything is.
-#[derive(Clone, Debug, Default)]
-pub struct ViewState {
-    pub(crate) place: Place,
-    /// Version of the structure it belongs to.
-    pub topology_version: u64,
-    /// Steps taken.
-    pub step: u64,
-    /// Simulated time, s.
-    pub sim_time_s: f64,
-    /// Late steps since the session began or was reset.
-    pub late_steps: u64,
-    /// Per object: displacement of every node slot, xyz interleaved, m, scene frame.
-    pub node_displacements_m: Vec<Vec<f32>>,
-    /// Per object: vertices of its surface that are adapted to a blade, ids ascending.
-    pub adapted: Vec<Vec<AdaptedVertex>>,
-    /// One entry per tool of the scene.
-    pub tools: Vec<ToolOutput>,
-    /// Energy booked since the scene was at rest: levels as they are, all else summed up, as viewers see a
-    /// step in many.
-    pub energy: EnergyStep,
-    /// Durations of the steps since the state before.
-    pub times: StepTimes,
-    /// When it was published, ns on the server's monotonic clock.
-    pub published_ns: u64,
-    /// It is shown whatever a viewer's rate: there may be no later one.
-    pub(crate) is_hastened: bool,
-}
-
-impl ViewState {
-    /// Rises when the scene starts over or goes back: versions, steps and node slots mean something else then.
-    #[must_use]
-    pub fn epoch(&self) -> u64 {
-        self.place.epoch
-    }
-}
-
-/// Something that happened to a session.
-#[derive(Clone, Debug, PartialEq)]
-pub enum SceneEvent {
-    /// The session stands.
-    Paused,
-    /// The session steps on.
-    Resumed,
-    /// The scene is at rest again.
-    Reset,
-    /// The session ends; nothing follows.
-    Closing,
-    /// A step panicked; the session stands until it is reset.
-    Failed,
-    /// A driver took a tool.
-    ToolTaken(usize),
-    /// A tool has no driver any more.
-    ToolReleased(usize),
-    /// The session gave up time that it had lost.
-    Reanchored,
-    /// So large a share of the last seconds' steps was late: the scene runs slower than the hands that drive it.
-    Overloaded(f64),
-    /// Relative residual that solves end at from now on: bounded work leaves more, or the scene's tolerance is kept again.
-    ToleranceChanged(f64),
-    /// The state was saved as the checkpoint of this name.
-    CheckpointSaved(Arc<str>),
-    /// The scene is at the checkpoint of this name again, every tool lifted.
-    CheckpointRestored(Arc<str>),
-    /// A checkpoint of this name came as a file.
-    CheckpointUploaded(Arc<str>),
-    /// State that was not finite, or had energy from nowhere, was rolled back.
-    Fault(Fault),
-    /// Solves fell short of what was asked of them.
-    Unsolved(Shortfall),
-    /// So many pieces fell out of the scene's reach and were put away.
-    PutAway(u32),
-}
-
-/// An event and when it happened.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ViewEvent {
-    /// Step after which it happened.
-    pub step: u64,
-    /// What happened.
-    pub event: SceneEvent,
-}
-
-/// What a viewer gets.
-#[derive(Clone, Debug)]
-pub enum ViewMessage {
-    /// The whole structure.
-    Keyframe(Arc<Keyframe>),
-    /// What changed in the structure.
-    Patch(Arc<TopologyPatch>),
-    /// Where everything is.
-    State(Arc<ViewState>),
-    /// Something happened.
-    Event(ViewEvent),
-}
 
 /// What lies ready for viewers.
 pub(crate) struct Shelf {
@@ -179,6 +74,19 @@ impl Outbox {
     /// What the session is doing.
     pub fn phase(&self) -> Phase {
         lock(&self.phase).clone()
+    }
+
+    pub fn set_phase(&self, phase: Phase) {
+        *lock(&self.phase) = phase;
+    }
+
+    /// Lays an event onto its shelf, in the place of the oldest where there is no room.
+    pub fn lay_event(&self, shelf: &mut Shelf, event: ViewEvent) {
+        shelf.events.push_back(event);
+        shelf.event_count += 1;
+        while shelf.events.len() > self.max_events {
+            shelf.events.pop_front();
+        }
     }
 
     /// Viewers that are connected.
@@ -249,92 +157,6 @@ impl Outbox {
 enum Seat {
     Guest,
     Recorder,
-}
-
-/// The session's end of its output.
-pub(crate) struct Publisher {
-    outbox: Arc<Outbox>,
-    /// Where events are recorded, and steps.
-    pub tape: Tape,
-    /// Where surfaces and states go.
-    pub showcase: Showcase,
-    /// What is counted of all sessions; by itself until it is told of the others.
-    pub counts: Arc<Counts>,
-    reports: watch::Sender<Arc<StepReport>>,
-    /// Where late steps go, if anybody may ask for them.
-    pub late_steps: Option<Producer<LateStep>>,
-}
-
-impl Publisher {
-    /// The publisher, and what new readers are made from. Readers see the end of the session by the
-    /// end of the publisher and of all that its showcase was given to.
-    pub fn new(outbox: Arc<Outbox>) -> (Self, watch::Receiver<u64>, watch::Receiver<Arc<StepReport>>) {
-        let (bell, bell_reader) = watch::channel(0);
-        let (reports, report_reader) = watch::channel(Arc::default());
-        let showcase = Showcase::new(Arc::clone(&outbox), bell);
-        let (tape, counts) = (Tape::default(), Arc::default());
-        let publisher = Self { outbox, tape, showcase, counts, reports, late_steps: None };
-        (publisher, bell_reader, report_reader)
-    }
-
-    /// What the session is doing, as others see it.
-    pub fn phase(&self) -> Phase {
-        self.outbox.phase()
-    }
-
-    pub fn set_phase(&self, phase: Phase) {
-        *lock(&self.outbox.phase) = phase;
-    }
-
-    /// What shows of the session without being asked for.
-    pub fn vitals(&self) -> &Vitals {
-        &self.outbox.vitals
-    }
-
-    pub fn late_step(&mut self, late: LateStep) {
-        if let Some(late_steps) = &mut self.late_steps {
-            // Where there is no room it is counted alone.
-            let _ = late_steps.push(late);
-        }
-    }
-
-    /// Whether anybody views.
-    pub fn is_viewed(&self) -> bool {
-        self.outbox.is_viewed()
-    }
-
-    pub fn report(&self, report: StepReport) {
-        self.reports.send_replace(Arc::new(report));
-    }
-
-    pub fn event(&self, step: u64, event: SceneEvent) {
-        self.tape.push(&TapeEntry::Event(ViewEvent { step, event: event.clone() }));
-        let Some(mut shelf) = self.showcase.shelf() else { return };
-        shelf.events.push_back(ViewEvent { step, event });
-        shelf.event_count += 1;
-        while shelf.events.len() > self.outbox.max_events {
-            shelf.events.pop_front();
-        }
-        drop(shelf);
-        self.showcase.ring();
-    }
-
-    /// Whether somebody waits for a keyframe.
-    pub fn keyframe_wanted(&self) -> bool {
-        self.outbox.keyframe_wanted()
-    }
-
-    pub fn epoch(&self) -> u64 {
-        lock(&self.outbox.shelf).log.epoch()
-    }
-
-    /// The scene is another from now on; its epoch.
-    pub fn start_over(&self) -> u64 {
-        let mut shelf = lock(&self.outbox.shelf);
-        shelf.log.start_over();
-        shelf.state = None;
-        shelf.log.epoch()
-    }
 }
 
 /// One viewer of a session. It pulls: what it does not ask for is not kept for it.
@@ -445,37 +267,5 @@ impl Viewer {
 impl Drop for Viewer {
     fn drop(&mut self) {
         self.outbox.leave(self.seat);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_published_after_the_last_viewer_left_does_not_meet_the_next() {
-        let outbox = Arc::new(Outbox::new(&SessionLimits::default(), Phase::Running));
-        let (publisher, bell, _reports) = Publisher::new(Arc::clone(&outbox));
-        drop(outbox.join(bell.clone()).unwrap());
-        publisher.showcase.keyframe(0, Keyframe::default());
-        publisher.showcase.patch(0, TopologyPatch { to_version: 1, ..TopologyPatch::default() });
-        let mut next = outbox.join(bell).unwrap();
-        assert!(next.try_next().is_none());
-        assert!(publisher.keyframe_wanted());
-        publisher.showcase.keyframe(0, Keyframe { topology_version: 5, ..Keyframe::default() });
-        assert!(matches!(next.try_next(), Some(ViewMessage::Keyframe(now)) if now.topology_version == 5));
-    }
-
-    #[test]
-    fn a_viewer_without_a_keyframe_hears_of_the_end_alone() {
-        let outbox = Arc::new(Outbox::new(&SessionLimits::default(), Phase::Running));
-        let (publisher, bell, _reports) = Publisher::new(Arc::clone(&outbox));
-        let mut viewer = outbox.join(bell).unwrap();
-        publisher.event(1, SceneEvent::ToolTaken(0));
-        assert!(viewer.try_next().is_none());
-        publisher.event(2, SceneEvent::Closing);
-        let end = viewer.try_next();
-        assert!(matches!(end, Some(ViewMessage::Event(last)) if last.event == SceneEvent::Closing));
-        assert!(viewer.try_next().is_none());
     }
 }

@@ -8,10 +8,10 @@ use kerf_physics::{Scene, Workers, World};
 use crate::admission::Reservation;
 use crate::checkpoints::{Besides, Checkpoint};
 use crate::error::SessionError;
-use crate::outbox::SceneEvent;
 use crate::resimulation::{Resimulated, Resimulation};
-use crate::session::Owner;
+use crate::session_options::Owner;
 use crate::tape::LoggedInputs;
+use crate::view_message::SceneEvent;
 
 /// What a journal says of a session that did not come to its end.
 #[derive(Debug, Default)]

@@ -11,10 +11,12 @@ use tokio::sync::oneshot;
 use crate::clock::MonotonicClock;
 use crate::error::SessionError;
 use crate::inbox::{CheckpointCommand, Command, Inbox};
-use crate::outbox::{Publisher, SceneEvent, ViewEvent, ViewState};
+use crate::publisher::Publisher;
+use crate::seek::{Position, Seek};
 use crate::status::{Phase, SessionStatus};
 use crate::stepping::{StepOutcome, Stepped};
 use crate::structure_log::Place;
+use crate::view_message::{SceneEvent, ViewEvent, ViewState};
 
 /// How often viewers are looked after while nothing is due, ns.
 const STANDING_TICK_NS: u64 = 20_000_000;
@@ -60,28 +62,6 @@ pub trait Footage: Send {
     /// # Errors
     /// What is wrong with the recording there.
     fn seek(&mut self, time_ns: u64) -> Result<Option<Frame>, String>;
-}
-
-/// Where to go and how fast to go on; absent: as it is.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Seek {
-    /// Time since the recording began, s.
-    pub time_s: Option<f64>,
-    /// Times the speed of its making.
-    pub speed: Option<f64>,
-}
-
-/// Where a recording that is played is.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Position {
-    /// Time since the recording began, s.
-    pub time_s: f64,
-    /// Its length, s.
-    pub length_s: f64,
-    /// Times the speed of its making.
-    pub speed: f64,
-    /// Step that is shown.
-    pub step: u64,
 }
 
 /// A recording, and how far it has been played.

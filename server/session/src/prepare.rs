@@ -11,7 +11,7 @@ use crate::admission::{Admission, Admitted};
 use crate::error::SessionError;
 use crate::limits::SessionLimits;
 use crate::past::Past;
-use crate::session::SessionOptions;
+use crate::session_options::SessionOptions;
 
 /// What a session that is being made holds.
 pub(crate) struct Permits {

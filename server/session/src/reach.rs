@@ -7,7 +7,7 @@
 use kerf_physics::tool::Pose;
 
 use crate::limits::PoseLimits;
-use crate::pose_check::PoseRefusal;
+use crate::pose_refusal::PoseRefusal;
 
 /// Where a tool is, and how far its jaws are open.
 #[derive(Clone, Copy, Debug, PartialEq)]

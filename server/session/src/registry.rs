@@ -17,8 +17,9 @@ use crate::limits::{LimitError, SessionLimits};
 use crate::lock::lock;
 use crate::past::Past;
 use crate::prepare::{Permits, prepare};
-use crate::session::{Replay, Session, SessionOptions};
+use crate::session::{Replay, Session};
 use crate::session_id::{InstanceId, SessionId};
+use crate::session_options::SessionOptions;
 
 /// The sessions of a server, at most [`SessionLimits::max_sessions`] of them.
 pub struct Registry {

@@ -8,8 +8,8 @@ use kerf_physics::world::{LoadError, Snapshot};
 use kerf_physics::{NoClock, Scene, SceneError, Workers, World};
 
 use crate::checkpoints::{Besides, Checkpoint};
-use crate::outbox::SceneEvent;
 use crate::tape::{LoggedInputs, TapeEntry};
+use crate::view_message::SceneEvent;
 
 /// Why a session is not what its recording says.
 #[derive(Debug, PartialEq, thiserror::Error)]

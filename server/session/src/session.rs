@@ -5,7 +5,6 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
 use kerf_physics::Scene;
-use kerf_physics::scene::DialDesc;
 use kerf_physics::world::ObjectStats;
 use tokio::sync::{OwnedSemaphorePermit, oneshot, watch};
 use tracing::Span;
@@ -20,12 +19,16 @@ use crate::inbox::{CheckpointCommand, Command, Inbox, Inspection};
 use crate::late_steps::{LateStep, LateSteps};
 use crate::limits::{SessionLimits, to_ns};
 use crate::lock::lock;
-use crate::outbox::{Outbox, Publisher, Viewer};
-use crate::player::{Footage, Player, Position, Seek};
-use crate::pose_check::{PoseRefusal, PoseSample};
+use crate::outbox::{Outbox, Viewer};
+use crate::player::{Footage, Player};
+use crate::pose_check::PoseSample;
+use crate::pose_refusal::PoseRefusal;
 use crate::prepare::Prepared;
+use crate::publisher::Publisher;
+use crate::seek::{Position, Seek};
 use crate::session_core::SessionCore;
 use crate::session_id::SessionId;
+use crate::session_options::{Owner, SessionOptions};
 use crate::session_thread::{self, Told};
 use crate::status::{Phase, SessionStatus};
 use crate::step_report::StepReport;
@@ -34,30 +37,6 @@ use crate::tape::{CAPACITY, Reel, TapeReader, Wants};
 use crate::tool_slot::DriverId;
 use crate::vitals::Watched;
 use kerf_scenes::dial::Choice;
-
-/// Whose a session is. Who lets clients in judges by it; the session does not.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Owner {
-    /// The name of whoever created it.
-    pub name: String,
-    /// It is nobody else's business.
-    pub is_private: bool,
-}
-
-/// How a session begins.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct SessionOptions {
-    /// All that it does goes onto a tape, which [`Session::take_reel`] gives out.
-    pub is_recorded: bool,
-    /// All that brings it back goes onto a tape, which [`Session::take_journal`] gives out.
-    pub is_journaled: bool,
-    /// It takes its first step only when it is resumed.
-    pub start_paused: bool,
-    /// Goes before what the scene asks of the dial.
-    pub dial: Option<DialDesc>,
-    /// Whose it is; `None`: nobody's. One that a journal brings back is whose it was.
-    pub owner: Option<Owner>,
-}
 
 /// What a session that is played needs besides its frames.
 pub struct Replay {

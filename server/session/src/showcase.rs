@@ -6,7 +6,8 @@ use kerf_physics::surface::delta::{Keyframe, TopologyPatch};
 use tokio::sync::watch;
 
 use crate::lock::lock;
-use crate::outbox::{Outbox, Shelf, ViewState};
+use crate::outbox::{Outbox, Shelf};
+use crate::view_message::ViewState;
 
 /// One end of a session's outbox. What is of another epoch than the scene's own comes too late and is dropped, as is all
 /// while nobody views.

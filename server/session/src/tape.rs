@@ -11,8 +11,9 @@ use kerf_physics::{StepInputs, ToolInput};
 
 use crate::checkpoints::Checkpoint;
 use crate::lock::lock;
-use crate::outbox::{ViewEvent, Viewer};
+use crate::outbox::Viewer;
 use crate::step_report::StepReport;
+use crate::view_message::ViewEvent;
 
 /// Entries that wait at most: 16 s at 1 kHz, some 30 MB.
 pub(crate) const CAPACITY: usize = 16_384;
@@ -178,7 +179,7 @@ pub struct Reel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::outbox::SceneEvent;
+    use crate::view_message::SceneEvent;
 
     fn tape(capacity: usize) -> (Tape, TapeReader) {
         let mut tape = Tape::default();

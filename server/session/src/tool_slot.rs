@@ -4,7 +4,8 @@ use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
 
 use crate::limits::PoseLimits;
-use crate::pose_check::{PoseRefusal, PoseSample, TimedPose, check_motion, check_place};
+use crate::pose_check::{PoseSample, TimedPose, check_motion, check_place};
+use crate::pose_refusal::PoseRefusal;
 use crate::reach::{Placement, Reach};
 
 /// A driver of a session, unique over the session's life.

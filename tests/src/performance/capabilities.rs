@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::Result;
 use kerf_physics::scene::{ElementKind, FinerDesc, GovernorDesc, ShapeDesc};
 use kerf_physics::{Scene, SceneDesc, StepInputs, Workers, World};
-use kerf_server::simulate::stroke::default_stroke;
+use kerf_server::script::stroke::default_stroke;
 use kerf_session::clock::MonotonicClock;
 
 use super::run::{Viewer, builtin, cell, quantile, stroke};

@@ -4,7 +4,7 @@ use anyhow::Result;
 use kerf_physics::world::WorldCounts;
 use kerf_physics::{Scene, Stage, StepInputs, StepOutput, Vec3, Workers, World};
 use kerf_scenes::catalog;
-use kerf_server::simulate::stroke::default_stroke;
+use kerf_server::script::stroke::default_stroke;
 use kerf_session::SessionLimits;
 use kerf_session::clock::MonotonicClock;
 

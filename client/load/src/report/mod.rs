@@ -6,6 +6,7 @@ use hdrhistogram::Histogram;
 use kerf_proto::v1;
 use serde::Serialize;
 
+mod exceeded;
 mod sessions;
 
 pub use sessions::{Refusal, Resting, Sessions};

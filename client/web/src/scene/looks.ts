@@ -38,6 +38,8 @@ function dry(seam: number): Pick<Look, "fresh" | "seam" | "stain"> {
 }
 
 const LOOKS: readonly (readonly [RegExp, Partial<Look>])[] = [
+  [/parenchyma/i, { cut: 0xa9473b }],
+  [/vein|artery|vessel/i, { skin: 0x4a3a5e, cut: 0x4a0d1a, glow: 0x8a2030, mottle: 0.2 }],
   [/lesion|tumou?r/i, { skin: 0xc9a27a, cut: 0xe0c49a, glow: 0xffd9a0, mottle: 0.7 }],
   [/kidney/i, { skin: 0x76302c, cut: 0xb65a4c }],
   [/skin|dermis/i, { skin: 0xd9a688, cut: 0xd0564c, glow: 0xff8c6a, roughness: 0.6, wetness: 0.15, mottle: 0.25 }],
@@ -62,7 +64,8 @@ const SEAM_DARKNESS = 0.08;
 
 /** The look of an object's material, by its name, its place among the object's materials, and its "#rrggbb", if any. */
 export function lookOf(name: string, index: number, stated = ""): Look {
-  const found = { ...FLESH, ...LOOKS.find(([words]) => words.test(name))?.[1] };
+  const known = LOOKS.find(([words]) => words.test(name))?.[1];
+  const found = { ...FLESH, ...known };
   if (stated) {
     const skin = new Color(stated);
     const cut = skin.clone().lerp(new Color(0xffffff), CUT_PALENESS);
@@ -70,7 +73,7 @@ export function lookOf(name: string, index: number, stated = ""): Look {
     const line = found.fresh === FLESH.fresh ? {} : dry(seam);
     return { ...found, skin: skin.getHex(), cut: cut.getHex(), glow: cut.getHex(), ...line };
   }
-  if (index === 0 || found.skin !== FLESH.skin) return found;
+  if (index === 0 || known) return found;
   const color = OTHERS[(index - 1) % OTHERS.length];
   return { ...found, skin: color, cut: color };
 }

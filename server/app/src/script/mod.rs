@@ -1,6 +1,10 @@
 //! Scripted tools as a world takes them, step by step: from a CSV file ([`kerf_script::read`]), or a stroke made
 //! for the scene.
 
+pub mod stroke;
+pub(crate) mod sweep;
+pub(crate) mod warnings;
+
 use kerf_physics::Vec3;
 use kerf_physics::step_io::{ToolInput, ToolMotion};
 use kerf_script::{Key, Placement, Track};

@@ -4,7 +4,7 @@ use anyhow::{Context, Result};
 use kerf_physics::grid::Grid;
 use kerf_physics::{Scene, Vec3};
 
-use super::script::Script;
+use super::Script;
 
 /// Height above the object at which the blade enters, and to which it returns, in heights of the object.
 const CLEARANCE: f64 = 0.05;

@@ -4,7 +4,7 @@ use kerf_physics::Vec3;
 use kerf_physics::scene::{SceneDesc, ToolShapeDesc};
 use kerf_physics::step_io::ToolMotion;
 
-use crate::simulate::script::Script;
+use super::Script;
 
 /// Lower and upper corner, m, of the box around the edge or the axis of each tool over the whole script; `None` where
 /// it does not enter the scene.

@@ -4,8 +4,7 @@ use kerf_physics::scene::wording::brief;
 use kerf_physics::{Scene, SceneError, Vec3, World};
 use kerf_session::PoseLimits;
 
-use crate::simulate::script::Script;
-use crate::tool_sweep;
+use super::{Script, sweep};
 
 /// Metres per millimetre.
 const MILLIMETRE_M: f64 = 1e-3;
@@ -27,12 +26,12 @@ pub fn of(file: &str, script: &Script, scene: &Scene, world: &World) -> Vec<Scen
             [low_m, low_m + Vec3::from(grid.dims().map(f64::from)) * grid.voxel_size_m()]
         })
         .collect();
-    let paths = tool_sweep::boxes(&scene.desc, script);
+    let paths = sweep::boxes(&scene.desc, script);
     let tools = scene.desc.tools.iter().zip(paths).filter_map(|(tool, path)| Some((tool, path?)));
     let warnings = tools.filter_map(|(tool, path)| {
         let nearest = objects.iter().zip(&scene.desc.objects).map(|(object, desc)| (gap_m(&path, object), &desc.name));
         let (gap_m, object) = nearest.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        if gap_m <= tool_sweep::reach_m(&tool.shape) {
+        if gap_m <= sweep::reach_m(&tool.shape) {
             return None;
         }
         let message = if objects.iter().any(|object| is_in_millimetres(&path, object)) {

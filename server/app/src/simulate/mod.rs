@@ -1,7 +1,5 @@
 //! `kerf-server simulate`: a scene without a network, into files.
 
-pub mod script;
-pub mod stroke;
 pub mod summary;
 pub mod surface;
 pub mod tables;
@@ -19,7 +17,7 @@ use kerf_session::clock::MonotonicClock;
 
 use crate::progress::{Progress, say};
 use crate::scene_args::{Run, SceneArgs, WarningArgs};
-use script::Script;
+use crate::script::Script;
 use summary::{Summary, Tally};
 use tables::Tables;
 

@@ -47,7 +47,7 @@ mod tests {
     use kerf_scenes::catalog;
 
     use super::*;
-    use crate::simulate::script::Script;
+    use crate::script::Script;
 
     /// The end of a stroke through a block.
     #[derive(Debug)]

@@ -25,8 +25,8 @@ use kerf_scenes::dial::{FinerRegions, ParetoFront, Setting};
 
 use crate::progress::say;
 use crate::scene_args::{Run, SceneArgs, WarningArgs};
+use crate::script::Script;
 use crate::simulate::AFTER_SCRIPT_S;
-use crate::simulate::script::Script;
 use job::Job;
 pub use options::Options;
 use runs::Runs;

@@ -7,8 +7,8 @@ use kerf_scenes::dial::{FinerRegions, Setting};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::simulate::script::Script;
-use crate::tool_sweep;
+use crate::script::Script;
+use crate::script::sweep;
 
 /// Values of each axis; an axis that is not given has its defaults.
 #[derive(Args, Clone, Debug, Default)]
@@ -157,9 +157,9 @@ pub fn name_of(kind: impl Serialize) -> String {
 /// tool moves.
 #[must_use]
 pub fn stroke_box(desc: &SceneDesc, script: &Script, margin_m: f64) -> Option<[[f64; 3]; 2]> {
-    let boxes = tool_sweep::boxes(desc, script).into_iter().zip(&desc.tools);
+    let boxes = sweep::boxes(desc, script).into_iter().zip(&desc.tools);
     let grown = boxes.filter_map(|(corners, tool)| {
-        let margin = Vec3::repeat(margin_m + tool_sweep::reach_m(&tool.shape));
+        let margin = Vec3::repeat(margin_m + sweep::reach_m(&tool.shape));
         corners.map(|[least, most]| [least - margin, most + margin])
     });
     let all = grown.reduce(|[least, most], [other_least, other_most]| [least.inf(&other_least), most.sup(&other_most)]);
@@ -171,7 +171,7 @@ mod tests {
     use kerf_scenes::catalog;
 
     use super::*;
-    use crate::simulate::stroke::default_stroke;
+    use crate::script::stroke::default_stroke;
 
     #[test]
     fn the_default_sweep_has_every_axis_and_each_setting_once() {

@@ -39,12 +39,14 @@ pub enum Implicit {
         /// Radius, m.
         radius_m: f64,
     },
-    /// Smooth union.
+    /// Smooth union, less what others take away.
     Union {
         /// Distance over which surfaces blend, m.
         blend_m: f64,
         /// What is united.
         parts: Vec<Implicit>,
+        /// What is taken away from the union.
+        without: Vec<Implicit>,
     },
 }
 
@@ -67,8 +69,9 @@ impl Implicit {
                 let from_m = Vec3::from(*from_m);
                 Self::Capsule { from_m, along_m: Vec3::from(*to_m) - from_m, radius_m: *radius_m }
             }
-            ShapeDesc::SmoothUnion { blend_m, parts } => {
-                Self::Union { blend_m: *blend_m, parts: parts.iter().map(Self::new).collect::<Option<_>>()? }
+            ShapeDesc::SmoothUnion { blend_m, parts, without } => {
+                let formulas = |shapes: &[ShapeDesc]| shapes.iter().map(Self::new).collect::<Option<_>>();
+                Self::Union { blend_m: *blend_m, parts: formulas(parts)?, without: formulas(without)? }
             }
             ShapeDesc::Mesh { .. } | ShapeDesc::LabelMap { .. } => return None,
         })
@@ -98,7 +101,7 @@ impl Implicit {
     #[must_use]
     pub fn bulge_m(&self) -> f64 {
         match self {
-            Self::Union { blend_m, parts } => blend_m / 4.0 * (parts.len() as f64 - 1.0),
+            Self::Union { blend_m, parts, .. } => blend_m / 4.0 * (parts.len() as f64 - 1.0),
             _ => 0.0,
         }
     }
@@ -116,7 +119,7 @@ impl Implicit {
                 let away = local - along_m * share;
                 SurfaceSample { distance_m: away.norm() - radius_m, normal: unit_or_up(away) }
             }
-            Self::Union { blend_m, parts } => sample_union(position_m, *blend_m, parts),
+            Self::Union { blend_m, parts, without } => sample_union(position_m, *blend_m, parts, without),
         }
     }
 }
@@ -188,22 +191,27 @@ fn nearest_on_ellipsoid(y: &Vec3, squares: &Vec3, t: f64) -> Vec3 {
 /// is no longer stretched by it.
 const LEAST_GRADIENT: f64 = 0.5;
 
-/// Polynomial blend: where two distances differ by less than the blend b, `min - b s^2/4` with
-/// `s = 1 - difference/b`. Parts are taken in order.
-fn sample_union(position: &Vec3, blend: f64, parts: &[Implicit]) -> SurfaceSample {
-    let mut samples = parts.iter().map(|part| part.sample(position));
-    let first = samples.next().expect("a union has parts");
-    let (mut distance, mut gradient) = (first.distance_m, first.normal);
-    for next in samples {
-        let nearer = next.distance_m < distance;
-        let overlap = blend - (next.distance_m - distance).abs();
-        let share = if overlap > 0.0 { overlap / blend } else { 0.0 };
-        distance = distance.min(next.distance_m) - 0.25 * share * share * blend;
-        let weight = if nearer { 1.0 - 0.5 * share } else { 0.5 * share };
-        gradient += (next.normal - gradient) * weight;
-    }
+/// Parts are taken in order. What is outside of the union without a shape is what is outside of the one or inside of
+/// the other: the blend of the two outsides.
+fn sample_union(position: &Vec3, blend: f64, parts: &[Implicit], without: &[Implicit]) -> SurfaceSample {
+    let sample = |part: &Implicit| {
+        let SurfaceSample { distance_m, normal } = part.sample(position);
+        (distance_m, normal)
+    };
+    let united = parts.iter().map(sample).reduce(|a, b| blended(blend, a, b)).expect("a union has parts");
+    let outside = without.iter().map(sample).fold((-united.0, -united.1), |a, b| blended(blend, a, b));
+    let (distance, gradient) = (-outside.0, -outside.1);
     let length = gradient.norm().clamp(LEAST_GRADIENT, 1.0);
     SurfaceSample { distance_m: distance / length, normal: unit_or_up(gradient) }
+}
+
+/// Distance and gradient of the polynomial blend of two: where the distances differ by less than the blend b,
+/// `min - b s^2/4` with `s = 1 - difference/b`.
+fn blended(blend: f64, (distance, gradient): (f64, Vec3), (next, slope): (f64, Vec3)) -> (f64, Vec3) {
+    let overlap = blend - (next - distance).abs();
+    let share = if overlap > 0.0 { overlap / blend } else { 0.0 };
+    let weight = if next < distance { 1.0 - 0.5 * share } else { 0.5 * share };
+    (distance.min(next) - 0.25 * share * share * blend, gradient + (slope - gradient) * weight)
 }
 
 #[cfg(test)]
@@ -225,7 +233,11 @@ mod tests {
             ("capsule", capsule([-0.4, 0.0, 0.0], [0.9, 0.1, 0.0], 0.3)),
             (
                 "union",
-                Implicit::Union { blend_m: 0.2, parts: vec![ellipsoid, capsule([0.0; 3], [0.0, 0.9, 0.0], 0.3)] },
+                Implicit::Union {
+                    blend_m: 0.2,
+                    parts: vec![ellipsoid, capsule([0.0; 3], [0.0, 0.9, 0.0], 0.3)],
+                    without: vec![capsule([0.6, 0.5, 0.0], [0.0; 3], 0.4)],
+                },
             ),
         ]
     }
@@ -281,11 +293,29 @@ mod tests {
     #[test]
     fn a_blend_adds_material_between_its_parts_only() {
         let ball = |x: f64| Implicit::Capsule { from_m: Vec3::new(x, 0.0, 0.0), along_m: Vec3::zeros(), radius_m: 1.0 };
-        let union = |blend_m| Implicit::Union { blend_m, parts: vec![ball(-0.8), ball(0.8)] };
+        let union = |blend_m| Implicit::Union { blend_m, parts: vec![ball(-0.8), ball(0.8)], without: vec![] };
         let notch = Vec3::new(0.0, 0.65, 0.0);
         assert!(union(0.0).sample(&notch).distance_m > 0.0);
         assert!(union(0.5).sample(&notch).distance_m < 0.0);
         let far = Vec3::new(1.9, 0.0, 0.0);
         assert_eq!(union(0.0).sample(&far), union(0.5).sample(&far));
+    }
+
+    #[test]
+    fn what_is_taken_away_leaves_a_hollow_whose_edge_is_rounded() {
+        let ball =
+            |x: f64, radius_m| Implicit::Capsule { from_m: Vec3::new(x, 0.0, 0.0), along_m: Vec3::zeros(), radius_m };
+        let bitten = |blend_m| Implicit::Union { blend_m, parts: vec![ball(0.0, 1.0)], without: vec![ball(1.0, 0.5)] };
+        // In the hollow the surface is the ball's that was taken away, seen from outside of it.
+        let hollow = bitten(0.0).sample(&Vec3::new(0.6, 0.0, 0.0));
+        assert!((hollow.distance_m - 0.1).abs() < 1e-12 && (hollow.normal - Vec3::x()).norm() < 1e-12, "{hollow:?}");
+        // Both spheres pass through x = 0.875: a blend takes the edge there, and nothing elsewhere.
+        let edge = Vec3::new(0.875, 0.234_375_f64.sqrt(), 0.0);
+        assert!(bitten(0.0).sample(&edge).distance_m.abs() < 1e-12);
+        // A quarter of the blend, along the mean of the two normals, which is .61 long.
+        let mean = (edge + (Vec3::x() - edge) / 0.5) / 2.0;
+        assert!((bitten(0.4).sample(&edge).distance_m - 0.1 / mean.norm()).abs() < 1e-9);
+        let far = Vec3::new(-1.1, 0.0, 0.0);
+        assert_eq!(bitten(0.0).sample(&far), bitten(0.4).sample(&far));
     }
 }

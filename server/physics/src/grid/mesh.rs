@@ -66,6 +66,11 @@ impl MeshSolid {
         Ok(Self { body: bodies(&triangles), triangles, tree })
     }
 
+    /// Volume of what its faces go round counter-clockwise, seen from outside, m³.
+    pub(super) fn volume_m3(&self) -> f64 {
+        self.triangles.iter().map(|[a, b, c]| a.dot(&b.cross(c)) / 6.0).sum()
+    }
+
     /// Distance to the surface, m, without a sign.
     pub(super) fn distance_m(&self, position_m: &Vec3) -> f64 {
         let point = to_parry(position_m);

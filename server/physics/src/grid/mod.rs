@@ -10,6 +10,7 @@ pub(crate) mod lattice;
 pub(crate) mod levels;
 mod mesh;
 mod mesh_faces;
+pub mod missed;
 mod parted;
 mod ranked;
 mod small_pieces;

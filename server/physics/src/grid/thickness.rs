@@ -44,13 +44,13 @@ impl<'a> Thickness<'a> {
 
 /// Squared distance of each cell's centre to the nearest of some cells', in voxels, over the box `-1..dims + 1`
 /// (Felzenszwalb and Huttenlocher 2012).
-struct Distances {
+pub(super) struct Distances {
     dims: [usize; 3],
     squared: Vec<f32>,
 }
 
 impl Distances {
-    fn to_cells(grid: &Grid, is_one: impl Fn(Ijk) -> bool) -> Self {
+    pub(super) fn to_cells(grid: &Grid, is_one: impl Fn(Ijk) -> bool) -> Self {
         let dims = grid.dims().map(|d| d as usize + 2);
         let mut squared = Vec::with_capacity(dims.iter().product());
         for z in 0..dims[2] {
@@ -68,6 +68,11 @@ impl Distances {
             }
         }
         Self { dims, squared }
+    }
+
+    /// Whether a cell, which may lie outside of the box, is one of those or meets one by a face, an edge or a corner.
+    pub(super) fn is_beside(&self, cell: Ijk) -> bool {
+        (0..3).all(|a| (-1..=self.dims[a] as i32 - 2).contains(&cell[a])) && self.squared(cell) < 3.5
     }
 
     fn squared(&self, cell: Ijk) -> f32 {

@@ -105,7 +105,7 @@ fn size_within(object: &ObjectDesc, bounds: &Bounds) -> f64 {
     object.voxel_size_m.unwrap_or_else(by_resolution)
 }
 
-fn extent(shape: &ShapeDesc, meshes: &Meshes) -> Result<(Bounds, f64), SceneError> {
+pub(super) fn extent(shape: &ShapeDesc, meshes: &Meshes) -> Result<(Bounds, f64), SceneError> {
     match (shape.mesh(), Implicit::new(shape)) {
         (_, Some(implicit)) => Ok((implicit.bounds(), implicit.bulge_m())),
         (Some(PlacedMesh { key, scale_m_per_unit, offset_m }), None) => {
@@ -121,18 +121,18 @@ fn find<'a>(meshes: &'a Meshes, file: &str) -> Result<&'a TriangleMesh, SceneErr
     meshes.get(file).ok_or_else(|| shape_error(format!("the mesh `{file}` was not read")))
 }
 
-fn shape_error(message: String) -> SceneError {
+pub(super) fn shape_error(message: String) -> SceneError {
     SceneError::Field { field: "shape".into(), message }
 }
 
 /// A shape ready to be sampled.
-enum Solid {
+pub(super) enum Solid {
     Implicit(Implicit),
     Mesh(Box<MeshSolid>),
 }
 
 impl Solid {
-    fn new(shape: &ShapeDesc, meshes: &Meshes) -> Result<Self, SceneError> {
+    pub(super) fn new(shape: &ShapeDesc, meshes: &Meshes) -> Result<Self, SceneError> {
         match (shape.mesh(), Implicit::new(shape)) {
             (_, Some(implicit)) => Ok(Self::Implicit(implicit)),
             (Some(PlacedMesh { key, scale_m_per_unit, offset_m }), None) => {

@@ -49,12 +49,15 @@ pub enum ShapeDesc {
         /// Radius, m.
         radius_m: f64,
     },
-    /// Smooth union of shapes.
+    /// Smooth union of shapes, less what others take away.
     SmoothUnion {
-        /// Distance over which surfaces blend, m; 0: plain union.
+        /// Distance over which surfaces blend, m; 0: sharp edges.
         blend_m: f64,
         /// What is united; no meshes, no unions.
         parts: Vec<ShapeDesc>,
+        /// What is taken away from the union, with the same blend; no meshes, no unions.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        without: Vec<ShapeDesc>,
     },
     /// A closed mesh from an OBJ, STL, PLY, VTK (`.vtu`, `.vtp`) or Gmsh (`.msh`) file; of cells with a volume their
     /// boundary.

@@ -32,6 +32,7 @@ mod tests;
 
 use std::collections::BTreeMap;
 
+use crate::Vec3;
 use crate::grid::{Grid, Link, LinkId, VoxelId};
 use dual_contouring::Components;
 use lattice::Lattice;
@@ -91,6 +92,15 @@ impl Surface {
         };
         surface.rebuild_touched(grid, &crossed_links(grid), &[]);
         surface
+    }
+
+    /// Volume that it encloses in the reference configuration, m³.
+    #[must_use]
+    pub fn volume_m3(&self) -> f64 {
+        let rest_m = |id| self.vertices[&id].position_m;
+        let point = |id| Vec3::from(rest_m(id).map(f64::from));
+        let triangles = self.quads.values().flat_map(|quad| triangulate(*quad, rest_m));
+        triangles.map(|ids| ids.map(point)).map(|[a, b, c]| a.dot(&b.cross(&c)) / 6.0).sum()
     }
 
     /// Brings the surface up to date after the links `parted` were parted and the composite element

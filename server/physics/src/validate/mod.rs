@@ -440,7 +440,14 @@ impl Report {
                 self.vector(&format!("{field}.capsule.to_m"), to_m, MAX_LENGTH_M);
                 self.length(&format!("{field}.capsule.radius_m"), *radius_m);
             }
-            ShapeDesc::SmoothUnion { blend_m, parts } => self.union(&format!("{field}.smooth_union"), *blend_m, parts),
+            ShapeDesc::SmoothUnion { blend_m, parts, without } => {
+                let field = format!("{field}.smooth_union");
+                self.number(&format!("{field}.blend_m"), *blend_m, 0.0..=MAX_LENGTH_M);
+                self.count(&format!("{field}.parts"), parts.len(), 1..=MAX_PARTS);
+                self.count(&format!("{field}.without"), without.len(), 0..=MAX_PARTS);
+                self.parts(&format!("{field}.parts"), parts);
+                self.parts(&format!("{field}.without"), without);
+            }
             ShapeDesc::Mesh { file, scale_m_per_unit, offset_m } => {
                 if file.is_empty() {
                     self.refuse(format!("{field}.mesh.file"), "is empty");
@@ -462,11 +469,9 @@ impl Report {
         self.problems.len() == before
     }
 
-    fn union(&mut self, field: &str, blend_m: f64, parts: &[ShapeDesc]) {
-        self.number(&format!("{field}.blend_m"), blend_m, 0.0..=MAX_LENGTH_M);
-        self.count(&format!("{field}.parts"), parts.len(), 1..=MAX_PARTS);
+    fn parts(&mut self, field: &str, parts: &[ShapeDesc]) {
         for (i, part) in parts.iter().enumerate() {
-            let field = format!("{field}.parts[{i}]");
+            let field = format!("{field}[{i}]");
             if matches!(part, ShapeDesc::SmoothUnion { .. }) || part.mesh().is_some() {
                 self.refuse(field, "a part of a union is a box, sphere, ellipsoid or capsule");
             } else {

@@ -6,10 +6,10 @@ use super::SessionCore;
 use crate::checkpoints::{Besides, Checkpoint};
 use crate::error::SessionError;
 use crate::inbox::CheckpointCommand;
-use crate::outbox::SceneEvent;
 use crate::reach::Placement;
 use crate::status::Phase;
 use crate::tape::TapeEntry;
+use crate::view_message::SceneEvent;
 
 impl SessionCore {
     pub(super) fn obey_checkpoint(&mut self, command: CheckpointCommand) {

@@ -5,8 +5,8 @@ use crate::error::SessionError;
 use crate::governor::Governor;
 use crate::inbox::{Command, Inspection};
 use crate::limits::to_ns;
-use crate::outbox::SceneEvent;
 use crate::status::{Phase, SessionStatus};
+use crate::view_message::SceneEvent;
 
 impl SessionCore {
     /// Obeys the commands that wait. A command that panics fails the session as a step does; it and those behind

@@ -6,11 +6,11 @@ use kerf_physics::StageClock;
 
 use super::SessionCore;
 use crate::error::SessionError;
-use crate::outbox::SceneEvent;
 use crate::past::Arrived;
 use crate::reach::Placement;
 use crate::status::Phase;
 use crate::tape::{Base, TapeEntry, Wants};
+use crate::view_message::SceneEvent;
 
 /// A journal has the hash of the state after each so many steps: of every step it would take 6 % of a liver's at 1 kHz.
 pub(super) const HASHED_STEPS: u64 = 64;

@@ -9,10 +9,10 @@ use super::virtual_session::{MS, S, VirtualSession};
 use crate::error::SessionError;
 use crate::inbox::{Command, StepAnswer};
 use crate::limits::SessionLimits;
-use crate::outbox::ViewMessage;
 use crate::pose_check::PoseSample;
 use crate::status::Phase;
 use crate::stepping::{StepInput, StepMotion, Stepped, Steps};
+use crate::view_message::ViewMessage;
 
 fn block() -> SceneDesc {
     toml::from_str(include_str!("../../tests/block.toml")).unwrap()

@@ -7,9 +7,9 @@ use kerf_physics::{StageClock, Workers};
 use super::SessionCore;
 use crate::error::SessionError;
 use crate::inbox::StepAnswer;
-use crate::outbox::SceneEvent;
 use crate::status::Phase;
 use crate::stepping::{StepInput, StepOutcome, Stepped, Steps};
+use crate::view_message::SceneEvent;
 
 /// Steps of one call that are still to be taken.
 pub(super) struct OwedSteps {

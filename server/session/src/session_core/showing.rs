@@ -6,7 +6,8 @@ use kerf_physics::view::View;
 use super::virtual_session::{MS, VirtualSession};
 use crate::inbox::Command;
 use crate::limits::SessionLimits;
-use crate::outbox::{ViewMessage, Viewer};
+use crate::outbox::Viewer;
+use crate::view_message::ViewMessage;
 
 fn session() -> VirtualSession {
     let desc: SceneDesc = toml::from_str(include_str!("../../tests/block.toml")).unwrap();

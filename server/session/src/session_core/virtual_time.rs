@@ -13,11 +13,12 @@ use super::virtual_session::{MS, S, VirtualSession};
 use crate::error::SessionError;
 use crate::inbox::{CheckpointCommand, Command};
 use crate::limits::SessionLimits;
-use crate::outbox::{SceneEvent, ViewEvent, ViewMessage, Viewer};
-use crate::pose_check::PoseRefusal;
+use crate::outbox::Viewer;
+use crate::pose_refusal::PoseRefusal;
 use crate::status::{Phase, SessionStatus};
 use crate::stepping::Steps;
 use crate::tape::TapeEntry;
+use crate::view_message::{SceneEvent, ViewEvent, ViewMessage};
 
 fn block() -> SceneDesc {
     toml::from_str(include_str!("../../tests/block.toml")).unwrap()

@@ -1,6 +1,6 @@
 //! Steady cuts on many meshes, planes and places, in the paper's materials and in real ones.
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use kerf_physics::scene::MaterialDesc;
 use kerf_plot::{Axis, Chart, Curve, Figure};
 use kerf_scenes::catalog;
@@ -41,7 +41,9 @@ pub(super) fn liver(k: u32, voxel_m: f64) -> Result<Stroke> {
 /// The block of real liver, of two elements at least across.
 fn tissue(k: u32, voxel_m: f64) -> Result<Stroke> {
     let mesh = Mesh::new(k, voxel_m);
-    let stroke = Stroke::through(material("liver-tissue")?.0, mesh, COARSE_M.max(0.25 * mesh.element_m()), 32.0);
+    let regions = catalog::builtin("liver-tissue")?.desc.objects.remove(0).regions;
+    let parenchyma = regions.into_iter().find(|region| region.name == "parenchyma").context("no parenchyma")?;
+    let stroke = Stroke::through(parenchyma.material, mesh, COARSE_M.max(0.25 * mesh.element_m()), 32.0);
     Ok(Stroke { speed_m_per_s: 0.1, rate_hz: 500.0, ..stroke })
 }
 
