@@ -10,10 +10,15 @@ DEMO_ADDRESS ?= 127.0.0.1:50051
 
 NPM := $(shell command -v npm)
 
+# What all targets build, optimised and as `make test` has it: for other packages Cargo chooses other features, and
+# compiles nearly all of them anew.
+RELEASE := cargo build --release --bin kerf-server --bin kerf-load --bin kerf-station
+PROGRAMS := cargo test --workspace --no-run
+
 # Starts a server, cuts the liver twice through it, leaves plots and the surface. On a terminal the server then goes on
 # for whoever opens the page that it names; else it stops.
 demo: viewer
-	cargo build --release --bin kerf-server --bin kerf-load
+	$(RELEASE)
 	@target/release/kerf-server serve --listen $(DEMO_ADDRESS) --log-filter warn & server=$$!; \
 	trap 'kill $$server 2>/dev/null; wait $$server' EXIT; trap 'exit 0' INT; \
 	target/release/kerf-load --server http://$(DEMO_ADDRESS) --scene liver --step-rates 1000,500,250,125,60 --levels 2,3 \
@@ -26,7 +31,7 @@ demo: viewer
 STATION_ADDRESS ?= 127.0.0.1:50052
 STATION_ARGS ?=
 station:
-	cargo build --release --bin kerf-server --bin kerf-station
+	$(RELEASE)
 	@target/release/kerf-server serve --listen $(STATION_ADDRESS) --log-filter warn & server=$$!; \
 	trap 'kill $$server 2>/dev/null; wait $$server' EXIT; trap 'exit 0' INT; \
 	target/release/kerf-station run --server http://$(STATION_ADDRESS) --scene liver --config client/station/liver.toml \
@@ -74,7 +79,7 @@ imports:
 
 # Writes docs/reference/settings.md and scene-fields.md from what the program says.
 reference:
-	cargo build --bin kerf-server
+	$(PROGRAMS)
 	python3 docs/reference/generate.py target/debug/kerf-server
 
 test:
@@ -83,17 +88,17 @@ test:
 
 # The viewer's own tests, and those in a real browser. What is missing for them is said.
 test-viewer:
-	cargo build --bin kerf-server
+	$(PROGRAMS)
 	@client/web/e2e/run.sh viewer
 
 # The Python client against a live server. What is missing for it is said.
 test-python:
-	cargo build --bin kerf-server --bin kerf-station
+	$(PROGRAMS)
 	@client/python/check.sh tests pytest --quiet
 
 # The Unity package and its sample, compiled by mono and tried against a server.
 test-unity:
-	cargo build --bin kerf-server
+	$(PROGRAMS)
 	@client/unity/Tests~/run.sh
 
 # The package's C# of the protocol: Unity has no compiler for it. Needs protoc 3.21.
@@ -106,7 +111,7 @@ images:
 
 # The README's pictures of the viewer, drawn by the same browser, and the one that moves, put together by Pillow.
 screenshots:
-	cargo build --bin kerf-server
+	$(PROGRAMS)
 	@client/web/e2e/run.sh screenshots
 	@client/python/check.sh "moving picture" python ../web/e2e/animate.py ../../out/cut ../../docs/images/cut.webp
 
@@ -114,7 +119,7 @@ screenshots:
 # some ten minutes; FIGURE=4 makes one of them.
 FIGURE ?=
 figures:
-	cargo build --bin kerf-server
+	$(PROGRAMS)
 	@client/web/e2e/run.sh figures $(if $(FIGURE),"Fig. $(FIGURE):")
 
 # The tests marked slow too, each with its reason, and same-bits: at most ten minutes once built. A sweep that prints
@@ -178,7 +183,7 @@ performance:
 
 # Steps the same block in MuJoCo and Rapier and writes docs/explanation/peers.md; installs both below target/, which needs a network.
 peers:
-	cargo build --release --bin kerf-server
+	$(RELEASE)
 	cargo build --release --manifest-path tests/peers/rapier/Cargo.toml --target-dir target/peers
 	test -d target/peers/python || python3 -m venv target/peers/python
 	target/peers/python/bin/pip install --quiet mujoco==4.0.0
@@ -227,7 +232,7 @@ dice:
 # How many livers a server keeps at 60 Hz, and what 50 viewers cost: tables, and docs/explanation/load.md from these, in six
 # minutes; nothing else should run. load-page writes the page without a run.
 load:
-	cargo build --release --bin kerf-server --bin kerf-load
+	$(RELEASE)
 	python3 tests/load/run.py
 
 load-page:
@@ -243,7 +248,7 @@ advisories: target/tools/bin/cargo-deny
 
 # A package for Debian in target/debian, with the viewer and what systemd is to run.
 deb: viewer target/tools/bin/cargo-deb
-	cargo build --release --bin kerf-server
+	$(RELEASE)
 	target/tools/bin/cargo-deb -p kerf-server --no-build --strip --output target/debian/
 
 # What the programs consist of, as CycloneDX, in target/sbom.
