@@ -195,17 +195,26 @@ class CuttingEnv(Base):
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Moves the tool for `steps_per_action` steps."""
+        return self.begin(action)()
+
+    def begin(self, action: ArrayLike) -> Callable[[], tuple[Observation, float, bool, bool, dict[str, Any]]]:
+        """Begins an action; what this answers with waits for its end, and is what `step` is."""
         wanted = np.asarray(action, dtype=np.float64)
         if wanted.shape != self.action_space.shape:
             limit = f"shape {self.action_space.shape}"
             raise InvalidArgumentError(f"action: shape {wanted.shape}", field="action", limit=limit)
         wanted = np.clip(wanted, -1.0, 1.0)
-        result = self.session.step(self._steps, [{self._tool: motion} for motion in self._way(wanted)])
-        moment = Moment(self._pose.copy(), result, self._result)
-        self._result = result
-        self._actions += 1
-        terminated, truncated = bool(self._is_done(moment)), self._actions >= self._max_actions
-        return self.observe(self._pose, result), float(self._reward(moment)), terminated, truncated, self._info()
+        answer = self.session.begin_step(self._steps, [{self._tool: motion} for motion in self._way(wanted)])
+
+        def end() -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+            result = answer()
+            moment = Moment(self._pose.copy(), result, self._result)
+            self._result = result
+            self._actions += 1
+            terminated, truncated = bool(self._is_done(moment)), self._actions >= self._max_actions
+            return self.observe(self._pose, result), float(self._reward(moment)), terminated, truncated, self._info()
+
+        return end
 
     def observe(self, pose: Floats, result: StepResult) -> Observation:
         """What the agent sees of the last step."""

@@ -34,6 +34,8 @@ MAX_STEPS_PER_CALL = 1000
 #: Steps of one call of a long drive: few enough that a call on a large scene is answered in time.
 _STEPS_PER_CALL = 100
 
+_STEP = "SessionService/StepSession"
+
 
 class Session:
     """A scene that is simulated on a server.
@@ -138,8 +140,18 @@ class Session:
             motions: What tools do in each of them: a placement or a pose of seven numbers to go to, or to enter at;
                 `None` lifts. Tools stay where they are in steps beyond, as do those that are not named.
         """
-        inputs = [{self.tool_index(tool): _motion(motion) for tool, motion in each.items()} for each in motions]
-        return self._step(count, inputs)
+        return self._step(count, self._inputs(motions))
+
+    def begin_step(
+        self, count: int = 1, motions: Sequence[Mapping[ToolRef, Motion | ArrayLike]] = ()
+    ) -> Callable[[], StepResult]:
+        """Steps as `step` does while the caller goes on; what it answers with waits for the last of the steps.
+
+        Many sessions step at once so. Each has to be waited for before anything else is asked of it.
+        """
+        inputs = self._inputs(motions)
+        answer = self._transport.begin(_STEP, self._request(count, inputs), pb.StepSessionResponse)
+        return lambda: self._stepped(inputs, answer.get())
 
     def drive(
         self, times_s: ArrayLike, poses: ArrayLike, *, tool: ToolRef = 0, openings: ArrayLike | None = None
@@ -166,9 +178,16 @@ class Session:
         """Takes a tool out of the scene, in a step of its own."""
         return self._step(1, [{self.tool_index(tool): None}])
 
+    def _inputs(self, motions: Sequence[Mapping[ToolRef, Motion | ArrayLike]]) -> list[dict[int, Motion]]:
+        return [{self.tool_index(tool): _motion(motion) for tool, motion in each.items()} for each in motions]
+
+    def _request(self, count: int, inputs: Sequence[dict[int, Motion]]) -> pb.StepSessionRequest:
+        return pb.StepSessionRequest(session_id=self.id, steps=count, inputs=[step_input(each) for each in inputs])
+
     def _step(self, count: int, inputs: Sequence[dict[int, Motion]]) -> StepResult:
-        request = pb.StepSessionRequest(session_id=self.id, steps=count, inputs=[step_input(each) for each in inputs])
-        answer = self._transport.call("SessionService/StepSession", request, pb.StepSessionResponse)
+        return self._stepped(inputs, self._transport.call(_STEP, self._request(count, inputs), pb.StepSessionResponse))
+
+    def _stepped(self, inputs: Sequence[dict[int, Motion]], answer: pb.StepSessionResponse) -> StepResult:
         result = model.step_result(answer)
         poses, depth_m = self._way.take(inputs, result.flags, result.force_n)
         result = replace(result, poses=poses, depth_m=depth_m)
