@@ -77,8 +77,8 @@ print(sweep.run(table, sweep.grid({"scene": scene, "seed": range(12)}), waits, [
 @pytest.mark.usefixtures("cluster")
 def test_a_killed_sweep_goes_on_with_the_points_that_are_missing(table, tmp_path):
     calls = tmp_path / "calls"
-    command = [sys.executable, "-c", KILLED, BLOCK, table, calls]
-    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as killed:
+    command = [sys.executable, "-c", KILLED, BLOCK, table]
+    with subprocess.Popen([*command, tmp_path / "calls before"], stderr=subprocess.DEVNULL) as killed:
         until_s = time.monotonic() + 60.0
         while not table.exists() or len(rows_of(table)) < 3:
             assert killed.poll() is None
@@ -87,8 +87,7 @@ def test_a_killed_sweep_goes_on_with_the_points_that_are_missing(table, tmp_path
         killed.send_signal(signal.SIGKILL)
     done = [row["seed"] for row in rows_of(table)]
     assert 3 <= len(done) < 12
-    calls.unlink()
-    ended = subprocess.run(command, check=True, capture_output=True, text=True)
+    ended = subprocess.run([*command, calls], check=True, capture_output=True, text=True)
     assert ended.stdout.strip() == f"Outcome(done={12 - len(done)}, failed=0, kept={len(done)})"
     # Each once: those that a kill has left without a row, and no other.
     assert sorted([*done, *calls.read_text().split()], key=int) == [str(seed) for seed in range(12)]
