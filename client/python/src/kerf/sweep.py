@@ -171,13 +171,27 @@ def _check_rows(rows: Table, columns: Sequence[str], wanted: Iterable[_Key]) -> 
     for row in rows:
         if tuple(row[column] for column in columns) in keys:
             continue
-        others = [column for column in columns if row[column] not in known[column]]
-        if others:
-            words = f"column {others[0]!r} has {row[others[0]]!r}, and no point of this sweep has"
-        else:
-            words = f"no point of this sweep has {', '.join(f'{column} {row[column]}' for column in columns)}"
-        field = others[0] if others else columns[0]
-        raise InvalidArgumentError(f"{rows.path}: {words}", field=field, limit="rows of this sweep")
+        strange = [column for column in columns if row[column] not in known[column]]
+        # Where each value is one of the sweep's, it is all of them together that no point has.
+        named = ", ".join(f"column {column!r} with {row[column]!r}" for column in strange[:1] or columns)
+        words = f"{rows.path}: it has a row of another sweep: {named}"
+        raise InvalidArgumentError(words, field=(strange or columns)[0], limit="rows of this sweep")
+
+
+class _SceneFile(NamedTuple):
+    """The text of a scene file, the files that it names, and a hash of all."""
+
+    toml: str
+    files: Mapping[str, bytes]
+    hash: str
+
+    @staticmethod
+    def read(path: str) -> _SceneFile:
+        toml, files = read_scene(path)
+        whole = hashlib.sha256(toml.encode())
+        for name, data in sorted(files.items()):
+            whole.update(f"{name} {len(data)}".encode() + data)
+        return _SceneFile(toml, files, whole.hexdigest()[:16])
 
 
 @dataclass(frozen=True)
@@ -186,30 +200,33 @@ class _Job:
 
     measure: Measure
     results: frozenset[str]
-    #: Texts of scene files, and the files that they name, by the names of the scenes.
-    scenes: Mapping[str, tuple[str, Mapping[str, bytes]]]
+    #: By the names that points have for them.
+    scenes: Mapping[str, _SceneFile]
 
     @staticmethod
     def of(points: Iterable[Point], measure: Measure, results: Iterable[str]) -> _Job:
         """Reads the scene files of the points."""
         names = {str(point["scene"]) for point in points}
-        return _Job(measure, frozenset(results), {name: read_scene(name) for name in names if name.endswith(".toml")})
+        scenes = {name: _SceneFile.read(name) for name in names if name.endswith(".toml")}
+        return _Job(measure, frozenset(results), scenes)
 
     def key(self, point: Point, parameters: Iterable[str]) -> _Key:
         """What the point's row begins with."""
         scene = self.scenes.get(str(point["scene"]))
         measure = getattr(self.measure, "__qualname__", type(self.measure).__qualname__)
-        return *(cell(point[name]) for name in parameters), "" if scene is None else _hash(*scene), cell(measure)
+        return *(cell(point[name]) for name in parameters), "" if scene is None else scene.hash, cell(measure)
 
     def create(self, client: Client, point: Point) -> Session:
         """A session of the point's scene."""
         name = str(point["scene"])
         options: dict[str, Any] = {option: point[option] for option in _OPTIONS if option in point}
         changes = {column: value for column, value in point.items() if column.startswith(_FIELD)}
-        if not changes and name not in self.scenes:
-            return client.create_session(name, **options)
-        toml, files = self.scenes[name] if name in self.scenes else (client.scene_toml(name), {})
-        return client.create_session(toml=_changed(toml, changes), files=files, **options)
+        if name in self.scenes:
+            toml, files, _ = self.scenes[name]
+            return client.create_session(toml=_changed(toml, changes), files=files, **options)
+        if changes:
+            return client.create_session(toml=_changed(client.scene_toml(name), changes), **options)
+        return client.create_session(name, **options)
 
 
 class _Refusal(NamedTuple):
@@ -269,9 +286,9 @@ def _found(
             one.stop()
 
 
-def _freest(busy: Mapping[str, int], full: Iterable[str]) -> str | None:
+def _freest(busy: Counter[str], full: set[str]) -> str | None:
     """The node with most CPUs that no point is on, if there is one."""
-    free = {node: cpus - busy.get(node, 0) for node, cpus in cluster.nodes().items() if node not in set(full)}
+    free = {node: cpus - busy[node] for node, cpus in cluster.nodes().items() if node not in full}
     node = max(free, key=lambda node: free[node], default=None)
     return node if node is not None and free[node] > 0 else None
 
@@ -335,13 +352,6 @@ def _changed(toml: str, changes: Mapping[str, Value]) -> str:
                 f"{column}: the scene has no such table", field=column, limit="a table"
             ) from error
     return tomli_w.dumps(scene)
-
-
-def _hash(toml: str, files: Mapping[str, bytes]) -> str:
-    whole = hashlib.sha256(toml.encode())
-    for name, data in sorted(files.items()):
-        whole.update(f"{name} {len(data)}".encode() + data)
-    return whole.hexdigest()[:16]
 
 
 def _plain(value: Any) -> Value:  # noqa: ANN401
