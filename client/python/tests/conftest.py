@@ -36,3 +36,21 @@ def client(server):
 def session(client):
     with client.create_session(path=BLOCK) as session:
         yield session
+
+
+@pytest.fixture(scope="session")
+def cluster():
+    """Two nodes of Ray on this machine, of one CPU and of two; who connects to Ray is on them."""
+    utils = pytest.importorskip("ray.cluster_utils", reason="Ray is missing: pip install 'kerf[ray]'")
+    with pytest.MonkeyPatch.context() as patch:
+        # What the nodes are to know, they know from here.
+        patch.setenv("KERF_SERVER", str(PROGRAM))
+        memory = {"object_store_memory": 80 << 20}
+        cluster = utils.Cluster(
+            initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False, **memory}
+        )
+        cluster.add_node(num_cpus=2, **memory)
+        patch.setenv("RAY_ADDRESS", cluster.address)
+        yield cluster
+        pytest.importorskip("ray").shutdown()
+        cluster.shutdown()

@@ -106,7 +106,7 @@ def test_it_is_made_by_its_id_on_a_server_of_its_own(monkeypatch):
     env.step(env.action_space.sample())
     assert env.render().ndim == 3
     env.close()
-    assert server._process.poll() is not None, "its server is gone with it"
+    assert not server.is_running, "its server is gone with it"
 
 
 @pytest.mark.filterwarnings("ignore:.*Box observation space:UserWarning")

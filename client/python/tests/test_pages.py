@@ -8,7 +8,8 @@ import sys
 import pytest
 from conftest import PROGRAM, REPOSITORY
 
-PAGES = ["README.md", "docs/tutorial/README.md", "docs/how-to/python.md", "client/python/README.md"]
+RAY = "docs/how-to/ray.md"
+PAGES = ["README.md", "docs/tutorial/README.md", "docs/how-to/python.md", "client/python/README.md", RAY]
 COMMANDS = [
     *PAGES,
     "docs/how-to/mesh.md",
@@ -38,7 +39,9 @@ def folder(tmp_path):
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_the_lines_of_a_page_run(page, folder, server):
+def test_the_lines_of_a_page_run(page, folder, server, request):
+    if page == RAY:
+        request.getfixturevalue("cluster")
     for number, block in enumerate(blocks(page, "python")):
         # What goes on from a block before begins with what that one has. The server that runs already runs here.
         running = block.replace("127.0.0.1:50051", server.address)

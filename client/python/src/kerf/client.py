@@ -72,6 +72,11 @@ class Client:
         answer = self._transport.call("SessionService/ListSessions", pb.ListSessionsRequest(), pb.ListSessionsResponse)
         return {session.session_id: SessionState(session.state) for session in answer.sessions}
 
+    def server_version(self) -> str:
+        """The version of the server's program."""
+        answer = self._transport.call("SessionService/ListSessions", pb.ListSessionsRequest(), pb.ListSessionsResponse)
+        return answer.server.version
+
     def create_session(
         self,
         scene_name: str | None = None,
@@ -106,8 +111,7 @@ class Client:
         if sum(given is not None for given in (scene_name, path, toml)) != 1:
             raise InvalidArgumentError("give one of scene_name, path and toml", field="scene", limit="one of three")
         if path is not None:
-            toml = Path(path).read_text(encoding="utf-8")
-            files = {name: (Path(path).parent / name).read_bytes() for name in _files_of(tomllib.loads(toml))}
+            toml, files = read_scene(path)
         sent = files or {}
         request = pb.CreateSessionRequest(
             scene_name=scene_name,
@@ -132,6 +136,12 @@ class Client:
         request = pb.DescribeSessionRequest(session_id=session_id)
         answer = self._transport.call("SessionService/DescribeSession", request, pb.DescribeSessionResponse)
         return Session(self._transport, answer.session, owned=False)
+
+
+def read_scene(path: str | Path) -> tuple[str, dict[str, bytes]]:
+    """The text of a scene file, and the meshes, label maps and edges that it names, from beside it."""
+    toml = Path(path).read_text(encoding="utf-8")
+    return toml, {name: (Path(path).parent / name).read_bytes() for name in _files_of(tomllib.loads(toml))}
 
 
 def _scene_in_parts(

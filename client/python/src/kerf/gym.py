@@ -318,7 +318,7 @@ class _OwnClientEnv(CuttingEnv):
     def _shared_server() -> LocalServer:
         kind = _OwnClientEnv
         if kind._server is None or kind._server_of_process != os.getpid():
-            kind._server = LocalServer(os.environ.get("KERF_SERVER", "kerf-server"))
+            kind._server = LocalServer.of_environment()
             kind._server_of_process, kind._users = os.getpid(), 0
             # Environments that nobody closes.
             atexit.register(kind._server.stop)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import collections
 import json
+import os
 import shutil
 import subprocess
 import threading
@@ -50,6 +51,11 @@ class LocalServer:
         #: Host and port.
         self.address = self._listening_address()
 
+    @classmethod
+    def of_environment(cls, settings: Mapping[str, object] | None = None) -> Self:
+        """Starts the program that `KERF_SERVER` names, or `kerf-server` on the path."""
+        return cls(os.environ.get("KERF_SERVER", "kerf-server"), settings=settings)
+
     def __enter__(self) -> Self:
         return self
 
@@ -59,6 +65,11 @@ class LocalServer:
     def client(self, *, timeout_s: float = 60.0) -> Client:
         """A connection to it."""
         return Client(self.address, timeout_s=timeout_s)
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it has not ended, by `stop` or by itself."""
+        return self._process.poll() is None
 
     def stop(self) -> None:
         """Ends its sessions and it."""

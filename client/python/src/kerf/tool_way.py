@@ -44,14 +44,14 @@ class ToolWay:
     def _depths_m(self, touches: NDArray[np.bool_]) -> Floats:
         begins = touches & np.isnan(self._touched[:, 0])
         self._touched[begins] = self._poses[begins]
-        along = _forward(self._touched[:, 3:])
+        along = forward(self._touched[:, 3:])
         gone_m = np.sum((self._poses[:, :3] - self._touched[:, :3]) * along, axis=1)
         # Back out, and in the air: the next touch begins anew.
         self._touched[np.isnan(gone_m) | (~touches & (gone_m <= 0.0))] = np.nan
         return np.where(np.isnan(gone_m), 0.0, np.maximum(gone_m, 0.0))
 
 
-def _forward(quaternions: Floats) -> Floats:
+def forward(quaternions: Floats) -> Floats:
     """The way that tools cut: -y of their frames."""
     x, y, z, w = (quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)).T
     return -np.stack([2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)], axis=1)
