@@ -1,18 +1,16 @@
-"""Environments on all nodes of a Ray cluster, stepped together. `pip install kerf[gym,ray]`."""
+"""Environments that step together, as a Gymnasium `VectorEnv`. `pip install kerf[gym]`."""
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Mapping, Sequence
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kerf import cluster
-from kerf.client import read_scene
-from kerf.errors import UnavailableError
-from kerf.gym import Observation, make_cutting_env
+from kerf.client import Client
+from kerf.gym import CuttingEnv, Observation
 
 try:
     from gymnasium.vector import AutoresetMode, VectorEnv
@@ -25,65 +23,74 @@ if TYPE_CHECKING:
 else:
     Base = VectorEnv
 
+#: What `step` answers with.
+Stepped = tuple[Observation, float, bool, bool, dict[str, Any]]
 
-class ClusterVectorEnv(Base):
-    """Many `CuttingEnv`, each in a process of its own, as a Gymnasium `VectorEnv`.
 
-    They are spread over the nodes by their CPUs, and those of a node share its server. One whose episode has ended
-    begins the next at the next step, whatever its action is.
+class Episodes:
+    """The episodes of an environment, one after another.
+
+    One whose episode has ended begins the next at the next step, whatever its action is.
     """
 
-    def __init__(
-        self,
-        count: int,
-        *,
-        server: str | None = None,
-        settings: Mapping[str, object] | None = None,
-        **options: Any,  # noqa: ANN401
-    ) -> None:
-        """Begins the environments.
+    def __init__(self, env: CuttingEnv) -> None:
+        self.env = env
+        self._is_over = False
 
-        Args:
-            count: How many.
-            server: Where a node finds a server, as seen from the node. Without it each node starts one of its own: the
-                program that `KERF_SERVER` names there, or `kerf-server` on the path.
-            settings: Of servers that are started, as of `LocalServer`.
-            options: As of `make_cutting_env`. A file that `path` names is read here.
-        """
-        if "path" in options:
-            options["toml"], options["files"] = read_scene(options.pop("path"))
-        self._servers: dict[str, cluster.NodeServer] = {}
-        self._envs: list[cluster.Actor] = []
-        cluster.connect()
-        # Each node once for each of its CPUs, in turns, so that few environments are on many nodes, too.
-        turns = sorted((turn / cpus, node) for node, cpus in cluster.nodes().items() for turn in range(cpus))
-        if not turns:
-            raise UnavailableError("the cluster has no node with a CPU")
-        #: The node of each environment, by Ray's id.
-        self.nodes = tuple(turns[at % len(turns)][1] for at in range(count))
-        self._servers = {node: cluster.NodeServer(node, server, settings or {}) for node in self.nodes[: len(turns)]}
-        shared = cluster.shared(options)
-        self._envs = [cluster.Actor(node, _Env, self._servers[node], shared) for node in self.nodes]
+    def reset(self, seed: int | None, options: dict[str, Any] | None) -> tuple[Observation, dict[str, Any]]:
+        """Begins an episode."""
+        self._is_over = False
+        return self.env.reset(seed=seed, options=options)
+
+    def begin(self, action: NDArray[Any]) -> Callable[[], Stepped]:
+        """Begins an action; what this answers with waits for its end."""
+        if self._is_over:
+            observation, info = self.reset(None, None)
+            return lambda: (observation, 0.0, False, False, info)
+        answer = self.env.begin(action)
+
+        def end() -> Stepped:
+            stepped = answer()
+            self._is_over = stepped[2] or stepped[3]
+            return stepped
+
+        return end
+
+
+class TogetherVectorEnv(Base):
+    """Many `CuttingEnv`, wherever they are."""
+
+    def _like(self, observation_space: Any, action_space: Any, count: int) -> None:  # noqa: ANN401
+        """Takes over from one of them what they all are."""
         self.num_envs = count
         self.metadata = {"autoreset_mode": AutoresetMode.NEXT_STEP}
-        self.single_observation_space, self.single_action_space = self._each("begin", [()] * count)[0]
-        self.observation_space = batch_space(self.single_observation_space, count)
-        self.action_space = batch_space(self.single_action_space, count)
+        self.single_observation_space, self.single_action_space = observation_space, action_space
+        self.observation_space = batch_space(observation_space, count)
+        self.action_space = batch_space(action_space, count)
+
+    @abstractmethod
+    def _reset_each(
+        self, seeds: Sequence[int | None], options: dict[str, Any] | None
+    ) -> Sequence[tuple[Observation, dict[str, Any]]]:
+        """Begins an episode of each."""
+
+    @abstractmethod
+    def _step_each(self, actions: NDArray[Any]) -> Sequence[Stepped]:
+        """Steps each of them, all at once."""
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Begins an episode of each. Of a single seed the second environment has the next one, and so on."""
         seeds = [seed + at for at in range(self.num_envs)] if isinstance(seed, int) else seed or [None] * self.num_envs
-        observations, infos = zip(*self._each("reset", [(one, options) for one in seeds]), strict=True)
+        observations, infos = zip(*self._reset_each(seeds, options), strict=True)
         return np.stack(observations), self._together(infos)
 
     def step(
         self, actions: NDArray[Any]
     ) -> tuple[Observation, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Steps all of them at once, and waits for the last."""
-        answers = self._each("step", [(action,) for action in actions])
-        observations, rewards, terminations, truncations, infos = zip(*answers, strict=True)
+        observations, rewards, terminations, truncations, infos = zip(*self._step_each(actions), strict=True)
         return (
             np.stack(observations),
             np.array(rewards, dtype=np.float64),
@@ -92,22 +99,6 @@ class ClusterVectorEnv(Base):
             self._together(infos),
         )
 
-    def close_extras(self) -> None:
-        """Ends the environments, and the servers that were started for them."""
-        # Sessions on a server that goes on would wait for its idle timeout. One whose process is gone has to.
-        for answer in [env.ask("close") for env in self._envs]:
-            with contextlib.suppress(cluster.LostError):
-                answer.get()
-        for env in self._envs:
-            env.stop()
-        for server in self._servers.values():
-            server.stop()
-
-    def _each(self, method: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
-        """Calls a method of each environment, of all at once."""
-        answers = [env.ask(method, *given) for env, given in zip(self._envs, arguments, strict=True)]
-        return [answer.get() for answer in answers]
-
     def _together(self, infos: Sequence[dict[str, Any]]) -> dict[str, Any]:
         together: dict[str, Any] = {}
         for at, info in enumerate(infos):
@@ -115,29 +106,31 @@ class ClusterVectorEnv(Base):
         return together
 
 
-class _Env:
-    """An environment in a process of its own."""
+class CuttingVectorEnv(TogetherVectorEnv):
+    """Many `CuttingEnv` on one server, in this process: the server steps them while this reads what came of others."""
 
-    def __init__(self, server: cluster.NodeServer, options: Mapping[str, Any]) -> None:
-        self._server, self._options = server, options
-        self._is_over = False
+    def __init__(self, client: Client, count: int, **options: Any) -> None:  # noqa: ANN401
+        """Begins the environments.
 
-    def begin(self) -> tuple[Any, Any]:
-        """Makes it; its spaces."""
-        self._env = make_cutting_env(self._server.address(), **self._options)
-        return self._env.observation_space, self._env.action_space
+        Args:
+            client: The server. The environments do not close it.
+            count: How many.
+            options: As of `CuttingEnv`.
+        """
+        self._episodes = [Episodes(CuttingEnv(client, **options)) for _ in range(count)]
+        first = self._episodes[0].env
+        self._like(first.observation_space, first.action_space, count)
 
-    def reset(self, seed: int | None, options: dict[str, Any] | None) -> tuple[Observation, dict[str, Any]]:
-        self._is_over = False
-        return self._env.reset(seed=seed, options=options)
+    def close_extras(self) -> None:
+        """Ends the environments."""
+        for each in self._episodes:
+            each.env.close()
 
-    def step(self, action: NDArray[Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        if self._is_over:
-            observation, info = self.reset(None, None)
-            return observation, 0.0, False, False, info
-        stepped = self._env.step(action)
-        self._is_over = stepped[2] or stepped[3]
-        return stepped
+    def _reset_each(
+        self, seeds: Sequence[int | None], options: dict[str, Any] | None
+    ) -> Sequence[tuple[Observation, dict[str, Any]]]:
+        return [each.reset(seed, options) for each, seed in zip(self._episodes, seeds, strict=True)]
 
-    def close(self) -> None:
-        self._env.close()
+    def _step_each(self, actions: NDArray[Any]) -> Sequence[Stepped]:
+        answers = [each.begin(action) for each, action in zip(self._episodes, actions, strict=True)]
+        return [answer() for answer in answers]
