@@ -33,8 +33,6 @@ const GIVEN_J: f64 = 2e-3;
 const STROKE: [[f64; 2]; 6] = [[0.0, 0.01], [0.6, 0.0], [1.0, -0.005], [2.0, -0.005], [2.6, -0.016], [4.2, -0.016]];
 /// Spans of it in which the hand waits and is judged, s.
 const WAITS_S: [[f64; 2]; 2] = [[1.3, 2.0], [3.2, 4.2]];
-/// Middle of the right lobe's top in the scene.
-const TOP_M: [f64; 3] = [-0.042, 0.154, -0.021];
 /// Grip of the hand: between a light one and a firm one.
 const GRIP_N_PER_M: f64 = 200.0;
 const GRIP_N_S_PER_M: f64 = 1.0;
@@ -46,13 +44,15 @@ const RIGID_N_PER_M: f64 = 1e9;
 struct Tissue {
     name: &'static str,
     scene: &'static str,
+    /// Middle of the right lobe's top in the scene, as it is at rest.
+    top_m: [f64; 3],
     force_scale: f64,
 }
 
 /// The liver as soft as the real one, and as stiff as the paper's.
 const TISSUES: [Tissue; 2] = [
-    Tissue { name: "soft", scene: "liver-tissue", force_scale: 0.3 },
-    Tissue { name: "stiff", scene: "liver", force_scale: 0.02 },
+    Tissue { name: "soft", scene: "liver-tissue", top_m: [-0.042, 0.1435, -0.021], force_scale: 0.3 },
+    Tissue { name: "stiff", scene: "liver", top_m: [-0.042, 0.154, -0.021], force_scale: 0.02 },
 ];
 
 /// A stroke.
@@ -178,7 +178,7 @@ impl Trial {
         runtime.block_on(session.describe(&server)).map_err(|why| anyhow!(why))?;
         let config = DeviceConfig {
             mapping: MappingConfig {
-                scene_origin_m: TOP_M,
+                scene_origin_m: self.tissue.top_m,
                 force_scale: self.tissue.force_scale,
                 turns_tool: false,
                 ..MappingConfig::default()

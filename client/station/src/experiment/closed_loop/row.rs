@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 
-use super::{Played, Quality, Rendering, TISSUES, TOP_M, Trial};
+use super::{Played, Quality, Rendering, TISSUES, Tissue, Trial};
 
 /// What is played.
 #[derive(Clone, Debug, clap::Args)]
@@ -61,7 +61,7 @@ impl Row {
             let played = trial.run(self.server)?;
             print!("{}", trial.row(&played.outcome));
             if let Some(path) = &self.ticks {
-                let text = played.ticks(tissue.force_scale);
+                let text = played.ticks(&tissue);
                 std::fs::write(path, text).with_context(|| path.display().to_string())?;
             }
         }
@@ -71,13 +71,13 @@ impl Row {
 
 impl Played {
     /// A line a tick; forces and stiffness as the device feels them.
-    fn ticks(&self, force_scale: f64) -> String {
+    fn ticks(&self, tissue: &Tissue) -> String {
         let mut text = String::from(
             "time_s,hand_m,tool_m,force_n,contact_n,coupling_n_per_m,work_j,generated_j,contacts,motion_age_s,state\n",
         );
         for (moment, sample) in self.moments.iter().zip(&self.felt) {
             let rendered = &sample.rendered;
-            let tool_m = rendered.tool.map_or(f64::NAN, |tool| tool.position_m.y - TOP_M[1]);
+            let tool_m = rendered.tool.map_or(f64::NAN, |tool| tool.position_m.y - tissue.top_m[1]);
             let _ = writeln!(
                 text,
                 "{:.4},{:.6},{:.6},{:.4},{:.4},{:.1},{:.6},{:.6},{},{:.4},{:?}",
@@ -85,10 +85,10 @@ impl Played {
                 moment.height_m,
                 tool_m,
                 sample.force_n.y,
-                rendered.contact_n.y * force_scale,
-                rendered.coupling_n_per_m * force_scale,
+                rendered.contact_n.y * tissue.force_scale,
+                rendered.coupling_n_per_m * tissue.force_scale,
                 moment.work_j,
-                rendered.generated_j * force_scale,
+                rendered.generated_j * tissue.force_scale,
                 sample.contacts,
                 sample.motion_age_s.unwrap_or(f64::NAN),
                 rendered.state,
