@@ -165,7 +165,7 @@ impl Remarks<'_> {
             .mesh()
             .and_then(|mesh| scene.meshes.get(&mesh.key))
             .is_some_and(|mesh| !mesh_faults(mesh).is_empty());
-        let Ok(shape_m3) = volume_m3(&object.shape, &scene.meshes, voxel_m) else { return };
+        let Ok(shape_m3) = volume_m3(grid, &object.shape, &scene.meshes) else { return };
         let surface_m3 = Surface::build(grid).volume_m3();
         let excess = surface_m3 / shape_m3 - 1.0;
         if excess.abs() > MOST_VOLUME_ERROR && !is_faulty {

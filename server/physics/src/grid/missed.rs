@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use super::implicit::Implicit;
 use super::lattice::{Bounds, Lattice, MAX_CELLS};
 use super::thickness::Distances;
 use super::voxelize::{Solid, extent, shape_error};
@@ -47,7 +48,8 @@ pub fn largest_missed_part(grid: &Grid, shape: &ShapeDesc, meshes: &Meshes) -> R
     let mut missed: BTreeSet<Ijk> = match Solid::new(shape, meshes)? {
         Solid::Implicit(shape) => {
             let distance_m = |at_m: Vec3| shape.sample(&at_m).distance_m;
-            let is_near = |cell: &Ijk| distance_m(lattice.centre_m(*cell)) < WHOLLY * lattice.voxel_size_m;
+            let is_near =
+                |cell: &Ijk| centre_distance_m(grid, &shape, &lattice.centre_m(*cell)) < WHOLLY * grid.voxel_size_m();
             let inside = |probe: &Ijk| distance_m(probes.centre_m(*probe)) < 0.0;
             alone.filter(is_near).flat_map(probes_of).filter(inside).collect()
         }
@@ -102,28 +104,33 @@ fn cells_across(part: &BTreeSet<Ijk>, cell: Ijk) -> i32 {
 ///
 /// # Errors
 /// As [`super::voxelize::voxelize`].
-pub fn volume_m3(shape: &ShapeDesc, meshes: &Meshes, voxel_size_m: f64) -> Result<f64, SceneError> {
+pub fn volume_m3(grid: &Grid, shape: &ShapeDesc, meshes: &Meshes) -> Result<f64, SceneError> {
+    let voxel_m = grid.voxel_size_m();
     let (bounds, bulge_m) = extent(shape, meshes)?;
     match Solid::new(shape, meshes)? {
         Solid::Mesh(solid) => Ok(solid.volume_m3().abs()),
         Solid::Implicit(shape) => {
-            let lattice = Lattice::over(&bounds, bulge_m, voxel_size_m)?;
-            let half_m = 0.5 * voxel_size_m;
+            let lattice = Lattice::over(&bounds, bulge_m, voxel_m)?;
+            let half_m = 0.5 * voxel_m;
             let filled = |at_m: &Vec3| (0.5 - shape.sample(at_m).distance_m / half_m).clamp(0.0, 1.0);
             let of_cell = |centre_m: Vec3| {
-                let distance_m = shape.sample(&centre_m).distance_m;
-                if distance_m.abs() > WHOLLY * voxel_size_m {
+                let distance_m = centre_distance_m(grid, &shape, &centre_m);
+                if distance_m.abs() > WHOLLY * voxel_m {
                     return if distance_m < 0.0 { 1.0 } else { 0.0 };
                 }
                 let sign = |bit: u32| if bit == 0 { -0.5 } else { 0.5 };
-                let eighths =
-                    (0..8).map(|c| centre_m + Vec3::new(sign(c & 1), sign(c >> 1 & 1), sign(c >> 2 & 1)) * half_m);
-                eighths.map(|at_m| filled(&at_m)).sum::<f64>() / 8.0
+                let eighth = |c: u32| centre_m + Vec3::new(sign(c & 1), sign(c >> 1 & 1), sign(c >> 2 & 1)) * half_m;
+                (0..8).map(eighth).map(|at_m| filled(&at_m)).sum::<f64>() / 8.0
             };
             let cells = lattice.cells().map(|cell| of_cell(lattice.centre_m(cell))).sum::<f64>();
-            Ok(cells * voxel_size_m.powi(3))
+            Ok(cells * voxel_m.powi(3))
         }
     }
+}
+
+/// Signed distance at the centre of a cell, m: as the grid has it from when it was voxelized, or else by the formula.
+fn centre_distance_m(grid: &Grid, shape: &Implicit, centre_m: &Vec3) -> f64 {
+    grid.sampled_distance_m(grid.cell_of(centre_m)).unwrap_or_else(|| shape.sample(centre_m).distance_m)
 }
 
 #[cfg(test)]
@@ -217,6 +224,10 @@ mod tests {
         assert_eq!(missed(&object, &of(1.0, 2.0)), None);
     }
 
+    fn volume(object: &ObjectDesc, meshes: &Meshes) -> f64 {
+        super::volume_m3(&voxelize(object, meshes).unwrap(), &object.shape, meshes).unwrap()
+    }
+
     #[test]
     fn volumes_are_those_of_the_formulas() {
         let axes = [9.0, 3.1, 2.3];
@@ -235,13 +246,13 @@ mod tests {
             ),
         ] {
             let object = object(&shape);
-            let found_m3 = super::volume_m3(&object.shape, &Meshes::new(), 1.0).unwrap();
+            let found_m3 = volume(&object, &Meshes::new());
             // Where the surface bends within a cell, it is taken for flat.
             assert!((found_m3 / volume_m3 - 1.0).abs() < 1e-2, "{shape}: {found_m3}, not {volume_m3}");
         }
         let object = object("{ mesh = { file = 'm', scale_m_per_unit = 2.0 } }");
         let meshes = Meshes::from([("m".into(), block_and_plate(0.4, 2.6))]);
-        let found_m3 = super::volume_m3(&object.shape, &meshes, 1.0).unwrap();
+        let found_m3 = volume(&object, &meshes);
         assert!((found_m3 - 8.0 * 1040.0).abs() < 1e-6, "{found_m3}");
     }
 }

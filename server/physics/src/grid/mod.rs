@@ -384,6 +384,11 @@ impl Grid {
         (LinkId { cell: lower, axis: axis as u8 }, other)
     }
 
+    /// Signed distance at a cell's centre, m, if it was sampled there.
+    fn sampled_distance_m(&self, cell: Ijk) -> Option<f64> {
+        Some(f64::from(self.cells.signed_distance_m[self.cells.slot(cell)?]))
+    }
+
     /// Signed distance to the object's own (uncut) surface at a reference position, m, negative
     /// inside; trilinear between cell centres, `f64::INFINITY` outside the sampled box.
     #[must_use]
