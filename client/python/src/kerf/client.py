@@ -69,13 +69,14 @@ class Client:
 
     def sessions(self) -> dict[str, SessionState]:
         """What the sessions of the server are doing, by their ids."""
-        answer = self._transport.call("SessionService/ListSessions", pb.ListSessionsRequest(), pb.ListSessionsResponse)
-        return {session.session_id: SessionState(session.state) for session in answer.sessions}
+        return {session.session_id: SessionState(session.state) for session in self._listed().sessions}
 
     def server_version(self) -> str:
         """The version of the server's program."""
-        answer = self._transport.call("SessionService/ListSessions", pb.ListSessionsRequest(), pb.ListSessionsResponse)
-        return answer.server.version
+        return self._listed().server.version
+
+    def _listed(self) -> pb.ListSessionsResponse:
+        return self._transport.call("SessionService/ListSessions", pb.ListSessionsRequest(), pb.ListSessionsResponse)
 
     def create_session(
         self,

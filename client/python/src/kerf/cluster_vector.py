@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from kerf import cluster
 from kerf.client import read_scene
 from kerf.errors import UnavailableError
-from kerf.gym import Observation, make_cutting_env
-from kerf.vector import Episodes, Stepped, TogetherVectorEnv
+from kerf.gym import Observation, Stepped, make_cutting_env
+from kerf.vector import Episodes, TogetherVectorEnv
 
 
 class ClusterVectorEnv(TogetherVectorEnv):

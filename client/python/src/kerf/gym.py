@@ -70,6 +70,8 @@ else:
     Base = _Env[np.ndarray, np.ndarray]
 
 Observation = NDArray[np.float32]
+#: What an action answers with: what is seen, the reward, whether the task is done, whether time is up, and more.
+Stepped = tuple[Observation, float, bool, bool, dict[str, Any]]
 
 #: Under this name the state is kept that every episode begins with.
 _START = "episode"
@@ -193,28 +195,28 @@ class CuttingEnv(Base):
         self._result = self.session.step(1, [{self._tool: Placement(self._pose, self._opening)}])
         return self.observe(self._pose, self._result), self._info()
 
-    def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def step(self, action: ArrayLike) -> Stepped:
         """Moves the tool for `steps_per_action` steps."""
-        return self.begin(action)()
+        return self._stepped(self.session.step(self._steps, self._motions(action)))
 
-    def begin(self, action: ArrayLike) -> Callable[[], tuple[Observation, float, bool, bool, dict[str, Any]]]:
+    def begin(self, action: ArrayLike) -> Callable[[], Stepped]:
         """Begins an action; what this answers with waits for its end, and is what `step` is."""
+        answer = self.session.begin_step(self._steps, self._motions(action))
+        return lambda: self._stepped(answer())
+
+    def _motions(self, action: ArrayLike) -> list[dict[ToolRef, Motion | ArrayLike]]:
         wanted = np.asarray(action, dtype=np.float64)
         if wanted.shape != self.action_space.shape:
             limit = f"shape {self.action_space.shape}"
             raise InvalidArgumentError(f"action: shape {wanted.shape}", field="action", limit=limit)
-        wanted = np.clip(wanted, -1.0, 1.0)
-        answer = self.session.begin_step(self._steps, [{self._tool: motion} for motion in self._way(wanted)])
+        return [{self._tool: motion} for motion in self._way(np.clip(wanted, -1.0, 1.0))]
 
-        def end() -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-            result = answer()
-            moment = Moment(self._pose.copy(), result, self._result)
-            self._result = result
-            self._actions += 1
-            terminated, truncated = bool(self._is_done(moment)), self._actions >= self._max_actions
-            return self.observe(self._pose, result), float(self._reward(moment)), terminated, truncated, self._info()
-
-        return end
+    def _stepped(self, result: StepResult) -> Stepped:
+        moment = Moment(self._pose.copy(), result, self._result)
+        self._result = result
+        self._actions += 1
+        terminated, truncated = bool(self._is_done(moment)), self._actions >= self._max_actions
+        return self.observe(self._pose, result), float(self._reward(moment)), terminated, truncated, self._info()
 
     def observe(self, pose: Floats, result: StepResult) -> Observation:
         """What the agent sees of the last step."""

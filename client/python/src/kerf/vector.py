@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kerf.client import Client
-from kerf.gym import CuttingEnv, Observation
+from kerf.gym import CuttingEnv, Observation, Stepped
 
 try:
     from gymnasium.vector import AutoresetMode, VectorEnv
@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     Base = VectorEnv[Observation, Observation, NDArray[Any]]
 else:
     Base = VectorEnv
-
-#: What `step` answers with.
-Stepped = tuple[Observation, float, bool, bool, dict[str, Any]]
 
 
 class Episodes:
