@@ -1,6 +1,6 @@
 //! What is to be said of a scene before it runs. Whoever runs scenes asks here, so that all refuse and warn alike.
 
-use kerf_physics::grid::missed::{MissedPart, largest_missed_part, volume_m3};
+use kerf_physics::grid::missed::{Missed, MissedPart};
 use kerf_physics::grid::thickness::Thickness;
 use kerf_physics::grid::voxelize::region_voxels;
 use kerf_physics::grid::{Grid, LEAST_PIECE_VOXELS, LeftOut, VoxelId};
@@ -147,7 +147,10 @@ impl Remarks<'_> {
         let voxel_m = grid.voxel_size_m();
         let field = if object.resolution.is_some() { ".resolution" } else { ".voxel_size_m" };
         // What cannot be told has been refused when the world was built.
-        if let Ok(Some(MissedPart { bounds, thickness_m })) = largest_missed_part(grid, &object.shape, &scene.meshes)
+        let Ok(Missed { largest_part, shape_volume_m3 }) = Missed::of(grid, &object.shape, &scene.meshes) else {
+            return;
+        };
+        if let Some(MissedPart { bounds, thickness_m }) = largest_part
             && bounds.extent_m().max() > LEAST_MISSED_VOXELS * voxel_m
         {
             let [low, high] = [bounds.min_m, bounds.max_m].map(|p| format!("({:.4}, {:.4}, {:.4})", p.x, p.y, p.z));
@@ -160,21 +163,17 @@ impl Remarks<'_> {
             );
             self.warn(field, message);
         }
-        let is_faulty = object
-            .shape
-            .mesh()
-            .and_then(|mesh| scene.meshes.get(&mesh.key))
-            .is_some_and(|mesh| !mesh_faults(mesh).is_empty());
-        let Ok(shape_m3) = volume_m3(grid, &object.shape, &scene.meshes) else { return };
         let surface_m3 = Surface::build(grid).volume_m3();
-        let excess = surface_m3 / shape_m3 - 1.0;
-        if excess.abs() > MOST_VOLUME_ERROR && !is_faulty {
+        let mesh = object.shape.mesh().and_then(|mesh| scene.meshes.get(&mesh.key));
+        let is_faulty = || mesh.is_some_and(|mesh| !mesh_faults(mesh).is_empty());
+        let excess = surface_m3 / shape_volume_m3 - 1.0;
+        if excess.abs() > MOST_VOLUME_ERROR && !is_faulty() {
             let message = format!(
                 "the surface of the voxels of {:.2} mm encloses {:.2} cm3, the shape {:.2} cm3, so {:.0} % {}: walls and tips \
                  are thin for such voxels; take smaller ones",
                 1e3 * voxel_m,
                 1e6 * surface_m3,
-                1e6 * shape_m3,
+                1e6 * shape_volume_m3,
                 100.0 * excess.abs(),
                 if excess < 0.0 { "less" } else { "more" },
             );

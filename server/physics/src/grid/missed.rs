@@ -25,56 +25,74 @@ pub struct MissedPart {
     pub thickness_m: f64,
 }
 
-/// The largest of the parts that the voxels of a shape miss. Of meshes nothing is told where probes at a third of a voxel
-/// are more cells than a lattice may have.
-///
-/// # Errors
-/// As [`super::voxelize::voxelize`].
-pub fn largest_missed_part(grid: &Grid, shape: &ShapeDesc, meshes: &Meshes) -> Result<Option<MissedPart>, SceneError> {
-    let (bounds, bulge_m) = extent(shape, meshes)?;
-    let lattice = Lattice::over(&bounds, bulge_m, grid.voxel_size_m())?;
-    let probes = Lattice {
-        origin_m: lattice.origin_m,
-        voxel_size_m: lattice.voxel_size_m / f64::from(PROBES),
-        dims: lattice.dims.map(|d| d * PROBES),
-    };
-    let to_voxels = Distances::to_cells(grid, |cell| grid.voxel_at(cell).is_some());
-    let has_no_voxel_beside = |cell: Ijk| !to_voxels.is_beside(grid.cell_of(&lattice.centre_m(cell)));
-    let alone = lattice.cells().filter(|cell| has_no_voxel_beside(*cell));
-    let probes_of = |cell: Ijk| {
-        let place = |i: i32| [i % PROBES, i / PROBES % PROBES, i / PROBES / PROBES];
-        (0..PROBES.pow(3)).map(move |i| std::array::from_fn(|a| cell[a] * PROBES + place(i)[a]))
-    };
-    let mut missed: BTreeSet<Ijk> = match Solid::new(shape, meshes)? {
-        Solid::Implicit(shape) => {
-            let distance_m = |at_m: Vec3| shape.sample(&at_m).distance_m;
-            let is_near =
-                |cell: &Ijk| centre_distance_m(grid, &shape, &lattice.centre_m(*cell)) < WHOLLY * grid.voxel_size_m();
-            let inside = |probe: &Ijk| distance_m(probes.centre_m(*probe)) < 0.0;
-            alone.filter(is_near).flat_map(probes_of).filter(inside).collect()
-        }
-        Solid::Mesh(_) if probes.len() as f64 > MAX_CELLS => return Ok(None),
-        Solid::Mesh(solid) => {
-            let inside = solid.cut_by(probes).inside().map_err(shape_error)?;
-            let is_within = |probe: &Ijk| (0..3).all(|a| (0..probes.dims[a]).contains(&probe[a]));
-            alone.flat_map(probes_of).filter(is_within).filter(|probe| inside[probes.slot(*probe)]).collect()
-        }
-    };
+/// What of a shape its voxels miss.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Missed {
+    /// The largest part. Of meshes it is not told where probes at a third of a voxel are more cells than a lattice may have.
+    pub largest_part: Option<MissedPart>,
+    /// Volume of the shape, m³, beside which that of the voxels' surface is to be held: of a mesh exactly, if it is
+    /// closed and wound one way round; of a formula by cells of half a voxel.
+    pub shape_volume_m3: f64,
+}
+
+impl Missed {
+    /// Of the voxels of a shape.
+    ///
+    /// # Errors
+    /// As [`super::voxelize::voxelize`].
+    pub fn of(grid: &Grid, shape: &ShapeDesc, meshes: &Meshes) -> Result<Self, SceneError> {
+        let (bounds, bulge_m) = extent(shape, meshes)?;
+        let lattice = Lattice::over(&bounds, bulge_m, grid.voxel_size_m())?;
+        let probes = Lattice {
+            origin_m: lattice.origin_m,
+            voxel_size_m: lattice.voxel_size_m / f64::from(PROBES),
+            dims: lattice.dims.map(|d| d * PROBES),
+        };
+        let to_voxels = Distances::to_cells(grid, |cell| grid.voxel_at(cell).is_some());
+        let has_no_voxel_beside = |cell: &Ijk| !to_voxels.is_beside(grid.cell_of(&lattice.centre_m(*cell)));
+        let alone = lattice.cells().filter(has_no_voxel_beside);
+        let (missed, shape_volume_m3): (BTreeSet<Ijk>, f64) = match Solid::new(shape, meshes)? {
+            Solid::Implicit(shape) => {
+                let is_near = |cell: &Ijk| {
+                    centre_distance_m(grid, &shape, &lattice.centre_m(*cell)) < WHOLLY * grid.voxel_size_m()
+                };
+                let is_inside = |probe: &Ijk| shape.sample(&probes.centre_m(*probe)).distance_m < 0.0;
+                let missed = alone.filter(is_near).flat_map(probes_of).filter(is_inside).collect();
+                (missed, formula_volume_m3(grid, &shape, lattice))
+            }
+            Solid::Mesh(solid) if probes.len() as f64 > MAX_CELLS => (BTreeSet::new(), solid.volume_m3().abs()),
+            Solid::Mesh(solid) => {
+                let inside = solid.cut_by(probes).inside().map_err(shape_error)?;
+                let is_inside = |probe: &Ijk| {
+                    (0..3).all(|a| (0..probes.dims[a]).contains(&probe[a])) && inside[probes.slot(*probe)]
+                };
+                (alone.flat_map(probes_of).filter(is_inside).collect(), solid.volume_m3().abs())
+            }
+        };
+        Ok(Self { largest_part: largest_part(missed, &probes), shape_volume_m3 })
+    }
+}
+
+/// The probes in a cell.
+fn probes_of(cell: Ijk) -> impl Iterator<Item = Ijk> {
+    let place = |i: i32| [i % PROBES, i / PROBES % PROBES, i / PROBES / PROBES];
+    (0..PROBES.pow(3)).map(move |i| std::array::from_fn(|a| cell[a] * PROBES + place(i)[a]))
+}
+
+/// The part with most of these probes. One with a voxel's centre was left out as too small to be carried: that is told
+/// elsewhere.
+fn largest_part(mut missed: BTreeSet<Ijk>, probes: &Lattice) -> Option<MissedPart> {
     let is_centre = |probe: &Ijk| probe.iter().all(|i| i.rem_euclid(PROBES) == PROBES / 2);
     let parts = std::iter::from_fn(|| take_part(&mut missed));
-    // A part with a voxel's centre was left out as too small to be carried: that is told elsewhere.
-    let largest = parts.filter(|part| !part.iter().any(is_centre)).max_by_key(BTreeSet::len);
-    Ok(largest.map(|part| {
-        let mut across: Vec<i32> = part.iter().map(|probe| cells_across(&part, *probe)).collect();
-        across.sort_unstable();
-        let half = Vec3::repeat(0.5 * probes.voxel_size_m);
-        let boxes =
-            part.iter().map(|probe| probes.centre_m(*probe)).map(|c| Bounds { min_m: c - half, max_m: c + half });
-        MissedPart {
-            bounds: boxes.reduce(Bounds::with).expect("a part has cells"),
-            thickness_m: f64::from(across[across.len() / 2]) * probes.voxel_size_m,
-        }
-    }))
+    let part = parts.filter(|part| !part.iter().any(is_centre)).max_by_key(BTreeSet::len)?;
+    let mut across: Vec<i32> = part.iter().map(|probe| cells_across(&part, *probe)).collect();
+    across.sort_unstable();
+    let half = Vec3::repeat(0.5 * probes.voxel_size_m);
+    let boxes = part.iter().map(|probe| probes.centre_m(*probe)).map(|c| Bounds { min_m: c - half, max_m: c + half });
+    Some(MissedPart {
+        bounds: boxes.reduce(Bounds::with)?,
+        thickness_m: f64::from(across[across.len() / 2]) * probes.voxel_size_m,
+    })
 }
 
 /// Takes out what hangs together by faces with the first of some cells.
@@ -99,33 +117,21 @@ fn cells_across(part: &BTreeSet<Ijk>, cell: Ijk) -> i32 {
     (0..3).map(|axis| 1 + run(axis, 1) + run(axis, -1)).min().expect("three axes")
 }
 
-/// Volume of a shape, m³: of a mesh exactly, if it is closed and wound one way round; of a formula by cells of half a
-/// voxel, of which the distance of its centre says how much is filled.
-///
-/// # Errors
-/// As [`super::voxelize::voxelize`].
-pub fn volume_m3(grid: &Grid, shape: &ShapeDesc, meshes: &Meshes) -> Result<f64, SceneError> {
+/// Volume of a formula by cells of half a voxel, of which the distance of its centre says how much is filled, m³.
+fn formula_volume_m3(grid: &Grid, shape: &Implicit, lattice: Lattice) -> f64 {
     let voxel_m = grid.voxel_size_m();
-    let (bounds, bulge_m) = extent(shape, meshes)?;
-    match Solid::new(shape, meshes)? {
-        Solid::Mesh(solid) => Ok(solid.volume_m3().abs()),
-        Solid::Implicit(shape) => {
-            let lattice = Lattice::over(&bounds, bulge_m, voxel_m)?;
-            let half_m = 0.5 * voxel_m;
-            let filled = |at_m: &Vec3| (0.5 - shape.sample(at_m).distance_m / half_m).clamp(0.0, 1.0);
-            let of_cell = |centre_m: Vec3| {
-                let distance_m = centre_distance_m(grid, &shape, &centre_m);
-                if distance_m.abs() > WHOLLY * voxel_m {
-                    return if distance_m < 0.0 { 1.0 } else { 0.0 };
-                }
-                let sign = |bit: u32| if bit == 0 { -0.5 } else { 0.5 };
-                let eighth = |c: u32| centre_m + Vec3::new(sign(c & 1), sign(c >> 1 & 1), sign(c >> 2 & 1)) * half_m;
-                (0..8).map(eighth).map(|at_m| filled(&at_m)).sum::<f64>() / 8.0
-            };
-            let cells = lattice.cells().map(|cell| of_cell(lattice.centre_m(cell))).sum::<f64>();
-            Ok(cells * voxel_m.powi(3))
+    let half_m = 0.5 * voxel_m;
+    let filled = |at_m: &Vec3| (0.5 - shape.sample(at_m).distance_m / half_m).clamp(0.0, 1.0);
+    let of_cell = |centre_m: Vec3| {
+        let distance_m = centre_distance_m(grid, shape, &centre_m);
+        if distance_m.abs() > WHOLLY * voxel_m {
+            return if distance_m < 0.0 { 1.0 } else { 0.0 };
         }
-    }
+        let sign = |bit: u32| if bit == 0 { -0.5 } else { 0.5 };
+        let eighth = |c: u32| centre_m + Vec3::new(sign(c & 1), sign(c >> 1 & 1), sign(c >> 2 & 1)) * half_m;
+        (0..8).map(eighth).map(|at_m| filled(&at_m)).sum::<f64>() / 8.0
+    };
+    lattice.cells().map(|cell| of_cell(lattice.centre_m(cell))).sum::<f64>() * voxel_m.powi(3)
 }
 
 /// Signed distance at the centre of a cell, m: as the grid has it from when it was voxelized, or else by the formula.
@@ -151,8 +157,12 @@ mod tests {
         .unwrap()
     }
 
+    fn found(object: &ObjectDesc, meshes: &Meshes) -> Missed {
+        Missed::of(&voxelize(object, meshes).unwrap(), &object.shape, meshes).unwrap()
+    }
+
     fn missed(object: &ObjectDesc, meshes: &Meshes) -> Option<MissedPart> {
-        largest_missed_part(&voxelize(object, meshes).unwrap(), &object.shape, meshes).unwrap()
+        found(object, meshes).largest_part
     }
 
     /// A block with a fin of some thickness, from x = 10 to 20, in the plane z = 5.
@@ -224,10 +234,6 @@ mod tests {
         assert_eq!(missed(&object, &of(1.0, 2.0)), None);
     }
 
-    fn volume(object: &ObjectDesc, meshes: &Meshes) -> f64 {
-        super::volume_m3(&voxelize(object, meshes).unwrap(), &object.shape, meshes).unwrap()
-    }
-
     #[test]
     fn volumes_are_those_of_the_formulas() {
         let axes = [9.0, 3.1, 2.3];
@@ -246,13 +252,13 @@ mod tests {
             ),
         ] {
             let object = object(&shape);
-            let found_m3 = volume(&object, &Meshes::new());
+            let found_m3 = found(&object, &Meshes::new()).shape_volume_m3;
             // Where the surface bends within a cell, it is taken for flat.
             assert!((found_m3 / volume_m3 - 1.0).abs() < 1e-2, "{shape}: {found_m3}, not {volume_m3}");
         }
         let object = object("{ mesh = { file = 'm', scale_m_per_unit = 2.0 } }");
         let meshes = Meshes::from([("m".into(), block_and_plate(0.4, 2.6))]);
-        let found_m3 = volume(&object, &meshes);
+        let found_m3 = found(&object, &meshes).shape_volume_m3;
         assert!((found_m3 - 8.0 * 1040.0).abs() < 1e-6, "{found_m3}");
     }
 }
