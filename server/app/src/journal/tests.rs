@@ -120,6 +120,16 @@ fn is_prefix_or_refused(
     Some(found.len())
 }
 
+/// Where the records of a file begin: each with a byte for its kind and eight for its length.
+fn record_offsets(file: &[u8]) -> Vec<usize> {
+    let (mut offsets, mut offset) = (Vec::new(), mcap::MAGIC.len());
+    while let Some(length) = file.get(offset + 1..).and_then(|rest| rest.first_chunk()) {
+        offsets.push(offset);
+        offset += 9 + u64::from_le_bytes(*length) as usize;
+    }
+    offsets
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_journal_that_is_cut_at_any_byte_leads_to_a_prefix_or_is_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -150,8 +160,9 @@ async fn a_journal_with_any_bit_flipped_leads_nowhere_else() {
     let whole = past::read(&[path]).unwrap().1;
     let whole = says(&whole);
     let mut refused = 0;
-    // A prime, so that every place of a record and every bit of a byte has its turn.
-    let flips: Vec<usize> = (0..8 * bytes.len()).step_by(53).collect();
+    // A prime, so that every place of a record and every bit of a byte has its turn; and all that say what a record is.
+    let kinds = record_offsets(&bytes).into_iter().flat_map(|offset| 8 * offset..8 * (offset + 1));
+    let flips: Vec<usize> = (0..8 * bytes.len()).step_by(53).chain(kinds).collect();
     for bit in &flips {
         bytes[bit / 8] ^= 1 << (bit % 8);
         refused += usize::from(is_prefix_or_refused(folder.path(), &bytes, &whole).is_none());

@@ -216,6 +216,12 @@ fn chunks(file: &mut BufReader<File>, length: u64) -> Result<(Vec<Chunk>, Ending
                 ensure!(saved == 0 || saved == checksum(file, offset)?, "the file is damaged: its checksum differs");
             }
             _ => {
+                // Of some kinds a reader takes any content that is long enough.
+                ensure!(
+                    chunk(file, offset, length)?.is_none(),
+                    "{}: a chunk by its lengths, it says kind {kind}",
+                    damaged()
+                );
                 let whole = record(file, content, bytes)?;
                 let is_known = !matches!(parse_record(kind, &whole).with_context(damaged)?, Record::Unknown { .. });
                 ensure!(is_known, "{}: it is of no known kind", damaged());
@@ -290,11 +296,12 @@ fn checksum(file: &mut BufReader<File>, bytes: u64) -> Result<u32> {
     Ok(sum.finalize())
 }
 
-/// The chunk that the record at an offset is; `None` where its lengths do not agree.
+/// The chunk that the record at an offset is, whatever kind it says; `None` where its lengths do not agree.
 fn chunk(file: &mut BufReader<File>, offset: u64, length: u64) -> Result<Option<Chunk>> {
     let mut head = vec![0; CHUNK_HEAD_BYTES.min((length - offset) as usize)];
     file.seek(SeekFrom::Start(offset))?;
     file.read_exact(&mut head)?;
+    head[0] = op::CHUNK;
     Ok(whole_chunk(&head, offset, length))
 }
 
