@@ -20,7 +20,7 @@ use tonic::transport::Identity;
 use super::server::{Does, Server};
 
 /// Longer than anything here takes on a busy machine.
-const PATIENCE: Duration = Duration::from_secs(10);
+const PATIENCE: Duration = Duration::from_secs(60);
 /// The servo's slew limit, N/s, and the longest step that it counts, s.
 const SLEW_N_PER_S: f64 = 500.0;
 const SLEW_STEP_S: f64 = 2e-3;

@@ -11,7 +11,7 @@ use tonic::transport::Channel;
 /// The scene that sessions are tested on.
 pub const BLOCK: &str = include_str!("../../session/tests/block.toml");
 /// Longer than anything here takes on a busy machine.
-const PATIENCE: Duration = Duration::from_secs(20);
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Waits for something, but not for ever.
 pub async fn soon<T>(what: &str, future: impl Future<Output = T>) -> T {

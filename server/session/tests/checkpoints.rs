@@ -14,7 +14,7 @@ use kerf_session::{
     SessionLimits, SessionOptions, ViewMessage, Viewer,
 };
 
-const PATIENCE: Duration = Duration::from_secs(10);
+const PATIENCE: Duration = Duration::from_secs(60);
 
 async fn session_with(limits: SessionLimits) -> (Registry, Arc<Session>) {
     let scene =

@@ -67,7 +67,7 @@ pub async fn report_where(driver: &Driver, holds: impl Fn(&StepReport) -> bool) 
             }
         }
     };
-    tokio::time::timeout(Duration::from_secs(10), search).await.expect("a report in time")
+    tokio::time::timeout(Duration::from_secs(60), search).await.expect("a report in time")
 }
 
 async fn message_where(viewer: &mut Viewer, holds: impl Fn(&ViewMessage) -> bool) -> ViewMessage {
@@ -79,7 +79,7 @@ async fn message_where(viewer: &mut Viewer, holds: impl Fn(&ViewMessage) -> bool
             }
         }
     };
-    tokio::time::timeout(Duration::from_secs(5), search).await.expect("a message in time")
+    tokio::time::timeout(Duration::from_secs(60), search).await.expect("a message in time")
 }
 
 fn is_event(message: &ViewMessage, event: &SceneEvent) -> bool {
@@ -192,7 +192,7 @@ async fn a_session_that_was_given_up_when_it_was_built_frees_its_place() {
             tokio::time::sleep(Duration::from_millis(5)).await;
         }
     };
-    tokio::time::timeout(Duration::from_secs(10), place).await.expect("the place is free again");
+    tokio::time::timeout(Duration::from_secs(60), place).await.expect("the place is free again");
 }
 
 #[tokio::test]

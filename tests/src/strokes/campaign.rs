@@ -65,6 +65,8 @@ pub struct Tally {
     pub volume_change_m3: f64,
     /// What the ledger left unexplained, sum of magnitudes over that of the tools' work, at most over bodies.
     pub residual_ratio: f64,
+    /// Pairs of triangles that pass through each other in the reference configuration, at most after a stroke.
+    pub crossing_pairs: usize,
     /// Cracks of one link that hang together with no other face, at most after a stroke.
     pub lone_cracks: usize,
     /// How many things did not hold.
@@ -120,6 +122,7 @@ impl Tally {
             volume_misses: self.volume_misses + other.volume_misses,
             volume_change_m3: self.volume_change_m3 + other.volume_change_m3,
             residual_ratio: self.residual_ratio.max(other.residual_ratio),
+            crossing_pairs: self.crossing_pairs.max(other.crossing_pairs),
             lone_cracks: self.lone_cracks.max(other.lone_cracks),
             failures: self.failures + other.failures,
             findings,
@@ -208,6 +211,7 @@ impl Specimen {
         for (body, surface) in self.world.bodies_and_surfaces() {
             let seams = seams(&body.state.grid, surface);
             tally.lone_cracks = tally.lone_cracks.max(seams.lone);
+            tally.crossing_pairs = tally.crossing_pairs.max(surface.crossing_pairs().len());
             if seams.open > 0 {
                 wrong.push(format!("{} open edges", seams.open));
             }

@@ -24,7 +24,7 @@ use tonic::{Code, Status, Streaming};
 pub const BLOCK: &str = include_str!("../../../server/session/tests/block.toml");
 
 /// Longer than anything here takes on a busy machine.
-pub const PATIENCE: Duration = Duration::from_secs(10);
+pub const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Waits for something, but not for ever.
 pub async fn soon<T>(what: &str, future: impl Future<Output = T>) -> T {

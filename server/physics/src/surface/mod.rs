@@ -20,6 +20,7 @@
 //! (`adapt`).
 
 pub(crate) mod adapt;
+mod crossing;
 pub mod delta;
 mod dual_contouring;
 pub mod hash;

@@ -1,0 +1,54 @@
+//! Triangles of a surface that pass through each other, in the reference configuration.
+
+use super::{Surface, VertexId, triangulate};
+use crate::Vec3;
+use crate::math::Aabb;
+
+/// How far inside of an edge and of a triangle they meet, as a share of either: what only touches passes through nothing.
+const INSIDE: f64 = 1e-3;
+/// Sine of the angle below which an edge runs along a triangle.
+const ALONG: f64 = 1e-6;
+
+impl Surface {
+    /// Pairs of triangles that pass through each other: an edge of one goes through the inside of the other. The two sides
+    /// of a closed cut lie on each other and do not.
+    #[must_use]
+    pub fn crossing_pairs(&self) -> Vec<[[VertexId; 3]; 2]> {
+        let rest_m = |id: VertexId| self.vertices[&id].position_m;
+        let placed = |ids: [VertexId; 3]| {
+            let corners = ids.map(|id| Vec3::from(rest_m(id).map(f64::from)));
+            (Aabb::around(corners), corners, ids)
+        };
+        let mut by_x: Vec<_> = self.quads.values().flat_map(|quad| triangulate(*quad, rest_m)).map(placed).collect();
+        by_x.sort_by(|(a, ..), (b, ..)| a.min_m.x.total_cmp(&b.min_m.x));
+        let mut pairs = Vec::new();
+        for (index, (bounds, corners, ids)) in by_x.iter().enumerate() {
+            let behind = by_x[index + 1..].iter().take_while(|(other, ..)| other.min_m.x <= bounds.max_m.x);
+            let near = behind.filter(|(other, ..)| bounds.meets(other));
+            let crossing = near.filter(|(_, other, _)| goes_through(corners, other) || goes_through(other, corners));
+            pairs.extend(crossing.map(|(.., others)| [*ids, *others]));
+        }
+        pairs
+    }
+}
+
+/// Whether an edge of one triangle goes through the inside of another. Those with a corner in common meet there.
+fn goes_through(edges: &[Vec3; 3], triangle: &[Vec3; 3]) -> bool {
+    if edges.iter().any(|corner| triangle.contains(corner)) {
+        return false;
+    }
+    let [u, v] = [1, 2].map(|corner| triangle[corner] - triangle[0]);
+    let normal = u.cross(&v);
+    let is_inside = |share: f64| share > INSIDE && share < 1.0 - INSIDE;
+    (0..3).any(|edge| {
+        let (from, along) = (edges[edge], edges[(edge + 1) % 3] - edges[edge]);
+        let rise = normal.dot(&along);
+        if rise.abs() <= ALONG * normal.norm() * along.norm() {
+            return false;
+        }
+        let share = normal.dot(&(triangle[0] - from)) / rise;
+        let at = from + along * share - triangle[0];
+        let [on_u, on_v] = [at.cross(&v), u.cross(&at)].map(|area| area.dot(&normal) / normal.norm_squared());
+        is_inside(share) && [on_u, on_v, 1.0 - on_u - on_v].into_iter().all(is_inside)
+    })
+}
