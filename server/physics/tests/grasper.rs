@@ -203,6 +203,23 @@ fn what_takes_more_than_the_most_force_slips_out_and_is_taken_again_only_by_jaws
 }
 
 #[test]
+fn jaws_of_no_named_force_hold_250_kpa_over_their_area() {
+    let mut scene = strip(0.0025, 1, None);
+    scene.desc.objects[0].material.young_modulus_pa = 100.0 * YOUNG_PA;
+    let mut hand = Hand::new(&scene, Vec3::new(LENGTH_M, 0.0, 0.0));
+    hand.close();
+    let mut highest: f64 = 0.0;
+    let slipped = (0..1000).any(|_| {
+        hand.pose.position_m.x += 1e-5;
+        let tool = &hand.move_to(hand.pose).tools[0];
+        highest = highest.max(tool.wrench.force_n.norm());
+        tool.grasp == Grasp::Slipped
+    });
+    let most = 250e3 * std::f64::consts::PI * 0.008_f64.powi(2);
+    assert!(slipped && highest > most && highest < 1.1 * most, "{highest} of {most} N");
+}
+
+#[test]
 fn jaws_that_come_in_closed_or_close_in_the_air_hold_nothing() {
     let mut hand = Hand::new(&strip(0.0025, 1, None), Vec3::new(LENGTH_M + 0.02, 0.0, 0.0));
     assert_eq!(hand.close().tools[0].grasp, Grasp::Nothing);

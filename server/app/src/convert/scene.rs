@@ -58,7 +58,7 @@ fn tool_summary(tool: &ToolDesc) -> v1::ToolSummary {
             edge_m: edge_m(blade),
         }),
         ToolShapeDesc::Grasper(grasper) => {
-            Kind::Grasper(v1::GrasperSummary { radius_m: grasper.radius_m, max_force_n: grasper.max_force_n })
+            Kind::Grasper(v1::GrasperSummary { radius_m: grasper.radius_m, max_force_n: Some(grasper.slips_above_n()) })
         }
         ToolShapeDesc::Probe(capsule) => {
             Kind::Probe(v1::ProbeSummary { radius_m: capsule.radius_m, length_m: capsule.length_m })

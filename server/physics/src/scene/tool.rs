@@ -119,9 +119,22 @@ fn default_edge_half_width_m() -> f64 {
 pub struct GrasperDesc {
     /// Radius around the reference point within which the jaws take hold, m, 1e-4 to 0.1.
     pub radius_m: f64,
-    /// Force on the tool above which what it holds slips out, N, 1e-6 to 1e6. Default: none is too much.
+    /// Force on the tool above which what it holds slips out, N, 1e-6 to 1e6. Default: 250 kPa over the jaws' area,
+    /// pi radius_m^2.
     #[serde(default)]
     pub max_force_n: Option<f64>,
+}
+
+/// Mean traction of jaws above which tissue slips out or is crushed, Pa. Ours: the order of the pressures of jaws that
+/// injure grasped liver at once (S. De et al., Int. J. Robotics Research 26, 2007).
+const MAX_JAW_PRESSURE_PA: f64 = 250e3;
+
+impl GrasperDesc {
+    /// Force on the tool above which what it holds slips out, N.
+    #[must_use]
+    pub fn slips_above_n(&self) -> f64 {
+        self.max_force_n.unwrap_or(MAX_JAW_PRESSURE_PA * std::f64::consts::PI * self.radius_m.powi(2))
+    }
 }
 
 /// A smooth, blunt tool: all points within a radius of a segment of the tool's x axis, about its origin. It

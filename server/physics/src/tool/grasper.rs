@@ -14,13 +14,13 @@ const OPENS_ABOVE: f64 = 0.2;
 pub struct Grasper {
     /// Radius around the reference point within which it takes hold, m.
     pub radius_m: f64,
-    /// Force on the tool above which it loses its hold, N; infinite: never.
+    /// Force on the tool above which it loses its hold, N.
     pub max_force_n: f64,
 }
 
 impl From<&GrasperDesc> for Grasper {
     fn from(desc: &GrasperDesc) -> Self {
-        Self { radius_m: desc.radius_m, max_force_n: desc.max_force_n.unwrap_or(f64::INFINITY) }
+        Self { radius_m: desc.radius_m, max_force_n: desc.slips_above_n() }
     }
 }
 
