@@ -106,14 +106,21 @@ def test_a_state_goes_on_in_another_server_from_a_file(client, session, tmp_path
     assert session.describe().step == there.steps[-1]
 
 
-def test_files_of_a_scene_are_sent_in_parts_and_tell_how_far_they_are(client):
-    box = """v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1
+BOX = """v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1
 f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 3 4 8 7\nf 2 3 7 6\nf 4 1 5 8\n"""
-    # More than a single message may hold, 8 MiB.
-    large = (box + "# a remark of some length\n" * 400_000).encode()
-    lines = BLOCK.read_text().splitlines()
+
+
+def scene_of_a_mesh():
+    """The block, whose shape is a mesh in a file."""
     mesh = 'shape = { mesh = { file = "box.obj", scale_m_per_unit = 0.01 } }'
-    toml = "\n".join(mesh if line.startswith("shape = { box") else line for line in lines)
+    lines = BLOCK.read_text().splitlines()
+    return "\n".join(mesh if line.startswith("shape = { box") else line for line in lines)
+
+
+def test_files_of_a_scene_are_sent_in_parts_and_tell_how_far_they_are(client):
+    # More than a single message may hold, 8 MiB.
+    large = (BOX + "# a remark of some length\n" * 400_000).encode()
+    toml = scene_of_a_mesh()
     told = []
     files = {"box.obj": large}
     with client.create_session(toml=toml, files=files, progress=lambda *so_far: told.append(so_far)) as session:
@@ -128,6 +135,17 @@ f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 3 4 8 7\nf 2 3 7 6\nf 4 1 5 8\n"""
             other.create_session(toml=toml, files=files)
         assert refused.value.limit == "max_upload_bytes"
         assert other.sessions() == {}
+
+
+def test_a_scene_with_a_file_tells_how_far_it_is_while_it_is_made(client):
+    told = []
+    toml, files = scene_of_a_mesh(), {"box.obj": BOX.encode()}
+    with client.create_session(toml=toml, files=files, making=told.append) as session:
+        assert session.scene.objects[0].voxels == 6 * 6 * 6
+    assert told[0].stage == "reading"
+    assert [made.share for made in told] == sorted(made.share for made in told)
+    with pytest.raises(kerf.InvalidArgumentError, match="poisson_ratio"):
+        client.create_session(toml=toml.replace("poisson_ratio = 0.4", "poisson_ratio = 0.6"), making=told.append)
 
 
 def test_what_is_refused_carries_its_field_and_limit(client, session):

@@ -514,6 +514,8 @@ test("the first scene is the liver, at a rate that the machine keeps, without a 
   expect(cards.filter(({ hasPicture, isWhole }) => !hasPicture || !isWhole)).toEqual([]);
   await page.click(".card");
   await page.waitForSelector("text=The server makes the tissue");
+  // Something of it is told before it is there.
+  await page.waitForFunction(() => (document.querySelector<HTMLProgressElement>(".message.busy progress")?.value ?? 0) > 0);
   await live(page);
   await page.waitForFunction(() => !document.querySelector(".message.busy"));
   await readingWhere(page, "Time", (timeS) => timeS > 1);

@@ -6,6 +6,7 @@ import type { SessionDescription } from "./gen/kerf/v1/session_pb";
 import { Input } from "./input";
 import { inWords } from "./net/errors";
 import type { StreamStatus } from "./net/frames";
+import { made } from "./net/making";
 import { sessions, whenUnknown } from "./net/server";
 import { heldToken, takeToken, withTokenBehind } from "./net/token";
 import { View } from "./net/view";
@@ -17,7 +18,7 @@ import { Bars } from "./ui/bars";
 import { byId } from "./ui/dom";
 import { openHelp } from "./ui/help";
 import { followLayout } from "./ui/layout";
-import { say, sayUntil, stand, unsay } from "./ui/messages";
+import { say, sayBusy, stand, unsay } from "./ui/messages";
 import { openPoints, savePoint } from "./ui/points";
 import { Readings } from "./ui/readings";
 import { openSettings } from "./ui/settings";
@@ -128,14 +129,15 @@ class App {
     sceneToml: string,
     { isPrivate, fits = false, uploadId = "" }: { isPrivate: boolean; fits?: boolean; uploadId?: string },
   ): Promise<void> {
-    const done = sayUntil("The server makes the tissue…");
+    const busy = sayBusy("The server makes the tissue…");
     try {
       const scene = { case: "sceneToml" as const, value: sceneToml };
-      const { session } = await sessions.createSession({ scene, fitStepRate: fits, uploadId, private: isPrivate });
-      this.begun.add(session!.sessionId);
-      await this.open(session!);
+      const wanted = { scene, fitStepRate: fits, uploadId, private: isPrivate };
+      const session = await made(sessions.makeSession(wanted), busy);
+      this.begun.add(session.sessionId);
+      await this.open(session);
     } finally {
-      done();
+      busy.done();
     }
   }
 

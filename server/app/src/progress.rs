@@ -4,6 +4,7 @@ use std::io::{IsTerminal, Write as _};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
+use kerf_physics::making::{Making, MakingStage};
 
 /// Time between lines; the first comes with the first step.
 const LINE_EVERY: Duration = Duration::from_secs(5);
@@ -54,6 +55,39 @@ impl Progress {
     /// Takes the bar away.
     pub fn finish(&self) {
         self.bar.finish_and_clear();
+    }
+}
+
+/// How far a scene is that is being made: a bar on a terminal, nothing elsewhere.
+pub struct MakingBar(ProgressBar);
+
+/// Ticks of the whole bar.
+const WHOLE: u64 = 1000;
+
+impl MakingBar {
+    /// Nothing is made yet.
+    #[must_use]
+    pub fn new() -> Self {
+        let style = ProgressStyle::with_template("{bar:40} {percent} % {msg}");
+        Self(ProgressBar::new(WHOLE).with_style(style.expect("the template is sound")))
+    }
+
+    /// So much is made.
+    pub fn tell(&self, Making { stage, object, objects, voxels, share, .. }: Making) {
+        let stage = match stage {
+            MakingStage::Voxels => "voxels",
+            MakingStage::Elements => "elements",
+            MakingStage::Solver => "solver",
+            MakingStage::Equilibrium => "equilibrium",
+        };
+        let counted = if voxels > 0 { format!(", {voxels} voxels") } else { String::new() };
+        self.0.set_message(format!("object {} of {objects}: {stage}{counted}", object + 1));
+        self.0.set_position((WHOLE as f64 * share) as u64);
+    }
+
+    /// Takes the bar away.
+    pub fn finish(&self) {
+        self.0.finish_and_clear();
     }
 }
 

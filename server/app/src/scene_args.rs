@@ -11,7 +11,7 @@ use kerf_scenes::dial::ParetoFronts;
 use kerf_scenes::examine::{self, examine};
 use kerf_scenes::{catalog, file::Opened};
 
-use crate::progress::say;
+use crate::progress::{MakingBar, say};
 use crate::script::Script;
 use crate::script::stroke::default_stroke;
 use crate::script::warnings;
@@ -112,7 +112,10 @@ impl SceneArgs {
             return Err(opened.refused(problems).into());
         }
         self.apply(&mut opened)?;
-        let examine::Examined { world, mut warnings } = examine(&opened.scene).map_err(|p| opened.refused(p))?;
+        let bar = MakingBar::new();
+        let examined = examine(&opened.scene, &mut |making| bar.tell(making));
+        bar.finish();
+        let examine::Examined { world, mut warnings } = examined.map_err(|p| opened.refused(p))?;
         let script = read_script(self.script.as_deref(), &opened.scene)?;
         warnings = warnings.into_iter().map(|warning| opened.placed(warning)).collect();
         if let Some(path) = &self.script {

@@ -158,6 +158,7 @@ pub mod grid;
 mod hash;
 mod ledger;
 mod likeness;
+pub mod making;
 mod math;
 mod params;
 pub mod scene;

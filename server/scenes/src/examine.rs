@@ -4,6 +4,7 @@ use kerf_physics::grid::missed::{Missed, MissedPart};
 use kerf_physics::grid::thickness::Thickness;
 use kerf_physics::grid::voxelize::region_voxels;
 use kerf_physics::grid::{Grid, LEAST_PIECE_VOXELS, LeftOut, VoxelId};
+use kerf_physics::making::Making;
 use kerf_physics::scene::toughness::{carries, composite_edge_m};
 use kerf_physics::scene::{LoadDesc, ObjectDesc, ShapeDesc};
 use kerf_physics::surface::Surface;
@@ -24,16 +25,16 @@ pub struct Examined {
     pub warnings: Vec<SceneError>,
 }
 
-/// Builds a scene and says what it hardly means.
+/// Builds a scene, tells how far it is, and says what it hardly means.
 ///
 /// # Errors
 /// Everything that it cannot run with.
-pub fn examine(scene: &Scene) -> Result<Examined, Vec<SceneError>> {
+pub fn examine(scene: &Scene, tell: &mut dyn FnMut(Making)) -> Result<Examined, Vec<SceneError>> {
     let problems = scene.problems();
     if !problems.is_empty() {
         return Err(problems);
     }
-    let world = World::new(scene).map_err(|problem| vec![problem])?;
+    let world = World::make(scene, tell).map_err(|problem| vec![problem])?;
     Ok(Examined { warnings: warnings(scene, &world), world })
 }
 
@@ -248,7 +249,7 @@ mod tests {
     use crate::catalog;
 
     fn told(scene: &Scene) -> Vec<String> {
-        let examined = examine(scene).unwrap_or_else(|problems| panic!("{problems:?}"));
+        let examined = examine(scene, &mut |_| ()).unwrap_or_else(|problems| panic!("{problems:?}"));
         examined.warnings.iter().map(ToString::to_string).collect()
     }
 
@@ -375,7 +376,7 @@ mod tests {
     fn what_a_world_cannot_be_built_of_is_a_problem() {
         let mut scene = catalog::builtin("jelly").unwrap();
         scene.desc.tracked_points[0].position_m = [1.0, 0.0, 0.0];
-        let problems = examine(&scene).err().expect("it is refused");
+        let problems = examine(&scene, &mut |_| ()).err().expect("it is refused");
         assert!(problems[0].to_string().contains("the nearest voxel's centre is"), "{problems:?}");
     }
 

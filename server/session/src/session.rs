@@ -121,7 +121,11 @@ impl Session {
         let memory_bytes = admitted.memory.bytes();
         let build = {
             let (scene, limits, inbox) = (Arc::clone(&scene), limits.clone(), Arc::clone(&inbox));
-            move || SessionCore::new(scene, limits, inbox, publisher, admitted, past)
+            let making = options.making;
+            let tell = move |now| {
+                making.send_replace(Some(now));
+            };
+            move || SessionCore::new(scene, limits, inbox, publisher, admitted, past, tell)
         };
         let (name, threads) = (format!("kerf-{id}"), limits.threads_per_session);
         let (thread, built) = session_thread::start(name, threads, Arc::clone(&inbox), permits, build)?;

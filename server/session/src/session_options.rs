@@ -1,6 +1,8 @@
 //! How a session begins, and whose it is.
 
+use kerf_physics::making::Making;
 use kerf_physics::scene::DialDesc;
+use tokio::sync::watch;
 
 /// Whose a session is. Who lets clients in judges by it; the session does not.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -12,7 +14,7 @@ pub struct Owner {
 }
 
 /// How a session begins.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub struct SessionOptions {
     /// All that it does goes onto a tape, which [`crate::Session::take_reel`] gives out.
     pub is_recorded: bool,
@@ -24,4 +26,6 @@ pub struct SessionOptions {
     pub dial: Option<DialDesc>,
     /// Whose it is; `None`: nobody's. One that a journal brings back is whose it was.
     pub owner: Option<Owner>,
+    /// Is told how far its scene is that is being made.
+    pub making: watch::Sender<Option<Making>>,
 }

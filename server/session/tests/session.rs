@@ -17,8 +17,9 @@ use kerf_session::{
 
 const BLOCK: &str = include_str!("block.toml");
 
-const RECORDED: SessionOptions =
-    SessionOptions { is_recorded: true, is_journaled: false, start_paused: false, dial: None, owner: None };
+fn recorded() -> SessionOptions {
+    SessionOptions { is_recorded: true, ..SessionOptions::default() }
+}
 
 fn block() -> Scene {
     Scene { desc: toml::from_str::<SceneDesc>(BLOCK).unwrap(), meshes: Default::default() }
@@ -30,7 +31,7 @@ fn limits() -> SessionLimits {
 
 async fn session_with(limits: SessionLimits) -> (Registry, Arc<Session>) {
     let registry = Registry::new(limits, ParetoFronts::default()).unwrap();
-    let session = registry.create(block(), RECORDED).await.unwrap();
+    let session = registry.create(block(), recorded()).await.unwrap();
     (registry, session)
 }
 
@@ -281,7 +282,7 @@ fn block_with_a_grasper() -> Scene {
 #[tokio::test]
 async fn two_drivers_hold_and_cut_the_same_tissue() {
     let registry = Registry::new(limits(), ParetoFronts::default()).unwrap();
-    let session = registry.create(block_with_a_grasper(), RECORDED).await.unwrap();
+    let session = registry.create(block_with_a_grasper(), recorded()).await.unwrap();
     let (knife, hand) = (session.drive(&[0]).unwrap(), session.drive(&[2]).unwrap());
     let held_at = [0.008, 0.009, 0.0];
     let closed =

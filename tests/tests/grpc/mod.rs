@@ -17,6 +17,7 @@ mod hostile;
 mod interior;
 mod lifecycle;
 mod lock_step;
+mod making;
 mod metrics;
 mod own_scenes;
 mod prometheus;

@@ -278,6 +278,15 @@ impl SessionService for Server {
         Err(Status::unimplemented("not part of this stand-in"))
     }
 
+    type MakeSessionStream = tokio_stream::Empty<Result<v1::MakeSessionResponse, Status>>;
+
+    async fn make_session(
+        &self,
+        _: Request<v1::CreateSessionRequest>,
+    ) -> Result<Response<Self::MakeSessionStream>, Status> {
+        Err(Status::unimplemented("not part of this stand-in"))
+    }
+
     async fn send_scene_file(
         &self,
         _: Request<v1::SendSceneFileRequest>,

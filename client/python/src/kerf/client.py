@@ -8,8 +8,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from kerf.errors import InvalidArgumentError
-from kerf.model import SceneInfo, SessionState
+from kerf.errors import InvalidArgumentError, KerfError
+from kerf.model import Making, SceneInfo, SessionState
 from kerf.rpc import Transport, parts_of
 from kerf.session import Session
 from kerf.v1 import session_pb2 as pb
@@ -92,6 +92,7 @@ class Client:
         step_rate_hz: float | None = None,
         private: bool = False,
         progress: Callable[[int, int], object] | None = None,
+        making: Callable[[Making], object] | None = None,
     ) -> Session:
         """Builds a scene, named, in a file, or as text, and begins a session of it.
 
@@ -108,6 +109,7 @@ class Client:
             private: Nobody gets to know of it but clients with the same token, and operators.
             progress: Called with the bytes of the files that were sent and those that there are, part by part, from
                 another thread.
+            making: Called with how far the scene is, as it changes, before this returns.
         """
         if sum(given is not None for given in (scene_name, path, toml)) != 1:
             raise InvalidArgumentError("give one of scene_name, path and toml", field="scene", limit="one of three")
@@ -124,6 +126,10 @@ class Client:
             step_rate_hz=step_rate_hz,
             private=private,
         )
+        if making is not None:
+            request.upload_id = self._send_files(sent, progress)
+            created = self._make(request, making)
+            return Session(self._transport, created.session, warnings=created.warnings, files=sent)
         if not sent:
             created = self._transport.call("SessionService/CreateSession", request, pb.CreateSessionResponse)
             return Session(self._transport, created.session, warnings=created.warnings, files=sent)
@@ -131,6 +137,22 @@ class Client:
         method = "SessionService/UploadScene"
         answer = self._transport.send(method, parts, pb.UploadSceneRequest, pb.UploadSceneResponse)
         return Session(self._transport, answer.session, warnings=answer.warnings, files=sent)
+
+    def _make(self, request: pb.CreateSessionRequest, making: Callable[[Making], object]) -> pb.CreateSessionResponse:
+        for told in self._transport.read("SessionService/MakeSession", request, pb.MakeSessionResponse):
+            if told.HasField("created"):
+                return told.created
+            making(Making.of(told.progress))
+        raise KerfError("the server ended the call without a session")
+
+    def _send_files(self, files: Mapping[str, bytes], progress: Callable[[int, int], object] | None) -> str:
+        """The name of the upload; none without files."""
+        upload_id = ""
+        for part in _file_parts(files, progress):
+            request = pb.SendSceneFileRequest(upload_id=upload_id, file_name=part.file_name, data=part.data)
+            answer = self._transport.call("SessionService/SendSceneFile", request, pb.SendSceneFileResponse)
+            upload_id = answer.upload_id
+        return upload_id
 
     def join_session(self, session_id: str) -> Session:
         """A session that is there already; it is not closed at the end of a `with`."""
@@ -148,8 +170,15 @@ def read_scene(path: str | Path) -> tuple[str, dict[str, bytes]]:
 def _scene_in_parts(
     request: pb.CreateSessionRequest, files: Mapping[str, bytes], progress: Callable[[int, int], object] | None
 ) -> Iterator[pb.UploadSceneRequest]:
-    """What is asked for, then each file by its name and in parts."""
+    """What is asked for, then the files."""
     yield pb.UploadSceneRequest(request=request)
+    yield from _file_parts(files, progress)
+
+
+def _file_parts(
+    files: Mapping[str, bytes], progress: Callable[[int, int], object] | None
+) -> Iterator[pb.UploadSceneRequest]:
+    """Each file by its name, and in parts."""
     sent, total = 0, sum(map(len, files.values()))
     for name, data in files.items():
         yield pb.UploadSceneRequest(file_name=name)

@@ -17,6 +17,7 @@ from kerf.v1 import control_pb2, session_pb2, types_pb2
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+    from typing import Self
 
 Floats = NDArray[np.float64]
 
@@ -72,6 +73,28 @@ ENERGY_TERMS: tuple[str, ...] = tuple(field.name for field in fields(EnergyLedge
 def energies_of(message: session_pb2.EnergyLedger) -> list[float]:
     """The energies of a message, in the order of `ENERGY_TERMS`."""
     return [getattr(message, term) for term in ENERGY_TERMS]
+
+
+@dataclass(frozen=True)
+class Making:
+    """How far a scene is that is being made."""
+
+    #: `"reading"`, `"voxels"`, `"elements"`, `"solver"` or `"equilibrium"`.
+    stage: str
+    #: The object that is made, from 0, and how many there are; 0: the scene is not read yet.
+    object: int
+    objects: int
+    #: Fine voxels and composite elements of the object; 0: not counted yet.
+    voxels: int
+    composite_elements: int
+    #: Done of the whole, 0 to 1: an estimate, which never falls.
+    share: float
+
+    @classmethod
+    def of(cls, told: session_pb2.MakingProgress) -> Self:
+        """From the wire."""
+        stage = session_pb2.MakingStage.Name(told.stage).removeprefix("MAKING_STAGE_").lower()
+        return cls(stage, told.object, told.objects, told.voxels, told.composite_elements, told.share)
 
 
 @dataclass(frozen=True)

@@ -15,17 +15,35 @@ export function say(text: string, kind: "note" | "problem" = "note"): void {
   setTimeout(() => message.remove(), SHOWN_MS);
 }
 
-/** Something that takes its time: stands, with the seconds that have gone, until the answer is called. */
-export function sayUntil(text: string): () => void {
+/** Something that takes its time, and tells how far it is. */
+export interface Busy {
+  /** How far, 0 to 1, and with what. */
+  tell(share: number, text: string): void;
+  done(): void;
+}
+
+/** Stands, with the seconds that have gone, until it is done. */
+export function sayBusy(text: string): Busy {
   const begun = performance.now();
-  const message = element("p", { className: "message busy", textContent: text });
+  const said = element("span", { textContent: text });
+  const bar = element("progress", { max: 1, aria: { label: "Progress" } });
+  const message = element("p", { className: "message busy" }, said, bar);
   byId("messages").append(message);
-  const timer = setInterval(() => {
-    message.textContent = `${text} ${Math.round((performance.now() - begun) / 1000)} s`;
-  }, 1000);
-  return () => {
-    clearInterval(timer);
-    message.remove();
+  const show = () => {
+    const seconds = Math.round((performance.now() - begun) / 1000);
+    said.textContent = seconds > 0 ? `${text} ${seconds} s` : text;
+  };
+  const timer = setInterval(show, 1000);
+  return {
+    tell: (share, next) => {
+      bar.value = share;
+      text = next;
+      show();
+    },
+    done: () => {
+      clearInterval(timer);
+      message.remove();
+    },
   };
 }
 

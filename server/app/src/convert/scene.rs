@@ -1,6 +1,7 @@
 //! Scenes, limits and sessions as clients are told of them.
 
 use kerf_physics::Stage;
+use kerf_physics::making::{Making, MakingStage};
 use kerf_physics::scene::{BladeDesc, DialDesc, ObjectDesc, ToolDesc, ToolShapeDesc};
 use kerf_physics::step_io::EnergyStep;
 use kerf_physics::world::ObjectStats;
@@ -20,7 +21,7 @@ pub fn scene_summary(session: &Session) -> v1::SceneSummary {
         description: desc.description.clone(),
         dt_s: 1.0 / desc.rate_hz,
         objects: desc.objects.iter().zip(stats).map(|(object, stats)| object_summary(object, stats)).collect(),
-        tools: desc.tools.iter().map(tool_summary).collect(),
+        tools: desc.tools.iter().map(|tool| tool_summary(tool, desc.stiffest_pa())).collect(),
         tracked_point_names: desc.tracked_points.iter().map(|point| point.name.clone()).collect(),
         stage_names: Stage::ALL.iter().map(|stage| stage.name().into()).collect(),
     }
@@ -48,7 +49,7 @@ fn object_summary(object: &ObjectDesc, stats: Option<ObjectStats>) -> v1::Object
     }
 }
 
-fn tool_summary(tool: &ToolDesc) -> v1::ToolSummary {
+fn tool_summary(tool: &ToolDesc, stiffest_pa: f64) -> v1::ToolSummary {
     use v1::tool_summary::Kind;
     let kind = match &tool.shape {
         ToolShapeDesc::Blade(blade) => Kind::Blade(v1::BladeSummary {
@@ -58,7 +59,8 @@ fn tool_summary(tool: &ToolDesc) -> v1::ToolSummary {
             edge_m: edge_m(blade),
         }),
         ToolShapeDesc::Grasper(grasper) => {
-            Kind::Grasper(v1::GrasperSummary { radius_m: grasper.radius_m, max_force_n: Some(grasper.slips_above_n()) })
+            let max_force_n = Some(grasper.slips_above_n(stiffest_pa));
+            Kind::Grasper(v1::GrasperSummary { radius_m: grasper.radius_m, max_force_n })
         }
         ToolShapeDesc::Probe(capsule) => {
             Kind::Probe(v1::ProbeSummary { radius_m: capsule.radius_m, length_m: capsule.length_m })
@@ -219,5 +221,26 @@ pub fn energy_ledger(energy: &EnergyStep) -> v1::EnergyLedger {
         contact_loss_j: energy.contact_loss_j,
         numerical_j: energy.numerical_j,
         residual_j: energy.residual_j,
+    }
+}
+
+/// How far a scene is; `None`: it is being read.
+pub fn making_progress(making: Option<Making>) -> v1::MakingProgress {
+    let Some(Making { object, objects, stage, voxels, elements, share }) = making else {
+        return v1::MakingProgress { stage: v1::MakingStage::Reading.into(), ..Default::default() };
+    };
+    let stage = match stage {
+        MakingStage::Voxels => v1::MakingStage::Voxels,
+        MakingStage::Elements => v1::MakingStage::Elements,
+        MakingStage::Solver => v1::MakingStage::Solver,
+        MakingStage::Equilibrium => v1::MakingStage::Equilibrium,
+    };
+    v1::MakingProgress {
+        stage: stage.into(),
+        object: object as u32,
+        objects: objects as u32,
+        voxels: voxels as u64,
+        composite_elements: elements as u64,
+        share: share as f32,
     }
 }

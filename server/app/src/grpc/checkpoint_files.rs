@@ -24,6 +24,7 @@ const PART_BYTES: usize = 256 << 10;
 const PARTS_AHEAD: usize = 2;
 
 /// Makes files and reads them.
+#[derive(Clone)]
 pub struct CheckpointFiles {
     in_parts: Arc<InParts>,
 }

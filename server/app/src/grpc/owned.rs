@@ -12,6 +12,7 @@ use crate::status::RequestError;
 type Building = Mutex<HashMap<String, usize>>;
 
 /// Counts the sessions of each token.
+#[derive(Clone)]
 pub struct Owned {
     max: usize,
     building: Arc<Building>,

@@ -15,6 +15,7 @@ use crate::security::caller::Caller;
 use crate::status::RequestError;
 
 /// The uploads that are not used yet.
+#[derive(Clone)]
 pub struct SentFiles {
     in_parts: Arc<InParts>,
     uploads: Arc<Uploads>,

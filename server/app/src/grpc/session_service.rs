@@ -3,15 +3,19 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use futures_util::{Stream, stream};
+use kerf_physics::making::Making;
 use kerf_physics::scene::wording::did_you_mean;
 use kerf_physics::{Scene, SceneError};
 use kerf_proto::v1;
 use kerf_proto::v1::create_session_request::Scene as Wanted;
 use kerf_proto::v1::get_scene_request::Of as SceneOf;
+use kerf_proto::v1::make_session_response::State;
 use kerf_session::player::SPEEDS;
 use kerf_session::{Position, Registry, Seek, Session, SessionId, SessionOptions};
+use tokio::sync::watch;
 use tonic::{Request, Response, Status, Streaming};
-use tracing::Span;
+use tracing::{Instrument, Span};
 
 use super::checkpoint_files::CheckpointFiles;
 use super::in_parts::InParts;
@@ -19,7 +23,7 @@ use super::owned::Owned;
 use super::sent_files::SentFiles;
 use super::{Outgoing, in_time};
 use crate::config::ServerConfig;
-use crate::convert::scene::{checkpoint, dial, session_description, session_info};
+use crate::convert::scene::{checkpoint, dial, making_progress, session_description, session_info};
 use crate::convert::stepping::{step_response, steps};
 use crate::journal::Journals;
 use crate::places::Place;
@@ -31,6 +35,7 @@ use crate::status::RequestError;
 use crate::{machine, pace};
 
 /// The service.
+#[derive(Clone)]
 pub struct SessionService {
     registry: Arc<Registry>,
     scenes: Arc<SceneList>,
@@ -78,12 +83,27 @@ impl SessionService {
         })
     }
 
+    /// Puts the files that came in calls before to what a caller asks for; with the place that they take.
+    async fn with_sent_files(
+        &self,
+        caller: &Caller,
+        mut request: v1::CreateSessionRequest,
+    ) -> Result<(v1::CreateSessionRequest, Option<Place>), RequestError> {
+        if request.upload_id.is_empty() {
+            return Ok((request, None));
+        }
+        let (files, place) = self.sent_files.take(caller, &request.upload_id).await?;
+        request.files.extend(files);
+        Ok((request, Some(place)))
+    }
+
     /// A session as a caller asks for it, and what it is warned of. The place of its files is held until they are read.
     async fn create(
         &self,
         caller: &Caller,
         request: v1::CreateSessionRequest,
         place_of_files: Option<Place>,
+        making: watch::Sender<Option<Making>>,
     ) -> Result<(v1::SessionDescription, Vec<String>), RequestError> {
         let _place = self.owned.take(&self.registry, caller)?;
         let options = SessionOptions {
@@ -92,6 +112,7 @@ impl SessionService {
             start_paused: request.start_paused,
             dial: request.dial.map(dial).transpose()?,
             owner: caller.owner(request.private)?,
+            making,
         };
         let wanted = request.scene.ok_or(RequestError::Missing { field: "scene" })?;
         if request.fit_step_rate && request.step_rate_hz.is_some() {
@@ -140,6 +161,32 @@ impl SessionService {
     }
 }
 
+/// How far a session is that is being made, and last of all the session. Who stops listening gives it up.
+fn made<T>(
+    create: T,
+    told: watch::Receiver<Option<Making>>,
+) -> impl Stream<Item = Result<v1::MakeSessionResponse, Status>>
+where
+    T: Future<Output = Result<(v1::SessionDescription, Vec<String>), RequestError>> + Unpin,
+{
+    stream::unfold(Some((create, told)), |state| async {
+        let (mut create, mut told) = state?;
+        let (state, rest) = tokio::select! {
+            created = &mut create => match created {
+                Ok((session, warnings)) => {
+                    (State::Created(v1::CreateSessionResponse { session: Some(session), warnings }), None)
+                }
+                Err(error) => return Some((Err(error.into()), None)),
+            },
+            Ok(()) = told.changed() => {
+                let making = *told.borrow_and_update();
+                (State::Progress(making_progress(making)), Some((create, told)))
+            }
+        };
+        Some((Ok(v1::MakeSessionResponse { state: Some(state) }), rest))
+    })
+}
+
 /// The client's step rate goes before the scene's, within the same limits.
 fn set_step_rate(scene: &mut Scene, step_rate_hz: f64) -> Result<(), RequestError> {
     scene.desc.rate_hz = step_rate_hz;
@@ -175,15 +222,25 @@ impl v1::session_service_server::SessionService for SessionService {
         request: Request<v1::CreateSessionRequest>,
     ) -> Result<Response<v1::CreateSessionResponse>, Status> {
         let caller = Caller::of(request.extensions())?;
-        let mut request = request.into_inner();
-        let mut place = None;
-        if !request.upload_id.is_empty() {
-            let (files, of_files) = self.sent_files.take(&caller, &request.upload_id).await?;
-            request.files.extend(files);
-            place = Some(of_files);
-        }
-        let (session, warnings) = self.create(&caller, request, place).await?;
+        let (request, place) = self.with_sent_files(&caller, request.into_inner()).await?;
+        let (session, warnings) = self.create(&caller, request, place, watch::Sender::default()).await?;
         Ok(Response::new(v1::CreateSessionResponse { session: Some(session), warnings }))
+    }
+
+    type MakeSessionStream = Outgoing<v1::MakeSessionResponse>;
+
+    async fn make_session(
+        &self,
+        request: Request<v1::CreateSessionRequest>,
+    ) -> Result<Response<Self::MakeSessionStream>, Status> {
+        let (making, mut told) = watch::channel(None);
+        told.mark_changed();
+        let (service, caller) = (self.clone(), Caller::of(request.extensions())?);
+        let create = async move {
+            let (request, place) = service.with_sent_files(&caller, request.into_inner()).await?;
+            service.create(&caller, request, place, making).await
+        };
+        Ok(Response::new(Box::pin(made(Box::pin(create.instrument(Span::current())), told))))
     }
 
     async fn send_scene_file(
@@ -201,7 +258,7 @@ impl v1::session_service_server::SessionService for SessionService {
         let (connection, caller) = (request.remote_addr(), Caller::of(request.extensions())?);
         let parts = self.in_parts.scene(request.into_inner());
         let (request, place) = self.in_parts.receive(connection, parts).await?;
-        let (session, warnings) = self.create(&caller, request, Some(place)).await?;
+        let (session, warnings) = self.create(&caller, request, Some(place), watch::Sender::default()).await?;
         Ok(Response::new(v1::UploadSceneResponse { session: Some(session), warnings }))
     }
 

@@ -49,6 +49,7 @@ pub const CALLS: &[(&str, Need)] = &[
     ("/kerf.v1.SessionService/ListCheckpoints", Of(Role::Viewer)),
     // Memory and cores are taken by it: the scarcest that a server has.
     ("/kerf.v1.SessionService/CreateSession", Of(Role::Driver)),
+    ("/kerf.v1.SessionService/MakeSession", Of(Role::Driver)),
     ("/kerf.v1.SessionService/UploadScene", Of(Role::Driver)),
     ("/kerf.v1.SessionService/SendSceneFile", Of(Role::Driver)),
     // A driver ends the sessions that are its own; the service sees to it. Operators end any.

@@ -36,6 +36,7 @@ pub use interpolate::PointWeights;
 pub use material::Material;
 pub(crate) use quasi_static::Response;
 pub use relax::Relaxation;
+pub(crate) use relax::share_of_rest;
 pub(crate) use rigid::Totals;
 pub(crate) use rollback::Lost;
 pub use state::State;
@@ -48,6 +49,7 @@ use crate::fem::block::LANES;
 use crate::fem::composite::CompositeTables;
 use crate::grid::levels::{Level, Units, VoxelUnits};
 use crate::grid::{VoxelId, voxelize};
+use crate::making::{MakingStage, Teller};
 use crate::params::StepParams;
 use crate::scene::{Scene, SceneError};
 use crate::workers::Workers;
@@ -78,10 +80,24 @@ impl Body {
     /// # Errors
     /// What is wrong with the object's shape.
     pub fn new(scene: &Scene, index: usize, params: StepParams, workers: &Workers<'_>) -> Result<Self, SceneError> {
+        Self::made(scene, index, params, workers, &mut Teller::new(scene.desc.objects.len(), &mut |_| ()))
+    }
+
+    /// The same, and tells how far it is.
+    pub(crate) fn made(
+        scene: &Scene,
+        index: usize,
+        params: StepParams,
+        workers: &Workers<'_>,
+        teller: &mut Teller<'_>,
+    ) -> Result<Self, SceneError> {
+        teller.object(index);
         let object = &scene.desc.objects[index];
         let here = |error: SceneError| error.within(&format!("objects[{index}]"));
         let grid = voxelize::voxelize(object, &scene.meshes).map_err(here)?;
         let loads = loads::loads_of(&grid, object, &scene.meshes).map_err(here)?;
+        teller.counted(grid.voxels().len(), 0);
+        teller.stage(MakingStage::Elements);
         let state = State::at_rest(grid, object, &scene.meshes).map_err(here)?;
         let exponents = state.levels[0].exponent..=object.level;
         let description = Description {
@@ -96,6 +112,8 @@ impl Body {
             single_voxel: CompositeTables::new(0, state.grid.voxel_size_m()),
             tables: exponents.map(|exponent| CompositeTables::new(exponent, state.grid.voxel_size_m())).collect(),
         };
+        teller.counted(state.grid.voxels().len(), state.levels[0].elements.len());
+        teller.stage(MakingStage::Solver);
         let solver = Solver::new(&state.levels, params);
         let mut body = Self { description: Arc::new(description), state, solver, scratch: Scratch::default() };
         body.rebuild_all(workers);

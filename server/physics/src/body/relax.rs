@@ -83,6 +83,11 @@ impl Memory {
     }
 }
 
+/// How far on its way to rest a body is at a relative residual, 0 to 1: the residual falls by about the same factor a solve.
+pub(crate) fn share_of_rest(relative_residual: f64) -> f64 {
+    (relative_residual.ln() / REST.ln()).clamp(0.0, 1.0)
+}
+
 impl Body {
     /// Takes the body to rest under its loads. Velocities are zero at the end, and what relaxes in time has done so.
     /// `progress` is told the relative residual before each solve.

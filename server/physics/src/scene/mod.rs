@@ -142,6 +142,13 @@ impl SceneDesc {
         self.solver.relative_tolerance.unwrap_or_else(by_rate)
     }
 
+    /// Largest Young's modulus of its materials, Pa.
+    #[must_use]
+    pub fn stiffest_pa(&self) -> f64 {
+        let materials = self.objects.iter().flat_map(ObjectDesc::materials);
+        materials.map(|material| material.young_modulus_pa).fold(0.0, f64::max)
+    }
+
     /// Relative residual at which a velocity solve may end once a step has used up its work: the governor's bound, or
     /// 0.03.
     #[must_use]

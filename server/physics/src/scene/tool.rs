@@ -119,21 +119,24 @@ fn default_edge_half_width_m() -> f64 {
 pub struct GrasperDesc {
     /// Radius around the reference point within which the jaws take hold, m, 1e-4 to 0.1.
     pub radius_m: f64,
-    /// Force on the tool above which what it holds slips out, N, 1e-6 to 1e6. Default: 250 kPa over the jaws' area,
-    /// pi radius_m^2.
+    /// Force on the tool above which what it holds slips out, N, 1e-6 to 1e6. Default: 250 kPa, or half the Young's modulus of
+    /// the scene's stiffest material where that is more, over the jaws' area, pi radius_m^2.
     #[serde(default)]
     pub max_force_n: Option<f64>,
 }
 
-/// Mean traction of jaws above which tissue slips out or is crushed, Pa. Ours: the order of the pressures of jaws that
-/// injure grasped liver at once (S. De et al., Int. J. Robotics Research 26, 2007).
-const MAX_JAW_PRESSURE_PA: f64 = 250e3;
+/// Mean traction above which tissue slips out of jaws or is crushed, Pa. Ours: the order of the pressures of jaws that injure
+/// grasped liver at once (S. De et al., Int. J. Robotics Research 26, 2007).
+const MAX_JAW_TRACTION_PA: f64 = 250e3;
+/// The same over the Young's modulus of what is stiffer than tissue: jaws are made for what they hold. Ours.
+const MAX_JAW_STRAIN: f64 = 0.5;
 
 impl GrasperDesc {
-    /// Force on the tool above which what it holds slips out, N.
+    /// Force on the tool above which what it holds slips out, N; `stiffest_pa` is the largest Young's modulus of its scene.
     #[must_use]
-    pub fn slips_above_n(&self) -> f64 {
-        self.max_force_n.unwrap_or(MAX_JAW_PRESSURE_PA * std::f64::consts::PI * self.radius_m.powi(2))
+    pub fn slips_above_n(&self, stiffest_pa: f64) -> f64 {
+        let area_m2 = std::f64::consts::PI * self.radius_m.powi(2);
+        self.max_force_n.unwrap_or_else(|| MAX_JAW_TRACTION_PA.max(MAX_JAW_STRAIN * stiffest_pa) * area_m2)
     }
 }
 

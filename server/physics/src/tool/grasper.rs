@@ -18,9 +18,10 @@ pub struct Grasper {
     pub max_force_n: f64,
 }
 
-impl From<&GrasperDesc> for Grasper {
-    fn from(desc: &GrasperDesc) -> Self {
-        Self { radius_m: desc.radius_m, max_force_n: desc.slips_above_n() }
+impl Grasper {
+    /// Of a scene whose stiffest material has this Young's modulus.
+    pub(super) fn new(desc: &GrasperDesc, stiffest_pa: f64) -> Self {
+        Self { radius_m: desc.radius_m, max_force_n: desc.slips_above_n(stiffest_pa) }
     }
 }
 

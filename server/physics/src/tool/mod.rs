@@ -32,14 +32,14 @@ pub(crate) enum ToolShape {
 }
 
 impl ToolShape {
-    /// The tool that a scene describes.
+    /// The tool that a scene describes whose stiffest material has this Young's modulus.
     ///
     /// # Errors
     /// An edge that is none.
-    pub fn new(desc: &ToolShapeDesc) -> Result<Self, SceneError> {
+    pub fn new(desc: &ToolShapeDesc, stiffest_pa: f64) -> Result<Self, SceneError> {
         Ok(match desc {
             ToolShapeDesc::Blade(blade) => Self::Blade(Blade::new(blade).map_err(|e| e.within("blade"))?),
-            ToolShapeDesc::Grasper(grasper) => Self::Grasper(grasper.into()),
+            ToolShapeDesc::Grasper(grasper) => Self::Grasper(Grasper::new(grasper, stiffest_pa)),
             ToolShapeDesc::Probe(capsule) => Self::Probe(capsule.into()),
             ToolShapeDesc::Scissors(desc) => Self::Scissors(Scissors::new(desc).map_err(|e| e.within("scissors"))?),
         })

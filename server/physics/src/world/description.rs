@@ -8,7 +8,7 @@ use crate::grid::Grid;
 use crate::math::Aabb;
 use crate::params::StepParams;
 use crate::scene::wording::brief;
-use crate::scene::{Scene, SceneError};
+use crate::scene::{Scene, SceneError, ToolDesc};
 use crate::tool::ToolShape;
 use crate::walk;
 use std::sync::Arc;
@@ -50,7 +50,10 @@ pub(super) fn identity(scene: &Scene) -> SceneIdentity {
 /// Shapes of a scene's tools.
 pub(super) fn shapes(scene: &Scene) -> Result<Vec<ToolShape>, SceneError> {
     let tools = scene.desc.tools.iter().enumerate();
-    tools.map(|(i, tool)| ToolShape::new(&tool.shape).map_err(|e| e.within(&format!("tools[{i}].shape")))).collect()
+    let shape = |(i, tool): (usize, &ToolDesc)| {
+        ToolShape::new(&tool.shape, scene.desc.stiffest_pa()).map_err(|e| e.within(&format!("tools[{i}].shape")))
+    };
+    tools.map(shape).collect()
 }
 
 /// How a scene's steps are taken.

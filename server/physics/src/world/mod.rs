@@ -32,7 +32,8 @@ mod tool_contact;
 mod wrenches;
 
 use crate::Vec3;
-use crate::body::Body;
+use crate::body::{Body, share_of_rest};
+use crate::making::{Making, MakingStage, Teller};
 use crate::scene::{Scene, SceneError};
 use crate::stage::{Lap, Stage, StageClock};
 use crate::step_io::{EnergyStep, StepInputs, StepOutput, ToolOutput};
@@ -71,13 +72,24 @@ impl World {
     /// # Errors
     /// A field of the scene whose value is not supported, with the field and the limit named.
     pub fn new(scene: &Scene) -> Result<Self, SceneError> {
+        Self::make(scene, &mut |_| ())
+    }
+
+    /// The same, and tells how far it is: often enough for a bar that moves.
+    ///
+    /// # Errors
+    /// Those of [`World::new`].
+    pub fn make(scene: &Scene, tell: &mut dyn FnMut(Making)) -> Result<Self, SceneError> {
+        let mut teller = Teller::new(scene.desc.objects.len(), tell);
         let params = description::params(scene)?;
         let shapes = description::shapes(scene)?;
         let mut slots = Vec::with_capacity(scene.desc.objects.len());
         for (index, object) in scene.desc.objects.iter().enumerate() {
-            let mut body = Body::new(scene, index, params, &Workers::serial())?;
+            let mut body = Body::made(scene, index, params, &Workers::serial(), &mut teller)?;
             if object.materials().any(|material| material.prestrain.is_some()) {
-                let Relaxation { converged, relative_residual, .. } = body.relax(&Workers::serial(), &mut |_| ());
+                teller.stage(MakingStage::Equilibrium);
+                let Relaxation { converged, relative_residual, .. } =
+                    body.relax(&Workers::serial(), &mut |residual| teller.relaxed(share_of_rest(residual)));
                 if !converged {
                     return Err(SceneError::Field {
                         field: format!("objects[{index}].material.prestrain"),

@@ -77,7 +77,7 @@ impl SessionCore {
         self.publisher.vitals().ask_for_patience(to_ns(self.limits.max_setup_s));
         // Both worlds are there until the new one is whole.
         let _both = self.admitted.memory.another()?;
-        self.world = build_world(&self.scene)?;
+        self.world = build_world(&self.scene, &mut |_| ())?;
         self.tally = Tally::of(&self.scene);
         self.governor = Governor::of(&self.scene.desc);
         self.pacer = pacer(&self.scene, &self.limits);

@@ -36,6 +36,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use kerf_physics::fault::Fault;
+use kerf_physics::making::Making;
 use kerf_physics::step_io::{EnergyStep, SolveReport};
 use kerf_physics::{Scene, StageClock, StepInputs, Workers, World};
 
@@ -154,8 +155,9 @@ impl SessionCore {
         publisher: Publisher,
         admitted: Admitted,
         past: Option<Past>,
+        mut tell: impl FnMut(Making),
     ) -> Result<(Self, Projector), SessionError> {
-        let mut world = build_world(&scene)?;
+        let mut world = build_world(&scene, &mut tell)?;
         let mut arrived = None;
         if let Some(past) = past {
             let followed = guard(|| past.follow(&scene, world, &admitted.memory, &Workers::serial()));
@@ -443,8 +445,8 @@ fn pacer(scene: &Scene, limits: &SessionLimits) -> Pacer {
     Pacer::new(scene.desc.rate_hz, to_ns(limits.max_lag_s), 0)
 }
 
-fn build_world(scene: &Scene) -> Result<World, SessionError> {
-    guard(|| World::new(scene)).map_err(|message| SessionError::Failed { message })?.map_err(SessionError::from)
+fn build_world(scene: &Scene, tell: &mut dyn FnMut(Making)) -> Result<World, SessionError> {
+    guard(|| World::make(scene, tell)).map_err(|message| SessionError::Failed { message })?.map_err(SessionError::from)
 }
 
 /// Runs `work`; a panic becomes its message. What `work` was changing may be half changed: the

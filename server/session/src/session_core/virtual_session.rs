@@ -98,7 +98,7 @@ impl VirtualSession {
         let journal = is_journaled.then(|| publisher.tape.reader(Wants::Bases, 10 * CAPACITY));
         let admission = Admission::new(f64::INFINITY, f64::INFINITY, f64::INFINITY, 1);
         let admitted = admission.admit(&Cost::default(), 1.0, false).unwrap();
-        let built = SessionCore::new(Arc::clone(&scene), limits, Arc::clone(&inbox), publisher, admitted, past);
+        let built = SessionCore::new(Arc::clone(&scene), limits, Arc::clone(&inbox), publisher, admitted, past, |_| ());
         let (core, projector) = built?;
         let (clock, wake) = (VirtualClock::default(), Wake::At(0));
         Ok(Self {

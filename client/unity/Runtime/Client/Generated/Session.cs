@@ -40,143 +40,155 @@ namespace Kerf.V1 {
             "CgVzY2VuZUIGCgRkaWFsQg8KDV9zdGVwX3JhdGVfaHoiJwoJU2NlbmVGaWxl",
             "EgwKBG5hbWUYASABKAkSDAoEZGF0YRgCIAEoDCJXChVDcmVhdGVTZXNzaW9u",
             "UmVzcG9uc2USLAoHc2Vzc2lvbhgBIAEoCzIbLmtlcmYudjEuU2Vzc2lvbkRl",
-            "c2NyaXB0aW9uEhAKCHdhcm5pbmdzGAIgAygJImUKElVwbG9hZFNjZW5lUmVx",
-            "dWVzdBIuCgdyZXF1ZXN0GAEgASgLMh0ua2VyZi52MS5DcmVhdGVTZXNzaW9u",
-            "UmVxdWVzdBIRCglmaWxlX25hbWUYAiABKAkSDAoEZGF0YRgDIAEoDCJVChNV",
-            "cGxvYWRTY2VuZVJlc3BvbnNlEiwKB3Nlc3Npb24YASABKAsyGy5rZXJmLnYx",
-            "LlNlc3Npb25EZXNjcmlwdGlvbhIQCgh3YXJuaW5ncxgCIAMoCSJKChRTZW5k",
-            "U2NlbmVGaWxlUmVxdWVzdBIRCgl1cGxvYWRfaWQYASABKAkSEQoJZmlsZV9u",
-            "YW1lGAIgASgJEgwKBGRhdGEYAyABKAwiQgoVU2VuZFNjZW5lRmlsZVJlc3Bv",
-            "bnNlEhEKCXVwbG9hZF9pZBgBIAEoCRIWCg5yZWNlaXZlZF9ieXRlcxgCIAEo",
-            "BCIsChZEZXNjcmliZVNlc3Npb25SZXF1ZXN0EhIKCnNlc3Npb25faWQYASAB",
-            "KAkiRwoXRGVzY3JpYmVTZXNzaW9uUmVzcG9uc2USLAoHc2Vzc2lvbhgBIAEo",
-            "CzIbLmtlcmYudjEuU2Vzc2lvbkRlc2NyaXB0aW9uIhUKE0xpc3RTZXNzaW9u",
-            "c1JlcXVlc3QifgoUTGlzdFNlc3Npb25zUmVzcG9uc2USJgoIc2Vzc2lvbnMY",
-            "ASADKAsyFC5rZXJmLnYxLlNlc3Npb25JbmZvEhcKD3NlcnZlcl9pbnN0YW5j",
-            "ZRgCIAEoCRIlCgZzZXJ2ZXIYAyABKAsyFS5rZXJmLnYxLlNlcnZlclZpdGFs",
-            "cyJUCgxTZXJ2ZXJWaXRhbHMSDwoHdmVyc2lvbhgBIAEoCRIdChVyZXNpZGVu",
-            "dF9tZW1vcnlfYnl0ZXMYAiABKAQSFAoMbWF4X3Nlc3Npb25zGAMgASgNIikK",
-            "E0Nsb3NlU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSI9ChRD",
-            "bG9zZVNlc3Npb25SZXNwb25zZRIlCglyZWNvcmRpbmcYASABKAsyEi5rZXJm",
-            "LnYxLlJlY29yZGluZyJLCglSZWNvcmRpbmcSDAoEZmlsZRgBIAEoCRINCgVz",
-            "dGVwcxgCIAEoBBISCgppc19jdXRfb2ZmGAMgASgIEg0KBWVycm9yGAQgASgJ",
-            "IhgKB0pvdXJuYWwSDQoFZXJyb3IYASABKAkiKQoTUGF1c2VTZXNzaW9uUmVx",
-            "dWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIiQKFFBhdXNlU2Vzc2lvblJlc3Bv",
-            "bnNlEgwKBHN0ZXAYASABKAQiKgoUUmVzdW1lU2Vzc2lvblJlcXVlc3QSEgoK",
-            "c2Vzc2lvbl9pZBgBIAEoCSIlChVSZXN1bWVTZXNzaW9uUmVzcG9uc2USDAoE",
-            "c3RlcBgBIAEoBCJbChJTdGVwU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9p",
-            "ZBgBIAEoCRINCgVzdGVwcxgCIAEoDRIiCgZpbnB1dHMYAyADKAsyEi5rZXJm",
-            "LnYxLlN0ZXBJbnB1dCIxCglTdGVwSW5wdXQSJAoHbW90aW9ucxgBIAMoCzIT",
-            "LmtlcmYudjEuVG9vbE1vdGlvbiJcCgpUb29sTW90aW9uEiEKBHBvc2UYASAB",
-            "KAsyES5rZXJmLnYxLlRvb2xQb3NlSAASIQoEbGlmdBgCIAEoCzIRLmtlcmYu",
-            "djEuTGlmdFRvb2xIAEIICgZtb3Rpb24ieQoTU3RlcFNlc3Npb25SZXNwb25z",
-            "ZRIMCgRzdGVwGAEgASgEEiYKCG91dGNvbWVzGAIgAygLMhQua2VyZi52MS5T",
-            "dGVwT3V0Y29tZRIYChB0b3BvbG9neV92ZXJzaW9uGAMgASgEEhIKCnN0YXRl",
-            "X2hhc2gYBCABKAYiqgEKC1N0ZXBPdXRjb21lEgwKBHN0ZXAYASABKAQSEgoK",
-            "c2ltX3RpbWVfcxgCIAEoARIiCghjb250YWN0cxgDIAMoCzIQLmtlcmYudjEu",
-            "Q29udGFjdBIlCgZlbmVyZ3kYBCABKAsyFS5rZXJmLnYxLkVuZXJneUxlZGdl",
-            "chIuChd0cmFja2VkX2Rpc3BsYWNlbWVudHNfbRgFIAMoCzINLmtlcmYudjEu",
-            "VmVjMyIpChNSZXNldFNlc3Npb25SZXF1ZXN0EhIKCnNlc3Npb25faWQYASAB",
-            "KAkiPQoUUmVzZXRTZXNzaW9uUmVzcG9uc2USJQoJcmVjb3JkaW5nGAEgASgL",
-            "MhIua2VyZi52MS5SZWNvcmRpbmciOQoVU2F2ZUNoZWNrcG9pbnRSZXF1ZXN0",
-            "EhIKCnNlc3Npb25faWQYASABKAkSDAoEbmFtZRgCIAEoCSImChZTYXZlQ2hl",
-            "Y2twb2ludFJlc3BvbnNlEgwKBHN0ZXAYASABKAQiPAoYUmVzdG9yZUNoZWNr",
-            "cG9pbnRSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDAoEbmFtZRgCIAEo",
-            "CSJQChlSZXN0b3JlQ2hlY2twb2ludFJlc3BvbnNlEgwKBHN0ZXAYASABKAQS",
-            "JQoJcmVjb3JkaW5nGAIgASgLMhIua2VyZi52MS5SZWNvcmRpbmciLAoWTGlz",
-            "dENoZWNrcG9pbnRzUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIkMKF0xp",
-            "c3RDaGVja3BvaW50c1Jlc3BvbnNlEigKC2NoZWNrcG9pbnRzGAEgAygLMhMu",
-            "a2VyZi52MS5DaGVja3BvaW50IjwKCkNoZWNrcG9pbnQSDAoEbmFtZRgBIAEo",
-            "CRIMCgRzdGVwGAIgASgEEhIKCnNpbV90aW1lX3MYAyABKAEiOwoXRGVsZXRl",
-            "Q2hlY2twb2ludFJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRIMCgRuYW1l",
-            "GAIgASgJIhoKGERlbGV0ZUNoZWNrcG9pbnRSZXNwb25zZSI9ChlEb3dubG9h",
-            "ZENoZWNrcG9pbnRSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDAoEbmFt",
-            "ZRgCIAEoCSIqChpEb3dubG9hZENoZWNrcG9pbnRSZXNwb25zZRIMCgRkYXRh",
-            "GAEgASgMIkkKF1VwbG9hZENoZWNrcG9pbnRSZXF1ZXN0EhIKCnNlc3Npb25f",
-            "aWQYASABKAkSDAoEbmFtZRgCIAEoCRIMCgRkYXRhGAMgASgMIigKGFVwbG9h",
-            "ZENoZWNrcG9pbnRSZXNwb25zZRIMCgRzdGVwGAEgASgEIikKE0ludml0ZVZp",
-            "ZXdlclJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSI5ChRJbnZpdGVWaWV3",
-            "ZXJSZXNwb25zZRINCgV0b2tlbhgBIAEoCRISCgpnb29kX2Zvcl9zGAIgASgB",
-            "ImUKEVNlZWtSZXBsYXlSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSEwoG",
-            "dGltZV9zGAIgASgBSACIAQESEgoFc3BlZWQYAyABKAFIAYgBAUIJCgdfdGlt",
-            "ZV9zQggKBl9zcGVlZCJTChJTZWVrUmVwbGF5UmVzcG9uc2USDgoGdGltZV9z",
-            "GAEgASgBEhAKCGxlbmd0aF9zGAIgASgBEg0KBXNwZWVkGAMgASgBEgwKBHN0",
-            "ZXAYBCABKAQiuQEKC1Nlc3Npb25JbmZvEhIKCnNlc3Npb25faWQYASABKAkS",
-            "EgoKc2NlbmVfbmFtZRgCIAEoCRIkCgVzdGF0ZRgDIAEoDjIVLmtlcmYudjEu",
-            "U2Vzc2lvblN0YXRlEhEKCWlzX3JlcGxheRgEIAEoCBImCgZ2aXRhbHMYBSAB",
-            "KAsyFi5rZXJmLnYxLlNlc3Npb25WaXRhbHMSIQoHam91cm5hbBgGIAEoCzIQ",
-            "LmtlcmYudjEuSm91cm5hbCLdAQoNU2Vzc2lvblZpdGFscxIUCgxzdGVwX3Jh",
-            "dGVfaHoYASABKAESDQoFc3RlcHMYAiABKAQSEgoKbGF0ZV9zdGVwcxgDIAEo",
-            "BBIOCgZidXN5X3MYBCABKAESFgoObG9uZ2VzdF9zdGVwX3MYBSABKAESDwoH",
-            "dmlld2VycxgGIAEoDRIPCgdkcml2ZXJzGAcgASgNEg4KBmZhdWx0cxgIIAEo",
-            "BBIUCgxwYXJ0ZWRfbGlua3MYCSABKAQSFAoMbWVtb3J5X2J5dGVzGAogASgE",
-            "Eg0KBWhhbmdzGAsgASgIIskEChJTZXNzaW9uRGVzY3JpcHRpb24SEgoKc2Vz",
-            "c2lvbl9pZBgBIAEoCRIkCgVzdGF0ZRgCIAEoDjIVLmtlcmYudjEuU2Vzc2lv",
-            "blN0YXRlEiQKBXNjZW5lGAMgASgLMhUua2VyZi52MS5TY2VuZVN1bW1hcnkS",
-            "HwoGbGltaXRzGAQgASgLMg8ua2VyZi52MS5MaW1pdHMSDAoEc3RlcBgFIAEo",
-            "BBISCgpzaW1fdGltZV9zGAYgASgBEhgKEHRvcG9sb2d5X3ZlcnNpb24YByAB",
-            "KAQSEgoKbGF0ZV9zdGVwcxgIIAEoBBIPCgd2aWV3ZXJzGAkgASgNEhcKD2xl",
-            "YXNlZF90b29sX2lkcxgKIAMoDRIlCgZlbmVyZ3kYCyABKAsyFS5rZXJmLnYx",
-            "LkVuZXJneUxlZGdlchIuChd0cmFja2VkX2Rpc3BsYWNlbWVudHNfbRgMIAMo",
-            "CzINLmtlcmYudjEuVmVjMxISCgpzdGF0ZV9oYXNoGA0gASgGEg8KB2ZhaWx1",
-            "cmUYDiABKAkSIQoEZGlhbBgPIAEoCzITLmtlcmYudjEuRGlhbENob2ljZRIa",
-            "ChJyZWxhdGl2ZV90b2xlcmFuY2UYECABKAESDAoEbG9hZBgRIAEoARIUCgxt",
-            "ZW1vcnlfYnl0ZXMYEiABKAQSJQoJcmVjb3JkaW5nGBUgASgLMhIua2VyZi52",
-            "MS5SZWNvcmRpbmcSIQoHam91cm5hbBgWIAEoCzIQLmtlcmYudjEuSm91cm5h",
-            "bBIPCgdwcml2YXRlGBcgASgIIl8KCkRpYWxDaG9pY2USJQoHc2V0dGluZxgB",
-            "IAEoCzIULmtlcmYudjEuRGlhbFNldHRpbmcSKgoIZXhwZWN0ZWQYAiABKAsy",
-            "GC5rZXJmLnYxLkRpYWxFeHBlY3RhdGlvbiJ5CgtEaWFsU2V0dGluZxINCgVs",
-            "ZXZlbBgBIAEoDRITCgt2b3hlbF9zY2FsZRgCIAEoARIaChJyZWxhdGl2ZV90",
-            "b2xlcmFuY2UYAyABKAESDwoHZWxlbWVudBgEIAEoCRIZChFoYXNfZmluZXJf",
-            "cmVnaW9ucxgFIAEoCCJ3Cg9EaWFsRXhwZWN0YXRpb24SEQoJbWVkaWFuX21z",
-            "GAEgASgBEg4KBnA5OV9tcxgCIAEoARIaChJkaXNwbGFjZW1lbnRfZXJyb3IY",
-            "AyABKAESEwoLZm9yY2VfZXJyb3IYBCABKAESEAoIaGFyZHdhcmUYBSABKAki",
-            "rAIKDEVuZXJneUxlZGdlchITCgt0b29sX3dvcmtfahgBIAEoARITCgtsb2Fk",
-            "X3dvcmtfahgCIAEoARIRCgllbGFzdGljX2oYAyABKAESEQoJY29udGFjdF9q",
-            "GAQgASgBEhEKCWtpbmV0aWNfahgFIAEoARISCgpmcmFjdHVyZV9qGAYgASgB",
-            "EhQKDGZyb250X3NsaXBfahgHIAEoARIUCgxpbml0aWF0aW9uX2oYCCABKAES",
-            "EQoJcGFydGluZ19qGAkgASgBEhEKCWRhbXBpbmdfahgKIAEoARITCgtudW1l",
-            "cmljYWxfahgLIAEoARISCgpyZXNpZHVhbF9qGAwgASgBEhIKCmZyaWN0aW9u",
-            "X2oYDSABKAESFgoOY29udGFjdF9sb3NzX2oYDiABKAEy1gwKDlNlc3Npb25T",
-            "ZXJ2aWNlEkUKCkxpc3RTY2VuZXMSGi5rZXJmLnYxLkxpc3RTY2VuZXNSZXF1",
-            "ZXN0Ghsua2VyZi52MS5MaXN0U2NlbmVzUmVzcG9uc2USPwoIR2V0U2NlbmUS",
-            "GC5rZXJmLnYxLkdldFNjZW5lUmVxdWVzdBoZLmtlcmYudjEuR2V0U2NlbmVS",
-            "ZXNwb25zZRJOCg1DcmVhdGVTZXNzaW9uEh0ua2VyZi52MS5DcmVhdGVTZXNz",
-            "aW9uUmVxdWVzdBoeLmtlcmYudjEuQ3JlYXRlU2Vzc2lvblJlc3BvbnNlEkoK",
-            "C1VwbG9hZFNjZW5lEhsua2VyZi52MS5VcGxvYWRTY2VuZVJlcXVlc3QaHC5r",
-            "ZXJmLnYxLlVwbG9hZFNjZW5lUmVzcG9uc2UoARJOCg1TZW5kU2NlbmVGaWxl",
-            "Eh0ua2VyZi52MS5TZW5kU2NlbmVGaWxlUmVxdWVzdBoeLmtlcmYudjEuU2Vu",
-            "ZFNjZW5lRmlsZVJlc3BvbnNlElQKD0Rlc2NyaWJlU2Vzc2lvbhIfLmtlcmYu",
-            "djEuRGVzY3JpYmVTZXNzaW9uUmVxdWVzdBogLmtlcmYudjEuRGVzY3JpYmVT",
-            "ZXNzaW9uUmVzcG9uc2USSwoMTGlzdFNlc3Npb25zEhwua2VyZi52MS5MaXN0",
-            "U2Vzc2lvbnNSZXF1ZXN0Gh0ua2VyZi52MS5MaXN0U2Vzc2lvbnNSZXNwb25z",
-            "ZRJLCgxDbG9zZVNlc3Npb24SHC5rZXJmLnYxLkNsb3NlU2Vzc2lvblJlcXVl",
-            "c3QaHS5rZXJmLnYxLkNsb3NlU2Vzc2lvblJlc3BvbnNlEksKDFBhdXNlU2Vz",
-            "c2lvbhIcLmtlcmYudjEuUGF1c2VTZXNzaW9uUmVxdWVzdBodLmtlcmYudjEu",
-            "UGF1c2VTZXNzaW9uUmVzcG9uc2USTgoNUmVzdW1lU2Vzc2lvbhIdLmtlcmYu",
-            "djEuUmVzdW1lU2Vzc2lvblJlcXVlc3QaHi5rZXJmLnYxLlJlc3VtZVNlc3Np",
-            "b25SZXNwb25zZRJICgtTdGVwU2Vzc2lvbhIbLmtlcmYudjEuU3RlcFNlc3Np",
-            "b25SZXF1ZXN0Ghwua2VyZi52MS5TdGVwU2Vzc2lvblJlc3BvbnNlEksKDFJl",
-            "c2V0U2Vzc2lvbhIcLmtlcmYudjEuUmVzZXRTZXNzaW9uUmVxdWVzdBodLmtl",
-            "cmYudjEuUmVzZXRTZXNzaW9uUmVzcG9uc2USUQoOU2F2ZUNoZWNrcG9pbnQS",
-            "Hi5rZXJmLnYxLlNhdmVDaGVja3BvaW50UmVxdWVzdBofLmtlcmYudjEuU2F2",
-            "ZUNoZWNrcG9pbnRSZXNwb25zZRJaChFSZXN0b3JlQ2hlY2twb2ludBIhLmtl",
-            "cmYudjEuUmVzdG9yZUNoZWNrcG9pbnRSZXF1ZXN0GiIua2VyZi52MS5SZXN0",
-            "b3JlQ2hlY2twb2ludFJlc3BvbnNlElQKD0xpc3RDaGVja3BvaW50cxIfLmtl",
-            "cmYudjEuTGlzdENoZWNrcG9pbnRzUmVxdWVzdBogLmtlcmYudjEuTGlzdENo",
-            "ZWNrcG9pbnRzUmVzcG9uc2USVwoQRGVsZXRlQ2hlY2twb2ludBIgLmtlcmYu",
-            "djEuRGVsZXRlQ2hlY2twb2ludFJlcXVlc3QaIS5rZXJmLnYxLkRlbGV0ZUNo",
-            "ZWNrcG9pbnRSZXNwb25zZRJfChJEb3dubG9hZENoZWNrcG9pbnQSIi5rZXJm",
-            "LnYxLkRvd25sb2FkQ2hlY2twb2ludFJlcXVlc3QaIy5rZXJmLnYxLkRvd25s",
-            "b2FkQ2hlY2twb2ludFJlc3BvbnNlMAESWQoQVXBsb2FkQ2hlY2twb2ludBIg",
-            "LmtlcmYudjEuVXBsb2FkQ2hlY2twb2ludFJlcXVlc3QaIS5rZXJmLnYxLlVw",
-            "bG9hZENoZWNrcG9pbnRSZXNwb25zZSgBEksKDEludml0ZVZpZXdlchIcLmtl",
-            "cmYudjEuSW52aXRlVmlld2VyUmVxdWVzdBodLmtlcmYudjEuSW52aXRlVmll",
-            "d2VyUmVzcG9uc2USRQoKU2Vla1JlcGxheRIaLmtlcmYudjEuU2Vla1JlcGxh",
-            "eVJlcXVlc3QaGy5rZXJmLnYxLlNlZWtSZXBsYXlSZXNwb25zZWIGcHJvdG8z"));
+            "c2NyaXB0aW9uEhAKCHdhcm5pbmdzGAIgAygJIn4KE01ha2VTZXNzaW9uUmVz",
+            "cG9uc2USKwoIcHJvZ3Jlc3MYASABKAsyFy5rZXJmLnYxLk1ha2luZ1Byb2dy",
+            "ZXNzSAASMQoHY3JlYXRlZBgCIAEoCzIeLmtlcmYudjEuQ3JlYXRlU2Vzc2lv",
+            "blJlc3BvbnNlSABCBwoFc3RhdGUikQEKDk1ha2luZ1Byb2dyZXNzEiMKBXN0",
+            "YWdlGAEgASgOMhQua2VyZi52MS5NYWtpbmdTdGFnZRIOCgZvYmplY3QYAiAB",
+            "KA0SDwoHb2JqZWN0cxgDIAEoDRIOCgZ2b3hlbHMYBCABKAQSGgoSY29tcG9z",
+            "aXRlX2VsZW1lbnRzGAUgASgEEg0KBXNoYXJlGAYgASgCImUKElVwbG9hZFNj",
+            "ZW5lUmVxdWVzdBIuCgdyZXF1ZXN0GAEgASgLMh0ua2VyZi52MS5DcmVhdGVT",
+            "ZXNzaW9uUmVxdWVzdBIRCglmaWxlX25hbWUYAiABKAkSDAoEZGF0YRgDIAEo",
+            "DCJVChNVcGxvYWRTY2VuZVJlc3BvbnNlEiwKB3Nlc3Npb24YASABKAsyGy5r",
+            "ZXJmLnYxLlNlc3Npb25EZXNjcmlwdGlvbhIQCgh3YXJuaW5ncxgCIAMoCSJK",
+            "ChRTZW5kU2NlbmVGaWxlUmVxdWVzdBIRCgl1cGxvYWRfaWQYASABKAkSEQoJ",
+            "ZmlsZV9uYW1lGAIgASgJEgwKBGRhdGEYAyABKAwiQgoVU2VuZFNjZW5lRmls",
+            "ZVJlc3BvbnNlEhEKCXVwbG9hZF9pZBgBIAEoCRIWCg5yZWNlaXZlZF9ieXRl",
+            "cxgCIAEoBCIsChZEZXNjcmliZVNlc3Npb25SZXF1ZXN0EhIKCnNlc3Npb25f",
+            "aWQYASABKAkiRwoXRGVzY3JpYmVTZXNzaW9uUmVzcG9uc2USLAoHc2Vzc2lv",
+            "bhgBIAEoCzIbLmtlcmYudjEuU2Vzc2lvbkRlc2NyaXB0aW9uIhUKE0xpc3RT",
+            "ZXNzaW9uc1JlcXVlc3QifgoUTGlzdFNlc3Npb25zUmVzcG9uc2USJgoIc2Vz",
+            "c2lvbnMYASADKAsyFC5rZXJmLnYxLlNlc3Npb25JbmZvEhcKD3NlcnZlcl9p",
+            "bnN0YW5jZRgCIAEoCRIlCgZzZXJ2ZXIYAyABKAsyFS5rZXJmLnYxLlNlcnZl",
+            "clZpdGFscyJUCgxTZXJ2ZXJWaXRhbHMSDwoHdmVyc2lvbhgBIAEoCRIdChVy",
+            "ZXNpZGVudF9tZW1vcnlfYnl0ZXMYAiABKAQSFAoMbWF4X3Nlc3Npb25zGAMg",
+            "ASgNIikKE0Nsb3NlU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEo",
+            "CSI9ChRDbG9zZVNlc3Npb25SZXNwb25zZRIlCglyZWNvcmRpbmcYASABKAsy",
+            "Ei5rZXJmLnYxLlJlY29yZGluZyJLCglSZWNvcmRpbmcSDAoEZmlsZRgBIAEo",
+            "CRINCgVzdGVwcxgCIAEoBBISCgppc19jdXRfb2ZmGAMgASgIEg0KBWVycm9y",
+            "GAQgASgJIhgKB0pvdXJuYWwSDQoFZXJyb3IYASABKAkiKQoTUGF1c2VTZXNz",
+            "aW9uUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIiQKFFBhdXNlU2Vzc2lv",
+            "blJlc3BvbnNlEgwKBHN0ZXAYASABKAQiKgoUUmVzdW1lU2Vzc2lvblJlcXVl",
+            "c3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSIlChVSZXN1bWVTZXNzaW9uUmVzcG9u",
+            "c2USDAoEc3RlcBgBIAEoBCJbChJTdGVwU2Vzc2lvblJlcXVlc3QSEgoKc2Vz",
+            "c2lvbl9pZBgBIAEoCRINCgVzdGVwcxgCIAEoDRIiCgZpbnB1dHMYAyADKAsy",
+            "Ei5rZXJmLnYxLlN0ZXBJbnB1dCIxCglTdGVwSW5wdXQSJAoHbW90aW9ucxgB",
+            "IAMoCzITLmtlcmYudjEuVG9vbE1vdGlvbiJcCgpUb29sTW90aW9uEiEKBHBv",
+            "c2UYASABKAsyES5rZXJmLnYxLlRvb2xQb3NlSAASIQoEbGlmdBgCIAEoCzIR",
+            "LmtlcmYudjEuTGlmdFRvb2xIAEIICgZtb3Rpb24ieQoTU3RlcFNlc3Npb25S",
+            "ZXNwb25zZRIMCgRzdGVwGAEgASgEEiYKCG91dGNvbWVzGAIgAygLMhQua2Vy",
+            "Zi52MS5TdGVwT3V0Y29tZRIYChB0b3BvbG9neV92ZXJzaW9uGAMgASgEEhIK",
+            "CnN0YXRlX2hhc2gYBCABKAYiqgEKC1N0ZXBPdXRjb21lEgwKBHN0ZXAYASAB",
+            "KAQSEgoKc2ltX3RpbWVfcxgCIAEoARIiCghjb250YWN0cxgDIAMoCzIQLmtl",
+            "cmYudjEuQ29udGFjdBIlCgZlbmVyZ3kYBCABKAsyFS5rZXJmLnYxLkVuZXJn",
+            "eUxlZGdlchIuChd0cmFja2VkX2Rpc3BsYWNlbWVudHNfbRgFIAMoCzINLmtl",
+            "cmYudjEuVmVjMyIpChNSZXNldFNlc3Npb25SZXF1ZXN0EhIKCnNlc3Npb25f",
+            "aWQYASABKAkiPQoUUmVzZXRTZXNzaW9uUmVzcG9uc2USJQoJcmVjb3JkaW5n",
+            "GAEgASgLMhIua2VyZi52MS5SZWNvcmRpbmciOQoVU2F2ZUNoZWNrcG9pbnRS",
+            "ZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDAoEbmFtZRgCIAEoCSImChZT",
+            "YXZlQ2hlY2twb2ludFJlc3BvbnNlEgwKBHN0ZXAYASABKAQiPAoYUmVzdG9y",
+            "ZUNoZWNrcG9pbnRSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDAoEbmFt",
+            "ZRgCIAEoCSJQChlSZXN0b3JlQ2hlY2twb2ludFJlc3BvbnNlEgwKBHN0ZXAY",
+            "ASABKAQSJQoJcmVjb3JkaW5nGAIgASgLMhIua2VyZi52MS5SZWNvcmRpbmci",
+            "LAoWTGlzdENoZWNrcG9pbnRzUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJ",
+            "IkMKF0xpc3RDaGVja3BvaW50c1Jlc3BvbnNlEigKC2NoZWNrcG9pbnRzGAEg",
+            "AygLMhMua2VyZi52MS5DaGVja3BvaW50IjwKCkNoZWNrcG9pbnQSDAoEbmFt",
+            "ZRgBIAEoCRIMCgRzdGVwGAIgASgEEhIKCnNpbV90aW1lX3MYAyABKAEiOwoX",
+            "RGVsZXRlQ2hlY2twb2ludFJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRIM",
+            "CgRuYW1lGAIgASgJIhoKGERlbGV0ZUNoZWNrcG9pbnRSZXNwb25zZSI9ChlE",
+            "b3dubG9hZENoZWNrcG9pbnRSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkS",
+            "DAoEbmFtZRgCIAEoCSIqChpEb3dubG9hZENoZWNrcG9pbnRSZXNwb25zZRIM",
+            "CgRkYXRhGAEgASgMIkkKF1VwbG9hZENoZWNrcG9pbnRSZXF1ZXN0EhIKCnNl",
+            "c3Npb25faWQYASABKAkSDAoEbmFtZRgCIAEoCRIMCgRkYXRhGAMgASgMIigK",
+            "GFVwbG9hZENoZWNrcG9pbnRSZXNwb25zZRIMCgRzdGVwGAEgASgEIikKE0lu",
+            "dml0ZVZpZXdlclJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSI5ChRJbnZp",
+            "dGVWaWV3ZXJSZXNwb25zZRINCgV0b2tlbhgBIAEoCRISCgpnb29kX2Zvcl9z",
+            "GAIgASgBImUKEVNlZWtSZXBsYXlSZXF1ZXN0EhIKCnNlc3Npb25faWQYASAB",
+            "KAkSEwoGdGltZV9zGAIgASgBSACIAQESEgoFc3BlZWQYAyABKAFIAYgBAUIJ",
+            "CgdfdGltZV9zQggKBl9zcGVlZCJTChJTZWVrUmVwbGF5UmVzcG9uc2USDgoG",
+            "dGltZV9zGAEgASgBEhAKCGxlbmd0aF9zGAIgASgBEg0KBXNwZWVkGAMgASgB",
+            "EgwKBHN0ZXAYBCABKAQiuQEKC1Nlc3Npb25JbmZvEhIKCnNlc3Npb25faWQY",
+            "ASABKAkSEgoKc2NlbmVfbmFtZRgCIAEoCRIkCgVzdGF0ZRgDIAEoDjIVLmtl",
+            "cmYudjEuU2Vzc2lvblN0YXRlEhEKCWlzX3JlcGxheRgEIAEoCBImCgZ2aXRh",
+            "bHMYBSABKAsyFi5rZXJmLnYxLlNlc3Npb25WaXRhbHMSIQoHam91cm5hbBgG",
+            "IAEoCzIQLmtlcmYudjEuSm91cm5hbCLdAQoNU2Vzc2lvblZpdGFscxIUCgxz",
+            "dGVwX3JhdGVfaHoYASABKAESDQoFc3RlcHMYAiABKAQSEgoKbGF0ZV9zdGVw",
+            "cxgDIAEoBBIOCgZidXN5X3MYBCABKAESFgoObG9uZ2VzdF9zdGVwX3MYBSAB",
+            "KAESDwoHdmlld2VycxgGIAEoDRIPCgdkcml2ZXJzGAcgASgNEg4KBmZhdWx0",
+            "cxgIIAEoBBIUCgxwYXJ0ZWRfbGlua3MYCSABKAQSFAoMbWVtb3J5X2J5dGVz",
+            "GAogASgEEg0KBWhhbmdzGAsgASgIIskEChJTZXNzaW9uRGVzY3JpcHRpb24S",
+            "EgoKc2Vzc2lvbl9pZBgBIAEoCRIkCgVzdGF0ZRgCIAEoDjIVLmtlcmYudjEu",
+            "U2Vzc2lvblN0YXRlEiQKBXNjZW5lGAMgASgLMhUua2VyZi52MS5TY2VuZVN1",
+            "bW1hcnkSHwoGbGltaXRzGAQgASgLMg8ua2VyZi52MS5MaW1pdHMSDAoEc3Rl",
+            "cBgFIAEoBBISCgpzaW1fdGltZV9zGAYgASgBEhgKEHRvcG9sb2d5X3ZlcnNp",
+            "b24YByABKAQSEgoKbGF0ZV9zdGVwcxgIIAEoBBIPCgd2aWV3ZXJzGAkgASgN",
+            "EhcKD2xlYXNlZF90b29sX2lkcxgKIAMoDRIlCgZlbmVyZ3kYCyABKAsyFS5r",
+            "ZXJmLnYxLkVuZXJneUxlZGdlchIuChd0cmFja2VkX2Rpc3BsYWNlbWVudHNf",
+            "bRgMIAMoCzINLmtlcmYudjEuVmVjMxISCgpzdGF0ZV9oYXNoGA0gASgGEg8K",
+            "B2ZhaWx1cmUYDiABKAkSIQoEZGlhbBgPIAEoCzITLmtlcmYudjEuRGlhbENo",
+            "b2ljZRIaChJyZWxhdGl2ZV90b2xlcmFuY2UYECABKAESDAoEbG9hZBgRIAEo",
+            "ARIUCgxtZW1vcnlfYnl0ZXMYEiABKAQSJQoJcmVjb3JkaW5nGBUgASgLMhIu",
+            "a2VyZi52MS5SZWNvcmRpbmcSIQoHam91cm5hbBgWIAEoCzIQLmtlcmYudjEu",
+            "Sm91cm5hbBIPCgdwcml2YXRlGBcgASgIIl8KCkRpYWxDaG9pY2USJQoHc2V0",
+            "dGluZxgBIAEoCzIULmtlcmYudjEuRGlhbFNldHRpbmcSKgoIZXhwZWN0ZWQY",
+            "AiABKAsyGC5rZXJmLnYxLkRpYWxFeHBlY3RhdGlvbiJ5CgtEaWFsU2V0dGlu",
+            "ZxINCgVsZXZlbBgBIAEoDRITCgt2b3hlbF9zY2FsZRgCIAEoARIaChJyZWxh",
+            "dGl2ZV90b2xlcmFuY2UYAyABKAESDwoHZWxlbWVudBgEIAEoCRIZChFoYXNf",
+            "ZmluZXJfcmVnaW9ucxgFIAEoCCJ3Cg9EaWFsRXhwZWN0YXRpb24SEQoJbWVk",
+            "aWFuX21zGAEgASgBEg4KBnA5OV9tcxgCIAEoARIaChJkaXNwbGFjZW1lbnRf",
+            "ZXJyb3IYAyABKAESEwoLZm9yY2VfZXJyb3IYBCABKAESEAoIaGFyZHdhcmUY",
+            "BSABKAkirAIKDEVuZXJneUxlZGdlchITCgt0b29sX3dvcmtfahgBIAEoARIT",
+            "Cgtsb2FkX3dvcmtfahgCIAEoARIRCgllbGFzdGljX2oYAyABKAESEQoJY29u",
+            "dGFjdF9qGAQgASgBEhEKCWtpbmV0aWNfahgFIAEoARISCgpmcmFjdHVyZV9q",
+            "GAYgASgBEhQKDGZyb250X3NsaXBfahgHIAEoARIUCgxpbml0aWF0aW9uX2oY",
+            "CCABKAESEQoJcGFydGluZ19qGAkgASgBEhEKCWRhbXBpbmdfahgKIAEoARIT",
+            "CgtudW1lcmljYWxfahgLIAEoARISCgpyZXNpZHVhbF9qGAwgASgBEhIKCmZy",
+            "aWN0aW9uX2oYDSABKAESFgoOY29udGFjdF9sb3NzX2oYDiABKAEqsAEKC01h",
+            "a2luZ1N0YWdlEhwKGE1BS0lOR19TVEFHRV9VTlNQRUNJRklFRBAAEhgKFE1B",
+            "S0lOR19TVEFHRV9SRUFESU5HEAESFwoTTUFLSU5HX1NUQUdFX1ZPWEVMUxAC",
+            "EhkKFU1BS0lOR19TVEFHRV9FTEVNRU5UUxADEhcKE01BS0lOR19TVEFHRV9T",
+            "T0xWRVIQBBIcChhNQUtJTkdfU1RBR0VfRVFVSUxJQlJJVU0QBTKkDQoOU2Vz",
+            "c2lvblNlcnZpY2USRQoKTGlzdFNjZW5lcxIaLmtlcmYudjEuTGlzdFNjZW5l",
+            "c1JlcXVlc3QaGy5rZXJmLnYxLkxpc3RTY2VuZXNSZXNwb25zZRI/CghHZXRT",
+            "Y2VuZRIYLmtlcmYudjEuR2V0U2NlbmVSZXF1ZXN0Ghkua2VyZi52MS5HZXRT",
+            "Y2VuZVJlc3BvbnNlEk4KDUNyZWF0ZVNlc3Npb24SHS5rZXJmLnYxLkNyZWF0",
+            "ZVNlc3Npb25SZXF1ZXN0Gh4ua2VyZi52MS5DcmVhdGVTZXNzaW9uUmVzcG9u",
+            "c2USTAoLTWFrZVNlc3Npb24SHS5rZXJmLnYxLkNyZWF0ZVNlc3Npb25SZXF1",
+            "ZXN0Ghwua2VyZi52MS5NYWtlU2Vzc2lvblJlc3BvbnNlMAESSgoLVXBsb2Fk",
+            "U2NlbmUSGy5rZXJmLnYxLlVwbG9hZFNjZW5lUmVxdWVzdBocLmtlcmYudjEu",
+            "VXBsb2FkU2NlbmVSZXNwb25zZSgBEk4KDVNlbmRTY2VuZUZpbGUSHS5rZXJm",
+            "LnYxLlNlbmRTY2VuZUZpbGVSZXF1ZXN0Gh4ua2VyZi52MS5TZW5kU2NlbmVG",
+            "aWxlUmVzcG9uc2USVAoPRGVzY3JpYmVTZXNzaW9uEh8ua2VyZi52MS5EZXNj",
+            "cmliZVNlc3Npb25SZXF1ZXN0GiAua2VyZi52MS5EZXNjcmliZVNlc3Npb25S",
+            "ZXNwb25zZRJLCgxMaXN0U2Vzc2lvbnMSHC5rZXJmLnYxLkxpc3RTZXNzaW9u",
+            "c1JlcXVlc3QaHS5rZXJmLnYxLkxpc3RTZXNzaW9uc1Jlc3BvbnNlEksKDENs",
+            "b3NlU2Vzc2lvbhIcLmtlcmYudjEuQ2xvc2VTZXNzaW9uUmVxdWVzdBodLmtl",
+            "cmYudjEuQ2xvc2VTZXNzaW9uUmVzcG9uc2USSwoMUGF1c2VTZXNzaW9uEhwu",
+            "a2VyZi52MS5QYXVzZVNlc3Npb25SZXF1ZXN0Gh0ua2VyZi52MS5QYXVzZVNl",
+            "c3Npb25SZXNwb25zZRJOCg1SZXN1bWVTZXNzaW9uEh0ua2VyZi52MS5SZXN1",
+            "bWVTZXNzaW9uUmVxdWVzdBoeLmtlcmYudjEuUmVzdW1lU2Vzc2lvblJlc3Bv",
+            "bnNlEkgKC1N0ZXBTZXNzaW9uEhsua2VyZi52MS5TdGVwU2Vzc2lvblJlcXVl",
+            "c3QaHC5rZXJmLnYxLlN0ZXBTZXNzaW9uUmVzcG9uc2USSwoMUmVzZXRTZXNz",
+            "aW9uEhwua2VyZi52MS5SZXNldFNlc3Npb25SZXF1ZXN0Gh0ua2VyZi52MS5S",
+            "ZXNldFNlc3Npb25SZXNwb25zZRJRCg5TYXZlQ2hlY2twb2ludBIeLmtlcmYu",
+            "djEuU2F2ZUNoZWNrcG9pbnRSZXF1ZXN0Gh8ua2VyZi52MS5TYXZlQ2hlY2tw",
+            "b2ludFJlc3BvbnNlEloKEVJlc3RvcmVDaGVja3BvaW50EiEua2VyZi52MS5S",
+            "ZXN0b3JlQ2hlY2twb2ludFJlcXVlc3QaIi5rZXJmLnYxLlJlc3RvcmVDaGVj",
+            "a3BvaW50UmVzcG9uc2USVAoPTGlzdENoZWNrcG9pbnRzEh8ua2VyZi52MS5M",
+            "aXN0Q2hlY2twb2ludHNSZXF1ZXN0GiAua2VyZi52MS5MaXN0Q2hlY2twb2lu",
+            "dHNSZXNwb25zZRJXChBEZWxldGVDaGVja3BvaW50EiAua2VyZi52MS5EZWxl",
+            "dGVDaGVja3BvaW50UmVxdWVzdBohLmtlcmYudjEuRGVsZXRlQ2hlY2twb2lu",
+            "dFJlc3BvbnNlEl8KEkRvd25sb2FkQ2hlY2twb2ludBIiLmtlcmYudjEuRG93",
+            "bmxvYWRDaGVja3BvaW50UmVxdWVzdBojLmtlcmYudjEuRG93bmxvYWRDaGVj",
+            "a3BvaW50UmVzcG9uc2UwARJZChBVcGxvYWRDaGVja3BvaW50EiAua2VyZi52",
+            "MS5VcGxvYWRDaGVja3BvaW50UmVxdWVzdBohLmtlcmYudjEuVXBsb2FkQ2hl",
+            "Y2twb2ludFJlc3BvbnNlKAESSwoMSW52aXRlVmlld2VyEhwua2VyZi52MS5J",
+            "bnZpdGVWaWV3ZXJSZXF1ZXN0Gh0ua2VyZi52MS5JbnZpdGVWaWV3ZXJSZXNw",
+            "b25zZRJFCgpTZWVrUmVwbGF5Ehoua2VyZi52MS5TZWVrUmVwbGF5UmVxdWVz",
+            "dBobLmtlcmYudjEuU2Vla1JlcGxheVJlc3BvbnNlYgZwcm90bzM="));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { global::Kerf.V1.ControlReflection.Descriptor, global::Kerf.V1.TypesReflection.Descriptor, },
-          new pbr::GeneratedClrTypeInfo(null, null, new pbr::GeneratedClrTypeInfo[] {
+          new pbr::GeneratedClrTypeInfo(new[] {typeof(global::Kerf.V1.MakingStage), }, null, new pbr::GeneratedClrTypeInfo[] {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ListScenesRequest), global::Kerf.V1.ListScenesRequest.Parser, null, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ListScenesResponse), global::Kerf.V1.ListScenesResponse.Parser, new[]{ "Scenes" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SceneInfo), global::Kerf.V1.SceneInfo.Parser, new[]{ "Name", "Description" }, null, null, null, null),
@@ -185,6 +197,8 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CreateSessionRequest), global::Kerf.V1.CreateSessionRequest.Parser, new[]{ "SceneName", "SceneToml", "StartPaused", "Level", "BudgetMs", "MaxError", "StepRateHz", "Files", "FitStepRate", "Private", "UploadId" }, new[]{ "Scene", "Dial", "StepRateHz" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SceneFile), global::Kerf.V1.SceneFile.Parser, new[]{ "Name", "Data" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CreateSessionResponse), global::Kerf.V1.CreateSessionResponse.Parser, new[]{ "Session", "Warnings" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.MakeSessionResponse), global::Kerf.V1.MakeSessionResponse.Parser, new[]{ "Progress", "Created" }, new[]{ "State" }, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.MakingProgress), global::Kerf.V1.MakingProgress.Parser, new[]{ "Stage", "Object", "Objects", "Voxels", "CompositeElements", "Share" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.UploadSceneRequest), global::Kerf.V1.UploadSceneRequest.Parser, new[]{ "Request", "FileName", "Data" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.UploadSceneResponse), global::Kerf.V1.UploadSceneResponse.Parser, new[]{ "Session", "Warnings" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SendSceneFileRequest), global::Kerf.V1.SendSceneFileRequest.Parser, new[]{ "UploadId", "FileName", "Data" }, null, null, null, null),
@@ -238,6 +252,39 @@ namespace Kerf.V1 {
     #endregion
 
   }
+  #region Enums
+  /// <summary>
+  /// What is made of an object.
+  /// </summary>
+  public enum MakingStage {
+    /// <summary>
+    /// Never sent.
+    /// </summary>
+    [pbr::OriginalName("MAKING_STAGE_UNSPECIFIED")] Unspecified = 0,
+    /// <summary>
+    /// The scene waits for its turn, and is read.
+    /// </summary>
+    [pbr::OriginalName("MAKING_STAGE_READING")] Reading = 1,
+    /// <summary>
+    /// The voxels that its shape fills.
+    /// </summary>
+    [pbr::OriginalName("MAKING_STAGE_VOXELS")] Voxels = 2,
+    /// <summary>
+    /// The composite elements over them, level by level.
+    /// </summary>
+    [pbr::OriginalName("MAKING_STAGE_ELEMENTS")] Elements = 3,
+    /// <summary>
+    /// The hierarchy that its steps are solved on, with the factor of the coarsest level.
+    /// </summary>
+    [pbr::OriginalName("MAKING_STAGE_SOLVER")] Solver = 4,
+    /// <summary>
+    /// The rest under its prestrain.
+    /// </summary>
+    [pbr::OriginalName("MAKING_STAGE_EQUILIBRIUM")] Equilibrium = 5,
+  }
+
+  #endregion
+
   #region Messages
   /// <summary>
   /// Asks for the scenes.
@@ -2417,6 +2464,695 @@ namespace Kerf.V1 {
   }
 
   /// <summary>
+  /// How far a session is that is being made.
+  /// </summary>
+  public sealed partial class MakeSessionResponse : pb::IMessage<MakeSessionResponse>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<MakeSessionResponse> _parser = new pb::MessageParser<MakeSessionResponse>(() => new MakeSessionResponse());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<MakeSessionResponse> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[8]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public MakeSessionResponse() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public MakeSessionResponse(MakeSessionResponse other) : this() {
+      switch (other.StateCase) {
+        case StateOneofCase.Progress:
+          Progress = other.Progress.Clone();
+          break;
+        case StateOneofCase.Created:
+          Created = other.Created.Clone();
+          break;
+      }
+
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public MakeSessionResponse Clone() {
+      return new MakeSessionResponse(this);
+    }
+
+    /// <summary>Field number for the "progress" field.</summary>
+    public const int ProgressFieldNumber = 1;
+    /// <summary>
+    /// It is being made.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.MakingProgress Progress {
+      get { return stateCase_ == StateOneofCase.Progress ? (global::Kerf.V1.MakingProgress) state_ : null; }
+      set {
+        state_ = value;
+        stateCase_ = value == null ? StateOneofCase.None : StateOneofCase.Progress;
+      }
+    }
+
+    /// <summary>Field number for the "created" field.</summary>
+    public const int CreatedFieldNumber = 2;
+    /// <summary>
+    /// It is there.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.CreateSessionResponse Created {
+      get { return stateCase_ == StateOneofCase.Created ? (global::Kerf.V1.CreateSessionResponse) state_ : null; }
+      set {
+        state_ = value;
+        stateCase_ = value == null ? StateOneofCase.None : StateOneofCase.Created;
+      }
+    }
+
+    private object state_;
+    /// <summary>Enum of possible cases for the "state" oneof.</summary>
+    public enum StateOneofCase {
+      None = 0,
+      Progress = 1,
+      Created = 2,
+    }
+    private StateOneofCase stateCase_ = StateOneofCase.None;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public StateOneofCase StateCase {
+      get { return stateCase_; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void ClearState() {
+      stateCase_ = StateOneofCase.None;
+      state_ = null;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as MakeSessionResponse);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(MakeSessionResponse other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (!object.Equals(Progress, other.Progress)) return false;
+      if (!object.Equals(Created, other.Created)) return false;
+      if (StateCase != other.StateCase) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (stateCase_ == StateOneofCase.Progress) hash ^= Progress.GetHashCode();
+      if (stateCase_ == StateOneofCase.Created) hash ^= Created.GetHashCode();
+      hash ^= (int) stateCase_;
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (stateCase_ == StateOneofCase.Progress) {
+        output.WriteRawTag(10);
+        output.WriteMessage(Progress);
+      }
+      if (stateCase_ == StateOneofCase.Created) {
+        output.WriteRawTag(18);
+        output.WriteMessage(Created);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (stateCase_ == StateOneofCase.Progress) {
+        output.WriteRawTag(10);
+        output.WriteMessage(Progress);
+      }
+      if (stateCase_ == StateOneofCase.Created) {
+        output.WriteRawTag(18);
+        output.WriteMessage(Created);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (stateCase_ == StateOneofCase.Progress) {
+        size += 1 + pb::CodedOutputStream.ComputeMessageSize(Progress);
+      }
+      if (stateCase_ == StateOneofCase.Created) {
+        size += 1 + pb::CodedOutputStream.ComputeMessageSize(Created);
+      }
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(MakeSessionResponse other) {
+      if (other == null) {
+        return;
+      }
+      switch (other.StateCase) {
+        case StateOneofCase.Progress:
+          if (Progress == null) {
+            Progress = new global::Kerf.V1.MakingProgress();
+          }
+          Progress.MergeFrom(other.Progress);
+          break;
+        case StateOneofCase.Created:
+          if (Created == null) {
+            Created = new global::Kerf.V1.CreateSessionResponse();
+          }
+          Created.MergeFrom(other.Created);
+          break;
+      }
+
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 10: {
+            global::Kerf.V1.MakingProgress subBuilder = new global::Kerf.V1.MakingProgress();
+            if (stateCase_ == StateOneofCase.Progress) {
+              subBuilder.MergeFrom(Progress);
+            }
+            input.ReadMessage(subBuilder);
+            Progress = subBuilder;
+            break;
+          }
+          case 18: {
+            global::Kerf.V1.CreateSessionResponse subBuilder = new global::Kerf.V1.CreateSessionResponse();
+            if (stateCase_ == StateOneofCase.Created) {
+              subBuilder.MergeFrom(Created);
+            }
+            input.ReadMessage(subBuilder);
+            Created = subBuilder;
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 10: {
+            global::Kerf.V1.MakingProgress subBuilder = new global::Kerf.V1.MakingProgress();
+            if (stateCase_ == StateOneofCase.Progress) {
+              subBuilder.MergeFrom(Progress);
+            }
+            input.ReadMessage(subBuilder);
+            Progress = subBuilder;
+            break;
+          }
+          case 18: {
+            global::Kerf.V1.CreateSessionResponse subBuilder = new global::Kerf.V1.CreateSessionResponse();
+            if (stateCase_ == StateOneofCase.Created) {
+              subBuilder.MergeFrom(Created);
+            }
+            input.ReadMessage(subBuilder);
+            Created = subBuilder;
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
+  /// How far a scene is.
+  /// </summary>
+  public sealed partial class MakingProgress : pb::IMessage<MakingProgress>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<MakingProgress> _parser = new pb::MessageParser<MakingProgress>(() => new MakingProgress());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<MakingProgress> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[9]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public MakingProgress() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public MakingProgress(MakingProgress other) : this() {
+      stage_ = other.stage_;
+      object_ = other.object_;
+      objects_ = other.objects_;
+      voxels_ = other.voxels_;
+      compositeElements_ = other.compositeElements_;
+      share_ = other.share_;
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public MakingProgress Clone() {
+      return new MakingProgress(this);
+    }
+
+    /// <summary>Field number for the "stage" field.</summary>
+    public const int StageFieldNumber = 1;
+    private global::Kerf.V1.MakingStage stage_ = global::Kerf.V1.MakingStage.Unspecified;
+    /// <summary>
+    /// What is made of the object.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.MakingStage Stage {
+      get { return stage_; }
+      set {
+        stage_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "object" field.</summary>
+    public const int ObjectFieldNumber = 2;
+    private uint object_;
+    /// <summary>
+    /// The object that is made: its place among the scene's, from 0.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public uint Object {
+      get { return object_; }
+      set {
+        object_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "objects" field.</summary>
+    public const int ObjectsFieldNumber = 3;
+    private uint objects_;
+    /// <summary>
+    /// How many there are. 0: the scene is not read yet.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public uint Objects {
+      get { return objects_; }
+      set {
+        objects_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "voxels" field.</summary>
+    public const int VoxelsFieldNumber = 4;
+    private ulong voxels_;
+    /// <summary>
+    /// Fine voxels of the object. 0: they are not counted yet.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ulong Voxels {
+      get { return voxels_; }
+      set {
+        voxels_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "composite_elements" field.</summary>
+    public const int CompositeElementsFieldNumber = 5;
+    private ulong compositeElements_;
+    /// <summary>
+    /// Its composite elements, in the same way.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ulong CompositeElements {
+      get { return compositeElements_; }
+      set {
+        compositeElements_ = value;
+      }
+    }
+
+    /// <summary>Field number for the "share" field.</summary>
+    public const int ShareFieldNumber = 6;
+    private float share_;
+    /// <summary>
+    /// Done of the whole, 0 to 1: an estimate, which never falls.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public float Share {
+      get { return share_; }
+      set {
+        share_ = value;
+      }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as MakingProgress);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(MakingProgress other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (Stage != other.Stage) return false;
+      if (Object != other.Object) return false;
+      if (Objects != other.Objects) return false;
+      if (Voxels != other.Voxels) return false;
+      if (CompositeElements != other.CompositeElements) return false;
+      if (!pbc::ProtobufEqualityComparers.BitwiseSingleEqualityComparer.Equals(Share, other.Share)) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (Stage != global::Kerf.V1.MakingStage.Unspecified) hash ^= Stage.GetHashCode();
+      if (Object != 0) hash ^= Object.GetHashCode();
+      if (Objects != 0) hash ^= Objects.GetHashCode();
+      if (Voxels != 0UL) hash ^= Voxels.GetHashCode();
+      if (CompositeElements != 0UL) hash ^= CompositeElements.GetHashCode();
+      if (Share != 0F) hash ^= pbc::ProtobufEqualityComparers.BitwiseSingleEqualityComparer.GetHashCode(Share);
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (Stage != global::Kerf.V1.MakingStage.Unspecified) {
+        output.WriteRawTag(8);
+        output.WriteEnum((int) Stage);
+      }
+      if (Object != 0) {
+        output.WriteRawTag(16);
+        output.WriteUInt32(Object);
+      }
+      if (Objects != 0) {
+        output.WriteRawTag(24);
+        output.WriteUInt32(Objects);
+      }
+      if (Voxels != 0UL) {
+        output.WriteRawTag(32);
+        output.WriteUInt64(Voxels);
+      }
+      if (CompositeElements != 0UL) {
+        output.WriteRawTag(40);
+        output.WriteUInt64(CompositeElements);
+      }
+      if (Share != 0F) {
+        output.WriteRawTag(53);
+        output.WriteFloat(Share);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (Stage != global::Kerf.V1.MakingStage.Unspecified) {
+        output.WriteRawTag(8);
+        output.WriteEnum((int) Stage);
+      }
+      if (Object != 0) {
+        output.WriteRawTag(16);
+        output.WriteUInt32(Object);
+      }
+      if (Objects != 0) {
+        output.WriteRawTag(24);
+        output.WriteUInt32(Objects);
+      }
+      if (Voxels != 0UL) {
+        output.WriteRawTag(32);
+        output.WriteUInt64(Voxels);
+      }
+      if (CompositeElements != 0UL) {
+        output.WriteRawTag(40);
+        output.WriteUInt64(CompositeElements);
+      }
+      if (Share != 0F) {
+        output.WriteRawTag(53);
+        output.WriteFloat(Share);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (Stage != global::Kerf.V1.MakingStage.Unspecified) {
+        size += 1 + pb::CodedOutputStream.ComputeEnumSize((int) Stage);
+      }
+      if (Object != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt32Size(Object);
+      }
+      if (Objects != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt32Size(Objects);
+      }
+      if (Voxels != 0UL) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt64Size(Voxels);
+      }
+      if (CompositeElements != 0UL) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt64Size(CompositeElements);
+      }
+      if (Share != 0F) {
+        size += 1 + 4;
+      }
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(MakingProgress other) {
+      if (other == null) {
+        return;
+      }
+      if (other.Stage != global::Kerf.V1.MakingStage.Unspecified) {
+        Stage = other.Stage;
+      }
+      if (other.Object != 0) {
+        Object = other.Object;
+      }
+      if (other.Objects != 0) {
+        Objects = other.Objects;
+      }
+      if (other.Voxels != 0UL) {
+        Voxels = other.Voxels;
+      }
+      if (other.CompositeElements != 0UL) {
+        CompositeElements = other.CompositeElements;
+      }
+      if (other.Share != 0F) {
+        Share = other.Share;
+      }
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 8: {
+            Stage = (global::Kerf.V1.MakingStage) input.ReadEnum();
+            break;
+          }
+          case 16: {
+            Object = input.ReadUInt32();
+            break;
+          }
+          case 24: {
+            Objects = input.ReadUInt32();
+            break;
+          }
+          case 32: {
+            Voxels = input.ReadUInt64();
+            break;
+          }
+          case 40: {
+            CompositeElements = input.ReadUInt64();
+            break;
+          }
+          case 53: {
+            Share = input.ReadFloat();
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 8: {
+            Stage = (global::Kerf.V1.MakingStage) input.ReadEnum();
+            break;
+          }
+          case 16: {
+            Object = input.ReadUInt32();
+            break;
+          }
+          case 24: {
+            Objects = input.ReadUInt32();
+            break;
+          }
+          case 32: {
+            Voxels = input.ReadUInt64();
+            break;
+          }
+          case 40: {
+            CompositeElements = input.ReadUInt64();
+            break;
+          }
+          case 53: {
+            Share = input.ReadFloat();
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
   /// A part of what a session is to be created of.
   /// </summary>
   public sealed partial class UploadSceneRequest : pb::IMessage<UploadSceneRequest>
@@ -2433,7 +3169,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[8]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[10]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -2718,7 +3454,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[9]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[11]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -2951,7 +3687,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[10]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[12]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -3226,7 +3962,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[11]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[13]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -3461,7 +4197,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[12]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[14]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -3656,7 +4392,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[13]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[15]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -3860,7 +4596,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[14]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[16]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4015,7 +4751,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[15]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[17]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4288,7 +5024,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[16]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[18]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4563,7 +5299,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[17]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[19]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4758,7 +5494,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[18]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[20]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4962,7 +5698,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[19]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[21]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5277,7 +6013,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[20]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[22]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5473,7 +6209,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[21]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[23]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5668,7 +6404,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[22]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[24]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5863,7 +6599,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[23]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[25]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6058,7 +6794,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[24]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[26]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6253,7 +6989,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[25]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[27]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6517,7 +7253,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[26]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[28]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6702,7 +7438,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[27]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[29]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6998,7 +7734,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[28]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[30]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7302,7 +8038,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[29]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[31]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7645,7 +8381,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[30]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[32]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7840,7 +8576,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[31]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[33]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8044,7 +8780,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[32]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[34]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8279,7 +9015,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[33]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[35]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8474,7 +9210,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[34]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[36]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8709,7 +9445,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[35]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[37]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8953,7 +9689,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[36]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[38]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9148,7 +9884,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[37]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[39]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9332,7 +10068,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[38]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[40]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9607,7 +10343,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[39]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[41]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9842,7 +10578,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[40]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[42]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9997,7 +10733,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[41]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[43]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10232,7 +10968,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[42]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[44]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10427,7 +11163,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[43]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[45]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10702,7 +11438,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[44]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[46]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10897,7 +11633,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[45]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[47]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11092,7 +11828,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[46]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[48]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11328,7 +12064,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[47]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[49]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11630,7 +12366,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[48]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[50]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11945,7 +12681,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[49]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[51]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -12358,7 +13094,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[50]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[52]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -12953,7 +13689,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[51]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[53]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -13983,7 +14719,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[52]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[54]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -14236,7 +14972,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[53]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[55]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -14591,7 +15327,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[54]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[56]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -14948,7 +15684,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[55]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[57]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]

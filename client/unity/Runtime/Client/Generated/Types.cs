@@ -3190,7 +3190,7 @@ namespace Kerf.V1 {
     public const int MaxForceNFieldNumber = 2;
     private double maxForceN_;
     /// <summary>
-    /// Force on the tool above which what they hold slips out, N; absent: none is too much.
+    /// Force on the tool above which what they hold slips out, N; a scene that names none has the default of its field.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
