@@ -145,7 +145,7 @@ def test_a_scene_with_a_file_tells_how_far_it_is_while_it_is_made(client):
     assert told[0].stage == "reading"
     assert [made.share for made in told] == sorted(made.share for made in told)
     with pytest.raises(kerf.InvalidArgumentError, match="poisson_ratio"):
-        client.create_session(toml=toml.replace("poisson_ratio = 0.4", "poisson_ratio = 0.6"), making=told.append)
+        client.create_session(toml=toml.replace("ratio = 0.4", "ratio = 0.6"), files=files, making=told.append)
 
 
 def test_what_is_refused_carries_its_field_and_limit(client, session):

@@ -38,7 +38,7 @@ async fn a_session_that_is_made_tells_how_far_it_is_and_comes_last() {
     assert_eq!(last.voxels, u64::from(object.voxels));
     assert_eq!(last.composite_elements, u64::from(object.composite_elements));
     let settling = progress.iter().filter(|made| made.stage() == MakingStage::Equilibrium).count();
-    assert!(settling > 2 && last.share > 0.9, "{progress:?}");
+    assert!(settling > 2 && last.share > 0.65, "{progress:?}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -44,10 +44,35 @@ pub enum Implicit {
         /// Distance over which surfaces blend, m.
         blend_m: f64,
         /// What is united.
-        parts: Vec<Implicit>,
+        parts: Vec<Part>,
         /// What is taken away from the union.
-        without: Vec<Implicit>,
+        without: Vec<Part>,
     },
+}
+
+/// A shape of a union.
+#[derive(Clone, Debug)]
+pub struct Part {
+    shape: Implicit,
+    /// Box that the shape does not leave, m.
+    reach: Bounds,
+}
+
+impl From<Implicit> for Part {
+    fn from(shape: Implicit) -> Self {
+        Self { reach: shape.reach(), shape }
+    }
+}
+
+impl Part {
+    /// No more than its distance at a point outside of its box; what is inside may be anywhere.
+    fn least_distance_m(&self, position_m: &Vec3) -> f64 {
+        let beyond = (self.reach.min_m - position_m).sup(&(position_m - self.reach.max_m));
+        match beyond.max() > 0.0 {
+            true => beyond.sup(&Vec3::zeros()).norm(),
+            false => f64::NEG_INFINITY,
+        }
+    }
 }
 
 impl Implicit {
@@ -70,7 +95,8 @@ impl Implicit {
                 Self::Capsule { from_m, along_m: Vec3::from(*to_m) - from_m, radius_m: *radius_m }
             }
             ShapeDesc::SmoothUnion { blend_m, parts, without } => {
-                let formulas = |shapes: &[ShapeDesc]| shapes.iter().map(Self::new).collect::<Option<_>>();
+                let part = |shape: &ShapeDesc| Self::new(shape).map(Part::from);
+                let formulas = |shapes: &[ShapeDesc]| shapes.iter().map(part).collect::<Option<_>>();
                 Self::Union { blend_m: *blend_m, parts: formulas(parts)?, without: formulas(without)? }
             }
             ShapeDesc::Mesh { .. } | ShapeDesc::LabelMap { .. } => return None,
@@ -92,8 +118,21 @@ impl Implicit {
                 around(from_m, &half).with(around(&(from_m + along_m), &half))
             }
             Self::Union { parts, .. } => {
-                parts.iter().map(Self::bounds).reduce(Bounds::with).expect("a union has parts")
+                parts.iter().map(|part| part.shape.bounds()).reduce(Bounds::with).expect("a union has parts")
             }
+        }
+    }
+
+    /// Box that the surface does not leave, those of unions within unions neither.
+    fn reach(&self) -> Bounds {
+        match self {
+            Self::Union { parts, .. } => {
+                let Bounds { min_m, max_m } =
+                    parts.iter().map(|part| part.reach).reduce(Bounds::with).expect("a union has parts");
+                let bulge = Vec3::repeat(self.bulge_m());
+                Bounds { min_m: min_m - bulge, max_m: max_m + bulge }
+            }
+            _ => self.bounds(),
         }
     }
 
@@ -191,15 +230,20 @@ fn nearest_on_ellipsoid(y: &Vec3, squares: &Vec3, t: f64) -> Vec3 {
 /// is no longer stretched by it.
 const LEAST_GRADIENT: f64 = 0.5;
 
-/// Parts are taken in order. What is outside of the union without a shape is what is outside of the one or inside of
+/// Parts are taken in order; one that is too far away to change the blend is not looked at. What is outside of the union without a shape is what is outside of the one or inside of
 /// the other: the blend of the two outsides.
-fn sample_union(position: &Vec3, blend: f64, parts: &[Implicit], without: &[Implicit]) -> SurfaceSample {
-    let sample = |part: &Implicit| {
-        let SurfaceSample { distance_m, normal } = part.sample(position);
-        (distance_m, normal)
+fn sample_union(position: &Vec3, blend: f64, parts: &[Part], without: &[Part]) -> SurfaceSample {
+    let add = |so_far: (f64, Vec3), part: &Part| {
+        if part.least_distance_m(position) >= so_far.0 + blend {
+            return so_far;
+        }
+        let SurfaceSample { distance_m, normal } = part.shape.sample(position);
+        blended(blend, so_far, (distance_m, normal))
     };
-    let united = parts.iter().map(sample).reduce(|a, b| blended(blend, a, b)).expect("a union has parts");
-    let outside = without.iter().map(sample).fold((-united.0, -united.1), |a, b| blended(blend, a, b));
+    let (first, others) = parts.split_first().expect("a union has parts");
+    let SurfaceSample { distance_m, normal } = first.shape.sample(position);
+    let united = others.iter().fold((distance_m, normal), add);
+    let outside = without.iter().fold((-united.0, -united.1), add);
     let (distance, gradient) = (-outside.0, -outside.1);
     let length = gradient.norm().clamp(LEAST_GRADIENT, 1.0);
     SurfaceSample { distance_m: distance / length, normal: unit_or_up(gradient) }
@@ -235,8 +279,8 @@ mod tests {
                 "union",
                 Implicit::Union {
                     blend_m: 0.2,
-                    parts: vec![ellipsoid, capsule([0.0; 3], [0.0, 0.9, 0.0], 0.3)],
-                    without: vec![capsule([0.6, 0.5, 0.0], [0.0; 3], 0.4)],
+                    parts: [ellipsoid, capsule([0.0; 3], [0.0, 0.9, 0.0], 0.3)].map(Part::from).into(),
+                    without: vec![capsule([0.6, 0.5, 0.0], [0.0; 3], 0.4).into()],
                 },
             ),
         ]
@@ -293,7 +337,8 @@ mod tests {
     #[test]
     fn a_blend_adds_material_between_its_parts_only() {
         let ball = |x: f64| Implicit::Capsule { from_m: Vec3::new(x, 0.0, 0.0), along_m: Vec3::zeros(), radius_m: 1.0 };
-        let union = |blend_m| Implicit::Union { blend_m, parts: vec![ball(-0.8), ball(0.8)], without: vec![] };
+        let union =
+            |blend_m| Implicit::Union { blend_m, parts: vec![ball(-0.8).into(), ball(0.8).into()], without: vec![] };
         let notch = Vec3::new(0.0, 0.65, 0.0);
         assert!(union(0.0).sample(&notch).distance_m > 0.0);
         assert!(union(0.5).sample(&notch).distance_m < 0.0);
@@ -301,11 +346,49 @@ mod tests {
         assert_eq!(union(0.0).sample(&far), union(0.5).sample(&far));
     }
 
+    /// All parts of a union, near and far.
+    fn blend_of_all(shape: &Implicit, position_m: &Vec3) -> SurfaceSample {
+        let Implicit::Union { blend_m, parts, without } = shape else { return shape.sample(position_m) };
+        let sample = |part: &Part| {
+            let SurfaceSample { distance_m, normal } = blend_of_all(&part.shape, position_m);
+            (distance_m, normal)
+        };
+        let united = parts.iter().map(sample).reduce(|a, b| blended(*blend_m, a, b)).unwrap();
+        let outside = without.iter().map(sample).fold((-united.0, -united.1), |a, b| blended(*blend_m, a, b));
+        let length = outside.1.norm().clamp(LEAST_GRADIENT, 1.0);
+        SurfaceSample { distance_m: -outside.0 / length, normal: unit_or_up(-outside.1) }
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_too_far_away_to_change_a_union_is_left_out_to_the_bit(
+            balls in prop::collection::vec((prop::array::uniform3(-1.0..1.0f64), 0.05..0.6f64), 2..8),
+            blend_m in 0.0..0.3f64,
+            points in prop::collection::vec(prop::array::uniform3(-2.0..2.0f64), 50),
+        ) {
+            let ball = |(center, radius_m): &([f64; 3], f64)| {
+                let semi_axes_m = Vec3::new(*radius_m, 0.5 * radius_m, 0.8 * radius_m);
+                Part::from(Implicit::Ellipsoid { center_m: (*center).into(), semi_axes_m })
+            };
+            let (inner, outer) = balls.split_at(balls.len() / 2);
+            let nested = Implicit::Union { blend_m, parts: inner.iter().map(ball).collect(), without: vec![] };
+            let parts = std::iter::once(nested.into()).chain(outer.iter().map(ball)).collect();
+            let shape = Implicit::Union { blend_m, parts, without: vec![ball(&balls[0])] };
+            for point in points.into_iter().map(Vec3::from) {
+                prop_assert_eq!(shape.sample(&point), blend_of_all(&shape, &point));
+            }
+        }
+    }
+
     #[test]
     fn what_is_taken_away_leaves_a_hollow_whose_edge_is_rounded() {
         let ball =
             |x: f64, radius_m| Implicit::Capsule { from_m: Vec3::new(x, 0.0, 0.0), along_m: Vec3::zeros(), radius_m };
-        let bitten = |blend_m| Implicit::Union { blend_m, parts: vec![ball(0.0, 1.0)], without: vec![ball(1.0, 0.5)] };
+        let bitten = |blend_m| Implicit::Union {
+            blend_m,
+            parts: vec![ball(0.0, 1.0).into()],
+            without: vec![ball(1.0, 0.5).into()],
+        };
         // In the hollow the surface is the ball's that was taken away, seen from outside of it.
         let hollow = bitten(0.0).sample(&Vec3::new(0.6, 0.0, 0.0));
         assert!((hollow.distance_m - 0.1).abs() < 1e-12 && (hollow.normal - Vec3::x()).norm() < 1e-12, "{hollow:?}");
