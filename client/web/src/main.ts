@@ -132,8 +132,8 @@ class App {
     const busy = sayBusy("The server makes the tissue…");
     try {
       const scene = { case: "sceneToml" as const, value: sceneToml };
-      const wanted = { scene, fitStepRate: fits, uploadId, private: isPrivate };
-      const session = await made(sessions.makeSession(wanted), busy);
+      const request = { scene, fitStepRate: fits, uploadId, private: isPrivate };
+      const session = await made(sessions.makeSession({ request }), busy);
       this.begun.add(session.sessionId);
       await this.open(session);
     } finally {

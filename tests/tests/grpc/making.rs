@@ -7,8 +7,9 @@ use tonic::Code;
 
 use super::harness::{BLOCK, Harness, soon};
 
-fn request(scene_toml: String) -> v1::CreateSessionRequest {
-    v1::CreateSessionRequest { scene: Some(Scene::SceneToml(scene_toml)), ..Default::default() }
+fn request(scene_toml: String) -> v1::MakeSessionRequest {
+    let scene = Some(Scene::SceneToml(scene_toml));
+    v1::MakeSessionRequest { request: Some(v1::CreateSessionRequest { scene, ..Default::default() }) }
 }
 
 /// Under prestrain, and so fine that a stage takes its time.
@@ -54,6 +55,9 @@ async fn a_scene_that_is_none_is_refused_as_by_create_session_and_who_stops_list
     };
     let by_create = harness.create_of(none).await.unwrap_err();
     assert_eq!((refused.code(), refused.message()), (Code::InvalidArgument, by_create.message()));
+
+    let nothing = harness.sessions.make_session(v1::MakeSessionRequest::default()).await.unwrap_err();
+    assert!(nothing.code() == Code::InvalidArgument && nothing.message().contains("request"), "{nothing}");
 
     let mut told = harness.sessions.make_session(request(taut_block())).await.unwrap().into_inner();
     soon("the first word", told.message()).await.unwrap();

@@ -282,7 +282,7 @@ impl SessionService for Server {
 
     async fn make_session(
         &self,
-        _: Request<v1::CreateSessionRequest>,
+        _: Request<v1::MakeSessionRequest>,
     ) -> Result<Response<Self::MakeSessionStream>, Status> {
         Err(Status::unimplemented("not part of this stand-in"))
     }

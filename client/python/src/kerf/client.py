@@ -139,7 +139,8 @@ class Client:
         return Session(self._transport, answer.session, warnings=answer.warnings, files=sent)
 
     def _make(self, request: pb.CreateSessionRequest, making: Callable[[Making], object]) -> pb.CreateSessionResponse:
-        for told in self._transport.read("SessionService/MakeSession", request, pb.MakeSessionResponse):
+        asked = pb.MakeSessionRequest(request=request)
+        for told in self._transport.read("SessionService/MakeSession", asked, pb.MakeSessionResponse):
             if told.HasField("created"):
                 return told.created
             making(Making.of(told.progress))

@@ -231,13 +231,14 @@ impl v1::session_service_server::SessionService for SessionService {
 
     async fn make_session(
         &self,
-        request: Request<v1::CreateSessionRequest>,
+        request: Request<v1::MakeSessionRequest>,
     ) -> Result<Response<Self::MakeSessionStream>, Status> {
         let (making, mut told) = watch::channel(None);
         told.mark_changed();
         let (service, caller) = (self.clone(), Caller::of(request.extensions())?);
+        let request = request.into_inner().request.ok_or(RequestError::Missing { field: "request" })?;
         let create = async move {
-            let (request, place) = service.with_sent_files(&caller, request.into_inner()).await?;
+            let (request, place) = service.with_sent_files(&caller, request).await?;
             service.create(&caller, request, place, making).await
         };
         Ok(Response::new(Box::pin(made(Box::pin(create.instrument(Span::current())), told))))

@@ -40,152 +40,154 @@ namespace Kerf.V1 {
             "CgVzY2VuZUIGCgRkaWFsQg8KDV9zdGVwX3JhdGVfaHoiJwoJU2NlbmVGaWxl",
             "EgwKBG5hbWUYASABKAkSDAoEZGF0YRgCIAEoDCJXChVDcmVhdGVTZXNzaW9u",
             "UmVzcG9uc2USLAoHc2Vzc2lvbhgBIAEoCzIbLmtlcmYudjEuU2Vzc2lvbkRl",
-            "c2NyaXB0aW9uEhAKCHdhcm5pbmdzGAIgAygJIn4KE01ha2VTZXNzaW9uUmVz",
-            "cG9uc2USKwoIcHJvZ3Jlc3MYASABKAsyFy5rZXJmLnYxLk1ha2luZ1Byb2dy",
-            "ZXNzSAASMQoHY3JlYXRlZBgCIAEoCzIeLmtlcmYudjEuQ3JlYXRlU2Vzc2lv",
-            "blJlc3BvbnNlSABCBwoFc3RhdGUikQEKDk1ha2luZ1Byb2dyZXNzEiMKBXN0",
-            "YWdlGAEgASgOMhQua2VyZi52MS5NYWtpbmdTdGFnZRIOCgZvYmplY3QYAiAB",
-            "KA0SDwoHb2JqZWN0cxgDIAEoDRIOCgZ2b3hlbHMYBCABKAQSGgoSY29tcG9z",
-            "aXRlX2VsZW1lbnRzGAUgASgEEg0KBXNoYXJlGAYgASgCImUKElVwbG9hZFNj",
-            "ZW5lUmVxdWVzdBIuCgdyZXF1ZXN0GAEgASgLMh0ua2VyZi52MS5DcmVhdGVT",
-            "ZXNzaW9uUmVxdWVzdBIRCglmaWxlX25hbWUYAiABKAkSDAoEZGF0YRgDIAEo",
-            "DCJVChNVcGxvYWRTY2VuZVJlc3BvbnNlEiwKB3Nlc3Npb24YASABKAsyGy5r",
-            "ZXJmLnYxLlNlc3Npb25EZXNjcmlwdGlvbhIQCgh3YXJuaW5ncxgCIAMoCSJK",
-            "ChRTZW5kU2NlbmVGaWxlUmVxdWVzdBIRCgl1cGxvYWRfaWQYASABKAkSEQoJ",
-            "ZmlsZV9uYW1lGAIgASgJEgwKBGRhdGEYAyABKAwiQgoVU2VuZFNjZW5lRmls",
-            "ZVJlc3BvbnNlEhEKCXVwbG9hZF9pZBgBIAEoCRIWCg5yZWNlaXZlZF9ieXRl",
-            "cxgCIAEoBCIsChZEZXNjcmliZVNlc3Npb25SZXF1ZXN0EhIKCnNlc3Npb25f",
-            "aWQYASABKAkiRwoXRGVzY3JpYmVTZXNzaW9uUmVzcG9uc2USLAoHc2Vzc2lv",
-            "bhgBIAEoCzIbLmtlcmYudjEuU2Vzc2lvbkRlc2NyaXB0aW9uIhUKE0xpc3RT",
-            "ZXNzaW9uc1JlcXVlc3QifgoUTGlzdFNlc3Npb25zUmVzcG9uc2USJgoIc2Vz",
-            "c2lvbnMYASADKAsyFC5rZXJmLnYxLlNlc3Npb25JbmZvEhcKD3NlcnZlcl9p",
-            "bnN0YW5jZRgCIAEoCRIlCgZzZXJ2ZXIYAyABKAsyFS5rZXJmLnYxLlNlcnZl",
-            "clZpdGFscyJUCgxTZXJ2ZXJWaXRhbHMSDwoHdmVyc2lvbhgBIAEoCRIdChVy",
-            "ZXNpZGVudF9tZW1vcnlfYnl0ZXMYAiABKAQSFAoMbWF4X3Nlc3Npb25zGAMg",
-            "ASgNIikKE0Nsb3NlU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEo",
-            "CSI9ChRDbG9zZVNlc3Npb25SZXNwb25zZRIlCglyZWNvcmRpbmcYASABKAsy",
-            "Ei5rZXJmLnYxLlJlY29yZGluZyJLCglSZWNvcmRpbmcSDAoEZmlsZRgBIAEo",
-            "CRINCgVzdGVwcxgCIAEoBBISCgppc19jdXRfb2ZmGAMgASgIEg0KBWVycm9y",
-            "GAQgASgJIhgKB0pvdXJuYWwSDQoFZXJyb3IYASABKAkiKQoTUGF1c2VTZXNz",
-            "aW9uUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIiQKFFBhdXNlU2Vzc2lv",
-            "blJlc3BvbnNlEgwKBHN0ZXAYASABKAQiKgoUUmVzdW1lU2Vzc2lvblJlcXVl",
-            "c3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSIlChVSZXN1bWVTZXNzaW9uUmVzcG9u",
-            "c2USDAoEc3RlcBgBIAEoBCJbChJTdGVwU2Vzc2lvblJlcXVlc3QSEgoKc2Vz",
-            "c2lvbl9pZBgBIAEoCRINCgVzdGVwcxgCIAEoDRIiCgZpbnB1dHMYAyADKAsy",
-            "Ei5rZXJmLnYxLlN0ZXBJbnB1dCIxCglTdGVwSW5wdXQSJAoHbW90aW9ucxgB",
-            "IAMoCzITLmtlcmYudjEuVG9vbE1vdGlvbiJcCgpUb29sTW90aW9uEiEKBHBv",
-            "c2UYASABKAsyES5rZXJmLnYxLlRvb2xQb3NlSAASIQoEbGlmdBgCIAEoCzIR",
-            "LmtlcmYudjEuTGlmdFRvb2xIAEIICgZtb3Rpb24ieQoTU3RlcFNlc3Npb25S",
-            "ZXNwb25zZRIMCgRzdGVwGAEgASgEEiYKCG91dGNvbWVzGAIgAygLMhQua2Vy",
-            "Zi52MS5TdGVwT3V0Y29tZRIYChB0b3BvbG9neV92ZXJzaW9uGAMgASgEEhIK",
-            "CnN0YXRlX2hhc2gYBCABKAYiqgEKC1N0ZXBPdXRjb21lEgwKBHN0ZXAYASAB",
-            "KAQSEgoKc2ltX3RpbWVfcxgCIAEoARIiCghjb250YWN0cxgDIAMoCzIQLmtl",
-            "cmYudjEuQ29udGFjdBIlCgZlbmVyZ3kYBCABKAsyFS5rZXJmLnYxLkVuZXJn",
-            "eUxlZGdlchIuChd0cmFja2VkX2Rpc3BsYWNlbWVudHNfbRgFIAMoCzINLmtl",
-            "cmYudjEuVmVjMyIpChNSZXNldFNlc3Npb25SZXF1ZXN0EhIKCnNlc3Npb25f",
-            "aWQYASABKAkiPQoUUmVzZXRTZXNzaW9uUmVzcG9uc2USJQoJcmVjb3JkaW5n",
-            "GAEgASgLMhIua2VyZi52MS5SZWNvcmRpbmciOQoVU2F2ZUNoZWNrcG9pbnRS",
-            "ZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDAoEbmFtZRgCIAEoCSImChZT",
-            "YXZlQ2hlY2twb2ludFJlc3BvbnNlEgwKBHN0ZXAYASABKAQiPAoYUmVzdG9y",
-            "ZUNoZWNrcG9pbnRSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDAoEbmFt",
-            "ZRgCIAEoCSJQChlSZXN0b3JlQ2hlY2twb2ludFJlc3BvbnNlEgwKBHN0ZXAY",
-            "ASABKAQSJQoJcmVjb3JkaW5nGAIgASgLMhIua2VyZi52MS5SZWNvcmRpbmci",
-            "LAoWTGlzdENoZWNrcG9pbnRzUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJ",
-            "IkMKF0xpc3RDaGVja3BvaW50c1Jlc3BvbnNlEigKC2NoZWNrcG9pbnRzGAEg",
-            "AygLMhMua2VyZi52MS5DaGVja3BvaW50IjwKCkNoZWNrcG9pbnQSDAoEbmFt",
-            "ZRgBIAEoCRIMCgRzdGVwGAIgASgEEhIKCnNpbV90aW1lX3MYAyABKAEiOwoX",
-            "RGVsZXRlQ2hlY2twb2ludFJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRIM",
-            "CgRuYW1lGAIgASgJIhoKGERlbGV0ZUNoZWNrcG9pbnRSZXNwb25zZSI9ChlE",
-            "b3dubG9hZENoZWNrcG9pbnRSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkS",
-            "DAoEbmFtZRgCIAEoCSIqChpEb3dubG9hZENoZWNrcG9pbnRSZXNwb25zZRIM",
-            "CgRkYXRhGAEgASgMIkkKF1VwbG9hZENoZWNrcG9pbnRSZXF1ZXN0EhIKCnNl",
-            "c3Npb25faWQYASABKAkSDAoEbmFtZRgCIAEoCRIMCgRkYXRhGAMgASgMIigK",
-            "GFVwbG9hZENoZWNrcG9pbnRSZXNwb25zZRIMCgRzdGVwGAEgASgEIikKE0lu",
-            "dml0ZVZpZXdlclJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSI5ChRJbnZp",
-            "dGVWaWV3ZXJSZXNwb25zZRINCgV0b2tlbhgBIAEoCRISCgpnb29kX2Zvcl9z",
-            "GAIgASgBImUKEVNlZWtSZXBsYXlSZXF1ZXN0EhIKCnNlc3Npb25faWQYASAB",
-            "KAkSEwoGdGltZV9zGAIgASgBSACIAQESEgoFc3BlZWQYAyABKAFIAYgBAUIJ",
-            "CgdfdGltZV9zQggKBl9zcGVlZCJTChJTZWVrUmVwbGF5UmVzcG9uc2USDgoG",
-            "dGltZV9zGAEgASgBEhAKCGxlbmd0aF9zGAIgASgBEg0KBXNwZWVkGAMgASgB",
-            "EgwKBHN0ZXAYBCABKAQiuQEKC1Nlc3Npb25JbmZvEhIKCnNlc3Npb25faWQY",
-            "ASABKAkSEgoKc2NlbmVfbmFtZRgCIAEoCRIkCgVzdGF0ZRgDIAEoDjIVLmtl",
-            "cmYudjEuU2Vzc2lvblN0YXRlEhEKCWlzX3JlcGxheRgEIAEoCBImCgZ2aXRh",
-            "bHMYBSABKAsyFi5rZXJmLnYxLlNlc3Npb25WaXRhbHMSIQoHam91cm5hbBgG",
-            "IAEoCzIQLmtlcmYudjEuSm91cm5hbCLdAQoNU2Vzc2lvblZpdGFscxIUCgxz",
-            "dGVwX3JhdGVfaHoYASABKAESDQoFc3RlcHMYAiABKAQSEgoKbGF0ZV9zdGVw",
-            "cxgDIAEoBBIOCgZidXN5X3MYBCABKAESFgoObG9uZ2VzdF9zdGVwX3MYBSAB",
-            "KAESDwoHdmlld2VycxgGIAEoDRIPCgdkcml2ZXJzGAcgASgNEg4KBmZhdWx0",
-            "cxgIIAEoBBIUCgxwYXJ0ZWRfbGlua3MYCSABKAQSFAoMbWVtb3J5X2J5dGVz",
-            "GAogASgEEg0KBWhhbmdzGAsgASgIIskEChJTZXNzaW9uRGVzY3JpcHRpb24S",
-            "EgoKc2Vzc2lvbl9pZBgBIAEoCRIkCgVzdGF0ZRgCIAEoDjIVLmtlcmYudjEu",
-            "U2Vzc2lvblN0YXRlEiQKBXNjZW5lGAMgASgLMhUua2VyZi52MS5TY2VuZVN1",
-            "bW1hcnkSHwoGbGltaXRzGAQgASgLMg8ua2VyZi52MS5MaW1pdHMSDAoEc3Rl",
-            "cBgFIAEoBBISCgpzaW1fdGltZV9zGAYgASgBEhgKEHRvcG9sb2d5X3ZlcnNp",
-            "b24YByABKAQSEgoKbGF0ZV9zdGVwcxgIIAEoBBIPCgd2aWV3ZXJzGAkgASgN",
-            "EhcKD2xlYXNlZF90b29sX2lkcxgKIAMoDRIlCgZlbmVyZ3kYCyABKAsyFS5r",
-            "ZXJmLnYxLkVuZXJneUxlZGdlchIuChd0cmFja2VkX2Rpc3BsYWNlbWVudHNf",
-            "bRgMIAMoCzINLmtlcmYudjEuVmVjMxISCgpzdGF0ZV9oYXNoGA0gASgGEg8K",
-            "B2ZhaWx1cmUYDiABKAkSIQoEZGlhbBgPIAEoCzITLmtlcmYudjEuRGlhbENo",
-            "b2ljZRIaChJyZWxhdGl2ZV90b2xlcmFuY2UYECABKAESDAoEbG9hZBgRIAEo",
-            "ARIUCgxtZW1vcnlfYnl0ZXMYEiABKAQSJQoJcmVjb3JkaW5nGBUgASgLMhIu",
-            "a2VyZi52MS5SZWNvcmRpbmcSIQoHam91cm5hbBgWIAEoCzIQLmtlcmYudjEu",
-            "Sm91cm5hbBIPCgdwcml2YXRlGBcgASgIIl8KCkRpYWxDaG9pY2USJQoHc2V0",
-            "dGluZxgBIAEoCzIULmtlcmYudjEuRGlhbFNldHRpbmcSKgoIZXhwZWN0ZWQY",
-            "AiABKAsyGC5rZXJmLnYxLkRpYWxFeHBlY3RhdGlvbiJ5CgtEaWFsU2V0dGlu",
-            "ZxINCgVsZXZlbBgBIAEoDRITCgt2b3hlbF9zY2FsZRgCIAEoARIaChJyZWxh",
-            "dGl2ZV90b2xlcmFuY2UYAyABKAESDwoHZWxlbWVudBgEIAEoCRIZChFoYXNf",
-            "ZmluZXJfcmVnaW9ucxgFIAEoCCJ3Cg9EaWFsRXhwZWN0YXRpb24SEQoJbWVk",
-            "aWFuX21zGAEgASgBEg4KBnA5OV9tcxgCIAEoARIaChJkaXNwbGFjZW1lbnRf",
-            "ZXJyb3IYAyABKAESEwoLZm9yY2VfZXJyb3IYBCABKAESEAoIaGFyZHdhcmUY",
-            "BSABKAkirAIKDEVuZXJneUxlZGdlchITCgt0b29sX3dvcmtfahgBIAEoARIT",
-            "Cgtsb2FkX3dvcmtfahgCIAEoARIRCgllbGFzdGljX2oYAyABKAESEQoJY29u",
-            "dGFjdF9qGAQgASgBEhEKCWtpbmV0aWNfahgFIAEoARISCgpmcmFjdHVyZV9q",
-            "GAYgASgBEhQKDGZyb250X3NsaXBfahgHIAEoARIUCgxpbml0aWF0aW9uX2oY",
-            "CCABKAESEQoJcGFydGluZ19qGAkgASgBEhEKCWRhbXBpbmdfahgKIAEoARIT",
-            "CgtudW1lcmljYWxfahgLIAEoARISCgpyZXNpZHVhbF9qGAwgASgBEhIKCmZy",
-            "aWN0aW9uX2oYDSABKAESFgoOY29udGFjdF9sb3NzX2oYDiABKAEqsAEKC01h",
-            "a2luZ1N0YWdlEhwKGE1BS0lOR19TVEFHRV9VTlNQRUNJRklFRBAAEhgKFE1B",
-            "S0lOR19TVEFHRV9SRUFESU5HEAESFwoTTUFLSU5HX1NUQUdFX1ZPWEVMUxAC",
-            "EhkKFU1BS0lOR19TVEFHRV9FTEVNRU5UUxADEhcKE01BS0lOR19TVEFHRV9T",
-            "T0xWRVIQBBIcChhNQUtJTkdfU1RBR0VfRVFVSUxJQlJJVU0QBTKkDQoOU2Vz",
-            "c2lvblNlcnZpY2USRQoKTGlzdFNjZW5lcxIaLmtlcmYudjEuTGlzdFNjZW5l",
-            "c1JlcXVlc3QaGy5rZXJmLnYxLkxpc3RTY2VuZXNSZXNwb25zZRI/CghHZXRT",
-            "Y2VuZRIYLmtlcmYudjEuR2V0U2NlbmVSZXF1ZXN0Ghkua2VyZi52MS5HZXRT",
-            "Y2VuZVJlc3BvbnNlEk4KDUNyZWF0ZVNlc3Npb24SHS5rZXJmLnYxLkNyZWF0",
-            "ZVNlc3Npb25SZXF1ZXN0Gh4ua2VyZi52MS5DcmVhdGVTZXNzaW9uUmVzcG9u",
-            "c2USTAoLTWFrZVNlc3Npb24SHS5rZXJmLnYxLkNyZWF0ZVNlc3Npb25SZXF1",
-            "ZXN0Ghwua2VyZi52MS5NYWtlU2Vzc2lvblJlc3BvbnNlMAESSgoLVXBsb2Fk",
-            "U2NlbmUSGy5rZXJmLnYxLlVwbG9hZFNjZW5lUmVxdWVzdBocLmtlcmYudjEu",
-            "VXBsb2FkU2NlbmVSZXNwb25zZSgBEk4KDVNlbmRTY2VuZUZpbGUSHS5rZXJm",
-            "LnYxLlNlbmRTY2VuZUZpbGVSZXF1ZXN0Gh4ua2VyZi52MS5TZW5kU2NlbmVG",
-            "aWxlUmVzcG9uc2USVAoPRGVzY3JpYmVTZXNzaW9uEh8ua2VyZi52MS5EZXNj",
-            "cmliZVNlc3Npb25SZXF1ZXN0GiAua2VyZi52MS5EZXNjcmliZVNlc3Npb25S",
-            "ZXNwb25zZRJLCgxMaXN0U2Vzc2lvbnMSHC5rZXJmLnYxLkxpc3RTZXNzaW9u",
-            "c1JlcXVlc3QaHS5rZXJmLnYxLkxpc3RTZXNzaW9uc1Jlc3BvbnNlEksKDENs",
-            "b3NlU2Vzc2lvbhIcLmtlcmYudjEuQ2xvc2VTZXNzaW9uUmVxdWVzdBodLmtl",
-            "cmYudjEuQ2xvc2VTZXNzaW9uUmVzcG9uc2USSwoMUGF1c2VTZXNzaW9uEhwu",
-            "a2VyZi52MS5QYXVzZVNlc3Npb25SZXF1ZXN0Gh0ua2VyZi52MS5QYXVzZVNl",
-            "c3Npb25SZXNwb25zZRJOCg1SZXN1bWVTZXNzaW9uEh0ua2VyZi52MS5SZXN1",
-            "bWVTZXNzaW9uUmVxdWVzdBoeLmtlcmYudjEuUmVzdW1lU2Vzc2lvblJlc3Bv",
-            "bnNlEkgKC1N0ZXBTZXNzaW9uEhsua2VyZi52MS5TdGVwU2Vzc2lvblJlcXVl",
-            "c3QaHC5rZXJmLnYxLlN0ZXBTZXNzaW9uUmVzcG9uc2USSwoMUmVzZXRTZXNz",
-            "aW9uEhwua2VyZi52MS5SZXNldFNlc3Npb25SZXF1ZXN0Gh0ua2VyZi52MS5S",
-            "ZXNldFNlc3Npb25SZXNwb25zZRJRCg5TYXZlQ2hlY2twb2ludBIeLmtlcmYu",
-            "djEuU2F2ZUNoZWNrcG9pbnRSZXF1ZXN0Gh8ua2VyZi52MS5TYXZlQ2hlY2tw",
-            "b2ludFJlc3BvbnNlEloKEVJlc3RvcmVDaGVja3BvaW50EiEua2VyZi52MS5S",
-            "ZXN0b3JlQ2hlY2twb2ludFJlcXVlc3QaIi5rZXJmLnYxLlJlc3RvcmVDaGVj",
-            "a3BvaW50UmVzcG9uc2USVAoPTGlzdENoZWNrcG9pbnRzEh8ua2VyZi52MS5M",
-            "aXN0Q2hlY2twb2ludHNSZXF1ZXN0GiAua2VyZi52MS5MaXN0Q2hlY2twb2lu",
-            "dHNSZXNwb25zZRJXChBEZWxldGVDaGVja3BvaW50EiAua2VyZi52MS5EZWxl",
-            "dGVDaGVja3BvaW50UmVxdWVzdBohLmtlcmYudjEuRGVsZXRlQ2hlY2twb2lu",
-            "dFJlc3BvbnNlEl8KEkRvd25sb2FkQ2hlY2twb2ludBIiLmtlcmYudjEuRG93",
-            "bmxvYWRDaGVja3BvaW50UmVxdWVzdBojLmtlcmYudjEuRG93bmxvYWRDaGVj",
-            "a3BvaW50UmVzcG9uc2UwARJZChBVcGxvYWRDaGVja3BvaW50EiAua2VyZi52",
-            "MS5VcGxvYWRDaGVja3BvaW50UmVxdWVzdBohLmtlcmYudjEuVXBsb2FkQ2hl",
-            "Y2twb2ludFJlc3BvbnNlKAESSwoMSW52aXRlVmlld2VyEhwua2VyZi52MS5J",
-            "bnZpdGVWaWV3ZXJSZXF1ZXN0Gh0ua2VyZi52MS5JbnZpdGVWaWV3ZXJSZXNw",
-            "b25zZRJFCgpTZWVrUmVwbGF5Ehoua2VyZi52MS5TZWVrUmVwbGF5UmVxdWVz",
-            "dBobLmtlcmYudjEuU2Vla1JlcGxheVJlc3BvbnNlYgZwcm90bzM="));
+            "c2NyaXB0aW9uEhAKCHdhcm5pbmdzGAIgAygJIkQKEk1ha2VTZXNzaW9uUmVx",
+            "dWVzdBIuCgdyZXF1ZXN0GAEgASgLMh0ua2VyZi52MS5DcmVhdGVTZXNzaW9u",
+            "UmVxdWVzdCJ+ChNNYWtlU2Vzc2lvblJlc3BvbnNlEisKCHByb2dyZXNzGAEg",
+            "ASgLMhcua2VyZi52MS5NYWtpbmdQcm9ncmVzc0gAEjEKB2NyZWF0ZWQYAiAB",
+            "KAsyHi5rZXJmLnYxLkNyZWF0ZVNlc3Npb25SZXNwb25zZUgAQgcKBXN0YXRl",
+            "IpEBCg5NYWtpbmdQcm9ncmVzcxIjCgVzdGFnZRgBIAEoDjIULmtlcmYudjEu",
+            "TWFraW5nU3RhZ2USDgoGb2JqZWN0GAIgASgNEg8KB29iamVjdHMYAyABKA0S",
+            "DgoGdm94ZWxzGAQgASgEEhoKEmNvbXBvc2l0ZV9lbGVtZW50cxgFIAEoBBIN",
+            "CgVzaGFyZRgGIAEoAiJlChJVcGxvYWRTY2VuZVJlcXVlc3QSLgoHcmVxdWVz",
+            "dBgBIAEoCzIdLmtlcmYudjEuQ3JlYXRlU2Vzc2lvblJlcXVlc3QSEQoJZmls",
+            "ZV9uYW1lGAIgASgJEgwKBGRhdGEYAyABKAwiVQoTVXBsb2FkU2NlbmVSZXNw",
+            "b25zZRIsCgdzZXNzaW9uGAEgASgLMhsua2VyZi52MS5TZXNzaW9uRGVzY3Jp",
+            "cHRpb24SEAoId2FybmluZ3MYAiADKAkiSgoUU2VuZFNjZW5lRmlsZVJlcXVl",
+            "c3QSEQoJdXBsb2FkX2lkGAEgASgJEhEKCWZpbGVfbmFtZRgCIAEoCRIMCgRk",
+            "YXRhGAMgASgMIkIKFVNlbmRTY2VuZUZpbGVSZXNwb25zZRIRCgl1cGxvYWRf",
+            "aWQYASABKAkSFgoOcmVjZWl2ZWRfYnl0ZXMYAiABKAQiLAoWRGVzY3JpYmVT",
+            "ZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIkcKF0Rlc2NyaWJl",
+            "U2Vzc2lvblJlc3BvbnNlEiwKB3Nlc3Npb24YASABKAsyGy5rZXJmLnYxLlNl",
+            "c3Npb25EZXNjcmlwdGlvbiIVChNMaXN0U2Vzc2lvbnNSZXF1ZXN0In4KFExp",
+            "c3RTZXNzaW9uc1Jlc3BvbnNlEiYKCHNlc3Npb25zGAEgAygLMhQua2VyZi52",
+            "MS5TZXNzaW9uSW5mbxIXCg9zZXJ2ZXJfaW5zdGFuY2UYAiABKAkSJQoGc2Vy",
+            "dmVyGAMgASgLMhUua2VyZi52MS5TZXJ2ZXJWaXRhbHMiVAoMU2VydmVyVml0",
+            "YWxzEg8KB3ZlcnNpb24YASABKAkSHQoVcmVzaWRlbnRfbWVtb3J5X2J5dGVz",
+            "GAIgASgEEhQKDG1heF9zZXNzaW9ucxgDIAEoDSIpChNDbG9zZVNlc3Npb25S",
+            "ZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkiPQoUQ2xvc2VTZXNzaW9uUmVz",
+            "cG9uc2USJQoJcmVjb3JkaW5nGAEgASgLMhIua2VyZi52MS5SZWNvcmRpbmci",
+            "SwoJUmVjb3JkaW5nEgwKBGZpbGUYASABKAkSDQoFc3RlcHMYAiABKAQSEgoK",
+            "aXNfY3V0X29mZhgDIAEoCBINCgVlcnJvchgEIAEoCSIYCgdKb3VybmFsEg0K",
+            "BWVycm9yGAEgASgJIikKE1BhdXNlU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lv",
+            "bl9pZBgBIAEoCSIkChRQYXVzZVNlc3Npb25SZXNwb25zZRIMCgRzdGVwGAEg",
+            "ASgEIioKFFJlc3VtZVNlc3Npb25SZXF1ZXN0EhIKCnNlc3Npb25faWQYASAB",
+            "KAkiJQoVUmVzdW1lU2Vzc2lvblJlc3BvbnNlEgwKBHN0ZXAYASABKAQiWwoS",
+            "U3RlcFNlc3Npb25SZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDQoFc3Rl",
+            "cHMYAiABKA0SIgoGaW5wdXRzGAMgAygLMhIua2VyZi52MS5TdGVwSW5wdXQi",
+            "MQoJU3RlcElucHV0EiQKB21vdGlvbnMYASADKAsyEy5rZXJmLnYxLlRvb2xN",
+            "b3Rpb24iXAoKVG9vbE1vdGlvbhIhCgRwb3NlGAEgASgLMhEua2VyZi52MS5U",
+            "b29sUG9zZUgAEiEKBGxpZnQYAiABKAsyES5rZXJmLnYxLkxpZnRUb29sSABC",
+            "CAoGbW90aW9uInkKE1N0ZXBTZXNzaW9uUmVzcG9uc2USDAoEc3RlcBgBIAEo",
+            "BBImCghvdXRjb21lcxgCIAMoCzIULmtlcmYudjEuU3RlcE91dGNvbWUSGAoQ",
+            "dG9wb2xvZ3lfdmVyc2lvbhgDIAEoBBISCgpzdGF0ZV9oYXNoGAQgASgGIqoB",
+            "CgtTdGVwT3V0Y29tZRIMCgRzdGVwGAEgASgEEhIKCnNpbV90aW1lX3MYAiAB",
+            "KAESIgoIY29udGFjdHMYAyADKAsyEC5rZXJmLnYxLkNvbnRhY3QSJQoGZW5l",
+            "cmd5GAQgASgLMhUua2VyZi52MS5FbmVyZ3lMZWRnZXISLgoXdHJhY2tlZF9k",
+            "aXNwbGFjZW1lbnRzX20YBSADKAsyDS5rZXJmLnYxLlZlYzMiKQoTUmVzZXRT",
+            "ZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIj0KFFJlc2V0U2Vz",
+            "c2lvblJlc3BvbnNlEiUKCXJlY29yZGluZxgBIAEoCzISLmtlcmYudjEuUmVj",
+            "b3JkaW5nIjkKFVNhdmVDaGVja3BvaW50UmVxdWVzdBISCgpzZXNzaW9uX2lk",
+            "GAEgASgJEgwKBG5hbWUYAiABKAkiJgoWU2F2ZUNoZWNrcG9pbnRSZXNwb25z",
+            "ZRIMCgRzdGVwGAEgASgEIjwKGFJlc3RvcmVDaGVja3BvaW50UmVxdWVzdBIS",
+            "CgpzZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAkiUAoZUmVzdG9yZUNo",
+            "ZWNrcG9pbnRSZXNwb25zZRIMCgRzdGVwGAEgASgEEiUKCXJlY29yZGluZxgC",
+            "IAEoCzISLmtlcmYudjEuUmVjb3JkaW5nIiwKFkxpc3RDaGVja3BvaW50c1Jl",
+            "cXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSJDChdMaXN0Q2hlY2twb2ludHNS",
+            "ZXNwb25zZRIoCgtjaGVja3BvaW50cxgBIAMoCzITLmtlcmYudjEuQ2hlY2tw",
+            "b2ludCI8CgpDaGVja3BvaW50EgwKBG5hbWUYASABKAkSDAoEc3RlcBgCIAEo",
+            "BBISCgpzaW1fdGltZV9zGAMgASgBIjsKF0RlbGV0ZUNoZWNrcG9pbnRSZXF1",
+            "ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDAoEbmFtZRgCIAEoCSIaChhEZWxl",
+            "dGVDaGVja3BvaW50UmVzcG9uc2UiPQoZRG93bmxvYWRDaGVja3BvaW50UmVx",
+            "dWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAkiKgoaRG93",
+            "bmxvYWRDaGVja3BvaW50UmVzcG9uc2USDAoEZGF0YRgBIAEoDCJJChdVcGxv",
+            "YWRDaGVja3BvaW50UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5h",
+            "bWUYAiABKAkSDAoEZGF0YRgDIAEoDCIoChhVcGxvYWRDaGVja3BvaW50UmVz",
+            "cG9uc2USDAoEc3RlcBgBIAEoBCIpChNJbnZpdGVWaWV3ZXJSZXF1ZXN0EhIK",
+            "CnNlc3Npb25faWQYASABKAkiOQoUSW52aXRlVmlld2VyUmVzcG9uc2USDQoF",
+            "dG9rZW4YASABKAkSEgoKZ29vZF9mb3JfcxgCIAEoASJlChFTZWVrUmVwbGF5",
+            "UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEhMKBnRpbWVfcxgCIAEoAUgA",
+            "iAEBEhIKBXNwZWVkGAMgASgBSAGIAQFCCQoHX3RpbWVfc0IICgZfc3BlZWQi",
+            "UwoSU2Vla1JlcGxheVJlc3BvbnNlEg4KBnRpbWVfcxgBIAEoARIQCghsZW5n",
+            "dGhfcxgCIAEoARINCgVzcGVlZBgDIAEoARIMCgRzdGVwGAQgASgEIrkBCgtT",
+            "ZXNzaW9uSW5mbxISCgpzZXNzaW9uX2lkGAEgASgJEhIKCnNjZW5lX25hbWUY",
+            "AiABKAkSJAoFc3RhdGUYAyABKA4yFS5rZXJmLnYxLlNlc3Npb25TdGF0ZRIR",
+            "Cglpc19yZXBsYXkYBCABKAgSJgoGdml0YWxzGAUgASgLMhYua2VyZi52MS5T",
+            "ZXNzaW9uVml0YWxzEiEKB2pvdXJuYWwYBiABKAsyEC5rZXJmLnYxLkpvdXJu",
+            "YWwi3QEKDVNlc3Npb25WaXRhbHMSFAoMc3RlcF9yYXRlX2h6GAEgASgBEg0K",
+            "BXN0ZXBzGAIgASgEEhIKCmxhdGVfc3RlcHMYAyABKAQSDgoGYnVzeV9zGAQg",
+            "ASgBEhYKDmxvbmdlc3Rfc3RlcF9zGAUgASgBEg8KB3ZpZXdlcnMYBiABKA0S",
+            "DwoHZHJpdmVycxgHIAEoDRIOCgZmYXVsdHMYCCABKAQSFAoMcGFydGVkX2xp",
+            "bmtzGAkgASgEEhQKDG1lbW9yeV9ieXRlcxgKIAEoBBINCgVoYW5ncxgLIAEo",
+            "CCLJBAoSU2Vzc2lvbkRlc2NyaXB0aW9uEhIKCnNlc3Npb25faWQYASABKAkS",
+            "JAoFc3RhdGUYAiABKA4yFS5rZXJmLnYxLlNlc3Npb25TdGF0ZRIkCgVzY2Vu",
+            "ZRgDIAEoCzIVLmtlcmYudjEuU2NlbmVTdW1tYXJ5Eh8KBmxpbWl0cxgEIAEo",
+            "CzIPLmtlcmYudjEuTGltaXRzEgwKBHN0ZXAYBSABKAQSEgoKc2ltX3RpbWVf",
+            "cxgGIAEoARIYChB0b3BvbG9neV92ZXJzaW9uGAcgASgEEhIKCmxhdGVfc3Rl",
+            "cHMYCCABKAQSDwoHdmlld2VycxgJIAEoDRIXCg9sZWFzZWRfdG9vbF9pZHMY",
+            "CiADKA0SJQoGZW5lcmd5GAsgASgLMhUua2VyZi52MS5FbmVyZ3lMZWRnZXIS",
+            "LgoXdHJhY2tlZF9kaXNwbGFjZW1lbnRzX20YDCADKAsyDS5rZXJmLnYxLlZl",
+            "YzMSEgoKc3RhdGVfaGFzaBgNIAEoBhIPCgdmYWlsdXJlGA4gASgJEiEKBGRp",
+            "YWwYDyABKAsyEy5rZXJmLnYxLkRpYWxDaG9pY2USGgoScmVsYXRpdmVfdG9s",
+            "ZXJhbmNlGBAgASgBEgwKBGxvYWQYESABKAESFAoMbWVtb3J5X2J5dGVzGBIg",
+            "ASgEEiUKCXJlY29yZGluZxgVIAEoCzISLmtlcmYudjEuUmVjb3JkaW5nEiEK",
+            "B2pvdXJuYWwYFiABKAsyEC5rZXJmLnYxLkpvdXJuYWwSDwoHcHJpdmF0ZRgX",
+            "IAEoCCJfCgpEaWFsQ2hvaWNlEiUKB3NldHRpbmcYASABKAsyFC5rZXJmLnYx",
+            "LkRpYWxTZXR0aW5nEioKCGV4cGVjdGVkGAIgASgLMhgua2VyZi52MS5EaWFs",
+            "RXhwZWN0YXRpb24ieQoLRGlhbFNldHRpbmcSDQoFbGV2ZWwYASABKA0SEwoL",
+            "dm94ZWxfc2NhbGUYAiABKAESGgoScmVsYXRpdmVfdG9sZXJhbmNlGAMgASgB",
+            "Eg8KB2VsZW1lbnQYBCABKAkSGQoRaGFzX2ZpbmVyX3JlZ2lvbnMYBSABKAgi",
+            "dwoPRGlhbEV4cGVjdGF0aW9uEhEKCW1lZGlhbl9tcxgBIAEoARIOCgZwOTlf",
+            "bXMYAiABKAESGgoSZGlzcGxhY2VtZW50X2Vycm9yGAMgASgBEhMKC2ZvcmNl",
+            "X2Vycm9yGAQgASgBEhAKCGhhcmR3YXJlGAUgASgJIqwCCgxFbmVyZ3lMZWRn",
+            "ZXISEwoLdG9vbF93b3JrX2oYASABKAESEwoLbG9hZF93b3JrX2oYAiABKAES",
+            "EQoJZWxhc3RpY19qGAMgASgBEhEKCWNvbnRhY3RfahgEIAEoARIRCglraW5l",
+            "dGljX2oYBSABKAESEgoKZnJhY3R1cmVfahgGIAEoARIUCgxmcm9udF9zbGlw",
+            "X2oYByABKAESFAoMaW5pdGlhdGlvbl9qGAggASgBEhEKCXBhcnRpbmdfahgJ",
+            "IAEoARIRCglkYW1waW5nX2oYCiABKAESEwoLbnVtZXJpY2FsX2oYCyABKAES",
+            "EgoKcmVzaWR1YWxfahgMIAEoARISCgpmcmljdGlvbl9qGA0gASgBEhYKDmNv",
+            "bnRhY3RfbG9zc19qGA4gASgBKrABCgtNYWtpbmdTdGFnZRIcChhNQUtJTkdf",
+            "U1RBR0VfVU5TUEVDSUZJRUQQABIYChRNQUtJTkdfU1RBR0VfUkVBRElORxAB",
+            "EhcKE01BS0lOR19TVEFHRV9WT1hFTFMQAhIZChVNQUtJTkdfU1RBR0VfRUxF",
+            "TUVOVFMQAxIXChNNQUtJTkdfU1RBR0VfU09MVkVSEAQSHAoYTUFLSU5HX1NU",
+            "QUdFX0VRVUlMSUJSSVVNEAUyog0KDlNlc3Npb25TZXJ2aWNlEkUKCkxpc3RT",
+            "Y2VuZXMSGi5rZXJmLnYxLkxpc3RTY2VuZXNSZXF1ZXN0Ghsua2VyZi52MS5M",
+            "aXN0U2NlbmVzUmVzcG9uc2USPwoIR2V0U2NlbmUSGC5rZXJmLnYxLkdldFNj",
+            "ZW5lUmVxdWVzdBoZLmtlcmYudjEuR2V0U2NlbmVSZXNwb25zZRJOCg1DcmVh",
+            "dGVTZXNzaW9uEh0ua2VyZi52MS5DcmVhdGVTZXNzaW9uUmVxdWVzdBoeLmtl",
+            "cmYudjEuQ3JlYXRlU2Vzc2lvblJlc3BvbnNlEkoKC01ha2VTZXNzaW9uEhsu",
+            "a2VyZi52MS5NYWtlU2Vzc2lvblJlcXVlc3QaHC5rZXJmLnYxLk1ha2VTZXNz",
+            "aW9uUmVzcG9uc2UwARJKCgtVcGxvYWRTY2VuZRIbLmtlcmYudjEuVXBsb2Fk",
+            "U2NlbmVSZXF1ZXN0Ghwua2VyZi52MS5VcGxvYWRTY2VuZVJlc3BvbnNlKAES",
+            "TgoNU2VuZFNjZW5lRmlsZRIdLmtlcmYudjEuU2VuZFNjZW5lRmlsZVJlcXVl",
+            "c3QaHi5rZXJmLnYxLlNlbmRTY2VuZUZpbGVSZXNwb25zZRJUCg9EZXNjcmli",
+            "ZVNlc3Npb24SHy5rZXJmLnYxLkRlc2NyaWJlU2Vzc2lvblJlcXVlc3QaIC5r",
+            "ZXJmLnYxLkRlc2NyaWJlU2Vzc2lvblJlc3BvbnNlEksKDExpc3RTZXNzaW9u",
+            "cxIcLmtlcmYudjEuTGlzdFNlc3Npb25zUmVxdWVzdBodLmtlcmYudjEuTGlz",
+            "dFNlc3Npb25zUmVzcG9uc2USSwoMQ2xvc2VTZXNzaW9uEhwua2VyZi52MS5D",
+            "bG9zZVNlc3Npb25SZXF1ZXN0Gh0ua2VyZi52MS5DbG9zZVNlc3Npb25SZXNw",
+            "b25zZRJLCgxQYXVzZVNlc3Npb24SHC5rZXJmLnYxLlBhdXNlU2Vzc2lvblJl",
+            "cXVlc3QaHS5rZXJmLnYxLlBhdXNlU2Vzc2lvblJlc3BvbnNlEk4KDVJlc3Vt",
+            "ZVNlc3Npb24SHS5rZXJmLnYxLlJlc3VtZVNlc3Npb25SZXF1ZXN0Gh4ua2Vy",
+            "Zi52MS5SZXN1bWVTZXNzaW9uUmVzcG9uc2USSAoLU3RlcFNlc3Npb24SGy5r",
+            "ZXJmLnYxLlN0ZXBTZXNzaW9uUmVxdWVzdBocLmtlcmYudjEuU3RlcFNlc3Np",
+            "b25SZXNwb25zZRJLCgxSZXNldFNlc3Npb24SHC5rZXJmLnYxLlJlc2V0U2Vz",
+            "c2lvblJlcXVlc3QaHS5rZXJmLnYxLlJlc2V0U2Vzc2lvblJlc3BvbnNlElEK",
+            "DlNhdmVDaGVja3BvaW50Eh4ua2VyZi52MS5TYXZlQ2hlY2twb2ludFJlcXVl",
+            "c3QaHy5rZXJmLnYxLlNhdmVDaGVja3BvaW50UmVzcG9uc2USWgoRUmVzdG9y",
+            "ZUNoZWNrcG9pbnQSIS5rZXJmLnYxLlJlc3RvcmVDaGVja3BvaW50UmVxdWVz",
+            "dBoiLmtlcmYudjEuUmVzdG9yZUNoZWNrcG9pbnRSZXNwb25zZRJUCg9MaXN0",
+            "Q2hlY2twb2ludHMSHy5rZXJmLnYxLkxpc3RDaGVja3BvaW50c1JlcXVlc3Qa",
+            "IC5rZXJmLnYxLkxpc3RDaGVja3BvaW50c1Jlc3BvbnNlElcKEERlbGV0ZUNo",
+            "ZWNrcG9pbnQSIC5rZXJmLnYxLkRlbGV0ZUNoZWNrcG9pbnRSZXF1ZXN0GiEu",
+            "a2VyZi52MS5EZWxldGVDaGVja3BvaW50UmVzcG9uc2USXwoSRG93bmxvYWRD",
+            "aGVja3BvaW50EiIua2VyZi52MS5Eb3dubG9hZENoZWNrcG9pbnRSZXF1ZXN0",
+            "GiMua2VyZi52MS5Eb3dubG9hZENoZWNrcG9pbnRSZXNwb25zZTABElkKEFVw",
+            "bG9hZENoZWNrcG9pbnQSIC5rZXJmLnYxLlVwbG9hZENoZWNrcG9pbnRSZXF1",
+            "ZXN0GiEua2VyZi52MS5VcGxvYWRDaGVja3BvaW50UmVzcG9uc2UoARJLCgxJ",
+            "bnZpdGVWaWV3ZXISHC5rZXJmLnYxLkludml0ZVZpZXdlclJlcXVlc3QaHS5r",
+            "ZXJmLnYxLkludml0ZVZpZXdlclJlc3BvbnNlEkUKClNlZWtSZXBsYXkSGi5r",
+            "ZXJmLnYxLlNlZWtSZXBsYXlSZXF1ZXN0Ghsua2VyZi52MS5TZWVrUmVwbGF5",
+            "UmVzcG9uc2ViBnByb3RvMw=="));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { global::Kerf.V1.ControlReflection.Descriptor, global::Kerf.V1.TypesReflection.Descriptor, },
           new pbr::GeneratedClrTypeInfo(new[] {typeof(global::Kerf.V1.MakingStage), }, null, new pbr::GeneratedClrTypeInfo[] {
@@ -197,6 +199,7 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CreateSessionRequest), global::Kerf.V1.CreateSessionRequest.Parser, new[]{ "SceneName", "SceneToml", "StartPaused", "Level", "BudgetMs", "MaxError", "StepRateHz", "Files", "FitStepRate", "Private", "UploadId" }, new[]{ "Scene", "Dial", "StepRateHz" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SceneFile), global::Kerf.V1.SceneFile.Parser, new[]{ "Name", "Data" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CreateSessionResponse), global::Kerf.V1.CreateSessionResponse.Parser, new[]{ "Session", "Warnings" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.MakeSessionRequest), global::Kerf.V1.MakeSessionRequest.Parser, new[]{ "Request" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.MakeSessionResponse), global::Kerf.V1.MakeSessionResponse.Parser, new[]{ "Progress", "Created" }, new[]{ "State" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.MakingProgress), global::Kerf.V1.MakingProgress.Parser, new[]{ "Stage", "Object", "Objects", "Voxels", "CompositeElements", "Share" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.UploadSceneRequest), global::Kerf.V1.UploadSceneRequest.Parser, new[]{ "Request", "FileName", "Data" }, null, null, null, null),
@@ -2464,6 +2467,210 @@ namespace Kerf.V1 {
   }
 
   /// <summary>
+  /// Asks for a session, and to be told how far it is.
+  /// </summary>
+  public sealed partial class MakeSessionRequest : pb::IMessage<MakeSessionRequest>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<MakeSessionRequest> _parser = new pb::MessageParser<MakeSessionRequest>(() => new MakeSessionRequest());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<MakeSessionRequest> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[8]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public MakeSessionRequest() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public MakeSessionRequest(MakeSessionRequest other) : this() {
+      request_ = other.request_ != null ? other.request_.Clone() : null;
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public MakeSessionRequest Clone() {
+      return new MakeSessionRequest(this);
+    }
+
+    /// <summary>Field number for the "request" field.</summary>
+    public const int RequestFieldNumber = 1;
+    private global::Kerf.V1.CreateSessionRequest request_;
+    /// <summary>
+    /// What is asked for. Required.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public global::Kerf.V1.CreateSessionRequest Request {
+      get { return request_; }
+      set {
+        request_ = value;
+      }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as MakeSessionRequest);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(MakeSessionRequest other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (!object.Equals(Request, other.Request)) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (request_ != null) hash ^= Request.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (request_ != null) {
+        output.WriteRawTag(10);
+        output.WriteMessage(Request);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (request_ != null) {
+        output.WriteRawTag(10);
+        output.WriteMessage(Request);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (request_ != null) {
+        size += 1 + pb::CodedOutputStream.ComputeMessageSize(Request);
+      }
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(MakeSessionRequest other) {
+      if (other == null) {
+        return;
+      }
+      if (other.request_ != null) {
+        if (request_ == null) {
+          Request = new global::Kerf.V1.CreateSessionRequest();
+        }
+        Request.MergeFrom(other.Request);
+      }
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 10: {
+            if (request_ == null) {
+              Request = new global::Kerf.V1.CreateSessionRequest();
+            }
+            input.ReadMessage(Request);
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 10: {
+            if (request_ == null) {
+              Request = new global::Kerf.V1.CreateSessionRequest();
+            }
+            input.ReadMessage(Request);
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
   /// How far a session is that is being made.
   /// </summary>
   public sealed partial class MakeSessionResponse : pb::IMessage<MakeSessionResponse>
@@ -2480,7 +2687,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[8]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[9]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -2774,7 +2981,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[9]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[10]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -3169,7 +3376,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[10]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[11]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -3454,7 +3661,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[11]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[12]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -3687,7 +3894,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[12]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[13]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -3962,7 +4169,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[13]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[14]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4197,7 +4404,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[14]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[15]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4392,7 +4599,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[15]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[16]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4596,7 +4803,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[16]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[17]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4751,7 +4958,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[17]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[18]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5024,7 +5231,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[18]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[19]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5299,7 +5506,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[19]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[20]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5494,7 +5701,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[20]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[21]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5698,7 +5905,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[21]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[22]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6013,7 +6220,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[22]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[23]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6209,7 +6416,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[23]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[24]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6404,7 +6611,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[24]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[25]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6599,7 +6806,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[25]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[26]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6794,7 +7001,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[26]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[27]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6989,7 +7196,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[27]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[28]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7253,7 +7460,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[28]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[29]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7438,7 +7645,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[29]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[30]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7734,7 +7941,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[30]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[31]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8038,7 +8245,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[31]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[32]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8381,7 +8588,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[32]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[33]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8576,7 +8783,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[33]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[34]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8780,7 +8987,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[34]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[35]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9015,7 +9222,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[35]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[36]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9210,7 +9417,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[36]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[37]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9445,7 +9652,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[37]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[38]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9689,7 +9896,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[38]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[39]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9884,7 +10091,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[39]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[40]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10068,7 +10275,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[40]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[41]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10343,7 +10550,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[41]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[42]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10578,7 +10785,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[42]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[43]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10733,7 +10940,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[43]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[44]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10968,7 +11175,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[44]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[45]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11163,7 +11370,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[45]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[46]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11438,7 +11645,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[46]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[47]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11633,7 +11840,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[47]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[48]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11828,7 +12035,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[48]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[49]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -12064,7 +12271,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[49]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[50]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -12366,7 +12573,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[50]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[51]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -12681,7 +12888,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[51]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[52]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -13094,7 +13301,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[52]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[53]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -13689,7 +13896,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[53]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[54]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -14719,7 +14926,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[54]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[55]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -14972,7 +15179,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[55]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[56]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -15327,7 +15534,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[56]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[57]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -15684,7 +15891,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[57]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[58]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
