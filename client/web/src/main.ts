@@ -133,7 +133,7 @@ class App {
     try {
       const scene = { case: "sceneToml" as const, value: sceneToml };
       const request = { scene, fitStepRate: fits, uploadId, private: isPrivate };
-      const session = await made(sessions.makeSession({ request }), busy);
+      const session = await made(sessions.makeSession({ request }), (share, what) => busy.tell(share, what));
       this.begun.add(session.sessionId);
       await this.open(session);
     } finally {

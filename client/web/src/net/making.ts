@@ -7,7 +7,6 @@ import {
   MakingStage,
   type SessionDescription,
 } from "../gen/kerf/v1/session_pb";
-import type { Busy } from "../ui/messages";
 
 const STAGES: Partial<Record<MakingStage, string>> = {
   [MakingStage.VOXELS]: "fills its voxels",
@@ -16,11 +15,14 @@ const STAGES: Partial<Record<MakingStage, string>> = {
   [MakingStage.EQUILIBRIUM]: "lets it settle under its tension",
 };
 
-/** The session that is made at last; tells how far it is until then. */
-export async function made(answers: AsyncIterable<MakeSessionResponse>, busy: Busy): Promise<SessionDescription> {
+/** The session that is made at last; tells until then how far it is, 0 to 1, and what is done. */
+export async function made(
+  answers: AsyncIterable<MakeSessionResponse>,
+  tell: (share: number, what: string) => void,
+): Promise<SessionDescription> {
   for await (const { state } of answers) {
     if (state.case === "created") return state.value.session!;
-    if (state.case === "progress") busy.tell(state.value.share, inPlainWords(state.value));
+    if (state.case === "progress") tell(state.value.share, inPlainWords(state.value));
   }
   throw new ConnectError("the server ended the call without a session", Code.Unavailable);
 }
