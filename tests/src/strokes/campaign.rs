@@ -9,7 +9,7 @@ use kerf_physics::{NoClock, SceneError, StepInputs, ToolInput, Vec3, Workers, Wo
 use serde::{Deserialize, Serialize};
 
 use super::hand::Stroke;
-use super::inspect::{enclosed_m3, seams};
+use super::inspect::seams;
 use super::memory::resident_bytes;
 use super::model::Model;
 use crate::extremes::cuts::check_body;
@@ -150,7 +150,7 @@ impl Specimen {
     fn new(model: &Model, seed: u64) -> Result<Self, SceneError> {
         let mut world = World::new(&model.scene)?;
         let stats = world.object_stats()[0];
-        let whole_m3 = world.bodies_and_surfaces().map(|(_, surface)| enclosed_m3(surface)).sum();
+        let whole_m3 = world.bodies_and_surfaces().map(|(_, surface)| surface.volume_m3()).sum();
         Ok(Self {
             seed,
             world,
@@ -215,7 +215,7 @@ impl Specimen {
             if seams.open > 0 {
                 wrong.push(format!("{} open edges", seams.open));
             }
-            let changed_m3 = (enclosed_m3(surface) - whole_m3).abs();
+            let changed_m3 = (surface.volume_m3() - whole_m3).abs();
             let room_m3 = self.cut_area_m2 * voxel_m;
             if room_m3 > 0.0 {
                 tally.volume_ratio = tally.volume_ratio.max(changed_m3 / room_m3);

@@ -1,8 +1,7 @@
 //! What the surface and the pieces of a cut body are like.
 
-use kerf_physics::Vec3;
 use kerf_physics::grid::{Grid, Link};
-use kerf_physics::surface::{Surface, VertexId, triangulate};
+use kerf_physics::surface::{Surface, VertexId};
 
 /// One passage of a quad along an edge.
 struct HalfEdge {
@@ -47,15 +46,4 @@ pub(super) fn seams(grid: &Grid, surface: &Surface) -> Seams {
     // Both faces of a crack are alone.
     let lone = links.into_iter().zip(&joined).filter(|pair| alone(*pair)).count() / 2;
     Seams { open, lone }
-}
-
-/// Volume that a surface encloses in the reference configuration, m^3.
-pub(super) fn enclosed_m3(surface: &Surface) -> f64 {
-    let place = |id: VertexId| surface.vertex(id).expect("a quad's vertices exist").position_m;
-    let triangles = surface.quads().flat_map(|(_, quad)| triangulate(*quad, place));
-    let volume = |corners: [VertexId; 3]| {
-        let [a, b, c] = corners.map(|id| Vec3::from(place(id).map(f64::from)));
-        a.dot(&b.cross(&c)) / 6.0
-    };
-    triangles.map(volume).sum()
 }

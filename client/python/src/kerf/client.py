@@ -126,17 +126,17 @@ class Client:
             step_rate_hz=step_rate_hz,
             private=private,
         )
+        created: pb.CreateSessionResponse | pb.UploadSceneResponse
         if making is not None:
             request.upload_id = self._send_files(sent, progress)
             created = self._make(request, making)
-            return Session(self._transport, created.session, warnings=created.warnings, files=sent)
-        if not sent:
+        elif sent:
+            parts = _scene_in_parts(request, sent, progress)
+            method = "SessionService/UploadScene"
+            created = self._transport.send(method, parts, pb.UploadSceneRequest, pb.UploadSceneResponse)
+        else:
             created = self._transport.call("SessionService/CreateSession", request, pb.CreateSessionResponse)
-            return Session(self._transport, created.session, warnings=created.warnings, files=sent)
-        parts = _scene_in_parts(request, sent, progress)
-        method = "SessionService/UploadScene"
-        answer = self._transport.send(method, parts, pb.UploadSceneRequest, pb.UploadSceneResponse)
-        return Session(self._transport, answer.session, warnings=answer.warnings, files=sent)
+        return Session(self._transport, created.session, warnings=created.warnings, files=sent)
 
     def _make(self, request: pb.CreateSessionRequest, making: Callable[[Making], object]) -> pb.CreateSessionResponse:
         asked = pb.MakeSessionRequest(request=request)

@@ -15,13 +15,14 @@ use crate::status::RequestError;
 
 pub fn scene_summary(session: &Session) -> v1::SceneSummary {
     let desc = &session.scene().desc;
+    let stiffest_pa = desc.stiffest_pa();
     let stats = session.object_stats().iter().copied().map(Some).chain(std::iter::repeat(None));
     v1::SceneSummary {
         name: desc.name.clone(),
         description: desc.description.clone(),
         dt_s: 1.0 / desc.rate_hz,
         objects: desc.objects.iter().zip(stats).map(|(object, stats)| object_summary(object, stats)).collect(),
-        tools: desc.tools.iter().map(|tool| tool_summary(tool, desc.stiffest_pa())).collect(),
+        tools: desc.tools.iter().map(|tool| tool_summary(tool, stiffest_pa)).collect(),
         tracked_point_names: desc.tracked_points.iter().map(|point| point.name.clone()).collect(),
         stage_names: Stage::ALL.iter().map(|stage| stage.name().into()).collect(),
     }

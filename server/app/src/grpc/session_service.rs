@@ -104,7 +104,7 @@ impl SessionService {
         request: v1::CreateSessionRequest,
         place_of_files: Option<Place>,
         making: watch::Sender<Option<Making>>,
-    ) -> Result<(v1::SessionDescription, Vec<String>), RequestError> {
+    ) -> Result<v1::CreateSessionResponse, RequestError> {
         let _place = self.owned.take(&self.registry, caller)?;
         let options = SessionOptions {
             is_recorded: self.recordings.is_on(),
@@ -151,7 +151,7 @@ impl SessionService {
         warnings.extend(refused.map(|recording| format!("the session is not recorded: {}", recording.error)));
         let session = self.describe(&session).await?;
         claim.release();
-        Ok((session, warnings))
+        Ok(v1::CreateSessionResponse { session: Some(session), warnings })
     }
 
     async fn describe(&self, session: &Session) -> Result<v1::SessionDescription, RequestError> {
@@ -167,15 +167,13 @@ fn made<T>(
     told: watch::Receiver<Option<Making>>,
 ) -> impl Stream<Item = Result<v1::MakeSessionResponse, Status>>
 where
-    T: Future<Output = Result<(v1::SessionDescription, Vec<String>), RequestError>> + Unpin,
+    T: Future<Output = Result<v1::CreateSessionResponse, RequestError>> + Unpin,
 {
     stream::unfold(Some((create, told)), |state| async {
         let (mut create, mut told) = state?;
         let (state, rest) = tokio::select! {
             created = &mut create => match created {
-                Ok((session, warnings)) => {
-                    (State::Created(v1::CreateSessionResponse { session: Some(session), warnings }), None)
-                }
+                Ok(created) => (State::Created(created), None),
                 Err(error) => return Some((Err(error.into()), None)),
             },
             Ok(()) = told.changed() => {
@@ -223,8 +221,7 @@ impl v1::session_service_server::SessionService for SessionService {
     ) -> Result<Response<v1::CreateSessionResponse>, Status> {
         let caller = Caller::of(request.extensions())?;
         let (request, place) = self.with_sent_files(&caller, request.into_inner()).await?;
-        let (session, warnings) = self.create(&caller, request, place, watch::Sender::default()).await?;
-        Ok(Response::new(v1::CreateSessionResponse { session: Some(session), warnings }))
+        Ok(Response::new(self.create(&caller, request, place, watch::Sender::default()).await?))
     }
 
     type MakeSessionStream = Outgoing<v1::MakeSessionResponse>;
@@ -259,8 +256,9 @@ impl v1::session_service_server::SessionService for SessionService {
         let (connection, caller) = (request.remote_addr(), Caller::of(request.extensions())?);
         let parts = self.in_parts.scene(request.into_inner());
         let (request, place) = self.in_parts.receive(connection, parts).await?;
-        let (session, warnings) = self.create(&caller, request, Some(place), watch::Sender::default()).await?;
-        Ok(Response::new(v1::UploadSceneResponse { session: Some(session), warnings }))
+        let created = self.create(&caller, request, Some(place), watch::Sender::default()).await?;
+        let v1::CreateSessionResponse { session, warnings } = created;
+        Ok(Response::new(v1::UploadSceneResponse { session, warnings }))
     }
 
     async fn describe_session(

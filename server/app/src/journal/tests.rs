@@ -11,6 +11,7 @@ use kerf_session::{Past, PastEntry, PoseSample, Registry, SessionLimits, Session
 
 use super::{Journals, past};
 use crate::config::ServerConfig;
+use crate::recording::reader::RECORD_HEAD_BYTES;
 
 const BLOCK: &str = include_str!("../../../session/tests/block.toml");
 
@@ -125,7 +126,7 @@ fn record_offsets(file: &[u8]) -> Vec<usize> {
     let (mut offsets, mut offset) = (Vec::new(), mcap::MAGIC.len());
     while let Some(length) = file.get(offset + 1..).and_then(|rest| rest.first_chunk()) {
         offsets.push(offset);
-        offset += 9 + u64::from_le_bytes(*length) as usize;
+        offset += RECORD_HEAD_BYTES + u64::from_le_bytes(*length) as usize;
     }
     offsets
 }

@@ -20,7 +20,7 @@ use super::tracks::{ENCODING, Track};
 /// Largest chunk that is read, bytes: a thousand times those that are written, for a keyframe of a huge scene.
 const MAX_CHUNK_BYTES: u64 = 1 << 30;
 /// Length of what precedes each record: its kind and its length.
-const RECORD_HEAD_BYTES: usize = 9;
+pub(crate) const RECORD_HEAD_BYTES: usize = 9;
 /// Length of what precedes the packed messages of a chunk: with the name of a compression, of which no one has more than
 /// 11 bytes.
 const CHUNK_HEAD_BYTES: usize = 64;

@@ -26,10 +26,6 @@ const OUTSIDE: u8 = 15;
 /// Weight of the object's own surface, its skin, against a cut at the cut's rim: what a vertex is off the cut moves
 /// material from one side to the other, what it is off the skin is lost to both. Ours.
 const SKIN_WEIGHT: f64 = 10.0;
-/// How far a vertex may be from the dual cell's centre along an axis, in voxels: it stays in the cell. A rim is often in
-/// the next one, and teeth of up to a voxel are left of it. But vertices that leave their cells pass each other: on spheres
-/// cut by planes, reaching 0.55, 0.75 and 1.25 voxels makes 50, 600 and 1000 times as many triangles cross.
-const CELL_REACH: f64 = 0.5;
 
 impl Stencil {
     fn around(grid: &Grid, dual_cell: Ijk) -> Self {
@@ -119,12 +115,12 @@ fn vertex(
         return None;
     }
     let local = if skin.is_empty() {
-        cut.minimise(&if at_front { Vec3::zeros() } else { cut.mean() }, CELL_REACH)
+        cut.minimise(&if at_front { Vec3::zeros() } else { cut.mean() })
     } else {
-        let on_skin = skin.minimise(&skin.mean(), CELL_REACH);
+        let on_skin = skin.minimise(&skin.mean());
         match cut.is_empty() {
             true => on_skin,
-            false => cut.and(&skin.through(&on_skin), SKIN_WEIGHT).minimise(&on_skin, CELL_REACH),
+            false => cut.and(&skin.through(&on_skin), SKIN_WEIGHT).minimise(&on_skin),
         }
     };
     let position_m = grid.centre_m(dual_cell) + (local - corner_position(0)) * grid.voxel_size_m();

@@ -50,8 +50,9 @@ pub(super) fn identity(scene: &Scene) -> SceneIdentity {
 /// Shapes of a scene's tools.
 pub(super) fn shapes(scene: &Scene) -> Result<Vec<ToolShape>, SceneError> {
     let tools = scene.desc.tools.iter().enumerate();
+    let stiffest_pa = scene.desc.stiffest_pa();
     let shape = |(i, tool): (usize, &ToolDesc)| {
-        ToolShape::new(&tool.shape, scene.desc.stiffest_pa()).map_err(|e| e.within(&format!("tools[{i}].shape")))
+        ToolShape::new(&tool.shape, stiffest_pa).map_err(|e| e.within(&format!("tools[{i}].shape")))
     };
     tools.map(shape).collect()
 }
