@@ -125,3 +125,22 @@ def test_what_is_recorded_is_saved_at_once(session, tmp_path):
     loaded = kerf.Recording.load(tmp_path / "drive.npz")
     np.testing.assert_array_equal(loaded.result.poses, result.poses)
     np.testing.assert_array_equal(loaded.result.depth_m, result.depth_m)
+
+
+def test_sessions_step_together_as_each_does(client):
+    track = [{0: pose} for pose in np.linspace(*down(), 100)]
+    sessions = [client.create_session(path=BLOCK) for _ in range(3)]
+    alone = sessions[0].step(100, track)
+    moved, rested = client.step_together([kerf.Steps(sessions[1], 100, track), kerf.Steps(sessions[2], 3)])
+    assert (moved.state_hash, list(rested.steps)) == (alone.state_hash, [1, 2, 3])
+    np.testing.assert_array_equal(moved.poses, alone.poses)
+    with pytest.raises(kerf.InvalidArgumentError) as refused:
+        client.step_together([kerf.Steps(sessions[2]), kerf.Steps(sessions[1], 0)])
+    assert refused.value.field == "sessions[1].steps"
+    assert sessions[2].describe().step == 3
+    # More steps than one call takes: in as many calls as it needs.
+    results = client.step_together([kerf.Steps(sessions[2], 1000)] * 11)
+    assert [int(result.steps[-1]) for result in results] == [1003 + 1000 * at for at in range(11)]
+    assert client.step_together([]) == []
+    for session in sessions:
+        session.close()

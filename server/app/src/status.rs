@@ -270,6 +270,22 @@ pub enum RequestError {
         /// The limit that the field broke, for people.
         limit: String,
     },
+    /// One session of several.
+    #[error("sessions[{index}].{error}")]
+    OfSession {
+        /// Which.
+        index: usize,
+        /// Why.
+        error: Box<Self>,
+    },
+    /// More steps of many sessions than a call takes.
+    #[error("sessions: {steps} steps together, must be 1 to {limit}")]
+    StepsTogether {
+        /// How many.
+        steps: u32,
+        /// How many it takes.
+        limit: u32,
+    },
     /// More steps at once than may be, or none.
     #[error("steps = {steps}: must be 1 to {limit}")]
     Steps {
@@ -316,9 +332,15 @@ pub enum RequestError {
 }
 
 impl RequestError {
+    /// The same, said of one session among several.
+    pub fn of_session(self, index: usize) -> Self {
+        Self::OfSession { index, error: Box::new(self) }
+    }
+
     fn code(&self) -> Code {
         match self {
             Self::Session(error) => session_code(error),
+            Self::OfSession { error, .. } => error.code(),
             Self::Transport(status) => status.code(),
             Self::ProtocolVersion { .. } | Self::UnknownLease | Self::NobodysOwn | Self::NoGuests => {
                 Code::FailedPrecondition
@@ -330,6 +352,7 @@ impl RequestError {
             | Self::Choice { .. }
             | Self::Dial { .. }
             | Self::Steps { .. }
+            | Self::StepsTogether { .. }
             | Self::Speed { .. }
             | Self::TooManyInputs { .. }
             | Self::Motion { .. }

@@ -72,6 +72,45 @@ async fn an_answer_has_what_each_step_led_to_and_the_same_calls_have_the_same_an
 }
 
 #[tokio::test]
+async fn many_sessions_step_in_one_call_as_each_does_by_itself() {
+    let mut harness = Harness::start().await;
+    let ids = [stand(&mut harness).await, stand(&mut harness).await, stand(&mut harness).await];
+    let alone = harness.sessions.step_session(request(&ids[0], &stroke())).await.unwrap().into_inner();
+    let mut together = async |sessions: Vec<v1::StepSessionRequest>| {
+        let answer = harness.sessions.step_sessions(v1::StepSessionsRequest { sessions }).await;
+        answer.map(|answer| answer.into_inner().sessions)
+    };
+    // The second has its stroke in two entries; the third only rests.
+    let stroke = stroke();
+    let (begin, end) = stroke.split_at(40);
+    let resting = v1::StepSessionRequest { session_id: ids[2].clone(), steps: 3, inputs: Vec::new() };
+    let entries = vec![request(&ids[1], begin), resting.clone(), request(&ids[1], end)];
+    let stepped = together(entries).await.unwrap();
+    let steps = |of: &[v1::StepSessionResponse]| of.iter().map(|one| one.step).collect::<Vec<_>>();
+    assert_eq!(steps(&stepped), [40, 3, 101]);
+    assert_eq!(stepped[2].state_hash, alone.state_hash);
+
+    // Whatever is wrong with one, none moves.
+    let mut refused = async |second: v1::StepSessionRequest| {
+        let status = together(vec![resting.clone(), second]).await.unwrap_err();
+        let details = status.get_error_details();
+        let field = details.bad_request().map_or(String::new(), |bad| bad.field_violations[0].field.clone());
+        (status.code(), field, status.message().to_owned())
+    };
+    let (code, field, _) = refused(v1::StepSessionRequest { steps: 0, ..resting.clone() }).await;
+    assert_eq!((code, &field[..]), (Code::InvalidArgument, "sessions[1].steps"));
+    let (code, field, _) = refused(request(&ids[1], &[at(f32::NAN)])).await;
+    assert_eq!((code, &field[..]), (Code::InvalidArgument, "sessions[1].inputs[0].motions[0].pose.pose.position_m"));
+    let (code, _, words) = refused(v1::StepSessionRequest { session_id: "none".into(), ..resting.clone() }).await;
+    assert!(code == Code::NotFound && words.contains("sessions[1]"), "{code}: {words}");
+    let (code, field, words) = refused(v1::StepSessionRequest { steps: 9_998, ..resting.clone() }).await;
+    assert!(code == Code::InvalidArgument && words.contains("10000"), "{field}: {words}");
+    let nothing = together(Vec::new()).await.unwrap_err();
+    assert_eq!(nothing.code(), Code::InvalidArgument);
+    assert_eq!(harness.describe(&ids[2]).await.step, 3);
+}
+
+#[tokio::test]
 async fn inputs_that_are_not_valid_are_refused_by_their_path_and_nothing_moves() {
     let mut harness = Harness::start().await;
     let session_id = stand(&mut harness).await;

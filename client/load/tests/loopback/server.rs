@@ -344,6 +344,13 @@ impl SessionService for Server {
         Err(Status::unimplemented("not asked for here"))
     }
 
+    async fn step_sessions(
+        &self,
+        _: Request<v1::StepSessionsRequest>,
+    ) -> Result<Response<v1::StepSessionsResponse>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
+
     async fn reset_session(
         &self,
         _: Request<v1::ResetSessionRequest>,

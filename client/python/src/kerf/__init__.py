@@ -39,7 +39,7 @@ from kerf.model import (
 )
 from kerf.motion import Placement
 from kerf.recording import Recording
-from kerf.session import Session
+from kerf.session import Session, Steps
 from kerf.station_log import StationLog, read_log
 from kerf.view import View
 
@@ -76,6 +76,7 @@ __all__ = [
     "SessionStatus",
     "StationLog",
     "StepResult",
+    "Steps",
     "StepsEndedError",
     "Surface",
     "Tool",

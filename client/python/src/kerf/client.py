@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from kerf.errors import InvalidArgumentError, KerfError
-from kerf.model import Making, SceneInfo, SessionState
+from kerf.model import Making, SceneInfo, SessionState, StepResult
 from kerf.rpc import Transport, parts_of
-from kerf.session import Session
+from kerf.session import Session, Steps, step_together
 from kerf.v1 import session_pb2 as pb
 
 if TYPE_CHECKING:
@@ -160,6 +160,13 @@ class Client:
         request = pb.DescribeSessionRequest(session_id=session_id)
         answer = self._transport.call("SessionService/DescribeSession", request, pb.DescribeSessionResponse)
         return Session(self._transport, answer.session, owned=False)
+
+    def step_together(self, wanted: Sequence[Steps]) -> list[StepResult]:
+        """Steps many sessions at once, each as its `step` does, in one call; what each of them led to, in order.
+
+        They step side by side on as many cores as the server has. What is wrong with one is said before any moves.
+        """
+        return step_together(self._transport, wanted)
 
 
 def read_scene(path: str | Path) -> tuple[str, dict[str, bytes]]:

@@ -96,7 +96,7 @@ class _Env:
         return self._episodes.reset(seed, options)
 
     def step(self, action: NDArray[Any]) -> Stepped:
-        return self._episodes.begin(action)()
+        return self._episodes.step(action)
 
     def close(self) -> None:
         self._episodes.env.close()

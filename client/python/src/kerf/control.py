@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from kerf.errors import DeadlineError, KerfError, PoseRejectedError, UnavailableError
 from kerf.model import ContactFlags, Floats, xyz
-from kerf.motion import Placement, Track, poses_array, tool_pose
+from kerf.motion import Placement, Track, poses_array, write_pose
 from kerf.rpc import PROTOCOL_VERSION, Transport
 from kerf.v1 import control_pb2 as pb
 
@@ -91,8 +91,9 @@ class Control:
             self._raise_error()
             self._seq += 1
             placement = Placement(poses_array(pose, "pose")[0], opening)
-            message = tool_pose(tool, placement, self._seq, time.monotonic_ns())
-            self._outgoing.put(pb.ControlRequest(pose=message))
+            request = pb.ControlRequest(pose=pb.ToolPose(seq=self._seq, client_ns=time.monotonic_ns()))
+            write_pose(request.pose, tool, placement)
+            self._outgoing.put(request)
 
     def lift(self, tool: int = 0) -> None:
         """Takes a tool out of the scene until its next pose."""

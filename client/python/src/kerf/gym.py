@@ -22,7 +22,7 @@ from kerf.local_server import LocalServer
 from kerf.model import Floats, StepResult
 from kerf.motion import Motion, Placement, poses_array
 from kerf.picture import Painter
-from kerf.session import ToolRef
+from kerf.session import Steps, ToolRef
 from kerf.view import View
 
 try:
@@ -197,12 +197,20 @@ class CuttingEnv(Base):
 
     def step(self, action: ArrayLike) -> Stepped:
         """Moves the tool for `steps_per_action` steps."""
-        return self._stepped(self.session.step(self._steps, self._motions(action)))
+        wanted = self.begin(action)
+        return self.end(wanted.session.step(wanted.count, wanted.motions))
 
-    def begin(self, action: ArrayLike) -> Callable[[], Stepped]:
-        """Begins an action; what this answers with waits for its end, and is what `step` is."""
-        answer = self.session.begin_step(self._steps, self._motions(action))
-        return lambda: self._stepped(answer())
+    def begin(self, action: ArrayLike) -> Steps:
+        """The steps of an action, for whoever steps many environments at once and tells `end` what they led to."""
+        return Steps(self.session, self._steps, self._motions(action))
+
+    def end(self, result: StepResult) -> Stepped:
+        """What `step` answers with, after the steps of an action."""
+        moment = Moment(self._pose.copy(), result, self._result)
+        self._result = result
+        self._actions += 1
+        terminated, truncated = bool(self._is_done(moment)), self._actions >= self._max_actions
+        return self.observe(self._pose, result), float(self._reward(moment)), terminated, truncated, self._info()
 
     def _motions(self, action: ArrayLike) -> list[dict[ToolRef, Motion | ArrayLike]]:
         wanted = np.asarray(action, dtype=np.float64)
@@ -210,13 +218,6 @@ class CuttingEnv(Base):
             limit = f"shape {self.action_space.shape}"
             raise InvalidArgumentError(f"action: shape {wanted.shape}", field="action", limit=limit)
         return [{self._tool: motion} for motion in self._way(np.clip(wanted, -1.0, 1.0))]
-
-    def _stepped(self, result: StepResult) -> Stepped:
-        moment = Moment(self._pose.copy(), result, self._result)
-        self._result = result
-        self._actions += 1
-        terminated, truncated = bool(self._is_done(moment)), self._actions >= self._max_actions
-        return self.observe(self._pose, result), float(self._reward(moment)), terminated, truncated, self._info()
 
     def observe(self, pose: Floats, result: StepResult) -> Observation:
         """What the agent sees of the last step."""
@@ -258,13 +259,12 @@ class CuttingEnv(Base):
         start, start_opening = self._pose.copy(), self._opening
         if len(wanted) > 6:
             self._opening = (wanted[6] + 1.0) / 2.0
-        way: list[Motion] = []
-        for share in np.arange(1.0, self._steps + 1.0) / self._steps:
-            position_m = start[:3] + share * self._reach_m * wanted[:3]
-            turned = _turned(start[3:], share * self._turn_rad * wanted[3:6])
-            self._pose = np.concatenate([position_m, turned])
-            way.append(Placement(self._pose, start_opening + share * (self._opening - start_opening)))
-        return way
+        share = np.arange(1.0, self._steps + 1.0) / self._steps
+        positions_m = start[:3] + share[:, None] * (self._reach_m * wanted[:3])
+        poses = np.hstack([positions_m, _turned(start[3:], share[:, None] * (self._turn_rad * wanted[3:6]))])
+        openings = start_opening + share * (self._opening - start_opening)
+        self._pose = poses[-1].copy()
+        return [Placement(pose, opening) for pose, opening in zip(poses, openings.tolist(), strict=True)]
 
     def _info(self) -> dict[str, Any]:
         last = self._result
@@ -337,11 +337,11 @@ def register() -> None:
         known("kerf/Cut-v0", entry_point="kerf.gym:make_cutting_env")
 
 
-def _turned(quaternion: Floats, rotation_rad: Floats) -> Floats:
-    """The quaternion x, y, z, w after a rotation about the tool's own axes."""
-    angle = float(np.linalg.norm(rotation_rad))
-    axis = rotation_rad / angle if angle > 0.0 else np.zeros(3)
-    (x, y, z), w = np.sin(angle / 2.0) * axis, np.cos(angle / 2.0)
+def _turned(quaternion: Floats, rotations_rad: Floats) -> Floats:
+    """The quaternion x, y, z, w after each of some rotations about the tool's own axes."""
+    angle = np.linalg.norm(rotations_rad, axis=1)
+    axis = rotations_rad / np.where(angle > 0.0, angle, 1.0)[:, None]
+    (x, y, z), w = np.sin(angle / 2.0) * axis.T, np.cos(angle / 2.0)
     a, b, c, d = quaternion / np.linalg.norm(quaternion)
     turned = [
         d * x + a * w + b * z - c * y,
@@ -349,4 +349,4 @@ def _turned(quaternion: Floats, rotation_rad: Floats) -> Floats:
         d * z + a * y - b * x + c * w,
         d * w - a * x - b * y - c * z,
     ]
-    return np.array(turned)
+    return np.stack(turned, axis=1)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from kerf.errors import InvalidArgumentError
 from kerf.model import Floats
-from kerf.v1 import control_pb2, session_pb2, types_pb2
+from kerf.v1 import control_pb2, session_pb2
 
 #: Columns of an array of poses, as in the files of scripted tools.
 POSE_COLUMNS = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
@@ -112,20 +112,17 @@ def _slerp(start: Floats, end: Floats, share: Floats) -> Floats:
     return np.asarray(turned / np.linalg.norm(turned, axis=1, keepdims=True))
 
 
-def tool_pose(tool: int, placement: Placement, seq: int = 0, client_ns: int = 0) -> control_pb2.ToolPose:
+def write_pose(message: control_pb2.ToolPose, tool: int, placement: Placement) -> None:
     """A placement as the wire states it."""
-    x, y, z, i, j, k, w = placement.pose
-    pose = types_pb2.Pose(position_m=types_pb2.Vec3(x=x, y=y, z=z), orientation=types_pb2.Quat(x=i, y=j, z=k, w=w))
-    return control_pb2.ToolPose(tool_id=tool, seq=seq, client_ns=client_ns, pose=pose, opening=placement.opening)
+    message.tool_id, message.opening = tool, placement.opening
+    at, turned = message.pose.position_m, message.pose.orientation
+    at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w = np.asarray(placement.pose).tolist()
 
 
-def step_input(motions: dict[int, Motion]) -> session_pb2.StepInput:
+def write_motions(message: session_pb2.StepInput, motions: dict[int, Motion]) -> None:
     """What tools do in one step, as the wire states it."""
-    return session_pb2.StepInput(
-        motions=[
-            session_pb2.ToolMotion(lift=control_pb2.LiftTool(tool_id=tool))
-            if motion is None
-            else session_pb2.ToolMotion(pose=tool_pose(tool, motion))
-            for tool, motion in motions.items()
-        ]
-    )
+    for tool, motion in motions.items():
+        if motion is None:
+            message.motions.add(lift=control_pb2.LiftTool(tool_id=tool))
+        else:
+            write_pose(message.motions.add().pose, tool, motion)

@@ -72,11 +72,6 @@ class Transport:
             raise of_rpc(error) from error
         return answer
 
-    def begin(self, method: str, request: Message, response: type[R]) -> Answer[R]:
-        """Calls `Service/Method`; its answer is waited for when it is asked for."""
-        stub = self._stub("unary_unary", method, request, response)
-        return Answer(stub.future(request, timeout=self.timeout_s, metadata=self._metadata))
-
     def read(self, method: str, request: Message, response: type[R]) -> Stream[R]:
         """Calls `Service/Method` and reads what comes until it ends."""
         return Stream(self._stub("unary_stream", method, request, response)(request, metadata=self._metadata))
@@ -113,21 +108,6 @@ def _token_of_environment() -> str | None:
     if file := os.environ.get("KERF_TOKEN_FILE"):
         return Path(file).read_text(encoding="utf-8").strip()
     return os.environ.get("KERF_TOKEN")
-
-
-class Answer(Generic[R]):
-    """What a call is about to answer."""
-
-    def __init__(self, call: Any) -> None:  # noqa: ANN401
-        self._call = call
-
-    def get(self) -> R:
-        """Waits for it."""
-        try:
-            answer: R = self._call.result()
-        except grpc.RpcError as error:
-            raise of_rpc(error) from error
-        return answer
 
 
 class Stream(Generic[R]):

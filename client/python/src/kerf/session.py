@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ from kerf import model
 from kerf.control import Control
 from kerf.errors import KerfError, NotFoundError, did_you_mean
 from kerf.model import Checkpoint, ContactFlags, SessionStatus, StepResult
-from kerf.motion import Motion, Placement, Track, poses_array, step_input
+from kerf.motion import Motion, Placement, Track, poses_array, write_motions
 from kerf.recording import Recorder
 from kerf.rpc import Transport, parts_of
 from kerf.tool_way import ToolWay
@@ -31,6 +31,8 @@ ToolRef = int | str
 
 #: Most steps that a server takes in one call.
 MAX_STEPS_PER_CALL = 1000
+#: Most steps of all sessions in one call.
+_STEPS_TOGETHER = 10_000
 #: Steps of one call of a long drive: few enough that a call on a large scene is answered in time.
 _STEPS_PER_CALL = 100
 
@@ -142,17 +144,6 @@ class Session:
         """
         return self._step(count, self._inputs(motions))
 
-    def begin_step(
-        self, count: int = 1, motions: Sequence[Mapping[ToolRef, Motion | ArrayLike]] = ()
-    ) -> Callable[[], StepResult]:
-        """Steps as `step` does while the caller goes on; what it answers with waits for the last of the steps.
-
-        Many sessions step at once so. Each has to be waited for before anything else is asked of it.
-        """
-        inputs = self._inputs(motions)
-        answer = self._transport.begin(_STEP, self._request(count, inputs), pb.StepSessionResponse)
-        return lambda: self._stepped(inputs, answer.get())
-
     def drive(
         self, times_s: ArrayLike, poses: ArrayLike, *, tool: ToolRef = 0, openings: ArrayLike | None = None
     ) -> StepResult:
@@ -182,7 +173,10 @@ class Session:
         return [{self.tool_index(tool): _motion(motion) for tool, motion in each.items()} for each in motions]
 
     def _request(self, count: int, inputs: Sequence[dict[int, Motion]]) -> pb.StepSessionRequest:
-        return pb.StepSessionRequest(session_id=self.id, steps=count, inputs=[step_input(each) for each in inputs])
+        request = pb.StepSessionRequest(session_id=self.id, steps=count)
+        for each in inputs:
+            write_motions(request.inputs.add(), each)
+        return request
 
     def _step(self, count: int, inputs: Sequence[dict[int, Motion]]) -> StepResult:
         return self._stepped(inputs, self._transport.call(_STEP, self._request(count, inputs), pb.StepSessionResponse))
@@ -306,6 +300,41 @@ def _upload(
         sent += len(part)
         if progress is not None:
             progress(sent, len(file))
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Steps that a session is to take, as of `Session.step`."""
+
+    session: Session
+    count: int = 1
+    motions: Sequence[Mapping[ToolRef, Motion | ArrayLike]] = ()
+
+
+def step_together(transport: Transport, wanted: Sequence[Steps]) -> list[StepResult]:
+    """Steps sessions of one server at once."""
+    results: list[StepResult] = []
+    for first, end in _calls([each.count for each in wanted]):
+        asked = [(each, each.session._inputs(each.motions)) for each in wanted[first:end]]
+        request = pb.StepSessionsRequest()
+        for each, inputs in asked:
+            request.sessions.append(each.session._request(each.count, inputs))
+        answer = transport.call("SessionService/StepSessions", request, pb.StepSessionsResponse)
+        for (each, inputs), stepped in zip(asked, answer.sessions, strict=True):
+            results.append(each.session._stepped(inputs, stepped))
+    return results
+
+
+def _calls(counts: Sequence[int]) -> Iterator[tuple[int, int]]:
+    """Ranges of sessions with as many steps as one call takes."""
+    first, steps = 0, 0
+    for at, count in enumerate(counts):
+        if steps + count > _STEPS_TOGETHER and at > first:
+            yield first, at
+            first, steps = at, 0
+        steps += count
+    if first < len(counts):
+        yield first, len(counts)
 
 
 def _motion(motion: Motion | ArrayLike) -> Motion:

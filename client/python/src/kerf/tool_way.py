@@ -23,8 +23,8 @@ class ToolWay:
     def forget(self) -> None:
         """The session is in another state, in which the tools are who knows where."""
         self._poses = np.tile(_NOWHERE, (self._tools, 1))
-        # Pose of each tool as it first touched.
-        self._touched = self._poses.copy()
+        # Position and way that cuts of each tool as it first touched; nothing where it does not touch.
+        self._touched: list[list[float] | None] = [None] * self._tools
 
     def take(
         self, inputs: Sequence[Mapping[int, Motion]], flags: NDArray[np.uint32], force_n: Floats
@@ -32,23 +32,37 @@ class ToolWay:
         """Poses (n, t, 7) and depths (n, t) in steps with these inputs, and what was felt in them."""
         steps = len(flags)
         poses, depth_m = np.empty((steps, self._tools, len(POSE_COLUMNS))), np.zeros((steps, self._tools))
+        is_lifted: NDArray[np.bool_] = (flags & ContactFlags.LIFTED) != 0
         for step in range(steps):
             for tool, motion in (inputs[step] if step < len(inputs) else {}).items():
                 self._poses[tool] = _NOWHERE if motion is None else motion.pose
-            self._poses[(flags[step] & ContactFlags.LIFTED) != 0] = np.nan
+            self._poses[is_lifted[step]] = np.nan
             poses[step] = self._poses
-            touches = force_n[step].any(axis=1)
-            depth_m[step] = self._depths_m(touches)
+        touches: NDArray[np.bool_] = (force_n != 0.0).any(axis=2)
+        for tool in range(self._tools):
+            if self._touched[tool] is not None or touches[:, tool].any():
+                depth_m[:, tool] = self._depths_m(tool, poses[:, tool], touches[:, tool])
         return poses, depth_m
 
-    def _depths_m(self, touches: NDArray[np.bool_]) -> Floats:
-        begins = touches & np.isnan(self._touched[:, 0])
-        self._touched[begins] = self._poses[begins]
-        along = forward(self._touched[:, 3:])
-        gone_m = np.sum((self._poses[:, :3] - self._touched[:, :3]) * along, axis=1)
-        # Back out, and in the air: the next touch begins anew.
-        self._touched[np.isnan(gone_m) | (~touches & (gone_m <= 0.0))] = np.nan
-        return np.where(np.isnan(gone_m), 0.0, np.maximum(gone_m, 0.0))
+    def _depths_m(self, tool: int, poses: Floats, touches: NDArray[np.bool_]) -> list[float]:
+        touched = self._touched[tool]
+        depths_m = []
+        for pose, is_touching in zip(poses, touches, strict=True):
+            if np.isnan(pose[0]):
+                touched = None
+            elif touched is None and is_touching:
+                touched = [*pose[:3].tolist(), *forward(pose[None, 3:])[0].tolist()]
+            gone_m = 0.0
+            if touched is not None:
+                x, y, z, along_x, along_y, along_z = touched
+                to_x, to_y, to_z = pose[:3].tolist()
+                gone_m = (to_x - x) * along_x + (to_y - y) * along_y + (to_z - z) * along_z
+                # Back out, and in the air: the next touch begins anew.
+                if gone_m <= 0.0 and not is_touching:
+                    touched = None
+            depths_m.append(max(gone_m, 0.0))
+        self._touched[tool] = touched
+        return depths_m
 
 
 def forward(quaternions: Floats) -> Floats:

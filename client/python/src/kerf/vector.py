@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from kerf.client import Client
 from kerf.gym import CuttingEnv, Observation, Stepped
+from kerf.model import StepResult
+from kerf.session import Steps
 
 try:
     from gymnasium.vector import AutoresetMode, VectorEnv
@@ -39,19 +41,23 @@ class Episodes:
         self._is_over = False
         return self.env.reset(seed=seed, options=options)
 
-    def begin(self, action: NDArray[Any]) -> Callable[[], Stepped]:
-        """Begins an action; what this answers with waits for its end."""
+    def begin(self, action: NDArray[Any]) -> Steps | Stepped:
+        """The steps of an action, of which `end` is to be told; or what came of it, where there is none to take."""
         if self._is_over:
             observation, info = self.reset(None, None)
-            return lambda: (observation, 0.0, False, False, info)
-        answer = self.env.begin(action)
+            return observation, 0.0, False, False, info
+        return self.env.begin(action)
 
-        def end() -> Stepped:
-            stepped = answer()
-            self._is_over = stepped[2] or stepped[3]
-            return stepped
+    def end(self, result: StepResult) -> Stepped:
+        """What the steps of an action have led to."""
+        stepped = self.env.end(result)
+        self._is_over = stepped[2] or stepped[3]
+        return stepped
 
-        return end
+    def step(self, action: NDArray[Any]) -> Stepped:
+        """Takes an action."""
+        begun = self.begin(action)
+        return self.end(begun.session.step(begun.count, begun.motions)) if isinstance(begun, Steps) else begun
 
 
 class TogetherVectorEnv(Base):
@@ -104,7 +110,7 @@ class TogetherVectorEnv(Base):
 
 
 class CuttingVectorEnv(TogetherVectorEnv):
-    """Many `CuttingEnv` on one server, in this process: the server steps them while this reads what came of others."""
+    """Many `CuttingEnv` on one server, stepped by one call."""
 
     def __init__(self, client: Client, count: int, **options: Any) -> None:  # noqa: ANN401
         """Begins the environments.
@@ -114,6 +120,7 @@ class CuttingVectorEnv(TogetherVectorEnv):
             count: How many.
             options: As of `CuttingEnv`.
         """
+        self._client = client
         self._episodes = [Episodes(CuttingEnv(client, **options)) for _ in range(count)]
         first = self._episodes[0].env
         self._like(first.observation_space, first.action_space, count)
@@ -129,5 +136,9 @@ class CuttingVectorEnv(TogetherVectorEnv):
         return [each.reset(seed, options) for each, seed in zip(self._episodes, seeds, strict=True)]
 
     def _step_each(self, actions: NDArray[Any]) -> Sequence[Stepped]:
-        answers = [each.begin(action) for each, action in zip(self._episodes, actions, strict=True)]
-        return [answer() for answer in answers]
+        begun = [each.begin(action) for each, action in zip(self._episodes, actions, strict=True)]
+        results = iter(self._client.step_together([each for each in begun if isinstance(each, Steps)]))
+        return [
+            episodes.end(next(results)) if isinstance(each, Steps) else each
+            for episodes, each in zip(self._episodes, begun, strict=True)
+        ]

@@ -13,6 +13,19 @@ use crate::status::RequestError;
 /// Most steps of one call: a second at 1 kHz.
 const MAX_STEPS: u32 = 1000;
 
+/// Most steps of all sessions in one call: their outcomes stay far below what a message may hold.
+const MAX_STEPS_TOGETHER: u32 = 10_000;
+
+/// Refuses a call for many sessions that asks for nothing, or for too much.
+pub fn check_steps_together(sessions: &[v1::StepSessionRequest]) -> Result<(), RequestError> {
+    let steps = sessions.iter().fold(0, |sum: u32, of_one| sum.saturating_add(of_one.steps));
+    match steps {
+        _ if sessions.is_empty() => Err(RequestError::Missing { field: "sessions" }),
+        0..=MAX_STEPS_TOGETHER => Ok(()),
+        _ => Err(RequestError::StepsTogether { steps, limit: MAX_STEPS_TOGETHER }),
+    }
+}
+
 /// What a call asks for, of tools as the wire states them.
 pub fn steps(request: &v1::StepSessionRequest, limits: &PoseLimits) -> Result<Steps, RequestError> {
     let count = request.steps;

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use futures_util::future::join_all;
 use futures_util::{Stream, stream};
 use kerf_physics::making::Making;
 use kerf_physics::scene::wording::did_you_mean;
@@ -24,7 +25,7 @@ use super::sent_files::SentFiles;
 use super::{Outgoing, in_time};
 use crate::config::ServerConfig;
 use crate::convert::scene::{checkpoint, dial, making_progress, session_description, session_info};
-use crate::convert::stepping::{step_response, steps};
+use crate::convert::stepping::{check_steps_together, step_response, steps};
 use crate::journal::Journals;
 use crate::places::Place;
 use crate::recording::Recordings;
@@ -327,6 +328,26 @@ impl v1::session_service_server::SessionService for SessionService {
         let steps = steps(request, &session.limits().pose)?;
         let stepped = in_time(self.limit_s(), session.step(steps)).await?;
         Ok(Response::new(step_response(&stepped)))
+    }
+
+    async fn step_sessions(
+        &self,
+        request: Request<v1::StepSessionsRequest>,
+    ) -> Result<Response<v1::StepSessionsResponse>, Status> {
+        let asked = &request.get_ref().sessions;
+        check_steps_together(asked)?;
+        let of_one = |(index, asked): (usize, &v1::StepSessionRequest)| {
+            let session = self.get(&request, &asked.session_id).map_err(|error| error.of_session(index))?;
+            let steps = steps(asked, &session.limits().pose).map_err(|error| error.of_session(index))?;
+            Ok((index, session, steps))
+        };
+        let checked: Vec<_> = asked.iter().enumerate().map(of_one).collect::<Result<_, RequestError>>()?;
+        let stepped = join_all(checked.into_iter().map(async |(index, session, steps)| {
+            in_time(self.limit_s(), session.step(steps)).await.map_err(|error| error.of_session(index))
+        }));
+        // All of them have ended before the error of one is told.
+        let stepped: Vec<_> = stepped.await.into_iter().collect::<Result<_, _>>()?;
+        Ok(Response::new(v1::StepSessionsResponse { sessions: stepped.iter().map(step_response).collect() }))
     }
 
     async fn reset_session(

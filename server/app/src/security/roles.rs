@@ -57,6 +57,7 @@ pub const CALLS: &[(&str, Need)] = &[
     ("/kerf.v1.SessionService/PauseSession", Of(Role::Driver)),
     ("/kerf.v1.SessionService/ResumeSession", Of(Role::Driver)),
     ("/kerf.v1.SessionService/StepSession", Of(Role::Driver)),
+    ("/kerf.v1.SessionService/StepSessions", Of(Role::Driver)),
     ("/kerf.v1.SessionService/ResetSession", Of(Role::Driver)),
     ("/kerf.v1.SessionService/SaveCheckpoint", Of(Role::Driver)),
     ("/kerf.v1.SessionService/RestoreCheckpoint", Of(Role::Driver)),

@@ -79,115 +79,120 @@ namespace Kerf.V1 {
             "b29sUG9zZUgAEiEKBGxpZnQYAiABKAsyES5rZXJmLnYxLkxpZnRUb29sSABC",
             "CAoGbW90aW9uInkKE1N0ZXBTZXNzaW9uUmVzcG9uc2USDAoEc3RlcBgBIAEo",
             "BBImCghvdXRjb21lcxgCIAMoCzIULmtlcmYudjEuU3RlcE91dGNvbWUSGAoQ",
-            "dG9wb2xvZ3lfdmVyc2lvbhgDIAEoBBISCgpzdGF0ZV9oYXNoGAQgASgGIqoB",
-            "CgtTdGVwT3V0Y29tZRIMCgRzdGVwGAEgASgEEhIKCnNpbV90aW1lX3MYAiAB",
-            "KAESIgoIY29udGFjdHMYAyADKAsyEC5rZXJmLnYxLkNvbnRhY3QSJQoGZW5l",
-            "cmd5GAQgASgLMhUua2VyZi52MS5FbmVyZ3lMZWRnZXISLgoXdHJhY2tlZF9k",
-            "aXNwbGFjZW1lbnRzX20YBSADKAsyDS5rZXJmLnYxLlZlYzMiKQoTUmVzZXRT",
-            "ZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIj0KFFJlc2V0U2Vz",
-            "c2lvblJlc3BvbnNlEiUKCXJlY29yZGluZxgBIAEoCzISLmtlcmYudjEuUmVj",
-            "b3JkaW5nIjkKFVNhdmVDaGVja3BvaW50UmVxdWVzdBISCgpzZXNzaW9uX2lk",
-            "GAEgASgJEgwKBG5hbWUYAiABKAkiJgoWU2F2ZUNoZWNrcG9pbnRSZXNwb25z",
-            "ZRIMCgRzdGVwGAEgASgEIjwKGFJlc3RvcmVDaGVja3BvaW50UmVxdWVzdBIS",
-            "CgpzZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAkiUAoZUmVzdG9yZUNo",
-            "ZWNrcG9pbnRSZXNwb25zZRIMCgRzdGVwGAEgASgEEiUKCXJlY29yZGluZxgC",
-            "IAEoCzISLmtlcmYudjEuUmVjb3JkaW5nIiwKFkxpc3RDaGVja3BvaW50c1Jl",
-            "cXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSJDChdMaXN0Q2hlY2twb2ludHNS",
-            "ZXNwb25zZRIoCgtjaGVja3BvaW50cxgBIAMoCzITLmtlcmYudjEuQ2hlY2tw",
-            "b2ludCI8CgpDaGVja3BvaW50EgwKBG5hbWUYASABKAkSDAoEc3RlcBgCIAEo",
-            "BBISCgpzaW1fdGltZV9zGAMgASgBIjsKF0RlbGV0ZUNoZWNrcG9pbnRSZXF1",
-            "ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDAoEbmFtZRgCIAEoCSIaChhEZWxl",
-            "dGVDaGVja3BvaW50UmVzcG9uc2UiPQoZRG93bmxvYWRDaGVja3BvaW50UmVx",
-            "dWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAkiKgoaRG93",
-            "bmxvYWRDaGVja3BvaW50UmVzcG9uc2USDAoEZGF0YRgBIAEoDCJJChdVcGxv",
-            "YWRDaGVja3BvaW50UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5h",
-            "bWUYAiABKAkSDAoEZGF0YRgDIAEoDCIoChhVcGxvYWRDaGVja3BvaW50UmVz",
-            "cG9uc2USDAoEc3RlcBgBIAEoBCIpChNJbnZpdGVWaWV3ZXJSZXF1ZXN0EhIK",
-            "CnNlc3Npb25faWQYASABKAkiOQoUSW52aXRlVmlld2VyUmVzcG9uc2USDQoF",
-            "dG9rZW4YASABKAkSEgoKZ29vZF9mb3JfcxgCIAEoASJlChFTZWVrUmVwbGF5",
-            "UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEhMKBnRpbWVfcxgCIAEoAUgA",
-            "iAEBEhIKBXNwZWVkGAMgASgBSAGIAQFCCQoHX3RpbWVfc0IICgZfc3BlZWQi",
-            "UwoSU2Vla1JlcGxheVJlc3BvbnNlEg4KBnRpbWVfcxgBIAEoARIQCghsZW5n",
-            "dGhfcxgCIAEoARINCgVzcGVlZBgDIAEoARIMCgRzdGVwGAQgASgEIrkBCgtT",
-            "ZXNzaW9uSW5mbxISCgpzZXNzaW9uX2lkGAEgASgJEhIKCnNjZW5lX25hbWUY",
-            "AiABKAkSJAoFc3RhdGUYAyABKA4yFS5rZXJmLnYxLlNlc3Npb25TdGF0ZRIR",
-            "Cglpc19yZXBsYXkYBCABKAgSJgoGdml0YWxzGAUgASgLMhYua2VyZi52MS5T",
-            "ZXNzaW9uVml0YWxzEiEKB2pvdXJuYWwYBiABKAsyEC5rZXJmLnYxLkpvdXJu",
-            "YWwi3QEKDVNlc3Npb25WaXRhbHMSFAoMc3RlcF9yYXRlX2h6GAEgASgBEg0K",
-            "BXN0ZXBzGAIgASgEEhIKCmxhdGVfc3RlcHMYAyABKAQSDgoGYnVzeV9zGAQg",
-            "ASgBEhYKDmxvbmdlc3Rfc3RlcF9zGAUgASgBEg8KB3ZpZXdlcnMYBiABKA0S",
-            "DwoHZHJpdmVycxgHIAEoDRIOCgZmYXVsdHMYCCABKAQSFAoMcGFydGVkX2xp",
-            "bmtzGAkgASgEEhQKDG1lbW9yeV9ieXRlcxgKIAEoBBINCgVoYW5ncxgLIAEo",
-            "CCLJBAoSU2Vzc2lvbkRlc2NyaXB0aW9uEhIKCnNlc3Npb25faWQYASABKAkS",
-            "JAoFc3RhdGUYAiABKA4yFS5rZXJmLnYxLlNlc3Npb25TdGF0ZRIkCgVzY2Vu",
-            "ZRgDIAEoCzIVLmtlcmYudjEuU2NlbmVTdW1tYXJ5Eh8KBmxpbWl0cxgEIAEo",
-            "CzIPLmtlcmYudjEuTGltaXRzEgwKBHN0ZXAYBSABKAQSEgoKc2ltX3RpbWVf",
-            "cxgGIAEoARIYChB0b3BvbG9neV92ZXJzaW9uGAcgASgEEhIKCmxhdGVfc3Rl",
-            "cHMYCCABKAQSDwoHdmlld2VycxgJIAEoDRIXCg9sZWFzZWRfdG9vbF9pZHMY",
-            "CiADKA0SJQoGZW5lcmd5GAsgASgLMhUua2VyZi52MS5FbmVyZ3lMZWRnZXIS",
-            "LgoXdHJhY2tlZF9kaXNwbGFjZW1lbnRzX20YDCADKAsyDS5rZXJmLnYxLlZl",
-            "YzMSEgoKc3RhdGVfaGFzaBgNIAEoBhIPCgdmYWlsdXJlGA4gASgJEiEKBGRp",
-            "YWwYDyABKAsyEy5rZXJmLnYxLkRpYWxDaG9pY2USGgoScmVsYXRpdmVfdG9s",
-            "ZXJhbmNlGBAgASgBEgwKBGxvYWQYESABKAESFAoMbWVtb3J5X2J5dGVzGBIg",
-            "ASgEEiUKCXJlY29yZGluZxgVIAEoCzISLmtlcmYudjEuUmVjb3JkaW5nEiEK",
-            "B2pvdXJuYWwYFiABKAsyEC5rZXJmLnYxLkpvdXJuYWwSDwoHcHJpdmF0ZRgX",
-            "IAEoCCJfCgpEaWFsQ2hvaWNlEiUKB3NldHRpbmcYASABKAsyFC5rZXJmLnYx",
-            "LkRpYWxTZXR0aW5nEioKCGV4cGVjdGVkGAIgASgLMhgua2VyZi52MS5EaWFs",
-            "RXhwZWN0YXRpb24ieQoLRGlhbFNldHRpbmcSDQoFbGV2ZWwYASABKA0SEwoL",
-            "dm94ZWxfc2NhbGUYAiABKAESGgoScmVsYXRpdmVfdG9sZXJhbmNlGAMgASgB",
-            "Eg8KB2VsZW1lbnQYBCABKAkSGQoRaGFzX2ZpbmVyX3JlZ2lvbnMYBSABKAgi",
-            "dwoPRGlhbEV4cGVjdGF0aW9uEhEKCW1lZGlhbl9tcxgBIAEoARIOCgZwOTlf",
-            "bXMYAiABKAESGgoSZGlzcGxhY2VtZW50X2Vycm9yGAMgASgBEhMKC2ZvcmNl",
-            "X2Vycm9yGAQgASgBEhAKCGhhcmR3YXJlGAUgASgJIqwCCgxFbmVyZ3lMZWRn",
-            "ZXISEwoLdG9vbF93b3JrX2oYASABKAESEwoLbG9hZF93b3JrX2oYAiABKAES",
-            "EQoJZWxhc3RpY19qGAMgASgBEhEKCWNvbnRhY3RfahgEIAEoARIRCglraW5l",
-            "dGljX2oYBSABKAESEgoKZnJhY3R1cmVfahgGIAEoARIUCgxmcm9udF9zbGlw",
-            "X2oYByABKAESFAoMaW5pdGlhdGlvbl9qGAggASgBEhEKCXBhcnRpbmdfahgJ",
-            "IAEoARIRCglkYW1waW5nX2oYCiABKAESEwoLbnVtZXJpY2FsX2oYCyABKAES",
-            "EgoKcmVzaWR1YWxfahgMIAEoARISCgpmcmljdGlvbl9qGA0gASgBEhYKDmNv",
-            "bnRhY3RfbG9zc19qGA4gASgBKrABCgtNYWtpbmdTdGFnZRIcChhNQUtJTkdf",
-            "U1RBR0VfVU5TUEVDSUZJRUQQABIYChRNQUtJTkdfU1RBR0VfUkVBRElORxAB",
-            "EhcKE01BS0lOR19TVEFHRV9WT1hFTFMQAhIZChVNQUtJTkdfU1RBR0VfRUxF",
-            "TUVOVFMQAxIXChNNQUtJTkdfU1RBR0VfU09MVkVSEAQSHAoYTUFLSU5HX1NU",
-            "QUdFX0VRVUlMSUJSSVVNEAUyog0KDlNlc3Npb25TZXJ2aWNlEkUKCkxpc3RT",
-            "Y2VuZXMSGi5rZXJmLnYxLkxpc3RTY2VuZXNSZXF1ZXN0Ghsua2VyZi52MS5M",
-            "aXN0U2NlbmVzUmVzcG9uc2USPwoIR2V0U2NlbmUSGC5rZXJmLnYxLkdldFNj",
-            "ZW5lUmVxdWVzdBoZLmtlcmYudjEuR2V0U2NlbmVSZXNwb25zZRJOCg1DcmVh",
-            "dGVTZXNzaW9uEh0ua2VyZi52MS5DcmVhdGVTZXNzaW9uUmVxdWVzdBoeLmtl",
-            "cmYudjEuQ3JlYXRlU2Vzc2lvblJlc3BvbnNlEkoKC01ha2VTZXNzaW9uEhsu",
-            "a2VyZi52MS5NYWtlU2Vzc2lvblJlcXVlc3QaHC5rZXJmLnYxLk1ha2VTZXNz",
-            "aW9uUmVzcG9uc2UwARJKCgtVcGxvYWRTY2VuZRIbLmtlcmYudjEuVXBsb2Fk",
-            "U2NlbmVSZXF1ZXN0Ghwua2VyZi52MS5VcGxvYWRTY2VuZVJlc3BvbnNlKAES",
-            "TgoNU2VuZFNjZW5lRmlsZRIdLmtlcmYudjEuU2VuZFNjZW5lRmlsZVJlcXVl",
-            "c3QaHi5rZXJmLnYxLlNlbmRTY2VuZUZpbGVSZXNwb25zZRJUCg9EZXNjcmli",
-            "ZVNlc3Npb24SHy5rZXJmLnYxLkRlc2NyaWJlU2Vzc2lvblJlcXVlc3QaIC5r",
-            "ZXJmLnYxLkRlc2NyaWJlU2Vzc2lvblJlc3BvbnNlEksKDExpc3RTZXNzaW9u",
-            "cxIcLmtlcmYudjEuTGlzdFNlc3Npb25zUmVxdWVzdBodLmtlcmYudjEuTGlz",
-            "dFNlc3Npb25zUmVzcG9uc2USSwoMQ2xvc2VTZXNzaW9uEhwua2VyZi52MS5D",
-            "bG9zZVNlc3Npb25SZXF1ZXN0Gh0ua2VyZi52MS5DbG9zZVNlc3Npb25SZXNw",
-            "b25zZRJLCgxQYXVzZVNlc3Npb24SHC5rZXJmLnYxLlBhdXNlU2Vzc2lvblJl",
-            "cXVlc3QaHS5rZXJmLnYxLlBhdXNlU2Vzc2lvblJlc3BvbnNlEk4KDVJlc3Vt",
-            "ZVNlc3Npb24SHS5rZXJmLnYxLlJlc3VtZVNlc3Npb25SZXF1ZXN0Gh4ua2Vy",
-            "Zi52MS5SZXN1bWVTZXNzaW9uUmVzcG9uc2USSAoLU3RlcFNlc3Npb24SGy5r",
-            "ZXJmLnYxLlN0ZXBTZXNzaW9uUmVxdWVzdBocLmtlcmYudjEuU3RlcFNlc3Np",
-            "b25SZXNwb25zZRJLCgxSZXNldFNlc3Npb24SHC5rZXJmLnYxLlJlc2V0U2Vz",
-            "c2lvblJlcXVlc3QaHS5rZXJmLnYxLlJlc2V0U2Vzc2lvblJlc3BvbnNlElEK",
-            "DlNhdmVDaGVja3BvaW50Eh4ua2VyZi52MS5TYXZlQ2hlY2twb2ludFJlcXVl",
-            "c3QaHy5rZXJmLnYxLlNhdmVDaGVja3BvaW50UmVzcG9uc2USWgoRUmVzdG9y",
-            "ZUNoZWNrcG9pbnQSIS5rZXJmLnYxLlJlc3RvcmVDaGVja3BvaW50UmVxdWVz",
-            "dBoiLmtlcmYudjEuUmVzdG9yZUNoZWNrcG9pbnRSZXNwb25zZRJUCg9MaXN0",
-            "Q2hlY2twb2ludHMSHy5rZXJmLnYxLkxpc3RDaGVja3BvaW50c1JlcXVlc3Qa",
-            "IC5rZXJmLnYxLkxpc3RDaGVja3BvaW50c1Jlc3BvbnNlElcKEERlbGV0ZUNo",
-            "ZWNrcG9pbnQSIC5rZXJmLnYxLkRlbGV0ZUNoZWNrcG9pbnRSZXF1ZXN0GiEu",
-            "a2VyZi52MS5EZWxldGVDaGVja3BvaW50UmVzcG9uc2USXwoSRG93bmxvYWRD",
-            "aGVja3BvaW50EiIua2VyZi52MS5Eb3dubG9hZENoZWNrcG9pbnRSZXF1ZXN0",
-            "GiMua2VyZi52MS5Eb3dubG9hZENoZWNrcG9pbnRSZXNwb25zZTABElkKEFVw",
-            "bG9hZENoZWNrcG9pbnQSIC5rZXJmLnYxLlVwbG9hZENoZWNrcG9pbnRSZXF1",
-            "ZXN0GiEua2VyZi52MS5VcGxvYWRDaGVja3BvaW50UmVzcG9uc2UoARJLCgxJ",
-            "bnZpdGVWaWV3ZXISHC5rZXJmLnYxLkludml0ZVZpZXdlclJlcXVlc3QaHS5r",
-            "ZXJmLnYxLkludml0ZVZpZXdlclJlc3BvbnNlEkUKClNlZWtSZXBsYXkSGi5r",
-            "ZXJmLnYxLlNlZWtSZXBsYXlSZXF1ZXN0Ghsua2VyZi52MS5TZWVrUmVwbGF5",
-            "UmVzcG9uc2ViBnByb3RvMw=="));
+            "dG9wb2xvZ3lfdmVyc2lvbhgDIAEoBBISCgpzdGF0ZV9oYXNoGAQgASgGIkQK",
+            "E1N0ZXBTZXNzaW9uc1JlcXVlc3QSLQoIc2Vzc2lvbnMYASADKAsyGy5rZXJm",
+            "LnYxLlN0ZXBTZXNzaW9uUmVxdWVzdCJGChRTdGVwU2Vzc2lvbnNSZXNwb25z",
+            "ZRIuCghzZXNzaW9ucxgBIAMoCzIcLmtlcmYudjEuU3RlcFNlc3Npb25SZXNw",
+            "b25zZSKqAQoLU3RlcE91dGNvbWUSDAoEc3RlcBgBIAEoBBISCgpzaW1fdGlt",
+            "ZV9zGAIgASgBEiIKCGNvbnRhY3RzGAMgAygLMhAua2VyZi52MS5Db250YWN0",
+            "EiUKBmVuZXJneRgEIAEoCzIVLmtlcmYudjEuRW5lcmd5TGVkZ2VyEi4KF3Ry",
+            "YWNrZWRfZGlzcGxhY2VtZW50c19tGAUgAygLMg0ua2VyZi52MS5WZWMzIikK",
+            "E1Jlc2V0U2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSI9ChRS",
+            "ZXNldFNlc3Npb25SZXNwb25zZRIlCglyZWNvcmRpbmcYASABKAsyEi5rZXJm",
+            "LnYxLlJlY29yZGluZyI5ChVTYXZlQ2hlY2twb2ludFJlcXVlc3QSEgoKc2Vz",
+            "c2lvbl9pZBgBIAEoCRIMCgRuYW1lGAIgASgJIiYKFlNhdmVDaGVja3BvaW50",
+            "UmVzcG9uc2USDAoEc3RlcBgBIAEoBCI8ChhSZXN0b3JlQ2hlY2twb2ludFJl",
+            "cXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRIMCgRuYW1lGAIgASgJIlAKGVJl",
+            "c3RvcmVDaGVja3BvaW50UmVzcG9uc2USDAoEc3RlcBgBIAEoBBIlCglyZWNv",
+            "cmRpbmcYAiABKAsyEi5rZXJmLnYxLlJlY29yZGluZyIsChZMaXN0Q2hlY2tw",
+            "b2ludHNSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkiQwoXTGlzdENoZWNr",
+            "cG9pbnRzUmVzcG9uc2USKAoLY2hlY2twb2ludHMYASADKAsyEy5rZXJmLnYx",
+            "LkNoZWNrcG9pbnQiPAoKQ2hlY2twb2ludBIMCgRuYW1lGAEgASgJEgwKBHN0",
+            "ZXAYAiABKAQSEgoKc2ltX3RpbWVfcxgDIAEoASI7ChdEZWxldGVDaGVja3Bv",
+            "aW50UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAki",
+            "GgoYRGVsZXRlQ2hlY2twb2ludFJlc3BvbnNlIj0KGURvd25sb2FkQ2hlY2tw",
+            "b2ludFJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRIMCgRuYW1lGAIgASgJ",
+            "IioKGkRvd25sb2FkQ2hlY2twb2ludFJlc3BvbnNlEgwKBGRhdGEYASABKAwi",
+            "SQoXVXBsb2FkQ2hlY2twb2ludFJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEo",
+            "CRIMCgRuYW1lGAIgASgJEgwKBGRhdGEYAyABKAwiKAoYVXBsb2FkQ2hlY2tw",
+            "b2ludFJlc3BvbnNlEgwKBHN0ZXAYASABKAQiKQoTSW52aXRlVmlld2VyUmVx",
+            "dWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIjkKFEludml0ZVZpZXdlclJlc3Bv",
+            "bnNlEg0KBXRva2VuGAEgASgJEhIKCmdvb2RfZm9yX3MYAiABKAEiZQoRU2Vl",
+            "a1JlcGxheVJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRITCgZ0aW1lX3MY",
+            "AiABKAFIAIgBARISCgVzcGVlZBgDIAEoAUgBiAEBQgkKB190aW1lX3NCCAoG",
+            "X3NwZWVkIlMKElNlZWtSZXBsYXlSZXNwb25zZRIOCgZ0aW1lX3MYASABKAES",
+            "EAoIbGVuZ3RoX3MYAiABKAESDQoFc3BlZWQYAyABKAESDAoEc3RlcBgEIAEo",
+            "BCK5AQoLU2Vzc2lvbkluZm8SEgoKc2Vzc2lvbl9pZBgBIAEoCRISCgpzY2Vu",
+            "ZV9uYW1lGAIgASgJEiQKBXN0YXRlGAMgASgOMhUua2VyZi52MS5TZXNzaW9u",
+            "U3RhdGUSEQoJaXNfcmVwbGF5GAQgASgIEiYKBnZpdGFscxgFIAEoCzIWLmtl",
+            "cmYudjEuU2Vzc2lvblZpdGFscxIhCgdqb3VybmFsGAYgASgLMhAua2VyZi52",
+            "MS5Kb3VybmFsIt0BCg1TZXNzaW9uVml0YWxzEhQKDHN0ZXBfcmF0ZV9oehgB",
+            "IAEoARINCgVzdGVwcxgCIAEoBBISCgpsYXRlX3N0ZXBzGAMgASgEEg4KBmJ1",
+            "c3lfcxgEIAEoARIWCg5sb25nZXN0X3N0ZXBfcxgFIAEoARIPCgd2aWV3ZXJz",
+            "GAYgASgNEg8KB2RyaXZlcnMYByABKA0SDgoGZmF1bHRzGAggASgEEhQKDHBh",
+            "cnRlZF9saW5rcxgJIAEoBBIUCgxtZW1vcnlfYnl0ZXMYCiABKAQSDQoFaGFu",
+            "Z3MYCyABKAgiyQQKElNlc3Npb25EZXNjcmlwdGlvbhISCgpzZXNzaW9uX2lk",
+            "GAEgASgJEiQKBXN0YXRlGAIgASgOMhUua2VyZi52MS5TZXNzaW9uU3RhdGUS",
+            "JAoFc2NlbmUYAyABKAsyFS5rZXJmLnYxLlNjZW5lU3VtbWFyeRIfCgZsaW1p",
+            "dHMYBCABKAsyDy5rZXJmLnYxLkxpbWl0cxIMCgRzdGVwGAUgASgEEhIKCnNp",
+            "bV90aW1lX3MYBiABKAESGAoQdG9wb2xvZ3lfdmVyc2lvbhgHIAEoBBISCgps",
+            "YXRlX3N0ZXBzGAggASgEEg8KB3ZpZXdlcnMYCSABKA0SFwoPbGVhc2VkX3Rv",
+            "b2xfaWRzGAogAygNEiUKBmVuZXJneRgLIAEoCzIVLmtlcmYudjEuRW5lcmd5",
+            "TGVkZ2VyEi4KF3RyYWNrZWRfZGlzcGxhY2VtZW50c19tGAwgAygLMg0ua2Vy",
+            "Zi52MS5WZWMzEhIKCnN0YXRlX2hhc2gYDSABKAYSDwoHZmFpbHVyZRgOIAEo",
+            "CRIhCgRkaWFsGA8gASgLMhMua2VyZi52MS5EaWFsQ2hvaWNlEhoKEnJlbGF0",
+            "aXZlX3RvbGVyYW5jZRgQIAEoARIMCgRsb2FkGBEgASgBEhQKDG1lbW9yeV9i",
+            "eXRlcxgSIAEoBBIlCglyZWNvcmRpbmcYFSABKAsyEi5rZXJmLnYxLlJlY29y",
+            "ZGluZxIhCgdqb3VybmFsGBYgASgLMhAua2VyZi52MS5Kb3VybmFsEg8KB3By",
+            "aXZhdGUYFyABKAgiXwoKRGlhbENob2ljZRIlCgdzZXR0aW5nGAEgASgLMhQu",
+            "a2VyZi52MS5EaWFsU2V0dGluZxIqCghleHBlY3RlZBgCIAEoCzIYLmtlcmYu",
+            "djEuRGlhbEV4cGVjdGF0aW9uInkKC0RpYWxTZXR0aW5nEg0KBWxldmVsGAEg",
+            "ASgNEhMKC3ZveGVsX3NjYWxlGAIgASgBEhoKEnJlbGF0aXZlX3RvbGVyYW5j",
+            "ZRgDIAEoARIPCgdlbGVtZW50GAQgASgJEhkKEWhhc19maW5lcl9yZWdpb25z",
+            "GAUgASgIIncKD0RpYWxFeHBlY3RhdGlvbhIRCgltZWRpYW5fbXMYASABKAES",
+            "DgoGcDk5X21zGAIgASgBEhoKEmRpc3BsYWNlbWVudF9lcnJvchgDIAEoARIT",
+            "Cgtmb3JjZV9lcnJvchgEIAEoARIQCghoYXJkd2FyZRgFIAEoCSKsAgoMRW5l",
+            "cmd5TGVkZ2VyEhMKC3Rvb2xfd29ya19qGAEgASgBEhMKC2xvYWRfd29ya19q",
+            "GAIgASgBEhEKCWVsYXN0aWNfahgDIAEoARIRCgljb250YWN0X2oYBCABKAES",
+            "EQoJa2luZXRpY19qGAUgASgBEhIKCmZyYWN0dXJlX2oYBiABKAESFAoMZnJv",
+            "bnRfc2xpcF9qGAcgASgBEhQKDGluaXRpYXRpb25fahgIIAEoARIRCglwYXJ0",
+            "aW5nX2oYCSABKAESEQoJZGFtcGluZ19qGAogASgBEhMKC251bWVyaWNhbF9q",
+            "GAsgASgBEhIKCnJlc2lkdWFsX2oYDCABKAESEgoKZnJpY3Rpb25fahgNIAEo",
+            "ARIWCg5jb250YWN0X2xvc3NfahgOIAEoASqwAQoLTWFraW5nU3RhZ2USHAoY",
+            "TUFLSU5HX1NUQUdFX1VOU1BFQ0lGSUVEEAASGAoUTUFLSU5HX1NUQUdFX1JF",
+            "QURJTkcQARIXChNNQUtJTkdfU1RBR0VfVk9YRUxTEAISGQoVTUFLSU5HX1NU",
+            "QUdFX0VMRU1FTlRTEAMSFwoTTUFLSU5HX1NUQUdFX1NPTFZFUhAEEhwKGE1B",
+            "S0lOR19TVEFHRV9FUVVJTElCUklVTRAFMu8NCg5TZXNzaW9uU2VydmljZRJF",
+            "CgpMaXN0U2NlbmVzEhoua2VyZi52MS5MaXN0U2NlbmVzUmVxdWVzdBobLmtl",
+            "cmYudjEuTGlzdFNjZW5lc1Jlc3BvbnNlEj8KCEdldFNjZW5lEhgua2VyZi52",
+            "MS5HZXRTY2VuZVJlcXVlc3QaGS5rZXJmLnYxLkdldFNjZW5lUmVzcG9uc2US",
+            "TgoNQ3JlYXRlU2Vzc2lvbhIdLmtlcmYudjEuQ3JlYXRlU2Vzc2lvblJlcXVl",
+            "c3QaHi5rZXJmLnYxLkNyZWF0ZVNlc3Npb25SZXNwb25zZRJKCgtNYWtlU2Vz",
+            "c2lvbhIbLmtlcmYudjEuTWFrZVNlc3Npb25SZXF1ZXN0Ghwua2VyZi52MS5N",
+            "YWtlU2Vzc2lvblJlc3BvbnNlMAESSgoLVXBsb2FkU2NlbmUSGy5rZXJmLnYx",
+            "LlVwbG9hZFNjZW5lUmVxdWVzdBocLmtlcmYudjEuVXBsb2FkU2NlbmVSZXNw",
+            "b25zZSgBEk4KDVNlbmRTY2VuZUZpbGUSHS5rZXJmLnYxLlNlbmRTY2VuZUZp",
+            "bGVSZXF1ZXN0Gh4ua2VyZi52MS5TZW5kU2NlbmVGaWxlUmVzcG9uc2USVAoP",
+            "RGVzY3JpYmVTZXNzaW9uEh8ua2VyZi52MS5EZXNjcmliZVNlc3Npb25SZXF1",
+            "ZXN0GiAua2VyZi52MS5EZXNjcmliZVNlc3Npb25SZXNwb25zZRJLCgxMaXN0",
+            "U2Vzc2lvbnMSHC5rZXJmLnYxLkxpc3RTZXNzaW9uc1JlcXVlc3QaHS5rZXJm",
+            "LnYxLkxpc3RTZXNzaW9uc1Jlc3BvbnNlEksKDENsb3NlU2Vzc2lvbhIcLmtl",
+            "cmYudjEuQ2xvc2VTZXNzaW9uUmVxdWVzdBodLmtlcmYudjEuQ2xvc2VTZXNz",
+            "aW9uUmVzcG9uc2USSwoMUGF1c2VTZXNzaW9uEhwua2VyZi52MS5QYXVzZVNl",
+            "c3Npb25SZXF1ZXN0Gh0ua2VyZi52MS5QYXVzZVNlc3Npb25SZXNwb25zZRJO",
+            "Cg1SZXN1bWVTZXNzaW9uEh0ua2VyZi52MS5SZXN1bWVTZXNzaW9uUmVxdWVz",
+            "dBoeLmtlcmYudjEuUmVzdW1lU2Vzc2lvblJlc3BvbnNlEkgKC1N0ZXBTZXNz",
+            "aW9uEhsua2VyZi52MS5TdGVwU2Vzc2lvblJlcXVlc3QaHC5rZXJmLnYxLlN0",
+            "ZXBTZXNzaW9uUmVzcG9uc2USSwoMU3RlcFNlc3Npb25zEhwua2VyZi52MS5T",
+            "dGVwU2Vzc2lvbnNSZXF1ZXN0Gh0ua2VyZi52MS5TdGVwU2Vzc2lvbnNSZXNw",
+            "b25zZRJLCgxSZXNldFNlc3Npb24SHC5rZXJmLnYxLlJlc2V0U2Vzc2lvblJl",
+            "cXVlc3QaHS5rZXJmLnYxLlJlc2V0U2Vzc2lvblJlc3BvbnNlElEKDlNhdmVD",
+            "aGVja3BvaW50Eh4ua2VyZi52MS5TYXZlQ2hlY2twb2ludFJlcXVlc3QaHy5r",
+            "ZXJmLnYxLlNhdmVDaGVja3BvaW50UmVzcG9uc2USWgoRUmVzdG9yZUNoZWNr",
+            "cG9pbnQSIS5rZXJmLnYxLlJlc3RvcmVDaGVja3BvaW50UmVxdWVzdBoiLmtl",
+            "cmYudjEuUmVzdG9yZUNoZWNrcG9pbnRSZXNwb25zZRJUCg9MaXN0Q2hlY2tw",
+            "b2ludHMSHy5rZXJmLnYxLkxpc3RDaGVja3BvaW50c1JlcXVlc3QaIC5rZXJm",
+            "LnYxLkxpc3RDaGVja3BvaW50c1Jlc3BvbnNlElcKEERlbGV0ZUNoZWNrcG9p",
+            "bnQSIC5rZXJmLnYxLkRlbGV0ZUNoZWNrcG9pbnRSZXF1ZXN0GiEua2VyZi52",
+            "MS5EZWxldGVDaGVja3BvaW50UmVzcG9uc2USXwoSRG93bmxvYWRDaGVja3Bv",
+            "aW50EiIua2VyZi52MS5Eb3dubG9hZENoZWNrcG9pbnRSZXF1ZXN0GiMua2Vy",
+            "Zi52MS5Eb3dubG9hZENoZWNrcG9pbnRSZXNwb25zZTABElkKEFVwbG9hZENo",
+            "ZWNrcG9pbnQSIC5rZXJmLnYxLlVwbG9hZENoZWNrcG9pbnRSZXF1ZXN0GiEu",
+            "a2VyZi52MS5VcGxvYWRDaGVja3BvaW50UmVzcG9uc2UoARJLCgxJbnZpdGVW",
+            "aWV3ZXISHC5rZXJmLnYxLkludml0ZVZpZXdlclJlcXVlc3QaHS5rZXJmLnYx",
+            "Lkludml0ZVZpZXdlclJlc3BvbnNlEkUKClNlZWtSZXBsYXkSGi5rZXJmLnYx",
+            "LlNlZWtSZXBsYXlSZXF1ZXN0Ghsua2VyZi52MS5TZWVrUmVwbGF5UmVzcG9u",
+            "c2ViBnByb3RvMw=="));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { global::Kerf.V1.ControlReflection.Descriptor, global::Kerf.V1.TypesReflection.Descriptor, },
           new pbr::GeneratedClrTypeInfo(new[] {typeof(global::Kerf.V1.MakingStage), }, null, new pbr::GeneratedClrTypeInfo[] {
@@ -223,6 +228,8 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.StepInput), global::Kerf.V1.StepInput.Parser, new[]{ "Motions" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ToolMotion), global::Kerf.V1.ToolMotion.Parser, new[]{ "Pose", "Lift" }, new[]{ "Motion" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.StepSessionResponse), global::Kerf.V1.StepSessionResponse.Parser, new[]{ "Step", "Outcomes", "TopologyVersion", "StateHash" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.StepSessionsRequest), global::Kerf.V1.StepSessionsRequest.Parser, new[]{ "Sessions" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.StepSessionsResponse), global::Kerf.V1.StepSessionsResponse.Parser, new[]{ "Sessions" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.StepOutcome), global::Kerf.V1.StepOutcome.Parser, new[]{ "Step", "SimTimeS", "Contacts", "Energy", "TrackedDisplacementsM" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ResetSessionRequest), global::Kerf.V1.ResetSessionRequest.Parser, new[]{ "SessionId" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ResetSessionResponse), global::Kerf.V1.ResetSessionResponse.Parser, new[]{ "Recording" }, null, null, null, null),
@@ -8229,6 +8236,374 @@ namespace Kerf.V1 {
   }
 
   /// <summary>
+  /// Asks for steps of many sessions.
+  /// </summary>
+  public sealed partial class StepSessionsRequest : pb::IMessage<StepSessionsRequest>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<StepSessionsRequest> _parser = new pb::MessageParser<StepSessionsRequest>(() => new StepSessionsRequest());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<StepSessionsRequest> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[32]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public StepSessionsRequest() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public StepSessionsRequest(StepSessionsRequest other) : this() {
+      sessions_ = other.sessions_.Clone();
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public StepSessionsRequest Clone() {
+      return new StepSessionsRequest(this);
+    }
+
+    /// <summary>Field number for the "sessions" field.</summary>
+    public const int SessionsFieldNumber = 1;
+    private static readonly pb::FieldCodec<global::Kerf.V1.StepSessionRequest> _repeated_sessions_codec
+        = pb::FieldCodec.ForMessage(10, global::Kerf.V1.StepSessionRequest.Parser);
+    private readonly pbc::RepeatedField<global::Kerf.V1.StepSessionRequest> sessions_ = new pbc::RepeatedField<global::Kerf.V1.StepSessionRequest>();
+    /// <summary>
+    /// What each of them is to do; together 1 to 10,000 steps. One that is named twice takes both in this order.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public pbc::RepeatedField<global::Kerf.V1.StepSessionRequest> Sessions {
+      get { return sessions_; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as StepSessionsRequest);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(StepSessionsRequest other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if(!sessions_.Equals(other.sessions_)) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      hash ^= sessions_.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      sessions_.WriteTo(output, _repeated_sessions_codec);
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      sessions_.WriteTo(ref output, _repeated_sessions_codec);
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      size += sessions_.CalculateSize(_repeated_sessions_codec);
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(StepSessionsRequest other) {
+      if (other == null) {
+        return;
+      }
+      sessions_.Add(other.sessions_);
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 10: {
+            sessions_.AddEntriesFrom(input, _repeated_sessions_codec);
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 10: {
+            sessions_.AddEntriesFrom(ref input, _repeated_sessions_codec);
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
+  /// What the steps of each session led to.
+  /// </summary>
+  public sealed partial class StepSessionsResponse : pb::IMessage<StepSessionsResponse>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<StepSessionsResponse> _parser = new pb::MessageParser<StepSessionsResponse>(() => new StepSessionsResponse());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<StepSessionsResponse> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[33]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public StepSessionsResponse() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public StepSessionsResponse(StepSessionsResponse other) : this() {
+      sessions_ = other.sessions_.Clone();
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public StepSessionsResponse Clone() {
+      return new StepSessionsResponse(this);
+    }
+
+    /// <summary>Field number for the "sessions" field.</summary>
+    public const int SessionsFieldNumber = 1;
+    private static readonly pb::FieldCodec<global::Kerf.V1.StepSessionResponse> _repeated_sessions_codec
+        = pb::FieldCodec.ForMessage(10, global::Kerf.V1.StepSessionResponse.Parser);
+    private readonly pbc::RepeatedField<global::Kerf.V1.StepSessionResponse> sessions_ = new pbc::RepeatedField<global::Kerf.V1.StepSessionResponse>();
+    /// <summary>
+    /// One entry per entry of the request, in order.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public pbc::RepeatedField<global::Kerf.V1.StepSessionResponse> Sessions {
+      get { return sessions_; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as StepSessionsResponse);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(StepSessionsResponse other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if(!sessions_.Equals(other.sessions_)) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      hash ^= sessions_.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      sessions_.WriteTo(output, _repeated_sessions_codec);
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      sessions_.WriteTo(ref output, _repeated_sessions_codec);
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      size += sessions_.CalculateSize(_repeated_sessions_codec);
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(StepSessionsResponse other) {
+      if (other == null) {
+        return;
+      }
+      sessions_.Add(other.sessions_);
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 10: {
+            sessions_.AddEntriesFrom(input, _repeated_sessions_codec);
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 10: {
+            sessions_.AddEntriesFrom(ref input, _repeated_sessions_codec);
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
   /// What a step has led to.
   /// </summary>
   public sealed partial class StepOutcome : pb::IMessage<StepOutcome>
@@ -8245,7 +8620,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[32]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[34]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8588,7 +8963,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[33]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[35]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8783,7 +9158,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[34]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[36]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8987,7 +9362,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[35]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[37]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9222,7 +9597,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[36]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[38]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9417,7 +9792,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[37]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[39]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9652,7 +10027,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[38]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[40]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9896,7 +10271,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[39]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[41]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10091,7 +10466,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[40]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[42]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10275,7 +10650,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[41]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[43]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10550,7 +10925,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[42]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[44]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10785,7 +11160,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[43]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[45]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10940,7 +11315,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[44]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[46]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11175,7 +11550,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[45]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[47]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11370,7 +11745,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[46]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[48]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11645,7 +12020,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[47]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[49]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11840,7 +12215,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[48]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[50]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -12035,7 +12410,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[49]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[51]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -12271,7 +12646,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[50]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[52]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -12573,7 +12948,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[51]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[53]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -12888,7 +13263,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[52]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[54]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -13301,7 +13676,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[53]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[55]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -13896,7 +14271,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[54]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[56]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -14926,7 +15301,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[55]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[57]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -15179,7 +15554,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[56]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[58]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -15534,7 +15909,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[57]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[59]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -15891,7 +16266,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[58]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[60]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
