@@ -230,8 +230,8 @@ fn nearest_on_ellipsoid(y: &Vec3, squares: &Vec3, t: f64) -> Vec3 {
 /// is no longer stretched by it.
 const LEAST_GRADIENT: f64 = 0.5;
 
-/// Parts are taken in order; one that is too far away to change the blend is not looked at. What is outside of the union without a shape is what is outside of the one or inside of
-/// the other: the blend of the two outsides.
+/// Parts are taken in order; one that is too far away to change the blend is not looked at. What is outside of the union
+/// without a shape is what is outside of the one or inside of the other: the blend of the two outsides.
 fn sample_union(position: &Vec3, blend: f64, parts: &[Part], without: &[Part]) -> SurfaceSample {
     let add = |so_far: (f64, Vec3), part: &Part| {
         if part.least_distance_m(position) >= so_far.0 + blend {
