@@ -9,6 +9,7 @@ use serde::Serialize;
 const LANES: usize = 4;
 
 struct Folded {
+    /// The next word's first: indexed by the count, they would have to lie in memory.
     lanes: [StateHasher; LANES],
     count: usize,
 }
@@ -18,7 +19,9 @@ impl Visitor for Folded {
 
     #[inline]
     fn word(&mut self, value: u64, _: usize) {
-        self.lanes[self.count % LANES].word(value);
+        let [mut next, a, b, c] = self.lanes;
+        next.word(value);
+        self.lanes = [a, b, c, next];
         self.count += 1;
     }
 }
@@ -28,6 +31,8 @@ impl Visitor for Folded {
 pub fn hash(value: &impl Serialize) -> u64 {
     let mut folded = Folded { lanes: [StateHasher::default(); LANES], count: 0 };
     walk(value, &mut folded);
+    // As they would stand had each kept its place.
+    folded.lanes.rotate_right(folded.count % LANES);
     let mut hasher = StateHasher::default();
     hasher.word(folded.count as u64);
     folded.lanes.iter().for_each(|lane| hasher.word(lane.finish()));
