@@ -162,9 +162,10 @@ class Client:
         return Session(self._transport, answer.session, owned=False)
 
     def step_together(self, wanted: Sequence[Steps]) -> list[StepResult]:
-        """Steps many sessions at once, each as its `step` does, in one call; what each of them led to, in order.
+        """Steps many sessions at once, each as its `step` does; what each of them led to, in order.
 
-        They step side by side on as many cores as the server has. What is wrong with one is said before any moves.
+        They step side by side on as many cores as the server has. A call takes 10,000 steps together, and more than
+        these go in several, one after the other. What is wrong with one session is said before any of its call moves.
         """
         return step_together(self._transport, wanted)
 

@@ -197,8 +197,7 @@ class CuttingEnv(Base):
 
     def step(self, action: ArrayLike) -> Stepped:
         """Moves the tool for `steps_per_action` steps."""
-        wanted = self.begin(action)
-        return self.end(wanted.session.step(wanted.count, wanted.motions))
+        return self.end(self.begin(action).take())
 
     def begin(self, action: ArrayLike) -> Steps:
         """The steps of an action, for whoever steps many environments at once and tells `end` what they led to."""

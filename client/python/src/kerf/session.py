@@ -310,6 +310,10 @@ class Steps:
     count: int = 1
     motions: Sequence[Mapping[ToolRef, Motion | ArrayLike]] = ()
 
+    def take(self) -> StepResult:
+        """Takes them."""
+        return self.session.step(self.count, self.motions)
+
 
 def step_together(transport: Transport, wanted: Sequence[Steps]) -> list[StepResult]:
     """Steps sessions of one server at once."""

@@ -57,7 +57,7 @@ class Episodes:
     def step(self, action: NDArray[Any]) -> Stepped:
         """Takes an action."""
         begun = self.begin(action)
-        return self.end(begun.session.step(begun.count, begun.motions)) if isinstance(begun, Steps) else begun
+        return self.end(begun.take()) if isinstance(begun, Steps) else begun
 
 
 class TogetherVectorEnv(Base):

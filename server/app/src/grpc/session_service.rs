@@ -13,6 +13,7 @@ use kerf_proto::v1::create_session_request::Scene as Wanted;
 use kerf_proto::v1::get_scene_request::Of as SceneOf;
 use kerf_proto::v1::make_session_response::State;
 use kerf_session::player::SPEEDS;
+use kerf_session::stepping::Steps;
 use kerf_session::{Position, Registry, Seek, Session, SessionId, SessionOptions};
 use tokio::sync::watch;
 use tonic::{Request, Response, Status, Streaming};
@@ -68,6 +69,17 @@ impl SessionService {
     /// The session that a request names, if its caller is to know of it.
     fn get<T>(&self, request: &Request<T>, id: &str) -> Result<Arc<Session>, RequestError> {
         Caller::of(request.extensions())?.session(&self.registry, id)
+    }
+
+    /// The session that is to take steps, and these, if they are valid.
+    fn steps<T>(
+        &self,
+        request: &Request<T>,
+        asked: &v1::StepSessionRequest,
+    ) -> Result<(Arc<Session>, Steps), RequestError> {
+        let session = self.get(request, &asked.session_id)?;
+        let steps = steps(asked, &session.limits().pose)?;
+        Ok((session, steps))
     }
 
     fn limit_s(&self) -> f64 {
@@ -323,9 +335,7 @@ impl v1::session_service_server::SessionService for SessionService {
         &self,
         request: Request<v1::StepSessionRequest>,
     ) -> Result<Response<v1::StepSessionResponse>, Status> {
-        let session = self.get(&request, &request.get_ref().session_id)?;
-        let request = request.get_ref();
-        let steps = steps(request, &session.limits().pose)?;
+        let (session, steps) = self.steps(&request, request.get_ref())?;
         let stepped = in_time(self.limit_s(), session.step(steps)).await?;
         Ok(Response::new(step_response(&stepped)))
     }
@@ -337,8 +347,7 @@ impl v1::session_service_server::SessionService for SessionService {
         let asked = &request.get_ref().sessions;
         check_steps_together(asked)?;
         let of_one = |(index, asked): (usize, &v1::StepSessionRequest)| {
-            let session = self.get(&request, &asked.session_id).map_err(|error| error.of_session(index))?;
-            let steps = steps(asked, &session.limits().pose).map_err(|error| error.of_session(index))?;
+            let (session, steps) = self.steps(&request, asked).map_err(|error| error.of_session(index))?;
             Ok((index, session, steps))
         };
         let checked: Vec<_> = asked.iter().enumerate().map(of_one).collect::<Result<_, RequestError>>()?;

@@ -65,6 +65,7 @@ fn named(error: &RequestError) -> Option<&'static str> {
         Error::UnreadInTime { .. } | Error::Unresponsive { .. } => "request_timeout_s",
         Error::HelloMissing { .. } => "hello_timeout_s",
         Error::Session(error) => return of_session(error),
+        Error::OfSession { error, .. } => return named(error),
         _ => return None,
     })
 }
@@ -117,6 +118,7 @@ mod tests {
     fn a_refusal_is_known_by_its_limit_and_else_by_its_code() {
         let of = |error: RequestError| reason(&Status::from(error));
         assert_eq!(of(SessionError::TooManySessions { limit: 8 }.into()), "max_sessions");
+        assert_eq!(of(RequestError::from(SessionError::Draining).of_session(3)), "draining");
         assert_eq!(of(RequestError::TokenMissing), "token_missing");
         assert_eq!(of(RequestError::NoScene { name: "a".into(), guess: String::new() }), "not_found");
         assert_eq!(reason(&Status::unimplemented("what it is")), "unimplemented");
