@@ -17,7 +17,7 @@ enum Held {
     Everything,
 }
 
-fn blob(held: Held, blade: &BladeDesc, tools: usize) -> World {
+fn blob(held: Held, blade: &BladeDesc, tools: usize, rate_hz: f64) -> World {
     let mut desc = object([0.0; 3], [0.06; 3], 0.004, 2);
     desc.shape = ShapeDesc::Ellipsoid { center_m: [0.0; 3], semi_axes_m: SEMI_AXES_M };
     desc.material.young_modulus_pa = 2e4;
@@ -31,6 +31,7 @@ fn blob(held: Held, blade: &BladeDesc, tools: usize) -> World {
         Held::Everything => vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0; 3] }],
     };
     let mut scene = scene(vec![desc]);
+    scene.desc.rate_hz = rate_hz;
     scene.desc.solver.relative_tolerance = Some(1e-3);
     scene.desc.tools = (0..tools).map(|i| ToolDesc::blade(&format!("blade {i}"), blade.clone())).collect();
     World::new(&scene).expect("a valid scene")
@@ -86,7 +87,7 @@ fn straight() -> BladeDesc {
 }
 
 fn rampage_of(blade: &BladeDesc, held: Held, tools: usize, seed: u64, steps: u32) {
-    let mut world = blob(held, blade, tools);
+    let mut world = blob(held, blade, tools, 1000.0);
     let mut rng = Lcg(seed);
     let mut hands: Vec<Option<Hand>> = (0..tools).map(|_| None).collect();
     let (mut put_in, mut worst, mut parted, mut spared) = (0.0, 0.0f64, 0, 0);
@@ -171,5 +172,39 @@ fn bent_edges_and_rubbing_wedges_do_no_harm_either() {
         let blade = BladeDesc { edge, wedge_angle_rad: Some(0.2), flank_friction: Some(0.5), ..straight() };
         rampage_of(&blade, Held::Base, 1, seed, 250);
         rampage_of(&blade, Held::Nothing, 1, seed, 250);
+    }
+}
+
+/// A stroke of up to 1 m/s from outside, edge ahead, slicing by up to half of its way, to any depth: its steps' motions.
+fn stroke(rng: &mut Lcg, dt_s: f64) -> Vec<ToolMotion> {
+    let aim = Vec3::from(SEMI_AXES_M).map(|a| 0.7 * a * (2.0 * rng.unit() - 1.0));
+    let orientation = random_pose(rng, 0.0).orientation;
+    let along = orientation * (-Vec3::y() + Vec3::x() * (rng.unit() - 0.5));
+    let (from, way_m) = (aim - along * 0.045, 0.045 * (0.6 + 1.4 * rng.unit()));
+    let steps = (way_m / ((0.05 + 0.95 * rng.unit()) * dt_s)).ceil() as u32;
+    let at = |step: u32| from + along * (way_m * f64::from(step) / f64::from(steps));
+    let poses = (0..=steps).map(|step| Pose { position_m: at(step), orientation });
+    let mut motions: Vec<_> = poses.map(ToolMotion::move_to).collect();
+    motions[0] = ToolMotion::enter_at(Pose { position_m: from, orientation });
+    motions.push(ToolMotion::Lift);
+    motions
+}
+
+#[test]
+fn contacts_of_strokes_from_outside_make_next_to_no_energy() {
+    for (rate_hz, seed) in [(1000.0, 40), (1000.0, 41), (250.0, 40)] {
+        let mut rng = Lcg(seed);
+        let (mut made_j, mut work_j) = (0.0, 0.0);
+        for _ in 0..40 {
+            let mut world = blob(Held::Base, &straight(), 1, rate_hz);
+            for motion in stroke(&mut rng, 1.0 / rate_hz) {
+                let output = world.step(&Workers::serial(), &NoClock, &StepInputs::of(&[ToolInput { tool: 0, motion }]));
+                let energy = &output.energy;
+                made_j += (-energy.contact_loss_j).max(0.0) + (-energy.initiation_j).max(0.0);
+                work_j += energy.tool_work_j.abs();
+            }
+        }
+        println!("{rate_hz} Hz, seed {seed}: contacts made {:.1e} of {work_j:.2} J of work", made_j / work_j);
+        assert!(made_j < 1e-3 * work_j, "contacts made {made_j} J of nothing, {work_j} J were done");
     }
 }
