@@ -35,6 +35,10 @@ pub mod agones {
 /// The version that both ends of a stream name in their first message.
 pub const PROTOCOL_VERSION: u32 = 3;
 
+/// Where a session has moved, as an address: metadata of the status that a stream of it ends in, and that whoever asks for it
+/// gets.
+pub const MOVED_TO: &str = "kerf-moved-to";
+
 /// Largest message that either side accepts: a keyframe takes 40 bytes per surface vertex, so this
 /// carries a surface of 1.6 million vertices, a hundred times the liver's.
 pub const MAX_MESSAGE_BYTES: usize = 64 << 20;

@@ -67,18 +67,15 @@ impl Access {
     /// # Errors
     /// It is no address, or the certificates cannot be read.
     pub fn endpoint(&self, server: &str) -> Result<Endpoint, AccessError> {
-        let scheme = if self.ca_file.is_some() { "https" } else { "http" };
-        let url = if server.contains("://") { server.to_owned() } else { format!("{scheme}://{server}") };
-        let is_secure = url.starts_with("https://");
-        let endpoint = Endpoint::from_shared(url).map_err(|_| AccessError::Address { server: server.into() })?;
-        if !is_secure {
-            return Ok(endpoint);
-        }
-        let tls = match &self.ca_file {
-            None => ClientTlsConfig::new().with_native_roots(),
-            Some(path) => ClientTlsConfig::new().ca_certificate(Certificate::from_pem(read(path)?)),
-        };
-        endpoint.tls_config(tls).map_err(|error| AccessError::Certificates { message: root_cause(&error) })
+        endpoint(server, self.certificates()?.as_deref())
+    }
+
+    /// The certificates in its file, PEM.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn certificates(&self) -> Result<Option<String>, AccessError> {
+        self.ca_file.as_deref().map(read).transpose()
     }
 
     /// The token.
@@ -95,11 +92,28 @@ impl Access {
         if text.trim().is_empty() {
             return Err(no_token());
         }
-        let mut value: MetadataValue<Ascii> = format!("Bearer {}", text.trim()).parse().map_err(|_| no_token())?;
-        // Not to be shown, nor to be kept by the compression of heads.
-        value.set_sensitive(true);
-        Ok(Token(Some(value)))
+        Token::of(text.trim()).ok_or_else(no_token)
     }
+}
+
+/// Where a server is, given as a URL or as host:port, to be connected to. `https` asks for TLS, and so do certificates (PEM) of
+/// those who are trusted to sign the server's; without them those of the system are trusted.
+///
+/// # Errors
+/// It is no address, or the certificates are none.
+pub fn endpoint(server: &str, certificates: Option<&str>) -> Result<Endpoint, AccessError> {
+    let scheme = if certificates.is_some() { "https" } else { "http" };
+    let url = if server.contains("://") { server.to_owned() } else { format!("{scheme}://{server}") };
+    let is_secure = url.starts_with("https://");
+    let endpoint = Endpoint::from_shared(url).map_err(|_| AccessError::Address { server: server.into() })?;
+    if !is_secure {
+        return Ok(endpoint);
+    }
+    let tls = match certificates {
+        None => ClientTlsConfig::new().with_native_roots(),
+        Some(pem) => ClientTlsConfig::new().ca_certificate(Certificate::from_pem(pem)),
+    };
+    endpoint.tls_config(tls).map_err(|error| AccessError::Certificates { message: root_cause(&error) })
 }
 
 fn read(path: &Path) -> Result<String, AccessError> {
@@ -111,6 +125,27 @@ fn read(path: &Path) -> Result<String, AccessError> {
 pub struct Token(Option<MetadataValue<Ascii>>);
 
 impl Token {
+    /// This one; `None` where it cannot be one.
+    #[must_use]
+    pub fn of(text: &str) -> Option<Self> {
+        let mut value: MetadataValue<Ascii> = format!("Bearer {text}").parse().ok()?;
+        // Not to be shown, nor to be kept by the compression of heads.
+        value.set_sensitive(true);
+        Some(Self(Some(value)))
+    }
+
+    /// None.
+    #[must_use]
+    pub fn none() -> Self {
+        Self(None)
+    }
+
+    /// What it says, to be said elsewhere; `None`: nothing.
+    #[must_use]
+    pub fn text(&self) -> Option<&str> {
+        self.0.as_ref()?.to_str().ok()?.strip_prefix("Bearer ")
+    }
+
     /// A connection that says it.
     #[must_use]
     pub fn over(self, channel: Channel) -> Wire {

@@ -47,7 +47,7 @@ name = "grasper"
 shape = { grasper = { radius_m = 0.004 } }
 `;
 
-async function freePort(): Promise<number> {
+export async function freePort(): Promise<number> {
   const probe = createServer().listen(0, "127.0.0.1");
   await once(probe, "listening");
   const { port } = probe.address() as AddressInfo;

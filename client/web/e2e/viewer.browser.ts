@@ -10,6 +10,7 @@ import {
   BAR,
   browser,
   darkenedShare,
+  freePort,
   joules,
   live,
   open,
@@ -17,6 +18,7 @@ import {
   reading,
   readingWhere,
   redShare,
+  Server,
   server,
   slowLink,
   seenBy,
@@ -553,6 +555,32 @@ test("pieces that fall out of reach are told of", async () => {
   await server.sessions.resumeSession({ sessionId: session!.sessionId });
   await page.waitForSelector("text=1 piece fell out of reach");
   expect(problems).toEqual([]);
+});
+
+test("the page of a session that moves goes on at the other server, with the same view", async () => {
+  const other = new Server(await freePort());
+  await other.start();
+  try {
+    const { page, problems } = await open(browser, server.address);
+    await page.click('[data-scene="tofu"]');
+    await live(page);
+    const { sessions } = await server.sessions.listSessions({});
+    const { sessionId } = sessions[0];
+    await server.sessions.moveSession({ sessionId, to: other.address });
+    await page.waitForURL((url) => url.origin === new URL(other.address).origin);
+    await live(page);
+    const there = new URL(page.url()).searchParams;
+    expect([there.get("session"), there.get("view")?.split(",").length]).toEqual([sessionId, 6]);
+    const timeS = await reading(page, "Time");
+    await readingWhere(page, "Time", (laterS) => laterS > timeS);
+    expect(problems).toEqual([]);
+    // Who opens the old link comes there too.
+    const late = await open(browser, `${server.address}/?session=${sessionId}`);
+    await late.page.waitForURL((url) => url.origin === new URL(other.address).origin);
+    await live(late.page);
+  } finally {
+    await other.stop();
+  }
 });
 
 test("a session that is not there is said in words, with what to do", async () => {

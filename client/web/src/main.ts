@@ -4,7 +4,7 @@ import "./style.css";
 import { download, glb } from "./export";
 import type { SessionDescription } from "./gen/kerf/v1/session_pb";
 import { Input } from "./input";
-import { inWords } from "./net/errors";
+import { inWords, movedTo } from "./net/errors";
 import type { StreamStatus } from "./net/frames";
 import { made } from "./net/making";
 import { sessions, whenUnknown } from "./net/server";
@@ -146,6 +146,8 @@ class App {
       const { session } = await sessions.describeSession({ sessionId });
       await this.open(session!);
     } catch (error) {
+      const to = movedTo(error);
+      if (to !== undefined) return this.follow(to, sessionId);
       stand("This session cannot be joined", inWords(error), [
         { label: "Choose a scene", choose: () => this.choose() },
         { label: "Try again", choose: () => void this.join(sessionId) },
@@ -193,12 +195,19 @@ class App {
   private showStatus(status: StreamStatus): void {
     this.bars.showStatus(status);
     if (status.phase === "live") unsay();
+    if (status.phase === "moved" && this.session) this.follow(status.to, this.session.id, this.stage.viewPoint);
     if (status.phase !== "ended") return;
     const again = () => this.begin(this.sceneToml, { isPrivate: this.isPrivate });
     stand("This session is over", status.message, [
       ...(this.sceneToml === "" ? [] : [{ label: "Begin it again", choose: () => void again().catch(sayError) }]),
       { label: "Choose a scene", choose: () => this.choose() },
     ]);
+  }
+
+  /** Goes on where a session has moved to: on the page of that server, with the same view. */
+  private follow(to: string, sessionId: string, view = viewOf(location.search)): void {
+    const [address, token] = [viewLink(new URL("/", to).href, sessionId, view), heldToken()];
+    location.assign(token === undefined ? address : withTokenBehind(address, token));
   }
 
   private sayFailed(why: string): void {

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow};
 use clap::{Args, Subcommand};
-use kerf_access::{Access, Wire, root_cause};
+use kerf_access::{Access, AccessError, Wire, root_cause};
 use kerf_proto::v1;
 use kerf_proto::v1::session_service_client::SessionServiceClient;
 use tonic::{Code, Response, Status};
@@ -63,6 +63,8 @@ pub enum Action {
     Reset(Id),
     /// Takes a recording that is played to another time.
     Seek(Time),
+    /// Moves a session to another server, where its clients follow it.
+    Move(Move),
     /// Ends a session.
     Close(Id),
 }
@@ -80,6 +82,18 @@ pub struct Health {
 pub struct Id {
     /// Id of the session, as `list` tells it.
     pub session: String,
+}
+
+/// A session that moves.
+#[derive(Args, Clone, Debug)]
+pub struct Move {
+    /// Id of the session, as `list` tells it.
+    pub session: String,
+    /// The other server, as https://NAME:PORT or http://NAME:PORT: as the session's clients reach it.
+    pub to: String,
+    /// File with an operator's token of that server. Default: the token of this one.
+    #[arg(long, value_name = "FILE")]
+    pub to_token_file: Option<PathBuf>,
 }
 
 /// A saved state of a session.
@@ -139,13 +153,13 @@ pub fn run(args: &SessionArgs) -> Result<()> {
     let lines = runtime.block_on(async {
         let endpoint = args.access.endpoint(&args.server)?;
         let timeout = match args.action {
-            Action::Download(_) | Action::Upload(_) => TIMEOUT_OF_FILES,
+            Action::Download(_) | Action::Upload(_) | Action::Move(_) => TIMEOUT_OF_FILES,
             _ => TIMEOUT,
         };
         let channel = endpoint.connect_timeout(TIMEOUT).timeout(timeout).connect().await;
         let channel =
             channel.map_err(|error| anyhow!("no Kerf server answers at {} ({})", args.server, root_cause(&error)))?;
-        let answer = ask(args.access.token()?.over(channel), args.action.clone()).await;
+        let answer = ask(args.access.token()?.over(channel), &args.access, args.action.clone()).await;
         answer.map_err(|status| anyhow!("{}", status.message()))
     })?;
     lines.iter().for_each(|line| println!("{line}"));
@@ -198,7 +212,7 @@ async fn is_healthy(wire: Wire, wanted: &Health) -> Result<Vec<String>, Status> 
     }
 }
 
-async fn ask(wire: Wire, action: Action) -> Result<Vec<String>, Status> {
+async fn ask(wire: Wire, access: &Access, action: Action) -> Result<Vec<String>, Status> {
     let mut client = SessionServiceClient::new(wire.clone());
     let at_step = |what: String, step: u64| vec![format!("{what} at step {step}")];
     Ok(match action {
@@ -240,7 +254,7 @@ async fn ask(wire: Wire, action: Action) -> Result<Vec<String>, Status> {
             let step = upload(client, to.clone(), &file).await?;
             let mut lines = vec![format!("`{}` uploaded, of step {step}", to.name)];
             if restore {
-                lines.extend(Box::pin(ask(wire, Action::Restore(to))).await?);
+                lines.extend(Box::pin(ask(wire, access, Action::Restore(to))).await?);
             }
             lines
         }
@@ -264,6 +278,15 @@ async fn ask(wire: Wire, action: Action) -> Result<Vec<String>, Status> {
             let request = v1::SeekReplayRequest { session_id, time_s, speed };
             let at = client.seek_replay(request).await?.into_inner();
             vec![format!("{:.3} s of {:.3} s, at step {}, speed {}", at.time_s, at.length_s, at.step, at.speed)]
+        }
+        Action::Move(Move { session: session_id, to, to_token_file }) => {
+            let unread = |error: AccessError| Status::unknown(error.to_string());
+            let token_file = to_token_file.or_else(|| access.token_file.clone());
+            let there = Access { token_file, ..access.clone() };
+            let token = there.token().map_err(unread)?.text().unwrap_or_default().to_owned();
+            let ca_certificates = access.certificates().map_err(unread)?.unwrap_or_default();
+            let request = v1::MoveSessionRequest { session_id, to: to.clone(), token, ca_certificates };
+            at_step(format!("moved to {to}"), client.move_session(request).await?.into_inner().step)
         }
         Action::Close(Id { session: session_id }) => {
             let closed = client.close_session(v1::CloseSessionRequest { session_id }).await?.into_inner();

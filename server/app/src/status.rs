@@ -7,6 +7,7 @@ use axum::http::header::{CONTENT_TYPE, WWW_AUTHENTICATE};
 use axum::http::{HeaderMap, HeaderValue, Response, StatusCode};
 use kerf_physics::scene::text::{escaped, shortened};
 use kerf_physics::world::LoadError;
+use kerf_proto::MOVED_TO;
 use kerf_scenes::dial::DialError;
 use kerf_session::SessionError;
 use kerf_session::player::SPEEDS;
@@ -320,6 +321,34 @@ pub enum RequestError {
         /// `max_uploads`.
         limit: usize,
     },
+    /// An address that a session cannot move to.
+    #[error("to: {address:?} is not an address as https://NAME:PORT or http://NAME:PORT")]
+    NoAddress {
+        /// What was given.
+        address: String,
+    },
+    /// What a session is moved to a server with makes no sense.
+    #[error("{field}: {message}")]
+    MoveAccess {
+        /// The field.
+        field: &'static str,
+        /// Why.
+        message: String,
+    },
+    /// Another server that does not take a session.
+    #[error("{to} does not take the session, which goes on here: {message}")]
+    NotTaken {
+        /// Its address.
+        to: String,
+        /// What it says, or the transport.
+        message: String,
+    },
+    /// What comes from another server is no session.
+    #[error("data: {message}")]
+    NoWholeSession {
+        /// Why.
+        message: String,
+    },
     /// The file of a checkpoint could not be made or read, for no reason that was foreseen.
     #[error("the checkpoint's file could not be made or read; the server's log says why")]
     CheckpointWork,
@@ -342,9 +371,12 @@ impl RequestError {
             Self::Session(error) => session_code(error),
             Self::OfSession { error, .. } => error.code(),
             Self::Transport(status) => status.code(),
-            Self::ProtocolVersion { .. } | Self::UnknownLease | Self::NobodysOwn | Self::NoGuests => {
-                Code::FailedPrecondition
-            }
+            Self::ProtocolVersion { .. }
+            | Self::UnknownLease
+            | Self::NobodysOwn
+            | Self::NotTaken { .. }
+            | Self::NoWholeSession { .. }
+            | Self::NoGuests => Code::FailedPrecondition,
             Self::HelloMissing { .. }
             | Self::HelloRepeated
             | Self::Missing { .. }
@@ -361,6 +393,8 @@ impl RequestError {
             | Self::NoObject { .. }
             | Self::TooManyVoxels { .. }
             | Self::CheckpointFile { .. }
+            | Self::NoAddress { .. }
+            | Self::MoveAccess { .. }
             | Self::SceneText { .. } => Code::InvalidArgument,
             Self::Idle { .. } | Self::Unresponsive { .. } | Self::UnreadInTime { .. } => Code::DeadlineExceeded,
             Self::TooManyUnaryDrivers { .. }
@@ -396,7 +430,9 @@ fn session_code(error: &SessionError) -> Code {
         | SessionError::TooManyCommands { .. }
         | SessionError::TooManyCheckpoints { .. }
         | SessionError::NoThread { .. } => Code::ResourceExhausted,
+        SessionError::Here { .. } => Code::AlreadyExists,
         SessionError::NoSession { .. }
+        | SessionError::Moved { .. }
         | SessionError::NoTool { .. }
         | SessionError::NoCheckpoint { .. }
         | SessionError::Closed => Code::NotFound,
@@ -429,7 +465,24 @@ impl From<RequestError> for Status {
 }
 
 impl RequestError {
+    /// Where the session that it is about has gone.
+    fn moved_to(&self) -> Option<&str> {
+        match self {
+            Self::Session(SessionError::Moved { to, .. }) => Some(to),
+            Self::OfSession { error, .. } => error.moved_to(),
+            _ => None,
+        }
+    }
+
     fn status(&self) -> Status {
+        let mut status = self.plain_status();
+        if let Some(Ok(to)) = self.moved_to().map(str::parse) {
+            status.metadata_mut().insert(MOVED_TO, to);
+        }
+        status
+    }
+
+    fn plain_status(&self) -> Status {
         let code = self.code();
         // Clients' own texts are in some of them.
         let message = shortened(&escaped(&self.to_string()), MAX_MESSAGE_BYTES);

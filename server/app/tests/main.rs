@@ -12,6 +12,7 @@ mod limited;
 mod log;
 mod manifests;
 mod metrics;
+mod moved;
 mod process;
 mod remote;
 mod secured;

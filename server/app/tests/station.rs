@@ -12,10 +12,10 @@ use kerf_station::station::Station;
 use super::process::{Process, soon};
 
 /// What a surgeon waits before asking whether something is broken.
-const BACK_WITHIN: Duration = Duration::from_secs(2);
+pub const BACK_WITHIN: Duration = Duration::from_secs(2);
 
 /// A station whose hand touches the top of the block again and again.
-fn touch(session_id: &str, url: String) -> Station {
+pub fn touch(session_id: &str, url: String) -> Station {
     let mut config = StationConfig::default();
     (config.server.url, config.link.silence_s) = (url, 0.3);
     // Less than what makes the block part; up again, for a tool that is put down within tissue touches none.
@@ -33,7 +33,7 @@ fn touch(session_id: &str, url: String) -> Station {
 }
 
 /// Waits until the hand feels the block.
-async fn feels(station: &mut Station) {
+pub async fn feels(station: &mut Station) {
     while station.samples.pop().is_ok() {}
     soon("contact", async {
         loop {

@@ -198,7 +198,8 @@ fn contacts_of_strokes_from_outside_make_next_to_no_energy() {
         for _ in 0..40 {
             let mut world = blob(Held::Base, &straight(), 1, rate_hz);
             for motion in stroke(&mut rng, 1.0 / rate_hz) {
-                let output = world.step(&Workers::serial(), &NoClock, &StepInputs::of(&[ToolInput { tool: 0, motion }]));
+                let output =
+                    world.step(&Workers::serial(), &NoClock, &StepInputs::of(&[ToolInput { tool: 0, motion }]));
                 let energy = &output.energy;
                 made_j += (-energy.contact_loss_j).max(0.0) + (-energy.initiation_j).max(0.0);
                 work_j += energy.tool_work_j.abs();

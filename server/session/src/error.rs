@@ -103,6 +103,20 @@ pub enum SessionError {
         /// The id asked for.
         id: String,
     },
+    /// The session goes on elsewhere.
+    #[error("session {id} has moved to {to}")]
+    Moved {
+        /// The id asked for.
+        id: String,
+        /// The address of its server.
+        to: String,
+    },
+    /// A session of this id is here.
+    #[error("session_id: session {id} is here already")]
+    Here {
+        /// Its id.
+        id: String,
+    },
     /// The scene asks for a step rate that the server does not grant.
     #[error("rate_hz = {rate_hz}: must be 1 to {limit_hz} (max_rate_hz)")]
     Rate {

@@ -3,7 +3,7 @@
 //! steps.
 
 use std::collections::VecDeque;
-use std::sync::{Condvar, Mutex};
+use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
 
 use kerf_physics::{Scene, ToolInput, World};
@@ -19,6 +19,7 @@ use crate::reach::Placement;
 use crate::seek::{Position, Seek};
 use crate::status::{SessionStatus, StepTallies};
 use crate::stepping::{StepInput, StepMotion, Stepped, Steps};
+use crate::tape::Base;
 use crate::tool_slot::{DriverId, Echo, ToolSlot};
 
 /// What a query sees between two steps.
@@ -43,6 +44,8 @@ pub(crate) enum Command {
     Reset(oneshot::Sender<Result<(), SessionError>>),
     /// Describe the session.
     Describe(oneshot::Sender<SessionStatus>),
+    /// Stand, and give away all that the session goes on from elsewhere.
+    Leave(oneshot::Sender<Result<Arc<Base>, SessionError>>),
     /// Save a checkpoint, go back to one, tell of them.
     Checkpoint(CheckpointCommand),
     /// Of a recording that is played: go to a time, set the speed; answers with both.

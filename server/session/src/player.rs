@@ -260,6 +260,7 @@ impl Player {
                 let _ = answer.send(self.seek(to, MonotonicClock::now_ns()));
             }
             Command::Reset(answer) => refuse(answer),
+            Command::Leave(answer) => refuse(answer),
             Command::Checkpoint(command) => match command {
                 CheckpointCommand::Save(_, answer) | CheckpointCommand::Restore(_, answer) => refuse(answer),
                 CheckpointCommand::Read(_, answer) | CheckpointCommand::Copy(answer) => refuse(answer),

@@ -19,13 +19,24 @@ use crate::past::Past;
 use crate::prepare::{Permits, prepare};
 use crate::session::{Replay, Session};
 use crate::session_id::{InstanceId, SessionId};
-use crate::session_options::SessionOptions;
+use crate::session_options::{Owner, SessionOptions};
+
+/// Sessions that have left and whose clients are told where to; of more the oldest are forgotten. Each takes some hundred bytes.
+const MOST_MOVED: usize = 10_000;
+
+/// A session that has left.
+struct Moved {
+    to: String,
+    owner: Option<Owner>,
+}
 
 /// The sessions of a server, at most [`SessionLimits::max_sessions`] of them.
 pub struct Registry {
     limits: SessionLimits,
     pareto_fronts: Arc<ParetoFronts>,
     sessions: Mutex<BTreeMap<SessionId, Arc<Session>>>,
+    /// Where those have gone that have left.
+    moved: Mutex<BTreeMap<SessionId, Moved>>,
     instance: InstanceId,
     next_number: AtomicU64,
     /// One permit per thread that may live, held by the thread.
@@ -52,6 +63,7 @@ impl Registry {
             limits,
             pareto_fronts: Arc::new(pareto_fronts),
             sessions: Mutex::default(),
+            moved: Mutex::default(),
             instance: InstanceId::random(),
             next_number: AtomicU64::new(1),
             permits,
@@ -151,7 +163,11 @@ impl Registry {
             // The server began to shut down while the scene was being built.
             return Err(SessionError::Draining.into());
         }
+        if sessions.contains_key(&id) {
+            return Err(SessionError::Here { id: id.to_string() }.into());
+        }
         sessions.insert(id, Arc::clone(&session));
+        lock(&self.moved).remove(&id);
         let dial = session.dial().map(ToString::to_string);
         tracing::info!(session = %id, scene = session.scene().desc.name, dial, "session created");
         session.warnings().iter().for_each(|warning| tracing::warn!(session = %id, "{warning}"));
@@ -179,19 +195,31 @@ impl Registry {
     /// The session of this id.
     ///
     /// # Errors
-    /// There is none.
+    /// There is none, or it has moved.
     pub fn get(&self, id: &str) -> Result<Arc<Session>, SessionError> {
-        self.get_if(id, |_| true)
+        self.get_if(id, |_, _| true)
     }
 
     /// The session of this id, for somebody who is to know of those alone that `is_known` says. Others are not kept alive
     /// by being asked for.
     ///
     /// # Errors
-    /// There is none.
-    pub fn get_if(&self, id: &str, is_known: impl FnOnce(&Session) -> bool) -> Result<Arc<Session>, SessionError> {
-        let session = lock(&self.sessions).get(&id.parse()?).filter(|session| is_known(session)).cloned();
-        let session = session.ok_or_else(|| SessionError::NoSession { id: id.into() })?;
+    /// There is none, or it has moved.
+    pub fn get_if(
+        &self,
+        id: &str,
+        is_known: impl Fn(SessionId, Option<&Owner>) -> bool,
+    ) -> Result<Arc<Session>, SessionError> {
+        let parsed = id.parse()?;
+        let session = lock(&self.sessions).get(&parsed).filter(|session| is_known(parsed, session.owner())).cloned();
+        let session = session.ok_or_else(|| {
+            let id = id.into();
+            let moved = lock(&self.moved);
+            match moved.get(&parsed).filter(|moved| is_known(parsed, moved.owner.as_ref())) {
+                Some(Moved { to, .. }) => SessionError::Moved { id, to: to.clone() },
+                None => SessionError::NoSession { id },
+            }
+        })?;
         session.touch();
         Ok(session)
     }
@@ -219,6 +247,23 @@ impl Registry {
         session.close().await;
         tracing::info!(session = %session.id(), "session closed");
         Ok(())
+    }
+
+    /// Ends a session that goes on at another server's address. Its streams and whoever asks for it are told.
+    ///
+    /// # Errors
+    /// It has ended already.
+    pub async fn close_moved(&self, session: &Session, to: &str) -> Result<(), SessionError> {
+        session.note_moved(to);
+        {
+            let mut moved = lock(&self.moved);
+            moved.insert(session.id(), Moved { to: to.into(), owner: session.owner().cloned() });
+            if moved.len() > MOST_MOVED {
+                moved.pop_first();
+            }
+        }
+        tracing::info!(session = %session.id(), to, "session moved");
+        self.close(&session.id().to_string()).await
     }
 
     /// Creates no more sessions.

@@ -1,7 +1,7 @@
 //! A session as others hold it: commands, drivers, viewers.
 
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 use std::thread::JoinHandle;
 
 use kerf_physics::Scene;
@@ -33,7 +33,7 @@ use crate::session_thread::{self, Told};
 use crate::status::{Phase, SessionStatus};
 use crate::step_report::StepReport;
 use crate::stepping::{Stepped, Steps};
-use crate::tape::{CAPACITY, Reel, TapeReader, Wants};
+use crate::tape::{Base, CAPACITY, Reel, TapeReader, Wants};
 use crate::tool_slot::DriverId;
 use crate::vitals::Watched;
 use kerf_scenes::dial::Choice;
@@ -75,6 +75,8 @@ pub struct Session {
     memory_bytes: f64,
     /// When somebody last had to do with it.
     last_used_ns: AtomicU64,
+    /// Where it goes on, once it has left.
+    moved_to: OnceLock<String>,
 }
 
 /// The span of a session's life. It has no parent, because it outlives the request that it begins with; that one is linked.
@@ -152,6 +154,7 @@ impl Session {
             span,
             memory_bytes,
             last_used_ns: AtomicU64::new(MonotonicClock::now_ns()),
+            moved_to: OnceLock::new(),
         };
         Told { objects: session.objects, warnings: session.warnings } =
             built.await.map_err(|_| SessionError::Closed)??;
@@ -201,6 +204,7 @@ impl Session {
             span,
             memory_bytes: admitted.memory.bytes(),
             last_used_ns: AtomicU64::new(MonotonicClock::now_ns()),
+            moved_to: OnceLock::new(),
         })
     }
 
@@ -452,6 +456,25 @@ impl Session {
     /// The session is simulated, the recording cannot be read there, the queue is full or the session has ended.
     pub async fn seek(&self, to: Seek) -> Result<Position, SessionError> {
         self.ask(|answer| Command::Seek(to, answer)).await?
+    }
+
+    /// Stands, and gives away all that it goes on from on another server.
+    ///
+    /// # Errors
+    /// It is played, or has failed; there is no room for a copy of its state, the queue is full, or it has ended.
+    pub async fn leave(&self) -> Result<Arc<Base>, SessionError> {
+        self.ask(Command::Leave).await?
+    }
+
+    /// Where it goes on, if it has left.
+    #[must_use]
+    pub fn moved_to(&self) -> Option<&str> {
+        self.moved_to.get().map(String::as_str)
+    }
+
+    /// It goes on there.
+    pub(crate) fn note_moved(&self, to: &str) {
+        self.moved_to.get_or_init(|| to.into());
     }
 
     /// Describes the session after its last step.

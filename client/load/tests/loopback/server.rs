@@ -351,6 +351,20 @@ impl SessionService for Server {
         Err(Status::unimplemented("not asked for here"))
     }
 
+    async fn move_session(
+        &self,
+        _: Request<v1::MoveSessionRequest>,
+    ) -> Result<Response<v1::MoveSessionResponse>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
+
+    async fn take_session(
+        &self,
+        _: Request<Streaming<v1::TakeSessionRequest>>,
+    ) -> Result<Response<v1::TakeSessionResponse>, Status> {
+        Err(Status::unimplemented("not asked for here"))
+    }
+
     async fn reset_session(
         &self,
         _: Request<v1::ResetSessionRequest>,

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from kerf.errors import DeadlineError, KerfError, PoseRejectedError, UnavailableError
 from kerf.model import ContactFlags, Floats, xyz
 from kerf.motion import Placement, Track, poses_array, write_pose
-from kerf.rpc import PROTOCOL_VERSION, Transport
+from kerf.rpc import PROTOCOL_VERSION, Following
 from kerf.v1 import control_pb2 as pb
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class Control:
     A context manager: at its end the tools are lifted and free for others.
     """
 
-    def __init__(self, transport: Transport, session_id: str, tools: Sequence[int], contact_rate_hz: float) -> None:
+    def __init__(self, transport: Following, session_id: str, tools: Sequence[int], contact_rate_hz: float) -> None:
         hello = pb.ClientHello(
             protocol_version=PROTOCOL_VERSION,
             session_id=session_id,

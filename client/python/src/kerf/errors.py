@@ -35,6 +35,18 @@ class NotFoundError(KerfError, LookupError):
     """No such session, scene, tool, checkpoint or viewer."""
 
 
+class MovedError(NotFoundError):
+    """The session goes on at another server.
+
+    Attributes:
+        to: Its address.
+    """
+
+    def __init__(self, message: str, *, to: str) -> None:
+        super().__init__(message)
+        self.to = to
+
+
 class ResourceExhaustedError(KerfError):
     """The server has no room; `limit` names the setting."""
 
@@ -89,7 +101,11 @@ _BY_CODE: dict[grpc.StatusCode, type[KerfError]] = {
 def of_rpc(error: Any) -> KerfError:  # noqa: ANN401
     """The exception that says what a failed call says."""
     message = error.details() or str(error.code())
-    field, limit = _details(error.trailing_metadata() or ())
+    metadata = error.trailing_metadata() or ()
+    for key, value in metadata:
+        if key == "kerf-moved-to":
+            return MovedError(message, to=value)
+    field, limit = _details(metadata)
     if field and not limit:
         # The rest of the words: `steps = 0: must be 1 to 1000`.
         limit = re.sub(r"^(\s=\s[^:]*)?:\s*", "", message.removeprefix(field))

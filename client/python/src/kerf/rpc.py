@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import grpc
 from google.protobuf.message import Message
 
-from kerf.errors import UnavailableError, of_rpc
+from kerf.errors import MovedError, UnavailableError, of_rpc
 
 R = TypeVar("R", bound=Message)
 Q = TypeVar("Q", bound=Message)
@@ -47,6 +47,7 @@ class Transport:
         ]
         self.address = address
         self.timeout_s = timeout_s
+        self._token, self._ca_file = token, ca_file
         if is_secure:
             certificates = None if ca_file is None else Path(ca_file).read_bytes()
             credentials = grpc.ssl_channel_credentials(root_certificates=certificates)
@@ -55,6 +56,10 @@ class Transport:
             self._channel = grpc.insecure_channel(address, options)
         self._metadata = [("authorization", f"Bearer {token}")] if token else []
         self._calls: dict[str, Any] = {}
+
+    def at(self, address: str) -> Transport:
+        """A connection to another server, let in by the same."""
+        return Transport(address, self.timeout_s, token=self._token, ca_file=self._ca_file)
 
     def wait_until_ready(self, timeout_s: float) -> None:
         """Waits for the server to listen."""
@@ -103,6 +108,39 @@ class Transport:
         return self._calls[method]
 
 
+class Following:
+    """The calls of one session, which go where it has moved to."""
+
+    def __init__(self, transport: Transport) -> None:
+        self._transport = transport
+
+    def call(self, method: str, request: Message, response: type[R], timeout_s: float | None = None) -> R:
+        """As of `Transport`."""
+        return self._there(lambda: self._transport.call(method, request, response, timeout_s))
+
+    def send(self, method: str, requests: Callable[[], Iterator[Q]], request: type[Q], response: type[R]) -> R:
+        """As of `Transport`; requests are made anew where the session has moved."""
+        return self._there(lambda: self._transport.send(method, requests(), request, response))
+
+    def read(self, method: str, request: Message, response: type[R]) -> Stream[R]:
+        """As of `Transport`. A stream ends with the move; the next one begins at the other server."""
+        return self._transport.read(method, request, response).telling(self._follow)
+
+    def converse(self, method: str, requests: Iterator[Message], request: Message, response: type[R]) -> Stream[R]:
+        """As of `Transport`, and `read`."""
+        return self._transport.converse(method, requests, request, response).telling(self._follow)
+
+    def _there(self, call: Callable[[], R]) -> R:
+        try:
+            return call()
+        except MovedError as error:
+            self._follow(error)
+            return call()
+
+    def _follow(self, moved: MovedError) -> None:
+        self._transport = self._transport.at(moved.to)
+
+
 def _token_of_environment() -> str | None:
     """The token in the file that `KERF_TOKEN_FILE` names, or in `KERF_TOKEN`."""
     if file := os.environ.get("KERF_TOKEN_FILE"):
@@ -115,13 +153,23 @@ class Stream(Generic[R]):
 
     def __init__(self, call: Any) -> None:  # noqa: ANN401
         self._call = call
+        self._moved: Callable[[MovedError], None] | None = None
+
+    def telling(self, moved: Callable[[MovedError], None]) -> Stream[R]:
+        """The same; where its session has moved this is told before the error is raised."""
+        self._moved = moved
+        return self
 
     def __iter__(self) -> Iterator[R]:
         try:
             yield from self._call
         except grpc.RpcError as error:
-            if error.code() != grpc.StatusCode.CANCELLED:
-                raise of_rpc(error) from error
+            if error.code() == grpc.StatusCode.CANCELLED:
+                return
+            said = of_rpc(error)
+            if self._moved is not None and isinstance(said, MovedError):
+                self._moved(said)
+            raise said from error
 
     def cancel(self) -> None:
         """Ends the call from this side."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ from kerf.errors import KerfError, NotFoundError, did_you_mean
 from kerf.model import Checkpoint, ContactFlags, SessionStatus, StepResult
 from kerf.motion import Motion, Placement, Track, poses_array, write_motions
 from kerf.recording import Recorder
-from kerf.rpc import Transport, parts_of
+from kerf.rpc import Following, Transport, parts_of
 from kerf.tool_way import ToolWay
 from kerf.v1 import session_pb2 as pb
 from kerf.view import View
@@ -64,7 +65,7 @@ class Session:
         self.max_tool_speed_m_per_s = description.limits.max_tool_speed_m_per_s
         #: Meshes, label maps and edges that the scene was sent with.
         self.files = dict(files or {})
-        self._transport = transport
+        self._transport = Following(transport)
         self._owned = owned
         self._recorder: Recorder | None = None
         self._tools_in_scene: set[int] = set()
@@ -97,6 +98,20 @@ class Session:
             self._transport.call("SessionService/CloseSession", request, pb.CloseSessionResponse)
         except NotFoundError:
             pass
+
+    def move(self, to: str, *, token: str = "", ca_file: str | Path | None = None) -> int:
+        """Moves the session to another server, where this goes on with it; the step that it goes on from.
+
+        A `view` of it follows. A `control` ends with `MovedError`, and the next one begins there.
+
+        Args:
+            to: The other server, as `"http://NAME:PORT"` or `"https://NAME:PORT"`: as its clients reach it.
+            token: An operator's token of that server; empty where it asks for none.
+            ca_file: Certificates of those who are trusted to sign that server's; `None`: the system's.
+        """
+        certificates = "" if ca_file is None else Path(ca_file).read_text(encoding="utf-8")
+        request = pb.MoveSessionRequest(session_id=self.id, to=to, token=token, ca_certificates=certificates)
+        return self._transport.call("SessionService/MoveSession", request, pb.MoveSessionResponse).step
 
     def pause(self) -> int:
         """Stops a session that steps by itself; the step after which it stands."""
@@ -253,8 +268,8 @@ class Session:
         if restore:
             self._refuse_while_recorded()
         file, name = Path(path).read_bytes(), checkpoint or Path(path).stem
-        parts = _upload(self.id, name, file, progress)
         method = "SessionService/UploadCheckpoint"
+        parts = partial(_upload, self.id, name, file, progress)
         step = self._transport.send(method, parts, pb.UploadCheckpointRequest, pb.UploadCheckpointResponse).step
         return self.restore_checkpoint(name) if restore else step
 

@@ -7,9 +7,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from kerf.errors import DeadlineError, KerfError, NotFoundError, ReplicaError, UnavailableError, did_you_mean
+from kerf.errors import (
+    DeadlineError,
+    KerfError,
+    MovedError,
+    NotFoundError,
+    ReplicaError,
+    UnavailableError,
+    did_you_mean,
+)
 from kerf.replica import Assembler, Replica, Surface
-from kerf.rpc import PROTOCOL_VERSION, Transport
+from kerf.rpc import PROTOCOL_VERSION, Following, Stream
 from kerf.v1 import view_pb2 as pb
 
 if TYPE_CHECKING:
@@ -21,7 +29,7 @@ if TYPE_CHECKING:
 class View:
     """Keeps a replica of what the session shows, up to date in a thread of its own; a context manager."""
 
-    def __init__(self, transport: Transport, session_id: str, objects: Sequence[SceneObject], rate_hz: float) -> None:
+    def __init__(self, transport: Following, session_id: str, objects: Sequence[SceneObject], rate_hz: float) -> None:
         self._transport = transport
         self._objects = tuple(objects)
         self._replica = Replica([known.name for known in objects])
@@ -30,8 +38,9 @@ class View:
         self._news = threading.Condition()
         self._error: KerfError | None = None
         self._ended = False
-        request = pb.ViewRequest(protocol_version=PROTOCOL_VERSION, session_id=session_id, rate_hz=rate_hz)
-        self._stream = transport.read("ViewService/View", request, pb.ViewResponse)
+        self._request = pb.ViewRequest(protocol_version=PROTOCOL_VERSION, session_id=session_id, rate_hz=rate_hz)
+        self._closed = False
+        self._stream = self._open()
         self._thread = threading.Thread(target=self._read, name=f"kerf-view-{session_id}", daemon=True)
         self._thread.start()
 
@@ -77,7 +86,9 @@ class View:
 
     def close(self) -> None:
         """Stops following."""
-        self._stream.cancel()
+        with self._news:
+            self._closed = True
+            self._stream.cancel()
         self._thread.join()
 
     def _wait(self, step: int, timeout_s: float) -> None:
@@ -93,7 +104,24 @@ class View:
             raise UnavailableError("the view has ended")
         raise DeadlineError(f"no state of step {step} or later within {timeout_s} s", field="step")
 
+    def _open(self) -> Stream[pb.ViewResponse]:
+        return self._transport.read("ViewService/View", self._request, pb.ViewResponse)
+
     def _read(self) -> None:
+        try:
+            while not self._ended:
+                self._assembler = Assembler()
+                self._follow()
+        except KerfError as error:
+            with self._news:
+                self._error = error
+        finally:
+            with self._news:
+                self._ended = True
+                self._news.notify_all()
+
+    def _follow(self) -> None:
+        """Reads the stream to its end; where the session has moved another one begins, with a keyframe."""
         try:
             for part in self._stream:
                 message = self._assembler.take(part)
@@ -106,13 +134,12 @@ class View:
                     self._news.notify_all()
                 if message.number:
                     self._acknowledge(message.number)
-        except KerfError as error:
+        except MovedError:
             with self._news:
-                self._error = error
-        finally:
-            with self._news:
-                self._ended = True
-                self._news.notify_all()
+                if not self._closed:
+                    self._stream = self._open()
+                    return
+        self._ended = True
 
     def _acknowledge(self, number: int) -> None:
         try:

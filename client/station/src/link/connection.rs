@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use kerf_access::{Access, Wire, root_cause};
+use kerf_proto::MOVED_TO;
 use kerf_proto::v1::control_service_client::ControlServiceClient;
 use kerf_proto::v1::{self, control_request, control_response};
 use tokio::sync::{mpsc, oneshot};
@@ -30,6 +31,8 @@ pub(super) enum Ended {
     Broken(String),
     /// The session is not there any more.
     SessionGone(String),
+    /// The session goes on at this address.
+    Moved(String),
     /// Trying again is of no use.
     Hopeless(String),
 }
@@ -39,6 +42,7 @@ impl Ended {
     pub(super) fn text(self) -> String {
         match self {
             Self::Broken(why) | Self::SessionGone(why) | Self::Hopeless(why) => why,
+            Self::Moved(to) => format!("the session has moved to {to}"),
         }
     }
 }
@@ -86,6 +90,10 @@ impl Dialler {
                     Ok(next) => (format!("{why}; {next}"), LinkState::Connecting),
                     Err(remedy) => (format!("{why}; {remedy}"), LinkState::Failed),
                 },
+                Ended::Moved(to) => {
+                    self.settings.server.url.clone_from(&to);
+                    (format!("the session has moved to {to}"), LinkState::Connecting)
+                }
                 Ended::Hopeless(why) => (why, LinkState::Failed),
             };
             self.status.change(|status| {
@@ -194,6 +202,9 @@ pub(super) async fn connect(server: &ServerConfig) -> Result<Wire, Ended> {
 /// What a refusal means.
 pub(super) fn refused(what: &str, status: &Status) -> Ended {
     let why = format!("{what}: {}", status.message());
+    if let Some(Ok(to)) = status.metadata().get(MOVED_TO).map(|to| to.to_str()) {
+        return Ended::Moved(to.into());
+    }
     match status.code() {
         Code::NotFound => Ended::SessionGone(why),
         Code::Unauthenticated | Code::PermissionDenied => {

@@ -7,6 +7,12 @@ export function isGone(error: unknown): boolean {
   return ConnectError.from(error).code === Code.NotFound;
 }
 
+/** Where the session that was asked for has moved, if it has. */
+export function movedTo(error: unknown): string | undefined {
+  const to = ConnectError.from(error).metadata.get("kerf-moved-to");
+  return to !== null && /^https?:\/\//.test(to) ? to : undefined;
+}
+
 /** The server does not know who this is: it asks for a token, or for another one. */
 export function isUnknownHere(error: unknown): boolean {
   return ConnectError.from(error).code === Code.Unauthenticated;

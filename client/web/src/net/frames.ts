@@ -68,6 +68,8 @@ export type StreamStatus =
   | { phase: "live" }
   /** Lost, and tried again. */
   | { phase: "lost"; message: string }
+  /** The session goes on at this address. */
+  | { phase: "moved"; to: string }
   /** The session is no more: the server says so, or says that it never had it. */
   | { phase: "ended"; message: string };
 

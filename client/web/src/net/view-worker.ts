@@ -18,7 +18,7 @@ import {
 import { EventKind } from "../gen/kerf/v1/types_pb";
 import { type State, type ToolState, type ViewResponse, ViewService } from "../gen/kerf/v1/view_pb";
 import { Acknowledger } from "./acknowledger";
-import { inWords, isGone } from "./errors";
+import { inWords, isGone, movedTo } from "./errors";
 import { energyOf } from "./energy";
 import type { Frame, FromWorker, Sample, StreamStatus, ToolFrame, ToWorker, Wants } from "./frames";
 import { sayToken, withToken } from "./token";
@@ -100,6 +100,8 @@ class Viewing {
         return this.tell({ phase: "ended", message: "The session was ended." });
       } catch (error) {
         if (this.stop.signal.aborted) return;
+        const to = movedTo(error);
+        if (to !== undefined) return this.tell({ phase: "moved", to });
         if (isGone(error)) return this.tell({ phase: "ended", message: inWords(error) });
         // What was missed comes with the keyframe that a new stream begins with.
         if (error instanceof ReplicaError) continue;

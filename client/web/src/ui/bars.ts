@@ -32,6 +32,7 @@ const PHASES: Record<StreamStatus["phase"], string> = {
   connecting: "Connecting",
   live: "Live",
   lost: "Lost, trying again",
+  moved: "Moved",
   ended: "Ended",
 };
 const STYLES: readonly (readonly [Style, string])[] = [

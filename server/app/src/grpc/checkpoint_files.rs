@@ -126,7 +126,7 @@ async fn send(
 }
 
 /// Does work on a thread of its own, below those that step.
-async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, RequestError> {
+pub async fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, RequestError> {
     let (answer, answered) = oneshot::channel();
     let thread = std::thread::Builder::new().name("kerf-checkpoint".into()).spawn(move || {
         stand_back();

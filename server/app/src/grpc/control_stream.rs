@@ -15,10 +15,10 @@ use tokio::sync::{mpsc, watch};
 use tokio::task::JoinHandle;
 use tonic::{Status, Streaming};
 
-use super::Outgoing;
 use super::contact_deadband::ContactDeadband;
 use super::in_flight::InFlight;
 use super::pose_budget::PoseBudget;
+use super::{Outgoing, moved};
 use crate::config::ControlLimits;
 use crate::convert::contact::{contact, pose_sample, rejection};
 use crate::convert::fault;
@@ -208,6 +208,9 @@ impl OutgoingHalf {
                 }
                 Woken::Reported(None) => {
                     self.reader = None;
+                    if let Some(moved) = moved(self.driver.session()) {
+                        return Some(Err(moved.into()));
+                    }
                     self.say_lost(self.driver.tools().to_vec(), v1::LeaseLostReason::SessionClosing);
                 }
             }

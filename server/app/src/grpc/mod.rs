@@ -7,6 +7,7 @@ mod control_stream;
 mod in_flight;
 mod in_parts;
 mod interiors;
+mod moving;
 mod owned;
 mod pose_budget;
 mod sent_files;
@@ -21,6 +22,7 @@ use std::pin::Pin;
 use std::time::Duration;
 
 use futures_util::Stream;
+use kerf_session::{Session, SessionError};
 use tonic::Status;
 
 use crate::status::RequestError;
@@ -49,6 +51,12 @@ fn grant_rate_hz(field: &'static str, wish_hz: f64, default_hz: f64, max_hz: f64
     }
     // Slower than once in a thousand seconds is never meant.
     Ok(if wish_hz == 0.0 { default_hz } else { wish_hz.max(1e-3) }.min(max_hz))
+}
+
+/// What a stream of a session that has left ends in.
+fn moved(session: &Session) -> Option<RequestError> {
+    let (id, to) = (session.id().to_string(), session.moved_to()?.to_owned());
+    Some(SessionError::Moved { id, to }.into())
 }
 
 /// The session's answer, unless it takes too long.

@@ -21,6 +21,7 @@ use tracing::{Instrument, Span};
 
 use super::checkpoint_files::CheckpointFiles;
 use super::in_parts::InParts;
+use super::moving::Moving;
 use super::owned::Owned;
 use super::sent_files::SentFiles;
 use super::{Outgoing, in_time};
@@ -47,6 +48,7 @@ pub struct SessionService {
     in_parts: Arc<InParts>,
     sent_files: SentFiles,
     files: CheckpointFiles,
+    moving: Moving,
     guests: Arc<Guests>,
     owned: Owned,
 }
@@ -63,7 +65,13 @@ impl SessionService {
         let sent_files = SentFiles::new(Arc::clone(&in_parts));
         let files = CheckpointFiles::new(Arc::clone(&in_parts));
         let owned = Owned::new(config.security.max_sessions_per_token);
-        Self { registry, scenes, config, recordings, journals, in_parts, sent_files, files, guests, owned }
+        let moving = Moving {
+            registry: Arc::clone(&registry),
+            recordings: Arc::clone(&recordings),
+            journals: Arc::clone(&journals),
+            in_parts: Arc::clone(&in_parts),
+        };
+        Self { registry, scenes, config, recordings, journals, in_parts, sent_files, files, moving, guests, owned }
     }
 
     /// The session that a request names, if its caller is to know of it.
@@ -440,6 +448,24 @@ impl v1::session_service_server::SessionService for SessionService {
         let (token, stay) = self.guests.invite(host, session.id())?;
         let (token, good_for_s) = (token.reveal().into(), stay.as_secs_f64());
         Ok(Response::new(v1::InviteViewerResponse { token, good_for_s }))
+    }
+
+    async fn move_session(
+        &self,
+        request: Request<v1::MoveSessionRequest>,
+    ) -> Result<Response<v1::MoveSessionResponse>, Status> {
+        let session = self.get(&request, &request.get_ref().session_id)?;
+        let step = self.moving.send(&session, request.into_inner()).await?;
+        self.finish(session.id()).await;
+        Ok(Response::new(v1::MoveSessionResponse { step }))
+    }
+
+    async fn take_session(
+        &self,
+        request: Request<Streaming<v1::TakeSessionRequest>>,
+    ) -> Result<Response<v1::TakeSessionResponse>, Status> {
+        let step = self.moving.take(request.remote_addr(), request.into_inner()).await?;
+        Ok(Response::new(v1::TakeSessionResponse { step }))
     }
 
     async fn seek_replay(

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use futures_util::stream;
 use kerf_proto::v1;
+use kerf_proto::v1::view_response::Message;
 use kerf_session::{Registry, Session, SessionId};
 use tokio::sync::watch;
 use tonic::{Request, Response, Status};
@@ -12,7 +13,7 @@ use tonic::{Request, Response, Status};
 use super::interiors::Interiors;
 use super::view_stream::ViewStream;
 use super::viewing::Viewing;
-use super::{Outgoing, check_version, grant_rate_hz, in_time, token};
+use super::{Outgoing, check_version, grant_rate_hz, in_time, moved, token};
 use crate::config::ViewLimits;
 use crate::encode::{Encoder, Encoding};
 use crate::security::caller::Caller;
@@ -72,11 +73,16 @@ impl v1::view_service_server::ViewService for ViewService {
         let encoder = self.encoders.of(&session, encoding);
         let view = ViewStream::new(hello, viewer, acknowledged, encoder, request.wants_energy, &self.limits);
         let viewing = Arc::clone(&self.viewing);
-        let messages = stream::unfold((view, registered), move |(mut view, registered)| {
-            let next = viewing.work(async move { (view.next().await, view) });
+        let messages = stream::unfold(Some((view, registered)), move |state| {
+            let (viewing, session) = (Arc::clone(&viewing), Arc::clone(&session));
             async move {
-                let (event, view) = next.await?;
-                Some((Ok(event?), (view, registered)))
+                let (mut view, registered) = state?;
+                let (message, view) = viewing.work(async move { (view.next().await, view) }).await?;
+                // A session that has left closes here; its viewers are told where it goes on.
+                if let (Some(moved), true) = (moved(&session), message.as_ref().is_none_or(is_closing)) {
+                    return Some((Err(moved.into()), None));
+                }
+                Some((Ok(message?), Some((view, registered))))
             }
         });
         Ok(Response::new(Box::pin(messages)))
@@ -107,6 +113,10 @@ impl v1::view_service_server::ViewService for ViewService {
         let interior = in_time(self.request_timeout_s, self.interiors.of(&session, *object as usize)).await?;
         Ok(Response::new(interior.as_ref().clone()))
     }
+}
+
+fn is_closing(message: &v1::ViewResponse) -> bool {
+    matches!(&message.message, Some(Message::Event(event)) if event.kind() == v1::EventKind::Closing)
 }
 
 /// What encodes each session's states, for as long as anybody reads them.

@@ -11,6 +11,7 @@
 mod disk;
 mod files;
 mod health;
+mod kept;
 pub mod past;
 #[cfg(test)]
 mod tests;
@@ -34,6 +35,8 @@ use crate::recording::{Going, Quota, Recordings, Told};
 use disk::Disk;
 use files::Files;
 use health::Health;
+use kept::Kept;
+pub use kept::put_down;
 use writer::{Account, Writer};
 
 /// Keeps a second server out of the folder.
@@ -136,6 +139,16 @@ impl Journals {
         }))
         .await;
         Ok(())
+    }
+
+    /// Puts down a session that comes from another server: as the first file of its journal, where one is kept.
+    pub fn keep(&self, session: SessionId, file: &[u8]) -> io::Result<Kept> {
+        Kept::write(self.folder.as_ref().map(|folder| folder.path.as_path()), session, file)
+    }
+
+    /// Goes on with the journal of a session that came from another server.
+    pub fn go_on_from(&self, session: &Arc<Session>, kept: Kept) -> Option<String> {
+        self.go_on(session, kept.release())
     }
 
     /// Goes on with the journal of a session, or begins it; files `before` are removed once there is a newer one.

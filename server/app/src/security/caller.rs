@@ -47,18 +47,23 @@ impl Caller {
 
     /// Whether it is to know of a session. One that a token names is its business, private or not.
     pub fn knows(&self, session: &Session) -> bool {
+        self.knows_of(session.id(), session.owner())
+    }
+
+    /// The same of one that is somebody's, or nobody's.
+    fn knows_of(&self, session: SessionId, owner: Option<&Owner>) -> bool {
         match self.session {
-            Some(own) => own == session.id(),
+            Some(own) => own == session,
             None => {
                 self.role == Role::Operator
-                    || session.owner().is_none_or(|owner| !owner.is_private || self.name() == Some(&owner.name))
+                    || owner.is_none_or(|owner| !owner.is_private || self.name() == Some(&owner.name))
             }
         }
     }
 
     /// The session of this id, if the caller is to know of it: there is none otherwise.
     pub fn session(&self, registry: &Registry, id: &str) -> Result<Arc<Session>, RequestError> {
-        let session = registry.get_if(id, |session| self.knows(session))?;
+        let session = registry.get_if(id, |session, owner| self.knows_of(session, owner))?;
         session.note_in(&Span::current());
         Ok(session)
     }

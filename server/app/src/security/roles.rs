@@ -67,6 +67,9 @@ pub const CALLS: &[(&str, Need)] = &[
     ("/kerf.v1.SessionService/UploadCheckpoint", Of(Role::Driver)),
     // Who may drive a session may show it.
     ("/kerf.v1.SessionService/InviteViewer", Of(Role::Driver)),
+    // It hands all of a session to whoever is named, or takes one that nobody of this server made.
+    ("/kerf.v1.SessionService/MoveSession", Of(Role::Operator)),
+    ("/kerf.v1.SessionService/TakeSession", Of(Role::Operator)),
     // All who watch a recording are taken to another time.
     ("/kerf.v1.SessionService/SeekReplay", Of(Role::Driver)),
     ("/kerf.v1.ControlService/Control", Of(Role::Driver)),

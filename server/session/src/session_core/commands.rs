@@ -48,6 +48,9 @@ impl SessionCore {
             Command::Describe(answer) => {
                 let _ = answer.send(self.describe());
             }
+            Command::Leave(answer) => {
+                let _ = answer.send(self.leave());
+            }
             Command::Checkpoint(command) => self.obey_checkpoint(command),
             Command::Seek(_, answer) => {
                 let _ = answer.send(Err(SessionError::NotReplay));

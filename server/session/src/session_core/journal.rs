@@ -47,13 +47,25 @@ impl SessionCore {
         if !self.publisher.tape.is_for(Wants::Bases) {
             return;
         }
-        match self.copy() {
-            Ok(state) => {
-                let base = Base { state, is_paused: self.phase == Phase::Paused, checkpoints: self.checkpoints.all() };
-                self.publisher.tape.push(&TapeEntry::Base(Arc::new(base)));
-            }
+        match self.base() {
+            Ok(base) => self.publisher.tape.push(&TapeEntry::Base(base)),
             Err(error) => tracing::debug!(%error, "the journal gets no state to go on from now"),
         }
+    }
+
+    fn base(&self) -> Result<Arc<Base>, SessionError> {
+        let (state, is_paused) = (self.copy()?, self.phase == Phase::Paused);
+        Ok(Arc::new(Base { state, is_paused, checkpoints: self.checkpoints.all() }))
+    }
+
+    /// Stands, and gives away all that the session goes on from elsewhere.
+    pub(super) fn leave(&mut self) -> Result<Arc<Base>, SessionError> {
+        let base = self.base()?;
+        self.forget_owed();
+        if self.phase == Phase::Running {
+            self.set_phase(Phase::Paused, SceneEvent::Paused);
+        }
+        Ok(base)
     }
 
     /// Stands as a session of the same scene stood that did not come to its end, and whose world this has. Nobody holds a tool: the next step
