@@ -571,9 +571,10 @@ test("the page of a session that moves goes on at the other server, with the sam
     await live(page);
     const there = new URL(page.url()).searchParams;
     expect([there.get("session"), there.get("view")?.split(",").length]).toEqual([sessionId, 6]);
-    const timeS = await reading(page, "Time");
+    const timeS = await readingWhere(page, "Time", (nowS) => nowS > 0);
     await readingWhere(page, "Time", (laterS) => laterS > timeS);
     expect(problems).toEqual([]);
+    await page.close();
     // Who opens the old link comes there too.
     const late = await open(browser, `${server.address}/?session=${sessionId}`);
     await late.page.waitForURL((url) => url.origin === new URL(other.address).origin);
