@@ -25,177 +25,189 @@ namespace Kerf.V1 {
       byte[] descriptorData = global::System.Convert.FromBase64String(
           string.Concat(
             "ChVrZXJmL3YxL3Nlc3Npb24ucHJvdG8SB2tlcmYudjEaFWtlcmYvdjEvY29u",
-            "dHJvbC5wcm90bxoTa2VyZi92MS90eXBlcy5wcm90byITChFMaXN0U2NlbmVz",
-            "UmVxdWVzdCI4ChJMaXN0U2NlbmVzUmVzcG9uc2USIgoGc2NlbmVzGAEgAygL",
-            "MhIua2VyZi52MS5TY2VuZUluZm8iLgoJU2NlbmVJbmZvEgwKBG5hbWUYASAB",
-            "KAkSEwoLZGVzY3JpcHRpb24YAiABKAkiQwoPR2V0U2NlbmVSZXF1ZXN0EhQK",
-            "CnNjZW5lX25hbWUYASABKAlIABIUCgpzZXNzaW9uX2lkGAIgASgJSABCBAoC",
-            "b2YiJgoQR2V0U2NlbmVSZXNwb25zZRISCgpzY2VuZV90b21sGAEgASgJIq4C",
-            "ChRDcmVhdGVTZXNzaW9uUmVxdWVzdBIUCgpzY2VuZV9uYW1lGAEgASgJSAAS",
-            "FAoKc2NlbmVfdG9tbBgCIAEoCUgAEhQKDHN0YXJ0X3BhdXNlZBgDIAEoCBIP",
-            "CgVsZXZlbBgEIAEoDUgBEhMKCWJ1ZGdldF9tcxgFIAEoAUgBEhMKCW1heF9l",
-            "cnJvchgGIAEoAUgBEhkKDHN0ZXBfcmF0ZV9oehgHIAEoAUgCiAEBEiEKBWZp",
-            "bGVzGAggAygLMhIua2VyZi52MS5TY2VuZUZpbGUSFQoNZml0X3N0ZXBfcmF0",
-            "ZRgJIAEoCBIPCgdwcml2YXRlGAogASgIEhEKCXVwbG9hZF9pZBgLIAEoCUIH",
-            "CgVzY2VuZUIGCgRkaWFsQg8KDV9zdGVwX3JhdGVfaHoiJwoJU2NlbmVGaWxl",
-            "EgwKBG5hbWUYASABKAkSDAoEZGF0YRgCIAEoDCJXChVDcmVhdGVTZXNzaW9u",
-            "UmVzcG9uc2USLAoHc2Vzc2lvbhgBIAEoCzIbLmtlcmYudjEuU2Vzc2lvbkRl",
-            "c2NyaXB0aW9uEhAKCHdhcm5pbmdzGAIgAygJIkQKEk1ha2VTZXNzaW9uUmVx",
-            "dWVzdBIuCgdyZXF1ZXN0GAEgASgLMh0ua2VyZi52MS5DcmVhdGVTZXNzaW9u",
-            "UmVxdWVzdCJ+ChNNYWtlU2Vzc2lvblJlc3BvbnNlEisKCHByb2dyZXNzGAEg",
-            "ASgLMhcua2VyZi52MS5NYWtpbmdQcm9ncmVzc0gAEjEKB2NyZWF0ZWQYAiAB",
-            "KAsyHi5rZXJmLnYxLkNyZWF0ZVNlc3Npb25SZXNwb25zZUgAQgcKBXN0YXRl",
-            "IpEBCg5NYWtpbmdQcm9ncmVzcxIjCgVzdGFnZRgBIAEoDjIULmtlcmYudjEu",
-            "TWFraW5nU3RhZ2USDgoGb2JqZWN0GAIgASgNEg8KB29iamVjdHMYAyABKA0S",
-            "DgoGdm94ZWxzGAQgASgEEhoKEmNvbXBvc2l0ZV9lbGVtZW50cxgFIAEoBBIN",
-            "CgVzaGFyZRgGIAEoAiJlChJVcGxvYWRTY2VuZVJlcXVlc3QSLgoHcmVxdWVz",
-            "dBgBIAEoCzIdLmtlcmYudjEuQ3JlYXRlU2Vzc2lvblJlcXVlc3QSEQoJZmls",
-            "ZV9uYW1lGAIgASgJEgwKBGRhdGEYAyABKAwiVQoTVXBsb2FkU2NlbmVSZXNw",
-            "b25zZRIsCgdzZXNzaW9uGAEgASgLMhsua2VyZi52MS5TZXNzaW9uRGVzY3Jp",
-            "cHRpb24SEAoId2FybmluZ3MYAiADKAkiSgoUU2VuZFNjZW5lRmlsZVJlcXVl",
-            "c3QSEQoJdXBsb2FkX2lkGAEgASgJEhEKCWZpbGVfbmFtZRgCIAEoCRIMCgRk",
-            "YXRhGAMgASgMIkIKFVNlbmRTY2VuZUZpbGVSZXNwb25zZRIRCgl1cGxvYWRf",
-            "aWQYASABKAkSFgoOcmVjZWl2ZWRfYnl0ZXMYAiABKAQiLAoWRGVzY3JpYmVT",
-            "ZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIkcKF0Rlc2NyaWJl",
-            "U2Vzc2lvblJlc3BvbnNlEiwKB3Nlc3Npb24YASABKAsyGy5rZXJmLnYxLlNl",
-            "c3Npb25EZXNjcmlwdGlvbiIVChNMaXN0U2Vzc2lvbnNSZXF1ZXN0In4KFExp",
-            "c3RTZXNzaW9uc1Jlc3BvbnNlEiYKCHNlc3Npb25zGAEgAygLMhQua2VyZi52",
-            "MS5TZXNzaW9uSW5mbxIXCg9zZXJ2ZXJfaW5zdGFuY2UYAiABKAkSJQoGc2Vy",
-            "dmVyGAMgASgLMhUua2VyZi52MS5TZXJ2ZXJWaXRhbHMiVAoMU2VydmVyVml0",
-            "YWxzEg8KB3ZlcnNpb24YASABKAkSHQoVcmVzaWRlbnRfbWVtb3J5X2J5dGVz",
-            "GAIgASgEEhQKDG1heF9zZXNzaW9ucxgDIAEoDSIpChNDbG9zZVNlc3Npb25S",
-            "ZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkiPQoUQ2xvc2VTZXNzaW9uUmVz",
-            "cG9uc2USJQoJcmVjb3JkaW5nGAEgASgLMhIua2VyZi52MS5SZWNvcmRpbmci",
-            "SwoJUmVjb3JkaW5nEgwKBGZpbGUYASABKAkSDQoFc3RlcHMYAiABKAQSEgoK",
-            "aXNfY3V0X29mZhgDIAEoCBINCgVlcnJvchgEIAEoCSIYCgdKb3VybmFsEg0K",
-            "BWVycm9yGAEgASgJIikKE1BhdXNlU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lv",
-            "bl9pZBgBIAEoCSIkChRQYXVzZVNlc3Npb25SZXNwb25zZRIMCgRzdGVwGAEg",
-            "ASgEIioKFFJlc3VtZVNlc3Npb25SZXF1ZXN0EhIKCnNlc3Npb25faWQYASAB",
-            "KAkiJQoVUmVzdW1lU2Vzc2lvblJlc3BvbnNlEgwKBHN0ZXAYASABKAQiWwoS",
-            "U3RlcFNlc3Npb25SZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDQoFc3Rl",
-            "cHMYAiABKA0SIgoGaW5wdXRzGAMgAygLMhIua2VyZi52MS5TdGVwSW5wdXQi",
-            "MQoJU3RlcElucHV0EiQKB21vdGlvbnMYASADKAsyEy5rZXJmLnYxLlRvb2xN",
-            "b3Rpb24iXAoKVG9vbE1vdGlvbhIhCgRwb3NlGAEgASgLMhEua2VyZi52MS5U",
-            "b29sUG9zZUgAEiEKBGxpZnQYAiABKAsyES5rZXJmLnYxLkxpZnRUb29sSABC",
-            "CAoGbW90aW9uInkKE1N0ZXBTZXNzaW9uUmVzcG9uc2USDAoEc3RlcBgBIAEo",
-            "BBImCghvdXRjb21lcxgCIAMoCzIULmtlcmYudjEuU3RlcE91dGNvbWUSGAoQ",
-            "dG9wb2xvZ3lfdmVyc2lvbhgDIAEoBBISCgpzdGF0ZV9oYXNoGAQgASgGIkQK",
-            "E1N0ZXBTZXNzaW9uc1JlcXVlc3QSLQoIc2Vzc2lvbnMYASADKAsyGy5rZXJm",
-            "LnYxLlN0ZXBTZXNzaW9uUmVxdWVzdCJGChRTdGVwU2Vzc2lvbnNSZXNwb25z",
-            "ZRIuCghzZXNzaW9ucxgBIAMoCzIcLmtlcmYudjEuU3RlcFNlc3Npb25SZXNw",
-            "b25zZSKqAQoLU3RlcE91dGNvbWUSDAoEc3RlcBgBIAEoBBISCgpzaW1fdGlt",
-            "ZV9zGAIgASgBEiIKCGNvbnRhY3RzGAMgAygLMhAua2VyZi52MS5Db250YWN0",
-            "EiUKBmVuZXJneRgEIAEoCzIVLmtlcmYudjEuRW5lcmd5TGVkZ2VyEi4KF3Ry",
-            "YWNrZWRfZGlzcGxhY2VtZW50c19tGAUgAygLMg0ua2VyZi52MS5WZWMzIikK",
-            "E1Jlc2V0U2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSI9ChRS",
-            "ZXNldFNlc3Npb25SZXNwb25zZRIlCglyZWNvcmRpbmcYASABKAsyEi5rZXJm",
-            "LnYxLlJlY29yZGluZyI5ChVTYXZlQ2hlY2twb2ludFJlcXVlc3QSEgoKc2Vz",
-            "c2lvbl9pZBgBIAEoCRIMCgRuYW1lGAIgASgJIiYKFlNhdmVDaGVja3BvaW50",
-            "UmVzcG9uc2USDAoEc3RlcBgBIAEoBCI8ChhSZXN0b3JlQ2hlY2twb2ludFJl",
-            "cXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRIMCgRuYW1lGAIgASgJIlAKGVJl",
-            "c3RvcmVDaGVja3BvaW50UmVzcG9uc2USDAoEc3RlcBgBIAEoBBIlCglyZWNv",
-            "cmRpbmcYAiABKAsyEi5rZXJmLnYxLlJlY29yZGluZyIsChZMaXN0Q2hlY2tw",
-            "b2ludHNSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkiQwoXTGlzdENoZWNr",
-            "cG9pbnRzUmVzcG9uc2USKAoLY2hlY2twb2ludHMYASADKAsyEy5rZXJmLnYx",
-            "LkNoZWNrcG9pbnQiPAoKQ2hlY2twb2ludBIMCgRuYW1lGAEgASgJEgwKBHN0",
-            "ZXAYAiABKAQSEgoKc2ltX3RpbWVfcxgDIAEoASI7ChdEZWxldGVDaGVja3Bv",
+            "dHJvbC5wcm90bxoTa2VyZi92MS90eXBlcy5wcm90byJcChJNb3ZlU2Vzc2lv",
+            "blJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRIKCgJ0bxgCIAEoCRINCgV0",
+            "b2tlbhgDIAEoCRIXCg9jYV9jZXJ0aWZpY2F0ZXMYBCABKAkiIwoTTW92ZVNl",
+            "c3Npb25SZXNwb25zZRIMCgRzdGVwGAEgASgEIjYKElRha2VTZXNzaW9uUmVx",
+            "dWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBGRhdGEYAiABKAwiIwoTVGFr",
+            "ZVNlc3Npb25SZXNwb25zZRIMCgRzdGVwGAEgASgEIhMKEUxpc3RTY2VuZXNS",
+            "ZXF1ZXN0IjgKEkxpc3RTY2VuZXNSZXNwb25zZRIiCgZzY2VuZXMYASADKAsy",
+            "Ei5rZXJmLnYxLlNjZW5lSW5mbyIuCglTY2VuZUluZm8SDAoEbmFtZRgBIAEo",
+            "CRITCgtkZXNjcmlwdGlvbhgCIAEoCSJDCg9HZXRTY2VuZVJlcXVlc3QSFAoK",
+            "c2NlbmVfbmFtZRgBIAEoCUgAEhQKCnNlc3Npb25faWQYAiABKAlIAEIECgJv",
+            "ZiImChBHZXRTY2VuZVJlc3BvbnNlEhIKCnNjZW5lX3RvbWwYASABKAkirgIK",
+            "FENyZWF0ZVNlc3Npb25SZXF1ZXN0EhQKCnNjZW5lX25hbWUYASABKAlIABIU",
+            "CgpzY2VuZV90b21sGAIgASgJSAASFAoMc3RhcnRfcGF1c2VkGAMgASgIEg8K",
+            "BWxldmVsGAQgASgNSAESEwoJYnVkZ2V0X21zGAUgASgBSAESEwoJbWF4X2Vy",
+            "cm9yGAYgASgBSAESGQoMc3RlcF9yYXRlX2h6GAcgASgBSAKIAQESIQoFZmls",
+            "ZXMYCCADKAsyEi5rZXJmLnYxLlNjZW5lRmlsZRIVCg1maXRfc3RlcF9yYXRl",
+            "GAkgASgIEg8KB3ByaXZhdGUYCiABKAgSEQoJdXBsb2FkX2lkGAsgASgJQgcK",
+            "BXNjZW5lQgYKBGRpYWxCDwoNX3N0ZXBfcmF0ZV9oeiInCglTY2VuZUZpbGUS",
+            "DAoEbmFtZRgBIAEoCRIMCgRkYXRhGAIgASgMIlcKFUNyZWF0ZVNlc3Npb25S",
+            "ZXNwb25zZRIsCgdzZXNzaW9uGAEgASgLMhsua2VyZi52MS5TZXNzaW9uRGVz",
+            "Y3JpcHRpb24SEAoId2FybmluZ3MYAiADKAkiRAoSTWFrZVNlc3Npb25SZXF1",
+            "ZXN0Ei4KB3JlcXVlc3QYASABKAsyHS5rZXJmLnYxLkNyZWF0ZVNlc3Npb25S",
+            "ZXF1ZXN0In4KE01ha2VTZXNzaW9uUmVzcG9uc2USKwoIcHJvZ3Jlc3MYASAB",
+            "KAsyFy5rZXJmLnYxLk1ha2luZ1Byb2dyZXNzSAASMQoHY3JlYXRlZBgCIAEo",
+            "CzIeLmtlcmYudjEuQ3JlYXRlU2Vzc2lvblJlc3BvbnNlSABCBwoFc3RhdGUi",
+            "kQEKDk1ha2luZ1Byb2dyZXNzEiMKBXN0YWdlGAEgASgOMhQua2VyZi52MS5N",
+            "YWtpbmdTdGFnZRIOCgZvYmplY3QYAiABKA0SDwoHb2JqZWN0cxgDIAEoDRIO",
+            "CgZ2b3hlbHMYBCABKAQSGgoSY29tcG9zaXRlX2VsZW1lbnRzGAUgASgEEg0K",
+            "BXNoYXJlGAYgASgCImUKElVwbG9hZFNjZW5lUmVxdWVzdBIuCgdyZXF1ZXN0",
+            "GAEgASgLMh0ua2VyZi52MS5DcmVhdGVTZXNzaW9uUmVxdWVzdBIRCglmaWxl",
+            "X25hbWUYAiABKAkSDAoEZGF0YRgDIAEoDCJVChNVcGxvYWRTY2VuZVJlc3Bv",
+            "bnNlEiwKB3Nlc3Npb24YASABKAsyGy5rZXJmLnYxLlNlc3Npb25EZXNjcmlw",
+            "dGlvbhIQCgh3YXJuaW5ncxgCIAMoCSJKChRTZW5kU2NlbmVGaWxlUmVxdWVz",
+            "dBIRCgl1cGxvYWRfaWQYASABKAkSEQoJZmlsZV9uYW1lGAIgASgJEgwKBGRh",
+            "dGEYAyABKAwiQgoVU2VuZFNjZW5lRmlsZVJlc3BvbnNlEhEKCXVwbG9hZF9p",
+            "ZBgBIAEoCRIWCg5yZWNlaXZlZF9ieXRlcxgCIAEoBCIsChZEZXNjcmliZVNl",
+            "c3Npb25SZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkiRwoXRGVzY3JpYmVT",
+            "ZXNzaW9uUmVzcG9uc2USLAoHc2Vzc2lvbhgBIAEoCzIbLmtlcmYudjEuU2Vz",
+            "c2lvbkRlc2NyaXB0aW9uIhUKE0xpc3RTZXNzaW9uc1JlcXVlc3QifgoUTGlz",
+            "dFNlc3Npb25zUmVzcG9uc2USJgoIc2Vzc2lvbnMYASADKAsyFC5rZXJmLnYx",
+            "LlNlc3Npb25JbmZvEhcKD3NlcnZlcl9pbnN0YW5jZRgCIAEoCRIlCgZzZXJ2",
+            "ZXIYAyABKAsyFS5rZXJmLnYxLlNlcnZlclZpdGFscyJUCgxTZXJ2ZXJWaXRh",
+            "bHMSDwoHdmVyc2lvbhgBIAEoCRIdChVyZXNpZGVudF9tZW1vcnlfYnl0ZXMY",
+            "AiABKAQSFAoMbWF4X3Nlc3Npb25zGAMgASgNIikKE0Nsb3NlU2Vzc2lvblJl",
+            "cXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSI9ChRDbG9zZVNlc3Npb25SZXNw",
+            "b25zZRIlCglyZWNvcmRpbmcYASABKAsyEi5rZXJmLnYxLlJlY29yZGluZyJL",
+            "CglSZWNvcmRpbmcSDAoEZmlsZRgBIAEoCRINCgVzdGVwcxgCIAEoBBISCgpp",
+            "c19jdXRfb2ZmGAMgASgIEg0KBWVycm9yGAQgASgJIhgKB0pvdXJuYWwSDQoF",
+            "ZXJyb3IYASABKAkiKQoTUGF1c2VTZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9u",
+            "X2lkGAEgASgJIiQKFFBhdXNlU2Vzc2lvblJlc3BvbnNlEgwKBHN0ZXAYASAB",
+            "KAQiKgoUUmVzdW1lU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEo",
+            "CSIlChVSZXN1bWVTZXNzaW9uUmVzcG9uc2USDAoEc3RlcBgBIAEoBCJbChJT",
+            "dGVwU2Vzc2lvblJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRINCgVzdGVw",
+            "cxgCIAEoDRIiCgZpbnB1dHMYAyADKAsyEi5rZXJmLnYxLlN0ZXBJbnB1dCIx",
+            "CglTdGVwSW5wdXQSJAoHbW90aW9ucxgBIAMoCzITLmtlcmYudjEuVG9vbE1v",
+            "dGlvbiJcCgpUb29sTW90aW9uEiEKBHBvc2UYASABKAsyES5rZXJmLnYxLlRv",
+            "b2xQb3NlSAASIQoEbGlmdBgCIAEoCzIRLmtlcmYudjEuTGlmdFRvb2xIAEII",
+            "CgZtb3Rpb24ieQoTU3RlcFNlc3Npb25SZXNwb25zZRIMCgRzdGVwGAEgASgE",
+            "EiYKCG91dGNvbWVzGAIgAygLMhQua2VyZi52MS5TdGVwT3V0Y29tZRIYChB0",
+            "b3BvbG9neV92ZXJzaW9uGAMgASgEEhIKCnN0YXRlX2hhc2gYBCABKAYiRAoT",
+            "U3RlcFNlc3Npb25zUmVxdWVzdBItCghzZXNzaW9ucxgBIAMoCzIbLmtlcmYu",
+            "djEuU3RlcFNlc3Npb25SZXF1ZXN0IkYKFFN0ZXBTZXNzaW9uc1Jlc3BvbnNl",
+            "Ei4KCHNlc3Npb25zGAEgAygLMhwua2VyZi52MS5TdGVwU2Vzc2lvblJlc3Bv",
+            "bnNlIqoBCgtTdGVwT3V0Y29tZRIMCgRzdGVwGAEgASgEEhIKCnNpbV90aW1l",
+            "X3MYAiABKAESIgoIY29udGFjdHMYAyADKAsyEC5rZXJmLnYxLkNvbnRhY3QS",
+            "JQoGZW5lcmd5GAQgASgLMhUua2VyZi52MS5FbmVyZ3lMZWRnZXISLgoXdHJh",
+            "Y2tlZF9kaXNwbGFjZW1lbnRzX20YBSADKAsyDS5rZXJmLnYxLlZlYzMiKQoT",
+            "UmVzZXRTZXNzaW9uUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIj0KFFJl",
+            "c2V0U2Vzc2lvblJlc3BvbnNlEiUKCXJlY29yZGluZxgBIAEoCzISLmtlcmYu",
+            "djEuUmVjb3JkaW5nIjkKFVNhdmVDaGVja3BvaW50UmVxdWVzdBISCgpzZXNz",
+            "aW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAkiJgoWU2F2ZUNoZWNrcG9pbnRS",
+            "ZXNwb25zZRIMCgRzdGVwGAEgASgEIjwKGFJlc3RvcmVDaGVja3BvaW50UmVx",
+            "dWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAkiUAoZUmVz",
+            "dG9yZUNoZWNrcG9pbnRSZXNwb25zZRIMCgRzdGVwGAEgASgEEiUKCXJlY29y",
+            "ZGluZxgCIAEoCzISLmtlcmYudjEuUmVjb3JkaW5nIiwKFkxpc3RDaGVja3Bv",
+            "aW50c1JlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCSJDChdMaXN0Q2hlY2tw",
+            "b2ludHNSZXNwb25zZRIoCgtjaGVja3BvaW50cxgBIAMoCzITLmtlcmYudjEu",
+            "Q2hlY2twb2ludCI8CgpDaGVja3BvaW50EgwKBG5hbWUYASABKAkSDAoEc3Rl",
+            "cBgCIAEoBBISCgpzaW1fdGltZV9zGAMgASgBIjsKF0RlbGV0ZUNoZWNrcG9p",
+            "bnRSZXF1ZXN0EhIKCnNlc3Npb25faWQYASABKAkSDAoEbmFtZRgCIAEoCSIa",
+            "ChhEZWxldGVDaGVja3BvaW50UmVzcG9uc2UiPQoZRG93bmxvYWRDaGVja3Bv",
             "aW50UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEgwKBG5hbWUYAiABKAki",
-            "GgoYRGVsZXRlQ2hlY2twb2ludFJlc3BvbnNlIj0KGURvd25sb2FkQ2hlY2tw",
-            "b2ludFJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRIMCgRuYW1lGAIgASgJ",
-            "IioKGkRvd25sb2FkQ2hlY2twb2ludFJlc3BvbnNlEgwKBGRhdGEYASABKAwi",
-            "SQoXVXBsb2FkQ2hlY2twb2ludFJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEo",
-            "CRIMCgRuYW1lGAIgASgJEgwKBGRhdGEYAyABKAwiKAoYVXBsb2FkQ2hlY2tw",
-            "b2ludFJlc3BvbnNlEgwKBHN0ZXAYASABKAQiKQoTSW52aXRlVmlld2VyUmVx",
-            "dWVzdBISCgpzZXNzaW9uX2lkGAEgASgJIjkKFEludml0ZVZpZXdlclJlc3Bv",
-            "bnNlEg0KBXRva2VuGAEgASgJEhIKCmdvb2RfZm9yX3MYAiABKAEiZQoRU2Vl",
-            "a1JlcGxheVJlcXVlc3QSEgoKc2Vzc2lvbl9pZBgBIAEoCRITCgZ0aW1lX3MY",
-            "AiABKAFIAIgBARISCgVzcGVlZBgDIAEoAUgBiAEBQgkKB190aW1lX3NCCAoG",
-            "X3NwZWVkIlMKElNlZWtSZXBsYXlSZXNwb25zZRIOCgZ0aW1lX3MYASABKAES",
-            "EAoIbGVuZ3RoX3MYAiABKAESDQoFc3BlZWQYAyABKAESDAoEc3RlcBgEIAEo",
-            "BCK5AQoLU2Vzc2lvbkluZm8SEgoKc2Vzc2lvbl9pZBgBIAEoCRISCgpzY2Vu",
-            "ZV9uYW1lGAIgASgJEiQKBXN0YXRlGAMgASgOMhUua2VyZi52MS5TZXNzaW9u",
-            "U3RhdGUSEQoJaXNfcmVwbGF5GAQgASgIEiYKBnZpdGFscxgFIAEoCzIWLmtl",
-            "cmYudjEuU2Vzc2lvblZpdGFscxIhCgdqb3VybmFsGAYgASgLMhAua2VyZi52",
-            "MS5Kb3VybmFsIt0BCg1TZXNzaW9uVml0YWxzEhQKDHN0ZXBfcmF0ZV9oehgB",
-            "IAEoARINCgVzdGVwcxgCIAEoBBISCgpsYXRlX3N0ZXBzGAMgASgEEg4KBmJ1",
-            "c3lfcxgEIAEoARIWCg5sb25nZXN0X3N0ZXBfcxgFIAEoARIPCgd2aWV3ZXJz",
-            "GAYgASgNEg8KB2RyaXZlcnMYByABKA0SDgoGZmF1bHRzGAggASgEEhQKDHBh",
-            "cnRlZF9saW5rcxgJIAEoBBIUCgxtZW1vcnlfYnl0ZXMYCiABKAQSDQoFaGFu",
-            "Z3MYCyABKAgiyQQKElNlc3Npb25EZXNjcmlwdGlvbhISCgpzZXNzaW9uX2lk",
-            "GAEgASgJEiQKBXN0YXRlGAIgASgOMhUua2VyZi52MS5TZXNzaW9uU3RhdGUS",
-            "JAoFc2NlbmUYAyABKAsyFS5rZXJmLnYxLlNjZW5lU3VtbWFyeRIfCgZsaW1p",
-            "dHMYBCABKAsyDy5rZXJmLnYxLkxpbWl0cxIMCgRzdGVwGAUgASgEEhIKCnNp",
-            "bV90aW1lX3MYBiABKAESGAoQdG9wb2xvZ3lfdmVyc2lvbhgHIAEoBBISCgps",
-            "YXRlX3N0ZXBzGAggASgEEg8KB3ZpZXdlcnMYCSABKA0SFwoPbGVhc2VkX3Rv",
-            "b2xfaWRzGAogAygNEiUKBmVuZXJneRgLIAEoCzIVLmtlcmYudjEuRW5lcmd5",
-            "TGVkZ2VyEi4KF3RyYWNrZWRfZGlzcGxhY2VtZW50c19tGAwgAygLMg0ua2Vy",
-            "Zi52MS5WZWMzEhIKCnN0YXRlX2hhc2gYDSABKAYSDwoHZmFpbHVyZRgOIAEo",
-            "CRIhCgRkaWFsGA8gASgLMhMua2VyZi52MS5EaWFsQ2hvaWNlEhoKEnJlbGF0",
-            "aXZlX3RvbGVyYW5jZRgQIAEoARIMCgRsb2FkGBEgASgBEhQKDG1lbW9yeV9i",
-            "eXRlcxgSIAEoBBIlCglyZWNvcmRpbmcYFSABKAsyEi5rZXJmLnYxLlJlY29y",
-            "ZGluZxIhCgdqb3VybmFsGBYgASgLMhAua2VyZi52MS5Kb3VybmFsEg8KB3By",
-            "aXZhdGUYFyABKAgiXwoKRGlhbENob2ljZRIlCgdzZXR0aW5nGAEgASgLMhQu",
-            "a2VyZi52MS5EaWFsU2V0dGluZxIqCghleHBlY3RlZBgCIAEoCzIYLmtlcmYu",
-            "djEuRGlhbEV4cGVjdGF0aW9uInkKC0RpYWxTZXR0aW5nEg0KBWxldmVsGAEg",
-            "ASgNEhMKC3ZveGVsX3NjYWxlGAIgASgBEhoKEnJlbGF0aXZlX3RvbGVyYW5j",
-            "ZRgDIAEoARIPCgdlbGVtZW50GAQgASgJEhkKEWhhc19maW5lcl9yZWdpb25z",
-            "GAUgASgIIncKD0RpYWxFeHBlY3RhdGlvbhIRCgltZWRpYW5fbXMYASABKAES",
-            "DgoGcDk5X21zGAIgASgBEhoKEmRpc3BsYWNlbWVudF9lcnJvchgDIAEoARIT",
-            "Cgtmb3JjZV9lcnJvchgEIAEoARIQCghoYXJkd2FyZRgFIAEoCSKsAgoMRW5l",
-            "cmd5TGVkZ2VyEhMKC3Rvb2xfd29ya19qGAEgASgBEhMKC2xvYWRfd29ya19q",
-            "GAIgASgBEhEKCWVsYXN0aWNfahgDIAEoARIRCgljb250YWN0X2oYBCABKAES",
-            "EQoJa2luZXRpY19qGAUgASgBEhIKCmZyYWN0dXJlX2oYBiABKAESFAoMZnJv",
-            "bnRfc2xpcF9qGAcgASgBEhQKDGluaXRpYXRpb25fahgIIAEoARIRCglwYXJ0",
-            "aW5nX2oYCSABKAESEQoJZGFtcGluZ19qGAogASgBEhMKC251bWVyaWNhbF9q",
-            "GAsgASgBEhIKCnJlc2lkdWFsX2oYDCABKAESEgoKZnJpY3Rpb25fahgNIAEo",
-            "ARIWCg5jb250YWN0X2xvc3NfahgOIAEoASqwAQoLTWFraW5nU3RhZ2USHAoY",
-            "TUFLSU5HX1NUQUdFX1VOU1BFQ0lGSUVEEAASGAoUTUFLSU5HX1NUQUdFX1JF",
-            "QURJTkcQARIXChNNQUtJTkdfU1RBR0VfVk9YRUxTEAISGQoVTUFLSU5HX1NU",
-            "QUdFX0VMRU1FTlRTEAMSFwoTTUFLSU5HX1NUQUdFX1NPTFZFUhAEEhwKGE1B",
-            "S0lOR19TVEFHRV9FUVVJTElCUklVTRAFMu8NCg5TZXNzaW9uU2VydmljZRJF",
-            "CgpMaXN0U2NlbmVzEhoua2VyZi52MS5MaXN0U2NlbmVzUmVxdWVzdBobLmtl",
-            "cmYudjEuTGlzdFNjZW5lc1Jlc3BvbnNlEj8KCEdldFNjZW5lEhgua2VyZi52",
-            "MS5HZXRTY2VuZVJlcXVlc3QaGS5rZXJmLnYxLkdldFNjZW5lUmVzcG9uc2US",
-            "TgoNQ3JlYXRlU2Vzc2lvbhIdLmtlcmYudjEuQ3JlYXRlU2Vzc2lvblJlcXVl",
-            "c3QaHi5rZXJmLnYxLkNyZWF0ZVNlc3Npb25SZXNwb25zZRJKCgtNYWtlU2Vz",
-            "c2lvbhIbLmtlcmYudjEuTWFrZVNlc3Npb25SZXF1ZXN0Ghwua2VyZi52MS5N",
-            "YWtlU2Vzc2lvblJlc3BvbnNlMAESSgoLVXBsb2FkU2NlbmUSGy5rZXJmLnYx",
-            "LlVwbG9hZFNjZW5lUmVxdWVzdBocLmtlcmYudjEuVXBsb2FkU2NlbmVSZXNw",
-            "b25zZSgBEk4KDVNlbmRTY2VuZUZpbGUSHS5rZXJmLnYxLlNlbmRTY2VuZUZp",
-            "bGVSZXF1ZXN0Gh4ua2VyZi52MS5TZW5kU2NlbmVGaWxlUmVzcG9uc2USVAoP",
-            "RGVzY3JpYmVTZXNzaW9uEh8ua2VyZi52MS5EZXNjcmliZVNlc3Npb25SZXF1",
-            "ZXN0GiAua2VyZi52MS5EZXNjcmliZVNlc3Npb25SZXNwb25zZRJLCgxMaXN0",
-            "U2Vzc2lvbnMSHC5rZXJmLnYxLkxpc3RTZXNzaW9uc1JlcXVlc3QaHS5rZXJm",
-            "LnYxLkxpc3RTZXNzaW9uc1Jlc3BvbnNlEksKDENsb3NlU2Vzc2lvbhIcLmtl",
-            "cmYudjEuQ2xvc2VTZXNzaW9uUmVxdWVzdBodLmtlcmYudjEuQ2xvc2VTZXNz",
-            "aW9uUmVzcG9uc2USSwoMUGF1c2VTZXNzaW9uEhwua2VyZi52MS5QYXVzZVNl",
-            "c3Npb25SZXF1ZXN0Gh0ua2VyZi52MS5QYXVzZVNlc3Npb25SZXNwb25zZRJO",
-            "Cg1SZXN1bWVTZXNzaW9uEh0ua2VyZi52MS5SZXN1bWVTZXNzaW9uUmVxdWVz",
-            "dBoeLmtlcmYudjEuUmVzdW1lU2Vzc2lvblJlc3BvbnNlEkgKC1N0ZXBTZXNz",
-            "aW9uEhsua2VyZi52MS5TdGVwU2Vzc2lvblJlcXVlc3QaHC5rZXJmLnYxLlN0",
-            "ZXBTZXNzaW9uUmVzcG9uc2USSwoMU3RlcFNlc3Npb25zEhwua2VyZi52MS5T",
-            "dGVwU2Vzc2lvbnNSZXF1ZXN0Gh0ua2VyZi52MS5TdGVwU2Vzc2lvbnNSZXNw",
-            "b25zZRJLCgxSZXNldFNlc3Npb24SHC5rZXJmLnYxLlJlc2V0U2Vzc2lvblJl",
-            "cXVlc3QaHS5rZXJmLnYxLlJlc2V0U2Vzc2lvblJlc3BvbnNlElEKDlNhdmVD",
-            "aGVja3BvaW50Eh4ua2VyZi52MS5TYXZlQ2hlY2twb2ludFJlcXVlc3QaHy5r",
-            "ZXJmLnYxLlNhdmVDaGVja3BvaW50UmVzcG9uc2USWgoRUmVzdG9yZUNoZWNr",
-            "cG9pbnQSIS5rZXJmLnYxLlJlc3RvcmVDaGVja3BvaW50UmVxdWVzdBoiLmtl",
-            "cmYudjEuUmVzdG9yZUNoZWNrcG9pbnRSZXNwb25zZRJUCg9MaXN0Q2hlY2tw",
-            "b2ludHMSHy5rZXJmLnYxLkxpc3RDaGVja3BvaW50c1JlcXVlc3QaIC5rZXJm",
-            "LnYxLkxpc3RDaGVja3BvaW50c1Jlc3BvbnNlElcKEERlbGV0ZUNoZWNrcG9p",
-            "bnQSIC5rZXJmLnYxLkRlbGV0ZUNoZWNrcG9pbnRSZXF1ZXN0GiEua2VyZi52",
-            "MS5EZWxldGVDaGVja3BvaW50UmVzcG9uc2USXwoSRG93bmxvYWRDaGVja3Bv",
-            "aW50EiIua2VyZi52MS5Eb3dubG9hZENoZWNrcG9pbnRSZXF1ZXN0GiMua2Vy",
-            "Zi52MS5Eb3dubG9hZENoZWNrcG9pbnRSZXNwb25zZTABElkKEFVwbG9hZENo",
-            "ZWNrcG9pbnQSIC5rZXJmLnYxLlVwbG9hZENoZWNrcG9pbnRSZXF1ZXN0GiEu",
-            "a2VyZi52MS5VcGxvYWRDaGVja3BvaW50UmVzcG9uc2UoARJLCgxJbnZpdGVW",
-            "aWV3ZXISHC5rZXJmLnYxLkludml0ZVZpZXdlclJlcXVlc3QaHS5rZXJmLnYx",
-            "Lkludml0ZVZpZXdlclJlc3BvbnNlEkUKClNlZWtSZXBsYXkSGi5rZXJmLnYx",
-            "LlNlZWtSZXBsYXlSZXF1ZXN0Ghsua2VyZi52MS5TZWVrUmVwbGF5UmVzcG9u",
-            "c2ViBnByb3RvMw=="));
+            "KgoaRG93bmxvYWRDaGVja3BvaW50UmVzcG9uc2USDAoEZGF0YRgBIAEoDCJJ",
+            "ChdVcGxvYWRDaGVja3BvaW50UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJ",
+            "EgwKBG5hbWUYAiABKAkSDAoEZGF0YRgDIAEoDCIoChhVcGxvYWRDaGVja3Bv",
+            "aW50UmVzcG9uc2USDAoEc3RlcBgBIAEoBCIpChNJbnZpdGVWaWV3ZXJSZXF1",
+            "ZXN0EhIKCnNlc3Npb25faWQYASABKAkiOQoUSW52aXRlVmlld2VyUmVzcG9u",
+            "c2USDQoFdG9rZW4YASABKAkSEgoKZ29vZF9mb3JfcxgCIAEoASJlChFTZWVr",
+            "UmVwbGF5UmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEhMKBnRpbWVfcxgC",
+            "IAEoAUgAiAEBEhIKBXNwZWVkGAMgASgBSAGIAQFCCQoHX3RpbWVfc0IICgZf",
+            "c3BlZWQiUwoSU2Vla1JlcGxheVJlc3BvbnNlEg4KBnRpbWVfcxgBIAEoARIQ",
+            "CghsZW5ndGhfcxgCIAEoARINCgVzcGVlZBgDIAEoARIMCgRzdGVwGAQgASgE",
+            "IrkBCgtTZXNzaW9uSW5mbxISCgpzZXNzaW9uX2lkGAEgASgJEhIKCnNjZW5l",
+            "X25hbWUYAiABKAkSJAoFc3RhdGUYAyABKA4yFS5rZXJmLnYxLlNlc3Npb25T",
+            "dGF0ZRIRCglpc19yZXBsYXkYBCABKAgSJgoGdml0YWxzGAUgASgLMhYua2Vy",
+            "Zi52MS5TZXNzaW9uVml0YWxzEiEKB2pvdXJuYWwYBiABKAsyEC5rZXJmLnYx",
+            "LkpvdXJuYWwi3QEKDVNlc3Npb25WaXRhbHMSFAoMc3RlcF9yYXRlX2h6GAEg",
+            "ASgBEg0KBXN0ZXBzGAIgASgEEhIKCmxhdGVfc3RlcHMYAyABKAQSDgoGYnVz",
+            "eV9zGAQgASgBEhYKDmxvbmdlc3Rfc3RlcF9zGAUgASgBEg8KB3ZpZXdlcnMY",
+            "BiABKA0SDwoHZHJpdmVycxgHIAEoDRIOCgZmYXVsdHMYCCABKAQSFAoMcGFy",
+            "dGVkX2xpbmtzGAkgASgEEhQKDG1lbW9yeV9ieXRlcxgKIAEoBBINCgVoYW5n",
+            "cxgLIAEoCCLJBAoSU2Vzc2lvbkRlc2NyaXB0aW9uEhIKCnNlc3Npb25faWQY",
+            "ASABKAkSJAoFc3RhdGUYAiABKA4yFS5rZXJmLnYxLlNlc3Npb25TdGF0ZRIk",
+            "CgVzY2VuZRgDIAEoCzIVLmtlcmYudjEuU2NlbmVTdW1tYXJ5Eh8KBmxpbWl0",
+            "cxgEIAEoCzIPLmtlcmYudjEuTGltaXRzEgwKBHN0ZXAYBSABKAQSEgoKc2lt",
+            "X3RpbWVfcxgGIAEoARIYChB0b3BvbG9neV92ZXJzaW9uGAcgASgEEhIKCmxh",
+            "dGVfc3RlcHMYCCABKAQSDwoHdmlld2VycxgJIAEoDRIXCg9sZWFzZWRfdG9v",
+            "bF9pZHMYCiADKA0SJQoGZW5lcmd5GAsgASgLMhUua2VyZi52MS5FbmVyZ3lM",
+            "ZWRnZXISLgoXdHJhY2tlZF9kaXNwbGFjZW1lbnRzX20YDCADKAsyDS5rZXJm",
+            "LnYxLlZlYzMSEgoKc3RhdGVfaGFzaBgNIAEoBhIPCgdmYWlsdXJlGA4gASgJ",
+            "EiEKBGRpYWwYDyABKAsyEy5rZXJmLnYxLkRpYWxDaG9pY2USGgoScmVsYXRp",
+            "dmVfdG9sZXJhbmNlGBAgASgBEgwKBGxvYWQYESABKAESFAoMbWVtb3J5X2J5",
+            "dGVzGBIgASgEEiUKCXJlY29yZGluZxgVIAEoCzISLmtlcmYudjEuUmVjb3Jk",
+            "aW5nEiEKB2pvdXJuYWwYFiABKAsyEC5rZXJmLnYxLkpvdXJuYWwSDwoHcHJp",
+            "dmF0ZRgXIAEoCCJfCgpEaWFsQ2hvaWNlEiUKB3NldHRpbmcYASABKAsyFC5r",
+            "ZXJmLnYxLkRpYWxTZXR0aW5nEioKCGV4cGVjdGVkGAIgASgLMhgua2VyZi52",
+            "MS5EaWFsRXhwZWN0YXRpb24ieQoLRGlhbFNldHRpbmcSDQoFbGV2ZWwYASAB",
+            "KA0SEwoLdm94ZWxfc2NhbGUYAiABKAESGgoScmVsYXRpdmVfdG9sZXJhbmNl",
+            "GAMgASgBEg8KB2VsZW1lbnQYBCABKAkSGQoRaGFzX2ZpbmVyX3JlZ2lvbnMY",
+            "BSABKAgidwoPRGlhbEV4cGVjdGF0aW9uEhEKCW1lZGlhbl9tcxgBIAEoARIO",
+            "CgZwOTlfbXMYAiABKAESGgoSZGlzcGxhY2VtZW50X2Vycm9yGAMgASgBEhMK",
+            "C2ZvcmNlX2Vycm9yGAQgASgBEhAKCGhhcmR3YXJlGAUgASgJIqwCCgxFbmVy",
+            "Z3lMZWRnZXISEwoLdG9vbF93b3JrX2oYASABKAESEwoLbG9hZF93b3JrX2oY",
+            "AiABKAESEQoJZWxhc3RpY19qGAMgASgBEhEKCWNvbnRhY3RfahgEIAEoARIR",
+            "CglraW5ldGljX2oYBSABKAESEgoKZnJhY3R1cmVfahgGIAEoARIUCgxmcm9u",
+            "dF9zbGlwX2oYByABKAESFAoMaW5pdGlhdGlvbl9qGAggASgBEhEKCXBhcnRp",
+            "bmdfahgJIAEoARIRCglkYW1waW5nX2oYCiABKAESEwoLbnVtZXJpY2FsX2oY",
+            "CyABKAESEgoKcmVzaWR1YWxfahgMIAEoARISCgpmcmljdGlvbl9qGA0gASgB",
+            "EhYKDmNvbnRhY3RfbG9zc19qGA4gASgBKrABCgtNYWtpbmdTdGFnZRIcChhN",
+            "QUtJTkdfU1RBR0VfVU5TUEVDSUZJRUQQABIYChRNQUtJTkdfU1RBR0VfUkVB",
+            "RElORxABEhcKE01BS0lOR19TVEFHRV9WT1hFTFMQAhIZChVNQUtJTkdfU1RB",
+            "R0VfRUxFTUVOVFMQAxIXChNNQUtJTkdfU1RBR0VfU09MVkVSEAQSHAoYTUFL",
+            "SU5HX1NUQUdFX0VRVUlMSUJSSVVNEAUyhQ8KDlNlc3Npb25TZXJ2aWNlEkUK",
+            "Ckxpc3RTY2VuZXMSGi5rZXJmLnYxLkxpc3RTY2VuZXNSZXF1ZXN0Ghsua2Vy",
+            "Zi52MS5MaXN0U2NlbmVzUmVzcG9uc2USPwoIR2V0U2NlbmUSGC5rZXJmLnYx",
+            "LkdldFNjZW5lUmVxdWVzdBoZLmtlcmYudjEuR2V0U2NlbmVSZXNwb25zZRJO",
+            "Cg1DcmVhdGVTZXNzaW9uEh0ua2VyZi52MS5DcmVhdGVTZXNzaW9uUmVxdWVz",
+            "dBoeLmtlcmYudjEuQ3JlYXRlU2Vzc2lvblJlc3BvbnNlEkoKC01ha2VTZXNz",
+            "aW9uEhsua2VyZi52MS5NYWtlU2Vzc2lvblJlcXVlc3QaHC5rZXJmLnYxLk1h",
+            "a2VTZXNzaW9uUmVzcG9uc2UwARJKCgtVcGxvYWRTY2VuZRIbLmtlcmYudjEu",
+            "VXBsb2FkU2NlbmVSZXF1ZXN0Ghwua2VyZi52MS5VcGxvYWRTY2VuZVJlc3Bv",
+            "bnNlKAESTgoNU2VuZFNjZW5lRmlsZRIdLmtlcmYudjEuU2VuZFNjZW5lRmls",
+            "ZVJlcXVlc3QaHi5rZXJmLnYxLlNlbmRTY2VuZUZpbGVSZXNwb25zZRJUCg9E",
+            "ZXNjcmliZVNlc3Npb24SHy5rZXJmLnYxLkRlc2NyaWJlU2Vzc2lvblJlcXVl",
+            "c3QaIC5rZXJmLnYxLkRlc2NyaWJlU2Vzc2lvblJlc3BvbnNlEksKDExpc3RT",
+            "ZXNzaW9ucxIcLmtlcmYudjEuTGlzdFNlc3Npb25zUmVxdWVzdBodLmtlcmYu",
+            "djEuTGlzdFNlc3Npb25zUmVzcG9uc2USSwoMQ2xvc2VTZXNzaW9uEhwua2Vy",
+            "Zi52MS5DbG9zZVNlc3Npb25SZXF1ZXN0Gh0ua2VyZi52MS5DbG9zZVNlc3Np",
+            "b25SZXNwb25zZRJLCgxQYXVzZVNlc3Npb24SHC5rZXJmLnYxLlBhdXNlU2Vz",
+            "c2lvblJlcXVlc3QaHS5rZXJmLnYxLlBhdXNlU2Vzc2lvblJlc3BvbnNlEk4K",
+            "DVJlc3VtZVNlc3Npb24SHS5rZXJmLnYxLlJlc3VtZVNlc3Npb25SZXF1ZXN0",
+            "Gh4ua2VyZi52MS5SZXN1bWVTZXNzaW9uUmVzcG9uc2USSAoLU3RlcFNlc3Np",
+            "b24SGy5rZXJmLnYxLlN0ZXBTZXNzaW9uUmVxdWVzdBocLmtlcmYudjEuU3Rl",
+            "cFNlc3Npb25SZXNwb25zZRJLCgxTdGVwU2Vzc2lvbnMSHC5rZXJmLnYxLlN0",
+            "ZXBTZXNzaW9uc1JlcXVlc3QaHS5rZXJmLnYxLlN0ZXBTZXNzaW9uc1Jlc3Bv",
+            "bnNlEksKDFJlc2V0U2Vzc2lvbhIcLmtlcmYudjEuUmVzZXRTZXNzaW9uUmVx",
+            "dWVzdBodLmtlcmYudjEuUmVzZXRTZXNzaW9uUmVzcG9uc2USUQoOU2F2ZUNo",
+            "ZWNrcG9pbnQSHi5rZXJmLnYxLlNhdmVDaGVja3BvaW50UmVxdWVzdBofLmtl",
+            "cmYudjEuU2F2ZUNoZWNrcG9pbnRSZXNwb25zZRJaChFSZXN0b3JlQ2hlY2tw",
+            "b2ludBIhLmtlcmYudjEuUmVzdG9yZUNoZWNrcG9pbnRSZXF1ZXN0GiIua2Vy",
+            "Zi52MS5SZXN0b3JlQ2hlY2twb2ludFJlc3BvbnNlElQKD0xpc3RDaGVja3Bv",
+            "aW50cxIfLmtlcmYudjEuTGlzdENoZWNrcG9pbnRzUmVxdWVzdBogLmtlcmYu",
+            "djEuTGlzdENoZWNrcG9pbnRzUmVzcG9uc2USVwoQRGVsZXRlQ2hlY2twb2lu",
+            "dBIgLmtlcmYudjEuRGVsZXRlQ2hlY2twb2ludFJlcXVlc3QaIS5rZXJmLnYx",
+            "LkRlbGV0ZUNoZWNrcG9pbnRSZXNwb25zZRJfChJEb3dubG9hZENoZWNrcG9p",
+            "bnQSIi5rZXJmLnYxLkRvd25sb2FkQ2hlY2twb2ludFJlcXVlc3QaIy5rZXJm",
+            "LnYxLkRvd25sb2FkQ2hlY2twb2ludFJlc3BvbnNlMAESWQoQVXBsb2FkQ2hl",
+            "Y2twb2ludBIgLmtlcmYudjEuVXBsb2FkQ2hlY2twb2ludFJlcXVlc3QaIS5r",
+            "ZXJmLnYxLlVwbG9hZENoZWNrcG9pbnRSZXNwb25zZSgBEksKDEludml0ZVZp",
+            "ZXdlchIcLmtlcmYudjEuSW52aXRlVmlld2VyUmVxdWVzdBodLmtlcmYudjEu",
+            "SW52aXRlVmlld2VyUmVzcG9uc2USSAoLTW92ZVNlc3Npb24SGy5rZXJmLnYx",
+            "Lk1vdmVTZXNzaW9uUmVxdWVzdBocLmtlcmYudjEuTW92ZVNlc3Npb25SZXNw",
+            "b25zZRJKCgtUYWtlU2Vzc2lvbhIbLmtlcmYudjEuVGFrZVNlc3Npb25SZXF1",
+            "ZXN0Ghwua2VyZi52MS5UYWtlU2Vzc2lvblJlc3BvbnNlKAESRQoKU2Vla1Jl",
+            "cGxheRIaLmtlcmYudjEuU2Vla1JlcGxheVJlcXVlc3QaGy5rZXJmLnYxLlNl",
+            "ZWtSZXBsYXlSZXNwb25zZWIGcHJvdG8z"));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { global::Kerf.V1.ControlReflection.Descriptor, global::Kerf.V1.TypesReflection.Descriptor, },
           new pbr::GeneratedClrTypeInfo(new[] {typeof(global::Kerf.V1.MakingStage), }, null, new pbr::GeneratedClrTypeInfo[] {
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.MoveSessionRequest), global::Kerf.V1.MoveSessionRequest.Parser, new[]{ "SessionId", "To", "Token", "CaCertificates" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.MoveSessionResponse), global::Kerf.V1.MoveSessionResponse.Parser, new[]{ "Step" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.TakeSessionRequest), global::Kerf.V1.TakeSessionRequest.Parser, new[]{ "SessionId", "Data" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.TakeSessionResponse), global::Kerf.V1.TakeSessionResponse.Parser, new[]{ "Step" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ListScenesRequest), global::Kerf.V1.ListScenesRequest.Parser, null, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ListScenesResponse), global::Kerf.V1.ListScenesResponse.Parser, new[]{ "Scenes" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.SceneInfo), global::Kerf.V1.SceneInfo.Parser, new[]{ "Name", "Description" }, null, null, null, null),
@@ -297,6 +309,946 @@ namespace Kerf.V1 {
 
   #region Messages
   /// <summary>
+  /// Moves a session.
+  /// </summary>
+  public sealed partial class MoveSessionRequest : pb::IMessage<MoveSessionRequest>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<MoveSessionRequest> _parser = new pb::MessageParser<MoveSessionRequest>(() => new MoveSessionRequest());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<MoveSessionRequest> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[0]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public MoveSessionRequest() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public MoveSessionRequest(MoveSessionRequest other) : this() {
+      sessionId_ = other.sessionId_;
+      to_ = other.to_;
+      token_ = other.token_;
+      caCertificates_ = other.caCertificates_;
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public MoveSessionRequest Clone() {
+      return new MoveSessionRequest(this);
+    }
+
+    /// <summary>Field number for the "session_id" field.</summary>
+    public const int SessionIdFieldNumber = 1;
+    private string sessionId_ = "";
+    /// <summary>
+    /// Its id.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public string SessionId {
+      get { return sessionId_; }
+      set {
+        sessionId_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    /// <summary>Field number for the "to" field.</summary>
+    public const int ToFieldNumber = 2;
+    private string to_ = "";
+    /// <summary>
+    /// The server that it moves to, as https://NAME:PORT or http://NAME:PORT: as its clients reach it.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public string To {
+      get { return to_; }
+      set {
+        to_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    /// <summary>Field number for the "token" field.</summary>
+    public const int TokenFieldNumber = 3;
+    private string token_ = "";
+    /// <summary>
+    /// An operator's token of that server; empty where it asks for none.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public string Token {
+      get { return token_; }
+      set {
+        token_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    /// <summary>Field number for the "ca_certificates" field.</summary>
+    public const int CaCertificatesFieldNumber = 4;
+    private string caCertificates_ = "";
+    /// <summary>
+    /// Certificates (PEM) of those who are trusted to sign that server's; empty: the system's.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public string CaCertificates {
+      get { return caCertificates_; }
+      set {
+        caCertificates_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as MoveSessionRequest);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(MoveSessionRequest other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (SessionId != other.SessionId) return false;
+      if (To != other.To) return false;
+      if (Token != other.Token) return false;
+      if (CaCertificates != other.CaCertificates) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (SessionId.Length != 0) hash ^= SessionId.GetHashCode();
+      if (To.Length != 0) hash ^= To.GetHashCode();
+      if (Token.Length != 0) hash ^= Token.GetHashCode();
+      if (CaCertificates.Length != 0) hash ^= CaCertificates.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (SessionId.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteString(SessionId);
+      }
+      if (To.Length != 0) {
+        output.WriteRawTag(18);
+        output.WriteString(To);
+      }
+      if (Token.Length != 0) {
+        output.WriteRawTag(26);
+        output.WriteString(Token);
+      }
+      if (CaCertificates.Length != 0) {
+        output.WriteRawTag(34);
+        output.WriteString(CaCertificates);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (SessionId.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteString(SessionId);
+      }
+      if (To.Length != 0) {
+        output.WriteRawTag(18);
+        output.WriteString(To);
+      }
+      if (Token.Length != 0) {
+        output.WriteRawTag(26);
+        output.WriteString(Token);
+      }
+      if (CaCertificates.Length != 0) {
+        output.WriteRawTag(34);
+        output.WriteString(CaCertificates);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (SessionId.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeStringSize(SessionId);
+      }
+      if (To.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeStringSize(To);
+      }
+      if (Token.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeStringSize(Token);
+      }
+      if (CaCertificates.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeStringSize(CaCertificates);
+      }
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(MoveSessionRequest other) {
+      if (other == null) {
+        return;
+      }
+      if (other.SessionId.Length != 0) {
+        SessionId = other.SessionId;
+      }
+      if (other.To.Length != 0) {
+        To = other.To;
+      }
+      if (other.Token.Length != 0) {
+        Token = other.Token;
+      }
+      if (other.CaCertificates.Length != 0) {
+        CaCertificates = other.CaCertificates;
+      }
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 10: {
+            SessionId = input.ReadString();
+            break;
+          }
+          case 18: {
+            To = input.ReadString();
+            break;
+          }
+          case 26: {
+            Token = input.ReadString();
+            break;
+          }
+          case 34: {
+            CaCertificates = input.ReadString();
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 10: {
+            SessionId = input.ReadString();
+            break;
+          }
+          case 18: {
+            To = input.ReadString();
+            break;
+          }
+          case 26: {
+            Token = input.ReadString();
+            break;
+          }
+          case 34: {
+            CaCertificates = input.ReadString();
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
+  /// The session is there.
+  /// </summary>
+  public sealed partial class MoveSessionResponse : pb::IMessage<MoveSessionResponse>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<MoveSessionResponse> _parser = new pb::MessageParser<MoveSessionResponse>(() => new MoveSessionResponse());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<MoveSessionResponse> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[1]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public MoveSessionResponse() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public MoveSessionResponse(MoveSessionResponse other) : this() {
+      step_ = other.step_;
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public MoveSessionResponse Clone() {
+      return new MoveSessionResponse(this);
+    }
+
+    /// <summary>Field number for the "step" field.</summary>
+    public const int StepFieldNumber = 1;
+    private ulong step_;
+    /// <summary>
+    /// Step that it goes on from.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ulong Step {
+      get { return step_; }
+      set {
+        step_ = value;
+      }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as MoveSessionResponse);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(MoveSessionResponse other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (Step != other.Step) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (Step != 0UL) hash ^= Step.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (Step != 0UL) {
+        output.WriteRawTag(8);
+        output.WriteUInt64(Step);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (Step != 0UL) {
+        output.WriteRawTag(8);
+        output.WriteUInt64(Step);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (Step != 0UL) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt64Size(Step);
+      }
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(MoveSessionResponse other) {
+      if (other == null) {
+        return;
+      }
+      if (other.Step != 0UL) {
+        Step = other.Step;
+      }
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 8: {
+            Step = input.ReadUInt64();
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 8: {
+            Step = input.ReadUInt64();
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
+  /// A part of a session that moves.
+  /// </summary>
+  public sealed partial class TakeSessionRequest : pb::IMessage<TakeSessionRequest>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<TakeSessionRequest> _parser = new pb::MessageParser<TakeSessionRequest>(() => new TakeSessionRequest());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<TakeSessionRequest> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[2]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public TakeSessionRequest() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public TakeSessionRequest(TakeSessionRequest other) : this() {
+      sessionId_ = other.sessionId_;
+      data_ = other.data_;
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public TakeSessionRequest Clone() {
+      return new TakeSessionRequest(this);
+    }
+
+    /// <summary>Field number for the "session_id" field.</summary>
+    public const int SessionIdFieldNumber = 1;
+    private string sessionId_ = "";
+    /// <summary>
+    /// Its id; in the first part.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public string SessionId {
+      get { return sessionId_; }
+      set {
+        sessionId_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    /// <summary>Field number for the "data" field.</summary>
+    public const int DataFieldNumber = 2;
+    private pb::ByteString data_ = pb::ByteString.Empty;
+    /// <summary>
+    /// What the server it comes from has put down of it, at most `max_upload_bytes` in sum.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public pb::ByteString Data {
+      get { return data_; }
+      set {
+        data_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as TakeSessionRequest);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(TakeSessionRequest other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (SessionId != other.SessionId) return false;
+      if (Data != other.Data) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (SessionId.Length != 0) hash ^= SessionId.GetHashCode();
+      if (Data.Length != 0) hash ^= Data.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (SessionId.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteString(SessionId);
+      }
+      if (Data.Length != 0) {
+        output.WriteRawTag(18);
+        output.WriteBytes(Data);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (SessionId.Length != 0) {
+        output.WriteRawTag(10);
+        output.WriteString(SessionId);
+      }
+      if (Data.Length != 0) {
+        output.WriteRawTag(18);
+        output.WriteBytes(Data);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (SessionId.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeStringSize(SessionId);
+      }
+      if (Data.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeBytesSize(Data);
+      }
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(TakeSessionRequest other) {
+      if (other == null) {
+        return;
+      }
+      if (other.SessionId.Length != 0) {
+        SessionId = other.SessionId;
+      }
+      if (other.Data.Length != 0) {
+        Data = other.Data;
+      }
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 10: {
+            SessionId = input.ReadString();
+            break;
+          }
+          case 18: {
+            Data = input.ReadBytes();
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 10: {
+            SessionId = input.ReadString();
+            break;
+          }
+          case 18: {
+            Data = input.ReadBytes();
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
+  /// The session is here.
+  /// </summary>
+  public sealed partial class TakeSessionResponse : pb::IMessage<TakeSessionResponse>
+  #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      , pb::IBufferMessage
+  #endif
+  {
+    private static readonly pb::MessageParser<TakeSessionResponse> _parser = new pb::MessageParser<TakeSessionResponse>(() => new TakeSessionResponse());
+    private pb::UnknownFieldSet _unknownFields;
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pb::MessageParser<TakeSessionResponse> Parser { get { return _parser; } }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public static pbr::MessageDescriptor Descriptor {
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[3]; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    pbr::MessageDescriptor pb::IMessage.Descriptor {
+      get { return Descriptor; }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public TakeSessionResponse() {
+      OnConstruction();
+    }
+
+    partial void OnConstruction();
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public TakeSessionResponse(TakeSessionResponse other) : this() {
+      step_ = other.step_;
+      _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public TakeSessionResponse Clone() {
+      return new TakeSessionResponse(this);
+    }
+
+    /// <summary>Field number for the "step" field.</summary>
+    public const int StepFieldNumber = 1;
+    private ulong step_;
+    /// <summary>
+    /// Step that it goes on from.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public ulong Step {
+      get { return step_; }
+      set {
+        step_ = value;
+      }
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override bool Equals(object other) {
+      return Equals(other as TakeSessionResponse);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public bool Equals(TakeSessionResponse other) {
+      if (ReferenceEquals(other, null)) {
+        return false;
+      }
+      if (ReferenceEquals(other, this)) {
+        return true;
+      }
+      if (Step != other.Step) return false;
+      return Equals(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override int GetHashCode() {
+      int hash = 1;
+      if (Step != 0UL) hash ^= Step.GetHashCode();
+      if (_unknownFields != null) {
+        hash ^= _unknownFields.GetHashCode();
+      }
+      return hash;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public override string ToString() {
+      return pb::JsonFormatter.ToDiagnosticString(this);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void WriteTo(pb::CodedOutputStream output) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      output.WriteRawMessage(this);
+    #else
+      if (Step != 0UL) {
+        output.WriteRawTag(8);
+        output.WriteUInt64(Step);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(output);
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalWriteTo(ref pb::WriteContext output) {
+      if (Step != 0UL) {
+        output.WriteRawTag(8);
+        output.WriteUInt64(Step);
+      }
+      if (_unknownFields != null) {
+        _unknownFields.WriteTo(ref output);
+      }
+    }
+    #endif
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public int CalculateSize() {
+      int size = 0;
+      if (Step != 0UL) {
+        size += 1 + pb::CodedOutputStream.ComputeUInt64Size(Step);
+      }
+      if (_unknownFields != null) {
+        size += _unknownFields.CalculateSize();
+      }
+      return size;
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(TakeSessionResponse other) {
+      if (other == null) {
+        return;
+      }
+      if (other.Step != 0UL) {
+        Step = other.Step;
+      }
+      _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
+    }
+
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public void MergeFrom(pb::CodedInputStream input) {
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+      input.ReadRawMessage(this);
+    #else
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, input);
+            break;
+          case 8: {
+            Step = input.ReadUInt64();
+            break;
+          }
+        }
+      }
+    #endif
+    }
+
+    #if !GOOGLE_PROTOBUF_REFSTRUCT_COMPATIBILITY_MODE
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    void pb::IBufferMessage.InternalMergeFrom(ref pb::ParseContext input) {
+      uint tag;
+      while ((tag = input.ReadTag()) != 0) {
+        switch(tag) {
+          default:
+            _unknownFields = pb::UnknownFieldSet.MergeFieldFrom(_unknownFields, ref input);
+            break;
+          case 8: {
+            Step = input.ReadUInt64();
+            break;
+          }
+        }
+      }
+    }
+    #endif
+
+  }
+
+  /// <summary>
   /// Asks for the scenes.
   /// </summary>
   public sealed partial class ListScenesRequest : pb::IMessage<ListScenesRequest>
@@ -313,7 +1265,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[0]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[4]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -468,7 +1420,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[1]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[5]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -652,7 +1604,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[2]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[6]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -887,7 +1839,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[3]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[7]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -1155,7 +2107,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[4]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[8]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -1351,7 +2303,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[5]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[9]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -2021,7 +2973,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[6]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[10]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -2257,7 +3209,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[7]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[11]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -2490,7 +3442,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[8]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[12]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -2694,7 +3646,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[9]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[13]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -2988,7 +3940,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[10]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[14]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -3383,7 +4335,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[11]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[15]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -3668,7 +4620,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[12]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[16]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -3901,7 +4853,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[13]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[17]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4176,7 +5128,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[14]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[18]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4411,7 +5363,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[15]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[19]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4606,7 +5558,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[16]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[20]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4810,7 +5762,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[17]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[21]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -4965,7 +5917,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[18]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[22]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5238,7 +6190,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[19]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[23]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5513,7 +6465,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[20]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[24]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5708,7 +6660,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[21]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[25]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -5912,7 +6864,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[22]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[26]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6227,7 +7179,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[23]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[27]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6423,7 +7375,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[24]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[28]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6618,7 +7570,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[25]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[29]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -6813,7 +7765,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[26]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[30]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7008,7 +7960,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[27]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[31]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7203,7 +8155,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[28]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[32]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7467,7 +8419,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[29]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[33]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7652,7 +8604,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[30]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[34]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -7948,7 +8900,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[31]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[35]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8252,7 +9204,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[32]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[36]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8436,7 +9388,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[33]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[37]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8620,7 +9572,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[34]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[38]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -8963,7 +9915,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[35]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[39]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9158,7 +10110,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[36]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[40]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9362,7 +10314,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[37]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[41]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9597,7 +10549,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[38]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[42]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -9792,7 +10744,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[39]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[43]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10027,7 +10979,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[40]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[44]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10271,7 +11223,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[41]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[45]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10466,7 +11418,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[42]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[46]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10650,7 +11602,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[43]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[47]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -10925,7 +11877,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[44]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[48]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11160,7 +12112,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[45]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[49]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11315,7 +12267,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[46]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[50]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11550,7 +12502,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[47]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[51]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -11745,7 +12697,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[48]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[52]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -12020,7 +12972,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[49]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[53]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -12215,7 +13167,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[50]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[54]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -12410,7 +13362,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[51]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[55]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -12646,7 +13598,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[52]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[56]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -12948,7 +13900,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[53]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[57]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -13263,7 +14215,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[54]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[58]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -13676,7 +14628,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[55]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[59]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -14271,7 +15223,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[56]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[60]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -15301,7 +16253,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[57]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[61]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -15554,7 +16506,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[58]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[62]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -15909,7 +16861,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[59]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[63]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
@@ -16266,7 +17218,7 @@ namespace Kerf.V1 {
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public static pbr::MessageDescriptor Descriptor {
-      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[60]; }
+      get { return global::Kerf.V1.SessionReflection.Descriptor.MessageTypes[64]; }
     }
 
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
