@@ -2,6 +2,7 @@
 //! each, and the report that is made of them.
 
 pub(crate) mod cuts;
+mod ends;
 mod loads;
 mod materials;
 pub mod properties;
@@ -40,12 +41,22 @@ pub enum Family {
     Loads,
     /// Random cuts without a blade.
     Cuts,
+    /// Ends of several ranges at once.
+    Ends,
 }
 
 impl Family {
     /// Every family, in the order of the report.
-    pub const ALL: [Self; 7] =
-        [Self::Materials, Self::Contrast, Self::Supports, Self::Starts, Self::Tools, Self::Loads, Self::Cuts];
+    pub const ALL: [Self; 8] = [
+        Self::Materials,
+        Self::Contrast,
+        Self::Supports,
+        Self::Starts,
+        Self::Tools,
+        Self::Loads,
+        Self::Cuts,
+        Self::Ends,
+    ];
 
     /// Name in the report.
     #[must_use]
@@ -58,6 +69,7 @@ impl Family {
             Self::Tools => "Tools",
             Self::Loads => "Loads that collapse elements",
             Self::Cuts => "Random cuts",
+            Self::Ends => "Ends of ranges together",
         }
     }
 }
@@ -153,6 +165,7 @@ pub fn matrix(seed: u64, random: usize) -> Vec<Case> {
         tools::cases(seed),
         loads::cases(),
         cuts::cases(seed),
+        ends::cases(),
     ];
     families.into_iter().flatten().collect()
 }

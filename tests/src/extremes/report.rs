@@ -17,7 +17,7 @@ const LEAST_DRAWN: f64 = 1e-6;
 fn cause(family: Family) -> &'static str {
     match family {
         Family::Contrast => "The layers differ by the largest ratio that a scene may have, over single voxels.",
-        Family::Supports => "A string of single voxels is held by one end; a corner by one voxel.",
+        Family::Supports => "One voxel at a corner holds the block.",
         Family::Starts => {
             "The body starts with overlapping or inverted elements in a strongly stiffening material (c = 10)."
         }
@@ -25,7 +25,7 @@ fn cause(family: Family) -> &'static str {
             "The blade crosses most of the tissue within a few steps, from anywhere and turning as it goes. A server \
              refuses such speeds; a script of `simulate` may ask for them."
         }
-        Family::Materials | Family::Loads | Family::Cuts => "The cause is not known.",
+        Family::Materials | Family::Loads | Family::Cuts | Family::Ends => "The cause is not known.",
     }
 }
 

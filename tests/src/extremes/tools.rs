@@ -74,10 +74,24 @@ fn down_and_out(from: Pose, speed_m_per_s: f64, dt_s: f64) -> Motions {
     motions
 }
 
+/// Above the blob.
+fn above() -> Pose {
+    level_at(Vec3::new(0.001, 0.03, 0.0007))
+}
+
+/// A stroke down through the blob and out again.
+pub(super) fn down_and_out_case(family: Family, name: String, speed_m_per_s: f64, dt_s: f64, held: Held) -> Case {
+    case_of(family, name, dt_s, held, down_and_out(above(), speed_m_per_s, dt_s))
+}
+
 fn case(name: String, dt_s: f64, held: Held, motions: Motions) -> Case {
+    case_of(Family::Tools, name, dt_s, held, motions)
+}
+
+fn case_of(family: Family, name: String, dt_s: f64, held: Held, motions: Motions) -> Case {
     let tools = motions.iter().map(Vec::len).max().unwrap_or(1);
     let specimen = specimen(dt_s);
-    Case::new(Family::Tools, name, parameters(&specimen), move |budget| run(&specimen, held, tools, &motions, budget))
+    Case::new(family, name, parameters(&specimen), move |budget| run(&specimen, held, tools, &motions, budget))
 }
 
 fn run(
@@ -97,13 +111,12 @@ fn run(
 
 pub(super) fn cases(seed: u64) -> Vec<Case> {
     let mut cases = Vec::new();
-    let above = level_at(Vec3::new(0.001, 0.03, 0.0007));
     for (held, how) in [(Held::Base, "held"), (Held::Nothing, "free")] {
         // What nothing holds takes no longer steps.
         let longest_s = if held == Held::Nothing { 0.03 } else { 0.1 };
         for (speed, dt_s) in [(0.1, 1e-3), (1.0, 1e-3), (10.0, 1e-3), (100.0, 1e-3), (10.0, 1e-4), (10.0, longest_s)] {
             let name = format!("{speed} m/s down and out, dt {dt_s} s, {how}");
-            cases.push(case(name, dt_s, held, down_and_out(above, speed, dt_s)));
+            cases.push(down_and_out_case(Family::Tools, name, speed, dt_s, held));
         }
         let flat = turned(Vec3::new(0.0, 0.0, -0.06), Vec3::zeros());
         cases.push(case(

@@ -296,7 +296,7 @@ mod tests {
                 // A union is exact to first order only, so look at it near its surface.
                 if name == "union" && s.distance_m.abs() > 0.02 { continue; }
                 let on_surface = shape.sample(&(p - s.normal * s.distance_m));
-                let tolerance = if name == "union" { 2e-2 * s.distance_m.abs() } else { 1e-7 };
+                let tolerance = if name == "union" { 3.0 * s.distance_m.powi(2) } else { 1e-7 };
                 prop_assert!(on_surface.distance_m.abs() <= tolerance + 1e-12, "{name}: {on_surface:?}");
             }
         }
