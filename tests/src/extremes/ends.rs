@@ -31,11 +31,18 @@ pub(super) fn cases() -> Vec<Case> {
     for rate_hz in RATES_HZ {
         let free_hz = rate_hz.max(LEAST_FREE_HZ);
         for (held, how, rate_hz) in [(Held::Base, "held", rate_hz), (Held::Nothing, "free", free_hz)] {
-            cases.push(down_and_out_case(Family::Ends, format!("10 m/s at {rate_hz} Hz, {how}"), 10.0, 1.0 / rate_hz, held));
+            cases.push(down_and_out_case(
+                Family::Ends,
+                format!("10 m/s at {rate_hz} Hz, {how}"),
+                10.0,
+                1.0 / rate_hz,
+                held,
+            ));
         }
     }
     for level in 0..=2 {
-        let sheet = |strain_stiffening| Specimen { voxels: [12, 1, 12], level, strain_stiffening, ..Specimen::default() };
+        let sheet =
+            |strain_stiffening| Specimen { voxels: [12, 1, 12], level, strain_stiffening, ..Specimen::default() };
         for strain_stiffening in [0.0, 10.0] {
             let name = format!("a sheet of half a voxel, k {}, c {strain_stiffening}", 1 << level);
             let specimen = sheet(strain_stiffening);

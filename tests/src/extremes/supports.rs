@@ -47,7 +47,11 @@ fn small() -> Vec<Case> {
 }
 
 /// A blade falls on a block at 1 m/s, goes through, is lifted.
-pub(super) fn struck(specimen: &Specimen, block: kerf_physics::scene::ObjectDesc, budget: Budget) -> Result<Outcome, SceneError> {
+pub(super) fn struck(
+    specimen: &Specimen,
+    block: kerf_physics::scene::ObjectDesc,
+    budget: Budget,
+) -> Result<Outcome, SceneError> {
     let mut trial = Trial::new(&specimen.scene(block, 1))?;
     let height_m = specimen.extent_m().y;
     let start = level_at(Vec3::new(0.0, height_m + specimen.voxel_size_m, 0.06 * specimen.voxel_size_m));

@@ -98,8 +98,6 @@ pub(super) struct Anchor {
     pub(super) mode: Mode,
     /// Energy in the spring at the end of the last step, J.
     pub(super) stored_j: f64,
-    /// Energy that it owes, J: it began to cut, or went on, farther in than work had pressed it.
-    pub(super) owed_j: f64,
     /// Stiffness of the spring in the last step over what it relaxes to.
     pub(super) unrelaxed: f64,
 }
@@ -144,7 +142,6 @@ impl Anchor {
             travel: Travel::default(),
             mode: Mode::Off,
             stored_j: 0.0,
-            owed_j: 0.0,
             unrelaxed: 1.0,
         }
     }
@@ -161,11 +158,6 @@ impl Anchor {
         self.find_link_ahead(body, frame);
         self.start_m = self.position_m;
         self.swept_m = self.strip_end_m(body, frame);
-    }
-
-    /// What its springs hold, less what it owes, J.
-    pub(super) fn balance_j(&self) -> f64 {
-        self.stored_j - self.owed_j
     }
 
     fn points(&self) -> [MaterialPoint; 2] {

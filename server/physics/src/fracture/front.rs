@@ -144,7 +144,7 @@ impl Front {
     pub fn lift(&mut self) {
         for marker in &mut self.markers {
             if let Marker::On(anchor) = marker {
-                self.dropped_j += anchor.balance_j();
+                self.dropped_j += anchor.stored_j;
             }
             *marker = Marker::Outside;
         }
@@ -206,7 +206,7 @@ impl Front {
             (_, Marker::On(anchor)) => {
                 self.contacts.push(FrontContact::new(tissue.body, index, &edge, anchor, strained));
             }
-            (Marker::On(let_go), _) => self.dropped_j += let_go.balance_j(),
+            (Marker::On(let_go), _) => self.dropped_j += let_go.stored_j,
             _ => {}
         }
         self.markers[index] = now;
@@ -480,8 +480,8 @@ impl Front {
                 && anchor.ahead == Ahead::Outside
                 && body.state.grid.signed_distance_m(&anchor.position_m) > 0.0
             {
-                book.stored_j -= anchor.balance_j();
-                book.lost_j += anchor.balance_j();
+                book.stored_j -= anchor.stored_j;
+                book.lost_j += anchor.stored_j;
                 *marker = Marker::Outside;
             }
         }

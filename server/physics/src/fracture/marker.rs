@@ -120,7 +120,7 @@ impl Edge {
         let body = tissue.body;
         let mut anchor = beside.anchor;
         anchor.position_m += beside.anchor.pull_back(body, &beside.chord_m);
-        (anchor.stored_j, anchor.owed_j) = (0.0, 0.0);
+        anchor.stored_j = 0.0;
         anchor.ahead = Ahead::Outside;
         anchor.start_beside(body, &self.frame);
         if anchor.ahead == Ahead::Outside {

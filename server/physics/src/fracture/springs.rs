@@ -27,13 +27,6 @@ const EDGE_FRICTION: f64 = 1.0;
 /// % off the mean force, twice adds 3 %; an edge that only presses does not know of it.
 const MOST_DRAG: f64 = 0.5;
 
-/// An edge that owes energy presses harder than Gc asks by this fraction at most until it has worked it off: as hard as
-/// where it starts a cut at an initiation ratio of 2. Ours.
-const MOST_HARDER: f64 = 1.0;
-/// Voxels of cut over which all but `1/e` of a debt is worked off, where it is small. Ours. Half of it presses twice as
-/// hard on a sheet for what the first step in it went too far; in random strokes as much stays owed.
-const WORKED_OFF_OVER_VOXELS: f64 = 1.0;
-
 /// The springs of one marker during a step.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct FrontContact {
@@ -48,8 +41,6 @@ pub struct FrontContact {
     pub along: Contact,
     /// Stiffness of the springs over what they relax to.
     unrelaxed: f64,
-    /// By how much harder it presses than Gc asks, as a fraction: it works off what its anchor owes.
-    harder: f64,
 }
 
 impl FrontContact {
@@ -84,30 +75,23 @@ impl FrontContact {
         lateral.bilateral = true;
         // Found farther in, or more to the side, than work has pressed it, an edge does not push for that: it would make
         // energy. One that touches for the first time is in by its way in a step at most; one that cuts is as far in as its
-        // cap, whatever element it has come to, and works off what it owes for that.
-        let h = body.state.grid.voxel_size_m();
-        let comes_up_m = COMES_UP_VOXELS_PER_S * body.dt_s() * h;
-        let mut harder = 0.0;
+        // cap, whatever element it has come to.
+        let comes_up_m = COMES_UP_VOXELS_PER_S * body.dt_s() * body.state.grid.voxel_size_m();
         if forward.mode != Mode::Yield {
             let touches_first = forward.mode == Mode::Off && !anchor.yielded;
             let way_in_m = (edge.now_m - edge.before_m - velocity * body.dt_s()).norm();
             let most_m = pressed_m(forward.stiffness_n_per_m, anchor.stored_j)
                 + if touches_first { way_in_m.max(comes_up_m) } else { comes_up_m };
             shift_gap(&mut forward, |gap_m| gap_m.min(most_m));
-        } else if forward.yield_n > 0.0 {
-            harder = (anchor.owed_j / (WORKED_OFF_OVER_VOXELS * h * forward.yield_n)).min(MOST_HARDER);
-            for value in [&mut forward.stiffness_n_per_m, &mut forward.yield_n, &mut forward.limit_n] {
-                *value *= 1.0 + harder;
-            }
         }
-        let beside_j = anchor.stored_j - held_j(&forward, forward.gap_before_m) / (1.0 + harder);
+        let beside_j = anchor.stored_j - held_j(&forward, forward.gap_before_m);
         let aside_m = pressed_m(lateral.stiffness_n_per_m, beside_j) + comes_up_m;
         shift_gap(&mut lateral, |gap_m| gap_m.clamp(-aside_m, aside_m));
         lateral.mode = lateral_mode(&forward);
         let mut slide = spring(edge.frame.along);
         slide.gap_predicted_m -= slide.gap_before_m;
         let along = drag(body, slide, &forward, anchor);
-        Self { marker, forward, lateral, along, unrelaxed: k / relaxed, harder }
+        Self { marker, forward, lateral, along, unrelaxed: k / relaxed }
     }
 
     /// Takes the solution's change of velocity; returns how wrong the modes were.
@@ -143,31 +127,21 @@ impl FrontContact {
             advance = advance.min(MAX_ADVANCE_VOXELS * body.state.grid.voxel_size_m());
         }
         let aside = 0.5 * lateral.force_n * lateral.gap_m;
-        let held = held_j(forward, forward.gap_m - advance) / (1.0 + self.harder);
-        let stored = if forward.mode == Mode::Off { 0.0 } else { held } + aside;
+        let stored = if forward.mode == Mode::Off { 0.0 } else { held_j(forward, forward.gap_m - advance) } + aside;
         let work =
             force * (forward.gap_m - forward.gap_before_m) + lateral.force_n * (lateral.gap_m - lateral.gap_before_m);
         // The springs' stiffness falls as the material relaxes, and their energy with it.
         let relaxed = anchor.stored_j * (1.0 - self.unrelaxed / anchor.unrelaxed);
         let lost = work - (stored - anchor.stored_j) - force * advance - relaxed;
         book.damping_j += relaxed;
-        let harder_j = force * advance * self.harder / (1.0 + self.harder);
-        let worked_off = harder_j.min(anchor.owed_j);
-        anchor.owed_j -= worked_off;
-        book.slip_j += force * advance - worked_off + self.along.force_n * self.along.gap_m;
-        let starts = forward.mode == Mode::Yield && !anchor.yielded;
-        if starts && lost >= 0.0 {
+        if forward.mode == Mode::Yield && !anchor.yielded {
             book.initiation_j += lost;
-        } else if forward.mode == Mode::Yield || self.harder > 0.0 {
-            // What cuts and has not been worked for is owed.
-            let settled = lost.min(anchor.owed_j);
-            anchor.owed_j -= settled;
-            book.lost_j += lost - settled;
         } else {
             book.lost_j += lost;
         }
+        book.slip_j += force * advance + self.along.force_n * self.along.gap_m;
+        book.stored_j += stored;
         anchor.stored_j = stored;
-        book.stored_j += anchor.balance_j();
         anchor.unrelaxed = self.unrelaxed;
         anchor.mode = forward.mode;
         // Grazing the outside starts no cut.
