@@ -67,7 +67,9 @@ impl Access {
     /// # Errors
     /// It is no address, or the certificates cannot be read.
     pub fn endpoint(&self, server: &str) -> Result<Endpoint, AccessError> {
-        endpoint(server, self.certificates()?.as_deref())
+        let is_plain = server.starts_with("http://");
+        let certificates = if is_plain { None } else { self.certificates()? };
+        endpoint(server, certificates.as_deref())
     }
 
     /// The certificates in its file, PEM.

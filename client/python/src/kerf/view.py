@@ -33,7 +33,6 @@ class View:
         self._transport = transport
         self._objects = tuple(objects)
         self._replica = Replica([known.name for known in objects])
-        self._assembler = Assembler()
         self._viewer = ""
         self._news = threading.Condition()
         self._error: KerfError | None = None
@@ -110,7 +109,6 @@ class View:
     def _read(self) -> None:
         try:
             while not self._ended:
-                self._assembler = Assembler()
                 self._follow()
         except KerfError as error:
             with self._news:
@@ -122,9 +120,10 @@ class View:
 
     def _follow(self) -> None:
         """Reads the stream to its end; where the session has moved another one begins, with a keyframe."""
+        assembler = Assembler()
         try:
             for part in self._stream:
-                message = self._assembler.take(part)
+                message = assembler.take(part)
                 if message is None:
                     continue
                 if message.WhichOneof("message") == "hello":

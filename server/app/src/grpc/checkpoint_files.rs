@@ -12,14 +12,11 @@ use kerf_session::{FileError, Session, SessionError};
 use tokio::sync::{mpsc, oneshot};
 use tonic::{Status, Streaming};
 
-use super::in_parts::{InParts, next_of};
+use super::in_parts::{InParts, PART_BYTES, next_of};
 use super::{Outgoing, in_time};
 use crate::places::Place;
 use crate::status::RequestError;
 
-/// Bytes of a part: well below what clients of gRPC take unasked (4 MiB), and so many that a part costs little beside its
-/// bytes.
-const PART_BYTES: usize = 256 << 10;
 /// Parts that wait for the transport: one to be sent, and the next.
 const PARTS_AHEAD: usize = 2;
 
@@ -85,15 +82,8 @@ impl CheckpointFiles {
         let session = find(&first.session_id)?;
         // What would be refused in the end is refused before it is read.
         session.check_checkpoint(&first.name).await?;
-        let (mut file, mut data) = (Vec::new(), first.data);
-        loop {
-            self.in_parts.check_size(file.len() + data.len())?;
-            file.extend_from_slice(&data);
-            match next_of(&mut parts).await? {
-                Some(part) => data = part.data,
-                None => return Ok(Upload { session, name: first.name, file }),
-            }
-        }
+        let file = self.in_parts.file(first.data, parts, |part| part.data).await?;
+        Ok(Upload { session, name: first.name, file })
     }
 }
 

@@ -13,6 +13,9 @@ use crate::config::TransportLimits;
 use crate::places::{Place, Places};
 use crate::status::RequestError;
 
+/// Bytes of a part: well below what clients of gRPC take unasked (4 MiB), and so many that a part costs little beside its
+/// bytes.
+pub const PART_BYTES: usize = 256 << 10;
 /// Most files of a scene: some dozen times what a scene with a mesh for each region has. Empty ones cost memory too.
 const MAX_SCENE_FILES: usize = 1000;
 
@@ -66,6 +69,24 @@ impl InParts {
     /// Whether so many bytes are not too many.
     pub fn check_size(&self, bytes: usize) -> Result<(), RequestError> {
         if bytes > self.max_bytes { Err(RequestError::UploadSize { limit: self.max_bytes }) } else { Ok(()) }
+    }
+
+    /// Reads a file to its end, whose first bytes have come; `data` takes them out of a part.
+    pub async fn file<T>(
+        &self,
+        begun: Vec<u8>,
+        mut parts: Streaming<T>,
+        data: impl Fn(T) -> Vec<u8>,
+    ) -> Result<Vec<u8>, RequestError> {
+        let (mut file, mut next) = (Vec::new(), begun);
+        loop {
+            self.check_size(file.len() + next.len())?;
+            file.extend_from_slice(&next);
+            match next_of(&mut parts).await? {
+                Some(part) => next = data(part),
+                None => return Ok(file),
+            }
+        }
     }
 
     /// Reads a request for a session, and the files that follow it.

@@ -11,14 +11,11 @@ use kerf_session::{Registry, Session, SessionError, SessionId, SessionOptions};
 use tonic::{Code, Status, Streaming};
 
 use super::checkpoint_files::aside;
-use super::in_parts::{InParts, next_of};
+use super::in_parts::{InParts, PART_BYTES, next_of};
 use super::in_time;
 use crate::journal::{Journals, past, put_down};
 use crate::recording::Recordings;
 use crate::status::RequestError;
-
-/// Bytes of a part: far below what a server takes.
-const PART_BYTES: usize = 256 << 10;
 
 /// Moves sessions away and takes those that come.
 #[derive(Clone)]
@@ -116,15 +113,7 @@ impl Moving {
         if self.registry.list().iter().any(|session| session.id() == id) {
             return Err(SessionError::Here { id: first.session_id }.into());
         }
-        let (mut file, mut data) = (Vec::new(), first.data);
-        loop {
-            self.in_parts.check_size(file.len() + data.len())?;
-            file.extend_from_slice(&data);
-            match next_of(&mut parts).await? {
-                Some(part) => data = part.data,
-                None => return Ok((id, file)),
-            }
-        }
+        Ok((id, self.in_parts.file(first.data, parts, |part| part.data).await?))
     }
 }
 

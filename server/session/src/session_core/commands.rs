@@ -32,10 +32,7 @@ impl SessionCore {
         // A caller that has given up waiting is no error of the session's.
         match command {
             Command::Pause(answer) => {
-                self.forget_owed();
-                if self.phase == Phase::Running {
-                    self.set_phase(Phase::Paused, SceneEvent::Paused);
-                }
+                self.pause();
                 let _ = answer.send(self.world.output().step);
             }
             Command::Resume(answer) => {
@@ -58,6 +55,14 @@ impl SessionCore {
             Command::Query(inspect) => {
                 inspect(&mut Inspection { world: &mut self.world, scene: &self.scene, steps: &self.tally.steps });
             }
+        }
+    }
+
+    /// Stands, and takes no step that it still owes.
+    pub(super) fn pause(&mut self) {
+        self.forget_owed();
+        if self.phase == Phase::Running {
+            self.set_phase(Phase::Paused, SceneEvent::Paused);
         }
     }
 

@@ -61,10 +61,7 @@ impl SessionCore {
     /// Stands, and gives away all that the session goes on from elsewhere.
     pub(super) fn leave(&mut self) -> Result<Arc<Base>, SessionError> {
         let base = self.base()?;
-        self.forget_owed();
-        if self.phase == Phase::Running {
-            self.set_phase(Phase::Paused, SceneEvent::Paused);
-        }
+        self.pause();
         Ok(base)
     }
 
