@@ -1,5 +1,5 @@
 # The commands that README.md names; .ci/run calls lint and test.
-.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures docs imports reference test-all same-bits lint publish-protocol verify verify-page experiment extremes extremes-page strokes strokes-page dice bench performance peers load load-page fuzz deny advisories deb sbom image-archives wheel release-files checksums release-notes
+.PHONY: demo station haptics viewer test test-viewer test-python test-unity unity-protocol images screenshots figures docs imports reference test-all same-bits lint publish-protocol verify verify-page experiment extremes extremes-page strokes strokes-page dice bench performance peers load load-page fuzz lives deny advisories deb sbom image-archives wheel release-files checksums release-notes
 
 # Folder of scanned meshes for some of the tests and for `performance`, which leave them out where it is empty.
 TEST_SHARED ?= $(abspath $(wildcard ../shared))
@@ -126,6 +126,13 @@ figures:
 # what constants were read from takes minutes more: cargo test -p kerf-physics blade_stiffness_sweep -- --ignored --nocapture
 test-all: same-bits
 	cargo test --workspace -- --include-ignored --skip blade_stiffness_sweep
+
+# Sessions that are killed, lose power and run out of disk, by seed, and are brought back by their journals: `make test`
+# tries 60 seeds. A failure names its seed; LIVES_SEED=<seed> LIVES=1 repeats it.
+LIVES ?= 1000
+LIVES_SEED ?= 0
+lives:
+	LIVES=$(LIVES) LIVES_SEED=$(LIVES_SEED) cargo test --workspace --quiet journal::lives -- --nocapture
 
 # Bytes that nobody meant, for as long with each of the readers; `make test` does it for two seconds each. A failure names
 # its seed and the file that has the input. FUZZ=state picks a reader.

@@ -40,6 +40,7 @@ pub mod wire {
     pub use crate::encode::{EncodedState, Encoder, Encoding, HeldReference};
 }
 mod status;
+mod storage;
 mod telemetry;
 pub mod top;
 pub mod traces;

@@ -78,11 +78,8 @@ impl Past {
         let is_paused = self.stands();
         let Self { base, entries, .. } = self;
         let mut again = Resimulation::of(scene, world);
-        let mut is_held = vec![false; scene.desc.tools.len()];
         if let Some(file) = base {
-            let by_calls = again.go_on_from(&file).map_err(lost)?;
-            is_held =
-                again.world().tool_places().zip(by_calls).map(|(at, by_calls)| at.is_some() && !by_calls).collect();
+            again.go_on_from(&file).map_err(lost)?;
         }
         for entry in entries {
             match entry {
@@ -90,20 +87,11 @@ impl Past {
                     again.step(workers, step, &inputs, state_hash).map_err(lost)?;
                 }
                 PastEntry::Checkpoint(name, file) => again.take_checkpoint(&name, &file).map_err(lost)?,
-                PastEntry::Event(event) => {
-                    again.event(&event).map_err(lost)?;
-                    if let SceneEvent::ToolTaken(tool) | SceneEvent::ToolReleased(tool) = event
-                        && let Some(is_held) = is_held.get_mut(tool)
-                    {
-                        *is_held = matches!(event, SceneEvent::ToolTaken(_));
-                    }
-                }
+                PastEntry::Event(event) => again.event(&event).map_err(lost)?,
             }
         }
-        let (world, energy, checkpoints) = again.end();
-        let placed_by_calls = world.tool_places().zip(&is_held).map(|(at, is_held)| at.is_some() && !is_held).collect();
-        let keep = |(name, Resimulated { snapshot, energy }): (Arc<str>, Resimulated)| {
-            let besides = Besides { energy, placed_by_calls: vec![false; is_held.len()] };
+        let (world, Besides { energy, placed_by_calls }, checkpoints) = again.end();
+        let keep = |(name, Resimulated { snapshot, besides }): (Arc<str>, Resimulated)| {
             Ok((name, Checkpoint { snapshot, besides, memory: Arc::new(memory.checkpoint()?) }))
         };
         let checkpoints = checkpoints.into_iter().map(keep).collect::<Result<_, SessionError>>()?;

@@ -1,6 +1,5 @@
 //! A recorded session once more: its steps and events, from the scene at rest to the same bits.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use kerf_physics::step_io::EnergyStep;
@@ -59,14 +58,17 @@ pub struct Resimulation<'a> {
     world: World,
     /// Booked since the session began or was reset.
     energy: EnergyStep,
-    checkpoints: BTreeMap<Arc<str>, Resimulated>,
+    /// By tool: somebody holds it, or did where the recording begins.
+    is_held: Vec<bool>,
+    /// In the order of saving.
+    checkpoints: Vec<(Arc<str>, Resimulated)>,
 }
 
 /// A checkpoint that a recording led to, or had.
 #[derive(Clone)]
 pub(crate) struct Resimulated {
     pub snapshot: Arc<Snapshot>,
-    pub energy: EnergyStep,
+    pub besides: Besides,
 }
 
 impl<'a> Resimulation<'a> {
@@ -80,23 +82,38 @@ impl<'a> Resimulation<'a> {
 
     /// The scene as `world` is, which was built of it.
     pub(crate) fn of(scene: &'a Scene, world: World) -> Self {
-        Self { scene, world, energy: EnergyStep::default(), checkpoints: BTreeMap::new() }
+        let is_held = vec![false; scene.desc.tools.len()];
+        Self { scene, world, energy: EnergyStep::default(), is_held, checkpoints: Vec::new() }
     }
 
-    /// Goes on from the state in the file of a checkpoint; returns by tool whether calls had placed it.
+    /// Goes on from the state in the file of a checkpoint.
     ///
     /// # Errors
     /// The file is not taken.
-    pub fn go_on_from(&mut self, file: &[u8]) -> Result<Vec<bool>, LoadError> {
+    pub fn go_on_from(&mut self, file: &[u8]) -> Result<(), LoadError> {
         let (snapshot, Besides { energy, placed_by_calls }) = self.world.snapshot().load_with(file)?;
         self.world.restore(&snapshot);
         self.energy = energy;
-        Ok(placed_by_calls)
+        let places = self.world.tool_places();
+        self.is_held = places.zip(placed_by_calls).map(|(at, by_calls)| at.is_some() && !by_calls).collect();
+        Ok(())
     }
 
-    /// The world, what was booked, and the checkpoints.
-    pub(crate) fn end(self) -> (World, EnergyStep, BTreeMap<Arc<str>, Resimulated>) {
-        (self.world, self.energy, self.checkpoints)
+    /// The world, what it has besides, and the checkpoints in the order of saving.
+    pub(crate) fn end(self) -> (World, Besides, Vec<(Arc<str>, Resimulated)>) {
+        let besides = self.besides();
+        (self.world, besides, self.checkpoints)
+    }
+
+    fn besides(&self) -> Besides {
+        let places = self.world.tool_places();
+        let placed_by_calls = places.zip(&self.is_held).map(|(at, is_held)| at.is_some() && !is_held).collect();
+        Besides { energy: self.energy, placed_by_calls }
+    }
+
+    fn keep(&mut self, name: &Arc<str>, kept: Resimulated) {
+        self.checkpoints.retain(|(known, _)| known != name);
+        self.checkpoints.push((Arc::clone(name), kept));
     }
 
     /// The world after what it has followed.
@@ -142,14 +159,18 @@ impl<'a> Resimulation<'a> {
         match event {
             SceneEvent::Reset => (self.world, self.energy) = (World::new(self.scene)?, EnergyStep::default()),
             SceneEvent::CheckpointSaved(name) => {
-                let saved = Resimulated { snapshot: Arc::new(self.world.snapshot()), energy: self.energy };
-                self.checkpoints.insert(Arc::clone(name), saved);
+                let saved = Resimulated { snapshot: Arc::new(self.world.snapshot()), besides: self.besides() };
+                self.keep(name, saved);
             }
             SceneEvent::CheckpointRestored(name) => {
-                let saved = self.checkpoints.get(name);
-                let saved = saved.ok_or_else(|| Difference::NoCheckpoint { name: Arc::clone(name) })?;
+                let saved = self.checkpoints.iter().find(|(known, _)| known == name);
+                let (_, saved) = saved.ok_or_else(|| Difference::NoCheckpoint { name: Arc::clone(name) })?;
                 self.world.restore(&saved.snapshot);
-                self.energy = saved.energy;
+                self.energy = saved.besides.energy;
+            }
+            SceneEvent::ToolTaken(tool) | SceneEvent::ToolReleased(tool) => {
+                let is_taken = matches!(event, SceneEvent::ToolTaken(_));
+                self.is_held.get_mut(*tool).into_iter().for_each(|is_held| *is_held = is_taken);
             }
             _ => {}
         }
@@ -161,9 +182,8 @@ impl<'a> Resimulation<'a> {
     /// # Errors
     /// The file is not taken.
     pub fn take_checkpoint(&mut self, name: &str, file: &[u8]) -> Result<(), LoadError> {
-        let (snapshot, besides) = self.world.snapshot().load_with::<Besides>(file)?;
-        let taken = Resimulated { snapshot: Arc::new(snapshot), energy: besides.energy };
-        self.checkpoints.insert(name.into(), taken);
+        let (snapshot, besides) = self.world.snapshot().load_with(file)?;
+        self.keep(&name.into(), Resimulated { snapshot: Arc::new(snapshot), besides });
         Ok(())
     }
 
@@ -180,8 +200,7 @@ impl<'a> Resimulation<'a> {
             TapeEntry::Step(taped) => self.step(workers, taped.report.step, &taped.inputs, taped.state_hash),
             TapeEntry::Event(happened) => self.event(&happened.event),
             TapeEntry::Checkpoint(name, Checkpoint { snapshot, besides, .. }) => {
-                let taken = Resimulated { snapshot: Arc::clone(snapshot), energy: besides.energy };
-                self.checkpoints.insert(Arc::clone(name), taken);
+                self.keep(name, Resimulated { snapshot: Arc::clone(snapshot), besides: besides.clone() });
                 Ok(())
             }
             // The steps lead there.

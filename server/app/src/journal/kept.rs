@@ -1,6 +1,5 @@
 //! A session that moves between servers: a file of a journal, put down and read.
 
-use std::fs::File;
 use std::io::{self, Cursor, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -15,6 +14,7 @@ use crate::recording::convert;
 use crate::recording::tape::{self, plain};
 use crate::recording::tracks::{Track, Tracks};
 use crate::recording::writer::LogClock;
+use crate::storage::Storage;
 
 /// A file that brings a session back, until its journal goes on with it.
 pub struct Kept {
@@ -26,20 +26,18 @@ pub struct Kept {
 
 impl Kept {
     /// Writes it to the disk: in the folder of journals, as the first file of the session's.
-    pub fn write(journals: Option<&Path>, session: SessionId, content: &[u8]) -> io::Result<Self> {
-        let (mut file, path, temporary) = match journals {
-            Some(folder) => {
-                let path = Files { folder: folder.into(), session, before: Vec::new() }.next();
-                (File::create_new(&path)?, path, None)
-            }
-            None => {
-                let temporary = NamedTempFile::new()?;
-                (temporary.reopen()?, temporary.path().into(), Some(temporary))
-            }
+    pub fn write(journals: Option<(&Path, &dyn Storage)>, session: SessionId, content: &[u8]) -> io::Result<Self> {
+        let Some((folder, storage)) = journals else {
+            let mut temporary = NamedTempFile::new()?;
+            temporary.write_all(content)?;
+            return Ok(Self { path: temporary.path().into(), _temporary: Some(temporary), is_released: false });
         };
-        let kept = Self { path, _temporary: temporary, is_released: false };
-        file.write_all(content)?;
-        file.sync_data()?;
+        let path = Files { folder: folder.into(), session, before: Vec::new() }.next();
+        let file = storage.create(&path)?;
+        let kept = Self { path, _temporary: None, is_released: false };
+        file.append(content)?;
+        file.sync()?;
+        storage.sync_names(folder)?;
         Ok(kept)
     }
 

@@ -12,9 +12,13 @@ mod disk;
 mod files;
 mod health;
 mod kept;
+#[cfg(test)]
+mod lives;
 pub mod past;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod virtual_disk;
 mod writer;
 
 use std::fs::File;
@@ -32,7 +36,8 @@ use kerf_session::{Registry, Session, SessionId, SessionOptions, TapeReader};
 
 use crate::config::ServerConfig;
 use crate::recording::{Going, Quota, Recordings, Told};
-use disk::Disk;
+use crate::storage::{Storage, SystemDisk};
+use disk::{Disk, Place};
 use files::Files;
 use health::Health;
 use kept::Kept;
@@ -51,12 +56,9 @@ pub struct Journals {
     is_stopping: Arc<AtomicBool>,
     going: Going,
     health: Arc<Health>,
-    /// How a file is brought to the disk; tests have disks that fail.
-    sync: Sync,
+    /// Tests have disks that fail.
+    storage: Arc<dyn Storage>,
 }
-
-/// Waits until the disk has what was written to a file.
-type Sync = fn(&File) -> io::Result<()>;
 
 struct Folder {
     path: PathBuf,
@@ -86,7 +88,7 @@ impl Journals {
             is_stopping: Arc::default(),
             going: Going::default(),
             health: Arc::default(),
-            sync: File::sync_data,
+            storage: Arc::new(SystemDisk),
         })
     }
 
@@ -143,7 +145,8 @@ impl Journals {
 
     /// Puts down a session that comes from another server: as the first file of its journal, where one is kept.
     pub fn keep(&self, session: SessionId, file: &[u8]) -> io::Result<Kept> {
-        Kept::write(self.folder.as_ref().map(|folder| folder.path.as_path()), session, file)
+        let journals = self.folder.as_ref().map(|folder| (folder.path.as_path(), self.storage.as_ref()));
+        Kept::write(journals, session, file)
     }
 
     /// Goes on with the journal of a session that came from another server.
@@ -175,10 +178,11 @@ impl Journals {
     ) -> Result<JoinHandle<()>> {
         self.quota.measure(&folder.path)?;
         let files = Files { folder: folder.path.clone(), session: session.id(), before };
-        let disk =
-            Disk::new(Arc::clone(&self.quota), self.health.begin(), self.sync).context("a thread for the disk")?;
+        let (storage, quota) = (Arc::clone(&self.storage), Arc::clone(&self.quota));
+        let place = Place { storage, quota, unsynced: self.health.begin() };
+        let disk = Disk::begin(place.clone()).context("a thread for the disk")?;
         let account = Account { health: Arc::clone(&self.health), told: Arc::clone(told) };
-        let writer = Writer::begin(files, session, tape, disk, account, &self.is_stopping)?;
+        let writer = Writer::begin(files, session, tape, (place, disk), account, &self.is_stopping)?;
         let run = std::thread::Builder::new().name("kerf-journal".into()).spawn(move || {
             stand_back();
             writer.run();

@@ -28,7 +28,7 @@ pub fn read(files: &[PathBuf]) -> Result<(Scene, Past)> {
 }
 
 fn read_file(path: &Path) -> Result<(Scene, Past)> {
-    let mut recording = Recording::open(path)?;
+    let mut recording = Recording::open_journal(path)?;
     let past = past(&mut recording).with_context(|| path.display().to_string())?;
     Ok((convert::scene(recording.header()).context("the scene")?, past))
 }

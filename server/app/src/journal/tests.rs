@@ -1,7 +1,7 @@
 //! Journals that were cut, and whose bits were flipped.
 
 use std::path::Path;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::Arc;
 
 use kerf_physics::tool::{OPEN, Pose};
 use kerf_physics::{Quat, Scene, Vec3};
@@ -9,11 +9,19 @@ use kerf_scenes::dial::ParetoFronts;
 use kerf_session::stepping::{StepMotion, Steps};
 use kerf_session::{Past, PastEntry, PoseSample, Registry, SessionLimits, SessionOptions};
 
+use super::virtual_disk::{Faults, VirtualDisk};
 use super::{Journals, past};
 use crate::config::ServerConfig;
 use crate::recording::reader::RECORD_HEAD_BYTES;
 
-const BLOCK: &str = include_str!("../../../session/tests/block.toml");
+pub const BLOCK: &str = include_str!("../../../session/tests/block.toml");
+
+/// Where a blade is on its way down into the block.
+pub fn place(step: usize) -> PoseSample {
+    let position_m = Vec3::new(0.0, 0.012 - 2e-4 * step as f64, 4e-4);
+    let pose = Pose { position_m, orientation: Quat::identity() };
+    PoseSample { seq: 0, client_ns: 0, pose, opening: OPEN }
+}
 
 /// The journal of a session that takes so many steps, and goes on from a state in between.
 async fn journal(folder: &Path, steps: usize) -> Vec<u8> {
@@ -24,11 +32,7 @@ async fn journal(folder: &Path, steps: usize) -> Vec<u8> {
     let options = SessionOptions { is_journaled: true, start_paused: true, ..SessionOptions::default() };
     let session = registry.create(scene, options).await.unwrap();
     assert_eq!(journals.begin(&session), None);
-    let at = |step: usize| {
-        let position_m = Vec3::new(0.0, 0.012 - 2e-4 * step as f64, 4e-4);
-        let pose = Pose { position_m, orientation: Quat::identity() };
-        vec![StepMotion { tool: 0, to: Some(PoseSample { seq: 0, client_ns: 0, pose, opening: OPEN }) }]
-    };
+    let at = |step: usize| vec![StepMotion { tool: 0, to: Some(place(step)) }];
     for step in 0..steps {
         session.step(Steps { count: 1, inputs: vec![at(step)] }).await.unwrap();
         // Chunks of several steps, and a state to go on from, without a checkpoint that there was.
@@ -50,20 +54,12 @@ async fn journal(folder: &Path, steps: usize) -> Vec<u8> {
     std::fs::read(file).unwrap()
 }
 
-/// A disk that confirms a few times and fails from then on.
-fn fails_later(file: &std::fs::File) -> std::io::Result<()> {
-    static SYNCS: AtomicU32 = AtomicU32::new(0);
-    match SYNCS.fetch_add(1, Ordering::Relaxed) {
-        ..3 => file.sync_data(),
-        _ => Err(std::io::Error::from_raw_os_error(libc::EIO)),
-    }
-}
-
 #[tokio::test(flavor = "multi_thread")]
 async fn a_disk_that_fails_to_sync_ends_the_journal_without_a_retry_and_the_session_goes_on() {
     let folder = tempfile::tempdir().unwrap();
     let config = ServerConfig { journal_dir: Some(folder.path().into()), ..ServerConfig::default() };
-    let journals = Journals { sync: fails_later, ..Journals::new(&config).unwrap() };
+    let faults = Faults { sync: 0.2, ..Faults::default() };
+    let journals = Journals { storage: Arc::new(VirtualDisk::new(1, faults)), ..Journals::new(&config).unwrap() };
     let registry = Registry::new(SessionLimits::default(), ParetoFronts::builtin()).unwrap();
     let scene = Scene { desc: toml::from_str(BLOCK).unwrap(), meshes: Default::default() };
     let options = SessionOptions { is_journaled: true, ..SessionOptions::default() };

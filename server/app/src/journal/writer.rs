@@ -1,6 +1,5 @@
 //! The thread that writes the journal of a session.
 
-use std::fs::File;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -11,7 +10,7 @@ use kerf_session::clock::MonotonicClock;
 use kerf_session::{Session, TapeEntry, TapeReader, TapeState};
 use mcap::McapResult;
 
-use super::disk::{Disk, remove};
+use super::disk::{Disk, JournalFile, Place};
 use super::files::Files;
 use super::health::Health;
 use crate::convert::scene::scene_summary;
@@ -24,7 +23,8 @@ use crate::recording::{Sink, Told, convert};
 const LOOK: Duration = Duration::from_millis(8);
 /// A chunk is written out at least this often, ns: with a look, what a kill loses.
 const FLUSH_NS: u64 = 50_000_000;
-const TRACKS: [Track; 6] = [Track::Header, Track::Base, Track::Step, Track::Events, Track::Faults, Track::Checkpoint];
+const TRACKS: [Track; 7] =
+    [Track::Header, Track::Base, Track::Step, Track::Events, Track::Faults, Track::Checkpoint, Track::Confirmed];
 
 /// A journal that goes on.
 pub struct Writer {
@@ -33,6 +33,7 @@ pub struct Writer {
     /// `None` until there is a state to go on from.
     file: Option<Going>,
     tape: TapeReader,
+    place: Place,
     disk: Disk,
     account: Account,
     is_stopping: Arc<AtomicBool>,
@@ -54,17 +55,17 @@ pub struct Account {
 struct Going {
     tracks: Tracks<Sink>,
     /// The same, to be synced.
-    file: Arc<File>,
-    /// What of it was written.
-    bytes: u64,
+    file: Arc<JournalFile>,
 }
 
 impl Going {
     /// Writes what came out; tells how much that is.
-    fn flush(&mut self) -> McapResult<u64> {
+    fn flush(&mut self, time_ns: u64) -> McapResult<u64> {
+        let before = self.file.written_bytes();
+        let confirmed = v1::RecordedConfirmed { bytes: self.file.confirmed_bytes() };
+        self.tracks.write(Track::Confirmed, time_ns, &confirmed)?;
         self.tracks.flush()?;
-        let before = std::mem::replace(&mut self.bytes, self.file.metadata()?.len());
-        Ok(self.bytes - before)
+        Ok(self.file.written_bytes() - before)
     }
 }
 
@@ -74,41 +75,50 @@ impl Writer {
         files: Files,
         session: &Session,
         tape: TapeReader,
-        disk: Disk,
+        (place, disk): (Place, Disk),
         account: Account,
         is_stopping: &Arc<AtomicBool>,
     ) -> Result<Self> {
+        let now_ns = MonotonicClock::now_ns();
         let mut writer = Self {
             header: convert::header(session, scene_summary(session))?,
             file: None,
             tape,
+            place,
             disk,
             account,
             is_stopping: Arc::clone(is_stopping),
             clock: LogClock::now()?,
-            flushed_ns: MonotonicClock::now_ns(),
+            flushed_ns: now_ns,
             is_unsynced: false,
             files,
         };
         if writer.files.before.is_empty() {
-            writer.begin_file(None).map_err(|error| Error::msg(plain(&error)))?;
+            writer.begin_file(None, now_ns).map_err(|error| Error::msg(plain(&error)))?;
         }
         Ok(writer)
     }
 
     /// Writes until the session ends or the journal does.
     pub fn run(mut self) {
-        let session = self.files.session;
         let ended = loop {
-            match self.look() {
+            match self.look(MonotonicClock::now_ns()) {
                 Ok(None) => std::thread::sleep(LOOK),
                 Ok(Some(ended)) => break ended,
                 Err(error) => break Err(plain(&error)),
             }
         };
+        self.end(ended);
+    }
+
+    /// Ends the journal: a session that has ended has none any more, unless its server stops.
+    pub(super) fn end(self, ended: Result<(), String>) {
+        let session = self.files.session;
         match ended {
             Ok(()) if !self.is_stopping.load(Ordering::Acquire) => {
-                self.files.before.iter().for_each(|path| remove(path, &self.disk.quota))
+                self.files.before.iter().for_each(|path| self.place.remove(path));
+                // Else a power cut would bring it back.
+                let _ = self.place.storage.sync_names(&self.files.folder);
             }
             Ok(()) => tracing::info!(%session, "the journal of the session stays, for the next server"),
             Err(error) => {
@@ -121,59 +131,63 @@ impl Writer {
 
     /// Writes what has come since the last look. The outcome, once there is one: the session has ended, or why the
     /// journal does before it.
-    fn look(&mut self) -> McapResult<Option<Result<(), String>>> {
+    pub(super) fn look(&mut self, now_ns: u64) -> McapResult<Option<Result<(), String>>> {
         let (entries, state) = self.tape.take();
         self.is_unsynced |= !entries.is_empty();
-        let now_ns = MonotonicClock::now_ns();
         if self.file.is_some() && !entries.is_empty() {
-            self.disk.unsynced.came(now_ns);
+            self.place.unsynced.came(now_ns);
         }
-        entries.iter().try_for_each(|entry| self.write(entry))?;
+        entries.iter().try_for_each(|entry| self.write(entry, now_ns))?;
         if state != TapeState::Running || now_ns - self.flushed_ns >= FLUSH_NS {
             self.flushed_ns = now_ns;
             let is_unsynced = std::mem::take(&mut self.is_unsynced);
             if let Some(going) = self.file.as_mut().filter(|_| is_unsynced) {
-                self.disk.unsynced.written(going.flush()?);
+                self.place.unsynced.written(going.flush(self.clock.unix_ns(now_ns))?);
                 self.disk.sync(&going.file);
             }
             if let Some(failure) = self.disk.failure() {
                 return Ok(Some(Err(failure)));
             }
-            if let (TapeState::Running, Err(full)) = (state, self.disk.quota.check()) {
+            if let (TapeState::Running, Err(full)) = (state, self.place.quota.check()) {
                 return Ok(Some(Err(full)));
             }
         }
         Ok(tape::ended(state))
     }
 
+    /// Whether all that it has read was written out.
+    #[cfg(test)]
+    pub(super) fn is_written(&self) -> bool {
+        self.file.is_some() && !self.is_unsynced
+    }
+
     /// A state to go on from begins a new file.
-    fn write(&mut self, entry: &TapeEntry) -> McapResult<()> {
+    fn write(&mut self, entry: &TapeEntry, now_ns: u64) -> McapResult<()> {
         if let TapeEntry::Base(_) = entry {
-            return self.begin_file(Some(entry));
+            return self.begin_file(Some(entry), now_ns);
         }
         let Some(Going { tracks, .. }) = &mut self.file else { return Ok(()) };
-        tape::write(tracks, self.clock.unix_ns(MonotonicClock::now_ns()), entry)
+        tape::write(tracks, self.clock.unix_ns(now_ns), entry)
     }
 
     /// Goes on in a new file, which begins with a state to go on from, or with the scene at rest.
-    fn begin_file(&mut self, base: Option<&TapeEntry>) -> McapResult<()> {
+    fn begin_file(&mut self, base: Option<&TapeEntry>, now_ns: u64) -> McapResult<()> {
+        let time_ns = self.clock.unix_ns(now_ns);
         if let Some(mut going) = self.file.take() {
-            self.disk.unsynced.written(going.flush()?);
+            self.place.unsynced.written(going.flush(time_ns)?);
             going.tracks.abandon();
         }
         let path = self.files.next();
-        let file = File::create_new(&path)?;
-        let same = Arc::new(file.try_clone()?);
+        let file = Arc::new(JournalFile::new(self.place.storage.create(&path)?));
         let before = std::mem::replace(&mut self.files.before, vec![path]);
-        let time_ns = self.clock.unix_ns(MonotonicClock::now_ns());
-        let tracks = Tracks::begin(Sink::new(file, Arc::clone(&self.disk.quota)), TRACKS, |tracks| {
+        let sink = Sink::new(Arc::clone(&file) as _, Arc::clone(&self.place.quota));
+        let tracks = Tracks::begin(sink, TRACKS, |tracks| {
             tracks.write(Track::Header, time_ns, &self.header)?;
             base.map_or(Ok(()), |base| tape::write(tracks, time_ns, base))
         })?;
-        let mut going = Going { tracks, file: same, bytes: 0 };
-        self.disk.unsynced.written(going.flush()?);
-        self.disk.replace(&going.file, self.files.folder.clone(), before);
-        self.file = Some(going);
+        self.place.unsynced.written(file.written_bytes());
+        self.disk.replace(&file, self.files.folder.clone(), before);
+        self.file = Some(Going { tracks, file });
         Ok(())
     }
 }

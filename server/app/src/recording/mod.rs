@@ -110,7 +110,7 @@ impl Recordings {
         let path = folder.join(&name);
         let file = File::create_new(&path).with_context(|| path.display().to_string())?;
         let header = convert::header(session, scene_summary(session))?;
-        let (sink, quota) = (Sink::new(file, Arc::clone(&self.quota)), Arc::clone(&self.quota));
+        let (sink, quota) = (Sink::new(Arc::new(file), Arc::clone(&self.quota)), Arc::clone(&self.quota));
         let room = move || quota.check();
         let begun = Writer::begin(sink, &header, reel, self.pictures, Arc::clone(told), room);
         let writer = begun.inspect_err(|_| drop(std::fs::remove_file(&path)))?;

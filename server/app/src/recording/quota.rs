@@ -1,12 +1,13 @@
 //! Where recordings and journals are written to, whole chunks at a time, and how much of the disk they may take together.
 
-use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Context, Error};
+
+use crate::storage::Stored;
 
 const BYTES_PER_MIB: f64 = 1048576.0;
 
@@ -59,11 +60,10 @@ impl Quota {
     }
 }
 
-/// A file that is written in whole chunks: nothing reaches it before it is flushed, and nothing of a chunk that does not
-/// fit onto the disk stays.
+/// A file that is written in whole chunks: nothing reaches it before it is flushed.
 #[derive(Debug)]
 pub struct Sink {
-    file: File,
+    file: Arc<dyn Stored>,
     quota: Arc<Quota>,
     waiting: Vec<u8>,
     written_bytes: u64,
@@ -72,7 +72,7 @@ pub struct Sink {
 impl Sink {
     /// A new file.
     #[must_use]
-    pub fn new(file: File, quota: Arc<Quota>) -> Self {
+    pub fn new(file: Arc<dyn Stored>, quota: Arc<Quota>) -> Self {
         Self { file, quota, waiting: Vec::new(), written_bytes: 0 }
     }
 }
@@ -84,15 +84,10 @@ impl Write for Sink {
     }
 
     fn flush(&mut self) -> io::Result<()> {
+        let written = self.file.append(&self.waiting);
         let bytes = self.waiting.len() as u64;
-        let written = self.file.write_all(&self.waiting);
         self.waiting.clear();
-        if let Err(error) = written {
-            // Half a chunk is none.
-            let _ = self.file.set_len(self.written_bytes);
-            let _ = self.file.seek(SeekFrom::Start(self.written_bytes));
-            return Err(error);
-        }
+        written?;
         self.written_bytes += bytes;
         self.quota.kept_bytes.fetch_add(bytes, Ordering::Relaxed);
         Ok(())

@@ -65,6 +65,12 @@ struct Chunk {
     end_ns: u64,
 }
 
+/// Why a file is not whole from an offset on.
+struct Damage {
+    offset: u64,
+    error: anyhow::Error,
+}
+
 /// A recording that is read.
 pub struct Recording {
     file: BufReader<File>,
@@ -86,21 +92,79 @@ impl Recording {
     }
 
     fn read(file: File) -> Result<Self> {
+        let (mut recording, ending) = Self::survey(file)?;
+        recording.ending = ending.map_err(|damage| damage.error)?;
+        recording.read_header()?;
+        Ok(recording)
+    }
+
+    /// Opens a file of a journal, which a power cut may have damaged wherever the disk had not confirmed it yet: what is
+    /// whole before that is read.
+    ///
+    /// # Errors
+    /// Those of [`Recording::open`], for what is damaged where the disk had confirmed it.
+    pub fn open_journal(path: &Path) -> Result<Self> {
+        let context = || path.display().to_string();
+        let file = File::open(path).map_err(|error| anyhow!(in_plain_words(&error))).with_context(context)?;
+        Self::read_journal(file).with_context(context)
+    }
+
+    fn read_journal(file: File) -> Result<Self> {
+        let (mut recording, ending) = Self::survey(file)?;
+        let damaged_chunk = (0..recording.chunks.len()).find_map(|index| Some((index, recording.chunk(index).err()?)));
+        let damage = match damaged_chunk {
+            Some((index, error)) => {
+                let offset = recording.chunks[index].offset - RECORD_HEAD_BYTES as u64;
+                recording.chunks.truncate(index);
+                Some(Damage { offset, error })
+            }
+            None => ending.map(|ending| recording.ending = ending).err(),
+        };
+        recording.read_header()?;
+        if let Some(Damage { offset, error }) = damage {
+            let confirmed = recording.confirmed_behind(offset)?;
+            ensure!(confirmed <= offset, "{error:#}; the disk had confirmed the first {confirmed} bytes");
+        }
+        Ok(recording)
+    }
+
+    /// How much of the file the disk had confirmed, as the whole chunks behind a place have it; 0 without any.
+    fn confirmed_behind(&mut self, place: u64) -> Result<u64> {
+        let length = self.file.get_ref().metadata()?.len();
+        let (mut from, mut confirmed) = (place, 0);
+        while let Some(next) = next_chunk(&mut self.file, from..length, length)? {
+            from = next + 1;
+            let Some(Chunk { offset, bytes, .. }) = chunk(&mut self.file, next, length)? else { continue };
+            let Ok(entries) = self.entries(offset, bytes) else { continue };
+            for entry in entries.iter().filter(|entry| entry.track == Track::Confirmed) {
+                confirmed = confirmed.max(entry.read::<v1::RecordedConfirmed>()?.bytes);
+            }
+            from = offset + bytes;
+        }
+        Ok(confirmed)
+    }
+
+    /// A file whose chunks were looked through, and how it ends or where it is damaged.
+    fn survey(file: File) -> Result<(Self, Result<Ending, Damage>)> {
         let (length, mut file) = (file.metadata()?.len(), BufReader::new(file));
         let mut magic = [0; MAGIC.len()];
         let is_mcap = file.read_exact(&mut magic).is_ok() && magic == MAGIC;
         ensure!(is_mcap, "this is no MCAP file");
-        let (chunks, ending) = chunks(&mut file, length)?;
+        let (mut chunks, mut offset) = (Vec::new(), MAGIC.len() as u64);
+        let ending = find_chunks(&mut file, length, &mut chunks, &mut offset);
+        let ending = ending.map_err(|error| Damage { offset, error });
         let header = v1::RecordingHeader::default();
-        let mut recording = Self { file, header, channels: BTreeMap::new(), chunks, ending };
-        ensure!(!recording.chunks.is_empty(), "the file ends before its first chunk is whole");
-        let first = recording.chunk(0)?;
+        Ok((Self { file, header, channels: BTreeMap::new(), chunks, ending: Ending::CutOff }, ending))
+    }
+
+    fn read_header(&mut self) -> Result<()> {
+        ensure!(!self.chunks.is_empty(), "the file ends before its first chunk is whole");
+        let first = self.chunk(0)?;
         let header = first.iter().find(|entry| entry.track == Track::Header);
-        recording.header =
-            header.context("this MCAP file has no /session/header: it is no recording of Kerf's")?.read()?;
-        let version = recording.header.version;
+        self.header = header.context("this MCAP file has no /session/header: it is no recording of Kerf's")?.read()?;
+        let version = self.header.version;
         ensure!(version == VERSION, "the recording has version {version}; this program reads {VERSION}");
-        Ok(recording)
+        Ok(())
     }
 
     /// What it begins with.
@@ -196,29 +260,28 @@ impl Recording {
     }
 }
 
-/// Where the whole chunks of a file are, and how it ends.
-fn chunks(file: &mut BufReader<File>, length: u64) -> Result<(Vec<Chunk>, Ending)> {
+/// Finds the whole chunks of a file, record by record, and how it ends. Records before the offset are whole.
+fn find_chunks(file: &mut BufReader<File>, length: u64, chunks: &mut Vec<Chunk>, offset: &mut u64) -> Result<Ending> {
     let is_complete = ends_with_magic(file, length)?;
-    let mut chunks = Vec::new();
-    let mut offset = MAGIC.len() as u64;
-    while let Some((kind, bytes)) = record_head(file, offset, length)? {
-        let damaged = || format!("the record at byte {offset} is damaged");
-        let content = offset + RECORD_HEAD_BYTES as u64;
+    while let Some((kind, bytes)) = record_head(file, *offset, length)? {
+        let begin = *offset;
+        let damaged = || format!("the record at byte {begin} is damaged");
+        let content = begin + RECORD_HEAD_BYTES as u64;
         match kind {
-            op::CHUNK => chunks.push(chunk(file, offset, length)?.with_context(damaged)?),
+            op::CHUNK => chunks.push(chunk(file, begin, length)?.with_context(damaged)?),
             op::FOOTER => {
                 let is_last = is_complete && content + bytes + MAGIC.len() as u64 == length;
                 ensure!(is_last, "{}: it ends the file before its end", damaged());
-                return Ok((chunks, Ending::Whole));
+                return Ok(Ending::Whole);
             }
             op::DATA_END => {
                 let saved = data_checksum(&record(file, content, bytes)?).with_context(damaged)?;
-                ensure!(saved == 0 || saved == checksum(file, offset)?, "the file is damaged: its checksum differs");
+                ensure!(saved == 0 || saved == checksum(file, begin)?, "the file is damaged: its checksum differs");
             }
             _ => {
                 // Of some kinds a reader takes any content that is long enough.
                 ensure!(
-                    chunk(file, offset, length)?.is_none(),
+                    chunk(file, begin, length)?.is_none(),
                     "{}: a chunk by its lengths, it says kind {kind}",
                     damaged()
                 );
@@ -229,17 +292,17 @@ fn chunks(file: &mut BufReader<File>, length: u64) -> Result<(Vec<Chunk>, Ending
                 ensure!(swallowed.is_none(), "{}: a chunk begins within it", damaged());
             }
         }
-        offset = content + bytes;
+        *offset = content + bytes;
     }
     // A writer that stopped leaves one record that is not whole, at the very end.
-    let torn = offset;
+    let torn = *offset;
     ensure!(!is_complete, "the record at byte {torn} is damaged: it goes on beyond the end of a complete file");
     if let Some(after) = next_chunk(file, torn + 1..length, length)? {
         bail!(
             "the record at byte {torn} is damaged: it goes on beyond the end, and a whole chunk follows at byte {after}"
         );
     }
-    Ok((chunks, Ending::CutOff))
+    Ok(Ending::CutOff)
 }
 
 fn ends_with_magic(file: &mut BufReader<File>, length: u64) -> Result<bool> {

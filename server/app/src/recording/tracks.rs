@@ -20,6 +20,7 @@ pub enum Track {
     Events,
     Checkpoint,
     Base,
+    Confirmed,
     Faults,
     Energy,
     Keyframe,
@@ -32,12 +33,13 @@ pub enum Track {
 
 impl Track {
     /// Those that are read, by their topics: what is for other programs alone is not among them.
-    const READ: [Self; 10] = [
+    const READ: [Self; 11] = [
         Self::Header,
         Self::Step,
         Self::Events,
         Self::Checkpoint,
         Self::Base,
+        Self::Confirmed,
         Self::Faults,
         Self::Energy,
         Self::Keyframe,
@@ -58,6 +60,7 @@ impl Track {
             Self::Events => "/session/events".into(),
             Self::Checkpoint => "/session/checkpoint".into(),
             Self::Base => "/session/base".into(),
+            Self::Confirmed => "/session/confirmed".into(),
             Self::Faults => "/session/faults".into(),
             Self::Energy => "/energy".into(),
             Self::Keyframe => "/view/keyframe".into(),
@@ -77,6 +80,7 @@ impl Track {
             Self::Events => "kerf.v1.Event",
             Self::Checkpoint => "kerf.v1.RecordedCheckpoint",
             Self::Base => "kerf.v1.RecordedBase",
+            Self::Confirmed => "kerf.v1.RecordedConfirmed",
             Self::Faults => "kerf.v1.Fault",
             Self::Energy => "kerf.v1.EnergyLedger",
             Self::Keyframe => "kerf.v1.Keyframe",
