@@ -1,7 +1,9 @@
-//! What clients are let in with: the certificates that they trust to sign a server's, and a token.
+//! How clients begin: the certificates that they trust to sign a server's, a token, and a session that is made for them.
 //!
 //! A token is read from a file or from the environment, and never stands on a command line, which every program of the
 //! machine can read.
+
+mod making;
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -11,6 +13,8 @@ use tonic::service::Interceptor;
 use tonic::service::interceptor::InterceptedService;
 use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint};
 use tonic::{Request, Status};
+
+pub use making::make_session;
 
 /// Holds the token itself, where no file does.
 const ENV_TOKEN: &str = "KERF_TOKEN";

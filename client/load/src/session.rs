@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
-use kerf_access::{Access, Wire, root_cause};
+use kerf_access::{Access, Wire, make_session, root_cause};
 use kerf_proto::v1::session_service_client::SessionServiceClient;
 use kerf_proto::v1::{self, create_session_request};
 
@@ -159,8 +159,8 @@ async fn create(
     };
     let refused = |status| refused(&format!("creating a session of {scene}"), &status);
     let (session, warnings) = if files.is_empty() {
-        let reply = client.create_session(timed(request, CREATE_TIMEOUT)).await.map_err(refused)?;
-        let v1::CreateSessionResponse { session, warnings } = reply.into_inner();
+        let created = make_session(client, request, CREATE_TIMEOUT).await.map_err(refused)?;
+        let v1::CreateSessionResponse { session, warnings } = created;
         (session, warnings)
     } else {
         let parts = futures_util::stream::iter(in_parts(request, files));

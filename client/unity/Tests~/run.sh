@@ -63,6 +63,8 @@ rm -rf $build/security && mkdir -p $build/security
 $server token new --name unity --role driver --file $build/security/tokens.toml --out $build/token
 $server serve --listen 127.0.0.1:$port --log-filter error & started=$!
 $server serve --listen 127.0.0.1:$secured --security-dir $build/security --log-filter error & started="$started $!"
+elsewhere=50070
+$server serve --listen 127.0.0.1:$elsewhere --log-filter error & started="$started $!"
 authority=$build/authority
 client/unity/Tests~/authority.sh $authority
 signed=50073
@@ -106,7 +108,8 @@ for message in json.load(open(sys.argv[1])):
     print(len(lines), *lines, sep="\n")
 END
 done
-mono $build/LiveTest.exe http://127.0.0.1:$port https://127.0.0.1:$secured $build/token $build/security/certificate.pem $authority/cases proto/vectors/cut.bin $build/cut.txt \
+mono $build/LiveTest.exe http://127.0.0.1:$port https://127.0.0.1:$secured $build/token $build/security/certificate.pem $authority/cases \
+    $server http://127.0.0.1:$elsewhere proto/vectors/cut.bin $build/cut.txt \
     proto/vectors/cut-vertices.bin $build/cut-vertices.txt
 for input in old new; do
     mono $build/SampleTest-$input.exe http://127.0.0.1:$port client/unity/Runtime/Resources

@@ -278,13 +278,16 @@ impl SessionService for Server {
         Err(Status::unimplemented("not part of this stand-in"))
     }
 
-    type MakeSessionStream = tokio_stream::Empty<Result<v1::MakeSessionResponse, Status>>;
+    type MakeSessionStream = tokio_stream::Once<Result<v1::MakeSessionResponse, Status>>;
 
     async fn make_session(
         &self,
-        _: Request<v1::MakeSessionRequest>,
+        request: Request<v1::MakeSessionRequest>,
     ) -> Result<Response<Self::MakeSessionStream>, Status> {
-        Err(Status::unimplemented("not part of this stand-in"))
+        let asked = request.into_inner().request.unwrap_or_default();
+        let created = self.create_session(Request::new(asked)).await?.into_inner();
+        let state = Some(v1::make_session_response::State::Created(created));
+        Ok(Response::new(tokio_stream::once(Ok(v1::MakeSessionResponse { state }))))
     }
 
     async fn send_scene_file(

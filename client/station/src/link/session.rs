@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use kerf_access::Wire;
+use kerf_access::{Wire, make_session};
 use kerf_proto::v1::session_service_client::SessionServiceClient;
 use kerf_proto::v1::{self, create_session_request};
 use tokio::sync::Mutex;
@@ -103,9 +103,8 @@ async fn scenes(wire: Wire) -> String {
 
 async fn create(wire: Wire, scene: &str) -> Result<String, Status> {
     let scene = Some(create_session_request::Scene::SceneName(scene.to_owned()));
-    let mut request = Request::new(v1::CreateSessionRequest { scene, ..Default::default() });
-    request.set_timeout(CREATE_TIMEOUT);
-    let reply = SessionServiceClient::new(wire).create_session(request).await?.into_inner();
-    let session = reply.session.ok_or_else(|| Status::internal("a session without a description"))?;
+    let request = v1::CreateSessionRequest { scene, ..Default::default() };
+    let created = make_session(&mut SessionServiceClient::new(wire), request, CREATE_TIMEOUT).await?;
+    let session = created.session.ok_or_else(|| Status::internal("a session without a description"))?;
     Ok(session.session_id)
 }

@@ -14,7 +14,8 @@ namespace Kerf.Client
         // A tool that holds still is told again this often, so that its lease goes on.
         static readonly TimeSpan KeepAlive = TimeSpan.FromSeconds(0.4);
 
-        readonly Server server;
+        // Of its thread.
+        Server server;
         readonly string sessionId;
         readonly Thread thread;
         readonly object gate = new object();
@@ -154,8 +155,9 @@ namespace Kerf.Client
             }
             catch (KerfException error)
             {
-                // A lease that ran out is asked for anew.
-                if (error.Code == StatusCode.FailedPrecondition) lease = "";
+                // A lease that ran out is asked for anew, and each server has its own.
+                if (error.Code == StatusCode.FailedPrecondition || error.MovedTo != null) lease = "";
+                server = server.Follow(error) ?? server;
                 Trouble = error.Message;
                 if (error.Code == StatusCode.Unavailable && !ends) Thread.Sleep(KeepAlive);
             }

@@ -12,6 +12,8 @@ namespace Kerf.Client
     public sealed class GrpcWebTransport : ITransport
     {
         const byte StatusFlag = 0x80;
+        // Of the status of whoever asks for a session that has moved.
+        const string MovedTo = "kerf-moved-to";
         // A server sends no message above 4 MiB; more is no answer of one.
         const int MaxMessageBytes = 4 << 20;
 
@@ -25,12 +27,23 @@ namespace Kerf.Client
         /// does not trust it. The server's own is taken under any name, a signed one under the names that stand in it.</param>
         /// <exception cref="KerfException">The file holds no certificate.</exception>
         public GrpcWebTransport(string address, string token = null, string certificateFile = null)
+            : this(address, token, string.IsNullOrEmpty(certificateFile) ? null : new Trust(certificateFile))
+        {
+        }
+
+        GrpcWebTransport(string address, string token, Trust trust)
         {
             this.address = address.TrimEnd('/');
             this.token = token;
-            if (!string.IsNullOrEmpty(certificateFile)) trust = new Trust(certificateFile);
+            this.trust = trust;
             // A viewer's stream, its acknowledgements and a driver go side by side.
             ServicePointManager.DefaultConnectionLimit = Math.Max(ServicePointManager.DefaultConnectionLimit, 16);
+        }
+
+        /// <inheritdoc/>
+        public ITransport To(string other)
+        {
+            return new GrpcWebTransport(other, token, trust);
         }
 
         /// <inheritdoc/>
@@ -102,7 +115,7 @@ namespace Kerf.Client
         static void Read(string method, WebHeaderCollection headers, Stream body, Action<byte[]> take)
         {
             // A call that is refused at once has its status among the headers, and no body.
-            if (headers["grpc-status"] != null) Check(method, headers["grpc-status"], headers["grpc-message"]);
+            if (headers["grpc-status"] != null) Check(method, headers["grpc-status"], headers["grpc-message"], headers[MovedTo]);
             var header = new byte[5];
             while (Fill(body, header))
             {
@@ -118,7 +131,8 @@ namespace Kerf.Client
                 var trailers = Trailers(message);
                 trailers.TryGetValue("grpc-status", out var status);
                 trailers.TryGetValue("grpc-message", out var why);
-                Check(method, status, why);
+                trailers.TryGetValue(MovedTo, out var movedTo);
+                Check(method, status, why, movedTo);
                 return;
             }
             if (headers["grpc-status"] == null) throw new KerfException(StatusCode.Unavailable, method + " ended without a status: the connection broke");
@@ -147,10 +161,10 @@ namespace Kerf.Client
             return trailers;
         }
 
-        static void Check(string method, string status, string why)
+        static void Check(string method, string status, string why, string movedTo)
         {
             if (!int.TryParse(status, out var code)) throw new KerfException(StatusCode.Internal, method + " ended with status \"" + status + "\"");
-            if (code != 0) throw new KerfException((StatusCode)code, Uri.UnescapeDataString(why ?? "no reason given"));
+            if (code != 0) throw new KerfException((StatusCode)code, Uri.UnescapeDataString(why ?? "no reason given"), null, movedTo);
         }
     }
 }

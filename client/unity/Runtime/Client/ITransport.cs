@@ -7,6 +7,10 @@ namespace Kerf.Client
     /// bring its own.</summary>
     public interface ITransport
     {
+        /// <summary>Carries calls to another server in the same way.</summary>
+        /// <param name="address">As "https://kerf.example:50051".</param>
+        ITransport To(string address);
+
         /// <summary>One request, one answer. Waits for it.</summary>
         /// <param name="method">Full name, as "kerf.v1.SessionService/ListScenes".</param>
         /// <param name="request">The request, in protobuf's encoding.</param>

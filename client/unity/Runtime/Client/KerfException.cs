@@ -37,11 +37,15 @@ namespace Kerf.Client
         /// <summary>Why, as a code.</summary>
         public StatusCode Code { get; }
 
+        /// <summary>Address of the server that the session has moved to; null where it has not.</summary>
+        public string MovedTo { get; }
+
         /// <summary>A failure with its reason in words.</summary>
-        public KerfException(StatusCode code, string message, Exception cause = null)
+        public KerfException(StatusCode code, string message, Exception cause = null, string movedTo = null)
             : base(message, cause)
         {
             Code = code;
+            MovedTo = movedTo;
         }
     }
 }

@@ -1,3 +1,4 @@
+using System;
 using System.Collections.Generic;
 using System.Threading;
 using Google.Protobuf;
@@ -31,6 +32,13 @@ namespace Kerf.Client
             this.transport = transport;
         }
 
+        /// <summary>The server that a session has moved to, where that is why a call failed; else null. It is asked with the same
+        /// token and certificate.</summary>
+        public Server Follow(KerfException error)
+        {
+            return error.MovedTo == null ? null : new Server(transport.To(error.MovedTo));
+        }
+
         /// <summary>The scenes that can be started by name.</summary>
         public IReadOnlyList<SceneInfo> ListScenes()
         {
@@ -44,9 +52,17 @@ namespace Kerf.Client
         }
 
         /// <summary>Starts a session.</summary>
-        public SessionDescription Create(CreateSessionRequest request)
+        /// <param name="tell">Called meanwhile with how far its scene is.</param>
+        public SessionDescription Create(CreateSessionRequest request, Action<MakingProgress> tell = null)
         {
-            return Call(Sessions + "CreateSession", request, CreateSessionResponse.Parser).Session;
+            const string method = Sessions + "MakeSession";
+            SessionDescription made = null;
+            Stream(method, new MakeSessionRequest { Request = request }, MakeSessionResponse.Parser, answer =>
+            {
+                if (answer.Created != null) made = answer.Created.Session;
+                else if (answer.Progress != null) tell?.Invoke(answer.Progress);
+            }, CancellationToken.None);
+            return made ?? throw new KerfException(StatusCode.Internal, method + " ended without a session");
         }
 
         /// <summary>Starts a session of a scene that the server knows.</summary>
@@ -106,7 +122,7 @@ namespace Kerf.Client
             return Parse(method, answer, transport.Call(method, request.ToByteArray(), cancel));
         }
 
-        internal void Stream<T>(string method, IMessage request, MessageParser<T> answer, System.Action<T> take, CancellationToken cancel)
+        internal void Stream<T>(string method, IMessage request, MessageParser<T> answer, Action<T> take, CancellationToken cancel)
             where T : IMessage<T>
         {
             transport.Stream(method, request.ToByteArray(), bytes => take(Parse(method, answer, bytes)), cancel);

@@ -5,13 +5,13 @@ using Kerf.V1;
 namespace Kerf.Client
 {
     /// <summary>Follows a session on a thread of its own: reads the view stream, acknowledges it, keeps a replica, and joins
-    /// anew when the connection breaks or the server starts again.</summary>
+    /// anew when the connection breaks, the server starts again or the session moves to another one.</summary>
     public sealed class Viewer : IDisposable
     {
         const string View = "kerf.v1.ViewService/";
         static readonly TimeSpan RetryAfter = TimeSpan.FromSeconds(0.5);
 
-        readonly Server server;
+        volatile Server server;
         readonly ViewRequest request;
         readonly CancellationTokenSource end = new CancellationTokenSource();
         readonly object gate = new object();
@@ -29,6 +29,9 @@ namespace Kerf.Client
         /// <summary>The session has ended, or is not known to the server.</summary>
         public bool HasEnded { get; private set; }
 
+        /// <summary>The server that has the session: another one than at first, once it has moved.</summary>
+        public Server Server => server;
+
         /// <summary>Something happened to the session; called on the viewer's thread.</summary>
         public event Action<Event> Happened;
 
@@ -39,7 +42,7 @@ namespace Kerf.Client
             this.server = server;
             request = new ViewRequest
             {
-                ProtocolVersion = Server.ProtocolVersion,
+                ProtocolVersion = Client.Server.ProtocolVersion,
                 SessionId = sessionId,
                 RateHz = rateHz,
                 WantsEnergy = true,
@@ -83,6 +86,11 @@ namespace Kerf.Client
                     lock (gate) replica = new Replica();
                     server.Stream(View + "View", request, ViewResponse.Parser, message => Take(assembler, message), end.Token);
                     HasEnded = true;
+                }
+                catch (KerfException error) when (error.MovedTo != null)
+                {
+                    Trouble = error.Message;
+                    server = server.Follow(error);
                 }
                 catch (KerfException error) when (IsFinal(error.Code))
                 {

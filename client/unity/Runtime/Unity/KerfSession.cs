@@ -49,6 +49,9 @@ namespace Kerf.Unity
         /// <summary>Drives this session's tools; null until the session is there.</summary>
         public Driver Driver { get; private set; }
 
+        /// <summary>How far a new session is that is being made; null before and after.</summary>
+        public MakingProgress Making => making;
+
         /// <summary>What is wrong, in words; null while all is well.</summary>
         public string Trouble => failure ?? viewer?.Trouble ?? Driver?.Trouble;
 
@@ -56,6 +59,7 @@ namespace Kerf.Unity
         Viewer viewer;
         KerfTissue[] objects = new KerfTissue[0];
         volatile SessionDescription joined;
+        volatile MakingProgress making;
         volatile string failure;
         bool isOwn;
 
@@ -92,13 +96,15 @@ namespace Kerf.Unity
         {
             try
             {
-                var description = id.Length == 0 ? of.Create(asked) : of.Describe(id);
+                var description = id.Length == 0 ? of.Create(asked, told => making = told) : of.Describe(id);
+                making = null;
                 // Disabled meanwhile: nobody is left to end it.
                 if (of != server && id.Length == 0) CloseQuietly(of, description.SessionId);
                 else joined = description;
             }
             catch (KerfException error)
             {
+                making = null;
                 if (of == server) failure = error.Message;
             }
         }
@@ -126,13 +132,14 @@ namespace Kerf.Unity
 
         void OnDisable()
         {
+            var last = viewer?.Server ?? server;
             Driver?.Dispose();
             viewer?.Dispose();
             foreach (var shown in objects) Destroy(shown.gameObject);
             objects = new KerfTissue[0];
             if (isOwn && joined != null)
             {
-                CloseQuietly(server, joined.SessionId);
+                CloseQuietly(last, joined.SessionId);
                 sessionId = "";
             }
             (Driver, viewer, joined, failure, State, server) = (null, null, null, null, null, null);

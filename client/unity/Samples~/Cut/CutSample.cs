@@ -58,7 +58,9 @@ public sealed class CutSample : MonoBehaviour
 
     void OnGUI()
     {
-        var said = session.Trouble ?? string.Format("{0:0.00} N, height {1:0} mm", blade.ForceN.magnitude, heightM * 1e3f);
+        var making = session.Making;
+        var said = making != null ? string.Format("the scene is made: {0:0} %", 100 * making.Share)
+            : session.Trouble ?? string.Format("{0:0.00} N, height {1:0} mm", blade.ForceN.magnitude, heightM * 1e3f);
         GUI.Label(new Rect(20, 20, 900, 40), said);
     }
 
