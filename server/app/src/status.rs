@@ -431,6 +431,7 @@ fn session_code(error: &SessionError) -> Code {
         | SessionError::TooManyCheckpoints { .. }
         | SessionError::NoThread { .. } => Code::ResourceExhausted,
         SessionError::Here { .. } => Code::AlreadyExists,
+        SessionError::Leaving => Code::Unavailable,
         SessionError::NoSession { .. }
         | SessionError::Moved { .. }
         | SessionError::NoTool { .. }

@@ -111,6 +111,9 @@ pub enum SessionError {
         /// The address of its server.
         to: String,
     },
+    /// The session is on its way to another server.
+    #[error("the session is moving to another server: ask again when it has moved, or has not")]
+    Leaving,
     /// A session of this id is here.
     #[error("session_id: session {id} is here already")]
     Here {

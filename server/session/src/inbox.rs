@@ -44,8 +44,10 @@ pub(crate) enum Command {
     Reset(oneshot::Sender<Result<(), SessionError>>),
     /// Describe the session.
     Describe(oneshot::Sender<SessionStatus>),
-    /// Stand, and give away all that the session goes on from elsewhere.
+    /// Stand, give away all that the session goes on from elsewhere, and change nothing from then on.
     Leave(oneshot::Sender<Result<Arc<Base>, SessionError>>),
+    /// Do not leave: go on here, as before.
+    Stay(oneshot::Sender<Result<(), SessionError>>),
     /// Save a checkpoint, go back to one, tell of them.
     Checkpoint(CheckpointCommand),
     /// Of a recording that is played: go to a time, set the speed; answers with both.

@@ -261,6 +261,7 @@ impl Player {
             }
             Command::Reset(answer) => refuse(answer),
             Command::Leave(answer) => refuse(answer),
+            Command::Stay(answer) => refuse(answer),
             Command::Checkpoint(command) => match command {
                 CheckpointCommand::Save(_, answer) | CheckpointCommand::Restore(_, answer) => refuse(answer),
                 CheckpointCommand::Read(_, answer) | CheckpointCommand::Copy(answer) => refuse(answer),

@@ -458,12 +458,21 @@ impl Session {
         self.ask(|answer| Command::Seek(to, answer)).await?
     }
 
-    /// Stands, and gives away all that it goes on from on another server.
+    /// Stands, and gives away all that it goes on from on another server. Until it is told to [stay](Self::stay) it refuses
+    /// what would change it.
     ///
     /// # Errors
-    /// It is played, or has failed; there is no room for a copy of its state, the queue is full, or it has ended.
+    /// It leaves already, is played, or has failed; there is no room for a copy of its state, the queue is full, or it has ended.
     pub async fn leave(&self) -> Result<Arc<Base>, SessionError> {
         self.ask(Command::Leave).await?
+    }
+
+    /// Goes on here, as before it was to leave.
+    ///
+    /// # Errors
+    /// The queue is full, or it has ended.
+    pub async fn stay(&self) -> Result<(), SessionError> {
+        self.ask(Command::Stay).await?
     }
 
     /// Where it goes on, if it has left.

@@ -158,3 +158,35 @@ async fn a_failed_session_saves_nothing_and_is_mended_by_a_checkpoint() {
     assert_eq!((session.phase(), session.describe().await.unwrap().state_hash), (Phase::Paused, good));
     assert!(session.resume().await.is_ok());
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_session_on_its_way_elsewhere_refuses_what_would_be_lost_and_runs_on_if_it_stays() {
+    let (_registry, session) = session().await;
+    session.save_checkpoint("before").await.unwrap();
+    let left = session.leave().await.unwrap();
+    assert!(!left.is_paused);
+    let step = session.describe().await.unwrap().step;
+    assert_eq!(left.state.step(), step);
+    let copy = session.copy().await.unwrap();
+    let refused = [
+        session.resume().await.map(drop),
+        session.step(Steps { count: 1, inputs: Vec::new() }).await.map(drop),
+        session.reset().await,
+        session.save_checkpoint("after").await.map(drop),
+        session.keep_checkpoint("after", copy).await.map(drop),
+        session.restore_checkpoint("before").await.map(drop),
+        session.delete_checkpoint("before").await,
+        session.leave().await.map(drop),
+    ];
+    assert_eq!(refused, [const { Err(SessionError::Leaving) }; 8]);
+    let described = session.describe().await.unwrap();
+    assert_eq!((described.phase, described.step), (Phase::Paused, step), "it stands");
+    session.stay().await.unwrap();
+    assert_eq!(session.describe().await.unwrap().phase, Phase::Running);
+    session.save_checkpoint("after").await.unwrap();
+
+    session.pause().await.unwrap();
+    assert!(session.leave().await.unwrap().is_paused);
+    session.stay().await.unwrap();
+    assert_eq!(session.describe().await.unwrap().phase, Phase::Paused, "it stood before, too");
+}

@@ -28,10 +28,17 @@ pub struct Moving {
 
 impl Moving {
     /// Moves a session to another server; answers with the step that it goes on from there. One that is not taken goes on
-    /// here.
-    pub async fn send(&self, session: &Arc<Session>, to: v1::MoveSessionRequest) -> Result<u64, RequestError> {
+    /// here. A caller that gives up changes nothing of that.
+    pub async fn send(&self, session: Arc<Session>, to: v1::MoveSessionRequest) -> Result<u64, RequestError> {
+        let this = self.clone();
+        let sent = tokio::spawn(async move { this.send_now(&session, to).await });
+        let panicked = |_| SessionError::Failed { message: "a panic while the session moved".into() };
+        sent.await.map_err(panicked)?
+    }
+
+    async fn send_now(&self, session: &Arc<Session>, to: v1::MoveSessionRequest) -> Result<u64, RequestError> {
         let limit_s = self.in_parts.limit_s;
-        let mut client = client(&to)?.max_decoding_message_size(PART_BYTES);
+        let mut client = client(&to)?;
         let not_taken = |message| RequestError::NotTaken { to: to.to.clone(), message };
         let refused = |status: Status| {
             let cause = std::error::Error::source(&status).map(root_cause);
@@ -42,7 +49,12 @@ impl Moving {
         if asked.await?.into_inner().server_instance == self.registry.instance().to_string() {
             return Err(not_taken("it is this server".into()));
         }
-        let base = in_time(limit_s, session.leave()).await?;
+        let left = in_time(limit_s, session.leave()).await;
+        if matches!(left, Err(RequestError::Unresponsive { .. })) {
+            // It may leave yet, and stays after that.
+            let _ = in_time(limit_s, session.stay()).await;
+        }
+        let base = left?;
         let sent = async {
             let (moved, state) = (Arc::clone(session), Arc::clone(&base));
             let file = in_time(limit_s, aside(move || put_down(&moved, &state))).await?;
@@ -70,9 +82,7 @@ impl Moving {
                 Ok(step)
             }
             Err(error) => {
-                if !base.is_paused {
-                    in_time(limit_s, session.resume()).await?;
-                }
+                in_time(limit_s, session.stay()).await?;
                 Err(error)
             }
         }

@@ -455,8 +455,9 @@ impl v1::session_service_server::SessionService for SessionService {
         request: Request<v1::MoveSessionRequest>,
     ) -> Result<Response<v1::MoveSessionResponse>, Status> {
         let session = self.get(&request, &request.get_ref().session_id)?;
-        let step = self.moving.send(&session, request.into_inner()).await?;
-        self.finish(session.id()).await;
+        let id = session.id();
+        let step = self.moving.send(session, request.into_inner()).await?;
+        self.finish(id).await;
         Ok(Response::new(v1::MoveSessionResponse { step }))
     }
 

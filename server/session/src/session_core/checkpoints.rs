@@ -16,10 +16,10 @@ impl SessionCore {
         // A caller that has given up waiting is no error of the session's.
         match command {
             CheckpointCommand::Save(name, answer) => {
-                let _ = answer.send(self.save_checkpoint(name));
+                let _ = answer.send(self.is_here().and_then(|()| self.save_checkpoint(name)));
             }
             CheckpointCommand::Restore(name, answer) => {
-                let _ = answer.send(self.restore_checkpoint(&name));
+                let _ = answer.send(self.is_here().and_then(|()| self.restore_checkpoint(&name)));
             }
             CheckpointCommand::Read(name, answer) => {
                 let _ = answer.send(self.checkpoints.get(&name).cloned());
@@ -31,10 +31,10 @@ impl SessionCore {
                 let _ = answer.send(self.checkpoints.check(&name));
             }
             CheckpointCommand::Keep(name, checkpoint, answer) => {
-                let _ = answer.send(self.keep_checkpoint(name, checkpoint));
+                let _ = answer.send(self.is_here().and_then(|()| self.keep_checkpoint(name, checkpoint)));
             }
             CheckpointCommand::Delete(name, answer) => {
-                let _ = answer.send(self.delete_checkpoint(&name));
+                let _ = answer.send(self.is_here().and_then(|()| self.delete_checkpoint(&name)));
             }
             CheckpointCommand::List(answer) => {
                 let _ = answer.send(self.checkpoints.list());

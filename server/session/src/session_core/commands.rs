@@ -36,17 +36,23 @@ impl SessionCore {
                 let _ = answer.send(self.world.output().step);
             }
             Command::Resume(answer) => {
-                let _ = answer.send(self.resume());
+                let _ = answer.send(self.is_here().and_then(|()| self.resume()));
             }
-            Command::Step(steps, answer) => self.owe(steps, answer),
+            Command::Step(steps, answer) => match self.is_here() {
+                Ok(()) => self.owe(steps, answer),
+                Err(error) => drop(answer.send(Err(error))),
+            },
             Command::Reset(answer) => {
-                let _ = answer.send(self.reset());
+                let _ = answer.send(self.is_here().and_then(|()| self.reset()));
             }
             Command::Describe(answer) => {
                 let _ = answer.send(self.describe());
             }
             Command::Leave(answer) => {
                 let _ = answer.send(self.leave());
+            }
+            Command::Stay(answer) => {
+                let _ = answer.send(self.stay());
             }
             Command::Checkpoint(command) => self.obey_checkpoint(command),
             Command::Seek(_, answer) => {
@@ -66,7 +72,7 @@ impl SessionCore {
         }
     }
 
-    fn resume(&mut self) -> Result<u64, SessionError> {
+    pub(super) fn resume(&mut self) -> Result<u64, SessionError> {
         match &self.phase {
             Phase::Failed { message } => return Err(SessionError::Failed { message: message.to_string() }),
             Phase::Paused => {

@@ -58,11 +58,29 @@ impl SessionCore {
         Ok(Arc::new(Base { state, is_paused, checkpoints: self.checkpoints.all() }))
     }
 
-    /// Stands, and gives away all that the session goes on from elsewhere.
+    /// Stands, gives away all that the session goes on from elsewhere, and refuses what would change it.
     pub(super) fn leave(&mut self) -> Result<Arc<Base>, SessionError> {
+        self.is_here()?;
         let base = self.base()?;
+        self.leaves = Some(self.phase.clone());
         self.pause();
         Ok(base)
+    }
+
+    /// Goes on here, as before it was to leave.
+    pub(super) fn stay(&mut self) -> Result<(), SessionError> {
+        match self.leaves.take() {
+            Some(Phase::Running) => self.resume().map(drop),
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether the session may be changed: what changes while it is on its way would be lost.
+    pub(super) fn is_here(&self) -> Result<(), SessionError> {
+        match self.leaves {
+            Some(_) => Err(SessionError::Leaving),
+            None => Ok(()),
+        }
     }
 
     /// Stands as a session of the same scene stood that did not come to its end, and whose world this has. Nobody holds a tool: the next step

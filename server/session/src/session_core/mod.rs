@@ -101,6 +101,8 @@ pub(crate) struct SessionCore {
     checkpoints: Checkpoints,
     /// Times that the scene was put back to rest.
     resets: u64,
+    /// It is on its way to another server, and was in this phase before.
+    leaves: Option<Phase>,
     commands: Vec<Command>,
     tools: Tick,
     /// Per tool, as of the last tick: who drives it.
@@ -180,6 +182,7 @@ impl SessionCore {
             governor: Governor::of(&scene.desc),
             checkpoints: Checkpoints::new(limits.max_checkpoints),
             resets: 0,
+            leaves: None,
             commands: Vec::new(),
             tools: Tick::default(),
             holders: vec![None; tool_count],
