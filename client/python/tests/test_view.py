@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import down
+from conftest import BLOCK, down
 
 import kerf
 from kerf import surface_hash
@@ -239,3 +239,15 @@ def test_a_recorded_stream_is_decoded_as_it_is_written_down(name):
             place = int(np.searchsorted(surface.vertex_ids, vertex["id"]))
             assert np.allclose(surface.vertices_m[place], vertex["position_m"], rtol=0, atol=1e-7)
     assert next(expected, None) is None
+
+
+def test_a_view_whose_connection_is_closed_ends_in_words(server):
+    client = server.client()
+    session = client.create_session(path=BLOCK, real_time=True)
+    view = session.view()
+    view.surface()
+    client.close()
+    with pytest.raises(kerf.UnavailableError):
+        view.surface(step=10**6)
+    with pytest.raises(kerf.UnavailableError, match="was closed"):
+        session.describe()

@@ -56,6 +56,7 @@ class Transport:
             self._channel = grpc.insecure_channel(address, options)
         self._metadata = [("authorization", f"Bearer {token}")] if token else []
         self._calls: dict[str, Any] = {}
+        self._is_closed = False
 
     def at(self, address: str) -> Transport:
         """A connection to another server, let in by the same."""
@@ -70,33 +71,56 @@ class Transport:
 
     def call(self, method: str, request: Message, response: type[R], timeout_s: float | None = None) -> R:
         """Calls `Service/Method` and waits for its answer."""
-        stub = self._stub("unary_unary", method, request, response)
         try:
-            answer: R = stub(request, timeout=timeout_s or self.timeout_s, metadata=self._metadata)
+            answer: R = self._begin(
+                "unary_unary", method, request, response, request, timeout=timeout_s or self.timeout_s
+            )
         except grpc.RpcError as error:
-            raise of_rpc(error) from error
+            raise self._closed(error) or of_rpc(error) from error
         return answer
 
     def read(self, method: str, request: Message, response: type[R]) -> Stream[R]:
         """Calls `Service/Method` and reads what comes until it ends."""
-        return Stream(self._stub("unary_stream", method, request, response)(request, metadata=self._metadata))
+        return Stream(self._begin("unary_stream", method, request, response, request))
 
     def send(self, method: str, requests: Iterator[Q], request: type[Q], response: type[R]) -> R:
         """Calls `Service/Method`, sends requests one after another and waits for the answer."""
-        stub = self._stub("stream_unary", method, request(), response)
         try:
-            answer: R = stub(requests, timeout=self.timeout_s, metadata=self._metadata)
+            answer: R = self._begin("stream_unary", method, request(), response, requests, timeout=self.timeout_s)
         except grpc.RpcError as error:
-            raise of_rpc(error) from error
+            raise self._closed(error) or of_rpc(error) from error
         return answer
 
     def converse(self, method: str, requests: Iterator[Message], request: Message, response: type[R]) -> Stream[R]:
         """Calls `Service/Method`, sends requests as they come and reads what comes until it ends."""
-        return Stream(self._stub("stream_stream", method, request, response)(requests, metadata=self._metadata))
+        return Stream(self._begin("stream_stream", method, request, response, requests))
 
     def close(self) -> None:
         """Ends all calls and the connection."""
+        self._is_closed = True
         self._channel.close()
+
+    def _begin(
+        self,
+        kind: str,
+        method: str,
+        request: Message,
+        response: type[R],
+        sent: object,
+        timeout: float | None = None,
+    ) -> Any:  # noqa: ANN401
+        try:
+            return self._stub(kind, method, request, response)(sent, timeout=timeout, metadata=self._metadata)
+        except ValueError as error:
+            raise self._closed(error) or error from None
+
+    def _closed(self, error: Exception) -> UnavailableError | None:
+        """What to say in the place of gRPC's error where another thread has ended the connection."""
+        if not self._is_closed:
+            return None
+        closed = UnavailableError(f"the connection to {self.address} was closed")
+        closed.__cause__ = error
+        return closed
 
     def _stub(self, kind: str, method: str, request: Message, response: type[R]) -> Any:  # noqa: ANN401
         if method not in self._calls:
