@@ -1,5 +1,6 @@
 //! What is to be said of a scene before it runs. Whoever runs scenes asks here, so that all refuse and warn alike.
 
+use kerf_physics::body::MOST_CONTRAST;
 use kerf_physics::grid::missed::{Missed, MissedPart};
 use kerf_physics::grid::thickness::Thickness;
 use kerf_physics::grid::voxelize::region_voxels;
@@ -48,6 +49,7 @@ pub fn warnings(scene: &Scene, world: &World) -> Vec<SceneError> {
         let mut remarks = Remarks { scene, object, grid: grids[index], field: format!("objects[{index}]"), warnings };
         remarks.meshes();
         remarks.regions();
+        remarks.contrast();
         remarks.supports();
         remarks.thin_parts();
         remarks.missed();
@@ -118,6 +120,24 @@ impl Remarks<'_> {
             if self.held(&finer.shape).is_empty() {
                 self.warn(&format!(".finer[{i}]"), "holds no voxel: its shape is elsewhere");
             }
+        }
+    }
+
+    /// Materials that count as softer than they are where they share elements with others.
+    fn contrast(&mut self) {
+        let ObjectDesc { level: 1.., .. } = *self.object else { return };
+        let regions = self.object.regions.iter().enumerate();
+        let young_pa: Vec<(String, f64)> = std::iter::once((String::new(), self.object.material.young_modulus_pa))
+            .chain(regions.map(|(i, region)| (format!(".regions[{i}]"), region.material.young_modulus_pa)))
+            .collect();
+        let softest_pa = young_pa.iter().map(|(_, young_pa)| *young_pa).fold(f64::INFINITY, f64::min);
+        for (field, stiff_pa) in young_pa.into_iter().filter(|(_, young_pa)| *young_pa > MOST_CONTRAST * softest_pa) {
+            let message = format!(
+                "{:.0} times as stiff as another material of the object; in elements that hold both it counts as {MOST_CONTRAST} \
+                 times as stiff; level = 0 has it as it is",
+                stiff_pa / softest_pa
+            );
+            self.warn(&format!("{field}.material.young_modulus_pa"), message);
         }
     }
 
@@ -243,7 +263,7 @@ impl Remarks<'_> {
 
 #[cfg(test)]
 mod tests {
-    use kerf_physics::scene::{Face, TriangleMesh};
+    use kerf_physics::scene::{Face, RegionDesc, TriangleMesh};
 
     use super::*;
     use crate::catalog;
@@ -344,6 +364,25 @@ mod tests {
         ];
         assert_eq!(told.len(), starts.len(), "{told:?}");
         assert!(told.iter().zip(starts).all(|(told, start)| told.starts_with(start)), "{told:?}");
+    }
+
+    #[test]
+    fn materials_that_are_too_stiff_to_share_elements_are_warned_of_where_they_may() {
+        let mut scene = catalog::builtin("jelly").unwrap();
+        let object = &mut scene.desc.objects[0];
+        let mut bone = object.material.clone();
+        bone.young_modulus_pa = 2e3 * object.material.young_modulus_pa;
+        let shape = ShapeDesc::Sphere { center_m: [0.0, 0.02, 0.0], radius_m: 0.01 };
+        object.regions.push(RegionDesc { name: "bone".into(), shape, material: bone });
+        let told_of =
+            |scene: &Scene| told(scene).into_iter().filter(|told| told.contains("regions[0]")).collect::<Vec<_>>();
+        let starts = "objects[0].regions[0].material.young_modulus_pa: 2000 times as stiff";
+        assert!(told_of(&scene)[0].starts_with(starts), "{:?}", told_of(&scene));
+        scene.desc.objects[0].regions[0].material.young_modulus_pa /= 2.1;
+        assert_eq!(told_of(&scene), [""; 0]);
+        let object = &mut scene.desc.objects[0];
+        (object.regions[0].material.young_modulus_pa, object.level) = (1e9, 0);
+        assert_eq!(told_of(&scene), [""; 0], "no voxel shares an element");
     }
 
     #[test]

@@ -22,7 +22,7 @@ use kerf_physics::SceneError;
 use rayon::prelude::*;
 
 use trial::Measures;
-use verdict::{Finding, findings};
+use verdict::{Finding, REFUSED, findings};
 
 /// What a case is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -143,7 +143,7 @@ impl Case {
                 let found = findings(&seen).into_iter().chain(wrong.into_iter().map(Finding::Other)).collect();
                 (Some(seen), found)
             }
-            Ok(Err(refused)) => (None, vec![Finding::Other(format!("refused: {refused}"))]),
+            Ok(Err(refused)) => (None, vec![Finding::Other(format!("{REFUSED}{refused}"))]),
             Err(panic) => {
                 let text = panic.downcast_ref::<String>().map(String::as_str);
                 let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("without a message");

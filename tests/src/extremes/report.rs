@@ -48,13 +48,14 @@ impl Tables {
 
     fn preface(&self, seed: u64, commit: &str) -> String {
         let holding = self.cases.iter().filter(|case| case.holds()).count();
+        let refused = self.cases.iter().filter(|case| case.refusal().is_some()).count();
         let not_finite = self.cases.iter().filter(|case| case.finite == "no").count();
         let true_properties = self.properties.iter().filter(|p| p.verdict == "holds").count();
         format!(
             "# Stability at the extremes\n\n\
              Every supported range is run at its ends: stiffness from 100 Pa to 10 GPa, Poisson's ratio to 0.4999, time \
              steps from 0.1 ms to 0.1 s, voxels from 10 um to 1 m, starts far from rest, blades at 10 m/s. {holding} of \
-             {cases} cases hold, and {true_properties} of {properties} properties that are tried on random inputs. The \
+             {cases} cases hold, {refused} are refused with a reason, and {true_properties} of {properties} properties that are tried on random inputs. The \
              failures are [below](#what-fails). {not_finite} cases have a number that is not finite.\n\n\
              `make extremes` runs all of it with seed {seed}, and writes this page and its \
              [tables](../reference/stability/README.md). The same code and seed give the same bytes; these \
@@ -105,7 +106,8 @@ impl Tables {
     fn failures(&self, text: &mut String) {
         text.push_str("## What fails\n");
         for family in Family::ALL {
-            let failed: Vec<&Case> = self.of(family).filter(|case| !case.holds()).collect();
+            let fails = |case: &&Case| !case.holds() && case.refusal().is_none();
+            let failed: Vec<&Case> = self.of(family).filter(fails).collect();
             if failed.is_empty() {
                 continue;
             }
@@ -113,6 +115,10 @@ impl Tables {
             for case in failed {
                 let _ = writeln!(text, "- {} ({}): {}", case.case, case.values, case.finding);
             }
+        }
+        text.push_str("\nThese are refused before their first step, with a reason:\n\n");
+        for (case, reason) in self.cases.iter().filter_map(|case| Some((case, case.refusal()?))) {
+            let _ = writeln!(text, "- {} ({}): {reason}", case.case, case.values);
         }
     }
 

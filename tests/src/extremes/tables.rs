@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Row;
 use super::refusals::Refusal;
+use super::verdict::REFUSED;
 use crate::rows::{read, write, write_commit};
 
 /// A case of the matrix; cells are text, empty where nothing was measured.
@@ -56,6 +57,12 @@ impl Case {
     #[must_use]
     pub fn holds(&self) -> bool {
         self.finding.is_empty()
+    }
+
+    /// Why there was no first step, where its scene was refused.
+    #[must_use]
+    pub fn refusal(&self) -> Option<&str> {
+        self.finding.strip_prefix(REFUSED)
     }
 }
 

@@ -14,6 +14,9 @@ pub const REST_PERIODS: f64 = 10.0;
 /// Median iterations of a step up to which a solve counts as cheap: five times the usual.
 pub const MOST_MEDIAN_ITERATIONS: u32 = 50;
 
+/// What the finding of a scene that is refused begins with.
+pub const REFUSED: &str = "refused: ";
+
 /// Something that was asked of a run and not done.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Finding {

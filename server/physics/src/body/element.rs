@@ -12,6 +12,9 @@ use std::collections::BTreeMap;
 /// Ratio of shear moduli within a cell below which its own voxels' element always serves. Layers at this
 /// ratio leave that element three times too stiff across them.
 const CONTRAST: f64 = 10.0;
+/// How many times as stiff as the softest material of a cell the others count at most. Ours: where one sheet or fibre of a
+/// cell is a million times as stiff as the rest, what its turning adds to the forces makes energy (`make extremes`).
+pub const MOST_CONTRAST: f64 = 1e3;
 /// How much stiffer than the periodic material a cell's element may be under any uniform strain. The bars of layers and
 /// inclusions of `elements::`, at a contrast of 100, are the same from 1.2 to 2.5: their cells exceed all of these.
 const MOST_EXCESS_STIFFNESS: f64 = 1.5;
@@ -28,12 +31,13 @@ impl Body {
             ElementKind::ByContent | ElementKind::Homogenised => self.homogenised_moduli(element),
         };
         let tables = &self.description.tables[self.base().elements[element].size.ilog2() as usize];
+        let most_pa = self.most_shear_modulus_pa(voxels.iter().map(|v| self.state.grid.voxels()[v.index()].material));
         let position = |v: VoxelId| tables.position(self.state.grid.voxels()[v.index()].ijk);
         let filled: Vec<_> = voxels
             .iter()
             .map(|&v| FilledVoxel {
                 position: position(v),
-                elastic: self.material_of(v).elastic,
+                elastic: self.material_of(v).elastic.at_most(most_pa),
                 share: self.state.grid.filled_share(v),
             })
             .collect();
@@ -58,13 +62,20 @@ impl Body {
             return *known;
         }
         let tables = &self.description.tables[self.base().elements[element].size.ilog2() as usize];
-        let elastic: Vec<Elastic> = self.description.materials.iter().map(|m| m.elastic).collect();
+        let most_pa = self.most_shear_modulus_pa(pattern.iter().copied());
+        let elastic: Vec<Elastic> = self.description.materials.iter().map(|m| m.elastic.at_most(most_pa)).collect();
         let moduli = match self.description.element_kind {
             ElementKind::Homogenised => Some(periodic_moduli(self.element_level(element), &pattern, &elastic)),
             _ => chosen_moduli(tables, self.element_level(element), &pattern, &elastic),
         };
         self.solver.homogenised.0.insert(pattern, moduli);
         moduli
+    }
+
+    /// What voxels of a cell count with at most, if these are its materials.
+    pub(super) fn most_shear_modulus_pa(&self, materials: impl Iterator<Item = u16>) -> f64 {
+        let moduli = materials.map(|m| self.description.materials[m as usize].elastic.mu_pa);
+        MOST_CONTRAST * moduli.fold(f64::INFINITY, f64::min)
     }
 
     /// Materials of all voxels of an element's cell, parted or not, by table position; `None` where the body

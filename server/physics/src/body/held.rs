@@ -210,11 +210,12 @@ impl Body {
     pub(super) fn held_matrices(&self, element: usize, voxels: &[VoxelId], plain: ElementMatrices) -> ElementMatrices {
         let Some(corners) = self.state.held.corners(element) else { return plain };
         let low = self.first_voxel_of(element);
+        let most_pa = self.most_shear_modulus_pa(voxels.iter().map(|v| self.state.grid.voxels()[v.index()].material));
         let free = voxels.iter().filter(|voxel| self.description.holds[voxel.index()] != Hold::Held);
         let voxels: Vec<HeldVoxel> = free
             .map(|voxel| HeldVoxel {
                 at: from(self.state.grid.voxels()[voxel.index()].ijk, low),
-                elastic: self.material_of(*voxel).elastic,
+                elastic: self.material_of(*voxel).elastic.at_most(most_pa),
                 share: self.state.grid.filled_share(*voxel),
             })
             .collect();

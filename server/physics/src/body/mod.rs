@@ -30,6 +30,7 @@ mod turn;
 pub use crate::grid::{LEAST_PIECE_VOXELS, MaterialPoint};
 pub use crate::math::Nodal;
 pub use description::Description;
+pub use element::MOST_CONTRAST;
 pub use evaluation::BodyEnergy;
 pub(crate) use evaluation::StepEnergies;
 pub use interpolate::PointWeights;

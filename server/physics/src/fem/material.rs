@@ -30,6 +30,13 @@ impl Elastic {
         }
     }
 
+    /// With a shear modulus of at most this much, Pa, at the same Poisson's ratio.
+    #[must_use]
+    pub fn at_most(self, mu_pa: f64) -> Self {
+        let share = (mu_pa / self.mu_pa).min(1.0);
+        Self { lambda_pa: share * self.lambda_pa, mu_pa: share * self.mu_pa, ..self }
+    }
+
     /// Speed of waves along a free surface, m/s, within 0.2 % (Rahman, Michelitsch 2006).
     #[must_use]
     pub fn rayleigh_wave_m_per_s(&self) -> f64 {
