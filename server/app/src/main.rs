@@ -13,6 +13,12 @@ use kerf_server::serve::{self, ServeArgs};
 use kerf_server::top::{self, TopArgs};
 use kerf_server::{check, scenes, schema, simulate, tradeoff};
 
+/// Gives the memory of sessions that have ended back to the system. glibc's keeps it: after 900 sessions, up to 32 at a time,
+/// a server held 780 MB for none, with this one 118 MB (`make soak`). Steps take 1.01 times as long. mimalloc's threads take
+/// three times the memory of a session.
+#[global_allocator]
+static ALLOCATOR: tikv_jemallocator::Jemalloc = tikv_jemallocator::Jemalloc;
+
 /// Simulates soft tissue that is cut.
 #[derive(Parser)]
 #[command(version)]
