@@ -86,9 +86,12 @@ impl Recording {
     /// # Errors
     /// The file cannot be read, is no recording, or is damaged: only the last record of a file may not be whole.
     pub fn open(path: &Path) -> Result<Self> {
-        let context = || path.display().to_string();
-        let file = File::open(path).map_err(|error| anyhow!(in_plain_words(&error))).with_context(context)?;
-        Self::read(file).with_context(context)
+        Self::open_as(path, Self::read)
+    }
+
+    fn open_as(path: &Path, read: fn(File) -> Result<Self>) -> Result<Self> {
+        let file = File::open(path).map_err(|error| anyhow!(in_plain_words(&error)));
+        file.and_then(read).with_context(|| path.display().to_string())
     }
 
     fn read(file: File) -> Result<Self> {
@@ -104,9 +107,7 @@ impl Recording {
     /// # Errors
     /// Those of [`Recording::open`], for what is damaged where the disk had confirmed it.
     pub fn open_journal(path: &Path) -> Result<Self> {
-        let context = || path.display().to_string();
-        let file = File::open(path).map_err(|error| anyhow!(in_plain_words(&error))).with_context(context)?;
-        Self::read_journal(file).with_context(context)
+        Self::open_as(path, Self::read_journal)
     }
 
     fn read_journal(file: File) -> Result<Self> {
