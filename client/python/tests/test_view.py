@@ -150,7 +150,7 @@ def test_vertices_move_with_their_element_and_by_their_adapted_offset():
     replica.apply(state([[0.5, 0.0, 0.0]] * 8, adapted_ids=packed([11]), adapted_offsets=packed([0, 1, 0])))
     (surface,) = replica.surfaces()
     assert surface.vertices_m.tolist() == [[0.5, 0, 0], [1.5, 0.25, 0], [1.5, 1, 0], [0.5, 1, 0]]
-    # Equal diagonals: along the one with the lower index.
+    # Along the diagonal from the first vertex.
     assert surface.triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
     # Half a metre in the reference, a quarter beyond it: in that state and in those after it.
     half = packed([2, 0, 0] * 8)

@@ -68,8 +68,7 @@ impl Body {
     }
 
     /// Where a vertex is at rest, m, scene frame.
-    #[must_use]
-    pub fn rest_position_m(&self, id: u32, vertex: &Vertex) -> [f32; 3] {
+    fn rest_position_m(&self, id: u32, vertex: &Vertex) -> [f32; 3] {
         self.interpolate(id, vertex, |node| self.rest_m[node].unwrap_or_default())
     }
 

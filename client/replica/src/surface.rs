@@ -36,8 +36,6 @@ impl Surface {
     #[must_use]
     pub fn of(body: &Body) -> Self {
         let ids: Vec<u32> = body.vertices().keys().copied().collect();
-        let rest_m = body.vertices().iter().map(|(id, vertex)| body.rest_position_m(*id, vertex));
-        let rest_m: Vec<[f32; 3]> = rest_m.collect();
         let positions_m = body.vertices().iter().map(|(id, vertex)| body.position_m(*id, vertex)).collect();
         let mut triangles = Vec::with_capacity(2 * body.quads().len());
         for (id, corners) in body.quads() {
@@ -45,8 +43,8 @@ impl Surface {
             let face = if body.quads().contains_key(&(id ^ 1)) { Face::Cut } else { Face::Skin };
             let region = region(corners.map(|id| body.vertices()[&id].material()));
             // Corners exist (see `Body`), so the search always finds them.
-            let corners = corners.map(|id| ids.partition_point(|&other| other < id) as u32);
-            triangles.extend(split(corners, &rest_m).map(|vertices| Triangle { vertices, face, region }));
+            let [a, b, c, d] = corners.map(|id| ids.partition_point(|&other| other < id) as u32);
+            triangles.extend([[a, b, c], [a, c, d]].map(|vertices| Triangle { vertices, face, region }));
         }
         Self { positions_m, triangles }
     }
@@ -59,16 +57,6 @@ fn region(materials: [u32; 4]) -> u16 {
     let most = materials.iter().map(count).max();
     let found = materials.iter().find(|material| Some(count(material)) == most);
     found.and_then(|material| u16::try_from(*material).ok()).unwrap_or_default()
-}
-
-/// Splits a quad along its shorter diagonal; of equal ones, along that with the lower index.
-fn split([a, b, c, d]: [u32; 4], rest_m: &[[f32; 3]]) -> [[u32; 3]; 2] {
-    let length2 = |from: u32, to: u32| -> f32 {
-        let (from, to) = (rest_m[from as usize], rest_m[to as usize]);
-        (0..3).map(|axis| (to[axis] - from[axis]).powi(2)).sum()
-    };
-    let (ac, bd) = (length2(a, c), length2(b, d));
-    if ac < bd || (ac == bd && a.min(c) < b.min(d)) { [[a, b, c], [a, c, d]] } else { [[b, c, d], [b, d, a]] }
 }
 
 #[cfg(test)]

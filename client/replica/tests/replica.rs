@@ -119,12 +119,11 @@ fn quads_on_both_sides_of_a_link_are_cut_faces() {
 }
 
 #[test]
-fn quads_are_split_along_the_diagonal_that_is_shorter_at_rest() {
-    let mut body = cube();
-    // Vertex 20 moves to the middle: its diagonal, to 40, gets the shorter one.
-    body.vertex_local[3..6].copy_from_slice(&[0.4, 1.0, 0.6]);
+fn quads_are_split_along_the_diagonal_from_their_first_vertex() {
     let mut replica = Replica::default();
-    replica.apply_keyframe(&keyframe(body)).expect("valid");
+    replica
+        .apply_keyframe(&keyframe(v1::BodyStructure { quad_vertices: vec![20, 30, 40, 10], ..cube() }))
+        .expect("valid");
     replica.apply_state(&state(3, vec![0.0; 24])).expect("matching state");
     let surface = &replica.surfaces().expect("state came")[0];
     let triangles: Vec<_> = surface.triangles.iter().map(|triangle| triangle.vertices).collect();

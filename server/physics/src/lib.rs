@@ -96,8 +96,7 @@
 //!     }
 //!     let ids: Vec<u32> = surface.vertices().map(|(id, _)| id).collect();
 //!     let number = |id| ids.binary_search(&id).expect("a quad's vertices exist") + 1;
-//!     let rest_m = |id| surface.vertex(id).expect("a quad's vertices exist").position_m;
-//!     for [a, b, c] in surface.quads().flat_map(|(_, quad)| triangulate(*quad, rest_m)) {
+//!     for [a, b, c] in surface.quads().flat_map(|(_, quad)| triangulate(*quad)) {
 //!         obj += &format!("f {} {} {}\n", number(a), number(b), number(c));
 //!     }
 //! }

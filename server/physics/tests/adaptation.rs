@@ -87,10 +87,9 @@ impl Shown {
         for vertex in &adapted {
             *after_m.get_mut(&vertex.id).expect("adapted vertices exist") += Vec3::from(vertex.offset_m.map(f64::from));
         }
-        let rest_m = |id: VertexId| surface.vertex(id).expect("a quad's vertices exist").position_m;
         let triangles = surface.quads().flat_map(|(id, quad)| {
             let is_cut = surface.quad(id ^ 1).is_some();
-            triangulate(*quad, rest_m).map(|triangle| (triangle, is_cut))
+            triangulate(*quad).map(|triangle| (triangle, is_cut))
         });
         let on_blade = adapted.iter().filter(|vertex| vertex.on_blade).map(|vertex| vertex.id).collect();
         Self { on_blade, triangles: triangles.collect(), before_m, after_m }

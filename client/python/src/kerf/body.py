@@ -73,7 +73,7 @@ class Surface:
     vertices_m: F32
     #: Indices into the vertices, counter-clockwise seen from outside. (M, 4)
     quads: NDArray[np.int64]
-    #: Two for each quad, split along the diagonal that is shorter at rest. (2 M, 3)
+    #: Two for each quad, split along the diagonal from its first vertex. (2 M, 3)
     triangles: NDArray[np.int64]
     #: Whether a blade laid the quad open; else it is the object's own surface. (M,)
     is_cut: NDArray[np.bool_]
@@ -206,7 +206,7 @@ class Body:
             object_name=object_name,
             vertices_m=vertices_m,
             quads=quads,
-            triangles=_split(quads, rest_m),
+            triangles=quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3),
             # The other side of the link exists only where a blade parted it.
             is_cut=np.isin(quad_ids ^ np.uint32(1), quad_ids),
             materials=self._materials.rows[:, 0].astype(np.uint8),
@@ -309,14 +309,6 @@ def _corner_weights(local: F32) -> F32:
 
 def _weighted(weights: F32, at_corners: F32) -> F32:
     return np.asarray(np.einsum("vc,vcx->vx", weights, at_corners))
-
-
-def _split(quads: NDArray[np.int64], rest_m: F32) -> NDArray[np.int64]:
-    a, b, c, d = quads.T
-    ac, bd = (np.sum((rest_m[to] - rest_m[start]) ** 2, axis=1) for start, to in ((a, c), (b, d)))
-    along_ac = (ac < bd) | ((ac == bd) & (np.minimum(a, c) < np.minimum(b, d)))
-    two = np.where(along_ac, np.stack([a, b, c, a, c, d]), np.stack([b, c, d, b, d, a]))
-    return two.T.reshape(-1, 3)
 
 
 def _exactly(field: str, data: bytes, count: int) -> NDArray[np.int64]:

@@ -69,17 +69,15 @@ namespace Kerf.Client
         public bool IsCutFace(int quad) => slotOfQuad.ContainsKey(quads[quad].Id ^ 1);
 
         /// <summary>Vertices of a quad, counter-clockwise seen from outside, split into two triangles along the diagonal
-        /// that is shorter at rest; of equal ones, along that with the lower id.</summary>
+        /// from the first of them.</summary>
         public void Triangles(int quad, int[] into, int at)
         {
             var q = quads[quad];
             int a = slotOfVertex[q.A], b = slotOfVertex[q.B], c = slotOfVertex[q.C], d = slotOfVertex[q.D];
-            var across = RestDistance2(a, c) - RestDistance2(b, d);
-            var alongAc = across < 0 || (across == 0 && Math.Min(q.A, q.C) < Math.Min(q.B, q.D));
             into[at] = a;
             into[at + 1] = b;
-            into[at + 2] = alongAc ? c : d;
-            into[at + 3] = alongAc ? a : b;
+            into[at + 2] = c;
+            into[at + 3] = a;
             into[at + 4] = c;
             into[at + 5] = d;
         }
@@ -150,26 +148,6 @@ namespace Kerf.Client
             intoM[at] = (float)x;
             intoM[at + 1] = (float)y;
             intoM[at + 2] = (float)z;
-        }
-
-        double RestDistance2(int one, int other)
-        {
-            double sum = 0;
-            for (var axis = 0; axis < 3; axis++)
-            {
-                var apart = Rest(vertices[one], axis) - Rest(vertices[other], axis);
-                sum += apart * apart;
-            }
-            return sum;
-        }
-
-        double Rest(Vertex vertex, int axis)
-        {
-            if (hasPlainVertices) return restM[3 * vertex.Id + axis];
-            var nodes = elements[vertex.Element];
-            double sum = 0;
-            for (var corner = 0; corner < Corners; corner++) sum += CornerWeight(corner, vertex) * restM[3 * nodes[corner] + axis];
-            return sum;
         }
 
         static double CornerWeight(int corner, Vertex vertex)

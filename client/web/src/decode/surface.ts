@@ -300,7 +300,7 @@ export class BodySurface {
     }
   }
 
-  /** Splits quads along the diagonal that is shorter at rest, as kerf/v1/view.proto says; answers with their area. */
+  /** Splits quads along the diagonal from their first vertex, as kerf/v1/view.proto says; answers with their area. */
   private triangulate(from: number, to: number, rest: Float32Array, out: Uint32Array): number {
     const { quadVertices } = this.body;
     const area = new Float64Array(3);
@@ -311,13 +311,10 @@ export class BodySurface {
       const b = quadVertices[quad + 1];
       const c = quadVertices[quad + 2];
       const d = quadVertices[quad + 3];
-      const ac = squaredDistance(rest, a, c);
-      const bd = squaredDistance(rest, b, d);
-      const byAc = ac < bd || (ac === bd && Math.min(a, c) < Math.min(b, d));
-      out[at] = out[at + 3] = byAc ? a : b;
-      out[at + 1] = byAc ? b : c;
-      out[at + 2] = out[at + 4] = byAc ? c : d;
-      out[at + 5] = byAc ? d : a;
+      out[at] = out[at + 3] = a;
+      out[at + 1] = b;
+      out[at + 2] = out[at + 4] = c;
+      out[at + 5] = d;
       quadArea(rest, a, b, c, d, area);
       areaM2 += Math.hypot(area[0], area[1], area[2]);
     }
@@ -377,13 +374,6 @@ function elementPolynomial(nodes: Float32Array, elementNodes: Uint32Array, first
     out[p + 6] = c6 - c4 - c2 + c0;
     out[p + 7] = c7 - c6 - c5 + c4 - c3 + c2 + c1 - c0;
   }
-}
-
-function squaredDistance(positions: Float32Array, a: number, b: number): number {
-  const x = positions[3 * a] - positions[3 * b];
-  const y = positions[3 * a + 1] - positions[3 * b + 1];
-  const z = positions[3 * a + 2] - positions[3 * b + 2];
-  return x * x + y * y + z * z;
 }
 
 /** Area vector of a quad, m^2: half the cross product of its diagonals. */

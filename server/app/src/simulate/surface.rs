@@ -30,7 +30,6 @@ pub fn triangles(
 ) -> kerf_replica::Surface {
     let ids: Vec<VertexId> = surface.vertices().map(|(id, _)| id).collect();
     let index = |id: VertexId| ids.binary_search(&id).expect("a quad's vertices exist") as u32;
-    let rest_m = |id: VertexId| surface.vertex(id).expect("a quad's vertices exist").position_m;
     let mut out = kerf_replica::Surface {
         positions_m: surface.vertices().map(|(id, vertex)| position_m(id, vertex)).collect(),
         triangles: Vec::with_capacity(2 * surface.quads().len()),
@@ -43,8 +42,8 @@ pub fn triangles(
             _ => (Face::Skin, grid.voxel_at(link.cell).or(grid.voxel_at(link.upper())).unwrap_or(beside)),
         };
         let region = grid.voxels()[voxel.index()].material;
-        let split = triangulate(*quad, rest_m);
-        out.triangles.extend(split.map(|triangle| Triangle { vertices: triangle.map(index), face, region }));
+        let split = triangulate(quad.map(index));
+        out.triangles.extend(split.map(|vertices| Triangle { vertices, face, region }));
     }
     out
 }

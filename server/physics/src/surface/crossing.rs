@@ -14,12 +14,11 @@ impl Surface {
     /// of a closed cut lie on each other and do not.
     #[must_use]
     pub fn crossing_pairs(&self) -> Vec<[[VertexId; 3]; 2]> {
-        let rest_m = |id: VertexId| self.vertices[&id].position_m;
         let placed = |ids: [VertexId; 3]| {
-            let corners = ids.map(|id| Vec3::from(rest_m(id).map(f64::from)));
+            let corners = ids.map(|id| Vec3::from(self.vertices[&id].position_m.map(f64::from)));
             (Aabb::around(corners), corners, ids)
         };
-        let mut by_x: Vec<_> = self.quads.values().flat_map(|quad| triangulate(*quad, rest_m)).map(placed).collect();
+        let mut by_x: Vec<_> = self.quads.values().flat_map(|quad| triangulate(*quad)).map(placed).collect();
         by_x.sort_by(|(a, ..), (b, ..)| a.min_m.x.total_cmp(&b.min_m.x));
         let mut pairs = Vec::new();
         for (index, (bounds, corners, ids)) in by_x.iter().enumerate() {

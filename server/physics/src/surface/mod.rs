@@ -98,9 +98,8 @@ impl Surface {
     /// Volume that it encloses in the reference configuration, m³.
     #[must_use]
     pub fn volume_m3(&self) -> f64 {
-        let rest_m = |id| self.vertices[&id].position_m;
-        let point = |id| Vec3::from(rest_m(id).map(f64::from));
-        let triangles = self.quads.values().flat_map(|quad| triangulate(*quad, rest_m));
+        let point = |id| Vec3::from(self.vertices[&id].position_m.map(f64::from));
+        let triangles = self.quads.values().flat_map(|quad| triangulate(*quad));
         triangles.map(|ids| ids.map(point)).map(|[a, b, c]| a.dot(&b.cross(&c)) / 6.0).sum()
     }
 
@@ -127,19 +126,22 @@ impl Surface {
         change
     }
 
-    /// Computes a dual cell's vertices anew. Returns whether quads that stood around it before may
-    /// join other vertices now.
+    /// Computes a dual cell's vertices anew. Returns whether quads that stood around it before may join other vertices
+    /// now, or be split otherwise.
     fn contour(&mut self, grid: &Grid, dual_cell: u32, change: &mut SurfaceChange) -> bool {
         let contoured = dual_contouring::contour(grid, self.lattice.cell(dual_cell));
+        let mut has_changed = false;
         for (component, vertex) in contoured.vertices.iter().enumerate() {
             let Some(vertex) = *vertex else { continue };
             let id = dual_cell * 8 + component as u32;
-            if self.vertices.insert(id, vertex) != Some(vertex) {
+            let before = self.vertices.insert(id, vertex);
+            if before != Some(vertex) {
                 change.upserted_vertices.push(id);
             }
+            has_changed |= before.is_some_and(|before| before.position_m != vertex.position_m);
         }
         let before = self.components[dual_cell as usize].replace(contoured.components);
-        before.is_some_and(|before| before != contoured.components)
+        has_changed || before.is_some_and(|before| before != contoured.components)
     }
 
     /// Reports the vertices that move with one of these voxels.
@@ -164,21 +166,29 @@ impl Surface {
         };
         for side in sides {
             let id = self.lattice.link_index(link) * 2 + side;
-            let quad = self.quad_around(link, side);
+            let quad = self.quad_around(grid, link, side);
             if self.quads.insert(id, quad) != Some(quad) {
                 change.upserted_quads.push(id);
             }
         }
     }
 
-    fn quad_around(&self, link: LinkId, side: u32) -> Quad {
+    fn quad_around(&self, grid: &Grid, link: LinkId, side: u32) -> Quad {
         let mut quad = self.lattice.around(link).map(|(dual_cell, lower_corner)| {
             let corner = lower_corner | (side as usize) << link.axis;
             let components = self.components[dual_cell as usize].expect("dual cells around a crossing are contoured");
             dual_cell * 8 + components.of(corner)
         });
+        // From its lower end as the two sides of a cut are split alike.
+        let lower_m = grid.centre_m(link.cell);
+        let from_lower =
+            |id| (Vec3::from(self.vertices[&id].position_m.map(f64::from)) - lower_m) / grid.voxel_size_m();
+        if is_split_otherwise(quad.map(from_lower), link.axis) {
+            quad.rotate_left(1);
+        }
         if side == 1 {
             quad.reverse();
+            quad.rotate_left(1);
         }
         quad
     }
@@ -213,18 +223,42 @@ impl Surface {
     }
 }
 
-/// Splits a quad along its shorter diagonal, in the configuration `position_m` gives. Meant for the
-/// reference configuration, where the split never changes as the tissue moves. Opposite quads on the
-/// same vertices are split along the same diagonal: of two equal ones, the one at the lowest id.
+/// Splits a quad along the diagonal from its first vertex.
 #[must_use]
-pub fn triangulate(quad: Quad, position_m: impl Fn(VertexId) -> [f32; 3]) -> [[VertexId; 3]; 2] {
-    let [a, b, c, d] = quad;
-    let length2 = |from: VertexId, to: VertexId| -> f32 {
-        let (from, to) = (position_m(from), position_m(to));
-        (0..3).map(|axis| (to[axis] - from[axis]).powi(2)).sum()
+pub fn triangulate([a, b, c, d]: Quad) -> [[VertexId; 3]; 2] {
+    [[a, b, c], [a, c, d]]
+}
+
+/// Whether a quad around a link is to be split along the diagonal from its second corner: the shorter one, unless that
+/// leaves the quad's envelope and the other does not. The envelope is the four tetrahedra between the link and the quad's
+/// edges; those of two quads do not overlap where every vertex is in its dual cell, so that what stays in them passes
+/// through nothing (Ju and Udeshi 2006). Corners relative to the link's lower end, in voxels.
+fn is_split_otherwise(corners: [Vec3; 4], axis: u8) -> bool {
+    let length2 = |from: usize, to: usize| (corners[to] - corners[from]).norm_squared();
+    let is_shorter = length2(1, 3) < length2(0, 2);
+    let [a, b, c, d] = corners;
+    let room = [room_in_envelope([a, c], [b, d], axis), room_in_envelope([b, d], [c, a], axis)];
+    match room.map(|room| room >= 0.0) {
+        [true, false] => false,
+        [false, true] => true,
+        [true, true] => is_shorter,
+        [false, false] => room[1] > room[0],
+    }
+}
+
+/// How far inside a quad's envelope a diagonal passes, in voxels along the link; less than zero: outside of it.
+fn room_in_envelope([from, to]: [Vec3; 2], others: [Vec3; 2], axis: u8) -> f64 {
+    let axis = usize::from(axis);
+    let across = |a: &Vec3, b: &Vec3| a.cross(b)[axis];
+    let along = to - from;
+    // It passes the link on the side of one of the other corners, through the triangle of that corner and the link.
+    let room = |corner: &Vec3| {
+        let turn = across(&along, corner);
+        let (share, reach) = (across(corner, &from) / turn, across(&along, &from) / turn);
+        let above = from[axis] + share * along[axis] - reach * corner[axis];
+        if reach < 0.0 { f64::NEG_INFINITY } else { above.min(1.0 - reach - above) }
     };
-    let (ac, bd) = (length2(a, c), length2(b, d));
-    if ac < bd || (ac == bd && a.min(c) < b.min(d)) { [[a, b, c], [a, c, d]] } else { [[b, c, d], [b, d, a]] }
+    others.iter().map(room).fold(f64::NEG_INFINITY, f64::max)
 }
 
 /// Every link with a crossing; a parted one twice, once for each of its voxels.

@@ -17,8 +17,7 @@ fn position_m(surface: &Surface, id: VertexId) -> Vec3 {
 }
 
 fn triangles(surface: &Surface) -> Vec<[VertexId; 3]> {
-    let vertex = |id| surface.vertex(id).expect("a quad's vertices exist").position_m;
-    surface.quads().flat_map(|(_, quad)| triangulate(*quad, vertex)).collect()
+    surface.quads().flat_map(|(_, quad)| triangulate(*quad)).collect()
 }
 
 /// Asserts that every directed edge is cancelled by its opposite, as often as it occurs.
@@ -183,7 +182,7 @@ fn the_rim_of_a_cut_is_on_the_skin_and_but_for_teeth_on_the_blade() {
             off_skin.push(((here_m - middle_m).norm() - SPHERE_RADIUS_M).abs() / SPHERE_H_M);
         }
     }
-    for (what, mut off, limits) in [("the plane", off_cut, [0.05, 0.6]), ("the sphere", off_skin, [0.05, 0.15])] {
+    for (what, mut off, limits) in [("the plane", off_cut, [0.05, 0.65]), ("the sphere", off_skin, [0.05, 0.15])] {
         off.sort_by(f64::total_cmp);
         let [median, most] = [0.5, 0.99].map(|share| off[((off.len() - 1) as f64 * share) as usize]);
         println!("{} vertices of rims are off {what} by {median:.3} and {most:.3} h", off.len());
@@ -191,9 +190,8 @@ fn the_rim_of_a_cut_is_on_the_skin_and_but_for_teeth_on_the_blade() {
     }
 }
 
-/// Even where all vertices are in their cells, two triangles of a quad that is not flat may pass those of the next.
 #[test]
-fn cuts_in_any_direction_make_hardly_any_triangles_pass_through_each_other() {
+fn cuts_in_any_direction_make_no_triangles_pass_through_each_other() {
     let whole = sphere_solid(SPHERE_CELLS, SPHERE_H_M, SPHERE_RADIUS_M);
     assert_eq!(Surface::build(&whole).crossing_pairs(), [[[0; 3]; 2]; 0]);
     let (mut crossing, mut all) = (0, 0);
@@ -207,7 +205,23 @@ fn cuts_in_any_direction_make_hardly_any_triangles_pass_through_each_other() {
         }
     }
     println!("{crossing} pairs of {all} triangles cross");
-    assert!(crossing < 25 && all > 300_000, "{crossing} of {all}");
+    assert!(crossing == 0 && all > 300_000, "{crossing} of {all}");
+}
+
+#[test]
+fn cuts_that_cross_each_other_make_hardly_any_triangles_pass_through_each_other() {
+    let whole = sphere_solid(SPHERE_CELLS, SPHERE_H_M, SPHERE_RADIUS_M);
+    let planes: Vec<Plane> = planes_through_the_sphere(160, 0.8).collect();
+    let (mut crossing, mut all) = (0, 0);
+    for planes in planes.chunks(8) {
+        let mut grid = whole.clone();
+        planes.iter().for_each(|plane| drop(cut(&mut grid, plane, |_| true)));
+        let surface = Surface::build(&grid);
+        crossing += surface.crossing_pairs().len();
+        all += 2 * surface.quads.len();
+    }
+    println!("{crossing} pairs of {all} triangles cross");
+    assert!(crossing <= 8 && all > 150_000, "{crossing} of {all}");
 }
 
 #[test]
@@ -223,7 +237,7 @@ fn a_triangle_that_passes_through_another_is_found_and_one_that_touches_is_not()
     };
     assert_eq!(crossing([0.3; 3]), 0);
     assert_eq!(crossing([1.0; 3]), 0, "a dent");
-    assert!(crossing([6.0; 3]) >= 3, "three sides are pierced");
+    assert!(crossing([2.5, 2.4, 6.0]) >= 3, "the side above is pierced");
 }
 
 #[test]
@@ -299,9 +313,8 @@ fn a_single_parted_link_gives_two_opposite_quads_on_the_same_vertices() {
     grid.part(link, arbitrary_crossing(link));
     let change = surface.rebuild_touched(&grid, &[link], &[]);
     let [lower, upper] = change.upserted_quads[..] else { panic!("two quads") };
-    let (lower, mut upper) = (*surface.quad(lower).unwrap(), *surface.quad(upper).unwrap());
-    upper.reverse();
-    assert_eq!(lower, upper);
+    let ([a, b, c, d], upper) = (*surface.quad(lower).unwrap(), *surface.quad(upper).unwrap());
+    assert_eq!(upper, [c, b, a, d], "split along the same diagonal");
     assert_eq!(change.upserted_vertices.len(), 4);
 }
 
@@ -332,18 +345,25 @@ fn vertices_of_rebound_voxels_are_reported_and_no_others() {
 }
 
 #[test]
-fn opposite_quads_are_split_along_the_same_diagonal() {
-    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0f32]];
-    for longer in [0.0, 0.1, -0.1] {
-        let at = |id: VertexId| {
-            let mut x = corners[id as usize];
-            x[0] += if id == 2 { longer } else { 0.0 };
-            x
+fn a_quad_is_split_along_its_shorter_diagonal_unless_only_the_other_stays_between_link_and_edges() {
+    for axis in 0..3 {
+        // Across the link, and along it.
+        let is_split_otherwise = |corners: [[f64; 3]; 4]| {
+            let placed = corners.map(|[u, v, along]| {
+                let mut at = Vec3::repeat(along);
+                (at[usize::from(axis + 1) % 3], at[usize::from(axis + 2) % 3]) = (u, v);
+                at
+            });
+            super::is_split_otherwise(placed, axis)
         };
-        let both = [[0, 1, 2, 3], [3, 2, 1, 0]].map(|quad| triangulate(quad, at));
-        assert_closed(both.iter().flatten().map(|t| t.to_vec()));
-        let diagonal: [bool; 2] = both.map(|split| split.iter().all(|t| t.contains(&0) && t.contains(&2)));
-        assert_eq!(diagonal, [longer <= 0.0; 2]);
+        let flat = |reach: f64| [[-reach, -0.5, 0.5], [0.5, -0.5, 0.5], [0.5, 0.5, 0.5], [-0.5, 0.5, 0.5]];
+        assert!(!is_split_otherwise(flat(0.5)), "of equal ones the first");
+        assert!(is_split_otherwise(flat(0.6)) && !is_split_otherwise(flat(0.4)), "the shorter");
+        let sunk_in = [[-3.0, -3.0, 0.5], [0.9, -0.8, 0.5], [0.02, 0.02, 0.5], [-0.8, 0.9, 0.5]];
+        let [a, b, c, d] = sunk_in;
+        assert!(!is_split_otherwise(sunk_in) && is_split_otherwise([d, a, b, c]), "the other lies outside the quad");
+        let bent = |along: f64| [[-0.54, 0.0, 0.0], [0.5, -0.5, 0.0], [0.0, 0.54, 0.0], [-0.3, 0.3, along]];
+        assert!(!is_split_otherwise(bent(0.0)) && is_split_otherwise(bent(1.0)), "the other passes below an edge");
     }
 }
 

@@ -3575,8 +3575,8 @@ namespace Kerf.V1 {
         = pb::FieldCodec.ForUInt32(82);
     private readonly pbc::RepeatedField<uint> quadVertices_ = new pbc::RepeatedField<uint>();
     /// <summary>
-    /// Four vertex ids per quad a, b, c, d, counter-clockwise seen from outside. Split it along the
-    /// diagonal that is shorter at rest; of equal ones, along that with the lower id.
+    /// Four vertex ids per quad a, b, c, d, counter-clockwise seen from outside. Split it along the diagonal a c: then the
+    /// surface at rest does not pass through itself, and both sides of a link that is open are split alike.
     /// </summary>
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]

@@ -52,9 +52,7 @@ impl Mesh {
         self.touched.clear();
         for bound in &change.vertices {
             let vertex = surface.vertex(bound.id).expect("the patch names vertices of the surface");
-            let slot = self.bind(bound.id, vertex, bound.element);
-            // A vertex that has moved may turn the diagonal of a quad that has not changed.
-            self.touched.extend(self.vertices[slot as usize].corners.iter().map(|corner| corner.quad));
+            self.bind(bound.id, vertex, bound.element);
         }
         for quad in &change.quads {
             let number = self.join(quad.id, quad.vertices);
@@ -69,7 +67,7 @@ impl Mesh {
         self.touched = touched;
     }
 
-    fn bind(&mut self, id: VertexId, vertex: &SurfaceVertex, element: u32) -> Slot {
+    fn bind(&mut self, id: VertexId, vertex: &SurfaceVertex, element: u32) {
         let slot = self.slots.find_or_add(id);
         if slot as usize == self.vertices.len() {
             let SurfaceVertex { position_m: rest_m, voxel } = *vertex;
@@ -85,7 +83,6 @@ impl Mesh {
         let bound = &mut self.bound[element as usize];
         let place = bound.partition_point(|other| self.vertices[*other as usize].id < id);
         bound.insert(place, slot);
-        slot
     }
 
     /// Takes over which vertices a quad joins; its number.
@@ -112,11 +109,8 @@ impl Mesh {
     fn split(&mut self, quad: u32) {
         self.part(quad);
         let Quad { id, corners } = self.quads[quad as usize];
-        let ids = corners.map(|slot| self.id(slot));
-        let slot_of = |id: VertexId| corners[ids.iter().position(|other| *other == id).expect("one of the four")];
         let is_cut = self.quad_numbers.find(id ^ 1).is_some();
-        let triangles = triangulate(ids, |id| self.vertices[slot_of(id) as usize].rest_m);
-        for [a, b, c] in triangles.map(|triangle| triangle.map(slot_of)) {
+        for [a, b, c] in triangulate(corners) {
             for (at, others) in [(a, [b, c]), (b, [c, a]), (c, [a, b])] {
                 let quads = &self.quads;
                 let corners = &mut self.vertices[at as usize].corners;
