@@ -9,7 +9,7 @@ use super::anchor::{Ahead, Anchor};
 use super::book::FrontBook;
 use super::crack::{AT_VOXELS, Crack, Span};
 use super::drive::{Drive, Piece, Strained, is_small};
-use super::entry::{inward, onto_surface};
+use super::entry::{inward, is_on_surface, onto_surface};
 use super::link_energy;
 use super::marker::{Beside, Edge, Marker, Tissue, put_down};
 use super::release::INNER;
@@ -426,7 +426,8 @@ impl Front {
                     moved.start_m += shift;
                 }
             }
-            if !moved.yielded {
+            // One that has come in through a wall of a cut stays there.
+            if !moved.yielded && is_on_surface(body, &anchor.position_m) {
                 moved.position_m = onto_surface(body, moved.position_m);
                 moved.start_m = moved.position_m;
                 moved.inward = inward(body, &moved.position_m, &moved.inward).unwrap_or(moved.inward);

@@ -67,7 +67,7 @@ impl Clone for SlotScratch {
 }
 
 impl BodySlot {
-    pub(super) fn new<'a>(mut body: Body, tools: impl Iterator<Item = &'a ToolShape> + Clone, loaded: bool) -> Self {
+    pub(super) fn new<'a>(mut body: Body, tools: impl Iterator<Item = &'a ToolShape> + Clone, is_pulled: bool) -> Self {
         // As fine as the finest smooth tool asks for.
         if let Some(radius_m) = tools.clone().filter_map(ToolShape::smooth_radius_m).reduce(f64::min) {
             body.resolve_boundary(radius_m);
@@ -87,7 +87,7 @@ impl BodySlot {
             front_stored_j: 0.0,
             scratch: SlotScratch::default(),
         };
-        if loaded {
+        if is_pulled {
             slot.feel_pull();
         }
         slot.reserve(0);

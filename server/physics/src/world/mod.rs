@@ -86,7 +86,8 @@ impl World {
         let mut slots = Vec::with_capacity(scene.desc.objects.len());
         for (index, object) in scene.desc.objects.iter().enumerate() {
             let mut body = Body::made(scene, index, params, &Workers::serial(), &mut teller)?;
-            if object.materials().any(|material| material.prestrain.is_some()) {
+            let is_tense = object.materials().any(|material| material.prestrain.is_some());
+            if is_tense {
                 teller.stage(MakingStage::Equilibrium);
                 let Relaxation { converged, relative_residual, .. } =
                     body.relax(&Workers::serial(), &mut |residual| teller.relaxed(share_of_rest(residual)));
@@ -99,7 +100,7 @@ impl World {
                     });
                 }
             }
-            slots.push(BodySlot::new(body, shapes.iter(), !object.loads.is_empty()));
+            slots.push(BodySlot::new(body, shapes.iter(), is_tense || !object.loads.is_empty()));
         }
         let tracked_points = description::tracked_points(scene, &slots)?;
         let mut scratch = Scratch::default();
