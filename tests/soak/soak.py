@@ -33,7 +33,7 @@ RATE_HZ = 20.0
 # Of the time: the server is killed in it.
 KILLS = 0.25
 SAMPLE_S = 2.0
-# What memory may grow by between the first and the last quarter of the server's last life, over what it was.
+# What each may grow by between the first and the last quarter of the server's last life, over what it was.
 MOST_GROWTH = 0.05
 # Idle connections and caches come and go: so many descriptors and threads may be left when all clients have gone.
 MOST_LEFT = 4
@@ -255,10 +255,10 @@ def main() -> int:
         table.writerows(samples)
     print(f"done: {dict(soak.done)}; refused: {dict(soak.refused)}")
     wrong = soak.wrong
-    for what, most in (("memory_kib", MOST_GROWTH), ("descriptors", MOST_GROWTH), ("threads", MOST_GROWTH)):
+    for what in ("memory_kib", "descriptors", "threads"):
         first, last = quarter(samples, 0, what), quarter(samples, 3, what)
         print(f"{what}: {first:.0f} in the first quarter, {last:.0f} in the last, {left[what]} without clients")
-        if last > first * (1.0 + most) + MOST_LEFT:
+        if last > first * (1.0 + MOST_GROWTH) + MOST_LEFT:
             wrong.append(f"{what} grows from {first:.0f} to {last:.0f}")
     if left_sessions or journals:
         wrong.append(f"{left_sessions} sessions and {len(journals)} journals are left of nobody")

@@ -174,7 +174,8 @@ pub fn page(rows: &[Row], commit: &str) -> String {
     text.push_str(
         "\nVolume ratio: change of the enclosed rest volume over A h. Residual: what the ledger leaves unexplained, over \
          the tools' work. Crossing pairs: triangles that pass through each other in the reference configuration, at most \
-         after a stroke. Nothing is asked of them: where neither diagonal of a quad stays between its link and its edges, they may cross.\n\n## What fails\n\n",
+         after a stroke. Nothing is asked of them: where neither diagonal of a quad stays between its link and its edges, \
+         they may cross.\n\n## What fails\n\n",
     );
     let failing = rows.iter().filter(|row| row.failures + row.volume_misses > 0);
     let mut lines: Vec<String> = Vec::new();
