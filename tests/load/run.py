@@ -145,7 +145,7 @@ def page():
 Written by `make load`, which measures for six minutes, from its [tables](../reference/load/README.md); figures of commit
 {(TABLES / 'commit.txt').read_text().strip()}, on an {(TABLES / 'machine.txt').read_text().strip()}.
 
-Most livers at {RATE_HZ} Hz of whose steps at most {100 * MOST_LATE:.0f} % were late:
+Most livers at {RATE_HZ} Hz with at most {100 * MOST_LATE:.0f} % of their steps late:
 **{max((row['sessions'] for row in kept), default=0):.0f}**, of which one in {CUT_ONE_OF} was cut. {end}
 
 ## How it is measured
@@ -154,9 +154,8 @@ Most livers at {RATE_HZ} Hz of whose steps at most {100 * MOST_LATE:.0f} % were 
     kerf-load --scene liver --step-rates {RATE_HZ} --sessions 24 --stations 6 --viewers 1 --strokes 4 --duration {DURATION_S}
 
 Server and client share the machine. Each session has a viewer with a replica; stations cut at 250 poses a second. The client
-is open-loop: a pose is due at a time that nothing postpones, and its round trip counts from there. Poses that the client
-had to skip count as if they had been sent, and unanswered ones with how long they had waited. So a server that stalls is not
-asked less.
+is open-loop: each pose has a fixed due time, and its round trip counts from there. Poses that the client had to skip count
+as if they had been sent, and unanswered ones with the time that they had waited. So a server that stalls gets the same load.
 
 ## Sessions
 
@@ -166,10 +165,10 @@ cores that the server, the client and all else on the machine kept busy.
 | sessions | cut | late, % | of those at rest, % | step, ms | at rest, ms | lag p99, ms | round trip, ms | force age p99, ms | poses skipped, unanswered | kB/s a viewer | server | client | others |
 |---|---|---|---|---|---|---|---|---|---|---|---|---|---|
 {lines}
-A session at rest sleeps: its steps take next to nothing, and what it costs is its viewer. New sessions are refused when the
-estimated or measured steps of those that run keep `session.max_load` cores busy. The estimate is that of one that is cut now
-and then. Where all cut at once, lower the limit. A session that its client steps is late for nobody: memory
-(`session.max_memory_mib`) bounds those, and turns are taken call by call.
+A session at rest sleeps: its steps take next to nothing, and its cost is its viewer. New sessions are refused when the steps
+of the running ones, estimated or measured, keep `session.max_load` cores busy. The estimate assumes a session that is cut now
+and then. Where all are cut at once, lower the limit. Sessions in lock-step have no deadline: memory
+(`session.max_memory_mib`) bounds them, and they take turns call by call.
 
 ## Viewers
 
