@@ -16,18 +16,35 @@ impl Surface {
     pub fn crossing_pairs(&self) -> Vec<[[VertexId; 3]; 2]> {
         let placed = |ids: [VertexId; 3]| {
             let corners = ids.map(|id| Vec3::from(self.vertices[&id].position_m.map(f64::from)));
-            (Aabb::around(corners), corners, ids)
+            (Placed::new(corners), ids)
         };
         let mut by_x: Vec<_> = self.quads.values().flat_map(|quad| triangulate(*quad)).map(placed).collect();
-        by_x.sort_by(|(a, ..), (b, ..)| a.min_m.x.total_cmp(&b.min_m.x));
+        by_x.sort_by(|(a, _), (b, _)| a.bounds.min_m.x.total_cmp(&b.bounds.min_m.x));
         let mut pairs = Vec::new();
-        for (index, (bounds, corners, ids)) in by_x.iter().enumerate() {
-            let behind = by_x[index + 1..].iter().take_while(|(other, ..)| other.min_m.x <= bounds.max_m.x);
-            let near = behind.filter(|(other, ..)| bounds.meets(other));
-            let crossing = near.filter(|(_, other, _)| goes_through(corners, other) || goes_through(other, corners));
-            pairs.extend(crossing.map(|(.., others)| [*ids, *others]));
+        for (index, (triangle, ids)) in by_x.iter().enumerate() {
+            let behind =
+                by_x[index + 1..].iter().take_while(|(other, _)| other.bounds.min_m.x <= triangle.bounds.max_m.x);
+            pairs.extend(behind.filter(|(other, _)| triangle.crosses(other)).map(|(_, others)| [*ids, *others]));
         }
         pairs
+    }
+}
+
+/// A triangle in its place.
+pub(super) struct Placed {
+    corners_m: [Vec3; 3],
+    bounds: Aabb,
+}
+
+impl Placed {
+    pub(super) fn new(corners_m: [Vec3; 3]) -> Self {
+        Self { corners_m, bounds: Aabb::around(corners_m) }
+    }
+
+    /// Whether an edge of one goes through the inside of the other.
+    pub(super) fn crosses(&self, other: &Self) -> bool {
+        self.bounds.meets(&other.bounds)
+            && (goes_through(&self.corners_m, &other.corners_m) || goes_through(&other.corners_m, &self.corners_m))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::SurfaceVertex;
 use super::lattice::{DUAL_CELL_LINKS, corner_cell};
-use super::qef::Qef;
+use super::qef::{AROUND_CELL, CELL, Qef};
 use crate::Vec3;
 use crate::grid::{Grid, Ijk, Link, LinkId, VoxelId};
 
@@ -13,7 +13,13 @@ pub(super) struct Components(u32);
 /// A dual cell with the vertices of its components, at the components' numbers.
 pub(super) struct DualCell {
     pub(super) components: Components,
-    pub(super) vertices: [Option<SurfaceVertex>; 8],
+    pub(super) vertices: [Option<Contoured>; 8],
+}
+
+/// A vertex in its dual cell, and where outside of it the rim of a cut would be.
+pub(super) struct Contoured {
+    pub(super) vertex: SurfaceVertex,
+    pub(super) wanted_m: Option<[f32; 3]>,
 }
 
 /// What a dual cell is contoured from.
@@ -92,7 +98,7 @@ fn vertex(
     stencil: &Stencil,
     [components, uncut]: [Components; 2],
     component: u32,
-) -> Option<SurfaceVertex> {
+) -> Option<Contoured> {
     let (mut skin, mut cut) = (Qef::default(), Qef::default());
     let (mut at_front, mut is_touched) = (false, false);
     for ((corner, axis), link) in DUAL_CELL_LINKS.into_iter().zip(&stencil.links) {
@@ -114,22 +120,29 @@ fn vertex(
     if !is_touched {
         return None;
     }
-    let local = if skin.is_empty() {
-        cut.minimise(&if at_front { Vec3::zeros() } else { cut.mean() })
+    let (local, wanted) = if skin.is_empty() {
+        (cut.minimise(&if at_front { Vec3::zeros() } else { cut.mean() }, CELL), None)
     } else {
-        let on_skin = skin.minimise(&skin.mean());
+        let on_skin = skin.minimise(&skin.mean(), CELL);
         match cut.is_empty() {
-            true => on_skin,
-            false => cut.and(&skin.through(&on_skin), SKIN_WEIGHT).minimise(&on_skin),
+            true => (on_skin, None),
+            false => {
+                let both = cut.and(&skin.through(&on_skin), SKIN_WEIGHT);
+                let [local, wanted] = [CELL, AROUND_CELL].map(|room| both.minimise(&on_skin, room));
+                (local, (local != wanted).then_some(wanted))
+            }
         }
     };
-    let position_m = grid.centre_m(dual_cell) + (local - corner_position(0)) * grid.voxel_size_m();
+    let position_m = |local: Vec3| -> [f32; 3] {
+        (grid.centre_m(dual_cell) + (local - corner_position(0)) * grid.voxel_size_m()).map(|c| c as f32).into()
+    };
     let distance2 = |corner: &usize| (corner_position(*corner) - local).norm_squared();
     let nearest = (0..8)
         .filter(|corner| components.of(*corner) == component)
         // The first of equals, hence the lowest corner.
         .min_by(|a, b| distance2(a).total_cmp(&distance2(b)))?;
-    Some(SurfaceVertex { position_m: position_m.map(|c| c as f32).into(), voxel: stencil.corners[nearest]? })
+    let vertex = SurfaceVertex { position_m: position_m(local), voxel: stencil.corners[nearest]? };
+    Some(Contoured { vertex, wanted_m: wanted.map(position_m) })
 }
 
 /// Corner of a dual cell, in voxels from its centre.

@@ -1,5 +1,7 @@
 //! Numbers of cells, links and dual cells, and which of them are neighbours.
 
+use std::ops::{Range, RangeInclusive};
+
 use crate::grid::{Grid, Ijk, LinkId};
 
 /// The cells of the box `-1..dims + 1`, numbered x fastest; a dual cell has the number of its lowest
@@ -62,6 +64,19 @@ impl Lattice {
     pub(super) fn links_of(self, dual_cell: u32) -> [u32; 12] {
         let cell = self.cell(dual_cell);
         DUAL_CELL_LINKS.map(|(corner, axis)| self.link_index(LinkId { cell: corner_cell(cell, corner), axis }))
+    }
+
+    /// The cells at such distances from a cell along each axis, in runs along x.
+    pub(super) fn near(self, cell: u32, distances: RangeInclusive<i32>) -> impl Iterator<Item = Range<u32>> {
+        let (cell, counts) = (self.cell(cell), self.cells.map(|n| n as i32));
+        let [x, y, z] = [0, 1, 2].map(|axis| {
+            let (first, last) = (cell[axis] + distances.start(), cell[axis] + distances.end());
+            first.max(-1)..(last + 1).min(counts[axis] - 1)
+        });
+        z.flat_map(move |k| y.clone().map(move |j| [j, k])).map(move |[j, k]| {
+            let first = self.cell_index([x.start, j, k]);
+            first..first + x.len() as u32
+        })
     }
 
     /// The eight dual cells that have a voxel as a corner.

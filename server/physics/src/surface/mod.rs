@@ -5,6 +5,7 @@
 //! lowest corner. The inside corners, joined by the intact ones of its twelve links, fall into
 //! components; each component with a crossing has a vertex. Around a link lie four dual cells, and
 //! the quad of one of its ends joins, in each of them, the vertex of the component that end is in.
+//! Vertices of a cut's rim may leave their dual cells (`rims`).
 //!
 //! Invariants:
 //! - Ids are a pure function of the lattice, so that a stream does not depend on when a viewer
@@ -26,6 +27,7 @@ mod dual_contouring;
 pub mod hash;
 mod lattice;
 mod qef;
+mod rims;
 #[cfg(test)]
 mod test_solids;
 #[cfg(test)]
@@ -35,8 +37,9 @@ use std::collections::BTreeMap;
 
 use crate::Vec3;
 use crate::grid::{Grid, Link, LinkId, VoxelId};
-use dual_contouring::Components;
+use dual_contouring::{Components, Contoured};
 use lattice::Lattice;
+use rims::Rim;
 
 /// Id of a surface vertex: `dual cell index * 8 + component`. Cells of the box `-1..dims + 1` are
 /// numbered x fastest, a dual cell has the number of its lowest corner, and a component that of its
@@ -53,7 +56,7 @@ const QUADS_PER_CELL: u32 = 6;
 pub struct SurfaceVertex {
     /// Reference position, m.
     pub position_m: [f32; 3],
-    /// The voxel of its component that is nearest: the vertex moves with that voxel's element.
+    /// The voxel of its component that is nearest to it in its dual cell: the vertex moves with that voxel's element.
     pub voxel: VoxelId,
 }
 
@@ -78,6 +81,8 @@ pub struct Surface {
     components: Vec<Option<Components>>,
     vertices: BTreeMap<VertexId, SurfaceVertex>,
     quads: BTreeMap<QuadId, Quad>,
+    /// Those of the vertices that would be on the blade outside of their dual cells.
+    rims: BTreeMap<VertexId, Rim>,
 }
 
 impl Surface {
@@ -90,6 +95,7 @@ impl Surface {
             components: vec![None; lattice.cell_count()],
             vertices: BTreeMap::new(),
             quads: BTreeMap::new(),
+            rims: BTreeMap::new(),
         };
         surface.rebuild_touched(grid, &crossed_links(grid), &[]);
         surface
@@ -117,28 +123,41 @@ impl Surface {
                 links.extend(self.lattice.links_of(dual_cell));
             }
         }
+        sort_dedup(&mut links);
+        for link in &links {
+            self.join(grid, self.lattice.link(*link), &mut change);
+        }
+        self.settle_rims(&links, &mut change);
         self.report_rebound(grid, rebound, &mut change);
         sort_dedup(&mut change.upserted_vertices);
-        sort_dedup(&mut links);
-        for link in links {
-            self.join(grid, self.lattice.link(link), &mut change);
-        }
         change
     }
 
     /// Computes a dual cell's vertices anew. Returns whether quads that stood around it before may join other vertices
-    /// now, or be split otherwise.
+    /// now, or be split otherwise, or have other rims.
     fn contour(&mut self, grid: &Grid, dual_cell: u32, change: &mut SurfaceChange) -> bool {
         let contoured = dual_contouring::contour(grid, self.lattice.cell(dual_cell));
         let mut has_changed = false;
-        for (component, vertex) in contoured.vertices.iter().enumerate() {
-            let Some(vertex) = *vertex else { continue };
+        for (component, vertex) in contoured.vertices.into_iter().enumerate() {
+            let Some(Contoured { mut vertex, wanted_m }) = vertex else { continue };
             let id = dual_cell * 8 + component as u32;
-            let before = self.vertices.insert(id, vertex);
+            let rim = wanted_m.map(|wanted_m| Rim { in_cell_m: vertex.position_m, wanted_m });
+            let rim_before = match rim {
+                Some(rim) => self.rims.insert(id, rim),
+                None => self.rims.remove(&id),
+            };
+            let before = self.vertices.get(&id).copied();
+            if rim.is_some()
+                && let Some(before) = before
+            {
+                // Until it is settled anew.
+                vertex.position_m = before.position_m;
+            }
+            self.vertices.insert(id, vertex);
             if before != Some(vertex) {
                 change.upserted_vertices.push(id);
             }
-            has_changed |= before.is_some_and(|before| before.position_m != vertex.position_m);
+            has_changed |= rim != rim_before || before.is_some_and(|before| before.position_m != vertex.position_m);
         }
         let before = self.components[dual_cell as usize].replace(contoured.components);
         has_changed || before.is_some_and(|before| before != contoured.components)
@@ -181,8 +200,7 @@ impl Surface {
         });
         // From its lower end as the two sides of a cut are split alike.
         let lower_m = grid.centre_m(link.cell);
-        let from_lower =
-            |id| (Vec3::from(self.vertices[&id].position_m.map(f64::from)) - lower_m) / grid.voxel_size_m();
+        let from_lower = |id| (self.in_cell_m(id) - lower_m) / grid.voxel_size_m();
         if is_split_otherwise(quad.map(from_lower), link.axis) {
             quad.rotate_left(1);
         }

@@ -9,14 +9,21 @@ use crate::{Mat3, Vec3};
 /// there is no threshold at which the answer jumps.
 const DAMPING: f64 = 0.05;
 const PASSES: usize = 4;
-/// How far a vertex may be from the dual cell's centre along an axis, in voxels: it stays in the cell. The rim of a cut is
-/// often in the next one, and teeth of up to a voxel are left of it. But vertices that leave their cells pass each other: on
-/// spheres cut by planes, rims that reach 0.55, 0.75 and 1.25 voxels make 50, 600 and 1000 times as many triangles cross.
-const REACH: f64 = 0.5;
-/// Where a vertex is put that would be farther. On the faces themselves several vertices come to one place, and around
-/// such a link no diagonal may be left that passes through nothing: 93 pairs of triangles cross in spheres cut eight times,
-/// 8 with this and 2 with all vertices this near to the centre, which would make flat walls wavy.
-const HELD_AT: f64 = 0.45;
+/// A cube around the dual cell's centre, in voxels.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Room {
+    /// How far a vertex may be from the centre along an axis.
+    reach: f64,
+    /// Where a vertex is put that would be farther.
+    held_at: f64,
+}
+
+/// The dual cell. On its faces themselves several vertices come to one place, and around such a link no diagonal may be
+/// left that passes through nothing: 93 pairs of triangles cross in spheres cut eight times, 8 with this and 2 with all
+/// vertices this near to the centre, which would make flat walls wavy.
+pub(super) const CELL: Room = Room { reach: 0.5, held_at: 0.45 };
+/// Where the rim of a cut may be wanted (see `rims`).
+pub(super) const AROUND_CELL: Room = Room { reach: 1.0, held_at: 1.0 };
 
 /// Sum of squared distances to tangent planes; lengths in voxels, origin in the dual cell's centre.
 #[derive(Clone, Copy, Debug, Default)]
@@ -62,19 +69,18 @@ impl Qef {
         self.point_sum / f64::from(self.count)
     }
 
-    /// The minimiser in the dual cell; where the planes leave directions open, the one
-    /// nearest to `start`.
-    pub(super) fn minimise(&self, start: &Vec3) -> Vec3 {
+    /// The minimiser in a room; where the planes leave directions open, the one nearest to `start`.
+    pub(super) fn minimise(&self, start: &Vec3, room: Room) -> Vec3 {
         let mut held = [None; 3];
         loop {
             let x = self.damped_solve(start, &held);
             // Holding the worst axis and solving again keeps a vertex on the planes that allow it,
             // where cutting off each coordinate would pull it off all of them.
             let worst = (0..3).max_by(|a, b| x[*a].abs().total_cmp(&x[*b].abs())).expect("three axes");
-            if x[worst].abs() <= REACH {
+            if x[worst].abs() <= room.reach {
                 return x;
             }
-            held[worst] = Some(HELD_AT.copysign(x[worst]));
+            held[worst] = Some(room.held_at.copysign(x[worst]));
         }
     }
 
@@ -112,7 +118,7 @@ mod tests {
     fn fit(planes: &[([f64; 3], [f64; 3])]) -> Vec3 {
         let mut qef = Qef::default();
         planes.iter().for_each(|(p, n)| qef.add(Vec3::from(*p), Vec3::from(*n).normalize()));
-        qef.minimise(&qef.mean())
+        qef.minimise(&qef.mean(), CELL)
     }
 
     #[test]
@@ -135,7 +141,7 @@ mod tests {
     fn planes_that_meet_outside_give_the_best_point_near_the_cell_s_face() {
         // y = 0.1 and x + y = 0.8 meet at x = 0.7; on x = 0.45 the least sum is at 2 (y - 0.1) = 0.35 - y.
         let x = fit(&[([0.4, 0.1, 0.0], [0.0, 1.0, 0.0]), ([0.4, 0.4, 0.0], [1.0, 1.0, 0.0])]);
-        assert!((x - Vec3::new(HELD_AT, 0.55 / 3.0, 0.0)).norm() < 1e-4, "{x}");
+        assert!((x - Vec3::new(CELL.held_at, 0.55 / 3.0, 0.0)).norm() < 1e-4, "{x}");
     }
 
     #[test]

@@ -163,7 +163,7 @@ fn planes_through_the_sphere(count: i32, up_to: f64) -> impl Iterator<Item = Pla
     })
 }
 
-/// A cut often meets the skin outside the dual cell that both pass, and is a tooth there.
+/// A cut often meets the skin outside the dual cell that both pass; where its vertex cannot follow, it is a tooth.
 #[test]
 fn the_rim_of_a_cut_is_on_the_skin_and_but_for_teeth_on_the_blade() {
     let middle_m = Vec3::repeat(0.5 * SPHERE_H_M * f64::from(SPHERE_CELLS));
@@ -182,11 +182,13 @@ fn the_rim_of_a_cut_is_on_the_skin_and_but_for_teeth_on_the_blade() {
             off_skin.push(((here_m - middle_m).norm() - SPHERE_RADIUS_M).abs() / SPHERE_H_M);
         }
     }
-    for (what, mut off, limits) in [("the plane", off_cut, [0.05, 0.62]), ("the sphere", off_skin, [0.05, 0.15])] {
+    for (what, mut off, limits) in
+        [("the plane", off_cut, [0.04, 0.12, 0.42]), ("the sphere", off_skin, [0.05, 0.07, 0.12])]
+    {
         off.sort_by(f64::total_cmp);
-        let [median, most] = [0.5, 0.99].map(|share| off[((off.len() - 1) as f64 * share) as usize]);
-        println!("{} vertices of rims are off {what} by {median:.3} and {most:.3} h", off.len());
-        assert!(median < limits[0] && most < limits[1], "off {what}");
+        let off_h = [0.5, 0.9, 0.99].map(|share| off[((off.len() - 1) as f64 * share) as usize]);
+        println!("of {} vertices of rims 50, 90, 99 % are less off {what} than {off_h:.3?} h", off.len());
+        assert!(off_h.iter().zip(limits).all(|(off_h, limit)| *off_h < limit), "off {what}");
     }
 }
 
@@ -221,7 +223,7 @@ fn cuts_that_cross_each_other_make_hardly_any_triangles_pass_through_each_other(
         all += 2 * surface.quads.len();
     }
     println!("{crossing} pairs of {all} triangles cross");
-    assert!(crossing <= 8 && all > 150_000, "{crossing} of {all}");
+    assert!(crossing <= 4 && all > 150_000, "{crossing} of {all}");
 }
 
 #[test]
@@ -450,7 +452,7 @@ proptest! {
             let components = surface.components[(id / 8) as usize].unwrap();
             let distance = |corner: usize| {
                 let cell = lattice::corner_cell(surface.lattice.cell(id / 8), corner);
-                ((grid.centre_m(cell) - position_m(&surface, id)).norm(), grid.voxel_at(cell))
+                ((grid.centre_m(cell) - surface.in_cell_m(id)).norm(), grid.voxel_at(cell))
             };
             let own = (0..8).filter(|corner| components.of(*corner) == id % 8).map(distance);
             let nearest = own.clone().map(|(d, _)| d).fold(f64::INFINITY, f64::min);
