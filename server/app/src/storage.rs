@@ -35,11 +35,42 @@ pub trait Storage: Send + Sync {
     /// It stays.
     fn remove(&self, path: &Path) -> io::Result<()>;
 
+    /// Gives a file another name, in the same folder.
+    ///
+    /// # Errors
+    /// It keeps the one that it has.
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()>;
+
     /// Waits until the disk has which files there are in a folder.
     ///
     /// # Errors
     /// It may not have it.
     fn sync_names(&self, folder: &Path) -> io::Result<()>;
+}
+
+/// Extension of a file whose beginning is not written yet.
+pub const PART: &str = "part";
+
+/// A new file that gets its name once its beginning is written, so that a kill leaves none without one.
+///
+/// # Errors
+/// It cannot be made, or not begun; there is none then.
+pub fn create_begun<T, E: From<io::Error>>(
+    storage: &dyn Storage,
+    path: &Path,
+    begin: impl FnOnce(Arc<dyn Stored>) -> Result<T, E>,
+) -> Result<T, E> {
+    let part = path.with_extension(PART);
+    // That of a server that was killed.
+    let _ = storage.remove(&part);
+    let begun = begin(storage.create(&part)?).and_then(|begun| {
+        storage.rename(&part, path)?;
+        Ok(begun)
+    });
+    if begun.is_err() {
+        let _ = storage.remove(&part);
+    }
+    begun
 }
 
 /// The disk of the machine.
@@ -53,6 +84,10 @@ impl Storage for SystemDisk {
 
     fn remove(&self, path: &Path) -> io::Result<()> {
         std::fs::remove_file(path)
+    }
+
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        std::fs::rename(from, to)
     }
 
     fn sync_names(&self, folder: &Path) -> io::Result<()> {

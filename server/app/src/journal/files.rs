@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 use kerf_session::SessionId;
 
+use crate::storage::PART;
+
 const EXTENSION: &str = "mcap";
 
 /// The files of a session's journal.
@@ -29,6 +31,20 @@ impl Files {
         // Numbers have as many digits, so that names are in their order.
         found.values_mut().for_each(|files| files.sort());
         Ok(found)
+    }
+
+    /// Removes what a server that was killed had not begun to write yet: of sessions that nobody knows, or of files that
+    /// older ones stand in for.
+    pub fn remove_parts(folder: &Path) -> io::Result<()> {
+        for entry in std::fs::read_dir(folder)? {
+            let path = entry?.path();
+            if path.extension().is_some_and(|extension| extension == PART)
+                && parse(&path.with_extension(EXTENSION)).is_some()
+            {
+                std::fs::remove_file(path)?;
+            }
+        }
+        Ok(())
     }
 
     /// A name for the next one.
@@ -62,6 +78,9 @@ mod tests {
         for other in ["lock", "notes.mcap", "session-0000002a-7.mcap", "session-0000002a-8.000000000001.part"] {
             std::fs::write(folder.path().join(other), "").unwrap();
         }
+        Files::remove_parts(folder.path()).unwrap();
         assert_eq!(Files::in_folder(folder.path()).unwrap(), BTreeMap::from([(session, files.before)]));
+        let left = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path());
+        assert!(left.into_iter().all(|path| path.extension().is_none_or(|extension| extension != PART)));
     }
 }

@@ -14,7 +14,7 @@ use crate::recording::convert;
 use crate::recording::tape::{self, plain};
 use crate::recording::tracks::{Track, Tracks};
 use crate::recording::writer::LogClock;
-use crate::storage::Storage;
+use crate::storage::{Storage, create_begun};
 
 /// A file that brings a session back, until its journal goes on with it.
 pub struct Kept {
@@ -33,10 +33,11 @@ impl Kept {
             return Ok(Self { path: temporary.path().into(), _temporary: Some(temporary), is_released: false });
         };
         let path = Files { folder: folder.into(), session, before: Vec::new() }.next();
-        let file = storage.create(&path)?;
+        create_begun(storage, &path, |file| {
+            file.append(content)?;
+            file.sync()
+        })?;
         let kept = Self { path, _temporary: None, is_released: false };
-        file.append(content)?;
-        file.sync()?;
         storage.sync_names(folder)?;
         Ok(kept)
     }

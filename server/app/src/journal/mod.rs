@@ -119,6 +119,7 @@ impl Journals {
     /// Brings back the sessions of the server before. What does not come back is logged, and its journal left.
     pub async fn bring_back(&self, registry: &Registry, recordings: &Recordings) -> Result<()> {
         let Some(folder) = &self.folder else { return Ok(()) };
+        Files::remove_parts(&folder.path).context("journal_dir")?;
         let sessions = Files::in_folder(&folder.path).context("journal_dir")?;
         join_all(sessions.into_iter().map(|(id, files)| async move {
             let options =

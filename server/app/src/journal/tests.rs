@@ -9,10 +9,12 @@ use kerf_scenes::dial::ParetoFronts;
 use kerf_session::stepping::{StepMotion, Steps};
 use kerf_session::{Past, PastEntry, PoseSample, Registry, SessionLimits, SessionOptions};
 
+use super::files::Files;
 use super::virtual_disk::{Faults, VirtualDisk};
 use super::{Journals, past};
 use crate::config::ServerConfig;
 use crate::recording::reader::RECORD_HEAD_BYTES;
+use crate::storage::PART;
 
 pub const BLOCK: &str = include_str!("../../../session/tests/block.toml");
 
@@ -80,6 +82,32 @@ async fn a_disk_that_fails_to_sync_ends_the_journal_without_a_retry_and_the_sess
     assert_eq!(written(folder.path()), bytes, "nothing is written to a disk that has lost something");
     registry.close_all().await;
     journals.finish_all().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_journal_that_cannot_be_begun_leaves_no_file() {
+    let mut refused = 0;
+    for seed in 0..10 {
+        let registry = Registry::new(SessionLimits::default(), ParetoFronts::builtin()).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let config = ServerConfig { journal_dir: Some(folder.path().into()), ..ServerConfig::default() };
+        let storage = Arc::new(VirtualDisk::new(seed, Faults { full: 0.3, ..Faults::default() }));
+        let journals = Journals { storage, ..Journals::new(&config).unwrap() };
+        let scene = Scene { desc: toml::from_str(BLOCK).unwrap(), meshes: Default::default() };
+        let options = SessionOptions { is_journaled: true, start_paused: true, ..SessionOptions::default() };
+        let session = registry.create(scene, options).await.unwrap();
+        let error = journals.begin(&session);
+        let names = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path());
+        let parts = names.filter(|path| path.extension().is_some_and(|extension| extension == PART)).count();
+        assert_eq!((Files::in_folder(folder.path()).unwrap().len(), parts), (usize::from(error.is_none()), 0));
+        if let Some(error) = error {
+            assert!(error.contains("no space left"), "{error}");
+            refused += 1;
+        }
+        registry.close_all().await;
+        journals.finish_all().await;
+    }
+    assert!(refused > 2, "{refused} of 10");
 }
 
 /// Bytes in a folder.

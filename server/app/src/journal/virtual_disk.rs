@@ -119,6 +119,15 @@ impl Storage for VirtualDisk {
         Ok(())
     }
 
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        std::fs::rename(from, to)?;
+        let mut state = lock(&self.state);
+        let index = state.names.remove(from).expect("a file that was made here");
+        state.names.insert(to.into(), index);
+        state.unsynced_names.extend([(to.into(), Some(index)), (from.into(), None)]);
+        Ok(())
+    }
+
     fn sync_names(&self, _: &Path) -> io::Result<()> {
         let mut state = lock(&self.state);
         state.sync_or_fail()?;

@@ -18,6 +18,7 @@ use crate::recording::tape::{self, plain};
 use crate::recording::tracks::{Track, Tracks};
 use crate::recording::writer::LogClock;
 use crate::recording::{Sink, Told, convert};
+use crate::storage::create_begun;
 
 /// How often the tape is looked at.
 const LOOK: Duration = Duration::from_millis(8);
@@ -178,13 +179,16 @@ impl Writer {
             going.tracks.abandon();
         }
         let path = self.files.next();
-        let file = Arc::new(JournalFile::new(self.place.storage.create(&path)?));
-        let before = std::mem::replace(&mut self.files.before, vec![path]);
-        let sink = Sink::new(Arc::clone(&file) as _, Arc::clone(&self.place.quota));
-        let tracks = Tracks::begin(sink, TRACKS, |tracks| {
-            tracks.write(Track::Header, time_ns, &self.header)?;
-            base.map_or(Ok(()), |base| tape::write(tracks, time_ns, base))
+        let (tracks, file) = create_begun(self.place.storage.as_ref(), &path, |file| {
+            let file = Arc::new(JournalFile::new(file));
+            let sink = Sink::new(Arc::clone(&file) as _, Arc::clone(&self.place.quota));
+            let tracks = Tracks::begin(sink, TRACKS, |tracks| {
+                tracks.write(Track::Header, time_ns, &self.header)?;
+                base.map_or(Ok(()), |base| tape::write(tracks, time_ns, base))
+            })?;
+            McapResult::Ok((tracks, file))
         })?;
+        let before = std::mem::replace(&mut self.files.before, vec![path]);
         self.place.unsynced.written(file.written_bytes());
         self.disk.replace(&file, self.files.folder.clone(), before);
         self.file = Some(Going { tracks, file });
