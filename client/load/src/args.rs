@@ -30,8 +30,8 @@ pub struct Args {
     /// How long to wait for a server that is still starting, s
     #[arg(long, default_value_t = 0.0)]
     pub wait_for_server: f64,
-    /// Creates a session of this scene, a name the server knows or a path to a scene file that
-    /// refers to no other file, and closes it at the end
+    /// Creates a session of this scene, a name the server knows or a path to a scene file, and
+    /// closes it at the end
     #[arg(long)]
     pub scene: Option<String>,
     /// Joins this session

@@ -1,4 +1,4 @@
-"""A live server for the tests: `KERF_SERVER`, or the repository's own build."""
+"""A live server for the tests: `KERF_SERVER_PROGRAM`, or the repository's own build."""
 
 import os
 from pathlib import Path
@@ -9,7 +9,7 @@ import pytest
 import kerf
 
 REPOSITORY = Path(__file__).parents[3]
-PROGRAM = Path(os.environ.get("KERF_SERVER", REPOSITORY / "target/debug/kerf-server"))
+PROGRAM = Path(os.environ.get("KERF_SERVER_PROGRAM", REPOSITORY / "target/debug/kerf-server"))
 
 #: Small enough to step in microseconds, and so stiff that it parts under a blade before it is pressed flat.
 BLOCK = REPOSITORY / "server/session/tests/block.toml"
@@ -44,7 +44,7 @@ def cluster():
     utils = pytest.importorskip("ray.cluster_utils", reason="Ray is missing: pip install 'kerf[ray]'")
     with pytest.MonkeyPatch.context() as patch:
         # What the nodes are to know, they know from here.
-        patch.setenv("KERF_SERVER", str(PROGRAM))
+        patch.setenv("KERF_SERVER_PROGRAM", str(PROGRAM))
         memory = {"object_store_memory": 80 << 20}
         try:
             cluster = utils.Cluster(

@@ -98,7 +98,7 @@ def test_a_picture_is_drawn_and_shows_the_cut(client):
 
 def test_it_is_made_by_its_id_on_a_server_of_its_own(monkeypatch):
     gymnasium = pytest.importorskip("gymnasium")
-    monkeypatch.setenv("KERF_SERVER", str(PROGRAM))
+    monkeypatch.setenv("KERF_SERVER_PROGRAM", str(PROGRAM))
     env = gymnasium.make("kerf/Cut-v0", render_mode="rgb_array", steps_per_action=2)
     server = type(env.unwrapped)._server
     observation, _ = env.reset(seed=1)

@@ -233,11 +233,11 @@ pub fn loopback_text(path: &std::path::Path) -> anyhow::Result<String> {
     Ok(format!(
         "## On loopback\n\nThe simulated Omni cuts the liver through a server on the same machine, {} s; medians \
          of the seconds. Priority of the servo's thread: {priority}. Few poses and contacts are sent, because \
-         deadbands skip changes that a hand does not notice. In free motion a pose is sent every 10 ms; in \
-         contact every 4 ms or 0.1 mm, and where the force changes by 5 %. A contact is sent where the one \
-         before does not predict it or the tool has left its validity radius. Either is sent every 25 ms in any \
-         case. So the age of the motion that the newest contact reflects is that of a prediction that still \
-         holds, not a delay of the force. The delay is the round trip.\n\n| | |\n|---|---|\n{rows}\n",
+         deadbands skip changes that a hand does not notice. A pose is sent once the tool has moved as far as it \
+         does in 10 ms, or in 4 ms in contact, and at least 0.1 mm; and where the force changes by 5 %. A contact \
+         is sent where the one before does not predict it or the tool has left its validity radius. Both are sent \
+         every 25 ms at the latest. The age below is therefore that of a prediction that still holds. The delay of \
+         the force is the round trip.\n\n| | |\n|---|---|\n{rows}\n",
         reports.len()
     ))
 }

@@ -18,7 +18,8 @@ const ENV_PREFIX: &str = "KERF_";
 /// Names the file; not a field.
 const ENV_FILE: &str = "KERF_CONFIG";
 /// What clients read: no fields either, though a server may have them in its environment.
-const ENV_OF_CLIENTS: [&str; 4] = ["KERF_SERVER", "KERF_CA_FILE", "KERF_TOKEN", "KERF_TOKEN_FILE"];
+const ENV_OF_CLIENTS: [&str; 5] =
+    ["KERF_SERVER", "KERF_SERVER_PROGRAM", "KERF_CA_FILE", "KERF_TOKEN", "KERF_TOKEN_FILE"];
 
 /// Where settings come from besides the defaults.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -51,8 +52,8 @@ pub struct ConfigArgs {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ServerConfig {
-    /// Address to listen on. Default 127.0.0.1:50051. Any other than loopback takes TLS and tokens (security), or a word
-    /// that it shall go without.
+    /// Address to listen on. Default 127.0.0.1:50051. Any other than loopback needs TLS and tokens, or
+    /// `security.insecure`.
     pub listen: SocketAddr,
     /// Address where Prometheus reads metrics, at `/metrics`. Default none: no other port is open than the one that clients
     /// need. Who gets in is judged as at `listen`: a server that asks for tokens asks for a viewer's here.
@@ -155,7 +156,7 @@ pub struct SecurityConfig {
     pub allowed_origins: Vec<String>,
     /// A server that others can reach starts without TLS and tokens. Default false. The log says so at each start.
     pub insecure: bool,
-    /// Sessions that one token has at a time. Default 4: half of all, so that nobody takes the whole machine unasked.
+    /// Sessions that one token has at a time. Default 4: one token cannot take all places.
     pub max_sessions_per_token: usize,
     /// Wrong tokens of one address a minute; more are refused without a line in the log. Default 30: a client that was
     /// given the wrong one tries now and then, and nobody guesses.

@@ -48,10 +48,10 @@ pub struct SessionLimits {
     /// Topology patches kept for readers that are behind. Default 256: at one per step, a quarter
     /// of a second at 1 kHz; who is further behind is better served by a keyframe.
     pub max_log_patches: usize,
-    /// Bytes those patches may hold. Default 16 MiB: ten times a keyframe of the largest scene.
+    /// Bytes that these patches may take. Default 16 MiB: ten times a keyframe of the largest scene.
     pub max_log_bytes: usize,
     /// Events (paused, tool taken, fault, ...) kept for readers that are behind. Default 64: they
-    /// are rare, and a reader that misses one is told of none of the session's state wrongly.
+    /// are rare, and a reader that misses one still has the session's state.
     pub max_log_events: usize,
     /// A session whose thread neither steps nor looks after its clients for this long hangs, s: health checks and metrics
     /// say so, and a reset may take `max_setup_s` more. Default 10: a hundred times the longest step that anybody can
@@ -60,8 +60,8 @@ pub struct SessionLimits {
     /// Shortest time between keyframes taken for readers that fell off the log, s. Default 0.25:
     /// a keyframe costs several steps' time, and everybody shares it.
     pub min_keyframe_interval_s: f64,
-    /// Checkpoints that a session keeps to go back to. Default 8: each is a copy of the scene's state, 8 MB and 8 ms
-    /// for the liver's 30,420 voxels.
+    /// Checkpoints that a session keeps to go back to. Default 8: each is a copy of the scene's state, of some
+    /// megabytes.
     pub max_checkpoints: usize,
     /// What a plausible pose is.
     pub pose: PoseLimits,

@@ -34,7 +34,7 @@ class ClusterVectorEnv(TogetherVectorEnv):
         Args:
             count: How many.
             server: Where a node finds a server, as seen from the node. Without it each node starts one of its own: the
-                program that `KERF_SERVER` names there, or `kerf-server` on the path.
+                program that `KERF_SERVER_PROGRAM` names there, or `kerf-server` on the path.
             settings: Of servers that are started, as of `LocalServer`.
             options: As of `make_cutting_env`. A file that `path` names is read here.
         """

@@ -53,8 +53,8 @@ class LocalServer:
 
     @classmethod
     def of_environment(cls, settings: Mapping[str, object] | None = None) -> Self:
-        """Starts the program that `KERF_SERVER` names, or `kerf-server` on the path."""
-        return cls(os.environ.get("KERF_SERVER", "kerf-server"), settings=settings)
+        """Starts the program that `KERF_SERVER_PROGRAM` names, or `kerf-server` on the path."""
+        return cls(os.environ.get("KERF_SERVER_PROGRAM", "kerf-server"), settings=settings)
 
     def __enter__(self) -> Self:
         return self

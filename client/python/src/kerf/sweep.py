@@ -121,7 +121,7 @@ def run(
         measure: What to do at each point. The table knows it by its name: give it another when you change it.
         results: Names of what it answers with.
         server: Where a node finds a server, as seen from the node. Without it each node starts one of its own: the
-            program that `KERF_SERVER` names there, or `kerf-server` on the path.
+            program that `KERF_SERVER_PROGRAM` names there, or `kerf-server` on the path.
         settings: Of servers that are started, as of `LocalServer`.
         again: Do points anew that have failed before.
 

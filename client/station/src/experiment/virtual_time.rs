@@ -182,9 +182,9 @@ const TISSUES_N_PER_M: [f64; 3] = [100.0, 1000.0, 10_000.0];
 pub fn report(folder: &Path) -> anyhow::Result<String> {
     let mut text = String::from(
         "## The stiffest tissue by round trip\n\nIn virtual time: the simulated Omni (0.1 kg, 3.3 N, 500 N/m, encoders of 55 um) in a \
-         light grip (100 N/m, 1 N s/m) leans 5 mm into a spring; contacts come at 250 Hz. Calm is what swings by less \
-         than 0.5 mm after 4 s. Searched up to 100,000 N/m. A model that is off says a third, or three times, of the \
-         tissue's stiffness.\n\n| round trip, ms ",
+         light grip (100 N/m, 1 N s/m) leans 5 mm into a spring; contacts come at 250 Hz. Calm is a swing below 0.5 mm \
+         after 4 s. The search ends at 100,000 N/m. A wrong model has a third of the tissue's stiffness, or three times \
+         it.\n\n| round trip, ms ",
     );
     let trial = |rendering, round_trip_steps, model_share| Trial {
         rendering,
@@ -209,8 +209,8 @@ pub fn report(folder: &Path) -> anyhow::Result<String> {
     }
     let chart = Chart::new(Axis::log("round trip, ms (0 is drawn at 1)"), Axis::log("stiffest tissue, N/m"), curves);
     Figure::new("haptics-stability", "Stiffest tissue that does not shake the hand", chart).draw(folder)?;
-    text += "\nA model that says too little lets the tool sink in before the server answers, and tool and tissue then throw each \
-             other back: the controller brakes the hand but not the tool. So the server's stiffness has to be right.\n\
+    text += "\nA model that is too soft lets the tool sink in before the server answers. Tool and tissue then push each other \
+             back, and the controller brakes only the hand. So the server's stiffness has to be right.\n\
              \n![stiffest tissue by round trip](haptics-stability.png)\n\n## What is felt\n\nSwing of the hand, energy \
              given out beyond what was taken in, and the rendered contact's distance from the tissue's force at the same \
              place.\n\n| tissue, N/m | round trip, ms | rendering | swing, mm | energy, mJ | force error, % |\n\

@@ -19,12 +19,13 @@ pub fn report(server: SocketAddr, folder: &Path) -> anyhow::Result<String> {
     let mut text = format!(
         "## Through a network\n\nIn real time: the simulated Omni in a grip of {GRIP_N_PER_M} N/m and \
          {GRIP_N_S_PER_M} N s/m touches the liver, leans in by {} mm and waits, leans in by {} mm and waits; \
-         gRPC goes through a proxy between station and server. It delays in order, adds jitter up to the given \
-         value each way, and stalls for 200 ms at a time, as TCP does after a loss. Soft is `liver-tissue`, with \
-         {} of its forces felt; stiff is `liver`, with {}. Error is the force on the hand less the server's at \
-         the same pose, rms over rms: over the whole stroke, and at full force (neither faded nor ramped). Where \
+         gRPC goes through a proxy between station and server. The proxy delays messages in order, adds jitter up to \
+         the given value each way, and stalls for 200 ms at a time, as TCP does after a loss. Soft is `liver-tissue`, with \
+         {} of its forces felt; stiff is `liver`, with {}. The error is the rms difference between the \
+         hand's force and the server's at the same pose, over the server's rms force. It is given for the whole \
+         stroke, and for the time at full force (neither faded nor ramped). Where \
          the network stalls, stale force fades out and returns within half a second; that is most of the first \
-         error. The share of the waits at full force has its own column. Swing of the hand and energy given out \
+         error. A column gives the share of the waiting time at full force. Swing of the hand and energy given out \
          are those at full force. Calm is a swing of less than {} mm and less than {} mJ.\n\n| tissue | round \
          trip, ms | jitter, ms | stalls, % of the time | rendering | measured round trip, ms | error, % | in \
          full, % | greatest force, N | in full, % of the waits | swing, mm | energy, mJ | |\n|{}\n",
@@ -54,8 +55,8 @@ pub fn report(server: SocketAddr, folder: &Path) -> anyhow::Result<String> {
     write!(
         text,
         "\nWith local model and passivity the hand is calm in {calm} of {} rows.\n\n![error and energy by round trip on \
-         the stiff liver](haptics-closed-loop.png)\n\nWhat the deadbands \
-         keep home over such a stroke; the error above has their share in it:\n\n",
+         the stiff liver](haptics-closed-loop.png)\n\nMessages that the \
+         deadbands save over such a stroke; their effect is part of the error above:\n\n",
         passive().count()
     )?;
     for (trial, outcome) in passive().filter(|(trial, _)| trial.quality == Quality::default()) {
