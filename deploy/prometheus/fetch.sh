@@ -12,11 +12,13 @@ if [ ! -x $unpacked/usr/bin/promtool ]; then
     for tool in apt-get dpkg-deb; do
         command -v $tool >/dev/null || { echo "there is neither Prometheus nor $tool here" >&2; exit 1; }
     done
-    mkdir -p $unpacked
-    (cd $unpacked && apt-get -qq -o Acquire::Retries=0 -o Acquire::http::Timeout=10 download prometheus) >/dev/null 2>&1 ||
+    # Aside first: tests that look meanwhile find all of it or nothing, and the first that has it is the one that counts.
+    part=$unpacked/part.$$
+    mkdir -p $part
+    trap 'rm -rf $part' EXIT
+    (cd $part && apt-get -qq -o Acquire::Retries=0 -o Acquire::http::Timeout=10 download prometheus) >/dev/null 2>&1 ||
         { echo "there is no Prometheus here, and Debian's package cannot be fetched" >&2; exit 1; }
-    # Aside first: a second test that looks meanwhile finds all of it or nothing.
-    rm -rf $unpacked/part && dpkg-deb -x $unpacked/prometheus_*.deb $unpacked/part
-    rm -rf $unpacked/usr && mv $unpacked/part/usr $unpacked/usr && rm -rf $unpacked/part
+    dpkg-deb -x $part/prometheus_*.deb $part
+    mv -T $part/usr $unpacked/usr 2>/dev/null || [ -x $unpacked/usr/bin/promtool ]
 fi
 echo "$PWD/$unpacked/usr/bin"
