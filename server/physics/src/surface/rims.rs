@@ -2,8 +2,8 @@
 //!
 //! A cut often meets the skin outside of the dual cell that both pass. In the cell the rim would be a tooth of up to a
 //! voxel; outside of it triangles may pass through others. So a vertex goes toward where it is wanted as far as it can
-//! without that, whether its neighbours stay in their cells or are where they are wanted. That depends on what is near it
-//! alone and not on the order: a surface that is rebuilt piece by piece equals one that is built at once.
+//! without that, whichever of its neighbours stay in their cells or are where they are wanted. That depends on what is near
+//! it alone and not on the order: a surface that is rebuilt piece by piece equals one that is built at once.
 
 use std::ops::RangeInclusive;
 
@@ -18,13 +18,6 @@ pub(super) struct Rim {
     pub(super) wanted_m: [f32; 3],
 }
 
-/// Where all vertices are for a trial.
-#[derive(Clone, Copy)]
-enum Neighbours {
-    InCells,
-    WhereWanted,
-}
-
 /// Shares of the way that are tried.
 const SHARES: [f64; 4] = [1.0, 0.75, 0.5, 0.25];
 /// Cells, from a dual cell's own along each axis, whose quads its vertices may come to pass through.
@@ -33,15 +26,7 @@ const NEAR: RangeInclusive<i32> = -2..=2;
 impl Surface {
     /// Where a vertex is best in its dual cell, reference position, m.
     pub(super) fn in_cell_m(&self, id: VertexId) -> Vec3 {
-        self.placed_m(id, Neighbours::InCells)
-    }
-
-    fn placed_m(&self, id: VertexId, neighbours: Neighbours) -> Vec3 {
-        let position_m = match (self.rims.get(&id), neighbours) {
-            (Some(rim), Neighbours::InCells) => rim.in_cell_m,
-            (Some(rim), Neighbours::WhereWanted) => rim.wanted_m,
-            (None, _) => self.vertices[&id].position_m,
-        };
+        let position_m = self.rims.get(&id).map_or_else(|| self.vertices[&id].position_m, |rim| rim.in_cell_m);
         Vec3::from(position_m.map(f64::from))
     }
 
@@ -76,28 +61,52 @@ impl Surface {
         let (id, Rim { in_cell_m, wanted_m }) = together[0];
         let runs = self.lattice.near(id / VERTICES_PER_CELL, NEAR);
         let ids = runs.map(|run| run.start * QUADS_PER_CELL..run.end * QUADS_PER_CELL);
-        let near: Vec<[VertexId; 3]> =
-            ids.flat_map(|ids| self.quads.range(ids)).flat_map(|(_, quad)| triangulate(*quad)).collect();
+        let near = ids.flat_map(|ids| self.quads.range(ids)).flat_map(|(_, quad)| triangulate(*quad));
         let moves = |id: &VertexId| together.iter().any(|(other, _)| other == id);
-        let is_of_star = |ids: &[VertexId; 3]| ids.iter().any(moves);
-        let star: Vec<[VertexId; 3]> = near.iter().copied().filter(is_of_star).collect();
-        let neighbours = [Neighbours::InCells, Neighbours::WhereWanted];
-        let others = neighbours.map(|neighbours| {
-            let place = |ids: &[VertexId; 3]| Placed::new(ids.map(|id| self.placed_m(id, neighbours)));
-            near.iter().filter(|ids| !is_of_star(ids)).map(place).collect::<Vec<_>>()
-        });
-        let passes = |to_m: Vec3| {
-            neighbours.iter().zip(&others).any(|(neighbours, others)| {
-                let place = |id: VertexId| if moves(&id) { to_m } else { self.placed_m(id, *neighbours) };
-                let star: Vec<Placed> = star.iter().map(|ids| Placed::new(ids.map(place))).collect();
-                star.iter()
-                    .enumerate()
-                    .any(|(index, triangle)| star[..index].iter().chain(others).any(|other| triangle.crosses(other)))
+        let (star, others): (Vec<_>, Vec<_>) = near.partition(|ids| ids.iter().any(moves));
+        let others: Vec<Trial> = others.iter().flat_map(|ids| self.trials(ids, None)).collect();
+        let passes = |to_m: &Vec3| {
+            let mut star = star.iter().flat_map(|ids| self.trials(ids, Some((together, *to_m))));
+            star.any(|triangle| {
+                others.iter().any(|other| triangle.agrees(other) && triangle.placed.crosses(&other.placed))
             })
         };
         let [from_m, to_m] = [in_cell_m, wanted_m].map(|m| Vec3::from(m.map(f64::from)));
         let stops_m = SHARES.into_iter().map(|share| from_m.lerp(&to_m, share));
-        let stop_m = stops_m.into_iter().find(|stop_m| !passes(*stop_m));
+        let stop_m = stops_m.into_iter().find(|stop_m| !passes(stop_m));
         stop_m.map_or(in_cell_m, |stop_m| stop_m.map(|c| c as f32).into())
+    }
+
+    /// A triangle with each corner in its cell and where it is wanted; but for those that are moved.
+    fn trials(&self, ids: &[VertexId; 3], moved: Option<(&[(VertexId, Rim)], Vec3)>) -> impl Iterator<Item = Trial> {
+        let moved_m = |id: VertexId| {
+            moved.and_then(|(together, to_m)| together.iter().any(|(other, _)| *other == id).then_some(to_m))
+        };
+        let corners = ids.map(|id| match (moved_m(id), self.rims.get(&id)) {
+            (Some(to_m), _) => [Some(to_m), None],
+            (None, rim) => [Some(self.in_cell_m(id)), rim.map(|rim| Vec3::from(rim.wanted_m.map(f64::from)))],
+        });
+        let dual_cells = ids.map(|id| id / VERTICES_PER_CELL);
+        (0..8usize).filter_map(move |which| {
+            let is_wanted = [0, 1, 2].map(|corner| which >> corner & 1 == 1);
+            let at = |corner: usize| corners[corner][usize::from(is_wanted[corner])];
+            Some(Trial { placed: Placed::new([at(0)?, at(1)?, at(2)?]), dual_cells, is_wanted })
+        })
+    }
+}
+
+/// A triangle where it may come to be.
+struct Trial {
+    placed: Placed,
+    dual_cells: [u32; 3],
+    /// Which corners are where they are wanted, and not in their cells.
+    is_wanted: [bool; 3],
+}
+
+impl Trial {
+    /// Whether both have what they share in one place.
+    fn agrees(&self, other: &Self) -> bool {
+        let corners = |trial: &Self| trial.dual_cells.into_iter().zip(trial.is_wanted);
+        corners(self).all(|(cell, wanted)| corners(other).all(|(others, theirs)| cell != others || wanted == theirs))
     }
 }
