@@ -275,8 +275,8 @@ def make_cutting_env(address: str | None = None, **options: Any) -> CuttingEnv: 
     """An environment with a connection of its own: `gymnasium.make("kerf/Cut-v0", ...)`.
 
     Args:
-        address: The server. Without one this process starts its own, once: the program that `KERF_SERVER_PROGRAM` names,
-            or `kerf-server` on the path.
+        address: The server. Without one this process starts its own, once: the program that `KERF_SERVER_PROGRAM`
+            names, or `kerf-server` on the path.
         options: As of `CuttingEnv`. The scene is `jelly`, and the tool begins above its middle, unless they say so.
     """
     options = {"start_pose": [0.0, 0.06, 0.0, 0.0, 0.0, 0.0, 1.0], **options}
