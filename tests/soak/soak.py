@@ -239,14 +239,18 @@ def main() -> int:
             samples.append({"time_s": time.monotonic() - begin, "sessions": sessions, **server.takes()})
         for thread in threads:
             thread.join()
-        # Sessions that nobody uses end by themselves.
+
+        # Sessions that nobody uses end by themselves, and their journals go after them.
+        def journals() -> list[str]:
+            return [path.name for path in Path(folder).iterdir() if path.suffix == ".mcap"]
+
         with kerf.Client(server.address) as client:
             deadline = time.monotonic() + 60.0
-            while client.sessions() and time.monotonic() < deadline:
+            while (client.sessions() or journals()) and time.monotonic() < deadline:
                 time.sleep(1.0)
             left_sessions = len(client.sessions())
         left = server.takes()
-        journals = [path.name for path in Path(folder).iterdir() if path.suffix == ".mcap"]
+        left_journals = journals()
         server.kill()
     options.out.parent.mkdir(parents=True, exist_ok=True)
     with options.out.open("w", newline="") as file:
@@ -260,8 +264,8 @@ def main() -> int:
         print(f"{what}: {first:.0f} in the first quarter, {last:.0f} in the last, {left[what]} without clients")
         if last > first * (1.0 + MOST_GROWTH) + MOST_LEFT:
             wrong.append(f"{what} grows from {first:.0f} to {last:.0f}")
-    if left_sessions or journals:
-        wrong.append(f"{left_sessions} sessions and {len(journals)} journals are left of nobody")
+    if left_sessions or left_journals:
+        wrong.append(f"{left_sessions} sessions and the journals {left_journals} are left of nobody")
     for words in wrong:
         print(f"WRONG: {words}")
     return 1 if wrong else 0
