@@ -61,8 +61,6 @@ pub fn create_begun<T, E: From<io::Error>>(
     begin: impl FnOnce(Arc<dyn Stored>) -> Result<T, E>,
 ) -> Result<T, E> {
     let part = path.with_extension(PART);
-    // That of a server that was killed.
-    let _ = storage.remove(&part);
     let begun = begin(storage.create(&part)?).and_then(|begun| {
         storage.rename(&part, path)?;
         Ok(begun)

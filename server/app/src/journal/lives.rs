@@ -162,6 +162,7 @@ async fn lives(seed: u64, registry: &Registry, tally: &mut Tally) {
             tally.power_cuts += 1;
         }
 
+        Files::remove_parts(folder.path()).unwrap();
         let files = Files::in_folder(folder.path()).unwrap().remove(&id).unwrap_or_default();
         let read = move || past::read(&files);
         session = match registry.bring_back::<anyhow::Error>(id, read, options.clone()).await {
