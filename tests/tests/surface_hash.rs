@@ -138,7 +138,7 @@ fn stroke(world: &mut World, number: usize, mut after: impl FnMut(&mut World)) {
 #[test]
 fn a_replica_that_follows_cuts_has_the_hash_of_the_surface_as_it_is() {
     let desc = SceneDesc::from_toml("two_blocks.toml", TWO_BLOCKS).expect("a sound scene");
-    let mut world = World::new(&Scene { desc, meshes: Default::default() }).expect("a valid scene");
+    let mut world = World::new(&Scene { desc, meshes: Default::default() }.judge().unwrap()).expect("a valid scene");
     let mut replica = Replica::default();
     replica.apply_keyframe(&wire::keyframe(&world.keyframe(), &[1.0; 2])).expect("the first keyframe applies");
     let mut patches = 0;

@@ -26,8 +26,8 @@ struct Shown {
 
 /// The stroke: a keyframe before it, and what each step gives.
 fn stroke() -> (f64, Keyframe, Vec<Shown>) {
-    let mut scene = catalog::builtin("liver").expect("a built-in scene");
-    scene.desc.rate_hz = RATE_HZ;
+    let scene = catalog::builtin("liver").expect("a built-in scene");
+    let scene = scene.with(|desc| desc.rate_hz = RATE_HZ).expect("a sound rate");
     let mut world = World::new(&scene).expect("a valid scene");
     let keyframe = world.keyframe();
     let steps = (DEPTH_M / SPEED_M_PER_S * RATE_HZ) as u32;

@@ -89,11 +89,12 @@ mod tests {
 
     #[test]
     fn a_material_that_relaxes_is_told_with_both_moduli() {
-        let mut scene = catalog::builtin("jelly").unwrap();
+        let mut scene = catalog::builtin("jelly").unwrap().into_scene();
         let material = &mut scene.desc.objects[0].material;
         let young = material.young_modulus_pa;
         material.viscosity =
             Some(kerf_physics::scene::ViscosityDesc { relaxation_time_s: 0.3, relaxing_modulus_ratio: 0.5 });
+        let scene = scene.judge().unwrap();
         let lines = sizes(&scene, &World::new(&scene).unwrap()).join("\n");
         let expected = format!("E {young:.3e} Pa, from {:.3e} Pa at once in 0.3 s", 1.5 * young);
         assert!(lines.contains(&expected), "{lines}");

@@ -6,7 +6,7 @@
 use std::sync::OnceLock;
 use std::time::Instant;
 
-use kerf_physics::{Scene, Workers, World};
+use kerf_physics::{SoundScene, Workers, World};
 use kerf_scenes::catalog;
 use kerf_scenes::cost::Cost;
 use kerf_session::LoggedInputs;
@@ -27,7 +27,7 @@ const MOST_HALVINGS: u32 = 4;
 
 /// The scene's step rate, halved until this machine keeps it. Measures, the first time: not for threads that may not wait.
 #[must_use]
-pub fn kept_rate_hz(scene: &Scene) -> f64 {
+pub fn kept_rate_hz(scene: &SoundScene) -> f64 {
     static SLOWNESS: OnceLock<f64> = OnceLock::new();
     let told_s = Cost::of(scene).map_or(0.0, |cost| cost.step_s);
     fitted_hz(scene.desc.rate_hz, told_s * *SLOWNESS.get_or_init(measure))
@@ -48,8 +48,7 @@ fn measure() -> f64 {
 }
 
 fn measure_steps() -> anyhow::Result<f64> {
-    let mut scene = catalog::builtin(MEASURED)?;
-    scene.desc.rate_hz = MEASURED_HZ;
+    let scene = catalog::builtin(MEASURED)?.with(|desc| desc.rate_hz = MEASURED_HZ)?;
     let told_s = Cost::of(&scene)?.step_s;
     let mut script = default_stroke(&scene)?;
     let mut world = World::new(&scene)?;

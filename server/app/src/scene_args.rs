@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use kerf_physics::scene::DialDesc;
-use kerf_physics::{Scene, SceneError, World};
+use kerf_physics::{Scene, SceneError, SoundScene, World};
+use kerf_scenes::catalog;
 use kerf_scenes::dial::ParetoFronts;
 use kerf_scenes::examine::{self, examine};
-use kerf_scenes::{catalog, file::Opened};
 
 use crate::progress::{MakingBar, say};
 use crate::script::Script;
@@ -91,7 +91,7 @@ impl WarningArgs {
 /// A scene that can run as it was asked for.
 pub struct Run {
     /// With the options applied.
-    pub scene: Scene,
+    pub scene: SoundScene,
     /// What its tools do.
     pub script: Script,
     /// The scene at rest.
@@ -106,38 +106,33 @@ impl SceneArgs {
     /// # Errors
     /// The scene or the script cannot be read, or everything that it cannot run with.
     pub fn examine(&self) -> Result<Run> {
-        let mut opened = catalog::open(&self.scene)?;
-        let problems = opened.scene.problems();
-        if !problems.is_empty() {
-            return Err(opened.refused(problems).into());
-        }
-        self.apply(&mut opened)?;
+        let (scene, text) = catalog::open(&self.scene)?.judge()?;
+        let scene = self.applied_to(scene)?;
         let bar = MakingBar::new();
-        let examined = examine(&opened.scene, &mut |making| bar.tell(making));
+        let examined = examine(&scene, &mut |making| bar.tell(making));
         bar.finish();
-        let examine::Examined { world, mut warnings } = examined.map_err(|p| opened.refused(p))?;
-        let script = read_script(self.script.as_deref(), &opened.scene)?;
-        warnings = warnings.into_iter().map(|warning| opened.placed(warning)).collect();
+        let examine::Examined { world, mut warnings } = examined.map_err(|problems| text.refused(problems))?;
+        let script = read_script(self.script.as_deref(), &scene)?;
+        warnings = warnings.into_iter().map(|warning| text.placed(warning)).collect();
         if let Some(path) = &self.script {
-            warnings.extend(warnings::of(&path.display().to_string(), &script, &opened.scene, &world));
+            warnings.extend(warnings::of(&path.display().to_string(), &script, &scene, &world));
         }
-        Ok(Run { scene: opened.scene, script, world, warnings })
+        Ok(Run { scene, script, world, warnings })
     }
 
-    fn apply(&self, opened: &mut Opened) -> Result<()> {
-        let scene = &mut opened.scene;
-        scene.desc.rate_hz = self.rate.unwrap_or(scene.desc.rate_hz);
+    fn applied_to(&self, mut scene: SoundScene) -> Result<SoundScene> {
+        if let Some(rate_hz) = self.rate {
+            scene = scene.with(|desc| desc.rate_hz = rate_hz).context("with --rate applied")?;
+        }
         let pareto_fronts = match &self.pareto_fronts {
             Some(folder) => ParetoFronts::builtin().with_folder(folder).context("--pareto-fronts")?,
             None => ParetoFronts::builtin(),
         };
-        if let Some(choice) = pareto_fronts.settle(scene, self.dial.asked())? {
+        let (scene, choice) = pareto_fronts.settle(scene, self.dial.asked())?;
+        if let Some(choice) = choice {
             say(&choice.to_string());
         }
-        match scene.problems().into_iter().next() {
-            Some(problem) => Err(problem).context("with --rate applied"),
-            None => Ok(()),
-        }
+        Ok(scene)
     }
 }
 

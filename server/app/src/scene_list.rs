@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
-use kerf_physics::{Scene, SceneDesc};
+use kerf_physics::{SceneDesc, SoundScene};
 use kerf_scenes::{ReadError, catalog};
 
 /// Most scenes of a folder that are listed.
@@ -43,7 +43,7 @@ impl SceneList {
     #[must_use]
     pub fn new(folder: Option<PathBuf>) -> Self {
         let listed = |name: &str| {
-            let description = catalog::builtin(name).map(|scene| scene.desc.description).unwrap_or_default();
+            let description = catalog::builtin(name).map(|scene| scene.desc.description.clone()).unwrap_or_default();
             Listed { name: name.into(), description }
         };
         let builtin = catalog::builtin_names().into_iter().map(listed).collect();
@@ -64,7 +64,7 @@ impl SceneList {
     ///
     /// # Errors
     /// The scene, or a file that it refers to, cannot be read or has values that are not supported.
-    pub fn load(&self, name: &str) -> Option<Result<Scene, ReadError>> {
+    pub fn load(&self, name: &str) -> Option<Result<SoundScene, ReadError>> {
         if self.builtin.iter().any(|builtin| builtin.name == name) {
             return Some(catalog::builtin(name));
         }

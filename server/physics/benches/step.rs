@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use kerf_physics::{Stage, StageClock, StepInputs, StepOutput, ToolInput, Workers, World};
 use support::press::{cutting_scene, pose_at};
+use support::world_of;
 
 /// From just over the block to 32 mm into it at 0.4 m/s.
 const STEPS: u32 = 80;
@@ -25,7 +26,7 @@ impl StageClock for Clock {
 fn world(voxel_m: f64) -> World {
     let mut scene = cutting_scene();
     scene.desc.objects[0].voxel_size_m = Some(voxel_m);
-    World::new(&scene).expect("a valid scene")
+    world_of(&scene)
 }
 
 /// Sum over `count` steps of one kind of what `time` says they took; a stroke that is over begins anew.

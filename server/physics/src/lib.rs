@@ -1,9 +1,10 @@
 //! The physics of one Kerf scene: composite-FEM tissue, tools, fracture and the surface that is seen.
 //!
-//! A [`Scene`] describes objects, materials and tools. A [`World`] is built from it, and [`World::step`] takes it on
-//! by one step: [`StepInputs`] say how the tools move, the [`StepOutput`] has forces, energies, the displacements of
-//! tracked points and what was cut. [`Workers`] lend the step threads. Who wants to see the tissue asks the world for
-//! a keyframe of its surface and for what changes of it ([`surface::delta`]).
+//! A [`Scene`] describes objects, materials and tools. [`Scene::judge`] makes of it a [`SoundScene`], whose values are
+//! within their limits. A [`World`] is built from that, and [`World::step`] takes it on by one step: [`StepInputs`] say
+//! how the tools move, the [`StepOutput`] has forces, energies, the displacements of tracked points and what was cut.
+//! [`Workers`] lend the step threads. Who wants to see the tissue asks the world for a keyframe of its surface and for
+//! what changes of it ([`surface::delta`]).
 //!
 //! Deliberately absent: I/O, clocks, async, hash order and threads of its own. Input comes in as values, time
 //! through a [`StageClock`], threads as [`Workers`]; the same scene and the same inputs give the same bits.
@@ -36,7 +37,7 @@
 //! name = "blade"
 //! shape = { blade = { width_m = 0.06, height_m = 0.05 } }
 //! "#;
-//! let scene = Scene { desc: SceneDesc::from_toml("block.toml", text)?, meshes: Default::default() };
+//! let scene = Scene { desc: SceneDesc::from_toml("block.toml", text)?, meshes: Default::default() }.judge()?;
 //! let mut world = World::new(&scene)?;
 //! // The edge comes down on the block's top at 0.1 m/s, to 0.5 mm below it.
 //! for step in 0..15 {
@@ -47,7 +48,7 @@
 //! let force_n = world.output().tools[0].wrench.force_n;
 //! assert!(force_n.y > 0.1, "the block pushes the blade up: {force_n}");
 //! assert_eq!(world.output().fracture.parted_links, 0, "so far it only dents");
-//! # Ok::<(), kerf_physics::SceneError>(())
+//! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
 //! # Cut, and write the surface
@@ -77,7 +78,7 @@
 //! # name = "blade"
 //! # shape = { blade = { width_m = 0.06, height_m = 0.05 } }
 //! # "#;
-//! # let scene = Scene { desc: SceneDesc::from_toml("block.toml", text)?, meshes: Default::default() };
+//! # let scene = Scene { desc: SceneDesc::from_toml("block.toml", text)?, meshes: Default::default() }.judge()?;
 //! let mut world = World::new(&scene)?;
 //! for step in 0..60 {
 //!     let position_m = Vec3::new(0.0, 0.041 - 4e-4 * f64::from(step + 1), 0.0);
@@ -102,7 +103,7 @@
 //! }
 //! // The skin has 16 x 16 quads on each of six sides; the walls of the cut come on top.
 //! assert!(obj.lines().filter(|line| line.starts_with('f')).count() > 2 * 6 * 16 * 16);
-//! # Ok::<(), kerf_physics::SceneError>(())
+//! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
 //! # Record, and replay to the same bits
@@ -129,7 +130,7 @@
 //! # name = "blade"
 //! # shape = { blade = { width_m = 0.06, height_m = 0.05 } }
 //! # "#;
-//! # let scene = Scene { desc: SceneDesc::from_toml("block.toml", text)?, meshes: Default::default() };
+//! # let scene = Scene { desc: SceneDesc::from_toml("block.toml", text)?, meshes: Default::default() }.judge()?;
 //! let mut world = World::new(&scene)?;
 //! let mut recorded = Vec::new();
 //! for step in 0..40 {
@@ -143,7 +144,7 @@
 //!     replayed.step(&Workers::serial(), &NoClock, &StepInputs::of(inputs));
 //! }
 //! assert_eq!(replayed.state_hash(), world.state_hash());
-//! # Ok::<(), kerf_physics::SceneError>(())
+//! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
 pub mod body;
@@ -176,9 +177,10 @@ pub mod world;
 pub use hash::StateHasher;
 pub use math::{Mat3, Quat, Vec3};
 pub use params::StepParams;
-pub use scene::{Scene, SceneDesc, SceneError};
+pub use scene::{Scene, SceneDesc, SceneError, SceneProblems};
 pub use stage::{NoClock, Stage, StageClock, StepProfile};
 pub use step_io::{StepInputs, StepOutput, ToolInput};
+pub use validate::SoundScene;
 pub use workers::Workers;
 pub use world::World;
 

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::support::cutting::attitude;
 use super::support::press::cutting_scene;
+use super::support::world_of;
 use kerf_physics::body::MaterialPoint;
 use kerf_physics::scene::{BladeDesc, Scene, ToolDesc, ToolShapeDesc};
 use kerf_physics::step_io::ToolMotion;
@@ -177,7 +178,7 @@ fn contact_vertices_are_on_the_blade_no_triangle_is_spoilt_and_no_seam_shows() {
     let config = Config { cases: STROKES, failure_persistence: None, ..Config::default() };
     let rng = TestRng::from_seed(RngAlgorithm::ChaCha, &SEED);
     let holds = |stroke: Stroke| {
-        let mut world = World::new(&scene_of(&stroke)).expect("a valid scene");
+        let mut world = world_of(&scene_of(&stroke));
         let _ = world.keyframe();
         let (mut on_blade, mut seam_deg) = (0, 0.0_f64);
         drive(&mut world, &stroke, |world, pose| {
@@ -198,7 +199,7 @@ fn contact_vertices_are_on_the_blade_no_triangle_is_spoilt_and_no_seam_shows() {
 fn a_blade_that_dents_the_surface_no_longer_passes_through_it() {
     let stroke =
         Stroke { at_m: [0.0, 0.0004], yaw_deg: 17.0, roll_deg: 0.0, pitch_deg: 0.0, thickness_m: 0.0, depth_m: 0.0021 };
-    let mut world = World::new(&scene_of(&stroke)).expect("a valid scene");
+    let mut world = world_of(&scene_of(&stroke));
     let _ = world.keyframe();
     let mut passed = [0; 2];
     drive(&mut world, &stroke, |world, pose| {
@@ -219,7 +220,7 @@ fn forces_and_state_are_the_same_with_and_without() {
             Stroke { at_m: [0.002, 0.0], yaw_deg: 10.0, roll_deg: 3.0, pitch_deg: 5.0, thickness_m, depth_m: 0.012 };
         let scene = scene_of(&stroke);
         let run = |watched: bool| {
-            let mut world = World::new(&scene).expect("a valid scene");
+            let mut world = world_of(&scene);
             if watched {
                 let _ = world.keyframe();
             }
@@ -245,7 +246,7 @@ fn what_is_shown_does_not_depend_on_what_was_shown_before() {
         Stroke { at_m: [0.002, 0.0], yaw_deg: 10.0, roll_deg: 3.0, pitch_deg: 5.0, thickness_m: 0.003, depth_m: 0.012 };
     let scene = scene_of(&stroke);
     let shown = |every: usize| {
-        let mut world = World::new(&scene).expect("a valid scene");
+        let mut world = world_of(&scene);
         let _ = world.keyframe();
         let (mut step, mut shown) = (0, Vec::new());
         drive(&mut world, &stroke, |world, _| {
@@ -276,7 +277,7 @@ fn a_softer_material_follows_in_a_wider_region() {
         scene.desc.objects[0].material.young_modulus_pa = young_modulus_pa;
         let ToolShapeDesc::Blade(blade) = &mut scene.desc.tools[0].shape else { panic!("a blade") };
         blade.width_m = WIDTH_M;
-        let mut world = World::new(&scene).expect("a valid scene");
+        let mut world = world_of(&scene);
         let _ = world.keyframe();
         drive(&mut world, &stroke, |_, _| ());
         assert_eq!(world.output().topology_version, 0);

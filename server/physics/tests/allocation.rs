@@ -5,6 +5,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use super::support::press::{LAWS, cutting_scene, press};
+use super::support::world_of;
 use kerf_physics::scene::{BladeDesc, CapsuleDesc, EdgeDesc, GrasperDesc, RateDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
@@ -75,7 +76,7 @@ fn blades_of_every_kind_allocate_nothing_either() {
     let mut scene = cutting_scene();
     scene.desc.tools = vec![ToolDesc::blade("blade", rubbing)];
     scene.desc.objects[0].material.rate = Some(RateDesc { reference_speed_m_per_s: 1e-2, exponent: 0.3 });
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     press(&mut world, 0.05);
     let (pressing, none) = stroke(&mut world, 0.041, 0.05, 20);
     assert_eq!((pressing, none), (0, 0), "pressing");
@@ -89,7 +90,7 @@ fn a_step_without_fracture_allocates_nothing() {
     for (law, change) in LAWS.into_iter().enumerate() {
         let mut scene = cutting_scene();
         change(&mut scene.desc.objects[0].material);
-        let mut world = World::new(&scene).expect("a valid scene");
+        let mut world = world_of(&scene);
         // Warm-up: the vectors of a solve come into being in the first step.
         press(&mut world, 0.05);
         let (pressing, none) = stroke(&mut world, 0.041, 0.05, 20);
@@ -102,7 +103,7 @@ fn a_step_without_fracture_allocates_nothing() {
 
 #[test]
 fn a_world_that_went_back_to_a_snapshot_allocates_nothing_either() {
-    let mut world = World::new(&cutting_scene()).expect("a valid scene");
+    let mut world = world_of(&cutting_scene());
     press(&mut world, 0.05);
     let snapshot = world.snapshot();
     stroke(&mut world, 0.040, 0.3, 40);
@@ -121,7 +122,7 @@ fn neither_holding_nor_pressing_allocates() {
     for (tool, from_m, step_m) in tools {
         let mut scene = cutting_scene();
         scene.desc.tools = vec![tool.clone()];
-        let mut world = World::new(&scene).expect("a valid scene");
+        let mut world = world_of(&scene);
         // A world that went back has room for what its snapshot does not hold.
         let rest = world.snapshot();
         world.restore(&rest);
@@ -146,7 +147,7 @@ fn neither_holding_nor_pressing_allocates() {
 
 #[test]
 fn nor_does_adapting_the_surface_to_one() {
-    let mut world = World::new(&cutting_scene()).expect("a valid scene");
+    let mut world = world_of(&cutting_scene());
     let _ = world.keyframe();
     // Warm-up: the adaptation comes into being when the blade first touches.
     for height_m in [0.05, 0.0395] {
@@ -174,7 +175,7 @@ fn bodies_that_press_and_rub_on_each_other_allocate_nothing() {
     }
     let mut scene = super::support::scene(vec![lower, upper]);
     scene.desc.gravity_m_per_s2 = [0.0, -9.81, 0.0];
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     world.body_mut(1).state.velocity_m_per_s.iter_mut().for_each(|v| *v = [0.05, -0.1, 0.0]);
     let step = |world: &mut World| {
         let before = ALLOCATIONS.get();
@@ -200,7 +201,7 @@ fn a_voxel_of_a_large_body_takes_few_bytes() {
     (object.voxel_size_m, object.level) = (Some(1e-3), 2);
     object.material.fracture_energy_j_per_m2 = Some(100.0);
     let before = HELD_BYTES.get();
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     let (held, voxels) = (HELD_BYTES.get() - before, world.counts().voxels);
     let per_voxel = held as f64 / voxels as f64;
     println!("{voxels} voxels of {per_voxel:.0} bytes");

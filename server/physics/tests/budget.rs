@@ -1,6 +1,7 @@
 //! A step whose work is bounded: what it may leave undone, and what that does to forces.
 
 use super::support::press::{cutting_scene, pose_at};
+use super::support::world_of;
 use kerf_physics::scene::{GovernorDesc, Scene};
 use kerf_physics::step_io::ContactModel;
 use kerf_physics::{NoClock, StepInputs, StepOutput, ToolInput, Workers, World};
@@ -10,7 +11,7 @@ const STEPS: u32 = 120;
 
 /// A world after the stroke, and what each step said.
 fn stroke(scene: &Scene, work_units: Option<u64>) -> (World, Vec<StepOutput>) {
-    let mut world = World::new(scene).expect("a valid scene");
+    let mut world = world_of(scene);
     let mut step = |step: u32| {
         let tools = [ToolInput { tool: 0, motion: pose_at(0.041 - 2e-4 * f64::from(step)) }];
         let inputs = StepInputs { work_units, ..StepInputs::of(&tools) };
@@ -67,7 +68,7 @@ fn contact_models_are_made_piece_by_piece_and_come_to_the_same_stiffness() {
         let mut scene = cutting_scene();
         let max_relative_tolerance = scene.desc.relative_tolerance();
         scene.desc.governor = Some(GovernorDesc { max_relative_tolerance });
-        let mut world = World::new(&scene).expect("a valid scene");
+        let mut world = world_of(&scene);
         let tools = [ToolInput { tool: 0, motion: pose_at(0.0395) }];
         let inputs = StepInputs { tools: &tools, work_units, models: &[0] };
         let step = |_| world.step(&Workers::serial(), &NoClock, &inputs).tools[0].contact;

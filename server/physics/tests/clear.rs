@@ -1,6 +1,6 @@
 //! Where tools can be put down without touching anything: by the geometry of a block at rest.
 
-use super::support::{object, scene};
+use super::support::{object, scene, world_of};
 use kerf_physics::scene::{BladeDesc, CapsuleDesc, GrasperDesc, ScissorsDesc, ToolDesc};
 use kerf_physics::tool::{OPEN, Pose};
 use kerf_physics::{Quat, Vec3, World};
@@ -12,7 +12,7 @@ const HALF_M: f64 = 0.02;
 fn world(tool: ToolDesc) -> World {
     let mut scene = scene(vec![object([-HALF_M; 3], [HALF_M; 3], VOXEL_M, 1)]);
     scene.desc.tools = vec![tool];
-    World::new(&scene).unwrap()
+    world_of(&scene)
 }
 
 fn at(position_m: [f64; 3]) -> Pose {

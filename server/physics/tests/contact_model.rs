@@ -1,6 +1,6 @@
 //! The local contact model of a tool against the forces that the simulation itself goes on to.
 
-use super::support::{object, scene};
+use super::support::{object, scene, world_of};
 use kerf_physics::scene::{BladeDesc, CapsuleDesc, GrasperDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{ContactModel, Grasp, ToolMotion, ToolOutput};
 use kerf_physics::tool::{OPEN, Pose};
@@ -57,7 +57,7 @@ struct Hand {
 
 impl Hand {
     fn new(scene: &Scene, tool: usize) -> Self {
-        Self { world: World::new(scene).expect("a valid scene"), tool, opening: OPEN }
+        Self { world: world_of(scene), tool, opening: OPEN }
     }
 
     /// A step in which the tool goes there, with a new model or without.

@@ -1,6 +1,7 @@
 //! A blade that moves by many voxels in a step meets what lies on its way.
 
 use super::support::cutting::*;
+use super::support::world_of;
 use kerf_physics::scene::{BladeDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
@@ -19,7 +20,7 @@ fn sheet(voxels: f64, level: u8, fracture_energy_j_per_m2: Option<f64>) -> World
     let mut scene = super::support::scene(vec![sheet]);
     scene.desc.rate_hz = RATE_HZ;
     scene.desc.tools = vec![ToolDesc::blade("blade", BladeDesc::straight(0.06, 0.1))];
-    World::new(&scene).unwrap()
+    world_of(&scene)
 }
 
 /// The edge across the sheet at a height, cutting down.

@@ -1,10 +1,10 @@
 //! Voxels that the surface cuts: as heavy and as stiff as what of them is filled.
 
-use super::support::{body, object, scene};
+use super::support::{body, object, scene, world_of};
 use kerf_physics::body::MaterialPoint;
 use kerf_physics::grid::VoxelId;
 use kerf_physics::scene::{Face, LoadDesc, ShapeDesc};
-use kerf_physics::{StepParams, Workers, World};
+use kerf_physics::{StepParams, Workers};
 use std::f64::consts::PI;
 
 const PARAMS: StepParams = StepParams { dt_s: 1e-3, relative_tolerance: 1e-3, max_iterations: 200 };
@@ -55,7 +55,7 @@ fn deflection_ratio(h: f64, level: u8) -> f64 {
     desc.loads = vec![LoadDesc::Traction { region, face: Face::MaxX, traction_pa: [0.0, -traction_pa, 0.0] }];
     let mut scene = scene(vec![desc]);
     scene.desc.gravity_m_per_s2 = [0.0; 3];
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     assert!(world.relax(&Workers::serial(), &mut |_| ()).converged);
     let body = world.bodies()[0];
     let grid = &body.state.grid;

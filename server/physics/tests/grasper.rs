@@ -1,6 +1,6 @@
 //! A grasper holds, pulls and lets go.
 
-use super::support::{Lcg, object, scene};
+use super::support::{Lcg, object, scene, world_of};
 use kerf_physics::scene::{BladeDesc, GrasperDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{EnergyStep, Grasp, StepOutput, ToolMotion};
 use kerf_physics::tool::{OPEN, Pose};
@@ -36,7 +36,7 @@ struct Hand {
 impl Hand {
     fn new(scene: &Scene, position_m: Vec3) -> Self {
         let pose = Pose { position_m, orientation: Quat::identity() };
-        let world = World::new(scene).expect("a valid scene");
+        let world = world_of(scene);
         let mut hand = Self { world, pose, opening: OPEN, booked: EnergyStep::default(), models: &[] };
         hand.enter_at(pose, OPEN);
         hand

@@ -1,10 +1,10 @@
 //! What is held, voxel by voxel, in elements of many voxels.
 
-use super::support::{assert_forces_are_the_energys_slope, body, mean_displacement, object, scene};
+use super::support::{assert_forces_are_the_energys_slope, body, mean_displacement, object, scene, world_of};
 use kerf_physics::body::{Body, MaterialPoint};
 use kerf_physics::grid::{Crossing, Grid, LinkId, VoxelId};
 use kerf_physics::scene::{Face, LoadDesc, ShapeDesc, ViscosityDesc};
-use kerf_physics::{StepParams, Vec3, Workers, World};
+use kerf_physics::{StepParams, Vec3, Workers};
 
 const H_M: f64 = 2.5e-3;
 const YOUNG_PA: f64 = 2e6;
@@ -42,7 +42,7 @@ fn a_bar_held_by_one_layer_of_voxels_bends_as_beam_theory_says() {
         }];
         let mut scene = scene(vec![desc]);
         scene.desc.gravity_m_per_s2 = [0.0; 3];
-        let mut world = World::new(&scene).expect("a valid scene");
+        let mut world = world_of(&scene);
         assert!(world.relax(&Workers::serial(), &mut |_| ()).converged);
         let found = -mean_displacement(world.bodies()[0], 0, length_m).y;
         println!("level {level}: {:.4} of beam theory", found / expected);
@@ -134,7 +134,7 @@ fn a_relaxing_bar_that_is_held_carries_what_an_elastic_one_does_after_a_while() 
         desc.material.young_modulus_pa = 1e5;
         desc.material.viscosity = viscosity;
         desc.fixed = vec![below(0, H_M)];
-        let mut world = World::new(&scene(vec![desc])).expect("a valid scene");
+        let mut world = world_of(&scene(vec![desc]));
         assert!(world.relax(&Workers::serial(), &mut |_| ()).converged);
         mean_displacement(world.bodies()[0], 0, 0.055).y
     };

@@ -1,6 +1,6 @@
 //! Motion without tools: what implicit Euler keeps exactly, and what bounds the energy.
 
-use super::support::{Lcg, object, run, scene};
+use super::support::{Lcg, object, run, scene, world_of};
 use kerf_physics::body::Body;
 use kerf_physics::fault::FaultKind;
 use kerf_physics::grid::{Crossing, LinkId};
@@ -24,7 +24,7 @@ fn ellipsoid(level: u8) -> ObjectDesc {
 fn world(desc: ObjectDesc, tolerance: f64) -> (Scene, World) {
     let mut scene = scene(vec![desc]);
     scene.desc.solver.relative_tolerance = Some(tolerance);
-    let world = World::new(&scene).expect("a valid scene");
+    let world = world_of(&scene);
     (scene, world)
 }
 
@@ -84,7 +84,7 @@ fn spinning_bar(rate_hz: f64, tolerance: f64, spin: Vec3) -> World {
     let mut scene = scene(vec![bar(2)]);
     scene.desc.solver.relative_tolerance = Some(tolerance);
     scene.desc.rate_hz = rate_hz;
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     let body = world.body_mut(0);
     let centre = Vec3::new(0.06, 0.02, 0.02);
     for node in 0..body.node_count() {
@@ -103,7 +103,7 @@ fn a_free_body_that_a_load_spins_past_a_step_is_booked_to_the_last_joule() {
     let mut scene = scene(vec![desc]);
     scene.desc.rate_hz = 60.0;
     scene.desc.solver.relative_tolerance = Some(1e-2);
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     let (mut worked_j, mut residual_j, mut braked_j) = (0.0, 0.0, 0.0);
     for _ in 0..20 {
         let energy = world.step(&Workers::serial(), &NoClock, &StepInputs::default()).energy;
@@ -208,7 +208,7 @@ fn a_free_body_and_a_fragment_fall_as_implicit_euler_says_without_strain() {
     scene.desc.solver.relative_tolerance = Some(1e-2);
     scene.desc.objects[1].fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [0.01, 1.0, 1.0] }];
     scene.desc.objects[1].name = "bar".into();
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     cut_across(world.body_mut(1), 6);
     assert_eq!(world.bodies()[1].part_count(), 2);
     let moved = [vec![aside_m; world.bodies()[0].node_count()], {
@@ -383,7 +383,7 @@ fn a_string_under_tension_hangs_as_a_string_does() {
     scene.desc.gravity_m_per_s2 = [0.0, -GRAVITY_M_PER_S2, 0.0];
     let position_m = [LENGTH_M - 0.5 * H_M, 0.5 * H_M, 0.5 * H_M];
     scene.desc.tracked_points = vec![TrackedPointDesc { name: "tip".into(), object: "block".into(), position_m }];
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     let mut tip_m = || {
         let output = world.step(&Workers::serial(), &NoClock, &StepInputs::default());
         assert_eq!(output.fault, None);
@@ -412,7 +412,7 @@ fn non_finite_state_is_rolled_back_and_reported_and_the_world_goes_on() {
     for (name, inject) in poison {
         let mut scene = scene(vec![ellipsoid(2)]);
         scene.desc.gravity_m_per_s2 = [0.0, -GRAVITY_M_PER_S2, 0.0];
-        let mut world = World::new(&scene).expect("a valid scene");
+        let mut world = world_of(&scene);
         run(&mut world, 20);
         let before = world.bodies()[0].state.position_m.clone();
         inject(world.body_mut(0));

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::support::motion_hash;
 use super::support::press::{cutting_scene, pose_at};
+use super::support::world_of;
 use kerf_physics::scene::{
     CapsuleDesc, GovernorDesc, GrasperDesc, RegionDesc, Scene, ShapeDesc, ToolDesc, TrackedPointDesc,
 };
@@ -40,12 +41,12 @@ fn with(stage: &[Stage]) -> Vec<Stage> {
 fn a_bare_scene_only_moves() {
     let mut scene = cutting_scene();
     scene.desc.tools.clear();
-    assert_eq!(stages(&mut World::new(&scene).unwrap(), None), MOTION);
+    assert_eq!(stages(&mut world_of(&scene), None), MOTION);
 }
 
 #[test]
 fn a_tool_costs_contact_while_it_is_there_and_fracture_while_its_edge_touches() {
-    let mut world = World::new(&cutting_scene()).unwrap();
+    let mut world = world_of(&cutting_scene());
     assert_eq!(stages(&mut world, None), MOTION, "it has not entered");
     assert_eq!(stages(&mut world, Some(pose_at(0.3))), with(&[Stage::Contact]), "it hangs above");
     assert_eq!(stages(&mut world, Some(pose_at(0.045))), with(&[Stage::Contact]), "it comes down");
@@ -55,7 +56,7 @@ fn a_tool_costs_contact_while_it_is_there_and_fracture_while_its_edge_touches() 
 
 #[test]
 fn the_surface_is_adapted_where_somebody_looks_and_a_tool_touches() {
-    let mut world = World::new(&cutting_scene()).unwrap();
+    let mut world = world_of(&cutting_scene());
     let touching = [Stage::Contact, Stage::Fracture];
     stages(&mut world, Some(pose_at(0.045)));
     assert_eq!(stages(&mut world, Some(pose_at(0.0395))), with(&touching), "nobody looks");
@@ -80,7 +81,7 @@ fn the_surface_is_adapted_where_somebody_looks_and_a_tool_touches() {
 #[test]
 fn tissue_is_looked_for_at_tissue_where_there_is_more_than_one_piece_of_surface() {
     let mut scene = cutting_scene();
-    let mut world = World::new(&scene).unwrap();
+    let mut world = world_of(&scene);
     let mut cut = false;
     for i in 0..60 {
         let stages = stages(&mut world, Some(pose_at(0.041 - 4e-4 * f64::from(i))));
@@ -91,12 +92,12 @@ fn tissue_is_looked_for_at_tissue_where_there_is_more_than_one_piece_of_surface(
     let mut other = scene.desc.objects[0].clone();
     other.name = "other".into();
     scene.desc.objects.push(other);
-    assert_eq!(stages(&mut World::new(&scene).unwrap(), None), with(&[Stage::SelfContact]), "two objects");
+    assert_eq!(stages(&mut world_of(&scene), None), with(&[Stage::SelfContact]), "two objects");
 }
 
 #[test]
 fn topology_and_surface_are_entered_by_steps_in_which_links_part() {
-    let mut world = World::new(&cutting_scene()).unwrap();
+    let mut world = world_of(&cutting_scene());
     let mut entered = [0u32; 2];
     for i in 0..60 {
         if i == 45 {
@@ -116,7 +117,7 @@ fn topology_and_surface_are_entered_by_steps_in_which_links_part() {
 
 /// Hash of the motion and solver iterations after a stroke that cuts.
 fn stroke(scene: &Scene, mut look: impl FnMut(&mut World)) -> (u64, u32) {
-    let mut world = World::new(scene).unwrap();
+    let mut world = world_of(scene);
     let mut iterations = 0;
     for i in 0..50 {
         let motion = pose_at(0.041 - 4e-4 * f64::from(i));

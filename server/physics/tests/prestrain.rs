@@ -1,11 +1,11 @@
 //! Tissue under tension in life: at rest until it is cut, and what a cut sets free.
 
 use super::support::cutting::{Rig, attitude, cutting_scene};
-use super::support::{Lcg, assert_forces_are_the_energys_slope, body, object, params, run, scene};
+use super::support::{Lcg, assert_forces_are_the_energys_slope, body, object, params, run, scene, world_of};
 use kerf_physics::body::{Body, MaterialPoint};
 use kerf_physics::grid::{Crossing, LinkId, VoxelId};
 use kerf_physics::scene::{MaterialDesc, ObjectDesc, PrestrainDesc, RegionDesc, ShapeDesc};
-use kerf_physics::{StepParams, Vec3, Workers, World};
+use kerf_physics::{StepParams, Vec3, Workers};
 
 const H_M: f64 = 0.005;
 const YOUNG_PA: f64 = 1e6;
@@ -38,7 +38,7 @@ fn a_bar_between_two_holds_is_as_tense_as_its_prestrain_says() {
         desc.material.poisson_ratio = 0.0;
         desc.material.prestrain = prestrain;
         desc.fixed = vec![beyond(0, H_M, false), beyond(0, length_m - H_M, true)];
-        let world = World::new(&scene(vec![desc])).expect("a valid scene");
+        let world = world_of(&scene(vec![desc]));
         let free_m = (length_m - 2.0 * H_M) * side_m * side_m;
         let stress_strain = strain / (1.0 + strain);
         let expected_j = 0.5 * YOUNG_PA * stress_strain * stress_strain * free_m;
@@ -62,7 +62,7 @@ fn what_nothing_holds_shrinks_to_its_free_shape_and_has_no_stress() {
     ] {
         let mut desc = object([0.0; 3], [0.06, 0.04, 0.03], H_M, level);
         desc.material.prestrain = prestrain;
-        let world = World::new(&scene(vec![desc])).expect("a valid scene");
+        let world = world_of(&scene(vec![desc]));
         let body = world.bodies()[0];
         let scale_j = 1e6 * 0.06 * 0.04 * 0.03;
         assert!(body.energy().elastic_j < 1e-12 * scale_j, "level {level}: {} J", body.energy().elastic_j);
@@ -164,7 +164,7 @@ fn a_scene_under_prestrain_stands_still_until_it_is_cut_and_its_ends_then_draw_b
     desc.material.prestrain = along(strain, [1.0, 0.0, 0.0]);
     desc.fixed = vec![beyond(0, h - half_m, false), beyond(0, half_m - h, true)];
     let scene = cutting_scene(desc, 2.0 * side_m, 1000.0);
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     let (before, stored_j) = (world.bodies()[0].state.position_m.clone(), world.bodies()[0].energy().elastic_j);
     run(&mut world, 50);
     let now = world.bodies()[0].state.position_m.iter();

@@ -1,6 +1,6 @@
 //! A smooth tool presses on tissue.
 
-use super::support::{object, scene};
+use super::support::{object, scene, world_of};
 use kerf_physics::scene::{BladeDesc, CapsuleDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{StepOutput, ToolMotion};
 use kerf_physics::tool::Pose;
@@ -58,7 +58,7 @@ fn over_hertz(level: u8, dent_edges: f64, aside_edges: f64) -> (f64, f64) {
     let (radius_m, depth_m) = (5.0 * dent_m, dent_m / 5.0);
     let whole_elements = |dents: f64| (dents * dent_edges).ceil() * edge_m;
     let scene = block(whole_elements(6.0), whole_elements(8.0), h, level, sphere(radius_m));
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     let at_m = [aside_edges * edge_m, 0.8 * aside_edges * edge_m];
     let (output, [residual, work]) = press(&mut world, at_m, radius_m, depth_m, 15);
     // Hertz: F = 4/3 E* sqrt(R) d^1.5 on a half-space.
@@ -90,7 +90,7 @@ fn nothing_passes_through_a_fast_probe() {
         let radius_m = 0.005;
         let mut scene = block(0.02, 0.02, 0.0025, level, sphere(radius_m));
         scene.desc.objects[0].material.strain_stiffening = 5.0;
-        let mut world = World::new(&scene).expect("a valid scene");
+        let mut world = world_of(&scene);
         let stop = -0.004;
         let (mut y, mut deepest) = (0.03, 0.0f64);
         while y > stop {
@@ -125,13 +125,13 @@ fn depth_in(world: &World, centre_m: Vec3, radius_m: f64) -> f64 {
 fn a_capsule_that_lies_on_its_side_is_pressed_back_without_torque_and_beside_its_middle_with_it() {
     let capsule = CapsuleDesc { radius_m: 0.008, length_m: 0.02 };
     let scene = block(0.02, 0.02, 0.0025, 1, capsule);
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     let (output, _) = press(&mut world, [0.0, 0.0], 0.008, 0.001, 50);
     let wrench = output.tools[0].wrench;
     assert!(wrench.force_n.y > 0.1 && wrench.force_n.x.abs() < 1e-3 * wrench.force_n.y, "{wrench:?}");
     assert!(wrench.torque_nm.norm() < 1e-4 * wrench.force_n.y, "{wrench:?}");
     // Half of it over the edge of the block: pressed up on its left, it turns clockwise about z.
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     let (output, _) = press(&mut world, [0.02, 0.0], 0.008, 0.001, 50);
     let wrench = output.tools[0].wrench;
     let arm = wrench.torque_nm.z / wrench.force_n.y;
@@ -140,7 +140,7 @@ fn a_capsule_that_lies_on_its_side_is_pressed_back_without_torque_and_beside_its
 
 #[test]
 fn a_probe_that_slides_is_not_dragged() {
-    let mut world = World::new(&block(0.025, 0.02, 0.0025, 1, sphere(0.01))).expect("a valid scene");
+    let mut world = world_of(&block(0.025, 0.02, 0.0025, 1, sphere(0.01)));
     let (_, _) = press(&mut world, [-0.008, 0.0], 0.01, 0.002, 50);
     let (mut work, mut lift, mut residual) = (0.0, 0.0, 0.0);
     for i in 1..=400 {
@@ -160,7 +160,7 @@ fn a_probe_presses_on_the_walls_of_a_cut() {
     let mut scene = block(0.02, 0.02, 0.0025, 1, sphere(0.006));
     scene.desc.objects[0].material.fracture_energy_j_per_m2 = Some(20.0);
     scene.desc.tools.push(ToolDesc::blade("blade", BladeDesc::straight(0.06, 0.05)));
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     let turn = Quat::from_axis_angle(&Vec3::y_axis(), std::f64::consts::FRAC_PI_2);
     let mut y = 0.001;
     while y > -0.014 {
@@ -187,7 +187,7 @@ fn drag(friction_coefficient: f64) -> (Vec3, [f64; 2]) {
     let (radius_m, depth_m, per_step_m) = (0.01, 0.0015, 5e-5);
     let mut scene = block(0.02, 0.02, 0.0025, 1, sphere(radius_m));
     scene.desc.objects[0].material.friction_coefficient = friction_coefficient;
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     let (_, mut sums) = press(&mut world, [-0.006, 0.0], radius_m, depth_m, 30);
     let (steps, mut force) = (200, Vec3::zeros());
     for i in 1..=steps {
@@ -219,9 +219,9 @@ fn a_dragged_sphere_is_held_back_by_mu_times_its_normal_force() {
 fn a_probe_put_down_inside_brings_no_energy_and_comes_up_to_the_force_of_one_that_pressed() {
     let (radius_m, depth_m) = (0.006, 0.002);
     let scene = block(0.02, 0.02, 0.0025, 1, sphere(radius_m));
-    let mut pressed = World::new(&scene).expect("a valid scene");
+    let mut pressed = world_of(&scene);
     let pressed_n = press(&mut pressed, [3e-4, 0.0], radius_m, depth_m, 100).0.tools[0].wrench.force_n.y;
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     let pose = Pose { position_m: Vec3::new(3e-4, radius_m - depth_m, 0.0), orientation: Quat::identity() };
     let (mut made_j, mut work_j, mut most_step_n, mut last_n) = (0.0, 0.0, 0.0_f64, 0.0);
     for i in 0..2000 {

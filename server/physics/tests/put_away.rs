@@ -1,7 +1,7 @@
 //! What falls out of the scene's reach is put away.
 
 use super::rollback::is_upper;
-use super::support::{object, scene};
+use super::support::{object, scene, world_of};
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::ShapeDesc;
 use kerf_physics::{NoClock, StepInputs, Vec3, Workers, World};
@@ -21,7 +21,7 @@ fn cut_bar() -> World {
     scene.desc.rate_hz = RATE_HZ;
     scene.desc.solver.relative_tolerance = Some(1e-3);
     scene.desc.gravity_m_per_s2 = [0.0, -GRAVITY_M_PER_S2, 0.0];
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     let crossing = Crossing { t: 0.5, normal: [1.0, 0.0, 0.0] };
     let cells = (0..4).flat_map(|y| (0..4).map(move |z| [7, y, z]));
     let links: Vec<_> = cells.map(|cell| (LinkId { cell, axis: 0 }, crossing)).collect();

@@ -1,7 +1,7 @@
 //! Whatever a hand does to the tissue: no fault, numbers that are finite, energy that was put in and is
 //! accounted for, no piece of a few voxels.
 
-use super::support::{Lcg, object, scene};
+use super::support::{Lcg, object, scene, world_of};
 use kerf_physics::body::LEAST_PIECE_VOXELS;
 use kerf_physics::scene::{BladeDesc, EdgeDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
@@ -34,7 +34,7 @@ fn blob(held: Held, blade: &BladeDesc, tools: usize, rate_hz: f64) -> World {
     scene.desc.rate_hz = rate_hz;
     scene.desc.solver.relative_tolerance = Some(1e-3);
     scene.desc.tools = (0..tools).map(|i| ToolDesc::blade(&format!("blade {i}"), blade.clone())).collect();
-    World::new(&scene).expect("a valid scene")
+    world_of(&scene)
 }
 
 fn random_vector(rng: &mut Lcg) -> Vec3 {

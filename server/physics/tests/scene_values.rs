@@ -29,6 +29,11 @@ fn scene() -> SceneDesc {
     SceneDesc::from_toml("block.toml", SCENE).unwrap()
 }
 
+/// What is wrong with a scene of no meshes.
+fn problems(desc: &SceneDesc) -> Vec<SceneError> {
+    Scene { desc: desc.clone(), meshes: Default::default() }.problems()
+}
+
 /// The fields that are refused after a change.
 fn refused(change: impl FnOnce(&mut SceneDesc)) -> Vec<String> {
     let mut scene = scene();
@@ -37,12 +42,12 @@ fn refused(change: impl FnOnce(&mut SceneDesc)) -> Vec<String> {
         SceneError::Field { field, .. } => field.clone(),
         SceneError::InFile { .. } => unreachable!("values are judged, not text"),
     };
-    scene.problems().iter().map(field).collect()
+    problems(&scene).iter().map(field).collect()
 }
 
 #[test]
 fn a_sound_scene_has_no_problems() {
-    assert_eq!(scene().problems(), []);
+    assert_eq!(problems(&scene()), []);
 }
 
 #[test]
@@ -199,7 +204,7 @@ fn viscosity_is_given_whole_or_not_at_all() {
         SceneDesc::from_toml("block.toml", &text).map_err(|e| e.to_string())
     };
     let whole = with("relaxation_time_s = 0.1, relaxing_modulus_ratio = 0.5").unwrap();
-    assert_eq!(whole.problems(), []);
+    assert_eq!(problems(&whole), []);
     assert_eq!(whole.objects[0].material.viscosity, Some(*relaxing(&mut scene())));
     for (given, missing) in
         [("relaxation_time_s = 0.1", "relaxing_modulus_ratio"), ("relaxing_modulus_ratio = 0.5", "relaxation_time_s")]
@@ -310,20 +315,20 @@ fn each_number_is_taken_up_to_its_limits_and_refused_beyond_with_field_and_limit
         bound(|s, v| scissors(s).thickness_m = v, "tools[0].shape.scissors.thickness_m", [0.0, 0.1], 1e-9),
     ];
     for Bound { set, field, limits, beyond } in bounds {
-        let problems = |value: f64| {
+        let problems_at = |value: f64| {
             let mut scene = roomy();
             set(&mut scene, value);
-            scene.problems().iter().map(ToString::to_string).collect::<Vec<_>>()
+            problems(&scene).iter().map(ToString::to_string).collect::<Vec<_>>()
         };
         for (limit, outward) in limits.into_iter().zip([-1.0, 1.0]) {
-            assert_eq!(problems(limit), [""; 0], "{field} = {limit}");
+            assert_eq!(problems_at(limit), [""; 0], "{field} = {limit}");
             let outside = limit + outward * (beyond * limit.abs()).max(1e-12);
-            let told = problems(outside);
+            let told = problems_at(outside);
             let named = given(limit.abs());
             assert!(told.len() == 1 && told[0].starts_with(&format!("{field}: ")), "{field} = {outside}: {told:?}");
             assert!(told[0].contains(&named), "{field} = {outside}: {told:?} does not name {named}");
         }
-        assert_eq!(problems(f64::NAN).len(), 1, "{field} = NaN");
+        assert_eq!(problems_at(f64::NAN).len(), 1, "{field} = NaN");
     }
 }
 
@@ -413,7 +418,7 @@ fn edge_problems(edge: EdgeDesc) -> Vec<String> {
     let mut scene = roomy();
     let blade = BladeDesc { edge, ..BladeDesc::straight(0.05, 0.05) };
     scene.tools = vec![ToolDesc::blade("blade", blade)];
-    scene.problems().iter().map(ToString::to_string).collect()
+    problems(&scene).iter().map(ToString::to_string).collect()
 }
 
 #[test]
@@ -438,7 +443,7 @@ fn edges_of_every_shape_are_read_and_taken() {
         let scene = SceneDesc::from_toml("block.toml", &text).unwrap();
         let ToolShapeDesc::Blade(blade) = &scene.tools[0].shape else { panic!("a blade") };
         assert_eq!(blade.edge, edge);
-        assert_eq!(scene.problems(), []);
+        assert_eq!(problems(&scene), []);
     }
 }
 
@@ -473,7 +478,7 @@ fn an_edge_whose_points_are_still_in_a_file_makes_no_world() {
     let mut desc = scene();
     let edge = EdgeDesc::File { file: "edge.csv".into(), scale_m_per_unit: 1.0 };
     desc.tools = vec![ToolDesc::blade("knife", BladeDesc { edge, ..BladeDesc::straight(0.05, 0.05) })];
-    let told = World::new(&Scene { desc, meshes: Default::default() }).err().unwrap().to_string();
+    let told = World::new(&Scene { desc, meshes: Default::default() }.judge().unwrap()).err().unwrap().to_string();
     assert!(told.starts_with("tools[0].shape.blade.edge.file: ") && told.contains("edge.csv"), "{told}");
 }
 

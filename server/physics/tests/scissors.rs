@@ -1,6 +1,6 @@
 //! Scissors close on tissue and cut it.
 
-use super::support::{object, scene};
+use super::support::{object, scene, world_of};
 use kerf_physics::scene::{Scene, ScissorsDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{EnergyStep, StepOutput, ToolMotion};
 use kerf_physics::tool::Pose;
@@ -58,7 +58,7 @@ impl Cut {
 
 /// Closes scissors at `pose` about the strip in `steps` steps; the largest force across, N.
 fn close(scene: &Scene, pose: Pose, steps: u32) -> (Cut, f64) {
-    let world = World::new(scene).expect("a valid scene");
+    let world = world_of(scene);
     let mut cut = Cut { world, booked: EnergyStep::default(), residual_j: 0.0, area_m2: 0.0, parted: 0 };
     cut.act(ToolMotion::enter_at(pose));
     let mut lift: f64 = 0.0;
@@ -127,7 +127,7 @@ fn what_closing_cuts_is_the_section_on_any_mesh_and_plane() {
 fn two_edges_squeeze_the_tissue_out_towards_the_tips() {
     // Before they give: each edge presses along its own normal, which leans towards the tips.
     let scene = strip(0.00125, 1);
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     let mut act =
         |motion| world.step(&Workers::serial(), &NoClock, &StepInputs::of(&[ToolInput { tool: 0, motion }])).clone();
     act(ToolMotion::enter_at(pose()));

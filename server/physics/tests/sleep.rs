@@ -1,7 +1,7 @@
 //! A body at rest sleeps: no step is taken of it until something wakes it, and it misses no more than the solver does.
 
 use super::support::press::LAWS;
-use super::support::{object, scene};
+use super::support::{object, scene, world_of};
 use kerf_physics::scene::{BladeDesc, CapsuleDesc, MaterialDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{StepOutput, ToolMotion};
 use kerf_physics::tool::Pose;
@@ -85,7 +85,7 @@ fn apart_m(a: &World, b: &World) -> f64 {
 
 #[test]
 fn a_pressed_body_falls_asleep_and_no_step_is_taken_of_it() {
-    let mut world = World::new(&block(|_| ())).unwrap();
+    let mut world = world_of(&block(|_| ()));
     let steps = press_until_asleep(&mut world);
     let before = world.output().clone();
     let positions_m = world.bodies()[0].state.position_m.clone();
@@ -111,7 +111,7 @@ fn a_pressed_body_falls_asleep_and_no_step_is_taken_of_it() {
 
 #[test]
 fn a_body_that_carries_nothing_comes_to_rest_after_a_press() {
-    let mut world = World::new(&block(|_| ())).unwrap();
+    let mut world = world_of(&block(|_| ()));
     assert_eq!(until_asleep(&mut world, 200), 100, "undisturbed it sleeps after 0.1 s");
     press_until_asleep(&mut world);
     step(&mut world, PROBE, ToolMotion::Lift);
@@ -127,8 +127,8 @@ fn a_body_that_carries_nothing_comes_to_rest_after_a_press() {
 #[test]
 fn it_misses_no_more_than_the_solver_does() {
     let scene = block(|_| ());
-    let mut sleeping = World::new(&scene).unwrap();
-    let mut awake = World::new(&scene).unwrap();
+    let mut sleeping = world_of(&scene);
+    let mut awake = world_of(&scene);
     let steps = press_until_asleep(&mut sleeping);
     (1..=30).for_each(|i| _ = step(&mut awake, PROBE, pressed_by(DEPTH_M * f64::from(i) / 30.0)));
     // A tenth of a nanometre up and down: it moves.
@@ -156,7 +156,7 @@ fn it_misses_no_more_than_the_solver_does() {
 
 #[test]
 fn what_touches_changes_or_restores_a_body_wakes_it() {
-    let mut world = World::new(&block(|_| ())).unwrap();
+    let mut world = world_of(&block(|_| ()));
     press_until_asleep(&mut world);
     let asleep = world.snapshot();
     let wakes = |world: &mut World, how: &str, wake: &mut dyn FnMut(&mut World)| {
@@ -198,7 +198,7 @@ fn a_body_that_falls_on_one_that_sleeps_wakes_it_and_they_fall_asleep_together()
     let mut scene = scene(vec![lower, box_at("upper", 0.02 + 0.5 * 9.81 * 0.4 * 0.4)]);
     scene.desc.gravity_m_per_s2 = [0.0, -9.81, 0.0];
     scene.desc.solver.relative_tolerance = Some(TOLERANCE);
-    let mut world = World::new(&scene).unwrap();
+    let mut world = world_of(&scene);
     let mut slept = 0;
     let mut met = None;
     for i in 0..500 {
@@ -230,7 +230,7 @@ fn a_body_that_falls_on_one_that_sleeps_wakes_it_and_they_fall_asleep_together()
 fn what_creeps_does_not_sleep_before_it_has_relaxed() {
     // What relaxes of the force on a probe held still does so as exp(-t / tau) says.
     let tau_s = 0.3;
-    let mut world = World::new(&block(|material| material.viscosity = super::support::viscosity(0.3, 1.0))).unwrap();
+    let mut world = world_of(&block(|material| material.viscosity = super::support::viscosity(0.3, 1.0)));
     let steps = press_until_asleep(&mut world);
     let time_s = 1e-3 * f64::from(steps);
     println!("asleep {time_s} s after the press");
@@ -247,7 +247,7 @@ fn what_falls_slowly_does_not_sleep() {
     let mut scene = scene(vec![desc]);
     scene.desc.gravity_m_per_s2 = [0.0, -9.81, 0.0];
     scene.desc.solver.relative_tolerance = Some(TOLERANCE);
-    let mut world = World::new(&scene).unwrap();
+    let mut world = world_of(&scene);
     (0..1000).for_each(|_| _ = wait(&mut world));
     let body = world.bodies()[0];
     let fallen_m = body.rest_position_m(0).y - body.state.position_m[0][1];
@@ -261,7 +261,7 @@ fn sleep_is_the_same_on_any_number_of_threads_and_from_a_snapshot() {
         let scene = block(law);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
         let hashes = |workers: &Workers<'_>, restores: bool| -> Vec<u64> {
-            let mut world = World::new(&scene).unwrap();
+            let mut world = world_of(&scene);
             let mut hashes = Vec::new();
             for i in 0..700u32 {
                 let depth_m = DEPTH_M * f64::from(i.min(20) + i.saturating_sub(600)) / 20.0;

@@ -1,6 +1,7 @@
 //! A world goes back to where it was, and on from there as if nothing had been in between.
 
 use super::support::press::{LAWS, cutting_scene, press_with};
+use super::support::world_of;
 use kerf_physics::step_io::{StepOutput, ToolMotion};
 use kerf_physics::{NoClock, StepInputs, ToolInput, Workers, World};
 
@@ -13,7 +14,7 @@ fn in_a_cut(workers: &Workers<'_>, level: u8, law: usize) -> World {
     let mut scene = cutting_scene();
     scene.desc.objects[0].level = level;
     LAWS[law](&mut scene.desc.objects[0].material);
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     let mut parted = 0;
     for i in 0..BEFORE {
         parted += press_with(&mut world, workers, height_m(i)).fracture.parted_links;
@@ -70,7 +71,7 @@ fn a_snapshot_may_be_taken_back_by_another_world_of_the_scene() {
     let mut world = in_a_cut(&Workers::serial(), 2, 0);
     let snapshot = world.snapshot();
     let uninterrupted = go_on(&mut world, &Workers::serial());
-    let mut other = World::new(&cutting_scene()).expect("a valid scene");
+    let mut other = world_of(&cutting_scene());
     other.restore(&snapshot);
     assert_eq!(go_on(&mut other, &Workers::serial()), uninterrupted);
 }

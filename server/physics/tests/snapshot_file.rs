@@ -1,6 +1,7 @@
 //! A state is written to a file, and another world, in another process too, goes on from it to the same bits.
 
 use super::support::busy::{Busy, KINDS, busy_scene};
+use super::support::world_of;
 use kerf_physics::world::LoadError;
 use kerf_physics::{StepOutput, StepProfile, Workers, World};
 use std::process::Command;
@@ -104,7 +105,7 @@ fn a_file_of_another_format_or_scene_is_refused_with_the_reason() {
     let other = |change: &dyn Fn(&mut kerf_physics::SceneDesc)| {
         let mut scene = busy_scene(0);
         change(&mut scene.desc);
-        refused(&mut World::new(&scene).expect("a valid scene"), &file)
+        refused(&mut world_of(&scene), &file)
     };
     assert_eq!(other(&|d| d.name = "other".into()), "scene.name: the file is of `test`, and this is `other`");
     assert_eq!(other(&|d| d.rate_hz = 250.0), "scene.rate_hz: the file is of 500 Hz, and this is 250 Hz");

@@ -1,9 +1,9 @@
 //! The velocity solve, and what is told of it.
 
-use super::support::{object, scene};
+use super::support::{object, scene, world_of};
 use kerf_physics::scene::ShapeDesc;
 use kerf_physics::step_io::SolveReport;
-use kerf_physics::{NoClock, StepInputs, Workers, World};
+use kerf_physics::{NoClock, StepInputs, Workers};
 
 /// The first step of a held block under gravity.
 fn first_solve(max_iterations: u32) -> SolveReport {
@@ -12,7 +12,7 @@ fn first_solve(max_iterations: u32) -> SolveReport {
     let mut scene = scene(vec![block]);
     scene.desc.gravity_m_per_s2 = [0.0, -9.81, 0.0];
     scene.desc.solver.max_iterations = max_iterations;
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     world.step(&Workers::serial(), &NoClock, &StepInputs::default()).solve
 }
 

@@ -1,6 +1,6 @@
 //! Bodies at rest under loads, against beam theory and Hooke's law.
 
-use super::support::{beam, object, scene};
+use super::support::{beam, object, scene, world_of};
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, Scene, ShapeDesc, TrackedPointDesc};
 use kerf_physics::{NoClock, StepInputs, Workers, World};
 
@@ -49,7 +49,7 @@ fn a_free_block_under_traction_strains_as_hooke_says() {
                 traction_pa: [0.0, sign * pressure, 0.0],
             };
             desc.loads = vec![pull(Face::MaxY, 1.0), pull(Face::MinY, -1.0)];
-            let mut world = World::new(&scene(vec![desc])).expect("a valid scene");
+            let mut world = world_of(&scene(vec![desc]));
             world.relax(&Workers::serial(), &mut |_| ());
             let body = world.bodies()[0];
             // Strain over the whole lattice, from the extreme nodes of each axis; they are extrapolated
@@ -81,7 +81,7 @@ fn end_loaded(size_m: [f64; 3], h: f64, young: f64, poisson: f64, traction_pa: [
     desc.material.poisson_ratio = poisson;
     desc.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [h, 10.0, 10.0] }];
     desc.loads = vec![LoadDesc::Traction { region: EVERYWHERE, face: Face::MaxX, traction_pa }];
-    World::new(&scene(vec![desc])).expect("a valid scene")
+    world_of(&scene(vec![desc]))
 }
 
 /// Mean displacement of the nodes at the end of the beam, m, at rest.
@@ -112,7 +112,7 @@ fn held_block(level: u8, strain_stiffening: f64, held_m: f64, traction_pa: [f64;
     desc.material.strain_stiffening = strain_stiffening;
     desc.fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, 1.0, held_m] }];
     desc.loads = vec![LoadDesc::Traction { region: EVERYWHERE, face: Face::MaxZ, traction_pa }];
-    World::new(&scene(vec![desc])).expect("a valid scene")
+    world_of(&scene(vec![desc]))
 }
 
 #[test]
@@ -179,7 +179,7 @@ fn a_cantilever_bends_far_as_the_elastica_does() {
 #[test]
 fn a_heavy_cantilever_sags_as_the_large_deflection_solution() {
     for (level, h, bound) in [(0, 0.005, 0.03), (1, 0.005, 0.06), (2, 0.0025, 0.07)] {
-        let mut world = World::new(&cantilever(level, h, 9.81)).expect("a valid scene");
+        let mut world = world_of(&cantilever(level, h, 9.81));
         let end = world.relax(&Workers::serial(), &mut |_| ());
         assert!(end.converged, "level {level} came to no rest: {end:?}");
         let [_, down, back] = tip(&world);
@@ -203,12 +203,12 @@ fn a_plucked_cantilever_swings_at_its_first_frequency() {
     // pi f dt = 1 % a period and shifts it by half the square of that.
     for (level, h, bound) in [(1, 0.005, 0.05), (2, 0.0025, 0.05)] {
         let mut scene = cantilever(level, h, 0.0981);
-        let mut at_rest = World::new(&scene).expect("a valid scene");
+        let mut at_rest = world_of(&scene);
         at_rest.relax(&Workers::serial(), &mut |_| ());
         let bent = at_rest.bodies()[0].state.position_m.clone();
         let sag = tip(&at_rest)[1];
         scene.desc.gravity_m_per_s2 = [0.0; 3];
-        let mut world = World::new(&scene).expect("a valid scene");
+        let mut world = world_of(&scene);
         let body = world.body_mut(0);
         body.state.position_m = bent;
         body.evaluate(&Workers::serial(), 30);
@@ -264,7 +264,7 @@ fn tracked_points_tell_of_the_rest_that_a_scene_was_taken_to() {
     scene.desc.gravity_m_per_s2 = [0.0, -9.81, 0.0];
     let object = scene.desc.objects[0].name.clone();
     scene.desc.tracked_points.push(TrackedPointDesc { name: "top".into(), object, position_m: [0.021, 0.039, 0.021] });
-    let mut world = World::new(&scene).unwrap();
+    let mut world = world_of(&scene);
     assert!(world.relax(&Workers::serial(), &mut |_| ()).converged);
     let relaxed = world.output().tracked_displacement_m[0];
     assert!(relaxed.y < 0.0);

@@ -1,8 +1,8 @@
 //! Limbs that a level has few elements across for.
 
-use super::support::{mean_displacement, object, scene};
+use super::support::{mean_displacement, object, scene, world_of};
 use kerf_physics::scene::{Face, LoadDesc, ShapeDesc};
-use kerf_physics::{Vec3, Workers, World};
+use kerf_physics::{Vec3, Workers};
 
 /// How far a ball on a neck is bent down, m, and the number of elements. The neck is 4.6 voxels thick: 1.1 elements of
 /// level 2, 0.6 of level 3.
@@ -18,7 +18,7 @@ fn bent(level: u8, min_elements_across: Option<f64>) -> (f64, usize) {
         vec![LoadDesc::Traction { region: beyond(0.05), face: Face::MaxX, traction_pa: [0.0, -5e-6 * 1e6, 0.0] }];
     let mut scene = scene(vec![desc]);
     scene.desc.gravity_m_per_s2 = [0.0; 3];
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     assert!(world.relax(&Workers::serial(), &mut |_| ()).converged);
     let moved: Vec3 = mean_displacement(world.bodies()[0], 0, 0.05);
     (-moved.y, world.bodies()[0].base().elements.len())

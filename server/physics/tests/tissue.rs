@@ -2,11 +2,12 @@
 //! folding before.
 
 use super::support::cutting::{BLOCK_HEIGHT_M, BLOCK_SIDE_M, Rig, YOUNG_PA, block, cutting_scene};
+use super::support::world_of;
 use kerf_physics::scene::toughness::{carried_over_eh, composite_edge_m};
 use kerf_physics::scene::{BladeDesc, Scene, SceneDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
-use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, Quat, StepInputs, ToolInput, Vec3, Workers};
 
 const RATE_HZ: f64 = 500.0;
 const SPEED_M_PER_S: f64 = 0.05;
@@ -52,7 +53,7 @@ fn slab(tissue: &Tissue, level: u8) -> Scene {
 
 /// Presses until some of the edge cuts.
 fn press(tissue: &Tissue, level: u8) -> Start {
-    let mut world = World::new(&slab(tissue, level)).expect("a valid scene");
+    let mut world = world_of(&slab(tissue, level));
     // A blade that came into the scene inside the tissue would not touch it.
     let mut start = Start { depth_m: -5e-4, load_n_per_m: 0.0, drop_n_per_m: 0.0 };
     while start.depth_m < 0.9 * HEIGHT_M {

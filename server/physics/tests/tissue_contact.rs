@@ -1,6 +1,6 @@
 //! Tissue against tissue: bodies, parts and flaps press on each other and do not pass through.
 
-use super::support::{object, scene};
+use super::support::{object, scene, world_of};
 use kerf_physics::body::{Body, MaterialPoint};
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, ShapeDesc};
@@ -98,7 +98,7 @@ fn a_block_rests_on_another_and_presses_with_its_weight() {
     let upper = block("upper", 0.02, 0.02, 2);
     let mut scene = scene(vec![upper, lower]);
     scene.desc.gravity_m_per_s2 = [0.0, -9.81, 0.0];
-    let mut world = World::new(&scene).unwrap();
+    let mut world = world_of(&scene);
     let booked = run(&mut world, 200);
     let weight_n = 9.81 * world.bodies()[0].mass_kg();
     let force_n = force_on_first_n(&world);
@@ -117,7 +117,7 @@ fn bodies_that_collide_askew_keep_linear_and_angular_momentum_and_rebound() {
     b.name = "b".into();
     a.material.rayleigh_beta_s = 0.0;
     b.material = a.material.clone();
-    let mut world = World::new(&scene(vec![a, b])).unwrap();
+    let mut world = world_of(&scene(vec![a, b]));
     world.body_mut(0).state.velocity_m_per_s.iter_mut().for_each(|v| *v = [0.0, 0.5, 0.0]);
     world.body_mut(1).state.velocity_m_per_s.iter_mut().for_each(|v| *v = [0.1, -0.5, 0.0]);
     run(&mut world, 1);
@@ -163,7 +163,7 @@ fn pressed_block(traction_pa: f64) -> World {
     desc.fixed = vec![everywhere_below(1.01 * H_M)];
     let region = ShapeDesc::Box { min_m: [-1.0, 0.0575, -1.0], max_m: [1.0; 3] };
     desc.loads = vec![LoadDesc::Traction { region, face: Face::MaxY, traction_pa: [0.0, traction_pa, 0.0] }];
-    World::new(&scene(vec![desc])).unwrap()
+    world_of(&scene(vec![desc]))
 }
 
 #[test]
@@ -209,13 +209,13 @@ fn blocks_of_different_meshes_pressed_together_yield_evenly_like_one() {
         object.material.rayleigh_alpha_per_s = 60.0;
     }
     let (lower_material, loads) = (lower.material.clone(), upper.loads.clone());
-    let mut world = World::new(&scene(vec![upper, lower])).unwrap();
+    let mut world = world_of(&scene(vec![upper, lower]));
     run(&mut world, 300);
     let mut whole = block("whole", 0.0, 0.06, 2);
     whole.material = lower_material;
     whole.fixed = vec![everywhere_below(1.01 * H_M)];
     whole.loads = loads;
-    let mut whole = World::new(&scene(vec![whole])).unwrap();
+    let mut whole = world_of(&scene(vec![whole]));
     run(&mut whole, 300);
     let expected_m = mean(&top_m(whole.bodies()[0], 0.06));
     let top: Vec<f64> = top_m(world.bodies()[0], 0.06).iter().map(|d| d / expected_m).collect();
@@ -244,7 +244,7 @@ fn drawn_along(pull: f64, mu: f64) -> (f64, f64, Booked) {
     upper.loads = vec![LoadDesc::BodyForce { region, force_n_per_m3: [pull * g * 1000.0, 0.0, 0.0] }];
     let mut scene = scene(vec![upper, slab]);
     scene.desc.gravity_m_per_s2 = [0.0, -g, 0.0];
-    let mut world = World::new(&scene).unwrap();
+    let mut world = world_of(&scene);
     run(&mut world, 50);
     let before = velocity_m_per_s(world.bodies()[0]).x;
     let booked = run(&mut world, 50);
@@ -294,7 +294,7 @@ fn thrown_flap(level: u8, rate_hz: f64, t: f32) -> (World, Vec<LinkId>) {
     let mut scene = scene(vec![desc]);
     scene.desc.gravity_m_per_s2 = [0.0, -9.81, 0.0];
     scene.desc.rate_hz = rate_hz;
-    let mut world = World::new(&scene).unwrap();
+    let mut world = world_of(&scene);
     let links = cut(&mut world, 5, t, |cell| cell[0] < 18);
     let body = world.body_mut(0);
     for n in 0..body.node_count() {
@@ -358,7 +358,7 @@ fn a_block_at_a_metre_per_second_does_not_pass_through_a_thin_sheet() {
         falling.material.young_modulus_pa = YOUNG_PA;
         let mut scene = scene(vec![falling, sheet]);
         scene.desc.rate_hz = rate_hz;
-        let mut world = World::new(&scene).unwrap();
+        let mut world = world_of(&scene);
         world.body_mut(0).state.velocity_m_per_s.iter_mut().for_each(|v| *v = [0.0, -1.0, 0.0]);
         let mut deepest = 0.0f64;
         for _ in 0..(0.1 * rate_hz) as usize {
@@ -382,7 +382,7 @@ fn bodies_that_fail_together_are_rolled_back_alike_whatever_fails_in_them() {
         lower.fixed = vec![everywhere_below(1.01 * H_M)];
         let mut scene = scene(vec![block("upper", 0.02, 0.02, 2), lower]);
         scene.desc.gravity_m_per_s2 = [0.0, -98.1, 0.0];
-        let mut world = World::new(&scene).unwrap();
+        let mut world = world_of(&scene);
         run(&mut world, 100);
         let carried_m = deepest_m(&world);
         [0, 1].into_iter().for_each(|index| world.body_mut(index).state.position_m[40][1] = position_m);
@@ -409,7 +409,7 @@ fn one_and_two_threads_give_the_same_bits() {
         lower.material.friction_coefficient = 0.4;
         let mut scene = scene(vec![upper, lower]);
         scene.desc.gravity_m_per_s2 = [3.0, -9.81, 0.0];
-        let mut world = World::new(&scene).unwrap();
+        let mut world = world_of(&scene);
         let step = |_| {
             world.step(workers, &NoClock, &StepInputs::default());
             assert!(!world.tissue_springs().is_empty());
@@ -430,7 +430,7 @@ fn restitution(rate_hz: f64) -> f64 {
     }
     let mut scene = scene(cubes.to_vec());
     scene.desc.rate_hz = rate_hz;
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     for (index, way) in [1.0, -1.0].into_iter().enumerate() {
         world.body_mut(index).state.velocity_m_per_s.fill([way * speed_m_per_s, 0.0, 0.0]);
     }

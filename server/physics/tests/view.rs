@@ -1,7 +1,7 @@
 //! What viewers get of a scene that is cut: keyframes, patches and the hash they are checked by.
 
 use super::support::cutting::attitude;
-use super::support::{Lcg, object, scene};
+use super::support::{Lcg, object, scene, world_of};
 use kerf_physics::scene::{BladeDesc, MaterialDesc, RegionDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::surface::delta::{BodyStructure, TopologyPatch};
@@ -14,7 +14,7 @@ const STEPS_PER_STROKE: usize = 60;
 
 /// Two blocks side by side under a blade that reaches over both.
 fn two_blocks() -> World {
-    World::new(&two_blocks_scene()).expect("a valid scene")
+    world_of(&two_blocks_scene())
 }
 
 fn two_blocks_scene() -> Scene {
@@ -95,7 +95,7 @@ fn blocks_of_two_materials() -> World {
     let shape = ShapeDesc::Box { min_m: [0.017, -1.0, -1.0], max_m: [1.0; 3] };
     let material = MaterialDesc { young_modulus_pa: 4e4, ..block.material.clone() };
     block.regions = vec![RegionDesc { name: "stiff".into(), shape, material }];
-    World::new(&scene).expect("a valid scene")
+    world_of(&scene)
 }
 
 #[test]

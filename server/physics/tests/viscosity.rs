@@ -2,11 +2,11 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::support::{Lcg, body, object, params, run, scene, viscosity};
+use super::support::{Lcg, body, object, params, run, scene, viscosity, world_of};
 use kerf_physics::body::Body;
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc, RegionDesc, ShapeDesc, ViscosityDesc};
-use kerf_physics::{Mat3, Quat, Vec3, Workers, World};
+use kerf_physics::{Mat3, Quat, Vec3, Workers};
 
 const YOUNG_PA: f64 = 1e6;
 const EVERYWHERE: ShapeDesc = ShapeDesc::Box { min_m: [-10.0; 3], max_m: [10.0; 3] };
@@ -122,7 +122,7 @@ fn creep_error(dt_over_tau: f64) -> f64 {
     desc.loads = vec![LoadDesc::Traction { region: EVERYWHERE, face: Face::MaxX, traction_pa }];
     let mut scene = scene(vec![desc]);
     scene.desc.rate_hz = 1.0 / (dt_over_tau * tau);
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     let end = traction / YOUNG_PA;
     // At once it is stretched like a bar of E (1 + s), beyond the layer that is held.
     let body = world.body_mut(0);
@@ -240,7 +240,7 @@ fn relaxing_a_body_leaves_it_at_rest_where_the_elastic_law_does() {
         let pull =
             |face, sign: f64| LoadDesc::Traction { region: EVERYWHERE, face, traction_pa: [sign * 1e3, 0.0, 0.0] };
         desc.loads = vec![pull(Face::MaxX, 1.0), pull(Face::MinX, -1.0)];
-        let mut world = World::new(&scene(vec![desc])).expect("a valid scene");
+        let mut world = world_of(&scene(vec![desc]));
         assert!(world.relax(&Workers::serial(), &mut |_| ()).converged);
         let at_rest = world.bodies()[0].energy();
         run(&mut world, 50);

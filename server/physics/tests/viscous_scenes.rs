@@ -3,10 +3,10 @@
 use std::f64::consts::PI;
 
 use super::support::press::{cutting_scene, press};
-use super::support::{Lcg, motion_hash, object, run, scene, viscosity};
+use super::support::{Lcg, motion_hash, object, run, scene, viscosity, world_of};
 use kerf_physics::scene::{RegionDesc, ShapeDesc, ViscosityDesc};
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::{NoClock, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, StepInputs, ToolInput, Vec3, Workers};
 
 /// A block pressed by a blade that cannot cut it, at 1 kHz / `finer`; the energies booked over the tool's
 /// work: damping, numerical, and the residuals' magnitudes.
@@ -17,7 +17,7 @@ fn pressed_and_released(finer: u32) -> [f64; 3] {
     material.rayleigh_beta_s = 0.0;
     material.viscosity = viscosity(0.02, 1.0);
     scene.desc.rate_hz = 1000.0 * f64::from(finer);
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     let (mut work, mut damping, mut numerical, mut residual, mut highest) = (0.0, 0.0, 0.0, 0.0, 0.0f64);
     let steps = 60 * finer;
     for i in 0..steps {
@@ -80,7 +80,7 @@ const RELAXES_IN_S: f64 = 0.03;
 fn cut(viscosity: Option<ViscosityDesc>, speed_m_per_s: f64) -> Cut {
     let mut scene = cutting_scene();
     scene.desc.objects[0].material.viscosity = viscosity;
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     let mut cut = Cut { shallow_n: 0.0, first_m: 0.0, peak_n: 0.0, residual: 0.0 };
     let (mut work, mut residual) = (0.0, 0.0);
     for step in -2..=(15.0 / speed_m_per_s) as i32 {
@@ -141,7 +141,7 @@ fn a_relaxing_material_that_no_voxel_is_made_of_changes_no_bit_of_the_state() {
         material.viscosity = named.then_some(()).and_then(|()| viscosity(0.1, 1.0));
         let shape = ShapeDesc::Sphere { center_m: [5.0; 3], radius_m: 0.1 };
         object.regions = vec![RegionDesc { name: "nowhere".into(), shape, material }];
-        let mut world = World::new(&scene).expect("a valid scene");
+        let mut world = world_of(&scene);
         let mut parted = 0;
         for i in 0..60 {
             parted += press(&mut world, 0.041 - 4e-4 * f64::from(i)).fracture.parted_links;
@@ -163,7 +163,7 @@ fn any_relaxation_time_at_any_step_stays_finite_and_bounded() {
                 let mut scene = scene(vec![desc]);
                 scene.desc.rate_hz = 1.0 / dt;
                 assert_eq!(scene.problems(), []);
-                let mut world = World::new(&scene).expect("a valid scene");
+                let mut world = world_of(&scene);
                 let body = world.body_mut(0);
                 for node in 0..body.node_count() {
                     let x = body.rest_position_m(node);
@@ -204,7 +204,7 @@ fn violent_starts_gain_no_energy_and_come_to_rest() {
             desc.material.viscosity = viscosity(tau, s);
             let mut scene = scene(vec![desc]);
             scene.desc.solver.relative_tolerance = Some(1e-3);
-            let mut world = World::new(&scene).expect("a valid scene");
+            let mut world = world_of(&scene);
             let body = world.body_mut(0);
             let mut rng = Lcg(5);
             for node in 0..body.node_count() {

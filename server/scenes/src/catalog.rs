@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use kerf_physics::Scene;
+use kerf_physics::SoundScene;
 
 use crate::builtin::BUILTIN;
 use crate::error::ReadError;
@@ -36,8 +36,8 @@ pub fn paper_counts(name: &str) -> Option<PaperCounts> {
 ///
 /// # Errors
 /// [`ReadError::NotFound`] for any other name.
-pub fn builtin(name: &str) -> Result<Scene, ReadError> {
-    open_builtin(name)?.sound()
+pub fn builtin(name: &str) -> Result<SoundScene, ReadError> {
+    Ok(open_builtin(name)?.judge()?.0)
 }
 
 fn open_builtin(name: &str) -> Result<Opened, ReadError> {
@@ -50,8 +50,8 @@ fn open_builtin(name: &str) -> Result<Opened, ReadError> {
 ///
 /// # Errors
 /// The first file that cannot be had or read, or every value that is not supported.
-pub fn load(name_or_path: &str) -> Result<Scene, ReadError> {
-    open(name_or_path)?.sound()
+pub fn load(name_or_path: &str) -> Result<SoundScene, ReadError> {
+    Ok(open(name_or_path)?.judge()?.0)
 }
 
 /// A scene by its built-in name or the path of its file, with its meshes; the values of a file are not judged.
@@ -83,7 +83,7 @@ mod tests {
     #[test]
     fn every_builtin_scene_can_be_solved_at_every_finer_level() {
         for name in builtin_names() {
-            let mut scene = load(name).unwrap();
+            let mut scene = load(name).unwrap().into_scene();
             for level in 0..=scene.desc.objects[0].level {
                 scene.desc.objects[0].level = level;
                 assert_eq!(scene.problems(), [], "{name} at level {level}");

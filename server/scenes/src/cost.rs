@@ -4,7 +4,7 @@
 
 use kerf_physics::grid::voxelize::{measures, voxelize, wanted_levels};
 use kerf_physics::scene::{Meshes, ObjectDesc};
-use kerf_physics::{Scene, SceneError};
+use kerf_physics::{SceneError, SceneProblems, SoundScene};
 
 /// Cells along the longest side of the lattice that volumes are taken from.
 const COARSE_RESOLUTION: u32 = 24;
@@ -35,11 +35,11 @@ pub struct Cost {
 }
 
 impl Cost {
-    /// Of a scene whose values are supported.
+    /// What a scene costs.
     ///
     /// # Errors
     /// A shape that cannot be voxelized.
-    pub fn of(scene: &Scene) -> Result<Self, SceneError> {
+    pub fn of(scene: &SoundScene) -> Result<Self, SceneProblems> {
         let mut cost = Self::default();
         for object in &scene.desc.objects {
             let Counts { cells, voxels, elements } = Counts::of(object, &scene.meshes)?;

@@ -9,7 +9,7 @@ use kerf_physics::making::Making;
 use kerf_physics::scene::toughness::{carries, composite_edge_m};
 use kerf_physics::scene::{LoadDesc, ObjectDesc, ShapeDesc};
 use kerf_physics::surface::Surface;
-use kerf_physics::{Scene, SceneError, World};
+use kerf_physics::{Scene, SceneError, SceneProblems, SoundScene, World};
 
 use crate::mesh_faults::mesh_faults;
 
@@ -29,13 +29,9 @@ pub struct Examined {
 /// Builds a scene, tells how far it is, and says what it hardly means.
 ///
 /// # Errors
-/// Everything that it cannot run with.
-pub fn examine(scene: &Scene, tell: &mut dyn FnMut(Making)) -> Result<Examined, Vec<SceneError>> {
-    let problems = scene.problems();
-    if !problems.is_empty() {
-        return Err(problems);
-    }
-    let world = World::make(scene, tell).map_err(|problem| vec![problem])?;
+/// Those of [`World::new`].
+pub fn examine(scene: &SoundScene, tell: &mut dyn FnMut(Making)) -> Result<Examined, SceneProblems> {
+    let world = World::make(scene, tell)?;
     Ok(Examined { warnings: warnings(scene, &world), world })
 }
 
@@ -269,7 +265,8 @@ mod tests {
     use crate::catalog;
 
     fn told(scene: &Scene) -> Vec<String> {
-        let examined = examine(scene, &mut |_| ()).unwrap_or_else(|problems| panic!("{problems:?}"));
+        let sound = scene.clone().judge().unwrap();
+        let examined = examine(&sound, &mut |_| ()).unwrap_or_else(|problems| panic!("{problems:?}"));
         examined.warnings.iter().map(ToString::to_string).collect()
     }
 
@@ -286,7 +283,7 @@ mod tests {
 
     #[test]
     fn parts_that_are_thin_for_their_level_are_warned_of() {
-        let mut scene = catalog::builtin("liver").unwrap();
+        let mut scene = catalog::builtin("liver").unwrap().into_scene();
         scene.desc.objects[0].level = 4;
         let [told_of] = &told(&scene)[..] else { panic!("one warning") };
         assert!(told_of.starts_with("objects[0].level: ") && told_of.contains("min_elements_across"), "{told_of}");
@@ -297,7 +294,7 @@ mod tests {
     #[test]
     fn walls_and_fins_that_are_thin_for_their_voxels_are_told_with_place_and_size() {
         let told_of = |shape: &str| {
-            let mut scene = catalog::builtin("cuboid").unwrap();
+            let mut scene = catalog::builtin("cuboid").unwrap().into_scene();
             let object = &mut scene.desc.objects[0];
             object.shape = toml::from_str::<std::collections::BTreeMap<String, ShapeDesc>>(&format!("shape = {shape}"))
                 .unwrap()
@@ -343,7 +340,7 @@ mod tests {
 
     #[test]
     fn what_holds_nothing_and_loads_that_select_nothing_are_warned_of() {
-        let mut scene = catalog::builtin("jelly").unwrap();
+        let mut scene = catalog::builtin("jelly").unwrap().into_scene();
         let object = &mut scene.desc.objects[0];
         object.fixed[0] = nowhere();
         let traction = |region| LoadDesc::Traction { region, face: Face::MaxX, traction_pa: [1.0, 0.0, 0.0] };
@@ -368,7 +365,7 @@ mod tests {
 
     #[test]
     fn materials_that_are_too_stiff_to_share_elements_are_warned_of_where_they_may() {
-        let mut scene = catalog::builtin("jelly").unwrap();
+        let mut scene = catalog::builtin("jelly").unwrap().into_scene();
         let object = &mut scene.desc.objects[0];
         let mut bone = object.material.clone();
         bone.young_modulus_pa = 2e3 * object.material.young_modulus_pa;
@@ -387,7 +384,7 @@ mod tests {
 
     #[test]
     fn objects_that_start_overlapped_are_warned_of() {
-        let mut scene = catalog::builtin("two-organs").unwrap();
+        let mut scene = catalog::builtin("two-organs").unwrap().into_scene();
         let ShapeDesc::Ellipsoid { center_m, .. } = &mut scene.desc.objects[0].shape else { panic!("an ellipsoid") };
         center_m[1] -= 0.01;
         scene.desc.tracked_points.clear();
@@ -398,7 +395,7 @@ mod tests {
 
     #[test]
     fn faults_of_a_mesh_are_warned_of_with_its_file() {
-        let mut scene = catalog::builtin("jelly").unwrap();
+        let mut scene = catalog::builtin("jelly").unwrap().into_scene();
         let object = &mut scene.desc.objects[0];
         object.shape = ShapeDesc::Mesh { file: "tetrahedron.obj".into(), scale_m_per_unit: 1.0, offset_m: [0.0; 3] };
         scene.desc.tracked_points.clear();
@@ -413,10 +410,10 @@ mod tests {
 
     #[test]
     fn what_a_world_cannot_be_built_of_is_a_problem() {
-        let mut scene = catalog::builtin("jelly").unwrap();
+        let mut scene = catalog::builtin("jelly").unwrap().into_scene();
         scene.desc.tracked_points[0].position_m = [1.0, 0.0, 0.0];
-        let problems = examine(&scene, &mut |_| ()).err().expect("it is refused");
-        assert!(problems[0].to_string().contains("the nearest voxel's centre is"), "{problems:?}");
+        let problems = examine(&scene.judge().unwrap(), &mut |_| ()).err().expect("it is refused");
+        assert!(problems.to_string().contains("the nearest voxel's centre is"), "{problems:?}");
     }
 
     #[test]
@@ -446,7 +443,7 @@ mod tests {
             mesh.positions.extend(bar);
             mesh.triangles.extend(faces.map(|face| face.map(|v: u32| v + first)));
         }
-        let mut scene = catalog::builtin("jelly").unwrap();
+        let mut scene = catalog::builtin("jelly").unwrap().into_scene();
         let object = &mut scene.desc.objects[0];
         object.shape = ShapeDesc::Mesh { file: "bars".into(), scale_m_per_unit: 1.0, offset_m: [0.0; 3] };
         (object.voxel_size_m, object.resolution) = (Some(0.01), None);
@@ -457,13 +454,13 @@ mod tests {
             warnings.contains("2 pieces of fewer than 8 voxels are left out, 3 voxels, the smallest of 1:"),
             "{warnings}"
         );
-        let mut world = World::new(&scene).unwrap();
+        let mut world = World::new(&scene.clone().judge().unwrap()).unwrap();
         let stats = world.object_stats()[0];
         assert_eq!((stats.left_out.pieces, stats.left_out.voxels, stats.voxels), (2, 3, 36));
         assert_eq!(world.counts().parts, 1);
         // What is small as a whole is meant.
         scene.meshes.get_mut("bars").unwrap().triangles.drain(..12);
-        let stats = World::new(&scene).unwrap().object_stats()[0];
+        let stats = World::new(&scene.judge().unwrap()).unwrap().object_stats()[0];
         assert_eq!((stats.left_out.pieces, stats.voxels), (0, 3));
     }
 }

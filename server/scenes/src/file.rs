@@ -7,7 +7,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use kerf_physics::scene::{EdgeDesc, Meshes, ShapeDesc, ToolShapeDesc, TriangleMesh};
-use kerf_physics::{Scene, SceneDesc, SceneError};
+use kerf_physics::{Scene, SceneDesc, SceneError, SceneProblems, SoundScene};
 
 use crate::error::ReadError;
 use crate::label_map::{self, LabelMap};
@@ -69,11 +69,18 @@ impl Files<'_> {
     }
 }
 
-/// A scene whose values are not judged yet, with the text that it stands in.
+/// A scene whose values are not judged yet.
 #[derive(Debug)]
 pub struct Opened {
     /// The scene.
     pub scene: Scene,
+    /// What it was read from.
+    pub text: SceneText,
+}
+
+/// The text of a scene: what is wrong with a value is said with the value's place in it.
+#[derive(Debug)]
+pub struct SceneText {
     name: String,
     text: String,
 }
@@ -82,29 +89,32 @@ impl Opened {
     /// The scene of a text that names no files.
     pub(crate) fn of_text(name: &str, text: &str) -> Result<Self, SceneError> {
         let scene = Scene { desc: SceneDesc::from_toml(name, text)?, meshes: Meshes::new() };
-        Ok(Self { scene, name: name.to_owned(), text: text.to_owned() })
+        Ok(Self { scene, text: SceneText { name: name.to_owned(), text: text.to_owned() } })
     }
 
-    /// A problem or a warning with its place in the text.
+    /// The scene, if all its values are supported, and its text.
+    ///
+    /// # Errors
+    /// Every value that is not.
+    pub fn judge(self) -> Result<(SoundScene, SceneText), ReadError> {
+        let Self { scene, text } = self;
+        let scene = scene.judge().map_err(|problems| text.refused(problems))?;
+        Ok((scene, text))
+    }
+}
+
+impl SceneText {
+    /// A problem or a warning with its place.
     #[must_use]
     pub fn placed(&self, problem: SceneError) -> SceneError {
         problem.placed(&self.name, &self.text)
     }
 
-    /// Problems as an error, each with its place in the text.
+    /// Problems as an error, each with its place.
     #[must_use]
-    pub fn refused(&self, problems: Vec<SceneError>) -> ReadError {
+    pub fn refused(&self, SceneProblems(problems): SceneProblems) -> ReadError {
         let problems = problems.into_iter().map(|problem| self.placed(problem)).collect();
         ReadError::Invalid { name: self.name.clone(), problems }
-    }
-
-    /// The scene, if all its values are supported.
-    ///
-    /// # Errors
-    /// Every value that is not.
-    pub fn sound(self) -> Result<Scene, ReadError> {
-        let problems = self.scene.problems();
-        if problems.is_empty() { Ok(self.scene) } else { Err(self.refused(problems)) }
     }
 }
 
@@ -129,8 +139,8 @@ pub fn open(path: &Path) -> Result<Opened, ReadError> {
 ///
 /// # Errors
 /// What is wrong with the text, the first file that was not sent or cannot be read, or every value that is not supported.
-pub fn from_text(name: &str, text: &str, files: &SentFiles) -> Result<Scene, ReadError> {
-    with_files(Opened::of_text(name, text)?, &Files::Sent(files))?.sound()
+pub fn from_text(name: &str, text: &str, files: &SentFiles) -> Result<SoundScene, ReadError> {
+    Ok(with_files(Opened::of_text(name, text)?, &Files::Sent(files))?.judge()?.0)
 }
 
 /// The scene with what the files hold that it refers to.

@@ -98,7 +98,7 @@ fn the_gummy_bear_is_beheaded_in_one_stroke() {
 #[test]
 fn the_liver_comes_to_rest_after_a_cut_at_display_rates() {
     for rate_hz in [60.0, 100.0] {
-        let mut scene = catalog::builtin("liver").unwrap();
+        let mut scene = catalog::builtin("liver").unwrap().into_scene();
         scene.desc.rate_hz = rate_hz;
         let mut rig = Rig::new(&scene, Vec3::new(0.0, 0.16, 0.0), Quat::identity(), 0.1);
         rig.drive(0.12);
@@ -117,7 +117,7 @@ fn the_liver_comes_to_rest_after_a_cut_at_display_rates() {
 /// Elements of 28 mm in a liver of 140 mm: where a front is sampled takes in where the liver is held.
 #[test]
 fn the_coarsest_liver_is_held_back_by_no_more_than_half_of_its_fracture_energy() {
-    let mut scene = catalog::builtin("liver").unwrap();
+    let mut scene = catalog::builtin("liver").unwrap().into_scene();
     scene.desc.objects[0].level = 3;
     let gc_j_per_m2 = scene.desc.objects[0].material.fracture_energy_j_per_m2.unwrap();
     let mut rig = Rig::new(&scene, Vec3::new(0.0, 0.16, 0.0), Quat::identity(), 0.1);

@@ -39,7 +39,7 @@ fn each_material_parts_before_the_blade_is_at_the_table_and_takes_gc_then() {
 fn the_capsule_of_a_liver_draws_a_cut_open() {
     /// By how much two points beside a cut through the top are farther apart after it than before, m.
     fn gape_m(is_tense: bool) -> f64 {
-        let mut scene = catalog::builtin("liver-tissue").unwrap();
+        let mut scene = catalog::builtin("liver-tissue").unwrap().into_scene();
         let object = &mut scene.desc.objects[0];
         (object.voxel_size_m, object.level) = (Some(0.007), 1);
         if !is_tense {

@@ -1,10 +1,10 @@
 //! A lobe sinks onto a kidney, and each carries the other.
 
-use kerf_physics::{NoClock, Scene, StepInputs, Vec3, Workers, World};
+use kerf_physics::{NoClock, SoundScene, StepInputs, Vec3, Workers, World};
 use kerf_scenes::catalog;
 
 /// A world after this many steps without input.
-fn rested(scene: &Scene, steps: usize) -> World {
+fn rested(scene: &SoundScene, steps: usize) -> World {
     let mut world = World::new(scene).unwrap();
     for _ in 0..steps {
         let output = world.step(&Workers::serial(), &NoClock, &StepInputs::default());
@@ -24,8 +24,7 @@ fn the_lobe_rests_on_the_kidney_and_hangs_lower_without_it() {
     let weight_n = 9.81 * world.bodies()[0].mass_kg();
     let (output, end_m) = (world.output(), world.output().tracked_displacement_m[1].y);
 
-    let mut alone = scene.clone();
-    alone.desc.objects.truncate(1);
+    let alone = scene.clone().with(|desc| desc.objects.truncate(1)).unwrap();
     let alone_m = rested(&alone, 1500).output().tracked_displacement_m[1].y;
     println!(
         "the kidney carries {:.3} of {weight_n:.2} N, {:.4} h deep; the end sinks {:.2} mm, alone {:.2} mm; kinetic \

@@ -10,7 +10,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use kerf_physics::grid::voxelize::voxelize;
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
-use kerf_physics::{Quat, Scene, Stage, StepInputs, StepOutput, ToolInput, Vec3, Workers, World};
+use kerf_physics::{Quat, SoundScene, Stage, StepInputs, StepOutput, ToolInput, Vec3, Workers, World};
 use kerf_scenes::catalog;
 use kerf_session::clock::MonotonicClock;
 
@@ -22,7 +22,7 @@ const FINE_VOXEL_M: f64 = 0.0035 / 4.05;
 
 /// A stroke that begins anew when it is over.
 struct Stroke {
-    scene: Scene,
+    scene: SoundScene,
     world: World,
     step: u32,
 }
@@ -68,7 +68,7 @@ fn since(start_ns: u64) -> Duration {
 }
 
 fn print_voxelization() {
-    let mut scene = catalog::builtin("liver").expect("a built-in scene");
+    let mut scene = catalog::builtin("liver").expect("a built-in scene").into_scene();
     scene.desc.objects[0].voxel_size_m = Some(FINE_VOXEL_M);
     let start_ns = MonotonicClock::now_ns();
     let grid = voxelize(&scene.desc.objects[0], &scene.meshes).expect("a valid object");

@@ -1,6 +1,6 @@
 //! What a session refuses, and why.
 
-use kerf_physics::SceneError;
+use kerf_physics::SceneProblems;
 
 use kerf_scenes::dial::DialError;
 
@@ -180,7 +180,7 @@ pub enum SessionError {
     },
     /// The scene cannot be simulated.
     #[error(transparent)]
-    Scene(#[from] SceneError),
+    Scene(#[from] SceneProblems),
     /// The dial cannot be set as asked.
     #[error(transparent)]
     Dial(#[from] DialError),

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use kerf_physics::step_io::EnergyStep;
-use kerf_physics::{Scene, Workers, World};
+use kerf_physics::{SoundScene, Workers, World};
 
 use crate::admission::Reservation;
 use crate::checkpoints::{Besides, Checkpoint};
@@ -70,7 +70,7 @@ impl Past {
     /// A file is not of this scene, program and machine, a step leads elsewhere, or there is no room for a checkpoint.
     pub(crate) fn follow(
         self,
-        scene: &Scene,
+        scene: &SoundScene,
         world: World,
         memory: &Reservation,
         workers: &Workers<'_>,

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use kerf_physics::Scene;
+use kerf_physics::SoundScene;
 use kerf_scenes::cost::Cost;
 use kerf_scenes::dial::{Choice, ParetoFronts};
 use tokio::sync::OwnedSemaphorePermit;
@@ -23,7 +23,7 @@ pub(crate) struct Permits {
 
 /// A scene that a session may be built of.
 pub(crate) struct Prepared {
-    pub scene: Scene,
+    pub scene: SoundScene,
     /// What has happened to it already.
     pub past: Option<Past>,
     pub choice: Option<Choice>,
@@ -34,7 +34,7 @@ pub(crate) struct Prepared {
 /// Sets a scene by the dial, estimates what it costs and takes that from what is left. Takes milliseconds to
 /// seconds, on a thread that may wait.
 pub(crate) fn prepare(
-    (mut scene, past): (Scene, Option<Past>),
+    (scene, past): (SoundScene, Option<Past>),
     options: &SessionOptions,
     limits: &SessionLimits,
     pareto_fronts: &ParetoFronts,
@@ -42,7 +42,7 @@ pub(crate) fn prepare(
     permits: Permits,
 ) -> Result<Prepared, SessionError> {
     // The dial had its say when the session was created.
-    let choice = if past.is_some() { None } else { pareto_fronts.settle(&mut scene, options.dial)? };
+    let (scene, choice) = if past.is_some() { (scene, None) } else { pareto_fronts.settle(scene, options.dial)? };
     let rate_hz = scene.desc.rate_hz;
     if !(1.0..=limits.max_rate_hz).contains(&rate_hz) {
         return Err(SessionError::Rate { rate_hz, limit_hz: limits.max_rate_hz });

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
-use kerf_physics::Scene;
+use kerf_physics::SoundScene;
 use kerf_scenes::cost::Cost;
 use kerf_scenes::dial::ParetoFronts;
 use tokio::sync::Semaphore;
@@ -102,7 +102,7 @@ impl Registry {
     /// # Errors
     /// The server is full or shutting down, the scene needs more than is left of the machine, the dial cannot be set
     /// as asked, or the scene cannot be built.
-    pub async fn create(&self, scene: Scene, options: SessionOptions) -> Result<Arc<Session>, SessionError> {
+    pub async fn create(&self, scene: SoundScene, options: SessionOptions) -> Result<Arc<Session>, SessionError> {
         self.create_from(|| Ok(scene), options).await
     }
 
@@ -113,7 +113,7 @@ impl Registry {
     pub async fn bring_back<E: From<SessionError> + Send + 'static>(
         &self,
         id: SessionId,
-        read: impl FnOnce() -> Result<(Scene, Past), E> + Send + 'static,
+        read: impl FnOnce() -> Result<(SoundScene, Past), E> + Send + 'static,
         options: SessionOptions,
     ) -> Result<Arc<Session>, E> {
         let read = || read().map(|(scene, past)| (scene, Some(past)));
@@ -127,7 +127,7 @@ impl Registry {
     /// Those of [`Registry::create`] and of `read`.
     pub async fn create_from<E: From<SessionError> + Send + 'static>(
         &self,
-        read: impl FnOnce() -> Result<Scene, E> + Send + 'static,
+        read: impl FnOnce() -> Result<SoundScene, E> + Send + 'static,
         options: SessionOptions,
     ) -> Result<Arc<Session>, E> {
         self.begin(None, || Ok((read()?, None)), options).await
@@ -137,7 +137,7 @@ impl Registry {
     async fn begin<E: From<SessionError> + Send + 'static>(
         &self,
         id: Option<SessionId>,
-        read: impl FnOnce() -> Result<(Scene, Option<Past>), E> + Send + 'static,
+        read: impl FnOnce() -> Result<(SoundScene, Option<Past>), E> + Send + 'static,
         options: SessionOptions,
     ) -> Result<Arc<Session>, E> {
         let slot = Arc::clone(&self.permits).try_acquire_owned().map_err(|_| match self.permits.is_closed() {

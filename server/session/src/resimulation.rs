@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use kerf_physics::step_io::EnergyStep;
 use kerf_physics::world::{LoadError, Snapshot};
-use kerf_physics::{NoClock, Scene, SceneError, Workers, World};
+use kerf_physics::{NoClock, SceneProblems, SoundScene, Workers, World};
 
 use crate::checkpoints::{Besides, Checkpoint};
 use crate::tape::{LoggedInputs, TapeEntry};
@@ -49,12 +49,12 @@ pub enum Difference {
     },
     /// The scene cannot be built.
     #[error(transparent)]
-    Scene(#[from] SceneError),
+    Scene(#[from] SceneProblems),
 }
 
 /// A world that follows a recording.
 pub struct Resimulation<'a> {
-    scene: &'a Scene,
+    scene: &'a SoundScene,
     world: World,
     /// Booked since the session began or was reset.
     energy: EnergyStep,
@@ -76,12 +76,12 @@ impl<'a> Resimulation<'a> {
     ///
     /// # Errors
     /// It cannot be built.
-    pub fn new(scene: &'a Scene) -> Result<Self, Difference> {
+    pub fn new(scene: &'a SoundScene) -> Result<Self, Difference> {
         Ok(Self::of(scene, World::new(scene)?))
     }
 
     /// The scene as `world` is, which was built of it.
-    pub(crate) fn of(scene: &'a Scene, world: World) -> Self {
+    pub(crate) fn of(scene: &'a SoundScene, world: World) -> Self {
         let is_held = vec![false; scene.desc.tools.len()];
         Self { scene, world, energy: EnergyStep::default(), is_held, checkpoints: Vec::new() }
     }

@@ -104,7 +104,6 @@ impl Session {
     ) -> Result<Self, SessionError> {
         let Prepared { scene, past, choice, admitted, permits } = prepared;
         let owner = past.as_ref().map_or(options.owner, |past| past.owner.clone());
-        let scene = Arc::new(scene);
         let inbox = Arc::new(Inbox::new(scene.desc.tools.len(), limits.clone()));
         let phase = if options.start_paused { Phase::Paused } else { Phase::Running };
         let outbox = Arc::new(Outbox::new(&limits, phase));
@@ -122,7 +121,7 @@ impl Session {
         let load = Arc::clone(&admitted.load);
         let memory_bytes = admitted.memory.bytes();
         let build = {
-            let (scene, limits, inbox) = (Arc::clone(&scene), limits.clone(), Arc::clone(&inbox));
+            let (scene, limits, inbox) = (scene.clone(), limits.clone(), Arc::clone(&inbox));
             let making = options.making;
             let tell = move |now| {
                 making.send_replace(Some(now));
@@ -136,7 +135,7 @@ impl Session {
         let mut session = Self {
             id,
             owner,
-            scene,
+            scene: scene.into(),
             choice,
             objects: Vec::new(),
             warnings: Vec::new(),

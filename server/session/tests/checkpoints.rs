@@ -20,8 +20,10 @@ async fn session_with(limits: SessionLimits) -> (Registry, Arc<Session>) {
     let scene =
         Scene { desc: toml::from_str::<SceneDesc>(include_str!("block.toml")).unwrap(), meshes: Default::default() };
     let registry = Registry::new(limits, ParetoFronts::default()).unwrap();
-    let session =
-        registry.create(scene, SessionOptions { is_recorded: true, ..SessionOptions::default() }).await.unwrap();
+    let session = registry
+        .create(scene.judge().unwrap(), SessionOptions { is_recorded: true, ..SessionOptions::default() })
+        .await
+        .unwrap();
     (registry, session)
 }
 
@@ -108,7 +110,8 @@ async fn points_outlive_a_reset_and_lead_to_a_way_that_was_left() {
     session.step(Steps { count: 1, inputs: Vec::new() }).await.unwrap();
     session.pause().await.unwrap();
     let (entries, _) = session.take_reel().unwrap().tape.take();
-    let mut again = Resimulation::new(session.scene()).unwrap();
+    let scene = session.scene().clone().judge().unwrap();
+    let mut again = Resimulation::new(&scene).unwrap();
     again.follow(&Workers::serial(), &entries).unwrap();
     let hash = session.describe().await.unwrap().state_hash;
     assert!(hash != cut && again.world().state_hash() == hash);

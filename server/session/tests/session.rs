@@ -8,7 +8,7 @@ use std::time::Duration;
 use kerf_physics::scene::{GrasperDesc, ToolDesc};
 use kerf_physics::step_io::Grasp;
 use kerf_physics::tool::{OPEN, Pose};
-use kerf_physics::{Quat, Scene, SceneDesc, Vec3, Workers};
+use kerf_physics::{Quat, Scene, SceneDesc, SoundScene, Vec3, Workers};
 use kerf_scenes::dial::ParetoFronts;
 use kerf_session::{
     Driver, Phase, PoseRefusal, PoseSample, Registry, Resimulation, SceneEvent, Session, SessionError, SessionLimits,
@@ -21,8 +21,8 @@ fn recorded() -> SessionOptions {
     SessionOptions { is_recorded: true, ..SessionOptions::default() }
 }
 
-fn block() -> Scene {
-    Scene { desc: toml::from_str::<SceneDesc>(BLOCK).unwrap(), meshes: Default::default() }
+fn block() -> SoundScene {
+    Scene { desc: toml::from_str::<SceneDesc>(BLOCK).unwrap(), meshes: Default::default() }.judge().unwrap()
 }
 
 fn limits() -> SessionLimits {
@@ -263,8 +263,9 @@ async fn a_recorded_cut_leads_to_the_same_state_once_more() {
         steps.flat_map(|inputs| &inputs.tools).map(|input| std::mem::discriminant(&input.motion)).collect();
     assert_eq!(kinds.len(), 3, "tools enter, move and are lifted");
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+    let scene = block();
     for workers in [Workers::serial(), Workers::of(&pool)] {
-        let mut again = Resimulation::new(session.scene()).unwrap();
+        let mut again = Resimulation::new(&scene).unwrap();
         again.follow(&workers, &entries).unwrap();
         assert_eq!(again.world().output().topology_version, live.topology_version);
         assert_eq!(again.world().state_hash(), live.state_hash);
@@ -272,17 +273,16 @@ async fn a_recorded_cut_leads_to_the_same_state_once_more() {
 }
 
 /// The block with a grasper beside its blades.
-fn block_with_a_grasper() -> Scene {
-    let mut scene = block();
+fn block_with_a_grasper() -> SoundScene {
     let grasper = GrasperDesc { radius_m: 0.005, max_force_n: None };
-    scene.desc.tools.push(ToolDesc::grasper("grasper", grasper));
-    scene
+    block().with(|desc| desc.tools.push(ToolDesc::grasper("grasper", grasper))).unwrap()
 }
 
 #[tokio::test]
 async fn two_drivers_hold_and_cut_the_same_tissue() {
     let registry = Registry::new(limits(), ParetoFronts::default()).unwrap();
-    let session = registry.create(block_with_a_grasper(), recorded()).await.unwrap();
+    let scene = block_with_a_grasper();
+    let session = registry.create(scene.clone(), recorded()).await.unwrap();
     let (knife, hand) = (session.drive(&[0]).unwrap(), session.drive(&[2]).unwrap());
     let held_at = [0.008, 0.009, 0.0];
     let closed =
@@ -310,15 +310,14 @@ async fn two_drivers_hold_and_cut_the_same_tissue() {
     report_where(&hand, |report| report.tools[2].output.grasp == Grasp::Nothing).await;
     session.pause().await.unwrap();
     let (entries, _) = session.take_reel().unwrap().tape.take();
-    Resimulation::new(session.scene()).unwrap().follow(&Workers::serial(), &entries).unwrap();
+    Resimulation::new(&scene).unwrap().follow(&Workers::serial(), &entries).unwrap();
 }
 
 #[tokio::test]
 async fn a_scene_with_a_rate_out_of_bounds_is_refused() {
-    let registry = Registry::new(limits(), ParetoFronts::default()).unwrap();
-    let mut scene = block();
-    scene.desc.rate_hz = 1e6;
-    let refused = registry.create(scene, SessionOptions::default()).await;
+    let limits = SessionLimits { max_rate_hz: 499.0, ..limits() };
+    let registry = Registry::new(limits, ParetoFronts::default()).unwrap();
+    let refused = registry.create(block(), SessionOptions::default()).await;
     assert!(matches!(refused, Err(SessionError::Rate { .. })));
 }
 

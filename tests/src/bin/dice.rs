@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 use clap::Parser;
-use kerf_physics::Scene;
+use kerf_physics::SoundScene;
 use kerf_system_tests::dicing::campaign::{Tally, dice, model};
 use kerf_system_tests::dicing::report::Report;
 use kerf_system_tests::strokes::campaign::seeds;
@@ -45,7 +45,7 @@ type Dicings = Vec<(String, Vec<Tally>)>;
 /// A run as it goes on: which dicing is next, what came of those before, and when that was last written.
 struct Run<'a> {
     options: &'a Options,
-    scenes: &'a [Scene],
+    scenes: &'a [SoundScene],
     next: Mutex<std::vec::IntoIter<(usize, u64)>>,
     done: Mutex<(Dicings, Instant)>,
 }
@@ -87,7 +87,7 @@ impl Run<'_> {
 fn main() -> Result<()> {
     let options = Options::parse();
     let scene = |name: &String| model(name, options.resolution).with_context(|| name.clone());
-    let scenes = options.models.iter().map(scene).collect::<Result<Vec<Scene>>>()?;
+    let scenes = options.models.iter().map(scene).collect::<Result<Vec<SoundScene>>>()?;
     // Model after model: a run that is cut off has diced all of them about as often.
     let all = seeds(options.seed).take(options.dicings).flat_map(|seed| (0..scenes.len()).map(move |of| (of, seed)));
     let empty = options.models.iter().map(|name| (name.clone(), Vec::new())).collect();

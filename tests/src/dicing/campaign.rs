@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use anyhow::Result;
 use kerf_physics::scene::{BladeDesc, ToolDesc};
 use kerf_physics::step_io::{EnergyStep, StepOutput};
-use kerf_physics::{NoClock, Scene, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, SoundScene, StepInputs, ToolInput, Vec3, Workers, World};
 use kerf_scenes::catalog;
 
 use super::plunge::Plunge;
@@ -113,33 +113,34 @@ impl Tally {
 ///
 /// # Errors
 /// There is no such scene, or it is refused so.
-pub fn model(name: &str, resolution: Option<u32>) -> Result<Scene> {
-    let mut scene = catalog::builtin(name)?;
+pub fn model(name: &str, resolution: Option<u32>) -> Result<SoundScene> {
+    let mut scene = catalog::builtin(name)?.into_scene();
     // On a coarser lattice they may lie in no voxel.
     scene.desc.tracked_points.clear();
     let object = &mut scene.desc.objects[0];
     if resolution.is_some() {
         (object.voxel_size_m, object.resolution) = (None, resolution);
     }
+    let scene = scene.judge()?;
     let stats = World::new(&scene)?.object_stats()[0];
     let extent_m = Vec3::from(stats.rest_max_m) - Vec3::from(stats.rest_min_m);
     let width_m = REACH * extent_m.x.max(extent_m.z);
     let blade = BladeDesc { thickness_m: 1e-3, ..BladeDesc::straight(width_m, REACH * extent_m.y) };
-    scene.desc.tools = vec![ToolDesc::blade("blade", blade)];
-    scene.desc.solver.relative_tolerance = Some(TOLERANCE);
-    scene.problems().into_iter().next().map_or(Ok(()), Err)?;
-    Ok(scene)
+    Ok(scene.with(|desc| {
+        desc.tools = vec![ToolDesc::blade("blade", blade)];
+        desc.solver.relative_tolerance = Some(TOLERANCE);
+    })?)
 }
 
 /// Dices a fresh model by `plunges`, half of them along each axis.
 ///
 /// # Errors
 /// What the scene is refused for.
-pub fn dice(scene: &Scene, seed: u64, plunges: u32) -> Result<Tally> {
+pub fn dice(scene: &SoundScene, seed: u64, plunges: u32) -> Result<Tally> {
     let mut rng = SplitMix64(seed);
-    let mut scene = scene.clone();
-    scene.desc.rate_hz = RATES_HZ[rng.index(RATES_HZ.len())];
-    let mut tally = Tally { seed, rate_hz: scene.desc.rate_hz, ..Tally::default() };
+    let rate_hz = RATES_HZ[rng.index(RATES_HZ.len())];
+    let scene = scene.clone().with(|desc| desc.rate_hz = rate_hz)?;
+    let mut tally = Tally { seed, rate_hz, ..Tally::default() };
     let mut world = World::new(&scene)?;
     let stats = world.object_stats()[0];
     let bounds_m = [stats.rest_min_m.into(), stats.rest_max_m.into()];

@@ -4,7 +4,7 @@ use anyhow::{Context, Result};
 use kerf_physics::scene::{ObjectDesc, ToolShapeDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
-use kerf_physics::{NoClock, Quat, Scene, SceneDesc, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, Quat, Scene, SceneDesc, SoundScene, StepInputs, ToolInput, Vec3, Workers, World};
 
 const SCENE: &str = include_str!("../../scenes/needle-liver.toml");
 /// Height of the surface, m.
@@ -19,10 +19,10 @@ const ASIDE_M: f64 = 4e-4;
 ///
 /// # Errors
 /// The scene is not one.
-pub fn scene(change: fn(&mut ObjectDesc)) -> Result<Scene> {
+pub fn scene(change: fn(&mut ObjectDesc)) -> Result<SoundScene> {
     let mut desc = SceneDesc::from_toml("needle-liver.toml", SCENE)?;
     change(desc.objects.first_mut().context("the scene has an object")?);
-    Ok(Scene { desc, meshes: Default::default() })
+    Ok(Scene { desc, meshes: Default::default() }.judge()?)
 }
 
 /// What a front needs to go on, by the scene's material, N: Gc times the width of the edge.
@@ -53,7 +53,7 @@ pub struct Run {
 ///
 /// # Errors
 /// The scene's values are not supported, or a step failed.
-pub fn run(scene: &Scene, depth_m: f64) -> Result<Run> {
+pub fn run(scene: &SoundScene, depth_m: f64) -> Result<Run> {
     let mut world = World::new(scene)?;
     world.forget_surface();
     let per_step_m = SPEED_M_PER_S / scene.desc.rate_hz;

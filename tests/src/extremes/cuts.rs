@@ -26,7 +26,7 @@ type Cut = fn(&Grid, &mut SplitMix64) -> Links;
 /// So many cuts before each of so many steps.
 fn case(name: &str, specimen: Specimen, seed: u64, [steps, per_step]: [usize; 2], cut: Cut) -> Case {
     Case::new(Family::Cuts, name, parameters(&specimen), move |_| {
-        let mut trial = Trial::new(&specimen.scene(specimen.held_block(), 0))?;
+        let mut trial = Trial::new(specimen.scene(specimen.held_block(), 0))?;
         let sound_m_per_s = (specimen.young_modulus_pa / specimen.density_kg_per_m3).sqrt();
         trial.start(|rest_m| (rest_m, Vec3::new(0.0, -rest_m.x, rest_m.y) * (0.2 * sound_m_per_s / 0.1)));
         let mut rng = SplitMix64(seed);

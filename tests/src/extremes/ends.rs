@@ -80,7 +80,7 @@ pub(super) fn cases() -> Vec<Case> {
 
 fn pressed_case(name: String, specimen: Specimen, block: ObjectDesc) -> Case {
     Case::new(Family::Ends, name, parameters(&specimen), move |budget| {
-        pressed(&specimen, &specimen.scene(block.clone(), 1), budget)
+        pressed(&specimen, specimen.scene(block.clone(), 1), budget)
     })
 }
 

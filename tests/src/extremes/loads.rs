@@ -2,7 +2,7 @@
 //! left of the body when they are taken away.
 
 use kerf_physics::scene::{Face, LoadDesc, ObjectDesc};
-use kerf_physics::{SceneError, Vec3};
+use kerf_physics::{SceneProblems, Vec3};
 
 use super::materials::parameters;
 use super::scenes::{Specimen, everywhere};
@@ -54,16 +54,16 @@ pub(super) fn cases() -> Vec<Case> {
 
 /// The specimen under a load, then the same state without the load until it is back. Under the load rest is not asked
 /// for: pressed beyond a fifth of E a cube buckles (Euler), and leans over for as long as it takes.
-fn collapsed(specimen: &Specimen, load: Load, over_young: f64, budget: Budget) -> Result<Outcome, SceneError> {
+fn collapsed(specimen: &Specimen, load: Load, over_young: f64, budget: Budget) -> Result<Outcome, SceneProblems> {
     let mut block = specimen.held_block();
     let gravity_m_per_s2 = load(specimen, &mut block, over_young * specimen.young_modulus_pa);
     let mut scene = specimen.scene(block, 0);
     scene.desc.gravity_m_per_s2 = gravity_m_per_s2;
-    let mut loaded = Trial::new(&scene)?;
+    let mut loaded = Trial::new(scene)?;
     loaded.let_go(specimen.period_s(), LOADED_PERIODS, budget.most_steps, Return::Anywhere);
     let squeezed: Vec<Vec3> = loaded.world.bodies()[0].state.position_m.iter().map(|x| Vec3::from(*x)).collect();
     let under_load = loaded.finish();
-    let mut unloaded = Trial::new(&specimen.scene(specimen.held_block(), 0))?;
+    let mut unloaded = Trial::new(specimen.scene(specimen.held_block(), 0))?;
     let mut node = 0;
     unloaded.start(|_| {
         node += 1;

@@ -3,7 +3,7 @@
 
 use kerf_physics::scene::{RegionDesc, ShapeDesc};
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::{SceneError, Vec3};
+use kerf_physics::{SceneProblems, Vec3};
 
 use super::scenes::{Specimen, SplitMix64, level_at, line};
 use super::trial::{Measures, Return, Trial};
@@ -17,9 +17,9 @@ const CONTRASTS: [f64; 3] = [1e2, 1e4, 1e6];
 /// Presses a blade into a held block over about a period of it, waits, lifts it and lets go.
 pub(super) fn pressed(
     specimen: &Specimen,
-    scene: &kerf_physics::Scene,
+    scene: kerf_physics::Scene,
     budget: Budget,
-) -> Result<Measures, SceneError> {
+) -> Result<Measures, SceneProblems> {
     let mut trial = Trial::new(scene)?;
     let height_m = specimen.extent_m().y;
     let start = level_at(Vec3::new(0.0, height_m + 0.1 * specimen.voxel_size_m, 0.06 * specimen.voxel_size_m));
@@ -35,7 +35,7 @@ pub(super) fn pressed(
 
 fn case(name: String, specimen: Specimen) -> Case {
     Case::new(Family::Materials, name, parameters(&specimen), move |budget| {
-        pressed(&specimen, &specimen.scene(specimen.held_block(), 1), budget)
+        pressed(&specimen, specimen.scene(specimen.held_block(), 1), budget)
     })
 }
 
@@ -139,7 +139,7 @@ pub(super) fn contrasts() -> Vec<Case> {
                             material: inside.clone(),
                         })
                         .collect();
-                    pressed(&soft, &soft.scene(block, 1), budget)
+                    pressed(&soft, soft.scene(block, 1), budget)
                 }));
             }
         }

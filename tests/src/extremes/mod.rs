@@ -18,7 +18,7 @@ pub mod verdict;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use kerf_physics::SceneError;
+use kerf_physics::SceneProblems;
 use rayon::prelude::*;
 
 use trial::Measures;
@@ -81,7 +81,7 @@ pub struct Budget {
     pub most_steps: u32,
 }
 
-type Run = Box<dyn Fn(Budget) -> Result<Outcome, SceneError> + Send + Sync>;
+type Run = Box<dyn Fn(Budget) -> Result<Outcome, SceneProblems> + Send + Sync>;
 
 /// What came of a case.
 #[derive(Clone, Debug, PartialEq)]
@@ -129,7 +129,7 @@ impl Case {
         family: Family,
         name: impl Into<String>,
         parameters: impl Into<String>,
-        run: impl Fn(Budget) -> Result<O, SceneError> + Send + Sync + 'static,
+        run: impl Fn(Budget) -> Result<O, SceneProblems> + Send + Sync + 'static,
     ) -> Self {
         let run: Run = Box::new(move |budget| run(budget).map(Into::into));
         Self { family, name: name.into(), parameters: parameters.into(), run }

@@ -77,7 +77,7 @@ fn hold(seen: &Measures) -> Result<(), TestCaseError> {
 
 fn press(specimen: &Specimen) -> Result<Measures, TestCaseError> {
     let scene = specimen.scene(specimen.held_block(), 1);
-    pressed(specimen, &scene, BUDGET).map_err(|refused| TestCaseError::fail(refused.to_string()))
+    pressed(specimen, scene, BUDGET).map_err(|refused| TestCaseError::fail(refused.to_string()))
 }
 
 fn materials_recover(seed: u64, cases: u32) -> Result<(), String> {
@@ -102,7 +102,7 @@ fn starts_hold(seed: u64, cases: u32) -> Result<(), String> {
         cases,
         (specimens(TAME_POISSON_RATIO), stretch, shear, any::<u64>()),
         |(specimen, stretch, shear, noise)| {
-            let mut trial = Trial::new(&specimen.scene(specimen.block(), 0))
+            let mut trial = Trial::new(specimen.scene(specimen.block(), 0))
                 .map_err(|refused| TestCaseError::reject(refused.to_string()))?;
             let mut rng = SplitMix64(noise);
             trial.start(|x| {
@@ -156,7 +156,7 @@ fn strokes_hold(seed: u64, cases: u32) -> Result<(), String> {
         let material = &scene.desc.objects[0].material;
         let extent_m = specimen.extent_m();
         let entry_j = ENTRY_SHARE * material.fracture_energy_j_per_m2.unwrap_or(0.0) * extent_m.x * extent_m.y;
-        let mut trial = Trial::new(&scene).map_err(|e| TestCaseError::fail(e.to_string()))?;
+        let mut trial = Trial::new(scene).map_err(|e| TestCaseError::fail(e.to_string()))?;
         let voxels = trial.world.bodies()[0].state.grid.voxels().len();
         let hands: Vec<Vec<ToolMotion>> = tools.iter().map(|strokes| motions(strokes, dt_s)).collect();
         for step in 0..hands.iter().map(Vec::len).max().unwrap_or(0) {
@@ -179,7 +179,7 @@ fn cuts_hold(seed: u64, cases: u32) -> Result<(), String> {
     run(seed, cases, (prop::collection::vec(cuts, 1..4), 0u8..4), |(batches, level)| {
         let specimen = Specimen { level, voxels: [8, 7, 6], ..Specimen::default() };
         let scene = specimen.scene(specimen.block(), 0);
-        let mut trial = Trial::new(&scene).map_err(|e| TestCaseError::fail(e.to_string()))?;
+        let mut trial = Trial::new(scene).map_err(|e| TestCaseError::fail(e.to_string()))?;
         trial.start(|x| (x, Vec3::new(-x.z, 0.0, x.x) * 20.0));
         for cuts in batches {
             let body = trial.world.body_mut(0);

@@ -1,6 +1,6 @@
 //! Free bodies that start far from rest: stretched, flat, shuffled, inside out, flying apart.
 
-use kerf_physics::{SceneError, Vec3};
+use kerf_physics::{SceneProblems, Vec3};
 
 use super::materials::parameters;
 use super::scenes::{Specimen, SplitMix64};
@@ -48,8 +48,8 @@ pub(super) fn cases(seed: u64) -> Vec<Case> {
 }
 
 /// Lets a free body go from a start; it must end in its shape.
-fn run(specimen: &Specimen, start: Start, seed: u64, budget: Budget) -> Result<Outcome, SceneError> {
-    let mut trial = Trial::new(&specimen.scene(specimen.block(), 0))?;
+fn run(specimen: &Specimen, start: Start, seed: u64, budget: Budget) -> Result<Outcome, SceneProblems> {
+    let mut trial = Trial::new(specimen.scene(specimen.block(), 0))?;
     let mut rng = SplitMix64(seed);
     let extent_m = specimen.extent_m();
     let centre_m = Vec3::new(0.0, 0.5 * extent_m.y, 0.0);

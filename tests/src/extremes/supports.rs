@@ -2,7 +2,7 @@
 
 use kerf_physics::grid::{Crossing, LinkId};
 use kerf_physics::step_io::ToolMotion;
-use kerf_physics::{SceneError, Vec3, Workers};
+use kerf_physics::{SceneProblems, Vec3, Workers};
 
 use super::cuts::check_body;
 use super::materials::{parameters, pressed};
@@ -28,7 +28,7 @@ fn small() -> Vec<Case> {
             let name = format!("{what}, k {}", 1 << level);
             let free = specimen.clone();
             cases.push(Case::new(Family::Supports, format!("{name}, held"), parameters(&specimen), move |budget| {
-                pressed(&specimen, &specimen.scene(specimen.held_block(), 1), budget)
+                pressed(&specimen, specimen.scene(specimen.held_block(), 1), budget)
             }));
             cases.push(Case::new(
                 Family::Supports,
@@ -51,8 +51,8 @@ pub(super) fn struck(
     specimen: &Specimen,
     block: kerf_physics::scene::ObjectDesc,
     budget: Budget,
-) -> Result<Outcome, SceneError> {
-    let mut trial = Trial::new(&specimen.scene(block, 1))?;
+) -> Result<Outcome, SceneProblems> {
+    let mut trial = Trial::new(specimen.scene(block, 1))?;
     let height_m = specimen.extent_m().y;
     let start = level_at(Vec3::new(0.0, height_m + specimen.voxel_size_m, 0.06 * specimen.voxel_size_m));
     let down_m = height_m + 2.0 * specimen.voxel_size_m;
@@ -104,7 +104,7 @@ fn diced(pitch: i32) -> Case {
         format!("cut free: diced by {pitch} voxels at once"),
         parameters(&specimen),
         move |budget| {
-            let mut trial = Trial::new(&specimen.scene(specimen.block(), 0))?;
+            let mut trial = Trial::new(specimen.scene(specimen.block(), 0))?;
             let body = trial.world.body_mut(0);
             let mut links = Vec::new();
             for voxel in body.state.grid.voxels() {
@@ -141,7 +141,7 @@ fn falling() -> Case {
         block.material.rayleigh_alpha_per_s = 0.0;
         let mut scene = specimen.scene(block, 0);
         scene.desc.gravity_m_per_s2 = [0.0, -9.81, 0.0];
-        let mut trial = Trial::new(&scene)?;
+        let mut trial = Trial::new(scene)?;
         (0..300).for_each(|_| _ = trial.step(&[]));
         let body = trial.world.bodies()[0];
         let momentum: Vec3 = body.nodal_momentum().iter().map(|p| Vec3::from(*p)).sum();

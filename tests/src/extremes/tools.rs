@@ -3,7 +3,7 @@
 use kerf_physics::scene::{ObjectDesc, ShapeDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
-use kerf_physics::{Quat, SceneError, Vec3};
+use kerf_physics::{Quat, SceneProblems, Vec3};
 
 use super::cuts::check_body;
 use super::materials::parameters;
@@ -100,8 +100,8 @@ fn run(
     tools: usize,
     motions: &Motions,
     budget: Budget,
-) -> Result<Outcome, SceneError> {
-    let mut trial = Trial::new(&specimen.scene(blob(specimen, held), tools))?;
+) -> Result<Outcome, SceneProblems> {
+    let mut trial = Trial::new(specimen.scene(blob(specimen, held), tools))?;
     let voxels = trial.world.bodies()[0].state.grid.voxels().len();
     motions.iter().for_each(|motions| _ = trial.step(motions));
     trial.let_go(specimen.period_s(), 12.0, budget.most_steps, Return::Anywhere);

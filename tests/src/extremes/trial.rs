@@ -2,7 +2,7 @@
 
 use kerf_physics::body::Body;
 use kerf_physics::step_io::{StepOutput, ToolMotion};
-use kerf_physics::{NoClock, Scene, SceneError, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, Scene, SceneProblems, StepInputs, ToolInput, Vec3, Workers, World};
 
 /// Energies below this fraction of `E V` (Young's modulus times volume), those of strains of a thousandth,
 /// count as nothing.
@@ -81,9 +81,9 @@ impl Trial {
     ///
     /// # Errors
     /// What the scene is refused for.
-    pub fn new(scene: &Scene) -> Result<Self, SceneError> {
-        scene.problems().into_iter().next().map_or(Ok(()), Err)?;
-        let world = World::new(scene)?;
+    pub fn new(scene: Scene) -> Result<Self, SceneProblems> {
+        let scene = scene.judge()?;
+        let world = World::new(&scene)?;
         let volume = |body: &Body| body.state.grid.voxels().len() as f64 * body.state.grid.voxel_size_m().powi(3);
         let bodies = world.bodies();
         let stiff_j = bodies.iter().zip(&scene.desc.objects).map(|(b, o)| o.material.young_modulus_pa * volume(b));

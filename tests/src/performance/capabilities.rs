@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::Result;
 use kerf_physics::scene::{ElementKind, FinerDesc, GovernorDesc, ShapeDesc};
-use kerf_physics::{Scene, SceneDesc, StepInputs, Workers, World};
+use kerf_physics::{SceneDesc, SoundScene, StepInputs, Workers, World};
 use kerf_server::script::stroke::default_stroke;
 use kerf_session::clock::MonotonicClock;
 
@@ -50,9 +50,7 @@ pub fn section(_plots: &Path) -> Result<String> {
     let mut rows = vec![(0, [Vec::new(), Vec::new()]); SCENES.len() + 1];
     for _ in 0..ROUNDS {
         for (row, (_, change)) in rows.iter_mut().zip(SCENES) {
-            let mut scene = builtin("liver")?;
-            change(&mut scene.desc);
-            measure(row, &scene, Viewer::Absent)?;
+            measure(row, &builtin("liver")?.with(change)?, Viewer::Absent)?;
         }
         measure(&mut rows[SCENES.len()], &builtin("liver")?, Viewer::Watching)?;
     }
@@ -64,7 +62,7 @@ pub fn section(_plots: &Path) -> Result<String> {
     Ok(text)
 }
 
-fn measure(row: &mut (usize, [Vec<f64>; 2]), scene: &Scene, viewer: Viewer) -> Result<()> {
+fn measure(row: &mut (usize, [Vec<f64>; 2]), scene: &SoundScene, viewer: Viewer) -> Result<()> {
     let run = stroke(scene, 1, viewer, CUT_STEPS)?;
     row.0 = run.counts.composite_elements;
     row.1[0].push(run.median_ms(false));
@@ -75,8 +73,7 @@ fn measure(row: &mut (usize, [Vec<f64>; 2]), scene: &Scene, viewer: Viewer) -> R
 /// Steps that no tool touches: the scene at rest, with and without a blade above it.
 fn bare(text: &mut String) -> Result<()> {
     let scene = builtin("liver")?;
-    let mut no_tools = scene.clone();
-    no_tools.desc.tools.clear();
+    let no_tools = scene.clone().with(|desc| desc.tools.clear())?;
     let mut above = default_stroke(&scene)?;
     let entered = above.advance(0.0);
     for (name, scene, tools) in [

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use kerf_physics::grid::voxelize::voxelize;
 use kerf_physics::scene::{Meshes, ShapeDesc};
-use kerf_physics::{Scene, SceneDesc};
+use kerf_physics::{Scene, SceneDesc, SoundScene};
 use kerf_scenes::file::read_mesh;
 
 use crate::shared;
@@ -37,7 +37,7 @@ impl Model {
     ///
     /// # Errors
     /// The mesh is missing in the folder that is named, or cannot be read.
-    pub fn scene(&self) -> Result<Option<Scene>> {
+    pub fn scene(&self) -> Result<Option<SoundScene>> {
         let Some(path) = shared::model(self.file)? else { return Ok(None) };
         let Self { file, scale_m_per_unit, resolution, held_layers } = self;
         let text = format!(
@@ -53,6 +53,6 @@ impl Model {
         let grid = voxelize(&scene.desc.objects[0], &scene.meshes)?;
         let held_m = grid.origin_m().y + held_layers * grid.voxel_size_m();
         scene.desc.objects[0].fixed = vec![ShapeDesc::Box { min_m: [-1.0; 3], max_m: [1.0, held_m, 1.0] }];
-        Ok(Some(scene))
+        Ok(Some(scene.judge()?))
     }
 }

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::Result;
-use kerf_physics::{Scene, Stage};
+use kerf_physics::{SoundScene, Stage};
 
 use super::models::{ARMADILLO, BUNNY, HORSE, Model};
 use super::run::{COLLISION, FEM, Run, TOPOLOGY, Viewer, builtin, cell, liver, mean, quantile, stage_sum, stroke};
@@ -47,7 +47,7 @@ const fn row(model: &'static str, source: Source, voxels: u32, elements: u32, ms
 
 impl Source {
     /// `None` where it is absent.
-    fn scene(&self) -> Result<Option<Scene>> {
+    fn scene(&self) -> Result<Option<SoundScene>> {
         match self {
             Builtin(name) => builtin(name).map(Some),
             Mesh(model) => model.scene(),
@@ -97,7 +97,7 @@ impl Row {
             );
         };
         for rate_hz in [1000.0, FRAME_HZ] {
-            scene.desc.rate_hz = rate_hz;
+            scene = scene.with(|desc| desc.rate_hz = rate_hz)?;
             let run = stroke(&scene, 1, Viewer::Watching, max_steps)?;
             writeln!(text, "| | {rate_hz} Hz {}", columns(&run))?;
         }
@@ -159,9 +159,8 @@ mod tests {
     #[test]
     fn every_row_has_its_scene_or_says_that_it_is_absent() {
         for row in TABLE_1 {
-            match row.source.scene().unwrap() {
-                Some(scene) => assert_eq!(scene.problems(), [], "{}", row.model),
-                None => println!("SKIPPED: {} is absent", row.model),
+            if row.source.scene().unwrap().is_none() {
+                println!("SKIPPED: {} is absent", row.model);
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use kerf_physics::world::WorldCounts;
-use kerf_physics::{Scene, Stage, StepInputs, StepOutput, Vec3, Workers, World};
+use kerf_physics::{SceneDesc, SoundScene, Stage, StepInputs, StepOutput, Vec3, Workers, World};
 use kerf_scenes::catalog;
 use kerf_server::script::stroke::default_stroke;
 use kerf_session::SessionLimits;
@@ -43,19 +43,20 @@ pub struct Run {
 }
 
 /// A built-in scene.
-pub fn builtin(name: &str) -> Result<Scene> {
+pub fn builtin(name: &str) -> Result<SoundScene> {
     Ok(catalog::builtin(name)?)
 }
 
 /// The liver with voxels of another size.
-pub fn liver(voxel_m: f64, level: u8, rate_hz: f64) -> Result<Scene> {
-    let mut scene = builtin("liver")?;
-    scene.desc.rate_hz = rate_hz;
-    scene.desc.objects[0].voxel_size_m = Some(voxel_m);
-    scene.desc.objects[0].level = level;
-    // They lie in the scene's own voxels, not in coarser ones.
-    scene.desc.tracked_points.clear();
-    Ok(scene)
+pub fn liver(voxel_m: f64, level: u8, rate_hz: f64) -> Result<SoundScene> {
+    let change = |desc: &mut SceneDesc| {
+        desc.rate_hz = rate_hz;
+        desc.objects[0].voxel_size_m = Some(voxel_m);
+        desc.objects[0].level = level;
+        // They lie in the scene's own voxels, not in coarser ones.
+        desc.tracked_points.clear();
+    };
+    Ok(builtin("liver")?.with(change)?)
 }
 
 /// How a stroke is run.
@@ -82,7 +83,7 @@ impl Stroke {
     };
 
     /// Runs the default stroke of a scene.
-    pub fn run(&self, scene: &Scene) -> Result<Run> {
+    pub fn run(&self, scene: &SoundScene) -> Result<Run> {
         let mut script = default_stroke(scene)?;
         let rate_hz = scene.desc.rate_hz;
         let steps = (((script.end_s() + AFTER_S) * rate_hz).round() as usize).min(self.max_steps);
@@ -110,7 +111,7 @@ impl Stroke {
 }
 
 /// The default stroke of a scene, at most `max_steps` of it, on a number of threads.
-pub fn stroke(scene: &Scene, threads: usize, viewer: Viewer, max_steps: usize) -> Result<Run> {
+pub fn stroke(scene: &SoundScene, threads: usize, viewer: Viewer, max_steps: usize) -> Result<Run> {
     Stroke { threads, viewer, max_steps, ..Stroke::ALONE }.run(scene)
 }
 

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::Result;
-use kerf_physics::Scene;
+use kerf_physics::SoundScene;
 
 use super::run::{FEM, Run, Viewer, builtin, cell, liver, quantile, stage_sum, stroke};
 
@@ -28,9 +28,10 @@ pub fn section(_plots: &Path) -> Result<String> {
     line("the same with fracture: topology, surface, solver data", 2.5, with)?;
     let two = runs(&builtin("liver")?, 2, Viewer::Watching, usize::MAX)?;
     line("the same without fracture, two threads", 0.8, middle(&two, without))?;
-    let mut converged = builtin("liver")?;
-    converged.desc.rate_hz = 100.0;
-    converged.desc.solver.relative_tolerance = Some(1e-5);
+    let converged = builtin("liver")?.with(|desc| {
+        desc.rate_hz = 100.0;
+        desc.solver.relative_tolerance = Some(1e-5);
+    })?;
     let converged = runs(&converged, 1, Viewer::Absent, usize::MAX)?;
     line(
         "liver, k = 4, 100 Hz, residual 1e-5, one thread, mechanics only, without fracture",
@@ -45,7 +46,7 @@ pub fn section(_plots: &Path) -> Result<String> {
     Ok(text)
 }
 
-fn runs(scene: &Scene, threads: usize, viewer: Viewer, max_steps: usize) -> Result<Vec<Run>> {
+fn runs(scene: &SoundScene, threads: usize, viewer: Viewer, max_steps: usize) -> Result<Vec<Run>> {
     (0..ROUNDS).map(|_| stroke(scene, threads, viewer, max_steps)).collect()
 }
 

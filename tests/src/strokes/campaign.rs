@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use kerf_physics::body::Body;
 use kerf_physics::step_io::StepOutput;
 use kerf_physics::surface::Surface;
-use kerf_physics::{NoClock, SceneError, StepInputs, ToolInput, Vec3, Workers, World};
+use kerf_physics::{NoClock, SceneProblems, StepInputs, ToolInput, Vec3, Workers, World};
 use serde::{Deserialize, Serialize};
 
 use super::hand::Stroke;
@@ -147,7 +147,7 @@ struct Specimen {
 }
 
 impl Specimen {
-    fn new(model: &Model, seed: u64) -> Result<Self, SceneError> {
+    fn new(model: &Model, seed: u64) -> Result<Self, SceneProblems> {
         let mut world = World::new(&model.scene)?;
         let stats = world.object_stats()[0];
         let whole_m3 = world.bodies_and_surfaces().map(|(_, surface)| surface.volume_m3()).sum();
@@ -260,7 +260,7 @@ fn is_finite(output: &StepOutput) -> bool {
 ///
 /// # Errors
 /// What the model's scene is refused for.
-pub fn cut(model: &Model, seed: u64, strokes: u32) -> Result<Tally, SceneError> {
+pub fn cut(model: &Model, seed: u64, strokes: u32) -> Result<Tally, SceneProblems> {
     let mut specimen = Specimen::new(model, seed)?;
     let mut tally = Tally {
         voxels: specimen.world.bodies()[0].state.grid.voxels().len(),

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use kerf_physics::scene::{BladeDesc, EdgeDesc, Meshes, ShapeDesc, ToolDesc, TriangleMesh};
-use kerf_physics::{Scene, Vec3};
+use kerf_physics::{SoundScene, Vec3};
 use kerf_scenes::catalog;
 use kerf_scenes::file::read_mesh;
 
@@ -29,7 +29,7 @@ pub struct Model {
     /// What it is called in reports.
     pub name: String,
     /// One object and [`BLADES`].
-    pub scene: Scene,
+    pub scene: SoundScene,
 }
 
 /// Names of the blades of every scene, in the order of its tools.
@@ -43,7 +43,7 @@ impl Model {
     /// # Errors
     /// The file cannot be read, or its mesh is refused.
     pub fn new(name_or_path: &str, resolution: u32) -> Result<Self> {
-        let mut scene = catalog::builtin("liver")?;
+        let mut scene = catalog::builtin("liver")?.into_scene();
         let mut name = name_or_path.to_owned();
         let object = &mut scene.desc.objects[0];
         (object.voxel_size_m, object.resolution) = (None, Some(resolution));
@@ -64,8 +64,7 @@ impl Model {
         scene.desc.gravity_m_per_s2 = [0.0; 3];
         scene.desc.tracked_points.clear();
         scene.desc.tools = BLADES.iter().map(|blade| ToolDesc::blade(blade, self::blade(blade))).collect();
-        scene.problems().into_iter().next().map_or(Ok(()), Err)?;
-        Ok(Self { name, scene })
+        Ok(Self { name, scene: scene.judge()? })
     }
 }
 

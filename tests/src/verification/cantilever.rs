@@ -87,6 +87,7 @@ fn frequency_hz(mesh: Mesh) -> Result<f64> {
     let mut bent = statics::body(&scene, statics::HELD_TAU_S)?;
     statics::settle(&mut bent)?;
     scene.desc.gravity_m_per_s2 = [0.0; 3];
+    let scene = scene.judge()?;
     let mut world = World::new(&scene)?;
     let dt_s = 1.0 / scene.desc.rate_hz;
     let body = world.body_mut(0);

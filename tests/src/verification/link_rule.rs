@@ -85,7 +85,7 @@ fn scene_of(mesh: Mesh, rule: FractureRule) -> Scene {
 }
 
 fn stroke(mesh: Mesh, rule: FractureRule) -> Result<Stroke> {
-    let scene = scene_of(mesh, rule);
+    let scene = scene_of(mesh, rule).judge()?;
     let mut world = World::new(&scene)?;
     let step_m = SPEED_M_PER_S / scene.desc.rate_hz;
     let (mut steady_n, mut peak_n, mut start_n) = (Vec::new(), 0.0f64, None);

@@ -15,7 +15,7 @@ fn bar(level: u8) -> Result<World> {
     let mut scene = scene(block([0.12, 0.04, 0.04], Mesh { voxel_m: 0.01, level }, material(1e6, 0.45)));
     // Momenta must not depend on how well the velocities are solved.
     scene.desc.solver.relative_tolerance = Some(1e-2);
-    let mut world = World::new(&scene)?;
+    let mut world = World::new(&scene.judge()?)?;
     let body = world.body_mut(0);
     let crossing = Crossing { t: 0.5, normal: [1.0, 0.0, 0.0] };
     let links: Vec<_> = (0..16).map(|n| (LinkId { cell: [CUT, n % 4, n / 4], axis: 0 }, crossing)).collect();
@@ -97,7 +97,7 @@ fn recover(start: Start, level: u8, strain_stiffening: f64) -> Result<[f64; 2]> 
     desc.material.strain_stiffening = strain_stiffening;
     let mut scene = scene(desc);
     scene.desc.solver.relative_tolerance = Some(1e-3);
-    let mut world = World::new(&scene)?;
+    let mut world = World::new(&scene.judge()?)?;
     let body = world.body_mut(0);
     let mut rng = Lcg(5);
     for node in 0..body.node_count() {

@@ -76,7 +76,7 @@ fn pressed(level: u8, [x, z]: [f64; 2]) -> Result<[[f64; 2]; 2]> {
     scene.desc.rate_hz = RATE_HZ;
     scene.desc.solver.relative_tolerance = Some(1e-4);
     scene.desc.tools = vec![ToolDesc::probe("probe", CapsuleDesc { radius_m: RADIUS_M, length_m: 0.0 })];
-    let mut world = World::new(&scene)?;
+    let mut world = World::new(&scene.judge()?)?;
     let (mut residual_j, mut work_j, mut from_m) = (0.0, 0.0, 0.0);
     let mut found = [[0.0; 2]; 2];
     for (found, to_m) in found.iter_mut().zip(DEPTHS_M) {

@@ -72,7 +72,7 @@ fn cut(mesh: Mesh, plane: Plane) -> Result<Cut> {
     let mut scene = scene(desc);
     scene.desc.solver.relative_tolerance = Some(1e-3);
     scene.desc.tools = vec![ToolDesc::scissors("scissors", ScissorsDesc::new(BLADE_M[0], BLADE_M[1]))];
-    let mut world = World::new(&scene)?;
+    let mut world = World::new(&scene.judge()?)?;
     let mut cut = Cut::default();
     let pose = plane.pose();
     let closing = (1..=CLOSING_STEPS)

@@ -88,7 +88,7 @@ fn strain(spin: Spin, level: u8) -> Result<f64> {
     desc.material.density_kg_per_m3 = DENSITY_KG_PER_M3;
     let mut scene = scene(desc);
     scene.desc.rate_hz = spin.rate_hz;
-    let mut world = World::new(&scene)?;
+    let mut world = World::new(&scene.judge()?)?;
     let body = world.body_mut(0);
     for node in 0..body.node_count() {
         let arm_m = body.rest_position_m(node) - Vec3::from(size_m) / 2.0;

@@ -72,7 +72,7 @@ fn speed(mesh: Mesh, rate_hz: f64) -> Result<f64> {
     desc.material.fracture_energy_j_per_m2 = Some(gc_j_per_m2);
     let mut scene = scene(desc);
     scene.desc.rate_hz = rate_hz;
-    let mut world = World::new(&scene)?;
+    let mut world = World::new(&scene.judge()?)?;
     let body = world.body_mut(0);
     crack(body);
     body.state.position_m.clone_from(&still.state.position_m);

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use kerf_physics::Scene;
+use kerf_physics::SoundScene;
 use kerf_scenes::cost::Cost;
 use kerf_scenes::error::ReadError;
 use kerf_scenes::file::{SentFiles, from_text};
@@ -11,7 +11,7 @@ use super::{corpus, fuzz, inputs_of};
 use crate::grpc::harness::BLOCK;
 
 /// What a server does with a scene before it takes memory for it.
-fn judge(scene: Result<Scene, ReadError>) {
+fn judge(scene: Result<SoundScene, ReadError>) {
     match scene {
         Ok(scene) => drop(Cost::of(&scene)),
         Err(refused) => assert!(!refused.to_string().is_empty()),
@@ -26,7 +26,7 @@ fn scene() {
 }
 
 /// A scene whose shape, or whose blade's edge, is in a file.
-fn with_file(name: &str, bytes: &[u8]) -> Result<Scene, ReadError> {
+fn with_file(name: &str, bytes: &[u8]) -> Result<SoundScene, ReadError> {
     let shape = match name.contains("nii") || name.contains("nrrd") {
         true => format!("shape = {{ label_map = {{ file = \"{name}\" }} }}"),
         false => format!("shape = {{ mesh = {{ file = \"{name}\", scale_m_per_unit = 1.0 }} }}"),

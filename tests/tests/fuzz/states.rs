@@ -22,6 +22,7 @@ const CHECKSUM: std::ops::Range<usize> = 12..20;
 #[test]
 fn state() {
     let scene = Scene { desc: toml::from_str(BLOCK).expect("a scene"), meshes: Default::default() };
+    let scene = scene.judge().expect("a sound scene");
     let mut world = World::new(&scene).expect("a world");
     let mut files = vec![world.save()];
     for step in 0..60 {

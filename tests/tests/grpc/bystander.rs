@@ -42,7 +42,8 @@ impl Bystander {
         assert!((median_ns as f64) < 0.5e9 / session.scene().desc.rate_hz, "{median_ns} ns");
         assert!(steps.all.duration_ns.len() > self.step && entries.iter().any(is_driven), "it went on, and was driven");
         assert_eq!(state, TapeState::Running);
-        Resimulation::new(session.scene()).unwrap().follow(&Workers::serial(), &entries).unwrap();
+        let scene = session.scene().clone().judge().unwrap();
+        Resimulation::new(&scene).unwrap().follow(&Workers::serial(), &entries).unwrap();
     }
 }
 

@@ -136,7 +136,7 @@ impl Watcher {
 /// surfaces contoured anew, and the hash in the end.
 fn unwatched(harness: &Harness, session: &str, reel: &Reel) -> (BTreeMap<u64, Counts>, u64) {
     let session = harness.server.registry().get(session).unwrap();
-    let mut world = World::new(session.scene()).unwrap();
+    let mut world = World::new(&session.scene().clone().judge().unwrap()).unwrap();
     let mut counts = BTreeMap::from([(0, surface_counts(&world))]);
     for entry in reel.tape.take().0 {
         let TapeEntry::Step(taped) = entry else { continue };

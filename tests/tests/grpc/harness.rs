@@ -74,7 +74,7 @@ impl Harness {
     pub async fn create_on_tape(&self) -> (String, Reel) {
         let desc = toml::from_str::<SceneDesc>(BLOCK).expect("a scene");
         let options = SessionOptions { is_recorded: true, ..SessionOptions::default() };
-        let scene = Scene { desc, meshes: Default::default() };
+        let scene = Scene { desc, meshes: Default::default() }.judge().expect("a sound scene");
         let session = self.server.registry().create(scene, options).await.expect("a session");
         (session.id().to_string(), session.take_reel().expect("a reel"))
     }

@@ -58,7 +58,8 @@ async fn a_scene_that_needs_more_memory_than_is_left_is_refused_before_it_is_bui
 
 #[tokio::test]
 async fn sessions_beyond_what_the_cores_can_do_are_refused() {
-    let scene = Scene { desc: SceneDesc::from_toml("block.toml", BLOCK).unwrap(), meshes: Default::default() };
+    let scene =
+        Scene { desc: SceneDesc::from_toml("block.toml", BLOCK).unwrap(), meshes: Default::default() }.judge().unwrap();
     let load = Cost::of(&scene).unwrap().step_s * scene.desc.rate_hz;
     let mut harness = Harness::with(|config| config.session.max_load = Some(2.5 * load)).await;
     let bystander = Bystander::start(&mut harness).await;

@@ -116,10 +116,10 @@ async fn a_refusal_is_counted_by_the_limit_that_was_in_the_way() {
 async fn metrics_are_named_and_labelled_as_prometheus_wants_and_tell_of_no_private_session() {
     let mut harness = Harness::with(with_metrics).await;
     let open = harness.create().await.unwrap();
-    let scene = || Scene { desc: toml::from_str::<SceneDesc>(BLOCK).unwrap(), meshes: Default::default() };
+    let scene = Scene { desc: toml::from_str::<SceneDesc>(BLOCK).unwrap(), meshes: Default::default() };
     let owner = Some(Owner { name: "anna-of-ward-4".into(), is_private: true });
     let options = SessionOptions { owner, ..SessionOptions::default() };
-    let private = harness.server.registry().create(scene(), options).await.unwrap();
+    let private = harness.server.registry().create(scene.judge().unwrap(), options).await.unwrap();
     let (_, text) = get(harness.server.metrics_address().unwrap(), "/metrics").await;
     assert!(text.contains(&open) && !text.contains(&private.id().to_string()) && !text.contains("anna-of-ward-4"));
     let exposition = Exposition::parse(&text);

@@ -320,7 +320,7 @@ async fn recorded_to(disk: Disk) -> (Registry, Arc<Session>, Arc<Told>) {
     let registry = Registry::new(SessionLimits::default(), ParetoFronts::default()).unwrap();
     let desc = toml::from_str::<SceneDesc>(BLOCK).unwrap();
     let options = SessionOptions { is_recorded: true, ..SessionOptions::default() };
-    let session = registry.create(Scene { desc, meshes: Default::default() }, options).await.unwrap();
+    let session = registry.create(Scene { desc, meshes: Default::default() }.judge().unwrap(), options).await.unwrap();
     let header = v1::RecordingHeader { version: 2, scene_toml: BLOCK.into(), ..Default::default() };
     let (told, pictures) = (Arc::new(Told::default()), Pictures { rate_hz: 30.0, with_surface: false });
     let reel = session.take_reel().unwrap();

@@ -38,6 +38,7 @@ impl Secured {
         config.security.dir = Some(folder.path().into());
         let server = Server::start(config).await.unwrap();
         let scene = Scene { desc: toml::from_str::<SceneDesc>(BLOCK).unwrap(), meshes: Default::default() };
+        let scene = scene.judge().unwrap();
         let session = server.registry().create(scene, SessionOptions::default()).await.unwrap();
         Self { folder, server, session_id: session.id().to_string() }
     }

@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use futures_util::future::join_all;
 use futures_util::{Stream, stream};
+use kerf_physics::SoundScene;
 use kerf_physics::making::Making;
 use kerf_physics::scene::wording::did_you_mean;
-use kerf_physics::{Scene, SceneError};
 use kerf_proto::v1;
 use kerf_proto::v1::create_session_request::Scene as Wanted;
 use kerf_proto::v1::get_scene_request::Of as SceneOf;
@@ -148,11 +148,11 @@ impl SessionService {
                 Wanted::SceneToml(text) => from_text(&text, request.files, max_bytes),
             }?;
             if let Some(step_rate_hz) = request.step_rate_hz {
-                set_step_rate(&mut scene, step_rate_hz)?;
+                scene = at_step_rate(scene, step_rate_hz)?;
             }
             if request.fit_step_rate {
                 let kept_hz = pace::kept_rate_hz(&scene);
-                set_step_rate(&mut scene, kept_hz)?;
+                scene = at_step_rate(scene, kept_hz)?;
             }
             Ok(scene)
         };
@@ -207,10 +207,9 @@ where
 }
 
 /// The client's step rate goes before the scene's, within the same limits.
-fn set_step_rate(scene: &mut Scene, step_rate_hz: f64) -> Result<(), RequestError> {
-    scene.desc.rate_hz = step_rate_hz;
-    let refuse = |error: SceneError| RequestError::SceneText { message: format!("step_rate_hz: {error}") };
-    scene.desc.validate().map_err(refuse)
+fn at_step_rate(scene: SoundScene, step_rate_hz: f64) -> Result<SoundScene, RequestError> {
+    let refuse = |problems| RequestError::SceneText { message: format!("step_rate_hz: {problems}") };
+    scene.with(|desc| desc.rate_hz = step_rate_hz).map_err(refuse)
 }
 
 #[tonic::async_trait]
@@ -228,7 +227,7 @@ impl v1::session_service_server::SessionService for SessionService {
 
     async fn get_scene(&self, request: Request<v1::GetSceneRequest>) -> Result<Response<v1::GetSceneResponse>, Status> {
         let desc = match request.get_ref().of.as_ref().ok_or(RequestError::Missing { field: "of" })? {
-            SceneOf::SceneName(name) => by_name(&self.scenes, name)?.desc,
+            SceneOf::SceneName(name) => by_name(&self.scenes, name)?.into_scene().desc,
             SceneOf::SessionId(id) => self.get(&request, id)?.scene().desc.clone(),
         };
         let scene_toml =
@@ -510,7 +509,7 @@ impl Drop for Claim {
     }
 }
 
-fn by_name(scenes: &SceneList, name: &str) -> Result<Scene, RequestError> {
+fn by_name(scenes: &SceneList, name: &str) -> Result<SoundScene, RequestError> {
     let scene = scenes.load(name).ok_or_else(|| {
         let name: String = name.chars().take(64).collect();
         let known = scenes.list();
@@ -521,7 +520,7 @@ fn by_name(scenes: &SceneList, name: &str) -> Result<Scene, RequestError> {
 }
 
 /// A scene from a client's text, which is measured before it is read, and the files that came with it.
-fn from_text(text: &str, files: Vec<v1::SceneFile>, max_bytes: usize) -> Result<Scene, RequestError> {
+fn from_text(text: &str, files: Vec<v1::SceneFile>, max_bytes: usize) -> Result<SoundScene, RequestError> {
     let refuse = |message: String| RequestError::SceneText { message };
     if text.len() > max_bytes {
         return Err(refuse(format!("scene_toml: {} bytes, at most {max_bytes} (max_scene_bytes)", text.len())));

@@ -133,7 +133,7 @@ async fn lives(seed: u64, registry: &Registry, tally: &mut Tally) {
         _ => Faults::default(),
     };
     let disk = Arc::new(VirtualDisk::new(random.u64(..), faults));
-    let scene = Scene { desc: toml::from_str(BLOCK).unwrap(), meshes: Default::default() };
+    let scene = Scene { desc: toml::from_str(BLOCK).unwrap(), meshes: Default::default() }.judge().unwrap();
     let options = SessionOptions { is_journaled: true, start_paused: true, ..SessionOptions::default() };
     let mut session = registry.create(scene, options.clone()).await.unwrap();
     let id: SessionId = session.id();

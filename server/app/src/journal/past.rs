@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use kerf_physics::Scene;
+use kerf_physics::SoundScene;
 use kerf_proto::v1;
 use kerf_session::{Past, PastEntry};
 
@@ -13,7 +13,7 @@ use crate::recording::tracks::Track;
 
 /// What brings a session back: of its files the newest that has a beginning. An older one is there where the server was
 /// killed before the newer one was on the disk, and leads as far as that begins.
-pub fn read(files: &[PathBuf]) -> Result<(Scene, Past)> {
+pub fn read(files: &[PathBuf]) -> Result<(SoundScene, Past)> {
     let mut why_not = None;
     for path in files.iter().rev() {
         match read_file(path) {
@@ -27,10 +27,11 @@ pub fn read(files: &[PathBuf]) -> Result<(Scene, Past)> {
     Err(why_not.context("the journal has no file")?)
 }
 
-fn read_file(path: &Path) -> Result<(Scene, Past)> {
+fn read_file(path: &Path) -> Result<(SoundScene, Past)> {
     let mut recording = Recording::open_journal(path)?;
     let past = past(&mut recording).with_context(|| path.display().to_string())?;
-    Ok((convert::scene(recording.header()).context("the scene")?, past))
+    let scene = convert::scene(recording.header()).context("the scene")?;
+    Ok((scene.judge().context("the scene")?, past))
 }
 
 fn past(recording: &mut Recording) -> Result<Past> {

@@ -30,7 +30,7 @@ async fn journal(folder: &Path, steps: usize) -> Vec<u8> {
     let config = ServerConfig { journal_dir: Some(folder.into()), ..ServerConfig::default() };
     let journals = Journals::new(&config).unwrap();
     let registry = Registry::new(SessionLimits::default(), ParetoFronts::builtin()).unwrap();
-    let scene = Scene { desc: toml::from_str(BLOCK).unwrap(), meshes: Default::default() };
+    let scene = Scene { desc: toml::from_str(BLOCK).unwrap(), meshes: Default::default() }.judge().unwrap();
     let options = SessionOptions { is_journaled: true, start_paused: true, ..SessionOptions::default() };
     let session = registry.create(scene, options).await.unwrap();
     assert_eq!(journals.begin(&session), None);
@@ -63,7 +63,7 @@ async fn a_disk_that_fails_to_sync_ends_the_journal_without_a_retry_and_the_sess
     let faults = Faults { sync: 0.2, ..Faults::default() };
     let journals = Journals { storage: Arc::new(VirtualDisk::new(1, faults)), ..Journals::new(&config).unwrap() };
     let registry = Registry::new(SessionLimits::default(), ParetoFronts::builtin()).unwrap();
-    let scene = Scene { desc: toml::from_str(BLOCK).unwrap(), meshes: Default::default() };
+    let scene = Scene { desc: toml::from_str(BLOCK).unwrap(), meshes: Default::default() }.judge().unwrap();
     let options = SessionOptions { is_journaled: true, ..SessionOptions::default() };
     let session = registry.create(scene, options).await.unwrap();
     assert_eq!(journals.begin(&session), None);
@@ -93,7 +93,7 @@ async fn a_journal_that_cannot_be_begun_leaves_no_file() {
         let config = ServerConfig { journal_dir: Some(folder.path().into()), ..ServerConfig::default() };
         let storage = Arc::new(VirtualDisk::new(seed, Faults { full: 0.3, ..Faults::default() }));
         let journals = Journals { storage, ..Journals::new(&config).unwrap() };
-        let scene = Scene { desc: toml::from_str(BLOCK).unwrap(), meshes: Default::default() };
+        let scene = Scene { desc: toml::from_str(BLOCK).unwrap(), meshes: Default::default() }.judge().unwrap();
         let options = SessionOptions { is_journaled: true, start_paused: true, ..SessionOptions::default() };
         let session = registry.create(scene, options).await.unwrap();
         let error = journals.begin(&session);

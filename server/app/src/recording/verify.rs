@@ -34,6 +34,7 @@ pub struct Verified {
 /// What cannot be read, the first step that differs, or that there is none.
 pub fn verify(recording: &mut Recording, workers: &Workers<'_>, mut progress: impl FnMut(u64)) -> Result<Verified> {
     let scene = convert::scene(recording.header()).context("the recorded scene")?;
+    let scene = scene.judge().context("the recorded scene")?;
     let Survey { steps, needed } = Survey::of(recording)?;
     let mut again = Resimulation::new(&scene)?;
     let (mut verified, mut saved) = (Verified::of(recording.ending()), 0);

@@ -170,7 +170,7 @@ mod tests {
     #[test]
     fn a_longer_run_is_not_written_over() {
         let folder = tempfile::tempdir().unwrap();
-        let scene = catalog::builtin("liver").unwrap().desc;
+        let scene = catalog::builtin("liver").unwrap().into_scene().desc;
         let mut tables = Tables::create(&folder.path().join("run"), &scene, 12).unwrap();
         for step in 1..=12 {
             let tracked_displacement_m = vec![Vec3::zeros(); scene.tracked_points.len()];
@@ -187,7 +187,7 @@ mod tests {
     #[test]
     fn rows_have_the_headers_width_and_booked_terms_are_summed() {
         let folder = tempfile::tempdir().unwrap();
-        let scene = catalog::builtin("liver").unwrap().desc;
+        let scene = catalog::builtin("liver").unwrap().into_scene().desc;
         let mut output = StepOutput { sim_time_s: 0.001, ..StepOutput::default() };
         output.tools.push(Default::default());
         output.tracked_displacement_m = vec![Vec3::x(), Vec3::y()];

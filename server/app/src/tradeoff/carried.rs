@@ -72,8 +72,7 @@ mod tests {
              [[tools]]\nname = 'blade'\nshape = {{ blade = {{ width_m = 0.1, height_m = 0.05 }} }}\n"
         );
         let scene = Scene { desc: SceneDesc::from_toml("block", &text).unwrap(), meshes: Default::default() };
-        assert_eq!(scene.problems(), []);
-        let mut world = World::new(&scene).unwrap();
+        let mut world = World::new(&scene.clone().judge().unwrap()).unwrap();
         let path = [(0.0, Vec3::new(0.0, 0.0495, 0.0)), (0.37, Vec3::new(0.0, 0.0125, 0.0))];
         let mut script = Script::of_positions(&path);
         let (mut forces_n, mut spent_j, mut fracture_j) = (Vec::new(), 0.0, 0.0);
@@ -118,14 +117,14 @@ mod tests {
         for name in catalog::builtin_names() {
             assert_eq!(fold(&catalog::builtin(name).unwrap()).unwrap(), None, "{name}");
         }
-        let mut liver = catalog::builtin("liver-tissue").unwrap();
+        let mut liver = catalog::builtin("liver-tissue").unwrap().into_scene();
         liver.desc.objects[0].level = 0;
         assert_eq!(fold(&liver).unwrap(), None);
     }
 
     #[test]
     fn a_finer_region_is_what_folds() {
-        let mut scene = catalog::builtin("jelly").unwrap();
+        let mut scene = catalog::builtin("jelly").unwrap().into_scene();
         let shape = ShapeDesc::Sphere { center_m: [0.0, 0.05, 0.0], radius_m: 0.01 };
         scene.desc.objects[0].finer.push(FinerDesc { shape, level: 0 });
         assert!(fold(&scene).unwrap().unwrap().contains("level 0"));

@@ -48,12 +48,12 @@ pub struct Job {
 }
 
 impl Job {
-    /// The scene with the setting applied; it may not be supported.
+    /// The scene with the setting applied, which may not be sound.
     ///
     /// # Errors
     /// The scene cannot be had.
     pub fn scene(&self) -> Result<Scene> {
-        let mut scene = catalog::load(&self.scene)?;
+        let mut scene = catalog::load(&self.scene)?.into_scene();
         self.setting.apply(&mut scene.desc);
         if let Some(stroke) = self.stroke {
             let finer = |shape: ShapeDesc, level: u8| FinerDesc { shape, level };
@@ -130,8 +130,8 @@ mod tests {
             start_s: 0.0,
             limit_s: None,
         };
-        let scene = job.scene().unwrap();
-        assert_eq!((scene.problems(), scene.desc.solver.max_iterations), (Vec::new(), 7));
+        let scene = job.scene().unwrap().judge().unwrap();
+        assert_eq!(scene.desc.solver.max_iterations, 7);
         let world = World::new(&scene).unwrap();
         let body = world.bodies()[0];
         let half_m = body.state.grid.voxel_size_m();

@@ -92,10 +92,10 @@ pub fn run(options: &Options) -> Result<()> {
 
 /// Why a job's scene is not run; `None` where it is.
 fn refusal(job: &Job) -> Result<Option<String>> {
-    let mut scene = job.scene()?;
-    if let Some(problem) = scene.problems().first() {
-        return Ok(Some(problem.to_string()));
-    }
+    let mut scene = match job.scene()?.judge() {
+        Ok(scene) => scene.into_scene(),
+        Err(problems) => return Ok(problems.0.first().map(ToString::to_string)),
+    };
     if job.level_around_stroke.is_some() {
         // Its smaller elements are where no edge comes.
         scene.desc.objects.iter_mut().for_each(|object| object.finer.clear());

@@ -115,7 +115,7 @@ mod tests {
 
     #[test]
     fn points_follow_a_rigid_motion_in_voxels_of_any_size() {
-        let mut scene = catalog::builtin("jelly").unwrap();
+        let mut scene = catalog::builtin("jelly").unwrap().into_scene();
         scene.desc.gravity_m_per_s2 = [0.0; 3];
         scene.desc.objects[0].fixed.clear();
         scene.desc.objects[0].material.rayleigh_alpha_per_s = 0.0;
@@ -123,7 +123,7 @@ mod tests {
         let size_m = scene.desc.objects[0].voxel_size_m.unwrap();
         for scale in [1.0, 1.7] {
             scene.desc.objects[0].voxel_size_m = Some(size_m * scale);
-            let mut world = World::new(&scene).unwrap();
+            let mut world = World::new(&scene.clone().judge().unwrap()).unwrap();
             for velocity in &mut world.body_mut(0).state.velocity_m_per_s {
                 *velocity = [0.5, -0.25, 1.0];
             }

@@ -88,11 +88,8 @@ pub fn write(out: &Path, run: &Run) -> Result<()> {
 }
 
 fn simulate_job(job: Job, progress: &mut dyn FnMut(u64)) -> Result<Run> {
-    let scene = job.scene()?;
-    if let Some(problem) = scene.problems().into_iter().next() {
-        return Err(problem.into());
-    }
-    let mut script = read_script(job.script.as_deref(), &catalog::load(&job.scene)?)?;
+    let scene = job.scene()?.judge()?;
+    let mut script = read_script(job.script.as_deref(), &*catalog::load(&job.scene)?)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(job.threads).build()?;
     let workers = Workers::of(&pool);
     let mut world = World::new(&scene)?;

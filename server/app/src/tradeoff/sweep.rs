@@ -175,7 +175,7 @@ mod tests {
 
     #[test]
     fn the_default_sweep_has_every_axis_and_each_setting_once() {
-        let desc = catalog::builtin("liver").unwrap().desc;
+        let desc = catalog::builtin("liver").unwrap().into_scene().desc;
         let settings = settings(&desc, &Axes::default());
         for level in 0..=3 {
             for tolerance in [1e-2, 1e-3, 1e-5] {
@@ -197,7 +197,7 @@ mod tests {
 
     #[test]
     fn axes_that_are_given_are_all_there_is() {
-        let desc = catalog::builtin("liver").unwrap().desc;
+        let desc = catalog::builtin("liver").unwrap().into_scene().desc;
         let axes = Axes {
             levels: vec![1, 2],
             tolerances: vec![1e-4],

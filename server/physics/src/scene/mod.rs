@@ -1,7 +1,7 @@
 //! The description of a scene: one TOML file, version 1.
 //!
 //! Each subject has its data and defaults in a file of its own; [`SceneDesc::from_toml`] reads a file,
-//! [`SceneDesc::problems`] says what is wrong with its values, [`toughness`] what a material asks of its elements.
+//! [`Scene::judge`] says what is wrong with its values, [`toughness`] what a material asks of its elements.
 
 mod color;
 pub(crate) mod edge;
@@ -29,10 +29,10 @@ use serde::{Deserialize, Serialize};
 /// Version of the scene format that this crate reads.
 pub const SCENE_VERSION: u32 = 1;
 
-/// A scene with everything it refers to: what [`crate::World::new`] is built from.
+/// A scene with everything it refers to, whatever its values: [`Scene::judge`] says whether a world can be made of it.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// The validated description.
+    /// The description.
     pub desc: SceneDesc,
     /// Triangle meshes by the `file` their shape names.
     pub meshes: Meshes,
@@ -63,6 +63,26 @@ pub enum SceneError {
         /// The value, the limit and the reason.
         message: String,
     },
+}
+
+/// Everything that is wrong with a scene, in the order of its fields; at least one thing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneProblems(pub Vec<SceneError>);
+
+impl std::error::Error for SceneProblems {}
+
+impl std::fmt::Display for SceneProblems {
+    /// A line for each.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let lines: Vec<String> = self.0.iter().map(ToString::to_string).collect();
+        f.write_str(&lines.join("\n"))
+    }
+}
+
+impl From<SceneError> for SceneProblems {
+    fn from(problem: SceneError) -> Self {
+        Self(vec![problem])
+    }
 }
 
 impl SceneError {

@@ -3,7 +3,8 @@
 mod overload;
 
 use std::collections::BTreeSet;
-use std::ops::RangeInclusive;
+use std::ops::{Deref, RangeInclusive};
+use std::sync::Arc;
 
 use crate::grid::voxelize::{Measures, measures};
 use crate::scene::edge;
@@ -12,7 +13,7 @@ use crate::scene::toughness::{asked_over_eh, carried_over_eh};
 use crate::scene::wording::{brief, did_you_mean, out_of_range};
 use crate::scene::{
     BladeDesc, CapsuleDesc, DialDesc, FractureRule, GrasperDesc, LoadDesc, MaterialDesc, Meshes, ObjectDesc,
-    SCENE_VERSION, Scene, SceneDesc, SceneError, ScissorsDesc, ShapeDesc, ToolShapeDesc,
+    SCENE_VERSION, Scene, SceneDesc, SceneError, SceneProblems, ScissorsDesc, ShapeDesc, ToolShapeDesc,
 };
 use overload::Loaded;
 
@@ -58,28 +59,56 @@ const MAX_LENGTH_M: f64 = 1e3;
 /// Smallest length that a shape may have, m.
 const MIN_LENGTH_M: f64 = 1e-6;
 
-impl SceneDesc {
-    /// The first of [`Self::problems`], if there is any.
+impl Scene {
+    /// This scene as one that a world is made of.
     ///
     /// # Errors
-    /// A [`SceneError::Field`] naming field, value and limit.
-    pub fn validate(&self) -> Result<(), SceneError> {
-        self.problems().into_iter().next().map_or(Ok(()), Err)
+    /// Everything that is wrong with the values.
+    pub fn judge(self) -> Result<SoundScene, SceneProblems> {
+        let problems = self.problems();
+        if problems.is_empty() { Ok(SoundScene(Arc::new(self))) } else { Err(SceneProblems(problems)) }
     }
 
-    /// Everything that is wrong with the values, in the order of the fields. What depends on the
-    /// size of a mesh is judged by [`Scene::problems`].
-    #[must_use]
-    pub fn problems(&self) -> Vec<SceneError> {
-        problems(self, &Meshes::new())
-    }
-}
-
-impl Scene {
-    /// Everything that is wrong with the values, meshes taken into account.
+    /// Everything that is wrong with the values, in the order of the fields.
     #[must_use]
     pub fn problems(&self) -> Vec<SceneError> {
         problems(&self.desc, &self.meshes)
+    }
+}
+
+/// A scene whose values are within their limits: only [`Scene::judge`] makes one.
+#[derive(Clone, Debug)]
+pub struct SoundScene(Arc<Scene>);
+
+impl SoundScene {
+    /// The same scene with its description changed, judged once more.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the values then.
+    pub fn with(self, change: impl FnOnce(&mut SceneDesc)) -> Result<Self, SceneProblems> {
+        let mut scene = self.into_scene();
+        change(&mut scene.desc);
+        scene.judge()
+    }
+
+    /// The scene, to be changed and judged once more.
+    #[must_use]
+    pub fn into_scene(self) -> Scene {
+        Arc::unwrap_or_clone(self.0)
+    }
+}
+
+impl From<SoundScene> for Arc<Scene> {
+    fn from(sound: SoundScene) -> Self {
+        sound.0
+    }
+}
+
+impl Deref for SoundScene {
+    type Target = Scene;
+
+    fn deref(&self) -> &Scene {
+        &self.0
     }
 }
 

@@ -34,9 +34,10 @@ mod wrenches;
 use crate::Vec3;
 use crate::body::{Body, share_of_rest};
 use crate::making::{Making, MakingStage, Teller};
-use crate::scene::{Scene, SceneError};
+use crate::scene::{SceneError, SceneProblems};
 use crate::stage::{Lap, Stage, StageClock};
 use crate::step_io::{EnergyStep, StepInputs, StepOutput, ToolOutput};
+use crate::validate::SoundScene;
 use crate::work::WorkMeter;
 use crate::workers::Workers;
 use body_slot::BodySlot;
@@ -70,8 +71,8 @@ impl World {
     /// Builds the scene at rest.
     ///
     /// # Errors
-    /// A field of the scene whose value is not supported, with the field and the limit named.
-    pub fn new(scene: &Scene) -> Result<Self, SceneError> {
+    /// What shows only while it is built: a mesh that encloses nothing, a point in no voxel, a prestrain without equilibrium.
+    pub fn new(scene: &SoundScene) -> Result<Self, SceneProblems> {
         Self::make(scene, &mut |_| ())
     }
 
@@ -79,7 +80,7 @@ impl World {
     ///
     /// # Errors
     /// Those of [`World::new`].
-    pub fn make(scene: &Scene, tell: &mut dyn FnMut(Making)) -> Result<Self, SceneError> {
+    pub fn make(scene: &SoundScene, tell: &mut dyn FnMut(Making)) -> Result<Self, SceneProblems> {
         let mut teller = Teller::new(scene.desc.objects.len(), tell);
         let params = description::params(scene)?;
         let shapes = description::shapes(scene)?;
@@ -92,12 +93,12 @@ impl World {
                 let Relaxation { converged, relative_residual, .. } =
                     body.relax(&Workers::serial(), &mut |residual| teller.relaxed(share_of_rest(residual)));
                 if !converged {
-                    return Err(SceneError::Field {
+                    Err(SceneError::Field {
                         field: format!("objects[{index}].material.prestrain"),
                         message: format!(
                             "does not come to rest: {relative_residual:.1e} of the forces stay unbalanced"
                         ),
-                    });
+                    })?;
                 }
             }
             slots.push(BodySlot::new(body, shapes.iter(), is_tense || !object.loads.is_empty()));

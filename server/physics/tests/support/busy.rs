@@ -1,6 +1,7 @@
 //! A scene in which all is in play that a state has: cuts that a blade, scissors and a pull drive on, a grasp, a probe,
 //! tissue on tissue, and materials that stiffen and relax.
 
+use super::world_of;
 use super::{Lcg, object, scene, viscosity};
 use kerf_physics::scene::{
     BladeDesc, CapsuleDesc, Face, GrasperDesc, LoadDesc, RegionDesc, Scene, ScissorsDesc, ShapeDesc, ToolDesc,
@@ -68,7 +69,7 @@ pub fn busy_scene(kind: usize) -> Scene {
 
 impl Busy {
     pub fn new(kind: usize) -> Self {
-        Self { world: World::new(&busy_scene(kind)).expect("a valid scene"), kind }
+        Self { world: world_of(&busy_scene(kind)), kind }
     }
 
     /// What the hands do in a step.

@@ -1,5 +1,6 @@
 //! A block and a blade that is driven through it.
 
+use super::world_of;
 use super::{object, scene};
 use kerf_physics::body::Body;
 use kerf_physics::scene::{BladeDesc, ObjectDesc, Scene, ShapeDesc, ToolDesc};
@@ -69,7 +70,7 @@ pub struct Rig {
 impl Rig {
     pub fn new(scene: &Scene, position_m: Vec3, orientation: Quat, speed_m_per_s: f64) -> Self {
         Self {
-            world: World::new(scene).expect("a valid scene"),
+            world: world_of(scene),
             tool: 0,
             position_m,
             orientation,

@@ -79,6 +79,12 @@ pub fn scene(objects: Vec<ObjectDesc>) -> Scene {
     }
 }
 
+/// The world of a scene whose values are sound.
+pub fn world_of(scene: &Scene) -> World {
+    let sound = scene.clone().judge().unwrap_or_else(|problems| panic!("{problems}"));
+    World::new(&sound).expect("a valid scene")
+}
+
 /// Hash of where all nodes are and how fast, by their bits: what worlds of different scenes can agree in.
 pub fn motion_hash(world: &World) -> u64 {
     let mut hasher = StateHasher::default();
@@ -116,7 +122,7 @@ pub fn beam(level: u8, h: f64, poisson_ratio: f64) -> (f64, f64) {
     let mut scene = scene(vec![desc]);
     let g = 0.0981;
     scene.desc.gravity_m_per_s2 = [0.0, -g, 0.0];
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     world.relax(&Workers::serial(), &mut |_| ());
     let body = &world.bodies()[0];
     let tip: Vec<f64> = (0..body.node_count())

@@ -1,5 +1,6 @@
 //! A block under a blade.
 
+use super::world_of;
 use kerf_physics::scene::{BladeDesc, MaterialDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::ToolMotion;
 use kerf_physics::tool::Pose;
@@ -42,7 +43,7 @@ pub fn hashes(workers: &Workers<'_>, level: u8, change: fn(&mut MaterialDesc)) -
     let mut scene = cutting_scene();
     scene.desc.objects[0].level = level;
     change(&mut scene.desc.objects[0].material);
-    let mut world = World::new(&scene).expect("a valid scene");
+    let mut world = world_of(&scene);
     let mut parted = 0;
     let mut hashes = Vec::new();
     for i in 0..60 {

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::Path;
 
 use kerf_physics::scene::{DialDesc, SceneDesc};
-use kerf_physics::{Scene, SceneError};
+use kerf_physics::{Scene, SceneProblems, SoundScene};
 
 use super::pareto::{ParetoError, ParetoFront, ParetoPoint};
 use super::setting::{FinerRegions, Setting, fingerprint, states_finer};
@@ -84,7 +84,7 @@ pub enum DialError {
     },
     /// The scene does not allow the setting.
     #[error("dial: {0}")]
-    Scene(#[from] SceneError),
+    Scene(#[from] SceneProblems),
 }
 
 /// Largest file of a Pareto front, bytes: some hundred thousand settings.
@@ -139,10 +139,15 @@ impl ParetoFronts {
     ///
     /// # Errors
     /// See [`DialError`].
-    pub fn settle(&self, scene: &mut Scene, asked: Option<DialDesc>) -> Result<Option<Choice>, DialError> {
-        let wish = scene.desc.dial.take();
-        let Some(asked) = asked.or(wish) else { return Ok(None) };
-        let pareto = self.of(scene);
+    pub fn settle(
+        &self,
+        scene: SoundScene,
+        asked: Option<DialDesc>,
+    ) -> Result<(SoundScene, Option<Choice>), DialError> {
+        let Some(asked) = asked.or(scene.desc.dial) else { return Ok((scene, None)) };
+        let mut scene = scene.into_scene();
+        scene.desc.dial = None;
+        let pareto = self.of(&scene);
         let expected = match asked {
             DialDesc::Level(level) => {
                 set_level(&mut scene.desc, level);
@@ -164,9 +169,10 @@ impl ParetoFronts {
             point.setting().apply(&mut scene.desc);
         }
         let setting = expected.map(ParetoPoint::setting).or_else(|| Setting::of(&scene.desc));
-        scene.problems().into_iter().next().map_or(Ok(()), Err)?;
+        let scene = scene.judge()?;
         let hardware = pareto.and_then(|pareto| pareto.notes.get("hardware")).cloned().unwrap_or_default();
-        Ok(Some(Choice { asked, setting, expected: expected.copied(), hardware }))
+        let choice = Choice { asked, setting, expected: expected.copied(), hardware };
+        Ok((scene, Some(choice)))
     }
 }
 
@@ -214,9 +220,9 @@ mod tests {
 
     #[test]
     fn a_choice_is_told_in_the_words_of_a_scene() {
-        let mut scene = catalog::builtin("liver").unwrap();
-        let choice = ParetoFronts::default().settle(&mut scene, Some(DialDesc::Level(1))).unwrap().unwrap();
-        let told = choice.to_string();
+        let scene = catalog::builtin("liver").unwrap();
+        let (_, choice) = ParetoFronts::default().settle(scene, Some(DialDesc::Level(1))).unwrap();
+        let told = choice.unwrap().to_string();
         assert!(
             told.starts_with("dial level = 1: level 1, voxels x 1, 1000 Hz, tolerance 1e-3, elements by_content"),
             "{told}"
@@ -245,7 +251,7 @@ mod tests {
         ParetoFronts(vec![ParetoFront { points: points.iter().map(point).collect(), ..ParetoFront::of(scene) }])
     }
 
-    fn liver() -> (Scene, ParetoFronts) {
+    fn liver() -> (SoundScene, ParetoFronts) {
         let scene = catalog::builtin("liver").unwrap();
         let pareto_fronts =
             pareto_fronts(&scene, &[(0, 20.0, 0.01), (1, 4.0, 0.02), (2, 1.0, 0.05), (3, 0.5, 0.2), (4, 0.6, 0.3)]);
@@ -253,9 +259,9 @@ mod tests {
     }
 
     fn level_for(asked: DialDesc) -> Result<u8, DialError> {
-        let (mut scene, pareto_fronts) = liver();
-        let choice = pareto_fronts.settle(&mut scene, Some(asked))?.unwrap();
-        assert_eq!(choice.setting.unwrap().level, scene.desc.objects[0].level);
+        let (scene, pareto_fronts) = liver();
+        let (scene, choice) = pareto_fronts.settle(scene, Some(asked))?;
+        assert_eq!(choice.unwrap().setting.unwrap().level, scene.desc.objects[0].level);
         Ok(scene.desc.objects[0].level)
     }
 
@@ -280,21 +286,23 @@ mod tests {
 
     #[test]
     fn a_scene_asks_and_a_session_has_the_last_word() {
-        let (mut scene, pareto_fronts) = liver();
-        scene.desc.dial = Some(DialDesc::Level(0));
-        let choice = pareto_fronts.settle(&mut scene, Some(DialDesc::Level(3))).unwrap().unwrap();
+        let (scene, pareto_fronts) = liver();
+        let scene = scene.with(|desc| desc.dial = Some(DialDesc::Level(0))).unwrap();
+        let (scene, choice) = pareto_fronts.settle(scene, Some(DialDesc::Level(3))).unwrap();
+        let choice = choice.unwrap();
         assert_eq!((choice.asked, scene.desc.objects[0].level, scene.desc.dial), (DialDesc::Level(3), 3, None));
         assert!(choice.to_string().contains("level 3") && choice.to_string().contains("20.00 %"), "{choice}");
-        assert_eq!(pareto_fronts.settle(&mut scene, None), Ok(None));
+        assert_eq!(pareto_fronts.settle(scene, None).unwrap().1, None);
     }
 
     #[test]
     fn without_a_pareto_front_a_level_can_be_had_and_an_error_cannot() {
-        let mut scene = catalog::builtin("jelly").unwrap();
+        let scene = catalog::builtin("jelly").unwrap();
         let (_, pareto_fronts) = liver();
-        let error = pareto_fronts.settle(&mut scene.clone(), Some(DialDesc::MaxError(0.1))).unwrap_err();
+        let error = pareto_fronts.settle(scene.clone(), Some(DialDesc::MaxError(0.1))).unwrap_err();
         assert_eq!(error, DialError::NoParetoFront { scene: "jelly".into() });
-        let choice = pareto_fronts.settle(&mut scene, Some(DialDesc::Level(1))).unwrap().unwrap();
+        let (_, choice) = pareto_fronts.settle(scene, Some(DialDesc::Level(1))).unwrap();
+        let choice = choice.unwrap();
         assert_eq!((choice.setting.unwrap().level, choice.expected), (1, None));
     }
 
@@ -308,9 +316,9 @@ mod tests {
 
     #[test]
     fn the_rate_is_not_the_dials_to_change() {
-        let (mut scene, pareto_fronts) = liver();
-        scene.desc.rate_hz = 500.0;
-        let error = pareto_fronts.settle(&mut scene, Some(DialDesc::BudgetMs(4.0))).unwrap_err();
+        let (scene, pareto_fronts) = liver();
+        let scene = scene.with(|desc| desc.rate_hz = 500.0).unwrap();
+        let error = pareto_fronts.settle(scene, Some(DialDesc::BudgetMs(4.0))).unwrap_err();
         assert_eq!(error, DialError::Rate { rate_hz: 500.0, measured: "1000".into() });
     }
 }

@@ -215,7 +215,7 @@ mod tests {
 
     #[test]
     fn a_setting_leaves_the_fingerprint_as_it_is_and_a_material_does_not() {
-        let mut scene = catalog::builtin("liver").unwrap();
+        let mut scene = catalog::builtin("liver").unwrap().into_scene();
         let pareto = ParetoFront::of(&scene);
         point(1.0, 0.1).setting().apply(&mut scene.desc);
         assert_eq!(pareto.fingerprint(), Some(fingerprint(&scene)));

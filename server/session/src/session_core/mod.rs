@@ -38,7 +38,7 @@ use std::sync::Arc;
 use kerf_physics::fault::Fault;
 use kerf_physics::making::Making;
 use kerf_physics::step_io::{EnergyStep, SolveReport};
-use kerf_physics::{Scene, StageClock, StepInputs, Workers, World};
+use kerf_physics::{Scene, SoundScene, StageClock, StepInputs, Workers, World};
 
 use crate::admission::{Admitted, LoadMeter};
 use crate::checkpoints::Checkpoints;
@@ -84,7 +84,7 @@ pub(crate) enum Wake {
 
 /// A scene that is stepped, and what happens between two steps.
 pub(crate) struct SessionCore {
-    scene: Arc<Scene>,
+    scene: SoundScene,
     limits: SessionLimits,
     world: World,
     inbox: Arc<Inbox>,
@@ -151,7 +151,7 @@ impl Tally {
 impl SessionCore {
     /// Builds the scene, in the phase that the publisher shows, and what shows it: at rest, or as `past` says.
     pub fn new(
-        scene: Arc<Scene>,
+        scene: SoundScene,
         limits: SessionLimits,
         inbox: Arc<Inbox>,
         publisher: Publisher,
@@ -448,7 +448,7 @@ fn pacer(scene: &Scene, limits: &SessionLimits) -> Pacer {
     Pacer::new(scene.desc.rate_hz, to_ns(limits.max_lag_s), 0)
 }
 
-fn build_world(scene: &Scene, tell: &mut dyn FnMut(Making)) -> Result<World, SessionError> {
+fn build_world(scene: &SoundScene, tell: &mut dyn FnMut(Making)) -> Result<World, SessionError> {
     guard(|| World::make(scene, tell)).map_err(|message| SessionError::Failed { message })?.map_err(SessionError::from)
 }
 

@@ -22,7 +22,7 @@ enum Onlooker {
 fn step_us(rate_hz: f64, onlooker: Onlooker) -> f64 {
     // The first ones contour the surface, once.
     const STEPS: std::ops::Range<u64> = 20..220;
-    let mut desc = catalog::builtin("liver").unwrap().desc;
+    let mut desc = catalog::builtin("liver").unwrap().into_scene().desc;
     desc.rate_hz = rate_hz;
     let mut session = match onlooker {
         Onlooker::Journal => VirtualSession::journaled(desc, None).unwrap(),

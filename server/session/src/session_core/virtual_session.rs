@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use kerf_physics::tool::{OPEN, Pose};
-use kerf_physics::{Quat, Scene, SceneDesc, StageClock, Vec3, Workers};
+use kerf_physics::{Quat, Scene, SceneDesc, SoundScene, StageClock, Vec3, Workers};
 use kerf_scenes::cost::Cost;
 use rustix::time::{ClockId, clock_gettime};
 use tokio::sync::{oneshot, watch};
@@ -61,7 +61,7 @@ pub struct VirtualSession {
     pub shows: bool,
     /// Processor time of this thread that went into showing, ns.
     pub showing_ns: i64,
-    pub scene: Arc<Scene>,
+    pub scene: SoundScene,
     pub inbox: Arc<Inbox>,
     pub outbox: Arc<Outbox>,
     bell: watch::Receiver<u64>,
@@ -90,7 +90,7 @@ impl VirtualSession {
         is_journaled: bool,
         past: Option<Past>,
     ) -> Result<Self, SessionError> {
-        let scene = Arc::new(Scene { desc, meshes: Default::default() });
+        let scene = Scene { desc, meshes: Default::default() }.judge().expect("a sound scene");
         let inbox = Arc::new(Inbox::new(scene.desc.tools.len(), limits.clone()));
         let outbox = Arc::new(Outbox::new(&limits, Phase::Running));
         let (mut publisher, bell, reports) = Publisher::new(Arc::clone(&outbox));
@@ -98,7 +98,7 @@ impl VirtualSession {
         let journal = is_journaled.then(|| publisher.tape.reader(Wants::Bases, 10 * CAPACITY));
         let admission = Admission::new(f64::INFINITY, f64::INFINITY, f64::INFINITY, 1);
         let admitted = admission.admit(&Cost::default(), 1.0, false).unwrap();
-        let built = SessionCore::new(Arc::clone(&scene), limits, Arc::clone(&inbox), publisher, admitted, past, |_| ());
+        let built = SessionCore::new(scene.clone(), limits, Arc::clone(&inbox), publisher, admitted, past, |_| ());
         let (core, projector) = built?;
         let (clock, wake) = (VirtualClock::default(), Wake::At(0));
         Ok(Self {

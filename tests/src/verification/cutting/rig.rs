@@ -96,8 +96,8 @@ impl Rig {
         let edge_half_width_m = setup.edge_half_width_m;
         let blade = BladeDesc { edge_half_width_m, ..BladeDesc::straight(setup.blade_width_m, BLADE_HEIGHT_M) };
         desc.tools = vec![ToolDesc::blade("blade", blade)];
-        desc.validate().context("the scene of a cut")?;
-        let mut world = World::new(&Scene { desc, meshes: Default::default() })?;
+        let scene = Scene { desc, meshes: Default::default() }.judge().context("the scene of a cut")?;
+        let mut world = World::new(&scene)?;
         world.scale_blade_penalties(setup.penalty_factor);
         let Hold { start_m, along, forward } = setup.hold;
         let turn = Mat3::from_columns(&[along, -forward, along.cross(&-forward)]);

@@ -28,7 +28,7 @@ const MEASURED: [&str; 5] = ["skin", "gelatine", "potato", "cucumber", "apple"];
 
 /// The material of a built-in scene at rates too slow to toughen it, with its voxels and level.
 fn material(scene: &str) -> Result<(MaterialDesc, Mesh)> {
-    let object = catalog::builtin(scene)?.desc.objects.remove(0);
+    let object = catalog::builtin(scene)?.into_scene().desc.objects.remove(0);
     let mesh = Mesh { voxel_m: object.voxel_size_m.unwrap_or(COARSE_M), level: object.level };
     Ok((MaterialDesc { rate: None, ..object.material }, mesh))
 }
@@ -41,7 +41,7 @@ pub(super) fn liver(k: u32, voxel_m: f64) -> Result<Stroke> {
 /// The block of real liver, of two elements at least across.
 fn tissue(k: u32, voxel_m: f64) -> Result<Stroke> {
     let mesh = Mesh::new(k, voxel_m);
-    let regions = catalog::builtin("liver-tissue")?.desc.objects.remove(0).regions;
+    let regions = catalog::builtin("liver-tissue")?.into_scene().desc.objects.remove(0).regions;
     let parenchyma = regions.into_iter().find(|region| region.name == "parenchyma").context("no parenchyma")?;
     let stroke = Stroke::through(parenchyma.material, mesh, COARSE_M.max(0.25 * mesh.element_m()), 32.0);
     Ok(Stroke { speed_m_per_s: 0.1, rate_hz: 500.0, ..stroke })
