@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::support::cutting::attitude;
 use super::support::press::cutting_scene;
-use super::support::world_of;
+use super::support::{world_beyond_limits, world_of};
 use kerf_physics::body::MaterialPoint;
 use kerf_physics::scene::{BladeDesc, Scene, ToolDesc, ToolShapeDesc};
 use kerf_physics::step_io::ToolMotion;
@@ -277,7 +277,7 @@ fn a_softer_material_follows_in_a_wider_region() {
         scene.desc.objects[0].material.young_modulus_pa = young_modulus_pa;
         let ToolShapeDesc::Blade(blade) = &mut scene.desc.tools[0].shape else { panic!("a blade") };
         blade.width_m = WIDTH_M;
-        let mut world = world_of(&scene);
+        let mut world = world_beyond_limits(&scene);
         let _ = world.keyframe();
         drive(&mut world, &stroke, |_, _| ());
         assert_eq!(world.output().topology_version, 0);

@@ -1,6 +1,6 @@
 //! Motion without tools: what implicit Euler keeps exactly, and what bounds the energy.
 
-use super::support::{Lcg, object, run, scene, world_of};
+use super::support::{Lcg, object, run, scene, world_beyond_limits, world_of};
 use kerf_physics::body::Body;
 use kerf_physics::fault::FaultKind;
 use kerf_physics::grid::{Crossing, LinkId};
@@ -84,7 +84,7 @@ fn spinning_bar(rate_hz: f64, tolerance: f64, spin: Vec3) -> World {
     let mut scene = scene(vec![bar(2)]);
     scene.desc.solver.relative_tolerance = Some(tolerance);
     scene.desc.rate_hz = rate_hz;
-    let mut world = world_of(&scene);
+    let mut world = world_beyond_limits(&scene);
     let body = world.body_mut(0);
     let centre = Vec3::new(0.06, 0.02, 0.02);
     for node in 0..body.node_count() {
@@ -103,7 +103,7 @@ fn a_free_body_that_a_load_spins_past_a_step_is_booked_to_the_last_joule() {
     let mut scene = scene(vec![desc]);
     scene.desc.rate_hz = 60.0;
     scene.desc.solver.relative_tolerance = Some(1e-2);
-    let mut world = world_of(&scene);
+    let mut world = world_beyond_limits(&scene);
     let (mut worked_j, mut residual_j, mut braked_j) = (0.0, 0.0, 0.0);
     for _ in 0..20 {
         let energy = world.step(&Workers::serial(), &NoClock, &StepInputs::default()).energy;

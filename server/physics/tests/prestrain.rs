@@ -137,20 +137,29 @@ fn gape_m(body: &Body) -> f64 {
 
 #[test]
 fn a_cut_gapes_as_far_as_fracture_mechanics_says() {
+    gapes_as_theory_says(5e-3, 0, 0.93);
+    gapes_as_theory_says(2.5e-3, 1, 0.93);
+}
+
+#[test]
+#[ignore = "slow: the finer mesh, a third of a minute"]
+fn a_cut_gapes_as_far_in_small_elements() {
+    gapes_as_theory_says(2.5e-3, 0, 0.95);
+}
+
+fn gapes_as_theory_says(h: f64, level: u8, least: f64) {
     // A crack of length 2 a under a stress opens by 4 sigma a / E in its middle (Griffith 1921). Between clamps the
     // stress falls as it opens: energy pi sigma^2 a^2 / E of the crack beside sigma^2 W L / 2 E of the plate.
     let strain = 0.02;
     let crack_over_plate = 2.0 * std::f64::consts::PI * (HALF_CUT_M / PLATE_M).powi(2);
     let expected_m = 4.0 * HALF_CUT_M * strain / (1.0 + strain) / (1.0 + crack_over_plate);
-    for (h, level, least) in [(5e-3, 0, 0.93), (2.5e-3, 0, 0.95), (2.5e-3, 1, 0.93)] {
-        let mut body = body(&plate(h, level, strain), StepParams { max_iterations: 2000, ..params(1e-2) });
-        cut(&mut body);
-        let rest = body.relax(&Workers::serial(), &mut |_| ());
-        assert!(rest.relative_residual < 1e-5, "{rest:?}");
-        let ratio = gape_m(&body) / expected_m;
-        println!("h {h}, level {level}: gapes {ratio:.3} of theory, {:.2} mm", 1e3 * gape_m(&body));
-        assert!((least..1.03).contains(&ratio), "h {h}, level {level}: {ratio} of what theory says");
-    }
+    let mut body = body(&plate(h, level, strain), StepParams { max_iterations: 2000, ..params(1e-2) });
+    cut(&mut body);
+    let rest = body.relax(&Workers::serial(), &mut |_| ());
+    assert!(rest.relative_residual < 1e-5, "{rest:?}");
+    let ratio = gape_m(&body) / expected_m;
+    println!("h {h}, level {level}: gapes {ratio:.3} of theory, {:.2} mm", 1e3 * gape_m(&body));
+    assert!((least..1.03).contains(&ratio), "h {h}, level {level}: {ratio} of what theory says");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! A body at rest sleeps: no step is taken of it until something wakes it, and it misses no more than the solver does.
 
 use super::support::press::LAWS;
-use super::support::{object, scene, world_of};
+use super::support::{object, scene, world_beyond_limits, world_of};
 use kerf_physics::scene::{BladeDesc, CapsuleDesc, MaterialDesc, Scene, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::{StepOutput, ToolMotion};
 use kerf_physics::tool::Pose;
@@ -247,7 +247,7 @@ fn what_falls_slowly_does_not_sleep() {
     let mut scene = scene(vec![desc]);
     scene.desc.gravity_m_per_s2 = [0.0, -9.81, 0.0];
     scene.desc.solver.relative_tolerance = Some(TOLERANCE);
-    let mut world = world_of(&scene);
+    let mut world = world_beyond_limits(&scene);
     (0..1000).for_each(|_| _ = wait(&mut world));
     let body = world.bodies()[0];
     let fallen_m = body.rest_position_m(0).y - body.state.position_m[0][1];

@@ -139,7 +139,8 @@ fn pressed_into_a_slot(row: i32, depth: f64) -> (f64, f64) {
     object.material.fracture_energy_j_per_m2 = Some(1e6);
     object.material.rayleigh_alpha_per_s = 200.0;
     object.material.rayleigh_beta_s = 2e-3;
-    let mut rig = rig(object, 0.12, Vec3::new(0.0, TOP_M, 1.25e-3 + 4e-4));
+    let start_m = Vec3::new(0.0, TOP_M, 1.25e-3 + 4e-4);
+    let mut rig = Rig::beyond_limits(&cutting_scene(object, 0.12, 1000.0), start_m, Quat::identity(), 0.1);
     let body = rig.world.body_mut(0);
     let links: Vec<_> = (row..12)
         .flat_map(|y| (0..16).map(move |x| LinkId { cell: [x, y, 8], axis: 2 }))

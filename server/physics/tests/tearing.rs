@@ -1,6 +1,6 @@
 //! Tissue that is pulled apart: what a crack sets free, against theory, and when it goes on by itself.
 
-use super::support::{body, material, object, params, scene, world_of};
+use super::support::{body, material, object, params, scene, world_beyond_limits};
 use kerf_physics::StepParams;
 use kerf_physics::body::{Body, MaterialPoint};
 use kerf_physics::fracture::release::{Tip, released};
@@ -149,7 +149,7 @@ fn cuttable(specimen: &Specimen, still: &Body, gc_j_per_m2: f64) -> World {
     let mut desc = specimen.desc.clone();
     desc.material.fracture_energy_j_per_m2 = Some(gc_j_per_m2);
     desc.material.rayleigh_beta_s = 1e-3;
-    let mut world = world_of(&scene(vec![desc]));
+    let mut world = world_beyond_limits(&scene(vec![desc]));
     let body = world.body_mut(0);
     specimen.cracks_m.iter().for_each(|along_m| crack(body, specimen.height_m, *along_m));
     body.state.position_m.clone_from(&still.state.position_m);

@@ -146,15 +146,23 @@ fn tense_strip(level: u8, h: f64, share: f64) -> Scene {
 
 #[test]
 fn a_strip_that_is_tense_in_life_is_cut_at_gc_less_what_it_sets_free() {
-    for (level, h) in [(0, 5e-3), (1, 5e-3), (1, 2.5e-3), (2, 2.5e-3)] {
-        for share in [0.25, 0.63] {
-            let scene = tense_strip(level, h, share);
-            let (start, released) = rest_and_released(&scene, [0.0, DEPTH_M]);
-            let (found, residual) = cut_on(&scene, [0.0, DEPTH_M], Some(&start), 0.1);
-            println!("level {level}, h {h}: F/(Gc w) {found:.3}, 1 - G/Gc {:.3}, residual {residual:.1e}", 1.0 - share);
-            assert!((released - share).abs() < 0.01, "level {level}, h {h}: sets {released} of Gc free, not {share}");
-            assert!((found - (1.0 - share)).abs() < 0.05, "level {level}, h {h}: {found}, not 1 - {share}");
-            assert!(residual.abs() < 1e-3, "level {level}, h {h}: residual {residual} of the tool's work");
-        }
+    [(1, 5e-3), (2, 2.5e-3)].into_iter().for_each(|(level, h)| tense_strip_is_cut(level, h));
+}
+
+#[test]
+#[ignore = "slow: smaller elements, half a minute"]
+fn so_is_one_of_small_elements() {
+    [(0, 5e-3), (1, 2.5e-3)].into_iter().for_each(|(level, h)| tense_strip_is_cut(level, h));
+}
+
+fn tense_strip_is_cut(level: u8, h: f64) {
+    for share in [0.25, 0.63] {
+        let scene = tense_strip(level, h, share);
+        let (start, released) = rest_and_released(&scene, [0.0, DEPTH_M]);
+        let (found, residual) = cut_on(&scene, [0.0, DEPTH_M], Some(&start), 0.1);
+        println!("level {level}, h {h}: F/(Gc w) {found:.3}, 1 - G/Gc {:.3}, residual {residual:.1e}", 1.0 - share);
+        assert!((released - share).abs() < 0.01, "level {level}, h {h}: sets {released} of Gc free, not {share}");
+        assert!((found - (1.0 - share)).abs() < 0.05, "level {level}, h {h}: {found}, not 1 - {share}");
+        assert!(residual.abs() < 1e-3, "level {level}, h {h}: residual {residual} of the tool's work");
     }
 }

@@ -1,5 +1,6 @@
 //! From TOML text to a [`SceneDesc`], with the place of what does not fit.
 
+use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::wording::did_you_mean;
@@ -14,15 +15,14 @@ impl SceneDesc {
     pub fn from_toml(file: &str, text: &str) -> Result<Self, SceneError> {
         let syntax_error = |e: toml::de::Error| parse_error(file, text, "syntax", &e);
         // A file of another version would drown its reader in unknown fields: look at that first.
-        let table: toml::Table = toml::from_str(text).map_err(syntax_error)?;
-        if let Some(version) = table.get("version").and_then(toml::Value::as_integer)
-            && version != i64::from(SCENE_VERSION)
+        let table = DeTable::parse(text).map_err(syntax_error)?;
+        if let Some(DeValue::Integer(version)) = table.get_ref().get("version").map(Spanned::get_ref)
+            && u32::from_str_radix(version.as_str(), version.radix()) != Ok(SCENE_VERSION)
         {
             let message = format!("version {version} is not supported; this program reads {SCENE_VERSION}");
             return Err(SceneError::Field { field: format!("{file}: version"), message });
         }
-        let deserializer = toml::Deserializer::parse(text).map_err(syntax_error)?;
-        serde_path_to_error::deserialize(deserializer)
+        serde_path_to_error::deserialize(toml::Deserializer::from(table))
             .map_err(|e| parse_error(file, text, &e.path().to_string(), e.inner()))
     }
 }

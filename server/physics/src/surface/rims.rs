@@ -32,15 +32,22 @@ impl Surface {
 
     /// Puts those vertices of rims where they can be that may pass through the quads of these links.
     pub(super) fn settle_rims(&mut self, links: &[u32], change: &mut SurfaceChange) {
+        if self.rims.is_empty() {
+            return;
+        }
         let mut cells: Vec<u32> = links.iter().map(|link| link / 3).collect();
         sort_dedup(&mut cells);
         let reached = -NEAR.end()..=-NEAR.start();
-        let runs = cells.iter().flat_map(|cell| self.lattice.near(*cell, reached.clone()));
-        let ids = runs.map(|run| run.start * VERTICES_PER_CELL..run.end * VERTICES_PER_CELL);
-        let mut rims: Vec<(VertexId, Rim)> =
+        let mut runs: Vec<_> = cells.iter().flat_map(|cell| self.lattice.near(*cell, reached.clone())).collect();
+        runs.sort_unstable_by_key(|run| run.start);
+        runs.dedup_by(|next, run| {
+            let meets = next.start <= run.end;
+            run.end = if meets { run.end.max(next.end) } else { run.end };
+            meets
+        });
+        let ids = runs.iter().map(|run| run.start * VERTICES_PER_CELL..run.end * VERTICES_PER_CELL);
+        let rims: Vec<(VertexId, Rim)> =
             ids.flat_map(|ids| self.rims.range(ids)).map(|(id, rim)| (*id, *rim)).collect();
-        rims.sort_unstable_by_key(|(id, _)| *id);
-        rims.dedup_by_key(|(id, _)| *id);
         // The sides of a cut lie on each other, so they go together.
         let is_together = |(a, rim): &(VertexId, Rim), (b, other): &(VertexId, Rim)| {
             a / VERTICES_PER_CELL == b / VERTICES_PER_CELL && rim == other

@@ -1,6 +1,6 @@
 //! A blade pressed lightly on a block: by the simulation, and by a fine mesh under a resolved edge.
 
-use super::super::support::world_of;
+use super::super::support::world_beyond_limits;
 use std::f64::consts::PI;
 
 use kerf_physics::StepParams;
@@ -263,7 +263,7 @@ struct Hand {
 
 impl Hand {
     fn touching(press: &Press, h: f64, level: u8) -> Self {
-        let world = world_of(&press.scene(h, level));
+        let world = world_beyond_limits(&press.scene(h, level));
         let mut hand = Self { world, orientation: press.orientation() };
         hand.force_at_n(press.touch_m() - hand.forward() * DENT_M);
         hand

@@ -69,13 +69,23 @@ pub struct Rig {
 
 impl Rig {
     pub fn new(scene: &Scene, position_m: Vec3, orientation: Quat, speed_m_per_s: f64) -> Self {
+        Self::of_world(world_of(scene), scene.desc.rate_hz, position_m, orientation, speed_m_per_s)
+    }
+
+    /// The same in a scene that has values beyond their limits.
+    pub fn beyond_limits(scene: &Scene, position_m: Vec3, orientation: Quat, speed_m_per_s: f64) -> Self {
+        let world = super::world_beyond_limits(scene);
+        Self::of_world(world, scene.desc.rate_hz, position_m, orientation, speed_m_per_s)
+    }
+
+    fn of_world(world: World, rate_hz: f64, position_m: Vec3, orientation: Quat, speed_m_per_s: f64) -> Self {
         Self {
-            world: world_of(scene),
+            world,
             tool: 0,
             position_m,
             orientation,
             speed_m_per_s,
-            dt_s: 1.0 / scene.desc.rate_hz,
+            dt_s: 1.0 / rate_hz,
             travel_m: 0.0,
             samples: Vec::new(),
             wrenches_n: Vec::new(),

@@ -12,6 +12,7 @@ use kerf_physics::grid::VoxelId;
 use kerf_physics::scene::{
     ElementKind, MaterialDesc, ObjectDesc, Scene, SceneDesc, ShapeDesc, SolverDesc, ViscosityDesc,
 };
+use kerf_physics::verification::unjudged;
 use kerf_physics::{StateHasher, StepInputs, Vec3, Workers, World};
 
 /// Knuth's linear congruential generator: test inputs that a seed reproduces.
@@ -83,6 +84,11 @@ pub fn scene(objects: Vec<ObjectDesc>) -> Scene {
 pub fn world_of(scene: &Scene) -> World {
     let sound = scene.clone().judge().unwrap_or_else(|problems| panic!("{problems}"));
     World::new(&sound).expect("a valid scene")
+}
+
+/// The world of a scene that has values beyond their limits.
+pub fn world_beyond_limits(scene: &Scene) -> World {
+    World::new(&unjudged(scene.clone())).expect("a valid scene")
 }
 
 /// Hash of where all nodes are and how fast, by their bits: what worlds of different scenes can agree in.
