@@ -217,15 +217,21 @@ export function useBrowserAndServer(): void {
 interface Opened {
   width: number;
   height: number;
+  /** Pixels that are drawn for one of the page, along a side. */
+  deviceScaleFactor?: number;
   colorScheme?: "dark" | "light";
   hasTouch?: boolean;
 }
 
+/** A small window, drawn coarsely. */
+const SMALL: Opened = { width: 800, height: 560, deviceScaleFactor: 0.5 };
+
 /** Opens a page; what goes wrong in it is kept. */
-export async function open(browser: Browser, url: string, how: Opened = { width: 800, height: 560 }) {
-  const { width, height, colorScheme = "dark", hasTouch = false } = how;
+export async function open(browser: Browser, url: string, how = SMALL) {
+  const { width, height, deviceScaleFactor = 1, colorScheme = "dark", hasTouch = false } = how;
   // A server's own certificate is one that no browser knows.
-  const page = await browser.newPage({ viewport: { width, height }, colorScheme, hasTouch, ignoreHTTPSErrors: true });
+  const viewport = { width, height };
+  const page = await browser.newPage({ viewport, deviceScaleFactor, colorScheme, hasTouch, ignoreHTTPSErrors: true });
   const problems: string[] = [];
   page.on("pageerror", (error) => problems.push(error.message));
   page.on("console", (message) => {
