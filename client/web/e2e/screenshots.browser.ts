@@ -1,7 +1,8 @@
 // Draws the README's pictures of the viewer.
 
-import { mkdir, rm, writeFile } from "node:fs/promises";
+import { mkdir, readFile, rm, writeFile } from "node:fs/promises";
 import type { Page } from "playwright-core";
+import { Quaternion } from "three";
 import { test } from "vitest";
 import { ACROSS, LockStep } from "./gallery/lockstep";
 import { Window } from "./gallery/sheet";
@@ -88,6 +89,26 @@ test("a liver, cut and opened, picture by picture", { timeout: 2 * PATIENCE_MS }
   await session.go({ tool: "blade", to: { at: [0, edgeM, 0.02], turn: ACROSS } });
   await move(0.085, 28);
   await move(0.165, 14);
+  await window.close();
+  await session.end();
+});
+
+test("the tutorial's block, with the blade in its second cut", { timeout: PATIENCE_MS }, async () => {
+  const tutorial = await readFile("../../docs/tutorial/README.md", "utf8");
+  const first = (language: string) => tutorial.match(new RegExp(`\`\`\`${language}\\n(.*?)\`\`\``, "s"))![1];
+  const session = await LockStep.begin(server, { text: first("toml") });
+  const look = { eye: [0.065, 0.09, 0.12], at: [0, 0.026, 0] } as const;
+  const window = await Window.open(browser, server.address, session, look);
+  let beforeS = 0;
+  for (const line of first("csv").trim().split("\n").slice(1)) {
+    const [time, tool, ...place] = line.split(",");
+    const [x, y, z, ...turn] = place.map(Number);
+    const to = place[0] === "lift" ? "lift" : { at: [x, y, z] as const, turn: new Quaternion(...turn) };
+    await session.go({ tool, to, seconds: Number(time) - beforeS });
+    beforeS = Number(time);
+    if (beforeS === 2.3) break;
+  }
+  await writeFile("../../docs/images/tutorial-slices.png", await window.shoot());
   await window.close();
   await session.end();
 });
