@@ -72,7 +72,8 @@ mod tests {
              [[tools]]\nname = 'blade'\nshape = {{ blade = {{ width_m = 0.1, height_m = 0.05 }} }}\n"
         );
         let scene = Scene { desc: SceneDesc::from_toml("block", &text).unwrap(), meshes: Default::default() };
-        let mut world = World::new(&scene.clone().judge().unwrap()).unwrap();
+        let scene = scene.judge().unwrap();
+        let mut world = World::new(&scene).unwrap();
         let path = [(0.0, Vec3::new(0.0, 0.0495, 0.0)), (0.37, Vec3::new(0.0, 0.0125, 0.0))];
         let mut script = Script::of_positions(&path);
         let (mut forces_n, mut spent_j, mut fracture_j) = (Vec::new(), 0.0, 0.0);

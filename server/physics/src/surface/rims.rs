@@ -42,7 +42,9 @@ impl Surface {
         runs.sort_unstable_by_key(|run| run.start);
         runs.dedup_by(|next, run| {
             let meets = next.start <= run.end;
-            run.end = if meets { run.end.max(next.end) } else { run.end };
+            if meets {
+                run.end = run.end.max(next.end);
+            }
             meets
         });
         let ids = runs.iter().map(|run| run.start * VERTICES_PER_CELL..run.end * VERTICES_PER_CELL);
@@ -71,9 +73,9 @@ impl Surface {
         let near = ids.flat_map(|ids| self.quads.range(ids)).flat_map(|(_, quad)| triangulate(*quad));
         let moves = |id: &VertexId| together.iter().any(|(other, _)| other == id);
         let (star, others): (Vec<_>, Vec<_>) = near.partition(|ids| ids.iter().any(moves));
-        let others: Vec<Trial> = others.iter().flat_map(|ids| self.trials(ids, None)).collect();
+        let others: Vec<Trial> = others.iter().flat_map(|ids| self.trials(ids, |_| None)).collect();
         let passes = |to_m: &Vec3| {
-            let mut star = star.iter().flat_map(|ids| self.trials(ids, Some((together, *to_m))));
+            let mut star = star.iter().flat_map(|ids| self.trials(ids, |id| moves(id).then_some(*to_m)));
             star.any(|triangle| {
                 others.iter().any(|other| triangle.agrees(other) && triangle.placed.crosses(&other.placed))
             })
@@ -84,12 +86,9 @@ impl Surface {
         stop_m.map_or(in_cell_m, |stop_m| stop_m.map(|c| c as f32).into())
     }
 
-    /// A triangle with each corner in its cell and where it is wanted; but for those that are moved.
-    fn trials(&self, ids: &[VertexId; 3], moved: Option<(&[(VertexId, Rim)], Vec3)>) -> impl Iterator<Item = Trial> {
-        let moved_m = |id: VertexId| {
-            moved.and_then(|(together, to_m)| together.iter().any(|(other, _)| *other == id).then_some(to_m))
-        };
-        let corners = ids.map(|id| match (moved_m(id), self.rims.get(&id)) {
+    /// A triangle with each corner in its cell and where it is wanted; but for those that are moved, and where to.
+    fn trials(&self, ids: &[VertexId; 3], moved_m: impl Fn(&VertexId) -> Option<Vec3>) -> impl Iterator<Item = Trial> {
+        let corners = ids.map(|id| match (moved_m(&id), self.rims.get(&id)) {
             (Some(to_m), _) => [Some(to_m), None],
             (None, rim) => [Some(self.in_cell_m(id)), rim.map(|rim| Vec3::from(rim.wanted_m.map(f64::from)))],
         });

@@ -76,7 +76,7 @@ impl Scene {
     }
 }
 
-/// A scene whose values are within their limits: only [`Scene::judge`] makes one.
+/// A scene whose values are within their limits, by [`Scene::judge`].
 #[derive(Clone, Debug)]
 pub struct SoundScene(Arc<Scene>);
 
