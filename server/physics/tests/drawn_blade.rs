@@ -90,7 +90,7 @@ fn stroke_down(sharp_ends: bool) -> (u32, u32, f64) {
 fn the_ends_of_a_blade_that_only_comes_down_cost_next_to_no_solves() {
     let [sharp, blunt] = [true, false].map(stroke_down);
     println!("iterations, solves, area: sharp {sharp:?}, blunt {blunt:?}");
-    assert!(f64::from(sharp.0) < 1.1 * f64::from(blunt.0), "iterations {} against {}", sharp.0, blunt.0);
+    assert!(f64::from(sharp.0) < 1.15 * f64::from(blunt.0), "iterations {} against {}", sharp.0, blunt.0);
     assert!(f64::from(sharp.1) < 1.05 * f64::from(blunt.1), "solves {} against {}", sharp.1, blunt.1);
     assert!((sharp.2 / blunt.2 - 1.0).abs() < 0.02, "area {} against {} m^2", sharp.2, blunt.2);
 }

@@ -197,17 +197,17 @@ impl Anchor {
     }
 
     /// The reference vector from the front to the point that lies `distance` farther along the cutting
-    /// direction in the scene, at most as far as the material ahead stays what it is. In short steps:
-    /// under the edge soft tissue is squeezed to a third, a few millimetres on it is not.
-    pub(super) fn march(&self, body: &Body, frame: &BladeFrame, distance: f64) -> Vec3 {
+    /// direction in the scene, at most as far as the material ahead stays what it is, and how far that is in the scene.
+    /// In short steps: under the edge soft tissue is squeezed to a third, a few millimetres on it is not.
+    pub(super) fn march(&self, body: &Body, frame: &BladeFrame, distance: f64) -> (Vec3, f64) {
         if distance <= 0.0 {
-            return Vec3::zeros();
+            return (Vec3::zeros(), 0.0);
         }
         let longest = MARCH_VOXELS * body.state.grid.voxel_size_m();
         let from = self.current_m(body);
         let mut ahead = *self;
+        let mut left = distance;
         for _ in 0..MAX_MARCH_STEPS {
-            let left = distance - (ahead.current_m(body) - from).dot(&frame.forward);
             if left <= 1e-3 * distance {
                 break;
             }
@@ -215,11 +215,12 @@ impl Anchor {
             let most = longest.min(ahead.next_front_m(&step.normalize(), longest));
             ahead.position_m += step * (most / step.norm()).min(1.0);
             ahead.find_link_ahead(body, frame);
+            left = distance - (ahead.current_m(body) - from).dot(&frame.forward);
             if ahead.ahead != self.ahead {
                 break;
             }
         }
-        ahead.position_m - self.position_m
+        (ahead.position_m - self.position_m, distance - left)
     }
 
     /// The shift of strips that settles on which side a centre on the blade's plane is.

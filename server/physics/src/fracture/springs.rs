@@ -121,34 +121,41 @@ impl FrontContact {
     ) -> Vec3 {
         let (forward, lateral) = (&self.forward, &self.lateral);
         let (k, force) = (forward.stiffness_n_per_m, forward.force_n);
-        let mut advance = 0.0;
+        let (mut step, mut advance) = (Vec3::zeros(), 0.0);
         if forward.mode == Mode::Yield {
-            advance = (forward.gap_m - forward.yield_n / k).max(0.0);
-            advance = advance.min(MAX_ADVANCE_VOXELS * body.state.grid.voxel_size_m());
+            let most_m = MAX_ADVANCE_VOXELS * body.state.grid.voxel_size_m();
+            (step, advance) = anchor.march(body, frame, (forward.gap_m - cap_m(forward)).max(0.0).min(most_m));
         }
-        let aside = 0.5 * lateral.force_n * lateral.gap_m;
-        let stored = if forward.mode == Mode::Off { 0.0 } else { held_j(forward, forward.gap_m - advance) } + aside;
+        let gap_left_m = forward.gap_m - advance;
+        let held = match forward.mode {
+            Mode::Off => 0.0,
+            // Between what it has cut and what holds next it does nothing, and keeps what it has room for.
+            Mode::Yield if forward.yield_n == 0.0 => anchor.stored_j.min(0.5 * k * gap_left_m.max(0.0).powi(2)),
+            Mode::Spring | Mode::Yield => held_j(forward, gap_left_m),
+        };
+        let stored = held + 0.5 * lateral.force_n * lateral.gap_m;
+        // Its force times the way of the front, as long as it stays at its cap.
+        let let_go = held_j(forward, forward.gap_m) - held_j(forward, gap_left_m);
         let work =
             force * (forward.gap_m - forward.gap_before_m) + lateral.force_n * (lateral.gap_m - lateral.gap_before_m);
         // The springs' stiffness falls as the material relaxes, and their energy with it.
         let relaxed = anchor.stored_j * (1.0 - self.unrelaxed / anchor.unrelaxed);
-        let lost = work - (stored - anchor.stored_j) - force * advance - relaxed;
+        let lost = work - (stored - anchor.stored_j) - let_go - relaxed;
         book.damping_j += relaxed;
         if forward.mode == Mode::Yield && !anchor.yielded {
             book.initiation_j += lost;
         } else {
             book.lost_j += lost;
         }
-        book.slip_j += force * advance + self.along.force_n * self.along.gap_m;
+        book.slip_j += let_go + self.along.force_n * self.along.gap_m;
         book.stored_j += stored;
         anchor.stored_j = stored;
         anchor.unrelaxed = self.unrelaxed;
         anchor.mode = forward.mode;
         // Grazing the outside starts no cut.
         anchor.yielded |= forward.mode == Mode::Yield && anchor.ahead != Ahead::Outside;
-        let mut step = anchor.march(body, frame, advance);
         if let Some(toughness_j_per_m2) = anchor.toughness_j_per_m2(body)
-            && advance > 0.0
+            && forward.mode == Mode::Yield
         {
             // What the front sweeps moving forward; what it slides along itself opens nothing.
             let area = step.norm() * anchor.reference_width_m(body, frame, segment_m);
@@ -170,14 +177,17 @@ impl FrontContact {
     }
 }
 
+/// The gap at which the force reaches its cap, m.
+fn cap_m(forward: &Contact) -> f64 {
+    if forward.mode == Mode::Yield { forward.yield_n / forward.stiffness_n_per_m } else { f64::INFINITY }
+}
+
 /// What the force, capped while it yields, can still do over a gap, J: where the front may not advance by all of it in
 /// one step, the rest waits at the cap.
 fn held_j(forward: &Contact, gap_m: f64) -> f64 {
-    let k = forward.stiffness_n_per_m;
-    let cap_m = if forward.mode == Mode::Yield { forward.yield_n / k } else { f64::INFINITY };
     let gap_m = gap_m.max(0.0);
-    let held_m = gap_m.min(cap_m);
-    k * held_m * (gap_m - 0.5 * held_m)
+    let held_m = gap_m.min(cap_m(forward));
+    forward.stiffness_n_per_m * held_m * (gap_m - 0.5 * held_m)
 }
 
 /// Begins the step at another gap.
