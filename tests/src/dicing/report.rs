@@ -18,18 +18,21 @@ impl Report<'_> {
     pub fn markdown(&self) -> String {
         let mut text = format!(
             "# Random dicings\n\n\
-             `make dice` runs `{}` and writes this page. A run that is cut off leaves the dicings that it has made.\n\
+             `make dice` runs `{}` and writes this page. A run that is cut off leaves the dicings that it has\n\
+             made.\n\
              \n\
-             Each dicing has a seed, which draws its rate (60, 125, 250, 500 or 1000 Hz) and its plunges. A straight blade that reaches\n\
-             across the model comes straight down at a random place, to 0.6 to 1 of its height, at 0.1 to 1 m/s. It goes up again at a speed\n\
-             drawn anew. Half of the plunges are along x, half along z. Holds, loads and gravity are those of the built-in scene, so\n\
-             that chips fall. Steps are solved to a tolerance of 1e-3.\n\
+             Each dicing has a seed, which draws its rate (60, 125, 250, 500 or 1000 Hz) and its plunges. A\n\
+             straight blade that reaches across the model comes straight down at a random place, to 0.6 to 1 of\n\
+             its height, at 0.1 to 1 m/s. It goes up again at a speed drawn anew. Half of the plunges are along\n\
+             x, half along z. Holds, loads and gravity are those of the built-in scene, so that chips fall. Steps\n\
+             are solved to a tolerance of 1e-3.\n\
              \n\
-             No step may be rolled back. In each dicing the ledger explains all energy but 1e-2 of the work of tools and loads, as\n\
-             sums of magnitudes. The stored energy never exceeds the net work by more than a tenth of that sum.\n\
+             No step may be rolled back. In each dicing the ledger explains all energy but 1e-2 of the work of\n\
+             tools and loads, as sums of magnitudes. The stored energy never exceeds the net work by more than a\n\
+             tenth of that sum.\n\
              \n\
-             *Retried* counts solves that missed their tolerance at first. *Unconverged* counts steps that were integrated without it.\n\
-             *Unsettled* counts steps that left the force of a contact for the next one.\n\
+             *Retried* counts solves that missed their tolerance at first. *Unconverged* counts steps that were\n\
+             integrated without it. *Unsettled* counts steps that left the force of a contact for the next one.\n\
              \n\
              | model | dicings | steps | links parted | most parts | rolled back | retried | unconverged | unsettled, of 1e6 \
              | most iterations | put away | residual/work, median, worst | stored beyond work, worst | with findings |\n\
