@@ -54,6 +54,7 @@ macro_rules! slices_of_tuples {
 slices_of_tuples!(A a b, B c d);
 slices_of_tuples!(A a b, B c d, C e f);
 slices_of_tuples!(A a b, B c d, C e f, D g h);
+slices_of_tuples!(A a b, B c d, C e f, D g h, E i j);
 
 /// A slice that is cut in groups of entries.
 pub struct Groups<'a, T> {

@@ -2,7 +2,7 @@
 
 use super::{Body, Nodal};
 use crate::Vec3;
-use crate::fem::block::{ElementBlock, ElementState, Evaluation, LANES, NodalBuffers, StepTerms};
+use crate::fem::block::{ElementBlock, ElementState, Evaluation, LANES, ModelFit, NodalBuffers, StepTerms};
 use crate::math::Aabb;
 use crate::solve::assembly::{CHUNK_ELEMENTS, Chunk};
 use crate::workers::{Grain, Groups, Workers};
@@ -65,7 +65,7 @@ impl ChunkSums {
         nodal: &NodalBuffers,
         blocks: &[ElementBlock],
         states: &mut [ElementState],
-        balance_n: &mut [f64x4],
+        (balance_n, fits): (&mut [f64x4], &mut [ModelFit]),
         dt_s: f64,
         rotation_iterations: u32,
     ) -> Self {
@@ -76,8 +76,11 @@ impl ChunkSums {
             high_m: nodal.position_m.iter().fold(high, |high, x| high.fast_max(*x)),
         };
         balance_n.fill(f64x4::ZERO);
-        for (block, state) in blocks.iter().zip(states) {
-            sums.found.join(&block.evaluate(state, nodal, balance_n, dt_s, rotation_iterations));
+        for ((block, state), fit) in blocks.iter().zip(states).zip(fits) {
+            let before_j = block.elastic_j(state);
+            let found = block.evaluate(state, nodal, balance_n, dt_s, rotation_iterations);
+            *fit = found.model_fit(before_j);
+            sums.found.join(&found);
         }
         sums
     }
@@ -140,15 +143,17 @@ impl Body {
         let (x, v, dt) = (&self.state.position_m, &self.state.velocity_m_per_s, self.solver.params.dt_s);
         let states = Groups { entries: &mut self.state.elements, size: BLOCKS_PER_CHUNK };
         let balance_n = assembly.by_chunk(&mut self.state.balance_n);
+        let fits = Groups { entries: &mut self.scratch.fits[..], size: BLOCKS_PER_CHUNK };
         workers.for_chunks(
-            (states, &mut self.state.chunks[..], &mut self.scratch.nodal[..], balance_n),
+            (states, &mut self.state.chunks[..], &mut self.scratch.nodal[..], balance_n, fits),
             EVALUATION_GRAIN,
-            |index, (states, sums, nodal, balance_n)| {
+            |index, (states, sums, nodal, balance_n, fits)| {
                 if among(index) {
                     let (chunk, blocks) = (&assembly.chunks()[index], &blocks[index * BLOCKS_PER_CHUNK..]);
                     gather(&mut nodal[0], chunk, x, v, velocity_change);
                     let (states, balance_n) = (states.entries, balance_n.entries);
-                    sums[0] = ChunkSums::of(&nodal[0], blocks, states, balance_n, dt, rotation_iterations);
+                    let found = (&mut *balance_n, fits.entries);
+                    sums[0] = ChunkSums::of(&nodal[0], blocks, states, found, dt, rotation_iterations);
                     chunk.hand_over(balance_n, |w| w);
                 }
             },

@@ -13,6 +13,7 @@ mod interpolate;
 mod loads;
 mod material;
 mod memory;
+mod overshoot;
 mod put_away;
 mod quasi_static;
 mod relax;

@@ -5,6 +5,7 @@
 //! the rigid velocity change that makes its linear and angular momentum what the loads say. Parts that
 //! press on each other get it as one: what they do to each other changes none of their sum.
 
+use super::turn::MOST_TURN_RAD;
 use super::turn::Turn;
 use super::{Body, Nodal};
 use crate::fem::block::LANES;
@@ -230,7 +231,12 @@ impl Body {
     }
 
     /// Adds to `dv` what each part is to gain. Returns the work of the impulses that this wants.
-    pub(crate) fn add_missing_motion(&self, dv: &mut Nodal) -> f64 {
+    pub(crate) fn add_missing_motion(&mut self, dv: &mut Nodal) -> f64 {
+        // In a part that is strained severalfold the solve loses more than any turn of a step.
+        let most_spin = MOST_TURN_RAD / self.solver.params.dt_s;
+        for gain in &mut self.state.rigid.totals {
+            gain.spin *= (most_spin / gain.spin.norm()).min(1.0);
+        }
         for (node, change) in dv.iter_mut().enumerate() {
             let gain = self.missing_motion(node);
             (0..3).for_each(|i| change[i] += gain[i]);
@@ -242,23 +248,28 @@ impl Body {
     /// [`Self::impulse_work_j`].
     pub(crate) fn missing_motion_work_j(&self, dv: &Nodal) -> f64 {
         let loose = self.state.rigid.loose.iter().map(|element| *element as usize);
-        self.impulse_work_j(loose, dv, |node| self.missing_motion(node))
+        self.impulse_work_j(loose, |node| self.velocity_after(node, dv), |node| self.missing_motion(node))
     }
 
     fn missing_motion(&self, node: usize) -> Vec3 {
+        self.missing_motion_at(node, self.state.position_m[node].into())
+    }
+
+    /// The same for a node that is at `position_m` where the step begins.
+    pub(super) fn missing_motion_at(&self, node: usize, position_m: Vec3) -> Vec3 {
         let part = self.state.rigid.node_part[node];
         if part == NONE || self.state.rigid.skip[part as usize] {
             return Vec3::zeros();
         }
-        self.state.rigid.totals[part as usize].motion_at(self.state.position_m[node].into())
+        self.state.rigid.totals[part as usize].motion_at(position_m)
     }
 
-    /// Work over the motion `v + dv` of a step of the impulses `A d` that change the velocities by `d` at each node of
+    /// Work over the motion `v` of a step of the impulses `A d` that change the velocities by `d` at each node of
     /// `elements` in the step's system `A dv = b`, J; elsewhere `d` is zero.
     pub(crate) fn impulse_work_j(
         &self,
         elements: impl Iterator<Item = usize>,
-        dv: &Nodal,
+        v_m_per_s: impl Fn(usize) -> Vec3,
         d_m_per_s: impl Fn(usize) -> Vec3,
     ) -> f64 {
         let operator = self.solver.multigrid.operator();
@@ -270,7 +281,7 @@ impl Body {
                 continue;
             }
             let back = Mat3::from_row_slice(&operator.rotation(element)).transpose();
-            let (d, v) = (changes.map(|d| back * d), nodes.map(|n| back * self.velocity_after(n, dv)));
+            let (d, v) = (changes.map(|d| back * d), nodes.map(|n| back * v_m_per_s(n)));
             let matrix = operator.matrix(element);
             for_packed(|index, row, column| {
                 let [(a, i), (b, j)] = [(row / 3, row % 3), (column / 3, column % 3)];
@@ -279,6 +290,24 @@ impl Body {
             });
         }
         work_j
+    }
+
+    /// Slows parts to a `share` of their motion after a change of velocity `dv`, free ones of their motion about their
+    /// centre; what that takes, m/s, is added to `taken`. Less of the same motion strains a part by less of the same.
+    pub(super) fn slow_parts(&mut self, share: impl Fn(usize, &Totals) -> f64, dv: &mut Nodal, taken: &mut Nodal) {
+        let gains = self.state.rigid.totals.clone();
+        let motions = self.motions(|body, node| body.velocity_after(node, dv));
+        let kept: Vec<f64> = motions.iter().enumerate().map(|(part, motion)| share(part, motion)).collect();
+        for (node, (dv, taken)) in dv.iter_mut().zip(taken).enumerate() {
+            let part = self.state.rigid.node_part[node];
+            if part != NONE && kept[part as usize] < 1.0 {
+                let whole = self.state.rigid.loose_part(node).map_or(Vec3::zeros(), |part| motions[part].velocity);
+                let v = Vec3::from(self.state.velocity_m_per_s[node]) + Vec3::from(*dv);
+                let excess = (v - whole) * (1.0 - kept[part as usize]);
+                (0..3).for_each(|i| (dv[i], taken[i]) = (dv[i] - excess[i], taken[i] + excess[i]));
+            }
+        }
+        self.state.rigid.totals = gains;
     }
 
     /// Momentum and rigid motion of each free part where its nodes are, at velocities `of`. Uses up the buffer of
@@ -296,7 +325,7 @@ impl Body {
         totals
     }
 
-    pub(super) fn velocity_after(&self, node: usize, dv: &Nodal) -> Vec3 {
+    pub(crate) fn velocity_after(&self, node: usize, dv: &Nodal) -> Vec3 {
         Vec3::from(self.state.velocity_m_per_s[node]) + Vec3::from(dv[node])
     }
 

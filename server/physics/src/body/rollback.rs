@@ -29,7 +29,7 @@ const RELAPSE_STEPS: u32 = 2;
 /// Copy of what a step changes.
 #[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct SavedState {
-    position_m: Nodal,
+    pub(super) position_m: Nodal,
     rotation: Vec<[f64x4; 4]>,
     /// Empty where nothing relaxes.
     branch: Vec<Option<Box<BranchState>>>,
@@ -149,6 +149,17 @@ impl Body {
         let steady = self.state.rigid.steady_steps.iter_mut().zip(&lost.parts);
         steady.filter(|(_, lost)| **lost).for_each(|(steps, _)| *steps = 0);
         self.evaluate(workers, 20);
+    }
+
+    /// Takes the body back to where the step that changed its velocities by `dv` began.
+    pub(crate) fn take_back_step(&mut self, workers: &Workers<'_>, dv: &Nodal) {
+        self.state.position_m.clone_from(&self.state.saved.position_m);
+        for (v, dv) in self.state.velocity_m_per_s.iter_mut().zip(dv) {
+            (0..3).for_each(|i| v[i] -= dv[i]);
+        }
+        (0..LANES * self.state.elements.len()).for_each(|element| self.restore_element(element));
+        // With the rotations that the forces of the solve were found with, improved no more.
+        self.evaluate(workers, 0);
     }
 
     fn restore_element(&mut self, element: usize) {

@@ -1,7 +1,7 @@
 //! Room that a body's step works in.
 
 use super::quasi_static::InertiaScratch;
-use crate::fem::block::NodalBuffers;
+use crate::fem::block::{LANES, ModelFit, NodalBuffers};
 use crate::grid::levels::Level;
 use crate::math::Nodal;
 use crate::solve::assembly::Assembly;
@@ -28,6 +28,8 @@ pub(super) struct Scratch {
     pub(super) inertia: InertiaScratch,
     /// Nodal values as the elements of each chunk read them, by chunk.
     pub(super) nodal: Vec<NodalBuffers>,
+    /// How well the last step's model of its potential held, four elements to a block.
+    pub(super) fits: Vec<ModelFit>,
     /// Elements of the level above whose matrices are to be made anew.
     pub(super) stale_parents: Vec<u32>,
 }
@@ -54,6 +56,7 @@ impl Scratch {
                 values.resize(chunk.len(), f64x4::ZERO);
             }
         }
+        self.fits.resize(level.elements.len().div_ceil(LANES), ModelFit::default());
         self.stale_parents.clear();
         self.stale_parents.reserve(level.elements.len());
     }

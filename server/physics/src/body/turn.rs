@@ -14,7 +14,7 @@ use nalgebra::Rotation3;
 use serde::{Deserialize, Serialize};
 
 /// A free part turns by at most this angle in a step, rad: what it meets is looked for along a straight line.
-const MOST_TURN_RAD: f64 = 0.25;
+pub(super) const MOST_TURN_RAD: f64 = 0.25;
 /// What turns by less than this in a step moves along straight lines, which widen it by 5e-5 at most, rad.
 const LEAST_TURN_RAD: f64 = 0.01;
 /// Fixed-point iterations for the spin at the middle of a step; each gains as many digits as the turn is small.
@@ -43,25 +43,73 @@ impl Turn {
     }
 }
 
+/// The shape that a free part would have if nothing strained it, turned as it is, and its motion.
+#[derive(Clone, Copy, Default)]
+struct UnstrainedShape {
+    rest_centre_m: Vec3,
+    turn: Mat3,
+    /// Angular momentum of the part's motion, as far as the shape takes part in it, and inertia.
+    angular: Vec3,
+    inertia: Mat3,
+}
+
+impl UnstrainedShape {
+    /// From its middle to a node, m.
+    fn arm(&self, rest_m: Vec3) -> Vec3 {
+        self.turn * (rest_m - self.rest_centre_m)
+    }
+}
+
 impl Body {
     /// Takes from a step's change of velocity `dv` what free parts would turn by beyond [`MOST_TURN_RAD`]; what it
     /// takes, m/s, is added to `taken`.
+    ///
+    /// To the solve a turn of the shape that a part would have unstrained, turned as it is, costs no strain. What
+    /// is strained severalfold has a torque about that shape, which nothing resists but its mass: it is a spin of this
+    /// shape that is taken. A part that turns too far by what is left is slowed.
     pub(crate) fn brake_spin(&mut self, dv: &mut Nodal, taken: &mut Nodal) {
         let dt = self.solver.params.dt_s;
         let gains = self.state.rigid.totals.clone();
-        let mut totals = self.motions(|body, node| body.velocity_after(node, dv));
-        for total in &mut totals {
-            total.spin *= 1.0 - (MOST_TURN_RAD / (dt * total.spin.norm())).min(1.0);
-        }
-        for (node, (dv, taken)) in dv.iter_mut().zip(taken).enumerate() {
+        let motions = self.motions(|body, node| body.velocity_after(node, dv));
+        let mut shapes = self.unstrained_shapes(&motions);
+        self.for_each_mass(|part, node, other, mass| {
+            let shape = &mut shapes[part];
+            let [arm, other_arm] = [node, other].map(|node| shape.arm(self.rest_position_m(node)));
+            shape.angular += arm.cross(&(self.velocity_after(other, dv) - motions[part].velocity)) * mass;
+            shape.inertia += (Mat3::identity() * arm.dot(&other_arm) - other_arm * arm.transpose()) * mass;
+        });
+        let excess: Vec<Vec3> = shapes
+            .iter()
+            .map(|shape| {
+                let spin = shape.inertia.lu().solve(&shape.angular).unwrap_or_default();
+                spin * (1.0 - (MOST_TURN_RAD / (dt * spin.norm())).min(1.0))
+            })
+            .collect();
+        self.state.rigid.totals = gains;
+        for (node, (dv, taken)) in dv.iter_mut().zip(taken.iter_mut()).enumerate() {
             if let Some(part) = self.state.rigid.loose_part(node) {
-                // A spin about where the part is now does no work against what strains it.
-                let total = &totals[part];
-                let excess = total.spin.cross(&(Vec3::from(self.state.position_m[node]) - total.centre));
+                let excess = excess[part].cross(&shapes[part].arm(self.rest_position_m(node)));
                 (0..3).for_each(|i| (dv[i], taken[i]) = (dv[i] - excess[i], taken[i] + excess[i]));
             }
         }
-        self.state.rigid.totals = gains;
+        self.slow_parts(|_, motion| (MOST_TURN_RAD / (dt * motion.spin.norm())).min(1.0), dv, taken);
+    }
+
+    /// The shapes that free parts would have unstrained, turned as they are now.
+    fn unstrained_shapes(&self, motions: &[Totals]) -> Vec<UnstrainedShape> {
+        let mut shapes = vec![UnstrainedShape::default(); motions.len()];
+        self.for_each_mass(|part, node, _, mass| {
+            shapes[part].rest_centre_m += self.rest_position_m(node) * (mass / motions[part].mass);
+        });
+        self.for_each_mass(|part, node, other, mass| {
+            let shape = &mut shapes[part];
+            let rest = self.rest_position_m(other) - shape.rest_centre_m;
+            shape.turn += (Vec3::from(self.state.position_m[node]) - motions[part].centre) * rest.transpose() * mass;
+        });
+        for shape in &mut shapes {
+            shape.turn = *Rotation3::from_matrix_eps(&shape.turn, 1e-9, 100, Rotation3::identity()).matrix();
+        }
+        shapes
     }
 
     /// Adds to the right side `impulses_n_s` what keeps straight on what turns: at the end of the step velocities are
@@ -112,12 +160,13 @@ impl Body {
             return;
         }
         let dt = self.solver.params.dt_s;
+        let gains = self.state.rigid.totals.clone();
         let totals = self.motions(|body, node| body.velocity_after(node, dv));
         let parts = &mut self.state.rigid;
         for ((turn, total), held) in parts.turns.iter_mut().zip(&totals).zip(&parts.held) {
             *turn = (!held && dt * total.spin.norm() > LEAST_TURN_RAD).then(|| Turn::of(*total, dt));
         }
-        parts.totals = totals;
+        parts.totals = gains;
     }
 
     /// Puts the nodes of parts that turn where the turn takes them, from where straight lines have.

@@ -75,6 +75,27 @@ pub struct Evaluation {
     pub turned_rad2: f64x4,
 }
 
+/// How well the step's quadratic model of its potential held for four elements, J; see
+/// [`crate::body::Body::find_overshot`].
+#[derive(Clone, Copy, Default)]
+pub struct ModelFit {
+    /// How far the potential is above the model.
+    pub above_j: f64x4,
+    /// `1/2 dx^T H dx`, H the model's second derivative: by how much the model falls if the step goes to its bottom.
+    pub descent_j: f64x4,
+}
+
+impl Evaluation {
+    /// Of the step that was evaluated, `before_j` the elastic energy where it began.
+    pub fn model_fit(&self, before_j: f64x4) -> ModelFit {
+        let step = &self.step;
+        ModelFit {
+            above_j: self.elastic_j - before_j + step.viscous_j + step.force_work_j - step.elastic_j,
+            descent_j: step.elastic_j + self.kinetic_j + f64x4::splat(0.5) * step.damping_j,
+        }
+    }
+}
+
 /// Data of the strain-stiffening law of four elements.
 #[derive(Clone)]
 pub struct StiffeningBlock {

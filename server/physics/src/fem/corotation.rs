@@ -69,6 +69,14 @@ impl ElementBlock {
         }
     }
 
+    /// Elastic energy of a state, of what relaxes too, J.
+    pub fn elastic_j(&self, state: &ElementState) -> f64x4 {
+        match (&self.viscosity, &state.branch) {
+            (Some(viscosity), Some(branch)) => state.elastic_j + viscosity.stored_j(branch),
+            _ => state.elastic_j,
+        }
+    }
+
     fn evaluate_as<const RELAXES: bool, const HELD: bool>(
         &self,
         state: &mut ElementState,

@@ -40,11 +40,11 @@ impl ElementBlock {
         found: &mut Evaluation,
     ) {
         let Some(branch) = state.branch.as_deref_mut() else { return };
-        let (half, dt, rounding) = (f64x4::splat(0.5), f64x4::splat(dt_s), f64x4::splat(ROUNDING_M));
+        let (dt, rounding) = (f64x4::splat(dt_s), f64x4::splat(ROUNDING_M));
         let mut decay_and_gain = (f64x4::ONE, f64x4::ONE);
         if let Some([v, kv]) = motion.before {
             decay_and_gain = (data.decay, data.gain);
-            found.step.elastic_j += half * dt * dt * data.tangent() * lanes::dot(v, kv);
+            found.step.elastic_j += f64x4::splat(0.5) * dt * dt * data.tangent() * lanes::dot(v, kv);
             found.step.force_work_j -= dt * data.lost * lanes::dot(&branch.force_n, motion.velocity_m_per_s);
         }
         let placed = motion.placed;
@@ -78,7 +78,7 @@ impl ElementBlock {
             let across_j = along(&before_m, &before_ground_m);
             found.step.viscous_j = after * branch.square_j + across * across_j + before * before_j;
         }
-        found.elastic_j += half * data.ratio * branch.square_j;
+        found.elastic_j += data.stored_j(branch);
         let least = f64x4::splat(LEAST_STRAIN) * self.shapes.edge_m;
         let least_j = (self.stiffness.entry(0) * least).mul_add(least, f64x4::splat(f64::MIN_POSITIVE));
         let share = (along(u, &branch.ground_displacement_m) + least_j) / (motion.stretched_j + least_j);

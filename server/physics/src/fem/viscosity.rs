@@ -107,6 +107,11 @@ impl Viscosity {
 }
 
 impl ViscosityBlock {
+    /// What the branches hold, J.
+    pub(super) fn stored_j(&self, branch: &BranchState) -> f64x4 {
+        f64x4::splat(0.5) * self.ratio * branch.square_j
+    }
+
     /// Sets the branch of a lane for steps of `dt_s`, or that it has none.
     pub fn set(&mut self, lane: usize, viscosity: Option<&Viscosity>, dt_s: f64) {
         let step = viscosity.map_or_else(StepCoefficients::default, |v| v.over_step(dt_s));

@@ -52,6 +52,8 @@ pub(super) struct SlotScratch {
     pub(super) tool_impulses: usize,
     /// The first of the bodies that it presses on, or that press on those: they are solved as one.
     pub(super) island: usize,
+    /// What brakes took of the motion of its nodes, m/s; empty where they took nothing.
+    pub(super) taken_m_per_s: body::Nodal,
     /// Links that fronts have crossed.
     pub(super) parting: Vec<(LinkId, Crossing)>,
     /// Links that were parted in this step, and what that changed.

@@ -1,38 +1,53 @@
-//! Free parts and flaps that would turn too far in a step are braked; the ledger books the work of the brake.
+//! What a step would move too far is braked: free parts and flaps that would turn too far, and pieces that it would lead
+//! uphill. The ledger books the work of the brake.
 
 use super::body_slot::BodySlot;
+use super::motion;
 use super::state::State;
-use crate::body::Nodal;
 use crate::contact::Contact;
+use crate::workers::Workers;
+
+/// The motion of a piece that a step leads uphill is halved at most so many times. Ours: dicings take one to three, and
+/// what is left is a thousandth of it.
+const MOST_HALVINGS: u32 = 10;
 
 /// Brakes what turns too fast, between the solve and the step that it is for.
-///
-/// The solve balances momentum, `M dv + S (v + dv) = f`. With `d` taken from dv this wants the impulse
-/// `(M + S) d` of the brake, which takes its product with the motion that is left. Contacts keep the force of
-/// the solve over the motion of the solve: what they did along `d` reached no tissue and is the brake's too. What keeps
-/// the momentum of free parts does its work over the motion that is left.
 pub(super) fn spins(dt_s: f64, state: &mut State) {
-    state.slots.iter_mut().for_each(|slot| slot.ledger.braked_j = 0.0);
-    if !state.slots.iter().any(may_turn_too_far) {
-        return;
+    for slot in &mut state.slots {
+        slot.ledger.braked_j = 0.0;
+        slot.scratch.taken_m_per_s.clear();
     }
-    let taken: Vec<Nodal> = state.slots.iter_mut().map(brake).collect();
-    if taken.iter().flatten().flatten().all(|d| *d == 0.0) {
-        return;
+    if state.slots.iter().any(may_turn_too_far) {
+        state.awake().for_each(brake);
+        book(dt_s, state);
     }
-    for (slot, taken) in state.slots.iter_mut().zip(&taken) {
-        let elements = 0..slot.body.base().elements.len();
-        let kept = slot.body.impulse_work_j(elements, &slot.velocity_change, |node| taken[node].into());
-        let impulse = |c: &Contact| c.applied_n().dot(&c.ends.weights.sum(taken)) * dt_s;
-        let acting = slot.contacts.iter().flat_map(|contact| contact.acting());
-        let cohesive = slot.pulled.iter().flat_map(|pulled| &pulled.cohesive.contacts).filter(|c| c.force_n != 0.0);
-        slot.ledger.momentum_j = slot.body.missing_motion_work_j(&slot.velocity_change);
-        slot.ledger.braked_j = kept + acting.chain(cohesive).map(impulse).sum::<f64>();
+}
+
+/// Takes a step that has led pieces uphill back, and half of their motion from it, until it leads none uphill; see
+/// [`crate::body::Body::find_overshot`].
+pub(super) fn overshoots(workers: &Workers<'_>, dt_s: f64, state: &mut State) {
+    for _ in 0..MOST_HALVINGS {
+        // Nearly always empty, and then without memory of its own.
+        let overshot: Vec<(usize, Vec<bool>)> = state.slots.iter().enumerate().filter_map(overshot).collect();
+        if overshot.is_empty() {
+            return;
+        }
+        state.awake().for_each(|slot| slot.body.take_back_step(workers, &slot.velocity_change));
+        for (index, parts) in overshot {
+            let slot = &mut state.slots[index];
+            let taken = &mut slot.scratch.taken_m_per_s;
+            taken.resize(slot.body.node_count(), [0.0; 3]);
+            slot.body.halve_motion(&parts, &mut slot.velocity_change, taken);
+        }
+        book(dt_s, state);
+        motion::integrate(workers, state);
+        motion::evaluate_step(workers, state);
     }
-    for spring in state.tissue.iter().flat_map(|tissue| tissue.springs()).filter(|s| s.force_n != 0.0) {
-        let along = spring.ends.relative(|body| &taken[body as usize]);
-        state.slots[spring.ends.ends[0].body as usize].ledger.braked_j += dt_s * spring.applied_n().dot(&along);
-    }
+}
+
+fn overshot((index, slot): (usize, &BodySlot)) -> Option<(usize, Vec<bool>)> {
+    let parts = if slot.is_asleep() { None } else { slot.body.find_overshot(&slot.scratch.taken_m_per_s) };
+    parts.map(|parts| (index, parts))
 }
 
 fn may_turn_too_far(slot: &BodySlot) -> bool {
@@ -40,12 +55,38 @@ fn may_turn_too_far(slot: &BodySlot) -> bool {
     !slot.is_asleep() && (slot.body.may_spin_too_fast(dv) || slot.body.may_throw_flaps(dv))
 }
 
-/// Returns by how much each node is slower, m/s.
-fn brake(slot: &mut BodySlot) -> Nodal {
-    let mut taken = vec![[0.0; 3]; slot.body.node_count()];
-    if !slot.is_asleep() {
-        slot.body.brake_spin(&mut slot.velocity_change, &mut taken);
-        slot.body.brake_flaps(&mut slot.velocity_change, &mut taken);
+fn brake(slot: &mut BodySlot) {
+    let taken = &mut slot.scratch.taken_m_per_s;
+    taken.resize(slot.body.node_count(), [0.0; 3]);
+    slot.body.brake_spin(&mut slot.velocity_change, taken);
+    slot.body.brake_flaps(&mut slot.velocity_change, taken);
+}
+
+/// Books the work of all that was taken, where the step begins.
+///
+/// The solve balances momentum, `M dv + S (v + dv) = f`. With `d` taken from dv this wants the impulse
+/// `(M + S) d` of the brake, which takes its product with the motion that is left. Contacts keep the force of
+/// the solve over the motion of the solve: what they did along `d` reached no tissue and is the brake's too. What keeps
+/// the momentum of free parts does its work over the motion that is left.
+fn book(dt_s: f64, state: &mut State) {
+    for slot in state.slots.iter_mut().filter(|slot| !slot.scratch.taken_m_per_s.is_empty()) {
+        let taken = &slot.scratch.taken_m_per_s;
+        let elements = 0..slot.body.base().elements.len();
+        let velocity = |node| slot.body.velocity_after(node, &slot.velocity_change);
+        let kept = slot.body.impulse_work_j(elements, velocity, |node| taken[node].into());
+        let impulse = |c: &Contact| c.applied_n().dot(&c.ends.weights.sum(taken)) * dt_s;
+        let acting = slot.contacts.iter().flat_map(|contact| contact.acting());
+        let cohesive = slot.pulled.iter().flat_map(|pulled| &pulled.cohesive.contacts).filter(|c| c.force_n != 0.0);
+        slot.ledger.momentum_j = slot.body.missing_motion_work_j(&slot.velocity_change);
+        slot.ledger.braked_j = kept + acting.chain(cohesive).map(impulse).sum::<f64>();
     }
-    taken
+    for spring in state.tissue.iter().flat_map(|tissue| tissue.springs()).filter(|s| s.force_n != 0.0) {
+        for end in &spring.ends.ends {
+            let slot = &mut state.slots[end.body as usize];
+            if !slot.scratch.taken_m_per_s.is_empty() {
+                let along = end.weights.sum(&slot.scratch.taken_m_per_s);
+                slot.ledger.braked_j += dt_s * spring.applied_n().dot(&along);
+            }
+        }
+    }
 }

@@ -164,7 +164,7 @@ impl World {
         }
         motion::integrate(workers, state);
         lap.end(Stage::Integrate);
-        motion::evaluate(workers, state);
+        motion::evaluate(workers, dt_s, state);
         rollback::take_back_lost(workers, state, output);
         wrenches::write(description, state, scratch, output);
         wrenches::slip(description, state, output);
