@@ -123,11 +123,7 @@ impl Body {
             sum.elements.viscous_j += step.viscous_j.reduce_add();
         }
         sum.inertial_j = sum.elements.inertial_work_j - (self.energy().kinetic_j - before_j);
-        let dt = self.solver.params.dt_s;
-        for (nodes, pulls) in self.geometric_pulls() {
-            let v = nodes.map(|n| Vec3::from(self.state.velocity_m_per_s[n]));
-            sum.geometric_j += dt * dt * v.iter().zip(pulls).map(|(v, pull)| v.dot(&pull)).sum::<f64>();
-        }
+        self.geometric_work_j().for_each(|(_, work_j)| sum.geometric_j += work_j);
         sum
     }
 

@@ -4,6 +4,7 @@
 //! elements turn by little in a step. What hangs on by a face or an edge, light and let go by a blade, may turn by more
 //! than a radian: the straight line then stretches it severalfold, which is energy from nothing.
 
+use super::rigid::take_motion;
 use super::{Body, Nodal};
 use crate::{Mat3, Vec3};
 
@@ -59,7 +60,7 @@ impl Body {
             excess[hanging.node as usize] = of_masters.sum();
         }
         for ((dv, taken), excess) in dv.iter_mut().zip(taken).zip(excess) {
-            (0..3).for_each(|i| (dv[i], taken[i]) = (dv[i] - excess[i], taken[i] + excess[i]));
+            take_motion(dv, taken, excess);
         }
     }
 

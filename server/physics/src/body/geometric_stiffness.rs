@@ -93,6 +93,15 @@ impl Body {
         })
     }
 
+    /// `dx^T T dx` of the geometric stiffness over the step that led to the velocities, J, and a node of the element that it is of.
+    pub(super) fn geometric_work_j(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let dt = self.solver.params.dt_s;
+        self.geometric_pulls().map(move |(nodes, pulls)| {
+            let v = nodes.map(|n| Vec3::from(self.state.velocity_m_per_s[n]));
+            (nodes[0], dt * dt * v.iter().zip(pulls).map(|(v, pull)| v.dot(&pull)).sum::<f64>())
+        })
+    }
+
     /// Brings the matrices of stressed elements to the stress of now: of some of them in a step that is short beside
     /// [`FOLLOWS_IN_S`], in turn. Returns the largest change of stress that this made, over Young's modulus.
     pub(super) fn follow_stress(&mut self) -> f64 {

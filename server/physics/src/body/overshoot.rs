@@ -38,10 +38,8 @@ impl Body {
             *sum += uphill_j(&self.scratch.fits[element / LANES]).as_array()[element % LANES];
             *sum -= self.impulse_work_j(std::iter::once(element), velocity, taken_of_solved);
         }
-        let dt = self.solver.params.dt_s;
-        for (nodes, pulls) in self.geometric_pulls() {
-            let tension_j = dt * dt * nodes.iter().zip(pulls).map(|(n, pull)| velocity(*n).dot(&pull)).sum::<f64>();
-            by_part_j[self.part_of_node(nodes[0] as u32) as usize] -= tension_j;
+        for (node, work_j) in self.geometric_work_j() {
+            by_part_j[self.part_of_node(node as u32) as usize] -= work_j;
         }
         let is_overshot = |(uphill_j, stiff_j): (&f64, &f64)| *uphill_j > LEAST_OF_EV * stiff_j;
         let overshot: Vec<bool> = by_part_j.iter().zip(&self.state.rigid.stiff_j).map(is_overshot).collect();

@@ -5,8 +5,7 @@
 //! the rigid velocity change that makes its linear and angular momentum what the loads say. Parts that
 //! press on each other get it as one: what they do to each other changes none of their sum.
 
-use super::turn::MOST_TURN_RAD;
-use super::turn::Turn;
+use super::turn::{Turn, share_of_turn};
 use super::{Body, Nodal};
 use crate::fem::block::LANES;
 use crate::fem::lanes::for_packed;
@@ -233,10 +232,8 @@ impl Body {
     /// Adds to `dv` what each part is to gain. Returns the work of the impulses that this wants.
     pub(crate) fn add_missing_motion(&mut self, dv: &mut Nodal) -> f64 {
         // In a part that is strained severalfold the solve loses more than any turn of a step.
-        let most_spin = MOST_TURN_RAD / self.solver.params.dt_s;
-        for gain in &mut self.state.rigid.totals {
-            gain.spin *= (most_spin / gain.spin.norm()).min(1.0);
-        }
+        let dt = self.solver.params.dt_s;
+        self.state.rigid.totals.iter_mut().for_each(|gain| gain.spin *= share_of_turn(gain.spin, dt));
         for (node, change) in dv.iter_mut().enumerate() {
             let gain = self.missing_motion(node);
             (0..3).for_each(|i| change[i] += gain[i]);
@@ -304,7 +301,7 @@ impl Body {
                 let whole = self.state.rigid.loose_part(node).map_or(Vec3::zeros(), |part| motions[part].velocity);
                 let v = Vec3::from(self.state.velocity_m_per_s[node]) + Vec3::from(*dv);
                 let excess = (v - whole) * (1.0 - kept[part as usize]);
-                (0..3).for_each(|i| (dv[i], taken[i]) = (dv[i] - excess[i], taken[i] + excess[i]));
+                take_motion(dv, taken, excess);
             }
         }
         self.state.rigid.totals = gains;
@@ -404,6 +401,11 @@ impl Body {
             }
         }
     }
+}
+
+/// Takes `excess` from a node's change of velocity, and adds it to what was `taken`, m/s.
+pub(super) fn take_motion(dv: &mut [f64; 3], taken: &mut [f64; 3], excess: Vec3) {
+    (0..3).for_each(|i| (dv[i], taken[i]) = (dv[i] - excess[i], taken[i] + excess[i]));
 }
 
 fn stiff_by_part_j(body: &Body, element_part: &[u32], count: u32) -> Vec<f64> {

@@ -5,7 +5,7 @@
 //! that its angular momentum says (Simo and Wong 1991), and its velocities turn along. What that takes of forces is
 //! given back to the solve as centrifugal and Coriolis forces.
 
-use super::rigid::Totals;
+use super::rigid::{Totals, take_motion};
 use super::{Body, Nodal, State};
 use crate::solve::assembly::CHUNK_ELEMENTS;
 use crate::workers::Workers;
@@ -14,13 +14,18 @@ use nalgebra::Rotation3;
 use serde::{Deserialize, Serialize};
 
 /// A free part turns by at most this angle in a step, rad: what it meets is looked for along a straight line.
-pub(super) const MOST_TURN_RAD: f64 = 0.25;
+const MOST_TURN_RAD: f64 = 0.25;
 /// What turns by less than this in a step moves along straight lines, which widen it by 5e-5 at most, rad.
 const LEAST_TURN_RAD: f64 = 0.01;
 /// Fixed-point iterations for the spin at the middle of a step; each gains as many digits as the turn is small.
 const SPIN_ITERATIONS: usize = 4;
 /// Corners of an element at the ends of its four diagonals.
 const DIAGONALS: [[usize; 2]; 4] = [[0, 7], [1, 6], [2, 5], [4, 3]];
+
+/// The share of a spin by which a part turns as far as it may in a step.
+pub(super) fn share_of_turn(spin: Vec3, dt_s: f64) -> f64 {
+    (MOST_TURN_RAD / (dt_s * spin.norm())).min(1.0)
+}
 
 /// How a part turns in a step.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
@@ -82,17 +87,17 @@ impl Body {
             .iter()
             .map(|shape| {
                 let spin = shape.inertia.lu().solve(&shape.angular).unwrap_or_default();
-                spin * (1.0 - (MOST_TURN_RAD / (dt * spin.norm())).min(1.0))
+                spin * (1.0 - share_of_turn(spin, dt))
             })
             .collect();
         self.state.rigid.totals = gains;
         for (node, (dv, taken)) in dv.iter_mut().zip(taken.iter_mut()).enumerate() {
             if let Some(part) = self.state.rigid.loose_part(node) {
                 let excess = excess[part].cross(&shapes[part].arm(self.rest_position_m(node)));
-                (0..3).for_each(|i| (dv[i], taken[i]) = (dv[i] - excess[i], taken[i] + excess[i]));
+                take_motion(dv, taken, excess);
             }
         }
-        self.slow_parts(|_, motion| (MOST_TURN_RAD / (dt * motion.spin.norm())).min(1.0), dv, taken);
+        self.slow_parts(|_, motion| share_of_turn(motion.spin, dt), dv, taken);
     }
 
     /// The shapes that free parts would have unstrained, turned as they are now.
@@ -127,7 +132,7 @@ impl Body {
         let turn = |motion: &Totals| {
             let angle_rad = dt * motion.spin.norm();
             // What turns by more will be braked.
-            let kept = (MOST_TURN_RAD / angle_rad).min(1.0);
+            let kept = share_of_turn(motion.spin, dt);
             let motion = Totals { spin: motion.spin * kept, angular: motion.angular * kept, ..*motion };
             (angle_rad > LEAST_TURN_RAD).then(|| Turn::of(motion, dt))
         };

@@ -7,7 +7,7 @@ use super::state::State;
 use crate::contact::Contact;
 use crate::workers::Workers;
 
-/// The motion of a piece that a step leads uphill is halved at most so many times. Ours: dicings take one to three, and
+/// The motion of a piece that a step leads uphill is halved at most so many times. Ours: one is enough nearly always, and
 /// what is left is a thousandth of it.
 const MOST_HALVINGS: u32 = 10;
 
