@@ -1,5 +1,7 @@
 //! Dices models at random and writes what came of it, as Markdown.
 
+use std::fs::OpenOptions;
+use std::io::Write as _;
 use std::path::PathBuf;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
@@ -10,6 +12,7 @@ use kerf_physics::SoundScene;
 use kerf_system_tests::dicing::campaign::{Tally, dice, model};
 use kerf_system_tests::dicing::report::Report;
 use kerf_system_tests::strokes::campaign::seeds;
+use serde::{Deserialize, Serialize};
 
 /// How long a run that is cut off may have gone on since it last left its figures.
 const REPORT_EVERY: Duration = Duration::from_secs(60);
@@ -34,6 +37,10 @@ struct Options {
     /// Voxels along a model's longest edge; absent: as many as it has.
     #[arg(long)]
     resolution: Option<u32>,
+    /// Dicings that are made, one a line: a run goes on from those that it finds here. They are of one physics: remove
+    /// the file when that changes.
+    #[arg(long)]
+    made: Option<PathBuf>,
     /// Threads, each with a dicing of its own.
     #[arg(long, default_value_t = 2)]
     threads: usize,
@@ -41,6 +48,13 @@ struct Options {
 
 /// Each model's name, and its dicings.
 type Dicings = Vec<(String, Vec<Tally>)>;
+
+/// A line of the file of dicings made.
+#[derive(Serialize, Deserialize)]
+struct Made {
+    model: String,
+    tally: Tally,
+}
 
 /// A run as it goes on: which dicing is next, what came of those before, and when that was last written.
 struct Run<'a> {
@@ -55,6 +69,11 @@ impl Run<'_> {
         while let Some((index, seed)) = self.take() {
             let tally = dice(&self.scenes[index], seed, self.options.plunges)?;
             let mut done = self.done.lock().expect("no thread panics that holds it");
+            if let Some(made) = &self.options.made {
+                let mut file = OpenOptions::new().create(true).append(true).open(made)?;
+                let line = Made { model: self.options.models[index].clone(), tally: tally.clone() };
+                writeln!(file, "{}", serde_json::to_string(&line)?)?;
+            }
             done.0[index].1.push(tally);
             if done.1.elapsed() > REPORT_EVERY {
                 done.1 = Instant::now();
@@ -84,18 +103,35 @@ impl Run<'_> {
     }
 }
 
+/// The dicings of `models` that a run before this one made.
+fn made_before(options: &Options) -> Result<Dicings> {
+    let mut dicings: Dicings = options.models.iter().map(|name| (name.clone(), Vec::new())).collect();
+    let Some(made) = options.made.as_ref().filter(|made| made.exists()) else { return Ok(dicings) };
+    for line in std::fs::read_to_string(made)?.lines() {
+        let Made { model, tally } = serde_json::from_str(line).with_context(|| made.display().to_string())?;
+        if let Some((_, tallies)) = dicings.iter_mut().find(|(name, _)| *name == model) {
+            tallies.push(tally);
+        }
+    }
+    Ok(dicings)
+}
+
 fn main() -> Result<()> {
     let options = Options::parse();
     let scene = |name: &String| model(name, options.resolution).with_context(|| name.clone());
     let scenes = options.models.iter().map(scene).collect::<Result<Vec<SoundScene>>>()?;
     // Model after model: a run that is cut off has diced all of them about as often.
-    let all = seeds(options.seed).take(options.dicings).flat_map(|seed| (0..scenes.len()).map(move |of| (of, seed)));
-    let empty = options.models.iter().map(|name| (name.clone(), Vec::new())).collect();
+    let made = made_before(&options)?;
+    let all: Vec<(usize, u64)> = seeds(options.seed)
+        .take(options.dicings)
+        .flat_map(|seed| (0..scenes.len()).map(move |of| (of, seed)))
+        .filter(|&(of, seed)| made[of].1.iter().all(|tally| tally.seed != seed))
+        .collect();
     let run = Run {
         options: &options,
         scenes: &scenes,
-        next: Mutex::new(all.collect::<Vec<_>>().into_iter()),
-        done: Mutex::new((empty, Instant::now())),
+        next: Mutex::new(all.into_iter()),
+        done: Mutex::new((made, Instant::now())),
     };
     // A dicing that panics is a line of the report, not of the terminal.
     std::panic::set_hook(Box::new(|_| ()));

@@ -7,6 +7,7 @@ use kerf_physics::scene::{BladeDesc, ToolDesc};
 use kerf_physics::step_io::{EnergyStep, StepOutput};
 use kerf_physics::{NoClock, SoundScene, StepInputs, ToolInput, Vec3, Workers, World};
 use kerf_scenes::catalog;
+use serde::{Deserialize, Serialize};
 
 use super::plunge::Plunge;
 use crate::extremes::scenes::SplitMix64;
@@ -23,7 +24,7 @@ const MOST_RESIDUAL: f64 = 1e-2;
 const MOST_GAIN: f64 = 0.1;
 
 /// What came of a dicing.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Tally {
     /// Draws all that is random of it.
     pub seed: u64,
