@@ -149,42 +149,36 @@ async fn create(
     } else {
         (create_session_request::Scene::SceneName(scene.to_owned()), Vec::new())
     };
+    let refused = |status| refused(&format!("creating a session of {scene}"), &status);
     let request = v1::CreateSessionRequest {
         scene: Some(source),
         start_paused: false,
         dial,
         step_rate_hz,
-        files: Vec::new(),
+        upload_id: send_files(client, files).await.map_err(refused)?,
         ..Default::default()
     };
-    let refused = |status| refused(&format!("creating a session of {scene}"), &status);
-    let (session, warnings) = if files.is_empty() {
-        let created = make_session(client, request, CREATE_TIMEOUT).await.map_err(refused)?;
-        let v1::CreateSessionResponse { session, warnings } = created;
-        (session, warnings)
-    } else {
-        let parts = futures_util::stream::iter(in_parts(request, files));
-        let reply = client.upload_scene(timed(parts, CREATE_TIMEOUT)).await.map_err(refused)?;
-        let v1::UploadSceneResponse { session, warnings } = reply.into_inner();
-        (session, warnings)
-    };
+    let v1::CreateSessionResponse { session, warnings } =
+        make_session(client, request, CREATE_TIMEOUT).await.map_err(refused)?;
     warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     session.context("the server created a session without describing it")
 }
 
-/// A request for a session, and after it its files in parts.
-fn in_parts(
-    request: v1::CreateSessionRequest,
+/// Sends files ahead of the request for a session that names the upload: its id, empty where there are no files.
+async fn send_files(
+    client: &mut SessionServiceClient<Wire>,
     files: Vec<v1::SceneFile>,
-) -> impl Iterator<Item = v1::UploadSceneRequest> {
-    let first = v1::UploadSceneRequest { request: Some(request), ..Default::default() };
-    let parts = |v1::SceneFile { name, data }| {
-        let begin = v1::UploadSceneRequest { file_name: name, ..Default::default() };
-        let part = |data: &[u8]| v1::UploadSceneRequest { data: data.to_vec(), ..Default::default() };
-        let parts: Vec<_> = data.chunks(PART_BYTES).map(part).collect();
-        std::iter::once(begin).chain(parts)
-    };
-    std::iter::once(first).chain(files.into_iter().flat_map(parts))
+) -> Result<String, tonic::Status> {
+    let mut upload_id = String::new();
+    for v1::SceneFile { name: mut file_name, data } in files {
+        // An empty file is one part of no bytes.
+        for part in data.chunks(PART_BYTES).chain(data.is_empty().then_some(&[][..])) {
+            let file_name = std::mem::take(&mut file_name);
+            let request = v1::SendSceneFileRequest { upload_id, file_name, data: part.to_vec() };
+            upload_id = client.send_scene_file(timed(request, CALL_TIMEOUT)).await?.into_inner().upload_id;
+        }
+    }
+    Ok(upload_id)
 }
 
 /// The files that a scene's text refers to, each as it names it, from beside the scene.

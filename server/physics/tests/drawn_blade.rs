@@ -3,6 +3,7 @@
 use super::support::cutting::*;
 use kerf_physics::scene::{BladeDesc, EdgeDesc, Face, LoadDesc, ObjectDesc, ShapeDesc, ToolDesc};
 use kerf_physics::step_io::SolveReport;
+use kerf_physics::tool::Pose;
 use kerf_physics::tool::blade::Blade;
 use kerf_physics::{Quat, Vec3};
 
@@ -66,6 +67,90 @@ fn cuts_with_its_end(level: u8, edge: EdgeDesc) {
     // Where the cut ends under the skin is known to half of a marker's piece, 5 % of the depth here.
     assert!((area - 1.0).abs() < 0.06, "{name}: A/(d l) = {area}");
     assert!(residual.abs() < 5e-3, "{name}: residual {residual} of the work");
+}
+
+#[test]
+fn a_blade_that_turns_as_it_is_drawn_along_a_circle_frees_a_disc() {
+    frees_a_disc(1.5e-3, 1, 0.015);
+    frees_a_disc(1.5e-3, 2, 0.015);
+}
+
+#[test]
+#[ignore = "slow: single voxels, a minute"]
+fn so_does_one_in_single_and_in_smaller_voxels_and_along_a_narrower_circle() {
+    frees_a_disc(1.5e-3, 0, 0.015);
+    frees_a_disc(1e-3, 1, 0.015);
+    frees_a_disc(1.5e-3, 1, 0.01);
+}
+
+/// Cuts a disc out of a sheet whose rim is held. The middle of the blade goes along the circle, and its edge along the
+/// tangent: the end that cuts goes along a circle that is larger, and at an angle to the blade.
+fn frees_a_disc(h: f64, level: u8, radius_m: f64) {
+    const THICKNESS_M: f64 = 0.006;
+    const HALF_M: f64 = 0.027;
+    let mut sheet = super::support::object([-HALF_M, 0.0, -HALF_M], [HALF_M, THICKNESS_M, HALF_M], h, level);
+    sheet.material = pad(h, level).material;
+    let beyond = |axis: usize, sign: f64| {
+        let (mut min_m, mut max_m) = ([-1.0; 3], [1.0; 3]);
+        let side = if sign < 0.0 { &mut max_m } else { &mut min_m };
+        side[axis] = sign * (HALF_M - 0.003);
+        ShapeDesc::Box { min_m, max_m }
+    };
+    sheet.fixed = vec![beyond(0, -1.0), beyond(0, 1.0), beyond(2, -1.0), beyond(2, 1.0)];
+    let scene = cutting_scene(sheet, WIDTH_M, 250.0);
+    let pose = |angle: f64, y: f64| Pose {
+        position_m: Vec3::new(radius_m * angle.cos(), y, radius_m * angle.sin()),
+        orientation: Quat::from_axis_angle(&Vec3::y_axis(), -angle - std::f64::consts::FRAC_PI_2),
+    };
+    let start = pose(0.0, THICKNESS_M + 2e-3);
+    let mut rig = Rig::new(&scene, start.position_m, start.orientation, 0.022);
+    rig.drive(THICKNESS_M + 4e-3);
+    let first = rig.samples.len();
+    let turn = std::f64::consts::TAU + WIDTH_M / radius_m;
+    let steps = (turn * radius_m / (0.03 * rig.dt_s)) as usize;
+    rig.drive_through((1..=steps).map(|k| pose(turn * k as f64 / steps as f64, -2e-3)));
+
+    let end_radius_m = radius_m.hypot(0.5 * WIDTH_M);
+    let disc = std::f64::consts::PI * end_radius_m.powi(2) * THICKNESS_M / h.powi(3);
+    let sizes = pieces(rig.body(), |_| true);
+    let area = rig.sum(|s| s.area_m2) / (std::f64::consts::TAU * end_radius_m * THICKNESS_M);
+    let drawn = &rig.samples[first..];
+    let work_j: f64 = drawn.iter().map(|s| s.energy.tool_work_j).sum();
+    let work = work_j / (GC * drawn.iter().map(|s| s.area_m2).sum::<f64>());
+    let (residual, _) = rig.residual_ratios();
+    let name = format!("h {h}, level {level}, radius {radius_m} m");
+    println!(
+        "{name}: {sizes:?} voxels, {disc:.0} in the disc, A/(2 pi r t) {area:.3}, W/(Gc A) {work:.3}, {residual:.1e}"
+    );
+    assert!(sizes.len() <= 3, "{name}: pieces of {sizes:?} voxels");
+    let freed = sizes[sizes.len() - 2] as f64 / disc;
+    assert!((freed - 1.0).abs() < 0.05, "{name}: {freed} of the disc");
+    // What of the way was cut before is not cut again.
+    assert!((area - 1.0).abs() < 0.1, "{name}: A/(2 pi r t) = {area}");
+    // Its flanks bend the cut that they stand in.
+    assert!((0.9..1.25).contains(&work), "{name}: W/(Gc A) = {work}");
+    assert!(residual.abs() < 5e-3, "{name}: residual {residual} of the work");
+}
+
+#[test]
+fn a_blade_that_is_pushed_aside_off_its_cut_cuts_on_where_it_comes_to_stand() {
+    for aside_m in [0.006, 0.01] {
+        let scene = cutting_scene(pad(1.5e-3, 1), WIDTH_M, 250.0);
+        let mut rig = Rig::new(&scene, Vec3::new(-0.018, TOP_M + 0.002, 3e-4), Quat::identity(), 0.022);
+        rig.drive(DEPTH_M + 0.002);
+        rig.speed_m_per_s = 0.03;
+        rig.drive_along(Vec3::x() * 0.006);
+        rig.drive_along(Vec3::z() * aside_m);
+        rig.drive_along(Vec3::x() * 0.006);
+        let first = rig.samples.len();
+        rig.drive_along(Vec3::x() * 0.012);
+        let drawn = &rig.wrenches_n[first..];
+        let force = -drawn.iter().map(|f| f.x).sum::<f64>() / drawn.len() as f64 / (GC * DEPTH_M);
+        let area = rig.samples[first..].iter().map(|s| s.area_m2).sum::<f64>() / (DEPTH_M * 0.012);
+        println!("{aside_m} m aside: F/(Gc d) {force:.3}, A/(d l) {area:.3}");
+        assert!((force - 1.0).abs() < 0.1, "{aside_m} m aside: F/(Gc d) = {force}");
+        assert!((area - 1.0).abs() < 0.06, "{aside_m} m aside: A/(d l) = {area}");
+    }
 }
 
 /// Iterations and solves of a stroke straight down, and the area that it cuts, m^2.

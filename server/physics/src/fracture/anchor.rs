@@ -96,8 +96,10 @@ pub(super) struct Anchor {
     pub(super) travel: Travel,
     /// What the forward spring did at the end of the last step.
     pub(super) mode: Mode,
-    /// Energy in the spring at the end of the last step, J.
+    /// Energy in its springs at the end of the last step, J.
     pub(super) stored_j: f64,
+    /// What of it is in the lateral spring, J.
+    pub(super) beside_j: f64,
     /// Stiffness of the spring in the last step over what it relaxes to.
     pub(super) unrelaxed: f64,
 }
@@ -142,6 +144,7 @@ impl Anchor {
             travel: Travel::default(),
             mode: Mode::Off,
             stored_j: 0.0,
+            beside_j: 0.0,
             unrelaxed: 1.0,
         }
     }

@@ -120,7 +120,7 @@ impl Edge {
         let body = tissue.body;
         let mut anchor = beside.anchor;
         anchor.position_m += beside.anchor.pull_back(body, &beside.chord_m);
-        anchor.stored_j = 0.0;
+        (anchor.stored_j, anchor.beside_j) = (0.0, 0.0);
         anchor.ahead = Ahead::Outside;
         anchor.start_beside(body, &self.frame);
         if anchor.ahead == Ahead::Outside {
@@ -171,23 +171,19 @@ impl Edge {
         if gone { Marker::Outside } else { self.unless_lost(tissue, anchor, &was_m) }
     }
 
-    /// A marker that was buried: still is, has come out, or goes forward beside a neighbour that cuts, and cuts on with it.
-    pub(super) fn emerge_or_join(&self, tissue: &Tissue<'_>, beside: Option<Beside>) -> Marker {
-        match (self.emerge(tissue), beside) {
-            (Marker::Buried, Some(beside)) if beside.anchor.yielded && self.goes_forward(tissue) => {
-                self.join(tissue, &beside)
-            }
-            (marker, _) => marker,
-        }
-    }
-
-    /// Whether it goes forward through the tissue that it is in.
-    fn goes_forward(&self, tissue: &Tissue<'_>) -> bool {
+    /// A marker that was buried: still is, has come out, or goes forward. Then it cuts on with a neighbour that cuts, and
+    /// where none of them has a front, as where all were carried off it, from where it is.
+    pub(super) fn emerge_or_go_on(&self, tissue: &Tissue<'_>, beside: Option<Beside>) -> Marker {
         let Tissue { body, hash, .. } = *tissue;
-        within(body, hash, &self.now_m).is_some_and(|point| {
-            let velocity = body.weights(&point).sum(&body.state.velocity_m_per_s);
-            (self.now_m - self.before_m - velocity * body.dt_s()).dot(&self.frame.forward) > 0.0
-        })
+        let Some(point) = within(body, hash, &self.now_m) else { return Marker::Outside };
+        let velocity = body.weights(&point).sum(&body.state.velocity_m_per_s);
+        let came_m = self.now_m - self.before_m - velocity * body.dt_s();
+        let [forward_m, slid_m] = [self.frame.forward, self.frame.along].map(|way| came_m.dot(&way));
+        match beside {
+            Some(beside) if beside.anchor.yielded && forward_m > 0.0 => self.join(tissue, &beside),
+            None if forward_m > slid_m.abs() => put_down(tissue, &self.now_m, &self.frame, self.half_width_m),
+            _ => Marker::Buried,
+        }
     }
 
     /// A marker that was buried: still is, or has come out.

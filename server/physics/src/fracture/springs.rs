@@ -22,6 +22,12 @@ const MAX_ADVANCE_VOXELS: f64 = 16.0;
 /// in 465 fewer where an edge comes in askew, twice changes nothing.
 const EDGE_FRICTION: f64 = 1.0;
 
+/// The way, in voxels, over which a front that goes on comes after an edge that is taken across its own plane, as that of a
+/// blade drawn along a curve. Ours: what the lateral spring stands for, the walls beside the edge, is about as long. A
+/// disc of 30 mm that a turning blade of 8 mm cuts out of a sheet is larger by 3 % of its area with twice of it. With a
+/// hundred times of it the front loses the edge after 150 degrees.
+const STEERS_WITHIN_VOXELS: f64 = 1.0;
+
 /// Largest force along the edge over Gc per length: `xi / (1 + xi^2)` at xi = 1 (Atkins, Xu and Jeronimidis 2004). It
 /// holds where an edge turns round before its way is known anew. Where an edge slices to and fro, half of it takes 10
 /// % off the mean force, twice adds 3 %; an edge that only presses does not know of it.
@@ -34,8 +40,13 @@ pub struct FrontContact {
     pub(super) marker: usize,
     /// Along the cutting direction.
     pub forward: Contact,
-    /// Along the blade's normal; acts while `forward` does.
+    /// Along the blade's normal; acts while `forward` does. While that is capped the front goes aside as it advances, and
+    /// the spring is the softer for it.
     pub lateral: Contact,
+    /// Stiffness of the lateral spring where the front stays, N/m.
+    lateral_n_per_m: f64,
+    /// What the front has been carried aside from the edge without force, m.
+    carried_m: f64,
     /// Along the edge, while `forward` is capped and the edge slices: a dashpot, whose gap is what the edge
     /// has slid in this step.
     pub along: Contact,
@@ -84,14 +95,15 @@ impl FrontContact {
                 + if touches_first { way_in_m.max(comes_up_m) } else { comes_up_m };
             shift_gap(&mut forward, |gap_m| gap_m.min(most_m));
         }
-        let beside_j = anchor.stored_j - held_j(&forward, forward.gap_before_m);
-        let aside_m = pressed_m(lateral.stiffness_n_per_m, beside_j) + comes_up_m;
-        shift_gap(&mut lateral, |gap_m| gap_m.clamp(-aside_m, aside_m));
+        let aside_m = pressed_m(lateral.stiffness_n_per_m, anchor.beside_j) + comes_up_m;
+        let carried_m = -shift_gap(&mut lateral, |gap_m| gap_m.clamp(-aside_m, aside_m));
         lateral.mode = lateral_mode(&forward);
+        let lateral_n_per_m = lateral.stiffness_n_per_m;
+        lateral.stiffness_n_per_m /= 1.0 + steered(body, &forward, anchor);
         let mut slide = spring(edge.frame.along);
         slide.gap_predicted_m -= slide.gap_before_m;
         let along = drag(body, slide, &forward, anchor);
-        Self { marker, forward, lateral, along, unrelaxed: k / relaxed }
+        Self { marker, forward, lateral, lateral_n_per_m, carried_m, along, unrelaxed: k / relaxed }
     }
 
     /// Takes the solution's change of velocity; returns how wrong the modes were.
@@ -127,15 +139,21 @@ impl FrontContact {
             (step, advance) = anchor.march(body, frame, (forward.gap_m - cap_m(forward)).max(0.0).min(most_m));
         }
         let gap_left_m = forward.gap_m - advance;
+        let aside_left_m = lateral.force_n / self.lateral_n_per_m;
+        let aside = if lateral.mode == Mode::Off { 0.0 } else { lateral.gap_m - aside_left_m };
+        // An edge cuts ahead, not with its flank: it makes up for what it was carried at 45 degrees at most.
+        let most_m = advance.max(0.0);
+        step += anchor.pull_back(body, &frame.normal) * (aside + self.carried_m.clamp(-most_m, most_m));
         let held = match forward.mode {
             Mode::Off => 0.0,
             // Between what it has cut and what holds next it does nothing, and keeps what it has room for.
             Mode::Yield if forward.yield_n == 0.0 => anchor.stored_j.min(0.5 * k * gap_left_m.max(0.0).powi(2)),
             Mode::Spring | Mode::Yield => held_j(forward, gap_left_m),
         };
-        let stored = held + 0.5 * lateral.force_n * lateral.gap_m;
+        let beside = 0.5 * lateral.force_n * aside_left_m;
+        let stored = held + beside;
         // Its force times the way of the front, as long as it stays at its cap.
-        let let_go = held_j(forward, forward.gap_m) - held_j(forward, gap_left_m);
+        let let_go = held_j(forward, forward.gap_m) - held_j(forward, gap_left_m) + lateral.force_n * aside;
         let work =
             force * (forward.gap_m - forward.gap_before_m) + lateral.force_n * (lateral.gap_m - lateral.gap_before_m);
         // The springs' stiffness falls as the material relaxes, and their energy with it.
@@ -150,6 +168,7 @@ impl FrontContact {
         book.slip_j += let_go + self.along.force_n * self.along.gap_m;
         book.stored_j += stored;
         anchor.stored_j = stored;
+        anchor.beside_j = beside;
         anchor.unrelaxed = self.unrelaxed;
         anchor.mode = forward.mode;
         // Grazing the outside starts no cut.
@@ -190,16 +209,26 @@ fn held_j(forward: &Contact, gap_m: f64) -> f64 {
     forward.stiffness_n_per_m * held_m * (gap_m - 0.5 * held_m)
 }
 
-/// Begins the step at another gap.
-fn shift_gap(contact: &mut Contact, to: impl Fn(f64) -> f64) {
+/// Begins the step at another gap; returns what that adds.
+fn shift_gap(contact: &mut Contact, to: impl Fn(f64) -> f64) -> f64 {
     let by_m = to(contact.gap_before_m) - contact.gap_before_m;
     contact.gap_before_m += by_m;
     contact.gap_predicted_m += by_m;
+    by_m
 }
 
 /// The edge holds the material beside it while it presses on material that holds.
 fn lateral_mode(forward: &Contact) -> Mode {
     if forward.mode != Mode::Off && forward.yield_n > 0.0 { Mode::Spring } else { Mode::Off }
+}
+
+/// By what a front that goes on gives way aside in a step, over what its lateral spring does.
+fn steered(body: &Body, forward: &Contact, anchor: &Anchor) -> f64 {
+    let voxel_size_m = body.state.grid.voxel_size_m();
+    if forward.mode != Mode::Yield || !anchor.travel.is_known(voxel_size_m) {
+        return 0.0;
+    }
+    anchor.travel.speed_m_per_s() * body.dt_s() / (STEERS_WITHIN_VOXELS * voxel_size_m)
 }
 
 /// What the edge drags along as it slices: the force is opposite to the edge's motion relative to the front,

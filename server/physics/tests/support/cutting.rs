@@ -132,6 +132,14 @@ impl Rig {
         }
     }
 
+    /// Takes the blade from pose to pose, one a step.
+    pub fn drive_through(&mut self, poses: impl Iterator<Item = Pose>) {
+        for pose in poses {
+            (self.position_m, self.orientation) = (pose.position_m, pose.orientation);
+            self.motion(ToolMotion::move_to(pose));
+        }
+    }
+
     /// Holds the edge where it is.
     pub fn rest(&mut self, steps: usize) {
         for _ in 0..steps {
