@@ -61,8 +61,9 @@ fn the_capsule_of_a_liver_draws_a_cut_open() {
             (0..steps).map(step).last().expect("a step")
         };
         let before_m = apart_m(&mut rig, 1);
-        rig.drive(0.06);
-        rig.drive(-0.06);
+        // It gives 46 mm down. With a cut of 12 mm or more the gape no longer depends on single links of these coarse voxels.
+        rig.drive(0.065);
+        rig.drive(-0.065);
         rig.lift();
         let area_m2: f64 = rig.samples.iter().map(|sample| sample.area_m2).sum();
         assert!(area_m2 > 5e-4, "{area_m2} m2 are cut");
