@@ -8,14 +8,19 @@ const STEEP_RAD = 1.0;
 
 const UP = new Vector3(0, 1, 0);
 
+/** The way over which an edge that is drawn comes round to a drag, over the scene's size: a scalpel's half. */
+const COMES_ROUND = 0.05;
+
 /** What a drag does. */
-export type Grip = "move" | "slice" | "turn";
+export type Grip = "move" | "slice" | "draw" | "turn";
 
 /** Directions that a drag to the right, a drag upwards and the wheel move along. */
 interface WorkingAxes {
   right: Vector3;
   up: Vector3;
   away: Vector3;
+  /** Away from the eye over the table. */
+  level: Vector3;
 }
 
 interface Wanted {
@@ -64,7 +69,9 @@ export class Hand {
   drag(grip: Grip, xPx: number, yPx: number, camera: PerspectiveCamera, heightPx: number): void {
     const distanceM = camera.position.distanceTo(this.wanted.position);
     const mPerPx = (2 * distanceM * Math.tan((camera.fov * Math.PI) / 360)) / heightPx;
-    const { right, up } = workingAxes(camera);
+    const axes = workingAxes(camera);
+    const right = axes.right;
+    const up = grip === "draw" ? axes.level : axes.up;
     // The plane is seen at a slant; the tool stays under the pointer all the same.
     const slant = Math.max(0.4, Math.abs(up.dot(screenUp(camera))));
     const move = right.clone().multiplyScalar(xPx * mPerPx).addScaledVector(up, (-yPx * mPerPx) / slant);
@@ -73,6 +80,8 @@ export class Hand {
       this.turn(right, yPx * 0.008);
     } else if (grip === "slice") {
       this.slide(move, camera);
+    } else if (grip === "draw") {
+      this.draw(move);
     } else {
       this.moveBy(move);
     }
@@ -107,6 +116,15 @@ export class Hand {
     this.moveBy(edge.multiplyScalar(along));
   }
 
+  /** Over the table, and the edge comes round to the drag, either end first. */
+  private draw(move: Vector3): void {
+    const edge = new Vector3(1, 0, 0).applyQuaternion(this.wanted.turn);
+    edge.multiplyScalar(Math.sign(edge.dot(move)) || 1);
+    const offRad = Math.atan2(edge.clone().cross(move).dot(UP), edge.dot(move));
+    this.turn(UP, offRad * Math.min(1, move.length() / (COMES_ROUND * this.sceneSizeM)));
+    this.moveBy(move);
+  }
+
   private turn(axis: Vector3, angleRad: number): void {
     this.wanted.turn.premultiply(new Quaternion().setFromAxisAngle(axis, angleRad)).normalize();
   }
@@ -122,5 +140,7 @@ function workingAxes(camera: Camera): WorkingAxes {
   const forward = new Vector3(0, 0, -1).applyQuaternion(camera.quaternion);
   const level = new Vector3().crossVectors(UP, right).normalize();
   const isSteep = Math.asin(Math.min(1, -forward.y)) > STEEP_RAD;
-  return isSteep ? { right, up: level, away: UP.clone().negate() } : { right, up: UP.clone(), away: level };
+  return isSteep
+    ? { right, up: level, away: UP.clone().negate(), level }
+    : { right, up: UP.clone(), away: level, level };
 }

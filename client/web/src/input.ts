@@ -84,7 +84,8 @@ export class Input {
     const hand = this.session()?.hand;
     if (!this.drag || this.drag.pointerId !== event.pointerId || !hand) return;
     const { canvas, camera } = this.stage;
-    const grip: Grip = event.altKey ? "turn" : event.shiftKey ? "slice" : "move";
+    const [withoutAlt, withAlt]: [Grip, Grip] = event.shiftKey ? ["slice", "draw"] : ["move", "turn"];
+    const grip = event.altKey ? withAlt : withoutAlt;
     hand.drag(grip, event.clientX - this.drag.x, event.clientY - this.drag.y, camera, canvas.clientHeight);
     this.drag = { pointerId: event.pointerId, x: event.clientX, y: event.clientY };
   }

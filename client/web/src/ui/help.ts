@@ -8,6 +8,7 @@ const POINTER: readonly (readonly [string, string])[] = [
   ["Wheel", "moves the tool away or nearer; with Ctrl, or without a tool, the view"],
   ["Shift + drag", "slices: along the edge alone"],
   ["Alt + drag", "turns the tool"],
+  ["Shift + Alt + drag", "draws a curve over the table: the edge turns after the drag"],
   ["Double-click, double tap", "puts the tool in hand down over that place"],
   ["Right button + drag", "turns the view while a tool is in hand; without one, moves it"],
   ["Middle button + drag", "moves the view while a tool is in hand; without one, comes nearer"],
