@@ -199,7 +199,7 @@ impl Front {
             Marker::On(anchor) if anchor.knows_ahead(tissue.body) && edge.is_clear(tissue.body, &anchor) => return,
             Marker::On(anchor) => edge.keep(tissue, anchor),
             Marker::Outside => edge.enter(tissue, self.beside(index, &motion.pose)),
-            Marker::Buried => edge.emerge_or_go_on(tissue, self.beside(index, &motion.pose)),
+            Marker::Buried | Marker::Lost => edge.emerge_or_go_on(tissue, was, self.beside(index, &motion.pose)),
         };
         match (&was, &now) {
             (_, Marker::On(anchor)) if edge.is_clear(tissue.body, anchor) => {}

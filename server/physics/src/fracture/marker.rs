@@ -34,10 +34,12 @@ const CLEAR: f64 = 0.25;
 pub(super) enum Marker {
     /// Not in the tissue.
     Outside,
-    /// In the tissue without a front of its own: drawn backward, or carried off its front.
+    /// In the tissue without a front of its own: drawn backward, or come over by the tissue.
     Buried,
     /// In contact.
     On(Anchor),
+    /// In the tissue, carried off the front with which it has cut.
+    Lost,
 }
 
 /// What an edge may meet: a body, its elements near the edge, and its crack.
@@ -164,25 +166,27 @@ impl Edge {
         anchor.look_ahead(body, crack, &self.frame);
         let offset = self.now_m - anchor.current_m(body);
         if offset.dot(&self.frame.normal).abs() > LOST_VOXELS * h {
-            return Marker::Buried;
+            return if anchor.yielded { Marker::Lost } else { Marker::Buried };
         }
         let opened = offset.dot(&self.frame.forward) < -RELEASE_VOXELS * h;
         let gone = opened && (!anchor.yielded || narrow::locate(body, hash, &self.now_m).is_none());
         if gone { Marker::Outside } else { self.unless_lost(tissue, anchor, &was_m) }
     }
 
-    /// A marker that was buried: still is, has come out, or goes forward. Then it cuts on with a neighbour that cuts, and
-    /// where none of them has a front, as where all were carried off it, from where it is.
-    pub(super) fn emerge_or_go_on(&self, tissue: &Tissue<'_>, beside: Option<Beside>) -> Marker {
+    /// A marker that `was` buried or lost: still is, has come out, or goes forward. Then it cuts on with a neighbour that
+    /// cuts. One that was lost, as where all were carried off the front, cuts on from where it is.
+    pub(super) fn emerge_or_go_on(&self, tissue: &Tissue<'_>, was: Marker, beside: Option<Beside>) -> Marker {
         let Tissue { body, hash, .. } = *tissue;
         let Some(point) = within(body, hash, &self.now_m) else { return Marker::Outside };
         let velocity = body.weights(&point).sum(&body.state.velocity_m_per_s);
         let came_m = self.now_m - self.before_m - velocity * body.dt_s();
         let [forward_m, slid_m] = [self.frame.forward, self.frame.along].map(|way| came_m.dot(&way));
-        match beside {
-            Some(beside) if beside.anchor.yielded && forward_m > 0.0 => self.join(tissue, &beside),
-            None if forward_m > slid_m.abs() => put_down(tissue, &self.now_m, &self.frame, self.half_width_m),
-            _ => Marker::Buried,
+        match (was, beside) {
+            (_, Some(beside)) if beside.anchor.yielded && forward_m > 0.0 => self.join(tissue, &beside),
+            (Marker::Lost, None) if forward_m > slid_m.abs() => {
+                put_down(tissue, &self.now_m, &self.frame, self.half_width_m)
+            }
+            _ => was,
         }
     }
 
