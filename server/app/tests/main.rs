@@ -15,6 +15,7 @@ mod metrics;
 mod moved;
 mod process;
 mod remote;
+mod ring;
 mod secured;
 mod slit;
 mod station;
