@@ -10,13 +10,14 @@ use kerf_physics::{NoClock, StepInputs, Workers, World};
 use kerf_scenes::catalog;
 use kerf_server::scene_args::read_script;
 
-/// Voxels that hang together with `start` by links that have not parted.
-fn piece(grid: &Grid, start: VoxelId) -> BTreeSet<VoxelId> {
+/// Voxels that `keep` accepts and that hang together with `start` through such voxels, by links that have not parted.
+pub fn piece(grid: &Grid, start: VoxelId, keep: impl Fn(VoxelId) -> bool) -> BTreeSet<VoxelId> {
     let mut seen = BTreeSet::from([start]);
     let mut open = vec![start];
     while let Some(voxel) = open.pop() {
         let links = Grid::links_of(grid.voxels()[voxel.index()].ijk).filter(|(link, _)| grid.is_intact(*link));
-        open.extend(links.filter_map(|(_, other)| grid.voxel_at(other)).filter(|next| seen.insert(*next)));
+        let next = links.filter_map(|(_, other)| grid.voxel_at(other)).filter(|next| keep(*next));
+        open.extend(next.filter(|next| seen.insert(*next)));
     }
     seen
 }
@@ -40,7 +41,7 @@ fn the_lesion_comes_off_in_one_piece_with_no_cut_in_it() {
     let body = world.bodies()[0];
     let grid = &body.state.grid;
     let lesion = region_voxels(grid, &scene.desc.objects[0].regions[0].shape, &scene.meshes).unwrap();
-    let removed = piece(grid, lesion[0]);
+    let removed = piece(grid, lesion[0], |_| true);
     let inside: BTreeSet<VoxelId> = lesion.iter().copied().collect();
     let parted_inside = lesion
         .iter()

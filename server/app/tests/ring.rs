@@ -2,10 +2,12 @@
 
 use std::path::Path;
 
-use kerf_physics::grid::Grid;
+use kerf_physics::grid::VoxelId;
 use kerf_physics::{NoClock, StepInputs, Workers, World};
 use kerf_scenes::catalog;
 use kerf_server::scene_args::read_script;
+
+use super::hepatectomy::piece;
 
 /// Where skin ends and fat begins, m.
 const FAT_BELOW_M: f64 = 0.016;
@@ -27,25 +29,13 @@ fn the_scalpel_goes_round_a_disc_of_skin_that_hangs_on_the_fat_alone_then() {
         assert!(output.fault.is_none(), "{:?}", output.fault);
     }
     let grid = &world.bodies()[0].state.grid;
-    let is_skin = |voxel: usize| grid.centre_m(grid.voxels()[voxel].ijk).y > FAT_BELOW_M;
-    let off_axis_m = |voxel: usize| {
-        let centre_m = grid.centre_m(grid.voxels()[voxel].ijk);
-        centre_m.x.hypot(centre_m.z)
-    };
-    let skin: Vec<usize> = (0..grid.voxels().len()).filter(|voxel| is_skin(*voxel)).collect();
-    let middle = *skin.iter().min_by(|a, b| off_axis_m(**a).total_cmp(&off_axis_m(**b))).unwrap();
-    let mut seen = vec![false; grid.voxels().len()];
-    let (mut open, mut disc) = (vec![middle], 0);
-    seen[middle] = true;
-    while let Some(voxel) = open.pop() {
-        disc += 1;
-        for (link, other) in Grid::links_of(grid.voxels()[voxel].ijk) {
-            let Some(next) = grid.voxel_at(other).filter(|_| grid.is_intact(link)) else { continue };
-            if is_skin(next.index()) && !std::mem::replace(&mut seen[next.index()], true) {
-                open.push(next.index());
-            }
-        }
-    }
+    let centre_m = |voxel: VoxelId| grid.centre_m(grid.voxels()[voxel.index()].ijk);
+    let is_skin = |voxel: VoxelId| centre_m(voxel).y > FAT_BELOW_M;
+    let off_axis_m = |voxel: VoxelId| centre_m(voxel).x.hypot(centre_m(voxel).z);
+    let voxels = grid.voxels().iter().filter_map(|voxel| grid.voxel_at(voxel.ijk));
+    let skin: Vec<VoxelId> = voxels.filter(|voxel| is_skin(*voxel)).collect();
+    let middle = skin.iter().copied().min_by(|a, b| off_axis_m(*a).total_cmp(&off_axis_m(*b))).unwrap();
+    let disc = piece(grid, middle, is_skin).len();
     // The blade's leading end cuts.
     let end_radius_m = RADIUS_M.hypot(HALF_BLADE_M);
     let within = skin.iter().filter(|voxel| off_axis_m(**voxel) < end_radius_m).count();

@@ -72,7 +72,8 @@ impl Run<'_> {
             if let Some(made) = &self.options.made {
                 let mut file = OpenOptions::new().create(true).append(true).open(made)?;
                 let line = Made { model: self.options.models[index].clone(), tally: tally.clone() };
-                writeln!(file, "{}", serde_json::to_string(&line)?)?;
+                // At once: a run that is killed leaves whole lines.
+                file.write_all((serde_json::to_string(&line)? + "\n").as_bytes())?;
             }
             done.0[index].1.push(tally);
             if done.1.elapsed() > REPORT_EVERY {
