@@ -101,6 +101,33 @@ fn an_edge_put_down_at_the_surface_cuts_like_one_that_comes_from_above() {
 }
 
 #[test]
+fn an_edge_put_down_in_the_surface_and_lifted_has_cut_nothing() {
+    let (h, level) = (2.5e-3, 1);
+    let scene = cutting_scene(block(h, level), 0.12, 500.0);
+    let above = Vec3::new(0.0, BLOCK_HEIGHT_M + 5e-4, 4e-4);
+    let touch_n = |depth_m: Option<f64>| {
+        let mut rig = Rig::new(&scene, above, attitude(0.0, 0.0, 0.0), SPEED_M_PER_S);
+        if let Some(depth_m) = depth_m {
+            rig.enter_at(above - Vec3::y() * (5e-4 + depth_m));
+            rig.drive(2e-4);
+            rig.drive_along(Vec3::y() * (3e-3 + depth_m));
+            rig.drive(2.3e-3);
+        }
+        let before = rig.samples.len();
+        rig.drive(1.5e-3);
+        let (area_m2, parted) = (rig.sum(|s| s.area_m2), rig.sum(|s| f64::from(s.parted_links)));
+        assert_eq!((area_m2, parted), (0.0, 0.0), "put down {depth_m:?} m under the surface");
+        rig.samples[before..].iter().map(|s| s.force_n).fold(0.0, f64::max)
+    };
+    let first_n = touch_n(None);
+    assert!(first_n > 0.1 * GC_J_PER_M2 * BLOCK_SIDE_M, "{first_n} N");
+    for depth_m in [0.1 * h, 0.3 * h, 0.45 * h] {
+        let again_n = touch_n(Some(depth_m));
+        assert!((again_n / first_n - 1.0).abs() < 0.02, "{depth_m} m: {again_n} N, from above {first_n} N");
+    }
+}
+
+#[test]
 fn a_blade_put_down_in_the_tissue_stands_in_a_slit_and_cuts_on_from_there() {
     for (h, level, depth_m) in [(2.5e-3, 2, 1e-3), (2.5e-3, 2, 0.01), (2.5e-3, 0, 0.01)] {
         let scene = cutting_scene(block(h, level), 0.12, 500.0);

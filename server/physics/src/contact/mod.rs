@@ -28,6 +28,11 @@ use serde::{Deserialize, Serialize};
 /// milliseconds that this says; at half of it in twice the time.
 pub(crate) const COMES_UP_VOXELS_PER_S: f64 = 1.0;
 
+/// What is no deeper than this many voxels is on the surface: a hand that puts a blade onto the tissue is. No surface is
+/// more exact. With none, scripts that begin at the surface wait for ever; with twice as much a probe that comes in so
+/// deep is pushed out by as much at once.
+pub(crate) const ON_SURFACE_VOXELS: f64 = 0.5;
+
 /// Depth to which so much energy presses a spring, m; 0 where it is less than none.
 pub(crate) fn pressed_m(stiffness_n_per_m: f64, held_j: f64) -> f64 {
     (2.0 * held_j.max(0.0) / stiffness_n_per_m).sqrt()

@@ -17,7 +17,7 @@ use super::springs::FrontContact;
 use super::sweep::{PartingCost, part_quad};
 use crate::Vec3;
 use crate::body::Body;
-use crate::contact::Mode;
+use crate::contact::{Mode, ON_SURFACE_VOXELS};
 use crate::grid::{Crossing, Link, LinkId};
 use crate::scene::FractureRule;
 use crate::tool::Pose;
@@ -154,15 +154,23 @@ impl Front {
     }
 
     /// Puts the blade down. Where that is in the tissue it stands in a slit of its own making, which the step's
-    /// [`Self::advance`] opens, and cuts on from there.
+    /// [`Self::advance`] opens, and cuts on from there. An edge no part of which is deeper than on the surface has cut
+    /// nothing: what is ahead of it dents before it parts.
     pub fn enter(&mut self, tissue: &Tissue<'_>, motion: &BladeMotion<'_>) {
         self.lift();
+        let grid = &tissue.body.state.grid;
         for (marker, segment) in self.markers.iter_mut().zip(self.segments.iter()) {
             let (at_m, frame) =
                 (motion.pose.transform(&segment.outline_m()), segment.frame.turned(&motion.pose.orientation));
             *marker = put_down(tissue, &at_m, &frame, motion.blade.edge_half_width_m);
+            let Marker::On(anchor) = marker else { continue };
+            self.slit |= -grid.signed_distance_m(&anchor.start_m) > ON_SURFACE_VOXELS * grid.voxel_size_m();
         }
-        self.slit = self.markers.iter().any(|marker| matches!(marker, Marker::On(_)));
+        for marker in &mut self.markers {
+            if let Marker::On(anchor) = marker {
+                anchor.yielded = self.slit;
+            }
+        }
     }
 
     /// Finds which markers touch the tissue and sets up their springs. Tissue is `near` the first end, the edge and the

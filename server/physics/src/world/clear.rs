@@ -4,17 +4,13 @@ use super::World;
 use crate::Vec3;
 use crate::body::Body;
 use crate::contact::broad::SpatialHash;
-use crate::contact::narrow;
+use crate::contact::{ON_SURFACE_VOXELS, narrow};
 use crate::math::Aabb;
 use crate::tool::blade::Blade;
 use crate::tool::capsule::Capsule;
 use crate::tool::scissors::Mount;
 use crate::tool::{Pose, ToolShape};
 
-/// What is no deeper than this many voxels is on the surface: a hand that puts a blade onto the tissue is. No surface is
-/// more exact. With none, scripts that begin at the surface wait for ever; with twice as much a probe that comes in so
-/// deep is pushed out by as much at once.
-const ON_SURFACE_VOXELS: f64 = 0.5;
 /// Distance between the points of a tool that are looked at, voxels. Half of it finds corners of tissue of half a
 /// voxel, which no contact resolves; twice misses a voxel that a blade stands in.
 const SPACING_VOXELS: f64 = 1.0;
