@@ -47,4 +47,6 @@ pub mod traces;
 pub mod tradeoff;
 mod traffic;
 mod viewer;
+#[cfg(test)]
+mod virtual_world;
 mod watchdog;

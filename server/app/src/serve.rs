@@ -153,7 +153,8 @@ impl Server {
         };
         let metrics = metrics(&config, watched).await?;
         let doors = (Arc::clone(&security), security.door(address), refusals);
-        let (health, routes) = routes(&registry, &config, (&recordings, &journals), doors).await?;
+        let viewing = Viewing::begin().context("threads for viewers")?;
+        let (health, routes) = routes(&registry, &config, (&recordings, &journals), doors, viewing).await?;
         let (stop, stopped) = oneshot::channel::<()>();
         let (connections, cut) = incoming::connections(listener, &config.transport, security.tls(), traffic);
         let serving = builder(&config.transport)
@@ -278,7 +279,7 @@ async fn close_idle(
     }
 }
 
-fn builder(limits: &TransportLimits) -> Transport {
+pub(crate) fn builder(limits: &TransportLimits) -> Transport {
     Transport::builder()
         // To be answered and, as long again, to be read: an upload may not trickle in for ever.
         .timeout(Duration::from_secs_f64(2.0 * limits.request_timeout_s))
@@ -289,11 +290,13 @@ fn builder(limits: &TransportLimits) -> Transport {
         .http2_keepalive_timeout(Some(Duration::from_secs_f64(limits.keepalive_timeout_s)))
 }
 
-async fn routes(
+/// What is served.
+pub(crate) async fn routes(
     registry: &Arc<Registry>,
     config: &Arc<ServerConfig>,
     (recordings, journals): (&Arc<Recordings>, &Arc<Journals>),
     (security, door, refusals): (Arc<Security>, Arc<Door>, Arc<Refusals>),
+    viewing: Viewing,
 ) -> Result<(HealthReporter, Routes)> {
     let limits = &config.transport;
     let session = SessionServiceServer::new(SessionService::new(
@@ -307,7 +310,6 @@ async fn routes(
     let control = ControlServiceServer::new(ControlService::new(Arc::clone(registry), config.control.clone()))
         .max_decoding_message_size(limits.max_incoming_bytes)
         .max_encoding_message_size(limits.max_outgoing_bytes);
-    let viewing = Viewing::begin().context("threads for viewers")?;
     let view = ViewService::new(Arc::clone(registry), viewing, config.view.clone(), limits.request_timeout_s);
     let view = ViewServiceServer::new(view)
         .max_decoding_message_size(limits.max_incoming_bytes)

@@ -114,6 +114,11 @@ fn mixed_bars() -> [(&'static str, Vec<ShapeDesc>, [f64; 3]); 12] {
     ]
 }
 
+/// Most of a bar's compliance by content over that of full FEM. Two plates of thickness t at a distance d bend of their
+/// own by `t^2 / (3 d^2)` of the section's stiffness, 8 % here. A homogenised cell has no plates, and where the soft layers
+/// shear this stiffness counts for more than its share.
+const SOFTEST: f64 = 1.15;
+
 /// Asks of bars that their elements by content are at least `least` times as soft as full FEM.
 fn hold_softness(cases: &[(&str, Vec<ShapeDesc>, [f64; 3])], poisson_ratio: f64, least: f64) {
     println!("nu {poisson_ratio}, compliance against k = 1: galerkin, incompatible, homogenised, by content");
@@ -121,7 +126,7 @@ fn hold_softness(cases: &[(&str, Vec<ShapeDesc>, [f64; 3])], poisson_ratio: f64,
         let kinds = [Galerkin, IncompatibleModes, Homogenised, ByContent];
         let found = ratios(poisson_ratio, stiff, *traction, &[], &kinds);
         println!("  {name:32} {found:.3?}");
-        assert!(found[3] > least && found[3] < 1.1, "{name}, nu {poisson_ratio}: {}", found[3]);
+        assert!(found[3] > least && found[3] < SOFTEST, "{name}, nu {poisson_ratio}: {}", found[3]);
         assert!(found[0] < found[1], "{name}, nu {poisson_ratio}: the trilinear field is stiffer");
     }
 }

@@ -16,6 +16,10 @@ impl MonotonicClock {
     /// Nanoseconds since an arbitrary origin.
     #[must_use]
     pub fn now_ns() -> u64 {
+        #[cfg(feature = "virtual-time")]
+        if let Some(now_ns) = crate::virtual_time::now_ns() {
+            return now_ns;
+        }
         let now = clock_gettime(ClockId::Monotonic);
         // The monotonic clock counts up from boot, so neither field is ever negative.
         now.tv_sec.unsigned_abs() * NS_PER_S + u64::from(now.tv_nsec.unsigned_abs() as u32)

@@ -111,7 +111,7 @@ impl Drop for Feed {
 
 impl Shots {
     /// What comes next, if there is something.
-    #[cfg(test)]
+    #[cfg(any(test, feature = "virtual-time"))]
     pub fn try_next(&self) -> Option<Next> {
         lock(&self.0.state).next()
     }

@@ -49,6 +49,8 @@ mod structure_log;
 pub mod tape;
 mod tool_slot;
 mod view_message;
+#[cfg(feature = "virtual-time")]
+pub mod virtual_time;
 mod vitals;
 
 pub use checkpoints::{Checkpoint, CheckpointInfo, FileError, MAX_CHECKPOINT_NAME_BYTES};

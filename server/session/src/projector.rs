@@ -38,7 +38,7 @@ impl Projector {
     }
 
     /// Shows what waits.
-    #[cfg(test)]
+    #[cfg(any(test, feature = "virtual-time"))]
     pub fn show_waiting(&mut self, clock: &dyn StageClock) {
         while let Some(next) = self.shots.try_next() {
             match next {

@@ -144,7 +144,7 @@ impl Session {
             outbox,
             bell,
             reports,
-            thread: Mutex::new(Some(thread)),
+            thread: Mutex::new(thread),
             reel: Mutex::new(reel),
             journal: Mutex::new(journal),
             is_replay: false,

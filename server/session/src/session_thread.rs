@@ -25,7 +25,7 @@ pub(crate) struct Told {
     pub warnings: Vec<String>,
 }
 
-type Built = Result<Told, SessionError>;
+pub(crate) type Built = Result<Told, SessionError>;
 
 /// Starts a thread that builds a session's core, says so and runs it. The permits stay with the thread, so that a
 /// caller who gives up waiting for a large scene does not make room for another.
@@ -35,7 +35,12 @@ pub(crate) fn start(
     inbox: Arc<Inbox>,
     permits: Permits,
     build: impl FnOnce() -> Result<(SessionCore, Projector), SessionError> + Send + 'static,
-) -> Result<(JoinHandle<()>, oneshot::Receiver<Built>), SessionError> {
+) -> Result<(Option<JoinHandle<()>>, oneshot::Receiver<Built>), SessionError> {
+    #[cfg(feature = "virtual-time")]
+    let (permits, build) = match crate::virtual_time::start(&inbox, permits, build) {
+        Ok(built) => return Ok((None, built)),
+        Err(real) => real,
+    };
     let stepping = Stepping::with(threads)?;
     let (say, built) = oneshot::channel();
     let body = move || {
@@ -56,10 +61,11 @@ pub(crate) fn start(
         }
     };
     let thread = std::thread::Builder::new().name(name).spawn(body);
-    Ok((thread.map_err(|error| SessionError::NoThread { message: error.to_string() })?, built))
+    let thread = thread.map_err(|error| SessionError::NoThread { message: error.to_string() })?;
+    Ok((Some(thread), built))
 }
 
-fn told(core: &SessionCore) -> Told {
+pub(crate) fn told(core: &SessionCore) -> Told {
     let warnings = kerf_scenes::examine::warnings(core.scene(), core.world());
     Told { objects: core.world().object_stats(), warnings: warnings.iter().map(ToString::to_string).collect() }
 }

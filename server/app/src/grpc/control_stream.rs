@@ -4,7 +4,7 @@
 
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use futures_util::stream;
 use kerf_proto::v1;
@@ -13,6 +13,7 @@ use kerf_session::clock::MonotonicClock;
 use kerf_session::{Driver, Echo, Phase, PoseRefusal, Reports, SessionError, StepReport};
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinHandle;
+use tokio::time::Instant;
 use tonic::{Status, Streaming};
 
 use super::contact_deadband::ContactDeadband;
@@ -107,7 +108,7 @@ pub fn outgoing(
         incoming,
         rejected,
         received,
-        budget: PoseBudget::new(limits.max_pose_rate_hz, driver.tools().len(), Instant::now()),
+        budget: PoseBudget::new(limits.max_pose_rate_hz, driver.tools().len(), Instant::now().into_std()),
         limits: limits.clone(),
         in_a_row: 0,
     };
@@ -370,7 +371,7 @@ impl Reader {
         }
         let (tool_id, seq, result) = match up.message {
             Some(v1::control_request::Message::Pose(pose)) => {
-                if let Err(rejected) = self.budget.take(pose.tool_id, pose.seq, Instant::now()) {
+                if let Err(rejected) = self.budget.take(pose.tool_id, pose.seq, Instant::now().into_std()) {
                     // Neither garbage nor a glitch: what a network held up comes together too.
                     let _ = self.rejected.try_send(rejected);
                     return Ok(());

@@ -33,6 +33,12 @@ impl Viewing {
         Ok(Self { handle: runtime.handle().clone(), runtime: Some(runtime) })
     }
 
+    /// Viewers' work on a runtime that others run.
+    #[cfg(test)]
+    pub fn on(handle: Handle) -> Self {
+        Self { handle, runtime: None }
+    }
+
     /// Does some work there; it ends when the answer is given up.
     pub fn work<T: Send + 'static>(&self, work: impl Future<Output = T> + Send + 'static) -> Work<T> {
         Work(self.handle.spawn(work))

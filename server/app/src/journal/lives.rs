@@ -1,23 +1,17 @@
 //! Sessions that are killed, lose power, run out of disk and are brought back, by seed: a seed fails the same way each time.
 
-use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use kerf_physics::Scene;
 use kerf_scenes::dial::ParetoFronts;
-use kerf_session::clock::MonotonicClock;
 use kerf_session::stepping::{StepMotion, Steps};
 use kerf_session::{CheckpointInfo, Registry, Session, SessionId, SessionLimits, SessionOptions};
 
-use super::disk::{Disk, DiskWork, Place};
+use super::by_hand::Journal;
 use super::files::Files;
-use super::health::Health;
 use super::past;
 use super::tests::{BLOCK, place};
 use super::virtual_disk::{Faults, VirtualDisk};
-use super::writer::{Account, Writer};
-use crate::recording::Quota;
 
 /// Seeds that are tried. The variable `LIVES` says another number, `LIVES_SEED` the first of them.
 const SEEDS: u64 = 60;
@@ -38,62 +32,6 @@ impl Image {
             checkpoints.push((name, file));
         }
         Self { state: session.copy().await.unwrap().save(), checkpoints }
-    }
-}
-
-/// The journal of a session, whose threads take turns by seed.
-struct Journal {
-    /// `None` once it has ended.
-    writer: Option<Writer>,
-    work: Option<DiskWork>,
-    /// Images whose way there was written.
-    written: usize,
-    /// How many of them no power cut takes.
-    confirmed: usize,
-    now_ns: u64,
-}
-
-impl Journal {
-    fn begin(folder: &Path, session: &Session, disk: &Arc<VirtualDisk>, confirmed: usize) -> Self {
-        let health = Arc::new(Health::default());
-        let quota = Arc::new(Quota::of_mib(["journal_dir", "max_journal_mib"], 1000.0));
-        let place = Place { storage: Arc::clone(disk) as _, quota, unsynced: health.begin() };
-        let (disk, work) = Disk::new(place.clone());
-        let before = Files::in_folder(folder).unwrap().remove(&session.id()).unwrap_or_default();
-        let is_new = before.is_empty();
-        let files = Files { folder: folder.into(), session: session.id(), before };
-        let account = Account { health, told: Arc::default() };
-        let tape = session.take_journal().unwrap();
-        let writer = Writer::begin(files, session, tape, (place, disk), account, &Arc::new(AtomicBool::new(true)));
-        // That of a new session begins with a file; others wait for a state to go on from.
-        let written = confirmed.max(usize::from(is_new && writer.is_ok()));
-        Self { writer: writer.ok(), work: Some(work), written, confirmed, now_ns: MonotonicClock::now_ns() }
-    }
-
-    /// Its thread looks at the tape, on which there are so many images.
-    fn look(&mut self, images: usize) {
-        let Some(writer) = &mut self.writer else { return };
-        match writer.look(self.now_ns) {
-            Ok(None) if writer.is_written() => self.written = images,
-            Ok(None) => {}
-            Ok(Some(ended)) => self.writer.take().unwrap().end(ended),
-            Err(error) => self.writer.take().unwrap().end(Err(error.to_string())),
-        }
-    }
-
-    /// The thread that waits for the disk does so many of the jobs that wait, at most.
-    fn sync(&mut self, jobs: usize) {
-        for _ in 0..jobs {
-            match self.work.as_ref().map(DiskWork::next) {
-                Some(Some(true)) => {}
-                Some(None) => {
-                    self.confirmed = self.written;
-                    return;
-                }
-                Some(Some(false)) => self.work = None,
-                None => return,
-            }
-        }
     }
 }
 
@@ -154,6 +92,7 @@ async fn lives(seed: u64, registry: &Registry, tally: &mut Tally) {
         }
         let written = journal.written;
         confirmed = journal.confirmed;
+        disk.kill();
         drop(journal);
         registry.close(&id.to_string()).await.unwrap();
         let is_power_cut = random.bool();

@@ -8,17 +8,19 @@
 //!
 //! A session that is closed has no journal any more; one whose server stops, or is stopped, is brought back by the next one.
 
+#[cfg(test)]
+pub(crate) mod by_hand;
 mod disk;
-mod files;
+pub(crate) mod files;
 mod health;
 mod kept;
 #[cfg(test)]
 mod lives;
 pub mod past;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 #[cfg(test)]
-mod virtual_disk;
+pub(crate) mod virtual_disk;
 mod writer;
 
 use std::fs::File;

@@ -16,6 +16,7 @@ use crate::config::ServerConfig;
 use crate::recording::reader::RECORD_HEAD_BYTES;
 use crate::storage::PART;
 
+/// What sessions of tests are of.
 pub const BLOCK: &str = include_str!("../../../session/tests/block.toml");
 
 /// Where a blade is on its way down into the block.

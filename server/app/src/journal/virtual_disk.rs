@@ -19,6 +19,8 @@ pub struct VirtualDisk {
 struct State {
     random: Rng,
     faults: Faults,
+    /// Processes that were killed: their files take no more.
+    kills: usize,
     files: Vec<Content>,
     /// What is there, by name.
     names: BTreeMap<PathBuf, usize>,
@@ -47,6 +49,8 @@ struct Content {
 struct VirtualFile {
     state: Arc<Mutex<State>>,
     index: usize,
+    /// Processes that had been killed as it was made.
+    kills: usize,
     /// What programs read.
     file: File,
 }
@@ -57,12 +61,18 @@ impl VirtualDisk {
         let state = State {
             random: Rng::with_seed(seed),
             faults,
+            kills: 0,
             files: Vec::new(),
             names: BTreeMap::new(),
             synced_names: BTreeMap::new(),
             unsynced_names: Vec::new(),
         };
         Self { state: Arc::new(Mutex::new(state)) }
+    }
+
+    /// Kills who writes: what it has not handed over yet is lost.
+    pub fn kill(&self) {
+        lock(&self.state).kills += 1;
     }
 
     /// Cuts the power: the folder holds what the disk has then, and all of that is synced.
@@ -108,7 +118,8 @@ impl Storage for VirtualDisk {
         state.files.push(Content::default());
         state.names.insert(path.into(), index);
         state.unsynced_names.push((path.into(), Some(index)));
-        Ok(Arc::new(VirtualFile { state: Arc::clone(&self.state), index, file }))
+        let kills = state.kills;
+        Ok(Arc::new(VirtualFile { state: Arc::clone(&self.state), index, kills, file }))
     }
 
     fn remove(&self, path: &Path) -> io::Result<()> {
@@ -140,6 +151,9 @@ impl Storage for VirtualDisk {
 impl Stored for VirtualFile {
     fn append(&self, bytes: &[u8]) -> io::Result<()> {
         let mut state = lock(&self.state);
+        if state.kills > self.kills {
+            return Err(io::ErrorKind::BrokenPipe.into());
+        }
         let full = state.faults.full;
         if state.random.f64() < full {
             return Err(io::Error::from_raw_os_error(libc::ENOSPC));

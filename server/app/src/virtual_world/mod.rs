@@ -1,0 +1,211 @@
+//! A server, its clients, the network between them and the disk below, by seed and in virtual time.
+//!
+//! Everything is the program's own but for threads, clock, sockets and disk: sessions are tasks, bytes are carried by a
+//! network that delays, stalls and breaks, and the journal is on a disk that forgets. A seed gives the same run each time.
+
+mod clients;
+mod network;
+mod server;
+
+use std::sync::{Arc, PoisonError};
+use std::time::Duration;
+
+use fastrand::Rng;
+use kerf_replica::Replica;
+use kerf_session::virtual_time::VirtualTime;
+use tokio::time::{Instant, sleep, timeout};
+
+use crate::journal::virtual_disk::{Faults, VirtualDisk};
+use clients::{Seen, View, drive, watch};
+use network::{Network, Quality};
+use server::{Footprint, Server, Track};
+
+/// Seeds that are tried. The variable `WORLDS` says another number, `WORLDS_SEED` the first of them.
+const SEEDS: u64 = 20;
+/// How long things happen.
+const STORM: Duration = Duration::from_secs(4);
+/// Within this all is as it should be once nothing happens any more.
+const CALM: Duration = Duration::from_secs(2);
+/// Steps of the block, 500 a second, that a kill may take at most: 60 ms.
+const MOST_TAKEN: usize = 30;
+
+/// What happened in the worlds of all seeds.
+#[derive(Debug, Default, PartialEq)]
+struct Tally {
+    steps: usize,
+    contacts: u64,
+    forces: u64,
+    hardest_n: f64,
+    streams: u64,
+    views: u64,
+    kills: usize,
+    power_cuts: usize,
+    lost: usize,
+    taken: usize,
+    trace: u64,
+}
+
+/// What may happen.
+async fn something(random: &mut Rng, server: &Server, network: &Network) {
+    let names = ["a", "b"];
+    let name = names[random.usize(0..names.len())];
+    let session = &server.session;
+    match random.u32(0..12) {
+        0 => network.cut(),
+        1 => network.set(Quality {
+            stalls: 0.02,
+            stall: random.u32(100..1500) * Duration::from_millis(1),
+            ..quality(random)
+        }),
+        2 => network.set(quality(random)),
+        3 => drop(session.pause().await),
+        4..6 => drop(session.resume().await),
+        6 => drop(session.reset().await),
+        7 => drop(session.save_checkpoint(name).await),
+        8 => drop(session.restore_checkpoint(name).await),
+        _ => {}
+    }
+}
+
+fn quality(random: &mut Rng) -> Quality {
+    let ms = |random: &mut Rng, most: u32| random.u32(0..=most) * Duration::from_millis(1);
+    Quality { delay: ms(random, 60), jitter: ms(random, 20), ..Quality::default() }
+}
+
+/// A world from its beginning to its end.
+async fn world(seed: u64, tally: &mut Tally) {
+    let mut random = Rng::with_seed(seed);
+    let mut steps = random.fork();
+    let _time = VirtualTime::begin(move || match steps.u32(0..2000) {
+        // The machine had something else to do.
+        0 => Duration::from_millis(120),
+        1..20 => Duration::from_millis(3),
+        _ => Duration::from_micros(100),
+    });
+    let folder = tempfile::tempdir().unwrap();
+    let faults = match random.u32(0..8) {
+        0 => Faults { full: 0.02, sync: 0.0 },
+        1 => Faults { full: 0.0, sync: 0.02 },
+        _ => Faults::default(),
+    };
+    let is_good_disk = faults.full + faults.sync == 0.0;
+    let disk = Arc::new(VirtualDisk::new(random.u64(..), faults));
+    let network = Network::new(random.u64(..));
+    let (track, seen) = (Track::default(), Seen::default());
+    let start = async |random: &mut Rng, confirmed| {
+        Server::start(&network, (folder.path(), &disk), &track, confirmed, random.fork()).await
+    };
+    let mut server = start(&mut random, 0).await.unwrap();
+    let session_id = server.session.id().to_string();
+    let clients = [
+        tokio::spawn(drive(network.clone(), session_id.clone(), random.fork(), seen.clone())),
+        tokio::spawn(watch(network.clone(), session_id.clone(), seen.clone())),
+    ];
+
+    let end = Instant::now() + STORM;
+    while Instant::now() < end {
+        sleep(random.u32(1..400) * Duration::from_millis(1)).await;
+        if random.u32(0..8) > 0 {
+            something(&mut random, &server, &network).await;
+            continue;
+        }
+        let confirmed = server.kill(&network, &disk).await;
+        let is_power_cut = random.u32(0..3) == 0;
+        if is_power_cut {
+            disk.cut_power();
+        }
+        (tally.kills, tally.power_cuts) = (tally.kills + 1, tally.power_cuts + usize::from(is_power_cut));
+        sleep(random.u32(0..800) * Duration::from_millis(1)).await;
+        server = match start(&mut random, confirmed).await {
+            Ok(server) => server,
+            Err(error) => {
+                assert!(confirmed == 0 || !is_good_disk, "seed {seed}: {confirmed} steps are lost: {error:#}");
+                tally.lost += 1;
+                clients.iter().for_each(tokio::task::JoinHandle::abort);
+                return;
+            }
+        };
+        let mut track = track.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_there = |footprint: &Footprint| *footprint == server.began;
+        let back = track.iter().rposition(is_there).or_else(|| track.iter().rposition(|f| *f == Footprint::Elsewhere));
+        let back = back.map_or(0, |index| index + 1);
+        assert!(back > 0 || matches!(server.began, Footprint::Step(0, _)), "seed {seed}: {:?} was never", server.began);
+        if is_good_disk && !is_power_cut {
+            let taken = track.len() - back;
+            tally.taken = tally.taken.max(taken);
+            assert!(taken <= MOST_TAKEN, "seed {seed}: a kill took {taken} of {} steps", track.len());
+        }
+        track.truncate(back);
+    }
+
+    network.set(Quality::default());
+    let _ = server.session.resume().await;
+    sleep(CALM).await;
+    let recent = |at: Option<Instant>| at.is_some_and(|at| at.elapsed() < Duration::from_millis(100));
+    let (felt_at, drawn_at) = {
+        let seen = seen.lock();
+        (seen.felt_at, seen.drawn_at)
+    };
+    assert!(recent(felt_at), "seed {seed}: the hand feels nothing: {:?}", felt_at.map(|at| at.elapsed()));
+    assert!(recent(drawn_at), "seed {seed}: the viewer sees nothing: {:?}", drawn_at.map(|at| at.elapsed()));
+
+    // Who has followed all the way sees what one sees who comes now.
+    let step = server.session.pause().await.unwrap();
+    sleep(CALM).await;
+    let fresh = arrive(&network, &session_id).await;
+    {
+        let seen = seen.lock();
+        assert_eq!(seen.wrong, Vec::<String>::new(), "seed {seed}");
+        let followed = &seen.replica;
+        assert_eq!(followed.moment().map(|moment| moment.step), Some(step), "seed {seed}");
+        assert_eq!(fresh.moment().map(|moment| moment.step), Some(step), "seed {seed}");
+        assert_eq!(followed.topology_version(), fresh.topology_version(), "seed {seed}");
+        for (followed, fresh) in followed.bodies().iter().zip(fresh.bodies()) {
+            assert!(followed.quads() == fresh.quads() && followed.vertices() == fresh.vertices(), "seed {seed}");
+        }
+        tally.contacts += seen.contacts;
+        tally.forces += seen.forces;
+        tally.hardest_n = tally.hardest_n.max(seen.hardest_n);
+        tally.streams += seen.streams;
+        tally.views += seen.views;
+        tally.trace = tally.trace.rotate_left(1) ^ seen.trace;
+    }
+    tally.steps += track.lock().unwrap_or_else(PoisonError::into_inner).len();
+    clients.iter().for_each(tokio::task::JoinHandle::abort);
+    server.kill(&network, &disk).await;
+}
+
+/// What a viewer sees who comes now.
+async fn arrive(network: &Network, session_id: &str) -> Replica {
+    let channel = network.channel().await.expect("a network that is calm");
+    let mut view = View::open(channel, session_id).await.expect("a view");
+    let mut replica = Replica::default();
+    while let Ok(Some((_, message))) = timeout(Duration::from_millis(200), view.next()).await {
+        replica.apply(&message).unwrap();
+    }
+    replica
+}
+
+fn worlds(seeds: std::ops::Range<u64>) -> Tally {
+    let mut tally = Tally::default();
+    for seed in seeds {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_time().start_paused(true).build().unwrap();
+        runtime.block_on(world(seed, &mut tally));
+    }
+    tally
+}
+
+fn number(name: &str, otherwise: u64) -> u64 {
+    std::env::var(name).map_or(otherwise, |value| value.parse().unwrap())
+}
+
+#[test]
+fn clients_come_back_and_nothing_confirmed_is_lost_whatever_the_network_and_the_disk_do() {
+    let first = number("WORLDS_SEED", 0);
+    println!("{:?}", worlds(first..first + number("WORLDS", SEEDS)));
+}
+
+#[test]
+fn a_seed_gives_the_same_world_again() {
+    assert_eq!(worlds(3..5), worlds(3..5));
+}

@@ -1,0 +1,147 @@
+//! A server with one session in virtual time, its journal on a disk that forgets, and what kills it.
+
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use fastrand::Rng;
+use futures_util::StreamExt;
+use kerf_physics::Scene;
+use kerf_scenes::dial::ParetoFronts;
+use kerf_session::clock::MonotonicClock;
+use kerf_session::{Reel, Registry, SceneEvent, Session, SessionOptions, TapeEntry};
+use tokio::runtime::Handle;
+use tokio::task::JoinHandle;
+use tokio::time::sleep;
+use tokio_stream::wrappers::UnboundedReceiverStream;
+
+use super::network::Network;
+use crate::config::ServerConfig;
+use crate::grpc::viewing::Viewing;
+use crate::journal::Journals;
+use crate::journal::by_hand::Journal;
+use crate::journal::files::Files;
+use crate::journal::past;
+use crate::journal::tests::BLOCK;
+use crate::journal::virtual_disk::VirtualDisk;
+use crate::metrics::refusals::Refusals;
+use crate::recording::Recordings;
+use crate::security::Security;
+use crate::serve::{builder, routes};
+
+/// How often the journal's thread looks at what there is, and the recorder's.
+const LOOK: Duration = Duration::from_millis(5);
+
+/// One thing that has changed a session.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Footprint {
+    /// A step, and the hash of the state after it.
+    Step(u64, u64),
+    /// It was taken back to rest or to a checkpoint.
+    Elsewhere,
+}
+
+/// A server that runs.
+pub struct Server {
+    pub session: Arc<Session>,
+    /// What it began with.
+    pub began: Footprint,
+    registry: Arc<Registry>,
+    journal: Arc<Mutex<Journal>>,
+    tasks: Vec<JoinHandle<()>>,
+}
+
+/// Footprints of all that has happened to a session, over all its servers.
+pub type Track = Arc<Mutex<Vec<Footprint>>>;
+
+impl Server {
+    /// Starts one that creates the session, or brings it back from the folder.
+    ///
+    /// # Errors
+    /// The session does not come back.
+    pub async fn start(
+        network: &Network,
+        (folder, disk): (&Path, &Arc<VirtualDisk>),
+        track: &Track,
+        confirmed: usize,
+        random: Rng,
+    ) -> anyhow::Result<Self> {
+        let config = Arc::new(ServerConfig::default());
+        let registry = Arc::new(Registry::new(config.session.clone(), ParetoFronts::builtin())?);
+        let options = SessionOptions { is_journaled: true, is_recorded: true, ..SessionOptions::default() };
+        Files::remove_parts(folder)?;
+        let session = match Files::in_folder(folder)?.pop_first() {
+            Some((id, files)) => registry.bring_back::<anyhow::Error>(id, move || past::read(&files), options).await?,
+            None => {
+                let scene = Scene { desc: toml::from_str(BLOCK)?, meshes: Default::default() }.judge()?;
+                registry.create(scene, options).await?
+            }
+        };
+        let status = session.describe().await?;
+        let began = Footprint::Step(status.step, status.state_hash);
+        let journal = Arc::new(Mutex::new(Journal::begin(folder, &session, disk, confirmed)));
+        let tasks = vec![
+            tokio::spawn(serve(Arc::clone(&registry), config, network.listen())),
+            tokio::spawn(follow(Arc::clone(&session), Arc::clone(track), Arc::clone(&journal), random)),
+        ];
+        Ok(Self { session, began, registry, journal, tasks })
+    }
+
+    /// Ends it as a kill does: nothing is said to anybody and nothing is written any more. How many footprints the disk
+    /// had confirmed.
+    pub async fn kill(self, network: &Network, disk: &VirtualDisk) -> usize {
+        disk.kill();
+        network.fall();
+        self.tasks.iter().for_each(JoinHandle::abort);
+        for task in self.tasks {
+            let _ = task.await;
+        }
+        let confirmed = self.journal.lock().unwrap_or_else(PoisonError::into_inner).confirmed;
+        drop(self.journal);
+        drop(self.session);
+        self.registry.close_all().await;
+        confirmed
+    }
+}
+
+/// Serves what the network brings.
+async fn serve(
+    registry: Arc<Registry>,
+    config: Arc<ServerConfig>,
+    accepted: tokio::sync::mpsc::UnboundedReceiver<tokio::io::DuplexStream>,
+) {
+    let security = Arc::new(Security::begin(&config, config.listen).expect("no files"));
+    let kept = (Arc::new(Recordings::new(&config)), Arc::new(Journals::new(&config).expect("no folder")));
+    let doors = (Arc::clone(&security), security.door(config.listen), Arc::<Refusals>::default());
+    let viewing = Viewing::on(Handle::current());
+    let (_health, routes) = routes(&registry, &config, (&kept.0, &kept.1), doors, viewing).await.expect("services");
+    let accepted = UnboundedReceiverStream::new(accepted).map(Ok::<_, std::io::Error>);
+    let ended = builder(&config.transport).add_routes(routes).serve_with_incoming(accepted).await;
+    ended.expect("connections that break are no fault of the transport");
+}
+
+/// Writes the session's journal and its track, and lets the disk do its work as fast as the seed says.
+async fn follow(session: Arc<Session>, track: Track, journal: Arc<Mutex<Journal>>, mut random: Rng) {
+    let reel = session.take_reel().expect("it is recorded");
+    loop {
+        look(&reel, &track, &journal, random.usize(0..4));
+        sleep(LOOK).await;
+    }
+}
+
+fn look(reel: &Reel, track: &Track, journal: &Mutex<Journal>, jobs: usize) {
+    let (entries, _) = reel.tape.take();
+    let mut track = track.lock().unwrap_or_else(PoisonError::into_inner);
+    track.extend(entries.iter().filter_map(|entry| match entry {
+        TapeEntry::Step(step) => Some(Footprint::Step(step.report.step, step.state_hash?)),
+        TapeEntry::Event(happened) => match happened.event {
+            SceneEvent::Reset | SceneEvent::CheckpointRestored(_) => Some(Footprint::Elsewhere),
+            _ => None,
+        },
+        _ => None,
+    }));
+    let mut journal = journal.lock().unwrap_or_else(PoisonError::into_inner);
+    journal.now_ns = MonotonicClock::now_ns();
+    journal.look(track.len());
+    journal.sync(jobs);
+}
