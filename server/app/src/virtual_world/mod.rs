@@ -141,7 +141,7 @@ async fn world(seed: u64, tally: &mut Tally) {
     network.set(Quality::default());
     let _ = server.session.resume().await;
     sleep(CALM).await;
-    let recent = |at: Option<Instant>| at.is_some_and(|at| at.elapsed() < Duration::from_millis(100));
+    let recent = |at: Option<Instant>| at.is_some_and(|at| at.elapsed() < Duration::from_millis(250));
     let (felt_at, drawn_at) = {
         let seen = seen.lock();
         (seen.felt_at, seen.drawn_at)
