@@ -1,9 +1,24 @@
 //! The monotonic clock, and sleeping until one of its readings.
 
+#[cfg(feature = "virtual-time")]
+thread_local! {
+    static VIRTUAL: std::cell::Cell<Option<fn() -> u64>> = const { std::cell::Cell::new(None) };
+}
+
+/// From now on this thread reads another clock, or the system's again.
+#[cfg(feature = "virtual-time")]
+pub fn follow(clock: Option<fn() -> u64>) {
+    VIRTUAL.set(clock);
+}
+
 /// Nanoseconds since an arbitrary origin, monotonic.
 #[cfg(target_os = "linux")]
 #[must_use]
 pub fn now_ns() -> u64 {
+    #[cfg(feature = "virtual-time")]
+    if let Some(clock) = VIRTUAL.get() {
+        return clock();
+    }
     let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }

@@ -17,3 +17,5 @@ pub mod monitor;
 pub mod run_report;
 pub mod servo;
 pub mod station;
+#[cfg(feature = "virtual-time")]
+pub mod virtual_time;

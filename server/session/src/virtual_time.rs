@@ -115,22 +115,28 @@ async fn run(mut core: SessionCore, mut projector: Projector, inbox: &Inbox) {
     core.warm_up(&Workers::serial(), &MonotonicClock);
     let mut wake = Wake::At(MonotonicClock::now_ns());
     loop {
-        let sleep = |until_ns: u64| Duration::from_nanos(until_ns.saturating_sub(MonotonicClock::now_ns()));
+        let mut takes = Duration::ZERO;
         match wake {
-            Wake::At(due_ns) => tokio::time::sleep(sleep(due_ns)).await,
+            Wake::At(due_ns) => {
+                tokio::time::sleep(until(due_ns)).await;
+                takes = step_takes();
+            }
             Wake::OnCommand { or_at_ns } if inbox.waiting_commands() == 0 => {
-                tokio::time::sleep(sleep(or_at_ns).min(LOOK)).await;
+                tokio::time::sleep(until(or_at_ns).min(LOOK)).await;
             }
             Wake::OnCommand { .. } => {}
             Wake::Never => return,
         }
         core.obey_commands();
-        let before = core.world().output().step;
-        let clock = StepClock::new(step_takes());
-        wake = core.tick(MonotonicClock::now_ns(), &Workers::serial(), &clock);
+        let clock = StepClock::new(takes);
+        let begins_ns = MonotonicClock::now_ns();
+        // Nothing is told before the step has taken its time.
+        tokio::time::sleep(takes).await;
+        wake = core.tick(begins_ns, &Workers::serial(), &clock);
         projector.show_waiting(&clock);
-        if core.world().output().step != before {
-            tokio::time::sleep(sleep(clock.now_ns())).await;
-        }
     }
+}
+
+fn until(due_ns: u64) -> Duration {
+    Duration::from_nanos(due_ns.saturating_sub(MonotonicClock::now_ns()))
 }

@@ -8,6 +8,7 @@ use kerf_proto::v1::control_service_client::ControlServiceClient;
 use kerf_proto::v1::{self, control_request, control_response};
 use tokio::sync::{mpsc, oneshot};
 use tokio_stream::wrappers::ReceiverStream;
+use tonic::transport::{Channel, Endpoint, Error};
 use tonic::{Code, Status, Streaming};
 
 use super::receiver::{Heard, Receiver};
@@ -192,10 +193,24 @@ pub(super) async fn connect(server: &ServerConfig) -> Result<Wire, Ended> {
         .keep_alive_while_idle(true);
     let token = access.token().map_err(|error| hopeless(error.to_string()))?;
     let broken = |why: String| Ended::Broken(format!("no server answers at {} ({why})", server.url));
-    match tokio::time::timeout(STEP_TIMEOUT, endpoint.connect()).await {
+    match tokio::time::timeout(STEP_TIMEOUT, dialled(&endpoint)).await {
         Err(_) => Err(broken(format!("nothing within {} s", STEP_TIMEOUT.as_secs_f64()))),
         Ok(Err(error)) => Err(broken(root_cause(&error))),
         Ok(Ok(channel)) => Ok(token.over(channel)),
+    }
+}
+
+#[cfg(not(feature = "virtual-time"))]
+async fn dialled(endpoint: &Endpoint) -> Result<Channel, Error> {
+    endpoint.connect().await
+}
+
+/// Over the network of a simulation where there is one.
+#[cfg(feature = "virtual-time")]
+async fn dialled(endpoint: &Endpoint) -> Result<Channel, Error> {
+    match crate::virtual_time::dial() {
+        Some(dialled) => dialled.await,
+        None => endpoint.connect().await,
     }
 }
 

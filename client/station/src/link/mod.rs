@@ -87,6 +87,23 @@ impl Link {
         Ok(Self { status, stop, stop_network: Some(stop_network), threads })
     }
 
+    /// A link without threads of its own: how it is doing, and what is to be polled for it.
+    #[cfg(feature = "virtual-time")]
+    pub(crate) fn as_task(
+        settings: LinkSettings,
+        motions: triple_buffer::Output<Motion>,
+        updates: triple_buffer::Input<Update>,
+    ) -> (SharedStatus, impl Future<Output = ()>) {
+        let (status, uplink) = (SharedStatus::default(), sender::SharedUplink::default());
+        let mut sender = sender::Sender::new(&settings, motions, uplink.clone(), status.clone(), Arc::default());
+        let dialler = connection::Dialler::new(settings, uplink, status.clone(), updates);
+        let task = async move {
+            let (_never, stopped) = oneshot::channel();
+            tokio::join!(sender.run_as_task(), dialler.run(stopped));
+        };
+        (status, task)
+    }
+
     /// How it is doing.
     #[must_use]
     pub fn status(&self) -> LinkStatus {

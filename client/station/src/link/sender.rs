@@ -91,6 +91,18 @@ impl Sender {
         }
     }
 
+    /// The same as a task.
+    #[cfg(feature = "virtual-time")]
+    pub(super) async fn run_as_task(&mut self) {
+        let mut ticks = tokio::time::interval(std::time::Duration::from_secs_f64(1.0 / self.rate_hz));
+        loop {
+            ticks.tick().await;
+            if let Some(uplink) = self.uplink.get() {
+                self.tick(&uplink, clock::now_ns());
+            }
+        }
+    }
+
     fn tick(&mut self, uplink: &Uplink, now_ns: u64) {
         if uplink.epoch != self.epoch {
             self.epoch = uplink.epoch;

@@ -221,7 +221,9 @@ impl OutgoingHalf {
     /// What happens first; `None` when the stream is over.
     async fn wait(&mut self) -> Option<Woken> {
         let reader = &mut self.reader.as_mut()?.0;
+        // In an order, so that a simulation by seed gives the same run: none of them is always ready.
         Some(tokio::select! {
+            biased;
             Some(rejected) = self.rejections.recv() => Woken::Rejected(rejected),
             Ok(()) = self.acknowledged.changed() => Woken::Acknowledged(*self.acknowledged.borrow_and_update()),
             ended = reader => Woken::ReaderEnded(ended.unwrap_or(Ok(()))),

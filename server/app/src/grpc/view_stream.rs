@@ -56,6 +56,7 @@ impl ViewStream {
         }
         while !self.in_flight.has_room() {
             tokio::select! {
+                biased;
                 Ok(()) = self.acknowledged.changed() => self.note_acknowledged(),
                 // The end of the session is told to who has read nothing too.
                 () = self.viewer.closed() => break,
@@ -63,6 +64,7 @@ impl ViewStream {
         }
         let (message, is_numbered) = loop {
             let message = tokio::select! {
+                biased;
                 Ok(()) = self.acknowledged.changed() => {
                     self.note_acknowledged();
                     continue;

@@ -1,4 +1,5 @@
-//! Who uses the server: one who drives a blade, and one who watches. Both come back by themselves.
+//! Who uses the server: a script that drives a blade, a haptic station with another, and a viewer. All come back by
+//! themselves.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -11,6 +12,11 @@ use kerf_proto::v1::view_service_client::ViewServiceClient;
 use kerf_proto::v1::{self, control_request, control_response};
 use kerf_replica::{Assembler, Replica};
 use kerf_session::clock::MonotonicClock;
+use kerf_station::config::{DeviceConfig, DeviceKind, HandConfig, MappingConfig, SimulatedConfig, StationConfig};
+use kerf_station::link::LinkStatus;
+use kerf_station::servo::core::State;
+use kerf_station::servo::runner::Sample;
+use kerf_station::virtual_time::drive as drive_virtually;
 use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep, timeout};
 use tokio_stream::wrappers::ReceiverStream;
@@ -32,6 +38,14 @@ const HEIGHTS_M: [f64; 2] = [-0.002, 0.02];
 /// More than a blade that cuts the block feels: Gc w is 0.1 N, and a hand that catches up may press twice as hard.
 const HARDEST_N: f64 = 1.0;
 
+/// What the simulated Omni can push with, N.
+const PEAK_N: f64 = 3.3;
+/// So high over the place where the block begins a hand is in the air, m, and after so many ticks all is faded out.
+const IN_THE_AIR: (f64, u32) = (0.006, 100);
+
+/// Less than a hand feels, N.
+const UNFELT_N: f64 = 0.01;
+
 /// What clients have seen; clones are the same.
 #[derive(Clone, Default)]
 pub struct Seen(Arc<Mutex<Sights>>);
@@ -50,6 +64,13 @@ pub struct Sights {
     pub replica: Replica,
     pub drawn_at: Option<Instant>,
     pub views: u64,
+    /// When the station's servo last rendered a contact's model, or the absence of one, and the link's streams.
+    pub rendered_at: Option<Instant>,
+    pub dialled: u64,
+    /// How the station is doing, for people.
+    pub station: String,
+    /// Ticks of the station in which the hand felt something.
+    pub felt: u64,
     /// Everything that came, folded: another run of the seed has the same.
     pub trace: u64,
     /// What must not be.
@@ -210,6 +231,41 @@ impl Driven {
         (self.number, self.server_ns) = (contact.number, contact.server_ns);
         self.echo_seq = self.echo_seq.max(contact.echo_seq);
     }
+}
+
+/// Drives the second tool with a haptic station as long as it lives: its hand touches the block again and again.
+pub async fn touch(session_id: String, seen: Seen) {
+    let mut config = StationConfig::default();
+    config.link.silence_s = SILENCE.as_secs_f64();
+    let path = vec![[0.0, 0.0, 0.008, 0.0], [0.4, 0.0, -4e-4, 0.0], [0.8, 0.0, 0.008, 0.0]];
+    let simulated =
+        SimulatedConfig { hand: HandConfig { path, ..HandConfig::default() }, ..SimulatedConfig::default() };
+    let device = DeviceConfig {
+        kind: DeviceKind::Simulated(simulated.clone()),
+        mapping: MappingConfig { scene_origin_m: [0.0, 0.01, 0.005], turns_tool: false, ..MappingConfig::default() },
+        ..DeviceConfig::default()
+    };
+    let mut in_the_air = 0;
+    let tell = |sample: &Sample, link: &LinkStatus| {
+        let mut seen = seen.lock();
+        let force_n = sample.force_n.norm();
+        let (air_m, ticks) = IN_THE_AIR;
+        // A piece that was cut off may float there.
+        let is_free = sample.device.position_m.y > air_m && sample.rendered.contact_n.norm() == 0.0;
+        in_the_air = if is_free { in_the_air + 1 } else { 0 };
+        if matches!(sample.rendered.state, State::Rendering | State::Ramping) {
+            seen.rendered_at = Some(Instant::now());
+        }
+        seen.dialled = link.connections;
+        seen.station = format!("{:?}, {link:?}", sample.rendered.state);
+        seen.felt += u64::from(force_n > 0.0);
+        seen.demand(force_n <= PEAK_N, || format!("the station pushes with {force_n} N"));
+        seen.demand(in_the_air < ticks || force_n < UNFELT_N, || {
+            format!("{force_n} N in the air: {:?}", sample.rendered)
+        });
+        seen.trace([5, force_n.to_bits()]);
+    };
+    drive_virtually(config, (device, simulated), (&session_id, 1), tell).await;
 }
 
 /// Watches as long as it lives.

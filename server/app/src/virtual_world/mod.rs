@@ -12,20 +12,23 @@ use std::time::Duration;
 
 use fastrand::Rng;
 use kerf_replica::Replica;
+use kerf_session::clock::MonotonicClock;
 use kerf_session::virtual_time::VirtualTime;
 use tokio::time::{Instant, sleep, timeout};
 
 use crate::journal::virtual_disk::{Faults, VirtualDisk};
-use clients::{Seen, View, drive, watch};
+use clients::{Seen, View, drive, touch, watch};
 use network::{Network, Quality};
 use server::{Footprint, Server, Track};
 
 /// Seeds that are tried. The variable `WORLDS` says another number, `WORLDS_SEED` the first of them.
-const SEEDS: u64 = 20;
+const SEEDS: u64 = 12;
 /// How long things happen.
 const STORM: Duration = Duration::from_secs(4);
 /// Within this all is as it should be once nothing happens any more.
 const CALM: Duration = Duration::from_secs(2);
+/// What was within this is now: longer than a step that something else of the machine held up.
+const RECENTLY: Duration = Duration::from_millis(250);
 /// Steps of the block, 500 a second, that a kill may take at most: 60 ms.
 const MOST_TAKEN: usize = 30;
 
@@ -37,12 +40,34 @@ struct Tally {
     forces: u64,
     hardest_n: f64,
     streams: u64,
+    dialled: u64,
+    felt: u64,
     views: u64,
     kills: usize,
     power_cuts: usize,
     lost: usize,
     taken: usize,
     trace: u64,
+}
+
+impl Tally {
+    fn with(self, other: Self) -> Self {
+        Self {
+            steps: self.steps + other.steps,
+            contacts: self.contacts + other.contacts,
+            forces: self.forces + other.forces,
+            hardest_n: self.hardest_n.max(other.hardest_n),
+            streams: self.streams + other.streams,
+            dialled: self.dialled + other.dialled,
+            felt: self.felt + other.felt,
+            views: self.views + other.views,
+            kills: self.kills + other.kills,
+            power_cuts: self.power_cuts + other.power_cuts,
+            lost: self.lost + other.lost,
+            taken: self.taken.max(other.taken),
+            trace: self.trace ^ other.trace,
+        }
+    }
 }
 
 /// What may happen.
@@ -91,14 +116,21 @@ async fn world(seed: u64, tally: &mut Tally) {
     let is_good_disk = faults.full + faults.sync == 0.0;
     let disk = Arc::new(VirtualDisk::new(random.u64(..), faults));
     let network = Network::new(random.u64(..));
+    let dialled = network.clone();
+    let dial = move || {
+        let network = dialled.clone();
+        Box::pin(async move { network.channel().await }) as _
+    };
+    let _stations = kerf_station::virtual_time::VirtualTime::begin(dial, MonotonicClock::now_ns);
     let (track, seen) = (Track::default(), Seen::default());
     let start = async |random: &mut Rng, confirmed| {
         Server::start(&network, (folder.path(), &disk), &track, confirmed, random.fork()).await
     };
-    let mut server = start(&mut random, 0).await.unwrap();
+    let mut server = start(&mut random, None).await.unwrap();
     let session_id = server.session.id().to_string();
     let clients = [
         tokio::spawn(drive(network.clone(), session_id.clone(), random.fork(), seen.clone())),
+        tokio::spawn(touch(session_id.clone(), seen.clone())),
         tokio::spawn(watch(network.clone(), session_id.clone(), seen.clone())),
     ];
 
@@ -116,7 +148,7 @@ async fn world(seed: u64, tally: &mut Tally) {
         }
         (tally.kills, tally.power_cuts) = (tally.kills + 1, tally.power_cuts + usize::from(is_power_cut));
         sleep(random.u32(0..800) * Duration::from_millis(1)).await;
-        server = match start(&mut random, confirmed).await {
+        server = match start(&mut random, Some(confirmed)).await {
             Ok(server) => server,
             Err(error) => {
                 assert!(confirmed == 0 || !is_good_disk, "seed {seed}: {confirmed} steps are lost: {error:#}");
@@ -141,13 +173,14 @@ async fn world(seed: u64, tally: &mut Tally) {
     network.set(Quality::default());
     let _ = server.session.resume().await;
     sleep(CALM).await;
-    let recent = |at: Option<Instant>| at.is_some_and(|at| at.elapsed() < Duration::from_millis(250));
-    let (felt_at, drawn_at) = {
+    {
         let seen = seen.lock();
-        (seen.felt_at, seen.drawn_at)
-    };
-    assert!(recent(felt_at), "seed {seed}: the hand feels nothing: {:?}", felt_at.map(|at| at.elapsed()));
-    assert!(recent(drawn_at), "seed {seed}: the viewer sees nothing: {:?}", drawn_at.map(|at| at.elapsed()));
+        let ago = |at: Option<Instant>| at.map_or(Duration::MAX, |at| at.elapsed());
+        assert!(ago(seen.felt_at) < RECENTLY, "seed {seed}: the driver hears nothing for {:?}", ago(seen.felt_at));
+        assert!(ago(seen.drawn_at) < RECENTLY, "seed {seed}: the viewer sees nothing for {:?}", ago(seen.drawn_at));
+        let rendered = ago(seen.rendered_at);
+        assert!(rendered < RECENTLY, "seed {seed}: the station renders nothing for {rendered:?}: {}", seen.station);
+    }
 
     // Who has followed all the way sees what one sees who comes now.
     let step = server.session.pause().await.unwrap();
@@ -167,8 +200,10 @@ async fn world(seed: u64, tally: &mut Tally) {
         tally.forces += seen.forces;
         tally.hardest_n = tally.hardest_n.max(seen.hardest_n);
         tally.streams += seen.streams;
+        tally.dialled += seen.dialled;
+        tally.felt += seen.felt;
         tally.views += seen.views;
-        tally.trace = tally.trace.rotate_left(1) ^ seen.trace;
+        tally.trace ^= seen.trace;
     }
     tally.steps += track.lock().unwrap_or_else(PoisonError::into_inner).len();
     clients.iter().for_each(tokio::task::JoinHandle::abort);
@@ -186,13 +221,23 @@ async fn arrive(network: &Network, session_id: &str) -> Replica {
     replica
 }
 
+/// Worlds of these seeds, one after the other on each core.
 fn worlds(seeds: std::ops::Range<u64>) -> Tally {
-    let mut tally = Tally::default();
-    for seed in seeds {
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_time().start_paused(true).build().unwrap();
-        runtime.block_on(world(seed, &mut tally));
-    }
-    tally
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let one_after_the_other = |first: u64| {
+        let mut tally = Tally::default();
+        for seed in seeds.clone().skip(first as usize).step_by(threads) {
+            let mut runtime = tokio::runtime::Builder::new_current_thread();
+            let runtime = runtime.enable_time().start_paused(true).build().unwrap();
+            runtime.block_on(world(seed, &mut tally));
+        }
+        tally
+    };
+    std::thread::scope(|scope| {
+        let running: Vec<_> =
+            (0..threads as u64).map(|first| scope.spawn(move || one_after_the_other(first))).collect();
+        running.into_iter().map(|thread| thread.join().expect("a world that holds")).fold(Tally::default(), Tally::with)
+    })
 }
 
 fn number(name: &str, otherwise: u64) -> u64 {

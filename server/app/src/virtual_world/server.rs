@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
+use anyhow::Context;
 use fastrand::Rng;
 use futures_util::StreamExt;
 use kerf_physics::Scene;
@@ -55,7 +56,7 @@ pub struct Server {
 pub type Track = Arc<Mutex<Vec<Footprint>>>;
 
 impl Server {
-    /// Starts one that creates the session, or brings it back from the folder.
+    /// Starts one that creates the session, or brings it back where the disk has confirmed so many footprints of it.
     ///
     /// # Errors
     /// The session does not come back.
@@ -63,23 +64,23 @@ impl Server {
         network: &Network,
         (folder, disk): (&Path, &Arc<VirtualDisk>),
         track: &Track,
-        confirmed: usize,
+        confirmed: Option<usize>,
         random: Rng,
     ) -> anyhow::Result<Self> {
         let config = Arc::new(ServerConfig::default());
         let registry = Arc::new(Registry::new(config.session.clone(), ParetoFronts::builtin())?);
         let options = SessionOptions { is_journaled: true, is_recorded: true, ..SessionOptions::default() };
         Files::remove_parts(folder)?;
-        let session = match Files::in_folder(folder)?.pop_first() {
-            Some((id, files)) => registry.bring_back::<anyhow::Error>(id, move || past::read(&files), options).await?,
-            None => {
-                let scene = Scene { desc: toml::from_str(BLOCK)?, meshes: Default::default() }.judge()?;
-                registry.create(scene, options).await?
-            }
+        let session = if confirmed.is_some() {
+            let (id, files) = Files::in_folder(folder)?.pop_first().context("there is no journal")?;
+            registry.bring_back::<anyhow::Error>(id, move || past::read(&files), options).await?
+        } else {
+            let scene = Scene { desc: toml::from_str(BLOCK)?, meshes: Default::default() }.judge()?;
+            registry.create(scene, options).await?
         };
         let status = session.describe().await?;
         let began = Footprint::Step(status.step, status.state_hash);
-        let journal = Arc::new(Mutex::new(Journal::begin(folder, &session, disk, confirmed)));
+        let journal = Arc::new(Mutex::new(Journal::begin(folder, &session, disk, confirmed.unwrap_or_default())));
         let tasks = vec![
             tokio::spawn(serve(Arc::clone(&registry), config, network.listen())),
             tokio::spawn(follow(Arc::clone(&session), Arc::clone(track), Arc::clone(&journal), random)),
