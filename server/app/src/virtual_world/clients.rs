@@ -46,6 +46,11 @@ const IN_THE_AIR: (f64, u32) = (0.006, 100);
 /// Less than a hand feels, N.
 const UNFELT_N: f64 = 0.01;
 
+/// Clients, by their traces.
+const DRIVER: usize = 0;
+const STATION: usize = 1;
+const VIEWER: usize = 2;
+
 /// What clients have seen; clones are the same.
 #[derive(Clone, Default)]
 pub struct Seen(Arc<Mutex<Sights>>);
@@ -71,16 +76,17 @@ pub struct Sights {
     pub station: String,
     /// Ticks of the station in which the hand felt something.
     pub felt: u64,
-    /// Everything that came, folded: another run of the seed has the same.
-    pub trace: u64,
+    /// Everything that came to the driver, the station and the viewer, folded: another run of the seed has the same.
+    pub traces: [u64; 3],
     /// What must not be.
     pub wrong: Vec<String>,
 }
 
 impl Sights {
-    fn trace(&mut self, words: impl IntoIterator<Item = u64>) {
+    fn trace(&mut self, client: usize, words: impl IntoIterator<Item = u64>) {
+        let trace = &mut self.traces[client];
         for word in words {
-            self.trace = (self.trace ^ word).wrapping_mul(0x0000_0100_0000_01B3).rotate_left(17);
+            *trace = (*trace ^ word).wrapping_mul(0x0000_0100_0000_01B3).rotate_left(17);
         }
     }
 
@@ -206,10 +212,10 @@ impl Driven {
                     v1::EventKind::Resumed => false,
                     _ => self.is_paused,
                 };
-                seen.trace([1, event.step, event.kind as u64]);
+                seen.trace(DRIVER, [1, event.step, event.kind as u64]);
             }
             control_response::Message::Fault(fault) => seen.wrong.push(format!("rolled back: {fault:?}")),
-            _ => seen.trace([2]),
+            _ => seen.trace(DRIVER, [2]),
         }
     }
 
@@ -219,7 +225,10 @@ impl Driven {
         (seen.contacts, seen.felt_at) = (seen.contacts + 1, Some(Instant::now()));
         seen.hardest_n = seen.hardest_n.max(norm_n);
         seen.forces += u64::from(norm_n > 0.0);
-        seen.trace([3, contact.number, contact.step, contact.echo_seq, norm_n.to_bits(), MonotonicClock::now_ns()]);
+        seen.trace(
+            DRIVER,
+            [3, contact.number, contact.step, contact.echo_seq, norm_n.to_bits(), MonotonicClock::now_ns()],
+        );
         let waits = contact.flags & v1::ContactFlag::WaitsUntilClear as u32 != 0;
         seen.demand(contact.number > self.number, || format!("contact {} after {}", contact.number, self.number));
         seen.demand(contact.server_ns > self.server_ns, || "a contact of an earlier step".into());
@@ -263,7 +272,7 @@ pub async fn touch(session_id: String, seen: Seen) {
         seen.demand(in_the_air < ticks || force_n < UNFELT_N, || {
             format!("{force_n} N in the air: {:?}", sample.rendered)
         });
-        seen.trace([5, force_n.to_bits()]);
+        seen.trace(STATION, [force_n.to_bits()]);
     };
     drive_virtually(config, (device, simulated), (&session_id, 1), tell).await;
 }
@@ -294,7 +303,7 @@ async fn watch_over(channel: Channel, session_id: &str, seen: &Seen) -> Option<(
         let step = seen.replica.moment().map_or(0, |moment| moment.step);
         let version = seen.replica.topology_version().unwrap_or_default();
         seen.drawn_at = Some(Instant::now());
-        seen.trace([4, number, step, version]);
+        seen.trace(VIEWER, [number, step, version]);
     }
 }
 

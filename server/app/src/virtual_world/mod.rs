@@ -203,7 +203,7 @@ async fn world(seed: u64, tally: &mut Tally) {
         tally.dialled += seen.dialled;
         tally.felt += seen.felt;
         tally.views += seen.views;
-        tally.trace ^= seen.trace;
+        tally.trace ^= seen.traces.iter().fold(seed, |all, trace| all.rotate_left(21) ^ trace);
     }
     tally.steps += track.lock().unwrap_or_else(PoisonError::into_inner).len();
     clients.iter().for_each(tokio::task::JoinHandle::abort);

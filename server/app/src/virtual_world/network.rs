@@ -92,28 +92,30 @@ impl Network {
         }
         let ((from_client, to_client), (from_server, to_server)) = (split(near), split(far));
         for (from, to) in [(from_client, to_server), (from_server, to_client)] {
-            let line = tokio::spawn(carry(self.clone(), from, to));
+            // Each line draws by itself: which of several tasks goes first at a moment is not by seed.
+            let random = self.lock().random.fork();
+            let line = tokio::spawn(carry(self.clone(), random, from, to));
             self.lock().lines.push(line.abort_handle());
         }
         Ok(client)
     }
 
     /// How long the next piece takes.
-    fn takes(&self) -> Duration {
-        let State { random, quality, .. } = &mut *self.lock();
+    fn takes(&self, random: &mut Rng) -> Duration {
+        let quality = self.lock().quality;
         let stall = if random.f64() < quality.stalls { quality.stall } else { Duration::ZERO };
         quality.delay + quality.jitter.mul_f64(random.f64()) + stall
     }
 }
 
 /// Carries bytes one way until an end is gone.
-async fn carry(network: Network, mut from: ReadHalf<DuplexStream>, mut to: WriteHalf<DuplexStream>) {
+async fn carry(network: Network, mut random: Rng, mut from: ReadHalf<DuplexStream>, mut to: WriteHalf<DuplexStream>) {
     let (send, mut sent) = mpsc::unbounded_channel::<(Instant, Vec<u8>)>();
     let read = async move {
         let mut last = Instant::now();
         let mut bytes = vec![0; ROOM_BYTES];
         while let Ok(count @ 1..) = from.read(&mut bytes).await {
-            last = last.max(Instant::now() + network.takes());
+            last = last.max(Instant::now() + network.takes(&mut random));
             if send.send((last, bytes[..count].to_vec())).is_err() {
                 break;
             }
