@@ -68,6 +68,14 @@ pub enum RequestError {
         /// Its value.
         value: f64,
     },
+    /// A client's key that is too long to be kept.
+    #[error("hello.client_key: has {bytes} bytes, more than {limit}")]
+    ClientKey {
+        /// Its length.
+        bytes: usize,
+        /// Bytes that it may have.
+        limit: usize,
+    },
     /// Nothing but rejected poses.
     #[error("{count} poses in a row were rejected, the last for {field}, which must be {limit}")]
     TooManyRejected {
@@ -383,6 +391,7 @@ impl RequestError {
             | Self::Rate { .. }
             | Self::Choice { .. }
             | Self::Dial { .. }
+            | Self::ClientKey { .. }
             | Self::Steps { .. }
             | Self::StepsTogether { .. }
             | Self::Speed { .. }

@@ -2,7 +2,7 @@
 //! commands. The session's thread drains both at the start of a tick and holds no lock while it
 //! steps.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
 
@@ -20,7 +20,7 @@ use crate::seek::{Position, Seek};
 use crate::status::{SessionStatus, StepTallies};
 use crate::stepping::{StepInput, StepMotion, Stepped, Steps};
 use crate::tape::Base;
-use crate::tool_slot::{DriverId, Echo, ToolSlot};
+use crate::tool_slot::{DriverId, Echo, Loss, ToolSlot};
 
 /// What a query sees between two steps.
 pub struct Inspection<'a> {
@@ -108,8 +108,16 @@ struct State {
     tools: Vec<ToolSlot>,
     commands: VecDeque<Command>,
     drivers: usize,
+    /// What drivers of the same client know each other by.
+    client_keys: BTreeMap<DriverId, Box<str>>,
     next_driver: u64,
     closing: bool,
+}
+
+impl State {
+    fn is_same_client(&self, a: DriverId, b: DriverId) -> bool {
+        a == b || self.client_keys.get(&a).is_some_and(|key| self.client_keys.get(&b) == Some(key))
+    }
 }
 
 pub(crate) struct Inbox {
@@ -125,6 +133,7 @@ impl Inbox {
             tools: (0..tools).map(|_| ToolSlot::default()).collect(),
             commands: VecDeque::with_capacity(limits.max_commands),
             drivers: 0,
+            client_keys: BTreeMap::new(),
             next_driver: 1,
             closing: false,
         };
@@ -151,7 +160,8 @@ impl Inbox {
         self.bell.notify_one();
     }
 
-    pub fn connect_driver(&self) -> Result<DriverId, SessionError> {
+    /// One more driver. One of a client that has a key may take over what others of the same key hold.
+    pub fn connect_driver(&self, client_key: &str) -> Result<DriverId, SessionError> {
         let mut state = lock(&self.state);
         if state.closing {
             return Err(SessionError::Closed);
@@ -161,7 +171,11 @@ impl Inbox {
         }
         state.drivers += 1;
         state.next_driver += 1;
-        Ok(DriverId(state.next_driver - 1))
+        let driver = DriverId(state.next_driver - 1);
+        if !client_key.is_empty() {
+            state.client_keys.insert(driver, client_key.into());
+        }
+        Ok(driver)
     }
 
     /// Commands that wait.
@@ -177,6 +191,7 @@ impl Inbox {
     pub fn disconnect_driver(&self, driver: DriverId) {
         let mut state = lock(&self.state);
         state.drivers -= 1;
+        state.client_keys.remove(&driver);
         state.tools.iter_mut().for_each(|slot| slot.release(driver));
     }
 
@@ -186,12 +201,12 @@ impl Inbox {
         let count = state.tools.len();
         for &tool in tools {
             let slot = state.tools.get(tool).ok_or(SessionError::NoTool { tool, tools: count })?;
-            if slot.driver().is_some_and(|holder| holder != driver) {
+            if slot.driver().is_some_and(|holder| !state.is_same_client(holder, driver)) {
                 return Err(SessionError::ToolTaken { tool, lease_s: self.limits.lease_s });
             }
         }
         for &tool in tools {
-            state.tools[tool].claim(driver, now_ns);
+            state.tools[tool].take_over(driver, now_ns);
         }
         Ok(())
     }
@@ -232,9 +247,9 @@ impl Inbox {
         }
     }
 
-    /// Whether `driver` has lost `tool` by silence; true once.
-    pub fn take_eviction(&self, driver: DriverId, tool: usize) -> bool {
-        lock(&self.state).tools.get_mut(tool).is_some_and(|slot| slot.take_eviction(driver))
+    /// How `driver` has lost `tool`, if it has; told once.
+    pub fn take_eviction(&self, driver: DriverId, tool: usize) -> Option<Loss> {
+        lock(&self.state).tools.get_mut(tool).and_then(|slot| slot.take_eviction(driver))
     }
 
     /// Tools that somebody drives.
@@ -412,24 +427,24 @@ mod tests {
         inbox.close();
         assert!(!inbox.take_commands(&mut Vec::new()));
         assert_eq!(inbox.push(Command::Query(Box::new(|_| ()))), Err(SessionError::Closed));
-        assert_eq!(inbox.connect_driver(), Err(SessionError::Closed));
+        assert_eq!(inbox.connect_driver(""), Err(SessionError::Closed));
     }
 
     #[test]
     fn a_claim_takes_all_tools_or_none() {
         let inbox = inbox(2);
-        let (a, b) = (inbox.connect_driver().unwrap(), inbox.connect_driver().unwrap());
+        let (a, b) = (inbox.connect_driver("").unwrap(), inbox.connect_driver("").unwrap());
         inbox.claim(a, &[1], 0).unwrap();
         assert!(matches!(inbox.claim(b, &[0, 1], 0), Err(SessionError::ToolTaken { tool: 1, .. })));
         assert!(matches!(inbox.claim(b, &[0, 7], 0), Err(SessionError::NoTool { tool: 7, tools: 2 })));
         assert_eq!(inbox.held_tools(), [1]);
-        assert_eq!(inbox.connect_driver(), Err(SessionError::TooManyDrivers { limit: 2 }));
+        assert_eq!(inbox.connect_driver(""), Err(SessionError::TooManyDrivers { limit: 2 }));
     }
 
     #[test]
     fn a_driver_that_goes_away_lifts_its_tool_and_frees_it() {
         let inbox = inbox(1);
-        let a = inbox.connect_driver().unwrap();
+        let a = inbox.connect_driver("").unwrap();
         inbox.submit(a, 0, &at(1, 0.0), 0).unwrap();
         drained(&inbox, STEPPING, 0);
         inbox.disconnect_driver(a);
@@ -441,29 +456,29 @@ mod tests {
     #[test]
     fn leases_run_out_while_stepping_and_are_kept_while_standing() {
         let inbox = inbox(1);
-        let a = inbox.connect_driver().unwrap();
+        let a = inbox.connect_driver("").unwrap();
         inbox.submit(a, 0, &at(1, 0.0), 0).unwrap();
         let hour_ns = 3_600_000_000_000;
         assert_eq!(drained(&inbox, Drain::Standing, hour_ns).holders, [Some(a)]);
         assert_eq!(drained(&inbox, STEPPING, hour_ns).holders, [None]);
-        assert!(inbox.take_eviction(a, 0));
+        assert_eq!(inbox.take_eviction(a, 0), Some(Loss::Silence));
     }
 
     #[test]
     fn a_driver_whose_lease_ran_out_has_the_tool_again_with_its_next_pose() {
         let inbox = inbox(1);
-        let (a, b) = (inbox.connect_driver().unwrap(), inbox.connect_driver().unwrap());
+        let (a, b) = (inbox.connect_driver("").unwrap(), inbox.connect_driver("").unwrap());
         inbox.submit(a, 0, &at(5, 0.0), 0).unwrap();
         drained(&inbox, STEPPING, 3_000_000_000);
         inbox.submit(a, 0, &at(6, 0.4), 3_000_000_000).unwrap();
-        assert!(!inbox.take_eviction(a, 0));
+        assert_eq!(inbox.take_eviction(a, 0), None);
         assert!(matches!(inbox.submit(b, 0, &at(1, 0.0), 3_000_000_000), Err(PoseRefusal::ToolTaken { .. })));
     }
 
     #[test]
     fn a_resumed_session_puts_tools_down_instead_of_sweeping_them_across() {
         let inbox = inbox(1);
-        let a = inbox.connect_driver().unwrap();
+        let a = inbox.connect_driver("").unwrap();
         inbox.submit(a, 0, &at(1, 0.0), 0).unwrap();
         drained(&inbox, STEPPING, 0);
         inbox.submit(a, 0, &at(2, 0.05), 40_000_000).unwrap();
@@ -471,5 +486,25 @@ mod tests {
         inbox.tools_stood();
         let tick = drained(&inbox, STEPPING, 50_000_000);
         assert!(matches!(tick.inputs[0].motion, ToolMotion::EnterAt { .. }));
+    }
+
+    #[test]
+    fn a_driver_takes_over_what_an_older_one_of_its_client_holds_and_nobody_elses() {
+        let inbox = Inbox::new(2, SessionLimits::default());
+        let [old, new, other, nameless] =
+            ["a", "a", "b", ""].map(|client_key| inbox.connect_driver(client_key).unwrap());
+        inbox.claim(old, &[0], 0).unwrap();
+        inbox.claim(nameless, &[1], 0).unwrap();
+        for (driver, tool) in [(other, 0), (nameless, 0), (new, 1), (other, 1)] {
+            assert!(matches!(inbox.claim(driver, &[tool], 1), Err(SessionError::ToolTaken { .. })), "{driver:?}");
+        }
+        assert!(matches!(inbox.claim(new, &[0, 1], 1), Err(SessionError::ToolTaken { tool: 1, .. })), "all or none");
+        assert_eq!(inbox.take_eviction(old, 0), None);
+        inbox.claim(new, &[0], 1).unwrap();
+        assert_eq!(inbox.take_eviction(old, 0), Some(Loss::TakenOver));
+        let late = inbox.lift(old, 0, 2);
+        assert!(matches!(late, Err(PoseRefusal::ToolTaken { .. })), "what it said before comes late: {late:?}");
+        inbox.disconnect_driver(old);
+        assert_eq!(inbox.held_tools(), [0, 1], "its end frees nothing that it has not");
     }
 }

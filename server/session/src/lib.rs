@@ -74,7 +74,7 @@ pub use shortfall::Shortfall;
 pub use status::{Phase, SessionStatus, StepTallies, StepTally, StepTimes};
 pub use step_report::{StepReport, ToolReport};
 pub use tape::{Base, LoggedInputs, Reel, TapeEntry, TapeReader, TapeState, TapedStep};
-pub use tool_slot::{DriverId, Echo};
+pub use tool_slot::{DriverId, Echo, Loss};
 pub use view_message::{SceneEvent, ViewEvent, ViewMessage, ViewState};
 pub use vitals::{Done, Watched};
 

@@ -34,7 +34,7 @@ use crate::status::{Phase, SessionStatus};
 use crate::step_report::StepReport;
 use crate::stepping::{Stepped, Steps};
 use crate::tape::{Base, CAPACITY, Reel, TapeReader, Wants};
-use crate::tool_slot::DriverId;
+use crate::tool_slot::{DriverId, Loss};
 use crate::vitals::Watched;
 use kerf_scenes::dial::Choice;
 
@@ -529,13 +529,22 @@ impl Session {
     /// # Errors
     /// A tool is not there or taken, the session has ended, failed or has as many drivers as it may.
     pub fn drive(self: &Arc<Self>, tools: &[usize]) -> Result<Driver, SessionError> {
+        self.drive_as("", tools)
+    }
+
+    /// The same for a client of this key, which takes over what an older driver of the same key still holds. An empty one
+    /// is none.
+    ///
+    /// # Errors
+    /// Those of [`Session::drive`].
+    pub fn drive_as(self: &Arc<Self>, client_key: &str, tools: &[usize]) -> Result<Driver, SessionError> {
         if self.is_replay {
             return Err(SessionError::IsReplay);
         }
         if let Phase::Failed { message } = self.phase() {
             return Err(SessionError::Failed { message: message.to_string() });
         }
-        let id = self.inbox.connect_driver()?;
+        let id = self.inbox.connect_driver(client_key)?;
         // From here on the driver's end disconnects it.
         let mut reports = self.reports.clone();
         // Reports go out while there are drivers: the newest may be older than this one.
@@ -655,9 +664,10 @@ impl Driver {
         }
     }
 
-    /// Tools whose lease was lost by silence since the last call.
-    pub fn take_lost_tools(&self) -> Vec<usize> {
-        self.tools.iter().copied().filter(|tool| self.session.inbox.take_eviction(self.id, *tool)).collect()
+    /// Tools that were lost since the last call, and how.
+    pub fn take_lost_tools(&self) -> Vec<(usize, Loss)> {
+        let lost = |tool: usize| Some((tool, self.session.inbox.take_eviction(self.id, tool)?));
+        self.tools.iter().copied().filter_map(lost).collect()
     }
 
     /// The session's reports since this driver began.

@@ -25,6 +25,15 @@ pub struct Echo {
     pub arrived_ns: u64,
 }
 
+/// Why a driver has lost a tool.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Loss {
+    /// Nothing was heard of it for the time of a lease.
+    Silence,
+    /// A newer driver of the same client has it.
+    TakenOver,
+}
+
 #[derive(Clone, Copy, Debug)]
 struct Lease {
     driver: DriverId,
@@ -50,8 +59,8 @@ enum Course {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ToolSlot {
     lease: Option<Lease>,
-    /// Who lost the lease by silence and has not been told.
-    evicted: Option<DriverId>,
+    /// Who lost the lease and has not been told, and why.
+    evicted: Option<(DriverId, Loss)>,
     /// Last accepted pose under this lease, or of the steps that were asked for while nobody held one.
     last: Option<TimedPose>,
     /// The last pose, if it was refused for being too far from `last`.
@@ -91,7 +100,7 @@ impl ToolSlot {
                 self.lease = Some(Lease { driver, heard_ns: now_ns });
                 self.last = None;
                 // Nobody is evicted from what they hold again.
-                self.evicted = self.evicted.filter(|evicted| *evicted != driver);
+                self.evicted = self.evicted.filter(|(evicted, _)| *evicted != driver);
                 true
             }
         }
@@ -179,7 +188,7 @@ impl ToolSlot {
     pub fn expire(&mut self, now_ns: u64, lease_ns: u64) -> bool {
         match self.lease {
             Some(lease) if now_ns.saturating_sub(lease.heard_ns) >= lease_ns => {
-                self.evicted = Some(lease.driver);
+                self.evicted = Some((lease.driver, Loss::Silence));
                 self.free();
                 true
             }
@@ -187,13 +196,22 @@ impl ToolSlot {
         }
     }
 
+    /// Gives the tool to another driver of the client that holds it; it enters anew.
+    pub fn take_over(&mut self, driver: DriverId, now_ns: u64) {
+        if let Some(lease) = self.lease.filter(|lease| lease.driver != driver) {
+            self.evicted = Some((lease.driver, Loss::TakenOver));
+            self.free();
+        }
+        self.claim(driver, now_ns);
+    }
+
     fn free(&mut self) {
         (self.lease, self.last, self.jumped_to, self.course) = (None, None, None, Course::Out);
     }
 
     /// Whether `driver` lost this tool by silence; true once.
-    pub fn take_eviction(&mut self, driver: DriverId) -> bool {
-        self.evicted.take_if(|evicted| *evicted == driver).is_some()
+    pub fn take_eviction(&mut self, driver: DriverId) -> Option<Loss> {
+        self.evicted.take_if(|(evicted, _)| *evicted == driver).map(|(_, loss)| loss)
     }
 
     /// The world has lost its hold of the tool, which is put down anew.
@@ -398,8 +416,8 @@ mod tests {
         assert!(!slot.expire(1999 * MS, 2000 * MS));
         assert!(slot.expire(2000 * MS, 2000 * MS));
         assert_eq!(motion(&mut slot).map(|m| m.motion), Some(ToolMotion::Lift));
-        assert!(slot.take_eviction(A));
-        assert!(!slot.take_eviction(A));
+        assert_eq!(slot.take_eviction(A), Some(Loss::Silence));
+        assert_eq!(slot.take_eviction(A), None);
         assert!(slot.claim(B, 2000 * MS));
         assert!(!slot.claim(A, 2000 * MS));
     }

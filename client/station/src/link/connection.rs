@@ -1,5 +1,6 @@
 //! Dialling: one stream after the other, each for the same tools of the same session.
 
+use std::hash::{BuildHasher, Hasher, RandomState};
 use std::time::Duration;
 
 use kerf_access::{Access, Wire, root_cause};
@@ -56,6 +57,8 @@ pub(super) struct Dialler {
     receiver: Receiver,
     /// The session that was driven last.
     session_id: String,
+    /// By which the server knows that it comes back: a stream whose network broke holds its tools for a while yet.
+    client_key: String,
     epoch: u64,
 }
 
@@ -67,7 +70,7 @@ impl Dialler {
         updates: triple_buffer::Input<Update>,
     ) -> Self {
         let receiver = Receiver::new(updates, status.clone());
-        Self { settings, uplink, status, receiver, session_id: String::new(), epoch: 0 }
+        Self { settings, uplink, status, receiver, session_id: String::new(), client_key: random_key(), epoch: 0 }
     }
 
     pub(super) async fn run(mut self, mut stopped: oneshot::Receiver<()>) {
@@ -152,6 +155,7 @@ impl Dialler {
             contact_rate_hz: self.settings.link.contact_rate_hz,
             contact_deadband: self.settings.link.deadband,
             contact_keep_alive_s: self.settings.link.keep_alive_s,
+            client_key: self.client_key.clone(),
         };
         let first = v1::ControlRequest { message: Some(control_request::Message::Hello(hello)), received: 0 };
         up.try_send(first).map_err(|_| Ended::Broken("the queue is full".into()))?;
@@ -178,6 +182,12 @@ impl Dialler {
         });
         Ok(down)
     }
+}
+
+/// A name that nobody else has.
+fn random_key() -> String {
+    let word = || RandomState::new().build_hasher().finish();
+    format!("{:016x}{:016x}", word(), word())
 }
 
 /// The wire to a server, with TLS and a token where they are configured.

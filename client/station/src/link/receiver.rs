@@ -84,6 +84,8 @@ impl Receiver {
             Message::LeaseLost(lost) if lost.reason() == v1::LeaseLostReason::SessionClosing => {
                 return Ok(Heard::SessionCloses);
             }
+            // By a newer stream of this station: the older one is not read any more.
+            Message::LeaseLost(lost) if lost.reason() == v1::LeaseLostReason::TakenOver => {}
             Message::LeaseLost(_) => self.fault("the lease ran out: poses came too seldom"),
             Message::Fault(fault) => {
                 self.fault(&format!("the server rolled `{}` back", fault.object));

@@ -19,6 +19,9 @@ use crate::convert::scene::{limits, scene_summary, state};
 use crate::security::caller::Caller;
 use crate::status::RequestError;
 
+/// What the protocol says of a client's key.
+const MAX_CLIENT_KEY_BYTES: usize = 64;
+
 /// The service.
 pub struct ControlService {
     registry: Arc<Registry>,
@@ -53,6 +56,9 @@ impl ControlService {
         if hello.tool_ids.is_empty() {
             return Err(RequestError::Missing { field: "hello.tool_ids" });
         }
+        if hello.client_key.len() > MAX_CLIENT_KEY_BYTES {
+            return Err(RequestError::ClientKey { bytes: hello.client_key.len(), limit: MAX_CLIENT_KEY_BYTES });
+        }
         self.unary.purge();
         let session = caller.session(&self.registry, &hello.session_id)?;
         let step_rate_hz = session.scene().desc.rate_hz;
@@ -62,7 +68,7 @@ impl ControlService {
         let tools: Vec<usize> = hello.tool_ids.iter().map(|tool| *tool as usize).collect();
         let (share, keep_alive_s) = (hello.contact_deadband, hello.contact_keep_alive_s);
         let deadband = ContactDeadband::new(share, keep_alive_s, self.limits.max_contact_age_s)?;
-        let driver = session.drive(&tools)?;
+        let driver = session.drive_as(&hello.client_key, &tools)?;
         let contacts = Contacts::new(step_rate_hz, rate_hz);
         driver.ask_for_models(contacts.rate_hz());
         Ok((driver, contacts, deadband))

@@ -10,7 +10,7 @@ use futures_util::stream;
 use kerf_proto::v1;
 use kerf_proto::v1::control_response::Message;
 use kerf_session::clock::MonotonicClock;
-use kerf_session::{Driver, Echo, Phase, PoseRefusal, Reports, SessionError, StepReport};
+use kerf_session::{Driver, Echo, Loss, Phase, PoseRefusal, Reports, SessionError, StepReport};
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinHandle;
 use tokio::time::Instant;
@@ -271,7 +271,13 @@ impl OutgoingHalf {
     }
 
     fn tell_events(&mut self, report: &StepReport) {
-        self.say_lost(self.driver.take_lost_tools(), v1::LeaseLostReason::Silence);
+        for (tool, loss) in self.driver.take_lost_tools() {
+            let reason = match loss {
+                Loss::Silence => v1::LeaseLostReason::Silence,
+                Loss::TakenOver => v1::LeaseLostReason::TakenOver,
+            };
+            self.say_lost(vec![tool], reason);
+        }
         if let Some(told) = self.told.take() {
             if report.resets != told.resets {
                 self.say_event(report.step, v1::EventKind::Reset, 0.0);

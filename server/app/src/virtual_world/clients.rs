@@ -155,6 +155,7 @@ async fn drive_over(channel: Channel, session_id: &str, hand: &mut Hand, seen: &
         protocol_version: PROTOCOL_VERSION,
         session_id: session_id.into(),
         tool_ids: vec![0],
+        client_key: "the driver".into(),
         ..Default::default()
     };
     up.try_send(v1::ControlRequest { message: Some(control_request::Message::Hello(hello)), received: 0 }).ok()?;

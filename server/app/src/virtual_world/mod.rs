@@ -27,6 +27,8 @@ const SEEDS: u64 = 12;
 const STORM: Duration = Duration::from_secs(4);
 /// Within this all is as it should be once nothing happens any more.
 const CALM: Duration = Duration::from_secs(2);
+/// And within this what happened last is seen.
+const SHOWN: Duration = Duration::from_secs(1);
 /// What was within this is now: longer than a step that something else of the machine held up.
 const RECENTLY: Duration = Duration::from_millis(250);
 /// Steps of the block, 500 a second, that a kill may take at most: 60 ms.
@@ -184,7 +186,7 @@ async fn world(seed: u64, tally: &mut Tally) {
 
     // Who has followed all the way sees what one sees who comes now.
     let step = server.session.pause().await.unwrap();
-    sleep(CALM).await;
+    sleep(SHOWN).await;
     let fresh = arrive(&network, &session_id).await;
     {
         let seen = seen.lock();

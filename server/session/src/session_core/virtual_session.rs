@@ -210,7 +210,7 @@ impl VirtualSession {
     }
 
     pub fn drive(&self) -> DriverId {
-        let driver = self.inbox.connect_driver().unwrap();
+        let driver = self.inbox.connect_driver("").unwrap();
         self.inbox.claim(driver, &[0], self.now_ns()).unwrap();
         driver
     }

@@ -18,6 +18,7 @@ use crate::pose_refusal::PoseRefusal;
 use crate::status::{Phase, SessionStatus};
 use crate::stepping::Steps;
 use crate::tape::TapeEntry;
+use crate::tool_slot::Loss;
 use crate::view_message::{SceneEvent, ViewEvent, ViewMessage};
 
 fn block() -> SceneDesc {
@@ -118,7 +119,7 @@ fn a_silent_driver_loses_its_tool_after_the_lease_but_not_while_the_session_stan
     assert_eq!((session.inbox.held_tools(), events(&mut viewer)), (vec![0], vec![]), "the lease began anew");
     session.run(20 * MS);
     assert_eq!(events(&mut viewer), [SceneEvent::ToolReleased(0)]);
-    assert!(session.inbox.take_eviction(silent, 0));
+    assert_eq!(session.inbox.take_eviction(silent, 0), Some(Loss::Silence));
     assert!(session.core.world().output().tools[0].pose.is_none(), "it is lifted");
     let next = session.drive();
     session.submit(next, 1, 0.3).unwrap();

@@ -39,54 +39,55 @@ namespace Kerf.V1 {
             "Eh8KBWV2ZW50GAggASgLMg4ua2VyZi52MS5FdmVudEgAQgkKB21lc3NhZ2Ui",
             "MAoSQ2hlY2twb2ludFJlc3RvcmVkEgwKBHN0ZXAYASABKAQSDAoEbmFtZRgC",
             "IAEoCSI8ChBUb2xlcmFuY2VDaGFuZ2VkEgwKBHN0ZXAYASABKAQSGgoScmVs",
-            "YXRpdmVfdG9sZXJhbmNlGAIgASgBIp4BCgtDbGllbnRIZWxsbxIYChBwcm90",
+            "YXRpdmVfdG9sZXJhbmNlGAIgASgBIrIBCgtDbGllbnRIZWxsbxIYChBwcm90",
             "b2NvbF92ZXJzaW9uGAEgASgNEhIKCnNlc3Npb25faWQYAiABKAkSEAoIdG9v",
             "bF9pZHMYAyADKA0SFwoPY29udGFjdF9yYXRlX2h6GAQgASgBEhgKEGNvbnRh",
             "Y3RfZGVhZGJhbmQYBSABKAESHAoUY29udGFjdF9rZWVwX2FsaXZlX3MYBiAB",
-            "KAEioAEKC1NlcnZlckhlbGxvEhgKEHByb3RvY29sX3ZlcnNpb24YASABKA0S",
-            "HwoGbGltaXRzGAIgASgLMg8ua2VyZi52MS5MaW1pdHMSJAoFc2NlbmUYAyAB",
-            "KAsyFS5rZXJmLnYxLlNjZW5lU3VtbWFyeRIXCg9jb250YWN0X3JhdGVfaHoY",
-            "BCABKAESFwoPc2VydmVyX2luc3RhbmNlGAUgASgJIosBCghUb29sUG9zZRIP",
-            "Cgd0b29sX2lkGAEgASgNEgsKA3NlcRgCIAEoBBIRCgljbGllbnRfbnMYAyAB",
-            "KAQSGwoEcG9zZRgEIAEoCzINLmtlcmYudjEuUG9zZRIPCgdidXR0b25zGAUg",
-            "ASgNEhQKB29wZW5pbmcYBiABKAJIAIgBAUIKCghfb3BlbmluZyIbCghMaWZ0",
-            "VG9vbBIPCgd0b29sX2lkGAEgASgNIpsCCgdDb250YWN0Eg8KB3Rvb2xfaWQY",
-            "ASABKA0SDAoEc3RlcBgCIAEoBBISCgpzaW1fdGltZV9zGAMgASgBEhAKCGVj",
-            "aG9fc2VxGAQgASgEEg8KB2VjaG9fbnMYBSABKAQSHwoGd3JlbmNoGAYgASgL",
-            "Mg8ua2VyZi52MS5XcmVuY2gSJAoFbW9kZWwYByABKAsyFS5rZXJmLnYxLkNv",
-            "bnRhY3RNb2RlbBIYChBjdXR0aW5nX2xlbmd0aF9tGAggASgCEg0KBWZsYWdz",
-            "GAkgASgNEg4KBm51bWJlchgKIAEoBBIRCglzZXJ2ZXJfbnMYCyABKAQSFwoP",
-            "ZWNob19hcnJpdmVkX25zGAwgASgEEg4KBmxhZ19ucxgNIAEoBCKPAwoMQ29u",
-            "dGFjdE1vZGVsEiAKCXJlZmVyZW5jZRgBIAEoCzINLmtlcmYudjEuUG9zZRIR",
-            "CglzdGlmZm5lc3MYAiADKAISGQoRZGFtcGluZ19uX3NfcGVyX20YAyABKAIS",
-            "GAoLZm9yY2VfY2FwX24YBCABKAJIAIgBARIkCg1jYXBfZGlyZWN0aW9uGAUg",
-            "ASgLMg0ua2VyZi52MS5WZWMzEhkKEXZhbGlkaXR5X3JhZGl1c19tGAYgASgC",
-            "Eg8KB2RhbXBpbmcYByADKAISJwoQdmVsb2NpdHlfbV9wZXJfcxgIIAEoCzIN",
-            "LmtlcmYudjEuVmVjMxIxChphbmd1bGFyX3ZlbG9jaXR5X3JhZF9wZXJfcxgJ",
-            "IAEoCzINLmtlcmYudjEuVmVjMxIUCgxibGVuZF90aW1lX3MYCiABKAISFwoK",
-            "Z2l2ZXNfYXRfbhgLIAEoAkgBiAEBEhkKEWZvcmNlX2NhcF9naXZlbl9uGAwg",
-            "ASgCQg4KDF9mb3JjZV9jYXBfbkINCgtfZ2l2ZXNfYXRfbiJKCgxQb3NlUmVq",
-            "ZWN0ZWQSDwoHdG9vbF9pZBgBIAEoDRILCgNzZXEYAiABKAQSDQoFZmllbGQY",
-            "AyABKAkSDQoFbGltaXQYBCABKAkiRgoJTGVhc2VMb3N0Eg8KB3Rvb2xfaWQY",
-            "ASABKA0SKAoGcmVhc29uGAIgASgOMhgua2VyZi52MS5MZWFzZUxvc3RSZWFz",
-            "b24ihAEKD1NlbmRQb3NlUmVxdWVzdBISCgpzZXNzaW9uX2lkGAEgASgJEg0K",
-            "BWxlYXNlGAIgASgJEiEKBHBvc2UYAyABKAsyES5rZXJmLnYxLlRvb2xQb3Nl",
-            "SAASIQoEbGlmdBgEIAEoCzIRLmtlcmYudjEuTGlmdFRvb2xIAEIICgZtb3Rp",
-            "b24ikwEKEFNlbmRQb3NlUmVzcG9uc2USDQoFbGVhc2UYASABKAkSIQoHY29u",
-            "dGFjdBgCIAEoCzIQLmtlcmYudjEuQ29udGFjdBInCghyZWplY3RlZBgDIAEo",
-            "CzIVLmtlcmYudjEuUG9zZVJlamVjdGVkEiQKBXN0YXRlGAQgASgOMhUua2Vy",
-            "Zi52MS5TZXNzaW9uU3RhdGUqzwEKC0NvbnRhY3RGbGFnEhwKGENPTlRBQ1Rf",
-            "RkxBR19VTlNQRUNJRklFRBAAEhcKE0NPTlRBQ1RfRkxBR19MSUZURUQQARIa",
-            "ChZDT05UQUNUX0ZMQUdfUkVFTlRFUkVEEAISFQoRQ09OVEFDVF9GTEFHX0xB",
-            "VEUQBBIYChRDT05UQUNUX0ZMQUdfSE9MRElORxAIEhgKFENPTlRBQ1RfRkxB",
-            "R19TTElQUEVEEBASIgoeQ09OVEFDVF9GTEFHX1dBSVRTX1VOVElMX0NMRUFS",
-            "ECAqegoPTGVhc2VMb3N0UmVhc29uEiEKHUxFQVNFX0xPU1RfUkVBU09OX1VO",
-            "U1BFQ0lGSUVEEAASHQoZTEVBU0VfTE9TVF9SRUFTT05fU0lMRU5DRRABEiUK",
-            "IUxFQVNFX0xPU1RfUkVBU09OX1NFU1NJT05fQ0xPU0lORxACMpMBCg5Db250",
-            "cm9sU2VydmljZRJACgdDb250cm9sEhcua2VyZi52MS5Db250cm9sUmVxdWVz",
-            "dBoYLmtlcmYudjEuQ29udHJvbFJlc3BvbnNlKAEwARI/CghTZW5kUG9zZRIY",
-            "LmtlcmYudjEuU2VuZFBvc2VSZXF1ZXN0Ghkua2VyZi52MS5TZW5kUG9zZVJl",
-            "c3BvbnNlYgZwcm90bzM="));
+            "KAESEgoKY2xpZW50X2tleRgHIAEoCSKgAQoLU2VydmVySGVsbG8SGAoQcHJv",
+            "dG9jb2xfdmVyc2lvbhgBIAEoDRIfCgZsaW1pdHMYAiABKAsyDy5rZXJmLnYx",
+            "LkxpbWl0cxIkCgVzY2VuZRgDIAEoCzIVLmtlcmYudjEuU2NlbmVTdW1tYXJ5",
+            "EhcKD2NvbnRhY3RfcmF0ZV9oehgEIAEoARIXCg9zZXJ2ZXJfaW5zdGFuY2UY",
+            "BSABKAkiiwEKCFRvb2xQb3NlEg8KB3Rvb2xfaWQYASABKA0SCwoDc2VxGAIg",
+            "ASgEEhEKCWNsaWVudF9ucxgDIAEoBBIbCgRwb3NlGAQgASgLMg0ua2VyZi52",
+            "MS5Qb3NlEg8KB2J1dHRvbnMYBSABKA0SFAoHb3BlbmluZxgGIAEoAkgAiAEB",
+            "QgoKCF9vcGVuaW5nIhsKCExpZnRUb29sEg8KB3Rvb2xfaWQYASABKA0imwIK",
+            "B0NvbnRhY3QSDwoHdG9vbF9pZBgBIAEoDRIMCgRzdGVwGAIgASgEEhIKCnNp",
+            "bV90aW1lX3MYAyABKAESEAoIZWNob19zZXEYBCABKAQSDwoHZWNob19ucxgF",
+            "IAEoBBIfCgZ3cmVuY2gYBiABKAsyDy5rZXJmLnYxLldyZW5jaBIkCgVtb2Rl",
+            "bBgHIAEoCzIVLmtlcmYudjEuQ29udGFjdE1vZGVsEhgKEGN1dHRpbmdfbGVu",
+            "Z3RoX20YCCABKAISDQoFZmxhZ3MYCSABKA0SDgoGbnVtYmVyGAogASgEEhEK",
+            "CXNlcnZlcl9ucxgLIAEoBBIXCg9lY2hvX2Fycml2ZWRfbnMYDCABKAQSDgoG",
+            "bGFnX25zGA0gASgEIo8DCgxDb250YWN0TW9kZWwSIAoJcmVmZXJlbmNlGAEg",
+            "ASgLMg0ua2VyZi52MS5Qb3NlEhEKCXN0aWZmbmVzcxgCIAMoAhIZChFkYW1w",
+            "aW5nX25fc19wZXJfbRgDIAEoAhIYCgtmb3JjZV9jYXBfbhgEIAEoAkgAiAEB",
+            "EiQKDWNhcF9kaXJlY3Rpb24YBSABKAsyDS5rZXJmLnYxLlZlYzMSGQoRdmFs",
+            "aWRpdHlfcmFkaXVzX20YBiABKAISDwoHZGFtcGluZxgHIAMoAhInChB2ZWxv",
+            "Y2l0eV9tX3Blcl9zGAggASgLMg0ua2VyZi52MS5WZWMzEjEKGmFuZ3VsYXJf",
+            "dmVsb2NpdHlfcmFkX3Blcl9zGAkgASgLMg0ua2VyZi52MS5WZWMzEhQKDGJs",
+            "ZW5kX3RpbWVfcxgKIAEoAhIXCgpnaXZlc19hdF9uGAsgASgCSAGIAQESGQoR",
+            "Zm9yY2VfY2FwX2dpdmVuX24YDCABKAJCDgoMX2ZvcmNlX2NhcF9uQg0KC19n",
+            "aXZlc19hdF9uIkoKDFBvc2VSZWplY3RlZBIPCgd0b29sX2lkGAEgASgNEgsK",
+            "A3NlcRgCIAEoBBINCgVmaWVsZBgDIAEoCRINCgVsaW1pdBgEIAEoCSJGCglM",
+            "ZWFzZUxvc3QSDwoHdG9vbF9pZBgBIAEoDRIoCgZyZWFzb24YAiABKA4yGC5r",
+            "ZXJmLnYxLkxlYXNlTG9zdFJlYXNvbiKEAQoPU2VuZFBvc2VSZXF1ZXN0EhIK",
+            "CnNlc3Npb25faWQYASABKAkSDQoFbGVhc2UYAiABKAkSIQoEcG9zZRgDIAEo",
+            "CzIRLmtlcmYudjEuVG9vbFBvc2VIABIhCgRsaWZ0GAQgASgLMhEua2VyZi52",
+            "MS5MaWZ0VG9vbEgAQggKBm1vdGlvbiKTAQoQU2VuZFBvc2VSZXNwb25zZRIN",
+            "CgVsZWFzZRgBIAEoCRIhCgdjb250YWN0GAIgASgLMhAua2VyZi52MS5Db250",
+            "YWN0EicKCHJlamVjdGVkGAMgASgLMhUua2VyZi52MS5Qb3NlUmVqZWN0ZWQS",
+            "JAoFc3RhdGUYBCABKA4yFS5rZXJmLnYxLlNlc3Npb25TdGF0ZSrPAQoLQ29u",
+            "dGFjdEZsYWcSHAoYQ09OVEFDVF9GTEFHX1VOU1BFQ0lGSUVEEAASFwoTQ09O",
+            "VEFDVF9GTEFHX0xJRlRFRBABEhoKFkNPTlRBQ1RfRkxBR19SRUVOVEVSRUQQ",
+            "AhIVChFDT05UQUNUX0ZMQUdfTEFURRAEEhgKFENPTlRBQ1RfRkxBR19IT0xE",
+            "SU5HEAgSGAoUQ09OVEFDVF9GTEFHX1NMSVBQRUQQEBIiCh5DT05UQUNUX0ZM",
+            "QUdfV0FJVFNfVU5USUxfQ0xFQVIQICqcAQoPTGVhc2VMb3N0UmVhc29uEiEK",
+            "HUxFQVNFX0xPU1RfUkVBU09OX1VOU1BFQ0lGSUVEEAASHQoZTEVBU0VfTE9T",
+            "VF9SRUFTT05fU0lMRU5DRRABEiUKIUxFQVNFX0xPU1RfUkVBU09OX1NFU1NJ",
+            "T05fQ0xPU0lORxACEiAKHExFQVNFX0xPU1RfUkVBU09OX1RBS0VOX09WRVIQ",
+            "AzKTAQoOQ29udHJvbFNlcnZpY2USQAoHQ29udHJvbBIXLmtlcmYudjEuQ29u",
+            "dHJvbFJlcXVlc3QaGC5rZXJmLnYxLkNvbnRyb2xSZXNwb25zZSgBMAESPwoI",
+            "U2VuZFBvc2USGC5rZXJmLnYxLlNlbmRQb3NlUmVxdWVzdBoZLmtlcmYudjEu",
+            "U2VuZFBvc2VSZXNwb25zZWIGcHJvdG8z"));
       descriptor = pbr::FileDescriptor.FromGeneratedCode(descriptorData,
           new pbr::FileDescriptor[] { global::Kerf.V1.TypesReflection.Descriptor, },
           new pbr::GeneratedClrTypeInfo(new[] {typeof(global::Kerf.V1.ContactFlag), typeof(global::Kerf.V1.LeaseLostReason), }, null, new pbr::GeneratedClrTypeInfo[] {
@@ -94,7 +95,7 @@ namespace Kerf.V1 {
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ControlResponse), global::Kerf.V1.ControlResponse.Parser, new[]{ "Hello", "Contact", "Rejected", "LeaseLost", "Fault", "ToleranceChanged", "CheckpointRestored", "Event" }, new[]{ "Message" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.CheckpointRestored), global::Kerf.V1.CheckpointRestored.Parser, new[]{ "Step", "Name" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ToleranceChanged), global::Kerf.V1.ToleranceChanged.Parser, new[]{ "Step", "RelativeTolerance" }, null, null, null, null),
-            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ClientHello), global::Kerf.V1.ClientHello.Parser, new[]{ "ProtocolVersion", "SessionId", "ToolIds", "ContactRateHz", "ContactDeadband", "ContactKeepAliveS" }, null, null, null, null),
+            new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ClientHello), global::Kerf.V1.ClientHello.Parser, new[]{ "ProtocolVersion", "SessionId", "ToolIds", "ContactRateHz", "ContactDeadband", "ContactKeepAliveS", "ClientKey" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ServerHello), global::Kerf.V1.ServerHello.Parser, new[]{ "ProtocolVersion", "Limits", "Scene", "ContactRateHz", "ServerInstance" }, null, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.ToolPose), global::Kerf.V1.ToolPose.Parser, new[]{ "ToolId", "Seq", "ClientNs", "Pose", "Buttons", "Opening" }, new[]{ "Opening" }, null, null, null),
             new pbr::GeneratedClrTypeInfo(typeof(global::Kerf.V1.LiftTool), global::Kerf.V1.LiftTool.Parser, new[]{ "ToolId" }, null, null, null, null),
@@ -162,6 +163,10 @@ namespace Kerf.V1 {
     /// The session is about to end.
     /// </summary>
     [pbr::OriginalName("LEASE_LOST_REASON_SESSION_CLOSING")] SessionClosing = 2,
+    /// <summary>
+    /// A newer stream of the same client has taken it over.
+    /// </summary>
+    [pbr::OriginalName("LEASE_LOST_REASON_TAKEN_OVER")] TakenOver = 3,
   }
 
   #endregion
@@ -1704,6 +1709,7 @@ namespace Kerf.V1 {
       contactRateHz_ = other.contactRateHz_;
       contactDeadband_ = other.contactDeadband_;
       contactKeepAliveS_ = other.contactKeepAliveS_;
+      clientKey_ = other.clientKey_;
       _unknownFields = pb::UnknownFieldSet.Clone(other._unknownFields);
     }
 
@@ -1803,6 +1809,22 @@ namespace Kerf.V1 {
       }
     }
 
+    /// <summary>Field number for the "client_key" field.</summary>
+    public const int ClientKeyFieldNumber = 7;
+    private string clientKey_ = "";
+    /// <summary>
+    /// What the client makes up once and keeps to itself, at most 64 bytes: this stream takes over the tools that an older one
+    /// with the same key still has, as one does whose network broke. Empty: the tools have to be free.
+    /// </summary>
+    [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
+    [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
+    public string ClientKey {
+      get { return clientKey_; }
+      set {
+        clientKey_ = pb::ProtoPreconditions.CheckNotNull(value, "value");
+      }
+    }
+
     [global::System.Diagnostics.DebuggerNonUserCodeAttribute]
     [global::System.CodeDom.Compiler.GeneratedCode("protoc", null)]
     public override bool Equals(object other) {
@@ -1824,6 +1846,7 @@ namespace Kerf.V1 {
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(ContactRateHz, other.ContactRateHz)) return false;
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(ContactDeadband, other.ContactDeadband)) return false;
       if (!pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.Equals(ContactKeepAliveS, other.ContactKeepAliveS)) return false;
+      if (ClientKey != other.ClientKey) return false;
       return Equals(_unknownFields, other._unknownFields);
     }
 
@@ -1837,6 +1860,7 @@ namespace Kerf.V1 {
       if (ContactRateHz != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(ContactRateHz);
       if (ContactDeadband != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(ContactDeadband);
       if (ContactKeepAliveS != 0D) hash ^= pbc::ProtobufEqualityComparers.BitwiseDoubleEqualityComparer.GetHashCode(ContactKeepAliveS);
+      if (ClientKey.Length != 0) hash ^= ClientKey.GetHashCode();
       if (_unknownFields != null) {
         hash ^= _unknownFields.GetHashCode();
       }
@@ -1876,6 +1900,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(49);
         output.WriteDouble(ContactKeepAliveS);
       }
+      if (ClientKey.Length != 0) {
+        output.WriteRawTag(58);
+        output.WriteString(ClientKey);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(output);
       }
@@ -1907,6 +1935,10 @@ namespace Kerf.V1 {
         output.WriteRawTag(49);
         output.WriteDouble(ContactKeepAliveS);
       }
+      if (ClientKey.Length != 0) {
+        output.WriteRawTag(58);
+        output.WriteString(ClientKey);
+      }
       if (_unknownFields != null) {
         _unknownFields.WriteTo(ref output);
       }
@@ -1932,6 +1964,9 @@ namespace Kerf.V1 {
       }
       if (ContactKeepAliveS != 0D) {
         size += 1 + 8;
+      }
+      if (ClientKey.Length != 0) {
+        size += 1 + pb::CodedOutputStream.ComputeStringSize(ClientKey);
       }
       if (_unknownFields != null) {
         size += _unknownFields.CalculateSize();
@@ -1960,6 +1995,9 @@ namespace Kerf.V1 {
       }
       if (other.ContactKeepAliveS != 0D) {
         ContactKeepAliveS = other.ContactKeepAliveS;
+      }
+      if (other.ClientKey.Length != 0) {
+        ClientKey = other.ClientKey;
       }
       _unknownFields = pb::UnknownFieldSet.MergeFrom(_unknownFields, other._unknownFields);
     }
@@ -2001,6 +2039,10 @@ namespace Kerf.V1 {
             ContactKeepAliveS = input.ReadDouble();
             break;
           }
+          case 58: {
+            ClientKey = input.ReadString();
+            break;
+          }
         }
       }
     #endif
@@ -2039,6 +2081,10 @@ namespace Kerf.V1 {
           }
           case 49: {
             ContactKeepAliveS = input.ReadDouble();
+            break;
+          }
+          case 58: {
+            ClientKey = input.ReadString();
             break;
           }
         }
