@@ -7,7 +7,7 @@ mod clients;
 mod network;
 mod server;
 
-use std::sync::{Arc, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use fastrand::Rng;
@@ -19,7 +19,7 @@ use tokio::time::{Instant, sleep, timeout};
 use crate::journal::virtual_disk::{Faults, VirtualDisk};
 use clients::{Seen, View, drive, touch, watch};
 use network::{Network, Quality};
-use server::{Footprint, Server, Track};
+use server::{Server, Track};
 
 /// Seeds that are tried. The variable `WORLDS` says another number, `WORLDS_SEED` the first of them.
 const SEEDS: u64 = 12;
@@ -124,7 +124,7 @@ async fn world(seed: u64, tally: &mut Tally) {
         Box::pin(async move { network.channel().await }) as _
     };
     let _stations = kerf_station::virtual_time::VirtualTime::begin(dial, MonotonicClock::now_ns);
-    let (track, seen) = (Track::default(), Seen::default());
+    let (track, seen) = (Arc::<Mutex<Track>>::default(), Seen::default());
     let start = async |random: &mut Rng, confirmed| {
         Server::start(&network, (folder.path(), &disk), &track, confirmed, random.fork()).await
     };
@@ -160,16 +160,14 @@ async fn world(seed: u64, tally: &mut Tally) {
             }
         };
         let mut track = track.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_there = |footprint: &Footprint| *footprint == server.began;
-        let back = track.iter().rposition(is_there).or_else(|| track.iter().rposition(|f| *f == Footprint::Elsewhere));
-        let back = back.map_or(0, |index| index + 1);
-        assert!(back > 0 || matches!(server.began, Footprint::Step(0, _)), "seed {seed}: {:?} was never", server.began);
+        let of = track.footprints.len();
+        let taken = track.go_back(&server.began);
+        let taken = taken.unwrap_or_else(|| panic!("seed {seed}: it was never as in step {}", server.began.0));
         if is_good_disk && !is_power_cut {
-            let taken = track.len() - back;
             tally.taken = tally.taken.max(taken);
-            assert!(taken <= MOST_TAKEN, "seed {seed}: a kill took {taken} of {} steps", track.len());
+            assert!(taken <= MOST_TAKEN, "seed {seed}: a kill took {taken} of {of} steps");
         }
-        track.truncate(back);
+        assert!(of - taken >= confirmed, "seed {seed}: {confirmed} of {of} steps were confirmed, {taken} are lost");
     }
 
     network.set(Quality::default());
@@ -207,7 +205,7 @@ async fn world(seed: u64, tally: &mut Tally) {
         tally.views += seen.views;
         tally.trace ^= seen.traces.iter().fold(seed, |all, trace| all.rotate_left(21) ^ trace);
     }
-    tally.steps += track.lock().unwrap_or_else(PoisonError::into_inner).len();
+    tally.steps += track.lock().unwrap_or_else(PoisonError::into_inner).footprints.len();
     clients.iter().for_each(tokio::task::JoinHandle::abort);
     server.kill(&network, &disk).await;
 }

@@ -33,13 +33,47 @@ use crate::serve::{builder, routes};
 /// How often the journal's thread looks at what there is, and the recorder's.
 const LOOK: Duration = Duration::from_millis(5);
 
-/// One thing that has changed a session.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Footprint {
-    /// A step, and the hash of the state after it.
-    Step(u64, u64),
-    /// It was taken back to rest or to a checkpoint.
-    Elsewhere,
+/// A step and the hash of the state after it.
+pub type Footprint = (u64, u64);
+
+/// What has happened to a session, over all its servers.
+#[derive(Default)]
+pub struct Track {
+    /// The states that it had, in order.
+    pub footprints: Vec<Footprint>,
+    /// Checkpoints: how long the track was, their name and their state.
+    saved: Vec<(usize, Arc<str>, Footprint)>,
+}
+
+impl Track {
+    fn follow(&mut self, entry: &TapeEntry) {
+        let rest = self.footprints.first().copied();
+        match entry {
+            TapeEntry::Step(step) => self.footprints.extend(step.state_hash.map(|hash| (step.report.step, hash))),
+            TapeEntry::Event(happened) => match &happened.event {
+                SceneEvent::CheckpointSaved(name) => {
+                    let now = *self.footprints.last().expect("the scene at rest");
+                    self.saved.push((self.footprints.len(), Arc::clone(name), now));
+                }
+                SceneEvent::CheckpointRestored(name) => {
+                    let saved = self.saved.iter().rev().find(|(_, other, _)| other == name);
+                    self.footprints.push(saved.expect("it was saved").2);
+                }
+                SceneEvent::Reset => self.footprints.extend(rest),
+                _ => {}
+            },
+            TapeEntry::Checkpoint(..) | TapeEntry::Base(_) => {}
+        }
+    }
+
+    /// Goes back to where a kill has left the session; how much the kill has taken.
+    pub fn go_back(&mut self, to: &Footprint) -> Option<usize> {
+        let back = self.footprints.iter().rposition(|footprint| footprint == to)? + 1;
+        let taken = self.footprints.len() - back;
+        self.footprints.truncate(back);
+        self.saved.retain(|(length, ..)| *length <= back);
+        Some(taken)
+    }
 }
 
 /// A server that runs.
@@ -52,9 +86,6 @@ pub struct Server {
     tasks: Vec<JoinHandle<()>>,
 }
 
-/// Footprints of all that has happened to a session, over all its servers.
-pub type Track = Arc<Mutex<Vec<Footprint>>>;
-
 impl Server {
     /// Starts one that creates the session, or brings it back where the disk has confirmed so many footprints of it.
     ///
@@ -63,7 +94,7 @@ impl Server {
     pub async fn start(
         network: &Network,
         (folder, disk): (&Path, &Arc<VirtualDisk>),
-        track: &Track,
+        track: &Arc<Mutex<Track>>,
         confirmed: Option<usize>,
         random: Rng,
     ) -> anyhow::Result<Self> {
@@ -79,7 +110,10 @@ impl Server {
             registry.create(scene, options).await?
         };
         let status = session.describe().await?;
-        let began = Footprint::Step(status.step, status.state_hash);
+        let began = (status.step, status.state_hash);
+        if confirmed.is_none() {
+            track.lock().unwrap_or_else(PoisonError::into_inner).footprints.push(began);
+        }
         let journal = Arc::new(Mutex::new(Journal::begin(folder, &session, disk, confirmed.unwrap_or_default())));
         let tasks = vec![
             tokio::spawn(serve(Arc::clone(&registry), config, network.listen())),
@@ -122,7 +156,7 @@ async fn serve(
 }
 
 /// Writes the session's journal and its track, and lets the disk do its work as fast as the seed says.
-async fn follow(session: Arc<Session>, track: Track, journal: Arc<Mutex<Journal>>, mut random: Rng) {
+async fn follow(session: Arc<Session>, track: Arc<Mutex<Track>>, journal: Arc<Mutex<Journal>>, mut random: Rng) {
     let reel = session.take_reel().expect("it is recorded");
     loop {
         look(&reel, &track, &journal, random.usize(0..4));
@@ -130,19 +164,12 @@ async fn follow(session: Arc<Session>, track: Track, journal: Arc<Mutex<Journal>
     }
 }
 
-fn look(reel: &Reel, track: &Track, journal: &Mutex<Journal>, jobs: usize) {
+fn look(reel: &Reel, track: &Mutex<Track>, journal: &Mutex<Journal>, jobs: usize) {
     let (entries, _) = reel.tape.take();
     let mut track = track.lock().unwrap_or_else(PoisonError::into_inner);
-    track.extend(entries.iter().filter_map(|entry| match entry {
-        TapeEntry::Step(step) => Some(Footprint::Step(step.report.step, step.state_hash?)),
-        TapeEntry::Event(happened) => match happened.event {
-            SceneEvent::Reset | SceneEvent::CheckpointRestored(_) => Some(Footprint::Elsewhere),
-            _ => None,
-        },
-        _ => None,
-    }));
+    entries.iter().for_each(|entry| track.follow(entry));
     let mut journal = journal.lock().unwrap_or_else(PoisonError::into_inner);
     journal.now_ns = MonotonicClock::now_ns();
-    journal.look(track.len());
+    journal.look(track.footprints.len());
     journal.sync(jobs);
 }
