@@ -7,7 +7,7 @@ use std::time::Duration;
 use kerf_physics::Workers;
 use kerf_physics::world::ObjectStats;
 use rayon::{ThreadPool, ThreadPoolBuilder};
-use tokio::sync::oneshot;
+use tokio::sync::{OwnedSemaphorePermit, oneshot};
 
 use crate::clock::MonotonicClock;
 use crate::error::SessionError;
@@ -44,20 +44,8 @@ pub(crate) fn start(
     let stepping = Stepping::with(threads)?;
     let (say, built) = oneshot::channel();
     let body = move || {
-        let Permits { slot: _slot, build: building } = permits;
-        if say.is_closed() {
-            return;
-        }
-        let built = build();
-        drop(building);
-        match built {
-            // A session that nobody waits for any more never begins.
-            Ok((core, projector)) => {
-                if say.send(Ok(told(&core))).is_ok() {
-                    run_shown(core, projector, &inbox, &stepping);
-                }
-            }
-            Err(error) => drop(say.send(Err(error))),
+        if let Some((core, projector, _slot)) = begun(permits, say, build) {
+            run_shown(core, projector, &inbox, &stepping);
         }
     };
     let thread = std::thread::Builder::new().name(name).spawn(body);
@@ -65,7 +53,29 @@ pub(crate) fn start(
     Ok((Some(thread), built))
 }
 
-pub(crate) fn told(core: &SessionCore) -> Told {
+/// Builds a session's core and says so; with it what the session has a place by. `None` where that failed, or where nobody
+/// waits for the session any more: it never begins.
+pub(crate) fn begun(
+    permits: Permits,
+    say: oneshot::Sender<Built>,
+    build: impl FnOnce() -> Result<(SessionCore, Projector), SessionError>,
+) -> Option<(SessionCore, Projector, OwnedSemaphorePermit)> {
+    let Permits { slot, build: building } = permits;
+    if say.is_closed() {
+        return None;
+    }
+    let built = build();
+    drop(building);
+    match built {
+        Ok((core, projector)) => say.send(Ok(told(&core))).ok().map(|()| (core, projector, slot)),
+        Err(error) => {
+            drop(say.send(Err(error)));
+            None
+        }
+    }
+}
+
+fn told(core: &SessionCore) -> Told {
     let warnings = kerf_scenes::examine::warnings(core.scene(), core.world());
     Told { objects: core.world().object_stats(), warnings: warnings.iter().map(ToString::to_string).collect() }
 }

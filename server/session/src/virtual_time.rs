@@ -17,7 +17,7 @@ use crate::inbox::Inbox;
 use crate::prepare::Permits;
 use crate::projector::Projector;
 use crate::session_core::{SessionCore, Wake};
-use crate::session_thread::{Built, told};
+use crate::session_thread::{Built, begun};
 
 /// How often a session that stands looks for commands: a thread would be woken by them.
 const LOOK: Duration = Duration::from_millis(1);
@@ -92,16 +92,8 @@ where
     let (say, built) = oneshot::channel();
     let inbox = Arc::clone(inbox);
     tokio::spawn(async move {
-        let Permits { slot: _slot, build: building } = permits;
-        let begun = build();
-        drop(building);
-        match begun {
-            Ok((core, projector)) => {
-                if say.send(Ok(told(&core))).is_ok() {
-                    run(core, projector, &inbox).await;
-                }
-            }
-            Err(error) => drop(say.send(Err(error))),
+        if let Some((core, projector, _slot)) = begun(permits, say, build) {
+            run(core, projector, &inbox).await;
         }
     });
     Ok(built)

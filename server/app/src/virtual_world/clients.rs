@@ -73,7 +73,7 @@ pub struct Sights {
     pub rendered_at: Option<Instant>,
     pub dialled: u64,
     /// How the station is doing, for people.
-    pub station: String,
+    pub station: Option<(State, LinkStatus)>,
     /// Ticks of the station in which the hand felt something.
     pub felt: u64,
     /// Everything that came to the driver, the station and the viewer, folded: another run of the seed has the same.
@@ -267,7 +267,7 @@ pub async fn touch(session_id: String, seen: Seen) {
             seen.rendered_at = Some(Instant::now());
         }
         seen.dialled = link.connections;
-        seen.station = format!("{:?}, {link:?}", sample.rendered.state);
+        seen.station = Some((sample.rendered.state, link.clone()));
         seen.felt += u64::from(force_n > 0.0);
         seen.demand(force_n <= PEAK_N, || format!("the station pushes with {force_n} N"));
         seen.demand(in_the_air < ticks || force_n < UNFELT_N, || {

@@ -12,8 +12,11 @@ use std::time::Duration;
 
 use fastrand::Rng;
 use kerf_replica::Replica;
+use kerf_session::Session;
 use kerf_session::clock::MonotonicClock;
 use kerf_session::virtual_time::VirtualTime;
+use tempfile::TempDir;
+use tokio::task::JoinSet;
 use tokio::time::{Instant, sleep, timeout};
 
 use crate::journal::virtual_disk::{Faults, VirtualDisk};
@@ -53,6 +56,19 @@ struct Tally {
 }
 
 impl Tally {
+    fn add(&mut self, world: &World) {
+        let seen = world.seen.lock();
+        self.steps += world.track.lock().unwrap_or_else(PoisonError::into_inner).footprints.len();
+        self.contacts += seen.contacts;
+        self.forces += seen.forces;
+        self.hardest_n = self.hardest_n.max(seen.hardest_n);
+        self.streams += seen.streams;
+        self.dialled += seen.dialled;
+        self.felt += seen.felt;
+        self.views += seen.views;
+        self.trace ^= seen.traces.iter().fold(world.seed, |all, trace| all.rotate_left(21) ^ trace);
+    }
+
     fn with(self, other: Self) -> Self {
         Self {
             steps: self.steps + other.steps,
@@ -72,142 +88,178 @@ impl Tally {
     }
 }
 
-/// What may happen.
-async fn something(random: &mut Rng, server: &Server, network: &Network) {
-    let names = ["a", "b"];
-    let name = names[random.usize(0..names.len())];
-    let session = &server.session;
-    match random.u32(0..12) {
-        0 => network.cut(),
-        1 => network.set(Quality {
-            stalls: 0.02,
-            stall: random.u32(100..1500) * Duration::from_millis(1),
-            ..quality(random)
-        }),
-        2 => network.set(quality(random)),
-        3 => drop(session.pause().await),
-        4..6 => drop(session.resume().await),
-        6 => drop(session.reset().await),
-        7 => drop(session.save_checkpoint(name).await),
-        8 => drop(session.restore_checkpoint(name).await),
-        _ => {}
-    }
+/// One seed's.
+struct World {
+    seed: u64,
+    random: Rng,
+    folder: TempDir,
+    disk: Arc<VirtualDisk>,
+    /// It has no faults: only a power cut takes what was written.
+    is_good_disk: bool,
+    network: Network,
+    track: Arc<Mutex<Track>>,
+    seen: Seen,
 }
 
-fn quality(random: &mut Rng) -> Quality {
-    let ms = |random: &mut Rng, most: u32| random.u32(0..=most) * Duration::from_millis(1);
-    Quality { delay: ms(random, 60), jitter: ms(random, 20), ..Quality::default() }
-}
-
-/// A world from its beginning to its end.
-async fn world(seed: u64, tally: &mut Tally) {
-    let mut random = Rng::with_seed(seed);
-    let mut steps = random.fork();
-    let _time = VirtualTime::begin(move || match steps.u32(0..2000) {
-        // The machine had something else to do.
-        0 => Duration::from_millis(120),
-        1..20 => Duration::from_millis(3),
-        _ => Duration::from_micros(100),
-    });
-    let folder = tempfile::tempdir().unwrap();
-    let faults = match random.u32(0..8) {
-        0 => Faults { full: 0.02, sync: 0.0 },
-        1 => Faults { full: 0.0, sync: 0.02 },
-        _ => Faults::default(),
-    };
-    let is_good_disk = faults.full + faults.sync == 0.0;
-    let disk = Arc::new(VirtualDisk::new(random.u64(..), faults));
-    let network = Network::new(random.u64(..));
-    let dialled = network.clone();
-    let dial = move || {
-        let network = dialled.clone();
-        Box::pin(async move { network.channel().await }) as _
-    };
-    let _stations = kerf_station::virtual_time::VirtualTime::begin(dial, MonotonicClock::now_ns);
-    let (track, seen) = (Arc::<Mutex<Track>>::default(), Seen::default());
-    let start = async |random: &mut Rng, confirmed| {
-        Server::start(&network, (folder.path(), &disk), &track, confirmed, random.fork()).await
-    };
-    let mut server = start(&mut random, None).await.unwrap();
-    let session_id = server.session.id().to_string();
-    let clients = [
-        tokio::spawn(drive(network.clone(), session_id.clone(), random.fork(), seen.clone())),
-        tokio::spawn(touch(session_id.clone(), seen.clone())),
-        tokio::spawn(watch(network.clone(), session_id.clone(), seen.clone())),
-    ];
-
-    let end = Instant::now() + STORM;
-    while Instant::now() < end {
-        sleep(random.u32(1..400) * Duration::from_millis(1)).await;
-        if random.u32(0..8) > 0 {
-            something(&mut random, &server, &network).await;
-            continue;
+impl World {
+    fn new(seed: u64) -> Self {
+        let mut random = Rng::with_seed(seed);
+        let faults = match random.u32(0..8) {
+            0 => Faults { full: 0.02, sync: 0.0 },
+            1 => Faults { full: 0.0, sync: 0.02 },
+            _ => Faults::default(),
+        };
+        Self {
+            seed,
+            folder: tempfile::tempdir().unwrap(),
+            disk: Arc::new(VirtualDisk::new(random.u64(..), faults)),
+            is_good_disk: faults.full + faults.sync == 0.0,
+            network: Network::new(random.u64(..)),
+            track: Arc::default(),
+            seen: Seen::default(),
+            random,
         }
-        let confirmed = server.kill(&network, &disk).await;
-        let is_power_cut = random.u32(0..3) == 0;
+    }
+
+    /// How long each step takes.
+    fn step_lengths(&mut self) -> impl FnMut() -> Duration + use<> {
+        let mut random = self.random.fork();
+        move || match random.u32(0..2000) {
+            // The machine had something else to do.
+            0 => Duration::from_millis(120),
+            1..20 => Duration::from_millis(3),
+            _ => Duration::from_micros(100),
+        }
+    }
+
+    async fn start(&mut self, confirmed: Option<usize>) -> anyhow::Result<Server> {
+        let disk = (self.folder.path(), &self.disk);
+        Server::start(&self.network, disk, &self.track, confirmed, self.random.fork()).await
+    }
+
+    fn quality(&mut self) -> Quality {
+        let mut ms = |most: u32| self.random.u32(0..=most) * Duration::from_millis(1);
+        Quality { delay: ms(60), jitter: ms(20), ..Quality::default() }
+    }
+
+    /// What may happen to a session and to its clients.
+    async fn something(&mut self, session: &Session) {
+        let name = ["a", "b"][self.random.usize(0..2)];
+        match self.random.u32(0..12) {
+            0 => self.network.cut(),
+            1 => {
+                let stall = self.random.u32(100..1500) * Duration::from_millis(1);
+                let quality = Quality { stalls: 0.02, stall, ..self.quality() };
+                self.network.set(quality);
+            }
+            2 => {
+                let quality = self.quality();
+                self.network.set(quality);
+            }
+            3 => drop(session.pause().await),
+            4..6 => drop(session.resume().await),
+            6 => drop(session.reset().await),
+            7 => drop(session.save_checkpoint(name).await),
+            8 => drop(session.restore_checkpoint(name).await),
+            _ => {}
+        }
+    }
+
+    /// Kills a server, perhaps with the machine, and starts the next one; `None` where the session is lost as it may be.
+    async fn kill(&mut self, server: Server, tally: &mut Tally) -> Option<Server> {
+        let seed = self.seed;
+        let confirmed = server.kill(&self.network, &self.disk).await;
+        let is_power_cut = self.random.u32(0..3) == 0;
         if is_power_cut {
-            disk.cut_power();
+            self.disk.cut_power();
         }
         (tally.kills, tally.power_cuts) = (tally.kills + 1, tally.power_cuts + usize::from(is_power_cut));
-        sleep(random.u32(0..800) * Duration::from_millis(1)).await;
-        server = match start(&mut random, Some(confirmed)).await {
+        sleep(self.random.u32(0..800) * Duration::from_millis(1)).await;
+        let server = match self.start(Some(confirmed)).await {
             Ok(server) => server,
             Err(error) => {
-                assert!(confirmed == 0 || !is_good_disk, "seed {seed}: {confirmed} steps are lost: {error:#}");
+                assert!(confirmed == 0 || !self.is_good_disk, "seed {seed}: {confirmed} steps are lost: {error:#}");
                 tally.lost += 1;
-                clients.iter().for_each(tokio::task::JoinHandle::abort);
-                return;
+                return None;
             }
         };
-        let mut track = track.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut track = self.track.lock().unwrap_or_else(PoisonError::into_inner);
         let of = track.footprints.len();
         let taken = track.go_back(&server.began);
         let taken = taken.unwrap_or_else(|| panic!("seed {seed}: it was never as in step {}", server.began.0));
-        if is_good_disk && !is_power_cut {
+        if self.is_good_disk && !is_power_cut {
             tally.taken = tally.taken.max(taken);
             assert!(taken <= MOST_TAKEN, "seed {seed}: a kill took {taken} of {of} steps");
         }
         assert!(of - taken >= confirmed, "seed {seed}: {confirmed} of {of} steps were confirmed, {taken} are lost");
+        Some(server)
     }
 
-    network.set(Quality::default());
-    let _ = server.session.resume().await;
-    sleep(CALM).await;
-    {
-        let seen = seen.lock();
+    /// Nothing happens any more, and all is as it should be.
+    async fn calm_down(&self, session: &Session) {
+        let seed = self.seed;
+        self.network.set(Quality::default());
+        let _ = session.resume().await;
+        sleep(CALM).await;
+        let seen = self.seen.lock();
         let ago = |at: Option<Instant>| at.map_or(Duration::MAX, |at| at.elapsed());
         assert!(ago(seen.felt_at) < RECENTLY, "seed {seed}: the driver hears nothing for {:?}", ago(seen.felt_at));
         assert!(ago(seen.drawn_at) < RECENTLY, "seed {seed}: the viewer sees nothing for {:?}", ago(seen.drawn_at));
         let rendered = ago(seen.rendered_at);
-        assert!(rendered < RECENTLY, "seed {seed}: the station renders nothing for {rendered:?}: {}", seen.station);
+        assert!(rendered < RECENTLY, "seed {seed}: the station renders nothing for {rendered:?}: {:?}", seen.station);
     }
 
-    // Who has followed all the way sees what one sees who comes now.
-    let step = server.session.pause().await.unwrap();
-    sleep(SHOWN).await;
-    let fresh = arrive(&network, &session_id).await;
-    {
-        let seen = seen.lock();
+    /// Who has followed all the way sees what one sees who comes now.
+    async fn compare(&self, session: &Session) {
+        let seed = self.seed;
+        let step = session.pause().await.unwrap();
+        sleep(SHOWN).await;
+        let fresh = arrive(&self.network, &session.id().to_string()).await;
+        let seen = self.seen.lock();
         assert_eq!(seen.wrong, Vec::<String>::new(), "seed {seed}");
         let followed = &seen.replica;
-        assert_eq!(followed.moment().map(|moment| moment.step), Some(step), "seed {seed}");
-        assert_eq!(fresh.moment().map(|moment| moment.step), Some(step), "seed {seed}");
+        for seen in [followed, &fresh] {
+            assert_eq!(seen.moment().map(|moment| moment.step), Some(step), "seed {seed}");
+        }
         assert_eq!(followed.topology_version(), fresh.topology_version(), "seed {seed}");
         for (followed, fresh) in followed.bodies().iter().zip(fresh.bodies()) {
             assert!(followed.quads() == fresh.quads() && followed.vertices() == fresh.vertices(), "seed {seed}");
         }
-        tally.contacts += seen.contacts;
-        tally.forces += seen.forces;
-        tally.hardest_n = tally.hardest_n.max(seen.hardest_n);
-        tally.streams += seen.streams;
-        tally.dialled += seen.dialled;
-        tally.felt += seen.felt;
-        tally.views += seen.views;
-        tally.trace ^= seen.traces.iter().fold(seed, |all, trace| all.rotate_left(21) ^ trace);
     }
-    tally.steps += track.lock().unwrap_or_else(PoisonError::into_inner).footprints.len();
-    clients.iter().for_each(tokio::task::JoinHandle::abort);
-    server.kill(&network, &disk).await;
+}
+
+/// A world from its beginning to its end.
+async fn world(seed: u64, tally: &mut Tally) {
+    let mut world = World::new(seed);
+    let _sessions = VirtualTime::begin(world.step_lengths());
+    let network = world.network.clone();
+    let dial = move || {
+        let network = network.clone();
+        Box::pin(async move { network.channel().await }) as _
+    };
+    let _stations = kerf_station::virtual_time::VirtualTime::begin(dial, MonotonicClock::now_ns);
+    let mut server = world.start(None).await.unwrap();
+    let (network, session_id, seen) = (&world.network, server.session.id().to_string(), &world.seen);
+    let mut clients = JoinSet::new();
+    clients.spawn(drive(network.clone(), session_id.clone(), world.random.fork(), seen.clone()));
+    clients.spawn(touch(session_id.clone(), seen.clone()));
+    clients.spawn(watch(network.clone(), session_id, seen.clone()));
+
+    let end = Instant::now() + STORM;
+    while Instant::now() < end {
+        sleep(world.random.u32(1..400) * Duration::from_millis(1)).await;
+        if world.random.u32(0..8) > 0 {
+            world.something(&server.session).await;
+        } else if let Some(next) = world.kill(server, tally).await {
+            server = next;
+        } else {
+            return;
+        }
+    }
+    world.calm_down(&server.session).await;
+    world.compare(&server.session).await;
+    tally.add(&world);
+    server.kill(&world.network, &world.disk).await;
 }
 
 /// What a viewer sees who comes now.
