@@ -1,17 +1,15 @@
 //! A station in virtual time: tasks of one thread in the place of threads, a simulated hand, a network that a test makes.
 
-use std::cell::RefCell;
-use std::pin::Pin;
 use std::sync::Arc;
 use std::time::Duration;
 
 use kerf_load::clock;
 use nalgebra::Vector3;
-use tonic::transport::{Channel, Error};
 
 use crate::config::{DeviceConfig, SimulatedConfig, StationConfig};
 use crate::device::simulated::Simulated;
 use crate::device::{Device, Servo};
+use crate::link::virtual_network::{self, Dialled};
 use crate::link::{Link, LinkSettings, LinkStatus, SharedSession};
 use crate::servo::model::Update;
 use crate::servo::runner::{Motion, Runner, Sample, Slots, settings};
@@ -21,20 +19,13 @@ const TICK: Duration = Duration::from_millis(1);
 /// Ticks that are told of at a time.
 const SAMPLES: usize = 16;
 
-/// A connection on its way.
-pub type Dialled = Pin<Box<dyn Future<Output = Result<Channel, Error>> + Send>>;
-
-thread_local! {
-    static NETWORK: RefCell<Option<Box<dyn Fn() -> Dialled>>> = const { RefCell::new(None) };
-}
-
 /// As long as it lives stations of this thread are in virtual time.
 pub struct VirtualTime(());
 
 impl VirtualTime {
     /// Begins: stations dial so, whatever the server's address, and read this clock.
     pub fn begin(dial: impl Fn() -> Dialled + 'static, clock: fn() -> u64) -> Self {
-        NETWORK.with_borrow_mut(|network| *network = Some(Box::new(dial)));
+        virtual_network::dial_by(Some(Box::new(dial)));
         clock::follow(Some(clock));
         Self(())
     }
@@ -42,13 +33,9 @@ impl VirtualTime {
 
 impl Drop for VirtualTime {
     fn drop(&mut self) {
-        NETWORK.with_borrow_mut(|network| *network = None);
+        virtual_network::dial_by(None);
         clock::follow(None);
     }
-}
-
-pub(crate) fn dial() -> Option<Dialled> {
-    NETWORK.with_borrow(|network| network.as_ref().map(|dial| dial()))
 }
 
 /// Drives a tool of a session with a simulated device, for ever; tells of each tick.

@@ -39,6 +39,8 @@ pub mod session;
 mod session_core;
 mod session_id;
 mod session_options;
+#[cfg(feature = "virtual-time")]
+mod session_task;
 mod session_thread;
 mod shortfall;
 mod showcase;

@@ -25,7 +25,7 @@ pub(crate) struct Told {
     pub warnings: Vec<String>,
 }
 
-pub(crate) type Built = Result<Told, SessionError>;
+type Built = Result<Told, SessionError>;
 
 /// Starts a thread that builds a session's core, says so and runs it. The permits stay with the thread, so that a
 /// caller who gives up waiting for a large scene does not make room for another.
@@ -36,13 +36,17 @@ pub(crate) fn start(
     permits: Permits,
     build: impl FnOnce() -> Result<(SessionCore, Projector), SessionError> + Send + 'static,
 ) -> Result<(Option<JoinHandle<()>>, oneshot::Receiver<Built>), SessionError> {
-    #[cfg(feature = "virtual-time")]
-    let (permits, build) = match crate::virtual_time::start(&inbox, permits, build) {
-        Ok(built) => return Ok((None, built)),
-        Err(real) => real,
-    };
     let stepping = Stepping::with(threads)?;
     let (say, built) = oneshot::channel();
+    #[cfg(feature = "virtual-time")]
+    if crate::virtual_time::now_ns().is_some() {
+        tokio::spawn(async move {
+            if let Some((core, projector, _slot)) = begun(permits, say, build) {
+                crate::session_task::run(core, projector, &inbox).await;
+            }
+        });
+        return Ok((None, built));
+    }
     let body = move || {
         if let Some((core, projector, _slot)) = begun(permits, say, build) {
             run_shown(core, projector, &inbox, &stepping);
@@ -55,7 +59,7 @@ pub(crate) fn start(
 
 /// Builds a session's core and says so; with it what the session has a place by. `None` where that failed, or where nobody
 /// waits for the session any more: it never begins.
-pub(crate) fn begun(
+fn begun(
     permits: Permits,
     say: oneshot::Sender<Built>,
     build: impl FnOnce() -> Result<(SessionCore, Projector), SessionError>,

@@ -450,7 +450,7 @@ impl fmt::Display for Report {
             )?;
         }
         if let Some(last) = server.governed_tolerance {
-            writeln!(f, "governor     {} changes of the tolerance, the last to {last:e}", server.governor_changes)?;
+            writeln!(f, "governor     {} changes of the tolerance, the last to {last:.1e}", server.governor_changes)?;
         }
         if let Some(energy) = &self.energy {
             let Energy { tool_work_j, fracture_j, residual_j, residual_over_tool_work } = energy;

@@ -218,7 +218,7 @@ async fn dialled(endpoint: &Endpoint) -> Result<Channel, Error> {
 /// Over the network of a simulation where there is one.
 #[cfg(feature = "virtual-time")]
 async fn dialled(endpoint: &Endpoint) -> Result<Channel, Error> {
-    match crate::virtual_time::dial() {
+    match super::virtual_network::dial() {
         Some(dialled) => dialled.await,
         None => endpoint.connect().await,
     }

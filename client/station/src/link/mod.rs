@@ -11,6 +11,8 @@ mod receiver;
 mod sender;
 mod session;
 mod status;
+#[cfg(feature = "virtual-time")]
+pub mod virtual_network;
 mod wire;
 
 use std::sync::Arc;
