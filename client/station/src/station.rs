@@ -69,13 +69,7 @@ impl Station {
         let name = first.info().name.clone();
         let slots = Slots { updates: contacts, motions, samples: sample, is_leaving: Arc::clone(&is_leaving) };
         let mut runner = Runner::new(runner::settings(first.info(), device), device, Arc::clone(&tool_ids), slots);
-        let settings = LinkSettings {
-            server: config.server.clone(),
-            session,
-            tool_ids,
-            link: config.link.clone(),
-            force_scale: device.mapping.force_scale,
-        };
+        let settings = LinkSettings::new(config, device, session, tool_ids);
         let link = Link::start(settings, motion, updates)?;
         let status = Arc::new(std::sync::Mutex::new(ThreadStatus::default()));
         let thread = {

@@ -51,13 +51,7 @@ pub async fn drive(
     let mut omni = Simulated::new(&simulated);
     let slots = Slots { updates: contacts, motions, samples, is_leaving: Arc::default() };
     let mut runner = Runner::new(settings(omni.info(), &device), &device, [tool_id].into(), slots);
-    let link = LinkSettings {
-        server: config.server,
-        session: SharedSession::join(session_id),
-        tool_ids: [tool_id].into(),
-        link: config.link,
-        force_scale: device.mapping.force_scale,
-    };
+    let link = LinkSettings::new(&config, &device, SharedSession::join(session_id), [tool_id].into());
     let (status, link) = Link::as_task(link, motion, updates);
     let servo = async {
         let mut force_n = Vector3::zeros();

@@ -36,7 +36,6 @@ pub(crate) fn start(
     permits: Permits,
     build: impl FnOnce() -> Result<(SessionCore, Projector), SessionError> + Send + 'static,
 ) -> Result<(Option<JoinHandle<()>>, oneshot::Receiver<Built>), SessionError> {
-    let stepping = Stepping::with(threads)?;
     let (say, built) = oneshot::channel();
     #[cfg(feature = "virtual-time")]
     if crate::virtual_time::now_ns().is_some() {
@@ -47,6 +46,7 @@ pub(crate) fn start(
         });
         return Ok((None, built));
     }
+    let stepping = Stepping::with(threads)?;
     let body = move || {
         if let Some((core, projector, _slot)) = begun(permits, say, build) {
             run_shown(core, projector, &inbox, &stepping);

@@ -210,18 +210,13 @@ pub(super) async fn connect(server: &ServerConfig) -> Result<Wire, Ended> {
     }
 }
 
-#[cfg(not(feature = "virtual-time"))]
+/// A connection, over the network of a simulation where there is one.
 async fn dialled(endpoint: &Endpoint) -> Result<Channel, Error> {
-    endpoint.connect().await
-}
-
-/// Over the network of a simulation where there is one.
-#[cfg(feature = "virtual-time")]
-async fn dialled(endpoint: &Endpoint) -> Result<Channel, Error> {
-    match super::virtual_network::dial() {
-        Some(dialled) => dialled.await,
-        None => endpoint.connect().await,
+    #[cfg(feature = "virtual-time")]
+    if let Some(dialled) = super::virtual_network::dial() {
+        return dialled.await;
     }
+    endpoint.connect().await
 }
 
 /// What a refusal means.

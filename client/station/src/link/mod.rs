@@ -25,7 +25,7 @@ use tokio::sync::{mpsc, oneshot};
 pub use self::probe::{ServerProbe, probe};
 pub use self::session::SharedSession;
 pub use self::status::{LinkState, LinkStatus, SharedStatus};
-use crate::config::{LinkConfig, ServerConfig};
+use crate::config::{DeviceConfig, LinkConfig, ServerConfig, StationConfig};
 use crate::servo::model::Update;
 use crate::servo::runner::Motion;
 
@@ -42,6 +42,20 @@ pub struct LinkSettings {
     pub link: LinkConfig,
     /// The device's newtons per newton of the scene.
     pub force_scale: f64,
+}
+
+impl LinkSettings {
+    /// Those of a device that drives tools of a session in turn.
+    #[must_use]
+    pub fn new(
+        config: &StationConfig,
+        device: &DeviceConfig,
+        session: Arc<SharedSession>,
+        tool_ids: Arc<[u32]>,
+    ) -> Self {
+        let (server, link) = (config.server.clone(), config.link.clone());
+        Self { server, session, tool_ids, link, force_scale: device.mapping.force_scale }
+    }
 }
 
 /// An open stream, as the sending thread sees it; another one takes its place when it breaks.

@@ -85,9 +85,7 @@ impl Sender {
         while !self.stop.load(Ordering::Relaxed) {
             clock::sleep_until_ns(schedule.deadline_ns());
             schedule.take(clock::now_ns());
-            if let Some(uplink) = self.uplink.get() {
-                self.tick(&uplink, clock::now_ns());
-            }
+            self.tick_if_open();
         }
     }
 
@@ -97,9 +95,13 @@ impl Sender {
         let mut ticks = tokio::time::interval(std::time::Duration::from_secs_f64(1.0 / self.rate_hz));
         loop {
             ticks.tick().await;
-            if let Some(uplink) = self.uplink.get() {
-                self.tick(&uplink, clock::now_ns());
-            }
+            self.tick_if_open();
+        }
+    }
+
+    fn tick_if_open(&mut self) {
+        if let Some(uplink) = self.uplink.get() {
+            self.tick(&uplink, clock::now_ns());
         }
     }
 

@@ -1,5 +1,6 @@
-//! A journal whose threads take turns as a test says.
+//! For simulations by seed: a journal whose threads take turns as a test says.
 
+use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -70,4 +71,11 @@ impl Journal {
             }
         }
     }
+}
+
+/// Seeds that a simulation tries: as many as the variable `name` says, from the one on that `name` with `_SEED` says.
+pub fn seeds(name: &str, otherwise: u64) -> Range<u64> {
+    let number = |name: &str, otherwise| std::env::var(name).map_or(otherwise, |value| value.parse().unwrap());
+    let first = number(&format!("{name}_SEED"), 0);
+    first..first + number(name, otherwise)
 }

@@ -7,7 +7,7 @@ use kerf_scenes::dial::ParetoFronts;
 use kerf_session::stepping::{StepMotion, Steps};
 use kerf_session::{CheckpointInfo, Registry, Session, SessionId, SessionLimits, SessionOptions};
 
-use super::by_hand::Journal;
+use super::by_hand::{Journal, seeds};
 use super::files::Files;
 use super::past;
 use super::tests::{BLOCK, place};
@@ -129,16 +129,11 @@ async fn lives(seed: u64, registry: &Registry, tally: &mut Tally) {
     registry.close(&id.to_string()).await.unwrap();
 }
 
-fn number(name: &str, otherwise: u64) -> u64 {
-    std::env::var(name).map_or(otherwise, |value| value.parse().unwrap())
-}
-
 #[tokio::test(flavor = "multi_thread")]
 async fn what_the_disk_has_confirmed_survives_kills_power_cuts_and_faults_of_the_disk() {
     let registry = Registry::new(SessionLimits::default(), ParetoFronts::builtin()).unwrap();
     let mut tally = Tally::default();
-    let first = number("LIVES_SEED", 0);
-    for seed in first..first + number("LIVES", SEEDS) {
+    for seed in seeds("LIVES", SEEDS) {
         lives(seed, &registry, &mut tally).await;
     }
     println!("{tally:?}");

@@ -35,9 +35,8 @@ const POSES: Duration = Duration::from_millis(4);
 const SPEED_M_PER_S: f64 = 0.1;
 /// Heights that the hand goes to, m: the block reaches from -0.01 to 0.01, its lower quarter is held.
 const HEIGHTS_M: [f64; 2] = [-0.002, 0.02];
-/// More than a blade that cuts the block feels: Gc w is 0.1 N, and a hand that catches up may press twice as hard.
+/// Ten times what a steady cut of the block takes, Gc w. Ours: a hand that catches up presses harder than one that cuts.
 const HARDEST_N: f64 = 1.0;
-
 /// What the simulated Omni can push with, N.
 const PEAK_N: f64 = 3.3;
 /// So high over the place where the block begins a hand is in the air, m, and after so many ticks all is faded out.

@@ -19,6 +19,7 @@ use tempfile::TempDir;
 use tokio::task::JoinSet;
 use tokio::time::{Instant, sleep, timeout};
 
+use crate::journal::by_hand::seeds;
 use crate::journal::virtual_disk::{Faults, VirtualDisk};
 use clients::{Seen, View, drive, touch, watch};
 use network::{Network, Quality};
@@ -292,14 +293,9 @@ fn worlds(seeds: std::ops::Range<u64>) -> Tally {
     })
 }
 
-fn number(name: &str, otherwise: u64) -> u64 {
-    std::env::var(name).map_or(otherwise, |value| value.parse().unwrap())
-}
-
 #[test]
 fn clients_come_back_and_nothing_confirmed_is_lost_whatever_the_network_and_the_disk_do() {
-    let first = number("WORLDS_SEED", 0);
-    println!("{:?}", worlds(first..first + number("WORLDS", SEEDS)));
+    println!("{:?}", worlds(seeds("WORLDS", SEEDS)));
 }
 
 #[test]
