@@ -173,7 +173,7 @@ same-bits:
 lint: $(if $(NPM),client/web/node_modules)
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets -- -D warnings
-	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
+	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --lib --bins --examples
 	$(if $(NPM),cd client/web && npm run --silent lint)
 	$(if $(NPM),client/web/node_modules/.bin/buf lint proto)
 	$(if $(NPM),client/web/node_modules/.bin/buf breaking proto --against proto/published.binpb)

@@ -389,8 +389,9 @@ fn next_chunk(file: &mut BufReader<File>, part: Range<u64>, length: u64) -> Resu
         block.clear();
         file.seek(SeekFrom::Start(begin))?;
         file.take((SCAN_BYTES + CHUNK_HEAD_BYTES) as u64).read_to_end(&mut block)?;
+        let looked_at = block.len().min(SCAN_BYTES).min((part.end - begin) as usize);
         let is_chunk = |at: &usize| whole_chunk(&block[*at..], begin + *at as u64, length).is_some();
-        if let Some(at) = (0..block.len().min(SCAN_BYTES).min((part.end - begin) as usize)).find(is_chunk) {
+        if let Some(at) = memchr::memchr_iter(op::CHUNK, &block[..looked_at]).find(is_chunk) {
             return Ok(Some(begin + at as u64));
         }
     }
