@@ -650,7 +650,7 @@ mod tests {
 
     #[test]
     fn cells_of_a_file_that_are_none_are_refused_before_elements_are_looked_up_in_them() {
-        let desc: SceneDesc = toml::from_str(SCENE).unwrap();
+        let desc = SceneDesc::from_toml("block.toml", SCENE).unwrap();
         let grid = voxelize(&desc.objects[0], &Default::default()).unwrap();
         let level = Level::base(&VoxelUnits { grid: &grid, exponent: 0 }, CellSizes::uniform(grid.dims()));
         assert_eq!(level.check(grid.voxels().len()), Ok(()));

@@ -145,17 +145,9 @@ mod tests {
 
     use super::*;
     use crate::grid::voxelize::voxelize;
-    use crate::scene::{ObjectDesc, TriangleMesh};
+    use crate::scene::{ObjectDesc, TriangleMesh, object_of};
 
     const AXES: [&str; 2] = ["[0.0, 0.0, 0.0]", "[10.3, 10.1, 10.2]"];
-
-    fn object(shape: &str) -> ObjectDesc {
-        toml::from_str(&format!(
-            "name = 'o'\nvoxel_size_m = 1.0\nshape = {shape}\n[material]\nyoung_modulus_pa = 1e4\n\
-             poisson_ratio = 0.4\ndensity_kg_per_m3 = 1e3"
-        ))
-        .unwrap()
-    }
 
     fn found(object: &ObjectDesc, meshes: &Meshes) -> Missed {
         Missed::of(&voxelize(object, meshes).unwrap(), &object.shape, meshes).unwrap()
@@ -168,7 +160,7 @@ mod tests {
     /// A block with a fin of some thickness, from x = 10 to 20, in the plane z = 5.
     fn finned(thickness_m: f64) -> ObjectDesc {
         let (low, high) = (5.0 - thickness_m / 2.0, 5.0 + thickness_m / 2.0);
-        object(&format!(
+        object_of(&format!(
             "{{ smooth_union = {{ blend_m = 0.0, parts = [
                {{ box = {{ min_m = [0.0, 0.0, 0.0], max_m = [10.0, 10.0, 10.0] }} }},
                {{ box = {{ min_m = [10.0, 0.0, {low}], max_m = [20.0, 10.0, {high}] }} }}] }} }}"
@@ -193,7 +185,7 @@ mod tests {
             format!("{{ capsule = {{ from_m = {}, to_m = {}, radius_m = 2.2 }} }}", AXES[0], AXES[1]),
             format!("{{ ellipsoid = {{ center_m = {}, semi_axes_m = {} }} }}", AXES[0], "[9.0, 3.1, 1.3]"),
         ] {
-            assert_eq!(missed(&object(&shape), &Meshes::new()), None, "{shape}");
+            assert_eq!(missed(&object_of(&shape), &Meshes::new()), None, "{shape}");
         }
     }
 
@@ -226,7 +218,7 @@ mod tests {
 
     #[test]
     fn a_plate_of_a_mesh_is_missed_as_one_of_a_formula() {
-        let object = object("{ mesh = { file = 'm', scale_m_per_unit = 1.0 } }");
+        let object = object_of("{ mesh = { file = 'm', scale_m_per_unit = 1.0 } }");
         let of = |thickness_m: f64, above_m: f64| Meshes::from([("m".into(), block_and_plate(thickness_m, above_m))]);
         // In all 13 m high: centres lie at whole metres and a half.
         let plate = missed(&object, &of(0.4, 2.6)).unwrap();
@@ -251,12 +243,12 @@ mod tests {
                 4.0 / 3.0 * PI * (512.0 - 389.017),
             ),
         ] {
-            let object = object(&shape);
+            let object = object_of(&shape);
             let found_m3 = found(&object, &Meshes::new()).shape_volume_m3;
             // Where the surface bends within a cell, it is taken for flat.
             assert!((found_m3 / volume_m3 - 1.0).abs() < 1e-2, "{shape}: {found_m3}, not {volume_m3}");
         }
-        let object = object("{ mesh = { file = 'm', scale_m_per_unit = 2.0 } }");
+        let object = object_of("{ mesh = { file = 'm', scale_m_per_unit = 2.0 } }");
         let meshes = Meshes::from([("m".into(), block_and_plate(0.4, 2.6))]);
         let found_m3 = found(&object, &meshes).shape_volume_m3;
         assert!((found_m3 - 8.0 * 1040.0).abs() < 1e-6, "{found_m3}");

@@ -110,15 +110,10 @@ fn lower_envelope(line: &[f32], slots: impl Iterator<Item = usize>, values: &mut
 mod tests {
     use super::*;
     use crate::grid::voxelize::voxelize;
-    use crate::scene::{Meshes, ObjectDesc};
+    use crate::scene::{Meshes, object_of};
 
     fn voxels_of(shape: &str) -> Grid {
-        let object: ObjectDesc = toml::from_str(&format!(
-            "name = 'o'\nvoxel_size_m = 1.0\nshape = {shape}\n[material]\nyoung_modulus_pa = 1e4\n\
-             poisson_ratio = 0.4\ndensity_kg_per_m3 = 1e3"
-        ))
-        .unwrap();
-        voxelize(&object, &Meshes::new()).unwrap()
+        voxelize(&object_of(shape), &Meshes::new()).unwrap()
     }
 
     fn share_thinner(grid: &Grid, thickness_m: f64) -> f64 {

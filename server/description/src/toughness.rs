@@ -11,7 +11,7 @@ use super::{FractureRule, MaterialDesc, ObjectDesc};
 /// The strain-stiffening coefficient at which the limits of [`carried_over_eh`] were measured.
 const TESTED_STIFFENING: f64 = 10.0;
 /// Below this the stiffening sets in too late to matter: it counts as the linear law.
-pub(crate) const LEAST_STIFFENING: f64 = 3.0;
+pub const LEAST_STIFFENING: f64 = 3.0;
 
 /// Line load that starts a cut by the link-energy rule over H times the stress at which a uniaxial strain holds
 /// `Psi = Gc / h`, at levels 0, 1, 2. Measured at nu 0.45 on blocks of 12 voxels' height, within 2 % at small
@@ -69,7 +69,7 @@ fn stress_over_e(energy_over_e: f64, strain_stiffening: f64) -> f64 {
 }
 
 /// Whether a material stiffens soon enough to carry more than a linear one.
-pub(crate) fn stiffens(material: &MaterialDesc) -> bool {
+pub fn stiffens(material: &MaterialDesc) -> bool {
     material.strain_stiffening >= LEAST_STIFFENING
 }
 

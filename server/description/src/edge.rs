@@ -1,15 +1,15 @@
 //! The edge of a blade: what a scene says of its shape, and the points that it means.
 
+use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::wording::{brief, out_of_range};
 use super::{BladeDesc, SceneError};
-use crate::Vec3;
 
 /// An edge that leans more than this towards the cutting direction has none of its own: the cosine
 /// between its tangent and the tool's y axis, of 80 degrees against the x-z plane.
-pub(crate) const STEEPEST: f64 = 0.985;
+pub const STEEPEST: f64 = 0.985;
 /// Points of an edge: each costs a look per step in every body.
 pub const MAX_EDGE_POINTS: usize = 4096;
 /// Waves of an edge: at 64 pieces a wave as many points as an edge may have.
@@ -64,20 +64,20 @@ impl EdgeDesc {
     ///
     /// # Errors
     /// They are still in a file.
-    pub fn points_m(&self, width_m: f64) -> Result<Vec<Vec3>, SceneError> {
+    pub fn points_m(&self, width_m: f64) -> Result<Vec<Vector3<f64>>, SceneError> {
         let half = 0.5 * width_m;
         Ok(match self {
-            Self::Straight => vec![Vec3::new(-half, 0.0, 0.0), Vec3::new(half, 0.0, 0.0)],
+            Self::Straight => vec![Vector3::new(-half, 0.0, 0.0), Vector3::new(half, 0.0, 0.0)],
             Self::Arc { sagitta_m } => arc(width_m, *sagitta_m),
             Self::Sine { amplitude_m, wavelength_m } => {
                 let pieces = (PIECES_PER_WAVE * width_m / wavelength_m).ceil().max(1.0) as u32;
                 let at = |i: u32| {
                     let x = (f64::from(i) / f64::from(pieces) - 0.5) * width_m;
-                    Vec3::new(x, 0.0, amplitude_m * sin(std::f64::consts::TAU * x / wavelength_m))
+                    Vector3::new(x, 0.0, amplitude_m * sin(std::f64::consts::TAU * x / wavelength_m))
                 };
                 (0..=pieces).map(at).collect()
             }
-            Self::Polyline { points_m } => points_m.iter().map(|p| Vec3::from(*p)).collect(),
+            Self::Polyline { points_m } => points_m.iter().map(|p| Vector3::from(*p)).collect(),
             Self::File { file, .. } => {
                 let message = format!("`{file}` has not been read; a blade is made of points");
                 return Err(SceneError::Field { field: "edge.file".into(), message });
@@ -87,7 +87,7 @@ impl EdgeDesc {
 }
 
 /// By the tangent t of half the angle from the middle: `(2 t R, 2 t^2 R) / (1 + t^2)`, R the radius.
-fn arc(width_m: f64, sagitta_m: f64) -> Vec<Vec3> {
+fn arc(width_m: f64, sagitta_m: f64) -> Vec<Vector3<f64>> {
     if sagitta_m == 0.0 {
         return EdgeDesc::Straight.points_m(width_m).unwrap_or_default();
     }
@@ -95,7 +95,7 @@ fn arc(width_m: f64, sagitta_m: f64) -> Vec<Vec3> {
     let radius_m = 0.25 * width_m * (1.0 + end * end) / end;
     let at = |i: u32| {
         let t = (f64::from(2 * i) / f64::from(PIECES_PER_ARC) - 1.0) * end;
-        Vec3::new(t, t * t, 0.0) * (2.0 * radius_m / (1.0 + t * t))
+        Vector3::new(t, t * t, 0.0) * (2.0 * radius_m / (1.0 + t * t))
     };
     (0..=PIECES_PER_ARC).map(at).collect()
 }
@@ -107,7 +107,7 @@ fn sin(x: f64) -> f64 {
 
 /// The first thing that is wrong with a blade's edge: the field below the blade's, and what it is. The
 /// blade's width is sound.
-pub(crate) fn problem(blade: &BladeDesc, smallest_voxel_m: f64, most_voxels: f64) -> Option<(String, String)> {
+pub fn problem(blade: &BladeDesc, smallest_voxel_m: f64, most_voxels: f64) -> Option<(String, String)> {
     let refused = |field: &str, message: String| Some((format!("edge.{field}"), message));
     let width_m = blade.width_m;
     let field = match &blade.edge {
@@ -174,7 +174,7 @@ pub(crate) fn problem(blade: &BladeDesc, smallest_voxel_m: f64, most_voxels: f64
 }
 
 /// What is wrong with the points of an edge, all of them finite.
-fn shape_problem(points_m: &[Vec3], width_m: f64) -> Option<String> {
+fn shape_problem(points_m: &[Vector3<f64>], width_m: f64) -> Option<String> {
     for (i, ends) in points_m.windows(2).enumerate() {
         let span = ends[1] - ends[0];
         let length_m = span.norm();

@@ -7,7 +7,7 @@ use super::wording::did_you_mean;
 use super::{SCENE_VERSION, SceneDesc, SceneError};
 
 impl SceneDesc {
-    /// Reads a scene. Unknown fields are refused; values are not judged (see [`super::Scene::judge`]).
+    /// Reads a scene. Unknown fields are refused; values are not judged (see `kerf_physics::Scene::judge`).
     /// `file` is only used to name the place of an error.
     ///
     /// # Errors

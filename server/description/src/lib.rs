@@ -1,10 +1,11 @@
 //! The description of a scene: one TOML file, version 1.
 //!
-//! Each subject has its data and defaults in a file of its own; [`SceneDesc::from_toml`] reads a file,
-//! [`Scene::judge`] says what is wrong with its values, [`toughness`] what a material asks of its elements.
+//! Each subject has its data and defaults in a file of its own; [`SceneDesc::from_toml`] reads a file, [`toughness`] says
+//! what a material asks of its elements. Whether the values are within their limits is judged by who makes a world of them
+//! (`kerf_physics::Scene::judge`).
 
 mod color;
-pub(crate) mod edge;
+pub mod edge;
 mod load;
 mod material;
 mod object;
@@ -28,15 +29,6 @@ use serde::{Deserialize, Serialize};
 
 /// Version of the scene format that this crate reads.
 pub const SCENE_VERSION: u32 = 1;
-
-/// A scene with everything it refers to, whatever its values: [`Scene::judge`] says whether a world can be made of it.
-#[derive(Clone, Debug)]
-pub struct Scene {
-    /// The description.
-    pub desc: SceneDesc,
-    /// Triangle meshes by the `file` their shape names.
-    pub meshes: Meshes,
-}
 
 /// What is wrong with a scene.
 #[derive(Clone, Debug, thiserror::Error, PartialEq)]
