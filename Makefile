@@ -170,6 +170,7 @@ same-bits:
 		release=$$(run $$cpu --release) && test "$$dev" = "$$release" || { echo "$$cpu: $$release, not $$dev"; exit 1; }; \
 	done; echo "same bits: $$dev"
 
+# Documents of the examples too: so dependencies have the features with which clippy has just checked them.
 lint: $(if $(NPM),client/web/node_modules)
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets -- -D warnings

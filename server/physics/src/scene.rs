@@ -11,8 +11,8 @@ pub struct Scene {
     pub meshes: Meshes,
 }
 
-#[cfg(test)]
 /// An object of this shape, of voxels of a metre.
+#[cfg(test)]
 pub(crate) fn object_of(shape: &str) -> ObjectDesc {
     let text = format!(
         "version = 1\nname = 's'\n[[objects]]\nname = 'o'\nvoxel_size_m = 1.0\nshape = {shape}\n[objects.material]\n\

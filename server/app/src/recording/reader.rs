@@ -365,21 +365,20 @@ fn chunk(file: &mut BufReader<File>, offset: u64, length: u64) -> Result<Option<
     let mut head = vec![0; CHUNK_HEAD_BYTES.min((length - offset) as usize)];
     file.seek(SeekFrom::Start(offset))?;
     file.read_exact(&mut head)?;
-    head[0] = op::CHUNK;
     Ok(whole_chunk(&head, offset, length))
 }
 
-/// The chunk whose record begins with these bytes, if it is one and whole: it has the length of its record twice, once by
-/// the length of what is packed.
+/// The chunk that the record which begins with these bytes is, whatever kind it says, if it is whole: it has the length of
+/// its record twice, once by the length of what is packed.
 fn whole_chunk(head: &[u8], offset: u64, length: u64) -> Option<Chunk> {
     let number = |at: usize| Some(u64::from_le_bytes(*head.get(at..)?.first_chunk()?));
-    let (&kind, bytes) = (head.first()?, number(1)?);
+    let bytes = number(1)?;
     let offset = offset + RECORD_HEAD_BYTES as u64;
     let name_bytes = u32::from_le_bytes(*head.get(37..)?.first_chunk()?);
     let packed = 41 + name_bytes as usize;
     let is_whole = bytes <= (length.checked_sub(offset)?).min(MAX_CHUNK_BYTES)
         && bytes == number(packed)?.checked_add((packed + 8 - RECORD_HEAD_BYTES) as u64)?;
-    (kind == op::CHUNK && is_whole).then_some(Chunk { offset, bytes, start_ns: number(9)?, end_ns: number(17)? })
+    is_whole.then_some(Chunk { offset, bytes, start_ns: number(9)?, end_ns: number(17)? })
 }
 
 /// Where the first whole chunk begins in a part of the file.
