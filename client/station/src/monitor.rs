@@ -231,13 +231,14 @@ pub fn loopback_text(path: &std::path::Path) -> anyhow::Result<String> {
     ];
     let rows: String = rows.iter().map(|(name, value)| format!("| {name} | {value:.3} |\n")).collect();
     Ok(format!(
-        "## On loopback\n\nThe simulated Omni cuts the liver through a server on the same machine, {} s; medians \
-         of the seconds. Priority of the servo's thread: {priority}. Few poses and contacts are sent, because \
-         deadbands skip changes that a hand does not notice. A pose is sent once the tool has moved as far as it \
-         does in 10 ms, or in 4 ms in contact, and at least 0.1 mm; and where the force changes by 5 %. A contact \
-         is sent where the one before does not predict it or the tool has left its validity radius. Both are sent \
-         every 25 ms at the latest. The age below is therefore that of a prediction that still holds. The delay of \
-         the force is the round trip.\n\n| | |\n|---|---|\n{rows}\n",
+        "## On loopback\n\nThe simulated Omni cuts the liver through a server on the same machine for {} s. The \
+         figures are medians of the seconds. Priority of the servo's thread: {priority}. Few poses and contacts are \
+         sent, because deadbands skip changes that a hand does not notice. A pose is sent when the predicted force \
+         has changed by 5 %, when the tool has turned by 0.01 rad, or when it has moved far enough. Far enough is the \
+         distance that it travels in 10 ms, or in 4 ms in contact, and at least 0.1 mm. A contact is sent when the one \
+         before does not predict it or the tool has left its validity radius. At least one pose and one contact are \
+         sent every 25 ms. The age below is that of the motion behind the newest contact, whose prediction is still \
+         valid. The delay of the force is the round trip.\n\n| | |\n|---|---|\n{rows}\n",
         reports.len()
     ))
 }

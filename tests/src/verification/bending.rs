@@ -95,11 +95,11 @@ pub fn family(extent: Extent) -> Result<Family> {
     Ok(Family {
         title: "Bending of composite elements",
         text: format!(
-            "A cantilever of 0.2 m with a square section of 8 or 10 voxels of {} mm, E 2 MPa, under a hundredth of \
-             its weight, the same clamp of 20 mm on every mesh. The reference is the limit of full FEM (k = 1) under \
-             refinement of the voxels (5, 2.5 and 1.25 mm), extrapolated with its observed order (Richardson 1911). \
-             With 8 voxels across there are 4, 2 and 1 whole cells at k = 2, 4 and 8; with 10 the last cell is \
-             partly filled from k = 4 on.",
+            "A cantilever of 0.2 m has a square section of 8 or 10 voxels of {} mm, and E 2 MPa. It bends under a \
+             hundredth of its weight, with the same clamp of 20 mm on every mesh. The reference is the limit of full \
+             FEM (k = 1) under refinement of the voxels (5, 2.5 and 1.25 mm). It is extrapolated with the observed \
+             order (Richardson 1911). With 8 voxels across there are 4, 2 and 1 whole elements at k = 2, 4 and 8. \
+             With 10 voxels the last element is partly filled from k = 4 on.",
             VOXEL_M * 1e3
         ),
         tables: vec![Table { columns: columns.iter().map(|m| format!("k {}", m.k())).collect(), rows }],

@@ -168,11 +168,13 @@ pub fn family(extent: Extent) -> Result<Family> {
     }
     Ok(Family {
         title: "Elements: patch test, rotation, gradient",
-        text: "An affine map with 5 % strain and a rotation of 0.7 rad gives each element's nodes what its constant \
-               Biot stress says; a body turned by 0.3, 1.7 and 3.1 rad carries no force and no energy, and a \
-               strained one keeps its energy; forces are the negative gradient of the energy (nodes moved at random \
-               by 5 % of a cell, 60 components drawn at random, relative to the largest force). The cut body has 400 \
-               links parted at random. nu 0.45, voxels of 10 mm; the rotation's rows with strain stiffening c = 10."
+        text: "Patch test: an affine map with 5 % strain and a rotation of 0.7 rad moves the nodes, and each \
+               element's nodal forces have to be those of its constant Biot stress. Rotation: a body that is turned \
+               by 0.3, 1.7 and 3.1 rad carries no force and no energy. A strained body that is turned keeps its \
+               energy. Gradient: forces are the negative gradient of the energy. For this the nodes are moved at \
+               random by 5 % of an element's edge. 60 components are drawn at random, and errors are relative to the \
+               largest force. The cut body has 400 links that are cut at random. nu is 0.45 and voxels are 10 mm. The \
+               rows of the rotation have strain stiffening c = 10."
             .into(),
         tables: vec![Table { columns: levels.iter().map(|l| format!("k {}", 1 << l)).collect(), rows }],
         ..Family::default()

@@ -101,18 +101,19 @@ pub fn family(extent: Extent) -> Result<Family> {
         .map(|(side_mm, voxel_mm, nu)| (Bar { side_mm, voxel_mm }, nu));
     let checks = bends(&extent.of(&bars, 1), &extent.of(&LEVELS, 3))?;
     let expected = |(bar, _): &(Bar, f64)| {
-        format!("{} mm at {} mm {:+.1} %", bar.side_mm, bar.voxel_mm, 100.0 * (1.0 / bar.inertia_ratio() - 1.0))
+        let change_percent = 100.0 * (1.0 / bar.inertia_ratio() - 1.0);
+        format!("{} mm in voxels of {} mm: {change_percent:+.1} %", bar.side_mm, bar.voxel_mm)
     };
-    let of = |i: &[usize]| i.iter().map(|i| expected(&bars[*i])).collect::<Vec<_>>().join(", ");
+    let of = |i: &[usize]| i.iter().map(|i| expected(&bars[*i])).collect::<Vec<_>>().join("; ");
     Ok(Family {
         title: "Sides off the lattice",
         text: format!(
-            "Boxes in voxels of 5 mm, and a cantilever of 0.2 m under a hundredth of its weight (E 2 MPa, 32 mm held), \
-             whose sides cut voxels. Rounded up to whole voxels the boxes would weigh 16, 36, 108 and 23 % more. What is \
-             filled of a voxel counts in its middle, so the outer layers of a bar stand too far out: with that second \
-             moment of area beam theory's deflection changes by so much: {}. That falls with the square of the voxels \
-             in the thickness. Levels add theirs of bending (see above); at nu 0.3 the clamp, which beam theory has not, \
-             takes 1 %.",
+            "Boxes in voxels of 5 mm are weighed, and a cantilever of 0.2 m is bent by a hundredth of its weight (E 2 \
+             MPa, 32 mm fixed). Their sides cut voxels. Rounded up to whole voxels the boxes would weigh 16, 36, 108 \
+             and 23 % more. The filled share of a voxel acts at the voxel's centre, so the outer layers of a bar are \
+             too far out. With that second moment of area, beam theory's deflection changes. {}. The change falls \
+             with the square of the number of voxels in the thickness. Coarser levels add their own error of bending \
+             (see above). At nu 0.3 the clamp, which beam theory does not have, takes a further 1 %.",
             of(&[0, 2, 3, 4])
         ),
         tables: vec![masses()?],

@@ -242,10 +242,9 @@ pub fn family(extent: Extent) -> Result<Family> {
     };
     Ok(Family {
         title: "Pressure on a half-space",
-        text: "A uniform pressure acts on a square, or on a strip in plane strain, of half-width a. The block is 6 \
-            a x 6 a x 3 a; its other faces carry the exact tractions of the half-space, one for each face of an \
-            element. H is the edge of an element. The square's errors below 0.5 % are not yet those of an \
-            asymptote."
+        text: "A uniform pressure acts on a square, or on a strip in plane strain, of half-width a. The block is 6 a \
+            x 6 a x 3 a. Its other faces carry the exact tractions of the half-space, one for each face of an \
+            element. H is the edge of an element. The errors of the square below 0.5 % are not yet asymptotic."
             .into(),
         tables,
         studies,

@@ -165,17 +165,17 @@ impl Comparison {
             format!("{low:.3} to {high:.3}")
         };
         format!(
-            "A blade of 50 um goes through a block of 20 x 20 x 40 mm (E 1 MPa, nu 0.45, Gc 10 J/m^2) that is \
-             fixed at its ends. It cuts once by the force-capped front and once by `fracture_rule = \
-             \"link_energy\"`: the rule of He et al. (2022). Under that rule a link is cut where the elastic \
-             energy Psi of its element reaches Gc / h (their Eq. 6 with kappa = Gc / h, so that both sides have \
-             one unit). Steady is the mean over a travel of 6 to 14 mm. The front takes {} Gc w steadily and {} \
-             Gc per area on every mesh; its largest force is within 2 % of that. By the energy of links the same \
-             cut takes {} Gc w and {} Gc per area: its load strains a composite element to Psi. That is of the \
-             order of H (2 E Gc / h)^1/2 and grows with the level. It does not converge to Griffith's balance \
-             under refinement; at k 4 and the finest voxels a link is still uncut after the stroke. The rest of \
-             the work goes into the springs and the strain that each link releases.\n\n![Force and work of a cut \
-             by both rules over the size of a voxel](verification-link-rule.png)",
+            "A blade of 50 um goes through a block of 20 x 20 x 40 mm (E 1 MPa, nu 0.45, Gc 10 J/m^2) that is fixed \
+             at its ends. It cuts once by the force-capped front and once by `fracture_rule = \"link_energy\"`, the \
+             rule of He et al. (2022). Under that rule a link is cut where the elastic energy Psi of its element \
+             reaches Gc / h. That is their Eq. 6 with kappa = Gc / h, so that both sides have one unit. Steady is the \
+             mean over a travel of 6 to 14 mm.\n\nThe front takes {} Gc w steadily and {} Gc per area on every mesh. \
+             Its largest force is within 2 % of the steady one. By the energy of links the same cut takes {} Gc w and \
+             {} Gc per area, because its load strains a composite element to Psi. That load is of the order of H (2 E \
+             Gc / h)^1/2 and grows with the level. It does not converge to Griffith's balance under refinement. At k \
+             4 and the finest voxels a link is still uncut after the stroke. The rest of the work goes into the \
+             springs and the strain that each link releases.\n\n![Force and work of a cut by both rules over the size \
+             of a voxel](verification-link-rule.png)",
             of(0, |s| s.steady),
             of(0, |s| s.work),
             of(1, |s| s.steady),

@@ -312,7 +312,7 @@ on the coarsest mesh of the offset crack.
 Every figure with a relative limit, in order of its size. A point above the dashed line misses its limit.
 
 The last family compares Kerf's crack front with the rule of He et al. (2022), which parts a link where its elastic energy
-reaches Gc / h. On the same cut the front takes Gc w on every mesh. The other rule takes 19 to 141 times Gc w, and the factor
+reaches Gc / h. On the same cut the front takes Gc w on every mesh. The other rule takes 18 to 143 times Gc w, and the factor
 grows with the level. Kerf keeps that rule as `fracture_rule = \"link_energy\"` for this comparison.
 
 ";

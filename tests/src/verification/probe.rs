@@ -131,10 +131,11 @@ pub fn family(extent: Extent) -> Result<Family> {
     Ok(Family {
         title: "A probe on a half-space",
         text: format!(
-            "A sphere of {} mm is pressed into a block until the contact's radius is {} voxels. The block is 80 \
-             x 40 x 80 mm (E 100 kPa, nu 0.3, voxels of 2.5 mm) and fixed below. The reference is Hertz's force, \
+            "A sphere of {} mm radius is pressed into a block until the contact's radius is {} voxels. The block is \
+             80 x 40 x 80 mm (E 100 kPa, nu 0.3, voxels of 2.5 mm) and fixed below. The reference is Hertz's force, \
              corrected for the block, whose top is stiffer than a half-space's. That correction is taken from a \
-             uniform pressure on a square and changes the force by {}. Elements are 1, 2, 4 and 8 voxels wide.",
+             uniform pressure on a square (Love 1929) and changes the force by {}. Elements are 1, 2, 4 and 8 voxels \
+             wide. The probe stands on a node of every level, or beside the nodes of all levels.",
             1e3 * RADIUS_M,
             contact_voxels.join(" and "),
             block_share.join(" and "),

@@ -142,12 +142,13 @@ pub fn family(extent: Extent) -> Result<Family> {
     let study = study(&rows[rows.len() - 1], &meshes);
     Ok(Family {
         title: "Energy release without a blade",
-        text: "Links across a plane are parted beforehand; G is the difference of the potential energies at rest for \
-               cracks of a and a + 20 mm over the area. nu 0, so that plane stress and plane strain agree. The strip \
-               (40 mm high, two cracks) hangs between a held clamp and one 10,000 times as stiff as it; the double \
-               cantilever has arms of h = 20 mm under opposite shear tractions. Beam theory's arms do not turn at \
-               their root; Foote and Buchwald's asymptotic solution of plane elasticity adds 0.673 h to the crack. \
-               In the second table the crack runs in the middle of cells and duplicates them."
+        text: "Links across a plane are cut beforehand. G is the difference of the potential energies at rest for \
+               cracks of a and a + 20 mm, over the area between them. nu is 0, so that plane stress and plane strain \
+               agree. The strip (40 mm high, two cracks) hangs between a fixed clamp and one that is 10,000 times as \
+               stiff as the strip. The double cantilever has arms of h = 20 mm under opposite shear tractions. In \
+               beam theory the arms do not turn at their root. Foote and Buchwald's asymptotic solution of plane \
+               elasticity adds 0.673 h to the crack for that. In the second table the crack runs through the middle \
+               of elements and duplicates them."
             .into(),
         tables: vec![Table { columns: meshes.iter().map(Mesh::name).collect(), rows }, table],
         studies: if extent == Extent::Full { vec![study] } else { Vec::new() },

@@ -7,8 +7,8 @@ use super::{Family, Series, Study};
 
 const HEADER: &str = "# Verification: tables
 
-Written by `make verify`. [The page](../../explanation/verification.md) says what these figures show; here stand their
-set-up and one CSV file for each family of cases. Figures are deterministic: a re-run writes the same bytes.
+Written by `make verify`. [The page](../../explanation/verification.md) says what these figures show. This page has
+their set-up and a CSV file for each family of cases. Figures are deterministic: a re-run writes the same bytes.
 
 | column | content |
 |---|---|
@@ -22,7 +22,7 @@ set-up and one CSV file for each family of cases. Figures are deterministic: a r
 
 `k` is the number of voxels along the edge of a composite element, `h` the edge of a voxel, `H = k h` that of an element.
 Static cases are solved to a correction of 1e-7 of the displacement. Orders of convergence are those of the three finest
-meshes; \"not asymptotic\" says that the error changes its sign there or is no power of the size. A coarse part of each
+meshes; \"not asymptotic\" means that the error changes its sign there or is no power of the size. A coarse part of each
 family runs in `make test` (`tests/tests/verification.rs`).
 ";
 

@@ -130,12 +130,12 @@ pub fn family(extent: Extent) -> Result<Family> {
     Ok(Family {
         title: "Scissors",
         text: format!(
-            "Two edges that pivot close in {CLOSING_STEPS} ms on a strip of 10 x 10 x 40 mm (E 1 MPa, nu 0.45, \
-             Gc {GC_J_PER_M2} J/m^2) that is fixed at its ends. They cut it from both sides until the cuts meet. \
-             A is the area of the strip's section by the plane of the blades, not the booked area; the plane \
-             lies across the strip, or is tilted about the blades, or turned about the vertical. The fronts' \
-             work is that of their capped force; that of the scissors also has the energy that went into damping \
-             and numerical loss, as both edges dropped from twice Gc w and as the last ligament snapped."
+            "Two edges that pivot close in {CLOSING_STEPS} ms on a strip of 10 x 10 x 40 mm (E 1 MPa, nu 0.45, Gc \
+             {GC_J_PER_M2} J/m^2) that is fixed at its ends. They cut it from both sides until the cuts meet. A is \
+             the area of the strip's section by the plane of the blades, not the booked area. The plane lies across \
+             the strip, or is tilted about the blades, or turned about the vertical. The fronts' work is that of \
+             their capped force. The work of the scissors also contains the energy that went into damping and \
+             numerical loss, as both edges dropped from twice Gc w and as the last ligament snapped."
         ),
         checks: runs.iter().zip(&found).flat_map(|((mesh, plane), cut)| checks(*mesh, *plane, cut)).collect(),
         ..Family::default()

@@ -124,12 +124,14 @@ pub fn family(extent: Extent) -> Result<Family> {
     Ok(Family {
         title: "Centrifugal strain",
         text: format!(
-            "A free bar of 0.12 x 0.02 x 0.02 m (4000 kg/m^3, nu 0.45, voxels of 5 mm) spins across, {TURNED_RAD} rad \
-             far. E is 400 kPa at 30 rad/s and goes with the square of the spin, so that every row has the same strain. By \
-             small strains it is rho w^2 l^2 / 3 E = {:.3} %, l half the length; the reference has the stretched rod, its \
-             angular momentum, and what the pull across it takes. What turns by 0.01 rad or more in a step is moved along \
-             arcs; what that leaves falls with the square of the angle. What turns by less is moved along straight lines, each of which adds half of the square of its angle to \
-             the strain: 0.005 % at most.",
+            "A free bar of 0.12 x 0.02 x 0.02 m (4000 kg/m^3, nu 0.45, voxels of 5 mm) spins about an axis across it, \
+             through {TURNED_RAD} rad. E is 400 kPa at 30 rad/s and proportional to the square of the spin, so that \
+             every row has the same strain. At small strains it is rho w^2 l^2 / 3 E = {:.3} %, with l half the \
+             length. The reference also includes the stretch of the rod, the conserved angular momentum, and the \
+             strain along the bar that the stress across it takes away. A piece that turns by 0.01 rad or more in a \
+             step is moved along arcs. The remaining error falls with the square of the angle. A piece that turns by \
+             less is moved along straight lines. Each of these adds half of the square of its angle to the strain: \
+             0.005 % at most.",
             100.0 * DENSITY_KG_PER_M3 * (SPIN_RAD_PER_S * 0.5 * LENGTH_M).powi(2) / (3.0 * YOUNG_PA),
         ),
         tables: vec![Table {

@@ -115,11 +115,11 @@ pub fn family(extent: Extent) -> Result<Family> {
     Ok(Family {
         title: "Speed of a tear",
         text: format!(
-            "A strip of {:.0} mm between clamps that stay where they are holds {PULL} times the energy per area that a \
-             crack takes. However fast a crack runs in it, it then has more than it takes, so that only waves hold it \
-             back: its speed goes to that of Rayleigh waves. It is timed over {:.0} mm, {:.0} mm beyond where it \
-             started. nu 0, E 20 kPa: waves take {:.1} ms for an element of 5 mm. A tear goes \
-             on by one element a step at most, which holds it back at k 1 and 1 kHz: 2.5 mm a ms are {:.2} of the waves' speed.",
+            "A strip of {:.0} mm between fixed clamps stores {PULL} times the energy per area that a crack takes. \
+             However fast a crack runs, the strip then has more energy than it takes. Only waves limit the crack, so \
+             its speed tends to that of Rayleigh waves. It is timed over {:.0} mm, from {:.0} mm beyond its start. nu \
+             is 0 and E is 20 kPa: waves take {:.1} ms for an element of 5 mm. A tear advances by one element a step \
+             at most. At k 1 and 1 kHz that limits it to 2.5 mm a ms, {:.2} of the waves' speed.",
             1e3 * STRIP_M[1],
             1e3 * (TIMED_M[1] - TIMED_M[0]),
             1e3 * (TIMED_M[0] - TIP_M),

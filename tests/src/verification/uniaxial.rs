@@ -59,10 +59,10 @@ pub fn family(extent: Extent) -> Result<Family> {
     }
     Ok(Family {
         title: "Uniaxial stress",
-        text: "A free block of 6 x 8 x 6 voxels under a dead traction p = E / 100 on its ends; from k = 4 on its \
-               outer cells are half full, and in the second half of the table up to 250 links across the pull are \
-               parted at random. The law is linear in the stretch, so eps_y = p / E and eps_x = -nu p / E hold at \
-               any load."
+        text: "A free block of 6 x 8 x 6 voxels is pulled at its ends by a dead traction p = E / 100. Dead means that \
+               its direction and size do not change. From k = 4 on the outer elements are half full. In the second \
+               half of the table up to 250 links across the pull are cut at random; such cracks lie along the pull. \
+               The law is linear in the stretch, so eps_y = p / E and eps_x = -nu p / E hold at any load."
             .into(),
         tables: vec![Table { columns: levels.iter().map(|l| format!("k {}", 1 << l)).collect(), rows }],
         ..Family::default()

@@ -181,10 +181,10 @@ const TISSUES_N_PER_M: [f64; 3] = [100.0, 1000.0, 10_000.0];
 /// A file cannot be written.
 pub fn report(folder: &Path) -> anyhow::Result<String> {
     let mut text = String::from(
-        "## The stiffest tissue by round trip\n\nIn virtual time: the simulated Omni (0.1 kg, 3.3 N, 500 N/m, encoders of 55 um) in a \
-         light grip (100 N/m, 1 N s/m) leans 5 mm into a spring; contacts come at 250 Hz. Calm is a swing below 0.5 mm \
-         after 4 s. The search ends at 100,000 N/m. A wrong model has a third of the tissue's stiffness, or three times \
-         it.\n\n| round trip, ms ",
+        "## The stiffest tissue by round trip\n\nThese runs are in virtual time. The simulated Omni (0.1 kg, 3.3 N, \
+         500 N/m, encoders of 55 um) in a light grip (100 N/m, 1 N s/m) leans 5 mm into a spring. Contacts come at \
+         250 Hz. Calm means a swing below 0.5 mm after 4 s. The search ends at 100,000 N/m. A wrong model has a third \
+         of the tissue's stiffness, or three times it.\n\n| round trip, ms ",
     );
     let trial = |rendering, round_trip_steps, model_share| Trial {
         rendering,
@@ -211,9 +211,10 @@ pub fn report(folder: &Path) -> anyhow::Result<String> {
     Figure::new("haptics-stability", "Stiffest tissue that does not shake the hand", chart).draw(folder)?;
     text += "\nA model that is too soft lets the tool sink in before the server answers. Tool and tissue then push each other \
              back, and the controller brakes only the hand. So the server's stiffness has to be right.\n\
-             \n![stiffest tissue by round trip](haptics-stability.png)\n\n## What is felt\n\nSwing of the hand, energy \
-             given out beyond what was taken in, and the rendered contact's distance from the tissue's force at the same \
-             place.\n\n| tissue, N/m | round trip, ms | rendering | swing, mm | energy, mJ | force error, % |\n\
+             \n![stiffest tissue by round trip](haptics-stability.png)\n\n## What is felt\n\nThe table has the swing \
+             of the hand and the energy given out beyond what was taken in. The force error is the rms difference \
+             between the rendered contact's force and the tissue's at the same place, over the tissue's rms \
+             force.\n\n| tissue, N/m | round trip, ms | rendering | swing, mm | energy, mJ | force error, % |\n\
              |---|---|---|---|---|---|\n";
     for stiffness_n_per_m in TISSUES_N_PER_M {
         for ms in ROUND_TRIPS_MS {

@@ -17,15 +17,15 @@ const ENTRIES: readonly Entry[] = [
     seen: `The surface; the composite elements that move it, through it; the voxels, with the edges of the elements
 around them. Every voxel belongs to one element of 4 x 4 x 4.`,
     ours: `The shape is ours (two lobes of the paper's size), since the paper's mesh was not published. The paper's
-voxels are orange. Ours have the colour of the elastic energy in their element: here what the tissue holds where it
-stands on the table, lies on its pad and is drawn apart by its ends.`,
+voxels are orange. Ours are coloured by the elastic energy of their element. The liver stores energy where it stands on
+the table, where it lies on its pad, and where its ends are pulled apart.`,
     scene: "`liver` after 20 ms.",
   },
   {
     figure: 4,
     title: "Energy while a cuboid is cut",
-    seen: `Above, a blade presses a block until it gives, then cuts on. Below, the elastic energy of each element at
-the same steps. It gathers under the edge; where the cut has passed, the walls are relaxed (blue).`,
+    seen: `Above, a blade presses a block until the tissue ruptures, and then cuts it. Below is the elastic energy of each
+element at the same steps. It is largest under the edge. Behind the edge the walls of the cut are relaxed (blue).`,
     ours: `The colours go by the root of the energy per volume. The block is drawn apart by 30 kPa on two of its sides,
 a fiftieth of E, so that the cut stands open; the paper's is not. Elements of 2 voxels a side (the scene: 8) show more of
 the field.`,
@@ -45,8 +45,8 @@ these are one session. The paper uses another model.`,
   {
     figure: 12,
     title: "Three materials",
-    seen: `Jelly dents deepest before it parts, rubber least, tofu between them. The curves are the force on the blade
-over its depth; they drop where the material gives.`,
+    seen: `Jelly dents deepest before it ruptures, rubber least, tofu between them. The curves are the force on the blade
+over its depth; they drop where the material ruptures.`,
     ours: `The order is the paper's, from which our fracture energies were taken; the paper gives neither energies nor
 forces. Each material's steady force is its fracture energy times the length of the edge in it, which grows in a dome.`,
     scene: "`jelly`, `tofu` and `rubber` at 500 Hz; the blade goes down 30 mm at 50 mm/s.",
@@ -95,11 +95,11 @@ ${seen}
   return `<!-- Written by \`make figures\`: its words stand in client/web/e2e/gallery/text.ts. -->
 # Gallery
 
-The figures of "Versatile cutting fracture evolution modeling for deformable object cutting simulation" (He et al.,
-2022), by this program: sessions that are stepped one step after the other, so that they come out the same each time, and
-looked at through the web viewer in a browser without a graphics card. \`make figures\` makes them all. The built-in
-scenes are in \`server/scenes/builtin/\`; the strokes are in \`client/web/e2e/gallery/figures.browser.ts\`. Depths are of the
-edge, below the top of the object at rest.
+These are the figures of "Versatile cutting fracture evolution modeling for deformable object cutting simulation" (He et
+al., 2022), computed by Kerf. Sessions are stepped in lock-step, so a figure is the same each time. The web viewer draws
+them in a browser without a graphics card. \`make figures\` makes them all. The built-in scenes are in
+\`server/scenes/builtin/\`; the strokes are in \`client/web/e2e/gallery/figures.browser.ts\`. Depths are of the edge,
+below the top of the object at rest.
 
 ${ENTRIES.map(section).join("\n")}`;
 }

@@ -257,10 +257,12 @@ pub fn family(extent: Extent) -> Result<Family> {
     })
 }
 
-const TEXT: &str = "The block of the paper's liver of the section before, k 4, h 3.5 mm (slices and speeds: 7 mm; slices in a block \
-     twice as wide, which hardly bends along the edge), the force a mean over 14 mm of way down, the edge some 50 mm \
-     in. An edge that slides along itself by xi times what it advances is pushed back against its motion: the force \
-     turns, over some tens of Gc/E (49 mm down before it is taken here), and the work per area stays Gc. A lesion and \
-     a vessel are regions with a modulus and a Gc of their own; where the edge stands in both, the force is the sum \
-     of Gc w over its shares. The vessel's work is that of the tool less what is stored, between two states at rest \
-     above and below it, against Gc of the area swept and of the vessel's voxels in it.";
+const TEXT: &str = "The block is that of the paper's liver in the section before, with k 4 and h 3.5 mm. For slices \
+     and speeds h is 7 mm. Slices are in a block twice as wide, which hardly bends along the edge. The force is a \
+     mean over 14 mm of travel down, with the edge some 50 mm deep.\n\nAn edge that slides along itself by xi for \
+     each 1 that it advances is pushed back against its motion. The force turns over some tens of Gc/E, so it is \
+     taken after 49 mm of such travel. The work per area stays Gc. A lesion and a vessel are regions with their own \
+     modulus and Gc. Where the edge stands in both materials, the force is the sum of Gc w over its shares. The \
+     vessel's work is that of the tool less the change of the stored energy, between two states at rest above and \
+     below it. It is compared with Gc times the area swept, plus the vessel's additional Gc times the area of its \
+     voxels in it.";

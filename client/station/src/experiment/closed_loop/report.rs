@@ -17,16 +17,16 @@ const LEAST_SHOWN_MJ: f64 = 0.01;
 /// The server does not answer, or a file cannot be written.
 pub fn report(server: SocketAddr, folder: &Path) -> anyhow::Result<String> {
     let mut text = format!(
-        "## Through a network\n\nIn real time: the simulated Omni in a grip of {GRIP_N_PER_M} N/m and \
-         {GRIP_N_S_PER_M} N s/m touches the liver, leans in by {} mm and waits, leans in by {} mm and waits; \
-         gRPC goes through a proxy between station and server. The proxy delays messages in order, adds jitter up to \
-         the given value each way, and stalls for 200 ms at a time, as TCP does after a loss. Soft is `liver-tissue`, with \
-         {} of its forces felt; stiff is `liver`, with {}. The error is the rms difference between the \
-         hand's force and the server's at the same pose, over the server's rms force. It is given for the whole \
-         stroke, and for the time at full force (neither faded nor ramped). Where \
-         the network stalls, stale force fades out and returns within half a second; that is most of the first \
-         error. A column gives the share of the waiting time at full force. Swing of the hand and energy given out \
-         are those at full force. Calm is a swing of less than {} mm and less than {} mJ.\n\n| tissue | round \
+        "## Through a network\n\nThese runs are in real time. The simulated Omni in a grip of {GRIP_N_PER_M} N/m and \
+         {GRIP_N_S_PER_M} N s/m touches the liver, leans in by {} mm and waits, leans in by {} mm and waits. \
+         gRPC goes through a proxy between station and server. The proxy delays messages in order and adds jitter up \
+         to the given value each way. It stalls for 200 ms at a time, as TCP does after a loss. Soft is \
+         `liver-tissue`, with {} of its forces felt; stiff is `liver`, with {}.\n\nThe error is the rms difference \
+         between the hand's force and the server's at the same pose, over the server's rms force. It is given for the \
+         whole stroke, and for the time at full force (neither faded nor ramped). During a stall the force fades out; \
+         afterwards it returns within half a second. This causes most of the error over the whole stroke. A column \
+         gives the share of the waiting time at full force. Hand swing and output energy are measured at full force \
+         only. Calm means a swing of less than {} mm and less than {} mJ.\n\n| tissue | round \
          trip, ms | jitter, ms | stalls, % of the time | rendering | measured round trip, ms | error, % | in \
          full, % | greatest force, N | in full, % of the waits | swing, mm | energy, mJ | |\n|{}\n",
         -1e3 * STROKE[3][1],
