@@ -59,10 +59,7 @@ client/web/node_modules: client/web/package-lock.json
 MDBOOK_VERSION := 0.5.4
 MDBOOK := $(or $(shell command -v mdbook),target/mdbook/bin/mdbook)
 KATEX := client/web/node_modules/katex/dist
-docs: $(if $(NPM),client/web/node_modules)
-	@command -v $(MDBOOK) >/dev/null || cargo install --quiet --locked --root target/mdbook --version $(MDBOOK_VERSION) \
-		--no-default-features --features search mdbook || \
-		{ echo "The book is not built: it needs mdBook $(MDBOOK_VERSION) (cargo install mdbook), which could not be installed."; exit 1; }
+docs: $(MDBOOK) $(if $(NPM),client/web/node_modules)
 	@$(MDBOOK) build docs
 	@printf '# Made by `make docs`; the folder itself is here so that the server builds without it.\n*\n!.gitignore\n' > docs/book/.gitignore
 	@rm -rf docs/book/book.toml docs/book/lint docs/book/print.html docs/book/reference/generate.py; \
@@ -71,6 +68,10 @@ docs: $(if $(NPM),client/web/node_modules)
 		cp $(KATEX)/fonts/*.woff2 docs/book/katex/fonts; \
 	else echo "Formulas in the book stay as text: KaTeX is missing (npm install in client/web)."; fi
 	@echo "The book is in docs/book; build the server to serve it at /docs."
+
+target/mdbook/bin/mdbook:
+	@cargo install --quiet --locked --root target/mdbook --version $(MDBOOK_VERSION) --no-default-features --features search mdbook || \
+		{ echo "The book is not built: it needs mdBook $(MDBOOK_VERSION) (cargo install mdbook), which could not be installed."; exit 1; }
 
 # Which modules import which, as Mermaid drawings.
 IMPORTS ?= $(wildcard server/*/src client/*/src proto/src tests/src)
@@ -122,8 +123,8 @@ figures:
 	$(PROGRAMS)
 	@client/web/e2e/run.sh figures $(if $(FIGURE),"Fig. $(FIGURE):")
 
-# The tests marked slow too, each with its reason, and same-bits: at most ten minutes once built. A sweep that prints
-# what constants were read from takes minutes more: cargo test -p kerf-physics blade_stiffness_sweep -- --ignored --nocapture
+# The tests marked slow too, each with its reason, and same-bits. A sweep that prints what constants were read from takes
+# minutes more: cargo test -p kerf-physics blade_stiffness_sweep -- --ignored --nocapture
 test-all: same-bits
 	cargo test --workspace -- --include-ignored --skip blade_stiffness_sweep
 
@@ -181,6 +182,7 @@ lint: $(if $(NPM),client/web/node_modules)
 	@client/python/check.sh lint sh -ec 'ruff check --quiet && ruff format --check --quiet && mypy'
 	$(if $(NPM),cd client/web && node lint-workflows.mjs ../../.github/workflows/*.yml)
 	@client/python/check.sh "lint of manifests" python ../../deploy/kubernetes/lint.py
+	@client/python/check.sh "lint of images" hadolint ../../docker/Dockerfile
 	@if command -v python3 >/dev/null; then \
 		python3 docs/lint/imports.py --circles $(IMPORTS) && git ls-files '*.md' | grep -v LICENSE | xargs python3 docs/lint/prose.py; \
 	else echo "The linters of imports and of the documents' prose are left out: they need Python 3."; fi
@@ -272,8 +274,8 @@ deny: target/tools/bin/cargo-deny
 advisories: target/tools/bin/cargo-deny
 	target/tools/bin/cargo-deny check advisories
 
-# A package for Debian in target/debian, with the viewer and what systemd is to run.
-deb: viewer target/tools/bin/cargo-deb
+# A package for Debian in target/debian, with the viewer, the documents and what systemd is to run.
+deb: viewer docs target/tools/bin/cargo-deb
 	$(RELEASE)
 	target/tools/bin/cargo-deb -p kerf-server --no-build --strip --output target/debian/
 

@@ -1,7 +1,7 @@
 #!/bin/sh
 # Builds both images, starts the server from one and loads it from the other. With an engine that is docker compose.
-# Without one, buildah does it as root in a chroot, on a Debian from debootstrap; it borrows this machine's Rust and Node,
-# since there the usual images cannot be fetched. What is missing is said, and nothing is tried.
+# Without one, buildah does it as root in a chroot, on a Debian from debootstrap; it borrows this machine's Rust, Node and
+# mdBook, since there the usual images cannot be fetched. What is missing is said, and nothing is tried.
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -33,7 +33,7 @@ if ! buildah inspect kerf-debian >/dev/null 2>&1; then
     buildah commit -q kerf-debian-of-scratch kerf-debian >/dev/null
     container kerf-debian kerf-build-of-debian
     buildah run kerf-build-of-debian -- sh -c 'apt-get -q update && apt-get -qy install --no-install-recommends \
-        gcc libc6-dev libstdc++6 ca-certificates' >/dev/null
+        gcc libc6-dev libstdc++6 make ca-certificates' >/dev/null
     buildah config --env PATH=/opt/rust/bin:/opt/node/bin:/usr/sbin:/usr/bin:/sbin:/bin \
         --env NODE_EXTRA_CA_CERTS=/etc/ssl/certs/ca-certificates.crt kerf-build-of-debian
     buildah commit -q kerf-build-of-debian kerf-build >/dev/null
@@ -44,12 +44,14 @@ mkdir -p "$scratch/node/bin" "$scratch/node/lib"
 cp -L "$(command -v node)" "$scratch/node/bin/node"
 cp -a "$(dirname "$(readlink -f "$(command -v npm)")")/.." "$scratch/node/lib/npm"
 ln -s ../lib/npm/bin/npm-cli.js "$scratch/node/bin/npm"
+make --silent target/mdbook/bin/mdbook
 registry=${CARGO_HOME:-$HOME/.cargo}/registry
 for target in server load; do
     buildah bud -q --layers --format docker -f docker/Dockerfile --target $target -t kerf-$target \
         --build-arg NODE_IMAGE=localhost/kerf-build --build-arg RUST_IMAGE=localhost/kerf-build \
         --build-arg RUNTIME_IMAGE=localhost/kerf-debian \
         --volume "$(rustc --print sysroot):/opt/rust:ro" --volume "$scratch/node:/opt/node:ro" \
+        --volume "$PWD/target/mdbook:/kerf/target/mdbook:ro" \
         --volume "$registry:/root/.cargo/registry" --volume /etc/ssl/certs:/etc/ssl/certs:ro . >/dev/null
 done
 

@@ -222,12 +222,33 @@ async fn the_dashboard_and_the_alerts_ask_for_metrics_that_there_are() {
     for name in &asked {
         assert!(name == "up" || there.family_of(name).is_some(), "{name}: there is no such metric");
     }
+    // The job is Prometheus's own label.
+    let selected: Vec<_> = expressions.iter().flat_map(|expression| selected_in(expression)).collect();
+    assert!(selected.iter().any(|(_, label)| label == "kind=\"paced\""), "{selected:?}");
+    for (name, label) in selected.iter().filter(|(_, label)| !label.starts_with("job=")) {
+        let is_there = |series: &String| series.starts_with(&format!("{name}{{")) && series.contains(label.as_str());
+        assert!(there.series.keys().any(is_there), "{name}{{{label}}}: there is no such series");
+    }
     // And nothing is told that no panel shows.
     let of = |name: &String| there.family_of(name).unwrap_or_default();
     let asked: Vec<String> = asked.iter().map(of).collect();
     let unseen: Vec<_> =
         there.families.keys().filter(|name| *name != "process_virtual_memory_bytes" && !asked.contains(name)).collect();
     assert!(unseen.is_empty(), "{unseen:?}");
+}
+
+/// What an expression of PromQL selects by: a series' name, and each label that it wants to be equal to something.
+fn selected_in(expression: &str) -> Vec<(String, String)> {
+    let pieces: Vec<&str> = expression.split('{').collect();
+    let is_part = |character: char| character.is_ascii_alphanumeric() || character == '_';
+    let mut selected = Vec::new();
+    for pair in pieces.windows(2) {
+        let name = pair[0].rsplit(|character| !is_part(character)).next().unwrap_or_default();
+        let labels = pair[1].split('}').next().unwrap_or_default().split(',').map(str::trim);
+        let equal = labels.filter(|label| label.contains("=\"") && !label.contains("!="));
+        selected.extend(equal.map(|label| (name.to_owned(), label.to_owned())));
+    }
+    selected
 }
 
 fn expressions_of(value: &serde_json::Value, expressions: &mut Vec<String>) {
